@@ -1,0 +1,58 @@
+# Two commands matter: `make plan` (install and run the main job) and `make test` (install and run the tests).
+SHELL := /bin/bash
+.DEFAULT_GOAL := help
+
+PYTHON ?= $(shell for p in python3 python3.14 python3.13 python3.12 python3.11; do \
+	if command -v $$p >/dev/null 2>&1 && $$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then echo $$p; break; fi; done)
+VENV := .venv
+BIN := $(VENV)/bin
+TOP ?= 5
+WORKERS ?= 2
+OUT ?= out/plan
+export PIP_DISABLE_PIP_VERSION_CHECK := 1
+
+.PHONY: help plan test lint bench data reports wheel clean check-python
+help:  ## show this list
+	@awk -F':.*## ' '/^[a-z-]+:.*## /{printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+
+check-python:
+	@if [ -z "$(PYTHON)" ]; then \
+		echo "cpic-planner needs Python 3.11 or newer and found none on PATH." >&2; \
+		echo "Remedy: install it (Debian/Ubuntu: apt install python3 python3-venv; macOS: brew install python), or name it: make plan PYTHON=/path/to/python3.12" >&2; exit 1; fi
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
+		echo "$(PYTHON) is older than Python 3.11. Remedy: make plan PYTHON=/path/to/python3.12" >&2; exit 1; }
+	@$(PYTHON) -c 'import venv, ensurepip' 2>/dev/null || { \
+		echo "$(PYTHON) has no venv module. Remedy: apt install python3-venv (Debian/Ubuntu), or use another Python: make plan PYTHON=..." >&2; exit 1; }
+
+$(VENV)/installed: pyproject.toml constraints.txt | check-python
+	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	@echo "installing cpic-planner and what it needs into $(VENV) (once; about a minute)"
+	@$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[test,dev]'
+	@touch $@
+
+plan: $(VENV)/installed  ## rank the catalogue, confirm the best targets with images, write the report
+	$(BIN)/cpic plan --top $(TOP) --workers $(WORKERS) --out $(OUT)
+
+test: $(VENV)/installed  ## run the test suite
+	$(BIN)/python -m pytest -q
+
+lint: $(VENV)/installed  ## check style and types
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+bench: $(VENV)/installed  ## run the timed comparisons
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[bench]'
+	$(BIN)/python -m pytest -q tests/benchmarks --benchmark-only --override-ini addopts=--import-mode=importlib
+
+data: $(VENV)/installed  ## rebuild catalogs/data from the pinned packages and compare
+	$(BIN)/python -m catalogs.build --check
+
+reports: $(VENV)/installed  ## regenerate every committed report
+	@for make in reports/*/make.py; do echo "$$make"; $(BIN)/python $$make || exit 1; done
+
+wheel: $(VENV)/installed  ## build the wheel
+	$(BIN)/python -m build --wheel --outdir dist
+
+clean:  ## remove what the other targets made
+	rm -rf $(VENV) out dist build *.egg-info .pytest_cache .mypy_cache .ruff_cache

@@ -1,0 +1,251 @@
+"""The observing bands: centre, width, optical transmission and quantum efficiency, each with its source."""
+
+from __future__ import annotations
+
+import copy
+import functools
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from catalogs.errors import InputError
+from catalogs.spectra import Curve
+from catalogs.strict_yaml import Provenance, load_yaml, split_sourced
+
+__all__ = ["CAMERAS", "Band", "band_from_file", "band_provenance", "bands_tree", "load_bands"]
+
+#: The two cameras.
+CAMERAS = ("VIS", "NIR")
+
+_FILE = Path(__file__).resolve().parent / "data" / "bands.yaml"
+_MAX_BYTES = 4_000_000
+_UNITS_NM = {"nm": 1.0, "nanometer": 1.0, "nanometre": 1.0, "angstrom": 0.1, "aa": 0.1}
+
+
+@dataclass(frozen=True, eq=False)
+class Band:
+    """One observing band.
+
+    Two bands are equal when all their numbers are; a band can be a dictionary key.
+
+    Attributes
+    ----------
+    name : str
+        Band name, for example ``F662``.
+    camera : {"VIS", "NIR"}
+        The camera that sees it.
+    center_nm, width_nm : float
+        Centre and full width; the edges of the top-hat when there is no curve.
+    t_opt : float
+        Mirrors, relay, DM reflectivity, filter and window, 0 < t_opt <= 1, the same at all wavelengths.
+    qe : float
+        Detector quantum efficiency, e-/ph, 0 < qe <= 1, constant over the band.
+    curve : Curve, optional
+        Filter transmission that replaces the top-hat.
+
+    Raises
+    ------
+    InputError
+        If a number is outside its range.
+    """
+
+    name: str
+    camera: str
+    center_nm: float
+    width_nm: float
+    t_opt: float
+    qe: float
+    curve: Curve | None = None
+
+    def __post_init__(self) -> None:
+        if self.camera not in CAMERAS:
+            raise InputError(f"{self.name}.camera", self.camera, allowed=", ".join(CAMERAS))
+        _in_range(f"{self.name}.center_nm", self.center_nm, "nm", 0.0, 1e5)
+        _in_range(f"{self.name}.width_nm", self.width_nm, "nm", 0.0, 2.0 * self.center_nm)
+        _in_range(f"{self.name}.t_opt", self.t_opt, "", 0.0, 1.0)
+        _in_range(f"{self.name}.qe", self.qe, "e-/ph", 0.0, 1.0)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Band) and self._content() == other._content()
+
+    def __hash__(self) -> int:
+        return hash(self._content())
+
+    @property
+    def support_nm(self) -> tuple[float, float]:
+        """Wavelengths outside which nothing is transmitted."""
+        if self.curve is None:
+            return self.center_nm - 0.5 * self.width_nm, self.center_nm + 0.5 * self.width_nm
+        return float(self.curve.wavelength_nm[0]), float(self.curve.wavelength_nm[-1])
+
+    def filter_transmission(self, wavelength_nm: ArrayLike) -> np.ndarray:
+        """Return the filter shape: top-hat of height 1, or the curve; zero outside."""
+        wavelength = np.asarray(wavelength_nm, dtype=np.float64)
+        if self.curve is None:
+            low, high = self.support_nm
+            return np.where((wavelength >= low) & (wavelength <= high), 1.0, 0.0)
+        return np.interp(wavelength, self.curve.wavelength_nm, self.curve.transmission, left=0.0, right=0.0)
+
+    def quantum_efficiency(self, wavelength_nm: ArrayLike) -> np.ndarray:
+        """Return the quantum efficiency (e-/ph), constant over the band."""
+        return np.full(np.shape(wavelength_nm), self.qe)
+
+    def transmission(self, wavelength_nm: ArrayLike) -> np.ndarray:
+        """Return detected electrons per photon that reaches the telescope: ``t_opt`` x filter x QE."""
+        return self.t_opt * self.filter_transmission(wavelength_nm) * self.quantum_efficiency(wavelength_nm)
+
+    def _content(self) -> tuple[object, ...]:
+        curve = (
+            ()
+            if self.curve is None
+            else (self.curve.wavelength_nm.tobytes(), self.curve.transmission.tobytes())
+        )
+        return self.name, self.camera, self.center_nm, self.width_nm, self.t_opt, self.qe, curve
+
+
+def load_bands() -> dict[str, Band]:
+    """Return the eight shipped bands by name, in order of wavelength; the dictionary is yours to change."""
+    return dict(_load()[0])
+
+
+def band_provenance() -> dict[str, Provenance]:
+    """Return unit, source and confidence of every number, keyed like ``F662.width_nm``."""
+    return dict(_load()[1])
+
+
+def bands_tree() -> dict[str, Any]:
+    """Return the band entries as they stand in the file, with sources; a new copy at each call."""
+    return copy.deepcopy(_tree()["bands"])
+
+
+def band_from_file(
+    path: str | Path, name: str, *, t_opt: float, qe: float, camera: str = "VIS", unit: str | None = None
+) -> Band:
+    """Read a filter transmission curve from a two-column text file.
+
+    Columns are wavelength and transmission (0 to 1), separated by blanks or a comma; ``#`` starts a
+    comment. The wavelength unit is stated by `unit` or by a comment line that contains ``nm`` or
+    ``Angstrom`` as a word.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    name : str
+        Band name.
+    t_opt, qe : float
+        Transmission of everything else, and quantum efficiency, both over 0 to 1.
+    camera : {"VIS", "NIR"}
+        The camera that sees it.
+    unit : {"nm", "Angstrom"}, optional
+        Wavelength unit; overrides the header.
+
+    Returns
+    -------
+    Band
+        Centre: transmission-weighted mean wavelength. Width: area divided by the peak.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, the unit is not stated, or values are not finite, wavelengths do not
+        increase, or transmissions are negative, above 1 or all zero.
+    """
+    text = _read_text(Path(path))
+    scale = _unit_scale(unit, text)
+    wavelength_nm, transmission = _two_columns(text, str(path))
+    wavelength_nm = wavelength_nm * scale
+    if wavelength_nm[0] <= 0.0 or np.any(np.diff(wavelength_nm) <= 0.0):
+        raise InputError(
+            f"{path}: wavelength", "not increasing", allowed="positive, strictly increasing wavelengths"
+        )
+    if transmission.min() < 0.0 or transmission.max() > 1.0 or transmission.max() == 0.0:
+        worst = transmission.min() if transmission.min() < 0.0 else transmission.max()
+        raise InputError(f"{path}: transmission", float(worst), allowed="0 to 1, not all zero")
+    # Exact area and first moment of a piecewise linear curve.
+    step = np.diff(wavelength_nm)
+    left, right = transmission[:-1], transmission[1:]
+    area = 0.5 * np.sum(step * (left + right))
+    moment = (
+        np.sum(step * (wavelength_nm[:-1] * (2 * left + right) + wavelength_nm[1:] * (left + 2 * right)))
+        / 6.0
+    )
+    wavelength_nm.setflags(write=False)
+    transmission.setflags(write=False)
+    curve = Curve(wavelength_nm, transmission)
+    return Band(name, camera, float(moment / area), float(area / transmission.max()), t_opt, qe, curve)
+
+
+@functools.cache
+def _tree() -> dict[str, Any]:
+    tree: dict[str, Any] = load_yaml(_FILE)
+    return tree
+
+
+@functools.cache
+def _load() -> tuple[dict[str, Band], dict[str, Provenance]]:
+    values, provenance = split_sourced(_tree())
+    bands = {name: Band(name=name, **_floats(entry)) for name, entry in values["bands"].items()}
+    return bands, {key.removeprefix("bands."): item for key, item in provenance.items()}
+
+
+def _floats(entry: dict[str, str | float]) -> dict[str, Any]:
+    return {key: value if isinstance(value, str) else float(value) for key, value in entry.items()}
+
+
+def _in_range(key: str, value: float, unit: str, low: float, high: float) -> None:
+    if not low < value <= high:
+        raise InputError(key, value, unit=unit, allowed=f"above {low:g}, at most {high:g}")
+
+
+def _read_text(path: Path) -> str:
+    try:
+        raw = path.read_bytes()
+    except OSError as error:
+        raise InputError(
+            "file", str(path), allowed="a readable text file", hint=error.strerror or ""
+        ) from None
+    if len(raw) > _MAX_BYTES:
+        raise InputError("file", str(path), allowed=f"at most {_MAX_BYTES} bytes")
+    try:
+        return raw.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise InputError("file", str(path), allowed="UTF-8 text") from None
+
+
+def _unit_scale(unit: str | None, text: str) -> float:
+    if unit is not None:
+        if unit.lower() not in _UNITS_NM:
+            raise InputError("unit", unit, allowed="nm, Angstrom")
+        return _UNITS_NM[unit.lower()]
+    comments = " ".join(line for line in text.splitlines() if line.lstrip().startswith("#")).lower()
+    words = re.findall(r"[a-z]+", comments.replace("angstroms", "angstrom"))
+    scales = {_UNITS_NM[word] for word in words if word in _UNITS_NM}
+    if len(scales) != 1:
+        raise InputError(
+            "unit", "not stated", allowed="nm, Angstrom", hint="name it in the header or as argument"
+        )
+    return scales.pop()
+
+
+def _two_columns(text: str, where: str) -> tuple[np.ndarray, np.ndarray]:
+    rows = []
+    for number, line in enumerate(text.splitlines(), start=1):
+        fields = line.split("#")[0].replace(",", " ").split()
+        if not fields:
+            continue
+        try:
+            row = [float(field) for field in fields]
+        except ValueError:
+            row = []
+        if len(row) != 2 or not np.all(np.isfinite(row)):
+            raise InputError(f"{where} line {number}", line.strip(), allowed="two finite numbers")
+        rows.append(row)
+    if len(rows) < 2:
+        raise InputError(where, f"{len(rows)} rows", allowed="at least two rows")
+    table = np.array(rows)
+    return table[:, 0].copy(), table[:, 1].copy()

@@ -1,0 +1,208 @@
+"""Find a catalogue star by any of the names people type.
+
+Accepted are HIP, HD, HR, GJ/Gl, LHS, LTT, BD and SAO numbers, Bayer and Flamsteed designations (Greek letters, English
+or SIMBAD spelling, genitives, superscripts), variable-star and proper names, and SIMBAD's main identifiers, with or
+without component letters. Case matters only for Latin Bayer letters (``e Eri``).
+
+A name of a whole system (``61 Cyg``, ``alpha Cen``) gives its brightest catalogue star and a note. A well-known star
+that is not in the catalogue is refused with the reason.
+"""
+
+from __future__ import annotations
+
+import csv
+import difflib
+import functools
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from catalogs.errors import InputError
+from catalogs.nomenclature import GREEK, designation_key, split_component
+from catalogs.stars import StarTable, load_stars
+
+__all__ = ["StarMatch", "resolve_star"]
+
+_DATA = Path(__file__).resolve().parent / "data"
+_ALLOWED = "HIP, HD, HR or GJ number, Bayer or Flamsteed designation, proper name or SIMBAD identifier"
+_SUGGESTIONS = 4
+_LATIN_BAYER = re.compile(r"[A-Za-z]\d* [a-z]{3}(?: [a-e])?")
+_INDEXED_BAYER = re.compile(rf"({'|'.join(GREEK)})(\d+) ([a-z]{{3}})")
+_PLAIN_BAYER = re.compile(rf"({'|'.join(GREEK)}) ([a-z]{{3}})")
+
+
+@dataclass(frozen=True)
+class StarMatch:
+    """A resolved name.
+
+    Parameters
+    ----------
+    index : int
+        Row in the table.
+    name : str
+        The catalogue's name of the star.
+    matched_alias : str
+        Canonical key of the alias that matched.
+    note : str
+        What was assumed in choosing, ``""`` if nothing.
+    """
+
+    index: int
+    name: str
+    matched_alias: str
+    note: str = ""
+
+
+@functools.cache
+def _aliases() -> dict[str, tuple[str, int]]:
+    """Return key -> (star name, kind); kind 1 is a name of the whole system."""
+    with (_DATA / "aliases.csv").open(encoding="utf-8", newline="") as stream:
+        reader = csv.reader(stream)
+        next(reader)
+        return {key: (name, int(kind)) for key, name, kind in reader}
+
+
+@functools.cache
+def _outsiders() -> dict[str, str]:
+    """Return key -> coded reason of well-known stars outside the catalogue."""
+    with (_DATA / "known_stars.csv").open(encoding="utf-8", newline="") as stream:
+        reader = csv.reader(stream)
+        next(reader)
+        return {key: reason for keys, reason in reader for key in keys.split("|")}
+
+
+def resolve_star(name: str, table: StarTable | None = None) -> StarMatch:
+    """Return the catalogue star that a name means.
+
+    Parameters
+    ----------
+    name : str
+        Any usual designation; see the module's first lines.
+    table : StarTable, optional
+        Table to look in (for example a selection); the embedded catalogue by default.
+
+    Returns
+    -------
+    StarMatch
+        Row index in `table`, the star's name, the alias that matched, and a note if something was assumed.
+
+    Raises
+    ------
+    InputError
+        If the name is unknown (with the nearest names), or known but outside `table` (with the reason).
+    """
+    stars = load_stars() if table is None else table
+    key = designation_key(name) if isinstance(name, str) else ""
+    if not key:
+        raise InputError("star", name, allowed=_ALLOWED)
+    found = _find(key)
+    if found is None:
+        raise _refusal(name, key)
+    star, alias, note = found
+    rows = [i for i, text in enumerate(stars.column("name").tolist()) if text == star]
+    if not rows:
+        raise InputError(
+            "star",
+            name,
+            allowed="a star of this selection",
+            hint=f"{star} is in the catalogue, but not selected",
+        )
+    return StarMatch(rows[0], star, alias, note)
+
+
+def _find(key: str) -> tuple[str, str, str] | None:
+    """Return (star name, matched key, note), or None."""
+    aliases = _aliases()
+    for form, remark in _forms(key):
+        if form in aliases:
+            star, kind = aliases[form]
+            note = remark.format(star=star)
+            if kind:
+                note = "; ".join(filter(None, (note, _system_note(form, star))))
+            return star, form, note
+    return None
+
+
+def _forms(key: str) -> list[tuple[str, str]]:
+    """Return the key and its fallbacks, each with the remark that using it deserves."""
+    forms = [(key, "")]
+    base, letter = split_component(key)
+    if letter == "a":
+        forms.append((base, "taken as {star}, listed without a component letter"))
+    elif not letter:
+        forms.append((f"{key} a", "taken as {star}"))
+    if _LATIN_BAYER.fullmatch(key):
+        forms.append((key[0].swapcase() + key[1:], "taken as {star}, letter in the other case"))
+    if indexed := _INDEXED_BAYER.fullmatch(base):
+        plain = " ".join(filter(None, (indexed[1], indexed[3], letter)))
+        forms.append((plain, "taken as {star}, listed without a number"))
+    if plain_bayer := _PLAIN_BAYER.fullmatch(key):
+        forms += [(f"{plain_bayer[1]}{i} {plain_bayer[2]}", "taken as {star}") for i in range(1, 10)]
+    return forms
+
+
+def _system_note(key: str, star: str) -> str:
+    """Say which star of a system was taken, and name the others."""
+    aliases = _aliases()
+    others = sorted(
+        {name for other, (name, _) in aliases.items() if split_component(other)[0] == key and name != star}
+    )
+    if not others:
+        members = {
+            name
+            for name, _ in aliases.values()
+            if name != star and name.rpartition(" ")[0] == star.rpartition(" ")[0]
+        }
+        others = sorted(members) if " " in star.rpartition(" ")[0] else []
+    rest = f"; also in the catalogue: {', '.join(others)}" if others else ""
+    return f"name of a system: its brightest star {star} taken{rest}"
+
+
+def _refusal(name: str, key: str) -> InputError:
+    outsiders = _outsiders()
+    base, letter = split_component(key)
+    for form in (key, base, f"{key} a"):
+        if form in outsiders:
+            return InputError(
+                "star", name, allowed="F, G or K within 40 pc and V <= 7.5", hint=_reason(outsiders[form])
+            )
+    if letter and _find(base):
+        star = _find(base)
+        hint = f"component {letter.upper()} is not in the catalogue; {star[0] if star else base} is"
+        return InputError("star", name, allowed=_ALLOWED, hint=hint)
+    aliases = _aliases()
+    near = difflib.get_close_matches(key, _candidates(key), n=3 * _SUGGESTIONS, cutoff=0.6)
+    shown = list(dict.fromkeys(aliases[alias][0] for alias in near))[:_SUGGESTIONS]
+    hint = f"unknown; nearest: {', '.join(shown)}" if shown else "unknown, and nothing similar"
+    return InputError("star", name, allowed=_ALLOWED, hint=hint)
+
+
+def _candidates(key: str) -> list[str]:
+    """Return the aliases worth comparing: of the same kind (letters or numbers) and of similar length."""
+    prefix = key.split(" ")[0]
+    same = [alias for alias in _aliases() if alias.startswith(prefix + " ") and prefix.isalpha()]
+    if same and any(c.isdigit() for c in key):
+        return same
+    return [
+        alias
+        for alias in _aliases()
+        if abs(len(alias) - len(key)) <= 3 and not alias.startswith(("hip ", "hd ", "sao "))
+    ]
+
+
+def _reason(code: str) -> str:
+    """Turn the coded reason of ``known_stars.csv`` into words."""
+    word, _, value = code.partition("=")
+    if word == "parallax":
+        if float(value) > 1.0:
+            return f"beyond 40 pc: parallax {value} mas, {1000.0 / float(value):.0f} pc"
+        return f"beyond 40 pc: parallax {value} mas"
+    if word == "v":
+        return f"too faint: V = {value}"
+    if word == "type":
+        return (
+            f"not an F, G or K star: spectral type {value}"
+            if value
+            else "not among the F, G and K stars of the source"
+        )
+    return f"left out: {value}"

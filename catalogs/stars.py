@@ -1,0 +1,140 @@
+"""The star catalogue: nearby F, G and K stars with every filled value labelled.
+
+Rows are all stars of the SIMBAD extract of spectral class F, G or K with parallax >= 25 mas and V <= 7.5, without a
+bright limit and of every luminosity class, less blends whose components are listed and less four rows that a better
+parallax puts beyond 40 pc (``stars_removed.csv``). A ranking uses all rows with V <= 7. Companions are flagged, never
+dropped: dwarfs without a close companion are the paper's "nearly 700", but its own example, alpha Cen B, has one.
+
+Values are read from ``data/stars.csv``; units and descriptions are in ``data/stars_columns.json``. A number is nan only
+where its ``*_src`` column says ``missing``.
+"""
+
+from __future__ import annotations
+
+import csv
+import functools
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from catalogs.errors import InputError
+
+__all__ = ["StarTable", "load_stars"]
+
+_DATA = Path(__file__).resolve().parent / "data"
+_KINDS: dict[str, type] = {"int": np.int64, "bool": np.bool_, "float": np.float64}
+
+
+@dataclass(frozen=True)
+class StarTable:
+    """An immutable table of stars.
+
+    Parameters
+    ----------
+    columns : mapping of str to ndarray
+        Read-only arrays of equal length: float64, int64 (``hip``, 0 if none), bool or text.
+    units : mapping of str to str
+        Unit of each column, ``""`` for pure numbers and text.
+    descriptions : mapping of str to str
+        One line on each column.
+    """
+
+    columns: Mapping[str, NDArray[np.generic]]
+    units: Mapping[str, str]
+    descriptions: Mapping[str, str]
+
+    def __len__(self) -> int:
+        """Return the number of stars."""
+        return len(self.columns["name"])
+
+    def column(self, name: str) -> NDArray[np.generic]:
+        """Return one column (read-only).
+
+        Raises
+        ------
+        InputError
+            If there is no such column.
+        """
+        if name not in self.columns:
+            raise InputError("column", name, allowed=", ".join(self.columns))
+        return self.columns[name]
+
+    def select(self, mask: ArrayLike) -> StarTable:
+        """Return the table of the chosen rows.
+
+        Parameters
+        ----------
+        mask : array_like
+            Boolean mask of the table's length, or integer row numbers in the wanted order.
+
+        Raises
+        ------
+        InputError
+            If a mask has another length, or a row number is out of range.
+        """
+        chosen = np.asarray(mask)
+        if chosen.size == 0 and chosen.dtype != np.bool_:
+            chosen = chosen.astype(np.int64)
+        if chosen.dtype == np.bool_:
+            if chosen.shape != (len(self),):
+                raise InputError("mask", f"shape {chosen.shape}", allowed=f"({len(self)},)")
+        elif not np.issubdtype(chosen.dtype, np.integer):
+            raise InputError("mask", str(chosen.dtype), allowed="booleans or integer row numbers")
+        elif chosen.size and (chosen.min() < -len(self) or chosen.max() >= len(self)):
+            raise InputError("mask", int(np.abs(chosen).max()), allowed=f"row numbers below {len(self)}")
+        parts = {name: _frozen(values[chosen]) for name, values in self.columns.items()}
+        return StarTable(MappingProxyType(parts), self.units, self.descriptions)
+
+    def row(self, index: int) -> dict[str, str | int | float | bool]:
+        """Return one star as a dictionary of plain Python values.
+
+        Raises
+        ------
+        InputError
+            If the index is out of range.
+        """
+        if not -len(self) <= index < len(self):
+            raise InputError("row", index, allowed=f"0 to {len(self) - 1}")
+        return {name: values[index].item() for name, values in self.columns.items()}
+
+
+@functools.cache
+def load_stars() -> StarTable:
+    """Return the embedded catalogue, brightest star first. It is read once per process.
+
+    Returns
+    -------
+    StarTable
+        All rows with V <= 7.5; ``table.select(table.column("v_mag") <= 7.0)`` is the ranked part.
+    """
+    about = json.loads((_DATA / "stars_columns.json").read_text(encoding="utf-8"))["columns"]
+    with (_DATA / "stars.csv").open(encoding="utf-8", newline="") as stream:
+        reader = csv.reader(stream)
+        header = next(reader)
+        cells = list(zip(*reader, strict=True))
+    columns = {
+        name: _frozen(_array(about[name]["kind"], texts)) for name, texts in zip(header, cells, strict=True)
+    }
+    return StarTable(
+        columns=MappingProxyType(columns),
+        units=MappingProxyType({name: about[name]["unit"] for name in header}),
+        descriptions=MappingProxyType({name: about[name]["description"] for name in header}),
+    )
+
+
+def _array(kind: str, texts: tuple[str, ...]) -> NDArray[np.generic]:
+    if kind == "text":
+        return np.array(texts)
+    if kind == "float":
+        return np.array([float(text) if text else np.nan for text in texts])
+    return np.array([int(text) for text in texts], dtype=_KINDS[kind])
+
+
+def _frozen(values: NDArray[np.generic]) -> NDArray[np.generic]:
+    values.flags.writeable = False
+    return values

@@ -1,0 +1,112 @@
+"""Exposure times, rankings and plans for CPI-C, the coronagraph of the 2 m CSST space telescope.
+
+Everything public of ``simulator`` is also reachable from here. Names load on first use; importing the package
+loads no heavy library.
+
+Examples
+--------
+>>> import cpic_planner
+>>> cpic_planner.lambert_phase(0.0)
+1.0
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+import simulator as _simulator
+from cpic_planner.version import __version__
+
+if TYPE_CHECKING:
+    from catalogs.errors import InputError
+    from cpic_planner.api import (
+        confirm_targets,
+        contrast_limit,
+        exposure_time,
+        make_plan,
+        optimise,
+        rank_targets,
+        signal_to_noise,
+    )
+    from cpic_planner.targets import load_targets
+    from simulator import (
+        Instrument,
+        Knobs,
+        NotOk,
+        Observation,
+        Outcome,
+        Passbands,
+        Planet,
+        Psf,
+        Reason,
+        Scene,
+        SceneStar,
+        Status,
+        lambert_phase,
+        load_instrument,
+        load_scene,
+        observe,
+        planet_albedo,
+        planet_contrast,
+        single_band_psf,
+        spectrum_generator,
+        star_photlam,
+        stream,
+    )
+
+_HOME = {
+    "InputError": "catalogs.errors", "load_targets": "cpic_planner.targets", "exposure_time": "cpic_planner.api",
+    "signal_to_noise": "cpic_planner.api", "contrast_limit": "cpic_planner.api", "optimise": "cpic_planner.api",
+    "rank_targets": "cpic_planner.api", "confirm_targets": "cpic_planner.api", "make_plan": "cpic_planner.api",
+}  # fmt: skip
+
+__all__ = [
+    "InputError",
+    "Instrument",
+    "Knobs",
+    "NotOk",
+    "Observation",
+    "Outcome",
+    "Passbands",
+    "Planet",
+    "Psf",
+    "Reason",
+    "Scene",
+    "SceneStar",
+    "Status",
+    "__version__",
+    "confirm_targets",
+    "contrast_limit",
+    "exposure_time",
+    "lambert_phase",
+    "load_instrument",
+    "load_scene",
+    "load_targets",
+    "make_plan",
+    "observe",
+    "optimise",
+    "planet_albedo",
+    "planet_contrast",
+    "rank_targets",
+    "signal_to_noise",
+    "single_band_psf",
+    "spectrum_generator",
+    "star_photlam",
+    "stream",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name in _HOME:
+        value = getattr(importlib.import_module(_HOME[name]), name)
+    elif name in _simulator.__all__:
+        value = getattr(_simulator, name)
+    else:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    globals()[name] = value  # a submodule of the same name (optimise) must not shadow the function
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

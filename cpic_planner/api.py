@@ -1,0 +1,213 @@
+"""The public functions of the planner, by star names and plain numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from cpic_planner.etc import questions
+from cpic_planner.etc.model import EtcModel, build_model
+from cpic_planner.etc.planet import ReferencePlanet
+from cpic_planner.etc.questions import EtcAnswer
+from cpic_planner.models import ConfirmedTarget, PlanResult, RankResult
+from cpic_planner.targets import Targets, find_target, rank_sample
+from simulator.config import Instrument, load_instrument
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = [
+    "confirm_targets", "contrast_limit", "exposure_time", "make_plan", "optimise", "rank_targets", "signal_to_noise",
+]  # fmt: skip
+
+InstrumentSource = Instrument | Mapping[str, Any] | str | Path | None
+OnOff = Literal["on", "off"]
+
+
+def _model(instrument: InstrumentSource, bands: Sequence[str] | None) -> EtcModel:
+    return build_model(
+        instrument if isinstance(instrument, Instrument) else load_instrument(instrument), bands
+    )
+
+
+def _named(names: str | Sequence[str], companions: OnOff) -> list[Targets]:
+    return [
+        find_target(name, companions=companions)[0] for name in ([names] if isinstance(names, str) else names)
+    ]
+
+
+def signal_to_noise(
+    target: str | Sequence[str], *, time_s: float, separation_arcsec: float, bands: Sequence[str] | None = None,
+    planet: ReferencePlanet | None = None, contrast: float | None = None, exposure_s: float | None = None,
+    em_gain: float | None = None, companions: OnOff = "on", instrument: InstrumentSource = None,
+) -> list[EtcAnswer]:  # fmt: skip
+    """SNR of a planet in a given wall time.
+
+    Parameters
+    ----------
+    target : str or sequence of str
+        Star name(s).
+    instrument : Instrument, mapping, str or Path, optional
+        What `simulator.load_instrument` reads.
+    time_s, separation_arcsec, bands, planet, contrast, exposure_s, em_gain
+        As `cpic_planner.etc.questions.signal_to_noise`.
+    companions : {"on", "off"}
+        Whether the light of known stellar companions counts.
+
+    Returns
+    -------
+    list of EtcAnswer
+        Targets in the given order, bands by wavelength within each.
+
+    Raises
+    ------
+    InputError
+        For an unknown star, band or a value out of range.
+
+    Examples
+    --------
+    >>> from cpic_planner import signal_to_noise
+    >>> answer = signal_to_noise("tau Cet", time_s=36000, separation_arcsec=0.5, bands=["F520"])[0]
+    >>> answer.status.value
+    'ok'
+    """
+    model = _model(instrument, bands)
+    return [
+        answer
+        for star in _named(target, companions)
+        for answer in questions.signal_to_noise(
+            model, star, time_s=time_s, separation_arcsec=separation_arcsec, planet=planet, contrast=contrast,
+            exposure_s=exposure_s, em_gain=em_gain,
+        )
+    ]  # fmt: skip
+
+
+def exposure_time(
+    target: str | Sequence[str], *, snr: float, separation_arcsec: float, bands: Sequence[str] | None = None,
+    planet: ReferencePlanet | None = None, contrast: float | None = None, exposure_s: float | None = None,
+    em_gain: float | None = None, companions: OnOff = "on", instrument: InstrumentSource = None,
+) -> list[EtcAnswer]:  # fmt: skip
+    """Least wall time that reaches an SNR; parameters as `signal_to_noise`."""
+    model = _model(instrument, bands)
+    return [
+        answer
+        for star in _named(target, companions)
+        for answer in questions.exposure_time(
+            model, star, snr=snr, separation_arcsec=separation_arcsec, planet=planet, contrast=contrast,
+            exposure_s=exposure_s, em_gain=em_gain,
+        )
+    ]  # fmt: skip
+
+
+def contrast_limit(
+    target: str | Sequence[str], *, time_s: float, separation_arcsec: float, bands: Sequence[str] | None = None,
+    sigma: float | None = None, exposure_s: float | None = None, em_gain: float | None = None,
+    companions: OnOff = "on", instrument: InstrumentSource = None,
+) -> list[EtcAnswer]:  # fmt: skip
+    """Faintest contrast detected in a given wall time; parameters as `signal_to_noise`.
+
+    ``sigma`` asks for a plain significance instead of the small-sample threshold.
+    """
+    model = _model(instrument, bands)
+    return [
+        answer
+        for star in _named(target, companions)
+        for answer in questions.contrast_limit(
+            model, star, time_s=time_s, separation_arcsec=separation_arcsec, sigma=sigma, exposure_s=exposure_s,
+            em_gain=em_gain,
+        )
+    ]  # fmt: skip
+
+
+def optimise(
+    target: str | Sequence[str], *, time_s: float = 36000.0, bands: Sequence[str] | None = None,
+    planet: ReferencePlanet | None = None, companions: OnOff = "on", instrument: InstrumentSource = None,
+) -> pd.DataFrame:  # fmt: skip
+    """Best band, separation, exposure, number of frames and EM gain per target.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row per target; columns of `cpic_planner.optimise.Best`, units in their names.
+    """
+    import pandas as pd
+
+    from cpic_planner.optimise import optimise as best_of
+
+    model = _model(instrument, bands)
+    rows = []
+    for star in _named(target, companions):
+        best = best_of(model, star, time_s=time_s, planet=planet)
+        rows.append(
+            {"name": str(star.name[0])}
+            | {item.name: np.asarray(getattr(best, item.name))[0] for item in fields(best)}
+        )
+    return pd.DataFrame(rows)
+
+
+def rank_targets(
+    *, time_s: float = 36000.0, bands: Sequence[str] | None = None, planet: ReferencePlanet | None = None,
+    companions: OnOff = "on", instrument: InstrumentSource = None, v_mag_max: float = 7.0, dwarfs_only: bool = False,
+    singles_only: bool = False,
+) -> RankResult:  # fmt: skip
+    """Analytic ranking of the catalogue; see `cpic_planner.ranking.rank_targets`."""
+    from cpic_planner.ranking import rank_targets as rank
+    from cpic_planner.ranking import sample_text
+
+    targets = rank_sample(
+        v_mag_max=v_mag_max, dwarfs_only=dwarfs_only, singles_only=singles_only, companions=companions
+    )
+    return rank(_model(instrument, bands), targets, time_s=time_s, planet=planet,
+                sample=sample_text(v_mag_max, dwarfs_only, singles_only))  # fmt: skip
+
+
+def make_plan(
+    out: str | Path, *, workers: int = 1, scheduler: str | None = None, force: bool = False,
+    instrument: InstrumentSource = None, **settings: Any,
+) -> PlanResult:  # fmt: skip
+    """Run the main job and write its products into ``out``.
+
+    Parameters
+    ----------
+    out : str or Path
+        Output folder; an interrupted run continues there.
+    workers, scheduler, force
+        As `cpic_planner.plan.make_plan`.
+    instrument : Instrument, mapping, str or Path, optional
+    **settings
+        Fields of `cpic_planner.plan.PlanConfig`: ``top``, ``bands``, ``time_s``, ``planet``, ``seed`` ...
+
+    Returns
+    -------
+    PlanResult
+    """
+    from cpic_planner.plan import PlanConfig
+    from cpic_planner.plan import make_plan as run
+    from simulator.config.base import validate
+
+    chosen = instrument if isinstance(instrument, Instrument) else load_instrument(instrument)
+    config = validate(PlanConfig, {"instrument": chosen} | settings, where="plan")
+    return run(config, out, workers=workers, scheduler=scheduler, force=force).plan
+
+
+def confirm_targets(
+    target: str | Sequence[str], *, time_s: float = 36000.0, bands: Sequence[str] | None = None,
+    planet: ReferencePlanet | None = None, companions: OnOff = "on", instrument: InstrumentSource = None,
+    seed: int = 1, fidelity: str = "standard", workers: int = 1,
+) -> list[ConfirmedTarget]:  # fmt: skip
+    """Simulate and measure the named stars, each with its reference planet at the best separation.
+
+    Returns
+    -------
+    list of ConfirmedTarget
+        In the given order.
+    """
+    from cpic_planner.plan import confirm_stars
+
+    model = _model(instrument, bands)
+    return confirm_stars(model, _named(target, companions), time_s=time_s, planet=planet or ReferencePlanet(), seed=seed,
+                         fidelity=fidelity, workers=workers)  # fmt: skip

@@ -1,0 +1,162 @@
+"""``cpic etc``."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+import typer
+
+from cpic_planner.cli.options import (
+    DEFAULT_TIME_S,
+    AlbedoOption,
+    BandOption,
+    CompanionsOption,
+    InstrumentOption,
+    JsonOption,
+    OnOff,
+    PhaseOption,
+    RadiusOption,
+    planet_from,
+)
+from cpic_planner.cli.output import console, print_json
+
+__all__ = ["HELP", "etc"]
+
+HELP = """Ask the exposure-time calculator about one star: time for an SNR, SNR for a time, or the contrast limit.
+
+Without a separation the planet stands where it is detected most clearly in each band.
+
+Examples:
+
+  cpic etc "tau Cet" --snr 10
+
+  cpic etc "alpha Cen B" --time-s 7200 --separation-arcsec 0.65 --band F520 --band F662
+
+  cpic etc "HD 10700" --semi-major-axis-au 1.5 --contrast-limit
+
+  cpic etc "eps Eri" --contrast 5e-9 --separation-arcsec 0.6 --snr 5 --json"""
+
+
+def etc(
+    target: Annotated[
+        str, typer.Argument(help='Star: "HIP 8102", "tau Cet", "alpha Cen B", "HD 10700", "61 Cyg A" ...')
+    ],
+    snr: Annotated[
+        float | None, typer.Option("--snr", help="Ask for the wall time that reaches this SNR.")
+    ] = None,
+    time_s: Annotated[
+        float | None,
+        typer.Option(
+            "--time-s",
+            help=f"Wall time in s, readouts and reference frames included [default: {DEFAULT_TIME_S:g}].",
+        ),
+    ] = None,
+    contrast_limit: Annotated[
+        bool, typer.Option("--contrast-limit", help="Ask for the faintest contrast detected in --time-s.")
+    ] = False,
+    bands: BandOption = None,
+    separation_arcsec: Annotated[
+        float | None,
+        typer.Option("--separation-arcsec", help="Projected separation, on the diagonal of a quadrant."),
+    ] = None,
+    semi_major_axis_au: Annotated[
+        float | None,
+        typer.Option(
+            "--semi-major-axis-au",
+            help="Radius of a circular orbit; gives separation and distance at --phase-deg.",
+        ),
+    ] = None,
+    contrast: Annotated[
+        float | None, typer.Option("--contrast", help="Planet-to-star ratio instead of a planet model.")
+    ] = None,
+    radius_rjup: RadiusOption = 1.0,
+    phase_deg: PhaseOption = 90.0,
+    albedo: AlbedoOption = "jupiter",
+    exposure_s: Annotated[
+        float | None, typer.Option("--exposure-s", help="Frame exposure, instead of the best.")
+    ] = None,
+    frames: Annotated[
+        int | None, typer.Option("--frames", min=1, help="Science frames of --exposure-s; sets the time.")
+    ] = None,
+    em_gain: Annotated[float | None, typer.Option("--em-gain", help="EM gain, instead of the best.")] = None,
+    distance_pc: Annotated[
+        float | None, typer.Option("--distance-pc", help="Distance, instead of the catalogue's.")
+    ] = None,
+    companions: CompanionsOption = OnOff.ON,
+    instrument: InstrumentOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Answer and print."""
+    from dataclasses import replace
+
+    import numpy as np
+
+    from catalogs.errors import InputError
+    from cpic_planner.etc import questions
+    from cpic_planner.etc.model import build_model
+    from cpic_planner.etc.questions import check_range
+    from cpic_planner.etc.result import etc_result
+    from cpic_planner.optimise import best_separations
+    from cpic_planner.targets import find_target
+    from simulator.config import load_instrument
+
+    _refuse_together({"--snr": snr, "--time-s": time_s}, "one asks for a time, the other gives it")
+    _refuse_together({"--snr": snr, "--contrast-limit": contrast_limit or None}, "two questions")
+    _refuse_together({"--snr": snr, "--frames": frames}, "--frames sets the time that --snr asks for")
+    _refuse_together({"--time-s": time_s, "--frames": frames}, "both set the time")
+    _refuse_together(
+        {"--separation-arcsec": separation_arcsec, "--semi-major-axis-au": semi_major_axis_au},
+        "both place the planet",
+    )
+    _refuse_together(
+        {"--contrast-limit": contrast_limit or None, "--contrast": contrast}, "the limit is the answer"
+    )
+    if frames is not None and exposure_s is None:
+        raise InputError("--frames", frames, allowed="together with --exposure-s")
+    star, note = find_target(target, companions=companions.value)
+    if distance_pc is not None:
+        star = replace(
+            star, distance_pc=np.array([check_range("--distance-pc", distance_pc, 0.01, 1e5, "pc")])
+        )
+    model = build_model(load_instrument(instrument), bands)
+    planet = planet_from(radius_rjup, phase_deg, albedo)
+    if semi_major_axis_au is not None:
+        check_range("--semi-major-axis-au", semi_major_axis_au, 1e-3, 1e5, "au")
+        separation_arcsec = (
+            semi_major_axis_au * math.sin(math.radians(phase_deg)) / float(star.distance_pc[0])
+        )
+    wall = DEFAULT_TIME_S if time_s is None else time_s
+    if frames is not None and exposure_s is not None:
+        wall = model.instrument.overhead_s + frames * model.frame_pace_s(exposure_s)
+    places = best_separations(model, star, separation_arcsec, time_s=wall, planet=planet)
+    fixed = {"exposure_s": exposure_s, "em_gain": em_gain}
+    answers = []
+    for band, place in places.items():
+        if contrast_limit:
+            answers += questions.contrast_limit(
+                model, star, time_s=wall, separation_arcsec=place, bands=[band], **fixed
+            )
+            continue
+        asked = {"separation_arcsec": place, "bands": [band], "planet": planet, "contrast": contrast} | fixed
+        if snr is not None:
+            answers += questions.exposure_time(model, star, snr=snr, **asked)
+        else:
+            answers += questions.signal_to_noise(model, star, time_s=wall, **asked)
+    result = etc_result(
+        model, star, answers, note=note, planet=None if contrast is not None or contrast_limit else planet
+    )
+    if as_json:
+        print_json(result)
+        return
+    from cpic_planner.report.console import print_etc
+
+    print_etc(result, console())
+
+
+def _refuse_together(options: dict[str, object], why: str) -> None:
+    given = [name for name, value in options.items() if value is not None]
+    if len(given) > 1:
+        from catalogs.errors import InputError
+
+        raise InputError(given[0], f"given with {given[1]}", allowed="one of the two", hint=why)

@@ -1,0 +1,104 @@
+"""``cpic``: the command-line entry point and how it fails.
+
+Exit status: 0 success (an unreachable target is an answer), 2 bad input with one clear line, 1 failure,
+130 interrupted.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import sys
+from typing import Annotated
+
+import typer
+
+from catalogs.errors import InputError
+from cpic_planner.cli import (
+    cache_command,
+    catalog_command,
+    etc_command,
+    plan_command,
+    rank_command,
+    schema_command,
+)
+from cpic_planner.cli.output import error_line, version_text
+
+__all__ = ["app", "main"]
+
+app = typer.Typer(
+    name="cpic",
+    help="Exposure times, survey planning and simulated images for CPI-C, the coronagraph of the 2 m CSST.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(version_text())
+        raise typer.Exit
+
+
+@app.callback()
+def root(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", callback=_version, is_eager=True, help="Show version, data vintage and owner."
+        ),
+    ] = False,
+    verbose: Annotated[
+        int, typer.Option("-v", "--verbose", count=True, help="More messages (twice: debug).")
+    ] = 0,
+    quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Errors only, no progress.")] = False,
+) -> None:
+    """Set the level of messages for every command."""
+    level = logging.ERROR if quiet else (logging.WARNING, logging.INFO, logging.DEBUG)[min(verbose, 2)]
+    logging.basicConfig(level=logging.WARNING, format="%(levelname)s: %(message)s", stream=sys.stderr)
+    for package in ("catalogs", "simulator", "cpic_planner"):
+        logging.getLogger(package).setLevel(level)
+
+
+app.command("plan", help=plan_command.HELP)(plan_command.plan)
+app.command("rank", help=rank_command.HELP)(rank_command.rank)
+app.command("etc", help=etc_command.HELP)(etc_command.etc)
+app.add_typer(catalog_command.app, name="catalog")
+app.add_typer(cache_command.app, name="cache")
+app.command("schema", help=schema_command.HELP)(schema_command.schema)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command line; returns the exit status and never shows a traceback unless asked by ``-vv``."""
+    try:
+        status = app(args=arguments, standalone_mode=False, prog_name="cpic")
+        sys.stdout.flush()
+    except InputError as error:
+        return error_line(str(error), 2)
+    except KeyboardInterrupt:
+        return error_line("interrupted; a plan continues when it is started again with the same --out", 130)
+    except BrokenPipeError:
+        # The reader of our output went away: that ends the work, quietly, and keeps the interpreter from
+        # complaining about it at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except Exception as error:
+        return _failed(error)
+    return status if isinstance(status, int) else 0
+
+
+def _failed(error: Exception) -> int:
+    if type(error).__name__ == "Abort":
+        return error_line("interrupted", 130)
+    message = getattr(error, "format_message", None)
+    if message is not None:  # what the option parser refuses
+        return error_line(f"{message()} (see cpic --help)" if message() else "see cpic --help", 2)
+    if logging.getLogger("cpic_planner").isEnabledFor(logging.DEBUG):
+        raise error
+    return error_line(f"{type(error).__name__}: {error} (cpic -vv shows where)", 1)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

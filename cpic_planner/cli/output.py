@@ -1,0 +1,102 @@
+"""What every command shares: error lines, JSON on stdout, consoles, progress on stderr."""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING
+
+from pydantic import BaseModel
+
+from cpic_planner.version import DISTRIBUTION, PACKAGES, __version__
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+__all__ = ["console", "error_line", "is_quiet", "note", "print_json", "progress", "version_text"]
+
+
+def error_line(text: str, status: int) -> int:
+    """Write one line to stderr and hand back the exit status."""
+    with contextlib.suppress(BrokenPipeError):
+        sys.stderr.write(f"cpic: {' '.join(text.split())}\n")
+        sys.stderr.flush()
+    return status
+
+
+def note(text: str) -> None:
+    """Write a remark to stderr unless quiet."""
+    if not is_quiet():
+        sys.stderr.write(f"cpic: {text}\n")
+
+
+def is_quiet() -> bool:
+    """Whether ``-q`` was given."""
+    import logging
+
+    return logging.getLogger("cpic_planner").getEffectiveLevel() >= logging.ERROR
+
+
+def print_json(result: BaseModel) -> None:
+    """The result as JSON on stdout and nothing else there."""
+    from simulator.files import dump_json
+
+    sys.stdout.write(dump_json(result.model_dump(mode="json")))
+
+
+def console() -> Console:
+    """Console for tables on stdout; honours NO_COLOR and pipes."""
+    from rich.console import Console
+
+    plain = None if sys.stdout.isatty() else 110
+    return Console(width=plain, highlight=False)
+
+
+@contextlib.contextmanager
+def progress(title: str, total: int, *, enabled: bool = True) -> Iterator[Callable[[str], None]]:
+    """Progress bar on stderr when it is a terminal; yields ``advance(text)``."""
+    if not enabled or is_quiet() or not sys.stderr.isatty():
+        yield lambda text: None
+        return
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
+               TextColumn("left"), TimeRemainingColumn())  # fmt: skip
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(title, total=total)
+
+        def advance(text: str) -> None:
+            bar.update(task, advance=1, description=f"{title}: {text}")
+
+        yield advance
+
+
+def version_text() -> str:
+    """Version, data vintage, and whether the generic top-level packages are this distribution's own."""
+    from importlib import metadata, util
+    from pathlib import Path
+
+    from catalogs.stars import snapshot_vintage
+
+    home = Path(__file__).resolve().parents[2]
+    lines = [f"{DISTRIBUTION} {__version__}", f"star table: {snapshot_vintage()}"]
+    try:
+        owners = metadata.packages_distributions()
+    except Exception:
+        owners = {}
+    for package in PACKAGES:
+        spec = util.find_spec(package)
+        place = Path(spec.origin).resolve().parent.parent if spec and spec.origin else None
+        foreign = sorted(set(owners.get(package, ())) - {DISTRIBUTION})
+        state = "ok" if place == home and not foreign else f"also claimed by {', '.join(foreign) or place}"
+        lines.append(f"package {package}: owned by {DISTRIBUTION} ({state})")
+    return "\n".join(lines)

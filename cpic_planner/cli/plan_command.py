@@ -1,0 +1,117 @@
+"""``cpic plan``."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cpic_planner.cli.options import (
+    DEFAULT_TIME_S,
+    AlbedoOption,
+    BandOption,
+    CompanionsOption,
+    DwarfsOption,
+    FidelityOption,
+    InstrumentOption,
+    JsonOption,
+    OnOff,
+    PhaseOption,
+    RadiusOption,
+    SinglesOption,
+    Tier,
+    TimeOption,
+    VMaxOption,
+    planet_from,
+)
+from cpic_planner.cli.output import console, note, print_json, progress
+
+__all__ = ["HELP", "plan"]
+
+HELP = """The main job: rank the catalogue, confirm the best targets with simulated images, write the report.
+
+Writes plan.json, run.json, ranking.csv, ranking.ecsv and report.html into --out. Stopped half way, it continues when
+started again on the same folder; the result is the same for any number of workers.
+
+Examples:
+
+  cpic plan
+
+  cpic plan --top 10 --workers 2 --out my-plan
+
+  cpic plan --top 2 --band F520 --band F662 --time-s 7200 --json > plan.json
+
+  cpic plan --top 20 --dry-run"""
+
+
+def plan(
+    top: Annotated[
+        int, typer.Option("--top", min=1, max=1000, help="How many targets to confirm with images.")
+    ] = 5,
+    bands: BandOption = None,
+    time_s: TimeOption = DEFAULT_TIME_S,
+    dwarfs: DwarfsOption = False,
+    singles: SinglesOption = False,
+    v_mag_max: VMaxOption = 7.0,
+    companions: CompanionsOption = OnOff.ON,
+    radius_rjup: RadiusOption = 1.0,
+    phase_deg: PhaseOption = 90.0,
+    albedo: AlbedoOption = "jupiter",
+    instrument: InstrumentOption = None,
+    fidelity: FidelityOption = Tier.STANDARD,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of every random number.")] = 1,
+    workers: Annotated[int, typer.Option("--workers", min=1, max=256, help="Local worker processes.")] = 1,
+    scheduler: Annotated[
+        str | None, typer.Option("--scheduler", help="Dask scheduler, tcp://host:port.")
+    ] = None,
+    out: Annotated[Path, typer.Option("--out", help="Output folder.")] = Path("cpic-plan"),
+    force: Annotated[
+        bool, typer.Option("--force", help="Replace what another configuration left in --out.")
+    ] = False,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Estimate time, memory and disk, then stop.")
+    ] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Plan and print."""
+    from cpic_planner.plan import PlanConfig, estimate_cost, make_plan
+    from simulator.config import load_instrument
+
+    config = PlanConfig(
+        instrument=load_instrument(instrument), top=top, bands=tuple(bands) if bands else None, time_s=time_s,
+        dwarfs_only=dwarfs, singles_only=singles, v_mag_max=v_mag_max, companions=companions.value,
+        planet=planet_from(radius_rjup, phase_deg, albedo), fidelity=fidelity.value, seed=seed,
+    )  # fmt: skip
+    if dry_run:
+        cost = estimate_cost(config, workers=workers)
+        if as_json:
+            from simulator.files import dump_json
+
+            sys.stdout.write(dump_json(cost))
+        else:
+            typer.echo(
+                f"{cost['n_tasks']} images sets ({cost['n_targets']} targets x bands in reach), about {cost['wall_s']:.0f} s "
+                f"with {workers} worker(s), {cost['memory_mb']:.0f} MB memory a worker, {cost['disk_mb']:.1f} MB disk"
+            )
+        return
+    with progress("confirming", total=top * len(config.band_names())) as advance:
+        done = make_plan(
+            config,
+            out,
+            workers=workers,
+            scheduler=scheduler,
+            force=force,
+            advance=advance,
+            command=sys.argv[1:],
+        )
+    if done.resumed_parts:
+        note(f"reused {done.resumed_parts} finished pieces of an earlier run")
+    if as_json:
+        print_json(done.plan)
+        return
+    from cpic_planner.report.console import print_plan
+
+    print_plan(done.plan, console())
+    typer.echo(f"report: {out / 'report.html'}")

@@ -1,0 +1,1 @@
+"""Exposure-time calculator: rates, noise, settings and the three questions."""

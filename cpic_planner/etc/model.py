@@ -1,0 +1,86 @@
+"""What the ETC knows of the instrument: the same passbands, PSF metrics and detector as the images."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from simulator.imaging.metrics import PsfMetrics
+from simulator.imaging.store import psf_metrics
+
+from catalogs.errors import InputError
+from simulator.config import Instrument
+from simulator.passbands import Passbands
+
+__all__ = ["EtcModel", "Strategy", "build_model"]
+
+
+@dataclass(frozen=True)
+class Strategy:
+    """How an observation is made and reduced.
+
+    Attributes
+    ----------
+    n_modes : int
+        Modes of the reference library that RDI projects out.
+    reference_ratio : float
+        Reference frames per science frame (M/N); their time and noise are counted.
+    sigma : float
+        Detection level whose false-alarm probability a small-sample threshold keeps.
+    library : str
+        Name of the reference library.
+    """
+
+    n_modes: int = 1
+    reference_ratio: float = 1.0
+    sigma: float = 5.0
+    library: str = "same_star_planet_free"
+
+
+@dataclass(frozen=True)
+class EtcModel:
+    """Instrument, its one passband quadrature and one set of PSF metrics per band."""
+
+    instrument: Instrument
+    passbands: Passbands
+    metrics: dict[str, PsfMetrics]
+    strategy: Strategy
+
+    @property
+    def bands(self) -> tuple[str, ...]:
+        """Bands of this model, by wavelength."""
+        return tuple(self.metrics)
+
+    def frame_pace_s(self, exposure_s: float) -> float:
+        """Wall time per science frame, its share of reference frames and all readouts included."""
+        return (1.0 + self.strategy.reference_ratio) * (exposure_s + self.instrument.detector.readout_s)
+
+
+def build_model(
+    instrument: Instrument, bands: Sequence[str] | None = None, strategy: Strategy | None = None
+) -> EtcModel:
+    """Assemble the ETC's model of an instrument.
+
+    Parameters
+    ----------
+    instrument : Instrument
+    bands : sequence of str, optional
+        Bands to use; all of the visible camera by default.
+    strategy : Strategy, optional
+
+    Raises
+    ------
+    InputError
+        If a band is unknown or belongs to the near-infrared camera, which has no imaging model yet.
+    """
+    names = tuple(bands) if bands else instrument.visible_bands()
+    for name in names:
+        if instrument.band(name).camera != "VIS":
+            raise InputError("band", name, allowed=", ".join(instrument.visible_bands()),
+                             hint="the near-infrared camera has no imaging model yet")  # fmt: skip
+    return EtcModel(
+        instrument=instrument,
+        passbands=Passbands.from_instrument(instrument),
+        metrics={name: psf_metrics(instrument, name) for name in names},
+        strategy=strategy or Strategy(),
+    )

@@ -1,0 +1,332 @@
+"""The three questions of an exposure-time calculator, answered by type."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+
+from catalogs.errors import InputError
+from cpic_planner.etc.limits import frame_limit
+from cpic_planner.etc.model import EtcModel
+from cpic_planner.etc.noise import stack_noise
+from cpic_planner.etc.planet import ReferencePlanet, reference_contrast
+from cpic_planner.etc.rates import ApertureRates, aperture_rates
+from cpic_planner.etc.settings import Settings, settings_for_snr, settings_for_time
+from cpic_planner.etc.significance import threshold_array
+from cpic_planner.targets import Targets
+from simulator.config import Instrument
+from simulator.outcome import Reason, Status
+
+__all__ = ["EtcAnswer", "contrast_limit", "diagonal", "exposure_time", "locate", "signal_to_noise"]
+
+Question = Literal["exposure_time", "signal_to_noise", "contrast_limit"]
+
+
+@dataclass(frozen=True)
+class EtcAnswer:
+    """One answer for one target, band and planet.
+
+    ``value`` (in ``unit``) is ``None`` unless ``status`` is ``ok``; the other numbers describe the chosen setting
+    and are ``None`` where there is none. ``budget`` holds the variance terms of the stack in electrons^2.
+    """
+
+    target: str
+    band: str
+    question: Question
+    value: float | None
+    unit: str
+    status: Status
+    reason: Reason
+    message: str
+    separation_arcsec: float
+    contrast: float | None
+    exposure_s: float | None = None
+    n_frames: int | None = None
+    em_gain: float | None = None
+    integration_s: float | None = None
+    time_s: float | None = None
+    snr: float | None = None
+    significance: float | None = None
+    threshold: float | None = None
+    core_throughput: float | None = None
+    budget: dict[str, float] = field(default_factory=dict)
+    flags: tuple[str, ...] = ()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain dict for JSON."""
+        return asdict(self) | {
+            "status": str(self.status),
+            "reason": str(self.reason),
+            "flags": list(self.flags),
+        }
+
+
+def diagonal(separation_arcsec: Any) -> tuple[Any, Any]:
+    """Detector offsets of a point on the diagonal of the upper right quadrant."""
+    offset = np.asarray(separation_arcsec, float) / math.sqrt(2.0)
+    return offset, offset
+
+
+def locate(instrument: Instrument, band: str, separation_arcsec: float) -> tuple[Status, Reason, str]:
+    """Whether a diagonal separation lies in the controlled zone of a band."""
+    inner = instrument.hole_inner_arcsec(band) * math.sqrt(2.0)
+    outer = instrument.coronagraph.outer_half_side_arcsec * math.sqrt(2.0)
+    if separation_arcsec < inner:
+        text = f"{separation_arcsec:.3f} arcsec is inside the inner edge of {band} ({inner:.3f} arcsec on the diagonal)"
+        return Status.OUTSIDE_FIELD, Reason.INSIDE_INNER_EDGE, text
+    if separation_arcsec > outer:
+        text = f"{separation_arcsec:.3f} arcsec is outside the dark hole (corner at {outer:.3f} arcsec on the diagonal)"
+        return Status.OUTSIDE_FIELD, Reason.OUTSIDE_OUTER_EDGE, text
+    return Status.OK, Reason.NONE, ""
+
+
+@dataclass(frozen=True)
+class _Case:
+    """One target, band and planet, ready for a question."""
+
+    answer: dict[str, Any]
+    rates: ApertureRates
+    threshold: float
+
+
+def _cases(
+    model: EtcModel, target: Targets, bands: Sequence[str] | None, planet: ReferencePlanet, separation_arcsec: float,
+    contrast: float | None, question: Question, unit: str,
+):  # fmt: skip
+    """Yield ready cases, or finished refusals for positions outside the zone."""
+    if len(target) != 1:
+        raise InputError("target", len(target), allowed="one star a question")
+    check_range("separation_arcsec", separation_arcsec, 1e-6, 120.0, "arcsec")
+    if contrast is not None:
+        check_range("contrast", contrast, 1e-20, 1.0, "")
+    for band in bands or model.bands:
+        if band not in model.metrics:
+            raise InputError("band", band, allowed=", ".join(model.bands))
+        given = contrast
+        if given is None:
+            given = float(reference_contrast(model, target, band, np.array([separation_arcsec]), planet)[0])
+        head = {
+            "target": str(target.name[0]), "band": band, "question": question, "unit": unit, "contrast": given,
+            "separation_arcsec": separation_arcsec, "flags": target.flags[0],
+        }  # fmt: skip
+        status, reason, message = locate(model.instrument, band, separation_arcsec)
+        if status is not Status.OK:
+            yield EtcAnswer(value=None, status=status, reason=reason, message=message, **head)
+            continue
+        x, y = diagonal(np.array([separation_arcsec]))
+        rates = aperture_rates(model, target, band, x, y, np.array([given]))
+        elements = float(model.metrics[band].resolution_elements(separation_arcsec))
+        threshold = float(threshold_array(elements, model.strategy.sigma))
+        head["core_throughput"] = float(model.metrics[band].core_throughput(x, y)[0])
+        head["threshold"] = threshold if math.isfinite(threshold) else None
+        yield _Case(head, rates, threshold)
+
+
+def check_range(key: str, value: float, low: float, high: float, unit: str) -> float:
+    """Refuse a number that is not finite or not in [low, high]."""
+    if (
+        isinstance(value, bool)
+        or not isinstance(value, int | float | np.floating)
+        or not math.isfinite(value)
+    ):
+        raise InputError(key, value, unit=unit, allowed=f"a finite number from {low:g} to {high:g}")
+    if not low <= value <= high:
+        raise InputError(key, value, unit=unit, allowed=f"{low:g} to {high:g}")
+    return float(value)
+
+
+def _filled(case: _Case, settings: Settings, value: float | None, **more: Any) -> EtcAnswer:
+    """Answer with the chosen setting filled in."""
+    noise = settings.noise
+    frames, exposure = int(settings.n_frames[0]), float(settings.exposure_s[0])
+    budget = {
+        "signal_e": float(noise.signal_e[0]), "source_e2": float(noise.source_variance_e2[0]),
+        "background_e2": float(noise.background_variance_e2[0]), "detector_e2": float(noise.detector_variance_e2[0]),
+        "speckle_e2": float(noise.speckle_variance_e2[0]),
+    }  # fmt: skip
+    fixed: dict[str, Any] = {"status": Status.OK, "reason": Reason.NONE, "message": ""}
+    return EtcAnswer(
+        value=value, exposure_s=exposure, n_frames=frames, em_gain=float(settings.em_gain[0]),
+        integration_s=frames * exposure, time_s=float(settings.time_s[0]), snr=float(noise.snr[0]),
+        significance=float(noise.significance[0]), budget=budget, **(fixed | case.answer | more),
+    )  # fmt: skip
+
+
+def _no_setting(
+    model: EtcModel, case: _Case, settings: Settings, exposure_s: float | None, em_gain: float | None
+) -> EtcAnswer:
+    """Refusal when no frame fits: saturation, or no time for one frame."""
+    detector = model.instrument.detector
+    shortest = exposure_s if exposure_s is not None else detector.exposure_min_s
+    peaks = float(case.rates.peak_frame_e_s[0]), float(case.rates.peak_hole_e_s[0])
+    limit = frame_limit(*peaks, shortest, em_gain or 1.0, detector)
+    if limit is not Reason.NONE:
+        longest = float(settings.longest_exposure_s[0])
+        text = f"a frame of {shortest:g} s at EM gain {em_gain or 1.0:g} saturates; at gain 1 up to {longest:.3g} s do not"
+        return EtcAnswer(value=None, status=Status.SATURATED, reason=limit, message=text, **case.answer)
+    text = "the time does not hold one science frame with its share of reference frames"
+    return EtcAnswer(
+        value=None, status=Status.UNREACHABLE, reason=Reason.NO_TIME, message=text, **case.answer
+    )
+
+
+def signal_to_noise(
+    model: EtcModel, target: Targets, *, time_s: float, separation_arcsec: float, bands: Sequence[str] | None = None,
+    planet: ReferencePlanet | None = None, contrast: float | None = None, exposure_s: float | None = None,
+    em_gain: float | None = None,
+) -> list[EtcAnswer]:  # fmt: skip
+    """SNR of a planet in a given wall time, per band.
+
+    Parameters
+    ----------
+    model : EtcModel
+    target : Targets
+        One star.
+    time_s : float
+        Wall time, overheads and reference frames included, 1e-3 to 1e9 s.
+    separation_arcsec : float
+        Projected separation, on the diagonal of a quadrant.
+    bands : sequence of str, optional
+        All of the model by default.
+    planet : ReferencePlanet, optional
+        Gives the contrast when ``contrast`` is not given; the default reference planet otherwise.
+    contrast : float, optional
+        Planet-to-star ratio of detected rates, in every band.
+    exposure_s, em_gain : float, optional
+        Fixed instead of optimised.
+
+    Returns
+    -------
+    list of EtcAnswer
+        One per band. ``value`` is the photometric SNR.
+
+    Raises
+    ------
+    InputError
+        For values out of range.
+    """
+    check_range("time_s", time_s, 1e-3, 1e9, "s")
+    _check_frame(model, exposure_s, em_gain)
+    answers = []
+    for case in _cases(
+        model, target, bands, planet or ReferencePlanet(), separation_arcsec, contrast, "signal_to_noise", ""
+    ):
+        if isinstance(case, EtcAnswer):
+            answers.append(case)
+            continue
+        chosen = settings_for_time(model, case.rates, time_s, exposure_s=exposure_s, em_gain=em_gain)
+        if chosen.n_frames[0] < 1:
+            answers.append(_no_setting(model, case, chosen, exposure_s, em_gain))
+            continue
+        answers.append(_filled(case, chosen, float(chosen.noise.snr[0])))
+    return answers
+
+
+def exposure_time(
+    model: EtcModel, target: Targets, *, snr: float, separation_arcsec: float, bands: Sequence[str] | None = None,
+    planet: ReferencePlanet | None = None, contrast: float | None = None, exposure_s: float | None = None,
+    em_gain: float | None = None,
+) -> list[EtcAnswer]:  # fmt: skip
+    """Least wall time that reaches an SNR, per band; ``unreachable`` below the speckle floor.
+
+    Parameters as in `signal_to_noise`; ``snr`` from 1e-6 to 1e6. ``value`` is ``time_s``.
+    """
+    check_range("snr", snr, 1e-6, 1e6, "")
+    _check_frame(model, exposure_s, em_gain)
+    answers = []
+    for case in _cases(
+        model, target, bands, planet or ReferencePlanet(), separation_arcsec, contrast, "exposure_time", "s"
+    ):
+        if isinstance(case, EtcAnswer):
+            answers.append(case)
+            continue
+        floor = float(case.rates.planet_e_s[0]) / max(float(case.rates.speckle_e_s[0]), 1e-300)
+        if floor <= snr:
+            text = f"the speckle residual limits the SNR to {floor:.3g}, whatever the time"
+            answers.append(
+                EtcAnswer(
+                    value=None,
+                    status=Status.UNREACHABLE,
+                    reason=Reason.SPECKLE_FLOOR,
+                    message=text,
+                    **case.answer,
+                )
+            )
+            continue
+        chosen = settings_for_snr(model, case.rates, snr, exposure_s=exposure_s, em_gain=em_gain)
+        if chosen.n_frames[0] < 1:
+            answers.append(_no_setting(model, case, chosen, exposure_s, em_gain))
+            continue
+        answers.append(_filled(case, chosen, float(chosen.time_s[0])))
+    return answers
+
+
+def contrast_limit(
+    model: EtcModel, target: Targets, *, time_s: float, separation_arcsec: float, bands: Sequence[str] | None = None,
+    sigma: float | None = None, exposure_s: float | None = None, em_gain: float | None = None,
+) -> list[EtcAnswer]:  # fmt: skip
+    """Faintest contrast detected in a given wall time, per band.
+
+    Parameters as in `signal_to_noise`. With ``sigma`` the limit is at that plain significance; without it, at the
+    small-sample threshold of the model's level (5 sigma-equivalent), which is stated in ``threshold``.
+
+    Notes
+    -----
+    Significance does not contain the planet's own noise, so the limit is linear in it: one setting is optimised
+    for a planet at the limit (two passes), then ``C = n_sigma * sigma / (star rate * core * time)``.
+    """
+    check_range("time_s", time_s, 1e-3, 1e9, "s")
+    if sigma is not None:
+        check_range("sigma", sigma, 1e-3, 1e3, "")
+    _check_frame(model, exposure_s, em_gain)
+    answers = []
+    for case in _cases(
+        model, target, bands, ReferencePlanet(), separation_arcsec, 1e-9, "contrast_limit", "contrast"
+    ):
+        if isinstance(case, EtcAnswer):
+            answers.append(case)
+            continue
+        level = sigma if sigma is not None else case.threshold
+        if not math.isfinite(level):
+            text = "fewer than three resolution elements at this separation: no threshold is defined (give --sigma)"
+            answers.append(EtcAnswer(value=None, status=Status.UNREACHABLE, reason=Reason.TOO_FEW_ELEMENTS, message=text,
+                                     **(case.answer | {"contrast": None})))  # fmt: skip
+            continue
+        answers.append(_limit(model, target, case, level, time_s, separation_arcsec, exposure_s, em_gain))
+    return answers
+
+
+def _limit(
+    model: EtcModel, target: Targets, case: _Case, level: float, time_s: float, separation_arcsec: float,
+    exposure_s: float | None, em_gain: float | None,
+) -> EtcAnswer:  # fmt: skip
+    contrast, rates = 1e-9, case.rates
+    x, y = diagonal(np.array([separation_arcsec]))
+    for _ in range(3):
+        chosen = settings_for_time(model, rates, time_s, exposure_s=exposure_s, em_gain=em_gain)
+        if chosen.n_frames[0] < 1:
+            return _no_setting(model, case, chosen, exposure_s, em_gain)
+        contrast *= level / float(chosen.noise.significance[0])
+        if contrast >= 1.0:
+            text = "no contrast below 1 is detected"
+            return EtcAnswer(value=None, status=Status.UNREACHABLE, reason=Reason.INSUFFICIENT_TIME, message=text,
+                             **(case.answer | {"contrast": None}))  # fmt: skip
+        rates = aperture_rates(model, target, case.answer["band"], x, y, np.array([contrast]))
+    noise = stack_noise(rates, chosen.exposure_s, chosen.n_frames, chosen.em_gain, model.instrument.detector,
+                        reference_ratio=model.strategy.reference_ratio)  # fmt: skip
+    final = Settings(
+        chosen.exposure_s, chosen.n_frames, chosen.em_gain, chosen.time_s, noise, chosen.longest_exposure_s
+    )
+    contrast *= level / float(noise.significance[0])
+    return _filled(case, final, contrast, contrast=contrast)
+
+
+def _check_frame(model: EtcModel, exposure_s: float | None, em_gain: float | None) -> None:
+    if exposure_s is not None:
+        check_range("exposure_s", exposure_s, 1e-6, 1e6, "s")
+    if em_gain is not None:
+        check_range("em_gain", em_gain, 1.0, model.instrument.detector.em_gain_max, "")

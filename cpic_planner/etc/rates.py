@@ -1,0 +1,141 @@
+"""Mean count rates in the photometric aperture, per target, position and planet."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cpic_planner.etc.model import EtcModel
+from cpic_planner.targets import Targets
+
+__all__ = ["ApertureRates", "aperture_rates"]
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ApertureRates:
+    """Rates inside one aperture of radius 0.7 lambda/D; all arrays broadcast against each other.
+
+    Attributes
+    ----------
+    planet_e_s, halo_e_s, companion_e_s, sky_e_s, dark_e_s : ndarray
+        Detected electrons per second in the aperture: planet, residual star light behind the coronagraph, wings of
+        bound companions, sky, dark current.
+    speckle_e_s : ndarray
+        Spatial rms of aperture sums of the star light that RDI leaves, per second; it does not average down.
+    peak_hole_e_s : ndarray
+        Hottest pixel that must not saturate the register: inside the hole, planet included.
+    peak_frame_e_s : ndarray
+        Hottest pixel of the central star's light anywhere on the frame: it must not bloom.
+    aperture_pixels : float
+        Pixels in the aperture.
+    background_apertures : float
+        Aperture areas in the region that measures the background.
+    rdi_throughput : float
+        Fraction of planet light that the projection leaves.
+    """
+
+    planet_e_s: FloatArray
+    halo_e_s: FloatArray
+    companion_e_s: FloatArray
+    sky_e_s: FloatArray
+    dark_e_s: FloatArray
+    speckle_e_s: FloatArray
+    peak_hole_e_s: FloatArray
+    peak_frame_e_s: FloatArray
+    aperture_pixels: float
+    background_apertures: float
+    rdi_throughput: float
+
+    @property
+    def background_e_s(self) -> FloatArray:
+        """All light and dark charge under the planet."""
+        return self.halo_e_s + self.companion_e_s + self.sky_e_s + self.dark_e_s
+
+
+def aperture_rates(
+    model: EtcModel,
+    targets: Targets,
+    band: str,
+    x_arcsec: ArrayLike,
+    y_arcsec: ArrayLike,
+    contrast: ArrayLike,
+) -> ApertureRates:
+    """Rates for every target at the given positions.
+
+    Parameters
+    ----------
+    model : EtcModel
+    targets : Targets
+        ``n`` stars.
+    band : str
+    x_arcsec, y_arcsec : array_like
+        Positions on the detector relative to the star, broadcastable to ``(n, ...)`` (conventions of the instrument).
+    contrast : array_like
+        Planet-to-star ratio of detected rates, same shape rule.
+
+    Returns
+    -------
+    ApertureRates
+        Arrays of shape ``(n, ...)``.
+
+    Notes
+    -----
+    ``rate = F_phot * area * t_opt * QE * core(x, y)``: ``core`` holds apodizer, mask and aperture loss, so that
+    every loss is counted once. Companion wings use the azimuthal mean of the unmasked PSF.
+    """
+    instrument, metrics = model.instrument, model.metrics[band]
+    column = model.passbands.names.index(band)
+    star = model.passbands.star_rate_e_s(
+        targets.v_mag, targets.teff_k, targets.log_g, targets.metallicity, instrument.telescope.area_cm2
+    )[:, column]
+    x, y, contrast = np.broadcast_arrays(
+        np.asarray(x_arcsec, float), np.asarray(y_arcsec, float), np.asarray(contrast, float)
+    )
+    star = star.reshape(star.shape + (1,) * max(0, x.ndim - 1))
+    planet_total = star * contrast
+    aperture_arcsec2 = metrics.aperture_pixels * metrics.pixel_scale_arcsec**2
+    sky = model.passbands.sky_rate_e_s_arcsec2(
+        instrument.sky.brightness_v_mag_arcsec2, instrument.telescope.area_cm2
+    )[column]
+    companion = np.reshape(_companion_e_s(model, targets, band), star.shape)
+    region_pixels = float(np.count_nonzero(metrics.hole))
+    shape = np.broadcast_shapes(star.shape, x.shape)
+    return ApertureRates(
+        planet_e_s=planet_total * metrics.core_throughput(x, y),
+        halo_e_s=star * metrics.halo_aperture(x, y),
+        companion_e_s=np.broadcast_to(companion, shape),
+        sky_e_s=np.full((1,) * len(shape), sky * aperture_arcsec2 * metrics.apodizer_energy),
+        dark_e_s=np.full((1,) * len(shape), instrument.detector.dark_e_s * metrics.aperture_pixels),
+        speckle_e_s=star * metrics.rdi_floor(instrument.drift.visit_nm, model.strategy.n_modes),
+        peak_hole_e_s=star * metrics.peak_on_axis_hole
+        + planet_total * metrics.peak_off_axis
+        + companion / metrics.aperture_pixels,
+        peak_frame_e_s=star * metrics.peak_on_axis_frame,
+        aperture_pixels=metrics.aperture_pixels,
+        background_apertures=region_pixels / metrics.aperture_pixels,
+        rdi_throughput=1.0 - model.strategy.n_modes / region_pixels,
+    )
+
+
+def _companion_e_s(model: EtcModel, targets: Targets, band: str) -> FloatArray:
+    """Light of a bound companion's wings in one aperture, azimuthal mean at the star's distance from it."""
+    instrument, metrics = model.instrument, model.metrics[band]
+    column = model.passbands.names.index(band)
+    known = np.isfinite(targets.companion_v_mag) & np.isfinite(targets.companion_separation_arcsec)
+    rate = np.zeros(len(targets))
+    if targets.companions == "on" and known.any():
+        near = targets.select(known)
+        star = model.passbands.star_rate_e_s(
+            near.companion_v_mag,
+            near.companion_teff_k,
+            near.log_g,
+            near.metallicity,
+            instrument.telescope.area_cm2,
+        )[:, column]
+        wing = metrics.wing(near.companion_separation_arcsec)
+        rate[known] = star * wing * metrics.aperture_pixels
+    return rate

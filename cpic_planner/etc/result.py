@@ -1,0 +1,48 @@
+"""From answers to the result that leaves the program."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from cpic_planner.etc.model import EtcModel
+from cpic_planner.etc.planet import ReferencePlanet
+from cpic_planner.etc.questions import EtcAnswer
+from cpic_planner.models import EtcResult, EtcRow, ReferencePlanetRecord
+from cpic_planner.targets import Targets
+from simulator.config import content_hash
+
+__all__ = ["best_band", "etc_result"]
+
+
+def best_band(answers: Sequence[EtcAnswer]) -> str | None:
+    """Band of the best answer: least time, highest significance over threshold, or faintest limit."""
+    good = [answer for answer in answers if answer.value is not None]
+    if not good:
+        return None
+    if good[0].question in ("exposure_time", "contrast_limit"):
+        return min(good, key=lambda answer: answer.value or np.inf).band
+    return max(good, key=lambda answer: (answer.significance or 0.0) / (answer.threshold or np.inf)).band
+
+
+def etc_result(
+    model: EtcModel,
+    target: Targets,
+    answers: Sequence[EtcAnswer],
+    *,
+    note: str,
+    planet: ReferencePlanet | None,
+) -> EtcResult:
+    """Collect answers about one star."""
+    record = None
+    if planet is not None:
+        record = ReferencePlanetRecord(
+            radius_rjup=planet.radius_rjup, phase_deg=planet.phase_deg, albedo=planet.albedo
+        )
+    return EtcResult(
+        config_hash=content_hash({"instrument": model.instrument.model_dump(mode="json"), "strategy": vars(model.strategy)}),
+        target=str(target.name[0]), hip=int(target.hip[0]) if target.hip[0] else None, v_mag=float(target.v_mag[0]),
+        distance_pc=float(target.distance_pc[0]), note=note, reference_planet=record, best_band=best_band(answers),
+        answers=[EtcRow.model_validate(answer.to_dict()) for answer in answers],
+    )  # fmt: skip

@@ -1,0 +1,234 @@
+"""Typed results that leave the program: their JSON is described by the schemas that ``cpic schema`` prints.
+
+`PlanResult` holds what is reproducible (no clock, no path, no host); `RunRecord` holds the story of the run.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+__all__ = [
+    "SCHEMAS",
+    "BandConfirmation",
+    "ConfirmedTarget",
+    "EtcResult",
+    "EtcRow",
+    "PlanResult",
+    "RankResult",
+    "RankedTarget",
+    "RunRecord",
+]  # fmt: skip
+
+SCHEMA_VERSION = 1
+
+StatusText = Literal["ok", "unreachable", "saturated", "outside_field", "invalid"]
+Units = Annotated
+
+
+class Result(BaseModel):
+    """Base of results: immutable, unknown keys refused, NaN and inf refused."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class ReferencePlanetRecord(Result):
+    """The planet that ranked numbers refer to."""
+
+    radius_rjup: float = Field(description="radius in Jupiter equatorial radii (71 492 km)")
+    phase_deg: float = Field(description="star-planet-observer phase angle")
+    albedo: str = Field(description="name of the geometric-albedo template")
+    position: str = Field(default="on the diagonal of a quadrant", description="where in the dark hole")
+
+
+class RankedTarget(Result):
+    """One star of the ranking. Numbers refer to the stated reference planet in the best band and separation."""
+
+    rank: int = Field(description="1 is best: highest detection_margin")
+    name: str = Field(description="SIMBAD main identifier")
+    hip: int | None = Field(description="Hipparcos number")
+    v_mag: float = Field(description="Johnson V (Vega), mag")
+    sp_type: str = Field(description="spectral type as catalogued")
+    distance_pc: float = Field(description="distance, pc")
+    ra_deg: float = Field(description="ICRS right ascension at the catalogue epoch, deg")
+    dec_deg: float = Field(description="ICRS declination at the catalogue epoch, deg")
+    separation_arcsec: float = Field(description="projected separation of the reference planet, arcsec")
+    contrast: float = Field(description="true planet-to-star ratio of detected rates in the band")
+    band: str = Field(description="best band")
+    snr: float = Field(description="predicted photometric SNR of the stack; 0 where no frame is possible")
+    significance: float = Field(description="predicted S / sigma without the planet")
+    threshold: float = Field(
+        description="small-sample detection threshold for significance, 5 sigma-equivalent"
+    )
+    detection_margin: float = Field(description="significance / threshold")
+    status: StatusText = Field(description="ok when the reference planet is detected in the given time")
+    reason: str = Field(description="why not, empty when ok")
+    exposure_s: float | None = Field(description="frame exposure, s")
+    n_frames: int | None = Field(description="science frames; as many reference frames are taken")
+    em_gain: float | None = Field(description="EM gain")
+    integration_s: float | None = Field(description="time on source, s")
+    time_s: float | None = Field(description="wall time with readouts, reference frames and overhead, s")
+    ref_planet_distance_au: float = Field(description="true star-planet distance, au")
+    ref_planet_insolation_au: float | None = Field(
+        description="distance from the Sun of equal insolation, r / sqrt(L), au"
+    )
+    luminosity_lsun: float | None = Field(description="bolometric luminosity, solar units")
+    companion_separation_arcsec: float | None = Field(description="nearest known companion, arcsec")
+    flags: list[str] = Field(description="caveats, see the documentation of flags")
+
+
+class RankResult(Result):
+    """The analytic ranking of the whole sample."""
+
+    schema_version: Literal[1] = SCHEMA_VERSION
+    kind: Literal["rank"] = "rank"
+    config_hash: str
+    catalogue: str = Field(description="what the star table is and its vintage")
+    sample: str = Field(description="which rows of the catalogue are returned")
+    time_s: float = Field(description="wall time per target and band, s")
+    sigma: float = Field(description="detection level whose false-alarm probability the thresholds keep")
+    reference_library: str = Field(description="reference library of the subtraction")
+    reference_planet: ReferencePlanetRecord
+    counts: dict[str, int] = Field(description="stars by status or reason")
+    targets: list[RankedTarget]
+
+
+class EtcRow(Result):
+    """One answer of the exposure-time calculator; see `cpic_planner.etc.questions.EtcAnswer`."""
+
+    target: str
+    band: str
+    question: Literal["exposure_time", "signal_to_noise", "contrast_limit"]
+    value: float | None
+    unit: str
+    status: StatusText
+    reason: str
+    message: str
+    separation_arcsec: float
+    contrast: float | None
+    exposure_s: float | None
+    n_frames: int | None
+    em_gain: float | None
+    integration_s: float | None
+    time_s: float | None
+    snr: float | None
+    significance: float | None
+    threshold: float | None
+    core_throughput: float | None
+    budget: dict[str, float]
+    flags: list[str]
+
+
+class EtcResult(Result):
+    """Answers of the exposure-time calculator for one target."""
+
+    schema_version: Literal[1] = SCHEMA_VERSION
+    kind: Literal["etc"] = "etc"
+    config_hash: str
+    target: str
+    hip: int | None
+    v_mag: float
+    distance_pc: float
+    note: str
+    reference_planet: ReferencePlanetRecord | None
+    best_band: str | None
+    answers: list[EtcRow]
+
+
+class BandConfirmation(Result):
+    """One band of one target: prediction beside the measurement in simulated images."""
+
+    band: str
+    status: StatusText
+    reason: str
+    message: str
+    separation_arcsec: float
+    pa_deg: float
+    exposure_s: float | None = None
+    n_frames: int | None = None
+    em_gain: float | None = None
+    integration_s: float | None = None
+    time_s: float | None = None
+    predicted_snr: float | None = None
+    predicted_significance: float | None = None
+    recovered_snr: float | None = None
+    recovered_significance: float | None = None
+    threshold: float | None = Field(default=None, description="small-sample threshold for significance")
+    true_contrast: float | None = None
+    recovered_contrast: float | None = None
+    contrast_error: float | None = Field(
+        default=None, description="1 sigma, from aperture-sized samples in the hole"
+    )
+    rdi_throughput: float | None = None
+    rdi_modes_used: int | None = None
+    core_throughput: float | None = None
+    n_background_apertures: int | None = None
+    saturated_pixels: int | None = None
+    clipped_pixels: int | None = None
+    detected: bool | None = Field(default=None, description="recovered significance reaches the threshold")
+    verdict: str = Field(default="", description="in words")
+    image: str | None = Field(default=None, description="key of the stored panels")
+
+
+class ConfirmedTarget(Result):
+    """One target that was simulated and measured."""
+
+    name: str
+    hip: int | None
+    ranked: RankedTarget
+    planet_distance_au: float
+    chosen_band: str | None = Field(description="band of highest recovered significance over threshold")
+    bands: list[BandConfirmation]
+
+
+class PlanResult(Result):
+    """The plan: reproducible from configuration and seed."""
+
+    schema_version: Literal[1] = SCHEMA_VERSION
+    kind: Literal["plan"] = "plan"
+    version: str
+    config_hash: str
+    seed: int
+    fidelity: str
+    instrument: str
+    time_s: float
+    sigma: float
+    reference_library: str
+    rdi_modes: int
+    reference_planet: ReferencePlanetRecord
+    catalogue: str
+    sample: str
+    n_ranked: int
+    counts: dict[str, int]
+    calibration: dict[str, float | int | None] = Field(
+        description="mean of recovered / predicted SNR over confirmed bands, its standard error, number of bands"
+    )
+    not_modelled: list[str] = Field(description="effects that neither the prediction nor the images contain")
+    targets: list[ConfirmedTarget]
+
+
+class RunRecord(Result):
+    """The story of one run: clocks, host, versions; not reproducible and kept apart from the plan."""
+
+    schema_version: Literal[1] = SCHEMA_VERSION
+    kind: Literal["run"] = "run"
+    command: list[str]
+    config_hash: str
+    started_utc: str
+    finished_utc: str
+    wall_s: float
+    workers: int
+    scheduler: str | None
+    resumed_parts: int
+    computed_parts: int
+    host: dict[str, Any]
+    versions: dict[str, str]
+
+
+SCHEMAS: dict[str, type[Result]] = {
+    "rank": RankResult,
+    "etc": EtcResult,
+    "plan": PlanResult,
+    "run": RunRecord,
+}

@@ -1,0 +1,290 @@
+"""The main job: rank, confirm the best targets with images, write the products."""
+
+from __future__ import annotations
+
+import os
+import platform
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from importlib import metadata
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from cpic_planner.engine import run_tasks
+from cpic_planner.etc.model import EtcModel, Strategy, build_model
+from cpic_planner.etc.planet import ReferencePlanet
+from cpic_planner.models import (
+    BandConfirmation,
+    ConfirmedTarget,
+    PlanResult,
+    RankedTarget,
+    RankResult,
+    RunRecord,
+)
+from cpic_planner.ranking import planet_record, rank_targets, sample_text
+from cpic_planner.runfolder import RunFolder, open_run_folder
+from cpic_planner.targets import Targets, rank_sample
+from cpic_planner.validation.calibration import calibrate
+from cpic_planner.validation.confirm import ConfirmTask, confirm_task, prepare_task
+from cpic_planner.version import __version__
+from simulator.config import FrozenModel, Instrument, content_hash
+from simulator.files import dump_json
+from simulator.ledger import not_modelled
+
+__all__ = ["FinishedPlan", "PlanConfig", "confirm_stars", "estimate_cost", "make_plan"]
+
+RESULT_VERSION = 1
+"""Raised when the same configuration gives other numbers, so that old folders are not resumed."""
+
+
+class PlanConfig(FrozenModel):
+    """Everything that decides a plan."""
+
+    instrument: Instrument
+    top: Annotated[int, Field(ge=1, le=1000)] = 5
+    bands: tuple[str, ...] | None = None
+    time_s: Annotated[float, Field(ge=1e-3, le=1e9)] = 36000.0
+    dwarfs_only: bool = False
+    singles_only: bool = False
+    v_mag_max: float = 7.0
+    companions: Literal["on", "off"] = "on"
+    planet: ReferencePlanet = ReferencePlanet()
+    fidelity: Literal["quick", "standard", "reference"] = "standard"
+    seed: Annotated[int, Field(ge=0, lt=2**63)] = 1
+
+    def band_names(self) -> tuple[str, ...]:
+        """Bands of the plan."""
+        return self.bands or self.instrument.visible_bands()
+
+
+@dataclass(frozen=True)
+class FinishedPlan:
+    """A plan, its ranking, and how much of it was already there."""
+
+    plan: PlanResult
+    rank: RankResult
+    resumed_parts: int
+    computed_parts: int
+
+
+@dataclass(frozen=True)
+class _Prepared:
+    """Ranking and the work that is left to do."""
+
+    model: EtcModel
+    rank: RankResult
+    chosen: list[RankedTarget]
+    tasks: list[ConfirmTask]
+    refused: dict[tuple[str, str], BandConfirmation]
+
+
+def _prepare(config: PlanConfig) -> _Prepared:
+    model = build_model(config.instrument, config.bands, Strategy())
+    targets = rank_sample(v_mag_max=config.v_mag_max, dwarfs_only=config.dwarfs_only,
+                          singles_only=config.singles_only, companions=config.companions)  # fmt: skip
+    rank = rank_targets(model, targets, time_s=config.time_s, planet=config.planet,
+                        sample=sample_text(config.v_mag_max, config.dwarfs_only, config.singles_only))  # fmt: skip
+    chosen = [row for row in rank.targets if row.status != "saturated"][: config.top]
+    index = {str(name): i for i, name in enumerate(targets.name)}
+    stars = [targets.select([index[row.name]]) for row in chosen]
+    tasks, refused = _tasks(model, stars, chosen, time_s=config.time_s, planet=config.planet, seed=config.seed,
+                            fidelity=config.fidelity)  # fmt: skip
+    return _Prepared(model, rank, chosen, tasks, refused)
+
+
+def _tasks(
+    model: EtcModel, stars: Sequence[Targets], rows: Sequence[RankedTarget], *, time_s: float, planet: ReferencePlanet,
+    seed: int, fidelity: str,
+) -> tuple[list[ConfirmTask], dict[tuple[str, str], BandConfirmation]]:  # fmt: skip
+    """Work to do, and the bands that need none because the answer is already a refusal."""
+    tasks, refused = [], {}
+    for star, row in zip(stars, rows, strict=True):
+        for band in model.bands:
+            ready = prepare_task(
+                model, star, row, band, time_s=time_s, planet=planet, seed=seed, fidelity=fidelity
+            )
+            if isinstance(ready, BandConfirmation):
+                refused[(row.name, band)] = ready
+            else:
+                tasks.append(ready)
+    return tasks, refused
+
+
+def confirm_stars(
+    model: EtcModel, stars: Sequence[Targets], *, time_s: float, planet: ReferencePlanet, seed: int, fidelity: str,
+    workers: int = 1,
+) -> list[ConfirmedTarget]:  # fmt: skip
+    """Confirm single stars without an output folder; see `cpic_planner.confirm_targets`."""
+    rows = [rank_targets(model, star, time_s=time_s, planet=planet).targets[0] for star in stars]
+    tasks, refused = _tasks(model, stars, rows, time_s=time_s, planet=planet, seed=seed, fidelity=fidelity)
+    done = run_tasks(confirm_task, [(task.to_dict(),) for task in tasks], workers=workers)
+    bodies = {(tasks[i].name, tasks[i].band): body for i, body in done}
+    return [_confirmed(model, row, refused, bodies) for row in rows]
+
+
+def plan_hash(config: PlanConfig, rank: RankResult) -> str:
+    """Hash of everything that decides the plan: configuration, catalogue, results version."""
+    tree = {"kind": "plan", "results": RESULT_VERSION, "config": config.model_dump(mode="json"), "rank": rank.config_hash,
+            "catalogue": rank.catalogue}  # fmt: skip
+    return content_hash(tree)
+
+
+def estimate_cost(config: PlanConfig, *, workers: int = 1) -> dict[str, float]:
+    """Expected wall time, memory and disk of a plan, from the number of frames to simulate."""
+    prepared = _prepare(config)
+    frames = sum(2 * task.n_frames for task in prepared.tasks)
+    pixels = {"quick": 1.0, "standard": 1.0, "reference": 1.0}[config.fidelity] * 137**2
+    wall = 4.0 + (0.7 * len(prepared.tasks) + 4e-3 * frames) / min(workers, max(len(prepared.tasks), 1))
+    largest = max((task.n_frames for task in prepared.tasks), default=0)
+    return {
+        "n_targets": len(prepared.chosen), "n_tasks": len(prepared.tasks), "n_frames": frames, "wall_s": wall,
+        "memory_mb": 250.0 + 2 * largest * pixels * 8 * 3 / 1e6, "disk_mb": 1.0 + 0.35 * len(prepared.tasks),
+    }  # fmt: skip
+
+
+def make_plan(
+    config: PlanConfig,
+    out: str | Path,
+    *,
+    workers: int = 1,
+    scheduler: str | None = None,
+    force: bool = False,
+    advance: Callable[[str], None] = lambda text: None,
+    command: list[str] | None = None,
+) -> FinishedPlan:
+    """Rank, confirm and report.
+
+    Parameters
+    ----------
+    config : PlanConfig
+    out : str or Path
+        Output folder; resumed when it holds work of the same configuration.
+    workers : int
+        Local worker processes; the result does not depend on it.
+    scheduler : str, optional
+        Dask scheduler to use instead.
+    force : bool
+        Replace what another configuration left in ``out``.
+    advance : callable
+        Called with a text after each finished piece of work.
+    command : list of str, optional
+        Command line, kept in ``run.json``.
+
+    Returns
+    -------
+    FinishedPlan
+
+    Raises
+    ------
+    InputError
+        For bad input, or if ``out`` is in use or holds another configuration.
+    """
+    started, clock = datetime.now(UTC), time.monotonic()
+    prepared = _prepare(config)
+    digest = plan_hash(config, prepared.rank)
+    with open_run_folder(out, kind="plan", config_hash=digest, force=force) as folder:
+        bodies, resumed = _confirm_all(prepared, folder, workers, scheduler, advance)
+        plan = _assemble(config, prepared, digest, bodies)
+        _write(folder, plan, prepared, bodies)
+        record = RunRecord(
+            command=command or [], config_hash=digest, started_utc=started.isoformat(timespec="seconds"),
+            finished_utc=datetime.now(UTC).isoformat(timespec="seconds"), wall_s=round(time.monotonic() - clock, 3),
+            workers=workers, scheduler=scheduler, resumed_parts=resumed, computed_parts=len(prepared.tasks) - resumed,
+            host=_host(), versions=_versions(),
+        )  # fmt: skip
+        folder.write("run.json", dump_json(record.model_dump(mode="json")))
+    return FinishedPlan(plan, prepared.rank, resumed, len(prepared.tasks) - resumed)
+
+
+def _confirm_all(
+    prepared: _Prepared,
+    folder: RunFolder,
+    workers: int,
+    scheduler: str | None,
+    advance: Callable[[str], None],
+) -> tuple[dict[tuple[str, str], dict[str, Any]], int]:
+    """Run what is not there yet; every finished piece is on disk before the next is counted."""
+    bodies: dict[tuple[str, str], dict[str, Any]] = {}
+    waiting = []
+    for task in prepared.tasks:
+        stored = folder.part(task.key)
+        if stored is None:
+            waiting.append(task)
+        else:
+            bodies[(task.name, task.band)] = stored
+            advance(f"{task.name} {task.band} (kept)")
+    resumed = len(bodies)
+    arguments = [(task.to_dict(),) for task in waiting]
+    for position, body in run_tasks(confirm_task, arguments, workers=workers, scheduler=scheduler):
+        task = waiting[position]
+        bodies[(task.name, task.band)] = folder.save_part(task.key, body)
+        advance(f"{task.name} {task.band}")
+    return bodies, resumed
+
+
+def _confirmed(
+    model: EtcModel, row: RankedTarget, refused: dict[tuple[str, str], BandConfirmation],
+    bodies: dict[tuple[str, str], dict[str, Any]],
+) -> ConfirmedTarget:  # fmt: skip
+    """One target's bands in order, and the best of them."""
+    bands = []
+    for band in model.bands:
+        body = bodies.get((row.name, band))
+        bands.append(
+            refused[(row.name, band)]
+            if body is None
+            else BandConfirmation.model_validate(body["confirmation"])
+        )
+
+    def margin(band: BandConfirmation) -> float:
+        return (band.recovered_significance or 0.0) / (band.threshold or np.inf)
+
+    measured = [band for band in bands if band.recovered_significance is not None and band.threshold]
+    best = max(measured, key=margin, default=None)
+    return ConfirmedTarget(name=row.name, hip=row.hip, ranked=row, planet_distance_au=row.ref_planet_distance_au,
+                           chosen_band=best.band if best else None, bands=bands)  # fmt: skip
+
+
+def _assemble(
+    config: PlanConfig, prepared: _Prepared, digest: str, bodies: dict[tuple[str, str], dict[str, Any]]
+) -> PlanResult:
+    confirmed = [_confirmed(prepared.model, row, prepared.refused, bodies) for row in prepared.chosen]
+    strategy = prepared.model.strategy
+    return PlanResult(
+        version=__version__, config_hash=digest, seed=config.seed, fidelity=config.fidelity, instrument=config.instrument.name,
+        time_s=config.time_s, sigma=strategy.sigma, reference_library=strategy.library, rdi_modes=strategy.n_modes,
+        reference_planet=planet_record(config.planet), catalogue=prepared.rank.catalogue, sample=prepared.rank.sample,
+        n_ranked=len(prepared.rank.targets), counts=prepared.rank.counts,
+        calibration=asdict(calibrate([band for target in confirmed for band in target.bands])),
+        not_modelled=not_modelled(), targets=confirmed,
+    )  # fmt: skip
+
+
+def _write(
+    folder: RunFolder, plan: PlanResult, prepared: _Prepared, bodies: dict[tuple[str, str], dict[str, Any]]
+) -> None:
+    from cpic_planner.report import write_report
+
+    folder.write("plan.json", dump_json(plan.model_dump(mode="json")))
+    write_report(folder, plan, prepared.rank, prepared.model, bodies)
+
+
+def _host() -> dict[str, Any]:
+    return {"system": platform.system(), "machine": platform.machine(), "python": platform.python_version(),
+            "cpu_count": os.cpu_count()}  # fmt: skip
+
+
+def _versions() -> dict[str, str]:
+    names = ("cpic-planner", "numpy", "scipy", "astropy", "hcipy", "photutils", "pydantic", "dask")
+    found = {}
+    for name in names:
+        try:
+            found[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            found[name] = "not installed"
+    return found

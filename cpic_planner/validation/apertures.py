@@ -1,0 +1,181 @@
+"""Exact circular apertures, and the scatter of their sums over a region."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from catalogs.errors import InputError
+
+__all__ = ["MIN_BACKGROUND_APERTURES", "aperture_sum", "aperture_weights", "sample_scatter"]
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+
+MIN_BACKGROUND_APERTURES = 3
+
+
+def aperture_weights(
+    shape: tuple[int, int], x_pixel: float, y_pixel: float, radius_pixel: float
+) -> FloatArray:
+    """Exact overlap of a circle with each pixel of an image.
+
+    Parameters
+    ----------
+    shape : tuple of int
+        Shape (y, x) of the image.
+    x_pixel, y_pixel : float
+        Centre; pixel centres are at integers.
+    radius_pixel : float
+        Radius, above 0; the circle must lie inside the image.
+
+    Returns
+    -------
+    ndarray
+        Fractions 0 to 1, (y, x); their sum is ``pi r^2``.
+
+    Raises
+    ------
+    InputError
+        If the circle leaves the image or an argument is not finite.
+    """
+    from photutils.aperture import CircularAperture
+
+    _check_inside(shape, np.asarray(x_pixel, dtype=float), np.asarray(y_pixel, dtype=float), radius_pixel)
+    mask = CircularAperture((float(x_pixel), float(y_pixel)), float(radius_pixel)).to_mask(method="exact")
+    return np.asarray(mask.to_image(shape), dtype=np.float64)
+
+
+def aperture_sum(
+    image: npt.ArrayLike, x_pixel: npt.ArrayLike, y_pixel: npt.ArrayLike, radius_pixel: float
+) -> FloatArray:
+    """Sum inside exact circular apertures.
+
+    Parameters
+    ----------
+    image : array_like
+        Image (y, x), finite.
+    x_pixel, y_pixel : array_like
+        Centres, broadcast; pixel centres are at integers.
+    radius_pixel : float
+        Radius, above 0; every circle must lie inside the image.
+
+    Returns
+    -------
+    ndarray
+        One sum per centre, shape of the centres.
+
+    Raises
+    ------
+    InputError
+        If a circle leaves the image, or a number is not finite.
+    """
+    from photutils.aperture import CircularAperture
+
+    data = checked_image(image)
+    x, y = np.broadcast_arrays(np.asarray(x_pixel, dtype=np.float64), np.asarray(y_pixel, dtype=np.float64))
+    _check_inside(data.shape, x, y, radius_pixel)
+    if x.size == 0:
+        return np.zeros(x.shape)
+    apertures = CircularAperture(np.column_stack([x.ravel(), y.ravel()]), float(radius_pixel))
+    sums, _ = apertures.do_photometry(data, method="exact")
+    return np.asarray(sums, dtype=np.float64).reshape(x.shape)
+
+
+def sample_scatter(
+    image: npt.ArrayLike,
+    region: npt.ArrayLike,
+    radius_pixel: float,
+    *,
+    phase_pixel: tuple[float, float] = (0.0, 0.0),
+) -> tuple[float, int]:
+    """Standard deviation of aperture sums inside a region, and how many independent apertures it holds.
+
+    Apertures lie wholly inside the region, on square grids of pitch ``ceil(2 r)`` so that none overlap; every
+    offset of the grid by whole pixels is used, and the variances about each grid's own mean are pooled. The
+    pooled variance is unbiased for uncorrelated pixels, and correlated speckles are included as they are.
+
+    Parameters
+    ----------
+    image : array_like
+        Image (y, x), finite.
+    region : array_like of bool
+        Allowed pixels, (y, x).
+    radius_pixel : float
+        Radius, above 0.
+    phase_pixel : tuple of float, optional
+        Sub-pixel offset (x, y) of the centres, -0.5 to 0.5: that of the aperture the scatter is meant for,
+        since the weights of the edge pixels, and with them the noise, depend on it.
+
+    Returns
+    -------
+    sigma : float
+        Standard deviation of the sum in one aperture.
+    n_apertures : int
+        Number of apertures on the fullest grid.
+
+    Raises
+    ------
+    InputError
+        If no grid holds 3 apertures.
+    """
+    from scipy.ndimage import binary_erosion, correlate
+
+    data, allowed = checked_image(image), np.asarray(region)
+    check_region(allowed, data.shape)
+    require("radius_pixel", radius_pixel, math.isfinite(radius_pixel) and radius_pixel > 0, "px", "above 0")
+    box = tuple(slice(int(i.min()), int(i.max()) + 1) for i in np.nonzero(allowed))
+    half = math.ceil(radius_pixel + 0.5)
+    too_few = InputError("background_region", f"too small for apertures of radius {radius_pixel:g} px",
+                         allowed=f"room for at least {MIN_BACKGROUND_APERTURES} of them")  # fmt: skip
+    if 2.0 * radius_pixel > min(data.shape):
+        raise too_few
+    side = 2 * half + 1
+    kernel = aperture_weights((side, side), half + phase_pixel[0], half + phase_pixel[1], radius_pixel)
+    pitch = math.ceil(2.0 * radius_pixel)
+    y, x = np.nonzero(binary_erosion(allowed[box], structure=kernel > 0))
+    grid = (y % pitch) * pitch + x % pitch
+    count = np.bincount(grid, minlength=1)
+    n_apertures = int(count.max())
+    if n_apertures < MIN_BACKGROUND_APERTURES:
+        raise too_few
+    sums = correlate(data[box] - data[allowed].mean(), kernel, mode="constant")[y, x]
+    held = np.maximum(count, 1)
+    deviation = sums - (np.bincount(grid, weights=sums) / held)[grid]
+    return math.sqrt(float(deviation @ deviation) / int(np.sum(held - 1))), n_apertures
+
+
+def checked_image(image: npt.ArrayLike) -> FloatArray:
+    data = np.asarray(image)
+    if data.dtype.kind not in "iuf" or data.ndim != 2 or data.size == 0:
+        raise InputError(
+            "image", f"{data.dtype} array of shape {data.shape}", unit="e-", allowed="one image (y, x)"
+        )
+    data = data.astype(np.float64, copy=False)
+    finite = np.isfinite(data)
+    if not finite.all():
+        y, x = np.argwhere(~finite)[0]
+        raise InputError(f"image[y={y}, x={x}]", float(data[y, x]), unit="e-", allowed="finite numbers")
+    return data
+
+
+def check_region(region: npt.NDArray[np.generic], shape: tuple[int, ...]) -> None:
+    if region.dtype != np.bool_ or region.shape != shape or not region.any():
+        raise InputError("background_region", f"{region.dtype} array of shape {region.shape}",
+                         allowed=f"booleans of shape {shape}, some of them true")  # fmt: skip
+
+
+def _check_inside(shape: tuple[int, ...], x: FloatArray, y: FloatArray, radius: float) -> None:
+    require("radius_pixel", radius, math.isfinite(radius) and radius > 0, "px", "finite and above 0")
+    for key, centre, size in (("x_pixel", x, shape[1]), ("y_pixel", y, shape[0])):
+        bad = ~((centre - radius >= -0.5) & (centre + radius <= size - 0.5))
+        if bad.any():
+            raise InputError(key, float(centre[bad].flat[0]), unit="px",
+                             allowed=f"a circle of radius {radius:g} px inside {size} px")  # fmt: skip
+
+
+def require(key: str, value: float, good: bool, unit: str, allowed: str) -> None:
+    if not good:
+        raise InputError(key, value, unit=unit, allowed=allowed)

@@ -1,0 +1,65 @@
+"""Physics: from a scene to frames of the camera.
+
+Part of the distribution ``cpic-planner``. Names load on first use, so that importing costs nothing.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from simulator.config import Instrument, Planet, Scene, SceneStar, load_instrument, load_scene
+    from simulator.imaging.psf import Psf, single_band_psf
+    from simulator.knobs import Knobs
+    from simulator.observe import Observation, observe
+    from simulator.outcome import NotOk, Outcome, Reason, Status
+    from simulator.passbands import Passbands
+    from simulator.rng import stream
+    from simulator.target import lambert_phase, planet_albedo, planet_contrast, star_photlam
+    from simulator.target.sources import spectrum_generator
+
+_HOME = {
+    "Instrument": "config", "Planet": "config", "Scene": "config", "SceneStar": "config", "load_instrument": "config",
+    "load_scene": "config", "Psf": "imaging.psf", "single_band_psf": "imaging.psf", "Knobs": "knobs",
+    "Observation": "observe", "observe": "observe", "NotOk": "outcome", "Outcome": "outcome", "Reason": "outcome",
+    "Status": "outcome", "Passbands": "passbands", "stream": "rng", "lambert_phase": "target", "planet_albedo": "target",
+    "planet_contrast": "target", "star_photlam": "target", "spectrum_generator": "target.sources",
+}  # fmt: skip
+
+__all__ = [
+    "Instrument",
+    "Knobs",
+    "NotOk",
+    "Observation",
+    "Outcome",
+    "Passbands",
+    "Planet",
+    "Psf",
+    "Reason",
+    "Scene",
+    "SceneStar",
+    "Status",
+    "lambert_phase",
+    "load_instrument",
+    "load_scene",
+    "observe",
+    "planet_albedo",
+    "planet_contrast",
+    "single_band_psf",
+    "spectrum_generator",
+    "star_photlam",
+    "stream",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(importlib.import_module(f"{__name__}.{_HOME[name]}"), name)
+    globals()[name] = value  # a submodule of the same name (observe) must not shadow the function
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

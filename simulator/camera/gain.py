@@ -1,0 +1,176 @@
+"""Electron multiplication: closed forms of the register's statistics, and a sampler.
+
+A register of ``N`` identical stages turns ``x`` electrons into ``x + Binomial(x, p)`` at each stage, so the
+mean gain is ``g = (1 + p)^N``. Mean and variance of the output follow in closed form (Robbins & Hadwen 2003
+give the same excess noise factor, written ``2 (g - 1) g^(-(N+1)/N) + 1/g``).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from catalogs.errors import InputError
+from simulator.camera.checks import checked_array, element_name
+from simulator.camera.sampling import poisson_counts
+
+__all__ = [
+    "GAIN_LIMIT",
+    "MAX_ELECTRONS",
+    "excess_noise_factor2",
+    "gain_variance",
+    "multiply",
+    "stage_probability",
+]
+
+FloatArray = npt.NDArray[np.float64]
+
+GAIN_LIMIT = 1e4
+MAX_ELECTRONS = 10**12
+# Below this many stages the output can be narrower than any negative binomial; the cascade itself is then
+# cheap.
+_CASCADE_BELOW_STAGES = 16
+
+
+def stage_probability(gain: npt.ArrayLike, stages: int = 604) -> FloatArray:
+    """Probability that one electron makes a second one in one stage.
+
+    Parameters
+    ----------
+    gain : array_like
+        Mean gain of the whole register, 1 to 1e4 and at most ``2**stages``.
+    stages : int, optional
+        Number of identical stages, at least 1.
+
+    Returns
+    -------
+    ndarray
+        ``p = expm1(log(gain) / stages)``, 0 to 1; full relative precision down to ``gain - 1`` of 1e-16.
+
+    Raises
+    ------
+    InputError
+        If ``gain`` or ``stages`` is out of range or not finite.
+    """
+    return _probability(_checked_gain(gain, stages), stages)
+
+
+def gain_variance(gain: npt.ArrayLike, stages: int = 604) -> FloatArray:
+    """Variance of the output per electron at the input, ``g (g - 1) (1 - p) / (1 + p)``, in electrons^2.
+
+    Parameters and errors as `stage_probability`. ``n`` electrons at the input give ``n`` times as much.
+    """
+    g = _checked_gain(gain, stages)
+    p = _probability(g, stages)
+    return g * (g - 1.0) * (1.0 - p) / (1.0 + p)
+
+
+def excess_noise_factor2(gain: npt.ArrayLike, stages: int = 604) -> FloatArray:
+    """Squared excess noise factor for Poisson input.
+
+    ``F^2 = Var(out) / (g^2 Var(in)) = 1 + (1 - 1/g) (1 - p) / (1 + p)``: 1 at gain 1, near 2 at high gain.
+    Parameters and errors as `stage_probability`.
+    """
+    g = _checked_gain(gain, stages)
+    p = _probability(g, stages)
+    return 1.0 + (g - 1.0) / g * (1.0 - p) / (1.0 + p)
+
+
+def multiply(
+    electrons: npt.ArrayLike, gain: float, *, rng: np.random.Generator, stages: int = 604
+) -> npt.NDArray[np.int64]:
+    """Electrons after the multiplication register.
+
+    Parameters
+    ----------
+    electrons : array_like
+        Whole electrons at the register input, any shape, 0 to 1e12 (integers, or floats holding integers).
+    gain : float
+        Mean gain of the register, 1 to 1e4 and at most ``2**stages``.
+    rng : numpy.random.Generator
+        Source of random numbers.
+    stages : int, optional
+        Number of stages, at least 1.
+
+    Returns
+    -------
+    ndarray of int64
+        Electrons at the output, same shape, never fewer than at the input; 0 stays 0, and gain 1 is the
+        identity.
+
+    Raises
+    ------
+    InputError
+        For negative, non-integer, NaN, infinite or too large charge (naming the pixel), a gain or number of
+        stages out of range, or an ``rng`` that is not a generator.
+
+    Notes
+    -----
+    Sampled from the shifted negative binomial that has the exact mean ``n g`` and the exact variance
+    ``n gain_variance(g)`` of the register: ``n + Poisson(Gamma(n k) (g - 1)/k)`` with
+    ``k = (g - 1) / (g (1 - p)/(1 + p) - 1)``. Its distribution function differs from that of the
+    stage-by-stage cascade by at most 0.0011 (604 stages, worst at one electron and gain 1000; 0.0001 from 20
+    electrons on). Registers of fewer than 16 stages are sampled stage by stage, which is exact.
+    """
+    if not isinstance(rng, np.random.Generator):
+        raise InputError("rng", type(rng).__name__, allowed="a numpy.random.Generator")
+    g_array = _checked_gain(gain, stages)
+    if g_array.ndim:
+        raise InputError("gain", gain, allowed="one number")
+    g = float(g_array)
+    output = _checked_electrons(electrons)
+    if g == 1.0:
+        return output
+    flat = output.reshape(-1)
+    filled = np.flatnonzero(flat)
+    flat[filled] = _register(flat[filled], g, stages, rng)
+    return output
+
+
+def _register(
+    charge: npt.NDArray[np.int64], g: float, stages: int, rng: np.random.Generator
+) -> npt.NDArray[np.int64]:
+    p = float(_probability(np.float64(g), stages))
+    if stages < _CASCADE_BELOW_STAGES:
+        for _ in range(stages):
+            charge = charge + rng.binomial(charge, p)
+        return charge
+    # (g (1-p)/(1+p) - 1) (1+p) = (g - 1) - p (g + 1), free of cancellation as g -> 1.
+    k = (g - 1.0) * (1.0 + p) / ((g - 1.0) - p * (g + 1.0))
+    mean = rng.standard_gamma(k * charge)
+    mean *= (g - 1.0) / k
+    return charge + poisson_counts(mean, rng)
+
+
+def _probability(g: npt.NDArray[np.float64] | np.float64, stages: int) -> FloatArray:
+    return np.expm1(np.log1p(g - 1.0) / stages)
+
+
+def _checked_gain(gain: npt.ArrayLike, stages: int) -> FloatArray:
+    if isinstance(stages, bool) or not isinstance(stages, int | np.integer) or stages < 1:
+        raise InputError("stages", stages, allowed="an integer of at least 1")
+    limit = min(GAIN_LIMIT, 2.0 ** min(int(stages), 60))
+    return checked_array("gain", gain, low=1.0, high=limit)
+
+
+def _checked_electrons(electrons: npt.ArrayLike) -> npt.NDArray[np.int64]:
+    """Copy as int64, refused by name and pixel unless whole numbers from 0 to 1e12."""
+    allowed = f"whole electrons, 0 to {MAX_ELECTRONS:.0e}"
+    try:
+        given = np.asarray(electrons)
+    except ValueError:
+        raise InputError("electrons", type(electrons).__name__, unit="e-", allowed=allowed) from None
+    if given.dtype.kind not in "iuf":
+        raise InputError("electrons", f"array of {given.dtype}", unit="e-", allowed=allowed)
+    good = (given >= 0) & (given <= MAX_ELECTRONS)
+    if given.dtype.kind == "f":
+        with np.errstate(invalid="ignore"):
+            good &= given == np.rint(given)
+    if not good.all():
+        name, index = element_name("electrons", ~np.asarray(good))
+        value = given[index].item()
+        hint = "round or draw counts first" if math.isfinite(value) and value != round(value) else ""
+        raise InputError(name, value, unit="e-", allowed=allowed, hint=hint)
+    return np.array(given, dtype=np.int64, order="C")

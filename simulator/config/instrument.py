@@ -1,0 +1,272 @@
+"""The instrument as configuration: every number of telescope, coronagraph, detector and drift."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, PrivateAttr, model_validator
+
+from catalogs.bands import band_provenance, load_bands
+from catalogs.errors import InputError
+from catalogs.strict_yaml import Provenance, load_yaml, split_sourced
+from simulator.config.base import FrozenModel, deep_merge, validate
+from simulator.config.presets import preset_names, preset_path
+
+__all__ = [
+    "BandConfig",
+    "Coronagraph",
+    "Detector",
+    "Drift",
+    "Instrument",
+    "Sky",
+    "Telescope",
+    "load_instrument",
+]
+
+ARCSEC_PER_RAD = 180.0 * 3600.0 / math.pi
+
+Positive = Annotated[float, Field(gt=0)]
+NonNegative = Annotated[float, Field(ge=0)]
+Fraction = Annotated[float, Field(ge=0, le=1)]
+
+
+class Telescope(FrozenModel):
+    """Entrance pupil: an unobscured disc."""
+
+    diameter_m: Annotated[float, Field(ge=0.1, le=20)]
+
+    @property
+    def area_cm2(self) -> float:
+        """Collecting area of the clear disc."""
+        return math.pi / 4.0 * (100.0 * self.diameter_m) ** 2
+
+
+class Coronagraph(FrozenModel):
+    """Apodizer, focal-plane mask and dark-hole geometry (squares, one per quadrant).
+
+    The controlled zone of a band is ``a <= |x|, |y| <= b`` with ``a = inner_lambda_d / sqrt2`` in units of
+    lambda/D and ``b = outer_half_side_arcsec``.
+    """
+
+    apodizer: str
+    mask_half_width_arcsec: Annotated[float, Field(ge=0, le=2)]
+    inner_lambda_d: Annotated[float, Field(ge=1, le=20)]
+    outer_half_side_arcsec: Annotated[float, Field(gt=0, le=5)]
+    aperture_radius_lambda_d: Annotated[float, Field(ge=0.2, le=5)]
+
+
+class Drift(FrozenModel):
+    """Wavefront drift between and within visits; power spectrum of the phase screens ``f^-psd_slope``."""
+
+    visit_nm: Annotated[float, Field(ge=0, le=100)]
+    walk_nm_per_sqrt_hour: Annotated[float, Field(ge=0, le=100)]
+    psd_slope: Annotated[float, Field(ge=0, le=6)]
+
+
+class Detector(FrozenModel):
+    """EMCCD and its frame. Charge in electrons, images in ADU; read noise at the register output."""
+
+    n_columns: Annotated[int, Field(ge=16, le=20000)]
+    n_rows: Annotated[int, Field(ge=16, le=20000)]
+    star_column: Annotated[int, Field(ge=0)]
+    star_row: Annotated[int, Field(ge=0)]
+    pixel_scale_arcsec: Annotated[float, Field(gt=0, le=1)]
+    parity: Literal[-1, 1]
+    full_well_e: Annotated[float, Field(ge=100, le=1e9)]
+    register_full_well_e: Annotated[float, Field(ge=100, le=1e9)]
+    register_stages: Annotated[int, Field(ge=1, le=10000)]
+    em_gain_max: Annotated[float, Field(ge=1, le=10000)]
+    read_noise_e: Annotated[float, Field(ge=0, le=1e5)]
+    gain_e_adu: Annotated[float, Field(gt=0, le=1e5)]
+    adc_bits: Annotated[int, Field(ge=8, le=16)]
+    bias_adu: Annotated[float, Field(ge=0, le=60000)]
+    dark_e_s: Annotated[float, Field(ge=0, le=1e6)]
+    cic_e: Annotated[float, Field(ge=0, le=1e3)]
+    readout_s: Annotated[float, Field(ge=0, le=1e4)]
+    exposure_min_s: Annotated[float, Field(gt=0, le=1e6)]
+    exposure_max_s: Annotated[float, Field(gt=0, le=1e6)]
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Detector:
+        if self.star_column >= self.n_columns or self.star_row >= self.n_rows:
+            raise InputError("star_column, star_row", (self.star_column, self.star_row), unit="px",
+                             allowed=f"inside the frame of {self.n_columns} x {self.n_rows}")  # fmt: skip
+        if self.exposure_min_s > self.exposure_max_s:
+            raise InputError("exposure_min_s", self.exposure_min_s, unit="s",
+                             allowed=f"at most exposure_max_s = {self.exposure_max_s}")  # fmt: skip
+        if self.bias_adu >= self.adc_max_adu:
+            raise InputError(
+                "bias_adu", self.bias_adu, unit="ADU", allowed=f"below the ADC maximum {self.adc_max_adu}"
+            )
+        return self
+
+    @property
+    def adc_max_adu(self) -> int:
+        """Largest number the converter writes."""
+        return 2**self.adc_bits - 1
+
+
+class Sky(FrozenModel):
+    """Uniform sky of solar colour."""
+
+    brightness_v_mag_arcsec2: Annotated[float, Field(ge=0, le=40)]
+
+
+class BandConfig(FrozenModel):
+    """One band: top-hat of ``width_nm`` around ``center_nm``, or a two-column transmittance file."""
+
+    camera: Literal["VIS", "NIR"]
+    center_nm: Annotated[float, Field(ge=300, le=1750)]
+    width_nm: Annotated[float, Field(gt=0, le=1000)]
+    t_opt: Annotated[float, Field(gt=0, le=1)]
+    qe: Annotated[float, Field(gt=0, le=1)]
+    transmission_file: str | None = None
+
+
+class Instrument(FrozenModel):
+    """The whole instrument; frozen, hashed by content.
+
+    ``provenance`` tells, per dotted key, where the number comes from and how sure it is.
+    """
+
+    name: str
+    telescope: Telescope
+    coronagraph: Coronagraph
+    drift: Drift
+    detector: Detector
+    sky: Sky
+    bands: dict[str, BandConfig]
+    overhead_s: Annotated[float, Field(ge=0, le=1e6)]
+
+    _provenance: dict[str, Provenance] = PrivateAttr(default_factory=dict)
+
+    @property
+    def provenance(self) -> dict[str, Provenance]:
+        """Source and confidence of each sourced default, by dotted key."""
+        return dict(self._provenance)
+
+    def band(self, name: str) -> BandConfig:
+        """Configuration of one band.
+
+        Raises
+        ------
+        InputError
+            If the instrument has no such band.
+        """
+        if name not in self.bands:
+            raise InputError("band", name, allowed=", ".join(self.bands))
+        return self.bands[name]
+
+    def visible_bands(self) -> tuple[str, ...]:
+        """Names of the bands of the visible camera, by wavelength."""
+        names = [name for name, band in self.bands.items() if band.camera == "VIS"]
+        return tuple(sorted(names, key=lambda name: self.bands[name].center_nm))
+
+    def lambda_d_arcsec(self, band: str) -> float:
+        """lambda/D at band centre."""
+        return self.band(band).center_nm * 1e-9 / self.telescope.diameter_m * ARCSEC_PER_RAD
+
+    def hole_inner_arcsec(self, band: str) -> float:
+        """Inner edge ``a`` of the square zone, per axis."""
+        return self.coronagraph.inner_lambda_d / math.sqrt(2.0) * self.lambda_d_arcsec(band)
+
+    def aperture_radius_arcsec(self, band: str) -> float:
+        """Radius of the photometric aperture."""
+        return self.coronagraph.aperture_radius_lambda_d * self.lambda_d_arcsec(band)
+
+    def aperture_pixels(self, band: str) -> float:
+        """Area of the photometric aperture in pixels."""
+        return math.pi * (self.aperture_radius_arcsec(band) / self.detector.pixel_scale_arcsec) ** 2
+
+
+def load_instrument(source: str | Path | Mapping[str, Any] | None = None) -> Instrument:
+    """Load an instrument.
+
+    Parameters
+    ----------
+    source : str, Path, mapping or None
+        Preset name, YAML path, or mapping; ``None`` is the default preset ``cpic_default``. A file or mapping
+        needs to hold only what differs from its ``base`` (a preset name, ``cpic_default`` if absent).
+
+    Returns
+    -------
+    Instrument
+
+    Raises
+    ------
+    InputError
+        Naming key, value, unit and allowed range of the first fault.
+
+    Examples
+    --------
+    >>> from simulator import load_instrument
+    >>> load_instrument({"detector": {"read_noise_e": 160}}).detector.read_noise_e
+    160.0
+    """
+    tree = _tree(source)
+    values, provenance = split_sourced(tree)
+    instrument = validate(Instrument, values, where="instrument")
+    instrument._provenance.update(provenance)
+    return instrument
+
+
+def _tree(source: str | Path | Mapping[str, Any] | None) -> dict[str, Any]:
+    if source is None:
+        source = "cpic_default"
+    if isinstance(source, Mapping):
+        own: Any = dict(source)
+    else:
+        known = preset_path("instrument", str(source))
+        if known is None and not Path(source).exists():
+            raise InputError("instrument", str(source), allowed="a YAML file or a preset",
+                             hint=f"presets: {', '.join(preset_names('instrument'))}")  # fmt: skip
+        own = load_yaml(known or source)
+        if known is not None and isinstance(own, dict) and "bands" not in own:
+            own["bands"] = _shipped_bands()
+    if not isinstance(own, dict):
+        raise InputError("instrument", own, allowed="a mapping of keys to values")
+    if own.pop("kind", "instrument") != "instrument":
+        raise InputError("instrument", str(source), allowed="a file of kind: instrument")
+    if isinstance(source, Mapping) or preset_path("instrument", str(source)) is None:
+        base = own.pop("base", "cpic_default")
+        if preset_path("instrument", str(base)) is None:
+            raise InputError("base", base, allowed=", ".join(preset_names("instrument")))
+        merged = deep_merge(_tree(base), _plain_over_sourced(_tree(base), own))
+        merged["name"] = own.get("name", f"{base}+changes" if own else base)
+        return merged
+    return own
+
+
+def _shipped_bands() -> dict[str, Any]:
+    """The catalogue's bands as a sourced tree: the numbers live there and nowhere else."""
+    provenance = band_provenance()
+    tree: dict[str, Any] = {}
+    for name, band in load_bands().items():
+        entry: dict[str, Any] = {"camera": band.camera}
+        for key in ("center_nm", "width_nm", "t_opt", "qe"):
+            entry[key] = {"value": getattr(band, key)}
+            standing = provenance.get(f"{name}.{key}")
+            if standing is not None:
+                entry[key] |= {"unit": standing.unit, "source": standing.source, "confidence": standing.confidence,
+                               "range": standing.range, "note": standing.note}  # fmt: skip
+        tree[name] = entry
+    return tree
+
+
+def _plain_over_sourced(base: Any, own: Any) -> Any:
+    """Mark a user's plain number over a sourced default as replaced, so that no stale source clings to it."""
+    if isinstance(base, Mapping) and "value" in base and not isinstance(own, Mapping):
+        return {
+            "value": own,
+            "unit": base.get("unit", ""),
+            "source": "user",
+            "confidence": "A",
+            "range": None,
+            "note": "",
+        }
+    if isinstance(base, Mapping) and isinstance(own, Mapping):
+        return {key: _plain_over_sourced(base.get(key), item) for key, item in own.items()}
+    return own

@@ -1,0 +1,95 @@
+"""Whole-file writing: a reader sees the old content or the new, never a part."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import IO, Any
+
+__all__ = ["LockHeld", "dump_json", "exclusive_lock", "write_bytes", "write_json", "write_text"]
+
+
+def write_bytes(path: str | Path, data: bytes) -> Path:
+    """Write ``data`` under a temporary name beside ``path``, flush to disk and rename over it.
+
+    Raises
+    ------
+    OSError
+        If the folder is not writable or the disk is full; ``path`` then keeps its old content.
+    """
+    path = Path(path)
+    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
+    temporary = Path(name)
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        umask = os.umask(0)
+        os.umask(umask)
+        temporary.chmod(0o666 & ~umask)
+        temporary.replace(path)
+    except BaseException:
+        with contextlib.suppress(OSError):
+            temporary.unlink()
+        raise
+    return path
+
+
+def write_text(path: str | Path, text: str) -> Path:
+    """`write_bytes` of UTF-8 text."""
+    return write_bytes(path, text.encode())
+
+
+def dump_json(tree: Any) -> str:
+    """JSON as this project writes it: two-space indent, shortest round-trip floats, no NaN, final newline."""
+    return json.dumps(tree, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def write_json(path: str | Path, tree: Any) -> Path:
+    """`write_text` of `dump_json`."""
+    return write_text(path, dump_json(tree))
+
+
+class LockHeld(RuntimeError):
+    """Another live process holds the lock; ``text`` is what it wrote into the lock file."""
+
+    def __init__(self, path: Path, text: str) -> None:
+        self.path = path
+        self.text = text
+        super().__init__(f"{path} is held by another process: {text}")
+
+
+@contextlib.contextmanager
+def exclusive_lock(path: str | Path, *, wait: bool = True) -> Iterator[IO[str]]:
+    """Hold an operating-system lock on ``path`` (created if absent, left in place afterwards).
+
+    The kernel drops the lock when the holder dies, however it dies, so there are no stale locks to judge.
+
+    Yields
+    ------
+    file
+        The open lock file, in which the holder may describe itself.
+
+    Raises
+    ------
+    LockHeld
+        If ``wait`` is false and another process holds it.
+    """
+    import fcntl
+
+    path = Path(path)
+    with path.open("a+", encoding="utf-8") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX if wait else fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            file.seek(0)
+            raise LockHeld(path, file.read().strip()) from None
+        try:
+            yield file
+        finally:
+            fcntl.flock(file, fcntl.LOCK_UN)

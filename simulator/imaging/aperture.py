@@ -1,0 +1,131 @@
+"""Circular apertures on a pixelated detector: overlap weights, aperture sums, and the core table.
+
+Aperture photometry sums pixels with the fraction of their area that lies in the circle. Averaged over the
+position of the circle within a pixel, a photon at distance s from its centre then counts with weight
+``disc * triangle(s)``: the disc convolved with the autocorrelation of a pixel.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+__all__ = ["aperture_sums", "core_from_table", "cumulative_table", "overlap_weights", "photon_weights"]
+
+FloatArray = NDArray[np.float64]
+STRIPS = 256
+
+
+def overlap_weights(radius_pixels: float, offset_y: float = 0.0, offset_x: float = 0.0) -> FloatArray:
+    """Fraction of each pixel inside a circle near the central pixel (error below 1e-5 of the area).
+
+    Parameters
+    ----------
+    radius_pixels : float
+        Radius.
+    offset_y, offset_x : float
+        Centre of the circle relative to the centre of the middle pixel, -0.5 to 0.5.
+
+    Returns
+    -------
+    ndarray, shape (m, m), m odd
+    """
+    half = int(np.ceil(radius_pixels + 0.5))
+    pixel = np.arange(-half, half + 1)
+    strip = (np.arange(STRIPS) + 0.5) / STRIPS - 0.5
+    across = pixel[:, None] + strip - offset_x
+    chord = np.sqrt(np.clip(radius_pixels**2 - across**2, 0.0, None))
+    low = (pixel - 0.5 - offset_y)[:, None, None]
+    covered = np.clip(chord, low, low + 1) - np.clip(-chord, low, low + 1)
+    weights: FloatArray = covered.mean(axis=-1)
+    return weights
+
+
+def aperture_sums(image: FloatArray, weights: FloatArray) -> FloatArray:
+    """Sum of the image under the weights centred on every pixel; nothing beyond the edges.
+
+    Parameters
+    ----------
+    image : ndarray, shape (..., n_y, n_x)
+    weights : ndarray, shape (m, m), m odd
+
+    Returns
+    -------
+    ndarray, shape (..., n_y, n_x)
+    """
+    half = len(weights) // 2
+    n_y, n_x = image.shape[-2:]
+    padded = np.zeros((*image.shape[:-2], n_y + 2 * half, n_x + 2 * half))
+    padded[..., half : half + n_y, half : half + n_x] = image
+    total = np.zeros(image.shape)
+    for row, column in np.argwhere(weights > 0):
+        total += weights[row, column] * padded[..., row : row + n_y, column : column + n_x]
+    return total
+
+
+def _triangle_cumulative(t: FloatArray) -> FloatArray:
+    """Integral of the unit triangle 1 - |t| from -1 to t."""
+    t = np.clip(t, -1.0, 1.0)
+    return np.where(t < 0, 0.5 * (1 + t) ** 2, 1 - 0.5 * (1 - t) ** 2)
+
+
+def photon_weights(y_pixels: FloatArray, x_pixels: FloatArray, radius_pixels: float) -> FloatArray:
+    """Phase-averaged weight of a photon at (y, x) from the aperture centre: disc convolved with the triangle."""
+    t = (np.arange(STRIPS) + 0.5) / STRIPS * 2 - 1
+    chord = np.sqrt(np.clip(radius_pixels**2 - (x_pixels[:, None] - t) ** 2, 0.0, None))
+    spread = _triangle_cumulative(y_pixels[:, None, None] + chord) - _triangle_cumulative(
+        y_pixels[:, None, None] - chord
+    )
+    weights: FloatArray = spread @ (1 - np.abs(t)) * (2 / STRIPS)
+    return weights
+
+
+def cumulative_table(cells: FloatArray) -> FloatArray:
+    """Sums of all cells below and left of every cell corner; one larger than ``cells`` per axis."""
+    table = np.zeros((cells.shape[0] + 1, cells.shape[1] + 1))
+    table[1:, 1:] = cells.cumsum(axis=0).cumsum(axis=1)
+    return table
+
+
+def core_from_table(
+    table: FloatArray, half_side_arcsec: float, bar_arcsec: float, x_arcsec: ArrayLike, y_arcsec: ArrayLike
+) -> FloatArray:
+    """Energy in the aperture centred at (x, y) that the cross mask lets through.
+
+    The mask opens four corners; the energy in each follows from the cumulative table of the aperture-weighted
+    point-spread function by bilinear interpolation.
+
+    Parameters
+    ----------
+    table : ndarray, shape (k, k)
+        `cumulative_table` over offsets -half_side to half_side, ``[y, x]``.
+    half_side_arcsec : float
+        Half side of the table.
+    bar_arcsec : float
+        Half width of each bar of the cross.
+    x_arcsec, y_arcsec : array_like
+        Positions relative to the star.
+    """
+    x, y = np.broadcast_arrays(np.asarray(x_arcsec, dtype=np.float64), np.asarray(y_arcsec, dtype=np.float64))
+    scale = (len(table) - 1) / (2 * half_side_arcsec)
+    last = len(table) - 1
+
+    def index(offset: FloatArray) -> FloatArray:
+        return np.clip((offset + half_side_arcsec) * scale, 0.0, last)
+
+    def below(row: FloatArray, column: FloatArray) -> FloatArray:
+        i, j = np.minimum(row.astype(int), last - 1), np.minimum(column.astype(int), last - 1)
+        p, q = row - i, column - j
+        lower = table[i, j] * (1 - q) + table[i, j + 1] * q
+        upper = table[i + 1, j] * (1 - q) + table[i + 1, j + 1] * q
+        answer: FloatArray = lower * (1 - p) + upper * p
+        return answer
+
+    full = np.full(x.shape, float(last))
+    x_low, x_high = index(-bar_arcsec - x), index(bar_arcsec - x)
+    y_low, y_high = index(-bar_arcsec - y), index(bar_arcsec - y)
+
+    def open_columns(row: FloatArray) -> FloatArray:
+        return below(row, full) - below(row, x_high) + below(row, x_low)
+
+    return np.maximum(open_columns(full) - open_columns(y_high) + open_columns(y_low), 0.0)

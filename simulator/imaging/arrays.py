@@ -1,0 +1,48 @@
+"""Named arrays in npz files with the same bytes for the same content; never pickle."""
+
+from __future__ import annotations
+
+import io
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalogs.errors import InputError
+from simulator.files import write_bytes
+
+__all__ = ["read_npz", "write_npz"]
+
+FIXED_DATE = (1980, 1, 1, 0, 0, 0)  # the oldest date a zip file can hold
+
+
+def write_npz(path: str | Path, arrays: Mapping[str, Any]) -> None:
+    """Write arrays, sorted by name, deflated, under fixed dates."""
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive:
+        for name in sorted(arrays):
+            entry = zipfile.ZipInfo(f"{name}.npy", FIXED_DATE)
+            entry.compress_type = zipfile.ZIP_DEFLATED
+            entry.external_attr = 0o644 << 16
+            body = io.BytesIO()
+            np.lib.format.write_array(body, np.asanyarray(arrays[name]), allow_pickle=False)
+            archive.writestr(entry, body.getvalue())
+    write_bytes(path, buffer.getvalue())
+
+
+def read_npz(path: str | Path) -> dict[str, NDArray[Any]]:
+    """Read every array of an npz file.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, damaged, or holds Python objects.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            return {name: archive[name] for name in archive.files}
+    except (OSError, ValueError, zipfile.BadZipFile, EOFError) as error:
+        raise InputError("file", str(path), allowed="an npz file of plain arrays", hint=str(error)) from None

@@ -1,0 +1,163 @@
+"""Wavefront drift: random phase screens, and the stamps of the star in every frame of a visit.
+
+A screen is a Gaussian random Fourier series with frequencies 0.5 to 32 cycles per pupil diameter (step 0.5) and
+power ``max(f, 1)^-slope``, without piston and tip/tilt: the fine-guidance loop holds the star on the mask, and
+what it leaves is pointing jitter, not drift. Screens are scaled by the *expected* rms over the clear disc, so their
+rms scatters from draw to draw as a Gaussian process does. The coefficients do not depend on the pupil sampling:
+every fidelity sees the same screen.
+
+A visit has one offset screen, frozen, plus a random walk from frame to frame; science and reference visits draw
+from different streams. The residual speckle ``|dE|^2 + 2 Re(E0* dE)`` is not assembled from parts: every frame
+is a full propagation of ``A exp(2 pi i OPD / lambda)``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalogs.errors import InputError
+from simulator.config.instrument import Drift
+from simulator.imaging.imager import Imager
+from simulator.imaging.quadrature import integrate_pixels
+
+__all__ = ["ScreenModel", "iter_visit_frames", "screen_model", "visit_frames"]
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+STEP_CYCLES = 0.5
+LAST_INDEX = 63  # of frequencies in steps: below 32 cycles per diameter, what 64 samples can hold
+FLAT_BELOW_CYCLES = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class ScreenModel:
+    """Generator of phase screens on an ``n x n`` pupil grid.
+
+    Attributes
+    ----------
+    amplitude : ndarray, shape (64, 127)
+        Rms of the real part of each coefficient at unit rms of the screen; rows f_y >= 0, columns f_x.
+    rows, columns : ndarray of complex128, shapes (n, 64) and (n, 127)
+        Fourier series at the sample centres.
+    removed : ndarray, shape (3, n, n)
+        Piston, tip and tilt, orthonormal over the disc and zero outside it.
+    planes : ndarray, shape (3, n, n)
+        The same without the edge.
+    """
+
+    amplitude: FloatArray
+    rows: ComplexArray
+    columns: ComplexArray
+    removed: FloatArray
+    planes: FloatArray
+
+    def draw(self, rng: np.random.Generator, rms_nm: float) -> FloatArray:
+        """One screen: optical path difference in nm, shape (n, n), expected rms ``rms_nm`` over the disc."""
+        real, imaginary = rng.standard_normal((2, *self.amplitude.shape))
+        coefficients = (rms_nm * self.amplitude) * (real + 1j * imaginary)
+        screen = np.ascontiguousarray((self.rows @ (coefficients @ self.columns.T)).real)
+        content = np.tensordot(self.removed, screen, axes=2)
+        return screen - np.tensordot(content, self.planes, axes=1)
+
+
+def screen_model(samples: int, psd_slope: float) -> ScreenModel:
+    """Screens with power spectrum ``f^-psd_slope`` on ``samples`` x ``samples`` pupil samples."""
+    position = (np.arange(samples) + 0.5) / samples - 0.5
+    f_y = STEP_CYCLES * np.arange(LAST_INDEX + 1)
+    f_x = STEP_CYCLES * np.arange(-LAST_INDEX, LAST_INDEX + 1)
+    radius = np.hypot(f_y[:, None], f_x)
+    amplitude = np.maximum(radius, FLAT_BELOW_CYCLES) ** (-psd_slope / 2)
+    amplitude[0, f_x <= 0] = 0.0  # the other half of the f_y = 0 row, and piston
+    rows = np.exp(2j * np.pi * np.outer(position, f_y))
+    columns = np.exp(2j * np.pi * np.outer(position, f_x))
+    disc = (np.hypot(position[:, None], position) <= 0.5).astype(np.float64)
+    planes = np.stack([np.ones_like(disc), *np.meshgrid(position, position, indexing="ij")])
+    planes = planes / np.sqrt((planes**2 * disc).sum(axis=(1, 2)) / disc.sum())[:, None, None]
+    removed = planes * disc / disc.sum()
+    # Expected mean square: each wave carries its amplitude squared, less what piston, tip and tilt take of it.
+    taken = sum(np.abs(rows.T @ plane @ columns) ** 2 for plane in removed)
+    mean_square = float((amplitude**2 * (1.0 - taken)).sum())
+    return ScreenModel(amplitude / math.sqrt(mean_square), rows, columns, removed, planes)
+
+
+def iter_visit_frames(
+    imager: Imager,
+    drift: Drift,
+    n_frames: int,
+    cadence_s: float,
+    rng_visit: np.random.Generator,
+    rng_walk: np.random.Generator,
+) -> Iterator[FloatArray]:
+    """Masked on-axis stamps of the frames of one visit, one at a time.
+
+    Parameters
+    ----------
+    imager : Imager
+        Optical model; its ``knobs`` set the sampling.
+    drift : Drift
+        Visit offset (nm rms), random walk (nm rms per square root of an hour), spectral slope.
+    n_frames : int
+        Number of frames, at least 1.
+    cadence_s : float
+        Time from one frame to the next, exposure and readout, > 0.
+    rng_visit, rng_walk : numpy.random.Generator
+        Streams of the frozen offset and of the walk; frame 0 has the offset alone, frame k the sum of k steps.
+        The walk within one exposure is not smeared.
+
+    Yields
+    ------
+    ndarray, shape (stamp, stamp)
+        Fraction of the energy on the clear disc in every pixel.
+
+    Raises
+    ------
+    InputError
+        If ``n_frames`` or ``cadence_s`` is out of range.
+    """
+    if n_frames < 1:
+        raise InputError("n_frames", n_frames, allowed="at least 1")
+    if not (math.isfinite(cadence_s) and cadence_s > 0):
+        raise InputError("cadence_s", cadence_s, unit="s", allowed="above 0")
+    return _frames(imager, drift, n_frames, cadence_s, rng_visit, rng_walk)
+
+
+def _frames(
+    imager: Imager, drift: Drift, n_frames: int, cadence_s: float, rng_visit: np.random.Generator,
+    rng_walk: np.random.Generator,
+) -> Iterator[FloatArray]:  # fmt: skip
+    screens = screen_model(len(imager.transmission), drift.psd_slope)
+    axis = imager.stamp_axis(masked=True)
+    transforms = [imager.transform(axis.nodes_arcsec, wavelength) for wavelength in imager.wavelengths_m]
+    step_nm = drift.walk_nm_per_sqrt_hour * math.sqrt(cadence_s / 3600.0)
+    opd_nm = screens.draw(rng_visit, drift.visit_nm)
+    stamp: FloatArray | None = None
+    for frame in range(n_frames):
+        if frame > 0 and step_nm > 0:
+            opd_nm = opd_nm + screens.draw(rng_walk, step_nm)
+        if stamp is None or step_nm > 0:
+            total = np.zeros((axis.nodes_arcsec.size,) * 2)
+            for transform, wavelength, weight in zip(
+                transforms, imager.wavelengths_m, imager.weights, strict=True
+            ):
+                pupil = imager.transmission * np.exp(2j * np.pi / (wavelength * 1e9) * opd_nm)
+                field = transform @ (pupil @ transform.T)
+                total += weight * (field.real**2 + field.imag**2)
+            stamp = integrate_pixels(total, axis, axis) * imager.pixel_solid_angle_sr
+        yield stamp
+
+
+def visit_frames(
+    imager: Imager,
+    drift: Drift,
+    n_frames: int,
+    cadence_s: float,
+    rng_visit: np.random.Generator,
+    rng_walk: np.random.Generator,
+) -> FloatArray:
+    """`iter_visit_frames` stacked, shape (n_frames, stamp, stamp)."""
+    return np.stack(list(iter_visit_frames(imager, drift, n_frames, cadence_s, rng_visit, rng_walk)))

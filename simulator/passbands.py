@@ -1,0 +1,311 @@
+"""Band rates of stars, planets and sky: the one quadrature that ETC and images share.
+
+All rates are detected photo-electrons per second before any PSF: photons of the spectrum x area x ``t_opt``
+x filter x QE. Apodizer, Strehl, mask and aperture are not in them.
+
+Stellar rates come from a table of band integrals at the nodes of the stellar grid. The grid is interpolated
+linearly in flux, hence the interpolated integrals equal the integrals of the interpolated spectrum, to
+rounding.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from catalogs.bands import Band, band_from_file, load_bands
+from catalogs.errors import InputError
+from catalogs.spectra import Albedo, Spectrum, load_albedo, load_reference_spectrum, load_stellar_grid
+from catalogs.stellar_grid import GridFlags, StellarGrid
+from simulator.band_integrals import (
+    band_integral,
+    band_projection,
+    band_quadrature,
+    check_covers,
+    check_finite,
+    check_positive,
+    check_table,
+    v_photon_rate,
+    v_projection,
+    vega_v_photon_rate,
+)
+
+if TYPE_CHECKING:
+    from simulator.config.instrument import BandConfig, Instrument
+
+__all__ = ["Passbands"]
+
+
+@dataclass(frozen=True, eq=False)
+class Passbands:
+    """The bands with their band integrals; made by `from_bands` or `from_instrument`.
+
+    Attributes
+    ----------
+    bands : tuple of Band
+        The bands, in the order of the last axis of every result.
+    grid : StellarGrid
+        The stellar grid.
+    node_rates : ndarray, shape (node, band)
+        Detected rate of each grid node per area of stellar surface, e-/s/cm2.
+    node_v : ndarray, shape (node,)
+        V-weighted photon rate of each grid node, ph/s/cm2 of stellar surface.
+    sun_rates : ndarray, shape (band,)
+        e-/s/cm2 of the solar spectrum scaled to V = 0.
+    """
+
+    bands: tuple[Band, ...]
+    grid: StellarGrid
+    node_rates: np.ndarray
+    node_v: np.ndarray
+    sun_rates: np.ndarray
+
+    @classmethod
+    def from_bands(cls, bands: Mapping[str, Band] | Iterable[Band] | None = None) -> Passbands:
+        """Integrate the stellar grid over the bands; equal bands give the same object again.
+
+        Parameters
+        ----------
+        bands : mapping or iterable of Band, optional
+            The bands; default: the eight shipped ones.
+
+        Raises
+        ------
+        InputError
+            If there is no band, a name occurs twice, or a band reaches beyond the stellar grid (300-1750 nm).
+        """
+        chosen = load_bands() if bands is None else bands
+        return _integrate(tuple(chosen.values() if isinstance(chosen, Mapping) else chosen))
+
+    @classmethod
+    def from_instrument(cls, instrument: Instrument) -> Passbands:
+        """Return the passbands of an instrument configuration; see `from_bands`."""
+        return cls.from_bands(_band(name, config) for name, config in instrument.bands.items())
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Band names in order."""
+        return tuple(band.name for band in self.bands)
+
+    def index(self, name: str) -> int:
+        """Return the position of a band.
+
+        Raises
+        ------
+        InputError
+            If there is no such band.
+        """
+        if name not in self.names:
+            raise InputError("band", name, allowed=", ".join(self.names))
+        return self.names.index(name)
+
+    def star_rate_e_s(
+        self, v_mag: ArrayLike, teff_k: ArrayLike, log_g: ArrayLike, metallicity: ArrayLike, area_cm2: float
+    ) -> np.ndarray:
+        """Return the detected rate of stars, e-/s, before any PSF.
+
+        Parameters
+        ----------
+        v_mag : array_like
+            Johnson V magnitude (Vega).
+        teff_k, log_g, metallicity : array_like
+            Stellar parameters (K, dex of cm/s2, dex); clamped to the grid, see `grid_flags`.
+        area_cm2 : float
+            Collecting area.
+
+        Returns
+        -------
+        ndarray, shape (..., band)
+            The leading shape is that of the broadcast inputs.
+
+        Raises
+        ------
+        InputError
+            If an input is not finite or the area not positive.
+        """
+        magnitude = check_finite("v_mag", v_mag, "mag")
+        area = check_positive("area_cm2", area_cm2, "cm2")
+        nodes, weights = self.grid.corners(teff_k, log_g, metallicity)
+        electrons = np.einsum("...k,...kb->...b", weights, self.node_rates[nodes])
+        v_photons = np.einsum("...k,...k->...", weights, self.node_v[nodes])
+        scale = area * vega_v_photon_rate() * 10.0 ** (-0.4 * magnitude) / v_photons
+        return scale[..., None] * electrons
+
+    def grid_flags(self, teff_k: ArrayLike, log_g: ArrayLike, metallicity: ArrayLike) -> GridFlags:
+        """Return which parameters lie outside the stellar grid and are clamped; ``.any`` joins the three."""
+        return self.grid.flags(teff_k, log_g, metallicity)
+
+    def spectrum_rate_e_s(self, wavelength_nm: ArrayLike, photlam: ArrayLike, area_cm2: float) -> np.ndarray:
+        """Return the detected rate (e-/s, shape (band,)) of any spectrum that is linear between its samples.
+
+        Parameters
+        ----------
+        wavelength_nm, photlam : array_like, shape (n,)
+            Increasing wavelengths and photon flux density, ph/s/cm2/A.
+        area_cm2 : float
+            Collecting area.
+
+        Raises
+        ------
+        InputError
+            If the spectrum is malformed, negative or does not cover a band.
+        """
+        wavelength, flux = check_table("spectrum", wavelength_nm, photlam)
+        area = check_positive("area_cm2", area_cm2, "cm2")
+        return area * np.array([band_integral(band, wavelength, flux) for band in self.bands])
+
+    def sky_rate_e_s_arcsec2(self, mag_arcsec2: ArrayLike, area_cm2: float) -> np.ndarray:
+        """Return the detected rate of a sky of solar colour, e-/s/arcsec2, shape (..., band).
+
+        Parameters
+        ----------
+        mag_arcsec2 : array_like
+            Surface brightness in Johnson V (Vega).
+        area_cm2 : float
+            Collecting area.
+        """
+        magnitude = check_finite("mag_arcsec2", mag_arcsec2, "mag/arcsec2")
+        area = check_positive("area_cm2", area_cm2, "cm2")
+        return area * (10.0 ** (-0.4 * magnitude))[..., None] * self.sun_rates
+
+    def band_albedo(
+        self, albedo: str | Albedo, teff_k: ArrayLike, log_g: ArrayLike, metallicity: ArrayLike
+    ) -> np.ndarray:
+        """Return the photon-weighted mean albedo in each band under the light of each star.
+
+        ``integral(F A T QE dlambda) / integral(F T QE dlambda)``, exact for an albedo linear between its
+        samples.
+
+        Parameters
+        ----------
+        albedo : str or Albedo
+            Name of a measured planet (its node table is kept), or a table.
+        teff_k, log_g, metallicity : array_like
+            Stellar parameters.
+
+        Returns
+        -------
+        ndarray, shape (..., band)
+
+        Raises
+        ------
+        InputError
+            If the planet is unknown, or the table is malformed, negative or does not cover a band.
+        """
+        table = _planet_nodes(self, albedo) if isinstance(albedo, str) else _albedo_nodes(self, albedo)
+        nodes, weights = self.grid.corners(teff_k, log_g, metallicity)
+        # Grid interpolation is linear in surface flux, so the same weights serve numerator and denominator.
+        reflected = np.einsum("...k,...kb->...b", weights, table[nodes])
+        return reflected / np.einsum("...k,...kb->...b", weights, self.node_rates[nodes])
+
+    def albedo_flags(self, albedo: str | Albedo) -> np.ndarray:
+        """Return, per band, whether the albedo is ``extrapolated`` (its origin undocumented)."""
+        table = load_albedo(albedo) if isinstance(albedo, str) else albedo
+        return np.array([band.support_nm[1] > table.documented_to_nm for band in self.bands])
+
+    def wavelength_nodes(
+        self, name: str, n: int, *, spectrum: Spectrum | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return Gauss-Legendre wavelengths over a band and weights that average over the detected photons.
+
+        The weights integrate every polynomial up to degree n - 1 exactly against filter x QE x photon
+        spectrum; for a top-hat and a flat spectrum they are the Gauss-Legendre weights (degree 2n - 1).
+        Where a steep curve would make one negative, each node takes the share of its own cell instead.
+
+        Parameters
+        ----------
+        name : str
+            Band name.
+        n : int
+            Number of nodes, at least 1.
+        spectrum : Spectrum, optional
+            Photon spectrum to weight with; default: flat.
+
+        Returns
+        -------
+        wavelength_nm, weights : ndarray, shape (n,)
+            Weights are non-negative and sum to 1.
+
+        Raises
+        ------
+        InputError
+            For an unknown band, n < 1, or a spectrum that does not cover the band.
+        """
+        if n < 1:
+            raise InputError("n", n, allowed="at least 1")
+        band = self.bands[self.index(name)]
+        low, high = band.support_nm
+        t, gauss = np.polynomial.legendre.leggauss(n)
+        centres = 0.5 * (low + high + (high - low) * t)
+        if spectrum is None and band.curve is None:
+            return centres, 0.5 * gauss
+        # Cells much finer than the polynomials: two points in each are enough.
+        samples = [np.linspace(low, high, 64 * n + 1)]
+        if spectrum is not None:
+            wavelength, flux = check_table("spectrum", spectrum.wavelength_nm, spectrum.photlam)
+            check_covers("spectrum", wavelength, band)
+            samples.append(wavelength)
+        x, measure = band_quadrature(band, *samples)
+        if spectrum is not None:
+            measure = measure * np.interp(x, wavelength, flux)
+        position = (2.0 * x - low - high) / (high - low)
+        moments = measure @ np.polynomial.legendre.legvander(position, n - 1)
+        # Lagrange polynomials at Gauss-Legendre nodes, written in Legendre polynomials.
+        weights = gauss * (np.polynomial.legendre.legvander(t, n - 1) @ ((np.arange(n) + 0.5) * moments))
+        if weights.min() < 0.0:
+            edges = np.cumsum(gauss)[:-1] - 1.0
+            cells = np.bincount(np.searchsorted(edges, position), weights=measure, minlength=n)
+            weights = cells.astype(np.float64)
+        return centres, weights / weights.sum()
+
+
+def _band(name: str, config: BandConfig) -> Band:
+    """Return the band of a configuration entry; a file replaces the top-hat, not centre and width."""
+    numbers = (config.camera, config.center_nm, config.width_nm, config.t_opt, config.qe)
+    band = Band(name, *numbers)
+    if config.transmission_file is None:
+        return band
+    read = band_from_file(
+        config.transmission_file, name, t_opt=config.t_opt, qe=config.qe, camera=config.camera
+    )
+    return replace(band, curve=read.curve)
+
+
+@functools.lru_cache(maxsize=8)
+def _integrate(bands: tuple[Band, ...]) -> Passbands:
+    names = [band.name for band in bands]
+    if not bands or len(set(names)) != len(names):
+        raise InputError("bands", names, allowed="at least one band, each name once")
+    grid = load_stellar_grid()
+    sun = load_reference_spectrum("sun")
+    samples = grid.wavelength_nm
+    table = _node_table(grid, [v_projection(samples), *(band_projection(band, samples) for band in bands)])
+    node_rates, node_v = np.ascontiguousarray(table[:, 1:]), np.ascontiguousarray(table[:, 0])
+    sun_at_v0 = vega_v_photon_rate() / v_photon_rate(sun.wavelength_nm, sun.photlam)
+    sun_rates = sun_at_v0 * np.array([band_integral(band, sun.wavelength_nm, sun.photlam) for band in bands])
+    for array in (node_rates, node_v, sun_rates):
+        array.setflags(write=False)
+    return Passbands(bands, grid, node_rates, node_v, sun_rates)
+
+
+@functools.lru_cache(maxsize=32)
+def _planet_nodes(passbands: Passbands, planet: str) -> np.ndarray:
+    return _albedo_nodes(passbands, load_albedo(planet))
+
+
+def _albedo_nodes(passbands: Passbands, albedo: Albedo) -> np.ndarray:
+    """Return band integrals of stellar flux x albedo at the grid nodes, shape (node, band)."""
+    table = check_table("albedo", albedo.wavelength_nm, albedo.albedo)
+    samples = passbands.grid.wavelength_nm
+    return _node_table(passbands.grid, [band_projection(band, samples, table) for band in passbands.bands])
+
+
+def _node_table(grid: StellarGrid, columns: list[np.ndarray]) -> np.ndarray:
+    projection = np.column_stack(columns)
+    used = np.flatnonzero(projection.any(axis=1))
+    return grid.node_photlam(np.arange(grid.n_nodes), used) @ projection[used]

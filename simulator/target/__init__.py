@@ -1,0 +1,64 @@
+"""Target simulation: stellar spectra, planet albedo, phase, contrast and positions.
+
+Names load on first use, so that importing the package costs nothing.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from simulator.target.albedo import albedo_flags, planet_albedo
+    from simulator.target.contrast import contrast_at, planet_contrast
+    from simulator.target.phase import lambert_phase
+    from simulator.target.positions import detector_to_sky, sky_to_detector
+    from simulator.target.sources import Source, scene_sources, spectrum_generator
+    from simulator.target.spectral_type import StellarParameters, stellar_parameters
+    from simulator.target.star_spectrum import StarSpectrum, star_photlam, stellar_spectrum
+
+__all__ = [
+    "Source",
+    "StarSpectrum",
+    "StellarParameters",
+    "albedo_flags",
+    "contrast_at",
+    "detector_to_sky",
+    "lambert_phase",
+    "planet_albedo",
+    "planet_contrast",
+    "scene_sources",
+    "sky_to_detector",
+    "spectrum_generator",
+    "star_photlam",
+    "stellar_parameters",
+    "stellar_spectrum",
+]
+
+_HOME = {
+    "Source": "sources",
+    "StarSpectrum": "star_spectrum",
+    "StellarParameters": "spectral_type",
+    "albedo_flags": "albedo",
+    "contrast_at": "contrast",
+    "detector_to_sky": "positions",
+    "lambert_phase": "phase",
+    "planet_albedo": "albedo",
+    "planet_contrast": "contrast",
+    "scene_sources": "sources",
+    "sky_to_detector": "positions",
+    "spectrum_generator": "sources",
+    "star_photlam": "star_spectrum",
+    "stellar_parameters": "spectral_type",
+    "stellar_spectrum": "star_spectrum",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(importlib.import_module(f"{__name__}.{_HOME[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -1,0 +1,119 @@
+"""Planet-to-star contrast in reflected light."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from catalogs.errors import InputError
+from simulator.target.phase import lambert_phase, sin_phase
+
+__all__ = ["AU_KM", "JUPITER_RADIUS_KM", "contrast_at", "planet_contrast"]
+
+#: Equatorial radius of Jupiter at 1 bar (IAU 2015 resolution B3 nominal value), km.
+JUPITER_RADIUS_KM = 71492.0
+#: Astronomical unit (IAU 2012, exact), km.
+AU_KM = 149597870.7
+
+
+def planet_contrast(
+    radius_rjup: ArrayLike,
+    separation_ra_au: ArrayLike,
+    separation_dec_au: ArrayLike,
+    phase_deg: ArrayLike,
+    geometric_albedo: ArrayLike,
+) -> np.ndarray | float:
+    """Return the contrast of a planet seen at a projected offset (Eq. 1 of Zhu et al. 2025).
+
+    ``A_g (R/r)^2 Phi(a)`` with the Lambert phase function and the true distance ``r = rho / sin a`` of a
+    planet at projected distance rho and phase angle a. With rho > 0 the contrast goes to 0 at both 0 and
+    180 degrees (there the planet would have to be infinitely far), and 0.0 is returned; its maximum is near
+    63 degrees.
+
+    Parameters
+    ----------
+    radius_rjup : array_like
+        Planet radius, R_J = 71 492 km.
+    separation_ra_au, separation_dec_au : array_like
+        Projected offset from the star along right ascension (true angle, not coordinate) and declination, AU.
+    phase_deg : array_like
+        Phase angle, 0 to 180 degrees.
+    geometric_albedo : array_like
+        Geometric albedo; use the photon-weighted band mean for a band contrast.
+
+    Returns
+    -------
+    ndarray or float
+        Flux ratio, broadcast shape; a float for scalars.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range, or the offset is zero: then the true distance is not fixed by it, use
+        `contrast_at`.
+    """
+    rho_au = np.hypot(
+        _finite("separation_ra_au", separation_ra_au, "AU"),
+        _finite("separation_dec_au", separation_dec_au, "AU"),
+    )
+    if np.any(rho_au == 0.0):
+        raise InputError(
+            "separation", 0.0, unit="AU", allowed="above 0", hint="give the true distance to contrast_at"
+        )
+    radius, albedo = _not_negative(radius_rjup, geometric_albedo)
+    size = radius * (JUPITER_RADIUS_KM / AU_KM) * sin_phase(phase_deg) / rho_au
+    return _plain(albedo * size * size * lambert_phase(phase_deg))
+
+
+def contrast_at(
+    radius_rjup: ArrayLike, distance_au: ArrayLike, phase_deg: ArrayLike, geometric_albedo: ArrayLike
+) -> np.ndarray | float:
+    """Return the contrast ``A_g (R/r)^2 Phi(a)`` of a planet at true distance r from its star.
+
+    Parameters
+    ----------
+    radius_rjup : array_like
+        Planet radius, R_J = 71 492 km.
+    distance_au : array_like
+        True distance from the star, AU, above 0.
+    phase_deg : array_like
+        Phase angle, 0 to 180 degrees.
+    geometric_albedo : array_like
+        Geometric albedo.
+
+    Returns
+    -------
+    ndarray or float
+        Flux ratio, broadcast shape; a float for scalars.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range.
+    """
+    distance = _finite("distance_au", distance_au, "AU")
+    if np.any(distance <= 0.0):
+        raise InputError("distance_au", float(distance.min()), unit="AU", allowed="above 0")
+    radius, albedo = _not_negative(radius_rjup, geometric_albedo)
+    size = radius * (JUPITER_RADIUS_KM / AU_KM) / distance
+    return _plain(albedo * size * size * lambert_phase(phase_deg))
+
+
+def _not_negative(radius_rjup: ArrayLike, geometric_albedo: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+    radius = _finite("radius_rjup", radius_rjup, "R_J")
+    albedo = _finite("geometric_albedo", geometric_albedo, "")
+    for name, array, unit in (("radius_rjup", radius, "R_J"), ("geometric_albedo", albedo, "")):
+        if np.any(array < 0.0):
+            raise InputError(name, float(array.min()), unit=unit, allowed="at least 0")
+    return radius, albedo
+
+
+def _finite(name: str, value: ArrayLike, unit: str) -> np.ndarray:
+    array = np.asarray(value, dtype=np.float64)
+    if not np.all(np.isfinite(array)):
+        raise InputError(name, float(array[~np.isfinite(array)].flat[0]), unit=unit, allowed="finite numbers")
+    return array
+
+
+def _plain(value: np.ndarray | float) -> np.ndarray | float:
+    return float(value) if np.ndim(value) == 0 else value

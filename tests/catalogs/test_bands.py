@@ -1,0 +1,132 @@
+"""The eight bands: their numbers, their provenance, and curves from files."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from catalogs.bands import Band, band_from_file, band_provenance, bands_tree, load_bands
+from catalogs.errors import InputError
+from catalogs.spectra import Curve
+
+
+def test_eight_bands_in_order_of_wavelength() -> None:
+    bands = load_bands()
+    assert list(bands) == ["F520", "F662", "F720", "F850", "F940", "F1265", "F1425", "F1542"]
+    assert [band.center_nm for band in bands.values()] == [520, 662, 720, 850, 940, 1265, 1425, 1542]
+    assert [band.width_nm for band in bands.values()][:4] == [50, 55, 20, 25]
+    assert [band.qe for band in bands.values()][:4] == [0.915, 0.90, 0.835, 0.50]
+    assert [band.camera for band in bands.values()] == ["VIS"] * 4 + ["NIR"] * 4
+    for band in bands.values():
+        assert band.t_opt == 0.19
+        if band.camera == "NIR":
+            assert band.width_nm == pytest.approx(0.05 * band.center_nm, rel=1e-3)
+
+
+def test_every_number_has_a_source_and_a_confidence() -> None:
+    provenance = band_provenance()
+    assert set(provenance) == {
+        f"{name}.{key}" for name in load_bands() for key in ("center_nm", "width_nm", "t_opt", "qe")
+    }
+    for item in provenance.values():
+        assert item.confidence in {"P", "I", "A"}
+        assert item.source
+    assert provenance["F850.t_opt"].range == (0.19, 0.46)
+    assert provenance["F520.qe"].confidence == "P"
+    assert provenance["F940.qe"].confidence == "A"
+
+
+def test_loaded_mappings_are_the_callers_own() -> None:
+    load_bands().clear()
+    bands_tree().clear()
+    assert len(load_bands()) == len(bands_tree()) == 8
+    assert bands_tree()["F520"]["center_nm"]["value"] == 520
+
+
+def test_top_hat_transmission_is_the_product_of_its_parts() -> None:
+    band = load_bands()["F720"]
+    wavelength = np.array([709.9, 710.0, 715.0, 730.0, 730.1])
+    assert band.support_nm == (710.0, 730.0)
+    np.testing.assert_array_equal(band.filter_transmission(wavelength), [0, 1, 1, 1, 0])
+    np.testing.assert_array_equal(band.quantum_efficiency(wavelength), 0.835)
+    np.testing.assert_allclose(band.transmission(wavelength), 0.19 * 0.835 * np.array([0, 1, 1, 1, 0]))
+
+
+def test_equal_bands_are_equal_and_hash_equal() -> None:
+    first, second = load_bands()["F520"], dataclasses.replace(load_bands()["F520"])
+    assert first == second
+    assert hash(first) == hash(second)
+    assert first is not second
+    assert first != dataclasses.replace(first, t_opt=0.2)
+    curve = Curve(np.array([500.0, 520.0, 540.0]), np.array([0.0, 1.0, 0.0]))
+    again = Curve(curve.wavelength_nm.copy(), curve.transmission.copy())
+    assert dataclasses.replace(first, curve=curve) == dataclasses.replace(first, curve=again) != first
+    assert first != "F520"
+
+
+@pytest.mark.parametrize(
+    ("change", "key"),
+    [
+        ({"camera": "UV"}, "X.camera"),
+        ({"width_nm": 0.0}, "X.width_nm"),
+        ({"width_nm": float("nan")}, "X.width_nm"),
+        ({"center_nm": -1.0}, "X.center_nm"),
+        ({"t_opt": 1.01}, "X.t_opt"),
+        ({"qe": 0.0}, "X.qe"),
+    ],
+)
+def test_bad_band_is_refused_by_name(change: dict[str, object], key: str) -> None:
+    good = {"name": "X", "camera": "VIS", "center_nm": 600.0, "width_nm": 10.0, "t_opt": 0.5, "qe": 0.5}
+    with pytest.raises(InputError) as caught:
+        Band(**{**good, **change})
+    assert caught.value.key == key
+
+
+def test_curve_from_file_in_either_unit(tmp_path) -> None:
+    rows = np.array([[510.0, 0.0], [515.0, 0.8], [525.0, 0.8], [530.0, 0.0]])
+    in_nm, in_angstrom = tmp_path / "nm.txt", tmp_path / "angstrom.csv"
+    in_nm.write_text("# wavelength [nm], T\n" + "\n".join(f"{a} {b}" for a, b in rows) + "\n")
+    in_angstrom.write_text("".join(f"{10 * a},{b}\n" for a, b in rows))
+    first = band_from_file(in_nm, "F520", t_opt=0.3, qe=0.9)
+    second = band_from_file(in_angstrom, "F520", t_opt=0.3, qe=0.9, unit="Angstrom")
+    np.testing.assert_allclose(first.curve.wavelength_nm, second.curve.wavelength_nm, rtol=1e-15)
+    # A symmetric trapezium: mean at its middle, width = area / peak = 15 nm.
+    assert first.center_nm == pytest.approx(520.0, rel=1e-14)
+    assert first.width_nm == pytest.approx(15.0, rel=1e-14)
+    assert first.support_nm == (510.0, 530.0)
+    assert first.filter_transmission(512.5) == pytest.approx(0.4)
+    assert first.filter_transmission(509.0) == 0.0
+    with pytest.raises(ValueError, match="read-only"):
+        first.curve.transmission[0] = 1.0
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "500 0.1\n510 0.2\n",  # no unit
+        "# nm and Angstrom\n500 0.1\n510 0.2\n",  # two units
+        "# nm\n510 0.2\n500 0.1\n",
+        "# nm\n500 0.2\n500 0.1\n",
+        "# nm\n500 -0.1\n510 0.2\n",
+        "# nm\n500 0.1\n510 1.2\n",
+        "# nm\n500 0\n510 0\n",
+        "# nm\n500 0.1\n510 nan\n",
+        "# nm\n500 0.1 3\n510 0.2 3\n",
+        "# nm\n500 0.1\n",
+        "# nm\nwave trans\n500 0.1\n510 0.2\n",
+    ],
+)
+def test_bad_curve_is_refused(tmp_path, text: str) -> None:
+    path = tmp_path / "curve.txt"
+    path.write_text(text)
+    with pytest.raises(InputError):
+        band_from_file(path, "X", t_opt=0.3, qe=0.9)
+
+
+def test_unreadable_curve_is_refused(tmp_path) -> None:
+    (tmp_path / "binary").write_bytes(b"\xff\xfe\x00\x81")
+    for name, unit in (("missing", "nm"), ("binary", "nm"), ("binary", "furlong")):
+        with pytest.raises(InputError):
+            band_from_file(tmp_path / name, "X", t_opt=0.3, qe=0.9, unit=unit)

@@ -1,0 +1,51 @@
+"""Heavy libraries stay out until they are needed."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+HEAVY = (
+    "pandas",
+    "synphot",
+    "hcipy",
+    "matplotlib",
+    "photutils",
+    "sep",
+    "astroquery",
+    "scipy.stats",
+    "numba",
+    "dask",
+)
+
+
+def loaded_after(code, *arguments):
+    script = f"import sys\n{code}\nimport json\nprint('\\n' + json.dumps([m for m in {HEAVY!r} if m in sys.modules]))"
+    done = subprocess.run(
+        [sys.executable, "-c", script, *arguments], capture_output=True, text=True, check=True
+    )
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def test_import_loads_nothing_heavy():
+    assert loaded_after("import cpic_planner, simulator, catalogs") == []
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [["etc", "tau Cet", "--snr", "5"], ["etc", "HIP 71681", "--json"], ["rank", "--json"], ["rank", "--limit", "3"], ["--version"],
+     ["catalog", "info"], ["schema", "plan"], ["cache", "info"]],
+)  # fmt: skip
+def test_answers_load_nothing_heavy(arguments):
+    code = f"from cpic_planner.cli.main import main\nassert main({arguments!r}) == 0"
+    assert loaded_after(code) == []
+
+
+def test_public_names_exist_here_and_there():
+    import cpic_planner
+    import simulator
+
+    assert set(simulator.__all__) <= set(cpic_planner.__all__)
+    for name in cpic_planner.__all__:
+        assert getattr(cpic_planner, name) is not None

@@ -1,0 +1,94 @@
+import math
+
+import pytest
+from pydantic import ValidationError
+
+from catalogs.errors import InputError
+from simulator.config import content_hash, load_instrument
+from simulator.config.base import canonical_json
+
+
+def test_default_states_source_and_confidence_of_every_number():
+    instrument = load_instrument()
+    values = instrument.model_dump()
+
+    def leaves(tree, path=""):
+        for key, item in tree.items():
+            here = f"{path}.{key}" if path else key
+            if isinstance(item, dict):
+                yield from leaves(item, here)
+            elif isinstance(item, int | float) and not isinstance(item, bool):
+                yield here
+
+    provenance = instrument.provenance
+    missing = [path for path in leaves(values) if not provenance.get(path) or not provenance[path].source]
+    assert missing == []
+    assert {item.confidence for item in provenance.values()} <= {"P", "I", "A"}
+
+
+def test_geometry_of_the_default_instrument():
+    instrument = load_instrument()
+    assert instrument.telescope.area_cm2 == pytest.approx(31415.93, abs=0.01)
+    assert instrument.lambda_d_arcsec("F520") == pytest.approx(0.0536, abs=5e-5)
+    inner = {band: instrument.hole_inner_arcsec(band) * math.sqrt(2) for band in instrument.visible_bands()}
+    assert {k: round(v, 3) for k, v in inner.items()} == {
+        "F520": 0.231,
+        "F662": 0.294,
+        "F720": 0.319,
+        "F850": 0.377,
+    }
+    assert instrument.visible_bands() == ("F520", "F662", "F720", "F850")
+
+
+def test_user_file_holds_only_what_differs(tmp_path):
+    path = tmp_path / "mine.yaml"
+    path.write_text("detector: {read_noise_e: 160}\nbands: {F520: {width_nm: 25}}\n")
+    mine, default = load_instrument(path), load_instrument()
+    assert mine.detector.read_noise_e == 160
+    assert mine.bands["F520"].width_nm == 25
+    assert mine.bands["F520"].qe == default.bands["F520"].qe
+    assert mine.content_hash != default.content_hash
+    assert mine.provenance["detector.read_noise_e"].source == "user"
+    assert mine.provenance["detector.full_well_e"] == default.provenance["detector.full_well_e"]
+
+
+@pytest.mark.parametrize(
+    ("tree", "words"),
+    [
+        (
+            {"detector": {"read_noise_e": -1}},
+            ("instrument.detector.read_noise_e = -1 e-", "greater than or equal to 0"),
+        ),
+        ({"detector": {"read_noise": 1}}, ("instrument.detector.read_noise", "known keys", "read_noise_e")),
+        ({"detector": {"adc_bits": 14.5}}, ("adc_bits", "14.5")),
+        ({"detector": {"star_row": 1050}}, ("star_row", "1080 x 1050")),
+        ({"detector": {"exposure_min_s": 400}}, ("exposure_min_s = 400", "exposure_max_s = 300")),
+        ({"drift": {"visit_nm": float("nan")}}, ("visit_nm",)),
+        ({"drift": {"visit_nm": float("inf")}}, ("visit_nm",)),
+        ({"telescope": 3}, ("instrument.telescope",)),
+        ({"base": "other"}, ("base = other", "cpic_default")),
+        ("no_such_preset", ("no_such_preset", "cpic_default")),
+    ],
+)
+def test_bad_values_are_refused_in_one_line(tree, words):
+    with pytest.raises(InputError) as caught:
+        load_instrument(tree)
+    for word in words:
+        assert word in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_configuration_is_frozen():
+    instrument = load_instrument()
+    with pytest.raises(ValidationError):
+        instrument.detector.read_noise_e = 1.0
+
+
+def test_hash_depends_on_content_only():
+    assert content_hash({"a": 1, "b": [2.0, 3]}) == content_hash({"b": [2, 3.0], "a": 1.0})
+    assert content_hash({"a": 1}) != content_hash({"a": 1.0000000001})
+    assert canonical_json({"x": 1e300, "y": 0.1}) == '{"x":1e+300,"y":0.1}'
+    assert (
+        load_instrument().content_hash
+        == load_instrument({}).model_copy(update={"name": "cpic_default"}).content_hash
+    )

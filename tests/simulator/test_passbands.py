@@ -1,0 +1,306 @@
+"""Band rates: against direct integration of spectra, against the reference Sun, and their speed."""
+
+from __future__ import annotations
+
+import dataclasses
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from catalogs.bands import Band, load_bands
+from catalogs.errors import InputError
+from catalogs.spectra import PLANETS, Albedo, Curve, Spectrum, load_albedo, load_reference_spectrum
+from simulator.band_integrals import v_photon_rate, vega_v_photon_rate
+from simulator.passbands import Passbands
+from simulator.target import star_photlam, stellar_spectrum
+
+AREA_CM2 = 31416.0
+ROOT = Path(__file__).resolve().parents[2]
+STARS = [
+    (1.35, 5260.0, 4.55, 0.2),
+    (5.0, 3620.0, 4.9, -1.2),
+    (4.0, 7930.0, 3.6, 0.45),
+    (6.3, 5000.0, 4.5, 0.0),
+]
+
+
+@pytest.fixture(scope="module")
+def passbands() -> Passbands:
+    return Passbands.from_bands()
+
+
+def _brute_force(band: Band, function, n: int = 200_001) -> float:
+    """Trapezoid of function(nm) x transmission over the band, in A, on a grid much finer than the samples."""
+    low, high = band.support_nm
+    x = np.linspace(low, high, n)
+    return float(np.trapezoid(function(x) * band.transmission(x), 10.0 * x))
+
+
+@pytest.mark.parametrize("star", STARS)
+def test_star_rates_equal_the_integrated_spectrum(passbands: Passbands, star) -> None:
+    magnitude, teff, log_g, metal = star
+    rates = passbands.star_rate_e_s(*star, AREA_CM2)
+    spectrum = stellar_spectrum(magnitude, teff_k=teff, log_g=log_g, metallicity=metal)
+    # Same law, same spectrum: the node table commutes with interpolation to rounding.
+    np.testing.assert_allclose(
+        rates, passbands.spectrum_rate_e_s(spectrum.wavelength_nm, spectrum.photlam, AREA_CM2), rtol=1e-13
+    )
+    source = star_photlam(magnitude, teff_k=teff, log_g=log_g, metallicity=metal)
+    for band, rate in zip(passbands.bands, rates, strict=True):
+        expected = AREA_CM2 * _brute_force(band, lambda x: source(10.0 * x).value)
+        assert rate == pytest.approx(expected, rel=1e-6)
+
+
+def test_synphot_observation_gives_the_same_count_rate(passbands: Passbands) -> None:
+    from synphot import Observation, SpectralElement
+    from synphot.models import Empirical1D
+
+    source = star_photlam(5.0, "G5V")
+    rates = passbands.star_rate_e_s(5.0, 5660.0, 4.49, 0.0, 100.0)
+    for band, rate in zip(passbands.bands, rates, strict=True):
+        low, high = (10.0 * edge for edge in band.support_nm)
+        # Top-hat with edges 1e-6 A wide, sampled finely inside.
+        points = np.concatenate([[low - 1e-6], np.linspace(low, high, 40_001), [high + 1e-6]])
+        table = np.concatenate([[0.0], np.full(40_001, band.t_opt * band.qe), [0.0]])
+        element = SpectralElement(Empirical1D, points=points, lookup_table=table)
+        found = Observation(source, element, binset=points).integrate().value * 100.0
+        assert rate == pytest.approx(found, rel=1e-6)
+
+
+def test_rates_scale_with_flux_and_area(passbands: Passbands) -> None:
+    one = passbands.star_rate_e_s(0.0, 5800.0, 4.4, 0.0, 1.0)
+    np.testing.assert_allclose(passbands.star_rate_e_s(5.0, 5800.0, 4.4, 0.0, 200.0), 2.0 * one, rtol=1e-13)
+
+
+def test_hotter_stars_are_fainter_in_the_red(passbands: Passbands) -> None:
+    rates = passbands.star_rate_e_s(3.0, [4500.0, 5500.0, 6500.0], 4.4, 0.0, AREA_CM2)
+    assert rates.shape == (3, 8)
+    assert np.all(np.diff(rates[:, 1:], axis=0) < 0.0)
+
+
+def test_alpha_cen_b_against_photometric_zero_points(passbands: Passbands) -> None:
+    # V = 1.35, K1V: 272 / 321 / 319 / 283 ph/s/cm2/A from UBVRI zero points and colours, 5 per cent accuracy.
+    bands = passbands.bands[:4]
+    rates = passbands.star_rate_e_s(1.35, 5260.0, 4.55, 0.2, 1.0)[:4]
+    density = rates / [band.t_opt * band.qe * band.width_nm * 10.0 for band in bands]
+    np.testing.assert_allclose(density, [272.0, 321.0, 319.0, 283.0], rtol=0.06)
+
+
+def test_the_sun_against_its_measured_spectrum(passbands: Passbands) -> None:
+    sun = load_reference_spectrum("sun")
+    magnitude = -2.5 * np.log10(v_photon_rate(sun.wavelength_nm, sun.photlam) / vega_v_photon_rate())
+    assert magnitude == pytest.approx(-26.76, abs=0.015)
+    model = passbands.star_rate_e_s(magnitude, 5772.0, 4.44, 0.0, 1.0)
+    measured = passbands.spectrum_rate_e_s(sun.wavelength_nm, sun.photlam, 1.0)
+    in_range = [band.support_nm[1] < 1000.0 for band in passbands.bands]
+    assert sum(in_range) == 5
+    np.testing.assert_allclose(model[in_range], measured[in_range], rtol=0.03)
+    np.testing.assert_allclose(model, measured, rtol=0.04)
+    # Contiguous 50 nm bands: PHOENIX is 4 per cent faint below 450 nm, within 3 per cent up to 1000 nm.
+    strips = Passbands.from_bands(Band(f"B{c}", "VIS", c, 50.0, 1.0, 1.0) for c in range(425, 1000, 50))
+    ratio = strips.star_rate_e_s(magnitude, 5772.0, 4.44, 0.0, 1.0) / strips.spectrum_rate_e_s(
+        sun.wavelength_nm, sun.photlam, 1.0
+    )
+    np.testing.assert_allclose(ratio[1:], 1.0, atol=0.03)
+    assert ratio[0] == pytest.approx(0.957, abs=0.01)
+
+
+def test_sky_is_a_faint_sun(passbands: Passbands) -> None:
+    sun = load_reference_spectrum("sun")
+    magnitude = -2.5 * np.log10(v_photon_rate(sun.wavelength_nm, sun.photlam) / vega_v_photon_rate())
+    rate = passbands.sky_rate_e_s_arcsec2(magnitude + 47.768, AREA_CM2)
+    sun_rate = passbands.spectrum_rate_e_s(sun.wavelength_nm, sun.photlam, AREA_CM2)
+    np.testing.assert_allclose(rate, sun_rate * 10.0 ** (-0.4 * 47.768), rtol=1e-12)
+    assert passbands.sky_rate_e_s_arcsec2([21.0, 22.0], AREA_CM2).shape == (2, 8)
+    # 3e-5 e-/s/px/A at 21 mag for a 16 mas pixel: the order that the photon budget of the paper gives.
+    band = passbands.bands[0]
+    per_pixel = passbands.sky_rate_e_s_arcsec2(21.0, AREA_CM2)[0] * 0.016153**2
+    assert per_pixel / (band.t_opt * band.qe * band.width_nm * 10.0) == pytest.approx(3.2e-5, rel=0.1)
+
+
+@pytest.mark.parametrize("planet", PLANETS)
+def test_band_albedo_equals_the_direct_ratio(passbands: Passbands, planet: str) -> None:
+    table = load_albedo(planet)
+    found = passbands.band_albedo(planet, 5260.0, 4.55, 0.2)
+    spectrum = stellar_spectrum(1.0, teff_k=5260.0, log_g=4.55, metallicity=0.2)
+
+    def flux(x: np.ndarray) -> np.ndarray:
+        return np.interp(x, spectrum.wavelength_nm, spectrum.photlam)
+
+    for band, value in zip(passbands.bands, found, strict=True):
+        reflected = _brute_force(band, lambda x: flux(x) * np.interp(x, table.wavelength_nm, table.albedo))
+        assert value == pytest.approx(reflected / _brute_force(band, flux), rel=1e-6)
+
+
+def test_band_albedo_of_a_table(passbands: Passbands) -> None:
+    wavelength = np.array([300.0, 1755.0])
+    grey = Albedo(wavelength, np.array([0.3, 0.3]))
+    np.testing.assert_allclose(passbands.band_albedo(grey, [4000.0, 7000.0], 4.4, 0.0), 0.3, rtol=1e-13)
+    np.testing.assert_array_equal(passbands.albedo_flags(grey), False)
+    sloped = Albedo(wavelength, wavelength / 2000.0)
+    red, blue = passbands.band_albedo(sloped, [3600.0, 7900.0], 4.4, 0.0)
+    assert np.all(red[:2] > blue[:2])  # redder light weighs the red side more
+    np.testing.assert_allclose(red, [band.center_nm / 2000.0 for band in passbands.bands], rtol=1e-2)
+
+
+def test_near_infrared_templates_are_flagged(passbands: Passbands) -> None:
+    np.testing.assert_array_equal(passbands.albedo_flags("jupiter"), [False] * 5 + [True] * 3)
+
+
+def test_filter_curve_is_integrated_exactly() -> None:
+    curve = Curve(np.array([500.0, 507.3, 531.9, 540.0]), np.array([0.0, 0.9, 0.7, 0.0]))
+    band = dataclasses.replace(load_bands()["F520"], curve=curve)
+    passbands = Passbands.from_bands([band])
+    spectrum = stellar_spectrum(2.0, "K1V")
+    expected = _brute_force(band, lambda x: np.interp(x, spectrum.wavelength_nm, spectrum.photlam))
+    assert passbands.spectrum_rate_e_s(spectrum.wavelength_nm, spectrum.photlam, 1.0)[0] == pytest.approx(
+        expected, rel=1e-8
+    )
+
+
+def test_wavelength_nodes_of_a_top_hat_are_gauss_legendre(passbands: Passbands) -> None:
+    for n in (1, 3, 7):
+        wavelength, weights = passbands.wavelength_nodes("F662", n)
+        t, w = np.polynomial.legendre.leggauss(n)
+        np.testing.assert_allclose(wavelength, 662.0 + 27.5 * t, rtol=1e-14)
+        np.testing.assert_allclose(weights, w / 2.0, rtol=1e-13)
+
+
+@pytest.mark.parametrize("name", ["F520", "F850", "F1542"])
+def test_weighted_nodes_integrate_polynomials_against_the_spectrum(passbands: Passbands, name: str) -> None:
+    spectrum = stellar_spectrum(1.0, "K5V")
+    band = passbands.bands[passbands.index(name)]
+    n = 5
+    wavelength, weights = passbands.wavelength_nodes(name, n, spectrum=spectrum)
+    assert weights.min() > 0.0
+    assert weights.sum() == pytest.approx(1.0, rel=1e-14)
+
+    def flux(x: np.ndarray) -> np.ndarray:
+        return np.interp(x, spectrum.wavelength_nm, spectrum.photlam)
+
+    total = _brute_force(band, flux)
+    for degree in range(n):
+        shape = lambda x, k=degree: ((x - band.center_nm) / band.width_nm) ** k  # noqa: E731
+        expected = _brute_force(band, lambda x, f=shape: flux(x) * f(x)) / total
+        assert np.sum(weights * shape(wavelength)) == pytest.approx(expected, abs=1e-7)
+
+
+def test_nodes_of_a_steep_curve_keep_non_negative_weights() -> None:
+    curve = Curve(np.array([500.0, 501.0, 540.0]), np.array([0.0, 1.0, 0.0]))
+    band = dataclasses.replace(load_bands()["F520"], curve=curve)
+    steep = dataclasses.replace(band, name="Spike", curve=Curve(np.array([500.0, 539.0, 539.9, 540.0]),
+                                                                np.array([0.0, 0.0, 1.0, 0.0])))  # fmt: skip
+    passbands = Passbands.from_bands([band, steep])
+    for name in passbands.names:
+        for n in (2, 5, 9):
+            wavelength, weights = passbands.wavelength_nodes(name, n)
+            assert weights.min() >= 0.0
+            assert weights.sum() == pytest.approx(1.0)
+            assert wavelength[0] > 500.0
+            assert wavelength[-1] < 540.0
+
+
+def test_outside_the_grid_is_clamped_and_flagged(passbands: Passbands) -> None:
+    giant = passbands.star_rate_e_s(2.0, 4800.0, 2.1, 0.0, AREA_CM2)
+    np.testing.assert_array_equal(giant, passbands.star_rate_e_s(2.0, 4800.0, 3.5, 0.0, AREA_CM2))
+    flags = passbands.grid_flags([4800.0, 5772.0, 3000.0], [2.1, 4.44, 4.9], 0.0)
+    np.testing.assert_array_equal(flags.any, [True, False, True])
+    np.testing.assert_array_equal(flags.teff_k, [False, False, True])
+
+
+def test_equal_bands_share_one_object() -> None:
+    assert Passbands.from_bands() is Passbands.from_bands(list(load_bands().values()))
+    assert Passbands.from_bands([load_bands()["F662"]]).names == ("F662",)
+
+
+def test_from_instrument_uses_its_numbers() -> None:
+    from types import SimpleNamespace
+
+    entry = {
+        "camera": "VIS",
+        "center_nm": 600.0,
+        "width_nm": 30.0,
+        "t_opt": 0.3,
+        "qe": 0.8,
+        "transmission_file": None,
+    }
+    instrument = SimpleNamespace(bands={"F600": SimpleNamespace(**entry)})
+    passbands = Passbands.from_instrument(instrument)
+    assert passbands.bands == (Band("F600", "VIS", 600.0, 30.0, 0.3, 0.8),)
+
+
+def test_from_instrument_reads_a_transmission_file(tmp_path) -> None:
+    from types import SimpleNamespace
+
+    path = tmp_path / "f600.txt"
+    path.write_text("# nm\n580 0\n590 1\n610 1\n620 0\n")
+    entry = {"camera": "VIS", "center_nm": 600.0, "width_nm": 30.0, "t_opt": 0.3, "qe": 0.8}
+    instrument = SimpleNamespace(bands={"F600": SimpleNamespace(**entry, transmission_file=str(path))})
+    curved = Passbands.from_instrument(instrument)
+    hat = Passbands.from_bands([Band("F600", "VIS", 600.0, 30.0, 0.3, 0.8)])
+    star = (3.0, 5800.0, 4.4, 0.0, 1.0)
+    np.testing.assert_allclose(curved.star_rate_e_s(*star), hat.star_rate_e_s(*star), rtol=5e-3)
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda p: p.star_rate_e_s(np.nan, 5800.0, 4.4, 0.0, 1.0),
+        lambda p: p.star_rate_e_s(1.0, np.nan, 4.4, 0.0, 1.0),
+        lambda p: p.star_rate_e_s(1.0, 5800.0, 4.4, 0.0, 0.0),
+        lambda p: p.star_rate_e_s(1.0, 5800.0, 4.4, 0.0, np.nan),
+        lambda p: p.sky_rate_e_s_arcsec2(np.inf, 1.0),
+        lambda p: p.band_albedo("earth", 5800.0, 4.4, 0.0),
+        lambda p: p.band_albedo(Albedo(np.array([300.0, 900.0]), np.array([0.3, 0.3])), 5800.0, 4.4, 0.0),
+        lambda p: p.band_albedo(Albedo(np.array([300.0, 1800.0]), np.array([0.3, -0.3])), 5800.0, 4.4, 0.0),
+        lambda p: p.spectrum_rate_e_s([300.0, 1800.0], [1.0, np.nan], 1.0),
+        lambda p: p.spectrum_rate_e_s([300.0, 300.0], [1.0, 1.0], 1.0),
+        lambda p: p.spectrum_rate_e_s([400.0, 800.0], [1.0, 1.0], 1.0),
+        lambda p: p.spectrum_rate_e_s([400.0, 800.0, 900.0], [1.0, 1.0], 1.0),
+        lambda p: p.wavelength_nodes("F520", 0),
+        lambda p: p.wavelength_nodes("F999", 3),
+        lambda p: p.wavelength_nodes(
+            "F850", 3, spectrum=Spectrum(np.array([400.0, 700.0]), np.array([1.0, 1.0]))
+        ),
+        lambda p: p.index("V"),
+        lambda p: Passbands.from_bands([]),
+        lambda p: Passbands.from_bands([p.bands[0], p.bands[0]]),
+        lambda p: Passbands.from_bands([Band("K", "NIR", 2200.0, 100.0, 0.2, 0.8)]),
+    ],
+)
+def test_bad_input_is_refused(passbands: Passbands, call) -> None:
+    with pytest.raises(InputError):
+        call(passbands)
+
+
+def test_a_whole_catalogue_is_fast(passbands: Passbands) -> None:
+    rng = np.random.default_rng(0)
+    n = 1100
+    stars = (rng.uniform(0, 7, n), rng.uniform(3600, 7500, n), rng.uniform(3, 5, n), rng.uniform(-1, 0.5, n))
+    passbands.band_albedo("jupiter", *(a[:1] for a in stars[1:]))
+    best = np.inf
+    for _ in range(3):
+        start = time.perf_counter()
+        rates = passbands.star_rate_e_s(*stars, AREA_CM2)
+        passbands.band_albedo("jupiter", *stars[1:])
+        best = min(best, time.perf_counter() - start)
+    assert rates.shape == (n, 8)
+    assert np.all(rates > 0.0)
+    assert best < 0.1
+
+
+def test_no_heavy_module_is_loaded() -> None:
+    code = (
+        "import sys; import simulator.target; from simulator.passbands import Passbands;"
+        "from simulator.target import planet_contrast, stellar_spectrum;"
+        "p = Passbands.from_bands(); p.star_rate_e_s(1.0, 5800.0, 4.4, 0.0, 1.0);"
+        "p.band_albedo('jupiter', 5800.0, 4.4, 0.0); stellar_spectrum(1.0, 'K1V');"
+        "heavy = {'pandas', 'synphot', 'hcipy', 'matplotlib', 'scipy', 'astropy', 'numba', 'dask'};"
+        "bad = heavy & set(sys.modules);"
+        "sys.exit(f'loaded: {bad}' if bad else 0)"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, cwd=ROOT)
