@@ -43,9 +43,7 @@ _SCHEMA_VERSION = 1
 
 def builder_names() -> list[str]:
     """Return the names of all builders, sorted."""
-    return sorted(
-        item.name for item in pkgutil.iter_modules(builders.__path__) if not item.name.startswith("_")
-    )
+    return sorted(item.name for item in pkgutil.iter_modules(builders.__path__) if not item.name.startswith("_"))
 
 
 def build_all(archives: Path, out_dir: Path, only: Sequence[str] = ()) -> list[str]:
@@ -114,14 +112,10 @@ def compare(fresh: Path, shipped: Path, names: Sequence[str]) -> list[str]:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Command line; returns the exit code (0 good, 1 differs, 2 bad input)."""
-    parser = argparse.ArgumentParser(
-        prog="python -m catalogs.build", description="Rebuild the shipped data tables."
-    )
+    parser = argparse.ArgumentParser(prog="python -m catalogs.build", description="Rebuild the shipped data tables.")
     parser.add_argument("--archives", type=Path, metavar="DIR", help="folder of the pinned archives")
     parser.add_argument("--out", type=Path, default=DATA_DIR, metavar="DIR", help="target folder")
-    parser.add_argument(
-        "--only", nargs="+", default=(), metavar="NAME", help="builders to run (default: all)"
-    )
+    parser.add_argument("--only", nargs="+", default=(), metavar="NAME", help="builders to run (default: all)")
     parser.add_argument("--check", action="store_true", help="rebuild elsewhere and compare with --out")
     options = parser.parse_args(argv)
     with tempfile.TemporaryDirectory(prefix="catalogs-") as scratch:

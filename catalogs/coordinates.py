@@ -153,9 +153,7 @@ def position_angle(east: ArrayLike, north: ArrayLike) -> FloatArray:
     return np.asarray(np.rad2deg(np.arctan2(np.asarray(east, float), np.asarray(north, float))) % 360.0)
 
 
-def separation_arcsec(
-    ra_deg: ArrayLike, dec_deg: ArrayLike, ra0_deg: ArrayLike, dec0_deg: ArrayLike
-) -> FloatArray:
+def separation_arcsec(ra_deg: ArrayLike, dec_deg: ArrayLike, ra0_deg: ArrayLike, dec0_deg: ArrayLike) -> FloatArray:
     """Return the angle between two positions (degrees), arcsec, by the haversine formula."""
     ra, dec = np.deg2rad(_finite("ra_deg", ra_deg)), np.deg2rad(_finite("dec_deg", dec_deg))
     ra0, dec0 = np.deg2rad(_finite("ra0_deg", ra0_deg)), np.deg2rad(_finite("dec0_deg", dec0_deg))
@@ -186,9 +184,7 @@ def ecliptic(ra_deg: ArrayLike, dec_deg: ArrayLike) -> tuple[FloatArray, FloatAr
     x = np.cos(dec) * np.cos(ra)
     y = np.cos(dec) * np.sin(ra) * cos_obl + np.sin(dec) * sin_obl
     z = np.sin(dec) * cos_obl - np.cos(dec) * np.sin(ra) * sin_obl
-    return np.asarray(np.rad2deg(np.arctan2(y, x)) % 360.0), np.asarray(
-        np.rad2deg(np.arctan2(z, np.hypot(x, y)))
-    )
+    return np.asarray(np.rad2deg(np.arctan2(y, x)) % 360.0), np.asarray(np.rad2deg(np.arctan2(z, np.hypot(x, y))))
 
 
 def _finite(name: str, value: ArrayLike) -> FloatArray:

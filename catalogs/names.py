@@ -28,6 +28,7 @@ _ALLOWED = "HIP, HD, HR or GJ number, Bayer or Flamsteed designation, proper nam
 _SUGGESTIONS = 4
 _LATIN_BAYER = re.compile(r"[A-Za-z]\d* [a-z]{3}(?: [a-e])?")
 _INDEXED_BAYER = re.compile(rf"({'|'.join(GREEK)})(\d+) ([a-z]{{3}})")
+_NUMBERED = re.compile(r"(?:hip|hd|hr|gj|sao|lhs|ltt|nltt) (?=\d)")
 _PLAIN_BAYER = re.compile(rf"({'|'.join(GREEK)}) ([a-z]{{3}})")
 
 
@@ -116,11 +117,19 @@ def _find(key: str) -> tuple[str, str, str] | None:
     for form, remark in _forms(key):
         if form in aliases:
             star, kind = aliases[form]
+            if split_component(key)[1] and not split_component(form)[1] and _component(star) not in ("", "A"):
+                continue  # "p Eri A", when the catalogue lists component B alone
             note = remark.format(star=star)
-            if kind:
+            if kind and not split_component(key)[1]:
                 note = "; ".join(filter(None, (note, _system_note(form, star))))
             return star, form, note
-    return None
+    return _unnumbered(key)
+
+
+def _component(star: str) -> str:
+    """Return the component letter of a catalogue star."""
+    stars = load_stars()
+    return str(stars.column("component")[stars.column("name").tolist().index(star)])
 
 
 def _forms(key: str) -> list[tuple[str, str]]:
@@ -136,22 +145,33 @@ def _forms(key: str) -> list[tuple[str, str]]:
     if indexed := _INDEXED_BAYER.fullmatch(base):
         plain = " ".join(filter(None, (indexed[1], indexed[3], letter)))
         forms.append((plain, "taken as {star}, listed without a number"))
-    if plain_bayer := _PLAIN_BAYER.fullmatch(key):
-        forms += [(f"{plain_bayer[1]}{i} {plain_bayer[2]}", "taken as {star}") for i in range(1, 10)]
     return forms
+
+
+def _unnumbered(key: str) -> tuple[str, str, str] | None:
+    """Find ``zet Ret`` as the brightest of ``zet1 Ret`` and ``zet2 Ret``."""
+    found = _PLAIN_BAYER.fullmatch(key)
+    if not found:
+        return None
+    aliases = _aliases()
+    forms = [form for i in range(1, 10) if (form := f"{found[1]}{i} {found[2]}") in aliases]
+    if not forms:
+        return None
+    order = load_stars().column("name").tolist()
+    forms.sort(key=lambda form: order.index(aliases[form][0]))
+    star = aliases[forms[0]][0]
+    others = [aliases[form][0] for form in forms[1:] if aliases[form][0] != star]
+    rest = f"; also in the catalogue: {', '.join(others)}" if others else ""
+    return star, forms[0], f"several stars share this letter: the brightest, {star}, taken{rest}"
 
 
 def _system_note(key: str, star: str) -> str:
     """Say which star of a system was taken, and name the others."""
     aliases = _aliases()
-    others = sorted(
-        {name for other, (name, _) in aliases.items() if split_component(other)[0] == key and name != star}
-    )
+    others = sorted({name for other, (name, _) in aliases.items() if split_component(other)[0] == key and name != star})
     if not others:
         members = {
-            name
-            for name, _ in aliases.values()
-            if name != star and name.rpartition(" ")[0] == star.rpartition(" ")[0]
+            name for name, _ in aliases.values() if name != star and name.rpartition(" ")[0] == star.rpartition(" ")[0]
         }
         others = sorted(members) if " " in star.rpartition(" ")[0] else []
     rest = f"; also in the catalogue: {', '.join(others)}" if others else ""
@@ -166,28 +186,27 @@ def _refusal(name: str, key: str) -> InputError:
             return InputError(
                 "star", name, allowed="F, G or K within 40 pc and V <= 7.5", hint=_reason(outsiders[form])
             )
-    if letter and _find(base):
-        star = _find(base)
-        hint = f"component {letter.upper()} is not in the catalogue; {star[0] if star else base} is"
+    if letter and (star := _find(base)):
+        listed = _component(star[0])
+        shown = f"{star[0]} (component {listed})" if listed else star[0]
+        hint = f"component {letter.upper()} is not in the catalogue; {shown} is"
         return InputError("star", name, allowed=_ALLOWED, hint=hint)
+    return InputError("star", name, allowed=_ALLOWED, hint=_nearest(key))
+
+
+def _nearest(key: str) -> str:
+    """Return the nearest names in words."""
     aliases = _aliases()
-    near = difflib.get_close_matches(key, _candidates(key), n=3 * _SUGGESTIONS, cutoff=0.6)
-    shown = list(dict.fromkeys(aliases[alias][0] for alias in near))[:_SUGGESTIONS]
-    hint = f"unknown; nearest: {', '.join(shown)}" if shown else "unknown, and nothing similar"
-    return InputError("star", name, allowed=_ALLOWED, hint=hint)
-
-
-def _candidates(key: str) -> list[str]:
-    """Return the aliases worth comparing: of the same kind (letters or numbers) and of similar length."""
-    prefix = key.split(" ")[0]
-    same = [alias for alias in _aliases() if alias.startswith(prefix + " ") and prefix.isalpha()]
-    if same and any(c.isdigit() for c in key):
-        return same
-    return [
-        alias
-        for alias in _aliases()
-        if abs(len(alias) - len(key)) <= 3 and not alias.startswith(("hip ", "hd ", "sao "))
-    ]
+    number = _NUMBERED.match(key)
+    if number:  # a slip in a number: compare with numbers of the same catalogue only
+        pool = [alias for alias in aliases if alias.startswith(number[0]) and len(alias) == len(key)]
+        near = difflib.get_close_matches(key, pool, n=_SUGGESTIONS, cutoff=0.8)
+        shown = [f"{alias.upper()} ({aliases[alias][0]})" for alias in near]
+    else:
+        pool = [alias for alias in aliases if abs(len(alias) - len(key)) <= 3 and not _NUMBERED.match(alias)]
+        near = difflib.get_close_matches(key, pool, n=3 * _SUGGESTIONS, cutoff=0.6)
+        shown = list(dict.fromkeys(aliases[alias][0] for alias in near))[:_SUGGESTIONS]
+    return f"unknown; nearest: {', '.join(shown)}" if shown else "unknown, and nothing similar"
 
 
 def _reason(code: str) -> str:
@@ -201,8 +220,6 @@ def _reason(code: str) -> str:
         return f"too faint: V = {value}"
     if word == "type":
         return (
-            f"not an F, G or K star: spectral type {value}"
-            if value
-            else "not among the F, G and K stars of the source"
+            f"not an F, G or K star: spectral type {value}" if value else "not among the F, G and K stars of the source"
         )
     return f"left out: {value}"

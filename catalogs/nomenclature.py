@@ -89,9 +89,7 @@ _LEAD = re.compile(r"(?:\*\*|\*|V\*|NAME)\s+", re.IGNORECASE)
 def _plain(text: str) -> str:
     """Fold compatibility forms (superscripts, thin spaces) and accents; keep Greek letters."""
     folded = unicodedata.normalize("NFKC", text.replace("µ", "μ"))
-    stripped = "".join(
-        c for c in unicodedata.normalize("NFD", folded) if unicodedata.category(c) not in ("Mn", "Cf")
-    )
+    stripped = "".join(c for c in unicodedata.normalize("NFD", folded) if unicodedata.category(c) not in ("Mn", "Cf"))
     return " ".join(stripped.replace("_", " ").split())
 
 

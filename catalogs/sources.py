@@ -202,9 +202,7 @@ class SourceStore:
             if not target.is_file():
                 _fetch(package, self.folder)
             if not target.is_file():
-                raise InputError(
-                    "archive", package.archive, hint=f"the client did not deliver it to {self.folder}"
-                )
+                raise InputError("archive", package.archive, hint=f"the client did not deliver it to {self.folder}")
             raw = target.read_bytes()
             _check(f"sha256 of {package.archive}", sha256_of(raw), package.sha256)
             self._archives[package.archive] = raw
@@ -239,6 +237,4 @@ def _fetch(package: SourcePackage, folder: Path) -> None:
         raise InputError("package client", command[0], hint="not installed") from error
     if done.returncode:
         lines = done.stderr.strip().splitlines()
-        raise InputError(
-            "archive", package.archive, hint=f"fetch failed: {lines[-1] if lines else 'no message'}"
-        )
+        raise InputError("archive", package.archive, hint=f"fetch failed: {lines[-1] if lines else 'no message'}")

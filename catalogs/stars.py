@@ -52,6 +52,10 @@ class StarTable:
         """Return the number of stars."""
         return len(self.columns["name"])
 
+    def __reduce__(self) -> tuple[object, ...]:
+        """Travel to worker processes (a mapping proxy does not pickle)."""
+        return (_rebuild, (dict(self.columns), dict(self.units), dict(self.descriptions)))
+
     def column(self, name: str) -> NDArray[np.generic]:
         """Return one column (read-only).
 
@@ -103,6 +107,11 @@ class StarTable:
         return {name: values[index].item() for name, values in self.columns.items()}
 
 
+def _rebuild(columns: dict[str, NDArray[np.generic]], units: dict[str, str], descriptions: dict[str, str]) -> StarTable:
+    frozen = {name: _frozen(values) for name, values in columns.items()}
+    return StarTable(MappingProxyType(frozen), MappingProxyType(units), MappingProxyType(descriptions))
+
+
 @functools.cache
 def load_stars() -> StarTable:
     """Return the embedded catalogue, brightest star first. It is read once per process.
@@ -117,9 +126,7 @@ def load_stars() -> StarTable:
         reader = csv.reader(stream)
         header = next(reader)
         cells = list(zip(*reader, strict=True))
-    columns = {
-        name: _frozen(_array(about[name]["kind"], texts)) for name, texts in zip(header, cells, strict=True)
-    }
+    columns = {name: _frozen(_array(about[name]["kind"], texts)) for name, texts in zip(header, cells, strict=True)}
     return StarTable(
         columns=MappingProxyType(columns),
         units=MappingProxyType({name: about[name]["unit"] for name in header}),

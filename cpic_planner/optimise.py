@@ -4,23 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from cpic_planner.etc.model import EtcModel
+from cpic_planner.etc.noise import stack_noise
 from cpic_planner.etc.planet import ReferencePlanet, reference_contrast
 from cpic_planner.etc.questions import check_range, diagonal
-from cpic_planner.etc.rates import aperture_rates
+from cpic_planner.etc.rates import ApertureRates, aperture_rates
 from cpic_planner.etc.settings import settings_for_time
 from cpic_planner.etc.significance import threshold_array
 from cpic_planner.targets import Targets
+from simulator.camera.saturation import gain_cap
 
 __all__ = ["Best", "best_separations", "optimise", "separation_grid"]
 
 FloatArray = NDArray[np.float64]
 N_SEPARATIONS = 48
+N_COARSE = 4
+TIME_FRACTIONS = (1.0, 0.5, 0.25, 0.125, 0.0625)
 
 
 @dataclass(frozen=True)
@@ -68,7 +70,7 @@ def optimise(
     targets : Targets
         ``n`` stars.
     time_s : float
-        Wall time per target and band, overheads and reference frames included.
+        Longest wall time per target and band, overheads and reference frames included.
     planet : ReferencePlanet, optional
     bands : sequence of str, optional
         All of the model by default.
@@ -81,6 +83,7 @@ def optimise(
     -----
     The separation maximises significance over the threshold that holds there, not bare significance: towards the
     corner of the zone the number of resolution elements falls below three and no detection could be claimed.
+    Less than ``time_s`` is used where the wavefront's walk makes a longer visit worse.
     """
     check_range("time_s", time_s, 1e-3, 1e9, "s")
     planet = planet or ReferencePlanet()
@@ -109,31 +112,50 @@ def best_separations(
     }
 
 
-def _best_in_band(
-    model: EtcModel, targets: Targets, band: str, time_s: float, planet: ReferencePlanet
-) -> Best:
-    separation = separation_grid(model, band)
-    x, y = diagonal(separation)
-    contrast = np.reshape(
-        reference_contrast(model, targets, band, separation, planet), (len(targets), len(separation))
-    )
-    rates = aperture_rates(model, targets, band, x[None, :], y[None, :], contrast)
-    chosen = settings_for_time(model, rates, time_s)
-    threshold = threshold_array(model.metrics[band].resolution_elements(separation), model.strategy.sigma)
-    margin = chosen.noise.significance / threshold
+def _best_in_band(model: EtcModel, targets: Targets, band: str, time_s: float, planet: ReferencePlanet) -> Best:
+    """Frame settings at a few separations and lengths of visit first, then the separation at those settings."""
+    metrics, detector, ratio = model.metrics[band], model.instrument.detector, model.strategy.reference_ratio
+    fine = separation_grid(model, band)
+    coarse = fine[:: max(len(fine) // N_COARSE, 1)]
+    rows = np.arange(len(targets))
+    kept: dict[str, FloatArray] = {}
+    for fraction in TIME_FRACTIONS:
+        chosen = settings_for_time(model, _rates(model, targets, band, coarse, planet, fraction * time_s)[0], fraction * time_s)
+        margin = chosen.noise.significance / threshold_array(metrics.resolution_elements(coarse), model.strategy.sigma)
+        pick = np.argmax(margin, axis=1)
+        found = {"margin": margin[rows, pick], "longest": chosen.longest_exposure_s[rows, pick]}
+        found |= {name: getattr(chosen, name)[rows, pick] for name in ("exposure_s", "n_frames", "em_gain", "time_s")}
+        if not kept:
+            kept = found
+        better = found["margin"] > kept["margin"]
+        kept = {name: np.where(better, found[name], kept[name]) for name in kept}
+
+    rates, contrast = _rates(model, targets, band, fine, planet, kept["time_s"][:, None])
+    exposure, frames, gain = (kept[name][:, None] for name in ("exposure_s", "n_frames", "em_gain"))
+    noise = stack_noise(rates, exposure, frames, gain, detector, reference_ratio=ratio)
+    threshold = threshold_array(metrics.resolution_elements(fine), model.strategy.sigma)
+    feasible = gain <= gain_cap(rates.peak_hole_e_s * exposure, detector).gain
+    margin = np.where(feasible, noise.significance / threshold, 0.0)
     with np.errstate(divide="ignore"):
         floor = np.where(rates.speckle_e_s > 0, rates.planet_e_s / rates.speckle_e_s, np.inf) / threshold
     pick = np.argmax(margin, axis=1)
-    rows = np.arange(len(targets))
 
-    def at(array: Any) -> FloatArray:
+    def at(array: ArrayLike) -> FloatArray:
         return np.broadcast_to(np.asarray(array, float), margin.shape)[rows, pick]
 
-    core = model.metrics[band].core_throughput(x, y)
     return Best(
-        band=np.full(len(targets), band), separation_arcsec=separation[pick], contrast=at(contrast),
-        exposure_s=at(chosen.exposure_s), n_frames=at(chosen.n_frames), em_gain=at(chosen.em_gain),
-        time_s=at(chosen.time_s), snr=at(chosen.noise.snr), significance=at(chosen.noise.significance),
-        threshold=threshold[pick], margin=at(margin), floor_margin=at(floor),
-        longest_exposure_s=at(chosen.longest_exposure_s), core_throughput=core[pick],
+        band=np.full(len(targets), band), separation_arcsec=fine[pick], contrast=at(contrast), exposure_s=kept["exposure_s"],
+        n_frames=kept["n_frames"], em_gain=kept["em_gain"], time_s=kept["time_s"], snr=at(noise.snr),
+        significance=at(noise.significance), threshold=threshold[pick], margin=at(margin), floor_margin=at(floor),
+        longest_exposure_s=kept["longest"], core_throughput=metrics.core_throughput(*diagonal(fine))[pick],
     )  # fmt: skip
+
+
+def _rates(
+    model: EtcModel, targets: Targets, band: str, separation: FloatArray, planet: ReferencePlanet, time_s: ArrayLike
+) -> tuple[ApertureRates, FloatArray]:
+    """Rates and contrasts of the reference planet, shape ``(n_star, n_separation)``."""
+    x, y = diagonal(separation)
+    contrast = np.reshape(reference_contrast(model, targets, band, separation, planet), (len(targets), len(separation)))
+    rates = aperture_rates(model, targets, band, x[None, :], y[None, :], contrast, visit_s=model.visit_s(time_s))
+    return rates, contrast

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from catalogs.stars import snapshot_vintage
+from catalogs.info import snapshot_vintage
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.planet import ReferencePlanet, reference_distance_au
 from cpic_planner.models import RankedTarget, RankResult, ReferencePlanetRecord

@@ -27,7 +27,7 @@ class Targets:
     """Columns of ``n`` stars as arrays; missing companions are NaN."""
 
     name: NDArray[np.str_]
-    hip: NDArray[np.str_]
+    hip: NDArray[np.int64]
     sp_type: NDArray[np.str_]
     ra_deg: FloatArray
     dec_deg: FloatArray
@@ -76,18 +76,17 @@ def targets_from_table(table: StarTable, *, companions: Literal["on", "off"] = "
     located = np.isfinite(companion_v) & np.isfinite(number("companion_sep_arcsec"))
     flags = []
     for own, close, has in zip(
-        text("flags"), np.asarray(table.column("close_companion"), bool), located, strict=True
+        text("quality_flags"), np.asarray(table.column("close_companion"), bool), located, strict=True
     ):
-        names = [flag for flag in own.split("|") if flag]
+        names = [flag for flag in own.split(";") if flag]
         if has:
             names.append("companion_light_on" if companions == "on" else "companion_light_off")
             names.append("companion_colour_assumed")
         elif close:
             names.append("companion_light_unknown")
         flags.append(tuple(names))
-    hip = np.array(["" if item in ("", "0", "nan") else item for item in text("hip")])
     return Targets(
-        name=text("name"), hip=hip, sp_type=text("sp_type"), ra_deg=number("ra_deg"), dec_deg=number("dec_deg"),
+        name=text("name"), hip=np.asarray(table.column("hip"), np.int64), sp_type=text("sp_type"), ra_deg=number("ra_deg"), dec_deg=number("dec_deg"),
         distance_pc=number("distance_pc"), v_mag=number("v_mag"), teff_k=number("teff_k"), log_g=number("log_g"),
         metallicity=number("metallicity"), luminosity_lsun=number("luminosity_lsun"),
         companion_separation_arcsec=number("companion_sep_arcsec"), companion_pa_deg=number("companion_pa_deg"),

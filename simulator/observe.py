@@ -233,7 +233,7 @@ def observe(
     cadence = exposure_s + detector.readout_s
     epochs = min(n_frames, MAX_EPOCHS)
     path = (scene.name, role, band, realisation)
-    stamps = visit_frames(psf, instrument.drift, epochs, cadence * n_frames / epochs,
+    stamps = visit_frames(psf.imager, instrument.drift, epochs, cadence * n_frames / epochs,
                           stream(seed, *path, "visit"), stream(seed, *path, "walk"))  # fmt: skip
     side = psf.on_axis.shape[0]
     static = np.zeros((side, side)) if window == "hole" else np.zeros((detector.n_rows, detector.n_columns))

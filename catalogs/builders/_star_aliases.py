@@ -16,6 +16,11 @@ from catalogs.nomenclature import designation_key, split_component
 
 __all__ = ["alias_rows", "known_star_rows"]
 
+#: Of the archive's aliases of stars outside the catalogue: HIP, HD and GJ numbers, and names that start with a letter.
+_SPOKEN = re.compile(
+    r"(?:HIP|HD|GJ) \d|(?!(?:TYC|TIC|WDS|IRAS|WISE|SAO|LTT|EPIC|TOI|KIC|LSPM|HR) )[A-Za-z' ]+(?: \d+)?$"
+)
+
 
 def alias_rows(people: Sequence[Identity]) -> list[tuple[str, str, int]]:
     """Return (key, row name, kind) for every alias, sorted by key.
@@ -24,46 +29,51 @@ def alias_rows(people: Sequence[Identity]) -> list[tuple[str, str, int]]:
     """
     own: dict[str, Identity] = {}
     shared: dict[str, Identity] = {}
+    for keys_of in (_column_keys, _alias_keys):  # what stands in the table's columns goes before loose aliases
+        for person in people:
+            for key in sorted(keys_of(person)):
+                holder = own.get(key) or shared.get(key)
+                if holder is None:
+                    own[key] = person
+                elif holder is not person and holder.row.system == person.row.system and keys_of is _column_keys:
+                    own.pop(key, None)  # two rows of one system have it: it is the system's name
+                    shared[key] = holder
+                # otherwise the first, that is the brighter star, keeps the name
     for person in people:
-        for key in sorted(_own_keys(person)):
-            holder = own.get(key) or shared.get(key)
-            if holder is None:
-                own[key] = person
-            elif holder.row.system == person.row.system or holder.row.hip == person.row.hip:
-                own.pop(key, None)  # two rows of one system have it: it is the system's name
-                shared[key] = holder
-            # otherwise the brighter star keeps the name
-    for person in people:
+        mates = [other for other in people if other.row.system == person.row.system]
         for key in sorted(_own_keys(person)):
             base, letter = split_component(key)
-            holder = own.get(base)
-            mates = [other for other in people if other.row.system == person.row.system]
-            if not letter or base in shared or len(mates) < 2:
-                continue
-            if holder is None:
-                shared[base] = mates[0]
-            elif holder.row.system == person.row.system and holder is not mates[0]:
-                shared[base] = mates[0]  # "alf Cen" among the aliases of alf Cen B alone
-                del own[base]
+            if letter and len(mates) > 1 and base not in own:
+                shared.setdefault(base, mates[0])
     rows = [(key, person.name, 0) for key, person in own.items()]
     rows += [(key, person.name, 1) for key, person in shared.items()]
     return sorted(rows)
 
 
-def _own_keys(person: Identity) -> set[str]:
+def _column_keys(person: Identity) -> set[str]:
     row = person.row
-    names = {person.name, person.hd, person.gj, person.common_name, *person.aliases}
     designations = {person.bayer, person.flamsteed, person.variable} - {""}
-    names |= designations
+    names = {person.name, person.hd, person.gj, person.common_name, row.star.simbad_id} | designations
     if row.hip:
         designations.add(f"HIP {row.hip}")
         names.add(f"HIP {row.hip}")
     if person.component:
         names |= {f"{name} {person.component}" for name in designations}
-    keys = {designation_key(name) for name in names if name}
-    keys |= {re.sub(r"^omi(?=\d)", "o", key) for key in keys}  # o2 Eri is how people write omicron 2
-    keys |= {key.removesuffix(" ab") for key in keys}
-    return keys - {""}
+    return _spelled({designation_key(name) for name in names if name})
+
+
+def _alias_keys(person: Identity) -> set[str]:
+    return _spelled({designation_key(name) for name in person.aliases})
+
+
+def _own_keys(person: Identity) -> set[str]:
+    return _column_keys(person) | _alias_keys(person)
+
+
+def _spelled(keys: set[str]) -> set[str]:
+    """Add the forms that people use beside the canonical ones."""
+    keys = keys | {re.sub(r"^omi(?=\d)", "o", key) for key in keys}  # o2 Eri is how people write omicron 2
+    return (keys | {key.removesuffix(" ab") for key in keys}) - {""}
 
 
 def known_star_rows(
@@ -72,6 +82,7 @@ def known_star_rows(
     stars: Sequence[SimbadStar],
     hip2: Hipparcos2,
     cross_names: dict[int, CrossName],
+    alias_sets: Sequence[tuple[str, ...]],
 ) -> list[tuple[str, str]]:
     """Return (keys joined by '|', reason) of named stars outside the catalogue, sorted."""
     inside = {person.row.hip for person in people}
@@ -83,13 +94,15 @@ def known_star_rows(
         keys = {designation_key(item.star.simbad_id)} - taken
         rows.append((keys, f"removed={item.reason}"))
     near = [star for star in stars if star.parallax_mas >= MIN_PARALLAX_MAS]
-    for hip in sorted(cross_names):
-        names = cross_names[hip]
-        if hip in inside or hip not in index:
-            continue
-        reason = _reason(index[hip], near, hip2)
-        texts = (names.bayer, names.flamsteed, names.gj, names.hd, names.common_name, f"HIP {hip}")
-        rows.append(({designation_key(text) for text in texts if text} - taken, reason))
+    texts: dict[int, set[str]] = {}
+    for hip, names in cross_names.items():
+        texts[hip] = {names.bayer, names.flamsteed, names.gj, names.hd, names.common_name, f"HIP {hip}"} - {""}
+    for aliases in alias_sets:
+        for hip in {int(name[4:]) for name in aliases if re.fullmatch(r"HIP \d+", name)}:
+            texts.setdefault(hip, set()).update(filter(_SPOKEN.match, aliases))
+    for hip in sorted(texts):
+        if hip not in inside and hip in index:
+            rows.append(({designation_key(text) for text in texts[hip]} - taken, _reason(index[hip], near, hip2)))
     lines = []
     for keys, reason in rows:
         fresh = sorted(keys - used)

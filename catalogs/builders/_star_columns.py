@@ -19,15 +19,11 @@ class Column:
 
 
 def _src(name: str, what: str) -> Column:
-    return Column(
-        f"{name}_src", "", "text", f"origin of {what}: measured, derived:<how>, assumed:<what> or missing"
-    )
+    return Column(f"{name}_src", "", "text", f"origin of {what}: measured, derived:<how>, assumed:<what> or missing")
 
 
 COLUMNS: tuple[Column, ...] = (
-    Column(
-        "name", "", "text", "unique name shown to people: Bayer, Flamsteed, HD, HIP or the SIMBAD identifier"
-    ),
+    Column("name", "", "text", "unique name shown to people: Bayer, Flamsteed, HD, HIP or the SIMBAD identifier"),
     Column("simbad_id", "", "text", "main identifier in the SIMBAD extract, white space normalised"),
     Column("hip", "", "int", "Hipparcos number, 0 if none; the components of a close pair share it"),
     Column("hd", "", "text", "Henry Draper number, blank if not in the sources"),
@@ -40,9 +36,7 @@ COLUMNS: tuple[Column, ...] = (
     Column("ra_deg", "deg", "float", "right ascension, ICRS, at epoch_yr", 7),
     Column("dec_deg", "deg", "float", "declination, ICRS, at epoch_yr", 7),
     Column("epoch_yr", "yr", "float", "Julian epoch of the position", 1),
-    Column(
-        "pm_ra_mas_yr", "mas/yr", "float", "proper motion in right ascension, with the factor cos(dec)", 2
-    ),
+    Column("pm_ra_mas_yr", "mas/yr", "float", "proper motion in right ascension, with the factor cos(dec)", 2),
     Column("pm_dec_mas_yr", "mas/yr", "float", "proper motion in declination", 2),
     _src("pm", "the proper motion"),
     Column("parallax_mas", "mas", "float", "adopted parallax; bound pairs share the better one", 2),
@@ -81,9 +75,7 @@ COLUMNS: tuple[Column, ...] = (
     Column("ecliptic_lon_deg", "deg", "float", "ecliptic longitude, mean ecliptic and equinox J2000", 5),
     Column("ecliptic_lat_deg", "deg", "float", "ecliptic latitude, mean ecliptic and equinox J2000", 5),
     _src("ecliptic", "the ecliptic coordinates"),
-    Column(
-        "close_companion", "", "bool", "1 if the SIMBAD extract flags a close companion (BINARY_CUT), else 0"
-    ),
+    Column("close_companion", "", "bool", "1 if the SIMBAD extract flags a close companion (BINARY_CUT), else 0"),
     Column(
         "companion_name",
         "",
@@ -91,9 +83,7 @@ COLUMNS: tuple[Column, ...] = (
         "the companion with the largest flux over squared separation, blank if none known",
     ),
     Column("companion_sep_arcsec", "arcsec", "float", "its separation", 2),
-    Column(
-        "companion_pa_deg", "deg", "float", "its position angle, east of north, as seen from this star", 1
-    ),
+    Column("companion_pa_deg", "deg", "float", "its position angle, east of north, as seen from this star", 1),
     Column(
         "companion_epoch_yr",
         "yr",

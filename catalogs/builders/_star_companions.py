@@ -43,17 +43,13 @@ class _Candidate:
         return float(10.0 ** (-0.4 * delta) / self.sep_arcsec**2)
 
 
-def fill_companions(
-    people: Sequence[Identity], stars: Sequence[SimbadStar], removed: Sequence[Removed]
-) -> None:
+def fill_companions(people: Sequence[Identity], stars: Sequence[SimbadStar], removed: Sequence[Removed]) -> None:
     """Fill the companion columns of every row, in place."""
     gone = {item.star.simbad_id for item in removed}
     pool = [
         star
         for star in stars
-        if star.simbad_id not in gone
-        and not is_blend_id(star.simbad_id)
-        and np.isfinite(star.ra_deg + star.dec_deg)
+        if star.simbad_id not in gone and not is_blend_id(star.simbad_id) and np.isfinite(star.ra_deg + star.dec_deg)
     ]
     ra = np.array([star.ra_deg for star in pool])
     dec = np.array([star.dec_deg for star in pool])

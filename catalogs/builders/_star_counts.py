@@ -26,29 +26,47 @@ def count_rows(
     blends = [item for item in bright_removed if item.reason.startswith("blend")]
     bright = [p for p in people if p.row.star.v_mag <= 7.0]
     main = [p for p in bright if luminosity_class(p.row.star.sp_type) in ("V", "IV-V")]
-    rows: list[tuple[str, str, int, str, str]] = [
-        ("source", "all rows", len(stars), "78279", ""),
-        ("source", "parallax >= 25 mas", len(near), "5515", ""),
-        ("source", "and F, G or K", len(fgk), "3445", "first letter of the type; the reference count is not reproduced (3446 with leading sd, k or d)"),
-        ("source", "and 0 <= V <= 7", len(paper), "1094", ""),
-        ("source", "and V < 0", sum(s.v_mag < 0.0 for s in fgk), "", "alf Cen A, Arcturus and the blend of alf Cen"),
-        ("source class", "V", classes["V"], "771", ""),
-        ("source class", "IV-V", classes["IV-V"], "40", ""),
-        ("source class", "IV", classes["IV"], "112", ""),
-        ("source class", "III", classes["III"] + classes["III-IV"], "91", "with III-IV"),
-        ("source class", "none", classes[""], "76", ""),
-        ("source class", "I and II", classes["I"] + classes["II"], "4", ""),
-        ("source", "dwarfs (V, IV-V) with 0 <= V <= 7", len(dwarfs), "811", ""),
-        ("source", "dwarfs without close companion", sum(not s.binary_cut for s in dwarfs), "669", "the paper's 'nearly 700'"),
-        ("source", "CCDM and ** identifiers, 0 <= V <= 7", sum(s.simbad_id.startswith(("CCDM", "**")) for s in paper), "59", ""),
-        ("source", "of all identifiers, those of blends", sum(is_blend_id(s.simbad_id) for s in paper), "", "two or more component letters; the other CCDM entries are single components"),
-        ("catalogue", "V <= 7 in the cut, no bright limit", len(paper) + sum(s.v_mag < 0.0 for s in fgk), "", ""),
-        ("catalogue", "removed, V <= 7: blend with listed components", len(blends), "", "see stars_removed.csv"),
-        ("catalogue", "removed, V <= 7: adopted parallax below 25 mas", len(bright_removed) - len(blends), "", "see stars_removed.csv"),
-        ("catalogue", "rows with V <= 7 (ranked)", len(bright), "", ""),
-        ("catalogue", "of them dwarfs (V, IV-V)", len(main), "", ""),
-        ("catalogue", "of them without close companion", sum(not p.row.star.binary_cut for p in main), "", ""),
-        ("catalogue", "rows with V <= 7.5 (all)", len(people), "", ""),
-        ("catalogue", "of them blends kept, no component listed", sum("composite" in p.row.flags for p in people), "", ""),
-    ]  # fmt: skip
-    return rows
+    see = "see stars_removed.csv"
+    source: list[tuple[str, int, str, str]] = [
+        ("all rows", len(stars), "78279", ""),
+        ("parallax >= 25 mas", len(near), "5515", ""),
+        ("and F, G or K", len(fgk), "3445", "first letter of the type; the reference count is not reproduced"),
+        ("and 0 <= V <= 7", len(paper), "1094", ""),
+        ("and V < 0", sum(s.v_mag < 0.0 for s in fgk), "", "alf Cen A, Arcturus and the blend of alf Cen"),
+        ("dwarfs (V, IV-V) with 0 <= V <= 7", len(dwarfs), "811", ""),
+        ("dwarfs without close companion", _single(dwarfs), "669", "the paper's 'nearly 700'"),
+        ("CCDM and ** identifiers, 0 <= V <= 7", _count_names(paper, ("CCDM", "**")), "59", ""),
+        ("of all identifiers, those of blends", _blends(paper), "", "two or more component letters"),
+    ]
+    source_class: list[tuple[str, int, str, str]] = [
+        ("V", classes["V"], "771", ""),
+        ("IV-V", classes["IV-V"], "40", ""),
+        ("IV", classes["IV"], "112", ""),
+        ("III", classes["III"] + classes["III-IV"], "91", "with III-IV"),
+        ("none", classes[""], "76", ""),
+        ("I and II", classes["I"] + classes["II"], "4", ""),
+    ]
+    catalogue: list[tuple[str, int, str, str]] = [
+        ("V <= 7 in the cut, no bright limit", sum(s.v_mag <= 7.0 for s in fgk), "", ""),
+        ("removed, V <= 7: blend with listed components", len(blends), "", see),
+        ("removed, V <= 7: adopted parallax below 25 mas", len(bright_removed) - len(blends), "", see),
+        ("rows with V <= 7 (ranked)", len(bright), "", ""),
+        ("of them dwarfs (V, IV-V)", len(main), "", ""),
+        ("of them without close companion", _single([p.row.star for p in main]), "", ""),
+        ("rows with V <= 7.5 (all)", len(people), "", ""),
+        ("of them blends kept, no component listed", sum("composite" in p.row.flags for p in people), "", ""),
+    ]
+    groups = (("source", source), ("source class", source_class), ("catalogue", catalogue))
+    return [(group, *row) for group, rows in groups for row in rows]
+
+
+def _single(stars: Sequence[SimbadStar]) -> int:
+    return sum(not star.binary_cut for star in stars)
+
+
+def _count_names(stars: Sequence[SimbadStar], starts: tuple[str, ...]) -> int:
+    return sum(star.simbad_id.startswith(starts) for star in stars)
+
+
+def _blends(stars: Sequence[SimbadStar]) -> int:
+    return sum(is_blend_id(star.simbad_id) for star in stars)

@@ -62,6 +62,7 @@ def identify(
         mates = by_hip[person.row.hip] if person.row.hip else [person]
         _take_alias_set(person, _set_by_hip(person, ranks[id(person)], mates, index, used), used)
         _take_cross_names(person, ranks[id(person)], mates, cross_names)
+    _take_exocat_gj(people)
     _letter_components(people)
     _name(people)
     return people
@@ -78,21 +79,34 @@ def _ranks_on_hip(people: Sequence[Identity]) -> dict[int, int]:
     return ranks
 
 
-def _take_exocat(
-    person: Identity, rank: int, mates: Sequence[Identity], exocat: Sequence[ExoCatStar]
-) -> None:
+def _take_exocat(person: Identity, rank: int, mates: Sequence[Identity], exocat: Sequence[ExoCatStar]) -> None:
     """Take the ExoCat row of the same HIP number: by HD or GJ identifier, else by component letter."""
     for star in exocat:
         if not star.hip or star.hip != person.row.hip:
             continue
         names = {star.values["hd_name"], star.values["gj_name"]} - {""}
+        if person.hd and star.values["hd_name"] and _hd_number(person.hd) != _hd_number(star.values["hd_name"]):
+            continue  # the row is another component than the one that ExoCat-1 lists
         owner = next((other for other in mates if names & other.aliases), None)
         by_letter = len(mates) == 1 or star.component == "ABCDE"[rank] or (rank == 0 and not star.component)
         if owner is person or (owner is None and by_letter):
             person.exocat = star
             person.hd = person.hd or star.values["hd_name"]
-            person.gj = person.gj or star.values["gj_name"]
             return
+
+
+def _take_exocat_gj(people: Sequence[Identity]) -> None:
+    """Take ExoCat-1's GJ numbers where no other source has one; a few of them belong to another star."""
+    taken = {designation_key(person.gj) for person in people if person.gj}
+    for person in people:
+        listed = person.exocat.values["gj_name"] if person.exocat else ""
+        if listed and not person.gj and designation_key(listed) not in taken:
+            person.gj = listed
+            taken.add(designation_key(listed))
+
+
+def _hd_number(name: str) -> str:
+    return split_component(designation_key(name))[0]
 
 
 def _take_own_id(person: Identity) -> None:
@@ -128,8 +142,14 @@ def _set_by_hip(
     number = f"hip {person.row.hip}"
     letters = "abcde" if len(mates) == 1 else "abcde"[rank]
     found = [names for key in (number, *(f"{number} {x}" for x in letters)) for names in index.get(key, ())]
-    found = [names for names in found if names not in used]
+    found = [names for names in found if names not in used and not _other_hd(person, names)]
     return next((names for names in found if len(mates) == 1 or _letter(names) in ("", letters)), ())
+
+
+def _other_hd(person: Identity, names: Sequence[str]) -> bool:
+    """Tell whether an alias set has an HD number, but not the one this row has."""
+    numbers = {_hd_number(name) for name in names if name.startswith("HD ")}
+    return bool(person.hd and numbers) and _hd_number(person.hd) not in numbers
 
 
 def _take_alias_set(person: Identity, chosen: tuple[str, ...], used: set[tuple[str, ...]]) -> None:
@@ -137,9 +157,16 @@ def _take_alias_set(person: Identity, chosen: tuple[str, ...], used: set[tuple[s
         return
     used.add(chosen)
     for name in chosen:
+        if name.startswith("HIP "):
+            continue  # the match by position knows the number
         key = designation_key(name)
         base, _ = split_component(key)
-        if re.match(rf"(?:{'|'.join(_SPOKEN_PREFIXES)})[ +-]", name) or key.split()[-1] in _SKY_KEYS or base.split()[-1] in _SKY_KEYS or not re.search(r"\d", name):
+        if (
+            re.match(rf"(?:{'|'.join(_SPOKEN_PREFIXES)})[ +-]", name)
+            or key.split()[-1] in _SKY_KEYS
+            or base.split()[-1] in _SKY_KEYS
+            or not re.search(r"\d", name)
+        ):
             person.aliases.add(name)
         if name.startswith("HD ") and not person.hd:
             person.hd = name
@@ -170,7 +197,8 @@ def _take_cross_names(
         person.common_name = names.common_name
     letter = names.gj[-1:] if names.gj[-1:].isalpha() else "A"
     fits = rank == "ABCDE".index(letter) and person.component in ("", letter)
-    if len(mates) == 1 or (fits and not any(mate.hd == names.hd for mate in mates)):
+    other = bool(person.hd and names.hd) and _hd_number(person.hd) != _hd_number(names.hd)
+    if (len(mates) == 1 and not other) or (fits and not other and not any(mate.hd == names.hd for mate in mates)):
         person.hd = person.hd or names.hd
         person.gj = person.gj or names.gj
 
@@ -201,9 +229,7 @@ def _drop_contradictions(person: Identity, members: Sequence[Identity]) -> None:
     if len(members) < 2 or not person.component:
         return
     letter = person.component.lower()
-    person.aliases = {
-        alias for alias in person.aliases if split_component(designation_key(alias))[1] in ("", letter)
-    }
+    person.aliases = {alias for alias in person.aliases if split_component(designation_key(alias))[1] in ("", letter)}
     if any(other.gj == person.gj for other in members if other is not person) and person.gj[-1:].isalpha():
         person.gj = person.gj[:-1] + person.component
 

@@ -160,14 +160,8 @@ def _expected_by_type(people: Sequence[Identity]) -> dict[tuple[bool, int], tupl
 def _expected(person: Identity, table: dict[tuple[bool, int], tuple[float, float]]) -> tuple[float, float]:
     """Return (Teff, B-V) of the nearest tabulated subtype of the same kind, nan if none is within two subtypes."""
     subtype = spectral_subtype(person.row.star.sp_type)
-    keys = [
-        key for key in table if key[0] == _has_giant_scale(person) and abs(key[1] - subtype) <= _NEAR_SUBTYPES
-    ]
-    return (
-        table[min(keys, key=lambda key: (abs(key[1] - subtype), key[1]))]
-        if keys
-        else (float("nan"), float("nan"))
-    )
+    keys = [key for key in table if key[0] == _has_giant_scale(person) and abs(key[1] - subtype) <= _NEAR_SUBTYPES]
+    return table[min(keys, key=lambda key: (abs(key[1] - subtype), key[1]))] if keys else (float("nan"), float("nan"))
 
 
 def _has_giant_scale(person: Identity) -> bool:

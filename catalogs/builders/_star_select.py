@@ -68,11 +68,7 @@ def is_blend_id(simbad_id: str) -> bool:
 
 def in_base_cut(star: SimbadStar) -> bool:
     """Tell whether a row passes the spectral-type, parallax and magnitude cuts."""
-    return (
-        star.sp_type[:1] in ("F", "G", "K")
-        and star.parallax_mas >= MIN_PARALLAX_MAS
-        and star.v_mag <= MAX_V_MAG
-    )
+    return star.sp_type[:1] in ("F", "G", "K") and star.parallax_mas >= MIN_PARALLAX_MAS and star.v_mag <= MAX_V_MAG
 
 
 def select(
@@ -90,7 +86,9 @@ def select(
     _adopt_parallaxes(rows)
     for row in rows:
         if row.parallax_mas < MIN_PARALLAX_MAS:
-            reason = f"adopted parallax {row.parallax_mas:.2f} mas is below 25 mas (extract: {row.star.parallax_mas:.2f})"
+            reason = (
+                f"adopted parallax {row.parallax_mas:.2f} mas is below 25 mas (extract: {row.star.parallax_mas:.2f})"
+            )
             removed.append(Removed(row.star, row.hip, reason))
     return [row for row in rows if row.parallax_mas >= MIN_PARALLAX_MAS], removed
 
@@ -135,11 +133,7 @@ def _without_composites(rows: list[Row]) -> tuple[list[Row], list[Removed]]:
     for members in by_hip.values():
         first = min(members, key=lambda row: row.star.v_mag)
         rest = [row for row in members if row is not first]
-        if (
-            rest
-            and first.hip_sep_arcsec < _SAME_STAR_ARCSEC
-            and first.star.v_mag < min(r.star.v_mag for r in rest)
-        ):
+        if rest and first.hip_sep_arcsec < _SAME_STAR_ARCSEC and first.star.v_mag < min(r.star.v_mag for r in rest):
             listed = ", ".join(other.star.simbad_id for other in rest)
             removed.append(Removed(first.star, first.hip, f"blend of components that are listed: {listed}"))
             kept.remove(first)

@@ -61,9 +61,7 @@ def build(sources: SourceStore, out_dir: Path) -> list[ProvenanceEntry]:
         keep = (wavelength_nm >= _RANGE_NM[0]) & (wavelength_nm <= _RANGE_NM[1])
         known = arrays.setdefault("wavelength_nm", wavelength_nm[keep])
         if not np.array_equal(known, wavelength_nm[keep]):
-            raise InputError(
-                _path(planet), "another wavelength column", allowed="the sampling of the first planet"
-            )
+            raise InputError(_path(planet), "another wavelength column", allowed="the sampling of the first planet")
         arrays[planet.lower()] = table[keep, 1].astype("<f4")
     arrays["documented_to_nm"] = np.array(_DOCUMENTED_TO_NM)
     write_npz(out_dir / DATA_FILE, arrays)

@@ -31,9 +31,7 @@ _PYPHOT = SourcePackage(
             path=_SUN_FILE,
             sha256="50e64211bc8ddca60360eeb351c171d11d3641569274f12c788db0686ac9be14",
             licence="public domain (CALSPEC, STScI)",
-            citation=(
-                "Colina, Bohlin & Castelli 1996, AJ 112, 307; Bohlin, Dickinson & Calzetti 2001, AJ 122, 2118"
-            ),
+            citation=("Colina, Bohlin & Castelli 1996, AJ 112, 307; Bohlin, Dickinson & Calzetti 2001, AJ 122, 2118"),
             vintage="CALSPEC sun_reference_stis_001, 2001",
         ),
     ),

@@ -127,9 +127,7 @@ def _phoenix_cut(raw: bytes) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.nda
     return teff[keep_t], log_g[keep_g], wavelength_um[keep_w] * 1e3, cube
 
 
-def _metallicity_ratio(
-    raw: bytes, teff: np.ndarray, log_g: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _metallicity_ratio(raw: bytes, teff: np.ndarray, log_g: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return [M/H] nodes, knot wavelengths and the ratio, shape (teff, log g, [M/H], knot)."""
     lines = raw.decode("ascii").splitlines()
     names = lines[0].lstrip("# ").split()
@@ -151,9 +149,6 @@ def _metallicity_ratio(
 
 def _knots(centres: np.ndarray) -> np.ndarray:
     """Return log wavelengths: band centres, points between them, ends of the range."""
-    parts = [
-        np.linspace(left, right, _KNOTS_BETWEEN_BANDS + 1, endpoint=False)
-        for left, right in pairwise(centres)
-    ]
+    parts = [np.linspace(left, right, _KNOTS_BETWEEN_BANDS + 1, endpoint=False) for left, right in pairwise(centres)]
     ends = np.log(np.array(_WAVELENGTH_RANGE_UM) * 1e3)
     return np.concatenate([ends[:1], *parts, centres[-1:], ends[1:]])

@@ -27,13 +27,11 @@ from catalogs.builders._star_physics import fill_physics
 from catalogs.builders._star_select import select
 from catalogs.builders._star_sources import SOURCES
 from catalogs.coordinates import ecliptic
-from catalogs.sources import ProvenanceEntry, SourceStore
+from catalogs.sources import ProvenanceEntry, SourcePackage, SourceStore
 
 __all__ = ["SOURCES", "build"]
 
-_VINTAGE = (
-    "SIMBAD extract of 2012-12-06 with Hipparcos-2 parallaxes; ExoCat-1 of 2015; archive aliases of 2022-11"
-)
+_VINTAGE = "SIMBAD extract of 2012-12-06 with Hipparcos-2 parallaxes; ExoCat-1 of 2015; archive aliases of 2022-11"
 
 
 def build(sources: SourceStore, out_dir: Path) -> list[ProvenanceEntry]:
@@ -43,7 +41,8 @@ def build(sources: SourceStore, out_dir: Path) -> list[ProvenanceEntry]:
     exocat = src.read_exocat(sources)
     cross_names = src.read_cross_names(sources)
     rows, removed = select(stars, hip2, src.read_bright_positions(sources))
-    people = identify(rows, exocat, src.read_aliases(sources), cross_names)
+    alias_sets = src.read_aliases(sources)
+    people = identify(rows, exocat, alias_sets, cross_names)
     fill_physics(people)
     fill_companions(people, stars, removed)
     for person in people:
@@ -65,7 +64,7 @@ def build(sources: SourceStore, out_dir: Path) -> list[ProvenanceEntry]:
         ),
     )
     _write_csv(out_dir / "aliases.csv", ["key", "name", "kind"], alias_rows(people))
-    known = known_star_rows(people, removed, stars, hip2, cross_names)
+    known = known_star_rows(people, removed, stars, hip2, cross_names, alias_sets)
     _write_csv(out_dir / "known_stars.csv", ["keys", "reason"], known)
     (out_dir / "STARS_LICENCE.md").write_text(LICENCE_TEXT, encoding="utf-8")
     return _provenance(people)
@@ -77,9 +76,7 @@ def _fill_rest(person: Identity, people: Sequence[Identity]) -> None:
     lon, lat = ecliptic(star.ra_deg, star.dec_deg)
     pm_ra, pm_dec, pm_src = star.pm_ra_mas_yr, star.pm_dec_mas_yr, "measured"
     if not np.isfinite(pm_ra + pm_dec):
-        mate = next(
-            (o for o in people if o.row.system == row.system and np.isfinite(o.row.star.pm_ra_mas_yr)), None
-        )
+        mate = next((o for o in people if o.row.system == row.system and np.isfinite(o.row.star.pm_ra_mas_yr)), None)
         pm_ra, pm_dec = (mate.row.star.pm_ra_mas_yr, mate.row.star.pm_dec_mas_yr) if mate else (0.0, 0.0)
         pm_src = f"derived:that of {mate.name}" if mate else "assumed:0"
     known_rv = np.isfinite(star.rv_km_s) and star.rv_km_s != 0.0  # the extract writes 0 for unknown
@@ -146,9 +143,7 @@ def _write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[object
 def _columns_json() -> str:
     columns = {c.name: {"unit": c.unit, "kind": c.kind, "description": c.description} for c in COLUMNS}
     return (
-        json.dumps(
-            {"schema_version": 1, "columns": columns, "quality_flags": FLAGS}, indent=1, ensure_ascii=False
-        )
+        json.dumps({"schema_version": 1, "columns": columns, "quality_flags": FLAGS}, indent=1, ensure_ascii=False)
         + "\n"
     )
 
@@ -177,28 +172,41 @@ def _provenance(people: Sequence[Identity]) -> list[ProvenanceEntry]:
     names, bright = (src.CELESTIAL, src.CELESTIAL_FILE), (src.CELESTIAL, src.BRIGHT_FILE)
     everything = (simbad, exocat, systems, hip2, names, bright)
     cut = "F, G and K, parallax >= 25 mas, V <= 7.5; blends with listed components removed"
-    facts = (
-        ("stars.csv", "star catalogue, one row per star or unresolved blend", everything, f"{cut}; see the *_src columns", (
-            *_coverage(people),
-            "luminosity from V and BC lies 0.03 to 0.04 dex below the ExoCat-1 values, which are kept where they exist",
-            "HD numbers are incomplete beyond 30 pc, where only bright-star indices supply them",
-        )),
-        ("stars_columns.json", "unit and description of each column of stars.csv", (), "written by the builder", ()),
-        ("stars_counts.csv", "numbers of stars after each cut", (simbad, hip2), "counted from source and catalogue", ()),
-        ("stars_removed.csv", "rows of the cut that are not in stars.csv", (simbad, hip2), "see the reason column", ()),
-        ("aliases.csv", "canonical alias keys of the catalogue rows", everything, "merged identifier lists", ()),
-        ("known_stars.csv", "named stars outside the catalogue, with the reason", (simbad, hip2, names), "named minus catalogue", ()),
-        ("STARS_LICENCE.md", "licence notice of the star tables", (), "written by the builder", ()),
-    )  # fmt: skip
+    notes = (
+        *_coverage(people),
+        "luminosity from V and BC lies 0.03 to 0.04 dex below the ExoCat-1 values, which are kept where they exist",
+        "Teff from B-V agrees with spectroscopic ExoCat-1 values of the dwarfs to 4 K in the median of 343 "
+        "(Valenti & Fischer) and 49 K of 265 (Gray), scatter 110 to 120 K",
+        "HD numbers are incomplete beyond 30 pc, where only bright-star indices supply them",
+    )
+    facts: tuple[tuple[str, str, tuple[tuple[SourcePackage, str], ...], str], ...] = (
+        (
+            "stars.csv",
+            "star catalogue, one row per star or unresolved blend",
+            everything,
+            f"{cut}; see the *_src columns",
+        ),
+        ("stars_columns.json", "unit and description of each column of stars.csv", (), "written by the builder"),
+        ("stars_counts.csv", "numbers of stars after each cut", (simbad, hip2), "counted from source and catalogue"),
+        ("stars_removed.csv", "rows of the cut that are not in stars.csv", (simbad, hip2), "see the reason column"),
+        ("aliases.csv", "canonical alias keys of the catalogue rows", everything, "merged identifier lists"),
+        (
+            "known_stars.csv",
+            "named stars outside the catalogue",
+            (simbad, hip2, names),
+            "named stars less the catalogue",
+        ),
+        ("STARS_LICENCE.md", "licence notice of the star tables", (), "written by the builder"),
+    )
     return [
         ProvenanceEntry(
             data_file=name,
             description=what,
             sources=used,
             derivation=how,
-            licence="same as the project" if name == "stars_columns.json" else SHORT_LICENCE,
+            licence="BSD-3-Clause" if name == "stars_columns.json" else SHORT_LICENCE,
             vintage=_VINTAGE,
-            notes=notes,
+            notes=notes if name == "stars.csv" else (),
         )
-        for name, what, used, how, notes in facts
+        for name, what, used, how in facts
     ]

@@ -85,7 +85,7 @@ def version_text() -> str:
     from importlib import metadata, util
     from pathlib import Path
 
-    from catalogs.stars import snapshot_vintage
+    from catalogs.info import snapshot_vintage
 
     home = Path(__file__).resolve().parents[2]
     lines = [f"{DISTRIBUTION} {__version__}", f"star table: {snapshot_vintage()}"]

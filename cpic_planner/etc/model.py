@@ -8,6 +8,9 @@ from dataclasses import dataclass
 from simulator.imaging.metrics import PsfMetrics
 from simulator.imaging.store import psf_metrics
 
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
 from catalogs.errors import InputError
 from simulator.config import Instrument
 from simulator.passbands import Passbands
@@ -54,6 +57,10 @@ class EtcModel:
     def frame_pace_s(self, exposure_s: float) -> float:
         """Wall time per science frame, its share of reference frames and all readouts included."""
         return (1.0 + self.strategy.reference_ratio) * (exposure_s + self.instrument.detector.readout_s)
+
+    def visit_s(self, time_s: ArrayLike) -> NDArray[np.float64]:
+        """Length of the science visit in an observation of ``time_s`` of wall time."""
+        return np.maximum(np.asarray(time_s, float) - self.instrument.overhead_s, 0.0) / (1.0 + self.strategy.reference_ratio)
 
 
 def build_model(

@@ -49,15 +49,15 @@ def frame_terms(
 
     Notes
     -----
-    Everything but the planet itself is measured twice, in science and in reference frames, and once more
-    in the background region: factor ``1 + N/M + 1/n_background``.
+    Everything but the planet itself is measured twice, in science and in reference frames: factor ``1 + N/M``.
+    A sum over a circle has the variance of ``sum(w^2)`` pixels, fewer than its area.
     """
     exposure = np.asarray(exposure_s, float)
-    extra = 1.0 + 1.0 / reference_ratio + 1.0 / rates.background_apertures
+    twice = (1.0 + 1.0 / reference_ratio) * rates.noise_fraction
     signal = rates.planet_e_s * exposure
-    light = signal + extra * (rates.background_e_s * exposure + detector.cic_e * rates.aperture_pixels)
-    read = extra * rates.aperture_pixels * float(pixel_variance_e2(0.0, 0.0, 1.0, detector))
-    return signal, light, read
+    quiet = twice * (rates.background_e_s * exposure + detector.cic_e * rates.aperture_pixels)
+    read = twice * rates.aperture_pixels * float(pixel_variance_e2(0.0, 0.0, 1.0, detector))
+    return signal, rates.source_noise_fraction * signal + quiet, read
 
 
 def stack_noise(
@@ -71,21 +71,24 @@ def stack_noise(
 ) -> StackNoise:
     """Signal and noise of ``n_frames`` frames.
 
-    ``Var = F^2(g) [S + extra (B + a0 cic)] + extra a0 (RN^2 + K^2/12) / g^2``, summed over frames, plus the speckle
-    residual ``(N t sigma_spk)^2`` that does not average; noise is divided by the RDI throughput.
+    ``Var = F^2(g) [S + (1 + N/M) (B + a0 cic)] + (1 + N/M) a0 (RN^2 + K^2/12) / g^2``, summed over frames, with the
+    weights of cut pixels squared, plus the speckle residual ``(N t sigma_spk)^2`` that does not average. White noise
+    is divided by the RDI throughput; ``snr`` adds the error of the mean background.
     """
     exposure, frames, gain = (np.asarray(item, float) for item in (exposure_s, n_frames, em_gain))
     signal, light, read = frame_terms(rates, exposure, detector, reference_ratio=reference_ratio)
     factor2 = excess_noise_factor2(gain, detector.register_stages)
     throughput2 = rates.rdi_throughput**2
-    source = frames * factor2 * signal / throughput2
-    background = frames * factor2 * (light - signal) / throughput2
+    own = rates.source_noise_fraction * signal
+    source = frames * factor2 * own / throughput2
+    background = frames * factor2 * (light - own) / throughput2
     electronic = frames * read / gain**2 / throughput2
     speckle = (frames * exposure * rates.speckle_e_s) ** 2
     total_signal = frames * signal
     quiet = background + electronic + speckle
     with np.errstate(divide="ignore", invalid="ignore"):
-        snr = np.where(total_signal > 0, total_signal / np.sqrt(source + quiet), 0.0)
+        error = np.sqrt(source + quiet * (1.0 + 1.0 / rates.background_apertures))
+        snr = np.where(total_signal > 0, total_signal / error, 0.0)
         significance = np.where(total_signal > 0, total_signal / np.sqrt(quiet), 0.0)
     return StackNoise(total_signal, source, background, electronic, speckle, snr, significance)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -14,7 +14,7 @@ from cpic_planner.etc.limits import frame_limit
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.noise import stack_noise
 from cpic_planner.etc.planet import ReferencePlanet, reference_contrast
-from cpic_planner.etc.rates import ApertureRates, aperture_rates
+from cpic_planner.etc.rates import ApertureRates, aperture_rates, speckle_fraction
 from cpic_planner.etc.settings import Settings, settings_for_snr, settings_for_time
 from cpic_planner.etc.significance import threshold_array
 from cpic_planner.targets import Targets
@@ -23,6 +23,7 @@ from simulator.outcome import Reason, Status
 
 __all__ = ["EtcAnswer", "contrast_limit", "diagonal", "exposure_time", "locate", "signal_to_noise"]
 
+MAX_TURNS = 200
 Question = Literal["exposure_time", "signal_to_noise", "contrast_limit"]
 
 
@@ -95,7 +96,7 @@ class _Case:
 
 def _cases(
     model: EtcModel, target: Targets, bands: Sequence[str] | None, planet: ReferencePlanet, separation_arcsec: float,
-    contrast: float | None, question: Question, unit: str,
+    contrast: float | None, question: Question, unit: str, visit_s: float,
 ):  # fmt: skip
     """Yield ready cases, or finished refusals for positions outside the zone."""
     if len(target) != 1:
@@ -118,7 +119,7 @@ def _cases(
             yield EtcAnswer(value=None, status=status, reason=reason, message=message, **head)
             continue
         x, y = diagonal(np.array([separation_arcsec]))
-        rates = aperture_rates(model, target, band, x, y, np.array([given]))
+        rates = aperture_rates(model, target, band, x, y, np.array([given]), visit_s=visit_s)
         elements = float(model.metrics[band].resolution_elements(separation_arcsec))
         threshold = float(threshold_array(elements, model.strategy.sigma))
         head["core_throughput"] = float(model.metrics[band].core_throughput(x, y)[0])
@@ -213,8 +214,9 @@ def signal_to_noise(
     _check_frame(model, exposure_s, em_gain)
     answers = []
     for case in _cases(
-        model, target, bands, planet or ReferencePlanet(), separation_arcsec, contrast, "signal_to_noise", ""
-    ):
+        model, target, bands, planet or ReferencePlanet(), separation_arcsec, contrast, "signal_to_noise", "",
+        model.visit_s(time_s),
+    ):  # fmt: skip
         if isinstance(case, EtcAnswer):
             answers.append(case)
             continue
@@ -239,30 +241,39 @@ def exposure_time(
     _check_frame(model, exposure_s, em_gain)
     answers = []
     for case in _cases(
-        model, target, bands, planet or ReferencePlanet(), separation_arcsec, contrast, "exposure_time", "s"
+        model, target, bands, planet or ReferencePlanet(), separation_arcsec, contrast, "exposure_time", "s", 0.0
     ):
         if isinstance(case, EtcAnswer):
             answers.append(case)
             continue
-        floor = float(case.rates.planet_e_s[0]) / max(float(case.rates.speckle_e_s[0]), 1e-300)
-        if floor <= snr:
-            text = f"the speckle residual limits the SNR to {floor:.3g}, whatever the time"
-            answers.append(
-                EtcAnswer(
-                    value=None,
-                    status=Status.UNREACHABLE,
-                    reason=Reason.SPECKLE_FLOOR,
-                    message=text,
-                    **case.answer,
-                )
-            )
-            continue
-        chosen = settings_for_snr(model, case.rates, snr, exposure_s=exposure_s, em_gain=em_gain)
-        if chosen.n_frames[0] < 1:
-            answers.append(_no_setting(model, case, chosen, exposure_s, em_gain))
-            continue
-        answers.append(_filled(case, chosen, float(chosen.time_s[0])))
+        answers.append(_least_time(model, target, case, snr, exposure_s, em_gain))
     return answers
+
+
+def _least_time(
+    model: EtcModel, target: Targets, case: _Case, snr: float, exposure_s: float | None, em_gain: float | None
+) -> EtcAnswer:
+    """Shortest time that suffices although the speckle residual grows with the length of the visit.
+
+    Starting from the residual of an instant visit, time and residual are found in turn; both only grow, so the
+    first time that reproduces itself is the shortest one.
+    """
+    rates, time_s = case.rates, 0.0
+    star_e_s = float(rates.speckle_e_s[0]) / max(float(speckle_fraction(model, case.answer["band"], 0.0)), 1e-300)
+    for _ in range(MAX_TURNS):
+        chosen = settings_for_snr(model, rates, snr, exposure_s=exposure_s, em_gain=em_gain)
+        floor = float(rates.planet_e_s[0]) / max(float(rates.speckle_e_s[0]), 1e-300)
+        if floor <= snr:
+            break
+        if chosen.n_frames[0] < 1:
+            return _no_setting(model, case, chosen, exposure_s, em_gain)
+        previous, time_s = time_s, float(chosen.time_s[0])
+        if time_s <= previous:
+            return _filled(case, chosen, time_s)
+        fraction = speckle_fraction(model, case.answer["band"], model.visit_s(time_s))
+        rates = replace(rates, speckle_e_s=np.array([star_e_s * fraction]))
+    text = f"the speckle residual keeps the SNR below {snr:g}, whatever the time"
+    return EtcAnswer(value=None, status=Status.UNREACHABLE, reason=Reason.SPECKLE_FLOOR, message=text, **case.answer)
 
 
 def contrast_limit(
@@ -285,8 +296,9 @@ def contrast_limit(
     _check_frame(model, exposure_s, em_gain)
     answers = []
     for case in _cases(
-        model, target, bands, ReferencePlanet(), separation_arcsec, 1e-9, "contrast_limit", "contrast"
-    ):
+        model, target, bands, ReferencePlanet(), separation_arcsec, 1e-9, "contrast_limit", "contrast",
+        model.visit_s(time_s),
+    ):  # fmt: skip
         if isinstance(case, EtcAnswer):
             answers.append(case)
             continue
@@ -315,7 +327,7 @@ def _limit(
             text = "no contrast below 1 is detected"
             return EtcAnswer(value=None, status=Status.UNREACHABLE, reason=Reason.INSUFFICIENT_TIME, message=text,
                              **(case.answer | {"contrast": None}))  # fmt: skip
-        rates = aperture_rates(model, target, case.answer["band"], x, y, np.array([contrast]))
+        rates = aperture_rates(model, target, case.answer["band"], x, y, np.array([contrast]), visit_s=model.visit_s(time_s))
     noise = stack_noise(rates, chosen.exposure_s, chosen.n_frames, chosen.em_gain, model.instrument.detector,
                         reference_ratio=model.strategy.reference_ratio)  # fmt: skip
     final = Settings(

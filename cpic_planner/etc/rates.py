@@ -9,8 +9,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.targets import Targets
+from simulator.camera.noise import aperture_noise_pixels
 
-__all__ = ["ApertureRates", "aperture_rates"]
+__all__ = ["ApertureRates", "aperture_rates", "speckle_fraction"]
 
 FloatArray = NDArray[np.float64]
 
@@ -32,6 +33,11 @@ class ApertureRates:
         Hottest pixel of the central star's light anywhere on the frame: it must not bloom.
     aperture_pixels : float
         Pixels in the aperture.
+    noise_fraction : float
+        Sum of squared pixel weights over the area of the aperture: pixels that the circle cuts count with their
+        weight squared in the variance of a sum.
+    source_noise_fraction : float
+        The same weighted by the planet's own light.
     background_apertures : float
         Aperture areas in the region that measures the background.
     rdi_throughput : float
@@ -47,6 +53,8 @@ class ApertureRates:
     peak_hole_e_s: FloatArray
     peak_frame_e_s: FloatArray
     aperture_pixels: float
+    noise_fraction: float
+    source_noise_fraction: float
     background_apertures: float
     rdi_throughput: float
 
@@ -63,6 +71,8 @@ def aperture_rates(
     x_arcsec: ArrayLike,
     y_arcsec: ArrayLike,
     contrast: ArrayLike,
+    *,
+    visit_s: ArrayLike = 0.0,
 ) -> ApertureRates:
     """Rates for every target at the given positions.
 
@@ -76,6 +86,8 @@ def aperture_rates(
         Positions on the detector relative to the star, broadcastable to ``(n, ...)`` (conventions of the instrument).
     contrast : array_like
         Planet-to-star ratio of detected rates, same shape rule.
+    visit_s : array_like
+        Length of the science visit (and of the reference visit): the wavefront walks during both.
 
     Returns
     -------
@@ -110,14 +122,28 @@ def aperture_rates(
         companion_e_s=np.broadcast_to(companion, shape),
         sky_e_s=np.full((1,) * len(shape), sky * aperture_arcsec2 * metrics.apodizer_energy),
         dark_e_s=np.full((1,) * len(shape), instrument.detector.dark_e_s * metrics.aperture_pixels),
-        speckle_e_s=star * metrics.rdi_floor(instrument.drift.visit_nm, model.strategy.n_modes),
+        speckle_e_s=star * speckle_fraction(model, band, visit_s),
         peak_hole_e_s=star * metrics.peak_on_axis_hole
         + planet_total * metrics.peak_off_axis
         + companion / metrics.aperture_pixels,
         peak_frame_e_s=star * metrics.peak_on_axis_frame,
         aperture_pixels=metrics.aperture_pixels,
+        noise_fraction=float(aperture_noise_pixels(metrics.aperture_radius_arcsec / metrics.pixel_scale_arcsec))
+        / metrics.aperture_pixels,
+        source_noise_fraction=metrics.source_noise_fraction,
         background_apertures=region_pixels / metrics.aperture_pixels,
         rdi_throughput=1.0 - model.strategy.n_modes / region_pixels,
+    )
+
+
+def speckle_fraction(model: EtcModel, band: str, visit_s: ArrayLike) -> FloatArray:
+    """Rms of aperture sums of the star light left by RDI, as a fraction of the star's light on the clear disc."""
+    drift = model.instrument.drift
+    return model.metrics[band].rdi_floor(
+        drift.visit_nm,
+        model.strategy.n_modes,
+        walk_nm_per_sqrt_hour=drift.walk_nm_per_sqrt_hour,
+        visit_hours=np.asarray(visit_s, float) / 3600.0,
     )
 
 

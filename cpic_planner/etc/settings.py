@@ -17,10 +17,10 @@ from cpic_planner.etc.noise import StackNoise, best_gain, frame_terms, stack_noi
 from cpic_planner.etc.rates import ApertureRates
 from simulator.camera.saturation import gain_cap
 
-__all__ = ["FrameMultiples", "Settings", "settings_for_snr", "settings_for_time"]
+__all__ = ["FRAME_MULTIPLES", "Settings", "settings_for_snr", "settings_for_time"]
 
 FloatArray = NDArray[np.float64]
-FrameMultiples = (1.0, 1.1, 1.25, 1.5, 2.0, 3.0, 5.0, 10.0)
+FRAME_MULTIPLES = (1.0, 1.15, 1.5, 2.5, 6.0)
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ def settings_for_time(
     else:
         longest = np.clip(limit, detector.exposure_min_s, detector.exposure_max_s)
         fewest = np.maximum(np.ceil(usable / (longest + detector.readout_s) - 1e-9), 1.0)
-        multiples = np.asarray(FrameMultiples).reshape((-1,) + (1,) * limit.ndim)
+        multiples = np.asarray(FRAME_MULTIPLES).reshape((-1,) + (1,) * limit.ndim)
         frames = np.ceil(fewest[None] * multiples)
         exposure = usable / frames - detector.readout_s
         frames = np.where(exposure >= detector.exposure_min_s, frames, 0.0)
@@ -103,7 +103,7 @@ def settings_for_snr(
         exposure = np.full(limit.shape, float(exposure_s))[None]
     else:
         longest = np.clip(limit, detector.exposure_min_s, detector.exposure_max_s)
-        steps = np.asarray(FrameMultiples).reshape((-1,) + (1,) * limit.ndim)
+        steps = np.asarray(FRAME_MULTIPLES).reshape((-1,) + (1,) * limit.ndim)
         exposure = np.maximum(longest[None] / steps, detector.exposure_min_s)
     gain = _gain(model, rates, exposure) if em_gain is None else np.full(exposure.shape, float(em_gain))
     one = stack_noise(rates, exposure, 1.0, gain, detector, reference_ratio=ratio)

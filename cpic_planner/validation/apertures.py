@@ -17,9 +17,7 @@ BoolArray = npt.NDArray[np.bool_]
 MIN_BACKGROUND_APERTURES = 3
 
 
-def aperture_weights(
-    shape: tuple[int, int], x_pixel: float, y_pixel: float, radius_pixel: float
-) -> FloatArray:
+def aperture_weights(shape: tuple[int, int], x_pixel: float, y_pixel: float, radius_pixel: float) -> FloatArray:
     """Exact overlap of a circle with each pixel of an image.
 
     Parameters
@@ -150,9 +148,7 @@ def sample_scatter(
 def checked_image(image: npt.ArrayLike) -> FloatArray:
     data = np.asarray(image)
     if data.dtype.kind not in "iuf" or data.ndim != 2 or data.size == 0:
-        raise InputError(
-            "image", f"{data.dtype} array of shape {data.shape}", unit="e-", allowed="one image (y, x)"
-        )
+        raise InputError("image", f"{data.dtype} array of shape {data.shape}", unit="e-", allowed="one image (y, x)")
     data = data.astype(np.float64, copy=False)
     finite = np.isfinite(data)
     if not finite.all():

@@ -169,9 +169,7 @@ def rdi_subtract(
     if library.ndim != 3 or library.shape[0] < 1:
         raise InputError("references", library.shape, allowed="at least one frame, shape (m, y, x)")
     if targets.shape[-2:] != library.shape[-2:]:
-        raise InputError(
-            "references", library.shape, unit="px", allowed=f"frames of {targets.shape[-2:]} as science"
-        )
+        raise InputError("references", library.shape, unit="px", allowed=f"frames of {targets.shape[-2:]} as science")
     pixels = _region("region", region, targets.shape[-2:])
     rows, refs = _rows("science", targets, pixels), _rows("references", library, pixels)
 
@@ -217,9 +215,7 @@ def _norm(rows: FloatArray) -> float:
 def _images(key: str, value: npt.ArrayLike) -> FloatArray:
     images = np.asarray(value)
     if images.dtype.kind not in "iufb" or images.ndim not in (2, 3) or images.size == 0:
-        raise InputError(
-            key, f"{images.dtype} array of shape {images.shape}", allowed="numbers, (y, x) or (n, y, x)"
-        )
+        raise InputError(key, f"{images.dtype} array of shape {images.shape}", allowed="numbers, (y, x) or (n, y, x)")
     return images.astype(np.float64, copy=False)
 
 
@@ -241,9 +237,7 @@ def _rows(key: str, images: FloatArray, region: BoolArray) -> FloatArray:
     if not finite.all():
         frame, pixel = np.unravel_index(int(np.argmin(finite)), rows.shape)
         y, x = np.argwhere(region)[pixel]
-        raise InputError(
-            f"{key}[frame={frame}, y={y}, x={x}]", float(rows[frame, pixel]), allowed="finite numbers"
-        )
+        raise InputError(f"{key}[frame={frame}, y={y}, x={x}]", float(rows[frame, pixel]), allowed="finite numbers")
     return rows
 
 

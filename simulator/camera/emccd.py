@@ -55,9 +55,7 @@ class Frame:
     n_negative_rates: int = 0
 
 
-def expected_adu_map(
-    rate_e_s_map: npt.ArrayLike, exposure_s: float, em_gain: float, detector: Detector
-) -> FloatArray:
+def expected_adu_map(rate_e_s_map: npt.ArrayLike, exposure_s: float, em_gain: float, detector: Detector) -> FloatArray:
     """Mean ADU of every pixel, without noise and without rounding.
 
     Parameters

@@ -129,9 +129,7 @@ def multiply(
     return output
 
 
-def _register(
-    charge: npt.NDArray[np.int64], g: float, stages: int, rng: np.random.Generator
-) -> npt.NDArray[np.int64]:
+def _register(charge: npt.NDArray[np.int64], g: float, stages: int, rng: np.random.Generator) -> npt.NDArray[np.int64]:
     p = float(_probability(np.float64(g), stages))
     if stages < _CASCADE_BELOW_STAGES:
         for _ in range(stages):

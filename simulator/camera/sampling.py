@@ -28,9 +28,7 @@ def poisson_counts(mean: npt.NDArray[np.float64], rng: np.random.Generator) -> n
     return counts
 
 
-def scattered_events(
-    mean_per_pixel: float, shape: tuple[int, ...], rng: np.random.Generator
-) -> npt.NDArray[np.int64]:
+def scattered_events(mean_per_pixel: float, shape: tuple[int, ...], rng: np.random.Generator) -> npt.NDArray[np.int64]:
     """Poisson counts of one small mean in every pixel, drawn as events thrown at random pixels.
 
     Identical in law to ``rng.poisson(mean_per_pixel, shape)`` (a Poisson number of independent, uniformly

@@ -138,6 +138,4 @@ def _fills(peak_e: npt.ArrayLike, em_gain: npt.ArrayLike, detector: Detector, n_
     pixel = (peak + margin * np.sqrt(peak)) / detector.full_well_e
     # A converter whose range is used up by bias and read noise alone is over-full whatever the charge.
     adc = gain * level / adc_e if adc_e > 0 else np.full(np.broadcast(gain, level).shape, np.inf)
-    return np.stack(np.broadcast_arrays(pixel, gain * level / detector.register_full_well_e, adc)).astype(
-        np.float64
-    )
+    return np.stack(np.broadcast_arrays(pixel, gain * level / detector.register_full_well_e, adc)).astype(np.float64)

@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,9 @@ from catalogs.errors import InputError
 from simulator.config.instrument import Drift
 from simulator.imaging.imager import Imager
 from simulator.imaging.quadrature import integrate_pixels
+
+if TYPE_CHECKING:
+    from simulator.imaging.psf import Psf
 
 __all__ = ["ScreenModel", "iter_visit_frames", "screen_model", "visit_frames"]
 
@@ -86,7 +90,7 @@ def screen_model(samples: int, psd_slope: float) -> ScreenModel:
 
 
 def iter_visit_frames(
-    imager: Imager,
+    optics: Imager | Psf,
     drift: Drift,
     n_frames: int,
     cadence_s: float,
@@ -97,8 +101,8 @@ def iter_visit_frames(
 
     Parameters
     ----------
-    imager : Imager
-        Optical model; its ``knobs`` set the sampling.
+    optics : Imager or Psf
+        Optical model, or the PSF that holds it; its ``knobs`` set the sampling.
     drift : Drift
         Visit offset (nm rms), random walk (nm rms per square root of an hour), spectral slope.
     n_frames : int
@@ -123,6 +127,7 @@ def iter_visit_frames(
         raise InputError("n_frames", n_frames, allowed="at least 1")
     if not (math.isfinite(cadence_s) and cadence_s > 0):
         raise InputError("cadence_s", cadence_s, unit="s", allowed="above 0")
+    imager = optics if isinstance(optics, Imager) else optics.imager
     return _frames(imager, drift, n_frames, cadence_s, rng_visit, rng_walk)
 
 
@@ -152,7 +157,7 @@ def _frames(
 
 
 def visit_frames(
-    imager: Imager,
+    optics: Imager | Psf,
     drift: Drift,
     n_frames: int,
     cadence_s: float,
@@ -160,4 +165,4 @@ def visit_frames(
     rng_walk: np.random.Generator,
 ) -> FloatArray:
     """`iter_visit_frames` stacked, shape (n_frames, stamp, stamp)."""
-    return np.stack(list(iter_visit_frames(imager, drift, n_frames, cadence_s, rng_visit, rng_walk)))
+    return np.stack(list(iter_visit_frames(optics, drift, n_frames, cadence_s, rng_visit, rng_walk)))

@@ -24,7 +24,7 @@ def rates(planet=0.02, halo=0.03, speckle=0.0, peak_hole=0.01, peak_frame=10.0, 
     return ApertureRates(
         planet_e_s=planet * one, halo_e_s=halo * one, companion_e_s=0 * one, sky_e_s=1e-4 * one,
         dark_e_s=DETECTOR.dark_e_s * A0 * one, speckle_e_s=speckle * one, peak_hole_e_s=peak_hole * one,
-        peak_frame_e_s=peak_frame * one, aperture_pixels=A0, background_apertures=1e12, rdi_throughput=1.0,
+        peak_frame_e_s=peak_frame * one, aperture_pixels=A0, noise_fraction=1.0, source_noise_fraction=1.0, background_apertures=1e12, rdi_throughput=1.0,
     )  # fmt: skip
 
 

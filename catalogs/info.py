@@ -1,0 +1,60 @@
+"""What the embedded data are: vintage, counts per cut, sources, licences and credits."""
+
+from __future__ import annotations
+
+import csv
+import functools
+import json
+from pathlib import Path
+from typing import Any
+
+__all__ = ["CREDITS", "catalogue_info", "snapshot_vintage"]
+
+_DATA = Path(__file__).resolve().parent / "data"
+
+CREDITS = (
+    "This research has made use of the SIMBAD database, operated at CDS, Strasbourg, France (Wenger et al. 2000). "
+    "The star table is a database derived from it, under the Open Database License 1.0.",
+    "Stellar data from ExoCat-1 (Turnbull 2015) and Hipparcos-2 (van Leeuwen 2007); names from the d3-celestial index (Kostjuk 2002; Gliese & Jahreiss 1991).",
+    "Stellar spectra: PHOENIX (Allard et al.) with the metallicity trend of Castelli & Kurucz 2004; Sun and Vega: CALSPEC.",
+    "Giant-planet albedos: Karkoschka 1998. Zodiacal light: Leinert et al. 1998.",
+)
+
+
+@functools.cache
+def _provenance() -> list[dict[str, Any]]:
+    entries: list[dict[str, Any]] = json.loads((_DATA / "PROVENANCE.json").read_text(encoding="utf-8"))["files"]
+    return entries
+
+
+def snapshot_vintage() -> str:
+    """One line: what the star table is and how old, with the first digits of its checksum."""
+    entry = next(item for item in _provenance() if item["data_file"] == "stars.csv")
+    return f"{entry['vintage']} (stars.csv {entry['sha256'][:12]})"
+
+
+def catalogue_info() -> dict[str, Any]:
+    """Everything that ``cpic catalog info`` shows.
+
+    Returns
+    -------
+    dict
+        ``vintage``, ``counts`` (cut, count, reference count and remark), ``notes``, ``files`` (name, source packages,
+        licence, description) and ``credits``.
+    """
+    with (_DATA / "stars_counts.csv").open(encoding="utf-8", newline="") as stream:
+        counts = [
+            {"cut": f"{row['group']}: {row['what']}", "count": int(row["count"]), "reference": row["reference"], "note": row["note"]}
+            for row in csv.DictReader(stream)
+        ]
+    files = [
+        {
+            "file": entry["data_file"],
+            "packages": ", ".join(sorted({f"{source['package']} {source['version']}" for source in entry["sources"]})),
+            "licence": entry["licence"],
+            "description": entry["description"],
+        }
+        for entry in _provenance()
+    ]
+    stars = next(item for item in _provenance() if item["data_file"] == "stars.csv")
+    return {"vintage": snapshot_vintage(), "counts": counts, "notes": stars["notes"], "files": files, "credits": list(CREDITS)}

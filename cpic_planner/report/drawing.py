@@ -1,0 +1,198 @@
+"""What every figure shares: canvas, style, colours, and saving as a data URI with the same bytes every time."""
+
+from __future__ import annotations
+
+import base64
+import contextlib
+import io
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = [
+    "BAND_STYLE", "RESIDUAL_COLOURS", "STACK_COLOURS", "STATUS_STYLE", "Picture", "band_style", "literal", "new_figure",
+    "place_labels", "save", "style",
+]  # fmt: skip
+
+WIDTH_INCHES = 9.0
+SCREEN_DPI = 100
+IMAGE_DPI = 130
+
+# Perceptually even or diverging with a light middle; both are told apart with any colour vision.
+STACK_COLOURS = "viridis"
+RESIDUAL_COLOURS = "RdBu_r"
+_MAP_COLOURS = 112
+
+# Okabe-Ito colours: told apart with any colour vision; markers differ as well.
+STATUS_STYLE: dict[str, tuple[str, str]] = {
+    "ok": ("#0072B2", "o"),
+    "unreachable": ("#8C8C8C", "o"),
+    "saturated": ("#D55E00", "^"),
+    "outside_field": ("#CC79A7", "s"),
+    "invalid": ("#000000", "x"),
+}
+BAND_STYLE: tuple[tuple[str, str], ...] = (
+    ("#0072B2", "o"), ("#E69F00", "s"), ("#009E73", "^"), ("#CC79A7", "D"),
+    ("#56B4E9", "v"), ("#D55E00", "P"), ("#000000", "X"), ("#9A8700", "*"),
+)  # fmt: skip
+
+_RC: dict[str, Any] = {
+    "font.family": ["DejaVu Sans"], "font.size": 10.5, "axes.titlesize": 11, "axes.labelsize": 10.5, "legend.fontsize": 9.5,
+    "xtick.labelsize": 9.5, "ytick.labelsize": 9.5, "axes.edgecolor": "#444444", "axes.linewidth": 0.8,
+    "axes.axisbelow": True, "grid.color": "#DDDDDD", "grid.linewidth": 0.6, "legend.frameon": False,
+    "figure.facecolor": "white", "savefig.facecolor": "white", "text.usetex": False, "svg.fonttype": "path",
+    "svg.hashsalt": "cpic-planner", "path.simplify": True, "axes.unicode_minus": True,
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A finished figure: image as a data URI, text for those who cannot see it, caption, and natural width."""
+
+    uri: str
+    alt: str
+    caption: str
+    width_px: int = int(WIDTH_INCHES * SCREEN_DPI)
+
+
+@contextlib.contextmanager
+def style() -> Iterator[None]:
+    """Draw with this report's settings, whatever the user's own are; theirs come back at the end."""
+    import matplotlib as mpl
+
+    with mpl.rc_context():
+        mpl.rcdefaults()
+        mpl.rcParams.update(_RC)
+        yield
+
+
+def new_figure(height_inches: float) -> Figure:
+    """Return an empty figure of full width on its own canvas (nothing is registered anywhere)."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(WIDTH_INCHES, height_inches), dpi=SCREEN_DPI, layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def save(figure: Figure, image_format: Literal["svg", "png"], *, alt: str, caption: str) -> Picture:
+    """Return the figure as a picture; no date, version or path goes into it.
+
+    PNG files are reduced to a fixed palette that holds the two colour maps of the image panels and greys: a third of
+    the size, no visible loss.
+    """
+    buffer = io.BytesIO()
+    if image_format == "svg":
+        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+        return Picture(_uri("image/svg+xml", buffer.getvalue()), alt, caption)
+    from PIL import Image
+
+    figure.savefig(buffer, format="png", dpi=IMAGE_DPI, metadata={"Software": None})
+    buffer.seek(0)
+    with Image.open(buffer) as image:
+        small = image.convert("RGB").quantize(palette=_palette(), dither=Image.Dither.NONE)
+    packed = io.BytesIO()
+    small.save(packed, format="png", optimize=True)
+    return Picture(_uri("image/png", packed.getvalue()), alt, caption)
+
+
+def _palette() -> Any:
+    """Palette image of 256 colours: those that the image panels are drawn with."""
+    import matplotlib as mpl
+    from PIL import Image
+
+    greys = np.repeat(np.linspace(0, 255, 256 - 2 * _MAP_COLOURS).round(), 3).reshape(-1, 3)
+    maps = [255.0 * mpl.colormaps[name](np.linspace(0.0, 1.0, _MAP_COLOURS))[:, :3] for name in (STACK_COLOURS, RESIDUAL_COLOURS)]
+    palette = Image.new("P", (1, 1))
+    palette.putpalette(np.concatenate([*maps, greys]).round().astype(np.uint8).tobytes())
+    return palette
+
+
+def _uri(media_type: str, content: bytes) -> str:
+    return f"data:{media_type};base64,{base64.b64encode(content).decode('ascii')}"
+
+
+def band_style(bands: Sequence[str]) -> dict[str, tuple[str, str]]:
+    """Return colour and marker of each band, in order of first appearance."""
+    return {band: BAND_STYLE[i % len(BAND_STYLE)] for i, band in enumerate(dict.fromkeys(bands))}
+
+
+def literal(text: str) -> str:
+    """Return a text that matplotlib writes as it is (a dollar sign would start a formula)."""
+    return text.replace("$", r"\$")
+
+
+def place_labels(
+    axes: Axes, x: Sequence[float], y: Sequence[float], texts: Sequence[str], *, reach_px: Sequence[float] | float = 4.0,
+    avoid: Sequence[Artist] = (), **text_style: Any,
+) -> None:  # fmt: skip
+    """Write a label near each point so that labels cover neither each other nor the labelled points.
+
+    Parameters
+    ----------
+    axes : Axes
+        Finished axes: limits, scales and layout must not change afterwards.
+    x, y : sequence of float
+        Data coordinates of the points, most important first.
+    texts : sequence of str
+        Labels. One for which no free place is found within reach is left out: no label is better than an unreadable one.
+    reach_px : sequence of float
+        Radius of each point's marker.
+    avoid : sequence of Artist
+        Texts that labels must not cover.
+    **text_style
+        Handed to ``Axes.annotate``.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.patheffects import withStroke
+
+    figure = axes.figure
+    canvas = figure.canvas
+    assert isinstance(canvas, FigureCanvasAgg)
+    figure.draw_without_rendering()
+    renderer = canvas.get_renderer()
+    points = axes.transData.transform(np.column_stack([x, y])) if len(texts) else np.empty((0, 2))
+    frame = axes.get_window_extent(renderer)
+    radii = np.broadcast_to(np.asarray(reach_px, float), len(texts))
+    taken = [(px - r, py - r, px + r, py + r) for (px, py), r in zip(points, radii, strict=True)]
+    taken += [tuple(artist.get_window_extent(renderer).extents) for artist in avoid]
+    to_points = 72.0 / figure.dpi
+    for (px, py), radius, text in zip(points, radii, texts, strict=True):
+        probe = axes.text(0, 0, text, **text_style)
+        extent = probe.get_window_extent(renderer)
+        probe.remove()
+        place = _free_place(px, py, radius, extent.width, extent.height, frame, taken)
+        if place is None:
+            continue
+        left, bottom, reach = place
+        taken.append((left, bottom, left + extent.width, bottom + extent.height))
+        offset = ((left + extent.width / 2 - px) * to_points, (bottom + extent.height / 2 - py) * to_points)
+        line = {"arrowstyle": "-", "color": "#555555", "linewidth": 0.6, "shrinkA": 0, "shrinkB": 2} if reach > 0 else None
+        axes.annotate(
+            text, xy=axes.transData.inverted().transform((px, py)), xytext=offset, textcoords="offset points", ha="center",
+            va="center", arrowprops=line, zorder=9, path_effects=[withStroke(linewidth=2.2, foreground="white")], **text_style,
+        ).set_in_layout(False)  # fmt: skip
+
+
+def _free_place(
+    px: float, py: float, radius: float, width: float, height: float, frame: Any, taken: Sequence[tuple[float, ...]]
+) -> tuple[float, float, int] | None:
+    """Lower left corner of a free place, nearest first, and on which ring it was found."""
+    for ring, gap in enumerate((3.0, 11.0, 22.0, 36.0, 54.0, 76.0)):
+        for angle in np.deg2rad((30, 330, 150, 210, 0, 180, 90, 270, 60, 120, 240, 300)):
+            cx = px + np.cos(angle) * (radius + gap + width / 2)
+            cy = py + np.sin(angle) * (radius + gap + height / 2)
+            box = (cx - width / 2 - 1, cy - height / 2 - 1, cx + width / 2 + 1, cy + height / 2 + 1)
+            if box[0] < frame.x0 + 2 or box[2] > frame.x1 - 2 or box[1] < frame.y0 + 2 or box[3] > frame.y1 - 2:
+                continue
+            if not any(box[0] < t[2] and t[0] < box[2] and box[1] < t[3] and t[1] < box[3] for t in taken):
+                return box[0] + 1, box[1] + 1, ring
+    return None

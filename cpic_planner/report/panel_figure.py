@@ -1,0 +1,157 @@
+"""The images behind one measurement: science stack, reference stack, residual."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cpic_planner.report.drawing import RESIDUAL_COLOURS, STACK_COLOURS, Picture, new_figure, save, style
+from cpic_planner.report.names import pretty_name
+from cpic_planner.report.numbers import decimals
+from cpic_planner.report.panels import Panels, compass
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["PANEL_NOTE", "panel_picture", "residual_limit", "stack_scale"]
+
+FloatArray = NDArray[np.float64]
+_VIEW_MARGIN = 1.06
+
+PANEL_NOTE = (
+    "Images: summed stacks in electrons per pixel. The circle is the photometric aperture at the planet, dashed squares bound the "
+    "dark hole, N and E show the sky on the detector. Both stacks share one scale, linear at the noise and logarithmic above, set by "
+    "the dark hole: brighter light outside it is clipped. Grey in the residual: not used."
+)
+_SIGMA_OF_MAD = 1.4826
+
+
+def robust_sigma(values: FloatArray) -> float:
+    """Return the standard deviation that the median absolute deviation stands for; 0 for no finite values."""
+    good = values[np.isfinite(values)]
+    return float(_SIGMA_OF_MAD * np.median(np.abs(good - np.median(good)))) if good.size else 0.0
+
+
+def stack_scale(panels: Panels) -> tuple[float, float, float]:
+    """Return lowest and highest displayed value and the linear width of the stretch, one for both stacks (electrons).
+
+    The dark hole alone decides; the linear width is the noise, so that faint light is shown linearly and the rest
+    logarithmically.
+    """
+    hole = panels.inside_hole()
+    both = np.concatenate([panels.science[hole], panels.reference[hole]])
+    good = both[np.isfinite(both)]
+    if good.size == 0:
+        return 0.0, 1.0, 1.0
+    low, high = (float(v) for v in np.percentile(good, [0.5, 99.8]))
+    if not high > low:
+        low, high = low - 0.5, low + 0.5
+    width = robust_sigma((panels.science - panels.reference)[hole]) / np.sqrt(2.0)
+    return low, high, float(max(width, 1e-3 * (high - low)))
+
+
+def residual_limit(panels: Panels) -> float:
+    """Return the half range of the residual panel: 5 robust sigma of the hole, up to 7 for a bright planet (electrons)."""
+    inside = panels.residual[panels.inside_hole()]
+    good = inside[np.isfinite(inside)]
+    peak = float(np.max(np.abs(good))) if good.size else 0.0
+    sigma = robust_sigma(good)
+    limit = float(np.clip(peak, 5.0 * sigma, 7.0 * sigma)) if sigma > 0 else peak
+    return limit if limit > 0 else 1.0
+
+
+def panel_picture(panels: Panels, name: str) -> Picture:
+    """Draw science stack, reference stack and residual side by side.
+
+    Parameters
+    ----------
+    panels : Panels
+    name : str
+        SIMBAD identifier of the star, for the alternative text.
+    """
+    from matplotlib.colors import AsinhNorm, Normalize
+
+    low, high, width = stack_scale(panels)
+    limit = residual_limit(panels)
+    residual = np.where(panels.inside_hole(), panels.residual, np.nan)
+    drawn: list[tuple[str, FloatArray, str, Normalize, str]] = [
+        ("science stack", panels.science, STACK_COLOURS, AsinhNorm(width, low, high), "white"),
+        ("reference stack", panels.reference, STACK_COLOURS, AsinhNorm(width, low, high), "white"),
+        ("residual after subtraction", residual, RESIDUAL_COLOURS, Normalize(-limit, limit), "black"),
+    ]
+    with style():
+        figure = new_figure(3.95)
+        for axes, (title, image, colours, norm, ink) in zip(np.ravel(figure.subplots(1, 3, sharey=True)), drawn, strict=True):
+            _panel(axes, panels, image, colours, norm, ink)
+            axes.set_title(title)
+        figure.axes[0].set_ylabel("y offset (arcsec)")
+        return save(
+            figure, "png",
+            alt=f"{pretty_name(name)} in {panels.band}: summed science frames, summed reference frames, and the residual after "
+            f"subtraction; the planet is at x {decimals(panels.planet_x_arcsec, 2)}, y {decimals(panels.planet_y_arcsec, 2)} arcsec.",
+            caption=f"{panels.band}; aperture radius {panels.aperture_radius_arcsec:.3f} arcsec.",
+        )  # fmt: skip
+
+
+def _panel(axes: Axes, panels: Panels, image: FloatArray, colours: str, norm: Any, ink: str) -> None:
+    import matplotlib as mpl
+    from matplotlib.colors import AsinhNorm
+    from matplotlib.patches import Circle
+    from matplotlib.ticker import MaxNLocator, ScalarFormatter
+
+    palette = mpl.colormaps[colours].with_extremes(bad="#D8D8D8")
+    drawn = axes.imshow(image, origin="lower", extent=panels.extent_arcsec, cmap=palette, norm=norm, interpolation="nearest")
+    view = _VIEW_MARGIN * panels.hole_outer_arcsec
+    axes.set(xlim=(-view, view), ylim=(-view, view), xlabel="x offset (arcsec)")
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(MaxNLocator(5, symmetric=True))
+    bar = axes.figure.colorbar(drawn, ax=axes, location="bottom", extend="both", shrink=0.95, aspect=28, pad=0.02)
+    bar.set_label("electrons per pixel")
+    ticks = _ticks(norm) if isinstance(norm, AsinhNorm) else MaxNLocator(5, symmetric=True).tick_values(norm.vmin, norm.vmax)[1:-1]
+    formatter = ScalarFormatter(useMathText=True)
+    formatter.set_powerlimits((-2, 4))
+    bar.set_ticks(ticks)
+    bar.minorticks_off()
+    bar.ax.xaxis.set_major_formatter(formatter)
+    axes.add_patch(Circle((panels.planet_x_arcsec, panels.planet_y_arcsec), panels.aperture_radius_arcsec, fill=False,
+                          edgecolor=ink, linewidth=1.3, path_effects=_halo(ink)))  # fmt: skip
+    _hole(axes, panels, ink)
+    _compass(axes, panels)
+
+
+def _ticks(norm: Any) -> list[float]:
+    """Five round values across the range, evenly spread after the stretch."""
+    ends = float(norm.vmin), float(norm.vmax)
+    values = [float(norm.inverse(fraction)) for fraction in (0.06, 0.35, 0.65, 0.94)]
+    step = 10.0 ** np.floor(np.log10(max((ends[1] - ends[0]) / 20.0, 1e-300)))
+    fine = [round(value / step) * step for value in values]
+    return sorted({value for value in fine if ends[0] <= value <= ends[1]})
+
+
+def _halo(ink: str) -> list[Any]:
+    from matplotlib.patheffects import withStroke
+
+    return [withStroke(linewidth=2.6, foreground="black" if ink == "white" else "white")]
+
+
+def _hole(axes: Axes, panels: Panels, ink: str) -> None:
+    from matplotlib.patches import Rectangle
+
+    inner, side = panels.hole_inner_arcsec, panels.hole_outer_arcsec - panels.hole_inner_arcsec
+    for sign_x in (-1, 1):
+        for sign_y in (-1, 1):
+            axes.add_patch(Rectangle((sign_x * inner, sign_y * inner), sign_x * side, sign_y * side, fill=False,
+                                     edgecolor=ink, linewidth=0.7, linestyle=(0, (3, 2)), alpha=0.9))  # fmt: skip
+
+
+def _compass(axes: Axes, panels: Panels) -> None:
+    """North and east arrows from the star, inside the part of the image that the mask's cross hides."""
+    length = max(0.8 * panels.hole_inner_arcsec, 0.12 * panels.hole_outer_arcsec)
+    ink = {"color": "white", "fontsize": 9, "fontweight": "bold", "ha": "center", "va": "center", "path_effects": _halo("white")}
+    for (dx, dy), letter in zip(compass(panels.parity, panels.roll_deg), "NE", strict=True):
+        axes.annotate("", xy=(length * dx, length * dy), xytext=(0, 0),
+                      arrowprops={"arrowstyle": "->", "color": "white", "linewidth": 1.4, "shrinkA": 0, "shrinkB": 0,
+                                  "path_effects": _halo("white")})  # fmt: skip
+        axes.text(1.5 * length * dx, 1.5 * length * dy, letter, **ink)  # type: ignore[arg-type]

@@ -1,0 +1,71 @@
+"""Sentences of the report that are computed from its numbers."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+
+from cpic_planner.models import BandConfirmation, ConfirmedTarget, PlanResult, RankResult
+from cpic_planner.report.names import pretty_name
+from cpic_planner.report.numbers import count_text, duration_text, significant
+
+__all__ = ["calibration_sentence", "chosen", "planet_text", "summary_sentences"]
+
+N_ERRORS = 2.0
+"""A ratio further than this many standard errors from 1 is called a bias."""
+
+
+def chosen(target: ConfirmedTarget) -> BandConfirmation | None:
+    """Return the confirmation of the chosen band, if any."""
+    return next((band for band in target.bands if band.band == target.chosen_band), None)
+
+
+def planet_text(result: PlanResult | RankResult) -> str:
+    """Return the reference planet in words."""
+    planet = result.reference_planet
+    return f"{planet.radius_rjup:g} Jupiter radius, phase {planet.phase_deg:g}°, {planet.albedo.capitalize()} albedo, {planet.position}"
+
+
+def calibration_sentence(calibration: Mapping[str, float | int | None]) -> str:
+    """Return how recovered and predicted SNR compare; a bias is named only beyond two standard errors."""
+    ratio, error, count = calibration.get("ratio"), calibration.get("error"), calibration.get("n_bands")
+    if ratio is None or error is None:
+        return "No band was measured, so prediction and measurement could not be compared."
+    text = f"Recovered over predicted SNR is {ratio:.2f} ± {error:.2f} (mean and standard error of {_plural(count or 0, 'measurement')})"
+    if abs(ratio - 1.0) <= N_ERRORS * error:
+        return f"{text}: compatible with 1 within {N_ERRORS:g} standard errors."
+    word = "optimistic" if ratio < 1.0 else "pessimistic"
+    return f"{text}: more than {N_ERRORS:g} standard errors from 1, so the prediction is {word} at this level."
+
+
+def summary_sentences(plan: PlanResult, rank: RankResult) -> list[str]:
+    """Return the summary of the plan, one sentence an item."""
+    sentences = [
+        f"{count_text(plan.n_ranked)} stars were ranked by how clearly a reference planet ({planet_text(plan)}) would be detected "
+        f"in {duration_text(plan.time_s)} of wall time per target and band.",
+        f"The analytic model predicts a detection around {count_text(plan.counts.get('ok', 0))} of them.",
+    ]
+    if not plan.targets:
+        return [*sentences, "No target was confirmed with simulated images."]
+    picks = [(target, chosen(target)) for target in plan.targets]
+    found = [(target, band) for target, band in picks if band is not None and band.detected]
+    measured = [band for target in plan.targets for band in target.bands if band.recovered_snr is not None]
+    detections = sum(bool(band.detected) for band in measured)
+    sentences.append(
+        f"The first {_plural(len(plan.targets), 'target')} were simulated as images, reduced and measured in every band in reach: the "
+        f"planet is detected around {len(found)} of {len(plan.targets)}, in {detections} of {_plural(len(measured), 'measurement')}."
+    )
+    if found:
+        target, band = found[0]
+        sentences.append(
+            f"Highest ranked and confirmed is {pretty_name(target.name)} in {band.band}: SNR {significant(band.recovered_snr)} "
+            f"recovered, {significant(band.predicted_snr)} predicted."
+        )
+        counts = Counter(band.band for _, band in found)
+        picked = ", ".join(f"{band} ({count})" for band, count in counts.most_common())
+        sentences.append(f"Chosen bands, with number of targets: {picked}.")
+    return [*sentences, calibration_sentence(plan.calibration)]
+
+
+def _plural(count: float, noun: str) -> str:
+    return f"{count_text(int(count))} {noun}{'' if count == 1 else 's'}"

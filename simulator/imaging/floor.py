@@ -1,0 +1,118 @@
+"""Speckle floor of reference differential imaging, measured from the optical model.
+
+Science and reference visit each have their own wavefront offset. To first order in the phase the field of visit k is
+``E0 + v E_k`` with v the rms in nm, so that its image is ``I0 + v L_k + v^2 Q_k``: one propagation per visit serves
+every v. The noiseless reference library of one visit has one mode (its image); what is left of the science image
+after projection on it is summed in apertures wholly inside the hole, and the floor is the rms of these sums over
+positions and pairs of visits.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalogs.errors import InputError
+from simulator.imaging.aperture import aperture_sums, overlap_weights
+from simulator.imaging.drift import screen_model
+from simulator.imaging.imager import Imager
+from simulator.imaging.quadrature import PixelAxis, integrate_pixels
+from simulator.rng import stream
+
+__all__ = ["FloorTable", "measure_floor"]
+
+FloatArray = NDArray[np.float64]
+VISIT_NM = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)
+N_VISITS = 512
+N_BINS = 8
+SEED = 20250101  # of the Monte Carlo behind the shipped tables
+
+
+@dataclass(frozen=True, eq=False)
+class FloorTable:
+    """Floor against offset: ``sigma[0]`` over the whole hole, ``sigma[1:]`` in bins of separation."""
+
+    visit_nm: FloatArray
+    separation_arcsec: FloatArray
+    sigma: FloatArray
+
+
+def measure_floor(
+    imager: Imager, psd_slope: float, *, n_visits: int = N_VISITS, visit_nm: tuple[float, ...] = VISIT_NM, seed: int = SEED
+) -> FloorTable:
+    """Monte Carlo over ``n_visits`` visits, each paired as science with the next as reference.
+
+    The standard error of the whole-hole floor is about 2 % at 512 visits. The first-order phase is good to 1 % of
+    the floor up to 2 nm and to some 10 % at 10 nm.
+    """
+    inner, outer = imager.hole_arcsec
+    pixel = imager.pixel_scale_arcsec
+    first, last = int(np.floor(inner / pixel)), int(np.ceil(outer / pixel))
+    side = np.arange(first, last + 1)
+    centres = np.concatenate([-side[::-1], side]) * pixel
+    axis = imager.axis(centres, masked=True)
+    nominal, linear, quadratic = _responses(imager, axis, psd_slope, n_visits, seed)
+
+    inside = (np.abs(centres) >= inner) & (np.abs(centres) <= outer)
+    hole = np.outer(inside, inside)
+    radius = imager.aperture_radius_arcsec
+    fits = (np.abs(centres) >= inner + radius) & (np.abs(centres) <= outer - radius)
+    if not fits.any():  # a hole smaller than the aperture: centres inside it must do
+        fits = inside
+    if not fits.any():
+        raise InputError("coronagraph.inner_lambda_d", inner, unit="arcsec per axis",
+                         allowed=f"an inner edge at least a pixel inside the outer edge of {outer} arcsec")  # fmt: skip
+    place = np.outer(fits, fits)
+    separation = np.hypot(centres[:, None], centres)[place]
+    weights = overlap_weights(radius / pixel)
+
+    def sums(images: FloatArray) -> FloatArray:
+        m = side.size  # quadrants are apart: no aperture reaches across the cross
+        blocks = images.reshape(-1, 2, m, 2, m).swapaxes(2, 3)
+        return aperture_sums(blocks, weights).swapaxes(2, 3).reshape(images.shape)[..., place]
+
+    pixels = [part[..., hole] for part in (nominal, linear, quadratic)]
+    apertures = [sums(part) for part in (nominal, linear, quadratic)]
+    edges = np.geomspace(separation.min(), separation.max(), N_BINS + 1)
+    _, bins = np.unique(np.searchsorted(edges[1:-1], separation), return_inverse=True)  # empty bins drop out
+    counts = np.bincount(bins)
+    mean_square = np.empty((1 + counts.size, len(visit_nm)))
+    for column, offset in enumerate(visit_nm):
+        image, summed = (part[0] + offset * part[1] + offset**2 * part[2] for part in (pixels, apertures))
+        level = image.mean(axis=-1, keepdims=True)
+        image, summed = image - level, summed - level * weights.sum()
+        reference = np.roll(image, -1, axis=0)
+        factor = (image * reference).sum(axis=-1) / (reference**2).sum(axis=-1)
+        squares = ((summed - factor[:, None] * np.roll(summed, -1, axis=0)) ** 2).mean(axis=0)
+        mean_square[0, column] = squares.mean()
+        mean_square[1:, column] = np.bincount(bins, squares) / counts
+    middles = np.bincount(bins, separation) / counts
+    return FloorTable(np.asarray(visit_nm), middles, np.sqrt(mean_square))
+
+
+def _responses(
+    imager: Imager, axis: PixelAxis, psd_slope: float, n_visits: int, seed: int
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Pixel images I0, L_k and Q_k at unit rms (1 nm)."""
+    screens = screen_model(len(imager.transmission), psd_slope)
+    rng = stream(seed, "rdi_floor")
+    transforms = [imager.transform(axis.nodes_arcsec, wavelength) for wavelength in imager.wavelengths_m]
+    fields = [matrix @ (imager.transmission @ matrix.T) for matrix in transforms]
+    scale = imager.pixel_solid_angle_sr
+    power = sum(weight * np.abs(field) ** 2 for weight, field in zip(imager.weights, fields, strict=True))
+    nominal = integrate_pixels(np.asarray(power), axis, axis) * scale
+    linear, quadratic = (np.empty((n_visits, *nominal.shape)) for _ in range(2))
+    for visit in range(n_visits):
+        pupil = imager.transmission * screens.draw(rng, 1.0)
+        cross, square = np.zeros(fields[0].shape), np.zeros(fields[0].shape)
+        for matrix, field, wavelength, weight in zip(
+            transforms, fields, imager.wavelengths_m, imager.weights, strict=True
+        ):
+            change = (2j * np.pi / (wavelength * 1e9)) * (matrix @ (pupil @ matrix.T))
+            cross += 2 * weight * (field.conj() * change).real
+            square += weight * np.abs(change) ** 2
+        linear[visit] = integrate_pixels(cross, axis, axis) * scale
+        quadratic[visit] = integrate_pixels(square, axis, axis) * scale
+    return nominal, linear, quadratic

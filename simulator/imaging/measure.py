@@ -1,0 +1,105 @@
+"""Measurement of `PsfMetrics` from the optical model."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from simulator.imaging.aperture import (
+    aperture_sums,
+    core_from_table,
+    cumulative_table,
+    overlap_weights,
+    photon_weights,
+)
+from simulator.imaging.floor import measure_floor
+from simulator.imaging.imager import Engine, Imager, centred_axis
+from simulator.imaging.metrics import PsfMetrics
+
+__all__ = ["measure_metrics", "stamp_figures"]
+
+FloatArray = NDArray[np.float64]
+CELLS_PER_PIXEL = 10
+FIELD_ARCSEC = 17.2  # the frame's diagonal and a margin: companions' wings across the whole detector
+FRAME_ARCSEC = 8.75  # half side of the frame
+
+
+def stamp_figures(imager: Imager, on_axis: FloatArray, off_axis: FloatArray) -> dict[str, object]:
+    """Figures that follow from the two stamps and the core of the PSF: milliseconds."""
+    pixel, radius = imager.pixel_scale_arcsec, imager.aperture_radius_arcsec
+    table, half, continuous = _core_table(imager)
+    far = 10.0 * (half + imager.mask_half_width_arcsec)
+    open_value = float(core_from_table(table, half, imager.mask_half_width_arcsec, far, far))
+    diagonal = np.arange(0.0, imager.mask_half_width_arcsec + 2 * half, pixel / 50)
+    curve = core_from_table(table, half, imager.mask_half_width_arcsec, diagonal, diagonal)
+    half_way = float(np.interp(0.5 * open_value, curve, diagonal)) if curve[0] < 0.5 * open_value else 0.0
+    inner, outer = imager.hole_arcsec
+    offset = np.abs(centred_axis(len(on_axis), pixel))
+    overlaps = (offset > inner - pixel / 2) & (offset < outer + pixel / 2)
+    hole = np.outer(overlaps, overlaps)
+    peak = float(off_axis.max())
+    return {
+        "core_open": open_value,
+        "core_continuous": continuous,
+        "peak_off_axis": peak,
+        "peak_on_axis_hole": float(on_axis[hole].max(initial=0.0)),
+        "iwa_arcsec": half_way * np.sqrt(2.0),
+        "raw_contrast": on_axis / peak,
+        "halo_map": aperture_sums(on_axis, overlap_weights(radius / pixel)),
+        "core_table": table,
+        "core_table_half_arcsec": half,
+    }
+
+
+def _core_table(imager: Imager) -> tuple[FloatArray, float, float]:
+    """Cumulative table of PSF x aperture weight, its half side, and the energy in the ideal circle."""
+    pixel, radius = imager.pixel_scale_arcsec, imager.aperture_radius_arcsec
+    cells = 2 * int(np.ceil((radius / pixel + 1) * CELLS_PER_PIXEL))
+    offset = (np.arange(cells) - cells / 2 + 0.5) / CELLS_PER_PIXEL  # pixels
+    intensity = imager.intensity(offset * pixel, offset * pixel, engine="matrix") / CELLS_PER_PIXEL**2
+    table = cumulative_table(intensity * photon_weights(offset, offset, radius / pixel))
+    nodes, weights = np.polynomial.legendre.leggauss(40)
+    circle = 0.0
+    for node, weight in zip(nodes, weights, strict=True):
+        chord = float(np.sqrt(1 - node**2))
+        column = imager.intensity(radius * chord * nodes, np.array([radius * node]), engine="matrix")[:, 0]
+        circle += weight * chord * float(weights @ column)
+    return table, cells / 2 / CELLS_PER_PIXEL * pixel, circle * (radius / pixel) ** 2
+
+
+def _wing_profile(imager: Imager, engine: Engine) -> FloatArray:
+    """Azimuthal mean of the unmasked PSF in rings one pixel wide."""
+    half = int(np.ceil(FIELD_ARCSEC / imager.pixel_scale_arcsec))
+    pixels = np.arange(-half, half + 1)
+    angles = pixels * imager.pixel_scale_arcsec
+    image = imager.intensity(angles, angles, engine=engine)
+    ring = np.rint(np.hypot(pixels[:, None], pixels)).astype(np.intp).ravel()
+    totals, counts = np.bincount(ring, image.ravel()), np.bincount(ring)
+    return totals[: half + 1] / counts[: half + 1]
+
+
+def measure_metrics(imager: Imager, psd_slope: float) -> PsfMetrics:
+    """Everything: stamps through HCIPy, wings, brightest pixel and speckle floor; some seconds."""
+    masked, clear = imager.stamp_axis(masked=True), imager.stamp_axis(masked=False)
+    on_axis, off_axis = imager.image(masked, masked), imager.image(clear, clear)
+    half = int(np.ceil(FRAME_ARCSEC / imager.pixel_scale_arcsec))
+    wide = imager.axis(np.arange(-half, half + 1) * imager.pixel_scale_arcsec, masked=True, pixel_nodes=1)
+    floor = measure_floor(imager, psd_slope)
+    values = stamp_figures(imager, on_axis, off_axis)
+    values |= {
+        "band": imager.band,
+        "lambda_d_arcsec": imager.lambda_d_arcsec,
+        "pixel_scale_arcsec": imager.pixel_scale_arcsec,
+        "aperture_radius_arcsec": imager.aperture_radius_arcsec,
+        "mask_half_width_arcsec": imager.mask_half_width_arcsec,
+        "hole_inner_arcsec": imager.hole_arcsec[0],
+        "hole_outer_arcsec": imager.hole_arcsec[1],
+        "strehl": 1.0,
+        "apodizer_energy": imager.apodizer_energy,
+        "peak_on_axis_frame": max(float(imager.image(wide, wide, engine="matrix").max()), float(on_axis.max())),
+        "wing_profile": _wing_profile(imager, "matrix"),
+        "floor_visit_nm": floor.visit_nm,
+        "floor_separation_arcsec": floor.separation_arcsec,
+        "floor_sigma": floor.sigma,
+    }
+    return PsfMetrics.from_arrays({name: np.asarray(value) for name, value in values.items()})

@@ -1,0 +1,248 @@
+"""Figures of one band's PSF that the exposure-time calculator reads: plain arrays, no optics library."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from catalogs.errors import InputError
+from simulator.imaging.aperture import core_from_table
+
+__all__ = ["PsfMetrics"]
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class PsfMetrics:
+    """Figures of merit of one band.
+
+    Every fraction is of the energy that the clear pupil disc collects. Positions are arcsec from the star on the
+    detector; maps are indexed ``[y, x]`` on the star-centred stamp, centre pixel ``n // 2``.
+
+    Attributes
+    ----------
+    band : str
+        Name of the band.
+    lambda_d_arcsec : float
+        lambda/D at band centre.
+    pixel_scale_arcsec, aperture_radius_arcsec, mask_half_width_arcsec : float
+        Detector pixel, photometric aperture, half width of the cross.
+    hole_inner_arcsec, hole_outer_arcsec : float
+        Edges a and b of the square quadrants, per axis.
+    strehl : float
+        Peak relative to the same apodizer with a flat wavefront.
+    apodizer_energy : float
+        Energy behind the apodizer.
+    core_open : float
+        Core throughput far from the mask, in an aperture laid on pixels (phase average).
+    core_continuous : float
+        The same for an ideal circle on the continuous image; pixels cost the difference.
+    peak_off_axis : float
+        Peak pixel of a source centred on a pixel, no mask.
+    peak_on_axis_hole : float
+        Brightest pixel of the masked star that overlaps the hole.
+    peak_on_axis_frame : float
+        Brightest pixel of the masked star anywhere on the frame.
+    iwa_arcsec : float
+        Diagonal separation where core throughput is half its maximum.
+    raw_contrast : ndarray, shape (n, n)
+        Masked on-axis image over ``peak_off_axis``.
+    halo_map : ndarray, shape (n, n)
+        Starlight in the aperture centred on every pixel.
+    core_table : ndarray, shape (k, k)
+        Cumulative aperture-weighted PSF, over offsets up to ``core_table_half_arcsec``.
+    core_table_half_arcsec : float
+        Half side of that table.
+    wing_profile : ndarray, shape (w,)
+        Azimuthal mean of the unmasked PSF per pixel at separations of 0, 1, 2 ... pixels.
+    floor_visit_nm : ndarray, shape (g,)
+        Visit offsets at which the speckle floor was measured.
+    floor_separation_arcsec : ndarray, shape (s,)
+        Mean separations of the annular bins.
+    floor_sigma : ndarray, shape (1 + s, g)
+        Rms of aperture sums after one-mode RDI: whole hole, then each bin.
+    """
+
+    band: str
+    lambda_d_arcsec: float
+    pixel_scale_arcsec: float
+    aperture_radius_arcsec: float
+    mask_half_width_arcsec: float
+    hole_inner_arcsec: float
+    hole_outer_arcsec: float
+    strehl: float
+    apodizer_energy: float
+    core_open: float
+    core_continuous: float
+    peak_off_axis: float
+    peak_on_axis_hole: float
+    peak_on_axis_frame: float
+    iwa_arcsec: float
+    raw_contrast: FloatArray
+    halo_map: FloatArray
+    core_table: FloatArray
+    core_table_half_arcsec: float
+    wing_profile: FloatArray
+    floor_visit_nm: FloatArray
+    floor_separation_arcsec: FloatArray
+    floor_sigma: FloatArray
+
+    @property
+    def hole(self) -> NDArray[np.bool_]:
+        """Pixels whose centres lie in the dark quadrants ``a <= |x|, |y| <= b``."""
+        n = len(self.raw_contrast)
+        offset = np.abs(np.arange(n) - n // 2) * self.pixel_scale_arcsec
+        inside = (offset >= self.hole_inner_arcsec) & (offset <= self.hole_outer_arcsec)
+        return np.outer(inside, inside)
+
+    @property
+    def hole_inner_corner_arcsec(self) -> float:
+        """Diagonal separation of the inner corner of the hole."""
+        return self.hole_inner_arcsec * math.sqrt(2.0)
+
+    @property
+    def owa_arcsec(self) -> float:
+        """Diagonal separation of the outer corner of the hole."""
+        return self.hole_outer_arcsec * math.sqrt(2.0)
+
+    @property
+    def aperture_pixels(self) -> float:
+        """Area of the photometric aperture in pixels."""
+        return math.pi * (self.aperture_radius_arcsec / self.pixel_scale_arcsec) ** 2
+
+    @property
+    def field_radius_arcsec(self) -> float:
+        """Separation out to which the PSF was computed."""
+        return (len(self.wing_profile) - 1) * self.pixel_scale_arcsec
+
+    def core_throughput(self, x_arcsec: ArrayLike, y_arcsec: ArrayLike) -> FloatArray:
+        """Energy of a unit source at (x, y) in its aperture behind the mask.
+
+        Outside the hole it is still the truth (0 behind the cross, the open value elsewhere); beyond
+        `field_radius_arcsec` it is 0.
+        """
+        x, y = np.broadcast_arrays(np.asarray(x_arcsec, dtype=np.float64), np.asarray(y_arcsec, dtype=np.float64))
+        core = core_from_table(self.core_table, self.core_table_half_arcsec, self.mask_half_width_arcsec, x, y)
+        return np.where(np.hypot(x, y) <= self.field_radius_arcsec, core, 0.0)
+
+    def halo_aperture(self, x_arcsec: ArrayLike, y_arcsec: ArrayLike) -> FloatArray:
+        """Starlight in the aperture at (x, y): bilinear in the map, and wings x aperture area beyond the stamp."""
+        x, y = np.broadcast_arrays(np.asarray(x_arcsec, dtype=np.float64), np.asarray(y_arcsec, dtype=np.float64))
+        n = len(self.halo_map)
+        column, row = (part / self.pixel_scale_arcsec + n // 2 for part in (x, y))
+        margin = self.aperture_radius_arcsec / self.pixel_scale_arcsec + 1
+        inside = (np.minimum(row, column) >= margin) & (np.maximum(row, column) <= n - 1 - margin)
+        row, column = np.where(inside, row, 0.0), np.where(inside, column, 0.0)
+        i, j = row.astype(int), column.astype(int)
+        p, q = row - i, column - j
+        near = (self.halo_map[i, j] * (1 - p) * (1 - q) + self.halo_map[i + 1, j] * p * (1 - q)
+                + self.halo_map[i, j + 1] * (1 - p) * q + self.halo_map[i + 1, j + 1] * p * q)  # fmt: skip
+        return np.where(inside, near, self.wing(np.hypot(x, y)) * self.aperture_pixels)
+
+    def wing(self, separation_arcsec: ArrayLike) -> FloatArray:
+        """Azimuthal mean of the unmasked PSF per pixel; beyond `field_radius_arcsec` it falls as separation^-3.
+
+        The true wings are brighter than the mean along the arms of the cross and fainter between them.
+        """
+        pixels = np.asarray(separation_arcsec, dtype=np.float64) / self.pixel_scale_arcsec
+        radius = np.arange(len(self.wing_profile))
+        outside = float((self.wing_profile[-60:] * radius[-60:] ** 3.0).mean())
+        return np.where(pixels <= radius[-1], np.interp(pixels, radius, self.wing_profile),
+                        outside / np.maximum(pixels, radius[-1]) ** 3)  # fmt: skip
+
+    def azimuth_fraction(self, separation_arcsec: ArrayLike) -> FloatArray:
+        """Fraction of the circle of that radius that lies inside the square quadrants."""
+        r = np.maximum(np.asarray(separation_arcsec, dtype=np.float64), 1e-12)
+        first = np.maximum(
+            np.arcsin(np.minimum(self.hole_inner_arcsec / r, 1.0)), np.arccos(np.minimum(self.hole_outer_arcsec / r, 1.0))
+        )
+        return np.clip(1.0 - first / (math.pi / 4), 0.0, 1.0)
+
+    def resolution_elements(self, separation_arcsec: ArrayLike) -> FloatArray:
+        """Non-overlapping lambda/D-wide apertures on the arcs inside the quadrants, a real number (>= 0)."""
+        r = np.asarray(separation_arcsec, dtype=np.float64)
+        return 2 * math.pi * r * self.azimuth_fraction(r) / self.lambda_d_arcsec
+
+    def rdi_floor(
+        self,
+        visit_nm: ArrayLike,
+        n_modes: int = 1,
+        *,
+        walk_nm_per_sqrt_hour: ArrayLike = 0.0,
+        visit_hours: ArrayLike = 0.0,
+        separation_arcsec: float | None = None,
+    ) -> FloatArray:
+        """Speckle floor of reference differential imaging: spatial rms of aperture sums, per unit star.
+
+        Parameters
+        ----------
+        visit_nm : array_like
+            Rms wavefront offset of each visit, >= 0.
+        n_modes : int
+            Modes projected out, >= 1. More than one mode is not credited: those after the first hold
+            what the reference visit's own walk and noise put there (5 modes gain 3 % without noise).
+        walk_nm_per_sqrt_hour, visit_hours : array_like
+            Random walk and length of the two visits (each); the time average of the walk adds ``walk^2 hours / 3``
+            to the variance of the offset.
+        separation_arcsec : float, optional
+            Local value at that separation (clamped to the measured range); the whole hole if omitted.
+
+        Returns
+        -------
+        ndarray
+            Interpolated in logarithms; linear below and quadratic above the measured range of offsets.
+
+        Raises
+        ------
+        InputError
+            If ``n_modes < 1`` or an rms is negative.
+        """
+        visit, walk, hours = (np.asarray(part, dtype=np.float64) for part in (visit_nm, walk_nm_per_sqrt_hour, visit_hours))
+        if n_modes < 1:
+            raise InputError("n_modes", n_modes, allowed="at least 1")
+        if not (np.all(visit >= 0) and np.all(walk >= 0) and np.all(hours >= 0)):
+            raise InputError("visit_nm", visit_nm, unit="nm", allowed="0 or more, as the walk and the hours")
+        if separation_arcsec is None:
+            sigma = self.floor_sigma[0]
+        else:
+            place = float(np.interp(separation_arcsec, self.floor_separation_arcsec,
+                                    np.arange(self.floor_separation_arcsec.size)))  # fmt: skip
+            low = max(min(int(place), self.floor_separation_arcsec.size - 2), 0)
+            high = min(low + 1, self.floor_separation_arcsec.size - 1)
+            sigma = np.exp((1 - (place - low)) * np.log(self.floor_sigma[1 + low])
+                           + (place - low) * np.log(self.floor_sigma[1 + high]))  # fmt: skip
+        offset = np.sqrt(visit**2 + walk**2 * hours / 3.0)
+        grid = self.floor_visit_nm
+        middle = np.exp(np.interp(np.log(np.clip(offset, grid[0], grid[-1])), np.log(grid), np.log(sigma)))
+        return middle * np.minimum(offset / grid[0], 1.0) * np.maximum(offset / grid[-1], 1.0) ** 2
+
+    def to_arrays(self) -> dict[str, NDArray[Any]]:
+        """Every field as an array, for an npz file or a cache."""
+        return {field.name: np.asarray(getattr(self, field.name)) for field in fields(self)}
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, NDArray[Any]]) -> PsfMetrics:
+        """Inverse of `to_arrays`; extra arrays are ignored.
+
+        Raises
+        ------
+        InputError
+            If an array is missing.
+        """
+        values: dict[str, Any] = {}
+        for field in fields(cls):
+            if field.name not in arrays:
+                raise InputError("metrics", field.name, allowed="arrays of every field")
+            array = np.asarray(arrays[field.name])
+            if array.ndim:
+                values[field.name] = array.astype(np.float64)
+                values[field.name].flags.writeable = False
+            else:
+                values[field.name] = array.item()
+        return cls(**values)

@@ -1,0 +1,109 @@
+"""Where `PsfMetrics` come from: shipped files for the default instrument, a cache for any other.
+
+``python -m simulator.imaging.store --rebuild`` measures the shipped files anew. A file is valid for a content key:
+the apodizer's values, telescope, geometry of mask and hole, pixel scale, band edges and spectral slope of the drift;
+not detector noise, optical transmission or the size of the drift.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import time
+from collections.abc import Sequence
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from simulator.cache import compute_once
+from simulator.config import Instrument, content_hash, load_instrument
+from simulator.imaging.apodizer import load_apodizer
+from simulator.imaging.arrays import read_npz, write_npz
+from simulator.imaging.metrics import PsfMetrics
+from simulator.knobs import Knobs
+
+__all__ = ["main", "metrics_key", "psf_metrics", "rebuild"]
+
+SCHEMA = 1  # raise when the meaning of a stored number or the optical model changes
+
+
+def metrics_key(instrument: Instrument, band: str) -> str:
+    """Content key of a band's metrics, 16 hex digits."""
+    configuration = instrument.band(band)
+    mask = load_apodizer(instrument.coronagraph.apodizer)
+    coronagraph = instrument.coronagraph.model_dump(mode="json", exclude={"apodizer"})
+    edges: Any = [configuration.center_nm, configuration.width_nm]
+    if configuration.transmission_file is not None:
+        from simulator.passbands import Passbands
+
+        nodes = Passbands.from_instrument(instrument).wavelength_nodes(band, Knobs().wavelength_nodes)
+        edges = [*edges, *(part.tolist() for part in nodes)]
+    return content_hash({
+        "schema": SCHEMA,
+        "band": band,
+        "edges": edges,
+        "apodizer": hashlib.sha256(mask.astype("<f8").tobytes()).hexdigest(),
+        "telescope": instrument.telescope.model_dump(mode="json"),
+        "coronagraph": coronagraph,
+        "pixel_scale_arcsec": instrument.detector.pixel_scale_arcsec,
+        "psd_slope": instrument.drift.psd_slope,
+        "knobs": Knobs().model_dump(mode="json"),
+    })  # fmt: skip
+
+
+def _shipped(band: str) -> Path:
+    return Path(str(files("simulator.imaging") / "data" / f"metrics_{band}.npz"))
+
+
+def psf_metrics(instrument: Instrument, band: str) -> PsfMetrics:
+    """Metrics of a band at the standard knobs: from the shipped file, the cache, or a new measurement.
+
+    Raises
+    ------
+    InputError
+        For an unknown band or an unusable apodizer.
+    """
+    key = metrics_key(instrument, band)
+    path = _shipped(band) if band.isalnum() else None
+    if path is not None and path.is_file():
+        arrays = read_npz(path)
+        if str(arrays.get("key", "")) == key:
+            return PsfMetrics.from_arrays(arrays)
+    return PsfMetrics.from_arrays(compute_once(f"metrics-{key}", lambda: _measure(instrument, band)))
+
+
+def _measure(instrument: Instrument, band: str) -> dict[str, NDArray[Any]]:
+    from simulator.imaging.imager import build_imager
+    from simulator.imaging.measure import measure_metrics
+
+    return measure_metrics(build_imager(instrument, band), instrument.drift.psd_slope).to_arrays()
+
+
+def rebuild(folder: str | Path) -> list[Path]:
+    """Measure and write the metrics of every visible band of the default instrument."""
+    instrument = load_instrument()
+    written = []
+    for band in instrument.visible_bands():
+        path = Path(folder) / f"metrics_{band}.npz"
+        write_npz(path, _measure(instrument, band) | {"key": np.asarray(metrics_key(instrument, band))})
+        written.append(path)
+    return written
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Rebuild the shipped metrics."""
+    parser = argparse.ArgumentParser(prog="python -m simulator.imaging.store", description=__doc__)
+    parser.add_argument("--rebuild", action="store_true", required=True, help="measure and write every band")
+    parser.add_argument("--out", type=Path, default=_shipped("x").parent, help="folder (the package's data)")
+    options = parser.parse_args(argv)
+    began = time.perf_counter()
+    for path in rebuild(options.out):
+        print(f"{path.name}: {path.stat().st_size / 1e3:.0f} kB, {time.perf_counter() - began:.1f} s")
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,144 @@
+import json
+import subprocess
+import sys
+
+import pytest
+
+from cpic_planner.cli.main import main
+
+ETC_KEYS = {"target", "hip", "answers", "schema_version", "best_band"}
+RANK_KEYS = {
+    "name", "hip", "v_mag", "sp_type", "distance_pc", "separation_arcsec", "contrast", "band", "snr", "significance", "status", "reason"
+}  # fmt: skip
+
+
+def call(capsys, *arguments):
+    status = main(list(arguments))
+    captured = capsys.readouterr()
+    return status, captured.out, captured.err
+
+
+def test_rank_json_holds_one_row_per_star(capsys):
+    status, out, _ = call(capsys, "rank", "--json")
+    result = json.loads(out)
+    assert status == 0
+    assert len(result["targets"]) == 1077
+    assert all(set(row) >= RANK_KEYS for row in result["targets"])
+    assert [row["rank"] for row in result["targets"]] == list(range(1, 1078))
+    assert sum(result["counts"].values()) == 1077
+    assert len({row["name"] for row in result["targets"]}) == 1077
+    for row in result["targets"]:
+        assert (row["status"] == "ok") == (row["reason"] == "")
+        assert (row["status"] == "ok") == (row["detection_margin"] >= 1)
+
+
+def test_rank_writes_tables(capsys, tmp_path):
+    assert call(capsys, "rank", "--limit", "1", "--out", str(tmp_path / "r.csv"))[0] == 0
+    assert (tmp_path / "r.csv").read_text().count("\n") == 1078
+    status, _, err = call(capsys, "rank", "--out", str(tmp_path / "r.txt"))
+    assert status == 2
+    assert ".csv or .ecsv" in err
+
+
+@pytest.mark.parametrize("name", ["HIP 71681", "alf Cen B", "alpha Cen B", "HD 128621"])
+def test_etc_resolves_names(capsys, name):
+    status, out, _ = call(capsys, "etc", name, "--json")
+    result = json.loads(out)
+    assert status == 0
+    assert result["hip"] == 71681
+    assert set(result) >= ETC_KEYS
+
+
+def test_unreachable_is_an_answer_and_bad_input_is_not(capsys):
+    status, out, _ = call(capsys, "etc", "tau Cet", "--snr", "1e5", "--separation-arcsec", "0.5", "--json")
+    assert status == 0
+    answers = json.loads(out)["answers"]
+    assert {answer["status"] for answer in answers} == {"unreachable"}
+    assert {answer["reason"] for answer in answers} == {"speckle_floor"}
+    assert {answer["value"] for answer in answers} == {None}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["etc", "tau Cte"], ["tau C"]),
+        (["etc", "Vega"], ["Vega"]),
+        (["etc", "tau Cet", "--snr", "-1"], ["snr", "1e-06"]),
+        (["etc", "tau Cet", "--snr", "nan"], ["snr", "finite"]),
+        (["etc", "tau Cet", "--band", "F999"], ["F999", "F520"]),
+        (["etc", "tau Cet", "--band", "F1542"], ["near-infrared"]),
+        (["etc", "tau Cet", "--snr", "5", "--time-s", "100"], ["--snr", "--time-s"]),
+        (["etc", "tau Cet", "--frames", "5"], ["--exposure-s"]),
+        (["etc", "tau Cet", "--albedo", "cheese"], ["cheese", "jupiter"]),
+        (["etc", "tau Cet", "--phase-deg", "180"], ["phase_deg", "180"]),
+        (["etc"], ["TARGET"]),
+        (["etc", "tau Cet", "--snrr", "5"], ["--snrr"]),
+        (["plan", "--top", "0"], ["--top"]),
+        (["plan", "--instrument", "missing.yaml"], ["missing.yaml", "cpic_default"]),
+        (["schema", "nothing"], ["nothing", "plan"]),
+        (["rank", "--time-s", "0"], ["time_s"]),
+        (["fly"], ["fly"]),
+    ],
+)
+def test_bad_input_is_one_clear_line_with_status_2(capsys, arguments, words):
+    status, out, err = call(capsys, *arguments)
+    assert status == 2
+    assert out == ""
+    assert err.count("\n") == 1
+    for word in words:
+        assert word in err
+
+
+def test_frames_and_exposure_set_the_time(capsys):
+    status, out, _ = call(capsys, "etc", "tau Cet", "--exposure-s", "17", "--frames", "30", "--em-gain", "20", "--band", "F520",
+                          "--separation-arcsec", "0.5", "--json")  # fmt: skip
+    assert status == 0
+    (answer,) = json.loads(out)["answers"]
+    assert (answer["exposure_s"], answer["n_frames"], answer["em_gain"]) == (17.0, 30, 20.0)
+    assert answer["integration_s"] == 510.0
+    assert answer["time_s"] == pytest.approx(2 * 30 * 18.1)
+
+
+def test_positions_outside_the_hole_are_said_so(capsys):
+    _, out, _ = call(capsys, "etc", "tau Cet", "--separation-arcsec", "0.1", "--json")
+    assert {a["reason"] for a in json.loads(out)["answers"]} == {"inside_inner_edge"}
+    _, out, _ = call(capsys, "etc", "tau Cet", "--separation-arcsec", "1.1", "--json")
+    assert {a["reason"] for a in json.loads(out)["answers"]} == {"outside_outer_edge"}
+
+
+def test_semi_major_axis_places_the_planet(capsys):
+    _, out, _ = call(capsys, "etc", "tau Cet", "--semi-major-axis-au", "2", "--phase-deg", "60", "--band", "F520", "--json")
+    (answer,) = json.loads(out)["answers"]
+    assert answer["separation_arcsec"] == pytest.approx(2 * 3**0.5 / 2 / json.loads(out)["distance_pc"])
+
+
+def test_every_command_helps_with_examples(capsys):
+    for command in (["rank"], ["etc"], ["plan"], ["schema"], ["catalog", "info"], ["cache", "info"], ["cache", "clear"]):
+        status, out, _ = call(capsys, *command, "--help")
+        assert status == 0
+        assert "xample" in out, command
+
+
+def test_tables_print(capsys):
+    for arguments in (["rank", "--limit", "3"], ["etc", "tau Cet", "--snr", "5"], ["etc", "tau Cet", "--contrast-limit"],
+                      ["catalog", "info"], ["cache", "info"], ["--version"]):  # fmt: skip
+        status, out, _ = call(capsys, *arguments)
+        assert status == 0
+        assert out.strip()
+
+
+def test_closed_pipe_is_quiet():
+    command = f"{sys.executable} -m cpic_planner.cli.main rank --json | head -1"
+    done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "{"
+    assert done.stderr == ""
+
+
+def test_shipped_schemas_match_the_models_and_describe_the_output(capsys):
+    from cpic_planner.models import SCHEMAS
+    from cpic_planner.schemas import generated, schema_text
+
+    for name in SCHEMAS:
+        assert schema_text(name) == generated(name), "run python -m cpic_planner.schemas"
+    _, out, _ = call(capsys, "rank", "--json")
+    SCHEMAS["rank"].model_validate_json(out)

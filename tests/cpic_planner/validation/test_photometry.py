@@ -1,0 +1,258 @@
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from catalogs.errors import InputError
+from cpic_planner.validation import aperture_photometry, aperture_sum, aperture_weights, contrast
+from cpic_planner.validation.apertures import sample_scatter
+from simulator.camera import excess_noise_factor2, multiply
+from simulator.rng import stream
+
+SIDE, RADIUS = 97, 2.32
+
+
+@pytest.fixture(scope="module")
+def hole() -> np.ndarray:
+    """Four square quadrants."""
+    y, x = np.abs(np.indices((SIDE, SIDE)) - SIDE // 2)
+    return (x >= 11) & (x <= 43) & (y >= 11) & (y <= 43)
+
+
+def gaussian(x: float, y: float, sigma: float = 1.45) -> np.ndarray:
+    rows, columns = np.indices((SIDE, SIDE))
+    return np.exp(-((columns - x) ** 2 + (rows - y) ** 2) / (2 * sigma**2)) / (2 * np.pi * sigma**2)
+
+
+def test_weights_against_fine_sampling() -> None:
+    x, y, r, fine = 5.3, 4.8, 2.32, 400
+    grid = (np.arange(fine) + 0.5) / fine - 0.5
+    brute = np.zeros((10, 12))
+    for row in range(10):
+        for column in range(12):
+            inside = (column + grid[None, :] - x) ** 2 + (row + grid[:, None] - y) ** 2 < r * r
+            brute[row, column] = inside.mean()
+    weights = aperture_weights((10, 12), x, y, r)
+    assert weights == pytest.approx(brute, abs=2e-3)
+    assert weights.sum() == pytest.approx(math.pi * r * r, rel=1e-12)
+
+
+def test_sums() -> None:
+    image = np.random.default_rng(0).normal(size=(SIDE, SIDE))
+    x, y = np.array([[20.0, 30.4], [41.7, 50.0]]), np.array([[20.0], [61.2]])
+    sums = aperture_sum(image, x, y, RADIUS)
+    assert sums.shape == (2, 2)
+    expected = np.sum(image * aperture_weights(image.shape, 30.4, 20.0, RADIUS))
+    assert sums[0, 1] == pytest.approx(expected, rel=1e-12)
+    assert aperture_sum(np.ones((9, 9)), 4, 4, 2.0) == pytest.approx(4 * math.pi)
+    assert aperture_sum(image, [], [], 2.0).shape == (0,)
+
+
+@pytest.mark.parametrize("phase", [(0.0, 0.0), (0.5, 0.3), (-0.4, 0.1)])
+def test_scatter_of_white_noise_is_unbiased(phase: tuple[float, float], hole: np.ndarray) -> None:
+    rng = np.random.default_rng(1)
+    found = [sample_scatter(rng.normal(7.0, 3.0, hole.shape), hole, RADIUS, phase_pixel=phase) for _ in range(300)]
+    variance = np.array([sigma for sigma, _ in found]) ** 2
+    n = found[0][1]
+    weights = aperture_weights((9, 9), 4 + phase[0], 4 + phase[1], RADIUS)
+    truth = 9 * np.sum(weights**2)
+    error = variance.std() / math.sqrt(len(variance))
+    assert abs(variance.mean() - truth) < 4 * error
+    # The quoted uncertainty, that of one grid of independent apertures, is an upper limit to the pooled one's.
+    relative = np.sqrt(variance).std() / math.sqrt(truth)
+    assert 0.5 / math.sqrt(2 * (n - 1)) < relative < 1.1 / math.sqrt(2 * (n - 1))
+
+
+def test_sample_count_is_the_packing_of_squares(hole: np.ndarray) -> None:
+    # 33 px quadrants, pitch 5 px: six apertures of 5 px a side and a seventh where the circle's box allows.
+    _, n = sample_scatter(np.random.default_rng(0).normal(size=hole.shape), hole, 2.32)
+    assert 4 * 6**2 <= n <= 4 * 7**2
+    with pytest.raises(InputError, match="room for at least 3"):
+        sample_scatter(np.zeros(hole.shape), hole, 16.0)
+    with pytest.raises(InputError, match="background_region"):
+        sample_scatter(np.zeros(hole.shape), hole, 60.0)
+
+
+def test_correlated_speckles_count_in_full(hole: np.ndarray) -> None:
+    """Speckles the size of the aperture: pixel scatter times sqrt(pixels) understates the noise severalfold."""
+    from scipy.ndimage import gaussian_filter
+
+    rng = np.random.default_rng(2)
+    results = []
+    truth = []
+    for _ in range(150):
+        image = gaussian_filter(rng.normal(size=hole.shape), 1.45)
+        results.append(aperture_photometry(image, 74.3, 20.8, RADIUS, background_region=hole))
+        truth.append(results[-1].raw_flux)
+    sigma = np.mean([r.sigma_background for r in results])
+    assert np.std(truth) == pytest.approx(sigma, rel=4 / math.sqrt(300))
+    naive = math.sqrt(results[0].aperture_area_pixels) * np.std(image[hole])
+    assert sigma > 2.5 * naive
+
+
+def test_noise_only_pulls_have_unit_width(hole: np.ndarray) -> None:
+    rng = np.random.default_rng(4)
+    pulls = np.array(
+        [
+            aperture_photometry(rng.normal(50.0, 3.0, hole.shape), *place, RADIUS, background_region=hole).significance
+            for place in np.column_stack([rng.uniform(63, 87, 1500), rng.uniform(14, 32, 1500)])
+        ]
+    )
+    assert abs(pulls.mean()) < 4 / math.sqrt(len(pulls))
+    assert pulls.std() == pytest.approx(1, abs=4 / math.sqrt(2 * len(pulls)) + 0.004)
+
+
+@pytest.mark.parametrize(("gain", "flux"), [(1.0, 3000.0), (20.0, 400.0), (300.0, 3000.0)])
+def test_planet_flux_is_unbiased_and_its_error_true(gain: float, flux: float, hole: np.ndarray) -> None:
+    """A planet through the real register, on a photon background: the pull of the flux has mean 0 and width 1."""
+    rng = stream(5, "planet", int(gain))
+    pulls, fluxes, snrs, errors = [], [], [], []
+    factor2 = float(excess_noise_factor2(gain))
+    for x, y in rng.uniform(16, 32, (1000, 2)):
+        planet = gaussian(x, y)
+        weights = aperture_weights(planet.shape, x, y, RADIUS)
+        image = multiply(rng.poisson(20.0 + flux * planet), gain, rng=rng) / gain
+        measured = aperture_photometry(image, x, y, RADIUS, background_region=hole, em_gain=gain)
+        truth = flux * np.sum(planet * weights)
+        pulls.append((measured.flux - truth) / measured.error)
+        fluxes.append(measured.flux / truth)
+        snrs.append(measured.snr)
+        errors.append(measured.error)
+    n = len(pulls)
+    assert abs(np.mean(fluxes) - 1) < 4 * np.std(fluxes) / math.sqrt(n)
+    # An error that grows with the measured flux skews the pull by -(F^2 / 2) / error; it is not a bias of the flux.
+    skew = 0.5 * factor2 / np.mean(errors)
+    assert abs(np.mean(pulls) + skew) < 5 / math.sqrt(n)
+    assert np.std(pulls) == pytest.approx(1, abs=4 / math.sqrt(2 * n))
+    assert np.mean(snrs) == pytest.approx(np.mean(fluxes) * truth / np.mean(errors), rel=0.05)
+
+
+def test_a_given_throughput_is_divided_out(hole: np.ndarray) -> None:
+    image = np.random.default_rng(5).normal(10, 2, hole.shape) + 500 * gaussian(25, 24)
+    plain = aperture_photometry(image, 25, 24, RADIUS, background_region=hole, em_gain=20.0)
+    half = aperture_photometry(image, 25, 24, RADIUS, background_region=hole, em_gain=20.0, throughput=0.5)
+    assert half.flux == pytest.approx(2 * plain.flux)
+    assert half.error == pytest.approx(2 * plain.error)
+    assert half.raw_flux == plain.raw_flux
+    assert half.snr == plain.snr
+    assert half.significance == plain.significance
+    assert plain.significance > plain.snr
+
+
+def test_terms_of_the_error_by_hand(hole: np.ndarray) -> None:
+    image = np.random.default_rng(6).normal(10, 2, hole.shape) + 500 * gaussian(25.2, 24.4)
+    got = aperture_photometry(image, 25.2, 24.4, RADIUS, background_region=hole, em_gain=20.0)
+    rows, columns = np.indices(hole.shape)
+    region = hole & (np.hypot(columns - 25.2, rows - 24.4) > 1.5 * RADIUS)
+    area, weights = math.pi * RADIUS**2, aperture_weights(image.shape, 25.2, 24.4, RADIUS)
+    level = image[region].mean()
+    assert got.background_area_pixels == region.sum()
+    assert got.raw_flux == pytest.approx(np.sum(weights * image) - area * level)
+    own = float(excess_noise_factor2(20.0)) * np.sum(weights**2 * (image - level))
+    spread = got.sigma_background**2 * (1 + area / region.sum())
+    assert got.error == pytest.approx(math.sqrt(own + spread))
+    assert got.significance == pytest.approx(got.raw_flux / got.sigma_background)
+    paper = got.raw_flux + np.var(image[region], ddof=1) * area * (1 + area / region.sum())
+    assert got.flux_paper_error == pytest.approx(math.sqrt(paper))
+    assert got.snr_paper == pytest.approx(got.raw_flux / math.sqrt(paper))
+    assert got.error_rel_uncertainty == pytest.approx(1 / math.sqrt(2 * (got.n_background_apertures - 1)))
+
+
+def test_known_sources_stay_out_of_the_background(hole: np.ndarray) -> None:
+    image = np.random.default_rng(7).normal(10, 2, hole.shape)
+    other = image + 1e5 * gaussian(70, 70, 0.7)
+    clean = aperture_photometry(image, 25, 24, RADIUS, background_region=hole, exclude=[(70, 70)])
+    masked = aperture_photometry(other, 25, 24, RADIUS, background_region=hole, exclude=[(70, 70)])
+    spoiled = aperture_photometry(other, 25, 24, RADIUS, background_region=hole)
+    assert masked.sigma_background == pytest.approx(clean.sigma_background, rel=0.01)
+    assert spoiled.sigma_background > 10 * clean.sigma_background
+
+
+def test_a_strong_planet_does_not_raise_its_own_background(hole: np.ndarray) -> None:
+    image = np.random.default_rng(8).normal(10, 2, hole.shape)
+    faint = aperture_photometry(image, 25, 24, RADIUS, background_region=hole)
+    bright = aperture_photometry(image + 5e3 * gaussian(25, 24, 0.8), 25, 24, RADIUS, background_region=hole)
+    assert bright.sigma_background == pytest.approx(faint.sigma_background, rel=0.01)
+
+
+def test_without_noise_there_is_no_nan(hole: np.ndarray) -> None:
+    nothing = aperture_photometry(np.zeros(hole.shape), 25, 24, RADIUS, background_region=hole)
+    assert (nothing.flux, nothing.snr, nothing.significance, nothing.snr_paper) == (0, 0, 0, 0)
+    image = np.zeros(hole.shape)
+    image[24, 25] = 100.0
+    planet = aperture_photometry(image, 25, 24, RADIUS, background_region=hole)
+    assert planet.flux == pytest.approx(100)
+    assert planet.significance == math.inf
+    assert planet.snr == pytest.approx(10)
+    hollow = aperture_photometry(-image, 25, 24, RADIUS, background_region=hole)
+    assert hollow.significance == -math.inf
+
+
+@pytest.mark.parametrize(
+    ("values", "named"),
+    [
+        ({"x_pixel": 1.0}, "x_pixel"),
+        ({"y_pixel": np.nan}, "y_pixel"),
+        ({"radius_pixel": 0.0}, "radius_pixel"),
+        ({"radius_pixel": np.inf}, "radius_pixel"),
+        ({"throughput": 0.0}, "throughput"),
+        ({"throughput": np.nan}, "throughput"),
+        ({"em_gain": 0.5}, "gain"),
+        ({"exclude": [(np.nan, 1.0)]}, "exclude"),
+        ({"exclude": [(1.0, 2.0, 3.0)]}, "exclude"),
+        ({"background_region": np.ones((SIDE, SIDE))}, "background_region"),
+        ({"background_region": np.zeros((SIDE, SIDE), dtype=bool)}, "background_region"),
+        ({"image": np.ones(5)}, "image"),
+        ({"image": np.full((SIDE, SIDE), np.nan)}, r"image\[y=0, x=0\]"),
+    ],
+)
+def test_refusals(values: dict[str, object], named: str, hole: np.ndarray) -> None:
+    arguments = {
+        "image": np.ones((SIDE, SIDE)),
+        "x_pixel": 25.0,
+        "y_pixel": 24.0,
+        "radius_pixel": RADIUS,
+        "background_region": hole,
+    }
+    with pytest.raises(InputError, match=named):
+        aperture_photometry(**{**arguments, **values})
+
+
+def test_a_hole_too_small_for_statistics_is_refused() -> None:
+    region = np.zeros((SIDE, SIDE), dtype=bool)
+    region[20:26, 20:31] = True
+    with pytest.raises(InputError, match="room for at least 3"):
+        aperture_photometry(np.ones((SIDE, SIDE)), 60, 60, RADIUS, background_region=region)
+
+
+def test_contrast_and_its_error(hole: np.ndarray) -> None:
+    found = contrast(80.0, 0.8, 0.25, 2e7, 1000.0, error=8.0, star_rate_error_e_s=4e5)
+    assert found.value == pytest.approx(80 / (0.8 * 0.25 * 2e7 * 1e3))
+    assert found.error == pytest.approx(found.value * math.hypot(0.1, 0.02))
+    image = np.random.default_rng(9).normal(10, 2, hole.shape) + 500 * gaussian(25, 24)
+    measured = aperture_photometry(image, 25, 24, RADIUS, background_region=hole, throughput=0.8)
+    ratio = measured.contrast(0.25, 2e7, 1000.0)
+    assert ratio.value == pytest.approx(measured.flux / (0.25 * 2e10))
+    assert ratio.error == pytest.approx(measured.error / (0.25 * 2e10))
+
+
+@pytest.mark.parametrize(
+    ("position", "value", "named"),
+    [
+        (0, np.nan, "flux"),
+        (1, 0.0, "throughput"),
+        (2, 1.5, "core"),
+        (2, 0.0, "core"),
+        (3, -1.0, "star_rate_e_s"),
+        (4, np.inf, "time_s"),
+    ],
+)
+def test_contrast_refusals(position: int, value: float, named: str) -> None:
+    arguments = [80.0, 0.8, 0.25, 2e7, 1000.0]
+    arguments[position] = value
+    with pytest.raises(InputError, match=named):
+        contrast(*arguments)
+    with pytest.raises(InputError, match="error"):
+        contrast(80.0, 0.8, 0.25, 2e7, 1000.0, error=-1.0)

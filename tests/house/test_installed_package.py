@@ -1,0 +1,88 @@
+"""The wheel, installed where nothing else of the project is, does the main job from another folder."""
+
+import json
+import os
+import site
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory):
+    """Build from a copy of the tracked files, so that the clone stays clean."""
+    source, out = tmp_path_factory.mktemp("source"), tmp_path_factory.mktemp("wheel")
+    listed = subprocess.run(
+        ["git", "ls-files", "--cached", "--others", "--exclude-standard"], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    for name in listed.stdout.splitlines():
+        if (ROOT / name).is_file():
+            (source / name).parent.mkdir(parents=True, exist_ok=True)
+            (source / name).write_bytes((ROOT / name).read_bytes())
+    command = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", str(out), str(source)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
+    return next(out.glob("*.whl"))
+
+
+@pytest.fixture(scope="module")
+def installed(wheel, tmp_path_factory):
+    """A new environment that holds the wheel; third-party packages are borrowed by path, the clone is not."""
+    folder = tmp_path_factory.mktemp("environment")
+    subprocess.run([sys.executable, "-m", "venv", "--without-pip", str(folder)], check=True)
+    python = folder / "bin" / "python"
+    subprocess.run(
+        [sys.executable, "-m", "pip", "--python", str(python), "install", "--quiet", "--no-deps", "--no-index", str(wheel)],
+        check=True,
+    )
+    home = Path(subprocess.run([str(python), "-c", "import site; print(site.getsitepackages()[0])"],
+                               capture_output=True, text=True, check=True).stdout.strip())  # fmt: skip
+    (home / "borrowed.pth").write_text("\n".join(site.getsitepackages()))
+    return folder / "bin"
+
+
+def run(installed, work, *arguments):
+    environment = {"PATH": f"{installed}:/usr/bin:/bin", "HOME": str(work), "CPIC_CACHE_DIR": str(work / "cache")}
+    environment |= {key: os.environ[key] for key in ("NUMBA_CACHE_DIR", "TMPDIR") if key in os.environ}
+    return subprocess.run([str(installed / "cpic"), *arguments], cwd=work, env=environment, capture_output=True, text=True, check=False)
+
+
+def test_wheel_holds_what_it_needs_and_nothing_else(wheel):
+    assert wheel.stat().st_size <= 10e6
+    names = zipfile.ZipFile(wheel).namelist()
+    tops = {name.split("/")[0] for name in names}
+    assert {top for top in tops if not top.endswith(".dist-info")} == {"catalogs", "simulator", "cpic_planner"}
+    packages = ("catalogs", "simulator", "cpic_planner")
+    tracked = subprocess.run(["git", "ls-files", *packages], cwd=ROOT, capture_output=True, text=True, check=True).stdout.split()
+    missing = [name for name in tracked if name not in names]
+    assert missing == []
+    assert any(name.endswith("licenses/LICENSE") for name in names)
+    assert any(name.endswith("STARS_LICENCE.md") and "dist-info" in name for name in names)
+
+
+def test_etc_from_another_folder(installed, tmp_path):
+    done = run(installed, tmp_path, "etc", "tau Cet", "--snr", "5", "--json")
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["hip"] == 8102
+
+
+def test_packages_come_from_the_wheel(installed, tmp_path):
+    done = run(installed, tmp_path, "--version")
+    assert done.returncode == 0
+    assert done.stdout.count("(ok)") == 3
+
+
+def test_plan_from_another_folder(installed, tmp_path):
+    done = run(installed, tmp_path, "plan", "--top", "1", "--out", "here", "--json")
+    assert done.returncode == 0, done.stderr
+    plan = json.loads(done.stdout)
+    assert plan == json.loads((tmp_path / "here" / "plan.json").read_text())
+    assert len(plan["targets"]) == 1
+    assert sorted(p.name for p in (tmp_path / "here").iterdir() if p.is_file()) == [
+        "manifest.json", "plan.json", "ranking.csv", "ranking.ecsv", "report.html", "run.json", "run.lock"
+    ]  # fmt: skip

@@ -1,0 +1,203 @@
+from __future__ import annotations
+
+import mpmath
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from catalogs.errors import InputError
+from simulator.camera import excess_noise_factor2, gain_variance, multiply, stage_probability
+from simulator.camera.sampling import poisson_counts, scattered_events
+from simulator.rng import stream
+
+GAINS = [1.0, 1.01, 1.1, 2.0, 5.0, 20.0, 300.0, 1000.0]
+
+
+@pytest.mark.parametrize("gain", [1.0, 1 + 1e-15, 1 + 1e-9, 1.1, 2.0, 20.0, 1e4])
+@pytest.mark.parametrize("stages", [16, 604])
+def test_closed_forms_against_40_digits(gain: float, stages: int) -> None:
+    with mpmath.workdps(40):
+        g = mpmath.mpf(gain)
+        p = g ** (mpmath.mpf(1) / stages) - 1
+        variance = g * (g - 1) * (1 - p) / (1 + p)
+        robbins = 2 * (g - 1) * g ** (-mpmath.mpf(stages + 1) / stages) + 1 / g
+        assert float(stage_probability(gain, stages)) == pytest.approx(float(p), rel=1e-14, abs=0)
+        assert float(gain_variance(gain, stages)) == pytest.approx(float(variance), rel=1e-13, abs=0)
+        assert float(excess_noise_factor2(gain, stages)) == pytest.approx(float(robbins), rel=1e-14)
+
+
+@pytest.mark.parametrize("gain", [1.0001, 1.5, 20.0, 1000.0])
+def test_closed_forms_against_the_law_of_the_cascade(gain: float, exact) -> None:
+    pmf, moments = exact
+    mean, variance, _ = moments(pmf(1, gain))
+    assert mean == pytest.approx(gain, rel=1e-7)
+    assert variance == pytest.approx(float(gain_variance(gain)), rel=1e-6)
+    # Law of total variance for Poisson input of mean m: m (Var + g^2) = F^2 g^2 m.
+    assert float(excess_noise_factor2(gain)) == pytest.approx((variance + mean**2) / mean**2, rel=1e-6)
+
+
+def test_closed_forms_broadcast() -> None:
+    gains = np.array([[1.0, 2.0], [20.0, 300.0]])
+    for function in (stage_probability, gain_variance, excess_noise_factor2):
+        assert function(gains).shape == (2, 2)
+        assert function(gains)[1, 0] == function(20.0)
+    assert excess_noise_factor2(gains).ravel() == pytest.approx([1, 1.4989, 1.9406, 1.9779], abs=5e-5)
+
+
+@pytest.mark.parametrize("gain", [0, -1, 0.5, float("nan"), float("inf"), 1.0001e4, "20", None, True, 1j])
+def test_gains_out_of_range_are_refused_by_name(gain: object) -> None:
+    for call in (stage_probability, gain_variance, excess_noise_factor2):
+        with pytest.raises(InputError, match="gain"):
+            call(gain)
+    with pytest.raises(InputError, match="gain"):
+        multiply([1], gain, rng=stream(1, "x"))
+
+
+@pytest.mark.parametrize("stages", [0, -3, 2.5, True, None])
+def test_stages_out_of_range_are_refused(stages: object) -> None:
+    with pytest.raises(InputError, match="stages"):
+        multiply([1], 2.0, rng=stream(1, "x"), stages=stages)
+
+
+def test_more_gain_than_doubling_at_every_stage_is_refused() -> None:
+    assert float(stage_probability(8.0, 3)) == pytest.approx(1.0)
+    with pytest.raises(InputError, match="gain"):
+        stage_probability(8.1, 3)
+
+
+@pytest.mark.parametrize(
+    ("electrons", "named"),
+    [
+        ([[0, 1], [-1, 2]], r"y=1, x=0"),
+        ([[0.0, 1.5]], r"y=0, x=1"),
+        ([0.0, np.nan], r"\[1\]"),
+        ([np.inf], r"\[0\]"),
+        (10**12 + 1, "electrons"),
+        (np.array([2**64 - 1], dtype=np.uint64), r"\[0\]"),
+        (["a"], "electrons"),
+        ([True], "electrons"),
+        ([None], "electrons"),
+        ([[1], [1, 2]], "electrons"),
+    ],
+)
+def test_impossible_charge_is_refused_with_its_pixel(electrons: object, named: str) -> None:
+    with pytest.raises(InputError, match=named):
+        multiply(electrons, 20.0, rng=stream(1, "x"))
+
+
+def test_a_seed_is_not_a_generator() -> None:
+    with pytest.raises(InputError, match="rng"):
+        multiply([1], 20.0, rng=7)
+
+
+def test_identity_at_gain_one_and_zero_stays_zero() -> None:
+    charge = np.array([0, 1, 7, 10**12])
+    same = multiply(charge, 1.0, rng=stream(1, "x"))
+    assert np.array_equal(same, charge)
+    assert same is not charge
+    assert not multiply(np.zeros((3, 4, 2), dtype=np.uint8), 300.0, rng=stream(1, "x")).any()
+
+
+@given(
+    shape=st.sampled_from([(), (0,), (5,), (3, 0), (3, 4), (2, 3, 4)]),
+    gain=st.floats(1, 1e4),
+    top=st.sampled_from([1, 50, 10**6, 10**12]),
+    kind=st.sampled_from([np.int64, np.float64]),
+    stages=st.sampled_from([14, 15, 16, 604, 5000]),
+)
+@settings(max_examples=60, deadline=None)
+def test_any_shape_and_size(shape: tuple[int, ...], gain: float, top: int, kind: type, stages: int) -> None:
+    charge = np.asarray(stream(3, "in").integers(0, top, shape, endpoint=True)).astype(kind)
+    before = charge.copy()
+    out = multiply(charge, gain, rng=stream(3, "out"), stages=stages)
+    assert isinstance(out, np.ndarray)
+    assert out.dtype == np.int64
+    assert out.shape == charge.shape
+    assert (out >= charge).all()
+    assert (out[charge == 0] == 0).all()
+    assert np.array_equal(before, charge)
+    assert np.array_equal(out, multiply(charge, gain, rng=stream(3, "out"), stages=stages))
+
+
+def test_fortran_order_and_views_keep_their_pixels() -> None:
+    charge = np.zeros((4, 6), dtype=np.int64, order="F")
+    charge[1, 5] = 1000
+    out = multiply(charge[:, ::-1], 20.0, rng=stream(1, "x"))
+    assert list(zip(*np.nonzero(out), strict=True)) == [(1, 0)]
+
+
+@pytest.mark.parametrize("gain", GAINS[1:])
+@pytest.mark.parametrize("n", [1, 5, 1000])
+def test_mean_and_variance_are_exact(gain: float, n: int, exact) -> None:
+    draws = 200_000
+    out = multiply(np.full(draws, n), gain, rng=stream(11, "moments", n, int(gain * 100)))
+    variance = n * float(gain_variance(gain))
+    assert abs(out.mean() - n * gain) < 4 * np.sqrt(variance / draws)
+    if n < 1000:
+        pmf, moments = exact
+        _, _, fourth = moments(pmf(n, gain))
+    else:
+        fourth = variance**2 * (3 + 6 / n)
+    assert abs(out.var() - variance) < 4.5 * np.sqrt((fourth - variance**2) / draws)
+
+
+@pytest.mark.parametrize(("gain", "n"), [(1.1, 1), (2.0, 1), (20.0, 1), (300.0, 1), (300.0, 9), (20.0, 50)])
+def test_distribution_against_the_exact_law(gain: float, n: int, exact) -> None:
+    pmf, _ = exact
+    draws = 1_000_000
+    law = np.cumsum(pmf(n, gain))
+    out = multiply(np.full(draws, n), gain, rng=stream(12, "law", n, int(gain * 100)))
+    counts = np.bincount(out, minlength=law.size)[: law.size]
+    distance = np.abs(np.cumsum(counts) / draws - law).max()
+    assert distance < 0.0011 + 1.95e-3
+
+
+@pytest.mark.parametrize("stages", [1, 2, 3, 8])
+def test_few_stages_follow_the_exact_law(stages: int, exact) -> None:
+    pmf, _ = exact
+    draws = 300_000
+    law = np.cumsum(pmf(3, 1.8, stages))
+    out = multiply(np.full(draws, 3), 1.8, rng=stream(13, "few", stages), stages=stages)
+    counts = np.bincount(out, minlength=law.size)[: law.size]
+    assert np.abs(np.cumsum(counts) / draws - law).max() * np.sqrt(draws) < 2.7
+
+
+def test_a_sum_of_frames_is_one_draw_of_the_sum() -> None:
+    n, frames = 2, 30
+    out = multiply(np.full((20_000, frames), n), 20.0, rng=stream(14, "sum")).sum(axis=1)
+    once = multiply(np.full(20_000, n * frames), 20.0, rng=stream(14, "once"))
+    variance = n * frames * float(gain_variance(20.0))
+    for sample in (out, once):
+        assert abs(sample.mean() - n * frames * 20) < 4 * np.sqrt(variance / 20_000)
+        assert sample.var() == pytest.approx(variance, rel=0.05)
+
+
+def test_a_trillion_electrons() -> None:
+    out = multiply(np.full(4000, 10**12), 1e4, rng=stream(15, "huge"))
+    pull = (out - 1e16) / np.sqrt(1e12 * float(gain_variance(1e4)))
+    assert abs(pull.mean()) < 4 / np.sqrt(4000)
+    assert pull.std() == pytest.approx(1, abs=4 / np.sqrt(8000))
+
+
+@pytest.mark.parametrize("mean", [1e-12, 0.3, 50.0, 1e8, 1.1e9, 1e12, 1e17])
+def test_poisson_counts_at_any_mean(mean: float) -> None:
+    counts = poisson_counts(np.full(20_000, mean), stream(16, "poisson"))
+    assert counts.dtype == np.int64
+    pull = (counts - mean) / np.sqrt(mean)
+    assert abs(pull.mean()) < 4 / np.sqrt(20_000)
+    if mean > 10:
+        assert pull.std() == pytest.approx(1, abs=4 / np.sqrt(40_000))
+    mixed = poisson_counts(np.array([0.0, mean, 0.0]), stream(16, "mixed"))
+    assert mixed[0] == mixed[2] == 0
+
+
+@pytest.mark.parametrize("mean", [0.02, 0.4, 3.0])
+def test_scattered_events_are_poisson(mean: float) -> None:
+    counts = scattered_events(mean, (500, 400), stream(17, "cic"))
+    assert counts.shape == (500, 400)
+    assert abs(counts.mean() - mean) < 4 * np.sqrt(mean / counts.size)
+    assert abs(counts.var() - mean) < 4 * np.sqrt((mean + 2 * mean**2) / counts.size)
+    pairs = np.mean(counts[:, 1:] * counts[:, :-1]) - mean**2
+    assert abs(pairs) < 5 * np.sqrt((mean**2 + 2 * mean**3) / counts.size)
+    assert not scattered_events(0.0, (2, 2), stream(17, "cic")).any()

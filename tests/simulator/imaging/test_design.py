@@ -1,0 +1,72 @@
+import numpy as np
+import pytest
+
+from catalogs.errors import InputError
+from simulator.imaging.apodizer import load_apodizer
+from simulator.imaging.design import design_step_mask, main, mask_figures
+
+
+def contrast(mask, u, v):
+    n = len(mask)
+    centre = (np.arange(n) - n / 2 + 0.5) / n
+    rows, columns = (np.exp(-2j * np.pi * np.outer(w, centre)) * np.sinc(w / n)[:, None] for w in (u, v))
+    return np.abs(rows @ mask @ columns.T / mask.sum()) ** 2
+
+
+def test_shipped_mask_has_the_stated_figures():
+    mask = load_apodizer("lpx43")
+    figures = mask_figures(mask)
+    assert figures["energy"] == pytest.approx(0.328, abs=0.001)
+    assert figures["peak"] == pytest.approx(0.152, abs=0.001)
+    assert figures["core"] == pytest.approx(0.141, abs=0.001)
+    inner = 4.3 / np.sqrt(2)
+    grid = np.arange(inner, 13.4, 0.083)  # between the control points
+    dark = contrast(mask, grid, grid)
+    assert dark.mean() < 5e-10
+    assert np.quantile(dark, 0.95) < 1.2e-9
+    assert dark.max() < 4e-9
+    outside = contrast(mask, np.arange(inner, 30, 0.2), np.arange(13.5, 30, 0.2))
+    assert outside.max() < 3e-5
+
+
+def test_clear_disc_figures_are_the_airy_ones():
+    n = 512
+    position = (np.arange(n) - n / 2 + 0.5) / n
+    figures = mask_figures((np.hypot(position[:, None], position) <= 0.5).astype(float))
+    from scipy.special import j0, j1
+
+    x = np.pi * 0.7
+    assert figures["core"] == pytest.approx(1 - j0(x) ** 2 - j1(x) ** 2, abs=2e-3)  # 0.678
+    assert figures["energy"] == pytest.approx(1, abs=1e-3)
+
+
+def test_small_design_obeys_its_bounds_and_symmetry():
+    mask = design_step_mask(n_steps=24, inner_lambda_d=4.5, contrast=1e-6, outer_half_side_lambda_d=7,
+                            outer_leak=1e-3, leak_extent_lambda_d=11)  # fmt: skip
+    assert mask.min() >= 0 and mask.max() <= 1
+    for image in (mask.T, mask[::-1], mask[:, ::-1]):
+        np.testing.assert_array_equal(mask, image)
+    corner = np.abs(np.arange(24) - 11.5) + 0.5
+    assert not mask[np.hypot(corner[:, None], corner) > 12].any()
+    grid = np.linspace(4.5 / np.sqrt(2), 7, 60)
+    assert contrast(mask, grid, grid).max() < 3e-6
+    assert mask_figures(mask)["energy"] > 0.2
+
+
+def test_impossible_and_bad_requests_are_refused():
+    with pytest.raises(InputError, match="no step mask"):
+        design_step_mask(n_steps=16, inner_lambda_d=1.6, contrast=1e-9, outer_half_side_lambda_d=5,
+                         leak_extent_lambda_d=7)  # fmt: skip
+    with pytest.raises(InputError, match="n_steps"):
+        design_step_mask(n_steps=63)
+    with pytest.raises(InputError, match="inner_lambda_d"):
+        design_step_mask(inner_lambda_d=40)
+
+
+@pytest.mark.slow
+def test_command_repeats_the_shipped_mask(tmp_path, capsys):
+    assert main(["--out", str(tmp_path / "mask.npz")]) == 0
+    assert "energy 0.328" in capsys.readouterr().out
+    # The optimum is degenerate at the level of single steps; what it achieves is not.
+    again = mask_figures(load_apodizer(tmp_path / "mask.npz"))
+    assert again["peak"] == pytest.approx(mask_figures(load_apodizer("lpx43"))["peak"], rel=1e-6)

@@ -1,0 +1,110 @@
+import numpy as np
+import pytest
+
+from catalogs.errors import InputError
+from simulator.config import load_instrument
+from simulator.config.instrument import Drift
+from simulator.imaging.drift import iter_visit_frames, screen_model, visit_frames
+from simulator.imaging.imager import build_imager
+from simulator.imaging.psf import single_band_psf
+from simulator.knobs import Knobs
+
+INSTRUMENT = load_instrument()
+
+
+def drift(visit=0.05, walk=0.0):
+    return Drift(visit_nm=visit, walk_nm_per_sqrt_hour=walk, psd_slope=2.5)
+
+
+def rngs(*path):
+    return np.random.default_rng([*path, 1]), np.random.default_rng([*path, 2])
+
+
+def disc(n):
+    position = (np.arange(n) + 0.5) / n - 0.5
+    return np.hypot(position[:, None], position) <= 0.5, position
+
+
+def test_screens_have_the_rms_and_no_tilt():
+    model = screen_model(64, 2.5)
+    inside, position = disc(64)
+    rng = np.random.default_rng(1)
+    squares = []
+    for _ in range(400):
+        screen = model.draw(rng, 3.0)
+        squares.append((screen[inside] ** 2).mean())
+        assert abs(screen[inside].mean()) < 1e-12
+        assert abs((screen * position)[inside].sum()) < 1e-10
+        assert abs((screen * position[:, None])[inside].sum()) < 1e-10
+    assert abs(np.mean(squares) - 9.0) < 4 * np.std(squares) / 20
+
+
+def test_power_falls_with_the_slope():
+    for slope in (2.0, 3.0):
+        model = screen_model(64, slope)
+        kept = model.amplitude[20, 63] / model.amplitude[40, 63]  # 10 and 20 cycles per diameter
+        assert kept**2 == pytest.approx(2**slope)
+
+
+def test_screen_is_the_same_at_every_sampling():
+    coarse = screen_model(64, 2.5).draw(np.random.default_rng(5), 1.0)
+    fine = screen_model(192, 2.5).draw(np.random.default_rng(5), 1.0)
+    inside, _ = disc(64)
+    # The middle of three fine samples is the centre of a coarse one; the disc's pixelated edge moves tilt a little.
+    assert np.abs(fine[1::3, 1::3] - coarse)[inside].max() < 0.02
+
+
+def test_first_frame_without_drift_is_the_psf():
+    psf = single_band_psf("F662", instrument=INSTRUMENT)
+    frames = visit_frames(psf, drift(0.0, 0.0), 3, 60.0, *rngs(1))
+    assert frames.shape == (3, 137, 137)
+    for frame in frames:
+        assert np.abs(frame - psf.on_axis).max() < 1e-12 * psf.off_axis.max()
+
+
+def test_frames_equal_hcipy_with_the_same_screen():
+    imager = build_imager(INSTRUMENT, "F720")
+    frame = visit_frames(imager, drift(20.0), 1, 1.0, *rngs(2))[0]
+    opd = screen_model(128, 2.5).draw(rngs(2)[0], 20.0) * 1e-9
+    axis = imager.stamp_axis(masked=True)
+    hcipy = imager.image(axis, axis, opd_m=opd, engine="hcipy")
+    clear = imager.stamp_axis(masked=False)
+    assert np.abs(frame - hcipy).max() < 1e-12 * imager.image(clear, clear).max()
+
+
+def test_contrast_scales_with_the_square_of_the_drift():
+    psf = single_band_psf("F662", instrument=INSTRUMENT)
+    hole, peak = psf.metrics.hole, psf.off_axis.max()
+    floor = psf.on_axis[hole].mean() / peak
+    for rms in (0.1, 0.5, 1.0):
+        contrast = [visit_frames(psf, drift(rms), 1, 1.0, *rngs(k))[0][hole].mean() / peak for k in range(12)]
+        assert (np.mean(contrast) - floor) / rms**2 == pytest.approx(1.1e-7, rel=0.25)
+
+
+def test_walk_grows_with_time_and_visits_differ():
+    imager = build_imager(INSTRUMENT, "F662", "quick")
+    still = visit_frames(imager, drift(0.05, 0.0), 4, 900.0, *rngs(3))
+    np.testing.assert_array_equal(still[0], still[3])
+    walking = visit_frames(imager, drift(0.05, 0.05), 4, 900.0, *rngs(3))
+    np.testing.assert_array_equal(walking[0], still[0])
+    steps = [np.sqrt(((frame - walking[0]) ** 2).sum()) for frame in walking]
+    assert 0 < steps[1] < steps[3]
+    other = visit_frames(imager, drift(0.05, 0.0), 1, 900.0, *rngs(4))[0]
+    assert not np.array_equal(other, still[0])
+    # Variance of the walk: linear response, so the rms change over n steps goes as sqrt(n x cadence).
+    change = []
+    for k in range(40):
+        frames = visit_frames(imager, drift(0.0, 0.01), 5, 900.0, *rngs(5, k))
+        change.append([((frames[i] - frames[0]) ** 2).sum() for i in (1, 4)])
+    ratio = np.mean(change, axis=0)
+    assert ratio[1] / ratio[0] == pytest.approx(4, rel=0.5)
+
+
+def test_iteration_is_lazy_and_checked():
+    imager = build_imager(INSTRUMENT, "F662", Knobs(pupil_samples=64, wavelength_nodes=1, pixel_nodes=1))
+    frames = iter_visit_frames(imager, drift(0.05, 0.05), 10**9, 60.0, *rngs(6))
+    assert next(frames).shape == (137, 137)
+    with pytest.raises(InputError, match="n_frames"):
+        iter_visit_frames(imager, drift(), 0, 60.0, *rngs(7))
+    with pytest.raises(InputError, match="cadence_s"):
+        iter_visit_frames(imager, drift(), 1, 0.0, *rngs(8))

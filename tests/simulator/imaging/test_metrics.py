@@ -1,0 +1,167 @@
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from photutils.aperture import CircularAperture, aperture_photometry
+
+from catalogs.errors import InputError
+from simulator.config import load_instrument
+from simulator.imaging.measure import stamp_figures
+from simulator.imaging.metrics import PsfMetrics
+from simulator.imaging.psf import single_band_psf
+from simulator.imaging.store import psf_metrics
+
+INSTRUMENT = load_instrument()
+BANDS = INSTRUMENT.visible_bands()
+ROOT2 = np.sqrt(2)
+
+
+@pytest.fixture(scope="module")
+def metrics():
+    return {band: psf_metrics(INSTRUMENT, band) for band in BANDS}
+
+
+def with_mask(half_width, band):
+    """Metrics of the default instrument behind another mask, without a new speckle floor."""
+    instrument = load_instrument({"coronagraph": {"mask_half_width_arcsec": half_width}})
+    psf = single_band_psf(band, instrument=instrument)
+    figures = stamp_figures(psf.imager, psf.on_axis, psf.off_axis)
+    arrays = psf_metrics(INSTRUMENT, band).to_arrays() | {"mask_half_width_arcsec": np.asarray(half_width)}
+    return PsfMetrics.from_arrays(arrays | {name: np.asarray(value) for name, value in figures.items()})
+
+
+def test_azimuth_fractions_are_those_of_the_conventions(metrics):
+    found = metrics["F520"].azimuth_fraction([0.4, 0.65, 0.8, 0.95])
+    np.testing.assert_allclose(found, [0.46, 0.68, 0.38, 0.07], atol=0.006)
+    # Against a fine circle.
+    angle = (np.arange(200000) + 0.5) / 200000 * 2 * np.pi
+    for band in metrics.values():
+        for r in (0.1, 0.33, 0.5, 0.75, 0.99, 1.2):
+            x, y = np.abs(r * np.cos(angle)), np.abs(r * np.sin(angle))
+            inside = (np.minimum(x, y) >= band.hole_inner_arcsec) & (np.maximum(x, y) <= band.hole_outer_arcsec)
+            assert band.azimuth_fraction(r) == pytest.approx(inside.mean(), abs=2e-5)
+            assert band.resolution_elements(r) == pytest.approx(2 * np.pi * r * inside.mean() / band.lambda_d_arcsec, abs=0.01)
+
+
+def test_geometry(metrics):
+    for band, m in metrics.items():
+        assert m.band == band
+        assert m.owa_arcsec == pytest.approx(1.0, abs=1e-3)
+        assert m.hole_inner_corner_arcsec == pytest.approx(4.3 * m.lambda_d_arcsec)
+        side = 2 * ((0.707 - m.hole_inner_arcsec) / m.pixel_scale_arcsec)
+        assert m.hole.sum() == pytest.approx(side**2, rel=0.05)
+        assert m.strehl == 1.0
+        assert m.aperture_pixels == pytest.approx(INSTRUMENT.aperture_pixels(band))
+        assert m.core_open == pytest.approx(0.1385, abs=0.0015)
+        assert m.core_continuous == pytest.approx(0.141, abs=0.0005)
+        # Half of the core is open where each bar of the mask takes 1 - sqrt(1/2) of it.
+        assert 0.155 * ROOT2 < m.iwa_arcsec < 0.26
+        half = m.iwa_arcsec / ROOT2
+        assert m.core_throughput(half, half) == pytest.approx(0.5 * m.core_open, rel=1e-3)
+        assert m.peak_on_axis_hole < m.peak_on_axis_frame < m.peak_off_axis
+
+
+@pytest.mark.parametrize("band", ["F520", "F850"])
+def test_core_throughput_is_what_aperture_photometry_measures(metrics, band):
+    m = metrics[band]
+    psf = single_band_psf(band, instrument=INSTRUMENT)
+    pixel, radius = m.pixel_scale_arcsec, m.aperture_radius_arcsec / m.pixel_scale_arcsec
+    rng = np.random.default_rng(7)
+    for base, tolerance in (((0.4, 0.45), 5e-4), ((0.21, -0.3), 5e-3), ((-0.16, 0.45), 0.01)):
+        found, expected = [], []
+        for dx, dy in rng.uniform(-0.5, 0.5, (12, 2)) * pixel:
+            x, y = base[0] + dx, base[1] + dy
+            circle = CircularAperture((68 + x / pixel, 68 + y / pixel), radius)
+            found.append(aperture_photometry(psf.at(x, y), circle)["aperture_sum"][0])
+            expected.append(m.core_throughput(x, y))
+        assert np.mean(found) == pytest.approx(np.mean(expected), rel=tolerance)
+
+
+@pytest.mark.parametrize(("band", "share"), [("F520", 0.27), ("F662", 0.27), ("F850", 0.26)])
+def test_core_on_the_diagonal_behind_a_0134_mask(band, share):
+    m = with_mask(0.134, band)
+    def along(separation):
+        return m.core_throughput(separation / ROOT2, separation / ROOT2) / m.core_open
+
+    assert along(0.19) == pytest.approx(share, abs=0.02)
+    assert along(0.15) < 0.05
+    np.testing.assert_allclose(along(np.array([0.3, 0.5, 0.65, 0.95])), 1.0, atol=0.02)
+
+
+def test_core_off_the_diagonals_follows_the_mask():
+    m = with_mask(0.134, "F662")
+    separation = np.array([0.3, 0.5, 0.65, 0.95])
+    expected = {0: [0, 0, 0, 0], 15: [0, 0.44, 0.94, 1.0], 30: [0.74, 1, 1, 1]}
+    for angle, shares in expected.items():
+        t = np.radians(angle)
+        np.testing.assert_allclose(
+            m.core_throughput(separation * np.sin(t), separation * np.cos(t)) / m.core_open, shares, atol=0.03
+        )
+
+
+def test_core_is_zero_beyond_the_field_and_vectorised(metrics):
+    m = metrics["F662"]
+    assert m.core_throughput(30.0, 30.0) == 0
+    assert m.core_throughput(5.0, 5.0) == pytest.approx(m.core_open)
+    assert m.core_throughput(np.zeros((3, 1)), np.ones(4)).shape == (3, 4)
+
+
+def test_halo_is_the_starlight_in_the_aperture(metrics):
+    m = metrics["F662"]
+    psf = single_band_psf("F662", instrument=INSTRUMENT)
+    radius = m.aperture_radius_arcsec / m.pixel_scale_arcsec
+    for column, row in ((90, 98), (100, 44), (47, 40)):
+        x, y = (column - 68) * m.pixel_scale_arcsec, (row - 68) * m.pixel_scale_arcsec
+        exact = aperture_photometry(psf.on_axis, CircularAperture((column, row), radius))["aperture_sum"][0]
+        assert m.halo_aperture(x, y) == pytest.approx(exact, rel=2e-3)
+        middle = m.halo_aperture(x + m.pixel_scale_arcsec / 2, y)
+        assert min(m.halo_map[row, column : column + 2]) <= middle <= max(m.halo_map[row, column : column + 2])
+    assert m.halo_aperture(4.0, 4.0) == pytest.approx(m.wing(np.hypot(4, 4)) * m.aperture_pixels)
+
+
+def test_wings_hold_the_energy_outside_the_core(metrics):
+    for m in metrics.values():
+        last = len(m.wing_profile) - 1
+        grid = np.arange(-last, last + 1)
+        counts = np.bincount(np.rint(np.hypot(grid[:, None], grid)).astype(int).ravel())[: last + 1]
+        assert m.wing_profile @ counts == pytest.approx(m.apodizer_energy, rel=0.005)  # 0.3 % falls beyond
+        assert m.field_radius_arcsec > 17
+        assert m.wing(40.0) == pytest.approx(m.wing(20.0) / 8)
+        assert 0.1 < m.wing(m.field_radius_arcsec + 0.01) / m.wing_profile[-60:].mean() < 10
+
+
+def test_floor_rises_with_drift(metrics):
+    for m in metrics.values():
+        grid = np.geomspace(1e-4, 50, 200)
+        floor = m.rdi_floor(grid)
+        assert (np.diff(floor) > 0).all()
+        assert m.rdi_floor(0.0) == 0
+        assert m.rdi_floor(0.0005) == pytest.approx(m.rdi_floor(0.001) / 2, rel=1e-6)
+        assert 2e-10 < m.rdi_floor(0.05) / m.core_open < 8e-10
+        # Drift is steep: worse near the inner corner than on average.
+        assert m.rdi_floor(0.05, separation_arcsec=0.3) > m.rdi_floor(0.05) > m.rdi_floor(0.05, separation_arcsec=0.9)
+        assert m.rdi_floor(0.03, walk_nm_per_sqrt_hour=0.04, visit_hours=3.0) == pytest.approx(m.rdi_floor(0.05))
+    with pytest.raises(InputError, match="visit_nm"):
+        m.rdi_floor(-1.0)
+    with pytest.raises(InputError, match="n_modes"):
+        m.rdi_floor(0.1, 0)
+
+
+def test_arrays_there_and_back(metrics):
+    m = metrics["F720"]
+    again = PsfMetrics.from_arrays(m.to_arrays())
+    for name, array in m.to_arrays().items():
+        np.testing.assert_array_equal(array, again.to_arrays()[name])
+    with pytest.raises(InputError, match="raw_contrast"):
+        PsfMetrics.from_arrays({k: v for k, v in m.to_arrays().items() if k != "raw_contrast"})
+
+
+def test_loading_needs_no_optics_library():
+    code = (
+        "import sys; from simulator.config import load_instrument; from simulator.imaging.store import psf_metrics\n"
+        "psf_metrics(load_instrument(), 'F662').core_throughput(0.3, 0.3)\n"
+        "heavy = {'hcipy', 'scipy', 'astropy', 'pandas', 'synphot', 'matplotlib', 'numba'} & set(sys.modules)\n"
+        "assert not heavy, heavy"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)

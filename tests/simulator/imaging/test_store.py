@@ -1,0 +1,72 @@
+import numpy as np
+import pytest
+
+from simulator.config import load_instrument
+from simulator.imaging import store
+from simulator.imaging.imager import build_imager
+from simulator.imaging.measure import stamp_figures
+from simulator.imaging.metrics import PsfMetrics
+from simulator.imaging.psf import single_band_psf
+from simulator.imaging.store import metrics_key, psf_metrics
+
+INSTRUMENT = load_instrument()
+
+
+def test_shipped_files_fit_the_default_instrument(monkeypatch):
+    def refuse(*_):
+        raise AssertionError("measured anew")
+
+    monkeypatch.setattr(store, "_measure", refuse)
+    for band in INSTRUMENT.visible_bands():
+        assert psf_metrics(INSTRUMENT, band).band == band
+
+
+def test_shipped_core_and_contrast_are_what_the_model_gives():
+    stored = psf_metrics(INSTRUMENT, "F720")
+    psf = single_band_psf("F720", instrument=INSTRUMENT)
+    figures = stamp_figures(build_imager(INSTRUMENT, "F720"), psf.on_axis, psf.off_axis)
+    now = PsfMetrics.from_arrays(stored.to_arrays() | {name: np.asarray(value) for name, value in figures.items()})
+    x, y = np.array([0.0, 0.17, 0.25, 0.5, -0.3]), np.array([0.4, 0.17, 0.4, 0.5, 0.6])
+    np.testing.assert_allclose(stored.core_throughput(x, y), now.core_throughput(x, y), rtol=1e-9, atol=1e-15)
+    np.testing.assert_allclose(stored.halo_aperture(x, y), now.halo_aperture(x, y), rtol=1e-6)
+    assert stored.iwa_arcsec == pytest.approx(now.iwa_arcsec, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"detector": {"read_noise_e": 160}}, {"drift": {"visit_nm": 0.2, "walk_nm_per_sqrt_hour": 0.3}},
+     {"bands": {"F662": {"t_opt": 0.3, "qe": 0.8}}}, {"overhead_s": 100}],
+)  # fmt: skip
+def test_key_ignores_what_does_not_matter(change):
+    assert metrics_key(load_instrument(change), "F662") == metrics_key(INSTRUMENT, "F662")
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"telescope": {"diameter_m": 2.1}}, {"coronagraph": {"mask_half_width_arcsec": 0.134}},
+     {"detector": {"pixel_scale_arcsec": 0.02}}, {"drift": {"psd_slope": 3}}, {"bands": {"F662": {"width_nm": 60}}},
+     {"bands": {"F662": {"center_nm": 660}}}, {"coronagraph": {"aperture_radius_lambda_d": 1}}],
+)  # fmt: skip
+def test_key_sees_what_matters(change):
+    assert metrics_key(load_instrument(change), "F662") != metrics_key(INSTRUMENT, "F662")
+
+
+def test_other_instruments_are_measured_once_and_kept(tmp_path, monkeypatch):
+    monkeypatch.setenv("CPIC_CACHE_DIR", str(tmp_path))
+    calls = []
+
+    def measure(instrument, band):
+        calls.append(band)
+        return psf_metrics(INSTRUMENT, band).to_arrays()
+
+    monkeypatch.setattr(store, "_measure", measure)
+    other = load_instrument({"coronagraph": {"mask_half_width_arcsec": 0.134}})
+    first, second = psf_metrics(other, "F850"), psf_metrics(other, "F850")
+    assert calls == ["F850"]
+    np.testing.assert_array_equal(first.raw_contrast, second.raw_contrast)
+
+
+def test_other_instrument_end_to_end(tmp_path, monkeypatch):
+    monkeypatch.setenv("CPIC_CACHE_DIR", str(tmp_path))
+    other = load_instrument({"coronagraph": {"mask_half_width_arcsec": 0.134}})
+    assert psf_metrics(other, "F850").iwa_arcsec < psf_metrics(INSTRUMENT, "F850").iwa_arcsec
