@@ -178,7 +178,7 @@ class ConfirmedTarget(Result):
     hip: int | None
     ranked: RankedTarget
     planet_distance_au: float
-    chosen_band: str | None = Field(description="band of highest recovered significance over threshold")
+    chosen_band: str | None = Field(description="of the bands in which the images show the planet, the one of highest predicted margin; null if none does")
     bands: list[BandConfirmation]
 
 
@@ -196,6 +196,7 @@ class PlanResult(Result):
     sigma: float
     reference_library: str
     rdi_modes: int
+    companions: Literal["on", "off"] = Field(default="on", description="whether the light of known companions counts")
     reference_planet: ReferencePlanetRecord
     catalogue: str
     sample: str

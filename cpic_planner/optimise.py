@@ -7,17 +7,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cpic_planner.etc.limits import largest_gain
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.noise import stack_noise
 from cpic_planner.etc.planet import ReferencePlanet, reference_contrast
-from cpic_planner.etc.questions import check_range, diagonal
+from cpic_planner.etc.questions import check_range, diagonal, usable_range_arcsec
 from cpic_planner.etc.rates import ApertureRates, aperture_rates
 from cpic_planner.etc.settings import settings_for_time
 from cpic_planner.etc.significance import threshold_array
 from cpic_planner.targets import Targets
-from simulator.camera.saturation import gain_cap
 
-__all__ = ["Best", "best_separations", "optimise", "separation_grid"]
+__all__ = ["Best", "best_in_band", "best_separations", "optimise", "separation_grid"]
 
 FloatArray = NDArray[np.float64]
 N_SEPARATIONS = 48
@@ -30,7 +30,8 @@ class Best:
     """Best setting of each target; arrays of ``n`` stars.
 
     ``margin`` is significance over the detection threshold at the chosen separation: 1 is a detection.
-    ``floor_margin`` is the same in unlimited time, where only the speckle residual is left.
+    ``floor_margin`` is what it would be with no other noise than the speckle residual of the shortest visit: a bound
+    that no length of visit can pass.
     ``n_frames`` is 0 where every frame saturates or the time is too short.
     """
 
@@ -51,10 +52,8 @@ class Best:
 
 
 def separation_grid(model: EtcModel, band: str) -> FloatArray:
-    """Separations on the diagonal of a band's zone at which the small-sample threshold is defined."""
-    inner = model.instrument.hole_inner_arcsec(band) * np.sqrt(2.0)
-    outer = model.instrument.coronagraph.outer_half_side_arcsec * np.sqrt(2.0)
-    grid = np.geomspace(inner, outer, N_SEPARATIONS)
+    """Diagonal separations with the aperture inside a band's zone and a defined small-sample threshold."""
+    grid = np.geomspace(*usable_range_arcsec(model.instrument, band), N_SEPARATIONS)
     return grid[model.metrics[band].resolution_elements(grid) >= 3.0]
 
 
@@ -87,7 +86,7 @@ def optimise(
     """
     check_range("time_s", time_s, 1e-3, 1e9, "s")
     planet = planet or ReferencePlanet()
-    found = [_best_in_band(model, targets, band, time_s, planet) for band in bands or model.bands]
+    found = [best_in_band(model, targets, band, time_s, planet) for band in bands or model.bands]
     pick = np.argmax(np.stack([item.margin for item in found]), axis=0)
     rows = np.arange(len(targets))
     return Best(**{name: np.stack([getattr(item, name) for item in found])[pick, rows]
@@ -107,13 +106,16 @@ def best_separations(
         return dict.fromkeys(model.bands, separation_arcsec)
     check_range("time_s", time_s, 1e-3, 1e9, "s")
     return {
-        band: float(_best_in_band(model, target, band, time_s, planet).separation_arcsec[0])
+        band: float(best_in_band(model, target, band, time_s, planet).separation_arcsec[0])
         for band in model.bands
     }
 
 
-def _best_in_band(model: EtcModel, targets: Targets, band: str, time_s: float, planet: ReferencePlanet) -> Best:
-    """Frame settings at a few separations and lengths of visit first, then the separation at those settings."""
+def best_in_band(model: EtcModel, targets: Targets, band: str, time_s: float, planet: ReferencePlanet) -> Best:
+    """Best separation and settings of each target in one band; see `optimise`.
+
+    Frame settings at a few separations and lengths of visit come first, then the separation at those settings.
+    """
     metrics, detector, ratio = model.metrics[band], model.instrument.detector, model.strategy.reference_ratio
     fine = separation_grid(model, band)
     coarse = fine[:: max(len(fine) // N_COARSE, 1)]
@@ -134,10 +136,11 @@ def _best_in_band(model: EtcModel, targets: Targets, band: str, time_s: float, p
     exposure, frames, gain = (kept[name][:, None] for name in ("exposure_s", "n_frames", "em_gain"))
     noise = stack_noise(rates, exposure, frames, gain, detector, reference_ratio=ratio)
     threshold = threshold_array(metrics.resolution_elements(fine), model.strategy.sigma)
-    feasible = gain <= gain_cap(rates.peak_hole_e_s * exposure, detector).gain
+    feasible = gain <= largest_gain(rates.peak_hole_e_s, rates.tail_e_s, exposure, detector) * (1.0 + 1e-12)
     margin = np.where(feasible, noise.significance / threshold, 0.0)
+    instant = _rates(model, targets, band, fine, planet, 0.0)[0].speckle_e_s
     with np.errstate(divide="ignore"):
-        floor = np.where(rates.speckle_e_s > 0, rates.planet_e_s / rates.speckle_e_s, np.inf) / threshold
+        floor = np.where(instant > 0, rates.planet_e_s / instant, np.inf) / threshold
     pick = np.argmax(margin, axis=1)
 
     def at(array: ArrayLike) -> FloatArray:
@@ -146,7 +149,7 @@ def _best_in_band(model: EtcModel, targets: Targets, band: str, time_s: float, p
     return Best(
         band=np.full(len(targets), band), separation_arcsec=fine[pick], contrast=at(contrast), exposure_s=kept["exposure_s"],
         n_frames=kept["n_frames"], em_gain=kept["em_gain"], time_s=kept["time_s"], snr=at(noise.snr),
-        significance=at(noise.significance), threshold=threshold[pick], margin=at(margin), floor_margin=at(floor),
+        significance=at(noise.significance), threshold=threshold[pick], margin=at(margin), floor_margin=floor.max(axis=1),
         longest_exposure_s=kept["longest"], core_throughput=metrics.core_throughput(*diagonal(fine))[pick],
     )  # fmt: skip
 

@@ -106,7 +106,7 @@ def _tasks(
     for star, row in zip(stars, rows, strict=True):
         for band in model.bands:
             ready = prepare_task(
-                model, star, row, band, time_s=time_s, planet=planet, seed=seed, fidelity=fidelity
+                model, star, band, time_s=time_s, planet=planet, seed=seed, fidelity=fidelity
             )
             if isinstance(ready, BandConfirmation):
                 refused[(row.name, band)] = ready
@@ -242,10 +242,10 @@ def _confirmed(
         )
 
     def margin(band: BandConfirmation) -> float:
-        return (band.recovered_significance or 0.0) / (band.threshold or np.inf)
+        return (band.predicted_significance or 0.0) / (band.threshold or np.inf)
 
-    measured = [band for band in bands if band.recovered_significance is not None and band.threshold]
-    best = max(measured, key=margin, default=None)
+    # One realisation ranks bands by chance where they are close: the images veto, the prediction orders.
+    best = max((band for band in bands if band.detected), key=margin, default=None)
     return ConfirmedTarget(name=row.name, hip=row.hip, ranked=row, planet_distance_au=row.ref_planet_distance_au,
                            chosen_band=best.band if best else None, bands=bands)  # fmt: skip
 
@@ -257,7 +257,7 @@ def _assemble(
     strategy = prepared.model.strategy
     return PlanResult(
         version=__version__, config_hash=digest, seed=config.seed, fidelity=config.fidelity, instrument=config.instrument.name,
-        time_s=config.time_s, sigma=strategy.sigma, reference_library=strategy.library, rdi_modes=strategy.n_modes,
+        time_s=config.time_s, sigma=strategy.sigma, reference_library=strategy.library, rdi_modes=strategy.n_modes, companions=config.companions,
         reference_planet=planet_record(config.planet), catalogue=prepared.rank.catalogue, sample=prepared.rank.sample,
         n_ranked=len(prepared.rank.targets), counts=prepared.rank.counts,
         calibration=asdict(calibrate([band for target in confirmed for band in target.bands])),
@@ -268,7 +268,7 @@ def _assemble(
 def _write(
     folder: RunFolder, plan: PlanResult, prepared: _Prepared, bodies: dict[tuple[str, str], dict[str, Any]]
 ) -> None:
-    from cpic_planner.report import write_report
+    from cpic_planner.report.write import write_report
 
     folder.write("plan.json", dump_json(plan.model_dump(mode="json")))
     write_report(folder, plan, prepared.rank, prepared.model, bodies)

@@ -39,7 +39,7 @@ _SKIPPED = (
     ),
     ("pointing jitter", "not modelled"),
     ("cosmic rays", "not modelled; frames are kept short enough that few are lost"),
-    ("blooming and register tails", "the settings keep every pixel of the central star below full well"),
+    ("blooming and register tails", "the settings keep the central star from blooming or trailing into the hole; elsewhere charge is cut off"),
     ("charge transfer, flat field, bad pixels, bias structure", "not modelled"),
     (
         "exozodiacal light and position-dependent zodiacal light",

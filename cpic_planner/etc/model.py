@@ -30,6 +30,9 @@ class Strategy:
         Reference frames per science frame (M/N); their time and noise are counted.
     sigma : float
         Detection level whose false-alarm probability a small-sample threshold keeps.
+    annulus_lambda_d : float
+        Half width of the annulus around the planet's separation whose apertures measure background and scatter:
+        the speckle residual changes too much across the hole for one value.
     library : str
         Name of the reference library.
     """
@@ -37,6 +40,7 @@ class Strategy:
     n_modes: int = 1
     reference_ratio: float = 1.0
     sigma: float = 5.0
+    annulus_lambda_d: float = 1.5
     library: str = "same_star_planet_free"
 
 

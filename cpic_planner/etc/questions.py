@@ -21,7 +21,7 @@ from cpic_planner.targets import Targets
 from simulator.config import Instrument
 from simulator.outcome import Reason, Status
 
-__all__ = ["EtcAnswer", "contrast_limit", "diagonal", "exposure_time", "locate", "signal_to_noise"]
+__all__ = ["EtcAnswer", "contrast_limit", "diagonal", "exposure_time", "locate", "signal_to_noise", "usable_range_arcsec"]
 
 MAX_TURNS = 200
 Question = Literal["exposure_time", "signal_to_noise", "contrast_limit"]
@@ -72,15 +72,22 @@ def diagonal(separation_arcsec: Any) -> tuple[Any, Any]:
     return offset, offset
 
 
+def usable_range_arcsec(instrument: Instrument, band: str) -> tuple[float, float]:
+    """Diagonal separations between which the whole photometric aperture lies in the controlled zone of a band."""
+    radius = instrument.aperture_radius_arcsec(band)
+    inner = (instrument.hole_inner_arcsec(band) + radius) * math.sqrt(2.0)
+    outer = (instrument.coronagraph.outer_half_side_arcsec - radius) * math.sqrt(2.0)
+    return inner, outer
+
+
 def locate(instrument: Instrument, band: str, separation_arcsec: float) -> tuple[Status, Reason, str]:
-    """Whether a diagonal separation lies in the controlled zone of a band."""
-    inner = instrument.hole_inner_arcsec(band) * math.sqrt(2.0)
-    outer = instrument.coronagraph.outer_half_side_arcsec * math.sqrt(2.0)
-    if separation_arcsec < inner:
-        text = f"{separation_arcsec:.3f} arcsec is inside the inner edge of {band} ({inner:.3f} arcsec on the diagonal)"
+    """Whether the aperture of a planet at a diagonal separation lies in the controlled zone of a band."""
+    inner, outer = usable_range_arcsec(instrument, band)
+    if separation_arcsec < inner * (1.0 - 1e-9):
+        text = f"{separation_arcsec:.3f} arcsec: the aperture leaves the dark hole of {band} inside {inner:.3f} arcsec (diagonal)"
         return Status.OUTSIDE_FIELD, Reason.INSIDE_INNER_EDGE, text
-    if separation_arcsec > outer:
-        text = f"{separation_arcsec:.3f} arcsec is outside the dark hole (corner at {outer:.3f} arcsec on the diagonal)"
+    if separation_arcsec > outer * (1.0 + 1e-9):
+        text = f"{separation_arcsec:.3f} arcsec: the aperture leaves the dark hole of {band} outside {outer:.3f} arcsec (diagonal)"
         return Status.OUTSIDE_FIELD, Reason.OUTSIDE_OUTER_EDGE, text
     return Status.OK, Reason.NONE, ""
 
@@ -163,7 +170,7 @@ def _no_setting(
     """Refusal when no frame fits: saturation, or no time for one frame."""
     detector = model.instrument.detector
     shortest = exposure_s if exposure_s is not None else detector.exposure_min_s
-    peaks = float(case.rates.peak_frame_e_s[0]), float(case.rates.peak_hole_e_s[0])
+    peaks = (float(case.rates.peak_columns_e_s[0]), float(case.rates.peak_hole_e_s[0]), float(case.rates.tail_e_s[0]))
     limit = frame_limit(*peaks, shortest, em_gain or 1.0, detector)
     if limit is not Reason.NONE:
         longest = float(settings.longest_exposure_s[0])
@@ -259,7 +266,8 @@ def _least_time(
     first time that reproduces itself is the shortest one.
     """
     rates, time_s = case.rates, 0.0
-    star_e_s = float(rates.speckle_e_s[0]) / max(float(speckle_fraction(model, case.answer["band"], 0.0)), 1e-300)
+    place = case.answer["band"], case.answer["separation_arcsec"]
+    star_e_s = float(rates.speckle_e_s[0]) / max(float(speckle_fraction(model, place[0], 0.0, place[1])), 1e-300)
     for _ in range(MAX_TURNS):
         chosen = settings_for_snr(model, rates, snr, exposure_s=exposure_s, em_gain=em_gain)
         floor = float(rates.planet_e_s[0]) / max(float(rates.speckle_e_s[0]), 1e-300)
@@ -270,7 +278,7 @@ def _least_time(
         previous, time_s = time_s, float(chosen.time_s[0])
         if time_s <= previous:
             return _filled(case, chosen, time_s)
-        fraction = speckle_fraction(model, case.answer["band"], model.visit_s(time_s))
+        fraction = float(speckle_fraction(model, place[0], model.visit_s(time_s), place[1]))
         rates = replace(rates, speckle_e_s=np.array([star_e_s * fraction]))
     text = f"the speckle residual keeps the SNR below {snr:g}, whatever the time"
     return EtcAnswer(value=None, status=Status.UNREACHABLE, reason=Reason.SPECKLE_FLOOR, message=text, **case.answer)

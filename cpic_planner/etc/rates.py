@@ -28,9 +28,11 @@ class ApertureRates:
     speckle_e_s : ndarray
         Spatial rms of aperture sums of the star light that RDI leaves, per second; it does not average down.
     peak_hole_e_s : ndarray
-        Hottest pixel that must not saturate the register: inside the hole, planet included.
-    peak_frame_e_s : ndarray
-        Hottest pixel of the central star's light anywhere on the frame: it must not bloom.
+        Hottest pixel inside the hole, planet included: it must not saturate pixel, register or converter.
+    peak_columns_e_s : ndarray
+        Hottest pixel of the central star in the columns that cross the hole: it must not bloom into it.
+    tail_e_s : ndarray
+        Light of the central star beside the hole that must fit the register, lest charge trails into the hole.
     aperture_pixels : float
         Pixels in the aperture.
     noise_fraction : float
@@ -38,8 +40,8 @@ class ApertureRates:
         weight squared in the variance of a sum.
     source_noise_fraction : float
         The same weighted by the planet's own light.
-    background_apertures : float
-        Aperture areas in the region that measures the background.
+    background_apertures : ndarray
+        Aperture areas in the annulus of the hole that measures the background.
     rdi_throughput : float
         Fraction of planet light that the projection leaves.
     """
@@ -51,11 +53,12 @@ class ApertureRates:
     dark_e_s: FloatArray
     speckle_e_s: FloatArray
     peak_hole_e_s: FloatArray
-    peak_frame_e_s: FloatArray
+    peak_columns_e_s: FloatArray
+    tail_e_s: FloatArray
     aperture_pixels: float
     noise_fraction: float
     source_noise_fraction: float
-    background_apertures: float
+    background_apertures: FloatArray
     rdi_throughput: float
 
     @property
@@ -122,29 +125,42 @@ def aperture_rates(
         companion_e_s=np.broadcast_to(companion, shape),
         sky_e_s=np.full((1,) * len(shape), sky * aperture_arcsec2 * metrics.apodizer_energy),
         dark_e_s=np.full((1,) * len(shape), instrument.detector.dark_e_s * metrics.aperture_pixels),
-        speckle_e_s=star * speckle_fraction(model, band, visit_s),
+        speckle_e_s=star * speckle_fraction(model, band, visit_s, np.hypot(x, y)),
         peak_hole_e_s=star * metrics.peak_on_axis_hole
         + planet_total * metrics.peak_off_axis
         + companion / metrics.aperture_pixels,
-        peak_frame_e_s=star * metrics.peak_on_axis_frame,
+        peak_columns_e_s=star * metrics.peak_on_axis_columns,
+        tail_e_s=star * metrics.register_tail,
         aperture_pixels=metrics.aperture_pixels,
         noise_fraction=float(aperture_noise_pixels(metrics.aperture_radius_arcsec / metrics.pixel_scale_arcsec))
         / metrics.aperture_pixels,
         source_noise_fraction=metrics.source_noise_fraction,
-        background_apertures=region_pixels / metrics.aperture_pixels,
+        background_apertures=np.maximum(_annulus_apertures(model, band, np.hypot(x, y)), 1.0),
         rdi_throughput=1.0 - model.strategy.n_modes / region_pixels,
     )
 
 
-def speckle_fraction(model: EtcModel, band: str, visit_s: ArrayLike) -> FloatArray:
-    """Rms of aperture sums of the star light left by RDI, as a fraction of the star's light on the clear disc."""
+def speckle_fraction(model: EtcModel, band: str, visit_s: ArrayLike, separation_arcsec: ArrayLike) -> FloatArray:
+    """Rms of aperture sums of the star light left by RDI, as a fraction of the star's light on the clear disc.
+
+    It is several times larger at the inner edge of the hole than at the outer one.
+    """
     drift = model.instrument.drift
     return model.metrics[band].rdi_floor(
         drift.visit_nm,
         model.strategy.n_modes,
         walk_nm_per_sqrt_hour=drift.walk_nm_per_sqrt_hour,
         visit_hours=np.asarray(visit_s, float) / 3600.0,
+        separation_arcsec=separation_arcsec,
     )
+
+
+def _annulus_apertures(model: EtcModel, band: str, separation_arcsec: FloatArray) -> FloatArray:
+    """Area of the background annulus inside the quadrants, in apertures."""
+    metrics = model.metrics[band]
+    width = 2.0 * model.strategy.annulus_lambda_d * metrics.lambda_d_arcsec
+    length = 2.0 * np.pi * separation_arcsec * metrics.azimuth_fraction(separation_arcsec)
+    return length * width / (np.pi * metrics.aperture_radius_arcsec**2)
 
 
 def _companion_e_s(model: EtcModel, targets: Targets, band: str) -> FloatArray:

@@ -11,11 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cpic_planner.etc.limits import longest_exposure_s
+from cpic_planner.etc.limits import largest_gain, longest_exposure_s
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.noise import StackNoise, best_gain, frame_terms, stack_noise
 from cpic_planner.etc.rates import ApertureRates
-from simulator.camera.saturation import gain_cap
 
 __all__ = ["FRAME_MULTIPLES", "Settings", "settings_for_snr", "settings_for_time"]
 
@@ -41,7 +40,7 @@ class Settings:
 def _gain(model: EtcModel, rates: ApertureRates, exposure_s: FloatArray) -> FloatArray:
     detector = model.instrument.detector
     _, light, read = frame_terms(rates, exposure_s, detector, reference_ratio=model.strategy.reference_ratio)
-    return best_gain(light, read, gain_cap(rates.peak_hole_e_s * exposure_s, detector).gain)
+    return best_gain(light, read, largest_gain(rates.peak_hole_e_s, rates.tail_e_s, exposure_s, detector))
 
 
 def settings_for_time(
@@ -69,7 +68,7 @@ def settings_for_time(
     Settings
     """
     detector, ratio = model.instrument.detector, model.strategy.reference_ratio
-    limit = longest_exposure_s(rates.peak_frame_e_s, rates.peak_hole_e_s, detector)
+    limit = longest_exposure_s(rates.peak_columns_e_s, rates.peak_hole_e_s, detector)
     usable = max(time_s - model.instrument.overhead_s, 0.0) / (1.0 + ratio)
     if exposure_s is not None:
         exposure = np.full(limit.shape, float(exposure_s))[None]
@@ -98,7 +97,7 @@ def settings_for_snr(
     ``N = SNR^2 V1 / (S1^2 - SNR^2 spk1^2)`` frames, rounded up; the denominator vanishes at the speckle floor.
     """
     detector, ratio = model.instrument.detector, model.strategy.reference_ratio
-    limit = longest_exposure_s(rates.peak_frame_e_s, rates.peak_hole_e_s, detector)
+    limit = longest_exposure_s(rates.peak_columns_e_s, rates.peak_hole_e_s, detector)
     if exposure_s is not None:
         exposure = np.full(limit.shape, float(exposure_s))[None]
     else:
@@ -131,7 +130,7 @@ def _choose(model, rates, limit, exposure, frames, em_gain, *, best):  # type: i
     feasible = (
         (frames > 0)
         & (exposure <= limit * (1.0 + 1e-12))
-        & (gain <= gain_cap(rates.peak_hole_e_s * exposure, detector).gain)
+        & (gain <= largest_gain(rates.peak_hole_e_s, rates.tail_e_s, exposure, detector))
     )
     pick = np.argmin(np.where(feasible, best(every), np.inf), axis=0)[None]
 

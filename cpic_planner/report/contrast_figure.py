@@ -10,11 +10,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cpic_planner.models import RankedTarget, RankResult
-from cpic_planner.report.drawing import BAND_STYLE, STATUS_STYLE, Picture, literal, new_figure, place_labels, save, style
+from cpic_planner.report.drawing import (
+    BAND_STYLE,
+    STATUS_STYLE,
+    Picture,
+    literal,
+    new_figure,
+    place_labels,
+    save,
+    style,
+)
 from cpic_planner.report.names import pretty_name
+from cpic_planner.report.numbers import duration_text
 from cpic_planner.report.words import status_text
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
 
 __all__ = ["HoleEdges", "LimitCurve", "contrast_diagram"]
@@ -49,9 +60,13 @@ class HoleEdges:
 
 
 def contrast_diagram(
-    rank: RankResult, *, limits: Sequence[LimitCurve] = (), holes: Sequence[HoleEdges] = (),
-    confirmed: tuple[str, ...] = (), labelled: int = 12,
-) -> Picture:  # fmt: skip
+    rank: RankResult,
+    *,
+    limits: Sequence[LimitCurve] = (),
+    holes: Sequence[HoleEdges] = (),
+    confirmed: tuple[str, ...] = (),
+    labelled: int = 12,
+) -> Picture:
     """Draw every ranked reference planet, the contrast limits and the edges of the dark holes.
 
     Parameters
@@ -74,48 +89,81 @@ def contrast_diagram(
         axes.grid(visible=True)
         axes.set_xlabel("projected separation (arcsec)")
         axes.set_ylabel("planet-to-star contrast (flux ratio)")
-        handles, texts = [], []
+        handles: list[Artist] = []
+        texts: list[str] = []
         for status in reversed(STATUS_STYLE):
             chosen = [row for row in rows if row.status == status]
             if not chosen:
                 continue
             colour, marker = STATUS_STYLE[status]
-            handles.append(axes.scatter(
-                [row.separation_arcsec for row in chosen], [row.contrast for row in chosen], c=colour, marker=marker,
-                s=14 if status == "unreachable" else 26, alpha=0.45 if status == "unreachable" else 0.85, linewidths=0 if marker != "x" else 1,
-                zorder=2 if status == "unreachable" else 4,
-            ))  # fmt: skip
+            handles.append(
+                axes.scatter(
+                    [row.separation_arcsec for row in chosen],
+                    [row.contrast for row in chosen],
+                    c=colour,
+                    marker=marker,
+                    s=14 if status == "unreachable" else 26,
+                    alpha=0.45 if status == "unreachable" else 0.85,
+                    linewidths=0 if marker != "x" else 1,
+                    zorder=2 if status == "unreachable" else 4,
+                )
+            )
             texts.append(f"contrast of reference planet: {status_text(status)} ({len(chosen)})")
         ringed = [row for row in rows if row.name in confirmed]
         if ringed:
-            handles.append(axes.scatter([row.separation_arcsec for row in ringed], [row.contrast for row in ringed], s=90,
-                                        facecolors="none", edgecolors="#111111", linewidths=1.2, zorder=5))  # fmt: skip
+            handles.append(
+                axes.scatter(
+                    [row.separation_arcsec for row in ringed],
+                    [row.contrast for row in ringed],
+                    s=90,
+                    facecolors="none",
+                    edgecolors="#111111",
+                    linewidths=1.2,
+                    zorder=5,
+                )
+            )
             texts.append("confirmed by images")
         for index, curve in enumerate(limits):
-            line = axes.plot(curve.separation_arcsec, curve.contrast, color=BAND_STYLE[index % len(BAND_STYLE)][0], lw=1.6,
-                             ls=_LINE_STYLES[index % len(_LINE_STYLES)], zorder=3)  # fmt: skip
+            line = axes.plot(
+                curve.separation_arcsec,
+                curve.contrast,
+                color=BAND_STYLE[index % len(BAND_STYLE)][0],
+                lw=1.6,
+                ls=_LINE_STYLES[index % len(_LINE_STYLES)],
+                zorder=3,
+            )
             handles.append(line[0])
             texts.append(literal(f"{rank.sigma:g}σ contrast limit: {curve.label}"))
         _frame(axes, rows, limits, holes)
         figure.legend(handles, texts, loc="outside lower center", ncols=2, columnspacing=2.0)
         _hole_lines(axes, holes)
         chosen = ringed + [row for row in rows[:labelled] if row.name not in confirmed]
-        place_labels(axes, [row.separation_arcsec for row in chosen], [row.contrast for row in chosen],
-                     [literal(pretty_name(row.name)) for row in chosen], fontsize=9,
-                     reach_px=[9.0 if row.name in confirmed else 5.0 for row in chosen])  # fmt: skip
+        place_labels(
+            axes,
+            [row.separation_arcsec for row in chosen],
+            [row.contrast for row in chosen],
+            [literal(pretty_name(row.name)) for row in chosen],
+            fontsize=9,
+            reach_px=[9.0 if row.name in confirmed else 5.0 for row in chosen],
+        )
         return save(
-            figure, "svg",
-            alt=f"Diagram of contrast against separation: {len(rows)} reference planets and {len(limits)} contrast-limit curves.",
-            caption="Contrast of each star's reference planet in its best band (symbols), and the contrast limit of single "
-            f"targets (lines): the planet-to-star flux ratio whose significance reaches the small-sample threshold equivalent "
-            f"to {rank.sigma:g}σ in {rank.time_s / 3600:.3g} h of wall time. A limit belongs to its own star: other stars' "
-            "planets are not judged by it. Vertical lines: corners of the dark hole on the diagonal of a quadrant.",
-        )  # fmt: skip
+            figure,
+            "svg",
+            alt=f"Diagram of contrast against separation: {len(rows)} reference planets and {len(limits)} "
+            f"contrast-limit curves.",
+            caption="Contrast of each star's reference planet in its best band (symbols), and the contrast limit "
+            "of single targets (lines): the planet-to-star flux ratio whose significance reaches the "
+            f"small-sample threshold equivalent to {rank.sigma:g}σ in the wall time planned for that star (at most "
+            f"{duration_text(rank.time_s)}). A limit belongs to its own star: other stars' planets are not judged by "
+            "it. Vertical lines: corners of the dark hole on the diagonal of a quadrant.",
+        )
 
 
 def _frame(axes: Axes, rows: Sequence[RankedTarget], limits: Sequence[LimitCurve], holes: Sequence[HoleEdges]) -> None:
     """Limits of the axes: the points and curves with room for labels."""
-    separations = [row.separation_arcsec for row in rows] + [edge for hole in holes for edge in (hole.inner_arcsec, hole.outer_arcsec)]
+    separations = [row.separation_arcsec for row in rows] + [
+        edge for hole in holes for edge in (hole.inner_arcsec, hole.outer_arcsec)
+    ]
     contrasts = [row.contrast for row in rows]
     for curve in limits:
         good = np.isfinite(curve.contrast) & (curve.contrast > 0)
@@ -125,7 +173,9 @@ def _frame(axes: Axes, rows: Sequence[RankedTarget], limits: Sequence[LimitCurve
     if separations:
         low, high = min(separations) / 1.06, max(separations) * 1.06
         axes.set_xlim(low, high)
-        ticks = [tick for tick in (0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 1.0, 1.5, 2.0) if low <= tick <= high]
+        ticks = [
+            tick for tick in (0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 1.0, 1.5, 2.0) if low <= tick <= high
+        ]
         axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
         axes.set_xticks([], minor=True)
     if contrasts:
@@ -141,5 +191,15 @@ def _hole_lines(axes: Axes, holes: Sequence[HoleEdges]) -> None:
     for edge, names in groups.items():
         axes.axvline(edge, color="#999999", lw=0.9, ls=":", zorder=1)
         text = "outer" if set(names) == {"outer"} else ", ".join(sorted({n for n in names if n != "outer"}))
-        axes.text(edge, 1.012, text, transform=axes.get_xaxis_transform(), rotation=35, rotation_mode="anchor", ha="left",
-                  va="bottom", fontsize=8.5, color="#666666")  # fmt: skip
+        axes.text(
+            edge,
+            1.012,
+            text,
+            transform=axes.get_xaxis_transform(),
+            rotation=35,
+            rotation_mode="anchor",
+            ha="left",
+            va="bottom",
+            fontsize=8.5,
+            color="#666666",
+        )

@@ -17,9 +17,18 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 __all__ = [
-    "BAND_STYLE", "RESIDUAL_COLOURS", "STACK_COLOURS", "STATUS_STYLE", "Picture", "band_style", "literal", "new_figure",
-    "place_labels", "save", "style",
-]  # fmt: skip
+    "BAND_STYLE",
+    "RESIDUAL_COLOURS",
+    "STACK_COLOURS",
+    "STATUS_STYLE",
+    "Picture",
+    "band_style",
+    "literal",
+    "new_figure",
+    "place_labels",
+    "save",
+    "style",
+]
 
 WIDTH_INCHES = 9.0
 SCREEN_DPI = 100
@@ -39,17 +48,38 @@ STATUS_STYLE: dict[str, tuple[str, str]] = {
     "invalid": ("#000000", "x"),
 }
 BAND_STYLE: tuple[tuple[str, str], ...] = (
-    ("#0072B2", "o"), ("#E69F00", "s"), ("#009E73", "^"), ("#CC79A7", "D"),
-    ("#56B4E9", "v"), ("#D55E00", "P"), ("#000000", "X"), ("#9A8700", "*"),
-)  # fmt: skip
+    ("#0072B2", "o"),
+    ("#E69F00", "s"),
+    ("#009E73", "^"),
+    ("#CC79A7", "D"),
+    ("#56B4E9", "v"),
+    ("#D55E00", "P"),
+    ("#000000", "X"),
+    ("#9A8700", "*"),
+)
 
 _RC: dict[str, Any] = {
-    "font.family": ["DejaVu Sans"], "font.size": 10.5, "axes.titlesize": 11, "axes.labelsize": 10.5, "legend.fontsize": 9.5,
-    "xtick.labelsize": 9.5, "ytick.labelsize": 9.5, "axes.edgecolor": "#444444", "axes.linewidth": 0.8,
-    "axes.axisbelow": True, "grid.color": "#DDDDDD", "grid.linewidth": 0.6, "legend.frameon": False,
-    "figure.facecolor": "white", "savefig.facecolor": "white", "text.usetex": False, "svg.fonttype": "path",
-    "svg.hashsalt": "cpic-planner", "path.simplify": True, "axes.unicode_minus": True,
-}  # fmt: skip
+    "font.family": ["DejaVu Sans"],
+    "font.size": 10.5,
+    "axes.titlesize": 11,
+    "axes.labelsize": 10.5,
+    "legend.fontsize": 9.5,
+    "xtick.labelsize": 9.5,
+    "ytick.labelsize": 9.5,
+    "axes.edgecolor": "#444444",
+    "axes.linewidth": 0.8,
+    "axes.axisbelow": True,
+    "grid.color": "#DDDDDD",
+    "grid.linewidth": 0.6,
+    "legend.frameon": False,
+    "figure.facecolor": "white",
+    "savefig.facecolor": "white",
+    "text.usetex": False,
+    "svg.fonttype": "path",
+    "svg.hashsalt": "cpic-planner",
+    "path.simplify": True,
+    "axes.unicode_minus": True,
+}
 
 
 @dataclass(frozen=True)
@@ -110,7 +140,10 @@ def _palette() -> Any:
     from PIL import Image
 
     greys = np.repeat(np.linspace(0, 255, 256 - 2 * _MAP_COLOURS).round(), 3).reshape(-1, 3)
-    maps = [255.0 * mpl.colormaps[name](np.linspace(0.0, 1.0, _MAP_COLOURS))[:, :3] for name in (STACK_COLOURS, RESIDUAL_COLOURS)]
+    maps = [
+        255.0 * mpl.colormaps[name](np.linspace(0.0, 1.0, _MAP_COLOURS))[:, :3]
+        for name in (STACK_COLOURS, RESIDUAL_COLOURS)
+    ]
     palette = Image.new("P", (1, 1))
     palette.putpalette(np.concatenate([*maps, greys]).round().astype(np.uint8).tobytes())
     return palette
@@ -131,9 +164,15 @@ def literal(text: str) -> str:
 
 
 def place_labels(
-    axes: Axes, x: Sequence[float], y: Sequence[float], texts: Sequence[str], *, reach_px: Sequence[float] | float = 4.0,
-    avoid: Sequence[Artist] = (), **text_style: Any,
-) -> None:  # fmt: skip
+    axes: Axes,
+    x: Sequence[float],
+    y: Sequence[float],
+    texts: Sequence[str],
+    *,
+    reach_px: Sequence[float] | float = 4.0,
+    avoid: Sequence[Artist] = (),
+    **text_style: Any,
+) -> None:
     """Write a label near each point so that labels cover neither each other nor the labelled points.
 
     Parameters
@@ -143,7 +182,7 @@ def place_labels(
     x, y : sequence of float
         Data coordinates of the points, most important first.
     texts : sequence of str
-        Labels. One for which no free place is found within reach is left out: no label is better than an unreadable one.
+        Labels. One that finds no free place within reach is left out: none is better than an unreadable one.
     reach_px : sequence of float
         Radius of each point's marker.
     avoid : sequence of Artist
@@ -157,12 +196,14 @@ def place_labels(
     figure = axes.figure
     canvas = figure.canvas
     assert isinstance(canvas, FigureCanvasAgg)
-    figure.draw_without_rendering()
+    canvas.figure.draw_without_rendering()
     renderer = canvas.get_renderer()
     points = axes.transData.transform(np.column_stack([x, y])) if len(texts) else np.empty((0, 2))
     frame = axes.get_window_extent(renderer)
     radii = np.broadcast_to(np.asarray(reach_px, float), len(texts))
-    taken = [(px - r, py - r, px + r, py + r) for (px, py), r in zip(points, radii, strict=True)]
+    taken: list[tuple[float, ...]] = [
+        (px - r, py - r, px + r, py + r) for (px, py), r in zip(points, radii, strict=True)
+    ]
     taken += [tuple(artist.get_window_extent(renderer).extents) for artist in avoid]
     to_points = 72.0 / figure.dpi
     for (px, py), radius, text in zip(points, radii, texts, strict=True):
@@ -175,11 +216,21 @@ def place_labels(
         left, bottom, reach = place
         taken.append((left, bottom, left + extent.width, bottom + extent.height))
         offset = ((left + extent.width / 2 - px) * to_points, (bottom + extent.height / 2 - py) * to_points)
-        line = {"arrowstyle": "-", "color": "#555555", "linewidth": 0.6, "shrinkA": 0, "shrinkB": 2} if reach > 0 else None
+        line = (
+            {"arrowstyle": "-", "color": "#555555", "linewidth": 0.6, "shrinkA": 0, "shrinkB": 2} if reach > 0 else None
+        )
         axes.annotate(
-            text, xy=axes.transData.inverted().transform((px, py)), xytext=offset, textcoords="offset points", ha="center",
-            va="center", arrowprops=line, zorder=9, path_effects=[withStroke(linewidth=2.2, foreground="white")], **text_style,
-        ).set_in_layout(False)  # fmt: skip
+            text,
+            xy=tuple(axes.transData.inverted().transform((px, py))),
+            xytext=offset,
+            textcoords="offset points",
+            ha="center",
+            va="center",
+            arrowprops=line,
+            zorder=9,
+            path_effects=[withStroke(linewidth=2.2, foreground="white")],
+            **text_style,
+        ).set_in_layout(False)
 
 
 def _free_place(

@@ -14,9 +14,17 @@ from cpic_planner.report.sky_map import sky_map
 from cpic_planner.report.snr_figure import snr_figure
 
 __all__ = [
-    "HoleEdges", "LimitCurve", "Picture", "contrast_diagram", "margin_figure", "panel_picture", "panel_pictures", "plan_figures",
-    "sky_map", "snr_figure",
-]  # fmt: skip
+    "HoleEdges",
+    "LimitCurve",
+    "Picture",
+    "contrast_diagram",
+    "margin_figure",
+    "panel_picture",
+    "panel_pictures",
+    "plan_figures",
+    "sky_map",
+    "snr_figure",
+]
 
 
 def plan_figures(

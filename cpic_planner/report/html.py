@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from catalogs.info import CREDITS
 from cpic_planner.models import PlanResult, RankResult
 from cpic_planner.report.contrast_figure import HoleEdges, LimitCurve
 from cpic_planner.report.drawing import Picture
@@ -22,8 +23,8 @@ from cpic_planner.report.panel_figure import PANEL_NOTE
 from cpic_planner.report.panels import Panels
 from cpic_planner.report.summary import calibration_sentence, chosen, planet_text, summary_sentences
 from cpic_planner.report.words import (
-    CREDITS,
     GLOSSARY,
+    METHOD_CREDITS,
     STATUS_SYMBOLS,
     flag_text,
     library_text,
@@ -45,9 +46,14 @@ _FIGURES = (
 
 
 def plan_html(
-    plan: PlanResult, rank: RankResult, *, panels: Mapping[str, Panels], limits: Sequence[LimitCurve] = (),
-    holes: Sequence[HoleEdges] = (), top_rows: int = 50,
-) -> str:  # fmt: skip
+    plan: PlanResult,
+    rank: RankResult,
+    *,
+    panels: Mapping[str, Panels],
+    limits: Sequence[LimitCurve] = (),
+    holes: Sequence[HoleEdges] = (),
+    top_rows: int = 50,
+) -> str:
     """Draw the figures of a plan and render its report.
 
     Parameters
@@ -70,12 +76,22 @@ def plan_html(
     """
     from cpic_planner.report.figures import panel_pictures, plan_figures
 
-    return render_plan(plan, rank, plan_figures(plan, rank, limits=limits, holes=holes), panel_pictures(plan, panels),
-                       top_rows=top_rows)  # fmt: skip
+    return render_plan(
+        plan,
+        rank,
+        plan_figures(plan, rank, limits=limits, holes=holes),
+        panel_pictures(plan, panels),
+        top_rows=top_rows,
+    )
 
 
 def render_plan(
-    plan: PlanResult, rank: RankResult, figures: Mapping[str, Picture], images: Mapping[str, Picture], *, top_rows: int = 50
+    plan: PlanResult,
+    rank: RankResult,
+    figures: Mapping[str, Picture],
+    images: Mapping[str, Picture],
+    *,
+    top_rows: int = 50,
 ) -> str:
     """Render the report from finished pictures.
 
@@ -97,26 +113,53 @@ def render_plan(
     """
     rows = rank.targets[:top_rows]
     flags = sorted({flag for row in [*rows, *(target.ranked for target in plan.targets)] for flag in row.flags})
-    return _environment().get_template("plan.html.j2").render(
-        plan=plan, rank=rank, rows=rows, flags=flags, images=images, summary=" ".join(summary_sentences(plan, rank)),
-        calibration=calibration_sentence(plan.calibration), planet=planet_text(plan),
-        figures=[(key, title, figures[key]) for key, title in _FIGURES if key in figures], panel_note=PANEL_NOTE,
-        glossary=GLOSSARY, credits=CREDITS,
-    )  # fmt: skip
+    return (
+        _environment()
+        .get_template("plan.html.j2")
+        .render(
+            plan=plan,
+            rank=rank,
+            rows=rows,
+            flags=flags,
+            reasons=sorted({row.reason for row in rows if row.reason}),
+            images=images,
+            summary=" ".join(summary_sentences(plan, rank)),
+            calibration=calibration_sentence(plan.calibration),
+            planet=planet_text(plan),
+            figures=[(key, title, figures[key]) for key, title in _FIGURES if key in figures],
+            panel_note=PANEL_NOTE,
+            glossary=GLOSSARY,
+            credits=(*CREDITS, *METHOD_CREDITS),
+        )
+    )
 
 
 def _environment() -> Environment:
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     environment = Environment(
-        loader=PackageLoader("cpic_planner.report"), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
+        loader=PackageLoader("cpic_planner.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
         lstrip_blocks=True,
-    )  # fmt: skip
+    )
     filters: dict[str, Any] = {
-        "pretty": pretty_name, "contrast": contrast_text, "duration": duration_text, "sig": significant, "dec": decimals,
-        "percent": percent_text, "count": count_text, "reason": reason_text, "status": status_text, "flag": flag_text,
-        "library": library_text, "symbol": lambda status: STATUS_SYMBOLS.get(status, ""), "ra": ra_text, "decl": dec_text,
-    }  # fmt: skip
+        "pretty": pretty_name,
+        "contrast": contrast_text,
+        "duration": duration_text,
+        "sig": significant,
+        "dec": decimals,
+        "percent": percent_text,
+        "count": count_text,
+        "reason": reason_text,
+        "status": status_text,
+        "flag": flag_text,
+        "library": library_text,
+        "symbol": lambda status: STATUS_SYMBOLS.get(status, ""),
+        "ra": ra_text,
+        "decl": dec_text,
+    }
     environment.filters.update(filters)
     environment.globals.update(chosen=chosen, full_name=full_name, MISSING=MISSING)
     return environment

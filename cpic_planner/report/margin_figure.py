@@ -34,12 +34,26 @@ def margin_figure(rank: RankResult) -> Picture:
             low, high = min(low, -0.05), max(high, 0.05)
             step = (high - low) / _N_BINS  # bins start at 1, so that no bin mixes detections with the rest
             edges = 10.0 ** (step * np.arange(np.floor(low / step), np.ceil(high / step) + 1))
-            groups = [(s, [max(row.detection_margin, edges[0]) for row in rows if row.status == s and row.detection_margin > 0])
-                      for s in STATUS_STYLE]  # fmt: skip
+            groups = [
+                (
+                    s,
+                    [
+                        max(row.detection_margin, edges[0])
+                        for row in rows
+                        if row.status == s and row.detection_margin > 0
+                    ],
+                )
+                for s in STATUS_STYLE
+            ]
             groups = [(s, margins) for s, margins in groups if margins]
-            left.hist([margins for _, margins in groups], bins=edges.tolist(), stacked=True, rwidth=0.92,
-                      color=[STATUS_STYLE[s][0] for s, _ in groups],
-                      label=[f"{status_text(s)} ({len(margins)})" for s, margins in groups])  # fmt: skip
+            left.hist(
+                [margins for _, margins in groups],
+                bins=edges.tolist(),
+                stacked=True,
+                rwidth=0.92,
+                color=[STATUS_STYLE[s][0] for s, _ in groups],
+                label=[f"{status_text(s)} ({len(margins)})" for s, margins in groups],
+            )
             left.set_xscale("log")
             left.xaxis.set_major_locator(LogLocator(subs=(1.0, 3.0)))
             left.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
@@ -51,12 +65,14 @@ def margin_figure(rank: RankResult) -> Picture:
         figure.legend(*left.get_legend_handles_labels(), loc="outside lower left", ncols=2, columnspacing=1.4)
         _outcomes(right, rank)
         without = len(rows) - positive.size
+        left_out = f"; stars without a possible frame are left out ({without})" if without else ""
         return save(
-            figure, "svg",
+            figure,
+            "svg",
             alt=f"Histogram of the detection margins of {positive.size} stars, and bars that count stars by outcome.",
-            caption="Left: predicted detection margin of the reference planet around every ranked star, in the star's best band "
-            f"and separation{f'; stars without a possible frame are left out ({without})' if without else ''}. Right: stars by outcome.",
-        )  # fmt: skip
+            caption="Left: predicted detection margin of the reference planet around every ranked star, in the star's "
+            f"best band and separation{left_out}. Right: stars by outcome.",
+        )
 
 
 def _outcomes(axes: Axes, rank: RankResult) -> None:
@@ -69,7 +85,7 @@ def _outcomes(axes: Axes, rank: RankResult) -> None:
     bars = axes.barh(range(len(items)), counts, color=colours, height=0.6)
     axes.bar_label(bars, labels=[str(count) for count in counts], padding=3)
     axes.set_yticks(range(len(items)), names)
-    axes.set_xlim(0, 1.18 * max(counts, default=1))
+    axes.set_xlim(0, 1.3 * max(counts, default=1))
     axes.set_xlabel("stars")
 
 

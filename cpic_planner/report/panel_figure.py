@@ -21,9 +21,10 @@ FloatArray = NDArray[np.float64]
 _VIEW_MARGIN = 1.06
 
 PANEL_NOTE = (
-    "Images: summed stacks in electrons per pixel. The circle is the photometric aperture at the planet, dashed squares bound the "
-    "dark hole, N and E show the sky on the detector. Both stacks share one scale, linear at the noise and logarithmic above, set by "
-    "the dark hole: brighter light outside it is clipped. Grey in the residual: not used."
+    "Images: summed stacks in electrons per pixel. The circle is the photometric aperture at the planet, dashed "
+    "squares bound the dark hole, N and E show the sky on the detector. Both stacks share one scale, linear at the "
+    "noise and logarithmic above, set by the dark hole: brighter light outside it is clipped. The residual's scale is "
+    "set by its noise: a bright planet is clipped. Grey in the residual: not used."
 )
 _SIGMA_OF_MAD = 1.4826
 
@@ -53,7 +54,7 @@ def stack_scale(panels: Panels) -> tuple[float, float, float]:
 
 
 def residual_limit(panels: Panels) -> float:
-    """Return the half range of the residual panel: 5 robust sigma of the hole, up to 7 for a bright planet (electrons)."""
+    """Return the half range of the residual panel, electrons: 5 robust sigma of the hole, 7 for a bright planet."""
     inside = panels.residual[panels.inside_hole()]
     good = inside[np.isfinite(inside)]
     peak = float(np.max(np.abs(good))) if good.size else 0.0
@@ -83,16 +84,20 @@ def panel_picture(panels: Panels, name: str) -> Picture:
     ]
     with style():
         figure = new_figure(3.95)
-        for axes, (title, image, colours, norm, ink) in zip(np.ravel(figure.subplots(1, 3, sharey=True)), drawn, strict=True):
+        for axes, (title, image, colours, norm, ink) in zip(
+            np.ravel(figure.subplots(1, 3, sharey=True)), drawn, strict=True
+        ):
             _panel(axes, panels, image, colours, norm, ink)
             axes.set_title(title)
         figure.axes[0].set_ylabel("y offset (arcsec)")
         return save(
-            figure, "png",
-            alt=f"{pretty_name(name)} in {panels.band}: summed science frames, summed reference frames, and the residual after "
-            f"subtraction; the planet is at x {decimals(panels.planet_x_arcsec, 2)}, y {decimals(panels.planet_y_arcsec, 2)} arcsec.",
+            figure,
+            "png",
+            alt=f"{pretty_name(name)} in {panels.band}: summed science frames, summed reference frames, and the "
+            f"residual after subtraction; the planet is at x {decimals(panels.planet_x_arcsec, 2)}, y "
+            f"{decimals(panels.planet_y_arcsec, 2)} arcsec.",
             caption=f"{panels.band}; aperture radius {panels.aperture_radius_arcsec:.3f} arcsec.",
-        )  # fmt: skip
+        )
 
 
 def _panel(axes: Axes, panels: Panels, image: FloatArray, colours: str, norm: Any, ink: str) -> None:
@@ -102,21 +107,35 @@ def _panel(axes: Axes, panels: Panels, image: FloatArray, colours: str, norm: An
     from matplotlib.ticker import MaxNLocator, ScalarFormatter
 
     palette = mpl.colormaps[colours].with_extremes(bad="#D8D8D8")
-    drawn = axes.imshow(image, origin="lower", extent=panels.extent_arcsec, cmap=palette, norm=norm, interpolation="nearest")
+    drawn = axes.imshow(
+        image, origin="lower", extent=panels.extent_arcsec, cmap=palette, norm=norm, interpolation="nearest"
+    )
     view = _VIEW_MARGIN * panels.hole_outer_arcsec
     axes.set(xlim=(-view, view), ylim=(-view, view), xlabel="x offset (arcsec)")
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_locator(MaxNLocator(5, symmetric=True))
     bar = axes.figure.colorbar(drawn, ax=axes, location="bottom", extend="both", shrink=0.95, aspect=28, pad=0.02)
     bar.set_label("electrons per pixel")
-    ticks = _ticks(norm) if isinstance(norm, AsinhNorm) else MaxNLocator(5, symmetric=True).tick_values(norm.vmin, norm.vmax)[1:-1]
+    ticks = (
+        _ticks(norm)
+        if isinstance(norm, AsinhNorm)
+        else MaxNLocator(5, symmetric=True).tick_values(norm.vmin, norm.vmax)[1:-1]
+    )
     formatter = ScalarFormatter(useMathText=True)
     formatter.set_powerlimits((-2, 4))
     bar.set_ticks(ticks)
     bar.minorticks_off()
     bar.ax.xaxis.set_major_formatter(formatter)
-    axes.add_patch(Circle((panels.planet_x_arcsec, panels.planet_y_arcsec), panels.aperture_radius_arcsec, fill=False,
-                          edgecolor=ink, linewidth=1.3, path_effects=_halo(ink)))  # fmt: skip
+    axes.add_patch(
+        Circle(
+            (panels.planet_x_arcsec, panels.planet_y_arcsec),
+            panels.aperture_radius_arcsec,
+            fill=False,
+            edgecolor=ink,
+            linewidth=1.3,
+            path_effects=_halo(ink),
+        )
+    )
     _hole(axes, panels, ink)
     _compass(axes, panels)
 
@@ -142,16 +161,43 @@ def _hole(axes: Axes, panels: Panels, ink: str) -> None:
     inner, side = panels.hole_inner_arcsec, panels.hole_outer_arcsec - panels.hole_inner_arcsec
     for sign_x in (-1, 1):
         for sign_y in (-1, 1):
-            axes.add_patch(Rectangle((sign_x * inner, sign_y * inner), sign_x * side, sign_y * side, fill=False,
-                                     edgecolor=ink, linewidth=0.7, linestyle=(0, (3, 2)), alpha=0.9))  # fmt: skip
+            axes.add_patch(
+                Rectangle(
+                    (sign_x * inner, sign_y * inner),
+                    sign_x * side,
+                    sign_y * side,
+                    fill=False,
+                    edgecolor=ink,
+                    linewidth=0.7,
+                    linestyle=(0, (3, 2)),
+                    alpha=0.9,
+                )
+            )
 
 
 def _compass(axes: Axes, panels: Panels) -> None:
     """North and east arrows from the star, inside the part of the image that the mask's cross hides."""
     length = max(0.8 * panels.hole_inner_arcsec, 0.12 * panels.hole_outer_arcsec)
-    ink = {"color": "white", "fontsize": 9, "fontweight": "bold", "ha": "center", "va": "center", "path_effects": _halo("white")}
+    ink = {
+        "color": "white",
+        "fontsize": 9,
+        "fontweight": "bold",
+        "ha": "center",
+        "va": "center",
+        "path_effects": _halo("white"),
+    }
     for (dx, dy), letter in zip(compass(panels.parity, panels.roll_deg), "NE", strict=True):
-        axes.annotate("", xy=(length * dx, length * dy), xytext=(0, 0),
-                      arrowprops={"arrowstyle": "->", "color": "white", "linewidth": 1.4, "shrinkA": 0, "shrinkB": 0,
-                                  "path_effects": _halo("white")})  # fmt: skip
+        axes.annotate(
+            "",
+            xy=(length * dx, length * dy),
+            xytext=(0, 0),
+            arrowprops={
+                "arrowstyle": "->",
+                "color": "white",
+                "linewidth": 1.4,
+                "shrinkA": 0,
+                "shrinkB": 0,
+                "path_effects": _halo("white"),
+            },
+        )
         axes.text(1.5 * length * dx, 1.5 * length * dy, letter, **ink)  # type: ignore[arg-type]

@@ -107,8 +107,7 @@ class Panels:
         rows, columns = self.science.shape
         column, row = self.star_pixel
         edges = (
-            np.array([-0.5 - column, columns - 0.5 - column, -0.5 - row, rows - 0.5 - row])
-            * self.pixel_scale_arcsec
+            np.array([-0.5 - column, columns - 0.5 - column, -0.5 - row, rows - 0.5 - row]) * self.pixel_scale_arcsec
         )
         return float(edges[0]), float(edges[1]), float(edges[2]), float(edges[3])
 

@@ -6,7 +6,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cpic_planner.models import RankResult
-from cpic_planner.report.drawing import SCREEN_DPI, STATUS_STYLE, Picture, literal, new_figure, place_labels, save, style
+from cpic_planner.report.drawing import (
+    SCREEN_DPI,
+    STATUS_STYLE,
+    Picture,
+    literal,
+    new_figure,
+    place_labels,
+    save,
+    style,
+)
 from cpic_planner.report.names import pretty_name
 from cpic_planner.report.words import status_text
 
@@ -44,13 +53,20 @@ def sky_map(rank: RankResult, *, confirmed: tuple[str, ...] = (), labelled: int 
     labelled : int
         How many of the highest-ranked stars to label.
     """
+    from matplotlib.patheffects import withStroke
+
     rows = rank.targets
     with style():
         figure = new_figure(5.3)
         axes = figure.add_subplot(projection="mollweide")
         axes.grid(visible=True)
         axes.set_xticks(map_longitude(np.array([150.0, 120, 90, 60, 30, 0, 330, 300, 270, 240, 210])))
-        axes.set_xticklabels([f"{hour} h" for hour in (10, 8, 6, 4, 2, 0, 22, 20, 18, 16, 14)], color="#666666", fontsize=8.5)
+        axes.set_xticklabels(
+            [f"{hour} h" for hour in (10, 8, 6, 4, 2, 0, 22, 20, 18, 16, 14)], color="#666666", fontsize=8.5
+        )
+        for hour_label in axes.get_xticklabels():
+            hour_label.set_path_effects([withStroke(linewidth=2.0, foreground="white")])
+            hour_label.set_zorder(6)
         axes.set_yticks(np.deg2rad([-60, -30, 0, 30, 60]))
         axes.set_yticklabels(["−60°", "−30°", "0°", "+30°", "+60°"])
         axes.set_xlabel("right ascension (ICRS, increasing to the left)")
@@ -63,31 +79,54 @@ def sky_map(rank: RankResult, *, confirmed: tuple[str, ...] = (), labelled: int 
             if not chosen:
                 continue
             colour, marker = STATUS_STYLE[status]
-            axes.scatter(
-                map_longitude([row.ra_deg for row in chosen]), np.deg2rad([row.dec_deg for row in chosen]),
-                s=marker_area([row.v_mag for row in chosen]), c=colour, marker=marker, alpha=0.5 if status == "unreachable" else 0.85,
-                linewidths=0 if marker != "x" else 1, zorder=2 if status == "unreachable" else 4,
-                label=f"{status_text(status)} ({len(chosen)})",
-            )  # fmt: skip
+            label = f"{status_text(status)} ({len(chosen)})"
+            # One call per half magnitude: markers of one size share one definition, which keeps the file small.
+            for step in sorted({round(2.0 * row.v_mag) for row in chosen}, key=lambda step: abs(step - 8)):
+                group = [row for row in chosen if round(2.0 * row.v_mag) == step]
+                axes.scatter(
+                    map_longitude([row.ra_deg for row in group]),
+                    np.deg2rad([row.dec_deg for row in group]),
+                    s=float(marker_area(step / 2.0)),
+                    c=colour,
+                    marker=marker,
+                    alpha=0.5 if status == "unreachable" else 0.85,
+                    linewidths=0 if marker != "x" else 1,
+                    zorder=2 if status == "unreachable" else 4,
+                    label=label,
+                )
+                label = "_nolegend_"
         ringed = [row for row in rows if row.name in confirmed]
         if ringed:
-            axes.scatter(map_longitude([row.ra_deg for row in ringed]), np.deg2rad([row.dec_deg for row in ringed]),
-                         s=marker_area([row.v_mag for row in ringed]) + RING_AREA, facecolors="none", edgecolors="#111111",
-                         linewidths=1.2, zorder=5, label=f"confirmed by images ({len(ringed)})")  # fmt: skip
+            axes.scatter(
+                map_longitude([row.ra_deg for row in ringed]),
+                np.deg2rad([row.dec_deg for row in ringed]),
+                s=marker_area([row.v_mag for row in ringed]) + RING_AREA,
+                facecolors="none",
+                edgecolors="#111111",
+                linewidths=1.2,
+                zorder=5,
+                label=f"confirmed by images ({len(ringed)})",
+            )
         handles, texts = axes.get_legend_handles_labels()
         for v_mag in (1, 4, 7):
             handles.append(axes.scatter([], [], s=marker_area(v_mag), c="#555555", linewidths=0))
             texts.append(f"V = {v_mag}")
         figure.legend(handles, texts, loc="outside lower center", ncols=4, handletextpad=0.4, columnspacing=1.6)
         chosen = ringed + [row for row in rows[:labelled] if row.name not in confirmed]
-        place_labels(axes, map_longitude([row.ra_deg for row in chosen]).tolist(),
-                     np.deg2rad([row.dec_deg for row in chosen]).tolist(),
-                     [literal(pretty_name(row.name)) for row in chosen], fontsize=9, avoid=axes.get_xticklabels(),
-                     reach_px=[_radius_px(row.v_mag, row.name in confirmed) for row in chosen])  # fmt: skip
+        place_labels(
+            axes,
+            map_longitude([row.ra_deg for row in chosen]).tolist(),
+            np.deg2rad([row.dec_deg for row in chosen]).tolist(),
+            [literal(pretty_name(row.name)) for row in chosen],
+            fontsize=9,
+            avoid=axes.get_xticklabels(),
+            reach_px=[_radius_px(row.v_mag, row.name in confirmed) for row in chosen],
+        )
         best = ", ".join(pretty_name(row.name) for row in rows[:5])
         return save(
-            figure, "svg",
+            figure,
+            "svg",
             alt=f"Map of the whole sky with {len(rows)} ranked stars, coloured by status; highest ranked: {best}.",
-            caption="Ranked stars on the sky. Marker area grows with brightness (V); colour and shape give the status of the "
-            "reference planet; rings mark targets whose images were simulated.",
-        )  # fmt: skip
+            caption="Ranked stars on the sky. Marker area grows with brightness (V); colour and shape give the status "
+            "of the reference planet; rings mark targets whose images were simulated.",
+        )

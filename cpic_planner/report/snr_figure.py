@@ -2,27 +2,15 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from cpic_planner.models import BandConfirmation, PlanResult
 from cpic_planner.report.drawing import Picture, band_style, new_figure, save, style
+from cpic_planner.validation.calibration import snr_scatter
 
-__all__ = ["recovered_snr_error", "snr_figure"]
+__all__ = ["snr_figure"]
 
 _LOG_SPAN = 15.0
-
-
-def recovered_snr_error(snr: float, n_apertures: int | None) -> float:
-    """Return the 1-sigma error of a recovered SNR.
-
-    One draw of unit-variance noise gives 1; the error bar in its denominator is itself estimated from ``n``
-    apertures, which adds ``snr / sqrt(2 (n - 1))`` in quadrature.
-    """
-    if n_apertures is None or n_apertures < 2:  # noqa: PLR2004
-        return 1.0
-    return math.hypot(1.0, snr / math.sqrt(2.0 * (n_apertures - 1)))
 
 
 def snr_figure(plan: PlanResult) -> Picture:
@@ -52,30 +40,51 @@ def snr_figure(plan: PlanResult) -> Picture:
         else:
             axes.set(xlim=(0.0, top), ylim=(min([0.0] + [r - 1.3 * e for _, r, e in everything]), top))
         axes.plot(line, line, color="#444444", lw=1.2, zorder=2, label="recovered = predicted")
-        axes.fill_between(line, line - 2.0, line + 2.0, color="#000000", alpha=0.07, lw=0, zorder=1, label="± 2 in SNR")
         ratio, error = plan.calibration.get("ratio"), plan.calibration.get("error")
         if ratio is not None and error is not None:
-            axes.plot(line, ratio * line, color="#B03060", lw=1.2, ls="--", zorder=2, label=f"mean ratio {ratio:.2f} ± {error:.2f}")
+            axes.plot(
+                line,
+                ratio * line,
+                color="#B03060",
+                lw=1.2,
+                ls="--",
+                zorder=2,
+                label=f"mean ratio {ratio:.2f} ± {error:.2f}",
+            )
         for band in bands:
             if not pairs[band]:
                 continue
             predicted, recovered, errors = np.array(pairs[band]).T
             colour, marker = looks[band]
-            axes.errorbar(predicted, recovered, yerr=errors, fmt=marker, color=colour, ms=7, mec="white", mew=0.6, lw=1.2,
-                          capsize=2.5, zorder=4, label=f"{band} ({len(predicted)})")  # fmt: skip
+            axes.errorbar(
+                predicted,
+                recovered,
+                yerr=errors,
+                fmt=marker,
+                color=colour,
+                ms=7,
+                mec="white",
+                mew=0.6,
+                lw=1.2,
+                capsize=2.5,
+                zorder=4,
+                label=f"{band} ({len(predicted)})",
+            )
         if not everything:
             axes.text(0.5, 0.5, "no band was measured", transform=axes.transAxes, ha="center")
         figure.legend(loc="outside right upper", alignment="left")
         return save(
-            figure, "svg",
+            figure,
+            "svg",
             alt=f"Recovered against predicted SNR of {len(everything)} confirmed bands, with the line of equality.",
-            caption="Each symbol is one target in one band: one draw of the noise. Its error bar is 1 (an SNR is a flux in units "
-            "of its own error) combined with the uncertainty of that error, which is estimated from a limited number of "
-            "apertures in the dark hole. Systematic differences show as a trend away from the line.",
-        )  # fmt: skip
+            caption="Each symbol is one target in one band: one draw of the noise. Its error bar is 1 (an SNR is "
+            "a flux in units of its own error) combined with the uncertainty of that error, which is estimated "
+            "from a limited number of apertures in the dark hole. Systematic differences show as a trend away "
+            "from the line.",
+        )
 
 
 def _pair(item: BandConfirmation) -> tuple[float, float, float] | None:
     if item.predicted_snr is None or item.recovered_snr is None:
         return None
-    return item.predicted_snr, item.recovered_snr, recovered_snr_error(item.recovered_snr, item.n_background_apertures)
+    return item.predicted_snr, item.recovered_snr, snr_scatter(item.recovered_snr, item.n_background_apertures)

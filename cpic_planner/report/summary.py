@@ -23,7 +23,8 @@ def chosen(target: ConfirmedTarget) -> BandConfirmation | None:
 def planet_text(result: PlanResult | RankResult) -> str:
     """Return the reference planet in words."""
     planet = result.reference_planet
-    return f"{planet.radius_rjup:g} Jupiter radius, phase {planet.phase_deg:g}°, {planet.albedo.capitalize()} albedo, {planet.position}"
+    albedo = planet.albedo.capitalize()
+    return f"{planet.radius_rjup:g} Jupiter radius, phase {planet.phase_deg:g}°, {albedo} albedo, {planet.position}"
 
 
 def calibration_sentence(calibration: Mapping[str, float | int | None]) -> str:
@@ -31,18 +32,19 @@ def calibration_sentence(calibration: Mapping[str, float | int | None]) -> str:
     ratio, error, count = calibration.get("ratio"), calibration.get("error"), calibration.get("n_bands")
     if ratio is None or error is None:
         return "No band was measured, so prediction and measurement could not be compared."
-    text = f"Recovered over predicted SNR is {ratio:.2f} ± {error:.2f} (mean and standard error of {_plural(count or 0, 'measurement')})"
+    number = _plural(count or 0, "measurement")
+    text = f"Recovered over predicted SNR is {ratio:.2f} ± {error:.2f} (mean and standard error of {number})"
     if abs(ratio - 1.0) <= N_ERRORS * error:
         return f"{text}: compatible with 1 within {N_ERRORS:g} standard errors."
     word = "optimistic" if ratio < 1.0 else "pessimistic"
-    return f"{text}: more than {N_ERRORS:g} standard errors from 1, so the prediction is {word} at this level."
+    return f"{text}: more than {N_ERRORS:g} standard errors from 1, so the prediction is {word}."
 
 
 def summary_sentences(plan: PlanResult, rank: RankResult) -> list[str]:
     """Return the summary of the plan, one sentence an item."""
     sentences = [
-        f"{count_text(plan.n_ranked)} stars were ranked by how clearly a reference planet ({planet_text(plan)}) would be detected "
-        f"in {duration_text(plan.time_s)} of wall time per target and band.",
+        f"{count_text(plan.n_ranked)} stars were ranked by how clearly a reference planet ({planet_text(plan)}) "
+        f"would be detected within {duration_text(plan.time_s)} of wall time per target and band.",
         f"The analytic model predicts a detection around {count_text(plan.counts.get('ok', 0))} of them.",
     ]
     if not plan.targets:
@@ -52,14 +54,15 @@ def summary_sentences(plan: PlanResult, rank: RankResult) -> list[str]:
     measured = [band for target in plan.targets for band in target.bands if band.recovered_snr is not None]
     detections = sum(bool(band.detected) for band in measured)
     sentences.append(
-        f"The first {_plural(len(plan.targets), 'target')} were simulated as images, reduced and measured in every band in reach: the "
-        f"planet is detected around {len(found)} of {len(plan.targets)}, in {detections} of {_plural(len(measured), 'measurement')}."
+        f"The first {_plural(len(plan.targets), 'target')} were simulated as images, reduced and measured in "
+        f"every band in reach: the planet is detected around {len(found)} of {len(plan.targets)}, in {detections} "
+        f"of {_plural(len(measured), 'measurement')}."
     )
     if found:
         target, band = found[0]
         sentences.append(
-            f"Highest ranked and confirmed is {pretty_name(target.name)} in {band.band}: SNR {significant(band.recovered_snr)} "
-            f"recovered, {significant(band.predicted_snr)} predicted."
+            f"Highest ranked and confirmed is {pretty_name(target.name)} in {band.band}: SNR "
+            f"{significant(band.recovered_snr)} recovered, {significant(band.predicted_snr)} predicted."
         )
         counts = Counter(band.band for _, band in found)
         picked = ", ".join(f"{band} ({count})" for band, count in counts.most_common())

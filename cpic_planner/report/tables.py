@@ -80,7 +80,9 @@ def ranking_ecsv(rank: RankResult) -> str:
             table[name] = Column(np.array(cells, dtype=str), **described)
             continue
         missing = [cell is None for cell in cells]
-        filled = np.array([0 if cell is None else cell for cell in cells], dtype=np.int64 if name in _INTEGERS else np.float64)
+        filled = np.array(
+            [0 if cell is None else cell for cell in cells], dtype=np.int64 if name in _INTEGERS else np.float64
+        )
         table[name] = MaskedColumn(filled, mask=missing, **described) if any(missing) else Column(filled, **described)
     table.meta.update(_meta(rank))
     buffer = io.StringIO()

@@ -2,10 +2,22 @@
 
 from __future__ import annotations
 
+import functools
+import json
+from importlib import resources
+
 __all__ = [
-    "CREDITS", "FLAGS", "GLOSSARY", "LIBRARIES", "STATUS_SYMBOLS", "STATUS_WORDS", "flag_text", "library_text", "reason_text",
+    "FLAGS",
+    "GLOSSARY",
+    "LIBRARIES",
+    "METHOD_CREDITS",
+    "STATUS_SYMBOLS",
+    "STATUS_WORDS",
+    "flag_text",
+    "library_text",
+    "reason_text",
     "status_text",
-]  # fmt: skip
+]
 
 #: Symbol of each status, so that badges do not rely on colour.
 STATUS_SYMBOLS: dict[str, str] = {
@@ -41,61 +53,90 @@ _REASONS: dict[str, str] = {
 }
 
 LIBRARIES: dict[str, str] = {
-    "same_star_planet_free": "the same star without its planet, with its own noise and visit drift; as much time as the science frames",
+    "same_star_planet_free": "the same star without its planet, with its own noise and visit drift; as much time "
+    "as the science frames",
     "reference_star": "another star, with its own magnitude and colour",
     "roll": "the same star at another roll angle",
     "idealised": "noise-free or drift-free: idealised",
 }
 
+#: Flags that the planner adds; those of the catalogue are described beside its data.
 FLAGS: dict[str, str] = {
-    "binary_companion": "the catalogue lists a companion",
-    "close_companion": "the catalogue lists a close companion",
-    "companion_light_on": "light of a companion is included",
+    "companion_light_on": "light of the nearest companion is included",
     "companion_light_off": "light of a known companion is left out on request",
-    "companion_light_unknown": "a companion is known but cannot be placed: its light is not included",
+    "companion_light_unknown": "a close companion is known but cannot be placed: its light is not included",
     "companion_colour_assumed": "companion given the star's own colour",
-    "composite": "one entry for several stars",
-    "shared_parallax": "parallax taken from the better measured member of a pair",
-    "parallax_poor": "parallax less than 50 times its error",
     "stellar_grid_clamped": "temperature, gravity or metallicity clamped to the edge of the spectral grid",
-    "subclass_assumed": "spectral subclass assumed",
-    "luminosity_class_assumed": "luminosity class assumed",
     "extrapolated": "beyond the range of its input data",
+    "clamped": "an input was clamped to the range of its model",
+    "idealised": "noise-free or drift-free reference library",
 }
 
 GLOSSARY: tuple[tuple[str, str], ...] = (
-    ("contrast", "Planet-to-star ratio of detected photon rates in the band, before mask and aperture: a property of the planet "
-     "and the band."),
-    ("contrast limit", "The planet-to-star ratio that would just be detected at a stated n-sigma level: a property of the "
-     "observation. It is never raw contrast, which is the brightness of starlight in the dark hole relative to the unmasked peak."),
-    ("SNR", "Planet signal over its photometric error, the planet's own noise included: how well the flux is measured."),
-    ("significance", "Planet signal over the noise that would be there without a planet: how sure one is that there is one."),
-    ("threshold", "The significance that keeps the false-alarm probability of the stated n sigma although the noise is estimated "
-     "from few resolution elements (small-sample statistics). It rises where there are few."),
+    (
+        "contrast",
+        "Planet-to-star ratio of detected photon rates in the band, before mask and aperture: a property of the planet "
+        "and the band.",
+    ),
+    (
+        "contrast limit",
+        "The planet-to-star ratio that would just be detected at a stated n-sigma level: a property of the "
+        "observation. It is never raw contrast, which is the brightness of starlight in the dark hole relative "
+        "to the unmasked peak.",
+    ),
+    (
+        "SNR",
+        "Planet signal over its photometric error, the planet's own noise included: how well the flux is measured.",
+    ),
+    (
+        "significance",
+        "Planet signal over the noise that would be there without a planet: how sure one is that there is one.",
+    ),
+    (
+        "threshold",
+        "The significance that keeps the false-alarm probability of the stated n sigma although the noise is estimated "
+        "from few resolution elements (small-sample statistics). It rises where there are few.",
+    ),
     ("margin", "Significance divided by threshold. A margin of at least 1 is a detection; the ranking sorts by it."),
-    ("predicted, recovered", "Predicted numbers come from the analytic model; recovered ones from aperture photometry in simulated "
-     "images after the star was subtracted, at the known position of the planet."),
+    (
+        "predicted, recovered",
+        "Predicted numbers come from the analytic model; recovered ones from aperture photometry in simulated "
+        "images after the star was subtracted, at the known position of the planet.",
+    ),
     ("separation", "Angle between planet and star on the sky, projected."),
-    ("dark hole", "The four square zones around the star in which starlight is suppressed; the mask's cross lies between them."),
+    (
+        "dark hole",
+        "The four square zones around the star in which starlight is suppressed; the mask's cross lies between them.",
+    ),
     ("core throughput", "Light in the photometric aperture over light on the clear 2 m pupil."),
-    ("RDI", "Reference differential imaging: modes of reference frames (singular vectors) are fitted to the science frames and "
-     "subtracted."),
-    ("integration, wall time", "Integration is frames × exposure on the planet. Wall time adds readouts, reference frames and "
-     "overhead; orbit and calendar are not in it."),
-    ("EM gain", "Mean amplification of the electron-multiplying register. It lowers the effective read noise and nearly doubles the "
-     "photon-noise variance."),
-)  # fmt: skip
-
-CREDITS: tuple[str, ...] = (
-    "The star list is derived from SIMBAD, operated at CDS, Strasbourg, France (Wenger et al. 2000, A&AS 143, 9). It is an adapted "
-    "database under the Open Database Licence (ODbL) 1.0.",
-    "Distances and proper motions: Hipparcos, the new reduction (van Leeuwen 2007, A&A 474, 653). Stellar parameters: ExoCat-1 "
-    "(Turnbull 2015, arXiv:1510.01731) where available.",
-    "Stellar spectra: PHOENIX (Allard et al.) with the broadband metallicity trend of Castelli & Kurucz (2004). Planet albedos: "
-    "Karkoschka (1998, Icarus 133, 134) and the tables named in the data provenance.",
-    "Instrument concept: CPI-C on CSST, as published by Zhu et al. (2025, RAA, arXiv:2511.09862). Small-sample thresholds: Mawet "
-    "et al. (2014, ApJ 792, 97).",
+    (
+        "RDI",
+        "Reference differential imaging: modes of reference frames (singular vectors) are fitted to the science "
+        "frames and subtracted.",
+    ),
+    (
+        "integration, wall time",
+        "Integration is frames × exposure on the planet. Wall time adds readouts, reference frames and "
+        "overhead; orbit and calendar are not in it.",
+    ),
+    (
+        "EM gain",
+        "Mean amplification of the electron-multiplying register. It lowers the effective read noise and nearly "
+        "doubles the photon-noise variance.",
+    ),
 )
+
+#: What to cite besides the data.
+METHOD_CREDITS: tuple[str, ...] = (
+    "Instrument concept: CPI-C on CSST, as published by Zhu et al. (2025, RAA, arXiv:2511.09862).",
+    "Small-sample detection thresholds: Mawet et al. (2014, ApJ 792, 97).",
+)
+
+
+@functools.cache
+def _catalogue_flags() -> dict[str, str]:
+    text = resources.files("catalogs").joinpath("data/stars_columns.json").read_text(encoding="utf-8")
+    return dict(json.loads(text)["quality_flags"])
 
 
 def status_text(status: str) -> str:
@@ -115,4 +156,4 @@ def library_text(library: str) -> str:
 
 def flag_text(flag: str) -> str:
     """Return a flag as words; unknown flags with spaces for underscores."""
-    return FLAGS.get(flag, flag.replace("_", " "))
+    return FLAGS.get(flag) or _catalogue_flags().get(flag, flag.replace("_", " "))

@@ -12,17 +12,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cpic_planner.etc.model import EtcModel
-from cpic_planner.etc.planet import ReferencePlanet
-from cpic_planner.etc.questions import EtcAnswer, signal_to_noise
-from cpic_planner.models import BandConfirmation, RankedTarget
+from cpic_planner.etc.planet import ReferencePlanet, reference_distance_au
+from cpic_planner.models import BandConfirmation
+from cpic_planner.optimise import best_in_band
 from cpic_planner.targets import Targets
-from cpic_planner.validation.photometry import Photometry, aperture_photometry, aperture_weights
+from cpic_planner.validation.apertures import aperture_weights
+from cpic_planner.validation.calibration import snr_scatter
+from cpic_planner.validation.photometry import Photometry, aperture_photometry
 from cpic_planner.validation.rdi import rdi_subtract
 from simulator.camera.emccd import to_electrons
 from simulator.config import Instrument, Planet, Scene, SceneStar
 from simulator.config.base import validate
 from simulator.observe import Observation, observe
-from simulator.outcome import Status
+from simulator.outcome import Reason, Status
 
 __all__ = [
     "PLANET_PA_DEG",
@@ -54,6 +56,7 @@ class ConfirmTask:
     seed: int
     fidelity: str
     n_modes: int
+    annulus_lambda_d: float
     prediction: dict[str, Any]
 
     @property
@@ -87,42 +90,26 @@ def target_scene(
 
 
 def prepare_task(
-    model: EtcModel, target: Targets, row: RankedTarget, band: str, *, time_s: float, planet: ReferencePlanet,
-    seed: int, fidelity: str,
-) -> ConfirmTask | BandConfirmation:  # fmt: skip
-    """Predict one band at the ranked planet's separation; a refusal is final, otherwise there is work to do."""
-    answer = signal_to_noise(
-        model, target, time_s=time_s, separation_arcsec=row.separation_arcsec, bands=[band], planet=planet
-    )[0]
-    if answer.status is not Status.OK:
+    model: EtcModel, target: Targets, band: str, *, time_s: float, planet: ReferencePlanet, seed: int, fidelity: str
+) -> ConfirmTask | BandConfirmation:
+    """Predict the reference planet of one band where that band sees it best; a refusal is final, otherwise there is work."""
+    best = best_in_band(model, target, band, time_s, planet)
+    separation = float(best.separation_arcsec[0])
+    prediction = {"snr": float(best.snr[0]), "significance": float(best.significance[0]), "threshold": float(best.threshold[0]),
+                  "contrast": float(best.contrast[0]), "time_s": float(best.time_s[0])}  # fmt: skip
+    if best.n_frames[0] < 1:
         return BandConfirmation(
-            band=band, status=answer.status.value, reason=answer.reason.value, message=answer.message,
-            separation_arcsec=row.separation_arcsec, pa_deg=PLANET_PA_DEG, true_contrast=answer.contrast,
-            verdict="not observed",
+            band=band, status=Status.SATURATED.value, reason=Reason.PIXEL_FULL_WELL.value,
+            message=f"every frame of at least {model.instrument.detector.exposure_min_s:g} s saturates, or the time is too short",
+            separation_arcsec=separation, pa_deg=PLANET_PA_DEG, true_contrast=prediction["contrast"], verdict="not observed",
         )  # fmt: skip
-    assert answer.exposure_s is not None
-    assert answer.n_frames is not None
-    assert answer.em_gain is not None
-    scene = target_scene(target, planet, row.separation_arcsec, row.ref_planet_distance_au)
+    distance = float(reference_distance_au(target, np.array([separation]), planet)[0, 0])
     return ConfirmTask(
-        name=row.name, band=band, instrument=model.instrument.model_dump(mode="json"), scene=scene.model_dump(mode="json"),
-        exposure_s=answer.exposure_s, n_frames=answer.n_frames, em_gain=answer.em_gain, seed=seed, fidelity=fidelity,
-        n_modes=model.strategy.n_modes, prediction=_prediction(answer),
+        name=str(target.name[0]), band=band, instrument=model.instrument.model_dump(mode="json"),
+        scene=target_scene(target, planet, separation, distance).model_dump(mode="json"), exposure_s=float(best.exposure_s[0]),
+        n_frames=int(best.n_frames[0]), em_gain=float(best.em_gain[0]), seed=seed, fidelity=fidelity,
+        n_modes=model.strategy.n_modes, annulus_lambda_d=model.strategy.annulus_lambda_d, prediction=prediction,
     )  # fmt: skip
-
-
-def _prediction(answer: EtcAnswer) -> dict[str, Any]:
-    keys = (
-        "snr",
-        "significance",
-        "threshold",
-        "contrast",
-        "time_s",
-        "integration_s",
-        "core_throughput",
-        "separation_arcsec",
-    )
-    return {key: getattr(answer, key) for key in keys}
 
 
 def confirm_task(tree: dict[str, Any]) -> dict[str, Any]:
@@ -157,8 +144,9 @@ def confirm_task(tree: dict[str, Any]) -> dict[str, Any]:
     planet = science.truth.sources[1]
     template = science.psf.at(planet.x_arcsec, planet.y_arcsec)
     weights = aperture_weights(stack.shape, x, y, radius)
-    throughput = cut.throughput(template, weights, background=_background(region, x, y, radius))
-    measured = aperture_photometry(stack, x, y, radius, background_region=region, throughput=throughput,
+    annulus = science.psf.metrics.annulus(scene.planets[0].separation_arcsec, task.annulus_lambda_d)
+    throughput = cut.throughput(template, weights, background=_background(annulus, x, y, radius))
+    measured = aperture_photometry(stack, x, y, radius, background_region=annulus, throughput=throughput,
                                    em_gain=task.em_gain, stages=instrument.detector.register_stages)  # fmt: skip
     core = float(np.sum(template * weights))
     ratio = measured.contrast(core, science.truth.sources[0].rate_e_s, task.exposure_s * task.n_frames)
@@ -199,30 +187,30 @@ def _compare(
 ) -> BandConfirmation:  # fmt: skip
     prediction = task.prediction
     threshold = prediction["threshold"]
-    detected = threshold is not None and measured.significance >= threshold
+    detected = measured.significance >= threshold
     planet = task.scene["planets"][0]
     return BandConfirmation(
         band=task.band, status="ok", reason="", message="", separation_arcsec=planet["separation_arcsec"],
         pa_deg=planet["pa_deg"], exposure_s=task.exposure_s, n_frames=task.n_frames, em_gain=task.em_gain,
-        integration_s=prediction["integration_s"], time_s=prediction["time_s"], predicted_snr=prediction["snr"],
+        integration_s=task.exposure_s * task.n_frames, time_s=prediction["time_s"], predicted_snr=prediction["snr"],
         predicted_significance=prediction["significance"], recovered_snr=measured.snr,
         recovered_significance=measured.significance, threshold=threshold, true_contrast=prediction["contrast"],
         recovered_contrast=contrast, contrast_error=error, rdi_throughput=throughput, rdi_modes_used=modes,
         core_throughput=core, n_background_apertures=measured.n_background_apertures, saturated_pixels=saturated,
-        clipped_pixels=clipped, detected=detected, verdict=_verdict(prediction, measured.snr, detected), image=task.key,
+        clipped_pixels=clipped, detected=detected, verdict=_verdict(prediction, measured.snr, detected, measured.n_background_apertures), image=task.key,
     )  # fmt: skip
 
 
-def _verdict(prediction: dict[str, Any], recovered_snr: float, detected: bool) -> str:
-    """In words; one realisation scatters by about one in SNR, so only more than two is called a difference."""
-    difference = recovered_snr - prediction["snr"]
-    expected = prediction["threshold"] is not None and prediction["significance"] >= prediction["threshold"]
+def _verdict(prediction: dict[str, Any], recovered_snr: float, detected: bool, n_apertures: int) -> str:
+    """In words: a difference in SNR is named only beyond two of its standard errors."""
+    expected = prediction["significance"] >= prediction["threshold"]
     if detected:
         word = "confirmed" if expected else "detected, though predicted below threshold"
     else:
         word = "not confirmed" if expected else "not detected, as predicted"
-    if abs(difference) > 2.0:
-        word += f"; SNR {abs(difference):.1f} {'above' if difference > 0 else 'below'} the prediction"
+    deviation = (recovered_snr - prediction["snr"]) / snr_scatter(prediction["snr"], n_apertures)
+    if abs(deviation) > 2.0:
+        word += f"; prediction {'pessimistic' if deviation > 0 else 'optimistic'} by {abs(deviation):.1f} standard errors"
     return word
 
 

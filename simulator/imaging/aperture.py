@@ -17,7 +17,7 @@ STRIPS = 256
 
 
 def overlap_weights(radius_pixels: float, offset_y: float = 0.0, offset_x: float = 0.0) -> FloatArray:
-    """Fraction of each pixel inside a circle near the central pixel (error below 1e-5 of the area).
+    """Fraction of each pixel inside a circle near the central pixel (total area good to 1e-4 above 1 px radius).
 
     Parameters
     ----------

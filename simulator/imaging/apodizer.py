@@ -48,9 +48,7 @@ def load_apodizer(name_or_path: str | Path) -> FloatArray:
     if name in shipped_apodizers():
         transmission = _from_npz(Path(str(files("simulator.imaging") / "data" / f"{name}.npz")))
     elif not Path(name).is_file():
-        raise InputError(
-            "apodizer", name, allowed=f"an npz or FITS file, or one of: {', '.join(shipped_apodizers())}"
-        )
+        raise InputError("apodizer", name, allowed=f"an npz or FITS file, or one of: {', '.join(shipped_apodizers())}")
     elif Path(name).suffix == ".npz":
         transmission = _from_npz(Path(name))
     else:
@@ -80,14 +78,10 @@ def _from_fits(path: Path) -> NDArray[np.float64]:
 
 def _checked(name: str, transmission: NDArray[np.float64]) -> FloatArray:
     if transmission.dtype.kind not in "fiu" or transmission.ndim != 2 or len(set(transmission.shape)) != 1:
-        raise InputError(
-            "apodizer", name, allowed="a square map of real numbers", hint=f"shape {transmission.shape}"
-        )
+        raise InputError("apodizer", name, allowed="a square map of real numbers", hint=f"shape {transmission.shape}")
     mask = np.array(transmission, dtype=np.float64)
     if len(mask) % 2 or not 8 <= len(mask) <= 2048:
-        raise InputError(
-            "apodizer", name, allowed="an even number of samples, 8 to 2048", hint=f"found {len(mask)}"
-        )
+        raise InputError("apodizer", name, allowed="an even number of samples, 8 to 2048", hint=f"found {len(mask)}")
     if not np.isfinite(mask).all() or mask.min() < 0 or mask.max() > 1:
         raise InputError("apodizer", name, allowed="amplitude transmission from 0 to 1")
     if not mask.any():
@@ -106,7 +100,5 @@ def upsample(transmission: FloatArray, samples: int) -> FloatArray:
     """
     factor, rest = divmod(samples, len(transmission))
     if rest or factor < 1:
-        raise InputError(
-            "pupil_samples", samples, allowed=f"a multiple of the {len(transmission)} apodizer steps"
-        )
+        raise InputError("pupil_samples", samples, allowed=f"a multiple of the {len(transmission)} apodizer steps")
     return np.repeat(np.repeat(transmission, factor, axis=0), factor, axis=1)

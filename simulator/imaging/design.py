@@ -123,9 +123,7 @@ def _axis(low: float, high: float, spacing: float) -> FloatArray:
     return np.linspace(low, high, int(np.ceil((high - low) / spacing)) + 1)
 
 
-def _quadrant_points(
-    inner: float, outer: float, spacing: float, edge: float
-) -> tuple[FloatArray, FloatArray]:
+def _quadrant_points(inner: float, outer: float, spacing: float, edge: float) -> tuple[FloatArray, FloatArray]:
     u, v = (part.ravel() for part in np.meshgrid(*[_axis(inner, outer, spacing)] * 2, indexing="ij"))
     keep = u <= v
     rim = _axis(inner, outer, edge)

@@ -146,9 +146,7 @@ def _frames(
             opd_nm = opd_nm + screens.draw(rng_walk, step_nm)
         if stamp is None or step_nm > 0:
             total = np.zeros((axis.nodes_arcsec.size,) * 2)
-            for transform, wavelength, weight in zip(
-                transforms, imager.wavelengths_m, imager.weights, strict=True
-            ):
+            for transform, wavelength, weight in zip(transforms, imager.wavelengths_m, imager.weights, strict=True):
                 pupil = imager.transmission * np.exp(2j * np.pi / (wavelength * 1e9) * opd_nm)
                 field = transform @ (pupil @ transform.T)
                 total += weight * (field.real**2 + field.imag**2)

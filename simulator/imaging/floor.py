@@ -40,7 +40,12 @@ class FloorTable:
 
 
 def measure_floor(
-    imager: Imager, psd_slope: float, *, n_visits: int = N_VISITS, visit_nm: tuple[float, ...] = VISIT_NM, seed: int = SEED
+    imager: Imager,
+    psd_slope: float,
+    *,
+    n_visits: int = N_VISITS,
+    visit_nm: tuple[float, ...] = VISIT_NM,
+    seed: int = SEED,
 ) -> FloorTable:
     """Monte Carlo over ``n_visits`` visits, each paired as science with the next as reference.
 

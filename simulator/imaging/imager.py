@@ -34,7 +34,8 @@ Engine = Literal["hcipy", "matrix"]
 
 def centred_axis(n_pixels: int, pixel_arcsec: float, centre: float | None = None) -> FloatArray:
     """Pixel centres in arcsec from the star, which sits on pixel ``centre`` (``n_pixels // 2`` if None)."""
-    return (np.arange(n_pixels) - (n_pixels // 2 if centre is None else centre)) * pixel_arcsec
+    star = n_pixels // 2 if centre is None else centre
+    return np.asarray((np.arange(n_pixels) - star) * pixel_arcsec, dtype=np.float64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,9 +97,7 @@ class Imager:
     def axis(self, centres_arcsec: FloatArray, *, masked: bool, pixel_nodes: int | None = None) -> PixelAxis:
         """Nodes of an axis with the given pixel centres."""
         half_width = self.mask_half_width_arcsec if masked else 0.0
-        return pixel_axis(
-            centres_arcsec, self.pixel_scale_arcsec, pixel_nodes or self.knobs.pixel_nodes, half_width
-        )
+        return pixel_axis(centres_arcsec, self.pixel_scale_arcsec, pixel_nodes or self.knobs.pixel_nodes, half_width)
 
     def transform(self, angles_arcsec: FloatArray, wavelength_m: float) -> ComplexArray:
         """Matrix of one axis: pupil samples to focal-plane field, sinc envelope and area element included."""
@@ -141,22 +140,18 @@ class Imager:
             return answer
         return self._hcipy_field(pupil, wavelength, y_arcsec, x_arcsec)
 
-    def _hcipy_field(
-        self, pupil: Any, wavelength: float, y_arcsec: FloatArray, x_arcsec: FloatArray
-    ) -> ComplexArray:
+    def _hcipy_field(self, pupil: Any, wavelength: float, y_arcsec: FloatArray, x_arcsec: FloatArray) -> ComplexArray:
         import hcipy
 
         n = len(self.transmission)
         grid = hcipy.make_pupil_grid(n, self.diameter_m)
         x, y = x_arcsec / ARCSEC_PER_RAD, y_arcsec / ARCSEC_PER_RAD
         focal = hcipy.CartesianGrid(hcipy.SeparatedCoords([x, y]), weights=1.0)
-        entrance = hcipy.Wavefront(
-            hcipy.Field(np.full(n * n, self._clear_area**-0.5, dtype=complex), grid), wavelength
-        )
+        entrance = hcipy.Wavefront(hcipy.Field(np.full(n * n, self._clear_area**-0.5, dtype=complex), grid), wavelength)
         behind = hcipy.Apodizer(hcipy.Field(pupil.ravel(), grid)).forward(entrance)
-        answer = hcipy.FraunhoferPropagator(grid, focal).forward(behind).electric_field.shaped
+        answer = np.asarray(hcipy.FraunhoferPropagator(grid, focal).forward(behind).electric_field.shaped)
         step = self.diameter_m / n / wavelength
-        return np.asarray(answer) * np.sinc(y * step)[:, None] * np.sinc(x * step)
+        return np.asarray(answer * np.sinc(y * step)[:, None] * np.sinc(x * step), dtype=np.complex128)
 
     def intensity(self, y_arcsec: FloatArray, x_arcsec: FloatArray, *, opd_m: FloatArray | None = None,
                   engine: Engine = "hcipy") -> FloatArray:  # fmt: skip
@@ -196,9 +191,7 @@ def build_imager(instrument: Instrument, band: str, fidelity: str | Knobs = "sta
     """
     knobs = resolve_knobs(fidelity)
     instrument.band(band)
-    wavelength_nm, weights = Passbands.from_instrument(instrument).wavelength_nodes(
-        band, knobs.wavelength_nodes
-    )
+    wavelength_nm, weights = Passbands.from_instrument(instrument).wavelength_nodes(band, knobs.wavelength_nodes)
     return Imager(
         band=band,
         wavelengths_m=wavelength_nm * 1e-9,

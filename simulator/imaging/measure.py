@@ -71,11 +71,41 @@ def _wing_profile(imager: Imager, engine: Engine) -> FloatArray:
     """Azimuthal mean of the unmasked PSF in rings one pixel wide."""
     half = int(np.ceil(FIELD_ARCSEC / imager.pixel_scale_arcsec))
     pixels = np.arange(-half, half + 1)
-    angles = pixels * imager.pixel_scale_arcsec
+    angles = centred_axis(2 * half + 1, imager.pixel_scale_arcsec)
     image = imager.intensity(angles, angles, engine=engine)
     ring = np.rint(np.hypot(pixels[:, None], pixels)).astype(np.intp).ravel()
     totals, counts = np.bincount(ring, image.ravel()), np.bincount(ring)
     return totals[: half + 1] / counts[: half + 1]
+
+
+def _register_tail(rows: FloatArray, offset_arcsec: FloatArray, hole_arcsec: tuple[float, float]) -> float:
+    """Largest running mean that ends at an edge of the hole, whichever way the rows are read out.
+
+    A register of capacity q passes the charge above q on to the next pixel. Nothing is left over at the edge
+    exactly if every run of pixels that ends there holds at most q a pixel on average.
+    """
+    inner, outer = hole_arcsec
+    worst = 0.0
+    for image, x in ((rows, offset_arcsec), (rows[:, ::-1], -offset_arcsec[::-1])):
+        for edge in (-outer, inner):
+            before = image[:, x < edge][:, ::-1]
+            worst = max(worst, float((before.cumsum(axis=1) / np.arange(1, before.shape[1] + 1)).max()))
+    return worst
+
+
+def _source_noise_fraction(imager: Imager) -> float:
+    """Mean over nine positions within a pixel of ``sum(w^2 mu) / sum(w mu)``."""
+    pixel, radius = imager.pixel_scale_arcsec, imager.aperture_radius_arcsec / imager.pixel_scale_arcsec
+    half = int(np.ceil(radius + 0.5))
+    axis = imager.axis(np.arange(-half, half + 1) * pixel, masked=False)
+    thirds = (-1 / 3, 0.0, 1 / 3)
+    fractions = []
+    for dy in thirds:
+        for dx in thirds:
+            light = imager.image(axis, axis, source_arcsec=(dx * pixel, dy * pixel), engine="matrix")
+            weights = overlap_weights(radius, dy, dx)
+            fractions.append(float((weights**2 * light).sum() / (weights * light).sum()))
+    return float(np.mean(fractions))
 
 
 def measure_metrics(imager: Imager, psd_slope: float) -> PsfMetrics:
@@ -83,7 +113,10 @@ def measure_metrics(imager: Imager, psd_slope: float) -> PsfMetrics:
     masked, clear = imager.stamp_axis(masked=True), imager.stamp_axis(masked=False)
     on_axis, off_axis = imager.image(masked, masked), imager.image(clear, clear)
     half = int(np.ceil(FRAME_ARCSEC / imager.pixel_scale_arcsec))
-    wide = imager.axis(np.arange(-half, half + 1) * imager.pixel_scale_arcsec, masked=True, pixel_nodes=1)
+    offset = centred_axis(2 * half + 1, imager.pixel_scale_arcsec)
+    wide = imager.axis(offset, masked=True, pixel_nodes=1)
+    frame = imager.image(wide, wide, engine="matrix")
+    across = (np.abs(offset) >= imager.hole_arcsec[0]) & (np.abs(offset) <= imager.hole_arcsec[1])
     floor = measure_floor(imager, psd_slope)
     values = stamp_figures(imager, on_axis, off_axis)
     values |= {
@@ -96,7 +129,10 @@ def measure_metrics(imager: Imager, psd_slope: float) -> PsfMetrics:
         "hole_outer_arcsec": imager.hole_arcsec[1],
         "strehl": 1.0,
         "apodizer_energy": imager.apodizer_energy,
-        "peak_on_axis_frame": max(float(imager.image(wide, wide, engine="matrix").max()), float(on_axis.max())),
+        "peak_on_axis_frame": max(float(frame.max()), float(on_axis.max())),
+        "peak_on_axis_columns": float(frame[:, across].max()),
+        "register_tail": _register_tail(frame[across], offset, imager.hole_arcsec),
+        "source_noise_fraction": _source_noise_fraction(imager),
         "wing_profile": _wing_profile(imager, "matrix"),
         "floor_visit_nm": floor.visit_nm,
         "floor_separation_arcsec": floor.separation_arcsec,

@@ -49,6 +49,13 @@ class PsfMetrics:
         Brightest pixel of the masked star that overlaps the hole.
     peak_on_axis_frame : float
         Brightest pixel of the masked star anywhere on the frame.
+    peak_on_axis_columns : float
+        Brightest pixel of the masked star in the columns that cross the hole: the one that blooms into it first.
+    register_tail : float
+        Largest mean over any run of pixels that ends at the hole, along its rows, from either side: a register that
+        holds this many electrons a pixel has no charge left over that trails into the hole.
+    source_noise_fraction : float
+        ``sum(w^2 mu) / sum(w mu)`` of a source in its aperture: cut pixels weigh less in the variance of a sum.
     iwa_arcsec : float
         Diagonal separation where core throughput is half its maximum.
     raw_contrast : ndarray, shape (n, n)
@@ -83,6 +90,9 @@ class PsfMetrics:
     peak_off_axis: float
     peak_on_axis_hole: float
     peak_on_axis_frame: float
+    peak_on_axis_columns: float
+    register_tail: float
+    source_noise_fraction: float
     iwa_arcsec: float
     raw_contrast: FloatArray
     halo_map: FloatArray
@@ -139,10 +149,7 @@ class PsfMetrics:
         margin = self.aperture_radius_arcsec / self.pixel_scale_arcsec + 1
         inside = (np.minimum(row, column) >= margin) & (np.maximum(row, column) <= n - 1 - margin)
         row, column = np.where(inside, row, 0.0), np.where(inside, column, 0.0)
-        i, j = row.astype(int), column.astype(int)
-        p, q = row - i, column - j
-        near = (self.halo_map[i, j] * (1 - p) * (1 - q) + self.halo_map[i + 1, j] * p * (1 - q)
-                + self.halo_map[i, j + 1] * (1 - p) * q + self.halo_map[i + 1, j + 1] * p * q)  # fmt: skip
+        near = _bilinear(self.halo_map, row, column)
         return np.where(inside, near, self.wing(np.hypot(x, y)) * self.aperture_pixels)
 
     def wing(self, separation_arcsec: ArrayLike) -> FloatArray:
@@ -159,9 +166,8 @@ class PsfMetrics:
     def azimuth_fraction(self, separation_arcsec: ArrayLike) -> FloatArray:
         """Fraction of the circle of that radius that lies inside the square quadrants."""
         r = np.maximum(np.asarray(separation_arcsec, dtype=np.float64), 1e-12)
-        first = np.maximum(
-            np.arcsin(np.minimum(self.hole_inner_arcsec / r, 1.0)), np.arccos(np.minimum(self.hole_outer_arcsec / r, 1.0))
-        )
+        from_inner = np.arcsin(np.minimum(self.hole_inner_arcsec / r, 1.0))
+        first = np.maximum(from_inner, np.arccos(np.minimum(self.hole_outer_arcsec / r, 1.0)))
         return np.clip(1.0 - first / (math.pi / 4), 0.0, 1.0)
 
     def resolution_elements(self, separation_arcsec: ArrayLike) -> FloatArray:
@@ -176,7 +182,7 @@ class PsfMetrics:
         *,
         walk_nm_per_sqrt_hour: ArrayLike = 0.0,
         visit_hours: ArrayLike = 0.0,
-        separation_arcsec: float | None = None,
+        separation_arcsec: ArrayLike | None = None,
     ) -> FloatArray:
         """Speckle floor of reference differential imaging: spatial rms of aperture sums, per unit star.
 
@@ -190,7 +196,7 @@ class PsfMetrics:
         walk_nm_per_sqrt_hour, visit_hours : array_like
             Random walk and length of the two visits (each); the time average of the walk adds ``walk^2 hours / 3``
             to the variance of the offset.
-        separation_arcsec : float, optional
+        separation_arcsec : array_like, optional
             Local value at that separation (clamped to the measured range); the whole hole if omitted.
 
         Returns
@@ -203,24 +209,28 @@ class PsfMetrics:
         InputError
             If ``n_modes < 1`` or an rms is negative.
         """
-        visit, walk, hours = (np.asarray(part, dtype=np.float64) for part in (visit_nm, walk_nm_per_sqrt_hour, visit_hours))
+        given = (visit_nm, walk_nm_per_sqrt_hour, visit_hours)
+        visit, walk, hours = (np.asarray(part, dtype=np.float64) for part in given)
         if n_modes < 1:
             raise InputError("n_modes", n_modes, allowed="at least 1")
         if not (np.all(visit >= 0) and np.all(walk >= 0) and np.all(hours >= 0)):
             raise InputError("visit_nm", visit_nm, unit="nm", allowed="0 or more, as the walk and the hours")
-        if separation_arcsec is None:
-            sigma = self.floor_sigma[0]
-        else:
-            place = float(np.interp(separation_arcsec, self.floor_separation_arcsec,
-                                    np.arange(self.floor_separation_arcsec.size)))  # fmt: skip
-            low = max(min(int(place), self.floor_separation_arcsec.size - 2), 0)
-            high = min(low + 1, self.floor_separation_arcsec.size - 1)
-            sigma = np.exp((1 - (place - low)) * np.log(self.floor_sigma[1 + low])
-                           + (place - low) * np.log(self.floor_sigma[1 + high]))  # fmt: skip
         offset = np.sqrt(visit**2 + walk**2 * hours / 3.0)
-        grid = self.floor_visit_nm
-        middle = np.exp(np.interp(np.log(np.clip(offset, grid[0], grid[-1])), np.log(grid), np.log(sigma)))
+        grid, logs = self.floor_visit_nm, np.log(self.floor_sigma)
+        column = np.interp(np.log(np.clip(offset, grid[0], grid[-1])), np.log(grid), np.arange(grid.size))
+        if separation_arcsec is None:
+            middle = np.exp(np.interp(column, np.arange(grid.size), logs[0]))
+        else:
+            bins = self.floor_separation_arcsec
+            row = np.interp(np.asarray(separation_arcsec, dtype=np.float64), bins, np.arange(bins.size))
+            middle = np.exp(_bilinear(logs[1:], row, column))
         return middle * np.minimum(offset / grid[0], 1.0) * np.maximum(offset / grid[-1], 1.0) ** 2
+
+    def annulus(self, separation_arcsec: float, half_width_lambda_d: float) -> NDArray[np.bool_]:
+        """Pixels of the hole whose separation is within ``half_width_lambda_d`` of the given one."""
+        offset = (np.arange(len(self.raw_contrast)) - len(self.raw_contrast) // 2) * self.pixel_scale_arcsec
+        distance = np.abs(np.hypot(offset[:, None], offset) - separation_arcsec)
+        return self.hole & (distance <= half_width_lambda_d * self.lambda_d_arcsec)
 
     def to_arrays(self) -> dict[str, NDArray[Any]]:
         """Every field as an array, for an npz file or a cache."""
@@ -246,3 +256,14 @@ class PsfMetrics:
             else:
                 values[field.name] = array.item()
         return cls(**values)
+
+
+def _bilinear(table: FloatArray, row: FloatArray, column: FloatArray) -> FloatArray:
+    """Bilinear interpolation at fractional indices, which broadcast."""
+    row, column = np.broadcast_arrays(row, column)
+    i = np.clip(row.astype(int), 0, table.shape[0] - 2)
+    j = np.clip(column.astype(int), 0, table.shape[1] - 2)
+    p, q = row - i, column - j
+    value: FloatArray = (table[i, j] * (1 - p) * (1 - q) + table[i + 1, j] * p * (1 - q)
+                         + table[i, j + 1] * (1 - p) * q + table[i + 1, j + 1] * p * q)  # fmt: skip
+    return value

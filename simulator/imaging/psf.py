@@ -136,7 +136,12 @@ def single_band_psf(band: str, *, fidelity: str | Knobs = "standard", instrument
 
 
 def wide_on_axis(
-    band: str, instrument: Instrument, shape: tuple[int, int], star_pixel: tuple[float, float], *, wavelength_nodes: int = 3
+    band: str,
+    instrument: Instrument,
+    shape: tuple[int, int],
+    star_pixel: tuple[float, float],
+    *,
+    wavelength_nodes: int = 3,
 ) -> FloatArray:
     """Masked star over a whole frame: one node per pixel, for display and for whole-frame saturation.
 

@@ -71,7 +71,7 @@ def test_unreachable_is_an_answer_and_bad_input_is_not(capsys):
         (["etc", "tau Cet", "--frames", "5"], ["--exposure-s"]),
         (["etc", "tau Cet", "--albedo", "cheese"], ["cheese", "jupiter"]),
         (["etc", "tau Cet", "--phase-deg", "180"], ["phase_deg", "180"]),
-        (["etc"], ["TARGET"]),
+        (["etc"], ["target"]),
         (["etc", "tau Cet", "--snrr", "5"], ["--snrr"]),
         (["plan", "--top", "0"], ["--top"]),
         (["plan", "--instrument", "missing.yaml"], ["missing.yaml", "cpic_default"]),

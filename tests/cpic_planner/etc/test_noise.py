@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cpic_planner.etc.limits import frame_limit, longest_exposure_s
+from cpic_planner.etc.limits import frame_limit, largest_gain, longest_exposure_s
 from cpic_planner.etc.model import Strategy
 from cpic_planner.etc.noise import best_gain, frame_terms, stack_noise
 from cpic_planner.etc.rates import ApertureRates
@@ -19,12 +19,12 @@ DETECTOR = load_instrument().detector
 A0 = 17.0
 
 
-def rates(planet=0.02, halo=0.03, speckle=0.0, peak_hole=0.01, peak_frame=10.0, n=1):
+def rates(planet=0.02, halo=0.03, speckle=0.0, peak_hole=0.01, peak_columns=10.0, tail=0.0, n=1):
     one = np.ones(n)
     return ApertureRates(
         planet_e_s=planet * one, halo_e_s=halo * one, companion_e_s=0 * one, sky_e_s=1e-4 * one,
         dark_e_s=DETECTOR.dark_e_s * A0 * one, speckle_e_s=speckle * one, peak_hole_e_s=peak_hole * one,
-        peak_frame_e_s=peak_frame * one, aperture_pixels=A0, noise_fraction=1.0, source_noise_fraction=1.0, background_apertures=1e12, rdi_throughput=1.0,
+        peak_columns_e_s=peak_columns * one, tail_e_s=tail * one, aperture_pixels=A0, noise_fraction=1.0, source_noise_fraction=1.0, background_apertures=1e12 * one, rdi_throughput=1.0,
     )  # fmt: skip
 
 
@@ -81,11 +81,11 @@ def test_gain_is_within_half_a_percent_of_brute_force():
 def test_longest_exposure_sits_on_the_limit():
     for hole, frame, reason in ((50.0, 1e3, Reason.PIXEL_FULL_WELL), (1e4, 1e3, Reason.PIXEL_FULL_WELL)):
         limit = float(longest_exposure_s(frame, hole, DETECTOR))
-        assert frame_limit(frame, hole, limit * (1 - 1e-9), 1.0, DETECTOR) is Reason.NONE
-        assert frame_limit(frame, hole, limit * (1 + 1e-6), 1.0, DETECTOR) is reason
+        assert frame_limit(frame, hole, 0.0, limit * (1 - 1e-9), 1.0, DETECTOR) is Reason.NONE
+        assert frame_limit(frame, hole, 0.0, limit * (1 + 1e-6), 1.0, DETECTOR) is reason
     coarse = load_instrument({"detector": {"adc_bits": 8, "bias_adu": 10}}).detector
     limit = float(longest_exposure_s(0.0, 1e3, coarse))
-    assert frame_limit(0.0, 1e3, limit * (1 + 1e-6), 1.0, coarse) is Reason.ADC_RANGE
+    assert frame_limit(0.0, 1e3, 0.0, limit * (1 + 1e-6), 1.0, coarse) is Reason.ADC_RANGE
     assert longest_exposure_s(0.0, 0.0, DETECTOR) == np.inf
 
 
@@ -131,10 +131,19 @@ def test_more_time_is_never_worse():
 
 
 def test_saturating_star_gets_short_frames_or_none():
-    bright = settings_for_time(model(), rates(peak_frame=1e5), 3600.0)
+    bright = settings_for_time(model(), rates(peak_columns=1e5), 3600.0)
     assert bright.exposure_s[0] * 1e5 < DETECTOR.full_well_e
-    assert settings_for_time(model(), rates(peak_frame=1e8), 3600.0).n_frames[0] == 0
-    assert settings_for_time(model(), rates(peak_frame=1e5), 3600.0, exposure_s=10.0).n_frames[0] == 0
+    assert settings_for_time(model(), rates(peak_columns=1e8), 3600.0).n_frames[0] == 0
+    assert settings_for_time(model(), rates(peak_columns=1e5), 3600.0, exposure_s=10.0).n_frames[0] == 0
+
+
+def test_no_register_tail_runs_into_the_hole():
+    gain = float(largest_gain(0.001, 20.0, 300.0, DETECTOR))
+    assert 1.0 < gain < 130.0
+    assert frame_limit(1.0, 0.001, 20.0, 300.0, gain * (1 - 1e-9), DETECTOR) is Reason.NONE
+    assert frame_limit(1.0, 0.001, 20.0, 300.0, gain * (1 + 1e-6), DETECTOR) is Reason.REGISTER_FULL_WELL
+    chosen = settings_for_time(model(), rates(tail=20.0), 36000.0)
+    assert chosen.em_gain[0] * 20.0 * chosen.exposure_s[0] < DETECTOR.register_full_well_e
 
 
 def test_user_settings_are_honoured_or_refused_not_changed():

@@ -25,17 +25,27 @@ BANDS = ("F520", "F662", "F720", "F850")
 PIXEL = 0.016153
 # name, HIP, V, type, distance (pc), RA, Dec (deg), companion (arcsec), flags
 STARS = [
-    ("* alf Cen B", 71681, 1.33, "K1V", 1.2548, 219.896, -60.837, 10.0, ["close_companion", "companion_light_on"]),
+    (
+        "* alf Cen B",
+        71681,
+        1.33,
+        "K1V",
+        1.2548,
+        219.896,
+        -60.837,
+        10.0,
+        ["shared_parallax", "companion_light_on", "companion_colour_assumed"],
+    ),
     ("* tau Cet", 8102, 3.50, "G8V", 3.650, 26.017, -15.937, None, []),
     ("* eps Eri", 16537, 3.73, "K2V", 3.216, 53.233, -9.458, None, []),
-    ("* alf Cen A", 71683, 0.01, "G2V", 1.2548, 219.902, -60.834, 10.0, ["close_companion"]),
-    ("* 61 Cyg A", 104214, 5.21, "K5V", 3.494, 316.725, 38.749, 28.0, ["close_companion"]),
-    ("* 61 Cyg B", 104217, 6.03, "K7V", 3.494, 316.730, 38.742, 28.0, ["close_companion"]),
+    ("* alf Cen A", 71683, 0.01, "G2V", 1.2548, 219.902, -60.834, 10.0, ["companion_light_unknown"]),
+    ("* 61 Cyg A", 104214, 5.21, "K5V", 3.494, 316.725, 38.749, 28.0, ["companion_light_unknown"]),
+    ("* 61 Cyg B", 104217, 6.03, "K7V", 3.494, 316.730, 38.742, 28.0, ["companion_light_unknown"]),
     ("* eps Ind A", 108870, 4.69, "K5V", 3.622, 330.840, -56.786, None, []),
     ("* 40 Eri", 19849, 4.43, "K0V", 4.98, 63.818, -7.653, 83.0, []),
-    ("*  70 Oph", 88601, 4.03, "K0V", 5.08, 271.364, 2.500, 6.0, ["close_companion"]),
+    ("*  70 Oph", 88601, 4.03, "K0V", 5.08, 271.364, 2.500, 6.0, ["companion_light_unknown"]),
     ("* del Pav", 99240, 3.56, "G8IV", 6.108, 302.182, -66.182, None, []),
-    ("* eta Cas", 3821, 3.44, "G0V", 5.94, 12.276, 57.815, 13.0, ["close_companion"]),
+    ("* eta Cas", 3821, 3.44, "G0V", 5.94, 12.276, 57.815, 13.0, ["companion_light_unknown"]),
     ("* bet Hyi", 2021, 2.79, "G0V", 7.46, 6.438, -77.254, None, []),
     ("* pi.03 Ori", 22449, 3.19, "F6V", 8.07, 72.460, 6.961, None, []),
     ("V* AK Lep", 27072, 6.14, "K2V", 8.9, 86.108, -22.422, 97.0, []),
@@ -57,20 +67,42 @@ def _ranked(index: int) -> RankedTarget:
     separation = 0.33 + 0.02 * (index % 7)
     contrast = 6e-8 / (separation * distance) ** 2 * 0.6
     margin = 14.0 / (index + 1) ** 1.3
-    status, reason = ("ok", "") if margin >= 1 else ("unreachable", "insufficient_time" if index % 2 else "speckle_floor")
+    status, reason = (
+        ("ok", "") if margin >= 1 else ("unreachable", "insufficient_time" if index % 2 else "speckle_floor")
+    )
     possible = True
     if index == len(STARS) - 1:
         status, reason, margin, possible = "saturated", "pixel_full_well", 0.0, False
     exposure, frames = 30.0 + 5 * index, 120 + index
     return RankedTarget(
-        rank=index + 1, name=name, hip=hip, v_mag=v_mag, sp_type=sp_type, distance_pc=distance, ra_deg=ra, dec_deg=dec,
-        separation_arcsec=separation, contrast=contrast, band="F662" if index % 3 else "F520", snr=5.1 * margin,
-        significance=5.6 * margin, threshold=5.6, detection_margin=margin, status=status, reason=reason,
-        exposure_s=exposure if possible else None, n_frames=frames if possible else None, em_gain=35.0 if possible else None,
-        integration_s=exposure * frames if possible else None, time_s=35990.0 if possible else None,
-        ref_planet_distance_au=separation * distance, ref_planet_insolation_au=separation * distance / 0.7 if index != 4 else None,
-        luminosity_lsun=0.49 if index != 4 else None, companion_separation_arcsec=companion, flags=flags,
-    )  # fmt: skip
+        rank=index + 1,
+        name=name,
+        hip=hip,
+        v_mag=v_mag,
+        sp_type=sp_type,
+        distance_pc=distance,
+        ra_deg=ra,
+        dec_deg=dec,
+        separation_arcsec=separation,
+        contrast=contrast,
+        band="F662" if index % 3 else "F520",
+        snr=5.1 * margin,
+        significance=5.6 * margin,
+        threshold=5.6,
+        detection_margin=margin,
+        status=status,
+        reason=reason,
+        exposure_s=exposure if possible else None,
+        n_frames=frames if possible else None,
+        em_gain=35.0 if possible else None,
+        integration_s=exposure * frames if possible else None,
+        time_s=35990.0 if possible else None,
+        ref_planet_distance_au=separation * distance,
+        ref_planet_insolation_au=separation * distance / 0.7 if index != 4 else None,
+        luminosity_lsun=0.49 if index != 4 else None,
+        companion_separation_arcsec=companion,
+        flags=flags,
+    )
 
 
 @pytest.fixture(scope="session")
@@ -78,51 +110,117 @@ def rank() -> RankResult:
     rows = [_ranked(i) for i in range(len(STARS))]
     keys = ["ok" if row.status == "ok" else row.reason for row in rows]
     return RankResult(
-        config_hash="0f3a9c1d22b7", catalogue="FGK stars within 40 pc from SIMBAD (2014 extract) and Hipparcos-2", time_s=36000.0,
-        sample="every FGK star of the snapshot with parallax >= 25 mas and V <= 7; all luminosity classes; stars with companions "
+        config_hash="0f3a9c1d22b7",
+        catalogue="FGK stars within 40 pc from SIMBAD (2014 extract) and Hipparcos-2",
+        time_s=36000.0,
+        sample="every FGK star of the snapshot with parallax >= 25 mas and V <= 7; all luminosity classes; stars "
+        "with companions "
         "flagged, not dropped",
-        sigma=5.0, reference_library="same_star_planet_free", reference_planet=_planet(),
-        counts={key: keys.count(key) for key in sorted(set(keys))}, targets=rows,
-    )  # fmt: skip
+        sigma=5.0,
+        reference_library="same_star_planet_free",
+        reference_planet=_planet(),
+        counts={key: keys.count(key) for key in sorted(set(keys))},
+        targets=rows,
+    )
 
 
 def _confirmed(row: RankedTarget, shift: float) -> ConfirmedTarget:
     bands = []
     for number, (band, predicted) in enumerate(zip(BANDS, (24.0, 31.0, 12.0, 6.0), strict=True)):
-        head = {"band": band, "separation_arcsec": row.separation_arcsec, "pa_deg": 315.0, "true_contrast": row.contrast}
+        head = {
+            "band": band,
+            "separation_arcsec": row.separation_arcsec,
+            "pa_deg": 315.0,
+            "true_contrast": row.contrast,
+        }
         if shift > 0 and band == "F850":
-            bands.append(BandConfirmation(status="outside_field", reason="inside_inner_edge", verdict="not observed",
-                                          message="0.330 arcsec is inside the inner edge of F850 (0.377 arcsec on the diagonal)", **head))
+            bands.append(
+                BandConfirmation(
+                    status="outside_field",
+                    reason="inside_inner_edge",
+                    verdict="not observed",
+                    message="0.330 arcsec is inside the inner edge of F850 (0.377 arcsec on the diagonal)",
+                    **head,
+                )
+            )
             continue
         if shift < 0 and band == "F520":
-            bands.append(BandConfirmation(status="saturated", reason="pixel_full_well", verdict="not observed",
-                                          message="a frame of 0.01 s at EM gain 1 saturates; at gain 1 up to 0.004 s do not", **head))
+            bands.append(
+                BandConfirmation(
+                    status="saturated",
+                    reason="pixel_full_well",
+                    verdict="not observed",
+                    message="a frame of 0.01 s at EM gain 1 saturates; at gain 1 up to 0.004 s do not",
+                    **head,
+                )
+            )
             continue
         recovered = predicted * (1.0 + shift) + (-1.0) ** number * 0.8
         detected = recovered * 1.1 >= 5.7
-        bands.append(BandConfirmation(
-            status="ok", reason="", message="", exposure_s=42.5, n_frames=118, em_gain=36.2, integration_s=5015.0, time_s=10289.6,
-            predicted_snr=predicted, predicted_significance=1.2 * predicted, recovered_snr=recovered,
-            recovered_significance=1.1 * recovered, threshold=5.7, recovered_contrast=row.contrast * recovered / predicted,
-            contrast_error=row.contrast / recovered, rdi_throughput=0.94, rdi_modes_used=10, core_throughput=0.21,
-            n_background_apertures=60, saturated_pixels=0, clipped_pixels=0, detected=detected,
-            verdict="confirmed" if detected else "not confirmed", image=f"{row.name} {band}", **head,
-        ))  # fmt: skip
+        bands.append(
+            BandConfirmation(
+                status="ok",
+                reason="",
+                message="",
+                exposure_s=42.5,
+                n_frames=118,
+                em_gain=36.2,
+                integration_s=5015.0,
+                time_s=10289.6,
+                predicted_snr=predicted,
+                predicted_significance=1.2 * predicted,
+                recovered_snr=recovered,
+                recovered_significance=1.1 * recovered,
+                threshold=5.7,
+                recovered_contrast=row.contrast * recovered / predicted,
+                contrast_error=row.contrast / recovered,
+                rdi_throughput=0.94,
+                rdi_modes_used=10,
+                core_throughput=0.21,
+                n_background_apertures=60,
+                saturated_pixels=0,
+                clipped_pixels=0,
+                detected=detected,
+                verdict="confirmed" if detected else "not confirmed",
+                image=f"{row.name} {band}",
+                **head,
+            )
+        )
     chosen = "F662"
-    return ConfirmedTarget(name=row.name, hip=row.hip, ranked=row, planet_distance_au=row.ref_planet_distance_au,
-                           chosen_band=chosen, bands=bands)
+    return ConfirmedTarget(
+        name=row.name,
+        hip=row.hip,
+        ranked=row,
+        planet_distance_au=row.ref_planet_distance_au,
+        chosen_band=chosen,
+        bands=bands,
+    )
 
 
 @pytest.fixture(scope="session")
 def plan(rank: RankResult) -> PlanResult:
     return PlanResult(
-        version="0.1.0", config_hash="9d1c44ab01fe", seed=1, fidelity="standard", instrument="cpic_default", time_s=36000.0,
-        sigma=5.0, reference_library="same_star_planet_free", rdi_modes=10, reference_planet=_planet(),
-        catalogue=rank.catalogue, sample=rank.sample, n_ranked=len(rank.targets), counts=rank.counts,
+        version="0.1.0",
+        config_hash="9d1c44ab01fe",
+        seed=1,
+        fidelity="standard",
+        instrument="cpic_default",
+        time_s=36000.0,
+        sigma=5.0,
+        reference_library="same_star_planet_free",
+        rdi_modes=10,
+        reference_planet=_planet(),
+        catalogue=rank.catalogue,
+        sample=rank.sample,
+        n_ranked=len(rank.targets),
+        counts=rank.counts,
         calibration={"ratio": 0.97, "error": 0.04, "n_bands": 6},
-        not_modelled=["pointing jitter: not modelled", "cosmic rays: not modelled; frames are kept short enough that few are lost"],
+        not_modelled=[
+            "pointing jitter: not modelled",
+            "cosmic rays: not modelled; frames are kept short enough that few are lost",
+        ],
         targets=[_confirmed(rank.targets[0], 0.05), _confirmed(rank.targets[1], -0.05)],
-    )  # fmt: skip
+    )
 
 
 def make_panels(band: str = "F662", *, seed: int = 1, size: int = 137) -> Panels:
@@ -134,16 +232,28 @@ def make_panels(band: str = "F662", *, seed: int = 1, size: int = 137) -> Panels
     inner, outer = 0.165 + 0.03 * BANDS.index(band) / 2, 0.707
     inside = (np.abs(x) >= inner) & (np.abs(x) <= outer) & (np.abs(y) >= inner) & (np.abs(y) <= outer)
     speckles = np.abs(draw.normal(size=(size, size)) + 1j * draw.normal(size=(size, size))) ** 2
-    halo = 400.0 + 4000.0 * np.exp(-rho / 0.15) * speckles / 2 + np.where(inside, 0.0, 2e4 / (1 + (rho / 0.3) ** 3) * (np.abs(x) > 0.155) * (np.abs(y) > 0.155))
+    halo = (
+        400.0
+        + 4000.0 * np.exp(-rho / 0.15) * speckles / 2
+        + np.where(inside, 0.0, 2e4 / (1 + (rho / 0.3) ** 3) * (np.abs(x) > 0.155) * (np.abs(y) > 0.155))
+    )
     px = py = 0.5 / math.sqrt(2.0)
     planet = 300.0 * np.exp(-((x - px) ** 2 + (y - py) ** 2) / (2 * 0.022**2))
     science = draw.normal(halo + planet, 1.4 * np.sqrt(halo))
     reference = draw.normal(halo, 1.4 * np.sqrt(halo))
     return Panels(
-        band=band, science=science, reference=reference, residual=np.where(inside, science - reference, np.nan),
-        pixel_scale_arcsec=PIXEL, planet_x_arcsec=px, planet_y_arcsec=py, aperture_radius_arcsec=0.0375, hole_inner_arcsec=inner,
-        hole_outer_arcsec=outer, mask_half_width_arcsec=0.155,
-    )  # fmt: skip
+        band=band,
+        science=science,
+        reference=reference,
+        residual=np.where(inside, science - reference, np.nan),
+        pixel_scale_arcsec=PIXEL,
+        planet_x_arcsec=px,
+        planet_y_arcsec=py,
+        aperture_radius_arcsec=0.0375,
+        hole_inner_arcsec=inner,
+        hole_outer_arcsec=outer,
+        mask_half_width_arcsec=0.155,
+    )
 
 
 @pytest.fixture(scope="session")
@@ -161,22 +271,78 @@ def limits() -> list[LimitCurve]:
 
 @pytest.fixture(scope="session")
 def holes() -> list[HoleEdges]:
-    return [HoleEdges("F520", 0.231, 1.0), HoleEdges("F662", 0.294, 1.0), HoleEdges("F720", 0.319, 1.0), HoleEdges("F850", 0.377, 1.0)]
+    return [
+        HoleEdges("F520", 0.231, 1.0),
+        HoleEdges("F662", 0.294, 1.0),
+        HoleEdges("F720", 0.319, 1.0),
+        HoleEdges("F850", 0.377, 1.0),
+    ]
 
 
 @pytest.fixture(scope="session")
 def etc_answers() -> EtcResult:
     common = {"target": "* tau Cet", "question": "exposure_time", "unit": "s", "flags": ["companion_light_unknown"]}
-    none = {"value": None, "exposure_s": None, "n_frames": None, "em_gain": None, "integration_s": None, "time_s": None, "snr": None,
-            "significance": None, "threshold": None, "core_throughput": None, "budget": {}}
+    none = {
+        "value": None,
+        "exposure_s": None,
+        "n_frames": None,
+        "em_gain": None,
+        "integration_s": None,
+        "time_s": None,
+        "snr": None,
+        "significance": None,
+        "threshold": None,
+        "core_throughput": None,
+        "budget": {},
+    }
     rows = [
-        EtcRow(band="F520", value=5120.3, status="ok", reason="", message="", separation_arcsec=0.41, contrast=3.2e-8, exposure_s=40.0,
-               n_frames=61, em_gain=30.0, integration_s=2440.0, time_s=5120.3, snr=10.0, significance=11.2, threshold=5.6,
-               core_throughput=0.2, budget={"signal_e": 812.0}, **common),
-        EtcRow(band="F662", status="unreachable", reason="speckle_floor", separation_arcsec=0.41, contrast=2.2e-8,
-               message="the speckle residual limits the SNR to 7.1, whatever the time", **(common | none)),
-        EtcRow(band="F850", status="outside_field", reason="inside_inner_edge", separation_arcsec=0.31, contrast=None,
-               message="0.310 arcsec is inside the inner edge of F850 (0.377 arcsec on the diagonal)", **(common | none)),
-    ]  # fmt: skip
-    return EtcResult(config_hash="abc", target="* tau Cet", hip=8102, v_mag=3.5, distance_pc=3.65, note="", reference_planet=_planet(),
-                     best_band="F520", answers=rows)
+        EtcRow(
+            band="F520",
+            value=5120.3,
+            status="ok",
+            reason="",
+            message="",
+            separation_arcsec=0.41,
+            contrast=3.2e-8,
+            exposure_s=40.0,
+            n_frames=61,
+            em_gain=30.0,
+            integration_s=2440.0,
+            time_s=5120.3,
+            snr=10.0,
+            significance=11.2,
+            threshold=5.6,
+            core_throughput=0.2,
+            budget={"signal_e": 812.0},
+            **common,
+        ),
+        EtcRow(
+            band="F662",
+            status="unreachable",
+            reason="speckle_floor",
+            separation_arcsec=0.41,
+            contrast=2.2e-8,
+            message="the speckle residual limits the SNR to 7.1, whatever the time",
+            **(common | none),
+        ),
+        EtcRow(
+            band="F850",
+            status="outside_field",
+            reason="inside_inner_edge",
+            separation_arcsec=0.31,
+            contrast=None,
+            message="0.310 arcsec is inside the inner edge of F850 (0.377 arcsec on the diagonal)",
+            **(common | none),
+        ),
+    ]
+    return EtcResult(
+        config_hash="abc",
+        target="* tau Cet",
+        hip=8102,
+        v_mag=3.5,
+        distance_pc=3.65,
+        note="",
+        reference_planet=_planet(),
+        best_band="F520",
+        answers=rows,
+    )

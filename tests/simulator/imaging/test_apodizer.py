@@ -11,9 +11,11 @@ def test_shipped_mask_is_a_read_only_transmission_map():
     assert "lpx43" in shipped_apodizers()
     assert not any(name.startswith("metrics") for name in shipped_apodizers())
     mask = load_apodizer("lpx43")
-    assert mask.shape == (64, 64) and mask.dtype == np.float64
+    assert mask.shape == (64, 64)
+    assert mask.dtype == np.float64
     assert not mask.flags.writeable
-    assert 0 <= mask.min() and mask.max() <= 1
+    assert mask.min() >= 0
+    assert mask.max() <= 1
 
 
 def test_npz_and_fits_give_the_same_map(tmp_path):

@@ -43,7 +43,8 @@ def test_clear_disc_figures_are_the_airy_ones():
 def test_small_design_obeys_its_bounds_and_symmetry():
     mask = design_step_mask(n_steps=24, inner_lambda_d=4.5, contrast=1e-6, outer_half_side_lambda_d=7,
                             outer_leak=1e-3, leak_extent_lambda_d=11)  # fmt: skip
-    assert mask.min() >= 0 and mask.max() <= 1
+    assert mask.min() >= 0
+    assert mask.max() <= 1
     for image in (mask.T, mask[::-1], mask[:, ::-1]):
         np.testing.assert_array_equal(mask, image)
     corner = np.abs(np.arange(24) - 11.5) + 0.5

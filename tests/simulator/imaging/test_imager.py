@@ -96,7 +96,9 @@ def test_pixel_axis_covers_the_open_part_of_every_pixel():
         open_part = np.zeros(41)
         open_part[axis.pixels] = np.add.reduceat(axis.weights, axis.starts) if axis.pixels.size else 0
         low, high = np.abs(centres) - 0.5, np.abs(centres) + 0.5
-        expected = np.where(low < 0, np.clip(1 - 2 * half_width, 0, 1), np.clip(high - np.maximum(low, half_width), 0, 1))
+        expected = np.where(
+            low < 0, np.clip(1 - 2 * half_width, 0, 1), np.clip(high - np.maximum(low, half_width), 0, 1)
+        )
         np.testing.assert_allclose(open_part, expected, atol=1e-12)
         assert half_width == 0 or (np.abs(axis.nodes_arcsec) > half_width).all()
 

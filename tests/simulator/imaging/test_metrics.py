@@ -41,7 +41,9 @@ def test_azimuth_fractions_are_those_of_the_conventions(metrics):
             x, y = np.abs(r * np.cos(angle)), np.abs(r * np.sin(angle))
             inside = (np.minimum(x, y) >= band.hole_inner_arcsec) & (np.maximum(x, y) <= band.hole_outer_arcsec)
             assert band.azimuth_fraction(r) == pytest.approx(inside.mean(), abs=2e-5)
-            assert band.resolution_elements(r) == pytest.approx(2 * np.pi * r * inside.mean() / band.lambda_d_arcsec, abs=0.01)
+            assert band.resolution_elements(r) == pytest.approx(
+                2 * np.pi * r * inside.mean() / band.lambda_d_arcsec, abs=0.01
+            )
 
 
 def test_geometry(metrics):
@@ -81,6 +83,7 @@ def test_core_throughput_is_what_aperture_photometry_measures(metrics, band):
 @pytest.mark.parametrize(("band", "share"), [("F520", 0.27), ("F662", 0.27), ("F850", 0.26)])
 def test_core_on_the_diagonal_behind_a_0134_mask(band, share):
     m = with_mask(0.134, band)
+
     def along(separation):
         return m.core_throughput(separation / ROOT2, separation / ROOT2) / m.core_open
 

@@ -1,0 +1,58 @@
+"""Reports: tables, figures, the HTML page and terminal tables.
+
+Names load on first use, so that importing the package costs nothing.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from cpic_planner.report.console import print_etc, print_plan, print_rank
+    from cpic_planner.report.contrast_figure import HoleEdges, LimitCurve
+    from cpic_planner.report.html import plan_html, render_plan
+    from cpic_planner.report.names import pretty_name
+    from cpic_planner.report.panels import Panels
+    from cpic_planner.report.tables import ranking_csv, ranking_ecsv
+    from cpic_planner.report.write import write_report
+
+__all__ = [
+    "HoleEdges",
+    "LimitCurve",
+    "Panels",
+    "plan_html",
+    "pretty_name",
+    "print_etc",
+    "print_plan",
+    "print_rank",
+    "ranking_csv",
+    "ranking_ecsv",
+    "render_plan",
+    "write_report",
+]
+
+_HOME = {
+    "HoleEdges": "contrast_figure",
+    "LimitCurve": "contrast_figure",
+    "Panels": "panels",
+    "plan_html": "html",
+    "pretty_name": "names",
+    "print_etc": "console",
+    "print_plan": "console",
+    "print_rank": "console",
+    "ranking_csv": "tables",
+    "ranking_ecsv": "tables",
+    "render_plan": "html",
+    "write_report": "write",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(importlib.import_module(f"{__name__}.{_HOME[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -1,0 +1,204 @@
+import base64
+import re
+from html.parser import HTMLParser
+
+import pytest
+
+from cpic_planner.models import PlanResult
+from cpic_planner.report.drawing import Picture
+from cpic_planner.report.html import dec_text, plan_html, ra_text, render_plan
+from cpic_planner.report.summary import calibration_sentence, summary_sentences
+
+VOID = {"meta", "img", "br", "link", "input", "hr"}
+HOSTILE = "<script>alert('x')</script>"
+
+
+class Reader(HTMLParser):
+    """Collects attributes and visible text, and checks that tags are balanced."""
+
+    def __init__(self):
+        super().__init__()
+        self.tags, self.open, self.text = [], [], []
+
+    def handle_starttag(self, tag, attributes):
+        self.tags.append((tag, dict(attributes)))
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        if "style" not in self.open:
+            self.text.append(data)
+
+
+def read(page):
+    reader = Reader()
+    reader.feed(page)
+    reader.close()
+    assert reader.open == []
+    return reader
+
+
+@pytest.fixture(scope="module")
+def page(plan, rank, panels, limits, holes):
+    return plan_html(plan, rank, panels=panels, limits=limits, holes=holes)
+
+
+@pytest.fixture(scope="module")
+def reader(page):
+    return read(page)
+
+
+@pytest.fixture(scope="module")
+def words(reader):
+    return " ".join(" ".join(reader.text).split())
+
+
+def test_nothing_is_loaded_from_outside(reader, page):
+    for tag, attributes in reader.tags:
+        assert tag not in {"script", "link", "iframe", "object", "embed", "base"}
+        for key in ("src", "href", "srcset", "action", "data", "poster"):
+            value = attributes.get(key)
+            assert value is None or value.startswith(("data:image/", "#")), (tag, value)
+    assert "url(" not in page
+    assert "@import" not in page
+    assert "default-src 'none'" in page
+
+
+def test_drawings_load_nothing_either(reader):
+    for tag, attributes in reader.tags:
+        if tag == "img" and attributes["src"].startswith("data:image/svg"):
+            svg = base64.b64decode(attributes["src"].split(",", 1)[1]).decode()
+            assert not re.search(r'(?:href|src)="(?!#|data:)', svg)
+
+
+def test_hostile_name_is_text(page, words):
+    assert HOSTILE not in page
+    assert "&lt;script&gt;" in page
+    assert HOSTILE in words
+
+
+def test_hostile_name_of_a_confirmed_target(plan, rank):
+    target = plan.targets[0].model_copy(update={"name": '"><img src=x onerror=alert(1)>'})
+    page = render_plan(plan.model_copy(update={"targets": [target]}), rank, {}, {})
+    assert "<img" not in page
+
+
+def test_every_anchor_has_its_target_once(reader):
+    ids = [attributes["id"] for _, attributes in reader.tags if "id" in attributes]
+    assert len(ids) == len(set(ids))
+    for _, attributes in reader.tags:
+        for reference in [attributes.get("href", "#first"), "#" + attributes.get("aria-labelledby", "first")]:
+            assert reference[1:] in ids
+
+
+def test_language_and_alternative_texts(reader):
+    assert reader.tags[0] == ("html", {"lang": "en"})
+    images = [attributes for tag, attributes in reader.tags if tag == "img"]
+    assert len(images) == 4 + 6
+    assert all(attributes["alt"] for attributes in images)
+    assert sum(tag == "caption" for tag, _ in reader.tags) == sum(tag == "table" for tag, _ in reader.tags)
+
+
+def test_numbers_are_finite_and_no_object_leaks(words):
+    assert not re.search(r"\b(?:nan|inf|None|NaN|undefined|Undefined)\b", words)
+    assert "{{" not in words
+
+
+def test_content(words):
+    for text in (
+        "α Cen B",
+        "HIP 71681",
+        "τ Cet",
+        "F662",
+        "118 × 42.5",
+        "outside field",
+        "saturated",
+        "inside the inner edge of F850",
+        "What is not modelled",
+        "pointing jitter",
+        "SIMBAD",
+        "Open Database License",
+        "9d1c44ab01fe",
+        "Schema version",
+        "same_star_planet_free",
+        "Glossary",
+        "temperature, gravity or metallicity clamped",
+    ):
+        assert text in words, text
+
+
+def test_status_badges_have_words_and_symbols(words):
+    for text in ("✓ detected", "▲ saturated", "□ outside field", "○ unreachable", "✓ ok"):
+        assert text in words
+
+
+def test_size_with_five_targets_in_four_bands(page, plan):
+    # The page grows by its images only: scale the measured ones to 5 x 4.
+    images = [len(part) for part in re.findall(r'src="data:image/png;base64,([^"]*)"', page)]
+    assert len(images) == 6
+    assert len(page) + 14 * max(images) < 5_000_000
+
+
+def test_same_text_twice(plan, rank):
+    figures = {"sky": Picture("data:image/png;base64,", "alt", "caption.")}
+    assert render_plan(plan, rank, figures, {}) == render_plan(plan, rank, figures, {})
+
+
+def test_top_rows(plan, rank):
+    page = render_plan(plan, rank, {}, {}, top_rows=3)
+    assert "First 3 of 20 ranked stars" in page
+    assert "ε Ind A" not in page
+
+
+def test_plan_without_targets(plan, rank):
+    empty = plan.model_copy(update={"targets": [], "calibration": {"ratio": None, "error": None, "n_bands": 0}})
+    text = " ".join(read(render_plan(empty, rank, {}, {})).text)
+    assert "No target was confirmed" in text
+
+
+def test_target_without_a_confirmed_band(plan, rank):
+    bands = [plan.targets[0].bands[3]]
+    target = plan.targets[0].model_copy(update={"chosen_band": None, "bands": bands})
+    text = " ".join(read(render_plan(plan.model_copy(update={"targets": [target]}), rank, {}, {})).text)
+    assert "the images show the planet in no band" in text
+
+
+@pytest.mark.parametrize(
+    ("ratio", "error", "expected"),
+    [
+        (0.97, 0.04, "compatible with 1"),
+        (0.92, 0.04, "compatible with 1"),
+        (0.9199, 0.04, "optimistic"),
+        (1.081, 0.04, "pessimistic"),
+    ],
+)
+def test_bias_is_named_only_beyond_two_standard_errors(ratio, error, expected):
+    text = calibration_sentence({"ratio": ratio, "error": error, "n_bands": 6})
+    assert expected in text
+    assert "standard error of 6 measurements)" in text
+    assert ("optimistic" in text or "pessimistic" in text) == (expected != "compatible with 1")
+
+
+def test_no_comparison_without_measurements():
+    assert "No band was measured" in calibration_sentence({"ratio": None, "error": None, "n_bands": 0})
+
+
+def test_summary_counts(plan: PlanResult, rank):
+    text = " ".join(summary_sentences(plan, rank))
+    assert text.startswith("20 stars were ranked")
+    assert "around 7 of them" in text
+    assert "around 2 of 2, in 5 of 6 measurements" in text
+    assert "F662 (2)" in text
+
+
+def test_coordinates_as_text():
+    from astropy.coordinates import SkyCoord
+
+    place = SkyCoord(219.896, -60.837, unit="deg")
+    assert ra_text(219.896) == f"{int(place.ra.hms.h):02d} h {int(place.ra.hms.m):02d} m {round(place.ra.hms.s):02d} s"
+    assert dec_text(-60.837) == "−60° 50′"
+    assert ra_text(359.9999) == "00 h 00 m 00 s"
+    assert dec_text(0.999) == "+01° 00′"

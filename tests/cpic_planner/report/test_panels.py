@@ -1,0 +1,111 @@
+import io
+
+import numpy as np
+import pytest
+
+from catalogs.errors import InputError
+from cpic_planner.report.panel_figure import residual_limit, stack_scale
+from cpic_planner.report.panels import Panels, compass
+
+
+def _panels(**changes):
+    image = np.zeros((5, 7))
+    values = {
+        "band": "F520",
+        "science": image,
+        "reference": image,
+        "residual": image,
+        "pixel_scale_arcsec": 0.1,
+        "planet_x_arcsec": 0.1,
+        "planet_y_arcsec": 0.1,
+        "aperture_radius_arcsec": 0.04,
+        "hole_inner_arcsec": 0.05,
+        "hole_outer_arcsec": 0.25,
+        "mask_half_width_arcsec": 0.03,
+    }
+    return Panels(**(values | changes))
+
+
+def test_compass_of_the_default_detector_is_north_up_east_left():
+    north, east = compass(-1)
+    assert north == pytest.approx((0.0, 1.0), abs=1e-12)
+    assert east == pytest.approx((-1.0, 0.0), abs=1e-12)
+
+
+def test_compass_of_the_mirrored_detector_is_north_up_east_right():
+    north, east = compass(1)
+    assert north == pytest.approx((0.0, 1.0), abs=1e-12)
+    assert east == pytest.approx((1.0, 0.0), abs=1e-12)
+
+
+def test_roll_turns_the_compass():
+    # A roll of 90 deg brings PA 90 (east) to +y; with parity -1 the PA 0 direction is then at +x.
+    north, east = compass(-1, 90.0)
+    assert north == pytest.approx((1.0, 0.0), abs=1e-12)
+    assert east == pytest.approx((0.0, 1.0), abs=1e-12)
+
+
+def test_geometry():
+    panels = _panels()
+    assert panels.star_pixel == (3.0, 2.0)
+    assert panels.extent_arcsec == pytest.approx((-0.35, 0.35, -0.25, 0.25))
+    hole = panels.inside_hole()
+    assert hole.sum() == 16  # offsets of one or two pixels in x and in y, four quadrants
+    assert not hole[2].any()
+    assert not hole[:, 3].any()
+    assert not hole[:, [0, 6]].any()
+
+
+def test_npz_round_trip(panels):
+    original = next(iter(panels.values()))
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, **original.to_arrays())
+    buffer.seek(0)
+    with np.load(buffer, allow_pickle=False) as stored:
+        back = Panels.from_arrays(stored)
+    assert back.band == original.band
+    assert back.parity == original.parity
+    assert back.planet_x_arcsec == original.planet_x_arcsec
+    np.testing.assert_allclose(back.residual, original.residual, rtol=1e-6)
+    np.testing.assert_allclose(back.science, original.science, rtol=1e-6)
+
+
+def test_missing_array_is_named(panels):
+    arrays = next(iter(panels.values())).to_arrays()
+    del arrays["residual"]
+    with pytest.raises(InputError, match="residual"):
+        Panels.from_arrays(arrays)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"science": np.zeros(3)},
+        {"residual": np.zeros((2, 2))},
+        {"pixel_scale_arcsec": 0.0},
+        {"hole_outer_arcsec": float("nan")},
+        {"parity": 0},
+    ],
+)
+def test_bad_panels_are_refused(changes):
+    with pytest.raises(InputError):
+        _panels(**changes)
+
+
+def test_scales_come_from_the_hole(panels):
+    one = next(iter(panels.values()))
+    hole = one.inside_hole()
+    low, high, width = stack_scale(one)
+    assert one.science[hole].min() <= low < high <= max(one.science[hole].max(), one.reference[hole].max())
+    assert 0 < width < high - low
+    limit, sigma = residual_limit(one), np.nanstd(one.residual[hole])
+    assert 4 * sigma < limit < 9 * sigma
+
+
+def test_scales_of_empty_and_constant_images_are_usable():
+    nothing = np.full((5, 7), np.nan)
+    for image in (np.zeros((5, 7)), nothing):
+        low, high, width = stack_scale(_panels(science=image, reference=image))
+        assert low < high
+        assert width > 0
+        assert residual_limit(_panels(residual=image)) > 0

@@ -1,0 +1,27 @@
+import subprocess
+import sys
+
+import pytest
+
+import cpic_planner.report as report
+
+
+def test_importing_the_package_and_the_terminal_tables_is_light():
+    code = (
+        "import sys\nimport cpic_planner.report, cpic_planner.report.console, cpic_planner.report.tables, "
+        "cpic_planner.report.figures\n"
+        "import cpic_planner.report.html\n"
+        "heavy = {'pandas', 'synphot', 'hcipy', 'matplotlib', 'photutils', 'sep', 'astroquery', 'scipy.stats', "
+        "'numba', 'dask', 'astropy'}\n"
+        "assert not heavy & set(sys.modules), heavy & set(sys.modules)"
+    )
+    subprocess.run([sys.executable, "-W", "error", "-c", code], check=True)
+
+
+def test_public_names():
+    for name in report.__all__:
+        if name != "write_report":  # needs the imaging model; see test_products
+            assert getattr(report, name).__name__ == name
+    assert dir(report) == sorted(report.__all__)
+    with pytest.raises(AttributeError, match="nothing"):
+        _ = report.nothing
