@@ -22,10 +22,20 @@ if TYPE_CHECKING:
     from catalogs.stars import StarTable, load_stars
 
 _HOME = {
-    "Band": "bands", "band_from_file": "bands", "load_bands": "bands", "InputError": "errors", "StarMatch": "names",
-    "resolve_star": "names", "load_albedo": "spectra", "load_johnson_v": "spectra", "load_reference_spectrum": "spectra",
-    "load_stellar_grid": "spectra", "load_zodi_table": "spectra", "StarTable": "stars", "load_stars": "stars",
-}  # fmt: skip
+    "Band": "bands",
+    "band_from_file": "bands",
+    "load_bands": "bands",
+    "InputError": "errors",
+    "StarMatch": "names",
+    "resolve_star": "names",
+    "load_albedo": "spectra",
+    "load_johnson_v": "spectra",
+    "load_reference_spectrum": "spectra",
+    "load_stellar_grid": "spectra",
+    "load_zodi_table": "spectra",
+    "StarTable": "stars",
+    "load_stars": "stars",
+}
 
 __all__ = [
     "Band",

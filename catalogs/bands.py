@@ -99,11 +99,7 @@ class Band:
         return self.t_opt * self.filter_transmission(wavelength_nm) * self.quantum_efficiency(wavelength_nm)
 
     def _content(self) -> tuple[object, ...]:
-        curve = (
-            ()
-            if self.curve is None
-            else (self.curve.wavelength_nm.tobytes(), self.curve.transmission.tobytes())
-        )
+        curve = () if self.curve is None else (self.curve.wavelength_nm.tobytes(), self.curve.transmission.tobytes())
         return self.name, self.camera, self.center_nm, self.width_nm, self.t_opt, self.qe, curve
 
 
@@ -160,9 +156,7 @@ def band_from_file(
     wavelength_nm, transmission = _two_columns(text, str(path))
     wavelength_nm = wavelength_nm * scale
     if wavelength_nm[0] <= 0.0 or np.any(np.diff(wavelength_nm) <= 0.0):
-        raise InputError(
-            f"{path}: wavelength", "not increasing", allowed="positive, strictly increasing wavelengths"
-        )
+        raise InputError(f"{path}: wavelength", "not increasing", allowed="positive, strictly increasing wavelengths")
     if transmission.min() < 0.0 or transmission.max() > 1.0 or transmission.max() == 0.0:
         worst = transmission.min() if transmission.min() < 0.0 else transmission.max()
         raise InputError(f"{path}: transmission", float(worst), allowed="0 to 1, not all zero")
@@ -170,10 +164,7 @@ def band_from_file(
     step = np.diff(wavelength_nm)
     left, right = transmission[:-1], transmission[1:]
     area = 0.5 * np.sum(step * (left + right))
-    moment = (
-        np.sum(step * (wavelength_nm[:-1] * (2 * left + right) + wavelength_nm[1:] * (left + 2 * right)))
-        / 6.0
-    )
+    moment = np.sum(step * (wavelength_nm[:-1] * (2 * left + right) + wavelength_nm[1:] * (left + 2 * right))) / 6.0
     wavelength_nm.setflags(write=False)
     transmission.setflags(write=False)
     curve = Curve(wavelength_nm, transmission)
@@ -206,9 +197,7 @@ def _read_text(path: Path) -> str:
     try:
         raw = path.read_bytes()
     except OSError as error:
-        raise InputError(
-            "file", str(path), allowed="a readable text file", hint=error.strerror or ""
-        ) from None
+        raise InputError("file", str(path), allowed="a readable text file", hint=error.strerror or "") from None
     if len(raw) > _MAX_BYTES:
         raise InputError("file", str(path), allowed=f"at most {_MAX_BYTES} bytes")
     try:
@@ -226,9 +215,7 @@ def _unit_scale(unit: str | None, text: str) -> float:
     words = re.findall(r"[a-z]+", comments.replace("angstroms", "angstrom"))
     scales = {_UNITS_NM[word] for word in words if word in _UNITS_NM}
     if len(scales) != 1:
-        raise InputError(
-            "unit", "not stated", allowed="nm, Angstrom", hint="name it in the header or as argument"
-        )
+        raise InputError("unit", "not stated", allowed="nm, Angstrom", hint="name it in the header or as argument")
     return scales.pop()
 
 

@@ -15,8 +15,10 @@ _DATA = Path(__file__).resolve().parent / "data"
 CREDITS = (
     "This research has made use of the SIMBAD database, operated at CDS, Strasbourg, France (Wenger et al. 2000). "
     "The star table is a database derived from it, under the Open Database License 1.0.",
-    "Stellar data from ExoCat-1 (Turnbull 2015) and Hipparcos-2 (van Leeuwen 2007); names from the d3-celestial index (Kostjuk 2002; Gliese & Jahreiss 1991).",
-    "Stellar spectra: PHOENIX (Allard et al.) with the metallicity trend of Castelli & Kurucz 2004; Sun and Vega: CALSPEC.",
+    "Stellar data from ExoCat-1 (Turnbull 2015) and Hipparcos-2 (van Leeuwen 2007); names from the d3-celestial index "
+    "(Kostjuk 2002; Gliese & Jahreiss 1991).",
+    "Stellar spectra: PHOENIX (Allard et al.) with the metallicity trend of Castelli & Kurucz 2004; Sun and Vega: "
+    "CALSPEC.",
     "Giant-planet albedos: Karkoschka 1998. Zodiacal light: Leinert et al. 1998.",
 )
 
@@ -44,7 +46,12 @@ def catalogue_info() -> dict[str, Any]:
     """
     with (_DATA / "stars_counts.csv").open(encoding="utf-8", newline="") as stream:
         counts = [
-            {"cut": f"{row['group']}: {row['what']}", "count": int(row["count"]), "reference": row["reference"], "note": row["note"]}
+            {
+                "cut": f"{row['group']}: {row['what']}",
+                "count": int(row["count"]),
+                "reference": row["reference"],
+                "note": row["note"],
+            }
             for row in csv.DictReader(stream)
         ]
     files = [
@@ -57,4 +64,10 @@ def catalogue_info() -> dict[str, Any]:
         for entry in _provenance()
     ]
     stars = next(item for item in _provenance() if item["data_file"] == "stars.csv")
-    return {"vintage": snapshot_vintage(), "counts": counts, "notes": stars["notes"], "files": files, "credits": list(CREDITS)}
+    return {
+        "vintage": snapshot_vintage(),
+        "counts": counts,
+        "notes": stars["notes"],
+        "files": files,
+        "credits": list(CREDITS),
+    }

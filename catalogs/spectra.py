@@ -138,9 +138,7 @@ def load_reference_spectrum(name: str) -> Spectrum:
 def load_johnson_v() -> Curve:
     """Return Johnson V for photon counting (Maiz Apellaniz 2006), the curve that synphot uses by default."""
     arrays = _arrays("reference_spectra.npz")
-    return Curve(
-        arrays["johnson_v_wavelength_nm"], _read_only(arrays["johnson_v_transmission"].astype(np.float64))
-    )
+    return Curve(arrays["johnson_v_wavelength_nm"], _read_only(arrays["johnson_v_transmission"].astype(np.float64)))
 
 
 @functools.cache

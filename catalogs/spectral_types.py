@@ -73,9 +73,7 @@ def parse_spectral_type(text: str) -> SpectralType:
     first = plain.split("+")[0] if plain.find("+") > 1 else plain
     found = _TEMPERATURE.match(re.sub(r"^\([^)]*\)(?=[OBAFGKM])", "", first))
     if not found or (not found["sub"] and found.string[found.end() :][:1].islower()):
-        raise InputError(
-            "spectral_type", text, allowed="an MK type of class O, B, A, F, G, K or M, such as K1V"
-        )
+        raise InputError("spectral_type", text, allowed="an MK type of class O, B, A, F, G, K or M, such as K1V")
     flags = []
     subclass = _MIDDLE_SUBCLASS
     if found["sub"]:

@@ -77,9 +77,7 @@ class StellarGrid:
         outside = [(x < grid[0]) | (x > grid[-1]) for x, grid in zip(axes, nodes, strict=True)]
         return GridFlags(*outside)
 
-    def corners(
-        self, teff_k: ArrayLike, log_g: ArrayLike, metallicity: ArrayLike
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def corners(self, teff_k: ArrayLike, log_g: ArrayLike, metallicity: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         """Return the eight surrounding nodes and their weights, values outside clamped to the edge.
 
         Trilinear over log g, [M/H] and Teff; the order of the three steps does not change the weights.
@@ -135,9 +133,7 @@ class StellarGrid:
 
     def _broadcast(self, *values: ArrayLike) -> tuple[np.ndarray, ...]:
         arrays = np.broadcast_arrays(*(np.asarray(value, dtype=np.float64) for value in values))
-        for name, unit, array in zip(
-            ("teff_k", "log_g", "metallicity"), ("K", "dex", "dex"), arrays, strict=True
-        ):
+        for name, unit, array in zip(("teff_k", "log_g", "metallicity"), ("K", "dex", "dex"), arrays, strict=True):
             if not np.all(np.isfinite(array)):
                 bad = float(array[~np.isfinite(array)].flat[0])
                 raise InputError(name, bad, unit=unit, allowed="finite numbers")

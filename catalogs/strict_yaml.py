@@ -51,13 +51,9 @@ class _StrictLoader(yaml.SafeLoader):
         for key_node, _ in node.value:
             key = self.construct_object(key_node, deep=True)
             if not isinstance(key, str | int | float | bool):
-                raise yaml.constructor.ConstructorError(
-                    None, None, "a key must be a plain word", key_node.start_mark
-                )
+                raise yaml.constructor.ConstructorError(None, None, "a key must be a plain word", key_node.start_mark)
             if key in seen:
-                raise yaml.constructor.ConstructorError(
-                    None, None, f"duplicate key {key!r}", key_node.start_mark
-                )
+                raise yaml.constructor.ConstructorError(None, None, f"duplicate key {key!r}", key_node.start_mark)
             seen.add(key)
         return super().construct_mapping(node, deep=deep)
 
@@ -130,9 +126,7 @@ def load_yaml(path: str | Path) -> Any:
     try:
         data = path.read_bytes()
     except OSError as error:
-        raise InputError(
-            "file", str(path), allowed="a readable YAML file", hint=error.strerror or ""
-        ) from None
+        raise InputError("file", str(path), allowed="a readable YAML file", hint=error.strerror or "") from None
     if len(data) > MAX_BYTES:
         raise InputError("file", str(path), allowed=f"at most {MAX_BYTES} bytes")
     try:

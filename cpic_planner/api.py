@@ -21,30 +21,40 @@ if TYPE_CHECKING:
     import pandas as pd
 
 __all__ = [
-    "confirm_targets", "contrast_limit", "exposure_time", "make_plan", "optimise", "rank_targets", "signal_to_noise",
-]  # fmt: skip
+    "confirm_targets",
+    "contrast_limit",
+    "exposure_time",
+    "make_plan",
+    "optimise",
+    "rank_targets",
+    "signal_to_noise",
+]
 
 InstrumentSource = Instrument | Mapping[str, Any] | str | Path | None
 OnOff = Literal["on", "off"]
 
 
 def _model(instrument: InstrumentSource, bands: Sequence[str] | None) -> EtcModel:
-    return build_model(
-        instrument if isinstance(instrument, Instrument) else load_instrument(instrument), bands
-    )
+    return build_model(instrument if isinstance(instrument, Instrument) else load_instrument(instrument), bands)
 
 
 def _named(names: str | Sequence[str], companions: OnOff) -> list[Targets]:
-    return [
-        find_target(name, companions=companions)[0] for name in ([names] if isinstance(names, str) else names)
-    ]
+    return [find_target(name, companions=companions)[0] for name in ([names] if isinstance(names, str) else names)]
 
 
 def signal_to_noise(
-    target: str | Sequence[str], *, time_s: float, separation_arcsec: float, bands: Sequence[str] | None = None,
-    planet: ReferencePlanet | None = None, contrast: float | None = None, exposure_s: float | None = None,
-    em_gain: float | None = None, companions: OnOff = "on", instrument: InstrumentSource = None,
-) -> list[EtcAnswer]:  # fmt: skip
+    target: str | Sequence[str],
+    *,
+    time_s: float,
+    separation_arcsec: float,
+    bands: Sequence[str] | None = None,
+    planet: ReferencePlanet | None = None,
+    contrast: float | None = None,
+    exposure_s: float | None = None,
+    em_gain: float | None = None,
+    companions: OnOff = "on",
+    instrument: InstrumentSource = None,
+) -> list[EtcAnswer]:
     """SNR of a planet in a given wall time.
 
     Parameters
@@ -80,34 +90,61 @@ def signal_to_noise(
         answer
         for star in _named(target, companions)
         for answer in questions.signal_to_noise(
-            model, star, time_s=time_s, separation_arcsec=separation_arcsec, planet=planet, contrast=contrast,
-            exposure_s=exposure_s, em_gain=em_gain,
+            model,
+            star,
+            time_s=time_s,
+            separation_arcsec=separation_arcsec,
+            planet=planet,
+            contrast=contrast,
+            exposure_s=exposure_s,
+            em_gain=em_gain,
         )
-    ]  # fmt: skip
+    ]
 
 
 def exposure_time(
-    target: str | Sequence[str], *, snr: float, separation_arcsec: float, bands: Sequence[str] | None = None,
-    planet: ReferencePlanet | None = None, contrast: float | None = None, exposure_s: float | None = None,
-    em_gain: float | None = None, companions: OnOff = "on", instrument: InstrumentSource = None,
-) -> list[EtcAnswer]:  # fmt: skip
+    target: str | Sequence[str],
+    *,
+    snr: float,
+    separation_arcsec: float,
+    bands: Sequence[str] | None = None,
+    planet: ReferencePlanet | None = None,
+    contrast: float | None = None,
+    exposure_s: float | None = None,
+    em_gain: float | None = None,
+    companions: OnOff = "on",
+    instrument: InstrumentSource = None,
+) -> list[EtcAnswer]:
     """Least wall time that reaches an SNR; parameters as `signal_to_noise`."""
     model = _model(instrument, bands)
     return [
         answer
         for star in _named(target, companions)
         for answer in questions.exposure_time(
-            model, star, snr=snr, separation_arcsec=separation_arcsec, planet=planet, contrast=contrast,
-            exposure_s=exposure_s, em_gain=em_gain,
+            model,
+            star,
+            snr=snr,
+            separation_arcsec=separation_arcsec,
+            planet=planet,
+            contrast=contrast,
+            exposure_s=exposure_s,
+            em_gain=em_gain,
         )
-    ]  # fmt: skip
+    ]
 
 
 def contrast_limit(
-    target: str | Sequence[str], *, time_s: float, separation_arcsec: float, bands: Sequence[str] | None = None,
-    sigma: float | None = None, exposure_s: float | None = None, em_gain: float | None = None,
-    companions: OnOff = "on", instrument: InstrumentSource = None,
-) -> list[EtcAnswer]:  # fmt: skip
+    target: str | Sequence[str],
+    *,
+    time_s: float,
+    separation_arcsec: float,
+    bands: Sequence[str] | None = None,
+    sigma: float | None = None,
+    exposure_s: float | None = None,
+    em_gain: float | None = None,
+    companions: OnOff = "on",
+    instrument: InstrumentSource = None,
+) -> list[EtcAnswer]:
     """Faintest contrast detected in a given wall time; parameters as `signal_to_noise`.
 
     ``sigma`` asks for a plain significance instead of the small-sample threshold.
@@ -117,16 +154,26 @@ def contrast_limit(
         answer
         for star in _named(target, companions)
         for answer in questions.contrast_limit(
-            model, star, time_s=time_s, separation_arcsec=separation_arcsec, sigma=sigma, exposure_s=exposure_s,
+            model,
+            star,
+            time_s=time_s,
+            separation_arcsec=separation_arcsec,
+            sigma=sigma,
+            exposure_s=exposure_s,
             em_gain=em_gain,
         )
-    ]  # fmt: skip
+    ]
 
 
 def optimise(
-    target: str | Sequence[str], *, time_s: float = 36000.0, bands: Sequence[str] | None = None,
-    planet: ReferencePlanet | None = None, companions: OnOff = "on", instrument: InstrumentSource = None,
-) -> pd.DataFrame:  # fmt: skip
+    target: str | Sequence[str],
+    *,
+    time_s: float = 36000.0,
+    bands: Sequence[str] | None = None,
+    planet: ReferencePlanet | None = None,
+    companions: OnOff = "on",
+    instrument: InstrumentSource = None,
+) -> pd.DataFrame:
     """Best band, separation, exposure, number of frames and EM gain per target.
 
     Returns
@@ -143,17 +190,22 @@ def optimise(
     for star in _named(target, companions):
         best = best_of(model, star, time_s=time_s, planet=planet)
         rows.append(
-            {"name": str(star.name[0])}
-            | {item.name: np.asarray(getattr(best, item.name))[0] for item in fields(best)}
+            {"name": str(star.name[0])} | {item.name: np.asarray(getattr(best, item.name))[0] for item in fields(best)}
         )
     return pd.DataFrame(rows)
 
 
 def rank_targets(
-    *, time_s: float = 36000.0, bands: Sequence[str] | None = None, planet: ReferencePlanet | None = None,
-    companions: OnOff = "on", instrument: InstrumentSource = None, v_mag_max: float = 7.0, dwarfs_only: bool = False,
+    *,
+    time_s: float = 36000.0,
+    bands: Sequence[str] | None = None,
+    planet: ReferencePlanet | None = None,
+    companions: OnOff = "on",
+    instrument: InstrumentSource = None,
+    v_mag_max: float = 7.0,
+    dwarfs_only: bool = False,
     singles_only: bool = False,
-) -> RankResult:  # fmt: skip
+) -> RankResult:
     """Analytic ranking of the catalogue; see `cpic_planner.ranking.rank_targets`."""
     from cpic_planner.ranking import rank_targets as rank
     from cpic_planner.ranking import sample_text
@@ -161,14 +213,24 @@ def rank_targets(
     targets = rank_sample(
         v_mag_max=v_mag_max, dwarfs_only=dwarfs_only, singles_only=singles_only, companions=companions
     )
-    return rank(_model(instrument, bands), targets, time_s=time_s, planet=planet,
-                sample=sample_text(v_mag_max, dwarfs_only, singles_only))  # fmt: skip
+    return rank(
+        _model(instrument, bands),
+        targets,
+        time_s=time_s,
+        planet=planet,
+        sample=sample_text(v_mag_max, dwarfs_only, singles_only),
+    )
 
 
 def make_plan(
-    out: str | Path, *, workers: int = 1, scheduler: str | None = None, force: bool = False,
-    instrument: InstrumentSource = None, **settings: Any,
-) -> PlanResult:  # fmt: skip
+    out: str | Path,
+    *,
+    workers: int = 1,
+    scheduler: str | None = None,
+    force: bool = False,
+    instrument: InstrumentSource = None,
+    **settings: Any,
+) -> PlanResult:
     """Run the main job and write its products into ``out``.
 
     Parameters
@@ -195,10 +257,17 @@ def make_plan(
 
 
 def confirm_targets(
-    target: str | Sequence[str], *, time_s: float = 36000.0, bands: Sequence[str] | None = None,
-    planet: ReferencePlanet | None = None, companions: OnOff = "on", instrument: InstrumentSource = None,
-    seed: int = 1, fidelity: str = "standard", workers: int = 1,
-) -> list[ConfirmedTarget]:  # fmt: skip
+    target: str | Sequence[str],
+    *,
+    time_s: float = 36000.0,
+    bands: Sequence[str] | None = None,
+    planet: ReferencePlanet | None = None,
+    companions: OnOff = "on",
+    instrument: InstrumentSource = None,
+    seed: int = 1,
+    fidelity: str = "standard",
+    workers: int = 1,
+) -> list[ConfirmedTarget]:
     """Simulate and measure the named stars, each with its reference planet at the best separation.
 
     Returns
@@ -209,5 +278,12 @@ def confirm_targets(
     from cpic_planner.plan import confirm_stars
 
     model = _model(instrument, bands)
-    return confirm_stars(model, _named(target, companions), time_s=time_s, planet=planet or ReferencePlanet(), seed=seed,
-                         fidelity=fidelity, workers=workers)  # fmt: skip
+    return confirm_stars(
+        model,
+        _named(target, companions),
+        time_s=time_s,
+        planet=planet or ReferencePlanet(),
+        seed=seed,
+        fidelity=fidelity,
+        workers=workers,
+    )

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -19,12 +19,9 @@ __all__ = [
     "RankResult",
     "RankedTarget",
     "RunRecord",
-]  # fmt: skip
-
-SCHEMA_VERSION = 1
+]
 
 StatusText = Literal["ok", "unreachable", "saturated", "outside_field", "invalid"]
-Units = Annotated
 
 
 class Result(BaseModel):
@@ -58,9 +55,7 @@ class RankedTarget(Result):
     band: str = Field(description="best band")
     snr: float = Field(description="predicted photometric SNR of the stack; 0 where no frame is possible")
     significance: float = Field(description="predicted S / sigma without the planet")
-    threshold: float = Field(
-        description="small-sample detection threshold for significance, 5 sigma-equivalent"
-    )
+    threshold: float = Field(description="small-sample detection threshold for significance, 5 sigma-equivalent")
     detection_margin: float = Field(description="significance / threshold")
     status: StatusText = Field(description="ok when the reference planet is detected in the given time")
     reason: str = Field(description="why not, empty when ok")
@@ -81,7 +76,7 @@ class RankedTarget(Result):
 class RankResult(Result):
     """The analytic ranking of the whole sample."""
 
-    schema_version: Literal[1] = SCHEMA_VERSION
+    schema_version: Literal[1] = 1
     kind: Literal["rank"] = "rank"
     config_hash: str
     catalogue: str = Field(description="what the star table is and its vintage")
@@ -123,7 +118,7 @@ class EtcRow(Result):
 class EtcResult(Result):
     """Answers of the exposure-time calculator for one target."""
 
-    schema_version: Literal[1] = SCHEMA_VERSION
+    schema_version: Literal[1] = 1
     kind: Literal["etc"] = "etc"
     config_hash: str
     target: str
@@ -157,15 +152,18 @@ class BandConfirmation(Result):
     threshold: float | None = Field(default=None, description="small-sample threshold for significance")
     true_contrast: float | None = None
     recovered_contrast: float | None = None
-    contrast_error: float | None = Field(
-        default=None, description="1 sigma, from aperture-sized samples in the hole"
-    )
+    contrast_error: float | None = Field(default=None, description="1 sigma, from aperture-sized samples in the hole")
     rdi_throughput: float | None = None
     rdi_modes_used: int | None = None
     core_throughput: float | None = None
     n_background_apertures: int | None = None
-    saturated_pixels: int | None = None
-    clipped_pixels: int | None = None
+    saturated_in_hole: int | None = Field(
+        default=None, description="pixels of the hole that a limit cut off, in all frames"
+    )
+    saturated_outside: float | None = Field(
+        default=None,
+        description="pixels around the hole that a limit cut off, mean per frame; they do not reach the hole",
+    )
     detected: bool | None = Field(default=None, description="recovered significance reaches the threshold")
     verdict: str = Field(default="", description="in words")
     image: str | None = Field(default=None, description="key of the stored panels")
@@ -178,14 +176,16 @@ class ConfirmedTarget(Result):
     hip: int | None
     ranked: RankedTarget
     planet_distance_au: float
-    chosen_band: str | None = Field(description="of the bands in which the images show the planet, the one of highest predicted margin; null if none does")
+    chosen_band: str | None = Field(
+        description="of the bands whose images show the planet, that of highest predicted margin; null if none"
+    )
     bands: list[BandConfirmation]
 
 
 class PlanResult(Result):
     """The plan: reproducible from configuration and seed."""
 
-    schema_version: Literal[1] = SCHEMA_VERSION
+    schema_version: Literal[1] = 1
     kind: Literal["plan"] = "plan"
     version: str
     config_hash: str
@@ -212,7 +212,7 @@ class PlanResult(Result):
 class RunRecord(Result):
     """The story of one run: clocks, host, versions; not reproducible and kept apart from the plan."""
 
-    schema_version: Literal[1] = SCHEMA_VERSION
+    schema_version: Literal[1] = 1
     kind: Literal["run"] = "run"
     command: list[str]
     config_hash: str

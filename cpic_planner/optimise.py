@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -58,9 +59,13 @@ def separation_grid(model: EtcModel, band: str) -> FloatArray:
 
 
 def optimise(
-    model: EtcModel, targets: Targets, *, time_s: float, planet: ReferencePlanet | None = None,
+    model: EtcModel,
+    targets: Targets,
+    *,
+    time_s: float,
+    planet: ReferencePlanet | None = None,
     bands: Sequence[str] | None = None,
-) -> Best:  # fmt: skip
+) -> Best:
     """Best band, separation and frame settings of each target in a given wall time.
 
     Parameters
@@ -89,8 +94,9 @@ def optimise(
     found = [best_in_band(model, targets, band, time_s, planet) for band in bands or model.bands]
     pick = np.argmax(np.stack([item.margin for item in found]), axis=0)
     rows = np.arange(len(targets))
-    return Best(**{name: np.stack([getattr(item, name) for item in found])[pick, rows]
-                   for name in Best.__dataclass_fields__})  # fmt: skip
+    return Best(
+        **{name: np.stack([getattr(item, name) for item in found])[pick, rows] for name in Best.__dataclass_fields__}
+    )
 
 
 def best_separations(
@@ -105,10 +111,7 @@ def best_separations(
     if separation_arcsec is not None:
         return dict.fromkeys(model.bands, separation_arcsec)
     check_range("time_s", time_s, 1e-3, 1e9, "s")
-    return {
-        band: float(best_in_band(model, target, band, time_s, planet).separation_arcsec[0])
-        for band in model.bands
-    }
+    return {band: float(best_in_band(model, target, band, time_s, planet).separation_arcsec[0]) for band in model.bands}
 
 
 def best_in_band(model: EtcModel, targets: Targets, band: str, time_s: float, planet: ReferencePlanet) -> Best:
@@ -122,7 +125,9 @@ def best_in_band(model: EtcModel, targets: Targets, band: str, time_s: float, pl
     rows = np.arange(len(targets))
     kept: dict[str, FloatArray] = {}
     for fraction in TIME_FRACTIONS:
-        chosen = settings_for_time(model, _rates(model, targets, band, coarse, planet, fraction * time_s)[0], fraction * time_s)
+        chosen = settings_for_time(
+            model, _rates(model, targets, band, coarse, planet, fraction * time_s)[0], fraction * time_s
+        )
         margin = chosen.noise.significance / threshold_array(metrics.resolution_elements(coarse), model.strategy.sigma)
         pick = np.argmax(margin, axis=1)
         found = {"margin": margin[rows, pick], "longest": chosen.longest_exposure_s[rows, pick]}
@@ -147,11 +152,21 @@ def best_in_band(model: EtcModel, targets: Targets, band: str, time_s: float, pl
         return np.broadcast_to(np.asarray(array, float), margin.shape)[rows, pick]
 
     return Best(
-        band=np.full(len(targets), band), separation_arcsec=fine[pick], contrast=at(contrast), exposure_s=kept["exposure_s"],
-        n_frames=kept["n_frames"], em_gain=kept["em_gain"], time_s=kept["time_s"], snr=at(noise.snr),
-        significance=at(noise.significance), threshold=threshold[pick], margin=at(margin), floor_margin=floor.max(axis=1),
-        longest_exposure_s=kept["longest"], core_throughput=metrics.core_throughput(*diagonal(fine))[pick],
-    )  # fmt: skip
+        band=np.full(len(targets), band),
+        separation_arcsec=fine[pick],
+        contrast=at(contrast),
+        exposure_s=kept["exposure_s"],
+        n_frames=kept["n_frames"],
+        em_gain=kept["em_gain"],
+        time_s=kept["time_s"],
+        snr=at(noise.snr),
+        significance=at(noise.significance),
+        threshold=threshold[pick],
+        margin=at(margin),
+        floor_margin=floor.max(axis=1),
+        longest_exposure_s=kept["longest"],
+        core_throughput=metrics.core_throughput(*diagonal(fine))[pick],
+    )
 
 
 def _rates(

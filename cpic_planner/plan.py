@@ -85,29 +85,43 @@ class _Prepared:
 
 def _prepare(config: PlanConfig) -> _Prepared:
     model = build_model(config.instrument, config.bands, Strategy())
-    targets = rank_sample(v_mag_max=config.v_mag_max, dwarfs_only=config.dwarfs_only,
-                          singles_only=config.singles_only, companions=config.companions)  # fmt: skip
-    rank = rank_targets(model, targets, time_s=config.time_s, planet=config.planet,
-                        sample=sample_text(config.v_mag_max, config.dwarfs_only, config.singles_only))  # fmt: skip
+    targets = rank_sample(
+        v_mag_max=config.v_mag_max,
+        dwarfs_only=config.dwarfs_only,
+        singles_only=config.singles_only,
+        companions=config.companions,
+    )
+    rank = rank_targets(
+        model,
+        targets,
+        time_s=config.time_s,
+        planet=config.planet,
+        sample=sample_text(config.v_mag_max, config.dwarfs_only, config.singles_only),
+    )
     chosen = [row for row in rank.targets if row.status != "saturated"][: config.top]
     index = {str(name): i for i, name in enumerate(targets.name)}
     stars = [targets.select([index[row.name]]) for row in chosen]
-    tasks, refused = _tasks(model, stars, chosen, time_s=config.time_s, planet=config.planet, seed=config.seed,
-                            fidelity=config.fidelity)  # fmt: skip
+    tasks, refused = _tasks(
+        model, stars, chosen, time_s=config.time_s, planet=config.planet, seed=config.seed, fidelity=config.fidelity
+    )
     return _Prepared(model, rank, chosen, tasks, refused)
 
 
 def _tasks(
-    model: EtcModel, stars: Sequence[Targets], rows: Sequence[RankedTarget], *, time_s: float, planet: ReferencePlanet,
-    seed: int, fidelity: str,
-) -> tuple[list[ConfirmTask], dict[tuple[str, str], BandConfirmation]]:  # fmt: skip
+    model: EtcModel,
+    stars: Sequence[Targets],
+    rows: Sequence[RankedTarget],
+    *,
+    time_s: float,
+    planet: ReferencePlanet,
+    seed: int,
+    fidelity: str,
+) -> tuple[list[ConfirmTask], dict[tuple[str, str], BandConfirmation]]:
     """Work to do, and the bands that need none because the answer is already a refusal."""
     tasks, refused = [], {}
     for star, row in zip(stars, rows, strict=True):
         for band in model.bands:
-            ready = prepare_task(
-                model, star, band, time_s=time_s, planet=planet, seed=seed, fidelity=fidelity
-            )
+            ready = prepare_task(model, star, band, time_s=time_s, planet=planet, seed=seed, fidelity=fidelity)
             if isinstance(ready, BandConfirmation):
                 refused[(row.name, band)] = ready
             else:
@@ -116,9 +130,15 @@ def _tasks(
 
 
 def confirm_stars(
-    model: EtcModel, stars: Sequence[Targets], *, time_s: float, planet: ReferencePlanet, seed: int, fidelity: str,
+    model: EtcModel,
+    stars: Sequence[Targets],
+    *,
+    time_s: float,
+    planet: ReferencePlanet,
+    seed: int,
+    fidelity: str,
     workers: int = 1,
-) -> list[ConfirmedTarget]:  # fmt: skip
+) -> list[ConfirmedTarget]:
     """Confirm single stars without an output folder; see `cpic_planner.confirm_targets`."""
     rows = [rank_targets(model, star, time_s=time_s, planet=planet).targets[0] for star in stars]
     tasks, refused = _tasks(model, stars, rows, time_s=time_s, planet=planet, seed=seed, fidelity=fidelity)
@@ -129,8 +149,13 @@ def confirm_stars(
 
 def plan_hash(config: PlanConfig, rank: RankResult) -> str:
     """Hash of everything that decides the plan: configuration, catalogue, results version."""
-    tree = {"kind": "plan", "results": RESULT_VERSION, "config": config.model_dump(mode="json"), "rank": rank.config_hash,
-            "catalogue": rank.catalogue}  # fmt: skip
+    tree = {
+        "kind": "plan",
+        "results": RESULT_VERSION,
+        "config": config.model_dump(mode="json"),
+        "rank": rank.config_hash,
+        "catalogue": rank.catalogue,
+    }
     return content_hash(tree)
 
 
@@ -142,9 +167,13 @@ def estimate_cost(config: PlanConfig, *, workers: int = 1) -> dict[str, float]:
     wall = 4.0 + (0.7 * len(prepared.tasks) + 4e-3 * frames) / min(workers, max(len(prepared.tasks), 1))
     largest = max((task.n_frames for task in prepared.tasks), default=0)
     return {
-        "n_targets": len(prepared.chosen), "n_tasks": len(prepared.tasks), "n_frames": frames, "wall_s": wall,
-        "memory_mb": 250.0 + 2 * largest * pixels * 8 * 3 / 1e6, "disk_mb": 1.0 + 0.35 * len(prepared.tasks),
-    }  # fmt: skip
+        "n_targets": len(prepared.chosen),
+        "n_tasks": len(prepared.tasks),
+        "n_frames": frames,
+        "wall_s": wall,
+        "memory_mb": 250.0 + 2 * largest * pixels * 8 * 3 / 1e6,
+        "disk_mb": 1.0 + 0.35 * len(prepared.tasks),
+    }
 
 
 def make_plan(
@@ -192,11 +221,18 @@ def make_plan(
         plan = _assemble(config, prepared, digest, bodies)
         _write(folder, plan, prepared, bodies)
         record = RunRecord(
-            command=command or [], config_hash=digest, started_utc=started.isoformat(timespec="seconds"),
-            finished_utc=datetime.now(UTC).isoformat(timespec="seconds"), wall_s=round(time.monotonic() - clock, 3),
-            workers=workers, scheduler=scheduler, resumed_parts=resumed, computed_parts=len(prepared.tasks) - resumed,
-            host=_host(), versions=_versions(),
-        )  # fmt: skip
+            command=command or [],
+            config_hash=digest,
+            started_utc=started.isoformat(timespec="seconds"),
+            finished_utc=datetime.now(UTC).isoformat(timespec="seconds"),
+            wall_s=round(time.monotonic() - clock, 3),
+            workers=workers,
+            scheduler=scheduler,
+            resumed_parts=resumed,
+            computed_parts=len(prepared.tasks) - resumed,
+            host=_host(),
+            versions=_versions(),
+        )
         folder.write("run.json", dump_json(record.model_dump(mode="json")))
     return FinishedPlan(plan, prepared.rank, resumed, len(prepared.tasks) - resumed)
 
@@ -228,17 +264,17 @@ def _confirm_all(
 
 
 def _confirmed(
-    model: EtcModel, row: RankedTarget, refused: dict[tuple[str, str], BandConfirmation],
+    model: EtcModel,
+    row: RankedTarget,
+    refused: dict[tuple[str, str], BandConfirmation],
     bodies: dict[tuple[str, str], dict[str, Any]],
-) -> ConfirmedTarget:  # fmt: skip
+) -> ConfirmedTarget:
     """One target's bands in order, and the best of them."""
     bands = []
     for band in model.bands:
         body = bodies.get((row.name, band))
         bands.append(
-            refused[(row.name, band)]
-            if body is None
-            else BandConfirmation.model_validate(body["confirmation"])
+            refused[(row.name, band)] if body is None else BandConfirmation.model_validate(body["confirmation"])
         )
 
     def margin(band: BandConfirmation) -> float:
@@ -246,8 +282,14 @@ def _confirmed(
 
     # One realisation ranks bands by chance where they are close: the images veto, the prediction orders.
     best = max((band for band in bands if band.detected), key=margin, default=None)
-    return ConfirmedTarget(name=row.name, hip=row.hip, ranked=row, planet_distance_au=row.ref_planet_distance_au,
-                           chosen_band=best.band if best else None, bands=bands)  # fmt: skip
+    return ConfirmedTarget(
+        name=row.name,
+        hip=row.hip,
+        ranked=row,
+        planet_distance_au=row.ref_planet_distance_au,
+        chosen_band=best.band if best else None,
+        bands=bands,
+    )
 
 
 def _assemble(
@@ -256,13 +298,25 @@ def _assemble(
     confirmed = [_confirmed(prepared.model, row, prepared.refused, bodies) for row in prepared.chosen]
     strategy = prepared.model.strategy
     return PlanResult(
-        version=__version__, config_hash=digest, seed=config.seed, fidelity=config.fidelity, instrument=config.instrument.name,
-        time_s=config.time_s, sigma=strategy.sigma, reference_library=strategy.library, rdi_modes=strategy.n_modes, companions=config.companions,
-        reference_planet=planet_record(config.planet), catalogue=prepared.rank.catalogue, sample=prepared.rank.sample,
-        n_ranked=len(prepared.rank.targets), counts=prepared.rank.counts,
+        version=__version__,
+        config_hash=digest,
+        seed=config.seed,
+        fidelity=config.fidelity,
+        instrument=config.instrument.name,
+        time_s=config.time_s,
+        sigma=strategy.sigma,
+        reference_library=strategy.library,
+        rdi_modes=strategy.n_modes,
+        companions=config.companions,
+        reference_planet=planet_record(config.planet),
+        catalogue=prepared.rank.catalogue,
+        sample=prepared.rank.sample,
+        n_ranked=len(prepared.rank.targets),
+        counts=prepared.rank.counts,
         calibration=asdict(calibrate([band for target in confirmed for band in target.bands])),
-        not_modelled=not_modelled(), targets=confirmed,
-    )  # fmt: skip
+        not_modelled=not_modelled(),
+        targets=confirmed,
+    )
 
 
 def _write(
@@ -275,8 +329,12 @@ def _write(
 
 
 def _host() -> dict[str, Any]:
-    return {"system": platform.system(), "machine": platform.machine(), "python": platform.python_version(),
-            "cpu_count": os.cpu_count()}  # fmt: skip
+    return {
+        "system": platform.system(),
+        "machine": platform.machine(),
+        "python": platform.python_version(),
+        "cpu_count": os.cpu_count(),
+    }
 
 
 def _versions() -> dict[str, str]:

@@ -78,9 +78,7 @@ def _digest(body: Any) -> str:
 
 
 @contextlib.contextmanager
-def open_run_folder(
-    path: str | Path, *, kind: str, config_hash: str, force: bool = False
-) -> Iterator[RunFolder]:
+def open_run_folder(path: str | Path, *, kind: str, config_hash: str, force: bool = False) -> Iterator[RunFolder]:
     """Open an output folder for one run.
 
     Parameters
@@ -106,16 +104,9 @@ def open_run_folder(
         if not os.access(folder, os.W_OK):
             raise PermissionError(13, "not writable")
     except OSError as error:
-        raise InputError(
-            "--out", str(folder), allowed="a writable folder", hint=error.strerror or ""
-        ) from None
+        raise InputError("--out", str(folder), allowed="a writable folder", hint=error.strerror or "") from None
     foreign = [p.name for p in folder.iterdir() if not p.name.startswith(".")]
-    if (
-        foreign
-        and not (folder / "manifest.json").exists()
-        and not (folder / "run.lock").exists()
-        and not force
-    ):
+    if foreign and not (folder / "manifest.json").exists() and not (folder / "run.lock").exists() and not force:
         raise InputError("--out", str(folder), allowed="an empty folder or one of an earlier run",
                          hint=f"it holds {sorted(foreign)[0]}; --force writes there all the same")  # fmt: skip
     with contextlib.ExitStack() as stack:

@@ -86,12 +86,24 @@ def targets_from_table(table: StarTable, *, companions: Literal["on", "off"] = "
             names.append("companion_light_unknown")
         flags.append(tuple(names))
     return Targets(
-        name=text("name"), hip=np.asarray(table.column("hip"), np.int64), sp_type=text("sp_type"), ra_deg=number("ra_deg"), dec_deg=number("dec_deg"),
-        distance_pc=number("distance_pc"), v_mag=number("v_mag"), teff_k=number("teff_k"), log_g=number("log_g"),
-        metallicity=number("metallicity"), luminosity_lsun=number("luminosity_lsun"),
-        companion_separation_arcsec=number("companion_sep_arcsec"), companion_pa_deg=number("companion_pa_deg"),
-        companion_v_mag=companion_v, companion_teff_k=number("teff_k"), flags=tuple(flags), companions=companions,
-    )  # fmt: skip
+        name=text("name"),
+        hip=np.asarray(table.column("hip"), np.int64),
+        sp_type=text("sp_type"),
+        ra_deg=number("ra_deg"),
+        dec_deg=number("dec_deg"),
+        distance_pc=number("distance_pc"),
+        v_mag=number("v_mag"),
+        teff_k=number("teff_k"),
+        log_g=number("log_g"),
+        metallicity=number("metallicity"),
+        luminosity_lsun=number("luminosity_lsun"),
+        companion_separation_arcsec=number("companion_sep_arcsec"),
+        companion_pa_deg=number("companion_pa_deg"),
+        companion_v_mag=companion_v,
+        companion_teff_k=number("teff_k"),
+        flags=tuple(flags),
+        companions=companions,
+    )
 
 
 def rank_sample(
@@ -155,8 +167,6 @@ def load_targets(source: str = "snapshot", **cuts: Any) -> pd.DataFrame:
             raise InputError(key, cuts[key], allowed="no such cut", hint=f"known cuts: {', '.join(known)}")
     targets = rank_sample(**cuts)
     columns = {
-        item.name: getattr(targets, item.name)
-        for item in fields(targets)
-        if item.name not in ("flags", "companions")
+        item.name: getattr(targets, item.name) for item in fields(targets) if item.name not in ("flags", "companions")
     }
     return pd.DataFrame(columns | {"flags": ["|".join(flags) for flags in targets.flags]})

@@ -20,12 +20,29 @@ if TYPE_CHECKING:
     from simulator.target.sources import spectrum_generator
 
 _HOME = {
-    "Instrument": "config", "Planet": "config", "Scene": "config", "SceneStar": "config", "load_instrument": "config",
-    "load_scene": "config", "Psf": "imaging.psf", "single_band_psf": "imaging.psf", "Knobs": "knobs",
-    "Observation": "observe", "observe": "observe", "NotOk": "outcome", "Outcome": "outcome", "Reason": "outcome",
-    "Status": "outcome", "Passbands": "passbands", "stream": "rng", "lambert_phase": "target", "planet_albedo": "target",
-    "planet_contrast": "target", "star_photlam": "target", "spectrum_generator": "target.sources",
-}  # fmt: skip
+    "Instrument": "config",
+    "Planet": "config",
+    "Scene": "config",
+    "SceneStar": "config",
+    "load_instrument": "config",
+    "load_scene": "config",
+    "Psf": "imaging.psf",
+    "single_band_psf": "imaging.psf",
+    "Knobs": "knobs",
+    "Observation": "observe",
+    "observe": "observe",
+    "NotOk": "outcome",
+    "Outcome": "outcome",
+    "Reason": "outcome",
+    "Status": "outcome",
+    "Passbands": "passbands",
+    "stream": "rng",
+    "lambert_phase": "target",
+    "planet_albedo": "target",
+    "planet_contrast": "target",
+    "star_photlam": "target",
+    "spectrum_generator": "target.sources",
+}
 
 __all__ = [
     "Instrument",

@@ -134,18 +134,14 @@ def check_covers(what: str, wavelength_nm: np.ndarray, band: Band) -> None:
     low, high = band.support_nm
     if wavelength_nm[0] > low or wavelength_nm[-1] < high:
         span = f"{wavelength_nm[0]:g}-{wavelength_nm[-1]:g}"
-        raise InputError(
-            f"{what} range", span, unit="nm", allowed=f"all of band {band.name}, {low:g}-{high:g} nm"
-        )
+        raise InputError(f"{what} range", span, unit="nm", allowed=f"all of band {band.name}, {low:g}-{high:g} nm")
 
 
 def check_table(what: str, wavelength_nm: ArrayLike, values: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
     """Return two float64 columns; refuse unequal shapes, unsorted wavelengths, bad values."""
     wavelength, column = np.asarray(wavelength_nm, dtype=np.float64), np.asarray(values, dtype=np.float64)
     if wavelength.ndim != 1 or wavelength.shape != column.shape or wavelength.size < 2:
-        raise InputError(
-            what, f"shapes {wavelength.shape}, {column.shape}", allowed="two equal columns of >= 2 rows"
-        )
+        raise InputError(what, f"shapes {wavelength.shape}, {column.shape}", allowed="two equal columns of >= 2 rows")
     if not np.all(np.diff(wavelength) > 0.0):
         raise InputError(f"{what} wavelength", "not increasing", unit="nm", allowed="strictly increasing")
     if not (np.all(np.isfinite(column)) and column.min() >= 0.0):

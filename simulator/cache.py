@@ -59,7 +59,7 @@ def get_arrays(key: str) -> dict[str, np.ndarray] | None:
 def put_arrays(key: str, arrays: Mapping[str, np.ndarray]) -> None:
     """Store arrays whole; an unwritable cache folder is a warning, not a failure."""
     buffer = io.BytesIO()
-    np.savez(buffer, **dict(arrays))
+    np.savez(buffer, **dict(arrays))  # type: ignore[arg-type]
     payload = buffer.getvalue()
     path = _entry(key)
     try:
@@ -82,9 +82,7 @@ def compute_once(key: str, compute: Callable[[], Mapping[str, np.ndarray]]) -> d
             cache_dir().mkdir(parents=True, exist_ok=True)
             stack.enter_context(exclusive_lock(_entry(key).with_suffix(".lock")))
         except OSError as error:
-            _LOG.warning(
-                "cache folder %s cannot be locked (%s): going on without", cache_dir(), error.strerror
-            )
+            _LOG.warning("cache folder %s cannot be locked (%s): going on without", cache_dir(), error.strerror)
         found = get_arrays(key)
         if found is None:
             found = {name: np.asarray(array) for name, array in compute().items()}

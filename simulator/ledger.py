@@ -39,7 +39,10 @@ _SKIPPED = (
     ),
     ("pointing jitter", "not modelled"),
     ("cosmic rays", "not modelled; frames are kept short enough that few are lost"),
-    ("blooming and register tails", "the settings keep the central star from blooming or trailing into the hole; elsewhere charge is cut off"),
+    (
+        "blooming and register tails",
+        "the settings keep the central star from blooming or trailing into the hole; elsewhere charge is cut off",
+    ),
     ("charge transfer, flat field, bad pixels, bias structure", "not modelled"),
     (
         "exozodiacal light and position-dependent zodiacal light",
@@ -71,9 +74,7 @@ def effect_ledger(scene: Scene, instrument: Instrument) -> tuple[EffectRow, ...]
     if scene.stars:
         on = scene.companions == "on"
         rows.append(
-            EffectRow(
-                "light of companions", "kept" if on else "skipped", "own PSF wings" if on else "switched off"
-            )
+            EffectRow("light of companions", "kept" if on else "skipped", "own PSF wings" if on else "switched off")
         )
     rows += [EffectRow(effect, "skipped", reason) for effect, reason in _SKIPPED]
     return tuple(rows)

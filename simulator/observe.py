@@ -136,8 +136,12 @@ class Observation:
         """
         size = 2 * self.n_frames * self.shape[0] * self.shape[1]
         if size > MAX_STACK_BYTES:
-            raise InputError("n_frames", self.n_frames, allowed=f"{MAX_STACK_BYTES / 1e9:g} GB of frames at once",
-                             hint="use iter_frames()")  # fmt: skip
+            raise InputError(
+                "n_frames",
+                self.n_frames,
+                allowed=f"{MAX_STACK_BYTES / 1e9:g} GB of frames at once",
+                hint="use iter_frames()",
+            )
         return np.stack(list(self.iter_frames()))
 
     @property
@@ -145,22 +149,33 @@ class Observation:
         """Keywords of the sequence."""
         detector = self.instrument.detector
         return {
-            "TELESCOP": "CSST", "INSTRUME": "CPIC", "OBJECT": self.scene.name, "FILTER": self.band, "ROLE": self.role,
-            "EXPTIME": self.exposure_s, "NFRAME": self.n_frames, "EMGAIN": self.em_gain, "GAIN": detector.gain_e_adu,
-            "RDNOISE": detector.read_noise_e, "BIASLEV": detector.bias_adu, "PIXSCALE": detector.pixel_scale_arcsec,
-            "ROLL": self.roll_deg, "SEED": self.seed, "CONFHASH": self.instrument.content_hash,
-        }  # fmt: skip
+            "TELESCOP": "CSST",
+            "INSTRUME": "CPIC",
+            "OBJECT": self.scene.name,
+            "FILTER": self.band,
+            "ROLE": self.role,
+            "EXPTIME": self.exposure_s,
+            "NFRAME": self.n_frames,
+            "EMGAIN": self.em_gain,
+            "GAIN": detector.gain_e_adu,
+            "RDNOISE": detector.read_noise_e,
+            "BIASLEV": detector.bias_adu,
+            "PIXSCALE": detector.pixel_scale_arcsec,
+            "ROLL": self.roll_deg,
+            "SEED": self.seed,
+            "CONFHASH": self.instrument.content_hash,
+        }
 
 
 def _stamp_slices(instrument: Instrument, side: int) -> tuple[slice, slice, tuple[slice, slice]]:
     """Where a star-centred stamp lies on the detector, and the part of it that does."""
     detector, half = instrument.detector, side // 2
     rows = slice(max(detector.star_row - half, 0), min(detector.star_row + half + 1, detector.n_rows))
-    columns = slice(
-        max(detector.star_column - half, 0), min(detector.star_column + half + 1, detector.n_columns)
+    columns = slice(max(detector.star_column - half, 0), min(detector.star_column + half + 1, detector.n_columns))
+    inside = (
+        slice(rows.start - detector.star_row + half, rows.stop - detector.star_row + half),
+        slice(columns.start - detector.star_column + half, columns.stop - detector.star_column + half),
     )
-    inside = (slice(rows.start - detector.star_row + half, rows.stop - detector.star_row + half),
-              slice(columns.start - detector.star_column + half, columns.stop - detector.star_column + half))  # fmt: skip
     return rows, columns, inside
 
 
@@ -233,15 +248,21 @@ def observe(
     cadence = exposure_s + detector.readout_s
     epochs = min(n_frames, MAX_EPOCHS)
     path = (scene.name, role, band, realisation)
-    stamps = visit_frames(psf.imager, instrument.drift, epochs, cadence * n_frames / epochs,
-                          stream(seed, *path, "visit"), stream(seed, *path, "walk"))  # fmt: skip
+    stamps = visit_frames(
+        psf.imager,
+        instrument.drift,
+        epochs,
+        cadence * n_frames / epochs,
+        stream(seed, *path, "visit"),
+        stream(seed, *path, "walk"),
+    )
     side = psf.on_axis.shape[0]
     static = np.zeros((side, side)) if window == "hole" else np.zeros((detector.n_rows, detector.n_columns))
     passbands = Passbands.from_instrument(instrument)
     sky = float(
-        passbands.sky_rate_e_s_arcsec2(
-            instrument.sky.brightness_v_mag_arcsec2, instrument.telescope.area_cm2
-        )[passbands.index(band)]
+        passbands.sky_rate_e_s_arcsec2(instrument.sky.brightness_v_mag_arcsec2, instrument.telescope.area_cm2)[
+            passbands.index(band)
+        ]
     )
     sky *= detector.pixel_scale_arcsec**2 * psf.metrics.apodizer_energy
     if window == "hole":
@@ -260,10 +281,23 @@ def observe(
         tuple(centre[1] + source.y_arcsec / detector.pixel_scale_arcsec for source in sources),
     )
     return Observation(
-        scene=scene, instrument=instrument, band=band, exposure_s=float(exposure_s), n_frames=int(n_frames),
-        em_gain=float(em_gain), seed=seed, role=role, realisation=realisation, window=window, roll_deg=roll_deg, psf=psf,
-        truth=truth, ledger=effect_ledger(scene, instrument), static_rate_e_s=static, star_stamps=stamps,
-    )  # fmt: skip
+        scene=scene,
+        instrument=instrument,
+        band=band,
+        exposure_s=float(exposure_s),
+        n_frames=int(n_frames),
+        em_gain=float(em_gain),
+        seed=seed,
+        role=role,
+        realisation=realisation,
+        window=window,
+        roll_deg=roll_deg,
+        psf=psf,
+        truth=truth,
+        ledger=effect_ledger(scene, instrument),
+        static_rate_e_s=static,
+        star_stamps=stamps,
+    )
 
 
 def _check(
@@ -286,8 +320,6 @@ def _check(
     if not 1.0 <= em_gain <= instrument.detector.em_gain_max:
         raise InputError("em_gain", em_gain, allowed=f"1 to {instrument.detector.em_gain_max:g}")
     if tolerance != 0:
-        raise InputError(
-            "tolerance", tolerance, allowed="0", hint="trading error for speed is not implemented yet"
-        )
+        raise InputError("tolerance", tolerance, allowed="0", hint="trading error for speed is not implemented yet")
     if window not in ("full", "hole"):
         raise InputError("window", window, allowed="full, hole")

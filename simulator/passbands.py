@@ -208,9 +208,7 @@ class Passbands:
         table = load_albedo(albedo) if isinstance(albedo, str) else albedo
         return np.array([band.support_nm[1] > table.documented_to_nm for band in self.bands])
 
-    def wavelength_nodes(
-        self, name: str, n: int, *, spectrum: Spectrum | None = None
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def wavelength_nodes(self, name: str, n: int, *, spectrum: Spectrum | None = None) -> tuple[np.ndarray, np.ndarray]:
         """Return Gauss-Legendre wavelengths over a band and weights that average over the detected photons.
 
         The weights integrate every polynomial up to degree n - 1 exactly against filter x QE x photon
@@ -270,9 +268,7 @@ def _band(name: str, config: BandConfig) -> Band:
     band = Band(name, *numbers)
     if config.transmission_file is None:
         return band
-    read = band_from_file(
-        config.transmission_file, name, t_opt=config.t_opt, qe=config.qe, camera=config.camera
-    )
+    read = band_from_file(config.transmission_file, name, t_opt=config.t_opt, qe=config.qe, camera=config.camera)
     return replace(band, curve=read.curve)
 
 

@@ -17,16 +17,14 @@ app = typer.Typer(
 
 @app.command("info")
 def info(as_json: JsonOption = False) -> None:
-    """Show folder, entries and size. Example: cpic cache info"""
+    """Show folder, entries and size (example: cpic cache info)."""
     from simulator.cache import cache_info
     from simulator.files import dump_json
 
     found = cache_info()
     if as_json:
         sys.stdout.write(
-            dump_json(
-                {"folder": str(found.folder), "n_entries": found.n_entries, "size_bytes": found.size_bytes}
-            )
+            dump_json({"folder": str(found.folder), "n_entries": found.n_entries, "size_bytes": found.size_bytes})
         )
     else:
         typer.echo(
@@ -36,7 +34,7 @@ def info(as_json: JsonOption = False) -> None:
 
 @app.command("clear")
 def clear() -> None:
-    """Remove every entry. Example: cpic cache clear"""
+    """Remove every entry (example: cpic cache clear)."""
     from simulator.cache import clear_cache
 
     was = clear_cache()

@@ -26,7 +26,6 @@ def info(as_json: JsonOption = False) -> None:
     Example: cpic catalog info
     """
     from catalogs.info import catalogue_info
-
     from simulator.files import dump_json
 
     found = catalogue_info()

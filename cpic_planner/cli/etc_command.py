@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -42,9 +42,7 @@ def etc(
     target: Annotated[
         str, typer.Argument(help='Star: "HIP 8102", "tau Cet", "alpha Cen B", "HD 10700", "61 Cyg A" ...')
     ],
-    snr: Annotated[
-        float | None, typer.Option("--snr", help="Ask for the wall time that reaches this SNR.")
-    ] = None,
+    snr: Annotated[float | None, typer.Option("--snr", help="Ask for the wall time that reaches this SNR.")] = None,
     time_s: Annotated[
         float | None,
         typer.Option(
@@ -109,28 +107,22 @@ def etc(
         {"--separation-arcsec": separation_arcsec, "--semi-major-axis-au": semi_major_axis_au},
         "both place the planet",
     )
-    _refuse_together(
-        {"--contrast-limit": contrast_limit or None, "--contrast": contrast}, "the limit is the answer"
-    )
+    _refuse_together({"--contrast-limit": contrast_limit or None, "--contrast": contrast}, "the limit is the answer")
     if frames is not None and exposure_s is None:
         raise InputError("--frames", frames, allowed="together with --exposure-s")
     star, note = find_target(target, companions=companions.value)
     if distance_pc is not None:
-        star = replace(
-            star, distance_pc=np.array([check_range("--distance-pc", distance_pc, 0.01, 1e5, "pc")])
-        )
+        star = replace(star, distance_pc=np.array([check_range("--distance-pc", distance_pc, 0.01, 1e5, "pc")]))
     model = build_model(load_instrument(instrument), bands)
     planet = planet_from(radius_rjup, phase_deg, albedo)
     if semi_major_axis_au is not None:
         check_range("--semi-major-axis-au", semi_major_axis_au, 1e-3, 1e5, "au")
-        separation_arcsec = (
-            semi_major_axis_au * math.sin(math.radians(phase_deg)) / float(star.distance_pc[0])
-        )
+        separation_arcsec = semi_major_axis_au * math.sin(math.radians(phase_deg)) / float(star.distance_pc[0])
     wall = DEFAULT_TIME_S if time_s is None else time_s
     if frames is not None and exposure_s is not None:
         wall = model.instrument.overhead_s + frames * model.frame_pace_s(exposure_s)
     places = best_separations(model, star, separation_arcsec, time_s=wall, planet=planet)
-    fixed = {"exposure_s": exposure_s, "em_gain": em_gain}
+    fixed: dict[str, Any] = {"exposure_s": exposure_s, "em_gain": em_gain}
     answers = []
     for band, place in places.items():
         if contrast_limit:
@@ -138,7 +130,12 @@ def etc(
                 model, star, time_s=wall, separation_arcsec=place, bands=[band], **fixed
             )
             continue
-        asked = {"separation_arcsec": place, "bands": [band], "planet": planet, "contrast": contrast} | fixed
+        asked: dict[str, Any] = {
+            "separation_arcsec": place,
+            "bands": [band],
+            "planet": planet,
+            "contrast": contrast,
+        } | fixed
         if snr is not None:
             answers += questions.exposure_time(model, star, snr=snr, **asked)
         else:

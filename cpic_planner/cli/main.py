@@ -46,13 +46,9 @@ def _version(wanted: bool) -> None:
 def root(
     version: Annotated[
         bool,
-        typer.Option(
-            "--version", callback=_version, is_eager=True, help="Show version, data vintage and owner."
-        ),
+        typer.Option("--version", callback=_version, is_eager=True, help="Show version, data vintage and owner."),
     ] = False,
-    verbose: Annotated[
-        int, typer.Option("-v", "--verbose", count=True, help="More messages (twice: debug).")
-    ] = 0,
+    verbose: Annotated[int, typer.Option("-v", "--verbose", count=True, help="More messages (twice: debug).")] = 0,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Errors only, no progress.")] = False,
 ) -> None:
     """Set the level of messages for every command."""

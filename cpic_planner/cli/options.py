@@ -53,9 +53,7 @@ BandOption: TypeAlias = Annotated[
 ]
 TimeOption: TypeAlias = Annotated[
     float,
-    typer.Option(
-        "--time-s", help="Wall time per target and band in s, readouts and reference frames included."
-    ),
+    typer.Option("--time-s", help="Wall time per target and band in s, readouts and reference frames included."),
 ]
 InstrumentOption: TypeAlias = Annotated[
     str | None,
@@ -67,22 +65,14 @@ CompanionsOption: TypeAlias = Annotated[
 RadiusOption: TypeAlias = Annotated[
     float, typer.Option("--planet-radius-rjup", help="Planet radius in R_J = 71 492 km.")
 ]
-PhaseOption: TypeAlias = Annotated[
-    float, typer.Option("--phase-deg", help="Phase angle, above 0 and below 180 deg.")
-]
+PhaseOption: TypeAlias = Annotated[float, typer.Option("--phase-deg", help="Phase angle, above 0 and below 180 deg.")]
 AlbedoOption: TypeAlias = Annotated[
     str, typer.Option("--albedo", help="Geometric-albedo template: jupiter, saturn, uranus, neptune.")
 ]
-DwarfsOption: TypeAlias = Annotated[
-    bool, typer.Option("--dwarfs", help="Dwarfs only (luminosity class V or IV-V).")
-]
-SinglesOption: TypeAlias = Annotated[
-    bool, typer.Option("--singles", help="Stars without a close companion only.")
-]
+DwarfsOption: TypeAlias = Annotated[bool, typer.Option("--dwarfs", help="Dwarfs only (luminosity class V or IV-V).")]
+SinglesOption: TypeAlias = Annotated[bool, typer.Option("--singles", help="Stars without a close companion only.")]
 VMaxOption: TypeAlias = Annotated[float, typer.Option("--v-mag-max", help="Faintest V magnitude.")]
-FidelityOption: TypeAlias = Annotated[
-    Tier, typer.Option("--fidelity", help="Speed against accuracy of the images.")
-]
+FidelityOption: TypeAlias = Annotated[Tier, typer.Option("--fidelity", help="Speed against accuracy of the images.")]
 
 
 def planet_from(radius_rjup: float, phase_deg: float, albedo: str) -> ReferencePlanet:

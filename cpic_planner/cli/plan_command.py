@@ -47,9 +47,7 @@ Examples:
 
 
 def plan(
-    top: Annotated[
-        int, typer.Option("--top", min=1, max=1000, help="How many targets to confirm with images.")
-    ] = 5,
+    top: Annotated[int, typer.Option("--top", min=1, max=1000, help="How many targets to confirm with images.")] = 5,
     bands: BandOption = None,
     time_s: TimeOption = DEFAULT_TIME_S,
     dwarfs: DwarfsOption = False,
@@ -63,16 +61,10 @@ def plan(
     fidelity: FidelityOption = Tier.STANDARD,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of every random number.")] = 1,
     workers: Annotated[int, typer.Option("--workers", min=1, max=256, help="Local worker processes.")] = 1,
-    scheduler: Annotated[
-        str | None, typer.Option("--scheduler", help="Dask scheduler, tcp://host:port.")
-    ] = None,
+    scheduler: Annotated[str | None, typer.Option("--scheduler", help="Dask scheduler, tcp://host:port.")] = None,
     out: Annotated[Path, typer.Option("--out", help="Output folder.")] = Path("cpic-plan"),
-    force: Annotated[
-        bool, typer.Option("--force", help="Replace what another configuration left in --out.")
-    ] = False,
-    dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Estimate time, memory and disk, then stop.")
-    ] = False,
+    force: Annotated[bool, typer.Option("--force", help="Replace what another configuration left in --out.")] = False,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Estimate time, memory and disk, then stop.")] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Plan and print."""
@@ -80,10 +72,18 @@ def plan(
     from simulator.config import load_instrument
 
     config = PlanConfig(
-        instrument=load_instrument(instrument), top=top, bands=tuple(bands) if bands else None, time_s=time_s,
-        dwarfs_only=dwarfs, singles_only=singles, v_mag_max=v_mag_max, companions=companions.value,
-        planet=planet_from(radius_rjup, phase_deg, albedo), fidelity=fidelity.value, seed=seed,
-    )  # fmt: skip
+        instrument=load_instrument(instrument),
+        top=top,
+        bands=tuple(bands) if bands else None,
+        time_s=time_s,
+        dwarfs_only=dwarfs,
+        singles_only=singles,
+        v_mag_max=v_mag_max,
+        companions=companions.value,
+        planet=planet_from(radius_rjup, phase_deg, albedo),
+        fidelity=fidelity.value,
+        seed=seed,
+    )
     if dry_run:
         cost = estimate_cost(config, workers=workers)
         if as_json:
@@ -92,7 +92,7 @@ def plan(
             sys.stdout.write(dump_json(cost))
         else:
             typer.echo(
-                f"{cost['n_tasks']} images sets ({cost['n_targets']} targets x bands in reach), about {cost['wall_s']:.0f} s "
+                f"{cost['n_tasks']} image sets ({cost['n_targets']} targets x bands), about {cost['wall_s']:.0f} s "
                 f"with {workers} worker(s), {cost['memory_mb']:.0f} MB memory a worker, {cost['disk_mb']:.1f} MB disk"
             )
         return

@@ -43,9 +43,7 @@ Examples:
 def rank(
     bands: BandOption = None,
     time_s: TimeOption = DEFAULT_TIME_S,
-    limit: Annotated[
-        int, typer.Option("--limit", min=1, help="Rows to print (--json and --out hold all).")
-    ] = 20,
+    limit: Annotated[int, typer.Option("--limit", min=1, help="Rows to print (--json and --out hold all).")] = 20,
     dwarfs: DwarfsOption = False,
     singles: SinglesOption = False,
     v_mag_max: VMaxOption = 7.0,
@@ -54,9 +52,7 @@ def rank(
     phase_deg: PhaseOption = 90.0,
     albedo: AlbedoOption = "jupiter",
     instrument: InstrumentOption = None,
-    out: Annotated[
-        Path | None, typer.Option("--out", help="Also write all rows to FILE.csv or FILE.ecsv.")
-    ] = None,
+    out: Annotated[Path | None, typer.Option("--out", help="Also write all rows to FILE.csv or FILE.ecsv.")] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Rank and print."""
@@ -69,9 +65,7 @@ def rank(
     if out is not None and out.suffix not in (".csv", ".ecsv"):
         raise InputError("--out", str(out), allowed="a name that ends in .csv or .ecsv")
     model = build_model(load_instrument(instrument), bands)
-    targets = rank_sample(
-        v_mag_max=v_mag_max, dwarfs_only=dwarfs, singles_only=singles, companions=companions.value
-    )
+    targets = rank_sample(v_mag_max=v_mag_max, dwarfs_only=dwarfs, singles_only=singles, companions=companions.value)
     result = rank_targets(model, targets, time_s=time_s, planet=planet_from(radius_rjup, phase_deg, albedo),
                           sample=sample_text(v_mag_max, dwarfs, singles))  # fmt: skip
     if out is not None:
@@ -81,9 +75,7 @@ def rank(
         try:
             write_text(out, ranking_csv(result) if out.suffix == ".csv" else ranking_ecsv(result))
         except OSError as error:
-            raise InputError(
-                "--out", str(out), allowed="a writable file", hint=error.strerror or ""
-            ) from None
+            raise InputError("--out", str(out), allowed="a writable file", hint=error.strerror or "") from None
         note(f"wrote {len(result.targets)} rows to {out}")
     if as_json:
         print_json(result)

@@ -42,9 +42,7 @@ def longest_exposure_s(
         Seconds, without regard to ``exposure_max_s``; ``inf`` for dark pixels.
     """
     well = _largest_mean_e(detector.full_well_e, 1.0)
-    converter = (
-        detector.adc_max_adu - detector.bias_adu
-    ) * detector.gain_e_adu - N_SIGMA * detector.read_noise_e
+    converter = (detector.adc_max_adu - detector.bias_adu) * detector.gain_e_adu - N_SIGMA * detector.read_noise_e
     output = _largest_mean_e(min(detector.register_full_well_e, converter), 2.0)
     hole = np.asarray(peak_hole_e_s, float)
     column = np.maximum(np.asarray(peak_columns_e_s, float), hole)
@@ -72,7 +70,12 @@ def largest_gain(
 
 
 def frame_limit(
-    peak_columns_e_s: float, peak_hole_e_s: float, tail_e_s: float, exposure_s: float, em_gain: float, detector: Detector
+    peak_columns_e_s: float,
+    peak_hole_e_s: float,
+    tail_e_s: float,
+    exposure_s: float,
+    em_gain: float,
+    detector: Detector,
 ) -> Reason:
     """Which limit a frame breaks, `Reason.NONE` if none."""
     hole = str(binding_limit(peak_hole_e_s * exposure_s, em_gain, detector, N_SIGMA))

@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from simulator.imaging.metrics import PsfMetrics
-from simulator.imaging.store import psf_metrics
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from catalogs.errors import InputError
 from simulator.config import Instrument
+from simulator.imaging.metrics import PsfMetrics
+from simulator.imaging.store import psf_metrics
 from simulator.passbands import Passbands
 
 __all__ = ["EtcModel", "Strategy", "build_model"]
@@ -64,7 +63,9 @@ class EtcModel:
 
     def visit_s(self, time_s: ArrayLike) -> NDArray[np.float64]:
         """Length of the science visit in an observation of ``time_s`` of wall time."""
-        return np.maximum(np.asarray(time_s, float) - self.instrument.overhead_s, 0.0) / (1.0 + self.strategy.reference_ratio)
+        return np.maximum(np.asarray(time_s, float) - self.instrument.overhead_s, 0.0) / (
+            1.0 + self.strategy.reference_ratio
+        )
 
 
 def build_model(

@@ -29,9 +29,7 @@ class ReferencePlanet(FrozenModel):
     albedo: str = "jupiter"
 
 
-def reference_distance_au(
-    targets: Targets, separation_arcsec: FloatArray, planet: ReferencePlanet
-) -> FloatArray:
+def reference_distance_au(targets: Targets, separation_arcsec: FloatArray, planet: ReferencePlanet) -> FloatArray:
     """True star-planet distance in au, shape ``(n_star, n_separation)``; 1 arcsec at 1 pc is 1 au."""
     projected = targets.distance_pc[:, None] * np.atleast_1d(separation_arcsec)[None, :]
     return projected / np.sin(np.radians(planet.phase_deg))
@@ -40,11 +38,9 @@ def reference_distance_au(
 def reference_contrast(
     model: EtcModel, targets: Targets, band: str, separation_arcsec: FloatArray, planet: ReferencePlanet
 ) -> FloatArray:
-    """Contrast of the reference planet in one band, shape ``(n_star, n_separation)`` (``(n_separation,)`` for one star)."""
+    """Contrast of the reference planet in one band, ``(n_star, n_separation)``; ``(n_separation,)`` for one star."""
     distance = reference_distance_au(targets, separation_arcsec, planet)
     column = model.passbands.names.index(band)
-    albedo = model.passbands.band_albedo(planet.albedo, targets.teff_k, targets.log_g, targets.metallicity)[
-        :, column
-    ]
-    contrast = contrast_at(planet.radius_rjup, distance, planet.phase_deg, albedo[:, None])
+    albedo = model.passbands.band_albedo(planet.albedo, targets.teff_k, targets.log_g, targets.metallicity)[:, column]
+    contrast = np.asarray(contrast_at(planet.radius_rjup, distance, planet.phase_deg, albedo[:, None]))
     return contrast[0] if len(targets) == 1 else contrast

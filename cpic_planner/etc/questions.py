@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from catalogs.errors import InputError
 from cpic_planner.etc.limits import frame_limit
@@ -21,7 +22,15 @@ from cpic_planner.targets import Targets
 from simulator.config import Instrument
 from simulator.outcome import Reason, Status
 
-__all__ = ["EtcAnswer", "contrast_limit", "diagonal", "exposure_time", "locate", "signal_to_noise", "usable_range_arcsec"]
+__all__ = [
+    "EtcAnswer",
+    "contrast_limit",
+    "diagonal",
+    "exposure_time",
+    "locate",
+    "signal_to_noise",
+    "usable_range_arcsec",
+]
 
 MAX_TURNS = 200
 Question = Literal["exposure_time", "signal_to_noise", "contrast_limit"]
@@ -83,11 +92,12 @@ def usable_range_arcsec(instrument: Instrument, band: str) -> tuple[float, float
 def locate(instrument: Instrument, band: str, separation_arcsec: float) -> tuple[Status, Reason, str]:
     """Whether the aperture of a planet at a diagonal separation lies in the controlled zone of a band."""
     inner, outer = usable_range_arcsec(instrument, band)
+    place = f"{separation_arcsec:.3f} arcsec"
     if separation_arcsec < inner * (1.0 - 1e-9):
-        text = f"{separation_arcsec:.3f} arcsec: the aperture leaves the dark hole of {band} inside {inner:.3f} arcsec (diagonal)"
+        text = f"{place}: the aperture leaves the dark hole of {band} inside {inner:.3f} arcsec (diagonal)"
         return Status.OUTSIDE_FIELD, Reason.INSIDE_INNER_EDGE, text
     if separation_arcsec > outer * (1.0 + 1e-9):
-        text = f"{separation_arcsec:.3f} arcsec: the aperture leaves the dark hole of {band} outside {outer:.3f} arcsec (diagonal)"
+        text = f"{place}: the aperture leaves the dark hole of {band} outside {outer:.3f} arcsec (diagonal)"
         return Status.OUTSIDE_FIELD, Reason.OUTSIDE_OUTER_EDGE, text
     return Status.OK, Reason.NONE, ""
 
@@ -102,9 +112,16 @@ class _Case:
 
 
 def _cases(
-    model: EtcModel, target: Targets, bands: Sequence[str] | None, planet: ReferencePlanet, separation_arcsec: float,
-    contrast: float | None, question: Question, unit: str, visit_s: float,
-):  # fmt: skip
+    model: EtcModel,
+    target: Targets,
+    bands: Sequence[str] | None,
+    planet: ReferencePlanet,
+    separation_arcsec: float,
+    contrast: float | None,
+    question: Question,
+    unit: str,
+    visit_s: ArrayLike,
+) -> Iterator[_Case | EtcAnswer]:
     """Yield ready cases, or finished refusals for positions outside the zone."""
     if len(target) != 1:
         raise InputError("target", len(target), allowed="one star a question")
@@ -117,10 +134,15 @@ def _cases(
         given = contrast
         if given is None:
             given = float(reference_contrast(model, target, band, np.array([separation_arcsec]), planet)[0])
-        head = {
-            "target": str(target.name[0]), "band": band, "question": question, "unit": unit, "contrast": given,
-            "separation_arcsec": separation_arcsec, "flags": target.flags[0],
-        }  # fmt: skip
+        head: dict[str, Any] = {
+            "target": str(target.name[0]),
+            "band": band,
+            "question": question,
+            "unit": unit,
+            "contrast": given,
+            "separation_arcsec": separation_arcsec,
+            "flags": target.flags[0],
+        }
         status, reason, message = locate(model.instrument, band, separation_arcsec)
         if status is not Status.OK:
             yield EtcAnswer(value=None, status=status, reason=reason, message=message, **head)
@@ -136,11 +158,7 @@ def _cases(
 
 def check_range(key: str, value: float, low: float, high: float, unit: str) -> float:
     """Refuse a number that is not finite or not in [low, high]."""
-    if (
-        isinstance(value, bool)
-        or not isinstance(value, int | float | np.floating)
-        or not math.isfinite(value)
-    ):
+    if isinstance(value, bool) or not isinstance(value, int | float | np.floating) or not math.isfinite(value):
         raise InputError(key, value, unit=unit, allowed=f"a finite number from {low:g} to {high:g}")
     if not low <= value <= high:
         raise InputError(key, value, unit=unit, allowed=f"{low:g} to {high:g}")
@@ -152,16 +170,25 @@ def _filled(case: _Case, settings: Settings, value: float | None, **more: Any) -
     noise = settings.noise
     frames, exposure = int(settings.n_frames[0]), float(settings.exposure_s[0])
     budget = {
-        "signal_e": float(noise.signal_e[0]), "source_e2": float(noise.source_variance_e2[0]),
-        "background_e2": float(noise.background_variance_e2[0]), "detector_e2": float(noise.detector_variance_e2[0]),
+        "signal_e": float(noise.signal_e[0]),
+        "source_e2": float(noise.source_variance_e2[0]),
+        "background_e2": float(noise.background_variance_e2[0]),
+        "detector_e2": float(noise.detector_variance_e2[0]),
         "speckle_e2": float(noise.speckle_variance_e2[0]),
-    }  # fmt: skip
+    }
     fixed: dict[str, Any] = {"status": Status.OK, "reason": Reason.NONE, "message": ""}
     return EtcAnswer(
-        value=value, exposure_s=exposure, n_frames=frames, em_gain=float(settings.em_gain[0]),
-        integration_s=frames * exposure, time_s=float(settings.time_s[0]), snr=float(noise.snr[0]),
-        significance=float(noise.significance[0]), budget=budget, **(fixed | case.answer | more),
-    )  # fmt: skip
+        value=value,
+        exposure_s=exposure,
+        n_frames=frames,
+        em_gain=float(settings.em_gain[0]),
+        integration_s=frames * exposure,
+        time_s=float(settings.time_s[0]),
+        snr=float(noise.snr[0]),
+        significance=float(noise.significance[0]),
+        budget=budget,
+        **(fixed | case.answer | more),
+    )
 
 
 def _no_setting(
@@ -174,19 +201,26 @@ def _no_setting(
     limit = frame_limit(*peaks, shortest, em_gain or 1.0, detector)
     if limit is not Reason.NONE:
         longest = float(settings.longest_exposure_s[0])
-        text = f"a frame of {shortest:g} s at EM gain {em_gain or 1.0:g} saturates; at gain 1 up to {longest:.3g} s do not"
+        text = (
+            f"a frame of {shortest:g} s at EM gain {em_gain or 1.0:g} saturates; at gain 1 up to {longest:.3g} s do not"
+        )
         return EtcAnswer(value=None, status=Status.SATURATED, reason=limit, message=text, **case.answer)
     text = "the time does not hold one science frame with its share of reference frames"
-    return EtcAnswer(
-        value=None, status=Status.UNREACHABLE, reason=Reason.NO_TIME, message=text, **case.answer
-    )
+    return EtcAnswer(value=None, status=Status.UNREACHABLE, reason=Reason.NO_TIME, message=text, **case.answer)
 
 
 def signal_to_noise(
-    model: EtcModel, target: Targets, *, time_s: float, separation_arcsec: float, bands: Sequence[str] | None = None,
-    planet: ReferencePlanet | None = None, contrast: float | None = None, exposure_s: float | None = None,
+    model: EtcModel,
+    target: Targets,
+    *,
+    time_s: float,
+    separation_arcsec: float,
+    bands: Sequence[str] | None = None,
+    planet: ReferencePlanet | None = None,
+    contrast: float | None = None,
+    exposure_s: float | None = None,
     em_gain: float | None = None,
-) -> list[EtcAnswer]:  # fmt: skip
+) -> list[EtcAnswer]:
     """SNR of a planet in a given wall time, per band.
 
     Parameters
@@ -221,9 +255,16 @@ def signal_to_noise(
     _check_frame(model, exposure_s, em_gain)
     answers = []
     for case in _cases(
-        model, target, bands, planet or ReferencePlanet(), separation_arcsec, contrast, "signal_to_noise", "",
+        model,
+        target,
+        bands,
+        planet or ReferencePlanet(),
+        separation_arcsec,
+        contrast,
+        "signal_to_noise",
+        "",
         model.visit_s(time_s),
-    ):  # fmt: skip
+    ):
         if isinstance(case, EtcAnswer):
             answers.append(case)
             continue
@@ -236,10 +277,17 @@ def signal_to_noise(
 
 
 def exposure_time(
-    model: EtcModel, target: Targets, *, snr: float, separation_arcsec: float, bands: Sequence[str] | None = None,
-    planet: ReferencePlanet | None = None, contrast: float | None = None, exposure_s: float | None = None,
+    model: EtcModel,
+    target: Targets,
+    *,
+    snr: float,
+    separation_arcsec: float,
+    bands: Sequence[str] | None = None,
+    planet: ReferencePlanet | None = None,
+    contrast: float | None = None,
+    exposure_s: float | None = None,
     em_gain: float | None = None,
-) -> list[EtcAnswer]:  # fmt: skip
+) -> list[EtcAnswer]:
     """Least wall time that reaches an SNR, per band; ``unreachable`` below the speckle floor.
 
     Parameters as in `signal_to_noise`; ``snr`` from 1e-6 to 1e6. ``value`` is ``time_s``.
@@ -285,9 +333,16 @@ def _least_time(
 
 
 def contrast_limit(
-    model: EtcModel, target: Targets, *, time_s: float, separation_arcsec: float, bands: Sequence[str] | None = None,
-    sigma: float | None = None, exposure_s: float | None = None, em_gain: float | None = None,
-) -> list[EtcAnswer]:  # fmt: skip
+    model: EtcModel,
+    target: Targets,
+    *,
+    time_s: float,
+    separation_arcsec: float,
+    bands: Sequence[str] | None = None,
+    sigma: float | None = None,
+    exposure_s: float | None = None,
+    em_gain: float | None = None,
+) -> list[EtcAnswer]:
     """Faintest contrast detected in a given wall time, per band.
 
     Parameters as in `signal_to_noise`. With ``sigma`` the limit is at that plain significance; without it, at the
@@ -304,26 +359,46 @@ def contrast_limit(
     _check_frame(model, exposure_s, em_gain)
     answers = []
     for case in _cases(
-        model, target, bands, ReferencePlanet(), separation_arcsec, 1e-9, "contrast_limit", "contrast",
+        model,
+        target,
+        bands,
+        ReferencePlanet(),
+        separation_arcsec,
+        1e-9,
+        "contrast_limit",
+        "contrast",
         model.visit_s(time_s),
-    ):  # fmt: skip
+    ):
         if isinstance(case, EtcAnswer):
             answers.append(case)
             continue
         level = sigma if sigma is not None else case.threshold
         if not math.isfinite(level):
             text = "fewer than three resolution elements at this separation: no threshold is defined (give --sigma)"
-            answers.append(EtcAnswer(value=None, status=Status.UNREACHABLE, reason=Reason.TOO_FEW_ELEMENTS, message=text,
-                                     **(case.answer | {"contrast": None})))  # fmt: skip
+            answers.append(
+                EtcAnswer(
+                    value=None,
+                    status=Status.UNREACHABLE,
+                    reason=Reason.TOO_FEW_ELEMENTS,
+                    message=text,
+                    **(case.answer | {"contrast": None}),
+                )
+            )
             continue
         answers.append(_limit(model, target, case, level, time_s, separation_arcsec, exposure_s, em_gain))
     return answers
 
 
 def _limit(
-    model: EtcModel, target: Targets, case: _Case, level: float, time_s: float, separation_arcsec: float,
-    exposure_s: float | None, em_gain: float | None,
-) -> EtcAnswer:  # fmt: skip
+    model: EtcModel,
+    target: Targets,
+    case: _Case,
+    level: float,
+    time_s: float,
+    separation_arcsec: float,
+    exposure_s: float | None,
+    em_gain: float | None,
+) -> EtcAnswer:
     contrast, rates = 1e-9, case.rates
     x, y = diagonal(np.array([separation_arcsec]))
     for _ in range(3):
@@ -333,11 +408,24 @@ def _limit(
         contrast *= level / float(chosen.noise.significance[0])
         if contrast >= 1.0:
             text = "no contrast below 1 is detected"
-            return EtcAnswer(value=None, status=Status.UNREACHABLE, reason=Reason.INSUFFICIENT_TIME, message=text,
-                             **(case.answer | {"contrast": None}))  # fmt: skip
-        rates = aperture_rates(model, target, case.answer["band"], x, y, np.array([contrast]), visit_s=model.visit_s(time_s))
-    noise = stack_noise(rates, chosen.exposure_s, chosen.n_frames, chosen.em_gain, model.instrument.detector,
-                        reference_ratio=model.strategy.reference_ratio)  # fmt: skip
+            return EtcAnswer(
+                value=None,
+                status=Status.UNREACHABLE,
+                reason=Reason.INSUFFICIENT_TIME,
+                message=text,
+                **(case.answer | {"contrast": None}),
+            )
+        rates = aperture_rates(
+            model, target, case.answer["band"], x, y, np.array([contrast]), visit_s=model.visit_s(time_s)
+        )
+    noise = stack_noise(
+        rates,
+        chosen.exposure_s,
+        chosen.n_frames,
+        chosen.em_gain,
+        model.instrument.detector,
+        reference_ratio=model.strategy.reference_ratio,
+    )
     final = Settings(
         chosen.exposure_s, chosen.n_frames, chosen.em_gain, chosen.time_s, noise, chosen.longest_exposure_s
     )

@@ -113,9 +113,9 @@ def aperture_rates(
     star = star.reshape(star.shape + (1,) * max(0, x.ndim - 1))
     planet_total = star * contrast
     aperture_arcsec2 = metrics.aperture_pixels * metrics.pixel_scale_arcsec**2
-    sky = model.passbands.sky_rate_e_s_arcsec2(
-        instrument.sky.brightness_v_mag_arcsec2, instrument.telescope.area_cm2
-    )[column]
+    sky = model.passbands.sky_rate_e_s_arcsec2(instrument.sky.brightness_v_mag_arcsec2, instrument.telescope.area_cm2)[
+        column
+    ]
     companion = np.reshape(_companion_e_s(model, targets, band), star.shape)
     region_pixels = float(np.count_nonzero(metrics.hole))
     shape = np.broadcast_shapes(star.shape, x.shape)

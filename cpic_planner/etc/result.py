@@ -37,12 +37,17 @@ def etc_result(
     """Collect answers about one star."""
     record = None
     if planet is not None:
-        record = ReferencePlanetRecord(
-            radius_rjup=planet.radius_rjup, phase_deg=planet.phase_deg, albedo=planet.albedo
-        )
+        record = ReferencePlanetRecord(radius_rjup=planet.radius_rjup, phase_deg=planet.phase_deg, albedo=planet.albedo)
     return EtcResult(
-        config_hash=content_hash({"instrument": model.instrument.model_dump(mode="json"), "strategy": vars(model.strategy)}),
-        target=str(target.name[0]), hip=int(target.hip[0]) if target.hip[0] else None, v_mag=float(target.v_mag[0]),
-        distance_pc=float(target.distance_pc[0]), note=note, reference_planet=record, best_band=best_band(answers),
+        config_hash=content_hash(
+            {"instrument": model.instrument.model_dump(mode="json"), "strategy": vars(model.strategy)}
+        ),
+        target=str(target.name[0]),
+        hip=int(target.hip[0]) if target.hip[0] else None,
+        v_mag=float(target.v_mag[0]),
+        distance_pc=float(target.distance_pc[0]),
+        note=note,
+        reference_planet=record,
+        best_band=best_band(answers),
         answers=[EtcRow.model_validate(answer.to_dict()) for answer in answers],
-    )  # fmt: skip
+    )

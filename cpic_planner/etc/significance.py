@@ -46,9 +46,7 @@ def detection_threshold(n_resolution_elements: float, sigma: float = 5.0) -> Out
     7.95
     """
     if np.ndim(n_resolution_elements):
-        raise InputError(
-            "n_resolution_elements", n_resolution_elements, allowed="one number (see threshold_array)"
-        )
+        raise InputError("n_resolution_elements", n_resolution_elements, allowed="one number (see threshold_array)")
     threshold = float(threshold_array(n_resolution_elements, sigma))
     if math.isfinite(threshold):
         return Outcome.ok(threshold, unit="sigma")
@@ -60,9 +58,7 @@ def detection_threshold(n_resolution_elements: float, sigma: float = 5.0) -> Out
     )
 
 
-def threshold_array(
-    n_resolution_elements: npt.ArrayLike, sigma: npt.ArrayLike = 5.0
-) -> npt.NDArray[np.float64]:
+def threshold_array(n_resolution_elements: npt.ArrayLike, sigma: npt.ArrayLike = 5.0) -> npt.NDArray[np.float64]:
     """`detection_threshold` for arrays.
 
     Parameters

@@ -33,7 +33,9 @@ def limit_curves(plan: PlanResult, model: EtcModel) -> list[LimitCurve]:
         inner = model.metrics[row.band].hole_inner_corner_arcsec
         separations = np.geomspace(inner * 1.001, model.metrics[row.band].owa_arcsec * 0.999, N_LIMIT_POINTS)
         values = [
-            contrast_limit(model, star, time_s=row.time_s or plan.time_s, separation_arcsec=float(s), bands=[row.band])[0].value
+            contrast_limit(model, star, time_s=row.time_s or plan.time_s, separation_arcsec=float(s), bands=[row.band])[
+                0
+            ].value
             for s in separations
         ]
         good = [(s, v) for s, v in zip(separations, values, strict=True) if v is not None]
@@ -45,23 +47,38 @@ def limit_curves(plan: PlanResult, model: EtcModel) -> list[LimitCurve]:
 
 def hole_edges(model: EtcModel) -> list[HoleEdges]:
     """Corners of each band's zone on the diagonal."""
-    return [HoleEdges(band, metrics.hole_inner_corner_arcsec, metrics.owa_arcsec) for band, metrics in model.metrics.items()]
+    return [
+        HoleEdges(band, metrics.hole_inner_corner_arcsec, metrics.owa_arcsec) for band, metrics in model.metrics.items()
+    ]
 
 
 def panels_of(model: EtcModel, band: str, body: Mapping[str, Any]) -> Panels:
     """Images of one finished piece of work."""
     instrument, metrics = model.instrument, model.metrics[band]
+    images = decode_arrays(body["panels"])
     x, y = body["planet_offset_arcsec"]
     return Panels(
-        band=band, **decode_arrays(body["panels"]), pixel_scale_arcsec=metrics.pixel_scale_arcsec, planet_x_arcsec=x,
-        planet_y_arcsec=y, aperture_radius_arcsec=metrics.aperture_radius_arcsec, hole_inner_arcsec=metrics.hole_inner_arcsec,
-        hole_outer_arcsec=metrics.hole_outer_arcsec, mask_half_width_arcsec=instrument.coronagraph.mask_half_width_arcsec,
+        band=band,
+        science=images["science"],
+        reference=images["reference"],
+        residual=images["residual"],
+        pixel_scale_arcsec=metrics.pixel_scale_arcsec,
+        planet_x_arcsec=x,
+        planet_y_arcsec=y,
+        aperture_radius_arcsec=metrics.aperture_radius_arcsec,
+        hole_inner_arcsec=metrics.hole_inner_arcsec,
+        hole_outer_arcsec=metrics.hole_outer_arcsec,
+        mask_half_width_arcsec=instrument.coronagraph.mask_half_width_arcsec,
         parity=instrument.detector.parity,
-    )  # fmt: skip
+    )
 
 
 def write_report(
-    folder: RunFolder, plan: PlanResult, rank: RankResult, model: EtcModel, bodies: Mapping[tuple[str, str], Mapping[str, Any]]
+    folder: RunFolder,
+    plan: PlanResult,
+    rank: RankResult,
+    model: EtcModel,
+    bodies: Mapping[tuple[str, str], Mapping[str, Any]],
 ) -> None:
     """Write ``ranking.csv``, ``ranking.ecsv`` and ``report.html``, each whole."""
     from cpic_planner.report.html import plan_html
@@ -69,4 +86,6 @@ def write_report(
     folder.write("ranking.csv", ranking_csv(rank))
     folder.write("ranking.ecsv", ranking_ecsv(rank))
     panels = {f"{name} {band}": panels_of(model, band, body) for (name, band), body in bodies.items()}
-    folder.write("report.html", plan_html(plan, rank, panels=panels, limits=limit_curves(plan, model), holes=hole_edges(model)))
+    folder.write(
+        "report.html", plan_html(plan, rank, panels=panels, limits=limit_curves(plan, model), holes=hole_edges(model))
+    )

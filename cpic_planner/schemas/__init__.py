@@ -35,9 +35,7 @@ def schema_text(name: str) -> str:
     """
     path = FOLDER / f"{name}.schema.json"
     if not name.isalpha() or not path.exists():
-        raise InputError(
-            "schema", name, allowed=", ".join(sorted(p.name.split(".")[0] for p in FOLDER.glob("*.json")))
-        )
+        raise InputError("schema", name, allowed=", ".join(sorted(p.name.split(".")[0] for p in FOLDER.glob("*.json"))))
     return path.read_text(encoding="utf-8")
 
 

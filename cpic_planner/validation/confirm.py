@@ -69,47 +69,83 @@ class ConfirmTask:
         return asdict(self)
 
 
-def target_scene(
-    target: Targets, planet: ReferencePlanet, separation_arcsec: float, distance_au: float
-) -> Scene:
+def target_scene(target: Targets, planet: ReferencePlanet, separation_arcsec: float, distance_au: float) -> Scene:
     """Scene of one star with its reference planet, and its nearest known companion if that is near and located."""
     name = str(target.name[0])
-    star = SceneStar(name=name, v_mag=float(target.v_mag[0]), teff_k=float(target.teff_k[0]), log_g=float(target.log_g[0]),
-                     metallicity=float(target.metallicity[0]))  # fmt: skip
-    body = Planet(name="reference planet", radius_rjup=planet.radius_rjup, distance_au=distance_au, phase_deg=planet.phase_deg,
-                  separation_arcsec=separation_arcsec, pa_deg=PLANET_PA_DEG, albedo=planet.albedo)  # fmt: skip
+    star = SceneStar(
+        name=name,
+        v_mag=float(target.v_mag[0]),
+        teff_k=float(target.teff_k[0]),
+        log_g=float(target.log_g[0]),
+        metallicity=float(target.metallicity[0]),
+    )
+    body = Planet(
+        name="reference planet",
+        radius_rjup=planet.radius_rjup,
+        distance_au=distance_au,
+        phase_deg=planet.phase_deg,
+        separation_arcsec=separation_arcsec,
+        pa_deg=PLANET_PA_DEG,
+        albedo=planet.albedo,
+    )
     stars: tuple[SceneStar, ...] = ()
     separation, pa = float(target.companion_separation_arcsec[0]), float(target.companion_pa_deg[0])
     magnitude = float(target.companion_v_mag[0])
     if math.isfinite(separation) and math.isfinite(magnitude) and separation <= COMPANION_LIMIT_ARCSEC:
         # Without a catalogued position angle the companion is put at 0; its wings at the hole depend on it weakly.
-        stars = (SceneStar(name="companion", v_mag=magnitude, teff_k=float(target.companion_teff_k[0]), log_g=star.log_g,
-                           metallicity=star.metallicity, separation_arcsec=separation,
-                           pa_deg=pa if math.isfinite(pa) else 0.0),)  # fmt: skip
+        stars = (
+            SceneStar(
+                name="companion",
+                v_mag=magnitude,
+                teff_k=float(target.companion_teff_k[0]),
+                log_g=star.log_g,
+                metallicity=star.metallicity,
+                separation_arcsec=separation,
+                pa_deg=pa if math.isfinite(pa) else 0.0,
+            ),
+        )
     return Scene(name=name, cstar=star, planets=(body,), stars=stars, companions=target.companions)
 
 
 def prepare_task(
     model: EtcModel, target: Targets, band: str, *, time_s: float, planet: ReferencePlanet, seed: int, fidelity: str
 ) -> ConfirmTask | BandConfirmation:
-    """Predict the reference planet of one band where that band sees it best; a refusal is final, otherwise there is work."""
+    """Predict one band's reference planet where that band sees it best: a final refusal, or work to do."""
     best = best_in_band(model, target, band, time_s, planet)
     separation = float(best.separation_arcsec[0])
-    prediction = {"snr": float(best.snr[0]), "significance": float(best.significance[0]), "threshold": float(best.threshold[0]),
-                  "contrast": float(best.contrast[0]), "time_s": float(best.time_s[0])}  # fmt: skip
+    prediction = {
+        "snr": float(best.snr[0]),
+        "significance": float(best.significance[0]),
+        "threshold": float(best.threshold[0]),
+        "contrast": float(best.contrast[0]),
+        "time_s": float(best.time_s[0]),
+    }
     if best.n_frames[0] < 1:
         return BandConfirmation(
-            band=band, status=Status.SATURATED.value, reason=Reason.PIXEL_FULL_WELL.value,
-            message=f"every frame of at least {model.instrument.detector.exposure_min_s:g} s saturates, or the time is too short",
-            separation_arcsec=separation, pa_deg=PLANET_PA_DEG, true_contrast=prediction["contrast"], verdict="not observed",
-        )  # fmt: skip
+            band=band,
+            status=Status.SATURATED.value,
+            reason=Reason.PIXEL_FULL_WELL.value,
+            message="every frame saturates, or the time is too short for one",
+            separation_arcsec=separation,
+            pa_deg=PLANET_PA_DEG,
+            true_contrast=prediction["contrast"],
+            verdict="not observed",
+        )
     distance = float(reference_distance_au(target, np.array([separation]), planet)[0, 0])
     return ConfirmTask(
-        name=str(target.name[0]), band=band, instrument=model.instrument.model_dump(mode="json"),
-        scene=target_scene(target, planet, separation, distance).model_dump(mode="json"), exposure_s=float(best.exposure_s[0]),
-        n_frames=int(best.n_frames[0]), em_gain=float(best.em_gain[0]), seed=seed, fidelity=fidelity,
-        n_modes=model.strategy.n_modes, annulus_lambda_d=model.strategy.annulus_lambda_d, prediction=prediction,
-    )  # fmt: skip
+        name=str(target.name[0]),
+        band=band,
+        instrument=model.instrument.model_dump(mode="json"),
+        scene=target_scene(target, planet, separation, distance).model_dump(mode="json"),
+        exposure_s=float(best.exposure_s[0]),
+        n_frames=int(best.n_frames[0]),
+        em_gain=float(best.em_gain[0]),
+        seed=seed,
+        fidelity=fidelity,
+        n_modes=model.strategy.n_modes,
+        annulus_lambda_d=model.strategy.annulus_lambda_d,
+        prediction=prediction,
+    )
 
 
 def confirm_task(tree: dict[str, Any]) -> dict[str, Any]:
@@ -129,14 +165,20 @@ def confirm_task(tree: dict[str, Any]) -> dict[str, Any]:
     instrument = validate(Instrument, task.instrument, where="instrument")
     scene = validate(Scene, task.scene, where="scene")
     settings: dict[str, Any] = {
-        "band": task.band, "exposure_s": task.exposure_s, "n_frames": task.n_frames, "em_gain": task.em_gain,
-        "seed": task.seed, "fidelity": task.fidelity, "instrument": instrument, "window": "hole",
-    }  # fmt: skip
+        "band": task.band,
+        "exposure_s": task.exposure_s,
+        "n_frames": task.n_frames,
+        "em_gain": task.em_gain,
+        "seed": task.seed,
+        "fidelity": task.fidelity,
+        "instrument": instrument,
+        "window": "hole",
+    }
     science = observe(scene, role="science", **settings)
     reference = observe(scene.without_planets(), role="reference", **settings)
-    science_e, clipped, saturated = _electrons(science)
-    reference_e, more_clipped, more_saturated = _electrons(reference)
     region = science.psf.metrics.hole
+    science_e, science_lost = _electrons(science, region)
+    reference_e, reference_lost = _electrons(reference, region)
     cut = rdi_subtract(science_e, reference_e, task.n_modes, region=region, centering="temporal")
     stack = cut.residuals.sum(axis=0)
     x, y = science.truth.x_pixel[1], science.truth.y_pixel[1]
@@ -146,12 +188,21 @@ def confirm_task(tree: dict[str, Any]) -> dict[str, Any]:
     weights = aperture_weights(stack.shape, x, y, radius)
     annulus = science.psf.metrics.annulus(scene.planets[0].separation_arcsec, task.annulus_lambda_d)
     throughput = cut.throughput(template, weights, background=_background(annulus, x, y, radius))
-    measured = aperture_photometry(stack, x, y, radius, background_region=annulus, throughput=throughput,
-                                   em_gain=task.em_gain, stages=instrument.detector.register_stages)  # fmt: skip
+    measured = aperture_photometry(
+        stack,
+        x,
+        y,
+        radius,
+        background_region=annulus,
+        throughput=throughput,
+        em_gain=task.em_gain,
+        stages=instrument.detector.register_stages,
+    )
     core = float(np.sum(template * weights))
     ratio = measured.contrast(core, science.truth.sources[0].rate_e_s, task.exposure_s * task.n_frames)
-    confirmation = _compare(task, measured, ratio.value, ratio.error, throughput, cut.modes_used, core,
-                            clipped + more_clipped, saturated + more_saturated)  # fmt: skip
+    confirmation = _compare(
+        task, measured, ratio.value, ratio.error, throughput, cut.modes_used, core, science_lost + reference_lost
+    )
     panels = {
         "science": science_e.sum(axis=0),
         "reference": reference_e.sum(axis=0),
@@ -169,36 +220,61 @@ def _background(region: NDArray[np.bool_], x: float, y: float, radius: float) ->
     return region & (np.hypot(columns - x, rows - y) > 1.5 * radius)
 
 
-def _electrons(sequence: Observation) -> tuple[FloatArray, int, int]:
-    """All frames in electrons at the register input, with counts of clipped and saturated pixels."""
+def _electrons(sequence: Observation, hole: NDArray[np.bool_]) -> tuple[FloatArray, NDArray[np.int64]]:
+    """All frames in electrons at the register input; pixels cut off by a limit, inside the hole and outside it."""
     stack = np.empty((sequence.n_frames, *sequence.shape))
-    clipped = saturated = 0
+    lost = np.zeros(2, np.int64)
     for index in range(sequence.n_frames):
         frame = sequence.frame(index)
         stack[index] = to_electrons(frame.adu, sequence.instrument.detector, sequence.em_gain)
-        clipped += frame.n_clipped
-        saturated += frame.n_saturated_pixels + frame.n_register_saturated
-    return stack, clipped, saturated
+        lost += np.count_nonzero(frame.lost & hole), np.count_nonzero(frame.lost & ~hole)
+    return stack, lost
 
 
 def _compare(
-    task: ConfirmTask, measured: Photometry, contrast: float, error: float, throughput: float, modes: int, core: float,
-    clipped: int, saturated: int,
-) -> BandConfirmation:  # fmt: skip
+    task: ConfirmTask,
+    measured: Photometry,
+    contrast: float,
+    error: float,
+    throughput: float,
+    modes: int,
+    core: float,
+    lost: NDArray[np.int64],
+) -> BandConfirmation:
     prediction = task.prediction
     threshold = prediction["threshold"]
     detected = measured.significance >= threshold
     planet = task.scene["planets"][0]
     return BandConfirmation(
-        band=task.band, status="ok", reason="", message="", separation_arcsec=planet["separation_arcsec"],
-        pa_deg=planet["pa_deg"], exposure_s=task.exposure_s, n_frames=task.n_frames, em_gain=task.em_gain,
-        integration_s=task.exposure_s * task.n_frames, time_s=prediction["time_s"], predicted_snr=prediction["snr"],
-        predicted_significance=prediction["significance"], recovered_snr=measured.snr,
-        recovered_significance=measured.significance, threshold=threshold, true_contrast=prediction["contrast"],
-        recovered_contrast=contrast, contrast_error=error, rdi_throughput=throughput, rdi_modes_used=modes,
-        core_throughput=core, n_background_apertures=measured.n_background_apertures, saturated_pixels=saturated,
-        clipped_pixels=clipped, detected=detected, verdict=_verdict(prediction, measured.snr, detected, measured.n_background_apertures), image=task.key,
-    )  # fmt: skip
+        band=task.band,
+        status="ok",
+        reason="",
+        message="",
+        separation_arcsec=planet["separation_arcsec"],
+        pa_deg=planet["pa_deg"],
+        exposure_s=task.exposure_s,
+        n_frames=task.n_frames,
+        em_gain=task.em_gain,
+        integration_s=task.exposure_s * task.n_frames,
+        time_s=prediction["time_s"],
+        predicted_snr=prediction["snr"],
+        predicted_significance=prediction["significance"],
+        recovered_snr=measured.snr,
+        recovered_significance=measured.significance,
+        threshold=threshold,
+        true_contrast=prediction["contrast"],
+        recovered_contrast=contrast,
+        contrast_error=error,
+        rdi_throughput=throughput,
+        rdi_modes_used=modes,
+        core_throughput=core,
+        n_background_apertures=measured.n_background_apertures,
+        saturated_in_hole=int(lost[0]),
+        saturated_outside=float(lost[1]) / (2 * task.n_frames),
+        detected=detected,
+        verdict=_verdict(prediction, measured.snr, detected, measured.n_background_apertures),
+        image=task.key,
+    )
 
 
 def _verdict(prediction: dict[str, Any], recovered_snr: float, detected: bool, n_apertures: int) -> str:
@@ -210,14 +286,16 @@ def _verdict(prediction: dict[str, Any], recovered_snr: float, detected: bool, n
         word = "not confirmed" if expected else "not detected, as predicted"
     deviation = (recovered_snr - prediction["snr"]) / snr_scatter(prediction["snr"], n_apertures)
     if abs(deviation) > 2.0:
-        word += f"; prediction {'pessimistic' if deviation > 0 else 'optimistic'} by {abs(deviation):.1f} standard errors"
+        word += (
+            f"; prediction {'pessimistic' if deviation > 0 else 'optimistic'} by {abs(deviation):.1f} standard errors"
+        )
     return word
 
 
 def encode_arrays(arrays: dict[str, NDArray[Any]]) -> str:
     """Arrays as base64 text of a compressed npz."""
     buffer = io.BytesIO()
-    np.savez_compressed(buffer, **arrays)
+    np.savez_compressed(buffer, **arrays)  # type: ignore[arg-type]
     return base64.b64encode(buffer.getvalue()).decode("ascii")
 
 

@@ -38,6 +38,8 @@ class Frame:
     ----------
     adu : ndarray of uint16
         Image in ADU, shape of the rate map.
+    lost : ndarray of bool
+        Pixels that a limit cut off: pixel full well, register full well or converter.
     n_clipped : int
         Pixels cut off at either end of the converter's range.
     n_saturated_pixels : int
@@ -49,6 +51,7 @@ class Frame:
     """
 
     adu: npt.NDArray[np.uint16]
+    lost: npt.NDArray[np.bool_]
     n_clipped: int
     n_saturated_pixels: int
     n_register_saturated: int
@@ -129,11 +132,11 @@ def expose_frame(
     _check_exposure(exposure_s)
     _check_em_gain(em_gain, detector)
     charge = poisson_counts(_collected_mean(rates, exposure_s, detector), stream(seed, *path, "photons"))
-    n_saturated = _cut(charge, detector.full_well_e)
+    over_well = _cut(charge, detector.full_well_e)
     if detector.cic_e > 0:
         charge += scattered_events(detector.cic_e, charge.shape, stream(seed, *path, "cic"))
     charge = multiply(charge, em_gain, rng=stream(seed, *path, "register"), stages=detector.register_stages)
-    n_register = _cut(charge, detector.register_full_well_e)
+    over_register = _cut(charge, detector.register_full_well_e)
     adu = charge / detector.gain_e_adu
     if detector.read_noise_e > 0:
         noise = stream(seed, *path, "read").standard_normal(charge.shape)
@@ -141,9 +144,16 @@ def expose_frame(
         adu += noise
     adu += detector.bias_adu
     np.rint(adu, out=adu)
-    n_clipped = int(np.count_nonzero(adu < 0)) + int(np.count_nonzero(adu > detector.adc_max_adu))
+    clipped = (adu < 0) | (adu > detector.adc_max_adu)
     np.clip(adu, 0, detector.adc_max_adu, out=adu)
-    return Frame(adu.astype(np.uint16), n_clipped, n_saturated, n_register, n_negative)
+    return Frame(
+        adu=adu.astype(np.uint16),
+        lost=over_well | over_register | clipped,
+        n_clipped=int(np.count_nonzero(clipped)),
+        n_saturated_pixels=int(np.count_nonzero(over_well)),
+        n_register_saturated=int(np.count_nonzero(over_register)),
+        n_negative_rates=n_negative,
+    )
 
 
 def to_electrons(adu: npt.ArrayLike, detector: Detector, em_gain: float) -> FloatArray:
@@ -163,11 +173,11 @@ def _collected_mean(rates: FloatArray, exposure_s: float, detector: Detector) ->
         return np.minimum((rates + detector.dark_e_s) * exposure_s, MAX_MEAN_E)
 
 
-def _cut(charge: npt.NDArray[np.int64], full_well_e: float) -> int:
-    """Cut charge off at the full well, in place; return in how many pixels."""
+def _cut(charge: npt.NDArray[np.int64], full_well_e: float) -> npt.NDArray[np.bool_]:
+    """Cut charge off at the full well, in place; return in which pixels."""
     limit = math.floor(full_well_e)
-    over = int(np.count_nonzero(charge > limit))
-    if over:
+    over: npt.NDArray[np.bool_] = charge > limit
+    if over.any():
         np.minimum(charge, limit, out=charge)
     return over
 

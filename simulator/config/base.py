@@ -33,9 +33,7 @@ def canonical_json(tree: Any) -> str:
 
     Integers and equal floats (``2`` and ``2.0``) give the same text.
     """
-    return json.dumps(
-        _normal(tree), sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False
-    )
+    return json.dumps(_normal(tree), sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
 
 
 def _normal(item: Any) -> Any:
@@ -89,9 +87,7 @@ def _one_line(error: ValidationError, where: str, model: type[BaseModel]) -> Inp
     kind, context = first["type"], first.get("ctx", {})
     value = first.get("input")
     if kind == "extra_forbidden":
-        return InputError(
-            key, value, allowed="no such key", hint=f"known keys: {_siblings(model, first['loc'])}"
-        )
+        return InputError(key, value, allowed="no such key", hint=f"known keys: {_siblings(model, first['loc'])}")
     if kind == "missing":
         return InputError(key, "missing", allowed="a value is required")
     if kind == "value_error" and isinstance(context.get("error"), InputError):

@@ -98,9 +98,7 @@ class Detector(FrozenModel):
             raise InputError("exposure_min_s", self.exposure_min_s, unit="s",
                              allowed=f"at most exposure_max_s = {self.exposure_max_s}")  # fmt: skip
         if self.bias_adu >= self.adc_max_adu:
-            raise InputError(
-                "bias_adu", self.bias_adu, unit="ADU", allowed=f"below the ADC maximum {self.adc_max_adu}"
-            )
+            raise InputError("bias_adu", self.bias_adu, unit="ADU", allowed=f"below the ADC maximum {self.adc_max_adu}")
         return self
 
     @property

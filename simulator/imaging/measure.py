@@ -97,7 +97,7 @@ def _source_noise_fraction(imager: Imager) -> float:
     """Mean over nine positions within a pixel of ``sum(w^2 mu) / sum(w mu)``."""
     pixel, radius = imager.pixel_scale_arcsec, imager.aperture_radius_arcsec / imager.pixel_scale_arcsec
     half = int(np.ceil(radius + 0.5))
-    axis = imager.axis(np.arange(-half, half + 1) * pixel, masked=False)
+    axis = imager.axis(centred_axis(2 * half + 1, pixel), masked=False)
     thirds = (-1 / 3, 0.0, 1 / 3)
     fractions = []
     for dy in thirds:

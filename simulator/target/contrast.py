@@ -57,9 +57,7 @@ def planet_contrast(
         _finite("separation_dec_au", separation_dec_au, "AU"),
     )
     if np.any(rho_au == 0.0):
-        raise InputError(
-            "separation", 0.0, unit="AU", allowed="above 0", hint="give the true distance to contrast_at"
-        )
+        raise InputError("separation", 0.0, unit="AU", allowed="above 0", hint="give the true distance to contrast_at")
     radius, albedo = _not_negative(radius_rjup, geometric_albedo)
     size = radius * (JUPITER_RADIUS_KM / AU_KM) * sin_phase(phase_deg) / rho_au
     return _plain(albedo * size * size * lambert_phase(phase_deg))

@@ -52,15 +52,11 @@ def _star_rate(star: SceneStar, band: str, passbands: Passbands, area_cm2: float
 
 def planet_band_contrast(planet: Planet, star: SceneStar, band: str, passbands: Passbands) -> float:
     """True contrast of a planet in a band: photon-weighted albedo times ``(R/r)^2 Phi`` (Eq. 1 of Zhu et al. 2025)."""
-    albedo = passbands.band_albedo(planet.albedo, star.teff_k, star.log_g, star.metallicity)[
-        passbands.index(band)
-    ]
+    albedo = passbands.band_albedo(planet.albedo, star.teff_k, star.log_g, star.metallicity)[passbands.index(band)]
     return float(contrast_at(planet.radius_rjup, planet.distance_au, planet.phase_deg, float(albedo)))
 
 
-def scene_sources(
-    scene: Scene, instrument: Instrument, band: str, *, roll_deg: float = 0.0
-) -> tuple[Source, ...]:
+def scene_sources(scene: Scene, instrument: Instrument, band: str, *, roll_deg: float = 0.0) -> tuple[Source, ...]:
     """Point sources of a scene in one band, the central star first.
 
     Parameters
@@ -86,9 +82,7 @@ def scene_sources(
     if scene.companions == "on":
         for star in scene.stars:
             x, y = sky_to_detector(star.separation_arcsec, star.pa_deg, roll_deg=roll_deg, parity=parity)
-            found.append(
-                Source(star.name, "star", float(x), float(y), _star_rate(star, band, passbands, area))
-            )
+            found.append(Source(star.name, "star", float(x), float(y), _star_rate(star, band, passbands, area)))
     return tuple(found)
 
 

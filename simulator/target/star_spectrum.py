@@ -142,16 +142,12 @@ def star_photlam(
     )
 
 
-def _from_grid(
-    magnitude: float, teff_k: float, log_g: float, metallicity: float, flags: list[str]
-) -> StarSpectrum:
+def _from_grid(magnitude: float, teff_k: float, log_g: float, metallicity: float, flags: list[str]) -> StarSpectrum:
     grid = load_stellar_grid()
     outside = grid.flags(teff_k, log_g, metallicity)
     low, high = float(grid.teff_k[0]), float(grid.teff_k[-1])
     if outside.teff_k:
-        raise InputError(
-            "teff_k", teff_k, unit="K", allowed=f"{low:g} to {high:g}", hint='or model="blackbody"'
-        )
+        raise InputError("teff_k", teff_k, unit="K", allowed=f"{low:g} to {high:g}", hint='or model="blackbody"')
     if outside.log_g:
         flags.append("log_g_clamped")
     if outside.metallicity:
@@ -171,9 +167,7 @@ def _from_grid(
 def _normalised(wavelength_nm: np.ndarray, surface: np.ndarray, magnitude: float) -> np.ndarray:
     """Return the spectrum scaled to the V magnitude, read-only."""
     relative = surface / surface.max()
-    photlam = relative * (
-        10.0 ** (-0.4 * magnitude) * vega_v_photon_rate() / v_photon_rate(wavelength_nm, relative)
-    )
+    photlam = relative * (10.0 ** (-0.4 * magnitude) * vega_v_photon_rate() / v_photon_rate(wavelength_nm, relative))
     photlam.setflags(write=False)
     return photlam
 

@@ -4,9 +4,7 @@ from catalogs.errors import InputError
 
 
 def test_message_names_key_value_unit_and_range_in_one_line():
-    text = str(
-        InputError("exposure_s", -1.0, unit="s", allowed="1e-6 to 1e6", hint="use a positive\n number")
-    )
+    text = str(InputError("exposure_s", -1.0, unit="s", allowed="1e-6 to 1e6", hint="use a positive\n number"))
     assert text == "exposure_s = -1.0 s: not accepted; allowed: 1e-6 to 1e6 (use a positive number)"
 
 

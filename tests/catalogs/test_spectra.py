@@ -18,9 +18,7 @@ FILES = ("stellar_grid.npz", "reference_spectra.npz", "albedo.npz", "zodiacal_li
 
 def test_files_are_small_and_match_their_provenance() -> None:
     assert sum((DATA / name).stat().st_size for name in FILES) < 2_000_000
-    entries = {
-        item["data_file"]: item for item in json.loads((DATA / "PROVENANCE.json").read_text())["files"]
-    }
+    entries = {item["data_file"]: item for item in json.loads((DATA / "PROVENANCE.json").read_text())["files"]}
     for name in FILES:
         assert entries[name]["sha256"] == hashlib.sha256((DATA / name).read_bytes()).hexdigest()
         assert entries[name]["licence"]
@@ -46,8 +44,7 @@ def test_constant_is_the_exact_si_value() -> None:
     from astropy import constants, units
 
     assert (
-        pytest.approx((constants.h * constants.c).to_value(units.erg * units.AA), rel=1e-15)
-        == spectra.HC_ERG_ANGSTROM
+        pytest.approx((constants.h * constants.c).to_value(units.erg * units.AA), rel=1e-15) == spectra.HC_ERG_ANGSTROM
     )
 
 
@@ -66,11 +63,7 @@ def test_johnson_v_pivot() -> None:
 def test_zodiacal_table_landmarks() -> None:
     table = spectra.load_zodi_table()
     radiance = table.radiance_500nm_w_m2_sr_um
-    assert (
-        radiance.shape
-        == (table.helioecliptic_longitude_deg.size, table.ecliptic_latitude_deg.size)
-        == (19, 11)
-    )
+    assert radiance.shape == (table.helioecliptic_longitude_deg.size, table.ecliptic_latitude_deg.size) == (19, 11)
     at = {lon: i for i, lon in enumerate(table.helioecliptic_longitude_deg)}
     assert radiance[at[90.0], 0] == pytest.approx(259e-8)
     np.testing.assert_allclose(radiance[:, -1], 77e-8)  # the ecliptic pole, whatever the longitude

@@ -29,9 +29,7 @@ def test_finished_parts_are_reused_and_foreign_configurations_refused(tmp_path):
         assert folder.part("x F520") is None
 
 
-@pytest.mark.parametrize(
-    "damage", [lambda t: t[: len(t) // 2], lambda t: t.replace("0.1", "0.2"), lambda t: ""]
-)
+@pytest.mark.parametrize("damage", [lambda t: t[: len(t) // 2], lambda t: t.replace("0.1", "0.2"), lambda t: ""])
 def test_damaged_part_is_done_again(tmp_path, damage, caplog):
     with open_run_folder(tmp_path / "o", kind="plan", config_hash="h") as folder:
         folder.save_part("k", {"value": 0.1})

@@ -10,13 +10,33 @@ ROOT = Path(__file__).resolve().parents[2]
 FLOORS = ["catalogs", "simulator", "cpic_planner"]
 # Inside a floor data flows left to right; a module imports its own room or rooms to its left.
 SIMULATOR = [
-    {"files"}, {"config", "rng", "outcome", "cache"}, {"knobs", "band_integrals"}, {"passbands"}, {"target"}, {"imaging"},
-    {"effects"}, {"camera"}, {"products"}, {"ledger"}, {"observe"},
-]  # fmt: skip
+    {"files"},
+    {"config", "rng", "outcome", "cache"},
+    {"knobs", "band_integrals"},
+    {"passbands"},
+    {"target"},
+    {"imaging"},
+    {"effects"},
+    {"camera"},
+    {"products"},
+    {"ledger"},
+    {"observe"},
+]
 PLANNER = [
-    {"version"}, {"models", "engine", "runfolder"}, {"schemas"}, {"targets"}, {"etc"}, {"optimise"}, {"ranking"},
-    {"validation"}, {"report"}, {"survey"}, {"plan"}, {"api"}, {"cli"},
-]  # fmt: skip
+    {"version"},
+    {"models", "engine", "runfolder"},
+    {"schemas"},
+    {"targets"},
+    {"etc"},
+    {"optimise"},
+    {"ranking"},
+    {"validation"},
+    {"report"},
+    {"survey"},
+    {"plan"},
+    {"api"},
+    {"cli"},
+]
 
 
 def rank_of(order, room):

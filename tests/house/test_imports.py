@@ -22,9 +22,7 @@ HEAVY = (
 
 def loaded_after(code, *arguments):
     script = f"import sys\n{code}\nimport json\nprint('\\n' + json.dumps([m for m in {HEAVY!r} if m in sys.modules]))"
-    done = subprocess.run(
-        [sys.executable, "-c", script, *arguments], capture_output=True, text=True, check=True
-    )
+    done = subprocess.run([sys.executable, "-c", script, *arguments], capture_output=True, text=True, check=True)
     return json.loads(done.stdout.splitlines()[-1])
 
 
@@ -34,9 +32,17 @@ def test_import_loads_nothing_heavy():
 
 @pytest.mark.parametrize(
     "arguments",
-    [["etc", "tau Cet", "--snr", "5"], ["etc", "HIP 71681", "--json"], ["rank", "--json"], ["rank", "--limit", "3"], ["--version"],
-     ["catalog", "info"], ["schema", "plan"], ["cache", "info"]],
-)  # fmt: skip
+    [
+        ["etc", "tau Cet", "--snr", "5"],
+        ["etc", "HIP 71681", "--json"],
+        ["rank", "--json"],
+        ["rank", "--limit", "3"],
+        ["--version"],
+        ["catalog", "info"],
+        ["schema", "plan"],
+        ["cache", "info"],
+    ],
+)
 def test_answers_load_nothing_heavy(arguments):
     code = f"from cpic_planner.cli.main import main\nassert main({arguments!r}) == 0"
     assert loaded_after(code) == []

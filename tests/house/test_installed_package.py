@@ -18,7 +18,11 @@ def wheel(tmp_path_factory):
     """Build from a copy of the tracked files, so that the clone stays clean."""
     source, out = tmp_path_factory.mktemp("source"), tmp_path_factory.mktemp("wheel")
     listed = subprocess.run(
-        ["git", "ls-files", "--cached", "--others", "--exclude-standard"], cwd=ROOT, capture_output=True, text=True, check=True
+        ["git", "ls-files", "--cached", "--others", "--exclude-standard"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=True,
     )
     for name in listed.stdout.splitlines():
         if (ROOT / name).is_file():
@@ -37,7 +41,18 @@ def installed(wheel, tmp_path_factory):
     subprocess.run([sys.executable, "-m", "venv", "--without-pip", str(folder)], check=True)
     python = folder / "bin" / "python"
     subprocess.run(
-        [sys.executable, "-m", "pip", "--python", str(python), "install", "--quiet", "--no-deps", "--no-index", str(wheel)],
+        [
+            sys.executable,
+            "-m",
+            "pip",
+            "--python",
+            str(python),
+            "install",
+            "--quiet",
+            "--no-deps",
+            "--no-index",
+            str(wheel),
+        ],
         check=True,
     )
     home = Path(subprocess.run([str(python), "-c", "import site; print(site.getsitepackages()[0])"],
@@ -49,7 +64,9 @@ def installed(wheel, tmp_path_factory):
 def run(installed, work, *arguments):
     environment = {"PATH": f"{installed}:/usr/bin:/bin", "HOME": str(work), "CPIC_CACHE_DIR": str(work / "cache")}
     environment |= {key: os.environ[key] for key in ("NUMBA_CACHE_DIR", "TMPDIR") if key in os.environ}
-    return subprocess.run([str(installed / "cpic"), *arguments], cwd=work, env=environment, capture_output=True, text=True, check=False)
+    return subprocess.run(
+        [str(installed / "cpic"), *arguments], cwd=work, env=environment, capture_output=True, text=True, check=False
+    )
 
 
 def test_wheel_holds_what_it_needs_and_nothing_else(wheel):
@@ -58,7 +75,9 @@ def test_wheel_holds_what_it_needs_and_nothing_else(wheel):
     tops = {name.split("/")[0] for name in names}
     assert {top for top in tops if not top.endswith(".dist-info")} == {"catalogs", "simulator", "cpic_planner"}
     packages = ("catalogs", "simulator", "cpic_planner")
-    tracked = subprocess.run(["git", "ls-files", *packages], cwd=ROOT, capture_output=True, text=True, check=True).stdout.split()
+    tracked = subprocess.run(
+        ["git", "ls-files", *packages], cwd=ROOT, capture_output=True, text=True, check=True
+    ).stdout.split()
     missing = [name for name in tracked if name not in names]
     assert missing == []
     assert any(name.endswith("licenses/LICENSE") for name in names)

@@ -33,7 +33,11 @@ def test_json_refuses_nan_and_keeps_doubles(tmp_path):
 
 def test_lock_is_refused_while_held_and_free_after_the_holder_is_killed(tmp_path):
     path = tmp_path / "lock"
-    code = f"import time\nfrom simulator.files import exclusive_lock\nwith exclusive_lock({str(path)!r}) as f:\n    f.write('held'); f.flush(); print('in', flush=True); time.sleep(60)"
+    code = (
+        "import time\nfrom simulator.files import exclusive_lock\n"
+        f"with exclusive_lock({str(path)!r}) as f:\n"
+        "    f.write('held'); f.flush(); print('in', flush=True); time.sleep(60)"
+    )
     holder = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
     assert holder.stdout.readline().strip() == "in"
     with pytest.raises(LockHeld, match="held"), exclusive_lock(path, wait=False):

@@ -263,9 +263,7 @@ def test_from_instrument_reads_a_transmission_file(tmp_path) -> None:
         lambda p: p.spectrum_rate_e_s([400.0, 800.0, 900.0], [1.0, 1.0], 1.0),
         lambda p: p.wavelength_nodes("F520", 0),
         lambda p: p.wavelength_nodes("F999", 3),
-        lambda p: p.wavelength_nodes(
-            "F850", 3, spectrum=Spectrum(np.array([400.0, 700.0]), np.array([1.0, 1.0]))
-        ),
+        lambda p: p.wavelength_nodes("F850", 3, spectrum=Spectrum(np.array([400.0, 700.0]), np.array([1.0, 1.0]))),
         lambda p: p.index("V"),
         lambda p: Passbands.from_bands([]),
         lambda p: Passbands.from_bands([p.bands[0], p.bands[0]]),

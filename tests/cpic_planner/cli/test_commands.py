@@ -8,8 +8,19 @@ from cpic_planner.cli.main import main
 
 ETC_KEYS = {"target", "hip", "answers", "schema_version", "best_band"}
 RANK_KEYS = {
-    "name", "hip", "v_mag", "sp_type", "distance_pc", "separation_arcsec", "contrast", "band", "snr", "significance", "status", "reason"
-}  # fmt: skip
+    "name",
+    "hip",
+    "v_mag",
+    "sp_type",
+    "distance_pc",
+    "separation_arcsec",
+    "contrast",
+    "band",
+    "snr",
+    "significance",
+    "status",
+    "reason",
+}
 
 
 def call(capsys, *arguments):
@@ -90,8 +101,22 @@ def test_bad_input_is_one_clear_line_with_status_2(capsys, arguments, words):
 
 
 def test_frames_and_exposure_set_the_time(capsys):
-    status, out, _ = call(capsys, "etc", "tau Cet", "--exposure-s", "17", "--frames", "30", "--em-gain", "20", "--band", "F520",
-                          "--separation-arcsec", "0.5", "--json")  # fmt: skip
+    status, out, _ = call(
+        capsys,
+        "etc",
+        "tau Cet",
+        "--exposure-s",
+        "17",
+        "--frames",
+        "30",
+        "--em-gain",
+        "20",
+        "--band",
+        "F520",
+        "--separation-arcsec",
+        "0.5",
+        "--json",
+    )
     assert status == 0
     (answer,) = json.loads(out)["answers"]
     assert (answer["exposure_s"], answer["n_frames"], answer["em_gain"]) == (17.0, 30, 20.0)
@@ -107,21 +132,37 @@ def test_positions_outside_the_hole_are_said_so(capsys):
 
 
 def test_semi_major_axis_places_the_planet(capsys):
-    _, out, _ = call(capsys, "etc", "tau Cet", "--semi-major-axis-au", "2", "--phase-deg", "60", "--band", "F520", "--json")
+    _, out, _ = call(
+        capsys, "etc", "tau Cet", "--semi-major-axis-au", "2", "--phase-deg", "60", "--band", "F520", "--json"
+    )
     (answer,) = json.loads(out)["answers"]
     assert answer["separation_arcsec"] == pytest.approx(2 * 3**0.5 / 2 / json.loads(out)["distance_pc"])
 
 
 def test_every_command_helps_with_examples(capsys):
-    for command in (["rank"], ["etc"], ["plan"], ["schema"], ["catalog", "info"], ["cache", "info"], ["cache", "clear"]):
+    for command in (
+        ["rank"],
+        ["etc"],
+        ["plan"],
+        ["schema"],
+        ["catalog", "info"],
+        ["cache", "info"],
+        ["cache", "clear"],
+    ):
         status, out, _ = call(capsys, *command, "--help")
         assert status == 0
         assert "xample" in out, command
 
 
 def test_tables_print(capsys):
-    for arguments in (["rank", "--limit", "3"], ["etc", "tau Cet", "--snr", "5"], ["etc", "tau Cet", "--contrast-limit"],
-                      ["catalog", "info"], ["cache", "info"], ["--version"]):  # fmt: skip
+    for arguments in (
+        ["rank", "--limit", "3"],
+        ["etc", "tau Cet", "--snr", "5"],
+        ["etc", "tau Cet", "--contrast-limit"],
+        ["catalog", "info"],
+        ["cache", "info"],
+        ["--version"],
+    ):
         status, out, _ = call(capsys, *arguments)
         assert status == 0
         assert out.strip()

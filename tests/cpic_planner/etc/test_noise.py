@@ -22,10 +22,21 @@ A0 = 17.0
 def rates(planet=0.02, halo=0.03, speckle=0.0, peak_hole=0.01, peak_columns=10.0, tail=0.0, n=1):
     one = np.ones(n)
     return ApertureRates(
-        planet_e_s=planet * one, halo_e_s=halo * one, companion_e_s=0 * one, sky_e_s=1e-4 * one,
-        dark_e_s=DETECTOR.dark_e_s * A0 * one, speckle_e_s=speckle * one, peak_hole_e_s=peak_hole * one,
-        peak_columns_e_s=peak_columns * one, tail_e_s=tail * one, aperture_pixels=A0, noise_fraction=1.0, source_noise_fraction=1.0, background_apertures=1e12 * one, rdi_throughput=1.0,
-    )  # fmt: skip
+        planet_e_s=planet * one,
+        halo_e_s=halo * one,
+        companion_e_s=0 * one,
+        sky_e_s=1e-4 * one,
+        dark_e_s=DETECTOR.dark_e_s * A0 * one,
+        speckle_e_s=speckle * one,
+        peak_hole_e_s=peak_hole * one,
+        peak_columns_e_s=peak_columns * one,
+        tail_e_s=tail * one,
+        aperture_pixels=A0,
+        noise_fraction=1.0,
+        source_noise_fraction=1.0,
+        background_apertures=1e12 * one,
+        rdi_throughput=1.0,
+    )
 
 
 def model(**changes):
@@ -102,9 +113,7 @@ def test_time_for_snr_is_least_and_enough(snr, speckle):
     one = stack_noise(given, exposures, 1.0, gain, DETECTOR)
     white = one.source_variance_e2 + one.background_variance_e2 + one.detector_variance_e2
     frames = np.maximum(np.ceil(snr**2 * white / (one.signal_e**2 - snr**2 * one.speckle_variance_e2)), 1)
-    brute = (2 * frames * (exposures + DETECTOR.readout_s))[
-        one.signal_e**2 > snr**2 * one.speckle_variance_e2
-    ].min()
+    brute = (2 * frames * (exposures + DETECTOR.readout_s))[one.signal_e**2 > snr**2 * one.speckle_variance_e2].min()
     slack = 2 * (best.exposure_s[0] + DETECTOR.readout_s)  # one frame pair: frames are whole
     assert best.time_s[0] <= brute * 1.1 + slack
 
@@ -150,9 +159,4 @@ def test_user_settings_are_honoured_or_refused_not_changed():
     fixed = settings_for_time(model(), rates(), 3600.0, exposure_s=17.0, em_gain=20.0)
     assert (fixed.exposure_s[0], fixed.em_gain[0]) == (17.0, 20.0)
     assert fixed.n_frames[0] == np.floor(3600 / 2 / 18.1)
-    assert (
-        settings_for_time(model(), rates(peak_hole=2000.0), 3600.0, exposure_s=17.0, em_gain=1000.0).n_frames[
-            0
-        ]
-        == 0
-    )
+    assert settings_for_time(model(), rates(peak_hole=2000.0), 3600.0, exposure_s=17.0, em_gain=1000.0).n_frames[0] == 0

@@ -89,6 +89,5 @@ def test_hash_depends_on_content_only():
     assert content_hash({"a": 1}) != content_hash({"a": 1.0000000001})
     assert canonical_json({"x": 1e300, "y": 0.1}) == '{"x":1e+300,"y":0.1}'
     assert (
-        load_instrument().content_hash
-        == load_instrument({}).model_copy(update={"name": "cpic_default"}).content_hash
+        load_instrument().content_hash == load_instrument({}).model_copy(update={"name": "cpic_default"}).content_hash
     )

@@ -18,9 +18,7 @@ def test_alpha_cen_b_example_per_unit_albedo() -> None:
     rho = 0.65 * 1.35
     side = rho * np.sqrt(0.5)
     assert planet_contrast(1.0, -side, side, 90.0, 1.0) == pytest.approx(9.441e-8, rel=1e-4)
-    assert planet_contrast(1.0, rho, 0.0, 90.0, 1.0) == pytest.approx(
-        contrast_at(1.0, rho, 90.0, 1.0), rel=1e-15
-    )
+    assert planet_contrast(1.0, rho, 0.0, 90.0, 1.0) == pytest.approx(contrast_at(1.0, rho, 90.0, 1.0), rel=1e-15)
 
 
 def test_table_of_the_paper_within_its_precision() -> None:

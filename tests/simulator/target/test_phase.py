@@ -43,9 +43,7 @@ def test_sine_is_exact_at_both_ends() -> None:
     assert sin_phase(90.0) == 1.0
     tiny = 180.0 - 2.0**-40
     with mpmath.workdps(60):
-        assert sin_phase(tiny) == pytest.approx(
-            float(mpmath.sin(mpmath.mpf(2) ** -40 * mpmath.pi / 180)), rel=1e-14
-        )
+        assert sin_phase(tiny) == pytest.approx(float(mpmath.sin(mpmath.mpf(2) ** -40 * mpmath.pi / 180)), rel=1e-14)
 
 
 @pytest.mark.parametrize("bad", [-1e-9, 180.0000001, np.nan, np.inf, [90.0, 200.0]])

@@ -25,12 +25,8 @@ def v_magnitude():
 @pytest.mark.parametrize("model", ["grid", "blackbody"])
 @pytest.mark.parametrize("spectral_type", ["F0V", "F5V", "G5V", "G8IV", "K1V", "K5V", "K0III", "M0V"])
 @pytest.mark.parametrize("magnitude", [-26.76, 0.0, 1.35, 7.0])
-def test_v_magnitude_is_the_one_asked_for(
-    v_magnitude, model: str, spectral_type: str, magnitude: float
-) -> None:
-    assert v_magnitude(star_photlam(magnitude, spectral_type, model=model)) == pytest.approx(
-        magnitude, abs=1e-6
-    )
+def test_v_magnitude_is_the_one_asked_for(v_magnitude, model: str, spectral_type: str, magnitude: float) -> None:
+    assert v_magnitude(star_photlam(magnitude, spectral_type, model=model)) == pytest.approx(magnitude, abs=1e-6)
 
 
 @pytest.mark.parametrize("teff_k", [3500.0, 3555.5, 5000.0, 7100.0, 8000.0])
