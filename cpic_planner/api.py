@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from cpic_planner.etc import questions
+from cpic_planner.etc.answer import EtcAnswer
 from cpic_planner.etc.model import EtcModel, build_model
 from cpic_planner.etc.planet import ReferencePlanet
-from cpic_planner.etc.questions import EtcAnswer
 from cpic_planner.models import ConfirmedTarget, PlanResult, RankResult
 from cpic_planner.targets import Targets, find_target, rank_sample
 from simulator.config import Instrument, load_instrument

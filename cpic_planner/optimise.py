@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from cpic_planner.etc.limits import largest_gain
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.noise import stack_noise
+from cpic_planner.etc.place import check_range, diagonal, usable_range_arcsec
 from cpic_planner.etc.planet import ReferencePlanet, reference_contrast
-from cpic_planner.etc.questions import check_range, diagonal, usable_range_arcsec
 from cpic_planner.etc.rates import ApertureRates, aperture_rates
 from cpic_planner.etc.settings import settings_for_time
 from cpic_planner.etc.significance import threshold_array

@@ -93,7 +93,7 @@ def etc(
     from catalogs.errors import InputError
     from cpic_planner.etc import questions
     from cpic_planner.etc.model import build_model
-    from cpic_planner.etc.questions import check_range
+    from cpic_planner.etc.place import check_range
     from cpic_planner.etc.result import etc_result
     from cpic_planner.optimise import best_separations
     from cpic_planner.targets import find_target

@@ -4,102 +4,28 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, field, replace
-from typing import Any, Literal
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from catalogs.errors import InputError
+from cpic_planner.etc.answer import EtcAnswer, Question
 from cpic_planner.etc.limits import frame_limit
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.noise import stack_noise
+from cpic_planner.etc.place import check_range, diagonal, locate
 from cpic_planner.etc.planet import ReferencePlanet, reference_contrast
 from cpic_planner.etc.rates import ApertureRates, aperture_rates, speckle_fraction
 from cpic_planner.etc.settings import Settings, settings_for_snr, settings_for_time
 from cpic_planner.etc.significance import threshold_array
 from cpic_planner.targets import Targets
-from simulator.config import Instrument
 from simulator.outcome import Reason, Status
 
-__all__ = [
-    "EtcAnswer",
-    "contrast_limit",
-    "diagonal",
-    "exposure_time",
-    "locate",
-    "signal_to_noise",
-    "usable_range_arcsec",
-]
+__all__ = ["contrast_limit", "exposure_time", "signal_to_noise"]
 
 MAX_TURNS = 200
-Question = Literal["exposure_time", "signal_to_noise", "contrast_limit"]
-
-
-@dataclass(frozen=True)
-class EtcAnswer:
-    """One answer for one target, band and planet.
-
-    ``value`` (in ``unit``) is ``None`` unless ``status`` is ``ok``; the other numbers describe the chosen setting
-    and are ``None`` where there is none. ``budget`` holds the variance terms of the stack in electrons^2.
-    """
-
-    target: str
-    band: str
-    question: Question
-    value: float | None
-    unit: str
-    status: Status
-    reason: Reason
-    message: str
-    separation_arcsec: float
-    contrast: float | None
-    exposure_s: float | None = None
-    n_frames: int | None = None
-    em_gain: float | None = None
-    integration_s: float | None = None
-    time_s: float | None = None
-    snr: float | None = None
-    significance: float | None = None
-    threshold: float | None = None
-    core_throughput: float | None = None
-    budget: dict[str, float] = field(default_factory=dict)
-    flags: tuple[str, ...] = ()
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain dict for JSON."""
-        return asdict(self) | {
-            "status": str(self.status),
-            "reason": str(self.reason),
-            "flags": list(self.flags),
-        }
-
-
-def diagonal(separation_arcsec: Any) -> tuple[Any, Any]:
-    """Detector offsets of a point on the diagonal of the upper right quadrant."""
-    offset = np.asarray(separation_arcsec, float) / math.sqrt(2.0)
-    return offset, offset
-
-
-def usable_range_arcsec(instrument: Instrument, band: str) -> tuple[float, float]:
-    """Diagonal separations between which the whole photometric aperture lies in the controlled zone of a band."""
-    radius = instrument.aperture_radius_arcsec(band)
-    inner = (instrument.hole_inner_arcsec(band) + radius) * math.sqrt(2.0)
-    outer = (instrument.coronagraph.outer_half_side_arcsec - radius) * math.sqrt(2.0)
-    return inner, outer
-
-
-def locate(instrument: Instrument, band: str, separation_arcsec: float) -> tuple[Status, Reason, str]:
-    """Whether the aperture of a planet at a diagonal separation lies in the controlled zone of a band."""
-    inner, outer = usable_range_arcsec(instrument, band)
-    place = f"{separation_arcsec:.3f} arcsec"
-    if separation_arcsec < inner * (1.0 - 1e-9):
-        text = f"{place}: the aperture leaves the dark hole of {band} inside {inner:.3f} arcsec (diagonal)"
-        return Status.OUTSIDE_FIELD, Reason.INSIDE_INNER_EDGE, text
-    if separation_arcsec > outer * (1.0 + 1e-9):
-        text = f"{place}: the aperture leaves the dark hole of {band} outside {outer:.3f} arcsec (diagonal)"
-        return Status.OUTSIDE_FIELD, Reason.OUTSIDE_OUTER_EDGE, text
-    return Status.OK, Reason.NONE, ""
 
 
 @dataclass(frozen=True)
@@ -154,15 +80,6 @@ def _cases(
         head["core_throughput"] = float(model.metrics[band].core_throughput(x, y)[0])
         head["threshold"] = threshold if math.isfinite(threshold) else None
         yield _Case(head, rates, threshold)
-
-
-def check_range(key: str, value: float, low: float, high: float, unit: str) -> float:
-    """Refuse a number that is not finite or not in [low, high]."""
-    if isinstance(value, bool) or not isinstance(value, int | float | np.floating) or not math.isfinite(value):
-        raise InputError(key, value, unit=unit, allowed=f"a finite number from {low:g} to {high:g}")
-    if not low <= value <= high:
-        raise InputError(key, value, unit=unit, allowed=f"{low:g} to {high:g}")
-    return float(value)
 
 
 def _filled(case: _Case, settings: Settings, value: float | None, **more: Any) -> EtcAnswer:

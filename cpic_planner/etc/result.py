@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from cpic_planner.etc.answer import EtcAnswer
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.planet import ReferencePlanet
-from cpic_planner.etc.questions import EtcAnswer
 from cpic_planner.models import EtcResult, EtcRow, ReferencePlanetRecord
 from cpic_planner.targets import Targets
 from simulator.config import content_hash
