@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from catalogs.errors import InputError
+from simulator.lazy import load_quietly
 
 __all__ = ["MIN_BACKGROUND_APERTURES", "aperture_sum", "aperture_weights", "sample_scatter"]
 
@@ -39,7 +40,7 @@ def aperture_weights(shape: tuple[int, int], x_pixel: float, y_pixel: float, rad
     InputError
         If the circle leaves the image or an argument is not finite.
     """
-    from photutils.aperture import CircularAperture
+    CircularAperture = load_quietly("photutils.aperture").CircularAperture
 
     _check_inside(shape, np.asarray(x_pixel, dtype=float), np.asarray(y_pixel, dtype=float), radius_pixel)
     mask = CircularAperture((float(x_pixel), float(y_pixel)), float(radius_pixel)).to_mask(method="exact")
@@ -70,7 +71,7 @@ def aperture_sum(
     InputError
         If a circle leaves the image, or a number is not finite.
     """
-    from photutils.aperture import CircularAperture
+    CircularAperture = load_quietly("photutils.aperture").CircularAperture
 
     data = checked_image(image)
     x, y = np.broadcast_arrays(np.asarray(x_pixel, dtype=np.float64), np.asarray(y_pixel, dtype=np.float64))

@@ -13,7 +13,6 @@ HCIPy; a test holds the two together to 1e-12 of the peak.
 from __future__ import annotations
 
 import math
-import warnings
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -24,6 +23,7 @@ from simulator.config.instrument import ARCSEC_PER_RAD, Instrument
 from simulator.imaging.apodizer import load_apodizer, upsample
 from simulator.imaging.quadrature import PixelAxis, integrate_pixels, pixel_axis
 from simulator.knobs import Knobs, resolve_knobs
+from simulator.lazy import load_quietly
 from simulator.passbands import Passbands
 
 __all__ = ["Engine", "Imager", "build_imager", "centred_axis"]
@@ -142,7 +142,7 @@ class Imager:
         return self._hcipy_field(pupil, wavelength, y_arcsec, x_arcsec)
 
     def _hcipy_field(self, pupil: Any, wavelength: float, y_arcsec: FloatArray, x_arcsec: FloatArray) -> ComplexArray:
-        hcipy = _hcipy()
+        hcipy = load_quietly("hcipy")
         n = len(self.transmission)
         grid = hcipy.make_pupil_grid(n, self.diameter_m)
         x, y = x_arcsec / ARCSEC_PER_RAD, y_arcsec / ARCSEC_PER_RAD
@@ -176,14 +176,6 @@ class Imager:
             y,
             x,
         )
-
-
-def _hcipy() -> Any:
-    """HCIPy, loaded on first use; its progress bars complain where a notebook has no widgets."""
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message="IProgress not found")
-        import hcipy
-    return hcipy
 
 
 def build_imager(instrument: Instrument, band: str, fidelity: str | Knobs = "standard") -> Imager:
