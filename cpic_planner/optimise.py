@@ -21,9 +21,10 @@ from cpic_planner.targets import Targets
 __all__ = ["Best", "best_in_band", "best_separations", "optimise", "separation_grid"]
 
 FloatArray = NDArray[np.float64]
-N_SEPARATIONS = 48
+N_SEPARATIONS = 40
 N_COARSE = 4
-TIME_FRACTIONS = (1.0, 0.5, 0.25, 0.125, 0.0625)
+VISIT_LENGTHS_S = tuple(600.0 * 2.0**k for k in range(12))
+"""Wall times tried besides the longest allowed; fixed, so that more time never takes a choice away."""
 
 
 @dataclass(frozen=True)
@@ -91,12 +92,7 @@ def optimise(
     """
     check_range("time_s", time_s, 1e-3, 1e9, "s")
     planet = planet or ReferencePlanet()
-    found = [best_in_band(model, targets, band, time_s, planet) for band in bands or model.bands]
-    pick = np.argmax(np.stack([item.margin for item in found]), axis=0)
-    rows = np.arange(len(targets))
-    return Best(
-        **{name: np.stack([getattr(item, name) for item in found])[pick, rows] for name in Best.__dataclass_fields__}
-    )
+    return _best_of([best_in_band(model, targets, band, time_s, planet) for band in bands or model.bands])
 
 
 def best_separations(
@@ -115,30 +111,33 @@ def best_separations(
 
 
 def best_in_band(model: EtcModel, targets: Targets, band: str, time_s: float, planet: ReferencePlanet) -> Best:
-    """Best separation and settings of each target in one band; see `optimise`.
+    """Best separation, length of visit and settings of each target in one band; see `optimise`."""
+    lengths = [time_s, *(length for length in VISIT_LENGTHS_S if length < time_s)]
+    return _best_of([_best_at(model, targets, band, length, planet) for length in lengths])
 
-    Frame settings at a few separations and lengths of visit come first, then the separation at those settings.
-    """
+
+def _best_of(found: Sequence[Best]) -> Best:
+    """Row by row the one of largest margin, the first of equals."""
+    pick = np.argmax(np.stack([item.margin for item in found]), axis=0)
+    rows = np.arange(len(pick))
+    return Best(
+        **{name: np.stack([getattr(item, name) for item in found])[pick, rows] for name in Best.__dataclass_fields__}
+    )
+
+
+def _best_at(model: EtcModel, targets: Targets, band: str, time_s: float, planet: ReferencePlanet) -> Best:
+    """Best in exactly ``time_s``: settings at a few separations first, then the separation at those settings."""
     metrics, detector, ratio = model.metrics[band], model.instrument.detector, model.strategy.reference_ratio
     fine = separation_grid(model, band)
     coarse = fine[:: max(len(fine) // N_COARSE, 1)]
     rows = np.arange(len(targets))
-    kept: dict[str, FloatArray] = {}
-    for fraction in TIME_FRACTIONS:
-        chosen = settings_for_time(
-            model, _rates(model, targets, band, coarse, planet, fraction * time_s)[0], fraction * time_s
-        )
-        margin = chosen.noise.significance / threshold_array(metrics.resolution_elements(coarse), model.strategy.sigma)
-        pick = np.argmax(margin, axis=1)
-        found = {"margin": margin[rows, pick], "longest": chosen.longest_exposure_s[rows, pick]}
-        found |= {name: getattr(chosen, name)[rows, pick] for name in ("exposure_s", "n_frames", "em_gain", "time_s")}
-        if not kept:
-            kept = found
-        better = found["margin"] > kept["margin"]
-        kept = {name: np.where(better, found[name], kept[name]) for name in kept}
+    chosen = settings_for_time(model, _rates(model, targets, band, coarse, planet, time_s)[0], time_s)
+    rough = chosen.noise.significance / threshold_array(metrics.resolution_elements(coarse), model.strategy.sigma)
+    pick = np.argmax(rough, axis=1)
+    setting = {name: getattr(chosen, name)[rows, pick] for name in ("exposure_s", "n_frames", "em_gain", "time_s")}
 
-    rates, contrast = _rates(model, targets, band, fine, planet, kept["time_s"][:, None])
-    exposure, frames, gain = (kept[name][:, None] for name in ("exposure_s", "n_frames", "em_gain"))
+    rates, contrast = _rates(model, targets, band, fine, planet, setting["time_s"][:, None])
+    exposure, frames, gain = (setting[name][:, None] for name in ("exposure_s", "n_frames", "em_gain"))
     noise = stack_noise(rates, exposure, frames, gain, detector, reference_ratio=ratio)
     threshold = threshold_array(metrics.resolution_elements(fine), model.strategy.sigma)
     feasible = gain <= largest_gain(rates.peak_hole_e_s, rates.tail_e_s, exposure, detector) * (1.0 + 1e-12)
@@ -146,26 +145,26 @@ def best_in_band(model: EtcModel, targets: Targets, band: str, time_s: float, pl
     instant = _rates(model, targets, band, fine, planet, 0.0)[0].speckle_e_s
     with np.errstate(divide="ignore"):
         floor = np.where(instant > 0, rates.planet_e_s / instant, np.inf) / threshold
-    pick = np.argmax(margin, axis=1)
+    best = np.argmax(margin, axis=1)
 
     def at(array: ArrayLike) -> FloatArray:
-        return np.broadcast_to(np.asarray(array, float), margin.shape)[rows, pick]
+        return np.broadcast_to(np.asarray(array, float), margin.shape)[rows, best]
 
     return Best(
         band=np.full(len(targets), band),
-        separation_arcsec=fine[pick],
+        separation_arcsec=fine[best],
         contrast=at(contrast),
-        exposure_s=kept["exposure_s"],
-        n_frames=kept["n_frames"],
-        em_gain=kept["em_gain"],
-        time_s=kept["time_s"],
+        exposure_s=setting["exposure_s"],
+        n_frames=setting["n_frames"],
+        em_gain=setting["em_gain"],
+        time_s=setting["time_s"],
         snr=at(noise.snr),
         significance=at(noise.significance),
-        threshold=threshold[pick],
+        threshold=threshold[best],
         margin=at(margin),
         floor_margin=floor.max(axis=1),
-        longest_exposure_s=kept["longest"],
-        core_throughput=metrics.core_throughput(*diagonal(fine))[pick],
+        longest_exposure_s=chosen.longest_exposure_s[rows, pick],
+        core_throughput=metrics.core_throughput(*diagonal(fine))[best],
     )
 
 

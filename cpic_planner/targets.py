@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 __all__ = ["Targets", "find_target", "load_targets", "rank_sample", "targets_from_table"]
 
 FloatArray = NDArray[np.float64]
+ASSUMED_PA_DEG = 30.0
+"""Position angle of a companion that has none in the sources: between an arm of the mask and a diagonal."""
 
 
 @dataclass(frozen=True)
@@ -74,14 +76,18 @@ def targets_from_table(table: StarTable, *, companions: Literal["on", "off"] = "
 
     companion_v = number("v_mag") + number("companion_delta_v_mag")
     located = np.isfinite(companion_v) & np.isfinite(number("companion_sep_arcsec"))
+    pa = number("companion_pa_deg")
+    assumed = located & ~np.isfinite(pa)
     flags = []
-    for own, close, has in zip(
-        text("quality_flags"), np.asarray(table.column("close_companion"), bool), located, strict=True
+    for own, close, has, guessed in zip(
+        text("quality_flags"), np.asarray(table.column("close_companion"), bool), located, assumed, strict=True
     ):
         names = [flag for flag in own.split(";") if flag]
         if has:
             names.append("companion_light_on" if companions == "on" else "companion_light_off")
             names.append("companion_colour_assumed")
+            if guessed:
+                names.append("companion_pa_assumed")
         elif close:
             names.append("companion_light_unknown")
         flags.append(tuple(names))
@@ -98,7 +104,7 @@ def targets_from_table(table: StarTable, *, companions: Literal["on", "off"] = "
         metallicity=number("metallicity"),
         luminosity_lsun=number("luminosity_lsun"),
         companion_separation_arcsec=number("companion_sep_arcsec"),
-        companion_pa_deg=number("companion_pa_deg"),
+        companion_pa_deg=np.where(assumed, ASSUMED_PA_DEG, pa),
         companion_v_mag=companion_v,
         companion_teff_k=number("teff_k"),
         flags=tuple(flags),

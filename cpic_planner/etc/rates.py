@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.targets import Targets
 from simulator.camera.noise import aperture_noise_pixels
+from simulator.target.positions import sky_to_detector
 
 __all__ = ["ApertureRates", "aperture_rates", "speckle_fraction"]
 
@@ -100,7 +101,8 @@ def aperture_rates(
     Notes
     -----
     ``rate = F_phot * area * t_opt * QE * core(x, y)``: ``core`` holds apodizer, mask and aperture loss, so that
-    every loss is counted once. Companion wings use the azimuthal mean of the unmasked PSF.
+    every loss is counted once. A companion leaves the light of its PSF wings, smoothed over
+    0.15 arcsec, at roll angle 0.
     """
     instrument, metrics = model.instrument, model.metrics[band]
     column = model.passbands.names.index(band)
@@ -116,13 +118,13 @@ def aperture_rates(
     sky = model.passbands.sky_rate_e_s_arcsec2(instrument.sky.brightness_v_mag_arcsec2, instrument.telescope.area_cm2)[
         column
     ]
-    companion = np.reshape(_companion_e_s(model, targets, band), star.shape)
+    companion = _companion_e_s(model, targets, band, x, y)
     region_pixels = float(np.count_nonzero(metrics.hole))
     shape = np.broadcast_shapes(star.shape, x.shape)
     return ApertureRates(
         planet_e_s=planet_total * metrics.core_throughput(x, y),
         halo_e_s=star * metrics.halo_aperture(x, y),
-        companion_e_s=np.broadcast_to(companion, shape),
+        companion_e_s=companion,
         sky_e_s=np.full((1,) * len(shape), sky * aperture_arcsec2 * metrics.apodizer_energy),
         dark_e_s=np.full((1,) * len(shape), instrument.detector.dark_e_s * metrics.aperture_pixels),
         speckle_e_s=star * speckle_fraction(model, band, visit_s, np.hypot(x, y)),
@@ -163,21 +165,22 @@ def _annulus_apertures(model: EtcModel, band: str, separation_arcsec: FloatArray
     return length * width / (np.pi * metrics.aperture_radius_arcsec**2)
 
 
-def _companion_e_s(model: EtcModel, targets: Targets, band: str) -> FloatArray:
-    """Light of a bound companion's wings in one aperture, azimuthal mean at the star's distance from it."""
+def _companion_e_s(model: EtcModel, targets: Targets, band: str, x: FloatArray, y: FloatArray) -> FloatArray:
+    """Light of a bound companion's wings in an aperture at (x, y), roll 0; shape ``(n, ...)``."""
     instrument, metrics = model.instrument, model.metrics[band]
-    column = model.passbands.names.index(band)
+    upright = (-1,) + (1,) * max(0, x.ndim - 1)
+    shape = np.broadcast_shapes((len(targets), *upright[1:]), x.shape)
+    rate = np.zeros(shape)
     known = np.isfinite(targets.companion_v_mag) & np.isfinite(targets.companion_separation_arcsec)
-    rate = np.zeros(len(targets))
-    if targets.companions == "on" and known.any():
-        near = targets.select(known)
-        star = model.passbands.star_rate_e_s(
-            near.companion_v_mag,
-            near.companion_teff_k,
-            near.log_g,
-            near.metallicity,
-            instrument.telescope.area_cm2,
-        )[:, column]
-        wing = metrics.wing(near.companion_separation_arcsec)
-        rate[known] = star * wing * metrics.aperture_pixels
+    if targets.companions == "off" or not known.any():
+        return rate
+    near = targets.select(known)
+    star = model.passbands.star_rate_e_s(
+        near.companion_v_mag, near.companion_teff_k, near.log_g, near.metallicity, instrument.telescope.area_cm2
+    )[:, model.passbands.names.index(band)]
+    parity = instrument.detector.parity
+    there = sky_to_detector(near.companion_separation_arcsec, near.companion_pa_deg, parity=parity)
+    here = [np.broadcast_to(part, shape)[known] for part in (x, y)]
+    wing = metrics.wing_at(here[0] - there[0].reshape(upright), here[1] - there[1].reshape(upright))
+    rate[known] = star.reshape(upright) * wing * metrics.aperture_pixels
     return rate

@@ -92,7 +92,6 @@ def target_scene(target: Targets, planet: ReferencePlanet, separation_arcsec: fl
     separation, pa = float(target.companion_separation_arcsec[0]), float(target.companion_pa_deg[0])
     magnitude = float(target.companion_v_mag[0])
     if math.isfinite(separation) and math.isfinite(magnitude) and separation <= COMPANION_LIMIT_ARCSEC:
-        # Without a catalogued position angle the companion is put at 0; its wings at the hole depend on it weakly.
         stars = (
             SceneStar(
                 name="companion",
@@ -101,7 +100,7 @@ def target_scene(target: Targets, planet: ReferencePlanet, separation_arcsec: fl
                 log_g=star.log_g,
                 metallicity=star.metallicity,
                 separation_arcsec=separation,
-                pa_deg=pa if math.isfinite(pa) else 0.0,
+                pa_deg=pa,
             ),
         )
     return Scene(name=name, cstar=star, planets=(body,), stars=stars, companions=target.companions)

@@ -39,6 +39,11 @@ def save(picture: Picture, name: str) -> None:
     write_bytes(HERE / f"{name}{suffix}", base64.b64decode(data))
 
 
+def picture_file(name: str) -> str:
+    """File name under which a picture was saved."""
+    return next(path.name for path in sorted(HERE.glob(f"{name}.*")) if path.suffix in (".svg", ".png"))
+
+
 def cold_seconds(arguments: list[str], runs: int = 5) -> list[float]:
     """Wall times of a command from a cold interpreter."""
     times = []
@@ -52,8 +57,8 @@ def cold_seconds(arguments: list[str], runs: int = 5) -> list[float]:
 def table(plan: PlanResult) -> list[str]:
     """One line per confirmed target and band."""
     lines = [
-        "| target | band | separation (arcsec) | contrast, true | contrast, recovered | frames x exposure (s) | EM gain "
-        "| wall (h) | SNR predicted | SNR recovered | verdict |",
+        "| target | band | separation (arcsec) | contrast, true | contrast, recovered | frames x exposure (s) "
+        "| EM gain | wall (h) | SNR predicted | SNR recovered | verdict |",
         "|---|---|---|---|---|---|---|---|---|---|---|",
     ]
     for target in plan.targets:
@@ -65,9 +70,9 @@ def table(plan: PlanResult) -> list[str]:
                 continue
             lines.append(
                 f"| {name} | {band.band} | {band.separation_arcsec:.3f} | {band.true_contrast:.2e} "
-                f"| {band.recovered_contrast:.2e} +- {band.contrast_error:.1e} | {band.n_frames} x {band.exposure_s:.1f} "
-                f"| {band.em_gain:.0f} | {band.time_s / 3600:.2f} | {band.predicted_snr:.1f} | {band.recovered_snr:.1f} "
-                f"| {band.verdict} |"
+                f"| {band.recovered_contrast:.2e} +- {band.contrast_error:.1e} "
+                f"| {band.n_frames} x {band.exposure_s:.1f} | {band.em_gain:.0f} | {band.time_s / 3600:.2f} "
+                f"| {band.predicted_snr:.1f} | {band.recovered_snr:.1f} | {band.verdict} |"
             )
     return lines
 
@@ -90,7 +95,10 @@ def main() -> None:
             body = folder.part(f"{SHOWN[0]} {SHOWN[1]}")
     assert body is not None
     confirmed = tuple(target.name for target in plan.targets)
-    save(contrast_diagram(rank, limits=limit_curves(plan, model), holes=hole_edges(model), confirmed=confirmed), "contrast")
+    save(
+        contrast_diagram(rank, limits=limit_curves(plan, model), holes=hole_edges(model), confirmed=confirmed),
+        "contrast",
+    )
     save(snr_figure(plan), "snr")
     save(panel_picture(panels_of(model, SHOWN[1], body), SHOWN[0]), "panels")
     cold = {
@@ -113,17 +121,22 @@ def main() -> None:
         "Bold: the band to observe in. One realisation: an SNR scatters by about 20 % because its noise is estimated",
         "from the 9 to 20 apertures that fit at one separation.",
         "",
-        "![contrast against separation](contrast.svg)" if (HERE / "contrast.svg").exists() else "![contrast](contrast.png)",
+        "![contrast against separation](contrast.svg)"
+        if (HERE / "contrast.svg").exists()
+        else "![contrast](contrast.png)",
         "",
         f"![{SHOWN[0]}, {SHOWN[1]}](panels.png)",
         "",
-        "![predicted and recovered SNR](snr.svg)" if (HERE / "snr.svg").exists() else "![snr](snr.png)",
+        f"![predicted and recovered SNR]({picture_file('snr')})",
         "",
         "## Times",
         "",
         "| what | median (s) | min to max (s) |",
         "|---|---|---|",
-        *(f"| `{name}`, cold, 5 runs | {statistics.median(t):.2f} | {min(t):.2f} to {max(t):.2f} |" for name, t in cold.items()),
+        *(
+            f"| `{name}`, cold, 5 runs | {statistics.median(t):.2f} | {min(t):.2f} to {max(t):.2f} |"
+            for name, t in cold.items()
+        ),
         f"| plan of {TOP} targets x 4 bands, {options.workers} workers, 1 run | {wall_s:.0f} | |",
         "",
         f"Machine: {platform.machine()}, Python {platform.python_version()}, {options.workers} workers used.",

@@ -22,6 +22,7 @@ FloatArray = NDArray[np.float64]
 CELLS_PER_PIXEL = 10
 FIELD_ARCSEC = 17.2  # the frame's diagonal and a margin: companions' wings across the whole detector
 FRAME_ARCSEC = 8.75  # half side of the frame
+WING_STEP_ARCSEC = 0.15
 
 
 def stamp_figures(imager: Imager, on_axis: FloatArray, off_axis: FloatArray) -> dict[str, object]:
@@ -67,15 +68,21 @@ def _core_table(imager: Imager) -> tuple[FloatArray, float, float]:
     return table, cells / 2 / CELLS_PER_PIXEL * pixel, circle * (radius / pixel) ** 2
 
 
-def _wing_profile(imager: Imager, engine: Engine) -> FloatArray:
-    """Azimuthal mean of the unmasked PSF in rings one pixel wide."""
-    half = int(np.ceil(FIELD_ARCSEC / imager.pixel_scale_arcsec))
+def _wings(imager: Imager, engine: Engine) -> tuple[FloatArray, FloatArray]:
+    """Azimuthal mean of the unmasked PSF in rings one pixel wide, and its means over small boxes of one quadrant."""
+    pixel = imager.pixel_scale_arcsec
+    half = int(np.ceil(FIELD_ARCSEC / pixel))
     pixels = np.arange(-half, half + 1)
-    angles = centred_axis(2 * half + 1, imager.pixel_scale_arcsec)
+    angles = centred_axis(2 * half + 1, pixel)
     image = imager.intensity(angles, angles, engine=engine)
     ring = np.rint(np.hypot(pixels[:, None], pixels)).astype(np.intp).ravel()
     totals, counts = np.bincount(ring, image.ravel()), np.bincount(ring)
-    return totals[: half + 1] / counts[: half + 1]
+    box = max(1, round(WING_STEP_ARCSEC / pixel / 2))
+    centre = half + np.rint(np.arange(0, FIELD_ARCSEC - 2 * WING_STEP_ARCSEC, WING_STEP_ARCSEC) / pixel).astype(int)
+    low, high = centre - box, centre + box + 1
+    table = cumulative_table(image)
+    sums = table[np.ix_(high, high)] - table[np.ix_(low, high)] - table[np.ix_(high, low)] + table[np.ix_(low, low)]
+    return totals[: half + 1] / counts[: half + 1], sums / (2 * box + 1) ** 2
 
 
 def _register_tail(rows: FloatArray, offset_arcsec: FloatArray, hole_arcsec: tuple[float, float]) -> float:
@@ -118,6 +125,7 @@ def measure_metrics(imager: Imager, psd_slope: float) -> PsfMetrics:
     frame = imager.image(wide, wide, engine="matrix")
     across = (np.abs(offset) >= imager.hole_arcsec[0]) & (np.abs(offset) <= imager.hole_arcsec[1])
     floor = measure_floor(imager, psd_slope)
+    profile, wing_map = _wings(imager, "matrix")
     values = stamp_figures(imager, on_axis, off_axis)
     values |= {
         "band": imager.band,
@@ -133,7 +141,9 @@ def measure_metrics(imager: Imager, psd_slope: float) -> PsfMetrics:
         "peak_on_axis_columns": float(frame[:, across].max()),
         "register_tail": _register_tail(frame[across], offset, imager.hole_arcsec),
         "source_noise_fraction": _source_noise_fraction(imager),
-        "wing_profile": _wing_profile(imager, "matrix"),
+        "wing_profile": profile,
+        "wing_map": wing_map,
+        "wing_map_step_arcsec": WING_STEP_ARCSEC,
         "floor_visit_nm": floor.visit_nm,
         "floor_separation_arcsec": floor.separation_arcsec,
         "floor_sigma": floor.sigma,

@@ -68,6 +68,11 @@ class PsfMetrics:
         Half side of that table.
     wing_profile : ndarray, shape (w,)
         Azimuthal mean of the unmasked PSF per pixel at separations of 0, 1, 2 ... pixels.
+    wing_map : ndarray, shape (q, q)
+        Unmasked PSF per pixel at offsets ``|y|, |x|`` of 0, 1, 2 ... steps, each the mean over a box one step wide.
+        The pupil's symmetry makes the four quadrants alike.
+    wing_map_step_arcsec : float
+        Step of that map.
     floor_visit_nm : ndarray, shape (g,)
         Visit offsets at which the speckle floor was measured.
     floor_separation_arcsec : ndarray, shape (s,)
@@ -99,6 +104,8 @@ class PsfMetrics:
     core_table: FloatArray
     core_table_half_arcsec: float
     wing_profile: FloatArray
+    wing_map: FloatArray
+    wing_map_step_arcsec: float
     floor_visit_nm: FloatArray
     floor_separation_arcsec: FloatArray
     floor_sigma: FloatArray
@@ -162,6 +169,19 @@ class PsfMetrics:
         outside = float((self.wing_profile[-60:] * radius[-60:] ** 3.0).mean())
         return np.where(pixels <= radius[-1], np.interp(pixels, radius, self.wing_profile),
                         outside / np.maximum(pixels, radius[-1]) ** 3)  # fmt: skip
+
+    def wing_at(self, x_arcsec: ArrayLike, y_arcsec: ArrayLike) -> FloatArray:
+        """Light per pixel that a source leaves at an offset (x, y) from itself, smoothed over a step of the map.
+
+        The wings of a stepped apodizer gather along its axes: on a diagonal they lie a hundred times below the
+        azimuthal mean, which is what is returned beyond the map.
+        """
+        x, y = np.broadcast_arrays(np.abs(np.asarray(x_arcsec, float)), np.abs(np.asarray(y_arcsec, float)))
+        last = len(self.wing_map) - 1
+        column, row = x / self.wing_map_step_arcsec, y / self.wing_map_step_arcsec
+        inside = np.maximum(column, row) <= last
+        near = np.exp(_bilinear(np.log(self.wing_map), np.minimum(row, last), np.minimum(column, last)))
+        return np.where(inside, near, self.wing(np.hypot(x, y)))
 
     def azimuth_fraction(self, separation_arcsec: ArrayLike) -> FloatArray:
         """Fraction of the circle of that radius that lies inside the square quadrants."""

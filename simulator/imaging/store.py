@@ -27,7 +27,7 @@ from simulator.knobs import Knobs
 
 __all__ = ["main", "metrics_key", "psf_metrics", "rebuild"]
 
-SCHEMA = 2  # raise when the meaning of a stored number or the optical model changes
+SCHEMA = 3  # raise when the meaning of a stored number or the optical model changes
 
 
 def metrics_key(instrument: Instrument, band: str) -> str:

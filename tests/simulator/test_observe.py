@@ -1,0 +1,186 @@
+"""Scenes to frames: absolute pictures, energy bookkeeping, streams."""
+
+import numpy as np
+import pytest
+
+from catalogs.errors import InputError
+from simulator import load_instrument, observe
+from simulator.passbands import Passbands
+
+STAR = {"name": "star", "v_mag": 5.0, "teff_k": 5800}
+QUIET = {"drift": {"visit_nm": 0, "walk_nm_per_sqrt_hour": 0}}
+
+
+def planet(pa_deg, separation=0.5, distance=0.02):
+    return {
+        "name": "b",
+        "radius_rjup": 10,
+        "distance_au": distance,
+        "phase_deg": 60,
+        "separation_arcsec": separation,
+        "pa_deg": pa_deg,
+    }
+
+
+def scene(*planets, **more):
+    return {"name": "s", "cstar": STAR, "planets": list(planets)} | more
+
+
+def difference(pa_deg, *, roll=0.0, parity=-1):
+    """Expected light of the planet alone, on the star-centred stamp."""
+    instrument = load_instrument(QUIET | {"detector": {"parity": parity}})
+    settings = {"band": "F520", "exposure_s": 1.0, "window": "hole", "instrument": instrument, "roll_deg": roll}
+    with_planet = observe(scene(planet(pa_deg)), **settings)
+    return with_planet.mean_rate_map - observe(scene(), **settings).mean_rate_map
+
+
+def centroid(image):
+    rows, columns = np.indices(image.shape)
+    half = image.shape[0] // 2
+    return (np.sum(image * columns) / image.sum() - half) * 0.016153, (
+        np.sum(image * rows) / image.sum() - half
+    ) * 0.016153
+
+
+@pytest.mark.parametrize(("pa", "signs"), [(45, (-1, 1)), (135, (-1, -1)), (225, (1, -1)), (315, (1, 1))])
+def test_position_angle_grows_from_north_through_east_at_the_left(pa, signs):
+    x, y = centroid(difference(pa))
+    assert (np.sign(x), np.sign(y)) == signs
+    assert abs(x) == pytest.approx(0.5 / 2**0.5, abs=0.01)
+
+
+def test_parity_flips_x_only_and_roll_turns_the_sky():
+    x, y = centroid(difference(45, parity=1))
+    assert x > 0
+    assert y > 0
+    x, y = centroid(difference(45, roll=90.0))
+    assert x > 0  # PA 45 at roll 90 is where PA -45 is at roll 0
+    assert y > 0
+
+
+def test_a_planet_behind_an_arm_of_the_cross_is_not_seen():
+    dark, bright = difference(0.0).sum(), difference(45.0).sum()
+    assert dark < 0.02 * bright
+
+
+def test_light_is_counted_once():
+    """An unmasked star's image holds F A t_opt QE E, within the field's loss."""
+    instrument = load_instrument(
+        QUIET | {"coronagraph": {"mask_half_width_arcsec": 0.0}, "sky": {"brightness_v_mag_arcsec2": 40}}
+    )
+    seen = observe(scene(), band="F662", exposure_s=1.0, instrument=instrument)
+    passbands = Passbands.from_instrument(instrument)
+    rate = passbands.star_rate_e_s(5.0, 5800, 4.5, 0.0, instrument.telescope.area_cm2)[passbands.index("F662")]
+    expected = rate * seen.psf.metrics.apodizer_energy
+    assert seen.mean_rate_map.sum() == pytest.approx(expected, rel=0.01)
+    assert seen.mean_rate_map.sum() < expected
+
+
+def test_contrast_of_a_planet_is_the_ratio_of_detected_rates():
+    seen = observe(scene(planet(45)), band="F520", exposure_s=1.0, window="hole")
+    star, body = seen.truth.sources
+    assert body.contrast == pytest.approx(body.rate_e_s / star.rate_e_s, rel=1e-14)
+    assert difference(45).sum() == pytest.approx(body.rate_e_s * seen.psf.metrics.apodizer_energy, rel=0.06)
+
+
+def test_frames_are_uint16_of_the_detector_and_independent():
+    seen = observe(scene(), band="F520", exposure_s=0.1, n_frames=2, em_gain=5, seed=3)
+    first, second = seen.frames
+    assert first.shape == (1050, 1080)
+    assert first.dtype == np.uint16
+    assert not np.array_equal(first, second)
+    dark = first[:200, :200].astype(float) - second[:200, :200]
+    detector = seen.instrument.detector
+    noise = np.sqrt(detector.read_noise_e**2 / detector.gain_e_adu**2 + 1 / 12)
+    assert dark.std() / np.sqrt(2) == pytest.approx(noise, rel=0.1)
+
+
+def test_any_frame_can_be_had_alone():
+    seen = observe(scene(planet(45)), band="F520", exposure_s=10.0, n_frames=5, em_gain=50, seed=3, window="hole")
+    again = observe(scene(planet(45)), band="F520", exposure_s=10.0, n_frames=5, em_gain=50, seed=3, window="hole")
+    np.testing.assert_array_equal(seen.frames[3], again.frame(3).adu)
+    other = observe(scene(planet(45)), band="F520", exposure_s=10.0, n_frames=5, em_gain=50, seed=4, window="hole")
+    assert not np.array_equal(seen.frame(3).adu, other.frame(3).adu)
+
+
+def test_roles_have_their_own_visit():
+    settings = {"band": "F520", "exposure_s": 10.0, "n_frames": 1, "window": "hole"}
+    science, reference = (observe(scene(), role=role, **settings) for role in ("science", "reference"))
+    assert not np.array_equal(science.star_stamps, reference.star_stamps)
+    calm = settings | {"instrument": load_instrument(QUIET)}
+    science, reference = (observe(scene(), role=role, **calm) for role in ("science", "reference"))
+    np.testing.assert_array_equal(science.star_stamps, reference.star_stamps)
+
+
+def test_mean_of_frames_is_the_expected_map():
+    seen = observe(
+        scene(planet(45)),
+        band="F520",
+        exposure_s=5.0,
+        n_frames=400,
+        em_gain=20,
+        seed=1,
+        window="hole",
+        instrument=QUIET,
+    )
+    hole = seen.psf.metrics.hole
+    mean = np.mean([frame[hole] for frame in seen.iter_frames()], axis=0)
+    pull = (mean - seen.expected[hole]) / (np.std([frame[hole] for frame in list(seen.iter_frames())[:50]]) / 20)
+    assert abs(pull.mean()) < 4 / np.sqrt(hole.sum())
+
+
+def test_companions_can_be_switched_off_and_raise_the_halo():
+    near = {"name": "c", "v_mag": 4.0, "teff_k": 5800, "separation_arcsec": 3.0, "pa_deg": 20}
+    settings = {"band": "F520", "exposure_s": 1.0, "window": "hole", "instrument": QUIET}
+    on, off, none = (
+        observe(s, **settings).mean_rate_map.sum()
+        for s in (scene(stars=[near]), scene(stars=[near], companions="off"), scene())
+    )
+    assert on > off
+    assert off == none
+
+
+def test_whole_frame_holds_a_companion_where_it_stands():
+    near = {"name": "c", "v_mag": 6.0, "teff_k": 5800, "separation_arcsec": 5.0, "pa_deg": 315}
+    frame = observe(scene(stars=[near]), band="F520", exposure_s=1.0, instrument=QUIET).mean_rate_map
+    row, column = np.unravel_index(frame.argmax(), frame.shape)
+    shift = 5.0 / 2**0.5 / 0.016153
+    assert (column - 536, row - 514) == (pytest.approx(shift, abs=1), pytest.approx(shift, abs=1))
+
+
+def test_ledger_says_what_is_kept_and_skipped():
+    rows = {
+        row.effect: row for row in observe(scene(), band="F520", exposure_s=1.0, window="hole", instrument=QUIET).ledger
+    }
+    assert rows["wavefront drift"].decision == "skipped"
+    assert rows["cosmic rays"].decision == "skipped"
+    assert rows["EM register"].decision == "kept"
+    assert all(row.reason for row in rows.values())
+
+
+@pytest.mark.parametrize(
+    ("change", "word"),
+    [
+        ({"band": "F940"}, "F940"),
+        ({"band": "X"}, "band"),
+        ({"exposure_s": 0}, "exposure_s"),
+        ({"exposure_s": float("nan")}, "exposure_s"),
+        ({"n_frames": 0}, "n_frames"),
+        ({"n_frames": 1.5}, "n_frames"),
+        ({"em_gain": 0.5}, "em_gain"),
+        ({"em_gain": 2000}, "em_gain"),
+        ({"tolerance": 0.1}, "tolerance"),
+        ({"window": "half"}, "window"),
+        ({"seed": -1}, "seed"),
+        ({"fidelity": "best"}, "fidelity"),
+    ],
+)
+def test_bad_settings_are_refused_by_name(change, word):
+    with pytest.raises(InputError, match=word):
+        observe(scene(), **({"band": "F520", "exposure_s": 1.0} | change)).frame(0)
+
+
+def test_stacks_that_do_not_fit_memory_are_refused():
+    seen = observe(scene(), band="F520", exposure_s=1.0, n_frames=2000)
+    with pytest.raises(InputError, match="iter_frames"):
+        _ = seen.frames
