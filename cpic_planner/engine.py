@@ -17,7 +17,6 @@ from catalogs.errors import InputError
 __all__ = ["run_tasks"]
 
 T = TypeVar("T")
-_LOG = logging.getLogger(__name__)
 _THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS")
 
 
@@ -93,10 +92,11 @@ def _client(workers: int, scheduler: str | None) -> Iterator[Any]:
         logging.getLogger("distributed").setLevel(logging.ERROR)
         if scheduler is not None:
             try:
-                yield stack.enter_context(Client(scheduler, timeout="20s", set_as_default=False))
+                client = stack.enter_context(Client(scheduler, timeout="20s", set_as_default=False))
             except (OSError, TimeoutError, ValueError) as error:
                 raise InputError("--scheduler", scheduler, allowed="the address of a live Dask scheduler",
                                  hint=str(error).splitlines()[0]) from None  # fmt: skip
+            yield client
             return
         old = {name: os.environ.get(name) for name in _THREAD_VARIABLES}
         os.environ.update(dict.fromkeys(_THREAD_VARIABLES, "1"))

@@ -23,6 +23,8 @@ __all__ = ["Best", "best_in_band", "best_separations", "optimise", "separation_g
 FloatArray = NDArray[np.float64]
 N_SEPARATIONS = 40
 N_COARSE = 4
+MIN_BACKGROUND_APERTURES = 25.0
+"""Aperture areas that the background annulus must hold: about a third of them fit without overlap."""
 VISIT_LENGTHS_S = tuple(600.0 * 2.0**k for k in range(12))
 """Wall times tried besides the longest allowed; fixed, so that more time never takes a choice away."""
 
@@ -50,13 +52,19 @@ class Best:
     margin: FloatArray
     floor_margin: FloatArray
     longest_exposure_s: FloatArray
+    peak_columns_e_s: FloatArray
+    peak_hole_e_s: FloatArray
+    tail_e_s: FloatArray
     core_throughput: FloatArray
 
 
 def separation_grid(model: EtcModel, band: str) -> FloatArray:
-    """Diagonal separations with the aperture inside a band's zone and a defined small-sample threshold."""
+    """Diagonal separations with the aperture inside a band's zone, a defined threshold and room to measure noise."""
     grid = np.geomspace(*usable_range_arcsec(model.instrument, band), N_SEPARATIONS)
-    return grid[model.metrics[band].resolution_elements(grid) >= 3.0]
+    metrics = model.metrics[band]
+    enough = [np.count_nonzero(metrics.annulus(s, model.strategy.annulus_lambda_d)) for s in grid]
+    room = np.asarray(enough) >= MIN_BACKGROUND_APERTURES * metrics.aperture_pixels
+    return grid[(metrics.resolution_elements(grid) >= 3.0) & room]
 
 
 def optimise(
@@ -164,6 +172,9 @@ def _best_at(model: EtcModel, targets: Targets, band: str, time_s: float, planet
         margin=at(margin),
         floor_margin=floor.max(axis=1),
         longest_exposure_s=chosen.longest_exposure_s[rows, pick],
+        peak_columns_e_s=at(rates.peak_columns_e_s),
+        peak_hole_e_s=at(rates.peak_hole_e_s),
+        tail_e_s=at(rates.tail_e_s),
         core_throughput=metrics.core_throughput(*diagonal(fine))[best],
     )
 

@@ -34,6 +34,7 @@ from cpic_planner.validation.confirm import ConfirmTask, confirm_task, prepare_t
 from cpic_planner.version import __version__
 from simulator.config import FrozenModel, Instrument, content_hash
 from simulator.files import dump_json
+from simulator.knobs import FIDELITIES
 from simulator.ledger import not_modelled
 
 __all__ = ["FinishedPlan", "PlanConfig", "confirm_stars", "estimate_cost", "make_plan"]
@@ -152,6 +153,8 @@ def plan_hash(config: PlanConfig, rank: RankResult) -> str:
     tree = {
         "kind": "plan",
         "results": RESULT_VERSION,
+        "version": __version__,
+        "knobs": FIDELITIES[config.fidelity].model_dump(mode="json"),
         "config": config.model_dump(mode="json"),
         "rank": rank.config_hash,
         "catalogue": rank.catalogue,
@@ -163,7 +166,7 @@ def estimate_cost(config: PlanConfig, *, workers: int = 1) -> dict[str, float]:
     """Expected wall time, memory and disk of a plan, from the number of frames to simulate."""
     prepared = _prepare(config)
     frames = sum(2 * task.n_frames for task in prepared.tasks)
-    pixels = {"quick": 1.0, "standard": 1.0, "reference": 1.0}[config.fidelity] * 137**2
+    pixels = FIDELITIES[config.fidelity].stamp_pixels ** 2
     wall = 4.0 + (0.7 * len(prepared.tasks) + 4e-3 * frames) / min(workers, max(len(prepared.tasks), 1))
     largest = max((task.n_frames for task in prepared.tasks), default=0)
     return {

@@ -9,15 +9,19 @@ from collections.abc import Sequence
 import numpy as np
 
 from catalogs.info import snapshot_vintage
+from cpic_planner.etc.limits import frame_limit
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.planet import ReferencePlanet, reference_distance_au
+from cpic_planner.etc.rates import companion_saturates
 from cpic_planner.models import RankedTarget, RankResult, ReferencePlanetRecord
 from cpic_planner.optimise import Best, optimise
 from cpic_planner.targets import Targets
+from cpic_planner.version import __version__
 from simulator.config import content_hash
+from simulator.config.instrument import Detector
 from simulator.outcome import Reason, Status
 
-__all__ = ["judge", "planet_record", "rank_hash", "rank_targets", "sample_text"]
+__all__ = ["judge", "no_frame", "planet_record", "rank_hash", "rank_targets", "sample_text"]
 
 
 def sample_text(v_mag_max: float, dwarfs_only: bool, singles_only: bool) -> str:
@@ -32,37 +36,43 @@ def planet_record(planet: ReferencePlanet) -> ReferencePlanetRecord:
     return ReferencePlanetRecord(radius_rjup=planet.radius_rjup, phase_deg=planet.phase_deg, albedo=planet.albedo)
 
 
-def rank_hash(model: EtcModel, targets: Targets, *, time_s: float, planet: ReferencePlanet) -> str:
+def rank_hash(
+    model: EtcModel, targets: Targets, *, time_s: float, planet: ReferencePlanet, bands: Sequence[str] | None = None
+) -> str:
     """Hash of everything that decides a ranking."""
     return content_hash(
         {
             "kind": "rank",
-            "instrument": model.instrument.model_dump(mode="json"),
-            "strategy": vars(model.strategy),
-            "bands": list(model.bands),
+            "version": __version__,
+            "model": model.content(),
+            "bands": list(bands or model.bands),
             "time_s": time_s,
             "planet": planet.model_dump(mode="json"),
-            "targets": targets.name.tolist(),
-            "v_mag": targets.v_mag.tolist(),
-            "distance_pc": targets.distance_pc.tolist(),
-            "companions": targets.companions,
+            "targets": targets.content(),
         }
     )
 
 
-def judge(best: Best) -> list[tuple[Status, Reason]]:
+def judge(best: Best, detector: Detector) -> list[tuple[Status, Reason]]:
     """Whether the reference planet is detected in the given time, and if not, why."""
-    verdicts = []
-    for frames, margin, floor in zip(best.n_frames, best.margin, best.floor_margin, strict=True):
-        if frames < 1:
-            verdicts.append((Status.SATURATED, Reason.PIXEL_FULL_WELL))
-        elif margin >= 1.0:
-            verdicts.append((Status.OK, Reason.NONE))
-        elif floor <= 1.0:
-            verdicts.append((Status.UNREACHABLE, Reason.SPECKLE_FLOOR))
-        else:
-            verdicts.append((Status.UNREACHABLE, Reason.INSUFFICIENT_TIME))
-    return verdicts
+    return [_verdict(best, i, detector) for i in range(len(best.margin))]
+
+
+def _verdict(best: Best, i: int, detector: Detector) -> tuple[Status, Reason]:
+    if best.n_frames[i] < 1:
+        return no_frame(best, i, detector)
+    if best.margin[i] >= 1.0:
+        return Status.OK, Reason.NONE
+    if best.floor_margin[i] <= 1.0:
+        return Status.UNREACHABLE, Reason.SPECKLE_FLOOR
+    return Status.UNREACHABLE, Reason.INSUFFICIENT_TIME
+
+
+def no_frame(best: Best, i: int, detector: Detector) -> tuple[Status, Reason]:
+    """Why not even one frame is possible: the shortest one saturates, or the time is too short for it."""
+    peaks = (float(best.peak_columns_e_s[i]), float(best.peak_hole_e_s[i]), float(best.tail_e_s[i]))
+    limit = frame_limit(*peaks, detector.exposure_min_s, 1.0, detector)
+    return (Status.UNREACHABLE, Reason.NO_TIME) if limit is Reason.NONE else (Status.SATURATED, limit)
 
 
 def rank_targets(
@@ -97,12 +107,16 @@ def rank_targets(
     """
     planet = planet or ReferencePlanet()
     best = optimise(model, targets, time_s=time_s, planet=planet, bands=bands)
-    verdicts = judge(best)
+    verdicts = judge(best, model.instrument.detector)
+    blooming = {band: companion_saturates(model, targets, band, best.exposure_s) for band in model.bands}
     order = sorted(range(len(targets)), key=lambda i: (-best.margin[i], str(targets.name[i])))
-    rows = [_row(model, targets, best, i, rank, verdicts[i], planet) for rank, i in enumerate(order, start=1)]
+    rows = [
+        _row(model, targets, best, i, rank, verdicts[i], planet, bool(blooming[str(best.band[i])][i]))
+        for rank, i in enumerate(order, start=1)
+    ]
     counts = Counter("ok" if row.status == "ok" else row.reason for row in rows)
     return RankResult(
-        config_hash=rank_hash(model, targets, time_s=time_s, planet=planet),
+        config_hash=rank_hash(model, targets, time_s=time_s, planet=planet, bands=bands),
         catalogue=snapshot_vintage(),
         sample=sample,
         time_s=time_s,
@@ -122,6 +136,7 @@ def _row(
     rank: int,
     verdict: tuple[Status, Reason],
     planet: ReferencePlanet,
+    companion_blooms: bool,
 ) -> RankedTarget:
     possible = best.n_frames[i] >= 1
     exposure, frames = float(best.exposure_s[i]), int(best.n_frames[i])
@@ -130,6 +145,8 @@ def _row(
     flags = list(targets.flags[i])
     if bool(np.any(model.passbands.grid_flags(targets.teff_k[i], targets.log_g[i], targets.metallicity[i]).any)):
         flags.append("stellar_grid_clamped")
+    if companion_blooms:
+        flags.append("companion_saturates")
     return RankedTarget(
         rank=rank,
         name=str(targets.name[i]),

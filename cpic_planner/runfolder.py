@@ -32,6 +32,7 @@ __all__ = ["RunFolder", "open_run_folder"]
 
 _LOG = logging.getLogger(__name__)
 SCHEMA_VERSION = 1
+PRODUCTS = ("plan.json", "run.json", "ranking.csv", "ranking.ecsv", "report.html")
 
 
 @dataclass(frozen=True)
@@ -140,5 +141,7 @@ def _claim(folder: Path, kind: str, config_hash: str, force: bool) -> bool:
                          hint=f"it holds a {old.get('kind')} of configuration {old.get('config_hash')}; "
                          "choose another folder, or --force to replace it")  # fmt: skip
     shutil.rmtree(folder / "parts", ignore_errors=True)
+    for name in PRODUCTS:
+        (folder / name).unlink(missing_ok=True)
     write_json(path, manifest)
     return False

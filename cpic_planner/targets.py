@@ -49,6 +49,16 @@ class Targets:
     def __len__(self) -> int:
         return len(self.name)
 
+    def content(self) -> dict[str, Any]:
+        """All columns as plain lists, for content hashes (missing numbers as None)."""
+        plain: dict[str, Any] = {}
+        for item in fields(self):
+            value = getattr(self, item.name)
+            if isinstance(value, np.ndarray):
+                value = [None if isinstance(cell, float) and math.isnan(cell) else cell for cell in value.tolist()]
+            plain[item.name] = value
+        return plain
+
     def select(self, mask: NDArray[Any] | Sequence[int]) -> Targets:
         """Rows where ``mask`` is true, or rows of the given indices in that order."""
         index = np.flatnonzero(mask) if np.asarray(mask).dtype == bool else np.asarray(mask, int)
@@ -67,6 +77,8 @@ def targets_from_table(table: StarTable, *, companions: Literal["on", "off"] = "
 
     A companion without its own temperature shares the star's (flagged ``companion_colour_assumed``).
     """
+    if companions not in ("on", "off"):
+        raise InputError("companions", companions, allowed="on, off")
 
     def number(name: str) -> FloatArray:
         return np.asarray(table.column(name), float)

@@ -43,6 +43,7 @@ _SKIPPED = (
         "blooming and register tails",
         "the settings keep the central star from blooming or trailing into the hole; elsewhere charge is cut off",
     ),
+    ("blooming and register tails of companions", "not modelled; a target whose companion saturates is flagged"),
     ("charge transfer, flat field, bad pixels, bias structure", "not modelled"),
     (
         "exozodiacal light and position-dependent zodiacal light",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -241,7 +242,7 @@ def observe(
     """
     scene = scene if isinstance(scene, Scene) else load_scene(scene)
     instrument = instrument if isinstance(instrument, Instrument) else load_instrument(instrument)
-    _check(instrument, band, exposure_s, n_frames, em_gain, tolerance, window)
+    _check(instrument, band, exposure_s, n_frames, em_gain, tolerance, window, role, roll_deg)
     psf = single_band_psf(band, fidelity=fidelity, instrument=instrument)
     sources = scene_sources(scene, instrument, band, roll_deg=roll_deg)
     detector = instrument.detector
@@ -308,6 +309,8 @@ def _check(
     em_gain: float,
     tolerance: float,
     window: str,
+    role: str,
+    roll_deg: float,
 ) -> None:
     if instrument.band(band).camera != "VIS":
         raise InputError(
@@ -315,11 +318,15 @@ def _check(
         )
     if not 1e-6 <= exposure_s <= 1e6:
         raise InputError("exposure_s", exposure_s, unit="s", allowed="1e-6 to 1e6")
-    if isinstance(n_frames, bool) or n_frames != int(n_frames) or not 1 <= n_frames <= 1_000_000:
+    if isinstance(n_frames, bool) or not float(n_frames).is_integer() or not 1 <= n_frames <= 1_000_000:
         raise InputError("n_frames", n_frames, allowed="an integer from 1 to 1000000")
     if not 1.0 <= em_gain <= instrument.detector.em_gain_max:
         raise InputError("em_gain", em_gain, allowed=f"1 to {instrument.detector.em_gain_max:g}")
     if tolerance != 0:
         raise InputError("tolerance", tolerance, allowed="0", hint="trading error for speed is not implemented yet")
+    if role not in ("science", "reference", "calibration"):
+        raise InputError("role", role, allowed="science, reference, calibration")
+    if not math.isfinite(roll_deg):
+        raise InputError("roll_deg", roll_deg, unit="deg", allowed="a finite angle")
     if window not in ("full", "hole"):
         raise InputError("window", window, allowed="full, hole")

@@ -9,14 +9,12 @@ import typer
 
 from cpic_planner.cli.options import (
     DEFAULT_TIME_S,
-    AlbedoOption,
     BandOption,
     CompanionsOption,
     InstrumentOption,
     JsonOption,
     OnOff,
     PhaseOption,
-    RadiusOption,
     planet_from,
 )
 from cpic_planner.cli.output import console, print_json
@@ -68,9 +66,13 @@ def etc(
     contrast: Annotated[
         float | None, typer.Option("--contrast", help="Planet-to-star ratio instead of a planet model.")
     ] = None,
-    radius_rjup: RadiusOption = 1.0,
+    radius_rjup: Annotated[
+        float | None, typer.Option("--planet-radius-rjup", help="Planet radius in R_J = 71 492 km [default: 1].")
+    ] = None,
     phase_deg: PhaseOption = 90.0,
-    albedo: AlbedoOption = "jupiter",
+    albedo: Annotated[
+        str | None, typer.Option("--albedo", help="Albedo: jupiter, saturn, uranus, neptune [default: jupiter].")
+    ] = None,
     exposure_s: Annotated[
         float | None, typer.Option("--exposure-s", help="Frame exposure, instead of the best.")
     ] = None,
@@ -108,13 +110,16 @@ def etc(
         "both place the planet",
     )
     _refuse_together({"--contrast-limit": contrast_limit or None, "--contrast": contrast}, "the limit is the answer")
+    for name, value in (("--planet-radius-rjup", radius_rjup), ("--albedo", albedo)):
+        _refuse_together({name: value, "--contrast": contrast}, "a given contrast needs no planet")
+        _refuse_together({name: value, "--contrast-limit": contrast_limit or None}, "the limit holds for any planet")
     if frames is not None and exposure_s is None:
         raise InputError("--frames", frames, allowed="together with --exposure-s")
     star, note = find_target(target, companions=companions.value)
     if distance_pc is not None:
         star = replace(star, distance_pc=np.array([check_range("--distance-pc", distance_pc, 0.01, 1e5, "pc")]))
     model = build_model(load_instrument(instrument), bands)
-    planet = planet_from(radius_rjup, phase_deg, albedo)
+    planet = planet_from(1.0 if radius_rjup is None else radius_rjup, phase_deg, albedo or "jupiter")
     if semi_major_axis_au is not None:
         check_range("--semi-major-axis-au", semi_major_axis_au, 1e-3, 1e5, "au")
         separation_arcsec = semi_major_axis_au * math.sin(math.radians(phase_deg)) / float(star.distance_pc[0])
@@ -141,7 +146,14 @@ def etc(
         else:
             answers += questions.signal_to_noise(model, star, time_s=wall, **asked)
     result = etc_result(
-        model, star, answers, note=note, planet=None if contrast is not None or contrast_limit else planet
+        model,
+        star,
+        answers,
+        note=note,
+        planet=None if contrast is not None or contrast_limit else planet,
+        asked={"snr": snr, "time_s": wall if snr is None else None, "limit": contrast_limit, "contrast": contrast}
+        | {"places": places, "phase_deg": phase_deg}
+        | fixed,
     )
     if as_json:
         print_json(result)

@@ -70,20 +70,22 @@ def plan(
     """Plan and print."""
     from cpic_planner.plan import PlanConfig, estimate_cost, make_plan
     from simulator.config import load_instrument
+    from simulator.config.base import validate
 
-    config = PlanConfig(
-        instrument=load_instrument(instrument),
-        top=top,
-        bands=tuple(bands) if bands else None,
-        time_s=time_s,
-        dwarfs_only=dwarfs,
-        singles_only=singles,
-        v_mag_max=v_mag_max,
-        companions=companions.value,
-        planet=planet_from(radius_rjup, phase_deg, albedo),
-        fidelity=fidelity.value,
-        seed=seed,
-    )
+    tree = {
+        "instrument": load_instrument(instrument),
+        "top": top,
+        "bands": tuple(bands) if bands else None,
+        "time_s": time_s,
+        "dwarfs_only": dwarfs,
+        "singles_only": singles,
+        "v_mag_max": v_mag_max,
+        "companions": companions.value,
+        "planet": planet_from(radius_rjup, phase_deg, albedo),
+        "fidelity": fidelity.value,
+        "seed": seed,
+    }
+    config = validate(PlanConfig, tree, where="plan")
     if dry_run:
         cost = estimate_cost(config, workers=workers)
         if as_json:

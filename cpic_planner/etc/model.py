@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from catalogs.errors import InputError
 from simulator.config import Instrument
 from simulator.imaging.metrics import PsfMetrics
-from simulator.imaging.store import psf_metrics
+from simulator.imaging.store import metrics_key, psf_metrics
 from simulator.passbands import Passbands
 
 __all__ = ["EtcModel", "Strategy", "build_model"]
@@ -56,6 +59,20 @@ class EtcModel:
     def bands(self) -> tuple[str, ...]:
         """Bands of this model, by wavelength."""
         return tuple(self.metrics)
+
+    def content(self) -> dict[str, Any]:
+        """Everything of the model that decides a number, for content hashes; files by what is in them."""
+        files = {
+            name: hashlib.sha256(Path(band.transmission_file).read_bytes()).hexdigest()
+            for name, band in self.instrument.bands.items()
+            if band.transmission_file is not None
+        }
+        return {
+            "instrument": self.instrument.model_dump(mode="json"),
+            "strategy": asdict(self.strategy),
+            "optics": {band: metrics_key(self.instrument, band) for band in self.bands},
+            "files": files,
+        }
 
     def frame_pace_s(self, exposure_s: float) -> float:
         """Wall time per science frame, its share of reference frames and all readouts included."""

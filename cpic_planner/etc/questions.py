@@ -65,7 +65,7 @@ def _cases(
             "band": band,
             "question": question,
             "unit": unit,
-            "contrast": given,
+            "contrast": None if question == "contrast_limit" else given,
             "separation_arcsec": separation_arcsec,
             "flags": target.flags[0],
         }
@@ -235,7 +235,8 @@ def _least_time(
     star_e_s = float(rates.speckle_e_s[0]) / max(float(speckle_fraction(model, place[0], 0.0, place[1])), 1e-300)
     for _ in range(MAX_TURNS):
         chosen = settings_for_snr(model, rates, snr, exposure_s=exposure_s, em_gain=em_gain)
-        floor = float(rates.planet_e_s[0]) / max(float(rates.speckle_e_s[0]), 1e-300)
+        level = math.sqrt(1.0 + 1.0 / float(rates.background_apertures[0]))
+        floor = float(rates.planet_e_s[0]) / max(level * float(rates.speckle_e_s[0]), 1e-300)
         if floor <= snr:
             break
         if chosen.n_frames[0] < 1:

@@ -12,7 +12,7 @@ from cpic_planner.targets import Targets
 from simulator.camera.noise import aperture_noise_pixels
 from simulator.target.positions import sky_to_detector
 
-__all__ = ["ApertureRates", "aperture_rates", "speckle_fraction"]
+__all__ = ["ApertureRates", "aperture_rates", "companion_saturates", "speckle_fraction"]
 
 FloatArray = NDArray[np.float64]
 
@@ -145,16 +145,46 @@ def aperture_rates(
 def speckle_fraction(model: EtcModel, band: str, visit_s: ArrayLike, separation_arcsec: ArrayLike) -> FloatArray:
     """Rms of aperture sums of the star light left by RDI, as a fraction of the star's light on the clear disc.
 
-    It is several times larger at the inner edge of the hole than at the outer one.
+    It is several times larger at the inner edge of the hole than at the outer one; this is the quadratic mean over
+    the annulus in which the scatter is measured.
     """
-    drift = model.instrument.drift
-    return model.metrics[band].rdi_floor(
+    drift, metrics = model.instrument.drift, model.metrics[band]
+    separation, visit = np.broadcast_arrays(np.asarray(separation_arcsec, float), np.asarray(visit_s, float))
+    offsets = np.linspace(-1.0, 1.0, 5) * model.strategy.annulus_lambda_d * metrics.lambda_d_arcsec
+    around = np.clip(separation[..., None] + offsets, metrics.hole_inner_corner_arcsec, metrics.owa_arcsec)
+    local = metrics.rdi_floor(
         drift.visit_nm,
         model.strategy.n_modes,
         walk_nm_per_sqrt_hour=drift.walk_nm_per_sqrt_hour,
-        visit_hours=np.asarray(visit_s, float) / 3600.0,
-        separation_arcsec=separation_arcsec,
+        visit_hours=visit[..., None] / 3600.0,
+        separation_arcsec=around,
     )
+    mean: FloatArray = np.sqrt(np.mean(local**2, axis=-1))
+    return mean
+
+
+def companion_saturates(model: EtcModel, targets: Targets, band: str, exposure_s: ArrayLike) -> NDArray[np.bool_]:
+    """Whether a companion that falls on the frame overflows its pixels in one exposure; shape ``(n,)``.
+
+    Its blooming column and register tail are not followed; the flag says that they exist.
+    """
+    instrument, metrics = model.instrument, model.metrics[band]
+    detector = instrument.detector
+    known = np.isfinite(targets.companion_v_mag) & np.isfinite(targets.companion_separation_arcsec)
+    over = np.zeros(len(targets), bool)
+    if targets.companions == "off" or not known.any():
+        return over
+    near = targets.select(known)
+    rate = model.passbands.star_rate_e_s(
+        near.companion_v_mag, near.companion_teff_k, near.log_g, near.metallicity, instrument.telescope.area_cm2
+    )[:, model.passbands.names.index(band)]
+    x, y = sky_to_detector(near.companion_separation_arcsec, near.companion_pa_deg, parity=detector.parity)
+    column, row = (part / metrics.pixel_scale_arcsec for part in (x, y))
+    on_frame = (detector.star_column + column >= 0) & (detector.star_column + column < detector.n_columns)
+    on_frame &= (detector.star_row + row >= 0) & (detector.star_row + row < detector.n_rows)
+    peak = rate * metrics.peak_off_axis * np.broadcast_to(np.asarray(exposure_s, float), known.shape)[known]
+    over[known] = on_frame & (peak > detector.full_well_e)
+    return over
 
 
 def _annulus_apertures(model: EtcModel, band: str, separation_arcsec: FloatArray) -> FloatArray:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.planet import ReferencePlanet
 from cpic_planner.models import EtcResult, EtcRow, ReferencePlanetRecord
 from cpic_planner.targets import Targets
+from cpic_planner.version import __version__
 from simulator.config import content_hash
 
 __all__ = ["best_band", "etc_result"]
@@ -33,6 +35,7 @@ def etc_result(
     *,
     note: str,
     planet: ReferencePlanet | None,
+    asked: Mapping[str, Any],
 ) -> EtcResult:
     """Collect answers about one star."""
     record = None
@@ -40,7 +43,14 @@ def etc_result(
         record = ReferencePlanetRecord(radius_rjup=planet.radius_rjup, phase_deg=planet.phase_deg, albedo=planet.albedo)
     return EtcResult(
         config_hash=content_hash(
-            {"instrument": model.instrument.model_dump(mode="json"), "strategy": vars(model.strategy)}
+            {
+                "kind": "etc",
+                "version": __version__,
+                "model": model.content(),
+                "target": target.content(),
+                "planet": None if planet is None else planet.model_dump(mode="json"),
+                "asked": asked,
+            }
         ),
         target=str(target.name[0]),
         hip=int(target.hip[0]) if target.hip[0] else None,

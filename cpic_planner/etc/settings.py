@@ -6,6 +6,7 @@ the setting of highest significance in the given time (or of least time for the 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +20,7 @@ from cpic_planner.etc.rates import ApertureRates
 __all__ = ["FRAME_MULTIPLES", "Settings", "settings_for_snr", "settings_for_time"]
 
 FloatArray = NDArray[np.float64]
+BISECTIONS = 40
 FRAME_MULTIPLES = (1.0, 1.15, 1.5, 2.5, 6.0)
 
 
@@ -94,7 +96,8 @@ def settings_for_snr(
 ) -> Settings:
     """Settings of least wall time that reach ``snr``; ``n_frames`` is 0 where no time suffices.
 
-    ``N = SNR^2 V1 / (S1^2 - SNR^2 spk1^2)`` frames, rounded up; the denominator vanishes at the speckle floor.
+    ``N = SNR^2 V1 / (S1^2 - SNR^2 spk1^2)`` frames, rounded up; the denominator vanishes at the speckle floor. The
+    exposure is then shortened to what this whole number of frames needs.
     """
     detector, ratio = model.instrument.detector, model.strategy.reference_ratio
     limit = longest_exposure_s(rates.peak_columns_e_s, rates.peak_hole_e_s, detector)
@@ -106,15 +109,47 @@ def settings_for_snr(
         exposure = np.maximum(longest[None] / steps, detector.exposure_min_s)
     gain = _gain(model, rates, exposure) if em_gain is None else np.full(exposure.shape, float(em_gain))
     one = stack_noise(rates, exposure, 1.0, gain, detector, reference_ratio=ratio)
-    white = one.source_variance_e2 + one.background_variance_e2 + one.detector_variance_e2
-    room = one.signal_e**2 - snr**2 * one.speckle_variance_e2
+    level = 1.0 + 1.0 / rates.background_apertures
+    white = one.source_variance_e2 + level * (one.background_variance_e2 + one.detector_variance_e2)
+    room = one.signal_e**2 - snr**2 * level * one.speckle_variance_e2
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         needed = np.where(room > 0, snr**2 * white / room, np.inf)
     frames = np.where(needed < 1e9, np.maximum(np.ceil(needed - 1e-9), 1.0), 0.0)
+    if exposure_s is None:
+        exposure = _shortest(model, rates, snr, exposure, frames, em_gain)
     return _choose(model, rates, limit, exposure, frames, em_gain, best=lambda s: s.time_s)
 
 
-def _choose(model, rates, limit, exposure, frames, em_gain, *, best):  # type: ignore[no-untyped-def]
+def _shortest(
+    model: EtcModel,
+    rates: ApertureRates,
+    snr: float,
+    exposure_s: FloatArray,
+    n_frames: FloatArray,
+    em_gain: float | None,
+) -> FloatArray:
+    """Shortest exposure at which ``n_frames`` frames still reach ``snr``, by bisection of its logarithm."""
+    detector, ratio = model.instrument.detector, model.strategy.reference_ratio
+    low, high = np.full(exposure_s.shape, detector.exposure_min_s), exposure_s
+    frames = np.maximum(n_frames, 1.0)
+    for _ in range(BISECTIONS):
+        middle = np.sqrt(low * high)
+        gain = _gain(model, rates, middle) if em_gain is None else np.full(middle.shape, float(em_gain))
+        enough = stack_noise(rates, middle, frames, gain, detector, reference_ratio=ratio).snr >= snr
+        low, high = np.where(enough, low, middle), np.where(enough, middle, high)
+    return high
+
+
+def _choose(
+    model: EtcModel,
+    rates: ApertureRates,
+    limit: FloatArray,
+    exposure: FloatArray,
+    frames: FloatArray,
+    em_gain: float | None,
+    *,
+    best: Callable[[Settings], FloatArray],
+) -> Settings:
     """Pick along the first axis the candidate of least ``best(settings)`` among the feasible ones."""
     detector, ratio = model.instrument.detector, model.strategy.reference_ratio
     gain = _gain(model, rates, exposure) if em_gain is None else np.full(exposure.shape, float(em_gain))

@@ -77,14 +77,14 @@ def snr_figure(plan: PlanResult) -> Picture:
             figure,
             "svg",
             alt=f"Recovered against predicted SNR of {len(everything)} confirmed bands, with the line of equality.",
-            caption="Each symbol is one target in one band: one draw of the noise. Its error bar is 1 (an SNR is "
-            "a flux in units of its own error) combined with the uncertainty of that error, which is estimated "
-            "from a limited number of apertures in the dark hole. Systematic differences show as a trend away "
-            "from the line.",
+            caption="Each symbol is one target in one band: one draw of the noise. Its error bar is the unit noise of "
+            "an SNR combined with the uncertainty of the noise itself, which is estimated from the few apertures at "
+            "one separation. Systematic differences show as a trend away from the line.",
         )
 
 
 def _pair(item: BandConfirmation) -> tuple[float, float, float] | None:
     if item.predicted_snr is None or item.recovered_snr is None:
         return None
-    return item.predicted_snr, item.recovered_snr, snr_scatter(item.recovered_snr, item.n_background_apertures)
+    scatter = snr_scatter(item.predicted_snr, item.predicted_significance or 0.0, item.n_background_apertures)
+    return item.predicted_snr, item.recovered_snr, scatter

@@ -32,13 +32,24 @@ class Calibration:
     n_bands: int
 
 
-def snr_scatter(snr: float, n_apertures: int | None) -> float:
-    """Standard deviation of an SNR measured once: unit noise, and the error of a scatter from ``n`` apertures.
+def snr_scatter(snr: float, significance: float, n_apertures: int | None) -> float:
+    """Standard deviation of an SNR measured once.
 
-    A standard deviation from n samples is known to ``1 / sqrt(2 (n - 1))`` of itself.
+    Parameters
+    ----------
+    snr, significance : float
+        Expected values: with and without the planet's own noise.
+    n_apertures : int or None
+        Apertures behind the measured scatter.
+
+    Notes
+    -----
+    Unit noise in the flux, less what a brighter measurement adds to its own error; and the error of the background's
+    scatter, known to ``1 / sqrt(2 (n - 1))`` from n apertures, in its share of the variance.
     """
+    quiet = min((snr / significance) ** 2, 1.0) if significance > 0 else 1.0
     relative = 1.0 / math.sqrt(2.0 * (n_apertures - 1)) if n_apertures and n_apertures > 1 else 0.0
-    return math.hypot(1.0, snr * relative)
+    return math.hypot(1.0 - 0.5 * (1.0 - quiet), snr * relative * quiet)
 
 
 def calibrate(bands: Sequence[BandConfirmation]) -> Calibration:
@@ -54,7 +65,9 @@ def calibrate(bands: Sequence[BandConfirmation]) -> Calibration:
         return Calibration(None, None, 0)
     predicted = np.array([b.predicted_snr for b in used], float)
     ratios = np.array([b.recovered_snr for b in used], float) / predicted
-    scatter = np.array([snr_scatter(float(p), b.n_background_apertures) for p, b in zip(predicted, used, strict=True)])
+    scatter = np.array(
+        [snr_scatter(b.predicted_snr or 0.0, b.predicted_significance or 0.0, b.n_background_apertures) for b in used]
+    )
     weight = (predicted / scatter) ** 2
     ratio = float(np.sum(weight * ratios) / weight.sum())
     error = 1.0 / math.sqrt(weight.sum())

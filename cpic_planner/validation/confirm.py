@@ -15,6 +15,7 @@ from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.planet import ReferencePlanet, reference_distance_au
 from cpic_planner.models import BandConfirmation
 from cpic_planner.optimise import best_in_band
+from cpic_planner.ranking import no_frame
 from cpic_planner.targets import Targets
 from cpic_planner.validation.apertures import aperture_weights
 from cpic_planner.validation.calibration import snr_scatter
@@ -55,6 +56,7 @@ class ConfirmTask:
     em_gain: float
     seed: int
     fidelity: str
+    n_reference: int
     n_modes: int
     annulus_lambda_d: float
     prediction: dict[str, Any]
@@ -120,11 +122,12 @@ def prepare_task(
         "time_s": float(best.time_s[0]),
     }
     if best.n_frames[0] < 1:
+        status, reason = no_frame(best, 0, model.instrument.detector)
         return BandConfirmation(
             band=band,
-            status=Status.SATURATED.value,
-            reason=Reason.PIXEL_FULL_WELL.value,
-            message="every frame saturates, or the time is too short for one",
+            status=status.value,
+            reason=reason.value,
+            message="every frame saturates" if status is Status.SATURATED else "the time holds no frame",
             separation_arcsec=separation,
             pa_deg=PLANET_PA_DEG,
             true_contrast=prediction["contrast"],
@@ -141,6 +144,7 @@ def prepare_task(
         em_gain=float(best.em_gain[0]),
         seed=seed,
         fidelity=fidelity,
+        n_reference=max(round(int(best.n_frames[0]) * model.strategy.reference_ratio), 1),
         n_modes=model.strategy.n_modes,
         annulus_lambda_d=model.strategy.annulus_lambda_d,
         prediction=prediction,
@@ -174,7 +178,7 @@ def confirm_task(tree: dict[str, Any]) -> dict[str, Any]:
         "window": "hole",
     }
     science = observe(scene, role="science", **settings)
-    reference = observe(scene.without_planets(), role="reference", **settings)
+    reference = observe(scene.without_planets(), role="reference", **(settings | {"n_frames": task.n_reference}))
     region = science.psf.metrics.hole
     science_e, science_lost = _electrons(science, region)
     reference_e, reference_lost = _electrons(reference, region)
@@ -242,13 +246,13 @@ def _compare(
 ) -> BandConfirmation:
     prediction = task.prediction
     threshold = prediction["threshold"]
-    detected = measured.significance >= threshold
+    detected = bool(measured.significance >= threshold and not lost[0])
     planet = task.scene["planets"][0]
     return BandConfirmation(
         band=task.band,
-        status="ok",
-        reason="",
-        message="",
+        status="saturated" if lost[0] else "ok",
+        reason=Reason.PIXEL_FULL_WELL.value if lost[0] else "",
+        message=f"{lost[0]} pixels of the hole were cut off by a limit" if lost[0] else "",
         separation_arcsec=planet["separation_arcsec"],
         pa_deg=planet["pa_deg"],
         exposure_s=task.exposure_s,
@@ -269,7 +273,7 @@ def _compare(
         core_throughput=core,
         n_background_apertures=measured.n_background_apertures,
         saturated_in_hole=int(lost[0]),
-        saturated_outside=float(lost[1]) / (2 * task.n_frames),
+        saturated_outside=float(lost[1]) / (task.n_frames + task.n_reference),
         detected=detected,
         verdict=_verdict(prediction, measured.snr, detected, measured.n_background_apertures),
         image=task.key,
@@ -283,7 +287,9 @@ def _verdict(prediction: dict[str, Any], recovered_snr: float, detected: bool, n
         word = "confirmed" if expected else "detected, though predicted below threshold"
     else:
         word = "not confirmed" if expected else "not detected, as predicted"
-    deviation = (recovered_snr - prediction["snr"]) / snr_scatter(prediction["snr"], n_apertures)
+    deviation = (recovered_snr - prediction["snr"]) / snr_scatter(
+        prediction["snr"], prediction["significance"], n_apertures
+    )
     if abs(deviation) > 2.0:
         word += (
             f"; prediction {'pessimistic' if deviation > 0 else 'optimistic'} by {abs(deviation):.1f} standard errors"

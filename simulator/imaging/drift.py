@@ -110,7 +110,8 @@ def iter_visit_frames(
     cadence_s : float
         Time from one frame to the next, exposure and readout, > 0.
     rng_visit, rng_walk : numpy.random.Generator
-        Streams of the frozen offset and of the walk; frame 0 has the offset alone, frame k the sum of k steps.
+        Streams of the frozen offset and of the walk; frame k stands for the middle of
+        its interval, k + 1/2 steps after the start.
         The walk within one exposure is not smeared.
 
     Yields
@@ -142,8 +143,9 @@ def _frames(
     opd_nm = screens.draw(rng_visit, drift.visit_nm)
     stamp: FloatArray | None = None
     for frame in range(n_frames):
-        if frame > 0 and step_nm > 0:
-            opd_nm = opd_nm + screens.draw(rng_walk, step_nm)
+        if step_nm > 0:
+            # The first stamp stands for the middle of its interval: half a step after the start of the visit.
+            opd_nm = opd_nm + screens.draw(rng_walk, step_nm if frame else step_nm * math.sqrt(0.5))
         if stamp is None or step_nm > 0:
             total = np.zeros((axis.nodes_arcsec.size,) * 2)
             for transform, wavelength, weight in zip(transforms, imager.wavelengths_m, imager.weights, strict=True):

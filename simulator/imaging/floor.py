@@ -2,9 +2,10 @@
 
 Science and reference visit each have their own wavefront offset. To first order in the phase the field of visit k is
 ``E0 + v E_k`` with v the rms in nm, so that its image is ``I0 + v L_k + v^2 Q_k``: one propagation per visit serves
-every v. The noiseless reference library of one visit has one mode (its image); what is left of the science image
-after projection on it is summed in apertures wholly inside the hole, and the floor is the rms of these sums over
-positions and pairs of visits.
+every v. The noiseless mean of the reference library of one visit is its image; what is left of the science image after
+subtracting it (temporal centring) is summed in apertures wholly inside the hole, and the floor is the rms of these sums
+over positions and pairs of visits. Modes after the mean hold the walk and the noise of the reference visit; they do
+not lower the part that the visits' offsets leave.
 """
 
 from __future__ import annotations
@@ -86,11 +87,8 @@ def measure_floor(
     mean_square = np.empty((1 + counts.size, len(visit_nm)))
     for column, offset in enumerate(visit_nm):
         image, summed = (part[0] + offset * part[1] + offset**2 * part[2] for part in (pixels, apertures))
-        level = image.mean(axis=-1, keepdims=True)
-        image, summed = image - level, summed - level * weights.sum()
-        reference = np.roll(image, -1, axis=0)
-        factor = (image * reference).sum(axis=-1) / (reference**2).sum(axis=-1)
-        squares = ((summed - factor[:, None] * np.roll(summed, -1, axis=0)) ** 2).mean(axis=0)
+        summed = summed - image.mean(axis=-1, keepdims=True) * weights.sum()
+        squares = ((summed - np.roll(summed, -1, axis=0)) ** 2).mean(axis=0)
         mean_square[0, column] = squares.mean()
         mean_square[1:, column] = np.bincount(bins, squares) / counts
     middles = np.bincount(bins, separation) / counts

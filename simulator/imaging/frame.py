@@ -9,6 +9,7 @@ from simulator.cache import compute_once
 from simulator.config import Instrument, content_hash
 from simulator.imaging.imager import centred_axis
 from simulator.imaging.psf import Psf, wide_on_axis
+from simulator.imaging.store import metrics_key
 
 __all__ = ["full_stamp", "full_star_map", "sky_transmission"]
 
@@ -47,11 +48,8 @@ def full_star_map(psf: Psf, instrument: Instrument) -> FloatArray:
     Kept in the disk cache: it takes seconds and changes with the instrument only.
     """
     detector = instrument.detector
-    key = content_hash({
-        "telescope": instrument.telescope.model_dump(), "coronagraph": instrument.coronagraph.model_dump(),
-        "band": instrument.band(psf.band).model_dump(), "frame": [detector.n_rows, detector.n_columns],
-        "star": [detector.star_row, detector.star_column], "scale": detector.pixel_scale_arcsec,
-    })  # fmt: skip
+    place = [detector.n_rows, detector.n_columns, detector.star_row, detector.star_column]
+    key = content_hash({"optics": metrics_key(instrument, psf.band), "place": place})
     stored = compute_once(f"wide-{psf.band}-{key}", lambda: {
         "image": wide_on_axis(psf.band, instrument, (detector.n_rows, detector.n_columns),
                               (detector.star_row, detector.star_column)).astype(np.float32)

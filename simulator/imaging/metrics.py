@@ -78,7 +78,7 @@ class PsfMetrics:
     floor_separation_arcsec : ndarray, shape (s,)
         Mean separations of the annular bins.
     floor_sigma : ndarray, shape (1 + s, g)
-        Rms of aperture sums after one-mode RDI: whole hole, then each bin.
+        Rms of aperture sums after subtraction of the reference mean: whole hole, then each bin.
     """
 
     band: str
@@ -211,8 +211,8 @@ class PsfMetrics:
         visit_nm : array_like
             Rms wavefront offset of each visit, >= 0.
         n_modes : int
-            Modes projected out, >= 1. More than one mode is not credited: those after the first hold
-            what the reference visit's own walk and noise put there (5 modes gain 3 % without noise).
+            Modes projected out after the reference mean, >= 0. They are not credited: they hold what the
+            reference visit's own walk and noise put there.
         walk_nm_per_sqrt_hour, visit_hours : array_like
             Random walk and length of the two visits (each); the time average of the walk adds ``walk^2 hours / 3``
             to the variance of the offset.
@@ -227,12 +227,12 @@ class PsfMetrics:
         Raises
         ------
         InputError
-            If ``n_modes < 1`` or an rms is negative.
+            If ``n_modes < 0`` or an rms is negative.
         """
         given = (visit_nm, walk_nm_per_sqrt_hour, visit_hours)
         visit, walk, hours = (np.asarray(part, dtype=np.float64) for part in given)
-        if n_modes < 1:
-            raise InputError("n_modes", n_modes, allowed="at least 1")
+        if n_modes < 0:
+            raise InputError("n_modes", n_modes, allowed="at least 0")
         if not (np.all(visit >= 0) and np.all(walk >= 0) and np.all(hours >= 0)):
             raise InputError("visit_nm", visit_nm, unit="nm", allowed="0 or more, as the walk and the hours")
         offset = np.sqrt(visit**2 + walk**2 * hours / 3.0)

@@ -11,6 +11,7 @@ import argparse
 import hashlib
 import time
 from collections.abc import Sequence
+from dataclasses import fields
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -27,7 +28,7 @@ from simulator.knobs import Knobs
 
 __all__ = ["main", "metrics_key", "psf_metrics", "rebuild"]
 
-SCHEMA = 3  # raise when the meaning of a stored number or the optical model changes
+SCHEMA = 4  # raise when the meaning of a stored number or the optical model changes
 
 
 def metrics_key(instrument: Instrument, band: str) -> str:
@@ -43,6 +44,7 @@ def metrics_key(instrument: Instrument, band: str) -> str:
         edges = [*edges, *(part.tolist() for part in nodes)]
     return content_hash({
         "schema": SCHEMA,
+        "fields": [field.name for field in fields(PsfMetrics)],
         "band": band,
         "edges": edges,
         "apodizer": hashlib.sha256(mask.astype("<f8").tobytes()).hexdigest(),

@@ -114,12 +114,15 @@ def test_brighter_stars_are_larger():
 
 
 def test_error_bars_of_recovered_snr():
-    assert snr_scatter(0.0, 50) == 1.0
-    assert snr_scatter(10.0, None) == 1.0
+    assert snr_scatter(0.0, 0.0, 50) == 1.0
+    assert snr_scatter(10.0, 10.0, None) == 1.0
     # Monte Carlo: SNR 10 with its sigma estimated from 51 samples.
     draw = np.random.default_rng(5)
     snr = draw.normal(10.0, 1.0, 40_000) / draw.normal(size=(40_000, 51)).std(axis=1, ddof=1)
-    assert snr_scatter(10.0, 51) == pytest.approx(snr.std(), rel=0.05)
+    assert snr_scatter(10.0, 10.0, 51) == pytest.approx(snr.std(), rel=0.05)
+    # The planet's own noise dominates: a bright draw has a larger error, so the ratio scatters by half.
+    bright = draw.poisson(400.0, 40_000).astype(float)
+    assert snr_scatter(20.0, 1e3, 1000) == pytest.approx((bright / np.sqrt(bright)).std(), rel=0.05)
 
 
 def test_bands_differ_in_colour_and_marker():

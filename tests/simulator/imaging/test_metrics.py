@@ -148,7 +148,7 @@ def test_floor_rises_with_drift(metrics):
     with pytest.raises(InputError, match="visit_nm"):
         m.rdi_floor(-1.0)
     with pytest.raises(InputError, match="n_modes"):
-        m.rdi_floor(0.1, 0)
+        m.rdi_floor(0.1, -1)
 
 
 def test_arrays_there_and_back(metrics):
