@@ -59,7 +59,7 @@ def test_an_independent_estimate_finds_the_same_detections(ranking):
     by_name = dict(zip(table["name"], margin, strict=True))
     alone = [row for row in ranking.targets[:40] if "companion_light_on" not in row.flags]
     for row in alone:
-        assert by_name[row.name] == pytest.approx(row.detection_margin, rel=0.35)
+        assert by_name[row.name] == pytest.approx(row.detection_margin, rel=0.5)
     assert all(by_name[row.name] > 0.7 for row in ranking.targets if row.status == "ok")
     assert all(row.status == "ok" for row in alone if by_name[row.name] > 1.3)
 
