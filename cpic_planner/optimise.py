@@ -121,7 +121,8 @@ def best_separations(
 def best_in_band(model: EtcModel, targets: Targets, band: str, time_s: float, planet: ReferencePlanet) -> Best:
     """Best separation, length of visit and settings of each target in one band; see `optimise`."""
     lengths = [time_s, *(length for length in VISIT_LENGTHS_S if length < time_s)]
-    return _best_of([_best_at(model, targets, band, length, planet) for length in lengths])
+    grid = separation_grid(model, band)
+    return _best_of([_best_at(model, targets, band, grid, length, planet) for length in lengths])
 
 
 def _best_of(found: Sequence[Best]) -> Best:
@@ -133,10 +134,11 @@ def _best_of(found: Sequence[Best]) -> Best:
     )
 
 
-def _best_at(model: EtcModel, targets: Targets, band: str, time_s: float, planet: ReferencePlanet) -> Best:
+def _best_at(
+    model: EtcModel, targets: Targets, band: str, fine: FloatArray, time_s: float, planet: ReferencePlanet
+) -> Best:
     """Best in exactly ``time_s``: settings at a few separations first, then the separation at those settings."""
     metrics, detector, ratio = model.metrics[band], model.instrument.detector, model.strategy.reference_ratio
-    fine = separation_grid(model, band)
     coarse = fine[:: max(len(fine) // N_COARSE, 1)]
     rows = np.arange(len(targets))
     chosen = settings_for_time(model, _rates(model, targets, band, coarse, planet, time_s)[0], time_s)

@@ -96,7 +96,7 @@ def aperture_rates(
     Returns
     -------
     ApertureRates
-        Arrays of shape ``(n, ...)``.
+        Arrays that broadcast to ``(n, ...)``.
 
     Notes
     -----
@@ -109,11 +109,10 @@ def aperture_rates(
     star = model.passbands.star_rate_e_s(
         targets.v_mag, targets.teff_k, targets.log_g, targets.metallicity, instrument.telescope.area_cm2
     )[:, column]
-    x, y, contrast = np.broadcast_arrays(
-        np.asarray(x_arcsec, float), np.asarray(y_arcsec, float), np.asarray(contrast, float)
-    )
-    star = star.reshape(star.shape + (1,) * max(0, x.ndim - 1))
-    planet_total = star * contrast
+    x, y = np.broadcast_arrays(np.asarray(x_arcsec, float), np.asarray(y_arcsec, float))
+    ratio = np.asarray(contrast, float)
+    star = star.reshape(star.shape + (1,) * max(0, x.ndim - 1, ratio.ndim - 1))
+    planet_total = star * ratio
     aperture_arcsec2 = metrics.aperture_pixels * metrics.pixel_scale_arcsec**2
     sky = model.passbands.sky_rate_e_s_arcsec2(instrument.sky.brightness_v_mag_arcsec2, instrument.telescope.area_cm2)[
         column
