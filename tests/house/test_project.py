@@ -1,0 +1,124 @@
+"""The project around the code: documents that stay true, commands that say what to do."""
+
+import json
+import os
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from cpic_planner import __version__
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def text(name):
+    return (ROOT / name).read_text(encoding="utf-8")
+
+
+def test_readme_quotes_the_committed_report():
+    report, readme = text("reports/first_plan/report.md"), " ".join(text("README.md").split())
+    ratio = re.search(r"SNR: ([\d.]+) \+- ([\d.]+) over (\d+) measurements", report)
+    assert f"is {ratio[1]} ± {ratio[2]} of the predicted one" in readme
+    assert f"Over {ratio[3]} simulated measurements" in readme
+    counts = re.search(r"(\d+) stars ranked, (\d+) with a reference planet", report)
+    assert f"of {counts[1]} stars, {counts[2]} have" in readme
+    for what, pattern in (("etc", r"`cpic etc .*?\| ([\d.]+) \|"), ("rank", r"`cpic rank`.*?\| ([\d.]+) \|")):
+        seconds = re.search(pattern, report)[1]
+        assert re.search(rf"`cpic {what}`.*?{float(seconds):.1f} s", readme), (what, seconds)
+    plan = re.search(r"plan of 5 targets x 4 bands, 2 workers, 1 run \| (\d+) \|", report)[1]
+    assert f"in 4 bands {plan} s" in readme
+
+
+def test_committed_plan_is_of_this_version_and_schema():
+    from cpic_planner.models import PlanResult
+
+    plan = PlanResult.model_validate_json(text("reports/first_plan/plan.json"))
+    assert plan.version == __version__
+
+
+def test_versions_agree():
+    assert f"version: {__version__}" in text("CITATION.cff")
+
+
+def test_readme_commands_and_files_exist():
+    readme = text("README.md")
+    targets = set(re.findall(r"^([a-z-]+):", text("Makefile"), re.M))
+    assert set(re.findall(r"`make ([a-z-]+)", readme)) <= targets
+    for link in re.findall(r"\]\(([^)#]+)\)", readme):
+        assert link.startswith("http") or (ROOT / link).exists(), link
+
+
+@pytest.mark.parametrize("name", ["python3", "none"])
+def test_makefile_names_the_remedy_when_python_is_missing_or_has_no_venv(tmp_path, name):
+    tools = tmp_path / "bin"
+    tools.mkdir()
+    for tool in ("bash", "make", "awk", "test", "touch", "env"):
+        if (path := shutil.which(tool)) is not None:
+            (tools / tool).symlink_to(path)
+    if name != "none":
+        fake = tools / name
+        # answers the version check, but has neither venv nor ensurepip
+        fake.write_text('#!/bin/bash\n[[ "$2" == *venv* ]] && exit 1\nexit 0\n')
+        fake.chmod(0o755)
+    for item in ("Makefile", "pyproject.toml", "constraints.txt"):
+        (tmp_path / item).write_text(text(item))
+    environment = {key: value for key, value in os.environ.items() if key not in ("PYTHON", "MAKEFLAGS", "MAKELEVEL")}
+    done = subprocess.run(
+        ["make", "plan"],
+        cwd=tmp_path,
+        env=environment | {"PATH": str(tools)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode != 0
+    assert "python3-venv" in done.stderr
+    assert not (tmp_path / ".venv").exists()
+
+
+def test_public_signatures_are_those_that_other_people_call():
+    import inspect
+
+    import cpic_planner
+    from cpic_planner import validation
+    from simulator import camera
+
+    def names(function):
+        return list(inspect.signature(function).parameters)
+
+    assert names(cpic_planner.planet_contrast) == [
+        "radius_rjup",
+        "separation_ra_au",
+        "separation_dec_au",
+        "phase_deg",
+        "geometric_albedo",
+    ]
+    assert names(cpic_planner.star_photlam)[:5] == ["magnitude_v", "spectral_type", "teff_k", "log_g", "metallicity"]
+    assert names(cpic_planner.lambert_phase) == ["phase_deg"]
+    assert names(cpic_planner.single_band_psf)[:2] == ["band", "fidelity"]
+    expected = {
+        "scene",
+        "band",
+        "exposure_s",
+        "n_frames",
+        "em_gain",
+        "seed",
+        "fidelity",
+        "tolerance",
+        "roll_deg",
+        "instrument",
+    }
+    assert set(names(cpic_planner.observe)) >= expected
+    assert names(camera.multiply) == ["electrons", "gain", "rng", "stages"]
+    assert names(validation.rdi_subtract) == ["science", "references", "n_modes", "region", "centering"]
+    assert names(validation.detection_threshold) == ["n_resolution_elements", "sigma"]
+
+
+def test_notebook_outputs_are_committed_and_small():
+    for path in (ROOT / "notebooks").glob("*.ipynb"):
+        notebook = json.loads(path.read_text(encoding="utf-8"))
+        assert any(cell.get("outputs") for cell in notebook["cells"])
+        assert path.stat().st_size < 1_000_000
