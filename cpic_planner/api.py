@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -42,18 +42,28 @@ def _named(names: str | Sequence[str], companions: OnOff) -> list[Targets]:
     return [find_target(name, companions=companions)[0] for name in ([names] if isinstance(names, str) else names)]
 
 
+def _ask(
+    question: Callable[..., list[EtcAnswer]],
+    target: str | Sequence[str],
+    bands: Sequence[str] | None,
+    companions: OnOff,
+    instrument: InstrumentSource,
+    **asked: Any,
+) -> list[EtcAnswer]:
+    """Put one question for every named star."""
+    model = _model(instrument, bands)
+    return [answer for star in _named(target, companions) for answer in question(model, star, **asked)]
+
+
 def signal_to_noise(
     target: str | Sequence[str],
     *,
     time_s: float,
     separation_arcsec: float,
     bands: Sequence[str] | None = None,
-    planet: ReferencePlanet | None = None,
-    contrast: float | None = None,
-    exposure_s: float | None = None,
-    em_gain: float | None = None,
     companions: OnOff = "on",
     instrument: InstrumentSource = None,
+    **planet_and_frame: Any,
 ) -> list[EtcAnswer]:
     """SNR of a planet in a given wall time.
 
@@ -61,12 +71,19 @@ def signal_to_noise(
     ----------
     target : str or sequence of str
         Star name(s).
-    instrument : Instrument, mapping, str or Path, optional
-        What `simulator.load_instrument` reads.
-    time_s, separation_arcsec, bands, planet, contrast, exposure_s, em_gain
-        As `cpic_planner.etc.questions.signal_to_noise`.
+    time_s : float
+        Wall time of one visit, overheads and reference frames included.
+    separation_arcsec : float
+        Projected separation, on the diagonal of a quadrant.
+    bands : sequence of str, optional
+        All visible bands by default.
     companions : {"on", "off"}
         Whether the light of known stellar companions counts.
+    instrument : Instrument, mapping, str or Path, optional
+        What `simulator.load_instrument` reads.
+    **planet_and_frame
+        ``planet`` (a `ReferencePlanet`) or ``contrast``; ``exposure_s`` and ``em_gain`` to fix them. As
+        `cpic_planner.etc.questions.signal_to_noise`.
 
     Returns
     -------
@@ -85,21 +102,8 @@ def signal_to_noise(
     >>> answer.status.value
     'ok'
     """
-    model = _model(instrument, bands)
-    return [
-        answer
-        for star in _named(target, companions)
-        for answer in questions.signal_to_noise(
-            model,
-            star,
-            time_s=time_s,
-            separation_arcsec=separation_arcsec,
-            planet=planet,
-            contrast=contrast,
-            exposure_s=exposure_s,
-            em_gain=em_gain,
-        )
-    ]
+    asked = {"time_s": time_s, "separation_arcsec": separation_arcsec} | planet_and_frame
+    return _ask(questions.signal_to_noise, target, bands, companions, instrument, **asked)
 
 
 def exposure_time(
@@ -108,29 +112,13 @@ def exposure_time(
     snr: float,
     separation_arcsec: float,
     bands: Sequence[str] | None = None,
-    planet: ReferencePlanet | None = None,
-    contrast: float | None = None,
-    exposure_s: float | None = None,
-    em_gain: float | None = None,
     companions: OnOff = "on",
     instrument: InstrumentSource = None,
+    **planet_and_frame: Any,
 ) -> list[EtcAnswer]:
-    """Least wall time that reaches an SNR; parameters as `signal_to_noise`."""
-    model = _model(instrument, bands)
-    return [
-        answer
-        for star in _named(target, companions)
-        for answer in questions.exposure_time(
-            model,
-            star,
-            snr=snr,
-            separation_arcsec=separation_arcsec,
-            planet=planet,
-            contrast=contrast,
-            exposure_s=exposure_s,
-            em_gain=em_gain,
-        )
-    ]
+    """Least wall time of one visit that reaches an SNR; parameters, returns and errors as `signal_to_noise`."""
+    asked = {"snr": snr, "separation_arcsec": separation_arcsec} | planet_and_frame
+    return _ask(questions.exposure_time, target, bands, companions, instrument, **asked)
 
 
 def contrast_limit(
@@ -140,29 +128,16 @@ def contrast_limit(
     separation_arcsec: float,
     bands: Sequence[str] | None = None,
     sigma: float | None = None,
-    exposure_s: float | None = None,
-    em_gain: float | None = None,
     companions: OnOff = "on",
     instrument: InstrumentSource = None,
+    **frame: Any,
 ) -> list[EtcAnswer]:
-    """Faintest contrast detected in a given wall time; parameters as `signal_to_noise`.
+    """Faintest contrast detected in a given wall time; parameters, returns and errors as `signal_to_noise`.
 
     ``sigma`` asks for a plain significance instead of the small-sample threshold.
     """
-    model = _model(instrument, bands)
-    return [
-        answer
-        for star in _named(target, companions)
-        for answer in questions.contrast_limit(
-            model,
-            star,
-            time_s=time_s,
-            separation_arcsec=separation_arcsec,
-            sigma=sigma,
-            exposure_s=exposure_s,
-            em_gain=em_gain,
-        )
-    ]
+    asked = {"time_s": time_s, "separation_arcsec": separation_arcsec, "sigma": sigma} | frame
+    return _ask(questions.contrast_limit, target, bands, companions, instrument, **asked)
 
 
 def optimise(

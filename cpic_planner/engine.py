@@ -102,7 +102,7 @@ def _client(workers: int, scheduler: str | None) -> Iterator[Any]:
         os.environ.update(dict.fromkeys(_THREAD_VARIABLES, "1"))
         try:
             cluster = stack.enter_context(
-                LocalCluster(n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None,
+                LocalCluster(n_workers=workers, threads_per_worker=1, processes=True, dashboard_address="127.0.0.1:0",
                              host="127.0.0.1", silence_logs=logging.ERROR, memory_limit=0)
             )  # fmt: skip
             yield stack.enter_context(Client(cluster, set_as_default=False))
