@@ -104,7 +104,7 @@ def __getattr__(name: str) -> Any:
         value = getattr(_simulator, name)
     else:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    globals()[name] = value  # a submodule of the same name (optimise) must not shadow the function
+    globals()[name] = value
     return value
 
 

@@ -154,11 +154,11 @@ def optimise(
     Returns
     -------
     pandas.DataFrame
-        One row per target; columns of `cpic_planner.optimise.Best`, units in their names.
+        One row per target; columns of `cpic_planner.optimiser.Best`, units in their names.
     """
     import pandas as pd
 
-    from cpic_planner.optimise import optimise as best_of
+    from cpic_planner.optimiser import optimise as best_of
 
     model = _model(instrument, bands)
     rows = []

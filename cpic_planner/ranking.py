@@ -14,7 +14,7 @@ from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.planet import ReferencePlanet, reference_distance_au
 from cpic_planner.etc.rates import companion_saturates
 from cpic_planner.models import RankedTarget, RankResult, ReferencePlanetRecord
-from cpic_planner.optimise import Best, optimise
+from cpic_planner.optimiser import Best, optimise
 from cpic_planner.targets import Targets
 from cpic_planner.version import __version__
 from simulator.config import content_hash

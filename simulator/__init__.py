@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from simulator.config import Instrument, Planet, Scene, SceneStar, load_instrument, load_scene
     from simulator.imaging.psf import Psf, single_band_psf
     from simulator.knobs import Knobs
-    from simulator.observe import Observation, observe
+    from simulator.observation import Observation, observe
     from simulator.outcome import NotOk, Outcome, Reason, Status
     from simulator.passbands import Passbands
     from simulator.rng import stream
@@ -29,8 +29,8 @@ _HOME = {
     "Psf": "imaging.psf",
     "single_band_psf": "imaging.psf",
     "Knobs": "knobs",
-    "Observation": "observe",
-    "observe": "observe",
+    "Observation": "observation",
+    "observe": "observation",
     "NotOk": "outcome",
     "Outcome": "outcome",
     "Reason": "outcome",
@@ -74,7 +74,7 @@ def __getattr__(name: str) -> Any:
     if name not in _HOME:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     value = getattr(importlib.import_module(f"{__name__}.{_HOME[name]}"), name)
-    globals()[name] = value  # a submodule of the same name (observe) must not shadow the function
+    globals()[name] = value
     return value
 
 

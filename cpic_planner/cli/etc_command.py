@@ -97,7 +97,7 @@ def etc(
     from cpic_planner.etc.model import build_model
     from cpic_planner.etc.place import check_range
     from cpic_planner.etc.result import etc_result
-    from cpic_planner.optimise import best_separations
+    from cpic_planner.optimiser import best_separations
     from cpic_planner.targets import find_target
     from simulator.config import load_instrument
 

@@ -13,8 +13,8 @@ from simulator.outcome import Outcome, Reason, Status
 __all__ = ["MIN_ELEMENTS", "detection_threshold", "threshold_array"]
 
 MIN_ELEMENTS = 3
-# The false-alarm probability of 30 sigma is 5e-198; twice that would leave the range of float64.
-MAX_SIGMA = 30.0
+# The false-alarm probability of 20 sigma is 3e-89. Below 1e-100 the quantile of SciPy before 1.17 has no correct digit.
+MAX_SIGMA = 20.0
 
 
 def detection_threshold(n_resolution_elements: float, sigma: float = 5.0) -> Outcome[float]:
@@ -25,7 +25,7 @@ def detection_threshold(n_resolution_elements: float, sigma: float = 5.0) -> Out
     n_resolution_elements : float
         Independent resolution elements at the planet's separation, the tested one included; at least 0.
     sigma : float, optional
-        Gaussian significance whose false-alarm probability is asked for, above 0 and at most 30.
+        Gaussian significance whose false-alarm probability is asked for, above 0 and at most 20.
 
     Returns
     -------
@@ -66,7 +66,7 @@ def threshold_array(n_resolution_elements: npt.ArrayLike, sigma: npt.ArrayLike =
     n_resolution_elements : array_like
         Numbers of elements (fractions allowed), finite and at least 0.
     sigma : array_like, optional
-        Gaussian significances, above 0 and at most 30; broadcasts.
+        Gaussian significances, above 0 and at most 20; broadcasts.
 
     Returns
     -------

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.planet import ReferencePlanet, reference_distance_au
 from cpic_planner.models import BandConfirmation
-from cpic_planner.optimise import best_in_band
+from cpic_planner.optimiser import best_in_band
 from cpic_planner.ranking import no_frame
 from cpic_planner.targets import Targets
 from cpic_planner.validation.apertures import aperture_weights
@@ -24,7 +24,7 @@ from cpic_planner.validation.rdi import rdi_subtract
 from simulator.camera.emccd import to_electrons
 from simulator.config import Instrument, Planet, Scene, SceneStar
 from simulator.config.base import validate
-from simulator.observe import Observation, observe
+from simulator.observation import Observation, observe
 from simulator.outcome import Reason, Status
 
 __all__ = [

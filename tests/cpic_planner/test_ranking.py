@@ -7,7 +7,7 @@ from cpic_planner import load_targets
 from cpic_planner.etc.model import build_model
 from cpic_planner.etc.planet import ReferencePlanet
 from cpic_planner.etc.questions import contrast_limit, exposure_time, signal_to_noise
-from cpic_planner.optimise import optimise
+from cpic_planner.optimiser import optimise
 from cpic_planner.ranking import rank_targets
 from cpic_planner.targets import find_target, rank_sample
 from simulator.config import load_instrument

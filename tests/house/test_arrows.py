@@ -20,7 +20,7 @@ SIMULATOR = [
     {"camera"},
     {"products"},
     {"ledger"},
-    {"observe"},
+    {"observation"},
 ]
 PLANNER = [
     {"version"},
@@ -28,7 +28,7 @@ PLANNER = [
     {"schemas"},
     {"targets"},
     {"etc"},
-    {"optimise"},
+    {"optimiser"},
     {"ranking"},
     {"validation"},
     {"report"},

@@ -55,3 +55,11 @@ def test_public_names_exist_here_and_there():
     assert set(simulator.__all__) <= set(cpic_planner.__all__)
     for name in cpic_planner.__all__:
         assert getattr(cpic_planner, name) is not None
+
+
+def test_functions_are_not_shadowed_by_modules_of_their_name():
+    code = "import cpic_planner.cli.main, cpic_planner.validation.confirm, cpic_planner.plan\n"
+    code += "import simulator, cpic_planner\n"
+    code += "for p in (simulator, cpic_planner):\n    for n in p.__all__:\n"
+    code += "        assert not str(type(getattr(p, n))).count('module'), n"
+    subprocess.run([sys.executable, "-c", code], check=True)

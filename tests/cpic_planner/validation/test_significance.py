@@ -23,7 +23,7 @@ def test_table_for_three_sigma(n: int, expected: float) -> None:
 
 
 @pytest.mark.parametrize("n", [3, 3.5, 4, 13, 52, 1002])
-@pytest.mark.parametrize("sigma", [1.0, 5.0, 12.0, 30.0])
+@pytest.mark.parametrize("sigma", [1.0, 5.0, 12.0, 20.0])
 def test_false_alarm_probability_is_that_of_the_normal_law(n: float, sigma: float) -> None:
     threshold = detection_threshold(n, sigma).unwrap()
     with mpmath.workdps(40):
@@ -31,7 +31,7 @@ def test_false_alarm_probability_is_that_of_the_normal_law(n: float, sigma: floa
         df = mpmath.mpf(n) - 2
         tail = mpmath.betainc(df / 2, mpmath.mpf(1) / 2, 0, df / (df + t * t), regularized=True) / 2
         normal = mpmath.erfc(sigma / mpmath.sqrt(2)) / 2
-        assert float(tail / normal) == pytest.approx(1, rel=1e-10)
+        assert float(tail / normal) == pytest.approx(1, rel=1e-9)
 
 
 def test_many_elements_give_the_gaussian_threshold() -> None:
@@ -72,7 +72,7 @@ def test_bad_numbers_of_elements(n: object) -> None:
             call(n)
 
 
-@pytest.mark.parametrize("sigma", [0, -1, np.nan, 31, "5"])
+@pytest.mark.parametrize("sigma", [0, -1, np.nan, 21, "5"])
 def test_bad_sigma(sigma: object) -> None:
     with pytest.raises(InputError, match="sigma"):
         detection_threshold(19, sigma)
