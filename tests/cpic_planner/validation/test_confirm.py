@@ -1,8 +1,11 @@
 """Prediction against measurement over many realisations."""
 
+import functools
+
 import numpy as np
 import pytest
 
+from cpic_planner.engine import single_threaded_blas
 from cpic_planner.etc.model import build_model
 from cpic_planner.etc.planet import ReferencePlanet
 from cpic_planner.etc.rates import speckle_fraction
@@ -13,22 +16,28 @@ from cpic_planner.validation.confirm import ConfirmTask, confirm_task, decode_ar
 from cpic_planner.validation.rdi import rdi_subtract
 from simulator import load_instrument, observe
 
-SEEDS = 30
+SEEDS = 20
+STILL = {"drift": {"visit_nm": 0, "walk_nm_per_sqrt_hour": 0}}
+CASES = {
+    "photons": ("tau Cet", "F520", STILL),
+    "speckles": ("eps Eri", "F662", {}),
+    "companion": ("alf Cen B", "F850", {}),
+}
 
 
-def confirmations(star, band, *, changes=None, time_s=3000.0, seeds=SEEDS, **alter):
-    model = build_model(load_instrument(changes or {}), [band])
+@functools.cache
+def confirmations(case):
+    """Measured realisations of one case, shared by the tests below."""
+    star, band, changes = CASES[case]
+    model = build_model(load_instrument(changes), [band])
     target, _ = find_target(star)
     found = []
-    for seed in range(seeds):
-        task = prepare_task(
-            model, target, band, time_s=time_s, planet=ReferencePlanet(), seed=seed, fidelity="standard"
-        )
+    for seed in range(SEEDS):
+        asked = {"time_s": 1800.0, "planet": ReferencePlanet(), "seed": seed, "fidelity": "standard"}
+        task = prepare_task(model, target, band, **asked)
         assert isinstance(task, ConfirmTask)
-        tree = task.to_dict()
-        for section, values in alter.items():
-            tree["instrument"][section] = tree["instrument"][section] | values
-        found.append(confirm_task(tree)["confirmation"])
+        with single_threaded_blas():
+            found.append(confirm_task(task.to_dict())["confirmation"])
     return found
 
 
@@ -36,24 +45,20 @@ def column(found, name):
     return np.array([item[name] for item in found], float)
 
 
-@pytest.mark.parametrize(
-    ("star", "band", "changes"),
-    [("tau Cet", "F520", {"drift": {"visit_nm": 0, "walk_nm_per_sqrt_hour": 0}}), ("eps Eri", "F662", {})],
-)
-def test_contrast_is_unbiased_and_its_error_honest(star, band, changes):
-    found = confirmations(star, band, changes=changes)
-    recovered, truth, error = (
-        column(found, name) for name in ("recovered_contrast", "true_contrast", "contrast_error")
-    )
+@pytest.mark.parametrize("case", CASES)
+def test_contrast_is_unbiased_and_its_error_honest(case):
+    found = confirmations(case)
+    names = ("recovered_contrast", "true_contrast", "contrast_error")
+    recovered, truth, error = (column(found, name) for name in names)
     assert abs(recovered.mean() - truth[0]) < 4 * recovered.std(ddof=1) / np.sqrt(SEEDS)
     pull = (recovered - truth) / error
-    # Student's t of some 15 apertures is wider than a Gaussian by 7 %; 40 draws know a width to 11 %.
-    assert pull.std(ddof=1) == pytest.approx(1.07, abs=4 * 0.12)
+    # Student's t of some 15 apertures is wider than a Gaussian by 7 %; 20 draws know a width to 16 %.
+    assert pull.std(ddof=1) == pytest.approx(1.07, abs=4 * 0.17)
 
 
-@pytest.mark.parametrize(("star", "band"), [("tau Cet", "F520"), ("alf Cen A", "F520"), ("alf Cen B", "F850")])
-def test_predicted_noise_is_recovered(star, band):
-    found = confirmations(star, band)
+@pytest.mark.parametrize("case", CASES)
+def test_predicted_noise_is_recovered(case):
+    found = confirmations(case)
     predicted = found[0]["true_contrast"] / found[0]["predicted_snr"]
     # Variances average without bias; 1/sigma of few apertures does not.
     variance = (column(found, "contrast_error") / predicted) ** 2
@@ -64,7 +69,7 @@ def test_predicted_noise_is_recovered(star, band):
     expected = snr_scatter(
         found[0]["predicted_snr"], found[0]["predicted_significance"], found[0]["n_background_apertures"]
     )
-    assert 0.6 < spread / expected < 1.7
+    assert 0.5 < spread / expected < 2.0
 
 
 def test_speckle_floor_is_that_of_the_subtraction_that_runs():
