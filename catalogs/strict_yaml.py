@@ -107,6 +107,8 @@ def parse_yaml(text: str, *, where: str = "YAML text") -> Any:
     """
     try:
         return yaml.load(text, Loader=_StrictLoader)  # noqa: S506 - _StrictLoader derives from SafeLoader
+    except RecursionError:
+        raise InputError(where, "nested too deeply", allowed="one well-formed YAML document") from None
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         place = f" line {mark.line + 1} column {mark.column + 1}" if mark else ""

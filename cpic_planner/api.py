@@ -16,6 +16,7 @@ from cpic_planner.etc.planet import ReferencePlanet
 from cpic_planner.models import ConfirmedTarget, PlanResult, RankResult
 from cpic_planner.targets import Targets, find_target, rank_sample
 from simulator.config import Instrument, load_instrument
+from simulator.config.base import validate
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -52,6 +53,8 @@ def _ask(
 ) -> list[EtcAnswer]:
     """Put one question for every named star."""
     model = _model(instrument, bands)
+    if isinstance(asked.get("planet"), Mapping):
+        asked["planet"] = validate(ReferencePlanet, asked["planet"], where="planet")
     return [answer for star in _named(target, companions) for answer in question(model, star, **asked)]
 
 
@@ -224,7 +227,6 @@ def make_plan(
     """
     from cpic_planner.plan import PlanConfig
     from cpic_planner.plan import make_plan as run
-    from simulator.config.base import validate
 
     chosen = instrument if isinstance(instrument, Instrument) else load_instrument(instrument)
     config = validate(PlanConfig, {"instrument": chosen} | settings, where="plan")

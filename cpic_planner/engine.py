@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import logging
 import os
+import signal
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, TypeVar
 
@@ -67,6 +68,12 @@ def run_tasks(
             yield futures[future], future.result()
 
 
+def _ignore_interrupt() -> None:
+    """A Ctrl-C in the terminal reaches every process; only the parent is to answer it, and then ends its workers."""
+    with contextlib.suppress(ValueError):
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
 def _pinned(function: Callable[..., T], args: tuple[Any, ...]) -> T:
     with single_threaded_blas():
         return function(*args)
@@ -105,7 +112,9 @@ def _client(workers: int, scheduler: str | None) -> Iterator[Any]:
                 LocalCluster(n_workers=workers, threads_per_worker=1, processes=True, dashboard_address="127.0.0.1:0",
                              host="127.0.0.1", silence_logs=logging.ERROR, memory_limit=0)
             )  # fmt: skip
-            yield stack.enter_context(Client(cluster, set_as_default=False))
+            client = stack.enter_context(Client(cluster, set_as_default=False))
+            client.run(_ignore_interrupt)
+            yield client
         finally:
             for name, value in old.items():
                 if value is None:

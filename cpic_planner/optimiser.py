@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cpic_planner.etc.answer import EtcAnswer
 from cpic_planner.etc.limits import largest_gain
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.noise import stack_noise
 from cpic_planner.etc.place import check_range, diagonal, usable_range_arcsec
 from cpic_planner.etc.planet import ReferencePlanet, reference_contrast
 from cpic_planner.etc.rates import ApertureRates, aperture_rates
-from cpic_planner.etc.settings import settings_for_time
+from cpic_planner.etc.settings import settings_for_time, visit_lengths
 from cpic_planner.etc.significance import threshold_array
 from cpic_planner.targets import Targets
 
@@ -23,10 +24,9 @@ __all__ = ["Best", "best_in_band", "best_separations", "optimise", "separation_g
 FloatArray = NDArray[np.float64]
 N_SEPARATIONS = 40
 N_COARSE = 4
+STRIDE = 5
 MIN_BACKGROUND_APERTURES = 25.0
 """Aperture areas that the background annulus must hold: about a third of them fit without overlap."""
-VISIT_LENGTHS_S = tuple(600.0 * 2.0**k for k in range(12))
-"""Wall times tried besides the longest allowed; fixed, so that more time never takes a choice away."""
 
 
 @dataclass(frozen=True)
@@ -103,24 +103,42 @@ def optimise(
     return _best_of([best_in_band(model, targets, band, time_s, planet) for band in bands or model.bands])
 
 
-def best_separations(
-    model: EtcModel,
-    target: Targets,
-    separation_arcsec: float | None,
-    *,
-    time_s: float,
-    planet: ReferencePlanet,
-) -> dict[str, float]:
-    """Separation per band for one star: the given one, or where the planet is detected most clearly."""
-    if separation_arcsec is not None:
-        return dict.fromkeys(model.bands, separation_arcsec)
-    check_range("time_s", time_s, 1e-3, 1e9, "s")
-    return {band: float(best_in_band(model, target, band, time_s, planet).separation_arcsec[0]) for band in model.bands}
+def best_separations(model: EtcModel, ask: Callable[[str, float], EtcAnswer], *, largest: bool) -> dict[str, float]:
+    """Separation per band at which a question about one star has its best answer.
+
+    Parameters
+    ----------
+    model : EtcModel
+    ask : callable
+        ``ask(band, separation_arcsec)`` gives the answer there.
+    largest : bool
+        Whether the best value is the largest significance over threshold, or the smallest value.
+
+    Returns
+    -------
+    dict of str to float
+        One per band; where no place has an answer, the middle of the range.
+    """
+    places = {}
+    for band in model.bands:
+        grid = separation_grid(model, band)[::STRIDE]
+        answers = [ask(band, float(place)) for place in grid]
+        cost = [
+            np.inf
+            if answer.value is None
+            else -(answer.significance or 0.0) / (answer.threshold or np.inf)
+            if largest
+            else answer.value
+            for answer in answers
+        ]
+        best = int(np.argmin(cost)) if np.isfinite(cost).any() else len(grid) // 2
+        places[band] = float(grid[best])
+    return places
 
 
 def best_in_band(model: EtcModel, targets: Targets, band: str, time_s: float, planet: ReferencePlanet) -> Best:
     """Best separation, length of visit and settings of each target in one band; see `optimise`."""
-    lengths = [time_s, *(length for length in VISIT_LENGTHS_S if length < time_s)]
+    lengths = visit_lengths(time_s)
     grid = separation_grid(model, band)
     return _best_of([_best_at(model, targets, band, grid, length, planet) for length in lengths])
 

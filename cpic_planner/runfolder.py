@@ -134,6 +134,8 @@ def _claim(folder: Path, kind: str, config_hash: str, force: bool) -> bool:
         old = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         old = None
+    if not isinstance(old, dict):
+        old = None
     if old == manifest:
         return True
     if old is not None and not force:

@@ -144,6 +144,8 @@ def rank_sample(
         keep &= np.isin(np.asarray(table.column("luminosity_class")).astype(str), ("V", "IV-V"))
     if singles_only:
         keep &= ~np.asarray(table.column("close_companion"), bool)
+    if not keep.any():
+        raise InputError("v_mag_max", v_mag_max, unit="mag", allowed="a magnitude that leaves a star in the sample")
     return targets_from_table(table.select(keep), companions=companions)
 
 

@@ -39,6 +39,7 @@ class Reason(StrEnum):
     NO_SIGNAL = "no_signal"
     NO_TIME = "time_below_overheads"
     NOT_DETECTED = "not_detected"
+    TOO_MANY_FRAMES = "too_many_frames"
 
 
 class NotOk(RuntimeError):

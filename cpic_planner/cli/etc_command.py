@@ -14,16 +14,17 @@ from cpic_planner.cli.options import (
     InstrumentOption,
     JsonOption,
     OnOff,
-    PhaseOption,
     planet_from,
 )
 from cpic_planner.cli.output import console, print_json
+from cpic_planner.etc.answer import EtcAnswer
 
 __all__ = ["HELP", "etc"]
 
 HELP = """Ask the exposure-time calculator about one star: time for an SNR, SNR for a time, or the contrast limit.
 
-Without a separation the planet stands where it is detected most clearly in each band.
+Without a separation the planet stands where the answer is best in each band: least time, clearest detection, or
+faintest limit. A given time is an upper bound: the walk of the wavefront can make a shorter visit better.
 
 Examples:
 
@@ -69,7 +70,9 @@ def etc(
     radius_rjup: Annotated[
         float | None, typer.Option("--planet-radius-rjup", help="Planet radius in R_J = 71 492 km [default: 1].")
     ] = None,
-    phase_deg: PhaseOption = 90.0,
+    phase_deg: Annotated[
+        float | None, typer.Option("--phase-deg", help="Phase angle, above 0 and below 180 deg [default: 90].")
+    ] = None,
     albedo: Annotated[
         str | None, typer.Option("--albedo", help="Albedo: jupiter, saturn, uranus, neptune [default: jupiter].")
     ] = None,
@@ -113,6 +116,11 @@ def etc(
     for name, value in (("--planet-radius-rjup", radius_rjup), ("--albedo", albedo)):
         _refuse_together({name: value, "--contrast": contrast}, "a given contrast needs no planet")
         _refuse_together({name: value, "--contrast-limit": contrast_limit or None}, "the limit holds for any planet")
+    if semi_major_axis_au is None:
+        phase: dict[str, object] = {"--phase-deg": phase_deg}
+        _refuse_together(phase | {"--contrast": contrast}, "a given contrast needs no phase")
+        _refuse_together(phase | {"--contrast-limit": contrast_limit or None}, "the limit holds for any phase")
+    phase_deg = 90.0 if phase_deg is None else phase_deg
     if frames is not None and exposure_s is None:
         raise InputError("--frames", frames, allowed="together with --exposure-s")
     star, note = find_target(target, companions=companions.value)
@@ -126,25 +134,22 @@ def etc(
     wall = DEFAULT_TIME_S if time_s is None else time_s
     if frames is not None and exposure_s is not None:
         wall = model.instrument.overhead_s + frames * model.frame_pace_s(exposure_s)
-    places = best_separations(model, star, separation_arcsec, time_s=wall, planet=planet)
     fixed: dict[str, Any] = {"exposure_s": exposure_s, "em_gain": em_gain}
-    answers = []
-    for band, place in places.items():
+
+    def ask(band: str, place: float, *, refine: bool = False) -> EtcAnswer:
+        where: dict[str, Any] = {"separation_arcsec": place, "bands": [band]} | fixed
         if contrast_limit:
-            answers += questions.contrast_limit(
-                model, star, time_s=wall, separation_arcsec=place, bands=[band], **fixed
-            )
-            continue
-        asked: dict[str, Any] = {
-            "separation_arcsec": place,
-            "bands": [band],
-            "planet": planet,
-            "contrast": contrast,
-        } | fixed
+            return questions.contrast_limit(model, star, time_s=wall, exact=frames is not None, **where)[0]
+        where |= {"planet": planet, "contrast": contrast}
         if snr is not None:
-            answers += questions.exposure_time(model, star, snr=snr, **asked)
-        else:
-            answers += questions.signal_to_noise(model, star, time_s=wall, **asked)
+            return questions.exposure_time(model, star, snr=snr, refine=refine, **where)[0]
+        return questions.signal_to_noise(model, star, time_s=wall, exact=frames is not None, **where)[0]
+
+    if separation_arcsec is None:
+        places = best_separations(model, ask, largest=snr is None and not contrast_limit)
+    else:
+        places = dict.fromkeys(model.bands, separation_arcsec)
+    answers = [ask(band, place, refine=True) for band, place in places.items()]
     result = etc_result(
         model,
         star,

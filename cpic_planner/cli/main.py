@@ -31,6 +31,7 @@ app = typer.Typer(
     help="Exposure times, survey planning and simulated images for CPI-C, the coronagraph of the 2 m CSST.",
     no_args_is_help=True,
     add_completion=False,
+    rich_markup_mode=None,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
@@ -71,10 +72,12 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         status = app(args=arguments, standalone_mode=False, prog_name="cpic")
         sys.stdout.flush()
+    except SystemExit as stop:  # the option parser leaves this way when the reader of our output has gone
+        return 0 if type(sys.stdout).__name__ == "PacifyFlushWrapper" else _status(stop.code)
     except InputError as error:
         return error_line(str(error), 2)
     except KeyboardInterrupt:
-        return error_line("interrupted; a plan continues when it is started again with the same --out", 130)
+        return error_line(INTERRUPTED, 130)
     except BrokenPipeError:
         # The reader of our output went away: that ends the work, quietly, and keeps the interpreter from
         # complaining about it at exit.
@@ -82,7 +85,17 @@ def main(arguments: list[str] | None = None) -> int:
         return 0
     except Exception as error:
         return _failed(error)
-    return status if isinstance(status, int) else 0
+    return _status(status)
+
+
+INTERRUPTED = "interrupted; a plan continues when it is started again with the same --out"
+
+
+def _status(code: object) -> int:
+    """Exit status of a code; 130 gets its explanation."""
+    if code == 130:
+        return error_line(INTERRUPTED, 130)
+    return code if isinstance(code, int) else 0
 
 
 def _failed(error: Exception) -> int:

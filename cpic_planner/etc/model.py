@@ -102,7 +102,9 @@ def build_model(
     InputError
         If a band is unknown or belongs to the near-infrared camera, which has no imaging model yet.
     """
-    names = tuple(bands) if bands else instrument.visible_bands()
+    if isinstance(bands, str):
+        bands = (bands,)
+    names = tuple(dict.fromkeys(bands)) if bands else instrument.visible_bands()
     for name in names:
         if instrument.band(name).camera != "VIS":
             raise InputError("band", name, allowed=", ".join(instrument.visible_bands()),

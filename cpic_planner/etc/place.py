@@ -43,7 +43,11 @@ def locate(instrument: Instrument, band: str, separation_arcsec: float) -> tuple
 
 def check_range(key: str, value: float, low: float, high: float, unit: str) -> float:
     """Refuse a number that is not finite or not in [low, high]."""
-    if isinstance(value, bool) or not isinstance(value, int | float | np.floating) or not math.isfinite(value):
+    if (
+        isinstance(value, bool)
+        or not isinstance(value, int | float | np.floating | np.integer)
+        or not math.isfinite(value)
+    ):
         raise InputError(key, value, unit=unit, allowed=f"a finite number from {low:g} to {high:g}")
     if not low <= value <= high:
         raise InputError(key, value, unit=unit, allowed=f"{low:g} to {high:g}")

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from catalogs.errors import InputError
 from cpic_planner.etc.answer import EtcAnswer, Question
@@ -18,7 +17,7 @@ from cpic_planner.etc.noise import stack_noise
 from cpic_planner.etc.place import check_range, diagonal, locate
 from cpic_planner.etc.planet import ReferencePlanet, reference_contrast
 from cpic_planner.etc.rates import ApertureRates, aperture_rates, speckle_fraction
-from cpic_planner.etc.settings import Settings, settings_for_snr, settings_for_time
+from cpic_planner.etc.settings import Settings, settings_for_snr, settings_for_time, visit_lengths
 from cpic_planner.etc.significance import threshold_array
 from cpic_planner.targets import Targets
 from simulator.outcome import Reason, Status
@@ -46,7 +45,6 @@ def _cases(
     contrast: float | None,
     question: Question,
     unit: str,
-    visit_s: ArrayLike,
 ) -> Iterator[_Case | EtcAnswer]:
     """Yield ready cases, or finished refusals for positions outside the zone."""
     if len(target) != 1:
@@ -74,7 +72,7 @@ def _cases(
             yield EtcAnswer(value=None, status=status, reason=reason, message=message, **head)
             continue
         x, y = diagonal(np.array([separation_arcsec]))
-        rates = aperture_rates(model, target, band, x, y, np.array([given]), visit_s=visit_s)
+        rates = aperture_rates(model, target, band, x, y, np.array([given]))
         elements = float(model.metrics[band].resolution_elements(separation_arcsec))
         threshold = float(threshold_array(elements, model.strategy.sigma))
         head["core_throughput"] = float(model.metrics[band].core_throughput(x, y)[0])
@@ -137,6 +135,7 @@ def signal_to_noise(
     contrast: float | None = None,
     exposure_s: float | None = None,
     em_gain: float | None = None,
+    exact: bool = False,
 ) -> list[EtcAnswer]:
     """SNR of a planet in a given wall time, per band.
 
@@ -146,7 +145,7 @@ def signal_to_noise(
     target : Targets
         One star.
     time_s : float
-        Wall time, overheads and reference frames included, 1e-3 to 1e9 s.
+        Longest wall time, overheads and reference frames included, 1e-3 to 1e9 s.
     separation_arcsec : float
         Projected separation, on the diagonal of a quadrant.
     bands : sequence of str, optional
@@ -157,11 +156,14 @@ def signal_to_noise(
         Planet-to-star ratio of detected rates, in every band.
     exposure_s, em_gain : float, optional
         Fixed instead of optimised.
+    exact : bool
+        Use all of ``time_s``, although the walk of the wavefront can make a shorter visit better.
 
     Returns
     -------
     list of EtcAnswer
-        One per band. ``value`` is the photometric SNR.
+        One per band. ``value`` is the photometric SNR in the best visit of at most ``time_s``; ``time_s`` of the
+        answer is what it uses (flag ``shorter_visit_is_better``).
 
     Raises
     ------
@@ -180,16 +182,21 @@ def signal_to_noise(
         contrast,
         "signal_to_noise",
         "",
-        model.visit_s(time_s),
     ):
         if isinstance(case, EtcAnswer):
             answers.append(case)
             continue
-        chosen = settings_for_time(model, case.rates, time_s, exposure_s=exposure_s, em_gain=em_gain)
+        lengths = [time_s] if exact else visit_lengths(time_s)
+        found = [
+            settings_for_time(model, _walked(model, case, length), length, exposure_s=exposure_s, em_gain=em_gain)
+            for length in lengths
+        ]
+        chosen = max(found, key=lambda setting: float(setting.noise.significance[0]))
         if chosen.n_frames[0] < 1:
             answers.append(_no_setting(model, case, chosen, exposure_s, em_gain))
             continue
-        answers.append(_filled(case, chosen, float(chosen.noise.snr[0])))
+        flags = case.answer["flags"] + (("shorter_visit_is_better",) if chosen is not found[0] else ())
+        answers.append(_filled(case, chosen, float(chosen.noise.snr[0]), flags=flags))
     return answers
 
 
@@ -204,26 +211,36 @@ def exposure_time(
     contrast: float | None = None,
     exposure_s: float | None = None,
     em_gain: float | None = None,
+    refine: bool = True,
 ) -> list[EtcAnswer]:
     """Least wall time that reaches an SNR, per band; ``unreachable`` below the speckle floor.
 
-    Parameters as in `signal_to_noise`; ``snr`` from 1e-6 to 1e6. ``value`` is ``time_s``.
+    Parameters as in `signal_to_noise`; ``snr`` from 1e-6 to 1e6. ``value`` is ``time_s``; without
+    ``refine`` it is good to one frame.
     """
     check_range("snr", snr, 1e-6, 1e6, "")
     _check_frame(model, exposure_s, em_gain)
     answers = []
     for case in _cases(
-        model, target, bands, planet or ReferencePlanet(), separation_arcsec, contrast, "exposure_time", "s", 0.0
+        model, target, bands, planet or ReferencePlanet(), separation_arcsec, contrast, "exposure_time", "s"
     ):
         if isinstance(case, EtcAnswer):
             answers.append(case)
             continue
-        answers.append(_least_time(model, target, case, snr, exposure_s, em_gain))
+        answers.append(_least_time(model, case, snr, exposure_s, em_gain, refine))
     return answers
 
 
+def _walked(model: EtcModel, case: _Case, time_s: float) -> ApertureRates:
+    """Rates of a case with the speckle residual of a visit of ``time_s``."""
+    band, place = case.answer["band"], case.answer["separation_arcsec"]
+    instant = max(float(speckle_fraction(model, band, 0.0, place)), 1e-300)
+    growth = float(speckle_fraction(model, band, model.visit_s(time_s), place)) / instant
+    return replace(case.rates, speckle_e_s=case.rates.speckle_e_s * growth)
+
+
 def _least_time(
-    model: EtcModel, target: Targets, case: _Case, snr: float, exposure_s: float | None, em_gain: float | None
+    model: EtcModel, case: _Case, snr: float, exposure_s: float | None, em_gain: float | None, refine: bool
 ) -> EtcAnswer:
     """Shortest time that suffices although the speckle residual grows with the length of the visit.
 
@@ -234,7 +251,7 @@ def _least_time(
     place = case.answer["band"], case.answer["separation_arcsec"]
     star_e_s = float(rates.speckle_e_s[0]) / max(float(speckle_fraction(model, place[0], 0.0, place[1])), 1e-300)
     for _ in range(MAX_TURNS):
-        chosen = settings_for_snr(model, rates, snr, exposure_s=exposure_s, em_gain=em_gain)
+        chosen = settings_for_snr(model, rates, snr, exposure_s=exposure_s, em_gain=em_gain, refine=refine)
         level = math.sqrt(1.0 + 1.0 / float(rates.background_apertures[0]))
         floor = float(rates.planet_e_s[0]) / max(level * float(rates.speckle_e_s[0]), 1e-300)
         if floor <= snr:
@@ -260,6 +277,7 @@ def contrast_limit(
     sigma: float | None = None,
     exposure_s: float | None = None,
     em_gain: float | None = None,
+    exact: bool = False,
 ) -> list[EtcAnswer]:
     """Faintest contrast detected in a given wall time, per band.
 
@@ -285,7 +303,6 @@ def contrast_limit(
         1e-9,
         "contrast_limit",
         "contrast",
-        model.visit_s(time_s),
     ):
         if isinstance(case, EtcAnswer):
             answers.append(case)
@@ -303,7 +320,14 @@ def contrast_limit(
                 )
             )
             continue
-        answers.append(_limit(model, target, case, level, time_s, separation_arcsec, exposure_s, em_gain))
+        found = [
+            _limit(model, target, case, level, length, separation_arcsec, exposure_s, em_gain)
+            for length in ([time_s] if exact else visit_lengths(time_s))
+        ]
+        best = min(found, key=lambda answer: math.inf if answer.value is None else answer.value)
+        if best is not found[0]:
+            best = replace(best, flags=(*best.flags, "shorter_visit_is_better"))
+        answers.append(best)
     return answers
 
 
@@ -317,7 +341,7 @@ def _limit(
     exposure_s: float | None,
     em_gain: float | None,
 ) -> EtcAnswer:
-    contrast, rates = 1e-9, case.rates
+    contrast, rates = 1e-9, _walked(model, case, time_s)
     x, y = diagonal(np.array([separation_arcsec]))
     for _ in range(3):
         chosen = settings_for_time(model, rates, time_s, exposure_s=exposure_s, em_gain=em_gain)

@@ -17,10 +17,12 @@ from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.noise import StackNoise, best_gain, frame_terms, stack_noise
 from cpic_planner.etc.rates import ApertureRates
 
-__all__ = ["FRAME_MULTIPLES", "Settings", "settings_for_snr", "settings_for_time"]
+__all__ = ["FRAME_MULTIPLES", "Settings", "settings_for_snr", "settings_for_time", "visit_lengths"]
 
 FloatArray = NDArray[np.float64]
-BISECTIONS = 40
+BISECTIONS = 28
+VISIT_LENGTHS_S = tuple(600.0 * 2.0**k for k in range(12))
+"""Wall times tried besides the longest allowed; fixed, so that more time never takes a choice away."""
 FRAME_MULTIPLES = (1.0, 1.15, 1.5, 2.5, 6.0)
 
 
@@ -43,6 +45,11 @@ def _gain(model: EtcModel, rates: ApertureRates, exposure_s: FloatArray) -> Floa
     detector = model.instrument.detector
     _, light, read = frame_terms(rates, exposure_s, detector, reference_ratio=model.strategy.reference_ratio)
     return best_gain(light, read, largest_gain(rates.peak_hole_e_s, rates.tail_e_s, exposure_s, detector))
+
+
+def visit_lengths(time_s: float) -> list[float]:
+    """Wall times to choose from when at most ``time_s`` may be used: the wavefront walks, so longer can be worse."""
+    return [time_s, *(length for length in VISIT_LENGTHS_S if length < time_s)]
 
 
 def settings_for_time(
@@ -93,11 +100,12 @@ def settings_for_snr(
     *,
     exposure_s: float | None = None,
     em_gain: float | None = None,
+    refine: bool = True,
 ) -> Settings:
     """Settings of least wall time that reach ``snr``; ``n_frames`` is 0 where no time suffices.
 
     ``N = SNR^2 V1 / (S1^2 - SNR^2 spk1^2)`` frames, rounded up; the denominator vanishes at the speckle floor. The
-    exposure is then shortened to what this whole number of frames needs.
+    exposure is then shortened to what this whole number of frames needs, unless ``refine`` is false.
     """
     detector, ratio = model.instrument.detector, model.strategy.reference_ratio
     limit = longest_exposure_s(rates.peak_columns_e_s, rates.peak_hole_e_s, detector)
@@ -115,7 +123,7 @@ def settings_for_snr(
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         needed = np.where(room > 0, snr**2 * white / room, np.inf)
     frames = np.where(needed < 1e9, np.maximum(np.ceil(needed - 1e-9), 1.0), 0.0)
-    if exposure_s is None:
+    if exposure_s is None and refine:
         exposure = _shortest(model, rates, snr, exposure, frames, em_gain)
     return _choose(model, rates, limit, exposure, frames, em_gain, best=lambda s: s.time_s)
 

@@ -41,6 +41,13 @@ FloatArray = NDArray[np.float64]
 PLANET_PA_DEG = 315.0
 """Position angle of the reference planet: that of the example of Zhu et al. 2025, on a hole diagonal."""
 COMPANION_LIMIT_ARCSEC = 60.0
+MAX_FRAMES = 4000
+"""Frames of one sequence that are held in memory at once (0.6 GB of stamps)."""
+_REFUSALS = {
+    Status.SATURATED: "every frame saturates",
+    Status.UNREACHABLE: "the time holds no frame",
+    Status.INVALID: f"more than {MAX_FRAMES} frames: give less time or longer exposures",
+}
 
 
 @dataclass(frozen=True)
@@ -121,13 +128,15 @@ def prepare_task(
         "contrast": float(best.contrast[0]),
         "time_s": float(best.time_s[0]),
     }
-    if best.n_frames[0] < 1:
+    if not 1 <= best.n_frames[0] <= MAX_FRAMES:
         status, reason = no_frame(best, 0, model.instrument.detector)
+        if best.n_frames[0] > MAX_FRAMES:
+            status, reason = Status.INVALID, Reason.TOO_MANY_FRAMES
         return BandConfirmation(
             band=band,
             status=status.value,
             reason=reason.value,
-            message="every frame saturates" if status is Status.SATURATED else "the time holds no frame",
+            message=_REFUSALS[status],
             separation_arcsec=separation,
             pa_deg=PLANET_PA_DEG,
             true_contrast=prediction["contrast"],

@@ -54,7 +54,7 @@ class Coronagraph(FrozenModel):
     apodizer: str
     mask_half_width_arcsec: Annotated[float, Field(ge=0, le=2)]
     inner_lambda_d: Annotated[float, Field(ge=1, le=20)]
-    outer_half_side_arcsec: Annotated[float, Field(gt=0, le=5)]
+    outer_half_side_arcsec: Annotated[float, Field(gt=0, le=1)]
     aperture_radius_lambda_d: Annotated[float, Field(ge=0.2, le=5)]
 
 
@@ -92,11 +92,23 @@ class Detector(FrozenModel):
     @model_validator(mode="after")
     def _consistent(self) -> Detector:
         if self.star_column >= self.n_columns or self.star_row >= self.n_rows:
-            raise InputError("star_column, star_row", (self.star_column, self.star_row), unit="px",
-                             allowed=f"inside the frame of {self.n_columns} x {self.n_rows}")  # fmt: skip
+            raise InputError(
+                "star_column, star_row",
+                (self.star_column, self.star_row),
+                unit="px",
+                allowed=f"inside the frame of {self.n_columns} x {self.n_rows}",
+            )
         if self.exposure_min_s > self.exposure_max_s:
-            raise InputError("exposure_min_s", self.exposure_min_s, unit="s",
-                             allowed=f"at most exposure_max_s = {self.exposure_max_s}")  # fmt: skip
+            raise InputError(
+                "exposure_min_s",
+                self.exposure_min_s,
+                unit="s",
+                allowed=f"at most exposure_max_s = {self.exposure_max_s}",
+            )
+        if self.em_gain_max > 2.0 ** min(self.register_stages, 1000):
+            raise InputError(
+                "em_gain_max", self.em_gain_max, allowed=f"at most 2^{self.register_stages}, one doubling a stage"
+            )
         if self.bias_adu >= self.adc_max_adu:
             raise InputError("bias_adu", self.bias_adu, unit="ADU", allowed=f"below the ADC maximum {self.adc_max_adu}")
         return self
@@ -138,6 +150,27 @@ class Instrument(FrozenModel):
     sky: Sky
     bands: dict[str, BandConfig]
     overhead_s: Annotated[float, Field(ge=0, le=1e6)]
+
+    @model_validator(mode="after")
+    def _sampled(self) -> Instrument:
+        for name in self.visible_bands():
+            radius = self.aperture_radius_arcsec(name) / self.detector.pixel_scale_arcsec
+            inner = self.hole_inner_arcsec(name) + 2 * self.aperture_radius_arcsec(name)
+            if not 1.0 <= radius <= 20.0:
+                raise InputError(
+                    "pixel_scale_arcsec",
+                    self.detector.pixel_scale_arcsec,
+                    unit="arcsec",
+                    allowed=f"1 to 20 pixels in the aperture radius of {name}, not {radius:.3g}",
+                )
+            if inner >= self.coronagraph.outer_half_side_arcsec:
+                raise InputError(
+                    "outer_half_side_arcsec",
+                    self.coronagraph.outer_half_side_arcsec,
+                    unit="arcsec",
+                    allowed=f"room for an aperture in the hole of {name}: above {inner:.3g}",
+                )
+        return self
 
     _provenance: dict[str, Provenance] = PrivateAttr(default_factory=dict)
 
@@ -219,8 +252,12 @@ def _tree(source: str | Path | Mapping[str, Any] | None) -> dict[str, Any]:
     else:
         known = preset_path("instrument", str(source))
         if known is None and not Path(source).exists():
-            raise InputError("instrument", str(source), allowed="a YAML file or a preset",
-                             hint=f"presets: {', '.join(preset_names('instrument'))}")  # fmt: skip
+            raise InputError(
+                "instrument",
+                str(source),
+                allowed="a YAML file or a preset",
+                hint=f"presets: {', '.join(preset_names('instrument'))}",
+            )
         own = load_yaml(known or source)
         if known is not None and isinstance(own, dict) and "bands" not in own:
             own["bands"] = _shipped_bands()
@@ -248,8 +285,13 @@ def _shipped_bands() -> dict[str, Any]:
             entry[key] = {"value": getattr(band, key)}
             standing = provenance.get(f"{name}.{key}")
             if standing is not None:
-                entry[key] |= {"unit": standing.unit, "source": standing.source, "confidence": standing.confidence,
-                               "range": standing.range, "note": standing.note}  # fmt: skip
+                entry[key] |= {
+                    "unit": standing.unit,
+                    "source": standing.source,
+                    "confidence": standing.confidence,
+                    "range": standing.range,
+                    "note": standing.note,
+                }
         tree[name] = entry
     return tree
 

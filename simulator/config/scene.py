@@ -33,7 +33,7 @@ class Planet(FrozenModel):
 
     name: str
     radius_rjup: Annotated[float, Field(gt=0, le=10)]
-    distance_au: Annotated[float, Field(gt=0, le=1e5)]
+    distance_au: Annotated[float, Field(gt=0, le=1e12)]
     phase_deg: Annotated[float, Field(ge=0, le=180)]
     separation_arcsec: Annotated[float, Field(ge=0, le=120)]
     pa_deg: Annotated[float, Field(ge=-360, le=360)]

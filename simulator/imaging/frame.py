@@ -7,9 +7,10 @@ from numpy.typing import NDArray
 
 from simulator.cache import compute_once
 from simulator.config import Instrument, content_hash
-from simulator.imaging.imager import centred_axis
+from simulator.imaging.imager import build_imager, centred_axis
 from simulator.imaging.psf import Psf, wide_on_axis
 from simulator.imaging.store import metrics_key
+from simulator.knobs import Knobs
 
 __all__ = ["full_stamp", "full_star_map", "sky_transmission"]
 
@@ -62,18 +63,19 @@ def full_star_map(psf: Psf, instrument: Instrument) -> FloatArray:
 
 
 def full_stamp(psf: Psf, instrument: Instrument, x_arcsec: float, y_arcsec: float) -> FloatArray:
-    """Unit source on the whole detector: its own stamp, and its wings around the central star."""
+    """Unit source on the whole detector: coarse far wings, with its own stamp and the star's at full accuracy."""
     detector = instrument.detector
     rows, columns = _axes(psf, instrument)
-    side = psf.on_axis.shape[0]
-    image = np.zeros((detector.n_rows, detector.n_columns))
-    for x_centre, y_centre in ((x_arcsec, y_arcsec), (0.0, 0.0)):
+    side, place = psf.on_axis.shape[0], (x_arcsec, y_arcsec)
+    coarse = build_imager(instrument, psf.band, Knobs(pupil_samples=64, wavelength_nodes=3, pixel_nodes=1))
+    image = coarse.image(coarse.axis(rows, masked=True), coarse.axis(columns, masked=True), source_arcsec=place)
+    for x_centre, y_centre in (place, (0.0, 0.0)):
         row = detector.star_row + round(y_centre / psf.pixel_scale_arcsec)
         column = detector.star_column + round(x_centre / psf.pixel_scale_arcsec)
-        part_rows = slice(max(row - side // 2, 0), min(row + side // 2 + 1, detector.n_rows))
-        part_columns = slice(max(column - side // 2, 0), min(column + side // 2 + 1, detector.n_columns))
+        part_rows = slice(max(row - side // 2, 0), max(min(row + side // 2 + 1, detector.n_rows), 0))
+        part_columns = slice(max(column - side // 2, 0), max(min(column + side // 2 + 1, detector.n_columns), 0))
         if part_rows.start < part_rows.stop and part_columns.start < part_columns.stop:
             y = psf.imager.axis(rows[part_rows], masked=True)
             x = psf.imager.axis(columns[part_columns], masked=True)
-            image[part_rows, part_columns] = psf.imager.image(y, x, source_arcsec=(x_arcsec, y_arcsec))
+            image[part_rows, part_columns] = psf.imager.image(y, x, source_arcsec=place)
     return image

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
+from catalogs.errors import InputError
 from simulator.config import Instrument, Scene, load_instrument, load_scene
 from simulator.config.scene import Planet, SceneStar
 from simulator.passbands import Passbands
@@ -46,6 +47,8 @@ class Source:
 
 
 def _star_rate(star: SceneStar, band: str, passbands: Passbands, area_cm2: float) -> float:
+    if bool(passbands.grid_flags(star.teff_k, star.log_g, star.metallicity).teff_k):
+        raise InputError(f"{star.name}.teff_k", star.teff_k, unit="K", allowed="3500 to 8000, the stellar grid")
     rates = passbands.star_rate_e_s(star.v_mag, star.teff_k, star.log_g, star.metallicity, area_cm2)
     return float(rates[passbands.index(band)])
 

@@ -1,6 +1,9 @@
 import json
+import os
+import signal
 import subprocess
 import sys
+import time
 
 import pytest
 
@@ -137,6 +140,66 @@ def test_semi_major_axis_places_the_planet(capsys):
     )
     (answer,) = json.loads(out)["answers"]
     assert answer["separation_arcsec"] == pytest.approx(2 * 3**0.5 / 2 / json.loads(out)["distance_pc"])
+
+
+def test_without_a_separation_the_answer_is_the_best_one(capsys):
+    _, out, _ = call(capsys, "etc", "tau Cet", "--snr", "10", "--band", "F520", "--json")
+    (free,) = json.loads(out)["answers"]
+    assert free["status"] == "ok"
+    assert free["snr"] == pytest.approx(10, rel=1e-3)
+    for place in ("0.36", "0.45", "0.6"):
+        _, out, _ = call(
+            capsys, "etc", "tau Cet", "--snr", "10", "--band", "F520", "--separation-arcsec", place, "--json"
+        )
+        (there,) = json.loads(out)["answers"]
+        assert there["value"] is None or there["value"] >= free["value"] * 0.9
+
+
+def test_more_time_is_never_worse(capsys):
+    snr = []
+    for time_s in ("600", "6000", "36000", "1e7"):
+        _, out, _ = call(
+            capsys, "etc", "tau Cet", "--time-s", time_s, "--band", "F520", "--separation-arcsec", "0.5", "--json"
+        )
+        (answer,) = json.loads(out)["answers"]
+        snr.append(answer["significance"])
+        assert answer["time_s"] <= float(time_s)
+    assert snr == sorted(snr)
+
+
+@pytest.mark.parametrize(
+    "extra", [["--phase-deg", "60"], ["--albedo", "saturn"], ["--planet-radius-rjup", "2"], ["--contrast-limit"]]
+)
+def test_options_without_meaning_are_refused(capsys, extra):
+    status, _, err = call(capsys, "etc", "tau Cet", "--contrast", "1e-9", *extra)
+    assert status == 2
+    assert "--contrast" in err
+
+
+def test_interrupted_plan_says_how_to_go_on(tmp_path):
+    command = [
+        sys.executable,
+        "-m",
+        "cpic_planner.cli.main",
+        "plan",
+        "--top",
+        "3",
+        "--workers",
+        "2",
+        "--out",
+        str(tmp_path / "o"),
+    ]
+    process = subprocess.Popen(
+        command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
+    deadline = time.monotonic() + 60
+    while not list(tmp_path.glob("o/parts/*.json")) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to every process of the group
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert "continues when it is started again" in err
+    assert err.count("\n") <= 3
 
 
 def test_every_command_helps_with_examples(capsys):

@@ -66,6 +66,12 @@ def test_user_file_holds_only_what_differs(tmp_path):
         ({"drift": {"visit_nm": float("nan")}}, ("visit_nm",)),
         ({"drift": {"visit_nm": float("inf")}}, ("visit_nm",)),
         ({"telescope": 3}, ("instrument.telescope",)),
+        (
+            {"coronagraph": {"outer_half_side_arcsec": 0.2}},
+            ("outer_half_side_arcsec = 0.2 arcsec", "room for an aperture"),
+        ),
+        ({"telescope": {"diameter_m": 20}}, ("pixel_scale_arcsec", "1 to 20 pixels")),
+        ({"detector": {"register_stages": 5}}, ("em_gain_max = 1000", "2^5")),
         ({"base": "other"}, ("base = other", "cpic_default")),
         ("no_such_preset", ("no_such_preset", "cpic_default")),
     ],
