@@ -34,11 +34,8 @@ class Reason(StrEnum):
     ADC_RANGE = "adc_range"
     INSIDE_INNER_EDGE = "inside_inner_edge"
     OUTSIDE_OUTER_EDGE = "outside_outer_edge"
-    BEHIND_MASK = "behind_mask"
     TOO_FEW_ELEMENTS = "too_few_resolution_elements"
-    NO_SIGNAL = "no_signal"
     NO_TIME = "time_below_overheads"
-    NOT_DETECTED = "not_detected"
     TOO_MANY_FRAMES = "too_many_frames"
 
 

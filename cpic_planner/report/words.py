@@ -45,11 +45,9 @@ _REASONS: dict[str, str] = {
     "adc_range": "beyond the converter's range",
     "inside_inner_edge": "inside the inner edge of the dark hole",
     "outside_outer_edge": "beyond the outer edge of the dark hole",
-    "behind_mask": "behind the mask",
+    "too_many_frames": "too many frames for one sequence",
     "too_few_resolution_elements": "fewer than three resolution elements: no threshold",
-    "no_signal": "no signal from the planet",
     "time_below_overheads": "time shorter than the overheads",
-    "not_detected": "not detected in the images",
 }
 
 LIBRARIES: dict[str, str] = {
