@@ -83,7 +83,8 @@ def validate(model: type[M], tree: Any, *, where: str = "") -> M:
 def _one_line(error: ValidationError, where: str, model: type[BaseModel]) -> InputError:
     first = error.errors(include_url=False)[0]
     parts: Iterable[str] = (str(part) for part in first["loc"])
-    key = ".".join([*([where] if where else []), *parts]) or model.__name__
+    path = ".".join([*([where] if where else []), *parts])
+    key = path or model.__name__
     kind, context = first["type"], first.get("ctx", {})
     value = first.get("input")
     if kind == "extra_forbidden":
@@ -92,7 +93,7 @@ def _one_line(error: ValidationError, where: str, model: type[BaseModel]) -> Inp
         return InputError(key, "missing", allowed="a value is required")
     if kind == "value_error" and isinstance(context.get("error"), InputError):
         inner: InputError = context["error"]
-        return InputError(key if inner.key in key else f"{key}.{inner.key}" if key else inner.key, inner.value,
+        return InputError(path if inner.key in path else f"{path}.{inner.key}" if path else inner.key, inner.value,
                           unit=inner.unit, allowed=inner.allowed, hint=inner.hint)  # fmt: skip
     message = first["msg"].removeprefix("Input should be ").removeprefix("Value error, ")
     return InputError(key, value, unit=unit_of(key), allowed=message)
