@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from catalogs.bands import Band, band_from_file, load_bands
+    from catalogs.catalogue import Catalogue, open_catalogue
     from catalogs.errors import InputError
     from catalogs.names import StarMatch, resolve_star
     from catalogs.spectra import (
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
     from catalogs.stars import StarTable, load_stars
 
 _HOME = {
+    "Catalogue": "catalogue",
+    "open_catalogue": "catalogue",
     "Band": "bands",
     "band_from_file": "bands",
     "load_bands": "bands",
@@ -39,6 +42,7 @@ _HOME = {
 
 __all__ = [
     "Band",
+    "Catalogue",
     "InputError",
     "StarMatch",
     "StarTable",
@@ -50,6 +54,7 @@ __all__ = [
     "load_stars",
     "load_stellar_grid",
     "load_zodi_table",
+    "open_catalogue",
     "resolve_star",
 ]
 

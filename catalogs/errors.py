@@ -4,6 +4,8 @@ from __future__ import annotations
 
 __all__ = ["InputError"]
 
+_LONGEST = 200
+
 
 class InputError(ValueError):
     """Refusal of an input value.
@@ -29,6 +31,8 @@ class InputError(ValueError):
         self.allowed = allowed
         self.hint = hint
         shown = value if isinstance(value, str) else repr(value)
+        if len(shown) > _LONGEST:
+            shown = f"{shown[:_LONGEST]}..."
         text = f"{key} = {shown}"
         if unit:
             text += f" {unit}"

@@ -17,8 +17,8 @@ CREDITS = (
     "The star table is a database derived from it, under the Open Database License 1.0.",
     "Stellar data from ExoCat-1 (Turnbull 2015) and Hipparcos-2 (van Leeuwen 2007); names from the d3-celestial index "
     "(Kostjuk 2002; Gliese & Jahreiss 1991).",
-    "Stellar spectra: PHOENIX (Allard et al.) with the metallicity trend of Castelli & Kurucz 2004; Sun and Vega: "
-    "CALSPEC.",
+    "Stellar spectra: PHOENIX (Allard et al. 2012; Husser et al. 2013) with the trends of Castelli & Kurucz 2004; "
+    "Pickles 1998; Sun and Vega: CALSPEC.",
     "Giant-planet albedos: Karkoschka 1998. Zodiacal light: Leinert et al. 1998.",
 )
 

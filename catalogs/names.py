@@ -14,6 +14,7 @@ import csv
 import difflib
 import functools
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,7 +22,7 @@ from catalogs.errors import InputError
 from catalogs.nomenclature import GREEK, designation_key, split_component
 from catalogs.stars import StarTable, load_stars
 
-__all__ = ["StarMatch", "resolve_star"]
+__all__ = ["StarMatch", "resolve_star", "snapshot_aliases"]
 
 _DATA = Path(__file__).resolve().parent / "data"
 _ALLOWED = "HIP, HD, HR or GJ number, Bayer or Flamsteed designation, proper name or SIMBAD identifier"
@@ -55,7 +56,7 @@ class StarMatch:
 
 
 @functools.cache
-def _aliases() -> dict[str, tuple[str, int]]:
+def snapshot_aliases() -> dict[str, tuple[str, int]]:
     """Return key -> (star name, kind); kind 1 is a name of the whole system."""
     with (_DATA / "aliases.csv").open(encoding="utf-8", newline="") as stream:
         reader = csv.reader(stream)
@@ -80,7 +81,9 @@ def resolve_star(name: str, table: StarTable | None = None) -> StarMatch:
     name : str
         Any usual designation; see the module's first lines.
     table : StarTable, optional
-        Table to look in (for example a selection); the embedded catalogue by default.
+        Table to look in (a selection, a refreshed table or a user's own); the embedded catalogue by default. In a
+        table that is not the embedded one its own names go first; then every alias that the embedded catalogue knows
+        of a star, by whatever name that star stands in the table.
 
     Returns
     -------
@@ -96,6 +99,8 @@ def resolve_star(name: str, table: StarTable | None = None) -> StarMatch:
     key = designation_key(name) if isinstance(name, str) else ""
     if not key:
         raise InputError("star", name, allowed=_ALLOWED)
+    if stars.label:
+        return _resolve_in(name, key, stars)
     found = _find(key)
     if found is None:
         raise _refusal(name, key)
@@ -111,9 +116,55 @@ def resolve_star(name: str, table: StarTable | None = None) -> StarMatch:
     return StarMatch(rows[0], star, alias, note)
 
 
+def _resolve_in(name: str, key: str, stars: StarTable) -> StarMatch:
+    """Find a star of a table that is not the embedded catalogue."""
+    for form, remark in _forms(key):
+        rows = stars.name_keys.get(form, ())
+        if split_component(key)[1] and not split_component(form)[1]:
+            rows = tuple(row for row in rows if _letter_of(stars, row) in ("", "a"))
+        if rows:
+            exact = [row for row in rows if designation_key(str(stars.column("name")[row])) == form]
+            return _brightest(stars, exact or rows, form, remark)
+    known, aliases = _find(key), snapshot_aliases()
+    if known is not None:  # the embedded catalogue knows the star: look for it under any of its names
+        star, alias, note = known
+        held = [rows for own, rows in stars.name_keys.items() if aliases.get(own) == (star, 0)]
+        if held:
+            return _brightest(stars, [row for rows in held for row in rows], alias, note)
+    if not split_component(key)[1]:
+        held = [rows for own, rows in stars.name_keys.items() if split_component(own)[0] == key]
+        if held:
+            return _brightest(stars, [row for rows in held for row in rows], key, "name of a system: {star} taken")
+    raise _not_in(name, key, stars, known[0] if known else "")
+
+
+def _letter_of(stars: StarTable, row: int) -> str:
+    letter = str(stars.column("component")[row]).lower()
+    return letter or split_component(designation_key(str(stars.column("name")[row])))[1]
+
+
+def _brightest(stars: StarTable, rows: Iterable[int], alias: str, remark: str) -> StarMatch:
+    """Return the brightest of the rows, and say so where there are several."""
+    chosen = sorted(set(rows), key=lambda row: (float(stars.column("v_mag")[row]), row))
+    names = [str(stars.column("name")[row]) for row in chosen]
+    notes = [remark.format(star=names[0])] if remark else []
+    if names[1:]:
+        notes.append(f"the brightest of several rows, {names[0]}, taken; also in the table: {', '.join(names[1:])}")
+    return StarMatch(chosen[0], names[0], alias, "; ".join(notes))
+
+
+def _not_in(name: str, key: str, stars: StarTable, known: str) -> InputError:
+    pool = difflib.get_close_matches(key, list(stars.name_keys), n=3 * _SUGGESTIONS, cutoff=0.6)
+    near = list(dict.fromkeys(str(stars.column("name")[stars.name_keys[own][0]]) for own in pool))[:_SUGGESTIONS]
+    hint = f"nearest: {', '.join(near)}" if near else "nothing similar in it"
+    if known:
+        hint = f"{known} is in the embedded catalogue, but not in this table; {hint}"
+    return InputError("star", name, allowed=f"a star of {stars.label}", hint=hint)
+
+
 def _find(key: str) -> tuple[str, str, str] | None:
     """Return (star name, matched key, note), or None."""
-    aliases = _aliases()
+    aliases = snapshot_aliases()
     for form, remark in _forms(key):
         if form in aliases:
             star, kind = aliases[form]
@@ -153,7 +204,7 @@ def _unnumbered(key: str) -> tuple[str, str, str] | None:
     found = _PLAIN_BAYER.fullmatch(key)
     if not found:
         return None
-    aliases = _aliases()
+    aliases = snapshot_aliases()
     forms = [form for i in range(1, 10) if (form := f"{found[1]}{i} {found[2]}") in aliases]
     if not forms:
         return None
@@ -167,7 +218,7 @@ def _unnumbered(key: str) -> tuple[str, str, str] | None:
 
 def _system_note(key: str, star: str) -> str:
     """Say which star of a system was taken, and name the others."""
-    aliases = _aliases()
+    aliases = snapshot_aliases()
     others = sorted({name for other, (name, _) in aliases.items() if split_component(other)[0] == key and name != star})
     if not others:
         members = {
@@ -196,7 +247,7 @@ def _refusal(name: str, key: str) -> InputError:
 
 def _nearest(key: str) -> str:
     """Return the nearest names in words."""
-    aliases = _aliases()
+    aliases = snapshot_aliases()
     number = _NUMBERED.match(key)
     if number:  # a slip in a number: compare with numbers of the same catalogue only
         pool = [alias for alias in aliases if alias.startswith(number[0]) and len(alias) == len(key)]

@@ -19,10 +19,12 @@ __all__ = [
     "PLANETS",
     "Albedo",
     "Curve",
+    "SpectralLibrary",
     "Spectrum",
     "ZodiacalLight",
     "load_albedo",
     "load_johnson_v",
+    "load_pickles",
     "load_reference_spectrum",
     "load_stellar_grid",
     "load_zodi_table",
@@ -84,6 +86,28 @@ class Albedo:
 
 
 @dataclass(frozen=True, eq=False)
+class SpectralLibrary:
+    """Measured spectra by spectral type.
+
+    Attributes
+    ----------
+    position : ndarray, shape (types,)
+        Place on the temperature sequence: 10 x letter number (O = 0 ... M = 6) + subclass.
+    luminosity_rank : ndarray, shape (types,)
+        1 supergiant, 2 bright giant, 3 giant, 4 subgiant, 5 dwarf.
+    wavelength_nm : ndarray, shape (n,)
+        Increasing wavelengths.
+    photlam : ndarray, shape (types, n)
+        Photon flux density, ph/s/cm2/A, of a star of V = 0.
+    """
+
+    position: np.ndarray
+    luminosity_rank: np.ndarray
+    wavelength_nm: np.ndarray
+    photlam: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
 class ZodiacalLight:
     """Zodiacal light of Leinert et al. 1998 (A&AS 127, 1), tables 17 and 19.
 
@@ -108,8 +132,16 @@ class ZodiacalLight:
 
 @functools.cache
 def load_stellar_grid() -> StellarGrid:
-    """Return the shipped stellar grid: PHOENIX line structure, CK04 broadband metallicity trend."""
+    """Return the shipped stellar grid: PHOENIX lines on PHOENIX-ACES broadband fluxes, CK04 broadband trends."""
     return StellarGrid(**_arrays("stellar_grid.npz"))
+
+
+@functools.cache
+def load_pickles() -> SpectralLibrary:
+    """Return the library of Pickles 1998 (PASP 110, 863), types A0-M6 of solar metallicity, 300-1750 nm in 1 nm."""
+    arrays = _arrays("pickles.npz")
+    photlam = arrays["flam"].astype(np.float64) * (arrays["wavelength_nm"] * 10.0) / HC_ERG_ANGSTROM
+    return SpectralLibrary(arrays["position"], arrays["luminosity_rank"], arrays["wavelength_nm"], _read_only(photlam))
 
 
 @functools.cache

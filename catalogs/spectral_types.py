@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import re
+import unicodedata
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,16 +18,35 @@ __all__ = ["SpectralType", "StellarParameters", "parse_spectral_type", "stellar_
 
 _FILE = Path(__file__).resolve().parent / "data" / "spectral_types.yaml"
 _LETTERS = "OBAFGKM"
-_RANKS = {"Ia": 1.0, "Iab": 1.0, "Ib": 1.0, "I": 1.0, "II": 2.0, "III": 3.0, "IV": 4.0, "V": 5.0, "VI": 5.0}
-_PREFIX_RANKS = {"sd": 5.0, "d": 5.0, "g": 3.0, "c": 1.0}
+_RANKS = {"I": 1.0, "II": 2.0, "III": 3.0, "IV": 4.0, "V": 5.0, "VI": 5.0}
+_PREFIX_RANKS = {"usd": 5.0, "esd": 5.0, "sd": 5.0, "d": 5.0, "g": 3.0, "c": 1.0}
 _MIDDLE_SUBCLASS = 5.0
+_LONGEST = 200
 
+_MARKS = r"[:?~()]*"
+# "F5", "F5:", "(G8)", "G2-3", "F7/8", "G8/K0", "G8+": one class, perhaps to a second one.
 _TEMPERATURE = re.compile(
-    r"[(k]?(?P<prefix>sd|[dgc])?(?P<letter>[OBAFGKM])(?P<sub>\d(?:\.\d+)?)?"
-    r"(?:[-/](?P<letter2>[OBAFGKM])?(?P<sub2>\d(?:\.\d+)?))?(?![A-HJ-UW-Z])"
+    rf"{_MARKS}(?P<prefix>(?:usd|esd|sd|d|g|c)(?=:?{_MARKS}[OBAFGKM]))?{_MARKS}"
+    rf"(?P<letter>[OBAFGKM]){_MARKS}(?:\s?(?P<sub>\d(?:\.\d+)?))?{_MARKS}"
+    rf"(?:\s?[-/]\s?(?P<letter2>[OBAFGKM](?=\d))?(?P<sub2>\d(?:\.\d+)?){_MARKS})?"
 )
-_CLASS = r"(Iab|Ia|Ib|III|II|IV|VI|V|I)(?:ab|a|b)?"
-_LUMINOSITY = re.compile(rf"{_CLASS}(?:\s*[-/]\s*{_CLASS})?")
+_HYDROGEN = re.compile(r"^k[OBAFGKM]\d.*?(?=h[OBAFGKM]\d)")
+_CLASS = r"(III|II|IV|I|VI|V)(?![IVX])(?:a0|a\+|ab|a|b|0)?"
+_LUMINOSITY = re.compile(rf"(?<![A-RT-Z]){_CLASS}(?:{_MARKS}\s?[-/,]\s?\(?{_CLASS})?")
+_LOWER_CLASS = re.compile(r"^(\s?)((?:iii|ii|iv|i|vi|v)(?:[-/](?:iii|ii|iv|i|vi|v))?)(?![a-df-z])")
+_SECOND_STAR = re.compile(r"\+\s?(?:\.\.|\(?(?:[sdgck]|sd)?:?[OBAFGKMDWLTSCN](?![a-z])|[obafgkm]\d|$)")
+# Am, Fp, Be: a peculiarity right after the letter, where the subclass is missing.
+_BARE_LETTER = re.compile(r"(?:[empnswv]+(?![a-z])|(?![a-z]))(?![A-HJ-UW-Z])")
+
+_OTHER_KINDS = (
+    (r"|~|-+|\?|n/?a|nan|none|null|unknown", "the type is not known"),
+    (r"d[aboqz].*", "write dA2 for a dwarf of class A, DA2 for a white dwarf"),
+    (r"sd:?[OB].*", "a hot subdwarf"),
+    (r"D([ABCOQXZ].*|\d.*)?|WD.*", "a white dwarf"),
+    (r"[LTY]\d.*", "a brown dwarf"),
+    (r"W([NCOR].*|\d.*)?", "a Wolf-Rayet star"),
+    (r"(C|C-[A-Z]|CH|MS|N|R|S|SC)([\d:.,/ (v-].*)?", "a carbon or S star"),
+)
 
 
 @dataclass(frozen=True)
@@ -40,7 +60,9 @@ class SpectralType:
     luminosity_rank : float
         1 supergiant, 3 giant, 4 subgiant, 5 dwarf; the mean for a range such as ``IV-V``.
     flags : tuple of str
-        ``subclass_assumed``, ``luminosity_class_assumed`` where the text does not say.
+        ``subclass_assumed``, ``luminosity_class_assumed`` where the text does not say; ``type_uncertain`` for a
+        colon or question mark; ``composite_first_used`` for two stars in one type; ``subdwarf_as_dwarf`` for
+        sd and VI, whose temperature and gravity are taken from the dwarfs.
     """
 
     position: float
@@ -58,22 +80,32 @@ class StellarParameters:
 
 
 def parse_spectral_type(text: str) -> SpectralType:
-    """Read an MK spectral type as SIMBAD writes it: ``K1V``, ``G8.5IV-V``, ``F7/8 V``, ``sdG2``.
+    """Read an MK spectral type as people write it: ``K1V``, ``g2 v``, ``G8.5IV-V``, ``F7/8 V``, ``sdF8``, ``K0III+G``.
 
-    The first component of a composite type counts; peculiarity suffixes are ignored. A missing subclass is
-    taken as 5 and a missing luminosity class as V, with a flag.
+    Of a range the mean counts, of a composite type the first component, of a metallic-line type (``kA5hF0mF2``) the
+    hydrogen lines; other peculiarities are ignored. A missing subclass is taken as 5 and a missing luminosity class
+    as V, with a flag. Lower case is read too, except where it would mix up dwarfs with white dwarfs (``da2``).
 
     Raises
     ------
     InputError
-        If no class O, B, A, F, G, K or M is found.
+        If the text is not a type of class O, B, A, F, G, K or M.
     """
-    name = text.strip()
-    plain = name.upper() if name.islower() else name
-    first = plain.split("+")[0] if plain.find("+") > 1 else plain
-    found = _TEMPERATURE.match(re.sub(r"^\([^)]*\)(?=[OBAFGKM])", "", first))
-    if not found or (not found["sub"] and found.string[found.end() :][:1].islower()):
-        raise InputError("spectral_type", text, allowed="an MK type of class O, B, A, F, G, K or M, such as K1V")
+    name = _plain(text)
+    first = name
+    second_star = _SECOND_STAR.search(name, 1)
+    if second_star:
+        first = name[: second_star.start()]
+    body = re.sub(r"^\([^)]*\)(?=[OBAFGKM])", "", _HYDROGEN.sub("", first)).removeprefix("h")
+    if re.match(r"k[OBAFGKM]\d", body):
+        body = body[1:]
+    found = _TEMPERATURE.match(body)
+    rest = body[found.end() :] if found else ""
+    if not found or (not found["sub"] and not _BARE_LETTER.match(rest)):
+        raise _refusal(name)
+    if "sd" in (found["prefix"] or "") and found["letter"] in "OB":
+        raise _refusal(name)
+    rest = _LOWER_CLASS.sub(lambda item: item[1] + item[2].upper(), rest)
     flags = []
     subclass = _MIDDLE_SUBCLASS
     if found["sub"]:
@@ -84,15 +116,16 @@ def parse_spectral_type(text: str) -> SpectralType:
     if found["sub2"]:
         other = 10.0 * _LETTERS.index(found["letter2"] or found["letter"]) + float(found["sub2"])
         position = 0.5 * (position + other)
-    luminosity = _LUMINOSITY.search(found.string, found.end())
-    if luminosity:
-        ranks = [_RANKS[item] for item in luminosity.groups() if item]
-        rank = sum(ranks) / len(ranks)
-    elif found["prefix"]:
-        rank = _PREFIX_RANKS[found["prefix"]]
-    else:
+    rank, subdwarf = _luminosity(rest, found["prefix"] or ("d" if rest.startswith("d") else ""))
+    if rank is None:
         rank = 5.0
         flags.append("luminosity_class_assumed")
+    if subdwarf:
+        flags.append("subdwarf_as_dwarf")
+    if re.search(r"[:?]", first):
+        flags.append("type_uncertain")
+    if second_star and len(second_star[0]) > 1:
+        flags.append("composite_first_used")
     return SpectralType(position, rank, tuple(flags))
 
 
@@ -110,7 +143,7 @@ def stellar_parameters(text: str) -> StellarParameters:
     Raises
     ------
     InputError
-        If the type cannot be read or lies outside the tables (B0 to M6 for dwarfs).
+        If the type cannot be read or lies outside the tables (B0 to M6, supergiants to M4).
     """
     spectral_type = parse_spectral_type(text)
     upper = "V" if spectral_type.luminosity_rank > 3.0 else "III"
@@ -128,6 +161,40 @@ def stellar_parameters(text: str) -> StellarParameters:
         # Beyond its last entry gravity stays at that entry; the temperature table sets the range.
         log_g += weight * float(np.interp(spectral_type.position, *tables["log_g"][name]))
     return StellarParameters(teff_k, log_g, spectral_type.flags)
+
+
+def _plain(text: object) -> str:
+    """Return the text with plain dashes, single blanks and, if it is all lower case, capital classes."""
+    if not isinstance(text, str):
+        raise InputError("spectral_type", text, allowed="text such as K1V")
+    if len(text) > _LONGEST:
+        raise InputError("spectral_type", f"{len(text)} characters", allowed=f"at most {_LONGEST} characters")
+    name = unicodedata.normalize("NFKC", text)
+    name = re.sub(r"[\u2010-\u2015\u2212]", "-", name).replace("\u2026", "...")
+    name = re.sub(r"(?<=\d),(?=\d)", ".", " ".join(name.split()))
+    if name != name.lower() or re.match(r"d[aboqz]", name):
+        return name
+    prefix = re.match(r"(?:usd|esd|sd|[dgc])(?=:?[obafgkm]\d)", name)
+    start = prefix.end() if prefix else 0
+    return name[:start] + re.sub(
+        r"^(:?)([obafgkm])(?!\s?[a-z]*[a-hj-uw-z]{2})", lambda m: m[1] + m[2].upper(), name[start:]
+    )
+
+
+def _luminosity(rest: str, prefix: str) -> tuple[float | None, bool]:
+    """Return the rank of the luminosity class and whether the star is a subdwarf; rank None if not said."""
+    found = _LUMINOSITY.search(rest)
+    if found:
+        classes = [item for item in found.groups() if item]
+        return sum(_RANKS[item] for item in classes) / len(classes), "VI" in classes or "sd" in prefix
+    return _PREFIX_RANKS.get(prefix), "sd" in prefix
+
+
+def _refusal(name: str) -> InputError:
+    hint = next((why for pattern, why in _OTHER_KINDS if re.fullmatch(pattern, name)), "")
+    return InputError(
+        "spectral_type", name or "empty", allowed="an MK type of class O, B, A, F, G, K or M, such as K1V", hint=hint
+    )
 
 
 @functools.cache

@@ -14,7 +14,7 @@ from __future__ import annotations
 import csv
 import functools
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -23,11 +23,22 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from catalogs.errors import InputError
+from catalogs.nomenclature import designation_key
+from catalogs.star_columns import COLUMNS
 
-__all__ = ["StarTable", "load_stars"]
+__all__ = ["StarTable", "load_stars", "star_table"]
 
 _DATA = Path(__file__).resolve().parent / "data"
 _KINDS: dict[str, type] = {"int": np.int64, "bool": np.bool_, "float": np.float64}
+#: What the descriptions of the embedded table say of its own sources, said of any table.
+_DESCRIPTIONS = {
+    "simbad_id": "SIMBAD's main identifier, blank if not listed",
+    "parallax_err_mas": "its standard error",
+    "parallax_own_mas": "the star's own parallax as listed",
+    "sp_type": "spectral type as listed, white space normalised",
+    "spectral_class": "letter of the spectral type, blank if it has none",
+    "close_companion": "1 if a close companion is known, else 0",
+}
 
 
 @dataclass(frozen=True)
@@ -42,11 +53,14 @@ class StarTable:
         Unit of each column, ``""`` for pure numbers and text.
     descriptions : mapping of str to str
         One line on each column.
+    label : str
+        What messages call the table; ``""`` for the embedded catalogue and selections of it.
     """
 
     columns: Mapping[str, NDArray[np.generic]]
     units: Mapping[str, str]
     descriptions: Mapping[str, str]
+    label: str = ""
 
     def __len__(self) -> int:
         """Return the number of stars."""
@@ -54,7 +68,7 @@ class StarTable:
 
     def __reduce__(self) -> tuple[object, ...]:
         """Travel to worker processes (a mapping proxy does not pickle)."""
-        return (_rebuild, (dict(self.columns), dict(self.units), dict(self.descriptions)))
+        return (_rebuild, (dict(self.columns), dict(self.units), dict(self.descriptions), self.label))
 
     def column(self, name: str) -> NDArray[np.generic]:
         """Return one column (read-only).
@@ -92,7 +106,7 @@ class StarTable:
         elif chosen.size and (chosen.min() < -len(self) or chosen.max() >= len(self)):
             raise InputError("mask", int(np.abs(chosen).max()), allowed=f"row numbers below {len(self)}")
         parts = {name: _frozen(values[chosen]) for name, values in self.columns.items()}
-        return StarTable(MappingProxyType(parts), self.units, self.descriptions)
+        return StarTable(MappingProxyType(parts), self.units, self.descriptions, self.label)
 
     def row(self, index: int) -> dict[str, str | int | float | bool]:
         """Return one star as a dictionary of plain Python values.
@@ -106,10 +120,66 @@ class StarTable:
             raise InputError("row", index, allowed=f"0 to {len(self) - 1}")
         return {name: values[index].item() for name, values in self.columns.items()}
 
+    @functools.cached_property
+    def name_keys(self) -> Mapping[str, tuple[int, ...]]:
+        """Rows by the canonical key of every name in the table's own columns; rows of that `name` come first."""
+        found: dict[str, list[int]] = {}
 
-def _rebuild(columns: dict[str, NDArray[np.generic]], units: dict[str, str], descriptions: dict[str, str]) -> StarTable:
+        def add(text: str, row: int) -> None:
+            rows = found.setdefault(designation_key(text), [])
+            if row not in rows:
+                rows.append(row)
+
+        letters = self.column("component").tolist()
+        for name in ("name", "simbad_id", "hd", "gj", "bayer", "flamsteed", "common_name"):
+            for row, text in enumerate(self.column(name).tolist()):
+                if text:
+                    add(text, row)
+                    if name in ("bayer", "flamsteed") and letters[row]:
+                        add(f"{text} {letters[row]}", row)
+        for row, number in enumerate(self.column("hip").tolist()):
+            if number:
+                add(f"HIP {number}", row)
+        return MappingProxyType({key: tuple(rows) for key, rows in found.items() if key})
+
+
+def _rebuild(
+    columns: dict[str, NDArray[np.generic]], units: dict[str, str], descriptions: dict[str, str], label: str
+) -> StarTable:
     frozen = {name: _frozen(values) for name, values in columns.items()}
-    return StarTable(MappingProxyType(frozen), MappingProxyType(units), MappingProxyType(descriptions))
+    return StarTable(MappingProxyType(frozen), MappingProxyType(units), MappingProxyType(descriptions), label)
+
+
+def star_table(values: Mapping[str, Sequence[object]], label: str) -> StarTable:
+    """Return a table with the columns and units of the embedded one.
+
+    Parameters
+    ----------
+    values : mapping of str to sequence
+        One sequence per column of :data:`catalogs.star_columns.COLUMNS`, of equal length.
+    label : str
+        What messages call the table.
+
+    Raises
+    ------
+    InputError
+        If a column is missing or unknown, or the lengths differ.
+    """
+    names = [column.name for column in COLUMNS]
+    if set(values) != set(names):
+        wrong = sorted(set(values) ^ set(names))
+        raise InputError(f"{label} columns", ", ".join(wrong), allowed="those of the embedded catalogue")
+    lengths = {len(cells) for cells in values.values()}
+    if len(lengths) > 1:
+        raise InputError(f"{label} columns", f"lengths {sorted(lengths)}", allowed="one length")
+    kinds = _KINDS | {"text": np.str_}
+    columns = {column.name: _frozen(np.array(list(values[column.name]), kinds[column.kind])) for column in COLUMNS}
+    return StarTable(
+        columns=MappingProxyType(columns),
+        units=MappingProxyType({column.name: column.unit for column in COLUMNS}),
+        descriptions=MappingProxyType({column.name: column.description for column in COLUMNS} | _DESCRIPTIONS),
+        label=label,
+    )
 
 
 @functools.cache

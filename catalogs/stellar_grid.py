@@ -7,6 +7,7 @@ integrals of the nodes: a table of integrals, made once, serves a whole catalogu
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -35,7 +36,10 @@ class GridFlags(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class StellarGrid:
-    """Surface fluxes ``F(T, g, m; lambda) = F_PHOENIX(T, g; lambda) x ratio_CK04(T, g, m; lambda)``.
+    """Surface fluxes ``F(T, g, m; lambda) = F_line(T, g; lambda) x ratio(T, g, m; lambda)``.
+
+    The line structure is that of PHOENIX models at solar metallicity; the ratio gives it the broadband fluxes of the
+    node. A node whose ratio is zero does not exist: CK04 has no model of so low a gravity at that temperature.
 
     Attributes
     ----------
@@ -43,18 +47,21 @@ class StellarGrid:
         Node coordinates, increasing (K, dex of cm/s2, dex).
     wavelength_nm : ndarray, shape (n,)
         Sampling; the spectrum in PHOTLAM is linear between samples.
-    log10_flam : ndarray, shape (teff, log g, n)
-        PHOENIX surface flux at solar metallicity, log10 of erg/s/cm2/A.
+    line_log_g : ndarray, shape (l,)
+        Gravities of the line structure, the upper end of `log_g`; nodes below take the lowest.
+    log10_flam : ndarray, shape (teff, l, n)
+        Line structure: surface flux at solar metallicity, log10 of erg/s/cm2/A.
     ratio_wavelength_nm : ndarray, shape (k,)
-        Knots of the metallicity trend, which is linear in log wavelength between them.
+        Knots of the ratio, which is linear in log wavelength between them and constant beyond.
     ratio : ndarray, shape (teff, log g, metallicity, k)
-        CK04 flux relative to solar metallicity.
+        Flux of the node relative to its line structure.
     """
 
     teff_k: np.ndarray
     log_g: np.ndarray
     metallicity: np.ndarray
     wavelength_nm: np.ndarray
+    line_log_g: np.ndarray
     log10_flam: np.ndarray
     ratio_wavelength_nm: np.ndarray
     ratio: np.ndarray
@@ -64,6 +71,29 @@ class StellarGrid:
         """Number of nodes; they are numbered with [M/H] fastest and Teff slowest."""
         return self.teff_k.size * self.log_g.size * self.metallicity.size
 
+    @cached_property
+    def _lowest(self) -> np.ndarray:
+        """Lowest gravity that exists at each temperature node, shape (teff,)."""
+        exists = self.ratio.any(axis=-1).all(axis=-1)
+        return self.log_g[np.argmax(exists, axis=1)]
+
+    @cached_property
+    def _line(self) -> np.ndarray:
+        """Index of the line structure of each node's gravity, shape (log g,)."""
+        return np.searchsorted(self.line_log_g, np.maximum(self.log_g, self.line_log_g[0]))
+
+    def log_g_floor(self, teff_k: ArrayLike) -> np.ndarray:
+        """Return the lowest gravity between whose nodes one can interpolate at each temperature (dex).
+
+        Raises
+        ------
+        InputError
+            If a temperature is not finite.
+        """
+        (teff,) = _finite(("teff_k",), ("K",), teff_k)
+        index, weight = _bracket(self.teff_k, teff)
+        return np.where(weight > 0.0, self._lowest[index], self.log_g[0]).max(axis=-1)
+
     def flags(self, teff_k: ArrayLike, log_g: ArrayLike, metallicity: ArrayLike) -> GridFlags:
         """Return which values lie outside the grid, arrays of the broadcast shape.
 
@@ -72,15 +102,18 @@ class StellarGrid:
         InputError
             If a value is not finite.
         """
-        axes = self._broadcast(teff_k, log_g, metallicity)
-        nodes = (self.teff_k, self.log_g, self.metallicity)
-        outside = [(x < grid[0]) | (x > grid[-1]) for x, grid in zip(axes, nodes, strict=True)]
-        return GridFlags(*outside)
+        teff, gravity, metal = self._broadcast(teff_k, log_g, metallicity)
+        return GridFlags(
+            (teff < self.teff_k[0]) | (teff > self.teff_k[-1]),
+            (gravity < self.log_g_floor(teff)) | (gravity > self.log_g[-1]),
+            (metal < self.metallicity[0]) | (metal > self.metallicity[-1]),
+        )
 
     def corners(self, teff_k: ArrayLike, log_g: ArrayLike, metallicity: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         """Return the eight surrounding nodes and their weights, values outside clamped to the edge.
 
-        Trilinear over log g, [M/H] and Teff; the order of the three steps does not change the weights.
+        Trilinear over log g, [M/H] and Teff; the order of the three steps does not change the weights. A node that
+        does not exist has weight 0.
 
         Returns
         -------
@@ -95,6 +128,7 @@ class StellarGrid:
             If a value is not finite.
         """
         teff, gravity, metal = self._broadcast(teff_k, log_g, metallicity)
+        gravity = np.maximum(gravity, self.log_g_floor(teff))
         (it, wt), (ig, wg), (im, wm) = (
             _bracket(self.teff_k, teff),
             _bracket(self.log_g, gravity),
@@ -117,27 +151,62 @@ class StellarGrid:
         -------
         ndarray, shape (a, b)
         """
-        models, position = np.unique(nodes // self.metallicity.size, return_inverse=True)
+        row = nodes // self.metallicity.size
+        model = row // self.log_g.size * self.line_log_g.size + self._line[row % self.log_g.size]
+        lines, position = np.unique(model, return_inverse=True)
+        result: np.ndarray = self.ratio.reshape(self.n_nodes, -1)[nodes].astype(np.float64) @ self._hats(samples)
+        result *= self._line_photlam(lines, samples)[position]
+        return result
+
+    def node_integrals(self, projection: np.ndarray) -> np.ndarray:
+        """Return ``projection.T @ photlam`` of every node: integrals over bands, without making the spectra.
+
+        Parameters
+        ----------
+        projection : ndarray, shape (n, b)
+            Weights of the wavelength samples, one column per integral.
+
+        Returns
+        -------
+        ndarray, shape (n_nodes, b)
+        """
+        samples = np.flatnonzero(projection.any(axis=1))
+        used = projection[samples]
+        shape = (self.teff_k.size, self.line_log_g.size)
+        photlam = self._line_photlam(np.arange(shape[0] * shape[1]), samples)
+        # The ratio is a sum over knots, hence so is the integral.
+        weights = self._hats(samples).T[:, :, None] * used[:, None, :]
+        moments = (photlam @ weights.reshape(samples.size, -1)).reshape(*shape, -1, used.shape[1])
+        integrals = self.ratio.astype(np.float64) @ moments[:, self._line]
+        return integrals.reshape(self.n_nodes, used.shape[1])
+
+    def _line_photlam(self, models: np.ndarray, samples: np.ndarray) -> np.ndarray:
         log10_flam = self.log10_flam.reshape(-1, self.wavelength_nm.size)[np.ix_(models, samples)]
-        wavelength_nm = self.wavelength_nm[samples]
-        photlam = 10.0 ** log10_flam.astype(np.float64) * (wavelength_nm * 10.0 / HC_ERG_ANGSTROM)
+        photons: np.ndarray = 10.0 ** log10_flam.astype(np.float64)
+        photons *= self.wavelength_nm[samples] * 10.0 / HC_ERG_ANGSTROM
+        return photons
+
+    def _hats(self, samples: np.ndarray) -> np.ndarray:
+        """Return the weight of each knot at the samples, shape (k, samples)."""
         knots = np.log(self.ratio_wavelength_nm)
-        index, weight = _bracket(knots, np.log(wavelength_nm))
+        index, weight = _bracket(knots, np.log(self.wavelength_nm[samples]))
         hats = np.zeros((knots.size, samples.size))
         columns = np.arange(samples.size)
         hats[index[:, 0], columns] = weight[:, 0]
         hats[index[:, 1], columns] = weight[:, 1]
-        result = self.ratio.reshape(-1, knots.size)[nodes].astype(np.float64) @ hats
-        result *= photlam[position]
-        return result
+        return hats
 
     def _broadcast(self, *values: ArrayLike) -> tuple[np.ndarray, ...]:
-        arrays = np.broadcast_arrays(*(np.asarray(value, dtype=np.float64) for value in values))
-        for name, unit, array in zip(("teff_k", "log_g", "metallicity"), ("K", "dex", "dex"), arrays, strict=True):
-            if not np.all(np.isfinite(array)):
-                bad = float(array[~np.isfinite(array)].flat[0])
-                raise InputError(name, bad, unit=unit, allowed="finite numbers")
-        return tuple(arrays)
+        return tuple(np.broadcast_arrays(*_finite(("teff_k", "log_g", "metallicity"), ("K", "dex", "dex"), *values)))
+
+
+def _finite(names: tuple[str, ...], units: tuple[str, ...], *values: ArrayLike) -> list[np.ndarray]:
+    arrays = [np.asarray(value, dtype=np.float64) for value in values]
+    for name, unit, array in zip(names, units, arrays, strict=True):
+        if not np.all(np.isfinite(array)):
+            bad = float(array[~np.isfinite(array)].flat[0])
+            raise InputError(name, bad, unit=unit, allowed="finite numbers")
+    return arrays
 
 
 def _bracket(nodes: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

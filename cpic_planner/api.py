@@ -14,7 +14,7 @@ from cpic_planner.etc.answer import EtcAnswer
 from cpic_planner.etc.model import EtcModel, build_model
 from cpic_planner.etc.planet import ReferencePlanet
 from cpic_planner.models import ConfirmedTarget, PlanResult, RankResult
-from cpic_planner.targets import Targets, find_target, rank_sample
+from cpic_planner.targets import Targets, as_catalogue, find_target, rank_sample, sample_text
 from simulator.config import Instrument, load_instrument
 from simulator.config.base import validate
 
@@ -39,8 +39,10 @@ def _model(instrument: InstrumentSource, bands: Sequence[str] | None) -> EtcMode
     return build_model(instrument if isinstance(instrument, Instrument) else load_instrument(instrument), bands)
 
 
-def _named(names: str | Sequence[str], companions: OnOff) -> list[Targets]:
-    return [find_target(name, companions=companions)[0] for name in ([names] if isinstance(names, str) else names)]
+def _named(names: str | Sequence[str], companions: OnOff, catalog: str | Path) -> list[Targets]:
+    table = as_catalogue(catalog)
+    listed = [names] if isinstance(names, str) else names
+    return [find_target(name, companions=companions, catalog=table)[0] for name in listed]
 
 
 def _ask(
@@ -48,6 +50,7 @@ def _ask(
     target: str | Sequence[str],
     bands: Sequence[str] | None,
     companions: OnOff,
+    catalog: str | Path,
     instrument: InstrumentSource,
     **asked: Any,
 ) -> list[EtcAnswer]:
@@ -55,7 +58,7 @@ def _ask(
     model = _model(instrument, bands)
     if isinstance(asked.get("planet"), Mapping):
         asked["planet"] = validate(ReferencePlanet, asked["planet"], where="planet")
-    return [answer for star in _named(target, companions) for answer in question(model, star, **asked)]
+    return [answer for star in _named(target, companions, catalog) for answer in question(model, star, **asked)]
 
 
 def signal_to_noise(
@@ -65,6 +68,7 @@ def signal_to_noise(
     separation_arcsec: float,
     bands: Sequence[str] | None = None,
     companions: OnOff = "on",
+    catalog: str | Path = "snapshot",
     instrument: InstrumentSource = None,
     **planet_and_frame: Any,
 ) -> list[EtcAnswer]:
@@ -82,6 +86,8 @@ def signal_to_noise(
         All visible bands by default.
     companions : {"on", "off"}
         Whether the light of known stellar companions counts.
+    catalog : str or Path
+        Star table: ``"snapshot"``, ``"latest"`` (see ``cpic catalog refresh``) or a CSV, ECSV, VOTable or FITS file.
     instrument : Instrument, mapping, str or Path, optional
         What `simulator.load_instrument` reads.
     **planet_and_frame
@@ -106,7 +112,7 @@ def signal_to_noise(
     'ok'
     """
     asked = {"time_s": time_s, "separation_arcsec": separation_arcsec} | planet_and_frame
-    return _ask(questions.signal_to_noise, target, bands, companions, instrument, **asked)
+    return _ask(questions.signal_to_noise, target, bands, companions, catalog, instrument, **asked)
 
 
 def exposure_time(
@@ -116,12 +122,13 @@ def exposure_time(
     separation_arcsec: float,
     bands: Sequence[str] | None = None,
     companions: OnOff = "on",
+    catalog: str | Path = "snapshot",
     instrument: InstrumentSource = None,
     **planet_and_frame: Any,
 ) -> list[EtcAnswer]:
     """Least wall time of one visit that reaches an SNR; parameters, returns and errors as `signal_to_noise`."""
     asked = {"snr": snr, "separation_arcsec": separation_arcsec} | planet_and_frame
-    return _ask(questions.exposure_time, target, bands, companions, instrument, **asked)
+    return _ask(questions.exposure_time, target, bands, companions, catalog, instrument, **asked)
 
 
 def contrast_limit(
@@ -132,6 +139,7 @@ def contrast_limit(
     bands: Sequence[str] | None = None,
     sigma: float | None = None,
     companions: OnOff = "on",
+    catalog: str | Path = "snapshot",
     instrument: InstrumentSource = None,
     **frame: Any,
 ) -> list[EtcAnswer]:
@@ -140,7 +148,7 @@ def contrast_limit(
     ``sigma`` asks for a plain significance instead of the small-sample threshold.
     """
     asked = {"time_s": time_s, "separation_arcsec": separation_arcsec, "sigma": sigma} | frame
-    return _ask(questions.contrast_limit, target, bands, companions, instrument, **asked)
+    return _ask(questions.contrast_limit, target, bands, companions, catalog, instrument, **asked)
 
 
 def optimise(
@@ -150,6 +158,7 @@ def optimise(
     bands: Sequence[str] | None = None,
     planet: ReferencePlanet | None = None,
     companions: OnOff = "on",
+    catalog: str | Path = "snapshot",
     instrument: InstrumentSource = None,
 ) -> pd.DataFrame:
     """Best band, separation, exposure, number of frames and EM gain per target.
@@ -165,7 +174,7 @@ def optimise(
 
     model = _model(instrument, bands)
     rows = []
-    for star in _named(target, companions):
+    for star in _named(target, companions, catalog):
         best = best_of(model, star, time_s=time_s, planet=planet)
         rows.append(
             {"name": str(star.name[0])} | {item.name: np.asarray(getattr(best, item.name))[0] for item in fields(best)}
@@ -179,30 +188,33 @@ def rank_targets(
     bands: Sequence[str] | None = None,
     planet: ReferencePlanet | None = None,
     companions: OnOff = "on",
+    catalog: str | Path = "snapshot",
     instrument: InstrumentSource = None,
-    v_mag_max: float = 7.0,
+    v_mag_max: float | None = None,
     dwarfs_only: bool = False,
     singles_only: bool = False,
 ) -> RankResult:
-    """Analytic ranking of the catalogue; see `cpic_planner.ranking.rank_targets`."""
+    """Analytic ranking of the catalogue; see `cpic_planner.ranking.rank_targets` and `cpic_planner.load_targets`."""
     from cpic_planner.ranking import rank_targets as rank
-    from cpic_planner.ranking import sample_text
 
+    table = as_catalogue(catalog)
     targets = rank_sample(
-        v_mag_max=v_mag_max, dwarfs_only=dwarfs_only, singles_only=singles_only, companions=companions
+        catalog=table, v_mag_max=v_mag_max, dwarfs_only=dwarfs_only, singles_only=singles_only, companions=companions
     )
     return rank(
         _model(instrument, bands),
         targets,
         time_s=time_s,
         planet=planet,
-        sample=sample_text(v_mag_max, dwarfs_only, singles_only),
+        sample=sample_text(table, v_mag_max, dwarfs_only, singles_only),
+        catalogue=table.provenance,
     )
 
 
 def make_plan(
     out: str | Path,
     *,
+    catalog: str | Path = "snapshot",
     workers: int = 1,
     scheduler: str | None = None,
     force: bool = False,
@@ -215,6 +227,8 @@ def make_plan(
     ----------
     out : str or Path
         Output folder; an interrupted run continues there.
+    catalog : str or Path
+        Star table, as in `signal_to_noise`.
     workers, scheduler, force
         As `cpic_planner.plan.make_plan`.
     instrument : Instrument, mapping, str or Path, optional
@@ -230,7 +244,7 @@ def make_plan(
 
     chosen = instrument if isinstance(instrument, Instrument) else load_instrument(instrument)
     config = validate(PlanConfig, {"instrument": chosen} | settings, where="plan")
-    return run(config, out, workers=workers, scheduler=scheduler, force=force).plan
+    return run(config, out, catalog=catalog, workers=workers, scheduler=scheduler, force=force).plan
 
 
 def confirm_targets(
@@ -240,6 +254,7 @@ def confirm_targets(
     bands: Sequence[str] | None = None,
     planet: ReferencePlanet | None = None,
     companions: OnOff = "on",
+    catalog: str | Path = "snapshot",
     instrument: InstrumentSource = None,
     seed: int = 1,
     fidelity: str = "standard",
@@ -257,7 +272,7 @@ def confirm_targets(
     model = _model(instrument, bands)
     return confirm_stars(
         model,
-        _named(target, companions),
+        _named(target, companions, catalog),
         time_s=time_s,
         planet=planet or ReferencePlanet(),
         seed=seed,

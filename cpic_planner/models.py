@@ -35,7 +35,7 @@ class ReferencePlanetRecord(Result):
 
     radius_rjup: float = Field(description="radius in Jupiter equatorial radii (71 492 km)")
     phase_deg: float = Field(description="star-planet-observer phase angle")
-    albedo: str = Field(description="name of the geometric-albedo template")
+    albedo: str = Field(description="what reflects the light: a measured planet, or a model and its parameters")
     position: str = Field(default="on the diagonal of a quadrant", description="where in the dark hole")
 
 
@@ -48,8 +48,8 @@ class RankedTarget(Result):
     v_mag: float = Field(description="Johnson V (Vega), mag")
     sp_type: str = Field(description="spectral type as catalogued")
     distance_pc: float = Field(description="distance, pc")
-    ra_deg: float = Field(description="ICRS right ascension at the catalogue epoch, deg")
-    dec_deg: float = Field(description="ICRS declination at the catalogue epoch, deg")
+    ra_deg: float | None = Field(description="ICRS right ascension at the catalogue epoch, deg; null if not listed")
+    dec_deg: float | None = Field(description="ICRS declination at the catalogue epoch, deg; null if not listed")
     separation_arcsec: float = Field(description="projected separation of the reference planet, arcsec")
     contrast: float = Field(description="true planet-to-star ratio of detected rates in the band")
     band: str = Field(description="best band")
@@ -79,7 +79,7 @@ class RankResult(Result):
     schema_version: Literal[1] = 1
     kind: Literal["rank"] = "rank"
     config_hash: str
-    catalogue: str = Field(description="what the star table is and its vintage")
+    catalogue: str = Field(description="what the star table is, its vintage or file name, and its checksum")
     sample: str = Field(description="which rows of the catalogue are returned")
     time_s: float = Field(description="wall time per target and band, s")
     sigma: float = Field(description="detection level whose false-alarm probability the thresholds keep")
@@ -125,6 +125,7 @@ class EtcResult(Result):
     hip: int | None
     v_mag: float
     distance_pc: float
+    catalogue: str = Field(description="what the star table is, its vintage or file name, and its checksum")
     note: str
     reference_planet: ReferencePlanetRecord | None
     best_band: str | None

@@ -15,6 +15,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
+from catalogs.catalogue import Catalogue
 from cpic_planner.engine import run_tasks
 from cpic_planner.etc.model import EtcModel, Strategy, build_model
 from cpic_planner.etc.planet import ReferencePlanet
@@ -26,9 +27,9 @@ from cpic_planner.models import (
     RankResult,
     RunRecord,
 )
-from cpic_planner.ranking import planet_record, rank_targets, sample_text
+from cpic_planner.ranking import planet_record, rank_targets
 from cpic_planner.runfolder import RunFolder, open_run_folder
-from cpic_planner.targets import Targets, rank_sample
+from cpic_planner.targets import CatalogSource, Targets, as_catalogue, rank_sample, sample_text
 from cpic_planner.validation.calibration import calibrate
 from cpic_planner.validation.confirm import ConfirmTask, confirm_task, prepare_task
 from cpic_planner.version import __version__
@@ -44,7 +45,7 @@ RESULT_VERSION = 1
 
 
 class PlanConfig(FrozenModel):
-    """Everything that decides a plan."""
+    """Everything that decides a plan, but for the star table. ``v_mag_max`` None: 7, or all of a table of one's own."""
 
     instrument: Instrument
     top: Annotated[int, Field(ge=1, le=1000)] = 5
@@ -52,7 +53,7 @@ class PlanConfig(FrozenModel):
     time_s: Annotated[float, Field(ge=1e-3, le=1e9)] = 36000.0
     dwarfs_only: bool = False
     singles_only: bool = False
-    v_mag_max: float = 7.0
+    v_mag_max: float | None = None
     companions: Literal["on", "off"] = "on"
     planet: ReferencePlanet = ReferencePlanet()
     fidelity: Literal["quick", "standard", "reference"] = "standard"
@@ -78,15 +79,19 @@ class _Prepared:
     """Ranking and the work that is left to do."""
 
     model: EtcModel
+    catalogue: Catalogue
+    targets: Targets
     rank: RankResult
     chosen: list[RankedTarget]
     tasks: list[ConfirmTask]
     refused: dict[tuple[str, str], BandConfirmation]
 
 
-def _prepare(config: PlanConfig) -> _Prepared:
+def _prepare(config: PlanConfig, catalog: CatalogSource) -> _Prepared:
     model = build_model(config.instrument, config.bands, Strategy())
+    catalogue = as_catalogue(catalog)
     targets = rank_sample(
+        catalog=catalogue,
         v_mag_max=config.v_mag_max,
         dwarfs_only=config.dwarfs_only,
         singles_only=config.singles_only,
@@ -97,7 +102,8 @@ def _prepare(config: PlanConfig) -> _Prepared:
         targets,
         time_s=config.time_s,
         planet=config.planet,
-        sample=sample_text(config.v_mag_max, config.dwarfs_only, config.singles_only),
+        sample=sample_text(catalogue, config.v_mag_max, config.dwarfs_only, config.singles_only),
+        catalogue=catalogue.provenance,
     )
     chosen = [row for row in rank.targets if row.status != "saturated"][: config.top]
     index = {str(name): i for i, name in enumerate(targets.name)}
@@ -105,7 +111,7 @@ def _prepare(config: PlanConfig) -> _Prepared:
     tasks, refused = _tasks(
         model, stars, chosen, time_s=config.time_s, planet=config.planet, seed=config.seed, fidelity=config.fidelity
     )
-    return _Prepared(model, rank, chosen, tasks, refused)
+    return _Prepared(model, catalogue, targets, rank, chosen, tasks, refused)
 
 
 def _tasks(
@@ -148,23 +154,27 @@ def confirm_stars(
     return [_confirmed(model, row, refused, bodies) for row in rows]
 
 
-def plan_hash(config: PlanConfig, rank: RankResult) -> str:
-    """Hash of everything that decides the plan: configuration, catalogue, results version."""
+def plan_hash(config: PlanConfig, rank: RankResult, catalogue: Catalogue) -> str:
+    """Hash of everything that decides the plan: configuration, catalogue, results version.
+
+    A table from a file counts by its content, which is in the hash of the ranking, not by its name.
+    """
+    limit = catalogue.ranked_v_mag if config.v_mag_max is None else config.v_mag_max
     tree = {
         "kind": "plan",
         "results": RESULT_VERSION,
         "version": __version__,
         "knobs": FIDELITIES[config.fidelity].model_dump(mode="json"),
-        "config": config.model_dump(mode="json"),
+        "config": config.model_dump(mode="json") | {"v_mag_max": limit},
         "rank": rank.config_hash,
-        "catalogue": rank.catalogue,
+        "catalogue": rank.catalogue if catalogue.kind == "snapshot" else catalogue.kind,
     }
     return content_hash(tree)
 
 
-def estimate_cost(config: PlanConfig, *, workers: int = 1) -> dict[str, float]:
+def estimate_cost(config: PlanConfig, *, workers: int = 1, catalog: CatalogSource = "snapshot") -> dict[str, float]:
     """Expected wall time, memory and disk of a plan, from the number of frames to simulate."""
-    prepared = _prepare(config)
+    prepared = _prepare(config, catalog)
     frames = sum(2 * task.n_frames for task in prepared.tasks)
     pixels = FIDELITIES[config.fidelity].stamp_pixels ** 2
     wall = 4.0 + (0.7 * len(prepared.tasks) + 4e-3 * frames) / min(workers, max(len(prepared.tasks), 1))
@@ -183,6 +193,7 @@ def make_plan(
     config: PlanConfig,
     out: str | Path,
     *,
+    catalog: CatalogSource = "snapshot",
     workers: int = 1,
     scheduler: str | None = None,
     force: bool = False,
@@ -196,6 +207,8 @@ def make_plan(
     config : PlanConfig
     out : str or Path
         Output folder; resumed when it holds work of the same configuration.
+    catalog : Catalogue, str or Path
+        Star table: ``"snapshot"``, ``"latest"``, or a file; see `catalogs.catalogue.open_catalogue`.
     workers : int
         Local worker processes; the result does not depend on it.
     scheduler : str, optional
@@ -217,8 +230,8 @@ def make_plan(
         For bad input, or if ``out`` is in use or holds another configuration.
     """
     started, clock = datetime.now(UTC), time.monotonic()
-    prepared = _prepare(config)
-    digest = plan_hash(config, prepared.rank)
+    prepared = _prepare(config, catalog)
+    digest = plan_hash(config, prepared.rank, prepared.catalogue)
     with open_run_folder(out, kind="plan", config_hash=digest, force=force) as folder:
         bodies, resumed = _confirm_all(prepared, folder, workers, scheduler, advance)
         plan = _assemble(config, prepared, digest, bodies)
@@ -328,7 +341,7 @@ def _write(
     from cpic_planner.report.write import write_report
 
     folder.write("plan.json", dump_json(plan.model_dump(mode="json")))
-    write_report(folder, plan, prepared.rank, prepared.model, bodies)
+    write_report(folder, plan, prepared.rank, prepared.model, bodies, prepared.targets)
 
 
 def _host() -> dict[str, Any]:

@@ -11,7 +11,7 @@ import numpy as np
 from catalogs.info import snapshot_vintage
 from cpic_planner.etc.limits import frame_limit
 from cpic_planner.etc.model import EtcModel
-from cpic_planner.etc.planet import ReferencePlanet, reference_distance_au
+from cpic_planner.etc.planet import ReferencePlanet, reference_distance_au, reference_notes
 from cpic_planner.etc.rates import companion_saturates
 from cpic_planner.models import RankedTarget, RankResult, ReferencePlanetRecord
 from cpic_planner.optimiser import Best, optimise
@@ -21,19 +21,12 @@ from simulator.config import content_hash
 from simulator.config.instrument import Detector
 from simulator.outcome import Reason, Status
 
-__all__ = ["judge", "no_frame", "planet_record", "rank_hash", "rank_targets", "sample_text"]
-
-
-def sample_text(v_mag_max: float, dwarfs_only: bool, singles_only: bool) -> str:
-    """Which rows of the catalogue a ranking returns, in words."""
-    classes = "dwarfs (V, IV-V) only" if dwarfs_only else "all luminosity classes"
-    pairs = "stars with a close companion left out" if singles_only else "stars with companions flagged, not dropped"
-    return f"every FGK star of the snapshot with parallax >= 25 mas and V <= {v_mag_max:g}; {classes}; {pairs}"
+__all__ = ["judge", "no_frame", "planet_record", "rank_hash", "rank_targets"]
 
 
 def planet_record(planet: ReferencePlanet) -> ReferencePlanetRecord:
     """The reference planet as it is written into results."""
-    return ReferencePlanetRecord(radius_rjup=planet.radius_rjup, phase_deg=planet.phase_deg, albedo=planet.albedo)
+    return ReferencePlanetRecord(radius_rjup=planet.radius_rjup, phase_deg=planet.phase_deg, albedo=planet.albedo.label)
 
 
 def rank_hash(
@@ -83,6 +76,7 @@ def rank_targets(
     planet: ReferencePlanet | None = None,
     bands: Sequence[str] | None = None,
     sample: str = "",
+    catalogue: str | None = None,
 ) -> RankResult:
     """Rank targets by how clearly their reference planet is detected.
 
@@ -98,6 +92,8 @@ def rank_targets(
         All of the model by default.
     sample : str
         Which stars these are, in words.
+    catalogue : str, optional
+        Which table they are from (`catalogs.catalogue.Catalogue.provenance`); the snapshot by default.
 
     Returns
     -------
@@ -117,7 +113,7 @@ def rank_targets(
     counts = Counter("ok" if row.status == "ok" else row.reason for row in rows)
     return RankResult(
         config_hash=rank_hash(model, targets, time_s=time_s, planet=planet, bands=bands),
-        catalogue=snapshot_vintage(),
+        catalogue=snapshot_vintage() if catalogue is None else catalogue,
         sample=sample,
         time_s=time_s,
         sigma=model.strategy.sigma,
@@ -143,7 +139,9 @@ def _row(
     distance = float(reference_distance_au(targets.select([i]), best.separation_arcsec[i : i + 1], planet)[0, 0])
     luminosity = _finite(targets.luminosity_lsun[i])
     flags = list(targets.flags[i])
-    if bool(np.any(model.passbands.grid_flags(targets.teff_k[i], targets.log_g[i], targets.metallicity[i]).any)):
+    flags += reference_notes(model, targets.select([i]), str(best.band[i]), float(best.separation_arcsec[i]), planet)
+    clamped = model.passbands.grid_flags(targets.teff_k[i], targets.log_g[i], targets.metallicity[i]).any
+    if bool(np.any(clamped)) and "stellar_grid_clamped" not in flags:
         flags.append("stellar_grid_clamped")
     if companion_blooms:
         flags.append("companion_saturates")
@@ -154,8 +152,8 @@ def _row(
         v_mag=float(targets.v_mag[i]),
         sp_type=str(targets.sp_type[i]),
         distance_pc=float(targets.distance_pc[i]),
-        ra_deg=float(targets.ra_deg[i]),
-        dec_deg=float(targets.dec_deg[i]),
+        ra_deg=_finite(targets.ra_deg[i]),
+        dec_deg=_finite(targets.dec_deg[i]),
         separation_arcsec=float(best.separation_arcsec[i]),
         contrast=float(best.contrast[i]),
         band=str(best.band[i]),

@@ -2,22 +2,37 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from catalogs.catalogue import Catalogue, open_catalogue
 from catalogs.errors import InputError
 from catalogs.names import resolve_star
-from catalogs.stars import StarTable, load_stars
+from catalogs.stars import StarTable
 
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["Targets", "find_target", "load_targets", "rank_sample", "targets_from_table"]
+__all__ = [
+    "CatalogSource",
+    "Targets",
+    "as_catalogue",
+    "find_target",
+    "load_targets",
+    "rank_sample",
+    "sample_text",
+    "targets_from_table",
+]
+
+_LOG = logging.getLogger(__name__)
+CatalogSource = Catalogue | str | Path
 
 FloatArray = NDArray[np.float64]
 ASSUMED_PA_DEG = 30.0
@@ -124,9 +139,20 @@ def targets_from_table(table: StarTable, *, companions: Literal["on", "off"] = "
     )
 
 
+def as_catalogue(source: CatalogSource) -> Catalogue:
+    """The catalogue itself, or what `catalogs.catalogue.open_catalogue` reads; remarks on it are logged."""
+    if isinstance(source, Catalogue):
+        return source
+    opened = open_catalogue(source)
+    for remark in opened.notes:
+        _LOG.warning("%s", remark)
+    return opened
+
+
 def rank_sample(
     *,
-    v_mag_max: float = 7.0,
+    catalog: CatalogSource = "snapshot",
+    v_mag_max: float | None = None,
     dwarfs_only: bool = False,
     singles_only: bool = False,
     companions: Literal["on", "off"] = "on",
@@ -134,59 +160,84 @@ def rank_sample(
     """The stars that a ranking returns.
 
     By default every FGK star of the snapshot with parallax >= 25 mas and V <= 7, of any luminosity class;
-    stars with companions are flagged, never dropped, unless ``singles_only``.
+    stars with companions are flagged, never dropped, unless ``singles_only``. A table of one's own counts whole
+    unless ``v_mag_max`` is given.
     """
-    if not math.isfinite(v_mag_max):
-        raise InputError("v_mag_max", v_mag_max, unit="mag", allowed="a finite magnitude")
-    table = load_stars()
-    keep = np.asarray(table.column("v_mag"), float) <= v_mag_max
+    chosen = as_catalogue(catalog)
+    table = chosen.table
+    limit = chosen.ranked_v_mag if v_mag_max is None else v_mag_max
+    if limit is not None and not math.isfinite(limit):
+        raise InputError("v_mag_max", limit, unit="mag", allowed="a finite magnitude")
+    keep = np.ones(len(table), bool) if limit is None else np.asarray(table.column("v_mag"), float) <= limit
+    if not keep.any():
+        raise InputError("v_mag_max", limit, unit="mag", allowed="a magnitude that leaves a star in the sample")
     if dwarfs_only:
         keep &= np.isin(np.asarray(table.column("luminosity_class")).astype(str), ("V", "IV-V"))
     if singles_only:
         keep &= ~np.asarray(table.column("close_companion"), bool)
     if not keep.any():
-        raise InputError("v_mag_max", v_mag_max, unit="mag", allowed="a magnitude that leaves a star in the sample")
+        cuts = " and ".join(["dwarfs_only"] * dwarfs_only + ["singles_only"] * singles_only)
+        raise InputError(cuts, "no star left", allowed="cuts that leave a star in the sample", hint=chosen.provenance)
     return targets_from_table(table.select(keep), companions=companions)
 
 
-def find_target(name: str, *, companions: Literal["on", "off"] = "on") -> tuple[Targets, str]:
-    """One star of the snapshot by any name people use, and a note when the name was ambiguous.
+def sample_text(catalogue: Catalogue, v_mag_max: float | None, dwarfs_only: bool, singles_only: bool) -> str:
+    """Which rows of the catalogue a ranking returns, in words."""
+    limit = catalogue.ranked_v_mag if v_mag_max is None else v_mag_max
+    joint = " and" if " with " in catalogue.sample else " with"
+    bright = "" if limit is None else f"{joint} V <= {limit:g}"
+    classes = "dwarfs (V, IV-V) only" if dwarfs_only else "all luminosity classes"
+    pairs = "stars with a close companion left out" if singles_only else "stars with companions flagged, not dropped"
+    return f"{catalogue.sample}{bright}; {classes}; {pairs}"
+
+
+def find_target(
+    name: str, *, companions: Literal["on", "off"] = "on", catalog: CatalogSource = "snapshot"
+) -> tuple[Targets, str]:
+    """One star of a catalogue by any name people use, and a note when the name was ambiguous.
 
     Raises
     ------
     InputError
         If no star has that name; with the nearest suggestions.
     """
-    table = load_stars()
+    table = as_catalogue(catalog).table
     match = resolve_star(name, table)
     return targets_from_table(table.select([match.index]), companions=companions), match.note
 
 
-def load_targets(source: str = "snapshot", **cuts: Any) -> pd.DataFrame:
+def load_targets(source: str | Path = "snapshot", **cuts: Any) -> pd.DataFrame:
     """The target list as a pandas DataFrame, units in column names.
 
     Parameters
     ----------
-    source : str
-        ``"snapshot"``, the catalogue that ships with the package.
+    source : str or Path
+        ``"snapshot"``, the catalogue that ships with the package; ``"latest"``, the newest that
+        ``cpic catalog refresh`` made; or a table file (CSV, ECSV, VOTable, FITS).
     **cuts
-        ``v_mag_max`` (default 7), ``dwarfs_only``, ``singles_only`` as in `rank_sample`.
+        ``v_mag_max`` (default 7, none for a file of one's own), ``dwarfs_only``, ``singles_only`` as in `rank_sample`.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row per star; ``attrs["catalogue"]`` says which table it is.
 
     Raises
     ------
     InputError
-        For an unknown source or cut.
+        For an unknown source or cut, or a table that cannot be used.
     """
     import pandas as pd
 
-    if source != "snapshot":
-        raise InputError("source", source, allowed="snapshot")
     known = ("v_mag_max", "dwarfs_only", "singles_only", "companions")
     for key in cuts:
         if key not in known:
             raise InputError(key, cuts[key], allowed="no such cut", hint=f"known cuts: {', '.join(known)}")
-    targets = rank_sample(**cuts)
+    catalogue = as_catalogue(source)
+    targets = rank_sample(catalog=catalogue, **cuts)
     columns = {
         item.name: getattr(targets, item.name) for item in fields(targets) if item.name not in ("flags", "companions")
     }
-    return pd.DataFrame(columns | {"flags": ["|".join(flags) for flags in targets.flags]})
+    frame = pd.DataFrame(columns | {"flags": ["|".join(flags) for flags in targets.flags]})
+    frame.attrs["catalogue"] = catalogue.provenance
+    return frame

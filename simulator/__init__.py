@@ -9,7 +9,15 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from simulator.config import Instrument, Planet, Scene, SceneStar, load_instrument, load_scene
+    from simulator.config import (
+        Instrument,
+        Planet,
+        Scene,
+        SceneStar,
+        load_instrument,
+        load_scene,
+        scenes_from_table,
+    )
     from simulator.imaging.psf import Psf, single_band_psf
     from simulator.knobs import Knobs
     from simulator.observation import Observation, observe
@@ -26,6 +34,7 @@ _HOME = {
     "SceneStar": "config",
     "load_instrument": "config",
     "load_scene": "config",
+    "scenes_from_table": "config",
     "Psf": "imaging.psf",
     "single_band_psf": "imaging.psf",
     "Knobs": "knobs",
@@ -63,6 +72,7 @@ __all__ = [
     "observe",
     "planet_albedo",
     "planet_contrast",
+    "scenes_from_table",
     "single_band_psf",
     "spectrum_generator",
     "star_photlam",

@@ -6,6 +6,7 @@ import functools
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -181,7 +182,7 @@ def _stamp_slices(instrument: Instrument, side: int) -> tuple[slice, slice, tupl
 
 
 def observe(
-    scene: Scene | Mapping[str, Any] | str,
+    scene: Scene | Mapping[str, Any] | str | Path,
     *,
     band: str,
     exposure_s: float,
@@ -200,8 +201,8 @@ def observe(
 
     Parameters
     ----------
-    scene : Scene, mapping or str
-        The scene, or what `simulator.load_scene` reads.
+    scene : Scene, mapping, str or Path
+        The scene, or what `simulator.load_scene` reads: ``"paper_example"``, ``"my_scene.yaml"``.
     band : str
         Band of the visible camera.
     exposure_s : float
@@ -240,7 +241,7 @@ def observe(
     -----
     The random walk of the wavefront is sampled at up to 24 epochs a visit; frames between two epochs share one.
     """
-    scene = scene if isinstance(scene, Scene) else load_scene(scene)
+    scene = load_scene(scene)
     instrument = instrument if isinstance(instrument, Instrument) else load_instrument(instrument)
     _check(instrument, band, exposure_s, n_frames, em_gain, tolerance, window, role, roll_deg)
     psf = single_band_psf(band, fidelity=fidelity, instrument=instrument)

@@ -22,6 +22,7 @@ from catalogs.bands import Band, band_from_file, load_bands
 from catalogs.errors import InputError
 from catalogs.spectra import Albedo, Spectrum, load_albedo, load_reference_spectrum, load_stellar_grid
 from catalogs.stellar_grid import GridFlags, StellarGrid
+from simulator.albedo_family import AlbedoFamily
 from simulator.band_integrals import (
     band_integral,
     band_projection,
@@ -174,36 +175,56 @@ class Passbands:
         return area * (10.0 ** (-0.4 * magnitude))[..., None] * self.sun_rates
 
     def band_albedo(
-        self, albedo: str | Albedo, teff_k: ArrayLike, log_g: ArrayLike, metallicity: ArrayLike
+        self,
+        albedo: str | Albedo | AlbedoFamily,
+        teff_k: ArrayLike,
+        log_g: ArrayLike,
+        metallicity: ArrayLike,
+        *,
+        insolation_au: ArrayLike | None = None,
     ) -> np.ndarray:
         """Return the photon-weighted mean albedo in each band under the light of each star.
 
         ``integral(F A T QE dlambda) / integral(F T QE dlambda)``, exact for an albedo linear between its
-        samples.
+        samples. The integrals over the stellar grid are made once for each albedo object.
 
         Parameters
         ----------
-        albedo : str or Albedo
-            Name of a measured planet (its node table is kept), or a table.
+        albedo : str, Albedo or AlbedoFamily
+            Name of a measured planet, a table, or albedos over insolation.
         teff_k, log_g, metallicity : array_like
             Stellar parameters.
+        insolation_au : array_like, optional
+            Distance from the Sun that has the planet's insolation; needed for a family only.
 
         Returns
         -------
         ndarray, shape (..., band)
+            The leading shape is that of the broadcast stars and insolations.
 
         Raises
         ------
         InputError
-            If the planet is unknown, or the table is malformed, negative or does not cover a band.
+            If the planet is unknown, the table is malformed, negative or does not cover a band, or the insolation
+            is missing.
         """
-        table = _planet_nodes(self, albedo) if isinstance(albedo, str) else _albedo_nodes(self, albedo)
+        source = load_albedo(albedo) if isinstance(albedo, str) else albedo
         nodes, weights = self.grid.corners(teff_k, log_g, metallicity)
         # Grid interpolation is linear in surface flux, so the same weights serve numerator and denominator.
-        reflected = np.einsum("...k,...kb->...b", weights, table[nodes])
-        return reflected / np.einsum("...k,...kb->...b", weights, self.node_rates[nodes])
+        direct = np.einsum("...k,...kb->...b", weights, self.node_rates[nodes])
+        reflected = np.einsum("...k,...kdb->...db", weights, _albedo_nodes(self, source)[nodes])
+        mean = reflected / direct[..., None, :]
+        if not isinstance(source, AlbedoFamily):
+            return np.asarray(mean[..., 0, :])
+        if insolation_au is None:
+            raise InputError("insolation_au", "missing", unit="au", allowed="a value is required for this albedo")
+        ends, share = source.corners(insolation_au)
+        shape = np.broadcast_shapes(mean.shape[:-2], ends.shape[:-1])
+        mean = np.broadcast_to(mean, (*shape, *mean.shape[-2:]))
+        two = np.take_along_axis(mean, np.broadcast_to(ends, (*shape, 2))[..., None], axis=-2)
+        return np.asarray(np.einsum("...e,...eb->...b", share, two))
 
-    def albedo_flags(self, albedo: str | Albedo) -> np.ndarray:
+    def albedo_flags(self, albedo: str | Albedo | AlbedoFamily) -> np.ndarray:
         """Return, per band, whether the albedo is ``extrapolated`` (its origin undocumented)."""
         table = load_albedo(albedo) if isinstance(albedo, str) else albedo
         return np.array([band.support_nm[1] > table.documented_to_nm for band in self.bands])
@@ -289,19 +310,15 @@ def _integrate(bands: tuple[Band, ...]) -> Passbands:
     return Passbands(bands, grid, node_rates, node_v, sun_rates)
 
 
-@functools.lru_cache(maxsize=32)
-def _planet_nodes(passbands: Passbands, planet: str) -> np.ndarray:
-    return _albedo_nodes(passbands, load_albedo(planet))
-
-
-def _albedo_nodes(passbands: Passbands, albedo: Albedo) -> np.ndarray:
-    """Return band integrals of stellar flux x albedo at the grid nodes, shape (node, band)."""
-    table = check_table("albedo", albedo.wavelength_nm, albedo.albedo)
+@functools.lru_cache(maxsize=64)
+def _albedo_nodes(passbands: Passbands, albedo: Albedo | AlbedoFamily) -> np.ndarray:
+    """Return band integrals of stellar flux x albedo at the grid nodes, shape (node, albedo, band)."""
+    rows = albedo.albedo if isinstance(albedo, AlbedoFamily) else [albedo.albedo]
+    tables = [check_table("albedo", albedo.wavelength_nm, row) for row in rows]
     samples = passbands.grid.wavelength_nm
-    return _node_table(passbands.grid, [band_projection(band, samples, table) for band in passbands.bands])
+    columns = [band_projection(band, samples, table) for table in tables for band in passbands.bands]
+    return _node_table(passbands.grid, columns).reshape(-1, len(tables), len(passbands.bands))
 
 
 def _node_table(grid: StellarGrid, columns: list[np.ndarray]) -> np.ndarray:
-    projection = np.column_stack(columns)
-    used = np.flatnonzero(projection.any(axis=1))
-    return grid.node_photlam(np.arange(grid.n_nodes), used) @ projection[used]
+    return grid.node_integrals(np.column_stack(columns))

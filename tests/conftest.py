@@ -1,7 +1,60 @@
-"""Settings of the whole suite."""
+"""Settings of the whole suite, and the TAP service that several parts of it ask."""
 
+import importlib.util
 import os
+import sys
+from pathlib import Path
+
+import pytest
 
 # The matrices here are small: BLAS threads only get in each other's way, and sums should have one order.
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
+
+
+def _load(name):
+    """Import a helper that lies beside this file."""
+    spec = importlib.util.spec_from_file_location(f"tests_{name}", Path(__file__).with_name(f"{name}.py"))
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _own_data_folder(tmp_path_factory):
+    """No test sees the refreshed tables of the person who runs it, or leaves one there."""
+    before = os.environ.get("CPIC_DATA_DIR")
+    os.environ["CPIC_DATA_DIR"] = str(tmp_path_factory.mktemp("data"))
+    yield
+    if before is None:
+        del os.environ["CPIC_DATA_DIR"]
+    else:
+        os.environ["CPIC_DATA_DIR"] = before
+
+
+@pytest.fixture
+def data_folder(tmp_path, monkeypatch):
+    """An empty data folder for one test."""
+    monkeypatch.setenv("CPIC_DATA_DIR", str(tmp_path / "data"))
+    return tmp_path / "data"
+
+
+@pytest.fixture(scope="session")
+def tap():
+    """The module of the service: its column names and writers."""
+    return _load("tap_service")
+
+
+@pytest.fixture(scope="session")
+def sky():
+    """The module of the tables behind it."""
+    return _load("simbad_sky")
+
+
+@pytest.fixture
+def simbad(tap, sky):
+    """A TAP service on this machine with a small sky of its own."""
+    service = tap.TapService(sky.small_sky())
+    yield service
+    service.close()

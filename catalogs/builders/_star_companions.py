@@ -14,9 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from catalogs.builders._star_identity import Identity
-from catalogs.builders._star_select import Removed, is_blend_id
+from catalogs.builders._star_select import Removed
 from catalogs.builders._star_sources import SimbadStar
 from catalogs.coordinates import position_angle, separation_arcsec, tangent_offset
+from catalogs.star_systems import is_blend_id
 
 __all__ = ["fill_companions"]
 

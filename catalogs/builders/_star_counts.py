@@ -6,9 +6,10 @@ from collections import Counter
 from collections.abc import Sequence
 
 from catalogs.builders._star_identity import Identity
-from catalogs.builders._star_physics import luminosity_class
-from catalogs.builders._star_select import MIN_PARALLAX_MAS, Removed, is_blend_id
+from catalogs.builders._star_select import MIN_PARALLAX_MAS, Removed
 from catalogs.builders._star_sources import SimbadStar
+from catalogs.star_systems import is_blend_id
+from catalogs.stellar_physics import luminosity_class
 
 __all__ = ["count_rows"]
 

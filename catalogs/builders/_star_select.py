@@ -3,13 +3,12 @@
 1. Cut: spectral type starting with F, G or K, parallax >= 25 mas, V <= 7.5 (no lower limit).
 2. Match to Hipparcos-2 by position at J2000.
 3. Composites (one entry for the blended light of several stars) leave when a component has its own entry.
-4. Bound systems: rows close on the sky with consistent parallax and proper motion take the parallax of the member
-   with the best parallax over error. A row whose adopted parallax is below 25 mas leaves.
+4. The members of a bound system take one parallax (:mod:`catalogs.star_systems`). A row whose adopted parallax is
+   below 25 mas leaves.
 """
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -17,8 +16,9 @@ import numpy as np
 
 from catalogs.builders._star_sources import Hipparcos2, SimbadStar
 from catalogs.coordinates import separation_arcsec
+from catalogs.star_systems import CLOSE_ARCSEC, Member, adopt_parallaxes, group_systems, is_blend_id
 
-__all__ = ["MAX_V_MAG", "MIN_PARALLAX_MAS", "Removed", "Row", "in_base_cut", "is_blend_id", "select"]
+__all__ = ["MAX_V_MAG", "MIN_PARALLAX_MAS", "Removed", "Row", "in_base_cut", "select"]
 
 MIN_PARALLAX_MAS = 25.0
 MAX_V_MAG = 7.5
@@ -27,10 +27,6 @@ _MATCH_ARCSEC = 12.0
 _MATCH_SAME_PARALLAX_ARCSEC = 40.0
 _COMPOSITE_ARCSEC = 30.0
 _SAME_STAR_ARCSEC = 0.05
-_GROUP_ARCSEC = 600.0
-_CLOSE_ARCSEC = 30.0
-#: Identifiers of blended light end in two or more component letters.
-_COMPOSITE_ID = re.compile(r"(?:CCDM|\*\*|ADS|IDS|WDS)\b.*\d ?[A-Z]{2,}")
 
 
 @dataclass
@@ -61,11 +57,6 @@ class Removed:
     reason: str
 
 
-def is_blend_id(simbad_id: str) -> bool:
-    """Tell whether an identifier names the blended light of several components."""
-    return _COMPOSITE_ID.fullmatch(simbad_id) is not None
-
-
 def in_base_cut(star: SimbadStar) -> bool:
     """Tell whether a row passes the spectral-type, parallax and magnitude cuts."""
     return star.sp_type[:1] in ("F", "G", "K") and star.parallax_mas >= MIN_PARALLAX_MAS and star.v_mag <= MAX_V_MAG
@@ -82,8 +73,7 @@ def select(
     for row in rows:
         _match(row, hip2, unsolved)
     rows, removed = _without_composites(rows)
-    _group(rows)
-    _adopt_parallaxes(rows)
+    _share_parallaxes(rows)
     for row in rows:
         if row.parallax_mas < MIN_PARALLAX_MAS:
             reason = (
@@ -108,7 +98,7 @@ def _match(row: Row, hip2: Hipparcos2, unsolved: dict[int, tuple[float, float]])
     numbers = list(unsolved)
     places = np.array([unsolved[hip] for hip in numbers])
     sep = separation_arcsec(star.ra_deg, star.dec_deg, places[:, 0], places[:, 1])
-    if sep.min() < _CLOSE_ARCSEC:  # in the Hipparcos catalogue, but without a solution in the new reduction
+    if sep.min() < CLOSE_ARCSEC:  # in the Hipparcos catalogue, but without a solution in the new reduction
         row.hip = numbers[int(np.argmin(sep))]
 
 
@@ -145,64 +135,19 @@ def _sep(a: Row, b: Row) -> float:
     return float(separation_arcsec(a.star.ra_deg, a.star.dec_deg, b.star.ra_deg, b.star.dec_deg))
 
 
-def _bound(a: Row, b: Row) -> bool:
-    sep = _sep(a, b)
-    if sep > _GROUP_ARCSEC:
-        return False
-    if a.hip and a.hip == b.hip:
-        return True
-    (plx_a, err_a), (plx_b, err_b) = a.own_parallax, b.own_parallax
-    tolerance = max(0.1 * max(plx_a, plx_b), 3.0 * float(np.nan_to_num(np.hypot(err_a, err_b))))
-    if abs(plx_a - plx_b) > tolerance:
-        return False
-    if sep < _CLOSE_ARCSEC:
-        return True
-    move_a = np.array([a.star.pm_ra_mas_yr, a.star.pm_dec_mas_yr])
-    move_b = np.array([b.star.pm_ra_mas_yr, b.star.pm_dec_mas_yr])
-    if not (np.isfinite(move_a).all() and np.isfinite(move_b).all()):
-        return True
-    return float(np.hypot(*(move_a - move_b))) < 0.3 * float(np.hypot(*move_a)) + 20.0
+def _share_parallaxes(rows: list[Row]) -> None:
+    """Number the bound systems and give every member the parallax of the best."""
+    members = [_member(row) for row in rows]
+    systems = group_systems(members)
+    for row, system, taken in zip(rows, systems, adopt_parallaxes(members, systems), strict=True):
+        row.system = system
+        row.parallax_mas, row.parallax_err_mas = taken.parallax_mas, taken.parallax_err_mas
+        row.parallax_src, row.parallax_err_src = taken.src, taken.err_src
+        row.lender = rows[taken.lender] if taken.lender >= 0 else None
+        if taken.shared:
+            row.flags.add("shared_parallax")
 
 
-def _group(rows: list[Row]) -> None:
-    """Number the bound systems; a single star is a system of its own."""
-    for index, row in enumerate(rows):
-        row.system = index
-    ra = np.array([row.star.ra_deg for row in rows])
-    dec = np.array([row.star.dec_deg for row in rows])
-    for i, row in enumerate(rows):
-        for j in np.flatnonzero(separation_arcsec(ra[i], dec[i], ra, dec) < _GROUP_ARCSEC):
-            other = rows[int(j)]
-            if j > i and other.system != row.system and _bound(row, other):
-                old, new = max(row.system, other.system), min(row.system, other.system)
-                for member in rows:
-                    if member.system == old:
-                        member.system = new
-
-
-def _adopt_parallaxes(rows: list[Row]) -> None:
-    systems: dict[int, list[Row]] = {}
-    for row in rows:
-        systems.setdefault(row.system, []).append(row)
-    for members in systems.values():
-        measured = [row for row in members if np.isfinite(row.own_parallax[1])]
-        if measured:
-            best = max(measured, key=lambda row: row.own_parallax[0] / row.own_parallax[1])
-            for row in members:
-                row.parallax_mas, row.parallax_err_mas = best.own_parallax
-                row.parallax_err_src = "measured"
-                if row.own_parallax == best.own_parallax:
-                    row.parallax_src = "measured"
-                else:
-                    row.lender = best
-                    row.flags.add("shared_parallax")
-            continue
-        values = [row.own_parallax[0] for row in members]
-        for row in members:
-            row.parallax_mas = float(np.mean(values))
-            row.parallax_src, row.parallax_err_src = "measured", "missing"
-            if len(values) > 1:
-                row.parallax_src = "derived:mean of the components' values"
-                row.parallax_err_mas = float(max(values) - min(values)) / 2.0
-                row.parallax_err_src = "derived:half the difference of the components' values"
-                row.flags.add("shared_parallax")
+def _member(row: Row) -> Member:
+    star = row.star
+    return Member(star.ra_deg, star.dec_deg, row.hip, *row.own_parallax, star.pm_ra_mas_yr, star.pm_dec_mas_yr)

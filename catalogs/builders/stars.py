@@ -18,7 +18,6 @@ import numpy as np
 
 from catalogs.builders import _star_sources as src
 from catalogs.builders._star_aliases import alias_rows, known_star_rows
-from catalogs.builders._star_columns import COLUMNS, FLAGS, Column
 from catalogs.builders._star_companions import fill_companions
 from catalogs.builders._star_counts import count_rows
 from catalogs.builders._star_identity import Identity, identify
@@ -28,6 +27,8 @@ from catalogs.builders._star_select import select
 from catalogs.builders._star_sources import SOURCES
 from catalogs.coordinates import ecliptic
 from catalogs.sources import ProvenanceEntry, SourcePackage, SourceStore
+from catalogs.star_columns import COLUMNS, Column
+from catalogs.star_flags import FLAGS
 
 __all__ = ["SOURCES", "build"]
 

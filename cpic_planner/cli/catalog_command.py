@@ -3,15 +3,46 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from cpic_planner.cli.options import JsonOption
-from cpic_planner.cli.output import console
+from cpic_planner.cli.output import console, error_line, note, progress
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from cpic_planner.refresh import Written
 
 __all__ = ["app"]
 
-app = typer.Typer(help="The star table and the other facts that ship with the package.", no_args_is_help=True)
+app = typer.Typer(
+    help="The star tables: what ships with the package, and a fresh one from SIMBAD.", no_args_is_help=True
+)
+
+_NAMES_SHOWN = 8
+_WORTH_A_REMARK = 0.1
+
+REFRESH_HELP = """Ask SIMBAD for the nearby F, G and K stars and keep the answer beside the embedded snapshot.
+
+This is the only command that uses the network. It writes one dated ECSV file into the data folder (CPIC_DATA_DIR moves
+it), or --out, whole or not at all; the snapshot and earlier files stay as they are. Use it with --catalog latest, or
+--catalog FILE.
+
+Companions are not part of the answer: they are taken over from the snapshot for the stars that it has.
+
+Examples:
+
+  cpic catalog refresh
+
+  cpic catalog refresh --dry-run
+
+  cpic catalog refresh --out stars.ecsv --v-mag-max 6 --json
+
+  cpic catalog refresh --url https://simbad.harvard.edu/simbad/sim-tap --timeout-s 600"""
 
 
 @app.callback()
@@ -21,32 +52,163 @@ def root() -> None:
 
 @app.command("info")
 def info(as_json: JsonOption = False) -> None:
-    """Show what the snapshot is: vintage, counts per cut, name coverage, sources and licences.
+    """Show the star tables: the snapshot's vintage, counts, sources and licences, and refreshed ones.
 
     Example: cpic catalog info
     """
     from catalogs.info import catalogue_info
+    from catalogs.refreshed import data_dir, stored_tables
     from simulator.files import dump_json
 
     found = catalogue_info()
+    stored = stored_tables()
+    refreshed = [
+        {"file": str(item.path), "queried_utc": item.queried_utc.isoformat(), "size_bytes": item.path.stat().st_size}
+        for item in stored
+    ]
     if as_json:
-        sys.stdout.write(dump_json(found))
+        tables = {
+            "data_folder": str(data_dir()),
+            "refreshed": refreshed,
+            "latest": refreshed[0]["file"] if stored else None,
+        }
+        sys.stdout.write(dump_json(found | tables))
         return
-    from rich.table import Table
-
     screen = console()
     screen.print(f"[bold]{found['vintage']}[/bold]")
-    counts = Table(title="Counts per cut", title_justify="left")
-    counts.add_column("cut")
-    counts.add_column("stars", justify="right")
-    for row in found["counts"]:
-        counts.add_row(row["cut"], str(row["count"]))
-    screen.print(counts)
-    sources = Table(title="Data files and where they come from", title_justify="left")
-    for heading in ("file", "packages", "licence"):
-        sources.add_column(heading, overflow="fold")
-    for row in found["files"]:
-        sources.add_row(row["file"], row["packages"], row["licence"])
-    screen.print(sources)
+    _table(screen, "Counts per cut", ("cut", "stars"), ((row["cut"], str(row["count"])) for row in found["counts"]))
+    files = ((row["file"], row["packages"], row["licence"]) for row in found["files"])
+    _table(screen, "Data files and where they come from", ("file", "packages", "licence"), files)
     for line in found["credits"]:
         screen.print(line)
+    if not stored:
+        screen.print(f"No refreshed table in {data_dir()} (cpic catalog refresh makes one).", soft_wrap=True)
+        return
+    rows = (
+        (item.path.name, f"{item.queried_utc:%Y-%m-%d %H:%M} UTC", "--catalog latest" if item is stored[0] else "")
+        for item in stored
+    )
+    _table(screen, f"Refreshed tables in {data_dir()}", ("file", "asked", "used by"), rows)
+
+
+@app.command("columns")
+def columns(as_json: JsonOption = False) -> None:
+    """Show which columns a table of your own may have for --catalog FILE: names, units and ranges.
+
+    Example: cpic catalog columns
+    """
+    from catalogs.user_columns import QUANTITIES
+    from simulator.files import dump_json
+
+    needed = {"name": "yes", "v_mag": "yes", "distance_pc": "one of two", "parallax_mas": "one of two"}
+    needed |= {"sp_type": "one of two", "teff_k": "one of two"}
+    kinds = {"text": "text", "flag": "yes or no", "hip": "Hipparcos number"}
+    rows: list[dict[str, Any]] = [
+        {
+            "name": item.name,
+            "required": needed.get(item.name, ""),
+            "also_called": list(item.aliases),
+            "unit": item.unit,
+            "allowed": kinds.get(item.kind, item.allowed),
+        }
+        for item in QUANTITIES.values()
+    ]
+    if as_json:
+        sys.stdout.write(dump_json({"columns": rows}))
+        return
+    screen = console()
+    cells = ((row["name"], row["required"], ", ".join(row["also_called"]), row["allowed"]) for row in rows)
+    _table(screen, "Columns of a table of your own", ("column", "required", "also called", "allowed"), cells)
+    screen.print("Upper and lower case, blanks and _ make no difference. Units are those of an ECSV or VOTable, or are "
+                 "written in the heading: plx [mas]. What is missing is filled and labelled.")  # fmt: skip
+
+
+@app.command("refresh", help=REFRESH_HELP)
+def refresh(
+    out: Annotated[
+        Path | None, typer.Option("--out", help="Write FILE.ecsv [default: dated, in the data folder].")
+    ] = None,
+    v_mag_max: Annotated[
+        float, typer.Option("--v-mag-max", help="Faintest V; rankings end at 7, the rest is margin.")
+    ] = 7.5,
+    parallax_min_mas: Annotated[float, typer.Option("--parallax-min-mas", help="Smallest parallax.")] = 25.0,
+    url: Annotated[str, typer.Option("--url", help="TAP service [default: astroquery's SIMBAD server].")] = "",
+    timeout_s: Annotated[float, typer.Option("--timeout-s", help="Most time for one answer.")] = 180.0,
+    retries: Annotated[int, typer.Option("--retries", help="How often a failure on the way is tried again.")] = 3,
+    maxrec: Annotated[int, typer.Option("--maxrec", help="Most rows of one answer.")] = 200_000,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Show the queries and the place, ask nothing.")] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Refresh and print."""
+    from catalogs.simbad import Cuts, RefreshError, TapService
+    from cpic_planner.refresh import refresh_catalog
+    from simulator.files import dump_json
+
+    service = TapService(url=url, timeout_s=timeout_s, retries=retries, maxrec=maxrec)
+    cuts = Cuts(v_mag_max=v_mag_max, parallax_min_mas=parallax_min_mas)
+    if dry_run:
+        _show_plan(out, service, cuts, as_json=as_json)
+        return
+    try:
+        with progress("asking SIMBAD", total=3) as step:
+            done = refresh_catalog(out=out, service=service, cuts=cuts, step=step, tell=note)
+    except RefreshError as error:
+        raise typer.Exit(error_line(str(error), 1)) from None
+    lost, before = len(done.made.changes.removed), done.made.changes.before
+    if lost > _WORTH_A_REMARK * before:
+        note(
+            f"{lost} of {before} stars of the snapshot within the cuts are not in the new table: is the service whole?"
+        )
+    if as_json:
+        sys.stdout.write(dump_json(done.summary()))
+        return
+    _show_result(done, console())
+
+
+def _show_plan(out: Path | None, service: Any, cuts: Any, *, as_json: bool) -> None:
+    from catalogs.simbad import queries, service_url
+    from cpic_planner.refresh import target_path
+    from simulator.files import dump_json
+
+    place = target_path(out)
+    where = str(place) if out is not None else f"{place}, dated file"
+    plan = {"service": service_url(service), "queries": list(queries(cuts)), "out": where}
+    if as_json:
+        sys.stdout.write(dump_json(plan))
+        return
+    typer.echo(f"would ask {plan['service']}:")
+    for query in plan["queries"]:
+        typer.echo(f"\n  {query}")
+    typer.echo(f"\nand write {where}")
+
+
+def _show_result(done: Written, screen: Console) -> None:
+    made, changes = done.made, done.made.changes
+    rows = [(what, str(count)) for what, count in made.counts.items()]
+    _table(screen, f"SIMBAD of {made.queried_utc:%Y-%m-%d %H:%M} UTC", ("rows", "number"), rows)
+    differences = (
+        ("the same", changes.same, ()),
+        ("added", len(changes.added), changes.added),
+        ("removed", len(changes.removed), tuple(changes.removed)),
+        ("V differs by 0.05 mag or more", len(changes.v_mag), changes.v_mag),
+        ("parallax differs by 1 % or more", len(changes.parallax), changes.parallax),
+    )
+    cells = (
+        (what, str(count), ", ".join(names[:_NAMES_SHOWN]) + (", ..." if names[_NAMES_SHOWN:] else ""))
+        for what, count, names in differences
+    )
+    _table(screen, "Compared with the snapshot", ("", "stars", "first of them (--json lists all, with reasons)"), cells)
+    screen.print(f"wrote {done.path}", soft_wrap=True)
+
+
+def _table(screen: Console, title: str, headings: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> None:
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(title=title, title_justify="left")
+    for heading in headings:
+        right = heading in ("stars", "number")
+        table.add_column(heading, justify="right" if right else "left", overflow="fold")
+    for row in rows:
+        table.add_row(*(Text(cell) for cell in row))
+    screen.print(table)

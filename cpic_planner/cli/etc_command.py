@@ -9,14 +9,22 @@ import typer
 
 from cpic_planner.cli.options import (
     DEFAULT_TIME_S,
+    AlbedoOption,
     BandOption,
+    CatalogOption,
+    CloudsOption,
     CompanionsOption,
+    InsolationOption,
     InstrumentOption,
     JsonOption,
+    MetallicityOption,
     OnOff,
+    PhaseFunctionOption,
+    albedo_from,
     planet_from,
 )
 from cpic_planner.cli.output import console, print_json
+from cpic_planner.cli.output import note as tell
 from cpic_planner.etc.answer import EtcAnswer
 
 __all__ = ["HELP", "etc"]
@@ -34,7 +42,11 @@ Examples:
 
   cpic etc "HD 10700" --semi-major-axis-au 1.5 --contrast-limit
 
-  cpic etc "eps Eri" --contrast 5e-9 --separation-arcsec 0.6 --snr 5 --json"""
+  cpic etc "alpha Cen B" --distance-pc 1.35 --separation-arcsec 0.65 --log10-mh 1 --log10-fsed 1 --insolation-au 2
+
+  cpic etc "eps Eri" --contrast 5e-9 --separation-arcsec 0.6 --snr 5 --json
+
+  cpic etc "my star" --catalog my_stars.csv --snr 10"""
 
 
 def etc(
@@ -73,9 +85,11 @@ def etc(
     phase_deg: Annotated[
         float | None, typer.Option("--phase-deg", help="Phase angle, above 0 and below 180 deg [default: 90].")
     ] = None,
-    albedo: Annotated[
-        str | None, typer.Option("--albedo", help="Albedo: jupiter, saturn, uranus, neptune [default: jupiter].")
-    ] = None,
+    albedo: AlbedoOption = None,
+    log10_mh: MetallicityOption = None,
+    log10_fsed: CloudsOption = None,
+    insolation_au: InsolationOption = None,
+    phase_function: PhaseFunctionOption = None,
     exposure_s: Annotated[
         float | None, typer.Option("--exposure-s", help="Frame exposure, instead of the best.")
     ] = None,
@@ -87,6 +101,7 @@ def etc(
         float | None, typer.Option("--distance-pc", help="Distance, instead of the catalogue's.")
     ] = None,
     companions: CompanionsOption = OnOff.ON,
+    catalog: CatalogOption = "snapshot",
     instrument: InstrumentOption = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -95,6 +110,7 @@ def etc(
 
     import numpy as np
 
+    from catalogs.catalogue import open_catalogue
     from catalogs.errors import InputError
     from cpic_planner.etc import questions
     from cpic_planner.etc.model import build_model
@@ -113,7 +129,10 @@ def etc(
         "both place the planet",
     )
     _refuse_together({"--contrast-limit": contrast_limit or None, "--contrast": contrast}, "the limit is the answer")
-    for name, value in (("--planet-radius-rjup", radius_rjup), ("--albedo", albedo)):
+    planet_options = {"--planet-radius-rjup": radius_rjup, "--albedo": albedo, "--log10-mh": log10_mh,
+                      "--log10-fsed": log10_fsed, "--insolation-au": insolation_au,
+                      "--phase-function": phase_function}  # fmt: skip
+    for name, value in planet_options.items():
         _refuse_together({name: value, "--contrast": contrast}, "a given contrast needs no planet")
         _refuse_together({name: value, "--contrast-limit": contrast_limit or None}, "the limit holds for any planet")
     if semi_major_axis_au is None:
@@ -123,11 +142,20 @@ def etc(
     phase_deg = 90.0 if phase_deg is None else phase_deg
     if frames is not None and exposure_s is None:
         raise InputError("--frames", frames, allowed="together with --exposure-s")
-    star, note = find_target(target, companions=companions.value)
+    table = open_catalogue(catalog)
+    for remark in table.notes:
+        tell(remark)
+    star, note = find_target(target, companions=companions.value, catalog=table)
+    if table.kind != "snapshot":
+        note = "; ".join(filter(None, (note, f"star data: {table.provenance}")))
     if distance_pc is not None:
-        star = replace(star, distance_pc=np.array([check_range("--distance-pc", distance_pc, 0.01, 1e5, "pc")]))
+        there = check_range("--distance-pc", distance_pc, 0.01, 1e5, "pc")
+        # The same star in the sky from elsewhere: its luminosity follows the square of the distance.
+        brighter = (there / star.distance_pc) ** 2
+        star = replace(star, distance_pc=np.array([there]), luminosity_lsun=star.luminosity_lsun * brighter)
     model = build_model(load_instrument(instrument), bands)
-    planet = planet_from(1.0 if radius_rjup is None else radius_rjup, phase_deg, albedo or "jupiter")
+    reflects = albedo_from(albedo, log10_mh, log10_fsed, insolation_au, phase_function)
+    planet = planet_from(1.0 if radius_rjup is None else radius_rjup, phase_deg, reflects)
     if semi_major_axis_au is not None:
         check_range("--semi-major-axis-au", semi_major_axis_au, 1e-3, 1e5, "au")
         separation_arcsec = semi_major_axis_au * math.sin(math.radians(phase_deg)) / float(star.distance_pc[0])
@@ -155,6 +183,7 @@ def etc(
         star,
         answers,
         note=note,
+        catalogue=table.provenance,
         planet=None if contrast is not None or contrast_limit else planet,
         asked={"snr": snr, "time_s": wall if snr is None else None, "limit": contrast_limit, "contrast": contrast}
         | {"places": places, "phase_deg": phase_deg}

@@ -88,7 +88,9 @@ def main(arguments: list[str] | None = None) -> int:
     return _status(status)
 
 
-INTERRUPTED = "interrupted; a plan continues when it is started again with the same --out"
+INTERRUPTED = (
+    "interrupted; no file is left half written, and a plan continues when it is started again with the same --out"
+)
 
 
 def _status(code: object) -> int:

@@ -3,28 +3,38 @@
 from __future__ import annotations
 
 from enum import StrEnum
-from typing import Annotated, TypeAlias
+from pathlib import Path
+from typing import Annotated, Any, TypeAlias
 
 import typer
 
+from catalogs.errors import InputError
 from cpic_planner.etc.planet import ReferencePlanet
+from simulator.config.albedo import AlbedoSpec, albedo_spec
 from simulator.config.base import validate
 
 __all__ = [
     "AlbedoOption",
     "BandOption",
+    "CatalogOption",
+    "CloudsOption",
     "CompanionsOption",
     "DwarfsOption",
     "FidelityOption",
+    "InsolationOption",
     "InstrumentOption",
     "JsonOption",
+    "MetallicityOption",
     "OnOff",
+    "PhaseFunction",
+    "PhaseFunctionOption",
     "PhaseOption",
     "RadiusOption",
     "SinglesOption",
     "Tier",
     "TimeOption",
     "VMaxOption",
+    "albedo_from",
     "planet_from",
 ]  # fmt: skip
 
@@ -44,6 +54,13 @@ class Tier(StrEnum):
     QUICK = "quick"
     STANDARD = "standard"
     REFERENCE = "reference"
+
+
+class PhaseFunction(StrEnum):
+    """How a planet's brightness falls with phase."""
+
+    LAMBERT = "lambert"
+    GRID = "grid"
 
 
 JsonOption: TypeAlias = Annotated[bool, typer.Option("--json", help="Machine-readable result on stdout.")]
@@ -67,18 +84,79 @@ RadiusOption: TypeAlias = Annotated[
 ]
 PhaseOption: TypeAlias = Annotated[float, typer.Option("--phase-deg", help="Phase angle, above 0 and below 180 deg.")]
 AlbedoOption: TypeAlias = Annotated[
-    str, typer.Option("--albedo", help="Geometric-albedo template: jupiter, saturn, uranus, neptune.")
+    str | None,
+    typer.Option(
+        "--albedo",
+        help="jupiter, saturn, uranus, neptune, parametric, a number, or a file with wavelength and geometric albedo "
+        "[default: jupiter, or parametric where its parameters are given].",
+    ),
+]
+MetallicityOption: TypeAlias = Annotated[
+    float | None, typer.Option("--log10-mh", help="Parametric albedo: log10 of metallicity over solar, 0 to 2.")
+]
+CloudsOption: TypeAlias = Annotated[
+    float | None,
+    typer.Option("--log10-fsed", help="Parametric albedo: log10 of the clouds' sedimentation efficiency, -2 to 2."),
+]
+InsolationOption: TypeAlias = Annotated[
+    float | None,
+    typer.Option(
+        "--insolation-au",
+        help="Parametric albedo: distance from the Sun of equal insolation [default: r / sqrt(L) of the star].",
+    ),
+]
+PhaseFunctionOption: TypeAlias = Annotated[
+    PhaseFunction | None,
+    typer.Option(
+        "--phase-function", help="Parametric albedo: Lambert's, or that of the model grid [default: lambert]."
+    ),
 ]
 DwarfsOption: TypeAlias = Annotated[bool, typer.Option("--dwarfs", help="Dwarfs only (luminosity class V or IV-V).")]
 SinglesOption: TypeAlias = Annotated[bool, typer.Option("--singles", help="Stars without a close companion only.")]
-VMaxOption: TypeAlias = Annotated[float, typer.Option("--v-mag-max", help="Faintest V magnitude.")]
+VMaxOption: TypeAlias = Annotated[
+    float | None,
+    typer.Option("--v-mag-max", help="Faintest V magnitude [default: 7; none for a table of your own]."),
+]
+CatalogOption: TypeAlias = Annotated[
+    str,
+    typer.Option(
+        "--catalog",
+        help="Star table: snapshot, latest (made by cpic catalog refresh), or a CSV, ECSV, VOTable or FITS file.",
+    ),
+]
 FidelityOption: TypeAlias = Annotated[Tier, typer.Option("--fidelity", help="Speed against accuracy of the images.")]
 
 
-def planet_from(radius_rjup: float, phase_deg: float, albedo: str) -> ReferencePlanet:
-    """Reference planet from options, refused in one line when out of range."""
-    from catalogs.spectra import load_albedo
+def albedo_from(
+    albedo: str | None,
+    log10_mh: float | None,
+    log10_fsed: float | None,
+    insolation_au: float | None,
+    phase_function: PhaseFunction | None,
+) -> AlbedoSpec:
+    """Albedo from options; parameters without a name mean the parametric model, with a file a grid of models."""
+    given: dict[str, Any] = {"log10_mh": log10_mh, "log10_fsed": log10_fsed, "insolation_au": insolation_au,
+                             "phase_function": phase_function.value if phase_function else None}  # fmt: skip
+    parameters = {key: value for key, value in given.items() if value is not None}
+    if albedo is None:
+        return albedo_spec({"model": "parametric"} | parameters if parameters else "jupiter")
+    if "/" in albedo or "." in albedo.strip("0123456789.eE+-"):
+        if not Path(albedo).is_file():
+            raise InputError("--albedo", albedo, allowed="an existing file")
+        return albedo_spec({"model": "grid" if parameters else "table", "file": albedo} | parameters)
+    if albedo == "parametric":
+        return albedo_spec({"model": "parametric"} | parameters)
+    if parameters:
+        option = "--" + next(iter(parameters)).replace("_", "-")
+        raise InputError(option, f"given with --albedo {albedo}", allowed="one of the two",
+                         hint="parameters are those of --albedo parametric or of a grid of models")  # fmt: skip
+    try:
+        return albedo_spec(float(albedo))
+    except ValueError:
+        return albedo_spec(albedo)
 
-    load_albedo(albedo)
+
+def planet_from(radius_rjup: float, phase_deg: float, albedo: AlbedoSpec) -> ReferencePlanet:
+    """Reference planet from options, refused in one line when out of range."""
     tree = {"radius_rjup": radius_rjup, "phase_deg": phase_deg, "albedo": albedo}
     return validate(ReferencePlanet, tree, where="planet")

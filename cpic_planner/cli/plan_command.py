@@ -12,18 +12,24 @@ from cpic_planner.cli.options import (
     DEFAULT_TIME_S,
     AlbedoOption,
     BandOption,
+    CatalogOption,
+    CloudsOption,
     CompanionsOption,
     DwarfsOption,
     FidelityOption,
+    InsolationOption,
     InstrumentOption,
     JsonOption,
+    MetallicityOption,
     OnOff,
+    PhaseFunctionOption,
     PhaseOption,
     RadiusOption,
     SinglesOption,
     Tier,
     TimeOption,
     VMaxOption,
+    albedo_from,
     planet_from,
 )
 from cpic_planner.cli.output import console, note, print_json, progress
@@ -43,7 +49,9 @@ Examples:
 
   cpic plan --top 2 --band F520 --band F662 --time-s 7200 --json > plan.json
 
-  cpic plan --top 20 --dry-run"""
+  cpic plan --top 20 --dry-run
+
+  cpic plan --catalog my_stars.ecsv --top 3"""
 
 
 def plan(
@@ -52,11 +60,16 @@ def plan(
     time_s: TimeOption = DEFAULT_TIME_S,
     dwarfs: DwarfsOption = False,
     singles: SinglesOption = False,
-    v_mag_max: VMaxOption = 7.0,
+    v_mag_max: VMaxOption = None,
+    catalog: CatalogOption = "snapshot",
     companions: CompanionsOption = OnOff.ON,
     radius_rjup: RadiusOption = 1.0,
     phase_deg: PhaseOption = 90.0,
-    albedo: AlbedoOption = "jupiter",
+    albedo: AlbedoOption = None,
+    log10_mh: MetallicityOption = None,
+    log10_fsed: CloudsOption = None,
+    insolation_au: InsolationOption = None,
+    phase_function: PhaseFunctionOption = None,
     instrument: InstrumentOption = None,
     fidelity: FidelityOption = Tier.STANDARD,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of every random number.")] = 1,
@@ -68,6 +81,7 @@ def plan(
     as_json: JsonOption = False,
 ) -> None:
     """Plan and print."""
+    from catalogs.catalogue import open_catalogue
     from cpic_planner.plan import PlanConfig, estimate_cost, make_plan
     from simulator.config import load_instrument
     from simulator.config.base import validate
@@ -81,13 +95,18 @@ def plan(
         "singles_only": singles,
         "v_mag_max": v_mag_max,
         "companions": companions.value,
-        "planet": planet_from(radius_rjup, phase_deg, albedo),
+        "planet": planet_from(
+            radius_rjup, phase_deg, albedo_from(albedo, log10_mh, log10_fsed, insolation_au, phase_function)
+        ),
         "fidelity": fidelity.value,
         "seed": seed,
     }
     config = validate(PlanConfig, tree, where="plan")
+    table = open_catalogue(catalog)
+    for remark in table.notes:
+        note(remark)
     if dry_run:
-        cost = estimate_cost(config, workers=workers)
+        cost = estimate_cost(config, workers=workers, catalog=table)
         if as_json:
             from simulator.files import dump_json
 
@@ -102,6 +121,7 @@ def plan(
         done = make_plan(
             config,
             out,
+            catalog=table,
             workers=workers,
             scheduler=scheduler,
             force=force,

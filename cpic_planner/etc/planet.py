@@ -11,9 +11,11 @@ from pydantic import Field
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.targets import Targets
 from simulator.config import FrozenModel
+from simulator.config.albedo import AlbedoValue, MeasuredAlbedo
+from simulator.target.albedo import albedo_notes, albedo_source, needs_insolation, phase_value
 from simulator.target.contrast import contrast_at
 
-__all__ = ["ReferencePlanet", "reference_contrast", "reference_distance_au"]
+__all__ = ["ReferencePlanet", "reference_contrast", "reference_distance_au", "reference_notes"]
 
 FloatArray = NDArray[np.float64]
 
@@ -21,12 +23,13 @@ FloatArray = NDArray[np.float64]
 class ReferencePlanet(FrozenModel):
     """1 R_J at phase 90 deg on a hole diagonal, with the measured albedo of Jupiter.
 
-    At phase 90 deg the true distance equals the projected one; at other phases it is ``rho / sin(phase)``.
+    At phase 90 deg the true distance equals the projected one; at other phases it is ``rho / sin(phase)``. An albedo
+    that follows the insolation takes it as ``r / sqrt(L)``.
     """
 
     radius_rjup: Annotated[float, Field(gt=0, le=10)] = 1.0
     phase_deg: Annotated[float, Field(gt=0, lt=180)] = 90.0
-    albedo: str = "jupiter"
+    albedo: AlbedoValue = MeasuredAlbedo(model="jupiter")
 
 
 def reference_distance_au(targets: Targets, separation_arcsec: FloatArray, planet: ReferencePlanet) -> FloatArray:
@@ -35,12 +38,26 @@ def reference_distance_au(targets: Targets, separation_arcsec: FloatArray, plane
     return projected / np.sin(np.radians(planet.phase_deg))
 
 
+def reference_notes(
+    model: EtcModel, target: Targets, band: str, separation_arcsec: float, planet: ReferencePlanet
+) -> tuple[str, ...]:
+    """What was clamped or extrapolated in the reference planet of one star, as flags."""
+    distance = float(reference_distance_au(target, np.array([separation_arcsec]), planet)[0, 0])
+    notes = albedo_notes(planet.albedo, distance / float(np.sqrt(target.luminosity_lsun[0])))
+    beyond = model.passbands.albedo_flags(albedo_source(planet.albedo))[model.passbands.index(band)]
+    return (*notes, "extrapolated") if beyond else notes
+
+
 def reference_contrast(
     model: EtcModel, targets: Targets, band: str, separation_arcsec: FloatArray, planet: ReferencePlanet
 ) -> FloatArray:
     """Contrast of the reference planet in one band, ``(n_star, n_separation)``; ``(n_separation,)`` for one star."""
     distance = reference_distance_au(targets, separation_arcsec, planet)
-    column = model.passbands.names.index(band)
-    albedo = model.passbands.band_albedo(planet.albedo, targets.teff_k, targets.log_g, targets.metallicity)[:, column]
-    contrast = np.asarray(contrast_at(planet.radius_rjup, distance, planet.phase_deg, albedo[:, None]))
+    # An albedo that knows its insolation already leaves this out.
+    insolation = distance / np.sqrt(targets.luminosity_lsun)[:, None] if needs_insolation(planet.albedo) else None
+    stars = (targets.teff_k[:, None], targets.log_g[:, None], targets.metallicity[:, None])
+    mean = model.passbands.band_albedo(albedo_source(planet.albedo), *stars, insolation_au=insolation)
+    albedo = mean[..., model.passbands.names.index(band)]
+    phase = phase_value(planet.albedo, planet.phase_deg, insolation_au=insolation)
+    contrast = np.asarray(contrast_at(planet.radius_rjup, distance, planet.phase_deg, albedo, phase_value=phase))
     return contrast[0] if len(targets) == 1 else contrast

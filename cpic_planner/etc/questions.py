@@ -15,7 +15,7 @@ from cpic_planner.etc.limits import frame_limit
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.noise import stack_noise
 from cpic_planner.etc.place import check_range, diagonal, locate
-from cpic_planner.etc.planet import ReferencePlanet, reference_contrast
+from cpic_planner.etc.planet import ReferencePlanet, reference_contrast, reference_notes
 from cpic_planner.etc.rates import ApertureRates, aperture_rates, speckle_fraction
 from cpic_planner.etc.settings import Settings, settings_for_snr, settings_for_time, visit_lengths
 from cpic_planner.etc.significance import threshold_array
@@ -55,8 +55,9 @@ def _cases(
     for band in bands or model.bands:
         if band not in model.metrics:
             raise InputError("band", band, allowed=", ".join(model.bands))
-        given = contrast
+        given, notes = contrast, target.flags[0]
         if given is None:
+            notes += reference_notes(model, target, band, separation_arcsec, planet)
             given = float(reference_contrast(model, target, band, np.array([separation_arcsec]), planet)[0])
         head: dict[str, Any] = {
             "target": str(target.name[0]),
@@ -65,7 +66,7 @@ def _cases(
             "unit": unit,
             "contrast": None if question == "contrast_limit" else given,
             "separation_arcsec": separation_arcsec,
-            "flags": target.flags[0],
+            "flags": target.flags[0] if question == "contrast_limit" else notes,
         }
         status, reason, message = locate(model.instrument, band, separation_arcsec)
         if status is not Status.OK:

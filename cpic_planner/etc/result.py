@@ -36,11 +36,14 @@ def etc_result(
     note: str,
     planet: ReferencePlanet | None,
     asked: Mapping[str, Any],
+    catalogue: str,
 ) -> EtcResult:
-    """Collect answers about one star."""
+    """Collect answers about one star of a catalogue, which is named by its provenance."""
     record = None
     if planet is not None:
-        record = ReferencePlanetRecord(radius_rjup=planet.radius_rjup, phase_deg=planet.phase_deg, albedo=planet.albedo)
+        record = ReferencePlanetRecord(
+            radius_rjup=planet.radius_rjup, phase_deg=planet.phase_deg, albedo=planet.albedo.label
+        )
     return EtcResult(
         config_hash=content_hash(
             {
@@ -56,6 +59,7 @@ def etc_result(
         hip=int(target.hip[0]) if target.hip[0] else None,
         v_mag=float(target.v_mag[0]),
         distance_pc=float(target.distance_pc[0]),
+        catalogue=catalogue,
         note=note,
         reference_planet=record,
         best_band=best_band(answers),

@@ -165,13 +165,17 @@ def _environment() -> Environment:
     return environment
 
 
-def ra_text(ra_deg: float) -> str:
+def ra_text(ra_deg: float | None) -> str:
     """Return a right ascension as hours, minutes and seconds."""
+    if ra_deg is None:
+        return MISSING
     total = round(ra_deg / 15.0 * 3600.0) % 86400
     return f"{total // 3600:02d} h {total // 60 % 60:02d} m {total % 60:02d} s"
 
 
-def dec_text(dec_deg: float) -> str:
+def dec_text(dec_deg: float | None) -> str:
     """Return a declination as degrees and minutes."""
+    if dec_deg is None:
+        return MISSING
     total = round(abs(dec_deg) * 60.0)
     return f"{'−' if dec_deg < 0 else '+'}{total // 60:02d}° {total % 60:02d}′"

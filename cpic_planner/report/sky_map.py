@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cpic_planner.models import RankResult
+from cpic_planner.models import RankedTarget, RankResult
 from cpic_planner.report.drawing import (
     SCREEN_DPI,
     STATUS_STYLE,
@@ -36,6 +38,12 @@ def marker_area(v_mag: ArrayLike) -> NDArray[np.float64]:
     return np.clip(8.0 * 10.0 ** (0.15 * (7.0 - np.asarray(v_mag, float))), 7.0, 110.0)
 
 
+def _places(rows: Sequence[RankedTarget]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Map longitudes and latitudes (rad) of stars that have a position."""
+    latitude = np.deg2rad(np.array([row.dec_deg for row in rows], np.float64))
+    return map_longitude(np.array([row.ra_deg for row in rows], np.float64)), latitude
+
+
 def _radius_px(v_mag: float, ringed: bool) -> float:
     """Radius of a star's marker on the screen."""
     area = float(marker_area(v_mag)) + (RING_AREA if ringed else 0.0)
@@ -55,7 +63,8 @@ def sky_map(rank: RankResult, *, confirmed: tuple[str, ...] = (), labelled: int 
     """
     from matplotlib.patheffects import withStroke
 
-    rows = rank.targets
+    rows = [row for row in rank.targets if row.ra_deg is not None and row.dec_deg is not None]
+    hidden = len(rank.targets) - len(rows)
     with style():
         figure = new_figure(5.3)
         axes = figure.add_subplot(projection="mollweide")
@@ -84,8 +93,7 @@ def sky_map(rank: RankResult, *, confirmed: tuple[str, ...] = (), labelled: int 
             for step in sorted({round(2.0 * row.v_mag) for row in chosen}, key=lambda step: abs(step - 8)):
                 group = [row for row in chosen if round(2.0 * row.v_mag) == step]
                 axes.scatter(
-                    map_longitude([row.ra_deg for row in group]),
-                    np.deg2rad([row.dec_deg for row in group]),
+                    *_places(group),
                     s=float(marker_area(step / 2.0)),
                     c=colour,
                     marker=marker,
@@ -98,8 +106,7 @@ def sky_map(rank: RankResult, *, confirmed: tuple[str, ...] = (), labelled: int 
         ringed = [row for row in rows if row.name in confirmed]
         if ringed:
             axes.scatter(
-                map_longitude([row.ra_deg for row in ringed]),
-                np.deg2rad([row.dec_deg for row in ringed]),
+                *_places(ringed),
                 s=marker_area([row.v_mag for row in ringed]) + RING_AREA,
                 facecolors="none",
                 edgecolors="#111111",
@@ -113,20 +120,22 @@ def sky_map(rank: RankResult, *, confirmed: tuple[str, ...] = (), labelled: int 
             texts.append(f"V = {v_mag}")
         figure.legend(handles, texts, loc="outside lower center", ncols=4, handletextpad=0.4, columnspacing=1.6)
         chosen = ringed + [row for row in rows[:labelled] if row.name not in confirmed]
+        longitude, latitude = _places(chosen)
         place_labels(
             axes,
-            map_longitude([row.ra_deg for row in chosen]).tolist(),
-            np.deg2rad([row.dec_deg for row in chosen]).tolist(),
+            longitude.tolist(),
+            latitude.tolist(),
             [literal(pretty_name(row.name)) for row in chosen],
             fontsize=9,
             avoid=axes.get_xticklabels(),
             reach_px=[_radius_px(row.v_mag, row.name in confirmed) for row in chosen],
         )
-        best = ", ".join(pretty_name(row.name) for row in rows[:5])
+        best = ", ".join(pretty_name(row.name) for row in rows[:5]) or "none"
         return save(
             figure,
             "svg",
             alt=f"Map of the whole sky with {len(rows)} ranked stars, coloured by status; highest ranked: {best}.",
             caption="Ranked stars on the sky. Marker area grows with brightness (V); colour and shape give the status "
-            "of the reference planet; rings mark targets whose images were simulated.",
+            "of the reference planet; rings mark targets whose images were simulated."
+            + (f" Stars without a listed position, not shown: {hidden}." if hidden else ""),
         )

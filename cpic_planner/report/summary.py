@@ -23,7 +23,7 @@ def chosen(target: ConfirmedTarget) -> BandConfirmation | None:
 def planet_text(result: PlanResult | RankResult) -> str:
     """Return the reference planet in words."""
     planet = result.reference_planet
-    albedo = planet.albedo.capitalize()
+    albedo = planet.albedo[:1].upper() + planet.albedo[1:]
     return f"{planet.radius_rjup:g} Jupiter radius, phase {planet.phase_deg:g}°, {albedo} albedo, {planet.position}"
 
 

@@ -6,6 +6,8 @@ import functools
 import json
 from importlib import resources
 
+from catalogs.star_flags import ADDED_FLAGS
+
 __all__ = [
     "FLAGS",
     "GLOSSARY",
@@ -68,6 +70,8 @@ FLAGS: dict[str, str] = {
     "companion_saturates": "a companion on the frame overflows its pixels: its blooming is not followed",
     "companion_pa_assumed": "the sources give no position angle for the companion: 30 deg assumed",
     "stellar_grid_clamped": "temperature, gravity or metallicity clamped to the edge of the spectral grid",
+    "fsed_clamped": "f_sed above 6 is taken as 6, the largest with models behind it",
+    "insolation_clamped": "the planet's insolation is outside the models' 0.5-5 au: the nearer end is used",
     "extrapolated": "beyond the range of its input data",
     "clamped": "an input was clamped to the range of its model",
     "idealised": "noise-free or drift-free reference library",
@@ -157,4 +161,4 @@ def library_text(library: str) -> str:
 
 def flag_text(flag: str) -> str:
     """Return a flag as words; unknown flags with spaces for underscores."""
-    return FLAGS.get(flag) or _catalogue_flags().get(flag, flag.replace("_", " "))
+    return FLAGS.get(flag) or ADDED_FLAGS.get(flag) or _catalogue_flags().get(flag, flag.replace("_", " "))

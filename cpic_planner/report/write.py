@@ -15,7 +15,7 @@ from cpic_planner.report.names import pretty_name
 from cpic_planner.report.panels import Panels
 from cpic_planner.report.tables import ranking_csv, ranking_ecsv
 from cpic_planner.runfolder import RunFolder
-from cpic_planner.targets import find_target
+from cpic_planner.targets import Targets, find_target
 from cpic_planner.validation.confirm import decode_arrays
 
 __all__ = ["hole_edges", "limit_curves", "panels_of", "write_report"]
@@ -24,12 +24,18 @@ N_LIMIT_POINTS = 24
 MAX_LIMITS = 3
 
 
-def limit_curves(plan: PlanResult, model: EtcModel) -> list[LimitCurve]:
-    """Contrast limit against separation for the first confirmed targets, each in its ranked band and time."""
+def limit_curves(plan: PlanResult, model: EtcModel, targets: Targets | None = None) -> list[LimitCurve]:
+    """Contrast limit against separation for the first confirmed targets, each in its ranked band and time.
+
+    `targets` are the ranked stars; without them the stars are those of the snapshot.
+    """
     curves = []
     for target in plan.targets[:MAX_LIMITS]:
         row = target.ranked
-        star, _ = find_target(target.name, companions=plan.companions)
+        if targets is None:
+            star, _ = find_target(target.name, companions=plan.companions)
+        else:
+            star = targets.select(targets.name == target.name)
         inner = model.metrics[row.band].hole_inner_corner_arcsec
         separations = np.geomspace(inner * 1.001, model.metrics[row.band].owa_arcsec * 0.999, N_LIMIT_POINTS)
         values = [
@@ -79,13 +85,13 @@ def write_report(
     rank: RankResult,
     model: EtcModel,
     bodies: Mapping[tuple[str, str], Mapping[str, Any]],
+    targets: Targets,
 ) -> None:
-    """Write ``ranking.csv``, ``ranking.ecsv`` and ``report.html``, each whole."""
+    """Write ``ranking.csv``, ``ranking.ecsv`` and ``report.html``, each whole; `targets` are the ranked stars."""
     from cpic_planner.report.html import plan_html
 
     folder.write("ranking.csv", ranking_csv(rank))
     folder.write("ranking.ecsv", ranking_ecsv(rank))
     panels = {f"{name} {band}": panels_of(model, band, body) for (name, band), body in bodies.items()}
-    folder.write(
-        "report.html", plan_html(plan, rank, panels=panels, limits=limit_curves(plan, model), holes=hole_edges(model))
-    )
+    limits = limit_curves(plan, model, targets)
+    folder.write("report.html", plan_html(plan, rank, panels=panels, limits=limits, holes=hole_edges(model)))

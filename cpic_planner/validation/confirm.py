@@ -24,6 +24,8 @@ from cpic_planner.validation.rdi import rdi_subtract
 from simulator.camera.emccd import to_electrons
 from simulator.config import Instrument, Planet, Scene, SceneStar
 from simulator.config.base import validate
+from simulator.config.geometry import place
+from simulator.config.scene_table import COMPANION_LIMIT_ARCSEC
 from simulator.observation import Observation, observe
 from simulator.outcome import Reason, Status
 
@@ -40,7 +42,6 @@ __all__ = [
 FloatArray = NDArray[np.float64]
 PLANET_PA_DEG = 315.0
 """Position angle of the reference planet: that of the example of Zhu et al. 2025, on a hole diagonal."""
-COMPANION_LIMIT_ARCSEC = 60.0
 MAX_FRAMES = 4000
 """Frames of one sequence that are held in memory at once (0.6 GB of stamps)."""
 _REFUSALS = {
@@ -87,6 +88,8 @@ def target_scene(target: Targets, planet: ReferencePlanet, separation_arcsec: fl
         teff_k=float(target.teff_k[0]),
         log_g=float(target.log_g[0]),
         metallicity=float(target.metallicity[0]),
+        distance_pc=_known(target.distance_pc[0]),
+        luminosity_lsun=_known(target.luminosity_lsun[0]),
     )
     body = Planet(
         name="reference planet",
@@ -113,6 +116,10 @@ def target_scene(target: Targets, planet: ReferencePlanet, separation_arcsec: fl
             ),
         )
     return Scene(name=name, cstar=star, planets=(body,), stars=stars, companions=target.companions)
+
+
+def _known(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
 
 
 def prepare_task(
@@ -198,7 +205,8 @@ def confirm_task(tree: dict[str, Any]) -> dict[str, Any]:
     planet = science.truth.sources[1]
     template = science.psf.at(planet.x_arcsec, planet.y_arcsec)
     weights = aperture_weights(stack.shape, x, y, radius)
-    annulus = science.psf.metrics.annulus(scene.planets[0].separation_arcsec, task.annulus_lambda_d)
+    separation = place(scene.cstar, scene.planets[0]).separation_arcsec
+    annulus = science.psf.metrics.annulus(separation, task.annulus_lambda_d)
     throughput = cut.throughput(template, weights, background=_background(annulus, x, y, radius))
     measured = aperture_photometry(
         stack,

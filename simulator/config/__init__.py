@@ -3,6 +3,7 @@
 from simulator.config.base import FrozenModel, canonical_json, content_hash
 from simulator.config.instrument import Instrument, load_instrument
 from simulator.config.scene import Planet, Scene, SceneStar, load_scene
+from simulator.config.scene_table import scenes_from_table
 
 __all__ = [
     "FrozenModel",
@@ -14,4 +15,5 @@ __all__ = [
     "content_hash",
     "load_instrument",
     "load_scene",
+    "scenes_from_table",
 ]

@@ -1,21 +1,24 @@
-"""What reflects the star's light, as configuration: one of four kinds of geometric albedo."""
+"""What reflects the star's light, as configuration: one of five kinds of geometric albedo."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal, TypeAlias
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeAlias, cast
 
 from pydantic import BeforeValidator, Field, model_validator
 
 from catalogs.errors import InputError
 from simulator.config.base import FrozenModel, validate
+from simulator.config.light import check_columns
 
 __all__ = [
     "LOG10_FSED_MAX",
     "AlbedoSpec",
     "AlbedoValue",
     "ConstantAlbedo",
+    "GridAlbedo",
     "MeasuredAlbedo",
     "ParametricAlbedo",
     "TableAlbedo",
@@ -39,17 +42,18 @@ class MeasuredAlbedo(FrozenModel):
         return self.model
 
 
-class ParametricAlbedo(FrozenModel):
-    """Rayleigh scattering over a cloud deck with methane absorption; see `simulator.target.reflection`.
+class _Atmosphere(FrozenModel):
+    """A giant planet's atmosphere by metallicity, clouds and insolation.
 
-    ``log10_mh`` is the metallicity over the Sun's and ``log10_fsed`` the sedimentation efficiency, both as decimal
-    logarithms; a mapping may give ``mh`` or ``fsed``, not logarithms, instead. Without ``insolation_au`` it is the
-    true distance over the square root of the star's luminosity.
+    ``log10_mh`` is the metallicity over the Sun's and ``log10_fsed`` the sedimentation efficiency of the clouds, both
+    as decimal logarithms; a mapping may give ``mh`` or ``fsed``, not logarithms, instead, and ``fsed: 0`` or
+    ``log10_fsed: null`` means cloud-free. Without ``insolation_au`` it is the true distance over the square root of
+    the star's luminosity. The defaults are Jupiter-like: carbon about three times the Sun's (Wong et al. 2004, Icarus
+    171, 153), f_sed 3 of the ammonia clouds (Ackerman & Marley 2001, ApJ 556, 872).
     """
 
-    model: Literal["parametric"] = "parametric"
-    log10_mh: Annotated[float, Field(ge=0, le=2)]
-    log10_fsed: Annotated[float, Field(ge=-2, le=2)]
+    log10_mh: Annotated[float, Field(ge=0, le=2)] = 0.5
+    log10_fsed: Annotated[float, Field(ge=-2, le=2)] | None = 0.5
     insolation_au: Annotated[float, Field(gt=0, le=1e6)] | None = None
     phase_function: Literal["lambert", "grid"] = "lambert"
 
@@ -65,19 +69,48 @@ class ParametricAlbedo(FrozenModel):
             if name in result:
                 raise InputError(linear, f"given with {name}", allowed="one of the two")
             value = result.pop(linear)
-            if isinstance(value, bool) or not isinstance(value, int | float) or not value > 0:
+            if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value) or value < 0:
+                raise InputError(linear, value, allowed="a finite number above 0")
+            if value == 0 and linear == "mh":
                 raise InputError(linear, value, allowed="a number above 0")
-            result[name] = math.log10(value)
+            result[name] = math.log10(value) if value else None
         return result
+
+    @property
+    def clamped_log10_fsed(self) -> float | None:
+        """What is used: at most log10 6; None for a cloud-free atmosphere."""
+        return None if self.log10_fsed is None else min(self.log10_fsed, LOG10_FSED_MAX)
 
     @property
     def label(self) -> str:
         """For tables and legends: what was used, in linear units too."""
         distance = "star's insolation" if self.insolation_au is None else f"{self.insolation_au:g} au"
-        fsed = 10.0**self.log10_fsed
-        shown = f"{fsed:.3g}" if self.log10_fsed <= LOG10_FSED_MAX else f"{fsed:.3g} -> 6"
+        if self.log10_fsed is None:
+            clouds = "cloud-free"
+        else:
+            fsed = 10.0**self.log10_fsed
+            clouds = f"f_sed {fsed:.3g}" + (" taken as 6" if self.log10_fsed > LOG10_FSED_MAX else "")
         phase = "" if self.phase_function == "lambert" else ", grid phase"
-        return f"parametric ({10.0**self.log10_mh:.3g} x solar, f_sed {shown}, {distance}{phase})"
+        return f"{self._kind()} ({10.0**self.log10_mh:.3g} x solar, {clouds}, {distance}{phase})"
+
+    def _kind(self) -> str:
+        return "parametric"
+
+
+class ParametricAlbedo(_Atmosphere):
+    """Rayleigh scattering over a cloud deck with methane absorption; see `simulator.target.parametric`."""
+
+    model: Literal["parametric"] = "parametric"
+
+
+class GridAlbedo(_Atmosphere):
+    """A user's copy of a grid of models: the SQLite or npz layout of Batalha et al. 2018, given by path."""
+
+    model: Literal["grid"] = "grid"
+    file: str
+
+    def _kind(self) -> str:
+        return f"grid {Path(self.file).name}"
 
 
 class ConstantAlbedo(FrozenModel):
@@ -105,6 +138,8 @@ class TableAlbedo(FrozenModel):
         arrays = self.wavelength_nm is not None and self.albedo is not None
         if (self.file is not None) == arrays or (self.wavelength_nm is None) != (self.albedo is None):
             raise InputError("file", self.file, allowed="either file, or wavelength_nm and albedo")
+        if self.wavelength_nm is not None and self.albedo is not None:
+            check_columns("wavelength_nm", self.wavelength_nm, "albedo", self.albedo)
         return self
 
     @property
@@ -113,10 +148,11 @@ class TableAlbedo(FrozenModel):
         return f"table {self.file}" if self.file is not None else "table"
 
 
-AlbedoSpec: TypeAlias = MeasuredAlbedo | ParametricAlbedo | ConstantAlbedo | TableAlbedo
-_BY_MODEL: dict[str, type[MeasuredAlbedo] | type[ParametricAlbedo] | type[ConstantAlbedo] | type[TableAlbedo]] = {
+AlbedoSpec: TypeAlias = MeasuredAlbedo | ParametricAlbedo | GridAlbedo | ConstantAlbedo | TableAlbedo
+_BY_MODEL: dict[str, type[FrozenModel]] = {
     **dict.fromkeys(("jupiter", "saturn", "uranus", "neptune"), MeasuredAlbedo),
     "parametric": ParametricAlbedo,
+    "grid": GridAlbedo,
     "constant": ConstantAlbedo,
     "table": TableAlbedo,
 }
@@ -129,14 +165,15 @@ def albedo_spec(value: Any) -> AlbedoSpec:
     ----------
     value : AlbedoSpec, str, float or mapping
         ``"jupiter"`` and the other giants; a number for a constant; a mapping with ``model`` (which may be left out
-        where the other keys decide): ``{log10_mh: 1, log10_fsed: 1}``, ``{file: spectrum.txt}``.
+        where the other keys decide): ``{log10_mh: 1, log10_fsed: 1}``, ``{file: spectrum.txt}``, and both together
+        for a grid in a file.
 
     Raises
     ------
     InputError
         Naming the key, its value and what is allowed.
     """
-    if isinstance(value, MeasuredAlbedo | ParametricAlbedo | ConstantAlbedo | TableAlbedo):
+    if isinstance(value, MeasuredAlbedo | ParametricAlbedo | GridAlbedo | ConstantAlbedo | TableAlbedo):
         return value
     if isinstance(value, bool) or value is None:
         raise InputError("albedo", value, allowed="a planet's name, a number or a mapping")
@@ -146,15 +183,17 @@ def albedo_spec(value: Any) -> AlbedoSpec:
     if not isinstance(tree, Mapping):
         raise InputError("albedo", value, allowed="a planet's name, a number or a mapping")
     model = tree.get("model", _implied(tree))
-    if model not in _BY_MODEL:
+    if not isinstance(model, str) or model not in _BY_MODEL:
         raise InputError("albedo", model, allowed=", ".join(_BY_MODEL))
-    return validate(_BY_MODEL[model], tree)
+    return cast("AlbedoSpec", validate(_BY_MODEL[model], tree))
 
 
 def _implied(tree: Mapping[str, Any]) -> str:
     if "value" in tree:
         return "constant"
-    if "file" in tree or "albedo" in tree:
+    if "log10_mh" in tree or "mh" in tree:
+        return "grid" if "file" in tree else "parametric"
+    if "file" in tree or "albedo" in tree or "wavelength_nm" in tree:
         return "table"
     return "parametric"
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Iterable, Mapping
-from typing import Any, TypeVar
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Annotated, Any, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
@@ -88,28 +88,67 @@ def _one_line(error: ValidationError, where: str, model: type[BaseModel]) -> Inp
     kind, context = first["type"], first.get("ctx", {})
     value = first.get("input")
     if kind == "extra_forbidden":
-        return InputError(key, value, allowed="no such key", hint=f"known keys: {_siblings(model, first['loc'])}")
+        names = getattr(_field(model, first["loc"][:-1]), "model_fields", None)
+        known = ", ".join(sorted(names)) if names else "see the documentation"
+        return InputError(key, value, allowed="no such key", hint=f"known keys: {known}")
+    limits = _limits(_field(model, first["loc"]))
     if kind == "missing":
-        return InputError(key, "missing", allowed="a value is required")
+        needed = f", {limits} {unit_of(key)}" if limits else ""
+        return InputError(key, "missing", allowed=f"a value is required{needed}")
     if kind == "value_error" and isinstance(context.get("error"), InputError):
         inner: InputError = context["error"]
-        return InputError(path if inner.key in path else f"{path}.{inner.key}" if path else inner.key, inner.value,
+        named = path.split(".")[-1] == inner.key
+        return InputError(path if named else f"{path}.{inner.key}" if path else inner.key, inner.value,
                           unit=inner.unit, allowed=inner.allowed, hint=inner.hint)  # fmt: skip
     message = first["msg"].removeprefix("Input should be ").removeprefix("Value error, ")
+    if kind in _RANGE_KINDS and limits:
+        message = limits
+    elif limits:
+        message += f", {limits}"
     return InputError(key, value, unit=unit_of(key), allowed=message)
 
 
-def _siblings(model: type[BaseModel], loc: tuple[int | str, ...]) -> str:
-    fields: Any = model
-    for part in loc[:-1]:
-        info = getattr(fields, "model_fields", {}).get(part)
-        fields = getattr(info, "annotation", None)
-    names = getattr(fields, "model_fields", None)
-    return ", ".join(sorted(names)) if names else "see the documentation"
+_RANGE_KINDS = ("greater_than", "greater_than_equal", "less_than", "less_than_equal")
+
+
+def _field(model: Any, loc: Iterable[int | str]) -> Any:
+    """What a place in a tree is annotated with; the class where it is a model. Keys of a dict are passed over."""
+    found: Any = model
+    for part in loc:
+        info = getattr(found, "model_fields", {}).get(part)
+        if info is not None:
+            whole = Annotated[(info.annotation, *info.metadata)] if info.metadata else info.annotation
+            found = next(_models(info.annotation), whole)
+    return found
+
+
+def _models(annotation: Any) -> Iterator[Any]:
+    """Classes of models inside an annotation such as ``tuple[Planet, ...]``."""
+    if hasattr(annotation, "model_fields"):
+        yield annotation
+    for item in get_args(annotation):
+        yield from _models(item)
+
+
+def _limits(annotation: Any) -> str:
+    """Range that an annotation states, in words, empty if it states none."""
+    bounds = {name: getattr(item, name) for item in _metadata(annotation) for name in ("ge", "gt", "le", "lt")
+              if getattr(item, name, None) is not None}  # fmt: skip
+    if "ge" in bounds and "le" in bounds:
+        return f"{bounds['ge']:g} to {bounds['le']:g}"
+    words = {"ge": "at least", "gt": "above", "le": "at most", "lt": "below"}
+    return ", ".join(f"{word} {bounds[name]:g}" for name, word in words.items() if name in bounds)
+
+
+def _metadata(annotation: Any) -> Iterator[Any]:
+    for item in getattr(annotation, "__metadata__", ()):
+        yield from getattr(item, "metadata", (item,))
+    for item in get_args(annotation):
+        yield from _metadata(item)
 
 
 _UNITS = (
-    ("_e_s", "e-/s"), ("_e_adu", "e-/ADU"), ("_mag_arcsec2", "mag/arcsec2"), ("_mas_yr", "mas/yr"),
+    ("_e_s", "e-/s"), ("_e_adu", "e-/ADU"), ("_mag_arcsec2", "mag/arcsec2"), ("_mas_yr", "mas/yr"), ("_lsun", "L_sun"),
     ("_lambda_d", "lambda/D"), ("_arcsec", "arcsec"), ("_rjup", "R_Jup"), ("_deg", "deg"), ("_nm", "nm"),
     ("_adu", "ADU"), ("_au", "au"), ("_pc", "pc"), ("_mag", "mag"), ("_k", "K"), ("_e", "e-"), ("_s", "s"),
     ("_m", "m"), ("_pixel", "px"), ("_pixels", "px"),

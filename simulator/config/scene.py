@@ -6,76 +6,145 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from catalogs.errors import InputError
 from catalogs.strict_yaml import load_yaml
 from simulator.config.base import FrozenModel, validate
+from simulator.config.bodies import Planet, SceneStar
+from simulator.config.geometry import place, true_distance_au
+from simulator.config.keys import at, canonical_keys, nearest
+from simulator.config.light import PLANET_MODELS, STAR_MODELS
 from simulator.config.presets import preset_names, preset_path
 
 __all__ = ["Planet", "Scene", "SceneStar", "load_scene"]
 
-
-class SceneStar(FrozenModel):
-    """A star: brightness and atmosphere; a position only when it is not the central one."""
-
-    name: str
-    v_mag: Annotated[float, Field(ge=-30, le=40)]
-    teff_k: Annotated[float, Field(ge=1000, le=60000)]
-    log_g: Annotated[float, Field(ge=-1, le=6)] = 4.5
-    metallicity: Annotated[float, Field(ge=-5, le=2)] = 0.0
-    separation_arcsec: Annotated[float, Field(ge=0, le=120)] = 0.0
-    pa_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0
-
-
-class Planet(FrozenModel):
-    """A planet in reflected light; ``distance_au`` is the true distance from the star."""
-
-    name: str
-    radius_rjup: Annotated[float, Field(gt=0, le=10)]
-    distance_au: Annotated[float, Field(gt=0, le=1e12)]
-    phase_deg: Annotated[float, Field(ge=0, le=180)]
-    separation_arcsec: Annotated[float, Field(ge=0, le=120)]
-    pa_deg: Annotated[float, Field(ge=-360, le=360)]
-    albedo: str = "jupiter"
+_ALIASES = {"planet": "planets", "star": "stars"}
+_HINTS = {"host": "did you mean cstar?"}
+_FILE_KEYS = ("file", "spectrum", "model")
+_MODELS = (*STAR_MODELS, *PLANET_MODELS)
 
 
 class Scene(FrozenModel):
     """What the telescope points at.
 
-    ``companions`` says whether ``stars`` that are bound companions are put on the image (``on``) or left out.
+    Objects without a name get one: the scene's for the central star, ``planet 1``, ``star 1`` and so on for the
+    others. ``companions`` says whether the ``stars`` are put on the image (``on``) or left out.
     """
 
-    name: str
+    name: Annotated[str, Field(min_length=1)]
     cstar: SceneStar
     planets: tuple[Planet, ...] = ()
     stars: tuple[SceneStar, ...] = ()
     companions: Literal["on", "off"] = "on"
+
+    @model_validator(mode="before")
+    @classmethod
+    def _spelled(cls, tree: Any) -> Any:
+        if not isinstance(tree, Mapping):
+            return tree
+        result = canonical_keys(tree, cls.model_fields, _ALIASES, hints=_HINTS)
+        result["cstar"] = _named(result["cstar"], result.get("name")) if "cstar" in result else None
+        if result["cstar"] is None:
+            raise InputError("cstar", "missing", allowed="a mapping: the central star")
+        for key in ("planets", "stars"):
+            given = result.get(key)
+            listed = () if given is None else given if isinstance(given, list | tuple) else (given,)
+            result[key] = tuple(_named(body, f"{key[:-1]} {n}") for n, body in enumerate(listed, start=1))
+        return result
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Scene:
+        for key in ("separation_arcsec", "pa_deg"):
+            if getattr(self.cstar, key):
+                raise InputError(f"cstar.{key}", getattr(self.cstar, key), allowed="no such key: it is the origin")
+        seen = {self.cstar.name: "cstar"}
+        bodies = [(f"planets.{n}", body) for n, body in enumerate(self.planets)]
+        for path, body in [*bodies, *((f"stars.{n}", body) for n, body in enumerate(self.stars))]:
+            if body.name in seen:
+                raise InputError(f"{path}.name", body.name, allowed=f"a name of its own, not that of {seen[body.name]}")
+            seen[body.name] = path
+            try:
+                where = place(self.cstar, body)
+                if isinstance(body, Planet):
+                    true_distance_au(body, where.separation_arcsec, self.cstar.distance_pc)
+            except InputError as error:
+                raise at(path, error) from None
+        return self
 
     def without_planets(self) -> Scene:
         """The same scene, star only: what the reference library sees."""
         return self.model_copy(update={"planets": ()})
 
 
-def load_scene(source: str | Path | Mapping[str, Any]) -> Scene:
+def load_scene(source: Scene | str | Path | Mapping[str, Any]) -> Scene:
     """Load a scene from a YAML path, a preset name or a mapping.
+
+    Parameters
+    ----------
+    source : Scene, str, Path or mapping
+        Keys ``name``, ``cstar``, ``stars`` and ``planet`` or ``planets`` (one or a list), as in Zhu et al. 2025; see
+        `Scene`, `SceneStar` and `Planet` for those of each object. Files named in a YAML file are looked for beside
+        it first.
+
+    Returns
+    -------
+    Scene
 
     Raises
     ------
     InputError
         Naming key, value, unit and allowed range of the first fault.
+
+    Examples
+    --------
+    >>> from simulator import load_scene
+    >>> scene = load_scene({
+    ...     "name": "alpha Cen B",
+    ...     "cstar": {"magnitude": 1.35, "spectral_type": "K1V", "distance": 1.35},
+    ...     "planet": {"radius": 1, "phase_angle": 90, "separation": 0.65, "position_angle": 315, "albedo": "jupiter"},
+    ... })
+    >>> scene.planets[0].separation_arcsec
+    0.65
     """
+    if isinstance(source, Scene):
+        return source
     if isinstance(source, Mapping):
         tree: Any = dict(source)
-    else:
+    elif isinstance(source, str | Path):
         known = preset_path("scene", str(source))
-        if known is None and not Path(source).exists():
+        if known is None and not Path(source).is_file():
+            names = preset_names("scene")
             raise InputError("scene", str(source), allowed="a YAML file or a preset",
-                             hint=f"presets: {', '.join(preset_names('scene')) or 'none'}")  # fmt: skip
-        tree = load_yaml(known or source)
-    if isinstance(tree, dict) and "planet" in tree:
-        if "planets" in tree:
-            raise InputError("planet", "given with planets", allowed="one of the two")
-        planet = tree.pop("planet")
-        tree["planets"] = planet if isinstance(planet, list | tuple) else [planet]
+                             hint=nearest(source, names) or f"presets: {', '.join(names) or 'none'}")  # fmt: skip
+        path = known or Path(source)
+        tree = _beside(load_yaml(path), path.parent)
+    else:
+        raise InputError("scene", source, allowed="a mapping, a YAML file or a preset")
+    kind = tree.pop("kind", "scene") if isinstance(tree, dict) else "scene"
+    if not isinstance(kind, str) or kind != "scene":
+        raise InputError("scene.kind", kind, allowed="scene")
     return validate(Scene, tree, where="scene")
+
+
+def _named(body: Any, name: Any) -> Any:
+    """Give a body without a name the given one."""
+    if isinstance(body, Mapping):
+        return {**body, "name": name} if body.get("name") in (None, "") else body
+    if isinstance(body, SceneStar | Planet) and not body.name:
+        return body.model_copy(update={"name": name})
+    return body
+
+
+def _beside(tree: Any, folder: Path) -> Any:
+    """Paths of spectra and albedos that exist beside the scene's file, made whole."""
+    if isinstance(tree, list):
+        return [_beside(item, folder) for item in tree]
+    if not isinstance(tree, dict):
+        return tree
+    return {
+        key: str(folder / item)
+        if key in _FILE_KEYS and isinstance(item, str) and item not in _MODELS and (folder / item).is_file()
+        else _beside(item, folder)
+        for key, item in tree.items()
+    }

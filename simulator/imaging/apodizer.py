@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalogs.errors import InputError
-from simulator.imaging.arrays import read_npz
+from simulator.arrays import read_npz
 
 __all__ = ["load_apodizer", "shipped_apodizers", "upsample"]
 

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalogs.errors import InputError
-from simulator.imaging.arrays import write_npz
+from simulator.arrays import write_npz
 
 __all__ = ["design_step_mask", "main", "mask_figures"]
 

@@ -19,10 +19,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from simulator.arrays import read_npz, write_npz
 from simulator.cache import compute_once
 from simulator.config import Instrument, content_hash, load_instrument
 from simulator.imaging.apodizer import load_apodizer
-from simulator.imaging.arrays import read_npz, write_npz
 from simulator.imaging.metrics import PsfMetrics
 from simulator.knobs import Knobs
 

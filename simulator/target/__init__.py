@@ -15,9 +15,11 @@ if TYPE_CHECKING:
     from simulator.target.positions import detector_to_sky, sky_to_detector
     from simulator.target.sources import Source, scene_sources, spectrum_generator
     from simulator.target.spectral_type import StellarParameters, stellar_parameters
-    from simulator.target.star_spectrum import StarSpectrum, star_photlam, stellar_spectrum
+    from simulator.target.spectrum_table import read_spectrum
+    from simulator.target.star_spectrum import STAR_FLAGS, StarSpectrum, star_photlam, stellar_spectrum
 
 __all__ = [
+    "STAR_FLAGS",
     "Source",
     "StarSpectrum",
     "StellarParameters",
@@ -27,6 +29,7 @@ __all__ = [
     "lambert_phase",
     "planet_albedo",
     "planet_contrast",
+    "read_spectrum",
     "scene_sources",
     "sky_to_detector",
     "spectrum_generator",
@@ -36,6 +39,7 @@ __all__ = [
 ]
 
 _HOME = {
+    "STAR_FLAGS": "star_spectrum",
     "Source": "sources",
     "StarSpectrum": "star_spectrum",
     "StellarParameters": "spectral_type",
@@ -45,6 +49,7 @@ _HOME = {
     "lambert_phase": "phase",
     "planet_albedo": "albedo",
     "planet_contrast": "contrast",
+    "read_spectrum": "spectrum_table",
     "scene_sources": "sources",
     "sky_to_detector": "positions",
     "spectrum_generator": "sources",

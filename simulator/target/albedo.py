@@ -1,57 +1,254 @@
-"""Geometric albedo of planets: measured giants of the solar system."""
+"""Geometric albedo and phase behaviour of planets: one door to all kinds."""
 
 from __future__ import annotations
+
+import functools
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from catalogs.errors import InputError
 from catalogs.spectra import Albedo, load_albedo
+from simulator.albedo_family import AlbedoFamily
+from simulator.config.albedo import (
+    LOG10_FSED_MAX,
+    AlbedoSpec,
+    ConstantAlbedo,
+    GridAlbedo,
+    MeasuredAlbedo,
+    ParametricAlbedo,
+    albedo_spec,
+)
+from simulator.target.parametric import grid_phase_curve, parametric_family
+from simulator.target.phase import lambert_phase
 
-__all__ = ["albedo_flags", "planet_albedo"]
+if TYPE_CHECKING:
+    from simulator.target.albedo_files import AlbedoGrid
+
+__all__ = [
+    "albedo_flags",
+    "albedo_notes",
+    "albedo_source",
+    "albedo_table",
+    "needs_insolation",
+    "phase_value",
+    "planet_albedo",
+]
+
+_DEFAULT = ParametricAlbedo(insolation_au=2.0)
+# A constant has no table of its own; these ends hold every band.
+_EVERYWHERE_NM = (100.0, 10000.0)
 
 
-def planet_albedo(wavelength_nm: ArrayLike, *, model: str = "jupiter") -> np.ndarray:
-    """Return the geometric albedo of a planet.
+def planet_albedo(
+    wavelength_nm: ArrayLike,
+    *,
+    model: str = "parametric",
+    log10_mh: float = _DEFAULT.log10_mh,
+    log10_fsed: float | None = _DEFAULT.log10_fsed,
+    insolation_au: float = 2.0,
+) -> np.ndarray:
+    """Return the geometric albedo of a giant planet.
 
     Parameters
     ----------
     wavelength_nm : array_like
-        Wavelengths, 300 to 1755 nm.
-    model : {"jupiter", "saturn", "uranus", "neptune"}
-        Measured planet (Karkoschka 1998 up to 1050 nm; beyond, see `albedo_flags`).
+        Wavelengths, 300 to 1754 nm.
+    model : {"parametric", "jupiter", "saturn", "uranus", "neptune"} or str
+        ``parametric``: Rayleigh scattering over a cloud deck with methane absorption, fitted to public band albedos
+        (`simulator.target.parametric`). A planet: as measured (Karkoschka 1998 up to 1050 nm). Anything else is the
+        path of a two-column file.
+    log10_mh : float
+        Metallicity over the Sun's, decimal logarithm, 0 to 2; for ``parametric``, as the next two. The defaults of both
+        are Jupiter-like.
+    log10_fsed : float or None
+        Sedimentation efficiency of the clouds, decimal logarithm, -2 to 2; above log10 6 = 0.778 that is used (see
+        `albedo_notes`). None: no clouds.
+    insolation_au : float
+        Distance from the Sun that has the planet's insolation, above 0; clamped to 0.5-5.
 
     Returns
     -------
     ndarray
-        Albedo at the wavelengths, linear between samples 0.4 nm apart. For a band use
-        ``Passbands.band_albedo``: one wavelength does not stand for a band.
+        Albedo at the wavelengths, linear between samples. For a band use ``Passbands.band_albedo``: one wavelength
+        does not stand for a band.
+
+    Raises
+    ------
+    InputError
+        For an unknown model, a parameter out of range or a wavelength outside the table.
+    """
+    spec = _spec(model, log10_mh, log10_fsed, insolation_au)
+    table, wavelength = _covered(albedo_table(spec), wavelength_nm)
+    return np.asarray(np.interp(wavelength, table.wavelength_nm, table.albedo))
+
+
+def albedo_flags(wavelength_nm: ArrayLike, *, model: str = "parametric") -> np.ndarray:
+    """Return True where an albedo is ``extrapolated``: beyond 1050 nm, except in a table of your own.
+
+    The origin of the measured tables beyond is undocumented, and with it the methane coefficients there.
 
     Raises
     ------
     InputError
         For an unknown model or a wavelength outside the table.
     """
-    table, wavelength = _table(wavelength_nm, model)
-    return np.interp(wavelength, table.wavelength_nm, table.albedo)
-
-
-def albedo_flags(wavelength_nm: ArrayLike, *, model: str = "jupiter") -> np.ndarray:
-    """Return True where the albedo is ``extrapolated``.
-
-    Beyond 1050 nm the origin of the measured tables is undocumented.
-
-    Raises
-    ------
-    InputError
-        For an unknown model or a wavelength outside the table.
-    """
-    table, wavelength = _table(wavelength_nm, model)
+    table, wavelength = _covered(albedo_table(_spec(model, _DEFAULT.log10_mh, _DEFAULT.log10_fsed, 2.0)), wavelength_nm)
     return wavelength > table.documented_to_nm
 
 
-def _table(wavelength_nm: ArrayLike, model: str) -> tuple[Albedo, np.ndarray]:
-    table = load_albedo(model)
+def albedo_notes(spec: AlbedoSpec, insolation_au: float | None = None) -> tuple[str, ...]:
+    """Return what was clamped: ``fsed_clamped`` (above 6), ``insolation_clamped`` (outside the models' distances)."""
+    if not isinstance(spec, ParametricAlbedo | GridAlbedo):
+        return ()
+    notes = ["fsed_clamped"] if spec.log10_fsed is not None and spec.log10_fsed > LOG10_FSED_MAX else []
+    if bool(_family(spec).outside(_insolation(spec, insolation_au))):
+        notes.append("insolation_clamped")
+    return tuple(notes)
+
+
+def needs_insolation(spec: AlbedoSpec) -> bool:
+    """Whether the albedo follows the star's light on the planet, so that its insolation must be known."""
+    return isinstance(spec, ParametricAlbedo | GridAlbedo) and spec.insolation_au is None
+
+
+def albedo_source(spec: AlbedoSpec) -> Albedo | AlbedoFamily:
+    """Return what ``Passbands.band_albedo`` integrates: one albedo, or a family over insolation.
+
+    The same configuration gives the same object, so that its band integrals are made once.
+    """
+    if isinstance(spec, ParametricAlbedo | GridAlbedo):
+        family = _family(spec)
+        return family if spec.insolation_au is None else _at(family, spec.insolation_au)
+    if isinstance(spec, MeasuredAlbedo):
+        return load_albedo(spec.model)
+    if isinstance(spec, ConstantAlbedo):
+        return _constant(spec.value)
+    if spec.file is not None:
+        return _file(spec.file, _state(spec.file))
+    return _user_table(spec.wavelength_nm or (), spec.albedo or ())
+
+
+def albedo_table(spec: AlbedoSpec, *, insolation_au: float | None = None) -> Albedo:
+    """Return the albedo of one planet.
+
+    Parameters
+    ----------
+    spec : AlbedoSpec
+    insolation_au : float, optional
+        Insolation of the planet, for a specification that leaves it to the star (`needs_insolation`).
+
+    Raises
+    ------
+    InputError
+        If the insolation is needed and not given, or a file cannot be read.
+    """
+    source = albedo_source(spec)
+    if isinstance(source, AlbedoFamily):
+        return source.at(float(np.asarray(_insolation(spec, insolation_au))))
+    return source
+
+
+def phase_value(
+    spec: AlbedoSpec, phase_deg: ArrayLike, *, insolation_au: ArrayLike | None = None
+) -> np.ndarray | float:
+    """Return the planet's brightness at a phase angle relative to full phase.
+
+    Lambert's function, or the one of the model grid where the specification asks for it (``phase_function: grid``).
+
+    Parameters
+    ----------
+    spec : AlbedoSpec
+    phase_deg : array_like
+        0 to 180 degrees.
+    insolation_au : array_like, optional
+        For a specification that leaves it to the star; broadcast against the phases.
+
+    Raises
+    ------
+    InputError
+        If an angle is out of range, or the insolation is needed and not given.
+    """
+    if not isinstance(spec, ParametricAlbedo | GridAlbedo) or spec.phase_function == "lambert":
+        return lambert_phase(phase_deg)
+    distance = _insolation(spec, insolation_au)
+    curve = _grid(spec.file).phase_curve if isinstance(spec, GridAlbedo) else grid_phase_curve
+    found = curve(phase_deg, log10_mh=spec.log10_mh, log10_fsed=spec.clamped_log10_fsed, insolation_au=distance)
+    value = np.asarray(found)
+    return float(value) if value.ndim == 0 else value
+
+
+def _spec(model: str, log10_mh: float, log10_fsed: float | None, insolation_au: float) -> AlbedoSpec:
+    if model == "parametric":
+        tree = {"log10_mh": log10_mh, "log10_fsed": log10_fsed, "insolation_au": insolation_au}
+        return albedo_spec({"model": "parametric"} | tree)
+    if isinstance(model, str) and ("." in model or "/" in model or "\\" in model):
+        return albedo_spec({"file": model})
+    spec = albedo_spec(model)
+    if not isinstance(spec, MeasuredAlbedo):
+        raise InputError("model", model, allowed="parametric, jupiter, saturn, uranus, neptune or a file")
+    return spec
+
+
+def _family(spec: ParametricAlbedo | GridAlbedo) -> AlbedoFamily:
+    if isinstance(spec, GridAlbedo):
+        return _grid(spec.file).family(spec.log10_mh, spec.clamped_log10_fsed)
+    return parametric_family(spec.log10_mh, spec.clamped_log10_fsed)
+
+
+def _insolation(spec: AlbedoSpec, given: ArrayLike | None) -> ArrayLike:
+    fixed = spec.insolation_au if isinstance(spec, ParametricAlbedo | GridAlbedo) else None
+    if fixed is not None:
+        return fixed
+    if given is None:
+        hint = "give it, or the distance and luminosity of the star"
+        raise InputError("insolation_au", "missing", unit="au", allowed="a value is required", hint=hint)
+    return given
+
+
+@functools.lru_cache(maxsize=64)
+def _at(family: AlbedoFamily, insolation_au: float) -> Albedo:
+    return family.at(insolation_au)
+
+
+def _grid(path: str) -> AlbedoGrid:
+    from simulator.target.albedo_files import load_albedo_grid  # readers of files load only when asked for
+
+    return load_albedo_grid(path)
+
+
+@functools.lru_cache(maxsize=64)
+def _file(path: str, _state: tuple[int, int]) -> Albedo:
+    from simulator.target.albedo_files import read_albedo
+
+    return read_albedo(path)
+
+
+def _state(path: str) -> tuple[int, int]:
+    """Size and time of a file: a changed file is read again; a missing one is the reader's to refuse."""
+    try:
+        found = Path(path).stat()
+    except OSError:
+        return (0, 0)
+    return (found.st_size, found.st_mtime_ns)
+
+
+@functools.lru_cache(maxsize=64)
+def _constant(value: float) -> Albedo:
+    return _user_table(_EVERYWHERE_NM, (value, value))
+
+
+@functools.lru_cache(maxsize=64)
+def _user_table(wavelength_nm: tuple[float, ...], albedo: tuple[float, ...]) -> Albedo:
+    from simulator.band_integrals import check_table
+
+    wavelength, values = check_table("albedo", wavelength_nm, albedo)
+    return Albedo(wavelength, values)
+
+
+def _covered(table: Albedo, wavelength_nm: ArrayLike) -> tuple[Albedo, np.ndarray]:
     wavelength = np.asarray(wavelength_nm, dtype=np.float64)
     low, high = float(table.wavelength_nm[0]), float(table.wavelength_nm[-1])
     inside = (wavelength >= low) & (wavelength <= high)

@@ -64,7 +64,12 @@ def planet_contrast(
 
 
 def contrast_at(
-    radius_rjup: ArrayLike, distance_au: ArrayLike, phase_deg: ArrayLike, geometric_albedo: ArrayLike
+    radius_rjup: ArrayLike,
+    distance_au: ArrayLike,
+    phase_deg: ArrayLike,
+    geometric_albedo: ArrayLike,
+    *,
+    phase_value: ArrayLike | None = None,
 ) -> np.ndarray | float:
     """Return the contrast ``A_g (R/r)^2 Phi(a)`` of a planet at true distance r from its star.
 
@@ -78,6 +83,8 @@ def contrast_at(
         Phase angle, 0 to 180 degrees.
     geometric_albedo : array_like
         Geometric albedo.
+    phase_value : array_like, optional
+        Phi, where it is not Lambert's of `phase_deg`.
 
     Returns
     -------
@@ -94,7 +101,8 @@ def contrast_at(
         raise InputError("distance_au", float(distance.min()), unit="AU", allowed="above 0")
     radius, albedo = _not_negative(radius_rjup, geometric_albedo)
     size = radius * (JUPITER_RADIUS_KM / AU_KM) / distance
-    return _plain(albedo * size * size * lambert_phase(phase_deg))
+    phi = lambert_phase(phase_deg) if phase_value is None else _finite("phase_value", phase_value, "")
+    return _plain(albedo * size * size * phi)
 
 
 def _not_negative(radius_rjup: ArrayLike, geometric_albedo: ArrayLike) -> tuple[np.ndarray, np.ndarray]:

@@ -43,7 +43,8 @@ def sky_to_detector(
     if np.any(rho < 0.0):
         raise InputError("separation_arcsec", float(rho.min()), unit="arcsec", allowed="at least 0")
     angle = np.deg2rad(_finite("pa_deg", pa_deg, "deg") - float(_finite("roll_deg", roll_deg, "deg")))
-    return _parity(parity) * rho * np.sin(angle), rho * np.cos(angle)
+    # Adding zero turns the -0 of the star itself into 0.
+    return _parity(parity) * rho * np.sin(angle) + 0.0, rho * np.cos(angle) + 0.0
 
 
 def detector_to_sky(

@@ -2,29 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from pathlib import Path
+from typing import Any, TypeAlias, overload
+
+import numpy as np
 
 from catalogs.errors import InputError
 from simulator.config import Instrument, Scene, load_instrument, load_scene
-from simulator.config.scene import Planet, SceneStar
+from simulator.config.geometry import place
+from simulator.config.keys import at
+from simulator.config.scene_table import StarColumns, is_table, scenes_from_table
 from simulator.passbands import Passbands
-from simulator.target.contrast import contrast_at
+from simulator.target.lights import ORIGIN, LitStar
+from simulator.target.planet_light import LitPlanet
 from simulator.target.positions import sky_to_detector
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from synphot import SourceSpectrum
+from simulator.target.source_table import Kind, SourceBatch, SourceTable, SpectralSource
 
 __all__ = ["Source", "scene_sources", "spectrum_generator"]
 
-Kind = Literal["cstar", "star", "planet"]
+SceneLike: TypeAlias = Scene | Mapping[str, Any] | str | Path
 
 
 @dataclass(frozen=True)
 class Source:
-    """One point source.
+    """One point source in one band.
 
     Attributes
     ----------
@@ -36,6 +39,8 @@ class Source:
         Detected electrons per second in the band before the PSF (apodizer, mask and aperture not applied).
     contrast : float or None
         For planets: band ratio of detected rates to the central star.
+    flags : tuple of str
+        What was assumed, clamped or extrapolated.
     """
 
     name: str
@@ -44,27 +49,23 @@ class Source:
     y_arcsec: float
     rate_e_s: float
     contrast: float | None = None
+    flags: tuple[str, ...] = ()
 
 
-def _star_rate(star: SceneStar, band: str, passbands: Passbands, area_cm2: float) -> float:
-    if bool(passbands.grid_flags(star.teff_k, star.log_g, star.metallicity).teff_k):
-        raise InputError(f"{star.name}.teff_k", star.teff_k, unit="K", allowed="3500 to 8000, the stellar grid")
-    rates = passbands.star_rate_e_s(star.v_mag, star.teff_k, star.log_g, star.metallicity, area_cm2)
-    return float(rates[passbands.index(band)])
-
-
-def planet_band_contrast(planet: Planet, star: SceneStar, band: str, passbands: Passbands) -> float:
-    """True contrast of a planet in a band: photon-weighted albedo times ``(R/r)^2 Phi`` (Eq. 1 of Zhu et al. 2025)."""
-    albedo = passbands.band_albedo(planet.albedo, star.teff_k, star.log_g, star.metallicity)[passbands.index(band)]
-    return float(contrast_at(planet.radius_rjup, planet.distance_au, planet.phase_deg, float(albedo)))
-
-
-def scene_sources(scene: Scene, instrument: Instrument, band: str, *, roll_deg: float = 0.0) -> tuple[Source, ...]:
+@overload
+def scene_sources(scene: Scene, instrument: Instrument, band: str, *, roll_deg: float = 0.0) -> tuple[Source, ...]: ...
+@overload
+def scene_sources(
+    scene: Sequence[Scene], instrument: Instrument, band: str, *, roll_deg: float = 0.0
+) -> tuple[tuple[Source, ...], ...]: ...
+def scene_sources(
+    scene: Scene | Sequence[Scene], instrument: Instrument, band: str, *, roll_deg: float = 0.0
+) -> tuple[Source, ...] | tuple[tuple[Source, ...], ...]:
     """Point sources of a scene in one band, the central star first.
 
     Parameters
     ----------
-    scene : Scene
+    scene : Scene or sequence of Scene
     instrument : Instrument
     band : str
     roll_deg : float
@@ -73,73 +74,127 @@ def scene_sources(scene: Scene, instrument: Instrument, band: str, *, roll_deg: 
     Returns
     -------
     tuple of Source
+        For a sequence of scenes, a tuple of such tuples.
+
+    Raises
+    ------
+    InputError
+        If a spectrum or albedo does not cover the band, or a parameter is outside its model; the key says of which
+        object.
     """
+    if not isinstance(scene, Scene):
+        return tuple(
+            _band_sources(one, instrument, band, roll_deg, f"scenes.{number}") for number, one in enumerate(scene)
+        )
+    return _band_sources(scene, instrument, band, roll_deg, "scene")
+
+
+def _band_sources(scene: Scene, instrument: Instrument, band: str, roll_deg: float, path: str) -> tuple[Source, ...]:
     passbands = Passbands.from_instrument(instrument)
-    area, parity = instrument.telescope.area_cm2, instrument.detector.parity
-    star_rate = _star_rate(scene.cstar, band, passbands, area)
-    found = [Source(scene.cstar.name, "cstar", 0.0, 0.0, star_rate)]
-    for planet in scene.planets:
-        x, y = sky_to_detector(planet.separation_arcsec, planet.pa_deg, roll_deg=roll_deg, parity=parity)
-        contrast = planet_band_contrast(planet, scene.cstar, band, passbands)
-        found.append(Source(planet.name, "planet", float(x), float(y), star_rate * contrast, contrast))
-    if scene.companions == "on":
-        for star in scene.stars:
-            x, y = sky_to_detector(star.separation_arcsec, star.pa_deg, roll_deg=roll_deg, parity=parity)
-            found.append(Source(star.name, "star", float(x), float(y), _star_rate(star, band, passbands, area)))
+    passband = passbands.bands[passbands.index(band)]
+    area = instrument.telescope.area_cm2
+    found: list[Source] = []
+    for row in _rows(scene, roll_deg, instrument.detector.parity, path):
+        where = (row.name, row.kind, row.x_arcsec, row.y_arcsec)
+        if isinstance(row.light, LitPlanet):
+            contrast = row.light.band_contrast(passband)
+            found.append(Source(*where, found[0].rate_e_s * contrast, contrast, row.light.flags(passband)))
+        else:
+            found.append(Source(*where, area * row.light.rate_e_s_cm2(passband), flags=row.light.flags()))
     return tuple(found)
 
 
-@dataclass(frozen=True)
-class SpectralSource:
-    """One row of `spectrum_generator`: offsets in arcsec and the spectrum at the telescope."""
-
-    name: str
-    kind: Kind
-    x_arcsec: float
-    y_arcsec: float
-    spectrum: SourceSpectrum
-
-
-def spectrum_generator(scene: Scene | Mapping[str, Any]) -> tuple[SpectralSource, ...]:
+@overload
+def spectrum_generator(
+    scene: SceneLike, *, roll_deg: float = 0.0, instrument: Instrument | Mapping[str, Any] | str | None = None
+) -> SourceTable: ...
+@overload
+def spectrum_generator(
+    scene: Sequence[Scene | Mapping[str, Any] | Path] | StarColumns,
+    *,
+    roll_deg: float = 0.0,
+    instrument: Instrument | Mapping[str, Any] | str | None = None,
+) -> SourceBatch: ...
+def spectrum_generator(
+    scene: SceneLike | Iterable[SceneLike] | StarColumns,
+    *,
+    roll_deg: float = 0.0,
+    instrument: Instrument | Mapping[str, Any] | str | None = None,
+) -> SourceTable | SourceBatch:
     """Positions and spectra of every object of a scene.
 
     Parameters
     ----------
-    scene : Scene or mapping
-        See `simulator.load_scene`.
+    scene : Scene, mapping, str or Path; or an iterable of these; or a table
+        What `simulator.load_scene` reads. A table (pandas, astropy, the star catalogue) has one star a row, see
+        `simulator.scenes_from_table`, which can also give each star a planet.
+    roll_deg : float
+        Roll of the telescope; it turns the sky on the detector.
+    instrument : Instrument, mapping or str, optional
+        What `simulator.load_instrument` reads; its detector parity orients the offsets.
 
     Returns
     -------
-    tuple of SpectralSource
-        Central star first; offsets at roll 0 with the default detector parity; spectra as synphot
-        ``SourceSpectrum`` (PHOTLAM over Angstrom).
+    SourceTable or SourceBatch
+        Rows with ``name``, ``kind``, ``x_arcsec``, ``y_arcsec`` and ``spectrum`` (synphot, PHOTLAM over Angstrom), the
+        central star first, then planets, then other stars; the same spectrum as arrays ``wavelength_nm`` and
+        ``photlam``. For many scenes, one such table each. Spectra are worked out when they are asked for.
+
+    Raises
+    ------
+    InputError
+        Naming key, value, unit and allowed range of the first fault.
+
+    Examples
+    --------
+    >>> from simulator import spectrum_generator
+    >>> table = spectrum_generator("paper_example")
+    >>> table.kind
+    ('cstar', 'planet')
+    >>> round(float(table["planet 1"].x_arcsec), 3)
+    0.46
     """
-    import numpy as np
-    from synphot import Empirical1D, SourceSpectrum
+    checked = instrument if isinstance(instrument, Instrument) else load_instrument(instrument)
+    parity = checked.detector.parity
+    if isinstance(scene, Scene | Mapping | str | Path):
+        one = load_scene(scene)
+        return SourceTable(one.name, tuple(_rows(one, roll_deg, parity, "scene")))
+    if is_table(scene):
+        scenes: Iterable[Scene] = scenes_from_table(scene)
+    else:
+        scenes = [_numbered(number, one) for number, one in enumerate(_listed(scene))]
+    return SourceBatch(
+        tuple(
+            SourceTable(one.name, tuple(_rows(one, roll_deg, parity, f"scenes.{number}")))
+            for number, one in enumerate(scenes)
+        )
+    )
 
-    from catalogs.spectra import load_albedo
-    from simulator.target.star_spectrum import star_photlam
 
-    checked = scene if isinstance(scene, Scene) else load_scene(scene)
-    parity = load_instrument().detector.parity
+def _listed(scenes: Any) -> list[SceneLike]:
+    try:
+        return list(scenes)
+    except TypeError:
+        raise InputError("scene", scenes, allowed="a scene, a sequence of scenes or a table of stars") from None
 
-    def spectrum(star: SceneStar) -> SourceSpectrum:
-        return star_photlam(star.v_mag, teff_k=star.teff_k, log_g=star.log_g, metallicity=star.metallicity)
 
-    host = spectrum(checked.cstar)
-    rows = [SpectralSource(checked.cstar.name, "cstar", 0.0, 0.0, host)]
-    for planet in checked.planets:
-        x, y = sky_to_detector(planet.separation_arcsec, planet.pa_deg, parity=parity)
-        table = load_albedo(planet.albedo)
-        angstrom = np.asarray(host.waveset.value)
-        inside = (angstrom >= table.wavelength_nm[0] * 10) & (angstrom <= table.wavelength_nm[-1] * 10)
-        angstrom = angstrom[inside]
-        albedo = np.interp(angstrom / 10.0, table.wavelength_nm, table.albedo)
-        ratio = contrast_at(planet.radius_rjup, planet.distance_au, planet.phase_deg, albedo)
-        light = SourceSpectrum(Empirical1D, points=angstrom, lookup_table=host(angstrom) * ratio)
-        rows.append(SpectralSource(planet.name, "planet", float(x), float(y), light))
-    if checked.companions == "on":
-        for star in checked.stars:
-            x, y = sky_to_detector(star.separation_arcsec, star.pa_deg, parity=parity)
-            rows.append(SpectralSource(star.name, "star", float(x), float(y), spectrum(star)))
-    return tuple(rows)
+def _numbered(number: int, scene: SceneLike) -> Scene:
+    try:
+        return load_scene(scene)
+    except InputError as error:
+        plain = InputError(error.key.removeprefix("scene."), error.value, unit=error.unit,
+                           allowed=error.allowed, hint=error.hint)  # fmt: skip
+        raise at(f"scenes.{number}", plain) from None
+
+
+def _rows(scene: Scene, roll_deg: float, parity: int, path: str) -> Iterable[SpectralSource]:
+    host = LitStar(scene.cstar, f"{path}.cstar", ORIGIN)
+    lights: list[tuple[Kind, LitStar | LitPlanet]] = [("cstar", host)]
+    for number, planet in enumerate(scene.planets):
+        lights.append(("planet", LitPlanet(planet, f"{path}.planets.{number}", place(scene.cstar, planet), host)))
+    if scene.companions == "on":
+        for number, star in enumerate(scene.stars):
+            lights.append(("star", LitStar(star, f"{path}.stars.{number}", place(scene.cstar, star))))
+    x, y = sky_to_detector(*np.transpose([light.place for _, light in lights]), roll_deg=roll_deg, parity=parity)
+    for (kind, light), *offset in zip(lights, x.tolist(), y.tolist(), strict=True):
+        yield SpectralSource(light.name, kind, offset[0], offset[1], light)

@@ -2,26 +2,51 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
 from catalogs.errors import InputError
 from catalogs.spectra import Spectrum, load_stellar_grid
 from catalogs.spectral_types import stellar_parameters
-from simulator.band_integrals import v_photon_rate, vega_v_photon_rate
+from simulator.band_integrals import check_table, v_photon_rate, vega_v_photon_rate
 
 if TYPE_CHECKING:
     from synphot import SourceSpectrum
 
-__all__ = ["StarSpectrum", "star_photlam", "stellar_spectrum"]
+__all__ = ["STAR_FLAGS", "STAR_MODELS", "StarModel", "StarSpectrum", "star_photlam", "stellar_spectrum"]
+
+StarModel: TypeAlias = str | os.PathLike[str] | Spectrum
+"""Name of a model, path of a tree or file, or a spectrum."""
+
+STAR_MODELS = ("grid", "blackbody", "pickles")
+"""Models by name."""
+
+STAR_FLAGS = {
+    "subclass_assumed": "the spectral type names no subclass: 5 taken",
+    "luminosity_class_assumed": "the spectral type names no luminosity class: V taken",
+    "type_uncertain": "the spectral type carries a colon or question mark",
+    "composite_first_used": "two stars in one spectral type: the first taken",
+    "subdwarf_as_dwarf": "temperature and gravity of a subdwarf taken from the dwarfs",
+    "log_g_assumed": "no gravity and no spectral type given: the Sun's taken",
+    "low_gravity_lines": "gravity below 3.5: lines of log g 3.5 on the broadband fluxes of the gravity",
+    "template_interpolated": "mean of neighbouring templates of the library",
+    "teff_k_unused": "the model does not depend on the temperature given",
+    "log_g_unused": "the model does not depend on the gravity given",
+    "metallicity_unused": "the model does not depend on the metallicity given",
+}
+"""Codes in ``flags`` and what they mean."""
 
 # h c / k, nm K (exact SI values).
 _HC_OVER_K_NM_K = 6.62607015e-34 * 2.99792458e8 / 1.380649e-23 * 1e9
 _SUN_LIKE_LOG_G = 4.44
-_BLACKBODY_TEFF_K = (1000.0, 1e6)
+_BLACKBODY_TEFF_K = (100.0, 1e6)
 _V_MAG = (-30.0, 40.0)
+_NEUTRAL = {"metallicity": 0.0}
+_ALLOWED_MODELS = f"{', '.join(STAR_MODELS)}, a Spectrum, or the path of a file or of a tree of models"
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,18 +56,33 @@ class StarSpectrum(Spectrum):
     Attributes
     ----------
     wavelength_nm, photlam : ndarray, shape (n,)
-        300-1750 nm at R = 1000; ph/s/cm2/A.
-    teff_k, log_g, metallicity : float
-        Parameters used, after clamping.
+        Increasing wavelengths, the model's own (300-1750 nm for the shipped ones); ph/s/cm2/A.
+    teff_k, log_g, metallicity : float or None
+        Parameters used; for models that do not depend on them, those given or typical of the spectral type, None
+        if there are none.
     flags : tuple of str
-        ``log_g_clamped``, ``metallicity_clamped``, ``subclass_assumed``, ``luminosity_class_assumed``,
-        ``log_g_assumed``.
+        Codes of `STAR_FLAGS`.
+    model : str
+        ``grid``, ``blackbody``, ``pickles``, ``table``, or the path given.
     """
 
-    teff_k: float
-    log_g: float
-    metallicity: float
+    teff_k: float | None
+    log_g: float | None
+    metallicity: float | None
     flags: tuple[str, ...]
+    model: str = "grid"
+
+
+@dataclass(frozen=True)
+class _Parameters:
+    teff_k: float | None
+    log_g: float | None
+    metallicity: float | None
+    flags: tuple[str, ...] = ()
+
+    def unused(self, *names: str) -> tuple[str, ...]:
+        """Return flags for those that are given; [M/H] = 0 is what all models are made for."""
+        return tuple(f"{name}_unused" for name in names if getattr(self, name) not in (None, _NEUTRAL.get(name)))
 
 
 def stellar_spectrum(
@@ -52,59 +92,63 @@ def stellar_spectrum(
     teff_k: float | None = None,
     log_g: float | None = None,
     metallicity: float | None = None,
-    model: str = "grid",
+    model: StarModel = "grid",
 ) -> StarSpectrum:
     """Return the photon spectrum of a star at the telescope, outside the atmosphere.
 
-    ``grid`` interpolates the shipped surface fluxes (PHOENIX lines, CK04 broadband metallicity trend)
-    linearly in flux over log g, [M/H] and Teff, the eight nearest nodes; ``blackbody`` is a Planck
-    spectrum. Both are scaled to the Johnson V magnitude on the Vega scale (Vega has V = 0).
+    Whatever the model, the spectrum is scaled to the Johnson V magnitude on the Vega scale (Vega has V = 0).
 
     Parameters
     ----------
     magnitude_v : float
-        Johnson V.
+        Johnson V, -30 to 40.
     spectral_type : str, optional
-        MK type, gives Teff and log g; either this or `teff_k` is needed.
+        MK type, gives Teff and log g. Either this or `teff_k` is needed, unless the spectrum is given.
     teff_k, log_g, metallicity : float, optional
-        Override the type's values; defaults: log g 4.44 without a type (flagged), [M/H] = 0.
-    model : {"grid", "blackbody"}
-        Kind of spectrum. The grid holds 3500-8000 K, log g 3.5-5.0, [M/H] -2.5 to 0.5.
+        Override the type's values (K, dex of cm/s2, dex); defaults: log g 4.44 without a type (flagged), [M/H] = 0.
+    model : str, path or Spectrum
+        - ``"grid"``: the shipped surface fluxes (PHOENIX lines at R = 1000 on PHOENIX-ACES broadband fluxes, CK04
+          broadband trends with metallicity and, below 3.5, gravity), interpolated linearly in flux over log g, [M/H]
+          and Teff. 3500-8000 K, log g 0-5 (from 0.5 above 6000 K, from 1 above 7400 K), [M/H] -2.5 to 0.5.
+        - ``"blackbody"``: Planck's law, 100 K to 1e6 K.
+        - ``"pickles"``: measured spectra by spectral type (Pickles 1998), A0-M6.
+        - the path of a CK04, Kurucz or PHOENIX tree, see `simulator.target.spectrum_tree.find_tree`.
+        - the path of a file, see `simulator.target.spectrum_table.read_spectrum`, or a `Spectrum`; it must cover
+          470-700 nm.
 
     Returns
     -------
     StarSpectrum
-        Gravity and metallicity outside the grid are clamped to its edge and flagged.
 
     Raises
     ------
     InputError
-        If a value is not finite or out of range, the type cannot be read, or the temperature is outside the
-        grid (there the blackbody is the labelled alternative).
+        If a value is not finite or outside the model (which is said with its range), the type cannot be read, or the
+        tree or file is not as it should be.
     """
     magnitude = _number("magnitude_v", magnitude_v, "mag", *_V_MAG)
-    if spectral_type is None and teff_k is None:
-        raise InputError("spectral_type", None, allowed="an MK type such as K1V", hint="or give teff_k")
-    flags: list[str] = []
-    gravity = _SUN_LIKE_LOG_G
-    if spectral_type is not None and (teff_k is None or log_g is None):
-        typical = stellar_parameters(spectral_type)
-        teff_k = typical.teff_k if teff_k is None else teff_k
-        gravity = typical.log_g
-        flags += typical.flags
-    elif log_g is None:
-        flags.append("log_g_assumed")
-    log_g = gravity if log_g is None else log_g
-    metallicity = 0.0 if metallicity is None else metallicity
-    if model == "grid":
-        return _from_grid(magnitude, _finite("teff_k", teff_k, "K"), log_g, metallicity, flags)
-    if model == "blackbody":
-        temperature = _number("teff_k", teff_k, "K", *_BLACKBODY_TEFF_K)
-        wavelength_nm = load_stellar_grid().wavelength_nm
-        surface = wavelength_nm**-4.0 / np.expm1(_HC_OVER_K_NM_K / (wavelength_nm * temperature))
-        photlam = _normalised(wavelength_nm, surface, magnitude)
-        return StarSpectrum(wavelength_nm, photlam, temperature, log_g, metallicity, tuple(flags))
-    raise InputError("model", model, allowed="grid, blackbody")
+    given = _Parameters(
+        None if teff_k is None else _finite("teff_k", teff_k, "K"),
+        None if log_g is None else _finite("log_g", log_g, "dex"),
+        None if metallicity is None else _finite("metallicity", metallicity, "dex"),
+    )
+    if isinstance(model, Spectrum):
+        return _from_table(magnitude, model, given, "table")
+    if not isinstance(model, str | os.PathLike):
+        raise InputError("model", model, allowed=_ALLOWED_MODELS)
+    name = str(model)
+    if name == "pickles":
+        return _from_library(magnitude, spectral_type, given)
+    if name not in STAR_MODELS and Path(name).is_file() and Path(name).name != "catalog.fits":
+        from simulator.target.spectrum_table import read_spectrum
+
+        return _from_table(magnitude, read_spectrum(name), given, name)
+    star = _complete(spectral_type, given)
+    if name == "grid":
+        return _from_grid(magnitude, star)
+    if name == "blackbody":
+        return _blackbody(magnitude, star, given)
+    return _from_tree(magnitude, star, name)
 
 
 def star_photlam(
@@ -114,12 +158,12 @@ def star_photlam(
     teff_k: float | None = None,
     log_g: float | None = None,
     metallicity: float | None = None,
-    model: str = "grid",
+    model: StarModel = "grid",
 ) -> SourceSpectrum:
     """Return `stellar_spectrum` as a synphot source: PHOTLAM (ph/s/cm2/A) over wavelength in Angstrom.
 
-    Parameters and errors are those of `stellar_spectrum`; ``meta`` of the result holds the parameters used
-    and the flags. The source is zero outside 3000-17500 A.
+    Parameters and errors are those of `stellar_spectrum`; ``meta`` of the result holds the parameters used, the
+    model and the flags. The source is zero outside the model's wavelengths (3000-17500 A for the shipped ones).
     """
     from synphot import SourceSpectrum
     from synphot.models import Empirical1D
@@ -133,7 +177,7 @@ def star_photlam(
         "teff_k": star.teff_k,
         "log_g": star.log_g,
         "metallicity": star.metallicity,
-        "model": model,
+        "model": star.model,
         "flags": star.flags,
     }
     # Without fill_value synphot continues the edge values for ever.
@@ -142,44 +186,105 @@ def star_photlam(
     )
 
 
-def _from_grid(magnitude: float, teff_k: float, log_g: float, metallicity: float, flags: list[str]) -> StarSpectrum:
+def _complete(spectral_type: str | None, given: _Parameters) -> _Parameters:
+    """Return the parameters given, completed from the type or by the stated assumptions."""
+    teff_k, log_g = given.teff_k, given.log_g
+    flags: tuple[str, ...] = ()
+    if teff_k is None and spectral_type is None:
+        raise InputError("spectral_type", "missing", allowed="an MK type such as K1V", hint="or give teff_k")
+    if spectral_type is not None and (teff_k is None or log_g is None):
+        typical = stellar_parameters(spectral_type)
+        teff_k = typical.teff_k if teff_k is None else teff_k
+        log_g = typical.log_g if log_g is None else log_g
+        flags = typical.flags
+    elif log_g is None:
+        log_g, flags = _SUN_LIKE_LOG_G, ("log_g_assumed",)
+    return _Parameters(teff_k, log_g, 0.0 if given.metallicity is None else given.metallicity, flags)
+
+
+def _from_grid(magnitude: float, star: _Parameters) -> StarSpectrum:
     grid = load_stellar_grid()
-    outside = grid.flags(teff_k, log_g, metallicity)
-    low, high = float(grid.teff_k[0]), float(grid.teff_k[-1])
-    if outside.teff_k:
-        raise InputError("teff_k", teff_k, unit="K", allowed=f"{low:g} to {high:g}", hint='or model="blackbody"')
-    if outside.log_g:
-        flags.append("log_g_clamped")
-    if outside.metallicity:
-        flags.append("metallicity_clamped")
+    teff_k = _number("teff_k", star.teff_k, "K", *grid.teff_k[[0, -1]], hint='or model="blackbody"')
+    floor = float(grid.log_g_floor(teff_k))
+    log_g = _number("log_g", star.log_g, "dex", floor, grid.log_g[-1], where=f" at {teff_k:g} K")
+    metallicity = _number("metallicity", star.metallicity, "dex", *grid.metallicity[[0, -1]])
+    flags = (*star.flags, "low_gravity_lines") if log_g < grid.line_log_g[0] else star.flags
     nodes, weights = grid.corners(teff_k, log_g, metallicity)
     surface = weights @ grid.node_photlam(nodes, np.arange(grid.wavelength_nm.size))
-    return StarSpectrum(
-        grid.wavelength_nm,
-        _normalised(grid.wavelength_nm, surface, magnitude),
-        teff_k,
-        float(np.clip(log_g, grid.log_g[0], grid.log_g[-1])),
-        float(np.clip(metallicity, grid.metallicity[0], grid.metallicity[-1])),
-        tuple(flags),
-    )
+    photlam = _normalised(grid.wavelength_nm, surface, magnitude)
+    return StarSpectrum(grid.wavelength_nm, photlam, teff_k, log_g, metallicity, flags, "grid")
+
+
+def _blackbody(magnitude: float, star: _Parameters, given: _Parameters) -> StarSpectrum:
+    teff_k = _number("teff_k", star.teff_k, "K", *_BLACKBODY_TEFF_K)
+    flags = tuple(flag for flag in star.flags if flag != "log_g_assumed")
+    wavelength_nm = load_stellar_grid().wavelength_nm
+    surface = wavelength_nm**-4.0 / np.expm1(_HC_OVER_K_NM_K / (wavelength_nm * teff_k))
+    photlam = _normalised(wavelength_nm, surface, magnitude)
+    flags += given.unused("log_g", "metallicity")
+    return StarSpectrum(wavelength_nm, photlam, teff_k, star.log_g, star.metallicity, flags, "blackbody")
+
+
+def _from_library(magnitude: float, spectral_type: str | None, given: _Parameters) -> StarSpectrum:
+    from simulator.target.empirical import library_photlam
+
+    if spectral_type is None:
+        raise InputError(
+            "spectral_type", "missing", allowed="an MK type of the library, A0 to M6", hint='or model="grid"'
+        )
+    wavelength_nm, template, flags = library_photlam(spectral_type)
+    typical = stellar_parameters(spectral_type)
+    photlam = _normalised(wavelength_nm, template, magnitude)
+    flags = (*typical.flags, *flags, *given.unused("teff_k", "log_g", "metallicity"))
+    return StarSpectrum(wavelength_nm, photlam, typical.teff_k, typical.log_g, 0.0, flags, "pickles")
+
+
+def _from_tree(magnitude: float, star: _Parameters, path: str) -> StarSpectrum:
+    from simulator.target.spectrum_tree import find_tree, tree_photlam
+
+    if not path:
+        raise InputError("model", "empty", allowed=_ALLOWED_MODELS)
+    tree = find_tree(path)
+    assert star.teff_k is not None
+    assert star.log_g is not None
+    assert star.metallicity is not None
+    wavelength_nm, surface = tree_photlam(tree, star.teff_k, star.log_g, star.metallicity)
+    photlam = _normalised(wavelength_nm, surface, magnitude)
+    return StarSpectrum(wavelength_nm, photlam, star.teff_k, star.log_g, star.metallicity, star.flags, path)
+
+
+def _from_table(magnitude: float, table: Spectrum, given: _Parameters, name: str) -> StarSpectrum:
+    wavelength_nm, flux = check_table("spectrum", table.wavelength_nm, table.photlam)
+    photlam = _normalised(wavelength_nm, flux, magnitude)
+    flags = given.unused("teff_k", "log_g", "metallicity")
+    return StarSpectrum(wavelength_nm, photlam, given.teff_k, given.log_g, given.metallicity, flags, name)
 
 
 def _normalised(wavelength_nm: np.ndarray, surface: np.ndarray, magnitude: float) -> np.ndarray:
     """Return the spectrum scaled to the V magnitude, read-only."""
-    relative = surface / surface.max()
-    photlam = relative * (10.0 ** (-0.4 * magnitude) * vega_v_photon_rate() / v_photon_rate(wavelength_nm, relative))
+    peak = surface.max()
+    rate = v_photon_rate(wavelength_nm, surface / peak) if peak > 0.0 else 0.0
+    if not rate > 0.0:
+        raise InputError("spectrum", "no light in V", allowed="some light between 470 and 700 nm")
+    photlam: np.ndarray = surface / peak * (10.0 ** (-0.4 * magnitude) * vega_v_photon_rate() / rate)
     photlam.setflags(write=False)
     return photlam
 
 
 def _finite(name: str, value: float | None, unit: str) -> float:
-    if value is None or not np.isfinite(value):
+    try:
+        number = float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError):
+        number = np.nan
+    if not np.isfinite(number):
         raise InputError(name, value, unit=unit, allowed="a finite number")
-    return float(value)
+    return number
 
 
-def _number(name: str, value: float | None, unit: str, low: float, high: float) -> float:
+def _number(
+    name: str, value: float | None, unit: str, low: float, high: float, *, where: str = "", hint: str = ""
+) -> float:
     number = _finite(name, value, unit)
     if not low <= number <= high:
-        raise InputError(name, number, unit=unit, allowed=f"{low:g} to {high:g}")
+        raise InputError(name, number, unit=unit, allowed=f"{low:g} to {high:g}{where}", hint=hint)
     return number

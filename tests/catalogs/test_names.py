@@ -161,3 +161,94 @@ def test_resolution_is_fast() -> None:
         resolve_star(name)
         times.append(time.perf_counter() - start)
     assert np.median(times) < 0.03
+
+
+def own_table(tmp_path, *names, magnitudes=None):
+    from catalogs.catalogue import open_catalogue
+
+    magnitudes = magnitudes or [5.0 + i for i in range(len(names))]
+    lines = [f"{name},10,{v_mag},G2V" for name, v_mag in zip(names, magnitudes, strict=True)]
+    (tmp_path / "mine.csv").write_text("\n".join(["name,dist,V,SpT", *lines]) + "\n", encoding="utf-8")
+    return open_catalogue(tmp_path / "mine.csv").table
+
+
+@pytest.mark.parametrize(
+    ("listed", "asked"),
+    [
+        ("HD 10700", "tau Cet"),
+        ("HD 10700", "HIP 8102"),
+        ("HD 10700", "τ Ceti"),
+        ("tau Cet", "HD10700"),
+        ("HIP 71681", "alpha Centauri B"),
+        ("Toliman", "GJ 559 B"),
+        ("GJ 820 B", "61 Cyg B"),
+        ("my star", "My  Star"),
+        ("alf Lyr", "α Lyrae"),
+        ("HD 1 A", "HD 1"),
+        ("82 Eri", "e Eri"),
+    ],
+)
+def test_a_users_star_answers_to_every_name_that_is_known_of_it(tmp_path, listed, asked):
+    table = own_table(tmp_path, "HD 99", listed)
+    match = resolve_star(asked, table)
+    assert (match.index, match.name) == (1, listed)
+
+
+def test_own_names_go_before_those_of_the_embedded_catalogue(tmp_path):
+    table = own_table(tmp_path, "HIP 8102", "tau Cet")
+    assert resolve_star("tau Cet", table).index == 1
+    assert resolve_star("HIP 8102", table).index == 0
+    assert resolve_star("HD 10700", table).name == "HIP 8102", "the brighter of two rows that are one star"
+    assert "tau Cet" in resolve_star("HD 10700", table).note
+
+
+def test_a_system_in_a_users_table_gives_its_brightest_star_and_a_note(tmp_path):
+    table = own_table(tmp_path, "GJ 9 B", "GJ 9 A", "61 Cyg B", magnitudes=[4.0, 6.0, 7.0])
+    assert resolve_star("GJ 9", table).name == "GJ 9 A", "component A is what a system's name usually means"
+    assert resolve_star("61 Cyg", table).name == "61 Cyg B"
+    assert "system" in resolve_star("61 Cyg", table).note
+
+
+@pytest.mark.parametrize(
+    ("asked", "words"),
+    [
+        ("61 Cyg A", "61 Cyg A is in the embedded catalogue"),
+        ("Vega", "a star of mine.csv"),
+        ("my stat", "nearest: my star"),
+        ("HIP 7", "nothing similar"),
+    ],
+)
+def test_what_a_users_table_has_not_is_refused_with_the_nearest(tmp_path, asked, words):
+    table = own_table(tmp_path, "my star", "61 Cyg B")
+    with pytest.raises(InputError) as refusal:
+        resolve_star(asked, table)
+    assert words in str(refusal.value)
+    assert "\n" not in str(refusal.value)
+
+
+def test_component_letters_are_not_ignored_in_a_users_table(tmp_path):
+    table = own_table(tmp_path, "alf Cen B")
+    with pytest.raises(InputError, match="alf Cen A is in the embedded catalogue"):
+        resolve_star("alf Cen A", table)
+
+
+def test_exact_names_go_before_brighter_rows_and_letters_of_designations_count(tmp_path):
+    from catalogs.catalogue import open_catalogue
+
+    text = "name,hip,bayer,dist,V,SpT\nHIP 8102,,,10,5,G2V\ntau Cet,8102,,10,3,G8V\nx B,,alf Cen,10,4,K1V\n"
+    (tmp_path / "t.csv").write_text(text)
+    table = open_catalogue(tmp_path / "t.csv").table
+    assert resolve_star("HIP 8102", table).index == 0
+    assert resolve_star("alf Cen B", table).name == "x B"
+    assert resolve_star("alf Cen", table).name == "x B"
+    with pytest.raises(InputError, match="alf Cen A is in the embedded catalogue"):
+        resolve_star("alf Cen A", table)
+
+
+def test_resolution_in_a_large_table_of_ones_own_is_fast(tmp_path):
+    table = own_table(tmp_path, *(f"star {i}" for i in range(1500)), magnitudes=[6.0] * 1500)
+    resolve_star("star 3", table)
+    start = time.perf_counter()
+    for i in range(0, 1500, 100):
+        assert resolve_star(f"star {i}", table).index == i
+    assert time.perf_counter() - start < 0.5

@@ -13,7 +13,7 @@ import catalogs.spectra as spectra
 from catalogs.errors import InputError
 
 DATA = Path(spectra.__file__).parent / "data"
-FILES = ("stellar_grid.npz", "reference_spectra.npz", "albedo.npz", "zodiacal_light.npz")
+FILES = ("stellar_grid.npz", "pickles.npz", "reference_spectra.npz", "albedo.npz", "zodiacal_light.npz")
 
 
 def test_files_are_small_and_match_their_provenance() -> None:
@@ -86,6 +86,17 @@ def test_albedos_are_physical(planet: str) -> None:
     assert table.albedo.max() < 0.8
 
 
+def test_pickles_library() -> None:
+    library = spectra.load_pickles()
+    assert library.photlam.shape == (library.position.size, library.wavelength_nm.size)
+    assert np.all(library.photlam >= 0.0)
+    assert {tuple(pair) for pair in zip(library.position, library.luminosity_rank, strict=True)} >= {
+        (20.0, 5.0), (42.0, 5.0), (62.5, 5.0), (25.5, 4.0), (50.0, 3.0), (53.5, 2.0), (48.0, 1.0),
+    }  # fmt: skip
+    # All are scaled to V = 0: about 1000 ph/s/cm2/A at 550 nm.
+    np.testing.assert_allclose(library.photlam[:, 240:260].mean(axis=1), 1000.0, rtol=0.1)
+
+
 def test_arrays_are_read_only_and_loaded_once() -> None:
     grid = spectra.load_stellar_grid()
     assert spectra.load_stellar_grid() is grid
@@ -94,6 +105,7 @@ def test_arrays_are_read_only_and_loaded_once() -> None:
         grid.ratio,
         spectra.load_reference_spectrum("sun").photlam,
         spectra.load_johnson_v().transmission,
+        spectra.load_pickles().photlam,
         spectra.load_albedo("jupiter").albedo,
         spectra.load_zodi_table().radiance_500nm_w_m2_sr_um,
     ):

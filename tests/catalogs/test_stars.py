@@ -189,7 +189,7 @@ def test_ranges_are_plausible(stars: StarTable) -> None:
 
 def test_derived_values_agree_with_measured_ones(stars: StarTable) -> None:
     """Teff from colour and L from V, BC must reproduce the literature values that stand in the same table."""
-    from catalogs.builders._star_physics import bolometric_correction, colour_temperature
+    from catalogs.stellar_physics import bolometric_correction, colour_temperature
 
     good = (stars.column("teff_k_src") == "measured") & (stars.column("luminosity_class") == "V")
     good &= np.char.find(stars.column("quality_flags"), "conflict") < 0

@@ -11,8 +11,8 @@ FLOORS = ["catalogs", "simulator", "cpic_planner"]
 # Inside a floor data flows left to right; a module imports its own room or rooms to its left.
 SIMULATOR = [
     {"files", "lazy"},
-    {"config", "rng", "outcome", "cache"},
-    {"knobs", "band_integrals"},
+    {"config", "rng", "outcome", "cache", "arrays"},
+    {"knobs", "band_integrals", "albedo_family"},
     {"passbands"},
     {"target"},
     {"imaging"},
@@ -26,7 +26,7 @@ PLANNER = [
     {"version"},
     {"models", "engine", "runfolder"},
     {"schemas"},
-    {"targets"},
+    {"targets", "refresh"},
     {"etc"},
     {"optimiser"},
     {"ranking"},

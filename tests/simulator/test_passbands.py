@@ -25,6 +25,8 @@ STARS = [
     (5.0, 3620.0, 4.9, -1.2),
     (4.0, 7930.0, 3.6, 0.45),
     (6.3, 5000.0, 4.5, 0.0),
+    (2.1, 4810.0, 2.14, -0.3),
+    (3.3, 7400.0, 0.5, 0.0),
 ]
 
 
@@ -98,15 +100,13 @@ def test_the_sun_against_its_measured_spectrum(passbands: Passbands) -> None:
     measured = passbands.spectrum_rate_e_s(sun.wavelength_nm, sun.photlam, 1.0)
     in_range = [band.support_nm[1] < 1000.0 for band in passbands.bands]
     assert sum(in_range) == 5
-    np.testing.assert_allclose(model[in_range], measured[in_range], rtol=0.03)
-    np.testing.assert_allclose(model, measured, rtol=0.04)
-    # Contiguous 50 nm bands: PHOENIX is 4 per cent faint below 450 nm, within 3 per cent up to 1000 nm.
+    np.testing.assert_allclose(model[in_range], measured[in_range], rtol=0.02)
+    np.testing.assert_allclose(model, measured, rtol=0.03)
     strips = Passbands.from_bands(Band(f"B{c}", "VIS", c, 50.0, 1.0, 1.0) for c in range(425, 1000, 50))
     ratio = strips.star_rate_e_s(magnitude, 5772.0, 4.44, 0.0, 1.0) / strips.spectrum_rate_e_s(
         sun.wavelength_nm, sun.photlam, 1.0
     )
-    np.testing.assert_allclose(ratio[1:], 1.0, atol=0.03)
-    assert ratio[0] == pytest.approx(0.957, abs=0.01)
+    np.testing.assert_allclose(ratio, 1.0, atol=0.02)
 
 
 def test_sky_is_a_faint_sun(passbands: Passbands) -> None:
@@ -205,11 +205,17 @@ def test_nodes_of_a_steep_curve_keep_non_negative_weights() -> None:
 
 
 def test_outside_the_grid_is_clamped_and_flagged(passbands: Passbands) -> None:
-    giant = passbands.star_rate_e_s(2.0, 4800.0, 2.1, 0.0, AREA_CM2)
-    np.testing.assert_array_equal(giant, passbands.star_rate_e_s(2.0, 4800.0, 3.5, 0.0, AREA_CM2))
-    flags = passbands.grid_flags([4800.0, 5772.0, 3000.0], [2.1, 4.44, 4.9], 0.0)
-    np.testing.assert_array_equal(flags.any, [True, False, True])
-    np.testing.assert_array_equal(flags.teff_k, [False, False, True])
+    for outside, edge in (
+        ((4800.0, -0.3), (4800.0, 0.0)),
+        ((7900.0, 0.2), (7900.0, 1.0)),
+        ((3000.0, 4.9), (3500.0, 4.9)),
+    ):
+        rates = passbands.star_rate_e_s(2.0, *outside, 0.0, AREA_CM2)
+        np.testing.assert_array_equal(rates, passbands.star_rate_e_s(2.0, *edge, 0.0, AREA_CM2))
+    flags = passbands.grid_flags([4800.0, 7900.0, 4800.0, 5772.0, 3000.0], [-0.3, 0.2, 2.1, 4.44, 4.9], 0.0)
+    np.testing.assert_array_equal(flags.any, [True, True, False, False, True])
+    np.testing.assert_array_equal(flags.log_g, [True, True, False, False, False])
+    np.testing.assert_array_equal(flags.teff_k, [False, False, False, False, True])
 
 
 def test_equal_bands_share_one_object() -> None:
@@ -278,7 +284,7 @@ def test_bad_input_is_refused(passbands: Passbands, call) -> None:
 def test_a_whole_catalogue_is_fast(passbands: Passbands) -> None:
     rng = np.random.default_rng(0)
     n = 1100
-    stars = (rng.uniform(0, 7, n), rng.uniform(3600, 7500, n), rng.uniform(3, 5, n), rng.uniform(-1, 0.5, n))
+    stars = (rng.uniform(0, 7, n), rng.uniform(3600, 7500, n), rng.uniform(1, 5, n), rng.uniform(-1, 0.5, n))
     passbands.band_albedo("jupiter", *(a[:1] for a in stars[1:]))
     best = np.inf
     for _ in range(3):

@@ -341,6 +341,7 @@ def etc_answers() -> EtcResult:
         hip=8102,
         v_mag=3.5,
         distance_pc=3.65,
+        catalogue="SIMBAD extract of 2012-12-06 (stars.csv 0123456789ab)",
         note="",
         reference_planet=_planet(),
         best_band="F520",

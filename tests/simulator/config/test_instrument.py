@@ -57,7 +57,7 @@ def test_user_file_holds_only_what_differs(tmp_path):
     [
         (
             {"detector": {"read_noise_e": -1}},
-            ("instrument.detector.read_noise_e = -1 e-", "greater than or equal to 0"),
+            ("instrument.detector.read_noise_e = -1 e-", "0 to 100000"),
         ),
         ({"detector": {"read_noise": 1}}, ("instrument.detector.read_noise", "known keys", "read_noise_e")),
         ({"detector": {"adc_bits": 14.5}}, ("adc_bits", "14.5")),

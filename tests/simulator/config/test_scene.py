@@ -1,7 +1,19 @@
+"""Scenes as people write them: the paper's dictionary, YAML, objects; every fault by its name."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from catalogs.errors import InputError
-from simulator.config import load_scene
+from catalogs.spectra import Spectrum
+from simulator.config import Planet, Scene, SceneStar, load_scene
+from simulator.config.albedo import ConstantAlbedo, MeasuredAlbedo, ParametricAlbedo
+from simulator.config.light import SpectrumTable
+from simulator.config.presets import preset_names
 
 STAR = {"name": "star", "v_mag": 1.35, "teff_k": 5230}
 PLANET = {
@@ -12,32 +24,296 @@ PLANET = {
     "separation_arcsec": 0.65,
     "pa_deg": 315,
 }
+PAPER_STAR = {"magnitude": 1.35, "sptype": "K1V", "distance": 1.35, "ra": "14:39:35.06", "dec": "-60:50:15.1"}
+PAPER_PLANET = {"radius": 1, "phase_angle": 90, "separation": 0.65, "pangle": 315, "coe_metal": 1, "coe_cloud": 1}
+
+
+def scene(**change):
+    return {"name": "s", "cstar": STAR} | change
+
+
+def without(tree, *keys):
+    return {key: value for key, value in tree.items() if key not in keys}
 
 
 def test_planet_and_planets_mean_the_same():
-    one = load_scene({"name": "s", "cstar": STAR, "planet": PLANET})
-    many = load_scene({"name": "s", "cstar": STAR, "planets": [PLANET]})
-    assert one == many
+    one = load_scene(scene(planet=PLANET))
+    many = load_scene(scene(planets=[PLANET]))
+    alone = load_scene(scene(planets=PLANET))
+    assert one == many == alone
     assert one.content_hash == many.content_hash
     assert one.without_planets().planets == ()
 
 
-def test_yaml_file(tmp_path):
-    path = tmp_path / "scene.yaml"
-    path.write_text("name: s\ncstar: {name: a, v_mag: 5, teff_k: 5800}\ncompanions: off\n")
-    assert load_scene(path).companions == "off"
+def test_the_papers_dictionary():
+    found = load_scene({"name": "alpha Cen B", "cstar": PAPER_STAR, "stars": [], "planet": [PAPER_PLANET]})
+    assert found.cstar.name == "alpha Cen B"
+    assert found.cstar.spectral_type == "K1V"
+    assert found.cstar.dec_deg == pytest.approx(-60.8375278, abs=1e-7)
+    body = found.planets[0]
+    assert (body.name, body.radius_rjup, body.phase_deg, body.separation_arcsec, body.pa_deg) == (
+        "planet 1", 1.0, 90.0, 0.65, 315.0,
+    )  # fmt: skip
+    assert body.albedo == ParametricAlbedo(log10_mh=1, log10_fsed=1)
+    assert body.reflects
+
+
+def test_all_spellings_give_one_scene():
+    spelled = {"radius_rjup": 1, "phase_deg": 90, "separation_arcsec": 0.65, "position_angle": 315,
+               "albedo": {"model": "parametric", "log10_mh": 1, "log10_fsed": 1}}  # fmt: skip
+    star = {
+        "v_mag": 1.35,
+        "spectral_type": "K1V",
+        "distance_pc": 1.35,
+        "ra_deg": "14h39m35.06s",
+        "dec_deg": "-60d50m15.1s",
+    }
+    one = load_scene({"name": "a", "cstar": PAPER_STAR, "planet": PAPER_PLANET})
+    other = load_scene({"name": "a", "cstar": star, "planets": [spelled], "stars": None})
+    assert one == other
+    assert hash(one) == hash(other)
+    assert one.content_hash == other.content_hash
+
+
+def test_objects_and_mappings_mix():
+    mixed = Scene(name="s", cstar=SceneStar(v_mag=1.35, teff_k=5230), planets=[Planet(**PLANET)],
+                  stars=({"v_mag": 5, "teff_k": 4000, "separation_arcsec": 3, "pa_deg": 20},))  # fmt: skip
+    assert [mixed.cstar.name, mixed.planets[0].name, mixed.stars[0].name] == ["s", "b", "star 1"]
+    assert load_scene(mixed) is mixed
+
+
+def test_scenes_are_frozen_and_hash_by_content():
+    one, other = load_scene(scene(planet=PLANET)), load_scene(scene(planet=PLANET | {"pa_deg": 314}))
+    assert one.content_hash != other.content_hash
+    assert hash(one) == hash(load_scene(scene(planet=dict(reversed(PLANET.items())))))
+    with pytest.raises(ValidationError):
+        one.name = "x"
 
 
 @pytest.mark.parametrize(
-    ("change", "word"),
+    "tree",
     [
-        ({"planet": PLANET | {"phase_deg": 181}}, "phase_deg = 181 deg"),
-        ({"planet": PLANET | {"mass": 1}}, "mass"),
-        ({"planet": PLANET, "planets": [PLANET]}, "given with planets"),
-        ({"cstar": {"name": "x"}}, "v_mag"),
-        ({"companions": "maybe"}, "companions"),
+        scene(planet=PLANET, companions="off"),
+        {"name": "a", "cstar": PAPER_STAR, "planet": PAPER_PLANET | {"insolation_au": 2}},
+        {"name": "a", "cstar": PAPER_STAR, "stars": [{"v_mag": 9, "teff_k": 4000, "model": "blackbody",
+                                                     "ra": "14:39:35.2", "dec": "-60:50:14"}]},
+        scene(cstar={"v_mag": 3, "spectrum": {"wavelength_nm": [300, 900, 1800], "flam": [1e-9, 2e-9, 1e-9]}}),
+        scene(planets=[PLANET | {"albedo": 0.3},
+                       {"name": "t", "separation_arcsec": 1, "pa_deg": 0,
+                        "spectrum": {"wavelength_nm": [300, 1800], "photlam": [1, 2]}}]),
+    ],
+)  # fmt: skip
+def test_round_trip_through_json(tree):
+    first = load_scene(tree)
+    again = load_scene(json.loads(json.dumps(first.model_dump(mode="json"))))
+    assert again == first
+    assert again.content_hash == first.content_hash
+
+
+@pytest.mark.parametrize(
+    ("given", "albedo"),
+    [
+        ({}, MeasuredAlbedo(model="jupiter")),
+        ({"albedo": "neptune"}, MeasuredAlbedo(model="neptune")),
+        ({"albedo": 0.5}, ConstantAlbedo(value=0.5)),
+        ({"log10_mh": 1, "fsed": 3}, ParametricAlbedo(log10_mh=1, log10_fsed=np.log10(3))),
+        ({"albedo": "parametric", "log10_mh": 0, "log10_fsed": 0}, ParametricAlbedo(log10_mh=0, log10_fsed=0)),
+        ({"albedo": {"log10_mh": 0, "log10_fsed": 0}, "insolation_au": 2},
+         ParametricAlbedo(log10_mh=0, log10_fsed=0, insolation_au=2)),
+    ],
+)  # fmt: skip
+def test_albedo_as_people_give_it(given, albedo):
+    assert load_scene(scene(planet=PLANET | given)).planets[0].albedo == albedo
+
+
+def test_numbers_of_numpy_and_quantities_of_astropy():
+    import astropy.units as u
+
+    body = PLANET | {
+        "radius_rjup": np.float32(1.0),
+        "separation_arcsec": (650.0 * u.mas).astype(np.float64),
+        "pa_deg": np.int64(315),
+        "distance_au": (0.8775 * u.AU).to(u.km),
+        "phase_deg": (np.pi / 2) * u.rad,
+    }
+    found = load_scene(scene(planet=body)).planets[0]
+    assert found.separation_arcsec == pytest.approx(0.65, rel=1e-14)
+    assert (found.distance_au, found.phase_deg) == (pytest.approx(0.8775, rel=1e-12), pytest.approx(90.0, rel=1e-14))
+    with pytest.raises(InputError, match=r"scene.planets.0.separation_arcsec = 1.0 AU arcsec.*converts to arcsec"):
+        load_scene(scene(planet=PLANET | {"separation_arcsec": 1.0 * u.AU}))
+
+
+def test_spectra_as_people_give_them(tmp_path):
+    wavelength, photlam = [300.0, 900.0, 1800.0], [1.0, 2.0, 1.0]
+    table = SpectrumTable(wavelength_nm=wavelength, photlam=photlam)
+    for given in (
+        {"wavelength_nm": np.array(wavelength), "photlam": tuple(photlam)},
+        Spectrum(np.array(wavelength), np.array(photlam)),
+        _synphot(wavelength, photlam),
+    ):
+        assert load_scene(scene(cstar={"v_mag": 1, "spectrum": given})).cstar.spectrum == table
+    file = tmp_path / "mine.txt"
+    file.write_text("300 1\n1800 1\n")
+    for given in (str(file), file, {"file": str(file)}):
+        assert load_scene(scene(cstar={"v_mag": 1, "spectrum": given})).cstar.spectrum == str(file)
+    assert load_scene(scene(cstar=STAR | {"model": "blackbody"})).cstar.spectrum == "blackbody"
+
+
+def _synphot(wavelength, photlam):
+    from synphot import SourceSpectrum
+    from synphot.models import Empirical1D
+
+    return SourceSpectrum(Empirical1D, points=np.multiply(wavelength, 10.0), lookup_table=photlam)
+
+
+def test_yaml_file_finds_files_beside_it(tmp_path, monkeypatch):
+    (tmp_path / "star.txt").write_text("300 1\n1800 1\n")
+    (tmp_path / "albedo.txt").write_text("300 0.5\n1800 0.5\n")
+    (tmp_path / "grid").mkdir()
+    path = tmp_path / "scene.yaml"
+    path.write_text(
+        "name: s\ncompanions: off\n"
+        "cstar: {v_mag: 5, teff_k: 5800, spectrum: star.txt}\n"
+        "stars: {v_mag: 5, teff_k: 5800, model: grid, separation: 2, pa: 0}\n"
+        "planet: {radius: 1, phase: 90, distance_au: 1, separation: 0.5, pa: 45, albedo: {file: albedo.txt}}\n"
+    )
+    monkeypatch.chdir(tmp_path.parent)
+    found = load_scene(path)
+    assert found.companions == "off"
+    assert found.cstar.spectrum == str(tmp_path / "star.txt")
+    assert found.stars[0].spectrum == "grid"
+    assert found.planets[0].albedo.file == str(tmp_path / "albedo.txt")
+    assert load_scene(str(path)) == found
+
+
+@pytest.mark.parametrize("name", preset_names("scene"))
+def test_presets_are_whole(name):
+    found = load_scene(name)
+    assert found.planets[0].albedo.insolation_au == 2.0
+    assert found.cstar.v_mag == 1.35
+    assert load_scene(found.model_dump(mode="json")) == found
+
+
+def test_presets_ship():
+    assert set(preset_names("scene")) >= {"paper_example", "paper_background"}
+
+
+BAD_TABLE = {"wavelength_nm": [300, 900, 1800], "photlam": [1, 2, 1]}
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"planet": PLANET | {"phase_deg": 181}}, ("scene.planets.0.phase_deg = 181 deg", "0 to 180")),
+        ({"planet": PLANET | {"phase_deg": float("nan")}}, ("scene.planets.0.phase_deg = nan deg", "0 to 180")),
+        ({"planet": PLANET | {"radius_rjup": 0}}, ("scene.planets.0.radius_rjup = 0 R_Jup", "above 0, at most 10")),
+        ({"planet": PLANET | {"radius_rjup": "big"}}, ("scene.planets.0.radius_rjup = big R_Jup", "a valid number")),
+        ({"planet": PLANET | {"radius_rjup": "1"}}, ("radius_rjup", "a valid number")),
+        ({"planet": PLANET | {"radius_rjup": True}}, ("radius_rjup = True", "a valid number")),
+        ({"planet": PLANET | {"separation_arcsec": -1}}, ("separation_arcsec = -1 arcsec", "0 to 120")),
+        ({"planet": PLANET | {"separation_arcsec": 121}}, ("separation_arcsec = 121 arcsec", "0 to 120")),
+        ({"planet": PLANET | {"pa_deg": 361}}, ("pa_deg = 361 deg", "-360 to 360")),
+        ({"planet": PLANET | {"mass": 1}}, ("scene.planets.0.mass = 1", "no such key", "known keys", "radius_rjup")),
+        ({"planet": PLANET | {"s": 1}}, ("scene.planets.0.s = 1", "no such key")),
+        ({"planet": without(PLANET, "pa_deg") | {"postion_angle": 3}}, ("postion_angle", "mean position_angle")),
+        ({"planet": PLANET | {"distance": 3}}, ("scene.planets.0.distance", "distance_au", "cstar.distance_pc")),
+        ({"planet": PLANET, "planets": [PLANET]}, ("scene.planet = given with planets",)),
+        ({"planet": PLANET | {"radius": 1}}, ("scene.planets.0.radius = given with radius_rjup", "one of the two")),
+        ({"planet": without(PLANET, "radius_rjup")}, ("scene.planets.0.radius_rjup = missing", "R_Jup")),
+        ({"planet": without(PLANET, "phase_deg")}, ("scene.planets.0.phase_deg = missing", "0 to 180 deg")),
+        ({"planet": without(PLANET, "pa_deg")}, ("scene.planets.0.pa_deg = missing", "separation_arcsec is given")),
+        ({"planet": without(PLANET, "separation_arcsec")}, ("separation_arcsec = missing", "pa_deg is given")),
+        ({"planet": without(PLANET, "separation_arcsec", "pa_deg")}, ("scene.planets.0.separation_arcsec = missing",
+                                                                      "or ra_deg and dec_deg")),
+        ({"planet": PLANET | {"ra": 1, "dec": 1}}, ("scene.planets.0.ra_deg = given with separation_arcsec", "either")),
+        ({"planet": without(PLANET, "separation_arcsec", "pa_deg") | {"ra": 1, "dec": 1}},
+         ("scene.planets.0.ra_deg = 1.0 deg", "cstar has them too")),
+        ({"planet": PLANET | {"ra": 1}}, ("scene.planets.0.dec_deg = missing", "ra_deg is given")),
+        ({"planet": without(PLANET, "distance_au")}, ("scene.planets.0.distance_au = missing", "cstar.distance_pc")),
+        ({"cstar": STAR | {"distance_pc": 1.35}, "planet": PLANET | {"distance_au": 0.5}},
+         ("scene.planets.0.distance_au = 0.5 au", "0.8775 au")),
+        ({"planet": PLANET | {"albedo": "earth"}}, ("scene.planets.0.albedo = earth", "jupiter")),
+        ({"planet": PLANET | {"albedo": {"log10_mh": 3, "log10_fsed": 0}}}, ("albedo.log10_mh = 3", "0 to 2")),
+        ({"planet": PLANET | {"log10_mh": 3}}, ("scene.planets.0.albedo.log10_mh = 3",)),
+        ({"planet": PLANET | {"albedo": "jupiter", "log10_mh": 1}}, ("scene.planets.0.albedo = jupiter", "parametric")),
+        ({"planet": PLANET | {"albedo": {"wavelength_nm": [300, 200], "albedo": [1, 1]}}},
+         ("scene.planets.0.albedo.wavelength_nm.1 = 200", "above 300")),
+        ({"planet": PLANET | {"albedo": {"wavelength_nm": [300, 400], "albedo": [1, -1]}}},
+         ("scene.planets.0.albedo.albedo.1 = -1", "at least 0")),
+        ({"planet": PLANET | {"albedo": {"wavelength_nm": [300], "albedo": [1]}}}, ("wavelength_nm = 1 values",)),
+        ({"planet": PLANET | {"albedo": {"file": "no.txt"}}}, ("scene.planets.0.albedo.file = no.txt", "file")),
+        ({"planet": PLANET | {"albedo": {"model": [1]}}}, ("scene.planets.0.albedo = [1]",)),
+        ({"planet": PLANET | {"teff_k": 1000}}, ("scene.planets.0.teff_k", "reflected")),
+        ({"planet": PLANET | {"spectrum": "blackbody"}}, ("scene.planets.0.teff_k = missing", "in K")),
+        ({"planet": PLANET | {"spectrum": "blackbody", "teff_k": 1000, "albedo": 0.5}}, ("scene.planets.0.albedo",
+                                                                                         "reflected light")),
+        ({"planet": without(PLANET, "radius_rjup") | {"spectrum": "blackbody", "teff_k": 1000}},
+         ("radius_rjup = missing", "v_mag")),
+        ({"planet": PLANET | {"spectrum": "jupiter"}}, ("scene.planets.0.spectrum = jupiter", "reflected, blackbody")),
+        ({"planets": [PLANET, PLANET]}, ("scene.planets.1.name = b", "planets.0")),
+        ({"planets": [PLANET | {"name": "star"}]}, ("scene.planets.0.name = star", "cstar")),
+        ({"stars": [STAR | {"separation": 1, "pa": 0}]}, ("scene.stars.0.name = star", "cstar")),
+        ({"planets": 5}, ("scene.planets.0 = 5",)),
+        ({"stars": ["x"]}, ("scene.stars.0 = x",)),
+        ({"stars": [{"v_mag": 3, "teff_k": 4000}]}, ("scene.stars.0.separation_arcsec = missing",)),
+        ({"cstar": {"name": "x", "teff_k": 5000}}, ("scene.cstar.v_mag = missing", "-30 to 40 mag")),
+        ({"cstar": STAR | {"v_mag": None}}, ("scene.cstar.v_mag = None mag", "-30 to 40")),
+        ({"cstar": {"v_mag": 3}}, ("scene.cstar.spectral_type = missing", "teff_k")),
+        ({"cstar": {"v_mag": 3, "teff_k": 5000, "spectrum": "pickles"}}, ("spectral_type = missing", "pickles")),
+        ({"cstar": {"v_mag": 3, "spectrum": "."}}, ("scene.cstar.spectral_type = missing",)),
+        ({"cstar": {"v_mag": 3, "sp_type": "Q5"}}, ("scene.cstar.spectral_type = Q5",)),
+        ({"cstar": STAR | {"separation": 1, "pa": 0}}, ("scene.cstar.separation_arcsec", "origin")),
+        ({"cstar": STAR | {"ra": 3}}, ("scene.cstar.dec_deg = missing",)),
+        ({"cstar": STAR | {"ra": "25:00:00", "dec": 0}}, ("scene.cstar.ra_deg = 25:00:00", "0 to 360")),
+        ({"cstar": STAR | {"distance": 0}}, ("scene.cstar.distance_pc = 0 pc", "above 0")),
+        ({"cstar": STAR | {"model": "gird"}}, ("scene.cstar.spectrum = gird", "did you mean grid")),
+        ({"cstar": STAR | {"spectrum": 5}}, ("scene.cstar.spectrum = 5", "a file, or a table")),
+        ({"cstar": STAR | {"spectrum": BAD_TABLE | {"photlam": [1, 2]}}}, ("cstar.spectrum.photlam = 2 values", "3")),
+        ({"cstar": STAR | {"spectrum": BAD_TABLE | {"photlam": [1, -2, 1]}}}, ("photlam.1 = -2", "at least 0")),
+        ({"cstar": STAR | {"spectrum": BAD_TABLE | {"photlam": [0, 0, 0]}}}, ("spectrum.photlam = all zero",)),
+        ({"cstar": STAR | {"spectrum": BAD_TABLE | {"photlam": [1, float("nan"), 1]}}}, ("spectrum.photlam.1 = nan",)),
+        ({"cstar": STAR | {"spectrum": BAD_TABLE | {"photlam": [1, "x", 1]}}}, ("spectrum.photlam.1 = x",)),
+        ({"cstar": STAR | {"spectrum": BAD_TABLE | {"wavelength_nm": [300, 1800, 900]}}},
+         ("spectrum.wavelength_nm.2 = 900", "above 1800")),
+        ({"cstar": STAR | {"spectrum": BAD_TABLE | {"wavelength_nm": [0, 900, 1800]}}}, ("nm.0 = 0", "above 0")),
+        ({"cstar": STAR | {"spectrum": {"wavelength_nm": [300], "photlam": [1]}}}, ("wavelength_nm = 1 values",)),
+        ({"cstar": STAR | {"spectrum": {"wavelength_nm": [300, 1800]}}}, ("spectrum.photlam = missing", "flam")),
+        ({"cstar": STAR | {"spectrum": {"wavelength": [300, 1800], "flux": [1, 1]}}}, ("wavelength", "wavelength_nm")),
+        ({"cstar": 5}, ("scene.cstar = 5",)),
+        ({"cstar": None}, ("scene.cstar = missing",)),
+        ({"companions": "maybe"}, ("scene.companions = maybe", "on", "off")),
+        ({"name": 5}, ("scene.name = 5",)),
+        ({"name": ""}, ("scene.name",)),
+        ({"host": STAR}, ("scene.host", "cstar")),
+        ({"kind": "instrument"}, ("scene.kind",)),
+    ],
+)  # fmt: skip
+def test_bad_scenes_are_refused_by_name(change, words):
+    with pytest.raises(InputError) as caught:
+        load_scene(scene(**change))
+    for word in words:
+        assert word in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("source", "words"),
+    [
+        ("paper_exmple", ("did you mean paper_example",)),
+        ("nowhere.yaml", ("nowhere.yaml", "presets: ", "paper_example")),
+        (5, ("scene = 5",)),
+        ([], ("scene = []",)),
+        ({"cstar": STAR}, ("scene.name = missing",)),
+        ({"name": "s"}, ("scene.cstar = missing",)),
     ],
 )
-def test_bad_scenes_are_refused(change, word):
-    with pytest.raises(InputError, match=word):
-        load_scene({"name": "s", "cstar": STAR} | change)
+def test_what_is_no_scene_is_refused(source, words):
+    with pytest.raises(InputError) as caught:
+        load_scene(source)
+    for word in words:
+        assert word in str(caught.value)
+
+
+def test_a_folder_is_no_scene(tmp_path):
+    with pytest.raises(InputError, match="a YAML file or a preset"):
+        load_scene(tmp_path)

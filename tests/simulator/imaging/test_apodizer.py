@@ -3,8 +3,8 @@ import pytest
 from astropy.io import fits
 
 from catalogs.errors import InputError
+from simulator.arrays import read_npz, write_npz
 from simulator.imaging.apodizer import load_apodizer, shipped_apodizers, upsample
-from simulator.imaging.arrays import read_npz, write_npz
 
 
 def test_shipped_mask_is_a_read_only_transmission_map():

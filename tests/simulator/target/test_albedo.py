@@ -1,4 +1,4 @@
-"""Measured albedos against the values tabulated when the source was chosen."""
+"""One door to all albedos: measured against tabulated values, parametric, constant and user tables."""
 
 from __future__ import annotations
 
@@ -6,7 +6,18 @@ import numpy as np
 import pytest
 
 from catalogs.errors import InputError
+from simulator.config.albedo import albedo_spec
+from simulator.passbands import Passbands
 from simulator.target import albedo_flags, planet_albedo
+from simulator.target.albedo import (
+    albedo_notes,
+    albedo_source,
+    albedo_table,
+    needs_insolation,
+    phase_value,
+)
+from simulator.target.parametric import parametric_family
+from simulator.target.phase import lambert_phase
 
 WAVELENGTH_NM = np.array([520, 550, 662, 720, 850, 890, 940, 1265, 1425, 1542], dtype=float)
 TABLE = {
@@ -22,22 +33,92 @@ def test_tabulated_values(planet: str) -> None:
     np.testing.assert_allclose(planet_albedo(WAVELENGTH_NM, model=planet), TABLE[planet], atol=1.01e-3)
 
 
-def test_default_is_jupiter_and_shape_is_kept() -> None:
-    assert planet_albedo(550.0) == pytest.approx(0.528, abs=1e-3)
+def test_default_is_the_parametric_model_and_shape_is_kept() -> None:
+    family = parametric_family(0.5, 0.5).at(2.0)
+    assert planet_albedo(600.0) == pytest.approx(np.interp(600.0, family.wavelength_nm, family.albedo), rel=1e-14)
     assert planet_albedo(np.full((2, 3), 600.0)).shape == (2, 3)
+    explicit = planet_albedo(600.0, log10_mh=1.0, log10_fsed=1.0, insolation_au=2.0)
+    assert explicit == pytest.approx(float(planet_albedo(600.0, log10_mh=1.0, log10_fsed=np.log10(6.0))), rel=1e-14)
 
 
 def test_undocumented_wavelengths_are_flagged() -> None:
-    np.testing.assert_array_equal(albedo_flags([520.0, 1050.0, 1050.1, 1542.0]), [False, False, True, True])
+    for model in ("parametric", "jupiter"):
+        flags = albedo_flags([520.0, 1050.0, 1050.1, 1542.0], model=model)
+        np.testing.assert_array_equal(flags, [False, False, True, True])
 
 
+@pytest.mark.parametrize("model", ["jupiter", "parametric"])
 @pytest.mark.parametrize("wavelength", [299.0, 1760.0, np.nan, [500.0, 2000.0]])
-def test_no_silent_extrapolation(wavelength) -> None:
-    with pytest.raises(InputError):
-        planet_albedo(wavelength)
+def test_no_silent_extrapolation(wavelength, model) -> None:
+    with pytest.raises(InputError, match="wavelength_nm"):
+        planet_albedo(wavelength, model=model)
 
 
-def test_unknown_model_is_refused() -> None:
-    with pytest.raises(InputError) as caught:
-        planet_albedo(500.0, model="earth")
-    assert "jupiter" in str(caught.value)
+@pytest.mark.parametrize(
+    ("key", "arguments"),
+    [
+        ("jupiter", {"model": "earth"}),
+        ("log10_mh", {"log10_mh": 2.5}),
+        ("log10_fsed", {"log10_fsed": -3.0}),
+        ("log10_mh", {"log10_mh": np.nan}),
+        ("insolation_au", {"insolation_au": 0.0}),
+    ],
+)
+def test_bad_input_names_the_key(key, arguments) -> None:
+    with pytest.raises(InputError, match=key):
+        planet_albedo(500.0, **arguments)
+
+
+def test_clamps_are_said() -> None:
+    spec = albedo_spec({"log10_mh": 1, "log10_fsed": 1})
+    assert albedo_notes(spec, 2.0) == ("fsed_clamped",)
+    assert albedo_notes(spec, 0.1) == ("fsed_clamped", "insolation_clamped")
+    assert albedo_notes(albedo_spec({"mh": 3, "fsed": 3, "insolation_au": 5.2})) == ("insolation_clamped",)
+    assert albedo_notes(albedo_spec("jupiter")) == ()
+
+
+def test_insolation_is_asked_for_only_where_it_matters() -> None:
+    star = albedo_spec({"mh": 3, "fsed": 3})
+    assert needs_insolation(star)
+    assert not needs_insolation(albedo_spec({"mh": 3, "fsed": 3, "insolation_au": 2}))
+    assert not needs_insolation(albedo_spec(0.3))
+    with pytest.raises(InputError, match="insolation_au"):
+        albedo_table(star)
+
+
+def test_phase_functions() -> None:
+    lambert = albedo_spec({"mh": 3, "fsed": 3, "insolation_au": 2})
+    own = albedo_spec({"mh": 3, "fsed": 3, "insolation_au": 2, "phase_function": "grid"})
+    assert phase_value(lambert, 90.0) == lambert_phase(90.0)
+    assert isinstance(phase_value(own, 90.0), float)
+    # Cloudy models of the grid are fainter than Lambert at quadrature: 0.24-0.26.
+    assert 0.23 < phase_value(own, 90.0) < 0.27
+
+
+def test_user_tables_constants_and_files(tmp_path) -> None:
+    table = albedo_spec({"wavelength_nm": [400, 900], "albedo": [0.2, 0.7]})
+    path = tmp_path / "mine.csv"
+    path.write_text("wavelength_nm,albedo\n400,0.2\n900,0.7\n")
+    for spec in (table, albedo_spec({"file": str(path)})):
+        assert np.interp(650.0, albedo_table(spec).wavelength_nm, albedo_table(spec).albedo) == pytest.approx(0.45)
+        assert albedo_source(spec) is albedo_source(spec)
+    assert planet_albedo(650.0, model=str(path)) == pytest.approx(0.45)
+    bands = Passbands.from_bands()
+    np.testing.assert_allclose(bands.band_albedo(albedo_source(albedo_spec(0.3)), 5800, 4.4, 0), 0.3, rtol=1e-12)
+    with pytest.raises(InputError, match="increasing"):
+        albedo_table(albedo_spec({"wavelength_nm": [900, 400], "albedo": [0.2, 0.7]}))
+
+
+def test_band_albedo_of_a_family_is_that_of_its_members() -> None:
+    """Interpolated band integrals equal band integrals of the interpolated spectrum, for stars x distances."""
+    bands, family = Passbands.from_bands(), parametric_family(0.8, 0.3)
+    teff = np.array([[4000.0], [5300.0], [7000.0]])
+    distance = np.array([0.6, 1.1, 2.0, 8.0])
+    table = bands.band_albedo(family, teff, 4.4, -0.2, insolation_au=distance)
+    assert table.shape == (3, 4, 8)
+    for i, temperature in enumerate(teff[:, 0]):
+        for j, place in enumerate(distance):
+            direct = bands.band_albedo(family.at(place), temperature, 4.4, -0.2)
+            np.testing.assert_allclose(table[i, j], direct, rtol=1e-12)
+    with pytest.raises(InputError, match="insolation_au"):
+        bands.band_albedo(family, 5800.0, 4.4, 0.0)

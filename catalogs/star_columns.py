@@ -1,10 +1,10 @@
-"""The columns of ``stars.csv``: name, unit, kind, decimals, description. The order here is the order of the file."""
+"""The columns of a star table: name, unit, kind, decimals, description. The order here is the order of the file."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-__all__ = ["COLUMNS", "FLAGS", "Column"]
+__all__ = ["COLUMNS", "Column"]
 
 
 @dataclass(frozen=True)
@@ -97,24 +97,3 @@ COLUMNS: tuple[Column, ...] = (
     _src("companion_delta_v", "the magnitude difference"),
     Column("quality_flags", "", "text", "words joined by ';', see the list in stars_columns.json"),
 )
-
-#: Words of the column quality_flags.
-FLAGS: dict[str, str] = {
-    "colour_outlier": "B-V of the extract contradicts the spectral type; the subtype's median is used",
-    "composite": "entry is the blended light of components that have no entry of their own",
-    "composite_spectrum": "spectral type names more than one star",
-    "double_entry": "SIMBAD object type is a double or multiple star",
-    "giant": "luminosity class III-IV or brighter",
-    "low_parallax_snr": "adopted parallax is below 50 times its error",
-    "no_class": "spectral type has no luminosity class",
-    "no_hip": "no Hipparcos number in the sources",
-    "parallax_unknown_error": "no source gives an error of the parallax",
-    "peculiar": "spectral type marked p or m",
-    "rv_unknown": "radial velocity not known, 0 assumed",
-    "shared_parallax": "member of a bound system whose members take one parallax",
-    "spectroscopic_binary": "SIMBAD object type is a spectroscopic, eclipsing or ellipsoidal binary",
-    "teff_conflict": "ExoCat-1 temperature contradicts the spectral type and was not used",
-    "teff_outlier": "temperature is more than 600 K from the median of the spectral subtype",
-    "v_conflict": "V differs by more than 0.15 mag between the extract and ExoCat-1, often another blend",
-    "variable": "SIMBAD object type or identifier of a variable star",
-}

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import zipfile
-from collections.abc import Mapping
+import zlib
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +16,7 @@ from numpy.typing import NDArray
 from catalogs.errors import InputError
 from simulator.files import write_bytes
 
-__all__ = ["read_npz", "write_npz"]
+__all__ = ["NPZ_ERRORS", "open_npz", "read_npz", "write_npz"]
 
 FIXED_DATE = (1980, 1, 1, 0, 0, 0)  # the oldest date a zip file can hold
 
@@ -33,6 +35,25 @@ def write_npz(path: str | Path, arrays: Mapping[str, Any]) -> None:
     write_bytes(path, buffer.getvalue())
 
 
+NPZ_ERRORS = (
+    OSError, ValueError, TypeError, EOFError, KeyError, RuntimeError, MemoryError, zipfile.BadZipFile, zlib.error
+)  # fmt: skip
+"""What reading a damaged npz file may raise."""
+
+
+@contextlib.contextmanager
+def open_npz(path: str | Path) -> Iterator[Any]:
+    """Open an npz file without pickle; a damaged one is closed too, which numpy forgets given a name.
+
+    Raises
+    ------
+    Exception
+        One of `NPZ_ERRORS`, here or when an array is read.
+    """
+    with Path(path).open("rb") as file, np.load(file, allow_pickle=False) as archive:
+        yield archive
+
+
 def read_npz(path: str | Path) -> dict[str, NDArray[Any]]:
     """Read every array of an npz file.
 
@@ -42,7 +63,7 @@ def read_npz(path: str | Path) -> dict[str, NDArray[Any]]:
         If the file is missing, damaged, or holds Python objects.
     """
     try:
-        with np.load(path, allow_pickle=False) as archive:
+        with open_npz(path) as archive:
             return {name: archive[name] for name in archive.files}
-    except (OSError, ValueError, zipfile.BadZipFile, EOFError) as error:
+    except NPZ_ERRORS as error:
         raise InputError("file", str(path), allowed="an npz file of plain arrays", hint=str(error)) from None

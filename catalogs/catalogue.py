@@ -1,0 +1,123 @@
+"""Which star table a question is about: the snapshot, the latest refreshed one, or a user's file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from catalogs.errors import InputError
+from catalogs.info import snapshot_vintage
+from catalogs.stars import StarTable, load_stars
+
+__all__ = ["RANKED_V_MAG", "Catalogue", "open_catalogue"]
+
+RANKED_V_MAG = 7.0
+"""Faintest V of a ranking of the snapshot or a refreshed table, mag; they reach a little deeper."""
+_DIGITS = 12
+
+
+@dataclass(frozen=True)
+class Catalogue:
+    """A star table and what results say about it.
+
+    Parameters
+    ----------
+    table : StarTable
+        The stars.
+    kind : {"snapshot", "refreshed", "file"}
+        Where they come from.
+    provenance : str
+        One line for results: what it is, its date or file name (no folder), the first digits of its sha256.
+    sample : str
+        What its stars are, in words: "every FGK star of the snapshot with parallax >= 25 mas".
+    ranked_v_mag : float or None
+        Faintest V of a ranking unless asked otherwise; None for all rows.
+    notes : tuple of str
+        Remarks on the reading, for the person who asked.
+    """
+
+    table: StarTable
+    kind: Literal["snapshot", "refreshed", "file"]
+    provenance: str
+    sample: str
+    ranked_v_mag: float | None
+    notes: tuple[str, ...] = ()
+
+
+def open_catalogue(source: str | Path = "snapshot") -> Catalogue:
+    """Return a star table.
+
+    Parameters
+    ----------
+    source : str or Path
+        ``"snapshot"`` (embedded), ``"latest"`` (the newest that ``cpic catalog refresh`` left in the data folder), or a
+        file: CSV, ECSV, VOTable or FITS of a user's own, or a refreshed table. A file of one of these two names is
+        written with its folder: ``./latest``.
+
+    Raises
+    ------
+    InputError
+        If there is no such table, or it cannot be used; naming file, row, column, value, unit and range.
+    """
+    if not isinstance(source, str | Path) or not str(source):
+        raise InputError("catalog", source, allowed="snapshot, latest, or the name of a table file")
+    if source == "snapshot":
+        return Catalogue(
+            table=load_stars(),
+            kind="snapshot",
+            provenance=snapshot_vintage(),
+            sample="every FGK star of the snapshot with parallax >= 25 mas",
+            ranked_v_mag=RANKED_V_MAG,
+        )
+    return _from_file(_latest() if source == "latest" else source)
+
+
+def _latest() -> Path:
+    from catalogs.refreshed import data_dir, stored_tables
+
+    found = stored_tables()
+    if not found:
+        hint = f"none in {data_dir()}: run cpic catalog refresh"
+        raise InputError("catalog", "latest", allowed="snapshot, or latest once there is a refreshed table", hint=hint)
+    return found[0].path
+
+
+def _from_file(path: str | Path) -> Catalogue:
+    from catalogs.table_files import parse_table, read_bytes
+
+    file = read_bytes(path)
+    digest = f"{file.name} {file.sha256[:_DIGITS]}"
+    if file.data.startswith(b"# %ECSV") and _is_refreshed(file.data):
+        from catalogs.refreshed import parse_refreshed
+
+        table, meta = parse_refreshed(file.data.decode("utf-8", "replace"), file.name)
+        whole = int(meta["counts"]["stars"])
+        part = f"{file.name} has {len(table)} stars of the {whole} that it was written with"
+        day, least = str(meta["queried_utc"])[:10], float(meta["cuts"]["parallax_min_mas"])
+        return Catalogue(
+            table=table,
+            kind="refreshed",
+            provenance=f"SIMBAD of {day}, {len(table)} stars ({digest})",
+            sample=f"every FGK star of the table refreshed on {day} with parallax >= {least:g} mas",
+            ranked_v_mag=RANKED_V_MAG,
+            notes=() if len(table) == whole else (part,),
+        )
+    from catalogs.user_table import user_table
+
+    made = user_table(parse_table(file))
+    return Catalogue(
+        table=made.table,
+        kind="file",
+        provenance=f"user's table of {len(made.table)} stars ({digest})",
+        sample=f"every star of {file.name}",
+        ranked_v_mag=None,
+        notes=made.notes,
+    )
+
+
+def _is_refreshed(data: bytes) -> bool:
+    from catalogs.refreshed import FORMAT_KEY
+
+    header = [line for line in data.splitlines() if line.startswith(b"#")]
+    return any(line.lstrip(b"# -{").startswith(FORMAT_KEY.encode()) for line in header)

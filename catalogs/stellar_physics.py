@@ -1,0 +1,193 @@
+"""Relations that fill what a star table does not list: temperature, luminosity, radius, mass and gravity.
+
+The shipped table is built with them, a refreshed one and a user's own table are filled with them.
+
+- Teff from B-V and [Fe/H]: Casagrande et al. 2010, A&A 512, A54, table 4, for 0.18 < B-V < 1.29; outside, the
+  black-body relation of Ballesteros 2012, EPL 97, 34008. Made for dwarfs and subgiants, used for giants too.
+- Bolometric correction from Teff: Flower 1996, ApJ 469, 355, coefficients as corrected by Torres 2010, AJ 140, 1158,
+  with M_bol,sun = 4.73, the value that belongs to them.
+- Mass of dwarfs and subgiants from luminosity: Eker et al. 2018, MNRAS 479, 5491. Giants: 1.5 Msun assumed.
+- log g = 4.438 + log M - 2 log R (solar units), R from L and Teff with Teff,sun = 5772 K.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from statistics import median
+
+import numpy as np
+
+from catalogs.errors import InputError
+from catalogs.spectral_types import parse_spectral_type
+
+__all__ = [
+    "GIANT_MASS_MSUN",
+    "LUMINOSITY_SOURCE",
+    "TEFF_TOLERANCE_K",
+    "bolometric_correction",
+    "colour_temperature",
+    "gravity",
+    "has_giant_scale",
+    "is_giant",
+    "luminosity_class",
+    "luminosity_from_v",
+    "mass_from_luminosity",
+    "mass_of",
+    "nearest_subtype",
+    "radius_from_luminosity",
+    "spectral_letter",
+    "spectral_subtype",
+    "subtype_medians",
+]
+
+GIANT_MASS_MSUN = 1.5
+"""Mass given to every giant, solar masses (assumed)."""
+TEFF_TOLERANCE_K = 600.0
+"""A temperature farther than this from the median of its spectral subtype is an outlier."""
+LUMINOSITY_SOURCE = "derived:V, BC (Flower 1996; Torres 2010)"
+
+_M_BOL_SUN = 4.73
+_TEFF_SUN_K = 5772.0
+_LOG_G_SUN = 4.438
+_NEAR_SUBTYPES = 2.0
+_LEAST_IN_SUBTYPE = 3
+_CLASSES = re.compile(r"(III|II|IV|I|V)(?:ab|a|b)?(?:\s*[-/]\s*(III|II|IV|I|V))?")
+_GIANTS = ("III", "II", "I", "III-IV", "II-III")
+_FLOWER_COOL = (-0.190537291496456e05, 0.155144866764412e05, -0.421278819301717e04, 0.381476328422343e03)
+_FLOWER_WARM = (
+    -0.370510203809015e05,
+    0.385672629965804e05,
+    -0.150651486316025e05,
+    0.261724637119416e04,
+    -0.170623810323864e03,
+)
+_FLOWER_HOT = (
+    -0.118115450538963e06,
+    0.137145973583929e06,
+    -0.636233812100225e05,
+    0.147412923562646e05,
+    -0.170587278406872e04,
+    0.788731721804990e02,
+)
+
+
+def spectral_letter(sp_type: str) -> str:
+    """Return the letter O, B, A, F, G, K or M of a type's first component, ``""`` if it cannot be read.
+
+    Prefixes and marks are read through (``sdF8``, ``(G2)V``, ``dK5``); a range counts by its middle (F9/G0 is F), a
+    metallic-line type by its hydrogen lines (``kA5hF0mF2`` is F).
+    """
+    try:
+        return "OBAFGKM"[int(parse_spectral_type(sp_type).position // 10.0)]
+    except InputError:
+        return ""
+
+
+def luminosity_class(sp_type: str) -> str:
+    """Return the luminosity class of the first component of a spectral type, ``""`` if it has none."""
+    found = _CLASSES.search(sp_type[1:])
+    if not found:
+        return ""
+    return found[1] if found[2] in (None, found[1]) else f"{found[1]}-{found[2]}"
+
+
+def is_giant(sp_type: str) -> bool:
+    """Tell whether the luminosity class is III-IV or brighter."""
+    return luminosity_class(sp_type) in _GIANTS
+
+
+def has_giant_scale(sp_type: str) -> bool:
+    """Tell whether the type follows the giants' temperature scale; F giants share the dwarfs'."""
+    return is_giant(sp_type) and sp_type[0] != "F"
+
+
+def spectral_subtype(sp_type: str) -> float:
+    """Return the position in the sequence F0 = 0, G0 = 10, K0 = 20, nan without a digit."""
+    found = re.match(r"([FGK])(\d(?:\.\d)?)", sp_type)
+    return 10.0 * "FGK".index(found[1]) + float(found[2]) if found else float("nan")
+
+
+def subtype_medians(stars: Iterable[tuple[str, float, float]]) -> dict[tuple[bool, int], tuple[float, float]]:
+    """Return median (Teff, B-V) by (giant scale, whole subtype); subtypes of fewer than three stars are left out.
+
+    Parameters
+    ----------
+    stars : iterable of (str, float, float)
+        Spectral type, temperature (K; nan rows are skipped) and B-V (mag) of each star.
+    """
+    samples: dict[tuple[bool, int], list[tuple[float, float]]] = {}
+    for sp_type, teff_k, b_v_mag in stars:
+        subtype = spectral_subtype(sp_type)
+        if np.isfinite(subtype) and np.isfinite(teff_k):
+            samples.setdefault((has_giant_scale(sp_type), int(subtype)), []).append((teff_k, b_v_mag))
+    return {
+        key: (median(t for t, _ in pairs), median(c for _, c in pairs))
+        for key, pairs in samples.items()
+        if len(pairs) >= _LEAST_IN_SUBTYPE
+    }
+
+
+def nearest_subtype(sp_type: str, table: dict[tuple[bool, int], tuple[float, float]]) -> tuple[float, float]:
+    """Return the entry of the nearest tabulated subtype of the same kind, nan if none is within two subtypes.
+
+    Parameters
+    ----------
+    sp_type : str
+        Spectral type.
+    table : dict
+        (giant scale, whole subtype) -> median (Teff in K, B-V in mag).
+    """
+    subtype, giant = spectral_subtype(sp_type), has_giant_scale(sp_type)
+    keys = [key for key in table if key[0] == giant and abs(key[1] - subtype) <= _NEAR_SUBTYPES]
+    return table[min(keys, key=lambda key: (abs(key[1] - subtype), key[1]))] if keys else (float("nan"), float("nan"))
+
+
+def colour_temperature(b_v_mag: float, metallicity: float) -> tuple[float, str]:
+    """Return effective temperature from B-V and [Fe/H], and the name of the relation used."""
+    x, z = b_v_mag, metallicity
+    if 0.18 < x < 1.29:
+        theta = 0.5665 + 0.4809 * x - 0.0060 * x**2 - 0.0613 * x * z - 0.0042 * z - 0.0055 * z**2
+        return 5040.0 / theta, "derived:B-V (Casagrande et al. 2010)"
+    teff = 4600.0 * (1.0 / (0.92 * x + 1.7) + 1.0 / (0.92 * x + 0.62))
+    return teff, "derived:B-V (Ballesteros 2012)"
+
+
+def bolometric_correction(teff_k: float) -> float:
+    """Return BC_V (mag) of Flower 1996 as corrected by Torres 2010."""
+    x = float(np.log10(teff_k))
+    series = _FLOWER_COOL if x < 3.70 else _FLOWER_WARM if x < 3.90 else _FLOWER_HOT
+    return sum(c * x**n for n, c in enumerate(series))
+
+
+def luminosity_from_v(v_mag: float, distance_pc: float, teff_k: float) -> float:
+    """Return the bolometric luminosity (Lsun) of a star of apparent V (mag), distance (pc) and temperature (K)."""
+    m_bol = v_mag - 5.0 * np.log10(distance_pc / 10.0) + bolometric_correction(teff_k)
+    return float(10.0 ** (-0.4 * (m_bol - _M_BOL_SUN)))
+
+
+def radius_from_luminosity(luminosity_lsun: float, teff_k: float) -> float:
+    """Return the radius (Rsun) by Stefan-Boltzmann."""
+    return float(np.sqrt(luminosity_lsun) * (_TEFF_SUN_K / teff_k) ** 2)
+
+
+def mass_from_luminosity(luminosity_lsun: float) -> float:
+    """Return main-sequence mass (Msun), Eker et al. 2018, from 0.45 to 2.4 Msun."""
+    x = float(np.log10(luminosity_lsun))
+    if x < 4.572 * np.log10(0.72) - 0.102:
+        return float(10.0 ** ((x + 0.102) / 4.572))
+    if x < 5.743 * np.log10(1.05) - 0.007:
+        return float(10.0 ** ((x + 0.007) / 5.743))
+    return float(10.0 ** ((x - 0.010) / 4.329))
+
+
+def mass_of(sp_type: str, luminosity_lsun: float) -> tuple[float, str]:
+    """Return the mass (Msun) that luminosity and class suggest, and how it was found."""
+    if is_giant(sp_type):
+        return GIANT_MASS_MSUN, f"assumed:{GIANT_MASS_MSUN} Msun, giant"
+    return mass_from_luminosity(luminosity_lsun), "derived:luminosity (Eker et al. 2018)"
+
+
+def gravity(mass_msun: float, radius_rsun: float) -> float:
+    """Return log10 of the surface gravity (cm/s2) of mass and radius in solar units."""
+    return float(_LOG_G_SUN + np.log10(mass_msun) - 2.0 * np.log10(radius_rsun))

@@ -1,0 +1,201 @@
+"""Tables from files: CSV with nothing but the standard library; ECSV, VOTable and FITS with astropy.
+
+A file is read once, as bytes; what it is, its content says before its name does.
+"""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+import re
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from catalogs.errors import InputError
+
+__all__ = ["RawColumn", "RawTable", "TableBytes", "parse_table", "read_bytes"]
+
+_FORMATS = "CSV, ECSV, VOTable or FITS"
+_MISSING = frozenset(("", "nan", "null", "none", "n/a", "na", "--", "-", "…", "..."))
+
+
+@dataclass(frozen=True)
+class TableBytes:
+    """A file's content, its name without folder, and the sha256 of the content."""
+
+    name: str
+    data: bytes
+    sha256: str
+
+
+@dataclass(frozen=True)
+class RawColumn:
+    """One column as the file gives it; cells are None where missing."""
+
+    heading: str
+    unit: str
+    cells: list[Any]
+
+
+@dataclass(frozen=True)
+class RawTable:
+    """All columns of a file, of equal length, and remarks on the reading."""
+
+    name: str
+    columns: list[RawColumn]
+    notes: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.columns[0].cells)
+
+
+def read_bytes(path: str | Path) -> TableBytes:
+    """Read a file whole.
+
+    Raises
+    ------
+    InputError
+        If there is no such file, it is a folder, or it cannot be read.
+    """
+    place = Path(path).expanduser()
+    try:
+        data = place.read_bytes()
+    except IsADirectoryError:
+        raise InputError("catalog", str(path), allowed=f"a {_FORMATS} file", hint="this is a folder") from None
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        allowed = f"snapshot, latest, or the name of a {_FORMATS} file"
+        raise InputError("catalog", str(path), allowed=allowed, hint=reason) from None
+    return TableBytes(place.name, data, hashlib.sha256(data).hexdigest())
+
+
+def parse_table(file: TableBytes) -> RawTable:
+    """Read a table of any accepted format.
+
+    Raises
+    ------
+    InputError
+        If it is empty, of another format, or damaged.
+    """
+    if not file.data.strip():
+        raise InputError(file.name, "an empty file", allowed=f"a {_FORMATS} table with a heading and rows")
+    start = file.data[:512].lstrip()
+    if start.startswith(b"SIMPLE  ="):
+        table = _astropy(file, "fits")
+    elif start.startswith(b"<?xml") or b"<VOTABLE" in start.upper():
+        table = _astropy(file, "votable")
+    else:
+        text = _text(file)
+        table = _astropy(file, "ecsv") if text.startswith("# %ECSV") else _csv(file.name, text)
+    if len(table) == 0:
+        raise InputError(file.name, "no rows", allowed="at least one star")
+    return table
+
+
+def _text(file: TableBytes) -> str:
+    try:
+        text = file.data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = ""
+    if not text or "\0" in text:
+        raise InputError(
+            file.name, "binary or not UTF-8", allowed=f"a {_FORMATS} table", hint="save it as CSV in UTF-8"
+        )
+    return text
+
+
+def _csv(name: str, text: str) -> RawTable:
+    lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
+    if not lines:
+        raise InputError(name, "no heading", allowed="a heading line and rows")
+    counts = {mark: lines[0].count(mark) for mark in (",", ";", "\t", "|")}
+    mark = max(counts, key=lambda item: counts[item])
+    if not counts[mark]:
+        allowed = "columns separated by comma, semicolon or tab"
+        raise InputError(f"{name} heading", lines[0].strip()[:60], allowed=allowed)
+    try:
+        rows = list(csv.reader(lines, delimiter=mark, strict=True, skipinitialspace=True))
+    except csv.Error as error:
+        raise InputError(name, "broken quoting", allowed="a CSV table", hint=str(error)) from None
+    if any(map(_is_number, rows[0])):  # no heading, or one written as a comment
+        comments = [line.lstrip("# \t") for line in text.splitlines() if line.lstrip().startswith("#")]
+        headed = [
+            row for row in csv.reader(comments, delimiter=mark, skipinitialspace=True) if len(row) == len(rows[0])
+        ]
+        if not headed or any(map(_is_number, headed[-1])):
+            raise InputError(f"{name} heading", lines[0].strip()[:60], allowed="names of columns in the first line")
+        rows.insert(0, headed[-1])
+    headings = [text.strip() for text in rows[0]]
+    if not any(headings):
+        raise InputError(f"{name} heading", lines[0].strip()[:60], allowed="names of columns in the first line")
+    for number, row in enumerate(rows[1:], start=1):
+        if len(row) != len(headings):
+            allowed = f"{len(headings)} cells, as in the heading"
+            raise InputError(f"{name} row {number}", f"{len(row)} cells", allowed=allowed, hint="a stray separator?")
+    cells = [[_cell(row[i]) for row in rows[1:]] for i in range(len(headings))]
+    columns = [RawColumn(text, "", column) for text, column in zip(headings, cells, strict=True)]
+    return RawTable(name, [column for column in columns if column.heading or any(column.cells)])
+
+
+def _is_number(text: str) -> bool:
+    return re.fullmatch(r"\s*[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?\s*", text) is not None
+
+
+def _cell(text: str) -> str | None:
+    plain = text.strip()
+    return None if plain.lower() in _MISSING else plain
+
+
+def _astropy(file: TableBytes, kind: str) -> RawTable:
+    notes: tuple[str, ...] = ()
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # what astropy forgives is no reason to refuse a table
+            if kind == "votable":
+                from astropy.io.votable import parse
+
+                parsed = parse(io.BytesIO(file.data))
+                if sum(1 for _ in parsed.iter_tables()) > 1:
+                    notes = (f"{file.name} holds several tables: the first is read",)
+                table = parsed.get_first_table().to_table(use_names_over_ids=True)
+            elif kind == "fits":
+                from astropy.table import Table
+
+                table = Table.read(io.BytesIO(file.data), format="fits")
+            else:
+                from astropy.io import ascii as text_tables
+
+                table = text_tables.read(_text(file), format="ecsv")
+            columns = [_astropy_column(file.name, name, table[name]) for name in table.colnames]
+    except InputError:
+        raise
+    except Exception as error:
+        reason = " ".join(f"{type(error).__name__}: {error}".split())[:160]
+        what = {"votable": "VOTable", "fits": "FITS table", "ecsv": "ECSV table"}[kind]
+        raise InputError(file.name, "unreadable", allowed=f"a whole {what}", hint=reason) from None
+    if not columns:
+        raise InputError(file.name, "no columns", allowed="a table with columns")
+    return RawTable(file.name, columns, notes)
+
+
+def _astropy_column(name: str, heading: str, column: Any) -> RawColumn:
+    values = getattr(column, "value", column)  # a Quantity column has its numbers there
+    if getattr(values, "ndim", 1) != 1:
+        raise InputError(f"{name} column {heading}", f"{values.ndim}-dimensional", allowed="one value per row")
+    gone = np.ma.getmaskarray(values).tolist()
+    cells = [None if lost else _plain(cell) for cell, lost in zip(np.ma.getdata(values).tolist(), gone, strict=True)]
+    unit = getattr(column, "unit", None)
+    return RawColumn(heading, "" if unit is None else str(unit), cells)
+
+
+def _plain(cell: Any) -> Any:
+    if isinstance(cell, bytes):
+        cell = cell.decode("utf-8", "replace")
+    if isinstance(cell, str):
+        return _cell(cell)
+    return None if isinstance(cell, float) and np.isnan(cell) else cell

@@ -1,0 +1,130 @@
+"""An HTTP session that keeps to a time limit for the whole answer and remembers what went wrong.
+
+``requests`` limits each read of a socket, so that a server that trickles holds its client for ever; and pyvo turns
+what happened on the way into an error of format. Here an answer is read whole, against one deadline and one limit of
+size, and what failed is kept in words.
+
+Imported by :mod:`catalogs.simbad` when a query is sent, never before.
+"""
+
+from __future__ import annotations
+
+import http.client
+import io
+import time
+from dataclasses import dataclass
+from typing import Any
+from urllib.parse import urlsplit
+
+import requests
+from urllib3.exceptions import HTTPError
+from urllib3.response import HTTPResponse
+
+__all__ = ["PatientSession", "Problem"]
+
+MAX_ANSWER_BYTES = 256 * 2**20
+_CHUNK_BYTES = 2**16
+_LOOPBACK = frozenset(("localhost", "127.0.0.1", "::1"))
+_REASON_DEPTH = 12
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What went wrong on the way, in words, and whether asking again may help."""
+
+    text: str
+    again: bool = True
+
+
+class PatientSession(requests.Session):
+    """A session with a deadline per answer.
+
+    Parameters
+    ----------
+    timeout_s : float
+        Most time for connecting and reading one whole answer.
+
+    Attributes
+    ----------
+    problem : Problem or None
+        What was wrong with the last answer, if anything.
+    start : bytes
+        First bytes of the last answer.
+    """
+
+    def __init__(self, timeout_s: float) -> None:
+        super().__init__()
+        self.timeout_s = timeout_s
+        self.problem: Problem | None = None
+        self.start = b""
+        self.headers["Accept-Encoding"] = "identity"
+
+    def send(self, request: requests.PreparedRequest, **kwargs: Any) -> requests.Response:
+        """Send a request and read its whole answer; other parameters as in ``requests``."""
+        self.problem, self.start = None, b""
+        deadline = time.monotonic() + self.timeout_s
+        try:
+            response = super().send(request, **(kwargs | {"timeout": self.timeout_s, "stream": True}))
+            body = self._read(response, deadline)
+        except (requests.RequestException, HTTPError, http.client.HTTPException, OSError) as error:
+            self.problem = self.problem or self._explain(error)
+            raise
+        self.start = body[:80]
+        status = response.status_code
+        if status >= 400:
+            again = status >= 500 or status in (408, 429)
+            self.problem = Problem(f"HTTP {status} {response.reason or ''}".strip(), again)
+        coding = response.headers.get("Content-Encoding")
+        response.raw = HTTPResponse(
+            body=io.BytesIO(body),
+            headers={"Content-Encoding": coding} if coding else None,
+            status=status,
+            preload_content=False,
+        )
+        return response
+
+    def merge_environment_settings(self, url: Any, *args: Any, **kwargs: Any) -> Any:
+        """Take proxies and certificates from the environment, but never a proxy to this very machine."""
+        self.trust_env = urlsplit(str(url)).hostname not in _LOOPBACK
+        return super().merge_environment_settings(url, *args, **kwargs)
+
+    def _read(self, response: requests.Response, deadline: float) -> bytes:
+        parts: list[bytes] = []
+        size = 0
+        while chunk := response.raw.read1(_CHUNK_BYTES, decode_content=False):
+            parts.append(chunk)
+            size += len(chunk)
+            if time.monotonic() > deadline:
+                self.problem = self._late()
+                raise requests.ReadTimeout(self.problem.text)
+            if size > MAX_ANSWER_BYTES:
+                self.problem = Problem(f"the answer is larger than {MAX_ANSWER_BYTES // 2**20} MB", again=False)
+                raise requests.RequestException(self.problem.text)
+        promised = response.headers.get("Content-Length", "")
+        if promised.isdigit() and size < int(promised):
+            self.problem = Problem(f"the connection was dropped after {size} of {promised} bytes")
+            raise requests.ConnectionError(self.problem.text)
+        return b"".join(parts)
+
+    def _late(self) -> Problem:
+        return Problem(f"no complete answer within {self.timeout_s:g} s")
+
+    def _explain(self, error: BaseException) -> Problem:
+        """Turn an exception into words: the innermost reason is the one that people understand."""
+        if isinstance(error, requests.exceptions.InvalidURL | requests.exceptions.MissingSchema):
+            return Problem(str(error), again=False)
+        innermost = error
+        for _ in range(_REASON_DEPTH):
+            reason = getattr(innermost, "reason", None)
+            inner = reason if isinstance(reason, BaseException) else None
+            inner = inner or next((item for item in innermost.args if isinstance(item, BaseException)), None)
+            inner = inner or innermost.__cause__ or innermost.__context__
+            if inner is None:
+                break
+            innermost = inner
+        if isinstance(error, requests.Timeout) or "timed out" in str(innermost).lower():
+            return self._late()
+        if type(innermost).__name__ in ("IncompleteRead", "RemoteDisconnected", "ConnectionResetError"):
+            return Problem("the connection was dropped")
+        text = getattr(innermost, "strerror", None) or str(innermost) or type(innermost).__name__
+        return Problem(f"no connection ({text})" if isinstance(innermost, OSError) else f"no answer ({text})")

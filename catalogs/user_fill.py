@@ -1,0 +1,166 @@
+"""One star of a user's table, filled as the shipped table is; every value says where it comes from."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import Any
+
+from catalogs.coordinates import ecliptic
+from catalogs.errors import InputError
+from catalogs.nomenclature import designation_key, split_component
+from catalogs.spectra import load_stellar_grid
+from catalogs.spectral_types import stellar_parameters
+from catalogs.star_flags import parallax_flags, type_flags
+from catalogs.stellar_physics import (
+    LUMINOSITY_SOURCE,
+    gravity,
+    luminosity_class,
+    luminosity_from_v,
+    mass_of,
+    radius_from_luminosity,
+    spectral_letter,
+)
+
+__all__ = ["fill_row"]
+
+_NAN = float("nan")
+_CLOSE_COMPANION_ARCSEC = 10.0
+_DISTANCE_TOLERANCE = 0.05
+_SPECTRAL_TYPE = "derived:spectral type (Pecaut & Mamajek 2013; Cox 2000)"
+
+Row = dict[str, Any]
+
+
+def fill_row(given: Row, where: str, source: str) -> Row:
+    """Return all columns of one star.
+
+    Parameters
+    ----------
+    given : dict
+        Checked values by quantity (:data:`catalogs.user_columns.QUANTITIES`), missing ones left out.
+    where : str
+        File, row and star, for messages.
+    source : str
+        File name, for the ``*_src`` columns.
+
+    Raises
+    ------
+    InputError
+        If there is no temperature and the spectral type gives none.
+    """
+    listed = f"measured:as listed in {source}"
+    flags: set[str] = set()
+    row: Row = {name: given.get(name, "") for name in ("hd", "gj", "bayer", "flamsteed", "common_name")}
+    row |= {"name": given["name"], "simbad_id": given.get("simbad_id", ""), "hip": given.get("hip", 0)}
+    if not row["hip"] and (found := re.fullmatch(r"hip (\d+)", designation_key(given["name"]))):
+        row["hip"] = int(found[1])
+    row["hd"], row["gj"] = _numbered("HD", row["hd"]), _numbered("GJ", row["gj"])
+    component = split_component(designation_key(given["name"]))[1].upper()
+    row |= {"component": component, "component_src": listed if component else "missing"}
+    flags |= _astrometry(row, given, listed)
+    _type_and_colour(row, given, listed)
+    _physics(row, given, listed, where)
+    _companion(row, given, listed)
+    flags |= type_flags(row["sp_type"], "", "") if row["sp_type"] else {"no_class"}
+    if bool(load_stellar_grid().flags(row["teff_k"], row["log_g"], row["metallicity"]).any):
+        flags.add("stellar_grid_clamped")
+    return row | {"quality_flags": ";".join(sorted(flags))}
+
+
+def _numbered(prefix: str, text: str) -> str:
+    return f"{prefix} {text}" if text[:1].isdigit() else text
+
+
+def _astrometry(row: Row, given: Row, listed: str) -> set[str]:
+    flags: set[str] = set()
+    if "distance_pc" in given:
+        row["distance_pc"], row["distance_pc_src"] = given["distance_pc"], listed
+        parallax, parallax_src = 1000.0 / given["distance_pc"], "derived:distance"
+        own = given.get("parallax_mas", parallax)
+        if abs(own / parallax - 1.0) > _DISTANCE_TOLERANCE:
+            flags.add("distance_conflict")
+    else:
+        parallax, parallax_src = given["parallax_mas"], listed
+        own = parallax
+        row["distance_pc"], row["distance_pc_src"] = 1000.0 / parallax, "derived:parallax"
+    error = given.get("parallax_err_mas", _NAN)
+    if math.isfinite(error):
+        flags |= parallax_flags(own, error)
+    row |= {
+        "parallax_mas": parallax,
+        "parallax_src": parallax_src,
+        "parallax_err_mas": error,
+        "parallax_err_src": listed if math.isfinite(error) else "missing",
+        "parallax_own_mas": own,
+    }
+    ra, dec = given.get("ra_deg", _NAN), given.get("dec_deg", _NAN)
+    placed = math.isfinite(ra + dec)
+    if not placed:
+        flags.add("position_unknown")
+        ra = dec = _NAN
+    lon, lat = (float(value) for value in ecliptic(ra, dec)) if placed else (_NAN, _NAN)
+    row |= {"ra_deg": ra % 360.0, "dec_deg": dec, "epoch_yr": 2000.0, "ecliptic_lon_deg": lon, "ecliptic_lat_deg": lat}
+    row["ecliptic_src"] = "derived:position" if placed else "missing"
+    moves = "pm_ra_mas_yr" in given and "pm_dec_mas_yr" in given
+    for name in ("pm_ra_mas_yr", "pm_dec_mas_yr"):
+        row[name] = given[name] if moves else 0.0
+    row["pm_src"] = listed if moves else "assumed:0"
+    row["rv_km_s"] = given.get("rv_km_s", 0.0)
+    row["rv_km_s_src"] = listed if "rv_km_s" in given else "assumed:0"
+    return flags
+
+
+def _type_and_colour(row: Row, given: Row, listed: str) -> None:
+    sp_type = given.get("sp_type", "")
+    row |= {"v_mag": given["v_mag"], "v_mag_src": listed, "sp_type": sp_type}
+    row |= {"b_v_mag": given.get("b_v_mag", _NAN), "b_v_mag_src": listed if "b_v_mag" in given else "missing"}
+    row |= {"spectral_class": spectral_letter(sp_type), "luminosity_class": luminosity_class(sp_type)}
+
+
+def _physics(row: Row, given: Row, listed: str, where: str) -> None:
+    sp_type = row["sp_type"]
+    if "teff_k" in given:
+        row["teff_k"], row["teff_k_src"] = given["teff_k"], listed
+    else:
+        try:
+            row["teff_k"], row["teff_k_src"] = stellar_parameters(sp_type).teff_k, _SPECTRAL_TYPE
+        except InputError as error:
+            hint = "or give a temperature in a column teff_k"
+            allowed = "; ".join(filter(None, (error.allowed, error.hint)))
+            raise InputError(f"{where} column sp_type", sp_type, allowed=allowed, hint=hint) from None
+    row["metallicity"] = given.get("metallicity", 0.0)
+    row["metallicity_src"] = listed if "metallicity" in given else "assumed:0"
+    luminosity = given.get("luminosity_lsun")
+    row["luminosity_lsun_src"] = listed if luminosity else LUMINOSITY_SOURCE
+    row["luminosity_lsun"] = luminosity or luminosity_from_v(row["v_mag"], row["distance_pc"], row["teff_k"])
+    row["radius_rsun"] = radius_from_luminosity(row["luminosity_lsun"], row["teff_k"])
+    row["radius_rsun_src"] = "derived:luminosity and Teff (Stefan-Boltzmann)"
+    row["mass_msun"], row["mass_msun_src"] = mass_of(sp_type, row["luminosity_lsun"])
+    if "log_g" in given:
+        row["log_g"], row["log_g_src"] = given["log_g"], listed
+    elif row["luminosity_class"] and spectral_letter(sp_type):
+        row["log_g"], row["log_g_src"] = stellar_parameters(sp_type).log_g, _SPECTRAL_TYPE
+    else:
+        row["log_g"] = gravity(row["mass_msun"], row["radius_rsun"])
+        row["log_g_src"] = "derived:mass and radius"
+
+
+def _companion(row: Row, given: Row, listed: str) -> None:
+    separation = given.get("companion_sep_arcsec", _NAN)
+    apart = math.isfinite(separation)
+    angle = given.get("companion_pa_deg", _NAN) % 360.0 if apart else _NAN
+    delta = given.get("companion_delta_v_mag", given.get("companion_v_mag", _NAN) - given["v_mag"])
+    delta = delta if apart else _NAN
+    close = given.get("close_companion", apart and separation < _CLOSE_COMPANION_ARCSEC)
+    row |= {
+        "close_companion": bool(close),
+        "companion_name": given.get("companion_name", "companion" if apart else ""),
+        "companion_sep_arcsec": separation,
+        "companion_pa_deg": angle,
+        "companion_epoch_yr": given.get("companion_epoch_yr", _NAN),
+        "companion_delta_v_mag": delta,
+        "companion_src": listed if apart else "missing",
+        "companion_pa_src": listed if math.isfinite(angle) else "missing",
+        "companion_delta_v_src": listed if math.isfinite(delta) else "missing",
+    }

@@ -1,0 +1,203 @@
+"""Stars and planets of a scene as configuration."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import BeforeValidator, Field, model_validator
+
+from catalogs.errors import InputError
+from catalogs.spectral_types import stellar_parameters
+from simulator.config.albedo import AlbedoValue
+from simulator.config.angles import declination_deg, right_ascension_deg
+from simulator.config.base import FrozenModel
+from simulator.config.keys import canonical_keys, required
+from simulator.config.light import STAR_MODELS, PlanetLight, Real, SpectrumTable, StarLight
+
+__all__ = ["MAX_SEPARATION_ARCSEC", "Body", "Planet", "SceneStar"]
+
+MAX_SEPARATION_ARCSEC = 120.0
+"""Farthest source from the central star; the detector reaches 12 arcsec, the light of companions farther."""
+
+RightAscension = Annotated[float | None, BeforeValidator(lambda x: None if x is None else right_ascension_deg(x))]
+Declination = Annotated[float | None, BeforeValidator(lambda x: None if x is None else declination_deg(x))]
+Magnitude = Annotated[Real, Field(ge=-30, le=40)]
+
+_PLACE_ALIASES = {
+    "ra": "ra_deg",
+    "dec": "dec_deg",
+    "separation": "separation_arcsec",
+    "position_angle": "pa_deg",
+    "position_angle_deg": "pa_deg",
+    "pangle": "pa_deg",
+    "pa": "pa_deg",
+    "model": "spectrum",
+    "magnitude": "v_mag",
+    "magnitude_v": "v_mag",
+    "teff": "teff_k",
+}
+_STAR_ALIASES = _PLACE_ALIASES | {
+    "sp_type": "spectral_type",
+    "sptype": "spectral_type",
+    "logg": "log_g",
+    "distance": "distance_pc",
+    "luminosity": "luminosity_lsun",
+}
+_PLANET_ALIASES = _PLACE_ALIASES | {
+    "radius": "radius_rjup",
+    "phase": "phase_deg",
+    "phase_angle": "phase_deg",
+    "phase_angle_deg": "phase_deg",
+    "coe_metal": "log10_mh",
+    "coe_cloud": "log10_fsed",
+}
+_ALBEDO_KEYS = ("log10_mh", "log10_fsed", "mh", "fsed", "insolation_au", "phase_function")
+_PLANET_HINTS = {
+    "distance": "distance_au is the planet's true distance from its star; the star's own is cstar.distance_pc",
+    "distance_pc": "the distance of the system is cstar.distance_pc",
+    "spectral_type": "a planet has a teff_k, for model: blackbody",
+    "metallicity": "log10_mh for a parametric albedo",
+}
+
+
+class Body(FrozenModel):
+    """What every source has: a name, a place, and perhaps a brightness and a spectrum of its own.
+
+    The place is either ``ra_deg`` and ``dec_deg`` (same epoch as the central star's) or ``separation_arcsec`` and
+    ``pa_deg`` from the central star, degrees east of north.
+    """
+
+    name: str = ""
+    ra_deg: RightAscension = None
+    dec_deg: Declination = None
+    separation_arcsec: Annotated[Real, Field(ge=0, le=MAX_SEPARATION_ARCSEC)] | None = None
+    pa_deg: Annotated[Real, Field(ge=-360, le=360)] | None = None
+
+    @model_validator(mode="after")
+    def _whole_pairs(self) -> Body:
+        for one, other in (("ra_deg", "dec_deg"), ("dec_deg", "ra_deg"), ("separation_arcsec", "pa_deg"),
+                           ("pa_deg", "separation_arcsec")):  # fmt: skip
+            if getattr(self, one) is None and getattr(self, other) is not None:
+                raise required(one, f"a value where {other} is given")
+        if self.ra_deg is not None and self.separation_arcsec is not None:
+            raise InputError("ra_deg", "given with separation_arcsec",
+                             allowed="either ra_deg and dec_deg, or separation_arcsec and pa_deg")  # fmt: skip
+        return self
+
+
+class SceneStar(Body):
+    """A star: brightness, atmosphere, and a place when it is not the central one.
+
+    ``spectrum`` is ``grid`` (shipped PHOENIX and CK04 fluxes), ``blackbody``, ``pickles``, the path of a file or of a
+    CK04 or PHOENIX tree, or a table; it is scaled to ``v_mag`` (Johnson V, Vega). Temperature and gravity are those of
+    ``spectral_type`` unless ``teff_k`` and ``log_g`` are given; a file or table needs neither. ``distance_pc`` and
+    ``luminosity_lsun`` of the central star turn angles into distances and distances into insolation.
+    """
+
+    v_mag: Magnitude
+    spectral_type: str | None = None
+    teff_k: Annotated[Real, Field(ge=100, le=1e6)] | None = None
+    log_g: Annotated[Real, Field(ge=-1, le=9)] | None = None
+    metallicity: Annotated[Real, Field(ge=-5, le=2)] | None = None
+    spectrum: StarLight = "grid"
+    distance_pc: Annotated[Real, Field(gt=0, le=1e6)] | None = None
+    luminosity_lsun: Annotated[Real, Field(gt=0, le=1e8)] | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _keys(cls, tree: Any) -> Any:
+        return canonical_keys(tree, cls.model_fields, _STAR_ALIASES) if isinstance(tree, Mapping) else tree
+
+    @model_validator(mode="after")
+    def _typed(self) -> SceneStar:
+        if self.spectral_type is not None:
+            stellar_parameters(self.spectral_type)
+        elif self.spectrum == "pickles":
+            raise required("spectral_type", "an MK type such as K1V for spectrum: pickles")
+        elif self.teff_k is None and self._needs_parameters():
+            raise required("spectral_type", "an MK type such as K1V, or teff_k in K")
+        return self
+
+    def _needs_parameters(self) -> bool:
+        """Whether the spectrum is made from parameters: by a model or a tree of them, not by a file or table."""
+        if isinstance(self.spectrum, SpectrumTable):
+            return False
+        return self.spectrum in STAR_MODELS or not Path(self.spectrum).is_file()
+
+
+class Planet(Body):
+    """A planet: reflected light of the central star, or a light of its own.
+
+    Reflected light needs ``radius_rjup`` (R_J = 71 492 km), ``phase_deg`` and an ``albedo`` (default Jupiter's). The
+    true distance from the star is ``distance_au``; without it, that of the projected separation at the star's
+    ``distance_pc``: ``r = rho / sin(phase)``.
+
+    ``spectrum: blackbody`` is thermal light of temperature ``teff_k``, as bright as ``radius_rjup`` at the star's
+    distance makes it or of the given ``v_mag``. A file or table is taken as it is, at the telescope, or scaled to
+    ``v_mag``.
+    """
+
+    radius_rjup: Annotated[Real, Field(gt=0, le=10)] | None = None
+    distance_au: Annotated[Real, Field(gt=0, le=1e12)] | None = None
+    phase_deg: Annotated[Real, Field(ge=0, le=180)] | None = None
+    albedo: AlbedoValue | None = None
+    spectrum: PlanetLight = "reflected"
+    teff_k: Annotated[Real, Field(ge=100, le=1e6)] | None = None
+    v_mag: Magnitude | None = None
+
+    @property
+    def reflects(self) -> bool:
+        """Whether the light is the star's, reflected."""
+        return self.spectrum == "reflected"
+
+    @model_validator(mode="before")
+    @classmethod
+    def _keys(cls, tree: Any) -> Any:
+        if not isinstance(tree, Mapping):
+            return tree
+        known = (*cls.model_fields, *_ALBEDO_KEYS)
+        return _with_albedo(canonical_keys(tree, known, _PLANET_ALIASES, hints=_PLANET_HINTS))
+
+    @model_validator(mode="after")
+    def _lit(self) -> Planet:
+        if self.reflects:
+            _refuse(self, ("teff_k", "v_mag"), "spectrum: reflected", "a key of a planet with light of its own")
+            for name, why in (("radius_rjup", "radius in R_Jup"), ("phase_deg", "0 to 180 deg")):
+                if getattr(self, name) is None:
+                    raise required(name, f"a value: {why}")
+            file = getattr(self.albedo, "file", None)
+            if file is not None and not Path(file).is_file():
+                raise InputError("albedo.file", file, allowed="an existing file")
+            return self
+        _refuse(self, ("albedo",), "light of its own", "a key of a planet in reflected light")
+        if self.spectrum != "blackbody":
+            _refuse(self, ("teff_k",), "a given spectrum", "a key of spectrum: blackbody")
+        elif self.teff_k is None:
+            raise required("teff_k", "a temperature in K for spectrum: blackbody")
+        elif self.radius_rjup is None and self.v_mag is None:
+            raise required("radius_rjup", "a radius in R_Jup, or v_mag, for spectrum: blackbody")
+        return self
+
+
+def _refuse(planet: Planet, names: tuple[str, ...], light: str, allowed: str) -> None:
+    for name in names:
+        if getattr(planet, name) is not None:
+            raise InputError(name, f"given with {light}", allowed=allowed)
+
+
+def _with_albedo(tree: dict[str, Any]) -> dict[str, Any]:
+    """Gather the parameters of the albedo model, which the paper writes beside the others, under ``albedo``."""
+    given = {key: tree.pop(key) for key in _ALBEDO_KEYS if key in tree}
+    albedo = tree.get("albedo")
+    if given:
+        if albedo in (None, "parametric"):
+            tree["albedo"] = {"model": "parametric", **given}
+        elif isinstance(albedo, Mapping) and not set(albedo) & set(given):
+            tree["albedo"] = {**albedo, **given}
+        else:
+            raise InputError("albedo", albedo, allowed="parametric, where its parameters stand beside it")
+    elif albedo is None and tree.get("spectrum", "reflected") == "reflected":
+        tree["albedo"] = "jupiter"
+    return tree

@@ -1,0 +1,262 @@
+"""Albedos between the models of a user's grid: linear over metallicity, clouds and distance."""
+
+from __future__ import annotations
+
+import functools
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from catalogs.errors import InputError
+from simulator.albedo_family import AlbedoFamily
+from simulator.target.albedo_grid_file import Axes, Model, Models, open_models
+from simulator.target.phase import checked_phase
+
+__all__ = ["AlbedoGrid", "load_albedo_grid"]
+
+# As for the parametric model: absorption beyond is not tied to planets that have been measured.
+_DOCUMENTED_TO_NM = 1050.0
+# Phase curves are means over the wavelengths of the visible bands.
+_PHASE_RANGE_NM = (400.0, 1000.0)
+# A logarithm that went through a text file or a power of ten is still the node it was.
+_SAME = 1e-9
+_CLOUDY = "or null for a cloud-free planet"
+
+
+def load_albedo_grid(path: str | Path) -> AlbedoGrid:
+    """Open a user's copy of the grid of Batalha et al. 2018 (AJ 156, 158; Zenodo record 2003949).
+
+    Two layouts are read, told apart by their content: the SQLite database itself, and the npz file into which public
+    scripts pack it. Spectra are read when asked for. A file is opened once, and again after it has changed.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file; it is neither locked nor written.
+
+    Raises
+    ------
+    InputError
+        If there is no such file, or it is not laid out as such a grid.
+    """
+    place = Path(path).expanduser()
+    try:
+        place = place.resolve()
+        state = place.stat()
+    except (OSError, ValueError, RuntimeError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise InputError("albedo grid", str(path), allowed="a readable file", hint=reason) from None
+    if not place.is_file():
+        raise InputError("albedo grid", str(path), allowed="a readable file", hint="not a file")
+    return _opened(place, state.st_mtime_ns, state.st_size)
+
+
+@functools.lru_cache(maxsize=2)
+def _opened(path: Path, _mtime_ns: int, _size: int) -> AlbedoGrid:
+    models = open_models(path)
+    _check(path, models.axes)
+    return AlbedoGrid(path, models)
+
+
+@dataclass(frozen=True, eq=False)
+class AlbedoGrid:
+    """A grid of models in a file; offers what `simulator.target.parametric` does.
+
+    Attributes
+    ----------
+    path : Path
+    models : Models
+        Reader of the spectra; ``models.axes`` says which there are.
+    """
+
+    path: Path
+    models: Models
+
+    def family(self, log10_mh: float, log10_fsed: float | None) -> AlbedoFamily:
+        """Return the albedo at full phase over insolation, linear in albedo over log10_mh and log10_fsed.
+
+        Parameters
+        ----------
+        log10_mh : float
+            Decimal logarithm of the metallicity over the Sun's, within the grid (0 to 2 in the published one).
+        log10_fsed : float or None
+            Decimal logarithm of f_sed, at least that of the grid (-2); above its largest (log10 6), the largest is
+            used. None: cloud-free; cloudy planets never take a share of it.
+
+        Returns
+        -------
+        AlbedoFamily
+            At the wavelengths that all models it is made of cover; beyond 1050 nm it counts as extrapolated. The
+            same arguments give the same object.
+
+        Raises
+        ------
+        InputError
+            If a parameter is outside the grid, or one of the models around it is missing (it is named).
+        """
+        return _family(self, tuple(self._corners(log10_mh, log10_fsed)))
+
+    def phase_curve(
+        self, phase_deg: ArrayLike, *, log10_mh: float, log10_fsed: float | None, insolation_au: ArrayLike
+    ) -> np.ndarray:
+        """Return the models' brightness at a phase relative to full phase, exactly 1 at 0.
+
+        One curve for all wavelengths: the ratio A(phase) / A(0) weighted with A(0), over 400-1000 nm or what the grid
+        has of it. Linear between models as `family` is; monotone cubic (Fritsch & Butland 1984) between their phases.
+
+        Parameters
+        ----------
+        phase_deg, insolation_au : array_like
+            Broadcast against each other; 0 to 180 degrees; above 0 au, clamped to the grid's distances.
+        log10_mh, log10_fsed
+            As in `family`.
+
+        Returns
+        -------
+        ndarray
+            Broadcast shape.
+
+        Raises
+        ------
+        InputError
+            If a parameter is outside the grid, or a model that is needed is missing (it is named).
+        """
+        phase, distance = np.broadcast_arrays(checked_phase(phase_deg), np.asarray(insolation_au, dtype=np.float64))
+        corners = self._corners(log10_mh, log10_fsed)
+        ends, weights = _family(self, tuple(corners)).corners(distance)
+        axes = self.models.axes
+        chosen = _around(axes.phase_deg, phase) if phase.size else (0,)
+        if chosen == (0,):
+            return np.ones(phase.shape)
+        near = np.unique(ends)
+        cells = tuple((fsed, metal) for fsed, metal, _ in corners)
+        means = _phase_means(self, cells, tuple(near.tolist()), chosen)
+        from scipy.interpolate import PchipInterpolator
+
+        bright = np.zeros((phase.size, near.size))
+        full = np.zeros(near.size)
+        for (_, _, share), mean in zip(corners, means, strict=True):
+            bright += share * PchipInterpolator(axes.phase_deg[list(chosen)], mean[1:])(phase.ravel())
+            full += share * mean[0]
+        bright = bright.reshape(*phase.shape, near.size)
+        place = np.searchsorted(near, ends)
+        above = (weights * np.take_along_axis(bright, place, axis=-1)).sum(axis=-1)
+        below = (weights * full[place]).sum(axis=-1)
+        if np.any(below <= 0.0):
+            raise InputError(f"{self.path.name} full phase", 0.0, allowed="an albedo above 0 somewhere in 400-1000 nm")
+        return np.asarray(above / below)
+
+    def _corners(self, log10_mh: float, log10_fsed: float | None) -> list[tuple[int, int, float]]:
+        """Nodes (f_sed, metallicity) around a point and their weights."""
+        axes = self.models.axes
+        metals = _bracket("log10_mh", axes.log10_mh, log10_mh)
+        free = int(np.count_nonzero(axes.fsed == 0.0))
+        if log10_fsed is None:
+            if not free:
+                raise InputError("log10_fsed", None, allowed=f"a number: {self.path.name} has no cloud-free models")
+            clouds = [(0, 1.0)]
+        else:
+            if axes.fsed.size == free:
+                raise InputError("log10_fsed", log10_fsed, allowed=f"null: {self.path.name} has no cloudy models")
+            nodes = np.log10(axes.fsed[free:])
+            value = min(log10_fsed, float(nodes[-1]))
+            clouds = [(index + free, weight) for index, weight in _bracket("log10_fsed", nodes, value, _CLOUDY)]
+        return [(fsed, metal, a * b) for (fsed, a), (metal, b) in itertools.product(clouds, metals)]
+
+
+@functools.lru_cache(maxsize=32)
+def _family(grid: AlbedoGrid, corners: tuple[tuple[int, int, float], ...]) -> AlbedoFamily:
+    axes = grid.models.axes
+    models = [
+        Model(axes.log10_mh[metal], axes.fsed[fsed], distance, axes.phase_deg[0])
+        for fsed, metal, _ in corners
+        for distance in axes.insolation_au
+    ]
+    wavelength_nm, albedo = _on_one_sampling(grid.path, grid.models.spectra(models))
+    shares = np.array([share for _, _, share in corners])
+    family = np.tensordot(shares, albedo.reshape(len(corners), axes.insolation_au.size, -1), axes=1)
+    for array in (wavelength_nm, family):
+        array.setflags(write=False)
+    documented = min(_DOCUMENTED_TO_NM, float(wavelength_nm[-1]))
+    return AlbedoFamily(axes.insolation_au, wavelength_nm, family, documented)
+
+
+@functools.lru_cache(maxsize=256)
+def _phase_means(
+    grid: AlbedoGrid, cells: tuple[tuple[int, int], ...], near: tuple[int, ...], chosen: tuple[int, ...]
+) -> np.ndarray:
+    """Mean albedos over wavelength, shape (cells, 1 + phases, distances); the first of the phases is full phase."""
+    axes, phases = grid.models.axes, (0, *chosen)
+    models = [
+        Model(axes.log10_mh[metal], axes.fsed[fsed], axes.insolation_au[distance], axes.phase_deg[phase])
+        for fsed, metal in cells
+        for phase in phases
+        for distance in near
+    ]
+    wavelength_nm, albedo = _on_one_sampling(grid.path, grid.models.spectra(models))
+    low, high = max(_PHASE_RANGE_NM[0], wavelength_nm[0]), min(_PHASE_RANGE_NM[1], wavelength_nm[-1])
+    if not low < high:
+        span = f"{wavelength_nm[0]:g}-{wavelength_nm[-1]:g}"
+        raise InputError(f"{grid.path.name} range", span, unit="nm", allowed="a part of 400-1000 nm")
+    inside = (wavelength_nm > low) & (wavelength_nm < high)
+    x = np.concatenate([[low], wavelength_nm[inside], [high]])
+    means = [np.trapezoid(np.interp(x, wavelength_nm, row), x) / (high - low) for row in albedo]
+    result = np.reshape(means, (len(cells), len(phases), len(near)))
+    result.setflags(write=False)
+    return result
+
+
+def _on_one_sampling(path: Path, spectra: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
+    """Bring spectra, linear between samples, to all their wavelengths within the range that they share."""
+    first = spectra[0][0]
+    if all(np.array_equal(wavelength, first) for wavelength, _ in spectra):
+        return first.copy(), np.stack([albedo for _, albedo in spectra])
+    every = np.unique(np.concatenate([wavelength for wavelength, _ in spectra]))
+    low = max(wavelength[0] for wavelength, _ in spectra)
+    high = min(wavelength[-1] for wavelength, _ in spectra)
+    common = every[(every >= low) & (every <= high)]
+    if common.size < 2:
+        raise InputError(f"{path.name} wavelengths", "do not overlap", unit="nm", allowed="models of the same range")
+    return common, np.stack([np.interp(common, wavelength, albedo) for wavelength, albedo in spectra])
+
+
+def _around(nodes_deg: np.ndarray, phase_deg: np.ndarray) -> tuple[int, ...]:
+    """Nodes that the monotone cubic needs: those about the phases and one more on either side; a node, itself."""
+    low, high = float(phase_deg.min()), float(phase_deg.max())
+    if high > nodes_deg[-1]:
+        raise InputError("phase_deg", high, unit="deg", allowed=f"0 to {nodes_deg[-1]:g}, the phases of the grid")
+    if low == high and low in nodes_deg:
+        return tuple(sorted({0, int(np.searchsorted(nodes_deg, low))}))
+    first = int(np.searchsorted(nodes_deg, low, side="right")) - 2
+    last = int(np.searchsorted(nodes_deg, high, side="left")) + 1
+    return tuple(range(max(first, 0), min(last, nodes_deg.size - 1) + 1))
+
+
+def _bracket(name: str, nodes: np.ndarray, value: float, otherwise: str = "") -> list[tuple[int, float]]:
+    """Neighbouring nodes of a value and their weights; a node alone where the value is one."""
+    near = np.flatnonzero(np.abs(nodes - value) <= _SAME)
+    if near.size:
+        return [(int(near[0]), 1.0)]
+    if not (math.isfinite(value) and nodes[0] < value < nodes[-1]):
+        allowed = f"{nodes[0]:.4g} to {nodes[-1]:.4g}, the models of the grid"
+        raise InputError(name, value, allowed=f"{allowed}, {otherwise}" if otherwise else allowed)
+    left = int(np.searchsorted(nodes, value)) - 1
+    share = float((value - nodes[left]) / (nodes[left + 1] - nodes[left]))
+    return [(left, 1.0 - share), (left + 1, share)]
+
+
+def _check(path: Path, axes: Axes) -> None:
+    """Refuse axes that the interpolation cannot stand on."""
+    if axes.fsed[0] < 0.0:
+        raise InputError(f"{path.name} clouds", float(axes.fsed[0]), allowed="f_sed, 0 where cloud-free")
+    if axes.insolation_au[0] <= 0.0 or axes.insolation_au.size < 2:
+        shown = ", ".join(f"{value:g}" for value in axes.insolation_au)
+        raise InputError(f"{path.name} distances", shown, unit="au", allowed="two or more distances above 0")
+    if axes.phase_deg[0] != 0.0 or axes.phase_deg[-1] > 180.0:
+        span = f"{axes.phase_deg[0]:g} to {axes.phase_deg[-1]:g}"
+        raise InputError(f"{path.name} phases", span, unit="deg", allowed="0 (full phase) to at most 180")

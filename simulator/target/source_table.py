@@ -1,0 +1,278 @@
+"""Tables of sources: positions at hand, spectra worked out when they are asked for."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, overload
+
+import numpy as np
+
+from catalogs.errors import InputError
+from simulator.target.lights import LitStar
+from simulator.target.planet_light import LitPlanet
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from astropy.table import QTable
+    from synphot import SourceSpectrum
+
+__all__ = ["Kind", "SourceBatch", "SourceTable", "SpectralSource"]
+
+Kind: TypeAlias = Literal["cstar", "planet", "star"]
+_NUMBERS = {
+    "x_arcsec": "arcsec",
+    "y_arcsec": "arcsec",
+    "separation_arcsec": "arcsec",
+    "pa_deg": "deg",
+    "distance_au": "AU",
+    "insolation_au": "AU",
+}
+_COLUMNS = ("name", "kind", *_NUMBERS, "flags", "spectrum")
+
+
+@dataclass(frozen=True, eq=False)
+class SpectralSource:
+    """One source: where it stands and its spectrum at the telescope.
+
+    Attributes
+    ----------
+    name : str
+    kind : {"cstar", "planet", "star"}
+    x_arcsec, y_arcsec : float
+        Offset from the central star on the detector.
+    light : LitStar or LitPlanet
+        What the spectrum is made from.
+    """
+
+    name: str
+    kind: Kind
+    x_arcsec: float
+    y_arcsec: float
+    light: LitStar | LitPlanet
+
+    @property
+    def separation_arcsec(self) -> float:
+        """Separation from the central star."""
+        return self.light.place.separation_arcsec
+
+    @property
+    def pa_deg(self) -> float:
+        """Position angle, degrees east of north."""
+        return self.light.place.pa_deg
+
+    @property
+    def distance_au(self) -> float | None:
+        """True distance of a planet from its star, None for stars and where nothing depends on it."""
+        return self.light.distance_au if isinstance(self.light, LitPlanet) else None
+
+    @property
+    def insolation_au(self) -> float | None:
+        """Insolation used for the albedo, as the distance from the Sun that has it; None where it has no part."""
+        return self.light.insolation_au if isinstance(self.light, LitPlanet) else None
+
+    @property
+    def wavelength_nm(self) -> np.ndarray:
+        """Wavelengths of the samples; the spectrum is linear between them and zero outside."""
+        return self.light.wavelength_nm
+
+    @property
+    def photlam(self) -> np.ndarray:
+        """Photon flux density at the samples, ph/s/cm2/A."""
+        return self.light.photlam
+
+    @property
+    def contrast(self) -> np.ndarray | None:
+        """Planet over star at the samples; None for stars."""
+        return self.light.contrast if isinstance(self.light, LitPlanet) else None
+
+    @property
+    def flags(self) -> tuple[str, ...]:
+        """What was assumed, clamped or extrapolated."""
+        return self.light.flags()
+
+    @functools.cached_property
+    def spectrum(self) -> SourceSpectrum:
+        """The spectrum as a synphot source, PHOTLAM over Angstrom."""
+        from synphot import SourceSpectrum
+        from synphot.models import Empirical1D
+
+        meta = {"name": self.name, "kind": self.kind, "flags": self.flags}
+        # Without fill_value synphot continues the edge values for ever.
+        return SourceSpectrum(
+            Empirical1D, points=self.wavelength_nm * 10.0, lookup_table=self.photlam, fill_value=0.0, meta=meta
+        )
+
+    def __getitem__(self, column: str) -> Any:
+        if column not in _COLUMNS and column not in ("wavelength_nm", "photlam", "contrast"):
+            raise InputError("column", column, allowed=", ".join(_COLUMNS))
+        return getattr(self, column)
+
+
+@dataclass(frozen=True, eq=False)
+class SourceTable(Sequence[SpectralSource]):
+    """Sources of one scene, the central star first.
+
+    ``table[0]`` and ``table["planet 1"]`` are rows, iteration goes over rows, and the names of the columns are
+    attributes: ``table.x_arcsec`` is an array, ``table.spectrum`` a tuple of synphot sources.
+
+    Attributes
+    ----------
+    scene : str
+        Name of the scene.
+    rows : tuple of SpectralSource
+    """
+
+    scene: str
+    rows: tuple[SpectralSource, ...]
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def __iter__(self) -> Iterator[SpectralSource]:
+        return iter(self.rows)
+
+    @overload
+    def __getitem__(self, key: int) -> SpectralSource: ...
+    @overload
+    def __getitem__(self, key: slice) -> tuple[SpectralSource, ...]: ...
+    @overload
+    def __getitem__(self, key: str) -> Any: ...
+    def __getitem__(self, key: int | slice | str) -> Any:
+        """Row by number or name, rows by slice, or column by its name."""
+        if not isinstance(key, str):
+            return self.rows[key]
+        for row in self.rows:
+            if row.name == key:
+                return row
+        if key in _COLUMNS:
+            return getattr(self, key)
+        raise InputError("source", key, allowed=", ".join((*self.name, *_COLUMNS)))
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the columns."""
+        return _COLUMNS
+
+    @property
+    def name(self) -> tuple[str, ...]:
+        """Names of the sources."""
+        return tuple(row.name for row in self.rows)
+
+    @property
+    def kind(self) -> tuple[Kind, ...]:
+        """``cstar``, ``planet`` or ``star``."""
+        return tuple(row.kind for row in self.rows)
+
+    @property
+    def x_arcsec(self) -> np.ndarray:
+        """Offsets along detector columns."""
+        return self._numbers("x_arcsec")
+
+    @property
+    def y_arcsec(self) -> np.ndarray:
+        """Offsets along detector rows."""
+        return self._numbers("y_arcsec")
+
+    @property
+    def separation_arcsec(self) -> np.ndarray:
+        """Separations from the central star."""
+        return self._numbers("separation_arcsec")
+
+    @property
+    def pa_deg(self) -> np.ndarray:
+        """Position angles, degrees east of north."""
+        return self._numbers("pa_deg")
+
+    @property
+    def distance_au(self) -> np.ndarray:
+        """True distances of planets from their star; nan where a source has none."""
+        return self._numbers("distance_au")
+
+    @property
+    def insolation_au(self) -> np.ndarray:
+        """Insolations used for albedos; nan where it has no part."""
+        return self._numbers("insolation_au")
+
+    @property
+    def flags(self) -> tuple[tuple[str, ...], ...]:
+        """What was assumed, clamped or extrapolated."""
+        return tuple(row.flags for row in self.rows)
+
+    @property
+    def spectrum(self) -> tuple[SourceSpectrum, ...]:
+        """Spectra as synphot sources, PHOTLAM over Angstrom."""
+        return tuple(row.spectrum for row in self.rows)
+
+    def _numbers(self, name: str) -> np.ndarray:
+        return np.array([getattr(row, name) for row in self.rows], dtype=np.float64)
+
+    def to_pandas(self) -> pd.DataFrame:
+        """Return the table, without the spectra, as a data frame; flags joined by ``|``."""
+        return _frame([self])
+
+    def to_table(self) -> QTable:
+        """Return the table, without the spectra, as an astropy table with units; flags joined by ``|``."""
+        return _qtable([self])
+
+
+@dataclass(frozen=True, eq=False)
+class SourceBatch(Sequence[SourceTable]):
+    """Source tables of many scenes, one after the other.
+
+    Attributes
+    ----------
+    tables : tuple of SourceTable
+    """
+
+    tables: tuple[SourceTable, ...]
+
+    def __len__(self) -> int:
+        return len(self.tables)
+
+    def __iter__(self) -> Iterator[SourceTable]:
+        return iter(self.tables)
+
+    @overload
+    def __getitem__(self, key: int | str) -> SourceTable: ...
+    @overload
+    def __getitem__(self, key: slice) -> tuple[SourceTable, ...]: ...
+    def __getitem__(self, key: int | slice | str) -> SourceTable | tuple[SourceTable, ...]:
+        """Table by number or name of its scene, tables by slice."""
+        if not isinstance(key, str):
+            return self.tables[key]
+        for table in self.tables:
+            if table.scene == key:
+                return table
+        raise InputError("scene", key, allowed="the name of a scene of the batch")
+
+    def to_pandas(self) -> pd.DataFrame:
+        """Return all rows, without the spectra, as one data frame with a first column ``scene``."""
+        return _frame(self.tables, scene=True)
+
+    def to_table(self) -> QTable:
+        """Return all rows, without the spectra, as one astropy table with a first column ``scene``."""
+        return _qtable(self.tables, scene=True)
+
+
+def _columns(tables: Sequence[SourceTable], scene: bool) -> dict[str, Any]:
+    rows = [row for table in tables for row in table.rows]
+    columns: dict[str, Any] = {}
+    if scene:
+        columns["scene"] = [table.scene for table in tables for _ in table.rows]
+    columns |= {name: [getattr(row, name) for row in rows] for name in ("name", "kind")}
+    columns |= {name: np.array([getattr(row, name) for row in rows], dtype=np.float64) for name in _NUMBERS}
+    return columns | {"flags": ["|".join(row.flags) for row in rows]}
+
+
+def _frame(tables: Sequence[SourceTable], *, scene: bool = False) -> pd.DataFrame:
+    import pandas as pd
+
+    return pd.DataFrame(_columns(tables, scene))
+
+
+def _qtable(tables: Sequence[SourceTable], *, scene: bool = False) -> QTable:
+    from astropy.table import QTable
+
+    return QTable(_columns(tables, scene), units=_NUMBERS)

@@ -1,0 +1,215 @@
+"""Spectra from two-column files: text with units in its header, ECSV, VOTable, FITS."""
+
+from __future__ import annotations
+
+import io
+import re
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from catalogs.errors import InputError
+from catalogs.spectra import HC_ERG_ANGSTROM, Spectrum
+from simulator.band_integrals import check_table
+
+__all__ = ["photon_flux", "read_spectrum"]
+
+_MAX_BYTES = 200_000_000
+# nm per unit.
+_WAVELENGTHS = {
+    "nm": 1.0, "nanometer": 1.0, "nanometers": 1.0, "nanometre": 1.0, "nanometres": 1.0,
+    "angstrom": 0.1, "angstroms": 0.1,
+    "um": 1e3, "micron": 1e3, "microns": 1e3, "micrometer": 1e3, "micrometers": 1e3, "micrometre": 1e3,
+}  # fmt: skip
+_FLUXES = ("photlam", "flam", "fnu", "jy")
+_SPEED_OF_LIGHT_NM_S = 2.99792458e17
+_WANTED = "a header such as 'wavelength_nm photlam' (nm, um or Angstrom; photlam, flam, fnu or Jy)"
+
+
+def read_spectrum(path: str | Path) -> Spectrum:
+    """Read a spectrum from a file of two columns, wavelength and flux density.
+
+    Text files (``.txt``, ``.dat``, ``.csv``: columns apart by blanks, commas, semicolons or tabs) name their units in
+    comment lines or in the line above the numbers: ``wavelength_nm,photlam`` or ``# Angstrom flam``. ECSV, VOTable
+    and FITS tables carry units with their columns; in FITS the columns ``WAVELENGTH`` and ``FLUX`` are read, else the
+    first two.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+
+    Returns
+    -------
+    Spectrum
+        Wavelengths in nm, ph/s/cm2/A, linear between the samples.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, a unit is not stated, wavelengths do not increase or fluxes are not finite or
+        negative.
+    """
+    place = Path(path)
+    data = _bytes(place)
+    start = data[:512].lstrip()
+    if start.startswith(b"SIMPLE  ="):
+        columns = _from_fits(place, data)
+    elif start.startswith((b"<?xml", b"<VOTABLE", b"# %ECSV")):
+        columns = _from_table(place, data, "ascii.ecsv" if start.startswith(b"#") else "votable")
+    else:
+        columns = _from_text(place, data)
+    wavelength, wavelength_unit, flux, flux_unit = columns
+    wavelength_nm = wavelength * _wavelength_scale(place, wavelength_unit)
+    return photon_flux(place.name, wavelength_nm, flux, flux_unit)
+
+
+def photon_flux(name: str, wavelength_nm: np.ndarray, flux: np.ndarray, unit: str) -> Spectrum:
+    """Return a spectrum whose flux density is given in any of the usual units.
+
+    Parameters
+    ----------
+    name : str
+        What it is, for messages.
+    wavelength_nm, flux : ndarray, shape (n,)
+        Wavelengths and flux density.
+    unit : str
+        ``photlam`` (ph/s/cm2/A), ``flam`` (erg/s/cm2/A), ``fnu`` (erg/s/cm2/Hz), ``Jy``, or a unit that
+        astropy reads.
+
+    Raises
+    ------
+    InputError
+        If the unit is not one of a flux density, wavelengths do not increase or fluxes are not finite or negative.
+    """
+    wavelength, values = check_table(name, wavelength_nm, flux)
+    if wavelength[0] <= 0.0:
+        raise InputError(f"{name} wavelength", float(wavelength[0]), unit="nm", allowed="above 0")
+    kind = unit.strip().lower()
+    if kind in ("fnu", "jy"):
+        # Per frequency to per wavelength; a Jy is 1e-23 of the other.
+        values = values * ((1e-23 if kind == "jy" else 1.0) * _SPEED_OF_LIGHT_NM_S / (10.0 * wavelength**2))
+        kind = "flam"
+    if kind == "flam":
+        values = values * (10.0 * wavelength / HC_ERG_ANGSTROM)
+    elif kind != "photlam":
+        values = _by_astropy(name, wavelength, values, unit)
+    return Spectrum(wavelength, values)
+
+
+def _bytes(path: Path) -> bytes:
+    try:
+        if path.is_file() and path.stat().st_size > _MAX_BYTES:
+            raise InputError("spectrum file", str(path), allowed=f"at most {_MAX_BYTES} bytes")
+        return path.read_bytes()
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise InputError("spectrum file", str(path), allowed="a readable file", hint=reason) from None
+
+
+def _from_text(path: Path, data: bytes) -> tuple[np.ndarray, str, np.ndarray, str]:
+    try:
+        lines = data.decode("utf-8-sig").splitlines()
+    except UnicodeDecodeError:
+        raise InputError("spectrum file", str(path), allowed="UTF-8 text, ECSV, VOTable or FITS") from None
+    header: list[str] = []
+    rows: list[list[float]] = []
+    for number, line in enumerate(lines, start=1):
+        text, _, comment = line.partition("#")
+        fields = re.split(r"[\s,;]+", text.strip(" \t,;"))
+        if not text.strip():
+            header.append(comment)
+            continue
+        try:
+            row = [float(field) for field in fields]
+        except ValueError:
+            row = []
+            if not rows:
+                header.append(text)
+                continue
+        if len(row) != 2:
+            raise InputError(f"{path.name} line {number}", line.strip()[:80], allowed="two numbers")
+        rows.append(row)
+    if len(rows) < 2:
+        raise InputError(path.name, f"{len(rows)} rows of numbers", allowed="at least two rows of two numbers")
+    words = re.findall(r"[a-z]+", " ".join(header).lower())
+    table = np.array(rows)
+    return table[:, 0], _only(path, "wavelength", words, _WAVELENGTHS), table[:, 1], _only(path, "flux", words, _FLUXES)
+
+
+def _only(path: Path, what: str, words: list[str], known: Any) -> str:
+    """Return the one unit that the header names."""
+    named = [word for word in dict.fromkeys(words) if word in known]
+    scales = {known[word] if isinstance(known, dict) else word for word in named}
+    if len(scales) != 1:
+        raise InputError(f"{path.name} {what} unit", " and ".join(named) or "not stated", allowed=_WANTED)
+    return named[0]
+
+
+def _from_table(path: Path, data: bytes, kind: str) -> tuple[np.ndarray, str, np.ndarray, str]:
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # what astropy forgives is no reason to refuse a spectrum
+            from astropy.table import Table
+
+            source = data.decode("utf-8").splitlines() if kind == "ascii.ecsv" else io.BytesIO(data)
+            table = Table.read(source, format=kind)
+            columns = [table[name] for name in table.colnames[:2]]
+            values = [np.array(np.ma.filled(np.ma.asarray(column), np.nan), dtype=np.float64) for column in columns]
+            units = ["" if column.unit is None else str(column.unit) for column in columns]
+    except Exception as error:
+        raise _unreadable(path, error) from None
+    if len(values) != 2:
+        raise InputError(path.name, f"{len(values)} columns", allowed="wavelength and flux")
+    return values[0], units[0], values[1], units[1]
+
+
+def _from_fits(path: Path, data: bytes) -> tuple[np.ndarray, str, np.ndarray, str]:
+    try:
+        with warnings.catch_warnings():
+            # STScI tables carry unit and display cards that FITS does not know; they do not touch the data.
+            warnings.simplefilter("ignore")
+            from astropy.io import fits
+
+            with fits.open(io.BytesIO(data)) as hdus:
+                columns = hdus[1].columns
+                names = [name for name in ("WAVELENGTH", "FLUX") if name in columns.names]
+                names = names if len(names) == 2 else columns.names[:2]
+                values = [np.array(hdus[1].data[name], dtype=np.float64) for name in names]
+                units = [columns[name].unit or "" for name in names]
+    except Exception as error:
+        raise _unreadable(path, error) from None
+    return values[0], units[0], values[1], units[1]
+
+
+def _unreadable(path: Path, error: Exception) -> InputError:
+    reason = f"{type(error).__name__}: {error}"[:160]
+    return InputError("spectrum file", str(path), allowed="a whole table of wavelength and flux", hint=reason)
+
+
+def _wavelength_scale(path: Path, unit: str) -> float:
+    if unit.strip().lower() in _WAVELENGTHS:
+        return _WAVELENGTHS[unit.strip().lower()]
+    if unit.strip():
+        from astropy import units
+
+        try:
+            return float(units.Unit(unit).to(units.nm))
+        except (ValueError, TypeError, units.UnitConversionError):
+            pass
+    raise InputError(f"{path.name} wavelength unit", unit or "not stated", allowed="nm, um, Angstrom")
+
+
+def _by_astropy(name: str, wavelength_nm: np.ndarray, flux: np.ndarray, unit: str) -> np.ndarray:
+    if unit.strip():
+        from astropy import units
+
+        photlam = units.photon / (units.s * units.cm**2 * units.AA)
+        try:
+            quantity = flux * units.Unit(unit)
+            return np.asarray(quantity.to_value(photlam, units.spectral_density(wavelength_nm * units.nm)))
+        except (ValueError, TypeError, units.UnitConversionError):
+            pass
+    raise InputError(f"{name} flux unit", unit or "not stated", allowed="photlam, flam, fnu, Jy, or a flux density")

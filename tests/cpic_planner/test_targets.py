@@ -1,0 +1,96 @@
+"""Targets from any table: the same columns, the cuts, the flags, and content that decides hashes."""
+
+import logging
+
+import numpy as np
+import pytest
+
+from catalogs.catalogue import open_catalogue
+from catalogs.errors import InputError
+from cpic_planner import load_targets
+from cpic_planner.targets import find_target, rank_sample, sample_text
+from simulator.config import content_hash
+
+TABLE = """name,plx,V,SpT,ra,dec,companion_sep_arcsec,companion_v_mag,close_companion
+near,200,5.0,G2V,10,20,5,7.5,
+wide,100,6.5,K1IV,200,-20,40,9,
+plain,50,8.0,K5III,,,,,yes
+"""
+
+
+@pytest.fixture
+def mine(tmp_path):
+    (tmp_path / "mine.csv").write_text(TABLE)
+    return tmp_path / "mine.csv"
+
+
+def test_frame_of_a_file_has_the_columns_of_the_snapshots(mine):
+    frame, snapshot = load_targets(mine), load_targets()
+    assert list(frame.columns) == list(snapshot.columns)
+    assert frame["name"].tolist() == ["near", "wide", "plain"]
+    assert frame["distance_pc"].tolist() == [5.0, 10.0, 20.0]
+    assert "mine.csv" in frame.attrs["catalogue"]
+    assert "SIMBAD" in snapshot.attrs["catalogue"]
+    assert len(snapshot) == 1077
+    assert load_targets(str(mine)).equals(frame)
+
+
+def test_cuts_hold_for_a_file_too(mine):
+    assert load_targets(mine, v_mag_max=7)["name"].tolist() == ["near", "wide"]
+    assert load_targets(mine, dwarfs_only=True)["name"].tolist() == ["near"]
+    assert load_targets(mine, singles_only=True)["name"].tolist() == ["wide"]
+    with pytest.raises(InputError, match="dwarfs_only and singles_only"):
+        load_targets(mine, dwarfs_only=True, singles_only=True)
+    with pytest.raises(InputError, match="v_mag_max"):
+        load_targets(mine, v_mag_max=1)
+    with pytest.raises(InputError, match="no such cut"):
+        load_targets(mine, v_max=7)
+
+
+def test_companions_of_a_file_are_flagged_and_their_light_is_placed(mine):
+    near, _ = find_target("near", catalog=mine)
+    assert near.companion_v_mag[0] == 7.5
+    assert near.companion_separation_arcsec[0] == 5.0
+    assert {"companion_light_on", "companion_pa_assumed"} <= set(near.flags[0])
+    plain, _ = find_target("plain", catalog=mine)
+    assert {"companion_light_unknown", "position_unknown", "giant"} <= set(plain.flags[0])
+    assert np.isnan(plain.ra_deg[0])
+
+
+def test_content_decides_the_hash_and_the_name_of_the_file_does_not(mine, tmp_path):
+    (tmp_path / "other.csv").write_text(TABLE.replace("name,plx", "star,parallax"))
+    one, two = rank_sample(catalog=mine), rank_sample(catalog=tmp_path / "other.csv")
+    assert content_hash(one.content()) == content_hash(two.content())
+    (tmp_path / "other.csv").write_text(TABLE.replace("6.5", "6.6"))
+    assert content_hash(rank_sample(catalog=tmp_path / "other.csv").content()) != content_hash(one.content())
+
+
+def test_sample_in_words(mine):
+    assert sample_text(open_catalogue(), None, False, False).startswith(
+        "every FGK star of the snapshot with parallax >= 25 mas and V <= 7; all luminosity classes"
+    )
+    assert sample_text(open_catalogue(mine), None, False, False).startswith("every star of mine.csv; all")
+    assert sample_text(open_catalogue(mine), 6, True, True).startswith("every star of mine.csv with V <= 6; dwarfs")
+
+
+def test_remarks_on_a_file_reach_the_log_once(mine, caplog):
+    mine.write_text(TABLE.replace("name,plx,V", "name,plx,V").replace(",ra,", ",right,"))
+    with caplog.at_level(logging.WARNING):
+        load_targets(mine)
+    assert [record.getMessage() for record in caplog.records] == ["mine.csv: columns not used: right"]
+
+
+def test_a_catalogue_is_read_once_for_many_names(mine, monkeypatch):
+    from cpic_planner import api, signal_to_noise
+
+    opened = []
+    monkeypatch.setattr(api, "as_catalogue", lambda source: opened.append(source) or open_catalogue(source))
+    answers = signal_to_noise(["near", "wide"], time_s=3000, separation_arcsec=0.5, bands=["F520"], catalog=mine)
+    assert len(answers) == 2
+    assert opened == [mine]
+
+
+@pytest.mark.parametrize("source", [7, None, "", "missing.csv"])
+def test_sources_that_are_none(source):
+    with pytest.raises(InputError, match="catalog"):
+        load_targets(source)

@@ -1,0 +1,80 @@
+"""What people may write for an albedo."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from catalogs.errors import InputError
+from simulator.config.albedo import (
+    ConstantAlbedo,
+    GridAlbedo,
+    MeasuredAlbedo,
+    ParametricAlbedo,
+    TableAlbedo,
+    albedo_spec,
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "kind"),
+    [
+        ("jupiter", MeasuredAlbedo),
+        ("parametric", ParametricAlbedo),
+        (0.3, ConstantAlbedo),
+        ({"value": 0.3}, ConstantAlbedo),
+        ({"log10_mh": 1, "log10_fsed": 1}, ParametricAlbedo),
+        ({"mh": 10, "fsed": 10, "insolation_au": 2}, ParametricAlbedo),
+        ({"file": "mine.txt"}, TableAlbedo),
+        ({"file": "AlbedoModels.db", "mh": 1, "fsed": 3}, GridAlbedo),
+        ({"wavelength_nm": [400, 900], "albedo": [0.1, 0.2]}, TableAlbedo),
+    ],
+)
+def test_kinds_and_round_trip(text, kind):
+    spec = albedo_spec(text)
+    assert isinstance(spec, kind)
+    assert albedo_spec(spec.model_dump(mode="json")) == spec
+    assert albedo_spec(spec) is spec
+
+
+@given(st.floats(1.0, 100.0), st.floats(0.01, 6.0))
+def test_linear_aliases_are_logarithms(mh, fsed):
+    spec = albedo_spec({"mh": mh, "fsed": fsed})
+    assert (spec.log10_mh, spec.log10_fsed) == (math.log10(mh), math.log10(fsed))
+
+
+def test_no_clouds_and_thin_clouds_are_different_things():
+    assert albedo_spec({"mh": 1, "fsed": 0}).log10_fsed is None
+    assert albedo_spec({"log10_mh": 0, "log10_fsed": None}).clamped_log10_fsed is None
+    assert albedo_spec({"mh": 1, "fsed": 10}).clamped_log10_fsed == pytest.approx(math.log10(6.0))
+
+
+def test_labels_say_what_was_used():
+    label = albedo_spec({"log10_mh": 1, "log10_fsed": 1, "insolation_au": 2}).label
+    assert label == "parametric (10 x solar, f_sed 10 taken as 6, 2 au)"
+    assert "cloud-free" in albedo_spec({"mh": 1, "fsed": 0}).label
+
+
+@pytest.mark.parametrize(
+    ("text", "key"),
+    [
+        ("mars", "albedo = mars"),
+        (True, "albedo = True"),
+        (None, "albedo"),
+        ([1], "albedo"),
+        (2.0, "value = 2"),
+        ({"log10_mh": 3, "log10_fsed": 0}, "log10_mh = 3"),
+        ({"mh": 10, "log10_mh": 1, "fsed": 1}, "mh = given with log10_mh"),
+        ({"mh": 0, "fsed": 1}, "mh = 0"),
+        ({"mh": -1, "fsed": 1}, "mh = -1"),
+        ({"mh": math.inf, "fsed": 1}, "mh = inf"),
+        ({"mh": 1, "fsed": 1, "depth": 2}, "depth"),
+        ({"wavelength_nm": [400, 900]}, "file"),
+        ({"model": "table"}, "file"),
+        ({"model": "parametric", "mh": 1, "fsed": 1, "insolation_au": 0}, "insolation_au = 0"),
+    ],
+)
+def test_mistakes_are_named(text, key):
+    with pytest.raises(InputError, match=key):
+        albedo_spec(text)
