@@ -1,6 +1,8 @@
 """The project around the code: documents that stay true, commands that say what to do."""
 
+import csv
 import json
+import math
 import os
 import re
 import shutil
@@ -30,6 +32,18 @@ def test_readme_quotes_the_committed_report():
         assert re.search(rf"`cpic {what}`.*?{float(seconds):.1f} s", readme), (what, seconds)
     plan = re.search(r"plan of 5 targets x 4 bands, 2 workers, 1 run \| (\d+) \|", report)[1]
     assert f"in 4 bands {plan} s" in readme
+
+
+def test_readme_quotes_the_errors_of_the_parametric_albedo():
+    readme = " ".join(text("README.md").split())
+    with (ROOT / "reports/spectra/errors.csv").open(encoding="utf-8", newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    # "At most" rounds up.
+    fitted, held_out = (
+        math.ceil(1000 * max(float(row[f"{kind}_median_2au"]) for row in rows)) / 1000 for kind in ("fitted", "held_out")
+    )
+    assert f"at most {fitted:.3f} in a fitted band at 2 au" in readme
+    assert f"at most {held_out:.3f} in a band that was left out of the fit" in readme
 
 
 def test_committed_plan_is_of_this_version_and_schema():
