@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
 from catalogs.errors import InputError
-from catalogs.info import snapshot_vintage
+from catalogs.info import MODEL_CREDITS, STAR_CREDITS, snapshot_vintage
 from catalogs.stars import StarTable, load_stars
 
-__all__ = ["RANKED_V_MAG", "Catalogue", "open_catalogue"]
+__all__ = ["RANKED_V_MAG", "Catalogue", "data_credits", "open_catalogue"]
 
 RANKED_V_MAG = 7.0
 """Faintest V of a ranking of the snapshot or a refreshed table, mag; they reach a little deeper."""
 _DIGITS = 12
+_USER_TABLE = "user's table"
 
 
 @dataclass(frozen=True)
@@ -73,6 +75,11 @@ def open_catalogue(source: str | Path = "snapshot") -> Catalogue:
     return _from_file(_latest() if source == "latest" else source)
 
 
+def data_credits(provenance: str) -> tuple[str, ...]:
+    """Return whose data a result with a table of this `provenance` rests on; a user's own stars are not SIMBAD's."""
+    return MODEL_CREDITS if provenance.startswith(_USER_TABLE) else (*STAR_CREDITS, *MODEL_CREDITS)
+
+
 def _latest() -> Path:
     from catalogs.refreshed import data_dir, stored_tables
 
@@ -98,7 +105,7 @@ def _from_file(path: str | Path) -> Catalogue:
         return Catalogue(
             table=table,
             kind="refreshed",
-            provenance=f"SIMBAD of {day}, {len(table)} stars ({digest})",
+            provenance=f"SIMBAD of {day}{_elsewhere(str(meta.get('service', '')))}, {len(table)} stars ({digest})",
             sample=f"every FGK star of the table refreshed on {day} with parallax >= {least:g} mas",
             ranked_v_mag=RANKED_V_MAG,
             notes=() if len(table) == whole else (part,),
@@ -109,11 +116,18 @@ def _from_file(path: str | Path) -> Catalogue:
     return Catalogue(
         table=made.table,
         kind="file",
-        provenance=f"user's table of {len(made.table)} stars ({digest})",
+        provenance=f"{_USER_TABLE} of {len(made.table)} star{'s' * (len(made.table) != 1)} ({digest})",
         sample=f"every star of {file.name}",
         ranked_v_mag=None,
         notes=made.notes,
     )
+
+
+def _elsewhere(service: str) -> str:
+    """Name the machine that was asked where it is none of SIMBAD's own."""
+    found = re.match(r"https?://([^/:?#]+)", service)
+    host = found[1] if found else "an unknown service"
+    return "" if host.startswith("simbad.") else f" as {host} has it"
 
 
 def _is_refreshed(data: bytes) -> bool:

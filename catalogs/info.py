@@ -8,19 +8,24 @@ import json
 from pathlib import Path
 from typing import Any
 
-__all__ = ["CREDITS", "catalogue_info", "snapshot_vintage"]
+__all__ = ["MODEL_CREDITS", "STAR_CREDITS", "catalogue_info", "snapshot_vintage"]
 
 _DATA = Path(__file__).resolve().parent / "data"
 
-CREDITS = (
+STAR_CREDITS = (
     "This research has made use of the SIMBAD database, operated at CDS, Strasbourg, France (Wenger et al. 2000). "
     "The star table is a database derived from it, under the Open Database License 1.0.",
     "Stellar data from ExoCat-1 (Turnbull 2015) and Hipparcos-2 (van Leeuwen 2007); names from the d3-celestial index "
     "(Kostjuk 2002; Gliese & Jahreiss 1991).",
+)
+"""Of the embedded and refreshed star tables."""
+
+MODEL_CREDITS = (
     "Stellar spectra: PHOENIX (Allard et al. 2012; Husser et al. 2013) with the trends of Castelli & Kurucz 2004; "
     "Pickles 1998; Sun and Vega: CALSPEC.",
     "Giant-planet albedos: Karkoschka 1998. Zodiacal light: Leinert et al. 1998.",
 )
+"""Of the other data, which every result rests on."""
 
 
 @functools.cache
@@ -69,5 +74,5 @@ def catalogue_info() -> dict[str, Any]:
         "counts": counts,
         "notes": stars["notes"],
         "files": files,
-        "credits": list(CREDITS),
+        "credits": [*STAR_CREDITS, *MODEL_CREDITS],
     }

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from catalogs.errors import InputError
-from catalogs.info import CREDITS, snapshot_vintage
+from catalogs.info import STAR_CREDITS, snapshot_vintage
 from catalogs.refresh import Refreshed
 from catalogs.star_columns import COLUMNS
 from catalogs.stars import StarTable, star_table
@@ -108,7 +108,7 @@ def ecsv_text(made: Refreshed, versions: Mapping[str, str]) -> str:
             },
             "software": dict(versions),
             "licence": _LICENCE,
-            "credit": CREDITS[0],
+            "credit": STAR_CREDITS[0],
         }
     )
     text = io.StringIO()

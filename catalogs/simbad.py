@@ -11,6 +11,7 @@ status of error or anything that is no VOTable is a :class:`RefreshError`. Failu
 from __future__ import annotations
 
 import math
+import os
 import time
 import warnings
 from collections.abc import Callable
@@ -21,6 +22,8 @@ from catalogs.errors import InputError
 
 __all__ = ["Cuts", "RefreshError", "TapService", "ask", "queries", "service_url"]
 
+URL_VARIABLE = "CPIC_SIMBAD_URL"
+"""Environment variable with the address of the TAP service to ask, where none is given."""
 _PAUSE_FACTOR = 2.0
 
 
@@ -64,7 +67,8 @@ class TapService:
     Parameters
     ----------
     url : str
-        Base address of the TAP service; ``""`` for the SIMBAD server of astroquery's configuration.
+        Address of the TAP service, with or without its ``/sync``; ``""`` for ``$CPIC_SIMBAD_URL``, and where that is
+        not set, for the SIMBAD server of astroquery's configuration.
     timeout_s : float
         Most time for one answer.
     retries : int
@@ -82,12 +86,17 @@ class TapService:
     maxrec: int = 200_000
 
     def __post_init__(self) -> None:
-        if self.url and not self.url.lower().startswith(("http://", "https://")):
-            raise InputError("url", self.url, allowed="an address that starts with http:// or https://")
+        if self.url:
+            _check_url("url", self.url)
         _check("timeout_s", self.timeout_s, 0.1, 86400.0, "s")
         _check("retries", self.retries, 0, 20)
         _check("pause_s", self.pause_s, 0.0, 3600.0, "s")
         _check("maxrec", self.maxrec, 1, 2_000_000)
+
+
+def _check_url(name: str, url: str) -> None:
+    if not url.lower().startswith(("http://", "https://")):
+        raise InputError(name, url, allowed="an address that starts with http:// or https://")
 
 
 def _check(name: str, value: float, low: float, high: float, unit: str = "") -> None:
@@ -111,9 +120,17 @@ def queries(cuts: Cuts) -> tuple[str, str]:
 
 
 def service_url(service: TapService) -> str:
-    """Return the address that is asked."""
-    if service.url:
-        return service.url.rstrip("/")
+    """Return the base address that is asked (its ``/sync`` is).
+
+    Raises
+    ------
+    InputError
+        If ``$CPIC_SIMBAD_URL`` is no address.
+    """
+    url = service.url or os.environ.get(URL_VARIABLE, "")
+    if url:
+        _check_url(URL_VARIABLE, url)
+        return url.rstrip("/").removesuffix("/sync")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         from astroquery.simbad import conf
@@ -194,16 +211,19 @@ def _ask_once(service: TapService, query: str) -> Any:
     if any(issubclass(item.category, DALOverflowWarning) for item in heard) or len(table) >= service.maxrec:
         raise RefreshError(
             f"{where}: the answer was cut off at {len(table)} rows (allowed: {service.maxrec})",
-            "raise --maxrec, or ask for less with --v-mag-max or --parallax-min-mas",
+            f"{'raise --maxrec, or ' * (len(table) >= service.maxrec)}ask for less with --v-mag-max or "
+            "--parallax-min-mas",
         )
     return table
 
 
-def _misfit(start: bytes, error: Exception) -> str:
+def _misfit(start: bytes | None, error: Exception) -> str:
     """Say what an answer is that cannot be read, by its first bytes."""
+    if start is None:
+        return f"no answer ({type(error).__name__}: {error})"
     head = start.lstrip().lower()
     if not head:
-        return f"no answer ({type(error).__name__}: {error})"
+        return "the answer is empty"
     if head.startswith((b"<?xml", b"<votable")):
         return "the answer is a VOTable that breaks off or is damaged"
     if head.startswith((b"<!doctype html", b"<html")):

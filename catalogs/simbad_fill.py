@@ -10,10 +10,13 @@ import numpy as np
 
 from catalogs.coordinates import position_angle, separation_arcsec, tangent_offset
 from catalogs.simbad_answer import Answer, Measurements
-from catalogs.spectral_types import stellar_parameters
+from catalogs.spectral_types import PARAMETERS_SOURCE, stellar_parameters
+from catalogs.star_systems import CLOSE_COMPANION_ARCSEC
 from catalogs.stars import StarTable
 from catalogs.stellar_physics import (
+    GRAVITY_SOURCE,
     LUMINOSITY_SOURCE,
+    RADIUS_SOURCE,
     TEFF_TOLERANCE_K,
     colour_temperature,
     gravity,
@@ -26,7 +29,6 @@ from catalogs.stellar_physics import (
 
 __all__ = ["companion", "fill", "snapshot_medians", "spectroscopy"]
 
-_CLOSE_COMPANION_ARCSEC = 10.0
 _NEIGHBOUR_ARCSEC = 60.0
 _LEAST_SEPARATION_ARCSEC = 0.1
 _PARALLAX_TOLERANCE = 0.2
@@ -104,7 +106,7 @@ def fill(
     if found is None and math.isfinite(b_v):
         found = colour_temperature(b_v, float(str(row["metallicity"])))
     if found is None:
-        found = stellar_parameters(sp_type).teff_k, "derived:spectral type (Pecaut & Mamajek 2013; Cox 2000)"
+        found = stellar_parameters(sp_type).teff_k, PARAMETERS_SOURCE
     teff = found[0]
     if math.isfinite(expected_teff) and abs(teff - expected_teff) > TEFF_TOLERANCE_K:
         flags.add("teff_outlier")
@@ -124,11 +126,11 @@ def fill(
         "luminosity_lsun": luminosity,
         "luminosity_lsun_src": luminosity_src,
         "radius_rsun": radius,
-        "radius_rsun_src": "derived:luminosity and Teff (Stefan-Boltzmann)",
+        "radius_rsun_src": RADIUS_SOURCE,
         "mass_msun": mass,
         "mass_msun_src": mass_src,
     }
-    row["log_g"], row["log_g_src"] = best("log_g") or (gravity(mass, radius), "derived:mass and radius")
+    row["log_g"], row["log_g_src"] = best("log_g") or (gravity(mass, radius), GRAVITY_SOURCE)
     return flags
 
 
@@ -175,5 +177,5 @@ def companion(
             "companion_pa_src": "derived:positions of the entries",
             "companion_delta_v_src": "derived:V of both entries",
         }
-        row["close_companion"] = bool(row["close_companion"]) or float(sep[j]) < _CLOSE_COMPANION_ARCSEC
+        row["close_companion"] = bool(row["close_companion"]) or float(sep[j]) < CLOSE_COMPANION_ARCSEC
     return {"companions_not_searched"}

@@ -32,8 +32,11 @@ FLAGS: dict[str, str] = {
 
 #: Words that only refreshed tables and tables of a user's own have.
 ADDED_FLAGS: dict[str, str] = {
+    "companions_not_listed": "the table does not say whether the star has a companion: none is counted",
     "companions_not_searched": "not in the snapshot: companions fainter than the query's limit are not known",
     "distance_conflict": "the table's distance and parallax differ by more than 5 %; the distance is used",
+    "luminosity_conflict": "V, distance and temperature give a radius that the type or gravity contradicts by 1.5 dex",
+    "luminosity_extrapolated": "luminosity from V below 3500 K, where the bolometric correction makes it too high",
     "position_unknown": "the table gives no position on the sky",
     "stellar_grid_clamped": "temperature, gravity or metallicity clamped to the edge of the spectral grid",
 }

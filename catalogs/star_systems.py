@@ -14,10 +14,20 @@ import numpy as np
 
 from catalogs.coordinates import separation_arcsec
 
-__all__ = ["CLOSE_ARCSEC", "Adopted", "Member", "adopt_parallaxes", "group_systems", "is_blend_id"]
+__all__ = [
+    "CLOSE_ARCSEC",
+    "CLOSE_COMPANION_ARCSEC",
+    "Adopted",
+    "Member",
+    "adopt_parallaxes",
+    "group_systems",
+    "is_blend_id",
+]
 
 CLOSE_ARCSEC = 30.0
 """Rows of consistent parallax this close are one system whatever their proper motions say."""
+CLOSE_COMPANION_ARCSEC = 10.0
+"""A companion nearer than this is a close one."""
 _GROUP_ARCSEC = 600.0
 #: Identifiers of blended light end in two or more component letters.
 _COMPOSITE_ID = re.compile(r"(?:CCDM|\*\*|ADS|IDS|WDS) .*\d ?[A-Z]{2,}")

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catalogs.errors import InputError
+from catalogs.interpolation import bracket
 
 __all__ = ["HC_ERG_ANGSTROM", "GridFlags", "StellarGrid"]
 
@@ -91,7 +92,7 @@ class StellarGrid:
             If a temperature is not finite.
         """
         (teff,) = _finite(("teff_k",), ("K",), teff_k)
-        index, weight = _bracket(self.teff_k, teff)
+        index, weight = bracket(self.teff_k, teff)
         return np.where(weight > 0.0, self._lowest[index], self.log_g[0]).max(axis=-1)
 
     def flags(self, teff_k: ArrayLike, log_g: ArrayLike, metallicity: ArrayLike) -> GridFlags:
@@ -130,9 +131,9 @@ class StellarGrid:
         teff, gravity, metal = self._broadcast(teff_k, log_g, metallicity)
         gravity = np.maximum(gravity, self.log_g_floor(teff))
         (it, wt), (ig, wg), (im, wm) = (
-            _bracket(self.teff_k, teff),
-            _bracket(self.log_g, gravity),
-            _bracket(self.metallicity, metal),
+            bracket(self.teff_k, teff),
+            bracket(self.log_g, gravity),
+            bracket(self.metallicity, metal),
         )
         row = it[..., :, None, None] * self.log_g.size + ig[..., None, :, None]
         nodes = row * self.metallicity.size + im[..., None, None, :]
@@ -189,7 +190,7 @@ class StellarGrid:
     def _hats(self, samples: np.ndarray) -> np.ndarray:
         """Return the weight of each knot at the samples, shape (k, samples)."""
         knots = np.log(self.ratio_wavelength_nm)
-        index, weight = _bracket(knots, np.log(self.wavelength_nm[samples]))
+        index, weight = bracket(knots, np.log(self.wavelength_nm[samples]))
         hats = np.zeros((knots.size, samples.size))
         columns = np.arange(samples.size)
         hats[index[:, 0], columns] = weight[:, 0]
@@ -207,11 +208,3 @@ def _finite(names: tuple[str, ...], units: tuple[str, ...], *values: ArrayLike) 
             bad = float(array[~np.isfinite(array)].flat[0])
             raise InputError(name, bad, unit=unit, allowed="finite numbers")
     return arrays
-
-
-def _bracket(nodes: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the two nodes around each value and their weights, shape (..., 2); clamped outside."""
-    inside = np.clip(values, nodes[0], nodes[-1])
-    left = np.clip(np.searchsorted(nodes, inside, side="right") - 1, 0, nodes.size - 2)
-    fraction = (inside - nodes[left]) / (nodes[left + 1] - nodes[left])
-    return np.stack([left, left + 1], axis=-1), np.stack([1.0 - fraction, fraction], axis=-1)

@@ -22,8 +22,11 @@ from catalogs.errors import InputError
 from catalogs.spectral_types import parse_spectral_type
 
 __all__ = [
+    "COOLEST_BC_K",
     "GIANT_MASS_MSUN",
+    "GRAVITY_SOURCE",
     "LUMINOSITY_SOURCE",
+    "RADIUS_SOURCE",
     "TEFF_TOLERANCE_K",
     "bolometric_correction",
     "colour_temperature",
@@ -46,7 +49,12 @@ GIANT_MASS_MSUN = 1.5
 TEFF_TOLERANCE_K = 600.0
 """A temperature farther than this from the median of its spectral subtype is an outlier."""
 LUMINOSITY_SOURCE = "derived:V, BC (Flower 1996; Torres 2010)"
+RADIUS_SOURCE = "derived:luminosity and Teff (Stefan-Boltzmann)"
+GRAVITY_SOURCE = "derived:mass and radius"
 
+COOLEST_BC_K = 3500.0
+"""Below this temperature the bolometric correction runs away: 1.6 and 3.6 times too bright for Lalande 21185 (3560 K)
+and Barnard's star (3200 K), and more than a hundred times at 2400 K."""
 _M_BOL_SUN = 4.73
 _TEFF_SUN_K = 5772.0
 _LOG_G_SUN = 4.438

@@ -133,13 +133,29 @@ def _csv(name: str, text: str) -> RawTable:
     headings = [text.strip() for text in rows[0]]
     if not any(headings):
         raise InputError(f"{name} heading", lines[0].strip()[:60], allowed="names of columns in the first line")
-    for number, row in enumerate(rows[1:], start=1):
-        if len(row) != len(headings):
-            allowed = f"{len(headings)} cells, as in the heading"
+    width = len(headings)
+    filled = [row for row in rows[1:] if any(map(str.strip, row))]  # spreadsheets write blank rows as separators alone
+    for number, row in enumerate(filled, start=1):
+        if len(row) < width or any(map(str.strip, row[width:])):
+            allowed = f"{width} cells, as in the heading"
             raise InputError(f"{name} row {number}", f"{len(row)} cells", allowed=allowed, hint="a stray separator?")
-    cells = [[_cell(row[i]) for row in rows[1:]] for i in range(len(headings))]
+    cells = [[_cell(row[i]) for row in filled] for i in range(width)]
+    notes: tuple[str, ...] = ()
+    if mark == ";" and (commas := [text for text, column in zip(headings, cells, strict=True) if _has_commas(column)]):
+        cells = [[_pointed(cell) for cell in column] if _has_commas(column) else column for column in cells]
+        notes = (f"{name}: decimal commas read in {', '.join(commas)}",)
     columns = [RawColumn(text, "", column) for text, column in zip(headings, cells, strict=True)]
-    return RawTable(name, [column for column in columns if column.heading or any(column.cells)])
+    return RawTable(name, [column for column in columns if column.heading or any(column.cells)], notes)
+
+
+def _has_commas(cells: list[str | None]) -> bool:
+    """Tell whether a column is of numbers with decimal commas: what spreadsheets write between semicolons."""
+    given = [cell for cell in cells if cell is not None]
+    return any("," in cell for cell in given) and all(_is_number(cell.replace(",", ".", 1)) for cell in given)
+
+
+def _pointed(cell: str | None) -> str | None:
+    return None if cell is None else cell.replace(",", ".")
 
 
 def _is_number(text: str) -> bool:

@@ -17,7 +17,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 import requests
-from urllib3.exceptions import HTTPError
+from urllib3.exceptions import HTTPError, ProtocolError
 from urllib3.response import HTTPResponse
 
 __all__ = ["PatientSession", "Problem"]
@@ -26,6 +26,7 @@ MAX_ANSWER_BYTES = 256 * 2**20
 _CHUNK_BYTES = 2**16
 _LOOPBACK = frozenset(("localhost", "127.0.0.1", "::1"))
 _REASON_DEPTH = 12
+_DROPPED = ("IncompleteRead", "RemoteDisconnected", "ConnectionResetError")
 
 
 @dataclass(frozen=True)
@@ -48,20 +49,20 @@ class PatientSession(requests.Session):
     ----------
     problem : Problem or None
         What was wrong with the last answer, if anything.
-    start : bytes
-        First bytes of the last answer.
+    start : bytes or None
+        First bytes of the last answer, None if there was none.
     """
 
     def __init__(self, timeout_s: float) -> None:
         super().__init__()
         self.timeout_s = timeout_s
         self.problem: Problem | None = None
-        self.start = b""
+        self.start: bytes | None = None
         self.headers["Accept-Encoding"] = "identity"
 
     def send(self, request: requests.PreparedRequest, **kwargs: Any) -> requests.Response:
         """Send a request and read its whole answer; other parameters as in ``requests``."""
-        self.problem, self.start = None, b""
+        self.problem, self.start = None, None
         deadline = time.monotonic() + self.timeout_s
         try:
             response = super().send(request, **(kwargs | {"timeout": self.timeout_s, "stream": True}))
@@ -124,7 +125,7 @@ class PatientSession(requests.Session):
             innermost = inner
         if isinstance(error, requests.Timeout) or "timed out" in str(innermost).lower():
             return self._late()
-        if type(innermost).__name__ in ("IncompleteRead", "RemoteDisconnected", "ConnectionResetError"):
+        if isinstance(error, ProtocolError) or type(innermost).__name__ in _DROPPED:
             return Problem("the connection was dropped")
         text = getattr(innermost, "strerror", None) or str(innermost) or type(innermost).__name__
         return Problem(f"no connection ({text})" if isinstance(innermost, OSError) else f"no answer ({text})")

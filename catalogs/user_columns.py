@@ -47,7 +47,18 @@ def heading(text: str) -> str:
 _ALL = (
     Quantity(
         "name",
-        ("star", "starname", "target", "targetname", "object", "objectname", "mainid", "identifier", "hostname"),
+        (
+            "star",
+            "starname",
+            "target",
+            "targetname",
+            "object",
+            "objectname",
+            "mainid",
+            "identifier",
+            "designation",
+            "hostname",
+        ),
         "text",
     ),
     Quantity("hip", ("hipnumber", "hipno", "hipname"), "hip"),
@@ -92,7 +103,13 @@ _ALL = (
     ),
     Quantity("b_v_mag", ("bv", "bminusv", "colorbv", "colourbv"), unit="mag", low=-1.0, high=5.0),
     Quantity("sp_type", ("spt", "sp", "spectraltype", "spectype", "stspectype", "mktype"), "text"),
-    Quantity("teff_k", ("teff", "effectivetemperature", "temperature", "stteff"), unit="K", low=2000.0, high=50000.0),
+    Quantity(
+        "teff_k",
+        ("teff", "effectivetemperature", "temperature", "stteff", "teffgspphot"),
+        unit="K",
+        low=2000.0,
+        high=50000.0,
+    ),
     Quantity("log_g", ("loggcgs", "surfacegravity", "stlogg"), unit="dex(cm/s2)", low=-2.0, high=7.0),
     Quantity("metallicity", ("feh", "mh", "stmet", "stmetfe", "met"), unit="dex", low=-5.0, high=1.5),
     Quantity(

@@ -10,10 +10,14 @@ from catalogs.coordinates import ecliptic
 from catalogs.errors import InputError
 from catalogs.nomenclature import designation_key, split_component
 from catalogs.spectra import load_stellar_grid
-from catalogs.spectral_types import stellar_parameters
+from catalogs.spectral_types import PARAMETERS_SOURCE, stellar_parameters
 from catalogs.star_flags import parallax_flags, type_flags
+from catalogs.star_systems import CLOSE_COMPANION_ARCSEC
 from catalogs.stellar_physics import (
+    COOLEST_BC_K,
+    GRAVITY_SOURCE,
     LUMINOSITY_SOURCE,
+    RADIUS_SOURCE,
     gravity,
     luminosity_class,
     luminosity_from_v,
@@ -25,9 +29,9 @@ from catalogs.stellar_physics import (
 __all__ = ["fill_row"]
 
 _NAN = float("nan")
-_CLOSE_COMPANION_ARCSEC = 10.0
 _DISTANCE_TOLERANCE = 0.05
-_SPECTRAL_TYPE = "derived:spectral type (Pecaut & Mamajek 2013; Cox 2000)"
+#: dex; as much as 3.75 mag in V. A parallax in arcsec that is read as mas is off by six.
+_GRAVITY_TOLERANCE = 1.5
 
 Row = dict[str, Any]
 
@@ -60,8 +64,8 @@ def fill_row(given: Row, where: str, source: str) -> Row:
     row |= {"component": component, "component_src": listed if component else "missing"}
     flags |= _astrometry(row, given, listed)
     _type_and_colour(row, given, listed)
-    _physics(row, given, listed, where)
-    _companion(row, given, listed)
+    flags |= _physics(row, given, listed, where)
+    flags |= _companion(row, given, listed)
     flags |= type_flags(row["sp_type"], "", "") if row["sp_type"] else {"no_class"}
     if bool(load_stellar_grid().flags(row["teff_k"], row["log_g"], row["metallicity"]).any):
         flags.add("stellar_grid_clamped")
@@ -118,13 +122,14 @@ def _type_and_colour(row: Row, given: Row, listed: str) -> None:
     row |= {"spectral_class": spectral_letter(sp_type), "luminosity_class": luminosity_class(sp_type)}
 
 
-def _physics(row: Row, given: Row, listed: str, where: str) -> None:
+def _physics(row: Row, given: Row, listed: str, where: str) -> set[str]:
+    flags: set[str] = set()
     sp_type = row["sp_type"]
     if "teff_k" in given:
         row["teff_k"], row["teff_k_src"] = given["teff_k"], listed
     else:
         try:
-            row["teff_k"], row["teff_k_src"] = stellar_parameters(sp_type).teff_k, _SPECTRAL_TYPE
+            row["teff_k"], row["teff_k_src"] = stellar_parameters(sp_type).teff_k, PARAMETERS_SOURCE
         except InputError as error:
             hint = "or give a temperature in a column teff_k"
             allowed = "; ".join(filter(None, (error.allowed, error.hint)))
@@ -132,27 +137,43 @@ def _physics(row: Row, given: Row, listed: str, where: str) -> None:
     row["metallicity"] = given.get("metallicity", 0.0)
     row["metallicity_src"] = listed if "metallicity" in given else "assumed:0"
     luminosity = given.get("luminosity_lsun")
+    if not luminosity and row["teff_k"] < COOLEST_BC_K:
+        flags.add("luminosity_extrapolated")
     row["luminosity_lsun_src"] = listed if luminosity else LUMINOSITY_SOURCE
     row["luminosity_lsun"] = luminosity or luminosity_from_v(row["v_mag"], row["distance_pc"], row["teff_k"])
     row["radius_rsun"] = radius_from_luminosity(row["luminosity_lsun"], row["teff_k"])
-    row["radius_rsun_src"] = "derived:luminosity and Teff (Stefan-Boltzmann)"
+    row["radius_rsun_src"] = RADIUS_SOURCE
     row["mass_msun"], row["mass_msun_src"] = mass_of(sp_type, row["luminosity_lsun"])
+    implied, typical = gravity(row["mass_msun"], row["radius_rsun"]), _typical_gravity(row["luminosity_class"], sp_type)
     if "log_g" in given:
         row["log_g"], row["log_g_src"] = given["log_g"], listed
-    elif row["luminosity_class"] and spectral_letter(sp_type):
-        row["log_g"], row["log_g_src"] = stellar_parameters(sp_type).log_g, _SPECTRAL_TYPE
+    elif typical is not None:
+        row["log_g"], row["log_g_src"] = typical, PARAMETERS_SOURCE
     else:
-        row["log_g"] = gravity(row["mass_msun"], row["radius_rsun"])
-        row["log_g_src"] = "derived:mass and radius"
+        row["log_g"], row["log_g_src"] = implied, GRAVITY_SOURCE
+    expected = given.get("log_g", typical)
+    if expected is not None and abs(implied - expected) > _GRAVITY_TOLERANCE:
+        flags.add("luminosity_conflict")
+    return flags
 
 
-def _companion(row: Row, given: Row, listed: str) -> None:
+def _typical_gravity(luminosity_class: str, sp_type: str) -> float | None:
+    """Return log g of a spectral type, None if it has no class or is beyond the tables (M8V with a temperature)."""
+    if not luminosity_class:
+        return None
+    try:
+        return stellar_parameters(sp_type).log_g
+    except InputError:
+        return None
+
+
+def _companion(row: Row, given: Row, listed: str) -> set[str]:
     separation = given.get("companion_sep_arcsec", _NAN)
     apart = math.isfinite(separation)
     angle = given.get("companion_pa_deg", _NAN) % 360.0 if apart else _NAN
     delta = given.get("companion_delta_v_mag", given.get("companion_v_mag", _NAN) - given["v_mag"])
     delta = delta if apart else _NAN
-    close = given.get("close_companion", apart and separation < _CLOSE_COMPANION_ARCSEC)
+    close = given.get("close_companion", apart and separation < CLOSE_COMPANION_ARCSEC)
     row |= {
         "close_companion": bool(close),
         "companion_name": given.get("companion_name", "companion" if apart else ""),
@@ -164,3 +185,4 @@ def _companion(row: Row, given: Row, listed: str) -> None:
         "companion_pa_src": listed if math.isfinite(angle) else "missing",
         "companion_delta_v_src": listed if math.isfinite(delta) else "missing",
     }
+    return set() if apart or "close_companion" in given else {"companions_not_listed"}

@@ -14,8 +14,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from catalogs.errors import InputError
+from catalogs.names import snapshot_aliases
 from catalogs.nomenclature import designation_key
-from catalogs.stars import StarTable, star_table
+from catalogs.stars import StarTable, load_stars, star_table
 from catalogs.table_files import RawColumn, RawTable
 from catalogs.user_columns import QUANTITIES, Quantity, quantity_of
 from catalogs.user_fill import fill_row
@@ -64,7 +65,8 @@ def user_table(raw: RawTable) -> UserTable:
                 raise InputError(f"{where} column {column}", "missing", allowed=allowed)
         rows.append(fill_row(row, where, raw.name))
     _refuse_twins(raw.name, [str(row["name"]) for row in rows])
-    return UserTable(star_table({name: [row[name] for row in rows] for name in rows[0]}, raw.name), notes)
+    table = star_table({name: [row[name] for row in rows] for name in rows[0]}, raw.name)
+    return UserTable(table, notes + _companions_left_out(table))
 
 
 def _choose(raw: RawTable) -> tuple[dict[str, RawColumn], tuple[str, ...]]:
@@ -87,15 +89,14 @@ def _choose(raw: RawTable) -> tuple[dict[str, RawColumn], tuple[str, ...]]:
             raise InputError(f"{raw.name} columns", both, allowed=f"one column for {name}", hint=f"name it {name}")
         chosen[name] = exact[0] if exact else columns[0]
         spare += [column.heading for column in columns if column is not chosen[name]]
-    for names in _ONE_OF:
-        if not any(name in chosen for name in names):
-            forms = "; ".join(f"{name} ({', '.join(QUANTITIES[name].aliases[:6])}, ...)" for name in names)
-            listed = ", ".join(column.heading for column in raw.columns[:_MANY]) + (
-                ", ..." if raw.columns[_MANY:] else ""
-            )
-            raise InputError(
-                f"{raw.name} column {' or '.join(names)}", "missing", allowed=forms, hint=f"the file has: {listed}"
-            )
+    lacking = [names for names in _ONE_OF if not any(name in chosen for name in names)]
+    if lacking:
+        forms = "; ".join(
+            f"{name} ({', '.join(QUANTITIES[name].aliases[:6])}, ...)" for names in lacking for name in names
+        )
+        listed = ", ".join(column.heading for column in raw.columns[:_MANY]) + (", ..." if raw.columns[_MANY:] else "")
+        wanted = ", ".join(" or ".join(names) for names in lacking)
+        raise InputError(f"{raw.name} column {wanted}", "missing", allowed=forms, hint=f"the file has: {listed}")
     ignored = unknown + spare
     return chosen, raw.notes + ((f"{raw.name}: columns not used: {', '.join(ignored)}",) if ignored else ())
 
@@ -197,6 +198,24 @@ def _converter(name: str, quantity: Quantity, column: RawColumn) -> Callable[[fl
     if quantity.name in ("log_g", "metallicity"):
         return lambda value: value + shift
     return lambda value: value * factor
+
+
+def _companions_left_out(table: StarTable) -> tuple[str, ...]:
+    """Say which stars have a companion in the snapshot whose light the table leaves out."""
+    aliases, snapshot = snapshot_aliases(), load_stars()
+    separations = zip(snapshot.column("name").tolist(), snapshot.column("companion_sep_arcsec").tolist(), strict=True)
+    paired = {name for name, separation in separations if math.isfinite(separation)}
+    names, hips, flags = (table.column(name).tolist() for name in ("name", "hip", "quality_flags"))
+    stars = [
+        name
+        for name, hip, words in zip(names, hips, flags, strict=True)
+        if "companions_not_listed" in words.split(";")
+        and any(aliases.get(key, ("", 1))[0] in paired for key in (designation_key(name), f"hip {hip}"))
+    ]
+    if not stars:
+        return ()
+    shown = ", ".join(stars[:_MANY]) + (f" and {len(stars) - _MANY} more" if stars[_MANY:] else "")
+    return (f"{table.label}: light of companions that the snapshot knows is left out, no companion column: {shown}",)
 
 
 def _refuse_twins(name: str, stars: list[str]) -> None:

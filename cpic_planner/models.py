@@ -43,7 +43,7 @@ class RankedTarget(Result):
     """One star of the ranking. Numbers refer to the stated reference planet in the best band and separation."""
 
     rank: int = Field(description="1 is best: highest detection_margin")
-    name: str = Field(description="SIMBAD main identifier")
+    name: str = Field(description="name of the star in the catalogue")
     hip: int | None = Field(description="Hipparcos number")
     v_mag: float = Field(description="Johnson V (Vega), mag")
     sp_type: str = Field(description="spectral type as catalogued")

@@ -16,6 +16,7 @@ from catalogs.catalogue import Catalogue, open_catalogue
 from catalogs.errors import InputError
 from catalogs.names import resolve_star
 from catalogs.stars import StarTable
+from simulator.config.scene_table import ASSUMED_PA_DEG
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -35,8 +36,6 @@ _LOG = logging.getLogger(__name__)
 CatalogSource = Catalogue | str | Path
 
 FloatArray = NDArray[np.float64]
-ASSUMED_PA_DEG = 30.0
-"""Position angle of a companion that has none in the sources: between an arm of the mask and a diagonal."""
 
 
 @dataclass(frozen=True)
@@ -163,7 +162,14 @@ def rank_sample(
     stars with companions are flagged, never dropped, unless ``singles_only``. A table of one's own counts whole
     unless ``v_mag_max`` is given.
     """
-    chosen = as_catalogue(catalog)
+    table = _sample(as_catalogue(catalog), v_mag_max, dwarfs_only=dwarfs_only, singles_only=singles_only)
+    return targets_from_table(table, companions=companions)
+
+
+def _sample(
+    chosen: Catalogue, v_mag_max: float | None = None, *, dwarfs_only: bool = False, singles_only: bool = False
+) -> StarTable:
+    """Rows of a catalogue that are left by the cuts."""
     table = chosen.table
     limit = chosen.ranked_v_mag if v_mag_max is None else v_mag_max
     if limit is not None and not math.isfinite(limit):
@@ -178,7 +184,7 @@ def rank_sample(
     if not keep.any():
         cuts = " and ".join(["dwarfs_only"] * dwarfs_only + ["singles_only"] * singles_only)
         raise InputError(cuts, "no star left", allowed="cuts that leave a star in the sample", hint=chosen.provenance)
-    return targets_from_table(table.select(keep), companions=companions)
+    return table.select(keep)
 
 
 def sample_text(catalogue: Catalogue, v_mag_max: float | None, dwarfs_only: bool, singles_only: bool) -> str:
@@ -220,7 +226,7 @@ def load_targets(source: str | Path = "snapshot", **cuts: Any) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        One row per star; ``attrs["catalogue"]`` says which table it is.
+        One row per star; columns ``*_src`` say where values come from, ``attrs["catalogue"]`` which table it is.
 
     Raises
     ------
@@ -234,10 +240,14 @@ def load_targets(source: str | Path = "snapshot", **cuts: Any) -> pd.DataFrame:
         if key not in known:
             raise InputError(key, cuts[key], allowed="no such cut", hint=f"known cuts: {', '.join(known)}")
     catalogue = as_catalogue(source)
-    targets = rank_sample(catalog=catalogue, **cuts)
+    companions = cuts.pop("companions", "on")
+    table = _sample(catalogue, **cuts)
+    targets = targets_from_table(table, companions=companions)
     columns = {
         item.name: getattr(targets, item.name) for item in fields(targets) if item.name not in ("flags", "companions")
     }
-    frame = pd.DataFrame(columns | {"flags": ["|".join(flags) for flags in targets.flags]})
+    labels = [f"{quantity}_src" for quantity in columns]
+    origins = {label: table.column(label) for label in labels if label in table.columns}
+    frame = pd.DataFrame(columns | {"flags": ["|".join(flags) for flags in targets.flags]} | origins)
     frame.attrs["catalogue"] = catalogue.provenance
     return frame

@@ -8,7 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catalogs.errors import InputError
+from catalogs.interpolation import bracket
 from catalogs.spectra import Albedo
+from simulator.quantities import real_array
 
 __all__ = ["AlbedoFamily"]
 
@@ -42,12 +44,7 @@ class AlbedoFamily:
         InputError
             If a distance is not a finite number above 0.
         """
-        distance = _positive(insolation_au)
-        nodes = np.log(self.insolation_au)
-        place = np.clip(np.log(distance), nodes[0], nodes[-1])
-        left = np.clip(np.searchsorted(nodes, place, side="right") - 1, 0, nodes.size - 2)
-        share = (place - nodes[left]) / (nodes[left + 1] - nodes[left])
-        return np.stack([left, left + 1], axis=-1), np.stack([1.0 - share, share], axis=-1)
+        return bracket(np.log(self.insolation_au), np.log(_positive(insolation_au)))
 
     def outside(self, insolation_au: ArrayLike) -> np.ndarray:
         """Return True where a distance lies beyond the nodes and the albedo of the end is used."""
@@ -63,7 +60,7 @@ class AlbedoFamily:
 
 
 def _positive(insolation_au: ArrayLike) -> np.ndarray:
-    distance = np.asarray(insolation_au, dtype=np.float64)
+    distance = real_array("insolation_au", insolation_au, "au")
     good = (distance > 0.0) & np.isfinite(distance)
     if not np.all(good):
         bad = float(distance[~good].flat[0])

@@ -20,7 +20,6 @@ __all__ = [
     "band_projection",
     "band_quadrature",
     "check_covers",
-    "check_finite",
     "check_positive",
     "check_table",
     "v_photon_rate",
@@ -147,14 +146,6 @@ def check_table(what: str, wavelength_nm: ArrayLike, values: ArrayLike) -> tuple
     if not (np.all(np.isfinite(column)) and column.min() >= 0.0):
         raise InputError(f"{what} values", float(column.min()), allowed="finite, not negative")
     return wavelength, column
-
-
-def check_finite(name: str, value: ArrayLike, unit: str) -> np.ndarray:
-    """Return a float64 array; refuse values that are not finite."""
-    array = np.asarray(value, dtype=np.float64)
-    if not np.all(np.isfinite(array)):
-        raise InputError(name, float(array[~np.isfinite(array)].flat[0]), unit=unit, allowed="finite numbers")
-    return array
 
 
 def check_positive(name: str, value: float, unit: str) -> float:

@@ -28,13 +28,13 @@ from simulator.band_integrals import (
     band_projection,
     band_quadrature,
     check_covers,
-    check_finite,
     check_positive,
     check_table,
     v_photon_rate,
     v_projection,
     vega_v_photon_rate,
 )
+from simulator.quantities import check_finite
 
 if TYPE_CHECKING:
     from simulator.config.instrument import BandConfig, Instrument

@@ -238,6 +238,8 @@ class TapService:
             self.send(handler, b"<!DOCTYPE html><html>Please log in to the hotel network</html>", 200, "text/html")
         elif mode == "garbage":
             self.send(handler, bytes(range(256)) * 40)
+        elif mode == "empty":
+            self.send(handler, b"")
         elif mode == "error":
             self.send(handler, error_document("Query rejected: maintenance of <SIMBAD>"), 200)
         else:
@@ -268,12 +270,15 @@ class TapService:
             if mode == "gzip":
                 data = gzip.compress(data)
                 handler.send_header("Content-Encoding", "gzip")
-            if mode == "chunked":
+            if mode in ("chunked", "chunked cut"):
                 handler.send_header("Transfer-Encoding", "chunked")
                 handler.end_headers()
                 for start in range(0, len(data), 1000):
                     part = data[start : start + 1000]
                     handler.wfile.write(f"{len(part):x}\r\n".encode() + part + b"\r\n")
+                    if mode == "chunked cut":
+                        handler.close_connection = True
+                        return
                 handler.wfile.write(b"0\r\n\r\n")
                 return
             promised = len(data) + (100 if mode == "short" else 0)

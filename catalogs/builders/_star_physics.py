@@ -13,7 +13,9 @@ import numpy as np
 from catalogs.builders._star_identity import Identity
 from catalogs.star_flags import parallax_flags, type_flags
 from catalogs.stellar_physics import (
+    GRAVITY_SOURCE,
     LUMINOSITY_SOURCE,
+    RADIUS_SOURCE,
     TEFF_TOLERANCE_K,
     colour_temperature,
     gravity,
@@ -115,7 +117,7 @@ def _luminosity_radius_mass(person: Identity) -> None:
     values["luminosity_lsun"], values["luminosity_lsun_src"] = luminosity, src
     values["radius_rsun"], values["radius_rsun_src"] = (
         radius,
-        "derived:luminosity and Teff (Stefan-Boltzmann)",
+        RADIUS_SOURCE,
     )
 
     mass = exocat.number("st_mass") if exocat and trusted else float("nan")
@@ -131,7 +133,7 @@ def _luminosity_radius_mass(person: Identity) -> None:
         values["log_g"], values["log_g_src"] = log_g, "measured"
     else:
         values["log_g"] = gravity(mass, radius)
-        values["log_g_src"] = "derived:mass and radius"
+        values["log_g_src"] = GRAVITY_SOURCE
 
 
 def _flags(person: Identity) -> None:

@@ -132,7 +132,9 @@ def refresh(
         float, typer.Option("--v-mag-max", help="Faintest V; rankings end at 7, the rest is margin.")
     ] = 7.5,
     parallax_min_mas: Annotated[float, typer.Option("--parallax-min-mas", help="Smallest parallax.")] = 25.0,
-    url: Annotated[str, typer.Option("--url", help="TAP service [default: astroquery's SIMBAD server].")] = "",
+    url: Annotated[
+        str, typer.Option("--url", help="TAP service [default: $CPIC_SIMBAD_URL, or astroquery's SIMBAD server].")
+    ] = "",
     timeout_s: Annotated[float, typer.Option("--timeout-s", help="Most time for one answer.")] = 180.0,
     retries: Annotated[int, typer.Option("--retries", help="How often a failure on the way is tried again.")] = 3,
     maxrec: Annotated[int, typer.Option("--maxrec", help="Most rows of one answer.")] = 200_000,

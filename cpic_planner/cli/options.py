@@ -10,7 +10,7 @@ import typer
 
 from catalogs.errors import InputError
 from cpic_planner.etc.planet import ReferencePlanet
-from simulator.config.albedo import AlbedoSpec, albedo_spec
+from simulator.config.albedo import AlbedoSpec, albedo_spec, names_file
 from simulator.config.base import validate
 
 __all__ = [
@@ -140,7 +140,7 @@ def albedo_from(
     parameters = {key: value for key, value in given.items() if value is not None}
     if albedo is None:
         return albedo_spec({"model": "parametric"} | parameters if parameters else "jupiter")
-    if "/" in albedo or "." in albedo.strip("0123456789.eE+-"):
+    if names_file(albedo):
         if not Path(albedo).is_file():
             raise InputError("--albedo", albedo, allowed="an existing file")
         return albedo_spec({"model": "grid" if parameters else "table", "file": albedo} | parameters)
@@ -151,9 +151,10 @@ def albedo_from(
         raise InputError(option, f"given with --albedo {albedo}", allowed="one of the two",
                          hint="parameters are those of --albedo parametric or of a grid of models")  # fmt: skip
     try:
-        return albedo_spec(float(albedo))
+        number = float(albedo)
     except ValueError:
         return albedo_spec(albedo)
+    return albedo_spec(number)
 
 
 def planet_from(radius_rjup: float, phase_deg: float, albedo: AlbedoSpec) -> ReferencePlanet:

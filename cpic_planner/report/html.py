@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from catalogs.info import CREDITS
+from catalogs.catalogue import data_credits
 from cpic_planner.models import PlanResult, RankResult
 from cpic_planner.report.contrast_figure import HoleEdges, LimitCurve
 from cpic_planner.report.drawing import Picture
@@ -129,7 +129,7 @@ def render_plan(
             figures=[(key, title, figures[key]) for key, title in _FIGURES if key in figures],
             panel_note=PANEL_NOTE,
             glossary=GLOSSARY,
-            credits=(*CREDITS, *METHOD_CREDITS),
+            credits=(*data_credits(plan.catalogue), *METHOD_CREDITS),
         )
     )
 

@@ -25,7 +25,7 @@ from simulator.camera.emccd import to_electrons
 from simulator.config import Instrument, Planet, Scene, SceneStar
 from simulator.config.base import validate
 from simulator.config.geometry import place
-from simulator.config.scene_table import COMPANION_LIMIT_ARCSEC
+from simulator.config.scene_table import companion_of
 from simulator.observation import Observation, observe
 from simulator.outcome import Reason, Status
 
@@ -100,21 +100,14 @@ def target_scene(target: Targets, planet: ReferencePlanet, separation_arcsec: fl
         pa_deg=PLANET_PA_DEG,
         albedo=planet.albedo,
     )
-    stars: tuple[SceneStar, ...] = ()
-    separation, pa = float(target.companion_separation_arcsec[0]), float(target.companion_pa_deg[0])
-    magnitude = float(target.companion_v_mag[0])
-    if math.isfinite(separation) and math.isfinite(magnitude) and separation <= COMPANION_LIMIT_ARCSEC:
-        stars = (
-            SceneStar(
-                name="companion",
-                v_mag=magnitude,
-                teff_k=float(target.companion_teff_k[0]),
-                log_g=star.log_g,
-                metallicity=star.metallicity,
-                separation_arcsec=separation,
-                pa_deg=pa,
-            ),
-        )
+    near = companion_of(
+        star.model_dump(),
+        separation_arcsec=_known(target.companion_separation_arcsec[0]),
+        pa_deg=_known(target.companion_pa_deg[0]),
+        v_mag=_known(target.companion_v_mag[0]),
+        teff_k=_known(target.companion_teff_k[0]),
+    )
+    stars = tuple(SceneStar(**body) for body in near)
     return Scene(name=name, cstar=star, planets=(body,), stars=stars, companions=target.companions)
 
 

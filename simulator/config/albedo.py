@@ -11,9 +11,11 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from catalogs.errors import InputError
 from simulator.config.base import FrozenModel, validate
-from simulator.config.light import check_columns
+from simulator.config.keys import canonical_keys, nearest
+from simulator.config.light import Real, check_columns
 
 __all__ = [
+    "ALBEDO_MODELS",
     "LOG10_FSED_MAX",
     "AlbedoSpec",
     "AlbedoValue",
@@ -23,6 +25,7 @@ __all__ = [
     "ParametricAlbedo",
     "TableAlbedo",
     "albedo_spec",
+    "names_file",
 ]
 
 LOG10_FSED_MAX = math.log10(6.0)
@@ -52,9 +55,9 @@ class _Atmosphere(FrozenModel):
     171, 153), f_sed 3 of the ammonia clouds (Ackerman & Marley 2001, ApJ 556, 872).
     """
 
-    log10_mh: Annotated[float, Field(ge=0, le=2)] = 0.5
-    log10_fsed: Annotated[float, Field(ge=-2, le=2)] | None = 0.5
-    insolation_au: Annotated[float, Field(gt=0, le=1e6)] | None = None
+    log10_mh: Annotated[Real, Field(ge=0, le=2)] = 0.5
+    log10_fsed: Annotated[Real, Field(ge=-2, le=2)] | None = 0.5
+    insolation_au: Annotated[Real, Field(gt=0, le=1e6)] | None = None
     phase_function: Literal["lambert", "grid"] = "lambert"
 
     @model_validator(mode="before")
@@ -117,7 +120,7 @@ class ConstantAlbedo(FrozenModel):
     """The same geometric albedo at every wavelength."""
 
     model: Literal["constant"] = "constant"
-    value: Annotated[float, Field(ge=0, le=1.5)]
+    value: Annotated[Real, Field(ge=0, le=1.5)]
 
     @property
     def label(self) -> str:
@@ -130,8 +133,8 @@ class TableAlbedo(FrozenModel):
 
     model: Literal["table"] = "table"
     file: str | None = None
-    wavelength_nm: tuple[float, ...] | None = None
-    albedo: tuple[float, ...] | None = None
+    wavelength_nm: tuple[Real, ...] | None = None
+    albedo: tuple[Real, ...] | None = None
 
     @model_validator(mode="after")
     def _one_source(self) -> TableAlbedo:
@@ -158,15 +161,24 @@ _BY_MODEL: dict[str, type[FrozenModel]] = {
 }
 
 
+ALBEDO_MODELS = tuple(_BY_MODEL)
+"""Albedos by name."""
+_WORDS = ("jupiter", "saturn", "uranus", "neptune", "parametric")
+_KEYS = tuple(dict.fromkeys((*(key for model in _BY_MODEL.values() for key in model.model_fields), *_LINEAR)))
+_ALIASES = {"coe_metal": "log10_mh", "coe_cloud": "log10_fsed"}
+_ALLOWED = "a planet's name, a number, a file or a mapping"
+
+
 def albedo_spec(value: Any) -> AlbedoSpec:
     """Read an albedo as people write it.
 
     Parameters
     ----------
-    value : AlbedoSpec, str, float or mapping
-        ``"jupiter"`` and the other giants; a number for a constant; a mapping with ``model`` (which may be left out
-        where the other keys decide): ``{log10_mh: 1, log10_fsed: 1}``, ``{file: spectrum.txt}``, and both together
-        for a grid in a file.
+    value : AlbedoSpec, str, Path, float, mapping or Albedo
+        ``"jupiter"`` and the other giants; a number for a constant; the path of a file with wavelengths and albedos;
+        a mapping with ``model`` (which may be left out where the other keys decide): ``{log10_mh: 1, log10_fsed: 1}``,
+        ``{file: spectrum.txt}``, and both together for a grid in a file; an object with ``wavelength_nm`` and
+        ``albedo``. Numbers may carry units (`astropy.units`).
 
     Raises
     ------
@@ -176,26 +188,40 @@ def albedo_spec(value: Any) -> AlbedoSpec:
     if isinstance(value, MeasuredAlbedo | ParametricAlbedo | GridAlbedo | ConstantAlbedo | TableAlbedo):
         return value
     if isinstance(value, bool) or value is None:
-        raise InputError("albedo", value, allowed="a planet's name, a number or a mapping")
+        raise InputError("albedo", value, allowed=_ALLOWED)
     if isinstance(value, int | float):
         return validate(ConstantAlbedo, {"value": value})
-    tree = {"model": value} if isinstance(value, str) else value
-    if not isinstance(tree, Mapping):
-        raise InputError("albedo", value, allowed="a planet's name, a number or a mapping")
+    if isinstance(value, Path) or (isinstance(value, str) and names_file(value)):
+        return validate(TableAlbedo, {"file": str(value)})
+    if hasattr(value, "wavelength_nm") and hasattr(value, "albedo"):
+        value = {"wavelength_nm": value.wavelength_nm, "albedo": value.albedo}
+    given = {"model": value} if isinstance(value, str) else value
+    if not isinstance(given, Mapping):
+        raise InputError("albedo", value, allowed=_ALLOWED)
+    tree = canonical_keys(given, _KEYS, _ALIASES)
     model = tree.get("model", _implied(tree))
-    if not isinstance(model, str) or model not in _BY_MODEL:
-        raise InputError("albedo", model, allowed=", ".join(_BY_MODEL))
-    return cast("AlbedoSpec", validate(_BY_MODEL[model], tree))
+    name = model.lower() if isinstance(model, str) else model
+    names = tuple(_BY_MODEL) if isinstance(value, Mapping) else _WORDS
+    if name not in names:
+        raise InputError("albedo", model, allowed=f"{', '.join(names)}, a number or a file", hint=nearest(model, names))
+    return cast("AlbedoSpec", validate(_BY_MODEL[name], tree | ({"model": name} if "model" in tree else {})))
+
+
+def names_file(text: str) -> bool:
+    """Whether a word in the place of an albedo is the path of a file: it has a slash or a point and is no number."""
+    try:
+        float(text)
+    except ValueError:
+        return "/" in text or "\\" in text or "." in text
+    return False
 
 
 def _implied(tree: Mapping[str, Any]) -> str:
     if "value" in tree:
         return "constant"
-    if "log10_mh" in tree or "mh" in tree:
+    if any(key in tree for key in (*_Atmosphere.model_fields, *_LINEAR)):
         return "grid" if "file" in tree else "parametric"
-    if "file" in tree or "albedo" in tree or "wavelength_nm" in tree:
-        return "table"
-    return "parametric"
+    return "table" if set(tree) & set(TableAlbedo.model_fields) else "parametric"
 
 
 AlbedoValue: TypeAlias = Annotated[AlbedoSpec, BeforeValidator(albedo_spec)]

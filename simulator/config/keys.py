@@ -8,10 +8,9 @@ from typing import Any
 
 from catalogs.errors import InputError
 from simulator.config.base import unit_of
+from simulator.quantities import in_unit
 
 __all__ = ["at", "canonical_keys", "nearest", "required", "to_unit"]
-
-_ASTROPY_UNITS = {"R_Jup": "jupiterRad", "au": "AU"}
 
 
 def canonical_keys(
@@ -43,7 +42,7 @@ def canonical_keys(
     result: dict[str, Any] = {}
     origin: dict[str, str] = {}
     for given, value in tree.items():
-        key = aliases.get(given, given)
+        key = _spelled(given, known, aliases)
         if key not in known:
             hint = (hints or {}).get(given) or nearest(given, (*known, *aliases)) or f"known keys: {', '.join(known)}"
             raise InputError(str(given), _plain(value), allowed="no such key", hint=hint)
@@ -52,6 +51,14 @@ def canonical_keys(
             raise InputError(first, f"given with {second}", allowed="one of the two")
         result[key], origin[key] = to_unit(key, value), given
     return result
+
+
+def _spelled(given: Any, known: tuple[str, ...], aliases: Mapping[str, str]) -> Any:
+    """Return the field that a key means; capitals do not matter: RA, Dec."""
+    for key in (given, given.lower() if isinstance(given, str) else given):
+        if key in aliases or key in known:
+            return aliases.get(key, key)
+    return given
 
 
 def nearest(word: Any, known: Iterable[str]) -> str:
@@ -77,12 +84,4 @@ def _plain(value: Any) -> Any:
 
 def to_unit(key: str, value: Any) -> Any:
     """Return a value that carries a unit (`astropy.units`) as a plain number in that of the key; others unchanged."""
-    if not hasattr(value, "to_value"):
-        return _plain(value)
-    unit = unit_of(key)
-    try:
-        return _plain(value.to_value(_ASTROPY_UNITS.get(unit, unit)))
-    except (TypeError, ValueError):  # astropy's unit errors are both
-        raise InputError(
-            key, str(value), unit=unit, allowed=f"a quantity that converts to {unit or 'a number'}"
-        ) from None
+    return _plain(in_unit(key, value, unit_of(key)))

@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 
 from catalogs.errors import InputError
 from catalogs.strict_yaml import load_yaml
+from simulator.config.albedo import ALBEDO_MODELS
 from simulator.config.base import FrozenModel, validate
 from simulator.config.bodies import Planet, SceneStar
 from simulator.config.geometry import place, true_distance_au
@@ -21,8 +22,8 @@ __all__ = ["Planet", "Scene", "SceneStar", "load_scene"]
 
 _ALIASES = {"planet": "planets", "star": "stars"}
 _HINTS = {"host": "did you mean cstar?"}
-_FILE_KEYS = ("file", "spectrum", "model")
-_MODELS = (*STAR_MODELS, *PLANET_MODELS)
+_FILE_KEYS = ("file", "spectrum", "model", "albedo")
+_MODELS = (*STAR_MODELS, *PLANET_MODELS, *ALBEDO_MODELS)
 
 
 class Scene(FrozenModel):
@@ -49,7 +50,8 @@ class Scene(FrozenModel):
             raise InputError("cstar", "missing", allowed="a mapping: the central star")
         for key in ("planets", "stars"):
             given = result.get(key)
-            listed = () if given is None else given if isinstance(given, list | tuple) else (given,)
+            nothing = given is None or (isinstance(given, Mapping) and not given)
+            listed = () if nothing else given if isinstance(given, list | tuple) else (given,)
             result[key] = tuple(_named(body, f"{key[:-1]} {n}") for n, body in enumerate(listed, start=1))
         return result
 

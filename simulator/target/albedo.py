@@ -19,13 +19,15 @@ from simulator.config.albedo import (
     GridAlbedo,
     MeasuredAlbedo,
     ParametricAlbedo,
+    TableAlbedo,
     albedo_spec,
 )
+from simulator.quantities import real_array
 from simulator.target.parametric import grid_phase_curve, parametric_family
 from simulator.target.phase import lambert_phase
 
 if TYPE_CHECKING:
-    from simulator.target.albedo_files import AlbedoGrid
+    from simulator.target.albedo_grid import AlbedoGrid
 
 __all__ = [
     "albedo_flags",
@@ -45,7 +47,7 @@ _EVERYWHERE_NM = (100.0, 10000.0)
 def planet_albedo(
     wavelength_nm: ArrayLike,
     *,
-    model: str = "parametric",
+    model: str | Path = "parametric",
     log10_mh: float = _DEFAULT.log10_mh,
     log10_fsed: float | None = _DEFAULT.log10_fsed,
     insolation_au: float = 2.0,
@@ -55,8 +57,8 @@ def planet_albedo(
     Parameters
     ----------
     wavelength_nm : array_like
-        Wavelengths, 300 to 1754 nm.
-    model : {"parametric", "jupiter", "saturn", "uranus", "neptune"} or str
+        Wavelengths, 300 to 1754 nm, or a quantity of `astropy.units`, as the parameters below.
+    model : {"parametric", "jupiter", "saturn", "uranus", "neptune"}, str or Path
         ``parametric``: Rayleigh scattering over a cloud deck with methane absorption, fitted to public band albedos
         (`simulator.target.parametric`). A planet: as measured (Karkoschka 1998 up to 1050 nm). Anything else is the
         path of a two-column file.
@@ -85,7 +87,7 @@ def planet_albedo(
     return np.asarray(np.interp(wavelength, table.wavelength_nm, table.albedo))
 
 
-def albedo_flags(wavelength_nm: ArrayLike, *, model: str = "parametric") -> np.ndarray:
+def albedo_flags(wavelength_nm: ArrayLike, *, model: str | Path = "parametric") -> np.ndarray:
     """Return True where an albedo is ``extrapolated``: beyond 1050 nm, except in a table of your own.
 
     The origin of the measured tables beyond is undocumented, and with it the methane coefficients there.
@@ -180,14 +182,13 @@ def phase_value(
     return float(value) if value.ndim == 0 else value
 
 
-def _spec(model: str, log10_mh: float, log10_fsed: float | None, insolation_au: float) -> AlbedoSpec:
+def _spec(model: str | Path, log10_mh: float, log10_fsed: float | None, insolation_au: float) -> AlbedoSpec:
     if model == "parametric":
         tree = {"log10_mh": log10_mh, "log10_fsed": log10_fsed, "insolation_au": insolation_au}
         return albedo_spec({"model": "parametric"} | tree)
-    if isinstance(model, str) and ("." in model or "/" in model or "\\" in model):
-        return albedo_spec({"file": model})
-    spec = albedo_spec(model)
-    if not isinstance(spec, MeasuredAlbedo):
+    # A word such as grid, or a number, is a key's business in a scene.
+    spec = albedo_spec(model) if isinstance(model, str | Path) else None
+    if not isinstance(spec, MeasuredAlbedo | TableAlbedo):
         raise InputError("model", model, allowed="parametric, jupiter, saturn, uranus, neptune or a file")
     return spec
 
@@ -214,7 +215,7 @@ def _at(family: AlbedoFamily, insolation_au: float) -> Albedo:
 
 
 def _grid(path: str) -> AlbedoGrid:
-    from simulator.target.albedo_files import load_albedo_grid  # readers of files load only when asked for
+    from simulator.target.albedo_grid import load_albedo_grid  # readers of files load only when asked for
 
     return load_albedo_grid(path)
 
@@ -249,7 +250,7 @@ def _user_table(wavelength_nm: tuple[float, ...], albedo: tuple[float, ...]) -> 
 
 
 def _covered(table: Albedo, wavelength_nm: ArrayLike) -> tuple[Albedo, np.ndarray]:
-    wavelength = np.asarray(wavelength_nm, dtype=np.float64)
+    wavelength = real_array("wavelength_nm", wavelength_nm, "nm")
     low, high = float(table.wavelength_nm[0]), float(table.wavelength_nm[-1])
     inside = (wavelength >= low) & (wavelength <= high)
     if not np.all(inside):

@@ -1,7 +1,4 @@
-"""Geometric albedos from a user's files: tables of wavelength and albedo; grids of models.
-
-Grids are the business of `simulator.target.albedo_grid`; `AlbedoGrid` and `load_albedo_grid` are at hand here too.
-"""
+"""Geometric albedos from a user's tables of wavelength and albedo; for grids see `simulator.target.albedo_grid`."""
 
 from __future__ import annotations
 
@@ -16,10 +13,9 @@ from catalogs.errors import InputError
 from catalogs.spectra import Albedo
 from catalogs.table_files import TableBytes, parse_table
 from simulator.arrays import NPZ_ERRORS, open_npz
-from simulator.target.albedo_grid import AlbedoGrid, load_albedo_grid
 from simulator.target.albedo_grid_file import LARGEST_ALBEDO, is_sqlite
 
-__all__ = ["AlbedoGrid", "load_albedo_grid", "read_albedo"]
+__all__ = ["read_albedo"]
 
 _MAX_BYTES = 200_000_000
 _FORMATS = "a text, CSV, ECSV, VOTable, FITS or npz file"

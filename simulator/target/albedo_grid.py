@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catalogs.errors import InputError
+from catalogs.interpolation import bracket
 from simulator.albedo_family import AlbedoFamily
 from simulator.target.albedo_grid_file import Axes, Model, Models, open_models
 from simulator.target.phase import checked_phase
@@ -245,9 +246,8 @@ def _bracket(name: str, nodes: np.ndarray, value: float, otherwise: str = "") ->
     if not (math.isfinite(value) and nodes[0] < value < nodes[-1]):
         allowed = f"{nodes[0]:.4g} to {nodes[-1]:.4g}, the models of the grid"
         raise InputError(name, value, allowed=f"{allowed}, {otherwise}" if otherwise else allowed)
-    left = int(np.searchsorted(nodes, value)) - 1
-    share = float((value - nodes[left]) / (nodes[left + 1] - nodes[left]))
-    return [(left, 1.0 - share), (left + 1, share)]
+    ends, weights = bracket(nodes, value)
+    return list(zip(ends.tolist(), weights.tolist(), strict=True))
 
 
 def _check(path: Path, axes: Axes) -> None:

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catalogs.errors import InputError
-from simulator.target.phase import lambert_phase, sin_phase
+from simulator.quantities import check_finite
+from simulator.target.phase import checked_phase, lambert_phase, sin_phase
 
 __all__ = ["AU_KM", "JUPITER_RADIUS_KM", "contrast_at", "planet_contrast"]
 
@@ -28,7 +29,7 @@ def planet_contrast(
     ``A_g (R/r)^2 Phi(a)`` with the Lambert phase function and the true distance ``r = rho / sin a`` of a
     planet at projected distance rho and phase angle a. With rho > 0 the contrast goes to 0 at both 0 and
     180 degrees (there the planet would have to be infinitely far), and 0.0 is returned; its maximum is near
-    63 degrees.
+    63 degrees. All arguments may carry units (`astropy.units`).
 
     Parameters
     ----------
@@ -52,15 +53,17 @@ def planet_contrast(
         If a value is out of range, or the offset is zero: then the true distance is not fixed by it, use
         `contrast_at`.
     """
-    rho_au = np.hypot(
-        _finite("separation_ra_au", separation_ra_au, "AU"),
-        _finite("separation_dec_au", separation_dec_au, "AU"),
-    )
+    east = check_finite("separation_ra_au", separation_ra_au, "AU")
+    north = check_finite("separation_dec_au", separation_dec_au, "AU")
+    radius, albedo = _not_negative(radius_rjup, geometric_albedo)
+    phase = checked_phase(phase_deg)
+    _one_shape(radius_rjup=radius, separation_ra_au=east, separation_dec_au=north, phase_deg=phase,
+               geometric_albedo=albedo)  # fmt: skip
+    rho_au = np.hypot(east, north)
     if np.any(rho_au == 0.0):
         raise InputError("separation", 0.0, unit="AU", allowed="above 0", hint="give the true distance to contrast_at")
-    radius, albedo = _not_negative(radius_rjup, geometric_albedo)
-    size = radius * (JUPITER_RADIUS_KM / AU_KM) * sin_phase(phase_deg) / rho_au
-    return _plain(albedo * size * size * lambert_phase(phase_deg))
+    size = radius * (JUPITER_RADIUS_KM / AU_KM) * sin_phase(phase) / rho_au
+    return _plain(albedo * size * size * lambert_phase(phase))
 
 
 def contrast_at(
@@ -96,29 +99,31 @@ def contrast_at(
     InputError
         If a value is out of range.
     """
-    distance = _finite("distance_au", distance_au, "AU")
+    distance = check_finite("distance_au", distance_au, "AU")
     if np.any(distance <= 0.0):
         raise InputError("distance_au", float(distance.min()), unit="AU", allowed="above 0")
     radius, albedo = _not_negative(radius_rjup, geometric_albedo)
+    phi = np.asarray(lambert_phase(phase_deg)) if phase_value is None else check_finite("phase_value", phase_value)
+    _one_shape(radius_rjup=radius, distance_au=distance, phase=phi, geometric_albedo=albedo)
     size = radius * (JUPITER_RADIUS_KM / AU_KM) / distance
-    phi = lambert_phase(phase_deg) if phase_value is None else _finite("phase_value", phase_value, "")
     return _plain(albedo * size * size * phi)
 
 
 def _not_negative(radius_rjup: ArrayLike, geometric_albedo: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-    radius = _finite("radius_rjup", radius_rjup, "R_J")
-    albedo = _finite("geometric_albedo", geometric_albedo, "")
-    for name, array, unit in (("radius_rjup", radius, "R_J"), ("geometric_albedo", albedo, "")):
+    radius = check_finite("radius_rjup", radius_rjup, "R_Jup")
+    albedo = check_finite("geometric_albedo", geometric_albedo)
+    for name, array, unit in (("radius_rjup", radius, "R_Jup"), ("geometric_albedo", albedo, "")):
         if np.any(array < 0.0):
             raise InputError(name, float(array.min()), unit=unit, allowed="at least 0")
     return radius, albedo
 
 
-def _finite(name: str, value: ArrayLike, unit: str) -> np.ndarray:
-    array = np.asarray(value, dtype=np.float64)
-    if not np.all(np.isfinite(array)):
-        raise InputError(name, float(array[~np.isfinite(array)].flat[0]), unit=unit, allowed="finite numbers")
-    return array
+def _one_shape(**arrays: np.ndarray) -> None:
+    try:
+        np.broadcast_shapes(*(array.shape for array in arrays.values()))
+    except ValueError:
+        shown = ", ".join(f"{name} {array.shape}" for name, array in arrays.items())
+        raise InputError("shapes", shown, allowed="shapes that broadcast") from None
 
 
 def _plain(value: np.ndarray | float) -> np.ndarray | float:

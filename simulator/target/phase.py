@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catalogs.errors import InputError
+from simulator.quantities import real_array
 
 __all__ = ["lambert_phase", "sin_phase"]
 
@@ -61,7 +62,7 @@ def sin_phase(phase_deg: ArrayLike) -> np.ndarray | float:
 
 def checked_phase(phase_deg: ArrayLike) -> np.ndarray:
     """Return phase angles as float64; refuse what is not within 0 to 180 degrees."""
-    phase = np.asarray(phase_deg, dtype=np.float64)
+    phase = real_array("phase_deg", phase_deg, "deg")
     inside = (phase >= 0.0) & (phase <= 180.0)
     if not np.all(inside):
         raise InputError("phase_deg", float(phase[~inside].flat[0]), unit="deg", allowed="0 to 180")

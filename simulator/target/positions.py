@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catalogs.errors import InputError
+from simulator.quantities import check_finite, check_number
 
 __all__ = ["detector_to_sky", "sky_to_detector"]
 
@@ -39,10 +40,10 @@ def sky_to_detector(
     InputError
         If a value is not finite, the separation negative or the parity another number.
     """
-    rho = _finite("separation_arcsec", separation_arcsec, "arcsec")
+    rho = check_finite("separation_arcsec", separation_arcsec, "arcsec")
     if np.any(rho < 0.0):
         raise InputError("separation_arcsec", float(rho.min()), unit="arcsec", allowed="at least 0")
-    angle = np.deg2rad(_finite("pa_deg", pa_deg, "deg") - float(_finite("roll_deg", roll_deg, "deg")))
+    angle = np.deg2rad(check_finite("pa_deg", pa_deg, "deg") - check_number("roll_deg", roll_deg, "deg"))
     # Adding zero turns the -0 of the star itself into 0.
     return _parity(parity) * rho * np.sin(angle) + 0.0, rho * np.cos(angle) + 0.0
 
@@ -73,8 +74,8 @@ def detector_to_sky(
     InputError
         If a value is not finite or the parity another number than -1 and +1.
     """
-    x, y = _finite("x_arcsec", x_arcsec, "arcsec"), _finite("y_arcsec", y_arcsec, "arcsec")
-    roll = float(_finite("roll_deg", roll_deg, "deg"))
+    x, y = check_finite("x_arcsec", x_arcsec, "arcsec"), check_finite("y_arcsec", y_arcsec, "arcsec")
+    roll = check_number("roll_deg", roll_deg, "deg")
     pa = np.mod(np.rad2deg(np.arctan2(_parity(parity) * x, y)) + roll, 360.0)
     # A tiny negative angle rounds to 360 itself.
     return np.hypot(x, y), np.where(pa == 360.0, 0.0, pa)
@@ -84,10 +85,3 @@ def _parity(parity: int) -> int:
     if parity not in (-1, 1):
         raise InputError("parity", parity, allowed="-1, +1")
     return parity
-
-
-def _finite(name: str, value: ArrayLike, unit: str) -> np.ndarray:
-    array = np.asarray(value, dtype=np.float64)
-    if not np.all(np.isfinite(array)):
-        raise InputError(name, float(array[~np.isfinite(array)].flat[0]), unit=unit, allowed="finite numbers")
-    return array

@@ -151,7 +151,7 @@ def spectrum_generator(
     >>> table = spectrum_generator("paper_example")
     >>> table.kind
     ('cstar', 'planet')
-    >>> round(float(table["planet 1"].x_arcsec), 3)
+    >>> round(float(table["planet"].x_arcsec), 3)
     0.46
     """
     checked = instrument if isinstance(instrument, Instrument) else load_instrument(instrument)

@@ -13,6 +13,8 @@ from catalogs.errors import InputError
 from catalogs.spectra import Spectrum, load_stellar_grid
 from catalogs.spectral_types import stellar_parameters
 from simulator.band_integrals import check_table, v_photon_rate, vega_v_photon_rate
+from simulator.quantities import check_number
+from simulator.target.thermal import photon_surface
 
 if TYPE_CHECKING:
     from synphot import SourceSpectrum
@@ -40,8 +42,6 @@ STAR_FLAGS = {
 }
 """Codes in ``flags`` and what they mean."""
 
-# h c / k, nm K (exact SI values).
-_HC_OVER_K_NM_K = 6.62607015e-34 * 2.99792458e8 / 1.380649e-23 * 1e9
 _SUN_LIKE_LOG_G = 4.44
 _BLACKBODY_TEFF_K = (100.0, 1e6)
 _V_MAG = (-30.0, 40.0)
@@ -96,7 +96,8 @@ def stellar_spectrum(
 ) -> StarSpectrum:
     """Return the photon spectrum of a star at the telescope, outside the atmosphere.
 
-    Whatever the model, the spectrum is scaled to the Johnson V magnitude on the Vega scale (Vega has V = 0).
+    Whatever the model, the spectrum is scaled to the Johnson V magnitude on the Vega scale (Vega has V = 0). One star
+    a call; numbers may carry units (`astropy.units`). For many stars, see `simulator.passbands.Passbands`.
 
     Parameters
     ----------
@@ -128,9 +129,9 @@ def stellar_spectrum(
     """
     magnitude = _number("magnitude_v", magnitude_v, "mag", *_V_MAG)
     given = _Parameters(
-        None if teff_k is None else _finite("teff_k", teff_k, "K"),
-        None if log_g is None else _finite("log_g", log_g, "dex"),
-        None if metallicity is None else _finite("metallicity", metallicity, "dex"),
+        None if teff_k is None else check_number("teff_k", teff_k, "K"),
+        None if log_g is None else check_number("log_g", log_g, "dex"),
+        None if metallicity is None else check_number("metallicity", metallicity, "dex"),
     )
     if isinstance(model, Spectrum):
         return _from_table(magnitude, model, given, "table")
@@ -172,7 +173,7 @@ def star_photlam(
         magnitude_v, spectral_type, teff_k=teff_k, log_g=log_g, metallicity=metallicity, model=model
     )
     meta = {
-        "magnitude_v": float(magnitude_v),
+        "magnitude_v": check_number("magnitude_v", magnitude_v, "mag"),
         "spectral_type": spectral_type,
         "teff_k": star.teff_k,
         "log_g": star.log_g,
@@ -219,8 +220,7 @@ def _blackbody(magnitude: float, star: _Parameters, given: _Parameters) -> StarS
     teff_k = _number("teff_k", star.teff_k, "K", *_BLACKBODY_TEFF_K)
     flags = tuple(flag for flag in star.flags if flag != "log_g_assumed")
     wavelength_nm = load_stellar_grid().wavelength_nm
-    surface = wavelength_nm**-4.0 / np.expm1(_HC_OVER_K_NM_K / (wavelength_nm * teff_k))
-    photlam = _normalised(wavelength_nm, surface, magnitude)
+    photlam = _normalised(wavelength_nm, photon_surface(wavelength_nm, teff_k), magnitude)
     flags += given.unused("log_g", "metallicity")
     return StarSpectrum(wavelength_nm, photlam, teff_k, star.log_g, star.metallicity, flags, "blackbody")
 
@@ -271,20 +271,10 @@ def _normalised(wavelength_nm: np.ndarray, surface: np.ndarray, magnitude: float
     return photlam
 
 
-def _finite(name: str, value: float | None, unit: str) -> float:
-    try:
-        number = float(value)  # type: ignore[arg-type]
-    except (TypeError, ValueError):
-        number = np.nan
-    if not np.isfinite(number):
-        raise InputError(name, value, unit=unit, allowed="a finite number")
-    return number
-
-
 def _number(
     name: str, value: float | None, unit: str, low: float, high: float, *, where: str = "", hint: str = ""
 ) -> float:
-    number = _finite(name, value, unit)
+    number = check_number(name, value, unit)
     if not low <= number <= high:
         raise InputError(name, number, unit=unit, allowed=f"{low:g} to {high:g}{where}", hint=hint)
     return number

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from datetime import UTC, datetime
 
 import numpy as np
@@ -139,3 +140,18 @@ def test_a_shortened_file_is_read_and_said_to_be_one(tmp_path, text):
     chosen = open_catalogue(tmp_path / "part.ecsv")
     assert len(chosen.table) == 10
     assert chosen.notes == ("part.ecsv has 10 stars of the 12 that it was written with",)
+
+
+@pytest.mark.parametrize(
+    ("service", "asked"),
+    [
+        ("https://simbad.cds.unistra.fr/simbad/sim-tap", ""),
+        ("http://localhost:8000/tap", " as localhost has it"),
+        ("http://[", " as [ has it"),
+        ("", " as an unknown service has it"),
+    ],
+)
+def test_provenance_names_a_service_that_is_not_simbads_own(made, tmp_path, service, asked):
+    (tmp_path / "mine.ecsv").write_text(ecsv_text(replace(made, url=service), {}))
+    provenance = open_catalogue(tmp_path / "mine.ecsv").provenance
+    assert provenance.startswith(f"SIMBAD of {made.queried_utc:%Y-%m-%d}{asked}, 12 stars (mine.ecsv ")

@@ -78,7 +78,9 @@ def test_a_wrong_query_is_refused_with_the_reason_and_not_repeated(simbad):
         ("garbage", "no VOTable", 3),
         ("cut", "breaks off", 3),
         ("short", "dropped", 3),
-        ("server limit", "cut off at 5 rows", 1),
+        ("empty", "the answer is empty", 3),
+        ("chunked cut", "dropped", 3),
+        ("server limit", r"cut off at 5 rows \(allowed: 200000\); ask for less", 1),
     ],
 )
 def test_failures_are_named_and_only_those_on_the_way_are_repeated(simbad, mode, words, attempts):
@@ -154,13 +156,24 @@ def test_other_machines_are_reached_through_the_proxy_of_the_environment(simbad,
         ask(TapService(url="http://192.0.2.1/tap", retries=0, timeout_s=5.0), STARS)
 
 
-def test_default_service_is_that_of_astroquery():
+def test_default_service_is_that_of_astroquery(monkeypatch):
+    monkeypatch.delenv("CPIC_SIMBAD_URL", raising=False)
     from astroquery.simbad import conf
 
     assert service_url(TapService()) == f"https://{conf.server}/simbad/sim-tap"
     with conf.set_temp("server", "simbad.harvard.edu"):
         assert service_url(TapService()) == "https://simbad.harvard.edu/simbad/sim-tap"
-    assert service_url(TapService(url="http://localhost:8000/tap/")) == "http://localhost:8000/tap"
+    for given in ("http://localhost:8000/tap", "http://localhost:8000/tap/", "http://localhost:8000/tap/sync"):
+        assert service_url(TapService(url=given)) == "http://localhost:8000/tap"
+
+
+def test_environment_may_name_the_service(simbad, monkeypatch):
+    monkeypatch.setenv("CPIC_SIMBAD_URL", simbad.url)
+    assert len(ask(TapService(retries=0), STARS)) > 10
+    assert service_url(TapService(url="http://localhost:8000/tap")) == "http://localhost:8000/tap"
+    monkeypatch.setenv("CPIC_SIMBAD_URL", "simbad.example.org")
+    with pytest.raises(InputError, match="CPIC_SIMBAD_URL.*http://"):
+        service_url(TapService())
 
 
 @pytest.mark.parametrize(

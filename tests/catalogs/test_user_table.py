@@ -16,7 +16,7 @@ from astropy.table import MaskedColumn, Table
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from catalogs.catalogue import open_catalogue
+from catalogs.catalogue import data_credits, open_catalogue
 from catalogs.errors import InputError
 from catalogs.spectral_types import stellar_parameters
 from catalogs.star_flags import ADDED_FLAGS, FLAGS
@@ -240,7 +240,7 @@ def test_log_g_of_archives(tmp_path):
         (",10,5,G2V", ["row 3", "name", "missing"]),
         ("FIRST,10,5,G2V", ["row 3", "name", "FIRST", "rows 1 and 3"]),
         ("third,10,5", ["row 3", "3 cells", "4"]),
-        ("third,10,5,G2V,", ["row 3", "5 cells", "4"]),
+        ("third,10,5,G2V,x", ["row 3", "5 cells", "4"]),
         ('third,10,"5,G2V', ["quoting"]),
     ],
 )
@@ -293,6 +293,11 @@ def test_optional_columns_have_ranges_too(tmp_path, name, value, allowed):
         ("name,v_mag,sp_type\nx,5,G2V\n", ["distance_pc or parallax_mas", "plx", "dist"]),
         ("name,dist,sp_type\nx,5,G2V\n", ["column v_mag", "johnsonv"]),
         ("name,dist,V\nx,5,5\n", ["sp_type or teff_k", "spt", "teff"]),
+        (
+            "designation,parallax,phot_g_mean_mag,bp_rp\nGaia DR3 1,100,4.8,0.8\n",
+            ["column v_mag, sp_type or teff_k = missing", "the file has: designation, parallax, phot_g_mean_mag"],
+        ),
+        ("name,dist,V,SpT\n,,,\n", ["mine.csv", "no rows"]),
         ("name,dist,V,Vmag,SpT\nx,5,5,6,G2V\n", ["V and Vmag", "one column for v_mag"]),
         (bytes(range(256)) * 20, ["mine.csv", "binary"]),
         ("name,dist,V,SpT\nZoë,5,5,G2V\n".encode("latin-1"), ["mine.csv", "UTF-8"]),
@@ -316,9 +321,26 @@ def test_places_without_a_table(path, words):
         open_catalogue(path)
 
 
-def test_a_decimal_comma_is_refused_with_a_hint(tmp_path):
+@pytest.mark.parametrize(
+    "text",
+    [
+        'name,dist,V,SpT\nx,"3,65",5,G2V\n',  # between commas it may be a thousands separator
+        "name\tdist\tV\tSpT\nx\t3,65\t5\tG2V\n",
+        "name;dist;V;SpT\nx;3,65;5;G2V\ny;1.234,5;5;G2V\n",
+    ],
+)
+def test_a_doubtful_decimal_comma_is_refused_with_a_hint(tmp_path, text):
     with pytest.raises(InputError, match="3,65 pc.*decimal point"):
-        opened(tmp_path, "name;dist;V;SpT\nx;3,65;5;G2V\n")
+        opened(tmp_path, text)
+
+
+def test_decimal_commas_between_semicolons_are_read_and_said(tmp_path):
+    made = opened(tmp_path, "name;dist;V;SpT;remark\nfirst, of two;10,25;5,5;G2V;a, b\nsecond;20;+6;K1V;\n")
+    assert [(row["name"], row["distance_pc"], row["v_mag"]) for row in rows(made)] == [
+        ("first, of two", 10.25, 5.5),
+        ("second", 20.0, 6.0),
+    ]
+    assert made.notes[0] == "mine.csv: decimal commas read in dist, V"
 
 
 def test_a_hipparcos_name_gives_the_number(tmp_path):
@@ -349,6 +371,8 @@ def test_the_exact_name_wins_over_its_alias(tmp_path):
         SIMPLE.replace(",", "\t"),
         'name,distance_pc,v_mag,sp_type\n"first", 10, 5.5, "G2V"\nsecond,2e1,+6.0,K1V\n',
         SIMPLE.strip(),
+        "name,distance_pc,v_mag,sp_type,,\nfirst,10,5.5,G2V,,\n,,,,,\nsecond,20,6,K1V,,\n , ,,,,\n",
+        "name,distance_pc,v_mag,sp_type\nfirst,10,5.5,G2V,\nsecond,20,6,K1V, ,\n",
     ],
 )
 def test_ways_of_writing_a_csv(tmp_path, text):
@@ -376,6 +400,56 @@ def test_without_class_the_gravity_follows_from_mass_and_radius(tmp_path):
     assert made[2]["log_g"] == pytest.approx(4.44, abs=0.05), "a star like the Sun"
     assert made[2]["luminosity_lsun"] == pytest.approx(1.0, abs=0.06)
     assert made[2]["spectral_class"] == ""
+
+
+def test_a_temperature_serves_where_the_type_is_beyond_the_tables(tmp_path):
+    (row,) = rows(opened(tmp_path, "name,dist,V,SpT,Teff\nred,10,9,M8V,2600\n"))
+    assert (row["teff_k"], row["log_g_src"]) == (2600.0, "derived:mass and radius")
+    with pytest.raises(InputError, match=r"mine.csv row 1 \(red\) column sp_type = M8V.*teff_k"):
+        opened(tmp_path, "name,dist,V,SpT\nred,10,9,M8V\n")
+
+
+def test_a_luminosity_that_cannot_be_right_is_flagged(tmp_path):
+    text = (
+        "name,plx,V,SpT,Teff,logg,lum\narcsec for mas,0.274,3.5,G8V,,,\nfaint,100,15,G2V,,,\ntau Cet,274,3.5,G8V,,,\n"
+        "Arcturus,88.8,-0.05,K1.5III,,,\nBarnard,547,9.51,M4V,3195,,\nBarnard too,547,9.51,M4V,3195,,0.0034\n"
+        "dwarf by gravity,5,3.5,,5300,4.5,\n"
+    )
+    made = {
+        row["name"]: flags(row) & {"luminosity_conflict", "luminosity_extrapolated"}
+        for row in rows(opened(tmp_path, text))
+    }
+    assert made == {
+        "arcsec for mas": {"luminosity_conflict"},
+        "faint": {"luminosity_conflict"},
+        "tau Cet": set(),
+        "Arcturus": set(),
+        "Barnard": {"luminosity_extrapolated"},
+        "Barnard too": set(),
+        "dwarf by gravity": {"luminosity_conflict"},
+    }
+
+
+def test_companions_that_the_table_does_not_mention_are_flagged_and_known_ones_named(tmp_path):
+    text = "name,hip,plx,V,SpT\nAlpha Centauri B,,747,1.33,K1V\nmine,71683,747,0,G2V\ntau Cet,,274,3.5,G8V\n"
+    made = opened(tmp_path, text)
+    assert all("companions_not_listed" in flags(row) for row in rows(made))
+    assert made.notes == (
+        "mine.csv: light of companions that the snapshot knows is left out, no companion column: "
+        "Alpha Centauri B, mine",
+    )
+    told = opened(tmp_path, "name,plx,V,SpT,close_companion\nalf Cen B,747,1.33,K1V,yes\nalf Cen A,747,0,G2V,\n")
+    assert ["companions_not_listed" in flags(row) for row in rows(told)] == [False, True]
+    assert [note.rpartition(": ")[2] for note in told.notes] == ["alf Cen A"]
+
+
+def test_results_with_a_users_stars_credit_nobody_else_for_them(tmp_path):
+    own, snapshot = opened(tmp_path, SIMPLE), open_catalogue()
+    assert own.provenance.startswith("user's table of 2 stars (mine.csv ")
+    assert "user's table of 1 star (" in opened(tmp_path, SIMPLE.replace("second,20,6,K1V\n", "")).provenance
+    assert not any("SIMBAD" in credit for credit in data_credits(own.provenance))
+    assert any("SIMBAD" in credit for credit in data_credits(snapshot.provenance))
+    assert set(data_credits(own.provenance)) < set(data_credits(snapshot.provenance))
 
 
 def test_distance_wins_over_a_parallax_that_contradicts_it(tmp_path):

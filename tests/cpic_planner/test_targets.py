@@ -33,6 +33,9 @@ def test_frame_of_a_file_has_the_columns_of_the_snapshots(mine):
     assert "SIMBAD" in snapshot.attrs["catalogue"]
     assert len(snapshot) == 1077
     assert load_targets(str(mine)).equals(frame)
+    assert set(frame["teff_k_src"]) == {"derived:spectral type (Pecaut & Mamajek 2013; Cox 2000)"}
+    assert set(frame["metallicity_src"]) == {"assumed:0"}
+    assert "measured" in set(snapshot["metallicity_src"])
 
 
 def test_cuts_hold_for_a_file_too(mine):

@@ -39,9 +39,8 @@ def test_readme_quotes_the_errors_of_the_parametric_albedo():
     with (ROOT / "reports/spectra/errors.csv").open(encoding="utf-8", newline="") as stream:
         rows = list(csv.DictReader(stream))
     # "At most" rounds up.
-    fitted, held_out = (
-        math.ceil(1000 * max(float(row[f"{kind}_median_2au"]) for row in rows)) / 1000 for kind in ("fitted", "held_out")
-    )
+    worst = (max(float(row[f"{kind}_median_2au"]) for row in rows) for kind in ("fitted", "held_out"))
+    fitted, held_out = (math.ceil(1000 * value) / 1000 for value in worst)
     assert f"at most {fitted:.3f} in a fitted band at 2 au" in readme
     assert f"at most {held_out:.3f} in a band that was left out of the fit" in readme
 

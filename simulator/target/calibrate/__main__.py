@@ -17,13 +17,22 @@ from simulator.target.parametric import data_file
 
 _SPECTRA_NM = np.arange(300.0, 1755.0, 2.0)
 _DOCUMENTED_TO_NM = 1050.0
+# Towards 400 nm the inversion takes the colour of the planets' hazes for methane, which hardly absorbs there.
+_FADE_IN_NM = (400.0, 440.0)
+
+
+def _faded_in(wavelength_nm: np.ndarray) -> np.ndarray:
+    """Share of the inverted coefficients that is kept: from 0 to 1, without a step or a kink."""
+    low, high = _FADE_IN_NM
+    place = np.clip((wavelength_nm - low) / (high - low), 0.0, 1.0)
+    return place * place * (3.0 - 2.0 * place)
 
 
 def make(table: Path) -> dict[str, np.ndarray]:
     """Return the arrays of the shipped file."""
     measured, methane = read_table(table), invert_methane()
-    # Below 400 nm methane does not absorb; beyond the last bin the last value holds.
-    k = np.interp(_SPECTRA_NM, methane.wavelength_nm, methane.per_km_am, left=0.0)
+    # Beyond the last bin the last value holds.
+    k = np.interp(_SPECTRA_NM, methane.wavelength_nm, methane.per_km_am) * _faded_in(_SPECTRA_NM)
     parameters = fit_parameters(measured, _SPECTRA_NM, k)
     return {
         "fsed": measured.fsed,

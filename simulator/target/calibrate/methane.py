@@ -39,6 +39,7 @@ _UPPER_DECK = 1.4
 # Error model of the albedos, relative and absolute: real differences between planet and model, not noise.
 _RELATIVE, _ABSOLUTE = 0.03, 0.004
 _LEAST_ALBEDO = 1e-3
+_BLACK = 2.0 * _ABSOLUTE
 _ANCHOR_WEIGHT = 8.0
 _PRIOR_PULL = 3.0
 _DECK_STIFFNESS = 2.0
@@ -96,6 +97,7 @@ def invert_methane(*, last_nm: float = _LAST_EDGE_NM, turns: int = 40) -> Methan
         for index, value in pinned.items():
             fixed[index], weight[index] = value, _ANCHOR_WEIGHT
         state = {name: planet.fit(state[name], fixed, weight) for name, planet in planets.items()}
+    ln_k = _bridged(ln_k, np.array([planet.albedo for planet in planets.values()]))
     measured = {name: planet.albedo for name, planet in planets.items()}
     modelled = {name: planet.model(state[name], ln_k) for name, planet in planets.items()}
     mixing = {name: float(np.exp(values[3])) / _H2_KM_AM for name, values in state.items()}
@@ -165,6 +167,13 @@ class _Planet:
             return np.concatenate([misfit, pull, _DECK_STIFFNESS * np.diff(numbers[5:])])
 
         return np.asarray(least_squares(residuals, start, max_nfev=10).x)
+
+
+def _bridged(ln_k: np.ndarray, albedo: np.ndarray) -> np.ndarray:
+    """Coefficients with those where every planet is black, which says only that they are large, interpolated."""
+    lit = albedo.max(axis=0) > _BLACK
+    places = np.arange(ln_k.size)
+    return np.asarray(np.interp(places, places[lit], ln_k[lit]))
 
 
 def _coefficients(planets: dict[str, _Planet], state: dict[str, np.ndarray], size: int) -> np.ndarray:

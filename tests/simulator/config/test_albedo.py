@@ -78,3 +78,39 @@ def test_labels_say_what_was_used():
 def test_mistakes_are_named(text, key):
     with pytest.raises(InputError, match=key):
         albedo_spec(text)
+
+
+def test_names_files_objects_and_units_are_read(tmp_path):
+    import astropy.units as u
+    import numpy as np
+
+    from catalogs.spectra import load_albedo
+
+    assert albedo_spec("Jupiter") == albedo_spec("jupiter")
+    file = tmp_path / "mine"
+    assert albedo_spec("mine.txt") == TableAlbedo(file="mine.txt")
+    assert albedo_spec(file) == TableAlbedo(file=str(file))
+    assert albedo_spec({"coe_metal": np.float32(1), "coe_cloud": 0}) == ParametricAlbedo(log10_mh=1.0, log10_fsed=0.0)
+    assert albedo_spec({"fsed": 3, "file": "grid.db"}).model == "grid"
+    assert albedo_spec({"insolation_au": 2 * u.au}) == ParametricAlbedo(insolation_au=2.0)
+    inline = albedo_spec({"wavelength_nm": [0.3, 1.7] * u.um, "albedo": np.array([0.5, 0.5])})
+    assert inline.wavelength_nm == pytest.approx((300.0, 1700.0), rel=1e-15)
+    assert inline.albedo == (0.5, 0.5)
+    assert albedo_spec(load_albedo("saturn")).wavelength_nm == tuple(load_albedo("saturn").wavelength_nm)
+
+
+@pytest.mark.parametrize(
+    ("value", "words"),
+    [
+        ("jupitre", "did you mean jupiter?"),
+        ("grid", "jupiter, saturn, uranus, neptune, parametric, a number or a file"),
+        ("0.5", "a number or a file"),
+        ({"coe_metal": 1, "log10_mh": 1}, "one of the two"),
+        ({"log10_mh": "1"}, "a valid number"),
+        ({"log10_mh": True}, "a valid number"),
+    ],
+)
+def test_refusals_say_what_to_do(value, words):
+    with pytest.raises(InputError) as caught:
+        albedo_spec(value)
+    assert words in str(caught.value)

@@ -317,3 +317,23 @@ def test_what_is_no_scene_is_refused(source, words):
 def test_a_folder_is_no_scene(tmp_path):
     with pytest.raises(InputError, match="a YAML file or a preset"):
         load_scene(tmp_path)
+
+
+def test_capitals_of_keys_do_not_matter():
+    cstar = {"Magnitude": 1.35, "SpType": "K1V", "Distance": 1.35, "RA": "14:39:35.06", "Dec": "-60:50:15.1"}
+    planet = {"Radius": 1, "Phase_Angle": 90, "RA": "14:39:35.00", "DEC": "-60:50:14.6", "coe_metal": 1, "coe_cloud": 1}
+    plain = {key.lower(): value for key, value in planet.items()}
+    one = load_scene({"name": "a", "cstar": cstar, "stars": {}, "planet": planet})
+    assert one == load_scene({"name": "a", "cstar": PAPER_STAR, "planet": plain})
+    with pytest.raises(InputError, match="given with"):
+        load_scene({"name": "a", "cstar": cstar | {"ra": 1.0}})
+
+
+def test_an_albedo_file_beside_the_scene_is_found(tmp_path):
+    (tmp_path / "mine.txt").write_text("# wavelength_nm albedo\n300 0.5\n1700 0.5\n")
+    (tmp_path / "jupiter").write_text("not meant\n")
+    body = "{radius: 1, phase: 90, separation: 0.5, pa: 45, distance_au: 5, albedo: %s}"
+    for word, file in (("mine.txt", str(tmp_path / "mine.txt")), ("jupiter", None)):
+        path = tmp_path / "scene.yaml"
+        path.write_text(f"name: s\ncstar: {{magnitude: 5, sptype: G2V}}\nplanet: {body % word}\n")
+        assert getattr(load_scene(path).planets[0].albedo, "file", None) == file

@@ -90,7 +90,21 @@ def test_companions_join_when_they_are_near_and_known():
     table["companion_teff_k"] = [4000.0, 4000.0, 4000.0]
     near, far, unknown = scenes_from_table(table)
     assert [(star.name, star.separation_arcsec, star.v_mag) for star in near.stars] == [("companion", 5.0, 6.0)]
-    assert far.stars == unknown.stars == ()
+    assert far.stars == ()
+    assert [(star.name, star.pa_deg) for star in unknown.stars] == [("companion, position angle assumed", 30.0)]
+
+
+def test_companions_of_the_catalogue_are_those_of_the_etc():
+    stars = load_stars()
+    scenes = scenes_from_table(stars)
+    delta, separation = stars.column("companion_delta_v_mag"), stars.column("companion_sep_arcsec")
+    near = np.isfinite(delta) & (separation <= 60.0)
+    assert near.sum() > 100
+    assert [len(scene.stars) for scene in scenes] == near.astype(int).tolist()
+    row = next(number for number, scene in enumerate(scenes) if scene.name == "alf Cen A")
+    host, (other,) = scenes[row].cstar, scenes[row].stars
+    assert other.v_mag == pytest.approx(host.v_mag + delta[row])
+    assert (other.teff_k, other.log_g) == (host.teff_k, host.log_g)
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from scipy.interpolate import PchipInterpolator, RegularGridInterpolator
 
 from catalogs.errors import InputError
-from simulator.target.albedo_files import load_albedo_grid
+from simulator.target.albedo_grid import load_albedo_grid
 
 METAL = np.array([0.0, 0.5, 1.7, 2.0])
 DISTANCE = np.array([0.5, 0.85, 2.0, 5.0])

@@ -126,3 +126,20 @@ def test_phase_curves_broadcast_over_insolation():
 def test_one_special_shape_is_lambert():
     phase = np.linspace(0.0, 180.0, 19)
     np.testing.assert_allclose(phase_curve([0.0, -700.0, 0.0], phase), lambert_phase(phase), rtol=1e-14)
+
+
+def test_the_stated_phase_function_at_quadrature():
+    quadrature = phase_curve(load_parametric_grid().phase, [90.0])
+    assert 0.13 < quadrature.min() < 0.15
+    assert 0.49 < quadrature.max() < 0.51
+    low, high = np.percentile(quadrature, [5.0, 95.0])
+    assert (low, high) == pytest.approx((0.20, 0.45), abs=0.01)
+
+
+@pytest.mark.parametrize("insolation", [0.5, 2.0, 5.0])
+@pytest.mark.parametrize("log10_mh", [0.0, 1.0, 2.0])
+@pytest.mark.parametrize("log10_fsed", [None, -1.0, 0.778])
+def test_no_step_where_methane_begins(log10_mh, log10_fsed, insolation):
+    table = parametric_family(log10_mh, log10_fsed).at(insolation)
+    blue = (table.wavelength_nm >= 390.0) & (table.wavelength_nm <= 436.0)
+    assert np.abs(np.diff(table.albedo[blue])).max() < 0.05

@@ -1,0 +1,69 @@
+"""Numbers from outside: with or without a unit of `astropy.units`, in one place."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from catalogs.errors import InputError
+
+__all__ = ["check_finite", "check_number", "in_unit", "real_array"]
+
+_ASTROPY_UNITS = {"R_Jup": "jupiterRad", "au": "AU", "L_sun": "solLum"}
+
+
+def in_unit(name: str, value: Any, unit: str) -> Any:
+    """Return a value that carries a unit (`astropy.units`) as plain numbers in the unit named; others unchanged.
+
+    Raises
+    ------
+    InputError
+        If the units do not convert.
+    """
+    if not hasattr(value, "to_value"):
+        return value
+    try:
+        return value.to_value(_ASTROPY_UNITS.get(unit, unit))
+    except (TypeError, ValueError):  # astropy's unit errors are both
+        allowed = f"a quantity that converts to {unit or 'a number'}"
+        raise InputError(name, str(value), unit=unit, allowed=allowed) from None
+
+
+def real_array(name: str, value: ArrayLike, unit: str = "") -> np.ndarray:
+    """Return numbers, plain or with a unit, as a float64 array; masked ones are nan.
+
+    Raises
+    ------
+    InputError
+        If they are not real numbers (text, truth values, complex) or carry a unit that does not convert.
+    """
+    plain = in_unit(name, value, unit)
+    try:
+        found = np.asarray(plain)
+        # numpy would read text and truth values as numbers.
+        array = found.astype(np.float64) if found.dtype.kind in "fiuO" else None
+    except (TypeError, ValueError):
+        array = None
+    if array is None:
+        raise InputError(name, value, unit=unit, allowed="real numbers")
+    if np.ma.isMaskedArray(plain):
+        array[np.ma.getmaskarray(plain)] = np.nan
+    return array
+
+
+def check_finite(name: str, value: ArrayLike, unit: str = "") -> np.ndarray:
+    """Return `real_array`; refuse values that are not finite."""
+    array = real_array(name, value, unit)
+    if not np.all(np.isfinite(array)):
+        raise InputError(name, float(array[~np.isfinite(array)].flat[0]), unit=unit, allowed="finite numbers")
+    return array
+
+
+def check_number(name: str, value: Any, unit: str = "") -> float:
+    """Return one number, plain or with a unit; refuse what is not finite."""
+    array = real_array(name, value, unit)
+    if array.ndim or not np.isfinite(array):
+        raise InputError(name, array.tolist(), unit=unit, allowed="a finite number")
+    return float(array)

@@ -1,0 +1,73 @@
+"""The reference planet has one contrast: in the ETC, in the scene that is imaged, and in its spectra."""
+
+import numpy as np
+import pytest
+
+from catalogs.stars import load_stars
+from cpic_planner.etc.model import build_model
+from cpic_planner.etc.planet import ReferencePlanet, reference_contrast, reference_distance_au, reference_notes
+from cpic_planner.targets import targets_from_table
+from cpic_planner.validation.confirm import target_scene
+from simulator import load_instrument, spectrum_generator
+from simulator.band_integrals import band_integral
+from simulator.target import scene_sources
+
+SEPARATION = 0.7
+BANDS = ("F520", "F850")
+PLANETS = [
+    {"model": "parametric", "log10_mh": 1.0, "log10_fsed": 1.0},
+    {"model": "parametric", "log10_mh": 0.3, "log10_fsed": -1.2, "phase_function": "grid"},
+    {"model": "parametric", "log10_mh": 2.0, "log10_fsed": None, "insolation_au": 2.0},
+    {"model": "parametric", "log10_mh": 0.0, "phase_function": "grid", "insolation_au": 9.0},
+    "neptune",
+    0.4,
+]
+
+
+@pytest.fixture(scope="module")
+def model():
+    return build_model(load_instrument("cpic_default"), bands=BANDS)
+
+
+@pytest.fixture(scope="module")
+def targets():
+    """Stars at random, and the extremes: clamped insolation at either end is among them."""
+    everyone = targets_from_table(load_stars())
+    columns = (everyone.luminosity_lsun, everyone.distance_pc, everyone.teff_k)
+    ends = [int(pick(column)) for column in columns for pick in (np.argmin, np.argmax)]
+    some = np.random.default_rng(3).choice(len(everyone), 20, replace=False).tolist()
+    return [everyone.select([row]) for row in (*ends, *some)]
+
+
+PHASES_DEG = (90.0, 60.0, 120.0, 135.0, 45.0, 90.0)
+
+
+@pytest.mark.parametrize(("albedo", "phase_deg"), list(zip(PLANETS, PHASES_DEG, strict=True)))
+def test_etc_and_scene_agree_in_contrast_and_flags(model, targets, albedo, phase_deg):
+    planet = ReferencePlanet(phase_deg=phase_deg, albedo=albedo)
+    clamped = 0
+    for target in targets:
+        distance = float(reference_distance_au(target, np.array([SEPARATION]), planet)[0, 0])
+        scene = target_scene(target, planet, SEPARATION, distance)
+        for band in BANDS:
+            (found,) = (one for one in scene_sources(scene, model.instrument, band) if one.kind == "planet")
+            expected = reference_contrast(model, target, band, np.array([SEPARATION]), planet)[0]
+            assert found.contrast == pytest.approx(expected, rel=1e-9, abs=0.0)
+            notes = reference_notes(model, target, band, SEPARATION, planet)
+            assert set(found.flags) - {"luminosity_derived"} == set(notes)
+            clamped += "insolation_clamped" in notes
+    if isinstance(albedo, dict):
+        fixed = {None: range(1, 2 * len(targets)), 2.0: (0,), 9.0: (2 * len(targets),)}
+        assert clamped in fixed[albedo.get("insolation_au")]
+
+
+def test_the_spectra_hold_that_contrast(model, targets):
+    planet = ReferencePlanet(phase_deg=70.0, albedo=PLANETS[0])
+    for target in targets[:6]:
+        distance = float(reference_distance_au(target, np.array([SEPARATION]), planet)[0, 0])
+        star, body, *_ = spectrum_generator(target_scene(target, planet, SEPARATION, distance))
+        for band in BANDS:
+            passband = model.passbands.bands[model.passbands.index(band)]
+            rates = [band_integral(passband, one.wavelength_nm, one.photlam) for one in (body, star)]
+            expected = reference_contrast(model, target, band, np.array([SEPARATION]), planet)[0]
+            assert rates[0] / rates[1] == pytest.approx(expected, rel=1e-6)
