@@ -38,6 +38,7 @@ def design_step_mask(
     spacing_lambda_d: float = 0.35,
     edge_spacing_lambda_d: float = 0.175,
     leak_spacing_lambda_d: float = 0.7,
+    open_side_diameters: float = 1.0,
 ) -> FloatArray:
     """Step mask of largest throughput that is dark in four square quadrants.
 
@@ -58,6 +59,9 @@ def design_step_mask(
         Extent of that outer bound, per axis.
     spacing_lambda_d, edge_spacing_lambda_d, leak_spacing_lambda_d : float
         Distances of control points inside the quadrants, on their edges, and outside.
+    open_side_diameters : float
+        Side of the centred square outside which every step is opaque, 0.25 to 1 pupil diameters: the part of the
+        pupil that a deformable mirror covers.
 
     Returns
     -------
@@ -73,13 +77,15 @@ def design_step_mask(
         raise InputError("n_steps", n_steps, allowed="an even number, 8 to 128")
     if not 0 < contrast < 1 or not 0 < outer_leak < 1:
         raise InputError("contrast, outer_leak", (contrast, outer_leak), allowed="between 0 and 1")
+    if not 0.25 <= open_side_diameters <= 1:
+        raise InputError("open_side_diameters", open_side_diameters, allowed="0.25 to 1")
     inner = inner_lambda_d / np.sqrt(2.0)
     if not 0 < inner < outer_half_side_lambda_d <= leak_extent_lambda_d:
         raise InputError("inner_lambda_d", inner_lambda_d, unit="lambda/D",
                          allowed="quadrants of positive size inside the extent of the outer bound")  # fmt: skip
     from scipy.optimize import linprog
 
-    selected, x, y = _open_octant(n_steps)
+    selected, x, y = _open_octant(n_steps, open_side_diameters)
     peak = _orbit_fields(n_steps, x, y, np.zeros(1), np.zeros(1))[0]
     dark = _quadrant_points(inner, outer_half_side_lambda_d, spacing_lambda_d, edge_spacing_lambda_d)
     leak = _outer_points(inner, outer_half_side_lambda_d, leak_extent_lambda_d, leak_spacing_lambda_d)
@@ -101,12 +107,12 @@ def design_step_mask(
     return np.ascontiguousarray(np.concatenate([half[:, ::-1], half], axis=1))
 
 
-def _open_octant(n_steps: int) -> tuple[NDArray[np.bool_], FloatArray, FloatArray]:
-    """Steps of one octant (x <= y, both positive) wholly inside the disc; coordinates in pupil diameters."""
+def _open_octant(n_steps: int, side: float) -> tuple[NDArray[np.bool_], FloatArray, FloatArray]:
+    """Steps of one octant (x <= y, both positive) wholly inside disc and square; coordinates in pupil diameters."""
     step = 1.0 / n_steps
     centre = (np.arange(n_steps // 2) + 0.5) * step
     x, y = np.meshgrid(centre, centre, indexing="ij")
-    selected = (np.hypot(x + step / 2, y + step / 2) <= 0.5) & (x <= y)
+    selected = (np.hypot(x + step / 2, y + step / 2) <= 0.5) & (x <= y) & (y + step / 2 <= side / 2 + 1e-12)
     return selected, x[selected], y[selected]
 
 
@@ -170,9 +176,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--out", required=True, type=Path, help="npz file to write")
     parser.add_argument("--inner-lambda-d", type=float, default=4.3)
     parser.add_argument("--contrast", type=float, default=1e-9)
+    parser.add_argument("--open-side-diameters", type=float, default=1.0)
     options = parser.parse_args(argv)
     began = time.perf_counter()
-    mask = design_step_mask(inner_lambda_d=options.inner_lambda_d, contrast=options.contrast)
+    mask = design_step_mask(inner_lambda_d=options.inner_lambda_d, contrast=options.contrast,
+                            open_side_diameters=options.open_side_diameters)  # fmt: skip
     figures: dict[str, Any] = mask_figures(mask)
     write_npz(options.out, {"transmission": mask})
     print(", ".join(f"{name} {value:.4f}" for name, value in figures.items()),

@@ -54,6 +54,17 @@ def test_small_design_obeys_its_bounds_and_symmetry():
     assert mask_figures(mask)["energy"] > 0.2
 
 
+def test_design_keeps_to_the_part_that_a_mirror_covers():
+    mask = design_step_mask(n_steps=24, inner_lambda_d=4.5, contrast=1e-5, outer_half_side_lambda_d=7,
+                            outer_leak=1e-3, leak_extent_lambda_d=11, open_side_diameters=0.75)  # fmt: skip
+    assert not mask[:3].any()
+    assert mask[3].any()
+    grid = np.linspace(4.5 / np.sqrt(2), 7, 60)
+    assert contrast(mask, grid, grid).max() < 3e-5
+    with pytest.raises(InputError, match="open_side_diameters"):
+        design_step_mask(open_side_diameters=1.2)
+
+
 def test_impossible_and_bad_requests_are_refused():
     with pytest.raises(InputError, match="no step mask"):
         design_step_mask(n_steps=16, inner_lambda_d=1.6, contrast=1e-9, outer_half_side_lambda_d=5,

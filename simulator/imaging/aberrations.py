@@ -1,0 +1,167 @@
+"""Static aberrations of the instrument: phase and amplitude maps over the pupil, fixed for a seed.
+
+Both are Gaussian random fields with power ``max(f, 1)^-slope``, f in cycles per pupil diameter, up to half a cycle per
+sample: the law of the drift screens, and everything that the pupil grid can hold. They are drawn on a grid twice as
+wide, so that opposite edges of the pupil are independent, and scaled to the exact rms over the clear disc. The maps are
+*piecewise constant on their own grid*, as the steps of the apodizer are: a finer pupil grid repeats the samples
+(`simulator.imaging.apodizer.upsample`) and sees the same optics.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalogs.errors import InputError
+from simulator.rng import stream
+
+__all__ = ["Aberrations", "draw_aberrations", "flat_aberrations", "power_law_map", "pupil_disc"]
+
+FloatArray = NDArray[np.float64]
+FLAT_BELOW_CYCLES = 1.0
+MAX_AMPLITUDE_RMS = 0.1  # beyond, a Gaussian transmission would leave the range from 0 to 2
+
+
+@dataclass(frozen=True, eq=False)
+class Aberrations:
+    """Static wavefront of the instrument on an ``n x n`` pupil grid, ``[y, x]``.
+
+    Attributes
+    ----------
+    opd_nm : ndarray, shape (n, n)
+        Optical path difference, the same at every wavelength.
+    amplitude : ndarray, shape (n, n)
+        Factor on the amplitude transmission, mean 1 over the disc.
+    """
+
+    opd_nm: FloatArray
+    amplitude: FloatArray
+
+    def pupil(self, transmission: FloatArray, wavelength_m: float, *, opd_nm: FloatArray | float = 0.0
+              ) -> NDArray[np.complex128]:  # fmt: skip
+        """Field behind pupil and aberrations, with a further path difference (mirror, drift) on top."""
+        phase = 2 * np.pi / (wavelength_m * 1e9) * (self.opd_nm + opd_nm)
+        field: NDArray[np.complex128] = (transmission * self.amplitude) * np.exp(1j * phase)
+        return field
+
+    def plus_opd(self, opd_nm: FloatArray) -> Aberrations:
+        """These aberrations with a mirror (twice its surface) or a screen added for good."""
+        return _frozen(self.opd_nm + opd_nm, self.amplitude.copy())
+
+    def upsampled(self, samples: int) -> Aberrations:
+        """The same optics on a finer pupil grid: every sample repeated.
+
+        Add the mirror first (`plus_opd`): sampled anew on the finer grid it would be another surface, and a hole solved
+        on this grid would fill up.
+
+        Raises
+        ------
+        InputError
+            If ``samples`` is not a multiple of the present number.
+        """
+        factor, rest = divmod(samples, len(self.opd_nm))
+        if rest or factor < 1:
+            raise InputError("pupil_samples", samples, allowed=f"a multiple of {len(self.opd_nm)}")
+        block = np.ones((factor, factor))
+        return _frozen(np.asarray(np.kron(self.opd_nm, block)), np.asarray(np.kron(self.amplitude, block)))
+
+
+def pupil_disc(samples: int) -> NDArray[np.bool_]:
+    """Samples whose centres lie in the clear disc."""
+    position = (np.arange(samples) + 0.5) / samples - 0.5
+    return np.asarray(np.hypot(position[:, None], position) <= 0.5)
+
+
+def power_law_map(samples: int, psd_slope: float, rng: np.random.Generator, *, remove_tilt: bool) -> FloatArray:
+    """Random map with power ``max(f, 1)^-psd_slope``, zero mean and unit rms over the disc.
+
+    Parameters
+    ----------
+    samples : int
+        Samples across the pupil, even, 8 to 2048.
+    psd_slope : float
+        Exponent of the power spectral density per unit area of the frequency plane, 0 to 6.
+    rng : numpy.random.Generator
+        Source of the draws.
+    remove_tilt : bool
+        Also remove tip and tilt, by least squares over the disc.
+
+    Returns
+    -------
+    ndarray, shape (samples, samples)
+
+    Raises
+    ------
+    InputError
+        If a parameter is out of range.
+    """
+    if samples % 2 or not 8 <= samples <= 2048:
+        raise InputError("samples", samples, allowed="an even number, 8 to 2048")
+    if not 0 <= psd_slope <= 6:
+        raise InputError("psd_slope", psd_slope, allowed="0 to 6")
+    frequency = np.fft.fftfreq(2 * samples, 1.0 / samples)  # cycles per diameter, in steps of one half
+    positive = np.fft.rfftfreq(2 * samples, 1.0 / samples)
+    radius = np.hypot(frequency[:, None], positive)
+    filtered = np.fft.rfft2(rng.standard_normal((2 * samples, 2 * samples)))
+    filtered *= np.maximum(radius, FLAT_BELOW_CYCLES) ** (-psd_slope / 2)
+    filtered[0, 0] = 0.0
+    screen = np.fft.irfft2(filtered)[:samples, :samples]
+    inside = pupil_disc(samples)
+    position = (np.arange(samples) + 0.5) / samples - 0.5
+    y, x = np.meshgrid(position, position, indexing="ij")
+    screen -= screen[inside].mean()
+    if remove_tilt:  # on a disc symmetric about both axes piston, tip and tilt are orthogonal
+        for plane in (y, x):
+            screen -= plane * ((screen * plane)[inside].sum() / (plane**2)[inside].sum())
+    return np.asarray(screen / math.sqrt(float((screen[inside] ** 2).mean())))
+
+
+def draw_aberrations(
+    seed: int,
+    *,
+    samples: int = 128,
+    opd_rms_nm: float = 20.0,
+    amplitude_rms: float = 0.003,
+    psd_slope: float = 2.5,
+) -> Aberrations:
+    """Aberrations of one instrument.
+
+    Parameters
+    ----------
+    seed : int
+        Names the instrument: the same seed gives the same maps; phase and amplitude use independent streams.
+    samples : int
+        Samples across the pupil, even. Another number is another instrument, not the same one sampled otherwise.
+    opd_rms_nm : float
+        Rms of the optical path difference over the clear disc, without piston, tip and tilt, 0 to 1000 nm (A: 20 nm).
+    amplitude_rms : float
+        Rms of the relative amplitude error over the clear disc, without its mean, 0 to 0.1 (A: 0.3 %).
+    psd_slope : float
+        Slope of the power of both, 0 to 6 (A: 2.5).
+
+    Raises
+    ------
+    InputError
+        If a parameter is out of range.
+    """
+    if not 0 <= opd_rms_nm <= 1000:
+        raise InputError("opd_rms_nm", opd_rms_nm, unit="nm", allowed="0 to 1000")
+    if not 0 <= amplitude_rms <= MAX_AMPLITUDE_RMS:
+        raise InputError("amplitude_rms", amplitude_rms, allowed=f"0 to {MAX_AMPLITUDE_RMS}")
+    phase = power_law_map(samples, psd_slope, stream(seed, "static_opd"), remove_tilt=True)
+    amplitude = power_law_map(samples, psd_slope, stream(seed, "static_amplitude"), remove_tilt=False)
+    return _frozen(opd_rms_nm * phase, 1.0 + amplitude_rms * amplitude)
+
+
+def flat_aberrations(samples: int) -> Aberrations:
+    """Perfect optics."""
+    return _frozen(np.zeros((samples, samples)), np.ones((samples, samples)))
+
+
+def _frozen(opd_nm: FloatArray, amplitude: FloatArray) -> Aberrations:
+    amplitude = np.maximum(amplitude, 0.0)
+    opd_nm.flags.writeable = amplitude.flags.writeable = False
+    return Aberrations(opd_nm, amplitude)

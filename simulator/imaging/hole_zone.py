@@ -1,0 +1,74 @@
+"""The dark zone on the detector: squares ``a <= |x|, |y| <= b``, in four quadrants or in the two on one side."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalogs.errors import InputError
+
+__all__ = ["HoleMode", "HoleSide", "HoleZone"]
+
+FloatArray = NDArray[np.float64]
+HoleMode = Literal["4q", "2q"]
+HoleSide = Literal["right", "left", "top", "bottom"]
+
+
+@dataclass(frozen=True)
+class HoleZone:
+    """Where light is to be removed. In both modes the zone is a product of two sets of intervals.
+
+    Attributes
+    ----------
+    inner_arcsec, outer_arcsec : float
+        Edges a and b of the squares, per axis, 0 < a < b.
+    mode : {"4q", "2q"}
+        All four quadrants, or the two on ``side``.
+    side : {"right", "left", "top", "bottom"}
+        Side of the star on the detector that ``2q`` darkens: right is +x (growing column), top is +y. With the default
+        parity right is west at roll 0: position angles 225 and 315 deg.
+    """
+
+    inner_arcsec: float
+    outer_arcsec: float
+    mode: HoleMode = "4q"
+    side: HoleSide = "right"
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        if not (math.isfinite(self.outer_arcsec) and 0 < self.inner_arcsec < self.outer_arcsec):
+            raise InputError("hole edges", (self.inner_arcsec, self.outer_arcsec), unit="arcsec",
+                             allowed="0 < inner < outer")  # fmt: skip
+        for name, value, known in (("mode", self.mode, HoleMode), ("side", self.side, HoleSide)):
+            if value not in get_args(known):
+                raise InputError(name, value, allowed=", ".join(get_args(known)))
+
+    @property
+    def inner_corner_arcsec(self) -> float:
+        """Diagonal separation of the inner corner."""
+        return self.inner_arcsec * math.sqrt(2.0)
+
+    def axes(self, half_axis: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Axes y and x of the zone, given the points of one positive half axis in ascending order."""
+        both = np.concatenate([-half_axis[::-1], half_axis])
+        if self.mode == "4q":
+            return both, both
+        one = half_axis if self.side in ("right", "top") else -half_axis[::-1]
+        return (both, one) if self.side in ("right", "left") else (one, both)
+
+    def control_axes(self, step_arcsec: float, margin_arcsec: float) -> tuple[FloatArray, FloatArray]:
+        """Points at most ``step`` apart that include the edges, widened by ``margin`` on every side."""
+        low, high = max(self.inner_arcsec - margin_arcsec, 0.0), self.outer_arcsec + margin_arcsec
+        points = np.linspace(low, high, math.ceil((high - low) / step_arcsec) + 1)
+        return self.axes(np.asarray(points, dtype=np.float64))
+
+    def score_axes(self, step_arcsec: float) -> tuple[FloatArray, FloatArray]:
+        """Centres of cells of exactly ``step``, as many as fit, centred in the zone: not the points of control."""
+        n = max(1, math.floor((self.outer_arcsec - self.inner_arcsec) / step_arcsec + 1e-9))
+        middle = 0.5 * (self.inner_arcsec + self.outer_arcsec)
+        points = middle + (np.arange(n) - (n - 1) / 2) * step_arcsec
+        return self.axes(np.asarray(points, dtype=np.float64))

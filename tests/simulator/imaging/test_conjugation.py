@@ -1,0 +1,162 @@
+import dataclasses
+
+import numpy as np
+import pytest
+
+from catalogs.errors import InputError
+from simulator.config import load_instrument
+from simulator.imaging.aberrations import draw_aberrations, flat_aberrations
+from simulator.imaging.conjugation import Conjugation, ControlSettings, _step, conjugate
+from simulator.imaging.deformable_mirror import DeformableMirror
+from simulator.imaging.hole_zone import HoleZone
+from simulator.imaging.imager import build_imager
+from simulator.knobs import Knobs
+
+IMAGER = build_imager(load_instrument(), "F662", Knobs(pupil_samples=64))
+CENTER_M = 662e-9
+MIRROR = DeformableMirror(n_actuators=16)
+ZONE = HoleZone(IMAGER.hole_arcsec[0], 0.42)
+ABERRATIONS = draw_aberrations(1, samples=64)
+
+
+def problem(mirror=MIRROR, zone=ZONE, aberrations=ABERRATIONS, **settings):
+    settings = ControlSettings(**settings)
+    return Conjugation(IMAGER, CENTER_M, aberrations, mirror, zone, settings), settings
+
+
+def test_jacobian_is_the_derivative_of_the_field():
+    optics, _ = problem(DeformableMirror(n_actuators=6), n_wavelengths=2)
+    state = np.random.default_rng(1).normal(0, 20, (6, 6))
+    for index in range(2):
+        jacobian = optics.jacobian(state, index)
+        largest = np.abs(jacobian).max()
+        for row, column in ((0, 0), (2, 3), (5, 1)):
+            push = np.zeros((6, 6))
+            push[row, column] = 1e-2
+            change = (optics.fields(state + push)[index] - optics.fields(state - push)[index]) / 2e-2
+            # Central differences leave (phase per nm x 0.01 nm)^2 / 6, some 1e-9 of the derivative.
+            assert np.abs(jacobian[:, 6 * row + column] - change.ravel()).max() < 1e-8 * largest
+
+
+def test_fields_are_those_of_the_psf():
+    optics, settings = problem(n_wavelengths=3)
+    commands = np.random.default_rng(2).normal(0, 10, (16, 16))
+    opd_m = (ABERRATIONS.opd_nm + MIRROR.opd_nm(commands, 64)) * 1e-9
+    y, x = ZONE.control_axes(0.5 * IMAGER.lambda_d_arcsec, 0.1 * IMAGER.lambda_d_arcsec)
+    behind = dataclasses.replace(
+        IMAGER, transmission=IMAGER.transmission * ABERRATIONS.amplitude, wavelengths_m=optics.wavelengths_m
+    )
+    flat = dataclasses.replace(IMAGER, wavelengths_m=optics.wavelengths_m)
+    origin, weights = np.zeros(1), np.array([5, 8, 5]) / 18
+    peak = sum(w * abs(flat.field(i, origin, origin)[0, 0]) ** 2 for i, w in enumerate(weights))
+    fields = optics.fields(commands)
+    light = 0.0
+    for index, weight in enumerate(weights):
+        field = behind.field(index, y, x, opd_m=opd_m, engine="hcipy")
+        assert np.abs(np.abs(fields[index]) ** 2 - weight * np.abs(field) ** 2 / peak).max() < 1e-12
+        light += weight * abs(behind.field(index, origin, origin, opd_m=opd_m)[0, 0]) ** 2
+    assert optics.strehl(commands) == pytest.approx(light / peak, rel=1e-12)
+    assert optics.wavelengths_m[[0, 2]] == pytest.approx(CENTER_M * (1 + np.array([-1, 1]) * 0.05 * np.sqrt(0.6)))
+    assert settings.bandwidth == 0.1
+
+
+def test_a_step_is_the_damped_least_squares_solution():
+    rng = np.random.default_rng(3)
+    matrix, field = rng.normal(size=(40, 7)), rng.normal(size=40)
+    normal = matrix.T @ matrix
+    damping = np.sqrt(1e-3 * normal.diagonal().max()) * np.eye(7)
+    expected = np.linalg.lstsq(np.concatenate([matrix, damping]), np.concatenate([-field, np.zeros(7)]), rcond=None)[0]
+    np.testing.assert_allclose(_step(normal, matrix.T @ field, -3.0), expected, rtol=1e-9)
+
+
+def test_search_darkens_at_every_step_but_the_strong_ones():
+    optics, settings = problem(max_iterations=16, tolerance=0.0)
+    found = conjugate(optics, settings)
+    assert len(found.history) == 1 + len(found.strong)
+    assert [i for i, strong in enumerate(found.strong) if strong] == [4, 9]
+    for before, after, strong in zip(found.history[:-1], found.history[1:], found.strong, strict=True):
+        assert strong or after < before
+    fields = optics.fields(found.commands_nm)
+    assert (np.abs(fields) ** 2).sum(axis=0).mean() == pytest.approx(min(found.history), rel=1e-12)
+    assert found.history[0] / min(found.history) > 5e3
+
+
+def test_search_stops_at_the_goal_or_when_nothing_is_gained():
+    optics, settings = problem(goal_contrast=1e-7)
+    found = conjugate(optics, settings)
+    assert found.ended == "goal"
+    assert found.history[-1] <= 1e-7 * optics.strehl(found.commands_nm) < found.history[-2]
+    optics, settings = problem(tolerance=0.5, max_iterations=60)
+    found = conjugate(optics, settings)
+    assert found.ended == "converged"
+    assert len(found.strong) < 60
+
+
+def test_search_from_the_solution_has_little_to_do():
+    optics, settings = problem(max_iterations=12)
+    first = conjugate(optics, settings)
+    second = conjugate(optics, settings, first.commands_nm)
+    assert second.history[0] == pytest.approx(min(first.history), rel=1e-12)
+    assert min(second.history) <= second.history[0]
+
+
+def test_dead_actuators_and_stroke_are_respected():
+    mirror = DeformableMirror(n_actuators=16, stroke_nm=8.0, dead=((7, 7), (3, 12)))
+    optics, settings = problem(mirror, max_iterations=6)
+    found = conjugate(optics, settings)
+    assert found.commands_nm[7, 7] == 0 == found.commands_nm[3, 12]
+    assert mirror.within_stroke(found.commands_nm)
+    free = conjugate(*problem(max_iterations=6))
+    assert np.abs(free.commands_nm).max() > 4.0
+    assert min(found.history) > min(free.history)
+
+
+def test_actuator_noise_adds_what_the_jacobian_says():
+    optics, settings = problem(max_iterations=8)
+    state = conjugate(optics, settings).commands_nm
+    sigma = 0.5
+    expected = sigma**2 * sum((np.abs(optics.jacobian(state, i)) ** 2).sum(axis=1).mean() for i in range(3))
+    nominal = (np.abs(optics.fields(state)) ** 2).sum(axis=0).mean()
+    noisy = DeformableMirror(n_actuators=16, noise_nm=sigma)
+    rng = np.random.default_rng(4)
+    draws = [(np.abs(optics.fields(noisy.realise(state, rng))) ** 2).sum(axis=0).mean() - nominal for _ in range(200)]
+    assert abs(np.mean(draws) - expected) < 4 * np.std(draws) / np.sqrt(200)
+
+
+def test_single_jacobian_stalls_above_the_relinearised_search():
+    once = conjugate(*problem(method="single_jacobian", strong_every=0, exponents=(-1.0, -2.0, -3.0)))
+    anew = conjugate(*problem())
+    assert min(once.history) > 2 * min(anew.history)
+    assert min(once.history) < 0.02 * once.history[0]
+    assert list(once.history) == sorted(once.history, reverse=True)
+
+
+def test_perfect_optics_stay_as_good_as_the_apodizer():
+    optics, settings = problem(aberrations=flat_aberrations(64), max_iterations=5)
+    found = conjugate(optics, settings)
+    assert found.history[0] < 1e-8
+    assert min(found.history) <= found.history[0]
+
+
+@pytest.mark.parametrize(
+    ("key", "change"),
+    [
+        ("method", {"method": "linear"}),
+        ("bandwidth", {"bandwidth": 0.9}),
+        ("n_wavelengths", {"n_wavelengths": 0}),
+        ("step_lambda_d", {"step_lambda_d": 0.0}),
+        ("max_iterations", {"max_iterations": 0}),
+        ("exponents", {"exponents": ()}),
+        ("exponents", {"strong_exponent": 5.0}),
+        ("goal_contrast", {"goal_contrast": 0.0}),
+        ("tolerance", {"tolerance": float("nan")}),
+    ],
+)
+def test_bad_settings_are_named(key, change):
+    with pytest.raises(InputError, match=key):
+        ControlSettings(**change)
+
+
+def test_grids_must_agree():
+    with pytest.raises(InputError, match="aberrations"):
+        problem(aberrations=flat_aberrations(128))

@@ -1,0 +1,63 @@
+import numpy as np
+import pytest
+
+from catalogs.errors import InputError
+from simulator.imaging.hole_zone import HoleZone
+
+
+@pytest.mark.parametrize(
+    ("mode", "side", "inside", "outside"),
+    [
+        ("4q", "right", [(0.5, 0.5), (-0.5, 0.5), (0.5, -0.5), (-0.5, -0.5)], []),
+        ("2q", "right", [(0.5, 0.5), (-0.5, 0.5)], [(0.5, -0.5), (-0.5, -0.5)]),
+        ("2q", "left", [(0.5, -0.5), (-0.5, -0.5)], [(0.5, 0.5), (-0.5, 0.5)]),
+        ("2q", "top", [(0.5, 0.5), (0.5, -0.5)], [(-0.5, 0.5), (-0.5, -0.5)]),
+        ("2q", "bottom", [(-0.5, 0.5), (-0.5, -0.5)], [(0.5, 0.5), (0.5, -0.5)]),
+    ],
+)
+def test_quadrants_as_y_and_x(mode, side, inside, outside):
+    y, x = HoleZone(0.2, 0.8, mode, side).score_axes(0.1)
+    points = {(round(a, 9), round(b, 9)) for a in y for b in x}
+    near = {(np.sign(a) * 0.45, np.sign(b) * 0.45) for a, b in inside}
+    assert near <= points
+    assert not points & {(np.sign(a) * 0.45, np.sign(b) * 0.45) for a, b in outside}
+    assert np.all(np.diff(y) > 0)
+    assert np.all(np.diff(x) > 0)
+
+
+def test_score_grid_fills_the_zone_at_the_exact_step():
+    zone = HoleZone(0.21, 0.707)
+    y, x = zone.score_axes(0.017)
+    positive = y[y > 0]
+    np.testing.assert_allclose(np.diff(positive), 0.017)
+    assert 0.21 <= positive[0] < 0.21 + 0.017
+    assert 0.707 - 0.017 < positive[-1] <= 0.707
+    np.testing.assert_array_equal(y, x)
+    np.testing.assert_allclose(y, -y[::-1])
+    assert zone.inner_corner_arcsec == pytest.approx(0.29698, abs=1e-5)
+
+
+def test_control_points_hold_the_edges_and_are_other_points():
+    zone = HoleZone(0.2, 0.7)
+    y, _ = zone.control_axes(0.034, 0.007)
+    positive = y[y > 0]
+    assert positive[0] == pytest.approx(0.193)
+    assert positive[-1] == pytest.approx(0.707)
+    assert np.diff(positive).max() <= 0.034
+    scored = zone.score_axes(0.017)[0]
+    assert np.abs(scored[:, None] - y).min() > 0
+
+
+@pytest.mark.parametrize(
+    ("key", "values"),
+    [
+        ("hole edges", (0.7, 0.2)),
+        ("hole edges", (0.0, 0.2)),
+        ("hole edges", (0.1, float("nan"))),
+        ("mode", (0.1, 0.2, "3q")),
+        ("side", (0.1, 0.2, "2q", "west")),
+    ],
+)
+def test_bad_zone_is_named(key, values):
+    with pytest.raises(InputError, match=key):
+        HoleZone(*values)
