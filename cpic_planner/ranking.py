@@ -40,7 +40,7 @@ def rank_hash(
             "model": model.content(),
             "bands": list(bands or model.bands),
             "time_s": time_s,
-            "planet": planet.model_dump(mode="json"),
+            "planet": planet.content(),
             "targets": targets.content(),
         }
     )

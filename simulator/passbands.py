@@ -182,6 +182,7 @@ class Passbands:
         metallicity: ArrayLike,
         *,
         insolation_au: ArrayLike | None = None,
+        only: str | None = None,
     ) -> np.ndarray:
         """Return the photon-weighted mean albedo in each band under the light of each star.
 
@@ -196,10 +197,12 @@ class Passbands:
             Stellar parameters.
         insolation_au : array_like, optional
             Distance from the Sun that has the planet's insolation; needed for a family only.
+        only : str, optional
+            The one band that is wanted; the albedo need not cover the others.
 
         Returns
         -------
-        ndarray, shape (..., band)
+        ndarray, shape (..., band), or (...) for one band
             The leading shape is that of the broadcast stars and insolations.
 
         Raises
@@ -209,20 +212,13 @@ class Passbands:
             is missing.
         """
         source = load_albedo(albedo) if isinstance(albedo, str) else albedo
+        wanted = slice(None) if only is None else slice(self.index(only), self.index(only) + 1)
         nodes, weights = self.grid.corners(teff_k, log_g, metallicity)
         # Grid interpolation is linear in surface flux, so the same weights serve numerator and denominator.
-        direct = np.einsum("...k,...kb->...b", weights, self.node_rates[nodes])
-        reflected = np.einsum("...k,...kdb->...db", weights, _albedo_nodes(self, source)[nodes])
-        mean = reflected / direct[..., None, :]
-        if not isinstance(source, AlbedoFamily):
-            return np.asarray(mean[..., 0, :])
-        if insolation_au is None:
-            raise InputError("insolation_au", "missing", unit="au", allowed="a value is required for this albedo")
-        ends, share = source.corners(insolation_au)
-        shape = np.broadcast_shapes(mean.shape[:-2], ends.shape[:-1])
-        mean = np.broadcast_to(mean, (*shape, *mean.shape[-2:]))
-        two = np.take_along_axis(mean, np.broadcast_to(ends, (*shape, 2))[..., None], axis=-2)
-        return np.asarray(np.einsum("...e,...eb->...b", share, two))
+        direct = np.einsum("...k,...kb->...b", weights, self.node_rates[nodes, wanted])
+        reflected = np.einsum("...k,...kdb->...db", weights, _albedo_nodes(self, source, only)[nodes])
+        mean = _at_insolation(reflected / direct[..., None, :], source, insolation_au)
+        return mean if only is None else np.asarray(mean[..., 0])
 
     def albedo_flags(self, albedo: str | Albedo | AlbedoFamily) -> np.ndarray:
         """Return, per band, whether the albedo is ``extrapolated`` (its origin undocumented)."""
@@ -310,14 +306,28 @@ def _integrate(bands: tuple[Band, ...]) -> Passbands:
     return Passbands(bands, grid, node_rates, node_v, sun_rates)
 
 
+def _at_insolation(mean: np.ndarray, source: Albedo | AlbedoFamily, insolation_au: ArrayLike | None) -> np.ndarray:
+    """Return band means, shape (..., band), from those of all albedos of the source, shape (..., albedo, band)."""
+    if not isinstance(source, AlbedoFamily):
+        return np.asarray(mean[..., 0, :])
+    if insolation_au is None:
+        raise InputError("insolation_au", "missing", unit="au", allowed="a value is required for this albedo")
+    ends, share = source.corners(insolation_au)
+    shape = np.broadcast_shapes(mean.shape[:-2], ends.shape[:-1])
+    mean = np.broadcast_to(mean, (*shape, *mean.shape[-2:]))
+    two = np.take_along_axis(mean, np.broadcast_to(ends, (*shape, 2))[..., None], axis=-2)
+    return np.asarray(np.einsum("...e,...eb->...b", share, two))
+
+
 @functools.lru_cache(maxsize=64)
-def _albedo_nodes(passbands: Passbands, albedo: Albedo | AlbedoFamily) -> np.ndarray:
+def _albedo_nodes(passbands: Passbands, albedo: Albedo | AlbedoFamily, only: str | None) -> np.ndarray:
     """Return band integrals of stellar flux x albedo at the grid nodes, shape (node, albedo, band)."""
     rows = albedo.albedo if isinstance(albedo, AlbedoFamily) else [albedo.albedo]
     tables = [check_table("albedo", albedo.wavelength_nm, row) for row in rows]
+    bands = [band for band in passbands.bands if only is None or band.name == only]
     samples = passbands.grid.wavelength_nm
-    columns = [band_projection(band, samples, table) for table in tables for band in passbands.bands]
-    return _node_table(passbands.grid, columns).reshape(-1, len(tables), len(passbands.bands))
+    columns = [band_projection(band, samples, table) for table in tables for band in bands]
+    return _node_table(passbands.grid, columns).reshape(-1, len(tables), len(bands))
 
 
 def _node_table(grid: StellarGrid, columns: list[np.ndarray]) -> np.ndarray:

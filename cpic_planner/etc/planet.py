@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+import hashlib
+from pathlib import Path
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +33,15 @@ class ReferencePlanet(FrozenModel):
     phase_deg: Annotated[float, Field(gt=0, lt=180)] = 90.0
     albedo: AlbedoValue = MeasuredAlbedo(model="jupiter")
 
+    def content(self) -> dict[str, Any]:
+        """Everything that decides its light, for content hashes: a file counts by what is in it."""
+        tree = self.model_dump(mode="json")
+        file = getattr(self.albedo, "file", None)
+        if file is not None:
+            with Path(file).open("rb") as stream:
+                tree["albedo"]["file"] = hashlib.file_digest(stream, "sha256").hexdigest()
+        return tree
+
 
 def reference_distance_au(targets: Targets, separation_arcsec: FloatArray, planet: ReferencePlanet) -> FloatArray:
     """True star-planet distance in au, shape ``(n_star, n_separation)``; 1 arcsec at 1 pc is 1 au."""
@@ -56,8 +67,8 @@ def reference_contrast(
     # An albedo that knows its insolation already leaves this out.
     insolation = distance / np.sqrt(targets.luminosity_lsun)[:, None] if needs_insolation(planet.albedo) else None
     stars = (targets.teff_k[:, None], targets.log_g[:, None], targets.metallicity[:, None])
-    mean = model.passbands.band_albedo(albedo_source(planet.albedo), *stars, insolation_au=insolation)
-    albedo = mean[..., model.passbands.names.index(band)]
+    # One band at a time: a user's albedo need not reach the bands that are not asked about.
+    albedo = model.passbands.band_albedo(albedo_source(planet.albedo), *stars, insolation_au=insolation, only=band)
     phase = phase_value(planet.albedo, planet.phase_deg, insolation_au=insolation)
     contrast = np.asarray(contrast_at(planet.radius_rjup, distance, planet.phase_deg, albedo, phase_value=phase))
     return contrast[0] if len(targets) == 1 else contrast

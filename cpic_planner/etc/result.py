@@ -51,7 +51,7 @@ def etc_result(
                 "version": __version__,
                 "model": model.content(),
                 "target": target.content(),
-                "planet": None if planet is None else planet.model_dump(mode="json"),
+                "planet": None if planet is None else planet.content(),
                 "asked": asked,
             }
         ),

@@ -205,7 +205,14 @@ def print_plan(plan: PlanResult, console: Console) -> None:
                     _outcome(item),
                 ]
             )
-    console.print(_table(console, f"Confirmed by simulated images: {len(plan.targets)} targets", columns, rows))
+    console.print(
+        _table(
+            console,
+            f"Confirmed by simulated images: {len(plan.targets)} target{'s' * (len(plan.targets) != 1)}",
+            columns,
+            rows,
+        )
+    )
     _symbols(console, [item.status for target in plan.targets for item in target.bands if item.status != "ok"])
     ratio, error = plan.calibration.get("ratio"), plan.calibration.get("error")
     if ratio is not None and error is not None:

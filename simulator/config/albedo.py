@@ -148,7 +148,7 @@ class TableAlbedo(FrozenModel):
     @property
     def label(self) -> str:
         """For tables and legends."""
-        return f"table {self.file}" if self.file is not None else "table"
+        return f"table {Path(self.file).name}" if self.file is not None else "table"
 
 
 AlbedoSpec: TypeAlias = MeasuredAlbedo | ParametricAlbedo | GridAlbedo | ConstantAlbedo | TableAlbedo

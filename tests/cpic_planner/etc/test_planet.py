@@ -71,3 +71,13 @@ def test_the_spectra_hold_that_contrast(model, targets):
             rates = [band_integral(passband, one.wavelength_nm, one.photlam) for one in (body, star)]
             expected = reference_contrast(model, target, band, np.array([SEPARATION]), planet)[0]
             assert rates[0] / rates[1] == pytest.approx(expected, rel=1e-6)
+
+
+def test_a_file_counts_by_what_is_in_it(tmp_path):
+    path = tmp_path / "mine.txt"
+    contents = []
+    for value in (0.3, 0.4, 0.3):
+        path.write_text(f"wavelength_nm albedo\n400 {value}\n900 0.5\n")
+        contents.append(ReferencePlanet(albedo=str(path)).content())
+    assert contents[0] == contents[2] != contents[1]
+    assert str(tmp_path) not in ReferencePlanet(albedo=str(path)).albedo.label

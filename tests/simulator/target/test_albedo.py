@@ -122,3 +122,17 @@ def test_band_albedo_of_a_family_is_that_of_its_members() -> None:
             np.testing.assert_allclose(table[i, j], direct, rtol=1e-12)
     with pytest.raises(InputError, match="insolation_au"):
         bands.band_albedo(family, 5800.0, 4.4, 0.0)
+
+
+def test_one_band_needs_no_more_than_its_own_wavelengths() -> None:
+    bands = Passbands.from_bands()
+    narrow = albedo_source(albedo_spec({"wavelength_nm": [600, 720], "albedo": [0.2, 0.7]}))
+    teff = np.array([[4000.0], [6000.0]])
+    alone = bands.band_albedo(narrow, teff, 4.4, 0.0, only="F662")
+    assert alone.shape == (2, 1)
+    wide = albedo_source(albedo_spec({"wavelength_nm": [300, 600, 720, 1754], "albedo": [0, 0.2, 0.7, 0]}))
+    np.testing.assert_allclose(alone, bands.band_albedo(wide, teff, 4.4, 0.0)[..., bands.index("F662")], rtol=1e-12)
+    with pytest.raises(InputError, match="F940|F520"):
+        bands.band_albedo(narrow, teff, 4.4, 0.0)
+    with pytest.raises(InputError, match="band"):
+        bands.band_albedo(narrow, teff, 4.4, 0.0, only="F999")
