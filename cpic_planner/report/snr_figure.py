@@ -15,6 +15,8 @@ _LOG_SPAN = 15.0
 
 def snr_figure(plan: PlanResult) -> Picture:
     """Draw recovered against predicted SNR of every confirmed band."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
     bands = list(dict.fromkeys(band.band for target in plan.targets for band in target.bands))
     looks = band_style(bands)
     pairs: dict[str, list[tuple[float, float, float]]] = {band: [] for band in bands}
@@ -37,6 +39,10 @@ def snr_figure(plan: PlanResult) -> Picture:
             floor = 0.6 * min(min(p, r - e) for p, r, e in everything)
             line = np.geomspace(floor, top, 200)
             axes.set(xlim=(floor, top), ylim=(floor, top))
+            for axis in (axes.xaxis, axes.yaxis):  # plain numbers, few enough not to touch
+                axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+                axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+                axis.set_minor_formatter(NullFormatter())
         else:
             axes.set(xlim=(0.0, top), ylim=(min([0.0] + [r - 1.3 * e for _, r, e in everything]), top))
         axes.plot(line, line, color="#444444", lw=1.2, zorder=2, label="recovered = predicted")

@@ -1,4 +1,4 @@
-"""Regenerate this report: ``python reports/dark_hole/make.py`` (two to three minutes).
+"""Regenerate this report: ``python reports/dark_hole/make.py`` (about two minutes).
 
 Four-quadrant dark holes of the default instrument behind static aberrations, one per band and seed: how dark, at what
 loss, and how long the search takes on one thread.

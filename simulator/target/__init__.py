@@ -9,12 +9,12 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from catalogs.spectral_types import StellarParameters, stellar_parameters
     from simulator.target.albedo import albedo_flags, planet_albedo
     from simulator.target.contrast import contrast_at, planet_contrast
     from simulator.target.phase import lambert_phase
     from simulator.target.positions import detector_to_sky, sky_to_detector
     from simulator.target.sources import Source, scene_sources, spectrum_generator
-    from simulator.target.spectral_type import StellarParameters, stellar_parameters
     from simulator.target.spectrum_table import read_spectrum
     from simulator.target.star_spectrum import STAR_FLAGS, StarSpectrum, star_photlam, stellar_spectrum
 
@@ -42,7 +42,7 @@ _HOME = {
     "STAR_FLAGS": "star_spectrum",
     "Source": "sources",
     "StarSpectrum": "star_spectrum",
-    "StellarParameters": "spectral_type",
+    "StellarParameters": "catalogs.spectral_types",
     "albedo_flags": "albedo",
     "contrast_at": "contrast",
     "detector_to_sky": "positions",
@@ -54,7 +54,7 @@ _HOME = {
     "sky_to_detector": "positions",
     "spectrum_generator": "sources",
     "star_photlam": "star_spectrum",
-    "stellar_parameters": "spectral_type",
+    "stellar_parameters": "catalogs.spectral_types",
     "stellar_spectrum": "star_spectrum",
 }
 
@@ -62,7 +62,8 @@ _HOME = {
 def __getattr__(name: str) -> Any:
     if name not in _HOME:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(importlib.import_module(f"{__name__}.{_HOME[name]}"), name)
+    home = _HOME[name]
+    return getattr(importlib.import_module(home if "." in home else f"{__name__}.{home}"), name)
 
 
 def __dir__() -> list[str]:
