@@ -18,13 +18,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalogs.errors import InputError
-from simulator.arrays import read_npz
+from simulator.imaging.map_files import read_maps, real_map
 
 __all__ = ["DeformableMirror", "load_dm_surface"]
 
 FloatArray = NDArray[np.float64]
-UNITS_NM = {"nm": 1.0, "um": 1e3, "micron": 1e3, "mm": 1e6, "m": 1e9}
+UNITS_NM = {"nm": 1.0, "um": 1e3, "micron": 1e3, "mm": 1e6, "m": 1e9, "angstrom": 0.1, "pm": 1e-3}
+_LONG_NAMES = {
+    "nanometer": 1.0, "nanometers": 1.0, "nanometre": 1.0, "nanometres": 1.0,
+    "micron": 1e3, "microns": 1e3, "micrometer": 1e3, "micrometers": 1e3, "micrometre": 1e3, "micrometres": 1e3,
+    "\u00b5m": 1e3, "meter": 1e9, "meters": 1e9, "metre": 1e9, "metres": 1e9, "angstrom": 0.1, "angstroms": 0.1,
+}  # fmt: skip
 MAX_SURFACE_NM = 1e4
+MAX_SIDE = 4096
 
 
 @dataclass(frozen=True)
@@ -139,18 +145,20 @@ class DeformableMirror:
         return commands
 
 
-def load_dm_surface(path: str | Path, samples: int, *, unit: str | None = None) -> FloatArray:
-    """Surface of a mirror from a file, on the pupil grid.
+def load_dm_surface(path: str | Path, samples: int | None = None, *, unit: str | None = None) -> FloatArray:
+    """Surface of a mirror from a file.
 
     Parameters
     ----------
     path : str or Path
         FITS file (first image; its unit is the header's ``BUNIT``) or npz file (array ``surface_nm``, in nm). The map
         spans the pupil diameter exactly and is indexed ``[y, x]``.
-    samples : int
-        Samples across the pupil: a multiple of the map's side. A map is piecewise constant, as the apodizer is.
+    samples : int, optional
+        Samples across the pupil: a multiple of the map's side. A map is piecewise constant, as the apodizer is. The
+        map's own side if omitted.
     unit : str, optional
-        Unit of a FITS image without ``BUNIT``: ``nm``, ``um``, ``mm`` or ``m``; it must not contradict the header.
+        Unit of a FITS image without ``BUNIT``: ``nm``, ``um``, ``mm``, ``m``, ``angstrom`` or ``pm``; it must not
+        contradict the header.
 
     Returns
     -------
@@ -164,24 +172,18 @@ def load_dm_surface(path: str | Path, samples: int, *, unit: str | None = None) 
         reaches beyond 10 um (a unit mistaken by a thousand).
     """
     name = str(path)
-    if not Path(name).is_file():
-        raise InputError("dm_surface", name, allowed="an existing FITS or npz file")
-    if Path(name).suffix == ".npz":
-        arrays = read_npz(name)
-        if "surface_nm" not in arrays:
-            raise InputError("dm_surface", name, allowed="an npz file with an array named surface_nm")
-        raw, factor = arrays["surface_nm"], _factor(name, "nm", unit)
-    else:
-        raw, header_unit = _from_fits(name)
-        factor = _factor(name, header_unit, unit)
-    if raw.dtype.kind not in "fiu" or raw.ndim != 2 or len(set(raw.shape)) != 1 or len(raw) < 2:
-        raise InputError("dm_surface", name, allowed="a square map of real numbers", hint=f"shape {raw.shape}")
-    surface = np.asarray(raw, dtype=np.float64) * factor
-    if not np.isfinite(surface).all():
-        raise InputError("dm_surface", name, allowed="finite heights", hint=f"{(~np.isfinite(surface)).sum()} are not")
+    file = read_maps("dm_surface", path)
+    found = file.maps[0] if file.is_fits else file.named("surface_nm")
+    if found is None:
+        raise InputError("dm_surface", name, allowed="an npz file with an array named surface_nm")
+    header_unit = str(found.header.get("BUNIT", "")).strip() or None
+    factor = _factor(name, header_unit if file.is_fits else "nm", unit)
+    surface = real_map("dm_surface", name, found.data, sides=(2, MAX_SIDE)) * factor
     if np.abs(surface).max() > MAX_SURFACE_NM:
         raise InputError("dm_surface", name, unit="nm", allowed=f"heights within {MAX_SURFACE_NM:g} nm",
                          hint=f"found {np.abs(surface).max():.3g} nm; is the unit right?")  # fmt: skip
+    if samples is None:
+        return surface
     repeat, rest = divmod(samples, len(surface))
     if rest or repeat < 1:
         raise InputError("dm_surface", name, allowed=f"a map whose side divides the {samples} pupil samples",
@@ -189,27 +191,20 @@ def load_dm_surface(path: str | Path, samples: int, *, unit: str | None = None) 
     return np.repeat(np.repeat(surface, repeat, axis=0), repeat, axis=1)
 
 
-def _from_fits(name: str) -> tuple[NDArray[np.float64], str | None]:
-    from astropy.io import fits
-
-    try:
-        with fits.open(name, memmap=False) as hdus:
-            images = [(hdu.data, hdu.header.get("BUNIT")) for hdu in hdus if hdu.is_image and hdu.data is not None]
-    except (OSError, ValueError, TypeError) as error:
-        raise InputError("dm_surface", name, allowed="a FITS or npz file", hint=str(error)) from None
-    if not images:
-        raise InputError("dm_surface", name, allowed="a FITS file with an image")
-    data, header_unit = images[0]
-    return np.asarray(data), None if header_unit is None else str(header_unit).strip()
-
-
 def _factor(name: str, found: str | None, asked: str | None) -> float:
+    """Nanometres in the unit that the file or the caller names."""
     for unit in (found, asked):
-        if unit is not None and unit not in UNITS_NM:
+        if unit is not None and _nm_per(unit) is None:
             raise InputError("dm_surface unit", unit, allowed=", ".join(UNITS_NM), hint=name)
-    if found is not None and asked is not None and UNITS_NM[found] != UNITS_NM[asked]:
-        raise InputError("dm_surface unit", asked, allowed=f"{found}, as the file says", hint=name)
-    unit = found or asked
-    if unit is None:
-        raise InputError("dm_surface unit", "missing", allowed="BUNIT in the header, or the argument unit", hint=name)
-    return UNITS_NM[unit]
+    scales = {_nm_per(unit): unit for unit in (asked, found) if unit is not None}
+    if len(scales) == 2:
+        raise InputError("dm_surface unit", str(asked), allowed=f"{found}, as the file says", hint=name)
+    for scale in scales:
+        if scale is not None:
+            return scale
+    raise InputError("dm_surface unit", "missing", allowed="BUNIT in the header, or the argument unit", hint=name)
+
+
+def _nm_per(unit: str) -> float | None:
+    """Nanometres per unit of length, None for another unit. Only long names are free of capitals: Mm is not mm."""
+    return UNITS_NM.get(unit, _LONG_NAMES.get(unit.lower()))

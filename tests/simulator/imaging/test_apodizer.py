@@ -62,3 +62,69 @@ def test_written_bytes_depend_on_content_only(tmp_path):
     write_npz(tmp_path / "2.npz", dict(reversed(arrays.items())))
     assert (tmp_path / "1.npz").read_bytes() == (tmp_path / "2.npz").read_bytes()
     assert str(read_npz(tmp_path / "1.npz")["a"]) == "key"
+
+
+def test_intensity_maps_give_the_root(tmp_path):
+    intensity = np.linspace(0, 1, 64).reshape(8, 8)
+    fits.writeto(tmp_path / "a.fits", intensity.astype(np.float32))
+    np.testing.assert_allclose(load_apodizer(tmp_path / "a.fits", kind="intensity"), np.sqrt(intensity), rtol=1e-7)
+    write_npz(tmp_path / "a.npz", {"intensity": intensity})
+    np.testing.assert_array_equal(load_apodizer(tmp_path / "a.npz", kind="intensity") ** 2, np.sqrt(intensity) ** 2)
+    # A file that says what it holds is not taken for the other.
+    with pytest.raises(InputError, match="kind = amplitude: not accepted; allowed: intensity"):
+        load_apodizer(tmp_path / "a.npz")
+    with pytest.raises(InputError, match="kind = intensity.*shipped mask"):
+        load_apodizer("lpx43", kind="intensity")
+    with pytest.raises(InputError, match="kind = energy"):
+        load_apodizer(tmp_path / "a.npz", kind="energy")
+
+
+def test_binary_masks_are_maps(tmp_path):
+    mask = np.add.outer(np.arange(8), np.arange(8)) % 3 > 0
+    write_npz(tmp_path / "a.npz", {"mask": mask})
+    fits.writeto(tmp_path / "a.fits", mask.astype(np.uint8))
+    for name in ("a.npz", "a.fits"):
+        np.testing.assert_array_equal(load_apodizer(tmp_path / name), mask.astype(float))
+
+
+@pytest.mark.parametrize(
+    ("scale", "words"),
+    [(100.0, "divide by 100 if it is in per cent"), (255, "255 if it is a picture of 8 bits"),
+     (65535, "65535 if it is a picture of 16 bits"), (1.7, "value of the open part"), (-1.0, "found -1 to 0")],
+)  # fmt: skip
+def test_other_scales_are_refused_with_a_hint(tmp_path, scale, words):
+    fits.writeto(tmp_path / "a.fits", np.linspace(0, 1, 64).reshape(8, 8) * scale)
+    with pytest.raises(InputError, match=words):
+        load_apodizer(tmp_path / "a.fits")
+
+
+def test_rounding_beyond_the_range_is_cut_off(tmp_path):
+    mask = np.linspace(-1e-8, 1 + 1e-7, 64).reshape(8, 8)
+    fits.writeto(tmp_path / "a.fits", mask)
+    found = load_apodizer(tmp_path / "a.fits")
+    assert (found.min(), found.max()) == (0.0, 1.0)
+
+
+@pytest.mark.parametrize("shape", [(9, 9), (8, 10), (2, 8, 8), (6, 6), (2050, 2050)])
+def test_odd_and_other_shapes_are_refused(tmp_path, shape):
+    fits.writeto(tmp_path / "a.fits", np.ones(shape, dtype=np.uint8))
+    with pytest.raises(InputError, match="apodizer"):
+        load_apodizer(tmp_path / "a.fits")
+
+
+def test_averaging_onto_another_grid_keeps_the_core(tmp_path):
+    mask = np.random.default_rng(5).uniform(size=(45, 45))
+    write_npz(tmp_path / "a.npz", {"transmission": mask})
+    with pytest.raises(InputError, match="found 45; average it"):
+        load_apodizer(tmp_path / "a.npz")
+    for samples in (10, 64, 90):
+        found = load_apodizer(tmp_path / "a.npz", samples=samples)
+        assert found.shape == (samples, samples)
+        assert found.mean() == pytest.approx(mask.mean(), rel=1e-13)
+        # Against the common grid, by brute force.
+        fine = np.kron(mask, np.ones((samples, samples))).reshape(samples, 45, samples, 45).mean(axis=(1, 3))
+        np.testing.assert_allclose(found, fine, rtol=1e-12)
+    np.testing.assert_array_equal(load_apodizer("lpx43", samples=64), load_apodizer("lpx43"))
+    for bad in (7, 2050, 9):
+        with pytest.raises(InputError, match="samples"):
+            load_apodizer(tmp_path / "a.npz", samples=bad)

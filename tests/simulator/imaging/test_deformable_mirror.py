@@ -133,7 +133,7 @@ def test_unusable_surfaces_are_refused_by_name(tmp_path):
     write_npz(tmp_path / "other.npz", {"height": good})
     fits.PrimaryHDU().writeto(tmp_path / "empty.fits")
     cases = [
-        (written(tmp_path / "a.fits", holed, "nm"), {}, "finite heights.*1 are not"),
+        (written(tmp_path / "a.fits", holed, "nm"), {}, "finite values.*1 are not"),
         (written(tmp_path / "b.fits", good), {}, "missing.*BUNIT"),
         (written(tmp_path / "c.fits", good, "nm"), {"unit": "um"}, "as the file says"),
         (written(tmp_path / "d.fits", good, "Jy"), {}, "Jy"),
@@ -148,3 +148,40 @@ def test_unusable_surfaces_are_refused_by_name(tmp_path):
     for path, options, words in cases:
         with pytest.raises(InputError, match=words):
             load_dm_surface(path, 64, **options)
+
+
+def test_without_samples_the_map_keeps_its_own_grid(tmp_path):
+    heights = np.random.default_rng(6).normal(size=(33, 33)) * 20
+    surface = load_dm_surface(written(tmp_path / "a.fits", heights.astype(">f8"), "nm"))
+    np.testing.assert_array_equal(surface, heights)
+    assert surface.dtype.isnative
+    write_npz(tmp_path / "a.npz", {"surface_nm": heights})
+    np.testing.assert_array_equal(load_dm_surface(tmp_path / "a.npz"), heights)
+
+
+@pytest.mark.parametrize(
+    ("unit", "nm"),
+    [("nm", 1), ("Nanometer", 1), ("um", 1e3), ("Micron", 1e3), ("\u00b5m", 1e3), ("mm", 1e6), ("m", 1e9), ("pm", 1e-3),
+     ("Angstrom", 0.1)],
+)  # fmt: skip
+def test_units_by_many_names(tmp_path, unit, nm):
+    surface = load_dm_surface(written(tmp_path / "a.fits", np.full((4, 4), 2.0 / nm)), unit=unit)
+    np.testing.assert_allclose(surface, 2.0, rtol=1e-14)
+
+
+@pytest.mark.parametrize("unit", ["NM", "M", "Mm", "rad", "waves", "1"])
+def test_other_units_are_refused(tmp_path, unit):
+    with pytest.raises(InputError, match=f"unit = {unit}: .*nm, um"):
+        load_dm_surface(written(tmp_path / "a.fits", np.ones((4, 4))), unit=unit)
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [(np.ones((2, 8, 8)), "plane of the cube"), (np.ones((1, 1)), "2 to 4096"), (np.ones(9), "square")],
+)  # fmt: skip
+def test_other_shapes_are_refused(tmp_path, data, words):
+    with pytest.raises(InputError, match=words):
+        load_dm_surface(written(tmp_path / "a.fits", data, "nm"))
+    write_npz(tmp_path / "a.npz", {"surface_nm": np.ones((8, 8), complex)})
+    with pytest.raises(InputError, match="complex128"):
+        load_dm_surface(tmp_path / "a.npz")

@@ -3,7 +3,7 @@ import pytest
 
 from catalogs.errors import InputError
 from simulator.imaging.apodizer import load_apodizer
-from simulator.imaging.design import design_step_mask, main, mask_figures
+from simulator.imaging.design import design_separable_mask, design_step_mask, main, mask_figures
 
 
 def contrast(mask, u, v):
@@ -65,6 +65,29 @@ def test_design_keeps_to_the_part_that_a_mirror_covers():
         design_step_mask(open_side_diameters=1.2)
 
 
+@pytest.mark.parametrize(("goal", "inner", "energy", "peak"), [(1e-8, 3.39, 0.178, 0.054), (1e-9, 3.70, 0.140, 0.039)])
+def test_separable_mask_reaches_its_contrast_on_the_diagonals(goal, inner, energy, peak):
+    mask = design_separable_mask(n_steps=68, inner_lambda_d=inner + 0.05, contrast=goal)
+    np.testing.assert_array_equal(mask, mask.T)
+    np.testing.assert_allclose(mask * mask[33, 33], np.outer(mask[33], mask[33]), atol=1e-12)  # a product of profiles
+    grid = np.arange((inner + 0.05) / np.sqrt(2), 13.4, 0.013)
+    assert contrast(mask, grid, grid).diagonal().max() < 1.1 * goal
+    corner = np.abs(np.arange(68) - 33.5) + 0.5
+    assert not mask[np.hypot(corner[:, None], corner) > 34].any()
+    figures = mask_figures(mask)
+    assert figures["energy"] == pytest.approx(energy, rel=0.25)  # of a design of 22 to 24 steps a half
+    assert figures["peak"] == pytest.approx(peak, rel=0.25)
+
+
+def test_no_separable_mask_goes_inside_the_limit_of_dolph():
+    """Oracle: 2 acosh(R) / pi lambda/D on the diagonal of the inscribed square, R = contrast^(-1/4)."""
+    limit = 2 * np.arccosh(1e-8**-0.25) / np.pi
+    assert limit == pytest.approx(3.37, abs=0.01)
+    with pytest.raises(InputError, match="no separable mask"):
+        design_separable_mask(n_steps=256, inner_lambda_d=limit - 0.05, contrast=1e-8, outer_half_side_lambda_d=25)
+    assert design_separable_mask(n_steps=256, inner_lambda_d=limit + 0.03, contrast=1e-8).any()
+
+
 def test_impossible_and_bad_requests_are_refused():
     with pytest.raises(InputError, match="no step mask"):
         design_step_mask(n_steps=16, inner_lambda_d=1.6, contrast=1e-9, outer_half_side_lambda_d=5,
@@ -82,3 +105,14 @@ def test_command_repeats_the_shipped_mask(tmp_path, capsys):
     # The optimum is degenerate at the level of single steps; what it achieves is not.
     again = mask_figures(load_apodizer(tmp_path / "mask.npz"))
     assert again["peak"] == pytest.approx(mask_figures(load_apodizer("lpx43"))["peak"], rel=1e-6)
+
+
+def test_command_takes_every_requirement(tmp_path, capsys):
+    small = ["--n-steps", "24", "--inner-lambda-d", "4.5", "--contrast", "1e-5", "--outer-half-side-lambda-d", "7"]
+    assert main(["--out", str(tmp_path / "a.npz"), *small, "--outer-leak", "1e-3"]) == 0
+    assert main(["--out", str(tmp_path / "b.npz"), *small, "--separable"]) == 0
+    energies = [mask_figures(load_apodizer(tmp_path / f"{name}.npz"))["energy"] for name in "ab"]
+    assert energies[0] > energies[1]  # the inscribed square wastes a third of the aperture
+    assert capsys.readouterr().out.count("energy") == 2
+    with pytest.raises(InputError, match="outer_leak"):
+        main(["--out", str(tmp_path / "c.npz"), "--separable", "--outer-leak", "1e-4"])

@@ -1,0 +1,319 @@
+"""Point-spread functions made by other software, as stamps in npz or FITS files; and ours, written as such files."""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalogs.errors import InputError
+from simulator.config.instrument import Instrument, load_instrument
+from simulator.imaging.external_metrics import ExternalMetrics, stamp_metrics
+from simulator.imaging.kernel import open_pixels, placed
+from simulator.imaging.map_files import real_map
+from simulator.imaging.psf_files import StampFile, read_stamps, write_stamps
+
+__all__ = ["ExternalPsf", "Stamps", "load_psf", "save_psf"]
+
+FloatArray = NDArray[np.float64]
+SIDES = (9, 2201)
+ROUNDING = 1e-6
+NEGATIVE = 1e-9
+"""Largest negative pixel, relative to the peak, that counts as rounding."""
+SCALE_TOLERANCE = 1e-3
+
+
+class Stamps(Protocol):
+    """What can be written: the public attributes of any point-spread function."""
+
+    @property
+    def band(self) -> str:
+        """Name of the band."""
+
+    @property
+    def on_axis(self) -> FloatArray:
+        """The masked star."""
+
+    @property
+    def off_axis(self) -> FloatArray:
+        """A source on the centre pixel, unmasked."""
+
+    @property
+    def pixel_scale_arcsec(self) -> float:
+        """Pixel of the stamps."""
+
+
+@dataclass(frozen=True, eq=False)
+class ExternalPsf:
+    """Point-spread functions of one band, known on star-centred stamps only; centre pixel ``n // 2``.
+
+    Attributes
+    ----------
+    band : str
+        Name of the band; empty if neither file nor caller named one.
+    on_axis : ndarray, shape (n, n)
+        The star behind the cross mask: fraction of the energy on the clear disc in each pixel.
+    off_axis : ndarray, shape (n, n)
+        A source far from the mask, placed on the centre pixel; same unit.
+    pixel_scale_arcsec : float
+        Pixel of the detector.
+    instrument : Instrument
+        Whose band, hole and aperture the metrics use.
+    mask_half_width_arcsec : float
+        Half width of the bars of the cross: the file's, else the instrument's.
+    apodizer_energy : float
+        Energy behind the apodizer: the file's, else the sum of ``off_axis``.
+    flags : tuple of str
+        ``energy_scaled`` (scaled to a given sum), ``sums_to_one`` (perhaps normalised to its own sum),
+        ``on_axis_derived`` (off-axis image behind the cross, as there is no Lyot stop),
+        ``apodizer_energy_of_stamp``, ``mask_of_file`` (another than the instrument's), ``negative_rounding``,
+        ``core_beyond_stamp`` (the stamp is smaller than the photometric aperture).
+    """
+
+    band: str
+    on_axis: FloatArray
+    off_axis: FloatArray
+    pixel_scale_arcsec: float
+    instrument: Instrument
+    mask_half_width_arcsec: float
+    apodizer_energy: float
+    flags: tuple[str, ...] = ()
+
+    @functools.cached_property
+    def metrics(self) -> ExternalMetrics:
+        """Figures of merit that follow from the stamps; see `ExternalMetrics`.
+
+        Raises
+        ------
+        InputError
+            If no band was named: aperture and hole depend on it.
+        """
+        if not self.band:
+            raise InputError("band", "missing", allowed=", ".join(self.instrument.bands), hint="load_psf(..., band=)")
+        return stamp_metrics(self.on_axis, self.off_axis, self.instrument, self.band,
+                             mask_half_width_arcsec=self.mask_half_width_arcsec,
+                             apodizer_energy=self.apodizer_energy)  # fmt: skip
+
+    @functools.cached_property
+    def _open(self) -> FloatArray:
+        return open_pixels(len(self.off_axis), self.pixel_scale_arcsec, self.mask_half_width_arcsec)
+
+    def at(self, x_arcsec: float, y_arcsec: float) -> FloatArray:
+        """Image of a unit source at any sub-pixel position, behind the mask, on the star-centred stamp.
+
+        Whole pixels are moved as they are, the rest is a Fourier shift of the kernel, exact but for its cut edge. Light
+        beyond the kernel's own stamp is not known and 0: a source outside the stamp leaves only what reaches in.
+        Pixels that the edge of the cross cuts get their open fraction of the light, which there is wrong by up to 1 %
+        of the peak for a source close to that edge.
+
+        Parameters
+        ----------
+        x_arcsec, y_arcsec : float
+            Position on the detector relative to the star; x grows with the column.
+
+        Returns
+        -------
+        ndarray, shape (n, n)
+            Fraction of the energy on the clear disc in each pixel, nowhere negative.
+
+        Raises
+        ------
+        InputError
+            If a coordinate is not finite.
+        """
+        if not (math.isfinite(x_arcsec) and math.isfinite(y_arcsec)):
+            raise InputError("x_arcsec, y_arcsec", (x_arcsec, y_arcsec), unit="arcsec", allowed="finite numbers")
+        offset = (float(part) / self.pixel_scale_arcsec for part in (y_arcsec, x_arcsec))
+        return placed(self.off_axis, *offset) * self._open
+
+
+def load_psf(
+    path: str | Path,
+    *,
+    instrument: Instrument | Mapping[str, Any] | str | None = None,
+    band: str | None = None,
+    energy: float | None = None,
+) -> ExternalPsf:
+    """Load point-spread functions made by other software.
+
+    Each pixel holds the fraction of the energy that the clear telescope disc collects (so an apodizer's loss is in
+    it), ``[y, x]``, with the source on the centre pixel ``n // 2``.
+
+    Parameters
+    ----------
+    path : str or Path
+        An npz file with arrays ``off_axis`` (a source on the centre pixel, no mask), ``pixel_scale_arcsec`` and, if
+        known, ``on_axis`` (the star behind the cross mask), ``band``, ``mask_half_width_arcsec``, ``apodizer_energy``.
+        Or a FITS file with images ``OFF_AXIS`` and ``ON_AXIS`` (``EXTNAME``; a single image is ``OFF_AXIS``), pixel
+        scale from ``PIXSCALE`` or ``PIXELSCL`` (arcsec) or ``CD``/``CDELT`` (degrees unless ``CUNIT`` says otherwise),
+        and cards ``BAND`` (or ``FILTER``), ``MASKHW`` (arcsec), ``APODENER``.
+    instrument : Instrument, mapping or str, optional
+        Whose detector, hole and aperture go with it; the default one if omitted.
+    band : str, optional
+        Band, where the file does not tell; needed for the metrics.
+    energy : float, optional
+        Scale both images so that ``off_axis`` sums to this, 0 to 1: for kernels normalised to their peak or sum.
+        Flagged.
+
+    Returns
+    -------
+    ExternalPsf
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read or lacks something; if an image is not square of equal odd side (9 to 2201), not
+        finite, negative, off centre, or holds more energy than the disc collects; or if its pixel is not the
+        detector's to 1e-3.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from simulator import load_psf, save_psf, single_band_psf
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     psf = load_psf(save_psf(single_band_psf("F662"), f"{folder}/psf.fits"))
+    >>> psf.band, psf.off_axis.shape
+    ('F662', (137, 137))
+    """
+    chosen = instrument if isinstance(instrument, Instrument) else load_instrument(instrument)
+    found = read_stamps(path)
+    name = _band(path, found.band, band, chosen)
+    flags: list[str] = []
+    off_axis = _image(path, "off_axis", found.off_axis, flags)
+    _check_centre(path, off_axis)
+    on_axis = None if found.on_axis is None else _image(path, "on_axis", found.on_axis, flags)
+    if on_axis is not None and on_axis.shape != off_axis.shape:
+        raise InputError("psf on_axis", str(path), allowed=f"the shape of off_axis, {off_axis.shape}",
+                         hint=f"found {on_axis.shape}")  # fmt: skip
+    pixel = _pixel(path, found.pixel_scale_arcsec, chosen, name)
+    scale = _scale(path, float(off_axis.sum()), energy, flags)
+    off_axis = off_axis * scale
+    width = chosen.mask_half_width_arcsec(name) if name else chosen.coronagraph.mask_half_width_arcsec
+    stated = found.mask_half_width_arcsec
+    if stated is not None and abs(stated - width) > ROUNDING:
+        if not 0 <= stated <= 4:
+            raise InputError("psf mask_half_width_arcsec", stated, unit="arcsec", allowed="0 to 4", hint=str(path))
+        width = stated
+        flags.append("mask_of_file")
+    if on_axis is None:
+        on_axis = off_axis * open_pixels(len(off_axis), pixel, width)
+        flags.append("on_axis_derived")
+    else:
+        on_axis = on_axis * scale
+        if on_axis.sum() > 1 + ROUNDING:
+            raise InputError("psf on_axis", str(path), allowed="a sum of at most 1", hint=f"found {on_axis.sum():.6g}")
+    behind = found.apodizer_energy
+    if behind is None or energy is not None:
+        behind = float(off_axis.sum())
+        flags.append("apodizer_energy_of_stamp")
+    elif not off_axis.sum() - ROUNDING <= behind <= 1 + ROUNDING:
+        raise InputError("psf apodizer_energy", behind, allowed=f"{off_axis.sum():.6g} (sum of off_axis) to 1",
+                         hint=str(path))  # fmt: skip
+    if name and len(off_axis) / 2 < chosen.aperture_radius_arcsec(name) / pixel + 1:
+        flags.append("core_beyond_stamp")
+    for image in (on_axis, off_axis):
+        image.flags.writeable = False
+    return ExternalPsf(name, on_axis, off_axis, pixel, chosen, width, float(behind), tuple(dict.fromkeys(flags)))
+
+
+def save_psf(psf: Stamps, path: str | Path) -> Path:
+    """Write point-spread functions to a file that `load_psf` reads back, bit for bit; whole or not at all.
+
+    Parameters
+    ----------
+    psf : Psf, ExternalPsf or the like
+        Anything with ``band``, ``on_axis``, ``off_axis`` and ``pixel_scale_arcsec``. The width of the mask (its own or
+        its instrument's) and the energy behind the apodizer (its own or its imager's) are written if it has them.
+    path : str or Path
+        A name that ends in ``.npz`` or ``.fits``. FITS carries checksums.
+
+    Returns
+    -------
+    Path
+
+    Raises
+    ------
+    InputError
+        For another suffix or stamps that could not be read back.
+    OSError
+        If the file cannot be written.
+    """
+    place = Path(path)
+    images = {name: np.asarray(getattr(psf, name), dtype=np.float64) for name in ("off_axis", "on_axis")}
+    for name, image in images.items():
+        _image(place, name, image, [])
+    width = getattr(psf, "mask_half_width_arcsec", None)
+    if width is None and hasattr(psf, "instrument"):
+        width = psf.instrument.mask_half_width_arcsec(psf.band)
+    behind = getattr(psf, "apodizer_energy", getattr(getattr(psf, "imager", None), "apodizer_energy", None))
+    return write_stamps(StampFile(images["off_axis"], images["on_axis"], float(psf.pixel_scale_arcsec),
+                                  psf.band or None, width, behind), place)  # fmt: skip
+
+
+def _band(path: str | Path, stated: str | None, asked: str | None, instrument: Instrument) -> str:
+    if stated and asked and stated != asked:
+        raise InputError("band", asked, allowed=f"{stated}, as the file says", hint=str(path))
+    name = asked or stated or ""
+    if name:
+        instrument.band(name)
+    return name
+
+
+def _pixel(path: str | Path, stated: float | None, instrument: Instrument, band: str) -> float:
+    """Pixel of the detector, that of the file having been compared with it."""
+    detector = instrument.pixel_scale_arcsec(band) if band else instrument.detector.pixel_scale_arcsec
+    if stated is None:
+        raise InputError("psf pixel_scale_arcsec", "missing", unit="arcsec", allowed=f"{detector:g}, the detector's",
+                         hint=str(path))  # fmt: skip
+    if not (stated > 0 and abs(stated / detector - 1) <= SCALE_TOLERANCE):
+        raise InputError("psf pixel_scale_arcsec", stated, unit="arcsec",
+                         allowed=f"{detector:g} arcsec, the detector's pixel, to 1e-3",
+                         hint="bin or resample the kernel to it, or change the instrument")  # fmt: skip
+    return detector
+
+
+def _image(path: str | Path, name: str, data: NDArray[Any], flags: list[str]) -> FloatArray:
+    key = f"psf {name}"
+    image = real_map(key, path, data, sides=SIDES)
+    if len(image) % 2 == 0:
+        raise InputError(key, str(path), allowed="an odd number of pixels a side, the source on pixel n // 2",
+                         hint=f"found {len(image)}")  # fmt: skip
+    negative = image < 0
+    if negative.any():
+        if image.min() < -NEGATIVE * max(float(image.max()), 0.0):
+            raise InputError(key, str(path), allowed="no negative values",
+                             hint=f"{negative.sum()} are, down to {image.min():.3g}")  # fmt: skip
+        image[negative] = 0.0
+        flags.append("negative_rounding")
+    return image
+
+
+def _check_centre(path: str | Path, image: FloatArray) -> None:
+    centre, peak = len(image) // 2, np.unravel_index(int(image.argmax()), image.shape)
+    if not image.any():
+        raise InputError("psf off_axis", str(path), allowed="an image with light in it")
+    if max(abs(int(index) - centre) for index in peak) > 1:
+        raise InputError("psf off_axis", str(path), allowed=f"its peak on the centre pixel [{centre}, {centre}]",
+                         hint=f"found on [{peak[0]}, {peak[1]}]")  # fmt: skip
+
+
+def _scale(path: str | Path, total: float, energy: float | None, flags: list[str]) -> float:
+    """Factor on the images, 1 if they keep their own normalisation."""
+    if energy is not None:
+        if not (math.isfinite(energy) and 0 < energy <= 1):
+            raise InputError("energy", energy, allowed="above 0, at most 1: the sum of off_axis")
+        flags.append("energy_scaled")
+        return energy / total
+    if total > 1 + ROUNDING:
+        raise InputError("psf off_axis", str(path), allowed="a sum of at most 1: fractions of the clear disc's energy",
+                         hint=f"it sums to {total:.6g}; if normalised to its peak, give energy, the sum to scale to",
+                         )  # fmt: skip
+    if abs(total - 1) <= ROUNDING:
+        flags.append("sums_to_one")
+    return 1.0
