@@ -18,6 +18,8 @@ if TYPE_CHECKING:
         load_scene,
         scenes_from_table,
     )
+    from simulator.imaging.deformable_mirror import load_dm_surface
+    from simulator.imaging.external import ExternalPsf, load_psf, save_psf
     from simulator.imaging.psf import Psf, single_band_psf
     from simulator.knobs import Knobs
     from simulator.observation import Observation, observe
@@ -35,7 +37,11 @@ _HOME = {
     "load_instrument": "config",
     "load_scene": "config",
     "scenes_from_table": "config",
+    "ExternalPsf": "imaging.external",
     "Psf": "imaging.psf",
+    "load_dm_surface": "imaging.deformable_mirror",
+    "load_psf": "imaging.external",
+    "save_psf": "imaging.external",
     "single_band_psf": "imaging.psf",
     "Knobs": "knobs",
     "Observation": "observation",
@@ -54,6 +60,7 @@ _HOME = {
 }
 
 __all__ = [
+    "ExternalPsf",
     "Instrument",
     "Knobs",
     "NotOk",
@@ -67,11 +74,14 @@ __all__ = [
     "SceneStar",
     "Status",
     "lambert_phase",
+    "load_dm_surface",
     "load_instrument",
+    "load_psf",
     "load_scene",
     "observe",
     "planet_albedo",
     "planet_contrast",
+    "save_psf",
     "scenes_from_table",
     "single_band_psf",
     "spectrum_generator",

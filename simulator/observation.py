@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,21 +16,32 @@ from catalogs.errors import InputError
 from simulator.camera.emccd import Frame, expected_adu_map, expose_frame
 from simulator.config import Instrument, Scene, load_instrument, load_scene
 from simulator.imaging.drift import visit_frames
-from simulator.imaging.frame import full_stamp, full_star_map, sky_transmission
-from simulator.imaging.psf import Psf, single_band_psf
+from simulator.imaging.external import ExternalPsf
+from simulator.imaging.frame import (
+    AnyPsf,
+    SceneModel,
+    Window,
+    full_star_map,
+    off_axis_light,
+    sky_transmission,
+    window_of,
+)
+from simulator.imaging.psf import single_band_psf
 from simulator.knobs import Knobs
 from simulator.ledger import EffectRow, effect_ledger
 from simulator.passbands import Passbands
 from simulator.rng import PathPart, stream
-from simulator.target.sources import Source, scene_sources
+from simulator.target.positions import wcs_keywords
+from simulator.target.sources import Source, extended_rates, scene_sources
 
 __all__ = ["Observation", "Truth", "observe"]
 
 FloatArray = NDArray[np.float64]
-Window = Literal["full", "hole"]
+WindowName = Literal["full", "hole"]
 Role = Literal["science", "reference", "calibration"]
 MAX_STACK_BYTES = 2_000_000_000
-MAX_EPOCHS = 24
+MAX_EPOCHS = 12
+MAX_OFFSET_ARCSEC = 8.0
 
 
 @dataclass(frozen=True)
@@ -66,9 +77,12 @@ class Observation:
     seed: int
     role: Role
     realisation: int
-    window: Window
+    window: WindowName
     roll_deg: float
-    psf: Psf
+    star_offset_arcsec: tuple[float, float]
+    scene_model: SceneModel
+    psf: AnyPsf
+    area: Window
     truth: Truth
     ledger: tuple[EffectRow, ...]
     static_rate_e_s: FloatArray
@@ -96,7 +110,7 @@ class Observation:
         if self.window == "hole":
             return self.static_rate_e_s + star
         whole = self.static_rate_e_s.copy()
-        rows, columns, inside = _stamp_slices(self.instrument, stamp.shape[0])
+        rows, columns, inside = self.area.stamp(stamp.shape[0])
         whole[rows, columns] += star[inside]
         return whole
 
@@ -164,21 +178,21 @@ class Observation:
             "BIASLEV": detector.bias_adu,
             "PIXSCALE": detector.pixel_scale_arcsec,
             "ROLL": self.roll_deg,
+            "STAROFFX": self.star_offset_arcsec[0],
+            "STAROFFY": self.star_offset_arcsec[1],
+            "HOLEMODE": self.instrument.dark_hole.mode,
+            "IWA": self.psf.metrics.iwa_arcsec,
+            "FIDELITY": "external" if isinstance(self.psf, ExternalPsf) else self.psf.knobs.tier,
+            "SCENEMOD": self.scene_model,
             "SEED": self.seed,
             "CONFHASH": self.instrument.content_hash,
-        }
-
-
-def _stamp_slices(instrument: Instrument, side: int) -> tuple[slice, slice, tuple[slice, slice]]:
-    """Where a star-centred stamp lies on the detector, and the part of it that does."""
-    detector, half = instrument.detector, side // 2
-    rows = slice(max(detector.star_row - half, 0), min(detector.star_row + half + 1, detector.n_rows))
-    columns = slice(max(detector.star_column - half, 0), min(detector.star_column + half + 1, detector.n_columns))
-    inside = (
-        slice(rows.start - detector.star_row + half, rows.stop - detector.star_row + half),
-        slice(columns.start - detector.star_column + half, columns.stop - detector.star_column + half),
-    )
-    return rows, columns, inside
+        } | wcs_keywords(
+            detector.pixel_scale_arcsec,
+            (self.truth.x_pixel[0], self.truth.y_pixel[0]),
+            (self.scene.cstar.ra_deg, self.scene.cstar.dec_deg),
+            roll_deg=self.roll_deg,
+            parity=detector.parity,
+        )
 
 
 def observe(
@@ -195,7 +209,10 @@ def observe(
     instrument: Instrument | Mapping[str, Any] | str | None = None,
     role: Role = "science",
     realisation: int = 0,
-    window: Window = "full",
+    window: WindowName = "full",
+    star_offset_arcsec: tuple[float, float] = (0.0, 0.0),
+    scene_model: SceneModel = "exact",
+    psf: ExternalPsf | None = None,
 ) -> Observation:
     """Set up a simulated sequence; frames are drawn when they are asked for.
 
@@ -226,7 +243,15 @@ def observe(
     realisation : int
         Number of the noise realisation.
     window : {"full", "hole"}
-        Whole detector, or the stamp around the star.
+        Whole detector, or the stamp around the centre of the mask.
+    star_offset_arcsec : tuple of float
+        Place of the central star relative to the centre of the mask on the detector, x and y: off the mask for
+        calibration. The whole sky moves with it.
+    scene_model : {"exact", "paper"}
+        ``exact``: every source at its place behind the mask. ``paper``: the shortcut of Zhu et al. 2025, in which
+        sources other than the star go to the nearest of 4 x 4 cells of a pixel and no mask hides them.
+    psf : ExternalPsf, optional
+        Point-spread functions from a file (`simulator.load_psf`) instead of the model's; they do not drift.
 
     Returns
     -------
@@ -239,48 +264,38 @@ def observe(
 
     Notes
     -----
-    The random walk of the wavefront is sampled at up to 24 epochs a visit; frames between two epochs share one.
+    The random walk of the wavefront is sampled at up to 12 epochs a visit; frames between two epochs share one.
     """
     scene = load_scene(scene)
     instrument = instrument if isinstance(instrument, Instrument) else load_instrument(instrument)
     _check(instrument, band, exposure_s, n_frames, em_gain, tolerance, window, role, roll_deg)
-    psf = single_band_psf(band, fidelity=fidelity, instrument=instrument)
+    star = _checked_offset(star_offset_arcsec)
+    if scene_model not in get_args(SceneModel):
+        raise InputError("scene_model", scene_model, allowed=", ".join(get_args(SceneModel)))
+    if psf is not None and psf.band not in ("", band):
+        raise InputError("psf", psf.band, allowed=f"a PSF of {band}")
+    optics = psf or single_band_psf(band, fidelity=fidelity, instrument=instrument)
     sources = scene_sources(scene, instrument, band, roll_deg=roll_deg)
-    detector = instrument.detector
-    cadence = exposure_s + detector.readout_s
-    epochs = min(n_frames, MAX_EPOCHS)
+    area = window_of(optics, instrument, full=window == "full")
     path = (scene.name, role, band, realisation)
-    stamps = visit_frames(
-        psf.imager,
-        instrument.drift,
-        epochs,
-        cadence * n_frames / epochs,
-        stream(seed, *path, "visit"),
-        stream(seed, *path, "walk"),
+    stamps = _star_stamps(optics, instrument, exposure_s, n_frames, star, seed, path)
+    static = _sky_e_s_pixel(instrument, band) * optics.metrics.apodizer_energy * sky_transmission(optics, area)
+    if window == "full":
+        static += sources[0].rate_e_s * full_star_map(optics, area, star)
+    static += off_axis_light(
+        optics,
+        area,
+        sources[1:],
+        extended_rates(scene, instrument, band),
+        roll_deg=roll_deg,
+        star_arcsec=star,
+        model=scene_model,
     )
-    side = psf.on_axis.shape[0]
-    static = np.zeros((side, side)) if window == "hole" else np.zeros((detector.n_rows, detector.n_columns))
-    passbands = Passbands.from_instrument(instrument)
-    sky = float(
-        passbands.sky_rate_e_s_arcsec2(instrument.sky.brightness_v_mag_arcsec2, instrument.telescope.area_cm2)[
-            passbands.index(band)
-        ]
-    )
-    sky *= detector.pixel_scale_arcsec**2 * psf.metrics.apodizer_energy
-    if window == "hole":
-        static += sky * sky_transmission(psf)
-        for source in sources[1:]:
-            static += source.rate_e_s * psf.at(source.x_arcsec, source.y_arcsec)
-    else:
-        static += sky * sky_transmission(psf, instrument)
-        static += sources[0].rate_e_s * full_star_map(psf, instrument)
-        for source in sources[1:]:
-            static += source.rate_e_s * full_stamp(psf, instrument, source.x_arcsec, source.y_arcsec)
-    centre = (side // 2, side // 2) if window == "hole" else (detector.star_column, detector.star_row)
+    pixel = instrument.detector.pixel_scale_arcsec
     truth = Truth(
         sources,
-        tuple(centre[0] + source.x_arcsec / detector.pixel_scale_arcsec for source in sources),
-        tuple(centre[1] + source.y_arcsec / detector.pixel_scale_arcsec for source in sources),
+        tuple(area.centre[1] + (source.x_arcsec + star[0]) / pixel for source in sources),
+        tuple(area.centre[0] + (source.y_arcsec + star[1]) / pixel for source in sources),
     )
     return Observation(
         scene=scene,
@@ -294,12 +309,54 @@ def observe(
         realisation=realisation,
         window=window,
         roll_deg=roll_deg,
-        psf=psf,
+        star_offset_arcsec=star,
+        scene_model=scene_model,
+        psf=optics,
+        area=area,
         truth=truth,
-        ledger=effect_ledger(scene, instrument),
+        ledger=effect_ledger(scene, instrument, scene_model=scene_model, external_psf=psf is not None),
         static_rate_e_s=static,
         star_stamps=stamps,
     )
+
+
+def _star_stamps(
+    optics: AnyPsf,
+    instrument: Instrument,
+    exposure_s: float,
+    n_frames: int,
+    star_arcsec: tuple[float, float],
+    seed: int,
+    path: tuple[PathPart, ...],
+) -> FloatArray:
+    """Stamps of the unit star at every epoch of the visit."""
+    if isinstance(optics, ExternalPsf):
+        return (optics.at(*star_arcsec) if any(star_arcsec) else optics.on_axis)[None]
+    epochs = min(n_frames, MAX_EPOCHS)
+    return visit_frames(
+        optics.imager,
+        instrument.drift,
+        epochs,
+        (exposure_s + instrument.detector.readout_s) * n_frames / epochs,
+        stream(seed, *path, "visit"),
+        stream(seed, *path, "walk"),
+        star_arcsec=star_arcsec,
+    )
+
+
+def _sky_e_s_pixel(instrument: Instrument, band: str) -> float:
+    """Electrons per second of the uniform sky in an open pixel of a clear aperture."""
+    passbands = Passbands.from_instrument(instrument)
+    rates = passbands.sky_rate_e_s_arcsec2(instrument.sky.brightness_v_mag_arcsec2, instrument.telescope.area_cm2)
+    return float(rates[passbands.index(band)]) * instrument.detector.pixel_scale_arcsec**2
+
+
+def _checked_offset(star_offset_arcsec: tuple[float, float]) -> tuple[float, float]:
+    values = np.asarray(star_offset_arcsec, dtype=np.float64)
+    if values.shape != (2,) or not np.isfinite(values).all() or np.abs(values).max() > MAX_OFFSET_ARCSEC:
+        raise InputError("star_offset_arcsec", star_offset_arcsec, unit="arcsec",
+                         allowed=f"x and y, each at most {MAX_OFFSET_ARCSEC:g}")  # fmt: skip
+    return float(values[0]), float(values[1])
 
 
 def _check(

@@ -1,4 +1,4 @@
-"""The instrument as configuration: every number of telescope, coronagraph, detector and drift."""
+"""The instrument as configuration: every number of telescope, optics, detector and bands."""
 
 from __future__ import annotations
 
@@ -13,13 +13,12 @@ from catalogs.bands import band_provenance, load_bands
 from catalogs.errors import InputError
 from catalogs.strict_yaml import Provenance, load_yaml, split_sourced
 from simulator.config.base import FrozenModel, deep_merge, validate
+from simulator.config.optics import Coronagraph, DarkHoleConfig, Drift, MirrorConfig, NearInfrared, WavefrontConfig
 from simulator.config.presets import preset_names, preset_path
 
 __all__ = [
     "BandConfig",
-    "Coronagraph",
     "Detector",
-    "Drift",
     "Instrument",
     "Sky",
     "Telescope",
@@ -42,28 +41,6 @@ class Telescope(FrozenModel):
     def area_cm2(self) -> float:
         """Collecting area of the clear disc."""
         return math.pi / 4.0 * (100.0 * self.diameter_m) ** 2
-
-
-class Coronagraph(FrozenModel):
-    """Apodizer, focal-plane mask and dark-hole geometry (squares, one per quadrant).
-
-    The controlled zone of a band is ``a <= |x|, |y| <= b`` with ``a = inner_lambda_d / sqrt2`` in units of
-    lambda/D and ``b = outer_half_side_arcsec``.
-    """
-
-    apodizer: str
-    mask_half_width_arcsec: Annotated[float, Field(ge=0, le=2)]
-    inner_lambda_d: Annotated[float, Field(ge=1, le=20)]
-    outer_half_side_arcsec: Annotated[float, Field(gt=0, le=1)]
-    aperture_radius_lambda_d: Annotated[float, Field(ge=0.2, le=5)]
-
-
-class Drift(FrozenModel):
-    """Wavefront drift between and within visits; power spectrum of the phase screens ``f^-psd_slope``."""
-
-    visit_nm: Annotated[float, Field(ge=0, le=100)]
-    walk_nm_per_sqrt_hour: Annotated[float, Field(ge=0, le=100)]
-    psd_slope: Annotated[float, Field(ge=0, le=6)]
 
 
 class Detector(FrozenModel):
@@ -145,6 +122,10 @@ class Instrument(FrozenModel):
     name: str
     telescope: Telescope
     coronagraph: Coronagraph
+    near_infrared: NearInfrared
+    wavefront: WavefrontConfig
+    mirror: MirrorConfig
+    dark_hole: DarkHoleConfig
     drift: Drift
     detector: Detector
     sky: Sky
@@ -153,23 +134,22 @@ class Instrument(FrozenModel):
 
     @model_validator(mode="after")
     def _sampled(self) -> Instrument:
-        for name in self.visible_bands():
-            radius = self.aperture_radius_arcsec(name) / self.detector.pixel_scale_arcsec
-            inner = self.hole_inner_arcsec(name) + 2 * self.aperture_radius_arcsec(name)
-            if not 1.0 <= radius <= 20.0:
-                raise InputError(
-                    "pixel_scale_arcsec",
-                    self.detector.pixel_scale_arcsec,
-                    unit="arcsec",
-                    allowed=f"1 to 20 pixels in the aperture radius of {name}, not {radius:.3g}",
-                )
-            if inner >= self.coronagraph.outer_half_side_arcsec:
-                raise InputError(
-                    "outer_half_side_arcsec",
-                    self.coronagraph.outer_half_side_arcsec,
-                    unit="arcsec",
-                    allowed=f"room for an aperture in the hole of {name}: above {inner:.3g}",
-                )
+        for key in ("coronagraph.inner_arcsec", "dark_hole.surface_files"):
+            section, _, field = key.partition(".")
+            for name in getattr(getattr(self, section), field):
+                if name not in self.bands:
+                    raise InputError(key, name, allowed=f"names of bands: {', '.join(self.bands)}")
+        for name, band in self.bands.items():
+            section = "near_infrared" if band.camera == "NIR" else "coronagraph"
+            aperture, pixel = self.aperture_radius_arcsec(name), self.pixel_scale_arcsec(name)
+            if not 1.0 <= aperture / pixel <= 20.0:
+                raise InputError("pixel_scale_arcsec", pixel, unit="arcsec",
+                                 allowed=f"1 to 20 pixels in the aperture radius of {name}, "
+                                 f"not {aperture / pixel:.3g}")  # fmt: skip
+            inner = self.hole_inner_arcsec(name) + 2 * aperture
+            if inner >= self.hole_outer_arcsec(name):
+                raise InputError(f"{section}.outer_half_side_arcsec", self.hole_outer_arcsec(name), unit="arcsec",
+                                 allowed=f"room for an aperture in the hole of {name}: above {inner:.3g}")  # fmt: skip
         return self
 
     _provenance: dict[str, Provenance] = PrivateAttr(default_factory=dict)
@@ -202,7 +182,26 @@ class Instrument(FrozenModel):
 
     def hole_inner_arcsec(self, band: str) -> float:
         """Inner edge ``a`` of the square zone, per axis."""
-        return self.coronagraph.inner_lambda_d / math.sqrt(2.0) * self.lambda_d_arcsec(band)
+        corner = self.coronagraph.inner_arcsec.get(band)
+        if corner is None:
+            corner = self.coronagraph.inner_lambda_d * self.lambda_d_arcsec(band)
+        return corner / math.sqrt(2.0)
+
+    def hole_outer_arcsec(self, band: str) -> float:
+        """Outer edge ``b`` of the square zone, per axis."""
+        return self._channel(band).outer_half_side_arcsec
+
+    def mask_half_width_arcsec(self, band: str) -> float:
+        """Half width of the bars of the cross."""
+        return self._channel(band).mask_half_width_arcsec
+
+    def pixel_scale_arcsec(self, band: str) -> float:
+        """Pixel of the band's camera."""
+        visible = self.band(band).camera == "VIS"
+        return self.detector.pixel_scale_arcsec if visible else self.near_infrared.pixel_scale_arcsec
+
+    def _channel(self, band: str) -> Coronagraph | NearInfrared:
+        return self.coronagraph if self.band(band).camera == "VIS" else self.near_infrared
 
     def aperture_radius_arcsec(self, band: str) -> float:
         """Radius of the photometric aperture."""
@@ -210,7 +209,7 @@ class Instrument(FrozenModel):
 
     def aperture_pixels(self, band: str) -> float:
         """Area of the photometric aperture in pixels."""
-        return math.pi * (self.aperture_radius_arcsec(band) / self.detector.pixel_scale_arcsec) ** 2
+        return math.pi * (self.aperture_radius_arcsec(band) / self.pixel_scale_arcsec(band)) ** 2
 
 
 def load_instrument(source: str | Path | Mapping[str, Any] | None = None) -> Instrument:
@@ -259,13 +258,13 @@ def _tree(source: str | Path | Mapping[str, Any] | None) -> dict[str, Any]:
                 hint=f"presets: {', '.join(preset_names('instrument'))}",
             )
         own = load_yaml(known or source)
-        if known is not None and isinstance(own, dict) and "bands" not in own:
+        if known is not None and isinstance(own, dict) and not {"bands", "base"} & set(own):
             own["bands"] = _shipped_bands()
     if not isinstance(own, dict):
         raise InputError("instrument", own, allowed="a mapping of keys to values")
     if own.pop("kind", "instrument") != "instrument":
         raise InputError("instrument", str(source), allowed="a file of kind: instrument")
-    if isinstance(source, Mapping) or preset_path("instrument", str(source)) is None:
+    if "base" in own or isinstance(source, Mapping) or preset_path("instrument", str(source)) is None:
         base = own.pop("base", "cpic_default")
         if preset_path("instrument", str(base)) is None:
             raise InputError("base", base, allowed=", ".join(preset_names("instrument")))

@@ -1,4 +1,4 @@
-"""The scene as configuration: a central star, its planets, other stars."""
+"""The scene as configuration: a central star, its planets, other stars, discs and images."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from catalogs.strict_yaml import load_yaml
 from simulator.config.albedo import ALBEDO_MODELS
 from simulator.config.base import FrozenModel, validate
 from simulator.config.bodies import Planet, SceneStar
+from simulator.config.extended import DiscSource, ExtendedValue, ImageSource, RingSource
 from simulator.config.geometry import place, true_distance_au
 from simulator.config.keys import at, canonical_keys, nearest
 from simulator.config.light import PLANET_MODELS, STAR_MODELS
@@ -20,7 +21,8 @@ from simulator.config.presets import preset_names, preset_path
 
 __all__ = ["Planet", "Scene", "SceneStar", "load_scene"]
 
-_ALIASES = {"planet": "planets", "star": "stars"}
+_ALIASES = {"planet": "planets", "star": "stars", "disc": "extended", "disk": "extended", "discs": "extended",
+            "disks": "extended", "exozodi": "extended", "extended_sources": "extended"}  # fmt: skip
 _HINTS = {"host": "did you mean cstar?"}
 _FILE_KEYS = ("file", "spectrum", "model", "albedo")
 _MODELS = (*STAR_MODELS, *PLANET_MODELS, *ALBEDO_MODELS)
@@ -29,8 +31,9 @@ _MODELS = (*STAR_MODELS, *PLANET_MODELS, *ALBEDO_MODELS)
 class Scene(FrozenModel):
     """What the telescope points at.
 
-    Objects without a name get one: the scene's for the central star, ``planet 1``, ``star 1`` and so on for the
-    others. ``companions`` says whether the ``stars`` are put on the image (``on``) or left out.
+    Objects without a name get one: the scene's for the central star, ``planet 1``, ``star 1``, ``extended 1`` and so on
+    for the others. ``companions`` says whether the ``stars`` are put on the image (``on``) or left out. ``extended`` is
+    scattered light that is no point: discs, rings, images.
     """
 
     name: Annotated[str, Field(min_length=1)]
@@ -38,6 +41,7 @@ class Scene(FrozenModel):
     planets: tuple[Planet, ...] = ()
     stars: tuple[SceneStar, ...] = ()
     companions: Literal["on", "off"] = "on"
+    extended: tuple[ExtendedValue, ...] = ()
 
     @model_validator(mode="before")
     @classmethod
@@ -48,11 +52,14 @@ class Scene(FrozenModel):
         result["cstar"] = _named(result["cstar"], result.get("name")) if "cstar" in result else None
         if result["cstar"] is None:
             raise InputError("cstar", "missing", allowed="a mapping: the central star")
-        for key in ("planets", "stars"):
+        for key, word in (("planets", "planet"), ("stars", "star"), ("extended", "extended")):
             given = result.get(key)
             nothing = given is None or (isinstance(given, Mapping) and not given)
             listed = () if nothing else given if isinstance(given, list | tuple) else (given,)
-            result[key] = tuple(_named(body, f"{key[:-1]} {n}") for n, body in enumerate(listed, start=1))
+            result[key] = tuple(_named(body, f"{word} {n}") for n, body in enumerate(listed, start=1))
+        for number, source in enumerate(result["extended"]):
+            if not isinstance(source, Mapping | DiscSource | RingSource | ImageSource):
+                raise InputError(f"extended.{number}", source, allowed="a mapping: a disc, ring or image")
         return result
 
     @model_validator(mode="after")
@@ -72,6 +79,14 @@ class Scene(FrozenModel):
                     true_distance_au(body, where.separation_arcsec, self.cstar.distance_pc)
             except InputError as error:
                 raise at(path, error) from None
+        for number, source in enumerate(self.extended):
+            if source.name in seen:
+                raise InputError(f"extended.{number}.name", source.name,
+                                 allowed=f"a name of its own, not that of {seen[source.name]}")  # fmt: skip
+            seen[source.name] = f"extended.{number}"
+            if source.contrast_to(self.cstar.v_mag) > 1:
+                raise InputError(f"extended.{number}.v_mag", source.v_mag, unit="mag",
+                                 allowed=f"at least that of cstar, {self.cstar.v_mag:g}")  # fmt: skip
         return self
 
     def without_planets(self) -> Scene:
@@ -85,9 +100,9 @@ def load_scene(source: Scene | str | Path | Mapping[str, Any]) -> Scene:
     Parameters
     ----------
     source : Scene, str, Path or mapping
-        Keys ``name``, ``cstar``, ``stars`` and ``planet`` or ``planets`` (one or a list), as in Zhu et al. 2025; see
-        `Scene`, `SceneStar` and `Planet` for those of each object. Files named in a YAML file are looked for beside
-        it first.
+        Keys ``name``, ``cstar``, ``stars`` and ``planet`` or ``planets`` (one or a list), as in Zhu et al. 2025, and
+        ``extended`` (or ``disc``, ``exozodi``); see `Scene`, `SceneStar`, `Planet` and `simulator.config.extended` for
+        those of each object. Files named in a YAML file are looked for beside it first.
 
     Returns
     -------
@@ -133,7 +148,7 @@ def _named(body: Any, name: Any) -> Any:
     """Give a body without a name the given one."""
     if isinstance(body, Mapping):
         return {**body, "name": name} if body.get("name") in (None, "") else body
-    if isinstance(body, SceneStar | Planet) and not body.name:
+    if isinstance(body, SceneStar | Planet | DiscSource | RingSource | ImageSource) and not body.name:
         return body.model_copy(update={"name": name})
     return body
 

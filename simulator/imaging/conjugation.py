@@ -268,7 +268,14 @@ def conjugate(problem: Conjugation, settings: ControlSettings, start_nm: FloatAr
     last = len(order) // 2
     period = settings.strong_every or 5
     ended: Literal["converged", "goal", "iterations"] = "iterations"
+
+    def reached() -> bool:
+        return settings.goal_contrast is not None and darkest <= settings.goal_contrast * problem.strehl(best)
+
     for iteration in range(settings.max_iterations):
+        if reached():
+            ended = "goal"
+            break
         # The last iterations of a search that runs to its limit polish the state that the last strong step opened.
         strong = (
             settings.strong_every > 0
@@ -299,9 +306,6 @@ def conjugate(problem: Conjugation, settings: ControlSettings, start_nm: FloatAr
         if value < darkest:
             darkest, best = value, state
         bests.append(darkest)
-        if settings.goal_contrast is not None and darkest <= settings.goal_contrast * problem.strehl(best):
-            ended = "goal"
-            break
         # Judged just before a strong step, so that the previous one had a whole period to pay.
         due = (iteration + 2) % period == 0 and len(bests) > period
         if due and darkest > (1 - settings.tolerance) * bests[-1 - period]:

@@ -8,7 +8,7 @@ every fidelity sees the same screen.
 
 A visit has one offset screen, frozen, plus a random walk from frame to frame; science and reference visits draw
 from different streams. The residual speckle ``|dE|^2 + 2 Re(E0* dE)`` is not assembled from parts: every frame
-is a full propagation of ``A exp(2 pi i OPD / lambda)``.
+is a full propagation of the pupil with static wavefront, mirror and drift in it.
 """
 
 from __future__ import annotations
@@ -22,9 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalogs.errors import InputError
-from simulator.config.instrument import Drift
+from simulator.config.optics import Drift
 from simulator.imaging.imager import Imager
-from simulator.imaging.quadrature import integrate_pixels
 
 if TYPE_CHECKING:
     from simulator.imaging.psf import Psf
@@ -96,6 +95,8 @@ def iter_visit_frames(
     cadence_s: float,
     rng_visit: np.random.Generator,
     rng_walk: np.random.Generator,
+    *,
+    star_arcsec: tuple[float, float] = (0.0, 0.0),
 ) -> Iterator[FloatArray]:
     """Masked on-axis stamps of the frames of one visit, one at a time.
 
@@ -113,6 +114,8 @@ def iter_visit_frames(
         Streams of the frozen offset and of the walk; frame k stands for the middle of
         its interval, k + 1/2 steps after the start.
         The walk within one exposure is not smeared.
+    star_arcsec : tuple of float
+        Place of the star relative to the centre of the mask, x and y; the stamp stays on the mask.
 
     Yields
     ------
@@ -129,16 +132,16 @@ def iter_visit_frames(
     if not (math.isfinite(cadence_s) and cadence_s > 0):
         raise InputError("cadence_s", cadence_s, unit="s", allowed="above 0")
     imager = optics if isinstance(optics, Imager) else optics.imager
-    return _frames(imager, drift, n_frames, cadence_s, rng_visit, rng_walk)
+    return _frames(imager, drift, n_frames, cadence_s, rng_visit, rng_walk, star_arcsec)
 
 
 def _frames(
     imager: Imager, drift: Drift, n_frames: int, cadence_s: float, rng_visit: np.random.Generator,
-    rng_walk: np.random.Generator,
+    rng_walk: np.random.Generator, star_arcsec: tuple[float, float],
 ) -> Iterator[FloatArray]:  # fmt: skip
     screens = screen_model(len(imager.transmission), drift.psd_slope)
     axis = imager.stamp_axis(masked=True)
-    transforms = [imager.transform(axis.nodes_arcsec, wavelength) for wavelength in imager.wavelengths_m]
+    grid = imager.focal_grid(axis, axis, source_arcsec=star_arcsec)
     step_nm = drift.walk_nm_per_sqrt_hour * math.sqrt(cadence_s / 3600.0)
     opd_nm = screens.draw(rng_visit, drift.visit_nm)
     stamp: FloatArray | None = None
@@ -147,12 +150,7 @@ def _frames(
             # The first stamp stands for the middle of its interval: half a step after the start of the visit.
             opd_nm = opd_nm + screens.draw(rng_walk, step_nm if frame else step_nm * math.sqrt(0.5))
         if stamp is None or step_nm > 0:
-            total = np.zeros((axis.nodes_arcsec.size,) * 2)
-            for transform, wavelength, weight in zip(transforms, imager.wavelengths_m, imager.weights, strict=True):
-                pupil = imager.transmission * np.exp(2j * np.pi / (wavelength * 1e9) * opd_nm)
-                field = transform @ (pupil @ transform.T)
-                total += weight * (field.real**2 + field.imag**2)
-            stamp = integrate_pixels(total, axis, axis) * imager.pixel_solid_angle_sr
+            stamp = grid.image(opd_nm)
         yield stamp
 
 
@@ -163,6 +161,9 @@ def visit_frames(
     cadence_s: float,
     rng_visit: np.random.Generator,
     rng_walk: np.random.Generator,
+    *,
+    star_arcsec: tuple[float, float] = (0.0, 0.0),
 ) -> FloatArray:
     """`iter_visit_frames` stacked, shape (n_frames, stamp, stamp)."""
-    return np.stack(list(iter_visit_frames(optics, drift, n_frames, cadence_s, rng_visit, rng_walk)))
+    frames = iter_visit_frames(optics, drift, n_frames, cadence_s, rng_visit, rng_walk, star_arcsec=star_arcsec)
+    return np.stack(list(frames))

@@ -19,7 +19,7 @@ from catalogs.errors import InputError
 from simulator.imaging.aperture import aperture_sums, overlap_weights
 from simulator.imaging.drift import screen_model
 from simulator.imaging.imager import Imager
-from simulator.imaging.quadrature import PixelAxis, integrate_pixels
+from simulator.imaging.quadrature import PixelAxis
 from simulator.rng import stream
 
 __all__ = ["FloorTable", "measure_floor"]
@@ -53,30 +53,26 @@ def measure_floor(
     The standard error of the whole-hole floor is about 2 % at 512 visits. The first-order phase is good to 1 % of
     the floor up to 2 nm and to some 10 % at 10 nm.
     """
-    inner, outer = imager.hole_arcsec
-    pixel = imager.pixel_scale_arcsec
-    first, last = int(np.floor(inner / pixel)), int(np.ceil(outer / pixel))
-    side = np.arange(first, last + 1)
-    centres = np.concatenate([-side[::-1], side]) * pixel
-    axis = imager.axis(centres, masked=True)
-    nominal, linear, quadratic = _responses(imager, axis, psd_slope, n_visits, seed)
+    zone, pixel, radius = imager.zone, imager.pixel_scale_arcsec, imager.aperture_radius_arcsec
+    first, last = int(np.floor(zone.inner_arcsec / pixel)), int(np.ceil(zone.outer_arcsec / pixel))
+    side: FloatArray = np.arange(first, last + 1, dtype=np.float64) * pixel
+    y_centres, x_centres = zone.axes(side)
+    y, x = (imager.axis(centres, masked=True) for centres in (y_centres, x_centres))
+    nominal, linear, quadratic = _responses(imager, y, x, psd_slope, n_visits, seed)
 
-    inside = (np.abs(centres) >= inner) & (np.abs(centres) <= outer)
-    hole = np.outer(inside, inside)
-    radius = imager.aperture_radius_arcsec
-    fits = (np.abs(centres) >= inner + radius) & (np.abs(centres) <= outer - radius)
-    if not fits.any():  # a hole smaller than the aperture: centres inside it must do
-        fits = inside
-    if not fits.any():
-        raise InputError("coronagraph.inner_lambda_d", inner, unit="arcsec per axis",
-                         allowed=f"an inner edge at least a pixel inside the outer edge of {outer} arcsec")  # fmt: skip
-    place = np.outer(fits, fits)
-    separation = np.hypot(centres[:, None], centres)[place]
+    hole = zone.covers(y_centres, x_centres)
+    place = zone.covers(y_centres, x_centres, -radius)
+    if not place.any():  # a hole smaller than the aperture: centres inside it must do
+        place = hole
+    if not place.any():
+        raise InputError("coronagraph.inner_lambda_d", zone.inner_arcsec, unit="arcsec per axis",
+                         allowed=f"an inner edge well inside the outer edge, {zone.outer_arcsec} arcsec")  # fmt: skip
+    separation = np.hypot(y_centres[:, None], x_centres)[place]
     weights = overlap_weights(radius / pixel)
 
     def sums(images: FloatArray) -> FloatArray:
         m = side.size  # quadrants are apart: no aperture reaches across the cross
-        blocks = images.reshape(-1, 2, m, 2, m).swapaxes(2, 3)
+        blocks = images.reshape(-1, y_centres.size // m, m, x_centres.size // m, m).swapaxes(2, 3)
         return aperture_sums(blocks, weights).swapaxes(2, 3).reshape(images.shape)[..., place]
 
     pixels = [part[..., hole] for part in (nominal, linear, quadratic)]
@@ -96,26 +92,24 @@ def measure_floor(
 
 
 def _responses(
-    imager: Imager, axis: PixelAxis, psd_slope: float, n_visits: int, seed: int
+    imager: Imager, y: PixelAxis, x: PixelAxis, psd_slope: float, n_visits: int, seed: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Pixel images I0, L_k and Q_k at unit rms (1 nm)."""
     screens = screen_model(len(imager.transmission), psd_slope)
     rng = stream(seed, "rdi_floor")
-    transforms = [imager.transform(axis.nodes_arcsec, wavelength) for wavelength in imager.wavelengths_m]
-    fields = [matrix @ (imager.transmission @ matrix.T) for matrix in transforms]
-    scale = imager.pixel_solid_angle_sr
-    power = sum(weight * np.abs(field) ** 2 for weight, field in zip(imager.weights, fields, strict=True))
-    nominal = integrate_pixels(np.asarray(power), axis, axis) * scale
+    grid = imager.focal_grid(y, x)
+    pupils = [imager.pupil(index) for index in range(imager.weights.size)]
+    fields = [grid.transformed(index, pupil) for index, pupil in enumerate(pupils)]
+    phase_per_nm = 2j * np.pi / (imager.wavelengths_m * 1e9)
+    nominal = grid.image()
     linear, quadratic = (np.empty((n_visits, *nominal.shape)) for _ in range(2))
     for visit in range(n_visits):
-        pupil = imager.transmission * screens.draw(rng, 1.0)
+        screen = screens.draw(rng, 1.0)
         cross, square = np.zeros(fields[0].shape), np.zeros(fields[0].shape)
-        for matrix, field, wavelength, weight in zip(
-            transforms, fields, imager.wavelengths_m, imager.weights, strict=True
-        ):
-            change = (2j * np.pi / (wavelength * 1e9)) * (matrix @ (pupil @ matrix.T))
+        for index, (pupil, field, weight) in enumerate(zip(pupils, fields, imager.weights, strict=True)):
+            change = phase_per_nm[index] * grid.transformed(index, pupil * screen)
             cross += 2 * weight * (field.conj() * change).real
             square += weight * np.abs(change) ** 2
-        linear[visit] = integrate_pixels(cross, axis, axis) * scale
-        quadratic[visit] = integrate_pixels(square, axis, axis) * scale
+        linear[visit] = grid.pixels(cross) * imager.pixel_solid_angle_sr
+        quadratic[visit] = grid.pixels(square) * imager.pixel_solid_angle_sr
     return nominal, linear, quadratic

@@ -1,81 +1,186 @@
-"""Images on the whole detector: the star's far wings, sources far from it, and the open part of every pixel."""
+"""Light of a scene on the pixels of a window: sky, far wings of the star, and every other source.
+
+The star itself goes through its own propagation, frame by frame (`simulator.imaging.drift`). All other sources pass the
+exact scene of `simulator.imaging.scene_image`, or, where the shortcut of Zhu et al. 2025 is asked for, the unmasked
+kernel on a grid of 4 x 4 cells a pixel (`simulator.imaging.paper_scene`).
+"""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from catalogs.errors import InputError
 from simulator.cache import compute_once
 from simulator.config import Instrument, content_hash
-from simulator.imaging.imager import build_imager, centred_axis
+from simulator.imaging.extended import render_extended
+from simulator.imaging.external import ExternalPsf
+from simulator.imaging.imager import centred_axis
+from simulator.imaging.paper_scene import paper_scene_image
 from simulator.imaging.psf import Psf, wide_on_axis
+from simulator.imaging.quadrature import pixel_axis
+from simulator.imaging.scene_image import PointSources, SourceGrid, scene_image
 from simulator.imaging.store import metrics_key
-from simulator.knobs import Knobs
+from simulator.imaging.transfer import KernelTransfer, Transfer, band_transfer
+from simulator.target.sources import ExtendedRate, Source
 
-__all__ = ["full_stamp", "full_star_map", "sky_transmission"]
+__all__ = ["AnyPsf", "SceneModel", "Window", "full_star_map", "off_axis_light", "sky_transmission", "window_of"]
 
 FloatArray = NDArray[np.float64]
+AnyPsf: TypeAlias = Psf | ExternalPsf
+SceneModel = Literal["exact", "paper"]
 
 
-def _axes(psf: Psf, instrument: Instrument) -> tuple[FloatArray, FloatArray]:
-    detector = instrument.detector
-    rows = centred_axis(detector.n_rows, psf.pixel_scale_arcsec, detector.star_row)
-    columns = centred_axis(detector.n_columns, psf.pixel_scale_arcsec, detector.star_column)
-    return rows, columns
+@dataclass(frozen=True, eq=False)
+class Window:
+    """Pixels to fill: centres of rows and columns in arcsec from the centre of the mask.
+
+    Attributes
+    ----------
+    rows, columns : ndarray
+        Pixel centres.
+    centre : tuple of int
+        Row and column of the mask's centre in the window.
+    """
+
+    rows: FloatArray
+    columns: FloatArray
+    centre: tuple[int, int]
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns."""
+        return self.rows.size, self.columns.size
+
+    def stamp(self, side: int) -> tuple[slice, slice, tuple[slice, slice]]:
+        """Where a stamp centred on the mask lies in the window, and the part of it that does."""
+        spans, parts = [], []
+        for middle, length in zip(self.centre, self.shape, strict=True):
+            low, high = max(middle - side // 2, 0), min(middle + side // 2 + 1, length)
+            spans.append(slice(low, high))
+            parts.append(slice(low - middle + side // 2, high - middle + side // 2))
+        return spans[0], spans[1], (parts[0], parts[1])
 
 
-def sky_transmission(psf: Psf, instrument: Instrument | None = None) -> FloatArray:
-    """Open fraction of every pixel behind the cross, of the stamp or of the whole detector.
+def window_of(psf: AnyPsf, instrument: Instrument, *, full: bool) -> Window:
+    """The whole detector, or the stamp of the PSF."""
+    detector, side = instrument.detector, psf.on_axis.shape[0]
+    shape = (detector.n_rows, detector.n_columns) if full else (side, side)
+    centre = (detector.star_row, detector.star_column) if full else (side // 2, side // 2)
+    rows, columns = (
+        centred_axis(length, psf.pixel_scale_arcsec, middle) for length, middle in zip(shape, centre, strict=True)
+    )
+    return Window(rows, columns, centre)
+
+
+def sky_transmission(psf: AnyPsf, window: Window) -> FloatArray:
+    """Open fraction of every pixel behind the cross.
 
     There is no Lyot stop, so a uniform sky passes the focal-plane mask by geometry alone.
     """
-    imager = psf.imager
-    if instrument is None:
-        axes = [centred_axis(psf.on_axis.shape[0], psf.pixel_scale_arcsec)] * 2
-    else:
-        axes = list(_axes(psf, instrument))
-    open_parts = []
-    for centres in axes:
-        axis = imager.axis(centres, masked=True, pixel_nodes=1)
-        part = np.zeros(axis.n_pixels)
-        part[axis.pixels] = np.add.reduceat(axis.weights, axis.starts)
-        open_parts.append(part)
-    return np.outer(open_parts[0], open_parts[1])
+    rows, columns = (
+        pixel_axis(centres, psf.pixel_scale_arcsec, 1, _half_width(psf)).open_fraction
+        for centres in (window.rows, window.columns)
+    )
+    return np.outer(rows, columns)
 
 
-def full_star_map(psf: Psf, instrument: Instrument) -> FloatArray:
-    """Masked on-axis PSF over the whole detector with the star's stamp left out (the drifting frames fill it).
+def full_star_map(psf: AnyPsf, window: Window, star_arcsec: tuple[float, float] = (0.0, 0.0)) -> FloatArray:
+    """Masked star over the window with the stamp around the mask left out (the drifting frames fill it).
 
-    Kept in the disk cache: it takes seconds and changes with the instrument only.
+    Kept in the disk cache: it takes a second and changes with the instrument only. The wings of a PSF from a file end
+    with its stamp.
     """
-    detector = instrument.detector
-    place = [detector.n_rows, detector.n_columns, detector.star_row, detector.star_column]
-    key = content_hash({"optics": metrics_key(instrument, psf.band), "place": place})
+    if isinstance(psf, ExternalPsf):
+        return np.zeros(window.shape)
+    place = [*window.shape, *window.centre, *star_arcsec]
+    key = content_hash({"optics": metrics_key(psf.instrument, psf.band), "place": place})
     stored = compute_once(f"wide-{psf.band}-{key}", lambda: {
-        "image": wide_on_axis(psf.band, instrument, (detector.n_rows, detector.n_columns),
-                              (detector.star_row, detector.star_column)).astype(np.float32)
+        "image": wide_on_axis(psf.band, psf.instrument, window.shape, window.centre,
+                              star_arcsec=star_arcsec).astype(np.float32)
     })  # fmt: skip
     image = stored["image"].astype(np.float64)
-    half = psf.on_axis.shape[0] // 2
-    image[max(detector.star_row - half, 0) : detector.star_row + half + 1,
-          max(detector.star_column - half, 0) : detector.star_column + half + 1] = 0.0  # fmt: skip
+    rows, columns, _ = window.stamp(psf.on_axis.shape[0])
+    image[rows, columns] = 0.0
     return image
 
 
-def full_stamp(psf: Psf, instrument: Instrument, x_arcsec: float, y_arcsec: float) -> FloatArray:
-    """Unit source on the whole detector: coarse far wings, with its own stamp and the star's at full accuracy."""
-    detector = instrument.detector
-    rows, columns = _axes(psf, instrument)
-    side, place = psf.on_axis.shape[0], (x_arcsec, y_arcsec)
-    coarse = build_imager(instrument, psf.band, Knobs(pupil_samples=64, wavelength_nodes=3, pixel_nodes=1))
-    image = coarse.image(coarse.axis(rows, masked=True), coarse.axis(columns, masked=True), source_arcsec=place)
-    for x_centre, y_centre in (place, (0.0, 0.0)):
-        row = detector.star_row + round(y_centre / psf.pixel_scale_arcsec)
-        column = detector.star_column + round(x_centre / psf.pixel_scale_arcsec)
-        part_rows = slice(max(row - side // 2, 0), max(min(row + side // 2 + 1, detector.n_rows), 0))
-        part_columns = slice(max(column - side // 2, 0), max(min(column + side // 2 + 1, detector.n_columns), 0))
-        if part_rows.start < part_rows.stop and part_columns.start < part_columns.stop:
-            y = psf.imager.axis(rows[part_rows], masked=True)
-            x = psf.imager.axis(columns[part_columns], masked=True)
-            image[part_rows, part_columns] = psf.imager.image(y, x, source_arcsec=place)
-    return image
+def off_axis_light(
+    psf: AnyPsf,
+    window: Window,
+    sources: Sequence[Source],
+    extended: Sequence[ExtendedRate],
+    *,
+    roll_deg: float,
+    star_arcsec: tuple[float, float] = (0.0, 0.0),
+    model: SceneModel = "exact",
+) -> FloatArray:
+    """Electrons per second and pixel of everything but the central star and the sky.
+
+    Parameters
+    ----------
+    psf : Psf or ExternalPsf
+    window : Window
+    sources : sequence of Source
+        Point sources, relative to the central star.
+    extended : sequence of ExtendedRate
+    roll_deg : float
+        Roll of the telescope, for the extended sources.
+    star_arcsec : tuple of float
+        Place of the central star relative to the centre of the mask.
+    model : {"exact", "paper"}
+        Exact positions behind the mask, or the shortcut of the paper: nearest of 4 x 4 cells, no mask.
+
+    Raises
+    ------
+    InputError
+        If the paper's model is asked for extended sources or a PSF from a file.
+    """
+    if not sources and not extended:
+        return np.zeros(window.shape)
+    x, y = (np.array([getattr(source, f"{axis}_arcsec") for source in sources]) + shift
+            for axis, shift in zip("xy", star_arcsec, strict=True))  # fmt: skip
+    points = PointSources(x, y, np.array([source.rate_e_s for source in sources]))
+    if model == "paper":
+        if isinstance(psf, ExternalPsf) or extended:
+            raise InputError("scene_model", model, allowed="exact for extended sources and for PSFs from files")
+        return paper_scene_image(psf.imager, window.rows, window.columns, points)
+    grids = [_grid(psf, window, item, roll_deg, star_arcsec) for item in extended]
+    return scene_image(
+        _transfer(psf),
+        window.rows,
+        window.columns,
+        psf.pixel_scale_arcsec,
+        points,
+        mask_half_width_arcsec=_half_width(psf),
+        extended=grids,
+    )
+
+
+def _transfer(psf: AnyPsf) -> Transfer:
+    if isinstance(psf, ExternalPsf):
+        return KernelTransfer(psf.off_axis, psf.pixel_scale_arcsec)
+    return band_transfer(psf.imager)
+
+
+def _half_width(psf: AnyPsf) -> float:
+    return psf.mask_half_width_arcsec if isinstance(psf, ExternalPsf) else psf.imager.mask_half_width_arcsec
+
+
+def _grid(
+    psf: AnyPsf, window: Window, item: ExtendedRate, roll_deg: float, star_arcsec: tuple[float, float]
+) -> SourceGrid:
+    reach = 2.0 * max(float(np.abs(axis).max()) for axis in (window.rows, window.columns))
+    grid = render_extended(
+        item.source,
+        step_arcsec=0.5 * psf.pixel_scale_arcsec,
+        roll_deg=roll_deg,
+        parity=psf.instrument.detector.parity,
+        reach_arcsec=reach,
+    )
+    x, y = grid.x_arcsec + star_arcsec[0], grid.y_arcsec + star_arcsec[1]
+    return SourceGrid(x, y, item.rate_e_s * grid.flux)

@@ -60,6 +60,29 @@ class HoleZone:
         one = half_axis if self.side in ("right", "top") else -half_axis[::-1]
         return (both, one) if self.side in ("right", "left") else (one, both)
 
+    def intervals(self) -> tuple[tuple[tuple[float, float], ...], tuple[tuple[float, float], ...]]:
+        """Intervals of y and of x whose product the zone is."""
+        a, b = self.inner_arcsec, self.outer_arcsec
+        left, right = (-b, -a), (a, b)
+        if self.mode == "4q":
+            return (left, right), (left, right)
+        one = (right,) if self.side in ("right", "top") else (left,)
+        return ((left, right), one) if self.side in ("right", "left") else (one, (left, right))
+
+    def covers(self, y_arcsec: FloatArray, x_arcsec: FloatArray, widen_arcsec: float = 0.0) -> NDArray[np.bool_]:
+        """Which points of a grid lie in the zone, its intervals widened at both ends (narrowed if negative)."""
+        rows, columns = (
+            np.any([(axis >= low - widen_arcsec) & (axis <= high + widen_arcsec) for low, high in parts], axis=0)
+            for axis, parts in zip((y_arcsec, x_arcsec), self.intervals(), strict=True)
+        )
+        return np.outer(rows, columns)
+
+    @property
+    def diagonal(self) -> tuple[int, int]:
+        """Signs of x and y of one quadrant of the zone."""
+        y, x = self.intervals()
+        return (1 if x[-1][0] > 0 else -1), (1 if y[-1][0] > 0 else -1)
+
     def control_axes(self, step_arcsec: float, margin_arcsec: float) -> tuple[FloatArray, FloatArray]:
         """Points at most ``step`` apart that include the edges, widened by ``margin`` on every side."""
         low, high = max(self.inner_arcsec - margin_arcsec, 0.0), self.outer_arcsec + margin_arcsec

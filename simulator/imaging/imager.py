@@ -5,28 +5,31 @@ constant). Its Fraunhofer field is the sampled transform times ``sinc(u/n) sinc(
 envelope the field of a step mask is exact at any n and any distance from the axis. Fields are scaled so that the
 clear pupil disc carries unit energy.
 
-HCIPy's Fraunhofer propagator is the reference path. `Imager.intensity` with ``engine="matrix"`` makes the same two
-matrix products without HCIPy's bookkeeping, for stacks of hundreds of drifting frames and for computers without
-HCIPy; a test holds the two together to 1e-12 of the peak.
+Static aberrations and the mirror are piecewise constant on their own grid, which the pupil grid repeats, and pointing
+jitter is part of the pixel's response (`simulator.imaging.quadrature`): all settings of the knobs see the same optics.
+
+The two matrix products of a separable transform are the propagator; HCIPy's Fraunhofer propagator is the cross-check
+(``engine="hcipy"``): a test holds the two together to 1e-12 of the peak.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from simulator.config.instrument import ARCSEC_PER_RAD, Instrument
-from simulator.imaging.apodizer import load_apodizer, upsample
+from simulator.config.instrument import ARCSEC_PER_RAD
+from simulator.imaging.aberrations import Aberrations
+from simulator.imaging.hole_zone import HoleZone
 from simulator.imaging.quadrature import PixelAxis, integrate_pixels, pixel_axis
-from simulator.knobs import Knobs, resolve_knobs
+from simulator.knobs import Knobs
 from simulator.lazy import load_quietly
-from simulator.passbands import Passbands
 
-__all__ = ["Engine", "Imager", "build_imager", "centred_axis"]
+__all__ = ["Engine", "FocalGrid", "Imager", "centred_axis"]
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -41,7 +44,7 @@ def centred_axis(n_pixels: int, pixel_arcsec: float, centre: float | None = None
 
 @dataclass(frozen=True, eq=False)
 class Imager:
-    """Optical model of one band.
+    """Optical model of one band; made by `simulator.imaging.build.build_imager`.
 
     Attributes
     ----------
@@ -52,15 +55,21 @@ class Imager:
     diameter_m : float
         Pupil diameter.
     transmission : ndarray, shape (n, n)
-        Amplitude of the pupil, apodizer included, at ``knobs.pupil_samples``.
+        Amplitude of the apodizer alone, on the pupil grid.
     pixel_scale_arcsec, mask_half_width_arcsec : float
         Detector pixel, and half width of the opaque cross ``|x| < w or |y| < w`` in the focal plane.
     aperture_radius_arcsec : float
         Radius of the photometric aperture.
-    hole_arcsec : tuple of float
-        Inner and outer edge per axis of the dark quadrants.
+    zone : HoleZone
+        The dark quadrants.
+    lambda_d_arcsec : float
+        lambda/D at band centre.
     knobs : Knobs
         Numerical settings.
+    static : Aberrations or None
+        Static wavefront with the mirror in it, on the same pupil grid; None for perfect optics.
+    jitter_arcsec : float
+        Standard deviation of the pointing per axis.
     """
 
     band: str
@@ -71,15 +80,22 @@ class Imager:
     pixel_scale_arcsec: float
     mask_half_width_arcsec: float
     aperture_radius_arcsec: float
-    hole_arcsec: tuple[float, float]
+    zone: HoleZone
     lambda_d_arcsec: float
     knobs: Knobs
+    static: Aberrations | None = None
+    jitter_arcsec: float = 0.0
 
     @property
     def apodizer_energy(self) -> float:
         """Energy that the apodizer passes, relative to the clear disc."""
         step = self.diameter_m / len(self.transmission)
         return float((self.transmission**2).sum() * step**2 / self._clear_area)
+
+    @property
+    def hole_arcsec(self) -> tuple[float, float]:
+        """Inner and outer edge of the dark quadrants, per axis."""
+        return self.zone.inner_arcsec, self.zone.outer_arcsec
 
     @property
     def pixel_solid_angle_sr(self) -> float:
@@ -98,7 +114,26 @@ class Imager:
     def axis(self, centres_arcsec: FloatArray, *, masked: bool, pixel_nodes: int | None = None) -> PixelAxis:
         """Nodes of an axis with the given pixel centres."""
         half_width = self.mask_half_width_arcsec if masked else 0.0
-        return pixel_axis(centres_arcsec, self.pixel_scale_arcsec, pixel_nodes or self.knobs.pixel_nodes, half_width)
+        nodes = pixel_nodes or self.knobs.pixel_nodes
+        return pixel_axis(centres_arcsec, self.pixel_scale_arcsec, nodes, half_width, self.jitter_arcsec)
+
+    def pupil(self, index: int, opd_nm: FloatArray | None = None) -> NDArray[Any]:
+        """Field behind the pupil at one wavelength, a screen added to the static wavefront; real if all is flat.
+
+        Parameters
+        ----------
+        index : int
+            Wavelength.
+        opd_nm : ndarray, shape (n, n), optional
+            Optical path difference of the screen.
+        """
+        wavelength = float(self.wavelengths_m[index])
+        if self.static is not None:
+            return self.static.pupil(self.transmission, wavelength, opd_nm=0.0 if opd_nm is None else opd_nm)
+        if opd_nm is None:
+            return self.transmission
+        phased: ComplexArray = self.transmission * np.exp(2j * np.pi / (wavelength * 1e9) * opd_nm)
+        return phased
 
     def transform(self, angles_arcsec: FloatArray, wavelength_m: float) -> ComplexArray:
         """Matrix of one axis: pupil samples to focal-plane field, sinc envelope and area element included."""
@@ -109,10 +144,10 @@ class Imager:
         scale = step / math.sqrt(wavelength_m) / self._clear_area**0.25
         envelope = scale * np.sinc(frequency * step)
         matrix: ComplexArray = np.exp(-2j * np.pi * np.outer(frequency, position)) * envelope[:, None]
-        return matrix
+        return matrix.astype(self.knobs.field_dtype, copy=False)
 
-    def field(self, index: int, y_arcsec: FloatArray, x_arcsec: FloatArray, *, opd_m: FloatArray | None = None,
-              engine: Engine = "hcipy") -> ComplexArray:  # fmt: skip
+    def field(self, index: int, y_arcsec: FloatArray, x_arcsec: FloatArray, *, opd_nm: FloatArray | None = None,
+              engine: Engine = "matrix") -> ComplexArray:  # fmt: skip
         """Focal-plane field of an on-axis unit source at one wavelength, per square root of steradian.
 
         Parameters
@@ -121,25 +156,18 @@ class Imager:
             Wavelength.
         y_arcsec, x_arcsec : ndarray
             Axes of the grid of angles.
-        opd_m : ndarray, shape (n, n), optional
-            Optical path difference over the pupil.
-        engine : {"hcipy", "matrix"}
+        opd_nm : ndarray, shape (n, n), optional
+            Optical path difference on top of the static one.
+        engine : {"matrix", "hcipy"}
             Propagator.
 
         Returns
         -------
-        ndarray of complex128, shape (len(y_arcsec), len(x_arcsec))
+        ndarray of complex, shape (len(y_arcsec), len(x_arcsec))
         """
-        wavelength = float(self.wavelengths_m[index])
-        pupil: Any = self.transmission
-        if opd_m is not None:
-            pupil = pupil * np.exp(2j * np.pi / wavelength * opd_m)
-        if engine == "matrix":
-            rows = self.transform(y_arcsec, wavelength)
-            columns = rows if x_arcsec is y_arcsec else self.transform(x_arcsec, wavelength)
-            answer: ComplexArray = rows @ (pupil @ columns.T)
-            return answer
-        return self._hcipy_field(pupil, wavelength, y_arcsec, x_arcsec)
+        if engine == "hcipy":
+            return self._hcipy_field(self.pupil(index, opd_nm), float(self.wavelengths_m[index]), y_arcsec, x_arcsec)
+        return self._grid(y_arcsec, x_arcsec).field(index, opd_nm)
 
     def _hcipy_field(self, pupil: Any, wavelength: float, y_arcsec: FloatArray, x_arcsec: FloatArray) -> ComplexArray:
         hcipy = load_quietly("hcipy")
@@ -153,55 +181,86 @@ class Imager:
         step = self.diameter_m / n / wavelength
         return np.asarray(answer * np.sinc(y * step)[:, None] * np.sinc(x * step), dtype=np.complex128)
 
-    def intensity(self, y_arcsec: FloatArray, x_arcsec: FloatArray, *, opd_m: FloatArray | None = None,
-                  engine: Engine = "hcipy") -> FloatArray:  # fmt: skip
-        """Band-averaged intensity, as energy per detector pixel area."""
-        total = np.zeros((len(y_arcsec), len(x_arcsec)))
-        for index, weight in enumerate(self.weights):
-            field = self.field(index, y_arcsec, x_arcsec, opd_m=opd_m, engine=engine)
-            total += weight * (field.real**2 + field.imag**2)
-        total *= self.pixel_solid_angle_sr
-        return total
+    def intensity(self, y_arcsec: FloatArray, x_arcsec: FloatArray, *, opd_nm: FloatArray | None = None,
+                  engine: Engine = "matrix") -> FloatArray:  # fmt: skip
+        """Band-averaged intensity, as energy per detector pixel area, without jitter."""
+        if engine == "matrix":
+            return self._grid(y_arcsec, x_arcsec).intensity(opd_nm)
+        fields = (self.field(index, y_arcsec, x_arcsec, opd_nm=opd_nm, engine=engine)
+                  for index in range(self.weights.size))  # fmt: skip
+        return self._summed(fields, (len(y_arcsec), len(x_arcsec)))
 
     def image(self, y: PixelAxis, x: PixelAxis, *, source_arcsec: tuple[float, float] = (0.0, 0.0),
-              opd_m: FloatArray | None = None, engine: Engine = "hcipy") -> FloatArray:  # fmt: skip
+              opd_nm: FloatArray | None = None, engine: Engine = "matrix") -> FloatArray:  # fmt: skip
         """Pixel-integrated image of a unit source at ``source_arcsec = (x, y)``.
 
         A source off the axis shifts the field and leaves the mask where it is (there is no Lyot stop, so the
         masked image is the unmasked one times the mask).
         """
         source_x, source_y = source_arcsec
-        return integrate_pixels(
-            self.intensity(y.nodes_arcsec - source_y, x.nodes_arcsec - source_x, opd_m=opd_m, engine=engine),
-            y,
-            x,
-        )
+        light = self.intensity(y.nodes_arcsec - source_y, x.nodes_arcsec - source_x, opd_nm=opd_nm, engine=engine)
+        return integrate_pixels(light, y, x)
+
+    def focal_grid(self, y: PixelAxis, x: PixelAxis, *, source_arcsec: tuple[float, float] = (0.0, 0.0)) -> FocalGrid:
+        """Transforms to a grid of pixels, kept for a stack of wavefronts."""
+        nodes = self._grid(y.nodes_arcsec - source_arcsec[1], x.nodes_arcsec - source_arcsec[0])
+        return FocalGrid(self, nodes.rows, nodes.columns, y, x)
+
+    def _grid(self, y_arcsec: FloatArray, x_arcsec: FloatArray) -> FocalGrid:
+        rows = tuple(self.transform(y_arcsec, float(wavelength)) for wavelength in self.wavelengths_m)
+        same = x_arcsec is y_arcsec or np.array_equal(x_arcsec, y_arcsec)
+        columns = rows if same else tuple(self.transform(x_arcsec, float(part)) for part in self.wavelengths_m)
+        return FocalGrid(self, rows, columns)
+
+    def _summed(self, fields: Iterable[ComplexArray], shape: tuple[int, int]) -> FloatArray:
+        total = np.zeros(shape)
+        for weight, field in zip(self.weights, fields, strict=True):
+            total += float(weight) * (field.real**2 + field.imag**2)
+        total *= self.pixel_solid_angle_sr
+        return total
 
 
-def build_imager(instrument: Instrument, band: str, fidelity: str | Knobs = "standard") -> Imager:
-    """Optical model of one band of an instrument.
+@dataclass(frozen=True, eq=False)
+class FocalGrid:
+    """The transforms of an imager to a grid of the focal plane, one pair a wavelength.
 
-    Wavelengths are weighted by a flat photon spectrum: over the widest visible band the spectrum of an F to K
-    star tilts by less than 15 %, which moves the core throughput by less than 1e-3 of itself.
-
-    Raises
-    ------
-    InputError
-        For an unknown band or fidelity, or an apodizer that does not fit ``pupil_samples``.
+    Attributes
+    ----------
+    imager : Imager
+        The optical model.
+    rows, columns : tuple of ndarray, shapes (k_y, n) and (k_x, n)
+        Transforms to the nodes of the two axes.
+    y, x : PixelAxis or None
+        The pixels that the nodes belong to.
     """
-    knobs = resolve_knobs(fidelity)
-    instrument.band(band)
-    wavelength_nm, weights = Passbands.from_instrument(instrument).wavelength_nodes(band, knobs.wavelength_nodes)
-    return Imager(
-        band=band,
-        wavelengths_m=wavelength_nm * 1e-9,
-        weights=weights,
-        diameter_m=instrument.telescope.diameter_m,
-        transmission=upsample(load_apodizer(instrument.coronagraph.apodizer), knobs.pupil_samples),
-        pixel_scale_arcsec=instrument.detector.pixel_scale_arcsec,
-        mask_half_width_arcsec=instrument.coronagraph.mask_half_width_arcsec,
-        aperture_radius_arcsec=instrument.aperture_radius_arcsec(band),
-        hole_arcsec=(instrument.hole_inner_arcsec(band), instrument.coronagraph.outer_half_side_arcsec),
-        lambda_d_arcsec=instrument.lambda_d_arcsec(band),
-        knobs=knobs,
-    )
+
+    imager: Imager
+    rows: tuple[ComplexArray, ...]
+    columns: tuple[ComplexArray, ...]
+    y: PixelAxis | None = None
+    x: PixelAxis | None = None
+
+    def transformed(self, index: int, pupil: NDArray[Any]) -> ComplexArray:
+        """Any pupil map in the focal plane, shape (k_y, k_x)."""
+        rows, columns = self.rows[index], self.columns[index]
+        field: ComplexArray = rows @ (pupil.astype(rows.dtype, copy=False) @ columns.T)
+        return field
+
+    def field(self, index: int, opd_nm: FloatArray | None = None) -> ComplexArray:
+        """Field of an on-axis unit source at one wavelength."""
+        return self.transformed(index, self.imager.pupil(index, opd_nm))
+
+    def intensity(self, opd_nm: FloatArray | None = None) -> FloatArray:
+        """Band-averaged intensity at the nodes, as energy per pixel area."""
+        fields = (self.field(index, opd_nm) for index in range(len(self.rows)))
+        return self.imager._summed(fields, (len(self.rows[0]), len(self.columns[0])))
+
+    def image(self, opd_nm: FloatArray | None = None) -> FloatArray:
+        """Pixel-integrated image."""
+        return self.pixels(self.intensity(opd_nm))
+
+    def pixels(self, values: FloatArray) -> FloatArray:
+        """Values at the nodes, integrated over the pixels."""
+        if self.y is None or self.x is None:
+            raise ValueError("a grid of points has no pixels")
+        return integrate_pixels(values, self.y, self.x)

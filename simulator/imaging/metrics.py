@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from catalogs.errors import InputError
 from simulator.imaging.aperture import core_from_table
+from simulator.imaging.hole_zone import HoleMode, HoleSide, HoleZone
 
 __all__ = ["PsfMetrics"]
 
@@ -35,8 +36,12 @@ class PsfMetrics:
         Detector pixel, photometric aperture, half width of the cross.
     hole_inner_arcsec, hole_outer_arcsec : float
         Edges a and b of the square quadrants, per axis.
+    hole_mode : {"4q", "2q"}
+        All four quadrants, or the two on ``hole_side``.
+    hole_side : {"right", "left", "top", "bottom"}
+        Side of the star on the detector for ``2q``.
     strehl : float
-        Peak relative to the same apodizer with a flat wavefront.
+        Peak relative to the same apodizer with a flat wavefront and no jitter.
     apodizer_energy : float
         Energy behind the apodizer.
     core_open : float
@@ -68,9 +73,9 @@ class PsfMetrics:
         Half side of that table.
     wing_profile : ndarray, shape (w,)
         Azimuthal mean of the unmasked PSF per pixel at separations of 0, 1, 2 ... pixels.
-    wing_map : ndarray, shape (q, q)
-        Unmasked PSF per pixel at offsets ``|y|, |x|`` of 0, 1, 2 ... steps, each the mean over a box one step wide.
-        The pupil's symmetry makes the four quadrants alike.
+    wing_map : ndarray, shape (q, q), q odd
+        Unmasked PSF per pixel at offsets ``y, x`` of ... -1, 0, 1 ... steps, each the mean over a box one step wide;
+        the source stands in the middle.
     wing_map_step_arcsec : float
         Step of that map.
     floor_visit_nm : ndarray, shape (g,)
@@ -88,6 +93,8 @@ class PsfMetrics:
     mask_half_width_arcsec: float
     hole_inner_arcsec: float
     hole_outer_arcsec: float
+    hole_mode: HoleMode
+    hole_side: HoleSide
     strehl: float
     apodizer_energy: float
     core_open: float
@@ -112,11 +119,15 @@ class PsfMetrics:
 
     @property
     def hole(self) -> NDArray[np.bool_]:
-        """Pixels whose centres lie in the dark quadrants ``a <= |x|, |y| <= b``."""
+        """Pixels whose centres lie in the dark quadrants, ``a <= |x|, |y| <= b``."""
         n = len(self.raw_contrast)
-        offset = np.abs(np.arange(n) - n // 2) * self.pixel_scale_arcsec
-        inside = (offset >= self.hole_inner_arcsec) & (offset <= self.hole_outer_arcsec)
-        return np.outer(inside, inside)
+        offset = np.asarray((np.arange(n) - n // 2) * self.pixel_scale_arcsec, dtype=np.float64)
+        return self.zone.covers(offset, offset)
+
+    @property
+    def zone(self) -> HoleZone:
+        """The controlled zone."""
+        return HoleZone(self.hole_inner_arcsec, self.hole_outer_arcsec, self.hole_mode, self.hole_side)
 
     @property
     def hole_inner_corner_arcsec(self) -> float:
@@ -176,19 +187,20 @@ class PsfMetrics:
         The wings of a stepped apodizer gather along its axes: on a diagonal they lie a hundred times below the
         azimuthal mean, which is what is returned beyond the map.
         """
-        x, y = np.broadcast_arrays(np.abs(np.asarray(x_arcsec, float)), np.abs(np.asarray(y_arcsec, float)))
+        x, y = np.broadcast_arrays(np.asarray(x_arcsec, float), np.asarray(y_arcsec, float))
         last = len(self.wing_map) - 1
-        column, row = x / self.wing_map_step_arcsec, y / self.wing_map_step_arcsec
-        inside = np.maximum(column, row) <= last
-        near = np.exp(_bilinear(np.log(self.wing_map), np.minimum(row, last), np.minimum(column, last)))
+        column, row = (part / self.wing_map_step_arcsec + last // 2 for part in (x, y))
+        inside = (np.minimum(column, row) >= 0) & (np.maximum(column, row) <= last)
+        near = np.exp(_bilinear(np.log(self.wing_map), np.clip(row, 0, last), np.clip(column, 0, last)))
         return np.where(inside, near, self.wing(np.hypot(x, y)))
 
     def azimuth_fraction(self, separation_arcsec: ArrayLike) -> FloatArray:
-        """Fraction of the circle of that radius that lies inside the square quadrants."""
+        """Fraction of the circle of that radius that lies inside the dark quadrants."""
         r = np.maximum(np.asarray(separation_arcsec, dtype=np.float64), 1e-12)
         from_inner = np.arcsin(np.minimum(self.hole_inner_arcsec / r, 1.0))
         first = np.maximum(from_inner, np.arccos(np.minimum(self.hole_outer_arcsec / r, 1.0)))
-        return np.clip(1.0 - first / (math.pi / 4), 0.0, 1.0)
+        share = 1.0 if self.hole_mode == "4q" else 0.5
+        return share * np.clip(1.0 - first / (math.pi / 4), 0.0, 1.0)
 
     def resolution_elements(self, separation_arcsec: ArrayLike) -> FloatArray:
         """Non-overlapping lambda/D-wide apertures on the arcs inside the quadrants, a real number (>= 0)."""

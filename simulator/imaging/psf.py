@@ -4,20 +4,51 @@ from __future__ import annotations
 
 import functools
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from catalogs.errors import InputError
+from catalogs.spectra import Spectrum
 from simulator.config.instrument import Instrument, load_instrument
-from simulator.imaging.imager import Imager, build_imager, centred_axis
+from simulator.imaging.aperture import aperture_sums, overlap_weights
+from simulator.imaging.build import build_imager, dark_hole_of
+from simulator.imaging.dark_hole import UnreachedHole
+from simulator.imaging.imager import Engine, Imager, centred_axis
 from simulator.imaging.metrics import PsfMetrics
-from simulator.knobs import Knobs
+from simulator.knobs import FIDELITIES, Knobs
+from simulator.target.star_spectrum import stellar_spectrum
 
-__all__ = ["Psf", "single_band_psf", "wide_on_axis"]
+__all__ = ["Psf", "PsfError", "single_band_psf", "wide_on_axis"]
 
 FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class PsfError:
+    """Estimated numerical error of a PSF: its difference from the reference settings.
+
+    Attributes
+    ----------
+    tier : str
+        ``quick``, ``standard``, ``reference``, or ``custom``.
+    peak, aperture : float
+        Relative errors of the peak pixel and of the light in the photometric aperture, unmasked source.
+    hole_mean : float
+        Relative error of the mean starlight in the dark hole.
+    hole_rms : float
+        Rms error of the pixels in the hole, in raw contrast.
+    """
+
+    tier: str
+    peak: float
+    aperture: float
+    hole_mean: float
+    hole_rms: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +71,8 @@ class Psf:
         Optical model behind the stamps.
     instrument : Instrument
         Its configuration.
+    spectrum : Spectrum or None
+        Photon spectrum that weights the wavelengths; None for the Sun's.
     """
 
     band: str
@@ -49,19 +82,49 @@ class Psf:
     knobs: Knobs
     imager: Imager
     instrument: Instrument
+    spectrum: Spectrum | None = None
 
     @functools.cached_property
     def metrics(self) -> PsfMetrics:
-        """Figures of merit; maps and core at this PSF's knobs, wings and speckle floor at the standard ones."""
-        from simulator.imaging.measure import stamp_figures
+        """Figures of merit; maps and core at this PSF's settings, wings and speckle floor at the standard ones."""
+        from simulator.imaging.measure import stamp_figures, strehl
         from simulator.imaging.store import psf_metrics
 
         stored = psf_metrics(self.instrument, self.band)
-        if self.knobs == Knobs():
+        if self.knobs == Knobs() and self.spectrum is None:
             return stored
-        figures = stamp_figures(self.imager, self.on_axis, self.off_axis)
+        figures = stamp_figures(self.imager, self.on_axis, self.off_axis) | {"strehl": strehl(self.imager)}
         arrays = stored.to_arrays() | {name: np.asarray(value) for name, value in figures.items()}
         return PsfMetrics.from_arrays(arrays)
+
+    @property
+    def flags(self) -> tuple[str, ...]:
+        """What to know before trusting it: ``single_precision``, or ``hole_not_reached``."""
+        flags = ["single_precision"] if self.knobs.precision == "single" else []
+        if self.instrument.dark_hole.control in ("conjugation", "single_jacobian") and isinstance(
+            dark_hole_of(self.instrument, self.band), UnreachedHole
+        ):
+            flags.append("hole_not_reached")
+        return tuple(flags)
+
+    @functools.cached_property
+    def estimated_error(self) -> PsfError:
+        """How far these stamps are from those at reference settings; about half a second."""
+        finer = FIDELITIES["reference"].model_copy(update={"stamp_pixels": self.knobs.stamp_pixels})
+        best = single_band_psf(self.band, fidelity=finer, instrument=self.instrument, spectrum=self.spectrum)
+        weights = overlap_weights(self.imager.aperture_radius_arcsec / self.pixel_scale_arcsec)
+        middle = len(self.off_axis) // 2
+        cores = [aperture_sums(psf.off_axis, weights)[middle, middle] for psf in (self, best)]
+        offset = centred_axis(len(self.off_axis), self.pixel_scale_arcsec)
+        peak, hole = float(best.off_axis.max()), self.imager.zone.covers(offset, offset)
+        difference = (self.on_axis - best.on_axis)[hole] / peak
+        return PsfError(
+            tier=self.knobs.tier,
+            peak=abs(float(self.off_axis.max()) / peak - 1.0),
+            aperture=abs(float(cores[0] / cores[1]) - 1.0),
+            hole_mean=abs(float(self.on_axis[hole].mean() / best.on_axis[hole].mean()) - 1.0),
+            hole_rms=float(np.sqrt((difference**2).mean())),
+        )
 
     def at(self, x_arcsec: float, y_arcsec: float) -> FloatArray:
         """Image of a unit source at any sub-pixel position, behind the mask, on the star-centred stamp.
@@ -90,8 +153,15 @@ class Psf:
         return self.imager.image(axis, axis, source_arcsec=(float(x_arcsec), float(y_arcsec)))
 
 
-def single_band_psf(band: str, *, fidelity: str | Knobs = "standard", instrument: Instrument | None = None) -> Psf:
-    """Point-spread functions of one band, propagated by HCIPy.
+def single_band_psf(
+    band: str,
+    *,
+    fidelity: str | Knobs = "standard",
+    instrument: Instrument | Mapping[str, Any] | str | Path | None = None,
+    spectrum: str | Spectrum | None = None,
+    engine: Engine = "matrix",
+) -> Psf:
+    """Point-spread functions of one band, static wavefront, mirror and pointing jitter included.
 
     Parameters
     ----------
@@ -99,8 +169,13 @@ def single_band_psf(band: str, *, fidelity: str | Knobs = "standard", instrument
         Band of the instrument, for example ``F662``.
     fidelity : str or Knobs
         ``quick``, ``standard``, ``reference``, or the settings themselves.
-    instrument : Instrument, optional
-        The default instrument if omitted.
+    instrument : Instrument, mapping, str or Path, optional
+        What `simulator.load_instrument` reads; the default instrument if omitted.
+    spectrum : str or Spectrum, optional
+        Spectral type (``"K1V"``) or photon spectrum that weights the wavelengths with filter and quantum efficiency;
+        the Sun's if omitted.
+    engine : {"matrix", "hcipy"}
+        Propagator: the project's own matrix products, or HCIPy as a cross-check.
 
     Returns
     -------
@@ -109,7 +184,8 @@ def single_band_psf(band: str, *, fidelity: str | Knobs = "standard", instrument
     Raises
     ------
     InputError
-        For an unknown band or fidelity, or an apodizer that does not fit the pupil sampling.
+        For an unknown band, fidelity or engine, an even stamp, a spectrum that does not cover the band, or an apodizer
+        that does not fit the pupil grid.
 
     Examples
     --------
@@ -117,21 +193,27 @@ def single_band_psf(band: str, *, fidelity: str | Knobs = "standard", instrument
     >>> psf = single_band_psf("F662")
     >>> psf.on_axis.shape
     (137, 137)
+    >>> bool(psf.metrics.raw_contrast[psf.metrics.hole].mean() < 1e-9)
+    True
     """
-    if instrument is None:
-        instrument = load_instrument()
-    imager = build_imager(instrument, band, fidelity)
+    if engine not in get_args(Engine):
+        raise InputError("engine", engine, allowed=", ".join(get_args(Engine)))
+    if not isinstance(instrument, Instrument):
+        instrument = load_instrument(instrument)
+    light = stellar_spectrum(0.0, spectrum) if isinstance(spectrum, str) else spectrum
+    imager = build_imager(instrument, band, fidelity, spectrum=light)
     if imager.knobs.stamp_pixels % 2 == 0:
         raise InputError("stamp_pixels", imager.knobs.stamp_pixels, unit="px", allowed="an odd number")
     masked, clear = imager.stamp_axis(masked=True), imager.stamp_axis(masked=False)
     return Psf(
         band=band,
-        on_axis=imager.image(masked, masked),
-        off_axis=imager.image(clear, clear),
+        on_axis=imager.image(masked, masked, engine=engine),
+        off_axis=imager.image(clear, clear, engine=engine),
         pixel_scale_arcsec=imager.pixel_scale_arcsec,
         knobs=imager.knobs,
         imager=imager,
         instrument=instrument,
+        spectrum=light,
     )
 
 
@@ -141,12 +223,13 @@ def wide_on_axis(
     shape: tuple[int, int],
     star_pixel: tuple[float, float],
     *,
+    star_arcsec: tuple[float, float] = (0.0, 0.0),
     wavelength_nodes: int = 3,
 ) -> FloatArray:
     """Masked star over a whole frame: one node per pixel, for display and for whole-frame saturation.
 
-    The step mask has no phase screens here, so its own steps are the exact pupil sampling. One node per pixel makes
-    up to 5 % of error on the steepest pixels; three wavelengths leave the far wings (beyond 3 arcsec) grainier than
+    Steps and static wavefront are constant on the pupil grid, so its sampling is exact. One node per pixel makes up
+    to 5 % of error on the steepest pixels; three wavelengths leave the far wings (beyond 3 arcsec) grainier than
     the light itself is.
 
     Parameters
@@ -158,7 +241,9 @@ def wide_on_axis(
     shape : tuple of int
         Rows and columns of the frame.
     star_pixel : tuple of float
-        Row and column of the star.
+        Row and column of the centre of the mask.
+    star_arcsec : tuple of float
+        Place of the star relative to that, x and y.
     wavelength_nodes : int
         Wavelengths over the band.
 
@@ -166,9 +251,9 @@ def wide_on_axis(
     -------
     ndarray, shape ``shape``
     """
-    imager = build_imager(instrument, band, Knobs(pupil_samples=64, wavelength_nodes=wavelength_nodes, pixel_nodes=1))
+    imager = build_imager(instrument, band, Knobs(wavelength_nodes=wavelength_nodes, pixel_nodes=1))
     y, x = (
         imager.axis(centred_axis(n, imager.pixel_scale_arcsec, centre), masked=True)
         for n, centre in zip(shape, star_pixel, strict=True)
     )
-    return imager.image(y, x)
+    return imager.image(y, x, source_arcsec=star_arcsec)

@@ -1,4 +1,9 @@
-"""Where the focal plane is sampled: Gauss-Legendre nodes in the open part of every pixel."""
+"""Where the focal plane is sampled: a few nodes for the open part of every pixel, jitter of the pointing included.
+
+An interval of the detector behind the mask sees the image averaged over the interval and over the pointing, that is
+with the density of the interval convolved with a Gaussian. A Gauss rule for this density (Golub & Welsch 1969) has
+positive weights, stays local, and makes the incoherent sum over the jitter free. Without jitter it is Gauss-Legendre.
+"""
 
 from __future__ import annotations
 
@@ -7,9 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["PixelAxis", "integrate_pixels", "pixel_axis"]
+__all__ = ["PixelAxis", "box_gauss_rule", "integrate_pixels", "pixel_axis"]
 
 FloatArray = NDArray[np.float64]
+BOX_POINTS, GAUSS_POINTS = 24, 24  # of the discrete measure behind a rule: exact for its first moments
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,7 +25,7 @@ class PixelAxis:
     Attributes
     ----------
     nodes_arcsec : ndarray, shape (k,)
-        Ascending positions relative to the star.
+        Positions relative to the star, pixel after pixel.
     weights : ndarray, shape (k,)
         Fractions of a pixel; those of a wholly open pixel sum to one.
     pixels : ndarray of int, shape (p,)
@@ -36,14 +42,55 @@ class PixelAxis:
     starts: NDArray[np.intp]
     n_pixels: int
 
+    @property
+    def open_fraction(self) -> FloatArray:
+        """Open part of every pixel, shape (n_pixels,)."""
+        fraction = np.zeros(self.n_pixels)
+        if self.pixels.size:
+            fraction[self.pixels] = np.add.reduceat(self.weights, self.starts)
+        return fraction
+
+
+def box_gauss_rule(n_nodes: int, width: float, sigma: float) -> tuple[FloatArray, FloatArray]:
+    """Gauss rule for a box of ``width`` convolved with a normal density of standard deviation ``sigma``.
+
+    Returns
+    -------
+    nodes, weights : ndarray, shape (n_nodes,)
+        Symmetric about 0; weights sum to 1. Exact for polynomials up to degree ``2 n_nodes - 1``.
+    """
+    points, masses = np.polynomial.legendre.leggauss(BOX_POINTS)
+    points, masses = 0.5 * width * points, 0.5 * masses
+    if sigma > 0:
+        normal, normal_masses = np.polynomial.hermite_e.hermegauss(GAUSS_POINTS)
+        points = np.add.outer(points, sigma * normal).ravel()
+        masses = np.multiply.outer(masses, normal_masses / normal_masses.sum()).ravel()
+    scale = float(np.abs(points).max()) or 1.0
+    t = points / scale
+    before, now, norm = np.zeros(t.size), np.ones(t.size), 1.0
+    off_diagonal: list[float] = []
+    for _ in range(n_nodes - 1):  # monic orthogonal polynomials; the density is even, so the diagonal is zero
+        last = off_diagonal[-1] if off_diagonal else 0.0
+        before, now = now, t * now - last * before
+        norm, previous = float(masses @ now**2), norm
+        off_diagonal.append(norm / previous)
+    jacobi = np.diag(np.sqrt(off_diagonal), 1)
+    nodes, vectors = np.linalg.eigh(jacobi + jacobi.T)
+    return scale * nodes, vectors[0] ** 2
+
 
 def pixel_axis(
-    centres_arcsec: FloatArray, pixel_arcsec: float, n_nodes: int, half_width_arcsec: float = 0.0
+    centres_arcsec: FloatArray,
+    pixel_arcsec: float,
+    n_nodes: int,
+    half_width_arcsec: float = 0.0,
+    jitter_arcsec: float = 0.0,
 ) -> PixelAxis:
     """Nodes of an axis with a hard bar ``|x| < half_width_arcsec`` in front of it.
 
-    A pixel that the edge of the bar cuts gets its Gauss-Legendre nodes on the open part, so the area behind the
-    bar is exact to rounding and the quadrature error is that of an uncut pixel.
+    A pixel that the edge of the bar cuts gets the nodes of its open part, so the area behind the bar is exact to
+    rounding and the quadrature error is that of an uncut pixel. With jitter the nodes reach a little beyond the
+    pixel, also behind the bar: it is the star that moves.
 
     Parameters
     ----------
@@ -52,11 +99,12 @@ def pixel_axis(
     pixel_arcsec : float
         Pixel size.
     n_nodes : int
-        Gauss-Legendre nodes per open interval.
+        Nodes per open interval.
     half_width_arcsec : float
         Half width of the bar, 0 for none.
+    jitter_arcsec : float
+        Standard deviation of the pointing along this axis.
     """
-    base, base_weights = np.polynomial.legendre.leggauss(n_nodes)
     low, high = centres_arcsec - pixel_arcsec / 2, centres_arcsec + pixel_arcsec / 2
     if half_width_arcsec > 0:
         left = np.stack([low, np.minimum(high, -half_width_arcsec)], axis=1)
@@ -68,8 +116,11 @@ def pixel_axis(
     length = intervals[:, 1] - intervals[:, 0]
     keep = length > 1e-9 * pixel_arcsec
     intervals, owner, length = intervals[keep], owner[keep], length[keep]
-    nodes = intervals.mean(axis=1)[:, None] + 0.5 * length[:, None] * base
-    weights = 0.5 * length[:, None] / pixel_arcsec * base_weights
+    distinct, kind = np.unique(np.round(length / pixel_arcsec, 9), return_inverse=True)
+    rules = [box_gauss_rule(n_nodes, part * pixel_arcsec, jitter_arcsec) for part in distinct]
+    offsets, shares = (np.array([rule[i] for rule in rules]).reshape(-1, n_nodes) for i in (0, 1))
+    nodes = intervals.mean(axis=1)[:, None] + offsets[kind]
+    weights = length[:, None] / pixel_arcsec * shares[kind]
     pixels, first = np.unique(owner, return_index=True)
     return PixelAxis(nodes.ravel(), weights.ravel(), pixels, first * n_nodes, low.size)
 

@@ -1,8 +1,9 @@
 """Where `PsfMetrics` come from: shipped files for the default instrument, a cache for any other.
 
-``python -m simulator.imaging.store --rebuild`` measures the shipped files anew. A file is valid for a content key:
-the apodizer's values, telescope, geometry of mask and hole, pixel scale, band edges and spectral slope of the drift;
-not detector noise, optical transmission or the size of the drift.
+``python -m simulator.imaging.store --rebuild`` digs the shipped dark holes and measures the shipped metrics anew. A
+file is valid for a content key: the apodizer's values, telescope, geometry of mask and hole, static wavefront, mirror
+and its control, jitter, pixel scale, band edges and spectral slope of the drift; not detector noise, optical
+transmission or the size of the drift.
 """
 
 from __future__ import annotations
@@ -22,35 +23,43 @@ from numpy.typing import NDArray
 from simulator.arrays import read_npz, write_npz
 from simulator.cache import compute_once
 from simulator.config import Instrument, content_hash, load_instrument
-from simulator.imaging.apodizer import load_apodizer
+from simulator.imaging.deformable_mirror import load_dm_surface
+from simulator.imaging.hole_store import SCHEMA as HOLE_SCHEMA
+from simulator.imaging.hole_store import configured_apodizer, shipped_hole, to_arrays
 from simulator.imaging.metrics import PsfMetrics
 from simulator.knobs import Knobs
 
 __all__ = ["main", "metrics_key", "psf_metrics", "rebuild"]
 
-SCHEMA = 4  # raise when the meaning of a stored number or the optical model changes
+SCHEMA = 5  # raise when the meaning of a stored number or the optical model changes
+SHIPPED_HOLES = ("cpic_default", "cpic_2q", "cpic_single_jacobian")
 
 
 def metrics_key(instrument: Instrument, band: str) -> str:
     """Content key of a band's metrics, 16 hex digits."""
     configuration = instrument.band(band)
-    mask = load_apodizer(instrument.coronagraph.apodizer)
-    coronagraph = instrument.coronagraph.model_dump(mode="json", exclude={"apodizer"})
+    mask = configured_apodizer(instrument)
     edges: Any = [configuration.center_nm, configuration.width_nm]
     if configuration.transmission_file is not None:
         from simulator.passbands import Passbands
 
         nodes = Passbands.from_instrument(instrument).wavelength_nodes(band, Knobs().wavelength_nodes)
         edges = [*edges, *(part.tolist() for part in nodes)]
+    surface = instrument.dark_hole.surface_files.get(band)
     return content_hash({
-        "schema": SCHEMA,
+        "schema": [SCHEMA, HOLE_SCHEMA],
         "fields": [field.name for field in fields(PsfMetrics)],
         "band": band,
         "edges": edges,
         "apodizer": hashlib.sha256(mask.astype("<f8").tobytes()).hexdigest(),
         "telescope": instrument.telescope.model_dump(mode="json"),
-        "coronagraph": coronagraph,
-        "pixel_scale_arcsec": instrument.detector.pixel_scale_arcsec,
+        "geometry": [instrument.hole_inner_arcsec(band), instrument.hole_outer_arcsec(band),
+                     instrument.mask_half_width_arcsec(band), instrument.aperture_radius_arcsec(band),
+                     instrument.pixel_scale_arcsec(band)],
+        "wavefront": instrument.wavefront.model_dump(mode="json"),
+        "mirror": instrument.mirror.model_dump(mode="json"),
+        "dark_hole": instrument.dark_hole.model_dump(mode="json", exclude={"surface_files"}),
+        "surface": surface and hashlib.sha256(load_dm_surface(surface).astype("<f8").tobytes()).hexdigest(),
         "psd_slope": instrument.drift.psd_slope,
         "knobs": Knobs().model_dump(mode="json"),
     })  # fmt: skip
@@ -78,16 +87,33 @@ def psf_metrics(instrument: Instrument, band: str) -> PsfMetrics:
 
 
 def _measure(instrument: Instrument, band: str) -> dict[str, NDArray[Any]]:
-    from simulator.imaging.imager import build_imager
+    from simulator.imaging.build import build_imager
     from simulator.imaging.measure import measure_metrics
 
     return measure_metrics(build_imager(instrument, band), instrument.drift.psd_slope).to_arrays()
 
 
-def rebuild(folder: str | Path) -> list[Path]:
-    """Measure and write the metrics of every visible band of the default instrument."""
-    instrument = load_instrument()
+def rebuild(folder: str | Path, *, holes: bool = True) -> list[Path]:
+    """Dig and write the dark holes of the shipped instruments, then measure the metrics of the default one.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Where to write.
+    holes : bool
+        Dig the holes anew; False keeps the shipped ones.
+    """
+    from simulator.imaging.build import dig
+
     written = []
+    for preset in SHIPPED_HOLES if holes else ():
+        instrument = load_instrument(preset)
+        for band in instrument.visible_bands():
+            state, key = dig(instrument, band)
+            path = Path(folder) / shipped_hole(instrument, band).name
+            write_npz(path, to_arrays(state) | {"key": np.asarray(key)})
+            written.append(path)
+    instrument = load_instrument()
     for band in instrument.visible_bands():
         path = Path(folder) / f"metrics_{band}.npz"
         write_npz(path, _measure(instrument, band) | {"key": np.asarray(metrics_key(instrument, band))})
@@ -96,13 +122,14 @@ def rebuild(folder: str | Path) -> list[Path]:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Rebuild the shipped metrics."""
+    """Rebuild the shipped files."""
     parser = argparse.ArgumentParser(prog="python -m simulator.imaging.store", description=__doc__)
     parser.add_argument("--rebuild", action="store_true", required=True, help="measure and write every band")
+    parser.add_argument("--keep-holes", action="store_true", help="measure the metrics only")
     parser.add_argument("--out", type=Path, default=_shipped("x").parent, help="folder (the package's data)")
     options = parser.parse_args(argv)
     began = time.perf_counter()
-    for path in rebuild(options.out):
+    for path in rebuild(options.out, holes=not options.keep_holes):
         print(f"{path.name}: {path.stat().st_size / 1e3:.0f} kB, {time.perf_counter() - began:.1f} s")
     return 0
 

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from catalogs.errors import InputError
 from simulator.quantities import check_finite, check_number
 
-__all__ = ["detector_to_sky", "sky_to_detector"]
+__all__ = ["detector_to_sky", "sky_to_detector", "wcs_keywords"]
 
 
 def sky_to_detector(
@@ -79,6 +79,51 @@ def detector_to_sky(
     pa = np.mod(np.rad2deg(np.arctan2(_parity(parity) * x, y)) + roll, 360.0)
     # A tiny negative angle rounds to 360 itself.
     return np.hypot(x, y), np.where(pa == 360.0, 0.0, pa)
+
+
+def wcs_keywords(
+    pixel_scale_arcsec: float,
+    star_pixel: tuple[float, float],
+    star_deg: tuple[float | None, float | None],
+    *,
+    roll_deg: float = 0.0,
+    parity: int = -1,
+) -> dict[str, float | str]:
+    """World coordinates of an image: the FITS keywords that say what `sky_to_detector` does.
+
+    Parameters
+    ----------
+    pixel_scale_arcsec : float
+        Pixel.
+    star_pixel : tuple of float
+        Column and row of the star, counted from 0.
+    star_deg : tuple of float or None
+        Right ascension and declination of the star. If unknown the axes are offsets from the star in degrees toward
+        east and north (``CTYPE`` ``EAST`` and ``NORTH``).
+    roll_deg : float
+        Rotation of the sky on the detector.
+    parity : {-1, +1}
+        Orientation of the detector.
+    """
+    step = pixel_scale_arcsec / 3600.0
+    angle = np.deg2rad(check_number("roll_deg", roll_deg, "deg"))
+    sine, cosine, flip = float(np.sin(angle)), float(np.cos(angle)), _parity(parity)
+    known = star_deg[0] is not None and star_deg[1] is not None
+    return {
+        "CTYPE1": "RA---TAN" if known else "EAST",
+        "CTYPE2": "DEC--TAN" if known else "NORTH",
+        "CUNIT1": "deg",
+        "CUNIT2": "deg",
+        "CRPIX1": star_pixel[0] + 1.0,
+        "CRPIX2": star_pixel[1] + 1.0,
+        "CRVAL1": float(star_deg[0] or 0.0) if known else 0.0,
+        "CRVAL2": float(star_deg[1] or 0.0) if known else 0.0,
+        # east = parity x cos(roll) + y sin(roll), north = y cos(roll) - parity x sin(roll)
+        "CD1_1": flip * step * cosine,
+        "CD1_2": step * sine,
+        "CD2_1": -flip * step * sine,
+        "CD2_2": step * cosine,
+    }
 
 
 def _parity(parity: int) -> int:

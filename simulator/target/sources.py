@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeAlias, overload
+from typing import Any, NamedTuple, TypeAlias, overload
 
 import numpy as np
 
 from catalogs.errors import InputError
 from simulator.config import Instrument, Scene, load_instrument, load_scene
+from simulator.config.extended import ExtendedSource
 from simulator.config.geometry import place
 from simulator.config.keys import at
 from simulator.config.scene_table import StarColumns, is_table, scenes_from_table
@@ -20,7 +21,7 @@ from simulator.target.planet_light import LitPlanet
 from simulator.target.positions import sky_to_detector
 from simulator.target.source_table import Kind, SourceBatch, SourceTable, SpectralSource
 
-__all__ = ["Source", "scene_sources", "spectrum_generator"]
+__all__ = ["ExtendedRate", "Source", "extended_rates", "scene_sources", "spectrum_generator"]
 
 SceneLike: TypeAlias = Scene | Mapping[str, Any] | str | Path
 
@@ -102,6 +103,43 @@ def _band_sources(scene: Scene, instrument: Instrument, band: str, roll_deg: flo
         else:
             found.append(Source(*where, area * row.light.rate_e_s_cm2(passband), flags=row.light.flags()))
     return tuple(found)
+
+
+class ExtendedRate(NamedTuple):
+    """An extended source in one band.
+
+    Attributes
+    ----------
+    source : ExtendedSource
+        A disc, ring or image.
+    rate_e_s : float
+        Detected electrons per second of all its light before the PSF.
+    contrast : float
+        The same over the central star's.
+    """
+
+    source: ExtendedSource
+    rate_e_s: float
+    contrast: float
+
+
+def extended_rates(scene: Scene, instrument: Instrument, band: str) -> tuple[ExtendedRate, ...]:
+    """Rates of the extended sources of a scene in one band: ``contrast`` times that of the central star.
+
+    Raises
+    ------
+    InputError
+        For an unknown band, or a spectrum of the star that does not cover it.
+    """
+    if not scene.extended:
+        return ()
+    passbands = Passbands.from_instrument(instrument)
+    star = LitStar(scene.cstar, "scene.cstar").rate_e_s_cm2(passbands.bands[passbands.index(band)])
+    star *= instrument.telescope.area_cm2
+    contrasts = [source.contrast_to(scene.cstar.v_mag) for source in scene.extended]
+    return tuple(
+        ExtendedRate(source, star * part, part) for source, part in zip(scene.extended, contrasts, strict=True)
+    )
 
 
 @overload

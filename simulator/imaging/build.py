@@ -1,0 +1,194 @@
+"""The optical model of a band, put together from the configuration."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalogs.errors import InputError
+from catalogs.spectra import Spectrum, load_reference_spectrum
+from simulator.config.instrument import Instrument
+from simulator.imaging.aberrations import Aberrations, draw_aberrations, flat_aberrations
+from simulator.imaging.apodizer import upsample
+from simulator.imaging.deformable_mirror import DeformableMirror, load_dm_surface
+from simulator.imaging.dark_hole import HoleResult
+from simulator.imaging.hole_store import configured_apodizer, hole_key, hole_state, search
+from simulator.imaging.hole_zone import HoleZone
+from simulator.imaging.imager import Imager
+from simulator.knobs import Knobs, resolve_knobs
+from simulator.passbands import Passbands
+from simulator.rng import stream
+
+__all__ = [
+    "aberrations_of",
+    "bare_imager",
+    "build_imager",
+    "configured_mirror",
+    "dark_hole_of",
+    "dig",
+    "static_wavefront",
+]
+
+FloatArray = NDArray[np.float64]
+MAX_SAMPLES = 2048
+
+
+def configured_mirror(instrument: Instrument) -> DeformableMirror:
+    """The mirror of an instrument."""
+    return DeformableMirror(**{name: getattr(instrument.mirror, name) for name in type(instrument.mirror).model_fields})
+
+
+def aberrations_of(instrument: Instrument) -> Aberrations | None:
+    """Static aberrations of an instrument without its mirror; None if it has none."""
+    wavefront = instrument.wavefront
+    if wavefront.perfect:
+        return None
+    return draw_aberrations(
+        wavefront.seed,
+        samples=wavefront.samples,
+        opd_rms_nm=wavefront.opd_rms_nm,
+        amplitude_rms=wavefront.amplitude_rms,
+        psd_slope=wavefront.psd_slope,
+    )
+
+
+def bare_imager(
+    instrument: Instrument, band: str, fidelity: str | Knobs = "standard", *, spectrum: Spectrum | None = None
+) -> Imager:
+    """Optical model without aberrations and mirror: apodizer, cross, pixels and jitter.
+
+    Parameters
+    ----------
+    instrument : Instrument
+    band : str
+    fidelity : str or Knobs
+    spectrum : Spectrum, optional
+        Photon spectrum that weights the wavelengths; the Sun's if omitted.
+
+    Raises
+    ------
+    InputError
+        For an unknown band or fidelity, a spectrum that does not cover the band, or an apodizer whose steps and the
+        grid of the static wavefront have no common grid of at most 2048 samples.
+    """
+    knobs = resolve_knobs(fidelity)
+    instrument.band(band)
+    passbands = Passbands.from_instrument(instrument)
+    light = load_reference_spectrum("sun") if spectrum is None else spectrum
+    wavelength_nm, weights = passbands.wavelength_nodes(band, knobs.wavelength_nodes, spectrum=light)
+    apodizer = configured_apodizer(instrument)
+    zone = HoleZone(
+        instrument.hole_inner_arcsec(band),
+        instrument.hole_outer_arcsec(band),
+        instrument.dark_hole.mode,
+        instrument.dark_hole.side,
+    )
+    return Imager(
+        band=band,
+        wavelengths_m=wavelength_nm * 1e-9,
+        weights=weights,
+        diameter_m=instrument.telescope.diameter_m,
+        transmission=upsample(apodizer, _grid(len(apodizer), instrument, knobs)),
+        pixel_scale_arcsec=instrument.pixel_scale_arcsec(band),
+        mask_half_width_arcsec=instrument.mask_half_width_arcsec(band),
+        aperture_radius_arcsec=instrument.aperture_radius_arcsec(band),
+        zone=zone,
+        lambda_d_arcsec=instrument.lambda_d_arcsec(band),
+        knobs=knobs,
+        jitter_arcsec=instrument.wavefront.jitter_mas * 1e-3,
+    )
+
+
+def build_imager(
+    instrument: Instrument, band: str, fidelity: str | Knobs = "standard", *, spectrum: Spectrum | None = None
+) -> Imager:
+    """Optical model of one band of an instrument, aberrations and mirror included.
+
+    Parameters
+    ----------
+    instrument : Instrument
+    band : str
+    fidelity : str or Knobs
+        ``quick``, ``standard``, ``reference``, or the settings themselves. The pupil grid has at least
+        ``pupil_samples`` samples: the next multiple of the steps of apodizer and static wavefront.
+    spectrum : Spectrum, optional
+        Photon spectrum that weights the wavelengths; the Sun's if omitted. Between stars of type F and K the core
+        throughput changes by less than 1e-3 of itself.
+
+    Raises
+    ------
+    InputError
+        As `bare_imager`, or for an unusable surface of the mirror.
+    """
+    bare = bare_imager(instrument, band, fidelity, spectrum=spectrum)
+    static = static_wavefront(instrument, band)
+    if static is None:
+        return bare
+    return replace(bare, static=static.upsampled(len(bare.transmission)))
+
+
+def static_wavefront(instrument: Instrument, band: str) -> Aberrations | None:
+    """Aberrations with the mirror as it stands in one band; None if both are flat."""
+    aberrations, control = aberrations_of(instrument), instrument.dark_hole.control
+    if control == "off":
+        return aberrations
+    if control == "surface":
+        path = instrument.dark_hole.surface_files.get(band)
+        if path is None:
+            raise InputError("dark_hole.surface_files", band, allowed="a surface for every band in use")
+        surface = load_dm_surface(path)
+        samples = math.lcm(len(surface), instrument.wavefront.samples)
+        if samples > MAX_SAMPLES:
+            raise InputError("dark_hole.surface_files", path,
+                             allowed=f"a map that shares a grid with the {instrument.wavefront.samples} samples of "
+                             "the static wavefront", hint=f"it has {len(surface)} samples a side")  # fmt: skip
+        return (aberrations or flat_aberrations(instrument.wavefront.samples)).upsampled(samples).plus_opd(
+            2.0 * upsample(surface, samples))  # fmt: skip
+    solver, aberrations, mirror = _bench(instrument, band)
+    state = hole_state(instrument, band, solver, aberrations, mirror)
+    if instrument.wavefront.perfect and not state.commands_nm.any():
+        return None
+    samples = len(solver.transmission)
+    commands = mirror.realise(state.commands_nm, stream(instrument.wavefront.seed, "mirror_noise", band))
+    return aberrations.plus_opd(mirror.opd_nm(commands, samples))
+
+
+def dark_hole_of(instrument: Instrument, band: str) -> HoleResult:
+    """Dark hole of one band: shipped, cached or dug now; see `simulator.imaging.hole_store.hole_state`.
+
+    Raises
+    ------
+    InputError
+        If the instrument's mirror is off or loaded from a file, or the band is unknown.
+    """
+    if instrument.dark_hole.control in ("off", "surface"):
+        raise InputError("dark_hole.control", instrument.dark_hole.control, allowed="conjugation, single_jacobian")
+    return hole_state(instrument, band, *_bench(instrument, band))
+
+
+def dig(instrument: Instrument, band: str) -> tuple[HoleResult, str]:
+    """Search for the hole of one band whatever is stored, and the key to store it under."""
+    bench = _bench(instrument, band)
+    return search(instrument, *bench), hole_key(instrument, bench[0])
+
+
+def _bench(instrument: Instrument, band: str) -> tuple[Imager, Aberrations, DeformableMirror]:
+    """What the search for a hole works with: bare optics, aberrations on their grid, mirror."""
+    solver = bare_imager(instrument, band, Knobs(wavelength_nodes=5))
+    aberrations = aberrations_of(instrument) or flat_aberrations(instrument.wavefront.samples)
+    return solver, aberrations.upsampled(len(solver.transmission)), configured_mirror(instrument)
+
+
+def _grid(steps: int, instrument: Instrument, knobs: Knobs) -> int:
+    """Samples across the pupil: a multiple of the steps of apodizer and static wavefront, as many as asked."""
+    flat = instrument.wavefront.perfect and instrument.dark_hole.control == "off"
+    common = steps if flat else math.lcm(steps, instrument.wavefront.samples)
+    samples = common * max(1, math.ceil(knobs.pupil_samples / common))
+    if samples > MAX_SAMPLES:
+        raise InputError("wavefront.samples", instrument.wavefront.samples,
+                         allowed=f"a grid that shares one of at most {MAX_SAMPLES} samples with the {steps} steps of "
+                         "the apodizer", hint="set coronagraph.apodizer_samples to that number")  # fmt: skip
+    return samples

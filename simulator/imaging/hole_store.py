@@ -1,0 +1,137 @@
+"""Where dark holes come from: shipped states for the shipped instruments, a cache for any other.
+
+A state is valid for a content key: apodizer, telescope, band, zone, static wavefront, mirror and control, but not the
+resolution and noise of the mirror's electronics, which act on the finished command.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+from dataclasses import astuple, fields, replace
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from simulator.arrays import read_npz
+from simulator.cache import compute_once
+from simulator.config import Instrument, content_hash
+from simulator.imaging.aberrations import Aberrations
+from simulator.imaging.apodizer import disc_coverage, load_apodizer
+from simulator.imaging.conjugation import ControlSettings, HoleMethod, Search
+from simulator.imaging.dark_hole import (
+    DarkHole,
+    HoleResult,
+    HoleScore,
+    UnreachedHole,
+    default_settings,
+    solve_dark_hole,
+)
+from simulator.imaging.deformable_mirror import DeformableMirror
+from simulator.imaging.imager import Imager
+
+__all__ = ["configured_apodizer", "from_arrays", "hole_key", "hole_state", "search", "shipped_hole", "to_arrays"]
+
+_LOG = logging.getLogger(__name__)
+SCHEMA = 1  # raise when the search or the meaning of a stored number changes
+METHOD: dict[str, HoleMethod] = {"conjugation": "relinearised", "single_jacobian": "single_jacobian"}
+
+
+def _settings(instrument: Instrument) -> ControlSettings:
+    hole = instrument.dark_hole
+    return replace(default_settings(hole.mode, METHOD[hole.control]), bandwidth=hole.bandwidth)
+
+
+def configured_apodizer(instrument: Instrument) -> NDArray[np.float64]:
+    """Amplitude transmission of an instrument's apodizer on its own steps, nothing beyond the rim of the clear disc."""
+    coronagraph = instrument.coronagraph
+    mask = load_apodizer(coronagraph.apodizer, kind=coronagraph.apodizer_kind, samples=coronagraph.apodizer_samples)
+    return mask * disc_coverage(len(mask))
+
+
+def hole_key(instrument: Instrument, solver: Imager) -> str:
+    """Content key of the state of one band, 16 hex digits.
+
+    Parameters
+    ----------
+    instrument : Instrument
+    solver : Imager
+        Bare optical model on the grid of the search.
+    """
+    return content_hash({
+        "schema": SCHEMA,
+        "band": solver.band,
+        "transmission": hashlib.sha256(solver.transmission.astype("<f8").tobytes()).hexdigest(),
+        "wavelengths": [*solver.wavelengths_m.tolist(), *solver.weights.tolist()],
+        "optics": [solver.diameter_m, solver.lambda_d_arcsec, solver.aperture_radius_arcsec, *astuple(solver.zone)],
+        "wavefront": instrument.wavefront.model_dump(mode="json", exclude={"jitter_mas"}),
+        "mirror": instrument.mirror.model_dump(mode="json", exclude={"bits", "noise_nm"}),
+        "settings": astuple(_settings(instrument)),
+    })  # fmt: skip
+
+
+def shipped_hole(instrument: Instrument, band: str) -> Path:
+    """File of a shipped state: one per band, mode and control."""
+    name = f"hole_{band}_{instrument.dark_hole.mode}_{instrument.dark_hole.control}.npz"
+    return Path(str(files("simulator.imaging") / "data" / name))
+
+
+def hole_state(
+    instrument: Instrument, band: str, solver: Imager, aberrations: Aberrations, mirror: DeformableMirror
+) -> HoleResult:
+    """State of the mirror in one band: from the shipped file, the cache, or a new search.
+
+    A search takes 5 to 60 s and says so once. A hole that was not reached is an `UnreachedHole`, with a warning.
+    """
+    key = hole_key(instrument, solver)
+    path = shipped_hole(instrument, band) if band.isalnum() else None
+    arrays = read_npz(path) if path is not None and path.is_file() else {}
+    if str(arrays.get("key", "")) != key:
+        arrays = compute_once(f"hole-{key}", lambda: to_arrays(search(instrument, solver, aberrations, mirror)))
+    state = from_arrays(arrays, solver)
+    if isinstance(state, UnreachedHole):
+        _LOG.warning("dark hole not reached: %s", state.reason)
+    return state
+
+
+def search(instrument: Instrument, solver: Imager, aberrations: Aberrations, mirror: DeformableMirror) -> HoleResult:
+    """Dig the hole of one band now."""
+    zone = solver.zone
+    _LOG.warning("digging the dark hole of %s (%s) once: up to a minute", solver.band, zone.mode)
+    return solve_dark_hole(solver, aberrations, mirror, mode=zone.mode, side=zone.side, settings=_settings(instrument))
+
+
+def to_arrays(state: HoleResult) -> dict[str, NDArray[Any]]:
+    """Everything that an npz file needs to hold a state."""
+    scores = np.array([astuple(score) for score in (state.before, state.wide, state.own)])
+    return {
+        "commands_nm": state.commands_nm,
+        "scores": scores,
+        "history": np.array(state.search.history),
+        "strong": np.array(state.search.strong, dtype=bool),
+        "ended": np.asarray(state.search.ended),
+        "method": np.asarray(state.method),
+        "limit_contrast": np.asarray(state.limit_contrast),
+    }
+
+
+def from_arrays(arrays: dict[str, NDArray[Any]], solver: Imager) -> HoleResult:
+    """Inverse of `to_arrays`."""
+    commands = np.array(arrays["commands_nm"], dtype=np.float64)
+    commands.flags.writeable = False
+    search = Search(
+        commands,
+        tuple(float(value) for value in arrays["history"]),
+        tuple(bool(value) for value in arrays["strong"]),
+        str(arrays["ended"]),  # type: ignore[arg-type]
+    )
+    names = [field.name for field in fields(HoleScore)]
+    before, wide, own = (
+        HoleScore(**dict(zip(names, (float(value) for value in row), strict=True))) for row in arrays["scores"]
+    )
+    limit = float(arrays["limit_contrast"])
+    kind = DarkHole if wide.mean <= limit else UnreachedHole
+    return kind(solver.band, solver.zone, str(arrays["method"]), commands, search, before, wide, own, limit)  # type: ignore[arg-type]
