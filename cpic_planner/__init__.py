@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     )
     from cpic_planner.targets import load_targets
     from simulator import (
+        ExternalPsf,
         Instrument,
         Knobs,
         NotOk,
@@ -44,11 +45,14 @@ if TYPE_CHECKING:
         SceneStar,
         Status,
         lambert_phase,
+        load_dm_surface,
         load_instrument,
+        load_psf,
         load_scene,
         observe,
         planet_albedo,
         planet_contrast,
+        save_psf,
         scenes_from_table,
         single_band_psf,
         spectrum_generator,
@@ -63,6 +67,7 @@ _HOME = {
 }  # fmt: skip
 
 __all__ = [
+    "ExternalPsf",
     "InputError",
     "Instrument",
     "Knobs",
@@ -81,7 +86,9 @@ __all__ = [
     "contrast_limit",
     "exposure_time",
     "lambert_phase",
+    "load_dm_surface",
     "load_instrument",
+    "load_psf",
     "load_scene",
     "load_targets",
     "make_plan",
@@ -90,6 +97,7 @@ __all__ = [
     "planet_albedo",
     "planet_contrast",
     "rank_targets",
+    "save_psf",
     "scenes_from_table",
     "signal_to_noise",
     "single_band_psf",

@@ -195,7 +195,7 @@ def _best_at(
         peak_columns_e_s=at(rates.peak_columns_e_s),
         peak_hole_e_s=at(rates.peak_hole_e_s),
         tail_e_s=at(rates.tail_e_s),
-        core_throughput=metrics.core_throughput(*diagonal(fine))[best],
+        core_throughput=metrics.core_throughput(*diagonal(metrics.zone, fine))[best],
     )
 
 
@@ -203,7 +203,7 @@ def _rates(
     model: EtcModel, targets: Targets, band: str, separation: FloatArray, planet: ReferencePlanet, time_s: ArrayLike
 ) -> tuple[ApertureRates, FloatArray]:
     """Rates and contrasts of the reference planet, shape ``(n_star, n_separation)``."""
-    x, y = diagonal(separation)
+    x, y = diagonal(model.metrics[band].zone, separation)
     contrast = np.reshape(reference_contrast(model, targets, band, separation, planet), (len(targets), len(separation)))
     rates = aperture_rates(model, targets, band, x[None, :], y[None, :], contrast, visit_s=model.visit_s(time_s))
     return rates, contrast

@@ -9,22 +9,31 @@ import numpy as np
 
 from catalogs.errors import InputError
 from simulator.config import Instrument
+from simulator.imaging.hole_zone import HoleZone
 from simulator.outcome import Reason, Status
+from simulator.target.positions import detector_to_sky
 
-__all__ = ["check_range", "diagonal", "locate", "usable_range_arcsec"]
+__all__ = ["check_range", "diagonal", "diagonal_pa_deg", "locate", "usable_range_arcsec"]
 
 
-def diagonal(separation_arcsec: Any) -> tuple[Any, Any]:
-    """Detector offsets of a point on the diagonal of the upper right quadrant."""
+def diagonal(zone: HoleZone, separation_arcsec: Any) -> tuple[Any, Any]:
+    """Detector offsets x and y of a point on the diagonal of one dark quadrant: the upper right one if it is dark."""
     offset = np.asarray(separation_arcsec, float) / math.sqrt(2.0)
-    return offset, offset
+    sign_x, sign_y = zone.diagonal
+    return sign_x * offset, sign_y * offset
+
+
+def diagonal_pa_deg(zone: HoleZone, parity: int) -> float:
+    """Position angle of that diagonal at roll 0."""
+    _, pa = detector_to_sky(*zone.diagonal, parity=parity)
+    return float(pa)
 
 
 def usable_range_arcsec(instrument: Instrument, band: str) -> tuple[float, float]:
     """Diagonal separations between which the whole photometric aperture lies in the controlled zone of a band."""
     radius = instrument.aperture_radius_arcsec(band)
     inner = (instrument.hole_inner_arcsec(band) + radius) * math.sqrt(2.0)
-    outer = (instrument.coronagraph.outer_half_side_arcsec - radius) * math.sqrt(2.0)
+    outer = (instrument.hole_outer_arcsec(band) - radius) * math.sqrt(2.0)
     return inner, outer
 
 

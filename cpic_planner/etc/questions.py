@@ -17,7 +17,13 @@ from cpic_planner.etc.noise import stack_noise
 from cpic_planner.etc.place import check_range, diagonal, locate
 from cpic_planner.etc.planet import ReferencePlanet, reference_contrast, reference_notes
 from cpic_planner.etc.rates import ApertureRates, aperture_rates, speckle_fraction
-from cpic_planner.etc.settings import Settings, settings_for_snr, settings_for_time, visit_lengths
+from cpic_planner.etc.settings import (
+    VISIT_LENGTHS_S,
+    Settings,
+    settings_for_snr,
+    settings_for_time,
+    visit_lengths,
+)
 from cpic_planner.etc.significance import threshold_array
 from cpic_planner.targets import Targets
 from simulator.outcome import Reason, Status
@@ -72,7 +78,7 @@ def _cases(
         if status is not Status.OK:
             yield EtcAnswer(value=None, status=status, reason=reason, message=message, **head)
             continue
-        x, y = diagonal(np.array([separation_arcsec]))
+        x, y = diagonal(model.metrics[band].zone, np.array([separation_arcsec]))
         rates = aperture_rates(model, target, band, x, y, np.array([given]))
         elements = float(model.metrics[band].resolution_elements(separation_arcsec))
         threshold = float(threshold_array(elements, model.strategy.sigma))
@@ -264,6 +270,11 @@ def _least_time(
             return _filled(case, chosen, time_s)
         fraction = float(speckle_fraction(model, place[0], model.visit_s(time_s), place[1]))
         rates = replace(rates, speckle_e_s=np.array([star_e_s * fraction]))
+    # Near the largest SNR that any visit gives, the search steps over the few lengths that suffice.
+    for length in sorted(VISIT_LENGTHS_S):
+        chosen = settings_for_time(model, _walked(model, case, length), length, exposure_s=exposure_s, em_gain=em_gain)
+        if chosen.n_frames[0] >= 1 and chosen.noise.snr[0] >= snr:
+            return _filled(case, chosen, float(chosen.time_s[0]))
     text = f"the speckle residual keeps the SNR below {snr:g}, whatever the time"
     return EtcAnswer(value=None, status=Status.UNREACHABLE, reason=Reason.SPECKLE_FLOOR, message=text, **case.answer)
 
@@ -343,7 +354,7 @@ def _limit(
     em_gain: float | None,
 ) -> EtcAnswer:
     contrast, rates = 1e-9, _walked(model, case, time_s)
-    x, y = diagonal(np.array([separation_arcsec]))
+    x, y = diagonal(model.metrics[case.answer["band"]].zone, np.array([separation_arcsec]))
     for _ in range(3):
         chosen = settings_for_time(model, rates, time_s, exposure_s=exposure_s, em_gain=em_gain)
         if chosen.n_frames[0] < 1:

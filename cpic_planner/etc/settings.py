@@ -17,11 +17,11 @@ from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.noise import StackNoise, best_gain, frame_terms, stack_noise
 from cpic_planner.etc.rates import ApertureRates
 
-__all__ = ["FRAME_MULTIPLES", "Settings", "settings_for_snr", "settings_for_time", "visit_lengths"]
+__all__ = ["FRAME_MULTIPLES", "VISIT_LENGTHS_S", "Settings", "settings_for_snr", "settings_for_time", "visit_lengths"]
 
 FloatArray = NDArray[np.float64]
 BISECTIONS = 28
-VISIT_LENGTHS_S = tuple(600.0 * 2.0**k for k in range(12))
+VISIT_LENGTHS_S = tuple(600.0 * 2.0 ** (k / 2) for k in range(23))
 """Wall times tried besides the longest allowed; fixed, so that more time never takes a choice away."""
 FRAME_MULTIPLES = (1.0, 1.15, 1.5, 2.5, 6.0)
 

@@ -6,12 +6,13 @@ import base64
 import io
 import math
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cpic_planner.etc.model import EtcModel
+from cpic_planner.etc.place import diagonal_pa_deg
 from cpic_planner.etc.planet import ReferencePlanet, reference_distance_au
 from cpic_planner.models import BandConfirmation
 from cpic_planner.optimiser import best_in_band
@@ -26,11 +27,11 @@ from simulator.config import Instrument, Planet, Scene, SceneStar
 from simulator.config.base import validate
 from simulator.config.geometry import place
 from simulator.config.scene_table import companion_of
+from simulator.imaging.psf import Psf
 from simulator.observation import Observation, observe
 from simulator.outcome import Reason, Status
 
 __all__ = [
-    "PLANET_PA_DEG",
     "ConfirmTask",
     "confirm_task",
     "decode_arrays",
@@ -40,8 +41,6 @@ __all__ = [
 ]
 
 FloatArray = NDArray[np.float64]
-PLANET_PA_DEG = 315.0
-"""Position angle of the reference planet: that of the example of Zhu et al. 2025, on a hole diagonal."""
 MAX_FRAMES = 4000
 """Frames of one sequence that are held in memory at once (0.6 GB of stamps)."""
 _REFUSALS = {
@@ -79,8 +78,13 @@ class ConfirmTask:
         return asdict(self)
 
 
-def target_scene(target: Targets, planet: ReferencePlanet, separation_arcsec: float, distance_au: float) -> Scene:
-    """Scene of one star with its reference planet, and its nearest known companion if that is near and located."""
+def target_scene(
+    target: Targets, planet: ReferencePlanet, separation_arcsec: float, distance_au: float, pa_deg: float = 315.0
+) -> Scene:
+    """Scene of one star with its reference planet, and its nearest known companion if that is near and located.
+
+    The default position angle is that of the example of Zhu et al. 2025, on a diagonal of the hole.
+    """
     name = str(target.name[0])
     star = SceneStar(
         name=name,
@@ -97,7 +101,7 @@ def target_scene(target: Targets, planet: ReferencePlanet, separation_arcsec: fl
         distance_au=distance_au,
         phase_deg=planet.phase_deg,
         separation_arcsec=separation_arcsec,
-        pa_deg=PLANET_PA_DEG,
+        pa_deg=pa_deg,
         albedo=planet.albedo,
     )
     near = companion_of(
@@ -121,6 +125,7 @@ def prepare_task(
     """Predict one band's reference planet where that band sees it best: a final refusal, or work to do."""
     best = best_in_band(model, target, band, time_s, planet)
     separation = float(best.separation_arcsec[0])
+    pa_deg = diagonal_pa_deg(model.metrics[band].zone, model.instrument.detector.parity)
     prediction = {
         "snr": float(best.snr[0]),
         "significance": float(best.significance[0]),
@@ -138,7 +143,7 @@ def prepare_task(
             reason=reason.value,
             message=_REFUSALS[status],
             separation_arcsec=separation,
-            pa_deg=PLANET_PA_DEG,
+            pa_deg=pa_deg,
             true_contrast=prediction["contrast"],
             verdict="not observed",
         )
@@ -147,7 +152,7 @@ def prepare_task(
         name=str(target.name[0]),
         band=band,
         instrument=model.instrument.model_dump(mode="json"),
-        scene=target_scene(target, planet, separation, distance).model_dump(mode="json"),
+        scene=target_scene(target, planet, separation, distance, pa_deg).model_dump(mode="json"),
         exposure_s=float(best.exposure_s[0]),
         n_frames=int(best.n_frames[0]),
         em_gain=float(best.em_gain[0]),
@@ -188,7 +193,8 @@ def confirm_task(tree: dict[str, Any]) -> dict[str, Any]:
     }
     science = observe(scene, role="science", **settings)
     reference = observe(scene.without_planets(), role="reference", **(settings | {"n_frames": task.n_reference}))
-    region = science.psf.metrics.hole
+    metrics = cast(Psf, science.psf).metrics
+    region = metrics.hole
     science_e, science_lost = _electrons(science, region)
     reference_e, reference_lost = _electrons(reference, region)
     cut = rdi_subtract(science_e, reference_e, task.n_modes, region=region, centering="temporal")
@@ -199,7 +205,7 @@ def confirm_task(tree: dict[str, Any]) -> dict[str, Any]:
     template = science.psf.at(planet.x_arcsec, planet.y_arcsec)
     weights = aperture_weights(stack.shape, x, y, radius)
     separation = place(scene.cstar, scene.planets[0]).separation_arcsec
-    annulus = science.psf.metrics.annulus(separation, task.annulus_lambda_d)
+    annulus = metrics.annulus(separation, task.annulus_lambda_d)
     throughput = cut.throughput(template, weights, background=_background(annulus, x, y, radius))
     measured = aperture_photometry(
         stack,
