@@ -25,6 +25,7 @@ __all__ = [
     "load_instrument",
 ]
 
+_FILE_KEYS = ("apodizer", "transmission_file", "surface_files")
 ARCSEC_PER_RAD = 180.0 * 3600.0 / math.pi
 
 Positive = Annotated[float, Field(gt=0)]
@@ -219,7 +220,8 @@ def load_instrument(source: str | Path | Mapping[str, Any] | None = None) -> Ins
     ----------
     source : str, Path, mapping or None
         Preset name, YAML path, or mapping; ``None`` is the default preset ``cpic_default``. A file or mapping
-        needs to hold only what differs from its ``base`` (a preset name, ``cpic_default`` if absent).
+        needs to hold only what differs from its ``base`` (a preset name, ``cpic_default`` if absent). Files that it
+        names (apodizer, mirror surfaces, band curves) are looked for beside it first.
 
     Returns
     -------
@@ -257,7 +259,7 @@ def _tree(source: str | Path | Mapping[str, Any] | None) -> dict[str, Any]:
                 allowed="a YAML file or a preset",
                 hint=f"presets: {', '.join(preset_names('instrument'))}",
             )
-        own = load_yaml(known or source)
+        own = _beside(load_yaml(known or source), Path(known or source).parent)
         if known is not None and isinstance(own, dict) and not {"bands", "base"} & set(own):
             own["bands"] = _shipped_bands()
     if not isinstance(own, dict):
@@ -272,6 +274,16 @@ def _tree(source: str | Path | Mapping[str, Any] | None) -> dict[str, Any]:
         merged["name"] = own.get("name", f"{base}+changes" if own else base)
         return merged
     return own
+
+
+def _beside(tree: Any, folder: Path, key: str = "") -> Any:
+    """Names of maps and curves that exist beside the instrument's file, made whole."""
+    if isinstance(tree, dict):
+        inherits = key in _FILE_KEYS
+        return {name: _beside(item, folder, key if inherits else name) for name, item in tree.items()}
+    if key in _FILE_KEYS and isinstance(tree, str) and (folder / tree).is_file():
+        return str(folder / tree)
+    return tree
 
 
 def _shipped_bands() -> dict[str, Any]:

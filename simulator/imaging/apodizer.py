@@ -151,6 +151,7 @@ def disc_coverage(samples: int) -> FloatArray:
     chord = np.sqrt(0.25 - ((np.arange(half * STRIPS) + 0.5) / (samples * STRIPS)) ** 2)
     covered = np.clip(chord * samples - np.arange(half)[:, None], 0.0, 1.0)
     quarter = covered.reshape(half, half, STRIPS).mean(axis=-1)
+    quarter = 0.5 * (quarter + quarter.T)
     upper = np.concatenate([quarter[:, ::-1], quarter], axis=1)
     return np.concatenate([upper[::-1], upper])
 

@@ -97,3 +97,24 @@ def test_hash_depends_on_content_only():
     assert (
         load_instrument().content_hash == load_instrument({}).model_copy(update={"name": "cpic_default"}).content_hash
     )
+
+
+def test_files_beside_the_instruments_file_are_found(tmp_path, monkeypatch):
+    import numpy as np
+
+    from simulator.arrays import write_npz
+    from simulator.imaging.apodizer import load_apodizer
+
+    folder = tmp_path / "mine"
+    folder.mkdir()
+    write_npz(folder / "mask.npz", {"transmission": np.ones((64, 64))})
+    (folder / "curve.txt").write_text("500 0.8\n540 0.8\n")
+    (folder / "mine.yaml").write_text(
+        "kind: instrument\ncoronagraph: {apodizer: {value: mask.npz, source: laboratory, confidence: A}}\n"
+        "bands: {F520: {transmission_file: curve.txt}}\n"
+    )
+    monkeypatch.chdir(tmp_path)
+    instrument = load_instrument("mine/mine.yaml")
+    assert load_apodizer(instrument.coronagraph.apodizer).shape == (64, 64)
+    assert instrument.bands["F520"].transmission_file == str(folder.relative_to(tmp_path) / "curve.txt")
+    assert load_instrument().coronagraph.apodizer == "lpx43"

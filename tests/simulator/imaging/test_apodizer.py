@@ -4,7 +4,9 @@ from astropy.io import fits
 
 from catalogs.errors import InputError
 from simulator.arrays import read_npz, write_npz
-from simulator.imaging.apodizer import load_apodizer, shipped_apodizers, upsample
+from simulator.config import load_instrument
+from simulator.imaging.apodizer import disc_coverage, load_apodizer, shipped_apodizers, upsample
+from simulator.imaging.build import bare_imager
 
 
 def test_shipped_mask_is_a_read_only_transmission_map():
@@ -128,3 +130,26 @@ def test_averaging_onto_another_grid_keeps_the_core(tmp_path):
     for bad in (7, 2050, 9):
         with pytest.raises(InputError, match="samples"):
             load_apodizer(tmp_path / "a.npz", samples=bad)
+
+
+@pytest.mark.parametrize("samples", [8, 64, 130])
+def test_coverage_is_the_area_of_the_disc(samples):
+    covered = disc_coverage(samples)
+    assert covered.mean() == pytest.approx(np.pi / 4, rel=1e-4)
+    np.testing.assert_array_equal(covered, covered.T)
+    np.testing.assert_array_equal(covered, covered[::-1])
+    centre = np.abs(np.arange(samples) - (samples - 1) / 2)
+    outer, inner = (np.hypot(centre[:, None] + part, centre + part) for part in (0.5, -0.5))
+    assert (covered[outer <= samples / 2] == 1).all()
+    assert (covered[inner >= samples / 2] == 0).all()
+
+
+def test_light_beyond_the_rim_of_a_users_map_does_not_exist(tmp_path):
+    """An open square map carries the energy of the clear disc, not 4 / pi of it."""
+    write_npz(tmp_path / "open.npz", {"transmission": np.ones((64, 64))})
+    instrument = load_instrument({"coronagraph": {"apodizer": str(tmp_path / "open.npz")},
+                                  "dark_hole": {"control": "off"}})  # fmt: skip
+    assert bare_imager(instrument, "F662").apodizer_energy == pytest.approx(1.0, abs=0.02)
+    for name in shipped_apodizers():
+        mask = load_apodizer(name)
+        np.testing.assert_array_equal(mask, mask * disc_coverage(len(mask)))
