@@ -72,13 +72,15 @@ class DarkHoleConfig(FrozenModel):
     ``control`` is ``conjugation`` (a new Jacobian at every step, with perfect knowledge of the field),
     ``single_jacobian`` (one Jacobian of the design: the less ideal state), ``surface`` (maps loaded from
     ``surface_files``, one per band), or ``off`` (the mirror stays flat). Mode ``2q`` darkens the two quadrants on
-    ``side`` of the star on the detector.
+    ``side`` of the star on the detector. ``hold_star`` keeps tip and tilt out of the search: positions are measured
+    from the star, and a search that may point the telescope moves the star away from its hole.
     """
 
     control: Literal["conjugation", "single_jacobian", "surface", "off"]
     mode: Literal["4q", "2q"]
     side: Literal["right", "left", "top", "bottom"]
     bandwidth: Annotated[float, Field(ge=0, le=0.5)]
+    hold_star: bool
     surface_files: dict[str, str]
 
     @model_validator(mode="after")

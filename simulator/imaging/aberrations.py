@@ -51,6 +51,20 @@ class Aberrations:
         """These aberrations with a mirror (twice its surface) or a screen added for good."""
         return _frozen(self.opd_nm + opd_nm, self.amplitude.copy())
 
+    def pointed(self, transmission: FloatArray) -> Aberrations:
+        """The same with the star brought to the centre: no tip and tilt where light is transmitted.
+
+        To first order in the phase the image of a point peaks where the slope of the wavefront, weighted with the
+        amplitude transmission, is zero.
+        """
+        samples = len(transmission)
+        position = (np.arange(samples) + 0.5) / samples - 0.5
+        planes = np.stack([np.ones_like(transmission), *np.meshgrid(position, position, indexing="ij")])
+        weighted = (planes * transmission).reshape(3, -1)
+        content = np.linalg.solve(weighted @ planes.reshape(3, -1).T, weighted @ self.opd_nm.ravel())
+        tilt = np.tensordot(content[1:], planes[1:], axes=1)
+        return _frozen(self.opd_nm - tilt, self.amplitude.copy())
+
     def upsampled(self, samples: int) -> Aberrations:
         """The same optics on a finer pupil grid: every sample repeated.
 

@@ -12,9 +12,9 @@ from catalogs.errors import InputError
 from catalogs.spectra import Spectrum, load_reference_spectrum
 from simulator.config.instrument import Instrument
 from simulator.imaging.aberrations import Aberrations, draw_aberrations, flat_aberrations
-from simulator.imaging.apodizer import upsample
-from simulator.imaging.deformable_mirror import DeformableMirror, load_dm_surface
+from simulator.imaging.apodizer import cell_means, upsample
 from simulator.imaging.dark_hole import HoleResult
+from simulator.imaging.deformable_mirror import DeformableMirror, load_dm_surface
 from simulator.imaging.hole_store import configured_apodizer, hole_key, hole_state, search
 from simulator.imaging.hole_zone import HoleZone
 from simulator.imaging.imager import Imager
@@ -42,17 +42,18 @@ def configured_mirror(instrument: Instrument) -> DeformableMirror:
 
 
 def aberrations_of(instrument: Instrument) -> Aberrations | None:
-    """Static aberrations of an instrument without its mirror; None if it has none."""
+    """Static aberrations of an instrument without its mirror, the star held on the mask; None if it has none."""
     wavefront = instrument.wavefront
     if wavefront.perfect:
         return None
-    return draw_aberrations(
+    drawn = draw_aberrations(
         wavefront.seed,
         samples=wavefront.samples,
         opd_rms_nm=wavefront.opd_rms_nm,
         amplitude_rms=wavefront.amplitude_rms,
         psd_slope=wavefront.psd_slope,
     )
+    return drawn.pointed(cell_means(configured_apodizer(instrument), wavefront.samples))
 
 
 def bare_imager(

@@ -11,6 +11,10 @@ hole brighter at first, and frees a one-sided search that has stalled.
 A single mirror in the pupil cannot cancel amplitude errors on both sides of the star to first order. The re-linearised
 search goes far below that limit, but it takes a perfect knowledge of the field and of the optics. ``single_jacobian``
 is the less ideal state: one Jacobian, of the mirror at rest in the design without aberrations, used to the end.
+
+The mirror does not point: steps that would move the image of a source are projected out, since the star is held on the
+mask by a loop of its own. Left free, a one-sided search pushes the star away from its dark side, by up to half a
+lambda/D, and the hole seems to begin closer to the star than it does.
 """
 
 from __future__ import annotations
@@ -60,6 +64,8 @@ class ControlSettings:
     goal_contrast : float or None
         The search also ends once the mean over the control points, relative to the present peak, is at or below
         this: going deeper costs a one-sided hole its Strehl ratio.
+    hold_star : bool
+        Leave tip and tilt alone.
     """
 
     method: HoleMethod = "relinearised"
@@ -73,6 +79,7 @@ class ControlSettings:
     strong_every: int = 5
     tolerance: float = 0.02
     goal_contrast: float | None = None
+    hold_star: bool = True
 
     def __post_init__(self) -> None:
         """Check the ranges."""
@@ -174,6 +181,16 @@ class Conjugation:
             for index, (factor, row) in enumerate(zip(self._factors, self._origin, strict=True))
         ))  # fmt: skip
 
+    def pointing_modes(self) -> FloatArray:
+        """Directions of the commands that tip and tilt the transmitted wavefront, orthonormal, shape (a * a, 2)."""
+        samples = len(self.transmission)
+        position = (np.arange(samples) + 0.5) / samples - 0.5
+        functions, modes = self._functions, []
+        for plane in (position[:, None], position[None, :]):
+            modes.append((functions.T @ (self.transmission * plane) @ functions).ravel())
+        basis: FloatArray = np.linalg.qr(np.stack(modes, axis=1) * self.mirror.alive.reshape(-1, 1))[0]
+        return basis
+
     def jacobian(self, commands_nm: FloatArray, index: int, aberrations: Aberrations | None = None) -> ComplexArray:
         """Derivative of ``fields[index]`` by each command, per nm, shape (n_y * n_x, a * a)."""
         actuators, samples = self.mirror.n_actuators, len(self.transmission)
@@ -189,9 +206,10 @@ class Conjugation:
 class _NormalEquations:
     """``J^T J`` of stacked real and imaginary parts, and ``J^T E``, over all wavelengths, for living actuators."""
 
-    def __init__(self, problem: Conjugation, method: HoleMethod) -> None:
-        self.problem = problem
+    def __init__(self, problem: Conjugation, settings: ControlSettings) -> None:
+        self.problem, method = problem, settings.method
         self.alive = problem.mirror.alive.ravel()
+        self.held = problem.pointing_modes()[self.alive] if settings.hold_star else None
         self.fixed: list[FloatArray] | None = None
         if method == "single_jacobian":
             rest = np.zeros(problem.mirror.alive.shape)
@@ -205,7 +223,10 @@ class _NormalEquations:
 
     def _real(self, jacobian: ComplexArray) -> FloatArray:
         living = jacobian if self.alive.all() else jacobian[:, self.alive]
-        return np.concatenate([living.real, living.imag])
+        parts = np.concatenate([living.real, living.imag])
+        if self.held is not None:  # steps have no part along directions that change nothing
+            parts -= (parts @ self.held) @ self.held.T
+        return parts
 
     def at(self, commands_nm: FloatArray, fields: ComplexArray) -> tuple[FloatArray, FloatArray]:
         """Matrix and right-hand side at a state."""
@@ -248,7 +269,7 @@ def conjugate(problem: Conjugation, settings: ControlSettings, start_nm: FloatAr
     Search
     """
     mirror = problem.mirror
-    equations = _NormalEquations(problem, settings.method)
+    equations = _NormalEquations(problem, settings)
     limit = mirror.stroke_nm / 2
     state = np.zeros(mirror.alive.shape) if start_nm is None else np.where(mirror.alive, start_nm, 0.0)
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import logging
+from collections.abc import Iterable
 from dataclasses import astuple, fields, replace
 from importlib.resources import files
 from pathlib import Path
@@ -33,16 +34,26 @@ from simulator.imaging.dark_hole import (
 from simulator.imaging.deformable_mirror import DeformableMirror
 from simulator.imaging.imager import Imager
 
-__all__ = ["configured_apodizer", "from_arrays", "hole_key", "hole_state", "search", "shipped_hole", "to_arrays"]
+__all__ = [
+    "configured_apodizer",
+    "from_arrays",
+    "hole_key",
+    "hole_state",
+    "rounded",
+    "search",
+    "shipped_hole",
+    "to_arrays",
+]
 
 _LOG = logging.getLogger(__name__)
-SCHEMA = 1  # raise when the search or the meaning of a stored number changes
+SCHEMA = 2  # raise when the search or the meaning of a stored number changes
 METHOD: dict[str, HoleMethod] = {"conjugation": "relinearised", "single_jacobian": "single_jacobian"}
 
 
 def _settings(instrument: Instrument) -> ControlSettings:
     hole = instrument.dark_hole
-    return replace(default_settings(hole.mode, METHOD[hole.control]), bandwidth=hole.bandwidth)
+    return replace(default_settings(hole.mode, METHOD[hole.control]), bandwidth=hole.bandwidth,
+                   hold_star=hole.hold_star)  # fmt: skip
 
 
 def configured_apodizer(instrument: Instrument) -> NDArray[np.float64]:
@@ -50,6 +61,11 @@ def configured_apodizer(instrument: Instrument) -> NDArray[np.float64]:
     coronagraph = instrument.coronagraph
     mask = load_apodizer(coronagraph.apodizer, kind=coronagraph.apodizer_kind, samples=coronagraph.apodizer_samples)
     return mask * disc_coverage(len(mask))
+
+
+def rounded(values: Iterable[float]) -> list[float]:
+    """Numbers for a key: 12 digits, so that the last bits of another library's sums do not count."""
+    return [float(f"{value:.12g}") for value in values]
 
 
 def hole_key(instrument: Instrument, solver: Imager) -> str:
@@ -65,7 +81,7 @@ def hole_key(instrument: Instrument, solver: Imager) -> str:
         "schema": SCHEMA,
         "band": solver.band,
         "transmission": hashlib.sha256(solver.transmission.astype("<f8").tobytes()).hexdigest(),
-        "wavelengths": [*solver.wavelengths_m.tolist(), *solver.weights.tolist()],
+        "wavelengths": rounded([*solver.wavelengths_m, *solver.weights]),
         "optics": [solver.diameter_m, solver.lambda_d_arcsec, solver.aperture_radius_arcsec, *astuple(solver.zone)],
         "wavefront": instrument.wavefront.model_dump(mode="json", exclude={"jitter_mas"}),
         "mirror": instrument.mirror.model_dump(mode="json", exclude={"bits", "noise_nm"}),

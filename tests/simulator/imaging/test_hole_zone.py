@@ -49,6 +49,40 @@ def test_control_points_hold_the_edges_and_are_other_points():
 
 
 @pytest.mark.parametrize(
+    ("mode", "side", "diagonals"),
+    [
+        ("4q", "right", {(1, 1), (-1, 1), (1, -1), (-1, -1)}),
+        ("2q", "right", {(1, 1), (1, -1)}),
+        ("2q", "left", {(-1, 1), (-1, -1)}),
+        ("2q", "top", {(1, 1), (-1, 1)}),
+        ("2q", "bottom", {(1, -1), (-1, -1)}),
+    ],
+)
+def test_one_zone_in_every_form(mode, side, diagonals):
+    """Signs of x and y of its quadrants: intervals, axes, covered points and the named diagonal agree."""
+    zone = HoleZone(0.2, 0.8, mode, side)
+    signs = np.array([-0.5, 0.5])
+    covered = zone.covers(signs, signs)
+    assert {(x, y) for x in (-1, 1) for y in (-1, 1) if covered[(y + 1) // 2, (x + 1) // 2]} == diagonals
+    assert zone.diagonal in diagonals
+    rows, columns = zone.intervals()
+    assert {(1 if x[0] > 0 else -1, 1 if y[0] > 0 else -1) for x in columns for y in rows} == diagonals
+    y, x = zone.axes(np.array([0.3, 0.4]))
+    assert {(int(np.sign(a)), int(np.sign(b))) for a in x for b in y} == diagonals
+    assert zone.covers(y, x).all()
+
+
+def test_covering_is_inclusive_and_may_be_widened_or_narrowed():
+    zone = HoleZone(0.2, 0.8)
+    points = np.array([-0.85, -0.8, -0.2, -0.15, 0.0, 0.15, 0.2, 0.5, 0.8, 0.85])
+    middle = np.array([0.5])
+    assert points[zone.covers(points, middle)[:, 0]].tolist() == [-0.8, -0.2, 0.2, 0.5, 0.8]
+    assert points[zone.covers(points, middle, 0.06)[:, 0]].size == 9
+    assert points[zone.covers(points, middle, -0.1)[:, 0]].tolist() == [0.5]
+    assert not zone.covers(points, np.zeros(1)).any()
+
+
+@pytest.mark.parametrize(
     ("key", "values"),
     [
         ("hole edges", (0.7, 0.2)),

@@ -1,3 +1,4 @@
+import dataclasses
 import subprocess
 import sys
 
@@ -7,12 +8,17 @@ from photutils.aperture import CircularAperture, aperture_photometry
 
 from catalogs.errors import InputError
 from simulator.config import load_instrument
-from simulator.imaging.measure import stamp_figures
+from simulator.imaging.aberrations import draw_aberrations
+from simulator.imaging.build import bare_imager, dark_hole_of
+from simulator.imaging.hole_zone import HoleZone
+from simulator.imaging.measure import _wings, stamp_figures
 from simulator.imaging.metrics import PsfMetrics
 from simulator.imaging.psf import single_band_psf
 from simulator.imaging.store import psf_metrics
+from simulator.knobs import Knobs
 
 INSTRUMENT = load_instrument()
+PERFECT = {"wavefront": {"opd_rms_nm": 0, "amplitude_rms": 0, "jitter_mas": 0}, "dark_hole": {"control": "off"}}
 BANDS = INSTRUMENT.visible_bands()
 ROOT2 = np.sqrt(2)
 
@@ -22,13 +28,13 @@ def metrics():
     return {band: psf_metrics(INSTRUMENT, band) for band in BANDS}
 
 
-def with_mask(half_width, band):
-    """Metrics of the default instrument behind another mask, without a new speckle floor."""
-    instrument = load_instrument({"coronagraph": {"mask_half_width_arcsec": half_width}})
-    psf = single_band_psf(band, instrument=instrument)
+def perfect(band, half_width=0.155):
+    """PSF and metrics of perfect optics behind another mask, without a new speckle floor."""
+    psf = single_band_psf(band, instrument=load_instrument(
+        PERFECT | {"coronagraph": {"mask_half_width_arcsec": half_width}}))  # fmt: skip
     figures = stamp_figures(psf.imager, psf.on_axis, psf.off_axis)
     arrays = psf_metrics(INSTRUMENT, band).to_arrays() | {"mask_half_width_arcsec": np.asarray(half_width)}
-    return PsfMetrics.from_arrays(arrays | {name: np.asarray(value) for name, value in figures.items()})
+    return psf, PsfMetrics.from_arrays(arrays | {name: np.asarray(value) for name, value in figures.items()})
 
 
 def test_azimuth_fractions_are_those_of_the_conventions(metrics):
@@ -53,15 +59,27 @@ def test_geometry(metrics):
         assert m.hole_inner_corner_arcsec == pytest.approx(4.3 * m.lambda_d_arcsec)
         side = 2 * ((0.707 - m.hole_inner_arcsec) / m.pixel_scale_arcsec)
         assert m.hole.sum() == pytest.approx(side**2, rel=0.05)
-        assert m.strehl == 1.0
         assert m.aperture_pixels == pytest.approx(INSTRUMENT.aperture_pixels(band))
+        assert m.peak_on_axis_hole < m.peak_on_axis_frame < m.peak_off_axis
+        half = m.iwa_arcsec / ROOT2
+        assert m.core_throughput(half, half) == pytest.approx(0.5 * m.core_open, rel=1e-3)
+
+
+def test_figures_of_the_apodizer_alone():
+    for band in BANDS:
+        _, m = perfect(band)
         assert m.core_open == pytest.approx(0.1385, abs=0.0015)
         assert m.core_continuous == pytest.approx(0.141, abs=0.0005)
         # Half of the core is open where each bar of the mask takes 1 - sqrt(1/2) of it.
         assert 0.155 * ROOT2 < m.iwa_arcsec < 0.26
-        half = m.iwa_arcsec / ROOT2
-        assert m.core_throughput(half, half) == pytest.approx(0.5 * m.core_open, rel=1e-3)
-        assert m.peak_on_axis_hole < m.peak_on_axis_frame < m.peak_off_axis
+
+
+def test_mirror_and_jitter_cost_a_few_percent_of_the_core(metrics):
+    for band, m in metrics.items():
+        own = dark_hole_of(INSTRUMENT, band).own
+        assert 0.9 <= m.strehl <= own.strehl
+        assert 0.12 <= m.core_continuous < own.core_throughput < 0.142
+        assert 0.96 * m.core_continuous < m.core_open < m.core_continuous
 
 
 @pytest.mark.parametrize("band", ["F520", "F850"])
@@ -82,7 +100,7 @@ def test_core_throughput_is_what_aperture_photometry_measures(metrics, band):
 
 @pytest.mark.parametrize(("band", "share"), [("F520", 0.27), ("F662", 0.27), ("F850", 0.26)])
 def test_core_on_the_diagonal_behind_a_0134_mask(band, share):
-    m = with_mask(0.134, band)
+    _, m = perfect(band, 0.134)
 
     def along(separation):
         return m.core_throughput(separation / ROOT2, separation / ROOT2) / m.core_open
@@ -93,7 +111,7 @@ def test_core_on_the_diagonal_behind_a_0134_mask(band, share):
 
 
 def test_core_off_the_diagonals_follows_the_mask():
-    m = with_mask(0.134, "F662")
+    psf, m = perfect("F662", 0.134)
     separation = np.array([0.3, 0.5, 0.65, 0.95])
     expected = {0: [0, 0, 0, 0], 15: [0, 0.44, 0.94, 1.0], 30: [0.74, 1, 1, 1]}
     for angle, shares in expected.items():
@@ -101,6 +119,69 @@ def test_core_off_the_diagonals_follows_the_mask():
         np.testing.assert_allclose(
             m.core_throughput(separation * np.sin(t), separation * np.cos(t)) / m.core_open, shares, atol=0.03
         )
+    # The whole light path in numbers: shifted image times mask, summed in a circle.
+    pixel, radius = psf.pixel_scale_arcsec, psf.imager.aperture_radius_arcsec / psf.pixel_scale_arcsec
+    unmasked = dataclasses.replace(psf.imager, mask_half_width_arcsec=0.0)
+    axis, fine = unmasked.stamp_axis(masked=True), (np.arange(137 * 8) + 0.5) / 8 - 68.5
+    is_open = (np.abs(fine * pixel) >= 0.134).reshape(137, 8).mean(axis=1)
+    for angle, shares in expected.items():
+        for separation, share in zip((0.3, 0.5, 0.65, 0.95), shares, strict=True):
+            x, y = separation * np.sin(np.radians(angle)), separation * np.cos(np.radians(angle))
+            image = unmasked.image(axis, axis, source_arcsec=(x, y)) * np.outer(is_open, is_open)
+            circle = CircularAperture((68 + x / pixel, 68 + y / pixel), radius)
+            found = aperture_photometry(image, circle)["aperture_sum"][0]
+            assert found / m.core_open == pytest.approx(share, abs=0.03)
+
+
+@pytest.mark.parametrize("side", ["right", "left", "top", "bottom"])
+def test_two_quadrants_halve_what_four_have(metrics, side):
+    four = metrics["F662"]
+    two = PsfMetrics.from_arrays(four.to_arrays() | {"hole_mode": np.asarray("2q"), "hole_side": np.asarray(side)})
+    offset = (np.arange(137) - 68) * four.pixel_scale_arcsec
+    y, x = np.meshgrid(offset, offset, indexing="ij")
+    beyond = {"right": x > 0, "left": x < 0, "top": y > 0, "bottom": y < 0}[side]
+    np.testing.assert_array_equal(two.hole, four.hole & beyond)
+    separation = np.array([0.35, 0.5, 0.8, 1.2])
+    np.testing.assert_allclose(two.azimuth_fraction(separation), 0.5 * four.azimuth_fraction(separation))
+    np.testing.assert_allclose(two.resolution_elements(separation), 0.5 * four.resolution_elements(separation))
+    sign_x, sign_y = two.zone.diagonal
+    index = 68 + round(0.5 / four.pixel_scale_arcsec) * np.array([sign_y, sign_x])
+    assert two.hole[tuple(index)]
+    assert two.annulus(0.5, 0.5).sum() == four.annulus(0.5, 0.5).sum() / 2
+
+
+def test_shipped_two_quadrant_instrument():
+    instrument = load_instrument("cpic_2q")
+    inner = [HoleZone(instrument.hole_inner_arcsec(band), 0.707).inner_corner_arcsec for band in BANDS]
+    np.testing.assert_allclose(inner, [0.19, 0.21, 0.23, 0.27])
+    for band in BANDS:
+        own = dark_hole_of(instrument, band).own
+        assert 0.9 < own.strehl < 0.97
+        assert own.mean < 8e-9
+
+
+def test_wings_keep_their_orientation(metrics):
+    """Speckles of random phase are not symmetric: light of a source at (X, Y) in a box around (x, y) on the stamp."""
+    maps = draw_aberrations(11, samples=64, opd_rms_nm=60.0, psd_slope=1.0)
+    imager = bare_imager(load_instrument(PERFECT), "F662", Knobs(wavelength_nodes=1))
+    imager = dataclasses.replace(imager, static=maps)
+    profile, wing_map = _wings(imager)
+    m = PsfMetrics.from_arrays(metrics["F662"].to_arrays() | {"wing_profile": profile, "wing_map": wing_map})
+    step, pixel = m.wing_map_step_arcsec, m.pixel_scale_arcsec
+    source = (1.2, -0.9)
+    places = [(i, j) for i in (-7, -4, 3, 8) for j in (-8, -5, 2, 6)]
+    exact = []
+    for i, j in places:
+        column, row = (round(k * step / pixel) for k in (i, j))  # the map's own centres, in pixels
+        centres = [(part + np.arange(-5, 6)) * pixel for part in (row, column)]
+        y, x = (imager.axis(part + origin, masked=False) for part, origin in zip(centres, source[::-1], strict=True))
+        exact.append(imager.image(y, x, source_arcsec=source).mean())
+    i, j = np.array(places).T * step
+    np.testing.assert_allclose(m.wing_at(i, j), exact, rtol=0.02)
+    for x, y in ((-i, j), (i, -j), (-i, -j), (j, i)):
+        assert np.sqrt(((m.wing_at(x, y) / exact - 1) ** 2).mean()) > 0.15
+    far = m.wing_at(np.array([30.0, 0.0]), np.array([0.0, 30.0]))
+    np.testing.assert_allclose(far, m.wing(30.0))
 
 
 def test_core_is_zero_beyond_the_field_and_vectorised(metrics):

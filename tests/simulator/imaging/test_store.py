@@ -2,8 +2,9 @@ import numpy as np
 import pytest
 
 from simulator.config import load_instrument
-from simulator.imaging import store
-from simulator.imaging.imager import build_imager
+from simulator.imaging import measure, store
+from simulator.imaging.build import build_imager
+from simulator.imaging.floor import measure_floor
 from simulator.imaging.measure import stamp_figures
 from simulator.imaging.metrics import PsfMetrics
 from simulator.imaging.psf import single_band_psf
@@ -35,7 +36,9 @@ def test_shipped_core_and_contrast_are_what_the_model_gives():
 @pytest.mark.parametrize(
     "change",
     [{"detector": {"read_noise_e": 160}}, {"drift": {"visit_nm": 0.2, "walk_nm_per_sqrt_hour": 0.3}},
-     {"bands": {"F662": {"t_opt": 0.3, "qe": 0.8}}}, {"overhead_s": 100}],
+     {"bands": {"F662": {"t_opt": 0.3, "qe": 0.8}}}, {"overhead_s": 100}, {"bands": {"F720": {"width_nm": 30}}},
+     {"coronagraph": {"inner_arcsec": {"F720": 0.3}}}, {"near_infrared": {"mask_half_width_arcsec": 0.2}},
+     {"sky": {"brightness_v_mag_arcsec2": 20}}],
 )  # fmt: skip
 def test_key_ignores_what_does_not_matter(change):
     assert metrics_key(load_instrument(change), "F662") == metrics_key(INSTRUMENT, "F662")
@@ -45,7 +48,11 @@ def test_key_ignores_what_does_not_matter(change):
     "change",
     [{"telescope": {"diameter_m": 2.1}}, {"coronagraph": {"mask_half_width_arcsec": 0.134}},
      {"detector": {"pixel_scale_arcsec": 0.02}}, {"drift": {"psd_slope": 3}}, {"bands": {"F662": {"width_nm": 60}}},
-     {"bands": {"F662": {"center_nm": 660}}}, {"coronagraph": {"aperture_radius_lambda_d": 1}}],
+     {"bands": {"F662": {"center_nm": 660}}}, {"coronagraph": {"aperture_radius_lambda_d": 1}},
+     {"wavefront": {"jitter_mas": 4}}, {"wavefront": {"seed": 2}}, {"wavefront": {"opd_rms_nm": 0}},
+     {"mirror": {"bits": 14}}, {"mirror": {"noise_nm": 0.01}}, {"mirror": {"n_actuators": 34}},
+     {"dark_hole": {"control": "off"}}, {"dark_hole": {"control": "single_jacobian"}}, {"dark_hole": {"mode": "2q"}},
+     {"coronagraph": {"inner_arcsec": {"F662": 0.3}}}, {"coronagraph": {"apodizer": "lpx25"}}],
 )  # fmt: skip
 def test_key_sees_what_matters(change):
     assert metrics_key(load_instrument(change), "F662") != metrics_key(INSTRUMENT, "F662")
@@ -66,7 +73,29 @@ def test_other_instruments_are_measured_once_and_kept(tmp_path, monkeypatch):
     np.testing.assert_array_equal(first.raw_contrast, second.raw_contrast)
 
 
+def test_key_is_of_the_surface_and_not_of_its_file(tmp_path):
+    def key(name, heights):
+        path = tmp_path / name
+        np.savez(path, surface_nm=heights)
+        return metrics_key(load_instrument(
+            {"dark_hole": {"control": "surface", "surface_files": {"F662": str(path)}}}), "F662")  # fmt: skip
+
+    assert key("a.npz", np.eye(64)) == key("b.npz", np.eye(64)) != key("a.npz", 2 * np.eye(64))
+
+
 def test_other_instrument_end_to_end(tmp_path, monkeypatch):
     monkeypatch.setenv("CPIC_CACHE_DIR", str(tmp_path))
-    other = load_instrument({"coronagraph": {"mask_half_width_arcsec": 0.134}})
-    assert psf_metrics(other, "F850").iwa_arcsec < psf_metrics(INSTRUMENT, "F850").iwa_arcsec
+    monkeypatch.setattr(measure, "measure_floor", lambda imager, slope: measure_floor(imager, slope, n_visits=8))
+    flat = {"wavefront": {"opd_rms_nm": 0, "amplitude_rms": 0, "jitter_mas": 0}, "dark_hole": {"control": "off"}}
+    metrics = psf_metrics(load_instrument(flat | {"coronagraph": {"mask_half_width_arcsec": 0.134}}), "F850")
+    assert metrics.iwa_arcsec < psf_metrics(INSTRUMENT, "F850").iwa_arcsec
+    assert metrics.strehl == pytest.approx(1.0, rel=1e-9)
+    assert metrics.raw_contrast[metrics.hole].mean() < 6e-10
+
+
+def test_rebuild_writes_what_is_shipped(tmp_path, monkeypatch):
+    monkeypatch.setattr(store, "_measure", lambda instrument, band: {"band": np.asarray(band)})
+    written = store.rebuild(tmp_path, holes=False)
+    assert [path.name for path in written] == [f"metrics_{band}.npz" for band in INSTRUMENT.visible_bands()]
+    with np.load(written[0]) as file:
+        assert str(file["key"]) == metrics_key(INSTRUMENT, "F520")

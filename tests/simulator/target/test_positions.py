@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from catalogs.errors import InputError
 from simulator.target import detector_to_sky, sky_to_detector
+from simulator.target.positions import wcs_keywords
 
 
 @pytest.mark.parametrize(
@@ -88,3 +89,37 @@ def test_arrays_and_the_star_itself() -> None:
 def test_bad_input_is_refused(call) -> None:
     with pytest.raises(InputError):
         call()
+
+
+@pytest.mark.parametrize("parity", [-1, 1])
+@pytest.mark.parametrize("roll_deg", [0.0, 30.0, -125.0])
+def test_written_world_coordinates_say_the_same(parity, roll_deg):
+    from astropy.coordinates import SkyCoord
+    from astropy.io import fits
+    from astropy.wcs import WCS
+
+    star = SkyCoord(219.9, -60.8, unit="deg")
+    keywords = wcs_keywords(0.016153, (536.0, 514.0), (219.9, -60.8), roll_deg=roll_deg, parity=parity)
+    wcs = WCS(fits.Header(keywords))
+    for separation, pa in ((0.7, 90.0), (0.5, 215.0), (3.0, 0.0)):
+        x, y = sky_to_detector(separation, pa, roll_deg=roll_deg, parity=parity)
+        place = wcs.pixel_to_world(536.0 + x / 0.016153, 514.0 + y / 0.016153)
+        assert star.separation(place).arcsec == pytest.approx(separation, rel=1e-6)
+        assert star.position_angle(place).deg % 360 == pytest.approx(pa, abs=1e-3)
+
+
+def test_a_source_in_the_east_has_the_larger_right_ascension_and_stands_left():
+    from astropy.io import fits
+    from astropy.wcs import WCS
+
+    wcs = WCS(fits.Header(wcs_keywords(0.016153, (100.0, 100.0), (10.0, 20.0))))
+    x, y = sky_to_detector(0.65, 90.0)
+    assert x < 0
+    assert float(wcs.pixel_to_world(100.0 + x / 0.016153, 100.0 + y / 0.016153).ra.deg) > 10.0
+
+
+def test_world_coordinates_of_a_star_without_a_place_are_offsets():
+    keywords = wcs_keywords(0.016153, (68.0, 68.0), (None, None))
+    assert (keywords["CTYPE1"], keywords["CRVAL1"]) == ("EAST", 0.0)
+    east = keywords["CD1_1"] * (sky_to_detector(0.65, 90.0)[0] / 0.016153)
+    assert east * 3600 == pytest.approx(0.65)

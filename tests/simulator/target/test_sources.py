@@ -17,7 +17,7 @@ from catalogs.spectra import HC_ERG_ANGSTROM, load_albedo
 from simulator import load_instrument, load_scene, planet_contrast, scenes_from_table, spectrum_generator
 from simulator.band_integrals import band_integral
 from simulator.passbands import Passbands
-from simulator.target.sources import scene_sources
+from simulator.target.sources import extended_rates, scene_sources
 
 STAR = {"v_mag": 1.35, "spectral_type": "K1V", "distance_pc": 1.35}
 PLANET = {"name": "b", "radius_rjup": 1, "phase_deg": 90, "separation_arcsec": 0.65, "pa_deg": 315}
@@ -443,3 +443,19 @@ def test_measured_albedo_is_the_shipped_table():
     table = load_albedo("jupiter")
     expected = 9.441e-8 * np.interp(row.wavelength_nm[at], table.wavelength_nm, table.albedo)
     assert row.contrast[at] == pytest.approx(expected, rel=1e-4)
+
+
+def test_extended_light_is_a_share_of_the_stars():
+    disc = {"inner_arcsec": 0.3, "outer_arcsec": 0.6}
+    scene = load_scene({"name": "s", "cstar": {"v_mag": 3, "teff_k": 5230},
+                        "extended": [disc | {"contrast": 1e-5}, disc | {"v_mag": 18}]})  # fmt: skip
+    instrument = load_instrument()
+    for band in ("F520", "F850"):
+        star = scene_sources(scene, instrument, band)[0].rate_e_s
+        found = extended_rates(scene, instrument, band)
+        assert [item.source for item in found] == list(scene.extended)
+        assert [item.rate_e_s for item in found] == pytest.approx([1e-5 * star, 1e-6 * star], rel=1e-13)
+        assert [item.contrast for item in found] == pytest.approx([1e-5, 1e-6])
+    assert extended_rates(load_scene("paper_example"), instrument, "F662") == ()
+    with pytest.raises(InputError, match="band"):
+        extended_rates(scene, instrument, "F999")

@@ -1,0 +1,111 @@
+import dataclasses
+
+import numpy as np
+import pytest
+
+from simulator.config import load_instrument
+from simulator.config.instrument import ARCSEC_PER_RAD
+from simulator.imaging.build import build_imager, dark_hole_of
+from simulator.imaging.imager import centred_axis
+from simulator.imaging.measure import _register_tail, stamp_figures, strehl
+from simulator.imaging.psf import single_band_psf
+from simulator.imaging.store import psf_metrics
+from simulator.knobs import Knobs
+
+INSTRUMENT = load_instrument()
+FLAT = load_instrument(
+    {"wavefront": {"opd_rms_nm": 0, "amplitude_rms": 0, "jitter_mas": 0}, "dark_hole": {"control": "off"}}
+)
+STILL = load_instrument({"wavefront": {"jitter_mas": 0}, "mirror": {"bits": None}})
+MONO = Knobs(wavelength_nodes=1)
+
+
+@pytest.mark.parametrize("band", INSTRUMENT.visible_bands())
+def test_strehl_is_that_of_the_hole(band):
+    """Sum of the pupil field over its sum without phase errors, squared: no propagation at all."""
+    imager = build_imager(STILL, band, Knobs(wavelength_nodes=5))
+    peaks = np.array([[abs((imager.transmission * extra).sum()) ** 2 for extra in (
+        imager.static.amplitude * np.exp(2j * np.pi * imager.static.opd_nm * 1e-9 / wavelength), 1.0)]
+        for wavelength in imager.wavelengths_m])  # fmt: skip
+    light, flat = (imager.weights / imager.wavelengths_m**2) @ peaks
+    assert strehl(imager) == pytest.approx(light / flat, rel=1e-9)
+    assert strehl(imager) == pytest.approx(dark_hole_of(STILL, band).own.strehl, rel=1e-9)
+
+
+def test_strehl_of_perfect_optics_is_one_and_jitter_lowers_it():
+    assert strehl(build_imager(FLAT, "F662")) == pytest.approx(1.0, rel=1e-9)
+    jittered = dataclasses.replace(build_imager(FLAT, "F662", MONO), jitter_arcsec=0.005)
+    # Curvature of the core from the second moment of the amplitude over the pupil, to first order in the variance.
+    position = (np.arange(64) - 31.5) / 64 * 2.0
+    moment = (jittered.transmission * position**2).sum() / jittered.transmission.sum()
+    wave = 2 * np.pi / jittered.wavelengths_m[0] * 0.005 / ARCSEC_PER_RAD
+    assert 1 - strehl(jittered) == pytest.approx(2 * wave**2 * moment, rel=0.02)
+
+
+def test_strehl_of_random_phase_follows_marechal():
+    rough = load_instrument({"wavefront": {"opd_rms_nm": 10, "amplitude_rms": 0, "jitter_mas": 0, "psd_slope": 0},
+                             "dark_hole": {"control": "off"}})  # fmt: skip
+    expected = np.exp(-((2 * np.pi * 10 / 662) ** 2))
+    assert 1 - strehl(build_imager(rough, "F662")) == pytest.approx(1 - expected, rel=0.05)
+
+
+@pytest.mark.parametrize("instrument", [FLAT, INSTRUMENT])
+def test_core_is_the_energy_in_the_circle(instrument):
+    psf = single_band_psf("F720", fidelity=MONO, instrument=instrument)
+    imager = psf.imager
+    figures = stamp_figures(imager, psf.on_axis, psf.off_axis)
+    # 161 x 161 points a lambda/D square, inside or out, averaged over the pointing by 7 x 7 directions.
+    radius = imager.aperture_radius_arcsec
+    points = (np.arange(400) + 0.5) / 400 * 2 * radius - radius
+    inside = np.hypot(points[:, None], points) <= radius
+    normal, shares = np.polynomial.hermite_e.hermegauss(5 if imager.jitter_arcsec else 1)
+    shares, energy = shares / shares.sum(), 0.0
+    for dy, weight_y in zip(normal * imager.jitter_arcsec, shares, strict=True):
+        for dx, weight_x in zip(normal * imager.jitter_arcsec, shares, strict=True):
+            energy += weight_x * weight_y * imager.intensity(points - dy, points - dx)[inside].sum()
+    energy *= (2 * radius / 400 / imager.pixel_scale_arcsec) ** 2
+    assert figures["core_continuous"] == pytest.approx(energy, rel=1e-3)
+    assert 0.97 < figures["core_open"] / figures["core_continuous"] < 1
+
+
+def test_stamp_figures_are_those_of_the_stamps():
+    psf = single_band_psf("F520", instrument=INSTRUMENT)
+    figures = stamp_figures(psf.imager, psf.on_axis, psf.off_axis)
+    assert figures["peak_off_axis"] == psf.off_axis.max()
+    np.testing.assert_array_equal(figures["raw_contrast"], psf.on_axis / psf.off_axis.max())
+    offset = np.abs(centred_axis(137, psf.pixel_scale_arcsec))
+    low, high = psf.imager.hole_arcsec
+    touches = (offset + psf.pixel_scale_arcsec / 2 >= low) & (offset - psf.pixel_scale_arcsec / 2 <= high)
+    assert figures["peak_on_axis_hole"] == psf.on_axis[np.ix_(touches, touches)].max()
+    for name in ("core_open", "core_continuous", "iwa_arcsec", "peak_on_axis_hole"):
+        assert getattr(psf.metrics, name) == pytest.approx(figures[name], rel=1e-6)
+
+
+def test_register_tail_is_the_smallest_capacity_that_leaves_nothing():
+    rng = np.random.default_rng(4)
+    offset = np.arange(-20, 21) * 0.05
+    rows = rng.exponential(size=(6, 41)) ** 3
+    found = _register_tail(rows, offset, ((0.2, 0.7),))
+
+    def left_over(capacity):
+        worst = 0.0
+        for row in rows:
+            for run in (row[offset < 0.2], row[offset > 0.7][::-1]):  # in the order of transfer towards the hole
+                charge = 0.0
+                for value in run:
+                    charge = max(charge + value - capacity, 0.0)
+                worst = max(worst, charge)
+        return worst
+
+    assert left_over(found * 1.0001) == 0
+    assert left_over(found * 0.999) > 0
+
+
+def test_shipped_figures_of_the_whole_frame_bound_those_of_the_stamp():
+    for band in INSTRUMENT.visible_bands():
+        metrics = psf_metrics(INSTRUMENT, band)
+        star = metrics.raw_contrast.max() * metrics.peak_off_axis
+        assert metrics.peak_on_axis_frame >= star * (1 - 1e-9)
+        assert metrics.peak_on_axis_columns <= metrics.peak_on_axis_frame
+        assert metrics.register_tail <= metrics.peak_on_axis_frame
+        assert 0.8 < metrics.source_noise_fraction < 1

@@ -1,0 +1,84 @@
+import dataclasses
+
+import numpy as np
+import pytest
+
+from catalogs.errors import InputError
+from simulator.config import load_instrument
+from simulator.imaging.build import bare_imager
+from simulator.imaging.imager import centred_axis
+from simulator.imaging.paper_scene import paper_scene_image
+from simulator.imaging.scene_image import PointSources, scene_image
+from simulator.imaging.transfer import band_transfer
+from simulator.knobs import Knobs
+
+IMAGER = dataclasses.replace(
+    bare_imager(load_instrument(), "F520", Knobs(pupil_samples=64, wavelength_nodes=2)), jitter_arcsec=0.0
+)
+PIXEL = IMAGER.pixel_scale_arcsec
+AXIS = centred_axis(41, PIXEL)
+CELL = PIXEL / 4
+
+
+def both(x, y, **options):
+    sources = PointSources(x, y, np.ones(np.size(x)))
+    paper = paper_scene_image(IMAGER, AXIS, AXIS, sources, kernel_half_pixels=48, **options)
+    return paper, scene_image(band_transfer(IMAGER), AXIS, AXIS, PIXEL, sources)
+
+
+def test_a_source_on_the_centre_of_a_cell_is_right():
+    paper, exact = both([0.5 * CELL], [1.5 * CELL])
+    assert np.abs(paper - exact).max() < 2e-6 * exact.max()
+
+
+def test_a_source_between_cells_is_misplaced_by_up_to_five_per_cent_of_its_peak():
+    # A pixel's centre is the corner of four cells: the worst place of all.
+    corner, exact = both([0.0], [0.0])
+    worst = np.abs(corner - exact).max() / exact.max()
+    assert 0.03 < worst < 0.06
+    shift = [float((image * AXIS).sum() / image.sum()) for image in (corner, exact)]
+    assert shift[0] - shift[1] == pytest.approx(CELL / 2, rel=0.15)  # 2 mas along each axis
+    rng = np.random.default_rng(3)
+    errors = []
+    for place in rng.uniform(-0.5, 0.5, (12, 2)) * PIXEL:
+        paper, exact = both([place[0]], [place[1]])
+        errors.append(np.abs(paper - exact).max() / exact.max())
+    assert max(errors) <= worst * 1.05
+    assert np.mean(errors) > 0.01
+
+
+def test_error_is_linear_in_the_distance_from_the_cell():
+    errors = []
+    for part in (0.1, 0.2, 0.4):
+        paper, exact = both([(0.5 + part) * CELL], [0.5 * CELL])
+        errors.append(np.abs(paper - exact).max() / exact.max())
+    assert errors[1] / errors[0] == pytest.approx(2.0, rel=0.05)
+    assert errors[2] / errors[0] == pytest.approx(4.0, rel=0.05)
+
+
+def test_a_source_behind_the_mask_keeps_all_its_light():
+    place = PointSources([0.5 * CELL], [16.5 * CELL], [1.0])
+    paper = paper_scene_image(IMAGER, AXIS, AXIS, place, kernel_half_pixels=48)
+    masked = scene_image(band_transfer(IMAGER), AXIS, AXIS, PIXEL, place, mask_half_width_arcsec=0.155)
+    assert masked[14:28, 14:28].sum() == 0.0
+    assert paper.sum() > 20 * masked.sum()
+
+
+def test_light_is_conserved_and_places_beyond_the_kernel_are_left_out():
+    inside = paper_scene_image(IMAGER, AXIS, AXIS, PointSources([0.1], [0.0], [1.0]), kernel_half_pixels=48)
+    assert 0.9 * IMAGER.apodizer_energy < inside.sum() < IMAGER.apodizer_energy
+    beside = paper_scene_image(IMAGER, AXIS, AXIS, PointSources([0.6], [0.0], [1.0]), kernel_half_pixels=48)
+    assert 0 < beside.sum() < inside.sum()
+    beyond = PointSources([-2.0, 50.0], [0.0, 0.0], [1.0, 1.0])
+    assert not paper_scene_image(IMAGER, AXIS, AXIS, beyond, kernel_half_pixels=48).any()
+    rectangle = paper_scene_image(IMAGER, AXIS[:10], AXIS, PointSources([], [], []), kernel_half_pixels=4)
+    assert rectangle.shape == (10, 41)
+    assert not rectangle.any()
+
+
+def test_what_it_cannot_do_is_refused_by_name():
+    one = PointSources([0.0], [0.0], [1.0])
+    with pytest.raises(InputError, match="y_centres_arcsec"):
+        paper_scene_image(IMAGER, AXIS * 2, AXIS, one)
+    with pytest.raises(InputError, match="kernel_half_pixels"):
+        paper_scene_image(IMAGER, AXIS, AXIS, one, kernel_half_pixels=0)

@@ -1,0 +1,271 @@
+import dataclasses
+
+import numpy as np
+import pytest
+
+from catalogs.errors import InputError
+from simulator.config import load_instrument
+from simulator.imaging.aberrations import draw_aberrations
+from simulator.imaging.build import bare_imager, build_imager
+from simulator.imaging.imager import centred_axis
+from simulator.imaging.quadrature import pixel_axis
+from simulator.imaging.scene_image import PointSources, SourceGrid, scene_image
+from simulator.imaging.transfer import KernelTransfer, band_transfer
+from simulator.knobs import Knobs
+
+NONE = PointSources([], [], [])
+
+
+def lopsided(band="F520", jitter_arcsec=0.0, **knobs):
+    """An imager whose PSF has no symmetry: coma, random screens, and a pupil dark on one side."""
+    bare = bare_imager(load_instrument(), band, Knobs(**({"wavelength_nodes": 2} | knobs)))
+    n = len(bare.transmission)
+    u = (np.arange(n) + 0.5) / n * 2 - 1
+    screens = draw_aberrations(5, samples=n).plus_opd(60 * (3 * u**2 - 2) * u + 25 * (u**2)[:, None] * u[:, None])
+    amplitude = screens.amplitude * (1 - 0.4 * (u[:, None] > 0.2))
+    static = dataclasses.replace(screens, amplitude=amplitude)
+    return dataclasses.replace(bare, static=static, jitter_arcsec=jitter_arcsec)
+
+
+def propagated(imager, y, x, sources, half_width=0.0):
+    """Each source by its own propagation, eight nodes a pixel."""
+    rows, columns = (
+        pixel_axis(centres, imager.pixel_scale_arcsec, 8, half_width, imager.jitter_arcsec) for centres in (y, x)
+    )
+    return sum(
+        flux * imager.image(rows, columns, source_arcsec=(x_source, y_source))
+        for x_source, y_source, flux in zip(*sources.arrays, strict=True)
+    )
+
+
+def peak_of(imager):
+    return float(imager.intensity(np.zeros(1), np.zeros(1))[0, 0])
+
+
+IMAGER = lopsided()
+TRANSFER = band_transfer(IMAGER)
+PIXEL = IMAGER.pixel_scale_arcsec
+PEAK = peak_of(IMAGER)
+
+
+@pytest.mark.parametrize("jitter", [0.0, 0.005])
+@pytest.mark.parametrize(
+    ("rows", "columns", "half_width"),
+    [(31, 31, 0.0), (30, 44, 0.155), (17, 52, 0.1534), (21, 21, 0.005), (12, 9, 0.0167)],
+)
+def test_every_pixel_is_that_of_the_propagated_sources(rows, columns, half_width, jitter):
+    imager = lopsided(jitter_arcsec=jitter)
+    rng = np.random.default_rng(rows + columns)
+    y = centred_axis(rows, PIXEL) + rng.uniform(-0.2, 0.2)
+    x = centred_axis(columns, PIXEL) + rng.uniform(-0.2, 0.2)
+    sources = PointSources(
+        np.r_[0.0, half_width, rng.uniform(x[0], x[-1], 3), x[-1] + 0.5],
+        np.r_[0.0, -half_width, rng.uniform(y[0], y[-1], 3), 0.1],
+        rng.uniform(0.5, 2.0, 6),
+    )
+    ours = scene_image(band_transfer(imager), y, x, PIXEL, sources, mask_half_width_arcsec=half_width)
+    exact = propagated(imager, y, x, sources, half_width)
+    assert np.abs(ours - exact).max() < 1e-10 * PEAK
+    np.testing.assert_array_equal(ours == 0, exact == 0)  # closed pixels, and no others
+
+
+def test_sources_all_over_a_frame_to_1e_6_of_their_own_peak_and_0_01_mas():
+    imager = lopsided(wavelength_nodes=1)
+    rng = np.random.default_rng(8)
+    x, y = centred_axis(1080, PIXEL), centred_axis(1050, PIXEL)
+    columns, rows = rng.uniform(10, 1069, 12), rng.uniform(10, 1039, 12)
+    flux = 10 ** rng.uniform(-3, 3, 12)
+    sources = PointSources(np.interp(columns, np.arange(1080), x), np.interp(rows, np.arange(1050), y), flux)
+    image = scene_image(band_transfer(imager), y, x, PIXEL, sources)
+    for row, column, light in zip(rows.round().astype(int), columns.round().astype(int), flux, strict=True):
+        box = slice(row - 4, row + 5), slice(column - 4, column + 5)
+        exact = propagated(imager, y[box[0]], x[box[1]], sources)
+        assert np.abs(image[box] - exact).max() < 1e-6 * light * peak_of(imager)
+        weight_y, weight_x = (y[box[0]][:, None], x[box[1]])
+        for axis in (weight_y, weight_x):
+            ours, theirs = (float((part * axis).sum() / part.sum()) for part in (image[box], exact))
+            assert abs(ours - theirs) < 1e-5  # arcsec: 0.01 mas
+
+
+def test_the_star_with_its_dark_hole_passes_the_same_engine():
+    imager = build_imager(load_instrument(), "F662")
+    axis = imager.stamp_axis(masked=True)
+    centres = centred_axis(axis.n_pixels, imager.pixel_scale_arcsec)
+    star = scene_image(
+        band_transfer(imager), centres, centres, imager.pixel_scale_arcsec, PointSources([0.0], [0.0], [1.0]),
+        mask_half_width_arcsec=imager.mask_half_width_arcsec,
+    )  # fmt: skip
+    exact = propagated(imager, centres, centres, PointSources([0.0], [0.0], [1.0]), imager.mask_half_width_arcsec)
+    assert np.abs(star - exact).max() < 1e-12 * peak_of(imager)
+
+
+def test_image_is_linear_in_flux_over_24_decades():
+    rng = np.random.default_rng(1)
+    axis = centred_axis(41, PIXEL)
+    x, y = rng.uniform(-0.3, 0.3, (2, 6))
+    flux = rng.uniform(1, 2, 6)
+    image = scene_image(TRANSFER, axis, axis, PIXEL, PointSources(x, y, flux))
+    for factor in (1e-12, 3.0, 1e12):
+        scaled = scene_image(TRANSFER, axis, axis, PIXEL, PointSources(x, y, factor * flux))
+        assert np.abs(scaled / factor - image).max() < 1e-13 * image.max()
+    apart = [scene_image(TRANSFER, axis, axis, PIXEL, PointSources(x[i], y[i], flux[i])) for i in range(6)]
+    assert np.abs(sum(apart) - image).max() < 1e-11 * image.max()
+
+
+def test_a_neighbour_1e8_brighter_leaves_a_faint_source_alone():
+    axis = centred_axis(61, PIXEL)
+    bright, both = (
+        scene_image(TRANSFER, axis, axis, PIXEL, PointSources([-0.3, 0.25], [0.0, 0.2], [1e8, faint]))
+        for faint in (0.0, 1.0)
+    )
+    alone = scene_image(TRANSFER, axis, axis, PIXEL, PointSources([0.25], [0.2], [1.0]))
+    assert np.abs(both - bright - alone).max() < 1e-4 * alone.max()
+
+
+def test_light_is_neither_made_nor_lost():
+    # The wings beyond a frame of +-8.8 arcsec hold less than a per cent of the light (and no pixel is negative).
+    imager = lopsided(wavelength_nodes=1)
+    axis = centred_axis(1081, PIXEL)
+    image = scene_image(band_transfer(imager), axis, axis, PIXEL, PointSources([0.01], [-0.02], [5.0]))
+    step = imager.diameter_m / len(imager.transmission)
+    passed = 5.0 * (np.abs(imager.pupil(0)) ** 2).sum() * step**2 / (np.pi / 4 * imager.diameter_m**2)
+    assert 0.99 * passed < image.sum() < passed
+    assert image.min() >= 0.0
+
+
+def test_sources_far_outside_leave_their_true_wings():
+    axis = centred_axis(33, PIXEL)
+    for place in ((8.0, 1.0), (0.3, -30.0), (-250.0, 90.0)):
+        sources = PointSources([place[0]], [place[1]], [1.0])
+        ours = scene_image(TRANSFER, axis, axis, PIXEL, sources, mask_half_width_arcsec=0.155)
+        exact = propagated(IMAGER, axis, axis, sources, 0.155)
+        assert np.abs(ours - exact).max() < 1e-6 * exact.max()  # of the wing itself
+    # Many places at once, tile by tile; and a place where no light arrives.
+    sources = PointSources([8.0, -9.0, 0.1, 30.0], [1.0, 7.0, 0.2, 0.0], [1e4, 1e4, 1.0, 1e5])
+    ours = scene_image(TRANSFER, axis, axis, PIXEL, sources)
+    assert np.abs(ours - propagated(IMAGER, axis, axis, sources)).max() < 1e-12 * 1e5 * PEAK
+    lost = scene_image(TRANSFER, axis, axis, PIXEL, PointSources([1e7], [0.0], [1.0]))
+    assert 0 <= lost.max() < 1e-14 * PEAK
+
+
+def test_empty_scenes_and_closed_windows_are_dark():
+    axis = centred_axis(9, PIXEL)
+    assert not scene_image(TRANSFER, axis, axis, PIXEL, NONE).any()
+    assert not scene_image(TRANSFER, axis, axis, PIXEL, PointSources([0.0], [0.0], [0.0])).any()
+    empty = SourceGrid([0.0, 0.1], [0.0], np.zeros((1, 2)))
+    assert scene_image(TRANSFER, axis, axis, PIXEL, NONE, extended=[empty]).shape == (9, 9)
+    one = PointSources([0.0], [0.0], [1.0])
+    assert not scene_image(TRANSFER, axis, axis, PIXEL, one, mask_half_width_arcsec=0.155).any()
+    assert scene_image(TRANSFER, axis[:1], axis[:1] + 0.5, PIXEL, one).shape == (1, 1)
+
+
+def test_mask_is_a_factor_on_the_open_pixels():
+    axis = centred_axis(41, PIXEL)
+    rng = np.random.default_rng(4)
+    sources = PointSources(*rng.uniform(-0.3, 0.3, (2, 5)), rng.random(5))
+    clear = scene_image(TRANSFER, axis, axis, PIXEL, sources)
+    masked = scene_image(TRANSFER, axis, axis, PIXEL, sources, mask_half_width_arcsec=0.155)
+    wholly_open = np.abs(axis) - PIXEL / 2 >= 0.155
+    open_pixels = np.ix_(wholly_open, wholly_open)
+    np.testing.assert_allclose(masked[open_pixels], clear[open_pixels], atol=1e-14 * clear.max())
+    closed = np.abs(axis) + PIXEL / 2 <= 0.155
+    assert not masked[closed].any()
+    assert not masked[:, closed].any()
+    assert (masked <= clear + 1e-14 * clear.max()).all()
+
+
+def test_extended_source_is_the_sum_of_its_points():
+    rng = np.random.default_rng(6)
+    y, x = centred_axis(20, PIXEL), centred_axis(27, PIXEL) + 0.1
+    grid_x, grid_y = np.sort(rng.uniform(-0.3, 0.4, 9)), rng.uniform(-0.3, 0.2, 5)
+    flux = rng.random((5, 9))
+    flux[:, 2] = 0.0
+    grid = SourceGrid(grid_x, grid_y, flux)
+    star = PointSources([0.05], [0.1], [3.0])
+    points = PointSources(np.r_[0.05, np.tile(grid_x, 5)], np.r_[0.1, np.repeat(grid_y, 9)], np.r_[3.0, flux.ravel()])
+    ours = scene_image(TRANSFER, y, x, PIXEL, star, mask_half_width_arcsec=0.1, extended=[grid])
+    exact = scene_image(TRANSFER, y, x, PIXEL, points, mask_half_width_arcsec=0.1)
+    assert np.abs(ours - exact).max() < 1e-13 * exact.max()
+    beside = SourceGrid(grid_x + 12.0, grid_y, flux)  # its own tile
+    both = scene_image(TRANSFER, y, x, PIXEL, NONE, extended=[grid, beside])
+    apart = [scene_image(TRANSFER, y, x, PIXEL, NONE, extended=[one]) for one in (grid, beside)]
+    assert np.abs(both - sum(apart)).max() < 1e-13 * both.max()
+
+
+def test_more_sources_than_a_chunk():
+    rng = np.random.default_rng(7)
+    axis = centred_axis(15, PIXEL)
+    x, y = rng.uniform(-0.2, 0.2, (2, 1300))
+    flux = rng.random(1300)
+    whole = scene_image(TRANSFER, axis, axis, PIXEL, PointSources(x, y, flux))
+    parts = [scene_image(TRANSFER, axis, axis, PIXEL, PointSources(x[i::3], y[i::3], flux[i::3])) for i in range(3)]
+    assert np.abs(whole - sum(parts)).max() < 1e-12 * whole.max()
+
+
+def kernel_of(imager, side):
+    axis = imager.axis(centred_axis(side, imager.pixel_scale_arcsec), masked=False, pixel_nodes=8)
+    return imager.image(axis, axis)
+
+
+def test_a_kernel_at_pixel_centres_comes_back_and_between_them_is_the_optics():
+    imager = lopsided("F850")
+    kernel = kernel_of(imager, 201)
+    transfer = KernelTransfer(kernel, PIXEL)
+    axis = centred_axis(61, PIXEL)
+    ours = scene_image(transfer, axis, axis, PIXEL, PointSources([3 * PIXEL], [-7 * PIXEL], [2.0]))
+    np.testing.assert_allclose(ours, 2.0 * kernel[77:138, 67:128], atol=1e-14 * kernel.max())
+    between = PointSources([0.0313, -0.2], [-0.1, 0.151], [1.0, 0.5])
+    for half_width in (0.0, 0.155):
+        ours = scene_image(transfer, axis, axis, PIXEL, between, mask_half_width_arcsec=half_width)
+        exact = propagated(imager, axis, axis, between, half_width)
+        assert np.abs(ours - exact).max() < 3e-6 * kernel.max()  # what the edge of the kernel rings
+    far = scene_image(transfer, axis, axis, PIXEL, PointSources([9.0], [0.0], [1.0]))
+    assert not far.any()
+    inside = scene_image(transfer, axis, axis, PIXEL, PointSources([2.0], [0.0], [1.0]))
+    assert inside.any()
+    assert inside.min() >= 0
+
+
+def test_a_kernel_of_another_pixel_is_refused():
+    axis = centred_axis(5, PIXEL)
+    with pytest.raises(InputError, match="pixel_arcsec"):
+        scene_image(KernelTransfer(np.eye(3), 0.02), axis, axis, PIXEL, PointSources([0], [0], [1]))
+
+
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [
+        ({"y_centres_arcsec": [0.1, 0.0]}, "y_centres_arcsec"),
+        ({"x_centres_arcsec": [0.0, 0.0]}, "x_centres_arcsec"),
+        ({"x_centres_arcsec": []}, "x_centres_arcsec"),
+        ({"y_centres_arcsec": [0.0, np.nan]}, "y_centres_arcsec"),
+        ({"y_centres_arcsec": [[0.0]]}, "y_centres_arcsec"),
+        ({"pixel_arcsec": 0.0}, "pixel_arcsec"),
+        ({"pixel_arcsec": np.nan}, "pixel_arcsec"),
+        ({"mask_half_width_arcsec": -0.1}, "mask_half_width_arcsec"),
+        ({"mask_half_width_arcsec": np.inf}, "mask_half_width_arcsec"),
+    ],
+)
+def test_unusable_windows_are_refused_by_name(change, named):
+    good = {"y_centres_arcsec": [0.0], "x_centres_arcsec": [0.0], "pixel_arcsec": PIXEL}
+    with pytest.raises(InputError, match=named):
+        scene_image(TRANSFER, sources=PointSources([0.0], [0.0], [1.0]), **(good | change))
+
+
+@pytest.mark.parametrize(
+    ("sources", "named"),
+    [
+        (lambda: PointSources([0.0], [0.0, 1.0], [1.0]), "sources = 1 x, 2 y, 1 flux"),
+        (lambda: PointSources([np.nan], [0.0], [1.0]), "x_arcsec = nan"),
+        (lambda: PointSources([0.0], [np.inf], [1.0]), "y_arcsec = inf"),
+        (lambda: PointSources([0.0], [0.0], [-1.0]), "flux = -1.0"),
+        (lambda: PointSources([0.0], [0.0], [np.nan]), "flux = nan"),
+        (lambda: PointSources([[0.0]], [0.0], [1.0]), "x_arcsec = shape"),
+        (lambda: SourceGrid([0.0], [0.0, 1.0], [[1.0, 2.0]]), "flux = shape"),
+        (lambda: SourceGrid([0.0], [0.0], [[np.inf]]), "flux = inf"),
+        (lambda: SourceGrid([np.nan], [0.0], [[1.0]]), "x_arcsec = nan"),
+    ],
+)
+def test_unusable_sources_are_refused_by_name(sources, named):
+    with pytest.raises(InputError, match=named):
+        sources()
