@@ -158,14 +158,14 @@ def _halo(ink: str) -> list[Any]:
 def _hole(axes: Axes, panels: Panels, ink: str) -> None:
     from matplotlib.patches import Rectangle
 
-    inner, side = panels.hole_inner_arcsec, panels.hole_outer_arcsec - panels.hole_inner_arcsec
-    for sign_x in (-1, 1):
-        for sign_y in (-1, 1):
+    rows, columns = panels.zone.intervals()
+    for bottom, top in rows:
+        for left, right in columns:
             axes.add_patch(
                 Rectangle(
-                    (sign_x * inner, sign_y * inner),
-                    sign_x * side,
-                    sign_y * side,
+                    (left, bottom),
+                    right - left,
+                    top - bottom,
                     fill=False,
                     edgecolor=ink,
                     linewidth=0.7,

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalogs.errors import InputError
+from simulator.imaging.hole_zone import HoleMode, HoleSide, HoleZone
 from simulator.target.positions import sky_to_detector
 
 __all__ = ["Panels", "compass"]
@@ -53,6 +54,8 @@ class Panels:
         Each quadrant's zone is ``inner <= |x|, |y| <= outer`` (not diagonal separations).
     mask_half_width_arcsec : float
         Half width of the arms of the cross mask.
+    hole_mode, hole_side : str
+        All four quadrants, or the two on a side of the star.
     parity : int
         Detector parity, -1 or +1.
     roll_deg : float
@@ -72,6 +75,8 @@ class Panels:
     hole_inner_arcsec: float
     hole_outer_arcsec: float
     mask_half_width_arcsec: float
+    hole_mode: HoleMode = "4q"
+    hole_side: HoleSide = "right"
     parity: int = -1
     roll_deg: float = 0.0
     star_column: float | None = None
@@ -102,6 +107,11 @@ class Panels:
         return self.star_column, self.star_row
 
     @property
+    def zone(self) -> HoleZone:
+        """The dark quadrants."""
+        return HoleZone(self.hole_inner_arcsec, self.hole_outer_arcsec, self.hole_mode, self.hole_side)
+
+    @property
     def extent_arcsec(self) -> tuple[float, float, float, float]:
         """Left, right, bottom and top edge of the array, arcsec from the star on the detector."""
         rows, columns = self.science.shape
@@ -112,13 +122,12 @@ class Panels:
         return float(edges[0]), float(edges[1]), float(edges[2]), float(edges[3])
 
     def inside_hole(self) -> NDArray[np.bool_]:
-        """Pixels whose centres lie in one of the four zones, (y, x)."""
+        """Pixels whose centres lie in one of the dark quadrants, (y, x)."""
         rows, columns = self.science.shape
         column, row = self.star_pixel
-        x = np.abs(np.arange(columns) - column) * self.pixel_scale_arcsec
-        y = np.abs(np.arange(rows) - row) * self.pixel_scale_arcsec
-        inner, outer = self.hole_inner_arcsec, self.hole_outer_arcsec
-        return ((x >= inner) & (x <= outer))[None, :] & ((y >= inner) & (y <= outer))[:, None]
+        x = np.asarray((np.arange(columns) - column) * self.pixel_scale_arcsec, dtype=np.float64)
+        y = np.asarray((np.arange(rows) - row) * self.pixel_scale_arcsec, dtype=np.float64)
+        return self.zone.covers(y, x)
 
     def to_arrays(self) -> dict[str, NDArray[Any]]:
         """Arrays for ``numpy.savez`` (no pickle needed); images in single precision."""

@@ -74,7 +74,9 @@ def panels_of(model: EtcModel, band: str, body: Mapping[str, Any]) -> Panels:
         aperture_radius_arcsec=metrics.aperture_radius_arcsec,
         hole_inner_arcsec=metrics.hole_inner_arcsec,
         hole_outer_arcsec=metrics.hole_outer_arcsec,
-        mask_half_width_arcsec=instrument.coronagraph.mask_half_width_arcsec,
+        mask_half_width_arcsec=metrics.mask_half_width_arcsec,
+        hole_mode=metrics.hole_mode,
+        hole_side=metrics.hole_side,
         parity=instrument.detector.parity,
     )
 

@@ -106,8 +106,8 @@ def test_the_papers_model_forgets_the_mask_and_rounds_positions(psf):
     exact, paper = (off_axis_light(psf, window, behind, (), roll_deg=0.0, model=model) for model in ("exact", "paper"))
     assert paper.max() > 0.9 * psf.off_axis.max()
     assert exact.max() < 0.05 * psf.off_axis.max()
-    scene = load_scene({"name": "s", "cstar": STAR,
-                        "extended": [{"kind": "disc", "inner_arcsec": 0.3, "outer_arcsec": 0.5, "contrast": 1e-6}]})  # fmt: skip
+    disc = {"kind": "disc", "inner_arcsec": 0.3, "outer_arcsec": 0.5, "contrast": 1e-6}
+    scene = load_scene({"name": "s", "cstar": STAR, "extended": [disc]})
     with pytest.raises(InputError, match="scene_model"):
         off_axis_light(psf, window, behind, extended_rates(scene, SMALL, "F520"), roll_deg=0.0, model="paper")
 
