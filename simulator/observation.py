@@ -26,7 +26,7 @@ from simulator.imaging.frame import (
     sky_transmission,
     window_of,
 )
-from simulator.imaging.psf import single_band_psf
+from simulator.imaging.psf import PsfError, single_band_psf
 from simulator.knobs import Knobs
 from simulator.ledger import EffectRow, effect_ledger
 from simulator.passbands import Passbands
@@ -118,6 +118,11 @@ class Observation:
     def expected(self) -> FloatArray:
         """Noise-free frame in ADU."""
         return expected_adu_map(self.mean_rate_map, self.exposure_s, self.em_gain, self.instrument.detector)
+
+    @property
+    def estimated_error(self) -> PsfError | None:
+        """Numerical error of the point-spread functions; None for those of a file. Takes half a second once."""
+        return None if isinstance(self.psf, ExternalPsf) else self.psf.estimated_error
 
     @property
     def path(self) -> tuple[PathPart, ...]:

@@ -227,6 +227,9 @@ def test_a_psf_from_a_file_is_used_as_it_is(tmp_path):
     ours, theirs = (observe(scene(planet(45)), psf=psf, **settings) for psf in (None, kernel))
     assert len(theirs.star_stamps) == 1
     assert theirs.header["FIDELITY"] == "external"
+    assert theirs.estimated_error is None
+    assert ours.estimated_error.tier == ours.header["FIDELITY"] == "standard"
+    assert ours.estimated_error.aperture < 1e-4
     assert np.abs(ours.mean_rate_map - theirs.mean_rate_map).max() < 0.02 * ours.mean_rate_map.max()
     with pytest.raises(InputError, match="psf"):
         observe(scene(), band="F520", exposure_s=1.0, psf=kernel)
