@@ -92,7 +92,7 @@ def bare_imager(
         wavelengths_m=wavelength_nm * 1e-9,
         weights=weights,
         diameter_m=instrument.telescope.diameter_m,
-        transmission=upsample(apodizer, _grid(len(apodizer), instrument, knobs)),
+        transmission=upsample(apodizer, _grid(len(apodizer), instrument, band, knobs)),
         pixel_scale_arcsec=instrument.pixel_scale_arcsec(band),
         mask_half_width_arcsec=instrument.mask_half_width_arcsec(band),
         aperture_radius_arcsec=instrument.aperture_radius_arcsec(band),
@@ -137,15 +137,8 @@ def static_wavefront(instrument: Instrument, band: str) -> Aberrations | None:
     if control == "off":
         return aberrations
     if control == "surface":
-        path = instrument.dark_hole.surface_files.get(band)
-        if path is None:
-            raise InputError("dark_hole.surface_files", band, allowed="a surface for every band in use")
-        surface = load_dm_surface(path)
+        surface = _surface(instrument, band)
         samples = math.lcm(len(surface), instrument.wavefront.samples)
-        if samples > MAX_SAMPLES:
-            raise InputError("dark_hole.surface_files", path,
-                             allowed=f"a map that shares a grid with the {instrument.wavefront.samples} samples of "
-                             "the static wavefront", hint=f"it has {len(surface)} samples a side")  # fmt: skip
         return (aberrations or flat_aberrations(instrument.wavefront.samples)).upsampled(samples).plus_opd(
             2.0 * upsample(surface, samples))  # fmt: skip
     solver, aberrations, mirror = _bench(instrument, band)
@@ -183,10 +176,25 @@ def _bench(instrument: Instrument, band: str) -> tuple[Imager, Aberrations, Defo
     return solver, aberrations.upsampled(len(solver.transmission)), configured_mirror(instrument)
 
 
-def _grid(steps: int, instrument: Instrument, knobs: Knobs) -> int:
-    """Samples across the pupil: a multiple of the steps of apodizer and static wavefront, as many as asked."""
+def _surface(instrument: Instrument, band: str) -> FloatArray:
+    """The loaded surface of the mirror in one band, nm."""
+    path = instrument.dark_hole.surface_files.get(band)
+    if path is None:
+        raise InputError("dark_hole.surface_files", band, allowed="a surface for every band in use")
+    surface = load_dm_surface(path)
+    if math.lcm(len(surface), instrument.wavefront.samples) > MAX_SAMPLES:
+        raise InputError("dark_hole.surface_files", path,
+                         allowed=f"a map that shares a grid with the {instrument.wavefront.samples} samples of the "
+                         "static wavefront", hint=f"it has {len(surface)} samples a side")  # fmt: skip
+    return surface
+
+
+def _grid(steps: int, instrument: Instrument, band: str, knobs: Knobs) -> int:
+    """Samples across the pupil: a multiple of those of apodizer, static wavefront and loaded surface, as asked."""
     flat = instrument.wavefront.perfect and instrument.dark_hole.control == "off"
     common = steps if flat else math.lcm(steps, instrument.wavefront.samples)
+    if instrument.dark_hole.control == "surface":
+        common = math.lcm(common, len(_surface(instrument, band)))
     samples = common * max(1, math.ceil(knobs.pupil_samples / common))
     if samples > MAX_SAMPLES:
         raise InputError("wavefront.samples", instrument.wavefront.samples,

@@ -248,3 +248,14 @@ def test_grids_that_do_not_fit_are_refused(tmp_path):
 def test_unknown_names_are_refused(build, words, arguments):
     with pytest.raises(InputError, match=words):
         build(INSTRUMENT, *arguments)
+
+
+def test_a_finer_surface_makes_the_pupil_grid_finer(tmp_path):
+    plain = load_instrument({"mirror": {"bits": None}})
+    coarse = DeformableMirror().surface_nm(dark_hole_of(plain, "F662").commands_nm, 128)
+    path = tmp_path / "fine.npz"
+    np.savez(path, surface_nm=np.kron(coarse, np.ones((2, 2))))
+    loaded = load_instrument({"dark_hole": {"control": "surface", "surface_files": {"F662": str(path)}}})
+    imager = build_imager(loaded, "F662", SMALL)
+    assert len(imager.transmission) == 256
+    np.testing.assert_allclose(imager.static.opd_nm[::2, ::2], build_imager(plain, "F662", SMALL).static.opd_nm)
