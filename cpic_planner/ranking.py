@@ -11,6 +11,7 @@ import numpy as np
 from catalogs.info import snapshot_vintage
 from cpic_planner.etc.limits import frame_limit
 from cpic_planner.etc.model import EtcModel
+from cpic_planner.etc.place import hole_notes
 from cpic_planner.etc.planet import ReferencePlanet, reference_distance_au, reference_notes
 from cpic_planner.etc.rates import companion_saturates
 from cpic_planner.models import RankedTarget, RankResult, ReferencePlanetRecord
@@ -140,6 +141,7 @@ def _row(
     luminosity = _finite(targets.luminosity_lsun[i])
     flags = list(targets.flags[i])
     flags += reference_notes(model, targets.select([i]), str(best.band[i]), float(best.separation_arcsec[i]), planet)
+    flags += hole_notes(model, str(best.band[i]))
     clamped = model.passbands.grid_flags(targets.teff_k[i], targets.log_g[i], targets.metallicity[i]).any
     if bool(np.any(clamped)) and "stellar_grid_clamped" not in flags:
         flags.append("stellar_grid_clamped")

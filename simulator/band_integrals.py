@@ -22,6 +22,7 @@ __all__ = [
     "check_covers",
     "check_positive",
     "check_table",
+    "gauss_rule",
     "v_photon_rate",
     "v_projection",
     "vega_v_photon_rate",
@@ -153,3 +154,35 @@ def check_positive(name: str, value: float, unit: str) -> float:
     if not (np.isfinite(value) and value > 0.0):
         raise InputError(name, value, unit=unit, allowed="above 0")
     return float(value)
+
+
+def gauss_rule(points: np.ndarray, masses: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Gauss rule of a discrete measure: recurrence by Stieltjes, nodes and weights by Golub & Welsch (1969).
+
+    Parameters
+    ----------
+    points, masses : ndarray, shape (m,)
+        The measure; masses >= 0, at least ``n`` of them above 0.
+    n : int
+        Nodes.
+
+    Returns
+    -------
+    nodes, weights : ndarray, shape (n,)
+        Nodes ascending within the measure; weights above 0, summing to 1. Polynomials up to degree ``2 n - 1`` are
+        integrated exactly.
+    """
+    middle = 0.5 * (float(points.max()) + float(points.min()))
+    scale = 0.5 * (float(points.max()) - float(points.min())) or 1.0
+    t = (points - middle) / scale
+    before, now, norm, beta = np.zeros(t.size), np.ones(t.size), float(masses.sum()), 0.0
+    diagonal, off_diagonal = np.zeros(n), np.zeros(n - 1)
+    for k in range(n):
+        diagonal[k] = float(masses @ (t * now**2)) / norm
+        before, now = now, (t - diagonal[k]) * now - beta * before
+        if k < n - 1:
+            norm, previous = float(masses @ now**2), norm
+            beta = norm / previous
+            off_diagonal[k] = np.sqrt(beta)
+    nodes, vectors = np.linalg.eigh(np.diag(diagonal) + np.diag(off_diagonal, 1) + np.diag(off_diagonal, -1))
+    return middle + scale * nodes, vectors[0] ** 2

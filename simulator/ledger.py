@@ -57,7 +57,7 @@ def not_modelled() -> list[str]:
 
 
 def effect_ledger(
-    scene: Scene, instrument: Instrument, *, scene_model: str = "exact", external_psf: bool = False
+    scene: Scene, instrument: Instrument, *, scene_model: str = "exact", hole_state: str = "reached"
 ) -> tuple[EffectRow, ...]:
     """Ledger of one observation.
 
@@ -67,8 +67,8 @@ def effect_ledger(
     instrument : Instrument
     scene_model : {"exact", "paper"}
         How sources other than the star are placed.
-    external_psf : bool
-        Whether the point-spread functions come from a file.
+    hole_state : {"reached", "not_reached", "none", "external"}
+        State of the dark hole; external where the point-spread functions come from a file.
 
     Returns
     -------
@@ -93,7 +93,9 @@ def effect_ledger(
         rows[_STATIC] = EffectRow(_STATIC, "kept", "aberrations with a flat mirror: no dark hole")
     if wavefront.jitter_mas == 0:
         skip("pointing jitter", "rms is zero")
-    if external_psf:
+    if hole_state == "not_reached":
+        rows[_STATIC] = EffectRow(_STATIC, "kept", "the dark hole is brighter than asked of the instrument")
+    if hole_state == "external":
         for effect in (_OPTICS, _STATIC, "wavefront drift", "pointing jitter"):
             skip(effect, "the point-spread functions come from a file")
     if scene_model == "paper":

@@ -21,6 +21,7 @@ from simulator.imaging.frame import (
     AnyPsf,
     SceneModel,
     Window,
+    apodizer_energy,
     full_star_map,
     off_axis_light,
     sky_transmission,
@@ -30,6 +31,7 @@ from simulator.imaging.psf import PsfError, single_band_psf
 from simulator.knobs import Knobs
 from simulator.ledger import EffectRow, effect_ledger
 from simulator.passbands import Passbands
+from simulator.quantities import check_number
 from simulator.rng import PathPart, stream
 from simulator.target.positions import wcs_keywords
 from simulator.target.sources import Source, extended_rates, scene_sources
@@ -186,6 +188,8 @@ class Observation:
             "STAROFFX": self.star_offset_arcsec[0],
             "STAROFFY": self.star_offset_arcsec[1],
             "HOLEMODE": self.instrument.dark_hole.mode,
+            "HOLE": self.psf.hole_state,
+            "HOLEIN": self.instrument.hole_inner_arcsec(self.band) * math.sqrt(2.0),
             "IWA": self.psf.metrics.iwa_arcsec,
             "FIDELITY": "external" if isinstance(self.psf, ExternalPsf) else self.psf.knobs.tier,
             "SCENEMOD": self.scene_model,
@@ -277,14 +281,14 @@ def observe(
     star = _checked_offset(star_offset_arcsec)
     if scene_model not in get_args(SceneModel):
         raise InputError("scene_model", scene_model, allowed=", ".join(get_args(SceneModel)))
-    if psf is not None and psf.band not in ("", band):
-        raise InputError("psf", psf.band, allowed=f"a PSF of {band}")
+    if psf is not None:
+        _check_psf(psf, band, instrument)
     optics = psf or single_band_psf(band, fidelity=fidelity, instrument=instrument)
     sources = scene_sources(scene, instrument, band, roll_deg=roll_deg)
     area = window_of(optics, instrument, full=window == "full")
     path = (scene.name, role, band, realisation)
     stamps = _star_stamps(optics, instrument, exposure_s, n_frames, star, seed, path)
-    static = _sky_e_s_pixel(instrument, band) * optics.metrics.apodizer_energy * sky_transmission(optics, area)
+    static = _sky_e_s_pixel(instrument, band) * apodizer_energy(optics) * sky_transmission(optics, area)
     if window == "full":
         static += sources[0].rate_e_s * full_star_map(optics, area, star)
     static += off_axis_light(
@@ -319,7 +323,7 @@ def observe(
         psf=optics,
         area=area,
         truth=truth,
-        ledger=effect_ledger(scene, instrument, scene_model=scene_model, external_psf=psf is not None),
+        ledger=effect_ledger(scene, instrument, scene_model=scene_model, hole_state=optics.hole_state),
         static_rate_e_s=static,
         star_stamps=stamps,
     )
@@ -356,40 +360,41 @@ def _sky_e_s_pixel(instrument: Instrument, band: str) -> float:
     return float(rates[passbands.index(band)]) * instrument.detector.pixel_scale_arcsec**2
 
 
+def _check_psf(psf: ExternalPsf, band: str, instrument: Instrument) -> None:
+    if not isinstance(psf, ExternalPsf):
+        raise InputError("psf", psf, allowed="what load_psf returns")
+    if psf.band not in ("", band):
+        raise InputError("psf", psf.band, allowed=f"a PSF of {band}")
+    if psf.instrument.content_hash != instrument.content_hash:
+        raise InputError("psf", psf.instrument.name, allowed=f"a PSF of {instrument.name}: load_psf(..., instrument=)")
+
+
 def _checked_offset(star_offset_arcsec: tuple[float, float]) -> tuple[float, float]:
-    values = np.asarray(star_offset_arcsec, dtype=np.float64)
+    try:
+        values = np.asarray(star_offset_arcsec, dtype=np.float64)
+    except (TypeError, ValueError):
+        values = np.empty(0)
     if values.shape != (2,) or not np.isfinite(values).all() or np.abs(values).max() > MAX_OFFSET_ARCSEC:
         raise InputError("star_offset_arcsec", star_offset_arcsec, unit="arcsec",
                          allowed=f"x and y, each at most {MAX_OFFSET_ARCSEC:g}")  # fmt: skip
     return float(values[0]), float(values[1])
 
 
-def _check(
-    instrument: Instrument,
-    band: str,
-    exposure_s: float,
-    n_frames: int,
-    em_gain: float,
-    tolerance: float,
-    window: str,
-    role: str,
-    roll_deg: float,
-) -> None:
+def _check(instrument: Instrument, band: str, exposure_s: Any, n_frames: Any, em_gain: Any, tolerance: Any,
+           window: str, role: str, roll_deg: Any) -> None:  # fmt: skip
     if instrument.band(band).camera != "VIS":
-        raise InputError(
-            "band", band, allowed=", ".join(instrument.visible_bands()), hint="no near-infrared camera yet"
-        )
-    if not 1e-6 <= exposure_s <= 1e6:
-        raise InputError("exposure_s", exposure_s, unit="s", allowed="1e-6 to 1e6")
-    if isinstance(n_frames, bool) or not float(n_frames).is_integer() or not 1 <= n_frames <= 1_000_000:
+        raise InputError("band", band, allowed=", ".join(instrument.visible_bands()), hint="no infrared camera yet")
+    most = instrument.detector.em_gain_max
+    for name, value, low, high, unit in (("exposure_s", exposure_s, 1e-6, 1e6, "s"), ("em_gain", em_gain, 1, most, "")):
+        if not low <= check_number(name, value, unit) <= high:
+            raise InputError(name, value, unit=unit, allowed=f"{low:g} to {high:g}")
+    count = check_number("n_frames", n_frames)
+    if isinstance(n_frames, bool) or not count.is_integer() or not 1 <= count <= 1_000_000:
         raise InputError("n_frames", n_frames, allowed="an integer from 1 to 1000000")
-    if not 1.0 <= em_gain <= instrument.detector.em_gain_max:
-        raise InputError("em_gain", em_gain, allowed=f"1 to {instrument.detector.em_gain_max:g}")
-    if tolerance != 0:
+    if check_number("tolerance", tolerance) != 0:
         raise InputError("tolerance", tolerance, allowed="0", hint="trading error for speed is not implemented yet")
-    if role not in ("science", "reference", "calibration"):
-        raise InputError("role", role, allowed="science, reference, calibration")
-    if not math.isfinite(roll_deg):
-        raise InputError("roll_deg", roll_deg, unit="deg", allowed="a finite angle")
-    if window not in ("full", "hole"):
-        raise InputError("window", window, allowed="full, hole")
+    if role not in get_args(Role):
+        raise InputError("role", role, allowed=", ".join(get_args(Role)))
+    check_number("roll_deg", roll_deg, "deg")
+    if window not in get_args(WindowName):
+        raise InputError("window", window, allowed=", ".join(get_args(WindowName)))

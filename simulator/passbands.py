@@ -30,6 +30,7 @@ from simulator.band_integrals import (
     check_covers,
     check_positive,
     check_table,
+    gauss_rule,
     v_photon_rate,
     v_projection,
     vega_v_photon_rate,
@@ -226,11 +227,10 @@ class Passbands:
         return np.array([band.support_nm[1] > table.documented_to_nm for band in self.bands])
 
     def wavelength_nodes(self, name: str, n: int, *, spectrum: Spectrum | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """Return Gauss-Legendre wavelengths over a band and weights that average over the detected photons.
+        """Return the Gauss rule that averages over the detected photons of a band.
 
-        The weights integrate every polynomial up to degree n - 1 exactly against filter x QE x photon
-        spectrum; for a top-hat and a flat spectrum they are the Gauss-Legendre weights (degree 2n - 1).
-        Where a steep curve would make one negative, each node takes the share of its own cell instead.
+        It integrates every polynomial up to degree 2n - 1 exactly against filter x QE x photon spectrum; for a
+        top-hat and a flat spectrum it is Gauss-Legendre.
 
         Parameters
         ----------
@@ -244,7 +244,7 @@ class Passbands:
         Returns
         -------
         wavelength_nm, weights : ndarray, shape (n,)
-            Weights are non-negative and sum to 1.
+            Weights are positive and sum to 1.
 
         Raises
         ------
@@ -255,10 +255,9 @@ class Passbands:
             raise InputError("n", n, allowed="at least 1")
         band = self.bands[self.index(name)]
         low, high = band.support_nm
-        t, gauss = np.polynomial.legendre.leggauss(n)
-        centres = 0.5 * (low + high + (high - low) * t)
         if spectrum is None and band.curve is None:
-            return centres, 0.5 * gauss
+            t, gauss = np.polynomial.legendre.leggauss(n)
+            return 0.5 * (low + high + (high - low) * t), 0.5 * gauss
         # Cells much finer than the polynomials: two points in each are enough.
         samples = [np.linspace(low, high, 64 * n + 1)]
         if spectrum is not None:
@@ -268,15 +267,7 @@ class Passbands:
         x, measure = band_quadrature(band, *samples)
         if spectrum is not None:
             measure = measure * np.interp(x, wavelength, flux)
-        position = (2.0 * x - low - high) / (high - low)
-        moments = measure @ np.polynomial.legendre.legvander(position, n - 1)
-        # Lagrange polynomials at Gauss-Legendre nodes, written in Legendre polynomials.
-        weights = gauss * (np.polynomial.legendre.legvander(t, n - 1) @ ((np.arange(n) + 0.5) * moments))
-        if weights.min() < 0.0:
-            edges = np.cumsum(gauss)[:-1] - 1.0
-            cells = np.bincount(np.searchsorted(edges, position), weights=measure, minlength=n)
-            weights = cells.astype(np.float64)
-        return centres, weights / weights.sum()
+        return gauss_rule(x, measure, n)
 
 
 def _band(name: str, config: BandConfig) -> Band:

@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 
 from catalogs.errors import InputError
+from cpic_planner.etc.model import EtcModel
 from simulator.config import Instrument
 from simulator.imaging.hole_zone import HoleZone
 from simulator.outcome import Reason, Status
 from simulator.target.positions import detector_to_sky
 
-__all__ = ["check_range", "diagonal", "diagonal_pa_deg", "locate", "usable_range_arcsec"]
+__all__ = ["check_range", "diagonal", "diagonal_pa_deg", "hole_notes", "locate", "usable_range_arcsec"]
 
 
 def diagonal(zone: HoleZone, separation_arcsec: Any) -> tuple[Any, Any]:
@@ -35,6 +36,11 @@ def usable_range_arcsec(instrument: Instrument, band: str) -> tuple[float, float
     inner = (instrument.hole_inner_arcsec(band) + radius) * math.sqrt(2.0)
     outer = (instrument.hole_outer_arcsec(band) - radius) * math.sqrt(2.0)
     return inner, outer
+
+
+def hole_notes(model: EtcModel, band: str) -> tuple[str, ...]:
+    """Flag of a band whose dark hole is not as dark as asked."""
+    return ("hole_not_reached",) if model.metrics[band].hole_state == "not_reached" else ()
 
 
 def locate(instrument: Instrument, band: str, separation_arcsec: float) -> tuple[Status, Reason, str]:

@@ -14,7 +14,7 @@ from cpic_planner.etc.answer import EtcAnswer, Question
 from cpic_planner.etc.limits import frame_limit
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.noise import stack_noise
-from cpic_planner.etc.place import check_range, diagonal, locate
+from cpic_planner.etc.place import check_range, diagonal, hole_notes, locate
 from cpic_planner.etc.planet import ReferencePlanet, reference_contrast, reference_notes
 from cpic_planner.etc.rates import ApertureRates, aperture_rates, speckle_fraction
 from cpic_planner.etc.settings import (
@@ -72,7 +72,7 @@ def _cases(
             "unit": unit,
             "contrast": None if question == "contrast_limit" else given,
             "separation_arcsec": separation_arcsec,
-            "flags": target.flags[0] if question == "contrast_limit" else notes,
+            "flags": (target.flags[0] if question == "contrast_limit" else notes) + hole_notes(model, band),
         }
         status, reason, message = locate(model.instrument, band, separation_arcsec)
         if status is not Status.OK:

@@ -66,6 +66,7 @@ FLAGS: dict[str, str] = {
     "companion_light_off": "light of a known companion is left out on request",
     "companion_light_unknown": "a close companion is known but cannot be placed: its light is not included",
     "companion_colour_assumed": "companion given the star's own colour",
+    "hole_not_reached": "the dark hole of the band is brighter than asked of the instrument",
     "shorter_visit_is_better": "less than the given time is used: the walk of the wavefront makes a longer visit worse",
     "companion_saturates": "a companion on the frame overflows its pixels: its blooming is not followed",
     "companion_pa_assumed": "the sources give no position angle for the companion: 30 deg assumed",

@@ -250,6 +250,8 @@ def _tree(source: str | Path | Mapping[str, Any] | None) -> dict[str, Any]:
         source = "cpic_default"
     if isinstance(source, Mapping):
         own: Any = dict(source)
+    elif not isinstance(source, str | Path):
+        raise InputError("instrument", source, allowed="a mapping, a YAML file or a preset")
     else:
         known = preset_path("instrument", str(source))
         if known is None and not Path(source).exists():

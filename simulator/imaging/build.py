@@ -13,10 +13,10 @@ from catalogs.spectra import Spectrum, load_reference_spectrum
 from simulator.config.instrument import Instrument
 from simulator.imaging.aberrations import Aberrations, draw_aberrations, flat_aberrations
 from simulator.imaging.apodizer import cell_means, upsample
-from simulator.imaging.dark_hole import HoleResult
+from simulator.imaging.dark_hole import DarkHole, HoleResult
 from simulator.imaging.deformable_mirror import DeformableMirror, load_dm_surface
 from simulator.imaging.hole_store import configured_apodizer, hole_key, hole_state, search
-from simulator.imaging.hole_zone import HoleZone
+from simulator.imaging.hole_zone import HoleStatus, HoleZone
 from simulator.imaging.imager import Imager
 from simulator.knobs import Knobs, resolve_knobs
 from simulator.passbands import Passbands
@@ -29,6 +29,7 @@ __all__ = [
     "configured_mirror",
     "dark_hole_of",
     "dig",
+    "hole_state_of",
     "static_wavefront",
 ]
 
@@ -79,7 +80,8 @@ def bare_imager(
     instrument.band(band)
     passbands = Passbands.from_instrument(instrument)
     light = load_reference_spectrum("sun") if spectrum is None else spectrum
-    wavelength_nm, weights = passbands.wavelength_nodes(band, knobs.wavelength_nodes, spectrum=light)
+    nodes = knobs.wavelength_nodes + _extra_nodes(instrument, band, knobs)
+    wavelength_nm, weights = passbands.wavelength_nodes(band, nodes, spectrum=light)
     apodizer = configured_apodizer(instrument)
     zone = HoleZone(
         instrument.hole_inner_arcsec(band),
@@ -163,6 +165,29 @@ def dark_hole_of(instrument: Instrument, band: str) -> HoleResult:
     return hole_state(instrument, band, *_bench(instrument, band))
 
 
+def hole_state_of(instrument: Instrument, band: str, mean_contrast: float) -> HoleStatus:
+    """Whether the hole of the images is as dark as asked.
+
+    Parameters
+    ----------
+    instrument : Instrument
+    band : str
+    mean_contrast : float
+        Mean raw contrast of the images in the hole: with the commands as the electronics make them.
+
+    Returns
+    -------
+    str
+        ``reached``; ``not_reached``, by the search or by half as much again in the images; ``none`` where no search
+        sets the mirror.
+    """
+    if instrument.dark_hole.control in ("off", "surface"):
+        return "none"
+    state = dark_hole_of(instrument, band)
+    dark = isinstance(state, DarkHole) and mean_contrast <= 1.5 * state.limit_contrast
+    return "reached" if dark else "not_reached"
+
+
 def dig(instrument: Instrument, band: str) -> tuple[HoleResult, str]:
     """Search for the hole of one band whatever is stored, and the key to store it under."""
     bench = _bench(instrument, band)
@@ -174,6 +199,15 @@ def _bench(instrument: Instrument, band: str) -> tuple[Imager, Aberrations, Defo
     solver = bare_imager(instrument, band, Knobs(wavelength_nodes=5))
     aberrations = aberrations_of(instrument) or flat_aberrations(instrument.wavefront.samples)
     return solver, aberrations.upsampled(len(solver.transmission)), configured_mirror(instrument)
+
+
+def _extra_nodes(instrument: Instrument, band: str, knobs: Knobs) -> int:
+    """Wavelengths to add where a wide band moves the speckles at the rim of the hole by more than two lambda/D."""
+    passbands = Passbands.from_instrument(instrument)
+    low, high = passbands.bands[passbands.index(band)].support_nm
+    rim = math.sqrt(2.0) * instrument.hole_outer_arcsec(band) / instrument.lambda_d_arcsec(band)
+    moved = rim * (high - low) / instrument.band(band).center_nm
+    return max(0, math.ceil(1.1 * (moved - 2.0))) if knobs.wavelength_nodes > 1 else 0
 
 
 def _surface(instrument: Instrument, band: str) -> FloatArray:

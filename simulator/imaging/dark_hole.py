@@ -24,6 +24,7 @@ SCORE_WAVELENGTHS = 8  # an even number shares no node with an odd number of con
 CHORDS = 16  # of the aperture: exact to rounding for an aperture of about one lambda/D
 LIMIT_CONTRAST = {"4q": 2e-9, "2q": 8e-9}
 SINGLE_LIMIT = 5e-8
+KICK_NM, KICK_SEED = 1.0, 1
 
 
 @dataclass(frozen=True)
@@ -173,14 +174,21 @@ def solve_dark_hole(
         limit_contrast = SINGLE_LIMIT if settings.method == "single_jacobian" else LIMIT_CONTRAST[mode]
     center_m = imager.lambda_d_arcsec * imager.diameter_m / ARCSEC_PER_RAD
     problem = Conjugation(imager, center_m, aberrations, mirror, zone, settings)
-    search = conjugate(problem, settings)
     wide_nodes, wide_weights = np.polynomial.legendre.leggauss(SCORE_WAVELENGTHS)
     wavelengths = center_m * (1.0 + 0.5 * settings.bandwidth * wide_nodes)
-    rest = np.zeros_like(search.commands_nm)
-    before, wide = (
-        score_hole(imager, aberrations, mirror, commands, zone, wavelengths, 0.5 * wide_weights)
-        for commands in (rest, search.commands_nm)
-    )
+
+    def score(commands: FloatArray) -> HoleScore:
+        return score_hole(imager, aberrations, mirror, commands, zone, wavelengths, 0.5 * wide_weights)
+
+    search = conjugate(problem, settings)
+    before = score(np.zeros_like(search.commands_nm))
+    at_rest = float(np.abs(search.commands_nm).max()) < 1e-3 * KICK_NM
+    if search.ended == "converged" and at_rest and before.mean > limit_contrast:
+        # Amplitude errors alone give a flat mirror no first step downwards: a nanometre of anything opens one.
+        kick = KICK_NM * np.random.default_rng(KICK_SEED).standard_normal(search.commands_nm.shape)
+        again = conjugate(problem, settings, start_nm=kick)
+        search = again if min(again.history) < min(search.history) else search
+    wide = score(search.commands_nm)
     own = score_hole(imager, aberrations, mirror, search.commands_nm, zone)
     kind = DarkHole if wide.mean <= limit_contrast else UnreachedHole
     return kind(imager.band, zone, settings.method, search.commands_nm, search, before, wide, own, limit_contrast)

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -256,6 +257,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     target, separable = given.pop("out"), given.pop("separable")
     if separable and "outer_leak" in given:
         raise InputError("outer_leak", options.outer_leak, allowed="no such bound on a separable mask")
+    if target.suffix != ".npz" or not target.parent.is_dir():
+        raise InputError("out", str(target), allowed="an npz file in an existing folder")
     began = time.perf_counter()
     mask = design_separable_mask(**given) if separable else design_step_mask(**given)
     figures: dict[str, Any] = mask_figures(mask)
@@ -266,4 +269,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    try:
+        raise SystemExit(main())
+    except InputError as refusal:
+        print(refusal, file=sys.stderr)
+        raise SystemExit(2) from None

@@ -85,6 +85,11 @@ class ExternalPsf:
     apodizer_energy: float
     flags: tuple[str, ...] = ()
 
+    @property
+    def hole_state(self) -> str:
+        """``external``: nothing is known of how it was made."""
+        return "external"
+
     @functools.cached_property
     def metrics(self) -> ExternalMetrics:
         """Figures of merit that follow from the stamps; see `ExternalMetrics`.

@@ -7,6 +7,7 @@ kernel on a grid of 4 x 4 cells a pixel (`simulator.imaging.paper_scene`).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 from catalogs.errors import InputError
 from simulator.cache import compute_once
 from simulator.config import Instrument, content_hash
+from simulator.imaging.build import build_imager
 from simulator.imaging.extended import render_extended
 from simulator.imaging.external import ExternalPsf
 from simulator.imaging.imager import centred_axis
@@ -28,11 +30,21 @@ from simulator.imaging.store import metrics_key
 from simulator.imaging.transfer import KernelTransfer, Transfer, band_transfer
 from simulator.target.sources import ExtendedRate, Source
 
-__all__ = ["AnyPsf", "SceneModel", "Window", "full_star_map", "off_axis_light", "sky_transmission", "window_of"]
+__all__ = [
+    "AnyPsf",
+    "SceneModel",
+    "Window",
+    "apodizer_energy",
+    "full_star_map",
+    "off_axis_light",
+    "sky_transmission",
+    "window_of",
+]
 
 FloatArray = NDArray[np.float64]
 AnyPsf: TypeAlias = Psf | ExternalPsf
 SceneModel = Literal["exact", "paper"]
+MAX_WAVELENGTHS = 33
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,6 +101,11 @@ def sky_transmission(psf: AnyPsf, window: Window) -> FloatArray:
     return np.outer(rows, columns)
 
 
+def apodizer_energy(psf: AnyPsf) -> float:
+    """Energy behind the apodizer, relative to the clear disc."""
+    return psf.apodizer_energy if isinstance(psf, ExternalPsf) else psf.imager.apodizer_energy
+
+
 def full_star_map(psf: AnyPsf, window: Window, star_arcsec: tuple[float, float] = (0.0, 0.0)) -> FloatArray:
     """Masked star over the window with the stamp around the mask left out (the drifting frames fill it).
 
@@ -104,9 +121,23 @@ def full_star_map(psf: AnyPsf, window: Window, star_arcsec: tuple[float, float] 
                               star_arcsec=star_arcsec).astype(np.float32)
     })  # fmt: skip
     image = stored["image"].astype(np.float64)
-    rows, columns, _ = window.stamp(psf.on_axis.shape[0])
+    side = psf.on_axis.shape[0]
+    if any(star_arcsec):
+        _fill_core(image, psf, window, star_arcsec, side)
+    rows, columns, _ = window.stamp(side)
     image[rows, columns] = 0.0
     return image
+
+
+def _fill_core(image: FloatArray, psf: Psf, window: Window, star_arcsec: tuple[float, float], side: int) -> None:
+    """Put a star off the mask on the map at the settings of the PSF, a stamp around it."""
+    spans = []
+    for axis, place in ((window.rows, star_arcsec[1]), (window.columns, star_arcsec[0])):
+        middle = int(np.abs(axis - place).argmin())
+        spans.append(slice(max(middle - side // 2, 0), middle + side // 2 + 1))
+    y, x = (psf.imager.axis(axis[span], masked=True)
+            for axis, span in zip((window.rows, window.columns), spans, strict=True))  # fmt: skip
+    image[spans[0], spans[1]] = psf.imager.image(y, x, source_arcsec=star_arcsec)
 
 
 def off_axis_light(
@@ -150,21 +181,45 @@ def off_axis_light(
             raise InputError("scene_model", model, allowed="exact for extended sources and for PSFs from files")
         return paper_scene_image(psf.imager, window.rows, window.columns, points)
     grids = [_grid(psf, window, item, roll_deg, star_arcsec) for item in extended]
-    return scene_image(
-        _transfer(psf),
-        window.rows,
-        window.columns,
-        psf.pixel_scale_arcsec,
-        points,
-        mask_half_width_arcsec=_half_width(psf),
-        extended=grids,
-    )
+    nodes = np.array([_wavelengths(psf, source, star_arcsec) for source in sources], dtype=int)
+    total = np.zeros(window.shape)
+    for count in sorted({0, *nodes.tolist()}):
+        part = nodes == count
+        total += scene_image(
+            _transfer(psf, count),
+            window.rows,
+            window.columns,
+            psf.pixel_scale_arcsec,
+            PointSources(*(array[part] for array in points.arrays)),
+            mask_half_width_arcsec=_half_width(psf),
+            extended=() if count else grids,
+        )
+    return total
 
 
-def _transfer(psf: AnyPsf) -> Transfer:
+def _wavelengths(psf: AnyPsf, source: Source, star_arcsec: tuple[float, float]) -> int:
+    """Wavelengths that the wings of a star need at the centre of the mask; 0 for those of the PSF.
+
+    Over a band the wings of a source stretch by the bandwidth: at 8 arcsec by ten lambda/D, which four wavelengths
+    turn into a pattern of their own. Only stars are bright enough there for it to matter.
+    """
+    if isinstance(psf, ExternalPsf) or source.kind != "star":
+        return 0
+    imager = psf.imager
+    distance = math.hypot(source.x_arcsec + star_arcsec[0], source.y_arcsec + star_arcsec[1])
+    low, high = imager.wavelengths_m.min(), imager.wavelengths_m.max()
+    stretch = distance / imager.lambda_d_arcsec * 1.2 * (high - low) / (0.5 * (high + low))
+    needed = min(3 + math.ceil(1.3 * stretch), MAX_WAVELENGTHS)
+    return needed if needed > max(imager.weights.size, 2) and imager.weights.size > 1 else 0
+
+
+def _transfer(psf: AnyPsf, wavelength_nodes: int = 0) -> Transfer:
     if isinstance(psf, ExternalPsf):
         return KernelTransfer(psf.off_axis, psf.pixel_scale_arcsec)
-    return band_transfer(psf.imager)
+    if not wavelength_nodes:
+        return band_transfer(psf.imager)
+    knobs = psf.knobs.model_copy(update={"wavelength_nodes": wavelength_nodes})
+    return band_transfer(build_imager(psf.instrument, psf.band, knobs, spectrum=psf.spectrum))
 
 
 def _half_width(psf: AnyPsf) -> float:

@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from catalogs.errors import InputError
 
-__all__ = ["HoleMode", "HoleSide", "HoleZone"]
+__all__ = ["HoleMode", "HoleSide", "HoleStatus", "HoleZone"]
 
 FloatArray = NDArray[np.float64]
 HoleMode = Literal["4q", "2q"]
 HoleSide = Literal["right", "left", "top", "bottom"]
+HoleStatus = Literal["reached", "not_reached", "none"]
 
 
 @dataclass(frozen=True)

@@ -60,8 +60,14 @@ def read_maps(key: str, path: str | Path) -> MapFile:
     InputError
         If it is missing, damaged (checksums included), empty, larger than 1 GB, or holds Python objects.
     """
+    if not isinstance(path, str | Path):
+        raise InputError(key, path, allowed="the path of a FITS or npz file")
     place = Path(path)
-    if not place.is_file():
+    try:
+        exists = place.is_file()
+    except OSError:  # a name longer than the file system takes
+        exists = False
+    if not exists:
         raise InputError(key, str(path), allowed="an existing FITS or npz file")
     if place.stat().st_size > MAX_BYTES:
         raise InputError(key, str(path), allowed=f"a file of at most {MAX_BYTES} bytes")
@@ -104,9 +110,11 @@ def _from_fits(key: str, path: Path) -> tuple[FileMap, ...]:
         except Exception as error:  # astropy raises errors of many kinds for damaged files
             raise InputError(key, str(path), allowed="a whole FITS or npz file", hint=str(error)[:160]) from None
     for complaint in complaints:
-        if "failed for HDU" in str(complaint.message):
-            raise InputError(key, str(path), allowed="a FITS file whose checksums hold",
-                             hint=" ".join(str(complaint.message).split()))  # fmt: skip
+        words = " ".join(str(complaint.message).split())
+        if "failed for HDU" in words:
+            raise InputError(key, str(path), allowed="a FITS file whose checksums hold", hint=words)
+        if "truncated" in words.lower() or "error validating header" in words.lower():
+            raise InputError(key, str(path), allowed="a whole FITS file", hint=words[:160])
     if not found:
         raise InputError(key, str(path), allowed="a FITS file with an image")
     return found

@@ -119,17 +119,26 @@ def _source_noise_fraction(imager: Imager) -> float:
     return float(np.mean(fractions))
 
 
-def measure_metrics(imager: Imager, psd_slope: float) -> PsfMetrics:
-    """Everything: stamps, wings, brightest pixel and speckle floor; some seconds."""
+def measure_metrics(imager: Imager, psd_slope: float, wide: Imager | None = None) -> PsfMetrics:
+    """Everything but the state of the hole: stamps, wings, brightest pixel and speckle floor; some seconds.
+
+    Parameters
+    ----------
+    imager : Imager
+    psd_slope : float
+        Of the drift screens behind the floor.
+    wide : Imager, optional
+        The same optics with more wavelengths, for the far wings.
+    """
     masked, clear = imager.stamp_axis(masked=True), imager.stamp_axis(masked=False)
     on_axis, off_axis = imager.image(masked, masked), imager.image(clear, clear)
     half = int(np.ceil(FRAME_ARCSEC / imager.pixel_scale_arcsec))
     offset = centred_axis(2 * half + 1, imager.pixel_scale_arcsec)
-    wide = imager.axis(offset, masked=True, pixel_nodes=1)
-    frame = imager.image(wide, wide)
+    coarse = imager.axis(offset, masked=True, pixel_nodes=1)
+    frame = (wide or imager).image(coarse, coarse)
     hole, (_, columns) = imager.zone.covers(offset, offset), imager.zone.intervals()
     floor = measure_floor(imager, psd_slope)
-    profile, wing_map = _wings(imager)
+    profile, wing_map = _wings(wide or imager)
     values = stamp_figures(imager, on_axis, off_axis)
     values |= {
         "band": imager.band,
@@ -141,6 +150,7 @@ def measure_metrics(imager: Imager, psd_slope: float) -> PsfMetrics:
         "hole_outer_arcsec": imager.hole_arcsec[1],
         "hole_mode": imager.zone.mode,
         "hole_side": imager.zone.side,
+        "hole_state": "none",
         "strehl": strehl(imager),
         "apodizer_energy": imager.apodizer_energy,
         "peak_on_axis_frame": max(float(frame.max()), float(on_axis.max())),

@@ -12,11 +12,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from catalogs.errors import InputError
 from simulator.imaging.aperture import core_from_table
-from simulator.imaging.hole_zone import HoleMode, HoleSide, HoleZone
+from simulator.imaging.hole_zone import HoleMode, HoleSide, HoleStatus, HoleZone
 
 __all__ = ["PsfMetrics"]
 
 FloatArray = NDArray[np.float64]
+TINY = 1e-300  # light behind the mask, for logarithms
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +41,8 @@ class PsfMetrics:
         All four quadrants, or the two on ``hole_side``.
     hole_side : {"right", "left", "top", "bottom"}
         Side of the star on the detector for ``2q``.
+    hole_state : {"reached", "not_reached", "none"}
+        Whether the hole is as dark as asked; none where no search sets the mirror.
     strehl : float
         Peak relative to the same apodizer with a flat wavefront and no jitter.
     apodizer_energy : float
@@ -95,6 +98,7 @@ class PsfMetrics:
     hole_outer_arcsec: float
     hole_mode: HoleMode
     hole_side: HoleSide
+    hole_state: HoleStatus
     strehl: float
     apodizer_energy: float
     core_open: float
@@ -160,14 +164,14 @@ class PsfMetrics:
         return np.where(np.hypot(x, y) <= self.field_radius_arcsec, core, 0.0)
 
     def halo_aperture(self, x_arcsec: ArrayLike, y_arcsec: ArrayLike) -> FloatArray:
-        """Starlight in the aperture at (x, y): bilinear in the map, and wings x aperture area beyond the stamp."""
+        """Starlight in the aperture at (x, y), bilinear in the logarithm; wings x aperture area beyond the stamp."""
         x, y = np.broadcast_arrays(np.asarray(x_arcsec, dtype=np.float64), np.asarray(y_arcsec, dtype=np.float64))
         n = len(self.halo_map)
         column, row = (part / self.pixel_scale_arcsec + n // 2 for part in (x, y))
         margin = self.aperture_radius_arcsec / self.pixel_scale_arcsec + 1
         inside = (np.minimum(row, column) >= margin) & (np.maximum(row, column) <= n - 1 - margin)
         row, column = np.where(inside, row, 0.0), np.where(inside, column, 0.0)
-        near = _bilinear(self.halo_map, row, column)
+        near = np.exp(_bilinear(np.log(np.maximum(self.halo_map, TINY)), row, column))
         return np.where(inside, near, self.wing(np.hypot(x, y)) * self.aperture_pixels)
 
     def wing(self, separation_arcsec: ArrayLike) -> FloatArray:

@@ -16,8 +16,8 @@ from catalogs.errors import InputError
 from catalogs.spectra import Spectrum
 from simulator.config.instrument import Instrument, load_instrument
 from simulator.imaging.aperture import aperture_sums, overlap_weights
-from simulator.imaging.build import build_imager, dark_hole_of
-from simulator.imaging.dark_hole import UnreachedHole
+from simulator.imaging.build import build_imager, hole_state_of
+from simulator.imaging.hole_zone import HoleStatus
 from simulator.imaging.imager import Engine, Imager, centred_axis
 from simulator.imaging.metrics import PsfMetrics
 from simulator.knobs import FIDELITIES, Knobs
@@ -93,6 +93,11 @@ class Psf:
         stored = psf_metrics(self.instrument, self.band)
         if self.knobs == Knobs() and self.spectrum is None:
             return stored
+        reach = self.imager.zone.outer_arcsec + self.imager.aperture_radius_arcsec
+        least = 2 * math.ceil(reach / self.pixel_scale_arcsec) + 1
+        if self.knobs.stamp_pixels < least:
+            raise InputError("stamp_pixels", self.knobs.stamp_pixels, unit="px",
+                             allowed=f"at least {least} for metrics: the dark hole and an aperture")  # fmt: skip
         figures = stamp_figures(self.imager, self.on_axis, self.off_axis) | {"strehl": strehl(self.imager)}
         arrays = stored.to_arrays() | {name: np.asarray(value) for name, value in figures.items()}
         return PsfMetrics.from_arrays(arrays)
@@ -101,11 +106,16 @@ class Psf:
     def flags(self) -> tuple[str, ...]:
         """What to know before trusting it: ``single_precision``, or ``hole_not_reached``."""
         flags = ["single_precision"] if self.knobs.precision == "single" else []
-        if self.instrument.dark_hole.control in ("conjugation", "single_jacobian") and isinstance(
-            dark_hole_of(self.instrument, self.band), UnreachedHole
-        ):
+        if self.hole_state == "not_reached":
             flags.append("hole_not_reached")
         return tuple(flags)
+
+    @functools.cached_property
+    def hole_state(self) -> HoleStatus:
+        """Whether the dark hole of these images is as dark as asked; see `simulator.imaging.build.hole_state_of`."""
+        offset = centred_axis(len(self.on_axis), self.pixel_scale_arcsec)
+        light = self.on_axis[self.imager.zone.covers(offset, offset)]
+        return hole_state_of(self.instrument, self.band, float(light.mean() / self.off_axis.max()))
 
     @functools.cached_property
     def estimated_error(self) -> PsfError:
@@ -224,13 +234,13 @@ def wide_on_axis(
     star_pixel: tuple[float, float],
     *,
     star_arcsec: tuple[float, float] = (0.0, 0.0),
-    wavelength_nodes: int = 3,
+    wavelength_nodes: int = 9,
 ) -> FloatArray:
     """Masked star over a whole frame: one node per pixel, for display and for whole-frame saturation.
 
     Steps and static wavefront are constant on the pupil grid, so its sampling is exact. One node per pixel makes up
-    to 5 % of error on the steepest pixels; three wavelengths leave the far wings (beyond 3 arcsec) grainier than
-    the light itself is.
+    to 5 % of error on the steepest pixels; nine wavelengths leave the speckles beyond 4 arcsec grainier than the light
+    itself is.
 
     Parameters
     ----------

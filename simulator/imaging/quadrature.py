@@ -12,6 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from simulator.band_integrals import gauss_rule
+
 __all__ = ["PixelAxis", "box_gauss_rule", "integrate_pixels", "pixel_axis"]
 
 FloatArray = NDArray[np.float64]
@@ -65,18 +67,7 @@ def box_gauss_rule(n_nodes: int, width: float, sigma: float) -> tuple[FloatArray
         normal, normal_masses = np.polynomial.hermite_e.hermegauss(GAUSS_POINTS)
         points = np.add.outer(points, sigma * normal).ravel()
         masses = np.multiply.outer(masses, normal_masses / normal_masses.sum()).ravel()
-    scale = float(np.abs(points).max()) or 1.0
-    t = points / scale
-    before, now, norm = np.zeros(t.size), np.ones(t.size), 1.0
-    off_diagonal: list[float] = []
-    for _ in range(n_nodes - 1):  # monic orthogonal polynomials; the density is even, so the diagonal is zero
-        last = off_diagonal[-1] if off_diagonal else 0.0
-        before, now = now, t * now - last * before
-        norm, previous = float(masses @ now**2), norm
-        off_diagonal.append(norm / previous)
-    jacobi = np.diag(np.sqrt(off_diagonal), 1)
-    nodes, vectors = np.linalg.eigh(jacobi + jacobi.T)
-    return scale * nodes, vectors[0] ** 2
+    return gauss_rule(points, masses, n_nodes)
 
 
 def pixel_axis(

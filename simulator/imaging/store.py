@@ -31,7 +31,8 @@ from simulator.knobs import Knobs
 
 __all__ = ["main", "metrics_key", "psf_metrics", "rebuild"]
 
-SCHEMA = 5  # raise when the meaning of a stored number or the optical model changes
+WING_NODES = 12  # wavelengths that far wings need
+SCHEMA = 6  # raise when the meaning of a stored number or the optical model changes
 SHIPPED_HOLES = ("cpic_default", "cpic_2q", "cpic_single_jacobian")
 
 
@@ -87,10 +88,13 @@ def psf_metrics(instrument: Instrument, band: str) -> PsfMetrics:
 
 
 def _measure(instrument: Instrument, band: str) -> dict[str, NDArray[Any]]:
-    from simulator.imaging.build import build_imager
+    from simulator.imaging.build import build_imager, hole_state_of
     from simulator.imaging.measure import measure_metrics
 
-    return measure_metrics(build_imager(instrument, band), instrument.drift.psd_slope).to_arrays()
+    imager, wide = build_imager(instrument, band), build_imager(instrument, band, Knobs(wavelength_nodes=WING_NODES))
+    metrics = measure_metrics(imager, instrument.drift.psd_slope, wide)
+    state = hole_state_of(instrument, band, float(metrics.raw_contrast[metrics.hole].mean()))
+    return metrics.to_arrays() | {"hole_state": np.asarray(state)}
 
 
 def rebuild(folder: str | Path, *, holes: bool = True) -> list[Path]:

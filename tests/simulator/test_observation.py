@@ -235,3 +235,22 @@ def test_a_psf_from_a_file_is_used_as_it_is(tmp_path):
         observe(scene(), band="F520", exposure_s=1.0, psf=kernel)
     with pytest.raises(InputError, match="scene_model"):
         observe(scene(), band="F520", exposure_s=1.0, scene_model="fast")
+
+
+def test_header_says_how_dark_the_hole_is():
+    settings = {"band": "F850", "exposure_s": 1.0, "window": "hole"}
+    header = observe(scene(), **settings).header
+    assert header["HOLE"] == "reached"
+    assert header["HOLEIN"] == pytest.approx(4.3 * 0.0876616, rel=1e-4)
+    spoilt = observe(scene(), instrument={"mirror": {"bits": 10}}, **settings)
+    assert spoilt.header["HOLE"] == "not_reached"
+    assert any("brighter than asked" in row.reason for row in spoilt.ledger)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("exposure_s", "1"), ("n_frames", "2"), ("roll_deg", "a"), ("instrument", 5), ("psf", "path")]
+)
+def test_values_of_the_wrong_kind_are_refused_by_name(name, value):
+    settings = {"band": "F850", "exposure_s": 1.0, "window": "hole"}
+    with pytest.raises(InputError, match=name):
+        observe(scene(), **(settings | {name: value}))

@@ -14,7 +14,7 @@ import pytest
 from catalogs.bands import Band, load_bands
 from catalogs.errors import InputError
 from catalogs.spectra import PLANETS, Albedo, Curve, Spectrum, load_albedo, load_reference_spectrum
-from simulator.band_integrals import v_photon_rate, vega_v_photon_rate
+from simulator.band_integrals import gauss_rule, v_photon_rate, vega_v_photon_rate
 from simulator.passbands import Passbands
 from simulator.target import star_photlam, stellar_spectrum
 
@@ -183,7 +183,7 @@ def test_weighted_nodes_integrate_polynomials_against_the_spectrum(passbands: Pa
         return np.interp(x, spectrum.wavelength_nm, spectrum.photlam)
 
     total = _brute_force(band, flux)
-    for degree in range(n):
+    for degree in range(2 * n):
         shape = lambda x, k=degree: ((x - band.center_nm) / band.width_nm) ** k  # noqa: E731
         expected = _brute_force(band, lambda x, f=shape: flux(x) * f(x)) / total
         assert np.sum(weights * shape(wavelength)) == pytest.approx(expected, abs=1e-7)
@@ -308,3 +308,22 @@ def test_no_heavy_module_is_loaded() -> None:
         "sys.exit(f'loaded: {bad}' if bad else 0)"
     )
     subprocess.run([sys.executable, "-c", code], check=True, cwd=ROOT)
+
+
+def test_nodes_of_a_narrow_curve_have_its_width() -> None:
+    """A bell 8.5 nm wide in a window of 99 nm: mean and spread of the nodes are those of the detected light."""
+    wavelength = np.linspace(560.0, 659.0, 400)
+    curve = Curve(wavelength, np.exp(-(((wavelength - 610.0) / 12.0) ** 2)))
+    passbands = Passbands.from_bands([dataclasses.replace(load_bands()["F662"], name="Bell", curve=curve)])
+    for n in (2, 4, 7):
+        nodes, weights = passbands.wavelength_nodes("Bell", n)
+        assert weights @ nodes == pytest.approx(610.0, abs=0.01)
+        assert np.sqrt(weights @ (nodes - 610.0) ** 2) == pytest.approx(12.0 / np.sqrt(2.0), rel=1e-3)
+
+
+def test_gauss_rule_of_equal_masses_is_exact() -> None:
+    points = np.linspace(-3.0, 8.0, 41)
+    nodes, weights = gauss_rule(points, np.ones(41), 6)
+    for degree in range(12):
+        assert weights @ nodes**degree == pytest.approx(np.mean(points**degree), rel=1e-10)
+    assert gauss_rule(np.array([2.0, 2.0]), np.ones(2), 1)[0] == pytest.approx([2.0])

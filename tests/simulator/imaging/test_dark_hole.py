@@ -176,3 +176,13 @@ def test_band_is_scored_in_its_own_width(small):
     assert hole.own != hole.wide
     with pytest.raises(InputError, match="aberrations"):
         solve_dark_hole(small, flat_aberrations(128), MIRROR)
+
+
+def test_amplitude_errors_alone_do_not_stall_the_search():
+    """A flat mirror is a saddle for them: the first step must come from elsewhere."""
+    instrument = load_instrument({"wavefront": {"opd_rms_nm": 0, "amplitude_rms": 0.003}})
+    imager = bare_imager(instrument, "F850", Knobs(wavelength_nodes=3))
+    hole = solve_dark_hole(imager, draw_aberrations(1, samples=128, opd_rms_nm=0.0))
+    assert type(hole) is DarkHole
+    assert hole.before.mean > 5e-9
+    assert hole.wide.mean < 1e-9

@@ -1,3 +1,6 @@
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -116,3 +119,14 @@ def test_command_takes_every_requirement(tmp_path, capsys):
     assert capsys.readouterr().out.count("energy") == 2
     with pytest.raises(InputError, match="outer_leak"):
         main(["--out", str(tmp_path / "c.npz"), "--separable", "--outer-leak", "1e-4"])
+
+
+@pytest.mark.parametrize("words", [["--n-steps", "7"], ["--contrast", "2"], ["--inner-lambda-d", "-1"]])
+def test_nonsense_on_the_command_line_is_one_line(tmp_path, words):
+    done = subprocess.run([sys.executable, "-m", "simulator.imaging.design", "--out", str(tmp_path / "m.npz"), *words],
+                          capture_output=True, text=True, check=False)  # fmt: skip
+    assert done.returncode == 2
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert list(tmp_path.iterdir()) == []
+    with pytest.raises(InputError, match="out"):
+        main(["--out", str(tmp_path / "none" / "m.npz")])

@@ -5,6 +5,7 @@ import pytest
 
 from catalogs.errors import InputError
 from simulator.config import load_instrument, load_scene
+from simulator.imaging.build import build_imager
 from simulator.imaging.external import load_psf, save_psf
 from simulator.imaging.frame import full_star_map, off_axis_light, sky_transmission, window_of
 from simulator.imaging.psf import single_band_psf
@@ -125,3 +126,33 @@ def test_a_psf_from_a_file_replaces_the_model(psf, tmp_path):
 def test_nothing_gives_no_light(psf):
     window = window_of(psf, SMALL, full=False)
     assert not off_axis_light(psf, window, (), (), roll_deg=0.0).any()
+
+
+@pytest.mark.parametrize("distance", [4.0, 8.0])
+def test_wings_of_a_far_companion_are_those_of_its_whole_band(psf, distance):
+    """Four wavelengths turn the wings into a pattern; the companion gets as many as its distance asks for."""
+    window = window_of(psf, SMALL, full=False)
+    place = (distance * 0.6, distance * 0.8)
+    companion = Source("A", "star", *place, 1.0)
+    fine = build_imager(SMALL, "F520", Knobs(wavelength_nodes=33))
+    axis = fine.stamp_axis(masked=True)
+    exact = fine.image(axis, axis, source_arcsec=place)
+    hole = psf.metrics.hole
+    ours = off_axis_light(psf, window, [companion], (), roll_deg=0.0)
+    assert np.abs(ours - exact)[hole].max() < 0.02 * exact[hole].mean()
+    plain = off_axis_light(psf, window, [source(*place)], (), roll_deg=0.0)
+    assert np.abs(plain - exact)[hole].max() > 0.05 * exact[hole].mean()
+
+
+def test_star_far_off_the_mask_has_its_core_at_full_accuracy(psf):
+    window = window_of(psf, SMALL, full=True)
+    place = (1.0, -1.2)
+    image = full_star_map(psf, window, place)
+    exact = psf.imager.image(psf.imager.axis(window.rows, masked=True), psf.imager.axis(window.columns, masked=True),
+                             source_arcsec=place)  # fmt: skip
+    rows, columns, _ = window.stamp(137)
+    exact[rows, columns] = 0.0
+    peak = psf.off_axis.max()
+    core = np.hypot(window.rows[:, None] - place[1], window.columns - place[0]) < 0.5
+    assert np.abs(image - exact)[core].max() < 1e-7 * peak  # single precision in the cache
+    assert np.abs(image - exact).max() < 1e-4 * peak  # one node a pixel on wings of 1e-3

@@ -172,3 +172,19 @@ def test_numbers_of_headers():
     assert header_number("map", "file", {}, "A") is None
     with pytest.raises(InputError, match="map A = True"):
         header_number("map", "file", {"A": True}, "A")
+
+
+def test_a_file_short_of_its_last_byte_is_refused(tmp_path):
+    from simulator.imaging.external import load_psf, save_psf
+    from simulator.imaging.psf import single_band_psf
+
+    path = save_psf(single_band_psf("F662"), tmp_path / "psf.fits")
+    path.write_bytes(path.read_bytes()[:-1])
+    with pytest.raises(InputError, match="whole FITS"):
+        load_psf(path)
+
+
+@pytest.mark.parametrize("path", [None, 5, "x" * 5000])
+def test_paths_that_are_none_are_refused(path):
+    with pytest.raises(InputError, match="psf"):
+        read_maps("psf", path)

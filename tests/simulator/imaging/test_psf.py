@@ -327,3 +327,18 @@ def test_bad_requests_are_named(words, arguments):
 def test_settings_out_of_range_are_refused_by_name(key, value):
     with pytest.raises(ValueError, match=key):
         Knobs(**{key: value})
+
+
+def test_metrics_of_a_stamp_that_cuts_the_hole_are_refused():
+    psf = single_band_psf("F662", fidelity=Knobs(stamp_pixels=33))
+    assert psf.on_axis.shape == (33, 33)
+    with pytest.raises(InputError, match="stamp_pixels = 33 px"):
+        psf.metrics.halo_aperture(0.4, 0.4)
+
+
+def test_electronics_that_spoil_a_hole_are_flagged():
+    psf = single_band_psf("F850", instrument={"mirror": {"bits": 10}})
+    assert psf.hole_state == "not_reached"
+    assert psf.flags == ("hole_not_reached",)
+    assert single_band_psf("F850").hole_state == "reached"
+    assert single_band_psf("F850", instrument={"dark_hole": {"control": "off"}}).hole_state == "none"
