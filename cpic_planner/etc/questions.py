@@ -31,6 +31,7 @@ from simulator.outcome import Reason, Status
 __all__ = ["contrast_limit", "exposure_time", "signal_to_noise"]
 
 MAX_TURNS = 200
+BETWEEN = (2.0**-0.5, 2.0**0.5)
 
 
 @dataclass(frozen=True)
@@ -194,10 +195,15 @@ def signal_to_noise(
             answers.append(case)
             continue
         lengths = [time_s] if exact else visit_lengths(time_s)
-        found = [
-            settings_for_time(model, _walked(model, case, length), length, exposure_s=exposure_s, em_gain=em_gain)
-            for length in lengths
-        ]
+
+        def tried(length: float, case: _Case = case) -> Settings:
+            rates = _walked(model, case, length)
+            return settings_for_time(model, rates, length, exposure_s=exposure_s, em_gain=em_gain)
+
+        found = [tried(length) for length in lengths]
+        best = max(range(len(found)), key=lambda i: float(found[i].noise.significance[0]))
+        if not exact:  # between the lengths tried, too
+            found += [tried(part) for part in (lengths[best] * f for f in BETWEEN) if part < time_s]
         chosen = max(found, key=lambda setting: float(setting.noise.significance[0]))
         if chosen.n_frames[0] < 1:
             answers.append(_no_setting(model, case, chosen, exposure_s, em_gain))

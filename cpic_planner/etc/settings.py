@@ -21,7 +21,7 @@ __all__ = ["FRAME_MULTIPLES", "VISIT_LENGTHS_S", "Settings", "settings_for_snr",
 
 FloatArray = NDArray[np.float64]
 BISECTIONS = 28
-VISIT_LENGTHS_S = tuple(600.0 * 2.0 ** (k / 2) for k in range(23))
+VISIT_LENGTHS_S = tuple(600.0 * 2.0**k for k in range(12))
 """Wall times tried besides the longest allowed; fixed, so that more time never takes a choice away."""
 FRAME_MULTIPLES = (1.0, 1.15, 1.5, 2.5, 6.0)
 

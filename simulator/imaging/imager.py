@@ -34,6 +34,7 @@ __all__ = ["Engine", "FocalGrid", "Imager", "centred_axis"]
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 Engine = Literal["hcipy", "matrix"]
+BLOCK_NODES = 2**17
 
 
 def centred_axis(n_pixels: int, pixel_arcsec: float, centre: float | None = None) -> FloatArray:
@@ -258,8 +259,16 @@ class FocalGrid:
 
     def intensity(self, opd_nm: FloatArray | None = None) -> FloatArray:
         """Band-averaged intensity at the nodes, as energy per pixel area."""
-        fields = (self.field(index, opd_nm) for index in range(len(self.rows)))
-        return self.imager._summed(fields, (len(self.rows[0]), len(self.columns[0])))
+        total = np.zeros((len(self.rows[0]), len(self.columns[0])))
+        block = max(16, BLOCK_NODES // max(len(self.columns[0]), 1))
+        for index, weight in enumerate(self.imager.weights):
+            rows, columns = self.rows[index], self.columns[index]
+            middle = self.imager.pupil(index, opd_nm).astype(rows.dtype, copy=False) @ columns.T
+            for first in range(0, len(rows), block):  # small blocks stay in the processor's cache
+                field = rows[first : first + block] @ middle
+                total[first : first + block] += float(weight) * (field.real**2 + field.imag**2)
+        total *= self.imager.pixel_solid_angle_sr
+        return total
 
     def image(self, opd_nm: FloatArray | None = None) -> FloatArray:
         """Pixel-integrated image."""

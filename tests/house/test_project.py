@@ -45,6 +45,17 @@ def test_readme_quotes_the_errors_of_the_parametric_albedo():
     assert f"at most {held_out:.3f} in a band that was left out of the fit" in readme
 
 
+def test_readme_quotes_the_tiers_of_the_speed_report():
+    report, readme = text("reports/imaging_speed/report.md"), text("README.md")
+    for tier in ("quick", "standard", "reference"):
+        rows = re.findall(rf"^\| `{tier}` \| F\d+ \| (.*) \|$", report, re.M)
+        errors = [[float(value) for value in row.split("|")] for row in rows]
+        assert len(errors) == 4
+        worst = [f"{max(column):.0e}" for column in zip(*errors, strict=True)]
+        seconds = re.search(rf"^\| four bands, 137 px, `{tier}` \| ([\d.]+) \|", report, re.M)
+        assert f"| `{tier}` | {seconds[1]} | {' | '.join(worst)} |" in readme
+
+
 def test_committed_plan_is_of_this_version_and_schema():
     from cpic_planner.models import PlanResult
 
