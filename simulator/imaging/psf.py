@@ -20,12 +20,15 @@ from simulator.imaging.build import build_imager, hole_state_of
 from simulator.imaging.hole_zone import HoleStatus
 from simulator.imaging.imager import Engine, Imager, centred_axis
 from simulator.imaging.metrics import PsfMetrics
+from simulator.imaging.scene_image import PointSources, scene_image
+from simulator.imaging.transfer import band_transfer
 from simulator.knobs import FIDELITIES, Knobs
 from simulator.target.star_spectrum import stellar_spectrum
 
 __all__ = ["Psf", "PsfError", "single_band_psf", "wide_on_axis"]
 
 FloatArray = NDArray[np.float64]
+LARGE_STAMP_PIXELS = 401
 
 
 @dataclass(frozen=True)
@@ -214,17 +217,28 @@ def single_band_psf(
     imager = build_imager(instrument, band, fidelity, spectrum=light)
     if imager.knobs.stamp_pixels % 2 == 0:
         raise InputError("stamp_pixels", imager.knobs.stamp_pixels, unit="px", allowed="an odd number")
-    masked, clear = imager.stamp_axis(masked=True), imager.stamp_axis(masked=False)
+    on_axis, off_axis = (_stamp(imager, masked=masked, engine=engine) for masked in (True, False))
     return Psf(
         band=band,
-        on_axis=imager.image(masked, masked, engine=engine),
-        off_axis=imager.image(clear, clear, engine=engine),
+        on_axis=on_axis,
+        off_axis=off_axis,
         pixel_scale_arcsec=imager.pixel_scale_arcsec,
         knobs=imager.knobs,
         imager=imager,
         instrument=instrument,
         spectrum=light,
     )
+
+
+def _stamp(imager: Imager, *, masked: bool, engine: Engine) -> FloatArray:
+    """Unit source on the axis, by nodes in the pixels; large stamps by the closed form, which is faster there."""
+    if engine == "matrix" and imager.knobs.stamp_pixels >= LARGE_STAMP_PIXELS:
+        centres = centred_axis(imager.knobs.stamp_pixels, imager.pixel_scale_arcsec)
+        width = imager.mask_half_width_arcsec if masked else 0.0
+        return scene_image(band_transfer(imager), centres, centres, imager.pixel_scale_arcsec,
+                           PointSources([0.0], [0.0], [1.0]), mask_half_width_arcsec=width)  # fmt: skip
+    axis = imager.stamp_axis(masked=masked)
+    return imager.image(axis, axis, engine=engine)
 
 
 def wide_on_axis(

@@ -342,3 +342,15 @@ def test_electronics_that_spoil_a_hole_are_flagged():
     assert psf.flags == ("hole_not_reached",)
     assert single_band_psf("F850").hole_state == "reached"
     assert single_band_psf("F850", instrument={"dark_hole": {"control": "off"}}).hole_state == "none"
+
+
+def test_large_stamps_continue_small_ones():
+    """They come in closed form: the same pixels to what the nodes of the small ones are good for."""
+    large = single_band_psf("F850", fidelity=Knobs(stamp_pixels=401))
+    small = single_band_psf("F850", fidelity=Knobs(pixel_nodes=8))
+    part = slice(200 - 68, 200 + 69)
+    peak = small.off_axis.max()
+    assert np.abs(large.off_axis[part, part] - small.off_axis).max() < 1e-9 * peak
+    assert np.abs(large.on_axis[part, part] - small.on_axis).max() < 1e-11 * peak
+    hole = small.metrics.hole
+    np.testing.assert_allclose(large.on_axis[part, part][hole], small.on_axis[hole], rtol=1e-3)
