@@ -14,7 +14,7 @@ from catalogs.errors import InputError
 from cpic_planner.plan import PlanConfig, estimate_cost, make_plan
 from simulator.config import load_instrument
 
-ARGUMENTS = ["plan", "--top", "2", "--time-s", "3000", "--fidelity", "quick", "--band", "F520", "--band", "F662"]
+ARGUMENTS = ["plan", "--top", "2", "--time-s", "1000", "--fidelity", "quick", "--band", "F520", "--band", "F662"]
 
 
 def command(out, *more):
