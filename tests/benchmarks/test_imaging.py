@@ -27,16 +27,14 @@ MEDIANS: dict[tuple[str, str], float] = {}
 
 
 @pytest.fixture(scope="module", autouse=True)
-def ratios(request) -> Iterator[None]:
+def ratios(printed) -> Iterator[None]:
     yield
-    plugins = request.config.pluginmanager
-    out = plugins.get_plugin("terminalreporter")
-    with plugins.get_plugin("capturemanager").global_and_fixture_disabled():
-        out.write_line("\nimages, median seconds and how many times longer than ours")
+    with printed() as line:
+        line("\nimages, median seconds and how many times longer than ours")
         for (job, name), seconds in MEDIANS.items():
             ours = MEDIANS.get((job, "ours"))
             ratio = f"{seconds / ours:8.1f} x" if ours and name != "ours" else ""
-            out.write_line(f"  {job:44s} {name:36s} {seconds:9.4f} s {ratio}")
+            line(f"  {job:44s} {name:36s} {seconds:9.4f} s {ratio}")
 
 
 def timed(benchmark, job, name, function, *, rounds=3):

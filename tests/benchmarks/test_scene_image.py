@@ -27,16 +27,14 @@ def random_sources(side, count):
 
 
 @pytest.fixture(scope="module", autouse=True)
-def ratios(request) -> Iterator[None]:
+def ratios(printed) -> Iterator[None]:
     yield
-    plugins = request.config.pluginmanager
-    out = plugins.get_plugin("terminalreporter")
-    with plugins.get_plugin("capturemanager").global_and_fixture_disabled():
-        out.write_line("\nscenes in F520, median seconds and how many times longer than ours")
+    with printed() as line:
+        line("\nscenes in F520, median seconds and how many times longer than ours")
         for (name, side, count), seconds in MEDIANS.items():
             ours = MEDIANS.get(("ours", side, count))
             ratio = f"{seconds / ours:8.1f} x" if ours else ""
-            out.write_line(f"  {name:28s} {side:5d} px {count:5d} sources {seconds:9.4f} s {ratio}")
+            line(f"  {name:28s} {side:5d} px {count:5d} sources {seconds:9.4f} s {ratio}")
 
 
 @pytest.mark.parametrize("side", [137, 1024])
