@@ -19,7 +19,7 @@ from cpic_planner.optimiser import Best, optimise
 from cpic_planner.targets import Targets
 from cpic_planner.version import __version__
 from simulator.config import content_hash
-from simulator.config.instrument import Detector
+from simulator.config.detector import Detector
 from simulator.outcome import Reason, Status
 
 __all__ = ["judge", "no_frame", "planet_record", "rank_hash", "rank_targets"]

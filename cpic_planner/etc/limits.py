@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from simulator.camera.saturation import binding_limit, gain_cap
-from simulator.config.instrument import Detector
+from simulator.config.detector import Detector
 from simulator.outcome import Reason
 
 __all__ = ["frame_limit", "largest_gain", "longest_exposure_s"]

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from cpic_planner.etc.rates import ApertureRates
 from simulator.camera.gain import excess_noise_factor2
 from simulator.camera.noise import pixel_variance_e2
-from simulator.config.instrument import Detector
+from simulator.config.detector import Detector
 
 __all__ = ["StackNoise", "best_gain", "frame_terms", "stack_noise"]
 

@@ -17,7 +17,7 @@ from catalogs.errors import InputError
 from simulator.camera.checks import checked_array, element_name
 from simulator.camera.gain import multiply
 from simulator.camera.sampling import poisson_counts, scattered_events
-from simulator.config.instrument import Detector
+from simulator.config.detector import Detector
 from simulator.rng import PathPart, stream
 
 __all__ = ["Frame", "expected_adu_map", "expose_frame", "to_electrons"]

@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from simulator.camera.checks import checked_array
 from simulator.camera.gain import excess_noise_factor2
-from simulator.config.instrument import Detector
+from simulator.config.detector import Detector
 
 __all__ = ["aperture_noise_pixels", "pixel_variance_e2"]
 

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from catalogs.errors import InputError
 from simulator.camera.checks import checked_array
-from simulator.config.instrument import Detector
+from simulator.config.detector import Detector
 from simulator.outcome import Outcome, Reason, Status
 
 __all__ = ["GainCap", "binding_limit", "gain_cap", "pixel_saturated"]

@@ -13,19 +13,19 @@ from catalogs.bands import band_provenance, load_bands
 from catalogs.errors import InputError
 from catalogs.strict_yaml import Provenance, load_yaml, split_sourced
 from simulator.config.base import FrozenModel, deep_merge, validate
+from simulator.config.detector import Detector
 from simulator.config.optics import Coronagraph, DarkHoleConfig, Drift, MirrorConfig, NearInfrared, WavefrontConfig
 from simulator.config.presets import preset_names, preset_path
 
 __all__ = [
     "BandConfig",
-    "Detector",
     "Instrument",
     "Sky",
     "Telescope",
     "load_instrument",
 ]
 
-_FILE_KEYS = ("apodizer", "transmission_file", "surface_files")
+_FILE_KEYS = ("apodizer", "transmission_file", "surface_files", "calibration_files", "map_file", "template_file")
 ARCSEC_PER_RAD = 180.0 * 3600.0 / math.pi
 
 Positive = Annotated[float, Field(gt=0)]
@@ -42,59 +42,6 @@ class Telescope(FrozenModel):
     def area_cm2(self) -> float:
         """Collecting area of the clear disc."""
         return math.pi / 4.0 * (100.0 * self.diameter_m) ** 2
-
-
-class Detector(FrozenModel):
-    """EMCCD and its frame. Charge in electrons, images in ADU; read noise at the register output."""
-
-    n_columns: Annotated[int, Field(ge=16, le=20000)]
-    n_rows: Annotated[int, Field(ge=16, le=20000)]
-    star_column: Annotated[int, Field(ge=0)]
-    star_row: Annotated[int, Field(ge=0)]
-    pixel_scale_arcsec: Annotated[float, Field(gt=0, le=1)]
-    parity: Literal[-1, 1]
-    full_well_e: Annotated[float, Field(ge=100, le=1e9)]
-    register_full_well_e: Annotated[float, Field(ge=100, le=1e9)]
-    register_stages: Annotated[int, Field(ge=1, le=10000)]
-    em_gain_max: Annotated[float, Field(ge=1, le=10000)]
-    read_noise_e: Annotated[float, Field(ge=0, le=1e5)]
-    gain_e_adu: Annotated[float, Field(gt=0, le=1e5)]
-    adc_bits: Annotated[int, Field(ge=8, le=16)]
-    bias_adu: Annotated[float, Field(ge=0, le=60000)]
-    dark_e_s: Annotated[float, Field(ge=0, le=1e6)]
-    cic_e: Annotated[float, Field(ge=0, le=1e3)]
-    readout_s: Annotated[float, Field(ge=0, le=1e4)]
-    exposure_min_s: Annotated[float, Field(gt=0, le=1e6)]
-    exposure_max_s: Annotated[float, Field(gt=0, le=1e6)]
-
-    @model_validator(mode="after")
-    def _consistent(self) -> Detector:
-        if self.star_column >= self.n_columns or self.star_row >= self.n_rows:
-            raise InputError(
-                "star_column, star_row",
-                (self.star_column, self.star_row),
-                unit="px",
-                allowed=f"inside the frame of {self.n_columns} x {self.n_rows}",
-            )
-        if self.exposure_min_s > self.exposure_max_s:
-            raise InputError(
-                "exposure_min_s",
-                self.exposure_min_s,
-                unit="s",
-                allowed=f"at most exposure_max_s = {self.exposure_max_s}",
-            )
-        if self.em_gain_max > 2.0 ** min(self.register_stages, 1000):
-            raise InputError(
-                "em_gain_max", self.em_gain_max, allowed=f"at most 2^{self.register_stages}, one doubling a stage"
-            )
-        if self.bias_adu >= self.adc_max_adu:
-            raise InputError("bias_adu", self.bias_adu, unit="ADU", allowed=f"below the ADC maximum {self.adc_max_adu}")
-        return self
-
-    @property
-    def adc_max_adu(self) -> int:
-        """Largest number the converter writes."""
-        return 2**self.adc_bits - 1
 
 
 class Sky(FrozenModel):

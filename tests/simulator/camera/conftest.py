@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from simulator.config.instrument import Detector, load_instrument
+from simulator.config.detector import Detector, load_instrument
 
 
 def register_pmf(n: int, gain: float, stages: int = 604) -> np.ndarray:
