@@ -31,7 +31,7 @@ from cpic_planner.ranking import planet_record, rank_targets
 from cpic_planner.runfolder import RunFolder, open_run_folder
 from cpic_planner.targets import CatalogSource, Targets, as_catalogue, rank_sample, sample_text
 from cpic_planner.validation.calibration import calibrate
-from cpic_planner.validation.confirm import ConfirmTask, confirm_task, prepare_task
+from cpic_planner.validation.confirm import ConfirmTask, confirm_task, images_of, prepare_task
 from cpic_planner.version import __version__
 from simulator.config import FrozenModel, Instrument, content_hash
 from simulator.files import dump_json
@@ -330,7 +330,7 @@ def _assemble(
         n_ranked=len(prepared.rank.targets),
         counts=prepared.rank.counts,
         calibration=asdict(calibrate([band for target in confirmed for band in target.bands])),
-        not_modelled=not_modelled(),
+        not_modelled=not_modelled(images_of(config.instrument)),
         targets=confirmed,
     )
 

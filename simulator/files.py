@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import json
 import os
 import tempfile
@@ -10,34 +11,78 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import IO, Any
 
-__all__ = ["LockHeld", "dump_json", "exclusive_lock", "write_bytes", "write_json", "write_text"]
+__all__ = ["LockHeld", "dump_json", "exclusive_lock", "whole_file", "write_bytes", "write_json", "write_text"]
+
+
+@contextlib.contextmanager
+def whole_file(path: str | Path, *, overwrite: bool = True) -> Iterator[IO[bytes]]:
+    """Write a file under a temporary name beside ``path``; flushed to disk and renamed when the block ends well.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file; its folder exists.
+    overwrite : bool
+        Whether a file of that name is replaced.
+
+    Yields
+    ------
+    file
+        The open file, binary, for reading too.
+
+    Raises
+    ------
+    FileExistsError
+        If the file exists, at the beginning or at the end, and ``overwrite`` is false.
+    OSError
+        If the folder is not writable or the disk is full; ``path`` then keeps its old content.
+    """
+    path = Path(path)
+    if not overwrite and path.exists():
+        raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(path))
+    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
+    temporary = Path(name)
+    try:
+        with os.fdopen(handle, "w+b") as file:
+            yield file
+            file.flush()
+            os.fsync(file.fileno())
+        umask = os.umask(0)
+        os.umask(umask)
+        temporary.chmod(0o666 & ~umask)
+        if overwrite:
+            temporary.replace(path)
+        else:
+            _link_or_rename(temporary, path)
+    except BaseException:
+        with contextlib.suppress(OSError):
+            temporary.unlink()
+        raise
+
+
+def _link_or_rename(temporary: Path, path: Path) -> None:
+    """Give the file its name; a link, unlike a rename, fails where another process was faster."""
+    try:
+        path.hardlink_to(temporary)
+    except OSError as error:
+        if isinstance(error, FileExistsError) or path.exists():
+            raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(path)) from None
+        temporary.replace(path)  # a file system without links
+    else:
+        temporary.unlink()
 
 
 def write_bytes(path: str | Path, data: bytes) -> Path:
-    """Write ``data`` under a temporary name beside ``path``, flush to disk and rename over it.
+    """Write ``data`` as a `whole_file`.
 
     Raises
     ------
     OSError
         If the folder is not writable or the disk is full; ``path`` then keeps its old content.
     """
-    path = Path(path)
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
-    temporary = Path(name)
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        umask = os.umask(0)
-        os.umask(umask)
-        temporary.chmod(0o666 & ~umask)
-        temporary.replace(path)
-    except BaseException:
-        with contextlib.suppress(OSError):
-            temporary.unlink()
-        raise
-    return path
+    with whole_file(path) as file:
+        file.write(data)
+    return Path(path)
 
 
 def write_text(path: str | Path, text: str) -> Path:

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import functools
 import importlib
+import logging
+import os
 import warnings
+from pathlib import Path
 from typing import Any
 
-__all__ = ["load_quietly"]
+__all__ = ["load_kernels", "load_quietly"]
+
+_LOG = logging.getLogger(__name__)
 
 
 def load_quietly(name: str) -> Any:
@@ -29,3 +35,25 @@ def load_quietly(name: str) -> Any:
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="IProgress not found")
         return importlib.import_module(name)
+
+
+@functools.cache
+def load_kernels(name: str) -> Any:
+    """Import a module of compiled kernels; one line is logged where this machine has yet to compile them.
+
+    Parameters
+    ----------
+    name : str
+        Full name of the module.
+
+    Returns
+    -------
+    module
+    """
+    module = importlib.import_module(name)
+    source = Path(str(module.__file__))
+    chosen = os.environ.get("NUMBA_CACHE_DIR")
+    kept = Path(chosen).rglob(f"{source.stem}.*.nbi") if chosen else source.parent.glob(f"__pycache__/{source.stem}.*.nbi")
+    if next(kept, None) is None:
+        _LOG.warning("compiling once, about ten seconds: %s", name)
+    return module

@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 from simulator.config import Instrument, Scene
 
-__all__ = ["EffectRow", "effect_ledger", "not_modelled"]
+__all__ = ["EffectRow", "camera_ledger", "effect_ledger", "not_modelled"]
 
 
 @dataclass(frozen=True)
@@ -30,34 +30,86 @@ _KEPT = (
     ("wavefront drift", "visit offset and random walk"),
     (_STATIC, "one dark hole per band, its field known perfectly"),
     ("pointing jitter", "incoherent sum over a Gaussian"),
-    ("photon noise, dark current, clock-induced charge", "Poisson"),
-    ("EM register", "exact mean and variance of the 604-stage cascade"),
-    ("pixel and register full well, ADC range", "cut off and counted"),
-    ("read noise, bias level, quantisation", "Gaussian, constant, rounding"),
-    ("sky", "uniform, solar colour"),
 )
-_SKIPPED = (
-    ("cosmic rays", "not modelled; frames are kept short enough that few are lost"),
-    (
-        "blooming and register tails",
-        "the settings keep the central star from blooming or trailing into the hole; elsewhere charge is cut off",
-    ),
-    ("blooming and register tails of companions", "not modelled; a target whose companion saturates is flagged"),
-    ("charge transfer, flat field, bad pixels, bias structure", "not modelled"),
-    (
+_VISIBLE = {
+    "photon_noise": ("photon noise", "Poisson"),
+    "flat": ("flat field", "response of every pixel"),
+    "dark": ("dark current", "plateau and law of temperature"),
+    "dark_structure": ("structure of the dark current", "every pixel its own"),
+    "bad_pixels": ("hot and dead pixels", "from the calibration set"),
+    "bad_columns": ("bad columns", "from the calibration set"),
+    "smear": ("frame-transfer smear", "light during the line shifts, no shutter"),
+    "cosmic_rays": ("cosmic rays", "tracks at the rate of the date"),
+    "nonlinearity": ("non-linearity", "pixels and output of the register"),
+    "blooming": ("pixel full well", "the excess blooms along the column"),
+    "parallel_cti": ("parallel transfer losses", "charge left behind, electron by electron"),
+    "clock_charge": ("clock-induced charge", "Poisson, once a frame"),
+    "serial_cti": ("serial transfer losses", "charge left behind, electron by electron"),
+    "em_register": ("noise of the EM register", "law of the stage-by-stage cascade"),
+    "register_clock_charge": ("clock-induced charge of the register", "electrons made between the stages"),
+    "register_full_well": ("register full well", "the excess trails along the row"),
+    "read_noise": ("read noise", "Gaussian"),
+    "stripes": ("stripes of the bias", "one offset a column"),
+    "interference": ("interference of the bias", "a wave in the order of readout"),
+    "bias_drift": ("drift of the bias", "one offset a frame"),
+}
+_INFRARED = {
+    "photon_noise": ("photon noise", "Poisson"),
+    "flat": ("flat field", "response of every pixel"),
+    "dark": ("dark current", "constant"),
+    "dark_structure": ("structure of the dark current", "every pixel its own"),
+    "bad_pixels": ("hot and dead pixels", "from the calibration set"),
+    "cosmic_rays": ("cosmic rays", "tracks at the rate of the date"),
+    "persistence": ("persistence", "charge of earlier frames"),
+    "nonlinearity": ("non-linearity", "one curve for all pixels"),
+    "interpixel_capacitance": ("inter-pixel capacitance", "coupling to four neighbours"),
+    "reset_noise": ("reset noise", "one level per pixel and reset"),
+    "read_noise": ("read noise", "Gaussian in every read"),
+}
+
+
+def camera_ledger(instrument: Instrument, camera: str = "VIS") -> tuple[EffectRow, ...]:
+    """Ledger of a camera: one row per switch, and the converter.
+
+    Parameters
+    ----------
+    instrument : Instrument
+    camera : {"VIS", "NIR"}
+    """
+    visible = camera == "VIS"
+    switches = (instrument.detector if visible else instrument.near_infrared.detector).switches
+    rows = [
+        EffectRow(effect, "kept", reason) if getattr(switches, name) else EffectRow(effect, "skipped", "switched off")
+        for name, (effect, reason) in (_VISIBLE if visible else _INFRARED).items()
+    ]
+    return (*rows, EffectRow("bias level, quantisation, range of the converter", "kept", "cut off and counted"))
+
+
+def not_modelled(instrument: Instrument) -> list[str]:
+    """Effects that the images of a visible instrument lack, one sentence each."""
+    rows = (*camera_ledger(instrument), *_sky_rows(instrument))
+    return [f"{row.effect}: {row.reason}" for row in rows if row.decision == "skipped"]
+
+
+def _sky_rows(instrument: Instrument) -> tuple[EffectRow, ...]:
+    uniform = instrument.sky.model == "uniform"
+    zodiacal = EffectRow(
         "position-dependent zodiacal light",
-        "not modelled; the uniform sky is brighter than most of the sky. Exozodiacal discs only where a scene has one",
-    ),
-)
-
-
-def not_modelled() -> list[str]:
-    """Effects that neither predictions nor images contain, one sentence each."""
-    return [f"{effect}: {reason}" for effect, reason in _SKIPPED]
+        "skipped" if uniform else "kept",
+        "the uniform sky is brighter than most of the sky; exozodiacal discs only where a scene has one"
+        if uniform
+        else "by ecliptic position and date",
+    )
+    return (EffectRow("sky", "kept", "uniform over the frame, solar colour"), zodiacal)
 
 
 def effect_ledger(
-    scene: Scene, instrument: Instrument, *, scene_model: str = "exact", hole_state: str = "reached"
+    scene: Scene,
+    instrument: Instrument,
+    *,
+    band: str = "",
+    scene_model: str = "exact",
+    hole_state: str = "reached",
 ) -> tuple[EffectRow, ...]:
     """Ledger of one observation.
 
@@ -65,6 +117,8 @@ def effect_ledger(
     ----------
     scene : Scene
     instrument : Instrument
+    band : str
+        Names the camera; the visible one if empty.
     scene_model : {"exact", "paper"}
         How sources other than the star are placed.
     hole_state : {"reached", "not_reached", "none", "external"}
@@ -109,4 +163,5 @@ def effect_ledger(
         )
     if scene.extended:
         rows["extended sources"] = EffectRow("extended sources", "kept", "a grid of half pixels through the PSF")
-    return (*rows.values(), *(EffectRow(effect, "skipped", reason) for effect, reason in _SKIPPED))
+    camera = instrument.band(band).camera if band else "VIS"
+    return (*rows.values(), *_sky_rows(instrument), *camera_ledger(instrument, camera))

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import functools
 import math
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -13,8 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalogs.errors import InputError
-from simulator.camera.emccd import Frame, expected_adu_map, expose_frame
 from simulator.config import Instrument, Scene, load_instrument, load_scene
+from simulator.config.mission import checked_utc
+from simulator.effects.sky import sky_rate_e_s_arcsec2
+from simulator.effects.stray_light import stray_light_map
 from simulator.imaging.drift import visit_frames
 from simulator.imaging.external import ExternalPsf
 from simulator.imaging.frame import (
@@ -30,9 +31,9 @@ from simulator.imaging.frame import (
 from simulator.imaging.psf import PsfError, single_band_psf
 from simulator.knobs import Knobs
 from simulator.ledger import EffectRow, effect_ledger
-from simulator.passbands import Passbands
 from simulator.quantities import check_number
 from simulator.rng import PathPart, stream
+from simulator.sequence import Light, Sequence, Stamps
 from simulator.target.positions import wcs_keywords
 from simulator.target.sources import Source, extended_rates, scene_sources
 
@@ -41,7 +42,7 @@ __all__ = ["Observation", "Truth", "observe"]
 FloatArray = NDArray[np.float64]
 WindowName = Literal["full", "hole"]
 Role = Literal["science", "reference", "calibration"]
-MAX_STACK_BYTES = 2_000_000_000
+SkyKind = Literal["SCI", "DSF", "CALS"]
 MAX_EPOCHS = 12
 MAX_OFFSET_ARCSEC = 8.0
 
@@ -56,8 +57,8 @@ class Truth:
 
 
 @dataclass(frozen=True, eq=False)
-class Observation:
-    """Frames of one sequence, made one at a time; made by `observe`.
+class Observation(Sequence):
+    """Frames of a scene, made one at a time; made by `observe`.
 
     Attributes
     ----------
@@ -70,56 +71,17 @@ class Observation:
     header : dict
     """
 
-    scene: Scene
-    instrument: Instrument
-    band: str
-    exposure_s: float
-    n_frames: int
-    em_gain: float
-    seed: int
-    role: Role
-    realisation: int
-    window: WindowName
-    roll_deg: float
-    star_offset_arcsec: tuple[float, float]
-    scene_model: SceneModel
-    psf: AnyPsf
-    area: Window
-    truth: Truth
-    ledger: tuple[EffectRow, ...]
-    static_rate_e_s: FloatArray
-    star_stamps: FloatArray
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """Rows and columns of a frame."""
-        return self.static_rate_e_s.shape[0], self.static_rate_e_s.shape[1]
-
-    def rate_map(self, index: int) -> FloatArray:
-        """Mean electrons per second and pixel of frame ``index``, before the camera."""
-        if not 0 <= index < self.n_frames:
-            raise InputError("frame", index, allowed=f"0 to {self.n_frames - 1}")
-        epoch = index * len(self.star_stamps) // self.n_frames
-        return self._with_star(self.star_stamps[epoch])
-
-    @functools.cached_property
-    def mean_rate_map(self) -> FloatArray:
-        """Mean of `rate_map` over the visit."""
-        return self._with_star(self.star_stamps.mean(axis=0))
-
-    def _with_star(self, stamp: FloatArray) -> FloatArray:
-        star = self.truth.sources[0].rate_e_s * stamp
-        if self.window == "hole":
-            return self.static_rate_e_s + star
-        whole = self.static_rate_e_s.copy()
-        rows, columns, inside = self.area.stamp(stamp.shape[0])
-        whole[rows, columns] += star[inside]
-        return whole
-
-    @property
-    def expected(self) -> FloatArray:
-        """Noise-free frame in ADU."""
-        return expected_adu_map(self.mean_rate_map, self.exposure_s, self.em_gain, self.instrument.detector)
+    scene: Scene = field(kw_only=True)
+    role: Role = field(kw_only=True)
+    realisation: int = field(kw_only=True)
+    window: WindowName = field(kw_only=True)
+    roll_deg: float = field(kw_only=True)
+    star_offset_arcsec: tuple[float, float] = field(kw_only=True)
+    scene_model: SceneModel = field(kw_only=True)
+    psf: AnyPsf = field(kw_only=True)
+    area: Window = field(kw_only=True)
+    truth: Truth = field(kw_only=True)
+    ledger: tuple[EffectRow, ...] = field(kw_only=True)
 
     @property
     def estimated_error(self) -> PsfError | None:
@@ -127,81 +89,9 @@ class Observation:
         return None if isinstance(self.psf, ExternalPsf) else self.psf.estimated_error
 
     @property
-    def path(self) -> tuple[PathPart, ...]:
-        """Path of this sequence's random streams."""
-        return (self.scene.name, self.role, self.band, self.realisation)
-
-    def frame(self, index: int) -> Frame:
-        """One noisy frame with its bookkeeping; the same whichever frames were made before."""
-        rate = self.rate_map(index)
-        return expose_frame(
-            rate,
-            self.exposure_s,
-            self.em_gain,
-            self.instrument.detector,
-            seed=self.seed,
-            path=(*self.path, index),
-        )
-
-    def iter_frames(self) -> Iterator[NDArray[np.uint16]]:
-        """Yield the frames one at a time, ADU."""
-        for index in range(self.n_frames):
-            yield self.frame(index).adu
-
-    @property
-    def frames(self) -> NDArray[np.uint16]:
-        """All frames, shape (n_frames, rows, columns).
-
-        Raises
-        ------
-        InputError
-            If they need more than 2 GB; iterate instead.
-        """
-        size = 2 * self.n_frames * self.shape[0] * self.shape[1]
-        if size > MAX_STACK_BYTES:
-            raise InputError(
-                "n_frames",
-                self.n_frames,
-                allowed=f"{MAX_STACK_BYTES / 1e9:g} GB of frames at once",
-                hint="use iter_frames()",
-            )
-        return np.stack(list(self.iter_frames()))
-
-    @property
     def header(self) -> dict[str, Any]:
         """Keywords of the sequence."""
-        detector = self.instrument.detector
-        return {
-            "TELESCOP": "CSST",
-            "INSTRUME": "CPIC",
-            "OBJECT": self.scene.name,
-            "FILTER": self.band,
-            "ROLE": self.role,
-            "EXPTIME": self.exposure_s,
-            "NFRAME": self.n_frames,
-            "EMGAIN": self.em_gain,
-            "GAIN": detector.gain_e_adu,
-            "RDNOISE": detector.read_noise_e,
-            "BIASLEV": detector.bias_adu,
-            "PIXSCALE": detector.pixel_scale_arcsec,
-            "ROLL": self.roll_deg,
-            "STAROFFX": self.star_offset_arcsec[0],
-            "STAROFFY": self.star_offset_arcsec[1],
-            "HOLEMODE": self.instrument.dark_hole.mode,
-            "HOLE": self.psf.hole_state,
-            "HOLEIN": self.instrument.hole_inner_arcsec(self.band) * math.sqrt(2.0),
-            "IWA": self.psf.metrics.iwa_arcsec,
-            "FIDELITY": "external" if isinstance(self.psf, ExternalPsf) else self.psf.knobs.tier,
-            "SCENEMOD": self.scene_model,
-            "SEED": self.seed,
-            "CONFHASH": self.instrument.content_hash,
-        } | wcs_keywords(
-            detector.pixel_scale_arcsec,
-            (self.truth.x_pixel[0], self.truth.y_pixel[0]),
-            (self.scene.cstar.ra_deg, self.scene.cstar.dec_deg),
-            roll_deg=self.roll_deg,
-            parity=detector.parity,
-        )
+        return self.camera_keywords | self.keywords
 
 
 def observe(
@@ -222,6 +112,9 @@ def observe(
     star_offset_arcsec: tuple[float, float] = (0.0, 0.0),
     scene_model: SceneModel = "exact",
     psf: ExternalPsf | None = None,
+    kind: SkyKind = "SCI",
+    start_utc: str | None = None,
+    switches: Mapping[str, bool] | None = None,
 ) -> Observation:
     """Set up a simulated sequence; frames are drawn when they are asked for.
 
@@ -230,7 +123,7 @@ def observe(
     scene : Scene, mapping, str or Path
         The scene, or what `simulator.load_scene` reads: ``"paper_example"``, ``"my_scene.yaml"``.
     band : str
-        Band of the visible camera.
+        Band of either camera.
     exposure_s : float
         Exposure of a frame, 1e-6 to 1e6 s.
     n_frames : int
@@ -261,6 +154,13 @@ def observe(
         sources other than the star go to the nearest of 4 x 4 cells of a pixel and no mask hides them.
     psf : ExternalPsf, optional
         Point-spread functions from a file (`simulator.load_psf`) instead of the model's; they do not drift.
+    kind : {"SCI", "DSF", "CALS"}
+        Science, dense star field, or calibration star.
+    start_utc : str, optional
+        Beginning of the first frame, as ``2028-01-01T00:00:00``; that of the instrument's mission otherwise. Zodiacal
+        light and the rate of cosmic rays depend on it.
+    switches : mapping of str to bool, optional
+        Effects of the visible camera to switch on or off, by name; the instrument's otherwise.
 
     Returns
     -------
@@ -279,18 +179,27 @@ def observe(
     instrument = instrument if isinstance(instrument, Instrument) else load_instrument(instrument)
     _check(instrument, band, exposure_s, n_frames, em_gain, tolerance, window, role, roll_deg)
     star = _checked_offset(star_offset_arcsec)
-    if scene_model not in get_args(SceneModel):
-        raise InputError("scene_model", scene_model, allowed=", ".join(get_args(SceneModel)))
+    for name, value, allowed in (("scene_model", scene_model, SceneModel), ("kind", kind, SkyKind)):
+        if value not in get_args(allowed):
+            raise InputError(name, value, allowed=", ".join(get_args(allowed)))
+    start = checked_utc("start_utc", instrument.mission.start_utc if start_utc is None else start_utc)
     if psf is not None:
         _check_psf(psf, band, instrument)
     optics = psf or single_band_psf(band, fidelity=fidelity, instrument=instrument)
     sources = scene_sources(scene, instrument, band, roll_deg=roll_deg)
     area = window_of(optics, instrument, full=window == "full")
     path = (scene.name, role, band, realisation)
-    stamps = _star_stamps(optics, instrument, exposure_s, n_frames, star, seed, path)
-    static = _sky_e_s_pixel(instrument, band) * apodizer_energy(optics) * sky_transmission(optics, area)
+    detector = instrument.detector_of(band)
+    stamps = _star_stamps(optics, instrument, exposure_s, detector.readout_s, n_frames, star, seed, path)
+    sky = sky_rate_e_s_arcsec2(
+        instrument, band, ra_deg=scene.cstar.ra_deg, dec_deg=scene.cstar.dec_deg, start_utc=start
+    )
+    static = sky.rate_e_s_arcsec2 * optics.pixel_scale_arcsec**2 * apodizer_energy(optics) * sky_transmission(optics, area)
     if window == "full":
         static += sources[0].rate_e_s * full_star_map(optics, area, star)
+        stray = stray_light_map(instrument, band, area.shape)
+        if stray is not None:
+            static += stray
     static += off_axis_light(
         optics,
         area,
@@ -300,20 +209,31 @@ def observe(
         star_arcsec=star,
         model=scene_model,
     )
-    pixel = instrument.detector.pixel_scale_arcsec
+    pixel = optics.pixel_scale_arcsec
     truth = Truth(
         sources,
         tuple(area.centre[1] + (source.x_arcsec + star[0]) / pixel for source in sources),
         tuple(area.centre[0] + (source.y_arcsec + star[1]) / pixel for source in sources),
     )
+    rows, columns, part = area.stamp(stamps.shape[1])
+    switched = instrument.switched(switches)
+    corner = (detector.star_row - area.centre[0], detector.star_column - area.centre[1])
     return Observation(
-        scene=scene,
-        instrument=instrument,
+        kind=kind,
+        name=scene.name,
+        instrument=switched,
+        camera=instrument.band(band).camera,
         band=band,
         exposure_s=float(exposure_s),
         n_frames=int(n_frames),
         em_gain=float(em_gain),
         seed=seed,
+        path=path,
+        start_utc=start,
+        light=Light(static, Stamps(sources[0].rate_e_s * stamps, rows, columns, part)),
+        first_pixel=None if window == "full" else corner,
+        keywords=_keywords(scene, instrument, band, optics, truth, role, roll_deg, star, scene_model),
+        scene=scene,
         role=role,
         realisation=realisation,
         window=window,
@@ -323,9 +243,40 @@ def observe(
         psf=optics,
         area=area,
         truth=truth,
-        ledger=effect_ledger(scene, instrument, scene_model=scene_model, hole_state=optics.hole_state),
-        static_rate_e_s=static,
-        star_stamps=stamps,
+        ledger=effect_ledger(scene, switched, band=band, scene_model=scene_model, hole_state=optics.hole_state),
+    )
+
+
+def _keywords(
+    scene: Scene,
+    instrument: Instrument,
+    band: str,
+    optics: AnyPsf,
+    truth: Truth,
+    role: str,
+    roll_deg: float,
+    star: tuple[float, float],
+    scene_model: str,
+) -> dict[str, Any]:
+    """Keywords of pointing, optics and world coordinates."""
+    return {
+        "OBJECT": scene.name,
+        "ROLE": role,
+        "ROLL": roll_deg,
+        "STAROFFX": star[0],
+        "STAROFFY": star[1],
+        "HOLEMODE": instrument.dark_hole.mode,
+        "HOLE": optics.hole_state,
+        "HOLEIN": instrument.hole_inner_arcsec(band) * math.sqrt(2.0),
+        "IWA": optics.metrics.iwa_arcsec,
+        "FIDELITY": "external" if isinstance(optics, ExternalPsf) else optics.knobs.tier,
+        "SCENEMOD": scene_model,
+    } | wcs_keywords(
+        optics.pixel_scale_arcsec,
+        (truth.x_pixel[0], truth.y_pixel[0]),
+        (scene.cstar.ra_deg, scene.cstar.dec_deg),
+        roll_deg=roll_deg,
+        parity=instrument.detector.parity,
     )
 
 
@@ -333,6 +284,7 @@ def _star_stamps(
     optics: AnyPsf,
     instrument: Instrument,
     exposure_s: float,
+    readout_s: float,
     n_frames: int,
     star_arcsec: tuple[float, float],
     seed: int,
@@ -346,18 +298,11 @@ def _star_stamps(
         optics.imager,
         instrument.drift,
         epochs,
-        (exposure_s + instrument.detector.readout_s) * n_frames / epochs,
+        (exposure_s + readout_s) * n_frames / epochs,
         stream(seed, *path, "visit"),
         stream(seed, *path, "walk"),
         star_arcsec=star_arcsec,
     )
-
-
-def _sky_e_s_pixel(instrument: Instrument, band: str) -> float:
-    """Electrons per second of the uniform sky in an open pixel of a clear aperture."""
-    passbands = Passbands.from_instrument(instrument)
-    rates = passbands.sky_rate_e_s_arcsec2(instrument.sky.brightness_v_mag_arcsec2, instrument.telescope.area_cm2)
-    return float(rates[passbands.index(band)]) * instrument.detector.pixel_scale_arcsec**2
 
 
 def _check_psf(psf: ExternalPsf, band: str, instrument: Instrument) -> None:
@@ -382,9 +327,7 @@ def _checked_offset(star_offset_arcsec: tuple[float, float]) -> tuple[float, flo
 
 def _check(instrument: Instrument, band: str, exposure_s: Any, n_frames: Any, em_gain: Any, tolerance: Any,
            window: str, role: str, roll_deg: Any) -> None:  # fmt: skip
-    if instrument.band(band).camera != "VIS":
-        raise InputError("band", band, allowed=", ".join(instrument.visible_bands()), hint="no infrared camera yet")
-    most = instrument.detector.em_gain_max
+    most = instrument.detector.em_gain_max if instrument.band(band).camera == "VIS" else 1.0
     for name, value, low, high, unit in (("exposure_s", exposure_s, 1e-6, 1e6, "s"), ("em_gain", em_gain, 1, most, "")):
         if not low <= check_number(name, value, unit) <= high:
             raise InputError(name, value, unit=unit, allowed=f"{low:g} to {high:g}")

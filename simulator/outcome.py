@@ -37,6 +37,7 @@ class Reason(StrEnum):
     TOO_FEW_ELEMENTS = "too_few_resolution_elements"
     NO_TIME = "time_below_overheads"
     TOO_MANY_FRAMES = "too_many_frames"
+    NOT_ADDITIVE = "not_additive"
 
 
 class NotOk(RuntimeError):

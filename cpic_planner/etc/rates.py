@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.targets import Targets
+from simulator.camera.dark_current import dark_rate_e_s
 from simulator.camera.noise import aperture_noise_pixels
 from simulator.target.positions import sky_to_detector
 
@@ -125,7 +126,7 @@ def aperture_rates(
         halo_e_s=star * metrics.halo_aperture(x, y),
         companion_e_s=companion,
         sky_e_s=np.full((1,) * len(shape), sky * aperture_arcsec2 * metrics.apodizer_energy),
-        dark_e_s=np.full((1,) * len(shape), instrument.detector.dark_e_s * metrics.aperture_pixels),
+        dark_e_s=np.full((1,) * len(shape), dark_rate_e_s(instrument.detector) * metrics.aperture_pixels),
         speckle_e_s=star * speckle_fraction(model, band, visit_s, np.hypot(x, y)),
         peak_hole_e_s=star * metrics.peak_on_axis_hole
         + planet_total * metrics.peak_off_axis

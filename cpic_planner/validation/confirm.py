@@ -36,6 +36,7 @@ __all__ = [
     "confirm_task",
     "decode_arrays",
     "encode_arrays",
+    "images_of",
     "prepare_task",
     "target_scene",
 ]
@@ -43,6 +44,9 @@ __all__ = [
 FloatArray = NDArray[np.float64]
 MAX_FRAMES = 4000
 """Frames of one sequence that are held in memory at once (0.6 GB of stamps)."""
+# Flaws that calibration takes out, and particles that rejection does: neither is part of the measurement yet.
+_NOT_IN_IMAGES = ("flat", "dark_structure", "bad_pixels", "bad_columns", "smear", "cosmic_rays", "nonlinearity",
+                  "parallel_cti", "serial_cti", "stripes", "interference", "bias_drift")  # fmt: skip
 _REFUSALS = {
     Status.SATURATED: "every frame saturates",
     Status.UNREACHABLE: "the time holds no frame",
@@ -165,6 +169,11 @@ def prepare_task(
     )
 
 
+def images_of(instrument: Instrument) -> Instrument:
+    """The instrument as the images of a confirmation see it: without what only a full reduction can take out."""
+    return instrument.switched(dict.fromkeys(_NOT_IN_IMAGES, False))
+
+
 def confirm_task(tree: dict[str, Any]) -> dict[str, Any]:
     """Simulate, subtract and measure one target in one band.
 
@@ -188,7 +197,7 @@ def confirm_task(tree: dict[str, Any]) -> dict[str, Any]:
         "em_gain": task.em_gain,
         "seed": task.seed,
         "fidelity": task.fidelity,
-        "instrument": instrument,
+        "instrument": images_of(instrument),
         "window": "hole",
     }
     science = observe(scene, role="science", **settings)

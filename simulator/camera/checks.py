@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import numpy.typing as npt
 
 from catalogs.errors import InputError
 
-__all__ = ["checked_array", "element_name"]
+__all__ = ["checked_array", "checked_rates", "checked_scalar", "element_name"]
 
 FloatArray = npt.NDArray[np.float64]
+NEGATIVE_TOLERANCE = 1e-9
 
 
 def element_name(key: str, bad: npt.NDArray[np.bool_]) -> tuple[str, tuple[int, ...]]:
@@ -44,3 +47,37 @@ def checked_array(
         name, index = element_name(key, bad)
         raise InputError(name, float(array[index]), unit=unit, allowed=allowed)
     return array
+
+
+def checked_scalar(key: str, value: npt.ArrayLike, *, low: float, high: float, unit: str = "") -> float:
+    """One finite number within ``[low, high]``, refused by name otherwise."""
+    array = checked_array(key, value, low=low, high=high, unit=unit)
+    if array.ndim:
+        raise InputError(key, value, unit=unit, allowed="one number")
+    return float(array)
+
+
+def checked_rates(rate_map_e_s: npt.ArrayLike) -> tuple[FloatArray, int]:
+    """Rates of a 2-D map with rounding-error negatives set to 0, and their number.
+
+    Raises
+    ------
+    InputError
+        For an empty map or one of other dimensions, and for NaN, infinity or a rate more negative than 1e-9 of the
+        largest, naming the pixel.
+    """
+    allowed = f"finite and at least 0 (rounding errors to -{NEGATIVE_TOLERANCE:g} of the largest count as 0)"
+    rates = np.asarray(rate_map_e_s)
+    if rates.dtype.kind not in "iuf" or rates.ndim != 2 or rates.size == 0:
+        raise InputError("rate_map_e_s", f"{rates.dtype} array of shape {rates.shape}", unit="e-/s",
+                         allowed="a non-empty 2-D (y, x) array of numbers")  # fmt: skip
+    rates = rates.astype(np.float64, copy=False)
+    lowest, highest = float(rates.min()), float(rates.max())
+    if lowest >= 0.0 and math.isfinite(highest):
+        return rates, 0
+    finite = np.isfinite(rates)
+    bad = ~finite if not finite.all() else rates < -NEGATIVE_TOLERANCE * max(highest, 0.0)
+    if bad.any():
+        name, index = element_name("rate_map_e_s", bad)
+        raise InputError(name, float(rates[index]), unit="e-/s", allowed=allowed)
+    return np.maximum(rates, 0.0), int(np.count_nonzero(rates < 0.0))

@@ -77,12 +77,14 @@ class ChargeTransfer(FrozenModel):
     """Losses of charge transfer and the clocks of frame transfer.
 
     A transfer leaves the fraction ``parallel_cti`` (image) or ``serial_cti`` (line and multiplication register) of the
-    charge behind; ``serial_elements`` lie between the first column and the output. Light falls on the pixels during
+    charge behind; ``store_rows`` lie between the first row and the register (the frame store), ``serial_elements`` between
+    the first column and the output. Light falls on the pixels during
     frame transfer: there is no shutter.
     """
 
     parallel_cti: Annotated[float, Field(ge=0, le=0.01)]
     serial_cti: Annotated[float, Field(ge=0, le=0.001)]
+    store_rows: Annotated[int, Field(ge=0, le=100_000)]
     serial_elements: Annotated[int, Field(ge=0, le=100_000)]
     line_shift_s: Annotated[float, Field(ge=0, le=0.1)]
 

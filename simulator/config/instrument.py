@@ -14,13 +14,15 @@ from catalogs.errors import InputError
 from catalogs.strict_yaml import Provenance, load_yaml, split_sourced
 from simulator.config.base import FrozenModel, deep_merge, validate
 from simulator.config.detector import Detector
+from simulator.config.effects import CosmicRayConfig, SkyConfig
+from simulator.config.infrared import InfraredDetector
+from simulator.config.mission import MissionConfig
 from simulator.config.optics import Coronagraph, DarkHoleConfig, Drift, MirrorConfig, NearInfrared, WavefrontConfig
 from simulator.config.presets import preset_names, preset_path
 
 __all__ = [
     "BandConfig",
     "Instrument",
-    "Sky",
     "Telescope",
     "load_instrument",
 ]
@@ -42,12 +44,6 @@ class Telescope(FrozenModel):
     def area_cm2(self) -> float:
         """Collecting area of the clear disc."""
         return math.pi / 4.0 * (100.0 * self.diameter_m) ** 2
-
-
-class Sky(FrozenModel):
-    """Uniform sky of solar colour."""
-
-    brightness_v_mag_arcsec2: Annotated[float, Field(ge=0, le=40)]
 
 
 class BandConfig(FrozenModel):
@@ -76,9 +72,11 @@ class Instrument(FrozenModel):
     dark_hole: DarkHoleConfig
     drift: Drift
     detector: Detector
-    sky: Sky
+    cosmic_rays: CosmicRayConfig
+    sky: SkyConfig
     bands: dict[str, BandConfig]
     overhead_s: Annotated[float, Field(ge=0, le=1e6)]
+    mission: MissionConfig
 
     @model_validator(mode="after")
     def _sampled(self) -> Instrument:
@@ -119,6 +117,22 @@ class Instrument(FrozenModel):
             raise InputError("band", name, allowed=", ".join(self.bands))
         return self.bands[name]
 
+    def switched(self, switches: Mapping[str, bool] | None) -> Instrument:
+        """This instrument with effects of the visible camera switched on or off, by name.
+
+        Raises
+        ------
+        InputError
+            For a name that is no switch, or a value that is neither true nor false.
+        """
+        if not switches:
+            return self
+        if not isinstance(switches, Mapping) or not all(isinstance(value, bool) for value in switches.values()):
+            raise InputError("switches", switches, allowed="a mapping of effects to true or false")
+        off = tuple(name for name, value in switches.items() if not value)
+        on = tuple(name for name, value in switches.items() if value)
+        return self.model_copy(update={"detector": self.detector.switched(off=off, on=on)})
+
     def visible_bands(self) -> tuple[str, ...]:
         """Names of the bands of the visible camera, by wavelength."""
         names = [name for name, band in self.bands.items() if band.camera == "VIS"]
@@ -147,6 +161,10 @@ class Instrument(FrozenModel):
         """Pixel of the band's camera."""
         visible = self.band(band).camera == "VIS"
         return self.detector.pixel_scale_arcsec if visible else self.near_infrared.pixel_scale_arcsec
+
+    def detector_of(self, band: str) -> Detector | InfraredDetector:
+        """Detector of the band's camera."""
+        return self.detector if self.band(band).camera == "VIS" else self.near_infrared.detector
 
     def _channel(self, band: str) -> Coronagraph | NearInfrared:
         return self.coronagraph if self.band(band).camera == "VIS" else self.near_infrared

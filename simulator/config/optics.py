@@ -8,6 +8,7 @@ from pydantic import Field, model_validator
 
 from catalogs.errors import InputError
 from simulator.config.base import FrozenModel
+from simulator.config.infrared import InfraredDetector
 
 __all__ = ["Coronagraph", "DarkHoleConfig", "Drift", "MirrorConfig", "NearInfrared", "WavefrontConfig"]
 
@@ -31,11 +32,12 @@ class Coronagraph(FrozenModel):
 
 
 class NearInfrared(FrozenModel):
-    """What differs in the near-infrared channel: pixel, cross and outer edge of the hole."""
+    """What differs in the near-infrared channel: pixel, cross, outer edge of the hole, and its camera."""
 
     pixel_scale_arcsec: Annotated[float, Field(gt=0, le=1)]
     mask_half_width_arcsec: Annotated[float, Field(ge=0, le=4)]
     outer_half_side_arcsec: Annotated[float, Field(gt=0, le=3)]
+    detector: InfraredDetector
 
 
 class WavefrontConfig(FrozenModel):

@@ -80,7 +80,8 @@ class Window:
 
 def window_of(psf: AnyPsf, instrument: Instrument, *, full: bool) -> Window:
     """The whole detector, or the stamp of the PSF."""
-    detector, side = instrument.detector, psf.on_axis.shape[0]
+    detector = instrument.detector_of(psf.band) if psf.band else instrument.detector
+    side = psf.on_axis.shape[0]
     shape = (detector.n_rows, detector.n_columns) if full else (side, side)
     centre = (detector.star_row, detector.star_column) if full else (side // 2, side // 2)
     rows, columns = (

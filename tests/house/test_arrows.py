@@ -20,7 +20,8 @@ SIMULATOR = [
     {"camera"},
     {"products"},
     {"ledger"},
-    {"observation"},
+    {"sequence"},
+    {"observation", "calibration"},
 ]
 PLANNER = [
     {"version"},

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from simulator import cache
-from simulator.files import LockHeld, dump_json, exclusive_lock, write_bytes, write_json
+from simulator.files import LockHeld, dump_json, exclusive_lock, whole_file, write_bytes, write_json
 
 
 def test_failed_write_leaves_the_old_file_and_no_litter(tmp_path, monkeypatch):
@@ -22,6 +22,40 @@ def test_failed_write_leaves_the_old_file_and_no_litter(tmp_path, monkeypatch):
         write_bytes(path, b"new")
     assert path.read_bytes() == b"old"
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_whole_file_appears_at_the_end_and_replaces_only_when_asked(tmp_path):
+    path = tmp_path / "a.bin"
+    with whole_file(path, overwrite=False) as file:
+        file.write(b"new")
+        assert not path.exists()
+    assert path.read_bytes() == b"new"
+    with pytest.raises(FileExistsError), whole_file(path, overwrite=False):
+        pytest.fail("opened")
+    with whole_file(path) as file:
+        file.write(b"newer")
+    assert path.read_bytes() == b"newer"
+    with pytest.raises(RuntimeError), whole_file(path) as file:
+        file.write(b"part")
+        raise RuntimeError
+    assert path.read_bytes() == b"newer"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("links", [True, False])
+def test_whole_file_keeps_what_another_process_wrote_meanwhile(tmp_path, monkeypatch, links):
+    if not links:
+        monkeypatch.setattr("pathlib.Path.hardlink_to", lambda *_: (_ for _ in ()).throw(OSError(95, "no links")))
+    path, other = tmp_path / "a.bin", tmp_path / "b.bin"
+    with pytest.raises(FileExistsError) as refused, whole_file(path, overwrite=False) as file:
+        file.write(b"mine")
+        path.write_bytes(b"theirs")
+    assert refused.value.filename == str(path)
+    assert path.read_bytes() == b"theirs"
+    with whole_file(other, overwrite=False) as file:
+        file.write(b"mine")
+    assert other.read_bytes() == b"mine"
+    assert sorted(tmp_path.iterdir()) == [path, other]
 
 
 def test_json_refuses_nan_and_keeps_doubles(tmp_path):

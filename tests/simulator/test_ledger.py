@@ -1,5 +1,6 @@
 import pytest
 
+from catalogs.errors import InputError
 from simulator.config import load_instrument, load_scene
 from simulator.ledger import effect_ledger, not_modelled
 
@@ -18,7 +19,7 @@ def test_default_keeps_the_optics():
     found = rows()
     for effect in (STATIC, "pointing jitter", "wavefront drift"):
         assert found[effect].decision == "kept"
-        assert not any(text.startswith(effect) for text in not_modelled())
+        assert not any(text.startswith(effect) for text in not_modelled(load_instrument()))
 
 
 @pytest.mark.parametrize(
@@ -45,3 +46,15 @@ def test_what_the_scene_has_is_said():
     assert "brighter" in rows(hole_state="not_reached")[STATIC].reason
     assert rows(scene_model="paper")["source positions"].decision == "skipped"
     assert rows(hole_state="external")[STATIC].decision == "skipped"
+
+
+def test_switches_of_the_camera_are_rows():
+    found = rows({"detector": {"switches": {"cosmic_rays": False}}})
+    assert found["cosmic rays"].decision == "skipped"
+    assert found["pixel full well"].decision == "kept"
+    plain = load_instrument({"detector": {"switches": {"cosmic_rays": False}}})
+    assert "cosmic rays: switched off" in not_modelled(plain)
+    assert not any(text.startswith("cosmic rays") for text in not_modelled(load_instrument()))
+    assert "persistence" in rows(band="F940")
+    with pytest.raises(InputError, match="cosmic_ray"):
+        load_instrument({"detector": {"switches": {"cosmic_ray": False}}})

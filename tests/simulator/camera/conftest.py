@@ -5,7 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from simulator.config.detector import Detector, load_instrument
+from simulator.config.detector import Detector
+from simulator.config.instrument import load_instrument
+
+
+BARE = ("photon_noise", "dark", "blooming", "clock_charge", "em_register", "register_full_well", "read_noise")
 
 
 def register_pmf(n: int, gain: float, stages: int = 604) -> np.ndarray:
@@ -47,3 +51,17 @@ def detector() -> Detector:
 def changed(detector: Detector):
     """Default detector with changed values."""
     return lambda **values: Detector(**{**detector.model_dump(), **values})
+
+
+@pytest.fixture(scope="session")
+def bare():
+    """Identical, linear pixels without transfer losses and without structure of the bias; with changed values."""
+    plain = load_instrument().detector.switched(off=("all",), on=BARE)
+
+    return lambda **values: Detector(**{**plain.model_dump(), **values})
+
+
+@pytest.fixture(scope="session")
+def infrared():
+    """Default near-infrared detector."""
+    return load_instrument().near_infrared.detector

@@ -7,8 +7,19 @@ from hypothesis import strategies as st
 
 from catalogs.errors import InputError
 from simulator.camera import excess_noise_factor2, expected_adu_map, expose_frame, to_electrons
+from simulator.camera.dark_current import dark_rate_e_s
 
 PATH = ("target", "science", "F520", 0, 3)
+
+
+@pytest.fixture(scope="module", name="changed")
+def _changed(bare):
+    return bare
+
+
+@pytest.fixture(scope="module", name="detector")
+def _detector(bare):
+    return bare()
 
 
 def _noisy(rate: float, exposure: float, gain: float, det, *, side: int = 400, tag: str = "a"):
@@ -99,12 +110,13 @@ def test_each_limit_cuts_and_counts(changed) -> None:
     rates = np.zeros((4, 6))
     rates[0, :2] = 1e5
     frame = expose_frame(rates, 1.0, 1.0, det, seed=1, path=PATH)
-    assert frame.n_saturated_pixels == 2
+    assert frame.n_saturated_pixels == 8  # both columns are full
     assert frame.n_register_saturated == 0
-    assert frame.adu[0, 0] == frame.adu[0, 1] == 4095
+    assert (frame.adu[:, :2] == 4095).all()
+    assert frame.lost[:, :2].all()
     frame = expose_frame(rates, 1.0, 20.0, det, seed=1, path=PATH)
-    assert frame.n_register_saturated == 2
-    assert frame.n_clipped >= 2
+    assert frame.n_register_saturated == 24  # and trail along the rows to their ends
+    assert frame.n_clipped >= 24
     level = expected_adu_map(rates, 1.0, 1.0, changed(full_well_e=1000.0))[0, 0]
     assert level == pytest.approx((1000 + det.cic_e) / 59 + 200)
     level = expected_adu_map(rates, 1.0, 20.0, changed(full_well_e=1000.0, register_full_well_e=5000.0))[0, 0]
@@ -197,7 +209,7 @@ def test_refusals(values: dict[str, object], named: str, detector) -> None:
 def test_to_electrons_inverts_the_expected_map(detector) -> None:
     rates = np.linspace(0, 10, 20).reshape(4, 5)
     adu = expected_adu_map(rates, 30.0, 20.0, detector)
-    expected = (rates + detector.dark_e_s) * 30 + detector.cic_e
+    expected = (rates + dark_rate_e_s(detector)) * 30 + detector.cic_e
     assert to_electrons(adu, detector, 20.0) == pytest.approx(expected, rel=1e-12)
     with pytest.raises(InputError, match="em_gain"):
         to_electrons(adu, detector, 0.0)

@@ -7,6 +7,16 @@ from catalogs.errors import InputError
 from simulator.camera import aperture_noise_pixels, excess_noise_factor2, expose_frame, pixel_variance_e2, to_electrons
 
 
+@pytest.fixture(scope="module", name="changed")
+def _changed(bare):
+    return bare
+
+
+@pytest.fixture(scope="module", name="detector")
+def _detector(bare):
+    return bare()
+
+
 def test_terms_by_hand(changed) -> None:
     det = changed(read_noise_e=110, gain_e_adu=59)
     assert float(pixel_variance_e2(0.0, 0.0, 1.0, det)) == pytest.approx(110**2 + 59**2 / 12)

@@ -8,6 +8,16 @@ from simulator.camera import binding_limit, expose_frame, gain_cap, pixel_satura
 from simulator.outcome import Reason, Status
 
 
+@pytest.fixture(scope="module", name="changed")
+def _changed(bare):
+    return bare
+
+
+@pytest.fixture(scope="module", name="detector")
+def _detector(bare):
+    return bare()
+
+
 def test_cap_by_hand(detector) -> None:
     peak = 1000.0
     level = peak + 5 * np.sqrt(2 * peak)

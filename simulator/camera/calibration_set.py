@@ -1,0 +1,326 @@
+"""What makes the pixels of a camera differ: response, dark current, clock-induced charge, bias; seeded or from files.
+
+Every flaw draws from its own stream of ``flaws.seed``, so that changing one leaves the others as they are.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from types import MappingProxyType
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from catalogs.errors import InputError
+from simulator.camera.calibration_files import file_print, named_files, read_calibration_map
+from simulator.camera.dark_current import dark_rate_e_s
+from simulator.camera.flaws import chosen_places, excess_map, flaw_mask, response_map, scatter_map, warm_from_e_s
+from simulator.camera.frame import MaskBit
+from simulator.camera.sections import Section, sections_of
+from simulator.config.detector import Detector
+from simulator.rng import stream
+
+__all__ = ["CalibrationSet", "FlawSwitches", "load_calibration_set"]
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+
+
+class FlawSwitches(Protocol):
+    """Switches of the flaws of pixels that every camera has."""
+
+    @property
+    def flat(self) -> bool:
+        """Scatter of the response."""
+
+    @property
+    def dark(self) -> bool:
+        """Dark current at all."""
+
+    @property
+    def dark_structure(self) -> bool:
+        """Scatter of the dark current."""
+
+    @property
+    def bad_pixels(self) -> bool:
+        """Dead and hot pixels."""
+
+
+@dataclass(frozen=True, eq=False)
+class CalibrationSet:
+    """Maps over the frame, with everything switched on; read-only arrays ``[y, x]``.
+
+    Attributes
+    ----------
+    response : ndarray
+        Relative response to light. Mean of the active pixels 1 before dead pixels and bad columns, which have 0; 0 in
+        shielded pixels, prescan and overscan.
+    dark_e_s : ndarray
+        Dark current of every pixel of the image section, shielded ones included; 0 in prescan and overscan.
+    dark_uniform_e_s : ndarray
+        The same without structure.
+    cic_e : ndarray
+        Clock-induced electrons per pixel and frame: in all rows of the columns of the image section.
+    stripe_adu : ndarray
+        Offset of the bias of every column, mean 0; 0 where a map of the bias was given.
+    bias_adu : ndarray or None
+        Map of the bias (level and structure) from a file.
+    mask : ndarray of uint8
+        `simulator.camera.MaskBit`: bad (dead pixels, bad columns), warm and hot (from 10 and 100 times the median dark
+        current on).
+    bias_level_adu : float
+        Level of the bias where there is no map.
+    cic_varies : bool
+        Whether ``cic_e`` differs from pixel to pixel.
+    files : mapping of str to str
+        Files used, by what they hold.
+    sensitivity, dark_smooth_e_s : ndarray
+        Response without dead pixels and bad columns; dark current without hot pixels and bad columns.
+    dead, hot, bad_column : ndarray of bool
+        Pixels of each flaw.
+    """
+
+    response: FloatArray
+    dark_e_s: FloatArray
+    dark_uniform_e_s: FloatArray
+    cic_e: FloatArray
+    stripe_adu: FloatArray
+    bias_adu: FloatArray | None
+    mask: npt.NDArray[np.uint8]
+    sensitivity: FloatArray
+    dark_smooth_e_s: FloatArray
+    dead: BoolArray
+    hot: BoolArray
+    bad_column: BoolArray
+    bias_level_adu: float = 0.0
+    cic_varies: bool = False
+    files: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for item in fields(self):
+            value = getattr(self, item.name)
+            if isinstance(value, np.ndarray):
+                value.setflags(write=False)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns."""
+        rows, columns = self.mask.shape
+        return rows, columns
+
+    def window(self, rows: slice, columns: slice) -> CalibrationSet:
+        """The set of a window, without copying.
+
+        Raises
+        ------
+        InputError
+            If the window is empty, has a step, or reaches beyond the frame.
+        """
+        for key, part, size in (("rows", rows, self.shape[0]), ("columns", columns, self.shape[1])):
+            start, stop, step = part.start or 0, size if part.stop is None else part.stop, part.step
+            if not 0 <= start < stop <= size or step not in (None, 1):
+                raise InputError(f"window {key}", repr(part), unit="px", allowed=f"slice of 0 to {size} without step")
+        cut: dict[str, Any] = {}
+        for item in fields(self):
+            value = getattr(self, item.name)
+            if isinstance(value, np.ndarray):
+                cut[item.name] = value[rows, columns] if value.ndim == 2 else value[columns]
+        return replace(self, **cut)
+
+    def response_of(self, switches: FlawSwitches) -> FloatArray:
+        """Response with the flaws that are switched on (``flat``, ``bad_pixels``, ``bad_columns``)."""
+        columns = _columns_on(switches)
+        if switches.flat and switches.bad_pixels and columns:
+            return self.response
+        response = self.sensitivity.copy() if switches.flat else (self.sensitivity > 0).astype(np.float64)
+        if switches.bad_pixels:
+            response[self.dead] = 0.0
+        if columns:
+            response[self.bad_column] = 0.0
+        return response
+
+    def dark_of(self, switches: FlawSwitches) -> FloatArray:
+        """Dark current with the flaws that are switched on.
+
+        ``dark_structure`` is the scatter from pixel to pixel, ``bad_pixels`` holds hot pixels, ``bad_columns`` theirs,
+        ``dark`` everything.
+        """
+        columns = _columns_on(switches)
+        if not switches.dark:
+            return np.zeros(self.shape)
+        if switches.dark_structure and switches.bad_pixels and columns:
+            return self.dark_e_s
+        dark = (self.dark_smooth_e_s if switches.dark_structure else self.dark_uniform_e_s).copy()
+        raised = (self.hot & ~self.bad_column) if switches.bad_pixels else np.zeros(self.shape, dtype=np.bool_)
+        if columns:
+            raised |= self.bad_column
+        dark[raised] += self.dark_e_s[raised] - self.dark_smooth_e_s[raised]
+        return dark
+
+    def mask_of(self, switches: FlawSwitches) -> npt.NDArray[np.uint8]:
+        """Mask with the flaws that are switched on."""
+        columns = _columns_on(switches)
+        if switches.dark and switches.dark_structure and switches.bad_pixels and columns:
+            return self.mask
+        mask = self.mask.copy()
+        bad = (self.dead & switches.bad_pixels) | (self.bad_column & columns)
+        mask[~bad] &= np.uint8(0xFF ^ MaskBit.BAD)
+        raised = self.hot & ~self.bad_column
+        dark = np.where(self.bad_column, columns, np.where(raised, switches.bad_pixels, switches.dark_structure))
+        mask[~(dark & switches.dark)] &= np.uint8(0xFF ^ (MaskBit.HOT | MaskBit.WARM))
+        return mask
+
+
+def _columns_on(switches: FlawSwitches) -> bool:
+    """Bad columns belong to the visible camera alone."""
+    return bool(getattr(switches, "bad_columns", True))
+
+
+def load_calibration_set(detector: Detector) -> CalibrationSet:
+    """Calibration set of the visible camera, over its whole frame.
+
+    Parameters
+    ----------
+    detector : Detector
+        Gives frame, level and scatter of every flaw, and files that replace parts of the seeded set.
+
+    Returns
+    -------
+    CalibrationSet
+        Made once per configuration and content of the files. A ``flat`` replaces scatter of the response and dead
+        pixels (its zeros), ``dark`` scatter, hot pixels and extra charge of bad columns, ``bad_columns`` the seeded
+        columns (its pixels have no response, and the extra charge unless there is a ``dark``), ``bias`` level and
+        stripes. A map of the active pixels alone is taken too: outside them ``flat`` and ``bad_columns`` are 0, the
+        others their median. The level of a ``dark`` is the median of its active pixels; hot are those from 10 times
+        that on.
+
+    Raises
+    ------
+    InputError
+        For a file that is missing, no FITS image, of another shape or unit, or holds NaN, infinity or a value out of
+        range (naming file and pixel); for more bad columns than there are active ones.
+    """
+    prints = tuple(file_print(kind, path) for kind, path in named_files(detector).items())
+    return _cached_set(detector, prints)
+
+
+# One set of the default camera takes 60 MB.
+@functools.lru_cache(maxsize=2)
+def _cached_set(detector: Detector, prints: tuple[tuple[int, ...], ...]) -> CalibrationSet:
+    """Build a set; ``prints`` of the files keep a changed file from being taken for its former self."""
+    parts, files = sections_of(detector), named_files(detector)
+    maps = {kind: read_calibration_map(kind, path, detector) for kind, path in files.items()}
+    shape, active = (detector.n_rows, detector.n_columns), parts["active"]
+    seen = _inside(shape, active)
+    bad_column = (maps["bad_columns"] > 0) if "bad_columns" in maps else _bad_columns(detector, shape, parts)
+    sensitivity, dead = _sensitivity(detector, maps.get("flat"), shape, seen, active)
+    dead &= ~bad_column
+    response = np.where(dead | bad_column, 0.0, sensitivity)
+    uniform, smooth, dark, hot = _dark(detector, maps.get("dark"), shape, parts, bad_column)
+    cic, varies = _clock_charge(detector, maps.get("cic"), shape, parts["image"][1])
+    bias = maps.get("bias")
+    return CalibrationSet(
+        response=response,
+        dark_e_s=dark,
+        dark_uniform_e_s=uniform,
+        cic_e=cic,
+        stripe_adu=_stripes(detector) if bias is None else np.zeros(detector.n_columns),
+        bias_adu=bias,
+        mask=flaw_mask(dead | bad_column, dark, active),
+        sensitivity=sensitivity,
+        dark_smooth_e_s=smooth,
+        dead=dead,
+        hot=hot,
+        bad_column=bad_column,
+        bias_level_adu=detector.bias_adu,
+        cic_varies=varies,
+        files=MappingProxyType(files),
+    )
+
+
+def _rng(detector: Detector, flaw: str) -> np.random.Generator:
+    return stream(detector.flaws.seed, "calibration", "visible", flaw)
+
+
+def _inside(shape: tuple[int, int], section: Section) -> BoolArray:
+    inside = np.zeros(shape, dtype=np.bool_)
+    inside[section] = True
+    return inside
+
+
+def _size(section: Section) -> tuple[int, int]:
+    rows, columns = section
+    return rows.stop - rows.start, columns.stop - columns.start
+
+
+def _bad_columns(detector: Detector, shape: tuple[int, int], parts: dict[str, Section]) -> BoolArray:
+    bad = np.zeros(shape, dtype=np.bool_)
+    number, columns = detector.flaws.bad_columns, parts["active"][1]
+    available = columns.stop - columns.start
+    if number > available:
+        raise InputError("detector.flaws.bad_columns", number, allowed=f"at most the {available} active columns")
+    chosen = _rng(detector, "bad_columns").choice(available, number, replace=False)
+    bad[parts["image"][0], columns.start + chosen] = True
+    return bad
+
+
+def _sensitivity(
+    detector: Detector, flat: FloatArray | None, shape: tuple[int, int], seen: BoolArray, active: Section
+) -> tuple[FloatArray, BoolArray]:
+    """Response before dead pixels and bad columns, and the dead pixels."""
+    if flat is not None:
+        dead = (flat == 0) & seen
+        return np.where(seen, np.where(dead, 1.0, flat), 0.0), dead
+    sensitivity, dead = np.zeros(shape), np.zeros(shape, dtype=np.bool_)
+    sensitivity[active] = response_map(_size(active), detector.flaws.prnu_rms, _rng(detector, "response"))
+    dead[active] = chosen_places(_size(active), detector.flaws.dead_fraction, _rng(detector, "dead"))
+    return sensitivity, dead
+
+
+def _dark(
+    detector: Detector,
+    given: FloatArray | None,
+    shape: tuple[int, int],
+    parts: dict[str, Section],
+    bad_column: BoolArray,
+) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray]:
+    """Dark current: uniform, with scatter, with all flaws; and the hot pixels."""
+    image, flaws = parts["image"], detector.flaws
+    uniform, smooth, dark = np.zeros(shape), np.zeros(shape), np.zeros(shape)
+    hot = np.zeros(shape, dtype=np.bool_)
+    if given is not None:
+        level = float(np.median(given[parts["active"]]))
+        dark[image] = given[image]
+        hot = dark >= warm_from_e_s(dark, parts["active"])
+        uniform[image] = level
+        smooth = np.where(hot | bad_column, uniform, dark)
+        return uniform, smooth, dark, hot
+    level = dark_rate_e_s(detector)
+    size = _size(image)
+    uniform[image] = level
+    smooth[image] = level * scatter_map(size, flaws.dsnu_rms, _rng(detector, "dark"))
+    hot[image] = chosen_places(size, flaws.hot_fraction, _rng(detector, "hot"))
+    dark[image] = smooth[image] + level * excess_map(hot[image], flaws.hot_factor, _rng(detector, "hot_excess"))
+    dark[bad_column] += flaws.bad_column_e_s
+    return uniform, smooth, dark, hot
+
+
+def _clock_charge(
+    detector: Detector, given: FloatArray | None, shape: tuple[int, int], columns: slice
+) -> tuple[FloatArray, bool]:
+    """Clock-induced charge of all rows of the image's columns, and whether it varies."""
+    cic, section = np.zeros(shape), (slice(0, shape[0]), columns)
+    if given is not None:
+        cic[section] = given[section]
+        return cic, bool(np.ptp(given[section]) > 0)
+    cic[section] = detector.cic_e * scatter_map(_size(section), detector.flaws.cic_rms, _rng(detector, "cic"))
+    return cic, detector.flaws.cic_rms > 0
+
+
+def _stripes(detector: Detector) -> FloatArray:
+    stripes = _rng(detector, "stripes").standard_normal(detector.n_columns)
+    stripes -= stripes.mean()
+    return np.asarray(stripes * detector.bias_structure.stripe_rms_adu)

@@ -1,0 +1,119 @@
+"""From charge to reads, and from reads to one number per pixel: single read, double sampling, fit of a ramp."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from simulator.config.infrared import ReadoutMode
+
+__all__ = ["ReadStack", "read_times", "well_signal"]
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+
+# Width of the bend into saturation, as a fraction of the full well.
+KNEE = 0.02
+
+
+def read_times(mode: ReadoutMode, n_reads: int) -> FloatArray:
+    """Times of the reads as fractions of the exposure: the last is at its end."""
+    if mode == "single":
+        return np.ones(1)
+    return np.linspace(0.0, 1.0, n_reads)
+
+
+def well_signal(charge_e: npt.ArrayLike, full_well_e: float, loss: float) -> FloatArray:
+    """Signal of collected charge, in electrons: a quadratic that bends smoothly into saturation.
+
+    Parameters
+    ----------
+    charge_e : array_like
+        Electrons collected, at least 0.
+    full_well_e : float
+        Charge at which the pixel is full.
+    loss : float
+        Fraction of the signal missing at full well, 0 to below 0.5; 0 is a straight line that ends at full well.
+
+    Returns
+    -------
+    ndarray
+        With ``x = charge / full_well``: ``full_well (x - loss x^2)`` up to ``x = 1``, beyond it
+        ``full_well (1 - loss + (1 - 2 loss) k (1 - exp(-(x - 1) / k)))`` with ``k = 0.02``, of the same slope at 1.
+        Never falls as the charge rises.
+    """
+    x = np.asarray(charge_e, dtype=np.float64) / full_well_e
+    below = np.minimum(x, 1.0)
+    if loss == 0.0:
+        return np.asarray(below * full_well_e)
+    signal = below * (1.0 - loss * below)
+    over = x > 1.0
+    if over.any():
+        signal[over] -= (1.0 - 2.0 * loss) * KNEE * np.expm1((1.0 - x[over]) / KNEE)
+    return np.asarray(signal * full_well_e)
+
+
+class ReadStack:
+    """Reads of one frame, reduced as they come, without keeping them.
+
+    ``single`` keeps the read. ``cds`` subtracts the first read from the last. ``up_the_ramp`` fits a straight line of
+    equal weights to the reads of each pixel before it saturates and gives slope times exposure; with fewer than two
+    such reads there is no slope, and the pixel is at the top of the range. Differences and slopes stand on the bias.
+
+    Parameters
+    ----------
+    mode : {"single", "cds", "up_the_ramp"}
+        How reads become one number.
+    shape : tuple of int
+        Rows and columns.
+    bias_adu, adc_max_adu : float
+        Level of the bias, and largest number of the converter.
+    """
+
+    def __init__(self, mode: ReadoutMode, shape: tuple[int, ...], bias_adu: float, adc_max_adu: float) -> None:
+        self.mode, self.bias_adu, self.adc_max_adu = mode, bias_adu, adc_max_adu
+        self._lost: BoolArray = np.zeros(shape, dtype=np.bool_)
+        self._clipped: BoolArray = np.zeros(shape, dtype=np.bool_)
+        self._first: FloatArray | None = None
+        self._last: FloatArray = np.zeros(shape)
+        # Sums over the unsaturated reads: 1, t, t^2, y, t y.
+        self._sums: FloatArray | None = np.zeros((5, *shape)) if mode == "up_the_ramp" else None
+
+    def add(self, time: float, adu: FloatArray, full: BoolArray) -> None:
+        """Take one read.
+
+        Parameters
+        ----------
+        time : float
+            Fraction of the exposure at which it is taken.
+        adu : ndarray
+            What the amplifier gives, before the range of the converter cuts it off.
+        full : ndarray of bool
+            Pixels filled to the full well.
+        """
+        above = adu > self.adc_max_adu
+        self._lost |= full | above
+        self._clipped |= above | (adu < 0.0)
+        adu = np.clip(adu, 0.0, self.adc_max_adu)
+        if self._sums is None:
+            self._first = adu if self._first is None else self._first
+            self._last = adu
+            return
+        y, good = adu - self.bias_adu, ~self._lost
+        terms: tuple[FloatArray | float, ...] = (1.0, time, time * time, y, time * y)
+        for row, term in enumerate(terms):
+            self._sums[row] += np.where(good, np.asarray(term), 0.0)
+
+    def result(self) -> tuple[FloatArray, BoolArray, BoolArray]:
+        """ADU before rounding, pixels that say nothing about their light, and pixels cut off by the converter."""
+        lost, adu = self._lost, self._last
+        if self._sums is not None:
+            n, t, tt, y, ty = (np.asarray(total) for total in self._sums)
+            enough = n > 1.5
+            slope = (n * ty - t * y) / np.where(enough, n * tt - t * t, 1.0)
+            adu, lost = np.where(enough, slope + self.bias_adu, self.adc_max_adu), ~enough
+        elif self.mode == "cds" and self._first is not None:
+            adu = self._last - self._first + self.bias_adu
+        above = adu > self.adc_max_adu
+        clipped = self._clipped | above | (adu < 0.0)
+        return np.clip(adu, 0.0, self.adc_max_adu), lost | above, clipped

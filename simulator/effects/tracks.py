@@ -1,0 +1,213 @@
+"""The laws of tracks: chord lengths, charge, width and texture of the two straight-line models."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields, replace
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from simulator.config.effects import PaperTracks, PhysicalTracks
+from simulator.effects.landau import cut_landau, cut_landau_mean
+
+__all__ = ["PaperModel", "PhysicalModel", "Points", "TrackModel", "Tracks", "paper_charges", "whole_electrons"]
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+REACH_SIGMA = 4.0  # a Gaussian holds all but 6e-5 of its charge within
+_STEP_SIGMA, _SHORTEST_STEP = 1.0, 0.2  # points one sigma apart make a line smooth to 3e-9
+_MAX_WIDTH_SIGMA = 3.0
+_LEAST_WEIGHT = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class Tracks:
+    """Shapes of tracks before they are placed; arrays of one length.
+
+    Attributes
+    ----------
+    length_um, projected_um : ndarray
+        Length in the layer and its projection on the detector.
+    sigma_pixels : ndarray
+        Gaussian sigma of the charge around every point.
+    half_pixels : ndarray
+        Farthest that a point lies from the middle.
+    kind : ndarray of int
+        Which template; 0 where there is none.
+    """
+
+    length_um: FloatArray
+    projected_um: FloatArray
+    sigma_pixels: FloatArray
+    half_pixels: FloatArray
+    kind: IntArray
+
+    def __getitem__(self, chosen: NDArray[np.bool_] | slice) -> Tracks:
+        return replace(self, **{item.name: getattr(self, item.name)[chosen] for item in fields(self)})
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """Points of tracks: ``start[i]`` to ``start[i + 1]`` are those of track i; offsets in pixels from its middle."""
+
+    start: IntArray
+    along: FloatArray
+    across: FloatArray
+    weight: FloatArray
+
+
+class TrackModel(Protocol):
+    """A model of cosmic-ray tracks on a detector of a given pixel size."""
+
+    @property
+    def reach_pixels(self) -> float:
+        """Farthest from its middle that any track leaves charge."""
+
+    def tracks(self, n: int, rng: np.random.Generator) -> Tracks:
+        """Draw the shapes of ``n`` tracks."""
+
+    def charges(self, tracks: Tracks, rng: np.random.Generator) -> IntArray:
+        """Draw the charge of every track, whole electrons above 0."""
+
+    def point_counts(self, tracks: Tracks) -> IntArray:
+        """Points that every track needs."""
+
+    def points(self, tracks: Tracks, rng: np.random.Generator) -> Points:
+        """Draw the points of every track."""
+
+
+def whole_electrons(charge_e: FloatArray) -> IntArray:
+    """Nearest whole electrons, at least 1."""
+    return np.maximum(np.rint(charge_e), 1.0).astype(np.int64)
+
+
+def _chords(n: int, depth_um: float, max_length_um: float, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
+    """Chords of an isotropic flux through a layer, and their projections on it.
+
+    The flux through a plane goes as the cosine mu of the angle of incidence, so mu^2 = (d / L)^2 is uniform; chords
+    beyond the longest are left out, which makes it uniform from (d / longest)^2 to 1.
+    """
+    least = (depth_um / max_length_um) ** 2
+    mu2 = least + (1.0 - least) * (1.0 - rng.random(n))
+    length = depth_um / np.sqrt(mu2)
+    return length, length * np.sqrt(1.0 - mu2)
+
+
+def _line_counts(tracks: Tracks, pixel_um: float) -> IntArray:
+    step = np.maximum(_STEP_SIGMA * tracks.sigma_pixels, _SHORTEST_STEP)
+    return np.maximum(np.ceil(tracks.projected_um / pixel_um / step), 1.0).astype(np.int64)
+
+
+def _line(tracks: Tracks, pixel_um: float) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
+    """Starts, owners, fractions (-1/2 to 1/2) and offsets of points evenly along every track."""
+    count = _line_counts(tracks, pixel_um)
+    start = np.concatenate([[0], np.cumsum(count)])
+    owner = np.repeat(np.arange(count.size), count)
+    fraction = (np.arange(start[-1]) - start[owner] + 0.5) / count[owner] - 0.5
+    return start, owner, fraction, fraction * (tracks.projected_um / pixel_um)[owner]
+
+
+@dataclass(frozen=True)
+class PhysicalModel:
+    """Fast particles through a silicon layer; see `PhysicalTracks`.
+
+    The charge of a chord L is ``L [m + w (lambda - <lambda>)]`` with lambda of Landau's law up to the cut: its mean is
+    ``m L`` whatever the cut. The charge of the points along a track fluctuates by the same law.
+    """
+
+    config: PhysicalTracks
+    pixel_um: float
+
+    @property
+    def reach_pixels(self) -> float:
+        """Half the longest projection, and the reach of the diffusion."""
+        longest = math.sqrt(self.config.max_length_um**2 - self.config.depth_um**2)
+        return (0.5 * longest + REACH_SIGMA * self.config.diffusion_um) / self.pixel_um
+
+    def tracks(self, n: int, rng: np.random.Generator) -> Tracks:
+        """Chords with the diffusion of the layer."""
+        length, projected = _chords(n, self.config.depth_um, self.config.max_length_um, rng)
+        sigma = np.full(n, self.config.diffusion_um / self.pixel_um)
+        return Tracks(length, projected, sigma, 0.5 * projected / self.pixel_um, np.zeros(n, dtype=np.int64))
+
+    def charges(self, tracks: Tracks, rng: np.random.Generator) -> IntArray:
+        """Charge of every chord."""
+        return whole_electrons(tracks.length_um * self._loss_e_um(tracks.length_um.size, rng))
+
+    def _loss_e_um(self, n: int, rng: np.random.Generator) -> FloatArray:
+        config = self.config
+        excess = cut_landau(n, config.loss_cut, rng) - cut_landau_mean(config.loss_cut)
+        return config.mean_loss_e_um + config.loss_width_e_um * excess
+
+    def point_counts(self, tracks: Tracks) -> IntArray:
+        """One point a sigma."""
+        return _line_counts(tracks, self.pixel_um)
+
+    def points(self, tracks: Tracks, rng: np.random.Generator) -> Points:
+        """Points along every track, each with its own energy loss."""
+        start, _, _, along = _line(tracks, self.pixel_um)
+        loss = self._loss_e_um(along.size, rng) / self.config.mean_loss_e_um
+        return Points(start, along, np.zeros(along.size), np.maximum(loss, _LEAST_WEIGHT))
+
+
+@dataclass(frozen=True)
+class PaperModel:
+    """Streaks of Zhu et al. 2025; see `PaperTracks`."""
+
+    config: PaperTracks
+    pixel_um: float
+
+    @property
+    def reach_pixels(self) -> float:
+        """Half the longest projection, and the reach of the widest streak."""
+        config = self.config
+        longest = math.sqrt(config.max_length_um**2 - config.depth_um**2)
+        widest = config.width_um * math.exp(_MAX_WIDTH_SIGMA * config.width_rms)
+        return (0.5 * longest + REACH_SIGMA * widest) / self.pixel_um
+
+    def tracks(self, n: int, rng: np.random.Generator) -> Tracks:
+        """Chords, each with its own width: log-normal, cut off at three sigma."""
+        config = self.config
+        length, projected = _chords(n, config.depth_um, config.max_length_um, rng)
+        scatter = np.clip(rng.standard_normal(n), -_MAX_WIDTH_SIGMA, _MAX_WIDTH_SIGMA)
+        sigma = config.width_um / self.pixel_um * np.exp(config.width_rms * scatter)
+        return Tracks(length, projected, sigma, 0.5 * projected / self.pixel_um, np.zeros(n, dtype=np.int64))
+
+    def charges(self, tracks: Tracks, rng: np.random.Generator) -> IntArray:
+        """Charge of every streak, whatever its length."""
+        return whole_electrons(paper_charges(tracks.length_um.size, self.config, rng))
+
+    def point_counts(self, tracks: Tracks) -> IntArray:
+        """One point a sigma."""
+        return _line_counts(tracks, self.pixel_um)
+
+    def points(self, tracks: Tracks, rng: np.random.Generator) -> Points:
+        """Points along every streak, their weight varied by waves of random phase and never negative."""
+        config = self.config
+        start, owner, fraction, along = _line(tracks, self.pixel_um)
+        weight = np.ones(along.size)
+        # Amplitudes fall as 1 / wave number; their squares add up to the variance asked for.
+        number = np.arange(1, config.texture_waves + 1)
+        amplitude = config.texture_rms * np.sqrt(2.0 / np.sum(1.0 / number**2)) / number
+        for wave, size in zip(number, amplitude, strict=True):
+            phase = rng.random(start.size - 1)
+            weight += size * np.cos(2.0 * np.pi * (wave * fraction + phase[owner]))
+        return Points(start, along, np.zeros(along.size), np.maximum(weight, _LEAST_WEIGHT))
+
+
+def paper_charges(n: int, config: PaperTracks, rng: np.random.Generator) -> FloatArray:
+    """Charges (e-) from an exponential that goes over into a power law, continuously, at ``tail_start`` e-foldings.
+
+    The scale of the exponential follows from the mean in closed form.
+    """
+    knee, index = config.tail_start, config.tail_index
+    at_knee = math.exp(-knee)
+    body, tail = 1.0 - at_knee, at_knee * knee / (index - 1.0)
+    mean = (1.0 - at_knee * (1.0 + knee) + at_knee * knee**2 / (index - 2.0)) / (body + tail)
+    u = 1.0 - rng.random(n)  # the fraction of events above
+    beyond = u * (body + tail) < tail
+    exponential = -np.log(np.where(beyond, 1.0, u * (body + tail) - tail + at_knee))
+    power = knee * np.power(np.where(beyond, u * (body + tail) / tail, 1.0), -1.0 / (index - 1.0))
+    return np.asarray(config.mean_charge_e / mean * np.where(beyond, power, exponential))

@@ -1,0 +1,133 @@
+"""Check Level-0 products: one file, or a whole tree of them."""
+
+from __future__ import annotations
+
+import os
+from collections import defaultdict
+from pathlib import Path
+
+from catalogs.errors import InputError
+from simulator.products.check_file import FileFacts, check_file
+from simulator.products.check_truth import check_truth
+from simulator.products.findings import Finding
+from simulator.products.keywords import load_keywords
+from simulator.products.params import PARAMS_FILES
+from simulator.products.reading import is_real
+from simulator.products.sequence import SCIENCE_KINDS
+
+__all__ = ["check_level0"]
+
+_BRANCHES = ("SCI", "CAL")
+
+
+def check_level0(path: str | Path) -> list[Finding]:
+    """Check a Level-0 file, or every file of a tree, against the specification.
+
+    Of a file: name, structure, keywords and their types under any known spelling, times against each other and the
+    name, world coordinates, pixel values against the converter, checksums; and, where the file stands in a tree, its
+    folder and its truth. Of a tree, moreover: numbers that are used twice, folders of parameters, truth without a file,
+    and files that do not belong.
+
+    Parameters
+    ----------
+    path : str or Path
+        A file, or a folder: the root of a tree, or any folder with Level-0 files below it.
+
+    Returns
+    -------
+    list of Finding
+        Empty if nothing is wrong.
+
+    Raises
+    ------
+    InputError
+        If there is no such file or folder.
+    """
+    place = Path(path)
+    if place.is_file():
+        facts, findings = _check_one(place)
+        return findings
+    if not place.is_dir():
+        raise InputError("path", str(place), allowed="a file or a folder that exists")
+    files = sorted(_files_below(place))
+    findings = []
+    known: list[FileFacts] = []
+    for file in files:
+        if file.suffix == ".part":
+            findings.append(Finding(file, None, "", "is what an interrupted run left", "warning"))
+        elif _branch(file) == "Truth" or file.name.endswith("_TRUTH.fits"):
+            findings += _orphan(file)
+        elif file.suffix == ".fits":
+            facts, found = _check_one(file)
+            findings += found
+            known.append(facts)
+        elif _branch(file) in _BRANCHES:
+            findings.append(Finding(file, None, "", "does not belong among Level-0 files", "warning"))
+    if not known:
+        findings.append(Finding(place, None, "", "has no Level-0 file"))
+    return findings + _used_twice(known)
+
+
+def _files_below(folder: Path) -> list[Path]:
+    return [Path(base, name) for base, _, names in os.walk(folder) for name in names]
+
+
+def _branch(file: Path) -> str:
+    """Branch of the tree in which a file stands, ``branch/<MJD>/file``."""
+    return file.parent.parent.name if file.parent.name.isdigit() else ""
+
+
+def _check_one(file: Path) -> tuple[FileFacts, list[Finding]]:
+    """Check one file and, if it stands in a tree, its folder, truth and parameters."""
+    facts, findings = check_file(file)
+    if not facts.readable:
+        return facts, findings
+    if facts.name is None or file.resolve().parent.parent.name not in _BRANCHES:
+        return facts, findings
+    return facts, findings + _check_place(file, facts)
+
+
+def _check_place(file: Path, facts: FileFacts) -> list[Finding]:
+    assert facts.name is not None
+    found: list[Finding] = []
+    whole = file.resolve()
+    folder, branch, root = whole.parent.name, whole.parent.parent.name, whole.parents[2]
+    expected = "SCI" if facts.name.kind in SCIENCE_KINDS else "CAL"
+    if branch != expected:
+        found.append(Finding(file, None, "", f"stands in {branch}, {facts.name.kind} belongs in {expected}"))
+    begin = load_keywords().value(facts.primary, "EXPSTART")
+    if is_real(begin) and folder != str(int(begin // 1)):
+        found.append(Finding(file, 0, "EXPSTART", f"is MJD {begin:.5f}, the file stands in folder {folder}"))
+    truth = root / "Truth" / folder / f"{facts.name.stem}_TRUTH.fits"
+    if truth.is_file():
+        found += check_truth(truth, facts)
+    params = root / facts.name.params
+    missing = [name for name in PARAMS_FILES if not (params / name).is_file()]
+    if missing:
+        found.append(Finding(file, None, "", f"has no {', '.join(missing)} in {facts.name.params}", "warning"))
+    return found
+
+
+def _orphan(file: Path) -> list[Finding]:
+    """Truth whose Level-0 file is missing; where it is there, the two are checked together."""
+    name = f"{file.name.removesuffix('_TRUTH.fits')}.fits"
+    root = file.resolve().parents[2]
+    if any((root / branch / file.resolve().parent.name / name).is_file() for branch in _BRANCHES):
+        return []
+    return [Finding(file, None, "", "is the truth of a Level-0 file that is not there", "warning")]
+
+
+def _used_twice(known: list[FileFacts]) -> list[Finding]:
+    """Numbers that more than one observation has."""
+    by_number: dict[str, list[FileFacts]] = defaultdict(list)
+    for facts in known:
+        if facts.name is not None:
+            by_number[facts.name.obsid].append(facts)
+    found = []
+    for number, several in by_number.items():
+        names = {facts.name.stem for facts in several if facts.name is not None}
+        times = {facts.name.times for facts in several if facts.name is not None}
+        if len(times) > 1 or len(names) < len(several):
+            first = several[0].path.name
+            found += [Finding(facts.path, 0, "OBSID", f"{number} is that of {first} too") for facts in several[1:]]
+    return found

@@ -1,0 +1,173 @@
+"""Check one Level-0 file."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from simulator.products.check_headers import (
+    TIME_TOLERANCE_S,
+    check_keywords,
+    check_primary,
+    check_times,
+    check_world,
+)
+from simulator.products.findings import Finding, Report
+from simulator.products.keywords import load_keywords
+from simulator.products.naming import ProductName
+from simulator.products.reading import check_sums, is_real, open_units
+from simulator.products.sequence import SCIENCE_KINDS
+from simulator.products.times import elapsed_s
+
+__all__ = ["FileFacts", "check_file"]
+
+VIS_SHAPE = (1050, 1080)
+_SECTION = re.compile(r"\[(\d+):(\d+),(\d+):(\d+)\]", re.ASCII)
+
+
+@dataclass
+class FileFacts:
+    """What a check learned of a Level-0 file that others need: the tree and the truth."""
+
+    path: Path
+    name: ProductName | None
+    primary: Mapping[str, Any] = field(default_factory=dict)
+    shape: tuple[int, ...] | None = None
+    datasums: list[str] = field(default_factory=list)
+    readable: bool = False
+
+
+def check_file(path: Path) -> tuple[FileFacts, list[Finding]]:
+    """Check one Level-0 file on its own: name, structure, keywords, times, world coordinates, pixels, checksums."""
+    report = Report(path)
+    facts = FileFacts(path, ProductName.parse(path.name))
+    if facts.name is None:
+        report.error("has no Level-0 name: CSST_CPIC_{VIS|NIR}_{TYPE}_{start}_{end}_{OBSID}_X_L0_V{nn}.fits")
+    elif facts.name.end < facts.name.start:
+        report.error("ends before it starts, by its name")
+    with open_units(report) as units:
+        if units is not None:
+            facts.readable = True
+            _check_units(report, units, facts)
+    return facts, report.findings
+
+
+def _check_units(report: Report, units: Any, facts: FileFacts) -> None:
+    table = load_keywords()
+    primary = units[0].header
+    facts.primary = primary
+    if units[0].data is not None:
+        report.error("has data in its primary unit", hdu=0)
+    kind = facts.name.kind if facts.name is not None else str(table.value(primary, "OBSTYPE"))
+    if len(units) == 1:
+        report.error("has no image")
+    known = len(units) > 1 and str(units[1].header.get("CTYPE1", "")).startswith("RA")
+    coordinates = known or table.find(primary, "RA_OBJ") is not None
+    check_keywords(report, primary, 0, kind=kind, coordinates=coordinates)
+    check_primary(report, primary, facts.name, len(units) - 1)
+    check_times(report, primary, facts.name)
+    check_sums(report, units, 0)
+    earlier: float | None = None
+    for number in range(1, len(units)):
+        header = units[number].header
+        check_keywords(report, header, number, kind=kind, coordinates=coordinates)
+        _check_image(report, units, number, facts)
+        earlier = _check_frame_times(report, header, primary, number, len(units) - 1, earlier)
+        if kind in SCIENCE_KINDS or "CTYPE1" in header:
+            check_world(report, header, primary, number)
+        check_sums(report, units, number)
+        facts.datasums.append(str(header.get("DATASUM", "")))
+
+
+def _check_image(report: Report, units: Any, number: int, facts: FileFacts) -> None:
+    """Check structure and pixels of one image."""
+    unit = units[number]
+    header = unit.header
+    if header.get("XTENSION") != "IMAGE":
+        report.error(f"is a {header.get('XTENSION')} extension, not an IMAGE", "XTENSION", number)
+        return
+    if unit.name != "IMAGE":
+        report.error(f"is {unit.name!r}, not 'IMAGE'", "EXTNAME", number)
+    for key in ("EXTVER", "FRAMEID"):
+        if header.get(key, number) != number:
+            report.error(f"is {header[key]!r}, this is image {number}", key, number)
+    if header.get("EXTVER") is None:
+        report.error("is missing", "EXTVER", number)
+    n_images = len(units) - 1
+    if header.get("NFRAME", n_images) != n_images:
+        report.error(f"is {header['NFRAME']!r}, the file has {n_images} images", "NFRAME", number)
+    camera = facts.name.camera if facts.name is not None else header.get("CAMERA")
+    if header.get("CAMERA", camera) != camera:
+        report.error(f"is {header['CAMERA']!r}, the file name says {camera!r}", "CAMERA", number)
+    if (header["BITPIX"], header.get("BZERO"), header.get("BSCALE", 1)) != (16, 32768, 1):
+        report.error(
+            f"BITPIX {header['BITPIX']}, BZERO {header.get('BZERO')}, BSCALE {header.get('BSCALE')}: "
+            "unsigned 16-bit pixels have 16, 32768 and 1", "BZERO" if header["BITPIX"] == 16 else "BITPIX", number,
+        )  # fmt: skip
+    shape = unit.shape
+    if len(shape) != 2:
+        report.error(f"has {len(shape)} axes, an image has 2", "NAXIS", number)
+        return
+    if facts.shape is None:
+        facts.shape = shape
+        if camera == "VIS" and shape != VIS_SHAPE:
+            report.warning(f"has {shape[1]} x {shape[0]} pixels; a whole frame of the visible camera has "
+                           f"{VIS_SHAPE[1]} x {VIS_SHAPE[0]}", "NAXIS1", number)  # fmt: skip
+    elif shape != facts.shape:
+        report.error(f"has {shape[1]} x {shape[0]} pixels, image 1 has {facts.shape[1]} x {facts.shape[0]}",
+                     "NAXIS1", number)  # fmt: skip
+    _check_sections(report, header, shape, number)
+    bits = header.get("ADCBITS")
+    if header["BITPIX"] == 16 and header.get("BZERO") == 32768 and isinstance(bits, int) and 1 <= bits <= 16:
+        try:
+            stored = unit.data
+        except (OSError, ValueError, TypeError):
+            report.error("has pixels that cannot be read", hdu=number)
+            return
+        highest = int(np.max(stored)) + 32768 if stored is not None and stored.size else 0
+        if highest >= 2**bits:
+            report.error(f"has a pixel of {highest} ADU; {bits} bits end at {2**bits - 1}", "ADCBITS", number)
+
+
+def _check_sections(report: Report, header: Mapping[str, Any], shape: tuple[int, ...], number: int) -> None:
+    """Check that named parts of the frame lie in it."""
+    for keyword in load_keywords():
+        if not keyword.section or not isinstance(header.get(keyword.name), str):
+            continue
+        found = _SECTION.fullmatch(header[keyword.name])
+        numbers = [] if found is None else [int(part) for part in found.groups()]
+        inside = numbers and 1 <= numbers[0] <= numbers[1] <= shape[1] and 1 <= numbers[2] <= numbers[3] <= shape[0]
+        if not inside:
+            report.error(f"is {header[keyword.name]!r}, no part of the frame", keyword.name, number)
+
+
+def _check_frame_times(
+    report: Report,
+    header: Mapping[str, Any],
+    primary: Mapping[str, Any],
+    number: int,
+    n_images: int,
+    earlier: float | None,
+) -> float | None:
+    """Check the times of one image against the primary header and the image before; return its end."""
+    begin, end, exposure = (header.get(key) for key in ("EXPBEG", "EXPEND", "EXPTIME"))
+    if not (is_real(begin) and is_real(end) and is_real(exposure)):
+        return earlier
+    took = elapsed_s(begin, end)
+    if abs(took - exposure) > TIME_TOLERANCE_S:
+        report.error(f"comes {took:.3f} s after EXPBEG, EXPTIME is {exposure} s", "EXPEND", number)
+    if header.get("EXPTIME") != primary.get("EXPTIME", header.get("EXPTIME")):
+        report.error(f"is {exposure}, the primary header says {primary['EXPTIME']}", "EXPTIME", number)
+    if earlier is not None and (begin - earlier) * 86400.0 < -TIME_TOLERANCE_S:
+        report.error("comes before the end of the image before", "EXPBEG", number)
+    first, last = primary.get("EXPSTART"), primary.get("EXPEND")
+    if number == 1 and is_real(first) and abs(begin - first) * 86400.0 > TIME_TOLERANCE_S:
+        report.error(f"is {begin}, EXPSTART is {first}", "EXPBEG", number)
+    if number == n_images and is_real(last) and abs(end - last) * 86400.0 > TIME_TOLERANCE_S:
+        report.error(f"is {end}, that of the primary header is {last}", "EXPEND", number)
+    return float(end)

@@ -1,0 +1,146 @@
+"""Check header values of a Level-0 file against the table of keywords, against each other and against the name."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from typing import Any
+
+from catalogs.errors import InputError
+from simulator.config.mission import checked_utc
+from simulator.products.findings import Report
+from simulator.products.keywords import load_keywords
+from simulator.products.naming import ProductName
+from simulator.products.reading import is_real
+from simulator.products.sequence import SCIENCE_KINDS
+from simulator.products.times import elapsed_s, mjd_of, stamp
+
+__all__ = ["check_keywords", "check_primary", "check_times", "check_world"]
+
+TIME_TOLERANCE_S = 0.002
+SCALE_TOLERANCE = 1e-3
+PLACE_TOLERANCE_DEG = 1.0 / 3600.0
+ANGLE_TOLERANCE_DEG = 0.01
+
+
+def check_keywords(report: Report, header: Mapping[str, Any], hdu: int, *, kind: str, coordinates: bool) -> None:
+    """Check that a header has the keywords of its unit, under any spelling, in their types.
+
+    Parameters
+    ----------
+    kind : str
+        Kind of the observation.
+    coordinates : bool
+        Whether the target has coordinates.
+    """
+    table = load_keywords()
+    needed = {"always": True, "sky": kind in SCIENCE_KINDS, "coordinates": coordinates and kind in SCIENCE_KINDS}
+    home = "image" if hdu else "primary"
+    for keyword in table:
+        found = [spelling for spelling in (keyword.name, *keyword.aliases) if spelling in header]
+        if keyword.hdu not in (home, "both"):
+            continue
+        if not found:
+            if needed.get(keyword.required, False):
+                others = f" (or {', '.join(keyword.aliases)})" if keyword.aliases else ""
+                report.error(f"is missing{others}", keyword.name, hdu)
+            continue
+        for spelling in found:
+            value = header[spelling]
+            if not keyword.fits(value):
+                report.error(f"is {value!r}, which is not of type {keyword.kind}", spelling, hdu)
+        if any(header[spelling] != header[found[0]] for spelling in found):
+            report.error(f"differs from its other spelling {found[0]}", found[-1], hdu)
+
+
+def check_primary(report: Report, header: Mapping[str, Any], name: ProductName | None, n_images: int) -> None:
+    """Check what the primary header says of the file: name, number, kind, number of images."""
+    table = load_keywords()
+    for key, expected in (("TELESCOP", "CSST"), ("INSTRUME", "CPIC"), ("TIMESYS", "UTC")):
+        value = table.value(header, key)
+        if value is not None and value != expected:
+            report.error(f"is {value!r}, not {expected!r}", key, 0)
+    for key in ("NEXTEND", "NFRAME"):
+        value = table.value(header, key)
+        if value is not None and value != n_images:
+            report.error(f"is {value!r}, the file has {n_images} images", key, 0)
+    obsid = table.value(header, "OBSID")
+    if isinstance(obsid, str) and re.fullmatch(r"\d{11}", obsid, re.ASCII) is None:
+        report.error(f"is {obsid!r}, not 11 digits", "OBSID", 0)
+    if name is None:
+        return
+    written = table.value(header, "FILENAME")
+    if isinstance(written, str) and written.removesuffix(".fits") != name.stem:
+        report.error(f"is {written!r}, not the name of this file", "FILENAME", 0)
+    for key, expected in (("OBSID", name.obsid), ("OBSTYPE", name.kind), ("CAMERA", name.camera)):
+        value = table.value(header, key)
+        if isinstance(value, str) and value != expected:
+            report.error(f"is {value!r}, the file name says {expected!r}", key, 0)
+
+
+def check_times(report: Report, header: Mapping[str, Any], name: ProductName | None) -> None:
+    """Check that times in the primary header, exposure, readout and the stamps of the name agree."""
+    table = load_keywords()
+    get = {key: table.value(header, key) for key in ("DATE-OBS", "DATE-END", "EXPSTART", "EXPEND", "EXPTIME",
+                                                     "READTIME", "NFRAME")}  # fmt: skip
+    utc: dict[str, str] = {}
+    for key in ("DATE-OBS", "DATE-END"):
+        if isinstance(get[key], str):
+            try:
+                utc[key] = checked_utc(key, get[key])
+            except InputError:
+                report.error(f"is {get[key]!r}, no time as 2028-01-01T00:00:00", key, 0)
+    if name is not None:
+        for key, digits, word in (("DATE-OBS", name.start, "start"), ("DATE-END", name.end, "end")):
+            if key in utc and stamp(utc[key]) != digits:
+                report.error(f"is {utc[key]}, the {word} stamp of the name is {digits}", key, 0)
+    for key, other in (("DATE-OBS", "EXPSTART"), ("DATE-END", "EXPEND")):
+        if key in utc and is_real(get[other]) and abs(mjd_of(utc[key]) - get[other]) * 86400.0 > TIME_TOLERANCE_S:
+            report.error(f"is {get[other]!r}, {key} is MJD {mjd_of(utc[key]):.8f}", other, 0)
+    if not all(is_real(get[key]) for key in ("EXPSTART", "EXPEND", "EXPTIME", "NFRAME")):
+        return
+    took, shortest = elapsed_s(get["EXPSTART"], get["EXPEND"]), get["NFRAME"] * get["EXPTIME"]
+    if is_real(get["READTIME"]):
+        expected = shortest + (get["NFRAME"] - 1) * get["READTIME"]
+        if abs(took - expected) > TIME_TOLERANCE_S:
+            report.error(f"comes {took:.3f} s after EXPSTART, the frames take {expected:.3f} s", "EXPEND", 0)
+    elif took < shortest - TIME_TOLERANCE_S:
+        report.error(f"comes {took:.3f} s after EXPSTART, the exposures alone take {shortest:.3f} s", "EXPEND", 0)
+
+
+def check_world(report: Report, header: Mapping[str, Any], primary: Mapping[str, Any], hdu: int) -> None:
+    """Check that the world coordinates are a sky of square pixels of the stated scale, place and position angle."""
+    table = load_keywords()
+    cd = [table.value(header, key) for key in ("CD1_1", "CD1_2", "CD2_1", "CD2_2")]
+    if not all(is_real(value) for value in cd):
+        return
+    a, b, c, d = cd
+    determinant = a * d - b * c
+    if determinant == 0.0:
+        report.error("is singular", "CD1_1", hdu)
+        return
+    step = math.sqrt(abs(determinant))
+    if max(abs(a * a + c * c - step**2), abs(b * b + d * d - step**2), abs(a * b + c * d)) > SCALE_TOLERANCE * step**2:
+        report.error("does not describe square pixels", "CD1_1", hdu)
+    scale = table.value(header, "PIXSCALE")
+    if is_real(scale) and abs(step * 3600.0 - scale) > SCALE_TOLERANCE * abs(scale):
+        report.error(f"describes pixels of {step * 3600.0:.6f} arcsec, PIXSCALE is {scale}", "CD1_1", hdu)
+    angle = table.value(primary, "POS_ANG1")
+    if is_real(angle):
+        turn = math.degrees(math.atan2(b, d))
+        if abs((turn - angle + 180.0) % 360.0 - 180.0) > ANGLE_TOLERANCE_DEG:
+            report.error(f"puts +y at {turn % 360.0:.3f} deg, POS_ANG1 is {angle}", "CD1_2", hdu)
+    types = header.get("CTYPE1"), header.get("CTYPE2")
+    if types == ("RA---TAN", "DEC--TAN"):
+        for key, other in (("CRVAL1", "RA_OBJ"), ("CRVAL2", "DEC_OBJ")):
+            value, target = header.get(key), table.value(primary, other)
+            if is_real(value) and is_real(target):
+                gap = abs((value - target + 180.0) % 360.0 - 180.0)
+                if gap > PLACE_TOLERANCE_DEG:
+                    report.error(f"is {value}, {other} is {target}", key, hdu)
+        if is_real(header.get("CRVAL2")) and abs(header["CRVAL2"]) > 90.0:
+            report.error(f"is {header['CRVAL2']}, no declination", "CRVAL2", hdu)
+    elif types != ("EAST", "NORTH") and None not in types:
+        report.error(f"is {types[0]!r} with CTYPE2 {types[1]!r}; RA---TAN and DEC--TAN are known, EAST and NORTH "
+                     "without coordinates", "CTYPE1", hdu)  # fmt: skip

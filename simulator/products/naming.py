@@ -1,0 +1,147 @@
+"""Names and places of Level-0 products (Zhu et al. 2025, section Level 0 Data Products)."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from catalogs.errors import InputError
+from simulator.config import content_hash
+from simulator.products.sequence import SCIENCE_KINDS, FrameSequence
+from simulator.products.times import SequenceTimes, stamp
+
+__all__ = ["OBSID_DIGITS", "ProductName", "checked_obsid", "obsid_of", "product_name"]
+
+OBSID_DIGITS = 11
+_NAME = re.compile(
+    r"CSST_CPIC_(?P<camera>VIS|NIR)_(?P<kind>BIAS|DARK|FLAT|BKG|LASER|SCI|DSF|CALS)"
+    r"_(?P<start>\d{14})_(?P<end>\d{14})_(?P<obsid>\d{11})_X_L0_V(?P<version>\d\d)\.fits",
+    re.ASCII,
+)
+
+
+@dataclass(frozen=True)
+class ProductName:
+    """Parts of the name of one Level-0 file, and the places of what belongs to it.
+
+    Attributes
+    ----------
+    camera, kind : str
+    start, end : str
+        Fourteen digits, UTC.
+    obsid : str
+        Eleven digits.
+    version : int
+    day : int
+        Modified Julian Date of the begin, whole days.
+    """
+
+    camera: str
+    kind: str
+    start: str
+    end: str
+    obsid: str
+    version: int
+    day: int
+
+    @property
+    def stem(self) -> str:
+        """File name without its ending."""
+        return f"CSST_CPIC_{self.camera}_{self.kind}_{self.start}_{self.end}_{self.obsid}_X_L0_V{self.version:02d}"
+
+    @property
+    def times(self) -> tuple[str, ...]:
+        """What files of one observation share, whatever their version."""
+        return self.camera, self.kind, self.start, self.end
+
+    @property
+    def branch(self) -> str:
+        """``SCI`` or ``CAL``."""
+        return "SCI" if self.kind in SCIENCE_KINDS else "CAL"
+
+    @property
+    def file(self) -> Path:
+        """Level-0 file below the root of the tree."""
+        return Path(self.branch, str(self.day), f"{self.stem}.fits")
+
+    @property
+    def truth(self) -> Path:
+        """Truth of the file, in a branch of its own: what reads a folder of Level 0 must not find it."""
+        return Path("Truth", str(self.day), f"{self.stem}_TRUTH.fits")
+
+    @property
+    def params(self) -> Path:
+        """Folder of configuration, keyword table and logs of the observation."""
+        return Path("Params", self.obsid, f"V{self.version:02d}")
+
+    @classmethod
+    def parse(cls, name: str, day: int = 0) -> ProductName | None:
+        """Take a file name apart; None if it is not that of a Level-0 file."""
+        found = _NAME.fullmatch(name)
+        if found is None:
+            return None
+        return cls(
+            found["camera"], found["kind"], found["start"], found["end"], found["obsid"], int(found["version"]), day
+        )
+
+
+def product_name(sequence: FrameSequence, times: SequenceTimes, obsid: str | int | None) -> ProductName:
+    """Name of a sequence's file.
+
+    Parameters
+    ----------
+    sequence : FrameSequence
+    times : SequenceTimes
+        The stamps are begin of the first and end of the last exposure.
+    obsid : str, int or None
+        Number of the observation; `obsid_of` the sequence if None.
+    """
+    mission = sequence.instrument.mission
+    number = obsid_of(sequence) if obsid is None else checked_obsid(obsid, mission.obsid_prefix)
+    return ProductName(
+        sequence.camera,
+        sequence.kind,
+        stamp(times.start_utc),
+        stamp(times.stop_utc),
+        number,
+        mission.product_version,
+        times.day,
+    )
+
+
+def checked_obsid(obsid: Any, prefix: str) -> str:
+    """Return the number of an observation as eleven digits.
+
+    Raises
+    ------
+    InputError
+        If it is not eleven digits that begin with ``prefix``.
+    """
+    text = str(obsid) if isinstance(obsid, str | int) and not isinstance(obsid, bool) else ""
+    if re.fullmatch(r"\d{11}", text, re.ASCII) is None or not text.startswith(prefix):
+        raise InputError("obsid", obsid, allowed=f"{OBSID_DIGITS} digits that begin with {prefix}")
+    return text
+
+
+def obsid_of(sequence: FrameSequence) -> str:
+    """Number made from the content of a sequence: the same sequence has the same one in every run."""
+    prefix = sequence.instrument.mission.obsid_prefix
+    identity = {
+        "camera": sequence.camera,
+        "kind": sequence.kind,
+        "band": sequence.band,
+        "n_frames": int(sequence.n_frames),
+        "exposure_s": float(sequence.exposure_s),
+        "em_gain": float(sequence.em_gain),
+        "seed": int(sequence.seed),
+        "start_utc": sequence.start_utc,
+        "roll_deg": float(sequence.roll_deg),
+        "shape": [int(side) for side in sequence.shape],
+        "instrument": sequence.instrument.content_hash,
+        "scene": None if sequence.scene is None else sequence.scene.content_hash,
+        "header": {key: str(value) for key, value in sequence.header.items()},
+    }
+    digits = OBSID_DIGITS - len(prefix)
+    return f"{prefix}{int(content_hash(identity), 16) % 10**digits:0{digits}d}"

@@ -1,0 +1,100 @@
+"""Open FITS files for a check: every complaint is a finding, and no byte is taken on trust."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import warnings
+from collections.abc import Iterator
+from typing import Any, TypeGuard
+
+from simulator.products.checksum import ALL_ONES, ones_sum
+from simulator.products.findings import Report
+
+__all__ = ["check_sums", "is_real", "open_units", "whole_number"]
+
+_BLOCK = 2880
+# What astropy raises over files that lie about themselves.
+_DAMAGE = (OSError, ValueError, TypeError, LookupError, AttributeError, ArithmeticError)
+
+
+@contextlib.contextmanager
+def open_units(report: Report, *, raw: bool = False) -> Iterator[Any]:
+    """Open the file of a report as an ``HDUList`` with every unit read; None if it is not FITS.
+
+    What astropy warns of, while opening and while in use, becomes a finding. ``raw`` shows compressed images as the
+    tables that hold them.
+    """
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        units = _opened(report, raw=raw)
+        try:
+            yield units
+        except _DAMAGE as error:
+            report.error(f"cannot be read further: {_first_line(error)}")
+        finally:
+            if units is not None:
+                units.close()
+            for text in dict.fromkeys(str(item.message).splitlines()[0] for item in said):
+                if "truncated" not in text.lower():  # said already, with numbers
+                    report.error(f"astropy warns: {text}")
+
+
+def _opened(report: Report, *, raw: bool) -> Any:
+    """Open a file and read every header; None if that is not possible."""
+    from astropy.io import fits
+
+    units = None
+    try:
+        size = report.path.stat().st_size
+        units = fits.open(report.path, memmap=True, do_not_scale_image_data=True, disable_image_compression=raw)
+        last = units[len(units) - 1].fileinfo()
+    except (*_DAMAGE, fits.VerifyError) as error:
+        report.error(f"is not readable as FITS: {_first_line(error)}")
+        if units is not None:
+            units.close()
+        return None
+    end = last["datLoc"] + last["datSpan"]
+    if size % _BLOCK or size < end:
+        report.error(f"is truncated: {size} bytes, {end} are described")
+    elif size > end:
+        report.error(f"has {size - end} bytes behind its last unit")
+    return units
+
+
+def _first_line(error: Exception) -> str:
+    return (str(error).splitlines() or [type(error).__name__])[0]
+
+
+def check_sums(report: Report, units: Any, number: int) -> None:
+    """Check ``CHECKSUM`` and ``DATASUM`` of one unit against the bytes in the file."""
+    unit = units[number]
+    place, header = unit.fileinfo(), unit.header
+    missing = [key for key in ("CHECKSUM", "DATASUM") if key not in header]
+    for key in missing:
+        report.error("is missing", key, number)
+    if missing:
+        return
+    with report.path.open("rb") as file:
+        file.seek(place["hdrLoc"])
+        head = file.read(place["datLoc"] - place["hdrLoc"])
+        data = file.read(place["datSpan"])
+    if len(data) != place["datSpan"]:
+        return  # truncated, which is a finding already
+    data_sum = ones_sum(data)
+    stated = whole_number(header["DATASUM"])
+    if stated != data_sum:
+        report.error(f"is {header['DATASUM']}, the data sum to {data_sum}", "DATASUM", number)
+    if ones_sum(head, data_sum) not in (0, ALL_ONES):
+        report.error("does not agree with the content of the unit", "CHECKSUM", number)
+
+
+def whole_number(value: Any) -> int | None:
+    """Return an integer in digits as a number, None for anything else."""
+    text = str(value).strip()
+    return int(text) if text.isascii() and text.isdigit() else None
+
+
+def is_real(value: Any) -> TypeGuard[float]:
+    """Whether a header value is a finite number."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)

@@ -1,0 +1,286 @@
+"""Frames of one sequence: light on the pixels, a camera, and the streams that make every frame reproducible."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalogs.errors import InputError
+from simulator.camera.frame import Frame
+from simulator.camera.gain_voltage import em_voltage_of
+from simulator.camera.infrared import InfraredCamera, InfraredExposure
+from simulator.camera.sections import Section, sections_of
+from simulator.camera.stacking import stack_electrons
+from simulator.camera.stage import Exposure
+from simulator.camera.visible import VisibleCamera
+from simulator.config import Instrument
+from simulator.config.detector import Detector
+from simulator.config.infrared import InfraredDetector
+from simulator.effects.cosmic_ray_rate import cosmic_ray_rate
+from simulator.effects.stray_light import effect_files
+from simulator.rng import PathPart
+
+__all__ = ["Kind", "Light", "Sequence", "Stamps"]
+
+FloatArray = NDArray[np.float64]
+Kind = Literal["SCI", "DSF", "CALS", "BIAS", "DARK", "FLAT", "BKG", "LASER"]
+Camera: TypeAlias = VisibleCamera | InfraredCamera
+MAX_STACK_BYTES = 2_000_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class Stamps:
+    """The central star as it changes during a sequence.
+
+    Attributes
+    ----------
+    rate_e_s : ndarray
+        Mean electrons per second, shape (epochs, side, side).
+    rows, columns : slice
+        Where the stamps lie on the frame or window.
+    part : tuple of slice
+        The part of a stamp that lies there.
+    """
+
+    rate_e_s: FloatArray
+    rows: slice
+    columns: slice
+    part: tuple[slice, slice]
+
+
+@dataclass(frozen=True, eq=False)
+class Light:
+    """Mean electrons per second on the pixels: a part that stays, shape of the frame or window, and the star's stamps."""
+
+    static_e_s: FloatArray
+    star: Stamps | None = None
+
+    @property
+    def epochs(self) -> int:
+        """Number of different maps."""
+        return 1 if self.star is None else len(self.star.rate_e_s)
+
+    def map(self, epoch: int) -> FloatArray:
+        """Mean electrons per second of one epoch."""
+        return self.static_e_s if self.star is None else self._with(self.star, self.star.rate_e_s[epoch])
+
+    def mean(self) -> FloatArray:
+        """Mean over the epochs."""
+        return self.static_e_s if self.star is None else self._with(self.star, self.star.rate_e_s.mean(axis=0))
+
+    def _with(self, star: Stamps, stamp: FloatArray) -> FloatArray:
+        whole = self.static_e_s.copy()
+        whole[star.rows, star.columns] += stamp[star.part]
+        return whole
+
+
+@dataclass(frozen=True, eq=False)
+class Sequence:
+    """Frames of one sequence, made one at a time.
+
+    Attributes
+    ----------
+    kind : str
+        Type of the sequence: SCI, DSF, CALS (sky), BIAS, DARK, FLAT, BKG, LASER (calibration).
+    band : str
+        Band, ``""`` for a visible BIAS or DARK.
+    camera : {"VIS", "NIR"}
+    light : Light
+        Mean electrons per second on the pixels, before the camera.
+    first_pixel : tuple of int or None
+        Row and column of the frame that a window begins with; None for the whole frame.
+    path : tuple
+        Names of the random streams.
+    start_utc : str
+        Beginning of the first frame.
+    keywords : dict
+        Header keywords of whoever made the light.
+    """
+
+    kind: Kind
+    name: str
+    instrument: Instrument
+    camera: Literal["VIS", "NIR"]
+    band: str
+    exposure_s: float
+    n_frames: int
+    em_gain: float
+    seed: int
+    path: tuple[PathPart, ...]
+    start_utc: str
+    light: Light
+    first_pixel: tuple[int, int] | None
+    keywords: dict[str, Any] = field(default_factory=dict)
+    _prepared: dict[int, Exposure | InfraredExposure] = field(default_factory=dict, init=False, repr=False)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns of a frame."""
+        rows, columns = self.light.static_e_s.shape
+        return rows, columns
+
+    @property
+    def readout_s(self) -> float:
+        """Dead time after each frame."""
+        return self._detector.readout_s
+
+    @property
+    def sections(self) -> dict[str, Section]:
+        """Named parts of a whole frame; a window is active pixels only."""
+        if self.first_pixel is not None:
+            whole = (slice(0, self.shape[0]), slice(0, self.shape[1]))
+            return {"active": whole, "image": whole}
+        return sections_of(self._detector)
+
+    @property
+    def _detector(self) -> Detector | InfraredDetector:
+        return self.instrument.detector if self.camera == "VIS" else self.instrument.near_infrared.detector
+
+    @property
+    def camera_keywords(self) -> dict[str, Any]:
+        """Header keywords of camera and sequence."""
+        detector, visible = self._detector, self.camera == "VIS"
+        keywords: dict[str, Any] = {
+            "TELESCOP": "CSST",
+            "INSTRUME": "CPIC",
+            "CAMERA": self.camera,
+            "OBSTYPE": self.kind,
+            "OBJECT": self.name,
+            "FILTER": self.band,
+            "EXPTIME": self.exposure_s,
+            "NFRAME": self.n_frames,
+            "EMGAIN": self.em_gain,
+            "GAIN": detector.gain_e_adu,
+            "RDNOISE": detector.read_noise_e,
+            "BIASLEV": detector.bias_adu,
+            "FULLWELL": detector.full_well_e,
+            "PIXSCALE": self.pixel_scale_arcsec,
+            "SEED": self.seed,
+            "CONFHASH": self.instrument.content_hash,
+        }
+        if visible:
+            config = self.instrument.detector
+            keywords["CCDTEMP"] = config.temperature_k
+            keywords["EMVOLT"] = float(em_voltage_of(self.em_gain, config.temperature_k).voltage_v)
+        return keywords
+
+    @property
+    def pixel_scale_arcsec(self) -> float:
+        """Pixel of the camera."""
+        config = self.instrument
+        return (config.detector if self.camera == "VIS" else config.near_infrared).pixel_scale_arcsec
+
+    @functools.cached_property
+    def _camera(self) -> Camera:
+        config, rays = self.instrument, self.instrument.cosmic_rays
+        rate = cosmic_ray_rate(rays, self.start_utc)
+        if self.camera == "VIS":
+            return VisibleCamera(config.detector, cosmic_rays=rays, cosmic_ray_rate_per_s_cm2=rate)
+        return InfraredCamera(config.near_infrared.detector, cosmic_rays=rays, cosmic_ray_rate_per_s_cm2=rate)
+
+    def _prepare(self, rates: FloatArray) -> Exposure | InfraredExposure:
+        if isinstance(self._camera, VisibleCamera):
+            return self._camera.prepare(rates, self.exposure_s, self.em_gain, first_pixel=self.first_pixel)
+        return self._camera.prepare(rates, self.exposure_s, first_pixel=self.first_pixel)
+
+    def rate_map(self, index: int) -> FloatArray:
+        """Mean electrons per second and pixel of frame ``index``, before the camera."""
+        return self.light.map(self._epoch(index))
+
+    @functools.cached_property
+    def mean_rate_map(self) -> FloatArray:
+        """Mean of `rate_map` over the sequence."""
+        return self.light.mean()
+
+    @property
+    def expected(self) -> FloatArray:
+        """Noise-free frame in ADU, averaged over the sequence."""
+        return self._expected[1]
+
+    @property
+    def expected_e(self) -> FloatArray:
+        """Noise-free electrons of a frame as the pixels collect them, dark current included."""
+        return self._expected[0]
+
+    @functools.cached_property
+    def _expected(self) -> tuple[FloatArray, FloatArray]:
+        exposure = self._prepare(self.mean_rate_map)
+        camera: Any = self._camera
+        return exposure.mean_e, camera.expected_adu(exposure)
+
+    @property
+    def calibration_files(self) -> list[str]:
+        """Names of the files that sky, particles and camera were read from."""
+        files = self.instrument.detector.calibration_files.model_dump() if self.camera == "VIS" else {}
+        light = effect_files(self.instrument, self.band) if self.band else []
+        return [*(str(name) for name in files.values() if name), *light]
+
+    def frame(self, index: int) -> Frame:
+        """One noisy frame with its truth; the same whichever frames were made before."""
+        epoch = self._epoch(index)
+        if epoch not in self._prepared:
+            self._prepared.clear()
+            self._prepared[epoch] = self._prepare(self.light.map(epoch))
+        camera: Any = self._camera
+        frame: Frame = camera.expose(self._prepared[epoch], seed=self.seed, path=(*self.path, index))
+        return frame
+
+    def _epoch(self, index: int) -> int:
+        if not 0 <= index < self.n_frames:
+            raise InputError("frame", index, allowed=f"0 to {self.n_frames - 1}")
+        return index * self.light.epochs // self.n_frames
+
+    def iter_full_frames(self) -> Iterator[Frame]:
+        """Yield the frames one at a time with their truth."""
+        for index in range(self.n_frames):
+            yield self.frame(index)
+
+    def iter_frames(self) -> Iterator[NDArray[np.uint16]]:
+        """Yield the frames one at a time, ADU."""
+        for frame in self.iter_full_frames():
+            yield frame.adu
+
+    @property
+    def frames(self) -> NDArray[np.uint16]:
+        """All frames, shape (n_frames, rows, columns).
+
+        Raises
+        ------
+        InputError
+            If they need more than 2 GB; iterate instead.
+        """
+        size = 2 * self.n_frames * self.shape[0] * self.shape[1]
+        if size > MAX_STACK_BYTES:
+            raise InputError(
+                "n_frames",
+                self.n_frames,
+                allowed=f"{MAX_STACK_BYTES / 1e9:g} GB of frames at once",
+                hint="use iter_frames()",
+            )
+        return np.stack(list(self.iter_frames()))
+
+    def stack(self) -> FloatArray:
+        """Sum of all frames in electrons at the register input, bias taken off, as one draw per epoch of the light.
+
+        Raises
+        ------
+        InputError
+            If frames can saturate, an effect is on that does not add up (cosmic rays, non-linearity), or the camera is
+            the near-infrared one.
+        """
+        if not isinstance(self._camera, VisibleCamera):
+            raise InputError("band", self.band, allowed="a band of the visible camera")
+        total = np.zeros(self.shape)
+        for epoch in range(self.light.epochs):
+            count = sum(self._epoch(index) == epoch for index in range(self.n_frames))
+            exposure = self._prepare(self.light.map(epoch))
+            assert isinstance(exposure, Exposure)
+            total += stack_electrons(
+                self._camera, exposure, count, seed=self.seed, path=(*self.path, "stack", epoch)
+            )
+        return total

@@ -1,0 +1,251 @@
+"""The whole chain: means, switches, bookkeeping, borders, extremes."""
+
+import numpy as np
+import pytest
+
+from catalogs.errors import InputError
+from simulator.camera import MaskBit, VisibleCamera, excess_noise_factor2
+from simulator.camera.sections import sections_of
+from simulator.config import load_instrument
+from simulator.config.detector import CameraSwitches
+from simulator.effects.cosmic_rays import draw_cosmic_rays
+from simulator.rng import stream
+
+SHAPE = (1050, 1080)
+RAYS = load_instrument().cosmic_rays
+
+
+def frames(camera, exposure, count, seed=1):
+    return np.stack([camera.expose(exposure, seed=seed, path=("frames", i)).adu for i in range(count)]).astype(float)
+
+
+def test_all_switches_off_is_plain_arithmetic(detector):
+    """Point by point: expected electrons times gain over conversion plus bias, rounded."""
+    plain = detector.switched(off=("all",))
+    camera = VisibleCamera(plain)
+    rates = np.random.default_rng(1).uniform(0, 40, (40, 50))
+    for gain in (1.0, 20.0, 300.0):
+        exposure = camera.prepare(rates, 10.0, gain)
+        adu = camera.expose(exposure, seed=1, path=("off",)).adu
+        exact = np.clip(rates * 10.0 * gain / plain.gain_e_adu + plain.bias_adu, 0, plain.adc_max_adu)
+        assert np.abs(adu - exact).max() <= 0.5 + 1e-6
+        assert camera.expected_adu(exposure) == pytest.approx(exact)
+
+
+@pytest.mark.parametrize("gain", [1.0, 20.0])
+def test_mean_of_frames_is_the_expected_map_with_every_effect_on(detector, gain):
+    # What is common to a frame does not average over pixels: it has a test of its own.
+    camera = VisibleCamera(detector.switched(on=("register_clock_charge",), off=("interference", "bias_drift")))
+    rates = np.full((60, 80), 3.0)
+    rates[20:24, 30:34] = 2000.0
+    exposure = camera.prepare(rates, 10.0, gain)  # cosmic rays come with their rate only
+    seen = frames(camera, exposure, 600)
+    expected = camera.expected_adu(exposure)
+    pull = (seen.mean(axis=0) - expected) / (seen.std(axis=0) / np.sqrt(len(seen)))
+    assert abs(pull.mean()) < 4.5 / np.sqrt(pull.size)
+    assert np.abs(pull).max() < 5
+    assert pull.std() == pytest.approx(1, abs=0.05)
+
+
+def test_structure_of_the_bias(detector):
+    """Stripes stay, the wave turns with every frame, the level wanders."""
+    config = detector.bias_structure
+    quiet = detector.switched(off=("all",), on=("stripes", "interference", "bias_drift"))
+    camera = VisibleCamera(quiet)
+    exposure = camera.prepare(np.zeros(SHAPE), 0.0, 1.0)
+    seen = frames(camera, exposure, 40)
+    stripes = seen.mean(axis=(0, 1)) - quiet.bias_adu
+    assert stripes.std() == pytest.approx(config.stripe_rms_adu, rel=0.1)
+    rest = seen - seen.mean(axis=0)
+    levels = rest.mean(axis=(1, 2))
+    assert levels.std() == pytest.approx(config.drift_adu, rel=0.4)
+    waves = rest - levels[:, None, None]
+    assert waves.std() == pytest.approx(config.interference_adu / np.sqrt(2), rel=0.05)
+    # The wave runs in the order of readout: one line on, it has moved on by a line's pixels.
+    turn = 2 * np.pi / config.interference_period_columns
+    spectrum = np.abs(np.fft.rfft(waves[0, 500] - waves[0, 500].mean()))
+    assert np.argmax(spectrum) == pytest.approx(SHAPE[1] / config.interference_period_columns, abs=1)
+    column = np.arange(SHAPE[1])
+    phases = [np.angle(np.sum(waves[0, row] * np.exp(-1j * turn * column))) for row in (500, 501)]
+    moved = (phases[1] - phases[0] - turn * SHAPE[1]) % (2 * np.pi)
+    assert min(moved, 2 * np.pi - moved) < 0.1
+
+
+@pytest.mark.parametrize("name", list(CameraSwitches.model_fields))
+def test_a_switch_leaves_the_draws_of_the_others(detector, name):
+    """Turning one effect off changes what depends on it and no random number of the others."""
+    base = detector.switched(off=("all",), on=("read_noise", "interference", "bias_drift", "stripes"))
+    if name in ("read_noise", "interference", "bias_drift", "stripes"):
+        others = base.switched(off=(name,))
+        seen = [VisibleCamera(d) for d in (base, others, detector.switched(off=("all",), on=(name,)))]
+        level = np.zeros((30, 40))
+        both, without, alone = (
+            camera.expose(camera.prepare(level, 1.0, 1.0), seed=3, path=("s",)).adu.astype(int) for camera in seen
+        )
+        assert np.abs(both - without - (alone - 200)).max() <= 2  # each frame is rounded
+    else:
+        one = VisibleCamera(base.switched(on=(name,)), cosmic_rays=RAYS, cosmic_ray_rate_per_s_cm2=1e-9)
+        two = VisibleCamera(base, cosmic_rays=RAYS, cosmic_ray_rate_per_s_cm2=1e-9)
+        level = np.zeros((30, 40))
+        first, second = (camera.expose(camera.prepare(level, 0.0, 1.0), seed=3, path=("s",)) for camera in (one, two))
+        changed = first.adu.astype(int) - second.adu.astype(int)
+        # Without light, without exposure and at gain 1 only clock charge adds something: whole electrons, up.
+        assert changed.min() >= 0
+        assert (changed > 0).mean() < 0.05
+
+
+def test_charge_is_booked_to_the_electron(detector):
+    """In: collected, particles, clock charge. Out: curve, drained, left behind, into the register."""
+    camera = VisibleCamera(detector, cosmic_rays=RAYS, cosmic_ray_rate_per_s_cm2=30.0)
+    y, x = np.indices(SHAPE)
+    halo = 0.1 + 3e6 / (1 + (np.hypot(y - 514, x - 536) / 6) ** 3.2)
+    frame = camera.expose(camera.prepare(halo, 10.0, 20.0), seed=5, path=("book",))
+    charge = frame.charge
+    assert frame.n_saturated_pixels > 100
+    assert frame.n_cosmic_rays > 100
+    steps = ("collected", "cosmic_rays", "nonlinearity", "drained_bottom", "drained_top", "left_behind", "clock_charge")
+    assert sum(charge[step] for step in steps) == charge["register_in"]
+    assert all(value == round(value) for value in charge.values())
+    assert charge["drained_row_ends"] <= 0
+
+
+def test_cosmic_rays_of_a_frame_are_those_of_their_stream(bare):
+    det = bare(read_noise_e=0.0, dark_e_s=0.0, dark_293k_e_s=0.0, cic_e=0.0, gain_e_adu=1.0, adc_bits=16,
+               full_well_e=1e6).switched(on=("cosmic_rays",))  # fmt: skip
+    camera = VisibleCamera(det, cosmic_rays=RAYS, cosmic_ray_rate_per_s_cm2=1.0)
+    frame = camera.expose(camera.prepare(np.zeros(SHAPE), 30.0, 1.0), seed=7, path=("rays",))
+    image = sections_of(det)["image"]
+    shape = (1032, 1056)
+    hits = draw_cosmic_rays(RAYS, shape, det.pixel_um, 30.0, 1.0, stream(7, "rays", "cosmic_rays"))
+    assert np.array_equal(frame.adu[image].astype(int) - 200, hits.image())
+    assert np.array_equal((frame.mask & MaskBit.COSMIC_RAY)[image] > 0, hits.image() > 0)
+    outside = np.ones(SHAPE, bool)
+    outside[image] = False
+    assert (frame.adu[outside] == 200).all()
+
+
+def test_borders_of_the_frame_see_no_light(detector):
+    still = detector.switched(off=("read_noise", "interference", "bias_drift", "stripes", "clock_charge"))
+    camera = VisibleCamera(still)
+    frame = camera.expose(camera.prepare(np.full(SHAPE, 100.0), 10.0, 1.0), seed=1, path=("edge",))
+    parts = sections_of(still)
+    lit = frame.adu[parts["active"]]
+    assert np.median(lit) == pytest.approx(1000 / 59 + 200, abs=1)
+    for name in ("dark_left", "dark_right", "dark_bottom", "dark_top", "prescan"):
+        assert np.median(frame.adu[parts[name]]) == 200, name
+    # What transfers leave behind arrives in the first lines of the overscan: 1.6 % of 1000 e-, less than an ADU.
+    exact = VisibleCamera(detector.switched(off=("read_noise",)))
+    behind = exact.expected_adu(exact.prepare(np.full(SHAPE, 4000.0), 10.0, 1.0)) - exact.expected_adu(
+        exact.prepare(np.zeros(SHAPE), 10.0, 1.0)
+    )
+    first_dark = behind[514, parts["dark_right"][1].start]
+    assert first_dark == pytest.approx(40000 / 59 * (1 - (1 - 1e-5) ** (1 + 1072 + parts["dark_right"][1].start - 1)),
+                                       rel=0.05)  # fmt: skip
+    assert (behind[:, : parts["prescan"][1].stop] == 0).all()
+
+
+def test_smear_is_the_light_of_the_column_during_the_line_shifts(detector):
+    """Oracle: charge packets walked line by line under the light."""
+    det = detector.switched(off=("all",), on=("smear",))
+    rng = np.random.default_rng(3)
+    rates = rng.uniform(0, 1e6, (20, 5))
+    exposure = VisibleCamera(det).prepare(rates, 2.0, 1.0, first_pixel=(100, 100))
+    step = det.transfer.line_shift_s
+    walked = rates * 2.0
+    for row in range(20):
+        for above in range(19, row, -1):  # on the way in, from the top
+            walked[row] += rates[above] * step
+        for below in range(row - 1, -1, -1):  # on the way out, to the register at the bottom
+            walked[row] += rates[below] * step
+    assert exposure.mean_e == pytest.approx(walked, rel=1e-12)
+
+
+@pytest.mark.parametrize("gain", [1.0, 2.0, 20.0, 300.0])
+def test_photon_transfer_of_the_whole_camera(detector, gain):
+    """Pairs of flats, as at the bench: conversion to 1 %, read noise and excess noise to 2 %."""
+    camera = VisibleCamera(detector.switched(off=("nonlinearity", "bad_pixels", "bad_columns", "interference")))
+    # Charge moved by transfer correlates neighbours; F^2 and K come from temporal differences at low losses.
+    part = sections_of(detector)["active"]
+    levels = np.array([0.0, 4000.0, 9000.0, 20000.0]) / (1 if gain == 1 else gain / 2)
+    mean, variance = [], []
+    for number, level in enumerate(levels):
+        exposure = camera.prepare(np.full(SHAPE, level), 1.0, gain)
+        pair = [camera.expose(exposure, seed=2, path=(number, i)).adu[part].astype(float) for i in (0, 1)]
+        mean.append((pair[0] + pair[1]).mean() / 2)
+        variance.append((pair[0] - pair[1]).var() / 2)
+    slope, _ = np.polyfit(mean, variance, 1)
+    factor2 = float(excess_noise_factor2(gain))
+    # Losses of 3 % per pixel smooth the noise between neighbours by about twice their mean.
+    assert slope == pytest.approx(factor2 * gain / detector.gain_e_adu, rel=0.01)
+    assert variance[0] - 1 / 12 == pytest.approx(
+        (detector.read_noise_e / detector.gain_e_adu) ** 2
+        + factor2 * gain**2 * detector.cic_e / detector.gain_e_adu**2,
+        rel=0.02,
+    )
+
+
+def test_flat_field_shows_the_response(detector):
+    camera = VisibleCamera(detector.switched(off=("all",), on=("flat", "bad_pixels", "bad_columns")))
+    frame = camera.expose(camera.prepare(np.full(SHAPE, 3e4), 1.0, 1.0), seed=1, path=("flat",))
+    lit = frame.adu[sections_of(detector)["active"]].astype(float) - 200
+    good = (frame.mask[sections_of(detector)["active"]] & MaskBit.BAD) == 0
+    assert lit[good].std() / lit[good].mean() == pytest.approx(detector.flaws.prnu_rms, rel=0.01)
+    assert lit[good].mean() == pytest.approx(3e4 / 59, rel=1e-3)
+    assert lit[~good].max() == 0
+    bad_columns = (~good).sum(axis=0) > 500
+    assert bad_columns.sum() == detector.flaws.bad_columns
+
+
+def test_in_register_clock_charge_has_its_mean(bare):
+    det = bare(read_noise_e=0.0, cic_e=0.0, dark_e_s=0.0, dark_293k_e_s=0.0, gain_e_adu=1.0, adc_bits=16, bias_adu=0,
+               register_cic_e=2e-5).switched(on=("register_clock_charge",))  # fmt: skip
+    camera = VisibleCamera(det)
+    exposure = camera.prepare(np.zeros((700, 700)), 1.0, 300.0)
+    frame = camera.expose(exposure, seed=1, path=("cic",))
+    p = np.expm1(np.log(300) / 604)
+    expected = 2e-5 * sum((1 + p) ** k for k in range(604))
+    assert camera.expected_adu(exposure)[0, 0] == pytest.approx(expected)
+    charge = frame.adu.astype(float)
+    assert charge.mean() == pytest.approx(expected, abs=4.5 * charge.std() / charge.size**0.5)
+    assert (charge > 0).mean() == pytest.approx(1 - np.exp(-2e-5 * 604), rel=0.05)
+
+
+def test_frames_do_not_depend_on_order_or_company(detector):
+    camera = VisibleCamera(detector, cosmic_rays=RAYS, cosmic_ray_rate_per_s_cm2=1.0)
+    exposure = camera.prepare(np.full((90, 110), 2.0), 30.0, 300.0)
+    forward = frames(camera, exposure, 4)
+    other = VisibleCamera(detector, cosmic_rays=RAYS, cosmic_ray_rate_per_s_cm2=1.0)
+    again = other.prepare(np.full((90, 110), 2.0), 30.0, 300.0)
+    for index in (3, 0, 2, 1):
+        assert np.array_equal(other.expose(again, seed=1, path=("frames", index)).adu, forward[index])
+
+
+def test_an_effect_of_ones_own_is_one_class(bare):
+    class Glow:
+        switch = "glow"
+
+        def expect(self, image, exposure):
+            image += 7.0
+
+        def draw(self, work, exposure, rng):
+            work.image += rng.poisson(7.0, work.image.shape)
+
+    from simulator.camera.visible import CHARGE
+
+    camera = VisibleCamera(bare(), charge=(*CHARGE[:1], Glow(), *CHARGE[1:]))
+    exposure = camera.prepare(np.zeros((200, 200)), 1.0, 1.0)
+    frame = camera.expose(exposure, seed=1, path=("glow",))
+    expected = camera.expected_adu(exposure)
+    assert expected[0, 0] == pytest.approx(200 + (7 + 0.02) / 59, abs=1e-3)
+    assert frame.adu.mean() == pytest.approx(expected[0, 0], abs=4.5 * frame.adu.std() / 200)
+
+
+def test_windows_beyond_the_pixels_are_refused(detector):
+    camera = VisibleCamera(detector)
+    with pytest.raises(InputError, match="active pixels"):
+        camera.prepare(np.zeros((100, 100)), 1.0, 1.0, first_pixel=(1000, 500))
+    with pytest.raises(InputError, match="path"):
+        camera.expose(camera.prepare(np.zeros((10, 10)), 1.0, 1.0), seed=1, path="name")
+    for bad in ({"exposure_s": -1.0}, {"exposure_s": np.nan}, {"em_gain": 0.5}, {"em_gain": 1001.0}, {"em_gain": [2, 3]}):
+        with pytest.raises(InputError, match=next(iter(bad))):
+            camera.prepare(np.zeros((10, 10)), **({"exposure_s": 1.0, "em_gain": 1.0} | bad))

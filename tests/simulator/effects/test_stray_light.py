@@ -1,0 +1,103 @@
+import numpy as np
+import pytest
+from astropy.io import fits
+
+from catalogs.errors import InputError
+from simulator.config import load_instrument
+from simulator.effects import effect_files, stray_light_map
+
+SHAPE = (12, 15)
+
+
+def write(path, data, unit="electron/s", extension=False):
+    hdus = [fits.PrimaryHDU(None if extension else data)] + ([fits.ImageHDU(data)] if extension else [])
+    if unit is not None:
+        hdus[-1].header["BUNIT"] = unit
+    fits.HDUList(hdus).writeto(path)
+    return str(path)
+
+
+def instrument_with(**sky):
+    return load_instrument({"sky": sky})
+
+
+def test_nothing_set_is_none():
+    assert stray_light_map(load_instrument(), "F520", SHAPE) is None
+    assert stray_light_map(instrument_with(earthshine={"brightness_v_mag_arcsec2": 22.0}), "F520", SHAPE) is None
+    assert effect_files(load_instrument(), "F520") == []
+
+
+def test_numbers_and_maps_add_up(tmp_path):
+    values = np.arange(180.0).reshape(SHAPE)
+    path = write(tmp_path / "glow.fits", values.astype(np.float32), extension=True)
+    instrument = instrument_with(earthshine={"rate_e_s": 0.25}, stray_light={"map_file": path})
+    np.testing.assert_allclose(stray_light_map(instrument, "F520", SHAPE), values + 0.25)
+    assert effect_files(instrument, "F520") == ["glow.fits"]
+    constant = stray_light_map(instrument_with(stray_light={"rate_e_s": 3.0}), "F1265", (4, 5))
+    np.testing.assert_array_equal(constant, np.full((4, 5), 3.0))
+
+
+def test_maps_by_band(tmp_path):
+    files = {
+        band: write(tmp_path / f"{band}.fits", np.full(SHAPE, rate)) for band, rate in (("F520", 1.0), ("F850", 2.0))
+    }
+    instrument = instrument_with(stray_light={"map_file": files})
+    assert stray_light_map(instrument, "F850", SHAPE)[3, 4] == 2.0
+    assert effect_files(instrument, "F520") == ["F520.fits"]
+    with pytest.raises(InputError, match=r"map_file = no map of F662.*F520, F850"):
+        stray_light_map(instrument, "F662", SHAPE)
+
+
+def test_files_beside_the_instrument_are_found(tmp_path, monkeypatch):
+    write(tmp_path / "one.fits", np.ones(SHAPE))
+    np.savez(tmp_path / "tracks.npz", templates=np.ones((1, 3, 3)), pixel_um=13.0)
+    path = tmp_path / "mine.yaml"
+    path.write_text(
+        "sky: {earthshine: {map_file: one.fits}, stray_light: {map_file: {F520: one.fits}}}\n"
+        "cosmic_rays: {model: template, template: {template_file: tracks.npz}}\n"
+    )
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    instrument = load_instrument(path)
+    np.testing.assert_array_equal(stray_light_map(instrument, "F520", SHAPE), np.full(SHAPE, 2.0))
+    assert effect_files(instrument, "F520") == ["tracks.npz", "one.fits", "one.fits"]
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("electron/s", 1), ("electron s-1", 1), ("electron / (s pix)", 1),
+                                              ("electron/min", 1 / 60), ("electron / (h pix)", 1 / 3600)])  # fmt: skip
+def test_units_are_converted(tmp_path, unit, factor):
+    path = write(tmp_path / "a.fits", np.full(SHAPE, 36.0), unit)
+    found = stray_light_map(instrument_with(stray_light={"map_file": path}), "F520", SHAPE)
+    np.testing.assert_allclose(found, 36.0 * factor)
+
+
+@pytest.mark.parametrize(
+    ("data", "unit", "words"),
+    [
+        (np.ones(SHAPE), None, "BUNIT = missing.*electron / s"),
+        (np.ones(SHAPE), "adu/s", "BUNIT = adu/s"),
+        (np.ones(SHAPE), "electron", "BUNIT = electron"),
+        (np.ones(SHAPE), "furlong per fortnight", "BUNIT"),
+        (np.ones(SHAPE[::-1]), "electron/s", "12 rows x 15 columns.*it has 15 x 12"),
+        (np.ones((2, *SHAPE)), "electron/s", "cube"),
+        (np.where(np.eye(*SHAPE) > 0, np.nan, 1.0), "electron/s", "12 are not"),
+        (np.where(np.eye(*SHAPE) > 0, -0.5, 1.0), "electron/s", "row 0, column 0 holds -0.5"),
+    ],
+)
+def test_bad_maps_are_refused(tmp_path, data, unit, words):
+    path = write(tmp_path / "a.fits", data, unit)
+    with pytest.raises(InputError, match=f"sky.stray_light.map_file.*{words}"):
+        stray_light_map(instrument_with(stray_light={"map_file": path}), "F520", SHAPE)
+
+
+def test_other_files_are_refused(tmp_path):
+    np.savez(tmp_path / "a.npz", map=np.ones(SHAPE))
+    (tmp_path / "text.fits").write_text("SIMPLE")
+    for name in ("a.npz", "text.fits", "missing.fits"):
+        with pytest.raises(InputError, match="sky.earthshine.map_file"):
+            stray_light_map(instrument_with(earthshine={"map_file": str(tmp_path / name)}), "F520", SHAPE)
+
+
+def test_unknown_bands_are_refused():
+    with pytest.raises(InputError, match="band = F999"):
+        stray_light_map(load_instrument(), "F999", SHAPE)

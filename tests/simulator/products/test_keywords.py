@@ -1,0 +1,85 @@
+import numpy as np
+import pytest
+
+from catalogs.errors import InputError
+from simulator.products.keywords import checked_value, escaped, load_keywords
+
+TABLE = load_keywords()
+# What other CSST code and documents read, and what is proposed for Level 0 of CPI-C.
+PRIMARY = """FILENAME INSTRUME OBSID OBSTYPE FILETYPE OBJECT RA_OBJ DEC_OBJ OBJ_RA OBJ_DEC DATE-OBS EXPSTART EXPTIME RA_PNT0
+    DEC_PNT0 RA_PNT1 DEC_PNT1 POS_ANG1 POSI0_X POSI0_Y POSI0_Z VELO0_X VELO0_Y VELO0_Z TELESCOP TARGET EXPEND TIMESYS
+    SUNANGL0 SUNANGL1 MOONANG0 MOONANG1 TEL_ALT0 TEL_ALT1 NEXTEND SWNAME SWVER CONFHASH SEED""".split()
+IMAGE = """DETNAM DETECTOR FILTER CCDLABEL GAIN1 RDNOISE1 IMG_VER BUNIT CRPIX1 CRVAL1 CTYPE1 CD1_1 RADESYS EQUINOX FRAMEID
+    NFRAME CAMERA EXPBEG EXPEND EXPTIME EMSET EMGAIN EMVOLT GAIN RDNOISE BIASLEV CCDTEMP FULLWELL PRESCAN OVERSCAN DARKREG
+    PIXSCALE MASKROT""".split()
+
+
+def test_table_has_what_readers_look_for_where_they_look():
+    for names, home in ((PRIMARY, "primary"), (IMAGE, "image")):
+        for name in names:
+            keyword = TABLE.keywords[TABLE.canonical(name)]
+            assert keyword.hdu in (home, "both"), name
+    for name in ("DMFILE", "PSFFILE"):
+        assert name in TABLE.keywords
+
+
+def test_table_is_consistent():
+    spellings = [name for keyword in TABLE for name in (keyword.name, *keyword.aliases)]
+    assert len(spellings) == len(set(spellings))
+    for keyword in TABLE:
+        assert keyword.hdu in ("primary", "image", "both")
+        assert keyword.kind in ("str", "int", "float", "bool")
+        assert keyword.required in ("always", "sky", "coordinates", "no")
+        assert keyword.confidence in ("P", "I", "A")
+        assert keyword.comment
+        for name in (keyword.name, *keyword.aliases):
+            assert len(name) <= 8
+    for profile in TABLE.profiles.values():
+        for name, others in [*profile.also.items(), *((key, (value,)) for key, value in profile.spelled.items())]:
+            assert set(others) <= set(TABLE.keywords[name].aliases)
+
+
+def test_any_spelling_is_found():
+    assert TABLE.find({"FILETYPE": "SCI"}, "OBSTYPE") == ("FILETYPE", "SCI")
+    assert TABLE.value({"DETECTOR": "x"}, "DETNAM") == "x"
+    assert TABLE.find({}, "OBSTYPE") is None
+    assert TABLE.canonical("OBJ_RA") == "RA_OBJ"
+    with pytest.raises(InputError, match=r"keyword_profile = mine.*csst"):
+        TABLE.profile("mine")
+
+
+def test_values_take_the_type_of_their_keyword():
+    assert checked_value(TABLE, "EXPTIME", 3) == 3.0
+    assert type(checked_value(TABLE, "EXPTIME", np.float32(3))) is float
+    assert type(checked_value(TABLE, "NFRAME", np.int16(3))) is int
+    assert str(checked_value(TABLE, "MASKROT", -0.0)) == "0.0"
+    assert checked_value(TABLE, "OBJECT", "α Cen\nB") == "\\u03b1 Cen\\nB"
+    assert checked_value(TABLE, "MYKEY", np.bool_(True)) is True
+    assert escaped("plain ~ text") == "plain ~ text"
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "words"),
+    [
+        ("EXPTIME", "3 s", ("header.EXPTIME", "float")),
+        ("EXPTIME", float("nan"), ("header.EXPTIME", "float")),
+        ("NFRAME", 3.0, ("header.NFRAME", "int")),
+        ("NFRAME", True, ("header.NFRAME", "int")),
+        ("OBJECT", 5, ("header.OBJECT", "str")),
+        ("GAIN1", "x", ("header.GAIN1", "float")),
+        ("lower", 1, ("header.lower", "capitals")),
+        ("TOOLONGKEY", 1, ("header.TOOLONGKEY", "at most 8")),
+        ("A B", 1, ("header.A B", "capitals")),
+        ("", 1, ("header.", "capitals")),
+        ("NAXIS1", 1, ("header.NAXIS1", "structure")),
+        ("BZERO", 1, ("header.BZERO", "structure")),
+        ("CHECKSUM", "x", ("header.CHECKSUM", "structure")),
+        ("EFF001", "x", ("header.EFF001", "structure")),
+        ("MYKEY", float("inf"), ("header.MYKEY", "finite")),
+        ("MYKEY", [1, 2], ("header.MYKEY", "finite")),
+    ],
+)
+def test_what_no_header_holds_is_refused_by_name(name, value, words):
+    with pytest.raises(InputError) as refused:
+        checked_value(TABLE, name, value)
+    assert all(word in str(refused.value) for word in words), str(refused.value)
