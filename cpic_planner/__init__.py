@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     )
     from cpic_planner.targets import load_targets
     from simulator import (
+        Calibration,
         ExternalPsf,
         Instrument,
         Knobs,
@@ -44,6 +45,8 @@ if TYPE_CHECKING:
         Scene,
         SceneStar,
         Status,
+        calibrate,
+        check_level0,
         lambert_phase,
         load_dm_surface,
         load_instrument,
@@ -58,6 +61,7 @@ if TYPE_CHECKING:
         spectrum_generator,
         star_photlam,
         stream,
+        write_level0,
     )
 
 _HOME = {
@@ -67,6 +71,7 @@ _HOME = {
 }  # fmt: skip
 
 __all__ = [
+    "Calibration",
     "ExternalPsf",
     "InputError",
     "Instrument",
@@ -82,6 +87,8 @@ __all__ = [
     "SceneStar",
     "Status",
     "__version__",
+    "calibrate",
+    "check_level0",
     "confirm_targets",
     "contrast_limit",
     "exposure_time",
@@ -104,6 +111,7 @@ __all__ = [
     "spectrum_generator",
     "star_photlam",
     "stream",
+    "write_level0",
 ]
 
 

@@ -9,6 +9,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from simulator.calibration import Calibration, calibrate
     from simulator.config import (
         Instrument,
         Planet,
@@ -25,11 +26,16 @@ if TYPE_CHECKING:
     from simulator.observation import Observation, observe
     from simulator.outcome import NotOk, Outcome, Reason, Status
     from simulator.passbands import Passbands
+    from simulator.products import check_level0, write_level0
     from simulator.rng import stream
     from simulator.target import lambert_phase, planet_albedo, planet_contrast, star_photlam
     from simulator.target.sources import spectrum_generator
 
 _HOME = {
+    "Calibration": "calibration",
+    "calibrate": "calibration",
+    "check_level0": "products",
+    "write_level0": "products",
     "Instrument": "config",
     "Planet": "config",
     "Scene": "config",
@@ -60,6 +66,7 @@ _HOME = {
 }
 
 __all__ = [
+    "Calibration",
     "ExternalPsf",
     "Instrument",
     "Knobs",
@@ -73,6 +80,8 @@ __all__ = [
     "Scene",
     "SceneStar",
     "Status",
+    "calibrate",
+    "check_level0",
     "lambert_phase",
     "load_dm_surface",
     "load_instrument",
@@ -87,6 +96,7 @@ __all__ = [
     "spectrum_generator",
     "star_photlam",
     "stream",
+    "write_level0",
 ]
 
 

@@ -53,7 +53,9 @@ def load_kernels(name: str) -> Any:
     module = importlib.import_module(name)
     source = Path(str(module.__file__))
     chosen = os.environ.get("NUMBA_CACHE_DIR")
-    kept = Path(chosen).rglob(f"{source.stem}.*.nbi") if chosen else source.parent.glob(f"__pycache__/{source.stem}.*.nbi")
+    kept = (
+        Path(chosen).rglob(f"{source.stem}.*.nbi") if chosen else source.parent.glob(f"__pycache__/{source.stem}.*.nbi")
+    )
     if next(kept, None) is None:
         _LOG.warning("compiling once, about ten seconds: %s", name)
     return module

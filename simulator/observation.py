@@ -194,7 +194,9 @@ def observe(
     sky = sky_rate_e_s_arcsec2(
         instrument, band, ra_deg=scene.cstar.ra_deg, dec_deg=scene.cstar.dec_deg, start_utc=start
     )
-    static = sky.rate_e_s_arcsec2 * optics.pixel_scale_arcsec**2 * apodizer_energy(optics) * sky_transmission(optics, area)
+    static = (
+        sky.rate_e_s_arcsec2 * optics.pixel_scale_arcsec**2 * apodizer_energy(optics) * sky_transmission(optics, area)
+    )
     if window == "full":
         static += sources[0].rate_e_s * full_star_map(optics, area, star)
         stray = stray_light_map(instrument, band, area.shape)

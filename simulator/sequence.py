@@ -55,7 +55,7 @@ class Stamps:
 
 @dataclass(frozen=True, eq=False)
 class Light:
-    """Mean electrons per second on the pixels: a part that stays, shape of the frame or window, and the star's stamps."""
+    """Mean electrons per second on the pixels: a part that stays, and stamps of the star that change."""
 
     static_e_s: FloatArray
     star: Stamps | None = None
@@ -280,7 +280,5 @@ class Sequence:
             count = sum(self._epoch(index) == epoch for index in range(self.n_frames))
             exposure = self._prepare(self.light.map(epoch))
             assert isinstance(exposure, Exposure)
-            total += stack_electrons(
-                self._camera, exposure, count, seed=self.seed, path=(*self.path, "stack", epoch)
-            )
+            total += stack_electrons(self._camera, exposure, count, seed=self.seed, path=(*self.path, "stack", epoch))
         return total

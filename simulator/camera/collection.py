@@ -88,9 +88,7 @@ class PixelNonlinearity:
         if loss == 0.0:
             return
         before = float(work.image.sum())
-        kernels.compress_counts(
-            work.image.reshape(-1), loss / ((1.0 - loss) * exposure.detector.full_well_e), rng
-        )
+        kernels.compress_counts(work.image.reshape(-1), loss / ((1.0 - loss) * exposure.detector.full_well_e), rng)
         work.book("nonlinearity", float(work.image.sum()) - before)
 
     @staticmethod

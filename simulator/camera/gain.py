@@ -88,7 +88,7 @@ def multiply(
     Parameters
     ----------
     electrons : array_like
-        Whole electrons at the register input, any shape, 0 to 1e12 (integers, or floats holding integers).
+        Whole electrons at the register input, of an integer type, any shape, 0 to 1e12.
     gain : float
         Mean gain of the register, 1 to 1e4 and at most ``2**stages``.
     rng : numpy.random.Generator
@@ -105,7 +105,7 @@ def multiply(
     Raises
     ------
     InputError
-        For negative, non-integer, NaN, infinite or too large charge (naming the pixel), a gain or number of
+        For negative, floating-point, NaN, infinite or too large charge (naming the pixel), a gain or number of
         stages out of range, or an ``rng`` that is not a generator.
 
     Notes
@@ -176,21 +176,23 @@ def _checked_gain(gain: npt.ArrayLike, stages: int) -> FloatArray:
 
 
 def _checked_electrons(electrons: npt.ArrayLike) -> npt.NDArray[np.int64]:
-    """Copy as int64, refused by name and pixel unless whole numbers from 0 to 1e12."""
-    allowed = f"whole electrons, 0 to {MAX_ELECTRONS:.0e}"
+    """Copy as int64, refused by name and pixel unless whole numbers of an integer type from 0 to 1e12."""
+    allowed = f"whole electrons (integers), 0 to {MAX_ELECTRONS:.0e}"
     try:
         given = np.asarray(electrons)
     except ValueError:
         raise InputError("electrons", type(electrons).__name__, unit="e-", allowed=allowed) from None
+    if given.size == 0 and given.dtype.kind == "f":
+        return np.zeros(given.shape, dtype=np.int64)
     if given.dtype.kind not in "iuf":
         raise InputError("electrons", f"array of {given.dtype}", unit="e-", allowed=allowed)
     good = (given >= 0) & (given <= MAX_ELECTRONS)
-    if given.dtype.kind == "f":
-        with np.errstate(invalid="ignore"):
-            good &= given == np.rint(given)
     if not good.all():
         name, index = element_name("electrons", ~np.asarray(good))
-        value = given[index].item()
-        hint = "round or draw counts first" if math.isfinite(value) and value != round(value) else ""
-        raise InputError(name, value, unit="e-", allowed=allowed, hint=hint)
+        raise InputError(name, given[index].item(), unit="e-", allowed=allowed)
+    if given.dtype.kind == "f":
+        name, index = element_name("electrons", given == given)
+        raise InputError(
+            name, given[index].item(), unit="e-", allowed=allowed, hint="draw counts first, or round to integers"
+        )
     return np.array(given, dtype=np.int64, order="C")

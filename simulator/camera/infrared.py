@@ -28,10 +28,11 @@ from simulator.camera.infrared_effects import (
 from simulator.camera.infrared_hits import Hits, checked_hits, hit_times, tracks_of
 from simulator.camera.infrared_reads import ReadStack, read_times, well_signal
 from simulator.camera.infrared_set import load_infrared_set
-from simulator.camera.sampling import poisson_counts
+from simulator.camera.stage import KERNELS
 from simulator.config.effects import CosmicRayConfig
 from simulator.config.infrared import InfraredDetector
 from simulator.effects.cosmic_rays import draw_cosmic_rays
+from simulator.lazy import load_kernels
 from simulator.rng import PathPart, stream
 
 __all__ = ["InfraredCamera", "InfraredExposure"]
@@ -308,7 +309,11 @@ class InfraredCamera:
         return np.minimum(rate * exposure.exposure_s, MAX_MEAN_E)
 
     def _counts(self, mean: FloatArray, rng: np.random.Generator) -> FloatArray:
-        return poisson_counts(mean, rng).astype(np.float64) if self.detector.switches.photon_noise else mean
+        if not self.detector.switches.photon_noise:
+            return mean
+        counts = np.empty(mean.shape)
+        load_kernels(KERNELS).draw_poisson(mean.reshape(-1), np.exp(-mean).reshape(-1), rng, counts.reshape(-1))
+        return counts
 
     def _collect(
         self, total: FloatArray, exposure: InfraredExposure, rng: np.random.Generator

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import numpy.typing as npt
 from numba import njit
 
 __all__ = [
@@ -24,6 +25,10 @@ __all__ = [
     "vertical_spill",
 ]
 
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+BoolArray = npt.NDArray[np.bool_]
+
 # Counts of smaller variance come from their cumulated probabilities, term by term. Larger ones come from the
 # Cornish-Fisher expansion of a rounded variate, whose own variance is smaller by that of the rounding (1/12, Sheppard's
 # correction): at this variance the distribution function is off by 3e-5, falling as the square.
@@ -35,7 +40,9 @@ _SMOOTH_ABOVE_SIGMA = 20.0
 
 
 @njit(cache=True)
-def _expanded(mean, variance, third, fourth, fifth, rng):
+def _expanded(
+    mean: float, variance: float, third: float, fourth: float, fifth: float, rng: np.random.Generator
+) -> float:
     """Rounded Cornish-Fisher variate of given cumulants."""
     v = variance - 1.0 / 12.0
     s = math.sqrt(v)
@@ -52,7 +59,7 @@ def _expanded(mean, variance, third, fourth, fifth, rng):
 
 
 @njit(cache=True)
-def _poisson(mean, zero, rng):
+def _poisson(mean: float, zero: float, rng: np.random.Generator) -> float:
     """One Poisson count; ``zero`` is exp(-mean)."""
     if mean > _EXPANSION_ABOVE:
         return _expanded(mean, mean, mean, mean, mean, rng)
@@ -60,7 +67,7 @@ def _poisson(mean, zero, rng):
 
 
 @njit(cache=True)
-def _counted_up(u, mean, zero):
+def _counted_up(u: float, mean: float, zero: float) -> float:
     """Poisson count whose distribution function reaches ``u``."""
     k = 0
     term = zero
@@ -73,7 +80,7 @@ def _counted_up(u, mean, zero):
 
 
 @njit(cache=True)
-def draw_poisson(mean, zero, rng, out):
+def draw_poisson(mean: FloatArray, zero: FloatArray, rng: np.random.Generator, out: FloatArray) -> None:
     """Poisson counts of flat arrays; ``zero`` is exp(-mean)."""
     for i in range(mean.size):
         if mean[i] > _EXPANSION_ABOVE:
@@ -85,7 +92,7 @@ def draw_poisson(mean, zero, rng, out):
 
 
 @njit(cache=True)
-def round_stochastic(charge, rng):
+def round_stochastic(charge: FloatArray, rng: np.random.Generator) -> None:
     """Round to whole electrons, up with the probability of the fraction, so that the mean stays. Flat, in place."""
     for i in range(charge.size):
         whole = math.floor(charge[i])
@@ -94,7 +101,7 @@ def round_stochastic(charge, rng):
 
 
 @njit(cache=True)
-def compress_counts(charge, b, rng):
+def compress_counts(charge: FloatArray, b: float, rng: np.random.Generator) -> None:
     """Counts ``x / (1 + b x)``, rounded at random to whole electrons. Flat, in place."""
     gap = rng.standard_exponential()
     for i in range(charge.size):
@@ -115,14 +122,14 @@ def compress_counts(charge, b, rng):
 
 
 @njit(cache=True)
-def add_normal(level, sigma, rng):
+def add_normal(level: FloatArray, sigma: float, rng: np.random.Generator) -> None:
     """Add Gaussian noise. Flat, in place."""
     for i in range(level.size):
         level[i] += sigma * rng.standard_normal()
 
 
 @njit(cache=True)
-def _binomial_expanded(n, p, rng):
+def _binomial_expanded(n: float, p: float, rng: np.random.Generator) -> float:
     q = 1.0 - p
     variance = n * p * q
     third = variance * (1.0 - 2.0 * p)
@@ -131,7 +138,7 @@ def _binomial_expanded(n, p, rng):
 
 
 @njit(cache=True)
-def _binomial_counted_up(u, none, n, p):
+def _binomial_counted_up(u: float, none: float, n: float, p: float) -> float:
     """Binomial count whose distribution function reaches ``u``; ``none`` is the chance of none."""
     term = none
     total = none
@@ -145,7 +152,9 @@ def _binomial_counted_up(u, none, n, p):
 
 
 @njit(cache=True)
-def shift_back(charge, first, second, third, by_row, rng):
+def shift_back(
+    charge: FloatArray, first: FloatArray, second: FloatArray, third: FloatArray, by_row: bool, rng: np.random.Generator
+) -> float:
     """Leave charge behind in transfers along one axis, in place; returns what stays behind beyond the array's end.
 
     ``first``, ``second``, ``third`` are, per line, the chance of being left behind at least once, then a
@@ -196,7 +205,7 @@ def shift_back(charge, first, second, third, by_row, rng):
 
 
 @njit(cache=True)
-def vertical_spill(charge, full_well, spilled):
+def vertical_spill(charge: FloatArray, full_well: float, spilled: BoolArray) -> tuple[float, float]:
     """Spill charge above the full well along the columns, half each way, in place.
 
     Each half fills the free room of the pixels in its direction; what is left at the ends of the columns is returned
@@ -245,7 +254,7 @@ def vertical_spill(charge, full_well, spilled):
 
 
 @njit(cache=True)
-def serial_spill(charge, full_well, spilled):
+def serial_spill(charge: FloatArray, full_well: float, spilled: BoolArray) -> float:
     """Pass charge above the register's full well to the pixels read next, in place; returns what is left at row ends.
 
     ``spilled`` is set where charge was cut off or arrived.
@@ -267,7 +276,15 @@ def serial_spill(charge, full_well, spilled):
 
 
 @njit(cache=True)
-def _from_table(n, rng, cdf, start, guide, guide_start, guide_size):
+def _from_table(
+    n: int,
+    rng: np.random.Generator,
+    cdf: FloatArray,
+    start: IntArray,
+    guide: npt.NDArray[np.int32],
+    guide_start: IntArray,
+    guide_size: IntArray,
+) -> float:
     u = rng.random()
     k = start[n] + guide[guide_start[n] + int(u * guide_size[n])]
     while cdf[k] <= u:
@@ -276,7 +293,7 @@ def _from_table(n, rng, cdf, start, guide, guide_start, guide_size):
 
 
 @njit(cache=True)
-def _smooth(n, gain, sigma_one, skew_one, rng):
+def _smooth(n: float, gain: float, sigma_one: float, skew_one: float, rng: np.random.Generator) -> float:
     """Wilson-Hilferty variate of exact mean, variance and skewness, rounded (Sheppard's correction applied)."""
     z = rng.standard_normal()
     sigma = math.sqrt(sigma_one * sigma_one * n - 1.0 / 12.0)
@@ -293,8 +310,21 @@ def _smooth(n, gain, sigma_one, skew_one, rng):
 
 
 @njit(cache=True)
-def multiply_charge(charge, gain, sigma_one, skew_one, shape_one, rng, cdf, start, guide, guide_start, guide_size,
-                    n_direct, n_exact):  # fmt: skip
+def multiply_charge(
+    charge: FloatArray,
+    gain: float,
+    sigma_one: float,
+    skew_one: float,
+    shape_one: float,
+    rng: np.random.Generator,
+    cdf: FloatArray,
+    start: IntArray,
+    guide: npt.NDArray[np.int32],
+    guide_start: IntArray,
+    guide_size: IntArray,
+    n_direct: int,
+    n_exact: float,
+) -> None:
     """Charge at the output of the register, flat, in place.
 
     Up to ``n_exact`` electrons as sums of draws from the tabulated exact laws of up to ``n_direct`` electrons; above,
@@ -321,14 +351,14 @@ def multiply_charge(charge, gain, sigma_one, skew_one, shape_one, rng, cdf, star
 
 
 @njit(cache=True)
-def compress(level, b):
+def compress(level: FloatArray, b: float) -> None:
     """``x / (1 + b x)``. Flat, in place."""
     for i in range(level.size):
         level[i] /= 1.0 + b * level[i]
 
 
 @njit(cache=True)
-def digitise(level, highest, out, clipped):
+def digitise(level: FloatArray, highest: float, out: npt.NDArray[np.uint16], clipped: BoolArray) -> int:
     """Round to whole ADU, cut off at 0 and ``highest``; flags and counts what was cut off. Flat arrays."""
     count = 0
     for i in range(level.size):
@@ -339,4 +369,3 @@ def digitise(level, highest, out, clipped):
             value = min(max(value, 0.0), highest)
         out[i] = np.uint16(value)
     return count
-

@@ -74,7 +74,7 @@ class RegisterClockCharge:
 
 @dataclass(frozen=True)
 class RegisterFullWell:
-    """Full well of the register: what does not fit trails into the pixels read next and drains at the end of the row."""
+    """Full well of the register: the excess trails into the pixels read next and drains at the end of the row."""
 
     switch: str = "register_full_well"
 

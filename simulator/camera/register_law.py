@@ -57,6 +57,7 @@ def output_pmf(electrons: int, probability: float, stages: int, size: int) -> Fl
     return np.asarray(np.fft.irfft(_transform(probability, stages, size) ** electrons, size))
 
 
+@functools.lru_cache(maxsize=64)
 def output_cumulants(probability: float, stages: int) -> tuple[float, float, float]:
     """First three cumulants of the output of one electron, from their recursion over the stages."""
     p, q = probability, 1.0 - probability

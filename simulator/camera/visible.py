@@ -26,8 +26,8 @@ from simulator.camera.stage import KERNELS, Effect, Exposure, FloatArray, Place,
 from simulator.camera.transfer import ClockCharge, ParallelTransfer, SerialTransfer
 from simulator.config.detector import Detector
 from simulator.config.effects import CosmicRayConfig
-from simulator.rng import PathPart, stream
 from simulator.lazy import load_kernels
+from simulator.rng import PathPart, stream
 
 __all__ = ["CHARGE", "VOLTAGE", "VisibleCamera"]
 
@@ -163,7 +163,7 @@ class VisibleCamera:
         if not (inside and active[1].start <= columns and columns + shape[1] <= active[1].stop):
             raise InputError("rate_map_e_s", f"window of {shape[0]} x {shape[1]} from row {rows}, column {columns}",
                              allowed="a window of the active pixels, or the whole frame",
-                             hint="or switch off flat, dark_structure, bad_pixels, bad_columns and stripes")  # fmt: skip
+                             hint="or switch off flat, dark_structure, bad_pixels, bad_columns, stripes")  # fmt: skip
         return whole.window(slice(rows, rows + shape[0]), slice(columns, columns + shape[1]))
 
     def _light(self, rates: FloatArray, flaws: CalibrationSet | None, place: Place) -> FloatArray:
@@ -180,8 +180,9 @@ class VisibleCamera:
     def expected_adu(self, exposure: Exposure) -> FloatArray:
         """Mean ADU of every pixel, without noise and without rounding.
 
-        Each step acts on the mean image. Where a limit cuts off only the upper tail of the counts (within a few sigma of
-        a full well) the mean of noisy frames is lower. Cosmic rays, interference and drift of the bias average out.
+        Each step acts on the mean image. Where a limit cuts off only the upper tail of the counts (within a few sigma
+        of a full well) the mean of noisy frames is lower. Cosmic rays are not in it; interference and drift of the
+        bias average out.
         """
         image = exposure.mean_e.copy()
         for effect in self.charge:

@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from catalogs.errors import InputError
 
-__all__ = ["FrozenModel", "canonical_json", "content_hash", "deep_merge", "validate"]
+__all__ = ["FrozenModel", "canonical_json", "content_hash", "deep_merge", "flipped", "validate"]
 
 M = TypeVar("M", bound=BaseModel)
 
@@ -61,6 +61,24 @@ def deep_merge(base: Mapping[str, Any], override: Mapping[str, Any]) -> dict[str
         else:
             merged[key] = value
     return merged
+
+
+def flipped(switches: M, *, off: Iterable[str] = (), on: Iterable[str] = ()) -> M:
+    """Copy of a model of yes-or-no switches with some turned off, then some on; ``("all",)`` means every one.
+
+    Raises
+    ------
+    InputError
+        For a name that is no switch.
+    """
+    names = tuple(type(switches).model_fields)
+    values = switches.model_dump()
+    for chosen, value in ((tuple(off), False), (tuple(on), True)):
+        for name in names if chosen == ("all",) else chosen:
+            if name not in names:
+                raise InputError("switches", name, allowed=", ".join(names))
+            values[name] = value
+    return type(switches)(**values)
 
 
 def validate(model: type[M], tree: Any, *, where: str = "") -> M:
@@ -157,7 +175,8 @@ _UNITS = (
 
 
 def unit_of(key: str) -> str:
-    """Unit named by the suffix of a key, ``""`` if none."""
+    """Unit named by the suffix of a key, ``""`` if none; that of an item of a list is that of the list."""
+    key = key.rstrip(".0123456789")
     for suffix, unit in _UNITS:
         if key.endswith(suffix):
             return unit

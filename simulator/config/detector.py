@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from catalogs.errors import InputError
-from simulator.config.base import FrozenModel
+from simulator.config.base import FrozenModel, flipped
 
 __all__ = [
     "BiasStructure",
@@ -77,8 +77,8 @@ class ChargeTransfer(FrozenModel):
     """Losses of charge transfer and the clocks of frame transfer.
 
     A transfer leaves the fraction ``parallel_cti`` (image) or ``serial_cti`` (line and multiplication register) of the
-    charge behind; ``store_rows`` lie between the first row and the register (the frame store), ``serial_elements`` between
-    the first column and the output. Light falls on the pixels during
+    charge behind; ``store_rows`` (the frame store) lie between the first row and the register, ``serial_elements``
+    between the first column and the output. Light falls on the pixels during
     frame transfer: there is no shutter.
     """
 
@@ -176,7 +176,7 @@ class Detector(FrozenModel):
             )
         if min(self.active_shape) < 1:
             raise InputError("layout", self.layout.model_dump(), unit="px",
-                             allowed=f"borders that leave active pixels of {self.n_columns} x {self.n_rows}")  # fmt: skip
+                             allowed=f"borders that leave pixels in {self.n_columns} x {self.n_rows}")  # fmt: skip
         if self.exposure_min_s > self.exposure_max_s:
             raise InputError(
                 "exposure_min_s",
@@ -213,11 +213,4 @@ class Detector(FrozenModel):
         InputError
             For a name that is no switch.
         """
-        names = tuple(CameraSwitches.model_fields)
-        values = self.switches.model_dump()
-        for chosen, value in ((off, False), (on, True)):
-            for name in names if chosen == ("all",) else chosen:
-                if name not in names:
-                    raise InputError("switches", name, allowed=", ".join(names))
-                values[name] = value
-        return self.model_copy(update={"switches": CameraSwitches(**values)})
+        return self.model_copy(update={"switches": flipped(self.switches, off=off, on=on)})

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from catalogs.errors import InputError
-from simulator.config.base import FrozenModel
+from simulator.config.base import FrozenModel, flipped
 
 __all__ = ["InfraredDetector", "InfraredFlaws", "InfraredPersistence", "InfraredSwitches", "ReadoutMode"]
 
@@ -123,11 +123,4 @@ class InfraredDetector(FrozenModel):
         InputError
             For a name that is no switch.
         """
-        names = tuple(InfraredSwitches.model_fields)
-        values = self.switches.model_dump()
-        for chosen, value in ((off, False), (on, True)):
-            for name in names if chosen == ("all",) else chosen:
-                if name not in names:
-                    raise InputError("switches", name, allowed=", ".join(names))
-                values[name] = value
-        return self.model_copy(update={"switches": InfraredSwitches(**values)})
+        return self.model_copy(update={"switches": flipped(self.switches, off=off, on=on)})

@@ -25,6 +25,7 @@ __all__ = [
     "Instrument",
     "Telescope",
     "load_instrument",
+    "paths_beside",
 ]
 
 _FILE_KEYS = ("apodizer", "transmission_file", "surface_files", "calibration_files", "map_file", "template_file")
@@ -118,7 +119,7 @@ class Instrument(FrozenModel):
         return self.bands[name]
 
     def switched(self, switches: Mapping[str, bool] | None) -> Instrument:
-        """This instrument with effects of the visible camera switched on or off, by name.
+        """Return this instrument with effects of its cameras switched on or off, by name, in each camera that has them.
 
         Raises
         ------
@@ -129,9 +130,31 @@ class Instrument(FrozenModel):
             return self
         if not isinstance(switches, Mapping) or not all(isinstance(value, bool) for value in switches.values()):
             raise InputError("switches", switches, allowed="a mapping of effects to true or false")
-        off = tuple(name for name, value in switches.items() if not value)
-        on = tuple(name for name, value in switches.items() if value)
-        return self.model_copy(update={"detector": self.detector.switched(off=off, on=on)})
+        visible, infrared = self.detector, self.near_infrared.detector
+        ours, theirs = type(visible.switches).model_fields, type(infrared.switches).model_fields
+        for name, value in switches.items():
+            if name not in ours and name not in theirs:
+                raise InputError("switches", name, allowed=", ".join(sorted({*ours, *theirs})))
+            chosen: dict[str, tuple[str, ...]] = {"on" if value else "off": (name,)}
+            visible = visible.switched(**chosen) if name in ours else visible
+            infrared = infrared.switched(**chosen) if name in theirs else infrared
+        channel = self.near_infrared.model_copy(update={"detector": infrared})
+        return self.model_copy(update={"detector": visible, "near_infrared": channel})
+
+    def changed(self, own: Mapping[str, Any]) -> Instrument:
+        """This instrument with some of its numbers replaced: a mapping of what differs, as in an instrument's file.
+
+        Raises
+        ------
+        InputError
+            Naming key, value, unit and allowed range of the first fault.
+        """
+        plain, provenance = split_sourced(dict(own))
+        new = validate(Instrument, {"name": f"{self.name}+changes"} | deep_merge(
+            {key: value for key, value in self.model_dump().items() if key != "name"}, plain), where="instrument")  # fmt: skip
+        kept = {key: item for key, item in self._provenance.items() if not _within(plain, key)}
+        new._provenance.update(kept | provenance)
+        return new
 
     def visible_bands(self) -> tuple[str, ...]:
         """Names of the bands of the visible camera, by wavelength."""
@@ -226,7 +249,7 @@ def _tree(source: str | Path | Mapping[str, Any] | None) -> dict[str, Any]:
                 allowed="a YAML file or a preset",
                 hint=f"presets: {', '.join(preset_names('instrument'))}",
             )
-        own = _beside(load_yaml(known or source), Path(known or source).parent)
+        own = paths_beside(load_yaml(known or source), Path(known or source).parent)
         if known is not None and isinstance(own, dict) and not {"bands", "base"} & set(own):
             own["bands"] = _shipped_bands()
     if not isinstance(own, dict):
@@ -243,11 +266,22 @@ def _tree(source: str | Path | Mapping[str, Any] | None) -> dict[str, Any]:
     return own
 
 
-def _beside(tree: Any, folder: Path, key: str = "") -> Any:
+def _within(tree: Any, key: str) -> bool:
+    """Whether a tree holds a value for a dotted key."""
+    for part in key.split("."):
+        if not isinstance(tree, Mapping):
+            return True
+        if part not in tree:
+            return False
+        tree = tree[part]
+    return True
+
+
+def paths_beside(tree: Any, folder: Path, key: str = "") -> Any:
     """Names of maps and curves that exist beside the instrument's file, made whole."""
     if isinstance(tree, dict):
         inherits = key in _FILE_KEYS
-        return {name: _beside(item, folder, key if inherits else name) for name, item in tree.items()}
+        return {name: paths_beside(item, folder, key if inherits else name) for name, item in tree.items()}
     if key in _FILE_KEYS and isinstance(tree, str) and (folder / tree).is_file():
         return str(folder / tree)
     return tree

@@ -19,7 +19,7 @@ from simulator.config.keys import at, canonical_keys, nearest
 from simulator.config.light import PLANET_MODELS, STAR_MODELS
 from simulator.config.presets import preset_names, preset_path
 
-__all__ = ["Planet", "Scene", "SceneStar", "load_scene"]
+__all__ = ["Planet", "Scene", "SceneStar", "load_scene", "paths_beside"]
 
 _ALIASES = {"planet": "planets", "star": "stars", "disc": "extended", "disk": "extended", "discs": "extended",
             "disks": "extended", "exozodi": "extended", "extended_sources": "extended"}  # fmt: skip
@@ -135,7 +135,7 @@ def load_scene(source: Scene | str | Path | Mapping[str, Any]) -> Scene:
             raise InputError("scene", str(source), allowed="a YAML file or a preset",
                              hint=nearest(source, names) or f"presets: {', '.join(names) or 'none'}")  # fmt: skip
         path = known or Path(source)
-        tree = _beside(load_yaml(path), path.parent)
+        tree = paths_beside(load_yaml(path), path.parent)
     else:
         raise InputError("scene", source, allowed="a mapping, a YAML file or a preset")
     kind = tree.pop("kind", "scene") if isinstance(tree, dict) else "scene"
@@ -153,15 +153,15 @@ def _named(body: Any, name: Any) -> Any:
     return body
 
 
-def _beside(tree: Any, folder: Path) -> Any:
+def paths_beside(tree: Any, folder: Path) -> Any:
     """Paths of spectra and albedos that exist beside the scene's file, made whole."""
     if isinstance(tree, list):
-        return [_beside(item, folder) for item in tree]
+        return [paths_beside(item, folder) for item in tree]
     if not isinstance(tree, dict):
         return tree
     return {
         key: str(folder / item)
         if key in _FILE_KEYS and isinstance(item, str) and item not in _MODELS and (folder / item).is_file()
-        else _beside(item, folder)
+        else paths_beside(item, folder)
         for key, item in tree.items()
     }

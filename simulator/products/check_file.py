@@ -20,7 +20,7 @@ from simulator.products.check_headers import (
 from simulator.products.findings import Finding, Report
 from simulator.products.keywords import load_keywords
 from simulator.products.naming import ProductName
-from simulator.products.reading import check_sums, is_real, open_units
+from simulator.products.reading import check_sums, is_real, open_units, plain_header
 from simulator.products.sequence import SCIENCE_KINDS
 from simulator.products.times import elapsed_s
 
@@ -59,40 +59,40 @@ def check_file(path: Path) -> tuple[FileFacts, list[Finding]]:
 
 def _check_units(report: Report, units: Any, facts: FileFacts) -> None:
     table = load_keywords()
-    primary = units[0].header
+    primary = plain_header(report, units, 0)
     facts.primary = primary
     if units[0].data is not None:
         report.error("has data in its primary unit", hdu=0)
     kind = facts.name.kind if facts.name is not None else str(table.value(primary, "OBSTYPE"))
     if len(units) == 1:
         report.error("has no image")
-    known = len(units) > 1 and str(units[1].header.get("CTYPE1", "")).startswith("RA")
+    headers = [primary, *(plain_header(report, units, number) for number in range(1, len(units)))]
+    known = any(str(header.get("CTYPE1", "")).startswith("RA") for header in headers[:2])
     coordinates = known or table.find(primary, "RA_OBJ") is not None
     check_keywords(report, primary, 0, kind=kind, coordinates=coordinates)
     check_primary(report, primary, facts.name, len(units) - 1)
     check_times(report, primary, facts.name)
-    check_sums(report, units, 0)
+    check_sums(report, units, 0, primary)
     earlier: float | None = None
     for number in range(1, len(units)):
-        header = units[number].header
+        header = headers[number]
         check_keywords(report, header, number, kind=kind, coordinates=coordinates)
-        _check_image(report, units, number, facts)
+        _check_image(report, units, header, number, facts)
         earlier = _check_frame_times(report, header, primary, number, len(units) - 1, earlier)
         if kind in SCIENCE_KINDS or "CTYPE1" in header:
             check_world(report, header, primary, number)
-        check_sums(report, units, number)
+        check_sums(report, units, number, header)
         facts.datasums.append(str(header.get("DATASUM", "")))
 
 
-def _check_image(report: Report, units: Any, number: int, facts: FileFacts) -> None:
+def _check_image(report: Report, units: Any, header: Mapping[str, Any], number: int, facts: FileFacts) -> None:
     """Check structure and pixels of one image."""
     unit = units[number]
-    header = unit.header
     if header.get("XTENSION") != "IMAGE":
         report.error(f"is a {header.get('XTENSION')} extension, not an IMAGE", "XTENSION", number)
         return
-    if unit.name != "IMAGE":
-        report.error(f"is {unit.name!r}, not 'IMAGE'", "EXTNAME", number)
+    if header.get("EXTNAME") != "IMAGE":
+        report.error(f"is {header.get('EXTNAME')!r}, not 'IMAGE'", "EXTNAME", number)
     for key in ("EXTVER", "FRAMEID"):
         if header.get(key, number) != number:
             report.error(f"is {header[key]!r}, this is image {number}", key, number)
@@ -104,10 +104,11 @@ def _check_image(report: Report, units: Any, number: int, facts: FileFacts) -> N
     camera = facts.name.camera if facts.name is not None else header.get("CAMERA")
     if header.get("CAMERA", camera) != camera:
         report.error(f"is {header['CAMERA']!r}, the file name says {camera!r}", "CAMERA", number)
-    if (header["BITPIX"], header.get("BZERO"), header.get("BSCALE", 1)) != (16, 32768, 1):
+    bitpix = header.get("BITPIX")
+    if (bitpix, header.get("BZERO"), header.get("BSCALE", 1)) != (16, 32768, 1):
         report.error(
-            f"BITPIX {header['BITPIX']}, BZERO {header.get('BZERO')}, BSCALE {header.get('BSCALE')}: "
-            "unsigned 16-bit pixels have 16, 32768 and 1", "BZERO" if header["BITPIX"] == 16 else "BITPIX", number,
+            f"BITPIX {bitpix}, BZERO {header.get('BZERO')}, BSCALE {header.get('BSCALE')}: "
+            "unsigned 16-bit pixels have 16, 32768 and 1", "BZERO" if bitpix == 16 else "BITPIX", number,
         )  # fmt: skip
     shape = unit.shape
     if len(shape) != 2:
@@ -123,7 +124,7 @@ def _check_image(report: Report, units: Any, number: int, facts: FileFacts) -> N
                      "NAXIS1", number)  # fmt: skip
     _check_sections(report, header, shape, number)
     bits = header.get("ADCBITS")
-    if header["BITPIX"] == 16 and header.get("BZERO") == 32768 and isinstance(bits, int) and 1 <= bits <= 16:
+    if bitpix == 16 and header.get("BZERO") == 32768 and isinstance(bits, int) and 1 <= bits <= 16:
         try:
             stored = unit.data
         except (OSError, ValueError, TypeError):

@@ -9,7 +9,7 @@ from typing import Any
 from simulator.products.check_file import FileFacts
 from simulator.products.findings import Finding, Report
 from simulator.products.keywords import load_keywords
-from simulator.products.reading import check_sums, open_units
+from simulator.products.reading import check_sums, open_units, plain_header
 
 __all__ = ["check_truth"]
 
@@ -27,28 +27,34 @@ def check_truth(path: Path, facts: FileFacts) -> list[Finding]:
 
 
 def _check_units(report: Report, units: Any, facts: FileFacts) -> None:
-    table, header = load_keywords(), units[0].header
+    table = load_keywords()
+    headers = [plain_header(report, units, number) for number in range(len(units))]
+    header = headers[0]
     for key in _SAME:
         mine, other = table.value(header, key), table.value(facts.primary, key)
         if mine != other:
             report.error(f"is {mine!r}, that of {facts.path.name} is {other!r}", key, 0)
     if header.get("L0FILE") != facts.path.name:
         report.error(f"is {header.get('L0FILE')!r}, not {facts.path.name!r}", "L0FILE", 0)
-    for number in range(len(units)):
-        check_sums(report, units, number)
-    names = [unit.name for unit in units]
+    for number, one in enumerate(headers):
+        check_sums(report, units, number, one)
+    names = [str(one.get("EXTNAME", "")) for one in headers]
     for name in (*_MAPS, "FRAMES"):
         if name not in names:
             report.error(f"has no {name}")
-        elif name in _MAPS and facts.shape is not None and units[name].shape != facts.shape:
-            report.error(f"has shape {units[name].shape}, the images have {facts.shape}", "NAXIS1", names.index(name))
+        elif name in _MAPS and facts.shape is not None and units[names.index(name)].shape != facts.shape:
+            report.error(
+                f"has shape {units[names.index(name)].shape}, the images have {facts.shape}",
+                "NAXIS1",
+                names.index(name),
+            )
     masks = [number for number, name in enumerate(names) if name == "MASK"]
     if len(masks) != len(facts.datasums):
         report.error(f"has {len(masks)} masks for {len(facts.datasums)} images")
     for count, number in enumerate(masks, start=1):
-        _check_mask(report, units[number].header, number, count, facts)
+        _check_mask(report, headers[number], number, count, facts)
     if "FRAMES" in names:
-        _check_frames(report, units["FRAMES"], names.index("FRAMES"), facts)
+        _check_frames(report, units[names.index("FRAMES")], names.index("FRAMES"), facts)
 
 
 def _check_mask(report: Report, header: Mapping[str, Any], number: int, count: int, facts: FileFacts) -> None:

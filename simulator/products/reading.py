@@ -5,13 +5,13 @@ from __future__ import annotations
 import contextlib
 import math
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any, TypeGuard
 
 from simulator.products.checksum import ALL_ONES, ones_sum
 from simulator.products.findings import Report
 
-__all__ = ["check_sums", "is_real", "open_units", "whole_number"]
+__all__ = ["check_sums", "is_real", "open_units", "plain_header", "whole_number"]
 
 _BLOCK = 2880
 # What astropy raises over files that lie about themselves.
@@ -25,12 +25,14 @@ def open_units(report: Report, *, raw: bool = False) -> Iterator[Any]:
     What astropy warns of, while opening and while in use, becomes a finding. ``raw`` shows compressed images as the
     tables that hold them.
     """
+    from astropy.io import fits
+
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
         units = _opened(report, raw=raw)
         try:
             yield units
-        except _DAMAGE as error:
+        except (*_DAMAGE, fits.VerifyError) as error:
             report.error(f"cannot be read further: {_first_line(error)}")
         finally:
             if units is not None:
@@ -66,10 +68,26 @@ def _first_line(error: Exception) -> str:
     return (str(error).splitlines() or [type(error).__name__])[0]
 
 
-def check_sums(report: Report, units: Any, number: int) -> None:
+def plain_header(report: Report, units: Any, number: int) -> dict[str, Any]:
+    """Header of one unit as keywords and values; cards that are no cards, and those that stand twice, are findings."""
+    from astropy.io import fits
+
+    values: dict[str, Any] = {}
+    for card in units[number].header.cards:
+        try:
+            keyword, value = card.keyword, card.value
+        except (*_DAMAGE, fits.VerifyError):
+            report.error("has a card that cannot be read", str(card.rawkeyword)[:8].strip(), number)
+            continue
+        if keyword in values and keyword not in ("COMMENT", "HISTORY", ""):
+            report.error("stands twice", keyword, number)
+        values.setdefault(keyword, value)
+    return values
+
+
+def check_sums(report: Report, units: Any, number: int, header: Mapping[str, Any]) -> None:
     """Check ``CHECKSUM`` and ``DATASUM`` of one unit against the bytes in the file."""
-    unit = units[number]
-    place, header = unit.fileinfo(), unit.header
+    place = units[number].fileinfo()
     missing = [key for key in ("CHECKSUM", "DATASUM") if key not in header]
     for key in missing:
         report.error("is missing", key, number)

@@ -70,7 +70,8 @@ class SourceTruth(Protocol):
 class FrameSequence(Protocol):
     """Frames of one exposure sequence of one camera, made one at a time.
 
-    Frame ``i`` begins ``i * (exposure_s + readout_s)`` after ``start_utc`` (ISO 8601).
+    Frame ``i`` begins ``i * (exposure_s + readout_s)`` after ``start_utc`` (ISO 8601). A sequence that has point
+    sources says where they are in a further attribute, ``truth`` (`SourceTruth`).
     """
 
     @property
@@ -140,10 +141,6 @@ class FrameSequence(Protocol):
     @property
     def ledger(self) -> Sequence[LedgerRow]:
         """What is modelled and what is left out."""
-
-    @property
-    def truth(self) -> SourceTruth | None:
-        """Point sources, None where there are none."""
 
     @property
     def expected(self) -> NDArray[np.float64]:

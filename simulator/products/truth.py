@@ -14,7 +14,7 @@ from simulator.camera.frame import Frame
 from simulator.products.keywords import Value, escaped, load_keywords
 from simulator.products.naming import ProductName
 from simulator.products.places import sky_places
-from simulator.products.sequence import FrameSequence
+from simulator.products.sequence import FrameSequence, SourceTruth
 from simulator.products.times import SequenceTimes
 from simulator.products.units import append_compressed, append_image, append_primary, append_table, header_cards
 
@@ -77,7 +77,7 @@ class TruthWriter:
 
     def _sources(self) -> dict[str, Any]:
         """Columns of the table of sources; no columns without sources."""
-        truth = self.sequence.truth
+        truth: SourceTruth | None = getattr(self.sequence, "truth", None)
         if truth is None or not truth.sources:
             return {}
         sources = truth.sources

@@ -8,7 +8,6 @@ import pytest
 from simulator.config.detector import Detector
 from simulator.config.instrument import load_instrument
 
-
 BARE = ("photon_noise", "dark", "blooming", "clock_charge", "em_register", "register_full_well", "read_noise")
 
 

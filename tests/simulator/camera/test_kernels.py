@@ -122,7 +122,7 @@ def test_blooming_conserves_charge_and_is_its_own_limit(seed, level):
     more[rng.integers(31), rng.integers(7)] += 500
     assert (spilled(more)[0] >= after).all()
     for c in range(7):
-        pixels, ends = brute_spill(charge[:, c], 100)
+        pixels, _ = brute_spill(charge[:, c], 100)
         assert (after[:, c] == pixels).all()
     assert bottom + top == sum(sum(brute_spill(charge[:, c], 100)[1]) for c in range(7))
 

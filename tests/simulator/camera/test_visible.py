@@ -246,6 +246,52 @@ def test_windows_beyond_the_pixels_are_refused(detector):
         camera.prepare(np.zeros((100, 100)), 1.0, 1.0, first_pixel=(1000, 500))
     with pytest.raises(InputError, match="path"):
         camera.expose(camera.prepare(np.zeros((10, 10)), 1.0, 1.0), seed=1, path="name")
-    for bad in ({"exposure_s": -1.0}, {"exposure_s": np.nan}, {"em_gain": 0.5}, {"em_gain": 1001.0}, {"em_gain": [2, 3]}):
+    for bad in (
+        {"exposure_s": -1.0},
+        {"exposure_s": np.nan},
+        {"em_gain": 0.5},
+        {"em_gain": 1001.0},
+        {"em_gain": [2, 3]},
+    ):
         with pytest.raises(InputError, match=next(iter(bad))):
             camera.prepare(np.zeros((10, 10)), **({"exposure_s": 1.0, "em_gain": 1.0} | bad))
+
+
+@pytest.mark.parametrize("level", [0.0, -0.0, 1e-300, 1e-12, 1e9, 2.0**31 + 0.5, 1e15, 9.2e18, 9.3e18, 1e300])
+@pytest.mark.parametrize("exposure_s", [0.0, 1e-6, 1.0, 1e6])
+def test_levels_from_nothing_to_everything(detector, level, exposure_s):
+    """Finite, in range, never wrapped; brighter is never fainter without noise."""
+    camera = VisibleCamera(detector)
+    rates = np.zeros((24, 24))
+    rates[12, 12] = level
+    exposure = camera.prepare(rates, exposure_s, 300.0)
+    expected = camera.expected_adu(exposure)
+    frame = camera.expose(exposure, seed=1, path=("extreme",))
+    assert np.isfinite(expected).all()
+    assert expected.min() >= 0
+    assert expected.max() <= detector.adc_max_adu
+    assert frame.adu.max() <= detector.adc_max_adu
+    assert all(np.isfinite(value) for value in frame.charge.values())
+    if level * exposure_s > 1e7:
+        assert frame.lost[12, 12]
+        assert frame.adu[12, 12] > 11_000
+    longer = camera.expected_adu(camera.prepare(rates, min(2 * exposure_s, 1e6), 300.0))
+    brighter = camera.expected_adu(camera.prepare(2 * np.minimum(rates, 1e300), exposure_s, 300.0))
+    for more in (longer, brighter):
+        assert (more - expected).min() > -1e-6
+    if exposure_s:
+        full = camera.expose(camera.prepare(2 * np.minimum(rates, 1e300), exposure_s, 300.0), seed=1, path=("extreme",))
+        assert full.n_saturated_pixels >= frame.n_saturated_pixels
+
+
+@pytest.mark.parametrize(("bad", "word"), [(np.nan, "nan"), (np.inf, "inf"), (-1.0, "-1"), (-1e-8, "-1e-08")])
+def test_impossible_rates_are_refused_with_their_pixel(detector, bad, word):
+    rates = np.ones((24, 24))
+    rates[3, 7] = bad
+    with pytest.raises(InputError, match=rf"y=3, x=7.*{word}"):
+        VisibleCamera(detector).prepare(rates, 1.0, 1.0)
+    ringing = np.ones((24, 24))
+    ringing[3, 7] = -5e-10
+    exposure = VisibleCamera(detector).prepare(ringing, 1.0, 1.0)
+    assert exposure.n_negative_rates == 1
+    assert exposure.mean_e.min() >= 0

@@ -197,8 +197,24 @@ def test_images_of_other_shapes_and_kinds_are_named(good, tree):
 
     changed(good, other)
     assert [(f.hdu, f.keyword) for f in found(good)] == [(2, "NAXIS1"), (3, "NAXIS")]
-    changed(good, lambda units: units.__setitem__(1, fits.BinTableHDU.from_columns([fits.Column("A", "E", array=[1.0])])))
+    changed(
+        good, lambda units: units.__setitem__(1, fits.BinTableHDU.from_columns([fits.Column("A", "E", array=[1.0])]))
+    )
     assert (1, "XTENSION") in [(f.hdu, f.keyword) for f in found(good)]
+
+
+def test_a_keyword_that_stands_twice_is_named(good):
+    changed(good, lambda units: units[2].header.append(("GAIN", 60.0)))
+    only(good, "GAIN", "twice", hdu=2)
+
+
+def test_a_card_that_cannot_be_read_is_named(good, tree):
+    shutil.rmtree(tree / "Truth")
+    data = good.read_bytes().replace(b"GAIN    =                 59.0", b"GAIN    =                 5..0", 1)
+    good.write_bytes(data)
+    findings = found(good)
+    assert {(f.hdu, f.keyword) for f in findings} == {(1, "GAIN"), (1, "CHECKSUM")}
+    assert any("cannot be read" in f.message for f in findings)
 
 
 def test_missing_and_surplus_images_are_named(good):

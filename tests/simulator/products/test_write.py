@@ -36,9 +36,7 @@ def errors(path):
 
 
 def without_coordinates(scene=SCENE):
-    return scene.model_copy(
-        update={"cstar": scene.cstar.model_copy(update={"ra_deg": None, "dec_deg": None})}
-    )
+    return scene.model_copy(update={"cstar": scene.cstar.model_copy(update={"ra_deg": None, "dec_deg": None})})
 
 
 def test_tree_of_a_science_sequence(sequence, tmp_path):
@@ -94,7 +92,8 @@ def test_headers_say_what_the_sequence_is(sequence, tmp_path):
         "OBSTYPE": "SCI", "FILETYPE": "SCI", "OBJECT": "alpha Cen B", "TARGET": "alpha Cen B", "FILTER": "F662",
         "ROLE": "science", "NFRAME": 3, "NEXTEND": 3, "TIMESYS": "UTC", "DATE-OBS": "2028-03-04T05:06:07.250000",
         "DATE-END": "2028-03-04T05:06:39.450000", "EXPTIME": 10.0, "READTIME": 1.1, "INTTIME": 30.0, "POS_ANG1": 30.0,
-        "SWNAME": "cpic-planner", "CONFHASH": one.instrument.content_hash, "SCENHASH": one.scene.content_hash, "SEED": 7,
+        "SWNAME": "cpic-planner", "CONFHASH": one.instrument.content_hash, "SCENHASH": one.scene.content_hash,
+        "SEED": 7,
         "EFF001": "kept | photon noise | Poisson", "NEFFECT": 2, "NCALFILE": 2, "CALF001": "flat.fits",
         "CALF002": one.calibration_files[1], "HOLEMODE": "4q",
     }  # fmt: skip
@@ -103,7 +102,9 @@ def test_headers_say_what_the_sequence_is(sequence, tmp_path):
     assert primary["RA_OBJ"] == pytest.approx(SCENE.cstar.ra_deg, abs=1e-9)
     assert primary["EXPSTART"] == pytest.approx(61834 + (5 * 3600 + 6 * 60 + 7.25) / 86400, abs=1e-9)
     assert np.hypot(primary["POSI0_X"], np.hypot(primary["POSI0_Y"], primary["POSI0_Z"])) == pytest.approx(6778.137)
-    assert np.hypot(primary["VELO1_X"], np.hypot(primary["VELO1_Y"], primary["VELO1_Z"])) == pytest.approx(7.67, abs=0.01)
+    assert np.hypot(primary["VELO1_X"], np.hypot(primary["VELO1_Y"], primary["VELO1_Z"])) == pytest.approx(
+        7.67, abs=0.01
+    )
     assert all(0 <= primary[f"{key}{end}"] <= 180 for key in ("SUNANGL", "MOONANG") for end in "01")
     assert "modelled" in primary.comments["TEL_ALT0"]
     expected = {
@@ -374,3 +375,14 @@ def test_every_keyword_that_is_written_stands_in_its_place(sequence, tmp_path):
             for key in unit.header:
                 keyword = table.keywords.get(table.canonical(key))
                 assert keyword is None or keyword.hdu in homes, key
+
+
+@pytest.mark.parametrize(
+    ("start", "exposure_s", "readout_s"),
+    [("2016-12-31T23:59:55", 3.0, 0.5), ("2016-12-31T23:59:60.25", 0.0, 0.0),
+     ("2031-06-30T23:59:59.9999996", 300.0, 1.1),
+     ("2099-12-31", 1e-6, 0.0), ("2028-02-28T12:00:00", 86400.0, 10.0)],
+)  # fmt: skip
+def test_times_of_all_sorts_agree_with_themselves(sequence, tmp_path, start, exposure_s, readout_s):
+    write_level0(sequence(start_utc=start, exposure_s=exposure_s, readout_s=readout_s), tmp_path)
+    assert errors(tmp_path) == []

@@ -1,0 +1,186 @@
+"""A simulation as configuration: sequences of frames to be taken one after another."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, model_validator
+
+from catalogs.errors import InputError
+from simulator.config.base import FrozenModel
+from simulator.config.instrument import Instrument
+from simulator.config.keys import canonical_keys, required
+from simulator.config.light import Real
+from simulator.config.mission import Utc
+from simulator.config.scene import Scene
+
+__all__ = ["SEQUENCE_KINDS", "SKY_KINDS", "SequenceConfig", "SequenceKind", "SimulationConfig", "meaningful_keys"]
+
+SequenceKind = Literal["SCI", "DSF", "CALS", "BIAS", "DARK", "FLAT", "BKG", "LASER"]
+SKY_KINDS: tuple[SequenceKind, ...] = ("SCI", "DSF", "CALS")
+SEQUENCE_KINDS: tuple[SequenceKind, ...] = (*SKY_KINDS, "BIAS", "DARK", "FLAT", "BKG", "LASER")
+DEFAULT_EXPOSURE_S = 10.0
+
+_COMMON = ("kind", "instrument", "em_gain", "frames", "seed", "realisation", "switches", "start_utc", "obsid")
+_SKY = ("scene", "band", "exposure_s", "roll_deg", "star_offset_arcsec", "role", "fidelity", "scene_model")
+_OF_KIND: dict[SequenceKind, tuple[str, ...]] = dict.fromkeys(SKY_KINDS, _SKY) | {
+    "BIAS": ("camera",),
+    "DARK": ("camera", "exposure_s"),
+    "FLAT": ("band", "exposure_s", "level_e"),
+    "BKG": ("band", "exposure_s"),
+    "LASER": ("band", "exposure_s", "level_e", "offset_arcsec"),
+}
+_ALIASES = {"bands": "band", "n_frames": "frames", "exposures_s": "exposure_s", "em_gains": "em_gain"}
+_LISTS = ("band", "exposure_s", "em_gain")
+
+Exposure = Annotated[Real, Field(ge=1e-6, le=1e6)]
+Gain = Annotated[Real, Field(ge=1, le=10000)]
+Offset = Annotated[Real, Field(ge=-8, le=8)]
+Whole = Annotated[int, Field(strict=True)]
+
+
+def meaningful_keys(kind: Any) -> tuple[str, ...]:
+    """Keys that a sequence of a kind has a use for.
+
+    Raises
+    ------
+    InputError
+        If there is no such kind.
+    """
+    if kind not in SEQUENCE_KINDS:
+        raise InputError("kind", kind, allowed=", ".join(SEQUENCE_KINDS))
+    return (*_COMMON, *_OF_KIND[kind])
+
+
+class SequenceConfig(FrozenModel):
+    """One entry of a simulation: a sequence for each of its bands, exposures and gains, in this order.
+
+    Attributes
+    ----------
+    kind : str
+        SCI, DSF and CALS (science, dense star field, calibration star) look at a ``scene``; BIAS, DARK, FLAT, BKG (sky
+        background) and LASER do not.
+    scene : Scene
+    instrument : Instrument
+    band : tuple of str
+        All bands of the visible camera if none is given; none for BIAS and DARK, which name their ``camera``.
+    exposure_s, em_gain : tuple of float
+        Exposure of a frame, and the actual EM gain. BIAS has no exposure, the near infrared no gain.
+    frames : int
+        Frames of each sequence.
+    roll_deg, star_offset_arcsec, role, fidelity, scene_model
+        As `simulator.observe`. The role of CALS is ``calibration`` unless another one is given.
+    level_e, offset_arcsec
+        As `simulator.calibrate`.
+    seed : int
+    realisation : int, optional
+        Number of the noise realisation. Without one, sequences of the same scene, role and band (or of the same kind,
+        camera and band) are numbered, so that their noise is independent; the sequences of one entry that has one share
+        their random numbers.
+    switches : dict of str to bool
+        Effects of the camera to switch on or off; ``all`` stands for every one, names beside it are exceptions.
+    start_utc : str, optional
+        Begin of the first of its sequences; without one, sequences follow each other.
+    obsid : int, optional
+        Number of the first of its sequences, eleven digits; without one, sequences are counted.
+    """
+
+    kind: SequenceKind = "SCI"
+    scene: Scene | None = None
+    instrument: Instrument
+    band: tuple[str, ...] = ()
+    camera: Literal["VIS", "NIR"] = "VIS"
+    exposure_s: tuple[Exposure, ...] = (DEFAULT_EXPOSURE_S,)
+    em_gain: tuple[Gain, ...] = (1.0,)
+    frames: Annotated[Whole, Field(ge=1, le=1_000_000)] = 1
+    roll_deg: Real = 0.0
+    star_offset_arcsec: tuple[Offset, Offset] = (0.0, 0.0)
+    role: Literal["science", "reference", "calibration"] = "science"
+    fidelity: Literal["quick", "standard", "reference"] = "standard"
+    scene_model: Literal["exact", "paper"] = "exact"
+    level_e: Annotated[Real, Field(ge=0, le=1e12)] | None = None
+    offset_arcsec: tuple[Offset, Offset] = (0.5, 0.5)
+    seed: Annotated[Whole, Field(ge=0, lt=2**63)] = 1
+    realisation: Annotated[Whole, Field(ge=0, lt=2**31)] | None = None
+    switches: dict[str, bool] = {}
+    start_utc: Utc | None = None
+    obsid: Annotated[Whole, Field(ge=0, lt=10**11)] | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _spelled(cls, tree: Any) -> Any:
+        if not isinstance(tree, Mapping):
+            return tree
+        result = canonical_keys(tree, cls.model_fields, _ALIASES)
+        kind = result.get("kind", "SCI")
+        known = meaningful_keys(kind)
+        for key in _LISTS:
+            if key in result and not isinstance(result[key], list | tuple):
+                result[key] = (result[key],)
+            if key in result and not result[key]:
+                raise InputError(key, [], allowed="at least one value")
+        if kind == "BIAS" and result.get("exposure_s") in ((0,), [0]):
+            del result["exposure_s"]
+        for key, value in result.items():
+            if key not in known:
+                kinds = [name for name in SEQUENCE_KINDS if key in meaningful_keys(name)]
+                raise InputError(key, value, allowed=f"for {', '.join(kinds)}, not for {kind}")
+        if kind in SKY_KINDS and result.get("scene") is None:
+            raise required("scene", f"a scene for {kind}: a preset, a YAML file or a mapping")
+        instrument = result.get("instrument")
+        if isinstance(instrument, Instrument) and "band" in known:
+            result.setdefault("band", instrument.visible_bands())
+        if kind == "CALS":
+            result.setdefault("role", "calibration")
+        if kind == "BIAS":
+            result["exposure_s"] = ()
+        return result
+
+    @model_validator(mode="after")
+    def _possible(self) -> SequenceConfig:
+        for band in self.band:
+            self.instrument.band(band)
+        for camera in self.cameras:
+            most = self.instrument.detector.em_gain_max if camera == "VIS" else 1.0
+            for gain in self.em_gain:
+                if gain > most:
+                    allowed = f"1 to {most:g}" if camera == "VIS" else "1 in the near infrared"
+                    raise InputError("em_gain", gain, allowed=allowed)
+        known = {name for camera in self.cameras for name in self._switches_of(camera)}
+        for name in self.switches:
+            if name != "all" and name not in known:
+                raise InputError("switches", name, allowed=f"all, {', '.join(sorted(known))}")
+        return self
+
+    @property
+    def cameras(self) -> tuple[str, ...]:
+        """Cameras that the sequences are taken with."""
+        return tuple(dict.fromkeys(self.camera_of(band) for band in self.band)) or (self.camera,)
+
+    def camera_of(self, band: str) -> Literal["VIS", "NIR"]:
+        """Camera of a band, or that of the entry where the band is empty."""
+        return self.instrument.band(band).camera if band else self.camera
+
+    def _switches_of(self, camera: str) -> tuple[str, ...]:
+        detector = self.instrument.detector if camera == "VIS" else self.instrument.near_infrared.detector
+        return tuple(type(detector.switches).model_fields)
+
+    def switches_for(self, camera: str) -> dict[str, bool]:
+        """Switches of one camera by name."""
+        names = self._switches_of(camera)
+        every = dict.fromkeys(names, self.switches["all"]) if "all" in self.switches else {}
+        return every | {name: value for name, value in self.switches.items() if name in names}
+
+    def grid(self) -> Iterator[tuple[str, float, float]]:
+        """Yield band, exposure and gain of each sequence."""
+        yield from itertools.product(self.band or ("",), self.exposure_s or (0.0,), self.em_gain)
+
+
+class SimulationConfig(FrozenModel):
+    """Sequences in the order in which they are taken."""
+
+    name: Annotated[str, Field(min_length=1)]
+    description: str = ""
+    sequences: Annotated[tuple[SequenceConfig, ...], Field(min_length=1)]

@@ -1,0 +1,68 @@
+"""A stack drawn at once against the sum of frames drawn one by one."""
+
+import numpy as np
+import pytest
+
+from catalogs.errors import InputError
+from simulator.camera import VisibleCamera, excess_noise_factor2, stack_electrons, stackable, to_electrons
+from simulator.outcome import Reason, Status
+
+N = 30
+
+
+@pytest.fixture(scope="module")
+def camera(detector):
+    return VisibleCamera(detector.switched(off=("nonlinearity",)))
+
+
+@pytest.mark.parametrize(("gain", "level"), [(1.0, 300.0), (20.0, 0.4), (300.0, 2.0)])
+def test_mean_and_variance_are_those_of_the_sum(bare, gain, level):
+    det = bare(bias_adu=400)
+    camera = VisibleCamera(det)
+    exposure = camera.prepare(np.full((300, 300), level), 1.0, gain)
+    once = stack_electrons(camera, exposure, N, seed=1, path=("once",))
+    frames = [camera.expose(exposure, seed=1, path=("frames", i)).adu for i in range(N)]
+    summed = sum(to_electrons(adu, det, gain) for adu in frames)
+    mean = N * (level + det.dark_e_s + det.cic_e)
+    factor2 = float(excess_noise_factor2(gain))
+    variance = factor2 * mean + N * (det.read_noise_e**2 + det.gain_e_adu**2 / 12) / gain**2
+    for stack in (once, summed):
+        assert stack.mean() == pytest.approx(mean, abs=4.5 * np.sqrt(variance / stack.size) + 1e-4)
+        assert stack.var() == pytest.approx(variance, rel=4.5 * np.sqrt((2 + 9 / mean) / stack.size))
+
+
+def test_the_law_is_that_of_the_sum(bare):
+    """Two-sample comparison of the whole distribution, tails of the register included."""
+    from scipy import stats
+
+    camera = VisibleCamera(bare(read_noise_e=5.0, bias_adu=400, gain_e_adu=1.0, adc_bits=16))
+    exposure = camera.prepare(np.full((250, 250), 0.05), 1.0, 50.0)
+    once = stack_electrons(camera, exposure, N, seed=2, path=("once",)).ravel()
+    detector = camera.detector
+    summed = sum(
+        to_electrons(camera.expose(exposure, seed=2, path=("frames", i)).adu, detector, 50.0) for i in range(N)
+    ).ravel()
+    assert stats.ks_2samp(once, summed).pvalue > 1e-3
+
+
+def test_what_is_common_to_frames_adds_up_too(camera):
+    exposure = camera.prepare(np.zeros((200, 200)), 0.0, 1.0)
+    levels = [stack_electrons(camera, exposure, N, seed=s, path=("level",)).mean() for s in range(60)]
+    drift = camera.detector.bias_structure.drift_adu * camera.detector.gain_e_adu
+    assert np.std(levels) == pytest.approx(drift * np.sqrt(N), rel=0.4)
+    assert np.mean(levels) == pytest.approx(0, abs=4.5 * drift * np.sqrt(N / 60))
+
+
+def test_frames_that_can_saturate_are_refused_with_the_limit(camera, detector):
+    for level, gain, reason in ((1e5, 1.0, Reason.PIXEL_FULL_WELL), (3000.0, 300.0, Reason.REGISTER_FULL_WELL)):
+        exposure = camera.prepare(np.full((5, 5), level), 1.0, gain)
+        answer = stackable(camera, exposure)
+        assert answer.status is Status.SATURATED
+        assert answer.reason is reason
+        with pytest.raises(InputError, match="one draw"):
+            stack_electrons(camera, exposure, 3, seed=1, path=("a",))
+    curved = VisibleCamera(detector)
+    answer = stackable(curved, curved.prepare(np.zeros((5, 5)), 1.0, 1.0))
+    assert answer.reason is Reason.NOT_ADDITIVE
+    assert "nonlinearity" in answer.message
+    assert stackable(camera, camera.prepare(np.ones((5, 5)), 1.0, 20.0)).unwrap() < 0.1

@@ -1,0 +1,99 @@
+"""Calibration sequences against what they calibrate."""
+
+import numpy as np
+import pytest
+
+from catalogs.errors import InputError
+from simulator import calibrate
+from simulator.camera.dark_current import dark_rate_e_s
+
+PLAIN = {"cosmic_rays": False, "interference": False, "bias_drift": False, "nonlinearity": False}
+
+
+def active(sequence, image):
+    return image[sequence.sections["active"]]
+
+
+def test_bias_frames_hold_level_stripes_and_read_noise():
+    seen = calibrate("BIAS", n_frames=4, switches=PLAIN | {"clock_charge": False})
+    stack = seen.frames.astype(float)
+    detector = seen.instrument.detector
+    assert stack.mean() == pytest.approx(detector.bias_adu, abs=0.3)
+    assert (stack[0] - stack[1]).std() / np.sqrt(2) == pytest.approx(
+        np.hypot(detector.read_noise_e / detector.gain_e_adu, 12**-0.5), rel=0.01
+    )
+    assert stack.mean(axis=(0, 1)).std() == pytest.approx(detector.bias_structure.stripe_rms_adu, rel=0.1)
+    assert seen.exposure_s == 0
+    assert seen.header["OBSTYPE"] == "BIAS"
+
+
+def test_dark_frames_hold_the_dark_current():
+    seen = calibrate("DARK", exposure_s=2000.0, em_gain=100.0,
+                     switches=PLAIN | {"stripes": False, "bad_columns": False, "bad_pixels": False})  # fmt: skip
+    detector = seen.instrument.detector
+    electrons = (active(seen, seen.frame(0).adu).astype(float) - detector.bias_adu) * detector.gain_e_adu / 100
+    mean = dark_rate_e_s(detector) * 2000 + detector.cic_e
+    assert np.median(seen.expected_e) == pytest.approx(dark_rate_e_s(detector) * 2000, rel=0.1)
+    assert electrons.mean() == pytest.approx(mean, rel=0.01)
+
+
+def test_flat_fields_hold_the_response():
+    seen = calibrate("FLAT", band="F662", exposure_s=1.0, n_frames=2, switches=PLAIN)
+    detector = seen.instrument.detector
+    level = (active(seen, seen.frame(0).adu).astype(float) - detector.bias_adu) * detector.gain_e_adu
+    good = active(seen, seen.frame(0).mask) == 0
+    assert level[good].mean() == pytest.approx(detector.full_well_e / 2, rel=0.01)
+    noise = np.sqrt(detector.full_well_e / 2 + detector.read_noise_e**2 + detector.gain_e_adu**2 / 12)
+    scatter = np.hypot(noise, detector.flaws.prnu_rms * detector.full_well_e / 2)
+    assert level[good].std() == pytest.approx(scatter, rel=0.05)
+
+
+def test_background_is_the_sky_behind_the_mask():
+    seen = calibrate("BKG", band="F662", exposure_s=100.0)
+    rates = seen.mean_rate_map
+    assert rates.max() > 0
+    row, column = seen.instrument.detector.star_row, seen.instrument.detector.star_column
+    assert rates[row, column] == 0  # behind the cross
+    assert np.count_nonzero(rates == 0) == pytest.approx(19 * (1050 + 1080), rel=0.1)
+
+
+def test_laser_is_a_spot_where_it_is_asked_for():
+    seen = calibrate("LASER", band="F720", exposure_s=1.0, level_e=1e5, offset_arcsec=(-0.4, 0.6), switches=PLAIN)
+    row, column = np.unravel_index(seen.mean_rate_map.argmax(), seen.shape)
+    pixel = seen.instrument.detector.pixel_scale_arcsec
+    assert (column - 536) * pixel == pytest.approx(-0.4, abs=pixel)
+    assert (row - 514) * pixel == pytest.approx(0.6, abs=pixel)
+    # One wavelength, the apodizer's energy behind an open mask.
+    assert 0.1 * 1e5 < seen.mean_rate_map.sum() < 1e5
+
+
+def test_infrared_calibrations():
+    bias = calibrate("BIAS", camera="NIR")
+    assert bias.camera == "NIR"
+    assert bias.shape == bias.instrument.near_infrared.detector.shape
+    flat = calibrate("FLAT", band="F1265", exposure_s=10.0, level_e=20_000, switches={"cosmic_rays": False})
+    detector = flat.instrument.near_infrared.detector
+    assert np.median(flat.frame(0).adu) == pytest.approx(
+        detector.bias_adu + (20_000 + 10 * detector.dark_e_s) / detector.gain_e_adu, rel=0.02
+    )
+
+
+@pytest.mark.parametrize(
+    ("kind", "settings", "word"),
+    [
+        ("SCI", {}, "kind"),
+        ("BIAS", {"exposure_s": 1.0}, "exposure_s"),
+        ("DARK", {}, "exposure_s"),
+        ("FLAT", {"exposure_s": 1.0}, "band"),
+        ("DARK", {"exposure_s": 1.0, "band": "F520"}, "band"),
+        ("DARK", {"exposure_s": 1.0, "level_e": 5.0}, "level_e"),
+        ("FLAT", {"exposure_s": 1.0, "band": "F520", "level_e": -1.0}, "level_e"),
+        ("BIAS", {"n_frames": 0}, "n_frames"),
+        ("BIAS", {"camera": "UV"}, "camera"),
+        ("BIAS", {"camera": "NIR", "em_gain": 2.0}, "em_gain"),
+        ("LASER", {"exposure_s": 1.0, "band": "F520", "offset_arcsec": (9, 0)}, "offset_arcsec"),
+    ],
+)
+def test_bad_settings_are_refused_by_name(kind, settings, word):
+    with pytest.raises(InputError, match=word):
+        calibrate(kind, **settings)
