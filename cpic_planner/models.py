@@ -19,6 +19,8 @@ __all__ = [
     "RankResult",
     "RankedTarget",
     "RunRecord",
+    "SimulatedSequence",
+    "SimulationResult",
 ]
 
 StatusText = Literal["ok", "unreachable", "saturated", "outside_field", "invalid"]
@@ -228,9 +230,74 @@ class RunRecord(Result):
     versions: dict[str, str]
 
 
+class SimulatedSequence(Result):
+    """One sequence of a simulation: what it is, where its files are, and what its frames hold."""
+
+    obsid: str = Field(description="number of the observation, eleven digits")
+    kind: str = Field(description="SCI, DSF, CALS, BIAS, DARK, FLAT, BKG or LASER")
+    target: str = Field(description="name of the scene, or the kind where there is none")
+    camera: Literal["VIS", "NIR"]
+    band: str = Field(description="empty for BIAS and DARK")
+    exposure_s: float = Field(description="exposure of a frame, s")
+    n_frames: int
+    em_gain: float
+    start_utc: str = Field(description="begin of the first exposure")
+    settings: dict[str, Any] = Field(description="what decides the frames; scene and instrument by their hash")
+    file: str = Field(description="Level-0 file below the folder of the run")
+    truth: str | None = Field(description="truth of the file; null if none was asked for")
+    params: str = Field(description="folder of configuration, keyword table and logs")
+    adu_min: int = Field(description="smallest pixel value of all frames")
+    adu_max: int = Field(description="largest pixel value of all frames")
+    saturated_pixels: int = Field(description="most pixels of one frame that a limit cut off")
+    clipped_pixels: int = Field(description="most pixels of one frame that left the range of the converter")
+    cosmic_rays: int = Field(description="particles that crossed the detector, all frames together")
+    size_bytes: int = Field(description="Level-0 file, truth and parameters together")
+    sha256: str = Field(description="of the Level-0 file")
+
+
+class SimulationResult(Result):
+    """The products of a simulation: reproducible from configuration and seeds."""
+
+    schema_version: Literal[1] = 1
+    kind: Literal["simulation"] = "simulation"
+    version: str
+    config_hash: str
+    name: str
+    description: str
+    n_frames: int
+    size_bytes: int
+    sequences: list[SimulatedSequence]
+
+
+class FindingRecord(Result):
+    """One thing that is wrong with a product."""
+
+    path: str
+    hdu: int | None = Field(description="number of the unit, 0 for the primary one; null for the file as a whole")
+    keyword: str = Field(description="empty if the finding is about none")
+    message: str
+    severity: Literal["error", "warning"] = Field(
+        description="error: against the specification; warning: unusual, or missing where the specification leaves it open"
+    )
+
+
+class CheckResult(Result):
+    """What a check of Level-0 products found."""
+
+    schema_version: Literal[1] = 1
+    kind: Literal["check"] = "check"
+    paths: list[str] = Field(description="what was checked")
+    n_files: int = Field(description="Level-0 files among it")
+    n_errors: int
+    n_warnings: int
+    findings: list[FindingRecord]
+
+
 SCHEMAS: dict[str, type[Result]] = {
     "rank": RankResult,
     "etc": EtcResult,
     "plan": PlanResult,
     "run": RunRecord,
+    "simulation": SimulationResult,
+    "check": CheckResult,
 }

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import os
-import platform
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
-from importlib import metadata
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -17,6 +14,7 @@ from pydantic import Field
 
 from catalogs.catalogue import Catalogue
 from cpic_planner.engine import run_tasks
+from cpic_planner.environment import host, versions
 from cpic_planner.etc.model import EtcModel, Strategy, build_model
 from cpic_planner.etc.planet import ReferencePlanet
 from cpic_planner.models import (
@@ -246,8 +244,8 @@ def make_plan(
             scheduler=scheduler,
             resumed_parts=resumed,
             computed_parts=len(prepared.tasks) - resumed,
-            host=_host(),
-            versions=_versions(),
+            host=host(),
+            versions=versions(),
         )
         folder.write("run.json", dump_json(record.model_dump(mode="json")))
     return FinishedPlan(plan, prepared.rank, resumed, len(prepared.tasks) - resumed)
@@ -342,23 +340,3 @@ def _write(
 
     folder.write("plan.json", dump_json(plan.model_dump(mode="json")))
     write_report(folder, plan, prepared.rank, prepared.model, bodies, prepared.targets)
-
-
-def _host() -> dict[str, Any]:
-    return {
-        "system": platform.system(),
-        "machine": platform.machine(),
-        "python": platform.python_version(),
-        "cpu_count": os.cpu_count(),
-    }
-
-
-def _versions() -> dict[str, str]:
-    names = ("cpic-planner", "numpy", "scipy", "astropy", "hcipy", "photutils", "pydantic", "dask")
-    found = {}
-    for name in names:
-        try:
-            found[name] = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            found[name] = "not installed"
-    return found

@@ -19,7 +19,7 @@ import json
 import logging
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -32,7 +32,7 @@ __all__ = ["RunFolder", "open_run_folder"]
 
 _LOG = logging.getLogger(__name__)
 SCHEMA_VERSION = 1
-PRODUCTS = ("plan.json", "run.json", "ranking.csv", "ranking.ecsv", "report.html")
+PRODUCTS = ("simulation.json", "plan.json", "run.json", "ranking.csv", "ranking.ecsv", "report.html")
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,14 @@ def _digest(body: Any) -> str:
 
 
 @contextlib.contextmanager
-def open_run_folder(path: str | Path, *, kind: str, config_hash: str, force: bool = False) -> Iterator[RunFolder]:
+def open_run_folder(
+    path: str | Path,
+    *,
+    kind: str,
+    config_hash: str,
+    force: bool = False,
+    clear: Callable[[Path], None] = lambda folder: None,
+) -> Iterator[RunFolder]:
     """Open an output folder for one run.
 
     Parameters
@@ -87,11 +94,14 @@ def open_run_folder(path: str | Path, *, kind: str, config_hash: str, force: boo
     path : str or Path
         Folder; created with its parents if absent.
     kind : str
-        Kind of run (``plan``).
+        Kind of run (``plan``, ``simulation``).
     config_hash : str
         Hash of everything that decides the result.
     force : bool
         Drop what a run of another configuration left there.
+    clear : callable
+        Called with the folder to remove what a run of this kind, but of another configuration, left there besides
+        parts and the products of this module's list.
 
     Raises
     ------
@@ -120,13 +130,13 @@ def open_run_folder(path: str | Path, *, kind: str, config_hash: str, force: boo
         lock.truncate()
         lock.write(f"in use by pid {os.getpid()}, started {datetime.now(UTC):%Y-%m-%d %H:%M:%S} UTC\n")
         lock.flush()
-        resumed = _claim(folder, kind, config_hash, force)
+        resumed = _claim(folder, kind, config_hash, force, clear)
         yield RunFolder(folder, config_hash, resumed)
         lock.seek(0)
         lock.truncate()
 
 
-def _claim(folder: Path, kind: str, config_hash: str, force: bool) -> bool:
+def _claim(folder: Path, kind: str, config_hash: str, force: bool, clear: Callable[[Path], None]) -> bool:
     """Check or write the manifest; true when work of the same configuration is there."""
     manifest = {"schema_version": SCHEMA_VERSION, "kind": kind, "config_hash": config_hash}
     path = folder / "manifest.json"
@@ -142,6 +152,8 @@ def _claim(folder: Path, kind: str, config_hash: str, force: bool) -> bool:
         raise InputError("--out", str(folder), allowed=f"a folder of configuration {config_hash}",
                          hint=f"it holds a {old.get('kind')} of configuration {old.get('config_hash')}; "
                          "choose another folder, or --force to replace it")  # fmt: skip
+    if old is not None and old.get("kind") == kind:
+        clear(folder)
     shutil.rmtree(folder / "parts", ignore_errors=True)
     for name in PRODUCTS:
         (folder / name).unlink(missing_ok=True)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cpic_planner.etc.model import EtcModel
+from cpic_planner.etc.sky import aperture_sky_e_s
 from cpic_planner.targets import Targets
 from simulator.camera.dark_current import dark_rate_e_s
 from simulator.camera.noise import aperture_noise_pixels
@@ -114,10 +115,7 @@ def aperture_rates(
     ratio = np.asarray(contrast, float)
     star = star.reshape(star.shape + (1,) * max(0, x.ndim - 1, ratio.ndim - 1))
     planet_total = star * ratio
-    aperture_arcsec2 = metrics.aperture_pixels * metrics.pixel_scale_arcsec**2
-    sky = model.passbands.sky_rate_e_s_arcsec2(instrument.sky.brightness_v_mag_arcsec2, instrument.telescope.area_cm2)[
-        column
-    ]
+    sky = aperture_sky_e_s(model, targets, band)
     companion = _companion_e_s(model, targets, band, x, y)
     region_pixels = float(np.count_nonzero(metrics.hole))
     shape = np.broadcast_shapes(star.shape, x.shape)
@@ -125,7 +123,7 @@ def aperture_rates(
         planet_e_s=planet_total * metrics.core_throughput(x, y),
         halo_e_s=star * metrics.halo_aperture(x, y),
         companion_e_s=companion,
-        sky_e_s=np.full((1,) * len(shape), sky * aperture_arcsec2 * metrics.apodizer_energy),
+        sky_e_s=sky.reshape(sky.shape + (1,) * (len(shape) - 1)),
         dark_e_s=np.full((1,) * len(shape), dark_rate_e_s(instrument.detector) * metrics.aperture_pixels),
         speckle_e_s=star * speckle_fraction(model, band, visit_s, np.hypot(x, y)),
         peak_hole_e_s=star * metrics.peak_on_axis_hole

@@ -21,8 +21,10 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from cpic_planner.report.drawing import style
+from cpic_planner.validation.confirm import images_of
 from simulator import Observation, load_instrument, observe, single_band_psf
 from simulator.camera import to_electrons
+from simulator.camera.dark_current import dark_rate_e_s
 from simulator.files import write_bytes, write_text
 from simulator.imaging.aperture import overlap_weights
 from simulator.imaging.psf import Psf
@@ -68,7 +70,11 @@ class Shifted:
         part = (slice(top, top + len(weights)), slice(left, left + len(weights)))
         total_s = seen.exposure_s * seen.n_frames
         mean = seen.mean_rate_map[part] * total_s
-        pixels = detector.read_noise_e**2 * seen.n_frames + detector.dark_e_s * total_s + detector.cic_e * seen.n_frames
+        pixels = (
+            detector.read_noise_e**2 * seen.n_frames
+            + dark_rate_e_s(detector) * total_s
+            + detector.cic_e * seen.n_frames
+        )
         variance = float((weights**2 * (mean + pixels)).sum())
         return float((weights * self.electrons[part]).sum()), float((weights * mean).sum()), variance
 
@@ -77,13 +83,13 @@ def shifted(band: str, direction: str, shift_arcsec: float, realisation: int = 0
     """Simulate one set of frames and add them up, bias, mean dark and clock-induced charge taken off."""
     x, y = (part * shift_arcsec for part in DIRECTIONS[direction])
     seen = observe(SCENE, band=band, exposure_s=EXPOSURE_S, n_frames=FRAMES, role="calibration", window="hole",
-                   realisation=realisation, star_offset_arcsec=(x, y))  # fmt: skip
+                   realisation=realisation, star_offset_arcsec=(x, y), instrument=images_of(load_instrument()))  # fmt: skip
     detector, total, lost, brightest = seen.instrument.detector, np.zeros(seen.shape), 0, 0
     for index in range(FRAMES):
         frame = seen.frame(index)
         total += to_electrons(frame.adu, detector, seen.em_gain)
         lost, brightest = max(lost, int(frame.lost.sum())), max(brightest, int(frame.adu.max()))
-    total -= FRAMES * (detector.cic_e + detector.dark_e_s * EXPOSURE_S)
+    total -= FRAMES * (detector.cic_e + dark_rate_e_s(detector) * EXPOSURE_S)
     return Shifted(direction, shift_arcsec, seen, total, lost, brightest)
 
 

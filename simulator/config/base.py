@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Annotated, Any, TypeVar, get_args
 
@@ -176,7 +177,7 @@ _UNITS = (
 
 def unit_of(key: str) -> str:
     """Unit named by the suffix of a key, ``""`` if none; that of an item of a list is that of the list."""
-    key = key.rstrip(".0123456789")
+    key = re.sub(r"(\.\d+)+$", "", key)
     for suffix, unit in _UNITS:
         if key.endswith(suffix):
             return unit

@@ -67,7 +67,6 @@ class InfraredDetector(FrozenModel):
     star_column: Annotated[int, Field(ge=0)]
     star_row: Annotated[int, Field(ge=0)]
     pixel_um: Annotated[float, Field(ge=1, le=100)]
-    parity: Literal[-1, 1]
     full_well_e: Annotated[float, Field(ge=100, le=1e9)]
     nonlinearity_at_full_well: Annotated[float, Field(ge=0, le=0.4)]
     dark_e_s: Annotated[float, Field(ge=0, le=1e6)]

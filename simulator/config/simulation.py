@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
@@ -32,7 +32,6 @@ _OF_KIND: dict[SequenceKind, tuple[str, ...]] = dict.fromkeys(SKY_KINDS, _SKY) |
     "BKG": ("band", "exposure_s"),
     "LASER": ("band", "exposure_s", "level_e", "offset_arcsec"),
 }
-_ALIASES = {"bands": "band", "n_frames": "frames", "exposures_s": "exposure_s", "em_gains": "em_gain"}
 _LISTS = ("band", "exposure_s", "em_gain")
 
 Exposure = Annotated[Real, Field(ge=1e-6, le=1e6)]
@@ -87,6 +86,10 @@ class SequenceConfig(FrozenModel):
         Number of the first of its sequences, eleven digits; without one, sequences are counted.
     """
 
+    ALIASES: ClassVar[dict[str, str]] = {
+        "bands": "band", "n_frames": "frames", "exposures_s": "exposure_s", "em_gains": "em_gain"
+    }  # fmt: skip
+
     kind: SequenceKind = "SCI"
     scene: Scene | None = None
     instrument: Instrument
@@ -113,7 +116,7 @@ class SequenceConfig(FrozenModel):
     def _spelled(cls, tree: Any) -> Any:
         if not isinstance(tree, Mapping):
             return tree
-        result = canonical_keys(tree, cls.model_fields, _ALIASES)
+        result = canonical_keys(tree, cls.model_fields, cls.ALIASES)
         kind = result.get("kind", "SCI")
         known = meaningful_keys(kind)
         for key in _LISTS:
@@ -136,6 +139,8 @@ class SequenceConfig(FrozenModel):
             result.setdefault("role", "calibration")
         if kind == "BIAS":
             result["exposure_s"] = ()
+        if isinstance(result.get("obsid"), str) and result["obsid"].isdecimal():
+            result["obsid"] = int(result["obsid"])
         return result
 
     @model_validator(mode="after")
@@ -148,10 +153,9 @@ class SequenceConfig(FrozenModel):
                 if gain > most:
                     allowed = f"1 to {most:g}" if camera == "VIS" else "1 in the near infrared"
                     raise InputError("em_gain", gain, allowed=allowed)
-        known = {name for camera in self.cameras for name in self._switches_of(camera)}
         for name in self.switches:
-            if name != "all" and name not in known:
-                raise InputError("switches", name, allowed=f"all, {', '.join(sorted(known))}")
+            if name not in self.known_switches:
+                raise InputError("switches", name, allowed=", ".join(self.known_switches))
         return self
 
     @property
@@ -162,6 +166,12 @@ class SequenceConfig(FrozenModel):
     def camera_of(self, band: str) -> Literal["VIS", "NIR"]:
         """Camera of a band, or that of the entry where the band is empty."""
         return self.instrument.band(band).camera if band else self.camera
+
+    @property
+    def known_switches(self) -> tuple[str, ...]:
+        """Names of the switches of its cameras, and ``all``."""
+        names = {name for camera in self.cameras for name in self._switches_of(camera)}
+        return ("all", *sorted(names))
 
     def _switches_of(self, camera: str) -> tuple[str, ...]:
         detector = self.instrument.detector if camera == "VIS" else self.instrument.near_infrared.detector

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from simulator.products.sequence import FrameSequence, camera_of
+from simulator.products.sequence import FrameSequence
 from simulator.target.positions import detector_to_sky
 
 __all__ = ["pointing_deg", "sky_places", "star_deg"]
@@ -56,6 +56,6 @@ def _parity(sequence: FrameSequence) -> int:
     """Orientation of the detector: that of the world coordinates where they are given."""
     names = ("CD1_1", "CD1_2", "CD2_1", "CD2_2")
     if not all(name in sequence.header for name in names):
-        return camera_of(sequence).parity
+        return sequence.instrument.detector.parity
     a, b, c, d = (float(sequence.header[name]) for name in names)
     return 1 if a * d > b * c else -1

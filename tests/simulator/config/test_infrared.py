@@ -22,7 +22,7 @@ def test_shipped_camera_is_labelled_assumed():
 
 
 @pytest.mark.parametrize(("key", "value"), [
-    ("n_columns", 8), ("n_rows", 1.5), ("star_column", 640), ("star_row", 512), ("pixel_um", 0.5), ("parity", 0),
+    ("n_columns", 8), ("n_rows", 1.5), ("star_column", 640), ("star_row", 512), ("pixel_um", 0.5),
     ("full_well_e", 10), ("nonlinearity_at_full_well", 0.5), ("dark_e_s", -1), ("read_noise_e", -1),
     ("reset_noise_e", float("nan")), ("gain_e_adu", 0), ("adc_bits", 17), ("bias_adu", 65535), ("bias_adu", 6e4 + 1),
     ("readout_mode", "fowler"), ("n_reads", 1), ("n_reads", 1001), ("frame_time_s", 0), ("interpixel_coupling", 0.3),

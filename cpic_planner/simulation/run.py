@@ -1,0 +1,318 @@
+"""Run a simulation: every sequence a task, every finished one kept, the rest done when it is started again."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import shutil
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, Protocol, cast
+
+from catalogs.errors import InputError
+from cpic_planner.engine import run_tasks
+from cpic_planner.environment import host, versions
+from cpic_planner.models import RunRecord, SimulatedSequence, SimulationResult
+from cpic_planner.runfolder import RunFolder, open_run_folder
+from cpic_planner.simulation.cost import disk_bytes
+from cpic_planner.simulation.sequences import PlannedSequence, check_light, plan_sequences
+from cpic_planner.version import __version__
+from simulator.camera.frame import Frame
+from simulator.config import FrozenModel, content_hash
+from simulator.config.keys import at
+from simulator.config.simulation import SimulationConfig
+from simulator.files import dump_json
+from simulator.products import FrameSequence, write_level0
+from simulator.products.naming import ProductName
+from simulator.products.params import PARAMS_FILES
+
+__all__ = ["Advance", "FinishedSimulation", "simulate"]
+
+RESULT_VERSION = 1
+"""Raised when the same configuration gives other frames, so that old folders are not continued."""
+_BRANCHES = ("SCI", "CAL", "Truth", "Params")
+
+
+class Advance(Protocol):
+    """Told about finished frames."""
+
+    def __call__(self, text: str, frames: int = 1, /) -> None:
+        """Note ``frames`` more frames of what ``text`` names."""
+
+
+@dataclass(frozen=True)
+class FinishedSimulation:
+    """The products of a simulation, and how many sequences were already there."""
+
+    result: SimulationResult
+    resumed: int
+    computed: int
+
+
+def simulate(
+    simulation: SimulationConfig,
+    out: str | Path,
+    *,
+    workers: int = 1,
+    scheduler: str | None = None,
+    force: bool = False,
+    truth: bool = True,
+    advance: Advance = lambda text, frames=1: None,
+    command: list[str] | None = None,
+) -> FinishedSimulation:
+    """Make the Level-0 products of a simulation.
+
+    Parameters
+    ----------
+    simulation : SimulationConfig
+        See `simulator.config.simulation_file.load_simulation`.
+    out : str or Path
+        Root of the tree of products; continued when it holds part of the same simulation.
+    workers : int
+        Local worker processes; the files do not depend on it.
+    scheduler : str, optional
+        Dask scheduler to use instead; its workers see ``out`` under the same name.
+    force : bool
+        Replace what another configuration left in ``out``.
+    truth : bool
+        Write the truth beside the products.
+    advance : callable
+        Told about finished frames: one by one in this process, a sequence at a time with several workers.
+    command : list of str, optional
+        Command line, kept in ``run.json``.
+
+    Returns
+    -------
+    FinishedSimulation
+
+    Raises
+    ------
+    InputError
+        For bad input, too small a disk, or if ``out`` is in use or holds another configuration.
+    """
+    started, clock = datetime.now(UTC), time.monotonic()
+    planned = plan_sequences(simulation)
+    check_light(planned)
+    digest = simulation_hash(planned, truth=truth)
+    with open_run_folder(out, kind="simulation", config_hash=digest, force=force, clear=_clear) as folder:
+        _sweep(folder.path)
+        bodies, resumed = _make_all(planned, folder, workers, scheduler, truth, advance)
+        result = _result(simulation, planned, digest, bodies, truth=truth)
+        folder.write("simulation.json", dump_json(result.model_dump(mode="json")))
+        record = RunRecord(
+            command=command or [],
+            config_hash=digest,
+            started_utc=started.isoformat(timespec="seconds"),
+            finished_utc=datetime.now(UTC).isoformat(timespec="seconds"),
+            wall_s=round(time.monotonic() - clock, 3),
+            workers=workers,
+            scheduler=scheduler,
+            resumed_parts=resumed,
+            computed_parts=len(planned) - resumed,
+            host=host(),
+            versions=versions(),
+        )
+        folder.write("run.json", dump_json(record.model_dump(mode="json")))
+    return FinishedSimulation(result, resumed, len(planned) - resumed)
+
+
+def simulation_hash(planned: Sequence[PlannedSequence], *, truth: bool) -> str:
+    """Hash of everything that decides the products: settings, content of the files that they name, versions."""
+    hashes: dict[int, str] = {}
+    files: dict[str, str] = {}
+
+    def digest(part: FrozenModel) -> str:
+        if id(part) not in hashes:
+            tree = part.model_dump(mode="json")
+            files.update({name: _sha256(Path(name)) for name in _named_files(tree) if name not in files})
+            hashes[id(part)] = content_hash(tree)
+        return hashes[id(part)]
+
+    settings = [item.settings(digest) for item in planned]
+    return content_hash(
+        {"kind": "simulation", "results": RESULT_VERSION, "version": __version__, "truth": truth}
+        | {"sequences": settings, "files": files}
+    )
+
+
+def _named_files(tree: Any) -> Iterator[str]:
+    """Texts of a configuration that are names of files."""
+    if isinstance(tree, dict):
+        for item in tree.values():
+            yield from _named_files(item)
+    elif isinstance(tree, list):
+        for item in tree:
+            yield from _named_files(item)
+    elif isinstance(tree, str) and 0 < len(tree) < 4096 and "\0" not in tree and Path(tree).is_file():
+        yield tree
+
+
+def _make_all(
+    planned: Sequence[PlannedSequence],
+    folder: RunFolder,
+    workers: int,
+    scheduler: str | None,
+    truth: bool,
+    advance: Advance,
+) -> tuple[dict[str, dict[str, Any]], int]:
+    """Make what is not there yet; a sequence is on record when all of its files are on disk."""
+    bodies: dict[str, dict[str, Any]] = {}
+    waiting = []
+    for item in planned:
+        stored = folder.part(item.obsid)
+        if stored is not None and _whole(folder.path, stored):
+            bodies[item.obsid] = stored
+            advance(f"{item.obsid} (kept)", item.n_frames)
+        else:
+            waiting.append(item)
+    resumed = len(bodies)
+    _check_room(folder.path, waiting, truth=truth)
+    root = str(folder.path.resolve())
+    alone = scheduler is None and (workers == 1 or len(waiting) <= 1)
+    function = functools.partial(make_sequence, progress=advance) if alone else make_sequence
+    arguments = [(item, root, truth) for item in waiting]
+    for position, body in run_tasks(function, arguments, workers=workers, scheduler=scheduler):
+        item = waiting[position]
+        bodies[item.obsid] = folder.save_part(item.obsid, body)
+        if not alone:
+            advance(item.obsid, item.n_frames)
+    return bodies, resumed
+
+
+@dataclass
+class _Tally:
+    """What the frames of a sequence hold, noted while they go by."""
+
+    sequence: FrameSequence
+    adu_min: int = 2**16 - 1
+    adu_max: int = 0
+    saturated_pixels: int = 0
+    clipped_pixels: int = 0
+    cosmic_rays: int = 0
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.sequence, name)
+
+    def iter_full_frames(self) -> Iterator[Frame]:
+        """Yield the frames of the sequence."""
+        for frame in self.sequence.iter_full_frames():
+            self.adu_min = min(self.adu_min, int(frame.adu.min()))
+            self.adu_max = max(self.adu_max, int(frame.adu.max()))
+            self.saturated_pixels = max(self.saturated_pixels, int(frame.lost.sum()))
+            self.clipped_pixels = max(self.clipped_pixels, frame.n_clipped)
+            self.cosmic_rays += frame.n_cosmic_rays
+            yield frame
+
+
+_TALLIED = ("adu_min", "adu_max", "saturated_pixels", "clipped_pixels", "cosmic_rays")
+
+
+def make_sequence(
+    item: PlannedSequence, root: str, truth: bool, *, progress: Callable[..., None] | None = None
+) -> dict[str, Any]:
+    """Make the files of one sequence; return their sizes and checksums, and what the frames hold."""
+    try:
+        tally = _Tally(item.build())
+        told = None if progress is None else lambda done, total: progress(f"{item.target} {item.band}".strip(), 1)
+        write_level0(cast(Any, tally), root, obsid=item.obsid, overwrite=True, truth=truth, progress=told)
+    except InputError as error:
+        raise at(f"sequence {item.obsid}", error) from None
+    names = _files(item.name, truth=truth)
+    return {
+        "files": {name: {"size_bytes": (Path(root) / name).stat().st_size, "sha256": _sha256(Path(root) / name)}
+                  for name in names}
+    } | {name: getattr(tally, name) for name in _TALLIED}  # fmt: skip
+
+
+def _files(name: ProductName, *, truth: bool) -> list[str]:
+    """Files of a sequence below the root, the Level-0 file first."""
+    params = [name.params / file for file in PARAMS_FILES]
+    return [path.as_posix() for path in [name.file, *([name.truth] if truth else []), *params]]
+
+
+def _whole(root: Path, body: dict[str, Any]) -> bool:
+    """Whether the files of a sequence are as they were left."""
+    for name, known in body["files"].items():
+        path = root / name
+        if not path.is_file() or path.stat().st_size != known["size_bytes"] or _sha256(path) != known["sha256"]:
+            return False
+    return True
+
+
+def _sha256(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _check_room(root: Path, waiting: Sequence[PlannedSequence], *, truth: bool) -> None:
+    needed, free = sum(disk_bytes(item, truth=truth) for item in waiting), shutil.disk_usage(root).free
+    if needed > free:
+        raise InputError("--out", str(root), allowed=f"a disk with {needed / 1e9:.2f} GB to spare",
+                         hint=f"{free / 1e9:.2f} GB are free there")  # fmt: skip
+
+
+def _sweep(root: Path) -> None:
+    """Remove what an interrupted run left half written."""
+    for branch in _BRANCHES:
+        for path in (root / branch).rglob(".*.part"):
+            path.unlink(missing_ok=True)
+
+
+def _clear(root: Path) -> None:
+    """Remove the products of a simulation, and nothing else."""
+    _sweep(root)
+    for path in [*root.glob("SCI/*/*.fits"), *root.glob("CAL/*/*.fits")]:
+        name = ProductName.parse(path.name, int(path.parent.name) if path.parent.name.isdecimal() else 0)
+        if name is None:
+            continue
+        for file in _files(name, truth=True):
+            (root / file).unlink(missing_ok=True)
+            for parent in (root / file).parents[: len(Path(file).parents) - 1]:
+                if parent.is_dir() and not any(parent.iterdir()):
+                    parent.rmdir()
+
+
+def _result(
+    simulation: SimulationConfig,
+    planned: Sequence[PlannedSequence],
+    digest: str,
+    bodies: dict[str, dict[str, Any]],
+    *,
+    truth: bool,
+) -> SimulationResult:
+    sequences = []
+    for item in planned:
+        body = bodies[item.obsid]
+        file = item.name.file.as_posix()
+        sequences.append(
+            SimulatedSequence(
+                obsid=item.obsid,
+                kind=item.entry.kind,
+                target=item.target,
+                camera=cast(Any, item.camera),
+                band=item.band,
+                exposure_s=item.exposure_s,
+                n_frames=item.n_frames,
+                em_gain=item.em_gain,
+                start_utc=item.start_utc,
+                settings=item.settings(),
+                file=file,
+                truth=item.name.truth.as_posix() if truth else None,
+                params=item.name.params.as_posix(),
+                size_bytes=sum(known["size_bytes"] for known in body["files"].values()),
+                sha256=body["files"][file]["sha256"],
+                **{name: body[name] for name in _TALLIED},
+            )
+        )
+    return SimulationResult(
+        version=__version__,
+        config_hash=digest,
+        name=simulation.name,
+        description=simulation.description,
+        n_frames=sum(item.n_frames for item in planned),
+        size_bytes=sum(item.size_bytes for item in sequences),
+        sequences=sequences,
+    )

@@ -1,0 +1,238 @@
+"""The sequences of a simulation, one by one: numbers, times, file names, and what makes their frames."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass
+from typing import Any, cast
+
+from catalogs.errors import InputError
+from simulator.config import FrozenModel
+from simulator.config.keys import at
+from simulator.config.simulation import SKY_KINDS, SequenceConfig, SimulationConfig
+from simulator.products.naming import OBSID_DIGITS, ProductName, checked_obsid, product_name
+from simulator.products.sequence import FrameSequence
+from simulator.products.times import sequence_times
+
+__all__ = ["PlannedSequence", "check_light", "plan_sequences"]
+
+
+@dataclass(frozen=True)
+class PlannedSequence:
+    """One sequence: its entry in the simulation, its place in the entry's grid, its number and times.
+
+    Attributes
+    ----------
+    entry : SequenceConfig
+    obsid : str
+        Eleven digits.
+    band : str
+        Empty for BIAS and DARK.
+    camera : {"VIS", "NIR"}
+    exposure_s, em_gain : float
+    realisation : int
+    start_utc : str
+    name : ProductName
+        Places of its files.
+    """
+
+    entry: SequenceConfig
+    obsid: str
+    band: str
+    camera: str
+    exposure_s: float
+    em_gain: float
+    realisation: int
+    start_utc: str
+    name: ProductName
+
+    @property
+    def target(self) -> str:
+        """Name of the scene, or the kind where there is none."""
+        return self.entry.kind if self.entry.scene is None else self.entry.scene.name
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames."""
+        return self.entry.frames
+
+    @property
+    def on_sky(self) -> bool:
+        """Whether the sequence looks at a scene."""
+        return self.entry.kind in SKY_KINDS
+
+    @property
+    def readout_s(self) -> float:
+        """Dead time after each frame."""
+        return _readout_s(self.entry, self.camera)
+
+    def settings(self, digest: Callable[[FrozenModel], str] = lambda part: part.content_hash) -> dict[str, Any]:
+        """What decides its frames, as plain values; scene and instrument by their hash."""
+        entry = self.entry
+        plain = entry.model_dump(mode="json", exclude={"scene", "instrument", "band", "exposure_s", "em_gain", "obsid"})
+        return plain | {
+            "obsid": self.obsid,
+            "band": self.band,
+            "camera": self.camera,
+            "exposure_s": self.exposure_s,
+            "em_gain": self.em_gain,
+            "realisation": self.realisation,
+            "start_utc": self.start_utc,
+            "switches": entry.switches_for(self.camera),
+            "scene": None if entry.scene is None else digest(entry.scene),
+            "instrument": digest(entry.instrument),
+        }
+
+    def build(self) -> FrameSequence:
+        """Set up the sequence; frames are drawn when they are asked for."""
+        entry = self.entry
+        shared: dict[str, Any] = {
+            "n_frames": entry.frames,
+            "em_gain": self.em_gain,
+            "seed": entry.seed,
+            "realisation": self.realisation,
+            "start_utc": self.start_utc,
+            "instrument": entry.instrument,
+            "switches": entry.switches_for(self.camera),
+        }
+        if entry.scene is not None:
+            from simulator.observation import observe
+
+            return observe(
+                entry.scene,
+                band=self.band,
+                exposure_s=self.exposure_s,
+                kind=cast(Any, entry.kind),
+                fidelity=entry.fidelity,
+                roll_deg=entry.roll_deg,
+                star_offset_arcsec=entry.star_offset_arcsec,
+                role=entry.role,
+                scene_model=entry.scene_model,
+                **shared,
+            )
+        from simulator.calibration import calibrate
+
+        return calibrate(
+            cast(Any, entry.kind),
+            band=self.band,
+            camera=entry.camera,
+            exposure_s=self.exposure_s,
+            level_e=entry.level_e,
+            offset_arcsec=entry.offset_arcsec,
+            **shared,
+        )
+
+
+def plan_sequences(simulation: SimulationConfig) -> tuple[PlannedSequence, ...]:
+    """Number and date the sequences of a simulation.
+
+    A sequence without a begin of its own follows the one before it after the ``overhead_s`` of its instrument; the first
+    begins with the mission. Numbers are the instrument's prefix and the position in the simulation, or those that an
+    entry gives. Realisations are counted as `SequenceConfig` says.
+
+    Raises
+    ------
+    InputError
+        If a number is not one of the instrument's or used twice, or a time is out of range.
+    """
+    taken = _given_realisations(simulation)
+    counts: dict[Hashable, int] = defaultdict(int)
+    used: dict[str, int] = {}
+    planned: list[PlannedSequence] = []
+    free_utc: str | None = None
+    for number, entry in enumerate(simulation.sequences):
+        for step, (band, exposure_s, em_gain) in enumerate(entry.grid()):
+            camera = entry.camera_of(band)
+            where = f"simulation.sequences.{number}"
+            try:
+                obsid = _obsid(entry, len(planned) + 1, step)
+                start = entry.start_utc if entry.start_utc is not None and step == 0 else free_utc
+                start = start or entry.instrument.mission.start_utc
+                pace_s = exposure_s + _readout_s(entry, camera)
+                times = sequence_times(start, (entry.frames - 1) * pace_s + exposure_s, 0.0, 1)
+                free_utc = sequence_times(start, entry.frames * pace_s + entry.instrument.overhead_s, 0.0, 1).stop_utc
+            except InputError as error:
+                raise at(where, error) from None
+            if obsid in used:
+                raise InputError(f"{where}.obsid", obsid, allowed="a number of its own",
+                                 hint=f"simulation.sequences.{used[obsid]} has it too")  # fmt: skip
+            used[obsid] = number
+            realisation = entry.realisation
+            if realisation is None:
+                key = _stream(entry, band)
+                while counts[key] in taken[key]:
+                    counts[key] += 1
+                realisation = counts[key]
+                counts[key] += 1
+            what = _Named(camera, entry.kind, entry.instrument)
+            name = product_name(cast(Any, what), times, obsid)
+            planned.append(
+                PlannedSequence(entry, obsid, band, camera, exposure_s, em_gain, realisation, start, name)
+            )
+    return tuple(planned)
+
+
+@dataclass(frozen=True)
+class _Named:
+    """What a product's name is made from, before there is a sequence."""
+
+    camera: str
+    kind: str
+    instrument: Any
+
+
+def _readout_s(entry: SequenceConfig, camera: str) -> float:
+    return (entry.instrument.detector if camera == "VIS" else entry.instrument.near_infrared.detector).readout_s
+
+
+def _stream(entry: SequenceConfig, band: str) -> Hashable:
+    """What names the random streams of a sequence besides its realisation."""
+    if entry.scene is not None:
+        return entry.seed, entry.scene.name, entry.role, band
+    return entry.seed, entry.kind, entry.camera_of(band), band
+
+
+def _given_realisations(simulation: SimulationConfig) -> dict[Hashable, set[int]]:
+    given: dict[Hashable, set[int]] = defaultdict(set)
+    for entry in simulation.sequences:
+        if entry.realisation is not None:
+            for band, _, _ in entry.grid():
+                given[_stream(entry, band)].add(entry.realisation)
+    return given
+
+
+def _obsid(entry: SequenceConfig, position: int, step: int) -> str:
+    prefix = entry.instrument.mission.obsid_prefix
+    if entry.obsid is not None:
+        return checked_obsid(f"{entry.obsid + step:011d}", prefix)
+    digits = OBSID_DIGITS - len(prefix)
+    if position >= 10**digits:
+        raise InputError("sequences", position, allowed=f"at most {10**digits - 1} with the prefix {prefix}")
+    return f"{prefix}{position:0{digits}d}"
+
+
+def check_light(planned: tuple[PlannedSequence, ...]) -> None:
+    """Refuse scenes whose light cannot be computed, before any frame is made.
+
+    Raises
+    ------
+    InputError
+        Naming the sequence and the source.
+    """
+    from simulator.target.sources import extended_rates, scene_sources
+
+    seen: set[tuple[int, int, str]] = set()
+    for item in planned:
+        entry = item.entry
+        if entry.scene is None:
+            continue
+        light = id(entry.scene), id(entry.instrument), item.band
+        if light in seen:
+            continue
+        seen.add(light)
+        try:
+            scene_sources(entry.scene, entry.instrument, item.band, roll_deg=entry.roll_deg)
+            extended_rates(entry.scene, entry.instrument, item.band)
+        except InputError as error:
+            raise at(f"{item.target} in {item.band}", error) from None
