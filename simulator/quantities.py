@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from catalogs.errors import InputError
 
-__all__ = ["check_finite", "check_number", "in_unit", "real_array"]
+__all__ = ["check_finite", "check_number", "check_pair", "check_whole", "in_unit", "real_array"]
 
 _ASTROPY_UNITS = {"R_Jup": "jupiterRad", "au": "AU", "L_sun": "solLum"}
 
@@ -67,3 +67,35 @@ def check_number(name: str, value: Any, unit: str = "") -> float:
     if array.ndim or not np.isfinite(array):
         raise InputError(name, array.tolist(), unit=unit, allowed="a finite number")
     return float(array)
+
+
+def check_whole(name: str, value: Any, low: int, high: int) -> int:
+    """Return a whole number, of any type of number but truth values, that lies in a range.
+
+    Raises
+    ------
+    InputError
+        If it is none.
+    """
+    number = check_number(name, value)
+    if not number.is_integer() or not low <= number <= high:
+        raise InputError(name, value, allowed=f"an integer from {low} to {high}")
+    return int(number)
+
+
+def check_pair(name: str, value: Any, limit: float, unit: str = "", *, why: str = "") -> tuple[float, float]:
+    """Return two finite numbers, x and y, each at most ``limit`` either way; ``why`` says where the limit comes from.
+
+    Raises
+    ------
+    InputError
+        If they are none.
+    """
+    allowed = f"x and y, each at most {limit:g}{why and f', {why}'}"
+    try:
+        values = real_array(name, value, unit)
+    except InputError:
+        values = np.empty(0)
+    if values.shape != (2,) or not np.isfinite(values).all() or np.abs(values).max() > limit:
+        raise InputError(name, value, unit=unit, allowed=allowed)
+    return float(values[0]), float(values[1])

@@ -83,7 +83,8 @@ def shifted(band: str, direction: str, shift_arcsec: float, realisation: int = 0
     """Simulate one set of frames and add them up, bias, mean dark and clock-induced charge taken off."""
     x, y = (part * shift_arcsec for part in DIRECTIONS[direction])
     seen = observe(SCENE, band=band, exposure_s=EXPOSURE_S, n_frames=FRAMES, role="calibration", window="hole",
-                   realisation=realisation, star_offset_arcsec=(x, y), instrument=images_of(load_instrument()))  # fmt: skip
+                   realisation=realisation, star_offset_arcsec=(x, y),
+                   instrument=images_of(load_instrument()))  # fmt: skip
     detector, total, lost, brightest = seen.instrument.detector, np.zeros(seen.shape), 0, 0
     for index in range(FRAMES):
         frame = seen.frame(index)

@@ -18,8 +18,9 @@ from simulator.camera.checks import element_name
 from simulator.camera.frame import MaskBit
 from simulator.camera.sections import sections_of
 from simulator.config.detector import Detector
+from simulator.effects.map_units import unit_factor
 from simulator.files import write_bytes
-from simulator.imaging.map_files import FileMap, read_maps
+from simulator.imaging.map_files import read_maps
 
 if TYPE_CHECKING:
     from simulator.camera.calibration_set import CalibrationSet
@@ -31,25 +32,20 @@ FloatArray = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class _Kind:
-    """What a map holds: its unit, other spellings of it (without blanks and ``/pixel``), range, and fill."""
+    """What a map holds: its unit, range, and fill."""
 
     unit: str
-    spellings: tuple[str, ...]
     high: float
     fill_zero: bool
 
 
-_ELECTRON = ("electron", "electrons", "e-", "e")
 _KINDS = {
-    "flat": _Kind("", ("", "1", "relative", "dimensionless"), 1e9, True),
-    "dark": _Kind(
-        "electron/s", tuple(f"{e}{s}" for e in _ELECTRON for s in ("/s", "s-1", "s**-1", "s^-1", ".s-1")), 1e9, False
-    ),
-    "cic": _Kind("electron", _ELECTRON, 1e6, False),
-    "bad_columns": _Kind("", ("", "1", "dimensionless"), 2.0**31, True),
-    "bias": _Kind("adu", ("adu", "dn"), 65535.0, False),
+    "flat": _Kind("", 1e9, True),
+    "dark": _Kind("electron/s", 1e9, False),
+    "cic": _Kind("electron", 1e6, False),
+    "bad_columns": _Kind("", 2.0**31, True),
+    "bias": _Kind("adu", 65535.0, False),
 }
-_PER_PIXEL = ("/pixel", "/pix", "/px", "/frame")
 FLAT_MEAN_RANGE = (0.5, 2.0)
 
 
@@ -79,7 +75,8 @@ def read_calibration_map(kind: str, path: str, detector: Detector) -> FloatArray
     Parameters
     ----------
     kind : {"flat", "dark", "cic", "bad_columns", "bias"}
-        What the file holds. ``BUNIT`` must be electron/s (dark), electron (cic) or adu (bias); the others have none.
+        What the file holds. ``BUNIT`` must convert to electron/s (dark), electron (cic) or adu (bias), each per pixel
+        or not; the others have none, or that of a pure number.
     path : str
         The file.
     detector : Detector
@@ -89,8 +86,8 @@ def read_calibration_map(kind: str, path: str, detector: Detector) -> FloatArray
     Raises
     ------
     InputError
-        For a file that cannot be read, or whose map has another shape or unit or a value out of range; file and pixel
-        are named.
+        For a file that cannot be read, or whose map has another shape or unit or a value out of range (file and pixel
+        are named), a flat far from 1 on average, or a bias whose median the converter cannot write.
     """
     rule, key = _KINDS[kind], _key(kind)
     file = read_maps(key, path)
@@ -99,15 +96,18 @@ def read_calibration_map(kind: str, path: str, detector: Detector) -> FloatArray
     image = next((item for item in file.maps if item.data.ndim == 2), None)
     if image is None:
         raise InputError(key, path, allowed="a FITS file with a two-dimensional image")
-    _check_unit(rule, key, path, image)
+    factor = unit_factor(key, path, image.header, rule.unit, required=bool(rule.unit))
     frame, active = (detector.n_rows, detector.n_columns), detector.active_shape
     if image.data.shape not in (frame, active):
         raise InputError(f"{key} shape", str(image.data.shape), unit="px",
                          allowed=f"{frame}, the frame (rows, columns), or {active}, its active pixels",
                          hint=path)  # fmt: skip
-    values = _checked_values(rule, key, path, image.data)
+    values = _checked_values(rule, key, path, image.data, factor)
     if kind == "flat":
         _check_flat(key, path, values if values.shape == active else values[sections_of(detector)["active"]])
+    if kind == "bias" and not float(np.median(values)) < detector.adc_max_adu:
+        raise InputError(f"{key} median", f"{np.median(values):.6g}", unit="ADU", hint=path,
+                         allowed=f"below the ADC maximum {detector.adc_max_adu}")  # fmt: skip
     if values.shape == frame:
         return values
     whole = np.full(frame, 0.0 if rule.fill_zero else float(np.median(values)))
@@ -188,23 +188,10 @@ def _key(kind: str) -> str:
     return f"detector.calibration_files.{kind}"
 
 
-def _check_unit(rule: _Kind, key: str, path: str, image: FileMap) -> None:
-    expected = rule.unit or "none: the map has no unit"
-    if "BUNIT" not in image.header:
-        if rule.unit:
-            raise InputError(f"{key} BUNIT", "missing", allowed=expected, hint=path)
-        return
-    text = str(image.header["BUNIT"]).lower().replace(" ", "")
-    for ending in _PER_PIXEL:
-        text = text.replace(ending, "")
-    if text not in rule.spellings:
-        raise InputError(f"{key} BUNIT", str(image.header["BUNIT"]), allowed=expected, hint=path)
-
-
-def _checked_values(rule: _Kind, key: str, path: str, data: npt.NDArray[Any]) -> FloatArray:
+def _checked_values(rule: _Kind, key: str, path: str, data: npt.NDArray[Any], factor: float) -> FloatArray:
     if data.dtype.kind not in "fiub":
         raise InputError(key, path, allowed="a map of real numbers", hint=f"found {data.dtype.name} numbers")
-    values = np.array(data, dtype=np.float64)
+    values = np.array(data, dtype=np.float64) * factor
     wrong = ~((values >= 0.0) & (values <= rule.high))
     if wrong.any():
         name, index = element_name(key, wrong)

@@ -23,7 +23,7 @@ from simulator.camera.sections import Section, sections_of
 from simulator.config.detector import Detector
 from simulator.rng import stream
 
-__all__ = ["CalibrationSet", "FlawSwitches", "load_calibration_set"]
+__all__ = ["CalibrationSet", "FlawSwitches", "bias_level_adu", "load_calibration_set"]
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -72,7 +72,7 @@ class CalibrationSet:
         `simulator.camera.MaskBit`: bad (dead pixels, bad columns), warm and hot (from 10 and 100 times the median dark
         current on).
     bias_level_adu : float
-        Level of the bias where there is no map.
+        Level of the bias: the median of its map where there is one.
     cic_varies : bool
         Whether ``cic_e`` differs from pixel to pixel.
     files : mapping of str to str
@@ -207,6 +207,13 @@ def load_calibration_set(detector: Detector) -> CalibrationSet:
     return _cached_set(detector, prints)
 
 
+def bias_level_adu(detector: Detector) -> float:
+    """Level of the bias: the median of its map where a file is named, else that of the configuration."""
+    if detector.calibration_files.bias is None:
+        return detector.bias_adu
+    return load_calibration_set(detector).bias_level_adu
+
+
 # One set of the default camera takes 60 MB.
 @functools.lru_cache(maxsize=2)
 def _cached_set(detector: Detector, prints: tuple[tuple[int, ...], ...]) -> CalibrationSet:
@@ -235,7 +242,7 @@ def _cached_set(detector: Detector, prints: tuple[tuple[int, ...], ...]) -> Cali
         dead=dead,
         hot=hot,
         bad_column=bad_column,
-        bias_level_adu=detector.bias_adu,
+        bias_level_adu=detector.bias_adu if bias is None else float(np.median(bias)),
         cic_varies=varies,
         files=MappingProxyType(files),
     )

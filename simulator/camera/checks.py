@@ -67,7 +67,12 @@ def checked_rates(rate_map_e_s: npt.ArrayLike) -> tuple[FloatArray, int]:
         largest, naming the pixel.
     """
     allowed = f"finite and at least 0 (rounding errors to -{NEGATIVE_TOLERANCE:g} of the largest count as 0)"
-    rates = np.asarray(rate_map_e_s)
+    try:
+        rates = np.asarray(rate_map_e_s)
+    except ValueError:
+        raise InputError(
+            "rate_map_e_s", type(rate_map_e_s).__name__, unit="e-/s", allowed="a 2-D (y, x) array"
+        ) from None
     if rates.dtype.kind not in "iuf" or rates.ndim != 2 or rates.size == 0:
         raise InputError("rate_map_e_s", f"{rates.dtype} array of shape {rates.shape}", unit="e-/s",
                          allowed="a non-empty 2-D (y, x) array of numbers")  # fmt: skip

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from simulator.camera.stage import KERNELS, Exposure, FloatArray, Work
+from simulator.camera.gain import pixel_keys
+from simulator.camera.stage import KERNELS, LIMIT_KERNELS, Exposure, FloatArray, Work
 from simulator.config.effects import CosmicRayConfig
 from simulator.effects.cosmic_rays import draw_cosmic_rays
 from simulator.lazy import load_kernels
@@ -27,7 +28,9 @@ class PhotonNoise:
     def draw(self, work: Work, exposure: Exposure, rng: np.random.Generator) -> None:
         """Draw the counts."""
         kernels = load_kernels(KERNELS)
-        kernels.draw_poisson(exposure.mean_e.reshape(-1), exposure.zero.reshape(-1), rng, work.image.reshape(-1))
+        kernels.draw_poisson(
+            exposure.mean_e.reshape(-1), exposure.zero.reshape(-1), pixel_keys(rng), work.image.reshape(-1)
+        )
         work.charge["collected"] = float(work.image.sum())
 
 
@@ -65,35 +68,38 @@ def compressed(level: FloatArray, loss: float, at_level: float) -> FloatArray:
 class PixelNonlinearity:
     """A pixel collects less of what comes as it fills up; the missing electrons recombine.
 
-    The curve is ``x / (1 + b x)`` with the loss at full well of the configuration, the same for all pixels. Counts are
-    rounded at random to whole electrons so that the mean follows the curve.
+    The curve is ``x / (1 + b x)`` up to the full well, with the loss there of the configuration, the same for all
+    pixels; what comes beyond spills without loss. Counts are rounded at random to whole electrons so that the mean
+    follows the curve.
     """
 
     switch: str = "nonlinearity"
 
     def expect(self, image: FloatArray, exposure: Exposure) -> None:
         """Curve of the mean, and of the variance about it to second order."""
-        loss = self._loss(exposure)
-        if loss == 0.0:
-            return
-        b = loss / ((1.0 - loss) * exposure.detector.full_well_e)
-        variance = image if exposure.detector.switches.photon_noise else np.zeros_like(image)
-        curvature = -2.0 * b / (1.0 + b * image) ** 3
-        image += compressed(image, loss, exposure.detector.full_well_e) - image + 0.5 * curvature * variance
+        b, full_well = self._curve(exposure), exposure.detector.full_well_e
+        held = np.minimum(image, full_well)
+        image -= b * held**2 / (1.0 + b * held)
+        if exposure.detector.switches.photon_noise:
+            image -= np.where(image < full_well, b / (1.0 + b * held) ** 3 * held, 0.0)
 
     def draw(self, work: Work, exposure: Exposure, rng: np.random.Generator) -> None:
         """Curve of the counts."""
         kernels = load_kernels(KERNELS)
-        loss = self._loss(exposure)
-        if loss == 0.0:
+        b = self._curve(exposure)
+        if b == 0.0:
             return
         before = float(work.image.sum())
-        kernels.compress_counts(work.image.reshape(-1), loss / ((1.0 - loss) * exposure.detector.full_well_e), rng)
+        flat = work.image.reshape(-1)
+        if not exposure.detector.switches.photon_noise:
+            kernels.round_stochastic(flat, pixel_keys(rng))
+        kernels.compress_counts(flat, b, exposure.detector.full_well_e, pixel_keys(rng))
         work.book("nonlinearity", float(work.image.sum()) - before)
 
     @staticmethod
-    def _loss(exposure: Exposure) -> float:
-        return exposure.detector.nonlinearity.pixel_loss_at_full_well
+    def _curve(exposure: Exposure) -> float:
+        loss = exposure.detector.nonlinearity.pixel_loss_at_full_well
+        return loss / ((1.0 - loss) * exposure.detector.full_well_e)
 
 
 @dataclass(frozen=True)
@@ -115,7 +121,7 @@ class Blooming:
 
     @staticmethod
     def _spill(image: FloatArray, spilled: np.ndarray, exposure: Exposure) -> tuple[float, float]:
-        kernels = load_kernels(KERNELS)
+        kernels = load_kernels(LIMIT_KERNELS)
         part = exposure.place.rows, exposure.place.columns
         bottom, top = kernels.vertical_spill(
             image[part], float(math.floor(exposure.detector.full_well_e)), spilled[part]

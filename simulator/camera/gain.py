@@ -7,14 +7,12 @@ give the same excess noise factor, written ``2 (g - 1) g^(-(N+1)/N) + 1/g``).
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import numpy.typing as npt
 
 from catalogs.errors import InputError
 from simulator.camera.checks import checked_array, element_name
-from simulator.camera.register_law import MAX_LOOKUPS, output_cumulants, register_table
+from simulator.camera.register_law import EXACT_TO, MAX_LOOKUPS, output_cumulants, register_table
 from simulator.lazy import load_kernels
 
 __all__ = [
@@ -24,6 +22,7 @@ __all__ = [
     "excess_noise_factor2",
     "gain_variance",
     "multiply",
+    "pixel_keys",
     "stage_probability",
 ]
 
@@ -110,12 +109,12 @@ def multiply(
 
     Notes
     -----
-    Few electrons (3 times as many as have a table, at least 3 and at gains up to 10 about 190) are drawn from the exact
-    law of the cascade, tabulated (`simulator.camera.register_law`). More come from a Wilson-Hilferty variate of the
-    exact mean, variance and skewness (distribution function within 0.0005 of the cascade's), or, where the output is
-    narrower than 20 electrons, from a shifted negative binomial of exact mean and variance,
-    ``n + Poisson(Gamma(n k) (g - 1)/k)`` with ``k = (g - 1) / (g (1 - p)/(1 + p) - 1)``. Registers of fewer than 16
-    stages are sampled stage by stage, which is exact.
+    Up to 24 electrons, and up to three times as many as have a table of their own (60 at gain 300, 192 below 20), are
+    drawn from the exact law of the cascade (`simulator.camera.register_law`). More come from a smooth law of the exact
+    mean, variance and skewness, whose distribution function is within 0.0005 of the cascade's; where the output is
+    narrower than 20 electrons from an expansion in five exact cumulants, or from a negative binomial of exact mean and
+    variance where it has a few values only. Registers of fewer than 16 stages are sampled stage by stage, which is
+    exact. What a pixel draws depends on its own charge alone.
     """
     if not isinstance(rng, np.random.Generator):
         raise InputError("rng", type(rng).__name__, allowed="a numpy.random.Generator")
@@ -136,7 +135,7 @@ def amplify(charge: FloatArray, gain: float, stages: int, rng: np.random.Generat
     if gain == 1.0:
         return
     p = float(_probability(np.float64(gain), stages))
-    kernels.round_stochastic(charge, rng)
+    kernels.round_stochastic(charge, pixel_keys(rng))
     if stages < _CASCADE_BELOW_STAGES:
         filled = np.flatnonzero(charge)
         counts = charge[filled].astype(np.int64)
@@ -144,24 +143,27 @@ def amplify(charge: FloatArray, gain: float, stages: int, rng: np.random.Generat
             counts += rng.binomial(counts, p)
         charge[filled] = counts
         return
-    _, variance, third = output_cumulants(p, stages)
     table = register_table(gain, p, stages)
     kernels.multiply_charge(
         charge,
         gain,
-        math.sqrt(variance),
-        third / variance**1.5,
+        np.array(output_cumulants(p, stages)),
         # (g (1-p)/(1+p) - 1) (1+p) = (g - 1) - p (g + 1), free of cancellation as g -> 1.
         (gain - 1.0) * (1.0 + p) / ((gain - 1.0) - p * (gain + 1.0)),
-        rng,
+        pixel_keys(rng),
         table.cdf,
         table.start,
         table.guide,
         table.guide_start,
         table.guide_size,
         table.n_direct,
-        float(MAX_LOOKUPS * table.n_direct),
+        float(max(MAX_LOOKUPS * table.n_direct, EXACT_TO)),
     )
+
+
+def pixel_keys(rng: np.random.Generator) -> npt.NDArray[np.uint64]:
+    """Two keys, from which kernels hash one uniform number per pixel and draw."""
+    return rng.integers(0, 2**64, size=2, dtype=np.uint64)
 
 
 def _probability(g: npt.NDArray[np.float64] | np.float64, stages: int) -> FloatArray:

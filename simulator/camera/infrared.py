@@ -18,6 +18,7 @@ from catalogs.errors import InputError
 from simulator.camera.calibration_set import CalibrationSet
 from simulator.camera.checks import checked_array, checked_rates, checked_scalar, element_name
 from simulator.camera.frame import Frame, MaskBit
+from simulator.camera.gain import pixel_keys
 from simulator.camera.infrared_effects import (
     Coupling,
     ExponentialPersistence,
@@ -312,7 +313,9 @@ class InfraredCamera:
         if not self.detector.switches.photon_noise:
             return mean
         counts = np.empty(mean.shape)
-        load_kernels(KERNELS).draw_poisson(mean.reshape(-1), np.exp(-mean).reshape(-1), rng, counts.reshape(-1))
+        load_kernels(KERNELS).draw_poisson(
+            mean.reshape(-1), np.exp(-mean).reshape(-1), pixel_keys(rng), counts.reshape(-1)
+        )
         return counts
 
     def _collect(

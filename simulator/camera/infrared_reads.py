@@ -105,13 +105,18 @@ class ReadStack:
             self._sums[row] += np.where(good, np.asarray(term), 0.0)
 
     def result(self) -> tuple[FloatArray, BoolArray, BoolArray]:
-        """ADU before rounding, pixels that say nothing about their light, and pixels cut off by the converter."""
+        """ADU before rounding, pixels that say nothing about their light, and pixels beyond the converter's range.
+
+        A pixel is beyond it if a read or the number made from the reads was cut off, or if it saturated before there
+        was a slope and was put at the top.
+        """
         lost, adu = self._lost, self._last
         if self._sums is not None:
             n, t, tt, y, ty = (np.asarray(total) for total in self._sums)
             enough = n > 1.5
             slope = (n * ty - t * y) / np.where(enough, n * tt - t * t, 1.0)
             adu, lost = np.where(enough, slope + self.bias_adu, self.adc_max_adu), ~enough
+            self._clipped |= lost
         elif self.mode == "cds" and self._first is not None:
             adu = self._last - self._first + self.bias_adu
         above = adu > self.adc_max_adu

@@ -1,8 +1,11 @@
-"""Compiled kernels of the camera: random charge, spilling, transfer, register, converter.
+"""Compiled kernels of random charge: collection, transfer, register.
 
-All kernels and what they call live in this file, since the disk cache of compiled code does not see edits elsewhere.
-They take checked input only. Charge is float64 holding whole electrons, exact up to 2**53; kernels that spill or move
-charge conserve it exactly. Importing this module loads the compiler: do it inside functions.
+These kernels and what they call live in this file, since the disk cache of compiled code does not see edits elsewhere.
+They take checked input only. Charge is float64 holding whole electrons, exact up to 2**53; what is moved is conserved
+exactly. Importing this module loads the compiler: do it inside functions.
+
+Random numbers belong to a pixel: `_bits` hashes two keys, the pixel and the number of the draw. What one pixel draws
+depends on no other pixel's charge.
 """
 
 from __future__ import annotations
@@ -16,18 +19,15 @@ from numba import njit
 __all__ = [
     "add_normal",
     "compress_counts",
-    "digitise",
     "draw_poisson",
     "multiply_charge",
     "round_stochastic",
-    "serial_spill",
     "shift_back",
-    "vertical_spill",
 ]
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
-BoolArray = npt.NDArray[np.bool_]
+Keys = npt.NDArray[np.uint64]
 
 # Counts of smaller variance come from their cumulated probabilities, term by term. Larger ones come from the
 # Cornish-Fisher expansion of a rounded variate, whose own variance is smaller by that of the rounding (1/12, Sheppard's
@@ -35,21 +35,83 @@ BoolArray = npt.NDArray[np.bool_]
 _EXPANSION_ABOVE = 10.0
 # Divisions by small whole numbers, the slowest part of a sum of probabilities, are products with these.
 _INVERSE = 1.0 / np.maximum(np.arange(128.0), 1.0)
-# Outputs of the register narrower than this keep their grain: a moment-matched negative binomial.
-_SMOOTH_ABOVE_SIGMA = 20.0
+# Outputs of the register wider than this are drawn from a smooth law of three moments.
+_SMOOTH_ABOVE_VARIANCE = 400.0
+
+# Ziggurat of the normal law (Marsaglia & Tsang 2000): 256 layers of equal area; the edge of the lowest solves
+# r f(r) + integral of f beyond r = area, with f(x) = exp(-x^2 / 2).
+_EDGE, _AREA = 3.6541528853610088, 0.00492867323399
+
+
+def _layers() -> FloatArray:
+    """Widths of the layers from the lowest, with the density at their upper ends: two rows of 257."""
+    width = np.zeros(257)
+    width[0], width[1] = _AREA / math.exp(-0.5 * _EDGE**2), _EDGE
+    for i in range(2, 256):
+        width[i] = math.sqrt(-2.0 * math.log(_AREA / width[i - 1] + math.exp(-0.5 * width[i - 1] ** 2)))
+    return np.stack([width, np.exp(-0.5 * width**2)])
+
+
+_LAYERS = _layers()
+
+# Finaliser of splitmix64 (Steele, Lea & Flood 2014), with a second key between its rounds.
+_STEP = np.uint64(0x9E3779B97F4A7C15)
+_FIRST, _SECOND = np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)
+_S30, _S27, _S31, _S11, _DRAW = np.uint64(30), np.uint64(27), np.uint64(31), np.uint64(11), np.uint64(40)
+_LAYER, _SIGN = np.uint64(255), np.uint64(256)
+
+
+@njit(cache=True, inline="always")
+def _bits(keys: Keys, pixel: int, draw: int) -> int:
+    """64 random bits of a pixel's draw."""
+    z = keys[0] + (np.uint64(pixel) + (np.uint64(draw) << _DRAW)) * _STEP
+    z = ((z ^ (z >> _S30)) * _FIRST) ^ keys[1]
+    z = (z ^ (z >> _S27)) * _SECOND
+    return z ^ (z >> _S31)
+
+
+@njit(cache=True, inline="always")
+def _uniform(keys: Keys, pixel: int, draw: int) -> float:
+    """Uniform number in (0, 1) of a pixel's draw."""
+    return (float(_bits(keys, pixel, draw) >> _S11) + 0.5) * 1.1102230246251565e-16
 
 
 @njit(cache=True)
-def _expanded(
-    mean: float, variance: float, third: float, fourth: float, fifth: float, rng: np.random.Generator
-) -> float:
-    """Rounded Cornish-Fisher variate of given cumulants."""
+def _normal(keys: Keys, pixel: int) -> float:
+    """Normal number of a pixel, from its draws 16 on (1.01 of them on average)."""
+    draw = 16
+    while True:
+        z = _bits(keys, pixel, draw)
+        layer = np.int64(z & _LAYER)
+        x = float(z >> _S11) * 1.1102230246251565e-16 * _LAYERS[0, layer]
+        inside = x < _LAYERS[0, layer + 1]
+        if not inside and layer == 0:
+            # Beyond the edge: the tail by exponentials (Marsaglia 1964).
+            while True:
+                x = -math.log(_uniform(keys, pixel, draw + 1)) / _EDGE
+                draw += 2
+                if -2.0 * math.log(_uniform(keys, pixel, draw)) > x * x:
+                    break
+            x += _EDGE
+            inside = True
+        elif not inside:
+            low, high = _LAYERS[1, layer], _LAYERS[1, layer + 1]
+            draw += 1
+            inside = low + _uniform(keys, pixel, draw) * (high - low) < math.exp(-0.5 * x * x)
+        if inside:
+            return -x if z & _SIGN else x
+        draw += 1
+
+
+@njit(cache=True)
+def _expanded(z: float, mean: float, variance: float, third: float, fourth: float, fifth: float) -> float:
+    """Rounded Cornish-Fisher variate of a law of whole numbers with these cumulants; ``z`` is normal."""
     v = variance - 1.0 / 12.0
+    inverse = 1.0 / v
     s = math.sqrt(v)
-    skew = third / (v * s)
-    excess = (fourth + 1.0 / 120.0) / (v * v)
-    fifth = fifth / (v * v * s)
-    z = rng.standard_normal()
+    skew = third * s * inverse * inverse
+    excess = (fourth + 1.0 / 120.0) * inverse * inverse
+    fifth = fifth * s * inverse * inverse * inverse
     z2 = z * z
     x = z + (z2 - 1.0) * skew / 6.0
     x += z * ((z2 - 3.0) * excess / 24.0 - (2.0 * z2 - 5.0) * skew * skew / 36.0)
@@ -59,16 +121,8 @@ def _expanded(
 
 
 @njit(cache=True)
-def _poisson(mean: float, zero: float, rng: np.random.Generator) -> float:
-    """One Poisson count; ``zero`` is exp(-mean)."""
-    if mean > _EXPANSION_ABOVE:
-        return _expanded(mean, mean, mean, mean, mean, rng)
-    return _counted_up(rng.random(), mean, zero)
-
-
-@njit(cache=True)
 def _counted_up(u: float, mean: float, zero: float) -> float:
-    """Poisson count whose distribution function reaches ``u``."""
+    """Poisson count whose distribution function reaches ``u``; ``zero`` is exp(-mean)."""
     k = 0
     term = zero
     total = zero
@@ -80,45 +134,39 @@ def _counted_up(u: float, mean: float, zero: float) -> float:
 
 
 @njit(cache=True)
-def draw_poisson(mean: FloatArray, zero: FloatArray, rng: np.random.Generator, out: FloatArray) -> None:
+def draw_poisson(mean: FloatArray, zero: FloatArray, keys: Keys, out: FloatArray) -> None:
     """Poisson counts of flat arrays; ``zero`` is exp(-mean)."""
     for i in range(mean.size):
-        if mean[i] > _EXPANSION_ABOVE:
-            out[i] = _expanded(mean[i], mean[i], mean[i], mean[i], mean[i], rng)
-            continue
-        # Most dark pixels end at the first comparison; mean 0 has zero = 1.
-        u = rng.random()
-        out[i] = 0.0 if u < zero[i] else _counted_up(u, mean[i], zero[i])
+        m = mean[i]
+        if m > _EXPANSION_ABOVE:
+            out[i] = _expanded(_normal(keys, i), m, m, m, m, m)
+        else:
+            u = _uniform(keys, i, 0)
+            out[i] = 0.0 if u < zero[i] else _counted_up(u, m, zero[i])
 
 
 @njit(cache=True)
-def round_stochastic(charge: FloatArray, rng: np.random.Generator) -> None:
+def round_stochastic(charge: FloatArray, keys: Keys) -> None:
     """Round to whole electrons, up with the probability of the fraction, so that the mean stays. Flat, in place."""
     for i in range(charge.size):
         whole = math.floor(charge[i])
         if charge[i] != whole:
-            charge[i] = whole + 1.0 if rng.random() < charge[i] - whole else whole
+            charge[i] = whole + 1.0 if _uniform(keys, i, 0) < charge[i] - whole else whole
 
 
 @njit(cache=True)
-def compress_counts(charge: FloatArray, b: float, rng: np.random.Generator) -> None:
-    """Counts ``x / (1 + b x)``, rounded at random to whole electrons. Flat, in place."""
-    gap = rng.standard_exponential()
+def compress_counts(charge: FloatArray, b: float, full_well: float, keys: Keys) -> None:
+    """Counts ``x / (1 + b x)`` up to the full well, rounded at random to whole electrons; what spills is not lost.
+
+    Flat, in place.
+    """
     for i in range(charge.size):
-        n = charge[i]
+        n = min(charge[i], full_well)
         if n == 0.0:
             continue
-        loss = b * n * n
-        if loss < 1e-3:
-            # Rare losses of one electron: the gaps of a Poisson process of this rate (two in a pixel: 5e-7 of them).
-            gap -= loss
-            if gap < 0.0:
-                charge[i] = n - 1.0
-                gap = rng.standard_exponential()
-            continue
-        loss /= 1.0 + b * n
+        loss = b * n * n / (1.0 + b * n)
         whole = math.floor(loss)
-        charge[i] = n - whole - (1.0 if rng.random() < loss - whole else 0.0)
+        charge[i] -= whole + (1.0 if _uniform(keys, i, 0) < loss - whole else 0.0)
 
 
 @njit(cache=True)
@@ -129,19 +177,19 @@ def add_normal(level: FloatArray, sigma: float, rng: np.random.Generator) -> Non
 
 
 @njit(cache=True)
-def _binomial_expanded(n: float, p: float, rng: np.random.Generator) -> float:
+def _binomial_expanded(z: float, n: float, p: float) -> float:
     q = 1.0 - p
     variance = n * p * q
     third = variance * (1.0 - 2.0 * p)
     fourth = variance * (1.0 - 6.0 * p * q)
-    return min(_expanded(n * p, variance, third, fourth, third * (1.0 - 12.0 * p * q), rng), n)
+    return min(_expanded(z, n * p, variance, third, fourth, third * (1.0 - 12.0 * p * q)), n)
 
 
 @njit(cache=True)
-def _binomial_counted_up(u: float, none: float, n: float, p: float) -> float:
-    """Binomial count whose distribution function reaches ``u``; ``none`` is the chance of none."""
-    term = none
-    total = none
+def _binomial_counted_up(u: float, n: float, p: float, log_q: float) -> float:
+    """Binomial count whose distribution function reaches ``u``; ``log_q`` is log(1 - p)."""
+    term = math.exp(n * log_q)
+    total = term
     ratio = p / (1.0 - p)
     k = 0
     while u >= total and k < n and k < 127:
@@ -153,11 +201,11 @@ def _binomial_counted_up(u: float, none: float, n: float, p: float) -> float:
 
 @njit(cache=True)
 def shift_back(
-    charge: FloatArray, first: FloatArray, second: FloatArray, third: FloatArray, by_row: bool, rng: np.random.Generator
+    charge: FloatArray, first: FloatArray, second: FloatArray, third: FloatArray, by_row: bool, keys: Keys
 ) -> float:
     """Leave charge behind in transfers along one axis, in place; returns what stays behind beyond the array's end.
 
-    ``first``, ``second``, ``third`` are, per line, the chance of being left behind at least once, then a
+    ``first``, ``second``, ``third`` are, per line, the chance of being left behind at least once (below 1/2), then a
     second and a third time given the one before; charge goes back by that many lines. ``by_row``: lines are rows, else
     columns. First losses are binomial; of them, further losses have the binomial mean and are rounded at random.
     """
@@ -165,7 +213,6 @@ def shift_back(
     length = rows if by_row else columns
     log_q = np.log1p(-first)
     lost = 0.0
-    gap = rng.standard_exponential()
     for i in range(rows):
         r = rows - 1 - i
         for j in range(columns):
@@ -174,22 +221,19 @@ def shift_back(
             if n == 0.0:
                 continue
             line = r if by_row else c
-            if n * first[line] > 1.05 * _EXPANSION_ABOVE:
-                one = _binomial_expanded(n, first[line], rng)
-                if one == 0.0:
-                    continue
+            pixel = r * columns + c
+            mean = n * first[line]
+            if mean * (1.0 - first[line]) > _EXPANSION_ABOVE:
+                one = _binomial_expanded(_normal(keys, pixel), n, first[line])
             else:
-                # The chance of none is exp(n log q): gaps of a process of rate -log q per electron skip the pixels
-                # without a loss, exactly; where the gap ends, one electron at least is lost.
-                gap += n * log_q[line]
-                if gap > 0.0:
+                u = _uniform(keys, pixel, 0)
+                if u < 1.0 - mean:  # the chance of none is at least 1 - n p: most draws of rare events end here
                     continue
-                none = math.exp(n * log_q[line])
-                u = none + (1.0 - none) * rng.random()
-                one = max(_binomial_counted_up(u, none, n, first[line]), 1.0)
-                gap = rng.standard_exponential()
-            two = math.floor(one * second[line] + rng.random())
-            three = math.floor(two * third[line] + rng.random()) if two > 0.0 else 0.0
+                one = _binomial_counted_up(u, n, first[line], log_q[line])
+            if one == 0.0:
+                continue
+            two = math.floor(one * second[line] + _uniform(keys, pixel, 1))
+            three = math.floor(two * third[line] + _uniform(keys, pixel, 2)) if two > 0.0 else 0.0
             charge[r, c] = n - one
             for back in range(1, 4):
                 amount = one - two if back == 1 else (two - three if back == 2 else three)
@@ -205,99 +249,9 @@ def shift_back(
 
 
 @njit(cache=True)
-def vertical_spill(charge: FloatArray, full_well: float, spilled: BoolArray) -> tuple[float, float]:
-    """Spill charge above the full well along the columns, half each way, in place.
-
-    Each half fills the free room of the pixels in its direction; what is left at the ends of the columns is returned
-    (bottom, top). ``spilled`` is set where charge was cut off or arrived.
-    """
-    rows, columns = charge.shape
-    bottom = 0.0
-    top = 0.0
-    flagged = np.zeros(columns, np.bool_)
-    for r in range(rows):
-        for c in range(columns):
-            if charge[r, c] > full_well:
-                flagged[c] = True
-    for c in range(columns):
-        if not flagged[c]:
-            continue
-        down = np.zeros(rows)
-        carry = 0.0
-        for r in range(rows):
-            excess = charge[r, c] - full_well
-            if excess > 0.0:
-                down[r] = math.floor(excess / 2.0)
-                charge[r, c] = full_well
-                spilled[r, c] = True
-            elif carry > 0.0:
-                taken = min(-excess, carry)
-                if taken > 0.0:
-                    charge[r, c] += taken
-                    carry -= taken
-                    spilled[r, c] = True
-            if excess > 0.0:
-                carry += excess - down[r]
-        top += carry
-        carry = 0.0
-        for step in range(rows):
-            r = rows - 1 - step
-            if carry > 0.0:
-                taken = min(full_well - charge[r, c], carry)
-                if taken > 0.0:
-                    charge[r, c] += taken
-                    carry -= taken
-                    spilled[r, c] = True
-            carry += down[r]
-        bottom += carry
-    return bottom, top
-
-
-@njit(cache=True)
-def serial_spill(charge: FloatArray, full_well: float, spilled: BoolArray) -> float:
-    """Pass charge above the register's full well to the pixels read next, in place; returns what is left at row ends.
-
-    ``spilled`` is set where charge was cut off or arrived.
-    """
-    rows, columns = charge.shape
-    residue = 0.0
-    for r in range(rows):
-        carry = 0.0
-        for c in range(columns):
-            n = charge[r, c]
-            if carry == 0.0 and n <= full_well:
-                continue
-            spilled[r, c] = True
-            total = n + carry
-            charge[r, c] = min(total, full_well)
-            carry = max(total - full_well, 0.0)
-        residue += carry
-    return residue
-
-
-@njit(cache=True)
-def _from_table(
-    n: int,
-    rng: np.random.Generator,
-    cdf: FloatArray,
-    start: IntArray,
-    guide: npt.NDArray[np.int32],
-    guide_start: IntArray,
-    guide_size: IntArray,
-) -> float:
-    u = rng.random()
-    k = start[n] + guide[guide_start[n] + int(u * guide_size[n])]
-    while cdf[k] <= u:
-        k += 1
-    return float(n + k - start[n])
-
-
-@njit(cache=True)
-def _smooth(n: float, gain: float, sigma_one: float, skew_one: float, rng: np.random.Generator) -> float:
+def _smooth(z: float, n: float, gain: float, variance: float, skew: float) -> float:
     """Wilson-Hilferty variate of exact mean, variance and skewness, rounded (Sheppard's correction applied)."""
-    z = rng.standard_normal()
-    sigma = math.sqrt(sigma_one * sigma_one * n - 1.0 / 12.0)
-    skew = skew_one / math.sqrt(n)
+    sigma = math.sqrt(variance - 1.0 / 12.0)
     if abs(skew) < 1e-6:
         x = sigma * (z + skew * (z * z - 1.0) / 6.0)
     else:
@@ -310,13 +264,26 @@ def _smooth(n: float, gain: float, sigma_one: float, skew_one: float, rng: np.ra
 
 
 @njit(cache=True)
+def _added(u: float, mean: float, shape: float) -> float:
+    """Negative binomial count of few electrons whose distribution function reaches ``u``."""
+    odds = mean / shape
+    term = math.exp(-shape * math.log1p(odds))
+    total = term
+    k = 0
+    while u >= total and k < 127:
+        term *= (k + shape) * _INVERSE[k + 1] * odds / (1.0 + odds)
+        k += 1
+        total += term
+    return float(k)
+
+
+@njit(cache=True)
 def multiply_charge(
     charge: FloatArray,
     gain: float,
-    sigma_one: float,
-    skew_one: float,
+    cumulants: FloatArray,
     shape_one: float,
-    rng: np.random.Generator,
+    keys: Keys,
     cdf: FloatArray,
     start: IntArray,
     guide: npt.NDArray[np.int32],
@@ -325,12 +292,13 @@ def multiply_charge(
     n_direct: int,
     n_exact: float,
 ) -> None:
-    """Charge at the output of the register, flat, in place.
+    """Charge at the output of the register, flat, in place; ``cumulants`` are those of one electron's output.
 
-    Up to ``n_exact`` electrons as sums of draws from the tabulated exact laws of up to ``n_direct`` electrons; above,
-    from a law of the same mean, variance and skewness where the output is wide, of the same mean and variance where it
-    is narrow.
+    Up to ``n_exact`` electrons as sums of draws from the tabulated exact laws of up to ``n_direct`` electrons. Above,
+    from a smooth law of the same mean, variance and skewness where the output is wide, from the expansion in five
+    cumulants where it is narrower, and from a negative binomial of the same mean and variance where it has few values.
     """
+    skew_one = cumulants[2] / cumulants[1] ** 1.5
     for i in range(charge.size):
         n = charge[i]
         if n == 0.0:
@@ -338,34 +306,23 @@ def multiply_charge(
         if n <= n_exact:
             left = int(n)
             total = 0.0
+            draw = 0
             while left > 0:
                 part = min(left, n_direct)
-                total += _from_table(part, rng, cdf, start, guide, guide_start, guide_size)
+                u = _uniform(keys, i, draw)
+                k = start[part] + guide[guide_start[part] + int(u * guide_size[part])]
+                while cdf[k] <= u:
+                    k += 1
+                total += part + k - start[part]
                 left -= part
+                draw += 1
             charge[i] = total
-        elif sigma_one * math.sqrt(n) > _SMOOTH_ABOVE_SIGMA:
-            charge[i] = _smooth(n, gain, sigma_one, skew_one, rng)
+            continue
+        variance = n * cumulants[1]
+        if variance > _SMOOTH_ABOVE_VARIANCE:
+            charge[i] = _smooth(_normal(keys, i), n, gain, variance, skew_one / math.sqrt(n))
+        elif variance > _EXPANSION_ABOVE:
+            third, fourth, fifth = n * cumulants[2], n * cumulants[3], n * cumulants[4]
+            charge[i] = n + _expanded(_normal(keys, i), n * (gain - 1.0), variance, third, fourth, fifth)
         else:
-            mean = rng.standard_gamma(n * shape_one) * ((gain - 1.0) / shape_one)
-            charge[i] = n + _poisson(mean, math.exp(-mean), rng)
-
-
-@njit(cache=True)
-def compress(level: FloatArray, b: float) -> None:
-    """``x / (1 + b x)``. Flat, in place."""
-    for i in range(level.size):
-        level[i] /= 1.0 + b * level[i]
-
-
-@njit(cache=True)
-def digitise(level: FloatArray, highest: float, out: npt.NDArray[np.uint16], clipped: BoolArray) -> int:
-    """Round to whole ADU, cut off at 0 and ``highest``; flags and counts what was cut off. Flat arrays."""
-    count = 0
-    for i in range(level.size):
-        value = np.rint(level[i])
-        if value < 0.0 or value > highest:
-            clipped[i] = True
-            count += 1
-            value = min(max(value, 0.0), highest)
-        out[i] = np.uint16(value)
-    return count
+            charge[i] = n + _added(_uniform(keys, i, 0), n * (gain - 1.0), n * shape_one)

@@ -9,7 +9,7 @@ import numpy as np
 
 from simulator.camera.collection import compressed
 from simulator.camera.gain import amplify, stage_probability
-from simulator.camera.stage import KERNELS, Exposure, FloatArray, Work
+from simulator.camera.stage import LIMIT_KERNELS, Exposure, FloatArray, Work
 from simulator.lazy import load_kernels
 
 __all__ = ["OutputNonlinearity", "Register", "RegisterClockCharge", "RegisterFullWell"]
@@ -91,7 +91,7 @@ class RegisterFullWell:
 
     @staticmethod
     def _trail(image: FloatArray, trailed: np.ndarray, exposure: Exposure) -> float:
-        kernels = load_kernels(KERNELS)
+        kernels = load_kernels(LIMIT_KERNELS)
         return float(kernels.serial_spill(image, float(math.floor(exposure.detector.register_full_well_e)), trailed))
 
 
@@ -112,4 +112,4 @@ class OutputNonlinearity:
         curve = exposure.detector.nonlinearity
         if curve.register_loss > 0:
             b = curve.register_loss / ((1.0 - curve.register_loss) * curve.register_loss_at_e)
-            load_kernels(KERNELS).compress(work.image.reshape(-1), b)
+            load_kernels(LIMIT_KERNELS).compress(work.image.reshape(-1), b)

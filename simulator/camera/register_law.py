@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["RegisterTable", "output_cumulants", "output_pmf", "register_table"]
+__all__ = ["EXACT_TO", "MAX_LOOKUPS", "RegisterTable", "output_cumulants", "output_pmf", "register_table"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -23,6 +23,7 @@ _TAIL = 36.0
 MAX_ENTRIES = 450_000
 MAX_DIRECT = 64
 MAX_LOOKUPS = 3
+EXACT_TO = 24
 _GUIDE_SHARE = 4
 
 
@@ -58,15 +59,29 @@ def output_pmf(electrons: int, probability: float, stages: int, size: int) -> Fl
 
 
 @functools.lru_cache(maxsize=64)
-def output_cumulants(probability: float, stages: int) -> tuple[float, float, float]:
-    """First three cumulants of the output of one electron, from their recursion over the stages."""
+def output_cumulants(probability: float, stages: int) -> tuple[float, float, float, float, float]:
+    """First five cumulants of the output of one electron.
+
+    The cumulant function of a stage is ``h(t) = t + log(1 - p + p e^t)``; that of the register is its iteration, whose
+    derivatives at 0 follow by the chain rule (Faa di Bruno) stage by stage.
+    """
     p, q = probability, 1.0 - probability
-    first, second, third = 1.0, 0.0, 0.0
+    h1, h2, h3 = 1.0 + p, p * q, p * q * (q - p)
+    h4, h5 = p * q * (1.0 - 6.0 * p * q), p * q * (q - p) * (1.0 - 12.0 * p * q)
+    k1, k2, k3, k4, k5 = 1.0, 0.0, 0.0, 0.0, 0.0
     for _ in range(stages):
-        third = (1 + p) ** 3 * third + 3 * (1 + p) * p * q * second + p * q * (1 - 2 * p) * first
-        second = (1 + p) ** 2 * second + p * q * first
-        first *= 1 + p
-    return first, second, third
+        k5 = (
+            h1**5 * k5
+            + 10 * h1**3 * h2 * k4
+            + (10 * h1**2 * h3 + 15 * h1 * h2**2) * k3
+            + (5 * h1 * h4 + 10 * h2 * h3) * k2
+            + h5 * k1
+        )
+        k4 = h1**4 * k4 + 6 * h1**2 * h2 * k3 + (4 * h1 * h3 + 3 * h2**2) * k2 + h4 * k1
+        k3 = h1**3 * k3 + 3 * h1 * h2 * k2 + h3 * k1
+        k2 = h1**2 * k2 + h2 * k1
+        k1 = h1 * k1
+    return k1, k2, k3, k4, k5
 
 
 @functools.lru_cache(maxsize=16)

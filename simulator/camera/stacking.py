@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from catalogs.errors import InputError
 from simulator.camera.gain import excess_noise_factor2
-from simulator.camera.readout import Interference
+from simulator.camera.readout import BiasDrift, Interference
 from simulator.camera.stage import Exposure, Work
 from simulator.camera.visible import VisibleCamera
 from simulator.outcome import Outcome, Reason, Status
@@ -28,6 +28,9 @@ FloatArray = npt.NDArray[np.float64]
 # Chance of a Gaussian beyond: 1e-15, once in 1e9 frames of a million pixels.
 _MARGIN_SIGMA = 8.0
 _NOT_ADDITIVE = ("nonlinearity", "cosmic_rays")
+# Limits that no frame reaches have no place in their sum.
+_LIMITS = ("blooming", "register_full_well")
+MAX_FRAMES = 1_000_000
 
 
 def stackable(camera: VisibleCamera, exposure: Exposure) -> Outcome[float]:
@@ -39,22 +42,29 @@ def stackable(camera: VisibleCamera, exposure: Exposure) -> Outcome[float]:
         ``ok`` with the filled fraction of the nearest limit (eight sigma of noise included); else ``saturated`` with
         the limit that frames can reach, or ``invalid`` where an effect that is no sum is switched on.
     """
-    detector = exposure.detector
+    detector, structure = exposure.detector, exposure.detector.bias_structure
     for effect in camera.charge:
         if effect.switch in _NOT_ADDITIVE:
             return Outcome.refuse(
                 Status.INVALID, Reason.NOT_ADDITIVE, f"{effect.switch} does not add up over frames: switch it off"
             )
-    peak = float(exposure.mean_e.max()) + detector.cic_e
+    cic = exposure.detector.cic_e if exposure.cic_e is None else exposure.cic_e
+    peak = float((exposure.mean_e + cic).max())
+    if detector.switches.register_clock_charge:
+        peak += detector.register_cic_e * detector.register_stages
     pixel = peak + _MARGIN_SIGMA * math.sqrt(peak)
     factor2 = float(excess_noise_factor2(exposure.em_gain, detector.register_stages))
     output = exposure.em_gain * (peak + _MARGIN_SIGMA * math.sqrt(factor2 * peak + _MARGIN_SIGMA))
-    converter = (detector.adc_max_adu - detector.bias_adu) * detector.gain_e_adu - _MARGIN_SIGMA * detector.read_noise_e
-    low = detector.bias_adu * detector.gain_e_adu / max(_MARGIN_SIGMA * detector.read_noise_e, 1e-9)
+    level = np.array(detector.bias_adu) if exposure.bias_adu is None else exposure.bias_adu
+    stripes = np.zeros(1) if exposure.stripe_adu is None else exposure.stripe_adu
+    swing = _MARGIN_SIGMA * math.hypot(detector.read_noise_e / detector.gain_e_adu, structure.drift_adu)
+    swing += structure.interference_adu
+    room = detector.adc_max_adu - float(level.max() + stripes.max()) - swing
+    low = float(level.min() + stripes.min()) - swing
     fills = {
         Reason.PIXEL_FULL_WELL: pixel / detector.full_well_e,
         Reason.REGISTER_FULL_WELL: output / detector.register_full_well_e,
-        Reason.ADC_RANGE: max(output / converter if converter > 0 else math.inf, 1.0 / low if low > 0 else math.inf),
+        Reason.ADC_RANGE: math.inf if low < 0 or room <= 0 else output / detector.gain_e_adu / room,
     }
     reason = max(fills, key=lambda name: fills[name])
     if fills[reason] > 1.0:
@@ -65,7 +75,7 @@ def stackable(camera: VisibleCamera, exposure: Exposure) -> Outcome[float]:
 def stack_electrons(
     camera: VisibleCamera, exposure: Exposure, n_frames: int, *, seed: int, path: Sequence[PathPart]
 ) -> FloatArray:
-    """Sum of ``n_frames`` frames in electrons at the register input, the mean bias taken off: one draw.
+    """Sum of ``n_frames`` frames in electrons at the register input, the fixed bias taken off: one draw.
 
     Parameters
     ----------
@@ -73,37 +83,35 @@ def stack_electrons(
     exposure : Exposure
         What ``camera.prepare`` made for one frame.
     n_frames : int
-        Number of frames, 1 to 1e9.
+        Number of frames, 1 to 1e6.
     seed, path
         As `VisibleCamera.expose`; the draws are those of no single frame.
 
     Returns
     -------
     ndarray
-        Mean, variance and law of the sum of ``(adu - bias) K / g`` over frames; the converter's rounding enters as its
-        variance, ``n / 12`` ADU^2.
+        Mean, variance and law of the sum over frames of ``(adu - bias) K / g``; level, map and stripes of the bias are
+        off. The converter's rounding enters as its variance, ``n / 12`` ADU^2.
 
     Raises
     ------
     InputError
-        If frames can saturate or an effect is switched on that does not add up (see `stackable`).
+        If frames can saturate or an effect is switched on that does not add up (see `stackable`), or the number of
+        frames is out of range.
     """
+    if isinstance(n_frames, bool) or not isinstance(n_frames, int | np.integer) or not 1 <= n_frames <= MAX_FRAMES:
+        raise InputError("n_frames", n_frames, allowed=f"an integer from 1 to {MAX_FRAMES}")
     answer = stackable(camera, exposure)
     if answer.status is not Status.OK:
-        raise InputError("exposure_s", exposure.exposure_s, unit="s",
-                         allowed="frames that add up to one draw", hint=answer.message)  # fmt: skip
-    n, detector = n_frames, exposure.detector
-    noise = math.sqrt(detector.read_noise_e**2 + detector.gain_e_adu**2 / 12.0) if detector.switches.read_noise else 0.0
-    scaled = detector.model_copy(
-        update={
-            "cic_e": n * detector.cic_e,
-            "register_cic_e": n * detector.register_cic_e,
-            "read_noise_e": math.sqrt(n) * noise,
-            "bias_structure": detector.bias_structure.model_copy(
-                update={"drift_adu": math.sqrt(n) * detector.bias_structure.drift_adu}
-            ),
-        }
-    )
+        raise InputError(
+            "exposure_s",
+            exposure.exposure_s,
+            unit="s",
+            allowed="frames that add up to one draw",
+            hint=answer.message,
+        )
+    n, detector = int(n_frames), exposure.detector
+    scaled = detector.model_copy(update={"cic_e": n * detector.cic_e, "register_cic_e": n * detector.register_cic_e})
     mean = n * exposure.mean_e
     whole = dataclasses.replace(
         exposure,
@@ -111,16 +119,20 @@ def stack_electrons(
         mean_e=mean,
         zero=np.exp(-mean),
         cic_e=None if exposure.cic_e is None else n * exposure.cic_e,
-        stripe_adu=None,
     )
     work = Work(mean.copy(), np.zeros(mean.shape, dtype=np.bool_))
-    for effect in (*camera.charge, None, *camera.voltage):
-        if effect is None:
-            work.image /= detector.gain_e_adu
-        elif isinstance(effect, Interference):
-            waves = stream(seed, *path, effect.switch)
-            effect.add_wave(work.image, whole, np.exp(2j * np.pi * waves.random(n)).sum())
-        else:
+    for effect in camera.charge:
+        if effect.switch not in _LIMITS:
             effect.draw(work, whole, stream(seed, *path, effect.switch))
+    work.image /= detector.gain_e_adu
+    noise = detector.read_noise_e / detector.gain_e_adu if detector.switches.read_noise else 0.0
+    rounding = stream(seed, *path, "read_noise").standard_normal(mean.shape)
+    work.image += math.sqrt(n * (noise**2 + 1.0 / 12.0)) * rounding
+    for effect in camera.voltage:
+        common = stream(seed, *path, effect.switch)
+        if isinstance(effect, Interference):
+            effect.add_wave(work.image, whole, np.exp(2j * np.pi * common.random(n)).sum())
+        elif isinstance(effect, BiasDrift):
+            work.image += math.sqrt(n) * detector.bias_structure.drift_adu * common.standard_normal()
     work.image *= detector.gain_e_adu / exposure.em_gain
     return work.image

@@ -10,9 +10,10 @@ import numpy.typing as npt
 
 from simulator.config.detector import Detector
 
-__all__ = ["KERNELS", "Effect", "Exposure", "Place", "Work"]
+__all__ = ["KERNELS", "LIMIT_KERNELS", "Effect", "Exposure", "Place", "Work"]
 
 KERNELS = "simulator.camera.kernels"
+LIMIT_KERNELS = "simulator.camera.limit_kernels"
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]

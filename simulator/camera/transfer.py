@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from simulator.camera.gain import pixel_keys
 from simulator.camera.stage import KERNELS, Exposure, FloatArray, Work
 from simulator.lazy import load_kernels
 
@@ -44,6 +45,12 @@ def _expected_shift(image: FloatArray, chances: tuple[FloatArray, FloatArray, Fl
             image[back:] += amount[:-back]
 
 
+def _whole(work: Work, exposure: Exposure, rng: np.random.Generator) -> None:
+    """Round mean charge to whole electrons, the mean kept: only they can be left behind."""
+    if not exposure.detector.switches.photon_noise:
+        load_kernels(KERNELS).round_stochastic(work.image.reshape(-1), pixel_keys(rng))
+
+
 @dataclass(frozen=True)
 class ParallelTransfer:
     """Charge left behind in the transfers along the columns, through the store to the register."""
@@ -58,9 +65,9 @@ class ParallelTransfer:
         """Shift the counts."""
         kernels = load_kernels(KERNELS)
         if exposure.detector.transfer.parallel_cti > 0:
-            lost = kernels.shift_back(
-                work.image[:, exposure.place.columns], *self._chances(work.image, exposure), True, rng
-            )
+            pixels = work.image[:, exposure.place.columns]
+            _whole(work, exposure, rng)
+            lost = kernels.shift_back(pixels, *self._chances(work.image, exposure), True, pixel_keys(rng))
             work.book("left_behind", -lost)
 
     @staticmethod
@@ -84,7 +91,8 @@ class SerialTransfer:
         """Shift the counts."""
         kernels = load_kernels(KERNELS)
         if exposure.detector.transfer.serial_cti > 0:
-            lost = kernels.shift_back(work.image, *self._chances(work.image, exposure), False, rng)
+            _whole(work, exposure, rng)
+            lost = kernels.shift_back(work.image, *self._chances(work.image, exposure), False, pixel_keys(rng))
             work.book("left_behind", -lost)
 
     @staticmethod

@@ -22,7 +22,7 @@ from simulator.camera.frame import Frame, MaskBit
 from simulator.camera.multiplication import OutputNonlinearity, Register, RegisterClockCharge, RegisterFullWell
 from simulator.camera.readout import BiasDrift, Interference, ReadNoise, Stripes
 from simulator.camera.sections import sections_of
-from simulator.camera.stage import KERNELS, Effect, Exposure, FloatArray, Place, Work
+from simulator.camera.stage import LIMIT_KERNELS, Effect, Exposure, FloatArray, Place, Work
 from simulator.camera.transfer import ClockCharge, ParallelTransfer, SerialTransfer
 from simulator.config.detector import Detector
 from simulator.config.effects import CosmicRayConfig
@@ -129,7 +129,12 @@ class VisibleCamera:
             light = mean[place.rows] * (detector.transfer.line_shift_s / exposure_s)
             mean[place.rows] += light.sum(axis=0) - light
         if switches.dark:
-            structured = flaws is not None and (switches.dark_structure or switches.bad_pixels or switches.bad_columns)
+            structured = flaws is not None and (
+                detector.calibration_files.dark is not None
+                or switches.dark_structure
+                or switches.bad_pixels
+                or switches.bad_columns
+            )
             dark = flaws.dark_of(switches) if structured and flaws is not None else dark_rate_e_s(detector)
             pixels = mean[place.rows, place.columns]
             pixels += (dark[place.rows, place.columns] if isinstance(dark, np.ndarray) else dark) * exposure_s
@@ -207,7 +212,7 @@ class VisibleCamera:
         """
         if isinstance(path, str):
             raise InputError("path", path, allowed="a sequence of names, not one string")
-        kernels = load_kernels(KERNELS)
+        kernels = load_kernels(LIMIT_KERNELS)
         detector, shape = self.detector, exposure.mean_e.shape
         work = Work(np.empty(shape), np.zeros(shape, dtype=np.bool_))
         if not detector.switches.photon_noise:
@@ -249,6 +254,10 @@ def _place(detector: Detector, shape: tuple[int, ...], first_pixel: tuple[int, i
     if first_pixel is None and shape == (detector.n_rows, detector.n_columns):
         rows, columns = sections_of(detector)["image"]
         return Place(rows, columns, 0, 0, True)
-    if first_pixel is None:
-        first_pixel = detector.star_row - shape[0] // 2, detector.star_column - shape[1] // 2
-    return Place(slice(0, shape[0]), slice(0, shape[1]), int(first_pixel[0]), int(first_pixel[1]), False)
+    corner = (detector.star_row - shape[0] // 2, detector.star_column - shape[1] // 2)
+    if first_pixel is not None:
+        whole = isinstance(first_pixel, tuple | list) and all(isinstance(i, int | np.integer) for i in first_pixel)
+        if not whole or len(first_pixel) != 2:
+            raise InputError("first_pixel", first_pixel, unit="px", allowed="row and column of the frame, integers")
+        corner = int(first_pixel[0]), int(first_pixel[1])
+    return Place(slice(0, shape[0]), slice(0, shape[1]), *corner, False)

@@ -20,6 +20,9 @@ __all__ = [
     "PixelFlaws",
 ]
 
+# Expected losses of an electron on its whole way. Three are followed; more happen to (n c)^4 / 24, 3e-4 of them here.
+MAX_LOSSES = 0.3
+
 Border = Annotated[int, Field(ge=0, le=4096)]
 Fraction = Annotated[float, Field(ge=0, le=1)]
 
@@ -188,6 +191,15 @@ class Detector(FrozenModel):
             raise InputError(
                 "em_gain_max", self.em_gain_max, allowed=f"at most 2^{self.register_stages}, one doubling a stage"
             )
+        clocks = self.transfer
+        for name, elements, loss in (
+            ("parallel_cti", self.n_rows + clocks.store_rows, clocks.parallel_cti),
+            ("serial_cti", self.n_columns + clocks.serial_elements, clocks.serial_cti),
+        ):
+            if elements * loss > MAX_LOSSES:
+                raise InputError(f"transfer.{name}", loss,
+                                 allowed=f"at most {MAX_LOSSES / elements:.3g}, {MAX_LOSSES:g} over "
+                                 f"{elements} transfers")  # fmt: skip
         if self.bias_adu >= self.adc_max_adu:
             raise InputError("bias_adu", self.bias_adu, unit="ADU", allowed=f"below the ADC maximum {self.adc_max_adu}")
         return self

@@ -142,7 +142,7 @@ class Instrument(FrozenModel):
         return self.model_copy(update={"detector": visible, "near_infrared": channel})
 
     def changed(self, own: Mapping[str, Any]) -> Instrument:
-        """This instrument with some of its numbers replaced: a mapping of what differs, as in an instrument's file.
+        """Return the instrument with a mapping of what differs, as in an instrument's file, laid over it.
 
         Raises
         ------
@@ -150,8 +150,8 @@ class Instrument(FrozenModel):
             Naming key, value, unit and allowed range of the first fault.
         """
         plain, provenance = split_sourced(dict(own))
-        new = validate(Instrument, {"name": f"{self.name}+changes"} | deep_merge(
-            {key: value for key, value in self.model_dump().items() if key != "name"}, plain), where="instrument")  # fmt: skip
+        values = deep_merge(self.model_dump() | {"name": f"{self.name}+changes"}, plain)
+        new = validate(Instrument, values, where="instrument")
         kept = {key: item for key, item in self._provenance.items() if not _within(plain, key)}
         new._provenance.update(kept | provenance)
         return new

@@ -10,11 +10,14 @@ from pydantic import AfterValidator, Field, ValidationInfo
 
 from catalogs.errors import InputError
 from simulator.config.base import FrozenModel
+from simulator.lazy import load_quietly
 
-__all__ = ["MissionConfig", "OrbitConfig", "checked_utc"]
+__all__ = ["FIRST_YEAR", "LAST_YEAR", "MissionConfig", "OrbitConfig", "checked_utc"]
+
+FIRST_YEAR, LAST_YEAR = 1972, 2100
+"""Years of every date of the project: from the first of UTC on, both included."""
 
 _UTC = re.compile(r"(\d{4})-(\d\d)-(\d\d)(?:[T ](\d\d):(\d\d)(?::(\d\d(?:\.\d{1,9})?))?)?Z?", re.ASCII)
-_FIRST_YEAR, _LAST_YEAR = 1972, 2100
 
 
 def checked_utc(key: str, value: Any) -> str:
@@ -25,8 +28,8 @@ def checked_utc(key: str, value: Any) -> str:
     key : str
         What the time is, for the refusal.
     value : str
-        ISO 8601: a date, or a date and a time, with or without ``Z``. Second 60 is accepted where leap seconds are put,
-        at the end of June and December.
+        ISO 8601: a date, or a date and a time, with or without ``Z``. Second 60 is accepted in the minutes that had
+        one, by the table of leap seconds that comes with ERFA; none can be foreseen.
 
     Raises
     ------
@@ -37,22 +40,34 @@ def checked_utc(key: str, value: Any) -> str:
     if found is not None:
         year, month, day = (int(part) for part in found.groups()[:3])
         hour, minute, second = int(found[4] or 0), int(found[5] or 0), found[6] or "00"
-        leap = (month, day, hour, minute) in ((6, 30, 23, 59), (12, 31, 23, 59))
-        if hour < 24 and minute < 60 and float(second) < 60 + leap and _is_day(year, month, day):
+        in_minute = float(second) < 60 or (
+            float(second) < 61 and (hour, minute) == (23, 59) and _ends_in_leap_second(year, month, day)
+        )
+        if hour < 24 and minute < 60 and in_minute and _is_day(year, month, day):
             return f"{found[1]}-{found[2]}-{found[3]}T{hour:02d}:{minute:02d}:{second}"
     raise InputError(
         key,
         value,
         unit="UTC",
-        allowed=f"a time as 2028-01-01T00:00:00, {_FIRST_YEAR} to {_LAST_YEAR}",
+        allowed=f"a time as 2028-01-01T00:00:00, {FIRST_YEAR} to {LAST_YEAR}",
     )
 
 
 def _is_day(year: int, month: int, day: int) -> bool:
     try:
-        return _FIRST_YEAR <= date(year, month, day).year <= _LAST_YEAR
+        return FIRST_YEAR <= date(year, month, day).year <= LAST_YEAR
     except ValueError:
         return False
+
+
+def _ends_in_leap_second(year: int, month: int, day: int) -> bool:
+    """Whether a leap second was put behind a day: the table names the months that begin behind one."""
+    if (month, day) not in ((6, 30), (12, 31)):
+        return False
+    behind = (year, 7) if month == 6 else (year + 1, 1)
+    # Loading the table takes a fifth of a second, which only such a time costs.
+    table = load_quietly("erfa").leap_seconds.get()
+    return behind in {(int(row["year"]), int(row["month"])) for row in table if row["year"] >= FIRST_YEAR}
 
 
 def _utc_field(value: str, info: ValidationInfo) -> str:

@@ -16,7 +16,15 @@ from simulator.config.light import Real
 from simulator.config.mission import Utc
 from simulator.config.scene import Scene
 
-__all__ = ["SEQUENCE_KINDS", "SKY_KINDS", "SequenceConfig", "SequenceKind", "SimulationConfig", "meaningful_keys"]
+__all__ = [
+    "SEQUENCE_KINDS",
+    "SKY_KINDS",
+    "SequenceConfig",
+    "SequenceKind",
+    "SimulationConfig",
+    "meaningful_keys",
+    "of_no_use",
+]
 
 SequenceKind = Literal["SCI", "DSF", "CALS", "BIAS", "DARK", "FLAT", "BKG", "LASER"]
 SKY_KINDS: tuple[SequenceKind, ...] = ("SCI", "DSF", "CALS")
@@ -51,6 +59,12 @@ def meaningful_keys(kind: Any) -> tuple[str, ...]:
     if kind not in SEQUENCE_KINDS:
         raise InputError("kind", kind, allowed=", ".join(SEQUENCE_KINDS))
     return (*_COMMON, *_OF_KIND[kind])
+
+
+def of_no_use(key: str, value: Any, kind: str) -> InputError:
+    """Return the refusal of a key that a kind of sequence has no use for."""
+    kinds = [name for name in SEQUENCE_KINDS if key in meaningful_keys(name)]
+    return InputError(key, value, allowed=f"for {', '.join(kinds)}, not for {kind}")
 
 
 class SequenceConfig(FrozenModel):
@@ -107,7 +121,7 @@ class SequenceConfig(FrozenModel):
     offset_arcsec: tuple[Offset, Offset] = (0.5, 0.5)
     seed: Annotated[Whole, Field(ge=0, lt=2**63)] = 1
     realisation: Annotated[Whole, Field(ge=0, lt=2**31)] | None = None
-    switches: dict[str, bool] = {}
+    switches: dict[str, bool] = Field(default_factory=dict)
     start_utc: Utc | None = None
     obsid: Annotated[Whole, Field(ge=0, lt=10**11)] | None = None
 
@@ -128,8 +142,7 @@ class SequenceConfig(FrozenModel):
             del result["exposure_s"]
         for key, value in result.items():
             if key not in known:
-                kinds = [name for name in SEQUENCE_KINDS if key in meaningful_keys(name)]
-                raise InputError(key, value, allowed=f"for {', '.join(kinds)}, not for {kind}")
+                raise of_no_use(key, value, kind)
         if kind in SKY_KINDS and result.get("scene") is None:
             raise required("scene", f"a scene for {kind}: a preset, a YAML file or a mapping")
         instrument = result.get("instrument")

@@ -13,7 +13,7 @@ from simulator.config.base import validate
 from simulator.config.instrument import Instrument, load_instrument, paths_beside
 from simulator.config.keys import at, canonical_keys, nearest
 from simulator.config.presets import preset_names, preset_path
-from simulator.config.simulation import SequenceConfig, SimulationConfig, meaningful_keys
+from simulator.config.simulation import SequenceConfig, SimulationConfig, meaningful_keys, of_no_use
 
 __all__ = ["InstrumentSource", "SimulationSource", "load_simulation", "simulation_of"]
 
@@ -30,9 +30,9 @@ def load_simulation(source: SimulationSource, *, instrument: InstrumentSource = 
     source : SimulationConfig, str, Path or mapping
         Keys ``name``, ``description``, ``instrument`` (what `simulator.load_instrument` reads), ``defaults`` and
         ``sequences``, both with the keys of `SequenceConfig`. A default counts for the sequences that have a use for it
-        and do not say otherwise. The ``scene`` of a sequence is what `simulator.load_scene` reads; its ``instrument`` is
-        that too, or a mapping of what differs from the simulation's. Files named in a YAML file are looked for beside it
-        first.
+        and do not say otherwise. The ``scene`` of a sequence is what `simulator.load_scene` reads; its ``instrument`` a
+        preset, a file, or a mapping of what differs from the simulation's. Files named in a YAML file are looked for
+        beside it first.
     instrument : Instrument, mapping, str or Path, optional
         In place of the simulation's.
 
@@ -81,14 +81,17 @@ def simulation_of(
         If a change is of no use to any of them, or impossible for one.
     """
     listed = tuple(sequences)
+    known = {name for item in listed for name in item.known_switches}
     for key, value in (changes or {}).items():
+        for effect in value if key == "switches" else ():
+            if effect not in known:
+                raise InputError("switches", effect, allowed=", ".join(sorted(known)))
         if key == "start_utc":
             listed = _begun(listed, value)
             continue
         changed = tuple(_changed(item, key, value) for item in listed)
         if listed and all(new is old for new, old in zip(changed, listed, strict=True)):
-            kinds = ", ".join(dict.fromkeys(item.kind for item in listed))
-            raise InputError(key, value, allowed=f"for sequences that have a use for it, not for {kinds}")
+            raise of_no_use(key, value, listed[0].kind)
         listed = changed
     return validate(SimulationConfig, {"name": name, "description": description, "sequences": listed})
 

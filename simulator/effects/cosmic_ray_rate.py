@@ -18,7 +18,7 @@ def cosmic_ray_rate(config: CosmicRayConfig, when: str | float) -> float:
     config : CosmicRayConfig
         Rate at solar minimum, depth and time of the cycle, factor of the orbit.
     when : str or float
-        ISO date or decimal year, 1950 to 2100.
+        ISO date or decimal year, 1972 to 2100.
 
     Returns
     -------

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from typing import Any
 
 from catalogs.errors import InputError
+from simulator.config.mission import FIRST_YEAR, LAST_YEAR, checked_utc
 from simulator.quantities import check_number
 
 __all__ = ["days_since_j2000", "decimal_year", "parse_utc"]
 
 _J2000 = datetime(2000, 1, 1, 12, tzinfo=UTC)
-_YEARS = (1950.0, 2100.0)
-_ALLOWED = f"{_YEARS[0]:g} to {_YEARS[1]:g}, as 2028-01-01T00:00:00"
+_ALLOWED = f"{FIRST_YEAR} to {LAST_YEAR}, as 2028-01-01T00:00:00"
 
 
 def parse_utc(name: str, value: Any) -> datetime:
@@ -23,19 +23,26 @@ def parse_utc(name: str, value: Any) -> datetime:
     name : str
         What it is, for messages.
     value : str
-        ``2028-01-01``, ``2028-01-01T12:30:00``, with ``Z`` or an offset if not UTC.
+        What `simulator.config.mission.checked_utc` accepts, a leap second included (it is the first second of the next
+        day here); or a time with an offset from UTC, as ``2028-01-01T08:00:00+08:00``.
 
     Raises
     ------
     InputError
-        If it is no date or outside 1950 to 2100.
+        If it is no date or outside 1972 to 2100.
     """
+    try:
+        plain = checked_utc(name, value)
+    except InputError:
+        plain = ""
+    if plain[17:19] == "60":
+        return datetime.fromisoformat(f"{plain[:17]}59{plain[19:26]}").replace(tzinfo=UTC) + timedelta(seconds=1)
     try:
         found = datetime.fromisoformat(value.strip())
     except (AttributeError, ValueError):
         raise InputError(name, value, allowed=f"a date, {_ALLOWED}") from None
     found = found.replace(tzinfo=UTC) if found.tzinfo is None else found.astimezone(UTC)
-    if not _YEARS[0] <= found.year < _YEARS[1]:
+    if not FIRST_YEAR <= found.year <= LAST_YEAR:
         raise InputError(name, value, allowed=f"a date, {_ALLOWED}")
     return found
 
@@ -46,14 +53,14 @@ def decimal_year(name: str, value: Any) -> float:
     Raises
     ------
     InputError
-        If it is neither a date nor a year, or outside 1950 to 2100.
+        If it is neither a date nor a year, or outside 1972 to 2100 (the end of that year).
     """
     if isinstance(value, str):
         found = parse_utc(name, value)
         start = datetime(found.year, 1, 1, tzinfo=UTC)
         return found.year + (found - start) / (datetime(found.year + 1, 1, 1, tzinfo=UTC) - start)
     year = check_number(name, value, "yr")
-    if not _YEARS[0] <= year <= _YEARS[1]:
+    if not FIRST_YEAR <= year <= LAST_YEAR + 1:
         raise InputError(name, value, unit="yr", allowed=f"a year, {_ALLOWED}")
     return year
 

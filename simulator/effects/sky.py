@@ -10,6 +10,7 @@ from catalogs.errors import InputError
 from simulator.config import Instrument
 from simulator.config.angles import declination_deg, right_ascension_deg
 from simulator.effects.dates import parse_utc
+from simulator.effects.stray_light import extra_lights
 from simulator.effects.sun_position import ecliptic_deg, elongation_deg, sun_longitude_deg
 from simulator.effects.zodiacal import zodiacal_photlam_arcsec2, zodiacal_radiance
 from simulator.passbands import Passbands
@@ -59,7 +60,7 @@ def sky_rate_e_s_arcsec2(
     ra_deg, dec_deg : float or str, optional
         Target; needed for ``zodiacal``.
     start_utc : str, optional
-        ISO date, 1950 to 2100; needed for ``zodiacal``.
+        ISO date, 1972 to 2100; needed for ``zodiacal``.
 
     Returns
     -------
@@ -91,7 +92,7 @@ def sky_rate_e_s_arcsec2(
         rates = passbands.spectrum_rate_e_s(spectrum.wavelength_nm, spectrum.photlam, instrument.telescope.area_cm2)
         parts = {"zodiacal": float(rates[column])}
         flags = (SOLAR_AVOIDANCE,) if avoided else ()
-    for name, light in (("earthshine", sky.earthshine), ("stray_light", sky.stray_light)):
+    for name, light in extra_lights(instrument).items():
         if light.brightness_v_mag_arcsec2 is not None:
             parts[name] = solar(light.brightness_v_mag_arcsec2)
     return SkyLevel(sum(parts.values()), parts, flags)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,12 +10,13 @@ from numpy.typing import NDArray
 from catalogs.errors import InputError
 from simulator.config import Instrument
 from simulator.config.effects import ExtraLight
+from simulator.effects.map_units import unit_factor
 from simulator.imaging.map_files import read_maps, real_map
 
-__all__ = ["effect_files", "stray_light_map"]
+__all__ = ["effect_files", "extra_lights", "stray_light_map", "stray_light_parts"]
 
 FloatArray = NDArray[np.float64]
-_UNITS = "electron / s or electron / (s pix)"
+_UNIT = "electron/s"
 
 
 def stray_light_map(instrument: Instrument, band: str, shape: tuple[int, int]) -> FloatArray | None:
@@ -42,27 +42,70 @@ def stray_light_map(instrument: Instrument, band: str, shape: tuple[int, int]) -
     InputError
         If a map is missing, damaged, of another shape or unit, negative or not finite.
     """
+    parts = stray_light_parts(instrument, band, shape)
+    return sum(parts.values(), np.zeros(shape)) if parts else None
+
+
+def stray_light_parts(
+    instrument: Instrument,
+    band: str,
+    shape: tuple[int, int],
+    *,
+    first_pixel: tuple[int, int] = (0, 0),
+    window: tuple[int, int] | None = None,
+) -> dict[str, FloatArray]:
+    """Return the parts of `stray_light_map` by origin, for a window of the frame.
+
+    Parameters
+    ----------
+    instrument, band, shape
+        As `stray_light_map`.
+    first_pixel : tuple of int
+        Row and column of the frame at which the window begins.
+    window : tuple of int, optional
+        Its rows and columns; the whole frame if not given. What reaches beyond the frame sees nothing of a map.
+
+    Returns
+    -------
+    dict of str to ndarray
+        ``earthshine`` and ``stray_light``, as far as they are given on the detector.
+    """
     instrument.band(band)
-    total = None
-    for name, light in _lights(instrument):
+    parts = {}
+    for name, light in extra_lights(instrument).items():
         path = light.map_of(band)
-        found: Any = light.rate_e_s
         if path is not None:
-            found = _read_map(f"sky.{name}.map_file", path, shape)
-        if found is not None:
-            total = (np.zeros(shape) if total is None else total) + found
-    return total
+            whole = _read_map(f"sky.{name}.map_file", path, shape)
+            parts[name] = whole if window is None else _cut(whole, first_pixel, window)
+        elif light.rate_e_s is not None:
+            parts[name] = np.full(shape if window is None else window, light.rate_e_s)
+    return parts
+
+
+def _cut(whole: FloatArray, first_pixel: tuple[int, int], window: tuple[int, int]) -> FloatArray:
+    part = np.zeros(window)
+    spans = [
+        slice(max(first, 0), min(first + length, size))
+        for first, length, size in zip(first_pixel, window, whole.shape, strict=True)
+    ]
+    rows, columns = (
+        slice(span.start - first, max(span.stop, span.start) - first)
+        for span, first in zip(spans, first_pixel, strict=True)
+    )
+    part[rows, columns] = whole[spans[0], spans[1]]
+    return part
 
 
 def effect_files(instrument: Instrument, band: str) -> list[str]:
     """Names of the files that cosmic rays, earthshine and stray light of a band read, for headers."""
     template = instrument.cosmic_rays.template.template_file if instrument.cosmic_rays.model == "template" else None
-    paths = [template, *(light.map_of(band) for _, light in _lights(instrument))]
+    paths = [template, *(light.map_of(band) for light in extra_lights(instrument).values())]
     return [Path(path).name for path in paths if path is not None]
 
 
-def _lights(instrument: Instrument) -> tuple[tuple[str, ExtraLight], ...]:
-    return ("earthshine", instrument.sky.earthshine), ("stray_light", instrument.sky.stray_light)
+def extra_lights(instrument: Instrument) -> dict[str, ExtraLight]:
+    """Light besides the sky, by the name of its section."""
+    return {"earthshine": instrument.sky.earthshine, "stray_light": instrument.sky.stray_light}
 
 
 def _read_map(key: str, path: str, shape: tuple[int, int]) -> FloatArray:
@@ -74,25 +117,9 @@ def _read_map(key: str, path: str, shape: tuple[int, int]) -> FloatArray:
     if values.shape != tuple(shape):
         raise InputError(key, path, allowed=f"a map of {shape[0]} rows x {shape[1]} columns, the whole frame",
                          hint=f"it has {values.shape[0]} x {values.shape[1]}")  # fmt: skip
-    values *= _per_second(key, path, item.header.get("BUNIT"))
+    values *= unit_factor(key, path, item.header, _UNIT)
     if (values < 0).any():
         row, column = np.argwhere(values < 0)[0]
         raise InputError(key, path, unit="e-/s", allowed="values at least 0",
                          hint=f"row {row}, column {column} holds {values[row, column]:g}")  # fmt: skip
     return values
-
-
-def _per_second(key: str, path: str, unit: Any) -> float:
-    """Factor from the unit of a map to electrons per second (and pixel)."""
-    from astropy import units
-
-    if unit is None:
-        raise InputError(f"{key} BUNIT", "missing", allowed=_UNITS, hint=path)
-    try:
-        given = units.Unit(str(unit).strip())
-        for target in (units.electron / units.s, units.electron / units.s / units.pixel):
-            if given.is_equivalent(target):
-                return float(given.to(target))
-    except ValueError:
-        pass
-    raise InputError(f"{key} BUNIT", str(unit), allowed=_UNITS, hint=path)

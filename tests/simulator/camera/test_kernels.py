@@ -6,7 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from simulator.camera import kernels
+from simulator.camera import kernels, limit_kernels
+from simulator.camera.gain import pixel_keys
 from simulator.camera.transfer import chances_of_loss
 from simulator.rng import stream
 
@@ -14,7 +15,7 @@ from simulator.rng import stream
 def counts_of(mean, draws=1_000_000):
     out = np.empty(draws)
     means = np.full(draws, mean)
-    kernels.draw_poisson(means, np.exp(-means), stream(1, "poisson", str(mean)), out)
+    kernels.draw_poisson(means, np.exp(-means), pixel_keys(stream(1, "poisson", str(mean))), out)
     return out
 
 
@@ -44,7 +45,7 @@ def test_losses_of_transfer_are_binomial(n, transfers, inefficiency):
     chances = chances_of_loss(np.full(4, transfers), inefficiency)
     charge = np.zeros((4, columns))
     charge[0] = n
-    assert kernels.shift_back(charge, *chances, True, stream(2, "shift", n)) == 0
+    assert kernels.shift_back(charge, *chances, True, pixel_keys(stream(2, "shift", n))) == 0
     assert (charge.sum(axis=0) == n).all()
     stay = stats.binom.pmf(0, transfers, inefficiency)
     staying = charge[0]
@@ -75,7 +76,7 @@ def test_transfer_conserves_charge(seed, by_row, top):
     charge = rng.integers(0, top, (23, 17), endpoint=True).astype(float)
     chances = chances_of_loss(np.full(23 if by_row else 17, 3000), 1e-4)
     before = charge.sum()
-    lost = kernels.shift_back(charge, *chances, by_row, rng)
+    lost = kernels.shift_back(charge, *chances, by_row, pixel_keys(rng))
     assert charge.sum() + lost == before
     assert charge.min() >= 0
     assert (charge == np.rint(charge)).all()
@@ -83,7 +84,7 @@ def test_transfer_conserves_charge(seed, by_row, top):
 
 def spilled(charge, full_well=100.0):
     after, flags = charge.copy(), np.zeros(charge.shape, bool)
-    drained = kernels.vertical_spill(after, full_well, flags)
+    drained = limit_kernels.vertical_spill(after, full_well, flags)
     return after, drained, flags
 
 
@@ -146,7 +147,7 @@ def test_tails_of_the_register_conserve_charge(seed):
     rng = np.random.default_rng(seed)
     charge = np.where(rng.random((9, 41)) < 0.1, rng.integers(0, 3000, (9, 41)), 5).astype(float)
     after, flags = charge.copy(), np.zeros(charge.shape, bool)
-    residue = kernels.serial_spill(after, 100.0, flags)
+    residue = limit_kernels.serial_spill(after, 100.0, flags)
     assert after.sum() + residue == charge.sum()
     assert after.max() <= 100
     # Charge only moves towards pixels read later.
@@ -158,24 +159,68 @@ def test_a_tail_is_as_long_as_its_charge():
     charge = np.zeros((2, 50))
     charge[0, 10] = 1050
     flags = np.zeros(charge.shape, bool)
-    assert kernels.serial_spill(charge, 100.0, flags) == 0
+    assert limit_kernels.serial_spill(charge, 100.0, flags) == 0
     assert charge[0, 10:21].tolist() == [100] * 10 + [50]
     assert np.flatnonzero(flags[0]).tolist() == list(range(10, 21))
 
 
-@pytest.mark.parametrize("level", [30.0, 2000.0, 70_000.0])
+@pytest.mark.parametrize("level", [30.0, 2000.0, 70_000.0, 1e9])
 def test_the_curve_of_a_pixel_keeps_its_mean_in_whole_electrons(level):
-    b = 1.26e-7
+    """Up to the full well; what comes beyond it is not lost."""
+    b, full_well = 1.26e-7, 80_000.0
     charge = np.full(400_000, level)
-    kernels.compress_counts(charge, b, stream(4, "curve", int(level)))
+    kernels.compress_counts(charge, b, full_well, pixel_keys(stream(4, "curve", int(level))))
     assert (charge == np.rint(charge)).all()
-    loss = b * level**2 / (1 + b * level)
-    assert level - charge.mean() == pytest.approx(loss, abs=4.5 * np.sqrt(min(loss, 0.25) / charge.size) + 1e-7 * level)
+    held = min(level, full_well)
+    loss = b * held**2 / (1 + b * held)
+    assert level - charge.mean() == pytest.approx(loss, abs=4.5 * np.sqrt(min(loss, 0.25) / charge.size) + 1e-6)
+
+
+def test_draws_of_pixels_are_uniform_and_independent():
+    """Means, neighbours, draws of one pixel and neighbouring keys, each over many keys."""
+    from numba import njit
+
+    @njit
+    def fill(keys, draw, out):
+        for i in range(out.size):
+            out[i] = kernels._uniform(keys, i, draw)
+
+    size, found = 50_000, []
+    one, two, other = (np.empty(size) for _ in range(3))
+    for number in range(200):
+        keys = pixel_keys(stream(6, "keys", number))
+        fill(keys, 0, one)
+        fill(keys, 1, two)
+        fill(keys + np.uint64(1), 0, other)
+        a, b, c = (np.sqrt(12) * (x - 0.5) for x in (one, two, other))
+        found.append([a.mean(), (a[1:] * a[:-1]).mean(), (a * b).mean(), (a * c).mean()])
+    pulls = np.array(found) * np.sqrt(size)
+    assert np.abs(pulls.mean(axis=0)).max() < 4 / np.sqrt(len(pulls))
+    assert pulls.std(axis=0) == pytest.approx(np.ones(4), abs=4 / np.sqrt(2 * len(pulls)))
+    assert stats.kstest(one, "uniform").pvalue > 1e-4
+
+
+def test_normal_numbers_of_pixels():
+    from numba import njit
+
+    @njit
+    def fill(keys, out):
+        for i in range(out.size):
+            out[i] = kernels._normal(keys, i)
+
+    z = np.empty(4_000_000)
+    fill(pixel_keys(stream(7, "normal")), z)
+    assert stats.kstest(z[:1_000_000], "norm").pvalue > 1e-4
+    for moment, mean, spread in ((1, 0, 1), (2, 1, 2), (3, 0, 15), (4, 3, 96)):
+        assert (z**moment).mean() == pytest.approx(mean, abs=4.5 * np.sqrt(spread / z.size))
+    for edge in (3.0, kernels._EDGE, 4.5):
+        beyond = 2 * stats.norm.sf(edge) * z.size
+        assert (np.abs(z) > edge).sum() == pytest.approx(beyond, abs=4.5 * np.sqrt(beyond))
 
 
 def test_rounding_at_random_keeps_the_mean():
     charge = np.full(1_000_000, 2.3)
-    kernels.round_stochastic(charge, stream(5, "round"))
+    kernels.round_stochastic(charge, pixel_keys(stream(5, "round")))
     assert set(np.unique(charge)) == {2.0, 3.0}
     assert charge.mean() == pytest.approx(2.3, abs=4.5 * np.sqrt(0.21 / charge.size))
 
@@ -183,6 +228,6 @@ def test_rounding_at_random_keeps_the_mean():
 def test_the_converter_cuts_and_counts():
     level = np.array([-1e20, -0.6, -0.4, 0.5, 1.5, 2.4, 16383.4, 16383.6, 1e20])
     out, clipped = np.empty(9, np.uint16), np.zeros(9, bool)
-    assert kernels.digitise(level, 16383.0, out, clipped) == 4
+    assert limit_kernels.digitise(level, 16383.0, out, clipped) == 4
     assert out.tolist() == [0, 0, 0, 0, 2, 2, 16383, 16383, 16383]
     assert clipped.tolist() == [True, True, False, False, False, False, False, True, True]

@@ -9,13 +9,17 @@ from simulator.camera.register_law import MAX_ENTRIES, output_cumulants, output_
 @pytest.mark.parametrize("gain", [1.001, 2.0, 20.0, 1000.0])
 def test_cumulants_against_closed_forms_and_the_law(gain, stages):
     p = float(stage_probability(gain, stages))
-    mean, variance, third = output_cumulants(p, stages)
+    mean, variance, third, fourth, fifth = output_cumulants(p, stages)
     assert mean == pytest.approx(gain, rel=1e-12)
     assert variance == pytest.approx(float(gain_variance(gain, stages)), rel=1e-11)
-    size = 1 << int(np.ceil(np.log2(45 * gain + 64)))
+    size = 1 << int(np.ceil(np.log2(60 * gain + 64)))
     k, law = np.arange(size), output_pmf(1, p, stages, size)
+    central = [law @ (k - gain) ** power for power in range(6)]
     # Each probability carries the rounding of all stages, 1e-14.
-    assert law @ (k - gain) ** 3 == pytest.approx(third, rel=1e-6, abs=1e-14 * size**3)
+    noise = [1e-14 * float(size) ** power for power in range(6)]
+    assert central[3] == pytest.approx(third, rel=1e-6, abs=noise[3])
+    assert central[4] - 3 * central[2] ** 2 == pytest.approx(fourth, rel=1e-5, abs=noise[4])
+    assert central[5] - 10 * central[3] * central[2] == pytest.approx(fifth, rel=1e-4, abs=noise[5])
 
 
 def test_one_stage_is_a_bernoulli_draw():

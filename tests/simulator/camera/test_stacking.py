@@ -66,3 +66,40 @@ def test_frames_that_can_saturate_are_refused_with_the_limit(camera, detector):
     assert answer.reason is Reason.NOT_ADDITIVE
     assert "nonlinearity" in answer.message
     assert stackable(camera, camera.prepare(np.ones((5, 5)), 1.0, 20.0)).unwrap() < 0.1
+
+
+@pytest.mark.parametrize(("gain", "level"), [(1.0, 10_000.0), (300.0, 1000.0)])
+def test_a_sum_may_be_more_than_a_full_well(bare, gain, level):
+    """Limits that no frame reaches do not cut their sum."""
+    det = bare(gain_e_adu=100.0)
+    camera = VisibleCamera(det)
+    exposure = camera.prepare(np.full((100, 100), level), 1.0, gain)
+    once = stack_electrons(camera, exposure, N, seed=3, path=("once",))
+    summed = sum(to_electrons(camera.expose(exposure, seed=3, path=("frames", i)).adu, det, gain) for i in range(N))
+    assert N * level > det.full_well_e or N * level * gain > det.register_full_well_e
+    sigma = np.sqrt(N * (2 * level + (det.read_noise_e / gain) ** 2))
+    assert once.mean() == pytest.approx(summed.mean(), abs=6 * sigma / 100)
+    assert once.std() == pytest.approx(summed.std(), rel=0.06)
+
+
+def test_limits_of_maps_count(bare, tmp_path):
+    import dataclasses
+
+    camera = VisibleCamera(bare())
+    exposure = camera.prepare(np.zeros((5, 5)), 0.0, 1.0)
+    charge = np.zeros((5, 5))
+    charge[2, 3] = 5e5
+    assert stackable(camera, dataclasses.replace(exposure, cic_e=charge)).reason is Reason.PIXEL_FULL_WELL
+    low = dataclasses.replace(exposure, bias_adu=np.full((5, 5), 3.0))
+    assert stackable(camera, low).reason is Reason.ADC_RANGE
+    for wrong in (0, -1, 1.5, "3", True, 10**7):
+        with pytest.raises(InputError, match="n_frames"):
+            stack_electrons(camera, exposure, wrong, seed=1, path=("a",))
+
+
+def test_rounding_of_the_converter_is_in_the_sum(bare):
+    det = bare().switched(off=("read_noise",))
+    camera = VisibleCamera(det)
+    stack = stack_electrons(camera, camera.prepare(np.full((300, 300), 100.0), 1.0, 1.0), N, seed=4, path=("r",))
+    expected = N * (100.0 + det.cic_e) + N * det.gain_e_adu**2 / 12
+    assert stack.var() == pytest.approx(expected, rel=0.03)

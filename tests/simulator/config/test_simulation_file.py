@@ -1,0 +1,184 @@
+import math
+
+import pytest
+import yaml
+
+from catalogs.errors import InputError
+from simulator.config import load_instrument
+from simulator.config.presets import preset_names
+from simulator.config.simulation_file import load_simulation, simulation_of
+
+SCENE = {"name": "s", "cstar": {"v_mag": 5, "teff_k": 5800}}
+
+
+def written(path, tree):
+    path.write_text(yaml.safe_dump(tree), encoding="utf-8")
+    return path
+
+
+def test_defaults_count_where_they_have_a_use_and_nothing_else_is_said():
+    found = load_simulation(
+        {
+            "name": "x",
+            "defaults": {"scene": SCENE, "band": "F662", "exposure_s": 3, "frames": 4},
+            "sequences": [{}, {"frames": 2, "kind": "DSF"}, {"kind": "BIAS"}, {"kind": "FLAT", "level_e": 100}],
+        }
+    )
+    science, field, bias, flat = found.sequences
+    assert (science.kind, science.band, science.exposure_s, science.frames) == ("SCI", ("F662",), (3.0,), 4)
+    assert (field.kind, field.frames) == ("DSF", 2)
+    assert (bias.scene, bias.band, bias.frames) == (None, (), 4)
+    assert (flat.scene, flat.band, flat.level_e) == (None, ("F662",), 100.0)
+
+
+@pytest.mark.parametrize(
+    ("tree", "words"),
+    [
+        ({"sequences": []}, ["simulation.sequences", "list"]),
+        ({}, ["simulation.sequences", "missing"]),
+        ({"sequences": [3]}, ["simulation.sequences.0", "3"]),
+        ({"sequences": [{"scene": SCENE}], "sequence": []}, ["sequence", "one of the two"]),
+        ({"sequences": [{"scene": SCENE}], "frames": 3}, ["simulation.frames", "no such key"]),
+        (
+            {"sequences": [{"scene": SCENE}], "defaults": {"level_e": 3}},
+            ["simulation.defaults.level_e", "some sequence"],
+        ),
+        ({"sequences": [{"scene": SCENE}], "defaults": {"bnd": 3}}, ["simulation.defaults.bnd", "did you mean band"]),
+        ({"sequences": [{"scene": SCENE}], "defaults": 3}, ["simulation.defaults", "3"]),
+        ({"sequences": [{"scene": SCENE}, {"scene": SCENE, "frames": -1}]}, ["simulation.sequences.1.frames", "-1"]),
+        ({"sequences": [{"kind": "SCIENCE"}]}, ["simulation.sequences.0.kind", "SCIENCE"]),
+        ({"sequences": [{"scene": "nowhere"}]}, ["simulation.sequences.0.scene", "nowhere", "paper_example"]),
+        (
+            {"sequences": [{"scene": {"name": "s", "cstar": {"v_mag": 5, "teff_k": 1}}}]},
+            ["simulation.sequences.0.scene.cstar.teff_k", "K", "100 to 1e+06"],
+        ),
+        (
+            {"sequences": [{"scene": SCENE, "instrument": {"detector": {"read_noise_e": -1}}}]},
+            ["simulation.sequences.0.instrument.detector.read_noise_e", "-1 e-", "0 to 100000"],
+        ),
+        ({"sequences": [{"scene": SCENE}], "instrument": "x.yaml"}, ["simulation.instrument", "x.yaml", "cpic_2q"]),
+        ({"kind": "plan", "sequences": [{"scene": SCENE}]}, ["kind", "plan"]),
+    ],
+)
+def test_a_fault_is_named_by_its_place(tree, words):
+    with pytest.raises(InputError) as refused:
+        load_simulation({"name": "x"} | tree)
+    for word in words:
+        assert word in str(refused.value)
+
+
+def test_files_are_looked_for_beside_the_simulation(tmp_path, monkeypatch):
+    folder = tmp_path / "deep"
+    folder.mkdir()
+    written(folder / "my_scene.yaml", SCENE | {"name": "mine"})
+    written(folder / "my_instrument.yaml", {"detector": {"read_noise_e": 90}})
+    (folder / "flux.txt").write_text("400 1\n1000 2\n")
+    inline = {"name": "inline", "cstar": {"v_mag": 5, "spectrum": "flux.txt"}}
+    tree = {
+        "kind": "simulation",
+        "instrument": "my_instrument.yaml",
+        "sequences": [{"scene": "my_scene.yaml"}, {"scene": inline}],
+    }
+    path = written(folder / "run.yaml", tree)
+    monkeypatch.chdir(tmp_path)
+    found = load_simulation("deep/run.yaml")
+    assert found.name == "run"
+    assert [item.scene.name for item in found.sequences] == ["mine", "inline"]
+    assert found.sequences[0].instrument.detector.read_noise_e == 90
+    assert found.sequences[1].scene.cstar.spectrum == str(path.parent.relative_to(tmp_path) / "flux.txt")
+
+
+def test_a_sequence_changes_the_instrument_of_the_simulation():
+    found = load_simulation(
+        {
+            "name": "x",
+            "instrument": {"detector": {"read_noise_e": 90}},
+            "sequences": [{"kind": "BIAS"}, {"kind": "BIAS", "instrument": {"detector": {"bias_adu": 300}}},
+                          {"kind": "BIAS", "instrument": "cpic_2q"}],
+        }
+    )  # fmt: skip
+    plain, changed, other = (item.instrument for item in found.sequences)
+    assert (plain.detector.read_noise_e, plain.detector.bias_adu) == (90, 200)
+    assert (changed.detector.read_noise_e, changed.detector.bias_adu) == (90, 300)
+    assert "detector.bias_adu" not in changed.provenance
+    assert changed.provenance["detector.read_noise_e"].source == "user"
+    assert changed.provenance["telescope.diameter_m"].confidence == "P"
+    assert other.content_hash == load_instrument("cpic_2q").content_hash
+
+
+def test_another_instrument_in_place_of_the_simulations():
+    found = load_simulation("paper_cosmic_rays", instrument={"detector": {"bias_adu": 300}})
+    assert [item.instrument.detector.bias_adu for item in found.sequences] == [300, 300]
+    assert [item.instrument.cosmic_rays.model for item in found.sequences] == ["physical", "paper"]
+
+
+def test_changes_replace_what_has_a_use_for_them():
+    found = load_simulation(
+        {"name": "x", "sequences": [{"scene": SCENE, "switches": {"smear": False}}, {"kind": "BIAS"}]}
+    )
+    changed = simulation_of(
+        "y", found.sequences, changes={"frames": 7, "fidelity": "quick", "switches": {"dark": False},
+                                       "start_utc": "2029-01-01"}
+    )  # fmt: skip
+    science, bias = changed.sequences
+    assert (science.frames, bias.frames, science.fidelity) == (7, 7, "quick")
+    assert science.switches == {"smear": False, "dark": False}
+    assert (science.start_utc, bias.start_utc) == ("2029-01-01T00:00:00", None)
+    assert science.band == found.sequences[0].band
+    assert simulation_of("y", found.sequences, changes={"switches": {"all": False}}).sequences[0].switches == {
+        "all": False
+    }
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"fidelity": "quick"}, ["fidelity", "not for BIAS"]),
+        ({"switches": {"smer": False}}, ["switches", "smer"]),
+        ({"switches": {"smear": False, "reset_noise": False}}, ["switches", "reset_noise"]),
+        ({"start_utc": "2029-01-01"}, ["start_utc", "2030-01-01"]),
+        ({"frames": 0}, ["frames", "0"]),
+    ],
+)
+def test_changes_of_no_use_are_refused(changes, words):
+    found = load_simulation({"name": "x", "sequences": [{"kind": "BIAS", "start_utc": "2030-01-01"}]})
+    with pytest.raises(InputError) as refused:
+        simulation_of("y", found.sequences, changes=changes)
+    for word in words:
+        assert word in str(refused.value)
+
+
+@pytest.mark.parametrize("name", preset_names("simulation"))
+def test_presets_load_and_say_what_they_are(name):
+    found = load_simulation(name)
+    assert found.name == name
+    assert found.description
+
+
+def test_no_simulation_has_the_name_of_a_scene():
+    assert set(preset_names("simulation")).isdisjoint(preset_names("scene"))
+
+
+def test_the_papers_numbers():
+    example = load_simulation("paper_alpha_cen_b").sequences
+    table = {"F520": 17, "F662": 9, "F720": 50, "F850": 100}
+    for role in ("science", "reference"):
+        assert {item.band[0]: item.exposure_s[0] for item in example if item.role == role} == table
+    assert {(item.frames, item.em_gain) for item in example} == {(30, (20.0,))}
+    assert {len(item.scene.planets) for item in example if item.role == "reference"} == {0}
+    (figure,) = load_simulation("paper_exposure_gain").sequences
+    assert (figure.exposure_s, figure.em_gain) == ((30.0, 300.0), (1.0, 20.0))
+    (source,) = figure.scene.stars
+    assert (source.pa_deg, source.separation_arcsec) == (135, 0.95)
+    rays = load_simulation("paper_cosmic_rays").sequences
+    assert {(item.exposure_s, item.em_gain) for item in rays} == {((3000.0,), (1.0, 300.0))}
+    shifts = load_simulation("paper_shifted_star").sequences
+    assert [round(math.hypot(*item.star_offset_arcsec), 5) for item in shifts] == [0, 0.2, 0.5, 1.0]
+    assert {(item.frames, item.exposure_s, item.band) for item in shifts} == {(50, (0.01,), ("F520",))}
+    assert {item.kind for item in load_simulation("calibration_set").sequences} == {
+        "BIAS",
+        "DARK",
+        "FLAT",
+        "BKG",
+        "LASER",
+    }
