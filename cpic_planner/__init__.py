@@ -28,6 +28,7 @@ if TYPE_CHECKING:
         optimise,
         rank_targets,
         signal_to_noise,
+        simulate_products,
     )
     from cpic_planner.targets import load_targets
     from simulator import (
@@ -68,6 +69,7 @@ _HOME = {
     "InputError": "catalogs.errors", "load_targets": "cpic_planner.targets", "exposure_time": "cpic_planner.api",
     "signal_to_noise": "cpic_planner.api", "contrast_limit": "cpic_planner.api", "optimise": "cpic_planner.api",
     "rank_targets": "cpic_planner.api", "confirm_targets": "cpic_planner.api", "make_plan": "cpic_planner.api",
+    "simulate_products": "cpic_planner.api",
 }  # fmt: skip
 
 __all__ = [
@@ -107,6 +109,7 @@ __all__ = [
     "save_psf",
     "scenes_from_table",
     "signal_to_noise",
+    "simulate_products",
     "single_band_psf",
     "spectrum_generator",
     "star_photlam",

@@ -13,13 +13,15 @@ from cpic_planner.etc import questions
 from cpic_planner.etc.answer import EtcAnswer
 from cpic_planner.etc.model import EtcModel, build_model
 from cpic_planner.etc.planet import ReferencePlanet
-from cpic_planner.models import ConfirmedTarget, PlanResult, RankResult
+from cpic_planner.models import ConfirmedTarget, PlanResult, RankResult, SimulationResult
 from cpic_planner.targets import Targets, as_catalogue, find_target, rank_sample, sample_text
 from simulator.config import Instrument, load_instrument
 from simulator.config.base import validate
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from cpic_planner.simulation.inputs import SimulationInput
 
 __all__ = [
     "confirm_targets",
@@ -29,6 +31,7 @@ __all__ = [
     "optimise",
     "rank_targets",
     "signal_to_noise",
+    "simulate_products",
 ]
 
 InstrumentSource = Instrument | Mapping[str, Any] | str | Path | None
@@ -279,3 +282,60 @@ def confirm_targets(
         fidelity=fidelity,
         workers=workers,
     )
+
+
+def simulate_products(
+    what: SimulationInput | list[SimulationInput] | tuple[SimulationInput, ...] = (),
+    out: str | Path = "out/simulate",
+    *,
+    workers: int = 1,
+    scheduler: str | None = None,
+    force: bool = False,
+    truth: bool = True,
+    instrument: InstrumentSource = None,
+    frames: int | None = None,
+    seed: int | None = None,
+    fidelity: str | None = None,
+    switches: Mapping[str, bool] | None = None,
+    start_utc: str | None = None,
+    **settings: Any,
+) -> SimulationResult:
+    """Make Level-0 products with truth, as ``cpic simulate`` does.
+
+    Parameters
+    ----------
+    what : simulation, scene, mapping, str, Path, or a list of them
+        Simulations, scenes (presets, YAML files, mappings, objects) and tables of stars (files), each row of which is a
+        scene; nothing for a calibration ``kind``.
+    out : str or Path
+        Root of the tree of products; an interrupted run continues there.
+    workers, scheduler, force, truth
+        As `cpic_planner.simulation.run.simulate`.
+    instrument : Instrument, mapping, str or Path, optional
+    frames, seed, fidelity, switches, start_utc : optional
+        For all sequences that have a use for them; those of a simulation are replaced.
+    **settings
+        Keys of `simulator.config.simulation.SequenceConfig` for scenes and calibration kinds: ``kind``, ``band``,
+        ``exposure_s``, ``em_gain``, ``roll_deg``, ``star_offset_arcsec`` ...
+
+    Returns
+    -------
+    SimulationResult
+        ``sequences[i].file`` is the Level-0 file below ``out``.
+
+    Raises
+    ------
+    InputError
+        For bad input, or if ``out`` is in use or holds another configuration.
+    """
+    from cpic_planner.simulation.inputs import simulation_from
+    from cpic_planner.simulation.run import simulate
+
+    changes = {"frames": frames, "seed": seed, "fidelity": fidelity, "switches": switches, "start_utc": start_utc}
+    simulation, _ = simulation_from(
+        what if isinstance(what, list | tuple) else [what],
+        settings=settings,
+        changes={key: value for key, value in changes.items() if value is not None},
+        instrument=instrument,
+    )
+    return simulate(simulation, out, workers=workers, scheduler=scheduler, force=force, truth=truth).result

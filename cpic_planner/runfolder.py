@@ -8,7 +8,8 @@ Layout::
     DIR/plan.json ...   the products, written at the end
 
 A folder of the same configuration hash is resumed (finished parts are reused); of another one it is
-refused unless forced, and then its parts are dropped. A part that fails its checksum is done again.
+refused unless forced, and then its parts are dropped. One in which nothing was finished is taken over.
+A part that fails its checksum is done again.
 """
 
 from __future__ import annotations
@@ -136,6 +137,11 @@ def open_run_folder(
         lock.truncate()
 
 
+def _holds_work(folder: Path) -> bool:
+    """Whether a run finished anything here: a folder that was only begun may be taken over."""
+    return any((folder / "parts").glob("*.json")) or any((folder / name).exists() for name in PRODUCTS)
+
+
 def _claim(folder: Path, kind: str, config_hash: str, force: bool, clear: Callable[[Path], None]) -> bool:
     """Check or write the manifest; true when work of the same configuration is there."""
     manifest = {"schema_version": SCHEMA_VERSION, "kind": kind, "config_hash": config_hash}
@@ -148,7 +154,7 @@ def _claim(folder: Path, kind: str, config_hash: str, force: bool, clear: Callab
         old = None
     if old == manifest:
         return True
-    if old is not None and not force:
+    if old is not None and not force and _holds_work(folder):
         raise InputError("--out", str(folder), allowed=f"a folder of configuration {config_hash}",
                          hint=f"it holds a {old.get('kind')} of configuration {old.get('config_hash')}; "
                          "choose another folder, or --force to replace it")  # fmt: skip

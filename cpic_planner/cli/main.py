@@ -17,10 +17,12 @@ from catalogs.errors import InputError
 from cpic_planner.cli import (
     cache_command,
     catalog_command,
+    check_command,
     etc_command,
     plan_command,
     rank_command,
     schema_command,
+    simulate_command,
 )
 from cpic_planner.cli.output import error_line, version_text
 
@@ -62,6 +64,8 @@ def root(
 app.command("plan", help=plan_command.HELP)(plan_command.plan)
 app.command("rank", help=rank_command.HELP)(rank_command.rank)
 app.command("etc", help=etc_command.HELP)(etc_command.etc)
+app.command("simulate", help=simulate_command.HELP)(simulate_command.simulate)
+app.command("check", help=check_command.HELP)(check_command.check)
 app.add_typer(catalog_command.app, name="catalog")
 app.add_typer(cache_command.app, name="cache")
 app.command("schema", help=schema_command.HELP)(schema_command.schema)
@@ -89,7 +93,8 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 INTERRUPTED = (
-    "interrupted; no file is left half written, and a plan continues when it is started again with the same --out"
+    "interrupted; no file is left half written, and a plan or simulation continues when it is started again with the "
+    "same --out"
 )
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import sys
-from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Protocol
 
 from pydantic import BaseModel
 
@@ -53,11 +53,18 @@ def console() -> Console:
     return Console(width=plain, highlight=False)
 
 
+class Advance(Protocol):
+    """Told about finished pieces of work."""
+
+    def __call__(self, text: str, steps: int = 1, /) -> None:
+        """Note ``steps`` more pieces, the last of which ``text`` names."""
+
+
 @contextlib.contextmanager
-def progress(title: str, total: int, *, enabled: bool = True) -> Iterator[Callable[[str], None]]:
-    """Progress bar on stderr when it is a terminal; yields ``advance(text)``."""
+def progress(title: str, total: int, *, enabled: bool = True) -> Iterator[Advance]:
+    """Progress bar on stderr when it is a terminal; yields ``advance(text, steps)``."""
     if not enabled or is_quiet() or not sys.stderr.isatty():
-        yield lambda text: None
+        yield lambda text, steps=1, /: None
         return
     from rich.console import Console
     from rich.progress import (
@@ -74,8 +81,8 @@ def progress(title: str, total: int, *, enabled: bool = True) -> Iterator[Callab
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(title, total=total)
 
-        def advance(text: str) -> None:
-            bar.update(task, advance=1, description=f"{title}: {text}")
+        def advance(text: str, steps: int = 1, /) -> None:
+            bar.update(task, advance=steps, description=f"{title}: {text}")
 
         yield advance
 

@@ -3,8 +3,87 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
-from cpic_planner.simulation.sequences import PlannedSequence
+from cpic_planner.models import PlannedSequenceRow, SimulationEstimate
+from cpic_planner.simulation.sequences import PlannedSequence, check_light, plan_sequences
+from simulator.config.simulation import SimulationConfig
 
-__all__ = ["Cost", "disk_bytes", "estimate_cost"]
+__all__ = ["disk_bytes", "estimate"]
+
+_BLOCK = 2880
+_START_S = 1.0  # libraries and compiled kernels, once in each process
+_SETUP_S = {"sky": 0.6, "light": 0.4, "dark": 0.05}
+_SOURCE_S = 0.7  # the light of a star off the axis at its own number of wavelengths
+_MOST_SOURCES = 19  # more stars share numbers of wavelengths
+_EPOCH_S = 0.06
+_MOST_EPOCHS = 12
+_FRAME_S_MPX = 0.06
+_FRAME_S = 0.005
+_RAY_S = 1e-4
+_MEMORY_MB = 250.0
+_MEMORY_MB_MPX = 150.0
+
+
+def estimate(simulation: SimulationConfig, *, truth: bool = True, workers: int = 1) -> SimulationEstimate:
+    """Sequences of a simulation, and what they would cost: wall time, memory of a worker, disk.
+
+    Raises
+    ------
+    InputError
+        As `cpic_planner.simulation.run.simulate`, for what can be known before frames are made.
+    """
+    planned = plan_sequences(simulation)
+    check_light(planned)
+    times = [_time_s(item) for item in planned]
+    busy = min(workers, len(planned))
+    # No worker ends before the longest sequence.
+    wall = max(sum(times) / busy, *times)
+    return SimulationEstimate(
+        name=simulation.name,
+        n_sequences=len(planned),
+        n_frames=sum(item.n_frames for item in planned),
+        workers=workers,
+        wall_s=_START_S * (1 if busy == 1 else 3) + wall,
+        memory_mb=_MEMORY_MB + _MEMORY_MB_MPX * max(map(_n_pixels, planned)) / 1e6,
+        disk_mb=sum(disk_bytes(item, truth=truth) for item in planned) / 1e6,
+        sequences=[PlannedSequenceRow(**item.row()) for item in planned],
+    )
+
+
+def disk_bytes(item: PlannedSequence, *, truth: bool) -> int:
+    """Bytes of the files of a sequence: exact for the images, a bound for compressed masks and logs."""
+    pixels = _n_pixels(item)
+    level0 = 6 * _BLOCK + item.n_frames * (_padded(2 * pixels) + 2 * _BLOCK)
+    params = 75_000 + 300 * item.n_frames + 1000 * _n_sources(item)
+    masks = item.n_frames * (_padded(0.02 * pixels) + 2 * _BLOCK)
+    return level0 + params + (2 * _padded(4 * pixels) + 12 * _BLOCK + masks if truth else 0)
+
+
+def _padded(size: float) -> int:
+    return math.ceil(size / _BLOCK) * _BLOCK
+
+
+def _n_pixels(item: PlannedSequence) -> int:
+    instrument = item.entry.instrument
+    detector = instrument.detector if item.camera == "VIS" else instrument.near_infrared.detector
+    return detector.n_rows * detector.n_columns
+
+
+def _n_sources(item: PlannedSequence) -> int:
+    """Stars off the axis, and one for planets and extended sources together."""
+    scene = item.entry.scene
+    if scene is None:
+        return 0
+    return len(scene.stars) * (scene.companions == "on") + bool(scene.planets or scene.extended)
+
+
+def _time_s(item: PlannedSequence) -> float:
+    instrument = item.entry.instrument
+    detector = instrument.detector if item.camera == "VIS" else instrument.near_infrared.detector
+    setup = _SETUP_S["sky" if item.on_sky else "light" if item.band else "dark"]
+    if item.on_sky:
+        setup += _EPOCH_S * min(item.n_frames, _MOST_EPOCHS) + _SOURCE_S * min(_n_sources(item), _MOST_SOURCES)
+    megapixels = _n_pixels(item) / 1e6
+    area_cm2 = megapixels * 1e6 * (detector.pixel_um * 1e-4) ** 2
+    rays = instrument.cosmic_rays.peak_rate_per_s_cm2 * area_cm2 * item.exposure_s
+    return setup + item.n_frames * (_FRAME_S + _FRAME_S_MPX * megapixels + _RAY_S * rays)

@@ -7,7 +7,7 @@ import hashlib
 import shutil
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Protocol, cast
@@ -18,15 +18,14 @@ from cpic_planner.environment import host, versions
 from cpic_planner.models import RunRecord, SimulatedSequence, SimulationResult
 from cpic_planner.runfolder import RunFolder, open_run_folder
 from cpic_planner.simulation.cost import disk_bytes
-from cpic_planner.simulation.sequences import PlannedSequence, check_light, plan_sequences
+from cpic_planner.simulation.sequences import PlannedSequence, check_light, located, plan_sequences
 from cpic_planner.version import __version__
 from simulator.camera.frame import Frame
 from simulator.config import FrozenModel, content_hash
-from simulator.config.keys import at
 from simulator.config.simulation import SimulationConfig
 from simulator.files import dump_json
 from simulator.products import FrameSequence, write_level0
-from simulator.products.naming import ProductName
+from simulator.products.naming import OBSID_DIGITS, ProductName
 from simulator.products.params import PARAMS_FILES
 
 __all__ = ["Advance", "FinishedSimulation", "simulate"]
@@ -39,8 +38,8 @@ _BRANCHES = ("SCI", "CAL", "Truth", "Params")
 class Advance(Protocol):
     """Told about finished frames."""
 
-    def __call__(self, text: str, frames: int = 1, /) -> None:
-        """Note ``frames`` more frames of what ``text`` names."""
+    def __call__(self, text: str, steps: int = 1, /) -> None:
+        """Note ``steps`` more frames of what ``text`` names."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +59,7 @@ def simulate(
     scheduler: str | None = None,
     force: bool = False,
     truth: bool = True,
-    advance: Advance = lambda text, frames=1: None,
+    advance: Advance = lambda text, steps=1, /: None,
     command: list[str] | None = None,
 ) -> FinishedSimulation:
     """Make the Level-0 products of a simulation.
@@ -96,11 +95,14 @@ def simulate(
     started, clock = datetime.now(UTC), time.monotonic()
     planned = plan_sequences(simulation)
     check_light(planned)
-    digest = simulation_hash(planned, truth=truth)
+    digests = _Digests()
+    settings = [item.settings(digests) for item in planned]
+    digest = _configuration_hash(settings, digests.files, truth=truth)
+    _check_room(Path(out), planned, truth=truth)
     with open_run_folder(out, kind="simulation", config_hash=digest, force=force, clear=_clear) as folder:
         _sweep(folder.path)
         bodies, resumed = _make_all(planned, folder, workers, scheduler, truth, advance)
-        result = _result(simulation, planned, digest, bodies, truth=truth)
+        result = _result(simulation, planned, settings, digest, bodies, truth=truth)
         folder.write("simulation.json", dump_json(result.model_dump(mode="json")))
         record = RunRecord(
             command=command or [],
@@ -119,23 +121,25 @@ def simulate(
     return FinishedSimulation(result, resumed, len(planned) - resumed)
 
 
-def simulation_hash(planned: Sequence[PlannedSequence], *, truth: bool) -> str:
-    """Hash of everything that decides the products: settings, content of the files that they name, versions."""
-    hashes: dict[int, str] = {}
-    files: dict[str, str] = {}
+@dataclass
+class _Digests:
+    """Hashes of scenes and instruments, each taken once, and of the files that they name."""
 
-    def digest(part: FrozenModel) -> str:
-        if id(part) not in hashes:
+    files: dict[str, str] = field(default_factory=dict)
+    _known: dict[int, str] = field(default_factory=dict)
+
+    def __call__(self, part: FrozenModel) -> str:
+        if id(part) not in self._known:
             tree = part.model_dump(mode="json")
-            files.update({name: _sha256(Path(name)) for name in _named_files(tree) if name not in files})
-            hashes[id(part)] = content_hash(tree)
-        return hashes[id(part)]
+            self.files |= {name: _sha256(Path(name)) for name in _named_files(tree) if name not in self.files}
+            self._known[id(part)] = content_hash(tree)
+        return self._known[id(part)]
 
-    settings = [item.settings(digest) for item in planned]
-    return content_hash(
-        {"kind": "simulation", "results": RESULT_VERSION, "version": __version__, "truth": truth}
-        | {"sequences": settings, "files": files}
-    )
+
+def _configuration_hash(settings: list[dict[str, Any]], files: dict[str, str], *, truth: bool) -> str:
+    """Hash of everything that decides the products: settings, content of the files that they name, versions."""
+    versions_of = {"kind": "simulation", "results": RESULT_VERSION, "version": __version__}
+    return content_hash(versions_of | {"truth": truth, "sequences": settings, "files": files})
 
 
 def _named_files(tree: Any) -> Iterator[str]:
@@ -169,7 +173,6 @@ def _make_all(
         else:
             waiting.append(item)
     resumed = len(bodies)
-    _check_room(folder.path, waiting, truth=truth)
     root = str(folder.path.resolve())
     alone = scheduler is None and (workers == 1 or len(waiting) <= 1)
     function = functools.partial(make_sequence, progress=advance) if alone else make_sequence
@@ -219,7 +222,7 @@ def make_sequence(
         told = None if progress is None else lambda done, total: progress(f"{item.target} {item.band}".strip(), 1)
         write_level0(cast(Any, tally), root, obsid=item.obsid, overwrite=True, truth=truth, progress=told)
     except InputError as error:
-        raise at(f"sequence {item.obsid}", error) from None
+        raise located(error, f"sequence {item.obsid}") from None
     names = _files(item.name, truth=truth)
     return {
         "files": {name: {"size_bytes": (Path(root) / name).stat().st_size, "sha256": _sha256(Path(root) / name)}
@@ -247,8 +250,11 @@ def _sha256(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def _check_room(root: Path, waiting: Sequence[PlannedSequence], *, truth: bool) -> None:
-    needed, free = sum(disk_bytes(item, truth=truth) for item in waiting), shutil.disk_usage(root).free
+def _check_room(root: Path, planned: Sequence[PlannedSequence], *, truth: bool) -> None:
+    """Refuse a simulation that the disk has no room for, before anything is written."""
+    needed = sum(disk_bytes(item, truth=truth) for item in planned if not (root / item.name.file).exists())
+    whole = root.resolve()
+    free = shutil.disk_usage(next(place for place in (whole, *whole.parents) if place.is_dir())).free
     if needed > free:
         raise InputError("--out", str(root), allowed=f"a disk with {needed / 1e9:.2f} GB to spare",
                          hint=f"{free / 1e9:.2f} GB are free there")  # fmt: skip
@@ -264,42 +270,36 @@ def _sweep(root: Path) -> None:
 def _clear(root: Path) -> None:
     """Remove the products of a simulation, and nothing else."""
     _sweep(root)
-    for path in [*root.glob("SCI/*/*.fits"), *root.glob("CAL/*/*.fits")]:
-        name = ProductName.parse(path.name, int(path.parent.name) if path.parent.name.isdecimal() else 0)
-        if name is None:
-            continue
-        for file in _files(name, truth=True):
-            (root / file).unlink(missing_ok=True)
-            for parent in (root / file).parents[: len(Path(file).parents) - 1]:
-                if parent.is_dir() and not any(parent.iterdir()):
-                    parent.rmdir()
+    images = [path for branch in ("SCI", "CAL", "Truth") for path in root.glob(f"{branch}/*/*.fits")]
+    logs = [path for file in PARAMS_FILES for path in root.glob(f"Params/{'[0-9]' * OBSID_DIGITS}/V[0-9][0-9]/{file}")]
+    for path in images:
+        if ProductName.parse(path.name.replace("_TRUTH.fits", ".fits")) is not None:
+            path.unlink()
+    for path in logs:
+        path.unlink()
+    for branch in _BRANCHES:
+        for folder in sorted((root / branch).rglob("*"), reverse=True):
+            if folder.is_dir() and not any(folder.iterdir()):
+                folder.rmdir()
 
 
 def _result(
     simulation: SimulationConfig,
     planned: Sequence[PlannedSequence],
+    settings: Sequence[dict[str, Any]],
     digest: str,
     bodies: dict[str, dict[str, Any]],
     *,
     truth: bool,
 ) -> SimulationResult:
     sequences = []
-    for item in planned:
+    for item, own in zip(planned, settings, strict=True):
         body = bodies[item.obsid]
         file = item.name.file.as_posix()
         sequences.append(
             SimulatedSequence(
-                obsid=item.obsid,
-                kind=item.entry.kind,
-                target=item.target,
-                camera=cast(Any, item.camera),
-                band=item.band,
-                exposure_s=item.exposure_s,
-                n_frames=item.n_frames,
-                em_gain=item.em_gain,
-                start_utc=item.start_utc,
-                settings=item.settings(),
-                file=file,
+                **item.row(),
+                settings=own,
                 truth=item.name.truth.as_posix() if truth else None,
                 params=item.name.params.as_posix(),
                 size_bytes=sum(known["size_bytes"] for known in body["files"].values()),

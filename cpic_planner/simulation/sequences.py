@@ -10,12 +10,12 @@ from typing import Any, cast
 from catalogs.errors import InputError
 from simulator.config import FrozenModel
 from simulator.config.keys import at
-from simulator.config.simulation import SKY_KINDS, SequenceConfig, SimulationConfig
+from simulator.config.simulation import SKY_KINDS, SequenceConfig, SimulationConfig, meaningful_keys
 from simulator.products.naming import OBSID_DIGITS, ProductName, checked_obsid, product_name
 from simulator.products.sequence import FrameSequence
 from simulator.products.times import sequence_times
 
-__all__ = ["PlannedSequence", "check_light", "plan_sequences"]
+__all__ = ["PlannedSequence", "check_light", "located", "plan_sequences"]
 
 
 @dataclass(frozen=True)
@@ -67,10 +67,27 @@ class PlannedSequence:
         """Dead time after each frame."""
         return _readout_s(self.entry, self.camera)
 
+    def row(self) -> dict[str, Any]:
+        """What it is, in plain values."""
+        return {
+            "obsid": self.obsid,
+            "kind": self.entry.kind,
+            "target": self.target,
+            "role": self.entry.role if self.on_sky else "",
+            "camera": self.camera,
+            "band": self.band,
+            "exposure_s": self.exposure_s,
+            "n_frames": self.n_frames,
+            "em_gain": self.em_gain,
+            "start_utc": self.start_utc,
+            "file": self.name.file.as_posix(),
+        }
+
     def settings(self, digest: Callable[[FrozenModel], str] = lambda part: part.content_hash) -> dict[str, Any]:
         """What decides its frames, as plain values; scene and instrument by their hash."""
         entry = self.entry
-        plain = entry.model_dump(mode="json", exclude={"scene", "instrument", "band", "exposure_s", "em_gain", "obsid"})
+        useful = set(meaningful_keys(entry.kind)) - {"scene", "instrument"}
+        plain = entry.model_dump(mode="json", include=useful)
         return plain | {
             "obsid": self.obsid,
             "band": self.band,
@@ -127,9 +144,9 @@ class PlannedSequence:
 def plan_sequences(simulation: SimulationConfig) -> tuple[PlannedSequence, ...]:
     """Number and date the sequences of a simulation.
 
-    A sequence without a begin of its own follows the one before it after the ``overhead_s`` of its instrument; the first
-    begins with the mission. Numbers are the instrument's prefix and the position in the simulation, or those that an
-    entry gives. Realisations are counted as `SequenceConfig` says.
+    A sequence without a begin of its own follows the one before it after the ``overhead_s`` of its instrument; the
+    first begins with the mission. Numbers are the instrument's prefix and the position in the simulation, or those that
+    an entry gives. Realisations are counted as `SequenceConfig` says.
 
     Raises
     ------
@@ -167,9 +184,7 @@ def plan_sequences(simulation: SimulationConfig) -> tuple[PlannedSequence, ...]:
                 counts[key] += 1
             what = _Named(camera, entry.kind, entry.instrument)
             name = product_name(cast(Any, what), times, obsid)
-            planned.append(
-                PlannedSequence(entry, obsid, band, camera, exposure_s, em_gain, realisation, start, name)
-            )
+            planned.append(PlannedSequence(entry, obsid, band, camera, exposure_s, em_gain, realisation, start, name))
     return tuple(planned)
 
 
@@ -212,6 +227,11 @@ def _obsid(entry: SequenceConfig, position: int, step: int) -> str:
     return f"{prefix}{position:0{digits}d}"
 
 
+def located(error: InputError, where: str) -> InputError:
+    """Return the same refusal, which says where the value belongs to."""
+    return InputError(f"{error.key} of {where}", error.value, unit=error.unit, allowed=error.allowed, hint=error.hint)
+
+
 def check_light(planned: tuple[PlannedSequence, ...]) -> None:
     """Refuse scenes whose light cannot be computed, before any frame is made.
 
@@ -235,4 +255,4 @@ def check_light(planned: tuple[PlannedSequence, ...]) -> None:
             scene_sources(entry.scene, entry.instrument, item.band, roll_deg=entry.roll_deg)
             extended_rates(entry.scene, entry.instrument, item.band)
         except InputError as error:
-            raise at(f"{item.target} in {item.band}", error) from None
+            raise located(error, f"{item.target} in {item.band}") from None

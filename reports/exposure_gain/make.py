@@ -1,4 +1,4 @@
-"""Regenerate this report: ``python reports/exposure_gain/make.py`` (about two minutes).
+"""Regenerate this report: ``python reports/exposure_gain/make.py`` (two to three minutes).
 
 Exposure time and EM gain, as in the paper (Zhu et al. 2025, figure of exposure time and EM gain): the example star at
 30 and 300 s, gain 1 and 20, with a bright source in the dark hole.
@@ -7,6 +7,7 @@ Exposure time and EM gain, as in the paper (Zhu et al. 2025, figure of exposure 
 from __future__ import annotations
 
 import argparse
+import base64
 import csv
 import functools
 import io
@@ -15,16 +16,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from astropy.stats import sigma_clip
+from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.colors import AsinhNorm
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 from matplotlib.patheffects import withStroke
-from matplotlib.ticker import FixedLocator, NullLocator
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from cpic_planner.report.drawing import style
+from cpic_planner.report.drawing import RESIDUAL_COLOURS, STACK_COLOURS, new_figure, save, style
 from simulator import Observation, load_instrument, load_scene, observe
 from simulator.camera import Frame, pixel_variance_e2, to_electrons
 from simulator.config import Instrument, SceneStar
@@ -41,7 +43,7 @@ FIGURE_PARITY = 1
 LINEAR_ADU = 10.0
 TICKS_ADU = (0, 10, 30, 100, 300, 1000, 3000, 10000)
 HALF_ARCSEC = 1.1
-MARK = "#D55E00"
+MARK = colormaps[RESIDUAL_COLOURS](0.85)  # a red that the palette of the pictures holds
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -84,19 +86,21 @@ class Seen:
         """Pixels that the register cut off or spilled into."""
         return self.frame.lost & ~self.bloomed
 
-    @functools.cached_property
-    def hole(self) -> FloatArray:
-        """ADU of the dark hole."""
+    def of_hole(self, image: NDArray[Any]) -> NDArray[Any]:
+        """Pixels of the dark hole."""
         inside = self.seen.psf.metrics.hole
         rows, columns, part = self.seen.area.stamp(len(inside))
-        return self.frame.adu[rows, columns][inside[part]].astype(np.float64)
+        return np.asarray(image[rows, columns][inside[part]])
 
     @functools.cached_property
+    def noise_adu(self) -> float:
+        """Scatter of the hole outside the tails, clipped at four sigma."""
+        return float(sigma_clip(self.of_hole(self.frame.adu)[~self.of_hole(self.tails)], sigma=4.0, masked=False).std())
+
+    @property
     def tail_in_hole(self) -> float:
         """Fraction of the hole that tails run through."""
-        inside = self.seen.psf.metrics.hole
-        rows, columns, part = self.seen.area.stamp(len(inside))
-        return float(self.tails[rows, columns][inside[part]].mean())
+        return float(self.of_hole(self.tails).mean())
 
 
 def first_frame(setting: Setting) -> Seen:
@@ -194,13 +198,13 @@ def draw(panel: Axes, one: Seen, *, whole: bool) -> Any:
     half = round(HALF_ARCSEC / pixel)
     row, column = detector.star_row, detector.star_column
     if whole:
-        shown = panel.imshow(image, origin="lower", cmap="viridis", norm=scaled())
+        shown = panel.imshow(image, origin="lower", cmap=STACK_COLOURS, norm=scaled())
         panel.add_patch(Rectangle((column - half, row - half), 2 * half, 2 * half, fill=False, ec="white", lw=0.8))
         panel.add_patch(Circle((seen.truth.x_pixel[2], seen.truth.y_pixel[2]), 8, fill=False, ec=MARK, lw=1.0))
         return shown
     edge = (half + 0.5) * pixel
     shown = panel.imshow(image[row - half : row + half + 1, column - half : column + half + 1], origin="lower",
-                         cmap="viridis", norm=scaled(), interpolation="nearest",
+                         cmap=STACK_COLOURS, norm=scaled(), interpolation="nearest",
                          extent=(-edge, edge, -edge, edge))  # fmt: skip
     w = metrics.mask_half_width_arcsec
     for x in (-w, w):
@@ -214,7 +218,7 @@ def draw(panel: Axes, one: Seen, *, whole: bool) -> Any:
 
 def figure_of(images: dict[Setting, Seen], *, whole: bool) -> Figure:
     """Four panels: a row an exposure, a column a gain."""
-    figure = Figure(figsize=(10.4, 9.2), layout="constrained")
+    figure = new_figure(8.0)
     panels = figure.subplots(len(EXPOSURES_S), len(GAINS), sharex=True, sharey=True)
     for row, exposure in zip(panels, EXPOSURES_S, strict=True):
         for panel, gain in zip(row, GAINS, strict=True):
@@ -226,10 +230,9 @@ def figure_of(images: dict[Setting, Seen], *, whole: bool) -> Figure:
     for panel in panels[-1]:
         panel.set_xlabel(f"column ({unit})" if whole else f"x ({unit})")
     label = f"ADU above the bias level of {instrument().detector.bias_adu:g} (asinh scale, linear below {LINEAR_ADU:g})"
-    bar = figure.colorbar(shown, ax=panels, label=label, shrink=0.85, extend="both")
-    bar.ax.yaxis.set_major_locator(FixedLocator(TICKS_ADU))
-    bar.ax.yaxis.set_minor_locator(NullLocator())
-    bar.ax.set_yticklabels([f"{tick:g}" for tick in TICKS_ADU])
+    bar = figure.colorbar(shown, ax=panels, label=label, shrink=0.85, aspect=30, extend="min")
+    bar.set_ticks(TICKS_ADU, labels=[f"{tick:g}" for tick in TICKS_ADU])
+    bar.minorticks_off()
     return figure
 
 
@@ -239,9 +242,8 @@ def frame_rows(images: dict[Setting, Seen]) -> list[list[str]]:
              "pixels at the pixel full well", "columns that bloom", "pixels in register tails", "longest tail (px)",
              "tails in the hole", "clipped pixels", "brightest ADU", "particles"]]  # fmt: skip
     for (exposure, gain), one in images.items():
-        low, middle, high = np.percentile(one.hole, (15.865, 50.0, 84.135))
-        noise = float(high - low) / 2.0
-        rows.append([f"{exposure:g}", f"{gain:g}", f"{middle:.0f}", f"{noise:.1f}",
+        noise = one.noise_adu
+        rows.append([f"{exposure:g}", f"{gain:g}", f"{np.median(one.of_hole(one.frame.adu)):.0f}", f"{noise:.2f}",
                      f"{noise * instrument().detector.gain_e_adu / gain:.1f}", str(one.frame.n_saturated_pixels),
                      str(int(one.bloomed.any(axis=0).sum())), str(one.frame.n_register_saturated),
                      str(longest_run(one.tails)), f"{one.tail_in_hole:.0%}", str(one.frame.n_clipped),
@@ -253,7 +255,7 @@ def source_rows(measured: list[Measured]) -> list[list[str]]:
     """Numbers of the sources."""
     rows = [["source, contrast", "exposure (s)", "gain", "electrons in the aperture", "found / true", "scatter (e-)",
              "scatter of photons and reading (e-)", "SNR of one frame", "frames with a pixel cut off"]]  # fmt: skip
-    for one in sorted(measured, key=lambda row: row.name):
+    for one in sorted(measured, key=lambda row: round(row.true_e / row.setting[0], 3)):
         share = one.found_e / one.true_e
         useless = one.cut_off > 0.5
         rows.append([one.name, f"{one.setting[0]:g}", f"{one.setting[1]:g}", f"{one.true_e:.0f}",
@@ -287,50 +289,54 @@ source on the lower right.
 
 ![four whole frames](frames.png)
 
-*Whole frames. White square: the part shown below; orange: the source.*
+*Whole frames. White square: the part shown below; red: the source.*
 
 ![four dark holes](holes.png)
 
-*The dark hole of the same frames. White: edges of the cross mask; orange circle: the source.*
+*The dark hole of the same frames. White: edges of the cross mask; red circle: the source. The vertical line at x = 0.2
+arcsec is a bad column of the default calibration set.*
 
 {table(frame_rows(images))}
 
-*Noise of the hole*: half of the central 68 % of its pixels; sources included, fixed stripes not taken off. *Tails*:
-pixels that the register cut off, or into which its excess spilled.
+*Noise of the hole*: standard deviation of its pixels outside tails, clipped at four sigma; fixed stripes are in it.
+*Tails*: pixels that the register cut off, or into which its excess spilled.
 
 ## What is seen
 
-The paper says, and these frames show:
+The paper's words, and these frames:
 
-- **30 s, gain 1: "dominated by detector noise ... only the brightest targets barely detectable".** So it is. The noise
-  of the hole is {float(frame_rows(images)[1][3]):.1f} ADU, of which read noise is
-  {detector.read_noise_e / detector.gain_e_adu:.1f} and stripes are {detector.bias_structure.stripe_rms_adu:g}; it
-  hides the source at a glance, the aperture finds it at the SNR below, and the planet is lost.
-- **300 s, gain 1: "saturation and blooming in the brightest regions ... vertical streak artifacts".** So it is, but
-  short streaks, and not from the source: {images[300.0, 1.0].frame.n_saturated_pixels} pixels of the star's own light
-  outside the hole fill up and bloom along {int(images[300.0, 1.0].bloomed.any(axis=0).sum())} columns. They reach over
-  the arm of the mask, not into the hole.
-- **30 s, gain 20: "improving sensitivity to faint sources ... bright-source saturation artifacts become pronounced".**
-  The first is so. The second is not yet: the brightest pixels reach {images[30.0, 20.0].frame.adu.max()} ADU, where the
-  register is just full, and {images[30.0, 20.0].frame.n_register_saturated} pixels saturate it.
+- **30 s, gain 1: "dominated by detector noise", "only the brightest targets barely detectable".** So it is. The noise
+  of the hole is {images[30.0, 1.0].noise_adu:.1f} ADU: stripes of {detector.bias_structure.stripe_rms_adu:g}, read
+  noise of {detector.read_noise_e / detector.gain_e_adu:.1f}, interference of
+  {detector.bias_structure.interference_adu / np.sqrt(2.0):.1f}. The eye does not find the source, the aperture does,
+  at the SNR below; the planet is lost.
+- **300 s, gain 1: "saturation and blooming in the brightest regions", "vertical streak artifacts".** So it is; but the
+  streaks are short and come from the star's own light outside the hole, {images[300.0, 1.0].frame.n_saturated_pixels}
+  pixels in {int(images[300.0, 1.0].bloomed.any(axis=0).sum())} columns. They end in the arms of the mask and do not
+  reach the hole.
+- **30 s, gain 20: "improving sensitivity to faint sources", "bright-source saturation artifacts become pronounced".**
+  The first is so. The second is about to be: the brightest pixel has {images[30.0, 20.0].frame.adu.max()} ADU, and the
+  register is full at {bright.frame.adu.max()}.
 - **300 s, gain 20: "severe saturation and blooming effects dominate the image".** Around the hole they do:
-  {bright.frame.n_register_saturated} pixels in tails of up to {longest_run(bright.tails)} pixels, which run along the
-  rows in the order of reading and cover {bright.tail_in_hole:.0%} of the hole, on its side that is read first. The rest
-  of the hole is usable, and its sources stand out best of all.
+  {bright.frame.n_register_saturated} pixels lie in tails, which run along the rows in the order of reading, up to
+  {longest_run(bright.tails)} pixels far, and cover {bright.tail_in_hole:.0%} of the hole, on the side that is read
+  first. The rest of the hole is usable, and its sources stand out best of all.
 
 ## How well the sources come back
 
-Sum in the aperture of 0.7 lambda/D at the known place, level of the prescan taken off, {FRAMES} frames: median above
-that of frames without planet and source, over the true electrons; and the scatter of single frames (half of the central
-68 %, uncertain by {1.2 / np.sqrt(2 * FRAMES):.0%}), beside that of photons, register, read noise and converter alone. What is
-beyond it at gain 1 is interference and drift of the level, which nothing takes off here.
+Sum in the aperture of 0.7 lambda/D at the known place, level of the prescan taken off, in each of {FRAMES} frames.
+*Found / true*: median above that of frames without planet and source. *Scatter*: half of the central 68 % of the sums,
+uncertain by {1.2 / np.sqrt(2 * FRAMES):.0%}. *Of photons and reading*: what photons, clock-induced charge, register,
+read noise and converter make of it; interference and non-linearity are not in that number. *SNR*: found over scatter.
 
 {table(sources)}
 
-Where nothing is cut off every electron comes back, but for the last per cent: at 4e5 e- at its output the register is
-{detector.nonlinearity.register_loss:.0%} low, a pixel at its full well {detector.nonlinearity.pixel_loss_at_full_well:.0%}.
-The source of contrast {OTHER_CONTRASTS[0]:.0e} shows what a bright source in the hole does: at 300 s it fills its own
-pixels, and its flux is lost at either gain.
+- Where nothing is cut off the electrons come back, but for the non-linearity: at its output the register is
+  {detector.nonlinearity.register_loss:.0%} low at {detector.nonlinearity.register_loss_at_e:.0e} e-, a pixel
+  {detector.nonlinearity.pixel_loss_at_full_well:.0%} at its full well.
+- At gain 1 the interference, which nothing takes off here, adds to the read noise.
+- A source of contrast {OTHER_CONTRASTS[0]:.0e} fills its own pixels in 300 s: its flux is lost at either gain, and its
+  small scatter is that of full wells.
 
 Numbers are in `frames.csv` and `sources.csv`.
 """
@@ -351,9 +357,8 @@ def main() -> None:
         sources = source_rows([row for setting in SETTINGS for row in photometry(setting)])
     with style():
         for name, whole in (("frames.png", True), ("holes.png", False)):
-            image = io.BytesIO()
-            figure_of(images, whole=whole).savefig(image, format="png", dpi=100, metadata={"Software": None})
-            write_bytes(HERE / name, image.getvalue())
+            picture = save(figure_of(images, whole=whole), "png", alt="", caption="")
+            write_bytes(HERE / name, base64.b64decode(picture.uri.partition(",")[2]))
     write_table("frames.csv", frame_rows(images))
     write_table("sources.csv", sources)
     write_text(HERE / "report.md", report(images, sources))

@@ -44,7 +44,8 @@ __all__ = [
 FloatArray = NDArray[np.float64]
 AnyPsf: TypeAlias = Psf | ExternalPsf
 SceneModel = Literal["exact", "paper"]
-MAX_WAVELENGTHS = 33
+# Numbers of wavelengths for far sources: few, since sources of one number share a pass.
+_LADDER = (5, 8, 12, 17, 24, 33)
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,7 +211,7 @@ def _wavelengths(psf: AnyPsf, source: Source, star_arcsec: tuple[float, float]) 
     distance = math.hypot(source.x_arcsec + star_arcsec[0], source.y_arcsec + star_arcsec[1])
     low, high = imager.wavelengths_m.min(), imager.wavelengths_m.max()
     stretch = distance / imager.lambda_d_arcsec * 1.2 * (high - low) / (0.5 * (high + low))
-    needed = min(3 + math.ceil(1.3 * stretch), MAX_WAVELENGTHS)
+    needed = next(count for count in _LADDER if count >= min(3 + math.ceil(1.3 * stretch), _LADDER[-1]))
     return needed if needed > max(imager.weights.size, 2) and imager.weights.size > 1 else 0
 
 

@@ -98,3 +98,21 @@ def test_damaged_manifest_counts_as_none(tmp_path):
     with open_run_folder(tmp_path / "o", kind="plan", config_hash="h") as folder:
         assert not folder.resumed
     assert json.loads((tmp_path / "o" / "manifest.json").read_text())["config_hash"] == "h"
+
+
+def test_a_folder_in_which_nothing_was_finished_is_taken_over(tmp_path):
+    with open_run_folder(tmp_path, kind="plan", config_hash="aaaa"):
+        pass
+    with open_run_folder(tmp_path, kind="plan", config_hash="bbbb") as folder:
+        assert not folder.resumed
+        folder.write("simulation.json", "{}")
+    with pytest.raises(InputError, match="bbbb"), open_run_folder(tmp_path, kind="plan", config_hash="aaaa"):
+        pass
+
+
+def test_products_of_a_replaced_run_of_the_same_kind_are_cleared(tmp_path):
+    cleared = []
+    for kind, config in (("simulation", "aaaa"), ("simulation", "aaaa"), ("simulation", "bbbb"), ("plan", "cccc")):
+        with open_run_folder(tmp_path, kind=kind, config_hash=config, force=True, clear=cleared.append) as folder:
+            folder.save_part("x", {"config": config})
+    assert cleared == [tmp_path]  # once, when bbbb replaced aaaa

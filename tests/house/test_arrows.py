@@ -25,7 +25,7 @@ SIMULATOR = [
 ]
 PLANNER = [
     {"version"},
-    {"models", "engine", "runfolder"},
+    {"models", "engine", "environment", "runfolder"},
     {"schemas"},
     {"targets", "refresh"},
     {"etc"},
@@ -34,7 +34,7 @@ PLANNER = [
     {"validation"},
     {"report"},
     {"survey"},
-    {"plan"},
+    {"plan", "simulation"},
     {"api"},
     {"cli"},
 ]

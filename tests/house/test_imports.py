@@ -47,6 +47,9 @@ def test_import_loads_nothing_heavy():
         ["catalog", "refresh", "--help"],
         ["schema", "plan"],
         ["cache", "info"],
+        ["simulate", "--help"],
+        ["simulate", "--list-presets"],
+        ["check", "--help"],
     ],
 )
 def test_answers_load_nothing_heavy(arguments):

@@ -205,6 +205,8 @@ def test_every_command_helps_with_examples(capsys):
         ["rank"],
         ["etc"],
         ["plan"],
+        ["simulate"],
+        ["check"],
         ["schema"],
         ["catalog", "info"],
         ["cache", "info"],

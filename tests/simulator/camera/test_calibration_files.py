@@ -8,7 +8,7 @@ from astropy.io import fits
 
 from catalogs.errors import InputError
 from simulator.camera.calibration_files import write_calibration_set
-from simulator.camera.calibration_set import load_calibration_set
+from simulator.camera.calibration_set import bias_level_adu, load_calibration_set
 from simulator.camera.frame import MaskBit
 from simulator.camera.sections import sections_of
 from simulator.config import load_instrument
@@ -101,6 +101,8 @@ def test_a_map_replaces_its_part_of_the_set(kind, whole, small, with_files, save
         assert np.array_equal(changed.bias_adu[active], placed[active])
         assert (changed.bias_adu[parts["prescan"]] == 300).all()
         assert (changed.stripe_adu == 0).all()
+        assert changed.bias_level_adu == bias_level_adu(with_files(bias=path)) == 300
+        assert base.bias_level_adu == bias_level_adu(small) == small.bias_adu == 200
         same -= {"stripe_adu"}
     for name in same:
         assert np.array_equal(getattr(changed, name), getattr(base, name)), name
@@ -128,15 +130,30 @@ def test_hot_pixels_of_a_dark_follow_their_switch(small, with_files, save) -> No
 
 
 @pytest.mark.parametrize(
-    "unit", ["electron/s", "electron s-1", "e-/s", "electron / s / pixel", "electrons/s", "e-/px/s"]
+    "unit",
+    [
+        "electron/s",
+        "electron s-1",
+        "e-/s",
+        "electron / s / pixel",
+        "electrons/s",
+        "e-/px/s",
+        "electron s-1 pix-1",
+        "electron / (s pix)",
+    ],
 )
 def test_spellings_of_a_unit(unit, small, with_files, save) -> None:
     path = save(a_map("dark", small.active_shape), unit)
     assert load_calibration_set(with_files(dark=path)).dark_e_s.max() == 0.75
 
 
+def test_units_are_converted(small, with_files, save) -> None:
+    path = save(a_map("dark", small.active_shape), "electron/min")
+    assert load_calibration_set(with_files(dark=path)).dark_e_s.max() == pytest.approx(0.75 / 60)
+
+
 @pytest.mark.parametrize(("kind", "unit", "expected"), [
-    ("dark", None, "electron/s"), ("dark", "adu/s", "electron/s"), ("dark", "electron/h", "electron/s"),
+    ("dark", None, "electron/s"), ("dark", "adu/s", "electron/s"), ("dark", "electron", "electron/s"),
     ("cic", None, "electron"), ("cic", "electron/s", "electron"), ("bias", None, "adu"), ("bias", "electron", "adu"),
     ("flat", "adu", "no unit"), ("bad_columns", "adu", "no unit"),
 ])  # fmt: skip
@@ -172,6 +189,10 @@ def test_other_refusals(small, with_files, save, tmp_path) -> None:
         load_calibration_set(with_files(bad_columns=save(np.full(shape, 0.5))))
     with pytest.raises(InputError, match=r"calibration_files\.bias\[y=0, x=0\] = 70000"):
         load_calibration_set(with_files(bias=save(np.full(shape, 7e4), "adu")))
+    with pytest.raises(
+        InputError, match=r"calibration_files\.bias median = 20000 ADU.*ADC maximum 16383.*map"
+    ):
+        load_calibration_set(with_files(bias=save(np.full(shape, 2e4), "adu")))
     with pytest.raises(InputError, match=r"calibration_files\.dark.*two-dimensional"):
         load_calibration_set(with_files(dark=save(np.ones(44), "electron/s")))
     with pytest.raises(InputError, match=r"calibration_files\.dark.*existing"):

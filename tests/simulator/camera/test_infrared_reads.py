@@ -115,3 +115,21 @@ def test_photon_noise_of_a_ramp(n) -> None:
     expected = signal * 1.2 * (n**2 + 1) / (n * (n + 1))
     assert adu.var() == pytest.approx(expected, rel=4.5 * np.sqrt(2 / adu.size))
     assert abs(adu.mean() - 1000 - signal) < 4.5 * np.sqrt(expected / adu.size)
+
+
+@pytest.mark.parametrize("mode", ["single", "cds", "up_the_ramp"])
+@pytest.mark.parametrize("top", [65535.0, 40000.0])
+def test_more_light_is_never_less_cut_off(mode, top) -> None:
+    """A pixel that the converter cannot follow at some light is counted at any brighter light."""
+    charge = WELL * np.geomspace(0.01, 100.0, 200)[None, :]
+    reads = 1 if mode == "single" else 2 if mode == "cds" else 8
+    stack = ReadStack(mode, charge.shape, 1000.0, top)
+    for fraction in read_times(mode, reads):
+        held = fraction * charge
+        stack.add(float(fraction), well_signal(held, WELL, 0.03) / 2.0 + 1000.0, held >= WELL)
+    adu, lost, clipped = stack.result()
+    assert (np.diff(clipped[0].astype(int)) >= 0).all()
+    if mode == "up_the_ramp":
+        assert clipped[0, -1]
+        assert (adu[clipped] == top).all()
+        assert lost[clipped].all()

@@ -206,7 +206,7 @@ def test_normal_numbers_of_pixels():
     @njit
     def fill(keys, out):
         for i in range(out.size):
-            out[i] = kernels._normal(keys, i)
+            out[i] = kernels._normal(kernels._bits(keys, i, 0), keys, i)
 
     z = np.empty(4_000_000)
     fill(pixel_keys(stream(7, "normal")), z)

@@ -1,0 +1,215 @@
+"""Products that do not depend on how they were made."""
+
+import hashlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+from astropy.io import fits
+
+from catalogs.errors import InputError
+from cpic_planner.simulation.run import simulate
+from simulator.config.simulation_file import load_simulation
+from simulator.products import check_level0
+
+TREE = {
+    "kind": "simulation",
+    "name": "x",
+    "instrument": {"detector": {"n_columns": 236, "n_rows": 206, "star_column": 118, "star_row": 100}},
+    "defaults": {
+        "scene": {"name": "star", "cstar": {"v_mag": 2.0, "teff_k": 5200}},
+        "fidelity": "quick", "band": "F520", "exposure_s": 30, "em_gain": 20, "frames": 25,
+    },
+    "sequences": [{}, {"kind": "BIAS"}, {"kind": "FLAT"}, {"role": "reference"}, {"kind": "DARK"}],
+}  # fmt: skip
+STORY = ("run.json", "run.lock")
+
+
+def made_of(*sequences, **more):
+    """A simulation of these sequences on the small camera."""
+    return load_simulation({"name": "x", "instrument": TREE["instrument"], "sequences": list(sequences)} | more)
+
+
+BIAS_AND_DARK = {"kind": "BIAS", "frames": 3}, {"kind": "DARK", "frames": 2, "exposure_s": 5}
+
+
+def content(folder):
+    """Hash of every file that is a result."""
+    return {
+        path.relative_to(folder).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file() and path.name not in STORY
+    }
+
+
+def command(tmp_path, out, *more):
+    path = tmp_path / "x.yaml"
+    path.write_text(json.dumps(TREE))
+    return [sys.executable, "-m", "cpic_planner.cli.main", "simulate", str(path), "--out", str(out), *more]
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    out = tmp_path_factory.mktemp("simulation") / "whole"
+    return out, simulate(load_simulation(TREE), out)
+
+
+def test_the_result_says_what_the_files_hold(whole):
+    out, done = whole
+    assert (done.resumed, done.computed) == (0, 5)
+    assert json.loads((out / "simulation.json").read_text()) == done.result.model_dump(mode="json")
+    for item in done.result.sequences:
+        path = out / item.file
+        assert hashlib.sha256(path.read_bytes()).hexdigest() == item.sha256
+        with fits.open(path) as units:
+            frames = np.array([unit.data for unit in units[1:]])
+            assert (units[0].header["OBSID"], units[0].header["OBSTYPE"]) == (item.obsid, item.kind)
+            rays = sum(unit.header["NCR"] for unit in units[1:])
+        with fits.open(out / item.truth) as units:
+            saturated = max(int((unit.data & 8 != 0).sum()) for unit in units if unit.name == "MASK")
+        assert len(frames) == item.n_frames == 25
+        assert (int(frames.min()), int(frames.max())) == (item.adu_min, item.adu_max)
+        assert (item.cosmic_rays, item.saturated_pixels) == (rays, saturated)
+        files = [path, out / item.truth, *(out / item.params).iterdir()]
+        assert item.size_bytes == sum(file.stat().st_size for file in files)
+    assert done.result.n_frames == 125
+
+
+def test_products_are_without_errors(whole):
+    assert [str(item) for item in check_level0(whole[0]) if item.severity == "error"] == []
+
+
+def test_result_holds_no_clock_host_or_path(whole):
+    out, _ = whole
+    text = (out / "simulation.json").read_text()
+    run = json.loads((out / "run.json").read_text())
+    for word in (str(out), run["started_utc"][:16], run["host"]["python"]):
+        assert word not in text
+
+
+@pytest.mark.parametrize(("workers", "then"), [("1", "2"), ("2", "1")])
+def test_killed_half_way_and_started_again_gives_the_same_bytes(whole, tmp_path, workers, then):
+    out = tmp_path / "again"
+    process = subprocess.Popen(
+        command(tmp_path, out, "--workers", workers), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
+    deadline = time.monotonic() + 120
+    while time.monotonic() < deadline:  # in the middle of a sequence, with another one finished
+        if list(out.glob("parts/*.json")) and list(out.glob("*/*/.*.part")):
+            break
+        time.sleep(0.002)
+    os.kill(process.pid, signal.SIGKILL)
+    process.wait()
+    assert 1 <= len(list(out.glob("parts/*.json"))) < 5
+    assert not (out / "simulation.json").exists(), "it had finished before the kill"
+    done = subprocess.run(command(tmp_path, out, "--workers", then), capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "finished sequences of an earlier run" in done.stderr
+    assert content(out) == content(whole[0])
+    run = json.loads((out / "run.json").read_text())
+    assert run["resumed_parts"] >= 1
+    assert run["resumed_parts"] + run["computed_parts"] == 5
+
+
+@pytest.mark.parametrize("damage", ["missing", "shorter", "one bit", "no truth", "no log", "no record"])
+def test_what_was_damaged_is_made_again(tmp_path, damage):
+    first = simulate(made_of(*BIAS_AND_DARK), tmp_path)
+    before = content(tmp_path)
+    file = tmp_path / first.result.sequences[1].file
+    if damage == "missing":
+        file.unlink()
+    elif damage == "shorter":
+        file.write_bytes(file.read_bytes()[:-2880])
+    elif damage == "one bit":
+        data = bytearray(file.read_bytes())
+        data[-5000] ^= 1
+        file.write_bytes(data)
+    elif damage == "no truth":
+        (tmp_path / first.result.sequences[1].truth).unlink()
+    elif damage == "no log":
+        (tmp_path / first.result.sequences[1].params / "attitude.csv").unlink()
+    else:
+        next(tmp_path.glob("parts/40000000002*")).unlink()
+    again = simulate(made_of(*BIAS_AND_DARK), tmp_path)
+    assert (again.resumed, again.computed) == (1, 1)
+    assert content(tmp_path) == before
+    assert again.result == first.result
+
+
+def test_another_configuration_needs_force_and_leaves_nothing_of_the_first(tmp_path):
+    out = tmp_path / "o"
+
+    def run(frames, **more):
+        return simulate(made_of(*[{"kind": "BIAS", "frames": frames}] * (4 - frames)), out, **more)
+
+    run(2)
+    with pytest.raises(InputError, match="--force"):
+        run(3)
+    with pytest.raises(InputError, match="--force"):
+        run(2, truth=False)
+    (out / "SCI" / "mine").mkdir(parents=True)
+    (out / "SCI" / "mine" / "notes.txt").write_text("precious")
+    run(3, force=True)
+    simulate(made_of({"kind": "BIAS", "frames": 3}), tmp_path / "fresh")
+    left = content(out)
+    assert left.pop("SCI/mine/notes.txt")
+    assert left == content(tmp_path / "fresh")
+
+
+def test_a_file_that_the_configuration_names_counts_by_its_content(tmp_path):
+    spectrum = tmp_path / "flux.txt"
+    spectrum.write_text("wavelength_nm photlam\n400 1\n1000 2\n")
+    scene = {"name": "s", "cstar": {"v_mag": 3, "spectrum": str(spectrum)}}
+    sequence = {"scene": scene, "band": "F520", "fidelity": "quick"}
+    first = simulate(made_of(sequence), tmp_path / "o")
+    assert simulate(made_of(sequence), tmp_path / "o").resumed == 1
+    spectrum.write_text("wavelength_nm photlam\n400 2\n1000 1\n")
+    with pytest.raises(InputError, match="--force"):
+        simulate(made_of(sequence), tmp_path / "o")
+    assert simulate(made_of(sequence), tmp_path / "o", force=True).result.config_hash != first.result.config_hash
+
+
+def test_without_truth_there_is_none(tmp_path):
+    done = simulate(made_of({"kind": "BIAS"}), tmp_path, truth=False)
+    assert done.result.sequences[0].truth is None
+    assert not (tmp_path / "Truth").exists()
+    assert [str(item) for item in check_level0(tmp_path) if item.severity == "error"] == []
+
+
+def test_progress_counts_every_frame(tmp_path):
+    told = []
+
+    def advance(text, steps=1, /):
+        told.append((text.split()[0], steps))
+
+    simulate(made_of(*BIAS_AND_DARK), tmp_path, advance=advance)
+    assert told == [("BIAS", 1)] * 3 + [("DARK", 1)] * 2
+    told.clear()
+    simulate(made_of(*BIAS_AND_DARK), tmp_path, advance=advance)
+    assert told == [("40000000001", 3), ("40000000002", 2)]
+
+
+def test_a_disk_without_room_is_refused_before_anything_is_written(tmp_path):
+    large = made_of(*[{"kind": "BIAS", "frames": 1_000_000}] * 40, instrument="cpic_default")
+    with pytest.raises(InputError, match="GB to spare"):
+        simulate(large, tmp_path / "o")
+    assert not (tmp_path / "o").exists()
+
+
+def test_second_run_on_a_live_folder_is_refused(tmp_path):
+    out = tmp_path / "live"
+    process = subprocess.Popen(command(tmp_path, out), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    try:
+        deadline = time.monotonic() + 60
+        while not list(out.glob("*/*/.*.part")) and time.monotonic() < deadline:
+            time.sleep(0.01)
+        with pytest.raises(InputError, match=f"in use by pid {process.pid}"):
+            simulate(load_simulation(TREE), out)
+    finally:
+        process.kill()
+        process.wait()
