@@ -12,10 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalogs.errors import InputError
+from simulator.camera.switched import switched_for
 from simulator.config import Instrument, Scene, load_instrument, load_scene
 from simulator.config.mission import checked_utc
 from simulator.effects.sky import sky_rate_e_s_arcsec2
-from simulator.effects.stray_light import stray_light_map
+from simulator.effects.stray_light import stray_light_parts
 from simulator.imaging.drift import visit_frames
 from simulator.imaging.external import ExternalPsf
 from simulator.imaging.frame import (
@@ -31,9 +32,9 @@ from simulator.imaging.frame import (
 from simulator.imaging.psf import PsfError, single_band_psf
 from simulator.knobs import Knobs
 from simulator.ledger import EffectRow, effect_ledger
-from simulator.quantities import check_number
+from simulator.quantities import check_number, check_pair, check_whole
 from simulator.rng import PathPart, stream
-from simulator.sequence import Light, Sequence, Stamps
+from simulator.sequence import MAX_FRAMES, MAX_REALISATION, Light, Sequence, Stamps
 from simulator.target.positions import wcs_keywords
 from simulator.target.sources import Source, extended_rates, scene_sources
 
@@ -73,7 +74,6 @@ class Observation(Sequence):
 
     scene: Scene = field(kw_only=True)
     role: Role = field(kw_only=True)
-    realisation: int = field(kw_only=True)
     window: WindowName = field(kw_only=True)
     roll_deg: float = field(kw_only=True)
     star_offset_arcsec: tuple[float, float] = field(kw_only=True)
@@ -92,6 +92,12 @@ class Observation(Sequence):
     def header(self) -> dict[str, Any]:
         """Keywords of the sequence."""
         return self.camera_keywords | self.keywords
+
+    @property
+    def calibration_files(self) -> list[str]:
+        """Names of the files that optics, sky, particles and camera were read from."""
+        own = [self.psf.file] if isinstance(self.psf, ExternalPsf) and self.psf.file else []
+        return [*super().calibration_files, *own]
 
 
 def observe(
@@ -129,7 +135,7 @@ def observe(
     n_frames : int
         Frames of the sequence, 1 to 1e6.
     em_gain : float
-        Actual EM gain, 1 to the detector's maximum.
+        Actual EM gain, 1 to the detector's maximum; 1 in the near infrared.
     seed : int
         Seed of every random number.
     fidelity : str or Knobs
@@ -143,12 +149,12 @@ def observe(
     role : {"science", "reference", "calibration"}
         Names the visit: each has its own wavefront offset and its own noise.
     realisation : int
-        Number of the noise realisation.
+        Number of the noise realisation, 0 to 2**31 - 1; see the notes.
     window : {"full", "hole"}
         Whole detector, or the stamp around the centre of the mask.
     star_offset_arcsec : tuple of float
         Place of the central star relative to the centre of the mask on the detector, x and y: off the mask for
-        calibration. The whole sky moves with it.
+        calibration, at most 8 arcsec either way. The whole sky moves with it.
     scene_model : {"exact", "paper"}
         ``exact``: every source at its place behind the mask. ``paper``: the shortcut of Zhu et al. 2025, in which
         sources other than the star go to the nearest of 4 x 4 cells of a pixel and no mask hides them.
@@ -160,7 +166,7 @@ def observe(
         Beginning of the first frame, as ``2028-01-01T00:00:00``; that of the instrument's mission otherwise. Zodiacal
         light and the rate of cosmic rays depend on it.
     switches : mapping of str to bool, optional
-        Effects of the visible camera to switch on or off, by name; the instrument's otherwise.
+        Effects of the camera to switch on or off, by name; the instrument's otherwise.
 
     Returns
     -------
@@ -174,23 +180,32 @@ def observe(
     Notes
     -----
     The random walk of the wavefront is sampled at up to 12 epochs a visit; frames between two epochs share one.
+
+    Random numbers depend on ``seed``, the name of the scene, ``kind``, ``role``, ``band``, ``realisation``, the number
+    of the frame and the effect, and on nothing else. Sequences that differ only in exposure, gain, roll, switches or
+    the like therefore draw common random numbers: their difference shows the setting and not the noise. Give each its
+    own ``realisation`` (or ``seed``) where their noise has to be independent.
     """
     scene = load_scene(scene)
     instrument = instrument if isinstance(instrument, Instrument) else load_instrument(instrument)
-    _check(instrument, band, exposure_s, n_frames, em_gain, tolerance, window, role, roll_deg)
-    star = _checked_offset(star_offset_arcsec)
+    _check(instrument, band, exposure_s, em_gain, tolerance, window, role, roll_deg)
+    frames = check_whole("n_frames", n_frames, 1, MAX_FRAMES)
+    number = check_whole("realisation", realisation, 0, MAX_REALISATION)
+    star = check_pair("star_offset_arcsec", star_offset_arcsec, MAX_OFFSET_ARCSEC, "arcsec")
     for name, value, allowed in (("scene_model", scene_model, SceneModel), ("kind", kind, SkyKind)):
         if value not in get_args(allowed):
             raise InputError(name, value, allowed=", ".join(get_args(allowed)))
     start = checked_utc("start_utc", instrument.mission.start_utc if start_utc is None else start_utc)
+    switched = switched_for(instrument, instrument.band(band).camera, switches)
     if psf is not None:
         _check_psf(psf, band, instrument)
     optics = psf or single_band_psf(band, fidelity=fidelity, instrument=instrument)
     sources = scene_sources(scene, instrument, band, roll_deg=roll_deg)
     area = window_of(optics, instrument, full=window == "full")
-    path = (scene.name, role, band, realisation)
+    path = (scene.name, kind, role, band, number)
     detector = instrument.detector_of(band)
-    stamps = _star_stamps(optics, instrument, exposure_s, detector.readout_s, n_frames, star, seed, path)
+    corner = (detector.star_row - area.centre[0], detector.star_column - area.centre[1])
+    stamps = _star_stamps(optics, instrument, exposure_s, detector.readout_s, frames, star, seed, path)
     sky = sky_rate_e_s_arcsec2(
         instrument, band, ra_deg=scene.cstar.ra_deg, dec_deg=scene.cstar.dec_deg, start_utc=start
     )
@@ -199,9 +214,10 @@ def observe(
     )
     if window == "full":
         static += sources[0].rate_e_s * full_star_map(optics, area, star)
-        stray = stray_light_map(instrument, band, area.shape)
-        if stray is not None:
-            static += stray
+    stray = stray_light_parts(
+        instrument, band, (detector.n_rows, detector.n_columns), first_pixel=corner, window=area.shape
+    )
+    static += sum(stray.values())
     static += off_axis_light(
         optics,
         area,
@@ -218,8 +234,6 @@ def observe(
         tuple(area.centre[0] + (source.y_arcsec + star[1]) / pixel for source in sources),
     )
     rows, columns, part = area.stamp(stamps.shape[1])
-    switched = instrument.switched(switches)
-    corner = (detector.star_row - area.centre[0], detector.star_column - area.centre[1])
     return Observation(
         kind=kind,
         name=scene.name,
@@ -227,7 +241,7 @@ def observe(
         camera=instrument.band(band).camera,
         band=band,
         exposure_s=float(exposure_s),
-        n_frames=int(n_frames),
+        n_frames=frames,
         em_gain=float(em_gain),
         seed=seed,
         path=path,
@@ -237,7 +251,7 @@ def observe(
         keywords=_keywords(scene, instrument, band, optics, truth, role, roll_deg, star, scene_model),
         scene=scene,
         role=role,
-        realisation=realisation,
+        realisation=number,
         window=window,
         roll_deg=roll_deg,
         star_offset_arcsec=star,
@@ -245,7 +259,16 @@ def observe(
         psf=optics,
         area=area,
         truth=truth,
-        ledger=effect_ledger(scene, switched, band=band, scene_model=scene_model, hole_state=optics.hole_state),
+        ledger=effect_ledger(
+            scene,
+            switched,
+            band=band,
+            scene_model=scene_model,
+            hole_state=optics.hole_state,
+            sky=sky,
+            stray=stray,
+            start_utc=start,
+        ),
     )
 
 
@@ -261,7 +284,7 @@ def _keywords(
     scene_model: str,
 ) -> dict[str, Any]:
     """Keywords of pointing, optics and world coordinates."""
-    return {
+    values: dict[str, Any] = {
         "OBJECT": scene.name,
         "ROLE": role,
         "ROLL": roll_deg,
@@ -273,7 +296,12 @@ def _keywords(
         "IWA": optics.metrics.iwa_arcsec,
         "FIDELITY": "external" if isinstance(optics, ExternalPsf) else optics.knobs.tier,
         "SCENEMOD": scene_model,
-    } | wcs_keywords(
+    }
+    if isinstance(optics, ExternalPsf):
+        values["PSFHASH"] = optics.content_hash
+        if optics.file:
+            values["PSFFILE"] = optics.file
+    return values | wcs_keywords(
         optics.pixel_scale_arcsec,
         (truth.x_pixel[0], truth.y_pixel[0]),
         (scene.cstar.ra_deg, scene.cstar.dec_deg),
@@ -316,26 +344,12 @@ def _check_psf(psf: ExternalPsf, band: str, instrument: Instrument) -> None:
         raise InputError("psf", psf.instrument.name, allowed=f"a PSF of {instrument.name}: load_psf(..., instrument=)")
 
 
-def _checked_offset(star_offset_arcsec: tuple[float, float]) -> tuple[float, float]:
-    try:
-        values = np.asarray(star_offset_arcsec, dtype=np.float64)
-    except (TypeError, ValueError):
-        values = np.empty(0)
-    if values.shape != (2,) or not np.isfinite(values).all() or np.abs(values).max() > MAX_OFFSET_ARCSEC:
-        raise InputError("star_offset_arcsec", star_offset_arcsec, unit="arcsec",
-                         allowed=f"x and y, each at most {MAX_OFFSET_ARCSEC:g}")  # fmt: skip
-    return float(values[0]), float(values[1])
-
-
-def _check(instrument: Instrument, band: str, exposure_s: Any, n_frames: Any, em_gain: Any, tolerance: Any,
-           window: str, role: str, roll_deg: Any) -> None:  # fmt: skip
+def _check(instrument: Instrument, band: str, exposure_s: Any, em_gain: Any, tolerance: Any, window: str, role: str,
+           roll_deg: Any) -> None:  # fmt: skip
     most = instrument.detector.em_gain_max if instrument.band(band).camera == "VIS" else 1.0
     for name, value, low, high, unit in (("exposure_s", exposure_s, 1e-6, 1e6, "s"), ("em_gain", em_gain, 1, most, "")):
         if not low <= check_number(name, value, unit) <= high:
             raise InputError(name, value, unit=unit, allowed=f"{low:g} to {high:g}")
-    count = check_number("n_frames", n_frames)
-    if isinstance(n_frames, bool) or not count.is_integer() or not 1 <= count <= 1_000_000:
-        raise InputError("n_frames", n_frames, allowed="an integer from 1 to 1000000")
     if check_number("tolerance", tolerance) != 0:
         raise InputError("tolerance", tolerance, allowed="0", hint="trading error for speed is not implemented yet")
     if role not in get_args(Role):

@@ -77,8 +77,11 @@ def check_whole(name: str, value: Any, low: int, high: int) -> int:
     InputError
         If it is none.
     """
-    number = check_number(name, value)
-    if not number.is_integer() or not low <= number <= high:
+    try:
+        number = check_number(name, value)
+    except InputError:
+        number = float("nan")
+    if not (low <= number <= high and number.is_integer()):
         raise InputError(name, value, allowed=f"an integer from {low} to {high}")
     return int(number)
 

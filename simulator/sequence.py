@@ -11,9 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalogs.errors import InputError
+from simulator.camera.calibration_set import bias_level_adu
 from simulator.camera.frame import Frame
 from simulator.camera.gain_voltage import em_voltage_of
 from simulator.camera.infrared import InfraredCamera, InfraredExposure
+from simulator.camera.infrared_effects import PastExposure
+from simulator.camera.infrared_past import earlier_frames
 from simulator.camera.sections import Section, sections_of
 from simulator.camera.stacking import stack_electrons
 from simulator.camera.stage import Exposure
@@ -23,14 +26,17 @@ from simulator.config.detector import Detector
 from simulator.config.infrared import InfraredDetector
 from simulator.effects.cosmic_ray_rate import cosmic_ray_rate
 from simulator.effects.stray_light import effect_files
+from simulator.quantities import check_whole
 from simulator.rng import PathPart
 
-__all__ = ["Kind", "Light", "Sequence", "Stamps"]
+__all__ = ["MAX_FRAMES", "MAX_REALISATION", "Kind", "Light", "Sequence", "Stamps"]
 
 FloatArray = NDArray[np.float64]
 Kind = Literal["SCI", "DSF", "CALS", "BIAS", "DARK", "FLAT", "BKG", "LASER"]
 Camera: TypeAlias = VisibleCamera | InfraredCamera
 MAX_STACK_BYTES = 2_000_000_000
+MAX_FRAMES = 1_000_000
+MAX_REALISATION = 2**31 - 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +101,8 @@ class Sequence:
     first_pixel : tuple of int or None
         Row and column of the frame that a window begins with; None for the whole frame.
     path : tuple
-        Names of the random streams.
+        Names of the random streams. Sequences that differ in nothing that it names (in exposure, gain, roll or
+        switches, say) draw common random numbers.
     start_utc : str
         Beginning of the first frame.
     keywords : dict
@@ -115,8 +122,10 @@ class Sequence:
     start_utc: str
     light: Light
     first_pixel: tuple[int, int] | None
+    realisation: int = field(default=0, kw_only=True)
     keywords: dict[str, Any] = field(default_factory=dict)
     _prepared: dict[int, Exposure | InfraredExposure] = field(default_factory=dict, init=False, repr=False)
+    _held_e: dict[int, FloatArray] = field(default_factory=dict, init=False, repr=False)
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -157,10 +166,11 @@ class Sequence:
             "EMGAIN": self.em_gain,
             "GAIN": detector.gain_e_adu,
             "RDNOISE": detector.read_noise_e,
-            "BIASLEV": detector.bias_adu,
+            "BIASLEV": bias_level_adu(detector) if isinstance(detector, Detector) else detector.bias_adu,
             "FULLWELL": detector.full_well_e,
             "PIXSCALE": self.pixel_scale_arcsec,
             "SEED": self.seed,
+            "REALISAT": self.realisation,
             "CONFHASH": self.instrument.content_hash,
         }
         if visible:
@@ -178,7 +188,8 @@ class Sequence:
     @functools.cached_property
     def _camera(self) -> Camera:
         config, rays = self.instrument, self.instrument.cosmic_rays
-        rate = cosmic_ray_rate(rays, self.start_utc)
+        struck = self._detector.switches.cosmic_rays and self.exposure_s > 0
+        rate = cosmic_ray_rate(rays, self.start_utc) if struck else 0.0
         if self.camera == "VIS":
             return VisibleCamera(config.detector, cosmic_rays=rays, cosmic_ray_rate_per_s_cm2=rate)
         return InfraredCamera(config.near_infrared.detector, cosmic_rays=rays, cosmic_ray_rate_per_s_cm2=rate)
@@ -199,12 +210,12 @@ class Sequence:
 
     @property
     def expected(self) -> FloatArray:
-        """Noise-free frame in ADU, averaged over the sequence."""
+        """Noise-free frame in ADU, averaged over the sequence; without cosmic rays and persistence."""
         return self._expected[1]
 
     @property
     def expected_e(self) -> FloatArray:
-        """Noise-free electrons of a frame as the pixels collect them, dark current included."""
+        """Noise-free electrons of a frame as the pixels collect them: dark current included, as `expected` else."""
         return self._expected[0]
 
     @functools.cached_property
@@ -221,19 +232,67 @@ class Sequence:
         return [*(str(name) for name in files.values() if name), *light]
 
     def frame(self, index: int) -> Frame:
-        """One noisy frame with its truth; the same whichever frames were made before."""
+        """One noisy frame with its truth; the same whichever frames were made before.
+
+        Parameters
+        ----------
+        index : int
+            Number of the frame, from 0.
+
+        Raises
+        ------
+        InputError
+            If there is no such frame.
+
+        Notes
+        -----
+        Persistence of the near-infrared camera, where it is switched on, is that of the mean charge which the earlier
+        frames of this sequence hold: see `simulator.camera.infrared_past.earlier_frames`.
+        """
         epoch = self._epoch(index)
         if epoch not in self._prepared:
             self._prepared.clear()
             self._prepared[epoch] = self._prepare(self.light.map(epoch))
+        more: dict[str, Any] = {"past": self._past(index)} if self.camera == "NIR" else {}
         camera: Any = self._camera
-        frame: Frame = camera.expose(self._prepared[epoch], seed=self.seed, path=(*self.path, index))
+        frame: Frame = camera.expose(self._prepared[epoch], seed=self.seed, path=(*self.path, int(index)), **more)
         return frame
 
     def _epoch(self, index: int) -> int:
-        if not 0 <= index < self.n_frames:
-            raise InputError("frame", index, allowed=f"0 to {self.n_frames - 1}")
-        return index * self.light.epochs // self.n_frames
+        return check_whole("frame", index, 0, self.n_frames - 1) * self.light.epochs // self.n_frames
+
+    def _first_frame(self, epoch: int) -> int:
+        """Number of the first frame of an epoch of the light."""
+        return -(-epoch * self.n_frames // self.light.epochs)
+
+    def _past(self, index: int) -> list[PastExposure]:
+        """Charge of the frames before one, where the near-infrared camera remembers it."""
+        detector = self.instrument.near_infrared.detector
+        if not detector.switches.persistence or detector.persistence.fraction == 0:
+            return []
+        runs = (
+            (first, min(self._first_frame(epoch + 1), int(index)))
+            for epoch in range(self._epoch(index), -1, -1)
+            if (first := self._first_frame(epoch)) < index
+        )
+        return list(
+            earlier_frames(
+                runs,
+                self._mean_charge,
+                before=int(index),
+                full_well_e=detector.full_well_e,
+                exposure_s=self.exposure_s,
+                readout_s=self.readout_s,
+                decay_s=detector.persistence.decay_s,
+            )
+        )
+
+    def _mean_charge(self, index: int) -> FloatArray:
+        """Mean electrons of a frame, kept for the frames after it."""
+        epoch = self._epoch(index)
+        if epoch not in self._held_e:
+            self._held_e[epoch] = self._prepare(self.light.map(epoch)).mean_e
+        return self._held_e[epoch]
 
     def iter_full_frames(self) -> Iterator[Frame]:
         """Yield the frames one at a time with their truth."""
@@ -267,6 +326,8 @@ class Sequence:
     def stack(self) -> FloatArray:
         """Sum of all frames in electrons at the register input, bias taken off, as one draw per epoch of the light.
 
+        The draws are those of no single frame, and, as with those, common to sequences of one ``path``.
+
         Raises
         ------
         InputError
@@ -277,7 +338,7 @@ class Sequence:
             raise InputError("band", self.band, allowed="a band of the visible camera")
         total = np.zeros(self.shape)
         for epoch in range(self.light.epochs):
-            count = sum(self._epoch(index) == epoch for index in range(self.n_frames))
+            count = self._first_frame(epoch + 1) - self._first_frame(epoch)
             exposure = self._prepare(self.light.map(epoch))
             assert isinstance(exposure, Exposure)
             total += stack_electrons(self._camera, exposure, count, seed=self.seed, path=(*self.path, "stack", epoch))

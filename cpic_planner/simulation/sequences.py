@@ -133,10 +133,12 @@ class PlannedSequence:
         return calibrate(
             cast(Any, entry.kind),
             band=self.band,
-            camera=entry.camera,
+            camera=None if self.band else entry.camera,
             exposure_s=self.exposure_s,
             level_e=entry.level_e,
             offset_arcsec=entry.offset_arcsec,
+            ra_deg=entry.ra_deg,
+            dec_deg=entry.dec_deg,
             **shared,
         )
 

@@ -37,7 +37,7 @@ _OF_KIND: dict[SequenceKind, tuple[str, ...]] = dict.fromkeys(SKY_KINDS, _SKY) |
     "BIAS": ("camera",),
     "DARK": ("camera", "exposure_s"),
     "FLAT": ("band", "exposure_s", "level_e"),
-    "BKG": ("band", "exposure_s"),
+    "BKG": ("band", "exposure_s", "ra_deg", "dec_deg"),
     "LASER": ("band", "exposure_s", "level_e", "offset_arcsec"),
 }
 _LISTS = ("band", "exposure_s", "em_gain")
@@ -85,7 +85,7 @@ class SequenceConfig(FrozenModel):
         Frames of each sequence.
     roll_deg, star_offset_arcsec, role, fidelity, scene_model
         As `simulator.observe`. The role of CALS is ``calibration`` unless another one is given.
-    level_e, offset_arcsec
+    level_e, offset_arcsec, ra_deg, dec_deg
         As `simulator.calibrate`.
     seed : int
     realisation : int, optional
@@ -118,7 +118,9 @@ class SequenceConfig(FrozenModel):
     fidelity: Literal["quick", "standard", "reference"] = "standard"
     scene_model: Literal["exact", "paper"] = "exact"
     level_e: Annotated[Real, Field(ge=0, le=1e12)] | None = None
-    offset_arcsec: tuple[Offset, Offset] = (0.5, 0.5)
+    offset_arcsec: tuple[Offset, Offset] | None = None
+    ra_deg: Annotated[Real, Field(ge=0, lt=360)] | None = None
+    dec_deg: Annotated[Real, Field(ge=-90, le=90)] | None = None
     seed: Annotated[Whole, Field(ge=0, lt=2**63)] = 1
     realisation: Annotated[Whole, Field(ge=0, lt=2**31)] | None = None
     switches: dict[str, bool] = Field(default_factory=dict)

@@ -83,16 +83,11 @@ def stray_light_parts(
 
 
 def _cut(whole: FloatArray, first_pixel: tuple[int, int], window: tuple[int, int]) -> FloatArray:
+    # Places of the window's rows and columns in the frame; those outside it stay dark.
+    places = [first + np.arange(length) for first, length in zip(first_pixel, window, strict=True)]
+    inside = [(place >= 0) & (place < size) for place, size in zip(places, whole.shape, strict=True)]
     part = np.zeros(window)
-    spans = [
-        slice(max(first, 0), min(first + length, size))
-        for first, length, size in zip(first_pixel, window, whole.shape, strict=True)
-    ]
-    rows, columns = (
-        slice(span.start - first, max(span.stop, span.start) - first)
-        for span, first in zip(spans, first_pixel, strict=True)
-    )
-    part[rows, columns] = whole[spans[0], spans[1]]
+    part[np.ix_(*inside)] = whole[np.ix_(*(place[there] for place, there in zip(places, inside, strict=True)))]
     return part
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import hashlib
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalogs.errors import InputError
+from simulator.config.base import content_hash
 from simulator.config.instrument import Instrument, load_instrument
 from simulator.imaging.external_metrics import ExternalMetrics, stamp_metrics
 from simulator.imaging.kernel import open_pixels, placed
@@ -74,6 +76,8 @@ class ExternalPsf:
         ``on_axis_derived`` (off-axis image behind the cross, as there is no Lyot stop),
         ``apodizer_energy_of_stamp``, ``mask_of_file`` (another than the instrument's), ``negative_rounding``,
         ``core_beyond_stamp`` (the stamp is smaller than the photometric aperture).
+    file : str
+        Name of the file, without its folder; empty if there is none.
     """
 
     band: str
@@ -84,6 +88,16 @@ class ExternalPsf:
     mask_half_width_arcsec: float
     apodizer_energy: float
     flags: tuple[str, ...] = ()
+    file: str = ""
+
+    @functools.cached_property
+    def content_hash(self) -> str:
+        """Hash of the images and of what goes with them (16 hex digits): whose frames are the same."""
+        digest = hashlib.sha256()
+        for image in (self.on_axis, self.off_axis):
+            digest.update(np.ascontiguousarray(image, dtype="<f8").data)
+        parts = (self.pixel_scale_arcsec, self.mask_half_width_arcsec, self.apodizer_energy)
+        return content_hash({"images": digest.hexdigest(), "numbers": [float(part) for part in parts]})
 
     @property
     def hole_state(self) -> str:
@@ -224,7 +238,8 @@ def load_psf(
         flags.append("core_beyond_stamp")
     for image in (on_axis, off_axis):
         image.flags.writeable = False
-    return ExternalPsf(name, on_axis, off_axis, pixel, chosen, width, float(behind), tuple(dict.fromkeys(flags)))
+    kept = tuple(dict.fromkeys(flags))
+    return ExternalPsf(name, on_axis, off_axis, pixel, chosen, width, float(behind), kept, Path(path).name)
 
 
 def save_psf(psf: Stamps, path: str | Path) -> Path:

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import json
 import os
 from collections import defaultdict
 from pathlib import Path
+from typing import Any
 
 from catalogs.errors import InputError
 from simulator.products.check_file import FileFacts, check_file
 from simulator.products.check_truth import check_truth
 from simulator.products.findings import Finding
 from simulator.products.keywords import load_keywords
-from simulator.products.params import PARAMS_FILES
+from simulator.products.params import CONFIGURATION_FILE, PARAMS_FILES
 from simulator.products.reading import is_real
 from simulator.products.sequence import SCIENCE_KINDS
 
@@ -23,10 +25,10 @@ _BRANCHES = ("SCI", "CAL")
 def check_level0(path: str | Path) -> list[Finding]:
     """Check a Level-0 file, or every file of a tree, against the specification.
 
-    Of a file: name, structure, keywords and their types under any known spelling, times against each other and the
-    name, world coordinates, pixel values against the converter, checksums; and, where the file stands in a tree, its
-    folder and its truth. Of a tree, moreover: numbers that are used twice, folders of parameters, truth without a file,
-    and files that do not belong.
+    Of a file: name, structure, keywords, their types and spellings, times against each other and the name, world
+    coordinates, settings of the camera, pixel values against the converter, checksums; and, where the file stands in a
+    tree, its folder, its truth and its configuration. Of a tree, moreover: numbers that are used twice, folders of
+    parameters, truth without a file, and files that do not belong.
 
     Parameters
     ----------
@@ -101,10 +103,31 @@ def _check_place(file: Path, facts: FileFacts) -> list[Finding]:
     truth = root / "Truth" / folder / f"{facts.name.stem}_TRUTH.fits"
     if truth.is_file():
         found += check_truth(truth, facts)
+    elif (root / "Truth").is_dir():  # a tree may go without, as a whole
+        found.append(Finding(file, None, "", f"has no truth: {truth.relative_to(root)}", "warning"))
     params = root / facts.name.params
     missing = [name for name in PARAMS_FILES if not (params / name).is_file()]
     if missing:
         found.append(Finding(file, None, "", f"has no {', '.join(missing)} in {facts.name.params}", "warning"))
+    if CONFIGURATION_FILE not in missing:
+        found += _check_configuration(file, params / CONFIGURATION_FILE, facts)
+    return found
+
+
+def _check_configuration(file: Path, path: Path, facts: FileFacts) -> list[Finding]:
+    """Check that a file is what its configuration describes."""
+    try:
+        tree: Any = json.loads(path.read_text(encoding="utf-8"))
+        shape, number = tuple(tree["sequence"]["shape"]), str(tree["configuration_hash"])
+    except (OSError, ValueError, LookupError, TypeError) as error:
+        return [Finding(path, None, "", f"cannot be read: {type(error).__name__}")]
+    found = []
+    if facts.shape is not None and shape != facts.shape:
+        found.append(Finding(file, 1, "NAXIS1", f"has {facts.shape[1]} x {facts.shape[0]} pixels, {path.name} says "
+                             f"{' x '.join(map(str, reversed(shape)))}"))  # fmt: skip
+    stated = load_keywords().value(facts.primary, "CONFHASH")
+    if stated is not None and stated != number:
+        found.append(Finding(file, 0, "CONFHASH", f"is {stated!r}, that of {path.name} is {number!r}"))
     return found
 
 

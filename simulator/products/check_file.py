@@ -14,8 +14,11 @@ from simulator.products.check_headers import (
     TIME_TOLERANCE_S,
     check_keywords,
     check_primary,
+    check_settings,
+    check_spellings,
     check_times,
     check_world,
+    profile_of,
 )
 from simulator.products.findings import Finding, Report
 from simulator.products.keywords import load_keywords
@@ -26,7 +29,6 @@ from simulator.products.times import elapsed_s
 
 __all__ = ["FileFacts", "check_file"]
 
-VIS_SHAPE = (1050, 1080)
 _SECTION = re.compile(r"\[(\d+):(\d+),(\d+):(\d+)\]", re.ASCII)
 
 
@@ -73,10 +75,14 @@ def _check_units(report: Report, units: Any, facts: FileFacts) -> None:
     check_primary(report, primary, facts.name, len(units) - 1)
     check_times(report, primary, facts.name)
     check_sums(report, units, 0, primary)
+    profile = profile_of(primary)
+    check_spellings(report, primary, 0, profile)
     earlier: float | None = None
     for number in range(1, len(units)):
         header = headers[number]
         check_keywords(report, header, number, kind=kind, coordinates=coordinates)
+        check_spellings(report, header, number, profile)
+        check_settings(report, header, headers[1], number)
         _check_image(report, units, header, number, facts)
         earlier = _check_frame_times(report, header, primary, number, len(units) - 1, earlier)
         if kind in SCIENCE_KINDS or "CTYPE1" in header:
@@ -116,9 +122,6 @@ def _check_image(report: Report, units: Any, header: Mapping[str, Any], number: 
         return
     if facts.shape is None:
         facts.shape = shape
-        if camera == "VIS" and shape != VIS_SHAPE:
-            report.warning(f"has {shape[1]} x {shape[0]} pixels; a whole frame of the visible camera has "
-                           f"{VIS_SHAPE[1]} x {VIS_SHAPE[0]}", "NAXIS1", number)  # fmt: skip
     elif shape != facts.shape:
         report.error(f"has {shape[1]} x {shape[0]} pixels, image 1 has {facts.shape[1]} x {facts.shape[0]}",
                      "NAXIS1", number)  # fmt: skip
@@ -136,7 +139,8 @@ def _check_image(report: Report, units: Any, header: Mapping[str, Any], number: 
 
 
 def _check_sections(report: Report, header: Mapping[str, Any], shape: tuple[int, ...], number: int) -> None:
-    """Check that named parts of the frame lie in it."""
+    """Check that named parts of the frame lie in it and, in the first image, make it up."""
+    total, sound = 0, True
     for keyword in load_keywords():
         if not keyword.section or not isinstance(header.get(keyword.name), str):
             continue
@@ -144,7 +148,13 @@ def _check_sections(report: Report, header: Mapping[str, Any], shape: tuple[int,
         numbers = [] if found is None else [int(part) for part in found.groups()]
         inside = numbers and 1 <= numbers[0] <= numbers[1] <= shape[1] and 1 <= numbers[2] <= numbers[3] <= shape[0]
         if not inside:
+            sound = False
             report.error(f"is {header[keyword.name]!r}, no part of the frame", keyword.name, number)
+        elif keyword.section != "image":  # which others are part of
+            total += (numbers[1] - numbers[0] + 1) * (numbers[3] - numbers[2] + 1)
+    if number == 1 and sound and total not in (0, shape[0] * shape[1]):
+        report.warning(f"has {shape[1]} x {shape[0]} pixels, {shape[0] * shape[1]}; the parts that its header names "
+                       f"have {total}", "NAXIS1", number)  # fmt: skip
 
 
 def _check_frame_times(

@@ -10,18 +10,30 @@ from typing import Any
 from catalogs.errors import InputError
 from simulator.config.mission import checked_utc
 from simulator.products.findings import Report
-from simulator.products.keywords import load_keywords
+from simulator.products.keywords import Profile, load_keywords
 from simulator.products.naming import ProductName
 from simulator.products.reading import is_real
 from simulator.products.sequence import SCIENCE_KINDS
 from simulator.products.times import elapsed_s, mjd_of, stamp
 
-__all__ = ["check_keywords", "check_primary", "check_times", "check_world"]
+__all__ = ["check_keywords", "check_primary", "check_settings", "check_spellings", "check_times", "check_world",
+           "profile_of"]  # fmt: skip
 
 TIME_TOLERANCE_S = 0.002
 SCALE_TOLERANCE = 1e-3
 PLACE_TOLERANCE_DEG = 1.0 / 3600.0
 ANGLE_TOLERANCE_DEG = 0.01
+# Least values, and whether they are themselves allowed.
+_LEAST = {
+    "GAIN": (0.0, False),
+    "EMGAIN": (1.0, True),
+    "RDNOISE": (0.0, True),
+    "FULLWELL": (0.0, False),
+    "PIXSCALE": (0.0, False),
+    "EXPTIME": (0.0, True),
+}
+# What does not change during a sequence.
+_SETTINGS = ("GAIN", "EMGAIN", "RDNOISE", "ADCBITS", "FULLWELL", "FILTER", "DETNAM")
 
 
 def check_keywords(report: Report, header: Mapping[str, Any], hdu: int, *, kind: str, coordinates: bool) -> None:
@@ -52,6 +64,45 @@ def check_keywords(report: Report, header: Mapping[str, Any], hdu: int, *, kind:
                 report.error(f"is {value!r}, which is not of type {keyword.kind}", spelling, hdu)
         if any(header[spelling] != header[found[0]] for spelling in found):
             report.error(f"differs from its other spelling {found[0]}", found[-1], hdu)
+
+
+def profile_of(header: Mapping[str, Any]) -> Profile:
+    """Profile whose spellings a primary header follows best; the first of the table where several do."""
+    table = load_keywords()
+    return min(table.profiles.values(), key=lambda profile: len(_misspelled(header, 0, profile)))
+
+
+def check_spellings(report: Report, header: Mapping[str, Any], hdu: int, profile: Profile) -> None:
+    """Warn of keywords that stand under another spelling only than those of the profile."""
+    for missing, found in _misspelled(header, hdu, profile):
+        report.warning(f"is missing, {found} stands for it", missing, hdu)
+
+
+def _misspelled(header: Mapping[str, Any], hdu: int, profile: Profile) -> list[tuple[str, str]]:
+    """Spellings of the profile that a header lacks, and those that it has instead."""
+    table, home = load_keywords(), "image" if hdu else "primary"
+    found = []
+    for keyword in table:
+        present = table.find(header, keyword.name) if keyword.hdu in (home, "both") else None
+        if present is not None:
+            found += [(spelling, present[0]) for spelling in profile.spellings(keyword.name) if spelling not in header]
+    return found
+
+
+def check_settings(report: Report, header: Mapping[str, Any], first: Mapping[str, Any], hdu: int) -> None:
+    """Check that the numbers of a camera in one image are possible, and those of the first image."""
+    table = load_keywords()
+    for key, (least, included) in _LEAST.items():
+        value = table.value(header, key)
+        if is_real(value) and (value < least or (value == least and not included)):
+            report.error(f"is {value}, not {'at least' if included else 'above'} {least:g}", key, hdu)
+    unit = table.value(header, "BUNIT")
+    if isinstance(unit, str) and unit.strip().lower() != "adu":
+        report.error(f"is {unit!r}, not 'adu'", "BUNIT", hdu)
+    for key in _SETTINGS:
+        value, other = table.value(header, key), table.value(first, key)
+        if None not in (value, other) and value != other:
+            report.error(f"is {value!r}, image 1 has {other!r}", key, hdu)
 
 
 def check_primary(report: Report, header: Mapping[str, Any], name: ProductName | None, n_images: int) -> None:

@@ -7,6 +7,7 @@ from importlib import metadata
 from typing import Any
 
 from catalogs.errors import InputError
+from simulator.camera.calibration_set import bias_level_adu
 from simulator.camera.frame import Frame
 from simulator.camera.gain_voltage import em_voltage_of
 from simulator.camera.sections import fits_section
@@ -104,7 +105,7 @@ def _configured(sequence: FrameSequence) -> dict[str, Any]:
         "DETNAM": sequence.camera,
         "GAIN": camera.gain_e_adu,
         "RDNOISE": camera.read_noise_e,
-        "BIASLEV": camera.bias_adu,
+        "BIASLEV": bias_level_adu(camera) if isinstance(camera, Detector) else camera.bias_adu,
         "ADCBITS": camera.adc_bits,
         "FULLWELL": camera.full_well_e,
         "PIXSIZE": camera.pixel_um,

@@ -19,9 +19,10 @@ from simulator.products.places import pointing_deg
 from simulator.products.sequence import FrameSequence, camera_of
 from simulator.products.times import SequenceTimes
 
-__all__ = ["PARAMS_FILES", "log_times", "write_params"]
+__all__ = ["CONFIGURATION_FILE", "PARAMS_FILES", "log_times", "write_params"]
 
-PARAMS_FILES = ("configuration.json", "keywords.yaml", "attitude.csv", "temperature.csv")
+CONFIGURATION_FILE = "configuration.json"
+PARAMS_FILES = (CONFIGURATION_FILE, "keywords.yaml", "attitude.csv", "temperature.csv")
 SCHEMA_VERSION = 1
 
 
@@ -45,7 +46,7 @@ def write_params(
     one for the end of the last; all that they say is modelled.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    write_text(folder / "configuration.json", dump_json(_configuration(sequence, name, times, primary)))
+    write_text(folder / CONFIGURATION_FILE, dump_json(_configuration(sequence, name, times, primary)))
     write_text(folder / "keywords.yaml", KEYWORD_FILE.read_text(encoding="utf-8"))
     utc = log_times(times)
     write_text(folder / "attitude.csv", _attitude(sequence, utc, sky))

@@ -84,7 +84,7 @@ def sequence_times(start_utc: str, exposure_s: float, readout_s: float, n_frames
     Raises
     ------
     InputError
-        If ``start_utc`` is no time.
+        If ``start_utc`` is no time, or the last frame ends after the last year that a time may have.
     """
     from astropy.time import Time, TimeDelta
 
@@ -96,6 +96,7 @@ def sequence_times(start_utc: str, exposure_s: float, readout_s: float, n_frames
             return first + TimeDelta(seconds, format="sec", scale="tai")
 
         begins, ends = after(begin), after(begin + exposure_s)
+        checked_utc("end of the last frame", str(ends[-1].isot))
         return SequenceTimes(
             tuple(begins.isot.tolist()), tuple(ends.isot.tolist()), np.asarray(begins.mjd), np.asarray(ends.mjd)
         )

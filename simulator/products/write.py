@@ -13,6 +13,7 @@ from catalogs.errors import InputError
 from simulator.camera.frame import Frame
 from simulator.files import whole_file
 from simulator.products.ephemeris import ephemeris
+from simulator.products.folders import claim, clear_stale_parts, temporary_folders
 from simulator.products.headers import frame_values, ledger_cards, sequence_values
 from simulator.products.keywords import load_keywords
 from simulator.products.naming import ProductName, product_name
@@ -69,9 +70,14 @@ def write_level0(
     ------
     InputError
         If the file exists and ``overwrite`` is false, if another observation of the tree has the same number, or if the
-        sequence cannot be written; no file is left behind.
+        sequence cannot be written.
     OSError
         If the disk is full or the folder is not writable.
+
+    Notes
+    -----
+    A write that fails leaves neither file nor folder behind. One that is killed leaves its hidden temporary files,
+    which the next write of the same file removes.
     """
     check_sequence(observation)
     table = load_keywords()
@@ -86,7 +92,11 @@ def write_level0(
     primary, shared = sequence_values(observation, name, times, sky)
     header = [*header_cards(primary, table, profile), *ledger_cards(observation)]
 
-    with _new_file(root / name.file, overwrite=overwrite) as file:
+    folders = [(root / place).parent for place in (name.file, name.truth, name.params)]
+    with (
+        temporary_folders(folders, whole=root / name.params, done=root / name.file),
+        _new_file(root / name.file, overwrite=overwrite) as file,
+    ):
         append_primary(file, header)
         with contextlib.ExitStack() as stack:
             writer = None
@@ -102,10 +112,13 @@ def write_level0(
                     progress(index + 1, int(observation.n_frames))
             if writer is not None:
                 writer.end()
+            if not overwrite and (root / name.file).exists():
+                raise _exists(root / name.file)  # by another process: its truth and parameters stay
+            # Before the truth gets its name: without parameters there is no product.
+            write_params(root / name.params, observation, name, times, sky, primary)
         if not truth:
             # What an earlier file of this name left would be the truth of other frames.
             (root / name.truth).unlink(missing_ok=True)
-        write_params(root / name.params, observation, name, times, sky, primary)
     return root / name.file
 
 
@@ -131,8 +144,10 @@ def _exists(path: Path) -> InputError:
 def _new_file(path: Path, *, overwrite: bool = True) -> Iterator[IO[bytes]]:
     """Open a whole file in a folder that is made where it does not exist."""
     path.parent.mkdir(parents=True, exist_ok=True)
+    clear_stale_parts(path)
     try:
         with whole_file(path, overwrite=overwrite) as file:
+            claim(file)
             yield file
     except FileExistsError as error:
         if error.filename != str(path):

@@ -56,6 +56,26 @@ def test_readme_quotes_the_tiers_of_the_speed_report():
         assert f"| `{tier}` | {seconds[1]} | {' | '.join(worst)} |" in readme
 
 
+def test_readme_quotes_the_speed_of_the_camera():
+    readme = " ".join(text("README.md").split())
+    times, peers = (
+        list(csv.DictReader((ROOT / f"reports/camera_speed/{name}.csv").open(encoding="utf-8", newline="")))
+        for name in ("times", "peers")
+    )
+    seconds = {row["job"]: float(row["cpu_s"]) for row in times}
+    jobs = ("dark, 30 s, gain 300", "star of V = 5, F662, 30 s, gain 300", "paper's example, F520, 17 s, gain 20",
+            "paper's example, F520, 300 s, gain 20 (blooms)")  # fmt: skip
+    for job in jobs:
+        assert f"| {job} | {1000 * seconds[job]:.0f} |" in readme, job
+    flats = [1000 * value for job, value in seconds.items() if job.startswith("flat of")]
+    assert f"| flats of 50 to 20000 e-, gain 1 to 300 | {min(flats):.0f} to {max(flats):.0f} |" in readme
+    ours = {row["scene"]: float(row["cpu_s"]) for row in peers if row["simulator"] == "ours"}
+    for simulator, mode in (("emccd-detect", "fast, no register CIC"), ("getframes", "double")):
+        found = [float(row["cpu_s"]) / ours[row["scene"]] for row in peers
+                 if (row["simulator"], row["mode"]) == (simulator, mode)]  # fmt: skip
+        assert f"{simulator} ({mode}) {min(found):.1f} to {max(found):.1f} times" in readme, simulator
+
+
 def test_committed_plan_is_of_this_version_and_schema():
     from cpic_planner.models import PlanResult
 

@@ -6,6 +6,7 @@ import pytest
 from catalogs.errors import InputError
 from simulator import calibrate
 from simulator.camera.dark_current import dark_rate_e_s
+from simulator.effects import sky_rate_e_s_arcsec2
 
 PLAIN = {"cosmic_rays": False, "interference": False, "bias_drift": False, "nonlinearity": False}
 
@@ -92,8 +93,63 @@ def test_infrared_calibrations():
         ("BIAS", {"camera": "UV"}, "camera"),
         ("BIAS", {"camera": "NIR", "em_gain": 2.0}, "em_gain"),
         ("LASER", {"exposure_s": 1.0, "band": "F520", "offset_arcsec": (9, 0)}, "offset_arcsec"),
+        (
+            "LASER",
+            {"exposure_s": 1.0, "band": "F520", "offset_arcsec": (0, 1.2)},
+            r"offset_arcsec.*1\.0984.*stamp of F520",
+        ),
+        ("LASER", {"exposure_s": 1.0, "band": "F520", "offset_arcsec": "ab"}, "offset_arcsec"),
+        ("BIAS", {"offset_arcsec": (0.5, 0.5)}, "offset_arcsec.*for LASER only, not for BIAS"),
+        ("FLAT", {"exposure_s": 1.0, "band": "F520", "camera": "NIR"}, "camera = NIR.*VIS, the camera of F520"),
+        ("FLAT", {"exposure_s": 1.0, "band": "F520", "camera": "UV"}, "camera"),
+        ("BIAS", {"realisation": 0.5}, "realisation"),
+        ("BIAS", {"realisation": -1}, "realisation"),
+        ("BIAS", {"realisation": 2**31}, "realisation"),
+        ("BIAS", {"switches": {"persistence": True}}, "persistence.*the visible camera"),
+        ("BIAS", {"camera": "NIR", "switches": {"smear": True}}, "smear.*the near-infrared camera"),
+        ("FLAT", {"exposure_s": 1.0, "band": "F520", "ra_deg": 5.0}, "ra_deg.*for BKG only, not for FLAT"),
+        ("DARK", {"exposure_s": 1.0, "dec_deg": 5.0}, "dec_deg"),
+        ("BKG", {"exposure_s": 1.0, "band": "F520", "ra_deg": 5.0}, "dec_deg = missing"),
+        ("BKG", {"exposure_s": 1.0, "band": "F520", "ra_deg": 500.0, "dec_deg": 0.0}, "ra_deg = 500"),
+        ("BKG", {"exposure_s": 1.0, "band": "F520", "instrument": {"sky": {"model": "zodiacal"}}}, "ra_deg = missing"),
     ],
 )
 def test_bad_settings_are_refused_by_name(kind, settings, word):
     with pytest.raises(InputError, match=word):
         calibrate(kind, **settings)
+
+
+def test_the_camera_of_a_band_may_be_said_too():
+    for camera in (None, "NIR"):
+        assert calibrate("FLAT", band="F1265", camera=camera, exposure_s=1.0).camera == "NIR"
+    assert calibrate("BIAS").camera == "VIS"
+
+
+def test_background_at_a_place_and_date():
+    dated = {"sky": {"model": "zodiacal"}}
+    settings = {"band": "F662", "exposure_s": 100.0, "instrument": dated, "start_utc": "2028-03-20"}
+    near, far = (
+        calibrate("BKG", ra_deg=ra, dec_deg=dec, **settings) for ra, dec in ((45.0, 17.0), ("12:00:00", "-0:00:01"))
+    )
+    ratio = near.mean_rate_map.max() / far.mean_rate_map.max()
+    level = [
+        sky_rate_e_s_arcsec2(near.instrument, "F662", ra_deg=ra, dec_deg=dec, start_utc="2028-03-20").rate_e_s_arcsec2
+        for ra, dec in ((45.0, 17.0), (180.0, -1 / 3600))
+    ]
+    assert ratio == pytest.approx(level[0] / level[1], rel=1e-9)
+    assert ratio > 1.5  # the Sun stands at right ascension 0
+    assert far.header["RA_OBJ"] == 180.0
+    assert far.header["DEC_OBJ"] == pytest.approx(-1 / 3600)
+    row = next(row for row in far.ledger if row.effect == "sky")
+    assert "zodiacal" in row.reason
+    plain = calibrate("BKG", band="F662", exposure_s=1.0)
+    assert "RA_OBJ" not in plain.header
+    assert {"sky", "earthshine", "stray light"} <= {row.effect for row in plain.ledger}
+
+
+def test_ledger_of_frames_that_see_no_sky_has_none():
+    for kind, more in (("BIAS", {}), ("DARK", {"exposure_s": 5.0}), ("FLAT", {"exposure_s": 1.0, "band": "F662"})):
+        rows = {row.effect: row for row in calibrate(kind, **more).ledger}
+        assert "sky" not in rows
+        assert rows["cosmic rays"].decision == ("skipped" if kind == "BIAS" else "kept")
+        assert rows["flat field"].decision == ("kept" if kind == "FLAT" else "skipped")

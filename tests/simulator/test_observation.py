@@ -263,3 +263,81 @@ def test_values_of_the_wrong_kind_are_refused_by_name(name, value):
     settings = {"band": "F850", "exposure_s": 1.0, "window": "hole"}
     with pytest.raises(InputError, match=name):
         observe(scene(), **(settings | {name: value}))
+
+
+def test_light_given_on_the_detector_falls_into_a_window_as_on_the_frame(tmp_path):
+    from astropy.io import fits
+
+    glow = np.add.outer(np.arange(1050) / 100.0, np.arange(1080) / 1000.0)
+    hdu = fits.PrimaryHDU(glow)
+    hdu.header["BUNIT"] = "electron/(s pix)"
+    hdu.writeto(tmp_path / "glow.fits")
+    lit = {"sky": {"earthshine": {"rate_e_s": 0.25}, "stray_light": {"map_file": str(tmp_path / "glow.fits")}}}
+    settings = {"band": "F662", "exposure_s": 1.0}
+    part = {}
+    for window in ("full", "hole"):
+        bright = observe(scene(), instrument=QUIET | lit, window=window, **settings)
+        dark = observe(scene(), instrument=QUIET, window=window, **settings)
+        part[window] = bright.mean_rate_map - dark.mean_rate_map
+    np.testing.assert_allclose(part["full"], glow + 0.25, rtol=1e-9, atol=1e-6)
+    row, column = bright.first_pixel
+    cut = (slice(row, row + 137), slice(column, column + 137))
+    np.testing.assert_allclose(part["hole"], glow[cut] + 0.25, rtol=1e-9, atol=1e-6)
+    rows = {item.effect: item for item in bright.ledger}
+    assert rows["earthshine"].reason == "0.25 e-/s in every pixel"
+    assert f"glow.fits, {glow[cut].mean():.3g} e-/s" in rows["stray light"].reason
+    assert bright.calibration_files == ["glow.fits"]
+
+
+def test_kinds_have_their_own_noise_and_settings_share_theirs():
+    settings = {"band": "F662", "exposure_s": 1.0, "window": "hole", "instrument": QUIET}
+    kinds = [observe(scene(), kind=kind, **settings).frame(0).adu for kind in ("SCI", "DSF", "CALS")]
+    assert not any(np.array_equal(kinds[i], kinds[j]) for i, j in ((0, 1), (0, 2), (1, 2)))
+    # Common random numbers: what the amplifier adds does not depend on exposure or gain.
+    faint = {"cstar": STAR | {"v_mag": 20.0}}
+    pair = [observe(scene() | faint, **(settings | more)).frame(0).adu.astype(int) for more in
+            ({"exposure_s": 1e-3}, {"exposure_s": 2e-3})]  # fmt: skip
+    assert (pair[0] == pair[1]).mean() > 0.99
+    other = observe(scene() | faint, **(settings | {"exposure_s": 1e-3, "realisation": 1})).frame(0).adu
+    assert (pair[0] == other).mean() < 0.5
+
+
+@pytest.mark.parametrize("value", [-1, 0.5, "a", True, 2**31, None])
+def test_realisations_are_whole_numbers(value):
+    with pytest.raises(InputError, match="realisation = "):
+        observe(scene(), band="F662", exposure_s=1.0, window="hole", realisation=value)
+
+
+@pytest.mark.parametrize(
+    ("band", "name", "known"), [("F940", "smear", "persistence"), ("F662", "persistence", "smear")]
+)
+def test_switches_of_the_other_camera_are_refused(band, name, known):
+    with pytest.raises(InputError, match=rf"switches = {name}.*{known}.* camera"):
+        observe(scene(), band=band, exposure_s=1.0, window="hole", switches={name: False})
+
+
+def test_a_psf_from_a_file_is_named_and_tells_observations_apart(tmp_path):
+    from dataclasses import replace
+
+    from simulator import load_psf, save_psf, single_band_psf
+    from simulator.products.naming import obsid_of
+
+    ours = single_band_psf("F662")
+    settings = {"band": "F662", "exposure_s": 1.0, "window": "hole"}
+    (tmp_path / "other").mkdir()
+    first = load_psf(save_psf(ours, tmp_path / "psf.fits"))
+    again = load_psf(save_psf(ours, tmp_path / "other" / "psf.fits"))
+    changed = first.off_axis.copy()
+    changed[0, 0] += 1e-7
+    second = load_psf(save_psf(replace(first, off_axis=changed), tmp_path / "mine.fits"))
+    seen = [observe(scene(), psf=psf, **settings) for psf in (first, again, second)]
+    assert [item.header["PSFFILE"] for item in seen] == ["psf.fits", "psf.fits", "mine.fits"]
+    assert [item.calibration_files for item in seen] == [["psf.fits"], ["psf.fits"], ["mine.fits"]]
+    assert seen[0].header["PSFHASH"] == seen[1].header["PSFHASH"] == first.content_hash != second.content_hash
+    numbers = [obsid_of(item) for item in (*seen, observe(scene(), **settings))]
+    assert numbers[0] == numbers[1]
+    assert len(set(numbers)) == 3
+    assert "PSFFILE" not in observe(scene(), **settings).header
+    by_hand = observe(scene(), psf=replace(first, file=""), **settings)
+    assert "PSFFILE" not in by_hand.header
+    assert by_hand.calibration_files == []

@@ -6,7 +6,7 @@ import pytest
 
 from catalogs.errors import InputError
 from simulator import lambert_phase, planet_albedo, planet_contrast, spectrum_generator, star_photlam
-from simulator.quantities import check_finite, check_number, real_array
+from simulator.quantities import check_finite, check_number, check_pair, check_whole, real_array
 from simulator.target import contrast_at, sky_to_detector
 
 
@@ -63,3 +63,22 @@ def test_the_key_is_named(call, key):
     with pytest.raises(InputError) as caught:
         call()
     assert caught.value.key == key
+
+
+def test_whole_numbers_of_all_types():
+    for value in (3, 3.0, np.int64(3), np.float32(3)):
+        assert check_whole("n", value, 0, 5) == 3
+        assert type(check_whole("n", value, 0, 5)) is int
+
+
+@pytest.mark.parametrize("value", [1.5, -1, 6, "3", True, None, float("nan"), [3], 1e300])
+def test_what_is_no_whole_number_in_range_is_refused(value):
+    with pytest.raises(InputError, match="n = .*an integer from 0 to 5"):
+        check_whole("n", value, 0, 5)
+
+
+def test_pairs():
+    assert check_pair("offset", (1, -2.0), 2.0) == check_pair("offset", [1, -2] * u.arcsec, 2.0, "arcsec") == (1, -2)
+    for value in ("ab", 1.0, (1.0,), (1, 2, 3), (1, 2.1), (0, float("nan")), ("a", "b"), None, (True, False)):
+        with pytest.raises(InputError, match=r"offset = .* arcsec.*at most 2, the edge"):
+            check_pair("offset", value, 2.0, "arcsec", why="the edge")

@@ -28,7 +28,7 @@ def test_uniform_sky_is_that_of_the_images():
 
 
 def test_zodiacal_sky_is_each_targets_own():
-    rates, model = predicted({"sky": {"model": "zodiacal"}}, "tau Cet", "eps Eri", "61 Cyg A")
+    rates, _ = predicted({"sky": {"model": "zodiacal"}}, "tau Cet", "eps Eri", "61 Cyg A")
     uniform, _ = predicted(None, "tau Cet")
     assert rates.shape == (3,)
     assert len(set(rates)) == 3

@@ -189,9 +189,7 @@ def test_other_refusals(small, with_files, save, tmp_path) -> None:
         load_calibration_set(with_files(bad_columns=save(np.full(shape, 0.5))))
     with pytest.raises(InputError, match=r"calibration_files\.bias\[y=0, x=0\] = 70000"):
         load_calibration_set(with_files(bias=save(np.full(shape, 7e4), "adu")))
-    with pytest.raises(
-        InputError, match=r"calibration_files\.bias median = 20000 ADU.*ADC maximum 16383.*map"
-    ):
+    with pytest.raises(InputError, match=r"calibration_files\.bias median = 20000 ADU.*ADC maximum 16383.*map"):
         load_calibration_set(with_files(bias=save(np.full(shape, 2e4), "adu")))
     with pytest.raises(InputError, match=r"calibration_files\.dark.*two-dimensional"):
         load_calibration_set(with_files(dark=save(np.ones(44), "electron/s")))

@@ -5,6 +5,7 @@ from astropy.io import fits
 from catalogs.errors import InputError
 from simulator.config import load_instrument
 from simulator.effects import effect_files, stray_light_map
+from simulator.effects.stray_light import stray_light_parts
 
 SHAPE = (12, 15)
 
@@ -63,7 +64,8 @@ def test_files_beside_the_instrument_are_found(tmp_path, monkeypatch):
     assert effect_files(instrument, "F520") == ["tracks.npz", "one.fits", "one.fits"]
 
 
-@pytest.mark.parametrize(("unit", "factor"), [("electron/s", 1), ("electron s-1", 1), ("electron / (s pix)", 1),
+@pytest.mark.parametrize(("unit", "factor"), [("electron/s", 1), ("e-/px/s", 1), ("electron s-1", 1),
+                                              ("electron / (s pix)", 1),
                                               ("electron/min", 1 / 60), ("electron / (h pix)", 1 / 3600)])  # fmt: skip
 def test_units_are_converted(tmp_path, unit, factor):
     path = write(tmp_path / "a.fits", np.full(SHAPE, 36.0), unit)
@@ -74,7 +76,7 @@ def test_units_are_converted(tmp_path, unit, factor):
 @pytest.mark.parametrize(
     ("data", "unit", "words"),
     [
-        (np.ones(SHAPE), None, "BUNIT = missing.*electron / s"),
+        (np.ones(SHAPE), None, "BUNIT = missing.*electron/s"),
         (np.ones(SHAPE), "adu/s", "BUNIT = adu/s"),
         (np.ones(SHAPE), "electron", "BUNIT = electron"),
         (np.ones(SHAPE), "furlong per fortnight", "BUNIT"),
@@ -101,3 +103,18 @@ def test_other_files_are_refused(tmp_path):
 def test_unknown_bands_are_refused():
     with pytest.raises(InputError, match="band = F999"):
         stray_light_map(load_instrument(), "F999", SHAPE)
+
+
+def test_a_window_is_cut_from_the_map_of_the_frame(tmp_path):
+    values = np.arange(180.0).reshape(SHAPE)
+    path = write(tmp_path / "glow.fits", values)
+    instrument = instrument_with(earthshine={"rate_e_s": 0.25}, stray_light={"map_file": path})
+    parts = stray_light_parts(instrument, "F520", SHAPE, first_pixel=(3, 5), window=(4, 6))
+    np.testing.assert_array_equal(parts["stray_light"], values[3:7, 5:11])
+    np.testing.assert_array_equal(parts["earthshine"], np.full((4, 6), 0.25))
+    assert list(parts) == ["earthshine", "stray_light"]
+    for first in ((-2, 12), (10, -3), (20, 0), (-9, -9)):
+        around = np.pad(values, 20)[first[0] + 20 : first[0] + 24, first[1] + 20 : first[1] + 26]
+        parts = stray_light_parts(instrument, "F520", SHAPE, first_pixel=first, window=(4, 6))
+        np.testing.assert_array_equal(parts["stray_light"], around)
+    assert stray_light_parts(load_instrument(), "F520", SHAPE) == {}

@@ -9,7 +9,7 @@ from simulator.effects.dates import parse_utc
 from simulator.effects.sun_position import ecliptic_deg, elongation_deg, sun_longitude_deg
 
 
-@pytest.mark.parametrize("year", [1950, 1976, 2000, 2028, 2061, 2099])
+@pytest.mark.parametrize("year", [1972, 1976, 2000, 2028, 2061, 2099])
 def test_sun_is_within_an_arcminute(year):
     for month in range(1, 13):
         text = f"{year}-{month:02d}-{2 * month:02d}T0{month % 8}:30:00"

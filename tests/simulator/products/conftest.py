@@ -70,7 +70,16 @@ class FakeSequence:
     def sections(self):
         if self.shape == (1050, 1080):
             return sections_of(self.instrument.detector)
-        return {"active": (slice(2, 22), slice(4, 36)), "prescan": (slice(0, 24), slice(0, 0))}
+        rows, columns = self.shape
+        return {
+            "active": (slice(2, rows - 2), slice(4, columns - 4)),
+            "image": (slice(0, rows - 2), slice(4, columns - 4)),
+            "prescan": (slice(0, rows), slice(0, 4)),
+            "overscan_columns": (slice(0, rows), slice(columns - 4, columns)),
+            "overscan_rows": (slice(rows - 2, rows), slice(4, columns - 4)),
+            "dark_bottom": (slice(0, 2), slice(4, columns - 4)),
+            "dark_top": (slice(rows - 2, rows - 2), slice(4, columns - 4)),
+        }
 
     @property
     def truth(self):

@@ -1,3 +1,4 @@
+import json
 import shutil
 
 import numpy as np
@@ -5,6 +6,7 @@ import pytest
 from astropy.io import fits
 
 from catalogs.errors import InputError
+from simulator import load_instrument
 from simulator.products import check_level0, write_level0
 
 STEM = "CSST_CPIC_VIS_SCI_20280304050607_20280304050639_40000000012_X_L0_V01"
@@ -44,8 +46,7 @@ def only(path, keyword, *words, hdu=...):
 
 
 def test_good_products_have_no_error_as_file_and_as_tree(tree, good):
-    assert found(good) == found(tree) == []
-    assert [finding.keyword for finding in found(tree, "warning")] == ["NAXIS1"]  # not a whole frame
+    assert check_level0(good) == check_level0(tree) == []
 
 
 def test_whole_frames_have_no_finding_at_all(sequence, tmp_path):
@@ -101,6 +102,15 @@ HEADERS = [
     (2, "PIXSCALE", 0.02, "PIXSCALE"),
     (2, "CRPIX1", None, "missing"),
     (2, "RADESYS", None, "missing"),
+    (2, "GAIN", -59.0, "above 0"),
+    (2, "GAIN", 0.0, "above 0"),
+    (2, "GAIN", 60.0, "image 1 has 59.0"),
+    (1, "EMGAIN", 0.5, "at least 1"),
+    (2, "EMGAIN", 30.0, "image 1 has 20.0"),
+    (2, "RDNOISE", -1.0, "at least 0"),
+    (2, "BUNIT", "electron", "not 'adu'"),
+    (2, "FILTER", "F520", "image 1 has 'F662'"),
+    (0, "CONFHASH", "0123456789abcdef", "configuration.json"),
 ]
 
 
@@ -153,6 +163,8 @@ def test_other_spellings_are_accepted_and_have_to_agree(good):
 
     changed(good, respelled)
     assert found(good) == []
+    # It follows the early profile, which has one more spelling of its own.
+    assert {(f.keyword, f.message) for f in found(good, "warning")} == {("GAIN1", "is missing, GAIN stands for it")}
     changed(good, lambda units: units[0].header.set("OBSTYPE", "DSF"))
     assert {f.keyword for f in found(good)} == {"FILETYPE", "OBSTYPE"}
 
@@ -196,7 +208,7 @@ def test_images_of_other_shapes_and_kinds_are_named(good, tree):
         units[3] = fits.ImageHDU(np.zeros((2, 24, 40), np.uint16), cube)
 
     changed(good, other)
-    assert [(f.hdu, f.keyword) for f in found(good)] == [(2, "NAXIS1"), (3, "NAXIS")]
+    assert [(f.hdu, f.keyword) for f in found(good)] == [(2, "NAXIS1"), (2, "OVERSCAN"), (3, "NAXIS")]
     changed(
         good, lambda units: units.__setitem__(1, fits.BinTableHDU.from_columns([fits.Column("A", "E", array=[1.0])]))
     )
@@ -369,7 +381,7 @@ def test_missing_parameters_are_warned_of(tree, good):
 def test_a_file_outside_a_tree_is_checked_on_its_own(good, tmp_path):
     alone = shutil.copy(good, tmp_path / good.name)
     assert found(alone) == []
-    assert [f.keyword for f in check_level0(alone)] == ["NAXIS1"]
+    assert check_level0(alone) == []
 
 
 def test_the_current_folder_is_a_tree_too(tree, good, monkeypatch):
@@ -390,3 +402,53 @@ def test_no_damage_stops_the_check(tree, good, seed):
         path.write_bytes(bytes(data[: rng.integers(len(data) // 2, 2 * len(data))]))
     assert found(good)
     assert found(tree)
+
+
+@pytest.mark.parametrize(("gone", "stands"), [("OBJECT", "TARGET"), ("TARGET", "OBJECT"), ("OBSTYPE", "FILETYPE")])
+def test_a_spelling_of_the_profile_that_is_gone_is_warned_of(tree, good, gone, stands):
+    changed(good, lambda units: units[0].header.__delitem__(gone))
+    assert found(good) == []
+    assert [(f.keyword, f.hdu, f.message) for f in found(good, "warning")] == [
+        (gone, 0, f"is missing, {stands} stands for it")
+    ]
+
+
+def test_files_of_another_profile_have_no_finding(sequence, tmp_path):
+    early = load_instrument({"mission": {"keyword_profile": "early"}})
+    write_level0(sequence(instrument=early), tmp_path)
+    assert check_level0(tmp_path) == []
+
+
+def test_missing_truth_is_warned_of_unless_the_tree_has_none(tree, good):
+    truth = next((tree / "Truth").rglob("*.fits"))
+    truth.unlink()
+    (finding,) = check_level0(tree)
+    assert (finding.severity, finding.path) == ("warning", good)
+    assert truth.name in finding.message
+    shutil.rmtree(tree / "Truth")
+    assert check_level0(tree) == []
+
+
+def test_frames_of_any_size_are_compared_with_what_their_header_names(sequence, tmp_path):
+    good = write_level0(sequence(shape=(30, 50)), tmp_path / "a")
+    assert check_level0(good) == []
+    alone = shutil.copy(good, tmp_path / good.name)
+    changed(alone, lambda units: [unit.header.__delitem__("OVERSCAN") for unit in units[1:]])
+    (finding,) = check_level0(alone)
+    assert (finding.severity, finding.keyword, finding.hdu) == ("warning", "NAXIS1", 1)
+    assert "50 x 30 pixels, 1500" in finding.message
+    assert "1380" in finding.message
+
+
+def test_frames_of_another_size_than_their_configuration_are_named(tree, good):
+    shutil.rmtree(tree / "Truth")
+    path = tree / "Params" / "40000000012" / "V01" / "configuration.json"
+    text = path.read_text()
+    configuration = json.loads(text)
+    configuration["sequence"]["shape"] = [1050, 1080]
+    path.write_text(json.dumps(configuration))
+    only(good, "NAXIS1", "40 x 24", "1080 x 1050", hdu=1)
+    path.write_text(text[:100])
+    (finding,) = found(good)
+    assert finding.path == path
+    assert "cannot be read" in finding.message
