@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -14,7 +12,7 @@ from pydantic import Field
 
 from catalogs.catalogue import Catalogue
 from cpic_planner.engine import run_tasks
-from cpic_planner.environment import host, versions
+from cpic_planner.environment import RunClock
 from cpic_planner.etc.model import EtcModel, Strategy, build_model
 from cpic_planner.etc.planet import ReferencePlanet
 from cpic_planner.models import (
@@ -23,7 +21,6 @@ from cpic_planner.models import (
     PlanResult,
     RankedTarget,
     RankResult,
-    RunRecord,
 )
 from cpic_planner.ranking import planet_record, rank_targets
 from cpic_planner.runfolder import RunFolder, open_run_folder
@@ -227,25 +224,20 @@ def make_plan(
     InputError
         For bad input, or if ``out`` is in use or holds another configuration.
     """
-    started, clock = datetime.now(UTC), time.monotonic()
+    clock = RunClock()
     prepared = _prepare(config, catalog)
     digest = plan_hash(config, prepared.rank, prepared.catalogue)
     with open_run_folder(out, kind="plan", config_hash=digest, force=force) as folder:
         bodies, resumed = _confirm_all(prepared, folder, workers, scheduler, advance)
         plan = _assemble(config, prepared, digest, bodies)
         _write(folder, plan, prepared, bodies)
-        record = RunRecord(
-            command=command or [],
+        record = clock.record(
+            command=command,
             config_hash=digest,
-            started_utc=started.isoformat(timespec="seconds"),
-            finished_utc=datetime.now(UTC).isoformat(timespec="seconds"),
-            wall_s=round(time.monotonic() - clock, 3),
             workers=workers,
             scheduler=scheduler,
             resumed_parts=resumed,
             computed_parts=len(prepared.tasks) - resumed,
-            host=host(),
-            versions=versions(),
         )
         folder.write("run.json", dump_json(record.model_dump(mode="json")))
     return FinishedPlan(plan, prepared.rank, resumed, len(prepared.tasks) - resumed)

@@ -5,17 +5,15 @@ from __future__ import annotations
 import functools
 import hashlib
 import shutil
-import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Protocol, cast
 
 from catalogs.errors import InputError
 from cpic_planner.engine import run_tasks
-from cpic_planner.environment import host, versions
-from cpic_planner.models import RunRecord, SimulatedSequence, SimulationResult
+from cpic_planner.environment import RunClock
+from cpic_planner.models import SimulatedSequence, SimulationResult
 from cpic_planner.runfolder import RunFolder, open_run_folder
 from cpic_planner.simulation.cost import disk_bytes
 from cpic_planner.simulation.sequences import PlannedSequence, check_light, located, plan_sequences
@@ -92,7 +90,7 @@ def simulate(
     InputError
         For bad input, too small a disk, or if ``out`` is in use or holds another configuration.
     """
-    started, clock = datetime.now(UTC), time.monotonic()
+    clock = RunClock()
     planned = plan_sequences(simulation)
     check_light(planned)
     digests = _Digests()
@@ -104,18 +102,13 @@ def simulate(
         bodies, resumed = _make_all(planned, folder, workers, scheduler, truth, advance)
         result = _result(simulation, planned, settings, digest, bodies, truth=truth)
         folder.write("simulation.json", dump_json(result.model_dump(mode="json")))
-        record = RunRecord(
-            command=command or [],
+        record = clock.record(
+            command=command,
             config_hash=digest,
-            started_utc=started.isoformat(timespec="seconds"),
-            finished_utc=datetime.now(UTC).isoformat(timespec="seconds"),
-            wall_s=round(time.monotonic() - clock, 3),
             workers=workers,
             scheduler=scheduler,
             resumed_parts=resumed,
             computed_parts=len(planned) - resumed,
-            host=host(),
-            versions=versions(),
         )
         folder.write("run.json", dump_json(record.model_dump(mode="json")))
     return FinishedSimulation(result, resumed, len(planned) - resumed)

@@ -61,6 +61,12 @@ def bare():
 
 
 @pytest.fixture(scope="session")
+def bare_detector(bare) -> Detector:
+    """The same with the default's values."""
+    return bare()
+
+
+@pytest.fixture(scope="session")
 def infrared():
     """Default near-infrared detector."""
     return load_instrument().near_infrared.detector

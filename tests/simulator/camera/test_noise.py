@@ -7,26 +7,16 @@ from catalogs.errors import InputError
 from simulator.camera import aperture_noise_pixels, excess_noise_factor2, expose_frame, pixel_variance_e2, to_electrons
 
 
-@pytest.fixture(scope="module", name="changed")
-def _changed(bare):
-    return bare
-
-
-@pytest.fixture(scope="module", name="detector")
-def _detector(bare):
-    return bare()
-
-
-def test_terms_by_hand(changed) -> None:
-    det = changed(read_noise_e=110, gain_e_adu=59)
+def test_terms_by_hand(bare) -> None:
+    det = bare(read_noise_e=110, gain_e_adu=59)
     assert float(pixel_variance_e2(0.0, 0.0, 1.0, det)) == pytest.approx(110**2 + 59**2 / 12)
     assert float(pixel_variance_e2(3.0, 0.5, 1.0, det)) == pytest.approx(3.5 + 110**2 + 59**2 / 12)
     expected = float(excess_noise_factor2(300.0)) * 3.5 + (110 / 300) ** 2 + (59 / 300) ** 2 / 12
     assert float(pixel_variance_e2(3.0, 0.5, 300.0, det)) == pytest.approx(expected)
 
 
-def test_broadcasts(detector) -> None:
-    out = pixel_variance_e2(np.ones((3, 1)), 0.02, np.array([1.0, 20.0]), detector)
+def test_broadcasts(bare_detector) -> None:
+    out = pixel_variance_e2(np.ones((3, 1)), 0.02, np.array([1.0, 20.0]), bare_detector)
     assert out.shape == (3, 2)
     assert (out[:, 0] > out[:, 1]).all()
 
@@ -35,14 +25,14 @@ def test_broadcasts(detector) -> None:
     ("arguments", "named"),
     [((-1.0, 0.0, 2.0), "photon_e"), ((1.0, np.nan, 2.0), "cic_e"), ((1.0, 0.0, 0.5), "gain")],
 )
-def test_refusals(arguments: tuple[float, float, float], named: str, detector) -> None:
+def test_refusals(arguments: tuple[float, float, float], named: str, bare_detector) -> None:
     with pytest.raises(InputError, match=named):
-        pixel_variance_e2(*arguments, detector)
+        pixel_variance_e2(*arguments, bare_detector)
 
 
 @pytest.mark.parametrize("gain", [1.0, 1.1, 2.0, 20.0, 300.0, 1000.0])
-def test_frames_have_this_mean_and_variance(gain: float, changed) -> None:
-    det = changed(cic_e=0.3, dark_e_s=0.05, bias_adu=400)
+def test_frames_have_this_mean_and_variance(gain: float, bare) -> None:
+    det = bare(cic_e=0.3, dark_e_s=0.05, bias_adu=400)
     rate, exposure, side = 0.2, 10.0, 500
     frame = expose_frame(np.full((side, side), rate), exposure, gain, det, seed=5, path=("noise", int(gain * 10)))
     electrons = to_electrons(frame.adu, det, gain)
