@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Mapping
 from pathlib import Path
@@ -249,7 +250,8 @@ def _tree(source: str | Path | Mapping[str, Any] | None) -> dict[str, Any]:
                 allowed="a YAML file or a preset",
                 hint=f"presets: {', '.join(preset_names('instrument'))}",
             )
-        own = paths_beside(load_yaml(known or source), Path(known or source).parent)
+        tree = load_yaml(source) if known is None else _shipped(known)
+        own = paths_beside(tree, Path(known or source).parent)
         if known is not None and isinstance(own, dict) and not {"bands", "base"} & set(own):
             own["bands"] = _shipped_bands()
     if not isinstance(own, dict):
@@ -260,10 +262,17 @@ def _tree(source: str | Path | Mapping[str, Any] | None) -> dict[str, Any]:
         base = own.pop("base", "cpic_default")
         if preset_path("instrument", str(base)) is None:
             raise InputError("base", base, allowed=", ".join(preset_names("instrument")))
-        merged = deep_merge(_tree(base), _plain_over_sourced(_tree(base), own))
+        shipped = _tree(base)
+        merged = deep_merge(shipped, _plain_over_sourced(shipped, own))
         merged["name"] = own.get("name", f"{base}+changes" if own else base)
         return merged
     return own
+
+
+@functools.lru_cache(maxsize=16)
+def _shipped(path: Path) -> Any:
+    """A preset as it is written, parsed once; nobody changes it (`paths_beside` copies)."""
+    return load_yaml(path)
 
 
 def _within(tree: Any, key: str) -> bool:
