@@ -109,7 +109,7 @@ def multiply(
 
     Notes
     -----
-    Up to 24 electrons, and up to three times as many as have a table of their own (60 at gain 300, 192 below 20), are
+    Up to 24 electrons, and up to three times as many as have a table of their own (60 at gain 300, 192 up to 20), are
     drawn from the exact law of the cascade (`simulator.camera.register_law`). More come from a smooth law of the exact
     mean, variance and skewness, whose distribution function is within 0.0005 of the cascade's; where the output is
     narrower than 20 electrons from an expansion in five exact cumulants, or from a negative binomial of exact mean and

@@ -86,7 +86,7 @@ def output_cumulants(probability: float, stages: int) -> tuple[float, float, flo
 
 @functools.lru_cache(maxsize=16)
 def register_table(gain: float, probability: float, stages: int) -> RegisterTable:
-    """Tables for one register; built in 10 to 500 ms, kept for the last 16 registers."""
+    """Tables for one register, kept for the last 16 registers; 604 stages take 4 ms at gain 1.01 and 0.3 s at 1e4."""
     sizes = [_entries(n, gain) for n in range(1, MAX_DIRECT + 1)]
     n_direct = max(int(np.searchsorted(np.cumsum(sizes), MAX_ENTRIES, side="right")), 1)
     size = 1 << math.ceil(math.log2(sizes[n_direct - 1] + n_direct + 1))

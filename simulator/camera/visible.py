@@ -129,13 +129,8 @@ class VisibleCamera:
             light = mean[place.rows] * (detector.transfer.line_shift_s / exposure_s)
             mean[place.rows] += light.sum(axis=0) - light
         if switches.dark:
-            structured = flaws is not None and (
-                detector.calibration_files.dark is not None
-                or switches.dark_structure
-                or switches.bad_pixels
-                or switches.bad_columns
-            )
-            dark = flaws.dark_of(switches) if structured and flaws is not None else dark_rate_e_s(detector)
+            # Without flaws of the dark current `dark_of` is the same number everywhere.
+            dark = dark_rate_e_s(detector) if flaws is None else flaws.dark_of(switches)
             pixels = mean[place.rows, place.columns]
             pixels += (dark[place.rows, place.columns] if isinstance(dark, np.ndarray) else dark) * exposure_s
         np.minimum(mean, MAX_MEAN_E, out=mean)

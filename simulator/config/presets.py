@@ -5,7 +5,10 @@ from __future__ import annotations
 from importlib import resources
 from pathlib import Path
 
-__all__ = ["preset_names", "preset_path"]
+from catalogs.errors import InputError
+from simulator.config.keys import nearest
+
+__all__ = ["preset_names", "preset_or_file", "preset_path"]
 
 
 def _folder(kind: str) -> Path:
@@ -20,3 +23,19 @@ def preset_names(kind: str) -> tuple[str, ...]:
 def preset_path(kind: str, name: str) -> Path | None:
     """Path of a preset, ``None`` if there is none of that name."""
     return _folder(kind) / f"{name}.yaml" if name in preset_names(kind) else None
+
+
+def preset_or_file(kind: str, source: str | Path) -> Path:
+    """Path of a preset, or of a file that exists.
+
+    Raises
+    ------
+    InputError
+        If ``source`` is neither; with the nearest presets.
+    """
+    path = preset_path(kind, str(source)) or Path(source)
+    if not path.is_file():
+        names = preset_names(kind)
+        raise InputError(kind, str(source), allowed="a YAML file or a preset",
+                         hint=nearest(source, names) or f"presets: {', '.join(names) or 'none'}")  # fmt: skip
+    return path

@@ -15,9 +15,9 @@ from simulator.config.base import FrozenModel, validate
 from simulator.config.bodies import Planet, SceneStar
 from simulator.config.extended import DiscSource, ExtendedValue, ImageSource, RingSource
 from simulator.config.geometry import place, true_distance_au
-from simulator.config.keys import at, canonical_keys, nearest
+from simulator.config.keys import at, canonical_keys
 from simulator.config.light import PLANET_MODELS, STAR_MODELS
-from simulator.config.presets import preset_names, preset_path
+from simulator.config.presets import preset_or_file
 
 __all__ = ["Planet", "Scene", "SceneStar", "load_scene", "paths_beside"]
 
@@ -129,12 +129,7 @@ def load_scene(source: Scene | str | Path | Mapping[str, Any]) -> Scene:
     if isinstance(source, Mapping):
         tree: Any = dict(source)
     elif isinstance(source, str | Path):
-        known = preset_path("scene", str(source))
-        if known is None and not Path(source).is_file():
-            names = preset_names("scene")
-            raise InputError("scene", str(source), allowed="a YAML file or a preset",
-                             hint=nearest(source, names) or f"presets: {', '.join(names) or 'none'}")  # fmt: skip
-        path = known or Path(source)
+        path = preset_or_file("scene", source)
         tree = paths_beside(load_yaml(path), path.parent)
     else:
         raise InputError("scene", source, allowed="a mapping, a YAML file or a preset")

@@ -11,8 +11,8 @@ from catalogs.strict_yaml import load_yaml
 from simulator.config import scene as scene_file
 from simulator.config.base import validate
 from simulator.config.instrument import Instrument, load_instrument, paths_beside
-from simulator.config.keys import at, canonical_keys, nearest
-from simulator.config.presets import preset_names, preset_path
+from simulator.config.keys import at, canonical_keys
+from simulator.config.presets import preset_or_file
 from simulator.config.simulation import SequenceConfig, SimulationConfig, meaningful_keys, of_no_use
 
 __all__ = ["InstrumentSource", "SimulationSource", "load_simulation", "simulation_of"]
@@ -126,12 +126,7 @@ def _tree(source: Any) -> tuple[Any, Path | None]:
     if isinstance(source, Mapping):
         tree: Any = dict(source)
     elif isinstance(source, str | Path):
-        known = preset_path("simulation", str(source))
-        if known is None and not Path(source).is_file():
-            names = preset_names("simulation")
-            raise InputError("simulation", str(source), allowed="a YAML file or a preset",
-                             hint=nearest(source, names) or f"presets: {', '.join(names)}")  # fmt: skip
-        path = known or Path(source)
+        path = preset_or_file("simulation", source)
         tree, folder = load_yaml(path), path.parent
         if isinstance(tree, dict):
             tree.setdefault("name", path.stem)
