@@ -23,13 +23,18 @@ if TYPE_CHECKING:
     from cpic_planner.api import (
         confirm_targets,
         contrast_limit,
+        explain_rank,
         exposure_time,
         make_plan,
         optimise,
+        rank_sensitivity,
         rank_targets,
         signal_to_noise,
         simulate_products,
     )
+    from cpic_planner.etc.model import Strategy
+    from cpic_planner.etc.planet import ReferencePlanet
+    from cpic_planner.population_config import load_population
     from cpic_planner.targets import load_targets
     from simulator import (
         Calibration,
@@ -69,7 +74,9 @@ _HOME = {
     "InputError": "catalogs.errors", "load_targets": "cpic_planner.targets", "exposure_time": "cpic_planner.api",
     "signal_to_noise": "cpic_planner.api", "contrast_limit": "cpic_planner.api", "optimise": "cpic_planner.api",
     "rank_targets": "cpic_planner.api", "confirm_targets": "cpic_planner.api", "make_plan": "cpic_planner.api",
-    "simulate_products": "cpic_planner.api",
+    "simulate_products": "cpic_planner.api", "rank_sensitivity": "cpic_planner.api",
+    "explain_rank": "cpic_planner.api", "Strategy": "cpic_planner.etc.model",
+    "ReferencePlanet": "cpic_planner.etc.planet", "load_population": "cpic_planner.population_config",
 }  # fmt: skip
 
 __all__ = [
@@ -85,18 +92,22 @@ __all__ = [
     "Planet",
     "Psf",
     "Reason",
+    "ReferencePlanet",
     "Scene",
     "SceneStar",
     "Status",
+    "Strategy",
     "__version__",
     "calibrate",
     "check_level0",
     "confirm_targets",
     "contrast_limit",
+    "explain_rank",
     "exposure_time",
     "lambert_phase",
     "load_dm_surface",
     "load_instrument",
+    "load_population",
     "load_psf",
     "load_scene",
     "load_targets",
@@ -105,6 +116,7 @@ __all__ = [
     "optimise",
     "planet_albedo",
     "planet_contrast",
+    "rank_sensitivity",
     "rank_targets",
     "save_psf",
     "scenes_from_table",

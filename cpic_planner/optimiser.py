@@ -8,22 +8,29 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cpic_planner.etc.answer import EtcAnswer
-from cpic_planner.etc.limits import largest_gain
+from catalogs.errors import InputError
+from cpic_planner.etc.frames import (
+    FrameChoice,
+    FrameProblem,
+    best_in_visit,
+    least_time,
+    smooth_in_visit,
+    smooth_least_visit_s,
+)
 from cpic_planner.etc.model import EtcModel
-from cpic_planner.etc.noise import stack_noise
-from cpic_planner.etc.place import check_range, diagonal, usable_range_arcsec
+from cpic_planner.etc.noise import Objective, frame_problem, stack_noise
+from cpic_planner.etc.place import check_range, locate, stand, usable_range_arcsec
 from cpic_planner.etc.planet import ReferencePlanet, reference_contrast
 from cpic_planner.etc.rates import ApertureRates, aperture_rates
-from cpic_planner.etc.settings import settings_for_time, visit_lengths
 from cpic_planner.etc.significance import threshold_array
 from cpic_planner.targets import Targets
+from simulator.outcome import Reason
+from simulator.target.albedo import albedo_source
 
-__all__ = ["Best", "best_in_band", "best_separations", "optimise", "separation_grid"]
+__all__ = ["Best", "best_in_band", "best_of", "optimise", "separation_grid"]
 
 FloatArray = NDArray[np.float64]
-N_SEPARATIONS = 40
-N_COARSE = 4
+N_SEPARATIONS = 41
 STRIDE = 5
 MIN_BACKGROUND_APERTURES = 25.0
 """Aperture areas that the background annulus must hold: about a third of them fit without overlap."""
@@ -34,9 +41,10 @@ class Best:
     """Best setting of each target; arrays of ``n`` stars.
 
     ``margin`` is significance over the detection threshold at the chosen separation: 1 is a detection.
-    ``floor_margin`` is what it would be with no other noise than the speckle residual of the shortest visit: a bound
-    that no length of visit can pass.
-    ``n_frames`` is 0 where every frame saturates or the time is too short.
+    ``floor_margin`` is what no length of visit can pass, at any separation. ``contrast_limit`` is the faintest contrast
+    that this observation detects at the chosen separation, ``deepest_limit`` that of the best separation for it.
+    ``n_frames`` is 0 where every frame saturates or the time is too short. ``extrapolated`` says that the planet's
+    albedo is beyond its data in this band, ``outside`` why a given separation has no answer (empty: it is in the zone).
     """
 
     band: NDArray[np.str_]
@@ -51,11 +59,16 @@ class Best:
     threshold: FloatArray
     margin: FloatArray
     floor_margin: FloatArray
+    contrast_limit: FloatArray
+    deepest_limit: FloatArray
+    deepest_separation_arcsec: FloatArray
     longest_exposure_s: FloatArray
     peak_columns_e_s: FloatArray
     peak_hole_e_s: FloatArray
     tail_e_s: FloatArray
     core_throughput: FloatArray
+    extrapolated: NDArray[np.bool_]
+    outside: NDArray[np.str_]
 
 
 def separation_grid(model: EtcModel, band: str) -> FloatArray:
@@ -71,19 +84,28 @@ def optimise(
     model: EtcModel,
     targets: Targets,
     *,
-    time_s: float,
+    time_s: float | None = None,
+    snr: float | None = None,
+    detect: bool = False,
+    separation_arcsec: float | None = None,
     planet: ReferencePlanet | None = None,
     bands: Sequence[str] | None = None,
 ) -> Best:
-    """Best band, separation and frame settings of each target in a given wall time.
+    """Best band, separation and frame settings of each target.
 
     Parameters
     ----------
     model : EtcModel
     targets : Targets
         ``n`` stars.
-    time_s : float
-        Longest wall time per target and band, overheads and reference frames included.
+    time_s : float, optional
+        Longest wall time per target and band, overheads and reference frames included: the clearest detection wins.
+    snr : float, optional
+        Photometric SNR to reach, 1e-6 to 1e6: the least time wins.
+    detect : bool
+        A detection to reach: the least time wins. One of the three is given.
+    separation_arcsec : float, optional
+        Projected separation of the planet, instead of the best one.
     planet : ReferencePlanet, optional
     bands : sequence of str, optional
         All of the model by default.
@@ -92,118 +114,207 @@ def optimise(
     -------
     Best
 
+    Raises
+    ------
+    InputError
+        For values out of range, or if not exactly one goal is given.
+
     Notes
     -----
-    The separation maximises significance over the threshold that holds there, not bare significance: towards the
-    corner of the zone the number of resolution elements falls below three and no detection could be claimed.
-    Less than ``time_s`` is used where the wavefront's walk makes a longer visit worse.
+    The separation maximises significance over the threshold that holds there (or SNR), not bare significance: towards
+    the corner of the zone the number of resolution elements falls below three and no detection could be claimed.
+    Less than ``time_s`` is used where the wavefront's walk makes a longer visit worse. A band in which the albedo is
+    extrapolated wins only where no other has an answer.
     """
-    check_range("time_s", time_s, 1e-3, 1e9, "s")
-    planet = planet or ReferencePlanet()
-    return _best_of([best_in_band(model, targets, band, time_s, planet) for band in bands or model.bands])
+    goals = [
+        name for name, value in (("time_s", time_s), ("snr", snr), ("detect", detect or None)) if value is not None
+    ]
+    if len(goals) != 1:
+        raise InputError("time_s", " and ".join(goals) or None, allowed="one of time_s, snr, detect")
+    body = planet or ReferencePlanet()
+    names = model.named(bands)
+    if separation_arcsec is not None:
+        check_range("separation_arcsec", separation_arcsec, 1e-6, 120.0, "arcsec")
+    if time_s is not None:
+        check_range("time_s", time_s, 1e-3, 1e9, "s")
+        found = [best_in_band(model, targets, band, time_s, body, separation_arcsec) for band in names]
+        return best_of(found)
+    if snr is not None:
+        check_range("snr", snr, 1e-6, 1e6, "")
+    return best_of([_least_in_band(model, targets, band, snr, body, separation_arcsec) for band in names], by_time=True)
 
 
-def best_separations(model: EtcModel, ask: Callable[[str, float], EtcAnswer], *, largest: bool) -> dict[str, float]:
-    """Separation per band at which a question about one star has its best answer.
+def best_in_band(
+    model: EtcModel,
+    targets: Targets,
+    band: str,
+    time_s: float,
+    planet: ReferencePlanet,
+    separation_arcsec: float | None = None,
+) -> Best:
+    """Best separation, length of visit and settings of each target in one band within a time; see `optimise`."""
+    visit = model.visit_s(time_s)
 
-    Parameters
-    ----------
-    model : EtcModel
-    ask : callable
-        ``ask(band, separation_arcsec)`` gives the answer there.
-    largest : bool
-        Whether the best value is the largest significance over threshold, or the smallest value.
+    def cost(places: _Places) -> FloatArray:
+        with np.errstate(divide="ignore"):
+            return np.sqrt(smooth_in_visit(places.problem("significance"), visit)) * places.threshold
 
-    Returns
-    -------
-    dict of str to float
-        One per band; where no place has an answer, the middle of the range.
-    """
-    places = {}
-    for band in model.bands:
-        grid = separation_grid(model, band)[::STRIDE]
-        answers = [ask(band, float(place)) for place in grid]
-        cost = [
-            np.inf
-            if answer.value is None
-            else -(answer.significance or 0.0) / (answer.threshold or np.inf)
-            if largest
-            else answer.value
-            for answer in answers
-        ]
-        best = int(np.argmin(cost)) if np.isfinite(cost).any() else len(grid) // 2
-        places[band] = float(grid[best])
-    return places
+    search = _Search(model, targets, band, planet, separation_arcsec)
+    chosen = search.lowest(cost)
+    return search.best(chosen, best_in_visit(chosen.problem("significance"), visit))
 
 
-def best_in_band(model: EtcModel, targets: Targets, band: str, time_s: float, planet: ReferencePlanet) -> Best:
-    """Best separation, length of visit and settings of each target in one band; see `optimise`."""
-    lengths = visit_lengths(time_s)
-    grid = separation_grid(model, band)
-    return _best_of([_best_at(model, targets, band, grid, length, planet) for length in lengths])
+def _least_in_band(
+    model: EtcModel,
+    targets: Targets,
+    band: str,
+    snr: float | None,
+    planet: ReferencePlanet,
+    separation_arcsec: float | None = None,
+) -> Best:
+    """Least time of each target in one band, for an SNR or a detection."""
+    objective: Objective = "significance" if snr is None else "snr"
+
+    def level(places: _Places) -> FloatArray:
+        return places.threshold if snr is None else np.full(places.contrast.shape, snr)
+
+    search = _Search(model, targets, band, planet, separation_arcsec)
+    chosen = search.lowest(lambda places: smooth_least_visit_s(places.problem(objective), level(places)))
+    return search.best(chosen, least_time(chosen.problem(objective), level(chosen)))
 
 
-def _best_of(found: Sequence[Best]) -> Best:
-    """Row by row the one of largest margin, the first of equals."""
-    pick = np.argmax(np.stack([item.margin for item in found]), axis=0)
-    rows = np.arange(len(pick))
+@dataclass(frozen=True)
+class _Places:
+    """Stars x separations; ``separation_arcsec`` is ``(1 or n, k)``, the others ``(n, k)``."""
+
+    model: EtcModel
+    band: str
+    separation_arcsec: FloatArray
+    contrast: FloatArray
+    threshold: FloatArray
+    rates: ApertureRates
+
+    def problem(self, objective: Objective) -> FrameProblem:
+        """What the solver needs."""
+        strategy = self.model.strategy
+        return frame_problem(self.rates, self.model.camera(self.band), reference_ratio=strategy.reference_ratio,
+                             objective=objective, mode=strategy.mode,
+                             counting_sigma=strategy.counting_sigma)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Search:
+    """Search of the best separation of each star, first on a coarse grid, then between its points; or a given one."""
+
+    model: EtcModel
+    targets: Targets
+    band: str
+    planet: ReferencePlanet
+    separation_arcsec: float | None
+
+    @property
+    def grid(self) -> FloatArray:
+        """Separations to look at."""
+        given = self.separation_arcsec
+        return separation_grid(self.model, self.band) if given is None else np.array([given])
+
+    @property
+    def refusal(self) -> Reason:
+        """Why a given separation is outside the zone of the band."""
+        if self.separation_arcsec is None:
+            return Reason.NONE
+        return locate(self.model, self.band, self.separation_arcsec)[1]
+
+    def places(self, separation_arcsec: FloatArray) -> _Places:
+        """Rates and contrasts at the separations."""
+        model, band = self.model, self.band
+        x, y = stand(model, band, separation_arcsec)
+        contrast = reference_contrast(model, self.targets, band, separation_arcsec, self.planet)
+        elements = model.metrics[band].resolution_elements(separation_arcsec)
+        threshold = np.broadcast_to(threshold_array(elements, model.strategy.sigma), contrast.shape)
+        rates = aperture_rates(model, self.targets, band, x, y, contrast)
+        return _Places(model, band, separation_arcsec, contrast, threshold, rates)
+
+    def lowest(self, cost: Callable[[_Places], FloatArray]) -> _Places:
+        """The separation of least cost for each star, ``(n, 1)``; the middle of the range where there is no answer."""
+        fine = self.grid
+        if len(fine) == 1:
+            return self.places(fine[None, :])
+        rough = cost(self.places(fine[None, ::STRIDE]))
+        middle = np.argmin(rough, axis=1) * STRIDE
+        middle = np.where(np.isfinite(rough).any(axis=1), middle, len(fine) // 2)
+        around = np.clip(middle[:, None] + np.arange(1 - STRIDE, STRIDE), 0, len(fine) - 1)
+        close = cost(self.places(fine[around]))
+        best = np.where(np.isfinite(close).any(axis=1), np.argmin(close, axis=1), STRIDE - 1)
+        return self.places(np.take_along_axis(fine[around], best[:, None], axis=1))
+
+    def best(self, chosen: _Places, choice: FrameChoice) -> Best:
+        """Everything about the chosen separations and frames."""
+        model, band, n = self.model, self.band, len(self.targets)
+        strategy, camera = model.strategy, model.camera(band)
+        noise = stack_noise(chosen.rates, choice.exposure_s, choice.n_frames, choice.em_gain, camera,
+                            reference_ratio=strategy.reference_ratio, mode=strategy.mode,
+                            counting_sigma=strategy.counting_sigma)  # fmt: skip
+        refused = self.refusal
+        if refused is not Reason.NONE:
+            choice.n_frames[:] = 0.0
+        with np.errstate(invalid="ignore"):
+            margin = np.where(choice.n_frames > 0, noise.significance / chosen.threshold, 0.0)
+        fine, every = self.grid, chosen
+        if len(fine) > 1:
+            every = self.places(fine[None, :])
+        with np.errstate(divide="ignore"):
+            floor = (
+                every.rates.planet_e_s / np.sqrt(every.rates.speckle.k0 * every.rates.variance_factor) / every.threshold
+            )
+        around = stack_noise(every.rates, choice.exposure_s, choice.n_frames, choice.em_gain, camera,
+                             reference_ratio=strategy.reference_ratio, mode=strategy.mode,
+                             counting_sigma=strategy.counting_sigma)  # fmt: skip
+        with np.errstate(divide="ignore", invalid="ignore"):
+            limits = np.where(around.significance > 0, every.contrast * every.threshold / around.significance, np.inf)
+            limit = np.where(margin > 0, chosen.contrast / margin, np.inf)
+        deepest = np.argmin(limits, axis=1)
+        beyond = model.passbands.albedo_flags(albedo_source(self.planet.albedo))[model.passbands.index(band)]
+
+        def column(array: ArrayLike) -> FloatArray:
+            return np.array(np.broadcast_to(np.asarray(array, float), (n, 1))[:, 0])
+
+        return Best(
+            band=np.full(n, band),
+            separation_arcsec=column(chosen.separation_arcsec),
+            contrast=column(chosen.contrast),
+            exposure_s=column(choice.exposure_s),
+            n_frames=column(choice.n_frames),
+            em_gain=column(choice.em_gain),
+            time_s=column(model.time_s(choice.visit_s)),
+            snr=column(noise.snr),
+            significance=column(noise.significance),
+            threshold=column(chosen.threshold),
+            margin=column(margin),
+            floor_margin=floor.max(axis=1),
+            contrast_limit=column(limit),
+            deepest_limit=limits[np.arange(n), deepest],
+            deepest_separation_arcsec=fine[deepest],
+            longest_exposure_s=column(chosen.problem("significance").longest_s()),
+            peak_columns_e_s=column(chosen.rates.peak_columns_e_s),
+            peak_hole_e_s=column(chosen.rates.peak_hole_e_s),
+            tail_e_s=column(chosen.rates.tail_e_s),
+            core_throughput=column(model.metrics[band].core_throughput(*stand(model, band, chosen.separation_arcsec))),
+            extrapolated=np.full(n, bool(beyond)),
+            outside=np.full(n, refused.value),
+        )
+
+
+def best_of(found: Sequence[Best], *, by_time: bool = False) -> Best:
+    """Row by row the one of largest margin (or of least time), the first of equals; extrapolated ones come last."""
+    if by_time:
+        cost = np.stack([np.where(item.n_frames > 0, item.time_s, np.inf) for item in found])
+    else:
+        cost = np.stack([-item.margin for item in found])
+    answered = np.stack([item.n_frames > 0 for item in found])
+    last = np.stack([item.extrapolated for item in found]) | ~answered
+    rows = np.arange(cost.shape[1])
+    pick = np.lexsort((np.broadcast_to(np.arange(len(found))[:, None], cost.shape), cost, last), axis=0)[0]
     return Best(
         **{name: np.stack([getattr(item, name) for item in found])[pick, rows] for name in Best.__dataclass_fields__}
     )
-
-
-def _best_at(
-    model: EtcModel, targets: Targets, band: str, fine: FloatArray, time_s: float, planet: ReferencePlanet
-) -> Best:
-    """Best in exactly ``time_s``: settings at a few separations first, then the separation at those settings."""
-    metrics, detector, ratio = model.metrics[band], model.instrument.detector, model.strategy.reference_ratio
-    coarse = fine[:: max(len(fine) // N_COARSE, 1)]
-    rows = np.arange(len(targets))
-    chosen = settings_for_time(model, _rates(model, targets, band, coarse, planet, time_s)[0], time_s)
-    rough = chosen.noise.significance / threshold_array(metrics.resolution_elements(coarse), model.strategy.sigma)
-    pick = np.argmax(rough, axis=1)
-    setting = {name: getattr(chosen, name)[rows, pick] for name in ("exposure_s", "n_frames", "em_gain", "time_s")}
-
-    rates, contrast = _rates(model, targets, band, fine, planet, setting["time_s"][:, None])
-    exposure, frames, gain = (setting[name][:, None] for name in ("exposure_s", "n_frames", "em_gain"))
-    noise = stack_noise(rates, exposure, frames, gain, detector, reference_ratio=ratio)
-    threshold = threshold_array(metrics.resolution_elements(fine), model.strategy.sigma)
-    feasible = gain <= largest_gain(rates.peak_hole_e_s, rates.tail_e_s, exposure, detector) * (1.0 + 1e-12)
-    margin = np.where(feasible, noise.significance / threshold, 0.0)
-    instant = _rates(model, targets, band, fine, planet, 0.0)[0].speckle_e_s
-    with np.errstate(divide="ignore"):
-        floor = np.where(instant > 0, rates.planet_e_s / instant, np.inf) / threshold
-    best = np.argmax(margin, axis=1)
-
-    def at(array: ArrayLike) -> FloatArray:
-        return np.broadcast_to(np.asarray(array, float), margin.shape)[rows, best]
-
-    return Best(
-        band=np.full(len(targets), band),
-        separation_arcsec=fine[best],
-        contrast=at(contrast),
-        exposure_s=setting["exposure_s"],
-        n_frames=setting["n_frames"],
-        em_gain=setting["em_gain"],
-        time_s=setting["time_s"],
-        snr=at(noise.snr),
-        significance=at(noise.significance),
-        threshold=threshold[best],
-        margin=at(margin),
-        floor_margin=floor.max(axis=1),
-        longest_exposure_s=chosen.longest_exposure_s[rows, pick],
-        peak_columns_e_s=at(rates.peak_columns_e_s),
-        peak_hole_e_s=at(rates.peak_hole_e_s),
-        tail_e_s=at(rates.tail_e_s),
-        core_throughput=metrics.core_throughput(*diagonal(metrics.zone, fine))[best],
-    )
-
-
-def _rates(
-    model: EtcModel, targets: Targets, band: str, separation: FloatArray, planet: ReferencePlanet, time_s: ArrayLike
-) -> tuple[ApertureRates, FloatArray]:
-    """Rates and contrasts of the reference planet, shape ``(n_star, n_separation)``."""
-    x, y = diagonal(model.metrics[band].zone, separation)
-    contrast = np.reshape(reference_contrast(model, targets, band, separation, planet), (len(targets), len(separation)))
-    rates = aperture_rates(model, targets, band, x[None, :], y[None, :], contrast, visit_s=model.visit_s(time_s))
-    return rates, contrast

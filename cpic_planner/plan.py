@@ -21,9 +21,13 @@ from cpic_planner.models import (
     PlanResult,
     RankedTarget,
     RankResult,
+    ScoreName,
+    SensitivityResult,
 )
-from cpic_planner.ranking import planet_record, rank_targets
+from cpic_planner.population_config import PopulationConfig, load_population
+from cpic_planner.ranking import DEFAULT_SCORE, N_PLANETS, PopulationChoice, planet_record, rank_targets
 from cpic_planner.runfolder import RunFolder, open_run_folder
+from cpic_planner.sensitivity import sensitivity
 from cpic_planner.targets import CatalogSource, Targets, as_catalogue, rank_sample, sample_text
 from cpic_planner.validation.calibration import calibrate
 from cpic_planner.validation.confirm import ConfirmTask, confirm_task, images_of, prepare_task
@@ -35,7 +39,7 @@ from simulator.ledger import not_modelled
 
 __all__ = ["FinishedPlan", "PlanConfig", "confirm_stars", "estimate_cost", "make_plan"]
 
-RESULT_VERSION = 1
+RESULT_VERSION = 2
 """Raised when the same configuration gives other numbers, so that old folders are not resumed."""
 
 
@@ -51,8 +55,16 @@ class PlanConfig(FrozenModel):
     v_mag_max: float | None = None
     companions: Literal["on", "off"] = "on"
     planet: ReferencePlanet = ReferencePlanet()
+    population: PopulationConfig = Field(default_factory=load_population)
+    n_planets: Annotated[int, Field(ge=1, le=1_000_000)] = N_PLANETS
+    score: ScoreName = DEFAULT_SCORE
     fidelity: Literal["quick", "standard", "reference"] = "standard"
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 1
+
+    @property
+    def drawn(self) -> PopulationChoice:
+        """The population that completeness refers to."""
+        return PopulationChoice(self.population, self.n_planets, self.seed)
 
     def band_names(self) -> tuple[str, ...]:
         """Bands of the plan."""
@@ -97,6 +109,8 @@ def _prepare(config: PlanConfig, catalog: CatalogSource) -> _Prepared:
         targets,
         time_s=config.time_s,
         planet=config.planet,
+        population=config.drawn,
+        score=config.score,
         sample=sample_text(catalogue, config.v_mag_max, config.dwarfs_only, config.singles_only),
         catalogue=catalogue.provenance,
     )
@@ -230,7 +244,9 @@ def make_plan(
     with open_run_folder(out, kind="plan", config_hash=digest, force=force) as folder:
         bodies, resumed = _confirm_all(prepared, folder, workers, scheduler, advance)
         plan = _assemble(config, prepared, digest, bodies)
-        _write(folder, plan, prepared, bodies)
+        firm = sensitivity(prepared.model, prepared.targets, time_s=config.time_s, planet=config.planet,
+                           population=config.drawn, score=config.score)  # fmt: skip
+        _write(folder, plan, prepared, bodies, firm)
         record = clock.record(
             command=command,
             config_hash=digest,
@@ -326,9 +342,14 @@ def _assemble(
 
 
 def _write(
-    folder: RunFolder, plan: PlanResult, prepared: _Prepared, bodies: dict[tuple[str, str], dict[str, Any]]
+    folder: RunFolder,
+    plan: PlanResult,
+    prepared: _Prepared,
+    bodies: dict[tuple[str, str], dict[str, Any]],
+    firm: SensitivityResult,
 ) -> None:
     from cpic_planner.report.write import write_report
 
     folder.write("plan.json", dump_json(plan.model_dump(mode="json")))
-    write_report(folder, plan, prepared.rank, prepared.model, bodies, prepared.targets)
+    folder.write("sensitivity.json", dump_json(firm.model_dump(mode="json")))
+    write_report(folder, plan, prepared.rank, prepared.model, bodies, prepared.targets, sensitivity=firm)

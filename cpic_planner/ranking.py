@@ -5,24 +5,101 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
+from catalogs.errors import InputError
 from catalogs.info import snapshot_vintage
+from cpic_planner.completeness import BandCompleteness, completeness
+from cpic_planner.etc.camera import FrameCamera
+from cpic_planner.etc.library import library_flags
 from cpic_planner.etc.limits import frame_limit
 from cpic_planner.etc.model import EtcModel
-from cpic_planner.etc.place import hole_notes
+from cpic_planner.etc.place import check_range, hole_notes
 from cpic_planner.etc.planet import ReferencePlanet, reference_distance_au, reference_notes
 from cpic_planner.etc.rates import companion_saturates
-from cpic_planner.models import RankedTarget, RankResult, ReferencePlanetRecord
-from cpic_planner.optimiser import Best, optimise
+from cpic_planner.models import PopulationRecord, RankedTarget, RankResult, ReferencePlanetRecord, ScoreName
+from cpic_planner.optimiser import Best, best_in_band, best_of, optimise
+from cpic_planner.population import Planets, draw_population
+from cpic_planner.population_config import PopulationConfig, load_population
 from cpic_planner.targets import Targets
 from cpic_planner.version import __version__
 from simulator.config import content_hash
-from simulator.config.detector import Detector
 from simulator.outcome import Reason, Status
 
-__all__ = ["judge", "no_frame", "planet_record", "rank_hash", "rank_targets"]
+__all__ = [
+    "DEFAULT_SCORE",
+    "N_PLANETS",
+    "PopulationChoice",
+    "Ranked",
+    "judge",
+    "no_frame",
+    "order_of",
+    "planet_record",
+    "rank_hash",
+    "rank_targets",
+    "ranked",
+]
+
+FloatArray = NDArray[np.float64]
+N_PLANETS = 4000
+DEFAULT_SCORE: ScoreName = "completeness_per_hour"
+
+
+@dataclass(frozen=True)
+class PopulationChoice:
+    """A population, how many planets are drawn of it, and the seed."""
+
+    config: PopulationConfig
+    n_planets: int = N_PLANETS
+    seed: int = 1
+
+    @classmethod
+    def default(cls) -> PopulationChoice:
+        """The shipped population of giant planets."""
+        return cls(load_population())
+
+    def draw(self) -> Planets:
+        """The planets, the same at every star."""
+        return draw_population(self.config, self.n_planets, self.seed)
+
+    def record(self) -> PopulationRecord:
+        """As written into results."""
+        return PopulationRecord(name=self.config.name, description=self.config.description, n_planets=self.n_planets,
+                                seed=self.seed, planets_per_star=self.config.planets_per_star)  # fmt: skip
+
+    def content(self) -> dict[str, object]:
+        """For content hashes."""
+        return {"config": self.config.content(), "n_planets": self.n_planets, "seed": self.seed}
+
+
+@dataclass(frozen=True)
+class Ranked:
+    """Numbers of a ranking before they become rows; arrays of ``n`` stars.
+
+    ``best`` is the reference planet's best band, ``by_band`` the same in each band, ``quickest`` its least time to a
+    detection (if asked for); ``counted`` the completeness in each band, ``picked`` the index of the band where it is
+    largest per hour (or largest, where that is the score).
+    """
+
+    best: Best
+    by_band: tuple[Best, ...]
+    quickest: Best | None
+    counted: tuple[BandCompleteness, ...]
+    picked: NDArray[np.int64]
+    score: FloatArray
+
+    def chosen(self, name: str) -> FloatArray:
+        """A column of the completeness of the picked band."""
+        return np.stack([getattr(item, name) for item in self.counted])[self.picked, np.arange(len(self.picked))]
+
+    @property
+    def completeness_time_s(self) -> FloatArray:
+        """Wall time of the observation that the completeness refers to; 0 for none."""
+        return np.stack([item.time_s for item in self.by_band])[self.picked, np.arange(len(self.picked))]
 
 
 def planet_record(planet: ReferencePlanet) -> ReferencePlanetRecord:
@@ -31,7 +108,14 @@ def planet_record(planet: ReferencePlanet) -> ReferencePlanetRecord:
 
 
 def rank_hash(
-    model: EtcModel, targets: Targets, *, time_s: float, planet: ReferencePlanet, bands: Sequence[str] | None = None
+    model: EtcModel,
+    targets: Targets,
+    *,
+    time_s: float,
+    planet: ReferencePlanet,
+    bands: Sequence[str] | None = None,
+    population: PopulationChoice | None = None,
+    score: ScoreName = DEFAULT_SCORE,
 ) -> str:
     """Hash of everything that decides a ranking."""
     return content_hash(
@@ -39,22 +123,26 @@ def rank_hash(
             "kind": "rank",
             "version": __version__,
             "model": model.content(),
-            "bands": list(bands or model.bands),
+            "bands": list(model.named(bands)),
             "time_s": time_s,
             "planet": planet.content(),
+            "population": (population or PopulationChoice.default()).content(),
+            "score": score,
             "targets": targets.content(),
         }
     )
 
 
-def judge(best: Best, detector: Detector) -> list[tuple[Status, Reason]]:
+def judge(best: Best, model: EtcModel) -> list[tuple[Status, Reason]]:
     """Whether the reference planet is detected in the given time, and if not, why."""
-    return [_verdict(best, i, detector) for i in range(len(best.margin))]
+    return [_verdict(best, i, model.camera(str(best.band[i]))) for i in range(len(best.margin))]
 
 
-def _verdict(best: Best, i: int, detector: Detector) -> tuple[Status, Reason]:
+def _verdict(best: Best, i: int, camera: FrameCamera) -> tuple[Status, Reason]:
+    if best.outside[i]:
+        return Status.OUTSIDE_FIELD, Reason(str(best.outside[i]))
     if best.n_frames[i] < 1:
-        return no_frame(best, i, detector)
+        return no_frame(best, i, camera)
     if best.margin[i] >= 1.0:
         return Status.OK, Reason.NONE
     if best.floor_margin[i] <= 1.0:
@@ -62,11 +150,63 @@ def _verdict(best: Best, i: int, detector: Detector) -> tuple[Status, Reason]:
     return Status.UNREACHABLE, Reason.INSUFFICIENT_TIME
 
 
-def no_frame(best: Best, i: int, detector: Detector) -> tuple[Status, Reason]:
+def no_frame(best: Best, i: int, camera: FrameCamera) -> tuple[Status, Reason]:
     """Why not even one frame is possible: the shortest one saturates, or the time is too short for it."""
     peaks = (float(best.peak_columns_e_s[i]), float(best.peak_hole_e_s[i]), float(best.tail_e_s[i]))
-    limit = frame_limit(*peaks, detector.exposure_min_s, 1.0, detector)
+    limit = frame_limit(*peaks, camera.exposure_min_s, 1.0, camera)
     return (Status.UNREACHABLE, Reason.NO_TIME) if limit is Reason.NONE else (Status.SATURATED, limit)
+
+
+def ranked(
+    model: EtcModel,
+    targets: Targets,
+    *,
+    time_s: float,
+    planet: ReferencePlanet,
+    bands: Sequence[str],
+    planets: Planets,
+    score: ScoreName,
+    with_times: bool = True,
+) -> Ranked:
+    """Best settings, completeness and score of every star; least times of detection only ``with_times``."""
+    if score not in get_args(ScoreName):
+        raise InputError("score", score, allowed=", ".join(get_args(ScoreName)))
+    if len(targets) < 1:
+        raise InputError("targets", len(targets), allowed="at least one star")
+    by_band = tuple(best_in_band(model, targets, band, time_s, planet) for band in bands)
+    best = best_of(by_band)
+    timed = with_times or score == "detection_time"
+    quickest = optimise(model, targets, detect=True, planet=planet, bands=bands) if timed else None
+    counted = tuple(
+        completeness(model, targets, band, planets, exposure_s=item.exposure_s, n_frames=item.n_frames,
+                     em_gain=item.em_gain)
+        for band, item in zip(bands, by_band, strict=True)
+    )  # fmt: skip
+    with np.errstate(divide="ignore", invalid="ignore"):
+        rates = np.stack([np.where(item.time_s > 0, part.completeness / item.time_s * 3600.0, 0.0)
+                          for part, item in zip(counted, by_band, strict=True)])  # fmt: skip
+    known = np.array(["extrapolated" not in part.flags for part in counted])
+    counts = known[:, None] | ~known.any()
+    shares = np.where(counts, np.stack([part.completeness for part in counted]), -1.0)
+    picked = np.argmax(shares if score == "completeness" else np.where(counts, rates, -1.0), axis=0)
+    rows = np.arange(len(targets))
+    with np.errstate(divide="ignore"):
+        speed = np.zeros(len(targets))
+        if quickest is not None:
+            speed = np.where(quickest.n_frames > 0, 3600.0 / np.maximum(quickest.time_s, 1e-9), 0.0)
+        scores = {
+            "completeness_per_hour": rates[picked, rows],
+            "completeness": shares.max(axis=0),
+            "detection_margin": best.margin,
+            "detection_time": speed,
+            "contrast_limit": np.where(np.isfinite(best.deepest_limit), -np.log10(best.deepest_limit), -99.0),
+        }
+    return Ranked(best, by_band, quickest, counted, picked, np.asarray(scores[score], float))
+
+
+def order_of(found: Ranked, targets: Targets) -> list[int]:
+    """Stars from best to worst: by score, ties by the reference planet's margin, then by name."""
+    return sorted(range(len(targets)), key=lambda i: (-found.score[i], -found.best.margin[i], str(targets.name[i])))
 
 
 def rank_targets(
@@ -76,10 +216,12 @@ def rank_targets(
     time_s: float,
     planet: ReferencePlanet | None = None,
     bands: Sequence[str] | None = None,
+    population: PopulationChoice | None = None,
+    score: ScoreName = DEFAULT_SCORE,
     sample: str = "",
     catalogue: str | None = None,
 ) -> RankResult:
-    """Rank targets by how clearly their reference planet is detected.
+    """Rank targets.
 
     Parameters
     ----------
@@ -91,6 +233,13 @@ def rank_targets(
     planet : ReferencePlanet, optional
     bands : sequence of str, optional
         All of the model by default.
+    population : PopulationChoice, optional
+        What completeness refers to; giant planets by default.
+    score : str
+        What the ranking is by: ``completeness_per_hour`` (planets of the population detected by one observation, over
+        its wall time, in the band where that is most), ``completeness``, ``detection_margin`` (significance of the
+        reference planet over the small-sample threshold), ``detection_time`` (reference planets detected per hour of
+        the least time that does), or ``contrast_limit`` (``-log10`` of the faintest contrast detected anywhere).
     sample : str
         Which stars these are, in words.
     catalogue : str, optional
@@ -99,27 +248,33 @@ def rank_targets(
     Returns
     -------
     RankResult
-        One row per star, best first: descending ``detection_margin`` (significance over the small-sample
-        threshold), ties by name.
+        One row per star, best first: descending score, ties by ``detection_margin``, then name.
+
+    Raises
+    ------
+    InputError
+        For values out of range or an unknown score.
     """
-    planet = planet or ReferencePlanet()
-    best = optimise(model, targets, time_s=time_s, planet=planet, bands=bands)
-    verdicts = judge(best, model.instrument.detector)
-    blooming = {band: companion_saturates(model, targets, band, best.exposure_s) for band in model.bands}
-    order = sorted(range(len(targets)), key=lambda i: (-best.margin[i], str(targets.name[i])))
+    body, choice = planet or ReferencePlanet(), population or PopulationChoice.default()
+    names, time_s = model.named(bands), check_range("time_s", time_s, 1e-3, 1e9, "s")
+    found = ranked(model, targets, time_s=time_s, planet=body, bands=names, planets=choice.draw(), score=score)
+    verdicts = judge(found.best, model)
+    blooming = {band: companion_saturates(model, targets, band, found.best.exposure_s) for band in model.bands}
     rows = [
-        _row(model, targets, best, i, rank, verdicts[i], planet, bool(blooming[str(best.band[i])][i]))
-        for rank, i in enumerate(order, start=1)
+        _row(model, targets, found, i, rank, verdicts[i], body, bool(blooming[str(found.best.band[i])][i]))
+        for rank, i in enumerate(order_of(found, targets), start=1)
     ]
     counts = Counter("ok" if row.status == "ok" else row.reason for row in rows)
     return RankResult(
-        config_hash=rank_hash(model, targets, time_s=time_s, planet=planet, bands=bands),
+        config_hash=rank_hash(model, targets, time_s=time_s, planet=body, bands=bands, population=choice, score=score),
         catalogue=snapshot_vintage() if catalogue is None else catalogue,
         sample=sample,
         time_s=time_s,
         sigma=model.strategy.sigma,
         reference_library=model.strategy.library,
-        reference_planet=planet_record(planet),
+        reference_planet=planet_record(body),
+        population=choice.record(),
+        score_name=score,
         counts=dict(sorted(counts.items())),
         targets=rows,
     )
@@ -128,18 +283,19 @@ def rank_targets(
 def _row(
     model: EtcModel,
     targets: Targets,
-    best: Best,
+    found: Ranked,
     i: int,
     rank: int,
     verdict: tuple[Status, Reason],
     planet: ReferencePlanet,
     companion_blooms: bool,
 ) -> RankedTarget:
+    best, quickest = found.best, found.quickest
     possible = best.n_frames[i] >= 1
     exposure, frames = float(best.exposure_s[i]), int(best.n_frames[i])
     distance = float(reference_distance_au(targets.select([i]), best.separation_arcsec[i : i + 1], planet)[0, 0])
     luminosity = _finite(targets.luminosity_lsun[i])
-    flags = list(targets.flags[i])
+    flags = [*targets.flags[i], *library_flags(model)]
     flags += reference_notes(model, targets.select([i]), str(best.band[i]), float(best.separation_arcsec[i]), planet)
     flags += hole_notes(model, str(best.band[i]))
     clamped = model.passbands.grid_flags(targets.teff_k[i], targets.log_g[i], targets.metallicity[i]).any
@@ -147,8 +303,11 @@ def _row(
         flags.append("stellar_grid_clamped")
     if companion_blooms:
         flags.append("companion_saturates")
+    counted, time_s = found.counted[found.picked[i]], float(found.completeness_time_s[i])
+    share = float(counted.completeness[i])
     return RankedTarget(
         rank=rank,
+        score=float(found.score[i]),
         name=str(targets.name[i]),
         hip=int(targets.hip[i]) if targets.hip[i] else None,
         v_mag=float(targets.v_mag[i]),
@@ -165,6 +324,16 @@ def _row(
         detection_margin=float(best.margin[i]),
         status=verdict[0].value,
         reason=verdict[1].value,
+        contrast_limit=_finite(best.contrast_limit[i]),
+        deepest_limit=_finite(best.deepest_limit[i]),
+        deepest_separation_arcsec=float(best.deepest_separation_arcsec[i]),
+        detection_time_s=float(quickest.time_s[i]) if quickest is not None and quickest.n_frames[i] >= 1 else None,
+        completeness=share,
+        completeness_error=float(counted.standard_error[i]),
+        completeness_band=counted.band,
+        completeness_time_s=time_s if time_s > 0 else None,
+        completeness_per_hour=share / time_s * 3600.0 if time_s > 0 else 0.0,
+        expected_detections=None if counted.expected_detections is None else float(counted.expected_detections[i]),
         exposure_s=exposure if possible else None,
         n_frames=frames if possible else None,
         em_gain=float(best.em_gain[i]) if possible else None,

@@ -184,8 +184,21 @@ def _particles(instrument: Instrument, reason: str, start_utc: str | None) -> tu
 
 def not_modelled(instrument: Instrument) -> list[str]:
     """Effects that the images of a visible instrument lack, one sentence each."""
-    rows = (*camera_ledger(instrument), *sky_ledger(instrument))
+    rows = (*camera_ledger(instrument), *sky_ledger(instrument), _dust(instrument, None))
     return [f"{row.effect}: {row.reason}" for row in rows if row.decision == "skipped"]
+
+
+def _dust(instrument: Instrument, scene: Scene | None) -> EffectRow:
+    """Row of the dust around the star: in a scene, or wherever a planner makes the scene."""
+    effect, zodis = "exozodiacal light", instrument.sky.exozodi_zodis
+    if scene is not None and scene.extended:
+        return EffectRow(effect, "kept", "only as extended sources of the scene")
+    if zodis == 0:
+        return EffectRow(effect, "skipped", "sky.exozodi_zodis is 0")
+    words = f"{zodis:g} zodis, a face-on disc around the star"
+    if scene is None:
+        return EffectRow(effect, "kept", words)
+    return EffectRow(effect, "skipped", f"the scene has no disc; predictions count {words}")
 
 
 def sky_ledger(
@@ -216,17 +229,13 @@ def sky_ledger(
         words = f"uniform over the frame, {config.brightness_v_mag_arcsec2:g} mag/arcsec2 in V, solar colour"
         rows = [
             EffectRow("sky", "kept", words + size("uniform")),
-            EffectRow(
-                _ZODIACAL,
-                "skipped",
-                "the uniform sky is brighter than most of the sky; exozodiacal discs only where a scene has one",
-            ),
+            EffectRow(_ZODIACAL, "skipped", "the uniform sky is brighter than most of the sky"),
         ]
     else:
         near = " (a lower limit so close to the Sun)" if sky is not None and SOLAR_AVOIDANCE in sky.flags else ""
         rows = [
             EffectRow("sky", "kept", f"zodiacal light alone, uniform over the frame{size('zodiacal')}{near}"),
-            EffectRow(_ZODIACAL, "kept", "by ecliptic position and date; exozodiacal discs only where a scene has one"),
+            EffectRow(_ZODIACAL, "kept", "by ecliptic position and date"),
         ]
     for name, light in extra_lights(instrument).items():
         effect = name.replace("_", " ")
@@ -318,5 +327,6 @@ def effect_ledger(
     return (
         *rows.values(),
         *sky_ledger(instrument, band=band, sky=sky, stray=stray),
+        _dust(instrument, scene),
         *camera_ledger(instrument, camera, start_utc=start_utc),
     )

@@ -38,6 +38,9 @@ class Reason(StrEnum):
     NO_TIME = "time_below_overheads"
     TOO_MANY_FRAMES = "too_many_frames"
     NOT_ADDITIVE = "not_additive"
+    NO_LIGHT = "no_planet_light"
+    SMALL_ROLL = "roll_too_small"
+    TOO_BRIGHT_TO_COUNT = "too_bright_to_count"
 
 
 class NotOk(RuntimeError):

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -25,26 +26,53 @@ from cpic_planner.cli.options import (
 )
 from cpic_planner.cli.output import console, print_json
 from cpic_planner.cli.output import note as tell
-from cpic_planner.etc.answer import EtcAnswer
+from cpic_planner.cli.strategy_options import (
+    CountingOption,
+    CountingSigmaOption,
+    ExozodiOption,
+    LibraryChoice,
+    LibraryOption,
+    ReferenceRatioOption,
+    ReferenceTeffOption,
+    ReferenceVMagOption,
+    RollOption,
+    model_from,
+    refuse_together,
+    strategy_from,
+)
+
+if TYPE_CHECKING:
+    from catalogs.catalogue import Catalogue
+    from cpic_planner.targets import Targets
 
 __all__ = ["HELP", "etc"]
 
-HELP = """Ask the exposure-time calculator about one star: time for an SNR, SNR for a time, or the contrast limit.
+HELP = """Ask the exposure-time calculator about one star: time for a level, SNR for a time, or the contrast limit.
 
-Without a separation the planet stands where the answer is best in each band: least time, clearest detection, or
-faintest limit. A given time is an upper bound: the walk of the wavefront can make a shorter visit better.
+--snr, --sigma or --detect ask for the least wall time that reaches it; with --contrast-limit they are the level of the
+limit (--detect if none is given). Without any of these the answer is the SNR in --time-s. Without a separation the
+planet stands where the answer is best in each band: least time, clearest detection, or faintest limit. A given time is
+an upper bound: the walk of the wavefront can make a shorter visit better.
 
 Examples:
 
+  cpic etc "tau Cet"
+
   cpic etc "tau Cet" --snr 10
 
-  cpic etc "alpha Cen B" --time-s 7200 --separation-arcsec 0.65 --band F520 --band F662
+  cpic etc "tau Cet" --detect --budget
+
+  cpic etc "alpha Cen B" --time-s 7200 --separation-arcsec 0.65 --band F520 --band F662 --explain
 
   cpic etc "HD 10700" --semi-major-axis-au 1.5 --contrast-limit
+
+  cpic etc "eps Eri" --contrast-limit --sigma 5 --separation-arcsec 0.4 --separation-arcsec 0.6 --plot limit.png
 
   cpic etc "alpha Cen B" --distance-pc 1.35 --separation-arcsec 0.65 --log10-mh 1 --log10-fsed 1 --insolation-au 2
 
   cpic etc "eps Eri" --contrast 5e-9 --separation-arcsec 0.6 --snr 5 --json
+
+  cpic etc "eps Eri" --library reference_star --reference-v-mag 2.5 --exozodi 3 --photon-counting
 
   cpic etc "my star" --catalog my_stars.csv --snr 10"""
 
@@ -53,7 +81,13 @@ def etc(
     target: Annotated[
         str, typer.Argument(help='Star: "HIP 8102", "tau Cet", "alpha Cen B", "HD 10700", "61 Cyg A" ...')
     ],
-    snr: Annotated[float | None, typer.Option("--snr", help="Ask for the wall time that reaches this SNR.")] = None,
+    snr: Annotated[float | None, typer.Option("--snr", help="Level: photometric SNR.")] = None,
+    sigma: Annotated[
+        float | None, typer.Option("--sigma", help="Level: plain significance, of noise without the planet.")
+    ] = None,
+    detect: Annotated[
+        bool, typer.Option("--detect", help="Level: a detection, by the small-sample threshold at that separation.")
+    ] = False,
     time_s: Annotated[
         float | None,
         typer.Option(
@@ -62,12 +96,14 @@ def etc(
         ),
     ] = None,
     contrast_limit: Annotated[
-        bool, typer.Option("--contrast-limit", help="Ask for the faintest contrast detected in --time-s.")
+        bool, typer.Option("--contrast-limit", help="Ask for the faintest contrast that reaches the level in --time-s.")
     ] = False,
     bands: BandOption = None,
-    separation_arcsec: Annotated[
-        float | None,
-        typer.Option("--separation-arcsec", help="Projected separation, on the diagonal of a quadrant."),
+    separations: Annotated[
+        list[float] | None,
+        typer.Option(
+            "--separation-arcsec", help="Projected separation, on the diagonal of a quadrant; repeat for several."
+        ),
     ] = None,
     semi_major_axis_au: Annotated[
         float | None,
@@ -76,8 +112,13 @@ def etc(
             help="Radius of a circular orbit; gives separation and distance at --phase-deg.",
         ),
     ] = None,
-    contrast: Annotated[
-        float | None, typer.Option("--contrast", help="Planet-to-star ratio instead of a planet model.")
+    contrasts: Annotated[
+        list[float] | None,
+        typer.Option(
+            "--contrast",
+            help="Planet-to-star ratio instead of a planet model; repeat for several (as many as separations, or one "
+            "of them).",
+        ),
     ] = None,
     radius_rjup: Annotated[
         float | None, typer.Option("--planet-radius-rjup", help="Planet radius in R_J = 71 492 km [default: 1].")
@@ -97,109 +138,130 @@ def etc(
         int | None, typer.Option("--frames", min=1, help="Science frames of --exposure-s; sets the time.")
     ] = None,
     em_gain: Annotated[float | None, typer.Option("--em-gain", help="EM gain, instead of the best.")] = None,
+    library: LibraryOption = LibraryChoice.SAME_STAR,
+    reference_v_mag: ReferenceVMagOption = None,
+    reference_teff_k: ReferenceTeffOption = None,
+    reference_ratio: ReferenceRatioOption = None,
+    roll_deg: RollOption = None,
+    photon_counting: CountingOption = False,
+    counting_sigma: CountingSigmaOption = None,
+    exozodi: ExozodiOption = None,
     distance_pc: Annotated[
         float | None, typer.Option("--distance-pc", help="Distance, instead of the catalogue's.")
     ] = None,
     companions: CompanionsOption = OnOff.ON,
     catalog: CatalogOption = "snapshot",
     instrument: InstrumentOption = None,
+    budget: Annotated[
+        bool, typer.Option("--budget", help="Print the noise budget of every answer [default: of the best].")
+    ] = False,
+    explain: Annotated[bool, typer.Option("--explain", help="Say which EM gains spare what of the frame.")] = False,
+    plot: Annotated[
+        Path | None, typer.Option("--plot", help="Draw the answer into FILE.png, .pdf or .svg as well.")
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Answer and print."""
-    from dataclasses import replace
-
-    import numpy as np
-
     from catalogs.catalogue import open_catalogue
     from catalogs.errors import InputError
-    from cpic_planner.etc import questions
-    from cpic_planner.etc.model import build_model
+    from cpic_planner.cli.etc_question import EtcQuestion
     from cpic_planner.etc.place import check_range
     from cpic_planner.etc.result import etc_result
-    from cpic_planner.optimiser import best_separations
-    from cpic_planner.targets import find_target
-    from simulator.config import load_instrument
 
-    _refuse_together({"--snr": snr, "--time-s": time_s}, "one asks for a time, the other gives it")
-    _refuse_together({"--snr": snr, "--contrast-limit": contrast_limit or None}, "two questions")
-    _refuse_together({"--snr": snr, "--frames": frames}, "--frames sets the time that --snr asks for")
-    _refuse_together({"--time-s": time_s, "--frames": frames}, "both set the time")
-    _refuse_together(
-        {"--separation-arcsec": separation_arcsec, "--semi-major-axis-au": semi_major_axis_au},
-        "both place the planet",
-    )
-    _refuse_together({"--contrast-limit": contrast_limit or None, "--contrast": contrast}, "the limit is the answer")
-    planet_options = {"--planet-radius-rjup": radius_rjup, "--albedo": albedo, "--log10-mh": log10_mh,
-                      "--log10-fsed": log10_fsed, "--insolation-au": insolation_au,
-                      "--phase-function": phase_function}  # fmt: skip
-    for name, value in planet_options.items():
-        _refuse_together({name: value, "--contrast": contrast}, "a given contrast needs no planet")
-        _refuse_together({name: value, "--contrast-limit": contrast_limit or None}, "the limit holds for any planet")
+    level: dict[str, object] = {"--snr": snr, "--sigma": sigma, "--detect": detect or None}
+    refuse_together(level, "one level at a time")
+    if not contrast_limit:
+        for name, value in level.items():
+            refuse_together({name: value, "--time-s": time_s}, "one asks for a time, the other gives it")
+            refuse_together({name: value, "--frames": frames}, f"--frames sets the time that {name} asks for")
+    refuse_together({"--time-s": time_s, "--frames": frames}, "both set the time")
+    refuse_together({"--separation-arcsec": separations, "--semi-major-axis-au": semi_major_axis_au},
+                    "both place the planet")  # fmt: skip
+    refuse_together({"--contrast-limit": contrast_limit, "--contrast": contrasts}, "the limit is the answer")
+    refuse_together({"--budget": budget, "--json": as_json}, "JSON holds every budget")
+    refuse_together({"--explain": explain, "--json": as_json}, "JSON holds all gains")
+    planet_options: dict[str, object] = {"--planet-radius-rjup": radius_rjup, "--albedo": albedo,
+                                         "--log10-mh": log10_mh, "--log10-fsed": log10_fsed,
+                                         "--insolation-au": insolation_au,
+                                         "--phase-function": phase_function}  # fmt: skip
     if semi_major_axis_au is None:
-        phase: dict[str, object] = {"--phase-deg": phase_deg}
-        _refuse_together(phase | {"--contrast": contrast}, "a given contrast needs no phase")
-        _refuse_together(phase | {"--contrast-limit": contrast_limit or None}, "the limit holds for any phase")
-    phase_deg = 90.0 if phase_deg is None else phase_deg
+        planet_options["--phase-deg"] = phase_deg
+    for name, value in planet_options.items():
+        refuse_together({name: value, "--contrast": contrasts}, "a given contrast needs no planet")
+        refuse_together({name: value, "--contrast-limit": contrast_limit}, "the limit holds for any planet")
     if frames is not None and exposure_s is None:
         raise InputError("--frames", frames, allowed="together with --exposure-s")
+    if separations and contrasts and len(separations) != len(contrasts) and min(len(separations), len(contrasts)) > 1:
+        raise InputError("--contrast", f"{len(contrasts)} times", allowed=f"once, or {len(separations)} times as "
+                         "--separation-arcsec")  # fmt: skip
+    if plot is not None:
+        from cpic_planner.report.etc_figures import check_figure_name
+
+        check_figure_name(plot)
+    strategy = strategy_from(library, reference_v_mag=reference_v_mag, reference_teff_k=reference_teff_k,
+                             reference_ratio=reference_ratio, roll_deg=roll_deg, photon_counting=photon_counting,
+                             counting_sigma=counting_sigma)  # fmt: skip
     table = open_catalogue(catalog)
     for remark in table.notes:
         tell(remark)
-    star, note = find_target(target, companions=companions.value, catalog=table)
-    if table.kind != "snapshot":
-        note = "; ".join(filter(None, (note, f"star data: {table.provenance}")))
-    if distance_pc is not None:
-        there = check_range("--distance-pc", distance_pc, 0.01, 1e5, "pc")
-        # The same star in the sky from elsewhere: its luminosity follows the square of the distance.
-        brighter = (there / star.distance_pc) ** 2
-        star = replace(star, distance_pc=np.array([there]), luminosity_lsun=star.luminosity_lsun * brighter)
-    model = build_model(load_instrument(instrument), bands)
+    star, note = _star(target, companions, table, distance_pc)
+    model = model_from(instrument, bands, strategy, exozodi_zodis=exozodi)
+    phase = 90.0 if phase_deg is None else phase_deg
     reflects = albedo_from(albedo, log10_mh, log10_fsed, insolation_au, phase_function)
-    planet = planet_from(1.0 if radius_rjup is None else radius_rjup, phase_deg, reflects)
+    planet = planet_from(1.0 if radius_rjup is None else radius_rjup, phase, reflects)
     if semi_major_axis_au is not None:
         check_range("--semi-major-axis-au", semi_major_axis_au, 1e-3, 1e5, "au")
-        separation_arcsec = semi_major_axis_au * math.sin(math.radians(phase_deg)) / float(star.distance_pc[0])
+        separations = [semi_major_axis_au * math.sin(math.radians(phase)) / float(star.distance_pc[0])]
     wall = DEFAULT_TIME_S if time_s is None else time_s
-    if frames is not None and exposure_s is not None:
-        wall = model.instrument.overhead_s + frames * model.frame_pace_s(exposure_s)
-    fixed: dict[str, Any] = {"exposure_s": exposure_s, "em_gain": em_gain}
-
-    def ask(band: str, place: float, *, refine: bool = False) -> EtcAnswer:
-        where: dict[str, Any] = {"separation_arcsec": place, "bands": [band]} | fixed
-        if contrast_limit:
-            return questions.contrast_limit(model, star, time_s=wall, exact=frames is not None, **where)[0]
-        where |= {"planet": planet, "contrast": contrast}
-        if snr is not None:
-            return questions.exposure_time(model, star, snr=snr, refine=refine, **where)[0]
-        return questions.signal_to_noise(model, star, time_s=wall, exact=frames is not None, **where)[0]
-
-    if separation_arcsec is None:
-        places = best_separations(model, ask, largest=snr is None and not contrast_limit)
-    else:
-        places = dict.fromkeys(model.bands, separation_arcsec)
-    answers = [ask(band, place, refine=True) for band, place in places.items()]
+    question = EtcQuestion(wall, planet, snr, sigma, detect, contrast_limit, tuple(contrasts) if contrasts else None,
+                           exposure_s, em_gain, frames)  # fmt: skip
+    answers = question.ask(model, star, separations) if separations else question.ask_at_best(model, star)
     result = etc_result(
         model,
         star,
         answers,
         note=note,
         catalogue=table.provenance,
-        planet=None if contrast is not None or contrast_limit else planet,
-        asked={"snr": snr, "time_s": wall if snr is None else None, "limit": contrast_limit, "contrast": contrast}
-        | {"places": places, "phase_deg": phase_deg}
-        | fixed,
+        planet=None if contrasts or contrast_limit else planet,
+        asked={"snr": snr, "sigma": sigma, "detect": detect, "time_s": None if question.asks_time else wall}
+        | {"limit": contrast_limit, "contrast": contrasts, "places": [one.separation_arcsec for one in answers]}
+        | {"phase_deg": phase, "exposure_s": exposure_s, "em_gain": em_gain, "n_frames": frames},
     )
+    if plot is not None:
+        from cpic_planner.report.console_etc import best_row
+        from cpic_planner.report.etc_curves import etc_curves
+        from cpic_planner.report.etc_figures import etc_figure, write_figure
+
+        best, allowed = best_row(result), wall
+        if best is not None and best.time_s is not None and (question.asks_time or frames is not None):
+            allowed = best.time_s
+        curves = etc_curves(model, star, answers, time_s=allowed, best_band=result.best_band, snr=snr, sigma=sigma,
+                            exposure_s=exposure_s, em_gain=em_gain)  # fmt: skip
+        write_figure(etc_figure(result, curves), plot)
+        tell(f"wrote {plot}")
     if as_json:
         print_json(result)
         return
-    from cpic_planner.report.console import print_etc
+    from cpic_planner.report.console_etc import print_etc
 
-    print_etc(result, console())
+    print_etc(result, console(), asked=question.words, every_budget=budget, explain=explain)
 
 
-def _refuse_together(options: dict[str, object], why: str) -> None:
-    given = [name for name, value in options.items() if value is not None]
-    if len(given) > 1:
-        from catalogs.errors import InputError
+def _star(target: str, companions: OnOff, table: Catalogue, distance_pc: float | None) -> tuple[Targets, str]:
+    """The star, perhaps at another distance, and remarks about it."""
+    from dataclasses import replace
 
-        raise InputError(given[0], f"given with {given[1]}", allowed="one of the two", hint=why)
+    import numpy as np
+
+    from cpic_planner.etc.place import check_range
+    from cpic_planner.targets import find_target
+
+    star, note = find_target(target, companions=companions.value, catalog=table)
+    if table.kind != "snapshot":
+        note = "; ".join(filter(None, (note, f"star data: {table.provenance}")))
+    if distance_pc is None:
+        return star, note
+    there = check_range("--distance-pc", distance_pc, 0.01, 1e5, "pc")
+    # The same star in the sky from elsewhere: its luminosity follows the square of the distance.
+    brighter = (there / star.distance_pc) ** 2
+    return replace(star, distance_pc=np.array([there]), luminosity_lsun=star.luminosity_lsun * brighter), note

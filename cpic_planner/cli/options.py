@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
 import typer
 
@@ -12,6 +12,9 @@ from catalogs.errors import InputError
 from cpic_planner.etc.planet import ReferencePlanet
 from simulator.config.albedo import AlbedoSpec, albedo_spec, names_file
 from simulator.config.base import validate
+
+if TYPE_CHECKING:
+    from cpic_planner.ranking import PopulationChoice
 
 __all__ = [
     "AlbedoOption",
@@ -29,13 +32,19 @@ __all__ = [
     "PhaseFunction",
     "PhaseFunctionOption",
     "PhaseOption",
+    "PlanetsOption",
+    "PopulationOption",
     "RadiusOption",
+    "Score",
+    "ScoreOption",
+    "SeedOption",
     "SinglesOption",
     "Tier",
     "TimeOption",
     "VMaxOption",
     "albedo_from",
     "planet_from",
+    "population_from",
 ]  # fmt: skip
 
 DEFAULT_TIME_S = 36000.0
@@ -61,6 +70,16 @@ class PhaseFunction(StrEnum):
 
     LAMBERT = "lambert"
     GRID = "grid"
+
+
+class Score(StrEnum):
+    """What a ranking is by."""
+
+    COMPLETENESS_PER_HOUR = "completeness_per_hour"
+    COMPLETENESS = "completeness"
+    DETECTION_MARGIN = "detection_margin"
+    DETECTION_TIME = "detection_time"
+    CONTRAST_LIMIT = "contrast_limit"
 
 
 JsonOption: TypeAlias = Annotated[bool, typer.Option("--json", help="Machine-readable result on stdout.")]
@@ -124,6 +143,18 @@ CatalogOption: TypeAlias = Annotated[
         help="Star table: snapshot, latest (made by cpic catalog refresh), or a CSV, ECSV, VOTable or FITS file.",
     ),
 ]
+ScoreOption: TypeAlias = Annotated[Score, typer.Option("--score", help="What the ranking is by.")]
+PopulationOption: TypeAlias = Annotated[
+    str | None,
+    typer.Option(
+        "--population",
+        help="Planets that completeness refers to: giants, jupiters, solar_system, or a YAML file [default: giants].",
+    ),
+]
+PlanetsOption: TypeAlias = Annotated[
+    int | None, typer.Option("--planets", help="Planets drawn from the population [default: 4000].")
+]
+SeedOption: TypeAlias = Annotated[int, typer.Option("--seed", min=0, help="Seed of every random number.")]
 FidelityOption: TypeAlias = Annotated[Tier, typer.Option("--fidelity", help="Speed against accuracy of the images.")]
 
 
@@ -161,3 +192,14 @@ def planet_from(radius_rjup: float, phase_deg: float, albedo: AlbedoSpec) -> Ref
     """Reference planet from options, refused in one line when out of range."""
     tree = {"radius_rjup": radius_rjup, "phase_deg": phase_deg, "albedo": albedo}
     return validate(ReferencePlanet, tree, where="planet")
+
+
+def population_from(source: str | None, n_planets: int | None, seed: int) -> PopulationChoice:
+    """Population, number of planets and seed from options."""
+    from cpic_planner.population import MAX_PLANETS
+    from cpic_planner.population_config import load_population
+    from cpic_planner.ranking import N_PLANETS, PopulationChoice
+    from simulator.quantities import check_whole
+
+    drawn = check_whole("--planets", N_PLANETS if n_planets is None else n_planets, 1, MAX_PLANETS)
+    return PopulationChoice(load_population(source), drawn, seed)

@@ -24,13 +24,19 @@ from cpic_planner.cli.options import (
     OnOff,
     PhaseFunctionOption,
     PhaseOption,
+    PlanetsOption,
+    PopulationOption,
     RadiusOption,
+    Score,
+    ScoreOption,
+    SeedOption,
     SinglesOption,
     Tier,
     TimeOption,
     VMaxOption,
     albedo_from,
     planet_from,
+    population_from,
 )
 from cpic_planner.cli.output import console, note, print_json, progress
 
@@ -38,8 +44,8 @@ __all__ = ["HELP", "plan"]
 
 HELP = """The main job: rank the catalogue, confirm the best targets with simulated images, write the report.
 
-Writes plan.json, run.json, ranking.csv, ranking.ecsv and report.html into --out. Stopped half way, it continues when
-started again on the same folder; the result is the same for any number of workers.
+Writes plan.json, sensitivity.json, run.json, ranking.csv, ranking.ecsv and report.html into --out. Stopped half way, it
+continues when started again on the same folder; the result is the same for any number of workers.
 
 Examples:
 
@@ -51,6 +57,8 @@ Examples:
 
   cpic plan --top 20 --dry-run
 
+  cpic plan --score detection_margin --population solar_system --top 3
+
   cpic plan --catalog my_stars.ecsv --top 3"""
 
 
@@ -58,11 +66,14 @@ def plan(
     top: Annotated[int, typer.Option("--top", min=1, max=1000, help="How many targets to confirm with images.")] = 5,
     bands: BandOption = None,
     time_s: TimeOption = DEFAULT_TIME_S,
+    score: ScoreOption = Score.COMPLETENESS_PER_HOUR,
     dwarfs: DwarfsOption = False,
     singles: SinglesOption = False,
     v_mag_max: VMaxOption = None,
     catalog: CatalogOption = "snapshot",
     companions: CompanionsOption = OnOff.ON,
+    population: PopulationOption = None,
+    planets: PlanetsOption = None,
     radius_rjup: RadiusOption = 1.0,
     phase_deg: PhaseOption = 90.0,
     albedo: AlbedoOption = None,
@@ -72,7 +83,7 @@ def plan(
     phase_function: PhaseFunctionOption = None,
     instrument: InstrumentOption = None,
     fidelity: FidelityOption = Tier.STANDARD,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of every random number.")] = 1,
+    seed: SeedOption = 1,
     workers: Annotated[int, typer.Option("--workers", min=1, max=256, help="Local worker processes.")] = 1,
     scheduler: Annotated[str | None, typer.Option("--scheduler", help="Dask scheduler, tcp://host:port.")] = None,
     out: Annotated[Path, typer.Option("--out", help="Output folder.")] = Path("cpic-plan"),
@@ -86,6 +97,7 @@ def plan(
     from simulator.config import load_instrument
     from simulator.config.base import validate
 
+    chosen = population_from(population, planets, seed)
     tree = {
         "instrument": load_instrument(instrument),
         "top": top,
@@ -98,6 +110,9 @@ def plan(
         "planet": planet_from(
             radius_rjup, phase_deg, albedo_from(albedo, log10_mh, log10_fsed, insolation_au, phase_function)
         ),
+        "population": chosen.config,
+        "n_planets": chosen.n_planets,
+        "score": score.value,
         "fidelity": fidelity.value,
         "seed": seed,
     }

@@ -17,7 +17,24 @@ class EtcAnswer:
     """One answer for one target, band and planet.
 
     ``value`` (in ``unit``) is ``None`` unless ``status`` is ``ok``; the other numbers describe the chosen setting
-    and are ``None`` where there is none. ``budget`` holds the variance terms of the stack in electrons^2.
+    and are ``None`` where there is none.
+
+    Attributes
+    ----------
+    level : float or None
+        What the answer reaches or refers to: the SNR asked for, or the significance of a detection.
+    snr_paper : float or None
+        SNR by Eqs. 3 and 4 of Zhu et al. 2025; see `cpic_planner.etc.paper`.
+    exposure_limited_by, gain_limited_by : str
+        The limit that binds exposure and gain; empty where the optimum lies inside.
+    gain_caps : dict
+        Largest EM gain of the chosen exposure that spares the hole, the register's tail into it, the whole frame.
+    budget : dict
+        Signal in electrons, and the terms of its variance in electrons^2.
+    dominant : str
+        The largest term.
+    remedies : dict
+        Factor by which the SNR grows if one thing is changed.
     """
 
     target: str
@@ -37,9 +54,16 @@ class EtcAnswer:
     time_s: float | None = None
     snr: float | None = None
     significance: float | None = None
+    snr_paper: float | None = None
     threshold: float | None = None
+    level: float | None = None
     core_throughput: float | None = None
+    exposure_limited_by: str = ""
+    gain_limited_by: str = ""
+    gain_caps: dict[str, float] = field(default_factory=dict)
     budget: dict[str, float] = field(default_factory=dict)
+    dominant: str = ""
+    remedies: dict[str, float] = field(default_factory=dict)
     flags: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:

@@ -2,26 +2,41 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from pydantic import Field, model_validator
 
 from catalogs.errors import InputError
-from simulator.config import Instrument
+from cpic_planner.etc.camera import FrameCamera
+from cpic_planner.etc.cosmic_loss import aperture_loss_per_s
+from simulator.config import FrozenModel, Instrument, content_hash
 from simulator.imaging.metrics import PsfMetrics
 from simulator.imaging.store import metrics_key, psf_metrics
 from simulator.passbands import Passbands
 
-__all__ = ["EtcModel", "Strategy", "build_model"]
+__all__ = ["EtcModel", "Library", "ReferenceStar", "Strategy", "build_model"]
 
 
-@dataclass(frozen=True)
-class Strategy:
+Library = Literal["same_star_planet_free", "reference_star", "roll", "idealised"]
+
+
+class ReferenceStar(FrozenModel):
+    """Star of a reference library."""
+
+    v_mag: Annotated[float, Field(ge=-30, le=40)]
+    teff_k: Annotated[float, Field(ge=1000, le=100_000)] = 5772.0
+    log_g: Annotated[float, Field(ge=-1, le=7)] = 4.4
+    metallicity: Annotated[float, Field(ge=-5, le=1)] = 0.0
+
+
+class Strategy(FrozenModel):
     """How an observation is made and reduced.
 
     Attributes
@@ -36,14 +51,36 @@ class Strategy:
         Half width of the annulus around the planet's separation whose apertures measure background and scatter:
         the speckle residual changes too much across the hole for one value.
     library : str
-        Name of the reference library.
+        Name of the reference library, see `cpic_planner.etc.library`.
+    reference_star : ReferenceStar, optional
+        For the library of that name.
+    roll_deg : float
+        Angle between the two rolls of the library of that name.
+    mode : {"analogue", "photon_counting"}
+        Whether charge is measured or photons are counted.
+    counting_sigma : float
+        Threshold of photon counting over the read noise.
     """
 
-    n_modes: int = 1
-    reference_ratio: float = 1.0
-    sigma: float = 5.0
-    annulus_lambda_d: float = 1.5
-    library: str = "same_star_planet_free"
+    n_modes: Annotated[int, Field(ge=0, le=1000)] = 1
+    reference_ratio: Annotated[float, Field(gt=0, le=1000)] = 1.0
+    sigma: Annotated[float, Field(gt=0, le=20)] = 5.0
+    annulus_lambda_d: Annotated[float, Field(gt=0, le=20)] = 1.5
+    library: Library = "same_star_planet_free"
+    reference_star: ReferenceStar | None = None
+    roll_deg: Annotated[float, Field(gt=0, le=180)] = 30.0
+    mode: Literal["analogue", "photon_counting"] = "analogue"
+    counting_sigma: Annotated[float, Field(gt=0, le=20)] = 5.0
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Strategy:
+        if self.library == "reference_star" and self.reference_star is None:
+            raise InputError("reference_star", None, allowed="magnitude (and temperature) of the reference star",
+                             hint="the library reference_star needs it")  # fmt: skip
+        if self.library == "roll" and self.reference_ratio != 1.0:
+            raise InputError("reference_ratio", self.reference_ratio, allowed="1 for the library roll",
+                             hint="each roll is the other's reference")  # fmt: skip
+        return self
 
 
 @dataclass(frozen=True)
@@ -55,10 +92,40 @@ class EtcModel:
     metrics: dict[str, PsfMetrics]
     strategy: Strategy
 
+    @functools.cached_property
+    def _cameras(self) -> dict[str, FrameCamera]:
+        return {band: FrameCamera.of(self.instrument, band) for band in self.metrics}
+
+    @functools.cached_property
+    def _losses(self) -> dict[str, float]:
+        return {band: aperture_loss_per_s(self.instrument, band) for band in self.metrics}
+
+    def camera(self, band: str) -> FrameCamera:
+        """One frame of the band's camera."""
+        return self._cameras[band]
+
+    def loss_per_s(self, band: str) -> float:
+        """Rate of particles that void an aperture of the band."""
+        return self._losses[band]
+
     @property
     def bands(self) -> tuple[str, ...]:
         """Bands of this model, by wavelength."""
         return tuple(self.metrics)
+
+    def named(self, bands: Sequence[str] | None) -> tuple[str, ...]:
+        """Bands that are asked for, each once; all of the model without any.
+
+        Raises
+        ------
+        InputError
+            If the model does not have one.
+        """
+        names = tuple(dict.fromkeys((bands,) if isinstance(bands, str) else bands or self.bands))
+        for name in names:
+            if name not in self.metrics:
+                raise InputError("band", name, allowed=", ".join(self.bands))
+        return names
 
     def content(self) -> dict[str, Any]:
         """Everything of the model that decides a number, for content hashes; files by what is in them."""
@@ -69,14 +136,15 @@ class EtcModel:
         }
         return {
             "instrument": self.instrument.model_dump(mode="json"),
-            "strategy": asdict(self.strategy),
+            "strategy": self.strategy.model_dump(mode="json"),
             "optics": {band: metrics_key(self.instrument, band) for band in self.bands},
             "files": files,
         }
 
-    def frame_pace_s(self, exposure_s: float) -> float:
-        """Wall time per science frame, its share of reference frames and all readouts included."""
-        return (1.0 + self.strategy.reference_ratio) * (exposure_s + self.instrument.detector.readout_s)
+    def time_s(self, visit_s: ArrayLike) -> NDArray[np.float64]:
+        """Wall time of an observation whose science visit takes ``visit_s``; 0 for none."""
+        visit = np.asarray(visit_s, float)
+        return np.where(visit > 0, self.instrument.overhead_s + (1.0 + self.strategy.reference_ratio) * visit, 0.0)
 
     def visit_s(self, time_s: ArrayLike) -> NDArray[np.float64]:
         """Length of the science visit in an observation of ``time_s`` of wall time."""
@@ -100,18 +168,59 @@ def build_model(
     Raises
     ------
     InputError
-        If a band is unknown or belongs to the near-infrared camera, which has no imaging model yet.
+        If a band is unknown.
+
+    Notes
+    -----
+    Models are kept: the same instrument, bands and strategy give the same object. The first use of a near-infrared band
+    measures its optics, which takes some seconds.
     """
     if isinstance(bands, str):
         bands = (bands,)
     names = tuple(dict.fromkeys(bands)) if bands else instrument.visible_bands()
+    chosen = strategy or Strategy()
     for name in names:
-        if instrument.band(name).camera != "VIS":
-            raise InputError("band", name, allowed=", ".join(instrument.visible_bands()),
-                             hint="the near-infrared camera has no imaging model yet")  # fmt: skip
+        camera = FrameCamera.of(instrument, name)
+        if chosen.mode == "photon_counting" and camera.register_stages == 0:
+            raise InputError("mode", chosen.mode, allowed=f"analogue in {name}",
+                             hint="only a multiplying register makes single electrons countable")  # fmt: skip
+    tree = instrument.model_dump(mode="json")
+    digest = content_hash({"instrument": tree, "files": sorted(set(_files(tree)))})
+    return _model(digest, names, chosen, _Held(instrument))
+
+
+def _files(tree: Any) -> Iterator[tuple[str, int, int]]:
+    """Files that a configuration names, with their time and size."""
+    if isinstance(tree, dict | list):
+        for part in tree.values() if isinstance(tree, dict) else tree:
+            yield from _files(part)
+    elif isinstance(tree, str) and "." in tree:
+        try:
+            state = Path(tree).stat()
+        except (OSError, ValueError):
+            return
+        yield tree, state.st_mtime_ns, state.st_size
+
+
+class _Held:
+    """An instrument that counts as equal to any other: the digest beside it tells them apart."""
+
+    def __init__(self, instrument: Instrument) -> None:
+        self.instrument = instrument
+
+    def __hash__(self) -> int:
+        return 0
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Held)
+
+
+@functools.lru_cache(maxsize=16)
+def _model(digest: str, bands: tuple[str, ...], strategy: Strategy, held: _Held) -> EtcModel:
+    instrument = held.instrument
     return EtcModel(
         instrument=instrument,
         passbands=Passbands.from_instrument(instrument),
-        metrics={name: psf_metrics(instrument, name) for name in names},
-        strategy=strategy or Strategy(),
+        metrics={name: psf_metrics(instrument, name) for name in bands},
+        strategy=strategy,
     )

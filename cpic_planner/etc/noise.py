@@ -3,61 +3,127 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cpic_planner.etc.camera import FrameCamera
+from cpic_planner.etc.counting_light import LIGHT_ARRAYS, CountingLight, counted
+from cpic_planner.etc.frames import PROBLEM_ARRAYS, FrameProblem
+from cpic_planner.etc.photon_counting import counting_law
 from cpic_planner.etc.rates import ApertureRates
-from simulator.camera.gain import excess_noise_factor2
-from simulator.camera.noise import pixel_variance_e2
-from simulator.config.detector import Detector
+from simulator.camera.gain import noise_factor2
 
-__all__ = ["StackNoise", "best_gain", "frame_terms", "stack_noise"]
+__all__ = ["Objective", "ReadMode", "StackNoise", "frame_problem", "stack_noise"]
 
 FloatArray = NDArray[np.float64]
+Objective = Literal["snr", "significance"]
+ReadMode = Literal["analogue", "photon_counting"]
 
 
 @dataclass(frozen=True)
 class StackNoise:
     """Signal and noise of a summed stack, in input-referred electrons.
 
-    ``snr`` = S / sqrt(Var S) with the source's own noise; ``significance`` = S / sigma without the planet.
+    ``snr`` = S / sqrt(Var S) with the source's own noise; ``significance`` = S / sigma without the planet. ``terms``
+    are the parts of Var S: light of the science frames by origin, clock-induced charge, read noise and rounding, then
+    ``reference`` (all of that in the reference frames), ``background_mean`` (error of the mean background) and
+    ``speckle`` (what does not average).
     """
 
     signal_e: FloatArray
-    source_variance_e2: FloatArray
-    background_variance_e2: FloatArray
-    detector_variance_e2: FloatArray
-    speckle_variance_e2: FloatArray
+    terms: dict[str, FloatArray]
     snr: FloatArray
     significance: FloatArray
 
 
-def frame_terms(
-    rates: ApertureRates, exposure_s: ArrayLike, detector: Detector, *, reference_ratio: float
-) -> tuple[FloatArray, FloatArray, float]:
-    """Signal, light variance at F^2 = 1 and read variance at gain 1 of one frame's aperture sum.
+def _factor2(em_gain: FloatArray, camera: FrameCamera) -> FloatArray:
+    if camera.register_stages == 0:
+        return np.full(em_gain.shape, camera.light_factor)
+    return noise_factor2(em_gain, camera.register_stages)
 
-    Returns
-    -------
-    signal_e : ndarray
-        Planet electrons per frame, after RDI throughput correction the unbiased signal.
-    light_variance_e2 : ndarray
-        Variance of planet, background and CIC before the excess noise factor.
-    read_variance_e2 : float
-        Read-noise and quantisation variance at gain 1.
+
+def frame_problem(
+    rates: ApertureRates,
+    camera: FrameCamera,
+    *,
+    reference_ratio: float = 1.0,
+    objective: Objective = "snr",
+    em_gain: float | None = None,
+    mode: ReadMode = "analogue",
+    counting_sigma: float = 5.0,
+) -> FrameProblem:
+    """What the solver of frames needs of an aperture's rates.
+
+    Parameters
+    ----------
+    rates : ApertureRates
+    camera : FrameCamera
+    reference_ratio : float
+        Reference frames per science frame.
+    objective : {"snr", "significance"}
+        With or without the planet's own noise and the error of the mean background.
+    em_gain : float, optional
+        Fixed gain.
+    mode : {"analogue", "photon_counting"}
+    counting_sigma : float
+        Threshold of photon counting, in units of the read noise.
 
     Notes
     -----
-    Everything but the planet itself is measured twice, in science and in reference frames: factor ``1 + N/M``.
-    A sum over a circle has the variance of ``sum(w^2)`` pixels, fewer than its area.
+    Everything but the planet is measured twice, in science and in reference frames. A sum over a circle has the
+    variance of ``sum(w^2)`` pixels, fewer than its area.
     """
-    exposure = np.asarray(exposure_s, float)
-    twice = (1.0 + 1.0 / reference_ratio) * rates.noise_fraction
-    signal = rates.planet_e_s * exposure
-    quiet = twice * (rates.background_e_s * exposure + detector.cic_e * rates.aperture_pixels)
-    read = twice * rates.aperture_pixels * float(pixel_variance_e2(0.0, 0.0, 1.0, detector))
-    return signal, rates.source_noise_fraction * signal + quiet, read
+    with_planet = objective == "snr"
+    level = 1.0 + 1.0 / rates.background_apertures if with_planet else 1.0
+    share = rates.noise_fraction * rates.variance_factor / rates.rdi_throughput**2
+    pixels = share * rates.aperture_pixels
+    quiet, reference = rates.background_e_s, rates.reference_light_e_s / reference_ratio
+    twice = 1.0 + rates.reference_scale / reference_ratio
+    own = rates.source_noise_fraction * rates.variance_factor / rates.rdi_throughput**2 * rates.planet_e_s
+    light = camera.light_factor
+    alpha = light * (level * share * (quiet + reference) + (own if with_planet else 0.0))
+    arrays: dict[str, Any] = dict(zip(PROBLEM_ARRAYS, np.broadcast_arrays(
+        alpha,
+        level * pixels * camera.cic_e * twice,
+        level * pixels * camera.read_variance_e2 * twice,
+        rates.planet_e_s,
+        *_residual(rates, level),
+        np.asarray(rates.loss_per_s, float),
+        rates.peak_columns_e_s,
+        rates.peak_hole_e_s,
+        rates.tail_e_s,
+    ), strict=True))  # fmt: skip
+    counting = None
+    if mode == "photon_counting":
+        gain = camera.em_gain_max if em_gain is None else em_gain
+        law = counting_law(gain, camera.register_stages, camera.read_noise_e, counting_sigma * camera.read_noise_e)
+        parts: dict[str, Any] = dict(zip(LIGHT_ARRAYS, np.broadcast_arrays(
+            rates.planet_e_s / rates.aperture_pixels,
+            quiet / rates.aperture_pixels,
+            _reference_e_s_pixel(rates),
+            np.asarray(pixels, float),
+            pixels * (level - 1.0),
+            level * pixels * rates.reference_scale / reference_ratio,
+            arrays["alpha_e_s"],
+        )[:-1], strict=True))  # fmt: skip
+        counting = CountingLight(**parts, cic_e=camera.cic_e, law=law, own_noise=with_planet)
+    return FrameProblem(**arrays, camera=camera, em_gain=em_gain, counting=counting)
+
+
+def _reference_e_s_pixel(rates: ApertureRates) -> FloatArray:
+    """Light and dark charge that a pixel of a reference frame holds before it is scaled to the science frames."""
+    scale = np.asarray(rates.reference_scale, float)
+    raw = rates.reference_light_e_s / np.where(scale > 0, scale, 1.0) / rates.aperture_pixels
+    return np.where(scale > 0, raw, 0.0)
+
+
+def _residual(rates: ApertureRates, level: FloatArray | float) -> list[FloatArray]:
+    """Speckle variance over signal squared, as a polynomial of the visit."""
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        scale = level * rates.variance_factor / rates.planet_e_s**2
+        return [np.where(part > 0, part * scale, 0.0) for part in rates.speckle]
 
 
 def stack_noise(
@@ -65,39 +131,65 @@ def stack_noise(
     exposure_s: ArrayLike,
     n_frames: ArrayLike,
     em_gain: ArrayLike,
-    detector: Detector,
+    camera: FrameCamera,
     *,
     reference_ratio: float = 1.0,
+    mode: ReadMode = "analogue",
+    counting_sigma: float = 5.0,
 ) -> StackNoise:
     """Signal and noise of ``n_frames`` frames.
 
-    ``Var = F^2(g) [S + (1 + N/M) (B + a0 cic)] + (1 + N/M) a0 (RN^2 + K^2/12) / g^2``, summed over frames, with the
-    weights of cut pixels squared, plus the speckle residual ``(N t sigma_spk)^2`` that does not average. White noise
-    is divided by the RDI throughput; ``snr`` adds the error of the mean background.
+    ``Var = {F^2(g) [S + (1 + N/M) (B + a0 cic)] + (1 + N/M) a0 (RN^2 + K^2/12) / g^2} / P``, summed over frames, with
+    the weights of cut pixels squared, divided by the square of the RDI throughput and by the fraction ``P`` of frames
+    that no particle voids; plus the speckle residual ``(N t sigma_spk)^2`` that does not average. ``snr`` adds the
+    error of the mean background. Where photons are counted, the terms of the white noise are ``counting`` (science
+    frames) and ``reference``.
     """
     exposure, frames, gain = (np.asarray(item, float) for item in (exposure_s, n_frames, em_gain))
-    signal, light, read = frame_terms(rates, exposure, detector, reference_ratio=reference_ratio)
-    factor2 = excess_noise_factor2(gain, detector.register_stages)
-    throughput2 = rates.rdi_throughput**2
-    own = rates.source_noise_fraction * signal
-    source = frames * factor2 * own / throughput2
-    background = frames * factor2 * (light - own) / throughput2
-    electronic = frames * read / gain**2 / throughput2
-    speckle = (frames * exposure * rates.speckle_e_s) ** 2
-    total_signal = frames * signal
-    quiet = background + electronic + speckle
+    stack = frames * np.exp(rates.loss_per_s * exposure) * rates.variance_factor / rates.rdi_throughput**2
+    scale = rates.reference_scale / reference_ratio
+    pixels = stack * rates.noise_fraction * rates.aperture_pixels
+    if mode == "photon_counting":
+        terms, planet = _counted(rates, exposure, pixels, scale, float(gain.flat[0]), camera, counting_sigma)
+    else:
+        factor2 = _factor2(gain, camera)
+        light = stack * factor2 * rates.noise_fraction
+        terms = {name: light * getattr(rates, f"{name}_e_s") * exposure
+                 for name in ("halo", "companion", "sky", "exozodi", "dark")}  # fmt: skip
+        terms["cic"] = pixels * factor2 * camera.cic_e
+        terms["read_noise"] = pixels * camera.read_noise_e**2 / gain**2
+        terms["rounding"] = pixels * camera.rounding_e**2 / gain**2
+        electronic = terms["cic"] + terms["read_noise"] + terms["rounding"]
+        terms["reference"] = light * rates.reference_light_e_s / reference_ratio * exposure + electronic * scale
+        planet = stack * factor2 * rates.source_noise_fraction * rates.planet_e_s * exposure
+    visit = frames * (exposure + camera.readout_s)
+    speckle = (frames * exposure) ** 2 * rates.speckle.variance(visit) * rates.variance_factor
+    quiet = sum(terms.values()) + speckle
+    terms["background_mean"] = quiet / rates.background_apertures
+    terms["speckle"] = speckle
+    terms["planet"] = planet
+    signal = frames * exposure * rates.planet_e_s
     with np.errstate(divide="ignore", invalid="ignore"):
-        error = np.sqrt(source + quiet * (1.0 + 1.0 / rates.background_apertures))
-        snr = np.where(total_signal > 0, total_signal / error, 0.0)
-        significance = np.where(total_signal > 0, total_signal / np.sqrt(quiet), 0.0)
-    return StackNoise(total_signal, source, background, electronic, speckle, snr, significance)
+        snr = np.where(signal > 0, signal / np.sqrt(quiet + terms["background_mean"] + terms["planet"]), 0.0)
+        significance = np.where(signal > 0, signal / np.sqrt(quiet), 0.0)
+    return StackNoise(signal, terms, snr, significance)
 
 
-def best_gain(light_variance_e2: ArrayLike, read_variance_e2: float, gain_cap: ArrayLike) -> FloatArray:
-    """EM gain of least variance, ``clip(2 B / A, 1, cap)``.
-
-    Minimises ``F^2(g) A + B / g^2`` with ``F^2 ~ 2 - 1/g``; within 0.2 % of the true minimum of the variance.
-    """
-    light = np.maximum(np.asarray(light_variance_e2, float), 1e-300)
-    cap = np.maximum(np.asarray(gain_cap, float), 1.0)
-    return np.clip(2.0 * read_variance_e2 / light, 1.0, cap)
+def _counted(
+    rates: ApertureRates,
+    exposure_s: FloatArray,
+    pixels: FloatArray,
+    scale: FloatArray,
+    em_gain: float,
+    camera: FrameCamera,
+    counting_sigma: float,
+) -> tuple[dict[str, FloatArray], FloatArray]:
+    """Terms of white noise where photons are counted, and what the planet's light adds to them."""
+    law = counting_law(em_gain, camera.register_stages, camera.read_noise_e, counting_sigma * camera.read_noise_e)
+    quiet = rates.background_e_s / rates.aperture_pixels * exposure_s + camera.cic_e
+    reference = _reference_e_s_pixel(rates) * exposure_s + camera.cic_e
+    alone = counted(pixels, quiet, law)
+    both = counted(pixels, quiet + rates.planet_e_s / rates.aperture_pixels * exposure_s, law)
+    with np.errstate(invalid="ignore"):
+        planet = np.where(np.isfinite(alone), both - alone, 0.0)
+    return {"counting": alone, "reference": counted(pixels * scale, reference, law)}, planet

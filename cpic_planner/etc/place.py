@@ -14,7 +14,7 @@ from simulator.imaging.hole_zone import HoleZone
 from simulator.outcome import Reason, Status
 from simulator.target.positions import detector_to_sky
 
-__all__ = ["check_range", "diagonal", "diagonal_pa_deg", "hole_notes", "locate", "usable_range_arcsec"]
+__all__ = ["check_range", "diagonal", "diagonal_pa_deg", "hole_notes", "locate", "stand", "usable_range_arcsec"]
 
 
 def diagonal(zone: HoleZone, separation_arcsec: Any) -> tuple[Any, Any]:
@@ -43,17 +43,44 @@ def hole_notes(model: EtcModel, band: str) -> tuple[str, ...]:
     return ("hole_not_reached",) if model.metrics[band].hole_state == "not_reached" else ()
 
 
-def locate(instrument: Instrument, band: str, separation_arcsec: float) -> tuple[Status, Reason, str]:
-    """Whether the aperture of a planet at a diagonal separation lies in the controlled zone of a band."""
+def locate(model: EtcModel, band: str, separation_arcsec: float) -> tuple[Status, Reason, str]:
+    """Whether the aperture of a planet on the diagonal lies in the controlled zone of a band, at both rolls."""
+    instrument, strategy = model.instrument, model.strategy
     inner, outer = usable_range_arcsec(instrument, band)
+    where = "diagonal"
+    if strategy.library == "roll":
+        half = math.radians(strategy.roll_deg / 2.0)
+        # The planet stands half the roll beside the diagonal, before and after.
+        near, far = math.cos(math.pi / 4 + half), math.sin(math.pi / 4 + half)
+        inner = inner / math.sqrt(2.0) / near if near > 0 else math.inf
+        outer = outer / math.sqrt(2.0) / far
+        where = f"{strategy.roll_deg / 2.0:g} deg beside the diagonal"
     place = f"{separation_arcsec:.3f} arcsec"
     if separation_arcsec < inner * (1.0 - 1e-9):
-        text = f"{place}: the aperture leaves the dark hole of {band} inside {inner:.3f} arcsec (diagonal)"
+        text = f"{place}: the aperture leaves the dark hole of {band} inside {inner:.3f} arcsec ({where})"
         return Status.OUTSIDE_FIELD, Reason.INSIDE_INNER_EDGE, text
     if separation_arcsec > outer * (1.0 + 1e-9):
-        text = f"{place}: the aperture leaves the dark hole of {band} outside {outer:.3f} arcsec (diagonal)"
+        text = f"{place}: the aperture leaves the dark hole of {band} outside {outer:.3f} arcsec ({where})"
         return Status.OUTSIDE_FIELD, Reason.OUTSIDE_OUTER_EDGE, text
+    if strategy.library == "roll":
+        least = 2.0 * instrument.aperture_radius_arcsec(band)
+        moved = 2.0 * separation_arcsec * math.sin(math.radians(strategy.roll_deg / 2.0))
+        if moved < least:
+            text = (
+                f"{place}: a roll of {strategy.roll_deg:g} deg moves the planet by {moved:.3f} arcsec, less than its "
+                f"aperture of {least:.3f}"
+            )
+            return Status.UNREACHABLE, Reason.SMALL_ROLL, text
     return Status.OK, Reason.NONE, ""
+
+
+def stand(model: EtcModel, band: str, separation_arcsec: Any) -> tuple[Any, Any]:
+    """Detector offsets of a planet: on the diagonal, or half the roll beside it for a library of two rolls."""
+    x, y = diagonal(model.metrics[band].zone, separation_arcsec)
+    if model.strategy.library != "roll":
+        return x, y
+    half = math.radians(model.strategy.roll_deg / 2.0)
+    return x * math.cos(half) - y * math.sin(half), x * math.sin(half) + y * math.cos(half)
 
 
 def check_range(key: str, value: float, low: float, high: float, unit: str) -> float:

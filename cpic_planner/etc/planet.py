@@ -44,8 +44,11 @@ class ReferencePlanet(FrozenModel):
 
 
 def reference_distance_au(targets: Targets, separation_arcsec: FloatArray, planet: ReferencePlanet) -> FloatArray:
-    """True star-planet distance in au, shape ``(n_star, n_separation)``; 1 arcsec at 1 pc is 1 au."""
-    projected = targets.distance_pc[:, None] * np.atleast_1d(separation_arcsec)[None, :]
+    """True star-planet distance in au, shape ``(n_star, n_separation)``; 1 arcsec at 1 pc is 1 au.
+
+    Separations are the same for all stars, ``(n_separation,)``, or one row for each.
+    """
+    projected = targets.distance_pc[:, None] * np.atleast_2d(separation_arcsec)
     return projected / np.sin(np.radians(planet.phase_deg))
 
 
@@ -62,7 +65,7 @@ def reference_notes(
 def reference_contrast(
     model: EtcModel, targets: Targets, band: str, separation_arcsec: FloatArray, planet: ReferencePlanet
 ) -> FloatArray:
-    """Contrast of the reference planet in one band, ``(n_star, n_separation)``; ``(n_separation,)`` for one star."""
+    """Contrast of the reference planet in one band, ``(n_star, n_separation)``; as `reference_distance_au`."""
     distance = reference_distance_au(targets, separation_arcsec, planet)
     # An albedo that knows its insolation already leaves this out.
     insolation = distance / np.sqrt(targets.luminosity_lsun)[:, None] if needs_insolation(planet.albedo) else None
@@ -70,5 +73,4 @@ def reference_contrast(
     # One band at a time: a user's albedo need not reach the bands that are not asked about.
     albedo = model.passbands.band_albedo(albedo_source(planet.albedo), *stars, insolation_au=insolation, only=band)
     phase = phase_value(planet.albedo, planet.phase_deg, insolation_au=insolation)
-    contrast = np.asarray(contrast_at(planet.radius_rjup, distance, planet.phase_deg, albedo, phase_value=phase))
-    return contrast[0] if len(targets) == 1 else contrast
+    return np.asarray(contrast_at(planet.radius_rjup, distance, planet.phase_deg, albedo, phase_value=phase))

@@ -7,14 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cpic_planner.etc.exozodi import aperture_exozodi
+from cpic_planner.etc.library import library_noise
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.sky import aperture_sky_e_s
+from cpic_planner.etc.speckles import SpeckleLaw, speckle_law
 from cpic_planner.targets import Targets
-from simulator.camera.dark_current import dark_rate_e_s
 from simulator.camera.noise import aperture_noise_pixels
 from simulator.target.positions import sky_to_detector
 
-__all__ = ["ApertureRates", "aperture_rates", "companion_saturates", "speckle_fraction"]
+__all__ = ["ApertureRates", "aperture_rates", "companion_saturates"]
 
 FloatArray = NDArray[np.float64]
 
@@ -25,13 +27,17 @@ class ApertureRates:
 
     Attributes
     ----------
-    planet_e_s, halo_e_s, companion_e_s, sky_e_s, dark_e_s : ndarray
+    planet_e_s, halo_e_s, companion_e_s, sky_e_s, exozodi_e_s, dark_e_s : ndarray
         Detected electrons per second in the aperture: planet, residual star light behind the coronagraph, wings of
-        bound companions, sky, dark current.
-    speckle_e_s : ndarray
-        Spatial rms of aperture sums of the star light that RDI leaves, per second; it does not average down.
-    peak_hole_e_s : ndarray
-        Hottest pixel inside the hole, planet included: it must not saturate pixel, register or converter.
+        bound companions, sky, dust around the star, dark current.
+    speckle : SpeckleLaw
+        Spatial variance of aperture sums of the star light that RDI leaves, (e-/s)^2, against the length of the visit;
+        it does not average down.
+    peak_hole_e_s, peak_planet_e_s : ndarray
+        Hottest pixel inside the hole, planet included: it must not saturate pixel, register or converter; and the
+        planet's part of it.
+    peak_frame_e_s : ndarray
+        Hottest pixel of the central star anywhere.
     peak_columns_e_s : ndarray
         Hottest pixel of the central star in the columns that cross the hole: it must not bloom into it.
     tail_e_s : ndarray
@@ -47,15 +53,27 @@ class ApertureRates:
         Aperture areas in the annulus of the hole that measures the background.
     rdi_throughput : float
         Fraction of planet light that the projection leaves.
+    loss_per_s : float
+        Rate of particles whose tracks touch the aperture and void it in that frame.
+    reference_light_e_s, reference_halo_e_s : ndarray
+        What the light and dark charge of a reference frame add to the variance, once scaled to the science frames; and
+        the part of its star in that.
+    reference_scale : ndarray
+        The same for its clock-induced charge and read noise: the square of that scale.
+    variance_factor : float
+        1, or 1/2 where both halves of the frames show the planet (two rolls).
     """
 
     planet_e_s: FloatArray
     halo_e_s: FloatArray
     companion_e_s: FloatArray
     sky_e_s: FloatArray
+    exozodi_e_s: FloatArray
     dark_e_s: FloatArray
-    speckle_e_s: FloatArray
+    speckle: SpeckleLaw
     peak_hole_e_s: FloatArray
+    peak_planet_e_s: FloatArray
+    peak_frame_e_s: FloatArray
     peak_columns_e_s: FloatArray
     tail_e_s: FloatArray
     aperture_pixels: float
@@ -63,11 +81,16 @@ class ApertureRates:
     source_noise_fraction: float
     background_apertures: FloatArray
     rdi_throughput: float
+    loss_per_s: float
+    reference_light_e_s: FloatArray
+    reference_halo_e_s: FloatArray
+    reference_scale: FloatArray
+    variance_factor: float = 1.0
 
     @property
     def background_e_s(self) -> FloatArray:
         """All light and dark charge under the planet."""
-        return self.halo_e_s + self.companion_e_s + self.sky_e_s + self.dark_e_s
+        return self.halo_e_s + self.companion_e_s + self.sky_e_s + self.exozodi_e_s + self.dark_e_s
 
 
 def aperture_rates(
@@ -77,8 +100,6 @@ def aperture_rates(
     x_arcsec: ArrayLike,
     y_arcsec: ArrayLike,
     contrast: ArrayLike,
-    *,
-    visit_s: ArrayLike = 0.0,
 ) -> ApertureRates:
     """Rates for every target at the given positions.
 
@@ -92,8 +113,6 @@ def aperture_rates(
         Positions on the detector relative to the star, broadcastable to ``(n, ...)`` (conventions of the instrument).
     contrast : array_like
         Planet-to-star ratio of detected rates, same shape rule.
-    visit_s : array_like
-        Length of the science visit (and of the reference visit): the wavefront walks during both.
 
     Returns
     -------
@@ -115,50 +134,44 @@ def aperture_rates(
     ratio = np.asarray(contrast, float)
     star = star.reshape(star.shape + (1,) * max(0, x.ndim - 1, ratio.ndim - 1))
     planet_total = star * ratio
-    sky = aperture_sky_e_s(model, targets, band)
-    companion = _companion_e_s(model, targets, band, x, y)
-    region_pixels = float(np.count_nonzero(metrics.hole))
+    strategy, camera = model.strategy, model.camera(band)
     shape = np.broadcast_shapes(star.shape, x.shape)
+    sky = aperture_sky_e_s(model, targets, band)
+    sky = sky.reshape(sky.shape + (1,) * (len(shape) - 1))
+    companion = _companion_e_s(model, targets, band, x, y)
+    halo = star * metrics.halo_aperture(x, y)
+    exozodi = star * aperture_exozodi(model, band, x, y)
+    dark = np.full((1,) * len(shape), camera.dark_e_s * metrics.aperture_pixels)
+    law = speckle_law(metrics, instrument.drift, np.hypot(x, y), strategy.annulus_lambda_d, strategy.reference_ratio)
+    reference = library_noise(model, targets, band, star)
+    region_pixels = float(np.count_nonzero(metrics.hole))
     return ApertureRates(
         planet_e_s=planet_total * metrics.core_throughput(x, y),
-        halo_e_s=star * metrics.halo_aperture(x, y),
+        halo_e_s=halo,
         companion_e_s=companion,
-        sky_e_s=sky.reshape(sky.shape + (1,) * (len(shape) - 1)),
-        dark_e_s=np.full((1,) * len(shape), dark_rate_e_s(instrument.detector) * metrics.aperture_pixels),
-        speckle_e_s=star * speckle_fraction(model, band, visit_s, np.hypot(x, y)),
-        peak_hole_e_s=star * metrics.peak_on_axis_hole
+        sky_e_s=sky,
+        exozodi_e_s=exozodi,
+        dark_e_s=dark,
+        speckle=law.scaled(star**2 * reference.speckle),
+        peak_hole_e_s=star * reference.peak * metrics.peak_on_axis_hole
         + planet_total * metrics.peak_off_axis
         + companion / metrics.aperture_pixels,
-        peak_columns_e_s=star * metrics.peak_on_axis_columns,
-        tail_e_s=star * metrics.register_tail,
+        peak_planet_e_s=planet_total * metrics.peak_off_axis,
+        peak_frame_e_s=star * reference.peak * metrics.peak_on_axis_frame,
+        peak_columns_e_s=star * reference.peak * metrics.peak_on_axis_columns,
+        tail_e_s=star * reference.peak * metrics.register_tail,
         aperture_pixels=metrics.aperture_pixels,
         noise_fraction=float(aperture_noise_pixels(metrics.aperture_radius_arcsec / metrics.pixel_scale_arcsec))
         / metrics.aperture_pixels,
         source_noise_fraction=metrics.source_noise_fraction,
         background_apertures=np.maximum(_annulus_apertures(model, band, np.hypot(x, y)), 1.0),
-        rdi_throughput=1.0 - model.strategy.n_modes / region_pixels,
+        rdi_throughput=1.0 - strategy.n_modes / region_pixels,
+        loss_per_s=model.loss_per_s(band),
+        reference_light_e_s=reference.light(halo + exozodi, companion, sky + dark),
+        reference_halo_e_s=reference.halo * halo,
+        reference_scale=reference.scale,
+        variance_factor=reference.variance_factor,
     )
-
-
-def speckle_fraction(model: EtcModel, band: str, visit_s: ArrayLike, separation_arcsec: ArrayLike) -> FloatArray:
-    """Rms of aperture sums of the star light left by RDI, as a fraction of the star's light on the clear disc.
-
-    It is several times larger at the inner edge of the hole than at the outer one; this is the quadratic mean over
-    the annulus in which the scatter is measured.
-    """
-    drift, metrics = model.instrument.drift, model.metrics[band]
-    separation, visit = np.broadcast_arrays(np.asarray(separation_arcsec, float), np.asarray(visit_s, float))
-    offsets = np.linspace(-1.0, 1.0, 5) * model.strategy.annulus_lambda_d * metrics.lambda_d_arcsec
-    around = np.clip(separation[..., None] + offsets, metrics.hole_inner_corner_arcsec, metrics.owa_arcsec)
-    local = metrics.rdi_floor(
-        drift.visit_nm,
-        model.strategy.n_modes,
-        walk_nm_per_sqrt_hour=drift.walk_nm_per_sqrt_hour,
-        visit_hours=visit[..., None] / 3600.0,
-        separation_arcsec=around,
-    )
-    mean: FloatArray = np.sqrt(np.mean(local**2, axis=-1))
-    return mean
 
 
 def companion_saturates(model: EtcModel, targets: Targets, band: str, exposure_s: ArrayLike) -> NDArray[np.bool_]:
@@ -167,7 +180,7 @@ def companion_saturates(model: EtcModel, targets: Targets, band: str, exposure_s
     Its blooming column and register tail are not followed; the flag says that they exist.
     """
     instrument, metrics = model.instrument, model.metrics[band]
-    detector = instrument.detector
+    detector = instrument.detector_of(band)
     known = np.isfinite(targets.companion_v_mag) & np.isfinite(targets.companion_separation_arcsec)
     over = np.zeros(len(targets), bool)
     if targets.companions == "off" or not known.any():
@@ -176,7 +189,7 @@ def companion_saturates(model: EtcModel, targets: Targets, band: str, exposure_s
     rate = model.passbands.star_rate_e_s(
         near.companion_v_mag, near.companion_teff_k, near.log_g, near.metallicity, instrument.telescope.area_cm2
     )[:, model.passbands.names.index(band)]
-    x, y = sky_to_detector(near.companion_separation_arcsec, near.companion_pa_deg, parity=detector.parity)
+    x, y = sky_to_detector(near.companion_separation_arcsec, near.companion_pa_deg, parity=instrument.detector.parity)
     column, row = (part / metrics.pixel_scale_arcsec for part in (x, y))
     on_frame = (detector.star_column + column >= 0) & (detector.star_column + column < detector.n_columns)
     on_frame &= (detector.star_row + row >= 0) & (detector.star_row + row < detector.n_rows)

@@ -9,7 +9,9 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from cpic_planner.report.console import print_etc, print_plan, print_rank
+    from cpic_planner.report.console import print_plan
+    from cpic_planner.report.console_etc import print_etc
+    from cpic_planner.report.console_rank import print_explanation, print_rank, print_sensitivity
     from cpic_planner.report.contrast_figure import HoleEdges, LimitCurve
     from cpic_planner.report.html import plan_html, render_plan
     from cpic_planner.report.names import pretty_name
@@ -24,8 +26,10 @@ __all__ = [
     "plan_html",
     "pretty_name",
     "print_etc",
+    "print_explanation",
     "print_plan",
     "print_rank",
+    "print_sensitivity",
     "ranking_csv",
     "ranking_ecsv",
     "render_plan",
@@ -38,9 +42,11 @@ _HOME = {
     "Panels": "panels",
     "plan_html": "html",
     "pretty_name": "names",
-    "print_etc": "console",
+    "print_etc": "console_etc",
+    "print_explanation": "console_rank",
     "print_plan": "console",
-    "print_rank": "console",
+    "print_rank": "console_rank",
+    "print_sensitivity": "console_rank",
     "ranking_csv": "tables",
     "ranking_ecsv": "tables",
     "render_plan": "html",

@@ -6,9 +6,10 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from catalogs.catalogue import data_credits
-from cpic_planner.models import PlanResult, RankResult
+from cpic_planner.models import PlanResult, RankResult, SensitivityResult
 from cpic_planner.report.contrast_figure import HoleEdges, LimitCurve
 from cpic_planner.report.drawing import Picture
+from cpic_planner.report.etc_words import score_number, score_text
 from cpic_planner.report.names import full_name, pretty_name
 from cpic_planner.report.numbers import (
     MISSING,
@@ -17,11 +18,12 @@ from cpic_planner.report.numbers import (
     decimals,
     duration_text,
     percent_text,
+    share_text,
     significant,
 )
 from cpic_planner.report.panel_figure import PANEL_NOTE
 from cpic_planner.report.panels import Panels
-from cpic_planner.report.summary import calibration_sentence, chosen, planet_text, summary_sentences
+from cpic_planner.report.summary import calibration_sentence, chosen, planet_text, population_text, summary_sentences
 from cpic_planner.report.words import (
     GLOSSARY,
     METHOD_CREDITS,
@@ -52,6 +54,7 @@ def plan_html(
     panels: Mapping[str, Panels],
     limits: Sequence[LimitCurve] = (),
     holes: Sequence[HoleEdges] = (),
+    sensitivity: SensitivityResult | None = None,
     top_rows: int = 50,
 ) -> str:
     """Draw the figures of a plan and render its report.
@@ -66,6 +69,8 @@ def plan_html(
         Contrast limits for the diagram.
     holes : sequence of HoleEdges
         Corners of each band's dark hole on the diagonal.
+    sensitivity : SensitivityResult, optional
+        How the ranking depends on assumptions; shown on the first page.
     top_rows : int
         Rows of the ranking to print.
 
@@ -81,6 +86,7 @@ def plan_html(
         rank,
         plan_figures(plan, rank, limits=limits, holes=holes),
         panel_pictures(plan, panels),
+        sensitivity=sensitivity,
         top_rows=top_rows,
     )
 
@@ -91,6 +97,7 @@ def render_plan(
     figures: Mapping[str, Picture],
     images: Mapping[str, Picture],
     *,
+    sensitivity: SensitivityResult | None = None,
     top_rows: int = 50,
 ) -> str:
     """Render the report from finished pictures.
@@ -103,6 +110,7 @@ def render_plan(
         Any of ``sky``, ``contrast``, ``calibration``, ``margin``.
     images : mapping of str to Picture
         Image panels by ``BandConfirmation.image``.
+    sensitivity : SensitivityResult, optional
     top_rows : int
         Rows of the ranking to print.
 
@@ -123,6 +131,9 @@ def render_plan(
             flags=flags,
             reasons=sorted({row.reason for row in rows if row.reason}),
             images=images,
+            sensitivity=sensitivity,
+            score=score_text(rank.score_name),
+            population=population_text(rank.population),
             summary=" ".join(summary_sentences(plan, rank)),
             calibration=calibration_sentence(plan.calibration),
             planet=planet_text(plan),
@@ -151,6 +162,8 @@ def _environment() -> Environment:
         "sig": significant,
         "dec": decimals,
         "percent": percent_text,
+        "share": share_text,
+        "score": score_number,
         "count": count_text,
         "reason": reason_text,
         "status": status_text,

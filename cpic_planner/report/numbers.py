@@ -11,6 +11,7 @@ __all__ = [
     "decimals",
     "duration_text",
     "percent_text",
+    "share_text",
     "significant",
 ]
 
@@ -63,3 +64,8 @@ def count_text(value: int | None) -> str:
 def percent_text(value: float | None) -> str:
     """Return a fraction as per cent."""
     return MISSING if value is None or not math.isfinite(value) else f"{significant(100.0 * value, 2)} %"
+
+
+def share_text(value: float) -> str:
+    """Return a fraction in per cent without the sign, for columns that name the unit."""
+    return "0" if value == 0.0 else significant(100.0 * value) if value >= 1e-4 else "<0.01"

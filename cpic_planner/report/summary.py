@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping
 
-from cpic_planner.models import BandConfirmation, ConfirmedTarget, PlanResult, RankResult
+from cpic_planner.models import BandConfirmation, ConfirmedTarget, PlanResult, PopulationRecord, RankResult
 from cpic_planner.report.names import pretty_name
 from cpic_planner.report.numbers import count_text, duration_text, significant
 
-__all__ = ["calibration_sentence", "chosen", "planet_text", "summary_sentences"]
+__all__ = ["calibration_sentence", "chosen", "planet_text", "population_text", "summary_sentences"]
 
 N_ERRORS = 2.0
 """A ratio further than this many standard errors from 1 is called a bias."""
@@ -25,6 +25,15 @@ def planet_text(result: PlanResult | RankResult) -> str:
     planet = result.reference_planet
     albedo = planet.albedo[:1].upper() + planet.albedo[1:]
     return f"{planet.radius_rjup:g} Jupiter radius, phase {planet.phase_deg:g}°, {albedo} albedo, {planet.position}"
+
+
+def population_text(population: PopulationRecord) -> str:
+    """Return the population in words."""
+    often = "" if population.planets_per_star is None else f", {population.planets_per_star:g} planets per star"
+    return (
+        f"{population.name} ({population.description}{often}), {count_text(population.n_planets)} drawn with seed "
+        f"{population.seed}"
+    )
 
 
 def calibration_sentence(calibration: Mapping[str, float | int | None]) -> str:
@@ -43,9 +52,10 @@ def calibration_sentence(calibration: Mapping[str, float | int | None]) -> str:
 def summary_sentences(plan: PlanResult, rank: RankResult) -> list[str]:
     """Return the summary of the plan, one sentence an item."""
     sentences = [
-        f"{count_text(plan.n_ranked)} stars were ranked by how clearly a reference planet ({planet_text(plan)}) "
-        f"would be detected within {duration_text(plan.time_s)} of wall time per target and band.",
-        f"The analytic model predicts a detection around {count_text(plan.counts.get('ok', 0))} of them.",
+        f"{count_text(plan.n_ranked)} stars were ranked by {_score_words(rank)}, in at most "
+        f"{duration_text(plan.time_s)} of wall time per target and band.",
+        f"A reference planet ({planet_text(plan)}) is predicted to be detected around "
+        f"{count_text(plan.counts.get('ok', 0))} of them.",
     ]
     if not plan.targets:
         return [*sentences, "No target was confirmed with simulated images."]
@@ -68,6 +78,18 @@ def summary_sentences(plan: PlanResult, rank: RankResult) -> list[str]:
         picked = ", ".join(f"{band} ({count})" for band, count in counts.most_common())
         sentences.append(f"Chosen bands, with number of targets: {picked}.")
     return [*sentences, calibration_sentence(plan.calibration)]
+
+
+def _score_words(rank: RankResult) -> str:
+    """What the ranking is by, for the middle of a sentence."""
+    population = f"the population {rank.population.name}"
+    return {
+        "completeness_per_hour": f"the fraction of {population} that one observation detects per hour",
+        "completeness": f"the fraction of {population} that one observation detects",
+        "detection_margin": "how clearly a reference planet is detected",
+        "detection_time": "how soon a reference planet is detected",
+        "contrast_limit": "the faintest contrast that is detected",
+    }[rank.score_name]
 
 
 def _plural(count: float, noun: str) -> str:

@@ -13,6 +13,7 @@ __all__ = ["COLUMN_UNITS", "ranking_csv", "ranking_ecsv"]
 #: Unit of every column (VOUnit spelling; empty: none). The one place where the ranking's units are listed.
 COLUMN_UNITS: dict[str, str] = {
     "rank": "",
+    "score": "",
     "name": "",
     "hip": "",
     "v_mag": "mag",
@@ -29,6 +30,16 @@ COLUMN_UNITS: dict[str, str] = {
     "detection_margin": "",
     "status": "",
     "reason": "",
+    "contrast_limit": "",
+    "deepest_limit": "",
+    "deepest_separation_arcsec": "arcsec",
+    "detection_time_s": "s",
+    "completeness": "",
+    "completeness_error": "",
+    "completeness_band": "",
+    "completeness_time_s": "s",
+    "completeness_per_hour": "1/h",
+    "expected_detections": "",
     "exposure_s": "s",
     "n_frames": "",
     "em_gain": "",
@@ -42,7 +53,7 @@ COLUMN_UNITS: dict[str, str] = {
 }
 FLAG_SEPARATOR = "|"
 _INTEGERS = frozenset({"rank", "hip", "n_frames"})
-_TEXTS = frozenset({"name", "sp_type", "band", "status", "reason", "flags"})
+_TEXTS = frozenset({"name", "sp_type", "band", "completeness_band", "status", "reason", "flags"})
 
 
 def _cell(row: RankedTarget, column: str) -> Any:
@@ -101,5 +112,7 @@ def _meta(rank: RankResult) -> dict[str, Any]:
         "sigma": rank.sigma,
         "reference_library": rank.reference_library,
         "reference_planet": rank.reference_planet.model_dump(mode="json"),
+        "population": rank.population.model_dump(mode="json"),
+        "score_name": rank.score_name,
         "flag_separator": FLAG_SEPARATOR,
     }

@@ -4,14 +4,28 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-from cpic_planner.report.words import STATUS_SYMBOLS
+from cpic_planner.report.names import pretty_name
+from cpic_planner.report.numbers import MISSING, significant
+from cpic_planner.report.words import STATUS_SYMBOLS, status_text
 
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text
 
-__all__ = ["Column", "print_note", "text_table"]
+    from cpic_planner.models import BandConfirmation, EtcRow, RankedTarget
+
+__all__ = [
+    "Column",
+    "explain_symbols",
+    "frames_text",
+    "print_note",
+    "print_plain",
+    "ratio_text",
+    "short_name",
+    "status_cell",
+    "text_table",
+]
 
 _STYLE = {"ok": "green", "unreachable": "yellow", "saturated": "red", "outside_field": "magenta", "invalid": "red"}
 
@@ -85,3 +99,43 @@ def print_note(console: Console, text: str) -> None:
     from rich.text import Text
 
     console.print(Text(_fitting(console, text), style="dim"))
+
+
+def print_plain(console: Console, text: str, *, bold: bool = False) -> None:
+    """Print a line of text."""
+    from rich.text import Text
+
+    console.print(Text(_fitting(console, text), style="bold" if bold else ""))
+
+
+_NAME_LENGTH = 18
+
+
+def short_name(identifier: str) -> str:
+    """Readable name of a star, cut to the width of a column."""
+    name = pretty_name(identifier)
+    return name if len(name) <= _NAME_LENGTH else f"{name[: _NAME_LENGTH - 1]}…"
+
+
+def ratio_text(value: float | None) -> str:
+    """A flux ratio in the compact form of terminals."""
+    return MISSING if value is None else f"{value:.2e}"
+
+
+def status_cell(status: str, reason: str) -> str:
+    """Symbol and the short reason; `explain_symbols` explains the symbols below the table."""
+    return f"{STATUS_SYMBOLS.get(status, '')} {reason.replace('_', ' ') or status_text(status)}".strip()
+
+
+def explain_symbols(console: Console, statuses: list[str]) -> None:
+    """Explain the symbols of a table."""
+    used = [status for status in STATUS_SYMBOLS if status in statuses]
+    if used and used != ["ok"]:
+        print_note(console, "   ".join(f"{STATUS_SYMBOLS[status]} {status_text(status)}" for status in used))
+
+
+def frames_text(item: RankedTarget | BandConfirmation | EtcRow) -> str:
+    """Number of frames and their exposure."""
+    if item.exposure_s is None or item.n_frames is None:
+        return MISSING
+    return f"{item.n_frames} × {significant(item.exposure_s)}"

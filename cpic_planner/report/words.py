@@ -50,6 +50,9 @@ _REASONS: dict[str, str] = {
     "too_many_frames": "too many frames for one sequence",
     "too_few_resolution_elements": "fewer than three resolution elements: no threshold",
     "time_below_overheads": "time shorter than the overheads",
+    "no_planet_light": "the planet sends no light",
+    "roll_too_small": "the roll moves the planet by less than its aperture",
+    "too_bright_to_count": "too bright for photon counting",
 }
 
 LIBRARIES: dict[str, str] = {
@@ -76,6 +79,8 @@ FLAGS: dict[str, str] = {
     "extrapolated": "beyond the range of its input data",
     "clamped": "an input was clamped to the range of its model",
     "idealised": "noise-free or drift-free reference library",
+    "reference_colour_not_modelled": "speckles are subtracted as if the reference star had the colour of the star",
+    "exposure_beyond_max": "the exposure asked for is longer than the camera's longest",
 }
 
 GLOSSARY: tuple[tuple[str, str], ...] = (
@@ -103,7 +108,23 @@ GLOSSARY: tuple[tuple[str, str], ...] = (
         "The significance that keeps the false-alarm probability of the stated n sigma although the noise is estimated "
         "from few resolution elements (small-sample statistics). It rises where there are few.",
     ),
-    ("margin", "Significance divided by threshold. A margin of at least 1 is a detection; the ranking sorts by it."),
+    ("margin", "Significance divided by threshold. A margin of at least 1 is a detection."),
+    (
+        "completeness",
+        "Fraction of the planets of a stated population, drawn the same for every star, that one observation detects. "
+        "Planets outside the dark quadrants or fainter than the limit at their place are missed.",
+    ),
+    ("score", "What the ranking is by; more is better. Its name stands above the ranking."),
+    (
+        "Kendall tau",
+        "Agreement of two orders: 1 where all pairs of stars stand in the same order, 0 for unrelated orders, −1 for "
+        "reversed ones. Equal scores are allowed for (tau-b).",
+    ),
+    (
+        "speckle floor",
+        "Scatter of the starlight that the subtraction leaves because the wavefront has drifted. It grows with the "
+        "signal and does not average away with more frames: no length of visit detects a planet below it.",
+    ),
     (
         "predicted, recovered",
         "Predicted numbers come from the analytic model; recovered ones from aperture photometry in simulated "

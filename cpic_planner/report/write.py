@@ -9,7 +9,7 @@ import numpy as np
 
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.questions import contrast_limit
-from cpic_planner.models import PlanResult, RankResult
+from cpic_planner.models import PlanResult, RankResult, SensitivityResult
 from cpic_planner.report.contrast_figure import HoleEdges, LimitCurve
 from cpic_planner.report.names import pretty_name
 from cpic_planner.report.panels import Panels
@@ -38,13 +38,9 @@ def limit_curves(plan: PlanResult, model: EtcModel, targets: Targets | None = No
             star = targets.select(targets.name == target.name)
         inner = model.metrics[row.band].hole_inner_corner_arcsec
         separations = np.geomspace(inner * 1.001, model.metrics[row.band].owa_arcsec * 0.999, N_LIMIT_POINTS)
-        values = [
-            contrast_limit(model, star, time_s=row.time_s or plan.time_s, separation_arcsec=float(s), bands=[row.band])[
-                0
-            ].value
-            for s in separations
-        ]
-        good = [(s, v) for s, v in zip(separations, values, strict=True) if v is not None]
+        found = contrast_limit(model, star, time_s=row.time_s or plan.time_s, separation_arcsec=separations.tolist(),
+                               bands=[row.band])  # fmt: skip
+        good = [(answer.separation_arcsec, answer.value) for answer in found if answer.value is not None]
         if good:
             label = f"{pretty_name(target.name)}, {row.band}"
             curves.append(LimitCurve(label, np.array([s for s, _ in good]), np.array([v for _, v in good])))
@@ -88,12 +84,17 @@ def write_report(
     model: EtcModel,
     bodies: Mapping[tuple[str, str], Mapping[str, Any]],
     targets: Targets,
+    sensitivity: SensitivityResult | None = None,
 ) -> None:
-    """Write ``ranking.csv``, ``ranking.ecsv`` and ``report.html``, each whole; `targets` are the ranked stars."""
+    """Write ``ranking.csv``, ``ranking.ecsv`` and ``report.html``, each whole.
+
+    `targets` are the ranked stars, `sensitivity` how their order depends on assumptions.
+    """
     from cpic_planner.report.html import plan_html
 
     folder.write("ranking.csv", ranking_csv(rank))
     folder.write("ranking.ecsv", ranking_ecsv(rank))
     panels = {f"{name} {band}": panels_of(model, band, body) for (name, band), body in bodies.items()}
     limits = limit_curves(plan, model, targets)
-    folder.write("report.html", plan_html(plan, rank, panels=panels, limits=limits, holes=hole_edges(model)))
+    page = plan_html(plan, rank, panels=panels, limits=limits, holes=hole_edges(model), sensitivity=sensitivity)
+    folder.write("report.html", page)

@@ -11,11 +11,14 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from cpic_planner.etc.model import EtcModel
-from cpic_planner.etc.place import diagonal_pa_deg
-from cpic_planner.etc.planet import ReferencePlanet, reference_distance_au
+from cpic_planner.etc.exozodi import exozodi_disc
+from cpic_planner.etc.model import EtcModel, build_model
+from cpic_planner.etc.noise import StackNoise, stack_noise
+from cpic_planner.etc.place import diagonal_pa_deg, stand
+from cpic_planner.etc.planet import ReferencePlanet, reference_contrast, reference_distance_au
+from cpic_planner.etc.rates import aperture_rates
 from cpic_planner.models import BandConfirmation
-from cpic_planner.optimiser import best_in_band
+from cpic_planner.optimiser import Best, best_in_band
 from cpic_planner.ranking import no_frame
 from cpic_planner.targets import Targets
 from cpic_planner.validation.apertures import aperture_weights
@@ -83,11 +86,18 @@ class ConfirmTask:
 
 
 def target_scene(
-    target: Targets, planet: ReferencePlanet, separation_arcsec: float, distance_au: float, pa_deg: float = 315.0
+    target: Targets,
+    planet: ReferencePlanet,
+    separation_arcsec: float,
+    distance_au: float,
+    pa_deg: float = 315.0,
+    *,
+    exozodi_zodis: float = 0.0,
 ) -> Scene:
     """Scene of one star with its reference planet, and its nearest known companion if that is near and located.
 
-    The default position angle is that of the example of Zhu et al. 2025, on a diagonal of the hole.
+    The default position angle is that of the example of Zhu et al. 2025, on a diagonal of the hole. ``exozodi_zodis``
+    adds a face-on disc of dust (`cpic_planner.etc.exozodi`).
     """
     name = str(target.name[0])
     star = SceneStar(
@@ -116,7 +126,15 @@ def target_scene(
         teff_k=_known(target.companion_teff_k[0]),
     )
     stars = tuple(SceneStar(**body) for body in near)
-    return Scene(name=name, cstar=star, planets=(body,), stars=stars, companions=target.companions)
+    disc = exozodi_disc(exozodi_zodis)
+    return Scene(
+        name=name,
+        cstar=star,
+        planets=(body,),
+        stars=stars,
+        extended=() if disc is None else (disc,),
+        companions=target.companions,
+    )
 
 
 def _known(value: float) -> float | None:
@@ -130,15 +148,16 @@ def prepare_task(
     best = best_in_band(model, target, band, time_s, planet)
     separation = float(best.separation_arcsec[0])
     pa_deg = diagonal_pa_deg(model.metrics[band].zone, model.instrument.detector.parity)
+    seen = _in_images(model, target, band, best, planet)
     prediction = {
-        "snr": float(best.snr[0]),
-        "significance": float(best.significance[0]),
+        "snr": float(seen.snr[0]),
+        "significance": float(seen.significance[0]),
         "threshold": float(best.threshold[0]),
         "contrast": float(best.contrast[0]),
         "time_s": float(best.time_s[0]),
     }
     if not 1 <= best.n_frames[0] <= MAX_FRAMES:
-        status, reason = no_frame(best, 0, model.instrument.detector)
+        status, reason = no_frame(best, 0, model.camera(band))
         if best.n_frames[0] > MAX_FRAMES:
             status, reason = Status.INVALID, Reason.TOO_MANY_FRAMES
         return BandConfirmation(
@@ -152,11 +171,13 @@ def prepare_task(
             verdict="not observed",
         )
     distance = float(reference_distance_au(target, np.array([separation]), planet)[0, 0])
+    zodis = model.instrument.sky.exozodi_zodis
+    scene = target_scene(target, planet, separation, distance, pa_deg, exozodi_zodis=zodis)
     return ConfirmTask(
         name=str(target.name[0]),
         band=band,
         instrument=model.instrument.model_dump(mode="json"),
-        scene=target_scene(target, planet, separation, distance, pa_deg).model_dump(mode="json"),
+        scene=scene.model_dump(mode="json"),
         exposure_s=float(best.exposure_s[0]),
         n_frames=int(best.n_frames[0]),
         em_gain=float(best.em_gain[0]),
@@ -167,6 +188,18 @@ def prepare_task(
         annulus_lambda_d=model.strategy.annulus_lambda_d,
         prediction=prediction,
     )
+
+
+def _in_images(model: EtcModel, target: Targets, band: str, best: Best, planet: ReferencePlanet) -> StackNoise:
+    """Noise of the chosen frames without what the images leave out (particles void no aperture there)."""
+    strategy = model.strategy
+    simulated = build_model(images_of(model.instrument), [band], strategy)
+    separation = best.separation_arcsec[:, None]
+    contrast = reference_contrast(model, target, band, separation, planet)
+    rates = aperture_rates(simulated, target, band, *stand(simulated, band, separation), contrast)
+    noise = stack_noise(rates, best.exposure_s[:, None], best.n_frames[:, None], best.em_gain[:, None],
+                        simulated.camera(band), reference_ratio=strategy.reference_ratio)  # fmt: skip
+    return StackNoise(noise.signal_e[:, 0], noise.terms, noise.snr[:, 0], noise.significance[:, 0])
 
 
 def images_of(instrument: Instrument) -> Instrument:

@@ -17,7 +17,7 @@ import time
 from pathlib import Path
 
 from cpic_planner.etc.model import build_model
-from cpic_planner.models import PlanResult
+from cpic_planner.models import PlanResult, RankResult, SensitivityResult
 from cpic_planner.plan import PlanConfig, make_plan
 from cpic_planner.report.drawing import Picture
 from cpic_planner.report.figures import contrast_diagram, panel_picture, snr_figure
@@ -29,6 +29,7 @@ from simulator.files import write_bytes, write_text
 
 HERE = Path(__file__).resolve().parent
 TOP = 5
+LISTED = 12
 SHOWN = ("eps Eri", "F520")
 
 
@@ -77,6 +78,41 @@ def table(plan: PlanResult) -> list[str]:
     return lines
 
 
+def ranking(rank: RankResult) -> list[str]:
+    """The first stars, with what makes their score."""
+    planets = rank.population
+    lines = [
+        f"Score: completeness per hour, for {planets.n_planets} planets of the population `{planets.name}`.",
+        "",
+        "| rank | star | score (1/h) | completeness | band | wall (h) | reference planet: band | margin "
+        "| least time of detection (s) | faintest contrast |",
+        "|---|---|---|---|---|---|---|---|---|---|",
+    ]
+    for row in rank.targets[:LISTED]:
+        least = "" if row.detection_time_s is None else f"{row.detection_time_s:.0f}"
+        wall = "" if row.completeness_time_s is None else f"{row.completeness_time_s / 3600:.2f}"
+        limit = "" if row.deepest_limit is None else f"{row.deepest_limit:.1e}"
+        lines.append(
+            f"| {row.rank} | {pretty_name(row.name)} | {row.score:.3g} | {row.completeness:.4f} +- "
+            f"{row.completeness_error:.4f} | {row.completeness_band} | {wall} | {row.band} | {row.detection_margin:.2f} "
+            f"| {least} | {limit} |"
+        )
+    return lines
+
+
+def assumptions(firm: SensitivityResult) -> list[str]:
+    """The ranking under other assumptions."""
+    lines = [
+        f"| instead | Kendall tau of the first {firm.top} | kept | reference planets detected | largest fall |",
+        "|---|---|---|---|---|",
+    ]
+    for row in firm.rows:
+        tau = "" if row.kendall_tau is None else f"{row.kendall_tau:.2f}"
+        fall = f"{pretty_name(row.largest_fall)}: {row.largest_fall_ranks} ranks" if row.largest_fall else ""
+        lines.append(f"| {row.text} | {tau} | {row.kept} of {firm.top} | {row.n_ok} (nominal {firm.n_ok}) | {fall} |")
+    return [*lines, "", firm.statement]
+
+
 def main() -> None:
     """Run the plan and write ``report.md``, figures and ``plan.json``."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -91,6 +127,7 @@ def main() -> None:
         wall_s = time.perf_counter() - began
         plan, rank = done.plan, done.rank
         write_bytes(HERE / "plan.json", (out / "plan.json").read_bytes())
+        firm = SensitivityResult.model_validate_json((out / "sensitivity.json").read_text(encoding="utf-8"))
         with open_run_folder(out, kind="plan", config_hash=plan.config_hash) as folder:
             body = folder.part(f"{SHOWN[0]} {SHOWN[1]}")
     assert body is not None
@@ -115,6 +152,16 @@ def main() -> None:
         f"{plan.counts.get('ok', 0)} with a reference planet (1 R_J, phase 90 deg, Jupiter's albedo) detected within "
         f"{plan.time_s / 3600:g} h of wall time per band, the first {TOP} confirmed with simulated images.",
         f"Recovered / predicted SNR: {ratio:.2f} +- {error:.2f} over {count} measurements, one noise realisation each.",
+        "",
+        "## Ranking",
+        "",
+        *ranking(rank),
+        "",
+        "## What if",
+        "",
+        *assumptions(firm),
+        "",
+        "## Confirmed with images",
         "",
         *table(plan),
         "",

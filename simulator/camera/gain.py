@@ -22,6 +22,7 @@ __all__ = [
     "excess_noise_factor2",
     "gain_variance",
     "multiply",
+    "noise_factor2",
     "pixel_keys",
     "stage_probability",
 ]
@@ -74,9 +75,13 @@ def excess_noise_factor2(gain: npt.ArrayLike, stages: int = 604) -> FloatArray:
     ``F^2 = Var(out) / (g^2 Var(in)) = 1 + (1 - 1/g) (1 - p) / (1 + p)``: 1 at gain 1, near 2 at high gain.
     Parameters and errors as `stage_probability`.
     """
-    g = _checked_gain(gain, stages)
-    p = _probability(g, stages)
-    return 1.0 + (g - 1.0) / g * (1.0 - p) / (1.0 + p)
+    return noise_factor2(_checked_gain(gain, stages), stages)
+
+
+def noise_factor2(gain: FloatArray, stages: int) -> FloatArray:
+    """`excess_noise_factor2` without checks."""
+    p = _probability(gain, stages)
+    return 1.0 + (gain - 1.0) / gain * (1.0 - p) / (1.0 + p)
 
 
 def multiply(

@@ -14,7 +14,15 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["EXACT_TO", "MAX_LOOKUPS", "RegisterTable", "output_cumulants", "output_pmf", "register_table"]
+__all__ = [
+    "EXACT_TO",
+    "MAX_LOOKUPS",
+    "RegisterTable",
+    "generating_function",
+    "output_cumulants",
+    "output_pmf",
+    "register_table",
+]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -51,6 +59,14 @@ class RegisterTable:
     guide_start: npt.NDArray[np.int64]
     guide_size: npt.NDArray[np.int64]
     n_direct: int
+
+
+def generating_function(z: npt.NDArray[np.complex128], probability: float, stages: int) -> npt.NDArray[np.complex128]:
+    """Mean of ``z`` to the power of the output of one electron, for ``|z|`` at most 1."""
+    value = z.copy()
+    for _ in range(stages):
+        value *= 1.0 - probability + probability * value
+    return value
 
 
 def output_pmf(electrons: int, probability: float, stages: int, size: int) -> FloatArray:
@@ -123,7 +139,4 @@ def _entries(electrons: int, gain: float) -> int:
 
 
 def _transform(probability: float, stages: int, size: int) -> npt.NDArray[np.complex128]:
-    z = np.exp(-2j * np.pi * np.arange(size // 2 + 1) / size)
-    for _ in range(stages):
-        z *= 1.0 - probability + probability * z
-    return z
+    return generating_function(np.exp(-2j * np.pi * np.arange(size // 2 + 1) / size), probability, stages)

@@ -135,10 +135,16 @@ class ExtraLight(FrozenModel):
 
 
 class SkyConfig(FrozenModel):
-    """Light of the sky: ``uniform`` of solar colour, or ``zodiacal`` by place and date; and what stray light adds."""
+    """Light of the sky: ``uniform`` of solar colour, or ``zodiacal`` by place and date; and what stray light adds.
+
+    ``exozodi_zodis`` is the dust assumed around every target, in units of the solar system's, in a disc seen face-on:
+    22 mag/arcsec2 in V at 1 au of a solar twin, in proportion to the star's V light and ``r^-2``. Predictions count it
+    and confirmations show it; a scene of one's own has the discs that it names.
+    """
 
     model: Literal["uniform", "zodiacal"]
     brightness_v_mag_arcsec2: Brightness
+    exozodi_zodis: Annotated[float, Field(ge=0, le=1e5)]
     earthshine: ExtraLight
     stray_light: ExtraLight
 

@@ -25,7 +25,7 @@ from simulator.effects.tracks import REACH_SIGMA, PhysicalModel, Points, Tracks,
 from simulator.imaging.map_files import FileMap, header_number, read_maps
 from simulator.rng import stream
 
-__all__ = ["TemplateModel", "TemplateSet", "generated_templates", "read_templates"]
+__all__ = ["TemplateModel", "TemplateSet", "generated_projection_um", "generated_templates", "read_templates"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -177,14 +177,25 @@ def _template_set(images: list[FloatArray], pixel_um: float) -> TemplateSet:
                        np.array(radii), np.array(extents), pixel_um)  # fmt: skip
 
 
+def _generated(config: TemplateTracks, physical: PhysicalTracks) -> tuple[PhysicalModel, Tracks, np.random.Generator]:
+    """Model and shapes of the set, and the random numbers that go on with it."""
+    model = PhysicalModel(physical, config.sample_um)
+    rng = stream(config.generated_seed, "cosmic-ray templates")
+    return model, model.tracks(config.generated_tracks, rng), rng
+
+
+def generated_projection_um(config: TemplateTracks, physical: PhysicalTracks) -> float:
+    """Mean length, projected on the detector, of the tracks that `generated_templates` draws."""
+    _, tracks, _ = _generated(config, physical)
+    return float(tracks.projected_um.mean())
+
+
 @functools.lru_cache(maxsize=8)
 def generated_templates(config: TemplateTracks, physical: PhysicalTracks) -> TemplateSet:
     """Make the set that stands in for a file: tracks of the physical model, sampled finely; always the same."""
     from simulator.effects.raster import Canvas
 
-    model = PhysicalModel(physical, config.sample_um)
-    rng = stream(config.generated_seed, "cosmic-ray templates")
-    tracks = model.tracks(config.generated_tracks, rng)
+    model, tracks, rng = _generated(config, physical)
     charge = model.charges(tracks, rng)
     azimuth = 2.0 * np.pi * rng.random(config.generated_tracks)
     images = []

@@ -90,6 +90,19 @@ def test_the_sky_is_named_as_it_is():
     assert found["position-dependent zodiacal light"].decision == "kept"
 
 
+def test_dust_around_the_star_is_in_scenes_or_said_to_be_missing():
+    effect, disc = "exozodiacal light", {"kind": "disc", "inner_arcsec": 0.3, "outer_arcsec": 0.5, "contrast": 1e-6}
+    assert rows()[effect] == EffectRow(effect, "skipped", "sky.exozodi_zodis is 0")
+    assert f"{effect}: sky.exozodi_zodis is 0" in not_modelled(load_instrument())
+    dusty = {"sky": {"exozodi_zodis": 3}}
+    assert rows(dusty, scene={"extended": [disc]})[effect].decision == "kept"
+    row = rows(dusty)[effect]
+    assert row.decision == "skipped"
+    assert "predictions count 3 zodis" in row.reason
+    # a planner puts the disc into its own scenes
+    assert not any(text.startswith(effect) for text in not_modelled(load_instrument(dusty)))
+
+
 def test_earthshine_and_stray_light_are_named_with_their_size():
     config = load_instrument(
         {"sky": {"earthshine": {"brightness_v_mag_arcsec2": 22.5}, "stray_light": {"rate_e_s": 0.5}}}

@@ -9,13 +9,18 @@ import pytest
 
 from cpic_planner.models import (
     BandConfirmation,
+    BandStanding,
     ConfirmedTarget,
     EtcResult,
     EtcRow,
+    Explanation,
     PlanResult,
+    PopulationRecord,
     RankedTarget,
     RankResult,
     ReferencePlanetRecord,
+    SensitivityResult,
+    SensitivityRow,
 )
 from cpic_planner.report.figures import HoleEdges, LimitCurve
 from cpic_planner.report.panels import Panels
@@ -74,8 +79,10 @@ def _ranked(index: int) -> RankedTarget:
     if index == len(STARS) - 1:
         status, reason, margin, possible = "saturated", "pixel_full_well", 0.0, False
     exposure, frames = 30.0 + 5 * index, 120 + index
+    share = max(0.08 - 0.012 * index, 0.0)
     return RankedTarget(
         rank=index + 1,
+        score=share / 10.0,
         name=name,
         hip=hip,
         v_mag=v_mag,
@@ -92,6 +99,16 @@ def _ranked(index: int) -> RankedTarget:
         detection_margin=margin,
         status=status,
         reason=reason,
+        contrast_limit=contrast / margin if margin > 0 else None,
+        deepest_limit=0.8 * contrast / margin if margin > 0 else None,
+        deepest_separation_arcsec=0.7,
+        detection_time_s=3600.0 / margin if margin > 0.8 else None,
+        completeness=share,
+        completeness_error=(share * (1 - share) / 4000) ** 0.5,
+        completeness_band="F520",
+        completeness_time_s=36000.0 if possible else None,
+        completeness_per_hour=share / 10.0,
+        expected_detections=0.21 * share,
         exposure_s=exposure if possible else None,
         n_frames=frames if possible else None,
         em_gain=35.0 if possible else None,
@@ -119,6 +136,10 @@ def rank() -> RankResult:
         sigma=5.0,
         reference_library="same_star_planet_free",
         reference_planet=_planet(),
+        population=PopulationRecord(
+            name="giants", description="Giant planets", n_planets=4000, seed=1, planets_per_star=0.21
+        ),
+        score_name="completeness_per_hour",
         counts={key: keys.count(key) for key in sorted(set(keys))},
         targets=rows,
     )
@@ -280,6 +301,120 @@ def holes() -> list[HoleEdges]:
 
 
 @pytest.fixture(scope="session")
+def sensitivity(rank: RankResult) -> SensitivityResult:
+    names = [row.name for row in rank.targets]
+    rows = [
+        SensitivityRow(
+            assumption="drift_x2",
+            text="wavefront drift twice as large",
+            kendall_tau=0.42,
+            kept=14,
+            n_ok=3,
+            largest_fall=names[3],
+            largest_fall_ranks=6,
+            best=names[1],
+        ),
+        SensitivityRow(
+            assumption="t_opt_0.46",
+            text="optical throughput 0.46",
+            kendall_tau=0.91,
+            kept=19,
+            n_ok=9,
+            largest_fall=HOSTILE,
+            largest_fall_ranks=2,
+            best=names[0],
+        ),
+        SensitivityRow(
+            assumption="same",
+            text="the same again",
+            kendall_tau=None,
+            kept=20,
+            n_ok=7,
+            largest_fall="",
+            largest_fall_ranks=0,
+            best=names[0],
+        ),
+    ]
+    return SensitivityResult(
+        config_hash="abc",
+        top=20,
+        score_name="completeness_per_hour",
+        n_ok=7,
+        rows=rows,
+        decides=["drift_x2"],
+        statement="Wavefront drift decides the order of the first 20.",
+    )
+
+
+@pytest.fixture(scope="session")
+def explanation(rank: RankResult) -> Explanation:
+    better, star, worse = rank.targets[:3]
+    common = {
+        "separation_arcsec": 0.5,
+        "contrast": 1e-8,
+        "threshold": 6.2,
+        "floor_margin": 2.0,
+        "in_zone": 0.3,
+        "observable": 0.2,
+    }
+    bands = [
+        BandStanding(
+            band=star.band,
+            status="ok",
+            reason="",
+            contrast_limit=7e-9,
+            snr=8.0,
+            significance=9.0,
+            detection_margin=1.45,
+            completeness=0.06,
+            time_s=7200.0,
+            exposure_s=20.0,
+            n_frames=150,
+            em_gain=390.0,
+            exposure_limited_by="",
+            gain_limited_by="adc_range",
+            gain_caps={"hole": 1000.0, "register_tail": 390.0, "frame": 0.0},
+            dominant="speckle",
+            budget={"speckle": 10.0, "planet": 3.0},
+            remedies={"half_the_drift": 1.31, "half_the_clock_charge": 1.0},
+            **common,
+        ),
+        BandStanding(
+            band="F850",
+            status="saturated",
+            reason="pixel_full_well",
+            contrast_limit=None,
+            snr=0.0,
+            significance=0.0,
+            detection_margin=0.0,
+            completeness=0.0,
+            time_s=None,
+            exposure_s=None,
+            n_frames=None,
+            em_gain=None,
+            exposure_limited_by="",
+            gain_limited_by="",
+            gain_caps={},
+            dominant="",
+            budget={},
+            remedies={},
+            **common,
+        ),
+    ]
+    return Explanation(
+        config_hash="abc",
+        n_ranked=20,
+        score_name="completeness_per_hour",
+        star=star,
+        better=better,
+        worse=worse,
+        bands=bands,
+        ranks={"drift_x2": 4},
+        sentences=["Two sentences. [bold]Brackets[/bold] stay."],
+    )
+
+
+@pytest.fixture(scope="session")
 def etc_answers() -> EtcResult:
     common = {"target": "* tau Cet", "question": "exposure_time", "unit": "s", "flags": ["companion_light_unknown"]}
     none = {
@@ -293,6 +428,13 @@ def etc_answers() -> EtcResult:
         "significance": None,
         "threshold": None,
         "core_throughput": None,
+        "snr_paper": None,
+        "level": 10.0,
+        "exposure_limited_by": "",
+        "gain_limited_by": "",
+        "gain_caps": {},
+        "dominant": "",
+        "remedies": {},
         "budget": {},
     }
     rows = [
@@ -313,7 +455,14 @@ def etc_answers() -> EtcResult:
             significance=11.2,
             threshold=5.6,
             core_throughput=0.2,
-            budget={"signal_e": 812.0},
+            snr_paper=10.4,
+            level=10.0,
+            exposure_limited_by="exposure_max",
+            gain_limited_by="register_full_well",
+            gain_caps={"hole": 1000.0, "register_tail": 30.0, "frame": 0.0},
+            dominant="speckle",
+            remedies={"half_the_drift": 1.31, "twice_the_time": 0.98, "half_the_read_noise": 1.001},
+            budget={"signal_e": 812.0, "speckle_e2": 4900.0, "planet_e2": 1600.0, "dark_e2": 93.0, "sky_e2": 0.1},
             **common,
         ),
         EtcRow(

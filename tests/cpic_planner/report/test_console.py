@@ -3,7 +3,9 @@ import io
 import pytest
 from rich.console import Console
 
-from cpic_planner.report.console import print_etc, print_plan, print_rank
+from cpic_planner.report.console import print_plan
+from cpic_planner.report.console_etc import best_row, print_etc
+from cpic_planner.report.console_rank import print_explanation, print_rank, print_sensitivity
 
 
 def shown(function, *arguments, width=100, **options):
@@ -13,8 +15,10 @@ def shown(function, *arguments, width=100, **options):
 
 
 @pytest.mark.parametrize("width", [40, 60, 100, 200])
-def test_tables_fit_any_width(rank, plan, etc_answers, width):
+def test_tables_fit_any_width(rank, plan, etc_answers, sensitivity, explanation, width):
     for text in (
+        shown(print_sensitivity, sensitivity, width=width),
+        shown(print_explanation, explanation, width=width),
         shown(print_rank, rank, width=width),
         shown(print_plan, plan, width=width),
         shown(print_etc, etc_answers, width=width),
@@ -26,8 +30,29 @@ def test_rank_at_100_columns_is_one_line_a_star(rank):
     text = shown(print_rank, rank, limit=20)
     lines = [line for line in text.splitlines() if line.strip()[:2].strip().isdigit() and "F" in line]
     assert len([line for line in lines if "F520" in line or "F662" in line]) == 20
-    for word in ("dist pc", "sep ″", "contrast", "margin", "status", "speckle floor", "▲ saturated", "α Cen B"):
+    for word in ("V mag", "dist pc", "compl/h", "compl %", "SNR", "margin", "status", "speckle floor", "▲ saturated"):
         assert word in text
+    for word in ("α Cen B", "Population (compl %): giants (Giant planets, 0.21 planets per star)", "per hour of it"):
+        assert word in " ".join(text.split())
+
+
+@pytest.mark.parametrize("width", [80, 100, 120, 160])
+def test_rank_keeps_what_matters_at_any_width(rank, width):
+    head = next(line for line in shown(print_rank, rank, width=width).splitlines() if "star" in line and "#" in line)
+    wanted = {80: "compl/h compl % margin status", 100: "V mag dist pc SNR", 120: "sep ″ contrast in", 160: "gain wall"}
+    for at, words in wanted.items():
+        if width >= at:
+            assert all(word in head for word in words.split()), (at, head)
+
+
+def test_the_score_is_not_shown_twice(rank):
+    by_margin = rank.model_copy(update={"score_name": "detection_margin"})
+    text = shown(print_rank, by_margin, width=160)
+    assert "by detection margin" in text
+    assert "compl/h" not in text
+    assert text.count(" margin") >= 1
+    by_limit = rank.model_copy(update={"score_name": "contrast_limit"})
+    assert "−log C" in shown(print_rank, by_limit, width=160)
 
 
 def test_rank_limit(rank):
@@ -37,7 +62,36 @@ def test_rank_limit(rank):
 
 
 def test_wide_terminals_show_settings(rank):
-    assert "frames × s" in shown(print_rank, rank, width=140)
+    assert "frames × s" in shown(print_rank, rank, width=160)
+
+
+def test_sensitivity(sensitivity):
+    text = shown(print_sensitivity, sensitivity)
+    assert "0.42  14/20" in text
+    assert "α Cen A −6" in text
+    assert "–  20/20" in text
+    assert "Wavefront drift decides the order of the first 20." in text
+    assert "wavefront drift twice as large" in text
+
+
+def test_explanation(explanation):
+    text = shown(print_explanation, explanation, width=120)
+    assert "τ Cet (HIP 8102): rank 2 of 20 by completeness per hour" in text
+    assert "Two sentences. [bold]Brackets[/bold] stay." in text
+    assert text.index("α Cen B") < text.index("ε Eri")
+    assert "F662: the EM gain is held by the converter's range." in text
+    assert "EM gain up to 390 keeps bright starlight" in text
+    assert "no EM gain leaves every pixel" in text
+    assert "×1.31 half the drift of the wavefront." in " ".join(text.split())
+    assert "Rank under other assumptions: 4 (drift x2)." in text
+    assert "speckles that the subtraction leaves" in shown(print_explanation, explanation, width=160)
+
+
+def test_the_first_and_the_last_star_have_one_neighbour(explanation):
+    alone = explanation.model_copy(update={"better": None, "worse": None, "ranks": {}})
+    text = shown(print_explanation, alone)
+    assert "Rank under other" not in text
+    assert "α Cen B" not in text
 
 
 def test_plan(plan):
@@ -49,10 +103,87 @@ def test_plan(plan):
 
 def test_etc(etc_answers):
     text = shown(print_etc, etc_answers)
-    assert "τ Cet (HIP 8102): V 3.50 mag, 3.650 pc; wall time for the SNR" in text
+    assert "τ Cet (HIP 8102): V 3.50 mag, 3.650 pc; wall time" in text
     assert "→ F520" in text
     assert "1.42 h" in text
     assert "limits the SNR to 7.1" in text
+    assert "wall time for SNR 10" in shown(print_etc, etc_answers, asked="wall time for SNR 10")
+
+
+def test_the_budget_adds_up_and_is_sorted(etc_answers):
+    lines = shown(print_etc, etc_answers).splitlines()
+    start = next(i for i, line in enumerate(lines) if line.startswith("Noise in F520 at 0.410″"))
+    assert "81.2 e- rms under a signal of 812 e-" in lines[start]
+    terms = [line.split("  ") for line in lines[start + 3 : start + 6]]
+    assert [term[0] for term in terms] == ["speckles that the subtraction leaves", "planet's own light", "dark current"]
+    shares = [float(line.split()[-2]) for line in lines[start + 3 : start + 6]]
+    assert shares == [74.3, 24.3, 1.4]
+    assert lines[start + 3].count("█") == 24
+    assert not any("sky" in line for line in lines)  # below one part in two thousand
+
+
+@pytest.mark.parametrize(("width", "cells"), [(120, 24), (80, 19), (62, 0)])
+def test_bars_take_the_room_there_is(etc_answers, width, cells):
+    lines = shown(print_etc, etc_answers, width=width).splitlines()
+    line = next(line for line in lines if line.startswith("speckles that"))
+    assert line.count("█") == cells
+    assert line.split()[-1 if cells == 0 else -2] == "74.3"
+    assert "planet's own light" in lines[lines.index(line) + 1]
+
+
+def test_what_binds_and_what_would_help(etc_answers):
+    text = " ".join(shown(print_etc, etc_answers, width=120).split())
+    assert "The exposure is held by the longest frame of the camera." in text
+    assert "The EM gain is held by the gain register's full well" in text
+    assert "What would raise the SNR: ×1.31 half the drift of the wavefront." in text
+    assert "More time in one visit would lower it" in text
+    assert "EM gain up to" not in text
+    explained = " ".join(shown(print_etc, etc_answers, width=120, explain=True).split())
+    for words in (
+        "In frames of 40.0 s:",
+        "EM gain up to 1000 keeps",
+        "EM gain up to 30.0 keeps bright",
+        "no EM gain leaves every pixel",
+    ):
+        assert words in explained
+
+
+def test_limits_have_their_column_where_there_is_room(etc_answers):
+    assert "t: longest, g: register" in shown(print_etc, etc_answers, width=160)
+    assert "held by " not in shown(print_etc, etc_answers, width=80).splitlines()[1]
+
+
+def test_every_budget_on_request(etc_answers):
+    twin = etc_answers.answers[0].model_copy(update={"band": "F720", "value": 6000.0})
+    two = etc_answers.model_copy(update={"answers": [*etc_answers.answers, twin]})
+    assert shown(print_etc, two).count("Noise in") == 1
+    assert shown(print_etc, two, every_budget=True).count("Noise in") == 2
+
+
+def test_nothing_reached_has_no_budget(etc_answers):
+    none = etc_answers.model_copy(update={"answers": etc_answers.answers[1:], "best_band": None})
+    text = shown(print_etc, none)
+    assert "Noise in" not in text
+    assert "→" not in text
+
+
+def test_one_row_is_marked_among_several_separations(etc_answers):
+    first = etc_answers.answers[0]
+    slow = first.model_copy(update={"value": 9000.0, "separation_arcsec": 0.6})
+    two = etc_answers.model_copy(update={"answers": [slow, first]})
+    assert best_row(two) is first
+    assert shown(print_etc, two).count("→") == 1
+    snrs = [row.model_copy(update={"question": "signal_to_noise", "significance": s, "threshold": t})
+            for row, s, t in ((first, 20.0, 10.0), (slow, 18.0, 6.0))]  # fmt: skip
+    assert best_row(etc_answers.model_copy(update={"answers": snrs})) is snrs[1]
+
+
+def test_flags_are_words(etc_answers):
+    text = " ".join(shown(print_etc, etc_answers).split())
+    assert (
+        "! a close companion is known but cannot be placed: its light is not included (companion_light_unknown)."
+        in text
+    )
 
 
 def test_names_are_not_markup(rank):
@@ -60,12 +191,15 @@ def test_names_are_not_markup(rank):
     assert "[bold]x[/bold]" in shown(print_rank, rank.model_copy(update={"targets": [odd]}))
 
 
-def test_terminals_without_unicode_get_question_marks_not_errors(rank, plan, etc_answers):
+def test_terminals_without_unicode_get_question_marks_not_errors(rank, plan, etc_answers, sensitivity, explanation):
     raw = io.BytesIO()
     stream = io.TextIOWrapper(raw, encoding="ascii")
     console = Console(file=stream, width=100, highlight=False)
     print_rank(rank, console)
     print_plan(plan, console)
     print_etc(etc_answers, console)
+    print_sensitivity(sensitivity, console)
+    print_explanation(explanation, console)
     stream.flush()
     assert b"margin" in raw.getvalue()
+    assert b"########################" in raw.getvalue()

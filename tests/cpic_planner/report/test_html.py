@@ -42,8 +42,8 @@ def read(page):
 
 
 @pytest.fixture(scope="module")
-def page(plan, rank, panels, limits, holes):
-    return plan_html(plan, rank, panels=panels, limits=limits, holes=holes)
+def page(plan, rank, panels, limits, holes, sensitivity):
+    return plan_html(plan, rank, panels=panels, limits=limits, holes=holes, sensitivity=sensitivity)
 
 
 @pytest.fixture(scope="module")
@@ -128,6 +128,46 @@ def test_content(words):
         "temperature, gravity or metallicity clamped",
     ):
         assert text in words, text
+
+
+def test_page_one_says_what_the_ranking_depends_on(words, page):
+    assert page.index('id="sensitivity"') < page.index('id="figures"')
+    assert "Wavefront drift decides the order of the first 20." in words
+    assert re.search(r"wavefront drift twice as large 0\.42 ○ decides 14 3 α Cen A, 6 τ Cet", words)
+    assert re.search(r"optical throughput 0\.46 0\.91 19 9 <script>alert\('x'\)</script>, 2 α Cen B", words)
+    assert "the same again – 20 7 – α Cen B" in words
+
+
+def test_a_report_without_sensitivity_has_no_empty_section(plan, rank):
+    page = render_plan(plan, rank, {}, {})
+    assert 'id="sensitivity"' not in page
+    assert 'href="#sensitivity"' not in page
+
+
+def test_completeness_and_its_population(words):
+    assert "giants (Giant planets, 0.21 planets per star), 4 000 drawn with seed 1" in words
+    assert "by completeness per hour: fraction of the population that one observation detects" in words
+    assert re.search(r"α Cen B HIP 71681 1\.33 K1V 1\.255 0\.00800 8\.00 ± 0\.4 F520 F520", words)
+    assert "Completeness 6.80 % in F520 Predicted margin 5.69 in F662" in words
+    for word in ("completeness", "score", "Kendall tau", "speckle floor"):
+        assert f" {word} " in words
+
+
+@pytest.mark.parametrize(
+    ("score", "text"),
+    [
+        (
+            "completeness_per_hour",
+            "ranked by the fraction of the population giants that one observation detects per hour",
+        ),
+        ("completeness", "ranked by the fraction of the population giants that one observation detects, in at"),
+        ("detection_margin", "ranked by how clearly a reference planet is detected"),
+        ("detection_time", "ranked by how soon a reference planet is detected"),
+        ("contrast_limit", "ranked by the faintest contrast that is detected"),
+    ],
+)
+def test_the_summary_names_the_score(plan, rank, score, text):
+    assert text in summary_sentences(plan, rank.model_copy(update={"score_name": score}))[0]
 
 
 def test_status_badges_have_words_and_symbols(words):

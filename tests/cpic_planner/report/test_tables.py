@@ -20,6 +20,7 @@ def test_units_agree_with_the_suffixes_of_the_names():
         "_lsun": "solLum",
         "_mag": "mag",
         "_deg": "deg",
+        "_per_hour": "1/h",
     }
     for name, unit in COLUMN_UNITS.items():
         expected = next((value for suffix, value in suffixes.items() if name.endswith(suffix)), "")
@@ -55,6 +56,9 @@ def test_ecsv_round_trip_with_units_descriptions_and_masks(rank):
     assert table["hip"].mask.tolist() == [row.hip is None for row in rank.targets]
     assert table.meta["wall_time_s"] == rank.time_s
     assert table.meta["reference_planet"]["albedo"] == "jupiter"
+    assert table.meta["score_name"] == "completeness_per_hour"
+    assert table.meta["population"]["n_planets"] == 4000
+    assert table["detection_time_s"].mask.tolist() == [row.detection_time_s is None for row in rank.targets]
 
 
 @pytest.mark.parametrize("writer", [ranking_csv, ranking_ecsv])

@@ -6,13 +6,21 @@ import numpy as np
 import pytest
 
 from cpic_planner.engine import single_threaded_blas
+from cpic_planner.etc.exozodi import exozodi_disc
 from cpic_planner.etc.model import build_model
-from cpic_planner.etc.planet import ReferencePlanet
+from cpic_planner.etc.planet import ReferencePlanet, reference_distance_au
 from cpic_planner.etc.rates import speckle_fraction
 from cpic_planner.targets import find_target
 from cpic_planner.validation.apertures import sample_scatter
 from cpic_planner.validation.calibration import calibrate, snr_scatter
-from cpic_planner.validation.confirm import ConfirmTask, confirm_task, decode_arrays, encode_arrays, prepare_task
+from cpic_planner.validation.confirm import (
+    ConfirmTask,
+    confirm_task,
+    decode_arrays,
+    encode_arrays,
+    prepare_task,
+    target_scene,
+)
 from cpic_planner.validation.rdi import rdi_subtract
 from simulator import load_instrument, observe
 
@@ -132,3 +140,17 @@ def test_arrays_survive_the_part_file():
     back = decode_arrays(encode_arrays(arrays))
     for name, array in arrays.items():
         np.testing.assert_array_equal(back[name], array)
+
+
+def test_dust_of_the_instrument_is_in_science_and_reference():
+    target, _ = find_target("tau Cet")
+    planet = ReferencePlanet()
+    distance = float(reference_distance_au(target, np.array([0.6]), planet)[0, 0])
+    plain = target_scene(target, planet, 0.6, distance)
+    dusty = target_scene(target, planet, 0.6, distance, exozodi_zodis=7.0)
+    assert plain.extended == ()
+    assert dusty.extended == dusty.without_planets().extended == (exozodi_disc(7.0),)
+    for zodis in (0.0, 7.0):
+        model = build_model(load_instrument({"sky": {"exozodi_zodis": zodis}}), ["F662"])
+        task = prepare_task(model, target, "F662", time_s=1800.0, planet=planet, seed=1, fidelity="quick")
+        assert [disc["contrast"] for disc in task.scene["extended"]] == ([exozodi_disc(7.0).contrast] if zodis else [])

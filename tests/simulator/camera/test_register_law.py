@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from simulator.camera import gain_variance, stage_probability
-from simulator.camera.register_law import MAX_ENTRIES, output_cumulants, output_pmf, register_table
+from simulator.camera.register_law import MAX_ENTRIES, generating_function, output_cumulants, output_pmf, register_table
 
 
 @pytest.mark.parametrize("stages", [16, 100, 604])
@@ -51,3 +51,12 @@ def test_the_guide_never_starts_beyond_the_answer():
         for u in np.linspace(0, 1, 1001)[:-1]:
             step = table.guide[table.guide_start[n] + int(u * table.guide_size[n])]
             assert step <= np.searchsorted(function, u, side="right")
+
+
+def test_generating_function_is_the_mean_power_of_the_output():
+    p = float(stage_probability(20.0, 604))
+    law = output_pmf(1, p, 604, 4096)
+    z = np.array([0.9 + 0.1j, 0.99j, -0.5, 1.0])
+    expected = (law * z[:, None] ** np.arange(law.size)).sum(axis=1)
+    assert generating_function(z, p, 604) == pytest.approx(expected, abs=1e-12)
+    assert z[0] == 0.9 + 0.1j  # the argument is left alone

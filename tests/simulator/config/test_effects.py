@@ -9,6 +9,8 @@ def test_defaults():
     assert instrument.cosmic_rays.model == "physical"
     assert instrument.sky.model == "uniform"
     assert instrument.sky.brightness_v_mag_arcsec2 == 21.0
+    assert instrument.sky.exozodi_zodis == 0.0
+    assert instrument.provenance["sky.exozodi_zodis"].confidence == "A"
     assert instrument.sky.earthshine.map_of("F520") is None
     assert instrument.cosmic_rays.paper.depth_um == 100.0
     assert instrument.cosmic_rays.paper.mean_charge_e == 2700.0
@@ -31,6 +33,8 @@ def test_defaults():
         ({"cosmic_rays": {"rate": 1}}, ("cosmic_rays.rate", "known keys")),
         ({"sky": {"model": "cloudy"}}, ("sky.model", "zodiacal")),
         ({"sky": {"brightness_v_mag_arcsec2": 50}}, ("sky.brightness_v_mag_arcsec2 = 50 mag/arcsec2", "0 to 40")),
+        ({"sky": {"exozodi_zodis": -1}}, ("sky.exozodi_zodis = -1", "0 to 100000")),
+        ({"sky": {"exozodi_zodis": float("inf")}}, ("sky.exozodi_zodis",)),
         ({"sky": {"earthshine": {"rate_e_s": -1}}}, ("sky.earthshine.rate_e_s = -1 e-/s",)),
         ({"sky": {"stray_light": {"rate_e_s": 1, "map_file": "a.fits"}}}, ("map_file", "given with rate_e_s")),
         ({"sky": {"stray_light": {"map_file": 3}}}, ("sky.stray_light.map_file",)),
@@ -48,3 +52,4 @@ def test_hash_sees_both_sections():
     default = load_instrument().content_hash
     assert load_instrument({"cosmic_rays": {"model": "paper"}}).content_hash != default
     assert load_instrument({"sky": {"earthshine": {"rate_e_s": 0.1}}}).content_hash != default
+    assert load_instrument({"sky": {"exozodi_zodis": 3}}).content_hash != default

@@ -1,0 +1,27 @@
+"""The public functions of the planner, by star names and plain numbers."""
+
+from __future__ import annotations
+
+from cpic_planner.api.answers import (
+    contrast_limit,
+    explain_rank,
+    exposure_time,
+    optimise,
+    rank_sensitivity,
+    rank_targets,
+    signal_to_noise,
+)
+from cpic_planner.api.runs import confirm_targets, make_plan, simulate_products
+
+__all__ = [
+    "confirm_targets",
+    "contrast_limit",
+    "explain_rank",
+    "exposure_time",
+    "make_plan",
+    "optimise",
+    "rank_sensitivity",
+    "rank_targets",
+    "signal_to_noise",
+    "simulate_products",
+]

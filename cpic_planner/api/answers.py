@@ -1,0 +1,310 @@
+"""Questions to the exposure-time calculator, the optimiser and the ranking, by star names and plain numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cpic_planner.api.inputs import InstrumentSource, OnOff, StrategySource, model_of, stars_named
+from cpic_planner.etc import questions
+from cpic_planner.etc.answer import EtcAnswer
+from cpic_planner.etc.planet import ReferencePlanet
+from cpic_planner.models import Explanation, RankResult, ScoreName, SensitivityResult
+from cpic_planner.population_config import PopulationSource
+from cpic_planner.targets import as_catalogue, find_target, rank_sample, sample_text
+from simulator.config.base import validate
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = [
+    "contrast_limit",
+    "explain_rank",
+    "exposure_time",
+    "optimise",
+    "rank_sensitivity",
+    "rank_targets",
+    "signal_to_noise",
+]
+
+
+def _ask(
+    question: Callable[..., list[EtcAnswer]],
+    target: str | Sequence[str],
+    bands: Sequence[str] | None,
+    companions: OnOff,
+    catalog: str | Path,
+    instrument: InstrumentSource,
+    strategy: StrategySource,
+    **asked: Any,
+) -> list[EtcAnswer]:
+    """Put one question for every named star."""
+    model = model_of(instrument, bands, strategy)
+    if isinstance(asked.get("planet"), Mapping):
+        asked["planet"] = validate(ReferencePlanet, asked["planet"], where="planet")
+    return [answer for star in stars_named(target, companions, catalog) for answer in question(model, star, **asked)]
+
+
+def signal_to_noise(
+    target: str | Sequence[str],
+    *,
+    time_s: float,
+    separation_arcsec: float | Sequence[float],
+    bands: Sequence[str] | None = None,
+    companions: OnOff = "on",
+    catalog: str | Path = "snapshot",
+    instrument: InstrumentSource = None,
+    strategy: StrategySource = None,
+    **planet_and_frame: Any,
+) -> list[EtcAnswer]:
+    """SNR of a planet in a given wall time.
+
+    Parameters
+    ----------
+    target : str or sequence of str
+        Star name(s).
+    time_s : float
+        Wall time of one visit, overheads and reference frames included.
+    separation_arcsec : float or sequence of float
+        Projected separation, on the diagonal of a quadrant.
+    bands : sequence of str, optional
+        All visible bands by default.
+    companions : {"on", "off"}
+        Whether the light of known stellar companions counts.
+    catalog : str or Path
+        Star table: ``"snapshot"``, ``"latest"`` (see ``cpic catalog refresh``) or a CSV, ECSV, VOTable or FITS file.
+    instrument : Instrument, mapping, str or Path, optional
+        What `simulator.load_instrument` reads.
+    strategy : Strategy or mapping, optional
+        How the observation is made and reduced: reference library, its size, analogue or photon counting ... (see
+        `cpic_planner.etc.model.Strategy`).
+    **planet_and_frame
+        ``planet`` (a `ReferencePlanet`) or ``contrast``; ``exposure_s`` and ``em_gain`` to fix them. As
+        `cpic_planner.etc.questions.signal_to_noise`.
+
+    Returns
+    -------
+    list of EtcAnswer
+        Targets in the given order, bands by wavelength within each.
+
+    Raises
+    ------
+    InputError
+        For an unknown star, band or a value out of range.
+
+    Examples
+    --------
+    >>> from cpic_planner import signal_to_noise
+    >>> answer = signal_to_noise("tau Cet", time_s=36000, separation_arcsec=0.5, bands=["F520"])[0]
+    >>> answer.status.value
+    'ok'
+    """
+    asked = {"time_s": time_s, "separation_arcsec": separation_arcsec} | planet_and_frame
+    return _ask(questions.signal_to_noise, target, bands, companions, catalog, instrument, strategy, **asked)
+
+
+def exposure_time(
+    target: str | Sequence[str],
+    *,
+    snr: float | None = None,
+    separation_arcsec: float | Sequence[float],
+    bands: Sequence[str] | None = None,
+    companions: OnOff = "on",
+    catalog: str | Path = "snapshot",
+    instrument: InstrumentSource = None,
+    strategy: StrategySource = None,
+    **planet_and_frame: Any,
+) -> list[EtcAnswer]:
+    """Least wall time of one visit that reaches an SNR; parameters, returns and errors as `signal_to_noise`.
+
+    Instead of ``snr`` a plain significance (``sigma``) or a detection (``detect=True``) can be asked for.
+    """
+    asked = {"snr": snr, "separation_arcsec": separation_arcsec} | planet_and_frame
+    return _ask(questions.exposure_time, target, bands, companions, catalog, instrument, strategy, **asked)
+
+
+def contrast_limit(
+    target: str | Sequence[str],
+    *,
+    time_s: float,
+    separation_arcsec: float | Sequence[float],
+    bands: Sequence[str] | None = None,
+    sigma: float | None = None,
+    companions: OnOff = "on",
+    catalog: str | Path = "snapshot",
+    instrument: InstrumentSource = None,
+    strategy: StrategySource = None,
+    **frame: Any,
+) -> list[EtcAnswer]:
+    """Faintest contrast detected in a given wall time; parameters, returns and errors as `signal_to_noise`.
+
+    ``sigma`` asks for a plain significance instead of the small-sample threshold, ``snr`` for a photometric SNR.
+    """
+    asked = {"time_s": time_s, "separation_arcsec": separation_arcsec, "sigma": sigma} | frame
+    return _ask(questions.contrast_limit, target, bands, companions, catalog, instrument, strategy, **asked)
+
+
+def optimise(
+    target: str | Sequence[str],
+    *,
+    time_s: float | None = None,
+    snr: float | None = None,
+    detect: bool = False,
+    separation_arcsec: float | None = None,
+    bands: Sequence[str] | None = None,
+    planet: ReferencePlanet | None = None,
+    companions: OnOff = "on",
+    catalog: str | Path = "snapshot",
+    instrument: InstrumentSource = None,
+    strategy: StrategySource = None,
+) -> pd.DataFrame:
+    """Best band, separation, exposure, number of frames and EM gain per target.
+
+    Parameters
+    ----------
+    target : str or sequence of str
+    time_s : float, optional
+        Wall time: the clearest detection within it; 36000 if no goal is given.
+    snr : float, optional
+        Photometric SNR to reach in the least time.
+    detect : bool
+        A detection to reach in the least time.
+    separation_arcsec : float, optional
+        Projected separation of the planet, instead of the best one.
+    bands, planet, companions, catalog, instrument, strategy
+        As `signal_to_noise`.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row per target; columns of `cpic_planner.optimiser.Best`, units in their names.
+
+    Raises
+    ------
+    InputError
+        For an unknown star or band, a value out of range, or more than one goal.
+    """
+    import pandas as pd
+
+    from cpic_planner.optimiser import optimise as best_of
+
+    if time_s is None and snr is None and not detect:
+        time_s = 36000.0
+    model = model_of(instrument, bands, strategy)
+    rows = []
+    for star in stars_named(target, companions, catalog):
+        best = best_of(model, star, time_s=time_s, snr=snr, detect=detect, separation_arcsec=separation_arcsec,
+                       planet=planet)  # fmt: skip
+        rows.append(
+            {"name": str(star.name[0])} | {item.name: np.asarray(getattr(best, item.name))[0] for item in fields(best)}
+        )
+    return pd.DataFrame(rows)
+
+
+def rank_targets(
+    *,
+    time_s: float = 36000.0,
+    bands: Sequence[str] | None = None,
+    planet: ReferencePlanet | None = None,
+    population: PopulationSource = None,
+    n_planets: int | None = None,
+    seed: int = 1,
+    score: ScoreName | None = None,
+    companions: OnOff = "on",
+    catalog: str | Path = "snapshot",
+    instrument: InstrumentSource = None,
+    strategy: StrategySource = None,
+    v_mag_max: float | None = None,
+    dwarfs_only: bool = False,
+    singles_only: bool = False,
+) -> RankResult:
+    """Analytic ranking of the catalogue; see `cpic_planner.ranking.rank_targets` and `cpic_planner.load_targets`.
+
+    ``population`` (a preset name, YAML file or mapping), ``n_planets`` and ``seed`` say what completeness refers to,
+    ``score`` what the ranking is by.
+    """
+    from cpic_planner.ranking import rank_targets as rank
+
+    table = as_catalogue(catalog)
+    targets = rank_sample(
+        catalog=table, v_mag_max=v_mag_max, dwarfs_only=dwarfs_only, singles_only=singles_only, companions=companions
+    )
+    return rank(
+        model_of(instrument, bands, strategy),
+        targets,
+        time_s=time_s,
+        planet=planet,
+        sample=sample_text(table, v_mag_max, dwarfs_only, singles_only),
+        catalogue=table.provenance,
+        **_ranked_by(population, n_planets, seed, score),
+    )
+
+
+def rank_sensitivity(
+    *,
+    time_s: float = 36000.0,
+    bands: Sequence[str] | None = None,
+    planet: ReferencePlanet | None = None,
+    population: PopulationSource = None,
+    n_planets: int | None = None,
+    seed: int = 1,
+    score: ScoreName | None = None,
+    companions: OnOff = "on",
+    catalog: str | Path = "snapshot",
+    instrument: InstrumentSource = None,
+    strategy: StrategySource = None,
+    **cuts: Any,
+) -> SensitivityResult:
+    """How the ranking changes under other assumptions; arguments as `rank_targets`, see `cpic_planner.sensitivity`."""
+    from cpic_planner.sensitivity import sensitivity
+
+    targets = rank_sample(catalog=as_catalogue(catalog), companions=companions, **cuts)
+    return sensitivity(model_of(instrument, bands, strategy), targets, time_s=time_s, planet=planet,
+                       **_ranked_by(population, n_planets, seed, score))  # fmt: skip
+
+
+def explain_rank(
+    target: str,
+    *,
+    time_s: float = 36000.0,
+    bands: Sequence[str] | None = None,
+    planet: ReferencePlanet | None = None,
+    population: PopulationSource = None,
+    n_planets: int | None = None,
+    seed: int = 1,
+    score: ScoreName | None = None,
+    companions: OnOff = "on",
+    catalog: str | Path = "snapshot",
+    instrument: InstrumentSource = None,
+    strategy: StrategySource = None,
+    **cuts: Any,
+) -> Explanation:
+    """Why one star stands where it stands in the ranking; arguments as `rank_targets`.
+
+    Raises
+    ------
+    InputError
+        For an unknown star, or one that the cuts leave out.
+    """
+    from cpic_planner.explain import explain_star
+
+    table = as_catalogue(catalog)
+    targets = rank_sample(catalog=table, companions=companions, **cuts)
+    name = str(find_target(target, catalog=table)[0].name[0])
+    return explain_star(model_of(instrument, bands, strategy), targets, name, time_s=time_s, planet=planet,
+                        **_ranked_by(population, n_planets, seed, score))  # fmt: skip
+
+
+def _ranked_by(
+    population: PopulationSource, n_planets: int | None, seed: int, score: ScoreName | None
+) -> dict[str, Any]:
+    """Population and score of a ranking."""
+    from cpic_planner.population_config import load_population
+    from cpic_planner.ranking import DEFAULT_SCORE, N_PLANETS, PopulationChoice
+
+    chosen = PopulationChoice(load_population(population), N_PLANETS if n_planets is None else n_planets, seed)
+    return {"population": chosen, "score": score or DEFAULT_SCORE}

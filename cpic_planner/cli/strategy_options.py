@@ -1,0 +1,141 @@
+"""Options for how an observation is made and reduced, shared by the commands that predict."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from enum import StrEnum
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
+
+import typer
+
+from catalogs.errors import InputError
+from cpic_planner.cli.output import note
+from cpic_planner.etc.model import EtcModel, Strategy, build_model
+from simulator.config.base import validate
+
+if TYPE_CHECKING:
+    from simulator.config import Instrument
+
+__all__ = [
+    "CountingOption",
+    "CountingSigmaOption",
+    "ExozodiOption",
+    "LibraryChoice",
+    "LibraryOption",
+    "ReferenceRatioOption",
+    "ReferenceTeffOption",
+    "ReferenceVMagOption",
+    "RollOption",
+    "model_from",
+    "refuse_together",
+    "strategy_from",
+]
+
+
+class LibraryChoice(StrEnum):
+    """Reference library of the subtraction."""
+
+    SAME_STAR = "same_star_planet_free"
+    REFERENCE_STAR = "reference_star"
+    ROLL = "roll"
+    IDEALISED = "idealised"
+
+
+LibraryOption: TypeAlias = Annotated[
+    LibraryChoice, typer.Option("--library", help="Where the reference frames of the subtraction come from.")
+]
+ReferenceVMagOption: TypeAlias = Annotated[
+    float | None, typer.Option("--reference-v-mag", help="V magnitude of the star of --library reference_star.")
+]
+ReferenceTeffOption: TypeAlias = Annotated[
+    float | None, typer.Option("--reference-teff-k", help="Temperature of that star [default: 5772].")
+]
+ReferenceRatioOption: TypeAlias = Annotated[
+    float | None,
+    typer.Option("--reference-ratio", help="Reference frames per science frame, above 0 [default: 1]."),
+]
+RollOption: TypeAlias = Annotated[
+    float | None, typer.Option("--roll-deg", help="Angle between the two rolls of --library roll [default: 30].")
+]
+CountingOption: TypeAlias = Annotated[
+    bool, typer.Option("--photon-counting", help="Count photons instead of measuring charge (visible camera).")
+]
+CountingSigmaOption: TypeAlias = Annotated[
+    float | None,
+    typer.Option("--counting-sigma", help="Threshold of --photon-counting over the read noise [default: 5]."),
+]
+ExozodiOption: TypeAlias = Annotated[
+    float | None,
+    typer.Option("--exozodi", help="Dust around the star, in units of the solar system's [default: 0]."),
+]
+
+
+def refuse_together(options: dict[str, object], why: str) -> None:
+    """Refuse two options that contradict each other; ``None`` and ``False`` are not given."""
+    given = [name for name, value in options.items() if value is not None and value is not False]
+    if len(given) > 1:
+        raise InputError(given[0], f"given with {given[1]}", allowed="one of the two", hint=why)
+
+
+def strategy_from(
+    library: LibraryChoice,
+    *,
+    reference_v_mag: float | None = None,
+    reference_teff_k: float | None = None,
+    reference_ratio: float | None = None,
+    roll_deg: float | None = None,
+    photon_counting: bool = False,
+    counting_sigma: float | None = None,
+) -> Strategy:
+    """Strategy from options; those that have no meaning with the others are refused."""
+    for name, value, needs, there in (
+        ("--reference-v-mag", reference_v_mag, "--library reference_star", library is LibraryChoice.REFERENCE_STAR),
+        ("--reference-teff-k", reference_teff_k, "--library reference_star", library is LibraryChoice.REFERENCE_STAR),
+        ("--roll-deg", roll_deg, "--library roll", library is LibraryChoice.ROLL),
+        ("--counting-sigma", counting_sigma, "--photon-counting", photon_counting),
+    ):
+        if value is not None and not there:
+            raise InputError(name, value, allowed=f"together with {needs}")
+    tree: dict[str, Any] = {"library": library.value}
+    if library is LibraryChoice.REFERENCE_STAR:
+        if reference_v_mag is None:
+            raise InputError("--reference-v-mag", "missing", allowed="V magnitude of the reference star, -30 to 40 mag",
+                             hint="--library reference_star needs it")  # fmt: skip
+        tree["reference_star"] = {"v_mag": reference_v_mag} | _given(teff_k=reference_teff_k)
+    tree |= _given(reference_ratio=reference_ratio, roll_deg=roll_deg, counting_sigma=counting_sigma)
+    if photon_counting:
+        tree["mode"] = "photon_counting"
+    return validate(Strategy, tree, where="strategy")
+
+
+def model_from(
+    instrument: str | None, bands: Sequence[str] | None, strategy: Strategy, *, exozodi_zodis: float | None = None
+) -> EtcModel:
+    """Model from options; says on stderr when the optics of a band have to be measured first."""
+    from simulator.config import load_instrument
+
+    built = load_instrument(instrument)
+    if exozodi_zodis is not None:
+        built = built.changed({"sky": {"exozodi_zodis": exozodi_zodis}})
+    if strategy.mode == "photon_counting":
+        dark = [band for band in bands or () if band in built.bands and band not in built.visible_bands()]
+        if dark:
+            raise InputError("--photon-counting", f"given with --band {dark[0]}", allowed="visible bands",
+                             hint="the near-infrared camera has no gain register")  # fmt: skip
+    _announce(built, bands)
+    return build_model(built, bands, strategy)
+
+
+def _announce(instrument: Instrument, bands: Sequence[str] | None) -> None:
+    """Say that the first use of a near-infrared band takes a while."""
+    from simulator.cache import get_arrays
+    from simulator.imaging.store import metrics_key
+
+    for band in dict.fromkeys(bands or ()):
+        known = band in instrument.bands and band not in instrument.visible_bands()
+        if known and get_arrays(f"metrics-{metrics_key(instrument, band)}") is None:
+            note(f"measuring the optics of {band} once, about 10 s")
+
+
+def _given(**values: Any) -> dict[str, Any]:
+    return {name: value for name, value in values.items() if value is not None}

@@ -1,0 +1,139 @@
+"""Where the noise of an answer comes from, what binds its frames, and what would help."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cpic_planner.etc.camera import FrameCamera
+from cpic_planner.etc.cases import BandCases
+from cpic_planner.etc.frames import FrameChoice, FrameProblem
+from cpic_planner.etc.limits import gain_caps, largest_gain, longest_exposure_s
+from cpic_planner.etc.noise import StackNoise
+from cpic_planner.etc.rates import ApertureRates
+from cpic_planner.etc.speckles import speckle_law
+from simulator.outcome import Reason
+
+__all__ = ["Binding", "binding_limits", "largest_term", "remedies"]
+
+FloatArray = NDArray[np.float64]
+_EDGE = 1e-6
+EXPOSURE_MAX, EXPOSURE_MIN, EM_GAIN_MAX = "exposure_max", "exposure_min", "em_gain_max"
+
+
+@dataclass(frozen=True)
+class Binding:
+    """Which limit binds the exposure and the gain of one case, and the gains that spare more or less."""
+
+    exposure: str
+    gain: str
+    caps: dict[str, float]
+
+
+def binding_limits(problem: FrameProblem, rates: ApertureRates, choice: FrameChoice, index: tuple[int, ...]) -> Binding:
+    """Limits of one chosen setting.
+
+    Returns
+    -------
+    Binding
+        ``exposure``: ``exposure_max``, ``exposure_min``, a saturation reason (``pixel_full_well``,
+        ``register_full_well``, ``adc_range``), or empty: the optimum, what whole frames leave of the time, or what was
+        asked for.
+        ``gain``: ``em_gain_max``, ``register_full_well``, ``adc_range``, or empty.
+    """
+    camera = problem.camera
+    exposure, gain = float(choice.exposure_s[index]), float(choice.em_gain[index])
+    column, hole, tail = (float(getattr(problem, name)[index])
+                          for name in ("peak_columns_e_s", "peak_hole_e_s", "tail_e_s"))  # fmt: skip
+    fixed = problem.fixed_gain() or 1.0
+    saturating = float(longest_exposure_s(column, hole, tail, camera, fixed))
+    if camera.exposure_min_s == camera.exposure_max_s:
+        bound = ""
+    elif exposure >= saturating * (1.0 - _EDGE):
+        bound = _first_limit(column, hole, tail, camera, fixed)
+    elif exposure >= camera.exposure_max_s * (1.0 - _EDGE):
+        bound = EXPOSURE_MAX
+    elif exposure <= camera.exposure_min_s * (1.0 + _EDGE):
+        bound = EXPOSURE_MIN
+    else:
+        bound = ""
+    cap = float(largest_gain(hole, tail, exposure, camera))
+    gain_bound = ""
+    if camera.em_gain_max > 1.0 and gain >= cap * (1.0 - _EDGE):
+        gain_bound = EM_GAIN_MAX if cap >= camera.em_gain_max else _output_limit(hole, tail, exposure, camera)
+    frame = float(np.broadcast_to(rates.peak_frame_e_s, problem.signal_e_s.shape)[index])
+    return Binding(bound, gain_bound, gain_caps(hole, tail, frame, exposure, camera))
+
+
+def _first_limit(column: float, hole: float, tail: float, camera: FrameCamera, gain: float) -> str:
+    """Which of the saturation limits is met first."""
+    well = float(longest_exposure_s(column, hole, 0.0, _endless_output(camera), gain))
+    output = float(longest_exposure_s(column, hole, tail, camera, gain))
+    if well <= output * (1.0 + _EDGE):
+        return Reason.PIXEL_FULL_WELL.value
+    return _output_limit(hole, tail, output, camera)
+
+
+def _endless_output(camera: FrameCamera) -> FrameCamera:
+    """The camera with pixels that fill and an output that never does."""
+    return replace(camera, register_full_well_e=float("inf"), converter_e=float("inf"))
+
+
+def _output_limit(hole: float, tail: float, exposure_s: float, camera: FrameCamera) -> str:
+    """Whether register or converter binds at the output."""
+    converter_only = replace(camera, register_full_well_e=float("inf"), em_gain_max=float("inf"))
+    register_only = replace(camera, converter_e=float("inf"), em_gain_max=float("inf"))
+    by_converter = float(largest_gain(hole, tail, exposure_s, converter_only))
+    by_register = float(largest_gain(hole, tail, exposure_s, register_only))
+    return Reason.ADC_RANGE.value if by_converter < by_register else Reason.REGISTER_FULL_WELL.value
+
+
+def largest_term(noise: StackNoise, index: tuple[int, ...]) -> str:
+    """Name of the largest term of the variance; empty without frames."""
+    values = {name: float(np.broadcast_to(term, noise.snr.shape)[index]) for name, term in noise.terms.items()}
+    name = max(values, key=lambda key: values[key])
+    return name if values[name] > 0 else ""
+
+
+def remedies(cases: BandCases, choice: FrameChoice, noise: StackNoise) -> dict[str, FloatArray]:
+    """Factors by which the SNR of the chosen setting grows if one thing is changed.
+
+    Returns
+    -------
+    dict of str to ndarray
+        ``twice_the_time``: as many frames again in one visit. ``half_the_drift``: visit offset and walk.
+        ``half_the_read_noise``, ``half_the_clock_charge``, ``half_the_star_light`` (a darker hole, speckles in
+        proportion), ``four_times_the_reference`` (frames of the library; their time is not counted here).
+    """
+    model, band, rates = cases.model, cases.band, cases.rates
+    metrics, drift, strategy = model.metrics[band], model.instrument.drift, model.strategy
+    camera = model.camera(band)
+
+    def snr(changed: ApertureRates, cam: FrameCamera = camera, frames: FloatArray = choice.n_frames,
+            ratio: float = 1.0) -> FloatArray:  # fmt: skip
+        return cases.noise_of(changed, cam, choice.exposure_s, frames, choice.em_gain, ratio).snr
+
+    place = cases.planets.separation_arcsec[None, :]
+    width, ratio = strategy.annulus_lambda_d, strategy.reference_ratio
+    full = speckle_law(metrics, drift, place, width, ratio)
+    calm = speckle_law(metrics, drift.model_copy(update={"visit_nm": drift.visit_nm / 2.0,
+                       "walk_nm_per_sqrt_hour": drift.walk_nm_per_sqrt_hour / 2.0}), place,
+                       width, ratio)  # fmt: skip
+    star = rates.speckle
+    visit = choice.n_frames * (choice.exposure_s + camera.readout_s)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.where(full.variance(visit) > 0, calm.variance(visit) / full.variance(visit), 1.0)
+    darker = replace(rates, halo_e_s=rates.halo_e_s / 2.0, speckle=star.scaled(0.5),
+                     reference_light_e_s=rates.reference_light_e_s - rates.reference_halo_e_s / 2.0)  # fmt: skip
+    changed = {
+        "twice_the_time": snr(rates, frames=2.0 * choice.n_frames),
+        "half_the_drift": snr(replace(rates, speckle=star.scaled(share))),
+        "half_the_read_noise": snr(rates, replace(camera, read_noise_e=camera.read_noise_e / 2.0)),
+        "half_the_clock_charge": snr(rates, replace(camera, cic_e=camera.cic_e / 2.0)),
+        "half_the_star_light": snr(darker),
+        "four_times_the_reference": snr(rates, ratio=4.0),
+    }
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return {name: np.where(noise.snr > 0, value / noise.snr, 1.0) for name, value in changed.items()}

@@ -1,0 +1,200 @@
+"""Targets x planets of one band, ready for a question."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalogs.errors import InputError
+from cpic_planner.etc.camera import FrameCamera
+from cpic_planner.etc.frames import FrameChoice, FrameProblem
+from cpic_planner.etc.library import library_flags
+from cpic_planner.etc.model import EtcModel
+from cpic_planner.etc.noise import Objective, StackNoise, frame_problem, stack_noise
+from cpic_planner.etc.place import check_range, hole_notes, locate, stand, usable_range_arcsec
+from cpic_planner.etc.planet import ReferencePlanet, reference_contrast, reference_notes
+from cpic_planner.etc.rates import ApertureRates, aperture_rates
+from cpic_planner.etc.significance import threshold_array
+from cpic_planner.targets import Targets
+from simulator.outcome import Reason, Status
+
+__all__ = ["BandCases", "FrameWish", "Planets", "band_cases", "planets_of"]
+
+FloatArray = NDArray[np.float64]
+_FAINTEST, _ORDINARY = 1e-30, 1e-9
+
+
+@dataclass(frozen=True)
+class FrameWish:
+    """What the user fixes of the frames; the rest is optimised."""
+
+    exposure_s: float | None = None
+    em_gain: float | None = None
+
+
+@dataclass(frozen=True)
+class Planets:
+    """Planets of a question: projected separations, with a model each or a given contrast each."""
+
+    separation_arcsec: FloatArray
+    models: tuple[ReferencePlanet, ...]
+    contrast: FloatArray | None
+
+    def __len__(self) -> int:
+        return len(self.separation_arcsec)
+
+
+@dataclass(frozen=True)
+class BandCases:
+    """All stars and planets in one band; arrays ``(n_star, n_planet)`` or ``(n_planet,)``."""
+
+    model: EtcModel
+    targets: Targets
+    band: str
+    planets: Planets
+    places: tuple[tuple[Status, Reason, str], ...]
+    x_arcsec: FloatArray
+    y_arcsec: FloatArray
+    contrast: FloatArray
+    threshold: FloatArray
+    core: FloatArray
+    rates: ApertureRates
+    wish: FrameWish
+
+    @property
+    def usable(self) -> NDArray[np.bool_]:
+        """Cases whose aperture lies in the controlled zone."""
+        inside = np.array([place[0] is Status.OK for place in self.places])
+        return np.broadcast_to(inside, self.contrast.shape)
+
+    def problem(self, objective: Objective, contrast: FloatArray | None = None) -> FrameProblem:
+        """What the solver needs, for the cases' own contrasts or given ones."""
+        rates = self.rates if contrast is None else self.rates_at(contrast)
+        camera = self.model.camera(self.band)
+        if self.wish.exposure_s is not None:
+            camera = replace(camera, exposure_min_s=self.wish.exposure_s, exposure_max_s=self.wish.exposure_s)
+        strategy = self.model.strategy
+        return frame_problem(rates, camera, reference_ratio=strategy.reference_ratio, objective=objective,
+                             em_gain=self.wish.em_gain, mode=strategy.mode,
+                             counting_sigma=strategy.counting_sigma)  # fmt: skip
+
+    def rates_at(self, contrast: FloatArray) -> ApertureRates:
+        """The rates with other contrasts: only the planet's own light follows them."""
+        own = self.rates.peak_hole_e_s - self.rates.peak_planet_e_s
+        factor = contrast / np.maximum(self.contrast, _FAINTEST)
+        peak = self.rates.peak_planet_e_s * factor
+        return replace(self.rates, planet_e_s=self.rates.planet_e_s * factor, peak_planet_e_s=peak,
+                       peak_hole_e_s=own + peak)  # fmt: skip
+
+    def noise(self, choice: FrameChoice) -> StackNoise:
+        """Signal and noise of chosen frames."""
+        return self.noise_of(
+            self.rates, self.model.camera(self.band), choice.exposure_s, choice.n_frames, choice.em_gain
+        )
+
+    def noise_of(
+        self,
+        rates: ApertureRates,
+        camera: FrameCamera,
+        exposure_s: FloatArray,
+        n_frames: FloatArray,
+        em_gain: FloatArray,
+        ratio: float = 1.0,
+    ) -> StackNoise:
+        """The same for other rates, another camera, or ``ratio`` times the reference frames."""
+        strategy = self.model.strategy
+        return stack_noise(rates, exposure_s, n_frames, em_gain, camera,
+                           reference_ratio=ratio * strategy.reference_ratio, mode=strategy.mode,
+                           counting_sigma=strategy.counting_sigma)  # fmt: skip
+
+    def head(self, star: int, planet: int) -> dict[str, Any]:
+        """Fields of an answer that do not depend on the question."""
+        notes = [*self.targets.flags[star], *hole_notes(self.model, self.band), *library_flags(self.model)]
+        threshold = float(self.threshold[planet])
+        inside = self.places[planet][0] is Status.OK
+        return {
+            "target": str(self.targets.name[star]),
+            "band": self.band,
+            "separation_arcsec": float(self.planets.separation_arcsec[planet]),
+            "threshold": threshold if inside and np.isfinite(threshold) else None,
+            "core_throughput": float(self.core[planet]) if inside else None,
+            "flags": tuple(notes),
+        }
+
+    def planet_notes(self, star: int, planet: int) -> tuple[str, ...]:
+        """Flags of the planet's model."""
+        if self.planets.contrast is not None:
+            return ()
+        place = float(self.planets.separation_arcsec[planet])
+        body = self.planets.models[planet]
+        return reference_notes(self.model, self.targets.select([star]), self.band, place, body) if place > 0 else ()
+
+
+def planets_of(
+    separation_arcsec: float | Sequence[float],
+    planet: ReferencePlanet | Sequence[ReferencePlanet] | None = None,
+    contrast: float | Sequence[float] | None = None,
+) -> Planets:
+    """Planets from one value or a sequence of each; sequences have one length.
+
+    Raises
+    ------
+    InputError
+        For values out of range or lengths that differ.
+    """
+    places = np.atleast_1d(np.asarray(separation_arcsec, dtype=object))
+    bodies = list(planet) if isinstance(planet, Sequence) else [planet or ReferencePlanet()]
+    ratios = None if contrast is None else np.atleast_1d(np.asarray(contrast, dtype=object))
+    sizes = {len(places), len(bodies), 1 if ratios is None else len(ratios)} - {1}
+    if len(sizes) > 1 or 0 in sizes or places.ndim != 1:
+        raise InputError("separation_arcsec", len(places), allowed="as many as there are planets and contrasts, or one")
+    n = max(sizes, default=1)
+    where = np.array([check_range("separation_arcsec", value, 0.0, 120.0, "arcsec") for value in places])
+    given = None
+    if ratios is not None:
+        given = np.broadcast_to(np.array([check_range("contrast", value, 0.0, 1.0, "") for value in ratios]), n)
+    models = tuple(bodies * (n if len(bodies) == 1 else 1))
+    return Planets(np.broadcast_to(where, n), models, given)
+
+
+def band_cases(model: EtcModel, targets: Targets, band: str, planets: Planets, wish: FrameWish) -> BandCases:
+    """Rates and places of all stars and planets in one band."""
+    metrics, place = model.metrics[band], planets.separation_arcsec
+    places = tuple(locate(model, band, float(value)) for value in place)
+    inside = np.array([found[0] is Status.OK for found in places])
+    # What has no answer (a place outside the hole, no light) is carried along as something that can be solved.
+    x, y = stand(model, band, np.where(inside, place, np.mean(usable_range_arcsec(model.instrument, band))))
+    contrast = _contrasts(model, targets, band, planets)
+    light = np.where(inside, np.maximum(contrast, _FAINTEST), _ORDINARY)
+    rates = aperture_rates(model, targets, band, x[None, :], y[None, :], light)
+    return BandCases(
+        model=model,
+        targets=targets,
+        band=band,
+        planets=planets,
+        places=places,
+        x_arcsec=x,
+        y_arcsec=y,
+        contrast=contrast,
+        threshold=threshold_array(metrics.resolution_elements(place), model.strategy.sigma),
+        core=metrics.core_throughput(x, y),
+        rates=rates,
+        wish=wish,
+    )
+
+
+def _contrasts(model: EtcModel, targets: Targets, band: str, planets: Planets) -> FloatArray:
+    """Contrasts ``(n_star, n_planet)``; planets of one model are computed together."""
+    shape = (len(targets), len(planets))
+    if planets.contrast is not None:
+        return np.broadcast_to(planets.contrast, shape)
+    contrast = np.zeros(shape)
+    for body in dict.fromkeys(planets.models):
+        own = np.array([other == body for other in planets.models]) & (planets.separation_arcsec > 0)
+        if own.any():
+            contrast[:, own] = reference_contrast(model, targets, band, planets.separation_arcsec[own], body)
+    return contrast

@@ -1,0 +1,131 @@
+"""Dust around the star, like the zodiacal dust of the solar system: a face-on disc of scattered starlight."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from catalogs.errors import InputError
+from cpic_planner.etc.model import EtcModel
+from simulator.camera.checks import checked_array, checked_scalar
+from simulator.config.extended import DiscSource
+from simulator.imaging.metrics import PsfMetrics
+
+__all__ = ["aperture_exozodi", "exozodi_disc", "exozodi_fraction_arcsec2"]
+
+FloatArray = NDArray[np.float64]
+
+# Stark et al. 2014, ApJ 795, 122: one zodi is 22 mag/arcsec2 in V, face-on, at 1 au from a star of the Sun's light.
+ZODI_V_MAG_ARCSEC2 = 22.0
+SUN_ABSOLUTE_V_MAG = 4.83
+# Light over the star's per arcsec2 at 1 arcsec: 10^(-0.4 (22 - 4.83)) (d / 10 pc)^2 / (r / au)^2, and r / au is the
+# separation in arcsec times d / pc.
+ZODI_AT_ONE_ARCSEC = 10.0 ** (-0.4 * (ZODI_V_MAG_ARCSEC2 - SUN_ABSOLUTE_V_MAG)) / 100.0
+# Edges of the disc in images: inside lies what the mask blocks, and every hole ends before the outer edge.
+INNER_ARCSEC, OUTER_ARCSEC = 0.05, 2.0
+# Light that diffraction sends farther than this is lost: the disc is fainter there and gives less back.
+NEARBY_ARCSEC = 1.5
+
+
+def exozodi_fraction_arcsec2(separation_arcsec: ArrayLike, n_zodis: ArrayLike) -> FloatArray:
+    """Brightness of the dust in front of the instrument, over the light of the star.
+
+    Parameters
+    ----------
+    separation_arcsec : array_like
+        Separation from the star, above 0, arcsec.
+    n_zodis : array_like
+        Dust in units of the solar system's, at least 0; broadcasts.
+
+    Returns
+    -------
+    ndarray
+        Light per arcsec^2 over that of the star, the same in every band: ``1.355e-9 n / separation^2``.
+
+    Raises
+    ------
+    InputError
+        If a separation is not above 0, a number of zodis negative, or one of them not finite.
+
+    Notes
+    -----
+    One zodi is 22 mag/arcsec2 in V at 1 au from a solar twin (M_V 4.83; Stark et al. 2014, ApJ 795, 122), in proportion
+    to the V light of the star and to ``r^-2``, grey. Both the dust's light and the star's fall with the square of the
+    distance, and an arcsec spans more of the disc: in units of the star's light the brightness at a given separation is
+    the same around every star.
+    """
+    separation = checked_array("separation_arcsec", separation_arcsec, low=0.0, unit="arcsec", allowed="above 0")
+    if not (separation > 0).all():
+        raise InputError("separation_arcsec", 0.0, unit="arcsec", allowed="above 0")
+    zodis = checked_array("n_zodis", n_zodis, low=0.0, unit="zodis")
+    return ZODI_AT_ONE_ARCSEC * zodis / separation**2
+
+
+def exozodi_disc(n_zodis: float) -> DiscSource | None:
+    """Return the disc as a source of a scene, None where there is no dust.
+
+    Parameters
+    ----------
+    n_zodis : float
+        Dust in units of the solar system's, 0 to 1e5.
+
+    Returns
+    -------
+    DiscSource or None
+        Face-on, ``r^-2`` from 0.05 to 2 arcsec; its light is that of `exozodi_fraction_arcsec2` between these edges,
+        ``2 pi ln(2 / 0.05)`` times the brightness at 1 arcsec (3.1e-8 of the star per zodi).
+
+    Raises
+    ------
+    InputError
+        If the number is out of range.
+    """
+    zodis = checked_scalar("n_zodis", n_zodis, low=0.0, high=1e5, unit="zodis")
+    if zodis == 0.0:
+        return None
+    light = 2.0 * math.pi * math.log(OUTER_ARCSEC / INNER_ARCSEC) * ZODI_AT_ONE_ARCSEC * zodis
+    return DiscSource(name="exozodi", contrast=light, inner_arcsec=INNER_ARCSEC, outer_arcsec=OUTER_ARCSEC, slope=-2.0)
+
+
+def aperture_exozodi(model: EtcModel, band: str, x_arcsec: ArrayLike, y_arcsec: ArrayLike) -> FloatArray:
+    """Detected light of the dust in a photometric aperture, over the star's detected light on the clear disc.
+
+    Parameters
+    ----------
+    model : EtcModel
+        Its ``instrument.sky.exozodi_zodis`` says how much dust there is.
+    band : str
+    x_arcsec, y_arcsec : array_like
+        Centres of apertures on the detector relative to the star; broadcast.
+
+    Returns
+    -------
+    ndarray
+        At least 0: brightness times area of the aperture, times the energy that apodizer and diffraction leave within
+        1.5 arcsec of a source (95 to 97.5 % of what the apodizer passes; the disc gives little back for the rest),
+        times what the mask leaves of a source there. In the hole within 2.5 % of images of the disc. Nearer to the star
+        than an aperture's radius, the brightness is that at the radius.
+
+    Raises
+    ------
+    InputError
+        If a position is not finite.
+    """
+    zodis, metrics = model.instrument.sky.exozodi_zodis, model.metrics[band]
+    x, y = (checked_array(key, value, low=-np.inf, unit="arcsec", allowed="finite")
+            for key, value in (("x_arcsec", x_arcsec), ("y_arcsec", y_arcsec)))  # fmt: skip
+    separation = np.hypot(x, y)
+    if zodis == 0.0:
+        return np.zeros(separation.shape)
+    radius = metrics.aperture_radius_arcsec
+    behind = _energy_nearby(metrics) * metrics.core_throughput(x, y) / metrics.core_open
+    return exozodi_fraction_arcsec2(np.maximum(separation, radius), zodis) * math.pi * radius**2 * behind
+
+
+def _energy_nearby(metrics: PsfMetrics) -> float:
+    """Energy of a source within 1.5 arcsec of it, over that on the clear disc."""
+    pixel = np.arange(len(metrics.wing_profile))
+    far = pixel * metrics.pixel_scale_arcsec > NEARBY_ARCSEC
+    return metrics.apodizer_energy - 2.0 * math.pi * float(pixel[far] @ metrics.wing_profile[far])

@@ -1,0 +1,371 @@
+"""Exposure, whole number of frames and EM gain: the solver behind every answer.
+
+With ``N`` frames of ``t`` seconds in a visit of ``v = N (t + readout)`` seconds,
+
+    1 / SNR^2 = y(t) / N + z(v) = G(t) / v + z(v),    G(t) = y(t) (t + readout),
+
+where ``y`` is white noise over signal squared of one frame at its best gain and ``z`` the speckle residual, which only
+grows with the visit. So the best exposure is the one of least ``G``, whatever the visit; whole numbers of frames next
+to ``v / (t + readout)`` then follow exactly. Time for an SNR and SNR for a time are inverses of each other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cpic_planner.etc.camera import FrameCamera
+from cpic_planner.etc.counting_light import CountingLight
+from cpic_planner.etc.gain_choice import best_gain
+from cpic_planner.etc.limits import largest_gain, longest_exposure_s
+from cpic_planner.etc.searches import first_root, lowest
+from simulator.camera.gain import noise_factor2
+
+__all__ = ["PROBLEM_ARRAYS", "FrameChoice", "FrameProblem", "best_exposure_s", "best_in_visit", "least_time",
+           "smooth_in_visit", "smooth_least_visit_s", "solve_together"]  # fmt: skip
+
+FloatArray = NDArray[np.float64]
+_NEIGHBOURS = np.array([-1.0, 0.0, 1.0, 2.0])
+_MAX_FRAMES = 1e15
+_ROUNDING = 1e-12
+_STEP = 1e-4
+_ELASTICITY = 1e-4
+"""A visit ends where 1 % more time gives less than 5e-7 more SNR: at its very top the time would be arbitrary."""
+_NEWTON_STEPS = 60
+
+
+@dataclass(frozen=True)
+class FrameProblem:
+    """What decides the frames of any number of cases; arrays of one shape.
+
+    Attributes
+    ----------
+    alpha_e_s, beta_e, gamma_e2 : ndarray
+        Variance of one science frame with its share of the reference, ``F^2 (alpha t + beta) + gamma / g^2``.
+    signal_e_s : ndarray
+        Planet in the aperture.
+    z0, z1, z2 : ndarray
+        Speckle variance over signal squared, ``z0 + z1 v + z2 v^2``.
+    loss_per_s : ndarray
+        Rate of particles that void an aperture: a frame of ``t`` s counts with probability ``exp(-loss t)``.
+    peak_columns_e_s, peak_hole_e_s, tail_e_s : ndarray
+        Light that must not saturate; see `cpic_planner.etc.limits`.
+    camera : FrameCamera
+    em_gain : float, optional
+        Fixed gain.
+    counting : CountingLight, optional
+        Photons are counted at the largest gain instead of measured.
+    """
+
+    alpha_e_s: FloatArray
+    beta_e: FloatArray
+    gamma_e2: FloatArray
+    signal_e_s: FloatArray
+    z0: FloatArray
+    z1: FloatArray
+    z2: FloatArray
+    loss_per_s: FloatArray
+    peak_columns_e_s: FloatArray
+    peak_hole_e_s: FloatArray
+    tail_e_s: FloatArray
+    camera: FrameCamera
+    em_gain: float | None = None
+    counting: CountingLight | None = None
+
+    def at(self, mask: NDArray[np.bool_]) -> FrameProblem:
+        """The cases of a mask, as flat arrays."""
+        parts = {name: getattr(self, name)[mask] for name in PROBLEM_ARRAYS}
+        counting = None if self.counting is None else self.counting.at(mask)
+        return replace(self, **parts, counting=counting)
+
+    @classmethod
+    def stacked(cls, problems: Sequence[FrameProblem]) -> FrameProblem:
+        """Problems of one camera and one shape on a new first axis: solved together they cost little more than one."""
+        parts: dict[str, Any] = {
+            name: np.stack([getattr(problem, name) for problem in problems]) for name in PROBLEM_ARRAYS
+        }
+        first = problems[0]
+        counting = None
+        if first.counting is not None:
+            counting = CountingLight.stacked([problem.counting for problem in problems if problem.counting is not None])
+        return replace(first, **parts, counting=counting)
+
+    def fixed_gain(self) -> float | None:
+        """Gain that is not to be chosen; counting uses the largest one."""
+        return self.camera.em_gain_max if self.em_gain is None and self.counting is not None else self.em_gain
+
+    def longest_s(self) -> FloatArray:
+        """Longest exposure that saturates nothing and that the camera allows."""
+        limit = longest_exposure_s(self.peak_columns_e_s, self.peak_hole_e_s, self.tail_e_s, self.camera,
+                                   self.fixed_gain() or 1.0)  # fmt: skip
+        return np.minimum(limit, self.camera.exposure_max_s)
+
+    def frame_noise(self, exposure_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """White noise over signal squared of one frame, and the gain that makes it least."""
+        t, fixed = exposure_s, self.fixed_gain()
+        light = self.alpha_e_s * t + self.beta_e
+        if self.counting is not None:
+            variance, gain = self.counting.frame_variance(t), np.full(t.shape, fixed)
+        elif fixed is not None:
+            gain = np.full(t.shape, fixed)
+            stages = self.camera.register_stages
+            factor2 = noise_factor2(np.asarray(fixed, float), stages) if stages else 1.0
+            variance = factor2 * light + self.gamma_e2 / fixed**2
+        else:
+            cap = largest_gain(self.peak_hole_e_s, self.tail_e_s, t, self.camera)
+            camera = self.camera
+            gain, variance = best_gain(light, self.gamma_e2, cap, camera.em_gain_max, camera.register_stages)
+        with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
+            noise = variance / (self.signal_e_s * t) ** 2 * np.exp(self.loss_per_s * t)
+        return noise, gain
+
+    def residual(self, visit_s: FloatArray) -> FloatArray:
+        """Speckle variance over signal squared."""
+        return self.z0 + visit_s * (self.z1 + visit_s * self.z2)
+
+    def inverse_snr2(self, exposure_s: FloatArray, n_frames: FloatArray) -> FloatArray:
+        """``1 / SNR^2`` of a stack."""
+        visit = n_frames * (exposure_s + self.camera.readout_s)
+        return self.frame_noise(exposure_s)[0] / n_frames + self.residual(visit)
+
+
+PROBLEM_ARRAYS = ("alpha_e_s", "beta_e", "gamma_e2", "signal_e_s", "z0", "z1", "z2", "loss_per_s",
+           "peak_columns_e_s", "peak_hole_e_s", "tail_e_s")  # fmt: skip
+
+
+@dataclass(frozen=True)
+class FrameChoice:
+    """Chosen frames; arrays of the problem's shape. ``n_frames`` is 0 where there are none.
+
+    ``inverse_snr2`` is ``1 / SNR^2`` of the stack (``inf`` without frames), ``visit_s`` its length.
+    """
+
+    exposure_s: FloatArray
+    n_frames: FloatArray
+    em_gain: FloatArray
+    visit_s: FloatArray
+    inverse_snr2: FloatArray
+
+    def part(self, index: int) -> FrameChoice:
+        """One element of the first axis."""
+        return FrameChoice(*(getattr(self, name)[index] for name in FrameChoice.__dataclass_fields__))
+
+
+def best_exposure_s(problem: FrameProblem) -> tuple[FloatArray, FloatArray]:
+    """Exposure of least ``G`` and its value: most SNR per time where frames need not be whole.
+
+    Returns
+    -------
+    exposure_s, cost : ndarray
+        ``cost`` is ``inf`` where even the shortest frame saturates or there is no light.
+    """
+    camera = problem.camera
+    longest = problem.longest_s()
+    usable = (longest >= camera.exposure_min_s) & (problem.signal_e_s > 0)
+    low = np.full(longest.shape, camera.exposure_min_s)
+    high = np.maximum(longest, low)
+
+    def cost(part: FrameProblem, t: FloatArray) -> FloatArray:
+        return part.frame_noise(t)[0] * (t + camera.readout_s)
+
+    t, value = lowest(problem, cost, low, high)
+    return t, np.where(usable, value, np.inf)
+
+
+def _peak_visit_s(problem: FrameProblem, cost: FloatArray, elasticity: float = 0.0) -> FloatArray:
+    """Visit beyond which time does not pay: where ``d ln h / d ln v`` of ``h = G / v + z(v)`` reaches ``-elasticity``.
+
+    At 0 it is the visit of highest SNR: in a longer one the walk of the wavefront loses more than time gains.
+    """
+    e = elasticity
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        c1, c2, c3 = e * problem.z0, (1.0 + e) * problem.z1, (2.0 + e) * problem.z2
+        aim = (1.0 - e) * cost
+        v = np.fmin(np.fmin(aim / c1, np.sqrt(aim / c2)), np.cbrt(aim / c3))
+        grows = np.isfinite(v) & (v > 0)
+        v, aim = np.where(grows, v, 1.0), np.where(grows, aim, 1.0)
+        for _ in range(_NEWTON_STEPS):  # from above; the cubic is convex there
+            step = (v * (c1 + v * (c2 + v * c3)) - aim) / (c1 + v * (2.0 * c2 + 3.0 * v * c3))
+            v = np.where(grows, v - step, 1.0)
+            if not np.any(np.abs(step) > 1e-14 * v, where=grows):
+                break
+    return np.where(grows, v, np.inf)
+
+
+def _slope(problem: FrameProblem, exposure_s: FloatArray, n_frames: FloatArray) -> FloatArray:
+    """``d ln h / d ln v`` of a whole number of frames, by a central difference."""
+    after, before = (problem.inverse_snr2(exposure_s * factor, n_frames) for factor in (1.0 + _STEP, 1.0 - _STEP))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        slope = (np.log(after) - np.log(before)) / (2.0 * _STEP) * (1.0 + problem.camera.readout_s / exposure_s)
+    # Without light there is nothing to stop for.
+    return np.where(np.isnan(slope), -1.0, slope)
+
+
+def _paying_exposure_s(problem: FrameProblem, n_frames: FloatArray, top: FloatArray, longest: FloatArray) -> FloatArray:
+    """Exposure up to which more time pays, at most ``top``; found on the whole range, whatever the visit allowed."""
+    pays = _slope(problem, top, n_frames) <= -_ELASTICITY
+    if pays.all():
+        return top
+    low = np.full(top.shape, problem.camera.exposure_min_s)
+    pays_still = _slope(problem, longest, n_frames) <= -_ELASTICITY
+    stop = first_root(problem, lambda part, t, n: np.exp(np.clip(-_ELASTICITY - _slope(part, t, n), -1.0, 1.0)), low, longest,
+                      ~pays & ~pays_still, n_frames, tolerance=1e-6 * _ELASTICITY)  # fmt: skip
+    return np.where(pays, top, np.minimum(top, stop))
+
+
+def _stack(problem: FrameProblem, exposure_s: FloatArray, n_frames: FloatArray) -> FloatArray:
+    return problem.inverse_snr2(exposure_s, n_frames)
+
+
+def _candidates(visit_s: FloatArray, frame_s: FloatArray) -> FloatArray:
+    """Whole numbers of frames next to ``visit / frame``, on a new first axis."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        middle = np.clip(np.floor(np.nan_to_num(visit_s / frame_s, posinf=_MAX_FRAMES)), 0.0, _MAX_FRAMES)
+    offsets = _NEIGHBOURS.reshape((-1,) + (1,) * middle.ndim)
+    return np.maximum(middle + offsets, 1.0)
+
+
+def best_in_visit(problem: FrameProblem, visit_s: FloatArray, *, whole: bool = False) -> FrameChoice:
+    """Frames of highest SNR in a visit of at most ``visit_s``.
+
+    Parameters
+    ----------
+    problem : FrameProblem
+    visit_s : ndarray
+        Broadcasts to the problem's shape.
+    whole : bool
+        Use all of the visit, although a shorter one may be better.
+    """
+    camera = problem.camera
+    visit = np.broadcast_to(np.asarray(visit_s, float), problem.signal_e_s.shape)
+    t_best, cost = best_exposure_s(problem)
+    aim = visit if whole else np.minimum(visit, _peak_visit_s(problem, cost, _ELASTICITY))
+    frames = _candidates(aim * (1.0 + 1e-12), t_best + camera.readout_s)
+    longest = problem.longest_s()
+    # A frame as long as the visit allows; a hair of slack lets the frames of an answer fit their own time again.
+    top = np.minimum(visit / frames * (1.0 + 1e-13) - camera.readout_s, longest)
+    shortest = camera.exposure_min_s
+    feasible = (top >= shortest * (1.0 - 1e-12)) & np.isfinite(cost)
+    top = np.maximum(top, shortest)
+    wide = _spread(problem, top.shape)
+    t = top
+    if not whole:
+        t = _paying_exposure_s(wide, frames, top, np.broadcast_to(np.maximum(longest, shortest), top.shape))
+    value = wide.inverse_snr2(t, frames)
+    chosen = _pick(problem, t, frames, np.where(feasible, value, np.inf), value)
+    stopped = (chosen.n_frames > 0) & (chosen.visit_s < visit * (1.0 - 1e-9)) & (chosen.exposure_s < longest)
+    if whole or not stopped.any():
+        return chosen
+    # Of the settings that reach as much, the one of least time: the inverse question has the same answer.
+    again = least_time(problem.at(stopped), 1.0 / np.sqrt(chosen.inverse_snr2[stopped]))
+    use = (again.n_frames > 0) & (again.visit_s <= chosen.visit_s[stopped])
+    for name in FrameChoice.__dataclass_fields__:
+        column = getattr(chosen, name)
+        column[stopped] = np.where(use, getattr(again, name), column[stopped])
+    return chosen
+
+
+def least_time(problem: FrameProblem, level: FloatArray | float) -> FrameChoice:
+    """Frames of least time that reach an SNR of ``level``; none where no visit does.
+
+    Notes
+    -----
+    ``1 / SNR^2`` falls with the length of the visit up to its best one: the smallest root is found from the left, first
+    with frames that need not be whole, then for the whole numbers next to it.
+    """
+    camera = problem.camera
+    aim = 1.0 / np.broadcast_to(np.asarray(level, float), problem.signal_e_s.shape) ** 2
+    t_best, cost = best_exposure_s(problem)
+    lower = _smooth_visit_s(problem, cost, aim)
+    frames = _candidates(np.where(np.isfinite(lower), lower, 0.0), t_best + camera.readout_s)
+    possible = np.isfinite(lower)
+    shortest, longest = camera.exposure_min_s, np.maximum(problem.longest_s(), camera.exposure_min_s)
+    wide = _spread(problem, frames.shape)
+    low = np.clip(np.where(possible, lower, 0.0) * (1.0 - 1e-9) / frames - camera.readout_s, shortest, longest)
+    low = np.where(frames > 1.0, low, shortest)
+    top, least = lowest(wide, _stack, low, np.broadcast_to(longest, frames.shape), frames, coarse=False)
+    feasible = possible & (least <= aim * (1.0 + _ROUNDING))
+    aims = np.broadcast_to(aim, frames.shape)
+    t = first_root(wide, lambda part, t, n, q: _stack(part, t, n) / q, low, top, feasible, frames, aims)
+    visit = frames * (t + camera.readout_s)
+    return _pick(problem, t, frames, np.where(feasible, visit, np.inf), wide.inverse_snr2(t, frames))
+
+
+def smooth_in_visit(problem: FrameProblem, visit_s: FloatArray) -> FloatArray:
+    """``1 / SNR^2`` of the best visit of at most ``visit_s`` if frames need not be whole: a fast bound from below."""
+    _, cost = best_exposure_s(problem)
+    visit = np.minimum(visit_s, _peak_visit_s(problem, cost))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(np.isfinite(cost) & (visit > 0), cost / visit + problem.residual(visit), np.inf)
+
+
+def smooth_least_visit_s(problem: FrameProblem, level: FloatArray | float) -> FloatArray:
+    """Shortest visit that reaches an SNR if frames need not be whole; ``inf`` where none does."""
+    aim = 1.0 / np.broadcast_to(np.asarray(level, float), problem.signal_e_s.shape) ** 2
+    return _smooth_visit_s(problem, best_exposure_s(problem)[1], aim)
+
+
+def _smooth_visit_s(problem: FrameProblem, cost: FloatArray, aim: FloatArray) -> FloatArray:
+    """Shortest visit with ``G / v + z(v) <= aim``; ``inf`` where there is none. No whole number of frames is faster."""
+    peak = _peak_visit_s(problem, cost)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        at_peak = np.where(np.isfinite(peak), cost / peak + problem.residual(np.where(np.isfinite(peak), peak, 0.0)),
+                           problem.z0)  # fmt: skip
+        # Rounding must not call the top of the curve out of reach.
+        reached = np.isfinite(cost) & np.where(np.isfinite(peak), at_peak <= aim * (1.0 + _ROUNDING), at_peak < aim)
+        v = np.where(reached, cost / np.maximum(aim - problem.z0, 1e-300), 1.0)
+        for _ in range(_NEWTON_STEPS):  # from the left of a convex falling function
+            excess = cost / v + problem.residual(v) - aim
+            slope = cost / v**2 - problem.z1 - 2.0 * problem.z2 * v
+            step = np.where(reached & (excess > 0) & (slope > 0), excess / slope, 0.0)
+            v = np.where(reached, np.minimum(v + step, np.where(np.isfinite(peak), peak, np.inf)), 1.0)
+            if not np.any(step > 1e-15 * v):
+                break
+    return np.where(reached, v, np.inf)
+
+
+def solve_together(
+    problems: Sequence[FrameProblem], solver: Callable[[FrameProblem, FloatArray], FrameChoice], given: FloatArray
+) -> list[FrameChoice]:
+    """Solve problems of one shape, those of one camera at once.
+
+    Parameters
+    ----------
+    problems : sequence of FrameProblem
+    solver : callable
+        ``solver(problem, given)``.
+    given : ndarray
+        First axis: the problems.
+    """
+    found: dict[int, FrameChoice] = {}
+    for camera in dict.fromkeys(problem.camera for problem in problems):
+        own = [i for i, problem in enumerate(problems) if problem.camera == camera]
+        choice = solver(FrameProblem.stacked([problems[i] for i in own]), given[own])
+        found |= {i: choice.part(k) for k, i in enumerate(own)}
+    return [found[i] for i in range(len(problems))]
+
+
+def _spread(problem: FrameProblem, shape: tuple[int, ...]) -> FrameProblem:
+    """The problem with its arrays repeated along new first axes."""
+    parts: dict[str, Any] = {name: np.broadcast_to(getattr(problem, name), shape) for name in PROBLEM_ARRAYS}
+    counting = None if problem.counting is None else problem.counting.spread(shape)
+    return replace(problem, **parts, counting=counting)
+
+
+def _pick(
+    problem: FrameProblem, exposure_s: FloatArray, frames: FloatArray, rank: FloatArray, value: FloatArray
+) -> FrameChoice:
+    """Along the first axis the candidate of least rank."""
+    best = np.argmin(rank, axis=0)[None]
+
+    def take(array: FloatArray) -> FloatArray:
+        return np.take_along_axis(array, best, axis=0)[0]
+
+    t, n = take(exposure_s), np.where(np.isfinite(take(rank)), take(frames), 0.0)
+    gain = problem.frame_noise(t)[1]
+    visit = n * (t + problem.camera.readout_s)
+    return FrameChoice(t, n, gain, visit, np.where(n > 0, take(value), np.inf))

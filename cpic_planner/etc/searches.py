@@ -1,0 +1,154 @@
+"""Least values and first roots of many one-dimensional functions at once, in the logarithm of their argument."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["first_root", "lowest"]
+
+FloatArray = NDArray[np.float64]
+_COARSE, _FINE, _ROUNDS = 24, 17, 6
+_NUDGE = 1e-7
+_MAX_STEPS = 200
+
+
+class _Selectable(Protocol):
+    def at(self, mask: NDArray[np.bool_]) -> Any: ...
+
+
+Problem = TypeVar("Problem", bound=_Selectable)
+
+
+def lowest(
+    problem: Problem,
+    function: Callable[..., FloatArray],
+    low: FloatArray,
+    high: FloatArray,
+    *more: FloatArray,
+    coarse: bool = True,
+) -> tuple[FloatArray, FloatArray]:
+    """Argument of least value between two bounds, case by case.
+
+    Parameters
+    ----------
+    problem : object with ``at(mask)``
+        Its cases are selected together with the arguments.
+    function : callable
+        ``function(problem, t, *more)``; arrays of one shape, or with one axis more in front for ``t``.
+    low, high : ndarray
+        Bounds, positive.
+    *more : ndarray
+        Further arrays of that shape.
+    coarse : bool
+        Look at a grid over the whole range as well; not needed where there is one minimum only.
+
+    Returns
+    -------
+    t, value : ndarray
+
+    Notes
+    -----
+    The upper bound is where saturation or the visit ends, and nearly always the answer: it is taken where the function
+    still falls there and no point of a grid lies below it. The others are searched on grids that close in on the lowest
+    point, to some 3e-6 of it.
+    """
+    at_high = function(problem, high, *more)
+    falling = function(problem, np.maximum(high * (1.0 - _NUDGE), low), *more) >= at_high
+    search = (high > low) & ~falling
+    if coarse:
+        grid = _between(low, high, np.linspace(0.0, 1.0, _COARSE))
+        values = function(problem, grid, *more)
+        k = np.argmin(np.where(np.isnan(values), np.inf, values), axis=0)
+        search |= (high > low) & (k < _COARSE - 1)
+    t, value = np.array(high, float), np.array(at_high, float)
+    if not search.any():
+        return t, value
+    part, others = problem.at(search), [array[search] for array in more]
+    lo, hi = low[search], high[search]
+    if coarse:
+        lo = np.take_along_axis(grid, np.maximum(k - 1, 0)[None], axis=0)[0][search]
+        hi = np.take_along_axis(grid, np.minimum(k + 1, _COARSE - 1)[None], axis=0)[0][search]
+    share = np.linspace(0.0, 1.0, _FINE)
+    for _ in range(_ROUNDS if coarse else _ROUNDS + 1):
+        fine = _between(lo, hi, share)
+        found = function(part, fine, *others)
+        j = np.argmin(np.where(np.isnan(found), np.inf, found), axis=0)
+        lo = np.take_along_axis(fine, np.maximum(j - 1, 0)[None], axis=0)[0]
+        hi = np.take_along_axis(fine, np.minimum(j + 1, _FINE - 1)[None], axis=0)[0]
+    best_t = np.take_along_axis(fine, j[None], axis=0)[0]
+    best_value = np.take_along_axis(found, j[None], axis=0)[0]
+    better = best_value < value[search]
+    t[search] = np.where(better, best_t, t[search])
+    value[search] = np.where(better, best_value, value[search])
+    return t, value
+
+
+def _between(low: FloatArray, high: FloatArray, share: FloatArray) -> FloatArray:
+    """Points between two bounds, evenly in the logarithm, on a new first axis; the ends are exact."""
+    shares = share.reshape((-1,) + (1,) * low.ndim)
+    points = low * (high / low) ** shares
+    points[-1] = high
+    return points
+
+
+def first_root(
+    problem: Problem,
+    function: Callable[..., FloatArray],
+    low: FloatArray,
+    high: FloatArray,
+    wanted: NDArray[np.bool_],
+    *more: FloatArray,
+    tolerance: float = 2e-15,
+) -> FloatArray:
+    """Where a falling positive function comes down to 1: the least argument with a value of at most 1.
+
+    Parameters
+    ----------
+    problem, function, *more
+        As in `lowest`; all arrays of the shape of ``low``.
+    low, high : ndarray
+        Brackets; the value at ``high`` is at most 1. Where that at ``low`` is so already, ``low`` is returned.
+    wanted : ndarray of bool
+        Cases to solve; ``high`` is returned for the others.
+    tolerance : float
+        How far below 1 the value may stay.
+
+    Returns
+    -------
+    ndarray
+        The value there is 1 to the tolerance, from below.
+
+    Notes
+    -----
+    Regula falsi on logarithms, which straighten power laws, with the Illinois rule and a bisection every fourth step.
+    """
+    t = np.array(high, float)
+    mask = wanted & (high > low)
+    if not mask.any():
+        return t
+    part, others = problem.at(mask), [array[mask] for array in more]
+    a, b = np.log(low[mask]), np.log(high[mask])
+    fa, fb = np.log(function(part, low[mask], *others)), np.log(function(part, high[mask], *others))
+    at_low, reached = fa <= 0.0, fb
+    last = np.zeros(a.shape, int)
+    for step in range(_MAX_STEPS):
+        done = at_low | (reached > -tolerance) | (b - a <= 2e-16 * np.maximum(np.abs(b), 1.0))
+        if done.all():
+            break
+        with np.errstate(invalid="ignore", divide="ignore"):
+            x = b - fb * (b - a) / (fb - fa)
+        x = np.where((x > a) & (x < b) & (step % 4 != 3), x, 0.5 * (a + b))
+        fx = np.log(function(part, np.exp(x), *others))
+        right = fx <= 0.0
+        move_a, move_b = ~right & ~done, right & ~done
+        fa = np.where(move_a, fx, np.where(move_b & (last == 1), 0.5 * fa, fa))
+        fb = np.where(move_b, fx, np.where(move_a & (last == -1), 0.5 * fb, fb))
+        reached = np.where(move_b, fx, reached)
+        a, b = np.where(move_a, x, a), np.where(move_b, x, b)
+        last = np.where(right, 1, -1)
+    t[mask] = np.where(at_low, low[mask], np.minimum(np.exp(b), high[mask]))
+    return t

@@ -1,0 +1,166 @@
+"""From solved frames to typed answers."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cpic_planner.etc.answer import EtcAnswer, Question
+from cpic_planner.etc.budget import binding_limits, largest_term, remedies
+from cpic_planner.etc.cases import BandCases
+from cpic_planner.etc.frames import (
+    FrameChoice,
+    FrameProblem,
+    best_exposure_s,
+    best_in_visit,
+    smooth_least_visit_s,
+)
+from cpic_planner.etc.limits import frame_limit
+from cpic_planner.etc.paper import snr_paper
+from simulator.outcome import Reason, Status
+
+__all__ = ["answers_of"]
+
+FloatArray = NDArray[np.float64]
+_LONGEST_S = 1e12
+_UNIT: dict[Question, str] = {"exposure_time": "s", "signal_to_noise": "", "contrast_limit": "contrast"}
+
+
+def answers_of(
+    cases: BandCases,
+    problem: FrameProblem,
+    choice: FrameChoice,
+    question: Question,
+    value: FloatArray,
+    *,
+    time_s: float | None = None,
+    level: FloatArray | None = None,
+    with_planet: bool = True,
+) -> list[EtcAnswer]:
+    """Answers of one band, planets within stars.
+
+    Parameters
+    ----------
+    cases, problem, choice
+        What was asked, and the frames found.
+    question : str
+    value : ndarray
+        The answers; ``inf`` where a contrast limit lies above 1.
+    time_s : float, optional
+        Wall time that was given.
+    level : ndarray, optional
+        SNR or significance to reach.
+    with_planet : bool
+        Whether the level is an SNR, with the planet's own noise.
+    """
+    model, strategy = cases.model, cases.model.strategy
+    camera = model.camera(cases.band)
+    noise = cases.noise(choice)
+    helps = remedies(cases, choice, noise)
+    paper = snr_paper(cases.rates, choice.exposure_s, choice.n_frames, choice.em_gain, camera,
+                      reference_ratio=strategy.reference_ratio)  # fmt: skip
+    wall = model.time_s(choice.visit_s)
+    answers = []
+    for i, j in np.ndindex(*cases.contrast.shape):
+        head = cases.head(i, j) | {"question": question, "unit": _UNIT[question]}
+        limit = question == "contrast_limit"
+        head["contrast"] = None if limit else float(cases.contrast[i, j])
+        wanted = None if level is None else float(level[i, j])
+        head["level"] = wanted if wanted is not None and math.isfinite(wanted) else None
+        status, reason, message = _standing(cases, problem, choice, (i, j), question, float(value[i, j]), wanted,
+                                            with_planet)  # fmt: skip
+        if status is not Status.OK:
+            answers.append(EtcAnswer(value=None, status=status, reason=reason, message=message, **head))
+            continue
+        if not limit:
+            head["flags"] += cases.planet_notes(i, j)
+        if time_s is not None and wall[i, j] < 0.999 * time_s and _stopped(model, choice, problem, (i, j), time_s):
+            head["flags"] += ("shorter_visit_is_better",)
+        if choice.exposure_s[i, j] > camera.exposure_max_s * (1.0 + 1e-12):
+            head["flags"] += ("exposure_beyond_max",)
+        binding = binding_limits(problem, cases.rates, choice, (i, j))
+        frames, exposure = int(choice.n_frames[i, j]), float(choice.exposure_s[i, j])
+        fields: dict[str, Any] = head | {
+            "contrast": float(value[i, j]) if limit else head["contrast"],
+            "exposure_s": exposure,
+            "n_frames": frames,
+            "em_gain": float(choice.em_gain[i, j]),
+            "integration_s": frames * exposure,
+            "time_s": float(wall[i, j]),
+            "snr": float(noise.snr[i, j]),
+            "significance": float(noise.significance[i, j]),
+            "snr_paper": float(paper[i, j]),
+            "exposure_limited_by": binding.exposure,
+            "gain_limited_by": binding.gain,
+            "gain_caps": binding.caps,
+            "budget": {"signal_e": float(noise.signal_e[i, j])}
+            | {f"{name}_e2": float(np.broadcast_to(term, noise.snr.shape)[i, j]) for name, term in noise.terms.items()},
+            "dominant": largest_term(noise, (i, j)),
+            "remedies": {name: float(factor[i, j]) for name, factor in helps.items()},
+        }
+        answers.append(EtcAnswer(value=float(value[i, j]), status=Status.OK, reason=Reason.NONE, message="", **fields))
+    return answers
+
+
+def _only(index: tuple[int, int], shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    mask = np.zeros(shape, bool)
+    mask[index] = True
+    return mask
+
+
+def _stopped(model: Any, choice: FrameChoice, problem: FrameProblem, index: tuple[int, int], time_s: float) -> bool:
+    """Whether time was left although another frame would have fitted."""
+    left = float(model.visit_s(time_s)) - float(choice.visit_s[index])
+    return left > float(choice.exposure_s[index]) + problem.camera.readout_s
+
+
+def _standing(
+    cases: BandCases,
+    problem: FrameProblem,
+    choice: FrameChoice,
+    index: tuple[int, int],
+    question: Question,
+    value: float,
+    level: float | None,
+    with_planet: bool,
+) -> tuple[Status, Reason, str]:
+    """Status of one case, with the reason and a sentence where it is not ok."""
+    place = cases.places[index[1]]
+    if place[0] is not Status.OK:
+        return place
+    if question != "contrast_limit" and cases.contrast[index] <= 0.0:
+        return Status.UNREACHABLE, Reason.NO_LIGHT, "the planet sends no light in this band and phase"
+    if level is not None and not math.isfinite(level):
+        text = "fewer than three resolution elements at this separation: no threshold is defined (give a plain sigma)"
+        return Status.UNREACHABLE, Reason.TOO_FEW_ELEMENTS, text
+    if choice.n_frames[index] >= 1:
+        if not math.isfinite(value):
+            return Status.UNREACHABLE, Reason.INSUFFICIENT_TIME, "no contrast below 1 is detected in this time"
+        return Status.OK, Reason.NONE, ""
+    camera, wish = problem.camera, cases.wish
+    gain = problem.fixed_gain() or 1.0
+    column, hole, tail = (float(getattr(problem, name)[index])
+                          for name in ("peak_columns_e_s", "peak_hole_e_s", "tail_e_s"))  # fmt: skip
+    saturated = frame_limit(column, hole, tail, camera.exposure_min_s, gain, camera)
+    if saturated is not Reason.NONE:
+        longest = float(problem.longest_s()[index])
+        advice = f"up to {longest:.3g} s does not" if wish.exposure_s is not None or longest > 0 else "no exposure does"
+        text = f"a frame of {camera.exposure_min_s:g} s at EM gain {gain:g} saturates; {advice}"
+        return Status.SATURATED, saturated, text
+    if not math.isfinite(float(best_exposure_s(problem)[1][index])):
+        text = f"at EM gain {gain:g} every pixel of the aperture counts in each frame: photons cannot be told apart"
+        return Status.SATURATED, Reason.TOO_BRIGHT_TO_COUNT, text
+    if question == "exposure_time" and math.isfinite(float(smooth_least_visit_s(problem, level or 1.0)[index])):
+        text = "it takes more frames than can be planned"
+        return Status.UNREACHABLE, Reason.TOO_MANY_FRAMES, text
+    if question == "exposure_time":
+        name = "SNR" if with_planet else "significance"
+        best = best_in_visit(problem.at(_only(index, cases.contrast.shape)), np.full(1, _LONGEST_S))
+        most = 1.0 / math.sqrt(float(best.inverse_snr2[0])) if best.n_frames[0] >= 1 else 0.0
+        text = f"the speckle residual keeps the {name} below {level:g} whatever the time; the most is {most:.3g}"
+        return Status.UNREACHABLE, Reason.SPECKLE_FLOOR, text
+    text = "the time does not hold one science frame with its share of reference frames"
+    return Status.UNREACHABLE, Reason.NO_TIME, text

@@ -1,0 +1,175 @@
+"""Why a star stands where it stands in the ranking."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from catalogs.errors import InputError
+from cpic_planner.completeness import completeness
+from cpic_planner.etc.budget import binding_limits, largest_term, remedies
+from cpic_planner.etc.cases import FrameWish, band_cases, planets_of
+from cpic_planner.etc.frames import FrameChoice
+from cpic_planner.etc.model import EtcModel
+from cpic_planner.etc.place import check_range
+from cpic_planner.etc.planet import ReferencePlanet
+from cpic_planner.models import BandStanding, Explanation, RankedTarget, ScoreName
+from cpic_planner.optimiser import Best, best_in_band
+from cpic_planner.population import Planets
+from cpic_planner.ranking import DEFAULT_SCORE, PopulationChoice, judge, rank_targets
+from cpic_planner.sensitivity import ASSUMPTIONS, Setting, positions
+from cpic_planner.targets import Targets
+from simulator.config import content_hash
+
+__all__ = ["explain_star"]
+
+
+def explain_star(
+    model: EtcModel,
+    targets: Targets,
+    name: str,
+    *,
+    time_s: float,
+    planet: ReferencePlanet | None = None,
+    bands: Sequence[str] | None = None,
+    population: PopulationChoice | None = None,
+    score: ScoreName = DEFAULT_SCORE,
+    other_assumptions: bool = True,
+) -> Explanation:
+    """Explain the rank of one star.
+
+    Parameters
+    ----------
+    model, targets, time_s, planet, bands, population, score
+        As `cpic_planner.ranking.rank_targets`.
+    name : str
+        Its name in ``targets``.
+    other_assumptions : bool
+        Rank the sample under other assumptions too (`cpic_planner.sensitivity`), which takes about a second each.
+
+    Returns
+    -------
+    Explanation
+
+    Raises
+    ------
+    InputError
+        If no target has that name.
+    """
+    known = {str(star): i for i, star in enumerate(targets.name)}
+    if name not in known:
+        raise InputError("star", name, allowed="a star of the sample that is ranked")
+    index = known[name]
+    body, choice = planet or ReferencePlanet(), population or PopulationChoice.default()
+    names, time_s = model.named(bands), check_range("time_s", time_s, 1e-3, 1e9, "s")
+    rank = rank_targets(model, targets, time_s=time_s, planet=body, bands=names, population=choice, score=score)
+    place = next(i for i, row in enumerate(rank.targets) if row.name == name)
+    star, rows = targets.select([index]), rank.targets
+    planets = choice.draw()
+    standings = [_standing(model, star, band, time_s, body, planets) for band in names]
+    ranks: dict[str, int] = {}
+    if other_assumptions:
+        setting = Setting(model, body, choice)
+        for item in ASSUMPTIONS:
+            found, _ = positions(item.change(setting), targets, time_s=time_s, bands=names, score=score)
+            ranks[item.key] = int(found[index])
+    return Explanation(
+        config_hash=content_hash({"kind": "explanation", "rank": rank.config_hash, "star": name}),
+        n_ranked=len(rows),
+        score_name=score,
+        star=rows[place],
+        better=rows[place - 1] if place else None,
+        worse=rows[place + 1] if place + 1 < len(rows) else None,
+        bands=standings,
+        ranks=ranks,
+        sentences=_sentences(rows[place], standings, ranks, len(rows), score),
+    )
+
+
+def _standing(
+    model: EtcModel, star: Targets, band: str, time_s: float, planet: ReferencePlanet, planets: Planets
+) -> BandStanding:
+    """One band of one star."""
+    best = best_in_band(model, star, band, time_s, planet)
+    counted = completeness(model, star, band, planets, exposure_s=best.exposure_s, n_frames=best.n_frames,
+                           em_gain=best.em_gain)  # fmt: skip
+    status, reason = judge(best, model)[0]
+    cases = band_cases(model, star, band, planets_of(float(best.separation_arcsec[0]), planet), FrameWish())
+    choice = _choice(model, best)
+    noise = cases.noise(choice)
+    possible = best.n_frames[0] >= 1
+    binding = binding_limits(cases.problem("significance"), cases.rates, choice, (0, 0))
+    return BandStanding(
+        band=band,
+        status=status.value,
+        reason=reason.value,
+        separation_arcsec=float(best.separation_arcsec[0]),
+        contrast=float(best.contrast[0]),
+        contrast_limit=float(best.contrast_limit[0]) if math.isfinite(best.contrast_limit[0]) else None,
+        snr=float(best.snr[0]),
+        significance=float(best.significance[0]),
+        threshold=float(best.threshold[0]),
+        detection_margin=float(best.margin[0]),
+        floor_margin=min(float(best.floor_margin[0]), 1e300),
+        completeness=float(counted.completeness[0]),
+        in_zone=float(counted.in_zone[0]),
+        observable=float(counted.observable[0]),
+        time_s=float(best.time_s[0]) if possible else None,
+        exposure_s=float(best.exposure_s[0]) if possible else None,
+        n_frames=int(best.n_frames[0]) if possible else None,
+        em_gain=float(best.em_gain[0]) if possible else None,
+        exposure_limited_by=binding.exposure if possible else "",
+        gain_limited_by=binding.gain if possible else "",
+        gain_caps=binding.caps if possible else {},
+        dominant=largest_term(noise, (0, 0)) if possible else "",
+        budget={key: float(np.broadcast_to(term, (1, 1))[0, 0]) for key, term in noise.terms.items()}
+        if possible
+        else {},
+        remedies={key: float(term[0, 0]) for key, term in remedies(cases, choice, noise).items()} if possible else {},
+    )
+
+
+def _choice(model: EtcModel, best: Best) -> FrameChoice:
+    """The frames of a best setting, as the solver gives them."""
+    exposure, frames, gain = (column[:, None] for column in (best.exposure_s, best.n_frames, best.em_gain))
+    visit = frames * (exposure + model.camera(str(best.band[0])).readout_s)
+    with np.errstate(divide="ignore"):
+        return FrameChoice(exposure, frames, gain, visit, 1.0 / best.significance[:, None] ** 2)
+
+
+def _sentences(
+    star: RankedTarget, bands: Sequence[BandStanding], ranks: dict[str, int], n_ranked: int, score: ScoreName
+) -> list[str]:
+    """The explanation in words: score, geometry, noise, and how firm the rank is."""
+    chosen = next(item for item in bands if item.band == star.band)
+    geometry = next(item for item in bands if item.band == star.completeness_band)
+    words = [f"Rank {star.rank} of {n_ranked} by {score.replace('_', ' ')}: {star.score:.3g}."]
+    words.append(
+        f"At {star.distance_pc:.2f} pc, {geometry.observable:.1%} of the population stand where {geometry.band} sees "
+        f"them, and {star.completeness:.1%} are detected by one observation."
+    )
+    verdict = {
+        "ok": "is detected",
+        "speckle_floor": "is below the speckle residual, whatever the time",
+        "insufficient_time": "is not detected in this time",
+    }.get(star.reason or star.status, "cannot be observed")
+    words.append(
+        f"The reference planet at {star.separation_arcsec:.3f} arcsec has a contrast of {star.contrast:.2g} in "
+        f"{star.band} and {verdict}: significance {star.significance:.2f}, threshold {star.threshold:.2f}."
+    )
+    if chosen.dominant:
+        total = sum(chosen.budget.values())
+        share = chosen.budget[chosen.dominant] / total if total > 0 else 0.0
+        words.append(
+            f"The largest term of the noise is {chosen.dominant.replace('_', ' ')}, {share:.0%} of the variance."
+        )
+        best = max(chosen.remedies, key=lambda key: chosen.remedies[key])
+        words.append(
+            f"What helps most: {best.replace('_', ' ')} would multiply the SNR by {chosen.remedies[best]:.2f}."
+        )
+    if ranks:
+        low, high = min(ranks.values()), max(ranks.values())
+        words.append(f"Under the other assumptions it stands between rank {low} and rank {high}.")
+    return words

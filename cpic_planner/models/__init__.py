@@ -1,0 +1,78 @@
+"""Typed results that leave the program: their JSON is described by the schemas that ``cpic schema`` prints.
+
+`PlanResult` holds what is reproducible (no clock, no path, no host); `RunRecord` holds the story of the run.
+"""
+
+from __future__ import annotations
+
+from cpic_planner.models.answers import (
+    EtcResult,
+    EtcRow,
+)
+from cpic_planner.models.base import (
+    Result,
+    StatusText,
+)
+from cpic_planner.models.planned import (
+    BandConfirmation,
+    ConfirmedTarget,
+    PlanResult,
+    RunRecord,
+)
+from cpic_planner.models.ranked import (
+    BandStanding,
+    Explanation,
+    PopulationRecord,
+    RankedTarget,
+    RankResult,
+    ReferencePlanetRecord,
+    ScoreName,
+    SensitivityResult,
+    SensitivityRow,
+)
+from cpic_planner.models.simulated import (
+    CheckResult,
+    FindingRecord,
+    PlannedSequenceRow,
+    SimulatedSequence,
+    SimulationEstimate,
+    SimulationResult,
+)
+
+__all__ = [
+    "SCHEMAS",
+    "BandConfirmation",
+    "BandStanding",
+    "CheckResult",
+    "ConfirmedTarget",
+    "EtcResult",
+    "EtcRow",
+    "Explanation",
+    "FindingRecord",
+    "PlanResult",
+    "PlannedSequenceRow",
+    "PopulationRecord",
+    "RankResult",
+    "RankedTarget",
+    "ReferencePlanetRecord",
+    "Result",
+    "RunRecord",
+    "ScoreName",
+    "SensitivityResult",
+    "SensitivityRow",
+    "SimulatedSequence",
+    "SimulationEstimate",
+    "SimulationResult",
+    "StatusText",
+]
+
+SCHEMAS: dict[str, type[Result]] = {
+    "rank": RankResult,
+    "sensitivity": SensitivityResult,
+    "explanation": Explanation,
+    "etc": EtcResult,
+    "plan": PlanResult,
+    "run": RunRecord,
+    "simulation": SimulationResult,
+    "check": CheckResult,
+}

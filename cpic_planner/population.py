@@ -1,0 +1,148 @@
+"""Seeded draws of a population of planets."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalogs.errors import InputError
+from cpic_planner.distributions import chosen_entry
+from cpic_planner.orbits import orbit_places
+from cpic_planner.population_config import (
+    QUANTITIES,
+    PopulationConfig,
+    PopulationSource,
+    load_population,
+    population_names,
+)
+from simulator.config.albedo import AlbedoSpec
+from simulator.quantities import check_whole
+from simulator.rng import stream
+
+__all__ = [
+    "MAX_PLANETS",
+    "Planets",
+    "PopulationConfig",
+    "PopulationSource",
+    "draw_population",
+    "load_population",
+    "population_names",
+]
+
+FloatArray = NDArray[np.float64]
+MAX_PLANETS = 1_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class Planets:
+    """Drawn planets, arrays of one length.
+
+    Attributes
+    ----------
+    population : str
+        Name of the population.
+    kind : ndarray of int
+        Number of the planet's kind, into ``kind_names`` and ``albedos``.
+    radius_rjup, semi_major_axis_au, eccentricity, inclination_deg, argument_of_pericentre_deg, node_deg, \
+mean_anomaly_deg : ndarray
+        As drawn.
+    east_au, north_au, distance_au, phase_deg : ndarray
+        Offset from the star on the sky, true distance, and phase angle, before `scale`.
+    kind_names : tuple of str
+    albedos : tuple of AlbedoSpec
+    semi_major_axis_scale : str
+    planets_per_star : float or None
+    """
+
+    population: str
+    kind: NDArray[np.int64]
+    radius_rjup: FloatArray
+    semi_major_axis_au: FloatArray
+    eccentricity: FloatArray
+    inclination_deg: FloatArray
+    argument_of_pericentre_deg: FloatArray
+    node_deg: FloatArray
+    mean_anomaly_deg: FloatArray
+    east_au: FloatArray
+    north_au: FloatArray
+    distance_au: FloatArray
+    phase_deg: FloatArray
+    kind_names: tuple[str, ...]
+    albedos: tuple[AlbedoSpec, ...]
+    semi_major_axis_scale: Literal["none", "insolation"]
+    planets_per_star: float | None
+
+    def __len__(self) -> int:
+        return len(self.radius_rjup)
+
+    def scale(self, luminosity_lsun: FloatArray) -> FloatArray:
+        """Factor of all lengths of the orbits around stars of these luminosities, 1 unless they follow insolation.
+
+        Raises
+        ------
+        InputError
+            If orbits follow insolation and a luminosity is unknown.
+        """
+        luminosity = np.asarray(luminosity_lsun, float)
+        if self.semi_major_axis_scale == "none":
+            return np.ones(luminosity.shape)
+        good = np.isfinite(luminosity) & (luminosity > 0.0)
+        if not good.all():
+            raise InputError("luminosity_lsun", float(luminosity[~good].flat[0]), unit="L_sun",
+                             allowed="above 0: the population's orbits follow insolation")  # fmt: skip
+        return np.sqrt(luminosity)
+
+
+def draw_population(config: PopulationConfig, n_planets: int, seed: int) -> Planets:
+    """Draw planets.
+
+    Every quantity has a random stream of its own, one number a planet, that its law turns into a value: changing one
+    law leaves the other quantities alone, and the first planets of a larger draw are those of a smaller one.
+
+    Parameters
+    ----------
+    config : PopulationConfig
+    n_planets : int
+        1 to 1e6.
+    seed : int
+
+    Returns
+    -------
+    Planets
+
+    Raises
+    ------
+    InputError
+        If a number is out of range.
+    """
+    n = check_whole("n_planets", n_planets, 1, MAX_PLANETS)
+    mixture = config.mixture
+
+    def shares(quantity: str) -> FloatArray:
+        return stream(seed, "population", quantity).random(n)
+
+    kind = chosen_entry(shares("kind"), tuple(item.weight for item in mixture))
+    drawn: dict[str, FloatArray] = {}
+    for quantity in QUANTITIES:
+        share, values = shares(quantity), np.empty(n)
+        for number, item in enumerate(mixture):
+            mine = kind == number
+            values[mine] = getattr(item, quantity).quantile(share[mine])
+        drawn[quantity] = values
+    places = orbit_places(*(drawn[quantity] for quantity in QUANTITIES[1:]))
+    return Planets(
+        population=config.name,
+        kind=kind,
+        **drawn,
+        east_au=places.east_au,
+        north_au=places.north_au,
+        distance_au=places.distance_au,
+        phase_deg=places.phase_deg,
+        kind_names=tuple(item.name for item in mixture),
+        albedos=tuple(item.albedo for item in mixture if item.albedo is not None),
+        semi_major_axis_scale=config.semi_major_axis_scale,
+        planets_per_star=config.planets_per_star,
+    )

@@ -1,0 +1,195 @@
+"""Answers of the exposure-time calculator on the terminal: table, noise budget, what binds and what would help."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from cpic_planner.models import EtcResult, EtcRow
+from cpic_planner.report.etc_words import cap_sentence, limit_text, remedy_text, short_limit, term_text
+from cpic_planner.report.names import full_name
+from cpic_planner.report.numbers import MISSING, decimals, duration_text, significant
+from cpic_planner.report.terminal import (
+    Column,
+    explain_symbols,
+    frames_text,
+    print_note,
+    ratio_text,
+    status_cell,
+    text_table,
+)
+from cpic_planner.report.words import flag_text
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+__all__ = ["best_row", "print_etc"]
+
+_QUESTION = {
+    "exposure_time": "wall time",
+    "signal_to_noise": "SNR",
+    "contrast_limit": "contrast limit",
+}
+_BAR_CELLS, _FEWEST_CELLS = 24, 6
+_SMALLEST_SHARE = 5e-4
+_SMALLEST_GAIN = 1.005
+
+
+def best_row(result: EtcResult) -> EtcRow | None:
+    """Row of the best answer in the best band: least time, clearest detection, or faintest limit."""
+    rows = [row for row in result.answers if row.band == result.best_band and row.value is not None]
+    if not rows:
+        return None
+    if rows[0].question == "signal_to_noise":
+        return max(rows, key=lambda row: (row.significance or 0.0) / (row.threshold or float("inf")))
+    return min(rows, key=lambda row: row.value or 0.0)
+
+
+def print_etc(
+    result: EtcResult, console: Console, *, asked: str = "", every_budget: bool = False, explain: bool = False
+) -> None:
+    """Print the answers for one target.
+
+    Parameters
+    ----------
+    result : EtcResult
+    console : Console
+    asked : str
+        The question in words.
+    every_budget : bool
+        Print the noise budget of every answer, not of the best one only.
+    explain : bool
+        Say which gains spare what.
+    """
+    best = best_row(result)
+    _print_answers(result, console, best, asked)
+    told = [row for row in result.answers if row.value is not None] if every_budget else [best] if best else []
+    for row in told:
+        console.print()
+        _print_budget(row, console)
+        _print_binding(row, console, explain)
+    console.print()
+    _print_remarks(result, console)
+
+
+def _print_answers(result: EtcResult, console: Console, best: EtcRow | None, asked: str) -> None:
+    columns = [
+        Column("band", False),
+        Column("answer"),
+        Column("sep ″", True, 1),
+        Column("contrast", True, 4),
+        Column("frames × s", True, 2),
+        Column("gain", True, 3),
+        Column("wall", True, 7),
+        Column("SNR", True, 4),
+        Column("signif", True, 5),
+        Column("thresh", True, 6),
+        Column("held by", False, 8),
+        Column("status", False),
+    ]
+    rows = [
+        [
+            ("→ " if row is best else "  ") + row.band,
+            _answer(row),
+            decimals(row.separation_arcsec, 3),
+            ratio_text(row.contrast),
+            frames_text(row),
+            significant(row.em_gain),
+            duration_text(row.time_s),
+            significant(row.snr),
+            significant(row.significance),
+            significant(row.threshold),
+            _held(row),
+            status_cell(row.status, row.reason),
+        ]
+        for row in result.answers
+    ]
+    question = asked or " / ".join(dict.fromkeys(_QUESTION[row.question] for row in result.answers))
+    star = f"{full_name(result.target, result.hip)}: V {result.v_mag:.2f} mag, {significant(result.distance_pc, 4)} pc"
+    console.print(text_table(console, f"{star}; {question}", columns, rows))
+    explain_symbols(console, [row.status for row in result.answers])
+    for text in dict.fromkeys(row.message for row in result.answers if row.message):
+        bands = ", ".join(dict.fromkeys(row.band for row in result.answers if row.message == text))
+        print_note(console, f"{bands}: {text}.")
+
+
+def _held(row: EtcRow) -> str:
+    """What binds exposure and gain, in few words."""
+    parts = [f"{name}: {short_limit(limit)}" for name, limit in
+             (("t", row.exposure_limited_by), ("g", row.gain_limited_by)) if limit]  # fmt: skip
+    return ", ".join(parts) or MISSING
+
+
+def _print_budget(row: EtcRow, console: Console) -> None:
+    terms = {name.removesuffix("_e2"): value for name, value in row.budget.items() if name.endswith("_e2")}
+    total = sum(terms.values())
+    if total <= 0:
+        return
+    shown = sorted((name for name in terms if terms[name] >= _SMALLEST_SHARE * total), key=lambda name: -terms[name])
+    largest = max(terms.values())
+    columns = [Column("term", False), Column("e- rms"), Column("% of variance")]
+    cells = [[term_text(name), significant(terms[name] ** 0.5), f"{100.0 * terms[name] / total:.1f}"] for name in shown]
+    taken = sum(max(len(column.header), *(len(row[i]) for row in cells)) + 2 for i, column in enumerate(columns))
+    room = min(_BAR_CELLS, console.width - taken)
+    if room >= _FEWEST_CELLS:
+        columns.append(Column("", False))
+        cells = [[*row, _bar(terms[name] / largest, room, console)] for row, name in zip(cells, shown, strict=True)]
+    signal = significant(row.budget.get("signal_e"))
+    title = (
+        f"Noise in {row.band} at {row.separation_arcsec:.3f}″: {significant(total**0.5)} e- rms under a signal of "
+        f"{signal} e-"
+    )
+    console.print(text_table(console, title, columns, cells, last_width=_BAR_CELLS))
+
+
+def _bar(share: float, room: int, console: Console) -> str:
+    """Bar of blocks in eighths, or of signs where the terminal has no blocks."""
+    try:
+        "█▏".encode(console.encoding)
+    except (UnicodeEncodeError, LookupError):
+        return "#" * max(round(share * room), 1)
+    eighths = max(round(share * room * 8), 1)
+    return "█" * (eighths // 8) + " ▏▎▍▌▋▊▉"[eighths % 8].strip()
+
+
+def _print_binding(row: EtcRow, console: Console, explain: bool) -> None:
+    for name, limit in (("exposure", row.exposure_limited_by), ("EM gain", row.gain_limited_by)):
+        if limit:
+            print_note(console, f"The {name} is held by {limit_text(limit)}.")
+    if explain and row.gain_caps and row.exposure_s is not None:
+        print_note(console, f"In frames of {significant(row.exposure_s)} s:")
+        for name, gain in row.gain_caps.items():
+            print_note(console, f"  {cap_sentence(name, gain)}.")
+    helps = sorted(row.remedies.items(), key=lambda item: -item[1])
+    good = [f"×{factor:.2f} {remedy_text(name)}" for name, factor in helps if factor >= _SMALLEST_GAIN]
+    if good:
+        print_note(console, f"What would raise the SNR: {'; '.join(good)}.")
+    if row.remedies.get("twice_the_time", 2.0) < 1.0:
+        print_note(console, "More time in one visit would lower it: the wavefront walks away.")
+
+
+def _print_remarks(result: EtcResult, console: Console) -> None:
+    if result.reference_planet is not None:
+        planet = result.reference_planet
+        print_note(
+            console,
+            f"Reference planet: {planet.radius_rjup:g} R_J, phase {planet.phase_deg:g} deg, {planet.albedo} albedo.",
+        )
+    for flag in dict.fromkeys(flag for row in result.answers for flag in row.flags):
+        bands = list(dict.fromkeys(row.band for row in result.answers if flag in row.flags))
+        where = "" if len(bands) == len({row.band for row in result.answers}) else f"{', '.join(bands)}: "
+        print_note(console, f"! {where}{flag_text(flag)} ({flag}).")
+    if result.note:
+        print_note(console, f"Note: {result.note}")
+    print_note(
+        console,
+        "Positions on the diagonal of a quadrant. Wall time counts readouts and reference frames. SNR has the planet's "
+        "own noise, significance has not; it is a detection above the threshold.",
+    )
+
+
+def _answer(row: EtcRow) -> str:
+    if row.value is None:
+        return MISSING
+    if row.unit == "s":
+        return duration_text(row.value)
+    return ratio_text(row.value) if row.unit == "contrast" else significant(row.value)

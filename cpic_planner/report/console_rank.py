@@ -1,0 +1,245 @@
+"""The ranking on the terminal: table, sensitivity, and why one star stands where it stands."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from cpic_planner.models import Explanation, RankedTarget, RankResult, SensitivityResult
+from cpic_planner.report.etc_words import (
+    SCORES,
+    cap_sentence,
+    limit_text,
+    remedy_text,
+    score_number,
+    score_text,
+    term_text,
+)
+from cpic_planner.report.names import full_name
+from cpic_planner.report.numbers import MISSING, count_text, decimals, duration_text, share_text, significant
+from cpic_planner.report.summary import population_text
+from cpic_planner.report.terminal import (
+    Column,
+    explain_symbols,
+    frames_text,
+    print_note,
+    print_plain,
+    ratio_text,
+    short_name,
+    status_cell,
+    text_table,
+)
+from cpic_planner.report.words import library_text, reason_text
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+__all__ = ["print_explanation", "print_rank", "print_sensitivity"]
+
+_SMALLEST_GAIN = 1.005
+
+
+def print_rank(rank: RankResult, console: Console, limit: int = 20) -> None:
+    """Print the first ``limit`` rows of a ranking, and what its numbers refer to."""
+    shown = rank.targets[:limit]
+    columns, rows = _table(rank, shown)
+    title = f"Ranking: first {len(shown)} of {count_text(len(rank.targets))} stars, by {_name_of(rank.score_name)}"
+    console.print(text_table(console, title, columns, rows))
+    explain_symbols(console, [row.status for row in shown])
+    counts = ", ".join(f"{count} {'ok' if key == 'ok' else reason_text(key)}" for key, count in rank.counts.items())
+    planet = rank.reference_planet
+    print_note(console, f"Outcomes: {counts}.")
+    print_note(console, f"Score: {score_text(rank.score_name)}.")
+    print_note(console, f"Population (compl %): {population_text(rank.population)}.")
+    print_note(
+        console,
+        f"Reference planet (other columns): {planet.radius_rjup:g} R_J, phase {planet.phase_deg:g} deg, "
+        f"{planet.albedo} albedo, {planet.position}; wall time up to {duration_text(rank.time_s)} per target and band.",
+    )
+    print_note(
+        console,
+        f"Margin = significance / threshold; threshold keeps the false-alarm probability of {rank.sigma:g} sigma. "
+        f"Reference frames: {library_text(rank.reference_library)}.",
+    )
+    print_note(console, f"Stars: {rank.sample}. {rank.catalogue}")
+
+
+def _name_of(score: str) -> str:
+    return score.replace("_", " ")
+
+
+def _table(rank: RankResult, shown: list[RankedTarget]) -> tuple[list[Column], list[list[str]]]:
+    """Columns and rows; the score has a column of its own unless another shows it."""
+    score = SCORES[rank.score_name][0]
+    columns = [
+        Column("#"),
+        Column("star", False),
+        Column("V mag", True, 3),
+        Column("dist pc", True, 2),
+        Column(score),
+        Column("compl %"),
+        Column("in", False, 7),
+        Column("band", False),
+        Column("sep ″", True, 4),
+        Column("contrast", True, 5),
+        Column("frames × s", True, 9),
+        Column("gain", True, 10),
+        Column("wall", True, 8),
+        Column("SNR", True, 1),
+        Column("margin"),
+        Column("status", False),
+    ]
+    rows = [
+        [
+            str(row.rank),
+            short_name(row.name),
+            decimals(row.v_mag, 2),
+            decimals(row.distance_pc, 2),
+            score_number(row.score, rank.score_name),
+            share_text(row.completeness),
+            row.completeness_band,
+            row.band,
+            decimals(row.separation_arcsec, 3),
+            ratio_text(row.contrast),
+            frames_text(row),
+            significant(row.em_gain),
+            duration_text(row.time_s),
+            significant(row.snr),
+            significant(row.detection_margin),
+            status_cell(row.status, row.reason),
+        ]
+        for row in shown
+    ]
+    if rank.score_name in ("detection_margin", "completeness"):
+        return columns[:4] + columns[5:], [row[:4] + row[5:] for row in rows]
+    return columns, rows
+
+
+def print_sensitivity(result: SensitivityResult, console: Console) -> None:
+    """Print how the ranking depends on what is assumed."""
+    columns = [
+        Column("tau"),
+        Column("kept"),
+        Column("ok", True, 2),
+        Column("first", False, 1),
+        Column("biggest fall", False, 3),
+        Column("assumption", False),
+    ]
+    rows = [
+        [
+            decimals(row.kendall_tau, 2),
+            f"{row.kept}/{result.top}",
+            str(row.n_ok),
+            short_name(row.best),
+            f"{short_name(row.largest_fall)} −{row.largest_fall_ranks}" if row.largest_fall_ranks > 0 else MISSING,
+            row.text,
+        ]
+        for row in result.rows
+    ]
+    title = f"What the first {result.top} stars by {_name_of(result.score_name)} become under other assumptions"
+    console.print(text_table(console, title, columns, rows, last_width=44))
+    print_note(console, f"{result.statement.rstrip('.')}.")
+    print_note(
+        console,
+        f"tau: Kendall's, of the scores of the nominal top {result.top}; kept: how many of them stay there; ok: stars "
+        f"whose reference planet is detected ({result.n_ok} nominally); biggest fall: in ranks.",
+    )
+
+
+def print_explanation(told: Explanation, console: Console) -> None:
+    """Print why a star stands where it stands."""
+    star = told.star
+    head = f"{full_name(star.name, star.hip)}: rank {star.rank} of {count_text(told.n_ranked)}"
+    print_plain(console, f"{head} by {_name_of(told.score_name)}", bold=True)
+    for sentence in told.sentences:
+        print_plain(console, sentence)
+    console.print()
+    _neighbours(told, console)
+    console.print()
+    _bands(told, console)
+    _details(told, console)
+    if told.ranks:
+        ranks = ", ".join(f"{count_text(rank)} ({name.replace('_', ' ')})" for name, rank in told.ranks.items())
+        print_note(console, f"Rank under other assumptions: {ranks}.")
+
+
+def _neighbours(told: Explanation, console: Console) -> None:
+    columns = [
+        Column("#"),
+        Column("star", False),
+        Column(SCORES[told.score_name][0]),
+        Column("compl %", True, 1),
+        Column("in", False, 5),
+        Column("V mag", True, 3),
+        Column("dist pc", True, 4),
+        Column("margin", True, 2),
+        Column("status", False),
+    ]
+    rows = [
+        [
+            str(row.rank),
+            short_name(row.name),
+            score_number(row.score, told.score_name),
+            share_text(row.completeness),
+            row.completeness_band,
+            decimals(row.v_mag, 2),
+            decimals(row.distance_pc, 2),
+            significant(row.detection_margin),
+            status_cell(row.status, row.reason),
+        ]
+        for row in (told.better, told.star, told.worse)
+        if row is not None
+    ]
+    console.print(text_table(console, "Between its neighbours", columns, rows))
+
+
+def _bands(told: Explanation, console: Console) -> None:
+    columns = [
+        Column("band", False),
+        Column("compl %"),
+        Column("in zone %", True, 3),
+        Column("sep ″", True, 4),
+        Column("contrast", True, 2),
+        Column("limit", True, 2),
+        Column("wall", True, 7),
+        Column("SNR", True, 6),
+        Column("margin"),
+        Column("at most", True, 1),
+        Column("largest noise", False, 5),
+        Column("status", False),
+    ]
+    rows = [
+        [
+            band.band,
+            share_text(band.completeness),
+            share_text(band.in_zone),
+            decimals(band.separation_arcsec, 3),
+            ratio_text(band.contrast),
+            ratio_text(band.contrast_limit),
+            duration_text(band.time_s),
+            significant(band.snr),
+            significant(band.detection_margin),
+            significant(band.floor_margin),
+            term_text(band.dominant),
+            status_cell(band.status, band.reason),
+        ]
+        for band in told.bands
+    ]
+    console.print(text_table(console, "Its reference planet and its population, band by band", columns, rows))
+    explain_symbols(console, [band.status for band in told.bands])
+    print_note(console, "limit: faintest contrast detected there; at most: margin that no length of visit can pass.")
+
+
+def _details(told: Explanation, console: Console) -> None:
+    """What binds and what would help in the star's best band."""
+    band = next((item for item in told.bands if item.band == told.star.band), None)
+    if band is None or band.exposure_s is None:
+        return
+    for name, limit in (("exposure", band.exposure_limited_by), ("EM gain", band.gain_limited_by)):
+        if limit:
+            print_note(console, f"{band.band}: the {name} is held by {limit_text(limit)}.")
+    for name, gain in band.gain_caps.items():
+        print_note(console, f"{band.band}, frames of {significant(band.exposure_s)} s: {cap_sentence(name, gain)}.")
+    helps = sorted(band.remedies.items(), key=lambda item: -item[1])
+    good = [f"×{factor:.2f} {remedy_text(name)}" for name, factor in helps if factor >= _SMALLEST_GAIN]
+    if good:
+        print_note(console, f"{band.band}: what would raise the SNR: {'; '.join(good)}.")

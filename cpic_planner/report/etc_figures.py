@@ -1,0 +1,207 @@
+"""Figures of the exposure-time calculator and of the ranking, as files."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from catalogs.errors import InputError
+from cpic_planner.models import EtcResult, EtcRow
+from cpic_planner.report.drawing import BAND_STYLE, IMAGE_DPI, band_style, literal, new_figure, style
+from cpic_planner.report.etc_curves import EtcCurves, TimeCurve
+from cpic_planner.report.etc_words import term_text
+from cpic_planner.report.names import pretty_name
+from cpic_planner.report.numbers import duration_text
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
+    from matplotlib.figure import Figure
+
+__all__ = ["FIGURE_FORMATS", "check_figure_name", "etc_figure", "write_figure"]
+
+FIGURE_FORMATS = ("png", "pdf", "svg")
+_UNDATED: dict[str, dict[str, Any]] = {
+    "png": {"Software": None},
+    "pdf": {"CreationDate": None, "Creator": None, "Producer": None},
+    "svg": {"Date": None, "Creator": None},
+}
+_LEAST_SHARE = 0.02
+_BELOW: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "borderaxespad": 4.6, "fontsize": 9}
+_REST = "#D0D0D0"
+_TERM_COLOURS = {
+    "speckle": "#0072B2",
+    "reference": "#E69F00",
+    "planet": "#009E73",
+    "halo": "#CC79A7",
+    "sky": "#56B4E9",
+    "cic": "#D55E00",
+    "read_noise": "#444444",
+    "dark": "#9A8700",
+    "companion": "#882255",
+    "exozodi": "#AA9988",
+    "background_mean": "#8C8C8C",
+    "counting": "#332288",
+    "rounding": "#BBBBBB",
+}
+
+
+def check_figure_name(path: Path) -> str:
+    """Return the format of a figure's file by its name.
+
+    Raises
+    ------
+    InputError
+        If the name ends in none of the known formats.
+    """
+    ending = path.suffix.lower().lstrip(".")
+    if ending not in FIGURE_FORMATS:
+        raise InputError("--plot", str(path), allowed=f"a name that ends in {', '.join(FIGURE_FORMATS)}")
+    return ending
+
+
+def write_figure(figure: Figure, path: Path) -> Path:
+    """Write a figure whole; no date goes into it.
+
+    Raises
+    ------
+    InputError
+        If the name has no known ending, or the file cannot be written.
+    """
+    from simulator.files import write_bytes
+
+    ending = check_figure_name(path)
+    buffer = io.BytesIO()
+    with style():
+        figure.savefig(buffer, format=ending, dpi=IMAGE_DPI, metadata=_UNDATED[ending])
+    try:
+        return write_bytes(path, buffer.getvalue())
+    except OSError as error:
+        raise InputError("--plot", str(path), allowed="a writable file", hint=error.strerror or "") from None
+
+
+def etc_figure(result: EtcResult, curves: EtcCurves) -> Figure:
+    """Draw SNR against time, contrast limit against separation, and the noise budget of each answer.
+
+    Parameters
+    ----------
+    result : EtcResult
+    curves : EtcCurves
+        Of the same answers, see `cpic_planner.report.etc_curves.etc_curves`.
+    """
+    rows = [row for row in result.answers if row.budget]
+    with style():
+        figure = new_figure(4.6 + (0.75 + 0.3 * len(rows) if rows else 0.0))
+        grid = figure.add_gridspec(2 if rows else 1, 2, height_ratios=(4.6, 0.75 + 0.3 * len(rows)) if rows else (1,))
+        figure.set_layout_engine("constrained", wspace=0.06, hspace=0.06)
+        looks = band_style([curve.label for curve in curves.limits])
+        _times(figure.add_subplot(grid[0, 0]), curves, looks)
+        _limits(figure.add_subplot(grid[0, 1]), curves, looks)
+        if rows:
+            _budgets(figure.add_subplot(grid[1, :]), rows)
+        figure.suptitle(
+            literal(f"{pretty_name(result.target)}, V {result.v_mag:.2f} mag, {result.distance_pc:.2f} pc"), fontsize=12
+        )
+        figure.draw_without_rendering()
+    return figure
+
+
+def _line_looks(curves: Sequence[TimeCurve], looks: dict[str, tuple[str, str]]) -> list[tuple[str, str]]:
+    """Colours and markers by band; by line where each is of another planet."""
+    if all(curve.label in looks for curve in curves):
+        return [looks[curve.label] for curve in curves]
+    return [BAND_STYLE[(len(looks) + i) % len(BAND_STYLE)] for i in range(len(curves))]
+
+
+def _times(axes: Axes, curves: EtcCurves, looks: dict[str, tuple[str, str]]) -> None:
+    from matplotlib.lines import Line2D
+
+    axes.grid(visible=True)
+    axes.set(xscale="log", yscale="log", xlabel="wall time allowed (h)", ylabel="SNR, significance")
+    handles = []
+    lows, highs = [], []
+    for curve, (colour, marker) in zip(curves.times, _line_looks(curves.times, looks), strict=True):
+        hours = curve.time_s / 3600.0
+        axes.plot(hours, curve.snr, color=colour, lw=1.7)
+        axes.plot(hours, curve.significance, color=colour, lw=1.3, ls=(0, (4, 2)))
+        if np.isfinite(curve.threshold):
+            axes.axhline(curve.threshold, color=colour, lw=1.0, ls=":", zorder=1)
+            highs.append(curve.threshold)
+        if curve.point is not None:
+            for value, face in ((curve.point[1], colour), (curve.point[2], "white")):
+                axes.plot(curve.point[0] / 3600.0, value, marker=marker, ms=7, mfc=face, mec=colour, mew=1.3, ls="none",
+                          zorder=5)  # fmt: skip
+        handles.append(Line2D([], [], color=colour, lw=1.7, marker=marker, ms=6, label=curve.label))
+        for values in (curve.snr, curve.significance):
+            good = values[np.isfinite(values) & (values > 0)]
+            if good.size:
+                highs.append(good.max())
+                lows.append(good.max())
+    if highs:
+        axes.set_ylim(min(lows, default=1.0) / 30.0, 1.6 * max(highs))
+    keys = [Line2D([], [], color="#444444", lw=1.7, label="SNR"),
+            Line2D([], [], color="#444444", lw=1.3, ls=(0, (4, 2)), label="significance"),
+            Line2D([], [], color="#444444", lw=1.0, ls=":", label="threshold")]  # fmt: skip
+    _plain_ticks(axes.yaxis, (1.0, 3.0))
+    _plain_ticks(axes.xaxis, (1.0,))
+    axes.set_title("best visit of at most this time", fontsize=10)
+    if not curves.times:
+        axes.text(0.5, 0.5, "no planet to be seen here", transform=axes.transAxes, ha="center")
+        return
+    axes.legend(handles=[*handles, *keys], ncols=3, **_BELOW)
+
+
+def _limits(axes: Axes, curves: EtcCurves, looks: dict[str, tuple[str, str]]) -> None:
+    axes.grid(visible=True)
+    axes.set(yscale="log", xlabel="separation on the diagonal (arcsec)", ylabel="planet-to-star contrast (flux ratio)")
+    shown: list[float] = []
+    for curve in curves.limits:
+        colour, marker = looks[curve.label]
+        axes.plot(curve.separation_arcsec, curve.contrast, color=colour, lw=1.7, label=f"{curve.label} limit")
+        good = curve.contrast[np.isfinite(curve.contrast)]
+        shown += np.percentile(good, [0, 92]).tolist() if good.size else []
+        for place, contrast in curve.planets:
+            axes.plot(place, contrast, marker=marker, ms=8, mfc=colour, mec="white", mew=0.8, ls="none", zorder=5)
+            shown.append(contrast)
+    if shown:
+        axes.set_ylim(min(shown) / 2.5, max(shown) * 3.0)
+    title = f"limit for {curves.limit_level} in {duration_text(curves.limit_time_s)}; symbols: planet"
+    axes.set_title(title, fontsize=10)
+    axes.legend(ncols=2, **_BELOW)
+
+
+def _budgets(axes: Axes, rows: Sequence[EtcRow]) -> None:
+    """One stacked bar an answer; small terms are one piece."""
+    shares = []
+    for row in rows:
+        terms = {name.removesuffix("_e2"): value for name, value in row.budget.items() if name.endswith("_e2")}
+        total = sum(terms.values()) or 1.0
+        shares.append({name: value / total for name, value in terms.items()})
+    names = [name for name in _TERM_COLOURS if any(share.get(name, 0.0) >= _LEAST_SHARE for share in shares)]
+    names.sort(key=lambda name: -sum(share.get(name, 0.0) for share in shares))
+    left = np.zeros(len(rows))
+    several = len({row.band for row in rows}) < len(rows)
+    labels = [row.band + (f", {row.separation_arcsec:.3f}″" if several else "") for row in rows]
+    for name in names:
+        widths = np.array([100.0 * share.get(name, 0.0) for share in shares])
+        axes.barh(range(len(rows)), widths, left=left, height=0.66, color=_TERM_COLOURS[name], edgecolor="white",
+                  linewidth=0.6, label=term_text(name))  # fmt: skip
+        left += widths
+    axes.barh(range(len(rows)), 100.0 - left, left=left, height=0.66, color=_REST, label="all other terms")
+    axes.set_yticks(range(len(rows)), labels)
+    axes.invert_yaxis()
+    axes.set(xlim=(0, 100), xlabel="share of the variance of the answer (%)")
+    axes.legend(ncols=3, **_BELOW)
+
+
+def _plain_ticks(axis: Axis, steps: Sequence[float]) -> None:
+    """Plain numbers on a logarithmic axis."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    axis.set_major_locator(LogLocator(subs=tuple(steps)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())

@@ -1,0 +1,348 @@
+"""Regenerate this report: ``python reports/etc_accuracy/make.py`` (about four minutes).
+
+How far the exposure-time calculator can be trusted: its noise against Monte Carlo, its choice of frames against trying
+everything, its contrast limit against the imaging model, and how long it takes. ``--speed`` measures the times alone.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import io
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from brute_force import least_time as try_everything
+from counting import EXPOSURE_S, FRAMES, counted_cases, predicted_counting, recover_counts
+from figures import limit_figure, monte_carlo_figure, png
+from limits import LIMIT_BAND, WALK_FRAMES, Curve, FloorRow, floor_rows, limit_curves
+from monte_carlo import recover
+from random_problems import random_problem
+from real_stars import PLANETS, prepared
+from regimes import GAINS, Case, apertures, cases, predicted
+from speed import SpeedRow, machine, speed_rows
+from threadpoolctl import threadpool_limits
+
+from cpic_planner.etc.cases import FrameWish, band_cases, planets_of
+from cpic_planner.etc.frames import FrameProblem, least_time
+from cpic_planner.etc.model import EtcModel, build_model
+from cpic_planner.report.drawing import style
+from cpic_planner.targets import rank_sample
+from simulator.config import load_instrument
+from simulator.files import write_bytes, write_text
+
+HERE = Path(__file__).resolve().parent
+TRIALS = 20_000
+WHITE, SPECKLED, ERRORS = 0.03, 0.05, 4.5  # tolerances asked, and standard errors granted
+COST_ASKED = 1.001
+RANDOM_STARS, RANDOM_SEED = 700, 0
+LEVELS = (1.0, 5.0, 8.0, 20.0)
+SEPARATION_ARCSEC = 0.75
+
+Row = dict[str, Any]
+
+
+def monte_carlo_rows() -> list[Row]:
+    """Every regime, gain and library: SNR and significance of the ETC over those of the trials."""
+    found, places = [], apertures()
+    for index, case in enumerate(cases()):
+        trials = recover(case.stack, places, case.readout, np.random.default_rng([1, index]), TRIALS)
+        found.append(_compared(case.regime, case.stack.em_gain, case.stack.reference_ratio, trials,
+                               predicted(case, places), white=case.white))  # fmt: skip
+    return found
+
+
+def counting_rows() -> list[Row]:
+    """The same where photons are counted."""
+    found, places = [], apertures()
+    for index, (stack, readout, sigma) in enumerate(counted_cases()):
+        trials = recover_counts(stack, places, readout, sigma, np.random.default_rng([3, index]), TRIALS)
+        mean = stack.background_e_s * stack.exposure_s / places[0].pixels
+        said = predicted_counting(stack, places, readout, sigma)
+        name = f"counted above {sigma:g} sigma, {mean:.2g} e- per pixel and frame"
+        analogue = predicted(Case("halo", stack, readout), places)
+        row = _compared(name, stack.em_gain, 1.0, trials, said, white=True)
+        found.append(row | {"over_analogue": float(said.significance[0] / analogue.significance[0])})
+    return found
+
+
+def star_rows(model: EtcModel) -> list[Row]:
+    """The same for planets of real stars."""
+    found = []
+    for index, planet in enumerate(PLANETS):
+        said = prepared(model, planet)
+        trials = recover(said.stack, said.places, said.readout, np.random.default_rng([2, index]), TRIALS)
+        name = f"{planet.star}, {planet.band}, {planet.separation_arcsec:g} arcsec, {planet.contrast:.0e}"
+        found.append(_compared(name, planet.em_gain, 1.0, trials, said.noise, white=False))
+    return found
+
+
+def _compared(regime: str, gain: float, ratio: float, trials: Any, said: Any, *, white: bool) -> Row:
+    terms = {name: float(np.ravel(part)[0]) for name, part in said.terms.items()}
+    largest = max(terms, key=lambda name: terms[name])
+    allowed = (WHITE if white else SPECKLED) + ERRORS * trials.relative_error
+    off = [float(said.snr[0]) / trials.snr - 1.0, float(said.significance[0]) / trials.significance - 1.0]
+    return {"case": regime, "em_gain": gain, "reference_ratio": ratio, "snr": float(said.snr[0]),
+            "snr_etc_over_mc": 1.0 + off[0], "significance_etc_over_mc": 1.0 + off[1],
+            "standard_error": trials.relative_error, "allowed": allowed, "bias_in_standard_errors": trials.bias,
+            "largest_term": largest, "its_share": terms[largest] / sum(terms.values()),
+            "met": max(map(abs, off)) <= allowed}  # fmt: skip
+
+
+def optimiser_rows(model: EtcModel) -> list[Row]:
+    """Random problems and the catalogue, solved both ways."""
+    rows = []
+    for level in LEVELS:
+        problem = random_problem(RANDOM_STARS, model.camera(LIMIT_BAND), seed=RANDOM_SEED)
+        rows.append(_both(f"{RANDOM_STARS} random stars x 8 bands", f"SNR {level:g}", [(problem, level)]))
+    every, planets = rank_sample(), planets_of(SEPARATION_ARCSEC)
+    wide = build_model(model.instrument, tuple(model.instrument.bands))
+    bands = [band_cases(wide, every, band, planets, FrameWish()) for band in wide.bands]
+    name = f"catalogue ({len(every)}) x {len(wide.bands)} bands, 1 R_J at {SEPARATION_ARCSEC:g} arcsec"
+    rows.append(_both(name, "SNR 5", [(part.problem("snr"), 5.0) for part in bands]))
+    rows.append(_both(name, "SNR 1", [(part.problem("snr"), 1.0) for part in bands]))
+    detection = [(part.problem("significance"), float(part.threshold[0])) for part in bands]
+    rows.append(_both(name, "detection", detection))
+    bright = planets_of(SEPARATION_ARCSEC, None, 1e-7)
+    near = [band_cases(wide, every, band, bright, FrameWish()).problem("snr") for band in wide.bands]
+    for level in (5.0, 20.0):
+        rows.append(_both("the same stars and bands, contrast 1e-7", f"SNR {level:g}", [(one, level) for one in near]))
+    return rows
+
+
+def _both(name: str, question: str, parts: list[tuple[FrameProblem, float]]) -> Row:
+    """Solver and brute force on the same problems."""
+    began = time.perf_counter()
+    solved = [least_time(problem, level) for problem, level in parts]
+    middle = time.perf_counter()
+    tried = [try_everything(problem, level) for problem, level in parts]
+    ended = time.perf_counter()
+    ours, theirs = (np.concatenate([np.ravel(part.visit_s) for part in found]) for found in (solved, tried))
+    mine, other = (np.concatenate([np.ravel(part.n_frames) for part in found]) > 0 for found in (solved, tried))
+    both = mine & other
+    ratio = ours[both] / theirs[both]
+    return {"problems": name, "asked for": question, "cases": ours.size, "possible": int(both.sum()),
+            "possible for one only": int((mine != other).sum()), "least": ratio.min(initial=np.inf),
+            "median": float(np.median(ratio)) if ratio.size else np.nan, "largest": ratio.max(initial=0.0),
+            "above": int((ratio > COST_ASKED).sum()), "solver_s": middle - began,
+            "brute_force_s": ended - middle}  # fmt: skip
+
+
+def table(head: list[str], rows: list[list[str]]) -> str:
+    """Rows as a table."""
+    return "\n".join(f"| {' | '.join(row)} |" for row in [head, ["---"] * len(head), *rows])
+
+
+def regime_table(rows: list[Row]) -> str:
+    """Worst of all gains and libraries of each regime."""
+    lines = []
+    for regime in dict.fromkeys(row["case"] for row in rows):
+        own = [row for row in rows if row["case"] == regime]
+        snr, significance = ([row[f"{name}_etc_over_mc"] for row in own] for name in ("snr", "significance"))
+        shares = {row["largest_term"] for row in own}
+        lines.append([regime, str(len(own)), f"{min(snr):.4f} to {max(snr):.4f}",
+                      f"{min(significance):.4f} to {max(significance):.4f}",
+                      f"{max(abs(row['bias_in_standard_errors']) for row in own):.1f}", ", ".join(sorted(shares)),
+                      "yes" if all(row["met"] for row in own) else "**no**"])  # fmt: skip
+    head = ["regime", "cases", "SNR, ETC / trials", "significance, ETC / trials", "largest bias (standard errors)"]
+    return table([*head, "largest term", "met"], lines)
+
+
+def star_table(rows: list[Row]) -> str:
+    """Planets of real stars."""
+    head = ["planet", "gain", "SNR", "SNR, ETC / trials", "significance, ETC / trials", "largest term", "its share"]
+    return table(head,
+                 [[row["case"], f"{row['em_gain']:g}", f"{row['snr']:.2f}", f"{row['snr_etc_over_mc']:.4f}",
+                   f"{row['significance_etc_over_mc']:.4f}", row["largest_term"], f"{row['its_share']:.0%}"]
+                  for row in rows])  # fmt: skip
+
+
+def counting_table(rows: list[Row]) -> str:
+    """Photon counting, and what it gains over measured charge."""
+    head = [
+        "pixels",
+        "gain",
+        "SNR, ETC / trials",
+        "significance, ETC / trials",
+        "significance over that of measured charge",
+    ]
+    return table(head, [
+        [row["case"], f"{row['em_gain']:g}", f"{row['snr_etc_over_mc']:.4f}", f"{row['significance_etc_over_mc']:.4f}",
+         f"{row['over_analogue']:.2f}"] for row in rows
+    ])  # fmt: skip
+
+
+def optimiser_table(rows: list[Row]) -> str:
+    """Solver beside brute force."""
+    return table(["problems", "asked for", "cases", "possible", "possible for one only", "least", "median", "largest",
+                  f"above {COST_ASKED:g}", "solver (s)", "brute force (s)"],
+                 [[row["problems"], row["asked for"], str(row["cases"]), str(row["possible"]),
+                   str(row["possible for one only"]), f"{row['least']:.5f}", f"{row['median']:.5f}",
+                   f"{row['largest']:.6f}", str(row["above"]), f"{row['solver_s']:.3f}", f"{row['brute_force_s']:.1f}"]
+                  for row in rows])  # fmt: skip
+
+
+def floor_table(rows: list[FloorRow]) -> str:
+    """Residual of the ETC beside that of the images."""
+    return table(["band", "separation (arcsec)", "visit offset (nm)", "walk (nm)", "ETC, per unit star", "images",
+                  "ETC / images"],
+                 [[row.band, f"{row.separation_arcsec:g}", f"{row.visit_nm:g}", row.walk, f"{row.said:.3e}",
+                   f"{row.measured.rms:.3e}", f"{row.ratio:.3f} ± {row.ratio_error:.3f}"] for row in rows])  # fmt: skip
+
+
+def slope_table(curves: list[Curve]) -> str:
+    """Logarithmic slopes and plateaus."""
+    rows = []
+    for curve in curves:
+        plateau = "none" if curve.model_limit is None else f"{curve.plateau:.3e}"
+        images = "" if curve.model_limit is None else f"{curve.model_limit:.3e} ± {curve.model_error:.1e}"
+        ratio = "" if curve.model_limit is None else f"{curve.plateau / curve.model_limit:.3f}"
+        rows.append(
+            [f"{curve.visit_nm:g}", f"{curve.first_slope:.3f}", f"{curve.last_slope:.4f}", plateau, images, ratio]
+        )
+    return table(["visit offset (nm)", "slope, 1 to 10 frames", "slope, last decade", "plateau of the ETC",
+                  "of the images", "ETC / images"], rows)  # fmt: skip
+
+
+def speed_table(rows: list[SpeedRow]) -> str:
+    """Times."""
+    lines = []
+    for row in rows:
+        asked = "" if row.asked_s is None else f"{row.asked_s:g}"
+        met = "" if row.asked_s is None else "yes" if row.cpu_s <= row.asked_s else "**no**"
+        lines.append([row.job, f"{row.cpu_s:.3g}", f"{row.wall_s:.3g}", asked, met])
+    return table(["job", "processor time (s)", "wall clock (s)", "asked (s)", "met"], lines)
+
+
+def verdict_table(trials: list[Row], frames: list[Row], curves: list[Curve], floors: list[FloorRow]) -> str:
+    """What was asked, and what was found."""
+    worst = max(abs(row[name] - 1.0) for row in trials for name in ("snr_etc_over_mc", "significance_etc_over_mc"))
+    longest, single = max(row["largest"] for row in frames), sum(row["possible for one only"] for row in frames)
+    plateaus = [curve.plateau / curve.model_limit - 1.0 for curve in curves if curve.model_limit is not None]
+    apart = max(plateaus, key=abs)
+    off = max(floors, key=lambda row: abs(row.ratio - 1.0))
+    steepest = max(abs(curve.first_slope + 0.5) for curve in curves if not curve.visit_nm)
+
+    def met(fine: bool) -> str:
+        return "yes" if fine else "**no**"
+
+    return table(["", "asked", "found", "met"], [
+        [f"noise against Monte Carlo, {len(trials)} cases", f"{WHITE:.0%} ({SPECKLED:.0%} with speckles) + 4.5 errors",
+         f"{worst:.1%} at most, errors of the trials included", met(all(row["met"] for row in trials))],
+        [f"least time against brute force, {sum(row['cases'] for row in frames)} cases",
+         f"at most {COST_ASKED:g} times", f"{longest:.6f} times at most", met(longest <= COST_ASKED)],
+        ["feasible for one of the two only", "none", str(single), met(not single)],
+        ["slope of the contrast limit without any offset", "-1/2", f"-1/2 to {steepest:.0e}", met(steepest < 1e-6)],
+        ["plateaus of the contrast limit against images", "10 %", f"{apart:+.1%} at most", met(abs(apart) < 0.1)],
+        ["residual in other bands and places, and with walk", "",
+         f"{off.ratio - 1.0:+.1%} at most ({off.band}, {off.separation_arcsec:g} arcsec)", ""],
+    ])  # fmt: skip
+
+
+def csv_text(rows: list[Row]) -> str:
+    """Rows as CSV."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows({key: f"{value:.6g}" if isinstance(value, float) else value for key, value in row.items()}
+                     for row in rows)  # fmt: skip
+    return text.getvalue()
+
+
+def report(trials: list[Row], counted: list[Row], stars: list[Row], frames: list[Row], curves: list[Curve],
+           floors: list[FloorRow], speeds: list[SpeedRow]) -> str:  # fmt: skip
+    """Text of the report."""
+    return f"""# Accuracy and speed of the exposure-time calculator
+
+Regenerate with `python reports/etc_accuracy/make.py`; everything below is written by it.
+
+{verdict_table(trials, frames, curves, floors)}
+
+## Noise against Monte Carlo
+
+{TRIALS} trials a case: charge is Poisson in every pixel, the register is the exact cascade, read noise is added and the
+converter rounds at its output, pixels that the edge of the aperture cuts count in part, the mean reference frame is
+subtracted, and then the mean of 30 other apertures. Frames that a particle hits are left out. Levels are set such that
+the named noise is most of the variance at each gain ({", ".join(f"{gain:g}" for gain in GAINS)}); three of the regimes
+also have reference libraries of half and three times the science frames. SNR is the signal over its own scatter,
+significance the signal over the scatter without the planet; each carries {trials[0]["standard_error"]:.1%} of error.
+
+{regime_table(trials)}
+
+![SNR of the ETC over that of the trials](monte_carlo.png)
+
+*Bars: one standard error; grey: 3 %. Every case is in [monte_carlo.csv](monte_carlo.csv).*
+
+Planets of real stars, 30 frames, with the rates of the ETC and the planet's light on the pixels of the images:
+
+{star_table(stars)}
+
+Photons counted instead of measured: {FRAMES} frames of {EXPOSURE_S:g} s, a planet of a third of the background. How
+often a pixel passes the threshold is drawn from the register, and the counts of each pixel are inverted by that curve.
+The last column is what counting wins; below 1 it loses, where pixels hold more than one photon.
+
+{counting_table(counted)}
+
+## Frames against trying everything
+
+Brute force takes 2000 exposures, every whole number of frames and 1500 gains for each of them, under the same limits of
+saturation written out once more. Time of the solver over that of brute force; below 1 the solver stands between two
+exposures of the grid. The planets of the catalogue are tried in every band, whether or not the place is dark there.
+
+{optimiser_table(frames)}
+
+## Contrast limit against the number of frames
+
+{curves[0].star}, {LIMIT_BAND}, {curves[0].separation_arcsec:g} arcsec, frames of {curves[0].exposure_s:g} s, 5 sigma
+without small-sample threshold, no walk of the wavefront within a visit. Only without any offset between the visits does
+the limit fall with the square root of the number of frames; otherwise it ends on a plateau, which no time lowers.
+
+![contrast limit against the number of frames](contrast_limit.png)
+
+{slope_table(curves)}
+
+The plateau comes from the scatter of aperture sums in the annulus that the background is taken from. Here it is
+measured once more in images without noise, propagated in full: pairs of visits, circles wholly inside the dark squares,
+mean of the annulus subtracted. With walk, the image of a visit is the mean of {WALK_FRAMES} moments.
+
+{floor_table(floors)}
+
+## Speed
+
+{machine()}.
+
+One thread, medians of warm calls. The verdict is by processor time: on one thread it is the wall clock of an idle
+machine.
+
+{speed_table(speeds)}
+"""
+
+
+def main() -> None:
+    """Measure, compare, draw."""
+    options = argparse.ArgumentParser(description=__doc__)
+    options.add_argument("--speed", action="store_true", help="print the times only")
+    model = build_model(load_instrument())
+    with threadpool_limits(1):
+        if options.parse_args().speed:
+            print(speed_table(speed_rows()))
+            return
+        trials, counted, stars = monte_carlo_rows(), counting_rows(), star_rows(model)
+        frames = optimiser_rows(model)
+        curves, floors = limit_curves(), floor_rows()
+        speeds = speed_rows()
+    write_text(HERE / "monte_carlo.csv", csv_text(trials + stars))
+    write_text(HERE / "counting.csv", csv_text(counted))
+    write_text(HERE / "optimiser.csv", csv_text(frames))
+    write_text(HERE / "limits.csv", csv_text([row for curve in curves for row in curve.rows()]))
+    with style():
+        write_bytes(HERE / "monte_carlo.png", png(monte_carlo_figure(trials, WHITE)))
+        write_bytes(HERE / "contrast_limit.png", png(limit_figure(curves)))
+    write_text(HERE / "report.md", report(trials, counted, stars, frames, curves, floors, speeds))
+    print(HERE / "report.md")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,90 @@
+"""How long answers, catalogues and rankings take."""
+
+from __future__ import annotations
+
+import os
+import platform
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cpic_planner.etc.cases import FrameWish, band_cases, planets_of
+from cpic_planner.etc.frames import least_time
+from cpic_planner.etc.model import build_model
+from cpic_planner.etc.questions import contrast_limit, exposure_time, signal_to_noise
+from cpic_planner.ranking import rank_targets
+from cpic_planner.targets import find_target, rank_sample
+from simulator.config import load_instrument
+
+__all__ = ["SpeedRow", "machine", "speed_rows"]
+
+STAR, SEPARATION_ARCSEC, TIME_S = "tau Cet", 0.65, 7200.0
+CALL_S, CATALOGUE_S, RANKING_S = 5e-3, 0.3, 10.0
+CALLS = 20
+
+
+@dataclass(frozen=True)
+class SpeedRow:
+    """Median time of a job."""
+
+    job: str
+    cpu_s: float
+    wall_s: float
+    asked_s: float | None = None
+
+
+def machine() -> str:
+    """Processor and versions."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        lines = []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return (f"{names[0] if names else 'processor'} ({platform.machine()}, {os.cpu_count()} cores), "
+            f"Python {platform.python_version()}, numpy {np.__version__}")  # fmt: skip
+
+
+def timed(job: str, run: Callable[[], Any], *, asked_s: float | None = None, rounds: int = CALLS) -> SpeedRow:
+    """Median of warm runs."""
+    run()
+    cpu, wall = [], []
+    for _ in range(rounds):
+        clock, began = time.perf_counter(), time.process_time()
+        run()
+        cpu.append(time.process_time() - began)
+        wall.append(time.perf_counter() - clock)
+    return SpeedRow(job, float(np.median(cpu)), float(np.median(wall)), asked_s)
+
+
+def speed_rows() -> list[SpeedRow]:
+    """Every job."""
+    instrument = load_instrument()
+    model, every = build_model(instrument), rank_sample()
+    wide = build_model(instrument, tuple(instrument.bands))
+    star, _ = find_target(STAR)
+    place: dict[str, Any] = {"separation_arcsec": SEPARATION_ARCSEC}
+    one: dict[str, Any] = place | {"bands": "F662"}
+    planets = planets_of(SEPARATION_ARCSEC)
+
+    def catalogue() -> None:
+        for band in wide.bands:
+            least_time(band_cases(wide, every, band, planets, FrameWish()).problem("snr"), 5.0)
+
+    return [
+        timed("SNR for a time, one star and band", lambda: signal_to_noise(model, star, time_s=TIME_S, **one),
+              asked_s=CALL_S),
+        timed("time for an SNR, one star and band", lambda: exposure_time(model, star, snr=5.0, **one), asked_s=CALL_S),
+        timed("contrast limit, one star and band", lambda: contrast_limit(model, star, time_s=TIME_S, **one),
+              asked_s=CALL_S),
+        timed("SNR for a time, one star, four bands", lambda: signal_to_noise(model, star, time_s=TIME_S, **place)),
+        timed("time for an SNR, one star, four bands", lambda: exposure_time(model, star, snr=5.0, **place)),
+        timed("contrast limit, one star, four bands", lambda: contrast_limit(model, star, time_s=TIME_S, **place)),
+        timed(f"rates and least times, catalogue ({len(every)}) x {len(wide.bands)} bands", catalogue,
+              asked_s=CATALOGUE_S, rounds=5),
+        timed("full ranking of the catalogue", lambda: rank_targets(model, every, time_s=TIME_S), asked_s=RANKING_S,
+              rounds=1),
+    ]  # fmt: skip

@@ -1,0 +1,292 @@
+import json
+import re
+
+import pytest
+
+from cpic_planner.cli.etc_question import EtcQuestion
+from cpic_planner.cli.main import main
+from cpic_planner.etc.model import Strategy, build_model
+from cpic_planner.etc.planet import ReferencePlanet
+from cpic_planner.etc.questions import contrast_limit, exposure_time, signal_to_noise
+from cpic_planner.optimiser import optimise, separation_grid
+from cpic_planner.targets import find_target
+from simulator.config import load_instrument
+
+
+def call(capsys, *arguments):
+    status = main(["etc", *arguments])
+    captured = capsys.readouterr()
+    return status, captured.out, captured.err
+
+
+def answers(capsys, *arguments):
+    status, out, err = call(capsys, *arguments, "--json")
+    assert status == 0, err
+    return json.loads(out)["answers"]
+
+
+@pytest.fixture(scope="module")
+def star():
+    return find_target("tau Cet")[0]
+
+
+@pytest.fixture(scope="module")
+def model():
+    return build_model(load_instrument())
+
+
+HERE = ["tau Cet", "--band", "F520", "--separation-arcsec", "0.5"]
+
+
+def test_three_levels_of_a_time(capsys, model, star):
+    where = {"separation_arcsec": 0.5, "bands": ["F520"]}
+    for options, level in (
+        (["--snr", "7"], {"snr": 7.0}),
+        (["--sigma", "4"], {"sigma": 4.0}),
+        (["--detect"], {"detect": True}),
+    ):
+        (told,) = answers(capsys, *HERE, *options)
+        (known,) = exposure_time(build_model(load_instrument(), ["F520"]), star, **level, **where)
+        assert told["question"] == "exposure_time"
+        assert told["value"] == pytest.approx(known.value, rel=1e-12)
+
+
+def test_three_levels_of_a_limit(capsys, star):
+    model = build_model(load_instrument(), ["F520"])
+    for options, level in (
+        (["--snr", "5"], {"snr": 5.0}),
+        (["--sigma", "5"], {"sigma": 5.0}),
+        ([], {}),
+        (["--detect"], {}),
+    ):
+        (told,) = answers(capsys, *HERE, "--contrast-limit", "--time-s", "7200", *options)
+        (known,) = contrast_limit(model, star, time_s=7200.0, separation_arcsec=0.5, **level)
+        assert told["value"] == pytest.approx(known.value, rel=1e-12)
+    (photometry,) = answers(capsys, *HERE, "--contrast-limit", "--snr", "5")
+    (plain,) = answers(capsys, *HERE, "--contrast-limit", "--sigma", "5")
+    assert photometry["snr"] == pytest.approx(5.0, rel=1e-9)
+    assert plain["significance"] == pytest.approx(5.0, rel=1e-9)
+    assert photometry["value"] > plain["value"]
+
+
+def test_a_limit_and_a_time_are_inverse(capsys):
+    (limit,) = answers(capsys, *HERE, "--contrast-limit", "--snr", "5", "--time-s", "3600")
+    (time,) = answers(capsys, *HERE, "--snr", "5", "--contrast", repr(limit["value"]))
+    assert time["value"] <= 3600.0 * (1 + 1e-9)
+    assert time["snr"] == pytest.approx(5.0, rel=1e-6)
+
+
+def test_several_separations_and_contrasts_pair_up(capsys):
+    rows = answers(capsys, "tau Cet", "--band", "F520", "--band", "F662", "--separation-arcsec", "0.5",
+                   "--separation-arcsec", "0.7", "--contrast", "1e-8", "--contrast", "2e-8")  # fmt: skip
+    assert [(row["band"], row["separation_arcsec"], row["contrast"]) for row in rows] == [
+        ("F520", 0.5, 1e-8), ("F520", 0.7, 2e-8), ("F662", 0.5, 1e-8), ("F662", 0.7, 2e-8)
+    ]  # fmt: skip
+    alone = answers(capsys, "tau Cet", "--band", "F662", "--separation-arcsec", "0.7", "--contrast", "2e-8")
+    assert rows[3]["value"] == pytest.approx(alone[0]["value"], rel=1e-12)
+    free = answers(capsys, "tau Cet", "--band", "F520", "--contrast", "1e-9", "--contrast", "1e-8")
+    assert [row["contrast"] for row in free] == [1e-9, 1e-8]
+
+
+@pytest.mark.parametrize(
+    "level", [{}, {"snr": 7.0}, {"detect": True}, {"limit": True}, {"limit": True, "snr": 5.0}, {"sigma": 3.0}]
+)
+def test_the_best_place_has_no_better_neighbour(model, star, level):
+    question = EtcQuestion(20000.0, ReferencePlanet(), **level)
+    one = build_model(load_instrument(), ["F662"])
+    (best,) = question.ask_at_best(one, star)
+    grid = separation_grid(one, "F662")
+    others = question.ask(one, star, grid.tolist())
+    if question.limit or question.asks_time:
+        values = [other.value for other in others if other.value is not None]
+        assert best.value <= min(values) * 1.01
+    else:
+        margins = [other.significance / other.threshold for other in others if other.value is not None]
+        assert best.significance / best.threshold >= max(margins) * 0.99
+
+
+def test_the_best_place_is_that_of_the_ranking(model, star):
+    for answer in EtcQuestion(36000.0, ReferencePlanet()).ask_at_best(model, star):
+        ranked = optimise(model, star, time_s=36000.0, bands=[answer.band])
+        assert answer.separation_arcsec == pytest.approx(ranked.separation_arcsec[0], rel=0.03)
+
+
+def test_out_of_reach_the_place_is_where_most_is_reached(model, star):
+    one = build_model(load_instrument(), ["F662"])
+    (answer,) = EtcQuestion(1.0, ReferencePlanet(), snr=1000.0).ask_at_best(one, star)
+    assert answer.reason == "speckle_floor"
+    most = float(re.search(r"the most is ([\d.]+)", answer.message)[1])
+    for other in EtcQuestion(1e9, ReferencePlanet()).ask(one, star, separation_grid(one, "F662").tolist()):
+        assert other.snr <= most * 1.005
+
+
+def test_frames_set_the_time_in_every_band(capsys):
+    rows = answers(capsys, "tau Cet", "--exposure-s", "17", "--frames", "30", "--separation-arcsec", "0.6",
+                   "--reference-ratio", "2")  # fmt: skip
+    model = build_model(load_instrument())
+    for row in rows:
+        assert (row["exposure_s"], row["n_frames"]) == (17.0, 30)
+        pace = 17.0 + model.camera(row["band"]).readout_s
+        assert row["time_s"] == pytest.approx(model.instrument.overhead_s + 3 * 30 * pace)
+    limits = answers(capsys, *HERE, "--exposure-s", "17", "--frames", "30", "--contrast-limit", "--snr", "5")
+    assert limits[0]["n_frames"] == 30
+
+
+def test_strategies_reach_the_calculator(capsys, star):
+    plain = answers(capsys, *HERE)[0]["value"]
+    ideal = answers(capsys, *HERE, "--library", "idealised")[0]
+    assert ideal["value"] > plain
+    assert "idealised" in ideal["flags"]
+    faint = answers(capsys, *HERE, "--library", "reference_star", "--reference-v-mag", "8")[0]
+    bright = answers(capsys, *HERE, "--library", "reference_star", "--reference-v-mag", "1.5")[0]
+    assert faint["value"] < bright["value"]
+    assert "reference_colour_not_modelled" in bright["flags"]
+    dusty = answers(capsys, *HERE, "--exozodi", "20")[0]
+    assert dusty["budget"]["exozodi_e2"] > 0
+    assert dusty["value"] < plain
+    counted = answers(capsys, *HERE, "--photon-counting", "--counting-sigma", "4")[0]
+    strategy = Strategy(mode="photon_counting", counting_sigma=4.0)
+    (known,) = signal_to_noise(
+        build_model(load_instrument(), ["F520"], strategy), star, time_s=36000.0, separation_arcsec=0.5
+    )
+    assert counted["value"] == pytest.approx(known.value, rel=1e-12)
+    rolled = answers(
+        capsys, "tau Cet", "--band", "F520", "--separation-arcsec", "0.6", "--library", "roll", "--roll-deg", "20"
+    )
+    assert rolled[0]["status"] == "ok"
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--snr", "5", "--sigma", "5"], ["--snr", "--sigma"]),
+        (["--snr", "5", "--detect"], ["--snr", "--detect"]),
+        (["--detect", "--time-s", "100"], ["--detect", "--time-s"]),
+        (["--sigma", "5", "--exposure-s", "3", "--frames", "5"], ["--sigma", "--frames"]),
+        (["--sigma", "0"], ["sigma", "1e-06"]),
+        (["--sigma", "nan"], ["sigma", "finite"]),
+        (["--contrast-limit", "--snr", "0"], ["snr", "0.001"]),
+        (["--contrast-limit", "--snr", "5", "--sigma", "5"], ["--snr", "--sigma"]),
+        (["--contrast-limit", "--contrast", "1e-9"], ["--contrast"]),
+        (["--contrast", "2"], ["contrast", "0 to 1"]),
+        (["--separation-arcsec", "-0.5"], ["separation_arcsec", "-0.5"]),
+        (["--separation-arcsec", "0.5", "--semi-major-axis-au", "2"], ["--separation-arcsec", "--semi-major-axis-au"]),
+        (["--separation-arcsec", "0.5", "--separation-arcsec", "0.6", "--contrast", "1e-9", "--contrast", "1e-9",
+          "--contrast", "1e-9"], ["--contrast", "3 times", "2 times"]),
+        (["--library", "reference_star"], ["--reference-v-mag", "missing"]),
+        (["--library", "reference_star", "--reference-v-mag", "60"], ["v_mag", "60", "-30 to 40"]),
+        (["--library", "reference_star", "--reference-v-mag", "3", "--reference-teff-k", "9"], ["teff_k", "1000"]),
+        (["--reference-v-mag", "3"], ["--reference-v-mag", "--library reference_star"]),
+        (["--reference-teff-k", "5000"], ["--reference-teff-k", "--library reference_star"]),
+        (["--roll-deg", "20"], ["--roll-deg", "--library roll"]),
+        (["--library", "roll", "--roll-deg", "0"], ["roll_deg", "0", "180"]),
+        (["--library", "roll", "--reference-ratio", "2"], ["reference_ratio", "roll"]),
+        (["--reference-ratio", "0"], ["reference_ratio", "0"]),
+        (["--library", "nothing"], ["--library", "idealised"]),
+        (["--counting-sigma", "4"], ["--counting-sigma", "--photon-counting"]),
+        (["--photon-counting", "--counting-sigma", "-1"], ["counting_sigma", "-1"]),
+        (["--photon-counting", "--band", "F940"], ["--photon-counting", "F940", "visible"]),
+        (["--exozodi", "-1"], ["exozodi_zodis", "-1"]),
+        (["--exozodi", "nan"], ["exozodi_zodis", "finite"]),
+        (["--plot", "x.gif"], ["--plot", "x.gif", "png"]),
+        (["--plot", "no/such/folder/x.png"], ["--plot", "writable"]),
+        (["--json", "--explain"], ["--explain", "--json"]),
+        (["--json", "--budget"], ["--budget", "--json"]),
+        (["--time-s", "inf"], ["time_s", "finite"]),
+        (["--exposure-s", "0"], ["exposure_s"]),
+        (["--em-gain", "0.5"], ["em_gain", "1 to"]),
+    ],
+)  # fmt: skip
+def test_contradictions_and_bad_numbers_are_one_line(capsys, options, words):
+    status, out, err = call(capsys, "tau Cet", *options)
+    assert status == 2, err
+    assert out == ""
+    assert err.count("\n") == 1
+    for word in words:
+        assert word in err
+
+
+def test_typed_answers_exit_with_0_and_say_why(capsys):
+    status, out, _ = call(capsys, "tau Cet", "--snr", "1e5", "--explain")
+    assert status == 0
+    text = " ".join(out.split())
+    assert text.count("speckle residual keeps the SNR below 100000 whatever the time; the most is") == 4
+    assert "○ speckle floor" in text
+    status, out, _ = call(capsys, "tau Cet", "--contrast", "0", "--separation-arcsec", "0.5", "--band", "F520")
+    assert status == 0
+    assert "no planet light" in out
+    status, out, _ = call(
+        capsys, "tau Cet", "--library", "roll", "--roll-deg", "2", "--separation-arcsec", "0.5", "--band", "F520"
+    )
+    assert status == 0
+    assert "roll too small" in out
+    status, out, _ = call(capsys, "tau Cet", "--time-s", "0.5", "--separation-arcsec", "0.5", "--band", "F520")
+    assert status == 0
+    assert "time below overheads" in out
+
+
+def test_the_question_stands_above_the_table(capsys):
+    for options, words in (
+        (["--snr", "5"], "wall time for SNR 5"),
+        (["--sigma", "5"], "wall time for 5 sigma"),
+        (["--detect"], "wall time for a detection"),
+        (["--time-s", "7200"], "SNR in 2.00 h"),
+        (["--contrast-limit"], "contrast limit for a detection in 10.0 h"),
+        (["--contrast-limit", "--sigma", "5"], "contrast limit for 5 sigma in 10.0 h"),
+        (["--exposure-s", "17", "--frames", "30"], "SNR in 30 × 17 s"),
+    ):
+        assert words in call(capsys, *HERE, *options)[1].splitlines()[0]
+
+
+def test_one_budget_or_every(capsys):
+    one = call(capsys, "tau Cet", "--separation-arcsec", "0.6")[1]
+    every = call(capsys, "tau Cet", "--separation-arcsec", "0.6", "--budget")[1]
+    assert one.count("Noise in F") == 1
+    assert every.count("Noise in F") == 4
+    assert "EM gain up to" not in one
+    assert "EM gain up to" in call(capsys, "tau Cet", "--separation-arcsec", "0.6", "--explain")[1]
+
+
+@pytest.mark.parametrize(
+    "options", [["--snr", "8"], ["--contrast-limit", "--sigma", "5"], [], ["--contrast", "1e-9", "--contrast", "1e-8"]]
+)
+def test_plots(capsys, tmp_path, options):
+    path = tmp_path / "answer.png"
+    status, out, err = call(capsys, "tau Cet", "--band", "F520", *options, "--plot", str(path), "--json")
+    assert status == 0
+    assert path.read_bytes().startswith(b"\x89PNG")
+    assert f"wrote {path}" in err
+    assert json.loads(out)["kind"] == "etc"
+
+
+def test_a_plot_does_not_change_the_answer(capsys, tmp_path):
+    with_plot = call(capsys, *HERE, "--json", "--plot", str(tmp_path / "a.svg"))[1]
+    assert with_plot == call(capsys, *HERE, "--json")[1]
+
+
+def test_near_infrared_bands_are_announced_once(capsys, monkeypatch):
+    import simulator.cache
+    from cpic_planner.cli import strategy_options
+
+    monkeypatch.setattr(simulator.cache, "get_arrays", lambda key: None)
+    strategy_options._announce(load_instrument(), ["F940", "F520", "F940"])
+    assert capsys.readouterr().err == "cpic: measuring the optics of F940 once, about 10 s\n"
+    monkeypatch.setattr(simulator.cache, "get_arrays", lambda key: {})
+    strategy_options._announce(load_instrument(), ["F940"])
+    strategy_options._announce(load_instrument(), None)
+    assert capsys.readouterr().err == ""
+
+
+def test_examples_of_the_help_work(capsys, tmp_path, monkeypatch):
+    import shlex
+
+    from cpic_planner.cli.etc_command import HELP
+
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "my_stars.csv").write_text("name,distance_pc,v_mag,sp_type\nmy star,5,4,G2V\n")
+    examples = re.findall(r"^  cpic (.*)$", HELP, re.M)
+    assert len(examples) >= 9
+    for example in examples:
+        assert main(shlex.split(example)) == 0, example
+    assert (tmp_path / "limit.png").exists()
+    capsys.readouterr()

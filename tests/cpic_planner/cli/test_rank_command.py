@@ -1,0 +1,176 @@
+import json
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+from cpic_planner.cli.main import main
+from cpic_planner.models import Explanation, RankResult, SensitivityResult
+from cpic_planner.population_config import population_names
+
+
+def call(capsys, *arguments):
+    status = main(["rank", *arguments])
+    captured = capsys.readouterr()
+    return status, captured.out, captured.err
+
+
+@pytest.fixture(scope="module")
+def few(tmp_path_factory):
+    """A catalogue of four stars: rankings of it are quick."""
+    path = tmp_path_factory.mktemp("stars") / "few.csv"
+    path.write_text(
+        "name,distance_pc,v_mag,sp_type\nnear star,2,3,G2V\nmiddle star,4,3.5,G8V\n"
+        "faint star,5,6,K5V\nfar star,20,5,G2V\n"
+    )
+    return str(path)
+
+
+def ranking(capsys, few, *options):
+    status, out, err = call(capsys, "--catalog", few, "--planets", "800", *options, "--json")
+    assert status == 0, err
+    return RankResult.model_validate_json(out)
+
+
+SCORES = {
+    "completeness_per_hour": lambda row: row.completeness_per_hour,
+    "completeness": lambda row: row.completeness,
+    "detection_margin": lambda row: row.detection_margin,
+    "detection_time": lambda row: 3600.0 / row.detection_time_s if row.detection_time_s else 0.0,
+    "contrast_limit": lambda row: row.score,
+}
+
+
+@pytest.mark.parametrize("score", SCORES)
+def test_scores(capsys, few, score):
+    result = ranking(capsys, few, "--score", score)
+    assert result.score_name == score
+    values = [row.score for row in result.targets]
+    assert values == sorted(values, reverse=True)
+    assert values == pytest.approx([SCORES[score](row) for row in result.targets])
+    status, out, _ = call(capsys, "--catalog", few, "--planets", "100", "--score", score)
+    assert status == 0
+    assert f"by {score.replace('_', ' ')}" in out
+
+
+def test_populations_planets_and_seeds(capsys, few, tmp_path):
+    default = ranking(capsys, few)
+    assert (default.population.name, default.population.n_planets, default.population.seed) == ("giants", 800, 1)
+    other = ranking(capsys, few, "--seed", "2")
+    assert other.population.seed == 2
+    assert [row.completeness for row in other.targets] != [row.completeness for row in default.targets]
+    for name in population_names():
+        assert ranking(capsys, few, "--population", name).population.name == name
+    own = tmp_path / "near.yaml"
+    own.write_text("semi_major_axis_au: {law: fixed, value: 2.0}\n")
+    assert ranking(capsys, few, "--population", str(own)).population.name == "near"
+
+
+def test_strategies_reach_the_ranking(capsys, few):
+    plain = {row.name: row.significance for row in ranking(capsys, few, "--band", "F662").targets}
+    ideal = ranking(capsys, few, "--band", "F662", "--library", "idealised")
+    assert ideal.reference_library == "idealised"
+    assert all(row.significance > plain[row.name] for row in ideal.targets)
+    dusty = ranking(capsys, few, "--band", "F662", "--exozodi", "100")
+    assert all(row.significance < plain[row.name] for row in dusty.targets)
+    counted = ranking(capsys, few, "--band", "F662", "--photon-counting")
+    assert {row.name: row.significance for row in counted.targets} != plain
+
+
+def test_explanation_of_a_star(capsys, few):
+    status, out, _ = call(capsys, "--catalog", few, "--planets", "200", "--explain", "middle star", "--json")
+    assert status == 0
+    told = Explanation.model_validate_json(out)
+    assert told.star.name == "middle star"
+    assert told.n_ranked == 4
+    assert told.better.rank == told.star.rank - 1
+    status, out, _ = call(capsys, "--catalog", few, "--planets", "200", "--explain", "Middle Star")
+    assert status == 0
+    assert f"middle star: rank {told.star.rank} of 4 by completeness per hour" in out
+    for words in ("Between its neighbours", "band by band", "EM gain up to", "Rank under other assumptions"):
+        assert words in out
+
+
+def test_sensitivity(capsys, few):
+    status, out, _ = call(capsys, "--catalog", few, "--planets", "200", "--sensitivity", "--json")
+    assert status == 0
+    found = SensitivityResult.model_validate_json(out)
+    assert found.top == 4
+    status, out, _ = call(capsys, "--catalog", few, "--planets", "200", "--sensitivity")
+    assert status == 0
+    assert "tau" in out
+    for row in found.rows:
+        assert row.text.split("(")[0].strip()[:40] in " ".join(out.split())
+
+
+def test_figures(capsys, few, tmp_path):
+    path = tmp_path / "bars.pdf"
+    status, _, err = call(capsys, "--catalog", few, "--planets", "100", "--plot", str(path))
+    assert status == 0
+    assert path.read_bytes().startswith(b"%PDF")
+    assert f"wrote {path}" in err
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--score", "beauty"], ["--score", "completeness"]),
+        (["--population", "unicorns"], ["unicorns", "giants"]),
+        (["--planets", "0"], ["--planets", "0"]),
+        (["--planets", "2000000"], ["--planets", "1000000"]),
+        (["--seed", "-1"], ["--seed"]),
+        (["--explain", "near star", "--sensitivity"], ["--explain", "--sensitivity"]),
+        (["--explain", "near star", "--out", "x.csv"], ["--explain", "--out"]),
+        (["--sensitivity", "--plot", "x.png"], ["--sensitivity", "--plot"]),
+        (["--explain", "no such star"], ["no such star"]),
+        (["--explain", "faint star", "--v-mag-max", "5"], ["--explain", "faint star", "cut"]),
+        (["--plot", "x.bmp"], ["--plot", "x.bmp", "svg"]),
+        (["--library", "reference_star"], ["--reference-v-mag"]),
+        (["--counting-sigma", "3"], ["--counting-sigma", "--photon-counting"]),
+        (["--exozodi", "-3"], ["exozodi_zodis"]),
+        (["--reference-ratio", "-1"], ["reference_ratio"]),
+    ],
+)
+def test_contradictions_and_bad_input_are_one_line(capsys, few, options, words):
+    status, out, err = call(capsys, "--catalog", few, *options)
+    assert status == 2, err
+    assert out == ""
+    assert err.count("\n") == 1
+    for word in words:
+        assert word in err
+
+
+def test_examples_of_the_help_are_accepted(capsys, few, tmp_path, monkeypatch):
+    from cpic_planner.cli.rank_command import HELP
+
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "my_stars.csv").write_bytes(Path(few).read_bytes())
+    examples = [line.split(" | ")[0] for line in re.findall(r"^  cpic (.*)$", HELP, re.M)]
+    assert len(examples) >= 7
+    for example in examples:
+        words = shlex.split(example)
+        # The whole catalogue takes seconds each time; tau Cet is one of its stars.
+        quick = [] if "--catalog" in words or "--explain" in words else ["--catalog", few]
+        if "--explain" in words:
+            words[words.index("--explain") + 1] = "near star"
+            quick = ["--catalog", few]
+        assert main([*words, *quick]) == 0, example
+    capsys.readouterr()
+    assert (tmp_path / "ranking.csv").exists()
+    assert (tmp_path / "ranking.png").exists()
+
+
+def test_the_table_holds_the_columns_of_completeness(capsys, few, tmp_path):
+    path = tmp_path / "r.csv"
+    assert call(capsys, "--catalog", few, "--planets", "100", "--out", str(path))[0] == 0
+    head = path.read_text().splitlines()[0].split(",")
+    for name in ("score", "completeness", "completeness_per_hour", "expected_detections", "detection_time_s"):
+        assert name in head
+
+
+def test_json_is_one_object_of_targets(capsys, few):
+    out = call(capsys, "--catalog", few, "--planets", "100", "--json")[1]
+    tree = json.loads(out)
+    assert tree["schema_version"] == 1
+    assert len(tree["targets"]) == 4

@@ -1,0 +1,153 @@
+"""Photon counting against the register's own distribution, Monte Carlo of the register, and closed forms."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.special import ndtr
+
+from catalogs.errors import InputError
+from cpic_planner.etc.photon_counting import MAX_MEAN_E, CountingLaw, counting_law, counting_variance
+from simulator.camera import multiply
+from simulator.camera.gain import excess_noise_factor2, stage_probability
+from simulator.camera.register_law import output_pmf
+
+# Mean electrons, and frames of a stack in which the mean is known to a fourth of itself or better.
+STACKS = ((0.003, 40000), (0.03, 4000), (0.3, 1500), (1.0, 1500))
+
+
+@pytest.mark.parametrize(
+    ("gain", "stages", "read_noise", "sigma", "most"),
+    [
+        (300.0, 604, 110.0, 3.0, 30),
+        (1000.0, 604, 110.0, 5.0, 5),
+        (20.0, 604, 110.0, 1.0, 40),
+        (1.0, 604, 110.0, 5.0, 40),
+        (50.0, 8, 3.0, 4.0, 40),
+        (2.0, 604, 0.1, 3.0, 40),
+        (300.0, 604, 3.0, 0.0, 5),
+        (100.0, 604, 110.0, 20.0, 40),
+    ],
+)
+def test_table_is_the_register_blurred_by_the_read_noise(gain, stages, read_noise, sigma, most):
+    """The same sum from the whole distribution of the output, which takes a hundred times as long."""
+    law = counting_law(gain, stages, read_noise, sigma * read_noise)
+    p = float(stage_probability(gain, stages))
+    for n in {0, 1, 2, most}:
+        size = 1 << math.ceil(math.log2(gain * (n + math.sqrt(72 * n) + 36) + n + 40))
+        pmf = output_pmf(n, p, stages, size)
+        expected = float(pmf @ ndtr(np.arange(size) / read_noise - sigma))
+        assert law.e[n] == pytest.approx(expected, abs=1e-11 if sigma <= 5 else 1e-8)
+    assert np.all(np.diff(law.e) >= 0)
+    assert np.all((law.e >= 0) & (law.e <= 1))
+
+
+@pytest.mark.parametrize(("gain", "sigma"), [(300.0, 3.0), (300.0, 5.0), (1000.0, 3.0), (1000.0, 5.0)])
+def test_counts_and_scatter_match_monte_carlo(gain, sigma):
+    """Photons through the register, read noise, threshold; the mean of many pixels inverted by bisection."""
+    rng, read_noise, stacks = np.random.default_rng(11), 110.0, 200
+    law = counting_law(gain, 604, read_noise, sigma * read_noise)
+    for mean, frames in STACKS:
+        output = multiply(rng.poisson(mean, (stacks, frames)), gain, rng=rng)
+        counts = (output + read_noise * rng.standard_normal(output.shape) > sigma * read_noise).mean(axis=1)
+        expected = float(law.q(mean))
+        error = math.sqrt(expected * (1 - expected) / output.size)
+        assert abs(counts.mean() - expected) < 4.5 * error
+        low, high = np.zeros(stacks), np.full(stacks, MAX_MEAN_E)
+        for _ in range(50):
+            middle = 0.5 * (low + high)
+            short = law.q(middle) < counts
+            low, high = np.where(short, middle, low), np.where(short, high, middle)
+        assert low.min() > 0.0  # no stack has so few counts that the inverse is cut off
+        ratio = low.var(ddof=1) * frames / float(counting_variance(mean, law))
+        assert ratio == pytest.approx(1.0, abs=0.03 + 4.5 * math.sqrt(2 / stacks))
+
+
+def test_scatter_of_a_perfect_register():
+    """No read noise: one electron or more is one count, and the variance is exp(mean) - 1."""
+    mean = np.array([0.0, 1e-6, 0.1, 1.0, 3.0, MAX_MEAN_E])
+    for law in (counting_law(1000.0, 604, 0.0, 0.0), counting_law(1000.0, 604, 1e-3, 6e-3)):
+        assert law.q(mean) == pytest.approx(-np.expm1(-mean), abs=2e-9)
+        assert law.dq_dlam(mean) == pytest.approx(np.exp(-mean), rel=1e-6)
+        assert counting_variance(mean, law)[1:] == pytest.approx(np.expm1(mean[1:]), rel=2e-3)
+
+
+def test_slope_is_the_derivative():
+    law = counting_law(300.0, 604, 110.0, 330.0)
+    mean = np.linspace(0.01, 7.9, 50)
+    step = 1e-5
+    numeric = (law.q(mean + step) - law.q(mean - step)) / (2 * step)
+    assert law.dq_dlam(mean) == pytest.approx(numeric, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("gain", "sigma", "expected"),
+    [
+        (300.0, 3.0, (1.86, 1.34, 0.99, 0.77)),
+        (1000.0, 5.0, (1.34, 1.17, 1.07, 0.96)),
+        (3000.0, 5.0, (1.32, 1.29, 1.25, 1.17)),
+    ],
+)
+def test_first_order_law_gives_the_known_gains_over_analogue(gain, sigma, expected):
+    """An exponential register, one electron as good as several: the usual estimate.
+
+    The exact law is better than that, 5 % at 0.01 electrons and gain 300 because read noise lifts outputs over the
+    threshold, 27 % at 0.3 because two electrons pass it more often than one.
+    """
+    mean, read_noise = np.array([0.01, 0.03, 0.1, 0.3]), 100.0
+    analogue = excess_noise_factor2(gain) * mean + read_noise**2 / gain**2
+    passed = np.full(41, np.exp(-sigma * read_noise / gain))
+    passed[0] = ndtr(-sigma)
+    usual = CountingLaw(gain, read_noise, sigma * read_noise, passed)
+    found = np.sqrt(analogue / counting_variance(mean, usual))
+    assert found == pytest.approx(expected, abs=0.012)
+    exact = np.sqrt(analogue / counting_variance(mean, counting_law(gain, 604, read_noise, sigma * read_noise)))
+    assert np.all(exact > found)
+    assert exact == pytest.approx(found, rel=0.28 if gain < 1000 else 0.13)
+
+
+def test_where_counts_say_nothing():
+    law = counting_law(1000.0, 604, 110.0, 550.0)
+    mean = np.array([0.0, 1e-300, MAX_MEAN_E, MAX_MEAN_E * 1.001, 1e300])
+    assert law.usable(mean).tolist() == [True, True, True, False, False]
+    variance = counting_variance(mean, law)
+    assert np.isfinite(variance).tolist() == law.usable(mean).tolist()
+    assert not np.isnan(variance).any()
+    assert np.all(np.diff(counting_variance(np.linspace(0.05, MAX_MEAN_E, 200), law)) > 0)
+    # a threshold that no electron passes without a register
+    blind = counting_law(1.0, 604, 110.0, 1100.0)
+    assert not blind.usable([0.0, 1.0]).any()
+    assert np.isinf(counting_variance([0.0, 1.0], blind)).all()
+
+
+def test_arrays_keep_their_shape():
+    law = counting_law(300.0, 604, 110.0, 330.0)
+    mean = np.full((2, 3, 4), 0.1)
+    assert counting_variance(mean, law).shape == law.q(mean).shape == (2, 3, 4)
+    assert counting_variance(0.1, law).shape == ()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        ((0.5, 604, 110.0, 330.0), "em_gain"),
+        ((300.0, 0, 110.0, 330.0), "stages"),
+        ((300.0, 604, -1.0, 0.0), "read_noise_e"),
+        ((300.0, 604, 110.0, math.nan), "threshold_e"),
+        ((300.0, 604, 110.0, 2300.0), "at most 20 times"),
+        ((300.0, 604, 0.0, 1.0), "threshold_e"),
+    ],
+)
+def test_bad_registers_are_refused(arguments, word):
+    with pytest.raises(InputError, match=word):
+        counting_law(*arguments)
+
+
+@pytest.mark.parametrize("mean", [-0.1, math.nan, math.inf])
+def test_bad_means_are_refused(mean):
+    law = counting_law(300.0, 604, 110.0, 330.0)
+    for ask in (law.q, law.dq_dlam, law.usable, lambda value: counting_variance(value, law)):
+        with pytest.raises(InputError, match="mean_e"):
+            ask(mean)
+    with pytest.raises(InputError, match="0 to 8"):
+        law.q(8.1)

@@ -1,0 +1,343 @@
+"""The three questions: inverses of each other, monotone, and an answer of some type to everything."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from catalogs.errors import InputError
+from cpic_planner.etc.model import Strategy, build_model
+from cpic_planner.etc.planet import ReferencePlanet
+from cpic_planner.etc.questions import contrast_limit, exposure_time, signal_to_noise
+from cpic_planner.targets import find_target, rank_sample
+from simulator.config import load_instrument
+
+STARS = rank_sample()
+TAU_CET = find_target("tau Cet")[0]
+INSTRUMENT = load_instrument()
+MODEL = build_model(INSTRUMENT)
+PLACE = {"separation_arcsec": 0.55, "bands": ["F520"]}
+STRATEGIES = {
+    "default": Strategy(),
+    "counting": Strategy(mode="photon_counting"),
+    "brighter reference": Strategy(library="reference_star", reference_star={"v_mag": 1.0}, reference_ratio=0.5),
+    "roll": Strategy(library="roll"),
+    "idealised": Strategy(library="idealised"),
+    "many references": Strategy(reference_ratio=10.0, n_modes=0),
+    "few references": Strategy(reference_ratio=0.1, sigma=3.0),
+}
+INSTRUMENTS = {
+    "default": INSTRUMENT,
+    "no walk": load_instrument({"drift": {"walk_nm_per_sqrt_hour": 0}}),
+    "no drift": load_instrument({"drift": {"visit_nm": 0, "walk_nm_per_sqrt_hour": 0}}),
+    "large drift": load_instrument({"drift": {"visit_nm": 2.0, "walk_nm_per_sqrt_hour": 2.0}}),
+    "overhead": load_instrument({"overhead_s": 900.0}),
+    "quiet": load_instrument({"detector": {"read_noise_e": 0, "switches": {"clock_charge": False, "dark": False}}}),
+}
+
+
+def star(v_mag, distance_pc=10.0, teff_k=5800.0):
+    """A star made by hand."""
+    return replace(TAU_CET, v_mag=np.array([v_mag]), distance_pc=np.array([distance_pc]), teff_k=np.array([teff_k]))
+
+
+def plain(answer):
+    """An answer is a number with everything finite, or a reason; returned for further checks."""
+    for value in answer.to_dict().values():
+        for item in value.values() if isinstance(value, dict) else [value]:
+            assert not isinstance(item, float) or math.isfinite(item), answer
+    if answer.status == "ok":
+        assert answer.value is not None and answer.reason == ""
+        assert answer.n_frames >= 1 and answer.exposure_s > 0 and answer.em_gain >= 1
+        assert answer.budget["signal_e"] > 0
+    else:
+        assert answer.value is None and answer.reason and answer.message and answer.exposure_s is None
+    return answer
+
+
+# --- round trips
+
+
+@pytest.mark.parametrize("setup", [*STRATEGIES, *(name for name in INSTRUMENTS if name != "default")])
+def test_round_trips(setup):
+    """Contrast limit in a time -> time for that contrast; SNR in a time -> time for that SNR: the time that was used."""
+    model = build_model(INSTRUMENTS.get(setup, INSTRUMENT), None, STRATEGIES.get(setup))
+    rng = np.random.default_rng(len(setup))
+    back_again = 0
+    for case in range(10):
+        target = STARS.select([int(rng.integers(len(STARS)))])
+        time_s, place = float(10 ** rng.uniform(1.0, 6.5)), float(rng.uniform(0.42, 0.95))
+        fixed = ({}, {}, {"exposure_s": 5.0}, {"em_gain": 50.0})[case % 4]
+        if model.strategy.mode == "photon_counting" and "em_gain" in fixed:
+            fixed = {"em_gain": 900.0}
+        given = {"separation_arcsec": place, **fixed}
+        for asked, inverse in (({"sigma": 5.0}, {"sigma": 5.0}), ({}, {"detect": True}), ({"snr": 5.0}, {"snr": 5.0})):
+            for limit in contrast_limit(model, target, time_s=time_s, **given, **asked):
+                plain(limit)
+                if limit.value is None:
+                    continue
+                again = plain(
+                    exposure_time(model, target, contrast=limit.value, **given | {"bands": [limit.band]}, **inverse)[0]
+                )
+                assert again.value == pytest.approx(limit.time_s, rel=1e-9)
+                assert limit.time_s <= time_s * (1 + 1e-12)
+                back_again += 1
+        for found in signal_to_noise(model, target, time_s=time_s, contrast=1e-8, **given):
+            plain(found)
+            if found.value is None:
+                continue
+            again = plain(
+                exposure_time(model, target, snr=found.value, contrast=1e-8, **given | {"bands": [found.band]})[0]
+            )
+            assert again.value == pytest.approx(found.time_s, rel=1e-9)
+            back_again += 1
+    assert back_again > 25
+
+
+def test_unreachable_both_ways():
+    """What no time reaches has no contrast limit that would say otherwise."""
+    limit = contrast_limit(MODEL, TAU_CET, time_s=1e9, **PLACE)[0]
+    fainter = exposure_time(MODEL, TAU_CET, detect=True, contrast=0.99 * limit.value, **PLACE)[0]
+    brighter = exposure_time(MODEL, TAU_CET, detect=True, contrast=1.01 * limit.value, **PLACE)[0]
+    assert (fainter.status, fainter.reason) == ("unreachable", "speckle_floor")
+    assert brighter.status == "ok"
+    assert brighter.value < limit.time_s
+
+
+def test_given_frames_are_used_and_the_rest_follows():
+    free = signal_to_noise(MODEL, TAU_CET, time_s=3600.0, contrast=1e-8, **PLACE)[0]
+    fixed = signal_to_noise(MODEL, TAU_CET, time_s=3600.0, contrast=1e-8, exposure_s=17.0, em_gain=20.0, exact=True,
+                            **PLACE)[0]  # fmt: skip
+    assert (fixed.exposure_s, fixed.em_gain) == (17.0, 20.0)
+    assert fixed.n_frames == math.floor(1800.0 / 18.1)
+    assert fixed.snr < free.snr
+    assert fixed.exposure_limited_by == ""
+    own = signal_to_noise(MODEL, TAU_CET, time_s=free.time_s, contrast=1e-8, exposure_s=free.exposure_s,
+                          em_gain=free.em_gain, exact=True, **PLACE)[0]  # fmt: skip
+    assert own.snr == pytest.approx(free.snr, rel=1e-9)
+
+
+def test_exposures_out_of_range():
+    beyond = exposure_time(MODEL, star(7.0), snr=2.0, contrast=1e-7, exposure_s=400.0, **PLACE)[0]
+    assert "exposure_beyond_max" in beyond.flags
+    assert beyond.exposure_s == 400.0
+    with pytest.raises(InputError, match="exposure_s = 0.009 s"):
+        exposure_time(MODEL, TAU_CET, snr=2.0, exposure_s=0.009, **PLACE)
+    with pytest.raises(InputError, match="em_gain = 1001"):
+        exposure_time(MODEL, TAU_CET, snr=2.0, em_gain=1001, **PLACE)
+    saturated = exposure_time(MODEL, star(0.0), snr=2.0, exposure_s=200.0, **PLACE)[0]
+    assert (saturated.status, saturated.reason) == ("saturated", "pixel_full_well")
+    for gain in (1, 1000.0):
+        assert exposure_time(MODEL, TAU_CET, snr=2.0, contrast=1e-7, em_gain=gain, **PLACE)[0].em_gain == gain
+
+
+# --- monotone
+
+ROUNDING = 1 + 1e-12
+SETUPS = {name: build_model(INSTRUMENTS.get(name, INSTRUMENT), ["F520"], STRATEGIES.get(name))
+          for name in (*STRATEGIES, "no drift", "large drift", "overhead")}  # fmt: skip
+
+
+@pytest.mark.parametrize("setup", SETUPS)
+@pytest.mark.parametrize("v_mag", [0.5, 3.5, 7.0])
+def test_more_time_is_never_worse(setup, v_mag):
+    """On a dense grid of times around a few and many frames: SNR and contrast limits."""
+    model, target = SETUPS[setup], star(v_mag)
+    times = np.concatenate([np.geomspace(3.0, 3e6, 30), np.linspace(400.0, 420.0, 15)])
+    snr, limits = [], []
+    for time_s in np.sort(times):
+        found = signal_to_noise(model, target, time_s=time_s, contrast=1e-8, **PLACE)[0]
+        snr.append(found.value or 0.0)
+        limits.append(contrast_limit(model, target, time_s=time_s, **PLACE)[0].value or 1.0)
+    assert np.all(np.array(snr[1:]) * ROUNDING >= snr[:-1])
+    assert np.all(np.array(limits[1:]) <= np.array(limits[:-1]) * ROUNDING)
+    assert snr[-1] > snr[0]
+
+
+@pytest.mark.parametrize("setup", SETUPS)
+def test_more_snr_never_takes_less_time(setup):
+    model, target = SETUPS[setup], star(3.0)
+    times = [exposure_time(model, target, snr=float(level), contrast=2e-8, **PLACE)[0].value or math.inf
+             for level in np.geomspace(0.01, 100.0, 60)]  # fmt: skip
+    assert np.all(np.array(times[1:]) * ROUNDING >= times[:-1])
+    assert math.isfinite(times[0])
+
+
+@pytest.mark.parametrize("setup", SETUPS)
+def test_brighter_planets_are_never_harder(setup):
+    model, target = SETUPS[setup], star(3.0)
+    contrasts = np.geomspace(1e-11, 1e-6, 60)
+    many = {"time_s": 5000.0, "separation_arcsec": 0.55, "bands": ["F520"]}
+    found = signal_to_noise(model, target, contrast=list(contrasts), **many)
+    assert np.all(np.diff([answer.value for answer in found]) > 0)
+    times = [answer.value or math.inf for answer in exposure_time(model, target, snr=5.0, contrast=list(contrasts),
+             separation_arcsec=0.55, bands=["F520"])]  # fmt: skip
+    assert np.all(np.array(times[1:]) <= np.array(times[:-1]) * ROUNDING)
+    assert math.isinf(times[0]) or setup in ("idealised", "no drift")
+    assert math.isfinite(times[-1])
+
+
+@pytest.mark.parametrize("setup", [name for name in SETUPS if name != "brighter reference"])
+def test_brighter_stars_are_never_harder_until_they_saturate(setup):
+    """Same colour, same contrast: more photons of everything. The rule ends where the star fills its pixels."""
+    model = SETUPS[setup]
+    found = [signal_to_noise(model, star(float(v)), time_s=5000.0, contrast=1e-8, **PLACE)[0]
+             for v in np.linspace(12.0, 4.5, 60)]  # fmt: skip
+    assert all(answer.exposure_limited_by != "pixel_full_well" for answer in found[:40])
+    snr = np.array([answer.value for answer in found])
+    free = [answer.exposure_limited_by not in ("pixel_full_well", "register_full_well") for answer in found]
+    assert np.all((snr[1:] * ROUNDING >= snr[:-1])[np.array(free[1:]) & (setup != "counting")])
+    assert snr[-1] > snr[0]
+
+
+# --- extremes by type
+
+ODD_STARS = {"brightest": star(-27.0), "faintest": star(30.0), "near": star(4.0, 0.1), "far": star(6.0, 1000.0),
+             "pair": find_target("alf Cen B")[0], "pair alone": find_target("alf Cen B", companions="off")[0]}  # fmt: skip
+
+
+@pytest.mark.parametrize("setup", SETUPS)
+@pytest.mark.parametrize("name", ODD_STARS)
+def test_every_star_has_an_answer(setup, name):
+    model, target = SETUPS[setup], ODD_STARS[name]
+    for place in (0.0, 1e-6, 0.3, 0.42, 0.95, 1.1, 120.0):
+        given = {"separation_arcsec": place, "bands": ["F520"]}
+        for time_s in (1e-3, 4.0, 1e9):
+            for answer in (
+                *signal_to_noise(model, target, time_s=time_s, **given),
+                *contrast_limit(model, target, time_s=time_s, **given),
+            ):
+                plain(answer)
+        plain(exposure_time(model, target, snr=5.0, **given)[0])
+    inside = {"separation_arcsec": [0.6] * 5, "contrast": [0, 1, 1e-20, 1e-9, 1e-300], "bands": ["F520"]}
+    for asked in ({"snr": 1e-6}, {"snr": 1e6}, {"sigma": 5.0}, {"detect": True}):
+        for answer in exposure_time(model, target, **inside, **asked):
+            plain(answer)
+            if answer.contrast == 0.0:
+                assert (answer.status, answer.reason) == (("unreachable", "no_planet_light"))
+    for answer in signal_to_noise(model, target, time_s=36000.0, **inside):
+        plain(answer)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [(key, value) for key in ("contrast", "time_s", "separation_arcsec", "exposure_s", "em_gain")
+     for value in (-1, math.nan, math.inf, -math.inf, 1e308, True, np.True_, "1", [[0.5]])],
+)  # fmt: skip
+def test_what_is_no_number_in_range_is_refused_in_one_line(key, value):
+    given = {"time_s": 3600.0, "separation_arcsec": 0.5, "bands": ["F520"]} | {key: value}
+    with pytest.raises(InputError) as error:
+        signal_to_noise(MODEL, TAU_CET, **given)
+    assert "\n" not in str(error.value)
+    assert str(error.value).startswith(key)
+
+
+@pytest.mark.parametrize("value", [0, -1, 1e-7, 1.1e6, math.nan, math.inf, True, None])
+def test_levels_out_of_range_are_refused(value):
+    for key in ("snr", "sigma"):
+        with pytest.raises(InputError):
+            exposure_time(MODEL, TAU_CET, **{key: value}, **PLACE)
+    with pytest.raises(InputError):
+        contrast_limit(MODEL, TAU_CET, time_s=100.0, snr=5.0, sigma=5.0, **PLACE)
+    with pytest.raises(InputError, match="one of snr, sigma, detect"):
+        exposure_time(MODEL, TAU_CET, snr=5.0, detect=True, **PLACE)
+
+
+def test_numpy_numbers_are_numbers():
+    plain_answer = signal_to_noise(MODEL, TAU_CET, time_s=3600.0, contrast=0.25, **PLACE)[0]
+    other = signal_to_noise(MODEL, TAU_CET, time_s=np.int64(3600), contrast=np.float32(0.25),
+                            separation_arcsec=np.float64(0.55), bands="F520")[0]  # fmt: skip
+    assert other == plain_answer
+
+
+def test_where_and_why_there_is_no_answer():
+    def ask(place, **changes):
+        return exposure_time(MODEL, TAU_CET, **{"snr": 5.0, "separation_arcsec": place, "bands": ["F520"]} | changes)[0]
+
+    assert (ask(0.0).status, ask(0.0).reason) == ("outside_field", "inside_inner_edge")
+    assert (ask(1.2).status, ask(1.2).reason) == ("outside_field", "outside_outer_edge")
+    assert ask(0.55, contrast=1e-12).reason == "speckle_floor"
+    bright = exposure_time(MODEL, star(-27.0), snr=5.0, **PLACE)[0]
+    assert (bright.status, bright.reason) == ("saturated", "pixel_full_well")
+    short = signal_to_noise(MODEL, TAU_CET, time_s=2.0, **PLACE)[0]
+    assert (short.status, short.reason) == ("unreachable", "time_below_overheads")
+    late = signal_to_noise(SETUPS["overhead"], TAU_CET, time_s=899.0, **PLACE)[0]
+    assert (late.status, late.reason) == ("unreachable", "time_below_overheads")
+    faint = contrast_limit(MODEL, star(30.0), time_s=3600.0, **PLACE)[0]
+    assert (faint.status, faint.reason) == ("unreachable", "insufficient_time")
+    ages = exposure_time(SETUPS["no drift"], star(30.0), snr=1e6, contrast=1e-20, **PLACE)[0]
+    assert (ages.status, ages.reason) == ("unreachable", "too_many_frames")
+    crowded = signal_to_noise(SETUPS["counting"], star(0.0), time_s=3600.0, contrast=0.9, **PLACE)[0]
+    assert crowded.status in ("ok", "saturated")
+    corner = contrast_limit(MODEL, TAU_CET, time_s=3600.0, separation_arcsec=0.96, bands=["F520"])[0]
+    assert corner.status == "ok" or corner.reason in ("too_few_resolution_elements", "outside_outer_edge")
+
+
+def test_companions_add_light_only_when_on():
+    on, off = (signal_to_noise(MODEL, ODD_STARS[name], time_s=3600.0, contrast=1e-8, **PLACE)[0]
+               for name in ("pair", "pair alone"))  # fmt: skip
+    assert on.budget["companion_e2"] > 0 == off.budget["companion_e2"]
+    assert on.value < off.value
+    assert "companion_light_on" in on.flags and "companion_light_off" in off.flags
+
+
+def test_order_of_answers():
+    stars = STARS.select([3, 1, 2])
+    planets = [ReferencePlanet(), ReferencePlanet(radius_rjup=0.5)]
+    found = signal_to_noise(MODEL, stars, time_s=3600.0, separation_arcsec=[0.5, 0.6], planet=planets)
+    head = [(answer.target, answer.band, answer.separation_arcsec) for answer in found]
+    assert head == [(str(name), band, place) for name in stars.name for band in MODEL.bands for place in (0.5, 0.6)]
+    alone = signal_to_noise(MODEL, stars.select([1]), time_s=3600.0, separation_arcsec=0.6, bands=["F662"],
+                            planet=planets[1])[0]  # fmt: skip
+    same = next(answer for answer in found if (answer.target, answer.band, answer.separation_arcsec)
+                == (str(stars.name[1]), "F662", 0.6))  # fmt: skip
+    assert alone.value == pytest.approx(same.value, rel=1e-12)
+
+
+def test_unlike_lengths_and_nobody_are_refused():
+    with pytest.raises(InputError, match="separation_arcsec"):
+        signal_to_noise(MODEL, TAU_CET, time_s=100.0, separation_arcsec=[0.5, 0.6], contrast=[1e-9] * 3)
+    with pytest.raises(InputError, match="separation_arcsec"):
+        signal_to_noise(MODEL, TAU_CET, time_s=100.0, separation_arcsec=[])
+    with pytest.raises(InputError, match="target"):
+        signal_to_noise(MODEL, TAU_CET.select([]), time_s=100.0, separation_arcsec=0.5)
+    with pytest.raises(InputError, match="band = F999"):
+        signal_to_noise(MODEL, TAU_CET, time_s=100.0, separation_arcsec=0.5, bands=["F999"])
+
+
+@settings(max_examples=60)
+@given(
+    st.floats(-3.0, 15.0), st.floats(0.0, 1.3), st.floats(-20.0, 0.0), st.floats(-3.0, 9.0), st.floats(-6.0, 6.0),
+    st.sampled_from(sorted(SETUPS)),
+)  # fmt: skip
+def test_anything_in_range_is_answered(v_mag, place, log_contrast, log_time, log_snr, setup):
+    model, target = SETUPS[setup], star(v_mag)
+    given_ = {"separation_arcsec": place, "bands": ["F520"]}
+    plain(signal_to_noise(model, target, time_s=10**log_time, contrast=10**log_contrast, **given_)[0])
+    plain(exposure_time(model, target, snr=10**log_snr, contrast=10**log_contrast, **given_)[0])
+    plain(contrast_limit(model, target, time_s=10**log_time, **given_)[0])
+
+
+# --- what drift does to long visits
+
+
+@pytest.mark.parametrize("visit_nm", [0.0, 0.05, 0.1, 0.5])
+def test_limits_reach_a_plateau_unless_there_is_no_drift(visit_nm):
+    """Contrast limit against time without a walk: the root of time at no drift, else threshold x floor / core."""
+    model = build_model(load_instrument({"drift": {"visit_nm": visit_nm, "walk_nm_per_sqrt_hour": 0}}), ["F520"])
+    place, times = 0.65, np.geomspace(1e4, 1e9, 6)
+    found = [contrast_limit(model, star(2.0), time_s=float(t), separation_arcsec=place, exact=True)[0] for t in times]
+    limits = np.array([answer.value for answer in found])
+    if visit_nm == 0.0:
+        np.testing.assert_allclose(np.diff(np.log(limits)) / np.diff(np.log(times)), -0.5, atol=0.01)
+        return
+    metrics = model.metrics["F520"]
+    around = place + 1.5 * metrics.lambda_d_arcsec * np.linspace(-1, 1, 41)
+    floor = (metrics.rdi_floor(visit_nm, separation_arcsec=around) ** 2).mean() ** 0.5
+    plateau = found[-1].threshold * floor / found[-1].core_throughput
+    assert limits[-1] == pytest.approx(plateau, rel=0.10)
+    assert limits[-1] / limits[-2] == pytest.approx(1.0, rel=0.01)
+    assert limits[-1] < limits[0]

@@ -1,0 +1,366 @@
+"""Completeness against a loop over single planets, against geometry, and at its limits."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+import cpic_planner.completeness as module
+from catalogs.errors import InputError
+from catalogs.stars import load_stars
+from cpic_planner.completeness import completeness
+from cpic_planner.etc.model import Strategy, build_model
+from cpic_planner.etc.noise import frame_problem, stack_noise
+from cpic_planner.etc.rates import aperture_rates
+from cpic_planner.etc.significance import threshold_array
+from cpic_planner.population import draw_population, load_population
+from cpic_planner.targets import targets_from_table
+from simulator import load_instrument
+from simulator.target.albedo import albedo_source
+from simulator.target.phase import lambert_phase
+
+BANDS = ("F520", "F850")
+AU_KM, RJUP_KM = 149597870.7, 71492.0
+IDEAL = Strategy(library="idealised")
+EVERYTHING = {"exposure_s": 100.0, "n_frames": 1e14, "em_gain": 20.0}
+FACE_ON = {"base": "jupiters", "inclination_deg": 0}
+
+
+@pytest.fixture(scope="module")
+def model():
+    return build_model(load_instrument(), bands=BANDS)
+
+
+@pytest.fixture(scope="module")
+def everyone():
+    return targets_from_table(load_stars())
+
+
+@pytest.fixture(scope="module")
+def stars(everyone):
+    """Nearby stars, with and without companions, and some others."""
+    near = np.argsort(everyone.distance_pc)[:5].tolist()
+    return everyone.select([*near, 100, 400, 800])
+
+
+def planets(source=None, n=300, seed=1):
+    return draw_population(load_population(source), n, seed)
+
+
+def with_strategy(model, **changes):
+    return dataclasses.replace(model, strategy=Strategy(**changes))
+
+
+def one_by_one(model, targets, band, drawn, exposure_s, n_frames, em_gain):
+    """Numbers detected, in the zone and observable: every planet of every star through the ETC for itself."""
+    instrument, metrics, strategy = model.instrument, model.metrics[band], model.strategy
+    low, high = instrument.hole_inner_arcsec(band), instrument.hole_outer_arcsec(band)
+    radius = instrument.aperture_radius_arcsec(band)
+    right = {"right": (1,), "left": (-1,)}.get(metrics.hole_side, (-1, 1)) if metrics.hole_mode == "2q" else (-1, 1)
+    top = {"top": (1,), "bottom": (-1,)}.get(metrics.hole_side, (-1, 1)) if metrics.hole_mode == "2q" else (-1, 1)
+    camera, found = model.camera(band), np.zeros((3, len(targets)), int)
+    for i in range(len(targets)):
+        target = targets.select([i])
+        luminosity = float(target.luminosity_lsun[0])
+        grow = math.sqrt(luminosity) if drawn.semi_major_axis_scale == "insolation" else 1.0
+        for k in range(len(drawn)):
+            per_au = grow / float(target.distance_pc[0])
+            x = instrument.detector.parity * float(drawn.east_au[k]) * per_au
+            y = float(drawn.north_au[k]) * per_au
+            dark = math.copysign(1, x) in right and math.copysign(1, y) in top
+            if not (dark and low <= abs(x) <= high and low <= abs(y) <= high):
+                continue
+            found[1, i] += 1
+            if not (low + radius <= min(abs(x), abs(y)) and max(abs(x), abs(y)) <= high - radius):
+                continue
+            found[2, i] += 1
+            if n_frames[i] == 0:
+                continue
+            distance = float(drawn.distance_au[k]) * grow
+            spec = drawn.albedos[drawn.kind[k]]
+            albedo = model.passbands.band_albedo(
+                albedo_source(spec), target.teff_k, target.log_g, target.metallicity,
+                insolation_au=distance / math.sqrt(luminosity), only=band,
+            )[0]  # fmt: skip
+            size = float(drawn.radius_rjup[k]) * RJUP_KM / (distance * AU_KM)
+            contrast = albedo * size * size * lambert_phase(float(drawn.phase_deg[k]))
+            rates = aperture_rates(model, target, band, np.array([x]), np.array([y]), np.array([contrast]))
+            setting = [np.array([value[i]]) for value in (exposure_s, n_frames, em_gain)]
+            if strategy.mode == "analogue":
+                significance = stack_noise(
+                    rates, *setting, camera, reference_ratio=strategy.reference_ratio
+                ).significance[0]
+            else:
+                problem = frame_problem(rates, camera, reference_ratio=strategy.reference_ratio,
+                                        objective="significance", em_gain=em_gain[i], mode=strategy.mode,
+                                        counting_sigma=strategy.counting_sigma)  # fmt: skip
+                significance = problem.inverse_snr2(setting[0], setting[1])[0] ** -0.5
+            elements = metrics.resolution_elements(math.hypot(x, y))
+            found[0, i] += significance >= threshold_array(elements, strategy.sigma)
+    return found
+
+
+CASES = [
+    (None, {}, {}),
+    ({"albedo": "parametric"}, {"library": "idealised"}, {}),
+    ("solar_system", {"library": "idealised", "reference_ratio": 2.0}, {}),
+    ({"semi_major_axis_scale": "insolation", "albedo": {"model": "parametric", "log10_mh": 1.0}},
+     {"library": "idealised"}, {"hole_mode": "2q", "hole_side": "left"}),
+    ({"radius_rjup": 1}, {"mode": "photon_counting", "library": "idealised"}, {"hole_mode": "2q", "hole_side": "top"}),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("source", "strategy", "hole"), CASES)
+def test_equals_a_loop_over_single_planets(model, stars, source, strategy, hole):
+    drawn = planets(source, n=400, seed=4)
+    model = with_strategy(model, **strategy)
+    model = dataclasses.replace(
+        model, metrics={band: dataclasses.replace(item, **hole) for band, item in model.metrics.items()}
+    )
+    counting = model.strategy.mode == "photon_counting"
+    n = len(stars)
+    frames = np.array([0, 3e3, 40, 2e5, 6e2, 7e5, 1e8, 1e9])
+    exposure = np.linspace(0.2, 1.0, n) if counting else np.linspace(5.0, 60.0, n)
+    gain = np.full(n, 1000.0) if counting else np.linspace(1.0, 300.0, n)
+    detected = 0
+    for band in BANDS:
+        found = completeness(model, stars, band, drawn, exposure_s=exposure, n_frames=frames, em_gain=gain)
+        expected = one_by_one(model, stars, band, drawn, exposure, frames, gain)
+        for value, count in zip((found.completeness, found.in_zone, found.observable), expected, strict=True):
+            np.testing.assert_array_equal(value, count / len(drawn))
+        detected += int(expected[0].sum())
+        assert expected[2].sum() > 10
+        assert np.any(expected[0] < expected[2])
+    assert detected > 3
+
+
+def test_chunks_change_nothing(model, everyone, monkeypatch):
+    targets, drawn = everyone.select(np.argsort(everyone.distance_pc)[:40]), planets({"albedo": "parametric"}, n=777)
+    model = dataclasses.replace(model, strategy=IDEAL)
+    setting = {"exposure_s": 30.0, "n_frames": np.arange(40.0) * 500, "em_gain": 20.0}
+    whole = completeness(model, targets, "F520", drawn, **setting)
+    for name, size in (("_PLACED", 1500), ("_OBSERVED", 60), ("_PLANETS", 100)):
+        monkeypatch.setattr(module, name, size)
+    parts = completeness(model, targets, "F520", drawn, **setting)
+    for item in dataclasses.fields(whole):
+        np.testing.assert_array_equal(getattr(parts, item.name), getattr(whole, item.name))
+    assert 0 < whole.completeness.sum() < whole.observable.sum()
+
+
+@pytest.mark.parametrize("hole", [{}, {"hole_mode": "2q", "hole_side": "right"}])
+@pytest.mark.parametrize("separation", [0.25, 0.4, 0.65, 0.8, 0.95])
+def test_share_of_the_circle_in_the_quadrants(model, everyone, hole, separation):
+    metrics = dataclasses.replace(model.metrics["F520"], **hole)
+    model = dataclasses.replace(model, metrics={"F520": metrics})
+    star = everyone.select([0])
+    drawn = planets(FACE_ON | {"semi_major_axis_au": separation * float(star.distance_pc[0])}, n=20000)
+    found = completeness(model, star, "F520", drawn, exposure_s=1.0, n_frames=0, em_gain=1.0)
+    expected = float(metrics.azimuth_fraction(separation))
+    assert abs(found.in_zone[0] - expected) <= 4 * math.sqrt(expected * (1 - expected) / 20000)
+
+
+@pytest.mark.parametrize("lambda_d", [None, 0.3])
+def test_noise_free_giants_are_detected_wherever_statistics_are_defined(model, stars, lambda_d):
+    model = dataclasses.replace(model, strategy=IDEAL)
+    if lambda_d is not None:  # coarse enough that part of the zone has fewer than three resolution elements
+        coarse = {band: dataclasses.replace(item, lambda_d_arcsec=lambda_d) for band, item in model.metrics.items()}
+        model = dataclasses.replace(model, metrics=coarse)
+    drawn = planets(FACE_ON | {"radius_rjup": 10, "albedo": 1.5}, n=2000)
+    for band in BANDS:
+        metrics = model.metrics[band]
+        x, y = (part / stars.distance_pc[:, None] for part in (drawn.east_au, drawn.north_au))
+        near, far = np.minimum(abs(x), abs(y)), np.maximum(abs(x), abs(y))
+        low = metrics.hole_inner_arcsec + metrics.aperture_radius_arcsec
+        high = metrics.hole_outer_arcsec - metrics.aperture_radius_arcsec
+        there = (near >= low) & (far <= high)
+        defined = there & (metrics.resolution_elements(np.hypot(x, y)) >= 3)
+        found = completeness(model, stars, band, drawn, **EVERYTHING)
+        np.testing.assert_array_equal(found.observable, there.mean(axis=1))
+        np.testing.assert_array_equal(found.completeness, defined.mean(axis=1))
+        assert 0 < found.completeness.max() < 1
+        assert np.any(found.completeness < found.observable) == (lambda_d is not None)
+
+
+def test_side_of_the_hole_and_parity(model, everyone):
+    """A planet in the north-east is on the left with the default parity, on the right with the other."""
+    star = everyone.select([0])
+    there = FACE_ON | {"node_deg": 45, "mean_anomaly_deg": 0, "semi_major_axis_au": 0.65 * float(star.distance_pc[0])}
+    drawn = planets(there, n=3)
+    assert np.all((drawn.east_au > 0) & (drawn.north_au > 0))
+    seen = {}
+    for parity in (-1, 1):
+        instrument = load_instrument({"detector": {"parity": parity}})
+        for side in ("right", "left", "top", "bottom"):
+            metrics = dataclasses.replace(model.metrics["F520"], hole_mode="2q", hole_side=side)
+            other = dataclasses.replace(model, instrument=instrument, metrics={"F520": metrics})
+            found = completeness(other, star, "F520", drawn, exposure_s=1.0, n_frames=0, em_gain=1.0)
+            seen[parity, side] = float(found.observable[0])
+    assert [seen[-1, side] for side in ("right", "left", "top", "bottom")] == [0, 1, 1, 0]
+    assert [seen[1, side] for side in ("right", "left", "top", "bottom")] == [1, 0, 1, 0]
+
+
+def test_edges_keep_the_whole_aperture_inside(model, everyone):
+    star, band = everyone.select([0]), "F520"
+    distance, instrument = float(star.distance_pc[0]), model.instrument
+    radius = instrument.aperture_radius_arcsec(band)
+    low, high = instrument.hole_inner_arcsec(band), instrument.hole_outer_arcsec(band)
+    for half_side, zone, whole in [
+        (low - 1e-6, 0, 0),
+        (low + 1e-6, 1, 0),
+        (low + radius - 1e-6, 1, 0),
+        (low + radius + 1e-6, 1, 1),
+        (high - radius - 1e-6, 1, 1),
+        (high - radius + 1e-6, 1, 0),
+        (high - 1e-6, 1, 0),
+        (high + 1e-6, 0, 0),
+    ]:
+        there = {"node_deg": 45, "mean_anomaly_deg": 0, "semi_major_axis_au": half_side * math.sqrt(2) * distance}
+        found = completeness(model, star, band, planets(FACE_ON | there, n=1), exposure_s=1, n_frames=0, em_gain=1)
+        assert (found.in_zone[0], found.observable[0]) == (zone, whole), half_side
+
+
+def test_stars_too_far_and_no_frames_detect_nothing(model, stars):
+    far = dataclasses.replace(stars, distance_pc=np.full(len(stars), 1e4))
+    model = dataclasses.replace(model, strategy=IDEAL)
+    drawn = planets({"planets_per_star": 0.5})
+    for targets, frames in ((far, 1e9), (stars, 0.0)):
+        found = completeness(model, targets, "F520", drawn, exposure_s=100.0, n_frames=frames, em_gain=20.0)
+        assert not found.completeness.any()
+        assert not found.standard_error.any()
+        assert not found.expected_detections.any()
+    assert completeness(model, stars, "F520", drawn, exposure_s=np.nan, n_frames=0, em_gain=0).observable.any()
+
+
+def test_more_frames_and_more_exposure_never_detect_fewer(model, stars):
+    model = dataclasses.replace(model, strategy=IDEAL)
+    drawn = planets(n=1000)
+    before = np.zeros(len(stars))
+    for frames in (1, 10, 100, 1000, 1e5, 1e7):
+        found = completeness(model, stars, "F520", drawn, exposure_s=20.0, n_frames=frames, em_gain=20.0).completeness
+        assert np.all(found >= before)
+        before = found
+    assert before.max() > 0.1
+    before = np.zeros(len(stars))
+    for exposure in (0.1, 1.0, 10.0, 60.0):
+        found = completeness(model, stars, "F520", drawn, exposure_s=exposure, n_frames=1e3, em_gain=20.0).completeness
+        assert np.all(found >= before)
+        before = found
+    assert before.max() > 0.01
+
+
+def test_larger_planets_are_never_harder(model, stars):
+    model = dataclasses.replace(model, strategy=IDEAL)
+    before = np.zeros(len(stars))
+    for radius in (0.1, 0.3, 0.6, 1.0, 2.0):
+        drawn = planets({"radius_rjup": radius}, n=1000)
+        found = completeness(model, stars, "F520", drawn, exposure_s=20.0, n_frames=2000, em_gain=20.0).completeness
+        assert np.all(found >= before)
+        before = found
+    assert before.max() > 0.1
+
+
+def test_seeds_scatter_by_the_standard_error(model, stars):
+    model = dataclasses.replace(model, strategy=IDEAL)
+    results = [
+        completeness(model, stars, "F520", planets(n=1000, seed=seed), exposure_s=20.0, n_frames=1e5, em_gain=20.0)
+        for seed in range(24)
+    ]
+    values = np.stack([found.completeness for found in results])
+    truth = values.mean(axis=0)
+    error = np.sqrt(truth * (1 - truth) / 1000)
+    busy = truth > 0.005
+    assert busy.sum() >= 4
+    assert np.ptp(values, axis=0)[busy].min() > 0
+    chi2 = (((values - truth) / np.where(error > 0, error, 1)) ** 2).sum(axis=0)[busy]
+    assert np.all(np.abs(chi2 - 23) < 4.5 * math.sqrt(46))
+    one = results[0]
+    np.testing.assert_allclose(
+        one.standard_error, np.sqrt(one.completeness * (1 - one.completeness) / 1000), rtol=1e-12
+    )
+    again = completeness(model, stars, "F520", planets(n=1000, seed=0), exposure_s=20.0, n_frames=1e5, em_gain=20.0)
+    np.testing.assert_array_equal(again.completeness, one.completeness)
+
+
+def test_stars_share_their_planets(model, stars):
+    """Equal stars have equal completeness, to the last planet, whoever else is asked about."""
+    model = dataclasses.replace(model, strategy=IDEAL)
+    drawn, setting = planets(n=400), {"exposure_s": 20.0, "n_frames": 5e3, "em_gain": 20.0}
+    twice = completeness(model, stars.select([0, 1, 0]), "F520", drawn, **setting)
+    alone = completeness(model, stars.select([0]), "F520", drawn, **setting)
+    assert twice.completeness[0] == twice.completeness[2] == alone.completeness[0] > 0
+
+
+def test_expected_detections_and_flags(model, stars):
+    model = dataclasses.replace(model, strategy=IDEAL)
+    setting = {"exposure_s": 20.0, "n_frames": 5e3, "em_gain": 20.0}
+    found = completeness(model, stars, "F520", planets("giants"), **setting)
+    rate = load_population("giants").planets_per_star
+    np.testing.assert_array_equal(found.expected_detections, rate * found.completeness)
+    assert (found.band, found.n_planets, found.flags) == ("F520", 300, ())
+    found = completeness(model, stars, "F520", planets({"albedo": {"log10_fsed": 2.0}}), **setting)
+    assert found.expected_detections is None
+    assert found.flags == ("fsed_clamped", "insolation_clamped")
+    at_two = planets({"semi_major_axis_au": 2, "eccentricity": 0, "semi_major_axis_scale": "insolation",
+                      "albedo": {"log10_mh": 0.5}})  # fmt: skip
+    assert completeness(model, stars, "F520", at_two, **setting).flags == ()
+    dark = dataclasses.replace(
+        model, metrics={"F520": dataclasses.replace(model.metrics["F520"], hole_state="not_reached")}
+    )
+    assert completeness(dark, stars, "F520", planets(n=5), **setting).flags == ("hole_not_reached",)
+
+
+def test_thresholds_lie_above_sigma():
+    elements = np.array([3.0, 3.5, 5.0, 20.0, 100.0, 1e4])
+    for sigma in (0.5, 3.0, 5.0, 20.0):
+        assert np.all(threshold_array(elements, sigma) > sigma)
+
+
+@pytest.mark.parametrize(
+    ("changes", "text"),
+    [
+        ({"band": "F9"}, "band = F9: not accepted; allowed: F520, F850"),
+        ({"n_frames": -1}, "n_frames = -1.0: not accepted; allowed: finite numbers, at least 0"),
+        ({"n_frames": np.nan}, "n_frames = nan: not accepted; allowed: finite numbers, at least 0"),
+        ({"n_frames": [1, 2, 3]}, "n_frames = (3,): not accepted; allowed: one number, or one for each of 8 stars"),
+        ({"exposure_s": 0}, "exposure_s = 0.0 s: not accepted; allowed: above 0"),
+        ({"exposure_s": np.inf}, "exposure_s = inf s: not accepted; allowed: finite numbers"),
+        ({"em_gain": 0.5}, "em_gain = 0.5: not accepted; allowed: at least 1"),
+    ],
+)
+def test_refusals(model, stars, changes, text):
+    given = {"band": "F520", "exposure_s": 1.0, "n_frames": 10, "em_gain": 1.0} | changes
+    with pytest.raises(InputError) as caught:
+        completeness(model, stars, given.pop("band"), planets(n=3), **given)
+    assert str(caught.value) == text
+
+
+def test_counted_photons_have_one_gain(model, stars):
+    model = with_strategy(model, mode="photon_counting")
+    gains = np.linspace(100.0, 300.0, len(stars))
+    with pytest.raises(InputError, match="one gain for all stars where photons are counted"):
+        completeness(model, stars, "F520", planets(n=3), exposure_s=1.0, n_frames=10, em_gain=gains)
+
+
+@pytest.mark.parametrize("albedo", ["jupiter", "parametric"])
+def test_catalogue_in_all_bands_is_quick(everyone, albedo):
+    """A generous bound on the work, in units of a plain array operation, so that a slow machine does not fail it."""
+    import time
+
+    model = build_model(load_instrument())
+    drawn = planets({"albedo": albedo}, n=1000)
+
+    def work():
+        for band in model.bands:
+            completeness(model, everyone, band, drawn, exposure_s=100.0, n_frames=20, em_gain=20.0)
+
+    def yardstick():
+        np.sort(np.random.default_rng(0).random(4_000_000))
+
+    work()
+    seconds = []
+    for job in (yardstick, work):
+        start = time.process_time()
+        job()
+        seconds.append(time.process_time() - start)
+    assert seconds[1] < 10.0 * seconds[0]
