@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,13 +25,15 @@ from cpic_planner.etc.planet import ReferencePlanet, reference_contrast
 from cpic_planner.etc.rates import ApertureRates, aperture_rates
 from cpic_planner.etc.significance import threshold_array
 from cpic_planner.targets import Targets
-from simulator.outcome import Reason
+from simulator.imaging.metrics import PsfMetrics
+from simulator.outcome import Reason, Status
 from simulator.target.albedo import albedo_source
 
 __all__ = ["Best", "best_in_band", "best_of", "optimise", "separation_grid"]
 
 FloatArray = NDArray[np.float64]
 N_SEPARATIONS = 41
+_ENDLESS_S = np.asarray(1e12)
 STRIDE = 5
 MIN_BACKGROUND_APERTURES = 25.0
 """Aperture areas that the background annulus must hold: about a third of them fit without overlap."""
@@ -41,10 +44,11 @@ class Best:
     """Best setting of each target; arrays of ``n`` stars.
 
     ``margin`` is significance over the detection threshold at the chosen separation: 1 is a detection.
-    ``floor_margin`` is what no length of visit can pass, at any separation. ``contrast_limit`` is the faintest contrast
-    that this observation detects at the chosen separation, ``deepest_limit`` that of the best separation for it.
-    ``n_frames`` is 0 where every frame saturates or the time is too short. ``extrapolated`` says that the planet's
-    albedo is beyond its data in this band, ``outside`` why a given separation has no answer (empty: it is in the zone).
+    ``floor_margin`` is what no length of visit can pass, at any separation (with the noise of light where that
+    decides). ``contrast_limit`` is the faintest contrast that this observation detects at the chosen separation,
+    ``deepest_limit`` that of the best separation for it. ``n_frames`` is 0 where every frame saturates or the time is
+    too short. ``extrapolated`` says that the planet's albedo is beyond its data in this band, ``outside`` why a given
+    separation has no answer (empty: it is in the zone).
     """
 
     band: NDArray[np.str_]
@@ -73,11 +77,24 @@ class Best:
 
 def separation_grid(model: EtcModel, band: str) -> FloatArray:
     """Diagonal separations with the aperture inside a band's zone, a defined threshold and room to measure noise."""
-    grid = np.geomspace(*usable_range_arcsec(model.instrument, band), N_SEPARATIONS)
-    metrics = model.metrics[band]
-    enough = [np.count_nonzero(metrics.annulus(s, model.strategy.annulus_lambda_d)) for s in grid]
+    inner, outer = usable_range_arcsec(model.instrument, band)
+    grid = _roomy(model.metrics[band], inner, outer, model.strategy.annulus_lambda_d)
+    if model.strategy.library == "roll":  # a planet that is seen at two rolls stands beside the diagonal
+        grid = grid[np.array([locate(model, band, float(place))[0] is Status.OK for place in grid], bool)]
+    if grid.size == 0:
+        raise InputError("band", band, allowed="a zone with room for aperture, background and three elements",
+                         hint="see annulus_lambda_d, roll_deg and the hole's edges")  # fmt: skip
+    return grid
+
+
+@functools.lru_cache(maxsize=64)
+def _roomy(metrics: PsfMetrics, inner_arcsec: float, outer_arcsec: float, annulus_lambda_d: float) -> FloatArray:
+    grid = np.geomspace(inner_arcsec, outer_arcsec, N_SEPARATIONS)
+    enough = [np.count_nonzero(metrics.annulus(s, annulus_lambda_d)) for s in grid]
     room = np.asarray(enough) >= MIN_BACKGROUND_APERTURES * metrics.aperture_pixels
-    return grid[(metrics.resolution_elements(grid) >= 3.0) & room]
+    usable: FloatArray = grid[(metrics.resolution_elements(grid) >= 3.0) & room]
+    usable.flags.writeable = False
+    return usable
 
 
 def optimise(
@@ -248,6 +265,21 @@ class _Search:
         best = np.where(np.isfinite(close).any(axis=1), np.argmin(close, axis=1), STRIDE - 1)
         return self.places(np.take_along_axis(fine[around], best[:, None], axis=1))
 
+    def _most(self, bound: FloatArray, margin: FloatArray) -> FloatArray:
+        """Margin of the best length of visit, where a bound from the visit's offset alone leaves it open."""
+        doubtful = (bound > 1.0) & (margin < 1.0)
+        if not doubtful.any():
+            return bound
+
+        def cost(places: _Places) -> FloatArray:
+            with np.errstate(divide="ignore"):
+                found = np.sqrt(smooth_in_visit(places.problem("significance"), _ENDLESS_S))
+            return np.where(np.isfinite(places.threshold), found * places.threshold, np.inf)
+
+        least = cost(replace(self, targets=self.targets.select(doubtful)).lowest(cost))[:, 0]
+        bound[doubtful] = np.minimum(bound[doubtful], 1.0 / least)
+        return bound
+
     def best(self, chosen: _Places, choice: FrameChoice) -> Best:
         """Everything about the chosen separations and frames."""
         model, band, n = self.model, self.band, len(self.targets)
@@ -291,7 +323,7 @@ class _Search:
             significance=column(noise.significance),
             threshold=column(chosen.threshold),
             margin=column(margin),
-            floor_margin=floor.max(axis=1),
+            floor_margin=self._most(floor.max(axis=1), column(margin)),
             contrast_limit=column(limit),
             deepest_limit=limits[np.arange(n), deepest],
             deepest_separation_arcsec=fine[deepest],

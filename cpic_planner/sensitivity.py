@@ -22,6 +22,7 @@ from simulator.passbands import Passbands
 __all__ = ["ASSUMPTIONS", "DECIDES_BELOW", "N_TOP", "Assumption", "Setting", "positions", "sensitivity"]
 
 N_TOP = 50
+POOL = 6
 DECIDES_BELOW = 0.5
 """Kendall's tau below which an assumption is said to decide the ranking: one pair in four changes its order."""
 
@@ -119,7 +120,7 @@ def sensitivity(
     model, targets, time_s, planet, bands, population, score
         As `cpic_planner.ranking.rank_targets`.
     top : int
-        Stars of the nominal ranking that are compared (all, if there are fewer).
+        Stars of the nominal ranking that are compared (all, if there are fewer); six times as many are ranked again.
     assumptions : sequence of Assumption
         One at a time; `ASSUMPTIONS` by default.
 
@@ -134,8 +135,13 @@ def sensitivity(
     names, time_s = model.named(bands), check_range("time_s", time_s, 1e-3, 1e9, "s")
     check_range("top", top, 1, math.inf, "stars")
     setting = Setting(model, planet or ReferencePlanet(), population or PopulationChoice.default())
+    digest = rank_hash(model, targets, time_s=time_s, planet=setting.planet, bands=bands, population=setting.population,
+                       score=score)  # fmt: skip
     nominal, n_ok = positions(setting, targets, time_s=time_s, bands=names, score=score)
     n_top = min(top, len(targets))
+    # Stars far down stay far down: only those that may come near the top are ranked again.
+    pool = nominal <= POOL * top
+    targets, nominal = targets.select(pool), nominal[pool]
     first = np.flatnonzero(nominal <= n_top)
     rows = []
     for assumption in assumptions:
@@ -156,8 +162,6 @@ def sensitivity(
             )
         )
     decides = [row.assumption for row in rows if row.kendall_tau is not None and row.kendall_tau < DECIDES_BELOW]
-    digest = rank_hash(model, targets, time_s=time_s, planet=setting.planet, bands=bands, population=setting.population,
-                       score=score)  # fmt: skip
     return SensitivityResult(
         config_hash=content_hash({"kind": "sensitivity", "rank": digest, "top": top,
                                   "assumptions": [item.key for item in assumptions]}),

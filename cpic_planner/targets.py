@@ -73,6 +73,18 @@ class Targets:
             plain[item.name] = value
         return plain
 
+    @classmethod
+    def joined(cls, parts: Sequence[Targets]) -> Targets:
+        """Rows of several targets, one after the other."""
+        joined: dict[str, Any] = {}
+        for item in fields(cls):
+            values = [getattr(part, item.name) for part in parts]
+            if item.name == "flags":
+                joined["flags"] = tuple(flags for value in values for flags in value)
+            elif isinstance(values[0], np.ndarray):
+                joined[item.name] = np.concatenate(values)
+        return replace(parts[0], **joined)
+
     def select(self, mask: NDArray[Any] | Sequence[int]) -> Targets:
         """Rows where ``mask`` is true, or rows of the given indices in that order."""
         index = np.flatnonzero(mask) if np.asarray(mask).dtype == bool else np.asarray(mask, int)

@@ -7,15 +7,13 @@ from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from cpic_planner.api.inputs import InstrumentSource, OnOff, StrategySource, model_of, stars_named
 from cpic_planner.etc import questions
 from cpic_planner.etc.answer import EtcAnswer
 from cpic_planner.etc.planet import ReferencePlanet
 from cpic_planner.models import Explanation, RankResult, ScoreName, SensitivityResult
 from cpic_planner.population_config import PopulationSource
-from cpic_planner.targets import as_catalogue, find_target, rank_sample, sample_text
+from cpic_planner.targets import Targets, as_catalogue, find_target, rank_sample, sample_text
 from simulator.config.base import validate
 
 if TYPE_CHECKING:
@@ -42,11 +40,12 @@ def _ask(
     strategy: StrategySource,
     **asked: Any,
 ) -> list[EtcAnswer]:
-    """Put one question for every named star."""
+    """Put one question for all named stars at once."""
     model = model_of(instrument, bands, strategy)
     if isinstance(asked.get("planet"), Mapping):
         asked["planet"] = validate(ReferencePlanet, asked["planet"], where="planet")
-    return [answer for star in stars_named(target, companions, catalog) for answer in question(model, star, **asked)]
+    stars = stars_named(target, companions, catalog)
+    return question(model, Targets.joined(stars), **asked) if stars else []
 
 
 def signal_to_noise(
@@ -89,7 +88,7 @@ def signal_to_noise(
     Returns
     -------
     list of EtcAnswer
-        Targets in the given order, bands by wavelength within each.
+        Targets in the given order, bands in theirs within each (by wavelength if none are given), then planets.
 
     Raises
     ------
@@ -195,14 +194,10 @@ def optimise(
     if time_s is None and snr is None and not detect:
         time_s = 36000.0
     model = model_of(instrument, bands, strategy)
-    rows = []
-    for star in stars_named(target, companions, catalog):
-        best = best_of(model, star, time_s=time_s, snr=snr, detect=detect, separation_arcsec=separation_arcsec,
-                       planet=planet)  # fmt: skip
-        rows.append(
-            {"name": str(star.name[0])} | {item.name: np.asarray(getattr(best, item.name))[0] for item in fields(best)}
-        )
-    return pd.DataFrame(rows)
+    stars = Targets.joined(stars_named(target, companions, catalog))
+    best = best_of(model, stars, time_s=time_s, snr=snr, detect=detect, separation_arcsec=separation_arcsec,
+                   planet=planet)  # fmt: skip
+    return pd.DataFrame({"name": stars.name} | {item.name: getattr(best, item.name) for item in fields(best)})
 
 
 def rank_targets(

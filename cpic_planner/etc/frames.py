@@ -154,6 +154,11 @@ class FrameChoice:
         """One element of the first axis."""
         return FrameChoice(*(getattr(self, name)[index] for name in FrameChoice.__dataclass_fields__))
 
+    def where(self, mask: NDArray[np.bool_], other: FrameChoice) -> FrameChoice:
+        """These frames where the mask holds, others elsewhere."""
+        return FrameChoice(*(np.where(mask, getattr(self, name), getattr(other, name))
+                             for name in FrameChoice.__dataclass_fields__))  # fmt: skip
+
 
 def best_exposure_s(problem: FrameProblem) -> tuple[FloatArray, FloatArray]:
     """Exposure of least ``G`` and its value: most SNR per time where frames need not be whole.
@@ -165,7 +170,7 @@ def best_exposure_s(problem: FrameProblem) -> tuple[FloatArray, FloatArray]:
     """
     camera = problem.camera
     longest = problem.longest_s()
-    usable = (longest >= camera.exposure_min_s) & (problem.signal_e_s > 0)
+    usable = (longest >= camera.exposure_min_s * (1.0 - _ROUNDING)) & (problem.signal_e_s > 0)
     low = np.full(longest.shape, camera.exposure_min_s)
     high = np.maximum(longest, low)
 
@@ -201,8 +206,8 @@ def _slope(problem: FrameProblem, exposure_s: FloatArray, n_frames: FloatArray) 
     after, before = (problem.inverse_snr2(exposure_s * factor, n_frames) for factor in (1.0 + _STEP, 1.0 - _STEP))
     with np.errstate(invalid="ignore", divide="ignore"):
         slope = (np.log(after) - np.log(before)) / (2.0 * _STEP) * (1.0 + problem.camera.readout_s / exposure_s)
-    # Without light there is nothing to stop for.
-    return np.where(np.isnan(slope), -1.0, slope)
+    # Beyond the light that can be counted nothing pays.
+    return np.where(np.isnan(slope), 1.0, slope)
 
 
 def _paying_exposure_s(problem: FrameProblem, n_frames: FloatArray, top: FloatArray, longest: FloatArray) -> FloatArray:
@@ -212,8 +217,11 @@ def _paying_exposure_s(problem: FrameProblem, n_frames: FloatArray, top: FloatAr
         return top
     low = np.full(top.shape, problem.camera.exposure_min_s)
     pays_still = _slope(problem, longest, n_frames) <= -_ELASTICITY
-    stop = first_root(problem, lambda part, t, n: np.exp(np.clip(-_ELASTICITY - _slope(part, t, n), -1.0, 1.0)), low, longest,
-                      ~pays & ~pays_still, n_frames, tolerance=1e-6 * _ELASTICITY)  # fmt: skip
+
+    def excess(part: FrameProblem, t: FloatArray, n: FloatArray) -> FloatArray:
+        return np.exp(np.clip(-_ELASTICITY - _slope(part, t, n), -1.0, 1.0))
+
+    stop = first_root(problem, excess, low, longest, ~pays & ~pays_still, n_frames, tolerance=1e-6 * _ELASTICITY)
     return np.where(pays, top, np.minimum(top, stop))
 
 
@@ -229,7 +237,9 @@ def _candidates(visit_s: FloatArray, frame_s: FloatArray) -> FloatArray:
     return np.maximum(middle + offsets, 1.0)
 
 
-def best_in_visit(problem: FrameProblem, visit_s: FloatArray, *, whole: bool = False) -> FrameChoice:
+def best_in_visit(
+    problem: FrameProblem, visit_s: FloatArray, *, whole: bool = False, quickest: bool = True
+) -> FrameChoice:
     """Frames of highest SNR in a visit of at most ``visit_s``.
 
     Parameters
@@ -239,6 +249,8 @@ def best_in_visit(problem: FrameProblem, visit_s: FloatArray, *, whole: bool = F
         Broadcasts to the problem's shape.
     whole : bool
         Use all of the visit, although a shorter one may be better.
+    quickest : bool
+        Of the settings that reach as much, give the one of least time; not needed for the SNR alone.
     """
     camera = problem.camera
     visit = np.broadcast_to(np.asarray(visit_s, float), problem.signal_e_s.shape)
@@ -253,14 +265,17 @@ def best_in_visit(problem: FrameProblem, visit_s: FloatArray, *, whole: bool = F
     top = np.maximum(top, shortest)
     wide = _spread(problem, top.shape)
     t = top
-    if not whole:
+    if whole:
+        filled = np.where(feasible, frames * (top + camera.readout_s), 0.0)
+        feasible &= filled >= filled.max(axis=0) * (1.0 - 1e-9)
+    else:
         t = _paying_exposure_s(wide, frames, top, np.broadcast_to(np.maximum(longest, shortest), top.shape))
     value = wide.inverse_snr2(t, frames)
     chosen = _pick(problem, t, frames, np.where(feasible, value, np.inf), value)
     stopped = (chosen.n_frames > 0) & (chosen.visit_s < visit * (1.0 - 1e-9)) & (chosen.exposure_s < longest)
-    if whole or not stopped.any():
+    if whole or not quickest or not stopped.any():
         return chosen
-    # Of the settings that reach as much, the one of least time: the inverse question has the same answer.
+    # The inverse question has the same answer.
     again = least_time(problem.at(stopped), 1.0 / np.sqrt(chosen.inverse_snr2[stopped]))
     use = (again.n_frames > 0) & (again.visit_s <= chosen.visit_s[stopped])
     for name in FrameChoice.__dataclass_fields__:

@@ -28,6 +28,8 @@ MAX_MEAN_E = 8.0
 MAX_THRESHOLD_SIGMA = 20.0
 # A Poisson law of mean 8 has 3e-13 of its weight beyond 40.
 _N_MAX = 40
+# One of mean 0.5 has 2e-17 beyond 14.
+_N_FAINT, _FAINT_E = 14, 0.5
 # Inversion of a Laplace transform by the trapezoidal rule: folding from above is damped to exp(-28) = 7e-13, or to what
 # rounding (exp(-37)), amplified by the damping, leaves; the Gaussian reaches 10.5 sigma below 0, where 4e-26 is left.
 _DAMPING, _ROUNDING = 28.0, 37.0
@@ -172,9 +174,10 @@ def counting_variance(mean_e: ArrayLike, law: CountingLaw) -> FloatArray:
     """
     mean = checked_array("mean_e", mean_e, low=0.0, unit="e-")
     near = np.minimum(mean, MAX_MEAN_E)
-    dark = _poisson_mean(1.0 - law.e, near)
+    # Both from their own sums: a rare count would be lost in 1 - (1 - q).
+    counts, dark = _poisson_mean(law.e, near), _poisson_mean(1.0 - law.e, near)
     slope = _poisson_mean(np.diff(law.e), near)
-    variance = dark * (1.0 - dark) / np.maximum(slope, _LEAST_SLOPE) ** 2
+    variance = counts * dark / np.maximum(slope, _LEAST_SLOPE) ** 2
     return np.asarray(np.where((mean <= MAX_MEAN_E) & (slope > _LEAST_SLOPE), variance, np.inf))
 
 
@@ -209,11 +212,18 @@ def _checked_mean(mean_e: ArrayLike) -> FloatArray:
 
 
 def _poisson_mean(values: FloatArray, mean: FloatArray) -> FloatArray:
-    """Mean of ``values[n]`` over a Poisson law (Horner's scheme), less terms of 1e-12."""
-    largest = float(mean.max(initial=0.0))
-    last = min(values.size - 1, 12 + math.ceil(4.0 * largest))
-    total = np.full(mean.shape, values[last])
-    for n in range(last, 0, -1):
+    """Mean of ``values[n]`` over a Poisson law (Horner's scheme), less terms of 1e-16; each mean for itself."""
+    faint = mean <= _FAINT_E
+    if faint.all():
+        return _horner(values[: _N_FAINT + 1], mean)
+    total = _horner(values, mean)
+    total[faint] = _horner(values[: _N_FAINT + 1], mean[faint])
+    return total
+
+
+def _horner(values: FloatArray, mean: FloatArray) -> FloatArray:
+    total = np.full(mean.shape, values[-1])
+    for n in range(values.size - 1, 0, -1):
         total *= mean / n
         total += values[n - 1]
     return np.asarray(np.exp(-mean) * total)

@@ -25,6 +25,7 @@ __all__ = ["contrast_limit", "exposure_time", "signal_to_noise"]
 
 FloatArray = NDArray[np.float64]
 _LIMIT_STEPS = 60
+_CLOSE = 1e-14
 _START = 1e-9
 
 
@@ -66,9 +67,9 @@ def signal_to_noise(
     Returns
     -------
     list of EtcAnswer
-        Targets in order, bands by wavelength within each, planets within each band. ``value`` is the photometric SNR in
-        the best visit of at most ``time_s``; ``time_s`` of the answer is what it uses (flag
-        ``shorter_visit_is_better``).
+        Targets in order, bands in theirs within each (by wavelength if none are given), planets within each band.
+        ``value`` is the photometric SNR in the best visit of at most ``time_s``; ``time_s`` of the answer is what it
+        uses (flag ``shorter_visit_is_better``).
 
     Raises
     ------
@@ -183,37 +184,47 @@ def contrast_limit(
     objective: Objective = "snr" if snr is not None else "significance"
     every, visit = _bands(model, target, bands, planets, wish), model.visit_s(time_s)
     levels = np.stack([_levels(cases, snr, sigma) for cases in every])
-    contrasts = _limits(every, objective, np.where(np.isfinite(levels), levels, 1.0), visit, exact)
+    aims = np.where(np.isfinite(levels), levels, 1.0)
+    contrasts, choices = _limits(every, objective, aims, visit, exact)
     # Beyond contrast 1 there is no planet: refused below.
     shown = [replace(cases, contrast=ratio, rates=cases.rates_at(ratio))
              for cases, ratio in zip(every, np.minimum(contrasts, 1.0), strict=True)]  # fmt: skip
     problems = [cases.problem(objective) for cases in shown]
+    stopped = [(choice.n_frames > 0) & (choice.visit_s < visit * (1.0 - 1e-9)) for choice in choices]
+    if np.any(stopped) and not exact:
+        # The same setting as the inverse question finds: where more time hardly pays, rounding moves the length of it.
+        inverse = solve_together(problems, least_time, aims)
+        choices = [there.where(early & (there.n_frames > 0) & (there.visit_s <= visit), here)
+                   for there, here, early in zip(inverse, choices, stopped, strict=True)]  # fmt: skip
     parts = []
-    for cases, problem, choice, level, contrast in zip(
-        shown, problems, _best(problems, visit, exact), levels, contrasts, strict=True
-    ):
+    for cases, problem, choice, level, contrast in zip(shown, problems, choices, levels, contrasts, strict=True):
         limit = np.where(contrast < 1.0, contrast, math.inf)
         parts.append(answers_of(cases, problem, choice, "contrast_limit", limit, time_s=time_s, level=level,
                                 with_planet=snr is not None))  # fmt: skip
     return _in_order(parts, len(target), len(planets))
 
 
-def _best(problems: Sequence[FrameProblem], visit_s: FloatArray, whole: bool) -> list[FrameChoice]:
+def _best(
+    problems: Sequence[FrameProblem], visit_s: FloatArray, whole: bool, quickest: bool = True
+) -> list[FrameChoice]:
     """Best frames of one visit for problems of several bands."""
     lengths = np.broadcast_to(visit_s, (len(problems), *problems[0].signal_e_s.shape))
-    return solve_together(problems, lambda problem, visit: best_in_visit(problem, visit, whole=whole), lengths)
+    return solve_together(
+        problems, lambda problem, visit: best_in_visit(problem, visit, whole=whole, quickest=quickest), lengths
+    )
 
 
 def _limits(
     every: Sequence[BandCases], objective: Objective, level: FloatArray, visit_s: FloatArray, whole: bool
-) -> FloatArray:
-    """Contrasts at which the best frames of a visit reach the level; ``inf`` where none does."""
+) -> tuple[FloatArray, list[FrameChoice]]:
+    """Contrasts at which the best frames of a visit reach the level (``inf`` where none does), and those frames."""
+    choices: list[FrameChoice] = []
 
     def excess(log_contrast: FloatArray) -> FloatArray:
         problems = [cases.problem(objective, ratio) for cases, ratio in zip(every, np.exp(log_contrast), strict=True)]
-        reached = np.stack([choice.inverse_snr2 for choice in _best(problems, visit_s, whole)])
+        choices[:] = _best(problems, visit_s, whole, quickest=False)
         with np.errstate(divide="ignore"):
-            return np.log(level) + 0.5 * np.log(reached)
+            return np.log(level) + 0.5 * np.log(np.stack([choice.inverse_snr2 for choice in choices]))
 
     x = np.full(level.shape, math.log(_START))
     f, slope = excess(x), np.ones(level.shape)
@@ -228,9 +239,9 @@ def _limits(
             secant = (f - g) / (new - x)
         slope = np.where(moved & np.isfinite(secant), np.clip(secant, 0.3, 1.0), slope)
         x, f = np.where(moved, new, x), np.where(moved, g, f)
-        if np.all(np.abs(f) < 4e-16, where=np.isfinite(f)):
+        if np.all(np.abs(f) < _CLOSE, where=np.isfinite(f)):
             break
-    return np.where(np.isfinite(f) & (f < 1e-9), np.exp(x), math.inf)
+    return np.where(np.isfinite(f) & (f < 1e-9), np.exp(x), math.inf), choices
 
 
 def _levels(cases: BandCases, snr: float | None, sigma: float | None) -> FloatArray:

@@ -57,7 +57,7 @@ def lowest(
     point, to some 3e-6 of it.
     """
     at_high = function(problem, high, *more)
-    falling = function(problem, np.maximum(high * (1.0 - _NUDGE), low), *more) >= at_high
+    falling = (function(problem, np.maximum(high * (1.0 - _NUDGE), low), *more) >= at_high) & np.isfinite(at_high)
     search = (high > low) & ~falling
     if coarse:
         grid = _between(low, high, np.linspace(0.0, 1.0, _COARSE))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -63,6 +64,9 @@ def answers_of(
     paper = snr_paper(cases.rates, choice.exposure_s, choice.n_frames, choice.em_gain, camera,
                       reference_ratio=strategy.reference_ratio)  # fmt: skip
     wall = model.time_s(choice.visit_s)
+    if time_s is not None:  # never more than what was given, not even by rounding
+        wall = np.minimum(wall, time_s)
+    most = _Most.of(problem, (choice.n_frames < 1) & cases.usable, level if question == "exposure_time" else None)
     answers = []
     for i, j in np.ndindex(*cases.contrast.shape):
         head = cases.head(i, j) | {"question": question, "unit": _UNIT[question]}
@@ -70,7 +74,7 @@ def answers_of(
         head["contrast"] = None if limit else float(cases.contrast[i, j])
         wanted = None if level is None else float(level[i, j])
         head["level"] = wanted if wanted is not None and math.isfinite(wanted) else None
-        status, reason, message = _standing(cases, problem, choice, (i, j), question, float(value[i, j]), wanted,
+        status, reason, message = _standing(cases, problem, choice, most, (i, j), question, float(value[i, j]), wanted,
                                             with_planet)  # fmt: skip
         if status is not Status.OK:
             answers.append(EtcAnswer(value=None, status=status, reason=reason, message=message, **head))
@@ -105,10 +109,31 @@ def answers_of(
     return answers
 
 
-def _only(index: tuple[int, int], shape: tuple[int, ...]) -> NDArray[np.bool_]:
-    mask = np.zeros(shape, bool)
-    mask[index] = True
-    return mask
+@dataclass(frozen=True)
+class _Most:
+    """What cases without an answer could reach, solved together; 0 for the others.
+
+    Longest exposure, least ``G`` (`inf` for none), visit for the level if frames need not be whole, and highest SNR of
+    any visit.
+    """
+
+    longest_s: FloatArray
+    cost: FloatArray
+    visit_s: FloatArray
+    snr: FloatArray
+
+    @classmethod
+    def of(cls, problem: FrameProblem, lost: NDArray[np.bool_], level: FloatArray | None) -> _Most:
+        parts = np.zeros((4, *lost.shape))
+        if lost.any():
+            part = problem.at(lost)
+            parts[0, lost], parts[1, lost] = part.longest_s(), best_exposure_s(part)[1]
+            if level is not None:
+                wanted = np.where(np.isfinite(level), level, 1.0)[lost]
+                parts[2, lost] = smooth_least_visit_s(part, wanted)
+                best = best_in_visit(part, np.full(wanted.shape, _LONGEST_S))
+                parts[3, lost] = np.where(best.n_frames >= 1, best.inverse_snr2**-0.5, 0.0)
+        return cls(*parts)
 
 
 def _stopped(model: Any, choice: FrameChoice, problem: FrameProblem, index: tuple[int, int], time_s: float) -> bool:
@@ -121,6 +146,7 @@ def _standing(
     cases: BandCases,
     problem: FrameProblem,
     choice: FrameChoice,
+    most: _Most,
     index: tuple[int, int],
     question: Question,
     value: float,
@@ -146,21 +172,20 @@ def _standing(
                           for name in ("peak_columns_e_s", "peak_hole_e_s", "tail_e_s"))  # fmt: skip
     saturated = frame_limit(column, hole, tail, camera.exposure_min_s, gain, camera)
     if saturated is not Reason.NONE:
-        longest = float(problem.longest_s()[index])
+        longest = float(most.longest_s[index])
         advice = f"up to {longest:.3g} s does not" if wish.exposure_s is not None or longest > 0 else "no exposure does"
         text = f"a frame of {camera.exposure_min_s:g} s at EM gain {gain:g} saturates; {advice}"
         return Status.SATURATED, saturated, text
-    if not math.isfinite(float(best_exposure_s(problem)[1][index])):
+    if math.isinf(most.cost[index]):
         text = f"at EM gain {gain:g} every pixel of the aperture counts in each frame: photons cannot be told apart"
         return Status.SATURATED, Reason.TOO_BRIGHT_TO_COUNT, text
-    if question == "exposure_time" and math.isfinite(float(smooth_least_visit_s(problem, level or 1.0)[index])):
+    if question == "exposure_time" and _LONGEST_S < most.visit_s[index] < math.inf:
         text = "it takes more frames than can be planned"
         return Status.UNREACHABLE, Reason.TOO_MANY_FRAMES, text
     if question == "exposure_time":
         name = "SNR" if with_planet else "significance"
-        best = best_in_visit(problem.at(_only(index, cases.contrast.shape)), np.full(1, _LONGEST_S))
-        most = 1.0 / math.sqrt(float(best.inverse_snr2[0])) if best.n_frames[0] >= 1 else 0.0
-        text = f"the speckle residual keeps the {name} below {level:g} whatever the time; the most is {most:.3g}"
+        text = (f"the speckle residual keeps the {name} below {level:.4g} whatever the time; "
+                f"the most is {most.snr[index]:.4g}")  # fmt: skip
         return Status.UNREACHABLE, Reason.SPECKLE_FLOOR, text
     text = "the time does not hold one science frame with its share of reference frames"
     return Status.UNREACHABLE, Reason.NO_TIME, text

@@ -84,9 +84,9 @@ def speckle_law(
 
     Notes
     -----
-    The mean of a walk of variance ``w s`` over ``0 < s < v`` has the variance ``w v / 3``; the mean of its square, which
-    makes the light of the errors, has ``2 <min(s, s')^2> = w^2 v^2 / 3`` instead of the ``2 (w v / 3)^2`` of a frozen
-    offset of that size, 3/2 times as much.
+    The mean of a walk of variance ``w s`` over ``0 < s < v`` has the variance ``w v / 3``; the mean of its square,
+    which makes the light of the errors, has ``2 <min(s, s')^2> = w^2 v^2 / 3`` instead of the ``2 (w v / 3)^2`` of a
+    frozen offset of that size, 3/2 times as much.
     """
     place, linear_table, square_table = _annulus_table(metrics, annulus_lambda_d)
     separation = np.asarray(separation_arcsec, float)

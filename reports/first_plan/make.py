@@ -94,8 +94,8 @@ def ranking(rank: RankResult) -> list[str]:
         limit = "" if row.deepest_limit is None else f"{row.deepest_limit:.1e}"
         lines.append(
             f"| {row.rank} | {pretty_name(row.name)} | {row.score:.3g} | {row.completeness:.4f} +- "
-            f"{row.completeness_error:.4f} | {row.completeness_band} | {wall} | {row.band} | {row.detection_margin:.2f} "
-            f"| {least} | {limit} |"
+            f"{row.completeness_error:.4f} | {row.completeness_band} | {wall} | {row.band} "
+            f"| {row.detection_margin:.2f} | {least} | {limit} |"
         )
     return lines
 

@@ -1,18 +1,26 @@
 """The ranking against a few lines of arithmetic of its own."""
 
+import math
+
 import numpy as np
 import pytest
+from scipy.stats import norm
+from scipy.stats import t as student
 
+from catalogs.errors import InputError
 from cpic_planner import load_targets
-from cpic_planner.etc.model import build_model
-from cpic_planner.etc.planet import ReferencePlanet
+from cpic_planner.etc.model import Strategy, build_model
 from cpic_planner.etc.questions import contrast_limit, exposure_time, signal_to_noise
 from cpic_planner.optimiser import optimise
-from cpic_planner.ranking import rank_targets
+from cpic_planner.population import draw_population
+from cpic_planner.ranking import PopulationChoice, judge, rank_targets
 from cpic_planner.targets import find_target, rank_sample
 from simulator.config import load_instrument
+from simulator.outcome import Reason
 
 MODEL = build_model(load_instrument())
+FEW = rank_sample(v_mag_max=3.0)
+SMALL = PopulationChoice(PopulationChoice.default().config, n_planets=200)
 AU_KM, RJ_KM = 149597870.7, 71492.0
 
 
@@ -26,42 +34,74 @@ def test_reference_planet_follows_from_distance_and_separation(ranking):
         distance_au = row.distance_pc * row.separation_arcsec
         assert row.ref_planet_distance_au == pytest.approx(distance_au, rel=1e-12)
         geometric = (RJ_KM / (distance_au * AU_KM)) ** 2 / np.pi
-        assert 0.37 < row.contrast / geometric < 0.56  # Jupiter's albedo over the visible bands
+        assert 0.2 < row.contrast / geometric < 0.56  # Jupiter's albedo over the visible bands
         assert row.ref_planet_insolation_au == pytest.approx(distance_au / row.luminosity_lsun**0.5, rel=1e-12)
 
 
 def test_order_status_and_reason_agree(ranking):
-    margins = [row.detection_margin for row in ranking.targets]
-    assert margins == sorted(margins, reverse=True)
+    scores = [(row.score, row.detection_margin) for row in ranking.targets]
+    assert scores == sorted(scores, reverse=True)
+    assert [row.rank for row in ranking.targets] == list(range(1, len(scores) + 1))
     for row in ranking.targets:
         assert row.detection_margin == pytest.approx(row.significance / row.threshold, rel=1e-12)
-        assert (row.status == "ok") == (row.detection_margin >= 1)
+        assert (row.status == "ok") == (row.detection_margin >= 1) == (row.reason == "")
         assert row.time_s <= 36000 * (1 + 1e-12)
         assert row.time_s == pytest.approx(2 * row.n_frames * (row.exposure_s + 1.1), rel=1e-12)
+        assert row.completeness_per_hour == pytest.approx(3600 * row.completeness / row.completeness_time_s, rel=1e-12)
+        assert row.score == row.completeness_per_hour
+    reasons = [row.reason or "ok" for row in ranking.targets]
+    assert ranking.counts == {name: reasons.count(name) for name in set(reasons)}
 
 
 def test_an_independent_estimate_finds_the_same_detections(ranking):
-    """Rates, noise and threshold written out from scratch for F520 at 0.5 arcsec, best of a few lengths of visit."""
-    table = load_targets()
-    star = 7.08e8 * 10 ** (-0.4 * (table["v_mag"] - 1.33))  # e-/s on the clear disc; alpha Cen B's own rate scaled
-    contrast = 0.515 * (RJ_KM / (table["distance_pc"] * 0.5 * AU_KM)) ** 2 / np.pi
-    core, halo, pixels, read = 0.137, 8.9e-11, 15.0, 110.0
+    """Distance, square quadrants, threshold x noise, written out from scratch for F520; best of many visits."""
+    table, metrics = load_targets(), MODEL.metrics["F520"]
+    star = 7.08e8 * 10 ** (-0.4 * (table["v_mag"].to_numpy() - 1.33))  # e-/s on the clear disc, scaled from alpha Cen B
+    exposure = np.clip(8e4 / (star * 1.25e-7), 1, 300)
+    gain = np.minimum(1000, 7.3e5 / (star * 5.8e-8 * exposure))
     margin = np.zeros(len(table))
-    for wall_s in (2250, 4500, 9000, 18000, 36000):
-        time_s = wall_s / 2
-        exposure = np.clip(8e4 / (star * 1.25e-7), 1, 300)
-        gain = np.minimum(1000, 7.3e5 / (star * 5.8e-8 * exposure))
-        white = 2 * 1.98 * (star * halo + 5e-4 * pixels + 3e-4) * time_s
-        white = white + 2 * pixels * ((read / gain) ** 2 + 1.98 * 0.02) * time_s / exposure
-        floor = MODEL.metrics["F520"].rdi_floor((0.05**2 * (1 + time_s / 3600 / 3)) ** 0.5, separation_arcsec=0.5)
-        signal = star * contrast * core * time_s
-        margin = np.maximum(margin, signal / np.sqrt(white + (star * floor * time_s) ** 2) / 6.33)
-    by_name = dict(zip(table["name"], margin, strict=True))
-    alone = [row for row in ranking.targets[:40] if "companion_light_on" not in row.flags]
-    for row in alone:
-        assert by_name[row.name] == pytest.approx(row.detection_margin, rel=0.5)
-    assert all(by_name[row.name] > 0.7 for row in ranking.targets if row.status == "ok")
-    assert all(row.status == "ok" for row in alone if by_name[row.name] > 1.3)
+    for place in np.linspace(0.37, 0.94, 58):
+        n, core = (
+            float(metrics.resolution_elements(place)),
+            float(metrics.core_throughput(place / 2**0.5, place / 2**0.5)),
+        )
+        if n < 3:
+            continue
+        threshold = student.isf(norm.sf(5), n - 2) * (1 + 1 / (n - 1)) ** 0.5
+        signal = star * core * 0.515 * (RJ_KM / (table["distance_pc"].to_numpy() * place * AU_KM)) ** 2 / np.pi
+        around = np.clip(place + 0.08 * np.linspace(-1, 1, 9), 0.36, 0.95)
+        for hours in np.geomspace(0.05, 5, 15):
+            floor = metrics.rdi_floor(0.05, walk_nm_per_sqrt_hour=0.05, visit_hours=hours, separation_arcsec=around)
+            white = (
+                2 * 1.98 * (star * 8.9e-11 + 17 * (5e-4 + 0.02 / exposure) + 0.01)
+                + 2 * 17 * (110 / gain) ** 2 / exposure
+            )
+            noise = np.sqrt(white / (3600 * hours * exposure / (exposure + 1.1)) + (star**2 * (floor**2).mean()))
+            margin = np.maximum(margin, signal / noise / threshold)
+    found = set(table["name"][margin >= 1])
+    said = {row.name for row in ranking.targets if row.status == "ok"}
+    assert len(said) >= 5
+    assert abs(len(found) - len(said)) <= 0.10 * len(said)
+    assert found == said
+    assert all(row.reason for row in ranking.targets if row.name not in said)
+
+
+def test_whether_time_would_help_is_told():
+    """Short visits: what a longer one detects lacks time; what none detects is below the residual."""
+    short = rank_targets(MODEL, rank_sample(v_mag_max=4.0), time_s=60.0, population=SMALL)
+    for row in short.targets:
+        if row.reason == "insufficient_time":
+            assert row.detection_time_s is not None
+            assert row.detection_time_s > 60.0
+        if row.reason == "speckle_floor":
+            assert row.detection_time_s is None
+    assert {row.reason for row in short.targets} == {"", "insufficient_time", "speckle_floor"}
+    none = rank_targets(MODEL, FEW, time_s=1.0, population=SMALL)
+    assert {row.reason for row in none.targets} == {"time_below_overheads"}
+    assert all(row.time_s is None and row.detection_margin == 0.0 for row in none.targets)
+    blind = build_model(load_instrument({"detector": {"exposure_min_s": 250.0}}))
+    verdicts = judge(optimise(blind, FEW, time_s=36000.0), blind)
+    assert Reason.PIXEL_FULL_WELL in {reason for _, reason in verdicts}
 
 
 def test_ranked_numbers_are_those_of_the_etc(ranking):
@@ -69,33 +109,28 @@ def test_ranked_numbers_are_those_of_the_etc(ranking):
         star, _ = find_target(row.name)
         fixed = {"exposure_s": row.exposure_s, "em_gain": row.em_gain, "bands": [row.band], "exact": True}
         answer = signal_to_noise(MODEL, star, time_s=row.time_s, separation_arcsec=row.separation_arcsec, **fixed)[0]
+        assert answer.n_frames == row.n_frames
         assert answer.snr == pytest.approx(row.snr, rel=1e-9)
         assert answer.significance == pytest.approx(row.significance, rel=1e-9)
         assert answer.threshold == pytest.approx(row.threshold, rel=1e-9)
         assert answer.contrast == pytest.approx(row.contrast, rel=1e-9)
 
 
-def test_more_time_never_loses_a_detection():
-    few, many = (optimise(MODEL, rank_sample(v_mag_max=5), time_s=t).margin for t in (3000.0, 48000.0))
-    assert np.all(many >= 0.98 * few)
-
-
 def test_every_detected_planet_is_found_again_by_its_time(ranking):
-    for row in [row for row in ranking.targets if row.status == "ok"][:4]:
+    found = [row for row in ranking.targets if row.status == "ok"]
+    for row in found:
         star, _ = find_target(row.name)
-        # At the very top of SNR against time the least time is ill-conditioned: 2 % below it is not.
-        answer = exposure_time(
-            MODEL, star, snr=row.snr * 0.98, separation_arcsec=row.separation_arcsec, bands=[row.band]
-        )[0]
-        assert answer.value is not None
-        assert answer.value <= row.time_s * 1.02
+        answer = exposure_time(MODEL, star, detect=True, separation_arcsec=row.separation_arcsec, bands=[row.band])[0]
+        assert answer.value <= row.time_s * (1 + 1e-9)
+        # The quickest place and band are no slower than those of the clearest detection.
+        assert row.detection_time_s <= answer.value * (1 + 1e-9)
 
 
 def test_contrast_limit_is_where_the_planet_is_just_detected():
     star, _ = find_target("tau Cet")
     limit = contrast_limit(MODEL, star, time_s=7200.0, separation_arcsec=0.5, bands=["F520"])[0]
-    back = signal_to_noise(MODEL, star, time_s=7200.0, separation_arcsec=0.5, bands=["F520"], contrast=limit.value,
-                           exposure_s=limit.exposure_s, em_gain=limit.em_gain)[0]  # fmt: skip
+    fixed = {"exposure_s": limit.exposure_s, "em_gain": limit.em_gain, "exact": True, "contrast": limit.value}
+    back = signal_to_noise(MODEL, star, time_s=limit.time_s, separation_arcsec=0.5, bands=["F520"], **fixed)[0]
     assert back.significance == pytest.approx(back.threshold, rel=1e-9)
 
 
@@ -112,13 +147,63 @@ def test_fewer_stars_with_more_drift_and_all_with_none():
 def test_companion_light_counts_only_when_on():
     on, off = (find_target("70 Oph A", companions=state)[0] for state in ("on", "off"))
     pair = [signal_to_noise(MODEL, star, time_s=7200.0, separation_arcsec=0.5, bands=["F520"])[0] for star in (on, off)]
-    assert pair[0].budget["background_e2"] > pair[1].budget["background_e2"]
+    assert pair[0].budget["companion_e2"] > 0 == pair[1].budget["companion_e2"]
     assert "companion_light_on" in pair[0].flags
     assert "companion_light_off" in pair[1].flags
 
 
-def test_another_planet_scales_the_contrast():
-    big = rank_targets(MODEL, rank_sample(v_mag_max=2), time_s=3600.0, planet=ReferencePlanet(radius_rjup=2))
-    one = rank_targets(MODEL, rank_sample(v_mag_max=2), time_s=3600.0)
-    assert big.targets[0].detection_margin > 2 * one.targets[0].detection_margin
-    assert big.config_hash != one.config_hash
+@pytest.mark.parametrize("score", ["completeness", "detection_margin", "detection_time", "contrast_limit"])
+def test_other_scores(score):
+    found = rank_targets(MODEL, FEW, time_s=7200.0, population=SMALL, score=score)
+    for row in found.targets:
+        expected = {
+            "completeness": row.completeness,
+            "detection_margin": row.detection_margin,
+            "detection_time": 3600.0 / row.detection_time_s if row.detection_time_s else 0.0,
+            "contrast_limit": -math.log10(row.deepest_limit),
+        }[score]
+        assert row.score == pytest.approx(expected, rel=1e-12)
+    scores = [row.score for row in found.targets]
+    assert scores == sorted(scores, reverse=True)
+    assert found.score_name == score
+
+
+def test_completeness_is_a_share_of_the_planets_drawn(ranking):
+    assert ranking.population.n_planets == len(draw_population(PopulationChoice.default().config, 4000, 1).radius_rjup)
+    for row in ranking.targets[:40]:
+        assert (row.completeness * 4000) == pytest.approx(round(row.completeness * 4000), abs=1e-6)
+        error = (row.completeness * (1 - row.completeness) / 4000) ** 0.5
+        assert row.completeness_error == pytest.approx(error, rel=0.01)
+
+
+def test_one_band_by_name_is_that_band():
+    one, listed = (
+        rank_targets(MODEL, FEW, time_s=7200.0, bands=bands, population=SMALL) for bands in ("F662", ["F662"])
+    )
+    assert one == listed
+    assert {row.band for row in one.targets} == {"F662"}
+
+
+@pytest.mark.parametrize("value", [-1.0, 0.0, math.nan, math.inf, 1e10, True, "3600", None])
+def test_times_out_of_range_are_refused(value):
+    with pytest.raises(InputError, match="^time_s = "):
+        rank_targets(MODEL, FEW, time_s=value, population=SMALL)
+
+
+def test_what_cannot_be_ranked_is_refused():
+    with pytest.raises(InputError, match="^targets = 0"):
+        rank_targets(MODEL, FEW.select([]), time_s=3600.0, population=SMALL)
+    with pytest.raises(InputError, match="^score = best"):
+        rank_targets(MODEL, FEW, time_s=3600.0, population=SMALL, score="best")
+    with pytest.raises(InputError, match="^band = F999"):
+        rank_targets(MODEL, FEW, time_s=3600.0, population=SMALL, bands=["F999"])
+
+
+def test_numpy_times_give_the_same_ranking():
+    plain, other = (rank_targets(MODEL, FEW, time_s=t, population=SMALL) for t in (3600.0, np.int64(3600)))
+    assert plain == other
+
+
+def test_every_idealised_row_says_so():
+    model = build_model(load_instrument(), None, Strategy(library="idealised"))
+    assert all("idealised" in row.flags for row in rank_targets(model, FEW, time_s=3600.0, population=SMALL).targets)

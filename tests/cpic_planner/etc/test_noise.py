@@ -144,9 +144,11 @@ def test_photon_limited_snr_is_the_textbook_one():
 def test_no_planet_no_snr():
     rates, model = rates_of(contrast=0.0)
     noise = stack_noise(rates, 10.0, 5.0, 20.0, model.camera("F520"))
-    assert np.all(noise.snr == 0) and np.all(noise.significance == 0)
+    assert np.all(noise.snr == 0)
+    assert np.all(noise.significance == 0)
     none = stack_noise(rates_of()[0], 10.0, 0.0, 20.0, model.camera("F520"))
-    assert np.all(none.snr == 0) and np.all(none.significance == 0)
+    assert np.all(none.snr == 0)
+    assert np.all(none.significance == 0)
 
 
 def test_a_ramp_has_more_noise_of_light():

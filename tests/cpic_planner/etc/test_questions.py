@@ -40,8 +40,9 @@ INSTRUMENTS = {
 
 
 def star(v_mag, distance_pc=10.0, teff_k=5800.0):
-    """A star made by hand."""
-    return replace(TAU_CET, v_mag=np.array([v_mag]), distance_pc=np.array([distance_pc]), teff_k=np.array([teff_k]))
+    """Stars made by hand, of one magnitude or several."""
+    v, d, t = np.broadcast_arrays(np.atleast_1d(np.asarray(v_mag, float)), distance_pc, teff_k)
+    return replace(TAU_CET.select([0] * len(v)), v_mag=v, distance_pc=d.astype(float), teff_k=t.astype(float))
 
 
 def plain(answer):
@@ -50,11 +51,17 @@ def plain(answer):
         for item in value.values() if isinstance(value, dict) else [value]:
             assert not isinstance(item, float) or math.isfinite(item), answer
     if answer.status == "ok":
-        assert answer.value is not None and answer.reason == ""
-        assert answer.n_frames >= 1 and answer.exposure_s > 0 and answer.em_gain >= 1
+        assert answer.value is not None
+        assert answer.reason == ""
+        assert answer.n_frames >= 1
+        assert answer.exposure_s > 0
+        assert answer.em_gain >= 1
         assert answer.budget["signal_e"] > 0
     else:
-        assert answer.value is None and answer.reason and answer.message and answer.exposure_s is None
+        assert answer.value is None
+        assert answer.reason
+        assert answer.message
+        assert answer.exposure_s is None
     return answer
 
 
@@ -63,17 +70,17 @@ def plain(answer):
 
 @pytest.mark.parametrize("setup", [*STRATEGIES, *(name for name in INSTRUMENTS if name != "default")])
 def test_round_trips(setup):
-    """Contrast limit in a time -> time for that contrast; SNR in a time -> time for that SNR: the time that was used."""
+    """Contrast limit in a time -> time for that contrast; SNR in a time -> time for that SNR: what was used."""
     model = build_model(INSTRUMENTS.get(setup, INSTRUMENT), None, STRATEGIES.get(setup))
     rng = np.random.default_rng(len(setup))
     back_again = 0
-    for case in range(10):
+    for case in range(4):
         target = STARS.select([int(rng.integers(len(STARS)))])
         time_s, place = float(10 ** rng.uniform(1.0, 6.5)), float(rng.uniform(0.42, 0.95))
         fixed = ({}, {}, {"exposure_s": 5.0}, {"em_gain": 50.0})[case % 4]
         if model.strategy.mode == "photon_counting" and "em_gain" in fixed:
             fixed = {"em_gain": 900.0}
-        given = {"separation_arcsec": place, **fixed}
+        given = {"separation_arcsec": place, "bands": ["F520", "F720"], **fixed}
         for asked, inverse in (({"sigma": 5.0}, {"sigma": 5.0}), ({}, {"detect": True}), ({"snr": 5.0}, {"snr": 5.0})):
             for limit in contrast_limit(model, target, time_s=time_s, **given, **asked):
                 plain(limit)
@@ -94,7 +101,7 @@ def test_round_trips(setup):
             )
             assert again.value == pytest.approx(found.time_s, rel=1e-9)
             back_again += 1
-    assert back_again > 25
+    assert back_again > 12
 
 
 def test_unreachable_both_ways():
@@ -142,26 +149,25 @@ SETUPS = {name: build_model(INSTRUMENTS.get(name, INSTRUMENT), ["F520"], STRATEG
 
 
 @pytest.mark.parametrize("setup", SETUPS)
-@pytest.mark.parametrize("v_mag", [0.5, 3.5, 7.0])
-def test_more_time_is_never_worse(setup, v_mag):
+def test_more_time_is_never_worse(setup):
     """On a dense grid of times around a few and many frames: SNR and contrast limits."""
-    model, target = SETUPS[setup], star(v_mag)
-    times = np.concatenate([np.geomspace(3.0, 3e6, 30), np.linspace(400.0, 420.0, 15)])
+    model, target = SETUPS[setup], star([0.5, 3.5, 6.5])
+    times = np.concatenate([np.geomspace(3.0, 3e6, 11), np.linspace(400.0, 420.0, 6)])
     snr, limits = [], []
     for time_s in np.sort(times):
-        found = signal_to_noise(model, target, time_s=time_s, contrast=1e-8, **PLACE)[0]
-        snr.append(found.value or 0.0)
-        limits.append(contrast_limit(model, target, time_s=time_s, **PLACE)[0].value or 1.0)
+        found = signal_to_noise(model, target, time_s=time_s, contrast=1e-8, **PLACE)
+        snr.append([answer.value or 0.0 for answer in found])
+        limits.append([answer.value or 1.0 for answer in contrast_limit(model, target, time_s=time_s, **PLACE)])
     assert np.all(np.array(snr[1:]) * ROUNDING >= snr[:-1])
     assert np.all(np.array(limits[1:]) <= np.array(limits[:-1]) * ROUNDING)
-    assert snr[-1] > snr[0]
+    assert np.all(np.array(snr[-1]) > snr[0])
 
 
 @pytest.mark.parametrize("setup", SETUPS)
 def test_more_snr_never_takes_less_time(setup):
     model, target = SETUPS[setup], star(3.0)
     times = [exposure_time(model, target, snr=float(level), contrast=2e-8, **PLACE)[0].value or math.inf
-             for level in np.geomspace(0.01, 100.0, 60)]  # fmt: skip
+             for level in np.geomspace(0.01, 100.0, 25)]  # fmt: skip
     assert np.all(np.array(times[1:]) * ROUNDING >= times[:-1])
     assert math.isfinite(times[0])
 
@@ -169,7 +175,7 @@ def test_more_snr_never_takes_less_time(setup):
 @pytest.mark.parametrize("setup", SETUPS)
 def test_brighter_planets_are_never_harder(setup):
     model, target = SETUPS[setup], star(3.0)
-    contrasts = np.geomspace(1e-11, 1e-6, 60)
+    contrasts = np.geomspace(1e-11, 1e-5, 60)
     many = {"time_s": 5000.0, "separation_arcsec": 0.55, "bands": ["F520"]}
     found = signal_to_noise(model, target, contrast=list(contrasts), **many)
     assert np.all(np.diff([answer.value for answer in found]) > 0)
@@ -184,8 +190,7 @@ def test_brighter_planets_are_never_harder(setup):
 def test_brighter_stars_are_never_harder_until_they_saturate(setup):
     """Same colour, same contrast: more photons of everything. The rule ends where the star fills its pixels."""
     model = SETUPS[setup]
-    found = [signal_to_noise(model, star(float(v)), time_s=5000.0, contrast=1e-8, **PLACE)[0]
-             for v in np.linspace(12.0, 4.5, 60)]  # fmt: skip
+    found = signal_to_noise(model, star(np.linspace(12.0, 4.5, 60)), time_s=5000.0, contrast=1e-8, **PLACE)
     assert all(answer.exposure_limited_by != "pixel_full_well" for answer in found[:40])
     snr = np.array([answer.value for answer in found])
     free = [answer.exposure_limited_by not in ("pixel_full_well", "register_full_well") for answer in found]
@@ -195,23 +200,22 @@ def test_brighter_stars_are_never_harder_until_they_saturate(setup):
 
 # --- extremes by type
 
-ODD_STARS = {"brightest": star(-27.0), "faintest": star(30.0), "near": star(4.0, 0.1), "far": star(6.0, 1000.0),
-             "pair": find_target("alf Cen B")[0], "pair alone": find_target("alf Cen B", companions="off")[0]}  # fmt: skip
+ODD_STARS = {"by hand": star([-27.0, 30.0, 4.0, 6.0], [10.0, 10.0, 0.1, 1000.0]),
+             "pair": find_target("alf Cen B")[0],
+             "pair alone": find_target("alf Cen B", companions="off")[0]}  # fmt: skip
 
 
 @pytest.mark.parametrize("setup", SETUPS)
 @pytest.mark.parametrize("name", ODD_STARS)
 def test_every_star_has_an_answer(setup, name):
     model, target = SETUPS[setup], ODD_STARS[name]
-    for place in (0.0, 1e-6, 0.3, 0.42, 0.95, 1.1, 120.0):
-        given = {"separation_arcsec": place, "bands": ["F520"]}
-        for time_s in (1e-3, 4.0, 1e9):
-            for answer in (
-                *signal_to_noise(model, target, time_s=time_s, **given),
-                *contrast_limit(model, target, time_s=time_s, **given),
-            ):
+    given = {"separation_arcsec": [0.0, 1e-6, 0.3, 0.42, 0.95, 1.1, 120.0], "bands": ["F520"]}
+    for time_s in (1e-3, 4.0, 1e9):
+        for question in (signal_to_noise, contrast_limit):
+            for answer in question(model, target, time_s=time_s, **given):
                 plain(answer)
-        plain(exposure_time(model, target, snr=5.0, **given)[0])
+    for answer in exposure_time(model, target, snr=5.0, **given):
+        plain(answer)
     inside = {"separation_arcsec": [0.6] * 5, "contrast": [0, 1, 1e-20, 1e-9, 1e-300], "bands": ["F520"]}
     for asked in ({"snr": 1e-6}, {"snr": 1e6}, {"sigma": 5.0}, {"detect": True}):
         for answer in exposure_time(model, target, **inside, **asked):
@@ -281,7 +285,8 @@ def test_companions_add_light_only_when_on():
                for name in ("pair", "pair alone"))  # fmt: skip
     assert on.budget["companion_e2"] > 0 == off.budget["companion_e2"]
     assert on.value < off.value
-    assert "companion_light_on" in on.flags and "companion_light_off" in off.flags
+    assert "companion_light_on" in on.flags
+    assert "companion_light_off" in off.flags
 
 
 def test_order_of_answers():
@@ -308,7 +313,7 @@ def test_unlike_lengths_and_nobody_are_refused():
         signal_to_noise(MODEL, TAU_CET, time_s=100.0, separation_arcsec=0.5, bands=["F999"])
 
 
-@settings(max_examples=60)
+@settings(max_examples=15)
 @given(
     st.floats(-3.0, 15.0), st.floats(0.0, 1.3), st.floats(-20.0, 0.0), st.floats(-3.0, 9.0), st.floats(-6.0, 6.0),
     st.sampled_from(sorted(SETUPS)),

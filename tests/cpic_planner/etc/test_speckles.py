@@ -27,7 +27,7 @@ def test_it_is_the_measured_floor(band):
 
 @pytest.mark.parametrize("band", BANDS)
 def test_it_is_the_floor_of_the_images_at_a_place(band):
-    """Between offsets the table is joined by chords in logarithms, above a curve that bends upwards: up to 7 % there."""
+    """Between offsets the table is joined by chords in logarithms, above a curve that bends upwards: up to 7 %."""
     metrics = MODEL.metrics[band]
     bins = metrics.floor_separation_arcsec
     places = np.sort(np.concatenate([bins, (bins[1:] + bins[:-1]) / 2]))
@@ -71,7 +71,7 @@ def test_what_a_walk_leaves_by_drawing_walks():
 
 @pytest.mark.parametrize("band", BANDS)
 def test_without_squares_it_is_the_floor_of_a_longer_offset(band):
-    """Where the beat with the hole's own field rules, a visit of ``v`` hours is one of ``sqrt(visit^2 + walk^2 v / 3)``."""
+    """While the beat with the hole's own field rules, ``v`` hours are an offset of ``sqrt(visit^2 + walk^2 v / 3)``."""
     metrics, place = MODEL.metrics[band], np.array([0.5, 0.7, 0.85])
     for visit_nm, walk, hours in ((0.01, 0.01, 4.0), (0.02, 0.05, 0.1)):
         local = speckle_fraction(metrics, drift(visit_nm, walk), 3600.0 * hours, place, 0.0)
@@ -114,7 +114,8 @@ def test_an_annulus_counts_with_the_mean_variance_of_its_whole_apertures():
 def test_the_fit_is_never_negative():
     for band in BANDS:
         a, b = floor_law(MODEL.metrics[band])
-        assert np.all(a >= 0) and np.all(b > 0)
+        assert np.all(a >= 0)
+        assert np.all(b > 0)
 
 
 def test_a_law_scales():

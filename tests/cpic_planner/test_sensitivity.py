@@ -1,0 +1,113 @@
+"""The ranking under other assumptions."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import cpic_planner.sensitivity as module
+from catalogs.errors import InputError
+from cpic_planner.etc.model import build_model
+from cpic_planner.etc.planet import ReferencePlanet
+from cpic_planner.ranking import PopulationChoice, rank_targets
+from cpic_planner.sensitivity import ASSUMPTIONS, Assumption, Setting, positions, sensitivity
+from cpic_planner.targets import rank_sample
+from simulator.config import load_instrument
+
+MODEL = build_model(load_instrument(), ["F520", "F662"])
+STARS = rank_sample(v_mag_max=3.5)
+SMALL = PopulationChoice(PopulationChoice.default().config, n_planets=150)
+ASKED = {"time_s": 7200.0, "population": SMALL}
+
+
+def same(setting):
+    return setting
+
+
+def mirrored(setting):
+    """Distances turned round: what was near is far."""
+    return replace(setting, planet=setting.planet.model_copy(update={"radius_rjup": 0.1}))
+
+
+def test_nothing_changed_changes_nothing():
+    found = sensitivity(MODEL, STARS, assumptions=[Assumption("same", "nothing else", same)], **ASKED)
+    row = found.rows[0]
+    assert (row.kendall_tau, row.kept, row.largest_fall, row.largest_fall_ranks) == (1.0, 50, "", 0)
+    assert row.n_ok == found.n_ok
+    assert found.decides == []
+    assert found.statement.startswith("No assumption decides the order of the first 50")
+
+
+def test_tau_is_pairs_in_order_less_pairs_turned_round():
+    found = sensitivity(MODEL, STARS, top=30, **ASKED)
+    setting = Setting(MODEL, ReferencePlanet(), SMALL)
+    names = ("F520", "F662")
+    nominal, n_ok = positions(setting, STARS, time_s=7200.0, bands=names, score="completeness_per_hour")
+    assert n_ok == found.n_ok
+    first = np.flatnonzero(nominal <= 30)
+    assert [row.assumption for row in found.rows] == [item.key for item in ASSUMPTIONS]
+    for row, item in zip(found.rows, ASSUMPTIONS, strict=True):
+        place, detected = positions(item.change(setting), STARS, time_s=7200.0, bands=names,
+                                    score="completeness_per_hour")  # fmt: skip
+        pairs = [np.sign((nominal[i] - nominal[j]) * (place[i] - place[j])) for i in first for j in first if i < j]
+        assert row.kendall_tau == pytest.approx(np.mean(pairs), abs=1e-12)
+        assert row.kept == np.count_nonzero(place[first] <= 30)
+        assert row.n_ok == detected
+        assert row.best == STARS.name[np.argmin(place)]
+        assert row.largest_fall_ranks == max((place - nominal)[first].max(), 0)
+    assert found.decides == [row.assumption for row in found.rows if row.kendall_tau < 0.5]
+
+
+def test_an_assumption_that_turns_the_order_round_is_named(monkeypatch):
+    """Scores with their sign changed: every pair changes its order."""
+    real = module.ranked
+
+    def turned(model, targets, *, planet, **more):
+        found = real(model, targets, planet=planet, **more)
+        if planet.radius_rjup == 0.1:
+            mirror = replace(found.best, margin=-found.best.margin)
+            names = np.argsort(np.argsort(STARS.name))
+            found = replace(found, score=-found.score, best=replace(mirror, margin=mirror.margin - 1e-12 * names))
+        return found
+
+    monkeypatch.setattr(module, "ranked", turned)
+    found = sensitivity(MODEL, STARS, score="detection_margin", time_s=7200.0, population=SMALL,
+                        assumptions=[Assumption("mirror", "the world turned round", mirrored)])  # fmt: skip
+    assert found.rows[0].kendall_tau < -0.5
+    assert found.decides == ["mirror"]
+    assert "the world turned round" in found.statement
+    assert found.statement.startswith("The order of the first 50 is decided by")
+    assert found.rows[0].largest_fall_ranks > 20
+
+
+def test_nominal_numbers_are_those_of_the_ranking():
+    rank = rank_targets(MODEL, STARS, **ASKED)
+    found = sensitivity(MODEL, STARS, assumptions=ASSUMPTIONS[:1], **ASKED)
+    assert found.n_ok == rank.counts.get("ok", 0)
+    assert found.rows[0].n_ok <= found.n_ok  # twice the drift
+
+
+@pytest.mark.parametrize("item", ASSUMPTIONS, ids=lambda item: item.key)
+def test_assumptions_change_what_they_say(item):
+    before = Setting(MODEL, ReferencePlanet(), SMALL)
+    after = item.change(before)
+    bands, old = after.model.instrument.bands, MODEL.instrument.bands
+    drift = after.model.instrument.drift.visit_nm / MODEL.instrument.drift.visit_nm
+    width = bands["F520"].width_nm / old["F520"].width_nm
+    expected = {"drift_x2": (2.0, 1.0), "width_+50%": (1.0, 1.5), "width_-50%": (1.0, 0.5)}.get(item.key, (1.0, 1.0))
+    assert (drift, width) == pytest.approx(expected)
+    assert (bands["F520"].t_opt == 0.46) == (item.key == "t_opt_0.46")
+    assert (after.planet != before.planet) == (item.key == "albedo_2au")
+    assert after.model.metrics is MODEL.metrics
+    assert after.model.bands == MODEL.bands
+
+
+def test_few_stars_and_odd_questions():
+    one = sensitivity(MODEL, STARS.select([0]), assumptions=ASSUMPTIONS[:1], **ASKED)
+    assert one.rows[0].kendall_tau is None
+    assert one.statement == "There are too few stars to compare rankings."
+    for bad in ({"top": 0}, {"time_s": -1.0}, {"bands": ["F999"]}):
+        with pytest.raises(InputError):
+            sensitivity(MODEL, STARS, assumptions=ASSUMPTIONS[:1], **ASKED | bad)
+    with pytest.raises(InputError, match="targets"):
+        sensitivity(MODEL, STARS.select([]), assumptions=ASSUMPTIONS[:1], **ASKED)
