@@ -34,7 +34,7 @@ plan: $(VENV)/installed  ## rank the catalogue, confirm the best targets with im
 	$(BIN)/cpic plan --top $(TOP) --workers $(WORKERS) --out $(OUT)
 
 test: $(VENV)/installed  ## run the test suite
-	$(BIN)/python -m pytest -q
+	$(BIN)/python -m pytest -q --numprocesses 2 --dist loadfile
 
 lint: $(VENV)/installed  ## check style and types
 	$(BIN)/ruff check .

@@ -93,8 +93,11 @@ def _client(workers: int, scheduler: str | None) -> Iterator[Any]:
     import dask
     from distributed import Client, LocalCluster
 
+    # Dask's own environment of workers makes the allocator give memory back at once, and leaves that to this process
+    # and its children: arrays of some megabytes then cost more in page faults than in arithmetic.
     quiet = {"distributed.admin.log-format": "%(name)s %(message)s", "distributed.worker.daemon": True,
-             "distributed.comm.timeouts.connect": "20s"}  # fmt: skip
+             "distributed.comm.timeouts.connect": "20s",
+             "distributed.nanny.pre-spawn-environ": dict.fromkeys(_THREAD_VARIABLES, "1")}  # fmt: skip
     with dask.config.set(quiet), contextlib.ExitStack() as stack:
         logging.getLogger("distributed").setLevel(logging.ERROR)
         if scheduler is not None:

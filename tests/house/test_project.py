@@ -1,6 +1,7 @@
 """The project around the code: documents that stay true, commands that say what to do."""
 
 import csv
+import itertools
 import json
 import math
 import os
@@ -32,6 +33,21 @@ def test_readme_quotes_the_committed_report():
         assert re.search(rf"`cpic {what}`.*?{float(seconds):.1f} s", readme), (what, seconds)
     plan = re.search(r"plan of 5 targets x 4 bands, 2 workers, 1 run \| (\d+) \|", report)[1]
     assert f"in 4 bands {plan} s" in readme
+
+
+@pytest.mark.parametrize(
+    ("name", "heading"),
+    [("first_plan", "| instead | Kendall tau"), ("etc_accuracy", "|  | asked | found | met |")],
+)
+def test_readme_quotes_the_tables_of_ranking_and_etc(name, heading):
+    """Line by line, but for rows that nothing was asked of."""
+    lines = text(f"reports/{name}/report.md").splitlines()
+    start = next(i for i, line in enumerate(lines) if line.startswith(heading)) + 2
+    rows = list(itertools.takewhile(lambda line: line.startswith("|"), lines[start:]))
+    readme = text("README.md").splitlines()
+    assert len(rows) > 4
+    for row in rows:
+        assert row in readme or "|  | +" in row, row
 
 
 def test_readme_quotes_the_errors_of_the_parametric_albedo():
