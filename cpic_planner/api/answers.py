@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from cpic_planner.api.inputs import InstrumentSource, OnOff, StrategySource, model_of, stars_named
 from cpic_planner.etc import questions
 from cpic_planner.etc.answer import EtcAnswer
+from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.planet import ReferencePlanet
 from cpic_planner.models import Explanation, RankResult, ScoreName, SensitivityResult
 from cpic_planner.population_config import PopulationSource
@@ -239,45 +241,15 @@ def rank_targets(
     )
 
 
-def rank_sensitivity(
-    *,
-    time_s: float = 36000.0,
-    bands: Sequence[str] | None = None,
-    planet: ReferencePlanet | None = None,
-    population: PopulationSource = None,
-    n_planets: int | None = None,
-    seed: int = 1,
-    score: ScoreName | None = None,
-    companions: OnOff = "on",
-    catalog: str | Path = "snapshot",
-    instrument: InstrumentSource = None,
-    strategy: StrategySource = None,
-    **cuts: Any,
-) -> SensitivityResult:
+def rank_sensitivity(**settings: Any) -> SensitivityResult:
     """How the ranking changes under other assumptions; arguments as `rank_targets`, see `cpic_planner.sensitivity`."""
     from cpic_planner.sensitivity import sensitivity
 
-    targets = rank_sample(catalog=as_catalogue(catalog), companions=companions, **cuts)
-    return sensitivity(model_of(instrument, bands, strategy), targets, time_s=time_s, planet=planet,
-                       **_ranked_by(population, n_planets, seed, score))  # fmt: skip
+    given = _given(settings)
+    return sensitivity(_model(given), _sample(given), **_ranking(given))
 
 
-def explain_rank(
-    target: str,
-    *,
-    time_s: float = 36000.0,
-    bands: Sequence[str] | None = None,
-    planet: ReferencePlanet | None = None,
-    population: PopulationSource = None,
-    n_planets: int | None = None,
-    seed: int = 1,
-    score: ScoreName | None = None,
-    companions: OnOff = "on",
-    catalog: str | Path = "snapshot",
-    instrument: InstrumentSource = None,
-    strategy: StrategySource = None,
-    **cuts: Any,
-) -> Explanation:
+def explain_rank(target: str, **settings: Any) -> Explanation:
     """Why one star stands where it stands in the ranking; arguments as `rank_targets`.
 
     Raises
@@ -287,11 +259,30 @@ def explain_rank(
     """
     from cpic_planner.explain import explain_star
 
-    table = as_catalogue(catalog)
-    targets = rank_sample(catalog=table, companions=companions, **cuts)
-    name = str(find_target(target, catalog=table)[0].name[0])
-    return explain_star(model_of(instrument, bands, strategy), targets, name, time_s=time_s, planet=planet,
-                        **_ranked_by(population, n_planets, seed, score))  # fmt: skip
+    given = _given(settings)
+    name = str(find_target(target, catalog=given["catalog"])[0].name[0])
+    return explain_star(_model(given), _sample(given), name, **_ranking(given))
+
+
+def _given(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Arguments of `rank_targets` with its defaults; the catalogue is opened."""
+    bound = inspect.signature(rank_targets).bind(**settings)
+    bound.apply_defaults()
+    return bound.arguments | {"catalog": as_catalogue(bound.arguments["catalog"])}
+
+
+def _model(given: Mapping[str, Any]) -> EtcModel:
+    return model_of(given["instrument"], given["bands"], given["strategy"])
+
+
+def _sample(given: Mapping[str, Any]) -> Targets:
+    cuts = ("catalog", "companions", "v_mag_max", "dwarfs_only", "singles_only")
+    return rank_sample(**{name: given[name] for name in cuts})
+
+
+def _ranking(given: Mapping[str, Any]) -> dict[str, Any]:
+    by = _ranked_by(given["population"], given["n_planets"], given["seed"], given["score"])
+    return {"time_s": given["time_s"], "planet": given["planet"]} | by
 
 
 def _ranked_by(

@@ -1,0 +1,63 @@
+"""The public functions: by names, all stars at once, with the defaults of the ranking."""
+
+import numpy as np
+import pytest
+
+import cpic_planner as cp
+
+FEW = {"v_mag_max": 3.0, "n_planets": 300, "time_s": 7200.0}
+
+
+def test_named_stars_are_answered_as_alone():
+    stars, places = ["tau Cet", "eps Eri"], [0.5, 0.6]
+    together = cp.signal_to_noise(stars, time_s=3600, separation_arcsec=places, bands=["F662", "F520"])
+    assert [(one.target, one.band, one.separation_arcsec) for one in together] == [
+        (star, band, place) for star in ("tau Cet", "eps Eri") for band in ("F662", "F520") for place in places
+    ]
+    for one in together:
+        alone = cp.signal_to_noise(one.target, time_s=3600, separation_arcsec=one.separation_arcsec, bands=[one.band])
+        assert one.value == pytest.approx(alone[0].value, rel=1e-12)
+    assert cp.signal_to_noise([], time_s=3600, separation_arcsec=0.5) == []
+
+
+def test_an_observation_is_planned_as_the_strategy_says():
+    ask = {"time_s": 3600.0, "separation_arcsec": 0.5, "bands": ["F520"]}
+    plain, more = (cp.signal_to_noise("tau Cet", strategy=way, **ask)[0] for way in (None, {"reference_ratio": 2.0}))
+    pace = {1.0: plain, 2.0: more}
+    for ratio, one in pace.items():
+        assert one.time_s == pytest.approx((1 + ratio) * one.n_frames * (one.exposure_s + 1.1), rel=1e-12)
+    with pytest.raises(cp.InputError, match="reference_star"):
+        cp.signal_to_noise("tau Cet", strategy={"library": "reference_star"}, **ask)
+
+
+def test_optimise_gives_a_row_a_star():
+    table = cp.optimise(["tau Cet", "eps Eri"], snr=5.0)
+    assert list(table["name"]) == ["tau Cet", "eps Eri"]
+    for row in table.itertuples():
+        least = cp.exposure_time(row.name, snr=5.0, separation_arcsec=row.separation_arcsec, bands=[row.band])[0]
+        assert row.time_s == pytest.approx(least.value, rel=1e-9)
+
+
+def test_sensitivity_and_explanation_are_of_the_same_ranking():
+    ranking = cp.rank_targets(**FEW)
+    firm = cp.rank_sensitivity(**FEW)
+    assert firm.top == min(50, len(ranking.targets))
+    assert firm.n_ok == sum(row.status == "ok" for row in ranking.targets)
+    told = cp.explain_rank("alpha Cen B", **FEW)
+    row = next(row for row in ranking.targets if row.name == "alf Cen B")
+    assert told.star == row
+    assert told.n_ranked == len(ranking.targets)
+    assert set(told.ranks) == {row.assumption for row in firm.rows}
+
+
+def test_more_planets_and_another_population_are_asked_for_by_name():
+    few, seed = (cp.rank_targets(**FEW, seed=seed).targets[0].completeness for seed in (1, 2))
+    assert few == pytest.approx(seed, abs=5 * np.sqrt(2 * 0.25 / 300))
+    other = cp.rank_targets(**FEW, population="jupiters", score="detection_margin")
+    assert other.population.name == "jupiters"
+    margins = [row.detection_margin for row in other.targets]
+    assert margins == sorted(margins, reverse=True)
+    with pytest.raises(cp.InputError, match="eps Ind"):
+        cp.explain_rank("eps Ind", **FEW)
+    with pytest.raises(TypeError, match="colour"):
+        cp.rank_sensitivity(colour="red")
