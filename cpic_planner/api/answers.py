@@ -44,10 +44,21 @@ def _ask(
 ) -> list[EtcAnswer]:
     """Put one question for all named stars at once."""
     model = model_of(instrument, bands, strategy)
-    if isinstance(asked.get("planet"), Mapping):
-        asked["planet"] = validate(ReferencePlanet, asked["planet"], where="planet")
+    if asked.get("planet") is not None:
+        asked["planet"] = _planets(asked["planet"])
     stars = stars_named(target, companions, catalog)
     return question(model, Targets.joined(stars), **asked) if stars else []
+
+
+def _planets(given: Any) -> ReferencePlanet | list[ReferencePlanet]:
+    """Planets from what people write: one or several, objects or mappings."""
+    if isinstance(given, Sequence) and not isinstance(given, str):
+        return [_planet(body) for body in given]
+    return _planet(given)
+
+
+def _planet(given: Any) -> ReferencePlanet:
+    return given if isinstance(given, ReferencePlanet) else validate(ReferencePlanet, given, where="planet")
 
 
 def signal_to_noise(
@@ -157,7 +168,7 @@ def optimise(
     detect: bool = False,
     separation_arcsec: float | None = None,
     bands: Sequence[str] | None = None,
-    planet: ReferencePlanet | None = None,
+    planet: ReferencePlanet | Mapping[str, Any] | None = None,
     companions: OnOff = "on",
     catalog: str | Path = "snapshot",
     instrument: InstrumentSource = None,
@@ -198,7 +209,7 @@ def optimise(
     model = model_of(instrument, bands, strategy)
     stars = Targets.joined(stars_named(target, companions, catalog))
     best = best_of(model, stars, time_s=time_s, snr=snr, detect=detect, separation_arcsec=separation_arcsec,
-                   planet=planet)  # fmt: skip
+                   planet=None if planet is None else _planet(planet))  # fmt: skip
     return pd.DataFrame({"name": stars.name} | {item.name: getattr(best, item.name) for item in fields(best)})
 
 
@@ -206,7 +217,7 @@ def rank_targets(
     *,
     time_s: float = 36000.0,
     bands: Sequence[str] | None = None,
-    planet: ReferencePlanet | None = None,
+    planet: ReferencePlanet | Mapping[str, Any] | None = None,
     population: PopulationSource = None,
     n_planets: int | None = None,
     seed: int = 1,
@@ -234,7 +245,7 @@ def rank_targets(
         model_of(instrument, bands, strategy),
         targets,
         time_s=time_s,
-        planet=planet,
+        planet=None if planet is None else _planet(planet),
         sample=sample_text(table, v_mag_max, dwarfs_only, singles_only),
         catalogue=table.provenance,
         **_ranked_by(population, n_planets, seed, score),
@@ -282,7 +293,8 @@ def _sample(given: Mapping[str, Any]) -> Targets:
 
 def _ranking(given: Mapping[str, Any]) -> dict[str, Any]:
     by = _ranked_by(given["population"], given["n_planets"], given["seed"], given["score"])
-    return {"time_s": given["time_s"], "planet": given["planet"]} | by
+    body = None if given["planet"] is None else _planet(given["planet"])
+    return {"time_s": given["time_s"], "planet": body} | by
 
 
 def _ranked_by(

@@ -184,7 +184,8 @@ def _standing(
         return Status.UNREACHABLE, Reason.TOO_MANY_FRAMES, text
     if question == "exposure_time":
         name = "SNR" if with_planet else "significance"
-        text = (f"the speckle residual keeps the {name} below {level:.4g} whatever the time; "
+        wanted = f"{level:.4g}" if level is not None and level < 1e4 else f"{level:g}"
+        text = (f"the speckle residual keeps the {name} below {wanted} whatever the time; "
                 f"the most is {most.snr[index]:.4g}")  # fmt: skip
         return Status.UNREACHABLE, Reason.SPECKLE_FLOOR, text
     text = "the time does not hold one science frame with its share of reference frames"

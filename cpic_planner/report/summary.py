@@ -29,11 +29,10 @@ def planet_text(result: PlanResult | RankResult) -> str:
 
 def population_text(population: PopulationRecord) -> str:
     """Return the population in words."""
-    often = "" if population.planets_per_star is None else f", {population.planets_per_star:g} planets per star"
-    return (
-        f"{population.name} ({population.description}{often}), {count_text(population.n_planets)} drawn with seed "
-        f"{population.seed}"
-    )
+    often = "" if population.planets_per_star is None else f"{population.planets_per_star:g} planets per star"
+    said = ", ".join(filter(None, (population.description, often)))
+    name = f"{population.name} ({said})" if said else population.name
+    return f"{name}, {count_text(population.n_planets)} drawn with seed {population.seed}"
 
 
 def calibration_sentence(calibration: Mapping[str, float | int | None]) -> str:

@@ -30,6 +30,17 @@ def test_an_observation_is_planned_as_the_strategy_says():
         cp.signal_to_noise("tau Cet", strategy={"library": "reference_star"}, **ask)
 
 
+def test_planets_may_be_mappings():
+    small, large = cp.signal_to_noise(
+        "tau Cet", time_s=3600, separation_arcsec=0.5, bands=["F520"], planet=[{"radius_rjup": 1}, {"radius_rjup": 2}]
+    )
+    assert large.contrast == pytest.approx(4 * small.contrast, rel=1e-12)
+    assert small == cp.signal_to_noise("tau Cet", time_s=3600, separation_arcsec=0.5, bands=["F520"])[0]
+    for wrong in ("big", 3, [{"radius": 1}]):
+        with pytest.raises(cp.InputError, match="planet"):
+            cp.signal_to_noise("tau Cet", time_s=3600, separation_arcsec=0.5, planet=wrong)
+
+
 def test_optimise_gives_a_row_a_star():
     table = cp.optimise(["tau Cet", "eps Eri"], snr=5.0)
     assert list(table["name"]) == ["tau Cet", "eps Eri"]
