@@ -47,7 +47,7 @@ def explain_star(
     name : str
         Its name in ``targets``.
     other_assumptions : bool
-        Rank the sample under other assumptions too (`cpic_planner.sensitivity`), which takes about a second each.
+        Rank the sample under other assumptions too (`cpic_planner.sensitivity`), which takes a second or two each.
 
     Returns
     -------

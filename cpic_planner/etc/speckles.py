@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from simulator.config.optics import Drift
 from simulator.imaging.metrics import PsfMetrics
 
-__all__ = ["SpeckleLaw", "floor_law", "speckle_fraction", "speckle_law"]
+__all__ = ["SpeckleLaw", "floor_law", "speckle_law"]
 
 FloatArray = NDArray[np.float64]
 _N_ANNULUS, _N_TABLE = 25, 500
@@ -121,10 +121,3 @@ def _annulus_table(metrics: PsfMetrics, annulus_lambda_d: float) -> tuple[FloatA
     bins = metrics.floor_separation_arcsec
     linear, square = (np.log((weight * np.exp(np.interp(around, bins, part))).sum(axis=1)) for part in logs)
     return place, linear, square
-
-
-def speckle_fraction(
-    metrics: PsfMetrics, drift: Drift, visit_s: ArrayLike, separation_arcsec: ArrayLike, annulus_lambda_d: float
-) -> FloatArray:
-    """Rms of aperture sums of the star light that subtraction leaves, over the star's light on the clear disc."""
-    return np.sqrt(speckle_law(metrics, drift, separation_arcsec, annulus_lambda_d).variance(visit_s))

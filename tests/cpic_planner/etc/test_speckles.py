@@ -4,12 +4,17 @@ import numpy as np
 import pytest
 
 from cpic_planner.etc.model import build_model
-from cpic_planner.etc.speckles import SpeckleLaw, floor_law, speckle_fraction, speckle_law
+from cpic_planner.etc.speckles import SpeckleLaw, floor_law, speckle_law
 from simulator.config import load_instrument
 
 MODEL = build_model(load_instrument())
 DRIFT = MODEL.instrument.drift
 BANDS = MODEL.bands
+
+
+def speckle_fraction(metrics, drift, visit_s, separation_arcsec, annulus_lambda_d):
+    """Rms of aperture sums over the star's light."""
+    return np.sqrt(speckle_law(metrics, drift, separation_arcsec, annulus_lambda_d).variance(visit_s))
 
 
 def drift(visit_nm, walk=0.0):

@@ -9,7 +9,7 @@ from cpic_planner.engine import single_threaded_blas
 from cpic_planner.etc.exozodi import exozodi_disc
 from cpic_planner.etc.model import build_model
 from cpic_planner.etc.planet import ReferencePlanet, reference_distance_au
-from cpic_planner.etc.speckles import speckle_fraction
+from cpic_planner.etc.speckles import speckle_law
 from cpic_planner.targets import find_target
 from cpic_planner.validation.apertures import sample_scatter
 from cpic_planner.validation.calibration import calibrate, snr_scatter
@@ -100,7 +100,7 @@ def test_speckle_floor_is_that_of_the_subtraction_that_runs():
     measured = np.sqrt(np.mean(squares))
     error = np.std(squares, ddof=1) / np.sqrt(len(squares)) / (2 * measured)
     metrics = build_model(instrument, ["F520"]).metrics["F520"]
-    predicted = float(speckle_fraction(metrics, instrument.drift, 0.0, separation, 1.5))
+    predicted = float(speckle_law(metrics, instrument.drift, separation, 1.5).k0 ** 0.5)
     assert measured == pytest.approx(predicted, abs=0.08 * predicted + 3 * error)
 
 
