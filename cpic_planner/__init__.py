@@ -21,6 +21,7 @@ from cpic_planner.version import __version__
 if TYPE_CHECKING:
     from catalogs.errors import InputError
     from cpic_planner.api import (
+        confirm_scene,
         confirm_targets,
         contrast_limit,
         explain_rank,
@@ -74,8 +75,8 @@ _HOME = {
     "InputError": "catalogs.errors", "load_targets": "cpic_planner.targets", "exposure_time": "cpic_planner.api",
     "signal_to_noise": "cpic_planner.api", "contrast_limit": "cpic_planner.api", "optimise": "cpic_planner.api",
     "rank_targets": "cpic_planner.api", "confirm_targets": "cpic_planner.api", "make_plan": "cpic_planner.api",
-    "simulate_products": "cpic_planner.api", "rank_sensitivity": "cpic_planner.api",
-    "explain_rank": "cpic_planner.api", "Strategy": "cpic_planner.etc.model",
+    "simulate_products": "cpic_planner.api", "confirm_scene": "cpic_planner.api",
+    "rank_sensitivity": "cpic_planner.api", "explain_rank": "cpic_planner.api", "Strategy": "cpic_planner.etc.model",
     "ReferencePlanet": "cpic_planner.etc.planet", "load_population": "cpic_planner.population_config",
 }  # fmt: skip
 
@@ -100,6 +101,7 @@ __all__ = [
     "__version__",
     "calibrate",
     "check_level0",
+    "confirm_scene",
     "confirm_targets",
     "contrast_limit",
     "explain_rank",

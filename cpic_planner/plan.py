@@ -2,49 +2,60 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from catalogs.catalogue import Catalogue
+from cpic_planner.confirmed import (
+    REALISATIONS,
+    confirmed_target,
+    images_cost,
+    plan_tasks,
+    refuse_counting,
+    refuse_infrared,
+)
 from cpic_planner.engine import run_tasks
 from cpic_planner.environment import RunClock
 from cpic_planner.etc.model import EtcModel, Strategy, build_model
 from cpic_planner.etc.planet import ReferencePlanet
 from cpic_planner.models import (
     BandConfirmation,
-    ConfirmedTarget,
     PlanResult,
     RankedTarget,
     RankResult,
     ScoreName,
     SensitivityResult,
 )
+from cpic_planner.overrides import SimulatorOverrides
 from cpic_planner.population_config import PopulationConfig, load_population
 from cpic_planner.ranking import DEFAULT_SCORE, N_PLANETS, PopulationChoice, planet_record, rank_targets
 from cpic_planner.runfolder import RunFolder, open_run_folder
 from cpic_planner.sensitivity import sensitivity
 from cpic_planner.targets import CatalogSource, Targets, as_catalogue, rank_sample, sample_text
 from cpic_planner.validation.calibration import calibrate
-from cpic_planner.validation.confirm import ConfirmTask, confirm_task, images_of, prepare_task
+from cpic_planner.validation.confirm import confirm_task
+from cpic_planner.validation.task import ConfirmTask, images_of
 from cpic_planner.version import __version__
 from simulator.config import FrozenModel, Instrument, content_hash
 from simulator.files import dump_json
 from simulator.knobs import FIDELITIES
 from simulator.ledger import not_modelled
 
-__all__ = ["FinishedPlan", "PlanConfig", "confirm_stars", "estimate_cost", "make_plan"]
+__all__ = ["FinishedPlan", "PlanConfig", "estimate_cost", "make_plan"]
 
-RESULT_VERSION = 2
+RESULT_VERSION = 3
 """Raised when the same configuration gives other numbers, so that old folders are not resumed."""
 
 
 class PlanConfig(FrozenModel):
-    """Everything that decides a plan, but for the star table. ``v_mag_max`` None: 7, or all of a table of one's own."""
+    """Everything that decides a plan, but for the star table.
+
+    ``v_mag_max`` None: 7, or all of a table of one's own. ``simulator_overrides`` alter the images alone.
+    """
 
     instrument: Instrument
     top: Annotated[int, Field(ge=1, le=1000)] = 5
@@ -59,7 +70,15 @@ class PlanConfig(FrozenModel):
     n_planets: Annotated[int, Field(ge=1, le=1_000_000)] = N_PLANETS
     score: ScoreName = DEFAULT_SCORE
     fidelity: Literal["quick", "standard", "reference"] = "standard"
+    strategy: Strategy = Strategy()
+    realisations: Annotated[int, Field(ge=1, le=100_000)] = REALISATIONS
+    simulator_overrides: SimulatorOverrides = SimulatorOverrides()
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 1
+
+    @model_validator(mode="after")
+    def _imaged(self) -> PlanConfig:
+        refuse_counting(self.strategy)
+        return self
 
     @property
     def drawn(self) -> PopulationChoice:
@@ -95,7 +114,8 @@ class _Prepared:
 
 
 def _prepare(config: PlanConfig, catalog: CatalogSource) -> _Prepared:
-    model = build_model(config.instrument, config.bands, Strategy())
+    refuse_infrared(config.instrument, config.bands)
+    model = build_model(config.instrument, config.bands, config.strategy)
     catalogue = as_catalogue(catalog)
     targets = rank_sample(
         catalog=catalogue,
@@ -117,50 +137,18 @@ def _prepare(config: PlanConfig, catalog: CatalogSource) -> _Prepared:
     chosen = [row for row in rank.targets if row.status != "saturated"][: config.top]
     index = {str(name): i for i, name in enumerate(targets.name)}
     stars = [targets.select([index[row.name]]) for row in chosen]
-    tasks, refused = _tasks(
-        model, stars, chosen, time_s=config.time_s, planet=config.planet, seed=config.seed, fidelity=config.fidelity
+    tasks, refused = plan_tasks(
+        model,
+        stars,
+        chosen,
+        time_s=config.time_s,
+        planet=config.planet,
+        seed=config.seed,
+        fidelity=config.fidelity,
+        realisations=config.realisations,
+        overrides=config.simulator_overrides,
     )
     return _Prepared(model, catalogue, targets, rank, chosen, tasks, refused)
-
-
-def _tasks(
-    model: EtcModel,
-    stars: Sequence[Targets],
-    rows: Sequence[RankedTarget],
-    *,
-    time_s: float,
-    planet: ReferencePlanet,
-    seed: int,
-    fidelity: str,
-) -> tuple[list[ConfirmTask], dict[tuple[str, str], BandConfirmation]]:
-    """Work to do, and the bands that need none because the answer is already a refusal."""
-    tasks, refused = [], {}
-    for star, row in zip(stars, rows, strict=True):
-        for band in model.bands:
-            ready = prepare_task(model, star, band, time_s=time_s, planet=planet, seed=seed, fidelity=fidelity)
-            if isinstance(ready, BandConfirmation):
-                refused[(row.name, band)] = ready
-            else:
-                tasks.append(ready)
-    return tasks, refused
-
-
-def confirm_stars(
-    model: EtcModel,
-    stars: Sequence[Targets],
-    *,
-    time_s: float,
-    planet: ReferencePlanet,
-    seed: int,
-    fidelity: str,
-    workers: int = 1,
-) -> list[ConfirmedTarget]:
-    """Confirm single stars without an output folder; see `cpic_planner.confirm_targets`."""
-    rows = [rank_targets(model, star, time_s=time_s, planet=planet).targets[0] for star in stars]
-    tasks, refused = _tasks(model, stars, rows, time_s=time_s, planet=planet, seed=seed, fidelity=fidelity)
-    done = run_tasks(confirm_task, [(task.to_dict(),) for task in tasks], workers=workers)
-    bodies = {(tasks[i].name, tasks[i].band): body for i, body in done}
-    return [_confirmed(model, row, refused, bodies) for row in rows]
 
 
 def plan_hash(config: PlanConfig, rank: RankResult, catalogue: Catalogue) -> str:
@@ -182,20 +170,10 @@ def plan_hash(config: PlanConfig, rank: RankResult, catalogue: Catalogue) -> str
 
 
 def estimate_cost(config: PlanConfig, *, workers: int = 1, catalog: CatalogSource = "snapshot") -> dict[str, float]:
-    """Expected wall time, memory and disk of a plan, from the number of frames to simulate."""
+    """Expected wall time, memory and disk of a plan, see `cpic_planner.confirmed.images_cost`."""
     prepared = _prepare(config, catalog)
-    frames = sum(2 * task.n_frames for task in prepared.tasks)
-    pixels = FIDELITIES[config.fidelity].stamp_pixels ** 2
-    wall = 4.0 + (0.7 * len(prepared.tasks) + 4e-3 * frames) / min(workers, max(len(prepared.tasks), 1))
-    largest = max((task.n_frames for task in prepared.tasks), default=0)
-    return {
-        "n_targets": len(prepared.chosen),
-        "n_tasks": len(prepared.tasks),
-        "n_frames": frames,
-        "wall_s": wall,
-        "memory_mb": 250.0 + 2 * largest * pixels * 8 * 3 / 1e6,
-        "disk_mb": 1.0 + 0.35 * len(prepared.tasks),
-    }
+    cost = images_cost(prepared.tasks, config.fidelity, workers)
+    return {"n_targets": len(prepared.chosen)} | cost
 
 
 def make_plan(
@@ -285,40 +263,12 @@ def _confirm_all(
     return bodies, resumed
 
 
-def _confirmed(
-    model: EtcModel,
-    row: RankedTarget,
-    refused: dict[tuple[str, str], BandConfirmation],
-    bodies: dict[tuple[str, str], dict[str, Any]],
-) -> ConfirmedTarget:
-    """One target's bands in order, and the best of them."""
-    bands = []
-    for band in model.bands:
-        body = bodies.get((row.name, band))
-        bands.append(
-            refused[(row.name, band)] if body is None else BandConfirmation.model_validate(body["confirmation"])
-        )
-
-    def margin(band: BandConfirmation) -> float:
-        return (band.predicted_significance or 0.0) / (band.threshold or np.inf)
-
-    # One realisation ranks bands by chance where they are close: the images veto, the prediction orders.
-    best = max((band for band in bands if band.detected), key=margin, default=None)
-    return ConfirmedTarget(
-        name=row.name,
-        hip=row.hip,
-        ranked=row,
-        planet_distance_au=row.ref_planet_distance_au,
-        chosen_band=best.band if best else None,
-        bands=bands,
-    )
-
-
 def _assemble(
     config: PlanConfig, prepared: _Prepared, digest: str, bodies: dict[tuple[str, str], dict[str, Any]]
 ) -> PlanResult:
-    confirmed = [_confirmed(prepared.model, row, prepared.refused, bodies) for row in prepared.chosen]
+    confirmed = [confirmed_target(prepared.model, row, prepared.refused, bodies) for row in prepared.chosen]
     strategy = prepared.model.strategy
+    mean = calibrate([band for target in confirmed for band in target.bands])
     return PlanResult(
         version=__version__,
         config_hash=digest,
@@ -329,13 +279,16 @@ def _assemble(
         sigma=strategy.sigma,
         reference_library=strategy.library,
         rdi_modes=strategy.n_modes,
+        realisations=config.realisations,
+        simulator_overrides=config.simulator_overrides.as_mapping(),
         companions=config.companions,
         reference_planet=planet_record(config.planet),
         catalogue=prepared.rank.catalogue,
         sample=prepared.rank.sample,
         n_ranked=len(prepared.rank.targets),
         counts=prepared.rank.counts,
-        calibration=asdict(calibrate([band for target in confirmed for band in target.bands])),
+        calibration={"ratio": mean.ratio, "error": mean.error, "n_bands": mean.n_bands},
+        calibration_text=mean.text,
         not_modelled=not_modelled(images_of(config.instrument)),
         targets=confirmed,
     )

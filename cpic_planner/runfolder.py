@@ -27,13 +27,14 @@ from pathlib import Path
 from typing import Any
 
 from catalogs.errors import InputError
-from simulator.files import LockHeld, dump_json, exclusive_lock, write_json, write_text
+from simulator.files import LockHeld, dump_json, exclusive_lock, write_bytes, write_json, write_text
 
 __all__ = ["RunFolder", "open_run_folder"]
 
 _LOG = logging.getLogger(__name__)
 SCHEMA_VERSION = 1
-PRODUCTS = ("simulation.json", "plan.json", "run.json", "ranking.csv", "ranking.ecsv", "report.html")
+PRODUCTS = ("simulation.json", "plan.json", "confirm.json", "sensitivity.json", "run.json", "ranking.csv",
+            "ranking.ecsv", "measurements.csv", "report.html")  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -70,6 +71,10 @@ class RunFolder:
         """Write one product of the run whole."""
         return write_text(self.path / name, text)
 
+    def write_bytes(self, name: str, content: bytes) -> Path:
+        """Write one product that is no text whole."""
+        return write_bytes(self.path / name, content)
+
     def _part_path(self, key: str) -> Path:
         safe = "".join(char if char.isalnum() or char in "-_" else "_" for char in key)
         return self.path / "parts" / f"{safe}-{hashlib.sha256(key.encode()).hexdigest()[:8]}.json"
@@ -95,7 +100,7 @@ def open_run_folder(
     path : str or Path
         Folder; created with its parents if absent.
     kind : str
-        Kind of run (``plan``, ``simulation``).
+        Kind of run (``plan``, ``confirm``, ``simulation``).
     config_hash : str
         Hash of everything that decides the result.
     force : bool

@@ -316,7 +316,7 @@ def effect_ledger(
         rows["source positions"] = EffectRow(
             "source positions", "skipped", "nearest of 4 x 4 cells a pixel, no mask in front of off-axis sources"
         )
-    if scene.stars:
+    if any(star.companion for star in scene.stars):
         on = scene.companions == "on"
         rows["light of companions"] = EffectRow(
             "light of companions", "kept" if on else "skipped", "own PSF wings" if on else "switched off"

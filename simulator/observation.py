@@ -121,6 +121,7 @@ def observe(
     kind: SkyKind = "SCI",
     start_utc: str | None = None,
     switches: Mapping[str, bool] | None = None,
+    max_epochs: int = MAX_EPOCHS,
 ) -> Observation:
     """Set up a simulated sequence; frames are drawn when they are asked for.
 
@@ -167,6 +168,9 @@ def observe(
         light and the rate of cosmic rays depend on it.
     switches : mapping of str to bool, optional
         Effects of the camera to switch on or off, by name; the instrument's otherwise.
+    max_epochs : int
+        Most epochs of a visit at which the random walk of the wavefront is sampled, 1 to 1000; frames between two
+        epochs share one.
 
     Returns
     -------
@@ -179,8 +183,6 @@ def observe(
 
     Notes
     -----
-    The random walk of the wavefront is sampled at up to 12 epochs a visit; frames between two epochs share one.
-
     Random numbers depend on ``seed``, the name of the scene, ``kind``, ``role``, ``band``, ``realisation``, the number
     of the frame and the effect, and on nothing else. Sequences that differ only in exposure, gain, roll, switches or
     the like therefore draw common random numbers: their difference shows the setting and not the noise. Give each its
@@ -205,7 +207,8 @@ def observe(
     path = (scene.name, kind, role, band, number)
     detector = instrument.detector_of(band)
     corner = (detector.star_row - area.centre[0], detector.star_column - area.centre[1])
-    stamps = _star_stamps(optics, instrument, exposure_s, detector.readout_s, frames, star, seed, path)
+    stamps = _star_stamps(optics, instrument, exposure_s, detector.readout_s, frames, star, seed, path,
+                          check_whole("max_epochs", max_epochs, 1, 1000))  # fmt: skip
     sky = sky_rate_e_s_arcsec2(
         instrument, band, ra_deg=scene.cstar.ra_deg, dec_deg=scene.cstar.dec_deg, start_utc=start
     )
@@ -319,11 +322,12 @@ def _star_stamps(
     star_arcsec: tuple[float, float],
     seed: int,
     path: tuple[PathPart, ...],
+    max_epochs: int,
 ) -> FloatArray:
     """Stamps of the unit star at every epoch of the visit."""
     if isinstance(optics, ExternalPsf):
         return (optics.at(*star_arcsec) if any(star_arcsec) else optics.on_axis)[None]
-    epochs = min(n_frames, MAX_EPOCHS)
+    epochs = min(n_frames, max_epochs)
     return visit_frames(
         optics.imager,
         instrument.drift,

@@ -194,6 +194,19 @@ class Sequence:
             return VisibleCamera(config.detector, cosmic_rays=rays, cosmic_ray_rate_per_s_cm2=rate)
         return InfraredCamera(config.near_infrared.detector, cosmic_rays=rays, cosmic_ray_rate_per_s_cm2=rate)
 
+    @property
+    def visible_camera(self) -> VisibleCamera:
+        """Camera of a sequence in a visible band.
+
+        Raises
+        ------
+        InputError
+            If the camera is the near-infrared one.
+        """
+        if not isinstance(self._camera, VisibleCamera):
+            raise InputError("band", self.band, allowed="a band of the visible camera")
+        return self._camera
+
     def _prepare(self, rates: FloatArray) -> Exposure | InfraredExposure:
         if isinstance(self._camera, VisibleCamera):
             return self._camera.prepare(rates, self.exposure_s, self.em_gain, first_pixel=self.first_pixel)
@@ -334,12 +347,11 @@ class Sequence:
             If frames can saturate, an effect is on that does not add up (cosmic rays, non-linearity), or the camera is
             the near-infrared one.
         """
-        if not isinstance(self._camera, VisibleCamera):
-            raise InputError("band", self.band, allowed="a band of the visible camera")
+        camera = self.visible_camera
         total = np.zeros(self.shape)
         for epoch in range(self.light.epochs):
             count = self._first_frame(epoch + 1) - self._first_frame(epoch)
             exposure = self._prepare(self.light.map(epoch))
             assert isinstance(exposure, Exposure)
-            total += stack_electrons(self._camera, exposure, count, seed=self.seed, path=(*self.path, "stack", epoch))
+            total += stack_electrons(camera, exposure, count, seed=self.seed, path=(*self.path, "stack", epoch))
         return total

@@ -11,9 +11,10 @@ from cpic_planner.api.answers import (
     rank_targets,
     signal_to_noise,
 )
-from cpic_planner.api.runs import confirm_targets, make_plan, simulate_products
+from cpic_planner.api.runs import confirm_scene, confirm_targets, make_plan, simulate_products
 
 __all__ = [
+    "confirm_scene",
     "confirm_targets",
     "contrast_limit",
     "explain_rank",

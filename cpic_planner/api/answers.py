@@ -8,7 +8,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cpic_planner.api.inputs import InstrumentSource, OnOff, StrategySource, model_of, stars_named
+from cpic_planner.api.inputs import InstrumentSource, OnOff, StrategySource, model_of, planet_of, stars_named
 from cpic_planner.etc import questions
 from cpic_planner.etc.answer import EtcAnswer
 from cpic_planner.etc.model import EtcModel
@@ -16,7 +16,6 @@ from cpic_planner.etc.planet import ReferencePlanet
 from cpic_planner.models import Explanation, RankResult, ScoreName, SensitivityResult
 from cpic_planner.population_config import PopulationSource
 from cpic_planner.targets import Targets, as_catalogue, find_target, rank_sample, sample_text
-from simulator.config.base import validate
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -53,12 +52,8 @@ def _ask(
 def _planets(given: Any) -> ReferencePlanet | list[ReferencePlanet]:
     """Planets from what people write: one or several, objects or mappings."""
     if isinstance(given, Sequence) and not isinstance(given, str):
-        return [_planet(body) for body in given]
-    return _planet(given)
-
-
-def _planet(given: Any) -> ReferencePlanet:
-    return given if isinstance(given, ReferencePlanet) else validate(ReferencePlanet, given, where="planet")
+        return [planet_of(body) for body in given]
+    return planet_of(given)
 
 
 def signal_to_noise(
@@ -209,7 +204,7 @@ def optimise(
     model = model_of(instrument, bands, strategy)
     stars = Targets.joined(stars_named(target, companions, catalog))
     best = best_of(model, stars, time_s=time_s, snr=snr, detect=detect, separation_arcsec=separation_arcsec,
-                   planet=None if planet is None else _planet(planet))  # fmt: skip
+                   planet=None if planet is None else planet_of(planet))  # fmt: skip
     return pd.DataFrame({"name": stars.name} | {item.name: getattr(best, item.name) for item in fields(best)})
 
 
@@ -245,7 +240,7 @@ def rank_targets(
         model_of(instrument, bands, strategy),
         targets,
         time_s=time_s,
-        planet=None if planet is None else _planet(planet),
+        planet=None if planet is None else planet_of(planet),
         sample=sample_text(table, v_mag_max, dwarfs_only, singles_only),
         catalogue=table.provenance,
         **_ranked_by(population, n_planets, seed, score),
@@ -293,7 +288,7 @@ def _sample(given: Mapping[str, Any]) -> Targets:
 
 def _ranking(given: Mapping[str, Any]) -> dict[str, Any]:
     by = _ranked_by(given["population"], given["n_planets"], given["seed"], given["score"])
-    body = None if given["planet"] is None else _planet(given["planet"])
+    body = None if given["planet"] is None else planet_of(given["planet"])
     return {"time_s": given["time_s"], "planet": body} | by
 
 

@@ -8,11 +8,12 @@ from pathlib import Path
 from typing import Any, Literal
 
 from cpic_planner.etc.model import EtcModel, Strategy, build_model
+from cpic_planner.etc.planet import ReferencePlanet
 from cpic_planner.targets import Targets, as_catalogue, find_target
 from simulator.config import Instrument, load_instrument
 from simulator.config.base import validate
 
-__all__ = ["InstrumentSource", "OnOff", "StrategySource", "model_of", "stars_named"]
+__all__ = ["InstrumentSource", "OnOff", "StrategySource", "model_of", "planet_of", "stars_named"]
 
 StrategySource = Strategy | Mapping[str, Any] | None
 InstrumentSource = Instrument | Mapping[str, Any] | str | Path | None
@@ -32,6 +33,11 @@ def model_of(instrument: InstrumentSource, bands: Sequence[str] | None, strategy
 def _default_model(bands: tuple[str, ...] | None, strategy: Strategy | None) -> EtcModel:
     """Model of the shipped instrument, which no file of the user's can change."""
     return build_model(load_instrument(), bands, strategy)
+
+
+def planet_of(given: Any) -> ReferencePlanet:
+    """Planet from what people write: an object or a mapping."""
+    return given if isinstance(given, ReferencePlanet) else validate(ReferencePlanet, given, where="planet")
 
 
 def stars_named(names: str | Sequence[str], companions: OnOff, catalog: str | Path) -> list[Targets]:

@@ -6,16 +6,17 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cpic_planner.api.inputs import InstrumentSource, OnOff, model_of, stars_named
+from cpic_planner.api.inputs import InstrumentSource, OnOff, StrategySource, model_of, planet_of, stars_named
 from cpic_planner.etc.planet import ReferencePlanet
-from cpic_planner.models import ConfirmedTarget, PlanResult, SimulationResult
-from simulator.config import Instrument, load_instrument
+from cpic_planner.models import ConfirmedTarget, ConfirmResult, PlanResult, SimulationResult
+from simulator.config import Instrument, Scene, load_instrument, load_scene
 from simulator.config.base import validate
 
 if TYPE_CHECKING:
+    from cpic_planner.overrides import OverrideSource
     from cpic_planner.simulation.inputs import SimulationInput
 
-__all__ = ["confirm_targets", "make_plan", "simulate_products"]
+__all__ = ["confirm_scene", "confirm_targets", "make_plan", "simulate_products"]
 
 
 def make_plan(
@@ -40,17 +41,22 @@ def make_plan(
         As `cpic_planner.plan.make_plan`.
     instrument : Instrument, mapping, str or Path, optional
     **settings
-        Fields of `cpic_planner.plan.PlanConfig`: ``top``, ``bands``, ``time_s``, ``planet``, ``seed`` ...
+        Fields of `cpic_planner.plan.PlanConfig`: ``top``, ``bands``, ``time_s``, ``planet``, ``strategy``,
+        ``realisations``, ``simulator_overrides`` (as `cpic_planner.overrides.SimulatorOverrides.of` reads them),
+        ``seed`` ...
 
     Returns
     -------
     PlanResult
     """
+    from cpic_planner.overrides import SimulatorOverrides
     from cpic_planner.plan import PlanConfig
     from cpic_planner.plan import make_plan as run
 
-    chosen = instrument if isinstance(instrument, Instrument) else load_instrument(instrument)
-    config = validate(PlanConfig, {"instrument": chosen} | settings, where="plan")
+    given = {name: value for name, value in settings.items() if value is not None}
+    if "simulator_overrides" in given:
+        given["simulator_overrides"] = SimulatorOverrides.of(given["simulator_overrides"])
+    config = validate(PlanConfig, {"instrument": _instrument(instrument)} | given, where="plan")
     return run(config, out, catalog=catalog, workers=workers, scheduler=scheduler, force=force).plan
 
 
@@ -59,33 +65,141 @@ def confirm_targets(
     *,
     time_s: float = 36000.0,
     bands: Sequence[str] | None = None,
-    planet: ReferencePlanet | None = None,
+    planet: ReferencePlanet | Mapping[str, Any] | None = None,
     companions: OnOff = "on",
     catalog: str | Path = "snapshot",
     instrument: InstrumentSource = None,
     seed: int = 1,
     fidelity: str = "standard",
+    strategy: StrategySource = None,
+    realisations: int | None = None,
+    simulator_overrides: OverrideSource = None,
     workers: int = 1,
 ) -> list[ConfirmedTarget]:
     """Simulate and measure the named stars, each with its reference planet at the best separation.
+
+    Parameters
+    ----------
+    target : str or sequence of str
+    time_s, bands, planet, companions, catalog, instrument, strategy
+        As `signal_to_noise`.
+    seed, fidelity
+        Of the images.
+    realisations : int, optional
+        Draws of drift and noise of every star and band, 8 by default.
+    simulator_overrides : mapping, str, Path or sequence, optional
+        What is altered in the images alone, as ``"throughput=x0.7"``; see `cpic_planner.overrides`.
+    workers : int
+        Local worker processes; the result does not depend on it.
 
     Returns
     -------
     list of ConfirmedTarget
         In the given order.
     """
-    from cpic_planner.plan import confirm_stars
+    from cpic_planner.confirmed import REALISATIONS, confirm_stars
+    from cpic_planner.overrides import SimulatorOverrides
 
-    model = model_of(instrument, bands)
+    model = model_of(instrument, bands, strategy)
     return confirm_stars(
         model,
         stars_named(target, companions, catalog),
         time_s=time_s,
-        planet=planet or ReferencePlanet(),
+        planet=ReferencePlanet() if planet is None else planet_of(planet),
         seed=seed,
         fidelity=fidelity,
+        realisations=REALISATIONS if realisations is None else realisations,
+        overrides=SimulatorOverrides.of(simulator_overrides),
         workers=workers,
     )
+
+
+def confirm_scene(
+    scene: Scene | Mapping[str, Any] | str | Path,
+    *,
+    bands: Sequence[str] | None = None,
+    time_s: float | None = None,
+    exposure_s: float | None = None,
+    n_frames: int | None = None,
+    em_gain: float | None = None,
+    instrument: InstrumentSource = None,
+    strategy: StrategySource = None,
+    realisations: int | None = None,
+    audit: bool = True,
+    simulator_overrides: OverrideSource = None,
+    fidelity: str = "standard",
+    seed: int = 1,
+    workers: int = 1,
+    scheduler: str | None = None,
+    out: str | Path | None = None,
+    force: bool = False,
+) -> ConfirmResult:
+    """Observe one scene in simulated images and measure it blind, beside what the ETC expects, as ``cpic confirm``.
+
+    Parameters
+    ----------
+    scene : Scene, mapping, str or Path
+        What `simulator.load_scene` reads; with any number of planets and other stars.
+    bands : sequence of str, optional
+        All visible bands by default.
+    time_s : float, optional
+        Wall time a band in s, for the best frames; 36000 by default.
+    exposure_s, n_frames, em_gain : optional
+        Frames of the science visit instead; what is not given is the best one.
+    instrument, strategy
+        As `signal_to_noise`; photon counting is refused.
+    realisations : int, optional
+        Draws of drift and noise a band, 8 by default.
+    audit : bool
+        Whether one more realisation a band runs frame by frame with every effect of the camera.
+    simulator_overrides : mapping, str, Path or sequence, optional
+        What is altered in the images alone, as ``"throughput=x0.7"``; see `cpic_planner.overrides`.
+    fidelity, seed
+        Of the images.
+    workers, scheduler
+        As `make_plan`; the result does not depend on them.
+    out : str or Path, optional
+        Folder for ``confirm.json``, ``measurements.csv``, ``report.html`` and panels; nothing is written without.
+    force : bool
+        Replace what another configuration left in ``out``.
+
+    Returns
+    -------
+    ConfirmResult
+
+    Raises
+    ------
+    InputError
+        For bad input, or if ``out`` is in use or holds another configuration.
+    """
+    from cpic_planner.confirm_run import run_confirmation
+    from cpic_planner.confirmed import REALISATIONS
+    from cpic_planner.overrides import SimulatorOverrides
+    from cpic_planner.scene_confirmation import ConfirmConfig
+    from cpic_planner.scene_confirmation import confirm_scene as run
+
+    tree: dict[str, Any] = {
+        "instrument": _instrument(instrument),
+        "scene": load_scene(scene),
+        "bands": (bands,) if isinstance(bands, str) else bands,
+        "time_s": time_s,
+        "exposure_s": exposure_s,
+        "n_frames": n_frames,
+        "em_gain": em_gain,
+        "realisations": REALISATIONS if realisations is None else realisations,
+        "audit": audit,
+        "simulator_overrides": SimulatorOverrides.of(simulator_overrides),
+        "fidelity": fidelity,
+        "seed": seed,
+    }
+    config = validate(ConfirmConfig, tree if strategy is None else tree | {"strategy": strategy}, where="confirm")
+    if out is None:
+        return run(config, workers=workers, scheduler=scheduler)[0]
+    return run_confirmation(config, out, workers=workers, scheduler=scheduler, force=force).result
+
+
+def _instrument(source: InstrumentSource) -> Instrument:
+    return source if isinstance(source, Instrument) else load_instrument(source)
 
 
 def simulate_products(

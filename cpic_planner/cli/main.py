@@ -18,6 +18,7 @@ from cpic_planner.cli import (
     cache_command,
     catalog_command,
     check_command,
+    confirm_command,
     etc_command,
     plan_command,
     rank_command,
@@ -64,6 +65,7 @@ def root(
 app.command("plan", help=plan_command.HELP)(plan_command.plan)
 app.command("rank", help=rank_command.HELP)(rank_command.rank)
 app.command("etc", help=etc_command.HELP)(etc_command.etc)
+app.command("confirm", help=confirm_command.HELP)(confirm_command.confirm)
 app.command("simulate", help=simulate_command.HELP)(simulate_command.simulate)
 app.command("check", help=check_command.HELP)(check_command.check)
 app.add_typer(catalog_command.app, name="catalog")
@@ -93,7 +95,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 INTERRUPTED = (
-    "interrupted; no file is left half written, and a plan or simulation continues when it is started again with the "
+    "interrupted; no file is left half written, and a run with an --out continues when it is started again with the "
     "same --out"
 )
 

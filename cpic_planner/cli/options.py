@@ -35,6 +35,7 @@ __all__ = [
     "PlanetsOption",
     "PopulationOption",
     "RadiusOption",
+    "RealisationsOption",
     "Score",
     "ScoreOption",
     "SeedOption",
@@ -155,6 +156,15 @@ PlanetsOption: TypeAlias = Annotated[
     int | None, typer.Option("--planets", help="Planets drawn from the population [default: 4000].")
 ]
 SeedOption: TypeAlias = Annotated[int, typer.Option("--seed", min=0, help="Seed of every random number.")]
+RealisationsOption: TypeAlias = Annotated[
+    int | None,
+    typer.Option(
+        "--realisations",
+        min=1,
+        max=100_000,
+        help="Made-up observations of every planet and band, each with its own drift and noise [default: 8].",
+    ),
+]
 FidelityOption: TypeAlias = Annotated[Tier, typer.Option("--fidelity", help="Speed against accuracy of the images.")]
 
 

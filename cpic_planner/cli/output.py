@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Protocol
 
 from pydantic import BaseModel
@@ -14,7 +14,7 @@ from cpic_planner.version import DISTRIBUTION, PACKAGES, __version__
 if TYPE_CHECKING:
     from rich.console import Console
 
-__all__ = ["console", "error_line", "is_quiet", "note", "print_json", "progress", "version_text"]
+__all__ = ["console", "error_line", "is_quiet", "note", "print_cost", "print_json", "progress", "version_text"]
 
 
 def error_line(text: str, status: int) -> int:
@@ -43,6 +43,18 @@ def print_json(result: BaseModel) -> None:
     from simulator.files import dump_json
 
     sys.stdout.write(dump_json(result.model_dump(mode="json")))
+
+
+def print_cost(cost: Mapping[str, float], what: str, workers: int, as_json: bool) -> None:
+    """What a run of simulated images would take, as a line or as JSON."""
+    from simulator.files import dump_json
+
+    line = (
+        f"{what}, {cost['n_realisations']} realisations and {cost['n_frames']} audited frames, about "
+        f"{cost['wall_s']:.0f} s with {workers} worker(s), {cost['memory_mb']:.0f} MB memory a worker, "
+        f"{cost['disk_mb']:.1f} MB disk\n"
+    )
+    sys.stdout.write(dump_json(dict(cost)) if as_json else line)
 
 
 def console() -> Console:

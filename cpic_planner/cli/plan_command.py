@@ -27,6 +27,7 @@ from cpic_planner.cli.options import (
     PlanetsOption,
     PopulationOption,
     RadiusOption,
+    RealisationsOption,
     Score,
     ScoreOption,
     SeedOption,
@@ -38,14 +39,30 @@ from cpic_planner.cli.options import (
     planet_from,
     population_from,
 )
-from cpic_planner.cli.output import console, note, print_json, progress
+from cpic_planner.cli.output import console, note, print_cost, print_json, progress
+from cpic_planner.cli.override_option import OVERRIDES_HELP, SimulatorOverridesOption, overrides_from
+from cpic_planner.cli.strategy_options import (
+    HiddenCountingOption,
+    LibraryChoice,
+    LibraryOption,
+    ReferenceRatioOption,
+    ReferenceTeffOption,
+    ReferenceVMagOption,
+    RollOption,
+    imaged_strategy,
+)
 
 __all__ = ["HELP", "plan"]
 
-HELP = """The main job: rank the catalogue, confirm the best targets with simulated images, write the report.
+HELP = f"""The main job: rank the catalogue, confirm the best targets with simulated images, write the report.
 
-Writes plan.json, sensitivity.json, run.json, ranking.csv, ranking.ecsv and report.html into --out. Stopped half way, it
-continues when started again on the same folder; the result is the same for any number of workers.
+Each of the best targets is simulated in every band with the frames that the exposure-time calculator chooses,
+--realisations times, the star is subtracted, and the images are searched blind and measured. In the band that promises
+most one more realisation runs frame by frame with every effect of the camera. The report compares: confirmed or not,
+ETC optimistic or pessimistic by how much.
+
+Writes plan.json, sensitivity.json, run.json, ranking.csv, ranking.ecsv, measurements.csv and report.html into --out.
+Stopped half way, it continues when started again on the same folder; the result is the same for any number of workers.
 
 Examples:
 
@@ -55,11 +72,15 @@ Examples:
 
   cpic plan --top 2 --band F520 --band F662 --time-s 7200 --json > plan.json
 
-  cpic plan --top 20 --dry-run
+  cpic plan --top 20 --realisations 20 --dry-run
 
   cpic plan --score detection_margin --population solar_system --top 3
 
-  cpic plan --catalog my_stars.ecsv --top 3"""
+  cpic plan --catalog my_stars.ecsv --top 3
+
+  cpic plan --library reference_star --reference-v-mag 3 --top 3
+
+{OVERRIDES_HELP}"""
 
 
 def plan(
@@ -81,7 +102,15 @@ def plan(
     log10_fsed: CloudsOption = None,
     insolation_au: InsolationOption = None,
     phase_function: PhaseFunctionOption = None,
+    library: LibraryOption = LibraryChoice.SAME_STAR,
+    reference_v_mag: ReferenceVMagOption = None,
+    reference_teff_k: ReferenceTeffOption = None,
+    reference_ratio: ReferenceRatioOption = None,
+    roll_deg: RollOption = None,
+    photon_counting: HiddenCountingOption = False,
     instrument: InstrumentOption = None,
+    realisations: RealisationsOption = None,
+    simulator_overrides: SimulatorOverridesOption = None,
     fidelity: FidelityOption = Tier.STANDARD,
     seed: SeedOption = 1,
     workers: Annotated[int, typer.Option("--workers", min=1, max=256, help="Local worker processes.")] = 1,
@@ -93,13 +122,15 @@ def plan(
 ) -> None:
     """Plan and print."""
     from catalogs.catalogue import open_catalogue
+    from cpic_planner.confirmed import REALISATIONS
     from cpic_planner.plan import PlanConfig, estimate_cost, make_plan
     from simulator.config import load_instrument
     from simulator.config.base import validate
 
     chosen = population_from(population, planets, seed)
+    nominal = load_instrument(instrument)
     tree = {
-        "instrument": load_instrument(instrument),
+        "instrument": nominal,
         "top": top,
         "bands": tuple(bands) if bands else None,
         "time_s": time_s,
@@ -114,6 +145,16 @@ def plan(
         "n_planets": chosen.n_planets,
         "score": score.value,
         "fidelity": fidelity.value,
+        "strategy": imaged_strategy(
+            library,
+            reference_v_mag=reference_v_mag,
+            reference_teff_k=reference_teff_k,
+            reference_ratio=reference_ratio,
+            roll_deg=roll_deg,
+            photon_counting=photon_counting,
+        ),
+        "realisations": REALISATIONS if realisations is None else realisations,
+        "simulator_overrides": overrides_from(simulator_overrides, nominal),
         "seed": seed,
     }
     config = validate(PlanConfig, tree, where="plan")
@@ -122,15 +163,7 @@ def plan(
         note(remark)
     if dry_run:
         cost = estimate_cost(config, workers=workers, catalog=table)
-        if as_json:
-            from simulator.files import dump_json
-
-            sys.stdout.write(dump_json(cost))
-        else:
-            typer.echo(
-                f"{cost['n_tasks']} image sets ({cost['n_targets']} targets x bands), about {cost['wall_s']:.0f} s "
-                f"with {workers} worker(s), {cost['memory_mb']:.0f} MB memory a worker, {cost['disk_mb']:.1f} MB disk"
-            )
+        print_cost(cost, f"{cost['n_tasks']} image sets ({cost['n_targets']} targets x bands)", workers, as_json)
         return
     with progress("confirming", total=top * len(config.band_names())) as advance:
         done = make_plan(

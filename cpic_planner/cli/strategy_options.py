@@ -20,12 +20,14 @@ __all__ = [
     "CountingOption",
     "CountingSigmaOption",
     "ExozodiOption",
+    "HiddenCountingOption",
     "LibraryChoice",
     "LibraryOption",
     "ReferenceRatioOption",
     "ReferenceTeffOption",
     "ReferenceVMagOption",
     "RollOption",
+    "imaged_strategy",
     "model_from",
     "refuse_together",
     "strategy_from",
@@ -60,6 +62,7 @@ RollOption: TypeAlias = Annotated[
 CountingOption: TypeAlias = Annotated[
     bool, typer.Option("--photon-counting", help="Count photons instead of measuring charge (visible camera).")
 ]
+HiddenCountingOption: TypeAlias = Annotated[bool, typer.Option("--photon-counting", hidden=True)]
 CountingSigmaOption: TypeAlias = Annotated[
     float | None,
     typer.Option("--counting-sigma", help="Threshold of --photon-counting over the read noise [default: 5]."),
@@ -106,6 +109,23 @@ def strategy_from(
     if photon_counting:
         tree["mode"] = "photon_counting"
     return validate(Strategy, tree, where="strategy")
+
+
+def imaged_strategy(
+    library: LibraryChoice,
+    *,
+    reference_v_mag: float | None,
+    reference_teff_k: float | None,
+    reference_ratio: float | None,
+    roll_deg: float | None,
+    photon_counting: bool,
+) -> Strategy:
+    """Strategy of images that are simulated and measured; photon counting is only predicted, and refused here."""
+    if photon_counting:
+        raise InputError("--photon-counting", "given", allowed="only with cpic etc",
+                         hint="photon counting is predicted, not yet measured in images")  # fmt: skip
+    return strategy_from(library, reference_v_mag=reference_v_mag, reference_teff_k=reference_teff_k,
+                         reference_ratio=reference_ratio, roll_deg=roll_deg)  # fmt: skip
 
 
 def model_from(

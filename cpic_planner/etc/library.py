@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cpic_planner.etc.model import EtcModel
+from cpic_planner.etc.model import EtcModel, Strategy
 from cpic_planner.targets import Targets
 
-__all__ = ["LibraryNoise", "library_flags", "library_noise"]
+__all__ = ["LibraryNoise", "library_flags", "library_noise", "strategy_flags"]
 
 FloatArray = NDArray[np.float64]
 
@@ -84,9 +84,14 @@ def library_noise(model: EtcModel, targets: Targets, band: str, star_e_s: FloatA
 
 def library_flags(model: EtcModel) -> tuple[str, ...]:
     """Caveats of the library."""
+    return strategy_flags(model.strategy)
+
+
+def strategy_flags(strategy: Strategy) -> tuple[str, ...]:
+    """Caveats of the library that a strategy names."""
     return {
         "idealised": ("idealised",),
         "reference_star": ("reference_colour_not_modelled",),
         "roll": (),
         "same_star_planet_free": (),
-    }[model.strategy.library]
+    }[strategy.library]

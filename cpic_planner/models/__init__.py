@@ -13,7 +13,15 @@ from cpic_planner.models.base import (
     Result,
     StatusText,
 )
+from cpic_planner.models.confirmed_scene import (
+    AlbedoRecord,
+    CandidateRecord,
+    ConfirmResult,
+    PositionRecord,
+    SearchRecord,
+)
 from cpic_planner.models.planned import (
+    AuditRecord,
     BandConfirmation,
     ConfirmedTarget,
     PlanResult,
@@ -41,9 +49,13 @@ from cpic_planner.models.simulated import (
 
 __all__ = [
     "SCHEMAS",
+    "AlbedoRecord",
+    "AuditRecord",
     "BandConfirmation",
     "BandStanding",
+    "CandidateRecord",
     "CheckResult",
+    "ConfirmResult",
     "ConfirmedTarget",
     "EtcResult",
     "EtcRow",
@@ -52,12 +64,14 @@ __all__ = [
     "PlanResult",
     "PlannedSequenceRow",
     "PopulationRecord",
+    "PositionRecord",
     "RankResult",
     "RankedTarget",
     "ReferencePlanetRecord",
     "Result",
     "RunRecord",
     "ScoreName",
+    "SearchRecord",
     "SensitivityResult",
     "SensitivityRow",
     "SimulatedSequence",
@@ -72,6 +86,7 @@ SCHEMAS: dict[str, type[Result]] = {
     "explanation": Explanation,
     "etc": EtcResult,
     "plan": PlanResult,
+    "confirm": ConfirmResult,
     "run": RunRecord,
     "simulation": SimulationResult,
     "check": CheckResult,

@@ -9,13 +9,36 @@ from pydantic import Field
 from cpic_planner.models.base import Result, StatusText
 from cpic_planner.models.ranked import RankedTarget, ReferencePlanetRecord
 
-__all__ = ["BandConfirmation", "ConfirmedTarget", "PlanResult", "RunRecord"]
+__all__ = ["AuditRecord", "BandConfirmation", "ConfirmedTarget", "PlanResult", "RunRecord"]
+
+
+class AuditRecord(Result):
+    """One realisation run frame by frame with every effect of the camera, calibrated, particles taken out."""
+
+    n_frames: int = Field(description="science frames; reference frames are as many times the strategy's ratio")
+    predicted_snr: float = Field(description="frames that particles void are counted")
+    recovered_snr: float
+    recovered_significance: float
+    contrast: float
+    contrast_error: float = Field(description="1 sigma")
+    deviation_sigma: float = Field(description="measured less true contrast over its error")
+    detected: bool = Field(description="the blind search finds the planet at its place")
+    false_detections: int = Field(description="what the search finds elsewhere")
+    hits: int = Field(description="pixel-frames of particles that were found, science and reference")
+    rejected_fraction: float = Field(description="share of the pixel-frames of the hole that were left out")
+    saturated_in_hole: int
+    saturated_outside: float = Field(description="mean per frame")
 
 
 class BandConfirmation(Result):
-    """One band of one target: prediction beside the measurement in simulated images."""
+    """One band of one target: prediction beside the measurement in simulated images.
+
+    Recovered numbers are those of one observation, averaged over the realisations: mean contrast over the quadratic mean
+    of its error is the SNR, as variances are unbiased where ratios are not.
+    """
 
     band: str
+    planet: str = Field(default="reference planet", description="name of the planet")
     status: StatusText
     reason: str
     message: str
@@ -26,14 +49,31 @@ class BandConfirmation(Result):
     em_gain: float | None = None
     integration_s: float | None = None
     time_s: float | None = None
+    realisations: int | None = Field(default=None, description="independent draws of drift and noise")
+    drawn_as: Literal["sums", "frames"] | None = Field(
+        default=None, description="sums of frames over the hole, or every frame, where sums cannot stand for them"
+    )
     predicted_snr: float | None = None
     predicted_significance: float | None = None
     recovered_snr: float | None = None
+    recovered_snr_error: float | None = Field(default=None, description="1 sigma of this mean")
     recovered_significance: float | None = None
     threshold: float | None = Field(default=None, description="small-sample threshold for significance")
+    etc_ratio: float | None = Field(default=None, description="predicted over recovered SNR: above 1 is optimistic")
+    etc_ratio_error: float | None = Field(
+        default=None, description="1 sigma, with the accuracy of the prediction itself"
+    )
     true_contrast: float | None = None
     recovered_contrast: float | None = None
-    contrast_error: float | None = Field(default=None, description="1 sigma, from aperture-sized samples in the hole")
+    contrast_error: float | None = Field(
+        default=None, description="1 sigma of one observation, from aperture-sized samples in the hole"
+    )
+    contrast_mean_error: float | None = Field(default=None, description="1 sigma of recovered_contrast")
+    star_flux: Literal["off_mask", "field_star", "known"] | None = Field(
+        default=None,
+        description="what contrasts refer to: a series off the mask, a field star, or the scene's own rate",
+    )
+    star_flux_error: float | None = Field(default=None, description="relative, common to all realisations")
     rdi_throughput: float | None = None
     rdi_modes_used: int | None = None
     core_throughput: float | None = None
@@ -45,8 +85,15 @@ class BandConfirmation(Result):
         default=None,
         description="pixels around the hole that a limit cut off, mean per frame; they do not reach the hole",
     )
-    detected: bool | None = Field(default=None, description="recovered significance reaches the threshold")
+    n_detected: int | None = Field(default=None, description="realisations in which the blind search finds the planet")
+    false_detections: int | None = Field(default=None, description="what it finds elsewhere, all realisations")
+    detected: bool | None = Field(default=None, description="found in at least half of the realisations")
+    found_separation_arcsec: float | None = Field(default=None, description="fitted, first realisation that shows it")
+    found_separation_error_arcsec: float | None = None
+    found_pa_deg: float | None = None
+    found_pa_error_deg: float | None = None
     verdict: str = Field(default="", description="in words")
+    audit: AuditRecord | None = None
     image: str | None = Field(default=None, description="key of the stored panels")
 
 
@@ -60,6 +107,9 @@ class ConfirmedTarget(Result):
     chosen_band: str | None = Field(
         description="of the bands whose images show the planet, that of highest predicted margin; null if none"
     )
+    verdict: str = Field(default="", description="of all bands, in words")
+    etc_ratio: float | None = Field(default=None, description="predicted over recovered SNR, mean of the bands")
+    etc_ratio_error: float | None = None
     bands: list[BandConfirmation]
 
 
@@ -77,6 +127,10 @@ class PlanResult(Result):
     sigma: float
     reference_library: str
     rdi_modes: int
+    realisations: int = Field(default=1, description="draws of drift and noise of every target and band")
+    simulator_overrides: dict[str, Any] = Field(
+        default_factory=dict, description="what is altered in the images alone; predictions keep the nominal instrument"
+    )
     companions: Literal["on", "off"] = Field(default="on", description="whether the light of known companions counts")
     reference_planet: ReferencePlanetRecord
     catalogue: str
@@ -85,6 +139,9 @@ class PlanResult(Result):
     counts: dict[str, int]
     calibration: dict[str, float | int | None] = Field(
         description="mean of recovered / predicted SNR over confirmed bands, its standard error, number of bands"
+    )
+    calibration_text: str = Field(
+        default="", description="the same in words: whether the ETC is optimistic, by how much"
     )
     not_modelled: list[str] = Field(description="effects that neither the prediction nor the images contain")
     targets: list[ConfirmedTarget]

@@ -9,22 +9,28 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from cpic_planner.report.confirm_html import render_confirm
     from cpic_planner.report.console import print_plan
+    from cpic_planner.report.console_confirm import print_confirm
     from cpic_planner.report.console_etc import print_etc
     from cpic_planner.report.console_rank import print_explanation, print_rank, print_sensitivity
     from cpic_planner.report.contrast_figure import HoleEdges, LimitCurve
     from cpic_planner.report.html import plan_html, render_plan
+    from cpic_planner.report.measured_table import measurements_csv
     from cpic_planner.report.names import pretty_name
     from cpic_planner.report.panels import Panels
     from cpic_planner.report.tables import ranking_csv, ranking_ecsv
     from cpic_planner.report.write import write_report
+    from cpic_planner.report.write_confirm import write_confirm_report
 
 __all__ = [
     "HoleEdges",
     "LimitCurve",
     "Panels",
+    "measurements_csv",
     "plan_html",
     "pretty_name",
+    "print_confirm",
     "print_etc",
     "print_explanation",
     "print_plan",
@@ -32,7 +38,9 @@ __all__ = [
     "print_sensitivity",
     "ranking_csv",
     "ranking_ecsv",
+    "render_confirm",
     "render_plan",
+    "write_confirm_report",
     "write_report",
 ]
 
@@ -40,8 +48,10 @@ _HOME = {
     "HoleEdges": "contrast_figure",
     "LimitCurve": "contrast_figure",
     "Panels": "panels",
+    "measurements_csv": "measured_table",
     "plan_html": "html",
     "pretty_name": "names",
+    "print_confirm": "console_confirm",
     "print_etc": "console_etc",
     "print_explanation": "console_rank",
     "print_plan": "console",
@@ -49,7 +59,9 @@ _HOME = {
     "print_sensitivity": "console_rank",
     "ranking_csv": "tables",
     "ranking_ecsv": "tables",
+    "render_confirm": "confirm_html",
     "render_plan": "html",
+    "write_confirm_report": "write_confirm",
     "write_report": "write",
 }
 

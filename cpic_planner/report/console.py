@@ -4,77 +4,60 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from cpic_planner.models import BandConfirmation, PlanResult
-from cpic_planner.report.numbers import count_text, decimals, duration_text, significant
+from cpic_planner.models import BandConfirmation, ConfirmResult, PlanResult
+from cpic_planner.report.names import pretty_name
+from cpic_planner.report.numbers import MISSING, count_text, decimals, duration_text, significant
+from cpic_planner.report.summary import calibration_sentence, overrides_sentence
 from cpic_planner.report.terminal import (
     Column,
     explain_symbols,
     frames_text,
     print_note,
+    print_plain,
     short_name,
     status_cell,
     text_table,
 )
-from cpic_planner.report.words import STATUS_SYMBOLS
+from cpic_planner.report.words import STATUS_SYMBOLS, plus_minus
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-__all__ = ["print_plan"]
+__all__ = ["MEASURED_COLUMNS", "measured_cells", "print_comparison", "print_plan"]
+
+MEASURED_COLUMNS = [
+    Column("sep ″", True, 3),
+    Column("frames × s", True, 4),
+    Column("gain", True, 6),
+    Column("wall", True, 5),
+    Column("SNR pred", True, 1),
+    Column("SNR rec", True, 1),
+    Column("pred/rec"),
+    Column("found"),
+    Column("outcome", False),
+]
+"""What is shown of each measurement; the rest is in the files."""
 
 
 def print_plan(plan: PlanResult, console: Console) -> None:
-    """Print the confirmed targets of a plan, band by band, and the calibration."""
-    columns = [
-        Column("target", False),
-        Column("band", False),
-        Column("sep ″", True, 3),
-        Column("frames × s", True, 1),
-        Column("gain", True, 4),
-        Column("wall", True, 5),
-        Column("SNR pred"),
-        Column("SNR rec"),
-        Column("signif", True, 2),
-        Column("thresh", True, 2),
-        Column("outcome", False),
-    ]
+    """Print the confirmed targets of a plan, band by band, their verdicts, and how the ETC stands."""
     rows = []
     for target in plan.targets:
         for number, item in enumerate(target.bands):
             name = short_name(target.name) if number == 0 else ""
             chosen = "→ " if item.band == target.chosen_band else "  "
-            rows.append(
-                [
-                    name,
-                    chosen + item.band,
-                    decimals(item.separation_arcsec, 3),
-                    frames_text(item),
-                    significant(item.em_gain),
-                    duration_text(item.time_s),
-                    significant(item.predicted_snr),
-                    significant(item.recovered_snr),
-                    significant(item.recovered_significance),
-                    significant(item.threshold),
-                    _outcome(item),
-                ]
-            )
-    console.print(
-        text_table(
-            console,
-            f"Confirmed by simulated images: {len(plan.targets)} target{'s' * (len(plan.targets) != 1)}",
-            columns,
-            rows,
-        )
-    )
+            rows.append([name, chosen + item.band, *measured_cells(item)])
+    count = len(plan.targets)
+    title = f"Confirmed by simulated images: {count} target{'s' * (count != 1)}, {plan.realisations} realisations each"
+    console.print(text_table(console, title, [Column("target", False), Column("band", False), *MEASURED_COLUMNS], rows))
     explain_symbols(console, [item.status for target in plan.targets for item in target.bands if item.status != "ok"])
-    ratio, error = plan.calibration.get("ratio"), plan.calibration.get("error")
-    if ratio is not None and error is not None:
-        print_note(
-            console,
-            f"Recovered / predicted SNR: {ratio:.2f} ± {error:.2f} over {plan.calibration.get('n_bands')} bands.",
-        )
+    for target in plan.targets:
+        print_plain(console, f"{pretty_name(target.name)}: {plus_minus(target.verdict)}")
+    print_comparison(plan, console)
     print_note(
-        console, "→ marks the band to observe in. SNR: planet noise included; significance and threshold: detection."
+        console,
+        "→ marks the band to observe in. SNR of one observation, planet noise included: predicted, and recovered with "
+        "the error of its mean; found: realisations in which the blind search finds the planet.",
     )
     print_note(
         console,
@@ -83,8 +66,34 @@ def print_plan(plan: PlanResult, console: Console) -> None:
     )
 
 
+def measured_cells(item: BandConfirmation) -> list[str]:
+    """Cells of one measurement under `MEASURED_COLUMNS`."""
+    ratio = MISSING if item.etc_ratio is None else f"{item.etc_ratio:.2f} ± {item.etc_ratio_error or 0.0:.2f}"
+    error = "" if item.recovered_snr_error is None else f" ± {significant(item.recovered_snr_error, 2)}"
+    return [
+        decimals(item.separation_arcsec, 3),
+        frames_text(item),
+        significant(item.em_gain),
+        duration_text(item.time_s),
+        significant(item.predicted_snr),
+        significant(item.recovered_snr) + error,
+        ratio,
+        MISSING if item.n_detected is None else f"{item.n_detected}/{item.realisations}",
+        _outcome(item),
+    ]
+
+
+def print_comparison(result: PlanResult | ConfirmResult, console: Console, *, measured: bool = True) -> None:
+    """Print what is altered in the images, and how prediction and images compare where planets were measured."""
+    altered = overrides_sentence(result)
+    if altered:
+        print_plain(console, altered, bold=True)
+    if measured:
+        print_plain(console, calibration_sentence(result), bold=True)
+
+
 def _outcome(item: BandConfirmation) -> str:
     if item.status != "ok":
         return status_cell(item.status, item.reason)
     symbol = STATUS_SYMBOLS["ok"] if item.detected else STATUS_SYMBOLS["unreachable"]
-    return f"{symbol} {item.verdict}".strip()
+    return f"{symbol} {item.verdict.split(';')[0].split(' (')[0]}".strip()

@@ -23,21 +23,32 @@ from cpic_planner.report.numbers import (
 )
 from cpic_planner.report.panel_figure import PANEL_NOTE
 from cpic_planner.report.panels import Panels
-from cpic_planner.report.summary import calibration_sentence, chosen, planet_text, population_text, summary_sentences
+from cpic_planner.report.summary import (
+    calibration_sentence,
+    chosen,
+    overrides_sentence,
+    planet_text,
+    population_text,
+    summary_sentences,
+)
 from cpic_planner.report.words import (
+    DRAWN_AS,
     GLOSSARY,
     METHOD_CREDITS,
+    STAR_FLUX,
     STATUS_SYMBOLS,
     flag_text,
     library_text,
+    plus_minus,
     reason_text,
+    sentence,
     status_text,
 )
 
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-__all__ = ["plan_html", "render_plan"]
+__all__ = ["page_environment", "plan_html", "render_plan"]
 
 _FIGURES = (
     ("sky", "Ranked stars on the sky"),
@@ -122,7 +133,7 @@ def render_plan(
     rows = rank.targets[:top_rows]
     flags = sorted({flag for row in [*rows, *(target.ranked for target in plan.targets)] for flag in row.flags})
     return (
-        _environment()
+        page_environment()
         .get_template("plan.html.j2")
         .render(
             plan=plan,
@@ -135,7 +146,8 @@ def render_plan(
             score=score_text(rank.score_name),
             population=population_text(rank.population),
             summary=" ".join(summary_sentences(plan, rank)),
-            calibration=calibration_sentence(plan.calibration),
+            calibration=calibration_sentence(plan),
+            overrides=overrides_sentence(plan),
             planet=planet_text(plan),
             figures=[(key, title, figures[key]) for key, title in _FIGURES if key in figures],
             panel_note=PANEL_NOTE,
@@ -145,7 +157,8 @@ def render_plan(
     )
 
 
-def _environment() -> Environment:
+def page_environment() -> Environment:
+    """Templates of the pages, with the filters that they use."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     environment = Environment(
@@ -169,6 +182,10 @@ def _environment() -> Environment:
         "status": status_text,
         "flag": flag_text,
         "library": library_text,
+        "pm": plus_minus,
+        "sentence": sentence,
+        "star_flux": lambda method: STAR_FLUX.get(method, method),
+        "drawn": lambda way: DRAWN_AS.get(way, way),
         "symbol": lambda status: STATUS_SYMBOLS.get(status, ""),
         "ra": ra_text,
         "decl": dec_text,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cpic_planner.report.drawing import RESIDUAL_COLOURS, STACK_COLOURS, Picture, new_figure, save, style
+from cpic_planner.report.drawing import RESIDUAL_COLOURS, STACK_COLOURS, Picture, literal, new_figure, save, style
 from cpic_planner.report.names import pretty_name
 from cpic_planner.report.numbers import decimals
 from cpic_planner.report.panels import Panels, compass
@@ -21,10 +21,11 @@ FloatArray = NDArray[np.float64]
 _VIEW_MARGIN = 1.06
 
 PANEL_NOTE = (
-    "Images: summed stacks in electrons per pixel. The circle is the photometric aperture at the planet, dashed "
-    "squares bound the dark hole, N and E show the sky on the detector. Both stacks share one scale, linear at the "
-    "noise and logarithmic above, set by the dark hole: brighter light outside it is clipped. The residual's scale is "
-    "set by its noise: a bright planet is clipped. Grey in the residual: not used."
+    "Images: the first realisation, summed stacks in electrons per pixel. The circle is the photometric aperture at "
+    "the planet, dashed squares bound the dark hole, N and E show the sky on the detector. Both stacks share one "
+    "scale, linear at the noise and logarithmic above, set by the dark hole: brighter light outside it is clipped. The "
+    "residual's scale is set by its noise: a bright planet is clipped. Grey: not drawn, or not used. "
+    "A plus in the residual: a detection of the blind search; diamonds: other stars of the scene."
 )
 _SIGMA_OF_MAD = 1.4826
 
@@ -94,16 +95,24 @@ def panel_picture(panels: Panels, name: str) -> Picture:
             figure,
             "png",
             alt=f"{pretty_name(name)} in {panels.band}: summed science frames, summed reference frames, and the "
-            f"residual after subtraction; the planet is at x {decimals(panels.planet_x_arcsec, 2)}, y "
-            f"{decimals(panels.planet_y_arcsec, 2)} arcsec.",
+            f"residual after subtraction{_places(panels)}.",
             caption=f"{panels.band}; aperture radius {panels.aperture_radius_arcsec:.3f} arcsec.",
         )
+
+
+def _places(panels: Panels) -> str:
+    """Where planets are, for those who cannot see it."""
+    at = [
+        f"{mark.label or 'the planet'} is at x {decimals(mark.x_arcsec, 2)}, y {decimals(mark.y_arcsec, 2)} arcsec"
+        for mark in panels.every_mark
+        if mark.kind == "planet"
+    ]
+    return f"; {', '.join(at)}" if at else "; there is no planet"
 
 
 def _panel(axes: Axes, panels: Panels, image: FloatArray, colours: str, norm: Any, ink: str) -> None:
     import matplotlib as mpl
     from matplotlib.colors import AsinhNorm
-    from matplotlib.patches import Circle
     from matplotlib.ticker import MaxNLocator, ScalarFormatter
 
     palette = mpl.colormaps[colours].with_extremes(bad="#D8D8D8")
@@ -126,18 +135,31 @@ def _panel(axes: Axes, panels: Panels, image: FloatArray, colours: str, norm: An
     bar.set_ticks(ticks)
     bar.minorticks_off()
     bar.ax.xaxis.set_major_formatter(formatter)
-    axes.add_patch(
-        Circle(
-            (panels.planet_x_arcsec, panels.planet_y_arcsec),
-            panels.aperture_radius_arcsec,
-            fill=False,
-            edgecolor=ink,
-            linewidth=1.3,
-            path_effects=_halo(ink),
-        )
-    )
+    _marks(axes, panels, ink, searched=colours == RESIDUAL_COLOURS)
     _hole(axes, panels, ink)
     _compass(axes, panels)
+
+
+def _marks(axes: Axes, panels: Panels, ink: str, *, searched: bool) -> None:
+    """Circles at planets, diamonds at stars, and crosses where a search names a place."""
+    from matplotlib.patches import Circle
+
+    radius, view = panels.aperture_radius_arcsec, _VIEW_MARGIN * panels.hole_outer_arcsec
+    for mark in panels.every_mark:
+        x, y = mark.x_arcsec, mark.y_arcsec
+        if max(abs(x), abs(y)) > view or (mark.kind == "candidate" and not searched):
+            continue
+        if mark.kind == "planet":
+            axes.add_patch(Circle((x, y), radius, fill=False, edgecolor=ink, linewidth=1.3, path_effects=_halo(ink)))
+        else:
+            shape, size = ("D", 13.0) if mark.kind == "star" else ("+", 11.0)
+            axes.plot(x, y, marker=shape, ms=size, mfc="none", mec=ink, mew=1.3, ls="none", path_effects=_halo(ink))
+        if mark.label:
+            side = -1.0 if x > 0 else 1.0
+            axes.text(
+                x + side * 2.3 * radius, y, literal(mark.label), color=ink, fontsize=8.5, va="center",
+                ha="right" if side < 0 else "left", path_effects=_halo(ink), clip_on=True,
+            )  # fmt: skip
 
 
 def _ticks(norm: Any) -> list[float]:

@@ -1,10 +1,9 @@
-"""The three images of one band of one confirmed target, as they are stored and drawn."""
+"""The three images of one band of one confirmed target or scene, with what is marked on them."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, fields
-from typing import Any
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,11 +12,10 @@ from catalogs.errors import InputError
 from simulator.imaging.hole_zone import HoleMode, HoleSide, HoleZone
 from simulator.target.positions import sky_to_detector
 
-__all__ = ["Panels", "compass"]
+__all__ = ["Mark", "Panels", "compass"]
 
 FloatArray = NDArray[np.float64]
 _IMAGES = ("science", "reference", "residual")
-_STORED_DTYPE = np.float32
 
 
 def compass(parity: int, roll_deg: float = 0.0) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -35,6 +33,26 @@ def compass(parity: int, roll_deg: float = 0.0) -> tuple[tuple[float, float], tu
 
 
 @dataclass(frozen=True)
+class Mark:
+    """A place that is marked on the images: a planet, a star of the scene, or what a blind search names.
+
+    Attributes
+    ----------
+    x_arcsec, y_arcsec : float
+        Offset from the star on the detector.
+    kind : {"planet", "star", "candidate"}
+        What it is: candidates are marked on the residual alone.
+    label : str
+        Written beside it; empty for none.
+    """
+
+    x_arcsec: float
+    y_arcsec: float
+    kind: Literal["planet", "star", "candidate"] = "planet"
+    label: str = ""
+
+
+@dataclass(frozen=True)
 class Panels:
     """Images of one band: summed science stack, summed reference stack, residual after subtraction.
 
@@ -46,8 +64,8 @@ class Panels:
         Equal shapes (y, x), electrons of the summed stack; NaN where there is no value.
     pixel_scale_arcsec : float
         Size of a pixel.
-    planet_x_arcsec, planet_y_arcsec : float
-        Offset of the planet from the star on the detector.
+    planet_x_arcsec, planet_y_arcsec : float or None
+        Offset of the planet from the star on the detector; None for a scene without one.
     aperture_radius_arcsec : float
         Photometric aperture.
     hole_inner_arcsec, hole_outer_arcsec : float
@@ -62,6 +80,8 @@ class Panels:
         Rotation of the sky on the detector.
     star_column, star_row : float
         Pixel of the star; the middle of the array when not given.
+    marks : tuple of Mark
+        What else is marked.
     """
 
     band: str
@@ -69,8 +89,8 @@ class Panels:
     reference: FloatArray
     residual: FloatArray
     pixel_scale_arcsec: float
-    planet_x_arcsec: float
-    planet_y_arcsec: float
+    planet_x_arcsec: float | None
+    planet_y_arcsec: float | None
     aperture_radius_arcsec: float
     hole_inner_arcsec: float
     hole_outer_arcsec: float
@@ -81,6 +101,7 @@ class Panels:
     roll_deg: float = 0.0
     star_column: float | None = None
     star_row: float | None = None
+    marks: tuple[Mark, ...] = ()
 
     def __post_init__(self) -> None:
         for name in _IMAGES:
@@ -107,6 +128,13 @@ class Panels:
         return self.star_column, self.star_row
 
     @property
+    def every_mark(self) -> tuple[Mark, ...]:
+        """The planet first, where there is one, then the other marks."""
+        if self.planet_x_arcsec is None or self.planet_y_arcsec is None:
+            return self.marks
+        return Mark(self.planet_x_arcsec, self.planet_y_arcsec), *self.marks
+
+    @property
     def zone(self) -> HoleZone:
         """The dark quadrants."""
         return HoleZone(self.hole_inner_arcsec, self.hole_outer_arcsec, self.hole_mode, self.hole_side)
@@ -128,33 +156,3 @@ class Panels:
         x = np.asarray((np.arange(columns) - column) * self.pixel_scale_arcsec, dtype=np.float64)
         y = np.asarray((np.arange(rows) - row) * self.pixel_scale_arcsec, dtype=np.float64)
         return self.zone.covers(y, x)
-
-    def to_arrays(self) -> dict[str, NDArray[Any]]:
-        """Arrays for ``numpy.savez`` (no pickle needed); images in single precision."""
-        stored: dict[str, NDArray[Any]] = {}
-        for item in fields(self):
-            value = getattr(self, item.name)
-            stored[item.name] = value.astype(_STORED_DTYPE) if item.name in _IMAGES else np.asarray(value)
-        return stored
-
-    @classmethod
-    def from_arrays(cls, arrays: Mapping[str, Any]) -> Panels:
-        """Panels of what `to_arrays` gave, or of an open npz file.
-
-        Raises
-        ------
-        InputError
-            If an array is missing or the values are refused.
-        """
-        values: dict[str, Any] = {}
-        for item in fields(cls):
-            if item.name not in arrays:
-                raise InputError(
-                    "panels",
-                    item.name,
-                    allowed="an npz file with every array of Panels",
-                    hint="it is missing",
-                )
-            value = np.asarray(arrays[item.name])
-            values[item.name] = value if item.name in _IMAGES else value.item()
-        return cls(**values)

@@ -4,27 +4,25 @@ from __future__ import annotations
 
 import numpy as np
 
-from cpic_planner.models import BandConfirmation, PlanResult
+from cpic_planner.models import BandConfirmation, ConfirmResult, PlanResult
 from cpic_planner.report.drawing import Picture, band_style, new_figure, save, style
-from cpic_planner.validation.calibration import snr_scatter
+from cpic_planner.validation.calibration import PREDICTION_ERROR
 
-__all__ = ["snr_figure"]
+__all__ = ["measurements_of", "snr_figure"]
 
 _LOG_SPAN = 15.0
 
 
-def snr_figure(plan: PlanResult) -> Picture:
-    """Draw recovered against predicted SNR of every confirmed band."""
+def snr_figure(result: PlanResult | ConfirmResult) -> Picture:
+    """Draw recovered against predicted SNR of every band that was measured, with the mean ratio and its error."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-    bands = list(dict.fromkeys(band.band for target in plan.targets for band in target.bands))
-    looks = band_style(bands)
-    pairs: dict[str, list[tuple[float, float, float]]] = {band: [] for band in bands}
-    for target in plan.targets:
-        for item in target.bands:
-            found = _pair(item)
-            if found is not None:
-                pairs[item.band].append(found)
+    items = measurements_of(result)
+    looks = band_style([item.band for item in items])
+    pairs: dict[str, list[tuple[float, float, float]]] = {band: [] for band in looks}
+    for item in items:
+        if item.predicted_snr is not None and item.recovered_snr is not None:
+            pairs[item.band].append((item.predicted_snr, item.recovered_snr, item.recovered_snr_error or 0.0))
     everything = [pair for group in pairs.values() for pair in group]
     with style():
         figure = new_figure(4.9)
@@ -46,8 +44,10 @@ def snr_figure(plan: PlanResult) -> Picture:
         else:
             axes.set(xlim=(0.0, top), ylim=(min([0.0] + [r - 1.3 * e for _, r, e in everything]), top))
         axes.plot(line, line, color="#444444", lw=1.2, zorder=2, label="recovered = predicted")
-        ratio, error = plan.calibration.get("ratio"), plan.calibration.get("error")
+        ratio, error = result.calibration.get("ratio"), result.calibration.get("error")
         if ratio is not None and error is not None:
+            axes.fill_between(line, (ratio - error) * line, (ratio + error) * line, color="#B03060", alpha=0.18, lw=0.0,
+                              zorder=1)  # fmt: skip
             axes.plot(
                 line,
                 ratio * line,
@@ -55,9 +55,9 @@ def snr_figure(plan: PlanResult) -> Picture:
                 lw=1.2,
                 ls="--",
                 zorder=2,
-                label=f"mean ratio {ratio:.2f} ± {error:.2f}",
+                label=f"recovered / predicted\n{ratio:.2f} ± {error:.2f}",
             )
-        for band in bands:
+        for band in looks:
             if not pairs[band]:
                 continue
             predicted, recovered, errors = np.array(pairs[band]).T
@@ -82,15 +82,16 @@ def snr_figure(plan: PlanResult) -> Picture:
         return save(
             figure,
             "svg",
-            alt=f"Recovered against predicted SNR of {len(everything)} confirmed bands, with the line of equality.",
-            caption="Each symbol is one target in one band: one draw of the noise. Its error bar is the unit noise of "
-            "an SNR combined with the uncertainty of the noise itself, which is estimated from the few apertures at "
-            "one separation. Systematic differences show as a trend away from the line.",
+            alt=f"Recovered against predicted SNR of {len(everything)} measurements, with the line of equality.",
+            caption=f"Each symbol is one planet in one band: the mean of up to {result.realisations} realisations, "
+            "each with a drift of the wavefront and a noise of its own, with the error of that mean. The dashed line "
+            "is the mean ratio of all, the band around it its error, which holds the accuracy of a prediction at one "
+            f"place ({100 * PREDICTION_ERROR:g} %) too.",
         )
 
 
-def _pair(item: BandConfirmation) -> tuple[float, float, float] | None:
-    if item.predicted_snr is None or item.recovered_snr is None:
-        return None
-    scatter = snr_scatter(item.predicted_snr, item.predicted_significance or 0.0, item.n_background_apertures)
-    return item.predicted_snr, item.recovered_snr, scatter
+def measurements_of(result: PlanResult | ConfirmResult) -> list[BandConfirmation]:
+    """Every band of every target or planet, measured or not."""
+    if isinstance(result, ConfirmResult):
+        return list(result.bands)
+    return [band for target in result.targets for band in target.bands]

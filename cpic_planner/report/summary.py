@@ -3,16 +3,28 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
 
-from cpic_planner.models import BandConfirmation, ConfirmedTarget, PlanResult, PopulationRecord, RankResult
+from cpic_planner.models import (
+    BandConfirmation,
+    ConfirmedTarget,
+    ConfirmResult,
+    PlanResult,
+    PopulationRecord,
+    RankResult,
+)
 from cpic_planner.report.names import pretty_name
 from cpic_planner.report.numbers import count_text, duration_text, significant
+from cpic_planner.report.words import overrides_text, sentence
 
-__all__ = ["calibration_sentence", "chosen", "planet_text", "population_text", "summary_sentences"]
-
-N_ERRORS = 2.0
-"""A ratio further than this many standard errors from 1 is called a bias."""
+__all__ = [
+    "calibration_sentence",
+    "chosen",
+    "confirm_sentences",
+    "overrides_sentence",
+    "planet_text",
+    "population_text",
+    "summary_sentences",
+]
 
 
 def chosen(target: ConfirmedTarget) -> BandConfirmation | None:
@@ -35,17 +47,17 @@ def population_text(population: PopulationRecord) -> str:
     return f"{name}, {count_text(population.n_planets)} drawn with seed {population.seed}"
 
 
-def calibration_sentence(calibration: Mapping[str, float | int | None]) -> str:
+def calibration_sentence(result: PlanResult | ConfirmResult) -> str:
     """Return how recovered and predicted SNR compare; a bias is named only beyond two standard errors."""
-    ratio, error, count = calibration.get("ratio"), calibration.get("error"), calibration.get("n_bands")
-    if ratio is None or error is None:
+    if result.calibration.get("ratio") is None:
         return "No band was measured, so prediction and measurement could not be compared."
-    number = _plural(count or 0, "measurement")
-    text = f"Recovered over predicted SNR is {ratio:.2f} ± {error:.2f} (mean and standard error of {number})"
-    if abs(ratio - 1.0) <= N_ERRORS * error:
-        return f"{text}: compatible with 1 within {N_ERRORS:g} standard errors."
-    word = "optimistic" if ratio < 1.0 else "pessimistic"
-    return f"{text}: more than {N_ERRORS:g} standard errors from 1, so the prediction is {word}."
+    return sentence(result.calibration_text)
+
+
+def overrides_sentence(result: PlanResult | ConfirmResult) -> str:
+    """Return what is altered in the images; empty if nothing is."""
+    altered = overrides_text(result.simulator_overrides)
+    return f"Images altered: {altered}. Predictions are nominal." if altered else ""
 
 
 def summary_sentences(plan: PlanResult, rank: RankResult) -> list[str]:
@@ -63,9 +75,9 @@ def summary_sentences(plan: PlanResult, rank: RankResult) -> list[str]:
     measured = [band for target in plan.targets for band in target.bands if band.recovered_snr is not None]
     detections = sum(bool(band.detected) for band in measured)
     sentences.append(
-        f"The first {_plural(len(plan.targets), 'target')} were simulated as images, reduced and measured in "
-        f"every band in reach: the planet is detected around {len(found)} of {len(plan.targets)}, in {detections} "
-        f"of {_plural(len(measured), 'measurement')}."
+        f"The first {_plural(len(plan.targets), 'target')} were simulated as images, up to {plan.realisations} "
+        f"times in every band in reach, reduced, searched blind and measured: the planet is found around "
+        f"{len(found)} of {len(plan.targets)}, in {detections} of {_plural(len(measured), 'measurement')}."
     )
     if found:
         target, band = found[0]
@@ -76,7 +88,28 @@ def summary_sentences(plan: PlanResult, rank: RankResult) -> list[str]:
         counts = Counter(band.band for _, band in found)
         picked = ", ".join(f"{band} ({count})" for band, count in counts.most_common())
         sentences.append(f"Chosen bands, with number of targets: {picked}.")
-    return [*sentences, calibration_sentence(plan.calibration)]
+    return sentences
+
+
+def confirm_sentences(result: ConfirmResult) -> list[str]:
+    """Return the summary of a confirmed scene, one sentence an item."""
+    planets = list(dict.fromkeys(band.planet for band in result.bands))
+    bands = list(dict.fromkeys([*(search.band for search in result.searches), *(band.band for band in result.bands)]))
+    sentences = [
+        f"{_plural(len(planets), 'planet')} in {', '.join(bands) or 'no band'}, "
+        f"{_plural(result.realisations, 'realisation')} each: simulated, reduced, searched blind and measured."
+    ]
+    for planet in planets:
+        own = [band for band in result.bands if band.planet == planet]
+        seen = [band for band in own if band.recovered_snr is not None]
+        if not seen:
+            sentences.append(f"{planet} was not observed: {', '.join(sorted({band.message for band in own}))}.")
+            continue
+        found = ", ".join(f"{band.band} ({band.n_detected} of {band.realisations})" for band in seen if band.detected)
+        sentences.append(f"{planet} is found in {found}." if found else f"{planet} is found in no band.")
+    if not planets:
+        sentences.append("The scene has no planet in the field: there is nothing to compare with a prediction.")
+    return sentences
 
 
 def _score_words(rank: RankResult) -> str:

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from rich.table import Table
     from rich.text import Text
 
-    from cpic_planner.models import BandConfirmation, EtcRow, RankedTarget
+    from cpic_planner.models import BandConfirmation, EtcRow, RankedTarget, SearchRecord
 
 __all__ = [
     "Column",
@@ -134,7 +134,7 @@ def explain_symbols(console: Console, statuses: list[str]) -> None:
         print_note(console, "   ".join(f"{STATUS_SYMBOLS[status]} {status_text(status)}" for status in used))
 
 
-def frames_text(item: RankedTarget | BandConfirmation | EtcRow) -> str:
+def frames_text(item: RankedTarget | BandConfirmation | EtcRow | SearchRecord) -> str:
     """Number of frames and their exposure."""
     if item.exposure_s is None or item.n_frames is None:
         return MISSING

@@ -4,20 +4,29 @@ from __future__ import annotations
 
 import functools
 import json
+from collections.abc import Mapping
 from importlib import resources
+from typing import Any
 
 from catalogs.star_flags import ADDED_FLAGS
+from cpic_planner.overrides import SimulatorOverrides
 
 __all__ = [
+    "ALBEDO_STATUS",
+    "DRAWN_AS",
     "FLAGS",
     "GLOSSARY",
     "LIBRARIES",
     "METHOD_CREDITS",
+    "STAR_FLUX",
     "STATUS_SYMBOLS",
     "STATUS_WORDS",
     "flag_text",
     "library_text",
+    "overrides_text",
+    "plus_minus",
     "reason_text",
+    "sentence",
     "status_text",
 ]
 
@@ -54,6 +63,23 @@ _REASONS: dict[str, str] = {
     "roll_too_small": "the roll moves the planet by less than its aperture",
     "too_bright_to_count": "too bright for photon counting",
 }
+
+#: What contrasts refer to.
+STAR_FLUX: dict[str, str] = {
+    "off_mask": "series of the star off the mask",
+    "field_star": "star of the field",
+    "known": "the scene's own rate: the shortest exposure off the mask saturates",
+}
+
+#: How firm a fit of metallicity and clouds is.
+ALBEDO_STATUS: dict[str, str] = {
+    "constrained": "constrained",
+    "not_constrained": "not constrained: the 95 % region reaches the edge of the allowed range",
+    "degenerate": "degenerate: fewer bands than parameters",
+}
+
+#: How realisations are made.
+DRAWN_AS: dict[str, str] = {"sums": "as sums of frames", "frames": "frame by frame"}
 
 LIBRARIES: dict[str, str] = {
     "same_star_planet_free": "the same star without its planet, with its own noise and visit drift; as much time "
@@ -127,8 +153,25 @@ GLOSSARY: tuple[tuple[str, str], ...] = (
     ),
     (
         "predicted, recovered",
-        "Predicted numbers come from the analytic model; recovered ones from aperture photometry in simulated "
-        "images after the star was subtracted, at the known position of the planet.",
+        "Predicted numbers come from the analytic model; recovered ones from simulated images after the star was "
+        "subtracted. A blind search decides whether the planet is found; aperture photometry at its true place gives "
+        "the flux, found or not. Recovered numbers are those of one observation, averaged over the realisations.",
+    ),
+    (
+        "realisation",
+        "One made-up observation: a drift of the wavefront between and during the visits, and every noise, drawn "
+        "anew. Most are drawn as sums of frames over the dark hole; the audited one is run frame by frame with every "
+        "effect of the camera, calibrated, and cleaned of particles.",
+    ),
+    (
+        "blind search",
+        "A matched filter over the whole dark hole that does not know where the planet is. Its threshold holds the "
+        "false-alarm probability per resolution element of the stated n sigma, and allows for the places between them.",
+    ),
+    (
+        "optimistic, pessimistic",
+        "The ETC is optimistic by predicted over recovered SNR if that is above 1, pessimistic if below, each by more "
+        "than two standard errors; closer to 1 it agrees.",
     ),
     ("separation", "Angle between planet and star on the sky, projected."),
     (
@@ -184,3 +227,24 @@ def library_text(library: str) -> str:
 def flag_text(flag: str) -> str:
     """Return a flag as words; unknown flags with spaces for underscores."""
     return FLAGS.get(flag) or ADDED_FLAGS.get(flag) or _catalogue_flags().get(flag, flag.replace("_", " "))
+
+
+def plus_minus(text: str) -> str:
+    """Return a text with ± for the two characters that plain results have."""
+    return text.replace("+-", "±")
+
+
+def sentence(text: str) -> str:
+    """Return a text as a sentence: capital, ±, full stop; empty for none."""
+    return f"{plus_minus(text[:1].upper() + text[1:])}." if text else ""
+
+
+def overrides_text(overrides: Mapping[str, Any]) -> str:
+    """Return what is altered in the images, as people write it; empty if nothing is.
+
+    Parameters
+    ----------
+    overrides : mapping
+        ``simulator_overrides`` of a result.
+    """
+    return SimulatorOverrides.of(overrides).text().replace(" x", " ×") if overrides else ""

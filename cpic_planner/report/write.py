@@ -11,12 +11,15 @@ from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.questions import contrast_limit
 from cpic_planner.models import PlanResult, RankResult, SensitivityResult
 from cpic_planner.report.contrast_figure import HoleEdges, LimitCurve
+from cpic_planner.report.measured_table import measurements_csv
 from cpic_planner.report.names import pretty_name
-from cpic_planner.report.panels import Panels
+from cpic_planner.report.panels import Mark, Panels
 from cpic_planner.report.tables import ranking_csv, ranking_ecsv
 from cpic_planner.runfolder import RunFolder
 from cpic_planner.targets import Targets, find_target
 from cpic_planner.validation.confirm import decode_arrays
+from simulator.config import Scene
+from simulator.target.sources import scene_sources
 
 __all__ = ["hole_edges", "limit_curves", "panels_of", "write_report"]
 
@@ -54,15 +57,43 @@ def hole_edges(model: EtcModel) -> list[HoleEdges]:
     ]
 
 
-def panels_of(model: EtcModel, band: str, body: Mapping[str, Any]) -> Panels:
-    """Images of one finished piece of work."""
+def panels_of(model: EtcModel, band: str, body: Mapping[str, Any], *, scene: Scene | None = None) -> Panels:
+    """Images of one finished piece of work, with marks.
+
+    Parameters
+    ----------
+    model : EtcModel
+    band : str
+    body : mapping
+        What `cpic_planner.validation.confirm.confirm_task` returned.
+    scene : Scene, optional
+        What the images show: its planets, by name where there are several, and its other stars are marked. Without it
+        the one planet that was measured is.
+    """
     instrument, metrics = model.instrument, model.metrics[band]
     images = decode_arrays(body["panels"])
-    x, y = body["planet_offset_arcsec"]
+    nowhere = (images["science"] == 0) & (images["reference"] == 0)  # sums are drawn over the hole alone
+    offsets: list[tuple[float | None, float | None]] = [(x, y) for x, y in body["planet_offsets_arcsec"]]
+    roll_deg = -0.5 * model.strategy.roll_deg if model.strategy.library == "roll" else 0.0
+    marks = [
+        Mark(item["x_arcsec"], item["y_arcsec"], "candidate")
+        for item in (body["search"] or {"candidates": ()})["candidates"]
+        if item["detected"]
+    ]
+    if scene is not None:
+        sources = scene_sources(scene, instrument, band, roll_deg=roll_deg)[1:]
+        several = sum(source.kind == "planet" for source in sources) > 1
+        marks += [
+            Mark(source.x_arcsec, source.y_arcsec, "planet" if source.kind == "planet" else "star",
+                 source.name if several or source.kind == "star" else "")
+            for source in sources
+        ]  # fmt: skip
+        offsets = []
+    x, y = offsets[0] if offsets else (None, None)
     return Panels(
         band=band,
-        science=images["science"],
-        reference=images["reference"],
+        science=np.where(nowhere, np.nan, images["science"]),
+        reference=np.where(nowhere, np.nan, images["reference"]),
         residual=images["residual"],
         pixel_scale_arcsec=metrics.pixel_scale_arcsec,
         planet_x_arcsec=x,
@@ -74,6 +105,8 @@ def panels_of(model: EtcModel, band: str, body: Mapping[str, Any]) -> Panels:
         hole_mode=metrics.hole_mode,
         hole_side=metrics.hole_side,
         parity=instrument.detector.parity,
+        roll_deg=roll_deg,
+        marks=tuple(marks),
     )
 
 
@@ -86,7 +119,7 @@ def write_report(
     targets: Targets,
     sensitivity: SensitivityResult | None = None,
 ) -> None:
-    """Write ``ranking.csv``, ``ranking.ecsv`` and ``report.html``, each whole.
+    """Write ``ranking.csv``, ``ranking.ecsv``, ``measurements.csv`` and ``report.html``, each whole.
 
     `targets` are the ranked stars, `sensitivity` how their order depends on assumptions.
     """
@@ -94,6 +127,7 @@ def write_report(
 
     folder.write("ranking.csv", ranking_csv(rank))
     folder.write("ranking.ecsv", ranking_ecsv(rank))
+    folder.write("measurements.csv", measurements_csv(plan))
     panels = {f"{name} {band}": panels_of(model, band, body) for (name, band), body in bodies.items()}
     limits = limit_curves(plan, model, targets)
     page = plan_html(plan, rank, panels=panels, limits=limits, holes=hole_edges(model), sensitivity=sensitivity)

@@ -74,7 +74,7 @@ def _n_sources(item: PlannedSequence) -> int:
     scene = item.entry.scene
     if scene is None:
         return 0
-    return len(scene.stars) * (scene.companions == "on") + bool(scene.planets or scene.extended)
+    return sum(map(scene.is_lit, scene.stars)) + bool(scene.planets or scene.extended)
 
 
 def _time_s(item: PlannedSequence) -> float:

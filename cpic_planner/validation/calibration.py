@@ -1,4 +1,4 @@
-"""How predictions and measurements compare over all confirmed bands."""
+"""How predictions and measurements compare: in one band, over all of a target, over a plan."""
 
 from __future__ import annotations
 
@@ -7,10 +7,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from cpic_planner.models import BandConfirmation
 
-__all__ = ["Calibration", "calibrate", "snr_scatter"]
+__all__ = ["PREDICTION_ERROR", "Calibration", "calibrate", "mean_snr", "optimism", "snr_scatter", "standing"]
+
+PREDICTION_ERROR = 0.05
+"""Relative accuracy of a predicted SNR at one place: the residual speckles of one instrument are a few per cent
+brighter or fainter around a planet than the mean of the hole at its separation (reports/blind_validator)."""
+MIN_JACKKNIFE = 8
+MIN_SNR = 3.0
+"""A recovered SNR below this many of its errors says that the planet is missed, not by which factor."""
 
 
 @dataclass(frozen=True)
@@ -31,6 +39,32 @@ class Calibration:
     error: float | None
     n_bands: int
 
+    @property
+    def text(self) -> str:
+        """In words; a difference is named beyond two standard errors only."""
+        if self.ratio is None or self.error is None:
+            return "nothing was measured"
+        counted = f"over {self.n_bands} measurement{'s' if self.n_bands != 1 else ''}"
+        if self.ratio < MIN_SNR * self.error:
+            return f"the planets are missed: recovered / predicted SNR {self.ratio:.2f} +- {self.error:.2f} {counted}"
+        factor, error = optimism(self.ratio, self.error)
+        if standing(self.ratio, self.error) == "agrees":
+            return f"the ETC agrees with the images: predicted / recovered SNR {factor:.2f} +- {error:.2f} {counted}"
+        word = standing(self.ratio, self.error)
+        return f"the ETC is {word} by {factor:.2f} +- {error:.2f} (predicted / recovered SNR) {counted}"
+
+
+def optimism(ratio: float, error: float) -> tuple[float, float]:
+    """Predicted over recovered from recovered over predicted, with its error."""
+    return 1.0 / ratio, error / ratio**2
+
+
+def standing(ratio: float, error: float) -> str:
+    """``optimistic``, ``pessimistic`` or ``agrees``, from recovered over predicted SNR and its standard error."""
+    if abs(ratio - 1.0) <= 2.0 * error:
+        return "agrees"
+    return "optimistic" if ratio < 1.0 else "pessimistic"
+
 
 def snr_scatter(snr: float, significance: float, n_apertures: int | None) -> float:
     """Standard deviation of an SNR measured once.
@@ -45,11 +79,41 @@ def snr_scatter(snr: float, significance: float, n_apertures: int | None) -> flo
     Notes
     -----
     Unit noise in the flux, less what a brighter measurement adds to its own error; and the error of the background's
-    scatter, known to ``1 / sqrt(2 (n - 1))`` from n apertures, in its share of the variance.
+    scatter, known to ``1 / sqrt(2 (n - 1))`` from n apertures, in its share of the variance. In that share the ratio is
+    wider than a normal law, as Student's t with n - 1 degrees of freedom.
     """
     quiet = min((snr / significance) ** 2, 1.0) if significance > 0 else 1.0
-    relative = 1.0 / math.sqrt(2.0 * (n_apertures - 1)) if n_apertures and n_apertures > 1 else 0.0
-    return math.hypot(1.0 - 0.5 * (1.0 - quiet), snr * relative * quiet)
+    dof = n_apertures - 1 if n_apertures and n_apertures > 1 else math.inf
+    relative = 1.0 / math.sqrt(2.0 * dof)
+    wider = math.sqrt(1.0 + 2.0 / (dof - 2.0)) if dof > 2.0 else 2.0
+    return math.hypot(1.0 - 0.5 * (1.0 - quiet), snr * relative * quiet) * wider**quiet
+
+
+def mean_snr(flux: ArrayLike, error: ArrayLike, *, significance: float, n_apertures: int) -> tuple[float, float]:
+    """SNR of one observation from many realisations of it, and the error of that.
+
+    Parameters
+    ----------
+    flux, error : array_like
+        Measured values and their 1-sigma errors, at least one.
+    significance : float
+        Expected, for the scatter of few realisations.
+    n_apertures : int
+        Apertures behind each error.
+
+    Notes
+    -----
+    Mean flux over the quadratic mean of the errors: variances are unbiased, and the mean of single ratios is too large,
+    by ``3 / (4 n)`` for n samples. Error by leaving one realisation out at a time (jackknife); below eight of them what
+    `snr_scatter` expects of one, over the square root of their number.
+    """
+    values, variances = np.asarray(flux, float), np.asarray(error, float) ** 2
+    n = len(values)
+    snr = float(values.mean() / math.sqrt(variances.mean()))
+    if n < MIN_JACKKNIFE:
+        return snr, snr_scatter(abs(snr), max(significance, abs(snr)), n_apertures) / math.sqrt(n)
+    left_out = (values.sum() - values) / (n - 1) / np.sqrt((variances.sum() - variances) / (n - 1))
+    return snr, float(np.sqrt((n - 1) / n * np.sum((left_out - left_out.mean()) ** 2)))
 
 
 def calibrate(bands: Sequence[BandConfirmation]) -> Calibration:
@@ -59,16 +123,19 @@ def calibrate(bands: Sequence[BandConfirmation]) -> Calibration:
     ----------
     bands : sequence of BandConfirmation
         Bands without a measurement are passed over.
+
+    Notes
+    -----
+    The variance of a band is that of its mean and that of the prediction, `PREDICTION_ERROR` of the mean ratio.
     """
-    used = [b for b in bands if b.predicted_snr and b.recovered_snr is not None]
+    used = [b for b in bands if b.predicted_snr and b.recovered_snr is not None and b.recovered_snr_error is not None]
     if not used:
         return Calibration(None, None, 0)
     predicted = np.array([b.predicted_snr for b in used], float)
     ratios = np.array([b.recovered_snr for b in used], float) / predicted
-    scatter = np.array(
-        [snr_scatter(b.predicted_snr or 0.0, b.predicted_significance or 0.0, b.n_background_apertures) for b in used]
-    )
-    weight = (predicted / scatter) ** 2
+    own = np.array([b.recovered_snr_error for b in used], float) / predicted
+    ratio = float(np.average(ratios, weights=own**-2))
+    weight = 1.0 / (own**2 + (PREDICTION_ERROR * ratio) ** 2)
     ratio = float(np.sum(weight * ratios) / weight.sum())
     error = 1.0 / math.sqrt(weight.sum())
     if len(used) >= 3:

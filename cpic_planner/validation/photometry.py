@@ -233,8 +233,8 @@ def aperture_photometry(
     return Photometry(
         flux=raw / throughput,
         error=raw_error / throughput,
-        snr=_ratio(raw, raw_error),
-        significance=_ratio(raw, sigma),
+        snr=ratio(raw, raw_error),
+        significance=ratio(raw, sigma),
         raw_flux=raw,
         sigma_background=sigma,
         n_background_apertures=n_apertures,
@@ -244,7 +244,7 @@ def aperture_photometry(
         background_area_pixels=area_background,
         throughput=float(throughput),
         flux_paper_error=paper,
-        snr_paper=_ratio(raw, paper),
+        snr_paper=ratio(raw, paper),
     )
 
 
@@ -260,7 +260,8 @@ def _without_sources(hole: BoolArray, positions: Sequence[tuple[float, float]], 
     return region
 
 
-def _ratio(signal: float, noise: float) -> float:
+def ratio(signal: float, noise: float) -> float:
+    """Signal over noise; infinite for a signal without noise, 0 for nothing."""
     if noise > 0:
         return signal / noise
     return math.copysign(math.inf, signal) if signal else 0.0

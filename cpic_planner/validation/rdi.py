@@ -9,6 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from catalogs.errors import InputError
+from cpic_planner.validation.modes import leading_modes, row_norm
+from cpic_planner.validation.region import as_images, checked_frames, checked_region, region_rows
 
 __all__ = ["Centering", "RdiResult", "rdi_subtract"]
 
@@ -16,9 +18,7 @@ FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 Centering = Literal["none", "spatial", "temporal"]
 
-# Smallest eigenvalue of the references' Gram matrix that counts, relative to the largest ...
-EIGENVALUE_CUT = 1e-12
-# ... and smallest amplitude relative to the references before centring: below it there is only rounding.
+# Smallest amplitude of a mode relative to the references before centring: below it there is only rounding.
 ROUNDING_CUT = 1e-13
 
 
@@ -69,13 +69,13 @@ class RdiResult:
         ndarray
             Same shape; 0 outside the region.
         """
-        images = _images("template", template)
+        images = checked_frames("template", template)
         if images.shape[-2:] != self.region.shape:
             raise InputError("template", images.shape, unit="px", allowed=f"images of {self.region.shape}")
-        rows = _rows("template", images, self.region)
+        rows = region_rows("template", images, self.region)
         if self.centering == "spatial":
             rows = rows - rows.mean(axis=1, keepdims=True)
-        return _unfold(_remove(rows, self.modes), self.region, images.shape)
+        return as_images(_remove(rows, self.modes), self.region, images.shape)
 
     def throughput(
         self, template: npt.ArrayLike, aperture: npt.ArrayLike, *, background: npt.ArrayLike | None = None
@@ -113,7 +113,7 @@ class RdiResult:
         left = self.project(planet)
         surviving = float(np.sum(left * weights))
         if background is not None:
-            pixels = _region("background", background, self.region.shape)
+            pixels = checked_region("background", background, self.region.shape)
             surviving -= float(left[pixels].mean() * weights.sum())
         return surviving / incoming
 
@@ -156,35 +156,40 @@ def rdi_subtract(
     Notes
     -----
     The modes are the eigenvectors of the Gram matrix of the centred references carried to pixel space, that
-    is their right singular vectors (Soummer et al. 2012, ApJ 755, L28). They are computed from a QR
-    factorisation and the singular values of the small factor: same modes, without squaring the condition
-    number. Modes with an eigenvalue below 1e-12 of the largest, or at the level of rounding, do not exist
-    numerically and are dropped.
+    is their right singular vectors: the Karhunen-Loeve images of Soummer et al. 2012 (ApJ 755, L28) with
+    spatial centring, the principal components of Amara & Quanz 2012 (MNRAS 427, 948) with temporal centring.
+    How they are computed: `cpic_planner.validation.modes.leading_modes`. Modes with an eigenvalue below 1e-12
+    of the largest, or at the level of rounding, do not exist numerically and are dropped.
+
+    References without planet leave nothing of the planet in the modes: the subtraction is a fixed projection
+    for it and takes about ``modes / pixels`` of its light where the modes are noise. `RdiResult.throughput`
+    gives the exact fraction.
     """
     if centering not in get_args(Centering):
         raise InputError("centering", centering, allowed=", ".join(get_args(Centering)))
     if isinstance(n_modes, bool) or not isinstance(n_modes, int | np.integer) or n_modes < 0:
         raise InputError("n_modes", n_modes, allowed="an integer of at least 0")
-    targets, library = _images("science", science), _images("references", references)
+    targets, library = checked_frames("science", science), checked_frames("references", references)
     if library.ndim != 3 or library.shape[0] < 1:
         raise InputError("references", library.shape, allowed="at least one frame, shape (m, y, x)")
     if targets.shape[-2:] != library.shape[-2:]:
         raise InputError("references", library.shape, unit="px", allowed=f"frames of {targets.shape[-2:]} as science")
-    pixels = _region("region", region, targets.shape[-2:])
-    rows, refs = _rows("science", targets, pixels), _rows("references", library, pixels)
+    pixels = checked_region("region", region, targets.shape[-2:])
+    rows, refs = region_rows("science", targets, pixels), region_rows("references", library, pixels)
 
-    floor = ROUNDING_CUT * _norm(refs)
+    floor = ROUNDING_CUT * row_norm(refs)
+    # Rows are copies: new memory for each step would cost more time than the arithmetic.
     if centering == "spatial":
-        rows = rows - rows.mean(axis=1, keepdims=True)
-        refs = refs - refs.mean(axis=1, keepdims=True)
+        rows -= rows.mean(axis=1, keepdims=True)
+        refs -= refs.mean(axis=1, keepdims=True)
     elif centering == "temporal":
         mean = refs.mean(axis=0)
-        rows, refs = rows - mean, refs - mean
-    modes, singular = _modes(refs, floor)
-    used = min(int(n_modes), len(singular))
-    modes, singular = modes[:used], singular[:used]
+        rows -= mean
+        refs -= mean
+    modes, singular = leading_modes(refs, int(n_modes), floor)
+    used = len(singular)
     return RdiResult(
-        residuals=_unfold(_remove(rows, modes), pixels, targets.shape),
+        residuals=as_images(_remove(rows, modes), pixels, targets.shape),
         modes_requested=int(n_modes),
         modes_used=used,
         truncated=used < n_modes,
@@ -195,53 +200,6 @@ def rdi_subtract(
     )
 
 
-def _modes(refs: FloatArray, floor: float) -> tuple[FloatArray, FloatArray]:
-    """Right singular vectors (rank, pixels) and singular values of the rows, down to the numerical rank."""
-    basis, triangle = np.linalg.qr(refs.T)
-    rotation, singular, _ = np.linalg.svd(triangle, full_matrices=False)
-    keep = singular > max(floor, np.sqrt(EIGENVALUE_CUT) * singular[0])
-    return np.ascontiguousarray((basis @ rotation[:, keep]).T), singular[keep]
-
-
 def _remove(rows: FloatArray, modes: FloatArray) -> FloatArray:
-    return rows - (rows @ modes.T) @ modes
-
-
-def _norm(rows: FloatArray) -> float:
-    largest = float(np.abs(rows).max())
-    return largest * float(np.linalg.norm(rows / largest)) if largest > 0 else 0.0
-
-
-def _images(key: str, value: npt.ArrayLike) -> FloatArray:
-    images = np.asarray(value)
-    if images.dtype.kind not in "iufb" or images.ndim not in (2, 3) or images.size == 0:
-        raise InputError(key, f"{images.dtype} array of shape {images.shape}", allowed="numbers, (y, x) or (n, y, x)")
-    return images.astype(np.float64, copy=False)
-
-
-def _region(key: str, value: npt.ArrayLike | None, shape: tuple[int, ...]) -> BoolArray:
-    if value is None:
-        return np.ones(shape, dtype=np.bool_)
-    region = np.asarray(value)
-    if region.dtype != np.bool_ or region.shape != tuple(shape) or not region.any():
-        raise InputError(key, f"{region.dtype} array of shape {region.shape}",
-                         allowed=f"booleans of shape {tuple(shape)}, some of them true")  # fmt: skip
-    return region.copy()
-
-
-def _rows(key: str, images: FloatArray, region: BoolArray) -> FloatArray:
-    """Region pixels of each image as one row, refused by name if not finite."""
-    stack = images.reshape(-1, *images.shape[-2:])
-    rows = stack[:, region]
-    finite = np.isfinite(rows)
-    if not finite.all():
-        frame, pixel = np.unravel_index(int(np.argmin(finite)), rows.shape)
-        y, x = np.argwhere(region)[pixel]
-        raise InputError(f"{key}[frame={frame}, y={y}, x={x}]", float(rows[frame, pixel]), allowed="finite numbers")
-    return rows
-
-
-def _unfold(rows: FloatArray, region: BoolArray, shape: tuple[int, ...]) -> FloatArray:
-    images = np.zeros((len(rows), *region.shape))
-    images[:, region] = rows
-    return images.reshape(shape)
+    out = (rows @ modes.T) @ modes
+    return np.subtract(rows, out, out=out)

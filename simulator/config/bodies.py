@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field, StrictBool, model_validator
 
 from catalogs.errors import InputError
 from catalogs.spectral_types import stellar_parameters
@@ -93,7 +93,8 @@ class SceneStar(Body):
     ``spectrum`` is ``grid`` (shipped PHOENIX and CK04 fluxes), ``blackbody``, ``pickles``, the path of a file or of a
     CK04 or PHOENIX tree, or a table; it is scaled to ``v_mag`` (Johnson V, Vega). Temperature and gravity are those of
     ``spectral_type`` unless ``teff_k`` and ``log_g`` are given; a file or table needs neither. ``distance_pc`` and
-    ``luminosity_lsun`` of the central star turn angles into distances and distances into insolation.
+    ``luminosity_lsun`` of the central star turn angles into distances and distances into insolation. A star that is no
+    ``companion`` (a star of the field, a calibrator) stays where a scene leaves companions out.
     """
 
     v_mag: Magnitude
@@ -104,6 +105,7 @@ class SceneStar(Body):
     spectrum: StarLight = "grid"
     distance_pc: Annotated[Real, Field(gt=0, le=1e6)] | None = None
     luminosity_lsun: Annotated[Real, Field(gt=0, le=1e8)] | None = None
+    companion: StrictBool = True
 
     @model_validator(mode="before")
     @classmethod

@@ -32,8 +32,8 @@ class Scene(FrozenModel):
     """What the telescope points at.
 
     Objects without a name get one: the scene's for the central star, ``planet 1``, ``star 1``, ``extended 1`` and so on
-    for the others. ``companions`` says whether the ``stars`` are put on the image (``on``) or left out. ``extended`` is
-    scattered light that is no point: discs, rings, images.
+    for the others. ``companions`` says whether the ``stars`` are put on the image (``on``) or left out (``off``); those
+    with ``companion: false`` always are. ``extended`` is scattered light that is no point: discs, rings, images.
     """
 
     name: Annotated[str, Field(min_length=1)]
@@ -67,6 +67,8 @@ class Scene(FrozenModel):
         for key in ("separation_arcsec", "pa_deg"):
             if getattr(self.cstar, key):
                 raise InputError(f"cstar.{key}", getattr(self.cstar, key), allowed="no such key: it is the origin")
+        if not self.cstar.companion:
+            raise InputError("cstar.companion", False, allowed="no such key: the others are its companions")
         seen = {self.cstar.name: "cstar"}
         bodies = [(f"planets.{n}", body) for n, body in enumerate(self.planets)]
         for path, body in [*bodies, *((f"stars.{n}", body) for n, body in enumerate(self.stars))]:
@@ -88,6 +90,10 @@ class Scene(FrozenModel):
                 raise InputError(f"extended.{number}.v_mag", source.v_mag, unit="mag",
                                  allowed=f"at least that of cstar, {self.cstar.v_mag:g}")  # fmt: skip
         return self
+
+    def is_lit(self, star: SceneStar) -> bool:
+        """Whether one of its stars is put on the image."""
+        return self.companions == "on" or not star.companion
 
     def without_planets(self) -> Scene:
         """The same scene, star only: what the reference library sees."""

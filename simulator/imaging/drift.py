@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from catalogs.errors import InputError
 from simulator.config.optics import Drift
-from simulator.imaging.imager import Imager
+from simulator.imaging.imager import FocalGrid, Imager
 
 if TYPE_CHECKING:
     from simulator.imaging.psf import Psf
@@ -89,7 +89,7 @@ def screen_model(samples: int, psd_slope: float) -> ScreenModel:
 
 
 def iter_visit_frames(
-    optics: Imager | Psf,
+    optics: Imager | Psf | FocalGrid,
     drift: Drift,
     n_frames: int,
     cadence_s: float,
@@ -102,8 +102,9 @@ def iter_visit_frames(
 
     Parameters
     ----------
-    optics : Imager or Psf
-        Optical model, or the PSF that holds it; its ``knobs`` set the sampling.
+    optics : Imager, Psf or FocalGrid
+        Optical model, or the PSF that holds it: stamps of the size that its ``knobs`` set. Or the transforms of a model
+        to other pixels, with the star where they have it.
     drift : Drift
         Visit offset (nm rms), random walk (nm rms per square root of an hour), spectral slope.
     n_frames : int
@@ -131,17 +132,19 @@ def iter_visit_frames(
         raise InputError("n_frames", n_frames, allowed="at least 1")
     if not (math.isfinite(cadence_s) and cadence_s > 0):
         raise InputError("cadence_s", cadence_s, unit="s", allowed="above 0")
+    if isinstance(optics, FocalGrid):
+        return _frames(optics, drift, n_frames, cadence_s, rng_visit, rng_walk)
     imager = optics if isinstance(optics, Imager) else optics.imager
-    return _frames(imager, drift, n_frames, cadence_s, rng_visit, rng_walk, star_arcsec)
+    axis = imager.stamp_axis(masked=True)
+    grid = imager.focal_grid(axis, axis, source_arcsec=star_arcsec)
+    return _frames(grid, drift, n_frames, cadence_s, rng_visit, rng_walk)
 
 
 def _frames(
-    imager: Imager, drift: Drift, n_frames: int, cadence_s: float, rng_visit: np.random.Generator,
-    rng_walk: np.random.Generator, star_arcsec: tuple[float, float],
+    grid: FocalGrid, drift: Drift, n_frames: int, cadence_s: float, rng_visit: np.random.Generator,
+    rng_walk: np.random.Generator,
 ) -> Iterator[FloatArray]:  # fmt: skip
-    screens = screen_model(len(imager.transmission), drift.psd_slope)
-    axis = imager.stamp_axis(masked=True)
-    grid = imager.focal_grid(axis, axis, source_arcsec=star_arcsec)
+    screens = screen_model(len(grid.imager.transmission), drift.psd_slope)
     step_nm = drift.walk_nm_per_sqrt_hour * math.sqrt(cadence_s / 3600.0)
     opd_nm = screens.draw(rng_visit, drift.visit_nm)
     stamp: FloatArray | None = None
@@ -155,7 +158,7 @@ def _frames(
 
 
 def visit_frames(
-    optics: Imager | Psf,
+    optics: Imager | Psf | FocalGrid,
     drift: Drift,
     n_frames: int,
     cadence_s: float,

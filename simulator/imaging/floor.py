@@ -22,7 +22,7 @@ from simulator.imaging.imager import Imager
 from simulator.imaging.quadrature import PixelAxis
 from simulator.rng import stream
 
-__all__ = ["FloorTable", "measure_floor"]
+__all__ = ["FloorTable", "measure_floor", "visit_responses"]
 
 FloatArray = NDArray[np.float64]
 VISIT_NM = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)
@@ -58,7 +58,7 @@ def measure_floor(
     side: FloatArray = np.arange(first, last + 1, dtype=np.float64) * pixel
     y_centres, x_centres = zone.axes(side)
     y, x = (imager.axis(centres, masked=True) for centres in (y_centres, x_centres))
-    nominal, linear, quadratic = _responses(imager, y, x, psd_slope, n_visits, seed)
+    nominal, linear, quadratic = visit_responses(imager, y, x, psd_slope, n_visits, seed)
 
     hole = zone.covers(y_centres, x_centres)
     place = zone.covers(y_centres, x_centres, -radius)
@@ -91,10 +91,10 @@ def measure_floor(
     return FloorTable(np.asarray(visit_nm), middles, np.sqrt(mean_square))
 
 
-def _responses(
+def visit_responses(
     imager: Imager, y: PixelAxis, x: PixelAxis, psd_slope: float, n_visits: int, seed: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Pixel images I0, L_k and Q_k at unit rms (1 nm)."""
+    """Pixel images I0, L_k and Q_k at unit rms (1 nm): shapes (1, y, x), (n_visits, y, x) and (n_visits, y, x)."""
     screens = screen_model(len(imager.transmission), psd_slope)
     rng = stream(seed, "rdi_floor")
     grid = imager.focal_grid(y, x)

@@ -230,8 +230,8 @@ def _rows(scene: Scene, roll_deg: float, parity: int, path: str) -> Iterable[Spe
     lights: list[tuple[Kind, LitStar | LitPlanet]] = [("cstar", host)]
     for number, planet in enumerate(scene.planets):
         lights.append(("planet", LitPlanet(planet, f"{path}.planets.{number}", place(scene.cstar, planet), host)))
-    if scene.companions == "on":
-        for number, star in enumerate(scene.stars):
+    for number, star in enumerate(scene.stars):
+        if scene.is_lit(star):
             lights.append(("star", LitStar(star, f"{path}.stars.{number}", place(scene.cstar, star))))
     x, y = sky_to_detector(*np.transpose([light.place for _, light in lights]), roll_deg=roll_deg, parity=parity)
     for (kind, light), *offset in zip(lights, x.tolist(), y.tolist(), strict=True):

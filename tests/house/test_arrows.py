@@ -22,6 +22,7 @@ SIMULATOR = [
     {"ledger"},
     {"sequence"},
     {"observation", "calibration"},
+    {"hole_stack"},
 ]
 PLANNER = [
     {"version"},
@@ -37,10 +38,12 @@ PLANNER = [
     {"ranking"},
     {"sensitivity"},
     {"explain"},
+    {"overrides", "override_keys"},
     {"validation"},
     {"report"},
     {"survey"},
-    {"plan", "simulation"},
+    {"confirmed"},
+    {"plan", "scene_confirmation", "confirm_run", "simulation"},
     {"api"},
     {"cli"},
 ]

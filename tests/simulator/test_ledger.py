@@ -45,6 +45,10 @@ def test_what_the_scene_has_is_said():
     disc = {"kind": "disc", "inner_arcsec": 0.3, "outer_arcsec": 0.5, "contrast": 1e-6}
     found = rows(scene={"extended": [disc], "stars": [STAR | {"name": "t", "separation_arcsec": 3, "pa_deg": 0}]})
     assert found["extended sources"].decision == found["light of companions"].decision == "kept"
+    field = STAR | {"name": "t", "separation_arcsec": 3, "pa_deg": 0, "companion": False}
+    assert "light of companions" not in rows(scene={"stars": [field]})
+    both = [field, field | {"name": "u", "companion": True}]
+    assert rows(scene={"stars": both, "companions": "off"})["light of companions"].decision == "skipped"
     assert "brighter" in rows(hole_state="not_reached")[STATIC].reason
     assert rows(scene_model="paper")["source positions"].decision == "skipped"
     assert rows(hole_state="external")[STATIC].decision == "skipped"

@@ -3,28 +3,37 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from html.parser import HTMLParser
 
 import numpy as np
 import pytest
 
 from cpic_planner.models import (
+    AlbedoRecord,
+    AuditRecord,
     BandConfirmation,
     BandStanding,
+    CandidateRecord,
     ConfirmedTarget,
+    ConfirmResult,
     EtcResult,
     EtcRow,
     Explanation,
     PlanResult,
     PopulationRecord,
+    PositionRecord,
     RankedTarget,
     RankResult,
     ReferencePlanetRecord,
+    SearchRecord,
     SensitivityResult,
     SensitivityRow,
 )
 from cpic_planner.report.figures import HoleEdges, LimitCurve
 from cpic_planner.report.panels import Panels
 
+VOID_TAGS = {"meta", "img", "br", "link", "input", "hr"}
 HOSTILE = "<script>alert('x')</script>"
 BANDS = ("F520", "F662", "F720", "F850")
 PIXEL = 0.016153
@@ -145,6 +154,24 @@ def rank() -> RankResult:
     )
 
 
+def _audit(predicted: float, contrast: float) -> AuditRecord:
+    return AuditRecord(
+        n_frames=118,
+        predicted_snr=0.99 * predicted,
+        recovered_snr=1.01 * predicted,
+        recovered_significance=1.2 * predicted,
+        contrast=1.04 * contrast,
+        contrast_error=0.03 * contrast,
+        deviation_sigma=1.33,
+        detected=True,
+        false_detections=0,
+        hits=444,
+        rejected_fraction=0.0158,
+        saturated_in_hole=0,
+        saturated_outside=259.2,
+    )
+
+
 def _confirmed(row: RankedTarget, shift: float) -> ConfirmedTarget:
     bands = []
     for number, (band, predicted) in enumerate(zip(BANDS, (24.0, 31.0, 12.0, 6.0), strict=True)):
@@ -188,21 +215,36 @@ def _confirmed(row: RankedTarget, shift: float) -> ConfirmedTarget:
                 em_gain=36.2,
                 integration_s=5015.0,
                 time_s=10289.6,
+                realisations=8,
+                drawn_as="sums",
                 predicted_snr=predicted,
                 predicted_significance=1.2 * predicted,
                 recovered_snr=recovered,
+                recovered_snr_error=0.04 * recovered,
+                etc_ratio=predicted / recovered,
+                etc_ratio_error=0.06,
                 recovered_significance=1.1 * recovered,
                 threshold=5.7,
                 recovered_contrast=row.contrast * recovered / predicted,
                 contrast_error=row.contrast / recovered,
+                contrast_mean_error=row.contrast / recovered / math.sqrt(8.0),
+                star_flux="off_mask" if shift > 0 else "known",
+                star_flux_error=2e-4 if shift > 0 else None,
                 rdi_throughput=0.94,
                 rdi_modes_used=10,
                 core_throughput=0.21,
                 n_background_apertures=60,
                 saturated_in_hole=0,
-                saturated_outside=12.5,
+                saturated_outside=None,
+                n_detected=8 if detected else 2,
+                false_detections=1,
                 detected=detected,
-                verdict="confirmed" if detected else "not confirmed",
+                found_separation_arcsec=row.separation_arcsec + 0.001 if detected else None,
+                found_separation_error_arcsec=0.0021 if detected else None,
+                found_pa_deg=314.6 if detected else None,
+                found_pa_error_deg=0.35 if detected else None,
+                verdict="confirmed (8 of 8); ETC agrees, 0.97 +- 0.06" if detected else "not confirmed (2 of 8)",
+                audit=_audit(predicted, row.contrast) if band == "F662" else None,
                 image=f"{row.name} {band}",
                 **head,
             )
@@ -214,6 +256,9 @@ def _confirmed(row: RankedTarget, shift: float) -> ConfirmedTarget:
         ranked=row,
         planet_distance_au=row.ref_planet_distance_au,
         chosen_band=chosen,
+        verdict="confirmed in F662, F720; ETC agrees, 0.97 +- 0.04",
+        etc_ratio=0.97,
+        etc_ratio_error=0.04,
         bands=bands,
     )
 
@@ -235,7 +280,9 @@ def plan(rank: RankResult) -> PlanResult:
         sample=rank.sample,
         n_ranked=len(rank.targets),
         counts=rank.counts,
+        realisations=8,
         calibration={"ratio": 0.97, "error": 0.04, "n_bands": 6},
+        calibration_text="the ETC agrees with the images: predicted / recovered SNR 1.03 +- 0.04 over 6 measurements",
         not_modelled=[
             "pointing jitter: not modelled",
             "cosmic rays: not modelled; frames are kept short enough that few are lost",
@@ -281,6 +328,86 @@ def make_panels(band: str = "F662", *, seed: int = 1, size: int = 137) -> Panels
 def panels(plan: PlanResult) -> dict[str, Panels]:
     keys = [(band.image, band.band) for target in plan.targets for band in target.bands if band.image]
     return {key: make_panels(band, seed=i) for i, (key, band) in enumerate(keys)}
+
+
+def _candidate(snr: float, planet: str, detected: bool) -> CandidateRecord:
+    return CandidateRecord(
+        x_arcsec=0.318,
+        y_arcsec=0.32,
+        separation_arcsec=0.451,
+        pa_deg=315.2,
+        snr=snr,
+        threshold=6.1,
+        detected=detected,
+        planet=planet,
+    )
+
+
+@pytest.fixture(scope="session")
+def confirmation(plan: PlanResult) -> ConfirmResult:
+    """A scene with a planet of a hostile name, measured in three bands and outside in one, and a second planet."""
+    first = [band.model_copy(update={"planet": HOSTILE, "image": band.band}) for band in plan.targets[0].bands]
+    second = plan.targets[0].bands[0].model_copy(update={"planet": "c", "audit": None})
+    frames = {"exposure_s": 42.5, "n_frames": 118, "em_gain": 36.2, "realisations": 8, "sigma": 5.0}
+    searches = [
+        SearchRecord(
+            band="F520",
+            resolution_elements=395.2,
+            false_detections=1,
+            candidates=[_candidate(20.1, HOSTILE, True), _candidate(6.3, "", True), _candidate(4.4, "", False)],
+            **frames,
+        ),
+        SearchRecord(band="F662", resolution_elements=215.0, false_detections=0, candidates=[], **frames),
+    ]
+    return ConfirmResult(
+        version="0.1.0",
+        config_hash="77aa01fe9d1c",
+        scene="a scene",
+        instrument="cpic_default",
+        seed=1,
+        fidelity="standard",
+        realisations=8,
+        sigma=5.0,
+        reference_library="same_star_planet_free",
+        rdi_modes=1,
+        simulator_overrides={"bands.*.t_opt": "x0.7", "companions": "on"},
+        calibration={"ratio": 0.7, "error": 0.03, "n_bands": 4},
+        calibration_text="the ETC is optimistic by 1.43 +- 0.06 (predicted / recovered SNR) over 4 measurements",
+        not_modelled=["cosmic rays: switched off"],
+        bands=[*first, second],
+        searches=searches,
+        positions=[
+            PositionRecord(
+                planet=HOSTILE,
+                bands=["F520", "F662"],
+                separation_arcsec=0.4512,
+                separation_error_arcsec=0.0011,
+                pa_deg=314.7,
+                pa_error_deg=0.22,
+                true_separation_arcsec=0.45,
+                true_pa_deg=315.0,
+            )
+        ],
+        albedos=[
+            AlbedoRecord(
+                planet=HOSTILE,
+                bands=["F520", "F662"],
+                status="not_constrained",
+                log10_mh=0.97,
+                log10_fsed=-0.4,
+                mean=[0.5, -0.3],
+                covariance=[[0.1, 0.01], [0.01, 0.1]],
+                correlation=-0.31,
+                log10_mh_interval=[0.06, 0.97],
+                log10_fsed_interval=[-1.2, 0.77],
+                chi2=0.4,
+                degrees_of_freedom=0,
+                p_value=None,
+                open_edges=["log10_mh_low"],
+                flags=[],
+            )
+        ],
+    )
 
 
 @pytest.fixture(scope="session")
@@ -496,3 +623,37 @@ def etc_answers() -> EtcResult:
         best_band="F520",
         answers=rows,
     )
+
+
+class Reader(HTMLParser):
+    """Collects attributes and visible text, and checks that tags are balanced."""
+
+    def __init__(self):
+        super().__init__()
+        self.tags, self.open, self.text = [], [], []
+
+    def handle_starttag(self, tag, attributes):
+        self.tags.append((tag, dict(attributes)))
+        if tag not in VOID_TAGS:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        if "style" not in self.open:
+            self.text.append(data)
+
+
+@pytest.fixture(scope="session")
+def read() -> Callable[[str], Reader]:
+    """Tags and visible text of a page whose tags are balanced."""
+
+    def reader_of(page: str) -> Reader:
+        reader = Reader()
+        reader.feed(page)
+        reader.close()
+        assert reader.open == []
+        return reader
+
+    return reader_of

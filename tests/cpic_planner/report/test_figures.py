@@ -14,7 +14,6 @@ from cpic_planner.report.figures import (
     snr_figure,
 )
 from cpic_planner.report.sky_map import map_longitude, marker_area
-from cpic_planner.validation.calibration import snr_scatter
 
 
 def content(picture):
@@ -113,16 +112,45 @@ def test_brighter_stars_are_larger():
     assert areas[0] > areas[1] > areas[2] > 0
 
 
-def test_error_bars_of_recovered_snr():
-    assert snr_scatter(0.0, 0.0, 50) == 1.0
-    assert snr_scatter(10.0, 10.0, None) == 1.0
-    # Monte Carlo: SNR 10 with its sigma estimated from 51 samples.
-    draw = np.random.default_rng(5)
-    snr = draw.normal(10.0, 1.0, 40_000) / draw.normal(size=(40_000, 51)).std(axis=1, ddof=1)
-    assert snr_scatter(10.0, 10.0, 51) == pytest.approx(snr.std(), rel=0.05)
-    # The planet's own noise dominates: a bright draw has a larger error, so the ratio scatters by half.
-    bright = draw.poisson(400.0, 40_000).astype(float)
-    assert snr_scatter(20.0, 1e3, 1000) == pytest.approx((bright / np.sqrt(bright)).std(), rel=0.05)
+def drawn_words(picture):
+    """Texts of a drawing: glyphs carry them as comments."""
+    return re.findall(r"<!-- (.*?) -->", content(picture).decode())
+
+
+def test_recovered_snr_has_the_error_of_its_mean_and_the_mean_ratio_its_band(plan):
+    words = drawn_words(snr_figure(plan))
+    assert "recovered = predicted" in words
+    assert any("0.97 ± 0.04" in word for word in words)
+    assert snr_figure(plan).caption.startswith(
+        "Each symbol is one planet in one band: the mean of up to 8 realisations"
+    )
+    assert "(5 %)" in snr_figure(plan).caption
+    # without errors the same points are drawn, without bars
+    bare = [band.model_copy(update={"recovered_snr_error": None}) for band in plan.targets[0].bands]
+    target = plan.targets[0].model_copy(update={"bands": bare})
+    assert snr_figure(plan.model_copy(update={"targets": [target]})).uri != snr_figure(plan).uri
+
+
+def test_snr_of_a_scene_counts_its_measurements(confirmation):
+    assert "of 4 measurements" in snr_figure(confirmation).alt  # one of five is outside the field
+
+
+def test_marks_are_drawn_where_they_are(panels):
+    from dataclasses import replace
+
+    from cpic_planner.report.panels import Mark
+
+    one = next(iter(panels.values()))
+    plain = panel_picture(one, "* tau Cet")
+    marked = replace(
+        one, marks=(Mark(-0.4, 0.3, "star", "a $tar"), Mark(0.3, -0.4, "candidate"), Mark(9.0, 9.0, "star"))
+    )
+    assert panel_picture(marked, "* tau Cet").uri != plain.uri
+    outside = replace(one, marks=(Mark(9.0, 9.0, "star", "far"),))
+    assert panel_picture(outside, "* tau Cet").uri == plain.uri
+    empty = replace(one, planet_x_arcsec=None, planet_y_arcsec=None)
+    assert "there is no planet" in panel_picture(empty, "* tau Cet").alt
+    assert "the planet is at x 0.35, y 0.35 arcsec" in plain.alt
 
 
 def test_bands_differ_in_colour_and_marker():

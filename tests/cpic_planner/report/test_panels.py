@@ -1,11 +1,9 @@
-import io
-
 import numpy as np
 import pytest
 
 from catalogs.errors import InputError
 from cpic_planner.report.panel_figure import residual_limit, stack_scale
-from cpic_planner.report.panels import Panels, compass
+from cpic_planner.report.panels import Mark, Panels, compass
 
 
 def _panels(**changes):
@@ -56,27 +54,6 @@ def test_geometry():
     assert not hole[:, [0, 6]].any()
 
 
-def test_npz_round_trip(panels):
-    original = next(iter(panels.values()))
-    buffer = io.BytesIO()
-    np.savez_compressed(buffer, **original.to_arrays())
-    buffer.seek(0)
-    with np.load(buffer, allow_pickle=False) as stored:
-        back = Panels.from_arrays(stored)
-    assert back.band == original.band
-    assert back.parity == original.parity
-    assert back.planet_x_arcsec == original.planet_x_arcsec
-    np.testing.assert_allclose(back.residual, original.residual, rtol=1e-6)
-    np.testing.assert_allclose(back.science, original.science, rtol=1e-6)
-
-
-def test_missing_array_is_named(panels):
-    arrays = next(iter(panels.values())).to_arrays()
-    del arrays["residual"]
-    with pytest.raises(InputError, match="residual"):
-        Panels.from_arrays(arrays)
-
-
 @pytest.mark.parametrize(
     "changes",
     [
@@ -109,3 +86,10 @@ def test_scales_of_empty_and_constant_images_are_usable():
         assert low < high
         assert width > 0
         assert residual_limit(_panels(residual=image)) > 0
+
+
+def test_the_planet_is_the_first_mark_where_there_is_one():
+    star = Mark(0.2, 0.0, "star", "field star")
+    assert _panels(marks=(star,)).every_mark == (Mark(0.1, 0.1), star)
+    assert _panels(planet_x_arcsec=None, planet_y_arcsec=None, marks=(star,)).every_mark == (star,)
+    assert _panels(planet_x_arcsec=None, planet_y_arcsec=None).every_mark == ()

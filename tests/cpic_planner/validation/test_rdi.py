@@ -79,6 +79,19 @@ def test_spatial_centering_is_klip(k: int, region: np.ndarray) -> None:
     assert result.residuals[:, region] == pytest.approx(expected, abs=1e-9)
 
 
+@pytest.mark.parametrize("k", [1, 5, 12, 20])
+@pytest.mark.parametrize("pedestal", [0.0, 1e4])
+def test_same_as_the_peer(k: int, pedestal: float, region: np.ndarray) -> None:
+    """Where pyKLIP is installed: 20 modes of 20 frames are all there are."""
+    klip = pytest.importorskip("pyklip.klip")
+    science, refs = speckles(3, seed=2) + pedestal, speckles(20, seed=3) + pedestal
+    result = rdi_subtract(science, refs, k, region=region)
+    assert result.modes_used == k
+    for frame, residual in zip(science, result.residuals, strict=True):
+        expected = klip.klip_math(frame[region], refs[:, region], np.array([k]))[:, 0]
+        assert np.abs(residual[region] - expected).max() < 1e-8 * np.abs(expected).max()
+
+
 def test_all_modes_leave_the_least_squares_residual(region: np.ndarray) -> None:
     science, refs = speckles(3, seed=2)[:, region], speckles(12, seed=3)[:, region]
     shape = (1, region.sum())
@@ -260,6 +273,33 @@ def test_noise_modes_take_the_fraction_k_over_p(k: int, half: int) -> None:
     error = np.std(throughput) / np.sqrt(len(throughput))
     assert abs(np.mean(throughput) - expected) < 4 * error
     assert error < 0.15 * k / patch.sum()
+
+
+def hole_parts() -> dict[int, np.ndarray]:
+    """Regions of a 137 px stamp at 520 nm: the annulus of 4 to 15 lambda/D, a quadrant of it, and a patch."""
+    y, x = np.indices((137, 137)) - 68
+    radius = np.hypot(x, y)
+    annulus = (radius > 4 * 3.32) & (radius < 15 * 3.32)
+    patch = (np.abs(x - 20) <= 10) & (np.abs(y - 20) <= 10)
+    return {7240: annulus, 1774: annulus & (x > 0) & (y > 0), 455: patch}
+
+
+@pytest.mark.parametrize("pixels", [7240, 1774, 455])
+def test_thirty_modes_of_noise_in_regions_of_the_instrument(pixels: int) -> None:
+    """Raw loss k/P within 30 %, the corrected flux within 0.01, whatever the size of the region."""
+    region = hole_parts()[pixels]
+    assert region.sum() == pytest.approx(pixels, rel=0.05)
+    planet, k, rng = gaussian(88.3, 88.1, 137), 30, np.random.default_rng(pixels)
+    weights = aperture_weights(planet.shape, 88.3, 88.1, 2.3)
+    raw, corrected = [], []
+    for _ in range(60):
+        refs = np.zeros((k, 137, 137))
+        refs[:, region] = rng.normal(size=(k, int(region.sum())))
+        cut = rdi_subtract(1000.0 * planet, refs, k, region=region, centering="none")
+        raw.append(float(np.sum(cut.residuals * weights) / np.sum(1000.0 * planet * weights)))
+        corrected.append(raw[-1] / cut.throughput(planet, weights))
+    assert 1.0 - np.mean(raw) == pytest.approx(k / region.sum(), rel=0.3)
+    assert corrected == pytest.approx(np.ones(60), abs=1e-9)
 
 
 def test_corrected_flux_is_unbiased_raw_flux_is_not() -> None:

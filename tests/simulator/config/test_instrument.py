@@ -118,3 +118,29 @@ def test_files_beside_the_instruments_file_are_found(tmp_path, monkeypatch):
     assert load_apodizer(instrument.coronagraph.apodizer).shape == (64, 64)
     assert instrument.bands["F520"].transmission_file == str(folder.relative_to(tmp_path) / "curve.txt")
     assert load_instrument().coronagraph.apodizer == "lpx43"
+
+
+def test_the_instrument_of_table_1_states_its_numbers():
+    stated, default = load_instrument("paper_table1"), load_instrument()
+    assert stated.name == "paper_table1"
+    visible = [stated.bands[band] for band in stated.visible_bands()]
+    assert [band.width_nm for band in visible] == [50, 55, 20, 25]
+    assert {band.t_opt for band in visible} == {0.19}
+    assert stated.detector.read_noise_e == 100
+    assert stated.coronagraph.aperture_radius_lambda_d == 0.7
+    keys = [f"bands.{band}.{key}" for band in stated.visible_bands() for key in ("width_nm", "t_opt")]
+    for key in (*keys, "detector.read_noise_e", "coronagraph.aperture_radius_lambda_d"):
+        assert stated.provenance[key].source not in ("", "user")
+        assert stated.provenance[key].confidence in "PIA"
+        if key != "coronagraph.aperture_radius_lambda_d" and not key.endswith("t_opt"):
+            assert stated.provenance[key] != default.provenance[key]
+    # nothing else differs, so that the optics are the shipped ones
+    detector = default.detector.model_copy(update={"read_noise_e": 100.0})
+    assert default.model_copy(update={"name": "paper_table1", "detector": detector}).content_hash == stated.content_hash
+
+
+def test_the_optics_of_table_1_are_the_shipped_ones():
+    from simulator.imaging.store import metrics_key
+
+    for band in load_instrument().visible_bands():
+        assert metrics_key(load_instrument("paper_table1"), band) == metrics_key(load_instrument(), band)

@@ -205,6 +205,47 @@ def test_presets_ship():
     assert set(preset_names("scene")) >= {"paper_example", "paper_background"}
 
 
+def test_the_papers_companion_is_left_out_and_its_calibration_star_is_not():
+    found = load_scene("paper_science")
+    assert found.companions == "off"
+    assert [(star.name, star.companion, found.is_lit(star)) for star in found.stars] == [
+        ("calibration star", False, True),
+        ("alpha Cen A", True, False),
+    ]
+    shining = found.model_copy(update={"companions": "on"})
+    assert all(shining.is_lit(star) for star in found.stars)
+    calibrator = found.stars[0]
+    assert (calibrator.v_mag, calibrator.separation_arcsec, calibrator.pa_deg) == (17, 0.95, 225)
+    # one calibration star in every scene of the paper that has it
+    background = load_scene("paper_background").stars[0]
+    assert background == calibrator.model_copy(update={"companion": True})
+
+
+def test_alpha_cen_a_stands_where_the_catalogue_has_it():
+    from catalogs.stars import load_stars
+
+    table = load_stars()
+    names = list(table.column("name"))
+    ours, theirs = names.index("alf Cen B"), names.index("alf Cen A")
+    companion = load_scene("paper_science").stars[1]
+    assert companion.separation_arcsec == pytest.approx(table.column("companion_sep_arcsec")[ours], abs=0.005)
+    assert companion.pa_deg == pytest.approx(table.column("companion_pa_deg")[ours], abs=0.05)
+    assert companion.v_mag == table.column("v_mag")[theirs]
+    assert companion.spectral_type == table.column("sp_type")[theirs]
+
+
+@pytest.mark.parametrize(("companion", "words"), [("no", "companion"), (0, "companion")])
+def test_whether_a_star_is_a_companion_is_true_or_false(companion, words):
+    near = STAR | {"name": "near", "separation_arcsec": 3, "pa_deg": 20, "companion": companion}
+    with pytest.raises(InputError, match=words):
+        load_scene(scene(stars=[near]))
+
+
+def test_the_central_star_is_no_companion_of_itself():
+    with pytest.raises(InputError, match=r"cstar\.companion"):
+        load_scene({"name": "s", "cstar": STAR | {"companion": False}})
+
+
 BAD_TABLE = {"wavelength_nm": [300, 900, 1800], "photlam": [1, 2, 1]}
 
 

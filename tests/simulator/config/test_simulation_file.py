@@ -160,12 +160,15 @@ def test_no_simulation_has_the_name_of_a_scene():
 
 
 def test_the_papers_numbers():
-    example = load_simulation("paper_alpha_cen_b").sequences
     table = {"F520": 17, "F662": 9, "F720": 50, "F850": 100}
-    for role in ("science", "reference"):
-        assert {item.band[0]: item.exposure_s[0] for item in example if item.role == role} == table
-    assert {(item.frames, item.em_gain) for item in example} == {(30, (20.0,))}
-    assert {len(item.scene.planets) for item in example if item.role == "reference"} == {0}
+    for name, instrument in (("paper_alpha_cen_b", "cpic_default"), ("paper_table1", "paper_table1")):
+        example = load_simulation(name).sequences
+        for role in ("science", "reference"):
+            assert {item.band[0]: item.exposure_s[0] for item in example if item.role == role} == table
+        assert {(item.frames, item.em_gain) for item in example} == {(30, (20.0,))}
+        assert {len(item.scene.planets) for item in example if item.role == "reference"} == {0}
+        assert {item.instrument.name for item in example} == {instrument}
+        assert {item.scene.companions for item in example if item.role == "science"} == {"off"}
     (figure,) = load_simulation("paper_exposure_gain").sequences
     assert (figure.exposure_s, figure.em_gain) == ((30.0, 300.0), (1.0, 20.0))
     (source,) = figure.scene.stars

@@ -342,6 +342,16 @@ def test_companions_off_leaves_them_out():
     assert len(scene_sources(scene(stars=[near]), INSTRUMENT, "F520")) == 2
 
 
+def test_companions_off_leaves_stars_of_the_field_in():
+    near = {"v_mag": 4.0, "teff_k": 5800, "separation_arcsec": 3.0, "pa_deg": 20}
+    field = near | {"name": "field", "pa_deg": 200, "companion": False}
+    names = [source.name for source in scene_sources(scene(stars=[near, field], companions="off"), INSTRUMENT, "F520")]
+    assert names == ["s", "field"]
+    assert [source.name for source in scene_sources(load_scene("paper_science"), INSTRUMENT, "F520")] == [
+        "alpha Cen B", "planet", "calibration star"
+    ]  # fmt: skip
+
+
 def test_table_in_pandas_and_astropy():
     import astropy.units as u
 

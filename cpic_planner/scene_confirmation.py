@@ -1,0 +1,324 @@
+"""``cpic confirm``: one scene, observed and measured in some bands, beside what the ETC expects of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from catalogs.errors import InputError
+from cpic_planner.confirmed import REALISATIONS, images_cost, refuse_counting, refuse_infrared
+from cpic_planner.engine import run_tasks
+from cpic_planner.etc.frames import best_in_visit
+from cpic_planner.etc.model import EtcModel, Strategy, build_model
+from cpic_planner.etc.noise import frame_problem
+from cpic_planner.etc.rates import aperture_rates
+from cpic_planner.models import BandConfirmation, ConfirmResult
+from cpic_planner.overrides import SimulatorOverrides
+from cpic_planner.targets import Targets
+from cpic_planner.validation.calibration import calibrate
+from cpic_planner.validation.confirm import confirm_task
+from cpic_planner.validation.findings import albedo_fits, albedo_records, position_records
+from cpic_planner.validation.task import MAX_FRAMES, ConfirmTask, Frames, expected_of, images_of, task_of
+from cpic_planner.version import __version__
+from simulator.config import FrozenModel, Instrument, Scene, content_hash
+from simulator.imaging.metrics import PsfMetrics
+from simulator.knobs import FIDELITIES
+from simulator.ledger import not_modelled
+from simulator.outcome import Reason, Status
+from simulator.target.lights import LitStar
+from simulator.target.positions import detector_to_sky
+from simulator.target.sources import Source, scene_sources
+
+__all__ = ["ConfirmConfig", "confirm_hash", "confirm_scene", "estimate_cost", "scene_target"]
+
+DEFAULT_TIME_S = 36000.0
+
+
+class ConfirmConfig(FrozenModel):
+    """Everything that decides the confirmation of a scene.
+
+    Frames are given by ``exposure_s`` and ``n_frames``, or are the best within ``time_s`` of wall time for the first
+    planet of the scene (of 1e-8 at the middle of the hole where it has none). A gain that is not given is the best one.
+    """
+
+    instrument: Instrument
+    scene: Scene
+    bands: tuple[str, ...] | None = None
+    time_s: Annotated[float, Field(ge=1e-3, le=1e9)] | None = None
+    exposure_s: Annotated[float, Field(ge=1e-6, le=1e6)] | None = None
+    n_frames: Annotated[int, Field(ge=1, le=MAX_FRAMES)] | None = None
+    em_gain: Annotated[float, Field(ge=1, le=1e4)] | None = None
+    strategy: Strategy = Strategy()
+    realisations: Annotated[int, Field(ge=1, le=100_000)] = REALISATIONS
+    audit: bool = True
+    simulator_overrides: SimulatorOverrides = SimulatorOverrides()
+    fidelity: Literal["quick", "standard", "reference"] = "standard"
+    seed: Annotated[int, Field(ge=0, lt=2**63)] = 1
+
+    @model_validator(mode="after")
+    def _frames(self) -> ConfirmConfig:
+        if self.time_s is not None and self.n_frames is not None:
+            raise InputError("n_frames", self.n_frames, allowed="without time_s", hint="the time sets their number")
+        if self.n_frames is not None and self.exposure_s is None:
+            raise InputError("exposure_s", None, unit="s", allowed="a value where n_frames is given")
+        if self.exposure_s is not None and self.n_frames is None and self.time_s is None:
+            raise InputError("n_frames", None, allowed="a value where exposure_s is given without time_s")
+        refuse_counting(self.strategy)
+        return self
+
+
+@dataclass(frozen=True)
+class _Work:
+    """Tasks of the bands, and what needs none."""
+
+    tasks: list[ConfirmTask]
+    refused: list[BandConfirmation]
+
+
+def confirm_scene(
+    config: ConfirmConfig,
+    *,
+    workers: int = 1,
+    scheduler: str | None = None,
+    advance: Callable[[str], None] = lambda text: None,
+    stored: Callable[[str], dict[str, Any] | None] = lambda key: None,
+    keep: Callable[[str, dict[str, Any]], dict[str, Any]] = lambda key, body: body,
+) -> tuple[ConfirmResult, dict[str, dict[str, Any]]]:
+    """Simulate a scene and measure it blind.
+
+    Parameters
+    ----------
+    config : ConfirmConfig
+    workers : int
+        Local worker processes; the result does not depend on it.
+    scheduler : str, optional
+        Dask scheduler to use instead.
+    advance : callable
+        Called with a text after each band.
+    stored, keep : callable
+        Give what an earlier run finished under a key, or None, and store what this one finishes.
+
+    Returns
+    -------
+    result : ConfirmResult
+    bodies : dict
+        What `cpic_planner.validation.confirm.confirm_task` returned, by band: panels and more.
+
+    Raises
+    ------
+    InputError
+        For bands of the near-infrared camera, and anything out of range.
+    """
+    model, work = _prepared(config)
+    bodies: dict[str, dict[str, Any]] = {}
+    waiting = []
+    for task in work.tasks:
+        body = stored(task.key)
+        if body is None:
+            waiting.append(task)
+        else:
+            bodies[task.band] = body
+            advance(f"{task.key} (kept)")
+    arguments = [(task.to_dict(),) for task in waiting]
+    for index, body in run_tasks(confirm_task, arguments, workers=workers, scheduler=scheduler):
+        task = waiting[index]
+        bodies[task.band] = keep(task.key, body)
+        advance(task.key)
+    bodies = {task.band: bodies[task.band] for task in work.tasks}
+    return _assembled(config, model, work, bodies), bodies
+
+
+def estimate_cost(config: ConfirmConfig, *, workers: int = 1) -> dict[str, float]:
+    """Expected wall time, memory and disk of a confirmation, see `cpic_planner.confirmed.images_cost`."""
+    return images_cost(_prepared(config)[1].tasks, config.fidelity, workers)
+
+
+def _prepared(config: ConfirmConfig) -> tuple[EtcModel, _Work]:
+    refuse_infrared(config.instrument, config.bands)
+    model = build_model(config.instrument, config.bands, config.strategy)
+    return model, _work(config, model)
+
+
+def _assembled(
+    config: ConfirmConfig, model: EtcModel, work: _Work, bodies: Mapping[str, dict[str, Any]]
+) -> ConfirmResult:
+    order = {name: i for i, name in enumerate(model.bands)}
+    seen = [BandConfirmation.model_validate(item) for body in bodies.values() for item in body["confirmations"]]
+    bands = sorted([*seen, *work.refused], key=lambda item: order[item.band])
+    mean = calibrate(seen)
+    return ConfirmResult(
+        version=__version__,
+        config_hash=confirm_hash(config),
+        scene=config.scene.name,
+        instrument=config.instrument.name,
+        seed=config.seed,
+        fidelity=config.fidelity,
+        realisations=config.realisations,
+        sigma=config.strategy.sigma,
+        reference_library=config.strategy.library,
+        rdi_modes=config.strategy.n_modes,
+        simulator_overrides=config.simulator_overrides.as_mapping(),
+        calibration={"ratio": mean.ratio, "error": mean.error, "n_bands": mean.n_bands},
+        calibration_text=mean.text,
+        not_modelled=not_modelled(images_of(config.instrument)),
+        bands=bands,
+        searches=[body["search"] for body in bodies.values() if body["search"] is not None],
+        positions=position_records(config.scene, bands),
+        albedos=albedo_records(albedo_fits(config.scene, config.instrument, bands)),
+    )
+
+
+def confirm_hash(config: ConfirmConfig) -> str:
+    """Hash of everything that decides the result."""
+    return content_hash({
+        "kind": "confirm",
+        "version": __version__,
+        "knobs": FIDELITIES[config.fidelity].model_dump(mode="json"),
+        "config": config.model_dump(mode="json"),
+    })  # fmt: skip
+
+
+def scene_target(scene: Scene) -> Targets:
+    """The central star of a scene as a target, its nearest companion included.
+
+    Notes
+    -----
+    Parameters that a spectral type implies are those of the images; a star whose spectrum is a file or a table is
+    taken as a model of its effective temperature (the Sun's where none is given), of its V magnitude.
+    """
+    star = LitStar(scene.cstar, "scene.cstar")
+    parameters = star.spectrum
+    near = sorted(
+        (other for other in scene.stars if other.companion and other.separation_arcsec is not None),
+        key=lambda other: other.separation_arcsec or 0.0,
+    )
+    missing = np.array([math.nan])
+
+    def number(value: float | None, default: float = math.nan) -> Any:
+        return missing if value is None and math.isnan(default) else np.array([default if value is None else value])
+
+    companion = near[0] if near else None
+    teff = number(parameters.teff_k, 5772.0)
+    return Targets(
+        name=np.array([scene.name]),
+        hip=np.array([0]),
+        sp_type=np.array([scene.cstar.spectral_type or ""]),
+        ra_deg=number(scene.cstar.ra_deg),
+        dec_deg=number(scene.cstar.dec_deg),
+        distance_pc=number(scene.cstar.distance_pc),
+        v_mag=np.array([scene.cstar.v_mag]),
+        teff_k=teff,
+        log_g=number(parameters.log_g, 4.4),
+        metallicity=number(parameters.metallicity, 0.0),
+        luminosity_lsun=number(scene.cstar.luminosity_lsun),
+        companion_separation_arcsec=number(companion.separation_arcsec if companion else None),
+        companion_pa_deg=number(companion.pa_deg if companion else None),
+        companion_v_mag=number(companion.v_mag if companion else None),
+        companion_teff_k=number(companion.teff_k, float(teff[0])) if companion else missing,
+        flags=((),),
+        companions=scene.companions,
+    )
+
+
+def _work(config: ConfirmConfig, model: EtcModel) -> _Work:
+    target, tasks, refused = scene_target(config.scene), [], []
+    for band in model.bands:
+        every = scene_sources(config.scene, config.instrument, band)
+        planets = [source for source in every if source.kind == "planet"]
+        inside = [_inside(model.metrics[band], planet) for planet in planets]
+        refused += [_outside(model, band, planet) for planet, there in zip(planets, inside, strict=True) if not there]
+        shown = [planet for planet, there in zip(planets, inside, strict=True) if there]
+        frames = _frames(config, model, target, band, shown)
+        if frames is None:
+            refused += [_no_frame(model, band, planet) for planet in shown]
+            continue
+        predictions = [
+            expected_of(model, target, band, (planet.x_arcsec, planet.y_arcsec), planet.contrast or 0.0, frames)
+            for planet in shown
+        ]
+        tasks.append(
+            task_of(
+                model,
+                config.scene,
+                band,
+                frames,
+                predictions,
+                seed=config.seed,
+                fidelity=config.fidelity,
+                realisations=config.realisations,
+                audit=config.audit,
+                overrides=config.simulator_overrides,
+                planets=[planet.name for planet in shown],
+            )
+        )
+    return _Work(tasks, refused)
+
+
+def _frames(config: ConfirmConfig, model: EtcModel, target: Targets, band: str, planets: list[Source]) -> Frames | None:
+    """Frames that are given, or the best ones; None where the time holds none."""
+    if config.exposure_s is not None and config.n_frames is not None and config.em_gain is not None:
+        return Frames(config.exposure_s, config.n_frames, config.em_gain)
+    metrics, strategy = model.metrics[band], model.strategy
+    sign_x, sign_y = metrics.zone.diagonal
+    middle = 0.5 * (metrics.hole_inner_arcsec + metrics.hole_outer_arcsec)
+    place = (planets[0].x_arcsec, planets[0].y_arcsec) if planets else (sign_x * middle, sign_y * middle)
+    contrast = (planets[0].contrast or 0.0) if planets else 1e-8
+    camera = model.camera(band)
+    if config.exposure_s is not None:
+        camera = replace(camera, exposure_min_s=config.exposure_s, exposure_max_s=config.exposure_s)
+    x, y = (np.full((1, 1), part) for part in place)
+    rates = aperture_rates(model, target, band, x, y, np.full((1, 1), max(contrast, 1e-30)))
+    problem = frame_problem(rates, camera, reference_ratio=strategy.reference_ratio, objective="significance",
+                            em_gain=config.em_gain)  # fmt: skip
+    visit = model.visit_s(DEFAULT_TIME_S if config.time_s is None else config.time_s)
+    if config.n_frames is not None and config.exposure_s is not None:
+        visit = np.asarray(config.n_frames * (config.exposure_s + camera.readout_s))
+    choice = best_in_visit(problem, visit, whole=config.n_frames is not None)
+    n_frames = int(choice.n_frames.flat[0])
+    if n_frames < 1:
+        return None
+    return Frames(float(choice.exposure_s.flat[0]), min(n_frames, MAX_FRAMES), float(choice.em_gain.flat[0]))
+
+
+def _inside(metrics: PsfMetrics, planet: Source) -> bool:
+    """Whether the aperture lies in the dark hole."""
+    y, x = np.array([planet.y_arcsec]), np.array([planet.x_arcsec])
+    return bool(metrics.zone.covers(y, x, -metrics.aperture_radius_arcsec)[0, 0])
+
+
+def _outside(model: EtcModel, band: str, planet: Source) -> BandConfirmation:
+    separation, pa_deg = detector_to_sky(planet.x_arcsec, planet.y_arcsec, parity=model.instrument.detector.parity)
+    metrics, near, far = model.metrics[band], *sorted((abs(planet.x_arcsec), abs(planet.y_arcsec)))
+    radius = metrics.aperture_radius_arcsec
+    inner = near - radius < metrics.hole_inner_arcsec and far + radius <= metrics.hole_outer_arcsec
+    reason = Reason.INSIDE_INNER_EDGE if inner else Reason.OUTSIDE_OUTER_EDGE
+    return _refusal(band, planet, Status.OUTSIDE_FIELD, reason, f"its aperture leaves the dark hole of {band}",
+                    float(separation), float(pa_deg))  # fmt: skip
+
+
+def _no_frame(model: EtcModel, band: str, planet: Source) -> BandConfirmation:
+    separation, pa_deg = detector_to_sky(planet.x_arcsec, planet.y_arcsec, parity=model.instrument.detector.parity)
+    return _refusal(band, planet, Status.UNREACHABLE, Reason.NO_TIME,
+                    "no frame is possible: the time is too short, or every frame saturates",
+                    float(separation), float(pa_deg))  # fmt: skip
+
+
+def _refusal(
+    band: str, planet: Source, status: Status, reason: Reason, message: str, separation: float, pa_deg: float
+) -> BandConfirmation:
+    return BandConfirmation(
+        band=band,
+        planet=planet.name,
+        status=status.value,
+        reason=reason.value,
+        message=message,
+        separation_arcsec=separation,
+        pa_deg=pa_deg,
+        true_contrast=planet.contrast,
+        verdict="not observed",
+    )

@@ -1,0 +1,328 @@
+"""Metallicity and clouds of a planet from its measured band contrasts, with what they leave open."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from catalogs.errors import InputError
+from cpic_planner.validation.albedo_model import AlbedoModel
+from cpic_planner.validation.photometry import Contrast
+from simulator.config.albedo import LOG10_FSED_MAX
+
+__all__ = ["AlbedoFit", "Constraint", "fit_albedo"]
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+Constraint = Literal["constrained", "not_constrained", "degenerate"]
+
+N_PARAMETERS = 2
+GRID_POINTS = 121
+# The grid is laid anew around what is within 5 sigma of the best place until that fills half of it.
+KEPT_LOG = 12.5
+FILLED_SHARE = 0.5
+MAX_ZOOMS = 12
+LEVELS = (0.68, 0.95)
+
+
+@dataclass(frozen=True, eq=False)
+class AlbedoFit:
+    """What band contrasts say of log10_mh and log10_fsed.
+
+    Attributes
+    ----------
+    status : {"constrained", "not_constrained", "degenerate"}
+        ``degenerate``: fewer bands than parameters, so that a whole line fits equally well; ``not_constrained``: the
+        95 % region reaches the edge of the allowed range (`open_edges` says which).
+    log10_mh, log10_fsed : float
+        Best fit, the smallest chi2. In a degenerate fit one of many.
+    grey : float
+        Common factor on all contrasts at the best fit; 1 where none was allowed.
+    chi2 : float
+        At the best fit, the prior of the common factor included.
+    degrees_of_freedom : int
+        Bands less 2, at least 0.
+    p_value : float or None
+        Chance of a chi2 at least this large if the model holds; None without degrees of freedom.
+    clear_chi2 : float
+        The same for the best cloud-free planet, which lies outside the grid of log10_fsed.
+    mean, covariance : ndarray, shapes (2,) and (2, 2)
+        Of the posterior over (log10_mh, log10_fsed), with flat priors on the allowed ranges.
+    correlation : float
+        Of the two in the posterior.
+    log10_mh_grid, log10_fsed_grid : ndarray, shapes (m,) and (f,)
+        Axes of the posterior: the allowed ranges, or the part of them that holds all of it.
+    posterior : ndarray, shape (m, f)
+        Probability per dex^2.
+    bands : tuple of str
+        Bands that were fitted.
+    contrasts, errors : ndarray, shape (band,)
+        As measured.
+    model_contrasts : ndarray, shape (band,)
+        At the best fit, common factor included.
+    open_edges : tuple of str
+        Ends of the allowed ranges that the 95 % region reaches: ``log10_mh_low``, ``log10_mh_high``,
+        ``log10_fsed_low``, ``log10_fsed_high`` (f_sed 6, above which all is the same).
+    flags : tuple of str
+        Those of the model.
+    """
+
+    status: Constraint
+    log10_mh: float
+    log10_fsed: float
+    grey: float
+    chi2: float
+    degrees_of_freedom: int
+    p_value: float | None
+    clear_chi2: float
+    mean: FloatArray
+    covariance: FloatArray
+    correlation: float
+    log10_mh_grid: FloatArray
+    log10_fsed_grid: FloatArray
+    posterior: FloatArray
+    bands: tuple[str, ...]
+    contrasts: FloatArray
+    errors: FloatArray
+    model_contrasts: FloatArray
+    open_edges: tuple[str, ...]
+    flags: tuple[str, ...] = ()
+
+    def level(self, probability: float) -> float:
+        """Posterior density on the edge of the smallest region that holds this probability, between 0 and 1."""
+        if not 0.0 < probability < 1.0:
+            raise InputError("probability", probability, allowed="between 0 and 1")
+        return _level(self.posterior, _cells(self.log10_mh_grid, self.log10_fsed_grid), probability)
+
+    def contains(self, log10_mh: float, log10_fsed: float, probability: float = LEVELS[0]) -> bool:
+        """Whether a planet lies in the smallest region of this probability; f_sed above 6 counts as 6."""
+        mh, fsed = float(log10_mh), min(float(log10_fsed), LOG10_FSED_MAX)
+        axes = self.log10_mh_grid, self.log10_fsed_grid
+        if not all(axis[0] <= value <= axis[-1] for axis, value in zip(axes, (mh, fsed), strict=True)):
+            return False
+        along = np.array([np.interp(fsed, axes[1], row) for row in self.posterior])
+        return bool(np.interp(mh, axes[0], along) >= self.level(probability))
+
+    def interval(self, name: Literal["log10_mh", "log10_fsed"], probability: float = LEVELS[0]) -> tuple[float, float]:
+        """Central interval of one parameter, the other integrated over."""
+        if name not in ("log10_mh", "log10_fsed"):
+            raise InputError("name", name, allowed="log10_mh, log10_fsed")
+        if not 0.0 < probability < 1.0:
+            raise InputError("probability", probability, allowed="between 0 and 1")
+        first = name == "log10_mh"
+        axis, other = self.log10_mh_grid, self.log10_fsed_grid
+        if not first:
+            axis, other = other, axis
+        density = (self.posterior if first else self.posterior.T) @ _widths(other)
+        below = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]) * np.diff(axis))])
+        low, high = np.interp((0.5 - 0.5 * probability, 0.5 + 0.5 * probability), below / below[-1], axis)
+        return float(low), float(high)
+
+
+def fit_albedo(
+    measured: Mapping[str, Contrast | tuple[float, float]], model: AlbedoModel, *, grey_error: float = 0.0
+) -> AlbedoFit:
+    """Fit metallicity and clouds to the contrasts measured in some bands.
+
+    Parameters
+    ----------
+    measured : mapping of str to Contrast or (value, error)
+        Contrast of the planet in each band and its 1-sigma error, above 0; bands of the model. Values may be negative.
+    model : AlbedoModel
+        Of the planet, see `albedo_model`: size, distance, phase and insolation are known.
+    grey_error : float, optional
+        Relative 1-sigma error of what scales all bands alike, (R/r)^2 times the phase function and the star's rate:
+        the contrasts are those of the model times a factor drawn from N(1, grey_error). 0 to 10.
+
+    Returns
+    -------
+    AlbedoFit
+
+    Raises
+    ------
+    InputError
+        If there is no band, one is unknown, or a number is out of range.
+
+    Notes
+    -----
+    The common factor g is integrated over in closed form. With ``m`` the model, ``D`` the variances and ``r = d - m``,
+    ``chi2 = r^T (D + s^2 m m^T)^-1 r``, which is also the least ``sum((d - g m)^2 / D) + ((g - 1) / s)^2`` over g; the
+    likelihood is ``exp(-chi2 / 2) / sqrt(det(D + s^2 m m^T))``. The posterior takes it on a grid with flat priors in
+    log10_mh (0 to 2) and log10_fsed (-2 to log10 6); its regions hold the truth as often as they say when truths are
+    spread like the prior. Errors are widened by what the model changes within a cell of the grid, which counts for
+    errors well below a per cent only.
+    """
+    names, values, errors = _measured(measured, model)
+    if not 0.0 <= grey_error <= 10.0:
+        raise InputError("grey_error", grey_error, allowed="0 to 10")
+    columns = [model.bands.index(name) for name in names]
+
+    def terms(contrast: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        return _terms(values, errors, contrast[..., columns], grey_error)
+
+    def log_likelihood(contrast: FloatArray) -> FloatArray:
+        seen = contrast[..., columns]
+        wide = np.hypot(errors, _within_cell(seen))
+        chi2, log_volume, _ = _terms(values, wide, seen, grey_error)
+        return np.asarray(-0.5 * chi2 - log_volume - np.log(wide / errors).sum(axis=-1))
+
+    ranges = [(float(nodes[0]), float(nodes[-1])) for nodes in (model.log10_mh, model.log10_fsed)]
+    axes = [np.linspace(*ends, GRID_POINTS) for ends in ranges]
+    for _ in range(MAX_ZOOMS):
+        contrast = model.contrast_grid(*axes)
+        log_posterior = log_likelihood(contrast)
+        kept = log_posterior > log_posterior.max() - KEPT_LOG
+        smaller = [_around(axis, kept.any(axis=1 - number)) for number, axis in enumerate(axes)]
+        if all(np.ptp(new) > FILLED_SHARE * np.ptp(old) for new, old in zip(smaller, axes, strict=True)):
+            break
+        axes = smaller
+    contrast = model.contrast_grid(*axes)
+    log_posterior = log_likelihood(contrast)
+    cells = _cells(*axes)
+    posterior = np.exp(log_posterior - log_posterior.max())
+    posterior /= float((posterior * cells).sum())
+    place = np.unravel_index(int(np.argmin(terms(contrast)[0])), cells.shape)
+    best = np.array([axes[0][place[0]], axes[1][place[1]]])
+    if len(names) >= N_PARAMETERS:
+        steps = [float(axis[1] - axis[0]) for axis in axes]
+        best = _polished(best, steps, ranges, lambda p: float(terms(model.contrast_grid(p[:1], p[1:]))[0][0, 0]))
+    contrast = model.contrast(best[0], best[1])
+    chi2, _, grey = (float(part) for part in terms(contrast))
+    mean, covariance = _moments(posterior * cells, *axes)
+    spread = np.sqrt(np.diag(covariance))
+    open_edges = _open_edges(posterior >= _level(posterior, cells, LEVELS[1]), axes, ranges)
+    free = max(len(names) - N_PARAMETERS, 0)
+    status: Constraint = "degenerate" if len(names) < N_PARAMETERS else "constrained"
+    if status == "constrained" and open_edges:
+        status = "not_constrained"
+    return AlbedoFit(
+        status=status,
+        log10_mh=float(best[0]),
+        log10_fsed=float(best[1]),
+        grey=grey,
+        chi2=chi2,
+        degrees_of_freedom=free,
+        p_value=_p_value(chi2, free),
+        clear_chi2=float(terms(model.clear)[0].min()),
+        mean=mean,
+        covariance=covariance,
+        correlation=float(covariance[0, 1] / (spread[0] * spread[1])),
+        log10_mh_grid=axes[0],
+        log10_fsed_grid=axes[1],
+        posterior=posterior,
+        bands=names,
+        contrasts=values,
+        errors=errors,
+        model_contrasts=grey * contrast[columns],
+        open_edges=open_edges,
+        flags=model.flags,
+    )
+
+
+def _measured(
+    measured: Mapping[str, Contrast | tuple[float, float]], model: AlbedoModel
+) -> tuple[tuple[str, ...], FloatArray, FloatArray]:
+    if not measured:
+        raise InputError("measured", "no band", allowed="the contrast of at least one band")
+    pairs = {}
+    for name, given in measured.items():
+        if name not in model.bands:
+            raise InputError("measured", name, allowed=", ".join(model.bands))
+        value, error = (given.value, given.error) if isinstance(given, Contrast) else given
+        if not math.isfinite(value):
+            raise InputError(f"measured.{name}", value, allowed="a finite contrast")
+        if not (math.isfinite(error) and error > 0):
+            raise InputError(f"measured.{name}.error", error, allowed="a finite error above 0")
+        pairs[name] = (float(value), float(error))
+    values, errors = np.array(list(pairs.values())).T
+    return tuple(pairs), values, errors
+
+
+def _terms(
+    values: FloatArray, errors: FloatArray, contrast: FloatArray, grey_error: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Chi2, half the logarithm of the determinant that depends on the model, and the best common factor."""
+    relative, residual = contrast / errors, (values - contrast) / errors
+    pull, size = np.sum(relative * residual, axis=-1), np.sum(relative**2, axis=-1)
+    variance = grey_error**2
+    widened = 1.0 + variance * size
+    # Both terms are large where the factor takes up most of the residual: chi2 by the residual that it leaves.
+    grey = 1.0 + variance * pull / widened
+    left = (values - grey[..., None] * contrast) / errors
+    prior = variance * (pull / widened) ** 2
+    return np.sum(left**2, axis=-1) + prior, 0.5 * np.log(widened), grey
+
+
+def _within_cell(contrast: FloatArray) -> FloatArray:
+    """Rms of the model within the cell of each grid point: a narrow ridge must not slip through between points."""
+    steps = [np.gradient(contrast, axis=axis) for axis in (0, 1)]
+    return np.asarray(np.hypot(*steps) / math.sqrt(12.0))
+
+
+def _around(axis: FloatArray, kept: BoolArray) -> FloatArray:
+    """A finer axis over the kept points and two more on either side."""
+    inside = np.flatnonzero(kept)
+    low, high = max(inside[0] - 2, 0), min(inside[-1] + 2, axis.size - 1)
+    return np.linspace(axis[low], axis[high], axis.size)
+
+
+def _polished(
+    best: FloatArray, steps: list[float], ranges: list[tuple[float, float]], chi2: Callable[[FloatArray], float]
+) -> FloatArray:
+    """Follow chi2 from the best point of the grid downhill, by a simplex since the model has kinks at its nodes."""
+    from scipy.optimize import minimize
+
+    middle = np.mean(ranges, axis=1)
+    inward = np.where(best < middle, 1.0, -1.0) * steps
+    simplex = best + np.array([[0.0, 0.0], [inward[0], 0.0], [0.0, inward[1]]])
+    options = {"xatol": 1e-2 * min(steps), "fatol": 1e-5, "initial_simplex": simplex}
+    found = minimize(chi2, best, method="Nelder-Mead", bounds=ranges, options=options)
+    return np.asarray(found.x) if found.fun <= chi2(best) else best
+
+
+def _p_value(chi2: float, degrees_of_freedom: int) -> float | None:
+    if degrees_of_freedom == 0:
+        return None
+    from scipy.special import gammaincc
+
+    return float(gammaincc(0.5 * degrees_of_freedom, 0.5 * chi2))
+
+
+def _widths(axis: FloatArray) -> FloatArray:
+    """Trapezoidal weights."""
+    step = np.diff(axis)
+    return np.asarray(0.5 * (np.concatenate([[0.0], step]) + np.concatenate([step, [0.0]])))
+
+
+def _cells(first: FloatArray, second: FloatArray) -> FloatArray:
+    return np.outer(_widths(first), _widths(second))
+
+
+def _level(posterior: FloatArray, cells: FloatArray, probability: float) -> float:
+    order = np.argsort(posterior, axis=None)[::-1]
+    held = np.cumsum((posterior * cells).ravel()[order])
+    index = min(int(np.searchsorted(held, probability * held[-1])), order.size - 1)
+    return float(posterior.ravel()[order[index]])
+
+
+def _moments(probability: FloatArray, mh: FloatArray, fsed: FloatArray) -> tuple[FloatArray, FloatArray]:
+    weights = probability / probability.sum()
+    points = np.stack(np.broadcast_arrays(mh[:, None], fsed), axis=-1).reshape(-1, 2)
+    mean = weights.ravel() @ points
+    offset = points - mean
+    return np.asarray(mean), np.asarray((offset * weights.reshape(-1, 1)).T @ offset)
+
+
+def _open_edges(region: BoolArray, axes: list[FloatArray], ranges: list[tuple[float, float]]) -> tuple[str, ...]:
+    found = []
+    for number, name in enumerate(("log10_mh", "log10_fsed")):
+        for end, side in ((0, "low"), (-1, "high")):
+            reaches = bool(np.take(region, end, axis=number).any())
+            if reaches and math.isclose(axes[number][end], ranges[number][end], abs_tol=1e-12):
+                found.append(f"{name}_{side}")
+    return tuple(found)

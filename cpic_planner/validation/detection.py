@@ -1,0 +1,226 @@
+"""The blind detector: sources in a residual, found without knowing where they are."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from catalogs.errors import InputError
+from cpic_planner.validation.apertures import checked_image
+from cpic_planner.validation.noise_law import snr_at
+from cpic_planner.validation.reduced import ReducedStack
+from cpic_planner.validation.search import SearchedRegion, false_alarms, search_threshold
+from cpic_planner.validation.search_field import REPORTED_SIGMA, Peak, SearchField
+from cpic_planner.validation.speckle_maps import SpeckleMaps
+from simulator.imaging.external import ExternalPsf
+from simulator.imaging.psf import Psf
+from simulator.outcome import Outcome
+
+__all__ = ["BlindSearch", "Candidate", "search"]
+
+FloatArray = npt.NDArray[np.float64]
+_CLEANED_SIGMA = 5.0  # sources that are taken out before others are looked for
+_MAX_CLEANED = 10
+_LEAST_SAMPLES = 3.0
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One peak of the significance map.
+
+    Attributes
+    ----------
+    x_arcsec, y_arcsec : float
+        Place from the star on the detector, refined between pixels by parabolas; x grows with the column.
+    x_pixel, y_pixel : float
+        The same in pixels of the stamp.
+    separation_arcsec : float
+        Distance from the star.
+    snr_mf : float
+        Matched-filtered flux over its standard deviation, estimated from the residual without this source.
+    significance : float
+        Level of a standard normal variate that noise at this place reaches as rarely: heavy tails and the error of the
+        estimated noise are in it.
+    threshold : float
+        ``snr_mf`` that a detection needs here.
+    flux_e : float
+        Electrons of the source on the clear disc (before mask, apodizer and aperture), from the unmasked image: low
+        beside the mask.
+    false_alarms : float
+        Number of noise peaks that a search of this region expects at or above this one.
+    detected : bool
+        Whether ``snr_mf`` reaches ``threshold``.
+    """
+
+    x_arcsec: float
+    y_arcsec: float
+    x_pixel: float
+    y_pixel: float
+    separation_arcsec: float
+    snr_mf: float
+    significance: float
+    threshold: float
+    flux_e: float
+    false_alarms: float
+    detected: bool
+
+
+@dataclass(frozen=True, eq=False)
+class BlindSearch:
+    """What a search found.
+
+    Attributes
+    ----------
+    candidates : tuple of Candidate
+        Peaks of 2.5 sigma and more, brightest first; empty where the threshold is undefined.
+    threshold : Outcome of float
+        Least `Candidate.significance` of a detection; ``unreachable`` in a region too small to know its noise.
+    sigma : float
+        Gaussian significance that was asked for.
+    per_search : bool
+        Whether it holds for the whole search instead of for each resolution element.
+    region : SearchedRegion
+        Positions that were searched.
+    roughness : float
+        Variance of the gradient of the significance map, per square pixel; 0 where undefined.
+    white_level : float
+        White noise found over predicted, in variance.
+    drift_nm : float
+        Wavefront offset of a visit that explains the speckles; 0 where the optics know no drift.
+    dof : float
+        Degrees of freedom of the variance, median over the region.
+    sigma_e : ndarray, shape (n, n)
+        Standard deviation of the flux of a source at every searched position, electrons on the clear disc; 0 elsewhere.
+    snr_map : ndarray, shape (n, n)
+        Flux over that; 0 elsewhere. Sources that were taken out are not in it.
+    """
+
+    candidates: tuple[Candidate, ...]
+    threshold: Outcome[float]
+    sigma: float
+    per_search: bool
+    region: SearchedRegion
+    roughness: float
+    white_level: float
+    drift_nm: float
+    dof: float
+    sigma_e: FloatArray
+    snr_map: FloatArray
+
+    @property
+    def detections(self) -> tuple[Candidate, ...]:
+        """Candidates above their threshold."""
+        return tuple(candidate for candidate in self.candidates if candidate.detected)
+
+
+def search(
+    stack: ReducedStack,
+    psf: Psf | ExternalPsf,
+    maps: SpeckleMaps,
+    *,
+    star_rate_e_s: float,
+    sigma: float = 5.0,
+    per_search: bool = False,
+    known: Sequence[tuple[float, float]] = (),
+) -> BlindSearch:
+    """Look for sources everywhere in the dark hole.
+
+    Parameters
+    ----------
+    stack : ReducedStack
+    psf : Psf
+        Its unmasked image is the template of a source.
+    maps : SpeckleMaps
+        Of this PSF, with the filter (`cpic_planner.validation.speckle_maps.speckle_maps`).
+    star_rate_e_s : float
+        Detected rate of the star on the clear pupil, above 0.
+    sigma : float
+        Gaussian significance, 2 to 20, that states the false-alarm probability. By default noise passes for a source
+        with this probability in each resolution element of ``(lambda/D)^2``, as in `detection_threshold`.
+    per_search : bool
+        That probability for the whole search instead.
+    known : sequence of (x_arcsec, y_arcsec)
+        Sources that are neither reported nor allowed to count as noise.
+
+    Returns
+    -------
+    BlindSearch
+
+    Raises
+    ------
+    InputError
+        If an argument is out of range or a pixel is not finite.
+
+    Notes
+    -----
+    The variance of a matched-filtered pixel is ``level white + drift linear + drift^2 square`` with the shapes of white
+    noise, of ``2 Re(E0* dE)`` and of ``|dE|^2``; both factors are fitted to the residual, for each candidate without
+    the disc of 1.22 lambda/D around it and, as far as speckles rule there, around its mirror image: pupil phases make
+    pairs. The law of a position is Gaussian noise plus a Laplace share of the same kurtosis, over the error of the fit;
+    as an equivalent Gaussian field it has the threshold of `search_threshold`. Sources beyond 5 sigma are subtracted,
+    brightest first, before others are looked for. ``sep`` finds the peaks of the matched-filtered image.
+    """
+    if not (math.isfinite(star_rate_e_s) and star_rate_e_s > 0):
+        raise InputError("star_rate_e_s", star_rate_e_s, unit="e-/s", allowed="finite and above 0")
+    image = checked_image(stack.image_e)
+    if maps.linear.shape != image.shape:
+        raise InputError("maps", maps.linear.shape, unit="px", allowed=f"maps of {image.shape}")
+    field = SearchField(stack, psf, maps, star_rate_e_s * stack.integration_s, known)
+    if sigma < REPORTED_SIGMA:
+        raise InputError("sigma", sigma, unit="sigma", allowed=f"{REPORTED_SIGMA:g} to 20")
+    if field.samples < _LEAST_SAMPLES:
+        threshold = search_threshold(replace(field.size, n_elements=0.0), 1.0, sigma=sigma, per_search=per_search)
+        zero = np.zeros(image.shape)
+        return BlindSearch((), threshold, sigma, per_search, field.size, 0.0, 1.0, 0.0, 0.0, zero, zero)
+    peaks: list[Peak] = []
+    while True:
+        state = field.measure(image)
+        level = search_threshold(field.size, state.roughness, sigma=sigma, per_search=per_search)
+        found = field.peaks(state)
+        clean = max(_CLEANED_SIGMA, level.unwrap())
+        if not found or found[0].significance < clean or len(peaks) >= _MAX_CLEANED:
+            break
+        peaks.append(found[0])
+        image = image - field.source(found[0])
+        field.exclude(found[0].x_pixel, found[0].y_pixel)
+    peaks = [field.rejudged(peak, state) for peak in peaks]
+    peaks += [peak for peak in found if peak.significance >= REPORTED_SIGMA]
+    scale, centre = psf.metrics.pixel_scale_arcsec, len(image) // 2
+    candidates = [_candidate(peak, centre, scale, level.unwrap(), field.size, state.roughness) for peak in peaks]
+    return BlindSearch(
+        candidates=tuple(sorted(candidates, key=lambda one: -one.snr_mf)),
+        threshold=level,
+        sigma=sigma,
+        per_search=per_search,
+        region=field.size,
+        roughness=state.roughness,
+        white_level=math.exp(state.fit.logs[0]),
+        drift_nm=maps.visit_nm * math.exp(0.5 * state.fit.logs[1]) if maps.n_visits else 0.0,
+        dof=float(np.median(field.dof(state.fit))),
+        sigma_e=field.unfold(state.sigma_e),
+        snr_map=field.unfold(state.snr),
+    )
+
+
+def _candidate(
+    peak: Peak, centre: int, pixel_scale_arcsec: float, level: float, region: SearchedRegion, roughness: float
+) -> Candidate:
+    x, y = ((place - centre) * pixel_scale_arcsec for place in (peak.x_pixel, peak.y_pixel))
+    expected = float(false_alarms(max(peak.significance, 1.0), region, roughness, math.inf))
+    return Candidate(
+        x_arcsec=x,
+        y_arcsec=y,
+        x_pixel=peak.x_pixel,
+        y_pixel=peak.y_pixel,
+        separation_arcsec=math.hypot(x, y),
+        snr_mf=peak.snr,
+        significance=peak.significance,
+        threshold=float(snr_at(level, peak.laplace, peak.dof)[0]),
+        flux_e=peak.flux_e,
+        false_alarms=expected,
+        detected=peak.significance >= level,
+    )

@@ -1,0 +1,295 @@
+"""Calibrated frames: raw numbers of the visible camera back to the electrons that light left in each pixel.
+
+The calibration products are those of the instrument (`simulator.camera.calibration_set`): bias, stripes, flat, dark
+current, clock-induced charge and bad pixels as master frames *without noise*, and the two curves of the non-linearity
+and the losses of charge transfer as configured. What a real reduction adds by the noise of its masters is not in here.
+
+Steps, the last effect of the camera first: bias and stripes; level and pick-up of each frame; output curve; gain;
+clock-induced charge; pixel curve; dark current; smear; flat. Charge left behind in transfers stays where it arrived:
+a template of a source is compared after `transferred`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from catalogs.errors import InputError
+from cpic_planner.validation.clean_law import limit_of_mean
+from cpic_planner.validation.frame_level import FrameLevel, frame_level
+from simulator.camera.calibration_set import CalibrationSet, bias_level_adu, load_calibration_set
+from simulator.camera.frame import MaskBit
+from simulator.camera.gain import stage_probability
+from simulator.camera.noise import pixel_variance_e2
+from simulator.camera.stage import Exposure, Place
+from simulator.camera.transfer import ParallelTransfer, SerialTransfer
+from simulator.config.detector import Detector
+from simulator.observation import Observation
+from simulator.sequence import MAX_STACK_BYTES
+
+__all__ = ["CalibratedFrames", "calibrated_frames", "transferred"]
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+
+# A tail of this chance that is cut off lowers a mean by less than 1e-3 of the noise of a frame. The curves of the
+# non-linearity take up to 3 % and a flat its per cent on the way to a limit.
+_LIMIT_CHANCE, _LIMIT_SHARE = 1e-3, 0.9
+
+
+@dataclass(frozen=True, eq=False)
+class CalibratedFrames:
+    """Frames of one sequence, calibrated.
+
+    Attributes
+    ----------
+    electrons : ndarray, shape (n_frames, y, x)
+        Electrons of light at the register input, one frame each; 0 where a pixel is bad. Dark current, clock-induced
+        charge and smear are taken off.
+    usable : ndarray of bool, shape (n_frames, y, x)
+        Pixels that a limit did not cut off and that are neither dead, in a bad column nor hot; pixels that their own
+        light brings to a limit in some frames are out in all, or the low frames alone would count. Cosmic rays are
+        still in: see `cpic_planner.validation.rejection`.
+    pedestal_e : ndarray, shape (y, x)
+        Mean electrons of dark current and clock-induced charge that were taken off each frame: they add noise.
+    response : ndarray, shape (y, x)
+        Flat that was divided out; 1 where a pixel is bad.
+    n_lost : ndarray of int, shape (y, x)
+        Frames in which a limit cut the pixel off.
+    lost_in, lost_outside : int
+        Sums of ``n_lost`` inside the dark hole and outside it.
+    n_frames, exposure_s, em_gain
+        Of the sequence.
+    detector : Detector
+        The camera.
+    """
+
+    electrons: FloatArray
+    usable: BoolArray
+    pedestal_e: FloatArray
+    response: FloatArray
+    n_lost: npt.NDArray[np.int64]
+    lost_in: int
+    lost_outside: int
+    n_frames: int
+    exposure_s: float
+    em_gain: float
+    detector: Detector
+
+    @property
+    def noise_e(self) -> float:
+        """Gaussian noise of a pixel and frame referred to the register input: read noise and rounding."""
+        return _gaussian_e(self.detector, self.em_gain)
+
+    def variance_e2(self, light_e: npt.ArrayLike) -> FloatArray:
+        """Variance of ``electrons`` of one frame where its mean is ``light_e`` (y, x); see `pixel_variance_e2`."""
+        counts = np.maximum(np.asarray(light_e, dtype=np.float64), 0.0) * self.response + self.pedestal_e
+        return pixel_variance_e2(counts, 0.0, self.em_gain, self.detector) / self.response**2
+
+
+def calibrated_frames(
+    observation: Observation, *, level_pixels: npt.ArrayLike | None = None, keep_hot: bool = False
+) -> CalibratedFrames:
+    """Draw the frames of an observation and calibrate them.
+
+    Parameters
+    ----------
+    observation : Observation
+        Of the visible camera, whole frames or the window around the hole.
+    level_pixels : array_like of bool, optional
+        Pixels without light from which level and pick-up of each frame are measured; by default those behind the
+        upright bar of the cross mask (`cpic_planner.validation.frame_level`).
+    keep_hot : bool
+        Whether pixels of more than 100 times the median dark current count as usable.
+
+    Returns
+    -------
+    CalibratedFrames
+
+    Raises
+    ------
+    InputError
+        For a band of the near-infrared camera, more frames than 2 GB hold, or too few pixels for the level.
+
+    Notes
+    -----
+    A number with noise of variance ``v`` has a square that is too large by ``v`` on average, so that undoing a curve
+    ``x / (1 + b x)`` adds ``b v``: that of the Gaussian noise is taken off (0.002 e- at gain 1).
+
+    Uniform light that reaches the pixels of the level (stray light) is taken off with it.
+    """
+    if observation.camera != "VIS":
+        raise InputError("band", observation.band, allowed="a band of the visible camera")
+    rows, columns = observation.shape
+    if 8 * observation.n_frames * rows * columns > MAX_STACK_BYTES:
+        raise InputError("n_frames", observation.n_frames,
+                         allowed=f"{MAX_STACK_BYTES / 1e9:g} GB of frames at once")  # fmt: skip
+    steps = _Steps.of(observation, level_pixels)
+    forbidden = MaskBit.BAD if keep_hot else MaskBit.BAD | MaskBit.HOT
+    good = (steps.flaws & np.uint8(forbidden)) == 0
+    hole = _hole(observation)
+    electrons = np.empty((observation.n_frames, rows, columns))
+    usable = np.empty(electrons.shape, dtype=np.bool_)
+    n_lost = np.zeros(observation.shape, dtype=np.int64)
+    for index, frame in enumerate(observation.iter_full_frames()):
+        lost = frame.lost
+        np.logical_and(good, ~lost, out=usable[index])
+        n_lost += lost
+        electrons[index] = steps.light_e(frame.adu, usable[index])
+    pedestal = steps.dark_e + steps.cic_e
+    if n_lost.any():
+        usable &= ~_at_limit(electrons, usable, pedestal, observation)
+    return CalibratedFrames(
+        electrons=electrons,
+        usable=usable,
+        pedestal_e=pedestal,
+        response=steps.response,
+        n_lost=n_lost,
+        lost_in=int(n_lost[hole].sum()),
+        lost_outside=int(n_lost[~hole].sum()),
+        n_frames=observation.n_frames,
+        exposure_s=observation.exposure_s,
+        em_gain=observation.em_gain,
+        detector=observation.instrument.detector,
+    )
+
+
+def transferred(image_e: npt.ArrayLike, detector: Detector, first_pixel: tuple[int, int] | None) -> FloatArray:
+    """Mean image after the transfers to the output, as calibrated frames show it.
+
+    Parameters
+    ----------
+    image_e : array_like
+        Light, (y, x).
+    detector : Detector
+        Gives the losses, as far as they are switched on, and the number of transfers.
+    first_pixel : tuple of int or None
+        Row and column of the frame that the image begins with (``Sequence.first_pixel``); None for a whole frame.
+
+    Returns
+    -------
+    ndarray
+        The same light with the fraction ``1 - (1 - c)^n`` of each pixel in the next row, and as much in the next
+        column: 1.6 % each at 1e-5 a transfer. It hardly leaves an aperture: a planet loses 0.24 (F520), 0.15 (F662),
+        0.13 (F720) and 0.10 % (F850) of its aperture sum, which a prediction without transfers does not know.
+    """
+    image = np.array(image_e, dtype=np.float64)
+    row, column = (0, 0) if first_pixel is None else first_pixel
+    everything = slice(0, image.shape[0]), slice(0, image.shape[1])
+    place = Place(*everything, row, column, first_pixel is None)
+    exposure = Exposure(detector, place, 0.0, 1.0, image, image)
+    for effect in (ParallelTransfer(), SerialTransfer()):
+        if getattr(detector.switches, effect.switch):
+            effect.expect(image, exposure)
+    return image
+
+
+@dataclass(frozen=True, eq=False)
+class _Steps:
+    """Everything that turns the raw numbers of a sequence into light."""
+
+    bias_adu: FloatArray
+    level: FrameLevel | None
+    k_e_adu: float
+    em_gain: float
+    output_b: float
+    pixel_b: float
+    square_e: float
+    cic_e: FloatArray
+    dark_e: FloatArray
+    smear: float
+    response: FloatArray
+    flaws: npt.NDArray[np.uint8]
+
+    @classmethod
+    def of(cls, observation: Observation, level_pixels: npt.ArrayLike | None) -> _Steps:
+        detector, gain = observation.instrument.detector, observation.em_gain
+        switches, curve = detector.switches, detector.nonlinearity
+        maps = _window(observation, detector)
+        bias = np.full(observation.shape, detector.bias_adu) if maps.bias_adu is None else maps.bias_adu
+        if switches.stripes:
+            bias = bias + maps.stripe_adu
+        cic = maps.cic_e if switches.clock_charge else np.zeros(observation.shape)
+        if switches.register_clock_charge:
+            p = float(stage_probability(gain, detector.register_stages))
+            grown = (gain - 1.0) / p if p > 0 else float(detector.register_stages)
+            cic = cic + detector.register_cic_e * grown / gain
+        dark = transferred(maps.dark_of(switches) * observation.exposure_s, detector, observation.first_pixel)
+        response, flaws = maps.response_of(switches), maps.mask_of(switches)
+        output_b = pixel_b = 0.0
+        if switches.nonlinearity:
+            output_b = curve.register_loss / ((1.0 - curve.register_loss) * curve.register_loss_at_e)
+            pixel_b = curve.pixel_loss_at_full_well / ((1.0 - curve.pixel_loss_at_full_well) * detector.full_well_e)
+        smeared = switches.smear and observation.exposure_s > 0
+        return cls(
+            bias_adu=bias,
+            level=frame_level(observation, level_pixels, flaws=flaws, mean_e=dark + cic),
+            k_e_adu=detector.gain_e_adu,
+            em_gain=gain,
+            output_b=output_b,
+            pixel_b=pixel_b,
+            square_e=(output_b * gain + pixel_b) * _gaussian_e(detector, gain) ** 2,
+            cic_e=cic,
+            dark_e=dark,
+            smear=detector.transfer.line_shift_s / observation.exposure_s if smeared else 0.0,
+            response=np.where(response > 0, response, 1.0),
+            flaws=np.where(response > 0, flaws, flaws | np.uint8(MaskBit.BAD)),
+        )
+
+    def light_e(self, adu: npt.NDArray[np.uint16], usable: BoolArray) -> FloatArray:
+        """Electrons of light in one frame, 0 in bad pixels; without a level nothing in the frame stays usable."""
+        image = adu - self.bias_adu
+        if self.level is not None:
+            level = self.level.of(image, usable)
+            if level is None:
+                usable[...] = False
+            else:
+                image -= level
+        image *= self.k_e_adu
+        image /= 1.0 - self.output_b * image
+        image /= self.em_gain
+        image -= self.cic_e
+        image /= 1.0 - self.pixel_b * image
+        image -= self.square_e
+        image -= self.dark_e
+        if self.smear:
+            # Each line collects the light of the others of its column: o = (1 - k) l + k sum(l), solved for l.
+            share = self.smear / (1.0 + (len(image) - 1) * self.smear)
+            image -= share * image.sum(axis=0)
+            image /= 1.0 - self.smear
+        image /= self.response
+        image[(self.flaws & np.uint8(MaskBit.BAD)) != 0] = 0.0
+        return image
+
+
+def _gaussian_e(detector: Detector, em_gain: float) -> float:
+    read = detector.read_noise_e if detector.switches.read_noise else 0.0
+    return math.sqrt(read**2 + detector.gain_e_adu**2 / 12.0) / em_gain
+
+
+def _at_limit(electrons: FloatArray, usable: BoolArray, pedestal: FloatArray, observation: Observation) -> BoolArray:
+    """Pixels that reach a limit with their own light: their usable frames are those that came out low."""
+    detector, gain = observation.instrument.detector, observation.em_gain
+    room = (detector.adc_max_adu - bias_level_adu(detector)) * detector.gain_e_adu
+    limit = min(detector.full_well_e, detector.register_full_well_e / gain, room / gain)
+    mean = np.einsum("nyx,nyx->yx", electrons, usable) / np.maximum(np.count_nonzero(usable, axis=0), 1)
+    reached = limit_of_mean(np.maximum(mean + pedestal, 0.0), em_gain=gain, stages=detector.register_stages,
+                            sigma_e=_gaussian_e(detector, gain), false_alarm=_LIMIT_CHANCE)  # fmt: skip
+    return reached > limit * _LIMIT_SHARE
+
+
+def _window(observation: Observation, detector: Detector) -> CalibrationSet:
+    whole = load_calibration_set(detector)
+    if observation.first_pixel is None:
+        return whole
+    (row, column), (rows, columns) = observation.first_pixel, observation.shape
+    return whole.window(slice(row, row + rows), slice(column, column + columns))
+
+
+def _hole(observation: Observation) -> BoolArray:
+    """The dark hole on the pixels of the observation."""
+    area = observation.area
+    return observation.psf.metrics.zone.covers(area.rows, area.columns)

@@ -1,0 +1,232 @@
+"""Reference libraries by name: what their frames show, and how those of another star are scaled."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TypedDict
+
+import numpy as np
+import numpy.typing as npt
+
+from catalogs.errors import InputError
+from cpic_planner.etc.library import strategy_flags
+from cpic_planner.etc.model import Library, ReferenceStar, Strategy
+from cpic_planner.validation.region import checked_frames, checked_region, region_rows
+from simulator.config import Scene, SceneStar
+from simulator.observation import Role
+from simulator.quantities import check_number, check_whole
+from simulator.sequence import MAX_FRAMES
+
+__all__ = ["HaloScale", "LibraryPlan", "VisitSettings", "halo_scale", "library_plan", "scale_library"]
+
+FloatArray = npt.NDArray[np.float64]
+BLOCK_PIXELS = 8
+"""Side of the squares whose sums count as independent in the error of `halo_scale`: about two speckles."""
+
+
+class VisitSettings(TypedDict):
+    """Arguments of `simulator.observation.observe` that tell one visit from the other."""
+
+    role: Role
+    roll_deg: float
+    n_frames: int
+
+
+@dataclass(frozen=True)
+class LibraryPlan:
+    """The two visits of an observation whose references come from a named library.
+
+    Attributes
+    ----------
+    name : str
+        ``same_star_planet_free``, ``reference_star``, ``roll`` or ``idealised``.
+    science_scene, reference_scene : Scene
+        What the frames of each visit show.
+    science, reference : dict
+        ``role``, ``roll_deg`` and ``n_frames`` of each visit, for `simulator.observation.observe`. Visits of different
+        role have wavefront offsets, walks and noise of their own.
+    shows_planet : bool
+        Whether the planet is in the reference frames too: then both visits are science, each the other's reference
+        (`cpic_planner.validation.roll`).
+    noise_free : bool
+        Whether the expectation (`Sequence.expected_e`) stands for the reference frames. It is that of the science
+        visit without planets, wavefront included: neither noise nor drift between the visits.
+    flags : tuple of str
+        Caveats, the same as the ETC's.
+    """
+
+    name: Library
+    science_scene: Scene
+    reference_scene: Scene
+    science: VisitSettings
+    reference: VisitSettings
+    shows_planet: bool = False
+    noise_free: bool = False
+    flags: tuple[str, ...] = ()
+
+
+def library_plan(strategy: Strategy, scene: Scene, n_frames: int, *, roll_deg: float = 0.0) -> LibraryPlan:
+    """What to simulate for the library that a strategy names.
+
+    Parameters
+    ----------
+    strategy : Strategy
+        ``library``, ``reference_ratio``, ``reference_star``, ``roll_deg``: those of the ETC.
+    scene : Scene
+        With its planets.
+    n_frames : int
+        Science frames, at least 1; for ``roll`` those of each roll.
+    roll_deg : float
+        Roll of the science visit; the middle of the two rolls.
+
+    Returns
+    -------
+    LibraryPlan
+        With ``round(n_frames * reference_ratio)`` reference frames, at least 1.
+
+    Notes
+    -----
+    ``same_star_planet_free`` (Zhu et al. 2025): the same scene without planets, in another visit.
+
+    ``reference_star``: another star alone, without companions, at the same place of the sky and so under the same sky
+    background; the dust around it is a copy of the science star's, scaled with its light, as in the ETC.
+
+    ``roll``: the whole scene half the roll to either side, on the detector to either side of the diagonal for a planet
+    on it. Companions turn with the sky, planets as well: only the star's own speckles stay.
+
+    ``idealised``: see ``LibraryPlan.noise_free``.
+    """
+    count = check_whole("n_frames", n_frames, 1, MAX_FRAMES)
+    middle = check_number("roll_deg", roll_deg, "deg")
+    half = strategy.roll_deg / 2.0 if strategy.library == "roll" else 0.0
+    shown = scene if strategy.library == "roll" else scene.without_planets()
+    if strategy.library == "reference_star":
+        assert strategy.reference_star is not None  # checked by the strategy
+        shown = _reference_scene(scene, strategy.reference_star)
+    idealised = strategy.library == "idealised"
+    references = max(round(count * strategy.reference_ratio), 1)
+    return LibraryPlan(
+        name=strategy.library,
+        science_scene=scene,
+        reference_scene=shown,
+        science={"role": "science", "roll_deg": middle - half, "n_frames": count},
+        reference={
+            "role": "science" if idealised else "reference",
+            "roll_deg": middle + half,
+            "n_frames": count if idealised else references,
+        },
+        shows_planet=strategy.library == "roll",
+        noise_free=idealised,
+        flags=strategy_flags(strategy),
+    )
+
+
+def _reference_scene(scene: Scene, star: ReferenceStar) -> Scene:
+    own, name = scene.cstar, f"reference star of {scene.name}"
+    dust = tuple(
+        source.model_copy(update={"contrast": source.contrast_to(own.v_mag), "v_mag": None})
+        for source in scene.extended
+    )
+    other = SceneStar(name=name, ra_deg=own.ra_deg, dec_deg=own.dec_deg, **star.model_dump())
+    return Scene(name=name, cstar=other, extended=dust)
+
+
+def scale_library(reference_e: npt.ArrayLike, scale: float, *, pedestal_e: npt.ArrayLike = 0.0) -> FloatArray:
+    """Frames of a reference star as bright as those of the science star.
+
+    Parameters
+    ----------
+    reference_e : array_like
+        Frames in electrons, (m, y, x) or (y, x).
+    scale : float
+        Light of the science star over that of the reference star in equal exposures, above 0: the ratio of the rates
+        that the ETC takes, or `halo_scale`.
+    pedestal_e : array_like, optional
+        Mean of what does not come from the star (dark current, clock-induced charge), broadcasts to a frame; it is the
+        same afterwards. Sky light that is left in becomes a constant, which the background of the photometry takes.
+
+    Returns
+    -------
+    ndarray
+        ``(reference_e - pedestal_e) scale + pedestal_e``: the variance of star light counts ``scale`` times that of the
+        science star's, all other variance ``scale^2`` times its own, as in `cpic_planner.etc.library`.
+
+    Raises
+    ------
+    InputError
+        If the scale is not above 0, or the shape or a number is not allowed.
+
+    Notes
+    -----
+    An error ``e`` of the scale leaves the fraction ``e`` of the halo, speckles included. It only matters where a mean
+    frame is subtracted: modes of uncentred or spatially centred frames have no scale.
+    """
+    frames = checked_frames("reference_e", reference_e)
+    factor = check_number("scale", scale)
+    if not factor > 0:
+        raise InputError("scale", scale, allowed="above 0")
+    pedestal = np.asarray(pedestal_e, dtype=np.float64)
+    return (frames - pedestal) * factor + pedestal
+
+
+@dataclass(frozen=True)
+class HaloScale:
+    """Light of the science star over that of the reference star as the halo shows it, and its 1-sigma error."""
+
+    value: float
+    error: float
+
+
+def halo_scale(
+    science_e: npt.ArrayLike, reference_e: npt.ArrayLike, *, region: npt.ArrayLike | None = None
+) -> HaloScale:
+    """Measure the brightness of the science star over that of the reference star on their halos.
+
+    Parameters
+    ----------
+    science_e, reference_e : array_like
+        Frames of equal exposure, electrons, (n, y, x) and (m, y, x); at least two reference frames.
+    region : array_like of bool, optional
+        Pixels (y, x) to use; all by default. Leave out known planets.
+
+    Returns
+    -------
+    HaloScale
+
+    Raises
+    ------
+    InputError
+        If shapes or numbers do not fit, there are fewer than two reference frames, or the halo does not stand out of
+        the noise.
+
+    Notes
+    -----
+    Least squares of the mean science frame ``S`` on the mean reference frame, both less their mean over the region (a
+    constant background does not matter), would be too small by the share of noise in the square of the reference. The
+    even and the odd frames, ``A`` and ``B``, have independent noise: ``sum(S (A + B) / 2) / sum(A B)`` is free of it.
+    A planet of flux ``f`` and template ``p`` in the region adds ``f sum(p A) / sum(A B)``.
+
+    The error is that of a ratio of sums over squares of 8 x 8 pixels (Cochran 1977, Sampling Techniques, eq. 6.13): it
+    holds for correlated speckles too, as long as the region has some ten squares.
+    """
+    science, reference = checked_frames("science_e", science_e), checked_frames("reference_e", reference_e)
+    if reference.ndim != 3 or len(reference) < 2 or reference.shape[-2:] != science.shape[-2:]:
+        raise InputError("reference_e", reference.shape, unit="px",
+                         allowed=f"at least two frames of {science.shape[-2:]}")  # fmt: skip
+    pixels = checked_region("region", region, science.shape[-2:])
+    star = region_rows("science_e", science, pixels).mean(axis=0)
+    frames = region_rows("reference_e", reference, pixels)
+    even, odd = frames[::2].mean(axis=0), frames[1::2].mean(axis=0)
+    star, even, odd = star - star.mean(), even - even.mean(), odd - odd.mean()
+    y, x = np.nonzero(pixels)
+    _, square = np.unique((y // BLOCK_PIXELS) * pixels.shape[1] + x // BLOCK_PIXELS, return_inverse=True)
+    above, below = np.bincount(square, star * (even + odd) / 2.0), np.bincount(square, even * odd)
+    value, spread = math.nan, math.inf
+    if len(below) > 1 and below.sum() > 0:
+        value = float(above.sum() / below.sum())
+        left = above - value * below
+        spread = math.sqrt(float(left @ left) * len(left) / (len(left) - 1)) / float(below.sum())
+    if not value > 2.0 * spread:
+        raise InputError("reference_e", "no halo above the noise", allowed="frames in which both halos can be measured")
+    return HaloScale(value, spread)

@@ -1,0 +1,376 @@
+"""The fit behind `cpic_planner.validation.astrometry`: a planet's image at any place, and the noise of a fit of it.
+
+All in pixels from the star. Parameters are flux, flux x shift in x and flux x shift in y: in these the model is linear.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from catalogs.errors import InputError
+from cpic_planner.validation.reduced import ReducedStack
+from simulator.camera.gain import excess_noise_factor2
+from simulator.imaging.external import ExternalPsf
+from simulator.imaging.psf import Psf
+
+__all__ = ["EXCLUSION_RADII", "PositionFit", "PositionFitter", "SpeckleScatter"]
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+
+MAX_ITERATIONS = 25
+STILL_PIXELS = 1e-3
+# Noise bends the model's peak so that full steps may swing about it: steps that turn back are shortened.
+TURNED_BACK = 0.6
+# Longest step of the search, and a walk farther than which it has left the candidate it was given.
+MAX_STEP_LAMBDA_D = 0.35
+MAX_WALK_LAMBDA_D = 1.0
+# Other sources, and the planet itself, are kept this many aperture radii away from what measures the noise.
+EXCLUSION_RADII = 1.5
+# Bright rings of another source end here: no fit for the noise reaches into them.
+RING_LAMBDA_D = 2.0
+# Least share of a planet's squared light that a place, cut by the edge of the region, must show to be a sample.
+SAMPLE_COVERAGE = 0.7
+# Places with less star light than this share of the mean have the speckles of that light.
+LEAST_HALO = 0.05
+# Fewer independent samples than this in the annulus, and the whole region is taken.
+LEAST_SAMPLES = 20.0
+LEAST_DEGREES = 4.0
+
+
+@dataclass(frozen=True, eq=False)
+class PositionFit:
+    """Where the search ended.
+
+    Attributes
+    ----------
+    place : ndarray, shape (2,)
+        x and y, pixels from the star.
+    flux : float
+        Electrons on the clear pupil.
+    converged : bool
+        Whether the search came to rest within 1 lambda/D of its start.
+    window : ndarray of bool, shape (n, n)
+        Fitted pixels.
+    design : ndarray, shape (3, k)
+        Forward model of unit flux and its derivatives in these pixels.
+    inverse : ndarray, shape (3, 3)
+        Inverse of the information matrix.
+    planet : ndarray, shape (n, n)
+        Unit planet before the subtraction.
+    model : ndarray, shape (n, n)
+        Unit planet after the subtraction and the level.
+    """
+
+    place: FloatArray
+    flux: float
+    converged: bool
+    window: BoolArray
+    design: FloatArray
+    inverse: FloatArray
+    planet: FloatArray
+    model: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class SpeckleScatter:
+    """Second moments of fits without a planet, in excess of white noise and over the local halo.
+
+    Attributes
+    ----------
+    scaled : ndarray, shape (3, 3)
+        Of flux, radial and tangential shift; positive semi-definite, and widened by n / (n - 2) for n samples.
+    samples : float
+        Independent places behind it.
+    whole_region : bool
+        Whether the annulus was too small.
+    """
+
+    scaled: FloatArray
+    samples: float
+    whole_region: bool
+
+
+@dataclass(frozen=True, eq=False)
+class PositionFitter:
+    """One reduced image, made ready for fits; see `of`.
+
+    Attributes
+    ----------
+    stack : ReducedStack
+    psf : Psf or ExternalPsf
+    usable : ndarray of bool, shape (n, n)
+        Region without other known sources.
+    weights : ndarray, shape (n, n)
+        Inverse white variance; 0 beyond ``usable``, and 1 inside where the stack has no white noise.
+    halo : ndarray, shape (n, n)
+        What the variance of speckles follows: the static light, at least a share of its mean.
+    others : ndarray, shape (k, 2)
+        Other known sources, pixels from the star.
+    window_pixel, annulus_pixel : float
+        Radius of the fitted disc, and half width of the annulus.
+    """
+
+    stack: ReducedStack
+    psf: Psf | ExternalPsf
+    usable: BoolArray
+    weights: FloatArray
+    halo: FloatArray
+    others: FloatArray
+    window_pixel: float
+    annulus_pixel: float
+
+    @classmethod
+    def of(
+        cls,
+        stack: ReducedStack,
+        psf: Psf | ExternalPsf,
+        *,
+        window_lambda_d: float,
+        annulus_lambda_d: float,
+        exclude: Sequence[tuple[float, float]],
+    ) -> PositionFitter:
+        """Prepare an image; lengths in lambda/D, sources to exclude as (x, y) in arcsec.
+
+        Raises
+        ------
+        InputError
+            If nothing is left of the region, or its noise is not finite and positive (or 0 everywhere).
+        """
+        metrics = psf.metrics
+        scale = metrics.pixel_scale_arcsec
+        usable = stack.region.copy()
+        others = np.array(exclude, dtype=np.float64).reshape(-1, 2) / scale
+        if not np.isfinite(others).all():
+            raise InputError("exclude", exclude, unit="arcsec", allowed="finite pairs (x, y)")
+        for place in others:
+            usable &= ~_disc(usable.shape, place, EXCLUSION_RADII * metrics.aperture_radius_arcsec / scale)
+        if not usable.any():
+            raise InputError("region", "empty", unit="px", allowed="some pixels away from the excluded sources")
+        variance = stack.white_variance_e2[usable]
+        quiet = bool((variance == 0).all())
+        if not quiet and not (np.isfinite(variance) & (variance > 0)).all():
+            raise InputError("white_variance_e2", float(variance.min()), unit="e-^2", allowed="above 0 in the region")
+        weights, halo = np.zeros(usable.shape), np.zeros(usable.shape)
+        weights[usable] = 1.0 if quiet else 1.0 / variance
+        lambda_d = metrics.lambda_d_arcsec / scale
+        light = np.maximum(stack.halo_e[usable], 0.0)
+        halo[usable] = np.maximum(light, LEAST_HALO * light.mean()) if light.any() else 1.0
+        return cls(stack, psf, usable, weights, halo, others, window_lambda_d * lambda_d, annulus_lambda_d * lambda_d)
+
+    @functools.cached_property
+    def quiet(self) -> bool:
+        """Whether the stack has no white noise."""
+        return not self.stack.white_variance_e2[self.usable].any()
+
+    @functools.cached_property
+    def lambda_d_pixel(self) -> float:
+        """lambda/D in pixels."""
+        return float(self.psf.metrics.lambda_d_arcsec / self.psf.metrics.pixel_scale_arcsec)
+
+    @functools.cached_property
+    def aperture_pixel(self) -> float:
+        """Radius of the photometric aperture in pixels."""
+        return float(self.psf.metrics.aperture_radius_arcsec / self.psf.metrics.pixel_scale_arcsec)
+
+    @functools.cached_property
+    def _spectrum(self) -> tuple[npt.NDArray[np.complex128], FloatArray, FloatArray]:
+        """Fourier transform of the unmasked PSF, and the frequencies of rows and columns, radians a pixel."""
+        from scipy.fft import next_fast_len
+
+        size = next_fast_len(len(self.psf.off_axis), real=True)
+        rows: FloatArray = np.asarray(2 * np.pi * np.fft.fftfreq(size)[:, None], dtype=np.float64)
+        columns: FloatArray = np.asarray(2 * np.pi * np.fft.rfftfreq(size), dtype=np.float64)
+        return np.fft.rfft2(self.psf.off_axis, s=(size, size)), rows, columns
+
+    def shifted(self, shift: FloatArray) -> FloatArray:
+        """The PSF's stamp moved by a fraction of a pixel (x, y), and its derivatives; shape (3, m, m)."""
+        spectrum, rows, columns = self._spectrum
+        moved = spectrum * np.exp(-1j * (rows * shift[1] + columns * shift[0]))
+        parts = np.stack([moved, -1j * columns * moved, -1j * rows * moved])
+        side, size = len(self.psf.off_axis), len(rows)
+        return np.fft.irfft2(parts, s=(size, size))[:, :side, :side]
+
+    def images(self, place: FloatArray) -> FloatArray:
+        """Unit planet before the subtraction and its derivatives, shape (3, n, n)."""
+        whole = np.rint(place).astype(int)
+        stamps = self.shifted(place - whole)
+        n, side = len(self.usable), stamps.shape[-1]
+        result = np.zeros((3, n, n))
+        cuts = []
+        for step in (whole[1], whole[0]):
+            first = n // 2 + int(step) - side // 2
+            low, high = max(first, 0), min(first + side, n)
+            cuts.append((slice(low, high), slice(low - first, high - first)))
+        (rows, from_rows), (columns, from_columns) = cuts
+        result[:, rows, columns] = stamps[:, from_rows, from_columns]
+        return result
+
+    def coverage(self, place: FloatArray) -> float:
+        """Share of a planet's squared light within the window that lies on usable pixels."""
+        stamp = self.images(place)[0] ** 2 * _disc(self.usable.shape, place, self.window_pixel)
+        return float(stamp[self.usable].sum() / stamp.sum())
+
+    def climb(self, start: FloatArray) -> PositionFit:
+        """Gauss-Newton from a starting place; the window is laid around the start, then around what it finds."""
+        background = self._background(start)
+        image = self._levelled(self.stack.image_e, background)
+        place = start
+        for _ in range(2):
+            fit = self._search(image, background, start, place)
+            place = fit.place
+            if not fit.converged:
+                break
+        return fit
+
+    def _search(self, image: FloatArray, background: BoolArray, start: FloatArray, centre: FloatArray) -> PositionFit:
+        place, converged = centre, False
+        window = self.usable & _disc(self.usable.shape, centre, self.window_pixel)
+        weights = self.weights[window]
+        longest, last = MAX_STEP_LAMBDA_D * self.lambda_d_pixel, np.zeros(2)
+        for _ in range(MAX_ITERATIONS):
+            raw = self.images(place)
+            models = self._levelled(self.stack.rdi.project(raw), background)
+            design = models[:, window]
+            inverse = np.asarray(np.linalg.inv((design * weights) @ design.T), dtype=np.float64)
+            theta = inverse @ (design * weights) @ image[window]
+            flux = float(theta[0])
+            step = theta[1:] / flux if flux > 0 else np.full(2, np.inf)
+            size = float(np.hypot(*step))
+            if flux <= 0 or np.hypot(*(place - start)) > MAX_WALK_LAMBDA_D * self.lambda_d_pixel:
+                break
+            converged = size < STILL_PIXELS
+            last = step * min(TURNED_BACK if step @ last < 0 else 1.0, longest / max(size, longest))
+            place = place + last
+            if converged:
+                break
+        near = bool(np.hypot(*(place - start)) <= MAX_WALK_LAMBDA_D * self.lambda_d_pixel)
+        return PositionFit(place, flux, converged and near, window, design, inverse, raw[0], models[0])
+
+    def speckles(self, fit: PositionFit) -> SpeckleScatter:
+        """What the same fit finds at other places of this separation, beyond white noise.
+
+        Raises
+        ------
+        InputError
+            If the region has no other place for a fit.
+        """
+        residual = self._levelled(self.stack.image_e, self._background(fit.place)) - fit.flux * fit.model
+        n = len(self.usable)
+        pitch = max(1, round(0.5 * self.lambda_d_pixel))
+        rows, columns = np.nonzero(self.usable)
+        y, x = rows - n // 2, columns - n // 2
+        clear = np.hypot(x - fit.place[0], y - fit.place[1]) > self.window_pixel
+        for other in self.others:
+            clear &= np.hypot(x - other[0], y - other[1]) > self.window_pixel + RING_LAMBDA_D * self.lambda_d_pixel
+        grid = clear & (x % pitch == 0) & (y % pitch == 0)
+        near = np.abs(np.hypot(x, y) - np.hypot(*fit.place)) <= self.annulus_pixel
+        for whole_region, chosen in ((False, grid & near), (True, grid)):
+            moments = self._fits(residual, fit.place, y[chosen], x[chosen])
+            if moments is None:
+                continue
+            theta, white, halo = moments
+            size = np.sqrt(np.einsum("pkk->pk", halo))
+            samples = float(size[:, 0].sum() ** 2 / (size[:, 0] ** 2).sum()) * (pitch / self.lambda_d_pixel) ** 2
+            if samples >= LEAST_SAMPLES or whole_region:
+                excess = np.einsum("pk,pl->kl", theta, theta) - white.sum(axis=0)
+                scaled = excess / np.einsum("pk,pl->kl", size, size)
+                values, vectors = np.linalg.eigh(scaled)
+                # Deviations over an error known from n samples scatter as Student's t does.
+                student = max(samples, LEAST_DEGREES) / (max(samples, LEAST_DEGREES) - 2.0)
+                scaled = student * (vectors * np.maximum(values, 0.0)) @ vectors.T
+                return SpeckleScatter(scaled, samples, whole_region)
+        raise InputError("region", "too small", unit="px", allowed="room for the fit at other places than the planet's")
+
+    def _fits(
+        self, residual: FloatArray, place: FloatArray, y: npt.NDArray[np.intp], x: npt.NDArray[np.intp]
+    ) -> tuple[FloatArray, FloatArray, FloatArray] | None:
+        """Fits at whole-pixel distances from a place: parameters, white covariance and halo form, radial first.
+
+        The kernel is the unprojected planet; what the projection takes of it (modes over pixels of the region) is a
+        per cent.
+        """
+        shift = place - np.rint(place)
+        kernel = self.shifted(shift)
+        half, middle = math.ceil(self.window_pixel) + 1, kernel.shape[-1] // 2
+        cut = slice(middle - half, middle + half + 1)
+        offset = np.arange(-half, half + 1)
+        disc = np.hypot(offset[:, None] - shift[1], offset - shift[0]) <= self.window_pixel
+        design = kernel[:, cut, cut][:, disc]
+        products = (design[:, None] * design).reshape(9, -1).T
+
+        def around(image: FloatArray) -> FloatArray:
+            padded = np.pad(image, half)
+            views = np.lib.stride_tricks.sliding_window_view(padded, disc.shape)
+            return np.asarray(views[y + len(image) // 2, x + len(image) // 2][:, disc])
+
+        held = around(self.usable.astype(float)) @ design[0] ** 2 >= SAMPLE_COVERAGE * float(design[0] @ design[0])
+        if not held.any():
+            return None
+        y, x = y[held], x[held]
+        weights = around(self.weights)
+        inverse = np.linalg.inv((weights @ products).reshape(-1, 3, 3))
+        theta = np.einsum("pkl,pl->pk", inverse, around(self.weights * residual) @ design.T)
+        forms = (around(self.weights**2 * self.halo) @ products).reshape(-1, 3, 3)
+        turn = _to_radial(x + shift[0], y + shift[1])
+        back = turn.swapaxes(1, 2)
+        white = np.zeros_like(inverse) if self.quiet else turn @ inverse @ back
+        return np.einsum("pkl,pl->pk", turn, theta), white, turn @ (inverse @ forms @ inverse) @ back
+
+    def covariance(self, fit: PositionFit, speckles: SpeckleScatter) -> FloatArray:
+        """Covariance of flux, flux x shift in x and in y: white noise, the planet's photons and speckles."""
+        estimator = fit.inverse @ (fit.design * self.weights[fit.window])
+        factor2 = float(excess_noise_factor2(self.stack.em_gain, self.stack.stages))
+        own = np.zeros(fit.window.sum()) if self.quiet else factor2 * np.maximum(fit.flux * fit.planet[fit.window], 0.0)
+        pixels = (estimator * (self.stack.white_variance_e2[fit.window] + own)) @ estimator.T
+        turn = _to_radial(fit.place[:1], fit.place[1:])[0]
+        form = turn @ ((estimator * self.halo[fit.window]) @ estimator.T) @ turn.T
+        size = np.sqrt(np.diag(form))
+        return np.asarray(pixels + turn.T @ (speckles.scaled * np.outer(size, size)) @ turn)
+
+    def chi2(self, fit: PositionFit) -> tuple[float, int]:
+        """Squared residuals over white variance and planet photons (0 without white noise), and number of pixels."""
+        pixels = int(fit.window.sum())
+        if self.quiet:
+            return 0.0, pixels
+        image = self._levelled(self.stack.image_e, self._background(fit.place))[fit.window]
+        factor2 = float(excess_noise_factor2(self.stack.em_gain, self.stack.stages))
+        own = factor2 * np.maximum(fit.flux * fit.planet[fit.window], 0.0)
+        residual = image - fit.flux * fit.model[fit.window]
+        return float(np.sum(residual**2 / (self.stack.white_variance_e2[fit.window] + own))), pixels
+
+    def _background(self, place: FloatArray) -> BoolArray:
+        """Pixels of the annulus away from the planet; of the whole region where there are none."""
+        shape, separation, star = self.usable.shape, float(np.hypot(*place)), np.zeros(2)
+        away = self.usable & ~_disc(shape, place, EXCLUSION_RADII * self.aperture_pixel)
+        annulus = away & _disc(shape, star, separation + self.annulus_pixel)
+        annulus &= ~_disc(shape, star, max(separation - self.annulus_pixel, 0.0))
+        return annulus if annulus.any() else away
+
+    def _levelled(self, images: FloatArray, background: BoolArray) -> FloatArray:
+        """Images minus their mean over the background, inside the region."""
+        level = images[..., background].mean(axis=-1)
+        return np.asarray(np.where(self.stack.region, images - np.asarray(level)[..., None, None], 0.0))
+
+
+def _disc(shape: tuple[int, ...], place: FloatArray, radius: float) -> BoolArray:
+    """Pixels whose centres lie within a radius of a place (x, y)."""
+    offset = np.arange(shape[0]) - shape[0] // 2
+    return np.asarray((offset[:, None] - place[1]) ** 2 + (offset - place[0]) ** 2 <= radius**2)
+
+
+def _to_radial(x: FloatArray, y: FloatArray) -> FloatArray:
+    """Matrices, shape (p, 3, 3), that turn shifts in x and y into shifts away from the star and around it."""
+    angle = np.arctan2(y, x)
+    turn = np.zeros((len(angle), 3, 3))
+    turn[:, 0, 0] = 1.0
+    turn[:, 1, 1] = turn[:, 2, 2] = np.cos(angle)
+    turn[:, 1, 2] = np.sin(angle)
+    turn[:, 2, 1] = -np.sin(angle)
+    return turn

@@ -1,0 +1,259 @@
+"""Realisations of one observation: science and reference visits drawn as sums of frames, or frame by frame."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Any, cast
+
+import numpy as np
+import numpy.typing as npt
+
+from cpic_planner.etc.model import Strategy
+from cpic_planner.validation.frames import CalibratedFrames, calibrated_frames
+from cpic_planner.validation.libraries import LibraryPlan, library_plan
+from cpic_planner.validation.reduced import ReducedStack, reduce_stack
+from cpic_planner.validation.rejection import filled, reject_cosmic_rays
+from cpic_planner.validation.roll import RollResult, roll_subtract
+from cpic_planner.validation.task import ConfirmTask, images_of
+from simulator.config import Instrument, Scene
+from simulator.config.base import validate
+from simulator.hole_stack import HoleStacks, hole_stackable, hole_stacks
+from simulator.imaging.metrics import PsfMetrics
+from simulator.imaging.psf import Psf
+from simulator.observation import Observation, observe
+from simulator.outcome import Outcome
+
+__all__ = ["FrameStory", "Realised", "Visits", "realised_frames", "visits_of"]
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Realised:
+    """One realisation, reduced.
+
+    Attributes
+    ----------
+    reduced : ReducedStack
+        Residual of the science visit.
+    roll : RollResult or None
+        Both residuals where the planet is in both visits.
+    science_e, reference_e : ndarray, shape (n, n)
+        What went in, summed over the frames, for pictures.
+    """
+
+    reduced: ReducedStack
+    roll: RollResult | None
+    science_e: FloatArray
+    reference_e: FloatArray
+
+
+@dataclass(frozen=True)
+class FrameStory:
+    """What happened to frames one by one.
+
+    Attributes
+    ----------
+    lost_in, lost_outside : int
+        Pixel-frames of the dark hole and around it that a limit cut off.
+    rejected_fraction : float
+        Share of the pixel-frames of the hole that were taken for hits of particles.
+    hits : int
+        Pixel-frames above the limit of rejection.
+    """
+
+    lost_in: int
+    lost_outside: int
+    rejected_fraction: float
+    hits: int
+
+
+@dataclass(frozen=True, eq=False)
+class Visits:
+    """Science and reference visit of a task, ready to be drawn any number of times; made by `visits_of`.
+
+    Attributes
+    ----------
+    task : ConfirmTask
+    strategy : Strategy
+    instrument : Instrument
+        Of the images.
+    plan : LibraryPlan
+    science, reference : Observation
+    scale : float
+        Brightness of the science star over that of the reference star.
+    stackable : Outcome
+        Whether sums of frames may stand for them.
+    """
+
+    task: ConfirmTask
+    strategy: Strategy
+    instrument: Instrument
+    plan: LibraryPlan
+    science: Observation
+    reference: Observation
+    scale: float
+    stackable: Outcome[float]
+    _stacks: tuple[HoleStacks, HoleStacks] | None
+
+    @property
+    def metrics(self) -> PsfMetrics:
+        """Figures of the optics."""
+        return self.optics.metrics
+
+    @property
+    def optics(self) -> Psf:
+        """The optics themselves."""
+        return cast(Psf, self.science.psf)  # a task has no PSF from a file
+
+    @property
+    def scene(self) -> Scene:
+        """What the science frames show."""
+        return self.science.scene
+
+    def with_light(self, extra_e_s: FloatArray) -> Visits:
+        """The same with more light in the science visit (an injected planet), electrons per second and pixel."""
+        assert self._stacks is not None  # as stackable says
+        science, reference = self._stacks
+        return dataclasses.replace(self, _stacks=(science.with_light(extra_e_s), reference))
+
+    def draw(self, realisation: int) -> Realised:
+        """One realisation from sums of frames; only where ``stackable`` is ok."""
+        assert self._stacks is not None  # as stackable says
+        science, reference = self._stacks
+        sums = science.draw(realisation)
+        if self.plan.noise_free:
+            detector = self.science.instrument.detector
+            dark_e = detector.cic_e * detector.switches.clock_charge
+            dark_e += detector.dark_e_s * detector.switches.dark * self.task.exposure_s
+            rates = reference.mean_rates(realisation)
+            library = (rates * self.task.exposure_s + dark_e) * reference.frames[:, None, None]
+            library[:, ~reference.region] = 0.0
+        else:
+            library = reference.draw(realisation)
+        return self.reduced(sums, library, science.frames, reference.frames, science.region)
+
+    def reduced(
+        self, science_e: FloatArray, reference_e: FloatArray, science_n: Any, reference_n: Any, region: BoolArray
+    ) -> Realised:
+        """Reduce images of both visits, each of so many frames."""
+        roll = None
+        if self.plan.shows_planet:
+            roll = roll_subtract(science_e, reference_e, self.strategy.n_modes, region=region,
+                                 first_frames=science_n, second_frames=reference_n)  # fmt: skip
+        reduced = reduce_stack(
+            science_e,
+            reference_e,
+            region=region,
+            n_modes=self.strategy.n_modes,
+            exposure_s=self.task.exposure_s,
+            em_gain=self.task.em_gain,
+            detector=self.science.instrument.detector,
+            science_frames=science_n,
+            reference_frames=reference_n,
+            reference_scale=self.scale,
+            noise_free_reference=self.plan.noise_free,
+        )
+        return Realised(reduced, roll, science_e.sum(axis=0), reference_e.sum(axis=0))
+
+
+def visits_of(task: ConfirmTask, *, full: bool = False, realisation: int = 0) -> Visits:
+    """Set up the visits of a task.
+
+    Parameters
+    ----------
+    task : ConfirmTask
+    full : bool
+        Every effect of the camera, to be run frame by frame (`realised_frames`); sums of frames otherwise.
+    realisation : int
+        Of the frames.
+    """
+    instrument = validate(Instrument, task.simulator, where="instrument")
+    strategy = validate(Strategy, task.strategy, where="strategy")
+    scene = validate(Scene, task.scene, where="scene")
+    chosen = instrument if full else images_of(instrument)
+    plan = library_plan(strategy, scene, task.n_frames)
+    settings: dict[str, Any] = {
+        "band": task.band,
+        "exposure_s": task.exposure_s,
+        "em_gain": task.em_gain,
+        "seed": task.seed,
+        "fidelity": task.fidelity,
+        "instrument": chosen,
+        "window": "hole",
+        "realisation": realisation,
+    }
+    if not full:  # the sums draw their own drift
+        settings["max_epochs"] = 1
+    science = observe(plan.science_scene, **settings, **plan.science)
+    reference = observe(plan.reference_scene, **settings, **plan.reference)
+    answer = hole_stackable(science)
+    if answer.status.value == "ok":
+        answer = hole_stackable(reference)
+    stacks = None
+    if not full and answer.status.value == "ok":
+        stacks = hole_stacks(science), hole_stacks(reference)
+    scale = science.truth.sources[0].rate_e_s / reference.truth.sources[0].rate_e_s
+    return Visits(task, strategy, chosen, plan, science, reference, scale, answer, stacks)
+
+
+def realised_frames(visits: Visits) -> tuple[Realised, FrameStory]:
+    """Draw every frame, calibrate it, take out particles, and reduce.
+
+    Notes
+    -----
+    Pixel-frames that are hit or cut off take the temporal mean of their pixel, so that each frame is whole for the
+    projection; pixels with no usable frame leave the region. The white variance grows by the frames that a pixel lost.
+    """
+    region = visits.metrics.hole.copy()
+    kept, stories = [], []
+    for observation in (visits.science, visits.reference):
+        frames = calibrated_frames(observation)
+        electrons, usable, hits = _cleaned(frames)
+        whole, covered = filled(electrons, usable)
+        region &= covered
+        stories.append((frames, usable, hits))
+        # The pedestal goes back in: `reduce_stack` knows dark current and clock charge by their nominal values.
+        kept.append(whole + _nominal_dark_e(observation))
+    hole = visits.metrics.hole
+    realised = visits.reduced(kept[0], kept[1], 1, 1, region)
+    thinned = _thinned(realised, [usable for _, usable, _ in stories])
+    rejected = [1.0 - usable[:, hole].mean() for _, usable, _ in stories]
+    return thinned, FrameStory(
+        lost_in=sum(frames.lost_in for frames, _, _ in stories),
+        lost_outside=sum(frames.lost_outside for frames, _, _ in stories),
+        rejected_fraction=float(np.mean(rejected)),
+        hits=sum(hits for _, _, hits in stories),
+    )
+
+
+def _cleaned(frames: CalibratedFrames) -> tuple[FloatArray, BoolArray, int]:
+    detector = frames.detector
+    found = reject_cosmic_rays(
+        frames.electrons,
+        frames.usable,
+        em_gain=frames.em_gain,
+        read_noise_e=detector.read_noise_e * detector.switches.read_noise,
+        pedestal_e=frames.pedestal_e,
+        stages=detector.register_stages,
+        gain_e_adu=detector.gain_e_adu,
+    )
+    return frames.electrons, frames.usable & ~found.rejected, found.n_hit
+
+
+def _nominal_dark_e(observation: Observation) -> float:
+    detector = observation.instrument.detector
+    return detector.cic_e * detector.switches.clock_charge + (
+        detector.dark_e_s * observation.exposure_s if detector.switches.dark else 0.0
+    )
+
+
+def _thinned(realised: Realised, usable: list[BoolArray]) -> Realised:
+    """Variance per pixel of a sum whose pixels were measured in fewer frames."""
+    counts = [np.maximum(part.sum(axis=0), 1) / len(part) for part in usable]
+    factor = 0.5 * (1.0 / counts[0] + 1.0 / counts[1])
+    stack = realised.reduced
+    variance = np.where(stack.region, stack.white_variance_e2 * factor, 0.0)
+    return dataclasses.replace(realised, reduced=dataclasses.replace(stack, white_variance_e2=variance))

@@ -1,0 +1,153 @@
+"""One observation reduced: science frames minus what the references explain, with its noise and forward model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from catalogs.errors import InputError
+from cpic_planner.validation.rdi import RdiResult, rdi_subtract
+from simulator.camera.gain import excess_noise_factor2
+from simulator.config.detector import Detector
+
+__all__ = ["ReducedStack", "reduce_stack"]
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+# The light that sets the white noise is smooth on the scale of the optics; the noise of its own measurement is not.
+SMOOTHING_PIXELS = 1.5
+
+
+@dataclass(frozen=True, eq=False)
+class ReducedStack:
+    """What a reduction leaves of one observation; images are star-centred stamps (y, x).
+
+    Attributes
+    ----------
+    image_e : ndarray, shape (n, n)
+        Residual in electrons at the register input, summed over the science frames; 0 outside ``region``.
+    region : ndarray of bool, shape (n, n)
+        Pixels that took part.
+    white_variance_e2 : ndarray, shape (n, n)
+        Variance of ``image_e`` from photons with their excess noise, dark current, clock-induced charge, read noise and
+        rounding, of science and reference frames; speckles are not in it. 0 outside ``region``.
+    halo_e : ndarray, shape (n, n)
+        Light of the reference frames scaled to the summed science frames, smoothed, without dark current and
+        clock-induced charge; 0 outside ``region``.
+    rdi : RdiResult
+        The projection, and with it the forward model of a planet.
+    integration_s : float
+        Sum of the science exposures.
+    em_gain : float
+        Gain of the register.
+    stages : int
+        Stages of the register.
+    """
+
+    image_e: FloatArray
+    region: BoolArray
+    white_variance_e2: FloatArray
+    halo_e: FloatArray
+    rdi: RdiResult
+    integration_s: float
+    em_gain: float
+    stages: int
+
+
+def reduce_stack(
+    science_e: npt.ArrayLike,
+    reference_e: npt.ArrayLike,
+    *,
+    region: BoolArray,
+    n_modes: int,
+    exposure_s: float,
+    em_gain: float,
+    detector: Detector,
+    science_frames: npt.ArrayLike = 1,
+    reference_frames: npt.ArrayLike = 1,
+    reference_scale: float = 1.0,
+    noise_free_reference: bool = False,
+) -> ReducedStack:
+    """Subtract the mean reference and its leading modes, and sum.
+
+    Parameters
+    ----------
+    science_e, reference_e : array_like, shapes (k, n, n) and (m, n, n)
+        Frames, or sums of frames, in electrons at the register input; dark current and clock-induced charge included.
+    region : ndarray of bool, shape (n, n)
+        The dark hole without unusable pixels.
+    n_modes : int
+        Modes that are projected out after the mean (temporal centring).
+    exposure_s, em_gain : float
+        Of one frame.
+    detector : Detector
+        Noise of its frames.
+    science_frames, reference_frames : array_like
+        Number of frames in each image, one number for all or one each.
+    reference_scale : float
+        Brightness of the science star over that of the reference star, above 0.
+    noise_free_reference : bool
+        Whether the reference images are expectations, without noise of their own.
+
+    Raises
+    ------
+    InputError
+        If shapes, counts or the scale do not fit.
+
+    Notes
+    -----
+    Images are divided by their number of frames before the projection and the residuals summed with it. The variance
+    uses the light of the reference frames, smoothed over 1.5 px, for both: the science frames hold the planet.
+    """
+    science, reference = np.asarray(science_e, float), np.asarray(reference_e, float)
+    science_n = _counts("science_frames", science_frames, science)
+    reference_n = _counts("reference_frames", reference_frames, reference)
+    if not reference_scale > 0:
+        raise InputError("reference_scale", reference_scale, allowed="above 0")
+    dark_e = detector.cic_e * detector.switches.clock_charge + (
+        detector.dark_e_s * exposure_s if detector.switches.dark else 0.0
+    )
+    library = (reference / reference_n[:, None, None] - dark_e) * reference_scale + dark_e
+    cut = rdi_subtract(science / science_n[:, None, None], library, n_modes, region=region, centering="temporal")
+    total, library_total = float(science_n.sum()), float(reference_n.sum())
+    light = _smoothed((library * reference_n[:, None, None]).sum(axis=0) / library_total - dark_e, region)
+    factor2 = float(excess_noise_factor2(em_gain, detector.register_stages)) if detector.switches.em_register else 1.0
+    read_e2 = (detector.read_noise_e**2 * detector.switches.read_noise + detector.gain_e_adu**2 / 12.0) / em_gain**2
+    frame = factor2 * (np.maximum(light, 0.0) + dark_e) + read_e2
+    reference_frame = reference_scale * factor2 * np.maximum(light, 0.0) + reference_scale**2 * (
+        factor2 * dark_e + read_e2
+    )
+    variance = total * frame
+    if not noise_free_reference:
+        variance += total**2 / library_total * reference_frame
+    return ReducedStack(
+        image_e=np.tensordot(science_n, cut.residuals, axes=1),
+        region=cut.region,
+        white_variance_e2=np.where(region, variance, 0.0),
+        halo_e=np.where(region, total * light, 0.0),
+        rdi=cut,
+        integration_s=total * exposure_s,
+        em_gain=float(em_gain),
+        stages=detector.register_stages,
+    )
+
+
+def _counts(key: str, value: npt.ArrayLike, images: FloatArray) -> FloatArray:
+    if images.ndim != 3:
+        raise InputError(key.replace("_frames", "_e"), images.shape, unit="px", allowed="images (k, y, x)")
+    counts = np.asarray(value, float)
+    if counts.ndim > 1 or (counts.ndim == 1 and counts.shape != (len(images),)) or not (counts >= 1).all():
+        raise InputError(key, value, allowed=f"at least 1, one number or {len(images)} of them")
+    return np.broadcast_to(counts, (len(images),)).copy()
+
+
+def _smoothed(image: FloatArray, region: BoolArray) -> FloatArray:
+    """Gaussian mean over the pixels of the region alone."""
+    from scipy.ndimage import gaussian_filter
+
+    inside = np.where(region, image, 0.0)
+    weight = gaussian_filter(region.astype(float), SMOOTHING_PIXELS)
+    smooth = gaussian_filter(inside, SMOOTHING_PIXELS) / np.where(region, weight, 1.0)
+    return np.where(region, smooth, 0.0)

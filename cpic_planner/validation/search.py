@@ -1,0 +1,205 @@
+"""Thresholds of a blind search: how many false alarms a searched region holds above a level."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from catalogs.errors import InputError
+from simulator.outcome import Outcome, Reason, Status
+
+__all__ = ["MIN_SIGMA", "SearchedRegion", "false_alarms", "search_threshold", "searched_region"]
+
+BoolArray = npt.NDArray[np.bool_]
+MIN_ELEMENTS = 3.0
+MIN_SIGMA, MAX_SIGMA = 2.0, 20.0
+"""Below 2 sigma excursions run together: their number is no longer that of their Euler characteristic."""
+_LOWEST, _HIGHEST = 1.0, 1e60  # thresholds: the density of maxima falls beyond 1
+
+
+@dataclass(frozen=True)
+class SearchedRegion:
+    """Size and shape of the positions that a search visits; made by `searched_region`.
+
+    Attributes
+    ----------
+    area_pixels : float
+        Area between the outermost positions.
+    half_perimeter_pixels : float
+        Half of its circumference, holes included.
+    euler : float
+        Number of pieces less number of holes in them.
+    n_positions : int
+        Pixels of the region.
+    n_elements : float
+        Resolution elements, areas of ``(lambda/D)^2``, in these pixels.
+    """
+
+    area_pixels: float
+    half_perimeter_pixels: float
+    euler: float
+    n_positions: int
+    n_elements: float
+
+
+def searched_region(region: BoolArray, lambda_d_pixels: float) -> SearchedRegion:
+    """Measure the pixels of a search.
+
+    Parameters
+    ----------
+    region : ndarray of bool, shape (n, n)
+        Pixels on whose centres a source is looked for.
+    lambda_d_pixels : float
+        lambda/D, above 0.
+
+    Raises
+    ------
+    InputError
+        If an argument is out of range.
+
+    Notes
+    -----
+    Pixel centres are the corners of a lattice of P points, E edges and F squares: area F, half perimeter E - 2 F, Euler
+    characteristic P - E + F (Worsley et al. 1996, Human Brain Mapping 4, 58, in two dimensions).
+    """
+    pixels = np.asarray(region)
+    if pixels.dtype != np.bool_ or pixels.ndim != 2:
+        raise InputError("region", f"{pixels.dtype} array of shape {pixels.shape}", allowed="booleans (y, x)")
+    if not (math.isfinite(lambda_d_pixels) and lambda_d_pixels > 0):
+        raise InputError("lambda_d_pixels", lambda_d_pixels, unit="px", allowed="finite and above 0")
+    points = int(np.count_nonzero(pixels))
+    upright = pixels[1:] & pixels[:-1]
+    edges = int(np.count_nonzero(upright) + np.count_nonzero(pixels[:, 1:] & pixels[:, :-1]))
+    squares = int(np.count_nonzero(upright[:, 1:] & upright[:, :-1]))
+    return SearchedRegion(
+        area_pixels=float(squares),
+        half_perimeter_pixels=float(edges - 2 * squares),
+        euler=float(points - edges + squares),
+        n_positions=points,
+        n_elements=points / lambda_d_pixels**2,
+    )
+
+
+def false_alarms(
+    threshold: npt.ArrayLike, region: SearchedRegion, roughness: float, dof: float = math.inf
+) -> npt.NDArray[np.float64]:
+    """Expected number of noise peaks of a search at or above a level.
+
+    Parameters
+    ----------
+    threshold : array_like
+        Signal over estimated noise, at least 1.
+    region : SearchedRegion
+    roughness : float
+        Variance of the gradient of the significance map along one axis, per square pixel, above 0.
+    dof : float
+        Degrees of freedom of the noise estimate, above 0; infinite for known noise.
+
+    Returns
+    -------
+    ndarray
+        Shape of ``threshold``.
+
+    Notes
+    -----
+    The expected Euler characteristic of the part of a smooth Gaussian field above a level ``u``, which at high ``u`` is
+    the number of its peaks, is ``sum_d L_d roughness^(d/2) rho_d(u)`` with the half perimeter and area of the region as
+    ``L_1`` and ``L_2`` (Adler & Taylor 2007, Random Fields and Geometry, ch. 12). The densities ``rho_1 = exp(-u^2/2) /
+    (2 pi)`` and ``rho_2 = u exp(-u^2/2) / (2 pi)^(3/2)`` hold for known noise. Noise that is estimated once for the
+    whole field scales ``u`` by ``s`` with ``dof s^2`` a chi-square: with ``E[s^m exp(-u^2 s^2/2)] = (2/dof)^(m/2)
+    G((dof+m)/2) / G(dof/2) (1 + u^2/dof)^(-(dof+m)/2)`` the mean over ``s`` is closed; ``rho_0`` becomes the tail of
+    Student's t, as in `cpic_planner.etc.significance.detection_threshold`.
+    """
+    from scipy.special import gammaln, ndtr, stdtr
+
+    level = np.asarray(threshold, dtype=np.float64)
+    if not (level >= _LOWEST).all():
+        raise InputError("threshold", threshold, allowed=f"at least {_LOWEST:g}")
+    _check_noise(roughness, dof)
+    slope = math.sqrt(roughness)
+    if math.isinf(dof):
+        tail, curve, grown = ndtr(-level), np.exp(-0.5 * level**2), level * np.exp(-0.5 * level**2)
+    else:
+        base = np.log1p(level**2 / dof)
+        tail, curve = stdtr(dof, -level), np.exp(-0.5 * dof * base)
+        mean = math.exp(0.5 * math.log(2.0 / dof) + float(gammaln(0.5 * (dof + 1.0)) - gammaln(0.5 * dof)))
+        grown = mean * level * np.exp(-0.5 * (dof + 1.0) * base)
+    return np.asarray(
+        region.euler * tail
+        + region.half_perimeter_pixels * slope / (2.0 * math.pi) * curve
+        + region.area_pixels * slope**2 / (2.0 * math.pi) ** 1.5 * grown
+    )
+
+
+def search_threshold(
+    region: SearchedRegion,
+    roughness: float,
+    *,
+    sigma: float = 5.0,
+    dof: float = math.inf,
+    per_search: bool = False,
+) -> Outcome[float]:
+    """Level that noise alone reaches as rarely as asked anywhere in a searched region.
+
+    Parameters
+    ----------
+    region : SearchedRegion
+    roughness, dof : float
+        As in `false_alarms`.
+    sigma : float
+        Gaussian significance that states the false-alarm probability, 2 to 20.
+    per_search : bool
+        Whether this probability is that of one false alarm in the whole search. By default it is that of one in each
+        resolution element of the region, as with `cpic_planner.etc.significance.detection_threshold`: a search of n
+        elements then expects n times that many.
+
+    Returns
+    -------
+    Outcome of float
+        ``unreachable`` with reason ``too_few_resolution_elements`` below 3 elements or 1 degree of freedom.
+
+    Raises
+    ------
+    InputError
+        If an argument is out of range.
+
+    Examples
+    --------
+    A square of 70 x 70 pixels with 3.3 pixels to lambda/D:
+
+    >>> square = searched_region(np.ones((70, 70), bool), 3.3)
+    >>> round(search_threshold(square, 0.2, sigma=3.0).unwrap(), 2)
+    3.57
+    """
+    from scipy.optimize import brentq
+    from scipy.special import ndtr
+
+    if not (MIN_SIGMA <= sigma <= MAX_SIGMA):
+        raise InputError("sigma", sigma, unit="sigma", allowed=f"{MIN_SIGMA:g} to {MAX_SIGMA:g}")
+    _check_noise(roughness, max(dof, 1.0))
+    if region.n_elements < MIN_ELEMENTS or dof < 1.0:
+        return Outcome.refuse(
+            Status.UNREACHABLE,
+            Reason.TOO_FEW_ELEMENTS,
+            f"{region.n_elements:.3g} resolution elements, {dof:.3g} degrees of freedom: too few to know the noise",
+            unit="sigma",
+        )
+    asked = math.log(float(ndtr(-sigma)) * (1.0 if per_search else region.n_elements))
+
+    def excess(log_level: float) -> float:
+        return math.log(max(float(false_alarms(math.exp(log_level), region, roughness, dof)), 1e-320)) - asked
+
+    low, high = math.log(_LOWEST), math.log(_HIGHEST)
+    if excess(low) <= 0.0:  # a region whose few positions cannot give that many alarms
+        return Outcome.ok(_LOWEST, unit="sigma")
+    return Outcome.ok(math.exp(float(brentq(excess, low, high, xtol=1e-9))), unit="sigma")
+
+
+def _check_noise(roughness: float, dof: float) -> None:
+    if not (math.isfinite(roughness) and roughness > 0):
+        raise InputError("roughness", roughness, unit="1/px2", allowed="finite and above 0")
+    if not dof > 0:
+        raise InputError("dof", dof, allowed="above 0")

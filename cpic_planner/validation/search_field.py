@@ -1,0 +1,251 @@
+"""Matched-filtered residual of a search, its noise, and its peaks; sources that were found are taken out one by one."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from cpic_planner.validation.noise_fit import NoiseFit, NoiseTerms, fit_noise, smooth_white
+from cpic_planner.validation.noise_law import equivalent_sigma
+from cpic_planner.validation.reduced import ReducedStack
+from cpic_planner.validation.search import searched_region
+from cpic_planner.validation.speckle_maps import SpeckleMaps, matched_sum
+from simulator.imaging.external import ExternalPsf
+from simulator.imaging.psf import Psf
+from simulator.lazy import load_quietly
+
+__all__ = ["REPORTED_SIGMA", "FilteredState", "Peak", "SearchField"]
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+REPORTED_SIGMA = 2.5
+_MARGIN = 0.3  # by which a source lifts the noise that it is counted in
+_EXCLUDED_LAMBDA_D = 1.22  # radius around a source whose pixels do not tell the noise
+_LEAST_DYNAMIC = 1e-6  # noise that is assumed beside the brightest pixel of a residual without any
+
+
+@dataclass(frozen=True)
+class Peak:
+    """A local maximum, judged by the noise without it; see `cpic_planner.validation.detection.Candidate`."""
+
+    x_pixel: float
+    y_pixel: float
+    snr: float
+    significance: float
+    laplace: float
+    dof: float
+    flux_e: float
+
+
+@dataclass(frozen=True, eq=False)
+class FilteredState:
+    """Matched-filtered residual and its noise, per position of the region."""
+
+    snr: FloatArray
+    assumed: FloatArray
+    sigma_e: FloatArray
+    fit: NoiseFit
+    roughness: float
+
+
+class SearchField:
+    """Positions of a search with their noise terms.
+
+    Attributes
+    ----------
+    region : ndarray of bool, shape (n, n)
+        Positions that are searched.
+    size : SearchedRegion
+        Its size.
+    samples : float
+        Independent samples of white noise in it.
+    free : ndarray of bool, shape (p,)
+        Positions that tell the noise: without known sources.
+    """
+
+    def __init__(
+        self,
+        stack: ReducedStack,
+        psf: Psf | ExternalPsf,
+        maps: SpeckleMaps,
+        star_e: float,
+        known: Sequence[tuple[float, float]],
+    ) -> None:
+        metrics = psf.metrics
+        self._stack, self._psf, self._maps = stack, psf, maps
+        self.region: BoolArray = np.asarray(stack.region, np.bool_)
+        self._pixel = metrics.pixel_scale_arcsec
+        self._lambda_d = metrics.lambda_d_arcsec / self._pixel
+        self.size = searched_region(self.region, self._lambda_d)
+        self._y, self._x = np.nonzero(self.region)
+        self._kernel = maps.kernel
+        middle, half = len(psf.off_axis) // 2, len(maps.kernel) // 2
+        template = np.asarray(psf.off_axis, float)[middle - half : middle + half + 1, middle - half : middle + half + 1]
+        self._response = float(np.sum(maps.kernel * template) / np.sum(maps.kernel**2))
+        # Positions that share their noise, of a white residual: the sum of the squared autocorrelation of the kernel.
+        reach = len(self._kernel) - 1
+        alone = matched_sum(np.pad(self._kernel, reach), self._kernel)
+        self._shared = float(np.sum(alone**2) / alone.max() ** 2)
+        self.samples = self.size.n_positions / self._shared
+        self.free = np.ones(self._y.size, np.bool_)
+        self._hidden = np.zeros(self._y.size, np.bool_)
+        rows, columns = np.flatnonzero(self.region.any(axis=1)), np.flatnonzero(self.region.any(axis=0))
+        self._box = (slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)) if rows.size else (slice(0),) * 2
+        self._index = np.full(self.region.shape, -1)
+        self._index[self.region] = np.arange(self._y.size)
+        pattern = np.stack(
+            [np.ones(self._y.size), self._y, self._x, maps.nominal[self.region], maps.stray[self.region]]
+        )
+        white = smooth_white(stack.white_variance_e2[self.region], pattern) if self._y.size else pattern[0]
+        least = _LEAST_DYNAMIC * float(np.abs(stack.image_e).max(initial=0.0))
+        floor = max(least**2, np.finfo(float).tiny)
+        scale = star_e**2
+        self.terms = NoiseTerms(
+            np.maximum(white, floor), scale * maps.linear[self.region], scale * maps.square[self.region]
+        )
+        for x_arcsec, y_arcsec in known:
+            self.exclude(x_arcsec / self._pixel + self._centre[1], y_arcsec / self._pixel + self._centre[0])
+
+    @property
+    def _centre(self) -> tuple[int, int]:
+        return self.region.shape[0] // 2, self.region.shape[1] // 2
+
+    def unfold(self, values: FloatArray) -> FloatArray:
+        """Values per position as an image, 0 elsewhere."""
+        image = np.zeros(self.region.shape)
+        image[self.region] = values
+        return image
+
+    def near(self, x_pixel: float, y_pixel: float) -> BoolArray:
+        """Positions within 1.22 lambda/D."""
+        return np.asarray(
+            (self._x - x_pixel) ** 2 + (self._y - y_pixel) ** 2 <= (_EXCLUDED_LAMBDA_D * self._lambda_d) ** 2
+        )
+
+    def exclude(self, x_pixel: float, y_pixel: float) -> None:
+        """Take a source out of noise and search."""
+        disc = self.near(x_pixel, y_pixel)
+        self.free &= ~disc
+        self._hidden |= disc
+
+    def measure(self, image: FloatArray) -> FilteredState:
+        """Filter, and fit the noise; the second round filters with the noise that the first found."""
+        logs = np.zeros(2)
+        for _ in range(2):
+            assumed = self.terms.variance(logs)
+            inverse = self.unfold(1.0 / assumed)[self._box]
+            spread = matched_sum(inverse, self._kernel**2)[self.region[self._box]]
+            total = matched_sum(image[self._box] * inverse, self._kernel)[self.region[self._box]]
+            snr = total / np.sqrt(spread)
+            fit = fit_noise(snr**2, assumed, self.terms, self.weight(assumed, logs) * self.free, logs)
+            logs = fit.logs
+        factor = np.sqrt(fit.variance / assumed)
+        normal = snr / factor
+        share = self.laplace(fit.logs, fit.variance)
+        gauss = np.where(self.free, equivalent_sigma(normal, share), 0.0)
+        sigma_e = factor / (np.sqrt(spread) * self._response)
+        return FilteredState(normal, assumed, sigma_e, fit, self._roughness(gauss))
+
+    def weight(self, variance: FloatArray, logs: FloatArray) -> FloatArray:
+        """Independent samples per position: speckles repeat at their mirror images."""
+        return 1.0 / (self._shared * (1.0 + self._speckled(logs, variance) ** 2))
+
+    def _speckled(self, logs: FloatArray, variance: FloatArray) -> FloatArray:
+        return np.asarray(1.0 - math.exp(logs[0]) * self.terms.white / variance)
+
+    def laplace(self, logs: FloatArray, variance: FloatArray) -> FloatArray:
+        """Share of a Laplace law with the kurtosis of the speckles."""
+        drift = math.exp(logs[1])
+        square, linear = drift**2 * self.terms.square / variance, drift * self.terms.linear / variance
+        return np.sqrt(self._maps.tail_square * square**2 + 2.0 * self._maps.tail_cross * square * linear)
+
+    def dof(self, fit: NoiseFit) -> FloatArray:
+        """Degrees of freedom of the variance at every position, from its relative error."""
+        slopes = self.terms.slopes(fit.logs, fit.variance)
+        relative = np.sum(slopes * np.linalg.solve(fit.information, slopes), axis=0)
+        if self._maps.n_visits:
+            heavy = 1.0 + 1.5 * self.laplace(fit.logs, fit.variance) ** 2
+            relative = relative + 2.0 / self._maps.n_visits * self._speckled(fit.logs, fit.variance) ** 2 * heavy
+        return np.asarray(2.0 / relative)
+
+    def _roughness(self, gauss: FloatArray) -> float:
+        """From the correlation of neighbours as that of a Gaussian curve, which a sampled gradient would flatten."""
+        whole, inside = self.unfold(gauss)[self._box], self.unfold(self.free.astype(float))[self._box] > 0
+        power = float(np.sum(gauss**2) / max(int(self.free.sum()), 1))
+        found = []
+        for axis in (0, 1):
+            pairs = inside & np.roll(inside, -1, axis=axis)
+            pairs[(-1, slice(None)) if axis == 0 else (slice(None), -1)] = False
+            step = (whole - np.roll(whole, -1, axis=axis))[pairs]
+            found.append(float(np.mean(step**2)) / power if step.size and power > 0 else 0.0)
+        return max(-2.0 * math.log(max(1.0 - 0.5 * float(np.mean(found)), 1e-3)), 1e-6)
+
+    def peaks(self, state: FilteredState) -> list[Peak]:
+        """Local maxima, most significant first, each judged by the noise without it."""
+        sep = load_quietly("sep")
+        box_region = self.region[self._box]
+        image = self.unfold(np.where(self._hidden, 0.0, state.snr))[self._box]
+        found = sep.extract(
+            np.ascontiguousarray(image),
+            REPORTED_SIGMA - _MARGIN,
+            err=np.ones(image.shape),
+            mask=~box_region,
+            filter_kernel=None,  # the image is filtered, with the noise of every pixel
+            minarea=1,
+            deblend_nthresh=64,
+            deblend_cont=1e-6,
+            clean=False,
+        )
+        peaks = []
+        for column, row in zip(found["xpeak"], found["ypeak"], strict=True):
+            place = self._index[row + self._box[0].start, column + self._box[1].start]
+            if place >= 0 and not self._hidden[place]:
+                peaks.append(self._judged(state, int(place), image, int(row), int(column)))
+        return sorted(peaks, key=lambda peak: -peak.significance)
+
+    def _judged(self, state: FilteredState, place: int, image: FloatArray, row: int, column: int) -> Peak:
+        box_region, height = self.region[self._box], float(image[row, column])
+        shift = [0.0, 0.0]
+        for axis, (down, right) in enumerate(((1, 0), (0, 1))):
+            sides = [(row - down, column - right), (row + down, column + right)]
+            if all(0 <= y < image.shape[0] and 0 <= x < image.shape[1] and box_region[y, x] for y, x in sides):
+                low, high = (float(image[side]) for side in sides)
+                bend = 2.0 * float(image[row, column]) - low - high
+                if bend > 0:
+                    shift[axis] = float(np.clip(0.5 * (high - low) / bend, -0.5, 0.5))
+                    height += 0.25 * (high - low) * shift[axis]
+        y_pixel, x_pixel = row + self._box[0].start + shift[0], column + self._box[1].start + shift[1]
+        fit = state.fit
+        weight = self.weight(state.assumed, fit.logs) * self.free
+        weight[self.near(x_pixel, y_pixel)] = 0.0
+        speckled = self._speckled(fit.logs, fit.variance)[place]
+        mirror = self.near(2 * self._centre[1] - x_pixel, 2 * self._centre[0] - y_pixel)
+        weight[mirror] *= 1.0 - speckled**2
+        measured = state.snr**2 * fit.variance / state.assumed
+        alone = fit_noise(measured, state.assumed, self.terms, weight, fit.logs)
+        ratio = math.sqrt(fit.variance[place] / alone.variance[place])
+        laplace, dof = (float(part[place]) for part in (self.laplace(alone.logs, alone.variance), self.dof(alone)))
+        snr = height * ratio
+        return Peak(x_pixel, y_pixel, snr, float(equivalent_sigma(snr, laplace, dof)[0]), laplace, dof,
+                     height * float(state.sigma_e[place]))  # fmt: skip
+
+    def rejudged(self, peak: Peak, state: FilteredState) -> Peak:
+        """The same source in the noise that is known once all sources are out."""
+        place = int(self._index[round(peak.y_pixel), round(peak.x_pixel)])
+        fit = state.fit
+        laplace, dof = (float(part[place]) for part in (self.laplace(fit.logs, fit.variance), self.dof(fit)))
+        snr = peak.flux_e / float(state.sigma_e[place])
+        sigma = float(equivalent_sigma(snr, laplace, dof)[0])
+        return replace(peak, snr=snr, significance=sigma, laplace=laplace, dof=dof)
+
+    def source(self, peak: Peak) -> FloatArray:
+        """What a source leaves in the residual."""
+        from scipy.ndimage import shift
+
+        move = (peak.y_pixel - self._centre[0], peak.x_pixel - self._centre[1])
+        image = shift(np.asarray(self._psf.off_axis, float), move, order=3, mode="constant")
+        return np.asarray(peak.flux_e * self._stack.rdi.project(np.where(self.region, image, 0.0)))

@@ -1,0 +1,170 @@
+"""Where residual speckles are strong and how heavy their tails are: maps of the optics, per unit of star light."""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+import numpy.typing as npt
+
+from catalogs.errors import InputError
+from cpic_planner.validation.apertures import aperture_weights
+from simulator.config.optics import Drift
+from simulator.imaging.external import ExternalPsf
+from simulator.imaging.floor import visit_responses
+from simulator.imaging.imager import centred_axis
+from simulator.imaging.psf import Psf
+
+__all__ = ["FilterName", "SpeckleMaps", "filter_kernel", "matched_sum", "speckle_maps"]
+
+FilterName = Literal["matched", "aperture"]
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+N_VISITS = 256
+_SEED = 20250207  # other screens than those of any observation
+KERNEL_LAMBDA_D = 1.5
+
+
+@dataclass(frozen=True, eq=False)
+class SpeckleMaps:
+    """Residual of two visits whose wavefronts differ by independent offsets; made by `speckle_maps`.
+
+    The variances are those of a matched-filtered sum over the sum of the squared kernel: what a pixel of white noise
+    would need to have the same effect. Units: square of the star's light on the clear disc, at ``visit_nm``.
+
+    Attributes
+    ----------
+    linear, square : ndarray, shape (n, n)
+        Variance of ``2 Re(E0* dE)`` (grows with offset^2) and of ``|dE|^2`` (offset^4); 0 beyond the hole.
+    nominal, stray : ndarray, shape (n, n)
+        Star behind the mask, and the mean of ``|dE|^2``; 0 beyond the hole.
+    tail_square, tail_cross : float
+        Excess kurtosis over that of a Laplace law, of ``|dE|^2`` and of its product with the linear term: below 1,
+        since a passband and a kernel average over speckles.
+    visit_nm : float
+        Offset of each visit.
+    n_visits : int
+        Visits behind the variances; 0 where they are known exactly (no drift).
+    kernel : ndarray, shape (k, k)
+        Weights of the filter, k odd.
+    """
+
+    linear: FloatArray
+    square: FloatArray
+    nominal: FloatArray
+    stray: FloatArray
+    tail_square: float
+    tail_cross: float
+    visit_nm: float
+    n_visits: int
+    kernel: FloatArray
+
+
+def filter_kernel(psf: Psf | ExternalPsf, name: FilterName = "matched") -> FloatArray:
+    """Weights of a filter, odd shape, centred.
+
+    ``matched`` is the image of a unit source, cut to a disc of 1.5 lambda/D. ``aperture`` is the photometric aperture,
+    for comparison: its sharp edge leaves more peaks of noise than the thresholds of a smooth field foresee.
+    """
+    if name not in get_args(FilterName):
+        raise InputError("kernel", name, allowed=", ".join(get_args(FilterName)))
+    if name == "aperture":
+        radius = psf.metrics.aperture_radius_arcsec / psf.metrics.pixel_scale_arcsec
+        middle = int(np.ceil(radius + 0.5))
+        return aperture_weights((2 * middle + 1, 2 * middle + 1), middle, middle, radius)
+    image, metrics = np.asarray(psf.off_axis, float), psf.metrics
+    centre, reach = len(image) // 2, KERNEL_LAMBDA_D * metrics.lambda_d_arcsec / metrics.pixel_scale_arcsec
+    half = min(int(np.ceil(reach)), centre)
+    cut = image[centre - half : centre + half + 1, centre - half : centre + half + 1]
+    offset = np.arange(-half, half + 1)
+    return np.where(np.hypot(offset[:, None], offset) <= reach + 0.5, cut, 0.0)
+
+
+def matched_sum(image: FloatArray, kernel: FloatArray) -> FloatArray:
+    """Sum of image times kernel around every pixel; nothing beyond the edge. Shape (..., y, x)."""
+    from scipy.ndimage import correlate
+
+    flat = image.reshape(-1, *image.shape[-2:])
+    return np.stack([correlate(one, kernel, mode="constant") for one in flat]).reshape(image.shape)
+
+
+def speckle_maps(
+    psf: Psf | ExternalPsf, drift: Drift, *, kernel: FilterName = "matched", n_visits: int = N_VISITS
+) -> SpeckleMaps:
+    """Measure the maps by Monte Carlo over visits; a few seconds, kept in memory for the same PSF and drift.
+
+    Parameters
+    ----------
+    psf : Psf
+        Optics of one band; maps of an external PSF, which has no wavefront, are 0.
+    drift : Drift
+        Its ``visit_nm`` is the unit of offset, its slope that of the screens.
+    kernel : {"matched", "aperture"}
+        Filter of the residual; see `filter_kernel`.
+    n_visits : int
+        At least 32.
+
+    Raises
+    ------
+    InputError
+        With fewer visits or another filter.
+    """
+    if n_visits < 32:
+        raise InputError("n_visits", n_visits, allowed="at least 32")
+    return _measured(psf, drift.psd_slope, drift.visit_nm or drift.walk_nm_per_sqrt_hour, n_visits, kernel)
+
+
+@functools.lru_cache(maxsize=16)
+def _measured(psf: Psf | ExternalPsf, slope: float, visit_nm: float, n_visits: int, name: FilterName) -> SpeckleMaps:
+    kernel = filter_kernel(psf, name)
+    hole: BoolArray = psf.metrics.hole
+    empty = np.zeros(hole.shape)
+    if isinstance(psf, ExternalPsf) or not visit_nm > 0:
+        nominal = np.where(hole, np.asarray(psf.on_axis, float), 0.0)
+        return SpeckleMaps(empty, empty, nominal, empty, 0.0, 0.0, visit_nm, 0, kernel)
+    imager = psf.imager
+    rows, columns = np.flatnonzero(hole.any(axis=1)), np.flatnonzero(hole.any(axis=0))
+    offset = centred_axis(len(hole), imager.pixel_scale_arcsec)
+    axes = [imager.axis(offset[part], masked=True) for part in (rows, columns)]
+    responses = visit_responses(imager, axes[0], axes[1], slope, n_visits, _SEED)
+    # Kernels at an edge reach over the cross: filtered on the whole box of the hole.
+    box = (slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1))
+    inside = hole[box]
+    place = np.ix_(rows - rows[0], columns - columns[0])
+    spread = matched_sum(inside.astype(float), kernel**2)[inside]
+
+    def filtered(images: FloatArray) -> FloatArray:
+        whole = np.zeros((len(images), *inside.shape))
+        whole[(slice(None), *place)] = images
+        sums = matched_sum(np.where(inside, whole, 0.0), kernel)[:, inside]
+        return sums - sums.mean(axis=0)
+
+    def unfolded(values: FloatArray) -> FloatArray:
+        image = empty.copy()
+        image[hole] = values
+        return image
+
+    def on_stamp(image: FloatArray) -> FloatArray:
+        stamp = empty.copy()
+        stamp[np.ix_(rows, columns)] = image.reshape(rows.size, columns.size)
+        return np.where(hole, stamp, 0.0)
+
+    linear, square = filtered(responses[1]), filtered(responses[2])
+    of_linear, of_square, both = (np.mean(part, axis=0) for part in (linear**2, square**2, linear * square))
+    # Joint cumulants of order 4, in units of those of a Laplace law: 3 variance^2, for the difference of two visits.
+    fourth = float(np.sum((square**4).mean(axis=0) - 3.0 * of_square**2) / (6.0 * np.sum(of_square**2)))
+    crossed = np.sum((linear**2 * square**2).mean(axis=0) - of_linear * of_square - 2.0 * both**2)
+    return SpeckleMaps(
+        linear=unfolded(2.0 * visit_nm**2 * of_linear / spread),
+        square=unfolded(2.0 * visit_nm**4 * of_square / spread),
+        nominal=on_stamp(responses[0]),
+        stray=visit_nm**2 * on_stamp(responses[2].mean(axis=0)),
+        tail_square=max(fourth, 0.0),
+        tail_cross=max(float(crossed / (2.0 * np.sum(of_linear * of_square))), 0.0),
+        visit_nm=visit_nm,
+        n_visits=n_visits,
+        kernel=kernel,
+    )

@@ -1,0 +1,350 @@
+"""The star's rate on the clear pupil, to which contrasts refer: the two ways of Zhu et al. 2025.
+
+Either short exposures of the star moved off the mask, or a star of known magnitude in the field of the science images,
+measured like the planet.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from catalogs.errors import InputError
+from cpic_planner.validation.apertures import aperture_weights, require
+from cpic_planner.validation.frames import calibrated_frames, transferred
+from cpic_planner.validation.photometry import Photometry
+from cpic_planner.validation.rejection import combine, reject_cosmic_rays
+from simulator.camera.saturation import pixel_saturated
+from simulator.config import Instrument, Scene, load_instrument, load_scene
+from simulator.config.detector import Detector
+from simulator.imaging.psf import single_band_psf
+from simulator.observation import Observation, observe
+from simulator.outcome import Outcome, Reason, Status
+from simulator.target.sources import scene_sources
+
+__all__ = ["StarFlux", "field_star_ratio", "observe_off_mask", "off_mask_exposure_s", "star_flux_of_field_star",
+           "star_flux_off_mask"]  # fmt: skip
+
+FloatArray = npt.NDArray[np.float64]
+
+# Along a diagonal the mask takes nothing from the aperture beyond 0.35 arcsec in any band (reports/star_shift); along
+# an axis the star stays behind an arm of the cross.
+OFF_MASK_ARCSEC = (0.353553, 0.353553)
+N_FRAMES = 50
+_FILL = 0.7
+_LONGEST_S = 10.0
+_MARGIN_SIGMA = 5.0
+_RING_LAMBDA_D = (5.0, 8.0)
+# More frames than this with one cut-off pixel in the aperture: its own light does it, not a cosmic ray.
+_MOST_LOST = 0.05
+_MAGNITUDE = 0.4 * math.log(10.0)
+
+
+@dataclass(frozen=True)
+class StarFlux:
+    """Detected rate of the star on the clear pupil.
+
+    Feeds ``Photometry.contrast(core, star.rate_e_s, time_s, star_rate_error_e_s=star.error_e_s)``.
+
+    Attributes
+    ----------
+    rate_e_s : float
+        Electrons per second of the whole star without mask, apodizer or aperture.
+    error_e_s : float
+        Its 1-sigma error.
+    method : {"off_mask", "field_star"}
+    flux_e : float
+        Electrons measured in the aperture, background taken off, of the star itself or of the field star.
+    core : float
+        Fraction of the energy on the clear pupil that this flux is.
+    time_s : float
+        Summed exposure.
+    rate_ratio : float
+        Rate of the star over that of the source measured; 1 for the star itself.
+    """
+
+    rate_e_s: float
+    error_e_s: float
+    method: Literal["off_mask", "field_star"]
+    flux_e: float
+    core: float
+    time_s: float
+    rate_ratio: float = 1.0
+
+
+def off_mask_exposure_s(
+    rate_e_s: float, peak: float, detector: Detector, *, em_gain: float = 1.0, fill: float = _FILL
+) -> Outcome[float]:
+    """Longest exposure at which a star off the mask fills its brightest pixel to a fraction of every limit.
+
+    Parameters
+    ----------
+    rate_e_s : float
+        Expected rate of the star on the clear pupil, above 0.
+    peak : float
+        Fraction of it in the brightest pixel, above 0.
+    detector : Detector
+        Gives full wells, converter, and the range of exposures.
+    em_gain : float, optional
+        Gain of the register, 1 to 1e4.
+    fill : float, optional
+        Fraction of the nearest limit to aim at, five sigma of noise included; above 0 and at most 1.
+
+    Returns
+    -------
+    Outcome of float
+        Seconds, at most 10. Where that is less than the shortest exposure, the shortest one with the flag
+        ``above_fill`` as long as it does not saturate; ``saturated`` with the limit that binds if it does.
+
+    Raises
+    ------
+    InputError
+        If an argument is out of range.
+    """
+    for key, value, unit in (("rate_e_s", rate_e_s, "e-/s"), ("peak", peak, "")):
+        require(key, value, math.isfinite(value) and value > 0, unit, "finite and above 0")
+    require("fill", fill, 0 < fill <= 1, "", "above 0 and at most 1")
+    require("em_gain", em_gain, math.isfinite(em_gain) and 1 <= em_gain <= 1e4, "", "1 to 1e4")
+    hottest = rate_e_s * peak
+    shortest = detector.exposure_min_s
+    least = pixel_saturated(hottest * shortest, em_gain, detector, _MARGIN_SIGMA)
+    if least.status is not Status.OK:
+        return Outcome.refuse(Status.SATURATED, least.reason, f"even the shortest exposure, {shortest:g} s, saturates "
+                              f"off the mask: {least.message}", unit="s")  # fmt: skip
+    converter_e = (detector.adc_max_adu - detector.bias_adu) * detector.gain_e_adu
+    converter_e -= _MARGIN_SIGMA * detector.read_noise_e
+    limit = min(detector.full_well_e, detector.register_full_well_e / em_gain, converter_e / em_gain)
+    # p + n sqrt(2 p) = fill * limit, a quadratic in sqrt(p)
+    root = _MARGIN_SIGMA * math.sqrt(0.5)
+    brightest = (math.sqrt(root**2 + fill * limit) - root) ** 2
+    exposure = min(brightest / hottest, _LONGEST_S, detector.exposure_max_s)
+    if exposure < shortest:
+        return Outcome.ok(shortest, unit="s", flags=("above_fill",))
+    return Outcome.ok(exposure, unit="s")
+
+
+def observe_off_mask(
+    scene: Scene | Mapping[str, Any] | str | Path,
+    band: str,
+    *,
+    instrument: Instrument | Mapping[str, Any] | str | None = None,
+    exposure_s: float | None = None,
+    n_frames: int = N_FRAMES,
+    em_gain: float = 1.0,
+    offset_arcsec: tuple[float, float] = OFF_MASK_ARCSEC,
+    **settings: Any,
+) -> Outcome[Observation]:
+    """Set up the calibration series: the star of a scene beside the mask.
+
+    Parameters
+    ----------
+    scene, instrument
+        As `simulator.observe`; planets are left out.
+    band : str
+        A band of the visible camera.
+    exposure_s : float, optional
+        Exposure of a frame; by default what `off_mask_exposure_s` finds for the rate that the scene predicts.
+    n_frames, em_gain : optional
+        Frames of the series, and gain.
+    offset_arcsec : tuple of float, optional
+        Place of the star relative to the centre of the mask, x and y on the detector.
+    **settings
+        Others of `simulator.observe`: ``seed``, ``realisation``, ``fidelity``, ``window`` ...
+
+    Returns
+    -------
+    Outcome of Observation
+        ``saturated`` where even the shortest exposure is too long.
+    """
+    scene = load_scene(scene).without_planets()
+    config = instrument if isinstance(instrument, Instrument) else load_instrument(instrument)
+    if config.band(band).camera != "VIS":
+        raise InputError("band", band, allowed="a band of the visible camera")
+    if exposure_s is None:
+        optics = single_band_psf(band, fidelity=settings.get("fidelity", "standard"), instrument=config)
+        rate = scene_sources(scene, config, band)[0].rate_e_s
+        peak = float(optics.at(*offset_arcsec).max())
+        answer = off_mask_exposure_s(rate, peak, config.detector, em_gain=em_gain)
+        if answer.value is None:
+            return Outcome.refuse(answer.status, answer.reason, answer.message)
+        exposure_s = answer.value
+    usual: dict[str, Any] = {"kind": "CALS", "role": "calibration", "window": "hole"}
+    seen = observe(scene, band=band, instrument=config, exposure_s=exposure_s, n_frames=n_frames, em_gain=em_gain,
+                   star_offset_arcsec=offset_arcsec, **(usual | settings))  # fmt: skip
+    return Outcome.ok(seen)
+
+
+def star_flux_off_mask(observation: Observation) -> Outcome[StarFlux]:
+    """Rate of the star from a series of frames beside the mask.
+
+    Parameters
+    ----------
+    observation : Observation
+        Of the visible camera, with the star off the mask (`observe_off_mask`).
+
+    Returns
+    -------
+    Outcome of StarFlux
+        ``saturated`` where the star's own light cuts pixels of the aperture off.
+
+    Raises
+    ------
+    InputError
+        If the aperture leaves the stamp of the point-spread function, or the star stands behind the mask.
+
+    Notes
+    -----
+    Frames are calibrated and cosmic rays taken out. The aperture of the instrument is laid on the commanded place of
+    the star, less a ring of 5 to 8 lambda/D as background; the same sum over the point-spread function at that place,
+    after the transfers of the camera, is the core throughput. So neither the star's own wings in the ring, nor pixels
+    without a usable frame, nor the place within a pixel bias the rate. The error is that of the counts in these pixels
+    (`CalibratedFrames.variance_e2`); that of the model of the point-spread function is not in it. Left alone: the
+    wavefront's drift, and the curve of the pixels before the transfers, each 1e-5 of the rate.
+    """
+    frames = calibrated_frames(observation)
+    detector = observation.instrument.detector
+    hits = reject_cosmic_rays(
+        frames.electrons,
+        frames.usable,
+        em_gain=frames.em_gain,
+        read_noise_e=detector.read_noise_e,
+        pedestal_e=frames.pedestal_e,
+        stages=detector.register_stages,
+        gain_e_adu=detector.gain_e_adu,
+    )
+    summed = combine(frames.electrons, frames.usable & ~hits.rejected)
+    template = observation.psf.at(*observation.star_offset_arcsec)
+    rows, columns, part = observation.area.stamp(len(template))
+    first_row, first_column = observation.first_pixel or (0, 0)
+    response = frames.response[rows, columns]
+    corner = (first_row + rows.start, first_column + columns.start)
+    template = transferred(template[part] * response, detector, corner) / response
+    seen = summed.covered[rows, columns]
+    aperture, weights = _weights(observation, template.shape, (rows.start, columns.start), seen)
+    lost = frames.n_lost[rows, columns][aperture > 0]
+    if lost.max() > _MOST_LOST * frames.n_frames:
+        return Outcome.refuse(Status.SATURATED, _limit(observation, template),
+                              f"{np.count_nonzero(lost)} pixels of the aperture are cut off in up to {lost.max()} of "
+                              f"{frames.n_frames} frames; shorten the exposure", unit="e-/s")  # fmt: skip
+    core = float(np.sum(weights * template))
+    if not core > 0.01 * observation.psf.metrics.core_open:
+        raise InputError("star_offset_arcsec", observation.star_offset_arcsec, unit="arcsec",
+                         allowed="a place off the mask", hint="along a diagonal, beyond 0.35 arcsec")  # fmt: skip
+    light = np.where(summed.covered, summed.image_e, 0.0)
+    variance = frames.n_frames * frames.variance_e2(light / frames.n_frames) * summed.variance_factor
+    flux, time = float(np.sum(weights * light[rows, columns])), frames.n_frames * frames.exposure_s
+    error = math.sqrt(float(np.sum(weights[seen] ** 2 * variance[rows, columns][seen])))
+    scale = core * time
+    return Outcome.ok(StarFlux(flux / scale, error / scale, "off_mask", flux, core, time), unit="e-/s")
+
+
+def field_star_ratio(
+    scene: Scene | Mapping[str, Any] | str | Path,
+    band: str,
+    name: str,
+    *,
+    instrument: Instrument | Mapping[str, Any] | str | None = None,
+    magnitude_error: float = 0.0,
+) -> tuple[float, float]:
+    """Rate of the central star over that of a star in its field, from their known magnitudes and spectra.
+
+    Parameters
+    ----------
+    scene, instrument
+        As `simulator.observe`.
+    band : str
+    name : str
+        Name of the field star in the scene.
+    magnitude_error : float, optional
+        1-sigma error of the difference of the two magnitudes, at least 0.
+
+    Returns
+    -------
+    ratio : float
+        ``10^(0.4 (m_field - m_star))`` where both have one spectrum; else with their colours in the band.
+    relative_error : float
+        ``0.4 ln(10)`` times the error of the magnitudes.
+
+    Raises
+    ------
+    InputError
+        If the scene has no star of that name, or an argument is out of range.
+    """
+    require("magnitude_error", magnitude_error, math.isfinite(magnitude_error) and magnitude_error >= 0, "mag",
+            "finite and at least 0")  # fmt: skip
+    scene = load_scene(scene)
+    config = instrument if isinstance(instrument, Instrument) else load_instrument(instrument)
+    sources = scene_sources(scene, config, band)
+    rates = {source.name: source.rate_e_s for source in sources[1:] if source.kind == "star"}
+    if name not in rates:
+        raise InputError("name", name, allowed=", ".join(rates) or "a scene with stars in the field")
+    return sources[0].rate_e_s / rates[name], _MAGNITUDE * magnitude_error
+
+
+def star_flux_of_field_star(
+    measured: Photometry, core: float, time_s: float, rate_ratio: float, *, ratio_relative_error: float = 0.0
+) -> StarFlux:
+    """Rate of the star from a star of known magnitude in the same images, measured with the same aperture.
+
+    Parameters
+    ----------
+    measured : Photometry
+        Of the field star, in the reduced stack that shows the planet.
+    core : float
+        Its aperture energy over the energy on the clear pupil, above 0 and at most 1.
+    time_s : float
+        Summed exposure of the stack, above 0.
+    rate_ratio : float
+        Rate of the central star over that of the field star, above 0 (`field_star_ratio`).
+    ratio_relative_error : float, optional
+        1-sigma error of that, relative; at least 0.
+
+    Raises
+    ------
+    InputError
+        If an argument is out of range, or the measured flux is not above 0.
+    """
+    for key, value, unit, high in (
+        ("measured.flux", measured.flux, "e-", math.inf),
+        ("core", core, "", 1.0),
+        ("time_s", time_s, "s", math.inf),
+        ("rate_ratio", rate_ratio, "", math.inf),
+    ):
+        require(key, value, math.isfinite(value) and 0 < value <= high, unit,
+                "finite and above 0" + (f", at most {high:g}" if math.isfinite(high) else ""))  # fmt: skip
+    good = math.isfinite(ratio_relative_error) and ratio_relative_error >= 0
+    require("ratio_relative_error", ratio_relative_error, good, "", "finite and at least 0")
+    rate = measured.flux * rate_ratio / (core * time_s)
+    error = rate * math.hypot(measured.error / measured.flux, ratio_relative_error)
+    return StarFlux(rate, error, "field_star", measured.raw_flux, core, time_s, rate_ratio)
+
+
+def _weights(
+    observation: Observation, shape: tuple[int, int], corner: tuple[int, int], seen: npt.NDArray[np.bool_]
+) -> tuple[FloatArray, FloatArray]:
+    """Aperture, and aperture less its background, on the stamp; 0 where no frame is usable."""
+    metrics, area = observation.psf.metrics, observation.area
+    pixel = metrics.pixel_scale_arcsec
+    x, y = (
+        area.centre[axis] - corner[axis] + offset / pixel
+        for axis, offset in zip((1, 0), observation.star_offset_arcsec, strict=True)
+    )
+    aperture = aperture_weights(shape, x, y, metrics.aperture_radius_arcsec / pixel)
+    rows, columns = np.indices(shape)
+    distance = np.hypot(columns - x, rows - y) * pixel / metrics.lambda_d_arcsec
+    ring = seen & (distance >= _RING_LAMBDA_D[0]) & (distance <= _RING_LAMBDA_D[1])
+    used = np.where(seen, aperture, 0.0)
+    return aperture, used - ring * (used.sum() / max(np.count_nonzero(ring), 1))
+
+
+def _limit(observation: Observation, template: FloatArray) -> Reason:
+    """The limit that the brightest pixel exceeds furthest."""
+    peak = observation.truth.sources[0].rate_e_s * float(template.max()) * observation.exposure_s
+    answer = pixel_saturated(peak, observation.em_gain, observation.instrument.detector, _MARGIN_SIGMA)
+    return Reason.PIXEL_FULL_WELL if answer.status is Status.OK else answer.reason

@@ -1,0 +1,297 @@
+"""What is to be confirmed: a scene, its frames, and what was predicted of them, as plain data for any process."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from cpic_planner.etc.exozodi import exozodi_disc
+from cpic_planner.etc.model import EtcModel, build_model
+from cpic_planner.etc.noise import StackNoise, stack_noise
+from cpic_planner.etc.place import diagonal_pa_deg, stand
+from cpic_planner.etc.planet import ReferencePlanet, reference_distance_au
+from cpic_planner.etc.rates import aperture_rates
+from cpic_planner.etc.significance import threshold_array
+from cpic_planner.models import BandConfirmation
+from cpic_planner.optimiser import best_in_band
+from cpic_planner.overrides import SimulatorOverrides
+from cpic_planner.ranking import no_frame
+from cpic_planner.targets import Targets
+from simulator.config import Instrument, Planet, Scene, SceneStar
+from simulator.config.scene_table import companion_of
+from simulator.outcome import Reason, Status
+from simulator.target.positions import detector_to_sky
+
+__all__ = ["MAX_FRAMES", "ConfirmTask", "Frames", "expected_of", "images_of", "prepare_task", "target_scene"]
+
+MAX_FRAMES = 4000
+"""Frames of one sequence that are held in memory at once (0.6 GB of stamps)."""
+# What a reduction takes out (flaws, bias, particles) or what moves charge between pixels: sums of frames leave it out.
+# One case a target runs frame by frame with all of it.
+_NOT_IN_SUMS = ("flat", "dark_structure", "bad_pixels", "bad_columns", "smear", "cosmic_rays", "nonlinearity",
+                "parallel_cti", "serial_cti", "stripes", "interference", "bias_drift")  # fmt: skip
+_REFUSALS = {
+    Status.SATURATED: "every frame saturates",
+    Status.UNREACHABLE: "the time holds no frame",
+    Status.INVALID: f"more than {MAX_FRAMES} frames: give less time or longer exposures",
+}
+
+
+@dataclass(frozen=True)
+class Frames:
+    """Frames of the science visit."""
+
+    exposure_s: float
+    n_frames: int
+    em_gain: float
+
+
+@dataclass(frozen=True)
+class ConfirmTask:
+    """One scene in one band, ready to be simulated anywhere: plain data only.
+
+    Attributes
+    ----------
+    name, band : str
+        Of the piece of work.
+    simulator : dict
+        Instrument of the images: the nominal one, altered where the simulator is overridden.
+    scene : dict
+        What the images show.
+    exposure_s, n_frames, em_gain
+        Frames of the science visit.
+    strategy : dict
+        How it is observed and reduced (`cpic_planner.etc.model.Strategy`).
+    seed, fidelity, realisations
+        Of the images; every realisation has its own drift and noise.
+    audit : bool
+        Whether one more realisation runs frame by frame with every effect of the camera.
+    predictions : list of dict
+        What `expected_of` says of each planet that is measured.
+    planets : list of str
+        Their names in the scene.
+    """
+
+    name: str
+    band: str
+    simulator: dict[str, Any]
+    scene: dict[str, Any]
+    exposure_s: float
+    n_frames: int
+    em_gain: float
+    strategy: dict[str, Any]
+    seed: int
+    fidelity: str
+    realisations: int
+    audit: bool
+    predictions: list[dict[str, Any]]
+    planets: list[str]
+
+    @property
+    def key(self) -> str:
+        """Name of the finished piece of work."""
+        return f"{self.name} {self.band}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain dict."""
+        return asdict(self)
+
+
+def target_scene(
+    target: Targets,
+    planet: ReferencePlanet,
+    separation_arcsec: float,
+    distance_au: float,
+    pa_deg: float = 315.0,
+    *,
+    exozodi_zodis: float = 0.0,
+) -> Scene:
+    """Scene of one star with its reference planet, and its nearest known companion if that is near and located.
+
+    The default position angle is that of the example of Zhu et al. 2025, on a diagonal of the hole. ``exozodi_zodis``
+    adds a face-on disc of dust (`cpic_planner.etc.exozodi`).
+    """
+    name = str(target.name[0])
+    star = SceneStar(
+        name=name,
+        v_mag=float(target.v_mag[0]),
+        teff_k=float(target.teff_k[0]),
+        log_g=float(target.log_g[0]),
+        metallicity=float(target.metallicity[0]),
+        distance_pc=_known(target.distance_pc[0]),
+        luminosity_lsun=_known(target.luminosity_lsun[0]),
+        ra_deg=_known(target.ra_deg[0]),
+        dec_deg=_known(target.dec_deg[0]),
+    )
+    body = Planet(
+        name="reference planet",
+        radius_rjup=planet.radius_rjup,
+        distance_au=distance_au,
+        phase_deg=planet.phase_deg,
+        separation_arcsec=separation_arcsec,
+        pa_deg=pa_deg,
+        albedo=planet.albedo,
+    )
+    near = companion_of(
+        star.model_dump(),
+        separation_arcsec=_known(target.companion_separation_arcsec[0]),
+        pa_deg=_known(target.companion_pa_deg[0]),
+        v_mag=_known(target.companion_v_mag[0]),
+        teff_k=_known(target.companion_teff_k[0]),
+    )
+    stars = tuple(SceneStar(**body) for body in near)
+    disc = exozodi_disc(exozodi_zodis)
+    return Scene(
+        name=name,
+        cstar=star,
+        planets=(body,),
+        stars=stars,
+        extended=() if disc is None else (disc,),
+        companions=target.companions,
+    )
+
+
+def _known(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
+def expected_of(
+    model: EtcModel, target: Targets, band: str, place_arcsec: tuple[Any, Any], contrast: float, frames: Frames
+) -> dict[str, Any]:
+    """What the ETC expects of a planet in given frames.
+
+    Parameters
+    ----------
+    model : EtcModel
+    target : Targets
+        One star.
+    band : str
+    place_arcsec : tuple
+        Offsets x and y on the detector.
+    contrast : float
+    frames : Frames
+
+    Returns
+    -------
+    dict
+        ``contrast``, ``separation_arcsec``, ``pa_deg`` (at roll 0), ``time_s``, ``threshold``, ``snr`` and
+        ``significance`` of sums of frames, which no particle hits, and ``snr_full`` and ``significance_full`` with the
+        frames that particles void.
+    """
+    x, y = (np.asarray(part, float).reshape(1, 1) for part in place_arcsec)
+    separation, pa_deg = detector_to_sky(x, y, parity=model.instrument.detector.parity)
+    elements = model.metrics[band].resolution_elements(separation)
+    found: dict[str, Any] = {
+        "contrast": float(contrast),
+        "separation_arcsec": float(separation[0, 0]),
+        "pa_deg": float(pa_deg[0, 0]),
+        "time_s": _wall_s(model, band, frames),
+    }
+    found["threshold"] = float(threshold_array(elements, model.strategy.sigma)[0, 0])
+    sums = build_model(images_of(model.instrument), [band], model.strategy)
+    for suffix, seen in (("", sums), ("_full", model)):
+        noise = _noise(seen, target, band, (x, y), contrast, frames)
+        found["snr" + suffix] = float(noise.snr[0, 0])
+        found["significance" + suffix] = float(noise.significance[0, 0])
+    return found
+
+
+def _wall_s(model: EtcModel, band: str, frames: Frames) -> float:
+    return float(model.time_s(frames.n_frames * (frames.exposure_s + model.camera(band).readout_s)))
+
+
+def _noise(
+    model: EtcModel, target: Targets, band: str, place_arcsec: tuple[Any, Any], contrast: float, frames: Frames
+) -> StackNoise:
+    strategy = model.strategy
+    rates = aperture_rates(model, target, band, *place_arcsec, np.full((1, 1), contrast))
+    return stack_noise(rates, frames.exposure_s, frames.n_frames, frames.em_gain, model.camera(band),
+                       reference_ratio=strategy.reference_ratio, mode=strategy.mode,
+                       counting_sigma=strategy.counting_sigma)  # fmt: skip
+
+
+def prepare_task(
+    model: EtcModel,
+    target: Targets,
+    band: str,
+    *,
+    time_s: float,
+    planet: ReferencePlanet,
+    seed: int,
+    fidelity: str,
+    realisations: int = 1,
+    audit: bool = False,
+    overrides: SimulatorOverrides | None = None,
+) -> ConfirmTask | BandConfirmation:
+    """Predict one band's reference planet where that band sees it best: a final refusal, or work to do."""
+    best = best_in_band(model, target, band, time_s, planet)
+    separation = float(best.separation_arcsec[0])
+    parity = model.instrument.detector.parity
+    # Two rolls put it to either side of the diagonal; the ETC counts one of them.
+    pa_deg = diagonal_pa_deg(model.metrics[band].zone, parity)
+    if not 1 <= best.n_frames[0] <= MAX_FRAMES:
+        status, reason = no_frame(best, 0, model.camera(band))
+        if best.n_frames[0] > MAX_FRAMES:
+            status, reason = Status.INVALID, Reason.TOO_MANY_FRAMES
+        return BandConfirmation(
+            band=band,
+            status=status.value,
+            reason=reason.value,
+            message=_REFUSALS[status],
+            separation_arcsec=separation,
+            pa_deg=pa_deg,
+            true_contrast=float(best.contrast[0]),
+            verdict="not observed",
+        )
+    distance = float(reference_distance_au(target, np.array([separation]), planet)[0, 0])
+    frames = Frames(float(best.exposure_s[0]), int(best.n_frames[0]), float(best.em_gain[0]))
+    # Dust is part of the scene: where the simulator's differs, it is in the images alone.
+    zodis = (overrides or SimulatorOverrides()).instrument(model.instrument).sky.exozodi_zodis
+    scene = target_scene(target, planet, separation, distance, pa_deg, exozodi_zodis=zodis)
+    expected = expected_of(model, target, band, stand(model, band, separation), float(best.contrast[0]), frames)
+    return task_of(model, scene, band, frames, [expected], seed=seed, fidelity=fidelity, realisations=realisations,
+                   audit=audit, overrides=overrides)  # fmt: skip
+
+
+def task_of(
+    model: EtcModel,
+    scene: Scene,
+    band: str,
+    frames: Frames,
+    predictions: Sequence[dict[str, Any]],
+    *,
+    seed: int,
+    fidelity: str,
+    realisations: int,
+    audit: bool,
+    overrides: SimulatorOverrides | None,
+    planets: Sequence[str] | None = None,
+) -> ConfirmTask:
+    """The work itself; what is overridden changes the images and nothing else. All planets unless some are named."""
+    altered = overrides or SimulatorOverrides()
+    shown = altered.scene(scene)
+    return ConfirmTask(
+        name=scene.name,
+        band=band,
+        simulator=altered.instrument(model.instrument).model_dump(mode="json"),
+        scene=shown.model_dump(mode="json"),
+        exposure_s=frames.exposure_s,
+        n_frames=frames.n_frames,
+        em_gain=frames.em_gain,
+        strategy=model.strategy.model_dump(mode="json"),
+        seed=seed,
+        fidelity=fidelity,
+        realisations=realisations,
+        audit=audit,
+        predictions=list(predictions),
+        planets=[planet.name for planet in scene.planets] if planets is None else list(planets),
+    )
+
+
+def images_of(instrument: Instrument) -> Instrument:
+    """The instrument as sums of frames see it: without what only a full reduction can take out."""
+    return instrument.switched(dict.fromkeys(_NOT_IN_SUMS, False))

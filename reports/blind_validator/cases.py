@@ -1,0 +1,64 @@
+"""Stars, bands and planets of the checks, and how blocks of realisations run side by side."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+from cpic_planner.engine import run_tasks
+from cpic_planner.etc.model import EtcModel, build_model
+from cpic_planner.etc.planet import ReferencePlanet
+from cpic_planner.overrides import SimulatorOverrides
+from cpic_planner.targets import find_target
+from cpic_planner.validation.realise import Visits, visits_of
+from cpic_planner.validation.task import ConfirmTask, prepare_task
+from simulator.config import load_instrument
+
+TIME_S = 36000.0
+FIVE_STARS = ("alf CMi", "alf Cen A", "alf Cen B", "eps Eri", "tau Cet")
+
+
+@functools.cache
+def nominal() -> EtcModel:
+    """The shipped instrument."""
+    return build_model(load_instrument())
+
+
+def task_for(star: str, band: str, *, seed: int, realisations: int = 1, audit: bool = False, companions: str = "on",
+             overrides: Any = None) -> ConfirmTask:  # fmt: skip
+    """The reference planet of a star where a band sees it best."""
+    target, _ = find_target(star, companions="on" if companions == "on" else "off")
+    task = prepare_task(
+        nominal(),
+        target,
+        band,
+        time_s=TIME_S,
+        planet=ReferencePlanet(),
+        seed=seed,
+        fidelity="standard",
+        realisations=realisations,
+        audit=audit,
+        overrides=SimulatorOverrides.of(overrides),
+    )
+    if not isinstance(task, ConfirmTask):
+        raise RuntimeError(f"{star} {band}: {task.message}")
+    return task
+
+
+def without_planets(task: ConfirmTask) -> ConfirmTask:
+    """The same frames of the star alone."""
+    return replace(task, scene=task.scene | {"planets": []}, predictions=[], planets=[])
+
+
+@functools.lru_cache(maxsize=2)
+def star_alone(star: str, band: str, seed: int) -> Visits:
+    """Visits without planets, kept for the blocks of one worker."""
+    return visits_of(without_planets(task_for(star, band, seed=seed)))
+
+
+def in_blocks(work: Callable[..., list[Any]], arguments: Sequence[tuple[Any, ...]], workers: int) -> list[Any]:
+    """Rows of all blocks, in the order of the arguments."""
+    found: dict[int, list[Any]] = dict(run_tasks(work, arguments, workers=workers))
+    return [row for index in range(len(arguments)) for row in found[index]]

@@ -1,0 +1,82 @@
+"""The exposure-time calculator against the chain of images: sums of frames in bulk, every frame with everything on."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from cases import FIVE_STARS, in_blocks, nominal, task_for
+
+from cpic_planner.validation.calibration import mean_snr
+from cpic_planner.validation.measure import forced_photometry, subjects_of
+from cpic_planner.validation.realise import realised_frames, visits_of
+
+SEEDS, BLOCK = 400, 50
+FULL_RUNS, FULL_CASES = 20, (("eps Eri", "F520"), ("tau Cet", "F520"), ("alf Cen A", "F520"))
+
+
+def sums_block(star: str, band: str, first: int, count: int) -> list[dict[str, Any]]:
+    """Realisations of one case as sums of frames."""
+    visits = visits_of(task_for(star, band, seed=21))
+    return [_row(visits, subjects_of(visits)[0], visits.draw(number), star, band)
+            for number in range(first, first + count)]  # fmt: skip
+
+
+def frames_block(star: str, band: str, number: int) -> list[dict[str, Any]]:
+    """One realisation frame by frame, with all effects of the camera, calibration and rejection."""
+    visits = visits_of(task_for(star, band, seed=22), full=True, realisation=number)
+    realised, story = realised_frames(visits)
+    return [_row(visits, subjects_of(visits)[0], realised, star, band) | {"rejected": story.rejected_fraction}]
+
+
+def _row(visits: Any, subject: Any, realised: Any, star: str, band: str) -> dict[str, Any]:
+    measured = forced_photometry(realised, subject, visits.metrics)
+    truth = visits.science.truth.sources[1].rate_e_s * subject.core * realised.reduced.integration_s
+    return {
+        "star": star,
+        "band": band,
+        "flux": measured.flux / truth,
+        "error": measured.error / truth,
+        "n_apertures": measured.n_background_apertures,
+    }
+
+
+def summary(rows: list[dict[str, Any]], *, full: bool) -> dict[str, Any]:
+    """SNR of one case over what is predicted, with its 95 % interval."""
+    star, band = rows[0]["star"], rows[0]["band"]
+    expected = task_for(star, band, seed=0).predictions[0]
+    suffix = "_full" if full else ""
+    flux = np.array([row["flux"] for row in rows])
+    snr, error = mean_snr(flux, [row["error"] for row in rows], significance=expected["significance" + suffix],
+                          n_apertures=rows[0]["n_apertures"])  # fmt: skip
+    predicted = expected["snr" + suffix]
+    scatter = 1.0 / flux.std(ddof=1) / predicted
+    return {
+        "star": star,
+        "band": band,
+        "chain": "every frame, every effect" if full else "sums of frames",
+        "runs": len(rows),
+        "predicted_snr": predicted,
+        "recovered_snr": snr,
+        "ratio": snr / predicted,
+        "low": (snr - 1.96 * error) / predicted,
+        "high": (snr + 1.96 * error) / predicted,
+        "mean_flux": float(flux.mean()),
+        "flux_error": float(flux.std(ddof=1) / np.sqrt(len(flux))),
+        "ratio_from_scatter": float(scatter),
+        "rejected": float(np.mean([row.get("rejected", 0.0) for row in rows])),
+    }
+
+
+def chain_rows(workers: int) -> list[dict[str, Any]]:
+    """All cases."""
+    cases = [(star, band) for star in FIVE_STARS for band in nominal().bands]
+    blocks = [(star, band, first, BLOCK) for star, band in cases for first in range(0, SEEDS, BLOCK)]
+    sums = in_blocks(sums_block, blocks, workers)
+    runs = [(star, band, number) for star, band in FULL_CASES for number in range(FULL_RUNS)]
+    frames = in_blocks(frames_block, runs, workers)
+    found = []
+    for rows, full in ((sums, False), (frames, True)):
+        for case in dict.fromkeys((row["star"], row["band"]) for row in rows):
+            found.append(summary([row for row in rows if (row["star"], row["band"]) == case], full=full))
+    return found

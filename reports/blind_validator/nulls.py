@@ -1,0 +1,37 @@
+"""Stars without planets: how often does the blind search find one?"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from cases import star_alone
+
+from cpic_planner.validation.detection import search
+from cpic_planner.validation.speckle_maps import speckle_maps
+
+SCENES = (("61 Cyg A", "F850"), ("tau Cet", "F662"), ("alf Cen A", "F520"), ("alf CMi", "F850"))
+SEQUENCES, BLOCK = 1000, 50
+LEVELS = (3.0, 3.5, 4.0, 5.0)
+
+
+def null_block(star: str, band: str, seed: int, first: int, count: int) -> list[dict[str, Any]]:
+    """Peaks of planet-free sequences above each level."""
+    visits = star_alone(star, band, seed)
+    maps = speckle_maps(visits.optics, visits.instrument.drift)
+    rate = visits.science.truth.sources[0].rate_e_s
+    rows = []
+    for number in range(first, first + count):
+        stack = visits.draw(number).reduced
+        row: dict[str, Any] = {"star": star, "band": band}
+        for level in LEVELS:
+            found = search(stack, visits.optics, maps, star_rate_e_s=rate, sigma=level)
+            row[f"{level:g}"] = len(found.detections)
+        row["elements"] = found.region.n_elements
+        top = max(found.candidates, key=lambda item: item.snr_mf, default=None)
+        row["largest_snr"] = 0.0 if top is None else top.snr_mf
+        row["largest_of_threshold"] = 0.0 if top is None else top.snr_mf / top.threshold
+        white = stack.white_variance_e2[stack.region]
+        row["white_share"] = float(np.mean(white) / np.mean(stack.image_e[stack.region] ** 2))
+        rows.append(row)
+    return rows

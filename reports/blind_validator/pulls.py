@@ -1,0 +1,74 @@
+"""Injected planets at random places: is the corrected flux right, and is its error?"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from cases import star_alone
+
+from cpic_planner.validation.apertures import aperture_weights
+from cpic_planner.validation.astrometry import fit_position
+from cpic_planner.validation.measure import Subject, forced_photometry
+from cpic_planner.validation.realise import Visits
+from simulator.camera.gain import excess_noise_factor2
+
+BAND_STARS = {"F520": "alf Cen A", "F662": "alf Cen A", "F720": "tau Cet", "F850": "tau Cet"}
+SNR = 30.0
+PER_PLACE = 10
+MIN_APERTURES, MIN_ELEMENTS = 25.0, 3.0  # where the ETC lets a planet stand
+
+
+def random_subject(visits: Visits, rng: np.random.Generator) -> Subject:
+    """A planet anywhere in the hole where a detection is defined."""
+    metrics = visits.metrics
+    edge, pixel, middle = metrics.hole_outer_arcsec, metrics.pixel_scale_arcsec, len(metrics.hole) // 2
+    while True:
+        x, y = (float(part) for part in rng.uniform(-edge, edge, 2))
+        if not metrics.zone.covers(np.array([y]), np.array([x]), -metrics.aperture_radius_arcsec)[0, 0]:
+            continue
+        annulus = metrics.annulus(math.hypot(x, y), visits.strategy.annulus_lambda_d)
+        room = np.count_nonzero(annulus) >= MIN_APERTURES * metrics.aperture_pixels
+        if room and metrics.resolution_elements(math.hypot(x, y)) >= MIN_ELEMENTS:
+            break
+    template = visits.optics.at(x, y)
+    radius = metrics.aperture_radius_arcsec / pixel
+    weights = aperture_weights(template.shape, middle + x / pixel, middle + y / pixel, radius)
+    return Subject("injected", ((x, y),), (template,), (weights,), (float(np.sum(template * weights)),), annulus, ())
+
+
+def pull_block(star: str, band: str, seed: int, block: int, snr: float = SNR) -> list[dict[str, Any]]:
+    """Realisations of one place: the planet is as bright as the noise there asks for the given SNR."""
+    visits = star_alone(star, band, seed)
+    rng = np.random.default_rng([seed, block])
+    subject, metrics = random_subject(visits, rng), visits.metrics
+    first = 1 + block * (PER_PLACE + 1)
+    full_scale = visits.science.truth.sources[0].rate_e_s * subject.core
+    sigma = forced_photometry(visits.draw(first), subject, metrics).sigma_background
+    factor2 = float(excess_noise_factor2(visits.task.em_gain, visits.science.instrument.detector.register_stages))
+    flux = 0.5 * (snr**2 * factor2 + math.sqrt((snr**2 * factor2) ** 2 + 4.0 * (snr * sigma) ** 2))
+    rate = flux / (visits.task.exposure_s * visits.task.n_frames) / subject.core
+    lit = visits.with_light(rate * subject.templates[0])
+    x, y = subject.places_arcsec[0]
+    rows = []
+    for number in range(first + 1, first + 1 + PER_PLACE):
+        realised = lit.draw(number)
+        measured = forced_photometry(realised, subject, metrics)
+        row = {
+            "band": band,
+            "block": block,
+            "relative_flux": measured.flux / flux,
+            "relative_error": measured.error / flux,
+            "snr": measured.snr,
+            "contrast": flux / (full_scale * visits.task.exposure_s * visits.task.n_frames),
+        }
+        found = fit_position(realised.reduced, visits.optics, x, y)
+        unit = np.array([x, y]) / math.hypot(x, y)
+        offset = np.array([found.x_arcsec - x, found.y_arcsec - y])
+        covariance = found.covariance[:2, :2]
+        across = np.array([-unit[1], unit[0]])
+        for name, axis in (("radial", unit), ("tangential", across)):
+            row[f"{name}_pull"] = float(axis @ offset / math.sqrt(axis @ covariance @ axis))
+        rows.append(row)
+    return rows

@@ -1,0 +1,212 @@
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from catalogs.errors import InputError
+from cpic_planner.validation.albedo_fit import AlbedoFit, fit_albedo
+from cpic_planner.validation.albedo_model import AlbedoModel, albedo_model
+from cpic_planner.validation.photometry import Contrast
+from simulator import load_instrument
+from simulator.passbands import Passbands
+from simulator.target.star_spectrum import stellar_spectrum
+
+BANDS = ("F520", "F662", "F720", "F850")
+TOP = math.log10(6.0)
+
+
+@pytest.fixture(scope="module")
+def model() -> AlbedoModel:
+    passbands = Passbands.from_instrument(load_instrument())
+    bands = [passbands.bands[passbands.index(name)] for name in BANDS]
+    return albedo_model(bands, stellar_spectrum(1.35, "K1V"), radius_rjup=1.0, distance_au=0.8775, phase_deg=90.0,
+                        insolation_au=2.0)  # fmt: skip
+
+
+def contrasts(values: np.ndarray, errors: np.ndarray) -> dict[str, tuple[float, float]]:
+    return {name: (float(value), float(error)) for name, value, error in zip(BANDS, values, errors, strict=True)}
+
+
+@pytest.mark.parametrize("truth", [(0.8, -0.3), (1.3, -1.1), (0.2, 0.4), (1.85, 0.1)])
+@pytest.mark.parametrize("relative", [0.1, 1e-3])
+@pytest.mark.parametrize("grey_error", [0.0, 0.1])
+def test_without_noise_the_truth_comes_back(
+    model: AlbedoModel, truth: tuple[float, float], relative: float, grey_error: float
+) -> None:
+    values = model.contrast(*truth)
+    fit = fit_albedo(contrasts(values, relative * values), model, grey_error=grey_error)
+    assert (fit.log10_mh, fit.log10_fsed) == pytest.approx(truth, abs=2e-3)
+    assert fit.grey == pytest.approx(1.0, abs=1e-3)
+    assert fit.chi2 == pytest.approx(0.0, abs=1e-3)
+    assert fit.model_contrasts == pytest.approx(values, rel=1e-3)
+    assert fit.contains(*truth)
+    assert (fit.degrees_of_freedom, fit.p_value) == (2, pytest.approx(1.0, abs=1e-3))
+
+
+@pytest.mark.parametrize(("relative", "grey_error"), [(0.03, 0.0), (0.1, 0.3)])
+def test_regions_hold_the_truth_as_often_as_they_say(model: AlbedoModel, relative: float, grey_error: float) -> None:
+    rng = np.random.default_rng(5)
+    inside, chances, n_draws = [], [], 300
+    for _ in range(n_draws):
+        truth = rng.uniform(0, 2), rng.uniform(-2, TOP)
+        expected = model.contrast(*truth)
+        errors = np.full(4, relative * expected.mean())
+        values = expected * (1 + grey_error * rng.normal()) + errors * rng.normal(size=4)
+        fit = fit_albedo(contrasts(values, errors), model, grey_error=grey_error)
+        inside.append([fit.contains(*truth), fit.contains(*truth, 0.95)])
+        chances.append(fit.p_value)
+    for share, nominal in zip(np.mean(inside, axis=0), (0.68, 0.95), strict=True):
+        assert abs(share - nominal) < 3 * math.sqrt(nominal * (1 - nominal) / n_draws)
+    assert np.mean(np.array(chances) < 0.01) < 0.05
+
+
+def brute(model: AlbedoModel, values: np.ndarray, errors: np.ndarray, grey_error: float) -> tuple[np.ndarray, ...]:
+    """The posterior by sums over the common factor, on a grid of its own."""
+    mh, fsed = np.linspace(0, 2, 161), np.linspace(-2, TOP, 151)
+    table = model.contrast(mh[:, None], fsed)
+    grey = 1 + grey_error * np.linspace(-5, 5, 201)
+    prior = np.exp(-0.5 * ((grey - 1) / grey_error) ** 2)
+    chi2 = sum((((values[b] - grey[:, None, None] * table[..., b]) / errors[b]) ** 2 for b in range(4)),
+               np.zeros((201, 161, 151)))  # fmt: skip
+    posterior = np.tensordot(prior, np.exp(-0.5 * chi2), axes=1)
+    return mh, fsed, posterior / posterior.sum()
+
+
+def test_posterior_against_brute_force(model: AlbedoModel) -> None:
+    values = model.contrast(1.1, -0.5) * np.array([1.1, 0.95, 1.0, 0.9])
+    errors = 0.08 * values
+    mh, fsed, posterior = brute(model, values, errors, 0.2)
+    fit = fit_albedo(contrasts(values, errors), model, grey_error=0.2)
+    mean = np.array([(posterior.sum(axis=1) * mh).sum(), (posterior.sum(axis=0) * fsed).sum()])
+    spread = [math.sqrt((posterior.sum(axis=1 - i) * (axis - mean[i]) ** 2).sum()) for i, axis in enumerate((mh, fsed))]
+    cross = float(np.einsum("mf,m,f->", posterior, mh - mean[0], fsed - mean[1]))
+    assert fit.mean == pytest.approx(mean, abs=0.02)
+    assert np.sqrt(np.diag(fit.covariance)) == pytest.approx(spread, rel=0.02)
+    assert fit.correlation == pytest.approx(cross / (spread[0] * spread[1]), abs=0.02)
+    cumulated = np.cumsum(posterior.sum(axis=1))
+    assert fit.interval("log10_mh") == pytest.approx(np.interp([0.16, 0.84], cumulated, mh), abs=0.03)
+
+
+def test_grey_factor_is_what_a_fit_of_three_finds(model: AlbedoModel) -> None:
+    from scipy.optimize import least_squares
+
+    values = 1.25 * model.contrast(0.9, -0.8) * np.array([1.02, 0.99, 1.0, 1.01])
+    errors = 0.02 * values
+
+    def residuals(p: np.ndarray) -> np.ndarray:
+        return np.append((values - p[2] * model.contrast(p[0], p[1])) / errors, (p[2] - 1) / 0.2)
+
+    best = min((least_squares(residuals, [mh, fsed, 1.2], bounds=([0, -2, 0], [2, TOP, 3]))
+                for mh in (0.3, 0.9, 1.6) for fsed in (-1.5, -0.8, 0.0)), key=lambda found: found.cost)  # fmt: skip
+    fit = fit_albedo(contrasts(values, errors), model, grey_error=0.2)
+    assert fit.chi2 == pytest.approx(2 * best.cost, abs=2e-3)
+    assert fit.grey == pytest.approx(best.x[2], abs=5e-3)
+    assert fit.model_contrasts == pytest.approx(best.x[2] * model.contrast(best.x[0], best.x[1]), rel=2e-3)
+
+
+def test_posterior_is_a_density(model: AlbedoModel) -> None:
+    values = model.contrast(0.8, -0.3)
+    for relative in (0.2, 0.01):
+        fit = fit_albedo(contrasts(values, relative * values), model)
+        total = np.trapezoid(np.trapezoid(fit.posterior, fit.log10_fsed_grid, axis=1), fit.log10_mh_grid)
+        assert total == pytest.approx(1.0, rel=1e-9)
+        assert fit.level(0.95) < fit.level(0.68) < fit.posterior.max()
+    assert np.ptp(fit.log10_fsed_grid) < TOP + 2  # the grid closes in on a narrow posterior
+
+
+def test_one_band_is_degenerate(model: AlbedoModel) -> None:
+    value = float(model.contrast(0.8, -0.3)[0])
+    fit = fit_albedo({"F520": Contrast(value, 0.05 * value)}, model)
+    assert fit.status == "degenerate"
+    assert fit.p_value is None
+    assert fit.degrees_of_freedom == 0
+    assert fit.open_edges
+    assert fit.contains(0.8, -0.3)
+
+
+def test_two_bands_leave_no_degree_of_freedom(model: AlbedoModel) -> None:
+    values = model.contrast(0.8, -0.3)
+    fit = fit_albedo({"F520": (values[0], 0.1 * values[0]), "F850": (values[3], 0.1 * values[3])}, model)
+    assert fit.status != "degenerate"
+    assert fit.p_value is None
+
+
+def test_open_edges_and_constraint(model: AlbedoModel) -> None:
+    values = model.contrast(1.3, -1.1)
+    loose, tight = (fit_albedo(contrasts(values, relative * values), model) for relative in (0.5, 0.003))
+    assert loose.status == "not_constrained"
+    assert {"log10_mh_low", "log10_mh_high", "log10_fsed_low"} <= set(loose.open_edges)
+    assert (tight.status, tight.open_edges) == ("constrained", ())
+    top = model.contrast(1.0, TOP)
+    assert "log10_fsed_high" in fit_albedo(contrasts(top, 0.02 * top), model).open_edges
+
+
+def test_metallicity_and_clouds_are_confused(model: AlbedoModel) -> None:
+    values = model.contrast(0.8, -0.3)
+    fit = fit_albedo(contrasts(values, 0.02 * values), model)
+    assert fit.correlation < -0.8
+
+
+def test_what_the_model_cannot_do_has_a_small_p_value(model: AlbedoModel) -> None:
+    grey = np.full(4, 0.5 * model.full_contrast / math.pi)
+    fit = fit_albedo(contrasts(grey, 0.02 * grey), model)
+    assert fit.p_value is not None
+    assert fit.p_value < 1e-3
+    # A flat spectrum with large errors is nothing out of the ordinary.
+    assert (fit_albedo(contrasts(grey, 0.3 * grey), model).p_value or 0) > 0.2
+
+
+def test_a_cloud_free_planet_shows(model: AlbedoModel) -> None:
+    values = model.clear[3]
+    fit = fit_albedo(contrasts(values, 0.02 * values), model)
+    assert fit.clear_chi2 == pytest.approx(0.0, abs=1e-9)
+    assert fit.chi2 > fit.clear_chi2 + 10
+    cloudy = model.contrast(0.8, -0.3)
+    assert fit_albedo(contrasts(cloudy, 0.02 * cloudy), model).clear_chi2 > 100
+
+
+def test_negative_contrasts_are_measurements(model: AlbedoModel) -> None:
+    values = model.contrast(1.8, -0.3)
+    errors = np.full(4, 1.2 * values.mean())
+    fit = fit_albedo(contrasts(values - errors, errors), model)
+    assert (values - errors).min() < 0
+    assert np.isfinite([fit.chi2, fit.correlation, *fit.mean]).all()
+
+
+def test_fsed_above_six_counts_as_six(model: AlbedoModel) -> None:
+    top = model.contrast(1.0, TOP)
+    fit = fit_albedo(contrasts(top, 0.05 * top), model)
+    assert fit.contains(1.0, 1.0)
+    assert fit.contains(1.0, TOP)
+    assert not fit.contains(3.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("measured", "settings", "key"),
+    [
+        ({}, {}, "measured"),
+        ({"F999": (1e-8, 1e-9)}, {}, "measured"),
+        ({"F520": (math.nan, 1e-9)}, {}, "measured.F520"),
+        ({"F520": (1e-8, 0.0)}, {}, "measured.F520.error"),
+        ({"F520": (1e-8, 1e-9)}, {"grey_error": -0.1}, "grey_error"),
+        ({"F520": (1e-8, 1e-9)}, {"grey_error": math.nan}, "grey_error"),
+    ],
+)
+def test_refusals(
+    model: AlbedoModel, measured: dict[str, tuple[float, float]], settings: dict[str, float], key: str
+) -> None:
+    with pytest.raises(InputError, match=key):
+        fit_albedo(measured, model, **settings)
+
+
+def test_probabilities_are_checked(model: AlbedoModel) -> None:
+    values = model.contrast(1.0, 0.0)
+    fit: AlbedoFit = fit_albedo(contrasts(values, 0.1 * values), model)
+    with pytest.raises(InputError, match="probability"):
+        fit.level(1.0)
+    with pytest.raises(InputError, match="probability"):
+        fit.interval("log10_mh", 0.0)
+    with pytest.raises(InputError, match="name"):
+        fit.interval("mh")  # type: ignore[arg-type]

@@ -1,0 +1,196 @@
+"""The star's rate from its frames off the mask and from a star in the field; and contrasts that refer to it."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from catalogs.errors import InputError
+from cpic_planner.validation import aperture_photometry, aperture_weights, rdi_subtract
+from cpic_planner.validation.frames import calibrated_frames, transferred
+from cpic_planner.validation.photometry import Photometry
+from cpic_planner.validation.rejection import filled, reject_cosmic_rays
+from cpic_planner.validation.star_flux import (
+    field_star_ratio,
+    observe_off_mask,
+    off_mask_exposure_s,
+    star_flux_of_field_star,
+    star_flux_off_mask,
+)
+from simulator import Observation, load_instrument, load_scene, observe
+from simulator.outcome import Reason, Status
+
+SCENE = "paper_science"
+
+
+@pytest.mark.parametrize(("band", "n_seeds"), [("F520", 40), ("F850", 20)])
+def test_star_off_the_mask(band: str, n_seeds: int) -> None:
+    """Unbiased, and scattered by its error, over many seeds with every effect on."""
+    seen = observe_off_mask(SCENE, band, n_frames=4).unwrap()
+    true = seen.truth.sources[0].rate_e_s
+    found = [star_flux_off_mask(dataclasses.replace(seen, seed=seed)).unwrap() for seed in range(n_seeds)]
+    pulls = np.array([(one.rate_e_s - true) / one.error_e_s for one in found])
+    assert abs(pulls.mean()) < 4 / math.sqrt(pulls.size)
+    assert abs(pulls.std(ddof=1) - 1.0) < 3.5 / math.sqrt(2 * pulls.size)
+    assert found[0].error_e_s < 1e-3 * true
+    assert found[0].method == "off_mask"
+    assert found[0].rate_ratio == 1.0
+    assert found[0].rate_e_s * found[0].core * found[0].time_s == pytest.approx(found[0].flux_e, rel=1e-12)
+    assert found[0].time_s == pytest.approx(4 * seen.exposure_s)
+
+
+def test_other_places_and_gains_agree() -> None:
+    """Where the star stands, in pixel and field, and at which gain, makes no difference beyond the error."""
+    true = 0.0
+    for offset, gain in (((0.36, 0.42), 1.0), ((-0.5, 0.371), 1.0), ((0.4, -0.4), 3.0)):
+        seen = observe_off_mask(SCENE, "F720", n_frames=8, offset_arcsec=offset, em_gain=gain).unwrap()
+        true = seen.truth.sources[0].rate_e_s
+        star = star_flux_off_mask(seen).unwrap()
+        assert abs(star.rate_e_s - true) < 4 * star.error_e_s + 1e-4 * true
+    assert true > 1e8
+
+
+def test_whole_frames_serve_too() -> None:
+    seen = observe_off_mask(SCENE, "F850", n_frames=2, window="full").unwrap()
+    star = star_flux_off_mask(seen).unwrap()
+    assert abs(star.rate_e_s / seen.truth.sources[0].rate_e_s - 1.0) < 4 * star.error_e_s / star.rate_e_s
+
+
+def test_exposure_fills_but_does_not_saturate() -> None:
+    detector = load_instrument().detector
+    peak = 0.0105
+    answer = off_mask_exposure_s(1e7, peak, detector)
+    brightest = 1e7 * peak * answer.unwrap()
+    assert brightest + 5 * math.sqrt(2 * brightest) == pytest.approx(0.7 * detector.full_well_e, rel=1e-9)
+    assert off_mask_exposure_s(1e7, peak, detector, fill=0.35).unwrap() < 0.55 * answer.unwrap()
+    assert off_mask_exposure_s(1e3, peak, detector).unwrap() == 10.0
+    # At high gain register and converter bind before the pixel.
+    high = 1e7 * peak * off_mask_exposure_s(1e7, peak, detector, em_gain=20.0).unwrap() * 20.0
+    assert high < 0.7 * detector.register_full_well_e
+    assert off_mask_exposure_s(7.07e8, peak, detector).flags == ("above_fill",)
+    refused = off_mask_exposure_s(2e9, peak, detector)
+    assert refused.status is Status.SATURATED
+    assert refused.reason is Reason.PIXEL_FULL_WELL
+    assert "shortest exposure" in refused.message
+    for wrong in ({"rate_e_s": 0.0}, {"peak": math.nan}, {"fill": 1.5}, {"em_gain": 0.0}):
+        with pytest.raises(InputError, match=next(iter(wrong))):
+            off_mask_exposure_s(**({"rate_e_s": 1e7, "peak": 0.01, "detector": detector} | wrong))
+
+
+def test_saturated_series_is_refused() -> None:
+    bright = load_scene(SCENE).model_dump(mode="json")
+    bright["cstar"]["v_mag"] = -1.0
+    answer = observe_off_mask(bright, "F520")
+    assert answer.status is Status.SATURATED
+    assert answer.reason is Reason.PIXEL_FULL_WELL
+    seen = observe_off_mask(SCENE, "F520", exposure_s=0.05, n_frames=3).unwrap()
+    star = star_flux_off_mask(seen)
+    assert star.status is Status.SATURATED
+    assert star.reason is Reason.PIXEL_FULL_WELL
+    assert "of 3 frames" in star.message
+
+
+def test_refusals() -> None:
+    with pytest.raises(InputError, match="visible camera"):
+        observe_off_mask(SCENE, "F940")
+    hidden = observe(SCENE, band="F520", exposure_s=0.01, n_frames=2, window="hole", kind="CALS",
+                     role="calibration", star_offset_arcsec=(0.5, 0.0))  # fmt: skip
+    with pytest.raises(InputError, match="star_offset_arcsec"):
+        star_flux_off_mask(hidden)
+    with pytest.raises(InputError, match="calibration star"):
+        field_star_ratio(SCENE, "F520", "nobody")
+    with pytest.raises(InputError, match="magnitude_error"):
+        field_star_ratio(SCENE, "F520", "calibration star", magnitude_error=-0.1)
+
+
+def test_ratio_of_one_spectral_type_is_that_of_magnitudes() -> None:
+    ratio, error = field_star_ratio(SCENE, "F662", "calibration star", magnitude_error=0.02)
+    assert ratio == pytest.approx(10 ** (0.4 * (17.0 - 1.35)), rel=1e-9)
+    assert error == pytest.approx(0.02 * 0.921034, rel=1e-6)
+
+
+def still() -> object:
+    """An instrument whose wavefront does not drift: what is left is noise."""
+    instrument = load_instrument()
+    drift = instrument.drift.model_copy(update={"visit_nm": 0.0, "walk_nm_per_sqrt_hour": 0.0})
+    return instrument.model_copy(update={"drift": drift})
+
+
+def reduced(seen: Observation) -> tuple[np.ndarray, np.ndarray]:
+    """Frames without holes, and the pixels that have any."""
+    frames, detector = calibrated_frames(seen), seen.instrument.detector
+    found = reject_cosmic_rays(
+        frames.electrons, frames.usable, em_gain=frames.em_gain, read_noise_e=detector.read_noise_e,
+        pedestal_e=frames.pedestal_e, gain_e_adu=detector.gain_e_adu,
+    )  # fmt: skip
+    return filled(frames.electrons, frames.usable & ~found.rejected)
+
+
+def measured(science: Observation, reference: Observation, number: int) -> tuple[Photometry, float]:
+    """Photometry of a source after subtraction of the reference, and its core throughput."""
+    (frames, covered), (library, also) = reduced(science), reduced(reference)
+    metrics = science.psf.metrics
+    region = metrics.hole & covered & also
+    cut = rdi_subtract(frames, library, 2, region=region, centering="temporal")
+    x, y = science.truth.x_pixel[number], science.truth.y_pixel[number]
+    source = science.truth.sources[number]
+    radius = metrics.aperture_radius_arcsec / metrics.pixel_scale_arcsec
+    weights = aperture_weights(science.shape, x, y, radius)
+    template = transferred(science.psf.at(source.x_arcsec, source.y_arcsec), science.instrument.detector,
+                           science.first_pixel)  # fmt: skip
+    rows, columns = np.indices(science.shape)
+    background = region.copy()
+    for k in (1, 2):
+        background &= np.hypot(columns - science.truth.x_pixel[k], rows - science.truth.y_pixel[k]) > 6 * radius
+    throughput = cut.throughput(template, weights, background=background)
+    flux = aperture_photometry(cut.residuals.sum(axis=0), x, y, radius, background_region=background,
+                               throughput=throughput, em_gain=science.em_gain)  # fmt: skip
+    return flux, float(np.sum(weights * template))
+
+
+def test_contrast_end_to_end() -> None:
+    """Raw frames with every effect, particles included, to contrasts by both ways: unbiased, with the right error."""
+    instrument = still()
+    settings = {"band": "F520", "exposure_s": 17.0, "n_frames": 12, "em_gain": 100.0, "window": "hole",
+                "instrument": instrument}  # fmt: skip
+    science = observe(SCENE, role="science", **settings)
+    reference = observe("paper_reference", role="reference", **settings)
+    off_mask = observe_off_mask(SCENE, "F520", instrument=instrument, n_frames=8).unwrap()
+    planet, field = science.truth.sources[1], science.truth.sources[2]
+    ratio, _ = field_star_ratio(SCENE, "F520", "calibration star")
+    time = 12 * 17.0
+    pulls: dict[str, list[float]] = {"planet": [], "field": [], "star": []}
+    values = []
+    for seed in range(8):
+        shown, empty, beside = (dataclasses.replace(one, seed=seed) for one in (science, reference, off_mask))
+        star = star_flux_off_mask(beside).unwrap()
+        faint, core = measured(shown, empty, 1)
+        got = faint.contrast(core, star.rate_e_s, time, star_rate_error_e_s=star.error_e_s)
+        pulls["planet"].append((got.value - planet.contrast) / got.error)
+        bright, core = measured(shown, empty, 2)
+        got = bright.contrast(core, star.rate_e_s, time, star_rate_error_e_s=star.error_e_s)
+        values.append(got.value * science.truth.sources[0].rate_e_s / field.rate_e_s)
+        pulls["field"].append((values[-1] - 1.0) * got.value / got.error / values[-1])
+        other = star_flux_of_field_star(bright, core, time, ratio)
+        pulls["star"].append((other.rate_e_s - star.rate_e_s) / other.error_e_s)
+        assert other.method == "field_star"
+        assert other.error_e_s > star.error_e_s
+    for name, own in pulls.items():
+        assert abs(np.mean(own)) < 4 / math.sqrt(len(own)), name
+        assert 0.4 < np.std(own, ddof=1) < 1.7, name
+    assert abs(np.mean(values) - 1.0) < 0.02
+
+
+def test_field_star_adds_the_error_of_its_magnitude() -> None:
+    flux = Photometry(1000.0, 20.0, 50.0, 80.0, 900.0, 10.0, 50, 0.1, 0.0, 17.0, 800, 0.9, 30.0, 30.0)
+    star = star_flux_of_field_star(flux, 0.1, 100.0, 1e6, ratio_relative_error=0.03)
+    assert star.rate_e_s == pytest.approx(1000.0 / 0.1 / 100.0 * 1e6)
+    assert star.error_e_s / star.rate_e_s == pytest.approx(math.hypot(0.02, 0.03))
+    for wrong in ({"core": 0.0}, {"time_s": -1.0}, {"rate_ratio": math.inf}, {"ratio_relative_error": -1.0}):
+        with pytest.raises(InputError, match=next(iter(wrong))):
+            star_flux_of_field_star(**({"measured": flux, "core": 0.1, "time_s": 100.0, "rate_ratio": 1e6} | wrong))
+    with pytest.raises(InputError, match=r"measured\.flux"):
+        star_flux_of_field_star(dataclasses.replace(flux, flux=-5.0), 0.1, 100.0, 1e6)

@@ -1,0 +1,132 @@
+"""From realisations to words: who decides, and what is said of the ETC."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cpic_planner.models import BandConfirmation
+from cpic_planner.validation.measure import Measurement
+from cpic_planner.validation.realise import FrameStory
+from cpic_planner.validation.star_flux import StarFlux
+from cpic_planner.validation.task import ConfirmTask
+from cpic_planner.validation.verdict import audit_of, confirmation_of, target_verdict
+
+EXPECTED = {
+    "contrast": 1e-8,
+    "separation_arcsec": 0.5,
+    "pa_deg": 315.0,
+    "time_s": 7200.0,
+    "threshold": 6.0,
+    "snr": 10.0,
+    "significance": 12.0,
+    "snr_full": 9.9,
+    "significance_full": 11.9,
+}
+TASK = ConfirmTask(name="star", band="F520", simulator={}, scene={}, exposure_s=10.0, n_frames=100, em_gain=200.0,
+                   strategy={"reference_ratio": 1.0}, seed=1, fidelity="standard", realisations=8, audit=False,
+                   predictions=[EXPECTED], planets=["b"])  # fmt: skip
+STAR = StarFlux(1e6, 1e3, "off_mask", 1e5, 0.2, 0.5)
+
+
+def measurement(contrast=1e-8, snr=10.0, found=True):
+    return Measurement(contrast=contrast, contrast_error=1e-8 / snr, contrast_sigma=1e-8 / (1.2 * snr), snr=snr,
+                       significance=1.2 * snr, throughput=0.99, n_apertures=14, modes=1, found=found, search_snr=9.0,
+                       search_threshold=8.0)  # fmt: skip
+
+
+def answer(measured, *, task=TASK, story=None, star=STAR):
+    return confirmation_of(task, 0, measured, star=star, core=0.13, false_detections=0, story=story, position=None,
+                           audit=None)  # fmt: skip
+
+
+def realisations(n=24, factor=1.0, found=lambda k: True):
+    rng = np.random.default_rng(0)
+    return [measurement(1e-8 * (factor + 0.1 * z), 10.0, found(k)) for k, z in enumerate(rng.standard_normal(n))]
+
+
+@pytest.mark.parametrize(
+    ("seen", "significance", "word"),
+    [
+        (8, 12.0, "confirmed (8 of 8)"),
+        (4, 12.0, "confirmed (4 of 8)"),
+        (3, 12.0, "not confirmed (3 of 8)"),
+        (0, 3.0, "not detected, as predicted (0 of 8)"),
+        (8, 3.0, "detected, though predicted below threshold (8 of 8)"),
+    ],
+)
+def test_the_blind_search_decides(seen, significance, word):
+    task = replace(TASK, predictions=[EXPECTED | {"significance": significance}])
+    found = answer(realisations(8, found=lambda k: k < seen), task=task)
+    assert found.verdict.startswith(word)
+    assert found.detected is (seen >= 4)
+    assert found.n_detected == seen
+
+
+def test_numbers_are_those_of_one_observation():
+    measured = realisations(24)
+    found = answer(measured)
+    contrast = np.array([item.contrast for item in measured])
+    assert found.recovered_contrast == pytest.approx(contrast.mean())
+    assert found.contrast_error == pytest.approx(1e-9)
+    assert found.contrast_mean_error == pytest.approx(contrast.std(ddof=1) / np.sqrt(24))
+    assert found.recovered_snr == pytest.approx(contrast.mean() / 1e-9)
+    assert found.recovered_significance == pytest.approx(contrast.mean() / 1e-9 * 1.2)
+    assert found.star_flux == "off_mask"
+    assert found.star_flux_error == pytest.approx(1e-3)
+    assert found.drawn_as == "sums"
+    assert answer(measured, star=None).star_flux == "known"
+
+
+@pytest.mark.parametrize(
+    ("factor", "word"),
+    [
+        (1.0, "ETC agrees, "),
+        (0.7, "ETC optimistic by 1.4"),
+        (1.5, "ETC pessimistic by 0.6"),
+        (0.05, "too faint to measure"),
+    ],
+)
+def test_the_etc_is_named_where_it_is_off(factor, word):
+    found = answer(realisations(24, factor))
+    assert word in found.verdict
+    assert (found.etc_ratio is None) == (factor == 0.05)
+
+
+def test_light_that_a_limit_cuts_off_in_the_hole_is_no_detection():
+    story = FrameStory(lost_in=7, lost_outside=400, rejected_fraction=0.01, hits=3)
+    found = answer(realisations(2), story=story)
+    assert found.status == "saturated"
+    assert not found.detected
+    assert found.saturated_in_hole == 7
+    assert found.saturated_outside == pytest.approx(400 / (200 * 2))
+    assert found.drawn_as == "frames"
+
+
+def test_an_audit_is_compared_with_all_that_is_predicted():
+    story = FrameStory(lost_in=0, lost_outside=10, rejected_fraction=0.02, hits=40)
+    record = audit_of(TASK, 0, measurement(1.15e-8), story, 1)
+    assert record.predicted_snr == 9.9
+    assert record.deviation_sigma == pytest.approx(1.5)
+    assert record.detected
+    assert record.false_detections == 1
+    assert not audit_of(TASK, 0, measurement(), replace(story, lost_in=1), 0).detected
+
+
+def test_a_target_in_words():
+    good, bad = (
+        answer(realisations(24)),
+        answer(realisations(24, 0.7, lambda k: False)).model_copy(update={"band": "F850"}),
+    )
+    refused = BandConfirmation(band="F720", status="saturated", reason="adc_range", message="", separation_arcsec=0.5,
+                               pa_deg=0.0)  # fmt: skip
+    text, factor, error = target_verdict([good, bad, refused])
+    assert text.startswith("confirmed in F520; ETC")
+    assert 1.0 < factor < 1.5
+    assert error > 0
+    assert target_verdict([bad])[0].startswith("not confirmed; ETC optimistic by 1.4")
+    assert target_verdict([refused]) == ("not observed: adc_range", None, None)
+    cut = answer(realisations(2), story=FrameStory(5, 0, 0.0, 0))
+    assert target_verdict([cut])[0].startswith("saturated")
+    faint = answer(realisations(24, 0.02, lambda k: False))
+    assert target_verdict([faint]) == ("not confirmed; too faint to measure the ETC by", None, None)
