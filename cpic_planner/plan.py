@@ -78,6 +78,7 @@ class PlanConfig(FrozenModel):
     @model_validator(mode="after")
     def _imaged(self) -> PlanConfig:
         refuse_counting(self.strategy)
+        self.simulator_overrides.instrument(self.instrument)  # refuses unknown keys
         return self
 
     @property

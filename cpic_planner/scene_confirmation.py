@@ -69,6 +69,7 @@ class ConfirmConfig(FrozenModel):
         if self.exposure_s is not None and self.n_frames is None and self.time_s is None:
             raise InputError("n_frames", None, allowed="a value where exposure_s is given without time_s")
         refuse_counting(self.strategy)
+        self.simulator_overrides.instrument(self.instrument)  # refuses unknown keys
         return self
 
 

@@ -150,7 +150,8 @@ def confirm(
         raise _named(error) from None
     if dry_run:
         cost = estimate_cost(config, workers=workers)
-        print_cost(cost, f"{cost['n_tasks']} bands of {config.scene.name}", workers, as_json)
+        what = f"{cost['n_tasks']} band{'s' * (cost['n_tasks'] != 1)} of {config.scene.name}"
+        print_cost(cost, what, workers, as_json)
         return
     total = len(config.bands or nominal.visible_bands())
     with progress("confirming", total=total) as advance:
@@ -161,7 +162,7 @@ def confirm(
                                     command=sys.argv[1:])  # fmt: skip
             result = done.result
             if done.resumed_parts:
-                note(f"reused {done.resumed_parts} finished bands of an earlier run")
+                note(f"reused {done.resumed_parts} finished band{'s' * (done.resumed_parts != 1)} of an earlier run")
     if as_json:
         print_json(result)
         return

@@ -53,7 +53,7 @@ class PositionRecord(Result):
 
 
 class AlbedoRecord(Result):
-    """What the band contrasts of a planet say of metallicity and clouds: mean contrasts, errors of one observation a band."""
+    """What band contrasts say of metallicity and clouds: mean contrasts, errors of one observation a band."""
 
     planet: str
     bands: list[str]

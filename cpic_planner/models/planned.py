@@ -33,8 +33,8 @@ class AuditRecord(Result):
 class BandConfirmation(Result):
     """One band of one target: prediction beside the measurement in simulated images.
 
-    Recovered numbers are those of one observation, averaged over the realisations: mean contrast over the quadratic mean
-    of its error is the SNR, as variances are unbiased where ratios are not.
+    Recovered numbers are those of one observation, averaged over the realisations: mean contrast over the quadratic
+    mean of its error is the SNR, as variances are unbiased where ratios are not.
     """
 
     band: str
@@ -86,6 +86,16 @@ class BandConfirmation(Result):
         description="pixels around the hole that a limit cut off, mean per frame; they do not reach the hole",
     )
     n_detected: int | None = Field(default=None, description="realisations in which the blind search finds the planet")
+    search_snr: float | None = Field(
+        default=None, description="matched-filter SNR there, mean of the realisations in which the search has a peak"
+    )
+    search_threshold: float | None = Field(
+        default=None,
+        description="SNR that the search asks for there: heavy tails of the speckles and all positions are in it",
+    )
+    n_significant: int | None = Field(
+        default=None, description="realisations whose significance at the known place reaches the threshold"
+    )
     false_detections: int | None = Field(default=None, description="what it finds elsewhere, all realisations")
     detected: bool | None = Field(default=None, description="found in at least half of the realisations")
     found_separation_arcsec: float | None = Field(default=None, description="fitted, first realisation that shows it")

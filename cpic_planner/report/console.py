@@ -57,7 +57,8 @@ def print_plan(plan: PlanResult, console: Console) -> None:
     print_note(
         console,
         "→ marks the band to observe in. SNR of one observation, planet noise included: predicted, and recovered with "
-        "the error of its mean; found: realisations in which the blind search finds the planet.",
+        "the error of its mean; found: realisations in which the blind search finds the planet; seen at its place: "
+        "significant at the known place, but not found blind.",
     )
     print_note(
         console,
@@ -95,5 +96,7 @@ def print_comparison(result: PlanResult | ConfirmResult, console: Console, *, me
 def _outcome(item: BandConfirmation) -> str:
     if item.status != "ok":
         return status_cell(item.status, item.reason)
-    symbol = STATUS_SYMBOLS["ok"] if item.detected else STATUS_SYMBOLS["unreachable"]
-    return f"{symbol} {item.verdict.split(';')[0].split(' (')[0]}".strip()
+    if item.detected:
+        return f"{STATUS_SYMBOLS['ok']} confirmed"
+    at_place = 2 * (item.n_significant or 0) >= (item.realisations or 1)
+    return f"{STATUS_SYMBOLS['unreachable']} {'seen at its place' if at_place else 'not found'}"

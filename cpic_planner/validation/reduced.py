@@ -99,7 +99,9 @@ def reduce_stack(
     Notes
     -----
     Images are divided by their number of frames before the projection and the residuals summed with it. The variance
-    uses the light of the reference frames, smoothed over 1.5 px, for both: the science frames hold the planet.
+    uses the light of the reference frames, smoothed over 1.5 px, for both: the science frames hold the planet. The sky
+    of a reference star is scaled with its light, which leaves an even level: the mean of the region is taken off (a
+    median would not do: counts of few electrons are skewed).
     """
     science, reference = np.asarray(science_e, float), np.asarray(reference_e, float)
     science_n = _counts("science_frames", science_frames, science)
@@ -122,8 +124,11 @@ def reduce_stack(
     variance = total * frame
     if not noise_free_reference:
         variance += total**2 / library_total * reference_frame
+    image = np.tensordot(science_n, cut.residuals, axes=1)
+    if reference_scale != 1.0:
+        image[cut.region] -= image[cut.region].mean()
     return ReducedStack(
-        image_e=np.tensordot(science_n, cut.residuals, axes=1),
+        image_e=image,
         region=cut.region,
         white_variance_e2=np.where(region, variance, 0.0),
         halo_e=np.where(region, total * light, 0.0),

@@ -170,9 +170,10 @@ def search_threshold(
     --------
     A square of 70 x 70 pixels with 3.3 pixels to lambda/D:
 
+    >>> import numpy as np
     >>> square = searched_region(np.ones((70, 70), bool), 3.3)
     >>> round(search_threshold(square, 0.2, sigma=3.0).unwrap(), 2)
-    3.57
+    3.43
     """
     from scipy.optimize import brentq
     from scipy.special import ndtr

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import hashlib
 from dataclasses import dataclass
 from typing import Literal, get_args
 
@@ -11,11 +12,14 @@ import numpy.typing as npt
 
 from catalogs.errors import InputError
 from cpic_planner.validation.apertures import aperture_weights
+from simulator.cache import compute_once
+from simulator.config import content_hash
 from simulator.config.optics import Drift
 from simulator.imaging.external import ExternalPsf
 from simulator.imaging.floor import visit_responses
 from simulator.imaging.imager import centred_axis
 from simulator.imaging.psf import Psf
+from simulator.imaging.store import metrics_key
 
 __all__ = ["FilterName", "SpeckleMaps", "filter_kernel", "matched_sum", "speckle_maps"]
 
@@ -24,6 +28,7 @@ FilterName = Literal["matched", "aperture"]
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 N_VISITS = 256
+SCHEMA = 1  # raised when the same key would give other maps
 _SEED = 20250207  # other screens than those of any observation
 KERNEL_LAMBDA_D = 1.5
 
@@ -94,7 +99,7 @@ def matched_sum(image: FloatArray, kernel: FloatArray) -> FloatArray:
 def speckle_maps(
     psf: Psf | ExternalPsf, drift: Drift, *, kernel: FilterName = "matched", n_visits: int = N_VISITS
 ) -> SpeckleMaps:
-    """Measure the maps by Monte Carlo over visits; a few seconds, kept in memory for the same PSF and drift.
+    """Maps by Monte Carlo over visits: a few seconds a band, once; they are kept in the cache of the program.
 
     Parameters
     ----------
@@ -114,17 +119,67 @@ def speckle_maps(
     """
     if n_visits < 32:
         raise InputError("n_visits", n_visits, allowed="at least 32")
-    return _measured(psf, drift.psd_slope, drift.visit_nm or drift.walk_nm_per_sqrt_hour, n_visits, kernel)
+    visit_nm = drift.visit_nm or drift.walk_nm_per_sqrt_hour
+    weights = filter_kernel(psf, kernel)
+    if isinstance(psf, ExternalPsf) or not visit_nm > 0:
+        hole = psf.metrics.hole
+        empty = np.zeros(hole.shape)
+        nominal = np.where(hole, np.asarray(psf.on_axis, float), 0.0)
+        return SpeckleMaps(empty, empty, nominal, empty, 0.0, 0.0, visit_nm, 0, weights)
+    unit = _unit_maps(_Held(psf, _key(psf, drift.psd_slope, n_visits, kernel)), drift.psd_slope, n_visits, kernel)
+    return SpeckleMaps(
+        linear=visit_nm**2 * unit["linear"],
+        square=visit_nm**4 * unit["square"],
+        nominal=unit["nominal"],
+        stray=visit_nm**2 * unit["stray"],
+        tail_square=float(unit["tails"][0]),
+        tail_cross=float(unit["tails"][1]),
+        visit_nm=visit_nm,
+        n_visits=n_visits,
+        kernel=weights,
+    )
+
+
+def _key(psf: Psf, slope: float, n_visits: int, name: FilterName) -> str:
+    """Everything that decides the maps."""
+    spectrum = None
+    if psf.spectrum is not None:
+        arrays = (psf.spectrum.wavelength_nm, psf.spectrum.photlam)
+        spectrum = hashlib.sha256(b"".join(np.asarray(part, "<f8").tobytes() for part in arrays)).hexdigest()
+    return content_hash({
+        "schema": SCHEMA,
+        "optics": metrics_key(psf.instrument, psf.band),
+        "knobs": psf.knobs.model_dump(mode="json"),
+        "spectrum": spectrum,
+        "slope": slope,
+        "visits": n_visits,
+        "kernel": name,
+    })  # fmt: skip
+
+
+class _Held:
+    """A PSF that counts as equal to any other of its key."""
+
+    def __init__(self, psf: Psf, key: str) -> None:
+        self.psf, self.key = psf, key
+
+    def __hash__(self) -> int:
+        return hash(self.key)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Held) and other.key == self.key
 
 
 @functools.lru_cache(maxsize=16)
-def _measured(psf: Psf | ExternalPsf, slope: float, visit_nm: float, n_visits: int, name: FilterName) -> SpeckleMaps:
+def _unit_maps(held: _Held, slope: float, n_visits: int, name: FilterName) -> dict[str, FloatArray]:
+    """Maps of an offset of 1 nm, from the cache or measured."""
+    return compute_once(f"speckles-{held.key}", lambda: _measured(held.psf, slope, n_visits, name))
+
+
+def _measured(psf: Psf, slope: float, n_visits: int, name: FilterName) -> dict[str, FloatArray]:
     kernel = filter_kernel(psf, name)
     hole: BoolArray = psf.metrics.hole
     empty = np.zeros(hole.shape)
-    if isinstance(psf, ExternalPsf) or not visit_nm > 0:
-        nominal = np.where(hole, np.asarray(psf.on_axis, float), 0.0)
-        return SpeckleMaps(empty, empty, nominal, empty, 0.0, 0.0, visit_nm, 0, kernel)
     imager = psf.imager
     rows, columns = np.flatnonzero(hole.any(axis=1)), np.flatnonzero(hole.any(axis=0))
     offset = centred_axis(len(hole), imager.pixel_scale_arcsec)
@@ -157,14 +212,11 @@ def _measured(psf: Psf | ExternalPsf, slope: float, visit_nm: float, n_visits: i
     # Joint cumulants of order 4, in units of those of a Laplace law: 3 variance^2, for the difference of two visits.
     fourth = float(np.sum((square**4).mean(axis=0) - 3.0 * of_square**2) / (6.0 * np.sum(of_square**2)))
     crossed = np.sum((linear**2 * square**2).mean(axis=0) - of_linear * of_square - 2.0 * both**2)
-    return SpeckleMaps(
-        linear=unfolded(2.0 * visit_nm**2 * of_linear / spread),
-        square=unfolded(2.0 * visit_nm**4 * of_square / spread),
-        nominal=on_stamp(responses[0]),
-        stray=visit_nm**2 * on_stamp(responses[2].mean(axis=0)),
-        tail_square=max(fourth, 0.0),
-        tail_cross=max(float(crossed / (2.0 * np.sum(of_linear * of_square))), 0.0),
-        visit_nm=visit_nm,
-        n_visits=n_visits,
-        kernel=kernel,
-    )
+    tails = [max(fourth, 0.0), max(float(crossed / (2.0 * np.sum(of_linear * of_square))), 0.0)]
+    return {
+        "linear": unfolded(2.0 * of_linear / spread),
+        "square": unfolded(2.0 * of_square / spread),
+        "nominal": on_stamp(responses[0]),
+        "stray": on_stamp(responses[2].mean(axis=0)),
+        "tails": np.array(tails),
+    }

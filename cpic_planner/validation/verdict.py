@@ -62,35 +62,24 @@ def confirmation_of(
     n = len(measured)
     spread = float(contrast.std(ddof=1)) if n > 1 else float(error[0])
     found = sum(item.found for item in measured)
+    at_place = sum(item.significance >= expected["threshold"] for item in measured)
     lost = 0 if story is None else story.lost_in
     ratio = snr / expected["snr"]
     ratio_error = math.hypot(snr_error / expected["snr"], PREDICTION_ERROR * ratio)
     factor = optimism(ratio, ratio_error) if ratio > MIN_SNR * ratio_error else (None, None)
     detected = bool(2 * found >= n and not lost)
     return BandConfirmation(
-        band=task.band,
-        planet=task.planets[number],
+        **_asked(task, number),
         status="saturated" if lost else "ok",
         reason=Reason.PIXEL_FULL_WELL.value if lost else "",
         message=f"{lost} pixels of the hole were cut off by a limit" if lost else "",
-        separation_arcsec=expected["separation_arcsec"],
-        pa_deg=expected["pa_deg"],
-        exposure_s=task.exposure_s,
-        n_frames=task.n_frames,
-        em_gain=task.em_gain,
-        integration_s=task.exposure_s * task.n_frames,
-        time_s=expected["time_s"],
         realisations=n,
         drawn_as="sums" if story is None else "frames",
-        predicted_snr=expected["snr"],
-        predicted_significance=expected["significance"],
         recovered_snr=snr,
         recovered_snr_error=snr_error,
         recovered_significance=float(contrast.mean() / np.sqrt((sigma**2).mean())),
-        threshold=expected["threshold"],
         etc_ratio=factor[0],
         etc_ratio_error=factor[1],
-        true_contrast=expected["contrast"],
         recovered_contrast=float(contrast.mean()),
         contrast_error=float(np.sqrt((error**2).mean())),
         contrast_mean_error=spread / math.sqrt(n),
@@ -105,52 +94,64 @@ def confirmation_of(
         if story is None
         else story.lost_outside / (task.n_frames * (1.0 + task.strategy["reference_ratio"]) * n),
         n_detected=found,
+        search_snr=_mean([item.search_snr for item in measured]),
+        search_threshold=_mean([item.search_threshold for item in measured]),
+        n_significant=at_place,
         false_detections=false_detections,
         detected=detected,
         found_separation_arcsec=None if position is None else position.sky.separation_arcsec,
         found_separation_error_arcsec=None if position is None else position.sky.separation_error_arcsec,
         found_pa_deg=None if position is None else position.sky.pa_deg % 360.0,
         found_pa_error_deg=None if position is None else position.sky.pa_error_deg,
-        verdict=_verdict(expected, detected, found, n, ratio, ratio_error),
+        verdict=_verdict(expected, detected, (found, at_place, n), ratio, ratio_error),
         audit=audit,
-        image=task.key,
     )
+
+
+def _asked(task: ConfirmTask, number: int) -> dict[str, Any]:
+    """What was observed, and what was expected of it."""
+    expected = task.predictions[number]
+    return {
+        "band": task.band,
+        "planet": task.planets[number],
+        "separation_arcsec": expected["separation_arcsec"],
+        "pa_deg": expected["pa_deg"],
+        "exposure_s": task.exposure_s,
+        "n_frames": task.n_frames,
+        "em_gain": task.em_gain,
+        "integration_s": task.exposure_s * task.n_frames,
+        "time_s": expected["time_s"],
+        "predicted_snr": expected["snr"],
+        "predicted_significance": expected["significance"],
+        "threshold": expected["threshold"],
+        "true_contrast": expected["contrast"],
+        "image": task.key,
+    }
 
 
 def cut_off(task: ConfirmTask, number: int, story: FrameStory) -> BandConfirmation:
     """Answer where limits left nothing of a planet's aperture, or of the background around it."""
-    expected = task.predictions[number]
     return BandConfirmation(
-        band=task.band,
-        planet=task.planets[number],
+        **_asked(task, number),
         status="saturated",
         reason=Reason.PIXEL_FULL_WELL.value,
         message="limits cut off the aperture or the background around it",
-        separation_arcsec=expected["separation_arcsec"],
-        pa_deg=expected["pa_deg"],
-        exposure_s=task.exposure_s,
-        n_frames=task.n_frames,
-        em_gain=task.em_gain,
-        integration_s=task.exposure_s * task.n_frames,
-        time_s=expected["time_s"],
         drawn_as="frames",
-        predicted_snr=expected["snr"],
-        predicted_significance=expected["significance"],
-        threshold=expected["threshold"],
-        true_contrast=expected["contrast"],
         saturated_in_hole=story.lost_in,
         detected=False,
         verdict="saturated",
-        image=task.key,
     )
 
 
 def _verdict(
-    expected: dict[str, Any], detected: bool, found: int, realisations: int, ratio: float, error: float
+    expected: dict[str, Any], detected: bool, counts: tuple[int, int, int], ratio: float, error: float
 ) -> str:
+    found, at_place, realisations = counts
     likely = expected["significance"] >= expected["threshold"]
     if detected:
         word = "confirmed" if likely else "detected, though predicted below threshold"
+    elif 2 * at_place >= realisations:
+        word = "seen at its known place, not confirmed blind"
     else:
         word = "not confirmed" if likely else "not detected, as predicted"
     if realisations > 1:
@@ -164,6 +165,11 @@ def _etc(ratio: float, error: float) -> str:
     word = standing(ratio, error)
     factor, spread = optimism(ratio, error)
     return f"ETC {word}{', ' if word == 'agrees' else ' by '}{factor:.2f} +- {spread:.2f}"
+
+
+def _mean(values: Sequence[float | None]) -> float | None:
+    given = [value for value in values if value is not None]
+    return float(np.mean(given)) if given else None
 
 
 def audit_of(
@@ -200,6 +206,8 @@ def target_verdict(bands: Sequence[BandConfirmation]) -> tuple[str, float | None
         word = "saturated"
     elif seen:
         word = "confirmed in " + ", ".join(band.band for band in seen)
+    elif any(2 * (band.n_significant or 0) >= (band.realisations or 1) for band in tried):
+        word = "seen at its known place, not confirmed blind"
     else:
         word = "not confirmed"
     mean = calibrate(tried)

@@ -8,6 +8,7 @@ import numpy as np
 from cases import star_alone
 
 from cpic_planner.validation.detection import search
+from cpic_planner.validation.search import search_threshold
 from cpic_planner.validation.speckle_maps import speckle_maps
 
 SCENES = (("61 Cyg A", "F850"), ("tau Cet", "F662"), ("alf Cen A", "F520"), ("alf CMi", "F850"))
@@ -23,11 +24,11 @@ def null_block(star: str, band: str, seed: int, first: int, count: int) -> list[
     rows = []
     for number in range(first, first + count):
         stack = visits.draw(number).reduced
-        row: dict[str, Any] = {"star": star, "band": band}
+        found = search(stack, visits.optics, maps, star_rate_e_s=rate, sigma=LEVELS[0])
+        row: dict[str, Any] = {"star": star, "band": band, "elements": found.region.n_elements}
         for level in LEVELS:
-            found = search(stack, visits.optics, maps, star_rate_e_s=rate, sigma=level)
-            row[f"{level:g}"] = len(found.detections)
-        row["elements"] = found.region.n_elements
+            asked = search_threshold(found.region, found.roughness, sigma=level).unwrap()
+            row[f"{level:g}"] = sum(item.significance >= asked for item in found.candidates)
         top = max(found.candidates, key=lambda item: item.snr_mf, default=None)
         row["largest_snr"] = 0.0 if top is None else top.snr_mf
         row["largest_of_threshold"] = 0.0 if top is None else top.snr_mf / top.threshold

@@ -14,17 +14,31 @@ from catalogs.errors import InputError
 from cpic_planner.plan import PlanConfig, estimate_cost, make_plan
 from simulator.config import load_instrument
 
-ARGUMENTS = ["plan", "--top", "2", "--time-s", "1000", "--fidelity", "quick", "--band", "F520", "--band", "F662"]
-
-
-def command(out, *more):
-    return [sys.executable, "-m", "cpic_planner.cli.main", *ARGUMENTS, "--out", str(out), *more]
+ARGUMENTS = ["plan", "--top", "2", "--time-s", "1000", "--fidelity", "quick", "--band", "F520", "--band", "F662",
+             "--realisations", "2", "--planets", "500"]  # fmt: skip
+# Of the sample these alone let sums of frames stand for frames, which takes a tenth of the time.
+STARS = """name,v_mag,sp_type,teff_k,log_g,metallicity,distance_pc,luminosity_lsun,ra_deg,dec_deg
+first,3.73,K2V,5080,4.6,-0.1,3.2,0.34,53.2,-9.5
+second,3.5,G8V,5283,4.5,-0.5,3.65,0.5,26.0,-15.9
+third,4.4,G0V,5950,4.4,0.0,8.7,1.1,88.6,20.3
+"""
 
 
 @pytest.fixture(scope="module")
-def finished(tmp_path_factory):
+def stars(tmp_path_factory):
+    path = tmp_path_factory.mktemp("stars") / "stars.csv"
+    path.write_text(STARS)
+    return path
+
+
+def command(stars, out, *more):
+    return [sys.executable, "-m", "cpic_planner.cli.main", *ARGUMENTS, "--catalog", stars, "--out", str(out), *more]
+
+
+@pytest.fixture(scope="module")
+def finished(stars, tmp_path_factory):
     out = tmp_path_factory.mktemp("plan") / "whole"
-    done = subprocess.run(command(out, "--json"), capture_output=True, text=True, check=False)
+    done = subprocess.run(command(stars, out, "--json"), capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     return out, done.stdout
 
@@ -32,7 +46,7 @@ def finished(tmp_path_factory):
 def test_products_are_all_there_and_stdout_is_the_plan(finished):
     out, stdout = finished
     assert stdout == (out / "plan.json").read_text()
-    for name in ("plan.json", "run.json", "ranking.csv", "ranking.ecsv", "report.html"):
+    for name in ("plan.json", "run.json", "ranking.csv", "ranking.ecsv", "measurements.csv", "report.html"):
         assert (out / name).stat().st_size > 100
     assert (out / "report.html").stat().st_size <= 5e6
 
@@ -44,9 +58,10 @@ def test_each_band_has_prediction_and_measurement(finished):
         assert [band["band"] for band in target["bands"]] == ["F520", "F662"]
         for band in target["bands"]:
             if band["status"] == "ok":
+                assert band["realisations"] == 2
                 for key in ("predicted_snr", "recovered_snr", "true_contrast", "recovered_contrast", "contrast_error"):
                     assert np.isfinite(band[key])
-                # one draw: within five of its own errors, and of unit scatter in SNR
+                # two draws: within five of its own errors, and of unit scatter in SNR
                 assert abs(band["recovered_contrast"] - band["true_contrast"]) < 5 * band["contrast_error"]
                 assert abs(band["recovered_snr"] - band["predicted_snr"]) < 5 + 0.5 * band["predicted_snr"]
             else:
@@ -61,9 +76,11 @@ def test_plan_holds_no_clock_host_or_path(finished):
 
 
 @pytest.mark.parametrize("workers", ["1", "2"])
-def test_killed_half_way_and_started_again_gives_the_same_bytes(finished, tmp_path, workers):
+def test_killed_half_way_and_started_again_gives_the_same_bytes(finished, stars, tmp_path, workers):
     out = tmp_path / "again"
-    process = subprocess.Popen(command(out, "--workers", workers), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    process = subprocess.Popen(
+        command(stars, out, "--workers", workers), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
     deadline = time.monotonic() + 120
     while not list(out.glob("parts/*.json")) and time.monotonic() < deadline:
         time.sleep(0.02)
@@ -71,7 +88,7 @@ def test_killed_half_way_and_started_again_gives_the_same_bytes(finished, tmp_pa
     process.wait()
     assert list(out.glob("parts/*.json"))
     assert not (out / "run.json").exists(), "it had finished before the kill"
-    done = subprocess.run(command(out, "--workers", workers), capture_output=True, text=True, check=False)
+    done = subprocess.run(command(stars, out, "--workers", workers), capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert (out / "plan.json").read_bytes() == (finished[0] / "plan.json").read_bytes()
     assert (out / "ranking.csv").read_bytes() == (finished[0] / "ranking.csv").read_bytes()
@@ -80,14 +97,14 @@ def test_killed_half_way_and_started_again_gives_the_same_bytes(finished, tmp_pa
     assert run["resumed_parts"] + run["computed_parts"] >= 3
 
 
-def test_second_run_on_a_live_folder_is_refused(tmp_path):
+def test_second_run_on_a_live_folder_is_refused(stars, tmp_path):
     out = tmp_path / "live"
-    process = subprocess.Popen(command(out), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    process = subprocess.Popen(command(stars, out), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
         deadline = time.monotonic() + 60
         while not (out / "manifest.json").exists() and time.monotonic() < deadline:
             time.sleep(0.02)
-        second = subprocess.run(command(out), capture_output=True, text=True, check=False)
+        second = subprocess.run(command(stars, out), capture_output=True, text=True, check=False)
         assert second.returncode == 2
         assert f"in use by pid {process.pid}" in second.stderr
     finally:
@@ -95,17 +112,25 @@ def test_second_run_on_a_live_folder_is_refused(tmp_path):
         process.wait()
 
 
-def test_another_configuration_needs_force(finished):
+def test_another_configuration_needs_force(finished, stars):
     out = finished[0]
-    other = subprocess.run(command(out, "--seed", "2"), capture_output=True, text=True, check=False)
+    other = subprocess.run(command(stars, out, "--seed", "2"), capture_output=True, text=True, check=False)
     assert other.returncode == 2
     assert "--force" in other.stderr
 
 
-def test_seed_changes_the_measurement_but_not_the_prediction(tmp_path):
-    config = PlanConfig(instrument=load_instrument(), top=1, bands=("F520",), time_s=2000.0, fidelity="quick", seed=1)
-    first = make_plan(config, tmp_path / "a").plan.targets[0].bands[0]
-    second = make_plan(config.model_copy(update={"seed": 2}), tmp_path / "b").plan.targets[0].bands[0]
+def test_seed_changes_the_measurement_but_not_the_prediction(stars, tmp_path):
+    settings = {
+        "top": 1,
+        "bands": ("F520",),
+        "time_s": 2000.0,
+        "fidelity": "quick",
+        "realisations": 1,
+        "n_planets": 500,
+    }
+    config = PlanConfig(instrument=load_instrument(), seed=1, **settings)
+    first = make_plan(config, tmp_path / "a", catalog=stars).plan.targets[0].bands[0]
+    second = make_plan(config.model_copy(update={"seed": 2}), tmp_path / "b", catalog=stars).plan.targets[0].bands[0]
     assert first.predicted_snr == second.predicted_snr
     assert first.recovered_snr != second.recovered_snr
 

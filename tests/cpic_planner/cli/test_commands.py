@@ -186,7 +186,23 @@ def test_options_without_meaning_are_refused(capsys, extra):
 def test_interrupted_plan_says_how_to_go_on(tmp_path):
     out = str(tmp_path / "o")
     process = subprocess.Popen(
-        [sys.executable, "-m", "cpic_planner.cli.main", "plan", "--top", "3", "--workers", "2", "--out", out],
+        [
+            sys.executable,
+            "-m",
+            "cpic_planner.cli.main",
+            "plan",
+            "--top",
+            "3",
+            "--workers",
+            "2",
+            "--out",
+            out,
+            "--singles",
+            "--fidelity",
+            "quick",
+            "--time-s",
+            "1000",
+        ],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
         text=True,
@@ -209,6 +225,7 @@ def test_every_command_helps_with_examples(capsys):
         ["rank"],
         ["etc"],
         ["plan"],
+        ["confirm"],
         ["simulate"],
         ["check"],
         ["schema"],

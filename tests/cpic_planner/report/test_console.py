@@ -1,4 +1,5 @@
 import io
+import re
 
 import pytest
 from rich.console import Console
@@ -98,7 +99,12 @@ def test_plan(plan):
     text = shown(print_plan, plan)
     assert "→ F662" in text
     assert "□ inside inner edge" in text
-    assert "0.97 ± 0.04" in text
+    assert "ETC agrees with the images: predicted / recovered SNR 1.03 ± 0.04" in text
+    assert "α Cen B: confirmed in F662, F720; ETC agrees, 0.97 ± 0.04" in text
+    assert re.search(r"31\.[78] ± 1\.3  0\.98 ± 0\.06 +8/8  ✓ confirmed", shown(print_plan, plan, width=160))
+    assert "○ seen at its place" in text
+    assert "8/8  ✓ confirmed" in text
+    assert "Images altered" not in text
 
 
 def test_etc(etc_answers):

@@ -55,7 +55,7 @@ def flux_error(psf, sigma_e=10.0):
 
 
 def test_white_noise_gives_the_false_alarms_that_were_asked_for(psf, still):
-    n, found, elements = 200, 0, 0.0
+    n, found, elements = 120, 0, 0.0
     for seed in range(n):
         answer = search(white(psf, seed), psf, still, star_rate_e_s=STAR_E_S, sigma=3.0)
         found += len(answer.detections)

@@ -49,10 +49,10 @@ def test_injected_light_has_the_mean_and_the_noise_of_its_photons(psf):
     light = np.where(stack.region, 5000.0 * psf.at(0.4, 0.42), 0.0)
     np.testing.assert_allclose(inject(stack, psf, 0.4, 0.42, 5000.0).image_e - stack.image_e, stack.rdi.project(light))
     rng = np.random.default_rng(1)
-    draws = [(inject(stack, psf, 0.4, 0.42, 5000.0, rng).image_e - stack.image_e).sum() for _ in range(400)]
+    draws = [(inject(stack, psf, 0.4, 0.42, 5000.0, rng).image_e - stack.image_e).sum() for _ in range(200)]
     factor2 = float(excess_noise_factor2(300.0, 604))
     assert np.mean(draws) == pytest.approx(stack.rdi.project(light).sum(), rel=0.02)
-    assert np.var(draws) == pytest.approx(factor2 * light.sum(), rel=0.35)
+    assert np.var(draws) == pytest.approx(factor2 * light.sum(), rel=0.45)
 
 
 def test_bright_planets_are_recovered_and_faint_ones_are_not(psf, maps, unit):
@@ -80,7 +80,7 @@ def test_contour_of_a_known_curve():
 
 
 def test_roc_of_a_middling_planet(psf, maps, unit):
-    stacks = [white(psf, seed) for seed in range(30)]
+    stacks = [white(psf, seed) for seed in range(16)]
     settings = {"star_rate_e_s": STAR_E_S, "separation_arcsec": 0.65, "seed": 4}
     matched = roc_curve(stacks, psf, maps, contrast=5 * unit, **settings)
     aperture = roc_curve(stacks, psf, speckle_maps(psf, STILL, kernel="aperture"), contrast=5 * unit, **settings)
@@ -89,7 +89,7 @@ def test_roc_of_a_middling_planet(psf, maps, unit):
         assert (np.diff(curve.false_alarm_rate) <= 0).all()
         assert (curve.detection_error > 0).all()
         assert (curve.false_alarm_error > 0).all()
-        assert curve.n_elements == pytest.approx(30 * psf.metrics.hole.sum() * (psf.metrics.pixel_scale_arcsec
+        assert curve.n_elements == pytest.approx(16 * psf.metrics.hole.sum() * (psf.metrics.pixel_scale_arcsec
                                                  / psf.metrics.lambda_d_arcsec) ** 2)  # fmt: skip
     level = int(np.searchsorted(matched.level, 4.0))
     assert 0.4 < matched.detection_probability[level] <= 1.0

@@ -71,6 +71,9 @@ def test_a_fainter_reference_star_is_scaled_without_its_dark_charge():
     reference = (light() / 7.0 + DARK_E)[None]
     stack = reduce_stack(science, reference, n_modes=0, reference_scale=7.0, **SETTINGS)
     np.testing.assert_allclose(stack.image_e[REGION], 0.0, atol=1e-12)
+    # Sky is no light of the star: scaled with it, it leaves a level and no more.
+    sky = reduce_stack(science + 3.0, reference + 3.0, n_modes=0, reference_scale=7.0, **SETTINGS)
+    np.testing.assert_allclose(sky.image_e[REGION], 0.0, atol=1e-12)
 
 
 def test_pixels_beyond_the_region_hold_nothing():

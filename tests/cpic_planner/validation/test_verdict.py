@@ -46,21 +46,25 @@ def realisations(n=24, factor=1.0, found=lambda k: True):
 
 
 @pytest.mark.parametrize(
-    ("seen", "significance", "word"),
+    ("seen", "expected", "measured", "word"),
     [
-        (8, 12.0, "confirmed (8 of 8)"),
-        (4, 12.0, "confirmed (4 of 8)"),
-        (3, 12.0, "not confirmed (3 of 8)"),
-        (0, 3.0, "not detected, as predicted (0 of 8)"),
-        (8, 3.0, "detected, though predicted below threshold (8 of 8)"),
+        (8, 12.0, 12.0, "confirmed (8 of 8)"),
+        (4, 12.0, 12.0, "confirmed (4 of 8)"),
+        (3, 12.0, 12.0, "seen at its known place, not confirmed blind (3 of 8)"),
+        (3, 12.0, 4.0, "not confirmed (3 of 8)"),
+        (0, 3.0, 4.0, "not detected, as predicted (0 of 8)"),
+        (8, 3.0, 12.0, "detected, though predicted below threshold (8 of 8)"),
     ],
 )
-def test_the_blind_search_decides(seen, significance, word):
-    task = replace(TASK, predictions=[EXPECTED | {"significance": significance}])
-    found = answer(realisations(8, found=lambda k: k < seen), task=task)
+def test_the_blind_search_decides(seen, expected, measured, word):
+    task = replace(TASK, predictions=[EXPECTED | {"significance": expected}])
+    drawn = [replace(item, significance=measured) for item in realisations(8, found=lambda k: k < seen)]
+    found = answer(drawn, task=task)
     assert found.verdict.startswith(word)
     assert found.detected is (seen >= 4)
     assert found.n_detected == seen
+    assert found.n_significant == (8 if measured == 12.0 else 0)
+    assert (found.search_snr, found.search_threshold) == (9.0, 8.0)
 
 
 def test_numbers_are_those_of_one_observation():
@@ -124,9 +128,11 @@ def test_a_target_in_words():
     assert text.startswith("confirmed in F520; ETC")
     assert 1.0 < factor < 1.5
     assert error > 0
-    assert target_verdict([bad])[0].startswith("not confirmed; ETC optimistic by 1.4")
+    assert target_verdict([bad])[0].startswith("seen at its known place, not confirmed blind; ETC optimistic by 1.4")
+    unseen = bad.model_copy(update={"n_significant": 3})
+    assert target_verdict([unseen])[0].startswith("not confirmed; ETC optimistic by 1.4")
     assert target_verdict([refused]) == ("not observed: adc_range", None, None)
     cut = answer(realisations(2), story=FrameStory(5, 0, 0.0, 0))
     assert target_verdict([cut])[0].startswith("saturated")
-    faint = answer(realisations(24, 0.02, lambda k: False))
+    faint = answer(realisations(24, 0.02, lambda k: False)).model_copy(update={"n_significant": 0})
     assert target_verdict([faint]) == ("not confirmed; too faint to measure the ETC by", None, None)

@@ -1,0 +1,309 @@
+"""Regenerate this report: ``python reports/blind_validator/make.py`` (about half an hour on two cores).
+
+Whether the validator can be trusted: flux, errors and positions of injected planets, false alarms of stars without
+planets, the exposure-time calculator against the chain of images, and whether the loop names what is wrong with it.
+``--only PART`` runs one part again and keeps the others as they are in ``results.json``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import io
+import json
+import os
+import platform
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from cases import in_blocks, nominal
+from chain import FULL_RUNS, SEEDS, chain_rows
+from figures import chain_figure, loop_figure, null_figure, png, pull_figure
+from loop import ALTERED, ALTERED_REALISATIONS, UNALTERED_REALISATIONS, altered, unaltered
+from nulls import BLOCK, LEVELS, SCENES, SEQUENCES, null_block
+from pulls import BAND_STARS, PER_PLACE, SNR, pull_block
+from scipy.stats import norm, poisson
+
+from cpic_planner.report.drawing import style
+from cpic_planner.report.names import pretty_name
+from cpic_planner.validation.calibration import calibrate
+from simulator.files import write_bytes, write_text
+
+HERE = Path(__file__).resolve().parent
+PLACES = 110  # x PER_PLACE draws a band
+PARTS = ("pulls", "nulls", "chain", "unaltered", "altered")
+Row = dict[str, Any]
+
+
+def pull_part(workers: int) -> list[Row]:
+    """Injected planets in each band."""
+    return in_blocks(
+        pull_block, [(star, band, 41, n) for band, star in BAND_STARS.items() for n in range(PLACES)], workers
+    )
+
+
+def null_part(workers: int) -> list[Row]:
+    """Sequences without planets."""
+    blocks = [(star, band, 51, first, BLOCK) for star, band in SCENES for first in range(0, SEQUENCES, BLOCK)]
+    return in_blocks(null_block, blocks, workers)
+
+
+def unaltered_part(workers: int) -> list[Row]:
+    """Twenty stars as they are."""
+    return [{"star": star} | band.model_dump(mode="json") for star, band in unaltered(workers)]
+
+
+def altered_part(workers: int) -> list[Row]:
+    """Images that differ from what the prediction knows."""
+    return [altered(entry, workers) for entry in ALTERED]
+
+
+def results(only: str | None, workers: int) -> dict[str, Any]:
+    """Rows of every part; those that are not asked for as they were."""
+    work = {"pulls": pull_part, "nulls": null_part, "chain": chain_rows, "unaltered": unaltered_part,
+            "altered": altered_part}  # fmt: skip
+    path = HERE / "results.json"
+    kept = json.loads(path.read_text(encoding="utf-8")) if only and path.exists() else {}
+    for part in PARTS:
+        if only in (None, part) or part not in kept:
+            began = time.perf_counter()
+            kept[part] = {"rows": work[part](workers), "wall_s": 0.0}
+            kept[part]["wall_s"] = round(time.perf_counter() - began, 1)
+            print(part, kept[part]["wall_s"], "s", flush=True)
+    return kept
+
+
+def table(head: list[str], rows: list[list[str]]) -> str:
+    """Rows as a table."""
+    return "\n".join(f"| {' | '.join(row)} |" for row in [head, ["---"] * len(head), *rows])
+
+
+def width(values: np.ndarray) -> tuple[float, float]:
+    """Standard deviation and its standard error."""
+    spread = float(values.std(ddof=1))
+    kurtosis = float(np.mean((values - values.mean()) ** 4) / values.var() ** 2)
+    return spread, spread * float(np.sqrt(max(kurtosis - 1.0, 0.1) / (4 * len(values))))
+
+
+def pull_table(rows: list[Row]) -> tuple[str, list[Row]]:
+    """Bias and pull widths by band."""
+    lines, summary = [], []
+    for band in BAND_STARS:
+        own = [row for row in rows if row["band"] == band]
+        flux = np.array([row["relative_flux"] for row in own])
+        pull = (flux - 1.0) / np.array([row["relative_error"] for row in own])
+        error = float(flux.std(ddof=1) / np.sqrt(len(flux)))
+        spread = {name: width(np.array([row[f"{name}_pull"] for row in own])) for name in ("radial", "tangential")}
+        spread["flux"] = width(pull)
+        bias = float(flux.mean() - 1.0)
+        summary.append({"band": band, "draws": len(own), "bias": bias, "bias_error": error, "width": spread["flux"][0],
+                        "radial": spread["radial"][0], "tangential": spread["tangential"][0]})  # fmt: skip
+        shown = [f"{spread[name][0]:.3f} ± {spread[name][1]:.3f}" for name in ("flux", "radial", "tangential")]
+        lines.append([band, pretty_name(BAND_STARS[band]), str(len(own)),
+                      f"{np.median([row['snr'] for row in own]):.0f}", f"{bias:+.4f} ± {error:.4f}", *shown])  # fmt: skip
+    head = ["band", "star", "draws", "median SNR", "mean flux / true - 1", "pull width: flux", "separation",
+            "position angle"]  # fmt: skip
+    return table(head, lines), summary
+
+
+def null_table(rows: list[Row]) -> tuple[str, list[Row]]:
+    """False alarms by scene and level."""
+    lines, summary = [], []
+    for star, band in SCENES:
+        own = [row for row in rows if (row["star"], row["band"]) == (star, band)]
+        elements = sum(row["elements"] for row in own)
+        for level in LEVELS:
+            found = sum(row[f"{level:g}"] for row in own)
+            expected = elements * float(norm.sf(level))
+            # 3 standard deviations, and the exact law where so few are expected.
+            high = float(poisson.ppf(norm.cdf(3.0), expected))
+            low = float(poisson.ppf(norm.sf(3.0), expected))
+            within = low <= found <= high
+            summary.append({"star": star, "band": band, "level": level, "found": found, "expected": expected,
+                            "within": within, "sequences": len(own), "elements": elements})  # fmt: skip
+            lines.append([pretty_name(star), band, str(len(own)), f"{elements:.0f}", f"{level:g}", str(found),
+                          f"{expected:.1f}", f"{low:.0f} to {high:.0f}", f"{found / elements:.3%}",
+                          "yes" if within else "**no**"])  # fmt: skip
+    head = ["star", "band", "sequences", "resolution elements", "level (sigma)", "found", "expected",
+            "3 sigma of Poisson", "per element", "within"]  # fmt: skip
+    return table(head, lines), summary
+
+
+def chain_table(rows: list[Row]) -> str:
+    """Predicted and recovered SNR."""
+    lines = [
+        [pretty_name(row["star"]), row["band"], row["chain"], str(row["runs"]), f"{row['predicted_snr']:.2f}",
+         f"{row['recovered_snr']:.2f}", f"{row['ratio']:.3f} ({row['low']:.3f} to {row['high']:.3f})",
+         f"{row['mean_flux']:.4f} ± {row['flux_error']:.4f}",
+         f"{row['ratio_from_scatter']:.2f}"] for row in rows
+    ]  # fmt: skip
+    head = ["star", "band", "chain", "runs", "SNR, ETC", "SNR, images", "images / ETC (95 %)", "flux / true",
+            "images / ETC, from the scatter of the fluxes"]  # fmt: skip
+    return table(head, lines)
+
+
+def unaltered_table(rows: list[Row]) -> str:
+    """One line a star."""
+    lines = [
+        [pretty_name(row["star"]), row["band"], f"{row['predicted_snr']:.2f}",
+         f"{row['recovered_snr']:.2f} ± {row['recovered_snr_error']:.2f}",
+         "" if row["etc_ratio"] is None else f"{row['etc_ratio']:.2f} ± {row['etc_ratio_error']:.2f}",
+         f"{row['n_detected']} of {row['realisations']}", row["verdict"].split(";")[0]] for row in rows
+    ]  # fmt: skip
+    return table(["star", "band", "SNR, ETC", "SNR, images", "ETC / images", "found blind", "verdict"], lines)
+
+
+def altered_table(rows: list[Row]) -> str:
+    """What the report said of each override."""
+    lines = [
+        [f"`{row['override']}`", f"{row['stars']} x {row['bands'] // row['stars']}", f"{row['known']:.3f}",
+         f"{row['found']:.3f} ± {row['error']:.3f}", f"{row['deviation']:+.1f}", row["text"]] for row in rows
+    ]  # fmt: skip
+    return table(
+        ["override", "stars x bands", "known factor", "found", "standard errors apart", "the report says"], lines
+    )
+
+
+def csv_text(rows: list[Row]) -> str:
+    """Rows as CSV."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n", extrasaction="ignore")
+    writer.writeheader()
+    writer.writerows({key: f"{value:.6g}" if isinstance(value, float) else value for key, value in row.items()}
+                     for row in rows)  # fmt: skip
+    return text.getvalue()
+
+
+def verdict_table(pulls: list[Row], nulls: list[Row], chain: list[Row], mean: Any, altered_rows: list[Row]) -> str:
+    """What was asked, and what was found."""
+
+    def met(fine: bool) -> str:
+        return "yes" if fine else "**no**"
+
+    worst = max(pulls, key=lambda row: abs(row["bias"]))
+    widths = [row["width"] for row in pulls]
+    places = [row[name] for row in pulls for name in ("radial", "tangential")]
+    three = [row for row in nulls if row["level"] == 3.0]
+    five = [row for row in nulls if row["level"] == 5.0]
+    off = max(chain, key=lambda row: abs(row["ratio"] - 1.0))
+    factor = 1.0 / mean.ratio
+    apart = max(abs(row["deviation"]) for row in altered_rows)
+    sizes = ", ".join(f"{row['found'] / row['elements']:.3%}" for row in three)
+    return table(["", "asked", "found", "met"], [
+        [f"mean flux of injected planets, {sum(row['draws'] for row in pulls)} draws",
+         "within 0.01 and 4 standard errors", f"{worst['bias']:+.4f} ± {worst['bias_error']:.4f} at most",
+         met(all(abs(row["bias"]) < min(0.01, 4 * row["bias_error"]) for row in pulls))],
+        ["pull width of fluxes, by band", "1.00 ± 0.08", f"{min(widths):.2f} to {max(widths):.2f}",
+         met(all(abs(w - 1) <= 0.08 for w in widths))],
+        ["pull width of positions, along and across", "1.0 ± 0.1", f"{min(places):.2f} to {max(places):.2f}",
+         met(all(abs(w - 1) <= 0.1 for w in places))],
+        ["false alarms at 3 sigma-equivalent, per resolution element", "0.135 %, 3 sigma of Poisson", sizes,
+         met(all(row["within"] for row in three))],
+        ["confirmations at 5 sigma-equivalent without a planet", "none", str(sum(row["found"] for row in five)),
+         met(not any(row["found"] for row in five))],
+        [f"ETC against the chain of images, {len(chain)} cases", "10 %",
+         f"{off['ratio'] - 1:+.1%} at most ({pretty_name(off['star'])}, {off['band']}, {off['chain']})",
+         met(abs(off["ratio"] - 1) <= 0.1)],
+        [f"predicted / recovered SNR of {mean.n_bands} stars, nothing altered", "1.00 ± 0.03",
+         f"{factor:.3f} ± {mean.error * factor**2:.3f}", met(abs(factor - 1) <= 0.03)],
+        ["known factor of an altered simulator", "within 2 standard errors", f"{apart:.1f} standard errors at most",
+         met(apart <= 2)],
+    ])  # fmt: skip
+
+
+def report(found: dict[str, Any]) -> str:
+    """Text of the report."""
+    rows = {part: found[part]["rows"] for part in PARTS}
+    pulls, pull_rows = pull_table(rows["pulls"])
+    nulls, null_rows = null_table(rows["nulls"])
+    from cpic_planner.models import BandConfirmation
+
+    bands = [
+        BandConfirmation.model_validate({k: v for k, v in row.items() if k != "star"}) for row in rows["unaltered"]
+    ]
+    mean = calibrate(bands)
+    times = ", ".join(f"{part} {found[part]['wall_s']:.0f} s" for part in PARTS)
+    return f"""# The blind validator
+
+Regenerate with `python reports/blind_validator/make.py`; everything below is written by it.
+
+{verdict_table(pull_rows, null_rows, rows["chain"], mean, rows["altered"])}
+
+## Injected planets: flux, error, position
+
+Planets at random places of the hole, {PLACES} a band with {PER_PLACE} draws of drift and noise each, as bright as SNR
+{SNR:g} asks for; forced photometry over the throughput of the forward model, errors from apertures at the same
+separation; positions fitted, their deviation over their error along and across the separation.
+
+{pulls}
+
+![Deviations over errors](pulls.png)
+
+## Stars without planets: false alarms
+
+{SEQUENCES} sequences a scene through the blind search. A level of so many sigma means that noise passes for a planet
+with the probability of a normal law in each resolution element, (lambda/D)^2 of searched area.
+
+{nulls}
+
+![False alarms against the level](nulls.png)
+
+## The exposure-time calculator against images
+
+{SEEDS} realisations a case as sums of frames; three cases {FULL_RUNS} times frame by frame, with every effect of the
+camera, calibrated, particles taken out. SNR of the images: mean flux over the quadratic mean of the measured errors.
+The last column takes the scatter of the fluxes instead, of one place: residual speckles around one planet are brighter
+or fainter than the mean of the hole at its separation, which is what both the calculator and an observer know.
+
+{chain_table(rows["chain"])}
+
+![SNR of images over that of the calculator](chain.png)
+
+## Nothing altered
+
+The {len(bands)} stars of largest predicted margin, best band each, {UNALTERED_REALISATIONS} realisations: {mean.text}.
+
+{unaltered_table(rows["unaltered"])}
+
+## The simulator altered
+
+The prediction knows the nominal instrument; the images have the override. The known factor is what the calculator says
+of the altered instrument in the same frames, with the weights of the bands. {ALTERED_REALISATIONS} realisations each.
+
+{altered_table(rows["altered"])}
+
+![Found against known factors](loop.png)
+
+Every band is in [altered.csv](altered.csv).
+
+## How long it took
+
+{times}; {os.cpu_count()} cores, {platform.machine()}, Python {platform.python_version()}.
+"""
+
+
+def main() -> None:
+    """Run the parts and write text, tables and pictures."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--only", choices=PARTS)
+    options = parser.parse_args()
+    nominal()
+    found = results(options.only, options.workers)
+    write_text(HERE / "results.json", json.dumps(found, separators=(",", ":")) + "\n")
+    with style():
+        write_bytes(HERE / "pulls.png", png(pull_figure(found["pulls"]["rows"], tuple(BAND_STARS))))
+        write_bytes(HERE / "nulls.png", png(null_figure(null_table(found["nulls"]["rows"])[1])))
+        write_bytes(HERE / "chain.png", png(chain_figure(found["chain"]["rows"])))
+        write_bytes(HERE / "loop.png", png(loop_figure(found["altered"]["rows"])))
+    each = [{"override": row["override"]} | one for row in found["altered"]["rows"] for one in row["each"]]
+    write_text(HERE / "altered.csv", csv_text(each))
+    write_text(HERE / "chain.csv", csv_text(found["chain"]["rows"]))
+    write_text(HERE / "report.md", report(found))
+    print(HERE / "report.md")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,99 @@
+"""Measuring one realisation: who is a subject, what stands in the way, and what the search has to do with it."""
+
+import functools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cpic_planner.etc.model import build_model
+from cpic_planner.scene_confirmation import ConfirmConfig, _work
+from cpic_planner.validation.measure import MATCH_LAMBDA_D, forced_photometry, measure, positions_of, subjects_of
+from cpic_planner.validation.realise import visits_of
+from cpic_planner.validation.star_flux import StarFlux
+from simulator import load_instrument, load_scene
+
+SCENE = {
+    "name": "s",
+    "cstar": {"v_mag": 1.35, "spectral_type": "K1V", "distance_pc": 1.35},
+    "planets": [
+        {"name": name, "radius_rjup": 1, "phase_deg": 90, "separation_arcsec": separation, "pa_deg": pa,
+         "albedo": "jupiter"}
+        for name, separation, pa in (("b", 0.5, 315), ("c", 0.52, 335))
+    ],
+}  # fmt: skip
+
+
+@functools.cache
+def prepared():
+    config = ConfirmConfig(instrument=load_instrument(), scene=load_scene(SCENE), bands=("F520",), exposure_s=4.0,
+                           n_frames=60, em_gain=300.0, fidelity="quick", realisations=1, audit=False)  # fmt: skip
+    (task,) = _work(config, build_model(config.instrument, config.bands)).tasks
+    visits = visits_of(task)
+    return visits, subjects_of(visits)
+
+
+def star():
+    rate = prepared()[0].science.truth.sources[0].rate_e_s
+    return StarFlux(rate, 0.0, "off_mask", rate, 1.0, 1.0)
+
+
+def test_subjects_stand_where_the_scene_puts_them():
+    visits, subjects = prepared()
+    assert [subject.name for subject in subjects] == ["b", "c"]
+    pixel, middle = visits.metrics.pixel_scale_arcsec, len(visits.metrics.hole) // 2
+    for subject, source in zip(subjects, visits.science.truth.sources[1:], strict=True):
+        assert subject.places_arcsec[0] == (source.x_arcsec, source.y_arcsec)
+        # The window's own pixel of the source is that of the stamp.
+        row = subjects.index(subject) + 1
+        assert middle + source.x_arcsec / pixel == pytest.approx(visits.science.truth.x_pixel[row])
+        assert subject.core == pytest.approx(
+            float(visits.metrics.core_throughput(source.x_arcsec, source.y_arcsec)), rel=0.02
+        )
+
+
+def test_neighbours_do_not_count_as_background():
+    visits, (first, second) = prepared()
+    aperture = visits.metrics.aperture_radius_arcsec / visits.metrics.pixel_scale_arcsec
+    rows, columns = np.indices(first.background.shape)
+    x, y = first.others[0]
+    assert not first.background[np.hypot(columns - x, rows - y) < 1.4 * aperture].any()
+    measured = [forced_photometry(visits.draw(0), subject, visits.metrics) for subject in (first, second)]
+    lit = replace(first, background=visits.metrics.annulus(0.5, 1.5), others=())
+    assert forced_photometry(visits.draw(0), lit, visits.metrics).sigma_background > 1.5 * measured[0].sigma_background
+
+
+def test_both_planets_are_found_and_placed():
+    visits, subjects = prepared()
+    realised = visits.draw(1)
+    measured, blind = measure(visits, realised, subjects, star())
+    for item, subject, source in zip(measured, subjects, visits.science.truth.sources[1:], strict=True):
+        assert item.found
+        assert item.search_snr > item.search_threshold
+        assert abs(item.contrast - source.contrast) < 5 * item.contrast_error
+        assert item.contrast_sigma < item.contrast_error
+        place = positions_of(visits, realised, blind, subject)
+        assert np.hypot(place.x_arcsec - source.x_arcsec, place.y_arcsec - source.y_arcsec) < 0.01
+    nowhere = replace(subjects[0], places_arcsec=((-0.5, -0.5),))
+    assert positions_of(visits, realised, blind, nowhere) is None
+
+
+def test_a_detection_elsewhere_is_not_the_planet():
+    visits, subjects = prepared()
+    realised = visits.draw(2)
+    aside = 1.2 * MATCH_LAMBDA_D * visits.metrics.lambda_d_arcsec
+    x, y = subjects[0].places_arcsec[0]
+    moved = replace(subjects[0], places_arcsec=((x, y - aside),))
+    (item, _), _ = measure(visits, realised, (moved, subjects[1]), star())
+    assert not item.found
+
+
+def test_what_limits_take_away_is_not_measured():
+    visits, subjects = prepared()
+    realised = visits.draw(0)
+    region = realised.reduced.region.copy()
+    region[subjects[0].apertures[0] > 0] = False
+    stack = replace(realised.reduced, region=region, image_e=np.where(region, realised.reduced.image_e, 0.0))
+    measured, _ = measure(visits, replace(realised, reduced=stack), subjects, star())
+    assert measured[0] is None
+    assert measured[1] is not None

@@ -1,0 +1,123 @@
+"""Visits of a task: what each library shows, sums against frames, and the story of the frames."""
+
+import functools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cpic_planner.etc.model import ReferenceStar, Strategy, build_model
+from cpic_planner.etc.planet import ReferencePlanet
+from cpic_planner.targets import find_target
+from cpic_planner.validation.realise import realised_frames, visits_of
+from cpic_planner.validation.task import ConfirmTask, prepare_task
+from simulator import load_instrument
+
+STILL = {"drift": {"visit_nm": 0, "walk_nm_per_sqrt_hour": 0}}
+
+
+@functools.cache
+def task_of(library="same_star_planet_free", still=True, star="tau Cet", **changes):
+    extra = {"reference_star": ReferenceStar(v_mag=4.5)} if library == "reference_star" else {}
+    model = build_model(
+        load_instrument(STILL if still else {}), ["F520"], Strategy(library=library, **extra, **changes)
+    )
+    target, _ = find_target(star)
+    task = prepare_task(model, target, "F520", time_s=1800.0, planet=ReferencePlanet(), seed=5, fidelity="quick")
+    assert isinstance(task, ConfirmTask)
+    return task
+
+
+def test_sums_and_frames_reduce_to_the_same_image():
+    """Mean residual over realisations: the planet as the subtraction leaves it, from sums and from every frame."""
+    task = replace(task_of(), n_frames=12)
+    visits = visits_of(task)
+    assert visits.stackable.status.value == "ok"
+    every = [realised_frames(visits_of(task, full=True, realisation=number))[0].reduced for number in range(8)]
+    means = {
+        "sums": np.mean([visits.draw(number).reduced.image_e for number in range(40)], axis=0),
+        "frames": np.mean([stack.image_e for stack in every], axis=0),
+    }
+    planet = visits.science.truth.sources[1]
+    light = planet.rate_e_s * visits.optics.at(planet.x_arcsec, planet.y_arcsec) * task.exposure_s * 12
+    bright = every[0].region & (light > 0.3 * light.max())
+    noise = np.sqrt(visits.draw(0).reduced.white_variance_e2[bright].sum())
+    for name, runs in (("sums", 40), ("frames", 8)):
+        assert means[name][bright].sum() == pytest.approx(light[bright].sum(), abs=4 * noise / np.sqrt(runs)), name
+
+
+def test_white_variance_of_real_draws():
+    task = task_of()
+    visits = visits_of(replace(task, scene=task.scene | {"planets": []}, planets=[], predictions=[]))
+    pulls = []
+    for number in range(12):
+        stack = visits.draw(number).reduced
+        pulls.append(stack.image_e[stack.region] / np.sqrt(stack.white_variance_e2[stack.region]))
+    pulls = np.array(pulls)
+    assert np.mean(pulls**2) == pytest.approx(1.0, abs=0.03)
+
+
+def test_an_idealised_library_adds_no_noise():
+    plain, ideal = visits_of(task_of()), visits_of(task_of("idealised"))
+    ratio = [
+        visits.draw(0).reduced.white_variance_e2[visits.metrics.hole].mean()
+        / (visits.task.exposure_s * visits.task.n_frames)
+        for visits in (plain, ideal)
+    ]
+    assert ratio[1] / ratio[0] == pytest.approx(0.5, rel=0.1)
+    drifting = visits_of(task_of("idealised", still=False, star="alf Cen A"))
+    science, reference = drifting._stacks  # the expectation has the wavefront of the very visit
+    hole = drifting.metrics.hole
+    planet = science.static_e_s - reference.static_e_s
+    difference = science.mean_rates(3) - reference.mean_rates(3) - planet
+    assert np.abs(difference[:, hole]).max() < 1e-9 * reference.mean_rates(3)[:, hole].max()
+
+
+def test_a_reference_star_is_scaled_by_its_light():
+    visits = visits_of(task_of("reference_star"))
+    assert visits.scale == pytest.approx(10 ** (0.4 * (4.5 - 3.5)), rel=0.1)
+    residual = np.mean([visits.draw(number).reduced.image_e for number in range(10)], axis=0)
+    dark = visits.metrics.hole & (visits.optics.at(*_place(visits)) < 1e-4 * visits.optics.off_axis.max())
+    noise = np.sqrt(visits.draw(0).reduced.white_variance_e2[dark].sum() / 10)
+    # The planet's light is in the level that is taken off, and its wings in what is left.
+    assert abs(residual[dark].sum()) < 4 * noise + _planet_light(visits)
+
+
+def _planet_light(visits):
+    planet = visits.science.truth.sources[1]
+    light = visits.optics.at(*_place(visits))[visits.metrics.hole].sum() * planet.rate_e_s
+    return light * visits.task.exposure_s * visits.task.n_frames
+
+
+def _place(visits):
+    planet = visits.science.truth.sources[1]
+    return planet.x_arcsec, planet.y_arcsec
+
+
+def test_rolls_see_the_planet_twice():
+    visits = visits_of(task_of("roll", roll_deg=40.0))
+    realised = visits.draw(0)
+    assert realised.roll is not None
+    places = [sequence.truth.sources[1] for sequence in (visits.science, visits.reference)]
+    turned = [np.degrees(np.arctan2(place.y_arcsec, place.x_arcsec)) for place in places]
+    assert abs(turned[0] - turned[1]) == pytest.approx(40.0)
+    assert np.mean(turned) == pytest.approx(45.0)
+
+
+def test_frames_lose_what_is_hit_and_what_is_bad():
+    instrument = {"cosmic_rays": {"peak_rate_per_s_cm2": 20.0}}
+    model = build_model(load_instrument(instrument), ["F520"])
+    target, _ = find_target("tau Cet")
+    task = prepare_task(model, target, "F520", time_s=1800.0, planet=ReferencePlanet(), seed=5, fidelity="quick")
+    task = replace(task, n_frames=16)
+    visits = visits_of(task, full=True)
+    realised, story = realised_frames(visits)
+    assert story.hits > 100
+    assert 0.02 < story.rejected_fraction < 0.5
+    flaws = visits.metrics.hole & ~realised.reduced.region
+    assert np.count_nonzero(flaws) < 0.02 * visits.metrics.hole.sum()
+    clean = replace(task, simulator=model.instrument.switched({"cosmic_rays": False}).model_dump(mode="json"))
+    other, _ = realised_frames(visits_of(clean, full=True))
+    both = realised.reduced.region & other.reduced.region
+    grown = realised.reduced.white_variance_e2[both].mean() / other.reduced.white_variance_e2[both].mean()
+    assert grown == pytest.approx(1.0 / (1.0 - story.rejected_fraction), rel=0.1)
