@@ -18,7 +18,7 @@ from cpic_planner.ranking import rank_targets
 from cpic_planner.targets import Targets
 from cpic_planner.validation.confirm import confirm_task
 from cpic_planner.validation.task import ConfirmTask, prepare_task
-from cpic_planner.validation.verdict import target_verdict
+from cpic_planner.validation.verdict import seen_at_place, target_verdict
 from simulator.config import Instrument
 from simulator.knobs import FIDELITIES
 
@@ -138,7 +138,8 @@ def confirmed_target(
         return (band.predicted_significance or 0.0) / (band.threshold or np.inf)
 
     # A few realisations rank bands by chance where they are close: the images veto, the prediction orders.
-    best = max((band for band in bands if band.detected), key=margin, default=None)
+    blind = [band for band in bands if band.detected]
+    best = max(blind or [band for band in bands if seen_at_place(band)], key=margin, default=None)
     verdict, factor, error = target_verdict(bands)
     return ConfirmedTarget(
         name=row.name,

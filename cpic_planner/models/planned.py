@@ -115,7 +115,8 @@ class ConfirmedTarget(Result):
     ranked: RankedTarget
     planet_distance_au: float
     chosen_band: str | None = Field(
-        description="of the bands whose images show the planet, that of highest predicted margin; null if none"
+        description="of the bands in which the blind search finds the planet, that of highest predicted margin; "
+        "without any, of those that show it at its known place; null if none does"
     )
     verdict: str = Field(default="", description="of all bands, in words")
     etc_ratio: float | None = Field(default=None, description="predicted over recovered SNR, mean of the bands")

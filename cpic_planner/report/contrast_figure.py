@@ -122,7 +122,7 @@ def contrast_diagram(
                     zorder=5,
                 )
             )
-            texts.append("confirmed by images")
+            texts.append("simulated as images")
         for index, curve in enumerate(limits):
             line = axes.plot(
                 curve.separation_arcsec,

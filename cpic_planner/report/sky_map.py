@@ -112,7 +112,7 @@ def sky_map(rank: RankResult, *, confirmed: tuple[str, ...] = (), labelled: int 
                 edgecolors="#111111",
                 linewidths=1.2,
                 zorder=5,
-                label=f"confirmed by images ({len(ringed)})",
+                label=f"simulated as images ({len(ringed)})",
             )
         handles, texts = axes.get_legend_handles_labels()
         for v_mag in (1, 4, 7):

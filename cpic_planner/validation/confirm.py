@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
+import math
 from typing import Any
 
 import numpy as np
@@ -65,7 +66,7 @@ def confirm_task(tree: dict[str, Any]) -> dict[str, Any]:
         measured, blind = measure(at, realised, subjects, star)
         every.append(measured)
         if blind is not None:
-            false += _false(blind, measured)
+            false += _false(blind, at)
             found_blind = found_blind or _search(at, subjects, blind)
             for index, subject in enumerate(subjects):
                 if position[index] is None and _seen(measured[index]):
@@ -127,13 +128,18 @@ def _audits(task: ConfirmTask, subjects: tuple[Subject, ...], star: StarFlux) ->
     """One realisation with every effect on, measured as the others are."""
     visits, realised, story = _by_frames(task, AUDIT_REALISATION)
     measured, blind = measure(visits, realised, subjects, star)
-    false = 0 if blind is None else _false(blind, measured)
+    false = 0 if blind is None else _false(blind, visits)
     return [None if item is None else audit_of(task, index, item, story, false) for index, item in enumerate(measured)]
 
 
-def _false(blind: BlindSearch, measured: list[Measurement | None]) -> int:
-    """Detections that are no planet of the scene."""
-    return sum(candidate.detected for candidate in blind.candidates) - sum(_seen(item) for item in measured)
+def _false(blind: BlindSearch, visits: Visits) -> int:
+    """Detections where the scene has no planet and no star."""
+    reach = MATCH_LAMBDA_D * visits.metrics.lambda_d_arcsec
+    sources = visits.science.truth.sources[1:]
+    return sum(
+        not any(math.hypot(item.x_arcsec - one.x_arcsec, item.y_arcsec - one.y_arcsec) <= reach for one in sources)
+        for item in blind.detections
+    )
 
 
 def _seen(item: Measurement | None) -> bool:

@@ -30,7 +30,7 @@ from simulator.config.detector import Detector
 from simulator.observation import Observation
 from simulator.sequence import MAX_STACK_BYTES
 
-__all__ = ["CalibratedFrames", "calibrated_frames", "transferred"]
+__all__ = ["MOST_LOST", "CalibratedFrames", "calibrated_frames", "transferred"]
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -38,6 +38,8 @@ BoolArray = npt.NDArray[np.bool_]
 # A tail of this chance that is cut off lowers a mean by less than 1e-3 of the noise of a frame. The curves of the
 # non-linearity take up to 3 % and a flat its per cent on the way to a limit.
 _LIMIT_CHANCE, _LIMIT_SHARE = 1e-3, 0.9
+MOST_LOST = 0.05
+"""Share of its frames that a pixel may lose to particles; where it loses more, its own light does it."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cpic_planner.etc.model import Strategy
-from cpic_planner.validation.frames import CalibratedFrames, calibrated_frames
+from cpic_planner.validation.frames import MOST_LOST, CalibratedFrames, calibrated_frames
 from cpic_planner.validation.libraries import LibraryPlan, library_plan
 from cpic_planner.validation.reduced import ReducedStack, reduce_stack
 from cpic_planner.validation.rejection import filled, reject_cosmic_rays
@@ -57,7 +57,8 @@ class FrameStory:
     Attributes
     ----------
     lost_in, lost_outside : int
-        Pixel-frames of the dark hole and around it that a limit cut off.
+        Pixel-frames of the dark hole and around it that a limit cut off. In the hole only pixels that lose more than
+        one frame in twenty: their own light does it, or what flows in, and not a particle.
     rejected_fraction : float
         Share of the pixel-frames of the hole that were taken for hits of particles.
     hits : int
@@ -222,11 +223,17 @@ def realised_frames(visits: Visits) -> tuple[Realised, FrameStory]:
     thinned = _thinned(realised, [usable for _, usable, _ in stories])
     rejected = [1.0 - usable[:, hole].mean() for _, usable, _ in stories]
     return thinned, FrameStory(
-        lost_in=sum(frames.lost_in for frames, _, _ in stories),
+        lost_in=sum(_by_light(frames, hole) for frames, _, _ in stories),
         lost_outside=sum(frames.lost_outside for frames, _, _ in stories),
         rejected_fraction=float(np.mean(rejected)),
         hits=sum(hits for _, _, hits in stories),
     )
+
+
+def _by_light(frames: CalibratedFrames, hole: BoolArray) -> int:
+    lost = frames.n_lost[hole]
+    most = min(max(MOST_LOST * frames.n_frames, 1.0), frames.n_frames - 0.5)
+    return int(lost[lost > most].sum())
 
 
 def _cleaned(frames: CalibratedFrames) -> tuple[FloatArray, BoolArray, int]:

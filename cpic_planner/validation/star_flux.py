@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from catalogs.errors import InputError
 from cpic_planner.validation.apertures import aperture_weights, require
-from cpic_planner.validation.frames import calibrated_frames, transferred
+from cpic_planner.validation.frames import MOST_LOST, calibrated_frames, transferred
 from cpic_planner.validation.photometry import Photometry
 from cpic_planner.validation.rejection import combine, reject_cosmic_rays
 from simulator.camera.saturation import pixel_saturated
@@ -41,8 +41,6 @@ _FILL = 0.7
 _LONGEST_S = 10.0
 _MARGIN_SIGMA = 5.0
 _RING_LAMBDA_D = (5.0, 8.0)
-# More frames than this with one cut-off pixel in the aperture: its own light does it, not a cosmic ray.
-_MOST_LOST = 0.05
 _MAGNITUDE = 0.4 * math.log(10.0)
 
 
@@ -228,7 +226,7 @@ def star_flux_off_mask(observation: Observation) -> Outcome[StarFlux]:
     seen = summed.covered[rows, columns]
     aperture, weights = _weights(observation, template.shape, (rows.start, columns.start), seen)
     lost = frames.n_lost[rows, columns][aperture > 0]
-    if lost.max() > _MOST_LOST * frames.n_frames:
+    if lost.max() > MOST_LOST * frames.n_frames:
         return Outcome.refuse(Status.SATURATED, _limit(observation, template),
                               f"{np.count_nonzero(lost)} pixels of the aperture are cut off in up to {lost.max()} of "
                               f"{frames.n_frames} frames; shorten the exposure", unit="e-/s")  # fmt: skip

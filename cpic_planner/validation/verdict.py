@@ -10,14 +10,22 @@ import numpy as np
 
 from cpic_planner.models import AuditRecord, BandConfirmation
 from cpic_planner.validation.astrometry import Astrometry
-from cpic_planner.validation.calibration import MIN_SNR, PREDICTION_ERROR, calibrate, mean_snr, optimism, standing
+from cpic_planner.validation.calibration import (
+    MIN_JACKKNIFE,
+    MIN_SNR,
+    PREDICTION_ERROR,
+    calibrate,
+    mean_snr,
+    optimism,
+    standing,
+)
 from cpic_planner.validation.measure import Measurement
 from cpic_planner.validation.realise import FrameStory
 from cpic_planner.validation.star_flux import StarFlux
 from cpic_planner.validation.task import ConfirmTask
 from simulator.outcome import Reason
 
-__all__ = ["audit_of", "confirmation_of", "cut_off", "target_verdict"]
+__all__ = ["audit_of", "confirmation_of", "cut_off", "seen_at_place", "target_verdict"]
 
 
 def confirmation_of(
@@ -60,7 +68,8 @@ def confirmation_of(
     snr, snr_error = mean_snr(contrast, error, significance=expected["significance"],
                               n_apertures=measured[0].n_apertures)  # fmt: skip
     n = len(measured)
-    spread = float(contrast.std(ddof=1)) if n > 1 else float(error[0])
+    # A few values do not tell their scatter.
+    spread = float(contrast.std(ddof=1)) if n >= MIN_JACKKNIFE else float(np.sqrt((error**2).mean()))
     found = sum(item.found for item in measured)
     at_place = sum(item.significance >= expected["threshold"] for item in measured)
     lost = 0 if story is None else story.lost_in
@@ -143,9 +152,7 @@ def cut_off(task: ConfirmTask, number: int, story: FrameStory) -> BandConfirmati
     )
 
 
-def _verdict(
-    expected: dict[str, Any], detected: bool, counts: tuple[int, int, int], ratio: float, error: float
-) -> str:
+def _verdict(expected: dict[str, Any], detected: bool, counts: tuple[int, int, int], ratio: float, error: float) -> str:
     found, at_place, realisations = counts
     likely = expected["significance"] >= expected["threshold"]
     if detected:
@@ -195,6 +202,11 @@ def audit_of(
     )
 
 
+def seen_at_place(band: BandConfirmation) -> bool:
+    """Whether at least half of the realisations are significant at the known place, limits aside."""
+    return band.status == "ok" and 2 * (band.n_significant or 0) >= (band.realisations or 1)
+
+
 def target_verdict(bands: Sequence[BandConfirmation]) -> tuple[str, float | None, float | None]:
     """A target's bands in words, with the mean factor of the ETC and its error."""
     seen = [band for band in bands if band.detected]
@@ -206,7 +218,7 @@ def target_verdict(bands: Sequence[BandConfirmation]) -> tuple[str, float | None
         word = "saturated"
     elif seen:
         word = "confirmed in " + ", ".join(band.band for band in seen)
-    elif any(2 * (band.n_significant or 0) >= (band.realisations or 1) for band in tried):
+    elif any(seen_at_place(band) for band in tried):
         word = "seen at its known place, not confirmed blind"
     else:
         word = "not confirmed"

@@ -101,8 +101,9 @@ def pull_table(rows: list[Row]) -> tuple[str, list[Row]]:
         summary.append({"band": band, "draws": len(own), "bias": bias, "bias_error": error, "width": spread["flux"][0],
                         "radial": spread["radial"][0], "tangential": spread["tangential"][0]})  # fmt: skip
         shown = [f"{spread[name][0]:.3f} ± {spread[name][1]:.3f}" for name in ("flux", "radial", "tangential")]
-        lines.append([band, pretty_name(BAND_STARS[band]), str(len(own)),
-                      f"{np.median([row['snr'] for row in own]):.0f}", f"{bias:+.4f} ± {error:.4f}", *shown])  # fmt: skip
+        snr = float(np.median([row["snr"] for row in own]))
+        head = [band, pretty_name(BAND_STARS[band]), str(len(own)), f"{snr:.0f}", f"{bias:+.4f} ± {error:.4f}"]
+        lines.append([*head, *shown])
     head = ["band", "star", "draws", "median SNR", "mean flux / true - 1", "pull width: flux", "separation",
             "position angle"]  # fmt: skip
     return table(head, lines), summary

@@ -97,12 +97,13 @@ def test_packages_come_from_the_wheel(installed, tmp_path):
 
 
 def test_plan_from_another_folder(installed, tmp_path):
-    done = run(installed, tmp_path, "plan", "--top", "1", "--out", "here", "--json")
+    done = run(installed, tmp_path, "plan", "--top", "1", "--band", "F520", "--time-s", "1000", "--realisations", "1",
+               "--out", "here", "--json")  # fmt: skip
     assert done.returncode == 0, done.stderr
     plan = json.loads(done.stdout)
     assert plan == json.loads((tmp_path / "here" / "plan.json").read_text())
     assert len(plan["targets"]) == 1
     assert sorted(p.name for p in (tmp_path / "here").iterdir() if p.is_file()) == [
-        "manifest.json", "plan.json", "ranking.csv", "ranking.ecsv", "report.html", "run.json", "run.lock",
-        "sensitivity.json",
+        "manifest.json", "measurements.csv", "plan.json", "ranking.csv", "ranking.ecsv", "report.html", "run.json",
+        "run.lock", "sensitivity.json",
     ]  # fmt: skip

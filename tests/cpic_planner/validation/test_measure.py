@@ -8,6 +8,7 @@ import pytest
 
 from cpic_planner.etc.model import build_model
 from cpic_planner.scene_confirmation import ConfirmConfig, _work
+from cpic_planner.validation.confirm import _false
 from cpic_planner.validation.measure import MATCH_LAMBDA_D, forced_photometry, measure, positions_of, subjects_of
 from cpic_planner.validation.realise import visits_of
 from cpic_planner.validation.star_flux import StarFlux
@@ -86,6 +87,16 @@ def test_a_detection_elsewhere_is_not_the_planet():
     moved = replace(subjects[0], places_arcsec=((x, y - aside),))
     (item, _), _ = measure(visits, realised, (moved, subjects[1]), star())
     assert not item.found
+
+
+def test_detections_of_known_sources_are_not_false():
+    visits, subjects = prepared()
+    _, blind = measure(visits, visits.draw(1), subjects, star())
+    assert len(blind.detections) >= 2
+    assert _false(blind, visits) == len(blind.detections) - 2
+    alone = replace(visits, science=replace(visits.science, truth=replace(visits.science.truth,
+                    sources=visits.science.truth.sources[:1])))  # fmt: skip
+    assert _false(blind, alone) == len(blind.detections)
 
 
 def test_what_limits_take_away_is_not_measured():

@@ -113,6 +113,8 @@ def test_frames_lose_what_is_hit_and_what_is_bad():
     visits = visits_of(task, full=True)
     realised, story = realised_frames(visits)
     assert story.hits > 100
+    # Particles fill pixels too; the star's own light does not.
+    assert story.lost_in == 0
     assert 0.02 < story.rejected_fraction < 0.5
     flaws = visits.metrics.hole & ~realised.reduced.region
     assert np.count_nonzero(flaws) < 0.02 * visits.metrics.hole.sum()

@@ -100,6 +100,7 @@ def test_the_etc_is_named_where_it_is_off(factor, word):
 def test_light_that_a_limit_cuts_off_in_the_hole_is_no_detection():
     story = FrameStory(lost_in=7, lost_outside=400, rejected_fraction=0.01, hits=3)
     found = answer(realisations(2), story=story)
+    assert found.contrast_mean_error == pytest.approx(1e-9 / np.sqrt(2))
     assert found.status == "saturated"
     assert not found.detected
     assert found.saturated_in_hole == 7
