@@ -2,7 +2,7 @@
 
 Whether the validator can be trusted: flux, errors and positions of injected planets, false alarms of stars without
 planets, the exposure-time calculator against the chain of images, and whether the loop names what is wrong with it.
-``--only PART`` runs one part again and keeps the others as they are in ``results.json``.
+``--only PART`` runs one part again and keeps the others as they are in ``results.json``; ``--write`` runs none.
 """
 
 from __future__ import annotations
@@ -45,9 +45,15 @@ def pull_part(workers: int) -> list[Row]:
 
 
 def null_part(workers: int) -> list[Row]:
-    """Sequences without planets."""
+    """Sequences without planets, summed by scene."""
     blocks = [(star, band, 51, first, BLOCK) for star, band in SCENES for first in range(0, SEQUENCES, BLOCK)]
-    return in_blocks(null_block, blocks, workers)
+    rows = in_blocks(null_block, blocks, workers)
+    found = []
+    for star, band in SCENES:
+        own = [row for row in rows if (row["star"], row["band"]) == (star, band)]
+        sums = {key: sum(row[key] for row in own) for key in ("elements", *(f"{level:g}" for level in LEVELS))}
+        found.append({"star": star, "band": band, "sequences": len(own)} | sums)
+    return found
 
 
 def unaltered_part(workers: int) -> list[Row]:
@@ -60,19 +66,28 @@ def altered_part(workers: int) -> list[Row]:
     return [altered(entry, workers) for entry in ALTERED]
 
 
-def results(only: str | None, workers: int) -> dict[str, Any]:
+def results(only: str | None, workers: int, *, write: bool = False) -> dict[str, Any]:
     """Rows of every part; those that are not asked for as they were."""
     work = {"pulls": pull_part, "nulls": null_part, "chain": chain_rows, "unaltered": unaltered_part,
             "altered": altered_part}  # fmt: skip
     path = HERE / "results.json"
-    kept = json.loads(path.read_text(encoding="utf-8")) if only and path.exists() else {}
+    kept = json.loads(path.read_text(encoding="utf-8")) if (only or write) and path.exists() else {}
     for part in PARTS:
-        if only in (None, part) or part not in kept:
+        if part not in kept or (not write and only in (None, part)):
             began = time.perf_counter()
             kept[part] = {"rows": work[part](workers), "wall_s": 0.0}
             kept[part]["wall_s"] = round(time.perf_counter() - began, 1)
             print(part, kept[part]["wall_s"], "s", flush=True)
     return kept
+
+
+def _short(tree: Any) -> Any:
+    """The same with numbers of six digits."""
+    if isinstance(tree, dict):
+        return {key: _short(value) for key, value in tree.items()}
+    if isinstance(tree, list):
+        return [_short(value) for value in tree]
+    return float(f"{tree:.6g}") if isinstance(tree, float) else tree
 
 
 def table(head: list[str], rows: list[list[str]]) -> str:
@@ -113,18 +128,18 @@ def null_table(rows: list[Row]) -> tuple[str, list[Row]]:
     """False alarms by scene and level."""
     lines, summary = [], []
     for star, band in SCENES:
-        own = [row for row in rows if (row["star"], row["band"]) == (star, band)]
-        elements = sum(row["elements"] for row in own)
+        own = next(row for row in rows if (row["star"], row["band"]) == (star, band))
+        elements, sequences = own["elements"], own["sequences"]
         for level in LEVELS:
-            found = sum(row[f"{level:g}"] for row in own)
+            found = own[f"{level:g}"]
             expected = elements * float(norm.sf(level))
             # 3 standard deviations, and the exact law where so few are expected.
             high = float(poisson.ppf(norm.cdf(3.0), expected))
             low = float(poisson.ppf(norm.sf(3.0), expected))
             within = low <= found <= high
             summary.append({"star": star, "band": band, "level": level, "found": found, "expected": expected,
-                            "within": within, "sequences": len(own), "elements": elements})  # fmt: skip
-            lines.append([pretty_name(star), band, str(len(own)), f"{elements:.0f}", f"{level:g}", str(found),
+                            "within": within, "sequences": sequences, "elements": elements})  # fmt: skip
+            lines.append([pretty_name(star), band, str(sequences), f"{elements:.0f}", f"{level:g}", str(found),
                           f"{expected:.1f}", f"{low:.0f} to {high:.0f}", f"{found / elements:.3%}",
                           "yes" if within else "**no**"])  # fmt: skip
     head = ["star", "band", "sequences", "resolution elements", "level (sigma)", "found", "expected",
@@ -151,9 +166,13 @@ def unaltered_table(rows: list[Row]) -> str:
         [pretty_name(row["star"]), row["band"], f"{row['predicted_snr']:.2f}",
          f"{row['recovered_snr']:.2f} ± {row['recovered_snr_error']:.2f}",
          "" if row["etc_ratio"] is None else f"{row['etc_ratio']:.2f} ± {row['etc_ratio_error']:.2f}",
-         f"{row['n_detected']} of {row['realisations']}", row["verdict"].split(";")[0]] for row in rows
+         "" if row["search_snr"] is None else f"{row['search_snr']:.1f} of {row['search_threshold']:.1f}",
+         f"{row['n_significant']}, {row['n_detected']} of {row['realisations']}", row["verdict"].split(";")[0]]
+        for row in rows
     ]  # fmt: skip
-    return table(["star", "band", "SNR, ETC", "SNR, images", "ETC / images", "found blind", "verdict"], lines)
+    head = ["star", "band", "SNR, ETC", "SNR, images", "ETC / images", "matched filter, of what the search asks for",
+            "significant at the known place, found blind", "verdict"]  # fmt: skip
+    return table(head, lines)
 
 
 def altered_table(rows: list[Row]) -> str:
@@ -290,10 +309,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--only", choices=PARTS)
+    parser.add_argument("--write", action="store_true", help="text and pictures from results.json")
     options = parser.parse_args()
     nominal()
-    found = results(options.only, options.workers)
-    write_text(HERE / "results.json", json.dumps(found, separators=(",", ":")) + "\n")
+    found = results(options.only, options.workers, write=options.write)
+    write_text(HERE / "results.json", json.dumps(_short(found), separators=(",", ":")) + "\n")
     with style():
         write_bytes(HERE / "pulls.png", png(pull_figure(found["pulls"]["rows"], tuple(BAND_STARS))))
         write_bytes(HERE / "nulls.png", png(null_figure(null_table(found["nulls"]["rows"])[1])))

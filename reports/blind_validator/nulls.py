@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
 from cases import star_alone
 
 from cpic_planner.validation.detection import search
@@ -29,10 +28,5 @@ def null_block(star: str, band: str, seed: int, first: int, count: int) -> list[
         for level in LEVELS:
             asked = search_threshold(found.region, found.roughness, sigma=level).unwrap()
             row[f"{level:g}"] = sum(item.significance >= asked for item in found.candidates)
-        top = max(found.candidates, key=lambda item: item.snr_mf, default=None)
-        row["largest_snr"] = 0.0 if top is None else top.snr_mf
-        row["largest_of_threshold"] = 0.0 if top is None else top.snr_mf / top.threshold
-        white = stack.white_variance_e2[stack.region]
-        row["white_share"] = float(np.mean(white) / np.mean(stack.image_e[stack.region] ** 2))
         rows.append(row)
     return rows

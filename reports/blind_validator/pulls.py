@@ -44,7 +44,6 @@ def pull_block(star: str, band: str, seed: int, block: int, snr: float = SNR) ->
     rng = np.random.default_rng([seed, block])
     subject, metrics = random_subject(visits, rng), visits.metrics
     first = 1 + block * (PER_PLACE + 1)
-    full_scale = visits.science.truth.sources[0].rate_e_s * subject.core
     sigma = forced_photometry(visits.draw(first), subject, metrics).sigma_background
     factor2 = float(excess_noise_factor2(visits.task.em_gain, visits.science.instrument.detector.register_stages))
     flux = 0.5 * (snr**2 * factor2 + math.sqrt((snr**2 * factor2) ** 2 + 4.0 * (snr * sigma) ** 2))
@@ -57,11 +56,9 @@ def pull_block(star: str, band: str, seed: int, block: int, snr: float = SNR) ->
         measured = forced_photometry(realised, subject, metrics)
         row = {
             "band": band,
-            "block": block,
             "relative_flux": measured.flux / flux,
             "relative_error": measured.error / flux,
             "snr": measured.snr,
-            "contrast": flux / (full_scale * visits.task.exposure_s * visits.task.n_frames),
         }
         found = fit_position(realised.reduced, visits.optics, x, y)
         unit = np.array([x, y]) / math.hypot(x, y)

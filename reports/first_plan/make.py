@@ -151,7 +151,8 @@ def main() -> None:
         f"`cpic plan --top {TOP}` on the embedded catalogue: {plan.n_ranked} stars ranked, "
         f"{plan.counts.get('ok', 0)} with a reference planet (1 R_J, phase 90 deg, Jupiter's albedo) detected within "
         f"{plan.time_s / 3600:g} h of wall time per band, the first {TOP} confirmed with simulated images.",
-        f"Recovered / predicted SNR: {ratio:.2f} +- {error:.2f} over {count} measurements, one noise realisation each.",
+        f"Recovered / predicted SNR: {ratio:.2f} +- {error:.2f} over {count} measurements, "
+        f"{plan.realisations} realisations of drift and noise each.",
         "",
         "## Ranking",
         "",
@@ -165,8 +166,8 @@ def main() -> None:
         "",
         *table(plan),
         "",
-        "Bold: the band to observe in. One realisation: an SNR scatters by about 20 % because its noise is estimated",
-        "from the 9 to 20 apertures that fit at one separation.",
+        "Bold: the band to observe in. Recovered numbers are means over the realisations; the error of a contrast is",
+        "that of one observation. In brackets: realisations in which the blind search finds the planet.",
         "",
         "![contrast against separation](contrast.svg)"
         if (HERE / "contrast.svg").exists()

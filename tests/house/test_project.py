@@ -37,7 +37,11 @@ def test_readme_quotes_the_committed_report():
 
 @pytest.mark.parametrize(
     ("name", "heading"),
-    [("first_plan", "| instead | Kendall tau"), ("etc_accuracy", "|  | asked | found | met |")],
+    [
+        ("first_plan", "| instead | Kendall tau"),
+        ("etc_accuracy", "|  | asked | found | met |"),
+        ("blind_validator", "|  | asked | found | met |"),
+    ],
 )
 def test_readme_quotes_the_tables_of_ranking_and_etc(name, heading):
     """Line by line, but for rows that nothing was asked of."""
@@ -48,6 +52,12 @@ def test_readme_quotes_the_tables_of_ranking_and_etc(name, heading):
     assert len(rows) > 4
     for row in rows:
         assert row in readme or "|  | +" in row, row
+
+
+def test_readme_quotes_what_a_blind_search_asks_for():
+    results = json.loads(text("reports/blind_validator/results.json"))
+    asked = [row["search_threshold"] for row in results["unaltered"]["rows"] if row["search_threshold"]]
+    assert f"a matched-filter SNR of {min(asked):.1f} to {max(asked):.1f}" in " ".join(text("README.md").split())
 
 
 def test_readme_quotes_the_errors_of_the_parametric_albedo():

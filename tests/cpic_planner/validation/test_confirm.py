@@ -16,8 +16,9 @@ from cpic_planner.targets import find_target
 from cpic_planner.validation.apertures import sample_scatter
 from cpic_planner.validation.confirm import confirm_task, decode_arrays, encode_arrays
 from cpic_planner.validation.rdi import rdi_subtract
-from cpic_planner.validation.task import ConfirmTask, prepare_task
+from cpic_planner.validation.task import ConfirmTask, images_of, prepare_task
 from simulator import load_instrument, observe
+from simulator.hole_stack import hole_stacks
 
 STILL = {"drift": {"visit_nm": 0, "walk_nm_per_sqrt_hour": 0}}
 CASES = {
@@ -117,14 +118,16 @@ def test_speckle_floor_is_that_of_the_subtraction_that_runs():
     """Noise-free sequences through the same RDI: the rms of aperture sums is the ETC's speckle term."""
     instrument = load_instrument({"drift": {"walk_nm_per_sqrt_hour": 0}})
     scene = {"name": "s", "cstar": {"name": "s", "v_mag": 0.0, "teff_k": 5800}}
+    visits = [
+        hole_stacks(
+            observe(scene, band="F520", exposure_s=1.0, role=role, window="hole", instrument=images_of(instrument))
+        )
+        for role in ("science", "reference")
+    ]
+    metrics, star = visits[0].observation.psf.metrics, visits[0].observation.truth.sources[0].rate_e_s
     squares, separation = [], 0.5
-    for seed in range(40):
-        pair = [
-            observe(scene, band="F520", exposure_s=1.0, seed=seed, role=role, window="hole", instrument=instrument)
-            for role in ("science", "reference")
-        ]
-        metrics, star = pair[0].psf.metrics, pair[0].truth.sources[0].rate_e_s
-        maps = [np.repeat((sequence.mean_rate_map / star)[None], 3, axis=0) for sequence in pair]
+    for number in range(60):
+        maps = [np.repeat(visit.mean_rates(number) / star, 3, axis=0) for visit in visits]
         left = rdi_subtract(maps[0], maps[1], 1, region=metrics.hole, centering="temporal").residuals[0]
         annulus = metrics.annulus(separation, 1.5)
         sigma, _ = sample_scatter(left, annulus, metrics.aperture_radius_arcsec / metrics.pixel_scale_arcsec)
