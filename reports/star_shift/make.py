@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from cpic_planner.report.drawing import style
-from cpic_planner.validation.confirm import images_of
+from cpic_planner.validation.task import images_of
 from simulator import Observation, load_instrument, observe, single_band_psf
 from simulator.camera import to_electrons
 from simulator.camera.dark_current import dark_rate_e_s

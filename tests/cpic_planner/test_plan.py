@@ -14,7 +14,7 @@ from catalogs.errors import InputError
 from cpic_planner.plan import PlanConfig, estimate_cost, make_plan
 from simulator.config import load_instrument
 
-ARGUMENTS = ["plan", "--top", "2", "--time-s", "1000", "--fidelity", "quick", "--band", "F520", "--band", "F662",
+ARGUMENTS = ["plan", "--top", "2", "--time-s", "400", "--fidelity", "quick", "--band", "F520", "--band", "F662",
              "--realisations", "2", "--planets", "500"]  # fmt: skip
 # Of the sample these alone let sums of frames stand for frames, which takes a tenth of the time.
 STARS = """name,v_mag,sp_type,teff_k,log_g,metallicity,distance_pc,luminosity_lsun,ra_deg,dec_deg
@@ -75,8 +75,8 @@ def test_plan_holds_no_clock_host_or_path(finished):
         assert word not in text
 
 
-@pytest.mark.parametrize("workers", ["1", "2"])
-def test_killed_half_way_and_started_again_gives_the_same_bytes(finished, stars, tmp_path, workers):
+def test_killed_half_way_and_started_again_gives_the_same_bytes(finished, stars, tmp_path):
+    workers = "2"  # the finished plan ran in one process
     out = tmp_path / "again"
     process = subprocess.Popen(
         command(stars, out, "--workers", workers), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL

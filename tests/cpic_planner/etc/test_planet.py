@@ -7,7 +7,7 @@ from catalogs.stars import load_stars
 from cpic_planner.etc.model import build_model
 from cpic_planner.etc.planet import ReferencePlanet, reference_contrast, reference_distance_au, reference_notes
 from cpic_planner.targets import targets_from_table
-from cpic_planner.validation.confirm import target_scene
+from cpic_planner.validation.task import target_scene
 from simulator import load_instrument, spectrum_generator
 from simulator.band_integrals import band_integral
 from simulator.target import scene_sources

@@ -145,9 +145,8 @@ def test_parity_is_the_instruments(field: Field) -> None:
     assert fit_position(stack, mirrored, place, place).pa_deg == pytest.approx(45.0, abs=2e-3)
 
 
-@pytest.mark.parametrize(
-    ("psf", "white", "speckle", "snr"), [("F850", 100.0, 0.0, 7.0), ("F520", 3.0, 10.0, 12.0)], indirect=["psf"]
-)
+# All four bands on draws of the whole chain: reports/blind_validator.
+@pytest.mark.parametrize(("psf", "white", "speckle", "snr"), [("F520", 3.0, 10.0, 12.0)], indirect=["psf"])
 def test_pulls(field: Field, white: float, speckle: float, snr: float) -> None:
     """Deviation over error of separation and position angle: width 1.0 +- 0.1, mean 0.
 
