@@ -33,7 +33,7 @@ __all__ = [
 ]
 
 REALISATIONS = 8
-"""Draws of drift and noise of every target and band: an SNR of 10 from 12 apertures is then known to 8 %."""
+"""Draws of drift and noise of every target and band: an SNR of 10 from 12 apertures is then known to 9 %."""
 
 
 def refuse_counting(strategy: Strategy) -> None:

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from cpic_planner.etc.model import Strategy
 from cpic_planner.validation.frames import MOST_LOST, CalibratedFrames, calibrated_frames
 from cpic_planner.validation.libraries import LibraryPlan, library_plan
-from cpic_planner.validation.reduced import ReducedStack, reduce_stack
+from cpic_planner.validation.reduced import ReducedStack, pedestal_e, reduce_stack
 from cpic_planner.validation.rejection import filled, reject_cosmic_rays
 from cpic_planner.validation.roll import RollResult, roll_subtract
 from cpic_planner.validation.task import ConfirmTask, images_of
@@ -126,9 +126,7 @@ class Visits:
         science, reference = self._stacks
         sums = science.draw(realisation)
         if self.plan.noise_free:
-            detector = self.science.instrument.detector
-            dark_e = detector.cic_e * detector.switches.clock_charge
-            dark_e += detector.dark_e_s * detector.switches.dark * self.task.exposure_s
+            dark_e = pedestal_e(self.science.instrument.detector, self.task.exposure_s)
             rates = reference.mean_rates(realisation)
             library = (rates * self.task.exposure_s + dark_e) * reference.frames[:, None, None]
             library[:, ~reference.region] = 0.0
@@ -217,7 +215,7 @@ def realised_frames(visits: Visits) -> tuple[Realised, FrameStory]:
         region &= covered
         stories.append((frames, usable, hits))
         # The pedestal goes back in: `reduce_stack` knows dark current and clock charge by their nominal values.
-        kept.append(whole + _nominal_dark_e(observation))
+        kept.append(whole + pedestal_e(observation.instrument.detector, observation.exposure_s))
     hole = visits.metrics.hole
     realised = visits.reduced(kept[0], kept[1], 1, 1, region)
     thinned = _thinned(realised, [usable for _, usable, _ in stories])
@@ -248,13 +246,6 @@ def _cleaned(frames: CalibratedFrames) -> tuple[FloatArray, BoolArray, int]:
         gain_e_adu=detector.gain_e_adu,
     )
     return frames.electrons, frames.usable & ~found.rejected, found.n_hit
-
-
-def _nominal_dark_e(observation: Observation) -> float:
-    detector = observation.instrument.detector
-    return detector.cic_e * detector.switches.clock_charge + (
-        detector.dark_e_s * observation.exposure_s if detector.switches.dark else 0.0
-    )
 
 
 def _thinned(realised: Realised, usable: list[BoolArray]) -> Realised:

@@ -9,10 +9,11 @@ import numpy.typing as npt
 
 from catalogs.errors import InputError
 from cpic_planner.validation.rdi import RdiResult, rdi_subtract
+from simulator.camera.dark_current import dark_rate_e_s
 from simulator.camera.gain import excess_noise_factor2
 from simulator.config.detector import Detector
 
-__all__ = ["ReducedStack", "reduce_stack"]
+__all__ = ["ReducedStack", "pedestal_e", "reduce_stack"]
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -108,9 +109,7 @@ def reduce_stack(
     reference_n = _counts("reference_frames", reference_frames, reference)
     if not reference_scale > 0:
         raise InputError("reference_scale", reference_scale, allowed="above 0")
-    dark_e = detector.cic_e * detector.switches.clock_charge + (
-        detector.dark_e_s * exposure_s if detector.switches.dark else 0.0
-    )
+    dark_e = pedestal_e(detector, exposure_s)
     library = (reference / reference_n[:, None, None] - dark_e) * reference_scale + dark_e
     cut = rdi_subtract(science / science_n[:, None, None], library, n_modes, region=region, centering="temporal")
     total, library_total = float(science_n.sum()), float(reference_n.sum())
@@ -137,6 +136,12 @@ def reduce_stack(
         em_gain=float(em_gain),
         stages=detector.register_stages,
     )
+
+
+def pedestal_e(detector: Detector, exposure_s: float) -> float:
+    """Mean electrons of dark current and clock-induced charge in a pixel of one frame."""
+    dark = dark_rate_e_s(detector) * exposure_s if detector.switches.dark else 0.0
+    return dark + (detector.cic_e if detector.switches.clock_charge else 0.0)
 
 
 def _counts(key: str, value: npt.ArrayLike, images: FloatArray) -> FloatArray:

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from catalogs.errors import InputError
-from cpic_planner.validation.reduced import reduce_stack
+from cpic_planner.validation.reduced import pedestal_e, reduce_stack
 from simulator import load_instrument
 from simulator.camera.gain import excess_noise_factor2
+from simulator.camera.visible import VisibleCamera
 
 DETECTOR = load_instrument().detector
 SIDE = 41
@@ -104,3 +105,11 @@ def test_what_does_not_fit_is_refused(changes, key):
 def test_a_single_image_is_no_sequence():
     with pytest.raises(InputError, match="science_e"):
         reduce_stack(np.ones((SIDE, SIDE)), np.ones((2, SIDE, SIDE)), n_modes=0, **SETTINGS)
+
+
+def test_the_pedestal_is_the_dark_charge_of_the_camera_at_any_temperature():
+    for kelvin in (193.0, 250.0):
+        detector = DETECTOR.model_copy(update={"temperature_k": kelvin}).switched(off=("dark_structure",))
+        quiet = VisibleCamera(detector).prepare(np.zeros((9, 9)), 10.0, 200.0).mean_e
+        assert pedestal_e(detector, 10.0) == pytest.approx(float(np.median(quiet)) + detector.cic_e, rel=1e-6)
+    assert pedestal_e(DETECTOR.switched(off=("dark", "clock_charge")), 10.0) == 0.0
