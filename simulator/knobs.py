@@ -2,17 +2,30 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, cast, get_args
 
 import numpy as np
 from pydantic import Field
 
 from catalogs.errors import InputError
 from simulator.config.base import FrozenModel
+from simulator.quantities import check_number
 
-__all__ = ["FIDELITIES", "Fidelity", "Knobs", "resolve_knobs"]
+__all__ = [
+    "FIDELITIES",
+    "QUANTITIES",
+    "TOLERANCES",
+    "Dial",
+    "Fidelity",
+    "Knobs",
+    "Quantity",
+    "dial_of",
+    "resolve_knobs",
+]
 
 Fidelity = Literal["quick", "standard", "reference"]
+Quantity = Literal["planet_flux", "snr", "pixel_map"]
+QUANTITIES: tuple[Quantity, ...] = get_args(Quantity)
 
 
 class Knobs(FrozenModel):
@@ -72,3 +85,57 @@ def resolve_knobs(fidelity: str | Knobs) -> Knobs:
     if fidelity not in FIDELITIES:
         raise InputError("fidelity", fidelity, allowed="quick, standard, reference or a Knobs object")
     return FIDELITIES[fidelity]
+
+
+TOLERANCES: dict[Fidelity, dict[Quantity, float]] = {
+    "quick": {"planet_flux": 0.05, "snr": 0.05, "pixel_map": 0.05},
+    "standard": {"planet_flux": 0.01, "snr": 0.03, "pixel_map": 0.03},
+    "reference": {"planet_flux": 0.0, "snr": 0.0, "pixel_map": 0.0},
+}
+MAX_TOLERANCE = 0.5
+
+
+class Dial(FrozenModel):
+    """One setting of speed against accuracy; made by `dial_of`.
+
+    Attributes
+    ----------
+    fidelity : {"quick", "standard", "reference", "custom"}
+        A named tier, or ``custom`` where a tolerance was given.
+    tolerance : dict
+        Largest relative error of each quantity that may be traded for speed; 0 leaves nothing out.
+    knobs : Knobs or None
+        Of the tier; None where each scene gets the cheapest that meet the tolerance.
+    """
+
+    fidelity: Literal["quick", "standard", "reference", "custom"]
+    tolerance: dict[Quantity, float]
+    knobs: Knobs | None
+
+
+def dial_of(fidelity: str | None = None, tolerance: float | None = None) -> Dial:
+    """The dial at a named tier (``standard`` without any) or at a tolerance.
+
+    Parameters
+    ----------
+    fidelity : {"quick", "standard", "reference"}, optional
+    tolerance : float, optional
+        Largest relative error of planet flux and SNR, 0 to 0.5. At 0 it is the reference.
+
+    Raises
+    ------
+    InputError
+        If both are given, the name is unknown, or the tolerance is out of range.
+    """
+    if tolerance is None:
+        name = "standard" if fidelity is None else fidelity
+        knobs = resolve_knobs(name)
+        tier = cast(Fidelity, name)
+        return Dial(fidelity=tier, tolerance=TOLERANCES[tier], knobs=knobs)
+    if fidelity is not None:
+        raise InputError("tolerance", tolerance, allowed="without fidelity", hint="they are two names of one dial")
+    if not 0 <= check_number("tolerance", tolerance) <= MAX_TOLERANCE:
+        raise InputError("tolerance", tolerance, allowed=f"0 to {MAX_TOLERANCE:g}")
+    if tolerance == 0:
+        return Dial(fidelity="reference", tolerance=TOLERANCES["reference"], knobs=FIDELITIES["reference"])
+    return Dial(fidelity="custom", tolerance=dict.fromkeys(QUANTITIES, float(tolerance)), knobs=None)
