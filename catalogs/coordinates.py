@@ -94,11 +94,15 @@ def propagate(
         raise InputError("dec_deg", float(dec.flat[np.argmax(np.abs(dec))]), unit="deg", allowed="-90 to 90")
 
     unit, east, north = _triad(ra, dec)
-    motion = (pm_ra[..., None] * east + pm_dec[..., None] * north) / _MAS_PER_RAD
-    radial = rv / _KM_S_PER_AU_YR * parallax / _MAS_PER_RAD
-    velocity = motion + radial[..., None] * unit
-    place = unit + velocity * (end - start)[..., None]
-    scale = np.linalg.norm(place, axis=-1)
+    with np.errstate(over="ignore", invalid="ignore"):
+        motion = (pm_ra[..., None] * east + pm_dec[..., None] * north) / _MAS_PER_RAD
+        radial = rv / _KM_S_PER_AU_YR * parallax / _MAS_PER_RAD
+        velocity = motion + radial[..., None] * unit
+        place = unit + velocity * (end - start)[..., None]
+        scale = np.linalg.norm(place, axis=-1)
+    if not np.all(np.isfinite(scale)):
+        raise InputError("to_epoch_yr", float(end[~np.isfinite(scale)].flat[0]), unit="yr",
+                         allowed="epochs at which the star is at a finite place")  # fmt: skip
     new_ra = np.rad2deg(np.arctan2(place[..., 1], place[..., 0])) % 360.0
     new_dec = np.rad2deg(np.arctan2(place[..., 2], np.hypot(place[..., 0], place[..., 1])))
     unit, east, north = _triad(new_ra, new_dec)
@@ -136,29 +140,41 @@ def tangent_offset(
     InputError
         If a value is not finite or a position is 90 degrees or more from the tangent point.
     """
-    ra, dec = np.deg2rad(_finite("ra_deg", ra_deg)), np.deg2rad(_finite("dec_deg", dec_deg))
-    ra0, dec0 = np.deg2rad(_finite("ra0_deg", ra0_deg)), np.deg2rad(_finite("dec0_deg", dec0_deg))
+    dec, dec0, east, north = _differences(ra_deg, dec_deg, ra0_deg, dec0_deg)
     # Half-angle forms keep full precision for offsets of micro-arcseconds.
-    turn = 2.0 * np.sin((ra - ra0) / 2.0) ** 2
-    cosine = np.cos(dec - dec0) - np.cos(dec) * np.cos(dec0) * turn
+    turn = 2.0 * np.sin(east / 2.0) ** 2
+    cosine = np.cos(north) - np.cos(dec) * np.cos(dec0) * turn
     if np.any(cosine <= 0.0):
         raise InputError("ra_deg, dec_deg", "position", allowed="less than 90 deg from the tangent point")
-    east = np.cos(dec) * np.sin(ra - ra0) / cosine
-    north = (np.sin(dec - dec0) + np.sin(dec0) * np.cos(dec) * turn) / cosine
-    return np.asarray(east * _ARCSEC_PER_RAD), np.asarray(north * _ARCSEC_PER_RAD)
+    xi = np.cos(dec) * np.sin(east) / cosine
+    eta = (np.sin(north) + np.sin(dec0) * np.cos(dec) * turn) / cosine
+    return np.asarray(xi * _ARCSEC_PER_RAD), np.asarray(eta * _ARCSEC_PER_RAD)
 
 
 def position_angle(east: ArrayLike, north: ArrayLike) -> FloatArray:
-    """Return the position angle in degrees, east of north, in [0, 360), of an offset (any common unit)."""
-    return np.asarray(np.rad2deg(np.arctan2(np.asarray(east, float), np.asarray(north, float))) % 360.0)
+    """Return the position angle in degrees, east of north, in [0, 360), of an offset (any common unit).
+
+    Raises
+    ------
+    InputError
+        If a value is not finite.
+    """
+    pa = np.rad2deg(np.arctan2(_finite("east", east), _finite("north", north))) % 360.0
+    # A tiny negative angle rounds to 360 itself.
+    return np.where(pa == 360.0, 0.0, pa)
 
 
 def separation_arcsec(ra_deg: ArrayLike, dec_deg: ArrayLike, ra0_deg: ArrayLike, dec0_deg: ArrayLike) -> FloatArray:
-    """Return the angle between two positions (degrees), arcsec, by the haversine formula."""
-    ra, dec = np.deg2rad(_finite("ra_deg", ra_deg)), np.deg2rad(_finite("dec_deg", dec_deg))
-    ra0, dec0 = np.deg2rad(_finite("ra0_deg", ra0_deg)), np.deg2rad(_finite("dec0_deg", dec0_deg))
-    square = np.sin((dec - dec0) / 2.0) ** 2 + np.cos(dec) * np.cos(dec0) * np.sin((ra - ra0) / 2.0) ** 2
-    return np.asarray(2.0 * np.arcsin(np.sqrt(np.minimum(square, 1.0))) * _ARCSEC_PER_RAD)
+    """Return the angle between two positions (degrees), arcsec, 0 to 180 degrees.
+
+    The haversine formula gives the squared sine of half the angle, and one like it the squared cosine: between them the
+    arc tangent keeps its digits from micro-arcseconds to the antipode.
+    """
+    dec, dec0, east, north = _differences(ra_deg, dec_deg, ra0_deg, dec0_deg)
+    wide = np.cos(dec) * np.cos(dec0)
+    sine = np.sin(north / 2.0) ** 2 + wide * np.sin(east / 2.0) ** 2
+    cosine = np.sin((dec + dec0) / 2.0) ** 2 + wide * np.cos(east / 2.0) ** 2
+    return np.asarray(2.0 * np.arctan2(np.sqrt(sine), np.sqrt(cosine)) * _ARCSEC_PER_RAD)
 
 
 def ecliptic(ra_deg: ArrayLike, dec_deg: ArrayLike) -> tuple[FloatArray, FloatArray]:
@@ -187,8 +203,23 @@ def ecliptic(ra_deg: ArrayLike, dec_deg: ArrayLike) -> tuple[FloatArray, FloatAr
     return np.asarray(np.rad2deg(np.arctan2(y, x)) % 360.0), np.asarray(np.rad2deg(np.arctan2(z, np.hypot(x, y))))
 
 
+def _differences(
+    ra_deg: ArrayLike, dec_deg: ArrayLike, ra0_deg: ArrayLike, dec0_deg: ArrayLike
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return both declinations and the differences in right ascension and declination, radians.
+
+    The differences are taken in degrees: those of neighbouring numbers are exact.
+    """
+    ra, dec = _finite("ra_deg", ra_deg), _finite("dec_deg", dec_deg)
+    ra0, dec0 = _finite("ra0_deg", ra0_deg), _finite("dec0_deg", dec0_deg)
+    return np.deg2rad(dec), np.deg2rad(dec0), np.deg2rad(ra - ra0), np.deg2rad(dec - dec0)
+
+
 def _finite(name: str, value: ArrayLike) -> FloatArray:
-    array = np.asarray(value, dtype=np.float64)
+    try:
+        array = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(name, value, allowed="finite numbers") from None
     if not np.all(np.isfinite(array)):
         raise InputError(name, "a value that is not finite", allowed="finite numbers")
     return array

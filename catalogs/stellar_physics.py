@@ -12,8 +12,11 @@ The shipped table is built with them, a refreshed one and a user's own table are
 
 from __future__ import annotations
 
+import functools
+import math
 import re
 from collections.abc import Iterable
+from fractions import Fraction
 from statistics import median
 
 import numpy as np
@@ -163,25 +166,41 @@ def colour_temperature(b_v_mag: float, metallicity: float) -> tuple[float, str]:
 
 def bolometric_correction(teff_k: float) -> float:
     """Return BC_V (mag) of Flower 1996 as corrected by Torres 2010."""
-    x = float(np.log10(teff_k))
-    series = _FLOWER_COOL if x < 3.70 else _FLOWER_WARM if x < 3.90 else _FLOWER_HOT
-    return sum(c * x**n for n, c in enumerate(series))
+    x = float(np.log10(_positive("teff_k", teff_k, "K")))
+    series, middle = (_FLOWER_COOL, 3.6) if x < 3.70 else (_FLOWER_WARM, 3.8) if x < 3.90 else (_FLOWER_HOT, 4.3)
+    total = 0.0
+    for coefficient in reversed(_about(series, middle)):
+        total = total * (x - middle) + coefficient
+    return total
+
+
+@functools.cache
+def _about(series: tuple[float, ...], middle: float) -> tuple[float, ...]:
+    """Return the coefficients of a polynomial in powers of ``x - middle``, shifted exactly.
+
+    The printed terms are a hundred thousand times their sum: ten digits would cancel.
+    """
+    exact, place = [Fraction(c) for c in series], Fraction(middle)
+    return tuple(
+        float(sum(exact[n] * math.comb(n, k) * place ** (n - k) for n in range(k, len(exact))))
+        for k in range(len(exact))
+    )
 
 
 def luminosity_from_v(v_mag: float, distance_pc: float, teff_k: float) -> float:
     """Return the bolometric luminosity (Lsun) of a star of apparent V (mag), distance (pc) and temperature (K)."""
-    m_bol = v_mag - 5.0 * np.log10(distance_pc / 10.0) + bolometric_correction(teff_k)
+    m_bol = v_mag - 5.0 * np.log10(_positive("distance_pc", distance_pc, "pc") / 10.0) + bolometric_correction(teff_k)
     return float(10.0 ** (-0.4 * (m_bol - _M_BOL_SUN)))
 
 
 def radius_from_luminosity(luminosity_lsun: float, teff_k: float) -> float:
     """Return the radius (Rsun) by Stefan-Boltzmann."""
-    return float(np.sqrt(luminosity_lsun) * (_TEFF_SUN_K / teff_k) ** 2)
+    return float(np.sqrt(_positive("luminosity_lsun", luminosity_lsun, "L_sun")) * (_TEFF_SUN_K / teff_k) ** 2)
 
 
 def mass_from_luminosity(luminosity_lsun: float) -> float:
     """Return main-sequence mass (Msun), Eker et al. 2018, from 0.45 to 2.4 Msun."""
-    x = float(np.log10(luminosity_lsun))
+    x = float(np.log10(_positive("luminosity_lsun", luminosity_lsun, "L_sun")))
     if x < 4.572 * np.log10(0.72) - 0.102:
         return float(10.0 ** ((x + 0.102) / 4.572))
     if x < 5.743 * np.log10(1.05) - 0.007:
@@ -198,4 +217,12 @@ def mass_of(sp_type: str, luminosity_lsun: float) -> tuple[float, str]:
 
 def gravity(mass_msun: float, radius_rsun: float) -> float:
     """Return log10 of the surface gravity (cm/s2) of mass and radius in solar units."""
-    return float(_LOG_G_SUN + np.log10(mass_msun) - 2.0 * np.log10(radius_rsun))
+    mass, radius = _positive("mass_msun", mass_msun, "M_sun"), _positive("radius_rsun", radius_rsun, "R_sun")
+    return float(_LOG_G_SUN + np.log10(mass) - 2.0 * np.log10(radius))
+
+
+def _positive(name: str, value: float, unit: str) -> float:
+    """Refuse numbers of 0 and below; nan, a number that is missing, passes."""
+    if value <= 0.0:
+        raise InputError(name, value, unit=unit, allowed="above 0")
+    return value

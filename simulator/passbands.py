@@ -28,19 +28,21 @@ from simulator.band_integrals import (
     band_projection,
     band_quadrature,
     check_covers,
-    check_positive,
     check_table,
     gauss_rule,
     v_photon_rate,
     v_projection,
     vega_v_photon_rate,
 )
-from simulator.quantities import check_finite
+from simulator.quantities import check_finite, check_number
 
 if TYPE_CHECKING:
     from simulator.config.instrument import BandConfig, Instrument
 
 __all__ = ["Passbands"]
+
+_MAGNITUDES = (-30.0, 60.0)
+_MOST_CM2 = 1e12
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,10 +130,10 @@ class Passbands:
         Raises
         ------
         InputError
-            If an input is not finite or the area not positive.
+            If an input is not finite, the magnitude not between -30 and 60 or the area not between 0 and 1e12.
         """
-        magnitude = check_finite("v_mag", v_mag, "mag")
-        area = check_positive("area_cm2", area_cm2, "cm2")
+        magnitude = _magnitude("v_mag", v_mag, "mag")
+        area = _area(area_cm2)
         nodes, weights = self.grid.corners(teff_k, log_g, metallicity)
         electrons = np.einsum("...k,...kb->...b", weights, self.node_rates[nodes])
         v_photons = np.einsum("...k,...k->...", weights, self.node_v[nodes])
@@ -158,7 +160,7 @@ class Passbands:
             If the spectrum is malformed, negative or does not cover a band.
         """
         wavelength, flux = check_table("spectrum", wavelength_nm, photlam)
-        area = check_positive("area_cm2", area_cm2, "cm2")
+        area = _area(area_cm2)
         return area * np.array([band_integral(band, wavelength, flux) for band in self.bands])
 
     def sky_rate_e_s_arcsec2(self, mag_arcsec2: ArrayLike, area_cm2: float) -> np.ndarray:
@@ -171,8 +173,8 @@ class Passbands:
         area_cm2 : float
             Collecting area.
         """
-        magnitude = check_finite("mag_arcsec2", mag_arcsec2, "mag/arcsec2")
-        area = check_positive("area_cm2", area_cm2, "cm2")
+        magnitude = _magnitude("mag_arcsec2", mag_arcsec2, "mag/arcsec2")
+        area = _area(area_cm2)
         return area * (10.0 ** (-0.4 * magnitude))[..., None] * self.sun_rates
 
     def band_albedo(
@@ -268,6 +270,21 @@ class Passbands:
         if spectrum is not None:
             measure = measure * np.interp(x, wavelength, flux)
         return gauss_rule(x, measure, n)
+
+
+def _magnitude(name: str, value: ArrayLike, unit: str) -> np.ndarray:
+    low, high = _MAGNITUDES
+    magnitude = check_finite(name, value, unit)
+    bad = (magnitude < low) | (magnitude > high)
+    if bad.any():
+        raise InputError(name, float(magnitude[bad].flat[0]), unit=unit, allowed=f"{low:g} to {high:g}")
+    return magnitude
+
+
+def _area(area_cm2: float) -> float:
+    if not 0.0 < check_number("area_cm2", area_cm2, "cm2") <= _MOST_CM2:
+        raise InputError("area_cm2", area_cm2, unit="cm2", allowed=f"above 0, at most {_MOST_CM2:g}")
+    return float(area_cm2)
 
 
 def _band(name: str, config: BandConfig) -> Band:

@@ -60,7 +60,12 @@ def exozodi_fraction_arcsec2(separation_arcsec: ArrayLike, n_zodis: ArrayLike) -
     if not (separation > 0).all():
         raise InputError("separation_arcsec", 0.0, unit="arcsec", allowed="above 0")
     zodis = checked_array("n_zodis", n_zodis, low=0.0, unit="zodis")
-    return ZODI_AT_ONE_ARCSEC * zodis / separation**2
+    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+        fraction = ZODI_AT_ONE_ARCSEC * zodis / separation / separation
+    if not np.isfinite(fraction).all():
+        raise InputError("separation_arcsec", float(separation.min()), unit="arcsec",
+                         allowed="separations at which the brightness is finite")  # fmt: skip
+    return np.asarray(fraction)
 
 
 def exozodi_disc(n_zodis: float) -> DiscSource | None:

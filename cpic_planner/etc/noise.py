@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cpic_planner.etc.camera import FrameCamera
+from cpic_planner.etc.cosmic_loss import frames_per_clean
 from cpic_planner.etc.counting_light import LIGHT_ARRAYS, CountingLight, counted
 from cpic_planner.etc.frames import PROBLEM_ARRAYS, FrameProblem
 from cpic_planner.etc.photon_counting import counting_law
@@ -146,7 +147,7 @@ def stack_noise(
     frames) and ``reference``.
     """
     exposure, frames, gain = (np.asarray(item, float) for item in (exposure_s, n_frames, em_gain))
-    stack = frames * np.exp(rates.loss_per_s * exposure) * rates.variance_factor / rates.rdi_throughput**2
+    stack = frames * frames_per_clean(rates.loss_per_s, exposure) * rates.variance_factor / rates.rdi_throughput**2
     scale = rates.reference_scale / reference_ratio
     pixels = stack * rates.noise_fraction * rates.aperture_pixels
     if mode == "photon_counting":

@@ -16,6 +16,7 @@ from simulator.config import FrozenModel
 from simulator.config.albedo import AlbedoValue, MeasuredAlbedo
 from simulator.target.albedo import albedo_notes, albedo_source, needs_insolation, phase_value
 from simulator.target.contrast import contrast_at
+from simulator.target.phase import sin_phase
 
 __all__ = ["ReferencePlanet", "reference_contrast", "reference_distance_au", "reference_notes"]
 
@@ -49,7 +50,7 @@ def reference_distance_au(targets: Targets, separation_arcsec: FloatArray, plane
     Separations are the same for all stars, ``(n_separation,)``, or one row for each.
     """
     projected = targets.distance_pc[:, None] * np.atleast_2d(separation_arcsec)
-    return projected / np.sin(np.radians(planet.phase_deg))
+    return np.asarray(projected / sin_phase(planet.phase_deg))
 
 
 def reference_notes(

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import numpy.typing as npt
 
@@ -13,6 +11,8 @@ __all__ = ["checked_array", "checked_rates", "checked_scalar", "element_name"]
 
 FloatArray = npt.NDArray[np.float64]
 NEGATIVE_TOLERANCE = 1e-9
+# More light than this counts as this: that of any exposure and any sum of it stays finite.
+MOST_E_S = 1e100
 
 
 def element_name(key: str, bad: npt.NDArray[np.bool_]) -> tuple[str, tuple[int, ...]]:
@@ -58,7 +58,7 @@ def checked_scalar(key: str, value: npt.ArrayLike, *, low: float, high: float, u
 
 
 def checked_rates(rate_map_e_s: npt.ArrayLike) -> tuple[FloatArray, int]:
-    """Rates of a 2-D map with rounding-error negatives set to 0, and their number.
+    """Rates of a 2-D map with rounding-error negatives set to 0 (and those above 1e100 to that), and their number.
 
     Raises
     ------
@@ -78,11 +78,11 @@ def checked_rates(rate_map_e_s: npt.ArrayLike) -> tuple[FloatArray, int]:
                          allowed="a non-empty 2-D (y, x) array of numbers")  # fmt: skip
     rates = rates.astype(np.float64, copy=False)
     lowest, highest = float(rates.min()), float(rates.max())
-    if lowest >= 0.0 and math.isfinite(highest):
+    if lowest >= 0.0 and highest <= MOST_E_S:
         return rates, 0
     finite = np.isfinite(rates)
     bad = ~finite if not finite.all() else rates < -NEGATIVE_TOLERANCE * max(highest, 0.0)
     if bad.any():
         name, index = element_name("rate_map_e_s", bad)
         raise InputError(name, float(rates[index]), unit="e-/s", allowed=allowed)
-    return np.maximum(rates, 0.0), int(np.count_nonzero(rates < 0.0))
+    return np.clip(rates, 0.0, MOST_E_S), int(np.count_nonzero(rates < 0.0))

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from simulator.camera.checks import checked_scalar
+from simulator.camera.checks import checked_array, checked_scalar
 from simulator.camera.frame import Frame
 from simulator.camera.visible import VisibleCamera
 from simulator.config.detector import Detector
@@ -16,6 +16,7 @@ from simulator.rng import PathPart
 __all__ = ["expected_adu_map", "expose_frame", "to_electrons"]
 
 FloatArray = npt.NDArray[np.float64]
+_MOST_ADU = 1e100
 
 
 def expected_adu_map(rate_e_s_map: npt.ArrayLike, exposure_s: float, em_gain: float, detector: Detector) -> FloatArray:
@@ -88,7 +89,8 @@ def to_electrons(adu: npt.ArrayLike, detector: Detector, em_gain: float) -> Floa
     Raises
     ------
     InputError
-        If ``em_gain`` is out of range.
+        If ``em_gain`` is out of range, or a number is not finite.
     """
     gain = checked_scalar("em_gain", em_gain, low=1.0, high=detector.em_gain_max)
-    return (np.asarray(adu, dtype=np.float64) - detector.bias_adu) * (detector.gain_e_adu / gain)
+    level = checked_array("adu", adu, low=-_MOST_ADU, high=_MOST_ADU, unit="ADU", allowed="finite")
+    return (level - detector.bias_adu) * (detector.gain_e_adu / gain)

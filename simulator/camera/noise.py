@@ -11,6 +11,9 @@ from simulator.config.detector import Detector
 
 __all__ = ["aperture_noise_pixels", "pixel_variance_e2"]
 
+# Squares of it are finite.
+_MOST = 1e100
+
 
 def pixel_variance_e2(
     photon_e: npt.ArrayLike, cic_e: npt.ArrayLike, em_gain: npt.ArrayLike, detector: Detector
@@ -20,9 +23,9 @@ def pixel_variance_e2(
     Parameters
     ----------
     photon_e : array_like
-        Mean electrons collected during the exposure (photo-electrons and dark current), at least 0.
+        Mean electrons collected during the exposure (photo-electrons and dark current), 0 to 1e100.
     cic_e : array_like
-        Mean clock-induced electrons per frame, at least 0.
+        Mean clock-induced electrons per frame, 0 to 1e100.
     em_gain : array_like
         Gain of the register, 1 to 1e4.
     detector : Detector
@@ -40,8 +43,8 @@ def pixel_variance_e2(
     InputError
         If an argument is negative, not finite or out of range.
     """
-    photon = checked_array("photon_e", photon_e, low=0.0, unit="e-")
-    cic = checked_array("cic_e", cic_e, low=0.0, unit="e-")
+    photon = checked_array("photon_e", photon_e, low=0.0, high=_MOST, unit="e-")
+    cic = checked_array("cic_e", cic_e, low=0.0, high=_MOST, unit="e-")
     factor2 = excess_noise_factor2(em_gain, detector.register_stages)
     output_variance = detector.read_noise_e**2 + detector.gain_e_adu**2 / 12.0
     return factor2 * (photon + cic) + output_variance / np.square(np.asarray(em_gain, dtype=np.float64))
@@ -57,7 +60,7 @@ def aperture_noise_pixels(radius_pixel: npt.ArrayLike) -> npt.NDArray[np.float64
     Parameters
     ----------
     radius_pixel : array_like
-        Radius in pixels, at least 1.
+        Radius in pixels, 1 to 1e100.
 
     Returns
     -------
@@ -67,7 +70,7 @@ def aperture_noise_pixels(radius_pixel: npt.ArrayLike) -> npt.NDArray[np.float64
     Raises
     ------
     InputError
-        If a radius is below 1 or not finite.
+        If a radius is out of range or not finite.
     """
-    radius = checked_array("radius_pixel", radius_pixel, low=1.0, unit="px")
+    radius = checked_array("radius_pixel", radius_pixel, low=1.0, high=_MOST, unit="px")
     return np.pi * radius * (radius - 1.0 / 3.0)

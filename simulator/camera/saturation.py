@@ -82,7 +82,7 @@ def gain_cap(peak_e_per_frame: npt.ArrayLike, detector: Detector, n_sigma: float
     fill = _fills(peak_e_per_frame, 1.0, detector, n_sigma)
     pixel, output = fill[0], fill[1:]
     worst = output.max(axis=0)
-    with np.errstate(divide="ignore"):
+    with np.errstate(divide="ignore", over="ignore"):
         ceiling = 1.0 / worst
     limit = _LIMITS[1 + output.argmax(axis=0)]
     feasible = (pixel <= 1.0) & (ceiling >= 1.0)
@@ -130,12 +130,14 @@ def pixel_saturated(
 
 def _fills(peak_e: npt.ArrayLike, em_gain: npt.ArrayLike, detector: Detector, n_sigma: float) -> FloatArray:
     """Filled fractions of pixel, register and converter (first axis), noise margin included."""
-    peak = checked_array("peak_e_per_frame", peak_e, low=0.0, unit="e-")
+    # What is beyond every limit stays so, and finite.
+    peak = np.minimum(checked_array("peak_e_per_frame", peak_e, low=0.0, unit="e-"), 1e300)
     gain = checked_array("em_gain", em_gain, low=1.0, high=1e4)
     margin = float(checked_array("n_sigma", n_sigma, low=0.0, high=100.0))
     level = peak + margin * np.sqrt(2.0 * peak)
+    output = gain * level
     adc_e = (detector.adc_max_adu - detector.bias_adu) * detector.gain_e_adu - margin * detector.read_noise_e
     pixel = (peak + margin * np.sqrt(peak)) / detector.full_well_e
     # A converter whose range is used up by bias and read noise alone is over-full whatever the charge.
-    adc = gain * level / adc_e if adc_e > 0 else np.full(np.broadcast(gain, level).shape, np.inf)
-    return np.stack(np.broadcast_arrays(pixel, gain * level / detector.register_full_well_e, adc)).astype(np.float64)
+    adc = output / adc_e if adc_e > 0 else np.full(output.shape, np.inf)
+    return np.stack(np.broadcast_arrays(pixel, output / detector.register_full_well_e, adc)).astype(np.float64)

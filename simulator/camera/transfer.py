@@ -13,6 +13,9 @@ from simulator.lazy import load_kernels
 
 __all__ = ["ClockCharge", "ParallelTransfer", "SerialTransfer", "chances_of_loss"]
 
+# 1 / 18! is 2e-16.
+_TERMS = 18
+
 
 def chances_of_loss(transfers: npt.NDArray[np.int64], inefficiency: float) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Chances that an electron is left behind at least once, then a second and a third time given the one before.
@@ -22,15 +25,26 @@ def chances_of_loss(transfers: npt.NDArray[np.int64], inefficiency: float) -> tu
     """
     n, c = transfers.astype(np.float64), inefficiency
     log_stay = np.log1p(-c)
-    none, one = np.exp(n * log_stay), n * c * np.exp((n - 1.0) * log_stay)
-    two = n * (n - 1.0) / 2.0 * c * c * np.exp((n - 2.0) * log_stay)
     first = -np.expm1(n * log_stay)
-    few = n * c < 1e-3  # the differences below cancel there; their leading terms do not
-    safe = np.where(few, 1.0, first)
-    second = np.where(few, np.maximum(n - 1.0, 0.0) * c / 2.0, (1.0 - none - one) / safe)
-    safe = np.where(few, 1.0, 1.0 - none - one)
-    third = np.where(few, np.maximum(n - 2.0, 0.0) * c / 3.0, (1.0 - none - one - two) / safe)
+    # Sums from below for few losses, where the complements would cancel; the complements for many.
+    none, one = np.exp(n * log_stay), n * c * np.exp((n - 1.0) * log_stay)
+    two = 0.5 * n * (n - 1.0) * c * c * np.exp((n - 2.0) * log_stay)
+    three = two * np.maximum(n - 2.0, 0.0) / 3.0 * c / (1.0 - c)
+    few = n * c < 1.0
+    twice = np.where(few, _tail(two, 2, n, c), 1.0 - none - one)
+    thrice = np.where(few, _tail(three, 3, n, c), 1.0 - none - one - two)
+    second = np.divide(twice, first, out=np.zeros_like(first), where=first > 0.0)
+    third = np.divide(thrice, twice, out=np.zeros_like(first), where=twice > 0.0)
     return first, np.clip(second, 0.0, 1.0), np.clip(third, 0.0, 1.0)
+
+
+def _tail(term: FloatArray, k: int, n: FloatArray, chance: float) -> FloatArray:
+    """Sum of a binomial law from ``k`` on, whose first term is given, for a mean below 1."""
+    odds, total = chance / (1.0 - chance), term.copy()
+    for j in range(k, k + _TERMS):
+        term = term * np.maximum(n - j, 0.0) / (j + 1.0) * odds
+        total += term
+    return total
 
 
 def _expected_shift(image: FloatArray, chances: tuple[FloatArray, FloatArray, FloatArray]) -> None:

@@ -122,12 +122,13 @@ class VisibleCamera:
         checked_scalar("em_gain", em_gain, low=1.0, high=detector.em_gain_max)
         place = _place(detector, rates.shape, first_pixel)
         flaws = self._flaws(rates.shape, place)
-        mean = self._light(rates, flaws, place) * exposure_s
+        light = self._light(rates, flaws, place)
+        mean = light * exposure_s
         switches = detector.switches
         if switches.smear and exposure_s > 0:
             # Lines pass under the light of their column on the way in and on the way out.
-            light = mean[place.rows] * (detector.transfer.line_shift_s / exposure_s)
-            mean[place.rows] += light.sum(axis=0) - light
+            passed = light[place.rows] * detector.transfer.line_shift_s
+            mean[place.rows] += passed.sum(axis=0) - passed
         if switches.dark:
             # Without flaws of the dark current `dark_of` is the same number everywhere.
             dark = dark_rate_e_s(detector) if flaws is None else flaws.dark_of(switches)

@@ -36,6 +36,10 @@ def ecliptic_deg(ra_deg: float, dec_deg: float) -> tuple[float, float]:
 
 
 def elongation_deg(longitude_from_sun_deg: float, latitude_deg: float) -> float:
-    """Angle from the Sun of a place on the sky, degrees."""
-    cosine = math.cos(math.radians(longitude_from_sun_deg)) * math.cos(math.radians(latitude_deg))
-    return math.degrees(math.acos(min(max(cosine, -1.0), 1.0)))
+    """Angle from the Sun of a place on the sky, degrees.
+
+    The arc tangent keeps its digits next to the Sun and opposite it, where the arc cosine has none.
+    """
+    longitude, latitude = math.radians(longitude_from_sun_deg), math.radians(latitude_deg)
+    beside = math.hypot(math.cos(latitude) * math.sin(longitude), math.sin(latitude))
+    return math.degrees(math.atan2(beside, math.cos(latitude) * math.cos(longitude)))

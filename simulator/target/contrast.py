@@ -59,11 +59,11 @@ def planet_contrast(
     phase = checked_phase(phase_deg)
     _one_shape(radius_rjup=radius, separation_ra_au=east, separation_dec_au=north, phase_deg=phase,
                geometric_albedo=albedo)  # fmt: skip
-    rho_au = np.hypot(east, north)
+    with np.errstate(over="ignore"):
+        rho_au = np.hypot(east, north)
     if np.any(rho_au == 0.0):
         raise InputError("separation", 0.0, unit="AU", allowed="above 0", hint="give the true distance to contrast_at")
-    size = radius * (JUPITER_RADIUS_KM / AU_KM) * sin_phase(phase) / rho_au
-    return _plain(albedo * size * size * lambert_phase(phase))
+    return _ratio(albedo, radius * sin_phase(phase), rho_au, lambert_phase(phase))
 
 
 def contrast_at(
@@ -105,8 +105,18 @@ def contrast_at(
     radius, albedo = _not_negative(radius_rjup, geometric_albedo)
     phi = np.asarray(lambert_phase(phase_deg)) if phase_value is None else check_finite("phase_value", phase_value)
     _one_shape(radius_rjup=radius, distance_au=distance, phase=phi, geometric_albedo=albedo)
-    size = radius * (JUPITER_RADIUS_KM / AU_KM) / distance
-    return _plain(albedo * size * size * phi)
+    return _ratio(albedo, radius, distance, phi)
+
+
+def _ratio(albedo: np.ndarray, radius_rjup: np.ndarray, distance_au: np.ndarray, phi: ArrayLike) -> np.ndarray | float:
+    """Return ``A_g (R/r)^2 Phi``; refuse what no double holds."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        size = radius_rjup * (JUPITER_RADIUS_KM / AU_KM) / distance_au
+        ratio = albedo * size * size * np.asarray(phi)
+    if not np.all(np.isfinite(ratio)):
+        raise InputError("contrast", float(ratio[~np.isfinite(ratio)].flat[0]), allowed="a finite ratio",
+                         hint="a radius or albedo is too large, or a distance too small")  # fmt: skip
+    return _plain(ratio)
 
 
 def _not_negative(radius_rjup: ArrayLike, geometric_albedo: ArrayLike) -> tuple[np.ndarray, np.ndarray]:

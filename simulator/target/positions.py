@@ -43,7 +43,9 @@ def sky_to_detector(
     rho = check_finite("separation_arcsec", separation_arcsec, "arcsec")
     if np.any(rho < 0.0):
         raise InputError("separation_arcsec", float(rho.min()), unit="arcsec", allowed="at least 0")
-    angle = np.deg2rad(check_finite("pa_deg", pa_deg, "deg") - check_number("roll_deg", roll_deg, "deg"))
+    pa, roll = check_finite("pa_deg", pa_deg, "deg"), check_number("roll_deg", roll_deg, "deg")
+    with np.errstate(over="ignore"):
+        angle = np.deg2rad(check_finite("pa_deg - roll_deg", pa - roll, "deg"))
     # Adding zero turns the -0 of the star itself into 0.
     return _parity(parity) * rho * np.sin(angle) + 0.0, rho * np.cos(angle) + 0.0
 
@@ -77,8 +79,10 @@ def detector_to_sky(
     x, y = check_finite("x_arcsec", x_arcsec, "arcsec"), check_finite("y_arcsec", y_arcsec, "arcsec")
     roll = check_number("roll_deg", roll_deg, "deg")
     pa = np.mod(np.rad2deg(np.arctan2(_parity(parity) * x, y)) + roll, 360.0)
+    with np.errstate(over="ignore"):
+        separation = check_finite("separation_arcsec", np.hypot(x, y), "arcsec")
     # A tiny negative angle rounds to 360 itself.
-    return np.hypot(x, y), np.where(pa == 360.0, 0.0, pa)
+    return separation, np.where(pa == 360.0, 0.0, pa)
 
 
 def wcs_keywords(

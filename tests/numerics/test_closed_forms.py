@@ -1,0 +1,57 @@
+"""Closed forms against mpmath at the very doubles passed; every public name has an entry."""
+
+import csv
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def test_closed_forms_are_as_good_as_their_condition_allows(numerics):
+    """A relative error of 1e-12 times the condition number, at the extremes too; warnings are errors."""
+    failed = []
+    for form in numerics.inventory.FORMS:
+        top = numerics.oracle.worst(numerics.oracle.points(form))
+        if not top.share <= form.allowed:
+            failed.append((form.name, top))
+    assert not failed
+
+
+def test_every_public_name_is_measured_or_said_to_be_no_number(numerics):
+    missing = []
+    for package, name, item in numerics.inventory.public_names():
+        standing = numerics.inventory.standing(name, item)
+        if not standing:
+            missing.append(f"{package}.{name}")
+        elif standing.startswith("tests/"):
+            assert name in (ROOT / standing).read_text(encoding="utf-8"), (name, standing)
+    assert not missing
+
+
+def test_no_entry_is_of_a_name_that_is_gone(numerics):
+    names = {name for _, name, _ in numerics.inventory.public_names()}
+    listed = {name for part in numerics.inventory.NO_NUMBER.values() for name in part} | set(
+        numerics.inventory.ELSEWHERE
+    )
+    assert listed <= names
+
+
+def test_the_committed_table_is_of_these_functions(numerics):
+    with (ROOT / "reports/numerics/results.csv").open(encoding="utf-8", newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert [(row["function"], row["domain"]) for row in rows] == [(f.name, f.domain) for f in numerics.inventory.FORMS]
+    assert all(float(row["error_over_allowed"]) <= 1.0 for row in rows)
+
+
+def test_the_oracle_sees_an_error_of_a_unit_in_the_last_places(numerics):
+    """A function that is off by 1e-11 fails; the same behind a condition number of 100 passes."""
+    form = numerics.oracle.ClosedForm("f", "", [(3.0,)], lambda x: x**2 * (1 + 1e-11), lambda x: x**2)
+    (point,) = numerics.oracle.points(form)
+    assert point.error == pytest.approx(1e-11, rel=1e-4)
+    assert point.condition == pytest.approx(2.0, rel=1e-12)
+    assert point.share > form.allowed
+    steep = numerics.oracle.ClosedForm("f", "", [(3.0,)], lambda x: x**100 * (1 + 1e-11), lambda x: x**100)
+    assert numerics.oracle.points(steep)[0].share < steep.allowed
+    gone = numerics.oracle.ClosedForm("f", "", [(3.0,)], lambda x: float("nan"), lambda x: x)
+    assert numerics.oracle.points(gone)[0].share == float("inf")
