@@ -11,9 +11,9 @@ WORKERS ?= 2
 OUT ?= out/plan
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: help plan test lint bench data reports wheel clean check-python
+.PHONY: help plan test lint bench bench-baseline data reports wheel clean check-python
 help:  ## show this list
-	@awk -F':.*## ' '/^[a-z-]+:.*## /{printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+	@awk -F':.*## ' '/^[a-z-]+:.*## /{printf "  make %-14s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
 check-python:
 	@if [ -z "$(PYTHON)" ]; then \
@@ -34,16 +34,20 @@ plan: $(VENV)/installed  ## rank the catalogue, confirm the best targets with im
 	$(BIN)/cpic plan --top $(TOP) --workers $(WORKERS) --out $(OUT)
 
 test: $(VENV)/installed  ## run the test suite
-	$(BIN)/python -m pytest -q --numprocesses 2 --dist loadfile
+	$(BIN)/python -m pytest -q --numprocesses 2 --dist worksteal
 
 lint: $(VENV)/installed  ## check style and types
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
-bench: $(VENV)/installed  ## run the timed comparisons
+bench: $(VENV)/installed  ## run the timed comparisons; fails where one is slower than its baseline
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[bench]'
-	$(BIN)/python -m pytest -q tests/benchmarks --benchmark-only --override-ini addopts=--import-mode=importlib
+	$(BIN)/python reports/benchmarks/make.py --check
+
+bench-baseline: $(VENV)/installed  ## the same, and keep its figures as the baseline and in reports/benchmarks
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[bench]'
+	$(BIN)/python reports/benchmarks/make.py
 
 data: $(VENV)/installed  ## rebuild catalogs/data from the pinned packages and compare
 	$(BIN)/python -m catalogs.build --check

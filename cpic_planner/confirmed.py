@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from pydantic import Field, model_validator
 
 from catalogs.errors import InputError
 from cpic_planner.engine import run_tasks
@@ -17,13 +18,17 @@ from cpic_planner.overrides import SimulatorOverrides
 from cpic_planner.ranking import rank_targets
 from cpic_planner.targets import Targets
 from cpic_planner.validation.confirm import confirm_task
+from cpic_planner.validation.cost import task_cost
 from cpic_planner.validation.task import ConfirmTask, prepare_task
-from cpic_planner.validation.verdict import seen_at_place, target_verdict
-from simulator.config import Instrument
-from simulator.knobs import FIDELITIES
+from cpic_planner.validation.verdict import refusals_of, seen_at_place, target_verdict
+from simulator.config import FrozenModel, Instrument
+from simulator.knobs import Dial, dial_of
 
 __all__ = [
     "REALISATIONS",
+    "RESULT_VERSION",
+    "ImageConfig",
+    "audited",
     "confirm_stars",
     "confirmed_target",
     "images_cost",
@@ -34,6 +39,74 @@ __all__ = [
 
 REALISATIONS = 8
 """Draws of drift and noise of every target and band: an SNR of 10 from 12 apertures is then known to 9 %."""
+
+RESULT_VERSION = 4
+"""Raised when the same configuration gives other numbers, so that old folders are not resumed."""
+
+
+class ImageConfig(FrozenModel):
+    """What decides images that are measured; the part that a plan and a scene share.
+
+    ``fidelity`` or ``tolerance`` set the dial of speed against accuracy, ``standard`` without any.
+    ``simulator_overrides`` alter the images alone.
+    """
+
+    instrument: Instrument
+    bands: tuple[str, ...] | None = None
+    strategy: Strategy = Strategy()
+    realisations: Annotated[int, Field(ge=1, le=100_000)] = REALISATIONS
+    simulator_overrides: SimulatorOverrides = SimulatorOverrides()
+    fidelity: Literal["quick", "standard", "reference"] | None = None
+    tolerance: float | None = None
+    seed: Annotated[int, Field(ge=0, lt=2**63)] = 1
+
+    @model_validator(mode="after")
+    def _imaged(self) -> ImageConfig:
+        refuse_counting(self.strategy)
+        self.simulator_overrides.instrument(self.instrument)  # refuses unknown keys
+        dial_of(self.fidelity, self.tolerance)
+        return self
+
+    @property
+    def dial(self) -> Dial:
+        """Speed against accuracy."""
+        return dial_of(self.fidelity, self.tolerance)
+
+    def hashed(self) -> dict[str, Any]:
+        """Plain data of everything here; the dial by what it does, not by the name that it was given."""
+        tree = self.model_dump(mode="json", exclude={"fidelity", "tolerance"})
+        return tree | {"dial": self.dial.model_dump(mode="json")}
+
+    @property
+    def image_settings(self) -> dict[str, Any]:
+        """Settings of `cpic_planner.validation.task.task_of`."""
+        return {
+            "seed": self.seed,
+            "fidelity": self.fidelity,
+            "tolerance": self.tolerance,
+            "realisations": self.realisations,
+            "overrides": self.simulator_overrides,
+        }
+
+
+def audited(dial: Dial, asked: bool | None = None) -> bool:
+    """Whether one more realisation runs frame by frame beside those that are drawn as sums.
+
+    Parameters
+    ----------
+    dial : Dial
+    asked : bool, optional
+        What was asked for; ``standard`` has an audit and no other setting without.
+
+    Raises
+    ------
+    InputError
+        Where one is asked of the reference.
+    """
+    if asked and dial.fidelity == "reference":
+        raise InputError("audit", "given", allowed="quick, standard or a tolerance",
+                         hint="the reference runs every realisation frame by frame")  # fmt: skip
+    return dial.fidelity == "standard" if asked is None else asked
 
 
 def refuse_counting(strategy: Strategy) -> None:
@@ -58,7 +131,7 @@ def plan_tasks(
 ) -> tuple[list[ConfirmTask], dict[tuple[str, str], BandConfirmation]]:
     """Work to do, and the bands that need none because the answer is already a refusal.
 
-    The band of each target that promises most is audited: one more realisation frame by frame.
+    Where the dial has audits, the band of each target that promises most gets one: a realisation frame by frame.
     """
     tasks: list[ConfirmTask] = []
     refused: dict[tuple[str, str], BandConfirmation] = {}
@@ -66,12 +139,13 @@ def plan_tasks(
         own = []
         for band in model.bands:
             ready = prepare_task(model, star, band, **settings)
-            if isinstance(ready, BandConfirmation):
-                refused[(row.name, band)] = ready
-            else:
+            answers = [ready] if isinstance(ready, BandConfirmation) else refusals_of(ready)
+            if isinstance(ready, ConfirmTask) and not answers:
                 own.append(ready)
+            else:
+                (refused[(row.name, band)],) = answers
         best = max(own, key=_margin, default=None)
-        tasks.extend(replace(task, audit=task is best) for task in own)
+        tasks.extend(replace(task, audit=task is best and audited(task.dial)) for task in own)
     return tasks, refused
 
 
@@ -80,19 +154,17 @@ def _margin(task: ConfirmTask) -> float:
     return float(expected["significance"] / expected["threshold"])
 
 
-def images_cost(tasks: Sequence[ConfirmTask], fidelity: str, workers: int) -> dict[str, float]:
-    """Expected wall time, memory and disk of simulating and measuring tasks, from the frames to simulate."""
-    frames = sum(2 * task.n_frames for task in tasks if task.audit)
-    pixels = FIDELITIES[fidelity].stamp_pixels ** 2
-    draws = sum(task.realisations for task in tasks)
-    work = 1.2 * len(tasks) + 0.2 * draws + 8e-3 * frames
-    largest = max((task.n_frames for task in tasks if task.audit), default=0)
+def images_cost(tasks: Sequence[ConfirmTask], workers: int) -> dict[str, float]:
+    """Expected wall time, memory and disk of simulating and measuring tasks, see `cpic_planner.validation.cost`."""
+    costs = [task_cost(task) for task in tasks]
+    work = [cost.work_s for cost in costs]
+    at_once = min(workers, max(len(tasks), 1))
     return {
         "n_tasks": len(tasks),
-        "n_realisations": draws,
-        "n_frames": frames,
-        "wall_s": 4.0 + work / min(workers, max(len(tasks), 1)),
-        "memory_mb": 250.0 + 2 * largest * pixels * 8 * 3 / 1e6,
+        "n_realisations": sum(cost.realisations for cost in costs),
+        "n_frames": sum(cost.frames for cost in costs),
+        "wall_s": 4.0 + max(sum(work) / at_once, max(work, default=0.0)),
+        "memory_mb": max((cost.memory_mb for cost in costs), default=0.0),
         "disk_mb": 1.0 + 0.35 * len(tasks),
     }
 
@@ -103,18 +175,17 @@ def confirm_stars(
     *,
     time_s: float,
     planet: ReferencePlanet,
-    seed: int,
-    fidelity: str,
-    realisations: int = REALISATIONS,
-    overrides: SimulatorOverrides | None = None,
     workers: int = 1,
+    **settings: Any,
 ) -> list[ConfirmedTarget]:
-    """Confirm single stars without an output folder; see `cpic_planner.confirm_targets`."""
+    """Confirm single stars without an output folder; see `cpic_planner.confirm_targets`.
+
+    ``settings`` are those of `cpic_planner.validation.task.prepare_task`.
+    """
     refuse_counting(model.strategy)
     refuse_infrared(model.instrument, model.bands)
     rows = [rank_targets(model, star, time_s=time_s, planet=planet).targets[0] for star in stars]
-    tasks, refused = plan_tasks(model, stars, rows, time_s=time_s, planet=planet, seed=seed, fidelity=fidelity,
-                            realisations=realisations, overrides=overrides)  # fmt: skip
+    tasks, refused = plan_tasks(model, stars, rows, time_s=time_s, planet=planet, **settings)
     done = run_tasks(confirm_task, [(task.to_dict(),) for task in tasks], workers=workers)
     bodies = {(tasks[i].name, tasks[i].band): body for i, body in done}
     return [confirmed_target(model, row, refused, bodies) for row in rows]

@@ -7,20 +7,20 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from catalogs.catalogue import Catalogue
 from cpic_planner.confirmed import (
-    REALISATIONS,
+    RESULT_VERSION,
+    ImageConfig,
     confirmed_target,
     images_cost,
     plan_tasks,
-    refuse_counting,
     refuse_infrared,
 )
 from cpic_planner.engine import run_tasks
 from cpic_planner.environment import RunClock
-from cpic_planner.etc.model import EtcModel, Strategy, build_model
+from cpic_planner.etc.model import EtcModel, build_model
 from cpic_planner.etc.planet import ReferencePlanet
 from cpic_planner.models import (
     BandConfirmation,
@@ -30,7 +30,6 @@ from cpic_planner.models import (
     ScoreName,
     SensitivityResult,
 )
-from cpic_planner.overrides import SimulatorOverrides
 from cpic_planner.population_config import PopulationConfig, load_population
 from cpic_planner.ranking import DEFAULT_SCORE, N_PLANETS, PopulationChoice, planet_record, rank_targets
 from cpic_planner.runfolder import RunFolder, open_run_folder
@@ -40,26 +39,20 @@ from cpic_planner.validation.calibration import calibrate
 from cpic_planner.validation.confirm import confirm_task
 from cpic_planner.validation.task import ConfirmTask, images_of
 from cpic_planner.version import __version__
-from simulator.config import FrozenModel, Instrument, content_hash
+from simulator.config import content_hash
 from simulator.files import dump_json
-from simulator.knobs import FIDELITIES
 from simulator.ledger import not_modelled
 
 __all__ = ["FinishedPlan", "PlanConfig", "estimate_cost", "make_plan"]
 
-RESULT_VERSION = 3
-"""Raised when the same configuration gives other numbers, so that old folders are not resumed."""
 
-
-class PlanConfig(FrozenModel):
+class PlanConfig(ImageConfig):
     """Everything that decides a plan, but for the star table.
 
-    ``v_mag_max`` None: 7, or all of a table of one's own. ``simulator_overrides`` alter the images alone.
+    ``v_mag_max`` None: 7, or all of a table of one's own.
     """
 
-    instrument: Instrument
     top: Annotated[int, Field(ge=1, le=1000)] = 5
-    bands: tuple[str, ...] | None = None
     time_s: Annotated[float, Field(ge=1e-3, le=1e9)] = 36000.0
     dwarfs_only: bool = False
     singles_only: bool = False
@@ -69,17 +62,6 @@ class PlanConfig(FrozenModel):
     population: PopulationConfig = Field(default_factory=load_population)
     n_planets: Annotated[int, Field(ge=1, le=1_000_000)] = N_PLANETS
     score: ScoreName = DEFAULT_SCORE
-    fidelity: Literal["quick", "standard", "reference"] = "standard"
-    strategy: Strategy = Strategy()
-    realisations: Annotated[int, Field(ge=1, le=100_000)] = REALISATIONS
-    simulator_overrides: SimulatorOverrides = SimulatorOverrides()
-    seed: Annotated[int, Field(ge=0, lt=2**63)] = 1
-
-    @model_validator(mode="after")
-    def _imaged(self) -> PlanConfig:
-        refuse_counting(self.strategy)
-        self.simulator_overrides.instrument(self.instrument)  # refuses unknown keys
-        return self
 
     @property
     def drawn(self) -> PopulationChoice:
@@ -139,15 +121,7 @@ def _prepare(config: PlanConfig, catalog: CatalogSource) -> _Prepared:
     index = {str(name): i for i, name in enumerate(targets.name)}
     stars = [targets.select([index[row.name]]) for row in chosen]
     tasks, refused = plan_tasks(
-        model,
-        stars,
-        chosen,
-        time_s=config.time_s,
-        planet=config.planet,
-        seed=config.seed,
-        fidelity=config.fidelity,
-        realisations=config.realisations,
-        overrides=config.simulator_overrides,
+        model, stars, chosen, time_s=config.time_s, planet=config.planet, **config.image_settings
     )
     return _Prepared(model, catalogue, targets, rank, chosen, tasks, refused)
 
@@ -162,8 +136,7 @@ def plan_hash(config: PlanConfig, rank: RankResult, catalogue: Catalogue) -> str
         "kind": "plan",
         "results": RESULT_VERSION,
         "version": __version__,
-        "knobs": FIDELITIES[config.fidelity].model_dump(mode="json"),
-        "config": config.model_dump(mode="json") | {"v_mag_max": limit},
+        "config": config.hashed() | {"v_mag_max": limit},
         "rank": rank.config_hash,
         "catalogue": rank.catalogue if catalogue.kind == "snapshot" else catalogue.kind,
     }
@@ -173,7 +146,7 @@ def plan_hash(config: PlanConfig, rank: RankResult, catalogue: Catalogue) -> str
 def estimate_cost(config: PlanConfig, *, workers: int = 1, catalog: CatalogSource = "snapshot") -> dict[str, float]:
     """Expected wall time, memory and disk of a plan, see `cpic_planner.confirmed.images_cost`."""
     prepared = _prepare(config, catalog)
-    cost = images_cost(prepared.tasks, config.fidelity, workers)
+    cost = images_cost(prepared.tasks, workers)
     return {"n_targets": len(prepared.chosen)} | cost
 
 
@@ -274,7 +247,8 @@ def _assemble(
         version=__version__,
         config_hash=digest,
         seed=config.seed,
-        fidelity=config.fidelity,
+        fidelity=config.dial.fidelity,
+        tolerance=config.dial.tolerance,
         instrument=config.instrument.name,
         time_s=config.time_s,
         sigma=strategy.sigma,

@@ -5,60 +5,53 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from catalogs.errors import InputError
-from cpic_planner.confirmed import REALISATIONS, images_cost, refuse_counting, refuse_infrared
+from cpic_planner.confirmed import RESULT_VERSION, ImageConfig, audited, images_cost, refuse_infrared
 from cpic_planner.engine import run_tasks
 from cpic_planner.etc.frames import best_in_visit
-from cpic_planner.etc.model import EtcModel, Strategy, build_model
+from cpic_planner.etc.model import EtcModel, build_model
 from cpic_planner.etc.noise import frame_problem
 from cpic_planner.etc.rates import aperture_rates
 from cpic_planner.models import BandConfirmation, ConfirmResult
-from cpic_planner.overrides import SimulatorOverrides
 from cpic_planner.targets import Targets
 from cpic_planner.validation.calibration import calibrate
 from cpic_planner.validation.confirm import confirm_task
 from cpic_planner.validation.findings import albedo_fits, albedo_records, position_records
 from cpic_planner.validation.task import MAX_FRAMES, ConfirmTask, Frames, expected_of, images_of, task_of
+from cpic_planner.validation.verdict import refusals_of
 from cpic_planner.version import __version__
-from simulator.config import FrozenModel, Instrument, Scene, content_hash
+from simulator.config import Scene, content_hash
 from simulator.imaging.metrics import PsfMetrics
-from simulator.knobs import FIDELITIES
 from simulator.ledger import not_modelled
 from simulator.outcome import Reason, Status
 from simulator.target.lights import LitStar
 from simulator.target.positions import detector_to_sky
 from simulator.target.sources import Source, scene_sources
 
-__all__ = ["ConfirmConfig", "confirm_hash", "confirm_scene", "estimate_cost", "scene_target"]
+__all__ = ["ConfirmConfig", "confirm_hash", "confirm_scene", "estimate_cost", "prepared_tasks", "scene_target"]
 
 DEFAULT_TIME_S = 36000.0
 
 
-class ConfirmConfig(FrozenModel):
+class ConfirmConfig(ImageConfig):
     """Everything that decides the confirmation of a scene.
 
     Frames are given by ``exposure_s`` and ``n_frames``, or are the best within ``time_s`` of wall time for the first
     planet of the scene (of 1e-8 at the middle of the hole where it has none). A gain that is not given is the best one.
+    ``audit`` None: as `cpic_planner.confirmed.audited` says.
     """
 
-    instrument: Instrument
     scene: Scene
-    bands: tuple[str, ...] | None = None
     time_s: Annotated[float, Field(ge=1e-3, le=1e9)] | None = None
     exposure_s: Annotated[float, Field(ge=1e-6, le=1e6)] | None = None
     n_frames: Annotated[int, Field(ge=1, le=MAX_FRAMES)] | None = None
     em_gain: Annotated[float, Field(ge=1, le=1e4)] | None = None
-    strategy: Strategy = Strategy()
-    realisations: Annotated[int, Field(ge=1, le=100_000)] = REALISATIONS
-    audit: bool = True
-    simulator_overrides: SimulatorOverrides = SimulatorOverrides()
-    fidelity: Literal["quick", "standard", "reference"] = "standard"
-    seed: Annotated[int, Field(ge=0, lt=2**63)] = 1
+    audit: bool | None = None
 
     @model_validator(mode="after")
     def _frames(self) -> ConfirmConfig:
@@ -68,8 +61,7 @@ class ConfirmConfig(FrozenModel):
             raise InputError("exposure_s", None, unit="s", allowed="a value where n_frames is given")
         if self.exposure_s is not None and self.n_frames is None and self.time_s is None:
             raise InputError("n_frames", None, allowed="a value where exposure_s is given without time_s")
-        refuse_counting(self.strategy)
-        self.simulator_overrides.instrument(self.instrument)  # refuses unknown keys
+        audited(self.dial, self.audit)
         return self
 
 
@@ -136,7 +128,12 @@ def confirm_scene(
 
 def estimate_cost(config: ConfirmConfig, *, workers: int = 1) -> dict[str, float]:
     """Expected wall time, memory and disk of a confirmation, see `cpic_planner.confirmed.images_cost`."""
-    return images_cost(_prepared(config)[1].tasks, config.fidelity, workers)
+    return images_cost(prepared_tasks(config), workers)
+
+
+def prepared_tasks(config: ConfirmConfig) -> list[ConfirmTask]:
+    """Work of a confirmation, one task a band; bands without an image to make are left out."""
+    return _prepared(config)[1].tasks
 
 
 def _prepared(config: ConfirmConfig) -> tuple[EtcModel, _Work]:
@@ -158,7 +155,8 @@ def _assembled(
         scene=config.scene.name,
         instrument=config.instrument.name,
         seed=config.seed,
-        fidelity=config.fidelity,
+        fidelity=config.dial.fidelity,
+        tolerance=config.dial.tolerance,
         realisations=config.realisations,
         sigma=config.strategy.sigma,
         reference_library=config.strategy.library,
@@ -178,9 +176,9 @@ def confirm_hash(config: ConfirmConfig) -> str:
     """Hash of everything that decides the result."""
     return content_hash({
         "kind": "confirm",
+        "results": RESULT_VERSION,
         "version": __version__,
-        "knobs": FIDELITIES[config.fidelity].model_dump(mode="json"),
-        "config": config.model_dump(mode="json"),
+        "config": config.hashed() | {"audit": audited(config.dial, config.audit)},
     })  # fmt: skip
 
 
@@ -242,21 +240,20 @@ def _work(config: ConfirmConfig, model: EtcModel) -> _Work:
             expected_of(model, target, band, (planet.x_arcsec, planet.y_arcsec), planet.contrast or 0.0, frames)
             for planet in shown
         ]
-        tasks.append(
-            task_of(
-                model,
-                config.scene,
-                band,
-                frames,
-                predictions,
-                seed=config.seed,
-                fidelity=config.fidelity,
-                realisations=config.realisations,
-                audit=config.audit,
-                overrides=config.simulator_overrides,
-                planets=[planet.name for planet in shown],
-            )
+        task = task_of(
+            model,
+            config.scene,
+            band,
+            frames,
+            predictions,
+            audit=audited(config.dial, config.audit),
+            planets=[planet.name for planet in shown],
+            **config.image_settings,
         )
+        answers = refusals_of(task)
+        refused += answers
+        if not answers:
+            tasks.append(task)
     return _Work(tasks, refused)
 
 

@@ -112,6 +112,10 @@ class Dial(FrozenModel):
     tolerance: dict[Quantity, float]
     knobs: Knobs | None
 
+    def of(self, *quantities: Quantity) -> Dial:
+        """The same dial for some quantities alone."""
+        return self.model_copy(update={"tolerance": {name: self.tolerance[name] for name in quantities}})
+
 
 def dial_of(fidelity: str | None = None, tolerance: float | None = None) -> Dial:
     """The dial at a named tier (``standard`` without any) or at a tolerance.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from collections.abc import Sequence as Several
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, get_args
@@ -30,8 +31,10 @@ from simulator.imaging.frame import (
     window_of,
 )
 from simulator.imaging.psf import PsfError, single_band_psf
-from simulator.knobs import Knobs
-from simulator.ledger import EffectRow, effect_ledger
+from simulator.imaging.store import psf_metrics
+from simulator.knobs import Knobs, Quantity, resolve_knobs
+from simulator.ledger import MAX_EPOCHS, Choice, EffectRow, effect_ledger
+from simulator.ledger.observed import checked_quantities, checked_tolerance, observation_choice
 from simulator.quantities import check_number, check_pair, check_whole
 from simulator.rng import PathPart, stream
 from simulator.sequence import MAX_FRAMES, MAX_REALISATION, Light, Sequence, Stamps
@@ -44,7 +47,6 @@ FloatArray = NDArray[np.float64]
 WindowName = Literal["full", "hole"]
 Role = Literal["science", "reference", "calibration"]
 SkyKind = Literal["SCI", "DSF", "CALS"]
-MAX_EPOCHS = 12
 MAX_OFFSET_ARCSEC = 8.0
 
 
@@ -69,6 +71,10 @@ class Observation(Sequence):
         Mean ADU of a frame, averaged over the drift of the visit.
     truth : Truth
     ledger : tuple of EffectRow
+    tolerance : float
+        Error that was traded for speed.
+    choice : Choice or None
+        What was left out for it, and the predicted error; None without a tolerance.
     header : dict
     """
 
@@ -82,6 +88,8 @@ class Observation(Sequence):
     area: Window = field(kw_only=True)
     truth: Truth = field(kw_only=True)
     ledger: tuple[EffectRow, ...] = field(kw_only=True)
+    tolerance: float = field(default=0.0, kw_only=True)
+    choice: Choice | None = field(default=None, kw_only=True)
 
     @property
     def estimated_error(self) -> PsfError | None:
@@ -110,6 +118,7 @@ def observe(
     seed: int = 1,
     fidelity: str | Knobs = "standard",
     tolerance: float = 0.0,
+    quantity: Quantity | Several[Quantity] | None = None,
     roll_deg: float = 0.0,
     instrument: Instrument | Mapping[str, Any] | str | None = None,
     role: Role = "science",
@@ -142,7 +151,12 @@ def observe(
     fidelity : str or Knobs
         Accuracy of the optics.
     tolerance : float
-        Error that may be traded for speed; only 0 (model everything that exists) is implemented.
+        Error against the same observation with 0 that may be traded for speed, 0 to 0.5. At 0 everything that exists is
+        modelled; above, the effect ledger leaves out what is predicted to change less, and lowers the settings of the
+        optics from those of ``fidelity``; see the notes.
+    quantity : str or sequence of str, optional
+        What the tolerance holds for: ``planet_flux``, ``snr``, ``pixel_map``; all three where the scene has planets and
+        the pixel map where not, by default.
     roll_deg : float
         Turns sky and sources on the detector, never mask, hole or speckles.
     instrument : Instrument, mapping or str, optional
@@ -187,6 +201,9 @@ def observe(
     of the frame and the effect, and on nothing else. Sequences that differ only in exposure, gain, roll, switches or
     the like therefore draw common random numbers: their difference shows the setting and not the noise. Give each its
     own ``realisation`` (or ``seed``) where their noise has to be independent.
+
+    A tolerance leaves frames frames and the window as it is. What is left out stands in ``ledger`` with its predicted
+    size (`simulator.ledger`), and in ``choice``; the truth names every source of the scene.
     """
     scene = load_scene(scene)
     instrument = instrument if isinstance(instrument, Instrument) else load_instrument(instrument)
@@ -198,23 +215,34 @@ def observe(
         if value not in get_args(allowed):
             raise InputError(name, value, allowed=", ".join(get_args(allowed)))
     start = checked_utc("start_utc", instrument.mission.start_utc if start_utc is None else start_utc)
-    switched = switched_for(instrument, instrument.band(band).camera, switches)
     if psf is not None:
-        _check_psf(psf, band, instrument)
-    optics = psf or single_band_psf(band, fidelity=fidelity, instrument=instrument)
+        _check_psf(psf, band, instrument, tolerance)
+    if quantity is not None:
+        checked_quantities(quantity, planets=bool(scene.planets))
+    epochs, knobs = check_whole("max_epochs", max_epochs, 1, 1000), resolve_knobs(fidelity)
+    choice = None
+    if tolerance > 0:
+        choice = observation_choice(
+            scene, instrument, tolerance=tolerance, quantity=quantity, finest=knobs, full=window == "full", band=band,
+            exposure_s=float(exposure_s), n_frames=frames, em_gain=float(em_gain), roll_deg=roll_deg,
+            star_offset_arcsec=star, scene_model=scene_model, start_utc=start, switches=switches, max_epochs=epochs,
+        )  # fmt: skip
+        switches = {**(switches or {}), **choice.switches}
+        epochs, knobs = min(epochs, choice.epochs), choice.knobs
+    left_out = () if choice is None else choice.left_out
+    switched = switched_for(instrument, instrument.band(band).camera, switches)
+    optics = psf or single_band_psf(band, fidelity=knobs, instrument=instrument)
     sources = scene_sources(scene, instrument, band, roll_deg=roll_deg)
     area = window_of(optics, instrument, full=window == "full")
     path = (scene.name, kind, role, band, number)
     detector = instrument.detector_of(band)
     corner = (detector.star_row - area.centre[0], detector.star_column - area.centre[1])
-    stamps = _star_stamps(optics, instrument, exposure_s, detector.readout_s, frames, star, seed, path,
-                          check_whole("max_epochs", max_epochs, 1, 1000))  # fmt: skip
+    stamps = _star_stamps(optics, instrument, exposure_s, detector.readout_s, frames, star, seed, path, epochs)
     sky = sky_rate_e_s_arcsec2(
         instrument, band, ra_deg=scene.cstar.ra_deg, dec_deg=scene.cstar.dec_deg, start_utc=start
     )
-    static = (
-        sky.rate_e_s_arcsec2 * optics.pixel_scale_arcsec**2 * apodizer_energy(optics) * sky_transmission(optics, area)
-    )
+    front = 0.0 if choice is not None and not choice.sky else sky.rate_e_s_arcsec2
+    static = front * optics.pixel_scale_arcsec**2 * apodizer_energy(optics) * sky_transmission(optics, area)
     if window == "full":
         static += sources[0].rate_e_s * full_star_map(optics, area, star)
     stray = stray_light_parts(
@@ -224,8 +252,8 @@ def observe(
     static += off_axis_light(
         optics,
         area,
-        sources[1:],
-        extended_rates(scene, instrument, band),
+        [source for source in sources[1:] if source.name not in left_out],
+        [item for item in extended_rates(scene, instrument, band) if item.source.name not in left_out],
         roll_deg=roll_deg,
         star_arcsec=star,
         model=scene_model,
@@ -251,7 +279,8 @@ def observe(
         start_utc=start,
         light=Light(static, Stamps(sources[0].rate_e_s * stamps, rows, columns, part)),
         first_pixel=None if window == "full" else corner,
-        keywords=_keywords(scene, instrument, band, optics, truth, role, roll_deg, star, scene_model),
+        keywords=_keywords(scene, instrument, band, optics, truth, role, roll_deg, star, scene_model)
+        | {"TOLERANC": float(tolerance)},
         scene=scene,
         role=role,
         realisation=number,
@@ -262,7 +291,9 @@ def observe(
         psf=optics,
         area=area,
         truth=truth,
-        ledger=effect_ledger(
+        ledger=choice.rows
+        if choice is not None
+        else effect_ledger(
             scene,
             switched,
             band=band,
@@ -272,6 +303,8 @@ def observe(
             stray=stray,
             start_utc=start,
         ),
+        tolerance=float(tolerance),
+        choice=choice,
     )
 
 
@@ -296,7 +329,8 @@ def _keywords(
         "HOLEMODE": instrument.dark_hole.mode,
         "HOLE": optics.hole_state,
         "HOLEIN": instrument.hole_inner_arcsec(band) * math.sqrt(2.0),
-        "IWA": optics.metrics.iwa_arcsec,
+        # That of the standard settings: the core table of others takes longer than their images.
+        "IWA": (optics.metrics if isinstance(optics, ExternalPsf) else psf_metrics(instrument, band)).iwa_arcsec,
         "FIDELITY": "external" if isinstance(optics, ExternalPsf) else optics.knobs.tier,
         "SCENEMOD": scene_model,
     }
@@ -339,13 +373,15 @@ def _star_stamps(
     )
 
 
-def _check_psf(psf: ExternalPsf, band: str, instrument: Instrument) -> None:
+def _check_psf(psf: ExternalPsf, band: str, instrument: Instrument, tolerance: float) -> None:
     if not isinstance(psf, ExternalPsf):
         raise InputError("psf", psf, allowed="what load_psf returns")
     if psf.band not in ("", band):
         raise InputError("psf", psf.band, allowed=f"a PSF of {band}")
     if psf.instrument.content_hash != instrument.content_hash:
         raise InputError("psf", psf.instrument.name, allowed=f"a PSF of {instrument.name}: load_psf(..., instrument=)")
+    if tolerance > 0:
+        raise InputError("tolerance", tolerance, allowed="0 with a PSF from a file", hint="sizes are of the own optics")
 
 
 def _check(instrument: Instrument, band: str, exposure_s: Any, em_gain: Any, tolerance: Any, window: str, role: str,
@@ -354,8 +390,7 @@ def _check(instrument: Instrument, band: str, exposure_s: Any, em_gain: Any, tol
     for name, value, low, high, unit in (("exposure_s", exposure_s, 1e-6, 1e6, "s"), ("em_gain", em_gain, 1, most, "")):
         if not low <= check_number(name, value, unit) <= high:
             raise InputError(name, value, unit=unit, allowed=f"{low:g} to {high:g}")
-    if check_number("tolerance", tolerance) != 0:
-        raise InputError("tolerance", tolerance, allowed="0", hint="trading error for speed is not implemented yet")
+    checked_tolerance(tolerance)
     if role not in get_args(Role):
         raise InputError("role", role, allowed=", ".join(get_args(Role)))
     check_number("roll_deg", roll_deg, "deg")

@@ -41,6 +41,9 @@ class Reason(StrEnum):
     NO_LIGHT = "no_planet_light"
     SMALL_ROLL = "roll_too_small"
     TOO_BRIGHT_TO_COUNT = "too_bright_to_count"
+    NOT_MEASURED = "not_measured_in_images"
+    TOLERANCE_NOT_MET = "tolerance_not_met"
+    TIER_TOO_COARSE = "tier_too_coarse"
 
 
 class NotOk(RuntimeError):
@@ -79,6 +82,8 @@ class Outcome(Generic[T]):
             raise ValueError("an Outcome has a value exactly when its status is ok")
         if (self.reason is Reason.NONE) != (self.status is Status.OK):
             raise ValueError("an Outcome names a reason exactly when its status is not ok")
+        if isinstance(self.value, float) and self.value != self.value:
+            raise ValueError("an Outcome has no nan: its status says why there is no number")
 
     @classmethod
     def ok(cls, value: T, *, unit: str = "", flags: tuple[str, ...] = ()) -> Outcome[T]:

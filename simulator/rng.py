@@ -12,6 +12,7 @@ import hashlib
 from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from catalogs.errors import InputError
 
@@ -19,6 +20,8 @@ __all__ = ["PathPart", "stream", "stream_key"]
 
 PathPart: TypeAlias = str | int
 MAX_SEED = 2**63 - 1
+_INTEGERS = (int, np.integer)
+_PARTS = (str, *_INTEGERS)
 
 
 def stream_key(seed: int, *path: PathPart) -> tuple[int, ...]:
@@ -27,16 +30,20 @@ def stream_key(seed: int, *path: PathPart) -> tuple[int, ...]:
     Parts are hashed with their type and length, so ``("a", "bc")``, ``("ab", "c")`` and ``("1",)``,
     ``(1,)`` are all different paths.
     """
-    if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or not 0 <= int(seed) <= MAX_SEED:
+    return tuple(_words(seed, path).tolist())
+
+
+def _words(seed: int, path: tuple[PathPart, ...]) -> NDArray[np.uint32]:
+    if isinstance(seed, bool) or not isinstance(seed, _INTEGERS) or not 0 <= int(seed) <= MAX_SEED:
         raise InputError("seed", seed, allowed=f"an integer from 0 to {MAX_SEED}")
-    digest = hashlib.sha256(f"seed:{int(seed)}".encode())
+    text = [f"seed:{int(seed)}"]
     for part in path:
-        if isinstance(part, bool) or not isinstance(part, str | int | np.integer):
+        if isinstance(part, bool) or not isinstance(part, _PARTS):
             raise InputError("stream path", part, allowed="strings and integers")
-        text = str(part)
-        kind = "s" if isinstance(part, str) else "i"
-        digest.update(f"|{kind}{len(text)}:{text}".encode())
-    return tuple(int(word) for word in np.frombuffer(digest.digest(), dtype="<u4"))
+        name = str(part)
+        text.append(f"|{'s' if isinstance(part, str) else 'i'}{len(name)}:{name}")
+    digest = hashlib.sha256("".join(text).encode()).digest()
+    return np.frombuffer(digest, dtype="<u4").astype(np.uint32, copy=False)
 
 
 def stream(seed: int, *path: PathPart) -> np.random.Generator:
@@ -62,4 +69,4 @@ def stream(seed: int, *path: PathPart) -> np.random.Generator:
     >>> a == b
     True
     """
-    return np.random.Generator(np.random.SFC64(np.random.SeedSequence(stream_key(seed, *path))))
+    return np.random.Generator(np.random.SFC64(np.random.SeedSequence(_words(seed, path))))

@@ -8,9 +8,12 @@ from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from catalogs.errors import InputError
 from cpic_planner.api.inputs import InstrumentSource, OnOff, StrategySource, model_of, planet_of, stars_named
 from cpic_planner.etc import questions
 from cpic_planner.etc.answer import EtcAnswer
+from cpic_planner.etc.cases import planets_of
+from cpic_planner.etc.fidelity import etc_dial
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.planet import ReferencePlanet
 from cpic_planner.models import Explanation, RankResult, ScoreName, SensitivityResult
@@ -39,14 +42,35 @@ def _ask(
     catalog: str | Path,
     instrument: InstrumentSource,
     strategy: StrategySource,
+    images: Mapping[str, Any],
     **asked: Any,
 ) -> list[EtcAnswer]:
-    """Put one question for all named stars at once."""
+    """Put one question for all named stars at once; ``images`` are the arguments of their check."""
+    settings = dict(images)
+    given = {name: settings.pop(name) for name in ("fidelity", "tolerance")}
+    if given == {"fidelity": None, "tolerance": None}:
+        for name, value in settings.items():
+            if value is not None:
+                raise InputError(name, value, allowed="with a fidelity or a tolerance")
+        dial = None
+    else:
+        dial = etc_dial(**given)
     model = model_of(instrument, bands, strategy)
     if asked.get("planet") is not None:
         asked["planet"] = _planets(asked["planet"])
     stars = stars_named(target, companions, catalog)
-    return question(model, Targets.joined(stars), **asked) if stars else []
+    answers = question(model, Targets.joined(stars), **asked) if stars else []
+    if dial is None or not answers:
+        return answers
+    from cpic_planner.etc_check import checked_answers
+
+    each = len(answers) // len(stars)
+    around = [star for star in stars for _ in range(each)]
+    planets = planets_of(asked["separation_arcsec"], asked.get("planet"), asked.get("contrast"))
+    grey = question is questions.contrast_limit or planets.contrast is not None
+    bodies = [None if grey else planets.models[index % len(planets)] for index in range(len(answers))]
+    known = {name: value for name, value in settings.items() if value is not None}
+    return checked_answers(model, around, answers, bodies, dial, **known)
 
 
 def _planets(given: Any) -> ReferencePlanet | list[ReferencePlanet]:
@@ -66,6 +90,10 @@ def signal_to_noise(
     catalog: str | Path = "snapshot",
     instrument: InstrumentSource = None,
     strategy: StrategySource = None,
+    fidelity: str | None = None,
+    tolerance: float | None = None,
+    realisations: int | None = None,
+    seed: int | None = None,
     **planet_and_frame: Any,
 ) -> list[EtcAnswer]:
     """SNR of a planet in a given wall time.
@@ -89,6 +117,13 @@ def signal_to_noise(
     strategy : Strategy or mapping, optional
         How the observation is made and reduced: reference library, its size, analogue or photon counting ... (see
         `cpic_planner.etc.model.Strategy`).
+    fidelity, tolerance : optional
+        How firm the answers have to be: ``quick`` closed forms alone (the default), ``standard`` each checked in sums
+        of simulated frames, ``reference`` frame by frame; or the largest error of planet flux and SNR, 0 to 0.5, for
+        which images are made only where the stated error of the closed forms is larger. ``answer.fidelity`` then holds
+        errors and checks; values stay those of the closed forms.
+    realisations, seed : int, optional
+        Of those images; see `cpic_planner.etc_check.checked_answers`.
     **planet_and_frame
         ``planet`` (a `ReferencePlanet`) or ``contrast``; ``exposure_s`` and ``em_gain`` to fix them. As
         `cpic_planner.etc.questions.signal_to_noise`.
@@ -111,7 +146,8 @@ def signal_to_noise(
     'ok'
     """
     asked = {"time_s": time_s, "separation_arcsec": separation_arcsec} | planet_and_frame
-    return _ask(questions.signal_to_noise, target, bands, companions, catalog, instrument, strategy, **asked)
+    images = {"fidelity": fidelity, "tolerance": tolerance, "realisations": realisations, "seed": seed}
+    return _ask(questions.signal_to_noise, target, bands, companions, catalog, instrument, strategy, images, **asked)
 
 
 def exposure_time(
@@ -124,6 +160,10 @@ def exposure_time(
     catalog: str | Path = "snapshot",
     instrument: InstrumentSource = None,
     strategy: StrategySource = None,
+    fidelity: str | None = None,
+    tolerance: float | None = None,
+    realisations: int | None = None,
+    seed: int | None = None,
     **planet_and_frame: Any,
 ) -> list[EtcAnswer]:
     """Least wall time of one visit that reaches an SNR; parameters, returns and errors as `signal_to_noise`.
@@ -131,7 +171,8 @@ def exposure_time(
     Instead of ``snr`` a plain significance (``sigma``) or a detection (``detect=True``) can be asked for.
     """
     asked = {"snr": snr, "separation_arcsec": separation_arcsec} | planet_and_frame
-    return _ask(questions.exposure_time, target, bands, companions, catalog, instrument, strategy, **asked)
+    images = {"fidelity": fidelity, "tolerance": tolerance, "realisations": realisations, "seed": seed}
+    return _ask(questions.exposure_time, target, bands, companions, catalog, instrument, strategy, images, **asked)
 
 
 def contrast_limit(
@@ -145,6 +186,10 @@ def contrast_limit(
     catalog: str | Path = "snapshot",
     instrument: InstrumentSource = None,
     strategy: StrategySource = None,
+    fidelity: str | None = None,
+    tolerance: float | None = None,
+    realisations: int | None = None,
+    seed: int | None = None,
     **frame: Any,
 ) -> list[EtcAnswer]:
     """Faintest contrast detected in a given wall time; parameters, returns and errors as `signal_to_noise`.
@@ -152,7 +197,8 @@ def contrast_limit(
     ``sigma`` asks for a plain significance instead of the small-sample threshold, ``snr`` for a photometric SNR.
     """
     asked = {"time_s": time_s, "separation_arcsec": separation_arcsec, "sigma": sigma} | frame
-    return _ask(questions.contrast_limit, target, bands, companions, catalog, instrument, strategy, **asked)
+    images = {"fidelity": fidelity, "tolerance": tolerance, "realisations": realisations, "seed": seed}
+    return _ask(questions.contrast_limit, target, bands, companions, catalog, instrument, strategy, images, **asked)
 
 
 def optimise(

@@ -42,8 +42,8 @@ def make_plan(
     instrument : Instrument, mapping, str or Path, optional
     **settings
         Fields of `cpic_planner.plan.PlanConfig`: ``top``, ``bands``, ``time_s``, ``planet``, ``strategy``,
-        ``realisations``, ``simulator_overrides`` (as `cpic_planner.overrides.SimulatorOverrides.of` reads them),
-        ``seed`` ...
+        ``fidelity`` or ``tolerance``, ``realisations``, ``simulator_overrides`` (as
+        `cpic_planner.overrides.SimulatorOverrides.of` reads them), ``seed`` ...
 
     Returns
     -------
@@ -70,7 +70,8 @@ def confirm_targets(
     catalog: str | Path = "snapshot",
     instrument: InstrumentSource = None,
     seed: int = 1,
-    fidelity: str = "standard",
+    fidelity: str | None = None,
+    tolerance: float | None = None,
     strategy: StrategySource = None,
     realisations: int | None = None,
     simulator_overrides: OverrideSource = None,
@@ -83,8 +84,11 @@ def confirm_targets(
     target : str or sequence of str
     time_s, bands, planet, companions, catalog, instrument, strategy
         As `signal_to_noise`.
-    seed, fidelity
+    seed : int
         Of the images.
+    fidelity, tolerance : optional
+        Speed against accuracy of the images: ``quick``, ``standard`` (the default) or ``reference``, or the largest
+        relative error of planet flux and SNR that may be traded for speed, 0 to 0.5.
     realisations : int, optional
         Draws of drift and noise of every star and band, 8 by default.
     simulator_overrides : mapping, str, Path or sequence, optional
@@ -108,6 +112,7 @@ def confirm_targets(
         planet=ReferencePlanet() if planet is None else planet_of(planet),
         seed=seed,
         fidelity=fidelity,
+        tolerance=tolerance,
         realisations=REALISATIONS if realisations is None else realisations,
         overrides=SimulatorOverrides.of(simulator_overrides),
         workers=workers,
@@ -125,9 +130,10 @@ def confirm_scene(
     instrument: InstrumentSource = None,
     strategy: StrategySource = None,
     realisations: int | None = None,
-    audit: bool = True,
+    audit: bool | None = None,
     simulator_overrides: OverrideSource = None,
-    fidelity: str = "standard",
+    fidelity: str | None = None,
+    tolerance: float | None = None,
     seed: int = 1,
     workers: int = 1,
     scheduler: str | None = None,
@@ -150,11 +156,14 @@ def confirm_scene(
         As `signal_to_noise`; photon counting is refused.
     realisations : int, optional
         Draws of drift and noise a band, 8 by default.
-    audit : bool
-        Whether one more realisation a band runs frame by frame with every effect of the camera.
+    audit : bool, optional
+        Whether one more realisation a band runs frame by frame with every effect of the camera; by default with
+        ``fidelity="standard"``.
     simulator_overrides : mapping, str, Path or sequence, optional
         What is altered in the images alone, as ``"throughput=x0.7"``; see `cpic_planner.overrides`.
-    fidelity, seed
+    fidelity, tolerance
+        As `confirm_targets`.
+    seed : int
         Of the images.
     workers, scheduler
         As `make_plan`; the result does not depend on them.
@@ -190,6 +199,7 @@ def confirm_scene(
         "audit": audit,
         "simulator_overrides": SimulatorOverrides.of(simulator_overrides),
         "fidelity": fidelity,
+        "tolerance": tolerance,
         "seed": seed,
     }
     config = validate(ConfirmConfig, tree if strategy is None else tree | {"strategy": strategy}, where="confirm")
@@ -214,6 +224,7 @@ def simulate_products(
     frames: int | None = None,
     seed: int | None = None,
     fidelity: str | None = None,
+    tolerance: float | None = None,
     switches: Mapping[str, bool] | None = None,
     start_utc: str | None = None,
     **settings: Any,
@@ -230,8 +241,9 @@ def simulate_products(
     workers, scheduler, force, truth
         As `cpic_planner.simulation.run.simulate`.
     instrument : Instrument, mapping, str or Path, optional
-    frames, seed, fidelity, switches, start_utc : optional
-        For all sequences that have a use for them; those of a simulation are replaced.
+    frames, seed, fidelity, tolerance, switches, start_utc : optional
+        For all sequences that have a use for them; those of a simulation are replaced. Above a ``tolerance`` of 0 the
+        effect ledger leaves out what is predicted to matter less (`simulator.observe`).
     **settings
         Keys of `simulator.config.simulation.SequenceConfig` for scenes and calibration kinds: ``kind``, ``band``,
         ``exposure_s``, ``em_gain``, ``roll_deg``, ``star_offset_arcsec`` ...
@@ -249,7 +261,8 @@ def simulate_products(
     from cpic_planner.simulation.inputs import simulation_from
     from cpic_planner.simulation.run import simulate
 
-    changes = {"frames": frames, "seed": seed, "fidelity": fidelity, "switches": switches, "start_utc": start_utc}
+    changes = {"frames": frames, "seed": seed, "fidelity": fidelity, "tolerance": tolerance, "switches": switches,
+               "start_utc": start_utc}  # fmt: skip
     simulation, _ = simulation_from(
         what if isinstance(what, list | tuple) else [what],
         settings=settings,

@@ -9,29 +9,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from catalogs.errors import InputError
-from cpic_planner.cli.options import (
-    BandOption,
-    FidelityOption,
-    InstrumentOption,
-    JsonOption,
-    OnOff,
-    RealisationsOption,
-    SeedOption,
-    Tier,
-)
+from cpic_planner.cli.image_options import DIAL_HELP, ImageOptions, renamed, takes_images
+from cpic_planner.cli.options import OnOff
 from cpic_planner.cli.output import console, note, print_cost, print_json, progress
-from cpic_planner.cli.override_option import OVERRIDES_HELP, SimulatorOverridesOption, overrides_from
-from cpic_planner.cli.strategy_options import (
-    HiddenCountingOption,
-    LibraryChoice,
-    LibraryOption,
-    ReferenceRatioOption,
-    ReferenceTeffOption,
-    ReferenceVMagOption,
-    RollOption,
-    imaged_strategy,
-    refuse_together,
-)
+from cpic_planner.cli.override_option import OVERRIDES_HELP
+from cpic_planner.cli.strategy_options import refuse_together
 
 if TYPE_CHECKING:
     from simulator.config import Scene
@@ -61,17 +43,24 @@ Examples:
 
   cpic confirm paper_example --library roll --roll-deg 30 --dry-run
 
+  cpic confirm paper_example --band F520 --tolerance 0.02
+
+  cpic confirm paper_example --band F520 --realisations 2 --fidelity reference --dry-run
+
   cpic simulate --list-presets
+
+{DIAL_HELP}
 
 {OVERRIDES_HELP}"""
 
 _OPTIONS = {"exposure_s": "--exposure-s", "n_frames": "--frames", "em_gain": "--em-gain", "time_s": "--time-s",
-            "band": "--band", "bands": "--band", "realisations": "--realisations"}  # fmt: skip
+            "band": "--band", "bands": "--band", "realisations": "--realisations",
+            "audit": "--audit", "tolerance": "--tolerance"}  # fmt: skip
 
 
+@takes_images
 def confirm(
     scene: Annotated[str, typer.Argument(metavar="SCENE", help="Scene: a preset or a YAML file.")],
-    bands: BandOption = None,
     time_s: Annotated[
         float | None,
         typer.Option(
@@ -85,30 +74,19 @@ def confirm(
         OnOff | None,
         typer.Option("--companions", help="Put the scene's companions on the images [default: as it says]."),
     ] = None,
-    library: LibraryOption = LibraryChoice.SAME_STAR,
-    reference_v_mag: ReferenceVMagOption = None,
-    reference_teff_k: ReferenceTeffOption = None,
-    reference_ratio: ReferenceRatioOption = None,
-    roll_deg: RollOption = None,
-    photon_counting: HiddenCountingOption = False,
-    instrument: InstrumentOption = None,
-    realisations: RealisationsOption = None,
     audit: Annotated[
-        bool, typer.Option("--audit/--no-audit", help="Run one more realisation frame by frame, with every effect.")
-    ] = True,
-    simulator_overrides: SimulatorOverridesOption = None,
-    fidelity: FidelityOption = Tier.STANDARD,
-    seed: SeedOption = 1,
-    workers: Annotated[int, typer.Option("--workers", min=1, max=256, help="Local worker processes.")] = 1,
-    scheduler: Annotated[str | None, typer.Option("--scheduler", help="Dask scheduler, tcp://host:port.")] = None,
+        bool | None,
+        typer.Option(
+            "--audit/--no-audit",
+            help="Run one more realisation frame by frame, with every effect [default: with --fidelity standard].",
+        ),
+    ] = None,
     out: Annotated[Path | None, typer.Option("--out", help="Output folder [default: print only].")] = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace what another configuration left in --out.")] = False,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Estimate time, memory and disk, then stop.")] = False,
-    as_json: JsonOption = False,
+    *,
+    images: ImageOptions,
 ) -> None:
     """Confirm and print."""
     from cpic_planner.confirm_run import run_confirmation
-    from cpic_planner.confirmed import REALISATIONS
     from cpic_planner.scene_confirmation import ConfirmConfig, confirm_scene, estimate_cost
     from simulator.config import load_instrument
     from simulator.config.base import validate
@@ -118,52 +96,45 @@ def confirm(
         raise InputError("--frames", frames, allowed="together with --exposure-s")
     if exposure_s is not None and frames is None and time_s is None:
         raise InputError("--exposure-s", exposure_s, unit="s", allowed="together with --frames or --time-s")
-    if force and out is None:
+    if images.force and out is None:
         raise InputError("--force", "given", allowed="together with --out")
-    nominal = load_instrument(instrument)
+    nominal = load_instrument(images.instrument)
     chosen = _scene(scene)
-    tree = {
-        "instrument": nominal,
+    tree = images.config_tree(nominal) | {
         "scene": chosen if companions is None else chosen.model_copy(update={"companions": companions.value}),
-        "bands": tuple(bands) if bands else None,
         "time_s": time_s,
         "exposure_s": exposure_s,
         "n_frames": frames,
         "em_gain": em_gain,
-        "strategy": imaged_strategy(
-            library,
-            reference_v_mag=reference_v_mag,
-            reference_teff_k=reference_teff_k,
-            reference_ratio=reference_ratio,
-            roll_deg=roll_deg,
-            photon_counting=photon_counting,
-        ),
-        "realisations": REALISATIONS if realisations is None else realisations,
         "audit": audit,
-        "simulator_overrides": overrides_from(simulator_overrides, nominal),
-        "fidelity": fidelity.value,
-        "seed": seed,
     }
     try:
         config = validate(ConfirmConfig, tree, where="confirm")
     except InputError as error:
-        raise _named(error) from None
-    if dry_run:
-        cost = estimate_cost(config, workers=workers)
+        raise renamed(error, "confirm", _OPTIONS) from None
+    if images.dry_run:
+        cost = estimate_cost(config, workers=images.workers)
         what = f"{cost['n_tasks']} band{'s' * (cost['n_tasks'] != 1)} of {config.scene.name}"
-        print_cost(cost, what, workers, as_json)
+        print_cost(cost, what, images.workers, images.as_json)
         return
     total = len(config.bands or nominal.visible_bands())
     with progress("confirming", total=total) as advance:
         if out is None:
-            result = confirm_scene(config, workers=workers, scheduler=scheduler, advance=advance)[0]
+            result = confirm_scene(config, workers=images.workers, scheduler=images.scheduler, advance=advance)[0]
         else:
-            done = run_confirmation(config, out, workers=workers, scheduler=scheduler, force=force, advance=advance,
-                                    command=sys.argv[1:])  # fmt: skip
+            done = run_confirmation(
+                config,
+                out,
+                workers=images.workers,
+                scheduler=images.scheduler,
+                force=images.force,
+                advance=advance,
+                command=sys.argv[1:],
+            )
             result = done.result
             if done.resumed_parts:
                 note(f"reused {done.resumed_parts} finished band{'s' * (done.resumed_parts != 1)} of an earlier run")
-    if as_json:
+    if images.as_json:
         print_json(result)
         return
     from cpic_planner.report.console_confirm import print_confirm
@@ -173,14 +144,6 @@ def confirm(
         note("--out DIR writes a report with the images")
     else:
         typer.echo(f"report: {out / 'report.html'}")
-
-
-def _named(error: InputError) -> InputError:
-    """A refusal that names the option where one gave the value."""
-    key = error.key.removeprefix("confirm.").split(".")[0]
-    if key not in _OPTIONS:
-        return error
-    return InputError(_OPTIONS[key], error.value, unit=error.unit, allowed=error.allowed, hint=error.hint)
 
 
 def _scene(source: str) -> Scene:

@@ -8,6 +8,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from cpic_planner.cli.etc_dial import (
+    EtcCheck,
+    EtcFidelityOption,
+    EtcRealisationsOption,
+    EtcSeedOption,
+    EtcToleranceOption,
+)
 from cpic_planner.cli.options import (
     DEFAULT_TIME_S,
     AlbedoOption,
@@ -54,6 +61,12 @@ limit (--detect if none is given). Without any of these the answer is the SNR in
 planet stands where the answer is best in each band: least time, clearest detection, or faintest limit. A given time is
 an upper bound: the walk of the wavefront can make a shorter visit better.
 
+The answers are closed forms, in milliseconds (--fidelity quick). --fidelity standard observes each of them in images,
+drawn as sums of frames until their SNR is known to 5 %, and states flux and SNR of images over closed form; reference
+draws every frame with every effect of the camera, in minutes. --tolerance 0.05 makes images only where the stated error
+of the closed forms is larger than that, and says so where none of the two is that good. Answers stay those of the
+closed forms: what images say stands beside them.
+
 Examples:
 
   cpic etc "tau Cet"
@@ -74,7 +87,11 @@ Examples:
 
   cpic etc "eps Eri" --library reference_star --reference-v-mag 2.5 --exozodi 3 --photon-counting
 
-  cpic etc "my star" --catalog my_stars.csv --snr 10"""
+  cpic etc "my star" --catalog my_stars.csv --snr 10
+
+  cpic etc "tau Cet" --band F520 --time-s 7200 --fidelity standard
+
+  cpic etc "eps Eri" --band F662 --detect --tolerance 0.05"""
 
 
 def etc(
@@ -159,6 +176,10 @@ def etc(
     plot: Annotated[
         Path | None, typer.Option("--plot", help="Draw the answer into FILE.png, .pdf or .svg as well.")
     ] = None,
+    fidelity: EtcFidelityOption = None,
+    tolerance: EtcToleranceOption = None,
+    realisations: EtcRealisationsOption = None,
+    seed: EtcSeedOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Answer and print."""
@@ -168,6 +189,7 @@ def etc(
     from cpic_planner.etc.place import check_range
     from cpic_planner.etc.result import etc_result
 
+    check = EtcCheck.of(fidelity, tolerance, realisations, seed)
     level: dict[str, object] = {"--snr": snr, "--sigma": sigma, "--detect": detect or None}
     refuse_together(level, "one level at a time")
     if not contrast_limit:
@@ -216,16 +238,21 @@ def etc(
     question = EtcQuestion(wall, planet, snr, sigma, detect, contrast_limit, tuple(contrasts) if contrasts else None,
                            exposure_s, em_gain, frames)  # fmt: skip
     answers = question.ask(model, star, separations) if separations else question.ask_at_best(model, star)
+    known = None if contrasts or contrast_limit else planet
+    answers = check.checked(model, star, answers, known)
     result = etc_result(
         model,
         star,
         answers,
         note=note,
         catalogue=table.provenance,
-        planet=None if contrasts or contrast_limit else planet,
+        planet=known,
         asked={"snr": snr, "sigma": sigma, "detect": detect, "time_s": None if question.asks_time else wall}
         | {"limit": contrast_limit, "contrast": contrasts, "places": [one.separation_arcsec for one in answers]}
-        | {"phase_deg": phase, "exposure_s": exposure_s, "em_gain": em_gain, "n_frames": frames},
+        | {"phase_deg": phase, "exposure_s": exposure_s, "em_gain": em_gain, "n_frames": frames}
+        | check.asked,
+        dial=check.dial,
+        seed=check.seed,
     )
     if plot is not None:
         from cpic_planner.report.console_etc import best_row
@@ -243,8 +270,10 @@ def etc(
         print_json(result)
         return
     from cpic_planner.report.console_etc import print_etc
+    from cpic_planner.report.console_etc_fidelity import print_fidelity
 
     print_etc(result, console(), asked=question.words, every_budget=budget, explain=explain)
+    print_fidelity(result, console())
 
 
 def _star(target: str, companions: OnOff, table: Catalogue, distance_pc: float | None) -> tuple[Targets, str]:

@@ -24,6 +24,7 @@ from cpic_planner.cli import (
     rank_command,
     schema_command,
     simulate_command,
+    tradeoff_command,
 )
 from cpic_planner.cli.output import error_line, version_text
 
@@ -67,6 +68,7 @@ app.command("rank", help=rank_command.HELP)(rank_command.rank)
 app.command("etc", help=etc_command.HELP)(etc_command.etc)
 app.command("confirm", help=confirm_command.HELP)(confirm_command.confirm)
 app.command("simulate", help=simulate_command.HELP)(simulate_command.simulate)
+app.command("tradeoff", help=tradeoff_command.HELP)(tradeoff_command.tradeoff)
 app.command("check", help=check_command.HELP)(check_command.check)
 app.add_typer(catalog_command.app, name="catalog")
 app.add_typer(cache_command.app, name="cache")

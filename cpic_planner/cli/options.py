@@ -42,6 +42,7 @@ __all__ = [
     "SinglesOption",
     "Tier",
     "TimeOption",
+    "ToleranceOption",
     "VMaxOption",
     "albedo_from",
     "planet_from",
@@ -165,7 +166,17 @@ RealisationsOption: TypeAlias = Annotated[
         help="Made-up observations of every planet and band, each with its own drift and noise [default: 8].",
     ),
 ]
-FidelityOption: TypeAlias = Annotated[Tier, typer.Option("--fidelity", help="Speed against accuracy of the images.")]
+FidelityOption: TypeAlias = Annotated[
+    Tier | None, typer.Option("--fidelity", help="Speed against accuracy of the images [default: standard].")
+]
+ToleranceOption: TypeAlias = Annotated[
+    float | None,
+    typer.Option(
+        "--tolerance",
+        help="Instead of --fidelity: the cheapest images whose planet flux and SNR are predicted to be this close to "
+        "the reference, 0 to 0.5.",
+    ),
+]
 
 
 def albedo_from(

@@ -50,7 +50,7 @@ def print_cost(cost: Mapping[str, float], what: str, workers: int, as_json: bool
     from simulator.files import dump_json
 
     line = (
-        f"{what}, {cost['n_realisations']} realisations and {cost['n_frames']} audited frames, about "
+        f"{what}, {cost['n_realisations']} realisations, {cost['n_frames']} frames drawn one by one, about "
         f"{cost['wall_s']:.0f} s with {workers} worker(s), {cost['memory_mb']:.0f} MB memory a worker, "
         f"{cost['disk_mb']:.1f} MB disk\n"
     )

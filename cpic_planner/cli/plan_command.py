@@ -8,18 +8,16 @@ from typing import Annotated
 
 import typer
 
+from catalogs.errors import InputError
+from cpic_planner.cli.image_options import DIAL_HELP, ImageOptions, renamed, takes_images
 from cpic_planner.cli.options import (
     DEFAULT_TIME_S,
     AlbedoOption,
-    BandOption,
     CatalogOption,
     CloudsOption,
     CompanionsOption,
     DwarfsOption,
-    FidelityOption,
     InsolationOption,
-    InstrumentOption,
-    JsonOption,
     MetallicityOption,
     OnOff,
     PhaseFunctionOption,
@@ -27,12 +25,9 @@ from cpic_planner.cli.options import (
     PlanetsOption,
     PopulationOption,
     RadiusOption,
-    RealisationsOption,
     Score,
     ScoreOption,
-    SeedOption,
     SinglesOption,
-    Tier,
     TimeOption,
     VMaxOption,
     albedo_from,
@@ -40,17 +35,7 @@ from cpic_planner.cli.options import (
     population_from,
 )
 from cpic_planner.cli.output import console, note, print_cost, print_json, progress
-from cpic_planner.cli.override_option import OVERRIDES_HELP, SimulatorOverridesOption, overrides_from
-from cpic_planner.cli.strategy_options import (
-    HiddenCountingOption,
-    LibraryChoice,
-    LibraryOption,
-    ReferenceRatioOption,
-    ReferenceTeffOption,
-    ReferenceVMagOption,
-    RollOption,
-    imaged_strategy,
-)
+from cpic_planner.cli.override_option import OVERRIDES_HELP
 
 __all__ = ["HELP", "plan"]
 
@@ -74,18 +59,26 @@ Examples:
 
   cpic plan --top 20 --realisations 20 --dry-run
 
+  cpic plan --top 20 --fidelity quick
+
+  cpic plan --top 3 --tolerance 0.02
+
   cpic plan --score detection_margin --population solar_system --top 3
 
   cpic plan --catalog my_stars.ecsv --top 3
 
   cpic plan --library reference_star --reference-v-mag 3 --top 3
 
+{DIAL_HELP}
+
 {OVERRIDES_HELP}"""
 
+_OPTIONS = {"tolerance": "--tolerance"}
 
+
+@takes_images
 def plan(
     top: Annotated[int, typer.Option("--top", min=1, max=1000, help="How many targets to confirm with images.")] = 5,
-    bands: BandOption = None,
     time_s: TimeOption = DEFAULT_TIME_S,
     score: ScoreOption = Score.COMPLETENESS_PER_HOUR,
     dwarfs: DwarfsOption = False,
@@ -102,37 +95,19 @@ def plan(
     log10_fsed: CloudsOption = None,
     insolation_au: InsolationOption = None,
     phase_function: PhaseFunctionOption = None,
-    library: LibraryOption = LibraryChoice.SAME_STAR,
-    reference_v_mag: ReferenceVMagOption = None,
-    reference_teff_k: ReferenceTeffOption = None,
-    reference_ratio: ReferenceRatioOption = None,
-    roll_deg: RollOption = None,
-    photon_counting: HiddenCountingOption = False,
-    instrument: InstrumentOption = None,
-    realisations: RealisationsOption = None,
-    simulator_overrides: SimulatorOverridesOption = None,
-    fidelity: FidelityOption = Tier.STANDARD,
-    seed: SeedOption = 1,
-    workers: Annotated[int, typer.Option("--workers", min=1, max=256, help="Local worker processes.")] = 1,
-    scheduler: Annotated[str | None, typer.Option("--scheduler", help="Dask scheduler, tcp://host:port.")] = None,
     out: Annotated[Path, typer.Option("--out", help="Output folder.")] = Path("cpic-plan"),
-    force: Annotated[bool, typer.Option("--force", help="Replace what another configuration left in --out.")] = False,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Estimate time, memory and disk, then stop.")] = False,
-    as_json: JsonOption = False,
+    *,
+    images: ImageOptions,
 ) -> None:
     """Plan and print."""
     from catalogs.catalogue import open_catalogue
-    from cpic_planner.confirmed import REALISATIONS
     from cpic_planner.plan import PlanConfig, estimate_cost, make_plan
     from simulator.config import load_instrument
     from simulator.config.base import validate
 
-    chosen = population_from(population, planets, seed)
-    nominal = load_instrument(instrument)
-    tree = {
-        "instrument": nominal,
+    chosen = population_from(population, planets, images.seed)
+    tree = images.config_tree(load_instrument(images.instrument)) | {
         "top": top,
-        "bands": tuple(bands) if bands else None,
         "time_s": time_s,
         "dwarfs_only": dwarfs,
         "singles_only": singles,
@@ -144,41 +119,33 @@ def plan(
         "population": chosen.config,
         "n_planets": chosen.n_planets,
         "score": score.value,
-        "fidelity": fidelity.value,
-        "strategy": imaged_strategy(
-            library,
-            reference_v_mag=reference_v_mag,
-            reference_teff_k=reference_teff_k,
-            reference_ratio=reference_ratio,
-            roll_deg=roll_deg,
-            photon_counting=photon_counting,
-        ),
-        "realisations": REALISATIONS if realisations is None else realisations,
-        "simulator_overrides": overrides_from(simulator_overrides, nominal),
-        "seed": seed,
     }
-    config = validate(PlanConfig, tree, where="plan")
+    try:
+        config = validate(PlanConfig, tree, where="plan")
+    except InputError as error:
+        raise renamed(error, "plan", _OPTIONS) from None
     table = open_catalogue(catalog)
     for remark in table.notes:
         note(remark)
-    if dry_run:
-        cost = estimate_cost(config, workers=workers, catalog=table)
-        print_cost(cost, f"{cost['n_tasks']} image sets ({cost['n_targets']} targets x bands)", workers, as_json)
+    if images.dry_run:
+        cost = estimate_cost(config, workers=images.workers, catalog=table)
+        what = f"{cost['n_tasks']} image sets ({cost['n_targets']} targets x bands)"
+        print_cost(cost, what, images.workers, images.as_json)
         return
     with progress("confirming", total=top * len(config.band_names())) as advance:
         done = make_plan(
             config,
             out,
             catalog=table,
-            workers=workers,
-            scheduler=scheduler,
-            force=force,
+            workers=images.workers,
+            scheduler=images.scheduler,
+            force=images.force,
             advance=advance,
             command=sys.argv[1:],
         )
     if done.resumed_parts:
         note(f"reused {done.resumed_parts} finished pieces of an earlier run")
-    if as_json:
+    if images.as_json:
         print_json(done.plan)
         return
     from cpic_planner.report.console import print_plan

@@ -21,7 +21,12 @@ HELP = """Make Level-0 data with truth: scenes, whole simulations, every star of
 WHAT is a scene (preset or YAML file), a simulation (preset or YAML file: a list of sequences), or a table of stars
 (CSV, ECSV, VOTable, FITS; each row a scene); several may be given. Each combination of band, exposure and gain is one
 sequence of frames: one file, one number. Options that describe sequences are for scenes, tables and calibration kinds.
-A simulation has its own; --frames, --seed, --fidelity, --instrument, --off and --start-utc replace those.
+A simulation has its own; --frames, --seed, --fidelity, --tolerance, --instrument, --off and --start-utc replace those.
+
+--fidelity sets the optics and leaves every effect in. --tolerance 0.02 leaves out effects, sources and nodes whose
+predicted sizes add up to at most 2 % of planet flux, of SNR and of any pixel (of the spread of one frame), and never
+takes finer optics than --fidelity; what it leaves out is printed (with --dry-run before anything is made), and stands
+in header, truth and simulation.json.
 
 Writes SCI, CAL, Truth and Params, simulation.json and run.json into --out. Stopped half way, it continues when started
 again on the same folder; the files are the same for any number of workers.
@@ -39,6 +44,8 @@ Examples:
   cpic simulate --kind BIAS --frames 10
 
   cpic simulate paper_example --band F520 --off cosmic_rays --off smear
+
+  cpic simulate paper_example --band F520 --frames 20 --tolerance 0.02 --dry-run
 
   cpic simulate --list-presets"""
 
@@ -74,7 +81,7 @@ class Camera(StrEnum):
 _OPTIONS = {"what": "WHAT", "switches": "--off"} | {
     key: f"--{key.replace('_', '-')}"
     for key in ("kind", "band", "exposure_s", "em_gain", "frames", "roll_deg", "star_offset_arcsec", "role", "camera",
-                "level_e", "seed", "start_utc", "fidelity")
+                "level_e", "seed", "start_utc", "fidelity", "tolerance")
 }  # fmt: skip
 
 
@@ -128,6 +135,14 @@ def simulate(
     fidelity: Annotated[
         Tier | None, typer.Option("--fidelity", help="Speed against accuracy of the optics [default: standard].")
     ] = None,
+    tolerance: Annotated[
+        float | None,
+        typer.Option(
+            "--tolerance",
+            help="Leave out what is predicted to change planet flux, SNR and pixels by less than this, 0 to 0.5 "
+            "[default: 0, nothing].",
+        ),
+    ] = None,
     off: Annotated[
         list[str] | None,
         typer.Option("--off", metavar="EFFECT", help="Leave an effect of the camera out, or all; repeat for several."),
@@ -166,6 +181,7 @@ def simulate(
         "frames": frames,
         "seed": seed,
         "fidelity": fidelity and fidelity.value,
+        "tolerance": tolerance,
         "switches": dict.fromkeys(_split(off) or (), False) or None,
         "start_utc": start_utc,
     }

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
+from cpic_planner.models import AnswerFidelity
 from simulator.outcome import Reason, Status
 
 __all__ = ["EtcAnswer", "Question"]
@@ -35,6 +36,8 @@ class EtcAnswer:
         The largest term.
     remedies : dict
         Factor by which the SNR grows if one thing is changed.
+    fidelity : AnswerFidelity or None
+        Its stated error and its check in images, where a fidelity or a tolerance was asked for.
     """
 
     target: str
@@ -65,11 +68,14 @@ class EtcAnswer:
     dominant: str = ""
     remedies: dict[str, float] = field(default_factory=dict)
     flags: tuple[str, ...] = ()
+    fidelity: AnswerFidelity | None = None
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain dict for JSON."""
-        return asdict(self) | {
+        """Plain dict for JSON; ``fidelity`` is in it where it was asked for."""
+        tree = asdict(self) | {
             "status": str(self.status),
             "reason": str(self.reason),
             "flags": list(self.flags),
         }
+        del tree["fidelity"]
+        return tree if self.fidelity is None else tree | {"fidelity": self.fidelity.model_dump(mode="json")}

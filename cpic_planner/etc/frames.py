@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cpic_planner.etc.camera import FrameCamera
+from cpic_planner.etc.cosmic_loss import frames_per_clean
 from cpic_planner.etc.counting_light import CountingLight
 from cpic_planner.etc.gain_choice import best_gain
 from cpic_planner.etc.limits import largest_gain, longest_exposure_s
@@ -120,7 +121,7 @@ class FrameProblem:
             camera = self.camera
             gain, variance = best_gain(light, self.gamma_e2, cap, camera.em_gain_max, camera.register_stages)
         with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
-            noise = variance / (self.signal_e_s * t) ** 2 * np.exp(self.loss_per_s * t)
+            noise = variance / (self.signal_e_s * t) ** 2 * frames_per_clean(self.loss_per_s, t)
         return noise, gain
 
     def residual(self, visit_s: FloatArray) -> FloatArray:

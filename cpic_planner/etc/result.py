@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from cpic_planner.etc.answer import EtcAnswer
+from cpic_planner.etc.fidelity import etc_dial, etc_fidelity
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.planet import ReferencePlanet
 from cpic_planner.models import EtcResult, EtcRow, ReferencePlanetRecord
 from cpic_planner.targets import Targets
 from cpic_planner.version import __version__
 from simulator.config import content_hash
+from simulator.knobs import Dial
 
 __all__ = ["best_band", "etc_result"]
 
@@ -37,8 +40,13 @@ def etc_result(
     planet: ReferencePlanet | None,
     asked: Mapping[str, Any],
     catalogue: str,
+    dial: Dial | None = None,
+    seed: int | None = None,
 ) -> EtcResult:
-    """Collect answers about one star of a catalogue, which is named by its provenance."""
+    """Collect answers about one star of a catalogue, which is named by its provenance.
+
+    ``dial`` and ``seed`` are those of the check in images, closed forms alone without.
+    """
     record = None
     if planet is not None:
         record = ReferencePlanetRecord(
@@ -63,5 +71,6 @@ def etc_result(
         note=note,
         reference_planet=record,
         best_band=best_band(answers),
-        answers=[EtcRow.model_validate(answer.to_dict()) for answer in answers],
+        answers=[EtcRow.model_validate(replace(answer, fidelity=None).to_dict()) for answer in answers],
+        fidelity=etc_fidelity(answers, dial or etc_dial(), model.strategy.library, seed=seed),
     )

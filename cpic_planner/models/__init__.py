@@ -13,12 +13,21 @@ from cpic_planner.models.base import (
     Result,
     StatusText,
 )
+from cpic_planner.models.checked import (
+    AnswerFidelity,
+    EtcFidelity,
+    ImageCheck,
+)
 from cpic_planner.models.confirmed_scene import (
     AlbedoRecord,
     CandidateRecord,
     ConfirmResult,
     PositionRecord,
     SearchRecord,
+)
+from cpic_planner.models.modelled import (
+    EffectRecord,
+    ModellingRecord,
 )
 from cpic_planner.models.planned import (
     AuditRecord,
@@ -46,10 +55,17 @@ from cpic_planner.models.simulated import (
     SimulationEstimate,
     SimulationResult,
 )
+from cpic_planner.models.tradeoff import (
+    MachineRecord,
+    TradeoffResult,
+    TradeoffRow,
+    TradeoffScene,
+)
 
 __all__ = [
     "SCHEMAS",
     "AlbedoRecord",
+    "AnswerFidelity",
     "AuditRecord",
     "BandConfirmation",
     "BandStanding",
@@ -57,10 +73,15 @@ __all__ = [
     "CheckResult",
     "ConfirmResult",
     "ConfirmedTarget",
+    "EffectRecord",
+    "EtcFidelity",
     "EtcResult",
     "EtcRow",
     "Explanation",
     "FindingRecord",
+    "ImageCheck",
+    "MachineRecord",
+    "ModellingRecord",
     "PlanResult",
     "PlannedSequenceRow",
     "PopulationRecord",
@@ -78,6 +99,9 @@ __all__ = [
     "SimulationEstimate",
     "SimulationResult",
     "StatusText",
+    "TradeoffResult",
+    "TradeoffRow",
+    "TradeoffScene",
 ]
 
 SCHEMAS: dict[str, type[Result]] = {
@@ -90,4 +114,5 @@ SCHEMAS: dict[str, type[Result]] = {
     "run": RunRecord,
     "simulation": SimulationResult,
     "check": CheckResult,
+    "tradeoff": TradeoffResult,
 }

@@ -7,6 +7,7 @@ from typing import Literal
 from pydantic import Field
 
 from cpic_planner.models.base import Result, StatusText
+from cpic_planner.models.checked import EtcFidelity
 from cpic_planner.models.ranked import ReferencePlanetRecord
 
 __all__ = ["EtcResult", "EtcRow"]
@@ -60,3 +61,4 @@ class EtcResult(Result):
     reference_planet: ReferencePlanetRecord | None
     best_band: str | None
     answers: list[EtcRow]
+    fidelity: EtcFidelity | None = Field(default=None, description="how firm the answers are; null in older results")

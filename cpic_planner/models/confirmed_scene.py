@@ -8,6 +8,7 @@ from pydantic import Field
 
 from cpic_planner.models.base import Result
 from cpic_planner.models.planned import BandConfirmation
+from simulator.knobs import Quantity
 
 __all__ = ["AlbedoRecord", "CandidateRecord", "ConfirmResult", "PositionRecord", "SearchRecord"]
 
@@ -82,7 +83,10 @@ class ConfirmResult(Result):
     scene: str
     instrument: str
     seed: int
-    fidelity: str
+    fidelity: str = Field(description="quick, standard, reference; custom where a tolerance was given")
+    tolerance: dict[Quantity, float] = Field(
+        default_factory=dict, description="largest relative error that may be traded for speed"
+    )
     realisations: int
     sigma: float
     reference_library: str

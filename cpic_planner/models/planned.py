@@ -7,7 +7,9 @@ from typing import Any, Literal
 from pydantic import Field
 
 from cpic_planner.models.base import Result, StatusText
+from cpic_planner.models.modelled import ModellingRecord
 from cpic_planner.models.ranked import RankedTarget, ReferencePlanetRecord
+from simulator.knobs import Quantity
 
 __all__ = ["AuditRecord", "BandConfirmation", "ConfirmedTarget", "PlanResult", "RunRecord"]
 
@@ -104,6 +106,7 @@ class BandConfirmation(Result):
     found_pa_error_deg: float | None = None
     verdict: str = Field(default="", description="in words")
     audit: AuditRecord | None = None
+    modelled: ModellingRecord | None = Field(default=None, description="null where no image was asked for")
     image: str | None = Field(default=None, description="key of the stored panels")
 
 
@@ -132,7 +135,10 @@ class PlanResult(Result):
     version: str
     config_hash: str
     seed: int
-    fidelity: str
+    fidelity: str = Field(description="quick, standard, reference; custom where a tolerance was given")
+    tolerance: dict[Quantity, float] = Field(
+        default_factory=dict, description="largest relative error that may be traded for speed"
+    )
     instrument: str
     time_s: float
     sigma: float

@@ -7,6 +7,7 @@ from typing import Any, Literal
 from pydantic import Field
 
 from cpic_planner.models.base import Result
+from cpic_planner.models.modelled import ModellingRecord
 
 __all__ = [
     "CheckResult",
@@ -32,6 +33,9 @@ class PlannedSequenceRow(Result):
     em_gain: float
     start_utc: str = Field(description="begin of the first exposure")
     file: str = Field(description="Level-0 file below the folder of the run")
+    modelled: ModellingRecord | None = Field(
+        default=None, description="what its tolerance leaves out, and the predicted error; null without a tolerance"
+    )
 
 
 class SimulatedSequence(PlannedSequenceRow):

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from cpic_planner.models import ConfirmResult
 from cpic_planner.report.drawing import Picture
 from cpic_planner.report.html import page_environment
+from cpic_planner.report.modelled import dial_text, modelled_groups
 from cpic_planner.report.panel_figure import PANEL_NOTE
 from cpic_planner.report.summary import calibration_sentence, confirm_sentences, overrides_sentence
 from cpic_planner.report.words import ALBEDO_STATUS, GLOSSARY, METHOD_CREDITS
@@ -52,6 +53,8 @@ def render_confirm(result: ConfirmResult, figures: Mapping[str, Picture], images
             images=images,
             bands=list(images),
             overrides=overrides_sentence(result),
+            dial=dial_text(result),
+            modelled=modelled_groups([(band.band, band.modelled) for band in result.bands if band.modelled]),
             summary=" ".join(confirm_sentences(result)),
             calibration=calibration_sentence(result) if planets else "",
             panel_note=PANEL_NOTE,

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from cpic_planner.models import BandConfirmation, ConfirmResult, PlanResult
+from cpic_planner.report.modelled import dial_text, modelled_sentence
 from cpic_planner.report.names import pretty_name
 from cpic_planner.report.numbers import MISSING, count_text, decimals, duration_text, significant
 from cpic_planner.report.summary import calibration_sentence, overrides_sentence
@@ -23,7 +25,7 @@ from cpic_planner.report.words import STATUS_SYMBOLS, plus_minus
 if TYPE_CHECKING:
     from rich.console import Console
 
-__all__ = ["MEASURED_COLUMNS", "measured_cells", "print_comparison", "print_plan"]
+__all__ = ["MEASURED_COLUMNS", "measured_cells", "print_comparison", "print_modelled", "print_plan"]
 
 MEASURED_COLUMNS = [
     Column("sep ″", True, 3),
@@ -54,6 +56,7 @@ def print_plan(plan: PlanResult, console: Console) -> None:
     for target in plan.targets:
         print_plain(console, f"{pretty_name(target.name)}: {plus_minus(target.verdict)}")
     print_comparison(plan, console)
+    print_modelled([band for target in plan.targets for band in target.bands], console)
     print_note(
         console,
         "→ marks the band to observe in. SNR of one observation, planet noise included: predicted, and recovered with "
@@ -62,7 +65,7 @@ def print_plan(plan: PlanResult, console: Console) -> None:
     )
     print_note(
         console,
-        f"{count_text(plan.n_ranked)} stars ranked. Seed {plan.seed}, fidelity {plan.fidelity}, configuration "
+        f"{count_text(plan.n_ranked)} stars ranked. Seed {plan.seed}, {dial_text(plan)}, configuration "
         f"{plan.config_hash}.",
     )
 
@@ -91,6 +94,15 @@ def print_comparison(result: PlanResult | ConfirmResult, console: Console, *, me
         print_plain(console, altered, bold=True)
     if measured:
         print_plain(console, calibration_sentence(result), bold=True)
+
+
+def print_modelled(bands: Sequence[BandConfirmation], console: Console) -> None:
+    """Print how the images were drawn, what that is predicted to cost, and where a tier is not good enough."""
+    for text in dict.fromkeys(f"{band.band}: {band.message}" for band in bands if band.status == "invalid"):
+        print_plain(console, text)
+    made = modelled_sentence(bands)
+    if made:
+        print_note(console, made)
 
 
 def _outcome(item: BandConfirmation) -> str:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from cpic_planner.models import AlbedoRecord, BandConfirmation, ConfirmResult, PositionRecord, SearchRecord
-from cpic_planner.report.console import MEASURED_COLUMNS, measured_cells, print_comparison
+from cpic_planner.report.console import MEASURED_COLUMNS, measured_cells, print_comparison, print_modelled
+from cpic_planner.report.modelled import dial_text
 from cpic_planner.report.numbers import MISSING, decimals, significant
 from cpic_planner.report.terminal import (
     Column,
@@ -66,7 +67,8 @@ def print_confirm(result: ConfirmResult, console: Console) -> None:
     for albedo in result.albedos:
         print_plain(console, albedo_text(albedo))
     print_comparison(result, console, measured=bool(rows))
-    print_note(console, f"Seed {result.seed}, fidelity {result.fidelity}, configuration {result.config_hash}.")
+    print_modelled(result.bands, console)
+    print_note(console, f"Seed {result.seed}, {dial_text(result)}, configuration {result.config_hash}.")
 
 
 def _recovered(item: BandConfirmation) -> str:

@@ -38,6 +38,7 @@ IMAGE_DPI = 130
 STACK_COLOURS = "viridis"
 RESIDUAL_COLOURS = "RdBu_r"
 _MAP_COLOURS = 112
+_PNG_LEVEL = 6
 
 # Okabe-Ito colours: told apart with any colour vision; markers differ as well.
 STATUS_STYLE: dict[str, tuple[str, str]] = {
@@ -103,12 +104,20 @@ def style() -> Iterator[None]:
         yield
 
 
-def new_figure(height_inches: float) -> Figure:
-    """Return an empty figure of full width on its own canvas (nothing is registered anywhere)."""
+def new_figure(height_inches: float, *, layout: Literal["constrained"] | None = "constrained") -> Figure:
+    """Return an empty figure of full width on its own canvas (nothing is registered anywhere).
+
+    Parameters
+    ----------
+    height_inches : float
+    layout : {"constrained"} or None
+        Whether matplotlib looks for room for all words, which costs more than drawing them, or axes stay where they
+        are put.
+    """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(WIDTH_INCHES, height_inches), dpi=SCREEN_DPI, layout="constrained")
+    figure = Figure(figsize=(WIDTH_INCHES, height_inches), dpi=SCREEN_DPI, layout=layout)
     FigureCanvasAgg(figure)
     return figure
 
@@ -123,15 +132,17 @@ def save(figure: Figure, image_format: Literal["svg", "png"], *, alt: str, capti
     if image_format == "svg":
         figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
         return Picture(_uri("image/svg+xml", buffer.getvalue()), alt, caption)
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from PIL import Image
 
-    figure.savefig(buffer, format="png", dpi=IMAGE_DPI, metadata={"Software": None})
-    buffer.seek(0)
-    with Image.open(buffer) as image:
-        small = image.convert("RGB").quantize(palette=_palette(), dither=Image.Dither.NONE)
-    packed = io.BytesIO()
-    small.save(packed, format="png", optimize=True)
-    return Picture(_uri("image/png", packed.getvalue()), alt, caption)
+    figure.set_dpi(IMAGE_DPI)
+    canvas = figure.canvas
+    assert isinstance(canvas, FigureCanvasAgg)
+    canvas.draw()  # the pixels as they are: `savefig` draws everything twice, and packs what would be unpacked here
+    drawn = np.asarray(canvas.buffer_rgba())[..., :3]
+    small = Image.fromarray(drawn).quantize(palette=_palette(), dither=Image.Dither.NONE)
+    small.save(buffer, format="png", compress_level=_PNG_LEVEL)
+    return Picture(_uri("image/png", buffer.getvalue()), alt, caption)
 
 
 def _palette() -> Any:

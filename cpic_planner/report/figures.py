@@ -8,7 +8,7 @@ from cpic_planner.models import PlanResult, RankResult
 from cpic_planner.report.contrast_figure import HoleEdges, LimitCurve, contrast_diagram
 from cpic_planner.report.drawing import Picture
 from cpic_planner.report.margin_figure import margin_figure
-from cpic_planner.report.panel_figure import panel_picture
+from cpic_planner.report.panel_figure import PanelSheet, panel_picture
 from cpic_planner.report.panels import Panels
 from cpic_planner.report.sky_map import sky_map
 from cpic_planner.report.snr_figure import snr_figure
@@ -52,8 +52,9 @@ def plan_figures(
 
 def panel_pictures(plan: PlanResult, panels: Mapping[str, Panels]) -> dict[str, Picture]:
     """Draw the images of every confirmed band that has them; keys are those of ``BandConfirmation.image``."""
+    sheet = PanelSheet()
     return {
-        band.image: panel_picture(panels[band.image], target.name)
+        band.image: sheet.picture(panels[band.image], target.name)
         for target in plan.targets
         for band in target.bands
         if band.image is not None and band.image in panels

@@ -10,6 +10,7 @@ from cpic_planner.models import PlanResult, RankResult, SensitivityResult
 from cpic_planner.report.contrast_figure import HoleEdges, LimitCurve
 from cpic_planner.report.drawing import Picture
 from cpic_planner.report.etc_words import score_number, score_text
+from cpic_planner.report.modelled import dial_text, error_text, modelled_groups
 from cpic_planner.report.names import full_name, pretty_name
 from cpic_planner.report.numbers import (
     MISSING,
@@ -148,6 +149,15 @@ def render_plan(
             summary=" ".join(summary_sentences(plan, rank)),
             calibration=calibration_sentence(plan),
             overrides=overrides_sentence(plan),
+            dial=dial_text(plan),
+            modelled=modelled_groups(
+                [
+                    (f"{pretty_name(target.name)} {band.band}", band.modelled)
+                    for target in plan.targets
+                    for band in target.bands
+                    if band.modelled is not None
+                ]
+            ),
             planet=planet_text(plan),
             figures=[(key, title, figures[key]) for key, title in _FIGURES if key in figures],
             panel_note=PANEL_NOTE,
@@ -185,6 +195,7 @@ def page_environment() -> Environment:
         "pm": plus_minus,
         "sentence": sentence,
         "star_flux": lambda method: STAR_FLUX.get(method, method),
+        "errors": error_text,
         "drawn": lambda way: DRAWN_AS.get(way, way),
         "symbol": lambda status: STATUS_SYMBOLS.get(status, ""),
         "ra": ra_text,

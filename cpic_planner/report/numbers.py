@@ -11,6 +11,7 @@ __all__ = [
     "decimals",
     "duration_text",
     "percent_text",
+    "power_of_ten",
     "share_text",
     "significant",
 ]
@@ -42,7 +43,12 @@ def contrast_text(value: float | None, digits: int = 3) -> str:
     if value == 0.0:
         return "0"
     mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
-    return f"{mantissa} × 10{str(int(exponent)).translate(_SUPERSCRIPT)}".replace("-", "−")
+    return f"{mantissa} × {power_of_ten(int(exponent))}".replace("-", "−")
+
+
+def power_of_ten(exponent: int) -> str:
+    """Return ``10⁻⁸`` for -8."""
+    return "10" + str(exponent).translate(_SUPERSCRIPT)
 
 
 def duration_text(value_s: float | None) -> str:

@@ -2,20 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cpic_planner.report.drawing import RESIDUAL_COLOURS, STACK_COLOURS, Picture, literal, new_figure, save, style
+from cpic_planner.report.drawing import (
+    RESIDUAL_COLOURS,
+    STACK_COLOURS,
+    WIDTH_INCHES,
+    Picture,
+    literal,
+    new_figure,
+    save,
+    style,
+)
 from cpic_planner.report.names import pretty_name
-from cpic_planner.report.numbers import decimals
+from cpic_planner.report.numbers import decimals, power_of_ten
 from cpic_planner.report.panels import Panels, compass
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.colors import Colormap, Normalize
+    from matplotlib.figure import Figure
 
-__all__ = ["PANEL_NOTE", "panel_picture", "residual_limit", "stack_scale"]
+__all__ = ["PANEL_NOTE", "PanelSheet", "panel_picture", "residual_limit", "stack_scale", "tick_labels"]
 
 FloatArray = NDArray[np.float64]
 _VIEW_MARGIN = 1.06
@@ -28,6 +40,13 @@ PANEL_NOTE = (
     "A plus in the residual: a detection of the blind search; diamonds: other stars of the scene."
 )
 _SIGMA_OF_MAD = 1.4826
+# Where things stand, in inches: three square panels in a row, a bar below each. Nothing in these pictures changes its
+# size, so that nothing is to be laid out, which would cost more than the drawing.
+_HEIGHT = 3.95
+_LEFT, _PANEL, _GAP, _BOTTOM = 0.70, 2.67, 0.13, 1.055
+_BAR_INSET, _BAR_BOTTOM, _BAR, _BAR_END = 0.06, 0.47, 0.09, 0.05
+_TITLES = ("science stack", "reference stack", "residual after subtraction")
+_PLAIN_POWERS = range(-1, 4)  # numbers of this size are written out, others as multiples of a power of ten
 
 
 def robust_sigma(values: FloatArray) -> float:
@@ -73,31 +92,104 @@ def panel_picture(panels: Panels, name: str) -> Picture:
     name : str
         SIMBAD identifier of the star, for the alternative text.
     """
-    from matplotlib.colors import AsinhNorm, Normalize
+    return PanelSheet().picture(panels, name)
 
-    low, high, width = stack_scale(panels)
-    limit = residual_limit(panels)
-    residual = np.where(panels.inside_hole(), panels.residual, np.nan)
-    drawn: list[tuple[str, FloatArray, str, Normalize, str]] = [
-        ("science stack", panels.science, STACK_COLOURS, AsinhNorm(width, low, high), "white"),
-        ("reference stack", panels.reference, STACK_COLOURS, AsinhNorm(width, low, high), "white"),
-        ("residual after subtraction", residual, RESIDUAL_COLOURS, Normalize(-limit, limit), "black"),
-    ]
-    with style():
-        figure = new_figure(3.95)
-        for axes, (title, image, colours, norm, ink) in zip(
-            np.ravel(figure.subplots(1, 3, sharey=True)), drawn, strict=True
-        ):
-            _panel(axes, panels, image, colours, norm, ink)
-            axes.set_title(title)
-        figure.axes[0].set_ylabel("y offset (arcsec)")
-        return save(
-            figure,
-            "png",
-            alt=f"{pretty_name(name)} in {panels.band}: summed science frames, summed reference frames, and the "
-            f"residual after subtraction{_places(panels)}.",
-            caption=f"{panels.band}; aperture radius {panels.aperture_radius_arcsec:.3f} arcsec.",
-        )
+
+class PanelSheet:
+    """The frame of such pictures, drawn on again and again: making it takes longer than filling it."""
+
+    def __init__(self) -> None:
+        with style():
+            self._figure = new_figure(_HEIGHT, layout=None)
+            self._columns = [_Column(self._figure, place) for place in range(len(_TITLES))]
+
+    def picture(self, panels: Panels, name: str) -> Picture:
+        """Draw one picture, see `panel_picture`; earlier ones leave nothing behind."""
+        from matplotlib.colors import AsinhNorm, Normalize
+
+        low, high, width = stack_scale(panels)
+        limit = residual_limit(panels)
+        residual = np.where(panels.inside_hole(), panels.residual, np.nan)
+        stretch = AsinhNorm(width, low, high)
+        filled: list[tuple[FloatArray, Normalize, list[float]]] = [
+            (panels.science, stretch, _ticks(stretch)),
+            (panels.reference, stretch, _ticks(stretch)),
+            (residual, Normalize(-limit, limit), _even_ticks(limit)),
+        ]
+        with style():
+            for column, content in zip(self._columns, filled, strict=True):
+                column.fill(panels, *content)
+            picture = save(
+                self._figure,
+                "png",
+                alt=f"{pretty_name(name)} in {panels.band}: summed science frames, summed reference frames, and the "
+                f"residual after subtraction{_places(panels)}.",
+                caption=f"{panels.band}; aperture radius {panels.aperture_radius_arcsec:.3f} arcsec.",
+            )
+        for column in self._columns:
+            column.clear()
+        return picture
+
+
+class _Column:
+    """One panel with the bar of its colours below."""
+
+    def __init__(self, figure: Figure, place: int) -> None:
+        import matplotlib as mpl
+        from matplotlib.ticker import MaxNLocator
+
+        self.searched = place == len(_TITLES) - 1
+        self.ink = "black" if self.searched else "white"
+        palette = mpl.colormaps[RESIDUAL_COLOURS if self.searched else STACK_COLOURS].with_extremes(bad="#D8D8D8")
+        self.axes = figure.add_axes(_box(place, 0.0, _BOTTOM, _PANEL))
+        self.image = self.axes.imshow(np.zeros((1, 1)), origin="lower", cmap=palette, interpolation="nearest")
+        for axis in (self.axes.xaxis, self.axes.yaxis):
+            axis.set_major_locator(MaxNLocator(5, symmetric=True))
+        self.axes.set(title=_TITLES[place], xlabel="x offset (arcsec)", ylabel="" if place else "y offset (arcsec)")
+        self.axes.tick_params(labelleft=place == 0)
+        self.bar = _bar(figure.add_axes(_box(place, _BAR_INSET, _BAR_BOTTOM, _BAR)), palette)
+        self.kept = set(self.axes.get_children())
+
+    def fill(self, panels: Panels, image: FloatArray, norm: Normalize, ticks: Sequence[float]) -> None:
+        """Show an image and everything that is marked on it."""
+        self.image.set_data(image)
+        self.image.set_extent(panels.extent_arcsec)
+        self.image.set_norm(norm)
+        view = _VIEW_MARGIN * panels.hole_outer_arcsec
+        self.axes.set(xlim=(-view, view), ylim=(-view, view))
+        labels, power = tick_labels(ticks)
+        self.bar.set_xticks([float(norm(tick)) for tick in ticks], labels)
+        self.bar.set_xlabel(f"{power}electrons per pixel")
+        _marks(self.axes, panels, self.ink, searched=self.searched)
+        _hole(self.axes, panels, self.ink)
+        _compass(self.axes, panels)
+
+    def clear(self) -> None:
+        """Take away what belongs to one picture."""
+        for artist in set(self.axes.get_children()) - self.kept:
+            artist.remove()
+
+
+def _box(place: int, inset: float, bottom: float, height: float) -> tuple[float, float, float, float]:
+    """Left, bottom, width and height of what stands in a column, as fractions of the figure."""
+    left = _LEFT + place * (_PANEL + _GAP) + inset
+    return left / WIDTH_INCHES, bottom / _HEIGHT, (_PANEL - 2.0 * inset) / WIDTH_INCHES, height / _HEIGHT
+
+
+def _bar(axes: Axes, palette: Colormap) -> Axes:
+    """The colours of a panel from 0 to 1, with pointed ends: both sides may be clipped."""
+    from matplotlib.patches import Polygon
+
+    outline = [(-_BAR_END, 0.5), (0.0, 0.0), (1.0, 0.0), (1.0 + _BAR_END, 0.5), (1.0, 1.0), (0.0, 1.0)]
+    edge = Polygon(outline, closed=True, fill=False, edgecolor="#444444", linewidth=0.8, clip_on=False)
+    ends = -_BAR_END, 1.0 + _BAR_END
+    ramp = np.linspace(*ends, round((1.0 + 2.0 * _BAR_END) * palette.N))[np.newaxis].clip(0.0, 1.0)
+    drawn = axes.imshow(ramp, cmap=palette, aspect="auto", extent=(*ends, 0.0, 1.0), vmin=0.0, vmax=1.0)
+    axes.add_patch(edge)
+    drawn.set_clip_path(edge)
+    axes.set(xlim=ends, ylim=(0.0, 1.0), yticks=[])
+    axes.spines[:].set_visible(False)
+    return axes
 
 
 def _places(panels: Panels) -> str:
@@ -108,36 +200,6 @@ def _places(panels: Panels) -> str:
         if mark.kind == "planet"
     ]
     return f"; {', '.join(at)}" if at else "; there is no planet"
-
-
-def _panel(axes: Axes, panels: Panels, image: FloatArray, colours: str, norm: Any, ink: str) -> None:
-    import matplotlib as mpl
-    from matplotlib.colors import AsinhNorm
-    from matplotlib.ticker import MaxNLocator, ScalarFormatter
-
-    palette = mpl.colormaps[colours].with_extremes(bad="#D8D8D8")
-    drawn = axes.imshow(
-        image, origin="lower", extent=panels.extent_arcsec, cmap=palette, norm=norm, interpolation="nearest"
-    )
-    view = _VIEW_MARGIN * panels.hole_outer_arcsec
-    axes.set(xlim=(-view, view), ylim=(-view, view), xlabel="x offset (arcsec)")
-    for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_locator(MaxNLocator(5, symmetric=True))
-    bar = axes.figure.colorbar(drawn, ax=axes, location="bottom", extend="both", shrink=0.95, aspect=28, pad=0.02)
-    bar.set_label("electrons per pixel")
-    ticks = (
-        _ticks(norm)
-        if isinstance(norm, AsinhNorm)
-        else MaxNLocator(5, symmetric=True).tick_values(norm.vmin, norm.vmax)[1:-1]
-    )
-    formatter = ScalarFormatter(useMathText=True)
-    formatter.set_powerlimits((-2, 4))
-    bar.set_ticks(ticks)
-    bar.minorticks_off()
-    bar.ax.xaxis.set_major_formatter(formatter)
-    _marks(axes, panels, ink, searched=colours == RESIDUAL_COLOURS)
-    _hole(axes, panels, ink)
-    _compass(axes, panels)
 
 
 def _marks(axes: Axes, panels: Panels, ink: str, *, searched: bool) -> None:
@@ -169,6 +231,24 @@ def _ticks(norm: Any) -> list[float]:
     step = 10.0 ** np.floor(np.log10(max((ends[1] - ends[0]) / 20.0, 1e-300)))
     fine = [round(value / step) * step for value in values]
     return sorted({value for value in fine if ends[0] <= value <= ends[1]})
+
+
+def _even_ticks(limit: float) -> list[float]:
+    """Round values on both sides of zero."""
+    from matplotlib.ticker import MaxNLocator
+
+    return [float(value) for value in MaxNLocator(5, symmetric=True).tick_values(-limit, limit)[1:-1]]
+
+
+def tick_labels(ticks: Sequence[float]) -> tuple[list[str], str]:
+    """Shortest texts that tell the ticks apart, and the power of ten that they are multiples of (empty for 1)."""
+    largest = max((abs(tick) for tick in ticks), default=0.0)
+    power = int(np.floor(np.log10(largest))) if largest > 0 else 0
+    power = 0 if power in _PLAIN_POWERS else power
+    scaled = np.asarray(ticks, dtype=np.float64) / 10.0**power
+    allowed = 1e-3 * float(np.ptp(scaled)) if scaled.size > 1 else 1e-3 * largest / 10.0**power
+    places = next((n for n in range(7) if np.all(np.abs(scaled - scaled.round(n)) <= allowed)), 7)
+    return [decimals(value, places) for value in scaled.tolist()], f"{power_of_ten(power)} " if power else ""
 
 
 def _halo(ink: str) -> list[Any]:

@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cpic_planner.models import CheckResult, PlannedSequenceRow, SimulatedSequence, SimulationEstimate, SimulationResult
+from cpic_planner.report.modelled import modelled_groups
 from cpic_planner.report.numbers import count_text, duration_text, significant
-from cpic_planner.report.terminal import Column, print_note, text_table
+from cpic_planner.report.terminal import Column, print_note, print_plain, text_table
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -66,8 +67,30 @@ def print_simulation(result: SimulationResult, out: Path, console: Console, *, l
     print_note(
         console, "Sat. px: most pixels of one frame that a limit cut off. Cosmics: particles in all frames together."
     )
+    _print_left_out(result.sequences, console)
     for line in _places(result.sequences, out):
         console.print(line, markup=False, soft_wrap=True)
+
+
+def _print_left_out(sequences: Sequence[PlannedSequenceRow], console: Console) -> None:
+    """Print what tolerances leave out, one table for each distinct content, with the largest sizes."""
+    for group in modelled_groups(
+        [(f"{_short(item.target)} {item.band}", item.modelled) for item in sequences if item.modelled is not None]
+    ):
+        gone = [row for row in group.rows if row.effect.decision == "skipped" and row.effect.size]
+        columns = [Column("left out", False), Column("predicted size"), Column("", False)]
+        rows = [[row.effect.effect, row.size, row.where] for row in gone]
+        print_plain(console, f"Left out of {_shortened(group.members)} for the tolerance:", bold=True)
+        console.print(text_table(console, "", columns, rows, last_width=console.width))
+        print_note(console, f"Predicted error: {group.errors}.")
+        # All of a frame is kept here: what is said of its region does not apply.
+        print_note(console, f"Optics: {group.knobs.split('; ', 1)[1]}.")
+
+
+def _shortened(members: str) -> str:
+    names = members.split(", ")
+    more = f" and {len(names) - _FEW} more" if len(names) > _FEW else ""
+    return f"{', '.join(names[:_FEW])}{more}"
 
 
 def _title(name: str, count: int) -> str:
@@ -118,6 +141,7 @@ def print_planned(plan: SimulationEstimate, console: Console, *, limit: int = 40
     console.print(text_table(console, _title(plan.name, plan.n_sequences), columns, rows, last_width=19))
     if plan.n_sequences > limit:
         print_note(console, f"... and {plan.n_sequences - limit} more")
+    _print_left_out(plan.sequences, console)
     console.print(
         f"{count_text(plan.n_frames)} frames, about {duration_text(plan.wall_s)} with {plan.workers} worker(s), "
         f"{significant(plan.memory_mb)} MB memory a worker, {size_text(1e6 * plan.disk_mb)} disk",

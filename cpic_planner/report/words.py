@@ -62,6 +62,9 @@ _REASONS: dict[str, str] = {
     "no_planet_light": "the planet sends no light",
     "roll_too_small": "the roll moves the planet by less than its aperture",
     "too_bright_to_count": "too bright for photon counting",
+    "not_measured_in_images": "images of this kind are not measured yet",
+    "tolerance_not_met": "not as accurate as asked for",
+    "tier_too_coarse": "the named fidelity is too coarse for this scene",
 }
 
 #: What contrasts refer to.

@@ -45,13 +45,14 @@ def write_confirm_report(
         What `cpic_planner.scene_confirmation.confirm_scene` returned beside the result, by band.
     """
     from cpic_planner.report.confirm_html import render_confirm
-    from cpic_planner.report.panel_figure import panel_picture
+    from cpic_planner.report.panel_figure import PanelSheet
     from cpic_planner.report.snr_figure import snr_figure
     from cpic_planner.report.spectrum_figure import spectrum_figure
 
     folder.write("measurements.csv", measurements_csv(result))
+    sheet = PanelSheet()
     images = {
-        band: panel_picture(panels_of(model, band, body, scene=scene), result.scene) for band, body in bodies.items()
+        band: sheet.picture(panels_of(model, band, body, scene=scene), result.scene) for band, body in bodies.items()
     }
     for band, picture in images.items():
         folder.write_bytes(PANELS.format(band=band), base64.b64decode(picture.uri.split(",", 1)[1]))

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 
-from cpic_planner.models import PlannedSequenceRow, SimulationEstimate
+from cpic_planner.models import ModellingRecord, PlannedSequenceRow, SimulationEstimate
+from cpic_planner.simulation.modelled import modelled
 from cpic_planner.simulation.sequences import PlannedSequence, check_light, plan_sequences
 from simulator.config.simulation import SimulationConfig
 
@@ -34,7 +35,8 @@ def estimate(simulation: SimulationConfig, *, truth: bool = True, workers: int =
     """
     planned = plan_sequences(simulation)
     check_light(planned)
-    times = [_time_s(item) for item in planned]
+    records = [modelled(item) for item in planned]
+    times = [_time_s(item, record) for item, record in zip(planned, records, strict=True)]
     busy = min(workers, len(planned))
     # No worker ends before the longest sequence.
     wall = max(sum(times) / busy, *times)
@@ -46,7 +48,9 @@ def estimate(simulation: SimulationConfig, *, truth: bool = True, workers: int =
         wall_s=_START_S * (1 if busy == 1 else 3) + wall,
         memory_mb=_MEMORY_MB + _MEMORY_MB_MPX * max(map(_n_pixels, planned)) / 1e6,
         disk_mb=sum(disk_bytes(item, truth=truth) for item in planned) / 1e6,
-        sequences=[PlannedSequenceRow(**item.row()) for item in planned],
+        sequences=[
+            PlannedSequenceRow(**item.row(), modelled=record) for item, record in zip(planned, records, strict=True)
+        ],
     )
 
 
@@ -77,13 +81,17 @@ def _n_sources(item: PlannedSequence) -> int:
     return sum(map(scene.is_lit, scene.stars)) + bool(scene.planets or scene.extended)
 
 
-def _time_s(item: PlannedSequence) -> float:
+def _time_s(item: PlannedSequence, record: ModellingRecord | None) -> float:
+    gone = {row.key for row in record.effects if row.decision == "skipped"} if record else set()
     instrument = item.entry.instrument
     detector = instrument.detector if item.camera == "VIS" else instrument.near_infrared.detector
     setup = _SETUP_S["sky" if item.on_sky else "light" if item.band else "dark"]
     if item.on_sky:
-        setup += _EPOCH_S * min(item.n_frames, _MOST_EPOCHS) + _SOURCE_S * min(_n_sources(item), _MOST_SOURCES)
+        sources = _n_sources(item) - sum(key.startswith("star:") for key in gone)
+        epochs = min(item.n_frames, _MOST_EPOCHS) if record is None else record.epochs
+        setup += _EPOCH_S * epochs + _SOURCE_S * min(sources, _MOST_SOURCES)
     megapixels = _n_pixels(item) / 1e6
     area_cm2 = megapixels * 1e6 * (detector.pixel_um * 1e-4) ** 2
     rays = instrument.cosmic_rays.peak_rate_per_s_cm2 * area_cm2 * item.exposure_s
+    rays = 0.0 if "cosmic_rays" in gone else rays
     return setup + item.n_frames * (_FRAME_S + _FRAME_S_MPX * megapixels + _RAY_S * rays)

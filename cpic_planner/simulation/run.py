@@ -16,6 +16,7 @@ from cpic_planner.environment import RunClock
 from cpic_planner.models import SimulatedSequence, SimulationResult
 from cpic_planner.runfolder import RunFolder, open_run_folder
 from cpic_planner.simulation.cost import disk_bytes
+from cpic_planner.simulation.modelled import modelled
 from cpic_planner.simulation.sequences import PlannedSequence, check_light, located, plan_sequences
 from cpic_planner.version import __version__
 from simulator.camera.frame import Frame
@@ -292,6 +293,7 @@ def _result(
         sequences.append(
             SimulatedSequence(
                 **item.row(),
+                modelled=modelled(item),
                 settings=own,
                 truth=item.name.truth.as_posix() if truth else None,
                 params=item.name.params.as_posix(),

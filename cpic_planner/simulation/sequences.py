@@ -122,6 +122,7 @@ class PlannedSequence:
                 exposure_s=self.exposure_s,
                 kind=cast(Any, entry.kind),
                 fidelity=entry.fidelity,
+                tolerance=entry.tolerance,
                 roll_deg=entry.roll_deg,
                 star_offset_arcsec=entry.star_offset_arcsec,
                 role=entry.role,

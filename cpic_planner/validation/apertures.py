@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from catalogs.errors import InputError
 from simulator.lazy import load_quietly
+from simulator.quantities import check_number
 
 __all__ = ["MIN_BACKGROUND_APERTURES", "aperture_sum", "aperture_weights", "sample_scatter"]
 
@@ -165,7 +166,7 @@ def check_region(region: npt.NDArray[np.generic], shape: tuple[int, ...]) -> Non
 
 
 def _check_inside(shape: tuple[int, ...], x: FloatArray, y: FloatArray, radius: float) -> None:
-    require("radius_pixel", radius, math.isfinite(radius) and radius > 0, "px", "finite and above 0")
+    require("radius_pixel", radius, check_number("radius_pixel", radius, "px") > 0, "px", "finite and above 0")
     for key, centre, size in (("x_pixel", x, shape[1]), ("y_pixel", y, shape[0])):
         bad = ~((centre - radius >= -0.5) & (centre + radius <= size - 0.5))
         if bad.any():

@@ -5,7 +5,8 @@ from __future__ import annotations
 import base64
 import io
 import math
-from typing import Any
+from collections.abc import Iterator
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,7 @@ from cpic_planner.validation.measure import (
     positions_of,
     subjects_of,
 )
+from cpic_planner.validation.modelling import Modelling, modelling_of
 from cpic_planner.validation.realise import FrameStory, Realised, Visits, realised_frames, visits_of
 from cpic_planner.validation.star_flux import StarFlux, observe_off_mask, star_flux_off_mask
 from cpic_planner.validation.task import ConfirmTask
@@ -31,8 +33,6 @@ __all__ = ["confirm_task", "decode_arrays", "encode_arrays"]
 
 AUDIT_REALISATION = 1_000_000
 """Number of the realisation that runs frame by frame: far from those of the sums."""
-MAX_RUNS_OF_FRAMES = 2
-"""Realisations where every frame has to be run."""
 
 
 def confirm_task(tree: dict[str, Any]) -> dict[str, Any]:
@@ -51,20 +51,25 @@ def confirm_task(tree: dict[str, Any]) -> dict[str, Any]:
         None for two rolls).
     """
     task = ConfirmTask(**tree)
-    visits = visits_of(task)
-    sums = visits.stackable.status is Status.OK
-    runs = [] if sums else [_by_frames(task, number) for number in range(min(task.realisations, MAX_RUNS_OF_FRAMES))]
-    shown = visits if sums else runs[0][0]
-    subjects = subjects_of(shown)
-    star, known = _star(shown)
+    modelling = modelling_of(task)
+    visits = visits_of(task, modelling=modelling)
+    sums = modelling.draw == "sums" and visits.stackable.status is Status.OK
+    if not sums:
+        modelling = modelling_of(task, by_frames=True)
+    runs = _sums(task, visits) if sums else _by_frames(task, modelling)
+    subjects: tuple[Subject, ...] = ()
     every: list[list[Measurement | None]] = []
-    position: list[Any] = [None] * len(subjects)
+    position: list[Any] = []
+    stories: list[FrameStory] = []
     false, first, found_blind = 0, None, None
-    for number in range(task.realisations if sums else len(runs)):
-        at, realised = (visits, visits.draw(number)) if sums else runs[number][:2]
-        first = first or realised
+    for at, realised, told in runs:
+        if first is None:
+            first, subjects = realised, subjects_of(at)
+            star, known = _star(at)
+            position = [None] * len(subjects)
         measured, blind = measure(at, realised, subjects, star)
         every.append(measured)
+        stories += [] if told is None else [told]
         if blind is not None:
             false += _false(blind, at)
             found_blind = found_blind or _search(at, subjects, blind)
@@ -72,17 +77,19 @@ def confirm_task(tree: dict[str, Any]) -> dict[str, Any]:
                 if position[index] is None and _seen(measured[index]):
                     position[index] = positions_of(at, realised, blind, subject)
     assert first is not None  # a task has at least one realisation
-    story = None if sums else _joined([run[2] for run in runs])
-    audits = _audits(task, subjects, star) if task.audit and sums and subjects else [None] * len(subjects)
+    story = None if sums else _joined(stories)
+    audited = task.audit and sums and subjects
+    audits = _audits(task, modelling, subjects, star) if audited else [None] * len(subjects)
     confirmations = []
     for index, subject in enumerate(subjects):
         measured_here = [measured[index] for measured in every]
         if story is not None and any(item is None for item in measured_here):
-            confirmations.append(cut_off(task, index, story))
+            confirmations.append(cut_off(task, modelling, index, story))
             continue
         confirmations.append(
             confirmation_of(
                 task,
+                modelling,
                 index,
                 [item for item in measured_here if item is not None],
                 star=None if known else star,
@@ -119,14 +126,28 @@ def _search(visits: Visits, subjects: tuple[Subject, ...], blind: BlindSearch) -
     )
 
 
-def _by_frames(task: ConfirmTask, realisation: int) -> tuple[Visits, Realised, FrameStory]:
-    visits = visits_of(task, full=True, realisation=realisation)
-    return visits, *realised_frames(visits)
+_Run: TypeAlias = tuple[Visits, Realised, FrameStory | None]
 
 
-def _audits(task: ConfirmTask, subjects: tuple[Subject, ...], star: StarFlux) -> list[AuditRecord | None]:
+def _sums(task: ConfirmTask, visits: Visits) -> Iterator[_Run]:
+    """Every realisation from sums of frames."""
+    for number in range(task.realisations):
+        yield visits, visits.draw(number), None
+
+
+def _by_frames(task: ConfirmTask, modelling: Modelling) -> Iterator[_Run]:
+    """Realisations frame by frame, one in memory at a time."""
+    for number in range(modelling.runs_by_frames(task.realisations)):
+        visits = visits_of(task, realisation=number, modelling=modelling)
+        yield visits, *realised_frames(visits)
+
+
+def _audits(
+    task: ConfirmTask, modelling: Modelling, subjects: tuple[Subject, ...], star: StarFlux
+) -> list[AuditRecord | None]:
     """One realisation with every effect on, measured as the others are."""
-    visits, realised, story = _by_frames(task, AUDIT_REALISATION)
+    visits = visits_of(task, full=True, realisation=AUDIT_REALISATION, modelling=modelling)
+    realised, story = realised_frames(visits)
     measured, blind = measure(visits, realised, subjects, star)
     false = 0 if blind is None else _false(blind, visits)
     return [None if item is None else audit_of(task, index, item, story, false) for index, item in enumerate(measured)]
@@ -159,7 +180,7 @@ def _star(visits: Visits) -> tuple[StarFlux, bool]:
     """Rate of the star from a series off the mask; where even its shortest exposure saturates, that of the scene."""
     task = visits.task
     series = observe_off_mask(visits.plan.science_scene, task.band, instrument=visits.instrument, seed=task.seed,
-                              fidelity=task.fidelity)  # fmt: skip
+                              fidelity=visits.modelling.knobs)  # fmt: skip
     if series.value is not None:
         measured = star_flux_off_mask(series.value)
         if measured.value is not None:

@@ -190,7 +190,11 @@ def search(
     peaks = [field.rejudged(peak, state) for peak in peaks]
     peaks += [peak for peak in found if peak.significance >= REPORTED_SIGMA]
     scale, centre = psf.metrics.pixel_scale_arcsec, len(image) // 2
-    candidates = [_candidate(peak, centre, scale, level.unwrap(), field.size, state.roughness) for peak in peaks]
+    needed = snr_at(level.unwrap(), [peak.laplace for peak in peaks], [peak.dof for peak in peaks]) if peaks else ()
+    candidates = [
+        _candidate(peak, centre, scale, level.unwrap(), float(one), field.size, state.roughness)
+        for peak, one in zip(peaks, needed, strict=True)
+    ]
     return BlindSearch(
         candidates=tuple(sorted(candidates, key=lambda one: -one.snr_mf)),
         threshold=level,
@@ -207,8 +211,9 @@ def search(
 
 
 def _candidate(
-    peak: Peak, centre: int, pixel_scale_arcsec: float, level: float, region: SearchedRegion, roughness: float
-) -> Candidate:
+    peak: Peak, centre: int, pixel_scale_arcsec: float, level: float, threshold: float, region: SearchedRegion,
+    roughness: float,
+) -> Candidate:  # fmt: skip
     x, y = ((place - centre) * pixel_scale_arcsec for place in (peak.x_pixel, peak.y_pixel))
     expected = float(false_alarms(max(peak.significance, 1.0), region, roughness, math.inf))
     return Candidate(
@@ -219,7 +224,7 @@ def _candidate(
         separation_arcsec=math.hypot(x, y),
         snr_mf=peak.snr,
         significance=peak.significance,
-        threshold=float(snr_at(level, peak.laplace, peak.dof)[0]),
+        threshold=threshold,
         flux_e=peak.flux_e,
         false_alarms=expected,
         detected=peak.significance >= level,

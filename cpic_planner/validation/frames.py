@@ -93,7 +93,11 @@ class CalibratedFrames:
 
 
 def calibrated_frames(
-    observation: Observation, *, level_pixels: npt.ArrayLike | None = None, keep_hot: bool = False
+    observation: Observation,
+    *,
+    level_pixels: npt.ArrayLike | None = None,
+    keep_hot: bool = False,
+    cropped: bool = False,
 ) -> CalibratedFrames:
     """Draw the frames of an observation and calibrate them.
 
@@ -106,6 +110,9 @@ def calibrated_frames(
         upright bar of the cross mask (`cpic_planner.validation.frame_level`).
     keep_hot : bool
         Whether pixels of more than 100 times the median dark current count as usable.
+    cropped : bool
+        Keep the stamp around the mask alone, of the size of the PSF's. Whole frames are then drawn and calibrated one
+        at a time, and only ``lost_outside`` tells of the rest.
 
     Returns
     -------
@@ -114,7 +121,8 @@ def calibrated_frames(
     Raises
     ------
     InputError
-        For a band of the near-infrared camera, more frames than 2 GB hold, or too few pixels for the level.
+        For a band of the near-infrared camera, more frames than 2 GB hold, too few pixels for the level, or a stamp
+        that leaves the detector.
 
     Notes
     -----
@@ -125,7 +133,8 @@ def calibrated_frames(
     """
     if observation.camera != "VIS":
         raise InputError("band", observation.band, allowed="a band of the visible camera")
-    rows, columns = observation.shape
+    place = _stamp(observation) if cropped else (slice(None), slice(None))
+    rows, columns = np.empty(observation.shape, dtype=np.bool_)[place].shape
     if 8 * observation.n_frames * rows * columns > MAX_STACK_BYTES:
         raise InputError("n_frames", observation.n_frames,
                          allowed=f"{MAX_STACK_BYTES / 1e9:g} GB of frames at once")  # fmt: skip
@@ -138,18 +147,19 @@ def calibrated_frames(
     n_lost = np.zeros(observation.shape, dtype=np.int64)
     for index, frame in enumerate(observation.iter_full_frames()):
         lost = frame.lost
-        np.logical_and(good, ~lost, out=usable[index])
+        kept = good & ~lost
         n_lost += lost
-        electrons[index] = steps.light_e(frame.adu, usable[index])
-    pedestal = steps.dark_e + steps.cic_e
+        electrons[index] = steps.light_e(frame.adu, kept)[place]
+        usable[index] = kept[place]
+    pedestal = (steps.dark_e + steps.cic_e)[place]
     if n_lost.any():
         usable &= ~_at_limit(electrons, usable, pedestal, observation)
     return CalibratedFrames(
         electrons=electrons,
         usable=usable,
         pedestal_e=pedestal,
-        response=steps.response,
-        n_lost=n_lost,
+        response=steps.response[place],
+        n_lost=n_lost[place],
         lost_in=int(n_lost[hole].sum()),
         lost_outside=int(n_lost[~hole].sum()),
         n_frames=observation.n_frames,
@@ -289,6 +299,16 @@ def _window(observation: Observation, detector: Detector) -> CalibrationSet:
         return whole
     (row, column), (rows, columns) = observation.first_pixel, observation.shape
     return whole.window(slice(row, row + rows), slice(column, column + columns))
+
+
+def _stamp(observation: Observation) -> tuple[slice, slice]:
+    """The stamp of the PSF in the frame."""
+    side = observation.psf.on_axis.shape[0]
+    rows, columns, _ = observation.area.stamp(side)
+    if (rows.stop - rows.start, columns.stop - columns.start) != (side, side):
+        raise InputError("detector.star_row", observation.area.centre, unit="px",
+                         allowed=f"a stamp of {side} pixels around the mask on the detector")  # fmt: skip
+    return rows, columns
 
 
 def _hole(observation: Observation) -> BoolArray:

@@ -15,7 +15,7 @@ from cpic_planner.etc.model import Library, ReferenceStar, Strategy
 from cpic_planner.validation.region import checked_frames, checked_region, region_rows
 from simulator.config import Scene, SceneStar
 from simulator.observation import Role
-from simulator.quantities import check_number, check_whole
+from simulator.quantities import check_finite, check_number, check_whole
 from simulator.sequence import MAX_FRAMES
 
 __all__ = ["HaloScale", "LibraryPlan", "VisitSettings", "halo_scale", "library_plan", "scale_library"]
@@ -166,8 +166,18 @@ def scale_library(reference_e: npt.ArrayLike, scale: float, *, pedestal_e: npt.A
     factor = check_number("scale", scale)
     if not factor > 0:
         raise InputError("scale", scale, allowed="above 0")
-    pedestal = np.asarray(pedestal_e, dtype=np.float64)
-    return (frames - pedestal) * factor + pedestal
+    pedestal = check_finite("pedestal_e", pedestal_e, "e-")
+    if pedestal.ndim > 2 or any(
+        a not in (1, b) for a, b in zip(pedestal.shape[::-1], frames.shape[::-1], strict=False)
+    ):
+        raise InputError(
+            "pedestal_e", pedestal.shape, unit="px", allowed=f"one number, or a map of {frames.shape[-2:]}"
+        )
+    with np.errstate(over="ignore"):
+        scaled = (frames - pedestal) * factor + pedestal
+    if np.isinf(scaled).any():
+        raise InputError("scale", scale, allowed="one at which the frames stay finite")
+    return scaled
 
 
 @dataclass(frozen=True)

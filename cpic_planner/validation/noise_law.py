@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import numpy.typing as npt
 
@@ -11,6 +13,7 @@ FloatArray = npt.NDArray[np.float64]
 _LEAST_SHARE, _MOST_SHARE = 1e-3, 0.98
 # Range of the logarithm of the squared scale: beyond it the chi-square of 3 degrees of freedom holds 1e-4 of its mass.
 _LOG_SCALE2 = np.linspace(-7.0, 2.5, 191)[:, None]
+_SCALE = np.exp(0.5 * _LOG_SCALE2)
 _KNOWN_DOF = 1e4
 
 
@@ -36,17 +39,7 @@ def log_tail(snr: npt.ArrayLike, laplace: npt.ArrayLike, dof: npt.ArrayLike = np
     level, share, free = np.broadcast_arrays(
         *(np.atleast_1d(np.asarray(part, np.float64)) for part in (snr, laplace, dof))
     )
-    tail = np.empty(level.shape)
-    known = free >= _KNOWN_DOF
-    tail[known] = _known_scale(level[known], share[known])
-    if not known.all():
-        from scipy.special import gammaln, logsumexp
-
-        half = 0.5 * free[~known]
-        weight = half * (np.log(half) + _LOG_SCALE2 - np.exp(_LOG_SCALE2)) - gammaln(half)
-        at_scale = _known_scale(level[~known] * np.exp(0.5 * _LOG_SCALE2), share[~known])
-        tail[~known] = logsumexp(at_scale + weight, axis=0) - logsumexp(weight, axis=0)
-    return tail
+    return _tail(level, share, _scale_weights(free))
 
 
 def equivalent_sigma(snr: npt.ArrayLike, laplace: npt.ArrayLike, dof: npt.ArrayLike = np.inf) -> FloatArray:
@@ -59,13 +52,53 @@ def equivalent_sigma(snr: npt.ArrayLike, laplace: npt.ArrayLike, dof: npt.ArrayL
 
 def snr_at(sigma: float, laplace: npt.ArrayLike, dof: npt.ArrayLike = np.inf) -> FloatArray:
     """Signal over estimated noise whose `equivalent_sigma` is ``sigma``, to 1e-6; bisection."""
+    from scipy.special import log_ndtr
+
     share, free = np.broadcast_arrays(np.atleast_1d(np.asarray(laplace, float)), np.asarray(dof, float))
+    weights, asked = _scale_weights(free), log_ndtr(-sigma)
     low, high = np.zeros(share.shape), np.full(share.shape, np.log(1e6))
     for _ in range(45):
         middle = 0.5 * (low + high)
-        above = equivalent_sigma(np.expm1(middle), share, free) >= sigma
+        above = _tail(np.expm1(middle), share, weights) <= asked
         low, high = np.where(above, low, middle), np.where(above, middle, high)
     return np.asarray(np.expm1(high))
+
+
+@dataclass(frozen=True, eq=False)
+class _ScaleWeights:
+    """Which scales are known, and the logarithms of the weights of the others, normalised, shape (scales, m)."""
+
+    known: npt.NDArray[np.bool_]
+    logs: FloatArray
+
+
+def _scale_weights(free: FloatArray) -> _ScaleWeights:
+    """Law of the scale of a variance with so many degrees of freedom."""
+    from scipy.special import gammaln
+
+    known = free >= _KNOWN_DOF
+    half = 0.5 * free[~known]
+    logs = half * (np.log(half) + _LOG_SCALE2 - np.exp(_LOG_SCALE2)) - gammaln(half)
+    return _ScaleWeights(known, logs - _log_sum(logs))
+
+
+def _tail(level: FloatArray, share: FloatArray, weights: _ScaleWeights) -> FloatArray:
+    """`log_tail` for known weights."""
+    known = weights.known
+    if known.all():
+        return _known_scale(level, share)
+    tail = np.empty(level.shape)
+    tail[known] = _known_scale(level[known], share[known])
+    at_scale = _known_scale(level[~known] * _SCALE, share[~known])
+    tail[~known] = _log_sum(at_scale + weights.logs)
+    return tail
+
+
+def _log_sum(logs: FloatArray) -> FloatArray:
+    """Logarithm of the sum of exponentials over the first axis."""
+    top = np.maximum(logs.max(axis=0), -1e300)
+    with np.errstate(divide="ignore"):
+        return np.asarray(top + np.log(np.exp(logs - top).sum(axis=0)))
 
 
 def _known_scale(level: FloatArray, share: FloatArray) -> FloatArray:

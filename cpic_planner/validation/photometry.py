@@ -21,6 +21,7 @@ from cpic_planner.validation.apertures import (
     sample_scatter,
 )
 from simulator.camera.gain import excess_noise_factor2
+from simulator.quantities import check_number
 
 __all__ = [
     "Contrast",
@@ -154,14 +155,18 @@ def contrast(
         ("star_rate_e_s", star_rate_e_s, "e-/s"),
         ("time_s", time_s, "s"),
     ):
-        require(key, value, value > 0 and math.isfinite(value), unit, "finite and above 0")
+        require(key, value, check_number(key, value, unit) > 0, unit, "finite and above 0")
     require("core", core, core <= 1, "", "above 0 and at most 1")
-    require("flux", flux, math.isfinite(flux), "e-", "finite")
+    check_number("flux", flux, "e-")
     for key, value, unit in (("error", error, "e-"), ("star_rate_error_e_s", star_rate_error_e_s, "e-/s")):
-        require(key, value, value >= 0 and math.isfinite(value), unit, "finite and at least 0")
-    full_scale = throughput * core * star_rate_e_s * time_s
+        require(key, value, check_number(key, value, unit) >= 0, unit, "finite and at least 0")
+    full_scale = float(throughput) * float(core) * float(star_rate_e_s) * float(time_s)
+    allowed = "a star whose light over the whole time is a finite number above 0"
+    require("throughput x core x star_rate_e_s x time_s", full_scale, 0 < full_scale < math.inf, "e-", allowed)
     value = flux / full_scale
-    return Contrast(value, math.hypot(error / full_scale, value * star_rate_error_e_s / star_rate_e_s))
+    spread = math.hypot(error / full_scale, value * (star_rate_error_e_s / star_rate_e_s))
+    require("contrast", value, math.isfinite(value) and math.isfinite(spread), "", "a finite ratio with a finite error")
+    return Contrast(value, spread)
 
 
 def aperture_photometry(

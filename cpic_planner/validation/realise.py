@@ -12,10 +12,11 @@ import numpy.typing as npt
 from cpic_planner.etc.model import Strategy
 from cpic_planner.validation.frames import MOST_LOST, CalibratedFrames, calibrated_frames
 from cpic_planner.validation.libraries import LibraryPlan, library_plan
+from cpic_planner.validation.modelling import Modelling, modelling_of
 from cpic_planner.validation.reduced import ReducedStack, pedestal_e, reduce_stack
 from cpic_planner.validation.rejection import filled, reject_cosmic_rays
 from cpic_planner.validation.roll import RollResult, roll_subtract
-from cpic_planner.validation.task import ConfirmTask, images_of
+from cpic_planner.validation.task import ConfirmTask
 from simulator.config import Instrument, Scene
 from simulator.config.base import validate
 from simulator.hole_stack import HoleStacks, hole_stackable, hole_stacks
@@ -78,6 +79,8 @@ class Visits:
     Attributes
     ----------
     task : ConfirmTask
+    modelling : Modelling
+        How the images are made.
     strategy : Strategy
     instrument : Instrument
         Of the images.
@@ -90,6 +93,7 @@ class Visits:
     """
 
     task: ConfirmTask
+    modelling: Modelling
     strategy: Strategy
     instrument: Instrument
     plan: LibraryPlan
@@ -128,11 +132,19 @@ class Visits:
         if self.plan.noise_free:
             dark_e = pedestal_e(self.science.instrument.detector, self.task.exposure_s)
             rates = reference.mean_rates(realisation)
-            library = (rates * self.task.exposure_s + dark_e) * reference.frames[:, None, None]
+            library = (rates * self.task.exposure_s + dark_e + self._smear_e()) * reference.frames[:, None, None]
             library[:, ~reference.region] = 0.0
         else:
             library = reference.draw(realisation)
         return self.reduced(sums, library, science.frames, reference.frames, science.region)
+
+    def _smear_e(self) -> FloatArray | float:
+        """Mean electrons a frame that the light of the reference visit leaves in every column."""
+        detector = self.instrument.detector
+        if not detector.switches.smear:
+            return 0.0
+        passed = detector.transfer.line_shift_s * self.reference.mean_rate_map
+        return np.asarray(passed.sum(axis=0) - passed)
 
     def reduced(
         self, science_e: FloatArray, reference_e: FloatArray, science_n: Any, reference_n: Any, region: BoolArray
@@ -158,44 +170,62 @@ class Visits:
         return Realised(reduced, roll, science_e.sum(axis=0), reference_e.sum(axis=0))
 
 
-def visits_of(task: ConfirmTask, *, full: bool = False, realisation: int = 0) -> Visits:
+def visits_of(
+    task: ConfirmTask, *, full: bool = False, realisation: int = 0, modelling: Modelling | None = None
+) -> Visits:
     """Set up the visits of a task.
 
     Parameters
     ----------
     task : ConfirmTask
     full : bool
-        Every effect of the camera, to be run frame by frame (`realised_frames`); sums of frames otherwise.
+        Every effect of the camera, to be run frame by frame (`realised_frames`), whatever the modelling says.
     realisation : int
         Of the frames.
+    modelling : Modelling, optional
+        How the images are made; what `modelling_of` the task says by default.
     """
-    instrument = validate(Instrument, task.simulator, where="instrument")
+    how = modelling_of(task) if modelling is None else modelling
+    how = how.whole() if full else how
     strategy = validate(Strategy, task.strategy, where="strategy")
-    scene = validate(Scene, task.scene, where="scene")
-    chosen = instrument if full else images_of(instrument)
+    scene = how.scene(validate(Scene, task.scene, where="scene"))
+    chosen = how.instrument(validate(Instrument, task.simulator, where="instrument"))
     plan = library_plan(strategy, scene, task.n_frames)
+    sums = how.draw == "sums"
     settings: dict[str, Any] = {
         "band": task.band,
         "exposure_s": task.exposure_s,
         "em_gain": task.em_gain,
         "seed": task.seed,
-        "fidelity": task.fidelity,
+        "fidelity": how.knobs,
         "instrument": chosen,
-        "window": "hole",
+        "window": "hole" if sums else how.region,
         "realisation": realisation,
+        "max_epochs": 1 if sums else how.epochs,  # the sums draw their own drift
     }
-    if not full:  # the sums draw their own drift
-        settings["max_epochs"] = 1
-    science = observe(plan.science_scene, **settings, **plan.science)
-    reference = observe(plan.reference_scene, **settings, **plan.reference)
+    shown = (plan.science_scene, plan.science), (plan.reference_scene, plan.reference)
+    science, reference = (observe(what, **settings, **visit) for what, visit in shown)
     answer = hole_stackable(science)
     if answer.status.value == "ok":
         answer = hole_stackable(reference)
     stacks = None
-    if not full and answer.status.value == "ok":
-        stacks = hole_stacks(science), hole_stacks(reference)
+    if sums and answer.status.value == "ok":
+        stacks = hole_stacks(science, epochs=how.epochs), hole_stacks(reference, epochs=how.epochs)
+        if how.smear_in_sums:
+            whole = [observe(what, **(settings | {"window": "full"}), **visit) for what, visit in shown]
+            stacks = _smeared(stacks[0], whole[0]), _smeared(stacks[1], whole[1])
     scale = science.truth.sources[0].rate_e_s / reference.truth.sources[0].rate_e_s
-    return Visits(task, strategy, chosen, plan, science, reference, scale, answer, stacks)
+    return Visits(task, how, strategy, chosen, plan, science, reference, scale, answer, stacks)
+
+
+def _smeared(stacks: HoleStacks, whole: Observation) -> HoleStacks:
+    """Sums with what the light beyond the window leaves in the columns of the hole during the transfer of a frame."""
+    seen = stacks.observation
+    side = seen.shape[1]
+    columns = whole.area.stamp(side)[1]
+    beyond = whole.mean_rate_map.sum(axis=0)[columns] - seen.mean_rate_map.sum(axis=0)
+    share = seen.instrument.detector.transfer.line_shift_s / seen.exposure_s
+    return stacks.with_light(np.broadcast_to(share * np.maximum(beyond, 0.0), seen.shape))
 
 
 def realised_frames(visits: Visits) -> tuple[Realised, FrameStory]:
@@ -209,7 +239,7 @@ def realised_frames(visits: Visits) -> tuple[Realised, FrameStory]:
     region = visits.metrics.hole.copy()
     kept, stories = [], []
     for observation in (visits.science, visits.reference):
-        frames = calibrated_frames(observation)
+        frames = calibrated_frames(observation, cropped=observation.window == "full")
         electrons, usable, hits = _cleaned(frames)
         whole, covered = filled(electrons, usable)
         region &= covered

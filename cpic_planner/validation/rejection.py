@@ -161,11 +161,10 @@ def reject_cosmic_rays(
         return Rejection(hit, 0, False, "single_frame")
     pedestal = np.broadcast_to(np.asarray(pedestal_e, dtype=np.float64), data.shape[1:])
     sigma = math.sqrt(read_noise_e**2 + gain_e_adu**2 / 12.0) / em_gain
-    # Unusable pixel-frames count as empty; -inf keeps them below every limit.
-    counted = np.where(good, data, 0.0)
-    tested = np.where(good, data, -np.inf).reshape(n_frames, -1)
-    total = counted.sum(axis=0).reshape(-1)
-    count = good.sum(axis=0).reshape(-1)
+    # Unusable pixel-frames count as empty and are not tested.
+    tested, counted = data.reshape(n_frames, -1), good.reshape(n_frames, -1)
+    total = np.einsum("nyx,nyx->yx", data, good).reshape(-1)
+    count = np.count_nonzero(good, axis=0).reshape(-1)
     offset = pedestal.reshape(-1)
     flat = hit.reshape(n_frames, -1)
     active = np.flatnonzero(count >= 2)
@@ -183,7 +182,10 @@ def reject_cosmic_rays(
                 false_alarm=false_alarm,
                 drift=drift,
             )
-        above = tested[:, active] > limit - offset[active]
+        columns = slice(None) if active.size == total.size else active  # a choice of columns is a copy
+        above = tested[:, columns] > limit - offset[active]
+        above &= counted[:, columns]
+        above &= ~flat[:, columns]
         changed = above.any(axis=0)
         if not changed.any():
             break
@@ -192,7 +194,6 @@ def reject_cosmic_rays(
         flat[frame, place] = True
         np.subtract.at(total, place, tested[frame, place])
         np.subtract.at(count, place, 1)
-        tested[frame, place] = -np.inf
         active = active[changed]
         active = active[count[active] >= 2]
     n_hit = int(np.count_nonzero(hit))

@@ -23,6 +23,8 @@ from cpic_planner.ranking import no_frame
 from cpic_planner.targets import Targets
 from simulator.config import Instrument, Planet, Scene, SceneStar
 from simulator.config.scene_table import companion_of
+from simulator.knobs import Dial, dial_of
+from simulator.ledger.sums import NOT_IN_SUMS
 from simulator.outcome import Reason, Status
 from simulator.target.positions import detector_to_sky
 
@@ -30,10 +32,6 @@ __all__ = ["MAX_FRAMES", "ConfirmTask", "Frames", "expected_of", "images_of", "p
 
 MAX_FRAMES = 4000
 """Frames of one sequence that are held in memory at once (0.6 GB of stamps)."""
-# What a reduction takes out (flaws, bias, particles) or what moves charge between pixels: sums of frames leave it out.
-# One case a target runs frame by frame with all of it.
-_NOT_IN_SUMS = ("flat", "dark_structure", "bad_pixels", "bad_columns", "smear", "cosmic_rays", "nonlinearity",
-                "parallel_cti", "serial_cti", "stripes", "interference", "bias_drift")  # fmt: skip
 _REFUSALS = {
     Status.SATURATED: "every frame saturates",
     Status.UNREACHABLE: "the time holds no frame",
@@ -66,8 +64,10 @@ class ConfirmTask:
         Frames of the science visit.
     strategy : dict
         How it is observed and reduced (`cpic_planner.etc.model.Strategy`).
-    seed, fidelity, realisations
+    seed, realisations
         Of the images; every realisation has its own drift and noise.
+    fidelity, tolerance
+        The dial (`simulator.knobs.dial_of`): a name or a tolerance; ``standard`` without any.
     audit : bool
         Whether one more realisation runs frame by frame with every effect of the camera.
     predictions : list of dict
@@ -85,11 +85,17 @@ class ConfirmTask:
     em_gain: float
     strategy: dict[str, Any]
     seed: int
-    fidelity: str
+    fidelity: str | None
     realisations: int
     audit: bool
     predictions: list[dict[str, Any]]
     planets: list[str]
+    tolerance: float | None = None
+
+    @property
+    def dial(self) -> Dial:
+        """Speed against accuracy."""
+        return dial_of(self.fidelity, self.tolerance)
 
     @property
     def key(self) -> str:
@@ -222,7 +228,8 @@ def prepare_task(
     time_s: float,
     planet: ReferencePlanet,
     seed: int,
-    fidelity: str,
+    fidelity: str | None = None,
+    tolerance: float | None = None,
     realisations: int = 1,
     audit: bool = False,
     overrides: SimulatorOverrides | None = None,
@@ -253,8 +260,8 @@ def prepare_task(
     zodis = (overrides or SimulatorOverrides()).instrument(model.instrument).sky.exozodi_zodis
     scene = target_scene(target, planet, separation, distance, pa_deg, exozodi_zodis=zodis)
     expected = expected_of(model, target, band, stand(model, band, separation), float(best.contrast[0]), frames)
-    return task_of(model, scene, band, frames, [expected], seed=seed, fidelity=fidelity, realisations=realisations,
-                   audit=audit, overrides=overrides)  # fmt: skip
+    return task_of(model, scene, band, frames, [expected], seed=seed, fidelity=fidelity, tolerance=tolerance,
+                   realisations=realisations, audit=audit, overrides=overrides)  # fmt: skip
 
 
 def task_of(
@@ -265,7 +272,8 @@ def task_of(
     predictions: Sequence[dict[str, Any]],
     *,
     seed: int,
-    fidelity: str,
+    fidelity: str | None = None,
+    tolerance: float | None = None,
     realisations: int,
     audit: bool,
     overrides: SimulatorOverrides | None,
@@ -289,9 +297,17 @@ def task_of(
         audit=audit,
         predictions=list(predictions),
         planets=[planet.name for planet in scene.planets] if planets is None else list(planets),
+        tolerance=tolerance,
     )
 
 
-def images_of(instrument: Instrument) -> Instrument:
-    """The instrument as sums of frames see it: without what only a full reduction can take out."""
-    return instrument.switched(dict.fromkeys(_NOT_IN_SUMS, False))
+def images_of(instrument: Instrument, *, keep: Sequence[str] = ()) -> Instrument:
+    """The instrument as sums of frames see it: without what only a full reduction can take out.
+
+    Parameters
+    ----------
+    instrument : Instrument
+    keep : sequence of str
+        Effects that stay all the same.
+    """
+    return instrument.switched({name: False for name in NOT_IN_SUMS if name not in keep})

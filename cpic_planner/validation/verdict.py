@@ -20,16 +20,24 @@ from cpic_planner.validation.calibration import (
     standing,
 )
 from cpic_planner.validation.measure import Measurement
+from cpic_planner.validation.modelling import Modelling, modelling_of
 from cpic_planner.validation.realise import FrameStory
 from cpic_planner.validation.star_flux import StarFlux
 from cpic_planner.validation.task import ConfirmTask
 from simulator.outcome import Reason
 
-__all__ = ["audit_of", "confirmation_of", "cut_off", "seen_at_place", "target_verdict"]
+__all__ = ["audit_of", "confirmation_of", "cut_off", "refusals_of", "seen_at_place", "target_verdict"]
+
+_ADVICE = {
+    "quick": "take --fidelity standard, or a --tolerance",
+    "standard": "take --fidelity reference, or a --tolerance",
+    "custom": "take --fidelity reference, or a larger --tolerance",
+}
 
 
 def confirmation_of(
     task: ConfirmTask,
+    modelling: Modelling,
     number: int,
     measured: Sequence[Measurement],
     *,
@@ -45,6 +53,8 @@ def confirmation_of(
     Parameters
     ----------
     task : ConfirmTask
+    modelling : Modelling
+        How the images were made.
     number : int
         Of the planet among those of the task.
     measured : sequence of Measurement
@@ -83,7 +93,8 @@ def confirmation_of(
         reason=Reason.PIXEL_FULL_WELL.value if lost else "",
         message=f"{lost} pixels of the hole were cut off by a limit" if lost else "",
         realisations=n,
-        drawn_as="sums" if story is None else "frames",
+        drawn_as=modelling.draw,
+        modelled=modelling.record(),
         recovered_snr=snr,
         recovered_snr_error=snr_error,
         recovered_significance=float(contrast.mean() / np.sqrt((sigma**2).mean())),
@@ -138,7 +149,7 @@ def _asked(task: ConfirmTask, number: int) -> dict[str, Any]:
     }
 
 
-def cut_off(task: ConfirmTask, number: int, story: FrameStory) -> BandConfirmation:
+def cut_off(task: ConfirmTask, modelling: Modelling, number: int, story: FrameStory) -> BandConfirmation:
     """Answer where limits left nothing of a planet's aperture, or of the background around it."""
     return BandConfirmation(
         **_asked(task, number),
@@ -146,10 +157,29 @@ def cut_off(task: ConfirmTask, number: int, story: FrameStory) -> BandConfirmati
         reason=Reason.PIXEL_FULL_WELL.value,
         message="limits cut off the aperture or the background around it",
         drawn_as="frames",
+        modelled=modelling.record(),
         saturated_in_hole=story.lost_in,
         detected=False,
         verdict="saturated",
     )
+
+
+def refusals_of(task: ConfirmTask) -> list[BandConfirmation]:
+    """Answers of a task whose tier is not good enough for its scene, one a planet; empty where it is."""
+    modelling = modelling_of(task)
+    if modelling.outcome.value is not None:
+        return []
+    return [
+        BandConfirmation(
+            **(_asked(task, number) | {"image": None}),
+            status=modelling.outcome.status.value,
+            reason=modelling.outcome.reason.value,
+            message=f"{modelling.outcome.message}: {_ADVICE[modelling.dial.fidelity]}",
+            modelled=modelling.record(),
+            verdict="not modelled",
+        )
+        for number in range(len(task.planets))
+    ]
 
 
 def _verdict(expected: dict[str, Any], detected: bool, counts: tuple[int, int, int], ratio: float, error: float) -> str:

@@ -30,7 +30,7 @@ from simulator.imaging.conjugation import Conjugation
 from simulator.imaging.dark_hole import default_settings
 from simulator.imaging.imager import Imager, centred_axis
 from simulator.imaging.paper_scene import CELLS, paper_scene_image
-from simulator.imaging.psf import wide_on_axis
+from simulator.imaging.psf import forget_stamps, wide_on_axis
 from simulator.imaging.quadrature import pixel_axis
 from simulator.imaging.scene_image import PointSources, scene_image
 from simulator.imaging.transfer import band_transfer
@@ -117,6 +117,7 @@ def time_psfs(clock: Clock, instrument: Instrument) -> list[str]:
         clock.run(name, job, **options)
 
     def stamps(fidelity: str, engine: Any = "matrix") -> list[Psf]:
+        forget_stamps()
         return [single_band_psf(band, fidelity=fidelity, instrument=instrument, engine=engine) for band in bands]
 
     ours = "four bands, 137 px, `standard`"

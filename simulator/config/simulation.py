@@ -32,7 +32,8 @@ SEQUENCE_KINDS: tuple[SequenceKind, ...] = (*SKY_KINDS, "BIAS", "DARK", "FLAT", 
 DEFAULT_EXPOSURE_S = 10.0
 
 _COMMON = ("kind", "instrument", "em_gain", "frames", "seed", "realisation", "switches", "start_utc", "obsid")
-_SKY = ("scene", "band", "exposure_s", "roll_deg", "star_offset_arcsec", "role", "fidelity", "scene_model")
+_SKY = ("scene", "band", "exposure_s", "roll_deg", "star_offset_arcsec", "role", "fidelity", "tolerance",
+        "scene_model")  # fmt: skip
 _OF_KIND: dict[SequenceKind, tuple[str, ...]] = dict.fromkeys(SKY_KINDS, _SKY) | {
     "BIAS": ("camera",),
     "DARK": ("camera", "exposure_s"),
@@ -83,8 +84,10 @@ class SequenceConfig(FrozenModel):
         Exposure of a frame, and the actual EM gain. BIAS has no exposure, the near infrared no gain.
     frames : int
         Frames of each sequence.
-    roll_deg, star_offset_arcsec, role, fidelity, scene_model
-        As `simulator.observe`. The role of CALS is ``calibration`` unless another one is given.
+    roll_deg, star_offset_arcsec, role, fidelity, tolerance, scene_model
+        As `simulator.observe`: the optics are those of ``fidelity``, and above a ``tolerance`` of 0 the effect ledger
+        leaves out what is predicted to matter less than that, with the cheapest knobs that meet it, never finer than
+        those of ``fidelity``. The role of CALS is ``calibration`` unless another one is given.
     level_e, offset_arcsec, ra_deg, dec_deg
         As `simulator.calibrate`.
     seed : int
@@ -116,6 +119,7 @@ class SequenceConfig(FrozenModel):
     star_offset_arcsec: tuple[Offset, Offset] = (0.0, 0.0)
     role: Literal["science", "reference", "calibration"] = "science"
     fidelity: Literal["quick", "standard", "reference"] = "standard"
+    tolerance: Annotated[Real, Field(ge=0, le=0.5)] = 0.0
     scene_model: Literal["exact", "paper"] = "exact"
     level_e: Annotated[Real, Field(ge=0, le=1e12)] | None = None
     offset_arcsec: tuple[Offset, Offset] | None = None

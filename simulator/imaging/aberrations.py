@@ -9,6 +9,7 @@ wide, so that opposite edges of the pupil are independent, and scaled to the exa
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass
 
@@ -133,6 +134,7 @@ def power_law_map(samples: int, psd_slope: float, rng: np.random.Generator, *, r
     return np.asarray(screen / math.sqrt(float((screen[inside] ** 2).mean())))
 
 
+@functools.lru_cache(maxsize=4)
 def draw_aberrations(
     seed: int,
     *,

@@ -13,6 +13,7 @@ is a full propagation of the pupil with static wavefront, mirror and drift in it
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -31,7 +32,6 @@ if TYPE_CHECKING:
 __all__ = ["ScreenModel", "iter_visit_frames", "screen_model", "visit_frames"]
 
 FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 STEP_CYCLES = 0.5
 LAST_INDEX = 63  # of frequencies in steps: below 32 cycles per diameter, what 64 samples can hold
 FLAT_BELOW_CYCLES = 1.0
@@ -45,8 +45,9 @@ class ScreenModel:
     ----------
     amplitude : ndarray, shape (64, 127)
         Rms of the real part of each coefficient at unit rms of the screen; rows f_y >= 0, columns f_x.
-    rows, columns : ndarray of complex128, shapes (n, 64) and (n, 127)
-        Fourier series at the sample centres.
+    cosine, sine : ndarray, shape (64, h)
+        Waves of the frequencies from zero up at the sample centres of the upper half of an axis: opposite samples, and
+        opposite frequencies, differ by the sign of the sine.
     removed : ndarray, shape (3, n, n)
         Piston, tip and tilt, orthonormal over the disc and zero outside it.
     planes : ndarray, shape (3, n, n)
@@ -54,20 +55,48 @@ class ScreenModel:
     """
 
     amplitude: FloatArray
-    rows: ComplexArray
-    columns: ComplexArray
+    cosine: FloatArray
+    sine: FloatArray
     removed: FloatArray
     planes: FloatArray
 
     def draw(self, rng: np.random.Generator, rms_nm: float) -> FloatArray:
         """One screen: optical path difference in nm, shape (n, n), expected rms ``rms_nm`` over the disc."""
         real, imaginary = rng.standard_normal((2, *self.amplitude.shape))
-        coefficients = (rms_nm * self.amplitude) * (real + 1j * imaginary)
-        screen = np.ascontiguousarray((self.rows @ (coefficients @ self.columns.T)).real)
-        content = np.tensordot(self.removed, screen, axes=2)
-        return screen - np.tensordot(content, self.planes, axes=1)
+        scale = rms_nm * self.amplitude
+        screen = self._series(scale * real, scale * imaginary)
+        content = self.removed.reshape(3, -1) @ screen.ravel()
+        screen -= (content @ self.planes.reshape(3, -1)).reshape(screen.shape)
+        return screen
+
+    def _series(self, real: FloatArray, imaginary: FloatArray) -> FloatArray:
+        """Real part of the Fourier series with the given coefficients, shape (n, n)."""
+        # Along x: sums of opposite frequencies bring cosines, differences of them sines and a factor of i.
+        sums, steps = _opposite(np.stack([real, imaginary]))
+        even, odd = sums @ self.cosine, steps @ self.sine
+        upper = even[0] - odd[1], even[1] + odd[0]
+        lower = even[0] + odd[1], even[1] - odd[0]
+        n, half = self.planes.shape[-1], self.cosine.shape[1]
+        row_real, row_imaginary = np.empty((2, len(real), n))
+        for row, place in ((row_real, 0), (row_imaginary, 1)):
+            row[:, n - half :] = upper[place]
+            row[:, :half] = lower[place][:, ::-1]
+        even_y, odd_y = self.cosine.T @ row_real, self.sine.T @ row_imaginary
+        screen = np.empty((n, n))
+        screen[n - half :] = even_y - odd_y
+        screen[:half] = (even_y + odd_y)[::-1]
+        return screen
 
 
+def _opposite(values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Sum and difference of the coefficients of f_x and -f_x, shapes (2, 64, 64); those of zero once."""
+    upper, lower = values[..., LAST_INDEX:], values[..., LAST_INDEX::-1]
+    sums, steps = upper + lower, upper - lower
+    sums[..., 0] = upper[..., 0]
+    return sums, steps
+
+
+@functools.lru_cache(maxsize=8)
 def screen_model(samples: int, psd_slope: float) -> ScreenModel:
     """Screens with power spectrum ``f^-psd_slope`` on ``samples`` x ``samples`` pupil samples."""
     position = (np.arange(samples) + 0.5) / samples - 0.5
@@ -85,7 +114,11 @@ def screen_model(samples: int, psd_slope: float) -> ScreenModel:
     # Expected mean square: each wave carries its amplitude squared, less what piston, tip and tilt take of it.
     taken = sum(np.abs(rows.T @ plane @ columns) ** 2 for plane in removed)
     mean_square = float((amplitude**2 * (1.0 - taken)).sum())
-    return ScreenModel(amplitude / math.sqrt(mean_square), rows, columns, removed, planes)
+    turns = 2.0 * np.pi * np.outer(f_y, position[samples // 2 :])
+    arrays = amplitude / math.sqrt(mean_square), np.cos(turns), np.sin(turns), removed, planes
+    for array in arrays:
+        array.flags.writeable = False
+    return ScreenModel(*arrays)
 
 
 def iter_visit_frames(

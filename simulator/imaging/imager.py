@@ -8,12 +8,14 @@ clear pupil disc carries unit energy.
 Static aberrations and the mirror are piecewise constant on their own grid, which the pupil grid repeats, and pointing
 jitter is part of the pixel's response (`simulator.imaging.quadrature`): all settings of the knobs see the same optics.
 
-The two matrix products of a separable transform are the propagator; HCIPy's Fraunhofer propagator is the cross-check
-(``engine="hcipy"``): a test holds the two together to 1e-12 of the peak.
+The two matrix products of a separable transform are the propagator, taken apart by parity (`simulator.imaging.parity`).
+HCIPy's Fraunhofer propagator is the cross-check (``engine="hcipy"``): a test holds both together to 1e-12 of the peak.
 """
 
 from __future__ import annotations
 
+import functools
+import hashlib
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -25,6 +27,16 @@ from numpy.typing import NDArray
 from simulator.config.instrument import ARCSEC_PER_RAD
 from simulator.imaging.aberrations import Aberrations
 from simulator.imaging.hole_zone import HoleZone
+from simulator.imaging.parity import (
+    HalfWaves,
+    add_intensity,
+    field_of,
+    half_waves,
+    parts_of,
+    quadrants_of,
+    unfolded,
+    unit_phases,
+)
 from simulator.imaging.quadrature import PixelAxis, integrate_pixels, pixel_axis
 from simulator.knobs import Knobs
 from simulator.lazy import load_quietly
@@ -32,9 +44,11 @@ from simulator.lazy import load_quietly
 __all__ = ["Engine", "FocalGrid", "Imager", "centred_axis"]
 
 FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+ComplexArray = NDArray[np.complexfloating[Any, Any]]
 Engine = Literal["hcipy", "matrix"]
-BLOCK_NODES = 2**17
+KEPT_SAMPLES = 2**22  # of pupil fields over all wavelengths that an imager keeps: 64 MB
+KEPT_WAVES = 2**19  # values of a grid's transforms that are kept for the next one with the same nodes: 4 MB
+N_KEPT_GRIDS = 24
 
 
 def centred_axis(n_pixels: int, pixel_arcsec: float, centre: float | None = None) -> FloatArray:
@@ -103,6 +117,17 @@ class Imager:
         """Solid angle of one pixel."""
         return (self.pixel_scale_arcsec / ARCSEC_PER_RAD) ** 2
 
+    @functools.cached_property
+    def content_key(self) -> str:
+        """Digest of everything that images depend on: equal for two models of the same optics."""
+        parts = (self.band, self.diameter_m, self.pixel_scale_arcsec, self.mask_half_width_arcsec, self.knobs,
+                 self.aperture_radius_arcsec, self.zone, self.lambda_d_arcsec, self.jitter_arcsec)  # fmt: skip
+        digest = hashlib.sha256(repr(parts).encode())
+        maps = [] if self.static is None else [self.static.opd_nm, self.static.amplitude]
+        for array in (self.wavelengths_m, self.weights, self.transmission, *maps):
+            digest.update(repr(array.shape).encode() + np.ascontiguousarray(array).tobytes())
+        return digest.hexdigest()
+
     @property
     def _clear_area(self) -> float:
         return math.pi / 4.0 * self.diameter_m**2
@@ -141,6 +166,23 @@ class Imager:
             return self.transmission
         phased: ComplexArray = self.transmission * np.exp(2j * np.pi / (wavelength * 1e9) * opd_nm)
         return phased
+
+    def quadrants(self, index: int) -> tuple[FloatArray, FloatArray]:
+        """Real and imaginary part of the static `pupil` by quadrants, shape (2, 2, h, h)."""
+        if self.wavelengths_m.size * self.transmission.size > KEPT_SAMPLES:
+            return _split(self.pupil(index))
+        return self._kept_quadrants[index]
+
+    @functools.cached_property
+    def _kept_quadrants(self) -> list[tuple[FloatArray, FloatArray]]:
+        return [_split(self.pupil(index)) for index in range(self.wavelengths_m.size)]
+
+    def waves(self, angles_arcsec: FloatArray, wavelength_m: float) -> HalfWaves:
+        """`transform` of one axis by parity: real matrices, with the same envelope and area element."""
+        step = self.diameter_m / len(self.transmission)
+        scale = step / math.sqrt(wavelength_m) / self._clear_area**0.25
+        dtype = np.empty(0, self.knobs.field_dtype).real.dtype
+        return half_waves(angles_arcsec / ARCSEC_PER_RAD / wavelength_m * step, len(self.transmission), scale, dtype)
 
     def transform(self, angles_arcsec: FloatArray, wavelength_m: float) -> ComplexArray:
         """Matrix of one axis: pupil samples to focal-plane field, sinc envelope and area element included."""
@@ -214,10 +256,10 @@ class Imager:
         return FocalGrid(self, nodes.rows, nodes.columns, y, x)
 
     def _grid(self, y_arcsec: FloatArray, x_arcsec: FloatArray) -> FocalGrid:
-        rows = tuple(self.transform(y_arcsec, float(wavelength)) for wavelength in self.wavelengths_m)
-        same = x_arcsec is y_arcsec or np.array_equal(x_arcsec, y_arcsec)
-        columns = rows if same else tuple(self.transform(x_arcsec, float(part)) for part in self.wavelengths_m)
-        return FocalGrid(self, rows, columns)
+        y, x = (np.ascontiguousarray(axis, dtype=np.float64) for axis in (y_arcsec, x_arcsec))
+        values = (y.size + x.size) * len(self.transmission) * self.wavelengths_m.size
+        waves = _kept_waves if values <= KEPT_WAVES else _kept_waves.__wrapped__
+        return FocalGrid(self, *waves(self, y.tobytes(), x.tobytes()))
 
     def _summed(self, fields: Iterable[ComplexArray], shape: tuple[int, int]) -> FloatArray:
         total = np.zeros(shape)
@@ -235,22 +277,22 @@ class FocalGrid:
     ----------
     imager : Imager
         The optical model.
-    rows, columns : tuple of ndarray, shapes (k_y, n) and (k_x, n)
+    rows, columns : tuple of HalfWaves
         Transforms to the nodes of the two axes.
     y, x : PixelAxis or None
         The pixels that the nodes belong to.
     """
 
     imager: Imager
-    rows: tuple[ComplexArray, ...]
-    columns: tuple[ComplexArray, ...]
+    rows: tuple[HalfWaves, ...]
+    columns: tuple[HalfWaves, ...]
     y: PixelAxis | None = None
     x: PixelAxis | None = None
 
     def transformed(self, index: int, pupil: NDArray[Any]) -> ComplexArray:
         """Any pupil map in the focal plane, shape (k_y, k_x)."""
-        rows, columns = self.rows[index], self.columns[index]
-        field: ComplexArray = rows @ (pupil.astype(rows.dtype, copy=False) @ columns.T)
+        rows = self.rows[index]
+        field: ComplexArray = field_of(parts_of(*_split(pupil), rows.cosine.dtype), rows, self.columns[index])
         return field
 
     def field(self, index: int, opd_nm: FloatArray | None = None) -> ComplexArray:
@@ -259,16 +301,20 @@ class FocalGrid:
 
     def intensity(self, opd_nm: FloatArray | None = None) -> FloatArray:
         """Band-averaged intensity at the nodes, as energy per pixel area."""
-        total = np.zeros((len(self.rows[0]), len(self.columns[0])))
-        block = max(16, BLOCK_NODES // max(len(self.columns[0]), 1))
-        for index, weight in enumerate(self.imager.weights):
-            rows, columns = self.rows[index], self.columns[index]
-            middle = self.imager.pupil(index, opd_nm).astype(rows.dtype, copy=False) @ columns.T
-            for first in range(0, len(rows), block):  # small blocks stay in the processor's cache
-                field = rows[first : first + block] @ middle
-                total[first : first + block] += float(weight) * (field.real**2 + field.imag**2)
-        total *= self.imager.pixel_solid_angle_sr
-        return total
+        imager, y, x = self.imager, self.rows[0], self.columns[0]
+        total = np.zeros((1 + y.mirrored, 1 + x.mirrored, len(y.cosine), len(x.cosine)))
+        screen = None if opd_nm is None else quadrants_of(opd_nm)
+        largest = 0.0 if opd_nm is None else float(np.abs(opd_nm).max())
+        for index, (wavelength, weight) in enumerate(zip(imager.wavelengths_m, imager.weights, strict=True)):
+            real, imaginary = imager.quadrants(index)
+            if screen is not None:
+                per_nm = 2.0 * math.pi / (float(wavelength) * 1e9)
+                cosine, sine = unit_phases(per_nm * screen, per_nm * largest)
+                real, imaginary = real * cosine - imaginary * sine, real * sine + imaginary * cosine
+            scale = math.sqrt(float(weight) * imager.pixel_solid_angle_sr)
+            parts = parts_of(scale * real, scale * imaginary, y.cosine.dtype)
+            add_intensity(total, parts, self.rows[index], self.columns[index])
+        return unfolded(total, y, x)
 
     def image(self, opd_nm: FloatArray | None = None) -> FloatArray:
         """Pixel-integrated image."""
@@ -279,3 +325,16 @@ class FocalGrid:
         if self.y is None or self.x is None:
             raise ValueError("a grid of points has no pixels")
         return integrate_pixels(values, self.y, self.x)
+
+
+def _split(pupil: NDArray[Any]) -> tuple[FloatArray, FloatArray]:
+    return quadrants_of(pupil.real), quadrants_of(pupil.imag)
+
+
+@functools.lru_cache(maxsize=N_KEPT_GRIDS)
+def _kept_waves(imager: Imager, y: bytes, x: bytes) -> tuple[tuple[HalfWaves, ...], tuple[HalfWaves, ...]]:
+    """Transforms to the nodes of two axes, given as the bytes of their angles."""
+    rows = tuple(imager.waves(np.frombuffer(y), float(wavelength)) for wavelength in imager.wavelengths_m)
+    if x == y:
+        return rows, rows
+    return rows, tuple(imager.waves(np.frombuffer(x), float(wavelength)) for wavelength in imager.wavelengths_m)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, get_args
 
@@ -25,10 +25,12 @@ from simulator.imaging.transfer import band_transfer
 from simulator.knobs import FIDELITIES, Knobs
 from simulator.target.star_spectrum import stellar_spectrum
 
-__all__ = ["Psf", "PsfError", "single_band_psf", "wide_on_axis"]
+__all__ = ["Psf", "PsfError", "forget_stamps", "single_band_psf", "wide_on_axis"]
 
 FloatArray = NDArray[np.float64]
 LARGE_STAMP_PIXELS = 401
+N_KEPT = 12  # of optical models with their stamps, some 3 MB each
+KEPT_PUPIL = 256**2  # most samples of a pupil that is kept
 
 
 @dataclass(frozen=True)
@@ -193,6 +195,7 @@ def single_band_psf(
     Returns
     -------
     Psf
+        Its stamps are read-only: calls for the same optics share them (the last 12 are kept).
 
     Raises
     ------
@@ -214,10 +217,12 @@ def single_band_psf(
     if not isinstance(instrument, Instrument):
         instrument = load_instrument(instrument)
     light = stellar_spectrum(0.0, spectrum) if isinstance(spectrum, str) else spectrum
-    imager = build_imager(instrument, band, fidelity, spectrum=light)
-    if imager.knobs.stamp_pixels % 2 == 0:
-        raise InputError("stamp_pixels", imager.knobs.stamp_pixels, unit="px", allowed="an odd number")
-    on_axis, off_axis = (_stamp(imager, masked=masked, engine=engine) for masked in (True, False))
+    built = build_imager(instrument, band, fidelity, spectrum=light)
+    if built.knobs.stamp_pixels % 2 == 0:
+        raise InputError("stamp_pixels", built.knobs.stamp_pixels, unit="px", allowed="an odd number")
+    kept = built.knobs.stamp_pixels < LARGE_STAMP_PIXELS and built.transmission.size <= KEPT_PUPIL
+    stamps = _stamps if kept else _stamps.__wrapped__
+    imager, on_axis, off_axis = stamps(_Optics(built.content_key, built), engine)
     return Psf(
         band=band,
         on_axis=on_axis,
@@ -228,6 +233,28 @@ def single_band_psf(
         instrument=instrument,
         spectrum=light,
     )
+
+
+@dataclass(frozen=True)
+class _Optics:
+    """An optical model that equals any other with the same content."""
+
+    key: str
+    imager: Imager = field(compare=False)
+
+
+@functools.lru_cache(maxsize=N_KEPT)
+def _stamps(optics: _Optics, engine: Engine) -> tuple[Imager, FloatArray, FloatArray]:
+    """Both stamps and the model behind them, the first of its content: what it keeps serves all scenes alike."""
+    imager = optics.imager
+    on_axis, off_axis = (_stamp(imager, masked=masked, engine=engine) for masked in (True, False))
+    on_axis.flags.writeable = off_axis.flags.writeable = False
+    return imager, on_axis, off_axis
+
+
+def forget_stamps() -> None:
+    """Drop the stamps that earlier calls left, so that the next call is timed as the first of a process."""
+    _stamps.cache_clear()
 
 
 def _stamp(imager: Imager, *, masked: bool, engine: Engine) -> FloatArray:

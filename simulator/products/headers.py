@@ -164,7 +164,9 @@ def frame_values(shared: Mapping[str, Value], index: int, times: SequenceTimes, 
 
 
 def ledger_cards(sequence: FrameSequence) -> Iterator[tuple[str, Value, str]]:
-    """Numbered cards of the effect ledger, ``kept | effect | reason``, and of the calibration maps.
+    """Numbered cards of the effect ledger, ``kept | effect | reason | size``, and of the calibration maps.
+
+    The size is the predicted one, where there is one.
 
     Raises
     ------
@@ -172,7 +174,9 @@ def ledger_cards(sequence: FrameSequence) -> Iterator[tuple[str, Value, str]]:
         If there are more of either than three digits count.
     """
     table = load_keywords()
-    texts = [f"{row.decision} | {row.effect} | {row.reason}" for row in sequence.ledger]
+    sizes = ["" if row.size is None else f" | {row.size:.3g}" for row in sequence.ledger]
+    texts = [f"{row.decision} | {row.effect} | {row.reason}{size}"
+             for row, size in zip(sequence.ledger, sizes, strict=True)]  # fmt: skip
     for what, key, rows in (("ledger", "EFF", texts), ("calibration_files", "CALF", sequence.calibration_files)):
         if len(rows) > MAX_ROWS:
             raise InputError(what, len(rows), allowed=f"at most {MAX_ROWS} rows")

@@ -80,7 +80,10 @@ def _configuration(
         "header": dict(primary),
         "sections": {key: [[part.start, part.stop] for part in section] for key, section in sequence.sections.items()},
         "calibration_files": list(sequence.calibration_files),
-        "effects": [{"effect": row.effect, "decision": row.decision, "reason": row.reason} for row in sequence.ledger],
+        "effects": [
+            {"key": row.key, "effect": row.effect, "decision": row.decision, "size": row.size, "reason": row.reason}
+            for row in sequence.ledger
+        ],
         "configuration_hash": instrument.content_hash,
         "instrument": instrument.model_dump(mode="json"),
         "provenance": {key: asdict(item) for key, item in instrument.provenance.items()},

@@ -50,6 +50,14 @@ class LedgerRow(Protocol):
     def reason(self) -> str:
         """Why, or by which law."""
 
+    @property
+    def key(self) -> str:
+        """Name for programs."""
+
+    @property
+    def size(self) -> float | None:
+        """Predicted size on what was asked for, None where none was worked out."""
+
 
 class SourceTruth(Protocol):
     """The point sources that are really there, with their places in the frame counted from 0."""

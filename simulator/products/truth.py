@@ -37,9 +37,10 @@ class TruthWriter:
     """Writes the truth of one sequence while its frames go by.
 
     Units: primary; ``EXPECTED_ADU`` and ``EXPECTED_E``, the mean frame after and before the camera (32-bit floats);
-    ``SOURCES``; ``MASK`` of every frame, numbered by EXTVER, losslessly compressed, with the bits of the Level-1 data
-    model (`simulator.camera.frame.MaskBit`); ``FRAMES``, one row a frame: times, counts, electrons by step, and the
-    DATASUM of the Level-0 image that the row belongs to.
+    ``SOURCES``; ``EFFECTS``, the effect ledger where it has predicted sizes; ``MASK`` of every frame, numbered by
+    EXTVER, losslessly compressed, with the bits of the Level-1 data model (`simulator.camera.frame.MaskBit`);
+    ``FRAMES``, one row a frame: times, counts, electrons by step, and the DATASUM of the Level-0 image that the row
+    belongs to.
     """
 
     file: IO[bytes]
@@ -67,6 +68,19 @@ class TruthWriter:
         sources = self._sources()
         if sources:
             append_table(self.file, sources, _UNITS, "SOURCES")
+        if any(row.size is not None for row in self.sequence.ledger):
+            append_table(self.file, self._effects(), _UNITS, "EFFECTS")
+
+    def _effects(self) -> dict[str, Any]:
+        """Columns of the effect ledger; nan where no size was predicted."""
+        rows = self.sequence.ledger
+        return {
+            "key": [escaped(row.key) for row in rows],
+            "effect": [escaped(row.effect) for row in rows],
+            "decision": [row.decision for row in rows],
+            "size": np.array([np.nan if row.size is None else row.size for row in rows], dtype=np.float64),
+            "reason": [escaped(row.reason) for row in rows],
+        }
 
     def _map(self, attribute: str) -> NDArray[np.float32]:
         values = np.asarray(getattr(self.sequence, attribute))

@@ -1,10 +1,8 @@
-"""Answers of the exposure-time calculator, the solver of frames over the catalogue, and the ranking.
+"""Answers of the exposure-time calculator, the solver of frames over the catalogue, and the ranking."""
 
-``make bench`` prints the times. There is no limit on the clock here: machines differ. ``reports/etc_accuracy`` has the
-figures of one machine.
-"""
-
-from collections.abc import Iterator
+import os
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -27,32 +25,13 @@ ASKED = {
     "time for an SNR": (exposure_time, {"snr": 5.0}),
     "contrast limit": (contrast_limit, {"time_s": 7200.0}),
 }
-MEDIANS: dict[tuple[str, str], float] = {}
 
 
-@pytest.fixture(scope="module", autouse=True)
-def times(printed) -> Iterator[None]:
-    yield
-    with printed() as line:
-        line("\nexposure-time calculator, median seconds")
-        for (job, name), seconds in MEDIANS.items():
-            line(f"  {job:28s} {name:44s} {seconds:9.4f} s")
-
-
-def timed(benchmark, job, name, function, *, rounds=10):
-    """Run a job, once before it counts, and keep its median."""
-    answer = benchmark.pedantic(function, rounds=rounds, warmup_rounds=1)
-    MEDIANS[job, name] = benchmark.stats.stats.median
-    return answer
-
-
-@pytest.mark.parametrize("bands", [("F662",), MODEL.bands], ids=["one band", "four bands"])
+@pytest.mark.parametrize(("count", "bands"), [("one band", ("F662",)), ("four bands", MODEL.bands)])
 @pytest.mark.parametrize("question", ASKED)
-def test_one_answer(benchmark, question, bands):
+def test_one_answer(timed, question, count, bands):
     ask, asked = ASKED[question]
-    found = timed(
-        benchmark, question, f"one star, {len(bands)} bands", lambda: ask(MODEL, STAR, bands=bands, **PLACE, **asked)
-    )
+    found = timed(f"etc: {question}, {count}", lambda: ask(MODEL, STAR, bands=bands, **PLACE, **asked), repeats=5)
     assert len(found) == len(bands)
 
 
@@ -67,24 +46,27 @@ def problems(model):
     return [band_cases(model, EVERY, band, planets, FrameWish()).problem("snr") for band in model.bands]
 
 
-@pytest.mark.parametrize("level", [1.0, 5.0])
-def test_least_times_of_the_catalogue(benchmark, wide, level):
-    name = f"{len(EVERY)} stars x {len(wide.bands)} bands, SNR {level:g}"
-    found = timed(
-        benchmark, "rates and least times", name, lambda: [least_time(part, level) for part in problems(wide)]
-    )
+def test_least_times_of_the_catalogue(timed, wide):
+    found = timed("etc: catalogue x 8 bands", lambda: [least_time(part, 5.0) for part in problems(wide)])
     assert sum(part.n_frames.size for part in found) == len(EVERY) * len(wide.bands)
 
 
-def test_best_frames_of_the_catalogue(benchmark, wide):
-    name = f"{len(EVERY)} stars x {len(wide.bands)} bands, 3600 s"
-    found = timed(benchmark, "rates and best frames", name,
+def test_best_frames_of_the_catalogue(timed, wide):
+    found = timed("etc: best frames of the catalogue",
                   lambda: [best_in_visit(part, np.full(part.z0.shape, 3600.0)) for part in problems(wide)])  # fmt: skip
     assert all(part.visit_s.max() <= 3600.0 * (1.0 + 1e-12) for part in found)
 
 
-def test_ranking(benchmark):
-    found = timed(
-        benchmark, "ranking", f"{len(EVERY)} stars", lambda: rank_targets(MODEL, EVERY, time_s=7200.0), rounds=2
-    )
+def test_ranking(timed):
+    found = timed("ranking of the catalogue", lambda: rank_targets(MODEL, EVERY, time_s=7200.0), rounds=2)
     assert len(found.targets) == len(EVERY)
+
+
+@pytest.mark.parametrize(("job", "words"), [
+    ("cold `cpic etc`", ["etc", "tau Cet", "--time-s", "7200"]),
+    ("cold `cpic rank`", ["rank"]),
+])  # fmt: skip
+def test_cold_command(timed, job, words):
+    command = [sys.executable, "-m", "cpic_planner.cli.main", *words, "--json"]
+    done = timed(job, lambda: subprocess.run(command, capture_output=True, check=True, env=os.environ), rounds=3)
+    assert done.stdout

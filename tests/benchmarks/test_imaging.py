@@ -1,10 +1,4 @@
-"""Point-spread functions, whole frames and dark holes: ours beside HCIPy's propagation of the same optics.
-
-``make bench`` prints the times and their ratios. There is no limit on the clock here: machines differ. Scenes and the
-grid of 4 x 4 cells are in ``test_scene_image.py``; ``reports/imaging_speed`` has the figures of one machine.
-"""
-
-from collections.abc import Iterator
+"""Point-spread functions, whole frames and dark holes: ours beside HCIPy's propagation of the same optics."""
 
 import numpy as np
 import pytest
@@ -14,7 +8,7 @@ from simulator.imaging.build import aberrations_of, bare_imager, build_imager, c
 from simulator.imaging.conjugation import Conjugation
 from simulator.imaging.dark_hole import DarkHole, default_settings
 from simulator.imaging.imager import centred_axis
-from simulator.imaging.psf import single_band_psf, wide_on_axis
+from simulator.imaging.psf import forget_stamps, single_band_psf, wide_on_axis
 from simulator.imaging.scene_image import PointSources, scene_image
 from simulator.imaging.transfer import band_transfer
 from simulator.knobs import FIDELITIES
@@ -23,39 +17,21 @@ INSTRUMENT = load_instrument()
 BANDS = INSTRUMENT.visible_bands()
 IMAGER = build_imager(INSTRUMENT, "F520")
 FRAME = 1081
-MEDIANS: dict[tuple[str, str], float] = {}
-
-
-@pytest.fixture(scope="module", autouse=True)
-def ratios(printed) -> Iterator[None]:
-    yield
-    with printed() as line:
-        line("\nimages, median seconds and how many times longer than ours")
-        for (job, name), seconds in MEDIANS.items():
-            ours = MEDIANS.get((job, "ours"))
-            ratio = f"{seconds / ours:8.1f} x" if ours and name != "ours" else ""
-            line(f"  {job:44s} {name:36s} {seconds:9.4f} s {ratio}")
-
-
-def timed(benchmark, job, name, function, *, rounds=3):
-    """Run a job, once before it counts unless it is run a single time, and keep its median."""
-    answer = benchmark.pedantic(function, rounds=rounds, warmup_rounds=int(rounds > 1))
-    MEDIANS[job, name] = benchmark.stats.stats.median
-    return answer
 
 
 def pairs(fidelity, engine="matrix"):
+    forget_stamps()
     return [single_band_psf(band, fidelity=fidelity, instrument=INSTRUMENT, engine=engine) for band in BANDS]
 
 
 @pytest.mark.parametrize("tier", FIDELITIES)
-def test_stamps_of_four_bands(benchmark, tier):
-    psfs = timed(benchmark, f"four bands, 137 px, {tier}", "ours", lambda: pairs(tier))
+def test_stamps_of_four_bands(timed, tier):
+    psfs = timed(f"stamps of four bands: {tier}", lambda: pairs(tier), rounds=5)
     assert all(psf.on_axis.shape == (137, 137) for psf in psfs)
 
 
-def test_stamps_of_four_bands_by_hcipy(benchmark):
-    theirs = timed(benchmark, "four bands, 137 px, standard", "HCIPy", lambda: pairs("standard", "hcipy"))
+def test_stamps_of_four_bands_by_hcipy(timed):
+    theirs = timed("stamps of four bands: peer HCIPy", lambda: pairs("standard", "hcipy"), rounds=3)
     for ours, other in zip(pairs("standard"), theirs, strict=True):
         assert np.abs(ours.on_axis - other.on_axis).max() < 1e-12 * ours.off_axis.max()
 
@@ -65,71 +41,58 @@ def frame_of(engine):
     return IMAGER.image(axis, axis, engine=engine)
 
 
-def test_star_over_a_frame(benchmark):
-    image = timed(benchmark, f"star, {FRAME} px, nodes of standard", "ours", lambda: frame_of("matrix"))
+def test_star_over_a_frame(timed):
+    image = timed("star over a frame", lambda: frame_of("matrix"), rounds=3)
     assert image.shape == (FRAME, FRAME)
 
 
-def test_star_over_a_frame_by_hcipy(benchmark):
-    job = f"star, {FRAME} px, nodes of standard"
-    theirs = timed(benchmark, job, "HCIPy", lambda: frame_of("hcipy"), rounds=1)
+def test_star_over_a_frame_by_hcipy(timed):
+    theirs = timed("star over a frame: peer HCIPy", lambda: frame_of("hcipy"), rounds=1)
     assert np.abs(theirs - frame_of("matrix")).max() < 1e-12 * theirs.max()
 
 
-def test_star_over_a_frame_with_pixels_in_closed_form(benchmark):
+def test_star_over_a_frame_with_pixels_in_closed_form(timed):
     pixel, half_width = IMAGER.pixel_scale_arcsec, IMAGER.mask_half_width_arcsec
     centres, star = centred_axis(FRAME, pixel), PointSources([0.0], [0.0], [1.0])
     image = timed(
-        benchmark,
-        f"star, {FRAME} px, nodes of standard",
-        "ours, closed form",
+        "star over a frame: closed form",
         lambda: scene_image(band_transfer(IMAGER), centres, centres, pixel, star, mask_half_width_arcsec=half_width),
     )
     exact = frame_of("matrix")
     assert np.abs(image - exact).max() < 1e-4 * exact.max()  # its four nodes a pixel, four wavelengths
 
 
-def test_star_over_a_frame_with_one_node_a_pixel(benchmark):
+def test_star_over_a_frame_with_one_node_a_pixel(timed):
     middle = (FRAME // 2, FRAME // 2)
-    image = timed(
-        benchmark,
-        f"star, {FRAME} px, nodes of standard",
-        "ours, one node a pixel",
-        lambda: wide_on_axis("F520", INSTRUMENT, (FRAME, FRAME), middle),
-    )
+    image = timed("star over a frame: one node a pixel",
+                  lambda: wide_on_axis("F520", INSTRUMENT, (FRAME, FRAME), middle))  # fmt: skip
     assert image.sum() > 0
 
 
 @pytest.mark.parametrize("band", BANDS)
-@pytest.mark.parametrize("preset", ["cpic_default", "cpic_2q"])
-def test_dark_hole(benchmark, preset, band):
+@pytest.mark.parametrize(("mode", "preset"), [("4q", "cpic_default"), ("2q", "cpic_2q")])
+def test_dark_hole(timed, mode, preset, band):
     instrument = load_instrument(preset)
-    hole, _ = timed(benchmark, f"dark hole of {preset}, {band}", "ours", lambda: dig(instrument, band), rounds=1)
+    hole, _ = timed(f"dark hole {mode}, {band}", lambda: dig(instrument, band), rounds=1)
     assert isinstance(hole, DarkHole)
 
 
-def problem_of(band):
-    imager, aberrations = bare_imager(INSTRUMENT, band), aberrations_of(INSTRUMENT)
-    return Conjugation(
-        imager, INSTRUMENT.band(band).center_nm * 1e-9, aberrations.upsampled(len(imager.transmission)),
+def test_jacobian(timed):
+    imager, aberrations = bare_imager(INSTRUMENT, "F662"), aberrations_of(INSTRUMENT)
+    problem = Conjugation(
+        imager, INSTRUMENT.band("F662").center_nm * 1e-9, aberrations.upsampled(len(imager.transmission)),
         configured_mirror(INSTRUMENT), imager.zone, default_settings("4q"),
     )  # fmt: skip
-
-
-def test_jacobian(benchmark):
-    problem = problem_of("F662")
     rest = np.zeros(problem.mirror.alive.shape)
-    jacobian = timed(benchmark, "Jacobian, F662, one wavelength", "ours", lambda: problem.jacobian(rest, 0))
+    jacobian = timed("Jacobian", lambda: problem.jacobian(rest, 0))
     assert jacobian.shape[1] == rest.size
 
 
-def test_jacobian_by_finite_differences_of_hcipy(benchmark):
+def test_one_propagation_by_hcipy(timed):
+    """A Jacobian by finite differences takes one for each of the 1024 actuators."""
     imager, settings = build_imager(INSTRUMENT, "F662"), default_settings("4q")
     points = imager.zone.control_axes(
         settings.step_lambda_d * imager.lambda_d_arcsec, settings.margin_lambda_d * imager.lambda_d_arcsec
     )
-    actuators = INSTRUMENT.mirror.n_actuators**2
-    name = f"{actuators} x one propagation of HCIPy"
-    field = timed(benchmark, "Jacobian, F662, one wavelength", name, lambda: imager.field(0, *points, engine="hcipy"))
-    MEDIANS["Jacobian, F662, one wavelength", name] *= actuators
+    field = timed("one propagation: peer HCIPy", lambda: imager.field(0, *points, engine="hcipy"), repeats=10)
     assert field.shape == (points[0].size, points[1].size)

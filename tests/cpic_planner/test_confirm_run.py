@@ -7,10 +7,15 @@ import pytest
 import cpic_planner
 from catalogs.errors import InputError
 from cpic_planner.cli.main import main
-from cpic_planner.models import ConfirmResult
+from cpic_planner.engine import run_tasks
+from cpic_planner.models import BandConfirmation, ConfirmResult
+from cpic_planner.scene_confirmation import ConfirmConfig, prepared_tasks
+from cpic_planner.validation.confirm import confirm_task
+from simulator import load_instrument, load_scene
+from simulator.files import dump_json
 
-FRAMES = {"exposure_s": 3.0, "n_frames": 6, "em_gain": 300.0, "realisations": 2, "fidelity": "quick"}
-OPTIONS = ["--exposure-s", "3", "--frames", "6", "--em-gain", "300", "--realisations", "2", "--fidelity", "quick"]
+FRAMES = {"exposure_s": 3.0, "n_frames": 6, "em_gain": 300.0, "realisations": 2}
+OPTIONS = ["--exposure-s", "3", "--frames", "6", "--em-gain", "300", "--realisations", "2"]
 PRODUCTS = ("confirm.json", "measurements.csv", "panels-F520.png", "report.html", "run.json")
 
 
@@ -65,3 +70,66 @@ def test_overrides_alter_the_images_alone(finished):
     assert result.reference_library == "idealised"
     assert result.bands[0].recovered_snr < 0.8 * result.bands[0].predicted_snr
     assert result.bands[0].predicted_snr >= nominal.predicted_snr
+
+
+FAINT = {"name": "faint", "cstar": {"v_mag": 5.5, "teff_k": 5500, "distance_pc": 4.0},
+         "planets": [{"name": "b", "radius_rjup": 1, "phase_deg": 90, "separation_arcsec": 0.6, "pa_deg": 315,
+                      "albedo": "jupiter"}]}  # fmt: skip
+TIERS = ("quick", "standard", "reference")
+
+
+def tier_task(tier):
+    config = ConfirmConfig(instrument=load_instrument(), scene=load_scene(FAINT), bands=("F850",), exposure_s=60.0,
+                           n_frames=2, em_gain=300.0, realisations=1, fidelity=tier)  # fmt: skip
+    (expected,) = [task for task in prepared_tasks(config) if task.band == "F850"]
+    return expected.to_dict()
+
+
+@pytest.fixture(scope="module")
+def tiers():
+    """One scene at every tier, in this process."""
+    return {TIERS[i]: body for i, body in run_tasks(confirm_task, [(tier_task(tier),) for tier in TIERS])}
+
+
+def test_every_tier_is_the_same_for_any_number_of_workers(tiers):
+    again = dict(run_tasks(confirm_task, [(tier_task(tier),) for tier in TIERS], workers=2))
+    for number, tier in enumerate(TIERS):
+        assert dump_json(again[number]) == dump_json(tiers[tier])
+
+
+def test_the_reference_beside_standard(tiers):
+    """Whole frames with every effect, and sums of frames: the same planet within its noise."""
+    whole, sums = (BandConfirmation.model_validate(tiers[tier]["confirmations"][0])
+                   for tier in ("reference", "standard"))  # fmt: skip
+    assert (whole.drawn_as, whole.modelled.region, whole.realisations) == ("frames", "full", 1)
+    assert whole.modelled.predicted_error == {"planet_flux": 0.0, "snr": 0.0}
+    assert whole.audit is None
+    assert (sums.drawn_as, sums.modelled.region, sums.audit.n_frames) == ("sums", "hole", 2)
+    error = whole.contrast_error
+    assert abs(whole.recovered_contrast - whole.true_contrast) < 4 * error
+    assert abs(sums.recovered_contrast - whole.recovered_contrast) < 4 * 1.5 * error
+    assert error == pytest.approx(sums.contrast_error, rel=0.35)  # a dozen apertures each
+    assert whole.core_throughput == pytest.approx(sums.core_throughput, rel=0.01)
+    assert whole.predicted_snr == sums.predicted_snr
+
+
+def test_another_tier_is_another_configuration(finished):
+    for dial in ({"fidelity": "quick"}, {"tolerance": 0.1}, {"fidelity": "reference"}):
+        with pytest.raises(InputError, match="--force"):
+            cpic_planner.confirm_scene("paper_example", bands=["F520"], out=finished, **(FRAMES | dial))
+
+
+def test_a_tier_that_is_too_coarse_is_no_error(capsys, tmp_path):
+    scene = tmp_path / "bright.yaml"
+    scene.write_text("""name: bright
+cstar: {v_mag: 0.4, teff_k: 6500, distance_pc: 3.5}
+planets: [{name: b, radius_rjup: 1, phase_deg: 90, separation_arcsec: 0.5, pa_deg: 315, albedo: jupiter}]
+""")
+    options = ["--band", "F520", "--exposure-s", "1.7", "--frames", "400", "--em-gain", "300", "--fidelity", "quick"]
+    assert main(["confirm", str(scene), *options, "--out", str(tmp_path / "o")]) == 0
+    result = ConfirmResult.model_validate_json((tmp_path / "o" / "confirm.json").read_text())
+    (band,) = result.bands
+    assert (band.status, band.reason) == ("invalid", "tier_too_coarse")
+    assert "--fidelity standard" in band.message
+    assert "--fidelity standard" in " ".join(capsys.readouterr().out.split())
+    assert "--fidelity standard" in (tmp_path / "o" / "report.html").read_text()

@@ -14,7 +14,7 @@ from catalogs.errors import InputError
 from cpic_planner.plan import PlanConfig, estimate_cost, make_plan
 from simulator.config import load_instrument
 
-ARGUMENTS = ["plan", "--top", "2", "--time-s", "400", "--fidelity", "quick", "--band", "F520", "--band", "F662",
+ARGUMENTS = ["plan", "--top", "2", "--time-s", "400", "--band", "F520", "--band", "F662",
              "--realisations", "2", "--planets", "500"]  # fmt: skip
 # Of the sample these alone let sums of frames stand for frames, which takes a tenth of the time.
 STARS = """name,v_mag,sp_type,teff_k,log_g,metallicity,distance_pc,luminosity_lsun,ra_deg,dec_deg
@@ -119,20 +119,22 @@ def test_another_configuration_needs_force(finished, stars):
     assert "--force" in other.stderr
 
 
-def test_seed_changes_the_measurement_but_not_the_prediction(stars, tmp_path):
-    settings = {
-        "top": 1,
-        "bands": ("F520",),
-        "time_s": 2000.0,
-        "fidelity": "quick",
-        "realisations": 1,
-        "n_planets": 500,
-    }
-    config = PlanConfig(instrument=load_instrument(), seed=1, **settings)
-    first = make_plan(config, tmp_path / "a", catalog=stars).plan.targets[0].bands[0]
-    second = make_plan(config.model_copy(update={"seed": 2}), tmp_path / "b", catalog=stars).plan.targets[0].bands[0]
-    assert first.predicted_snr == second.predicted_snr
-    assert first.recovered_snr != second.recovered_snr
+def test_seed_changes_the_measurement_but_not_the_prediction(finished, stars, tmp_path):
+    """Nor does how many targets are confirmed: one here, two before, in the same frames."""
+    plan = json.loads(finished[1])
+    before = {target["name"]: target for target in plan["targets"]}
+    settings = {"bands": ("F520", "F662"), "time_s": 400.0, "realisations": 2, "n_planets": 500}
+    config = PlanConfig(instrument=load_instrument(), top=1, seed=plan["seed"] + 1, **settings)
+    (other,) = make_plan(config, tmp_path / "other", catalog=stars).plan.targets
+    compared = [
+        (band, again)
+        for band, again in zip(before[other.name]["bands"], other.bands, strict=True)
+        if band["status"] == "ok"
+    ]
+    assert compared
+    for band, again in compared:
+        assert (again.predicted_snr, again.n_frames) == (band["predicted_snr"], band["n_frames"])
+        assert again.recovered_snr != band["recovered_snr"]
 
 
 def test_dry_run_estimates_without_working(tmp_path):

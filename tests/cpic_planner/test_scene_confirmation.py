@@ -16,7 +16,7 @@ from simulator import load_instrument, load_scene
 from simulator.passbands import Passbands
 from simulator.target.sources import scene_sources
 
-FRAMES = {"exposure_s": 4.0, "n_frames": 40, "em_gain": 300.0, "fidelity": "quick", "realisations": 3, "audit": False}
+FRAMES = {"exposure_s": 4.0, "n_frames": 40, "em_gain": 300.0, "realisations": 3, "audit": False}
 STAR = {"v_mag": 1.35, "spectral_type": "K1V", "distance_pc": 1.35}
 
 

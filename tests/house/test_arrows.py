@@ -40,10 +40,12 @@ PLANNER = [
     {"explain"},
     {"overrides", "override_keys"},
     {"validation"},
+    {"etc_images", "etc_check"},
     {"report"},
     {"survey"},
     {"confirmed"},
     {"plan", "scene_confirmation", "confirm_run", "simulation"},
+    {"tradeoff"},
     {"api"},
     {"cli"},
 ]

@@ -189,7 +189,7 @@ def test_ledger_says_what_is_kept_and_skipped():
         ({"n_frames": 1.5}, "n_frames"),
         ({"em_gain": 0.5}, "em_gain"),
         ({"em_gain": 2000}, "em_gain"),
-        ({"tolerance": 0.1}, "tolerance"),
+        ({"tolerance": 0.7}, "tolerance"),
         ({"window": "half"}, "window"),
         ({"seed": -1}, "seed"),
         ({"fidelity": "best"}, "fidelity"),
@@ -341,3 +341,71 @@ def test_a_psf_from_a_file_is_named_and_tells_observations_apart(tmp_path):
     by_hand = observe(scene(), psf=replace(first, file=""), **settings)
     assert "PSFFILE" not in by_hand.header
     assert by_hand.calibration_files == []
+
+
+def test_a_tolerance_leaves_out_what_it_may():
+    bright = scene(planet(45, separation=0.6), stars=[
+        {"name": "far", "v_mag": 9.0, "teff_k": 5000, "separation_arcsec": 6.0, "pa_deg": 70}])  # fmt: skip
+    settings = {"band": "F662", "exposure_s": 5.0, "n_frames": 20, "em_gain": 30, "window": "hole", "seed": 2}
+    whole = observe(bright, **settings)
+    short = observe(bright, **settings, tolerance=0.1, quantity=("planet_flux", "snr"))
+    assert (whole.tolerance, whole.choice, whole.header["TOLERANC"]) == (0.0, None, 0.0)
+    assert (short.tolerance, short.header["TOLERANC"], short.header["FIDELITY"]) == (0.1, 0.1, "custom")
+    choice = short.choice
+    assert "far" in choice.left_out
+    assert choice.switches
+    assert not any(choice.switches.values())
+    assert short.psf.knobs.wavelength_nodes < whole.psf.knobs.wavelength_nodes
+    assert short.light.epochs < whole.light.epochs == 12
+    assert (choice.draw, choice.region) == ("frames", "hole")
+    assert short.window == "hole"
+    assert [source.name for source in short.truth.sources] == [source.name for source in whole.truth.sources]
+    rows = {row.key: row for row in short.ledger}
+    assert short.ledger == choice.rows
+    for name in (*choice.switches, "star:far", "wavelength_nodes"):
+        assert rows[name].decision == "skipped"
+        assert rows[name].size is not None
+    assert all(short.instrument.detector.switches.model_dump()[name] is False for name in choice.switches)
+    total = sum(row.size for row in short.ledger if row.decision == "skipped" and row.size)
+    assert 0 < total <= 0.1
+    assert max(choice.predicted_error.values()) <= 0.1
+    assert short.frame(3).adu.shape == whole.frame(3).adu.shape
+    again = observe(bright, **settings, tolerance=0.1, quantity=("planet_flux", "snr"))
+    np.testing.assert_array_equal(short.frame(1).adu, again.frame(1).adu)
+
+
+def test_quantities_default_to_all_that_the_scene_has():
+    settings = {"band": "F662", "exposure_s": 1.0, "window": "hole", "tolerance": 0.1}
+    assert set(observe(scene(planet(45)), **settings).choice.predicted_error) == {"planet_flux", "snr", "pixel_map"}
+    assert set(observe(scene(), **settings).choice.predicted_error) == {"pixel_map"}
+    one = observe(scene(planet(45)), **settings, quantity="snr")
+    assert set(one.choice.predicted_error) == {"snr"}
+
+
+def test_a_tolerance_for_the_infrared_camera_but_no_psf_from_a_file(tmp_path):
+    from simulator import load_psf, save_psf, single_band_psf
+
+    near = observe(scene(planet(45)), band="F940", exposure_s=1.0, window="hole", tolerance=0.1, quantity="snr")
+    assert near.choice.switches == {}
+    assert near.psf.knobs.tier == "custom"
+    save_psf(single_band_psf("F662"), tmp_path / "psf.fits")
+    kernel = load_psf(tmp_path / "psf.fits")
+    with pytest.raises(InputError, match="tolerance = 0.1.*PSF from a file"):
+        observe(scene(planet(45)), band="F662", exposure_s=1.0, window="hole", psf=kernel, tolerance=0.1)
+
+
+@pytest.mark.parametrize(
+    ("change", "word"),
+    [
+        ({"tolerance": -0.01}, "tolerance = -0.01.*0 to 0.5"),
+        ({"tolerance": 0.51}, "tolerance = 0.51.*0 to 0.5"),
+        ({"tolerance": float("nan")}, "tolerance"),
+        ({"tolerance": "0.1"}, "tolerance"),
+        ({"tolerance": 0.1, "quantity": "flux"}, "quantity = flux.*pixel_map"),
+        ({"tolerance": 0.1, "quantity": "snr"}, "quantity = snr.*no planet"),
+        ({"tolerance": 0.1, "quantity": ()}, "quantity.*at least one"),
+    ],
+)
+def test_tolerances_are_refused_by_name(change, word):
+    with pytest.raises(InputError, match=word):
+        observe(scene(), **({"band": "F520", "exposure_s": 1.0, "window": "hole"} | change))

@@ -37,6 +37,7 @@ def call(capsys, *arguments):
         (["paper_example", "--realisations", "0"], ["--realisations"]),
         (["paper_example", "--simulator-overrides", "thruput=x0.7"], ["thruput", "throughput"]),
         (["paper_example", "--force"], ["--force", "--out"]),
+        (["paper_example", "--fidelity", "reference", "--audit"], ["--audit", "every realisation frame by frame"]),
     ],
 )
 def test_bad_input_is_one_clear_line_with_status_2(capsys, arguments, words):
@@ -56,7 +57,7 @@ def test_dry_run_counts_realisations_and_audited_frames(capsys, tmp_path):
     cost = json.loads(out)
     assert (cost["n_tasks"], cost["n_realisations"], cost["n_frames"]) == (1, 20, 14)
     status, out, _ = call(capsys, str(tmp_path / "scene.yaml"), *options, "--band", "F520", "--dry-run", "--no-audit")
-    assert "1 band of my scene, 20 realisations and 0 audited frames" in out
+    assert "1 band of my scene, 20 realisations, 0 frames drawn one by one" in out
 
 
 def test_a_planet_outside_the_hole_needs_no_image(capsys, tmp_path):

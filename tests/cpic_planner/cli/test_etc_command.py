@@ -1,5 +1,7 @@
 import json
 import re
+import subprocess
+import sys
 
 import pytest
 
@@ -290,3 +292,108 @@ def test_examples_of_the_help_work(capsys, tmp_path, monkeypatch):
         assert main(shlex.split(example)) == 0, example
     assert (tmp_path / "limit.png").exists()
     capsys.readouterr()
+
+
+def test_quick_is_the_answer_without_a_dial(capsys):
+    plain = json.loads(call(capsys, *HERE, "--snr", "5", "--json")[1])
+    quick = json.loads(call(capsys, *HERE, "--snr", "5", "--fidelity", "quick", "--json")[1])
+    assert plain == quick
+    assert plain["fidelity"]["fidelity"] == "quick"
+    (record,) = plain["fidelity"]["answers"]
+    assert record["images"] is None
+    assert 0.014 < record["closed_form_error"]["snr"] < 0.2
+    assert call(capsys, *HERE, "--snr", "5") == call(capsys, *HERE, "--snr", "5", "--fidelity", "quick")
+
+
+def test_standard_checks_every_answer_in_images(capsys):
+    asked = [*HERE, "--separation-arcsec", "0.05", "--time-s", "3600", "--fidelity", "standard", "--realisations", "8"]
+    result = json.loads(call(capsys, *asked, "--json")[1])
+    assert len(result["answers"]) == 2
+    (record,) = result["fidelity"]["answers"]
+    assert (record["answer"], record["status"], record["fidelity"]) == (0, "ok", "standard")
+    assert record["images"]["draw"] == "sums"
+    assert record["images"]["modelled"]["effects"]
+    assert result["fidelity"]["seed"] == 1
+    values = [row["value"] for row in result["answers"]]
+    closed = json.loads(call(capsys, *asked[:-4], "--json")[1])
+    assert values == [row["value"] for row in closed["answers"]]
+    assert result["config_hash"] != closed["config_hash"]
+    other = json.loads(call(capsys, *asked, "--seed", "2", "--json")[1])
+    assert other["config_hash"] != result["config_hash"]
+    assert other["fidelity"]["answers"][0]["images"]["snr"] != record["images"]["snr"]
+    status, text, err = call(capsys, *asked)
+    assert (status, err) == (0, "")
+    for word in ("Checked in images (standard: sums of frames)", "flux / true", "8", "images / SNR"):
+        assert word in text
+
+
+def test_a_contrast_limit_is_checked_by_a_planet_at_the_limit(capsys):
+    asked = [*HERE, "--contrast-limit", "--time-s", "3600", "--fidelity", "standard", "--realisations", "8"]
+    result = json.loads(call(capsys, *asked, "--json")[1])
+    (record,) = result["fidelity"]["answers"]
+    images = record["images"]
+    assert images["light_ratio"] == pytest.approx(1.0, abs=0.005)
+    assert images["predicted_significance"] == pytest.approx(result["answers"][0]["threshold"], rel=0.02)
+
+
+def test_a_tolerance_makes_images_only_where_it_has_to(capsys):
+    status, text, err = call(capsys, *HERE, "--time-s", "3600", "--tolerance", "0.2")
+    assert (status, err) == (0, "")
+    assert "F520 at 0.500″: closed forms are enough" in text
+    assert "Checked in images" not in text
+    result = json.loads(call(capsys, *HERE, "--time-s", "3600", "--tolerance", "0.0001", "--json")[1])
+    (record,) = result["fidelity"]["answers"]
+    assert (record["status"], record["reason"]) == ("invalid", "tolerance_not_met")
+    assert result["fidelity"]["tolerance"] == 0.0001
+    status, text, _ = call(capsys, *HERE, "--time-s", "3600", "--tolerance", "0.0001")
+    assert status == 0
+    assert "tolerance not met" in text
+    assert record["message"].split(":")[0] in " ".join(text.split())
+
+
+def test_the_infrared_is_answered_but_not_checked(capsys):
+    asked = ["tau Cet", "--band", "F940", "--separation-arcsec", "0.8", "--contrast", "1e-6", "--time-s", "600"]
+    for dial in (["--fidelity", "standard"], ["--tolerance", "0.3"]):
+        result = json.loads(call(capsys, *asked, *dial, "--json")[1])
+        assert result["answers"][0]["status"] == "ok"
+        (record,) = result["fidelity"]["answers"]
+        assert (record["status"], record["reason"]) == ("invalid", "not_measured_in_images")
+        assert record["predicted_error"] is None
+
+
+def test_nothing_to_check(capsys):
+    status, text, _ = call(capsys, "tau Cet", "--band", "F520", "--separation-arcsec", "0.05", "--fidelity", "standard")
+    assert status == 0
+    assert "No answer has frames" in text
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--fidelity", "best"], ["--fidelity", "best"]),
+        (["--fidelity", "quick", "--tolerance", "0.1"], ["--tolerance", "--fidelity", "one dial"]),
+        (["--tolerance", "0.6"], ["--tolerance", "0.6", "0 to 0.5"]),
+        (["--tolerance", "nan"], ["--tolerance", "nan"]),
+        (["--realisations", "5"], ["--realisations", "5", "--fidelity standard"]),
+        (["--realisations", "5", "--tolerance", "0.1"], ["--realisations", "5", "--fidelity standard"]),
+        (["--realisations", "0", "--fidelity", "standard"], ["--realisations", "1"]),
+        (["--seed", "5"], ["--seed", "5", "--fidelity standard"]),
+        (["--seed", "-1", "--fidelity", "standard"], ["--seed", "0"]),
+    ],
+)
+def test_the_dial_refuses_in_one_line(capsys, options, words):
+    status, out, err = call(capsys, *HERE, *options)
+    assert (status, out) == (2, "")
+    assert err.count("\n") == 1
+    for word in words:
+        assert word in err
+
+
+def test_closed_forms_load_nothing_of_the_images():
+    code = (
+        "import sys\nfrom cpic_planner.cli.main import main\n"
+        "assert main(['etc', 'tau Cet', '--tolerance', '0.5', '--json']) == 0\n"
+        "heavy = {'numba', 'cpic_planner.validation', 'cpic_planner.etc_images', 'simulator.observation'}\n"
+        "sys.exit(bool(heavy & set(sys.modules)))"
+    )
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, check=False).returncode == 0

@@ -39,7 +39,7 @@ def test_dry_run_counts_realisations(capsys):
     cost = json.loads(out)
     assert (cost["n_targets"], cost["n_tasks"], cost["n_realisations"]) == (1, 1, 20)
     _, out, _ = call(capsys, *options)
-    assert "1 image sets (1 targets x bands), 8 realisations and " in out
+    assert "1 image sets (1 targets x bands), 8 realisations, " in out
 
 
 def test_help_shows_examples_and_what_overrides_are(capsys):

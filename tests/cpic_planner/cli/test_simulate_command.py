@@ -111,6 +111,9 @@ def test_presets_are_listed(capsys, here):
         (["--kind", "BIAS", "paper_example"], ["WHAT", "paper_example", "BIAS"]),
         (["--kind", "BIAS", "--band", "F520"], ["--band", "F520", "not for BIAS"]),
         (["--kind", "BIAS", "--fidelity", "quick"], ["--fidelity", "quick", "not for BIAS"]),
+        (["--kind", "BIAS", "--tolerance", "0.02"], ["--tolerance", "0.02", "not for BIAS"]),
+        (["paper_example", "--tolerance", "0.6"], ["--tolerance", "0.6", "0 to 0.5"]),
+        (["paper_example", "--tolerance", "nan"], ["--tolerance", "nan"]),
         (["--kind", "DARK", "--roll-deg", "3"], ["--roll-deg", "3", "not for DARK"]),
         (["--kind", "DARK", "--level-e", "3"], ["--level-e", "FLAT, LASER"]),
         (["--kind", "CAL"], ["--kind", "CAL"]),
@@ -149,3 +152,36 @@ def test_another_configuration_needs_force(capsys, here):
     assert status == 2
     assert "--force" in err
     assert call(capsys, *bias, "--seed", "2", "--force")[0] == 0
+
+
+def test_a_tolerance_says_what_it_leaves_out(capsys, here):
+    asked = ("paper_example", "--band", "F520", "--instrument", "small.yaml", "--tolerance", "0.05", "--frames", "3")
+    status, planned, _ = call(capsys, *asked, "--dry-run")
+    assert status == 0
+    status, out, _ = call(capsys, *asked)
+    assert status == 0
+    story = out[out.index("Left out of") : out.index("wavefront at")]
+    assert story in planned
+    for word in ("alpha Cen B F520", "predicted size", "Predicted error: planet flux", "asked: at most", "5.0 %"):
+        assert word in " ".join(story.split())
+    status, text, _ = call(capsys, *asked, "--json")
+    (row,) = json.loads(text)["sequences"]
+    assert row["settings"]["tolerance"] == 0.05
+    gone = [effect for effect in row["modelled"]["effects"] if effect["decision"] == "skipped" and effect["size"]]
+    assert gone
+    assert all(error <= 0.05 for error in row["modelled"]["predicted_error"].values())
+    for effect in gone:
+        assert effect["effect"] in story
+    status, _, err = call(capsys, *asked[:-4], "--frames", "3")
+    assert status == 2
+    assert "--force" in err
+
+
+def test_without_a_tolerance_nothing_is_said(capsys, here):
+    asked = ("paper_example", "--band", "F520", "--instrument", "small.yaml", "--fidelity", "quick")
+    status, out, _ = call(capsys, *asked)
+    assert status == 0
+    assert "Left out" not in out
+    (row,) = json.loads(call(capsys, *asked, "--json")[1])["sequences"]
+    assert row["modelled"] is None
+    assert row["settings"]["tolerance"] == 0.0

@@ -17,9 +17,11 @@ from cpic_planner.models import (
     CandidateRecord,
     ConfirmedTarget,
     ConfirmResult,
+    EffectRecord,
     EtcResult,
     EtcRow,
     Explanation,
+    ModellingRecord,
     PlanResult,
     PopulationRecord,
     PositionRecord,
@@ -32,6 +34,7 @@ from cpic_planner.models import (
 )
 from cpic_planner.report.figures import HoleEdges, LimitCurve
 from cpic_planner.report.panels import Panels
+from simulator.knobs import FIDELITIES
 
 VOID_TAGS = {"meta", "img", "br", "link", "input", "hr"}
 HOSTILE = "<script>alert('x')</script>"
@@ -217,6 +220,7 @@ def _confirmed(row: RankedTarget, shift: float) -> ConfirmedTarget:
                 time_s=10289.6,
                 realisations=8,
                 drawn_as="sums",
+                modelled=modelled(0.001 * number),
                 predicted_snr=predicted,
                 predicted_significance=1.2 * predicted,
                 recovered_snr=recovered,
@@ -266,6 +270,32 @@ def _confirmed(row: RankedTarget, shift: float) -> ConfirmedTarget:
     )
 
 
+def modelled(size: float = 0.0, draw: str = "sums") -> ModellingRecord:
+    """Images of a band that leave two effects out; one of them is as large as given."""
+    return ModellingRecord(
+        fidelity="standard",
+        tolerance={"planet_flux": 0.01, "snr": 0.03},
+        predicted_error={"planet_flux": 0.002, "snr": 0.004 + size},
+        draw=draw,
+        region="hole",
+        epochs=6,
+        knobs=FIDELITIES["standard"],
+        effects=[
+            EffectRecord(key="photon_noise", effect="photon noise", decision="kept", reason="Poisson"),
+            EffectRecord(key="summed_frames", effect="frame by frame", decision="skipped", size=0.004,
+                         reason="sums of frames"),
+            EffectRecord(key="serial_cti", effect="serial transfer losses", decision="skipped", size=size,
+                         reason="not in sums"),
+            EffectRecord(key="sky", effect="sky", decision="kept", reason="uniform <b>", size=0.21),
+        ],
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="session")
+def make_modelled() -> Callable[..., ModellingRecord]:
+    return modelled
+
+
 @pytest.fixture(scope="session")
 def plan(rank: RankResult) -> PlanResult:
     return PlanResult(
@@ -273,6 +303,7 @@ def plan(rank: RankResult) -> PlanResult:
         config_hash="9d1c44ab01fe",
         seed=1,
         fidelity="standard",
+        tolerance={"planet_flux": 0.01, "snr": 0.03, "pixel_map": 0.03},
         instrument="cpic_default",
         time_s=36000.0,
         sigma=5.0,

@@ -1,5 +1,6 @@
 import base64
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,6 +14,8 @@ from cpic_planner.report.figures import (
     sky_map,
     snr_figure,
 )
+from cpic_planner.report.panel_figure import PanelSheet, tick_labels
+from cpic_planner.report.panels import Mark
 from cpic_planner.report.sky_map import map_longitude, marker_area
 
 
@@ -79,6 +82,64 @@ def test_panel_picture_is_a_palette_png_wide_enough(panels):
     assert len(data) < 160_000
 
 
+def test_a_picture_does_not_depend_on_those_before_it_on_the_same_sheet(panels):
+    one, other = list(panels.values())[:2]
+    marked = replace(one, planet_x_arcsec=-0.5, marks=(Mark(-0.4, 0.3, "star", "a star"), Mark(0.3, -0.4, "candidate")))
+    small = replace(other, science=1e6 * other.science, hole_outer_arcsec=0.5, roll_deg=40.0)
+    sheet = PanelSheet()
+    drawn = [sheet.picture(each, "* tau Cet") for each in (marked, small, one, marked, one)]
+    assert [picture.uri for picture in drawn] == [
+        panel_picture(each, "* tau Cet").uri for each in (marked, small, one, marked, one)
+    ]
+    assert len({picture.uri for picture in drawn}) == 3
+
+
+@pytest.mark.parametrize("outer_arcsec", [0.21, 0.45, 0.707, 1.4, 12.0])
+@pytest.mark.parametrize("factor", [1e-9, 1.0, 3e7])
+def test_words_of_the_panels_stay_inside_and_apart(panels, outer_arcsec, factor):
+    one = next(iter(panels.values()))
+    # a pixel scale of its own, so that the hole holds the same pixels
+    ratio = outer_arcsec / one.hole_outer_arcsec
+    lengths = ("pixel_scale_arcsec", "hole_inner_arcsec", "hole_outer_arcsec", "mask_half_width_arcsec")
+    scaled = replace(
+        one,
+        **{name: ratio * getattr(one, name) for name in lengths},
+        **{name: factor * getattr(one, name) for name in ("science", "reference", "residual")},
+    )
+    sheet, kept = PanelSheet(), []
+    sheet.picture(scaled, "* tau Cet")
+    figure = sheet._figure
+    page = figure.bbox
+    for axes in figure.axes:
+        words = [axes.title, axes.xaxis.label, axes.yaxis.label]
+        for axis in (axes.xaxis, axes.yaxis):
+            low, high = axis.get_view_interval()
+            words += [tick.label1 for tick in axis.get_major_ticks() if low <= tick.get_loc() <= high]
+        boxes = [word.get_window_extent() for word in words if word.get_visible() and word.get_text()]
+        assert boxes
+        for box in boxes:
+            assert page.x0 <= box.x0 <= box.x1 <= page.x1
+            assert page.y0 <= box.y0 <= box.y1 <= page.y1
+            assert not any(box.overlaps(other) for other in kept)
+            kept.append(box)
+
+
+@pytest.mark.parametrize(
+    ("ticks", "labels", "power"),
+    [
+        ([390.0, 640.0, 1080.0], ["390", "640", "1080"], ""),
+        ([-0.15, 0.0, 0.15], ["−0.15", "0.00", "0.15"], ""),
+        ([-1.5e-3, 0.0, 1.5e-3], ["−1.5", "0.0", "1.5"], "10⁻³ "),
+        ([3.8e7, 6.3e7, 1.04e8, 1.7e8], ["0.38", "0.63", "1.04", "1.70"], "10⁸ "),
+        ([1000.0, 1000.5], ["1000.0", "1000.5"], ""),
+        ([0.0], ["0"], ""),
+        ([], [], ""),
+    ],
+)
+def test_ticks_of_a_colour_bar(ticks, labels, power):
+    assert tick_labels(ticks) == (labels, power)
+
+
 def test_pyplot_is_not_used(rank):
     import subprocess
     import sys
@@ -136,10 +197,6 @@ def test_snr_of_a_scene_counts_its_measurements(confirmation):
 
 
 def test_marks_are_drawn_where_they_are(panels):
-    from dataclasses import replace
-
-    from cpic_planner.report.panels import Mark
-
     one = next(iter(panels.values()))
     plain = panel_picture(one, "* tau Cet")
     marked = replace(

@@ -195,3 +195,28 @@ def test_register_clock_charge_is_taken_off() -> None:
     dark = seen.psf.metrics.hole & frames.usable.all(axis=0) & (seen.mean_rate_map * 0.01 < 1e-3)
     values = frames.electrons[:, dark]
     assert abs(values.mean()) < 4 * values.std() / np.sqrt(values.size) + 4 * frames.noise_e / np.sqrt(60 * bar.sum())
+
+
+def test_whole_frames_are_cropped_as_they_come() -> None:
+    """Without noise the hole of a whole frame is that of a window: charge that enters the edges does not get there."""
+    off = ("photon_noise", "em_register", "read_noise", "cosmic_rays", "clock_charge")
+    common = {"n_frames": 2, "em_gain": 1.0, "exposure_s": 17.0, "switches": dict.fromkeys(off, False)}
+    window = observed(**common)
+    stamp, hole = calibrated_frames(window), window.psf.metrics.hole
+    whole = calibrated_frames(observed(**common, window="full"), cropped=True)
+    assert whole.electrons.shape == whole.usable.shape == stamp.electrons.shape
+    for name in ("pedestal_e", "response"):
+        assert np.allclose(getattr(whole, name)[hole], getattr(stamp, name)[hole], rtol=1e-6), name
+    assert np.array_equal(stamp.usable[:, hole], whole.usable[:, hole])
+    good = stamp.usable & hole
+    step = stamp.detector.gain_e_adu
+    difference = np.abs(whole.electrons - stamp.electrons)[good]
+    assert (difference < 1.2 * step + 2e-3 * stamp.electrons[good]).all()
+    assert difference.mean() < 0.1 * step
+
+
+def test_a_stamp_that_leaves_the_detector_is_refused() -> None:
+    moved = load_instrument({"detector": {"star_row": 30}})
+    seen = observed(n_frames=1, window="full", instrument=moved)
+    with pytest.raises(InputError, match="137 pixels"):
+        calibrated_frames(seen, cropped=True)

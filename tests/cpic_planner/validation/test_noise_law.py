@@ -47,3 +47,10 @@ def test_equivalent_sigma_orders_and_inverts():
         assert equivalent_sigma(snr_at(5.0, share, dof), share, dof)[0] == pytest.approx(5.0, abs=1e-6)
     assert snr_at(5.0, 0.0)[0] == pytest.approx(5.0, abs=1e-6)
     assert snr_at(5.0, 0.8)[0] > snr_at(5.0, 0.4)[0] > 5.5
+
+
+def test_candidates_together_and_one_by_one():
+    share, dof = np.array([0.0, 0.3, 0.9, 0.5]), np.array([12.0, np.inf, 40.0, 3.0])
+    together = snr_at(4.5, share, dof)
+    np.testing.assert_array_equal(together, [snr_at(4.5, *pair)[0] for pair in zip(share, dof, strict=True)])
+    np.testing.assert_allclose(equivalent_sigma(together, share, dof), 4.5, rtol=1e-9)

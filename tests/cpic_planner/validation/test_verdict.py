@@ -7,10 +7,14 @@ import pytest
 
 from cpic_planner.models import BandConfirmation
 from cpic_planner.validation.measure import Measurement
+from cpic_planner.validation.modelling import Modelling
 from cpic_planner.validation.realise import FrameStory
 from cpic_planner.validation.star_flux import StarFlux
 from cpic_planner.validation.task import ConfirmTask
-from cpic_planner.validation.verdict import audit_of, confirmation_of, target_verdict
+from cpic_planner.validation.verdict import audit_of, confirmation_of, cut_off, target_verdict
+from simulator.knobs import FIDELITIES, dial_of
+from simulator.ledger import EffectRow
+from simulator.outcome import Outcome
 
 EXPECTED = {
     "contrast": 1e-8,
@@ -26,6 +30,18 @@ EXPECTED = {
 TASK = ConfirmTask(name="star", band="F520", simulator={}, scene={}, exposure_s=10.0, n_frames=100, em_gain=200.0,
                    strategy={"reference_ratio": 1.0}, seed=1, fidelity="standard", realisations=8, audit=False,
                    predictions=[EXPECTED], planets=["b"])  # fmt: skip
+MODELLING = Modelling(
+    dial=dial_of().of("planet_flux", "snr"),
+    draw="sums",
+    region="hole",
+    knobs=FIDELITIES["standard"],
+    epochs=6,
+    switches={},
+    left_out=(),
+    rows=(EffectRow("sums", "skipped", "sums of frames", key="summed_frames", size=0.004),),
+    predicted_error={"planet_flux": 0.001, "snr": 0.004},
+    outcome=Outcome.ok(0.004),
+)
 STAR = StarFlux(1e6, 1e3, "off_mask", 1e5, 0.2, 0.5)
 
 
@@ -36,7 +52,8 @@ def measurement(contrast=1e-8, snr=10.0, found=True):
 
 
 def answer(measured, *, task=TASK, story=None, star=STAR):
-    return confirmation_of(task, 0, measured, star=star, core=0.13, false_detections=0, story=story, position=None,
+    how = MODELLING if story is None else MODELLING.whole()
+    return confirmation_of(task, how, 0, measured, star=star, core=0.13, false_detections=0, story=story, position=None,
                            audit=None)  # fmt: skip
 
 
@@ -137,3 +154,14 @@ def test_a_target_in_words():
     assert target_verdict([cut])[0].startswith("saturated")
     faint = answer(realisations(24, 0.02, lambda k: False)).model_copy(update={"n_significant": 0})
     assert target_verdict([faint]) == ("not confirmed; too faint to measure the ETC by", None, None)
+
+
+def test_how_the_images_were_made_stands_beside_the_answer():
+    found = answer(realisations(8))
+    assert (found.drawn_as, found.modelled.draw, found.modelled.fidelity) == ("sums", "sums", "standard")
+    assert found.modelled.predicted_error == {"planet_flux": 0.001, "snr": 0.004}
+    assert found.modelled.tolerance == {"planet_flux": 0.01, "snr": 0.03}
+    (row,) = found.modelled.effects
+    assert (row.key, row.decision, row.size) == ("summed_frames", "skipped", 0.004)
+    gone = cut_off(TASK, MODELLING.whole(), 0, FrameStory(5, 0, 0.0, 0))
+    assert (gone.status, gone.drawn_as, gone.modelled.draw) == ("saturated", "frames", "frames")

@@ -39,6 +39,22 @@ def test_screens_have_the_rms_and_no_tilt():
     assert abs(np.mean(squares) - 9.0) < 4 * np.std(squares) / 20
 
 
+@pytest.mark.parametrize("samples", [64, 65])
+def test_screen_is_the_fourier_series_of_its_coefficients(samples):
+    model, (_, position) = screen_model(samples, 2.5), disc(samples)
+    real, imaginary = np.random.default_rng(9).standard_normal((2, 64, 127))
+    coefficients = 3.0 * model.amplitude * (real + 1j * imaginary)
+    f_y, f_x = 0.5 * np.arange(64), 0.5 * np.arange(-63, 64)
+    waves = [np.exp(2j * np.pi * np.outer(position, frequency)) for frequency in (f_y, f_x)]
+    series = (waves[0] @ coefficients @ waves[1].T).real
+    for plane, removed in zip(model.planes, model.removed, strict=True):
+        series = series - (removed * series).sum() * plane
+    screen = model.draw(np.random.default_rng(9), 3.0)
+    assert np.abs(screen - series).max() < 1e-13 * np.abs(series).max()
+    assert screen_model(samples, 2.5) is model
+    assert not model.planes.flags.writeable
+
+
 def test_power_falls_with_the_slope():
     for slope in (2.0, 3.0):
         model = screen_model(64, slope)

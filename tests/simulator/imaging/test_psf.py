@@ -6,7 +6,7 @@ from catalogs.errors import InputError
 from simulator.config import load_instrument
 from simulator.imaging.build import dark_hole_of
 from simulator.imaging.measure import stamp_figures
-from simulator.imaging.psf import single_band_psf, wide_on_axis
+from simulator.imaging.psf import forget_stamps, single_band_psf, wide_on_axis
 from simulator.knobs import Knobs
 
 INSTRUMENT = load_instrument()
@@ -354,3 +354,21 @@ def test_large_stamps_continue_small_ones():
     assert np.abs(large.on_axis[part, part] - small.on_axis).max() < 1e-11 * peak
     hole = small.metrics.hole
     np.testing.assert_allclose(large.on_axis[part, part][hole], small.on_axis[hole], rtol=1e-3)
+
+
+def test_stamps_of_the_same_optics_are_shared_and_forgotten():
+    first = single_band_psf("F662", instrument=INSTRUMENT)
+    quiet = load_instrument({"detector": {"read_noise_e": 1.0}})
+    second = single_band_psf("F662", instrument=quiet)  # another instrument with the same optics
+    assert second.instrument is quiet
+    assert second.imager is first.imager
+    assert second.on_axis is first.on_axis
+    with pytest.raises(ValueError, match="read-only"):
+        first.off_axis[0, 0] = 1.0
+    forget_stamps()
+    third = single_band_psf("F662", instrument=INSTRUMENT)
+    assert third.on_axis is not first.on_axis
+    np.testing.assert_array_equal(third.on_axis, first.on_axis)
+    assert single_band_psf("F720", instrument=INSTRUMENT).on_axis is not third.on_axis
+    other = load_instrument({"wavefront": {"seed": 99}, "dark_hole": {"control": "off"}})
+    assert single_band_psf("F662", instrument=other).imager.content_key != third.imager.content_key

@@ -1,11 +1,10 @@
-"""What an observation models and what it leaves out, row by row, with the reason."""
+"""What a configuration contains and what it lacks, row by row, with the reason; no sizes."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,30 +15,18 @@ from simulator.config.infrared import InfraredDetector
 from simulator.effects.cosmic_ray_rate import cosmic_ray_rate
 from simulator.effects.sky import SOLAR_AVOIDANCE, SkyLevel
 from simulator.effects.stray_light import extra_lights
+from simulator.ledger.rows import EffectRow
 
-__all__ = ["EffectRow", "camera_ledger", "effect_ledger", "not_modelled", "sky_ledger"]
-
-
-@dataclass(frozen=True)
-class EffectRow:
-    """One effect: kept or skipped, and why."""
-
-    effect: str
-    decision: Literal["kept", "skipped"]
-    reason: str
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain dict for JSON and FITS headers."""
-        return asdict(self)
+__all__ = ["camera_ledger", "effect_ledger", "not_modelled", "sky_ledger"]
 
 
 _OPTICS = "apodizer, cross mask, pixel integration"
 _STATIC = "static wavefront error and deformable mirror"
 _KEPT = (
-    (_OPTICS, "exact on the step grid"),
-    ("wavefront drift", "visit offset and random walk"),
-    (_STATIC, "one dark hole per band, its field known perfectly"),
-    ("pointing jitter", "incoherent sum over a Gaussian"),
+    (_OPTICS, "exact on the step grid", "optics"),
+    ("wavefront drift", "visit offset and random walk", "drift"),
+    (_STATIC, "one dark hole per band, its field known perfectly", "static"),
+    ("pointing jitter", "incoherent sum over a Gaussian", "jitter"),
 )
 _VISIBLE = {
     "photon_noise": ("photon noise", "Poisson"),
@@ -142,8 +129,11 @@ def camera_ledger(
         if name == "stripes" and file:
             # The map holds whatever structure the bias has, and no switch takes it off.
             reason, why_not = f"replaced by the map {file}, level and structure", ""
-        rows.append(EffectRow(effect, "skipped", why_not) if why_not else EffectRow(effect, "kept", reason))
-    return (*rows, EffectRow("bias level, quantisation, range of the converter", "kept", "cut off and counted"))
+        rows.append(
+            EffectRow(effect, "skipped", why_not, key=name) if why_not else EffectRow(effect, "kept", reason, key=name)
+        )
+    last = EffectRow("bias level, quantisation, range of the converter", "kept", "cut off and counted", "quantisation")
+    return (*rows, last)
 
 
 def _why_not(detector: Detector | InfraredDetector, name: str, *, lit: bool, exposed: bool) -> str:
@@ -190,15 +180,15 @@ def not_modelled(instrument: Instrument) -> list[str]:
 
 def _dust(instrument: Instrument, scene: Scene | None) -> EffectRow:
     """Row of the dust around the star: in a scene, or wherever a planner makes the scene."""
-    effect, zodis = "exozodiacal light", instrument.sky.exozodi_zodis
+    effect, key, zodis = "exozodiacal light", "exozodi", instrument.sky.exozodi_zodis
     if scene is not None and scene.extended:
-        return EffectRow(effect, "kept", "only as extended sources of the scene")
+        return EffectRow(effect, "kept", "only as extended sources of the scene", key)
     if zodis == 0:
-        return EffectRow(effect, "skipped", "sky.exozodi_zodis is 0")
+        return EffectRow(effect, "skipped", "sky.exozodi_zodis is 0", key)
     words = f"{zodis:g} zodis, a face-on disc around the star"
     if scene is None:
-        return EffectRow(effect, "kept", words)
-    return EffectRow(effect, "skipped", f"the scene has no disc; predictions count {words}")
+        return EffectRow(effect, "kept", words, key)
+    return EffectRow(effect, "skipped", f"the scene has no disc; predictions count {words}", key)
 
 
 def sky_ledger(
@@ -228,14 +218,14 @@ def sky_ledger(
     if config.model == "uniform":
         words = f"uniform over the frame, {config.brightness_v_mag_arcsec2:g} mag/arcsec2 in V, solar colour"
         rows = [
-            EffectRow("sky", "kept", words + size("uniform")),
-            EffectRow(_ZODIACAL, "skipped", "the uniform sky is brighter than most of the sky"),
+            EffectRow("sky", "kept", words + size("uniform"), "sky"),
+            EffectRow(_ZODIACAL, "skipped", "the uniform sky is brighter than most of the sky", "zodiacal"),
         ]
     else:
         near = " (a lower limit so close to the Sun)" if sky is not None and SOLAR_AVOIDANCE in sky.flags else ""
         rows = [
-            EffectRow("sky", "kept", f"zodiacal light alone, uniform over the frame{size('zodiacal')}{near}"),
-            EffectRow(_ZODIACAL, "kept", "by ecliptic position and date"),
+            EffectRow("sky", "kept", f"zodiacal light alone, uniform over the frame{size('zodiacal')}{near}", "sky"),
+            EffectRow(_ZODIACAL, "kept", "by ecliptic position and date", "zodiacal"),
         ]
     for name, light in extra_lights(instrument).items():
         effect = name.replace("_", " ")
@@ -250,9 +240,10 @@ def sky_ledger(
         elif light.map_file is not None:
             words = "from a map by band"
         else:
-            rows.append(EffectRow(effect, "skipped", "none given"))
+            rows.append(EffectRow(effect, "skipped", "none given", name))
             continue
-        rows.append(EffectRow(effect, "kept", words) if words else EffectRow(effect, "skipped", "its rate is zero"))
+        lit = EffectRow(effect, "kept", words, name)
+        rows.append(lit if words else EffectRow(effect, "skipped", "its rate is zero", name))
     return tuple(rows)
 
 
@@ -288,41 +279,46 @@ def effect_ledger(
     -------
     tuple of EffectRow
     """
-    rows = {row[0]: EffectRow(row[0], "kept", row[1]) for row in _KEPT}
+    keys = {row[0]: row[2] for row in _KEPT}
+    rows = {row[0]: EffectRow(row[0], "kept", row[1], row[2]) for row in _KEPT}
 
     def skip(effect: str, reason: str) -> None:
-        rows[effect] = EffectRow(effect, "skipped", reason)
+        rows[effect] = EffectRow(effect, "skipped", reason, keys[effect])
 
     wavefront, hole = instrument.wavefront, instrument.dark_hole
     if instrument.drift.visit_nm == 0 and instrument.drift.walk_nm_per_sqrt_hour == 0:
         skip("wavefront drift", "both rms are zero")
     if hole.control == "single_jacobian":
         reason = "one dark hole per band, set with one Jacobian of the design"
-        rows[_STATIC] = EffectRow(_STATIC, "kept", reason)
+        rows[_STATIC] = EffectRow(_STATIC, "kept", reason, "static")
     elif hole.control == "surface":
-        rows[_STATIC] = EffectRow(_STATIC, "kept", "the mirror's surface is loaded from a file")
+        rows[_STATIC] = EffectRow(_STATIC, "kept", "the mirror's surface is loaded from a file", "static")
     elif hole.control == "off" and wavefront.perfect:
         skip(_STATIC, "no aberrations, flat mirror")
     elif hole.control == "off":
-        rows[_STATIC] = EffectRow(_STATIC, "kept", "aberrations with a flat mirror: no dark hole")
+        rows[_STATIC] = EffectRow(_STATIC, "kept", "aberrations with a flat mirror: no dark hole", "static")
     if wavefront.jitter_mas == 0:
         skip("pointing jitter", "rms is zero")
     if hole_state == "not_reached":
-        rows[_STATIC] = EffectRow(_STATIC, "kept", "the dark hole is brighter than asked of the instrument")
+        rows[_STATIC] = EffectRow(_STATIC, "kept", "the dark hole is brighter than asked of the instrument", "static")
     if hole_state == "external":
         for effect in (_OPTICS, _STATIC, "wavefront drift", "pointing jitter"):
             skip(effect, "the point-spread functions come from a file")
     if scene_model == "paper":
         rows["source positions"] = EffectRow(
-            "source positions", "skipped", "nearest of 4 x 4 cells a pixel, no mask in front of off-axis sources"
+            "source positions",
+            "skipped",
+            "nearest of 4 x 4 cells a pixel, no mask in front of off-axis sources",
+            "source_positions",
         )
     if any(star.companion for star in scene.stars):
         on = scene.companions == "on"
         rows["light of companions"] = EffectRow(
-            "light of companions", "kept" if on else "skipped", "own PSF wings" if on else "switched off"
+            "light of companions", "kept" if on else "skipped", "own PSF wings" if on else "switched off", "companions"
         )
     if scene.extended:
-        rows["extended sources"] = EffectRow("extended sources", "kept", "a grid of half pixels through the PSF")
+        how = "a grid of half pixels through the PSF"
+        rows["extended sources"] = EffectRow("extended sources", "kept", how, "extended")
     camera = instrument.band(band).camera if band else "VIS"
     return (
         *rows.values(),

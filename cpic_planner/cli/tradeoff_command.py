@@ -1,0 +1,100 @@
+"""``cpic tradeoff``."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from cpic_planner.cli.options import JsonOption
+from cpic_planner.cli.output import console, note, print_json, progress
+
+if TYPE_CHECKING:
+    from cpic_planner.tradeoff.points import Point
+    from cpic_planner.tradeoff.scenes import FixedScene
+
+__all__ = ["HELP", "tradeoff"]
+
+HELP = """Measure speed against accuracy on this machine: time, memory and error of every tier, tolerance and knob.
+
+Seven fixed scenes are observed in every way there is: closed forms, sums of frames, frames, and the reference with one
+knob changed or one effect left out. Errors of the planet's flux and SNR are against the reference of the scene. Writes
+results.csv, results.json, report.md and pareto.png into --out. All scenes take half an hour on one core.
+
+Examples:
+
+  cpic tradeoff --quick-look --scene faint
+
+  cpic tradeoff --scene binary --scene edge
+
+  cpic tradeoff --only standard --only quick
+
+  cpic tradeoff --workers 2 --out tradeoff
+
+  cpic tradeoff --list"""
+
+
+def tradeoff(
+    scenes: Annotated[
+        list[str] | None, typer.Option("--scene", help="Fixed scene; repeat for several [default: all].")
+    ] = None,
+    only: Annotated[
+        list[str] | None,
+        typer.Option("--only", help="Way to measure again; the other rows in --out are kept. Repeat for several."),
+    ] = None,
+    quick_look: Annotated[
+        bool, typer.Option("--quick-look", help="Two frames and few samples: a minute a scene, for a look.")
+    ] = False,
+    workers: Annotated[
+        int, typer.Option("--workers", min=1, max=2, help="2: knobs and effects of a scene are measured at once.")
+    ] = 1,
+    out: Annotated[Path, typer.Option("--out", help="Folder of the results.")] = Path("out/tradeoff"),
+    listed: Annotated[bool, typer.Option("--list", help="Say which scenes and ways there are, and stop.")] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Measure and write."""
+    from catalogs.errors import InputError
+    from cpic_planner.tradeoff.run import chosen, n_rows
+    from cpic_planner.tradeoff.run import tradeoff as run
+    from cpic_planner.tradeoff.write import FILES, read_result, write_numbers, write_result
+
+    work = chosen(scenes or (), only or (), quick_look=quick_look)
+    if listed:
+        _print_list(work, as_json)
+        return
+    foreign = out.is_dir() and not (out / "results.json").exists() and any(out.iterdir())
+    if foreign or (out.exists() and not out.is_dir()):
+        raise InputError("--out", str(out), allowed="an empty folder or one of an earlier tradeoff")
+    earlier = read_result(out) if only or scenes else None
+    out.mkdir(parents=True, exist_ok=True)
+    with progress("rows", total=n_rows(work)) as advance:
+        result = run(work, earlier=earlier, quick_look=quick_look, workers=workers, advance=advance,
+                     keep=lambda so_far: write_numbers(so_far, out))  # fmt: skip
+    write_result(result, out)
+    note(f"{', '.join(FILES)} written to {out}")
+    if as_json:
+        print_json(result)
+        return
+    from cpic_planner.report.console_tradeoff import print_tradeoff
+
+    print_tradeoff(result, console())
+
+
+def _print_list(work: Sequence[tuple[FixedScene, tuple[Point, ...]]], as_json: bool) -> None:
+    from simulator.files import dump_json
+
+    if as_json:
+        listing = {
+            case.name: {"title": case.title, "why": case.why, "points": {item.name: item.title for item in points}}
+            for case, points in work
+        }
+        sys.stdout.write(dump_json(listing))
+        return
+    for case, points in work:
+        typer.echo(f"{case.name}: {case.title} ({case.why})")
+        width = max(len(point.name) for point in points)
+        for point in points:
+            typer.echo(f"  {point.name:{width}}  {point.title}")

@@ -1,0 +1,61 @@
+"""What a sequence leaves out for its tolerance, before its frames are made."""
+
+from __future__ import annotations
+
+from cpic_planner.models import EffectRecord, ModellingRecord
+from cpic_planner.simulation.sequences import PlannedSequence
+from simulator.config import Scene
+from simulator.knobs import FIDELITIES
+from simulator.ledger.choice import Choice
+from simulator.ledger.observed import observation_choice
+
+__all__ = ["modelled", "sequence_choice"]
+
+
+def sequence_choice(item: PlannedSequence) -> Choice | None:
+    """What `simulator.observe` decides for a sequence; None where nothing may be left out."""
+    scene = item.entry.scene
+    if scene is None or item.entry.tolerance == 0:
+        return None
+    return _choice(item, scene)
+
+
+def _choice(item: PlannedSequence, scene: Scene) -> Choice:
+    entry = item.entry
+    return observation_choice(
+        scene,
+        entry.instrument,
+        tolerance=entry.tolerance,
+        quantity=None,
+        finest=FIDELITIES[entry.fidelity],
+        full=True,
+        band=item.band,
+        exposure_s=item.exposure_s,
+        n_frames=item.n_frames,
+        em_gain=item.em_gain,
+        roll_deg=entry.roll_deg,
+        star_offset_arcsec=entry.star_offset_arcsec,
+        scene_model=entry.scene_model,
+        start_utc=item.start_utc,
+        switches=entry.switches_for(item.camera),
+    )
+
+
+def modelled(item: PlannedSequence) -> ModellingRecord | None:
+    """Record of what a sequence models and leaves out; None where nothing may be left out."""
+    choice = sequence_choice(item)
+    if choice is None:
+        return None
+    return ModellingRecord(
+        fidelity="custom",
+        tolerance=dict.fromkeys(choice.predicted_error, item.entry.tolerance),
+        predicted_error=dict(choice.predicted_error),
+        draw="frames",
+        region="full",
+        epochs=choice.epochs,
+        knobs=choice.knobs,
+        effects=[
+            EffectRecord(key=row.key, effect=row.effect, decision=row.decision, reason=row.reason, size=row.size)
+            for row in choice.rows
+        ],
+    )

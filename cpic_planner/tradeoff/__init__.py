@@ -1,0 +1,1 @@
+"""Speed against accuracy, measured on fixed scenes: time, memory and error of every way to an answer."""

@@ -1,0 +1,192 @@
+"""CSV and text of the measurements."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterable, Sequence
+
+from cpic_planner.models.tradeoff import MachineRecord, TradeoffResult, TradeoffRow
+
+__all__ = ["COLUMNS", "csv_text", "read_csv", "report_text", "tier_table"]
+
+COLUMNS = ("scene", "point", "group", "title", "status", "reason", "message", "wall_s", "cpu_s", "cold_s",
+           "peak_memory_mb", "repeats", "flux_e", "snr", "flux_error", "flux_uncertainty", "snr_error",
+           "snr_uncertainty", "predicted_flux_error", "predicted_snr_error", "n_frames", "machine",
+           "version")  # fmt: skip
+_TIERS = ("etc", "quick", "standard", "reference")
+_HEADINGS = {
+    "closed_form": "Closed forms",
+    "images": "Images made in a stated way",
+    "tier": "Named tiers",
+    "tolerance": "Tolerances",
+    "knob": "The reference with one knob changed",
+    "effect": "The reference without one effect",
+}
+
+
+def csv_text(result: TradeoffResult) -> str:
+    """One line for each row, six digits; empty where there is no number."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    for row in result.rows:
+        values = row.model_dump() | {
+            "predicted_flux_error": row.predicted_error.get("planet_flux"),
+            "predicted_snr_error": row.predicted_error.get("snr"),
+        }
+        writer.writerow([_cell(values[name]) for name in COLUMNS])
+    return text.getvalue()
+
+
+def _cell(value: object) -> object:
+    return "" if value is None else f"{value:.6g}" if isinstance(value, float) else value
+
+
+def read_csv(text: str) -> list[dict[str, str]]:
+    """Lines of such a file as dicts."""
+    return list(csv.DictReader(io.StringIO(text)))
+
+
+def _table(head: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
+    rows = [list(head), ["---"] * len(head), *map(list, lines)]
+    return "\n".join(f"| {' | '.join(row)} |" for row in rows)
+
+
+def _seconds(value: float | None) -> str:
+    if value is None:
+        return ""
+    for unit, size in (("s", 1.0), ("ms", 1e-3), ("us", 1e-6)):
+        if value >= size:
+            return f"{value / size:.3g} {unit}"
+    return f"{value / 1e-9:.3g} ns"
+
+
+def _error(value: float | None, uncertainty: float | None) -> str:
+    if value is None:
+        return ""
+    if value == 0.0 and not uncertainty:
+        return "0"
+    if abs(value) < (uncertainty or 0.0):
+        return f"< {100 * (uncertainty or 0.0):.2g} %"
+    spread = f" ± {100 * uncertainty:.2g}" if uncertainty and uncertainty > 1e-6 else ""
+    return f"{100 * value:+.2g}{spread} %"
+
+
+def _memory(value: float | None) -> str:
+    return "" if value is None else f"{value:.0f}"
+
+
+def tier_table(result: TradeoffResult) -> str:
+    """One line per tier: range of times and memory over the scenes, and the worst errors."""
+    lines = []
+    for name in _TIERS:
+        rows = [row for row in result.rows if row.point == name]
+        good = [row for row in rows if row.status == "ok"]
+        if not good:
+            continue
+        times = sorted(row.wall_s or 0.0 for row in good)
+        lines.append([
+            "closed form" if name == "etc" else f"`{name}`",
+            f"{_seconds(times[0])} to {_seconds(times[-1])}",
+            f"{max(row.peak_memory_mb or 0.0 for row in good):.0f}",
+            _worst(good, "flux"),
+            _worst(good, "snr"),
+            f"{len(good)} of {len(rows)}",
+        ])  # fmt: skip
+    head = ["tier", "wall clock of an observation", "memory (MB)", "largest error of the planet's flux",
+            "largest error of SNR", "scenes"]  # fmt: skip
+    return _table(head, lines)
+
+
+def _worst(rows: Sequence[TradeoffRow], quantity: str) -> str:
+    def size(row: TradeoffRow) -> float:
+        return abs(getattr(row, f"{quantity}_error") or 0.0)
+
+    worst = max(rows, key=size)
+    text = _error(getattr(worst, f"{quantity}_error"), getattr(worst, f"{quantity}_uncertainty"))
+    return text if not size(worst) else f"{text} ({worst.scene})"
+
+
+def _machine_text(machine: MachineRecord) -> str:
+    return (
+        f"{machine.processor}, {machine.cores} cores, {machine.memory_gb:g} GB, {machine.system}; Python "
+        f"{machine.python}, NumPy {machine.numpy}, SciPy {machine.scipy}, Numba {machine.numba}, {machine.blas} on "
+        f"{machine.blas_threads} thread"
+    )
+
+
+def _scene_text(result: TradeoffResult, scene: str) -> str:
+    about = next(item for item in result.scenes if item.name == scene)
+    parts = [
+        f"## {about.title} (`{scene}`)\n\n{about.why[0].upper()}{about.why[1:]}.\n{about.band}, {about.n_frames} "
+        f"frames of {about.exposure_s:g} s and as many of a reference visit, gain {about.em_gain:g}."
+    ]
+    own = [row for row in result.rows if row.scene == scene]
+    for group, heading in _HEADINGS.items():
+        rows = [row for row in own if row.group == group]
+        if rows:
+            lines = [_line(row, result.machine.key) for row in rows]
+            head = ["", "wall clock", "processor", "first answer", "memory (MB)", "error of flux", "error of SNR"]
+            parts.append(f"### {heading}\n\n{_table(head, lines)}")
+    return "\n\n".join(parts)
+
+
+def _line(row: TradeoffRow, machine: str) -> list[str]:
+    mark = "" if row.machine == machine else " (another machine)"
+    if row.status != "ok":
+        return [f"{row.title}{mark}", f"{row.status}: {row.reason.replace('_', ' ')}", "", "", "", row.message, ""]
+    return [f"{row.title}{mark}", _seconds(row.wall_s), _seconds(row.cpu_s), _seconds(row.cold_s),
+            _memory(row.peak_memory_mb), _error(row.flux_error, row.flux_uncertainty),
+            _error(row.snr_error, row.snr_uncertainty)]  # fmt: skip
+
+
+def report_text(result: TradeoffResult, *, head: str = "") -> str:
+    """The report.
+
+    Parameters
+    ----------
+    result : TradeoffResult
+    head : str
+        What stands between the title and the tables.
+    """
+    scenes = "\n\n".join(_scene_text(result, item.name) for item in result.scenes)
+    faster = "\n".join(f"- {scene}: {ratio:.0f} times" for scene, ratio in result.speed_ups.items())
+    others = "".join(f"\nRows marked so: {_machine_text(item)}.\n" for item in result.other_machines)
+    glance = "\n**Few frames and samples: for a look, not for a record.**\n" if result.quick_look else ""
+    return f"""# Speed against accuracy
+{glance}{head}
+{_machine_text(result.machine)}.
+{others}
+## Tiers over all scenes
+
+{tier_table(result)}
+
+Wall clock of the reference over one call of the closed forms:
+
+{faster}
+
+![error against time](pareto.png)
+
+*Every way on every scene: error against wall clock. Triangles are upper limits: the error is below what the
+measurement can tell.*
+
+## How it is measured
+
+Each way makes science and reference visit, calibrates them, and sums the planet's aperture; the closed forms give the
+same numbers without images. Every row of the first four groups is a process of its own: the first answer counts from
+its start, the other times are the best of some more calls. Rows that change one thing share a process and are called
+once; one that leaves the light as it is counts the time of the reference's light. Memory is the peak resident set,
+interpreter and libraries included.
+
+The flux is that of the expected images, with the planet minus without it: no noise, so that its error has no other
+limit than rounding. The SNR is that flux over the noise of the aperture in both visits: the scatter from frame to frame
+over all apertures of the hole, each scaled to the planet's place by the light that is expected there, particles and
+lost pixels taken out as `cpic confirm` does; the planet's own noise in closed form; and what subtraction of the
+reference visit leaves of the star near the planet's separation, from images without noise of the same random
+wavefronts. Ways with the random numbers of the reference are compared frame by frame, so that
+differences are known far better than the noise itself; windows, sums and closed forms carry the scatter of both. No
+planet stands on a bad pixel; the infrared camera has no reduction yet, so that its flat counts.
+
+{scenes}
+"""

@@ -1,0 +1,248 @@
+"""One row, or several that share a process: timed, and its flux and noise measured."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cpic_planner.models.tradeoff import TradeoffRow
+from cpic_planner.tradeoff.chain import NotApplicable, Work, drawn_frames, worked
+from cpic_planner.tradeoff.closed_form import closed_form
+from cpic_planner.tradeoff.places import Places
+from cpic_planner.tradeoff.points import REFERENCE, Point
+from cpic_planner.tradeoff.quantities import (
+    expected_flux_e,
+    light_without,
+    own_noise_e2,
+    speckle_samples,
+    walk_samples,
+    white_of_frames,
+    white_of_sums,
+)
+from cpic_planner.tradeoff.scenes import FixedScene
+from cpic_planner.tradeoff.setup import Setup, choice_of, chosen_by, reference_setup, visit
+from cpic_planner.tradeoff.timing import Timing, timed
+from cpic_planner.version import __version__
+from simulator.knobs import dial_of
+from simulator.observation import Observation
+from simulator.outcome import Status
+
+__all__ = ["FULL_EFFORT", "GLANCE", "Effort", "measure_point", "measure_shared"]
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How much is drawn for the noise, beside the visits themselves.
+
+    Attributes
+    ----------
+    more_frames : int
+        Frames of one more visit, for ways whose random numbers are not those of the reference, and for the reference.
+    draws : int
+        Of sums.
+    pairs, walk_pairs : int
+        Pairs of visits for the speckles, and for the effect of epochs on them.
+    budget_s : float
+        Time for repeated calls.
+    """
+
+    more_frames: int = 48
+    draws: int = 40
+    pairs: int = 8
+    walk_pairs: int = 16
+    budget_s: float = 1.5
+
+
+FULL_EFFORT = Effort()
+GLANCE = Effort(more_frames=0, draws=4, pairs=2, walk_pairs=2, budget_s=0.0)
+
+
+@dataclass
+class _Row:
+    """What is known of a row while it is made."""
+
+    case: FixedScene
+    point: Point
+    machine: str
+    places: Places | None = None
+    predicted: dict[Any, float] = field(default_factory=dict)
+    reason: str = "not_applicable"
+
+    def made(self, **more: Any) -> TradeoffRow:
+        """The row."""
+        case, point = self.case, self.point
+        return TradeoffRow(scene=case.name, point=point.name, title=point.title, group=point.group,
+                           predicted_error=self.predicted, n_frames=case.n_frames, machine=self.machine,
+                           version=__version__, **more)  # fmt: skip
+
+    def ok(self, setup: Setup, timing: Timing, flux_e: float, samples: dict[str, list[float]],
+           cold_s: float | None = None) -> TradeoffRow:  # fmt: skip
+        """The row of images."""
+        settings = {"draw": setup.draw, "region": setup.region, "epochs": setup.n_epochs(self.case),
+                    "knobs": setup.knobs.model_dump(mode="json"), "switches": dict(setup.switches),
+                    "left_out": list(setup.left_out), "sky": setup.sky, "drift": setup.drift,
+                    "scene_model": setup.scene_model}  # fmt: skip
+        assert self.places is not None  # images have places
+        own = own_noise_e2(self.case, setup, self.places, flux_e)
+        return self.made(status="ok", cold_s=cold_s, flux_e=flux_e, settings=settings,
+                         samples=samples | {"own_e2": [own]}, **dataclasses.asdict(timing))  # fmt: skip
+
+
+def measure_point(case: FixedScene, point: Point, effort: Effort, machine: str, launched_s: float) -> TradeoffRow:
+    """Time a way after its first call, and measure its flux and noise.
+
+    Parameters
+    ----------
+    case : FixedScene
+    point : Point
+    effort : Effort
+    machine : str
+        Key of the machine.
+    launched_s : float
+        ``time.monotonic()`` when the process was started.
+    """
+    row = _Row(case, point, machine)
+    if point.group == "closed_form":
+        return _closed_form(row, effort, launched_s)
+    held: list[tuple[Setup, Work]] = []
+
+    def job() -> None:
+        setup = point.setup or _by_ledger(row)
+        held[:] = [(setup, worked(case, setup))]
+
+    try:
+        job()
+        cold_s = time.monotonic() - launched_s
+        timing = timed(job, budget_s=effort.budget_s)
+    except NotApplicable as error:
+        return row.made(status="invalid", reason=row.reason, message=str(error))
+    setup, work = held[0]
+    # Windows and whole frames have different random numbers, and sums others again: more of them where they differ.
+    more = effort.more_frames if point.name == REFERENCE or setup.region == "hole" else 0
+    places = row.places = Places.of(case)
+    samples = _white(row, setup, places, work, effort, more)
+    samples |= _residual(row, setup, places, effort, reference_setup(case))
+    return row.ok(setup, timing, expected_flux_e(case, setup, work.science, light_without(case, setup)), samples,
+                  cold_s)  # fmt: skip
+
+
+def measure_shared(
+    case: FixedScene,
+    points: tuple[Point, ...],
+    effort: Effort,
+    machine: str,
+    advance: Callable[[str], None] = lambda text: None,
+) -> list[TradeoffRow]:
+    """The same for ways that change one thing of the reference, one after the other in one process.
+
+    Each is called once. Ways that leave the light as it is take the light of the reference, and its time.
+    """
+    base = reference_setup(case)
+    worked(case, base.changed(region="hole", epochs=1))  # compiles and reads what all of them need
+    light: _Light | None = None
+    places, rows = Places.of(case), []
+    for point in points:
+        assert point.setup is not None  # of knobs and effects
+        row = _Row(case, point, machine, places)
+        if point.light_changes:
+            rows.append(_changed(row, point.setup, places, effort, base))
+        else:
+            light = light or _Light.of(case, base)
+            rows.append(_recast(row, point.setup, places, light))
+        advance(point.name)
+    return rows
+
+
+@dataclass(frozen=True, eq=False)
+class _Light:
+    """The reference's light, and how long it takes."""
+
+    wall_s: float
+    cpu_s: float
+    visits: tuple[Observation, Observation]
+    bare_e_s: FloatArray
+
+    @classmethod
+    def of(cls, case: FixedScene, base: Setup) -> _Light:
+        wall, cpu = time.perf_counter(), time.process_time()
+        visits = visit(case, base), visit(case, base, role="reference")
+        took = time.perf_counter() - wall, time.process_time() - cpu
+        return cls(*took, visits, light_without(case, base))
+
+
+def _changed(row: _Row, setup: Setup, places: Places, effort: Effort, base: Setup) -> TradeoffRow:
+    held: list[Work] = []
+    timing = timed(lambda: held.append(worked(row.case, setup)), budget_s=0.0)
+    more = effort.more_frames if setup.region == "hole" else 0
+    samples = _white(row, setup, places, held[0], effort, more) | _residual(row, setup, places, effort, base)
+    flux_e = expected_flux_e(row.case, setup, held[0].science, light_without(row.case, setup))
+    return row.ok(setup, timing, flux_e, samples)
+
+
+def _recast(row: _Row, setup: Setup, places: Places, light: _Light) -> TradeoffRow:
+    instrument = setup.instrument(row.case)
+    science, reference = (dataclasses.replace(seen, instrument=instrument) for seen in light.visits)
+    held: list[Work] = []
+    timing = timed(lambda: held.append(worked(row.case, setup, (science, reference))), budget_s=0.0)
+    timing = dataclasses.replace(timing, wall_s=timing.wall_s + light.wall_s, cpu_s=timing.cpu_s + light.cpu_s)
+    samples = {"white_e2": white_of_frames(places, held[0].drawn).tolist()}
+    return row.ok(setup, timing, expected_flux_e(row.case, setup, science, light.bare_e_s), samples)
+
+
+def _by_ledger(row: _Row) -> Setup:
+    choice = choice_of(row.case, dial_of(row.point.fidelity, row.point.tolerance))
+    # A size without a bound is told by the message alone.
+    row.predicted = {name: size for name, size in choice.predicted_error.items() if math.isfinite(size)}
+    if choice.outcome.status is not Status.OK:
+        row.reason = choice.outcome.reason.value
+        raise NotApplicable(choice.outcome.message)
+    return chosen_by(row.case, choice)
+
+
+def _white(row: _Row, setup: Setup, places: Places, work: Work, effort: Effort, more: int) -> dict[str, list[float]]:
+    if not work.drawn:
+        return {"white_e2": white_of_sums(row.case, setup, places, effort.draws).tolist()}
+    samples = {"white_e2": white_of_frames(places, work.drawn).tolist()}
+    if more > 1:
+        # Another realisation, at one wavefront: more of the same noise.
+        longer = visit(row.case, setup, n_frames=more, epochs=1, realisation=1)
+        samples["more_white_e2"] = white_of_frames(places, (drawn_frames(longer),)).tolist()
+    return samples
+
+
+def _residual(row: _Row, setup: Setup, places: Places, effort: Effort, base: Setup) -> dict[str, list[float]]:
+    """Speckles where optics or drift differ from the reference's, and the walk where the epochs do."""
+    case, own = row.case, row.point.name == REFERENCE
+    samples: dict[str, list[float]] = {}
+    if own or setup.knobs != base.knobs or setup.drift != base.drift:
+        samples["speckle_e2_s2"] = speckle_samples(case, setup, places, effort.pairs).tolist()
+    if own or setup.n_epochs(case) != base.n_epochs(case):
+        walk, one = walk_samples(case, setup, places, effort.walk_pairs)
+        samples |= {"walk_e2_s2": walk.tolist(), "one_epoch_e2_s2": one.tolist()}
+    return samples
+
+
+def _closed_form(row: _Row, effort: Effort, launched_s: float) -> TradeoffRow:
+    asked = closed_form(row.case)
+    said, n_cases = asked.answer(), row.point.n_cases
+    cold_s = time.monotonic() - launched_s
+    timing = timed(lambda: asked.noise(n_cases), budget_s=effort.budget_s)
+    return row.made(
+        status="ok",
+        wall_s=timing.wall_s / n_cases,
+        cpu_s=timing.cpu_s / n_cases,
+        cold_s=cold_s,
+        peak_memory_mb=timing.peak_memory_mb,
+        repeats=timing.repeats,
+        flux_e=said["flux_e"],
+        samples={"whole_e2": [said["white_e2"]], "fixed_speckle_e2": [said["speckle_e2"]]},
+    )

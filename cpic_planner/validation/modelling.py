@@ -1,0 +1,206 @@
+"""How the images of a task are made: sums or frames, hole or whole frames, which knobs, what is left out."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+from cpic_planner.etc.model import Strategy
+from cpic_planner.models import EffectRecord, ModellingRecord
+from cpic_planner.validation.libraries import library_plan
+from cpic_planner.validation.task import ConfirmTask, images_of
+from simulator.config import Instrument, Planet, Scene
+from simulator.config.base import validate
+from simulator.imaging.store import psf_metrics
+from simulator.knobs import Dial, Knobs, Quantity
+from simulator.ledger import MAX_EPOCHS, SUM_EPOCHS, EffectRow, choose, forecast
+from simulator.outcome import Outcome
+from simulator.target.positions import detector_to_sky
+
+__all__ = ["Modelling", "modelling_of"]
+
+# Not for the ledger to decide: the noise and the limits that images are made to measure, which save next to nothing,
+# and the pixels, which are those around the hole, or all for the reference.
+_GIVEN = ("hole_region", "photon_noise", "em_register", "read_noise", "dark", "clock_charge", "register_clock_charge",
+          "blooming", "register_full_well", "sky")  # fmt: skip
+# Whether they are reached the images themselves decide, pixel by pixel (`simulator.hole_stack.hole_stackable`); where
+# they are, every frame is drawn.
+_LIMITS = ("blooming", "register_full_well")
+_SEARCHED, _SEARCHED_MAG = "what is searched for", 20.0
+MAX_RUNS_OF_FRAMES = 2
+"""Realisations where every frame has to be run, but for the reference."""
+
+
+@dataclass(frozen=True)
+class Modelling:
+    """Settings of the images of a task, and what they are predicted to cost; made by `modelling_of`.
+
+    Attributes
+    ----------
+    dial : Dial
+        With the tolerances of what is measured.
+    draw : {"sums", "frames"}
+        Sums of frames over the dark hole, or every frame.
+    region : {"hole", "full"}
+        Pixels of frames that are drawn one by one: around the hole, or whole frames of which the hole is kept.
+    knobs : Knobs
+    epochs : int
+        Of a visit.
+    switches : dict
+        Effects of the camera to switch off.
+    left_out : tuple of str
+        Names of sources.
+    rows : tuple of EffectRow
+        The ledger.
+    predicted_error : dict
+        Of each measured quantity.
+    outcome : Outcome
+        Whether that is within the tolerance.
+    smear_in_sums : bool
+        Whether sums hold the smear of the frame transfer: next to bright stars its noise counts.
+    """
+
+    dial: Dial
+    draw: Literal["sums", "frames"]
+    region: Literal["hole", "full"]
+    knobs: Knobs
+    epochs: int
+    switches: dict[str, bool]
+    left_out: tuple[str, ...]
+    rows: tuple[EffectRow, ...]
+    predicted_error: dict[Quantity, float]
+    outcome: Outcome[float]
+    smear_in_sums: bool = False
+
+    def instrument(self, instrument: Instrument) -> Instrument:
+        """The camera with what is modelled of it."""
+        kept = ("smear",) if self.smear_in_sums else ()
+        if self.draw == "sums":
+            return images_of(instrument, keep=kept)
+        return instrument.switched(self.switches) if self.switches else instrument
+
+    def scene(self, scene: Scene) -> Scene:
+        """The sources that are modelled."""
+        if not self.left_out:
+            return scene
+        kept = {
+            kind: tuple(body for body in getattr(scene, kind) if body.name not in self.left_out)
+            for kind in ("planets", "stars", "extended")
+        }
+        return scene.model_copy(update=kept)
+
+    def whole(self) -> Modelling:
+        """Every frame with every effect, by the same knobs."""
+        epochs = max(self.epochs, MAX_EPOCHS)
+        return dataclasses.replace(self, draw="frames", epochs=epochs, switches={}, left_out=())
+
+    def runs_by_frames(self, realisations: int) -> int:
+        """How many realisations are made where each is drawn frame by frame: all of them for the reference alone."""
+        return realisations if self.dial.fidelity == "reference" else min(realisations, MAX_RUNS_OF_FRAMES)
+
+    def record(self) -> ModellingRecord:
+        """For the results."""
+        return ModellingRecord(
+            fidelity=self.dial.fidelity,
+            tolerance=self.dial.tolerance,
+            predicted_error={name: _bound(value) for name, value in self.predicted_error.items()},
+            draw=self.draw,
+            region=self.region,
+            epochs=self.epochs,
+            knobs=self.knobs,
+            effects=[
+                EffectRecord(key=row.key, effect=row.effect, decision=row.decision, reason=row.reason,
+                             size=_bound(row.size))
+                for row in self.rows
+            ],
+        )  # fmt: skip
+
+
+def _bound(value: float | None) -> float | None:
+    """A size as a plain number; None where it is no bound."""
+    return None if value is None or not math.isfinite(value) else float(value)
+
+
+def modelling_of(task: ConfirmTask, *, by_frames: bool = False) -> Modelling:
+    """Decide how the images of a task are made, from its dial and the effect ledger of its scene.
+
+    Parameters
+    ----------
+    task : ConfirmTask
+    by_frames : bool
+        Every frame has to be drawn, whatever the ledger says: sums cannot stand for them.
+
+    Notes
+    -----
+    Sizes are those after the reduction that follows: flat, bias structure and flaws calibrated, particles rejected.
+    Where nothing is measured but searched, they refer to a planet of 1e-8 at the middle of the hole.
+    """
+    instrument = validate(Instrument, task.simulator, where="instrument")
+    strategy = validate(Strategy, task.strategy, where="strategy")
+    scene = validate(Scene, task.scene, where="scene")
+    plan = library_plan(strategy, scene, task.n_frames)
+    dial = task.dial.of("planet_flux", "snr")
+    shown, measured = plan.science_scene, tuple(task.planets)
+    if not measured:
+        shown, measured = _with_planet(shown, instrument, task.band)
+    whole = all(value == 0 for value in dial.tolerance.values())
+    limits = [name for name in _LIMITS if getattr(instrument.detector.switches, name)]
+    sizes = forecast(
+        shown,
+        instrument,
+        band=task.band,
+        exposure_s=task.exposure_s,
+        n_frames=task.n_frames,
+        em_gain=task.em_gain,
+        roll_deg=plan.science["roll_deg"],
+        planets=measured,
+        reduced=True,
+        full=whole,
+        switches=None if by_frames or whole else dict.fromkeys(limits, False),
+    )
+    if not by_frames:
+        sizes = dataclasses.replace(sizes, sums=Outcome.ok(0.0))
+    choice = choose(sizes, dial, fixed=(*_GIVEN, "summed_frames") if by_frames else _GIVEN)
+    smeared = False
+    if choice.draw == "frames" and not by_frames and not whole:  # smear adds up as any light does
+        nothing = dict.fromkeys(sizes.sizes["smear"], 0.0)
+        held = choose(dataclasses.replace(sizes, sizes=sizes.sizes | {"smear": nothing}), dial, fixed=_GIVEN)
+        smeared = held.draw == "sums" and held.outcome.value is not None
+        choice = held if smeared else choice
+    size = max(sizes.sizes["smear"][name] for name in dial.tolerance)
+    rows = {row.key: row for row in choice.rows}
+    if smeared:
+        rows["smear"] = dataclasses.replace(rows["smear"], decision="kept", size=size,
+                                            reason="adds up over frames as any light does")  # fmt: skip
+    for name in () if by_frames or whole else limits:
+        rows[name] = dataclasses.replace(rows[name], decision="kept", size=0.0,
+                                         reason="none is reached in the hole, and no charge flows into it")  # fmt: skip
+    # A tier that is too coarse is refused where images are asked for; who draws all the same gets what it stands for.
+    draw = choice.draw if by_frames or choice.outcome.value is not None else "sums"
+    return Modelling(
+        dial=dial,
+        draw=draw,
+        region=choice.region,
+        knobs=choice.knobs,
+        epochs=min(choice.epochs, SUM_EPOCHS) if draw == "sums" else choice.epochs,
+        switches=choice.switches,
+        left_out=choice.left_out,
+        rows=tuple(rows.values()),
+        predicted_error=choice.predicted_error,
+        outcome=choice.outcome,
+        smear_in_sums=smeared,
+    )
+
+
+def _with_planet(scene: Scene, instrument: Instrument, band: str) -> tuple[Scene, tuple[str, ...]]:
+    """A scene with the planet that a search is judged by, and its name."""
+    metrics = psf_metrics(instrument, band)
+    middle = 0.5 * (metrics.hole_inner_arcsec + metrics.hole_outer_arcsec)
+    sign_x, sign_y = metrics.zone.diagonal
+    separation, pa_deg = detector_to_sky(sign_x * middle, sign_y * middle, parity=instrument.detector.parity)
+    planet = Planet(name=_SEARCHED, spectrum="blackbody", teff_k=scene.cstar.teff_k or 5772.0,
+                    v_mag=scene.cstar.v_mag + _SEARCHED_MAG, separation_arcsec=float(separation),
+                    pa_deg=float(pa_deg))  # fmt: skip
+    return scene.model_copy(update={"planets": (*scene.planets, planet)}), (_SEARCHED,)

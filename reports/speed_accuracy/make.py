@@ -1,0 +1,99 @@
+"""Regenerate this report: ``python reports/speed_accuracy/make.py`` (about a quarter of an hour on two quiet cores).
+
+``--only`` and ``--scene`` measure some rows again and keep the others, as ``cpic tradeoff`` does.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from pathlib import Path
+
+from cpic_planner.models.tradeoff import TradeoffResult, TradeoffRow
+from cpic_planner.tradeoff.run import chosen, n_rows, tradeoff
+from cpic_planner.tradeoff.write import read_result, write_numbers, write_result
+
+HERE = Path(__file__).resolve().parent
+ORDERS = 1000.0
+ASKED = {"standard": (0.01, 0.03), "quick": (0.05, 0.05)}
+WORKERS = 2
+
+
+def rows_of(result: TradeoffResult, point: str) -> list[TradeoffRow]:
+    """One way on every scene."""
+    return [row for row in result.rows if row.point == point]
+
+
+def beyond(row: TradeoffRow, flux: float, snr: float) -> bool:
+    """Whether a row misses what was asked by more than it can be measured (two standard errors)."""
+    if row.status != "ok":
+        return False
+    off = [(row.flux_error, row.flux_uncertainty, flux), (row.snr_error, row.snr_uncertainty, snr)]
+    return any(abs(value or 0.0) - 2.0 * (error or 0.0) > asked for value, error, asked in off)
+
+
+def check(result: TradeoffResult) -> list[tuple[str, str, str, bool]]:
+    """What was asked, what was found, and whether that is enough."""
+    least = min(result.speed_ups.values(), default=0.0)
+    checks = [("wall clock of the reference over that of one call of the closed forms, least of the scenes",
+               f"at least {ORDERS:g}", f"{least:.0f}", least >= ORDERS)]  # fmt: skip
+    for name, (flux, snr) in ASKED.items():
+        rows = rows_of(result, name)
+        good = [row for row in rows if row.status == "ok"]
+        worst = [max((abs(getattr(row, f"{part}_error") or 0.0) for row in good), default=0.0)
+                 for part in ("flux", "snr")]  # fmt: skip
+        errors = max((row.snr_uncertainty or 0.0 for row in good), default=0.0)
+        invalid = [row.scene for row in rows if row.status != "ok"]
+        found = f"flux {worst[0]:.2%}, SNR {worst[1]:.1%} (known to {errors:.1%}) at most"
+        if invalid:
+            found += f"; typed not valid: {', '.join(invalid)}"
+        met = bool(rows) and not any(beyond(row, flux, snr) for row in rows)
+        if name == "standard":
+            met = met and not invalid
+        checks.append((f"`{name}` against the reference, {len(rows)} scenes", f"flux {flux:.0%}, SNR {snr:.0%}", found,
+                       met))  # fmt: skip
+    return checks
+
+
+def head(result: TradeoffResult) -> str:
+    """The first lines of the report."""
+    lines = [f"| {name} | {asked} | {found} | {'yes' if met else '**no**'} |"
+             for name, asked, found, met in check(result)]  # fmt: skip
+    table = "\n".join(["| | asked | found | met |", "|---|---|---|---|", *lines])
+    return f"""
+Regenerate with `python reports/speed_accuracy/make.py`, or on your own machine with `cpic tradeoff`; everything below
+is written by it, and [results.csv](results.csv) holds every row.
+
+{table}
+
+"Met" allows two standard errors of the measurement.
+"""
+
+
+def main() -> int:
+    """Measure, check, write."""
+    options = argparse.ArgumentParser(description=__doc__)
+    options.add_argument("--scene", action="append", default=[])
+    options.add_argument("--only", action="append", default=[])
+    given = options.parse_args()
+    work = chosen(given.scene, given.only)
+    began, done, total = time.monotonic(), 0, n_rows(work)
+
+    def advance(text: str) -> None:
+        nonlocal done
+        done += 1
+        print(f"{done}/{total} {text} ({time.monotonic() - began:.0f} s)", flush=True)
+
+    earlier = read_result(HERE) if given.scene or given.only else None
+    result = tradeoff(work, earlier=earlier, workers=WORKERS, advance=advance,
+                      keep=lambda so_far: write_numbers(so_far, HERE))  # fmt: skip
+    write_result(result, HERE, head=head(result))
+    for name, asked, found, met in check(result):
+        print(f"{'met' if met else 'MISSED'}: {name}: asked {asked}, found {found}")
+    print(HERE / "report.md")
+    return 0 if all(met for *_, met in check(result)) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,239 @@
+"""What the sizes of the effects of the camera are worked out for: pixels, planets and their noise."""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from simulator.camera.calibration_set import load_calibration_set
+from simulator.config.detector import Detector
+from simulator.ledger.light import PlanetPlace, Sketch
+from simulator.ledger.noise import FrameNoise
+from simulator.ledger.particles import PixelHits
+
+__all__ = ["CameraCase", "Flaw", "overflow", "stamp_flaws"]
+
+FloatArray = NDArray[np.float64]
+# Radius of the Gaussian that stands for the core of a planet, lambda/D.
+_CORE_SIGMA = 0.66
+_SPILLED = 1e-6  # of the noise of a pixel, from which on what it passes on counts
+_ALL = 1.0
+
+
+class Flaw(NamedTuple):
+    """Relative change of the response and of the dark current by one flaw: on the stamp, and at most on the frame."""
+
+    response: FloatArray
+    dark_e_s: FloatArray
+    most_response: float
+    most_dark_e_s: float
+
+
+@functools.lru_cache(maxsize=8)
+def stamp_flaws(detector: Detector, corner: tuple[int, int], side: int) -> tuple[dict[str, Flaw], FloatArray]:
+    """Flaws of the calibration set, by switch, and the stripes of the stamp (those of the frame behind them)."""
+    maps = load_calibration_set(detector)
+    hot = maps.hot & ~maps.bad_column
+    raised, nothing = maps.dark_e_s - maps.dark_smooth_e_s, np.zeros(maps.shape)
+    frame = {
+        "flat": (np.where(maps.sensitivity > 0, maps.sensitivity - 1.0, 0.0), nothing),
+        "dark_structure": (nothing, maps.dark_smooth_e_s - maps.dark_uniform_e_s),
+        "bad_pixels": (maps.dead * 1.0, np.where(hot, raised, 0.0)),
+        "bad_columns": (maps.bad_column * 1.0, np.where(maps.bad_column, raised, 0.0)),
+    }
+
+    def stamp(values: FloatArray) -> FloatArray:
+        part = np.zeros((side, side))
+        rows, columns = (np.arange(first, first + side) for first in corner)
+        there = [(axis >= 0) & (axis < size) for axis, size in zip((rows, columns), values.shape, strict=True)]
+        part[np.ix_(*there)] = np.abs(values[np.ix_(rows[there[0]], columns[there[1]])])
+        return part
+
+    found = {
+        key: Flaw(stamp(response), stamp(dark), float(np.abs(response).max()), float(np.abs(dark).max()))
+        for key, (response, dark) in frame.items()
+    }
+    seen = maps.stripe_adu[max(corner[1], 0) : corner[1] + side]
+    return found, np.array([np.abs(seen).max(initial=0.0), np.abs(maps.stripe_adu).max(initial=0.0)])
+
+
+@dataclass(frozen=True, eq=False)
+class CameraCase:
+    """What the sizes are worked out for.
+
+    Attributes
+    ----------
+    detector : Detector
+    sketch : Sketch
+    noise : FrameNoise
+    exposure_s : float
+    n_frames : int
+    em_gain : float
+    reduced : bool
+        Whether flat, bias structure and flaws are calibrated out and particles rejected.
+    first_pixel : tuple of int or None
+        Of the stamp on the frame.
+    full : bool
+        Whether the frame around the stamp is read too.
+    hits_per_s : float
+        Tracks a second and pixel.
+    hits : PixelHits
+    lost_per_s : float
+        Rate of tracks that touch an aperture.
+    variances : tuple of dict
+        Of every measured planet, by origin (`simulator.ledger.noise.visit_variance_e2`).
+    other_most : tuple of float
+        Of every measured planet, the variance by the light of other sources at most; ``variances`` have the least.
+    column_peak_e_s : float
+        Brightest pixel in the columns of the hole or of a source on the frame.
+    radius_pixels, lambda_d_pixels : float
+        Of the aperture; lambda/D.
+    edge_arcsec : float
+        Separation from an axis below which an aperture meets the mask.
+    """
+
+    detector: Detector
+    sketch: Sketch
+    noise: FrameNoise
+    exposure_s: float
+    n_frames: int
+    em_gain: float
+    reduced: bool
+    first_pixel: tuple[int, int]
+    full: bool
+    hits_per_s: float
+    hits: PixelHits
+    lost_per_s: float
+    variances: tuple[dict[str, float], ...]
+    other_most: tuple[float, ...]
+    column_peak_e_s: float
+    radius_pixels: float
+    lambda_d_pixels: float
+    pixel_arcsec: float
+    edge_arcsec: float
+
+    @functools.cached_property
+    def charge_e(self) -> FloatArray:
+        """Electrons of light, and of hot pixels and bad columns, on the stamp in a frame."""
+        return self._charged(self.sketch.total_e_s)
+
+    @functools.cached_property
+    def light_e(self) -> FloatArray:
+        """The same of every level of the sketch, the stamp first."""
+        return np.concatenate([self.charge_e.ravel(), self.sketch.outside_e_s * self.exposure_s])
+
+    def _charged(self, light_e_s: FloatArray) -> FloatArray:
+        charge, switches = light_e_s * self.exposure_s, self.detector.switches
+        for key in ("bad_pixels", "bad_columns"):
+            if getattr(switches, key):
+                flaw = self.flaws[key]
+                charge = np.where(flaw.response > 0, 0.0, charge) + flaw.dark_e_s * (self.exposure_s * switches.dark)
+        return charge
+
+    @property
+    def flaws(self) -> dict[str, Flaw]:
+        """Flaws of the calibration set on the stamp."""
+        return stamp_flaws(self.detector, self.first_pixel, len(self.sketch.total_e_s))[0]
+
+    @functools.cached_property
+    def sigma_e(self) -> FloatArray:
+        """Standard deviation of these pixels, with the light that is certain."""
+        least = self._charged(self.sketch.least_e_s).ravel()
+        light = np.concatenate([least, self.sketch.outside_e_s * self.exposure_s])
+        return np.sqrt(np.maximum(self.noise.variance_e2(light), 1e-30))
+
+    @functools.cached_property
+    def spills(self) -> tuple[bool, bool]:
+        """Whether pixels overflow into their column, and the register into its row."""
+        switches, peak = self.detector.switches, float(self.light_e.max(initial=0.0)) + self.noise.dark_e
+        register = self.detector.register_full_well_e / self.em_gain
+        bloom = bool(overflow(peak, self.detector.full_well_e, 1.0) > _SPILLED)
+        trail = bool(overflow(peak, register, self.noise.factor2) > _SPILLED)
+        return switches.blooming and bloom, switches.register_full_well and trail
+
+    def mean_change(self, change_e: FloatArray | float) -> float:
+        """Largest change of mean and standard deviation in a pixel whose mean changes so.
+
+        Where charge spills, the last pixel that it reaches sees the changes of a whole column or row.
+        """
+        change = np.abs(np.broadcast_to(np.asarray(change_e, dtype=np.float64), self.sigma_e.shape))
+        spread = 0.5 * self.noise.factor2 * self.noise.photons / self.sigma_e
+        worst = float(np.max(change / self.sigma_e * np.maximum(1.0, spread), initial=0.0))
+        if any(self.spills):
+            side = len(self.charge_e)
+            stamp = change[: side * side].reshape(side, side)
+            sums = [float(stamp.sum(axis=axis).max()) for axis in (0, 1) if self.spills[axis]]
+            more = (max(self.detector.n_rows, self.detector.n_columns) - side) * self.full
+            beyond = float(change[side * side :].mean()) * more if more else 0.0
+            worst = max(worst, (max(sums) + beyond) / float(self.sigma_e.min()))
+        return worst
+
+    def variance_change(self, variance_e2: FloatArray | float, *, inside: bool = True) -> float:
+        """Largest share of the variance of a pixel, halved; ``inside`` where it is part of the noise already."""
+        part = np.broadcast_to(np.asarray(variance_e2, dtype=np.float64), self.sigma_e.shape)
+        whole = self.sigma_e**2 if inside else self.sigma_e**2 + part
+        return 0.5 * min(float(np.max(part / whole, initial=0.0)), 1.0)
+
+    def snr_share(self, *origins: str, factor: float = 1.0) -> float:
+        """Half of the share of some origins in the variance of an aperture sum, the largest of all planets.
+
+        Light of other sources counts as much as it may be.
+        """
+        most = 0.0
+        for variances, other in zip(self.variances, self.other_most, strict=True):
+            more = other - variances["other"] if "other" in origins else 0.0
+            part = sum(variances[name] for name in origins) + more
+            most = max(most, 0.5 * factor * part / max(sum(variances.values()) + more, 1e-300))
+        return most
+
+    def snr_added(self, variance_e2: Iterable[float]) -> float:
+        """The same of a variance that is not among the origins, one a planet."""
+        shares = (
+            0.5 * part / max(sum(variances.values()), 1e-300)
+            for part, variances in zip(variance_e2, self.variances, strict=True)
+        )
+        return max(shares, default=0.0)
+
+    def over_planets(self, size: Callable[[PlanetPlace], float]) -> float:
+        """Largest of all planets."""
+        return max((size(planet) for planet in self.sketch.planets), default=0.0)
+
+    @functools.cached_property
+    def cores(self) -> tuple[tuple[tuple[slice, slice], FloatArray], ...]:
+        """Part of the stamp under the core of each planet, inside its aperture, and the weights there."""
+        n, reach, found = len(self.sketch.total_e_s), math.ceil(self.radius_pixels + 1.0), []
+        for planet in self.sketch.planets:
+            spans, offsets = [], []
+            for place in (planet.y_arcsec, planet.x_arcsec):
+                middle = n // 2 + place / self.pixel_arcsec
+                low, high = max(math.floor(middle) - reach, 0), min(math.ceil(middle) + reach + 1, n)
+                spans.append(slice(low, max(high, low)))
+                offsets.append(np.arange(low, max(high, low)) - middle)
+            distance = np.hypot(offsets[0][:, None], offsets[1])
+            weight = np.exp(-0.5 * (distance / (_CORE_SIGMA * self.lambda_d_pixels)) ** 2)
+            weight *= distance <= self.radius_pixels + 0.5
+            found.append(((spans[0], spans[1]), weight / max(float(weight.sum()), 1e-300)))
+        return tuple(found)
+
+
+def overflow(mean_e: FloatArray | float, well_e: float, factor2: float) -> FloatArray:
+    """What a limit cuts off, in standard deviations of the pixel or of its darkest neighbour.
+
+    Counts of excess noise F^2 exceed a level q with the chance of a Gaussian beyond ``z = 2 (sqrt q - sqrt m) / F``
+    (Poisson, and Poisson electrons multiplied by an exponential law, both to leading order in the exponent). Mean and
+    second moment beyond it are ``phi - z Q`` and ``(1 + z^2) Q - z phi``; beyond the limit itself it is the excess.
+    """
+    mean = np.maximum(np.asarray(mean_e, dtype=np.float64), 0.0)
+    z = 2.0 * (math.sqrt(well_e) - np.sqrt(mean)) / math.sqrt(factor2)
+    density = np.exp(-0.5 * np.clip(z, -38.0, 38.0) ** 2) / math.sqrt(2.0 * math.pi)
+    # The chance beyond z is below phi / z.
+    chance = np.where(z > 0.5, density / np.maximum(z, 0.5), 1.0)
+    # The overflow goes to neighbours, whose own noise can be as small as that of an empty pixel.
+    contrast = np.sqrt(np.maximum(mean, 1.0))
+    return np.where(z > 12.0, 0.0, np.where(z > 0.5, (density + chance) * contrast, _ALL + contrast))

@@ -1,0 +1,117 @@
+"""A choice in words: the row of every effect, source and setting."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from simulator.knobs import Knobs, Quantity
+from simulator.ledger.prediction import Forecast
+from simulator.ledger.rows import EffectRow
+
+__all__ = ["WORDS", "Chosen", "choice_rows"]
+
+Sizes = Mapping[Quantity, float]
+WORDS: dict[Quantity, str] = {"planet_flux": "planet flux", "snr": "SNR", "pixel_map": "pixel map"}
+_SOURCES = {"star": "star", "planet": "planet", "extended": "extended source"}
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """What was decided.
+
+    Attributes
+    ----------
+    asked : tuple of str
+        Quantities.
+    knobs, finest : Knobs
+        Settings, and those without a tolerance.
+    skipped : collection of str
+        Keys of what is left out.
+    epochs : int
+    sums, full, given_region : bool
+        Sums instead of frames; whole frames; whether the caller named the region.
+    knob_sizes : callable
+        Sizes of a setting by name and value.
+    fewer_epochs : Mapping
+        Sizes of the epochs.
+    """
+
+    asked: tuple[Quantity, ...]
+    knobs: Knobs
+    finest: Knobs
+    skipped: Collection[str]
+    epochs: int
+    sums: bool
+    full: bool
+    given_region: bool
+    knob_sizes: Callable[[str, Any], Sizes]
+    fewer_epochs: Sizes
+
+    def size(self, sizes: Sizes) -> float:
+        """Largest size on what was asked for."""
+        return max((sizes[name] for name in self.asked), default=0.0)
+
+    def reason(self, sizes: Sizes) -> str:
+        """Why something is left out."""
+        if not self.size(sizes):
+            return "changes nothing that was asked for"
+        most = max(self.asked, key=lambda name: sizes[name])
+        return f"predicted to change the {WORDS[most]} by {sizes[most]:.2g}"
+
+
+def choice_rows(forecast: Forecast, chosen: Chosen) -> tuple[EffectRow, ...]:
+    """Rows of what the configuration contains, of the sources one by one, and of the settings."""
+    rows = []
+    for row in forecast.rows:
+        sizes = forecast.sizes.get(row.key)
+        if sizes is None:
+            rows.append(row)
+        elif row.key in chosen.skipped and row.decision == "kept":
+            reason, size = chosen.reason(sizes), chosen.size(sizes)
+            rows.append(dataclasses.replace(row, decision="skipped", reason=reason, size=size))
+        else:
+            rows.append(dataclasses.replace(row, size=chosen.size(sizes)))
+    for name, kind in forecast.sources.items():
+        key = f"{kind}:{name}"
+        sizes, gone = forecast.sizes[key], key in chosen.skipped
+        reason = chosen.reason(sizes) if gone else "light of its own"
+        rows.append(
+            EffectRow(f"{_SOURCES[kind]} {name}", "skipped" if gone else "kept", reason, key, chosen.size(sizes))
+        )
+    return (*rows, *_optics(chosen), *_drawing(forecast, chosen))
+
+
+def _optics(chosen: Chosen) -> Iterator[EffectRow]:
+    for key, words in (("wavelength_nodes", "wavelengths a band"), ("pixel_nodes", "nodes a pixel"),
+                       ("precision", "precision of the field")):  # fmt: skip
+        value, most = getattr(chosen.knobs, key), getattr(chosen.finest, key)
+        size = chosen.size(chosen.knob_sizes(key, value))
+        reason = f"{value}" if value == most else f"{value} instead of {most}"
+        yield EffectRow(words, "skipped" if size else "kept", reason, key, size)
+    exact = "exact on the grid of steps and static wavefront"
+    yield EffectRow("samples across the pupil", "kept", exact, "pupil_samples", 0.0)
+
+
+def _drawing(forecast: Forecast, chosen: Chosen) -> Iterator[EffectRow]:
+    fewer = chosen.epochs < forecast.max_epochs
+    reason = f"{chosen.epochs} instead of {forecast.max_epochs}" if fewer else f"{chosen.epochs}"
+    yield EffectRow("epochs of the wavefront", "skipped" if fewer else "kept", reason, "drift_epochs",
+                    chosen.size(chosen.fewer_epochs))  # fmt: skip
+    frames = "frames one by one"
+    if chosen.sums:
+        yield EffectRow(frames, "skipped", "one draw an epoch has the law of its frames", "summed_frames", 0.0)
+    else:
+        yield EffectRow(frames, "kept", forecast.sums.message or "frame by frame", "summed_frames")
+    around, size = "pixels around the window of the hole", chosen.size(forecast.sizes["hole_region"])
+    if chosen.full:
+        yield EffectRow(around, "kept", "whole frames", "hole_region", size)
+    elif chosen.given_region:
+        yield EffectRow(around, "kept", "none beyond the window that was asked for", "hole_region")
+    else:
+        yield EffectRow(around, "skipped", chosen.reason(forecast.sizes["hole_region"]), "hole_region", size)
+    place = "place of every source behind the mask"
+    yield EffectRow(place, "kept", "exact costs no more than one image for all", "off_mask_psf",
+                    chosen.size(forecast.sizes["off_mask_psf"]))  # fmt: skip

@@ -1,0 +1,375 @@
+"""Light of a scene on the pixels of a window, from tables alone: good enough to tell what an effect of it may cost.
+
+The star behind the mask is its own image at the standard settings; a source off the axis is the azimuthal mean of the
+unmasked point-spread function, or its wing map where that is brighter. Nothing is propagated.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from simulator.camera.noise import aperture_noise_pixels
+from simulator.config import Instrument
+from simulator.imaging.aperture import overlap_weights
+from simulator.imaging.imager import centred_axis
+from simulator.imaging.metrics import PsfMetrics
+from simulator.imaging.quadrature import pixel_axis
+from simulator.target.sources import Source
+
+__all__ = ["PlanetPlace", "Sketch", "SourceLight", "drift_halo", "sketch_of"]
+
+FloatArray = NDArray[np.float64]
+# Mean light of a wavefront error of 1 nm rms at 662 nm that falls as f^-2.5, relative to the peak, times u^2.5 with u
+# in lambda/D: at most 1.7 times too large in the dark holes of the visible bands (60 screens each).
+_DRIFT_AT_1_NM = 2.4e-5
+# Light in a pixel or an aperture over that of the wing map, at most and at least, on it and beyond it: of eight offsets
+# in each of six rings, F520 and F850.
+_MOST, _LEAST, _MOST_BEYOND, _LEAST_BEYOND = 3.0, 0.02, 20.0, 0.0
+_MOST_SPOTS, _FAR_POINTS = 12, 16
+_NEAR_STEPS = 4.0  # of the wing map, beyond which the light of a source is even over a few pixels
+
+
+@dataclass(frozen=True, eq=False)
+class SourceLight:
+    """What a source other than the central star leaves on the window.
+
+    Attributes
+    ----------
+    name : str
+    kind : {"planet", "star"}
+    peak_e_s : float
+        On its brightest pixel of the window.
+    rate_e_s : float
+        Of all its light.
+    distance_arcsec : float
+        From the nearest pixel of the window, 0 inside.
+    aperture_e_s, least_e_s : ndarray, shape (planets,)
+        In the aperture of each measured planet, at most and at least.
+    """
+
+    name: str
+    kind: str
+    peak_e_s: float
+    rate_e_s: float
+    distance_arcsec: float
+    aperture_e_s: FloatArray
+    least_e_s: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class PlanetPlace:
+    """A measured planet in its aperture; electrons per second.
+
+    Attributes
+    ----------
+    name : str
+    x_arcsec, y_arcsec : float
+        From the centre of the mask.
+    signal_e_s, peak_e_s : float
+        Its light in the aperture, and on its brightest pixel.
+    core : float
+        Of its core, the part that mask and cross leave; 1 far from both.
+    halo_e_s, other_e_s, sky_e_s : float
+        Light of the central star, of other sources at least, and of the sky in the aperture.
+    scattered_e_s : float
+        Of the halo, what a drifting wavefront adds.
+    place : tuple of slice
+        Part of the stamp under the aperture.
+    weights : ndarray
+        Fractions of these pixels in the aperture; empty off the stamp.
+    """
+
+    name: str
+    x_arcsec: float
+    y_arcsec: float
+    signal_e_s: float
+    peak_e_s: float
+    core: float
+    halo_e_s: float
+    other_e_s: float
+    sky_e_s: float
+    scattered_e_s: float
+    place: tuple[slice, slice]
+    weights: FloatArray
+
+    @property
+    def hidden(self) -> float:
+        """What mask and cross hide of its core over what they leave, at most 50."""
+        return min((1.0 - self.core) / max(self.core, 1e-3), 50.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Sketch:
+    """Light on a window; electrons per second and pixel, before the camera.
+
+    Attributes
+    ----------
+    star_e_s : ndarray, shape (n, n)
+        Central star on the stamp around the mask.
+    total_e_s, least_e_s : ndarray, shape (n, n)
+        Everything there; and with what is certain of the other sources alone.
+    outside_e_s : ndarray, shape (k,)
+        Levels of pixels of the window beyond the stamp; empty where there are none.
+    column_e_s : float
+        Largest sum over the rows of a column of the window.
+    beyond_column_e_s : float
+        The same of the rows of the frame beyond the window.
+    beyond_peaks_e_s : tuple of float
+        Brightest pixel of the frame beyond the window in its columns, and brightest run of pixels in its rows.
+    sky_e_s : float
+        Of the sky and stray light on an open pixel.
+    radius_arcsec : ndarray, shape (n, n)
+        Distance of the pixels of the stamp from the star.
+    sources : tuple of SourceLight
+    planets : tuple of PlanetPlace
+        The measured ones.
+    aperture_pixels, noise_pixels : float
+        Area of the aperture in pixels, and the sum of squared weights.
+    """
+
+    star_e_s: FloatArray
+    total_e_s: FloatArray
+    least_e_s: FloatArray
+    outside_e_s: FloatArray
+    column_e_s: float
+    beyond_column_e_s: float
+    beyond_peaks_e_s: tuple[float, float]
+    sky_e_s: float
+    radius_arcsec: FloatArray
+    sources: tuple[SourceLight, ...]
+    planets: tuple[PlanetPlace, ...]
+    aperture_pixels: float
+    noise_pixels: float
+
+    @property
+    def levels_e_s(self) -> FloatArray:
+        """All pixels in one row, the stamp first."""
+        return np.concatenate([self.total_e_s.ravel(), self.outside_e_s])
+
+
+def drift_halo(
+    metrics: PsfMetrics, separation_arcsec: FloatArray, rms_nm: float, slope: float, wavelength_nm: float
+) -> FloatArray:
+    """Mean light that a wavefront error scatters, relative to the peak of a source; at most 1.
+
+    ``2.4e-5 (rms / nm)^2 (662 nm / lambda)^2 u^-slope`` with u the separation in lambda/D, at least 1: the power
+    spectrum of the screens seen through the telescope, its scale measured in the dark holes of the visible bands.
+    """
+    u = np.maximum(separation_arcsec / metrics.lambda_d_arcsec, 1.0)
+    return np.minimum(_DRIFT_AT_1_NM * (rms_nm * 662.0 / wavelength_nm) ** 2 * u**-slope, 1.0)
+
+
+def sketch_of(
+    instrument: Instrument,
+    band: str,
+    metrics: PsfMetrics,
+    sources: Sequence[Source],
+    *,
+    measured: Sequence[str],
+    full: bool,
+    star_offset_arcsec: tuple[float, float],
+    sky_e_s_arcsec2: float,
+    stray_e_s: float,
+    drift_nm: float,
+) -> Sketch:
+    """Light of a scene.
+
+    Parameters
+    ----------
+    instrument : Instrument
+    band : str
+    metrics : PsfMetrics
+    sources : sequence of Source
+        The central star first.
+    measured : sequence of str
+        Names of the planets that are measured.
+    full : bool
+        Whole frame, or the stamp around the mask.
+    star_offset_arcsec : tuple of float
+        Place of the central star relative to the mask.
+    sky_e_s_arcsec2, stray_e_s : float
+        Sky in front of the telescope, and light given on a pixel.
+    drift_nm : float
+        Rms of the wavefront at the end of the visit.
+    """
+    n, pixel = len(metrics.raw_contrast), metrics.pixel_scale_arcsec
+    offset = centred_axis(n, pixel)
+    open_part = pixel_axis(offset, pixel, 1, metrics.mask_half_width_arcsec).open_fraction
+    open_map = np.outer(open_part, open_part)
+    radius = np.hypot(offset[:, None], offset)
+    star, moved = sources[0], any(star_offset_arcsec)
+    if moved:
+        scattered = np.zeros((n, n))
+        star_map = star.rate_e_s * _spot(metrics, offset, *star_offset_arcsec) * open_map
+    else:
+        halo = drift_halo(metrics, radius, drift_nm, instrument.drift.psd_slope, instrument.band(band).center_nm)
+        scattered = star.rate_e_s * metrics.peak_off_axis * halo * open_map
+        star_map = star.rate_e_s * metrics.peak_off_axis * metrics.raw_contrast + scattered
+    sky = sky_e_s_arcsec2 * pixel**2 * metrics.apodizer_energy + stray_e_s
+    places = [(s.x_arcsec + star_offset_arcsec[0], s.y_arcsec + star_offset_arcsec[1]) for s in sources]
+    chosen = [i for i, source in enumerate(sources) if source.kind == "planet" and source.name in measured]
+    apertures = {i: _aperture(metrics, n, *places[i]) for i in chosen}
+    frame, half = _frame_reach(instrument, band, pixel), n // 2 * pixel
+    window = frame if full else (half, half)
+    lights, total, least = [], star_map + sky * open_map, star_map + sky * open_map
+    near = sorted(range(1, len(sources)), key=lambda i: -sources[i].rate_e_s)[:_MOST_SPOTS]
+    for i, source in enumerate(sources[1:], start=1):
+        x, y = places[i]
+        away = math.hypot(max(abs(x) - window[0], 0.0), max(abs(y) - window[1], 0.0))
+        if max(abs(x), abs(y)) <= half + _NEAR_STEPS * metrics.wing_map_step_arcsec and i in near:
+            light = source.rate_e_s * _spot(metrics, offset, x, y) * open_map
+            beside = np.hypot(offset - x, (offset - y)[:, None]) > 2.0 * metrics.wing_map_step_arcsec
+            peak = max(float(light.max()), _MOST * float(light[beside].max(initial=0.0)))
+        else:
+            light, peak = _far(metrics, source.rate_e_s, x, y, half, open_map)
+        total, least = total + light, least + _LEAST * light
+        if away == 0 and full:
+            peak = max(peak, source.rate_e_s * metrics.peak_off_axis)
+        inside = np.array([
+            float((weights * light[place]).sum()) if weights.size else
+            source.rate_e_s * float(_wing(metrics, places[j][0] - x, places[j][1] - y)) * metrics.aperture_pixels
+            for j, (place, weights) in apertures.items()
+        ])  # fmt: skip
+        far = max(abs(x), abs(y)) - half > len(metrics.wing_map) // 2 * metrics.wing_map_step_arcsec
+        high, low = (_MOST_BEYOND, _LEAST_BEYOND) if far else (_MOST, _LEAST)
+        lights.append(SourceLight(source.name, source.kind, peak, source.rate_e_s, away, high * inside, low * inside))
+    planets = []
+    for index, i in enumerate(chosen):
+        (x, y), (place, weights) = places[i], apertures[i]
+        core = float(metrics.core_throughput(x, y))
+        own = i - 1
+        behind = star.rate_e_s * float(_wing(metrics, x - places[0][0], y - places[0][1])) * metrics.aperture_pixels
+        planets.append(
+            PlanetPlace(
+                name=sources[i].name,
+                x_arcsec=x,
+                y_arcsec=y,
+                signal_e_s=sources[i].rate_e_s * core,
+                peak_e_s=min(sources[i].rate_e_s * metrics.peak_off_axis, lights[own].peak_e_s),
+                core=min(core / metrics.core_open, 1.0) if metrics.core_open > 0 else 1.0,
+                halo_e_s=float((weights * star_map[place]).sum()) if weights.size else behind,
+                other_e_s=sum(float(light.least_e_s[index]) for j, light in enumerate(lights) if j != own),
+                sky_e_s=sky * (float((weights * open_map[place]).sum()) if weights.size else metrics.aperture_pixels),
+                scattered_e_s=float((weights * scattered[place]).sum()),
+                place=place,
+                weights=weights,
+            )
+        )
+    stars = [(*place, source.rate_e_s) for place, source in zip(places[1:], sources[1:], strict=True)]
+    outside, columns, crossing = _beyond(metrics, star.rate_e_s, half, frame, sky, stars)
+    return Sketch(
+        star_e_s=star_map,
+        total_e_s=total,
+        least_e_s=least,
+        outside_e_s=outside if full else np.zeros(0),
+        column_e_s=float(total.sum(axis=0).max()) + (columns if full else 0.0),
+        beyond_column_e_s=0.0 if full else columns,
+        beyond_peaks_e_s=(0.0, 0.0) if full else crossing,
+        sky_e_s=sky,
+        radius_arcsec=radius,
+        sources=tuple(lights),
+        planets=tuple(planets),
+        aperture_pixels=metrics.aperture_pixels,
+        noise_pixels=float(aperture_noise_pixels(metrics.aperture_radius_arcsec / pixel)),
+    )
+
+
+def _aperture(metrics: PsfMetrics, n: int, x: float, y: float) -> tuple[tuple[slice, slice], FloatArray]:
+    """Part of the stamp under an aperture and the weights there; nothing where it reaches beyond the stamp."""
+    column, row = (part / metrics.pixel_scale_arcsec + n // 2 for part in (x, y))
+    middle = round(row), round(column)
+    radius = metrics.aperture_radius_arcsec / metrics.pixel_scale_arcsec
+    half = math.ceil(radius + 0.5)
+    if min(middle) < half or max(middle) >= n - half:
+        return (slice(0, 0), slice(0, 0)), np.zeros((0, 0))
+    weights = overlap_weights(radius, row - middle[0], column - middle[1])
+    return (slice(middle[0] - half, middle[0] + half + 1), slice(middle[1] - half, middle[1] + half + 1)), weights
+
+
+def _far(
+    metrics: PsfMetrics, rate_e_s: float, x: float, y: float, half: float, open_map: FloatArray
+) -> tuple[FloatArray, float]:
+    """Light of a source far away on the stamp, as even as its mean, and on its brightest pixel."""
+    along = np.linspace(-half, half, _FAR_POINTS)
+    wing = _wing(metrics, (along - x)[None, :], (along - y)[:, None]) * rate_e_s
+    beyond = max(abs(x), abs(y)) - half > len(metrics.wing_map) // 2 * metrics.wing_map_step_arcsec
+    return float(wing.mean()) * open_map, float(wing.max()) * (_MOST_BEYOND if beyond else _MOST)
+
+
+def _wing(metrics: PsfMetrics, x: FloatArray | float, y: FloatArray | float) -> FloatArray:
+    """Unmasked light per pixel at an offset from a source: its ring mean near the core, then the wing map.
+
+    Beyond the map the pattern of its edge goes on, fading as the inverse square: the arms of a stepped apodizer lie far
+    above the mean of their ring.
+    """
+    x, y = np.broadcast_arrays(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
+    distance = np.hypot(x, y)
+    ring = metrics.wing(distance)
+    edge = (len(metrics.wing_map) // 2 - 0.5) * metrics.wing_map_step_arcsec
+    shrink = np.minimum(edge / np.maximum(np.maximum(np.abs(x), np.abs(y)), 1e-9), 1.0)
+    # The last boxes lie beside an axis where the source does: the offset across the arm stays as it is.
+    along = np.abs(x) > np.abs(y)
+    near_x, near_y = np.where(along, x * shrink, x), np.where(along, y, y * shrink)
+    near_x, near_y = np.clip(near_x, -edge, edge), np.clip(near_y, -edge, edge)
+    mapped = metrics.wing_at(near_x, near_y) * shrink**2
+    return np.where(distance < 2.0 * metrics.wing_map_step_arcsec, ring, mapped)
+
+
+def _spot(metrics: PsfMetrics, offset: FloatArray, x: float, y: float) -> FloatArray:
+    """Unit source off the axis on the stamp, no mask."""
+    return _wing(metrics, (offset - x)[None, :], (offset - y)[:, None])
+
+
+def _frame_reach(instrument: Instrument, band: str, pixel: float) -> tuple[float, float]:
+    """Half sides of the frame, x and y."""
+    detector = instrument.detector_of(band)
+    x, y = (
+        max(star, size - 1 - star)
+        for star, size in ((detector.star_column, detector.n_columns), (detector.star_row, detector.n_rows))
+    )
+    return x * pixel, y * pixel
+
+
+def _beyond(
+    metrics: PsfMetrics,
+    rate_e_s: float,
+    half: float,
+    frame: tuple[float, float],
+    sky_e_s: float,
+    stars: Sequence[tuple[float, float, float]],
+) -> tuple[FloatArray, float, tuple[float, float]]:
+    """Pixels of the frame beyond the stamp: levels, largest sum over a column, brightest in its columns and rows.
+
+    ``stars`` are place and rate of the others. A core holds the light of eight of its peak
+    pixels in one column, the arm of a star beside the column some ten pixels of its wing.
+    """
+    step, pixel = metrics.wing_map_step_arcsec, metrics.pixel_scale_arcsec
+    last = len(metrics.wing_map) // 2
+    arm = np.arange(-last, last + 1) * step
+    x, y = np.meshgrid(arm, arm)
+    cross = np.minimum(np.abs(x), np.abs(y)) >= metrics.mask_half_width_arcsec
+    outside = (np.maximum(np.abs(x), np.abs(y)) > half) & (np.abs(x) <= frame[0]) & (np.abs(y) <= frame[1])
+    light = np.where(cross & outside, metrics.wing_map, 0.0) * rate_e_s
+    column = float(light[:, np.abs(arm) <= half].sum(axis=0).max()) * step / pixel + sky_e_s * 2.0 * frame[1] / pixel
+    brightest = rate_e_s * metrics.peak_on_axis_frame
+    in_columns, in_rows = rate_e_s * metrics.peak_on_axis_columns, rate_e_s * metrics.register_tail
+    for at_x, at_y, rate in stars:
+        seen = abs(at_x) <= frame[0] and abs(at_y) <= frame[1]
+        peak = rate * metrics.peak_off_axis
+        if seen:
+            brightest = max(brightest, peak)
+        if seen and abs(at_x) <= half:
+            in_columns = max(in_columns, peak)
+        if seen and abs(at_y) <= half:
+            in_rows = max(in_rows, peak)
+        if seen and abs(at_x) <= half:
+            column += 8.0 * peak
+        else:
+            column += 10.0 * _MOST * rate * float(_wing(metrics, max(abs(at_x) - half, pixel), 0.0))
+    levels = light[outside] * _MOST + sky_e_s
+    return np.concatenate([levels, [brightest, sky_e_s, 0.0]]), column, (in_columns, in_rows)

@@ -1,0 +1,92 @@
+"""What the numerical settings of the optics cost: remainders of the quadratures, and rounding.
+
+A Gauss-Legendre rule of n nodes misses of a wave ``cos(phi s)``, -1 <= s <= 1, at most
+
+    E_n(phi) = 2^(2n) (n!)^4 / ((2n + 1) ((2n)!)^3) phi^(2n)
+
+of its amplitude (remainder of the rule, its highest derivative at its largest). Over a band the image at u lambda/D
+holds waves up to ``phi = pi u Delta`` with Delta the relative width of the band; over a pixel waves up to
+``phi = pi (pixel / (lambda/D))``, widened by the jitter. Few waves are that fast: the factors below lower the phase so
+that the remainder follows the differences that were measured between the images of each rule and those of nine
+wavelengths and six nodes a pixel, in the four visible bands (`reports/effect_ledger`).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Optics", "gauss_remainder", "precision_error_e_s"]
+
+FloatArray = NDArray[np.float64]
+LARGEST = 1.7  # of a remainder, in units of the light around: measured for one node
+# Share of the fastest wave's phase that the remainder acts as if it had: 1 - 0.44 exp(-0.42 (n - 1)).
+_SLOWER, _FADING = 0.44, 0.42
+# Aperture sums of a dark hole see what the bright rim leaves out, not their own light; by nodes per pixel.
+_RIM = {1: 4.0, 2: 20.0, 3: 100.0, 4: 250.0}
+_MOST_RIM = 600.0
+# Relative change of a planet's aperture sum by the number of wavelengths, over Delta^(2n); that of its brightest pixel.
+_FLUX = {1: 0.11, 2: 5e-3}
+_PEAK = {1: 0.26, 2: 8.0, 3: 100.0}
+# Rounding of a field in single precision: intensity of its noise over the peak, and relative error of bright light.
+SINGLE_NOISE, SINGLE_RELATIVE = 3e-17, 6e-7
+
+
+def gauss_remainder(n_nodes: int, phase: FloatArray | float) -> FloatArray:
+    """Largest error of a Gauss-Legendre mean of a wave of half-range ``phase`` (rad), at most 1.7."""
+    n = int(n_nodes)
+    log = 2 * n * math.log(2.0) + 4 * math.lgamma(n + 1) - math.log(2 * n + 1) - 3 * math.lgamma(2 * n + 1)
+    with np.errstate(divide="ignore"):
+        power = np.exp(np.minimum(log + 2 * n * np.log(np.asarray(phase, dtype=np.float64)), 1.0))
+    return np.minimum(power, LARGEST)
+
+
+@dataclass(frozen=True)
+class Optics:
+    """What the quadratures of a band depend on.
+
+    Attributes
+    ----------
+    relative_width : float
+        Of the band.
+    lambda_d_arcsec, pixel_arcsec, jitter_arcsec : float
+    """
+
+    relative_width: float
+    lambda_d_arcsec: float
+    pixel_arcsec: float
+    jitter_arcsec: float
+
+    def wavelength_error(self, n_nodes: int, separation_arcsec: FloatArray | float) -> FloatArray:
+        """Relative error of the light of a source at a distance from it, with so many wavelengths."""
+        slower = 1.0 - _SLOWER * math.exp(-_FADING * (n_nodes - 1))
+        u = np.asarray(separation_arcsec, dtype=np.float64) / self.lambda_d_arcsec
+        return gauss_remainder(n_nodes, slower * math.pi * self.relative_width * u)
+
+    def wavelength_flux_error(self, n_nodes: int) -> float:
+        """Relative error of the aperture sum of a planet: ``0.11 Delta^2`` with one wavelength."""
+        return _FLUX.get(n_nodes, 1e-3) * self.relative_width ** (2 * n_nodes)
+
+    def wavelength_peak_error(self, n_nodes: int) -> float:
+        """Largest error of a pixel in the image of a source off the axis, relative to its peak."""
+        return _PEAK.get(n_nodes, 1e3) * self.relative_width ** (2 * n_nodes)
+
+    def pixel_error(self, n_nodes: int) -> float:
+        """Error of a pixel of the star relative to the light around it, both axes together."""
+        # A box of half width 1/2 and a normal law of width j have the second moment of a box sqrt(1 + 12 j^2) wider.
+        wider = math.sqrt(1.0 + 12.0 * (self.jitter_arcsec / self.pixel_arcsec) ** 2)
+        return 2.0 * float(gauss_remainder(n_nodes, math.pi * self.pixel_arcsec / self.lambda_d_arcsec * wider))
+
+    def pixel_halo_error(self, n_nodes: int) -> float:
+        """Relative error of the starlight in an aperture of the dark hole."""
+        return min(_RIM.get(n_nodes, _MOST_RIM) * self.pixel_error(n_nodes), LARGEST)
+
+
+def precision_error_e_s(light_e_s: FloatArray | float, peak_e_s: float) -> FloatArray:
+    """Error of starlight by fields in single precision: noise of the field beats with the light that is there."""
+    light = np.asarray(light_e_s, dtype=np.float64)
+    noise = SINGLE_NOISE * peak_e_s
+    return 2.0 * np.sqrt(light * noise) + noise + SINGLE_RELATIVE * light

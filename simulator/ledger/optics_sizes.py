@@ -1,0 +1,211 @@
+"""Sizes of the numerical settings of the optics, of the drift and its sampling, and of sources left out."""
+
+from __future__ import annotations
+
+import functools
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from simulator.config.optics import Drift
+from simulator.imaging.metrics import PsfMetrics
+from simulator.knobs import Quantity
+from simulator.ledger.case import CameraCase
+from simulator.ledger.light import PlanetPlace, SourceLight, drift_halo
+from simulator.ledger.numerics import LARGEST, Optics, precision_error_e_s
+
+__all__ = ["OpticsCase"]
+
+FloatArray = NDArray[np.float64]
+Sizes = dict[Quantity, float]
+_PIXEL_REACH, _WAVE_REACH = 3, 2
+# Speckles of a drifting wavefront scatter by this much more than their two parts would alone, and the largest of a
+# stamp by so many times that.
+_SPECKLE_SCATTER, _SPECKLE_MOST = 1.4, 3.5
+# Sources off the axis in single precision: of their light on a pixel, and of their peak anywhere.
+_OTHERS_RELATIVE, _OTHERS_NOISE = 4e-6, 4e-8
+# What a planet behind the edge of the mask adds to the error of its colour, for as much as the mask hides of it.
+_HIDDEN = 0.5
+_NOTHING: Sizes = {"planet_flux": 0.0, "snr": 0.0, "pixel_map": 0.0}
+
+
+@dataclass(frozen=True, eq=False)
+class OpticsCase:
+    """What these sizes are worked out for.
+
+    Attributes
+    ----------
+    camera : CameraCase
+        Pixels, planets and their noise.
+    metrics : PsfMetrics
+    optics : Optics
+    drift : Drift
+    star_e_s : float
+        Rate of the central star.
+    wavelength_nm : float
+        Middle of the band.
+    visit_s : float
+        Length of the visit.
+    n_epochs : int
+        At which the walk is sampled without the ledger.
+    speckle_share, walk_share : tuple of float
+        Of every measured planet, the largest part of the variance of its aperture sum that speckles make, and the walk
+        alone.
+    moved : bool
+        Whether the star stands off the mask.
+    """
+
+    camera: CameraCase
+    metrics: PsfMetrics
+    optics: Optics
+    drift: Drift
+    star_e_s: float
+    wavelength_nm: float
+    visit_s: float
+    n_epochs: int
+    speckle_share: tuple[float, ...]
+    walk_share: tuple[float, ...]
+    moved: bool
+
+    @functools.cached_property
+    def _around_mean(self) -> FloatArray:
+        """Starlight of a pixel, or the mean around it where that is brighter."""
+        star = self.camera.sketch.star_e_s
+        return np.maximum(star, _box(star, _WAVE_REACH, largest=False))
+
+    @functools.cached_property
+    def _around_most(self) -> FloatArray:
+        """Brightest starlight around a pixel."""
+        return _box(self.camera.sketch.star_e_s, _PIXEL_REACH, largest=True)
+
+    def _rim(self, planet: PlanetPlace) -> float:
+        """Brightest starlight around the pixels of an aperture over their own: what is misplaced comes from there."""
+        if not planet.weights.size:
+            return 1.0
+        around = float((planet.weights * self._around_most[planet.place]).sum())
+        own = float((planet.weights * self.camera.sketch.star_e_s[planet.place]).sum())
+        return around / own if own > 0 else 1.0
+
+    def wavelength_nodes(self, n_nodes: int) -> Sizes:
+        """Of so many wavelengths a band."""
+        case, t = self.camera, self.camera.exposure_s
+        change = self.optics.wavelength_error(n_nodes, case.sketch.radius_arcsec) * self._around_mean * t
+        peak = self.optics.wavelength_peak_error(n_nodes)
+        for source in case.sketch.sources:
+            # With one wavelength the wings of a star are another pattern; with more it has as many as it needs.
+            wings = float(self.optics.wavelength_error(1, 1.0 + source.distance_arcsec)) if n_nodes == 1 else 0.0
+            level = source.peak_e_s * (min(wings, 1.0) if source.distance_arcsec > 1.0 else peak + 1e-3 * wings)
+            change = change + (level if source.kind == "star" else source.peak_e_s * peak) * t
+        halos = [
+            min(float(self.optics.wavelength_error(n_nodes, math.hypot(planet.x_arcsec, planet.y_arcsec)))
+                * self._rim(planet), LARGEST)
+            for planet in case.sketch.planets
+        ]  # fmt: skip
+        hidden = case.over_planets(lambda planet: planet.hidden)
+        sizes = self._of(change, self.optics.wavelength_flux_error(n_nodes) * (1.0 + _HIDDEN * hidden), halos)
+        if n_nodes == 1:
+            others = np.zeros(len(case.variances))
+            for source in case.sketch.sources:
+                others += source.aperture_e_s * (source.kind == "star")
+            sizes["snr"] += case.snr_added(self._white(others))
+        return sizes
+
+    def pixel_nodes(self, n_nodes: int) -> Sizes:
+        """Of so many nodes a pixel and axis; sources other than the star are integrated in closed form."""
+        case = self.camera
+        halo = self.optics.pixel_halo_error(n_nodes)
+        error = min(self.optics.pixel_error(n_nodes), LARGEST)
+        return self._of(error * self._around_most * case.exposure_s, 0.0, [halo] * len(case.variances))
+
+    def precision(self) -> Sizes:
+        """Of fields in single precision."""
+        case = self.camera
+        peak = self.star_e_s * self.metrics.peak_off_axis
+        change = precision_error_e_s(case.sketch.star_e_s, peak) + _OTHERS_RELATIVE * case.sketch.total_e_s
+        change = change + _OTHERS_NOISE * sum(source.peak_e_s for source in case.sketch.sources)
+        halos = [
+            float(precision_error_e_s(planet.halo_e_s / case.sketch.aperture_pixels, peak))
+            * case.sketch.aperture_pixels / max(planet.halo_e_s, 1e-300)
+            for planet in case.sketch.planets
+        ]  # fmt: skip
+        return self._of(change * case.exposure_s, 1e-7, [min(halo, LARGEST) for halo in halos])
+
+    def epochs(self, n_epochs: int) -> Sizes:
+        """Of fewer epochs of the walk.
+
+        The mean of a walk over a visit has a variance higher by ``1 / (2 e^2)`` when it is sampled in the middle of e
+        intervals (its covariance is ``min(s, s')``), and a frame is at most half an interval away from its epoch.
+        """
+        if n_epochs >= self.n_epochs:
+            return dict(_NOTHING)
+        fewer = 1.0 / n_epochs - 1.0 / self.n_epochs
+        away = self.drift.walk_nm_per_sqrt_hour * math.sqrt(self.visit_s / 3600.0 * 0.5 * fewer)
+        more = 0.5 * (1.0 / n_epochs**2 - 1.0 / self.n_epochs**2)
+        snr = max((0.5 * share * more for share in self.walk_share), default=0.0)
+        return {"planet_flux": 0.0, "snr": snr, "pixel_map": self._speckles(away)}
+
+    def no_drift(self) -> Sizes:
+        """Of a wavefront that stands still."""
+        rms = math.hypot(self.drift.visit_nm, self.drift.walk_nm_per_sqrt_hour * math.sqrt(self.visit_s / 3600.0))
+        return {"planet_flux": 0.0, "snr": max(self.speckle_share, default=0.0),
+                "pixel_map": self._speckles(rms)}  # fmt: skip
+
+    def _speckles(self, rms_nm: float) -> float:
+        """Largest change of a pixel by a wavefront error: ``|dE|^2`` and its beat with the light that is there."""
+        case, t = self.camera, self.camera.exposure_s
+        peak = self.star_e_s * self.metrics.peak_off_axis
+        halo = drift_halo(self.metrics, case.sketch.radius_arcsec, rms_nm, self.drift.psd_slope, self.wavelength_nm) * (
+            case.sketch.total_e_s > 0
+        )
+        if self.moved:
+            halo = np.zeros_like(halo)
+        scattered = halo * peak * t
+        here = case.sketch.star_e_s * t
+        change = _SPECKLE_MOST * _SPECKLE_SCATTER * np.sqrt(2.0 * here * scattered + scattered**2)
+        return case.mean_change(self._padded(change))
+
+    def source(self, source: SourceLight, *, measured: bool) -> Sizes:
+        """Of a source left out."""
+        case = self.camera
+        pixel = case.mean_change(source.peak_e_s * case.exposure_s)
+        if measured:
+            return {"planet_flux": 1.0, "snr": 1.0, "pixel_map": pixel}
+        return {"planet_flux": 0.0, "snr": case.snr_added(self._white(source.aperture_e_s)), "pixel_map": pixel}
+
+    def spread_light(self, pixel_e_s: float, aperture_e_s: float) -> Sizes:
+        """Of light spread over many pixels."""
+        case = self.camera
+        added = self._white(np.full(len(case.variances), aperture_e_s))
+        return {"planet_flux": 0.0, "snr": case.snr_added(added),
+                "pixel_map": case.mean_change(pixel_e_s * case.exposure_s)}  # fmt: skip
+
+    def _white(self, aperture_e_s: FloatArray) -> list[float]:
+        case = self.camera
+        fraction = case.sketch.noise_pixels / case.sketch.aperture_pixels
+        counts = case.n_frames * case.noise.factor2 * case.noise.photons * case.exposure_s * fraction
+        return [counts * float(light) for light in aperture_e_s]
+
+    def _padded(self, change: FloatArray) -> FloatArray:
+        """A change on the stamp, nothing on the pixels around it."""
+        return np.concatenate([change.ravel(), np.zeros(self.camera.sketch.outside_e_s.size)])
+
+    def _of(self, change_e: FloatArray, flux: float, halo_errors: list[float]) -> Sizes:
+        """From the change of the star's pixels, of the planet, and the relative error of the light around it."""
+        parts = []
+        for error, variances, speckles in zip(halo_errors, self.camera.variances, self.speckle_share, strict=True):
+            halo = 0.5 * variances["halo"] / max(sum(variances.values()), 1e-300)
+            parts.append(error * (halo + speckles))
+        return {"planet_flux": flux, "snr": flux + max(parts, default=0.0),
+                "pixel_map": self.camera.mean_change(self._padded(change_e))}  # fmt: skip
+
+
+def _box(image: FloatArray, reach: int, *, largest: bool) -> FloatArray:
+    """Largest value, or mean, of the square of pixels within ``reach`` of each."""
+    n = len(image)
+    for axis in (0, 1):
+        padded = np.pad(image, [(reach, reach) if part == axis else (0, 0) for part in (0, 1)])
+        parts = [padded.take(range(shift, shift + n), axis=axis) for shift in range(2 * reach + 1)]
+        image = np.maximum.reduce(parts) if largest else np.add.reduce(parts) / len(parts)
+    return image

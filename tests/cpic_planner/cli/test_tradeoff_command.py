@@ -1,0 +1,94 @@
+import json
+
+import pytest
+
+from cpic_planner.cli.main import main
+from cpic_planner.models import TradeoffResult
+from cpic_planner.tradeoff import run
+from cpic_planner.tradeoff.scenes import SCENES
+from cpic_planner.version import __version__
+
+
+def call(capsys, *arguments):
+    status = main(["tradeoff", *arguments])
+    captured = capsys.readouterr()
+    return status, captured.out, captured.err
+
+
+def rows_for(case, points, machine):
+    from cpic_planner.models import TradeoffRow
+
+    samples = {"white_e2": [10.0, 12.0], "own_e2": [5.0], "speckle_e2_s2": [1.0, 2.0], "walk_e2_s2": [1.0, 2.0],
+               "one_epoch_e2_s2": [1.0, 2.0], "whole_e2": [100.0], "fixed_speckle_e2": [1.0]}  # fmt: skip
+    return [
+        TradeoffRow(scene=case.name, point=point.name, title=point.title, group=point.group, status="ok", wall_s=1.0,
+                    cpu_s=1.0, peak_memory_mb=50.0, repeats=1, flux_e=100.0, samples=samples, n_frames=case.n_frames,
+                    settings={"draw": "frames", "region": "full"}, machine=machine, version=__version__)
+        for point in points
+    ]  # fmt: skip
+
+
+@pytest.fixture
+def unmeasured(monkeypatch):
+    """Every row at once, without any image; tells which were asked for."""
+    asked = []
+
+    def measured(case, points, effort, machine, workers, advance):
+        asked.extend((case.name, point.name) for point in points)
+        return rows_for(case, points, machine)
+
+    monkeypatch.setattr(run, "_measured", measured)
+    return asked
+
+
+def test_files_table_and_json(capsys, tmp_path, unmeasured):
+    out = tmp_path / "t"
+    status, text, err = call(capsys, "--scene", "faint", "--quick-look", "--out", str(out), "--json")
+    assert status == 0
+    result = TradeoffResult.model_validate(json.loads(text))
+    assert result.quick_look
+    assert (out / "results.json").read_text() == text
+    assert sorted(path.name for path in out.iterdir()) == ["pareto.png", "report.md", "results.csv", "results.json"]
+    assert "written to" in err
+    assert ("faint", "no_flat") not in unmeasured
+    unmeasured.clear()
+    status, text, _ = call(capsys, "--scene", "faint", "--quick-look", "--only", "etc", "--out", str(out))
+    assert status == 0
+    assert unmeasured == [("faint", "etc")]
+    assert "Faint planet (faint, F662)" in text
+    assert "reference" in text
+    assert len(json.loads((out / "results.json").read_text())["rows"]) == len(result.rows)
+    assert call(capsys, "--only", "etc", "--out", str(out))[0] == 2  # a look and a record do not mix
+
+
+def test_a_list(capsys):
+    status, text, _ = call(capsys, "--list", "--scene", "binary", "--json")
+    assert status == 0
+    assert json.loads(text)["binary"]["points"]["etc"] == "closed form, one call"
+    status, text, _ = call(capsys, "--list")
+    assert all(f"{case.name}: {case.title}" in text for case in SCENES.values())
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--scene", "nebula"], "--scene = nebula: not accepted; allowed: faint, saturating"),
+        (["--only", "fast"], "--only = fast: not accepted"),
+        (["--scene", "faint", "--only", "etc"], "reference too: faint has none yet"),
+        (["--workers", "3"], "--workers"),
+    ],
+)
+def test_refusals(capsys, tmp_path, monkeypatch, arguments, words):
+    monkeypatch.chdir(tmp_path)
+    status, text, err = call(capsys, *arguments)
+    assert (status, text) == (2, "")
+    assert words in err
+    assert err.count("\n") == 1
+
+
+def test_a_foreign_folder_is_left_alone(capsys, tmp_path):
+    (tmp_path / "letter.txt").write_text("dear")
+    status, _, err = call(capsys, "--scene", "faint", "--out", str(tmp_path))
+    assert status == 2
+    assert "an empty folder or one of an earlier tradeoff" in err
+    assert [path.name for path in tmp_path.iterdir()] == ["letter.txt"]

@@ -1,0 +1,88 @@
+import json
+
+import pytest
+
+from catalogs.errors import InputError
+from cpic_planner.models import TradeoffResult
+from cpic_planner.tradeoff.figure import LOOKS, SMALLEST, pareto_figure
+from cpic_planner.tradeoff.tables import COLUMNS, read_csv, report_text, tier_table
+from cpic_planner.tradeoff.write import FILES, read_result, write_result
+
+
+@pytest.fixture
+def result(make):
+    rows = [
+        make.row("reference", group="tier", wall_s=12.0, flux_error=0.0, snr_error=0.0, flux_uncertainty=0.0,
+                 snr_uncertainty=0.0),
+        make.row("etc", group="closed_form", wall_s=2e-3, flux_error=0.004, snr_error=-0.02, flux_uncertainty=1e-9,
+                 snr_uncertainty=0.003, predicted_error={"planet_flux": 0.01}),
+        make.row("standard", group="tier", wall_s=0.4, flux_error=1e-12, snr_error=1e-4, flux_uncertainty=1e-9,
+                 snr_uncertainty=8e-3),
+        make.row("quick", group="tier", status="invalid", reason="tier_too_coarse", message="quick misses it",
+                 wall_s=None, cpu_s=None, peak_memory_mb=None, flux_e=None),
+        make.row("wavelengths_1", group="knob", wall_s=3.0, machine="elsewhere", flux_error=-1e-3, snr_error=-2e-3,
+                 flux_uncertainty=1e-9, snr_uncertainty=1e-4),
+        make.row("reference", group="tier", scene="edge", wall_s=6.0, flux_error=0.0, snr_error=0.0,
+                 flux_uncertainty=0.0, snr_uncertainty=0.0),
+    ]  # fmt: skip
+    return make.result(rows, speed_ups={"faint": 6000.0}, other_machines=[make.machine("elsewhere")])
+
+
+def test_files_come_back_as_they_were(result, tmp_path):
+    paths = write_result(result, tmp_path, head="measured today")
+    assert [path.name for path in paths] == list(FILES) == sorted(FILES, key=list(FILES).index)
+    assert read_result(tmp_path) == result
+    assert TradeoffResult.model_validate(json.loads((tmp_path / "results.json").read_text())) == result
+    lines = read_csv((tmp_path / "results.csv").read_text())
+    assert tuple(lines[0]) == COLUMNS
+    assert [(line["scene"], line["point"]) for line in lines] == [(row.scene, row.point) for row in result.rows]
+    assert float(lines[1]["snr_error"]) == -0.02
+    assert float(lines[1]["predicted_flux_error"]) == 0.01
+    assert lines[3]["wall_s"] == ""
+    assert lines[3]["message"] == "quick misses it"
+    assert (tmp_path / "pareto.png").read_bytes().startswith(b"\x89PNG")
+    assert "measured today" in (tmp_path / "report.md").read_text()
+
+
+def test_the_report_says_what_was_found(result):
+    text = report_text(result)
+    assert "- faint: 6000 times" in text
+    assert "| etc | 2 ms | 900 ms |  | 100 | +0.4 % | -2 ± 0.3 % |" in text
+    assert "| quick | invalid: tier too coarse |" in text
+    assert "wavelengths 1 (another machine)" in text
+    assert "< 0.8 %" in text  # of the standard tier: below what can be told
+    assert "Few frames" not in text
+    assert "Few frames" in report_text(result.model_copy(update={"quick_look": True}))
+
+
+def test_the_table_of_tiers(result):
+    lines = tier_table(result).splitlines()
+    assert lines[2].startswith("| closed form | 2 ms to 2 ms | 100 | +0.4 % (faint) | -2 ± 0.3 % (faint) | 1 of 1 |")
+    assert lines[4].startswith("| `reference` | 6 s to 12 s | 100 | 0 | 0 | 2 of 2 |")
+    assert len(lines) == 5  # no scene has a quick answer
+
+
+def test_the_figure_has_its_labels(result):
+    figure = pareto_figure(result)
+    panels = [axes for axes in figure.axes if axes.axison]
+    assert [axes.get_title() for axes in panels] == ["Faint planet", "Planet at the edge of the mask"]
+    assert figure._supxlabel.get_text() == "wall clock of one observation (s)"
+    assert "error" in figure._supylabel.get_text()
+    assert {axes.get_xscale() for axes in panels} == {axes.get_yscale() for axes in panels} == {"log"}
+    words = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert words == [*(look[2] for look in LOOKS.values()), "upper limit", "1, 3 and 5 %"]
+    assert len({look[0] for look in LOOKS.values()}) == len({look[1] for look in LOOKS.values()}) == len(LOOKS)
+    named = {text.get_text() for text in panels[0].texts}
+    assert {"reference", "closed form", "standard"} <= named
+    drawn = {(line.get_xdata()[0], line.get_ydata()[0]): line.get_marker() for line in panels[0].lines
+             if len(line.get_xdata()) == 1}  # fmt: skip
+    assert drawn[12.0, SMALLEST] == "v"
+    assert drawn[0.4, 8e-3] == "v"
+    assert drawn[2e-3, 0.02] == "*"
+
+
+def test_foreign_files_are_refused(tmp_path):
+    assert read_result(tmp_path) is None
+    (tmp_path / "results.json").write_text('{"kind": "plan"}')
+    with pytest.raises(InputError, match="something else"):
+        read_result(tmp_path)

@@ -1,0 +1,203 @@
+"""What the dial makes of a task: sums or frames, hole or whole frames, knobs, epochs, what is left out."""
+
+import functools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cpic_planner.etc.model import Strategy, build_model
+from cpic_planner.models import ModellingRecord
+from cpic_planner.scene_confirmation import scene_target
+from cpic_planner.validation.cost import task_cost
+from cpic_planner.validation.modelling import modelling_of
+from cpic_planner.validation.realise import realised_frames, visits_of
+from cpic_planner.validation.task import Frames, expected_of, images_of, task_of
+from cpic_planner.validation.verdict import refusals_of
+from simulator import load_instrument, load_scene, observe
+from simulator.camera.gain import excess_noise_factor2
+from simulator.knobs import FIDELITIES
+from simulator.ledger import MAX_EPOCHS, SUM_EPOCHS
+from simulator.ledger.sums import NOT_IN_SUMS
+from simulator.target.sources import scene_sources
+
+# Faint and photon limited; bright and limited by speckles, where frame transfer smears as much light as the hole holds.
+STARS = {"faint": ({"v_mag": 5.5, "teff_k": 5500, "distance_pc": 4.0}, "F850", Frames(60.0, 40, 300.0)),
+         "bright": ({"v_mag": 0.4, "teff_k": 6500, "distance_pc": 3.5}, "F850", Frames(2.7, 400, 300.0)),
+         "speckles": ({"v_mag": 0.4, "teff_k": 6500, "distance_pc": 3.5}, "F520", Frames(1.7, 400, 300.0))}  # fmt: skip
+PLANET = {"name": "b", "radius_rjup": 1, "phase_deg": 90, "separation_arcsec": 0.6, "pa_deg": 315, "albedo": "jupiter"}
+
+
+@functools.cache
+def made(star="faint", planets=1, more=(), library="same_star_planet_free", **dial):
+    body, band, frames = STARS[star]
+    scene = load_scene({"name": star, "cstar": body, "planets": [PLANET][:planets], "stars": [dict(s) for s in more]})
+    model = build_model(load_instrument(), [band], Strategy(library=library))
+    target = scene_target(scene)
+    shown = [source for source in scene_sources(scene, model.instrument, band) if source.kind == "planet"]
+    expected = [expected_of(model, target, band, (s.x_arcsec, s.y_arcsec), s.contrast, frames) for s in shown]
+    return task_of(model, scene, band, frames, expected, seed=4, realisations=2, audit=False, overrides=None,
+                   planets=[s.name for s in shown], **dial)  # fmt: skip
+
+
+def decisions(modelling):
+    return {row.key: row.decision for row in modelling.rows}
+
+
+def test_standard_draws_sums_as_they_were():
+    how = modelling_of(made())
+    assert (how.draw, how.region, how.knobs, how.epochs) == ("sums", "hole", FIDELITIES["standard"], SUM_EPOCHS)
+    assert how.left_out == ()
+    assert not how.smear_in_sums
+    nominal = load_instrument()
+    assert how.instrument(nominal) == images_of(nominal)
+    assert how.outcome.value is not None
+    assert all(how.predicted_error[name] <= how.dial.tolerance[name] for name in ("planet_flux", "snr"))
+    assert decisions(how)["summed_frames"] == "skipped"
+    assert decisions(how)["photon_noise"] == "kept"
+
+
+def test_the_reference_leaves_nothing_out():
+    how = modelling_of(made(fidelity="reference"))
+    assert (how.draw, how.region, how.knobs) == ("frames", "full", FIDELITIES["reference"])
+    assert (how.switches, how.left_out) == ({}, ())
+    assert how.predicted_error == {"planet_flux": 0.0, "snr": 0.0}
+    assert how.instrument(load_instrument()) == load_instrument()
+    for row in how.rows:
+        assert row.decision == "kept" or not row.size, row
+    assert how == modelling_of(made(tolerance=0.0))
+    assert how.runs_by_frames(40) == 40
+
+
+def test_what_is_audited_has_every_effect():
+    how = modelling_of(made()).whole()
+    assert (how.draw, how.epochs, how.knobs) == ("frames", MAX_EPOCHS, FIDELITIES["standard"])
+    assert how.instrument(load_instrument()) == load_instrument()
+
+
+def test_a_tolerance_is_met_and_more_of_it_costs_no_more():
+    found = [modelling_of(made(tolerance=value)) for value in (0.003, 0.01, 0.03, 0.1, 0.3)]
+    for how in found:
+        assert how.outcome.value is not None
+        for name, value in how.predicted_error.items():
+            assert value <= how.dial.tolerance[name]
+    costs = [task_cost(made(tolerance=value)).work_s for value in (0.0, 0.003, 0.01, 0.03, 0.1, 0.3)]
+    assert costs == sorted(costs, reverse=True)
+    assert costs[0] > 5 * costs[-1]
+
+
+def test_noise_that_is_measured_is_never_left_out():
+    how = modelling_of(made(tolerance=0.5))
+    for name in ("photon_noise", "em_register", "read_noise", "dark", "clock_charge", "sky"):
+        assert decisions(how)[name] == "kept"
+    assert not set(how.switches) - set(NOT_IN_SUMS)
+
+
+def test_a_source_that_does_not_matter_is_not_drawn():
+    far = ({"name": "far", "v_mag": 19.0, "teff_k": 5000, "separation_arcsec": 3.0, "pa_deg": 100.0},)
+    task = made(more=tuple(tuple(star.items()) for star in far), tolerance=0.05)
+    how = modelling_of(task)
+    assert how.left_out == ("far",)
+    visits = visits_of(task, modelling=how)
+    assert [source.name for source in visits.science.truth.sources] == ["faint", "b"]
+    standard = modelling_of(made(more=tuple(tuple(star.items()) for star in far)))
+    assert standard.left_out == ()
+
+
+def test_frames_on_request():
+    how = modelling_of(made(), by_frames=True)
+    assert (how.draw, how.region, how.epochs) == ("frames", "hole", MAX_EPOCHS)
+    assert all(decisions(how)[name] == "kept" for name in ("flat", "cosmic_rays", "smear", "summed_frames"))
+    assert how.runs_by_frames(40) == 2
+
+
+def test_smear_stays_in_sums_where_it_counts():
+    """Next to a bright star the frame transfer leaves more electrons in the hole than its light: sums hold them."""
+    task = made("bright")
+    how = modelling_of(task)
+    assert (how.draw, how.smear_in_sums) == ("sums", True)
+    (row,) = (row for row in how.rows if row.key == "smear")
+    assert (row.decision, row.size > how.dial.tolerance["snr"]) == ("kept", True)
+    assert decisions(how)["flat"] == "skipped"
+    without = visits_of(task, modelling=replace(how, smear_in_sums=False))
+    held = visits_of(task, modelling=how)
+    hole = held.metrics.hole
+    mean = {name: visits.draw(0).reference_e[hole].mean() / task.n_frames for name, visits in
+            (("held", held), ("without", without))}  # fmt: skip
+    frame = observe(task.scene, band=task.band, exposure_s=task.exposure_s, em_gain=task.em_gain, window="full")
+    passed = frame.instrument.detector.transfer.line_shift_s * frame.mean_rate_map.sum(axis=0)
+    smear = np.broadcast_to(passed[frame.area.stamp(len(hole))[1]], hole.shape)[hole].mean()
+    assert mean["held"] - mean["without"] == pytest.approx(smear, rel=0.05)
+    noise = [visits.draw(0).reduced.white_variance_e2[hole].mean() for visits in (held, without)]
+    factor2 = excess_noise_factor2(task.em_gain, 604)
+    assert noise[0] - noise[1] == pytest.approx(2 * factor2 * task.n_frames * smear, rel=0.1)
+    assert noise[0] > 1.15 * noise[1]
+
+
+def test_an_idealised_library_has_the_same_smear():
+    visits = visits_of(made("bright", library="idealised"))
+    assert visits.modelling.smear_in_sums
+    stack = visits.draw(0).reduced
+    mean, spread = stack.image_e[stack.region].mean(), stack.image_e[stack.region].std()
+    assert abs(mean) < 4 * spread / np.sqrt(stack.region.sum())
+
+
+def test_a_tier_that_is_too_coarse_is_an_answer():
+    task = made("speckles", fidelity="quick")
+    how = modelling_of(task)
+    assert how.outcome.value is None
+    (found,) = refusals_of(task)
+    assert (found.status, found.reason, found.planet) == ("invalid", "tier_too_coarse", "b")
+    assert "--fidelity standard" in found.message
+    assert found.recovered_snr is None
+    assert (found.n_frames, found.predicted_snr) == (400, task.predictions[0]["snr"])
+    assert found.modelled.fidelity == "quick"
+    assert refusals_of(made("speckles")) == []
+    # whoever draws such images all the same gets what the tier stands for
+    assert (how.draw, how.knobs) == ("sums", FIDELITIES["quick"])
+
+
+def test_quick_is_wrong_where_it_is_refused():
+    """Residual speckles of one wavelength and of seven differ by more than quick allows."""
+    task, rms = made("speckles"), {}
+    for tier in ("quick", "standard", "reference"):
+        visits = visits_of(task, modelling=replace(modelling_of(task), knobs=FIDELITIES[tier], epochs=1))
+        science, reference = visits._stacks
+        annulus = visits.metrics.annulus(0.5, 1.0)
+        kept = [(science.mean_rates(k) - reference.mean_rates(k))[0][annulus].std() for k in range(4)]
+        rms[tier] = np.mean(kept)
+    assert abs(rms["standard"] / rms["reference"] - 1.0) < 0.03
+    assert abs(rms["quick"] / rms["reference"] - 1.0) > abs(rms["standard"] / rms["reference"] - 1.0)
+
+
+def test_a_search_is_judged_by_a_planet_in_the_hole():
+    how = modelling_of(made(planets=0))
+    assert (how.draw, how.epochs) == ("sums", SUM_EPOCHS)
+    assert set(how.predicted_error) == {"planet_flux", "snr"}
+    assert visits_of(made(planets=0)).science.truth.sources[-1].kind == "cstar"
+
+
+def test_the_record_is_plain_and_finite():
+    for dial in ({"fidelity": "quick"}, {"fidelity": "reference"}, {"tolerance": 0.1}):
+        record = modelling_of(made("speckles", **dial)).record()
+        again = ModellingRecord.model_validate_json(record.model_dump_json())
+        assert again == record
+        assert len({row.key for row in record.effects}) == len(record.effects)
+
+
+def test_whole_frames_and_sums_reduce_to_the_same_planet():
+    """The reference beside standard on few frames: flux and noise of the same planet."""
+    short = replace(made(), n_frames=4)
+    reference = replace(short, fidelity="reference")
+    visits = visits_of(reference)
+    realised, story = realised_frames(visits)
+    assert visits.science.shape == (1050, 1080)
+    assert realised.reduced.image_e.shape == visits.metrics.hole.shape
+    assert story.lost_in == 0
+    sums = visits_of(short).draw(0)
+    region = realised.reduced.region & sums.reduced.region
+    assert region.sum() > 0.95 * visits.metrics.hole.sum()
+    noise = [np.sqrt(item.reduced.white_variance_e2[region].mean()) for item in (realised, sums)]
+    assert noise[0] == pytest.approx(noise[1], rel=0.05)
+    scatter = [item.reduced.image_e[region].std() for item in (realised, sums)]
+    assert scatter[0] == pytest.approx(scatter[1], rel=0.1)

@@ -1,0 +1,34 @@
+"""Random scenes: what is left out changes no quantity by more than its tolerance."""
+
+import numpy as np
+import pytest
+
+from simulator import observe
+from simulator.ledger import error_of
+
+
+@pytest.mark.parametrize("number", range(1001, 1013))
+def test_shortcut_stays_within_its_tolerance(number, report):
+    """A dozen; the report has hundreds."""
+    case = report.scenes.random_case(number)
+    whole, short, true = report.truth.measure(case)
+    for name in case.quantity:
+        assert getattr(true, name) <= case.tolerance, (name, short.choice.switches, short.psf.knobs)
+        assert short.choice.predicted_error[name] <= case.tolerance * (1 + 1e-9)
+    assert whole.choice is None
+    assert short.tolerance == case.tolerance
+
+
+def test_a_violation_would_be_seen(report):
+    """The comparison finds what is left out beyond the tolerance."""
+    case = report.scenes.random_case(1001)
+    settings = case.settings | {"instrument": case.instrument, "window": "hole", "exposure_s": 30.0, "em_gain": 30.0}
+    whole, short = (observe(case.scene, **settings, switches={"read_noise": on}) for on in (True, False))
+    assert report.truth.true_difference(whole, short).pixel_map > 0.03
+    assert report.truth.true_difference(whole, whole).pixel_map == 0.0
+
+
+def test_overlap_of_a_circle(report):
+    weights = report.truth.circle((31, 31), 15.2, 14.7, 3.3)
+    assert weights.sum() == pytest.approx(np.pi * 3.3**2, rel=2e-3)
+    assert error_of("planet_flux", 0.25) == 0.25
