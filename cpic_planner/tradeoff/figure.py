@@ -53,6 +53,8 @@ def pareto_figure(result: TradeoffResult) -> Figure:
         panel.set_title(scene.title)
     for panel in panels[len(scenes) :]:
         panel.set_axis_off()
+    for panel in panels[: len(scenes)][-columns:]:
+        panel.tick_params(labelbottom=True)  # the lowest of each column
     figure.supxlabel("wall clock of one observation (s)", fontsize=10.5)
     figure.supylabel("relative error (larger of flux and SNR)", fontsize=10.5)
     handles, labels = _legend()

@@ -114,7 +114,8 @@ def _kept(
         )
         raise InputError("--out", f"results of version {held}", allowed=f"a folder of version {asked}, or a new one")
     machines = {item.key: item for item in (earlier.machine, *earlier.other_machines)} | {machine.key: machine}
-    return {(row.scene, row.point): row for row in earlier.rows}, machines
+    frames = {name: GLANCE_FRAMES if quick_look else case.n_frames for name, case in SCENES.items()}
+    return {(row.scene, row.point): row for row in earlier.rows if row.n_frames == frames[row.scene]}, machines
 
 
 def _result(

@@ -194,7 +194,7 @@ def _recast(row: _Row, setup: Setup, places: Places, light: _Light) -> TradeoffR
     held: list[Work] = []
     timing = timed(lambda: held.append(worked(row.case, setup, (science, reference))), budget_s=0.0)
     timing = dataclasses.replace(timing, wall_s=timing.wall_s + light.wall_s, cpu_s=timing.cpu_s + light.cpu_s)
-    samples = {"white_e2": white_of_frames(places, held[0].drawn).tolist()}
+    samples = {"white_e2": _listed(white_of_frames(places, held[0].drawn))}
     return row.ok(setup, timing, expected_flux_e(row.case, setup, science, light.bare_e_s), samples)
 
 
@@ -210,12 +210,12 @@ def _by_ledger(row: _Row) -> Setup:
 
 def _white(row: _Row, setup: Setup, places: Places, work: Work, effort: Effort, more: int) -> dict[str, list[float]]:
     if not work.drawn:
-        return {"white_e2": white_of_sums(row.case, setup, places, effort.draws).tolist()}
-    samples = {"white_e2": white_of_frames(places, work.drawn).tolist()}
+        return {"white_e2": _listed(white_of_sums(row.case, setup, places, effort.draws))}
+    samples = {"white_e2": _listed(white_of_frames(places, work.drawn))}
     if more > 1:
         # Another realisation, at one wavefront: more of the same noise.
         longer = visit(row.case, setup, n_frames=more, epochs=1, realisation=1)
-        samples["more_white_e2"] = white_of_frames(places, (drawn_frames(longer),)).tolist()
+        samples["more_white_e2"] = _listed(white_of_frames(places, (drawn_frames(longer),)))
     return samples
 
 
@@ -224,11 +224,16 @@ def _residual(row: _Row, setup: Setup, places: Places, effort: Effort, base: Set
     case, own = row.case, row.point.name == REFERENCE
     samples: dict[str, list[float]] = {}
     if own or setup.knobs != base.knobs or setup.drift != base.drift:
-        samples["speckle_e2_s2"] = speckle_samples(case, setup, places, effort.pairs).tolist()
+        samples["speckle_e2_s2"] = _listed(speckle_samples(case, setup, places, effort.pairs))
     if own or setup.n_epochs(case) != base.n_epochs(case):
         walk, one = walk_samples(case, setup, places, effort.walk_pairs)
-        samples |= {"walk_e2_s2": walk.tolist(), "one_epoch_e2_s2": one.tolist()}
+        samples |= {"walk_e2_s2": _listed(walk), "one_epoch_e2_s2": _listed(one)}
     return samples
+
+
+def _listed(values: FloatArray) -> list[float]:
+    """Seven digits of each: enough to compare them pair by pair."""
+    return [float(f"{value:.7g}") for value in values]
 
 
 def _closed_form(row: _Row, effort: Effort, launched_s: float) -> TradeoffRow:

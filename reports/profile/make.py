@@ -216,7 +216,7 @@ def report(results: dict[str, tuple[Result, Result]], speed: dict[str, float], b
     )
     parts = "\n\n".join(f"## `{job}`\n\n{stage_table(pair, speed)}" for job, pair in results.items())
     what = "\n".join(f"- {text}: {speed[name]:.3g} a second" for name, text in FLOORS.items())
-    state = f"commit {before}" if not Path(before).is_dir() else "the state before"
+    state = f"commit {before}" if not Path(before).is_dir() else "a folder with other sources"
     return f"""# Where the time goes
 
 Regenerate with `python reports/profile/make.py`; everything below is written by it.
@@ -230,11 +230,10 @@ function put around it.
 |---|---|---|---|---|---|---|
 {totals}
 
-Propagation takes {fields[0] / fields[1]:.1f} times less than before in `{MAIN}`: pupil and nodes are symmetric about
-both axes, so that real matrices on a quarter of them do what complex ones on all of them did. Nothing in it is
-approximated: images agree with the direct product to 1e-14 of the peak.
-Stamps and transforms of the same optics are made once for all stars. What is left of the propagation are products of
-matrices near the rate of the machine.
+Propagation in `{MAIN}` is {fields[0] / fields[1]:.1f} times faster than before: pupil and nodes are symmetric about
+both axes, so that real matrices on a quarter of them do what complex ones on all of them did (on half of them for the
+star off the mask). Nothing in it is approximated: images agree with the direct product to 1e-14 of the peak. Stamps and
+transforms of the same optics are made once for all stars.
 
 ![processor time by stage](profile.png)
 

@@ -210,8 +210,6 @@ def test_interrupted_plan_says_how_to_go_on(tmp_path):
             "2",
             "--out",
             out,
-            "--fidelity",
-            "quick",
             "--time-s",
             "1000",
             "--band",

@@ -45,10 +45,14 @@ def test_a_row_that_does_not_apply_has_a_reason(small_case):
 
 
 def test_only_keeps_the_other_rows(small_case, make):
-    kept = [make.row("reference", group="tier", version=__version__, samples={
-        "white_e2": [10.0] * 4, "own_e2": [5.0], "speckle_e2_s2": [1e-6, 2e-6], "walk_e2_s2": [1e-6, 2e-6],
-        "one_epoch_e2_s2": [1e-6, 2e-6]}), make.row("hole_quick", version=__version__, machine="elsewhere",
-        samples={"white_e2": [10.0] * 4, "own_e2": [5.0]})]  # fmt: skip
+    pairs = {key: [1e-6, 2e-6] for key in ("speckle_e2_s2", "walk_e2_s2", "one_epoch_e2_s2")}
+    white = {"white_e2": [10.0] * 4, "own_e2": [5.0]}
+    common = {"version": __version__, "n_frames": 2}
+    kept = [
+        make.row("reference", group="tier", samples=white | pairs, **common),
+        make.row("hole_quick", machine="elsewhere", samples=white, **common),
+        make.row("full_standard", version=__version__, n_frames=3),
+    ]
     earlier = make.result(kept, version=__version__, quick_look=True, machine=make.machine("elsewhere"))
     told, stored = [], []
     result = tradeoff([(small_case, points(small_case, "etc"))], earlier=earlier, quick_look=True, advance=told.append,

@@ -41,12 +41,11 @@ def task_of(case, **changes):
     star, band, instrument, strategy = CASES[case]
     model = build_model(load_instrument(instrument), [band], strategy)
     target, _ = find_target(star)
-    # The statistics are those of the chain; what a finer optical model adds to its images is tested elsewhere.
     asked = {
         "time_s": 1800.0,
         "planet": ReferencePlanet(),
         "seed": 3,
-        "fidelity": "quick",
+        "fidelity": "standard",
         "realisations": REALISATIONS,
     }
     task = prepare_task(model, target, band, **(asked | changes))

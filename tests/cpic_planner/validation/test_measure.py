@@ -28,7 +28,7 @@ SCENE = {
 @functools.cache
 def prepared():
     config = ConfirmConfig(instrument=load_instrument(), scene=load_scene(SCENE), bands=("F520",), exposure_s=4.0,
-                           n_frames=60, em_gain=300.0, fidelity="quick", realisations=1, audit=False)  # fmt: skip
+                           n_frames=60, em_gain=300.0, fidelity="standard", realisations=1, audit=False)  # fmt: skip
     (task,) = _work(config, build_model(config.instrument, config.bands)).tasks
     visits = visits_of(task)
     return visits, subjects_of(visits)
