@@ -26,17 +26,16 @@ from simulator.camera.visible import VisibleCamera
 from simulator.imaging.drift import visit_frames
 from simulator.imaging.external import ExternalPsf
 from simulator.imaging.imager import FocalGrid, centred_axis
+from simulator.ledger import SUM_EPOCHS
 from simulator.observation import Observation
 from simulator.outcome import Outcome, Reason, Status
 from simulator.quantities import check_whole
 from simulator.rng import PathPart, stream
 from simulator.sequence import MAX_REALISATION
 
-__all__ = ["STACK_EPOCHS", "HoleStacks", "hole_stackable", "hole_stacks"]
+__all__ = ["HoleStacks", "hole_stackable", "hole_stacks"]
 
 FloatArray = NDArray[np.float64]
-STACK_EPOCHS = 6
-"""Epochs at which a walk is sampled: the variance of its mean is 1/(4 epochs^2), 0.7 %, too small."""
 # A pixel beyond the hole overflows by chance: once in 3e6 pixel-frames at the margin, by a fraction of its noise.
 _MARGIN_SIGMA = 5.0
 # Charge that moves between pixels: an image of the hole alone cannot hold it.
@@ -143,7 +142,7 @@ class HoleStacks:
         return dataclasses.replace(exposure, stripe_adu=stripes, **cut)
 
 
-def hole_stacks(observation: Observation, *, epochs: int = STACK_EPOCHS) -> HoleStacks:
+def hole_stacks(observation: Observation, *, epochs: int = SUM_EPOCHS) -> HoleStacks:
     """Prepare sums of frames of an observation over its dark hole.
 
     Parameters

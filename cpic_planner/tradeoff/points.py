@@ -8,9 +8,8 @@ from typing import Any, Literal
 from catalogs.errors import InputError
 from cpic_planner.tradeoff.scenes import FixedScene
 from cpic_planner.tradeoff.setup import REFERENCE_EPOCHS, Setup, reference_setup
-from simulator.hole_stack import STACK_EPOCHS
 from simulator.knobs import FIDELITIES
-from simulator.observation import MAX_EPOCHS
+from simulator.ledger import MAX_EPOCHS, SUM_EPOCHS
 
 __all__ = ["REFERENCE", "TOLERANCES_MEASURED", "Group", "Point", "named_points", "points_of"]
 
@@ -72,7 +71,7 @@ def _main(case: FixedScene) -> list[Point]:
         Point("sums_quick", "sums of frames, quick knobs", "images",
               setup=images("sums", "hole", "quick", QUICK_EPOCHS)),
         Point("sums_standard", "sums of frames, standard knobs", "images",
-              setup=images("sums", "hole", "standard", STACK_EPOCHS)),
+              setup=images("sums", "hole", "standard", SUM_EPOCHS)),
         Point("hole_quick", "frames over the hole, quick knobs", "images",
               setup=images("frames", "hole", "quick", QUICK_EPOCHS)),
         Point("hole_standard", "frames over the hole, standard knobs", "images",

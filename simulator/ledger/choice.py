@@ -225,7 +225,7 @@ class _Chooser:
                     self.skipped.setdefault(key, self._size(self.forecast.sizes[key]))
 
     def _items(self, tier: str) -> Iterator[_Item]:
-        yield from self._whole(tier)
+        yield from self._whole()
         if tier == "standard":
             return
         yield from self._settings(tier)
@@ -249,7 +249,7 @@ class _Chooser:
     def _exists(self, key: str) -> bool:
         return any(row.key == key and row.decision == "kept" for row in self.forecast.rows)
 
-    def _whole(self, tier: str) -> Iterator[_Item]:
+    def _whole(self) -> Iterator[_Item]:
         """Sums of frames, and the window alone."""
         frames = self.forecast.n_frames
         if self.draw == "frames" and "summed_frames" not in self.fixed and self.forecast.sums.status is Status.OK:
@@ -264,7 +264,6 @@ class _Chooser:
             yield _Item("summed_frames", "sums", sizes, frames * WHOLE_FRAME_S + 1.0)
         if self.full and "hole_region" not in self.fixed:
             yield _Item("hole_region", "hole", self.forecast.sizes["hole_region"], frames * WHOLE_FRAME_S * FULL_PIXELS)
-        del tier
 
     def _change(self, name: str, now: Any, then: Any) -> Sizes:
         known = self.forecast.knob_sizes[name]

@@ -7,7 +7,8 @@ from catalogs.errors import InputError
 from simulator import load_instrument, observe
 from simulator.camera.emccd import to_electrons
 from simulator.camera.gain import excess_noise_factor2
-from simulator.hole_stack import STACK_EPOCHS, hole_stackable, hole_stacks
+from simulator.hole_stack import hole_stackable, hole_stacks
+from simulator.ledger import SUM_EPOCHS
 from simulator.outcome import Reason, Status
 
 STILL = {"drift": {"visit_nm": 0.0, "walk_nm_per_sqrt_hour": 0.0}}
@@ -70,7 +71,7 @@ def test_a_visit_has_the_same_offset_as_its_frames():
     observation = sequence(still, realisation=3, fidelity="standard")
     rates = hole_stacks(observation).mean_rates(3)
     hole = observation.psf.metrics.hole
-    assert rates.shape == (STACK_EPOCHS, *hole.shape)
+    assert rates.shape == (SUM_EPOCHS, *hole.shape)
     for epoch in rates:
         np.testing.assert_allclose(epoch[hole], observation.mean_rate_map[hole], rtol=1e-12)
         assert not epoch[~hole].any()
