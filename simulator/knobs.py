@@ -66,7 +66,7 @@ class Knobs(FrozenModel):
 
 
 FIDELITIES: dict[str, Knobs] = {
-    "quick": Knobs(wavelength_nodes=1, pixel_nodes=2, precision="single"),
+    "quick": Knobs(wavelength_nodes=2, pixel_nodes=2, precision="single"),
     "standard": Knobs(),
     "reference": Knobs(pupil_samples=256, wavelength_nodes=7, pixel_nodes=5),
 }

@@ -11,6 +11,7 @@ from simulator.camera.gain import stage_probability
 from simulator.knobs import Quantity
 from simulator.ledger.case import CameraCase, overflow, stamp_flaws
 from simulator.ledger.light import PlanetPlace
+from simulator.ledger.spill import Spill
 
 __all__ = ["camera_sizes"]
 
@@ -20,7 +21,6 @@ _CORE_MARGIN = 1.4  # for what a Gaussian core lacks
 # Of the aperture sum of a planet, what a shift by one pixel costs, times the squared radius in pixels: measured 0.40 to
 # 0.43 in the four visible bands. At the edge of the mask the image ends sharply, and what is left of it may be little.
 _SHIFT, _SHIFT_EDGE, _SHIFT_CUT = 0.43, 0.1, 1.3
-_ALL = 1.0
 _COUNTED = ("planet", "halo", "other", "sky", "dark", "flaws")
 
 
@@ -147,25 +147,31 @@ def _limits(case: CameraCase) -> dict[str, Sizes]:
     bent = 0.0 if case.reduced else case.over_planets(slope)
     curved = float(np.max(lost / case.sigma_e + spread, initial=0.0)) + 2.0 * struck * b * case.hits.typical_e
     pixel_well, register_well = detector.full_well_e, detector.register_full_well_e / gain
-    held = case.light_e + noise.dark_e
+    held = case.most_e + noise.dark_e
     passed = np.minimum(held, pixel_well if detector.switches.blooming else np.inf)
-    column = _ALL if overflow(case.column_peak_e_s * t, pixel_well, 1.0) > 1e-9 else 0.0
+    spill = Spill(case)
 
     def fills(planet: PlanetPlace, well: float, factor2: float) -> float:
         level = (planet.halo_e_s + planet.other_e_s + planet.sky_e_s) / case.sketch.aperture_pixels + planet.peak_e_s
         return float(overflow(level * t, well, factor2))
 
-    tail = _ALL if overflow(case.column_peak_e_s * t, register_well, noise.factor2) > 1e-9 else 0.0
-    blooms = max(column, case.over_planets(lambda planet: fills(planet, pixel_well, 1.0)))
-    trails = max(tail, case.over_planets(lambda planet: fills(planet, register_well, noise.factor2)))
-    none = not case.sketch.planets
+    def blooms(planet: PlanetPlace) -> float:
+        if not planet.weights.size:  # off the stamp: from the brightest pixel of all
+            return float(overflow(case.column_peak_e_s * t, pixel_well, 1.0) > 1e-9)
+        return max(float(spill.blooms_into(*planet.place)), fills(planet, pixel_well, 1.0))
+
+    def trails(planet: PlanetPlace) -> float:
+        if not planet.weights.size:
+            return float(overflow(case.column_peak_e_s * t, register_well, noise.factor2) > 1e-9)
+        return max(float(spill.trails_into(*planet.place)), fills(planet, register_well, noise.factor2))
+
     return {
         "nonlinearity": _sizes(0.0 if case.reduced else curved, bent),
-        "blooming": _sizes(float(np.max(overflow(held, pixel_well, 1.0), initial=0.0)), 0.0 if none else blooms),
+        "blooming": _sizes(float(np.max(overflow(held, pixel_well, 1.0), initial=0.0)), case.over_planets(blooms)),
         "register_full_well": _sizes(
             float(np.max(overflow(passed + noise.clock_e, register_well, noise.factor2), initial=0.0))
             + struck * case.hits.share_above(register_well),
-            0.0 if none else trails,
+            case.over_planets(trails),
         ),
     }
 

@@ -16,14 +16,18 @@ from simulator.config.detector import Detector
 from simulator.ledger.light import PlanetPlace, Sketch
 from simulator.ledger.noise import FrameNoise
 from simulator.ledger.particles import PixelHits
+from simulator.ledger.wings import MOST
 
-__all__ = ["CameraCase", "Flaw", "overflow", "stamp_flaws"]
+__all__ = ["CameraCase", "Flaw", "largest_speckles", "overflow", "stamp_flaws"]
 
 FloatArray = NDArray[np.float64]
 # Radius of the Gaussian that stands for the core of a planet, lambda/D.
 _CORE_SIGMA = 0.66
 _SPILLED = 1e-6  # of the noise of a pixel, from which on what it passes on counts
 _ALL = 1.0
+# Speckles of a drifting wavefront scatter by this much more than their two parts would alone, and the largest of a
+# stamp by so many times that.
+_SPECKLE_SCATTER, _SPECKLE_MOST = 1.4, 3.5
 
 
 class Flaw(NamedTuple):
@@ -128,6 +132,14 @@ class CameraCase:
         """The same of every level of the sketch, the stamp first."""
         return np.concatenate([self.charge_e.ravel(), self.sketch.outside_e_s * self.exposure_s])
 
+    @functools.cached_property
+    def most_e(self) -> FloatArray:
+        """The same with the light of other sources and of speckles at most."""
+        others = np.maximum(self.sketch.total_e_s - self.sketch.star_e_s - self.sketch.sky_e_s, 0.0)
+        speckles = largest_speckles(self.sketch.star_e_s, self.sketch.scattered_e_s)
+        stamp = self.charge_e + ((MOST - 1.0) * others + speckles) * self.exposure_s
+        return np.concatenate([stamp.ravel(), self.sketch.outside_e_s * self.exposure_s])
+
     def _charged(self, light_e_s: FloatArray) -> FloatArray:
         charge, switches = light_e_s * self.exposure_s, self.detector.switches
         for key in ("bad_pixels", "bad_columns"):
@@ -151,7 +163,7 @@ class CameraCase:
     @functools.cached_property
     def spills(self) -> tuple[bool, bool]:
         """Whether pixels overflow into their column, and the register into its row."""
-        switches, peak = self.detector.switches, float(self.light_e.max(initial=0.0)) + self.noise.dark_e
+        switches, peak = self.detector.switches, float(self.most_e.max(initial=0.0)) + self.noise.dark_e
         register = self.detector.register_full_well_e / self.em_gain
         bloom = bool(overflow(peak, self.detector.full_well_e, 1.0) > _SPILLED)
         trail = bool(overflow(peak, register, self.noise.factor2) > _SPILLED)
@@ -220,6 +232,11 @@ class CameraCase:
             weight *= distance <= self.radius_pixels + 0.5
             found.append(((spans[0], spans[1]), weight / max(float(weight.sum()), 1e-300)))
         return tuple(found)
+
+
+def largest_speckles(light: FloatArray, scattered: FloatArray) -> FloatArray:
+    """Largest change of pixels by a wavefront error: ``|dE|^2`` and its beat with the light that is there."""
+    return _SPECKLE_MOST * _SPECKLE_SCATTER * np.sqrt(2.0 * light * scattered + scattered**2)
 
 
 def overflow(mean_e: FloatArray | float, well_e: float, factor2: float) -> FloatArray:

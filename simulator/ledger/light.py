@@ -19,6 +19,7 @@ from simulator.imaging.aperture import overlap_weights
 from simulator.imaging.imager import centred_axis
 from simulator.imaging.metrics import PsfMetrics
 from simulator.imaging.quadrature import pixel_axis
+from simulator.ledger.wings import MOST, MOST_BEYOND, Surroundings, beyond, far_light, frame_reach, spot, wing
 from simulator.target.sources import Source
 
 __all__ = ["PlanetPlace", "Sketch", "SourceLight", "drift_halo", "sketch_of"]
@@ -27,10 +28,9 @@ FloatArray = NDArray[np.float64]
 # Mean light of a wavefront error of 1 nm rms at 662 nm that falls as f^-2.5, relative to the peak, times u^2.5 with u
 # in lambda/D: at most 1.7 times too large in the dark holes of the visible bands (60 screens each).
 _DRIFT_AT_1_NM = 2.4e-5
-# Light in a pixel or an aperture over that of the wing map, at most and at least, on it and beyond it: of eight offsets
-# in each of six rings, F520 and F850.
-_MOST, _LEAST, _MOST_BEYOND, _LEAST_BEYOND = 3.0, 0.02, 20.0, 0.0
-_MOST_SPOTS, _FAR_POINTS = 12, 16
+# Light in a pixel or an aperture over that of the wing map at least, on it and beyond it (at most: `wings`).
+_LEAST, _LEAST_BEYOND = 0.02, 0.0
+_MOST_SPOTS = 12
 _NEAR_STEPS = 4.0  # of the wing map, beyond which the light of a source is even over a few pixels
 
 
@@ -42,8 +42,8 @@ class SourceLight:
     ----------
     name : str
     kind : {"planet", "star"}
-    peak_e_s : float
-        On its brightest pixel of the window.
+    peak_e_s, stamp_peak_e_s : float
+        On its brightest pixel of the window, and of the stamp around the mask.
     rate_e_s : float
         Of all its light.
     distance_arcsec : float
@@ -55,6 +55,7 @@ class SourceLight:
     name: str
     kind: str
     peak_e_s: float
+    stamp_peak_e_s: float
     rate_e_s: float
     distance_arcsec: float
     aperture_e_s: FloatArray
@@ -78,6 +79,8 @@ class PlanetPlace:
         Light of the central star, of other sources at least, and of the sky in the aperture.
     scattered_e_s : float
         Of the halo, what a drifting wavefront adds.
+    inside : bool
+        Whether all of the aperture lies in the dark hole.
     place : tuple of slice
         Part of the stamp under the aperture.
     weights : ndarray
@@ -94,6 +97,7 @@ class PlanetPlace:
     other_e_s: float
     sky_e_s: float
     scattered_e_s: float
+    inside: bool
     place: tuple[slice, slice]
     weights: FloatArray
 
@@ -111,6 +115,8 @@ class Sketch:
     ----------
     star_e_s : ndarray, shape (n, n)
         Central star on the stamp around the mask.
+    scattered_e_s : ndarray, shape (n, n)
+        Of it, what a drifting wavefront adds.
     total_e_s, least_e_s : ndarray, shape (n, n)
         Everything there; and with what is certain of the other sources alone.
     outside_e_s : ndarray, shape (k,)
@@ -130,9 +136,12 @@ class Sketch:
         The measured ones.
     aperture_pixels, noise_pixels : float
         Area of the aperture in pixels, and the sum of squared weights.
+    surroundings : Surroundings
+        The rest of the frame.
     """
 
     star_e_s: FloatArray
+    scattered_e_s: FloatArray
     total_e_s: FloatArray
     least_e_s: FloatArray
     outside_e_s: FloatArray
@@ -145,6 +154,7 @@ class Sketch:
     planets: tuple[PlanetPlace, ...]
     aperture_pixels: float
     noise_pixels: float
+    surroundings: Surroundings
 
     @property
     def levels_e_s(self) -> FloatArray:
@@ -205,7 +215,7 @@ def sketch_of(
     star, moved = sources[0], any(star_offset_arcsec)
     if moved:
         scattered = np.zeros((n, n))
-        star_map = star.rate_e_s * _spot(metrics, offset, *star_offset_arcsec) * open_map
+        star_map = star.rate_e_s * spot(metrics, offset, *star_offset_arcsec) * open_map
     else:
         halo = drift_halo(metrics, radius, drift_nm, instrument.drift.psd_slope, instrument.band(band).center_nm)
         scattered = star.rate_e_s * metrics.peak_off_axis * halo * open_map
@@ -214,7 +224,7 @@ def sketch_of(
     places = [(s.x_arcsec + star_offset_arcsec[0], s.y_arcsec + star_offset_arcsec[1]) for s in sources]
     chosen = [i for i, source in enumerate(sources) if source.kind == "planet" and source.name in measured]
     apertures = {i: _aperture(metrics, n, *places[i]) for i in chosen}
-    frame, half = _frame_reach(instrument, band, pixel), n // 2 * pixel
+    frame, half = frame_reach(instrument, band, pixel), n // 2 * pixel
     window = frame if full else (half, half)
     lights, total, least = [], star_map + sky * open_map, star_map + sky * open_map
     near = sorted(range(1, len(sources)), key=lambda i: -sources[i].rate_e_s)[:_MOST_SPOTS]
@@ -222,28 +232,31 @@ def sketch_of(
         x, y = places[i]
         away = math.hypot(max(abs(x) - window[0], 0.0), max(abs(y) - window[1], 0.0))
         if max(abs(x), abs(y)) <= half + _NEAR_STEPS * metrics.wing_map_step_arcsec and i in near:
-            light = source.rate_e_s * _spot(metrics, offset, x, y) * open_map
+            light = source.rate_e_s * spot(metrics, offset, x, y) * open_map
             beside = np.hypot(offset - x, (offset - y)[:, None]) > 2.0 * metrics.wing_map_step_arcsec
-            peak = max(float(light.max()), _MOST * float(light[beside].max(initial=0.0)))
+            peak = max(float(light.max()), MOST * float(light[beside].max(initial=0.0)))
         else:
-            light, peak = _far(metrics, source.rate_e_s, x, y, half, open_map)
+            light, peak = far_light(metrics, source.rate_e_s, x, y, half, open_map)
         total, least = total + light, least + _LEAST * light
+        stamp_peak = peak
         if away == 0 and full:
             peak = max(peak, source.rate_e_s * metrics.peak_off_axis)
         inside = np.array([
             float((weights * light[place]).sum()) if weights.size else
-            source.rate_e_s * float(_wing(metrics, places[j][0] - x, places[j][1] - y)) * metrics.aperture_pixels
+            source.rate_e_s * float(wing(metrics, places[j][0] - x, places[j][1] - y)) * metrics.aperture_pixels
             for j, (place, weights) in apertures.items()
         ])  # fmt: skip
         far = max(abs(x), abs(y)) - half > len(metrics.wing_map) // 2 * metrics.wing_map_step_arcsec
-        high, low = (_MOST_BEYOND, _LEAST_BEYOND) if far else (_MOST, _LEAST)
-        lights.append(SourceLight(source.name, source.kind, peak, source.rate_e_s, away, high * inside, low * inside))
+        high, low = (MOST_BEYOND, _LEAST_BEYOND) if far else (MOST, _LEAST)
+        lights.append(
+            SourceLight(source.name, source.kind, peak, stamp_peak, source.rate_e_s, away, high * inside, low * inside)
+        )
     planets = []
     for index, i in enumerate(chosen):
         (x, y), (place, weights) = places[i], apertures[i]
         core = float(metrics.core_throughput(x, y))
         own = i - 1
-        behind = star.rate_e_s * float(_wing(metrics, x - places[0][0], y - places[0][1])) * metrics.aperture_pixels
+        behind = star.rate_e_s * float(wing(metrics, x - places[0][0], y - places[0][1])) * metrics.aperture_pixels
         planets.append(
             PlanetPlace(
                 name=sources[i].name,
@@ -256,14 +269,24 @@ def sketch_of(
                 other_e_s=sum(float(light.least_e_s[index]) for j, light in enumerate(lights) if j != own),
                 sky_e_s=sky * (float((weights * open_map[place]).sum()) if weights.size else metrics.aperture_pixels),
                 scattered_e_s=float((weights * scattered[place]).sum()),
+                inside=bool(metrics.zone.covers(np.array([y]), np.array([x]), -metrics.aperture_radius_arcsec)[0, 0]),
                 place=place,
                 weights=weights,
             )
         )
     stars = [(*place, source.rate_e_s) for place, source in zip(places[1:], sources[1:], strict=True)]
-    outside, columns, crossing = _beyond(metrics, star.rate_e_s, half, frame, sky, stars)
+    around = Surroundings(
+        metrics=metrics,
+        star_e_s=0.0 if moved else star.rate_e_s,
+        stars=tuple(stars) + (((*places[0], star.rate_e_s),) if moved else ()),
+        half_arcsec=half,
+        frame_arcsec=frame,
+        sky_e_s=sky,
+    )
+    outside, columns, crossing = beyond(metrics, star.rate_e_s, half, frame, sky, stars)
     return Sketch(
         star_e_s=star_map,
+        scattered_e_s=scattered,
         total_e_s=total,
         least_e_s=least,
         outside_e_s=outside if full else np.zeros(0),
@@ -276,6 +299,7 @@ def sketch_of(
         planets=tuple(planets),
         aperture_pixels=metrics.aperture_pixels,
         noise_pixels=float(aperture_noise_pixels(metrics.aperture_radius_arcsec / pixel)),
+        surroundings=around,
     )
 
 
@@ -289,87 +313,3 @@ def _aperture(metrics: PsfMetrics, n: int, x: float, y: float) -> tuple[tuple[sl
         return (slice(0, 0), slice(0, 0)), np.zeros((0, 0))
     weights = overlap_weights(radius, row - middle[0], column - middle[1])
     return (slice(middle[0] - half, middle[0] + half + 1), slice(middle[1] - half, middle[1] + half + 1)), weights
-
-
-def _far(
-    metrics: PsfMetrics, rate_e_s: float, x: float, y: float, half: float, open_map: FloatArray
-) -> tuple[FloatArray, float]:
-    """Light of a source far away on the stamp, as even as its mean, and on its brightest pixel."""
-    along = np.linspace(-half, half, _FAR_POINTS)
-    wing = _wing(metrics, (along - x)[None, :], (along - y)[:, None]) * rate_e_s
-    beyond = max(abs(x), abs(y)) - half > len(metrics.wing_map) // 2 * metrics.wing_map_step_arcsec
-    return float(wing.mean()) * open_map, float(wing.max()) * (_MOST_BEYOND if beyond else _MOST)
-
-
-def _wing(metrics: PsfMetrics, x: FloatArray | float, y: FloatArray | float) -> FloatArray:
-    """Unmasked light per pixel at an offset from a source: its ring mean near the core, then the wing map.
-
-    Beyond the map the pattern of its edge goes on, fading as the inverse square: the arms of a stepped apodizer lie far
-    above the mean of their ring.
-    """
-    x, y = np.broadcast_arrays(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
-    distance = np.hypot(x, y)
-    ring = metrics.wing(distance)
-    edge = (len(metrics.wing_map) // 2 - 0.5) * metrics.wing_map_step_arcsec
-    shrink = np.minimum(edge / np.maximum(np.maximum(np.abs(x), np.abs(y)), 1e-9), 1.0)
-    # The last boxes lie beside an axis where the source does: the offset across the arm stays as it is.
-    along = np.abs(x) > np.abs(y)
-    near_x, near_y = np.where(along, x * shrink, x), np.where(along, y, y * shrink)
-    near_x, near_y = np.clip(near_x, -edge, edge), np.clip(near_y, -edge, edge)
-    mapped = metrics.wing_at(near_x, near_y) * shrink**2
-    return np.where(distance < 2.0 * metrics.wing_map_step_arcsec, ring, mapped)
-
-
-def _spot(metrics: PsfMetrics, offset: FloatArray, x: float, y: float) -> FloatArray:
-    """Unit source off the axis on the stamp, no mask."""
-    return _wing(metrics, (offset - x)[None, :], (offset - y)[:, None])
-
-
-def _frame_reach(instrument: Instrument, band: str, pixel: float) -> tuple[float, float]:
-    """Half sides of the frame, x and y."""
-    detector = instrument.detector_of(band)
-    x, y = (
-        max(star, size - 1 - star)
-        for star, size in ((detector.star_column, detector.n_columns), (detector.star_row, detector.n_rows))
-    )
-    return x * pixel, y * pixel
-
-
-def _beyond(
-    metrics: PsfMetrics,
-    rate_e_s: float,
-    half: float,
-    frame: tuple[float, float],
-    sky_e_s: float,
-    stars: Sequence[tuple[float, float, float]],
-) -> tuple[FloatArray, float, tuple[float, float]]:
-    """Pixels of the frame beyond the stamp: levels, largest sum over a column, brightest in its columns and rows.
-
-    ``stars`` are place and rate of the others. A core holds the light of eight of its peak
-    pixels in one column, the arm of a star beside the column some ten pixels of its wing.
-    """
-    step, pixel = metrics.wing_map_step_arcsec, metrics.pixel_scale_arcsec
-    last = len(metrics.wing_map) // 2
-    arm = np.arange(-last, last + 1) * step
-    x, y = np.meshgrid(arm, arm)
-    cross = np.minimum(np.abs(x), np.abs(y)) >= metrics.mask_half_width_arcsec
-    outside = (np.maximum(np.abs(x), np.abs(y)) > half) & (np.abs(x) <= frame[0]) & (np.abs(y) <= frame[1])
-    light = np.where(cross & outside, metrics.wing_map, 0.0) * rate_e_s
-    column = float(light[:, np.abs(arm) <= half].sum(axis=0).max()) * step / pixel + sky_e_s * 2.0 * frame[1] / pixel
-    brightest = rate_e_s * metrics.peak_on_axis_frame
-    in_columns, in_rows = rate_e_s * metrics.peak_on_axis_columns, rate_e_s * metrics.register_tail
-    for at_x, at_y, rate in stars:
-        seen = abs(at_x) <= frame[0] and abs(at_y) <= frame[1]
-        peak = rate * metrics.peak_off_axis
-        if seen:
-            brightest = max(brightest, peak)
-        if seen and abs(at_x) <= half:
-            in_columns = max(in_columns, peak)
-        if seen and abs(at_y) <= half:
-            in_rows = max(in_rows, peak)
-        if seen and abs(at_x) <= half:
-            column += 8.0 * peak
-        else:
-            column += 10.0 * _MOST * rate * float(_wing(metrics, max(abs(at_x) - half, pixel), 0.0))
-    levels = light[outside] * _MOST + sky_e_s
-    return np.concatenate([levels, [brightest, sky_e_s, 0.0]]), column, (in_columns, in_rows)

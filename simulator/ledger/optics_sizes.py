@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from simulator.config.optics import Drift
 from simulator.imaging.metrics import PsfMetrics
 from simulator.knobs import Quantity
-from simulator.ledger.case import CameraCase
+from simulator.ledger.case import CameraCase, largest_speckles
 from simulator.ledger.light import PlanetPlace, SourceLight, drift_halo
 from simulator.ledger.numerics import LARGEST, Optics, precision_error_e_s
 
@@ -21,9 +22,6 @@ __all__ = ["OpticsCase"]
 FloatArray = NDArray[np.float64]
 Sizes = dict[Quantity, float]
 _PIXEL_REACH, _WAVE_REACH = 3, 2
-# Speckles of a drifting wavefront scatter by this much more than their two parts would alone, and the largest of a
-# stamp by so many times that.
-_SPECKLE_SCATTER, _SPECKLE_MOST = 1.4, 3.5
 # Sources off the axis in single precision: of their light on a pixel, and of their peak anywhere.
 _OTHERS_RELATIVE, _OTHERS_NOISE = 4e-6, 4e-8
 # What a planet behind the edge of the mask adds to the error of its colour, for as much as the mask hides of it.
@@ -80,11 +78,11 @@ class OpticsCase:
         """Brightest starlight around a pixel."""
         return _box(self.camera.sketch.star_e_s, _PIXEL_REACH, largest=True)
 
-    def _rim(self, planet: PlanetPlace) -> float:
-        """Brightest starlight around the pixels of an aperture over their own: what is misplaced comes from there."""
+    def _around(self, planet: PlanetPlace) -> float:
+        """Starlight around the pixels of an aperture over their own: what is misplaced comes from there."""
         if not planet.weights.size:
             return 1.0
-        around = float((planet.weights * self._around_most[planet.place]).sum())
+        around = float((planet.weights * self._around_mean[planet.place]).sum())
         own = float((planet.weights * self.camera.sketch.star_e_s[planet.place]).sum())
         return around / own if own > 0 else 1.0
 
@@ -98,13 +96,13 @@ class OpticsCase:
             wings = float(self.optics.wavelength_error(1, 1.0 + source.distance_arcsec)) if n_nodes == 1 else 0.0
             level = source.peak_e_s * (min(wings, 1.0) if source.distance_arcsec > 1.0 else peak + 1e-3 * wings)
             change = change + (level if source.kind == "star" else source.peak_e_s * peak) * t
-        halos = [
-            min(float(self.optics.wavelength_error(n_nodes, math.hypot(planet.x_arcsec, planet.y_arcsec)))
-                * self._rim(planet), LARGEST)
-            for planet in case.sketch.planets
-        ]  # fmt: skip
+        halos, speckles = [], []
+        for planet in case.sketch.planets:
+            separation = math.hypot(planet.x_arcsec, planet.y_arcsec)
+            halos.append(self.optics.wavelength_halo_error(n_nodes, separation, planet.inside) * self._around(planet))
+            speckles.append(self.optics.wavelength_speckle_error(n_nodes, separation))
         hidden = case.over_planets(lambda planet: planet.hidden)
-        sizes = self._of(change, self.optics.wavelength_flux_error(n_nodes) * (1.0 + _HIDDEN * hidden), halos)
+        sizes = self._of(change, self.optics.wavelength_flux_error(n_nodes) * (1.0 + _HIDDEN * hidden), halos, speckles)
         if n_nodes == 1:
             others = np.zeros(len(case.variances))
             for source in case.sketch.sources:
@@ -115,9 +113,11 @@ class OpticsCase:
     def pixel_nodes(self, n_nodes: int) -> Sizes:
         """Of so many nodes a pixel and axis; sources other than the star are integrated in closed form."""
         case = self.camera
-        halo = self.optics.pixel_halo_error(n_nodes)
+        planets = case.sketch.planets
+        halos = [self.optics.pixel_halo_error(n_nodes, planet.inside) * self._around(planet) for planet in planets]
         error = min(self.optics.pixel_error(n_nodes), LARGEST)
-        return self._of(error * self._around_most * case.exposure_s, 0.0, [halo] * len(case.variances))
+        speckles = [self.optics.pixel_speckle_error(n_nodes)] * len(planets)
+        return self._of(error * self._around_most * case.exposure_s, 0.0, halos, speckles)
 
     def precision(self) -> Sizes:
         """Of fields in single precision."""
@@ -130,7 +130,7 @@ class OpticsCase:
             * case.sketch.aperture_pixels / max(planet.halo_e_s, 1e-300)
             for planet in case.sketch.planets
         ]  # fmt: skip
-        return self._of(change * case.exposure_s, 1e-7, [min(halo, LARGEST) for halo in halos])
+        return self._of(change * case.exposure_s, 1e-7, halos, halos)
 
     def epochs(self, n_epochs: int) -> Sizes:
         """Of fewer epochs of the walk.
@@ -153,7 +153,7 @@ class OpticsCase:
                 "pixel_map": self._speckles(rms)}  # fmt: skip
 
     def _speckles(self, rms_nm: float) -> float:
-        """Largest change of a pixel by a wavefront error: ``|dE|^2`` and its beat with the light that is there."""
+        """Largest change of a pixel by a wavefront error."""
         case, t = self.camera, self.camera.exposure_s
         peak = self.star_e_s * self.metrics.peak_off_axis
         halo = drift_halo(self.metrics, case.sketch.radius_arcsec, rms_nm, self.drift.psd_slope, self.wavelength_nm) * (
@@ -161,9 +161,7 @@ class OpticsCase:
         )
         if self.moved:
             halo = np.zeros_like(halo)
-        scattered = halo * peak * t
-        here = case.sketch.star_e_s * t
-        change = _SPECKLE_MOST * _SPECKLE_SCATTER * np.sqrt(2.0 * here * scattered + scattered**2)
+        change = largest_speckles(case.sketch.star_e_s * t, halo * peak * t)
         return case.mean_change(self._padded(change))
 
     def source(self, source: SourceLight, *, measured: bool) -> Sizes:
@@ -191,12 +189,16 @@ class OpticsCase:
         """A change on the stamp, nothing on the pixels around it."""
         return np.concatenate([change.ravel(), np.zeros(self.camera.sketch.outside_e_s.size)])
 
-    def _of(self, change_e: FloatArray, flux: float, halo_errors: list[float]) -> Sizes:
-        """From the change of the star's pixels, of the planet, and the relative error of the light around it."""
+    def _of(
+        self, change_e: FloatArray, flux: float, halo_errors: Sequence[float], speckle_errors: Sequence[float]
+    ) -> Sizes:
+        """From the change of the star's pixels, of the planet, and relative errors of the light and speckles there."""
         parts = []
-        for error, variances, speckles in zip(halo_errors, self.camera.variances, self.speckle_share, strict=True):
-            halo = 0.5 * variances["halo"] / max(sum(variances.values()), 1e-300)
-            parts.append(error * (halo + speckles))
+        for halo, speckle, variances, share in zip(
+            halo_errors, speckle_errors, self.camera.variances, self.speckle_share, strict=True
+        ):
+            part = 0.5 * variances["halo"] / max(sum(variances.values()), 1e-300)
+            parts.append(min(halo, LARGEST) * part + min(speckle, LARGEST) * share)
         return {"planet_flux": flux, "snr": flux + max(parts, default=0.0),
                 "pixel_map": self.camera.mean_change(self._padded(change_e))}  # fmt: skip
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
-
-import numpy as np
 
 from catalogs.errors import InputError
 from simulator.camera.dark_current import dark_rate_e_s
@@ -31,6 +30,7 @@ from simulator.ledger.numerics import Optics
 from simulator.ledger.optics_sizes import OpticsCase
 from simulator.ledger.particles import pixel_hits
 from simulator.ledger.rows import EffectRow
+from simulator.ledger.spill import Spill
 from simulator.ledger.sums import sums_possible
 from simulator.outcome import Outcome
 from simulator.passbands import Passbands
@@ -271,10 +271,8 @@ def _speckles(
                                            separation_arcsec=where))
         for walk in (drift.walk_nm_per_sqrt_hour, 0.0)
     )  # fmt: skip
-    inside = bool(metrics.zone.covers(np.array([planet.y_arcsec]), np.array([planet.x_arcsec]),
-                                      -metrics.aperture_radius_arcsec)[0, 0])  # fmt: skip
     walk = math.sqrt(max(floor**2 - frozen**2, 0.0))
-    if inside:
+    if planet.inside:
         return _FLOOR_LEAST * floor, _FLOOR_MOST * floor, _FLOOR_MOST * walk
     beat = math.sqrt(2.0 * planet.halo_e_s * planet.scattered_e_s + planet.scattered_e_s**2)
     return 0.0, max(_FLOOR_MOST * floor, _BEAT * beat), max(_FLOOR_MOST * walk, _BEAT * beat if walk else 0.0)
@@ -359,6 +357,12 @@ def _hole_region(case: CameraCase) -> Sizes:
     enters = float(overflow(in_columns, detector.full_well_e, 1.0)) * detector.switches.blooming
     register = detector.register_full_well_e / case.em_gain
     enters += float(overflow(in_rows, register, noise.factor2)) * detector.switches.register_full_well
-    limit = 1.0 if enters > 1e-6 else 0.0
-    return {"planet_flux": limit, "snr": limit + case.snr_added(added),
+    limit, reached = (1.0 if enters > 1e-6 else 0.0), 0.0
+    if limit:
+        spill = Spill(dataclasses.replace(case, full=True))
+        reached = case.over_planets(
+            lambda planet: float(not planet.weights.size or spill.blooms_into(*planet.place)
+                                 or spill.trails_into(*planet.place))
+        )  # fmt: skip
+    return {"planet_flux": reached, "snr": reached + case.snr_added(added),
             "pixel_map": limit + case.mean_change(smear)}  # fmt: skip

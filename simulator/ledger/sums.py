@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-import math
+import itertools
+
+import numpy as np
+from numpy.typing import NDArray
 
 from simulator.camera.saturation import pixel_saturated
 from simulator.imaging.metrics import PsfMetrics
 from simulator.ledger.case import CameraCase
+from simulator.ledger.spill import Spill
 from simulator.outcome import Outcome, Reason, Status
 
 __all__ = ["NOT_IN_SUMS", "sums_possible"]
@@ -23,7 +27,7 @@ def sums_possible(
     """Whether frames add up over the dark hole: no pixel in it reaches a limit, and none overflows into it.
 
     The image that is made decides it pixel by pixel (`simulator.hole_stack.hole_stackable`); this is the same from the
-    brightest pixels of the hole, of its columns and of its rows.
+    sketch of the light.
     """
     if camera != "VIS":
         return Outcome.refuse(Status.INVALID, Reason.NOT_ADDITIVE, f"{band} is read by the infrared camera")
@@ -31,14 +35,21 @@ def sums_possible(
         return Outcome.refuse(Status.INVALID, Reason.NOT_ADDITIVE, "the star stands off the mask")
     detector, t, gain = case.detector, case.exposure_s, case.em_gain
     light = star_e_s * metrics.peak_on_axis_hole + case.sketch.sky_e_s
-    light += max((source.peak_e_s for source in case.sketch.sources), default=0.0)
+    light += max((source.stamp_peak_e_s for source in case.sketch.sources), default=0.0)
     inside = pixel_saturated(light * t + case.noise.dark_e + case.noise.clock_e, gain, detector, _SIGMA)
     if inside.status is not Status.OK:
         return inside
-    column = case.column_peak_e_s * t
-    if column + 5.0 * math.sqrt(column) > detector.full_well_e:
+    spill = Spill(case)
+    rows, columns = (_runs(np.asarray(metrics.hole.any(axis=axis))) for axis in (1, 0))
+    places = list(itertools.product(rows, columns))
+    if any(spill.blooms_into(*place) for place in places):
         return Outcome.refuse(Status.SATURATED, Reason.PIXEL_FULL_WELL, "bloomed columns may enter the hole")
-    tail = max([star_e_s * metrics.register_tail, *(source.peak_e_s for source in case.sketch.sources)]) * t
-    if gain * (tail + 5.0 * math.sqrt(2.0 * tail)) > detector.register_full_well_e:
+    if any(spill.trails_into(*place) for place in places):
         return Outcome.refuse(Status.SATURATED, Reason.REGISTER_FULL_WELL, "tails of the register may enter the hole")
     return inside
+
+
+def _runs(inside: NDArray[np.bool_]) -> list[slice]:
+    """Intervals of pixels that are inside."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]).astype(int)))
+    return [slice(int(low), int(high)) for low, high in zip(edges[::2], edges[1::2], strict=True)]

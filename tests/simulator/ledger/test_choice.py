@@ -95,9 +95,11 @@ def test_standard_only_draws_sums(said):
 
 
 def test_quick_is_refused_where_it_is_too_coarse(make):
-    """One wavelength does not know the speckles of a star whose drift sets the noise."""
+    """Two wavelengths do not know the light of a bright star beyond the dark hole."""
     calm = load_instrument({"drift": {"visit_nm": 0.5, "walk_nm_per_sqrt_hour": 0.0}})
-    speckled = forecast(make(v_mag=0.0), calm, **(SETTINGS | {"band": "F520", "exposure_s": 0.05}), reduced=True)
+    speckled = forecast(
+        make(0.8, 0.2, v_mag=4.0), calm, **(SETTINGS | {"band": "F520", "exposure_s": 1.0}), reduced=True
+    )
     for name, status in (("quick", "invalid"), ("standard", "ok"), ("reference", "ok")):
         choice = choose(speckled, dial_of(name).of("planet_flux", "snr"))
         assert choice.outcome.status.value == status, name

@@ -49,7 +49,7 @@ def test_size_of_a_switch_bounds_what_it_changes(key, bright, calm):
 
 
 def test_saturation_is_seen_where_it_is(make, calm):
-    faint, blooming = (forecast(make(v_mag=v), calm, **(SETTINGS | {"exposure_s": 20.0})) for v in (9.0, -1.0))
+    faint, blooming = (forecast(make(v_mag=v), calm, **(SETTINGS | {"exposure_s": 300.0})) for v in (9.0, -2.0))
     for key in ("blooming", "register_full_well"):
         assert faint.sizes[key]["pixel_map"] < 1e-12
         assert faint.sizes[key]["planet_flux"] == 0.0
