@@ -17,15 +17,21 @@ from typing import Any
 import numpy as np
 from figures import png, size_figure
 from scenes import RandomCase, random_case
+from settings import settings_rows, wing_rows
 from threadpoolctl import threadpool_limits
 from truth import alone, pair_of, true_difference
 
 from cpic_planner.report.drawing import style
+from simulator import observe
 from simulator.files import write_bytes, write_text
+from simulator.hole_stack import hole_stacks
+from simulator.ledger import forecast
+from simulator.ledger.sums import NOT_IN_SUMS
 from simulator.observation import Observation
+from simulator.outcome import Status
 
 HERE = Path(__file__).resolve().parent
-SCENES, EFFECT_SCENES = 520, 40
+SCENES, EFFECT_SCENES, SUM_SCENES = 520, 40, 60
 ASKED_RATE = 0.01
 FRAMES_TIMED = 2
 
@@ -78,6 +84,25 @@ def effect_rows(case: RandomCase) -> list[Row]:
         true = max(getattr(difference, name) for name in case.quantity)
         found.append({"scene": case.number, "key": item.key.split(":")[0], "predicted": item.size, "true": true})
     return found
+
+
+def sum_row(case: RandomCase) -> Row | None:
+    """Processor time of a visit as sums over the hole and as whole frames; nothing where sums are no substitute."""
+    settings = case.settings | {"instrument": case.instrument, "seed": 5}
+    if forecast(case.scene, case.instrument, **case.settings, reduced=True, full=True).sums.status is not Status.OK:
+        return None
+    began = time.process_time()
+    hole_stacks(observe(case.scene, **settings, window="hole", switches=dict.fromkeys(NOT_IN_SUMS, False))).draw()
+    sums = time.process_time() - began
+    frames = []
+    for fidelity in ("standard", "reference"):
+        began = time.process_time()
+        whole = observe(case.scene, **settings, fidelity=fidelity)
+        set_up = time.process_time() - began
+        frames.append(set_up + processor_s(whole) * case.settings["n_frames"])
+    return {"scene": case.number, "n_frames": case.settings["n_frames"], "sums_s": sums, "whole_frames_s": frames[0],
+            "reference_s": frames[1], "speed_up": frames[0] / sums,
+            "speed_up_over_reference": frames[1] / sums}  # fmt: skip
 
 
 def upper_bound(violations: int, scenes: int, level: float = 0.95) -> float:
@@ -138,7 +163,46 @@ def skipped_table(rows: list[Row], effects: list[Row]) -> str:
     )
 
 
-def report(rows: list[Row], effects: list[Row], seconds: float) -> str:
+def sums_text(sums: list[Row]) -> str:
+    """What sums of frames save."""
+    if not sums:
+        return "None of these scenes can be drawn as sums."
+    lines = []
+    for name, low, high in (("all", 1, 10000), ("1 to 10", 1, 10), ("11 to 100", 11, 100), ("101 to 1000", 101, 1000)):
+        part = [row for row in sums if low <= row["n_frames"] <= high]
+        if part:
+            lines.append([name, str(len(part)), quartiles([row["sums_s"] for row in part]),
+                          quartiles([row["whole_frames_s"] for row in part]),
+                          quartiles([row["speed_up"] for row in part]),
+                          quartiles([row["speed_up_over_reference"] for row in part])])  # fmt: skip
+    return table(["frames", "scenes", "sums (s)", "whole frames (s)", "speed-up", "over the reference settings"], lines)
+
+
+def settings_text(settings: list[Row]) -> str:
+    """Largest errors of the settings over the bands, and how much of the predicted ones they are."""
+    lines = []
+    for name in ("wavelength_nodes", "pixel_nodes"):
+        for value in sorted({row["value"] for row in settings if row["setting"] == name}):
+            for place in ("hole", "beyond"):
+                part = [row for row in settings if (row["setting"], row["value"], row["place"]) == (name, value, place)]
+                most = {key: max(row[key] for row in part) for key in
+                        ("halo_error", "halo_of_bound", "speckle_error", "speckle_of_bound")}  # fmt: skip
+                lines.append([f"`{name}` {value}", place, f"{most['halo_error']:.2g}", f"{most['halo_of_bound']:.2g}",
+                              f"{most['speckle_error']:.2g}", f"{most['speckle_of_bound']:.2g}"])  # fmt: skip
+    return table(["setting", "apertures", "starlight, over that around", "of the bound", "rms of speckles",
+                  "of the bound"], lines)  # fmt: skip
+
+
+def wings_text(wings: list[Row]) -> str:
+    """Wings beside their map."""
+    lines = [[row["band"], f"{row['median']:.2f}", f"{row['of_99_in_100']:.1f}", f"{row['most']:.1f}",
+              f"{row['bound']:g}"] for row in wings]  # fmt: skip
+    return table(["band", "median", "99 in 100 pixels", "most", "bound"], lines)
+
+
+def report(
+    rows: list[Row], effects: list[Row], sums: list[Row], settings: list[Row], wings: list[Row], seconds: float
+) -> str:
     """The report."""
     violations = [row for row in rows if not row["kept"]]
     bound = upper_bound(len(violations), len(rows))
@@ -174,6 +238,12 @@ the window in a single frame; one on the planet leaves out most of it.
 
 {speed_table(rows)}
 
+A planner asks for the planet after a reduction, and of most scenes it can draw sums of frames over the dark hole
+instead of whole frames ({len(sums)} of the first {SUM_SCENES} scenes). Processor time of one visit; the standard
+settings in both, and whole frames at the reference settings:
+
+{sums_text(sums)}
+
 ## What is left out, and how close its predicted size is
 
 Each effect that the first {EFFECT_SCENES} scenes leave out was left out alone, and its size measured in the images. A
@@ -182,6 +252,18 @@ size is meant as a bound: a ratio above 1 costs speed, one below 1 is too small.
 {skipped_table(rows, effects)}
 
 ![predicted and true size](sizes.png)
+
+## Settings of the optics
+
+The ledger bounds what fewer wavelengths and nodes do to the starlight in an aperture, relative to the light around it,
+and to the rms of what two visits of a drifting wavefront leave there. Against seven wavelengths and five nodes a pixel,
+99 in 100 apertures of the dark hole, and of the places of planets beyond it; the largest of four bands:
+
+{settings_text(settings)}
+
+Light of a source off the axis, from 0.6 to 4 arcsec, over the map of its wings that the ledger reads:
+
+{wings_text(wings)}
 """
 
 
@@ -202,11 +284,16 @@ def main() -> None:
                 print(number, "" if row["kept"] else f"misses its tolerance: {row}", flush=True)
         for number in range(min(EFFECT_SCENES, options.scenes)):
             effects += effect_rows(random_case(number))
+        found = [sum_row(random_case(number)) for number in range(min(SUM_SCENES, options.scenes))]
+        sums = [row for row in found if row is not None]
+        settings, wings = settings_rows(), wing_rows()
     write_text(HERE / "scenes.csv", csv_text(rows))
     write_text(HERE / "effects.csv", csv_text(effects))
+    write_text(HERE / "sums.csv", csv_text(sums))
+    write_text(HERE / "settings.csv", csv_text(settings))
     with style():
         write_bytes(HERE / "sizes.png", png(size_figure(effects)))
-    write_text(HERE / "report.md", report(rows, effects, time.process_time() - began))
+    write_text(HERE / "report.md", report(rows, effects, sums, settings, wings, time.process_time() - began))
 
 
 if __name__ == "__main__":

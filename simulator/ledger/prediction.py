@@ -3,38 +3,24 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from catalogs.errors import InputError
-from simulator.camera.dark_current import dark_rate_e_s
-from simulator.camera.switched import switched_for
-from simulator.camera.track_loss import aperture_loss_per_s
 from simulator.config import Instrument, Scene
-from simulator.config.detector import Detector
-from simulator.config.optics import Drift
-from simulator.effects.cosmic_ray_rate import cosmic_ray_rate
-from simulator.effects.sky import sky_rate_e_s_arcsec2
-from simulator.effects.stray_light import stray_light_parts
 from simulator.imaging.metrics import PsfMetrics
-from simulator.imaging.store import psf_metrics
 from simulator.knobs import QUANTITIES, Knobs, Quantity
 from simulator.ledger.camera_sizes import camera_sizes
-from simulator.ledger.case import CameraCase, overflow, stamp_flaws
+from simulator.ledger.case import CameraCase, overflow
 from simulator.ledger.inventory import effect_ledger
-from simulator.ledger.light import PlanetPlace, Sketch, sketch_of
-from simulator.ledger.noise import FrameNoise, visit_variance_e2
-from simulator.ledger.numerics import Optics
+from simulator.ledger.light import Sketch
 from simulator.ledger.optics_sizes import OpticsCase
-from simulator.ledger.particles import pixel_hits
 from simulator.ledger.rows import EffectRow
 from simulator.ledger.spill import Spill
 from simulator.ledger.sums import sums_possible
+from simulator.ledger.visit import visit_of
 from simulator.outcome import Outcome
-from simulator.passbands import Passbands
-from simulator.target.sources import Source, extended_rates, scene_sources
+from simulator.target.sources import extended_rates
 
 __all__ = ["MAX_EPOCHS", "Forecast", "forecast"]
 
@@ -43,10 +29,6 @@ MAX_EPOCHS = 12
 """Epochs of a visit without a ledger."""
 WAVELENGTHS, PIXEL_NODES = (1, 2, 3, 4, 5, 6, 7), (1, 2, 3, 4, 5)
 EPOCHS = (1, 2, 3, 4, 6, 8, 12)
-_CM_PER_UM = 1e-4
-# A single place in the hole against the rms of its separation.
-_FLOOR_LEAST, _FLOOR_MOST = 0.5, 2.0
-_BEAT = 1.4
 
 
 @dataclass(frozen=True)
@@ -139,154 +121,46 @@ def forecast(
     noise of the aperture sum over the visit, ``pixel_map`` the largest change of the mean or standard deviation of a
     pixel over its standard deviation in one frame. Nothing is propagated or drawn (but 1500 tracks of particles, once).
     """
-    camera = instrument.band(band).camera
-    switched = switched_for(instrument, camera, switches)
-    start = instrument.mission.start_utc if start_utc is None else start_utc
-    sources = scene_sources(scene, instrument, band, roll_deg=roll_deg)
-    measured = _measured(sources, planets)
-    figures = psf_metrics(instrument, band)
-    detector = switched.detector_of(band)
-    sky = sky_rate_e_s_arcsec2(instrument, band, ra_deg=scene.cstar.ra_deg, dec_deg=scene.cstar.dec_deg,
-                               start_utc=start)  # fmt: skip
-    side = len(figures.raw_contrast)
-    corner = (detector.star_row - side // 2, detector.star_column - side // 2)
-    stray = stray_light_parts(instrument, band, (detector.n_rows, detector.n_columns), first_pixel=corner,
-                              window=(side, side))  # fmt: skip
-    stray_e_s = sum(float(part.mean()) for part in stray.values())
-    visit_s = n_frames * (exposure_s + detector.readout_s)
-    drift = instrument.drift
-    rms_nm = math.hypot(drift.visit_nm, drift.walk_nm_per_sqrt_hour * math.sqrt(visit_s / 3600.0))
-    sketch = sketch_of(
-        instrument, band, figures, sources, measured=measured, full=full, star_offset_arcsec=star_offset_arcsec,
-        sky_e_s_arcsec2=sky.rate_e_s_arcsec2, stray_e_s=stray_e_s, drift_nm=rms_nm,
+    visit = visit_of(
+        scene, instrument, band=band, exposure_s=exposure_s, n_frames=n_frames, em_gain=em_gain, roll_deg=roll_deg,
+        star_offset_arcsec=star_offset_arcsec, start_utc=start_utc, switches=switches, planets=planets,
+        reduced=reduced, full=full, max_epochs=max_epochs,
     )  # fmt: skip
-    dark_e_s = dark_rate_e_s(detector) if isinstance(detector, Detector) else detector.dark_e_s
-    noise = FrameNoise.of(detector, em_gain, dark_e_s * exposure_s)
-    star_e_s, moved = sources[0].rate_e_s, any(star_offset_arcsec)
-    speckles = [_speckles(figures, drift, planet, star_e_s, visit_s, still=moved) for planet in sketch.planets]
-    variances = tuple(
-        visit_variance_e2(planet, sketch, noise, source_noise_fraction=figures.source_noise_fraction,
-                          exposure_s=exposure_s, n_frames=n_frames, speckle_e_s=speckle[0],
-                          flaws_e=0.0 if reduced else _flaws_e(detector, corner, side, planet) * exposure_s)
-        for planet, speckle in zip(sketch.planets, speckles, strict=True)
-    )  # fmt: skip
-    shares = []
-    for v, (least, *most) in zip(variances, speckles, strict=True):
-        white = sum(v.values()) - v["speckle"]
-        every, walk = ((n_frames * exposure_s * part) ** 2 for part in most)
-        shares.append((every / max(white + max(every, (n_frames * exposure_s * least) ** 2), 1e-300),
-                       walk / max(white + every, 1e-300)))  # fmt: skip
-    counts = n_frames * noise.factor2 * noise.photons * exposure_s * sketch.noise_pixels / sketch.aperture_pixels
-    rays = instrument.cosmic_rays
-    rate = cosmic_ray_rate(rays, start) if detector.switches.cosmic_rays else 0.0
-    case = CameraCase(
-        detector=detector if isinstance(detector, Detector) else instrument.detector,
-        sketch=sketch,
-        noise=noise,
-        exposure_s=exposure_s,
-        n_frames=n_frames,
-        em_gain=em_gain,
-        reduced=reduced,
-        first_pixel=corner,
-        full=full,
-        hits_per_s=rate * (detector.pixel_um * _CM_PER_UM) ** 2,
-        hits=pixel_hits(rays, detector.pixel_um),
-        lost_per_s=aperture_loss_per_s(switched, band, start_utc=start),
-        variances=variances,
-        other_most=tuple(
-            counts * sum(float(source.aperture_e_s[index]) for source in sketch.sources if source.name != planet.name)
-            for index, planet in enumerate(sketch.planets)
-        ),
-        column_peak_e_s=_column_peak(figures, sketch, star_e_s, moved=moved),
-        radius_pixels=figures.aperture_radius_arcsec / figures.pixel_scale_arcsec,
-        lambda_d_pixels=figures.lambda_d_arcsec / figures.pixel_scale_arcsec,
-        pixel_arcsec=figures.pixel_scale_arcsec,
-        edge_arcsec=figures.mask_half_width_arcsec + figures.aperture_radius_arcsec + figures.pixel_scale_arcsec,
-    )
-    epochs = min(n_frames, max_epochs)
-    passbands = Passbands.from_instrument(instrument)
-    low, high = passbands.bands[passbands.index(band)].support_nm
-    optics = OpticsCase(
-        camera=case,
-        metrics=figures,
-        optics=Optics((high - low) / (0.5 * (high + low)), figures.lambda_d_arcsec, figures.pixel_scale_arcsec,
-                      instrument.wavefront.jitter_mas * 1e-3),
-        drift=drift,
-        star_e_s=star_e_s,
-        wavelength_nm=instrument.band(band).center_nm,
-        visit_s=visit_s,
-        n_epochs=epochs,
-        speckle_share=tuple(part[0] for part in shares),
-        walk_share=tuple(part[1] for part in shares),
-        moved=moved,
-    )  # fmt: skip
-    sizes: dict[str, Sizes] = camera_sizes(case) if camera == "VIS" else {}
-    sizes |= _light_sizes(optics, sketch, sky.rate_e_s_arcsec2, stray_e_s, figures)
+    case, optics, figures = visit.camera, visit.optics, visit.metrics
+    visible = instrument.band(band).camera == "VIS"
+    sizes: dict[str, Sizes] = camera_sizes(case) if visible else {}
+    sizes |= _light_sizes(optics, case.sketch, visit.sky.rate_e_s_arcsec2, visit.stray_e_s, figures)
     for item in extended_rates(scene, instrument, band):
         sizes[f"extended:{item.source.name}"] = optics.spread_light(
             item.rate_e_s * figures.peak_off_axis, item.rate_e_s * figures.core_open
         )
-    knobs = _knob_sizes(optics, epochs)
-    sizes |= {"off_mask_psf": _off_mask(sketch), "drift": optics.no_drift(),
+    knobs = _knob_sizes(optics, optics.n_epochs)
+    sizes |= {"off_mask_psf": _off_mask(case.sketch), "drift": optics.no_drift(),
               "pupil_samples": _nothing()}  # fmt: skip
     sizes |= {name: knobs[name][getattr(Knobs(), name)] for name in ("wavelength_nodes", "pixel_nodes")}
     sizes |= {"precision": knobs["precision"]["single"], "drift_epochs": knobs["drift_epochs"][1]}
     sizes["hole_region"] = _hole_region(case)
-    rows = effect_ledger(scene, switched, band=band, scene_model=scene_model,
-                         hole_state=figures.hole_state, sky=sky, stray=stray,
-                         start_utc=start)  # fmt: skip
+    rows = effect_ledger(scene, visit.switched, band=band, scene_model=scene_model,
+                         hole_state=figures.hole_state, sky=visit.sky, stray=visit.stray,
+                         start_utc=visit.start_utc)  # fmt: skip
     for row in rows:  # what does not exist has no size
         if row.decision == "skipped" and row.key in sizes and row.key != "source_positions":
             sizes[row.key] = _nothing()
     if max(sizes.get(key, _nothing())["planet_flux"] for key in ("blooming", "register_full_well")) >= 1.0:
         _forbid(sizes, knobs)
-    kinds: dict[str, str] = {source.name: source.kind for source in sources[1:]}
+    kinds: dict[str, str] = {source.name: source.kind for source in visit.sources[1:]}
     kinds |= {source.name: "extended" for source in scene.extended}
     return Forecast(
         rows=rows,
         sizes=sizes,
         knob_sizes=knobs,
         sources=kinds,
-        sums=sums_possible(case, figures, star_e_s, camera=camera, moved=moved, band=band),
+        sums=sums_possible(case, figures, optics.star_e_s, visible=visible, moved=optics.moved, band=band),
         n_frames=n_frames,
-        max_epochs=epochs,
+        max_epochs=optics.n_epochs,
         full=full,
-        measured=measured,
+        measured=visit.measured,
     )
-
-
-def _speckles(
-    metrics: PsfMetrics, drift: Drift, planet: PlanetPlace, star_e_s: float, visit_s: float, *, still: bool
-) -> tuple[float, float, float]:
-    """Rms of aperture sums that a reference visit leaves: at least, at most, and the part of the walk in that.
-
-    Inside the hole that is the measured floor, within a factor; an aperture that reaches beyond it sees the beat of the
-    drift with light that no one measured.
-    """
-    if still:
-        return 0.0, 0.0, 0.0
-    where = math.hypot(planet.x_arcsec, planet.y_arcsec)
-    floor, frozen = (
-        star_e_s * float(metrics.rdi_floor(drift.visit_nm, walk_nm_per_sqrt_hour=walk, visit_hours=visit_s / 3600.0,
-                                           separation_arcsec=where))
-        for walk in (drift.walk_nm_per_sqrt_hour, 0.0)
-    )  # fmt: skip
-    walk = math.sqrt(max(floor**2 - frozen**2, 0.0))
-    if planet.inside:
-        return _FLOOR_LEAST * floor, _FLOOR_MOST * floor, _FLOOR_MOST * walk
-    beat = math.sqrt(2.0 * planet.halo_e_s * planet.scattered_e_s + planet.scattered_e_s**2)
-    return 0.0, max(_FLOOR_MOST * floor, _BEAT * beat), max(_FLOOR_MOST * walk, _BEAT * beat if walk else 0.0)
-
-
-def _flaws_e(detector: Any, corner: tuple[int, int], side: int, planet: PlanetPlace) -> float:
-    """Dark current of hot pixels and bad columns in an aperture, by squared weights, e-/s."""
-    if not isinstance(detector, Detector) or not detector.switches.dark:
-        return 0.0
-    flaws, _ = stamp_flaws(detector, corner, side)
-    return sum(
-        float((planet.weights**2 * flaws[key].dark_e_s[planet.place]).sum())
-        for key in ("bad_pixels", "bad_columns") if getattr(detector.switches, key)
-    )  # fmt: skip
 
 
 def _nothing() -> Sizes:
@@ -298,22 +172,6 @@ def _forbid(sizes: dict[str, Sizes], knobs: dict[str, dict[Any, Sizes]]) -> None
     for size in [*sizes.values(), *(size for values in knobs.values() for size in values.values())]:
         if any(size.values()):
             size["planet_flux"] = size["snr"] = 1.0
-
-
-def _measured(sources: Sequence[Source], planets: Sequence[str] | None) -> tuple[str, ...]:
-    known = tuple(source.name for source in sources if source.kind == "planet")
-    if planets is None:
-        return known
-    for name in planets:
-        if name not in known:
-            raise InputError("planets", name, allowed=", ".join(known) or "none: the scene has no planet")
-    return tuple(planets)
-
-
-def _column_peak(metrics: PsfMetrics, sketch: Sketch, star_e_s: float, *, moved: bool) -> float:
-    """Brightest pixel whose overflow may reach the hole along its column or row."""
-    star = metrics.peak_off_axis if moved else metrics.peak_on_axis_columns
-    return max([star_e_s * star, *(source.peak_e_s for source in sketch.sources if source.kind == "star")])
 
 
 def _light_sizes(

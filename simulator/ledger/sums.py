@@ -22,14 +22,14 @@ _SIGMA = 8.0
 
 
 def sums_possible(
-    case: CameraCase, metrics: PsfMetrics, star_e_s: float, *, camera: str, moved: bool, band: str
+    case: CameraCase, metrics: PsfMetrics, star_e_s: float, *, visible: bool, moved: bool, band: str
 ) -> Outcome[float]:
     """Whether frames add up over the dark hole: no pixel in it reaches a limit, and none overflows into it.
 
     The image that is made decides it pixel by pixel (`simulator.hole_stack.hole_stackable`); this is the same from the
     sketch of the light.
     """
-    if camera != "VIS":
+    if not visible:
         return Outcome.refuse(Status.INVALID, Reason.NOT_ADDITIVE, f"{band} is read by the infrared camera")
     if moved:
         return Outcome.refuse(Status.INVALID, Reason.NOT_ADDITIVE, "the star stands off the mask")

@@ -1,0 +1,233 @@
+"""An observation as the ledger sees it: its light, its noise and its optics, from known tables alone."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from numpy.typing import NDArray
+
+from catalogs.errors import InputError
+from simulator.camera.dark_current import dark_rate_e_s
+from simulator.camera.switched import switched_for
+from simulator.camera.track_loss import aperture_loss_per_s
+from simulator.config import Instrument, Scene
+from simulator.config.detector import Detector
+from simulator.config.optics import Drift
+from simulator.effects.cosmic_ray_rate import cosmic_ray_rate
+from simulator.effects.sky import SkyLevel, sky_rate_e_s_arcsec2
+from simulator.effects.stray_light import stray_light_parts
+from simulator.imaging.metrics import PsfMetrics
+from simulator.imaging.store import psf_metrics
+from simulator.ledger.case import CameraCase, stamp_flaws
+from simulator.ledger.light import PlanetPlace, Sketch, sketch_of
+from simulator.ledger.noise import FrameNoise, visit_variance_e2
+from simulator.ledger.numerics import Optics
+from simulator.ledger.optics_sizes import OpticsCase
+from simulator.ledger.particles import pixel_hits
+from simulator.passbands import Passbands
+from simulator.target.sources import Source, scene_sources
+
+__all__ = ["Visit", "visit_of"]
+
+_CM_PER_UM = 1e-4
+# A single place in the hole against the rms of its separation.
+_FLOOR_LEAST, _FLOOR_MOST = 0.5, 2.0
+_BEAT = 1.4
+
+
+@dataclass(frozen=True, eq=False)
+class Visit:
+    """What sizes are worked out from; made by `visit_of`.
+
+    Attributes
+    ----------
+    sources : tuple of Source
+        The central star first.
+    measured : tuple of str
+        Planets that are measured.
+    metrics : PsfMetrics
+    switched : Instrument
+        With what is switched off.
+    start_utc : str
+    sky : SkyLevel
+    stray : mapping of str to ndarray
+        By origin, on the stamp; electrons per second and pixel.
+    camera : CameraCase
+    optics : OpticsCase
+    """
+
+    sources: tuple[Source, ...]
+    measured: tuple[str, ...]
+    metrics: PsfMetrics
+    switched: Instrument
+    start_utc: str
+    sky: SkyLevel
+    stray: Mapping[str, NDArray[Any]]
+    camera: CameraCase
+    optics: OpticsCase
+
+    @property
+    def stray_e_s(self) -> float:
+        """Mean stray light on a pixel."""
+        return _mean_stray(self.stray)
+
+
+def visit_of(
+    scene: Scene,
+    instrument: Instrument,
+    *,
+    band: str,
+    exposure_s: float,
+    n_frames: int,
+    em_gain: float,
+    roll_deg: float,
+    star_offset_arcsec: tuple[float, float],
+    start_utc: str | None,
+    switches: Mapping[str, bool] | None,
+    planets: Sequence[str] | None,
+    reduced: bool,
+    full: bool,
+    max_epochs: int,
+) -> Visit:
+    """Light, noise and optics of an observation; parameters and errors as `simulator.ledger.forecast`."""
+    switched = switched_for(instrument, instrument.band(band).camera, switches)
+    start = instrument.mission.start_utc if start_utc is None else start_utc
+    sources = scene_sources(scene, instrument, band, roll_deg=roll_deg)
+    measured = _measured(sources, planets)
+    figures = psf_metrics(instrument, band)
+    detector = switched.detector_of(band)
+    sky = sky_rate_e_s_arcsec2(instrument, band, ra_deg=scene.cstar.ra_deg, dec_deg=scene.cstar.dec_deg,
+                               start_utc=start)  # fmt: skip
+    side = len(figures.raw_contrast)
+    corner = (detector.star_row - side // 2, detector.star_column - side // 2)
+    stray = stray_light_parts(instrument, band, (detector.n_rows, detector.n_columns), first_pixel=corner,
+                              window=(side, side))  # fmt: skip
+    visit_s = n_frames * (exposure_s + detector.readout_s)
+    drift = instrument.drift
+    rms_nm = math.hypot(drift.visit_nm, drift.walk_nm_per_sqrt_hour * math.sqrt(visit_s / 3600.0))
+    sketch = sketch_of(
+        instrument, band, figures, sources, measured=measured, full=full, star_offset_arcsec=star_offset_arcsec,
+        sky_e_s_arcsec2=sky.rate_e_s_arcsec2, stray_e_s=_mean_stray(stray), drift_nm=rms_nm,
+    )  # fmt: skip
+    dark_e_s = dark_rate_e_s(detector) if isinstance(detector, Detector) else detector.dark_e_s
+    noise = FrameNoise.of(detector, em_gain, dark_e_s * exposure_s)
+    star_e_s, moved = sources[0].rate_e_s, any(star_offset_arcsec)
+    speckles = [_speckles(figures, drift, planet, star_e_s, visit_s, still=moved) for planet in sketch.planets]
+    variances = tuple(
+        visit_variance_e2(planet, sketch, noise, source_noise_fraction=figures.source_noise_fraction,
+                          exposure_s=exposure_s, n_frames=n_frames, speckle_e_s=speckle[0],
+                          flaws_e=0.0 if reduced else _flaws_e(detector, corner, side, planet) * exposure_s)
+        for planet, speckle in zip(sketch.planets, speckles, strict=True)
+    )  # fmt: skip
+    shares = [_shares(variance, speckle, n_frames * exposure_s)
+              for variance, speckle in zip(variances, speckles, strict=True)]  # fmt: skip
+    counts = n_frames * noise.factor2 * noise.photons * exposure_s * sketch.noise_pixels / sketch.aperture_pixels
+    rays = instrument.cosmic_rays
+    rate = cosmic_ray_rate(rays, start) if detector.switches.cosmic_rays else 0.0
+    case = CameraCase(
+        detector=detector if isinstance(detector, Detector) else instrument.detector,
+        sketch=sketch,
+        noise=noise,
+        exposure_s=exposure_s,
+        n_frames=n_frames,
+        em_gain=em_gain,
+        reduced=reduced,
+        first_pixel=corner,
+        full=full,
+        hits_per_s=rate * (detector.pixel_um * _CM_PER_UM) ** 2,
+        hits=pixel_hits(rays, detector.pixel_um),
+        lost_per_s=aperture_loss_per_s(switched, band, start_utc=start),
+        variances=variances,
+        other_most=tuple(
+            counts * sum(float(source.aperture_e_s[index]) for source in sketch.sources if source.name != planet.name)
+            for index, planet in enumerate(sketch.planets)
+        ),
+        column_peak_e_s=_column_peak(figures, sketch, star_e_s, moved=moved),
+        radius_pixels=figures.aperture_radius_arcsec / figures.pixel_scale_arcsec,
+        lambda_d_pixels=figures.lambda_d_arcsec / figures.pixel_scale_arcsec,
+        pixel_arcsec=figures.pixel_scale_arcsec,
+        edge_arcsec=figures.mask_half_width_arcsec + figures.aperture_radius_arcsec + figures.pixel_scale_arcsec,
+    )
+    passbands = Passbands.from_instrument(instrument)
+    low, high = passbands.bands[passbands.index(band)].support_nm
+    optics = OpticsCase(
+        camera=case,
+        metrics=figures,
+        optics=Optics((high - low) / (0.5 * (high + low)), figures.lambda_d_arcsec, figures.pixel_scale_arcsec,
+                      instrument.wavefront.jitter_mas * 1e-3),
+        drift=drift,
+        star_e_s=star_e_s,
+        wavelength_nm=instrument.band(band).center_nm,
+        visit_s=visit_s,
+        n_epochs=min(n_frames, max_epochs),
+        speckle_share=tuple(part[0] for part in shares),
+        walk_share=tuple(part[1] for part in shares),
+        moved=moved,
+    )  # fmt: skip
+    return Visit(tuple(sources), measured, figures, switched, start, sky, stray, case, optics)
+
+
+def _mean_stray(stray: Mapping[str, NDArray[Any]]) -> float:
+    return sum(float(part.mean()) for part in stray.values())
+
+
+def _shares(
+    variances: Mapping[str, float], speckle_e_s: tuple[float, float, float], integration_s: float
+) -> tuple[float, float]:
+    """Largest part of the variance of an aperture sum that speckles make, and the walk alone."""
+    least, every, walk = ((integration_s * part) ** 2 for part in speckle_e_s)
+    white = sum(variances.values()) - variances["speckle"]
+    return every / max(white + max(every, least), 1e-300), walk / max(white + every, 1e-300)
+
+
+def _speckles(
+    metrics: PsfMetrics, drift: Drift, planet: PlanetPlace, star_e_s: float, visit_s: float, *, still: bool
+) -> tuple[float, float, float]:
+    """Rms of aperture sums that a reference visit leaves: at least, at most, and the part of the walk in that.
+
+    Inside the hole that is the measured floor, within a factor; an aperture that reaches beyond it sees the beat of the
+    drift with light that no one measured.
+    """
+    if still:
+        return 0.0, 0.0, 0.0
+    where = math.hypot(planet.x_arcsec, planet.y_arcsec)
+    floor, frozen = (
+        star_e_s * float(metrics.rdi_floor(drift.visit_nm, walk_nm_per_sqrt_hour=walk, visit_hours=visit_s / 3600.0,
+                                           separation_arcsec=where))
+        for walk in (drift.walk_nm_per_sqrt_hour, 0.0)
+    )  # fmt: skip
+    walk = math.sqrt(max(floor**2 - frozen**2, 0.0))
+    if planet.inside:
+        return _FLOOR_LEAST * floor, _FLOOR_MOST * floor, _FLOOR_MOST * walk
+    beat = math.sqrt(2.0 * planet.halo_e_s * planet.scattered_e_s + planet.scattered_e_s**2)
+    return 0.0, max(_FLOOR_MOST * floor, _BEAT * beat), max(_FLOOR_MOST * walk, _BEAT * beat if walk else 0.0)
+
+
+def _flaws_e(detector: Any, corner: tuple[int, int], side: int, planet: PlanetPlace) -> float:
+    """Dark current of hot pixels and bad columns in an aperture, by squared weights, e-/s."""
+    if not isinstance(detector, Detector) or not detector.switches.dark:
+        return 0.0
+    flaws, _ = stamp_flaws(detector, corner, side)
+    return sum(
+        float((planet.weights**2 * flaws[key].dark_e_s[planet.place]).sum())
+        for key in ("bad_pixels", "bad_columns") if getattr(detector.switches, key)
+    )  # fmt: skip
+
+
+def _measured(sources: Sequence[Source], planets: Sequence[str] | None) -> tuple[str, ...]:
+    known = tuple(source.name for source in sources if source.kind == "planet")
+    if planets is None:
+        return known
+    for name in planets:
+        if name not in known:
+            raise InputError("planets", name, allowed=", ".join(known) or "none: the scene has no planet")
+    return tuple(planets)
+
+
+def _column_peak(metrics: PsfMetrics, sketch: Sketch, star_e_s: float, *, moved: bool) -> float:
+    """Brightest pixel whose overflow may reach the hole along its column or row."""
+    star = metrics.peak_off_axis if moved else metrics.peak_on_axis_columns
+    return max([star_e_s * star, *(source.peak_e_s for source in sketch.sources if source.kind == "star")])
