@@ -9,7 +9,7 @@ from dataclasses import replace
 from catalogs.errors import InputError
 from cpic_planner.etc.answer import EtcAnswer
 from cpic_planner.etc.fidelity import closed_form_fidelity
-from cpic_planner.etc.model import EtcModel, Library
+from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.planet import ReferencePlanet
 from cpic_planner.models import AnswerFidelity
 from cpic_planner.targets import Targets
@@ -21,11 +21,11 @@ __all__ = ["checked_answers", "needs_images"]
 MAX_REALISATIONS = 100_000
 
 
-def needs_images(answer: EtcAnswer, dial: Dial, library: Library) -> bool:
+def needs_images(answer: EtcAnswer, dial: Dial) -> bool:
     """Whether an answer is checked in images at a setting of the dial."""
     if answer.n_frames is None or dial.fidelity == "quick":
         return False
-    error = closed_form_fidelity(0, answer, library).closed_form_error
+    error = closed_form_fidelity(0, answer).closed_form_error
     return dial.fidelity != "custom" or error is None or not _met(error, dial)
 
 
@@ -86,8 +86,8 @@ def checked_answers(
         if answer.n_frames is None:
             found.append(answer)
             continue
-        record = closed_form_fidelity(index, answer, model.strategy.library)
-        if needs_images(answer, dial, model.strategy.library):
+        record = closed_form_fidelity(index, answer)
+        if needs_images(answer, dial):
             record = _imaged(model, star, answer, planet, dial, record, seed, realisations, advance)
         found.append(replace(answer, fidelity=record))
     return found

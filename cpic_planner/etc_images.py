@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -91,7 +90,6 @@ def check_in_images(
     Outcome of ImageCheck
         ``invalid`` or ``saturated`` with reason and sentence where images cannot check the answer.
     """
-    began = time.monotonic()
     refused = _not_measured(model, answer)
     if refused:
         return Outcome.refuse(Status.INVALID, Reason.NOT_MEASURED, refused)
@@ -105,7 +103,7 @@ def check_in_images(
         return Outcome.refuse(Status.INVALID, Reason.NOT_MEASURED, f"images refuse it: {error}")
     found = _compared(task, modelling, done, stated_snr_error)
     light = _light_ratio(model, star, answer, visits, subject)
-    return Outcome.ok(ImageCheck(**found, light_ratio=light, wall_s=time.monotonic() - began))
+    return Outcome.ok(ImageCheck(**found, light_ratio=light))
 
 
 class _Refused(Exception):

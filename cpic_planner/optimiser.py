@@ -296,9 +296,8 @@ class _Search:
         if len(fine) > 1:
             every = self.places(fine[None, :])
         with np.errstate(divide="ignore"):
-            floor = (
-                every.rates.planet_e_s / np.sqrt(every.rates.speckle.k0 * every.rates.variance_factor) / every.threshold
-            )
+            left = every.rates.residual.k0 * every.rates.variance_factor
+            floor = every.rates.planet_e_s / np.sqrt(left) / every.threshold
         around = stack_noise(every.rates, choice.exposure_s, choice.n_frames, choice.em_gain, camera,
                              reference_ratio=strategy.reference_ratio, mode=strategy.mode,
                              counting_sigma=strategy.counting_sigma)  # fmt: skip

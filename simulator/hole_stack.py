@@ -1,7 +1,8 @@
 """Sums of many frames over the dark hole, one draw per epoch of the drift: a fraction of the cost of frames.
 
-Only the pixels of the hole are propagated and drawn. That is exact where no charge of other pixels enters the hole
-(bloomed columns, register tails, deferred charge) and where frames add up (`simulator.camera.stacking`);
+Only the pixels of the hole are propagated and drawn; light elsewhere smears into their columns. That is exact where no
+charge of other pixels enters the hole (bloomed columns, register tails, deferred charge) and where frames add up
+(`simulator.camera.stacking`);
 `hole_stackable` says whether, and by which limit not. The drift of a visit is drawn from the streams of the frames: a
 visit has the same frozen offset whether it is drawn as frames or as sums, while the random walk is sampled at fewer
 epochs.
@@ -87,7 +88,7 @@ class HoleStacks:
         return rates
 
     def draw(self, realisation: int = 0) -> FloatArray:
-        """Sums of frames in electrons at the register input, level and structure of the bias taken off.
+        """Sums of frames in electrons at the register input; bias and the mean of the smear are taken off.
 
         Parameters
         ----------
@@ -97,7 +98,7 @@ class HoleStacks:
         Returns
         -------
         ndarray, shape (epochs, n, n)
-            0 beyond the hole. Dark current and clock-induced charge are part of it.
+            0 beyond the hole. Dark current, clock-induced charge and the noise of the smear are part of it.
         """
         path, sequence = self._path(realisation), self.observation
         stamps = sequence.truth.sources[0].rate_e_s * self._stamps(path)
@@ -109,7 +110,7 @@ class HoleStacks:
             whole[place] = stamps[epoch] + self.static_e_s[place]
             exposure = self._cropped(_prepared(sequence, camera, whole))
             drawn = stack_electrons(camera, exposure, int(count), seed=sequence.seed, path=(*path, "stack", epoch))
-            sums[epoch][place] = drawn
+            sums[epoch][place] = drawn - count * sequence.smear_e[place]
         sums[:, ~self.region] = 0.0
         return sums
 
@@ -135,7 +136,7 @@ class HoleStacks:
         place = np.ix_(self._rows, self._columns)
         cut: dict[str, Any] = {
             name: np.ascontiguousarray(array[place])
-            for name in ("mean_e", "zero", "cic_e", "bias_adu", "flaws")
+            for name in ("mean_e", "zero", "cic_e", "bias_adu", "flaws", "smear_e")
             if (array := getattr(exposure, name)) is not None
         }
         stripes = None if exposure.stripe_adu is None else exposure.stripe_adu[self._columns]
@@ -164,7 +165,7 @@ def hole_stacks(observation: Observation, *, epochs: int = SUM_EPOCHS) -> HoleSt
     if answer.status is not Status.OK:
         raise InputError("exposure_s", observation.exposure_s, unit="s", allowed="frames that add up over the hole",
                          hint=answer.message)  # fmt: skip
-    region = observation.psf.metrics.hole
+    region = observation.psf.geometry.hole
     rows, columns = np.flatnonzero(region.any(axis=1)), np.flatnonzero(region.any(axis=0))
     grid = None
     if not isinstance(observation.psf, ExternalPsf):
@@ -201,7 +202,7 @@ def hole_stackable(observation: Observation) -> Outcome[float]:
                 Status.INVALID, Reason.NOT_ADDITIVE, f"{effect.switch} moves charge between pixels: switch it off"
             )
     exposure = _prepared(observation, camera, observation.mean_rate_map)
-    region = observation.psf.metrics.hole
+    region = observation.psf.geometry.hole
     inside = dataclasses.replace(exposure, mean_e=np.where(region, exposure.mean_e, 0.0))
     answer = stackable(camera, inside)
     if answer.status is not Status.OK:
@@ -221,7 +222,8 @@ def hole_stackable(observation: Observation) -> Outcome[float]:
 
 
 def _prepared(observation: Observation, camera: VisibleCamera, rates: FloatArray) -> Exposure:
-    return camera.prepare(rates, observation.exposure_s, observation.em_gain, first_pixel=observation.first_pixel)
+    return camera.prepare(rates, observation.exposure_s, observation.em_gain, first_pixel=observation.first_pixel,
+                          beyond_e_s=observation.light.beyond_e_s)  # fmt: skip
 
 
 def _tail_enters(mean_e: FloatArray, region: NDArray[np.bool_], exposure: Exposure) -> bool:

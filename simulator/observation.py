@@ -17,19 +17,9 @@ from simulator.camera.switched import switched_for
 from simulator.config import Instrument, Scene, load_instrument, load_scene
 from simulator.config.mission import checked_utc
 from simulator.effects.sky import sky_rate_e_s_arcsec2
-from simulator.effects.stray_light import stray_light_parts
 from simulator.imaging.drift import visit_frames
 from simulator.imaging.external import ExternalPsf
-from simulator.imaging.frame import (
-    AnyPsf,
-    SceneModel,
-    Window,
-    apodizer_energy,
-    full_star_map,
-    off_axis_light,
-    sky_transmission,
-    window_of,
-)
+from simulator.imaging.frame import AnyPsf, SceneModel, Window, window_of
 from simulator.imaging.psf import PsfError, single_band_psf
 from simulator.imaging.store import psf_metrics
 from simulator.knobs import Knobs, Quantity, resolve_knobs
@@ -37,6 +27,7 @@ from simulator.ledger import MAX_EPOCHS, Choice, EffectRow, effect_ledger
 from simulator.ledger.observed import checked_quantities, checked_tolerance, observation_choice
 from simulator.quantities import check_number, check_pair, check_whole
 from simulator.rng import PathPart, stream
+from simulator.scene_light import static_light
 from simulator.sequence import MAX_FRAMES, MAX_REALISATION, Light, Sequence, Stamps
 from simulator.target.positions import wcs_keywords
 from simulator.target.sources import Source, extended_rates, scene_sources
@@ -241,19 +232,15 @@ def observe(
     sky = sky_rate_e_s_arcsec2(
         instrument, band, ra_deg=scene.cstar.ra_deg, dec_deg=scene.cstar.dec_deg, start_utc=start
     )
-    front = 0.0 if choice is not None and not choice.sky else sky.rate_e_s_arcsec2
-    static = front * optics.pixel_scale_arcsec**2 * apodizer_energy(optics) * sky_transmission(optics, area)
-    if window == "full":
-        static += sources[0].rate_e_s * full_star_map(optics, area, star)
-    stray = stray_light_parts(
-        instrument, band, (detector.n_rows, detector.n_columns), first_pixel=corner, window=area.shape
-    )
-    static += sum(stray.values())
-    static += off_axis_light(
+    still = static_light(
         optics,
+        switched,
+        band,
         area,
-        [source for source in sources[1:] if source.name not in left_out],
+        [sources[0], *(source for source in sources[1:] if source.name not in left_out)],
         [item for item in extended_rates(scene, instrument, band) if item.source.name not in left_out],
+        full=window == "full",
+        sky_e_s_arcsec2=0.0 if choice is not None and not choice.sky else sky.rate_e_s_arcsec2,
         roll_deg=roll_deg,
         star_arcsec=star,
         model=scene_model,
@@ -277,7 +264,7 @@ def observe(
         seed=seed,
         path=path,
         start_utc=start,
-        light=Light(static, Stamps(sources[0].rate_e_s * stamps, rows, columns, part)),
+        light=Light(still.static_e_s, Stamps(sources[0].rate_e_s * stamps, rows, columns, part), still.beyond_e_s),
         first_pixel=None if window == "full" else corner,
         keywords=_keywords(scene, instrument, band, optics, truth, role, roll_deg, star, scene_model)
         | {"TOLERANC": float(tolerance)},
@@ -300,7 +287,7 @@ def observe(
             scene_model=scene_model,
             hole_state=optics.hole_state,
             sky=sky,
-            stray=stray,
+            stray=still.stray_e_s,
             start_utc=start,
         ),
         tolerance=float(tolerance),

@@ -61,10 +61,15 @@ class Stamps:
 
 @dataclass(frozen=True, eq=False)
 class Light:
-    """Mean electrons per second on the pixels: a part that stays, and stamps of the star that change."""
+    """Mean electrons per second on the pixels: a part that stays, and stamps of the star that change.
+
+    ``beyond_e_s`` is the light of the frame beyond a window, summed over each of its columns: none of it is on the
+    pixels, but it smears into them while the frame is transferred.
+    """
 
     static_e_s: FloatArray
     star: Stamps | None = None
+    beyond_e_s: FloatArray | None = None
 
     @property
     def epochs(self) -> int:
@@ -209,7 +214,8 @@ class Sequence:
 
     def _prepare(self, rates: FloatArray) -> Exposure | InfraredExposure:
         if isinstance(self._camera, VisibleCamera):
-            return self._camera.prepare(rates, self.exposure_s, self.em_gain, first_pixel=self.first_pixel)
+            return self._camera.prepare(rates, self.exposure_s, self.em_gain, first_pixel=self.first_pixel,
+                                        beyond_e_s=self.light.beyond_e_s)  # fmt: skip
         return self._camera.prepare(rates, self.exposure_s, first_pixel=self.first_pixel)
 
     def rate_map(self, index: int) -> FloatArray:
@@ -230,6 +236,13 @@ class Sequence:
     def expected_e(self) -> FloatArray:
         """Noise-free electrons of a frame as the pixels collect them: dark current included, as `expected` else."""
         return self._expected[0]
+
+    @functools.cached_property
+    def smear_e(self) -> FloatArray:
+        """Mean electrons of a frame that the light of other rows leaves in its pixels while it is transferred."""
+        exposure = self._prepare(self.mean_rate_map)
+        known = exposure.smear_e if isinstance(exposure, Exposure) else None
+        return np.zeros(self.shape) if known is None else known
 
     @functools.cached_property
     def _expected(self) -> tuple[FloatArray, FloatArray]:

@@ -89,7 +89,7 @@ class EtcCheck:
         from cpic_planner.etc_check import checked_answers, needs_images
 
         every = len(answers)
-        total = 100 * sum(needs_images(answer, self.dial, model.strategy.library) for answer in answers)
+        total = 100 * sum(needs_images(answer, self.dial) for answer in answers)
         with progress("images, per cent", total=total, enabled=total > 0) as advance:
             return checked_answers(model, [star] * every, answers, [planet] * every, self.dial, seed=self.seed,
                                    realisations=self.realisations, advance=advance)  # fmt: skip

@@ -35,6 +35,8 @@ class FrameCamera:
         Clock-induced electrons per pixel and frame.
     dark_e_s : float
         Dark current per pixel.
+    line_shift_s : float
+        Time that a line of the frame stands in the light of each other during the transfer; 0 without smear.
     readout_s, exposure_min_s, exposure_max_s : float
         Dead time after a frame, shortest and longest exposure.
     blooms : bool
@@ -55,6 +57,7 @@ class FrameCamera:
     exposure_max_s: float
     light_factor: float = 1.0
     blooms: bool = True
+    line_shift_s: float = 0.0
 
     @property
     def read_variance_e2(self) -> float:
@@ -92,6 +95,7 @@ def _electron_multiplying(detector: Detector) -> FrameCamera:
         readout_s=detector.readout_s,
         exposure_min_s=detector.exposure_min_s,
         exposure_max_s=detector.exposure_max_s,
+        line_shift_s=detector.transfer.line_shift_s if on.smear else 0.0,
     )
 
 

@@ -22,17 +22,19 @@ class CountingLight:
 
     ``planet_e_s`` and ``quiet_e_s``, everything else, count in ``science_pixels``; ``quiet_e_s`` alone in
     ``mean_pixels`` (of the mean background); ``reference_e_s``, what a reference frame really holds, in
-    ``reference_pixels``. The planet's light is spread evenly over the aperture. Without ``own_noise`` it adds none, but
+    ``reference_pixels``. ``quiet_e`` and ``reference_e`` are in every frame, whatever its exposure: smear and
+    clock-induced charge. The planet's light is spread evenly over the aperture. Without ``own_noise`` it adds none, but
     may still be too much to be counted: the variance is then infinite.
     """
 
     planet_e_s: FloatArray
     quiet_e_s: FloatArray
     reference_e_s: FloatArray
+    quiet_e: FloatArray
+    reference_e: FloatArray
     science_pixels: FloatArray
     mean_pixels: FloatArray
     reference_pixels: FloatArray
-    cic_e: float
     law: CountingLaw
     own_noise: bool
 
@@ -53,9 +55,9 @@ class CountingLight:
 
     def frame_variance(self, exposure_s: FloatArray) -> FloatArray:
         """Variance of one science frame's aperture sum with its share of reference frames."""
-        quiet = self.quiet_e_s * exposure_s + self.cic_e
+        quiet = self.quiet_e_s * exposure_s + self.quiet_e
         both = quiet + self.planet_e_s * exposure_s
-        reference = self.reference_e_s * exposure_s + self.cic_e
+        reference = self.reference_e_s * exposure_s + self.reference_e
         science = counted(self.science_pixels, both, self.law)
         if not self.own_noise:
             science = np.where(np.isfinite(science), counted(self.science_pixels, quiet, self.law), np.inf)
@@ -69,4 +71,5 @@ def counted(pixels: FloatArray, mean_e: FloatArray, law: CountingLaw) -> FloatAr
         return np.where(pixels > 0, pixels * counting_variance(mean_e, law), 0.0)
 
 
-LIGHT_ARRAYS = ("planet_e_s", "quiet_e_s", "reference_e_s", "science_pixels", "mean_pixels", "reference_pixels")
+LIGHT_ARRAYS = ("planet_e_s", "quiet_e_s", "reference_e_s", "quiet_e", "reference_e", "science_pixels", "mean_pixels",
+                "reference_pixels")  # fmt: skip

@@ -110,7 +110,7 @@ def aperture_exozodi(model: EtcModel, band: str, x_arcsec: ArrayLike, y_arcsec: 
     ndarray
         At least 0: brightness times area of the aperture, times the energy that apodizer and diffraction leave within
         1.5 arcsec of a source (95 to 97.5 % of what the apodizer passes; the disc gives little back for the rest),
-        times what the mask leaves of a source there. In the hole within 2.5 % of images of the disc. Nearer to the star
+        times what the mask leaves of a source there. In the hole within 2.6 % of images of the disc. Nearer to the star
         than an aperture's radius, the brightness is that at the radius.
 
     Raises

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from cpic_planner.etc.answer import EtcAnswer
-from cpic_planner.etc.model import Library
 from cpic_planner.etc.stated_error import stated_error
 from cpic_planner.models import AnswerFidelity, EtcFidelity
 from simulator.knobs import Dial, dial_of
@@ -27,9 +26,9 @@ def etc_dial(fidelity: str | None = None, tolerance: float | None = None) -> Dia
     return dial_of("quick" if fidelity is None and tolerance is None else fidelity, tolerance)
 
 
-def closed_form_fidelity(index: int, answer: EtcAnswer, library: Library) -> AnswerFidelity:
-    """Record of one answer of the closed forms, with reference frames of a library."""
-    error = stated_error(answer.band, answer.separation_arcsec, answer.budget, library)
+def closed_form_fidelity(index: int, answer: EtcAnswer) -> AnswerFidelity:
+    """Record of one answer of the closed forms."""
+    error = stated_error(answer.band, answer.separation_arcsec, answer.budget)
     return AnswerFidelity(
         answer=index,
         fidelity="quick",
@@ -42,9 +41,9 @@ def closed_form_fidelity(index: int, answer: EtcAnswer, library: Library) -> Ans
     )
 
 
-def etc_fidelity(answers: Sequence[EtcAnswer], dial: Dial, library: Library, *, seed: int | None = None) -> EtcFidelity:
+def etc_fidelity(answers: Sequence[EtcAnswer], dial: Dial, *, seed: int | None = None) -> EtcFidelity:
     """Record of all answers that have frames; of those without one of their own, that of the closed forms."""
-    records = [answer.fidelity or closed_form_fidelity(index, answer, library)
+    records = [answer.fidelity or closed_form_fidelity(index, answer)
                for index, answer in enumerate(answers) if answer.n_frames is not None]  # fmt: skip
     return EtcFidelity(
         fidelity=dial.fidelity,

@@ -28,9 +28,9 @@ class StackNoise:
     """Signal and noise of a summed stack, in input-referred electrons.
 
     ``snr`` = S / sqrt(Var S) with the source's own noise; ``significance`` = S / sigma without the planet. ``terms``
-    are the parts of Var S: light of the science frames by origin, clock-induced charge, read noise and rounding, then
-    ``reference`` (all of that in the reference frames), ``background_mean`` (error of the mean background) and
-    ``speckle`` (what does not average).
+    are the parts of Var S: light of the science frames by origin, smear, clock-induced charge, read noise and rounding,
+    then ``reference`` (all of that in the reference frames), ``background_mean`` (error of the mean background) and
+    ``speckle`` and ``companion_wings`` (what does not average).
     """
 
     signal_e: FloatArray
@@ -84,10 +84,11 @@ def frame_problem(
     twice = 1.0 + rates.reference_scale / reference_ratio
     own = rates.source_noise_fraction * rates.variance_factor / rates.rdi_throughput**2 * rates.planet_e_s
     light = camera.light_factor
+    smear = rates.smear_e + rates.reference_smear_e / reference_ratio
     alpha = light * (level * share * (quiet + reference) + (own if with_planet else 0.0))
     arrays: dict[str, Any] = dict(zip(PROBLEM_ARRAYS, np.broadcast_arrays(
         alpha,
-        level * pixels * camera.cic_e * twice,
+        level * (pixels * camera.cic_e * twice + light * share * smear),
         level * pixels * camera.read_variance_e2 * twice,
         rates.planet_e_s,
         *_residual(rates, level),
@@ -103,28 +104,29 @@ def frame_problem(
         parts: dict[str, Any] = dict(zip(LIGHT_ARRAYS, np.broadcast_arrays(
             rates.planet_e_s / rates.aperture_pixels,
             quiet / rates.aperture_pixels,
-            _reference_e_s_pixel(rates),
+            _reference_pixel(rates.reference_light_e_s, rates),
+            rates.smear_e / rates.aperture_pixels + camera.cic_e,
+            _reference_pixel(rates.reference_smear_e, rates) + camera.cic_e,
             np.asarray(pixels, float),
             pixels * (level - 1.0),
             level * pixels * rates.reference_scale / reference_ratio,
             arrays["alpha_e_s"],
         )[:-1], strict=True))  # fmt: skip
-        counting = CountingLight(**parts, cic_e=camera.cic_e, law=law, own_noise=with_planet)
+        counting = CountingLight(**parts, law=law, own_noise=with_planet)
     return FrameProblem(**arrays, camera=camera, em_gain=em_gain, counting=counting)
 
 
-def _reference_e_s_pixel(rates: ApertureRates) -> FloatArray:
-    """Light and dark charge that a pixel of a reference frame holds before it is scaled to the science frames."""
+def _reference_pixel(scaled: FloatArray, rates: ApertureRates) -> FloatArray:
+    """What a pixel of a reference frame holds of some light before it is scaled to the science frames."""
     scale = np.asarray(rates.reference_scale, float)
-    raw = rates.reference_light_e_s / np.where(scale > 0, scale, 1.0) / rates.aperture_pixels
-    return np.where(scale > 0, raw, 0.0)
+    return np.where(scale > 0, scaled / np.where(scale > 0, scale, 1.0) / rates.aperture_pixels, 0.0)
 
 
 def _residual(rates: ApertureRates, level: FloatArray | float) -> list[FloatArray]:
-    """Speckle variance over signal squared, as a polynomial of the visit."""
+    """Variance that does not average over signal squared, as a polynomial of the visit."""
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         scale = level * rates.variance_factor / rates.planet_e_s**2
-        return [np.where(part > 0, part * scale, 0.0) for part in rates.speckle]
+        return [np.where(part > 0, part * scale, 0.0) for part in rates.residual]
 
 
 def stack_noise(
@@ -140,11 +142,11 @@ def stack_noise(
 ) -> StackNoise:
     """Signal and noise of ``n_frames`` frames.
 
-    ``Var = {F^2(g) [S + (1 + N/M) (B + a0 cic)] + (1 + N/M) a0 (RN^2 + K^2/12) / g^2} / P``, summed over frames, with
-    the weights of cut pixels squared, divided by the square of the RDI throughput and by the fraction ``P`` of frames
-    that no particle voids; plus the speckle residual ``(N t sigma_spk)^2`` that does not average. ``snr`` adds the
-    error of the mean background. Where photons are counted, the terms of the white noise are ``counting`` (science
-    frames) and ``reference``.
+    ``Var = {F^2(g) [S + (1 + N/M) (B + smear + a0 cic)] + (1 + N/M) a0 (RN^2 + K^2/12) / g^2} / P``, summed over
+    frames, with the weights of cut pixels squared, divided by the square of the RDI throughput and by the fraction
+    ``P`` of frames that no particle voids; plus ``(N t sigma)^2`` of the residual light, which does not average.
+    ``snr`` adds the error of the mean background. Where photons are counted, the terms of the white noise are
+    ``counting`` (science frames) and ``reference``.
     """
     exposure, frames, gain = (np.asarray(item, float) for item in (exposure_s, n_frames, em_gain))
     stack = frames * frames_per_clean(rates.loss_per_s, exposure) * rates.variance_factor / rates.rdi_throughput**2
@@ -157,14 +159,17 @@ def stack_noise(
         light = stack * factor2 * rates.noise_fraction
         terms = {name: light * getattr(rates, f"{name}_e_s") * exposure
                  for name in ("halo", "companion", "sky", "exozodi", "dark")}  # fmt: skip
+        terms["smear"] = light * rates.smear_e
         terms["cic"] = pixels * factor2 * camera.cic_e
         terms["read_noise"] = pixels * camera.read_noise_e**2 / gain**2
         terms["rounding"] = pixels * camera.rounding_e**2 / gain**2
         electronic = terms["cic"] + terms["read_noise"] + terms["rounding"]
-        terms["reference"] = light * rates.reference_light_e_s / reference_ratio * exposure + electronic * scale
+        of_reference = rates.reference_light_e_s * exposure + rates.reference_smear_e
+        terms["reference"] = light * of_reference / reference_ratio + electronic * scale
         planet = stack * factor2 * rates.source_noise_fraction * rates.planet_e_s * exposure
     visit = frames * (exposure + camera.readout_s)
     speckle = (frames * exposure) ** 2 * rates.speckle.variance(visit) * rates.variance_factor
+    terms["companion_wings"] = (frames * exposure) ** 2 * rates.wings_e2_s2 * rates.variance_factor
     quiet = sum(terms.values()) + speckle
     terms["background_mean"] = quiet / rates.background_apertures
     terms["speckle"] = speckle
@@ -187,8 +192,9 @@ def _counted(
 ) -> tuple[dict[str, FloatArray], FloatArray]:
     """Terms of white noise where photons are counted, and what the planet's light adds to them."""
     law = counting_law(em_gain, camera.register_stages, camera.read_noise_e, counting_sigma * camera.read_noise_e)
-    quiet = rates.background_e_s / rates.aperture_pixels * exposure_s + camera.cic_e
-    reference = _reference_e_s_pixel(rates) * exposure_s + camera.cic_e
+    quiet = (rates.background_e_s * exposure_s + rates.smear_e) / rates.aperture_pixels + camera.cic_e
+    held = rates.reference_light_e_s * exposure_s + rates.reference_smear_e
+    reference = _reference_pixel(held, rates) + camera.cic_e
     alone = counted(pixels, quiet, law)
     both = counted(pixels, quiet + rates.planet_e_s / rates.aperture_pixels * exposure_s, law)
     with np.errstate(invalid="ignore"):

@@ -15,9 +15,10 @@ __all__ = ["SPECKLE_COHERENCE", "snr_paper"]
 
 FloatArray = NDArray[np.float64]
 
-SPECKLE_COHERENCE = 0.35
-"""Variance of aperture sums of residual speckles over what pixels in step would give, ``a0^2 sigma_pixel^2``: measured
-on images of the shipped holes at a visit offset of 0.05 nm, 0.38 in F520 and 0.30 in F850; 0.7 beyond 0.5 nm."""
+SPECKLE_COHERENCE = 0.37
+"""Variance of aperture sums of residual speckles over what pixels in step would give, ``a0^2 sigma_pixel^2``: mean of
+the four visible bands, measured on images of the shipped holes at a visit offset of 0.05 nm (0.47 in F520, 0.28 in
+F850); 0.7 beyond 0.5 nm."""
 
 
 def snr_paper(
@@ -81,9 +82,10 @@ def snr_paper(
     kept = frames * clean_fraction(rates.loss_per_s, exposure)
     own = rates.rdi_throughput * rates.planet_e_s * exposure * kept
     quiet = (rates.background_e_s + rates.reference_light_e_s / ratio) * exposure / area
+    quiet = quiet + (rates.smear_e + rates.reference_smear_e / ratio) / area
     every_frame = factor2 * camera.cic_e + camera.read_variance_e2 / gain**2
     white = kept * (factor2 * quiet + (1.0 + rates.reference_scale / ratio) * every_frame)
-    together = rates.speckle.variance(frames * (exposure + camera.readout_s)) / area**2
+    together = rates.residual.variance(frames * (exposure + camera.readout_s)) / area**2
     pixel_variance = white + (kept * exposure) ** 2 * together / SPECKLE_COHERENCE
     variance = (own + pixel_variance * area * (1.0 + area / region)) * rates.variance_factor
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -7,10 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cpic_planner.etc.companion_wings import wings_variance
 from cpic_planner.etc.exozodi import aperture_exozodi
 from cpic_planner.etc.library import library_noise
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.sky import aperture_sky_e_s
+from cpic_planner.etc.smear import aperture_smear, companion_column
 from cpic_planner.etc.speckles import SpeckleLaw, speckle_law
 from cpic_planner.targets import Targets
 from simulator.camera.noise import aperture_noise_pixels
@@ -33,6 +35,8 @@ class ApertureRates:
     speckle : SpeckleLaw
         Spatial variance of aperture sums of the star light that RDI leaves, (e-/s)^2, against the length of the visit;
         it does not average down.
+    wings_e2_s2 : ndarray
+        The same of the light of companions whose wings lie elsewhere in the references; it is the same for all visits.
     peak_hole_e_s, peak_planet_e_s : ndarray
         Hottest pixel inside the hole, planet included: it must not saturate pixel, register or converter; and the
         planet's part of it.
@@ -60,6 +64,9 @@ class ApertureRates:
         the part of its star in that.
     reference_scale : ndarray
         The same for its clock-induced charge and read noise: the square of that scale.
+    smear_e, reference_smear_e : ndarray
+        Electrons that smear into the aperture in every frame, whatever its exposure; and what those of a reference
+        frame add to the variance, once scaled.
     variance_factor : float
         1, or 1/2 where both halves of the frames show the planet (two rolls).
     """
@@ -71,6 +78,7 @@ class ApertureRates:
     exozodi_e_s: FloatArray
     dark_e_s: FloatArray
     speckle: SpeckleLaw
+    wings_e2_s2: FloatArray
     peak_hole_e_s: FloatArray
     peak_planet_e_s: FloatArray
     peak_frame_e_s: FloatArray
@@ -85,12 +93,19 @@ class ApertureRates:
     reference_light_e_s: FloatArray
     reference_halo_e_s: FloatArray
     reference_scale: FloatArray
+    smear_e: FloatArray
+    reference_smear_e: FloatArray
     variance_factor: float = 1.0
 
     @property
     def background_e_s(self) -> FloatArray:
         """All light and dark charge under the planet."""
         return self.halo_e_s + self.companion_e_s + self.sky_e_s + self.exozodi_e_s + self.dark_e_s
+
+    @property
+    def residual(self) -> SpeckleLaw:
+        """Everything that the subtraction leaves and that does not average."""
+        return self.speckle._replace(k0=self.speckle.k0 + self.wings_e2_s2)
 
 
 def aperture_rates(
@@ -138,12 +153,13 @@ def aperture_rates(
     shape = np.broadcast_shapes(star.shape, x.shape)
     sky = aperture_sky_e_s(model, targets, band)
     sky = sky.reshape(sky.shape + (1,) * (len(shape) - 1))
-    companion = _companion_e_s(model, targets, band, x, y)
+    companion, companion_columns, wings = _companions(model, targets, band, x, y)
     halo = star * metrics.halo_aperture(x, y)
     exozodi = star * aperture_exozodi(model, band, x, y)
     dark = np.full((1,) * len(shape), camera.dark_e_s * metrics.aperture_pixels)
     law = speckle_law(metrics, instrument.drift, np.hypot(x, y), strategy.annulus_lambda_d, strategy.reference_ratio)
     reference = library_noise(model, targets, band, star)
+    smear = aperture_smear(model, band, x, star_e_s=star, companion_column_e_s=companion_columns, sky_e_s=sky)
     region_pixels = float(np.count_nonzero(metrics.hole))
     return ApertureRates(
         planet_e_s=planet_total * metrics.core_throughput(x, y),
@@ -153,6 +169,7 @@ def aperture_rates(
         exozodi_e_s=exozodi,
         dark_e_s=dark,
         speckle=law.scaled(star**2 * reference.speckle),
+        wings_e2_s2=wings,
         peak_hole_e_s=star * reference.peak * metrics.peak_on_axis_hole
         + planet_total * metrics.peak_off_axis
         + companion / metrics.aperture_pixels,
@@ -170,6 +187,8 @@ def aperture_rates(
         reference_light_e_s=reference.light(halo + exozodi, companion, sky + dark),
         reference_halo_e_s=reference.halo * halo,
         reference_scale=reference.scale,
+        smear_e=smear.total_e,
+        reference_smear_e=reference.light(smear.star_e, smear.companion_e, smear.even_e),
         variance_factor=reference.variance_factor,
     )
 
@@ -206,22 +225,30 @@ def _annulus_apertures(model: EtcModel, band: str, separation_arcsec: FloatArray
     return length * width / (np.pi * metrics.aperture_radius_arcsec**2)
 
 
-def _companion_e_s(model: EtcModel, targets: Targets, band: str, x: FloatArray, y: FloatArray) -> FloatArray:
-    """Light of a bound companion's wings in an aperture at (x, y), roll 0; shape ``(n, ...)``."""
+def _companions(
+    model: EtcModel, targets: Targets, band: str, x: FloatArray, y: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Light of a bound companion's wings in an aperture at (x, y), roll 0, and in its columns; what references leave.
+
+    Shapes ``(n, ...)``; electrons per second, the last squared.
+    """
     instrument, metrics = model.instrument, model.metrics[band]
     upright = (-1,) + (1,) * max(0, x.ndim - 1)
     shape = np.broadcast_shapes((len(targets), *upright[1:]), x.shape)
-    rate = np.zeros(shape)
+    rate, columns, left = np.zeros((3, *shape))
     known = np.isfinite(targets.companion_v_mag) & np.isfinite(targets.companion_separation_arcsec)
     if targets.companions == "off" or not known.any():
-        return rate
+        return rate, columns, left
     near = targets.select(known)
     star = model.passbands.star_rate_e_s(
         near.companion_v_mag, near.companion_teff_k, near.log_g, near.metallicity, instrument.telescope.area_cm2
-    )[:, model.passbands.names.index(band)]
+    )[:, model.passbands.names.index(band)].reshape(upright)
     parity = instrument.detector.parity
-    there = sky_to_detector(near.companion_separation_arcsec, near.companion_pa_deg, parity=parity)
+    places = sky_to_detector(near.companion_separation_arcsec, near.companion_pa_deg, parity=parity)
+    there = places[0].reshape(upright), places[1].reshape(upright)
     here = [np.broadcast_to(part, shape)[known] for part in (x, y)]
-    wing = metrics.wing_at(here[0] - there[0].reshape(upright), here[1] - there[1].reshape(upright))
-    rate[known] = star.reshape(upright) * wing * metrics.aperture_pixels
-    return rate
+    wing = metrics.wing_at(here[0] - there[0], here[1] - there[1]) * metrics.aperture_pixels
+    rate[known] = star * wing
+    columns[known] = star * companion_column(model, band, there, here[0], wing)
+    left[known] = star**2 * wings_variance(model, band, near, np.hypot(*here))
+    return rate, columns, left

@@ -72,5 +72,5 @@ def etc_result(
         reference_planet=record,
         best_band=best_band(answers),
         answers=[EtcRow.model_validate(replace(answer, fidelity=None).to_dict()) for answer in answers],
-        fidelity=etc_fidelity(answers, dial or etc_dial(), model.strategy.library, seed=seed),
+        fidelity=etc_fidelity(answers, dial or etc_dial(), seed=seed),
     )

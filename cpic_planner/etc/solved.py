@@ -21,6 +21,7 @@ from cpic_planner.etc.frames import (
 )
 from cpic_planner.etc.limits import frame_limit
 from cpic_planner.etc.paper import snr_paper
+from cpic_planner.etc.stated_error import speckle_error_extrapolated
 from simulator.outcome import Reason, Status
 
 __all__ = ["answers_of"]
@@ -85,6 +86,8 @@ def answers_of(
             head["flags"] += ("shorter_visit_is_better",)
         if choice.exposure_s[i, j] > camera.exposure_max_s * (1.0 + 1e-12):
             head["flags"] += ("exposure_beyond_max",)
+        if speckle_error_extrapolated(cases.band, head["separation_arcsec"]):
+            head["flags"] += ("speckle_error_extrapolated",)
         binding = binding_limits(problem, cases.rates, choice, (i, j))
         frames, exposure = int(choice.n_frames[i, j]), float(choice.exposure_s[i, j])
         fields: dict[str, Any] = head | {

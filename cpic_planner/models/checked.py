@@ -34,7 +34,6 @@ class ImageCheck(Result):
         description="whether the SNR of images is within two of its errors and the stated one of the closed form"
     )
     n_found: int = Field(description="realisations in which a blind search finds the planet")
-    wall_s: float = Field(description="time that the check took")
     modelled: ModellingRecord
 
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from cpic_planner.models import AnswerFidelity, EtcFidelity, EtcResult, EtcRow
 from cpic_planner.report.modelled import error_text
-from cpic_planner.report.numbers import MISSING, duration_text, significant
+from cpic_planner.report.numbers import MISSING, significant
 from cpic_planner.report.terminal import (
     Column,
     explain_symbols,
@@ -57,7 +57,6 @@ def _print_checks(record: EtcFidelity, rows: list[tuple[AnswerFidelity, EtcRow]]
         Column("light", True, 3),
         Column("runs", True, 1),
         Column("found", True, 5),
-        Column("took", True, 6),
         Column("", False),
     ]
     cells = [[row.band, f"{row.separation_arcsec:.3f}", ratio_text(row.contrast), *_check(item, row)]
@@ -79,7 +78,7 @@ def _print_checks(record: EtcFidelity, rows: list[tuple[AnswerFidelity, EtcRow]]
 def _check(item: AnswerFidelity, row: EtcRow) -> list[str]:
     images = item.images
     if images is None:
-        return [significant(row.snr), *[MISSING] * 7, status_cell(item.status, item.reason)]
+        return [significant(row.snr), *[MISSING] * 6, status_cell(item.status, item.reason)]
     return [
         significant(images.predicted_snr),
         f"{significant(images.snr)} ± {significant(images.snr_error, 2)}",
@@ -88,7 +87,6 @@ def _check(item: AnswerFidelity, row: EtcRow) -> list[str]:
         f"{images.light_ratio:.4f}",
         str(images.realisations),
         f"{images.n_found} of {images.realisations}",
-        duration_text(images.wall_s),
         "agrees" if images.agrees else "differs",
     ]
 

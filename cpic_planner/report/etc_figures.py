@@ -46,6 +46,8 @@ _TERM_COLOURS = {
     "exozodi": "#AA9988",
     "background_mean": "#8C8C8C",
     "counting": "#332288",
+    "smear": "#44AA99",
+    "companion_wings": "#661100",
     "rounding": "#BBBBBB",
 }
 

@@ -26,6 +26,7 @@ TERMS: dict[str, str] = {
     "sky": "sky and zodiacal light",
     "exozodi": "dust around the star",
     "dark": "dark current",
+    "smear": "smear of the frame transfer",
     "cic": "clock-induced charge",
     "read_noise": "read noise",
     "rounding": "rounding to whole ADU",
@@ -33,6 +34,7 @@ TERMS: dict[str, str] = {
     "reference": "all noise of the reference frames",
     "background_mean": "error of the mean background",
     "speckle": "speckles that the subtraction leaves",
+    "companion_wings": "companion's light that the subtraction leaves",
 }
 
 #: Limits of exposure and gain: in one or two words, and in a sentence after "is held by".

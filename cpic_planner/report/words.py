@@ -109,6 +109,7 @@ FLAGS: dict[str, str] = {
     "clamped": "an input was clamped to the range of its model",
     "idealised": "noise-free or drift-free reference library",
     "reference_colour_not_modelled": "speckles are subtracted as if the reference star had the colour of the star",
+    "speckle_error_extrapolated": "the error of the speckles is that of the nearest separation where it was measured",
     "exposure_beyond_max": "the exposure asked for is longer than the camera's longest",
 }
 

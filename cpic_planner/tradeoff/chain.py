@@ -15,9 +15,10 @@ from cpic_planner.validation.rejection import filled, reject_cosmic_rays
 from simulator.camera.frame import MaskBit
 from simulator.hole_stack import hole_stacks
 from simulator.imaging.aperture import overlap_weights
+from simulator.imaging.frame import forget_starlight
 from simulator.observation import Observation
 
-__all__ = ["Drawn", "NotApplicable", "Work", "aperture_flux_e", "drawn_frames", "stamp_of", "worked"]
+__all__ = ["Drawn", "NotApplicable", "Work", "aperture_flux_e", "both_visits", "drawn_frames", "stamp_of", "worked"]
 
 FloatArray = NDArray[np.float64]
 
@@ -71,8 +72,8 @@ def aperture_flux_e(observation: Observation, stamp_e: FloatArray) -> float:
     rows, columns = stamp_of(observation)
     y, x = observation.truth.y_pixel[planet] - rows.start, observation.truth.x_pixel[planet] - columns.start
     row, column = round(y), round(x)
-    metrics = observation.psf.metrics
-    weights = overlap_weights(metrics.aperture_radius_arcsec / metrics.pixel_scale_arcsec, y - row, x - column)
+    geometry = observation.psf.geometry
+    weights = overlap_weights(geometry.aperture_radius_arcsec / geometry.pixel_scale_arcsec, y - row, x - column)
     half = len(weights) // 2
     return float((weights * stamp_e[row - half : row + half + 1, column - half : column + half + 1]).sum())
 
@@ -117,6 +118,12 @@ def _infrared(observation: Observation) -> Drawn:
     return Drawn(whole, np.stack(usable))
 
 
+def both_visits(case: FixedScene, setup: Setup) -> tuple[Observation, Observation]:
+    """Science and reference visit, the light of field stars made anew: work that is timed begins without it."""
+    forget_starlight()
+    return visit(case, setup), visit(case, setup, role="reference")
+
+
 def worked(case: FixedScene, setup: Setup, visits: tuple[Observation, Observation] | None = None) -> Work:
     """Do the whole work once.
 
@@ -136,7 +143,7 @@ def worked(case: FixedScene, setup: Setup, visits: tuple[Observation, Observatio
     NotApplicable
         If the scene does not allow this way.
     """
-    science, reference = visits or tuple(visit(case, setup, role=role) for role in ("science", "reference"))
+    science, reference = visits or both_visits(case, setup)
     if setup.draw == "sums":
         try:
             epochs = setup.n_epochs(case)

@@ -25,7 +25,6 @@ from simulator.imaging.psf import Psf, single_band_psf
 from simulator.knobs import FIDELITIES, Knobs
 from simulator.observation import Observation
 from simulator.rng import stream
-from simulator.sequence import Light
 
 __all__ = [
     "expected_flux_e",
@@ -63,7 +62,7 @@ def expected_flux_e(case: FixedScene, setup: Setup, shown: Observation, bare_e_s
     bare_e_s : ndarray
         What `light_without` makes.
     """
-    bare = dataclasses.replace(shown, light=Light(bare_e_s, shown.light.star))
+    bare = dataclasses.replace(shown, light=dataclasses.replace(shown.light, static_e_s=bare_e_s))
     return case.n_frames * aperture_flux_e(shown, _calibrated(shown, setup) - _calibrated(bare, setup))
 
 

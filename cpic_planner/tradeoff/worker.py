@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cpic_planner.models.tradeoff import TradeoffRow
-from cpic_planner.tradeoff.chain import NotApplicable, Work, drawn_frames, worked
+from cpic_planner.tradeoff.chain import NotApplicable, Work, both_visits, drawn_frames, worked
 from cpic_planner.tradeoff.closed_form import closed_form
 from cpic_planner.tradeoff.places import Places
 from cpic_planner.tradeoff.points import REFERENCE, Point
@@ -174,7 +174,7 @@ class _Light:
     @classmethod
     def of(cls, case: FixedScene, base: Setup) -> _Light:
         wall, cpu = time.perf_counter(), time.process_time()
-        visits = visit(case, base), visit(case, base, role="reference")
+        visits = both_visits(case, base)
         took = time.perf_counter() - wall, time.process_time() - cpu
         return cls(*took, visits, light_without(case, base))
 

@@ -213,7 +213,7 @@ def fit_position(
             allowed = f"{least:g} to {most:g}" if math.isfinite(most) else f"at least {least:g}"
             raise InputError(key, value, unit="lambda/D", allowed=allowed)
     orientation = psf.instrument.detector.parity if parity is None else parity
-    scale = psf.metrics.pixel_scale_arcsec
+    scale = psf.geometry.pixel_scale_arcsec
     reach = (len(stack.region) // 2) * scale
     for key, value in (("x_arcsec", x_arcsec), ("y_arcsec", y_arcsec)):
         if not abs(value) <= reach:

@@ -120,7 +120,7 @@ def _search(visits: Visits, subjects: tuple[Subject, ...], blind: BlindSearch) -
         blind,
         visits.task,
         {subject.name: subject.places_arcsec[0] for subject in subjects},
-        reach_arcsec=MATCH_LAMBDA_D * visits.metrics.lambda_d_arcsec,
+        reach_arcsec=MATCH_LAMBDA_D * visits.geometry.lambda_d_arcsec,
         roll_deg=visits.plan.science["roll_deg"],
         parity=visits.instrument.detector.parity,
     )
@@ -155,7 +155,7 @@ def _audits(
 
 def _false(blind: BlindSearch, visits: Visits) -> int:
     """Detections where the scene has no planet and no star."""
-    reach = MATCH_LAMBDA_D * visits.metrics.lambda_d_arcsec
+    reach = MATCH_LAMBDA_D * visits.geometry.lambda_d_arcsec
     sources = visits.science.truth.sources[1:]
     return sum(
         not any(math.hypot(item.x_arcsec - one.x_arcsec, item.y_arcsec - one.y_arcsec) <= reach for one in sources)

@@ -89,22 +89,22 @@ def contrast_curve(
     annulus of 1.5 lambda/D to either side, threshold of few samples (Mawet et al. 2014), the same question that
     `cpic_planner.contrast_limit` answers from the noise model.
     """
-    image, metrics = checked_image(stack.image_e), psf.metrics
+    image, geometry = checked_image(stack.image_e), psf.geometry
     if not (math.isfinite(star_rate_e_s) and star_rate_e_s > 0):
         raise InputError("star_rate_e_s", star_rate_e_s, unit="e-/s", allowed="finite and above 0")
-    radius = metrics.aperture_radius_arcsec / metrics.pixel_scale_arcsec
+    radius = geometry.aperture_radius_arcsec / geometry.pixel_scale_arcsec
     if separations_arcsec is None:
-        near, far = metrics.hole_inner_corner_arcsec, metrics.owa_arcsec
+        near, far = geometry.zone.inner_corner_arcsec, geometry.zone.outer_corner_arcsec
         separations_arcsec = np.linspace(near, far, N_SEPARATIONS + 2)[1:-1]
     places = np.atleast_1d(np.asarray(separations_arcsec, float))
     if not (np.isfinite(places) & (places > 0)).all():
         raise InputError("separations_arcsec", separations_arcsec, unit="arcsec", allowed="finite and above 0")
     scatter, throughput = np.full(places.shape, np.inf), np.zeros(places.shape)
     for index, place in enumerate(places):
-        scatter[index] = _scatter(image, metrics.annulus(float(place), ANNULUS_LAMBDA_D) & stack.region, radius)
-        x, y = (float(part) for part in diagonal(metrics.zone, place))
+        scatter[index] = _scatter(image, geometry.annulus(float(place), ANNULUS_LAMBDA_D) & stack.region, radius)
+        x, y = (float(part) for part in diagonal(geometry.zone, place))
         throughput[index] = _throughput(stack, psf, x, y, radius)
-    elements = metrics.resolution_elements(places)
+    elements = geometry.resolution_elements(places)
     threshold = threshold_array(elements, sigma)
     with np.errstate(divide="ignore", invalid="ignore"):
         limit = threshold * scatter / (throughput * star_rate_e_s * stack.integration_s)
@@ -122,7 +122,7 @@ def _scatter(image: FloatArray, annulus: npt.NDArray[np.bool_], radius: float) -
 
 
 def _throughput(stack: ReducedStack, psf: Psf, x: float, y: float, radius: float) -> float:
-    centre, pixel = len(stack.image_e) // 2, psf.metrics.pixel_scale_arcsec
+    centre, pixel = len(stack.image_e) // 2, psf.geometry.pixel_scale_arcsec
     column, row = x / pixel + centre, y / pixel + centre
     if max(abs(column - centre), abs(row - centre)) + radius > centre:
         return 0.0

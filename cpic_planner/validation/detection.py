@@ -189,7 +189,7 @@ def search(
         field.exclude(found[0].x_pixel, found[0].y_pixel)
     peaks = [field.rejudged(peak, state) for peak in peaks]
     peaks += [peak for peak in found if peak.significance >= REPORTED_SIGMA]
-    scale, centre = psf.metrics.pixel_scale_arcsec, len(image) // 2
+    scale, centre = psf.geometry.pixel_scale_arcsec, len(image) // 2
     needed = snr_at(level.unwrap(), [peak.laplace for peak in peaks], [peak.dof for peak in peaks]) if peaks else ()
     candidates = [
         _candidate(peak, centre, scale, level.unwrap(), float(one), field.size, state.roughness)

@@ -75,8 +75,8 @@ class FrameLevel:
 
 def dark_bar(observation: Observation) -> BoolArray:
     """Pixels behind the upright bar of the cross mask, a margin inside its edges; (y, x)."""
-    area, metrics = observation.area, observation.psf.metrics
-    half, pixel = metrics.mask_half_width_arcsec, metrics.pixel_scale_arcsec
+    area, geometry = observation.area, observation.psf.geometry
+    half, pixel = geometry.mask_half_width_arcsec, geometry.pixel_scale_arcsec
     inside = (area.columns > -half + _TRAIL_PIXELS * pixel) & (area.columns < half - pixel)
     bar = np.zeros(observation.shape, dtype=np.bool_)
     rows = slice(None) if observation.first_pixel else sections_of(observation.instrument.detector)["active"][0]

@@ -56,7 +56,7 @@ class CalibratedFrames:
         light brings to a limit in some frames are out in all, or the low frames alone would count. Cosmic rays are
         still in: see `cpic_planner.validation.rejection`.
     pedestal_e : ndarray, shape (y, x)
-        Mean electrons of dark current and clock-induced charge that were taken off each frame: they add noise.
+        Mean electrons of dark current, clock-induced charge and smear that were taken off each frame: they add noise.
     response : ndarray, shape (y, x)
         Flat that was divided out; 1 where a pixel is bad.
     n_lost : ndarray of int, shape (y, x)
@@ -151,7 +151,7 @@ def calibrated_frames(
         n_lost += lost
         electrons[index] = steps.light_e(frame.adu, kept)[place]
         usable[index] = kept[place]
-    pedestal = (steps.dark_e + steps.cic_e)[place]
+    pedestal = (steps.dark_e + steps.cic_e + observation.smear_e)[place]
     if n_lost.any():
         usable &= ~_at_limit(electrons, usable, pedestal, observation)
     return CalibratedFrames(
@@ -213,6 +213,7 @@ class _Steps:
     cic_e: FloatArray
     dark_e: FloatArray
     smear: float
+    beyond_e: FloatArray | float
     response: FloatArray
     flaws: npt.NDArray[np.uint8]
 
@@ -235,7 +236,7 @@ class _Steps:
         if switches.nonlinearity:
             output_b = curve.register_loss / ((1.0 - curve.register_loss) * curve.register_loss_at_e)
             pixel_b = curve.pixel_loss_at_full_well / ((1.0 - curve.pixel_loss_at_full_well) * detector.full_well_e)
-        smeared = switches.smear and observation.exposure_s > 0
+        smeared, outside = switches.smear and observation.exposure_s > 0, observation.light.beyond_e_s
         return cls(
             bias_adu=bias,
             level=frame_level(observation, level_pixels, flaws=flaws, mean_e=dark + cic),
@@ -247,6 +248,7 @@ class _Steps:
             cic_e=cic,
             dark_e=dark,
             smear=detector.transfer.line_shift_s / observation.exposure_s if smeared else 0.0,
+            beyond_e=0.0 if outside is None or not smeared else detector.transfer.line_shift_s * outside,
             response=np.where(response > 0, response, 1.0),
             flaws=np.where(response > 0, flaws, flaws | np.uint8(MaskBit.BAD)),
         )
@@ -268,7 +270,9 @@ class _Steps:
         image -= self.square_e
         image -= self.dark_e
         if self.smear:
-            # Each line collects the light of the others of its column: o = (1 - k) l + k sum(l), solved for l.
+            # Each line collects the light of the others of its column: o = (1 - k) l + k sum(l), solved for l; that of
+            # lines beyond a window is known from the whole frame.
+            image -= self.beyond_e
             share = self.smear / (1.0 + (len(image) - 1) * self.smear)
             image -= share * image.sum(axis=0)
             image /= 1.0 - self.smear
@@ -314,4 +318,4 @@ def _stamp(observation: Observation) -> tuple[slice, slice]:
 def _hole(observation: Observation) -> BoolArray:
     """The dark hole on the pixels of the observation."""
     area = observation.area
-    return observation.psf.metrics.zone.covers(area.rows, area.columns)
+    return observation.psf.geometry.zone.covers(area.rows, area.columns)

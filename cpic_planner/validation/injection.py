@@ -163,17 +163,17 @@ def completeness_map(
         raise InputError("stacks", 0, allowed="at least one residual")
     if not (np.isfinite(ratios).all() and (ratios > 0).all() and (np.diff(ratios) > 0).all()):
         raise InputError("contrasts", contrasts, allowed="above 0 and ascending")
-    metrics = psf.metrics
+    geometry = psf.geometry
     hits = np.zeros((places.size, ratios.size), np.int64)
     for visit, stack in enumerate(stacks):
         for row, place in enumerate(places):
             rng = stream(seed, "injection", visit, row)
-            x, y = draw_place(stack, float(place), metrics.pixel_scale_arcsec, rng)
+            x, y = draw_place(stack, float(place), geometry.pixel_scale_arcsec, rng)
             for column, ratio in enumerate(ratios):
                 total_e = ratio * star_rate_e_s * stack.integration_s
                 planet = inject(stack, psf, x, y, total_e, rng)
                 found = search(planet, psf, maps, star_rate_e_s=star_rate_e_s, sigma=sigma)
-                best = recovered(found, x, y, metrics.lambda_d_arcsec)
+                best = recovered(found, x, y, geometry.lambda_d_arcsec)
                 hits[row, column] += best is not None and best.detected
     return CompletenessMap(places, ratios, hits, len(stacks), sigma)
 

@@ -17,7 +17,7 @@ from cpic_planner.validation.realise import Realised, Visits
 from cpic_planner.validation.roll import roll_photometry
 from cpic_planner.validation.speckle_maps import speckle_maps
 from cpic_planner.validation.star_flux import StarFlux
-from simulator.imaging.metrics import PsfMetrics
+from simulator.imaging.geometry import BandGeometry
 from simulator.target.sources import scene_sources
 
 __all__ = ["MATCH_LAMBDA_D", "Measurement", "Subject", "forced_photometry", "measure", "positions_of", "subjects_of"]
@@ -106,9 +106,9 @@ class Measurement:
 
 def subjects_of(visits: Visits) -> tuple[Subject, ...]:
     """The planets that the task measures, in its order, with what the measurement of each needs."""
-    metrics, strategy = visits.metrics, visits.strategy
-    pixel, middle = metrics.pixel_scale_arcsec, len(metrics.hole) // 2
-    radius = metrics.aperture_radius_arcsec / pixel
+    geometry, strategy = visits.geometry, visits.strategy
+    pixel, middle = geometry.pixel_scale_arcsec, geometry.stamp_pixels // 2
+    radius = geometry.aperture_radius_arcsec / pixel
     rolls = [visits.plan.science["roll_deg"]]
     if visits.plan.shows_planet:
         rolls.append(visits.plan.reference["roll_deg"])
@@ -129,7 +129,7 @@ def subjects_of(visits: Visits) -> tuple[Subject, ...]:
         apertures = tuple(
             aperture_weights(templates[0].shape, middle + x / pixel, middle + y / pixel, radius) for x, y in places
         )
-        annulus = metrics.annulus(float(np.hypot(*places[0])), strategy.annulus_lambda_d)
+        annulus = geometry.annulus(float(np.hypot(*places[0])), strategy.annulus_lambda_d)
         cores = tuple(float(np.sum(t * w)) for t, w in zip(templates, apertures, strict=True))
         found.append(Subject(source.name, places, templates, apertures, cores,
                              _without(annulus, others, EXCLUSION_RADII * radius), others))  # fmt: skip
@@ -164,7 +164,7 @@ def measure(
     blind : BlindSearch or None
         None for two rolls, where each half shows every planet twice: the threshold for a known place decides there.
     """
-    stack, metrics = realised.reduced, visits.metrics
+    stack, geometry = realised.reduced, visits.geometry
     blind = None
     if realised.roll is None:
         maps = speckle_maps(visits.optics, visits.instrument.drift)
@@ -174,9 +174,9 @@ def measure(
         if not _measurable(stack.region, subject):
             found.append(None)
             continue
-        measured = forced_photometry(realised, subject, metrics)
+        measured = forced_photometry(realised, subject, geometry)
         scale = measured.throughput * subject.core * star.rate_e_s * stack.integration_s
-        match = None if blind is None else _match(blind, subject, metrics)
+        match = None if blind is None else _match(blind, subject, geometry)
         threshold = visits.task.predictions[number]["threshold"]
         seen = measured.significance >= threshold if blind is None else match is not None and match.detected
         found.append(
@@ -205,10 +205,10 @@ def _measurable(region: BoolArray, subject: Subject) -> bool:
     return bool(enough and covered >= LEAST_COVERED)
 
 
-def forced_photometry(realised: Realised, subject: Subject, metrics: PsfMetrics) -> Photometry:
+def forced_photometry(realised: Realised, subject: Subject, geometry: BandGeometry) -> Photometry:
     """Flux of a planet at its place, over the fraction that the subtraction leaves; of two rolls the mean."""
-    pixel, middle = metrics.pixel_scale_arcsec, len(metrics.hole) // 2
-    radius = metrics.aperture_radius_arcsec / pixel
+    pixel, middle = geometry.pixel_scale_arcsec, geometry.stamp_pixels // 2
+    radius = geometry.aperture_radius_arcsec / pixel
     stack = realised.reduced
     places = [(middle + x / pixel, middle + y / pixel) for x, y in subject.places_arcsec]
     background = subject.background & stack.region
@@ -223,20 +223,20 @@ def forced_photometry(realised: Realised, subject: Subject, metrics: PsfMetrics)
                                throughput=through, em_gain=stack.em_gain, stages=stack.stages)  # fmt: skip
 
 
-def _match(blind: BlindSearch, subject: Subject, metrics: PsfMetrics) -> Candidate | None:
+def _match(blind: BlindSearch, subject: Subject, geometry: BandGeometry) -> Candidate | None:
     """The strongest candidate at the planet's place."""
     x, y = subject.places_arcsec[0]
-    reach = MATCH_LAMBDA_D * metrics.lambda_d_arcsec
+    reach = MATCH_LAMBDA_D * geometry.lambda_d_arcsec
     near = [item for item in blind.candidates if math.hypot(item.x_arcsec - x, item.y_arcsec - y) <= reach]
     return max(near, key=lambda item: item.snr_mf, default=None)
 
 
 def positions_of(visits: Visits, realised: Realised, blind: BlindSearch, subject: Subject) -> Astrometry | None:
     """Fitted position of a planet that the search found; None where it did not."""
-    match = _match(blind, subject, visits.metrics)
+    match = _match(blind, subject, visits.geometry)
     if match is None or not match.detected:
         return None
-    pixel, middle = visits.metrics.pixel_scale_arcsec, len(visits.metrics.hole) // 2
+    pixel, middle = visits.geometry.pixel_scale_arcsec, visits.geometry.stamp_pixels // 2
     others = [((x - middle) * pixel, (y - middle) * pixel) for x, y in subject.others]
     return fit_position(realised.reduced, visits.optics, match.x_arcsec, match.y_arcsec,
                         roll_deg=visits.plan.science["roll_deg"], exclude=others)  # fmt: skip

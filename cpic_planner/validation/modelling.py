@@ -24,7 +24,7 @@ __all__ = ["Modelling", "modelling_of"]
 # Not for the ledger to decide: the noise and the limits that images are made to measure, which save next to nothing,
 # and the pixels, which are those around the hole, or all for the reference.
 _GIVEN = ("hole_region", "photon_noise", "em_register", "read_noise", "dark", "clock_charge", "register_clock_charge",
-          "blooming", "register_full_well", "sky")  # fmt: skip
+          "blooming", "register_full_well", "sky", "smear")  # fmt: skip
 # Whether they are reached the images themselves decide, pixel by pixel (`simulator.hole_stack.hole_stackable`); where
 # they are, every frame is drawn.
 _LIMITS = ("blooming", "register_full_well")
@@ -58,8 +58,6 @@ class Modelling:
         Of each measured quantity.
     outcome : Outcome
         Whether that is within the tolerance.
-    smear_in_sums : bool
-        Whether sums hold the smear of the frame transfer: next to bright stars its noise counts.
     """
 
     dial: Dial
@@ -72,13 +70,11 @@ class Modelling:
     rows: tuple[EffectRow, ...]
     predicted_error: dict[Quantity, float]
     outcome: Outcome[float]
-    smear_in_sums: bool = False
 
     def instrument(self, instrument: Instrument) -> Instrument:
         """The camera with what is modelled of it."""
-        kept = ("smear",) if self.smear_in_sums else ()
         if self.draw == "sums":
-            return images_of(instrument, keep=kept)
+            return images_of(instrument)
         return instrument.switched(self.switches) if self.switches else instrument
 
     def scene(self, scene: Scene) -> Scene:
@@ -163,17 +159,7 @@ def modelling_of(task: ConfirmTask, *, by_frames: bool = False) -> Modelling:
     if not by_frames:
         sizes = dataclasses.replace(sizes, sums=Outcome.ok(0.0))
     choice = choose(sizes, dial, fixed=(*_GIVEN, "summed_frames") if by_frames else _GIVEN)
-    smeared = False
-    if choice.draw == "frames" and not by_frames and not whole:  # smear adds up as any light does
-        nothing = dict.fromkeys(sizes.sizes["smear"], 0.0)
-        held = choose(dataclasses.replace(sizes, sizes=sizes.sizes | {"smear": nothing}), dial, fixed=_GIVEN)
-        smeared = held.draw == "sums" and held.outcome.value is not None
-        choice = held if smeared else choice
-    size = max(sizes.sizes["smear"][name] for name in dial.tolerance)
     rows = {row.key: row for row in choice.rows}
-    if smeared:
-        rows["smear"] = dataclasses.replace(rows["smear"], decision="kept", size=size,
-                                            reason="adds up over frames as any light does")  # fmt: skip
     for name in () if by_frames or whole else limits:
         rows[name] = dataclasses.replace(rows[name], decision="kept", size=0.0,
                                          reason="none is reached in the hole, and no charge flows into it")  # fmt: skip
@@ -190,7 +176,6 @@ def modelling_of(task: ConfirmTask, *, by_frames: bool = False) -> Modelling:
         rows=tuple(rows.values()),
         predicted_error=choice.predicted_error,
         outcome=choice.outcome,
-        smear_in_sums=smeared,
     )
 
 

@@ -143,14 +143,14 @@ class PositionFitter:
         InputError
             If nothing is left of the region, or its noise is not finite and positive (or 0 everywhere).
         """
-        metrics = psf.metrics
-        scale = metrics.pixel_scale_arcsec
+        geometry = psf.geometry
+        scale = geometry.pixel_scale_arcsec
         usable = stack.region.copy()
         others = np.array(exclude, dtype=np.float64).reshape(-1, 2) / scale
         if not np.isfinite(others).all():
             raise InputError("exclude", exclude, unit="arcsec", allowed="finite pairs (x, y)")
         for place in others:
-            usable &= ~_disc(usable.shape, place, EXCLUSION_RADII * metrics.aperture_radius_arcsec / scale)
+            usable &= ~_disc(usable.shape, place, EXCLUSION_RADII * geometry.aperture_radius_arcsec / scale)
         if not usable.any():
             raise InputError("region", "empty", unit="px", allowed="some pixels away from the excluded sources")
         variance = stack.white_variance_e2[usable]
@@ -159,7 +159,7 @@ class PositionFitter:
             raise InputError("white_variance_e2", float(variance.min()), unit="e-^2", allowed="above 0 in the region")
         weights, halo = np.zeros(usable.shape), np.zeros(usable.shape)
         weights[usable] = 1.0 if quiet else 1.0 / variance
-        lambda_d = metrics.lambda_d_arcsec / scale
+        lambda_d = geometry.lambda_d_arcsec / scale
         light = np.maximum(stack.halo_e[usable], 0.0)
         halo[usable] = np.maximum(light, LEAST_HALO * light.mean()) if light.any() else 1.0
         return cls(stack, psf, usable, weights, halo, others, window_lambda_d * lambda_d, annulus_lambda_d * lambda_d)
@@ -172,12 +172,12 @@ class PositionFitter:
     @functools.cached_property
     def lambda_d_pixel(self) -> float:
         """lambda/D in pixels."""
-        return float(self.psf.metrics.lambda_d_arcsec / self.psf.metrics.pixel_scale_arcsec)
+        return float(self.psf.geometry.lambda_d_arcsec / self.psf.geometry.pixel_scale_arcsec)
 
     @functools.cached_property
     def aperture_pixel(self) -> float:
         """Radius of the photometric aperture in pixels."""
-        return float(self.psf.metrics.aperture_radius_arcsec / self.psf.metrics.pixel_scale_arcsec)
+        return float(self.psf.geometry.aperture_radius_arcsec / self.psf.geometry.pixel_scale_arcsec)
 
     @functools.cached_property
     def _spectrum(self) -> tuple[npt.NDArray[np.complex128], FloatArray, FloatArray]:

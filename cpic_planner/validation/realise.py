@@ -20,7 +20,7 @@ from cpic_planner.validation.task import ConfirmTask
 from simulator.config import Instrument, Scene
 from simulator.config.base import validate
 from simulator.hole_stack import HoleStacks, hole_stackable, hole_stacks
-from simulator.imaging.metrics import PsfMetrics
+from simulator.imaging.geometry import BandGeometry
 from simulator.imaging.psf import Psf
 from simulator.observation import Observation, observe
 from simulator.outcome import Outcome
@@ -104,9 +104,9 @@ class Visits:
     _stacks: tuple[HoleStacks, HoleStacks] | None
 
     @property
-    def metrics(self) -> PsfMetrics:
-        """Figures of the optics."""
-        return self.optics.metrics
+    def geometry(self) -> BandGeometry:
+        """Hole and apertures on the stamp."""
+        return self.optics.geometry
 
     @property
     def optics(self) -> Psf:
@@ -132,19 +132,11 @@ class Visits:
         if self.plan.noise_free:
             dark_e = pedestal_e(self.science.instrument.detector, self.task.exposure_s)
             rates = reference.mean_rates(realisation)
-            library = (rates * self.task.exposure_s + dark_e + self._smear_e()) * reference.frames[:, None, None]
+            library = (rates * self.task.exposure_s + dark_e) * reference.frames[:, None, None]
             library[:, ~reference.region] = 0.0
         else:
             library = reference.draw(realisation)
         return self.reduced(sums, library, science.frames, reference.frames, science.region)
-
-    def _smear_e(self) -> FloatArray | float:
-        """Mean electrons a frame that the light of the reference visit leaves in every column."""
-        detector = self.instrument.detector
-        if not detector.switches.smear:
-            return 0.0
-        passed = detector.transfer.line_shift_s * self.reference.mean_rate_map
-        return np.asarray(passed.sum(axis=0) - passed)
 
     def reduced(
         self, science_e: FloatArray, reference_e: FloatArray, science_n: Any, reference_n: Any, region: BoolArray
@@ -166,8 +158,14 @@ class Visits:
             reference_frames=reference_n,
             reference_scale=self.scale,
             noise_free_reference=self.plan.noise_free,
+            smear_e=(self._smear_e(self.science), self._smear_e(self.reference)),
         )
         return Realised(reduced, roll, science_e.sum(axis=0), reference_e.sum(axis=0))
+
+    @staticmethod
+    def _smear_e(seen: Observation) -> FloatArray:
+        rows, columns, _ = seen.area.stamp(len(seen.psf.on_axis))
+        return seen.smear_e[rows, columns]
 
 
 def visits_of(
@@ -211,21 +209,8 @@ def visits_of(
     stacks = None
     if sums and answer.status.value == "ok":
         stacks = hole_stacks(science, epochs=how.epochs), hole_stacks(reference, epochs=how.epochs)
-        if how.smear_in_sums:
-            whole = [observe(what, **(settings | {"window": "full"}), **visit) for what, visit in shown]
-            stacks = _smeared(stacks[0], whole[0]), _smeared(stacks[1], whole[1])
     scale = science.truth.sources[0].rate_e_s / reference.truth.sources[0].rate_e_s
     return Visits(task, how, strategy, chosen, plan, science, reference, scale, answer, stacks)
-
-
-def _smeared(stacks: HoleStacks, whole: Observation) -> HoleStacks:
-    """Sums with what the light beyond the window leaves in the columns of the hole during the transfer of a frame."""
-    seen = stacks.observation
-    side = seen.shape[1]
-    columns = whole.area.stamp(side)[1]
-    beyond = whole.mean_rate_map.sum(axis=0)[columns] - seen.mean_rate_map.sum(axis=0)
-    share = seen.instrument.detector.transfer.line_shift_s / seen.exposure_s
-    return stacks.with_light(np.broadcast_to(share * np.maximum(beyond, 0.0), seen.shape))
 
 
 def realised_frames(visits: Visits) -> tuple[Realised, FrameStory]:
@@ -236,7 +221,7 @@ def realised_frames(visits: Visits) -> tuple[Realised, FrameStory]:
     Pixel-frames that are hit or cut off take the temporal mean of their pixel, so that each frame is whole for the
     projection; pixels with no usable frame leave the region. The white variance grows by the frames that a pixel lost.
     """
-    region = visits.metrics.hole.copy()
+    region = visits.geometry.hole.copy()
     kept, stories = [], []
     for observation in (visits.science, visits.reference):
         frames = calibrated_frames(observation, cropped=observation.window == "full")
@@ -246,7 +231,7 @@ def realised_frames(visits: Visits) -> tuple[Realised, FrameStory]:
         stories.append((frames, usable, hits))
         # The pedestal goes back in: `reduce_stack` knows dark current and clock charge by their nominal values.
         kept.append(whole + pedestal_e(observation.instrument.detector, observation.exposure_s))
-    hole = visits.metrics.hole
+    hole = visits.geometry.hole
     realised = visits.reduced(kept[0], kept[1], 1, 1, region)
     thinned = _thinned(realised, [usable for _, usable, _ in stories])
     rejected = [1.0 - usable[:, hole].mean() for _, usable, _ in stories]

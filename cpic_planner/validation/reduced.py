@@ -32,8 +32,8 @@ class ReducedStack:
     region : ndarray of bool, shape (n, n)
         Pixels that took part.
     white_variance_e2 : ndarray, shape (n, n)
-        Variance of ``image_e`` from photons with their excess noise, dark current, clock-induced charge, read noise and
-        rounding, of science and reference frames; speckles are not in it. 0 outside ``region``.
+        Variance of ``image_e`` from photons with their excess noise, dark current, smear, clock-induced charge, read
+        noise and rounding, of science and reference frames; speckles are not in it. 0 outside ``region``.
     halo_e : ndarray, shape (n, n)
         Light of the reference frames scaled to the summed science frames, smoothed, without dark current and
         clock-induced charge; 0 outside ``region``.
@@ -70,6 +70,7 @@ def reduce_stack(
     reference_frames: npt.ArrayLike = 1,
     reference_scale: float = 1.0,
     noise_free_reference: bool = False,
+    smear_e: tuple[FloatArray | float, FloatArray | float] = (0.0, 0.0),
 ) -> ReducedStack:
     """Subtract the mean reference and its leading modes, and sum.
 
@@ -91,6 +92,9 @@ def reduce_stack(
         Brightness of the science star over that of the reference star, above 0.
     noise_free_reference : bool
         Whether the reference images are expectations, without noise of their own.
+    smear_e : tuple of array_like
+        Mean electrons that smeared into every pixel of a science and of a reference frame. They were taken off; their
+        noise stays.
 
     Raises
     ------
@@ -116,9 +120,9 @@ def reduce_stack(
     light = _smoothed((library * reference_n[:, None, None]).sum(axis=0) / library_total - dark_e, region)
     factor2 = float(excess_noise_factor2(em_gain, detector.register_stages)) if detector.switches.em_register else 1.0
     read_e2 = (detector.read_noise_e**2 * detector.switches.read_noise + detector.gain_e_adu**2 / 12.0) / em_gain**2
-    frame = factor2 * (np.maximum(light, 0.0) + dark_e) + read_e2
+    frame = factor2 * (np.maximum(light, 0.0) + dark_e + smear_e[0]) + read_e2
     reference_frame = reference_scale * factor2 * np.maximum(light, 0.0) + reference_scale**2 * (
-        factor2 * dark_e + read_e2
+        factor2 * (dark_e + smear_e[1]) + read_e2
     )
     variance = total * frame
     if not noise_free_reference:

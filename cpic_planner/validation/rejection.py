@@ -23,6 +23,7 @@ FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 
 FALSE_ALARM = 1e-6
+MOST_E = 1e100
 # The wavefront walks within a visit: speckles change by up to this fraction and more where they are faint.
 DRIFT = 0.1
 _MOST_PASSES = 20
@@ -131,7 +132,8 @@ def reject_cosmic_rays(
     Raises
     ------
     InputError
-        For arrays of wrong or different shapes, numbers that are not finite, or an argument out of range.
+        For arrays of wrong or different shapes, numbers that are not finite or beyond 1e100 either way, or an argument
+        out of range.
 
     Notes
     -----
@@ -211,7 +213,7 @@ def combine(electrons: npt.ArrayLike, usable: npt.ArrayLike) -> Combined:
     Raises
     ------
     InputError
-        For arrays of wrong or different shapes, or numbers that are not finite.
+        For arrays of wrong or different shapes, or numbers that are not finite or beyond 1e100 either way.
     """
     data, good = _checked(electrons, usable)
     mean, count = _means(data, good)
@@ -237,7 +239,7 @@ def filled(electrons: npt.ArrayLike, usable: npt.ArrayLike) -> tuple[FloatArray,
     Raises
     ------
     InputError
-        For arrays of wrong or different shapes, or numbers that are not finite.
+        For arrays of wrong or different shapes, or numbers that are not finite or beyond 1e100 either way.
     """
     data, good = _checked(electrons, usable)
     mean, count = _means(data, good)
@@ -273,4 +275,8 @@ def _checked(frames: npt.ArrayLike, usable: npt.ArrayLike) -> tuple[FloatArray, 
     if not np.isfinite(data).all():
         n, y, x = np.argwhere(~np.isfinite(data))[0]
         raise InputError(f"frames[{n}, y={y}, x={x}]", float(data[n, y, x]), unit="e-", allowed="finite numbers")
+    if not max(data.max(), -data.min()) <= MOST_E:
+        n, y, x = np.argwhere(np.abs(data) > MOST_E)[0]
+        raise InputError(f"frames[{n}, y={y}, x={x}]", float(data[n, y, x]), unit="e-",
+                         allowed=f"{-MOST_E:g} to {MOST_E:g}, so that sums stay finite")  # fmt: skip
     return data, good

@@ -111,7 +111,7 @@ def roc_curve(
         raise InputError("levels", levels, unit="sigma", allowed=f"ascending, at least {REPORTED_SIGMA:g}")
     if not len(stacks):
         raise InputError("stacks", 0, allowed="at least one residual")
-    metrics = psf.metrics
+    geometry = psf.geometry
     alarms: list[float] = []
     seen = np.full(len(stacks), -math.inf)
     elements = 0.0
@@ -120,10 +120,10 @@ def roc_curve(
         empty = search(stack, psf, maps, star_rate_e_s=star_rate_e_s, sigma=_SEARCH_SIGMA)
         elements += empty.region.n_elements
         alarms += [one.significance for one in empty.candidates]
-        x, y = draw_place(stack, separation_arcsec, metrics.pixel_scale_arcsec, rng)
+        x, y = draw_place(stack, separation_arcsec, geometry.pixel_scale_arcsec, rng)
         planet = inject(stack, psf, x, y, contrast * star_rate_e_s * stack.integration_s, rng)
         best = recovered(search(planet, psf, maps, star_rate_e_s=star_rate_e_s, sigma=_SEARCH_SIGMA), x, y,
-                         metrics.lambda_d_arcsec)  # fmt: skip
+                         geometry.lambda_d_arcsec)  # fmt: skip
         if best is not None:
             seen[visit] = best.significance
     return RocCurve(

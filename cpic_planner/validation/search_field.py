@@ -75,11 +75,11 @@ class SearchField:
         star_e: float,
         known: Sequence[tuple[float, float]],
     ) -> None:
-        metrics = psf.metrics
+        geometry = psf.geometry
         self._stack, self._psf, self._maps = stack, psf, maps
         self.region: BoolArray = np.asarray(stack.region, np.bool_)
-        self._pixel = metrics.pixel_scale_arcsec
-        self._lambda_d = metrics.lambda_d_arcsec / self._pixel
+        self._pixel = geometry.pixel_scale_arcsec
+        self._lambda_d = geometry.lambda_d_arcsec / self._pixel
         self.size = searched_region(self.region, self._lambda_d)
         self._y, self._x = np.nonzero(self.region)
         self._kernel = maps.kernel

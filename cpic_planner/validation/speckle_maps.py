@@ -77,11 +77,11 @@ def filter_kernel(psf: Psf | ExternalPsf, name: FilterName = "matched") -> Float
     if name not in get_args(FilterName):
         raise InputError("kernel", name, allowed=", ".join(get_args(FilterName)))
     if name == "aperture":
-        radius = psf.metrics.aperture_radius_arcsec / psf.metrics.pixel_scale_arcsec
+        radius = psf.geometry.aperture_radius_arcsec / psf.geometry.pixel_scale_arcsec
         middle = int(np.ceil(radius + 0.5))
         return aperture_weights((2 * middle + 1, 2 * middle + 1), middle, middle, radius)
-    image, metrics = np.asarray(psf.off_axis, float), psf.metrics
-    centre, reach = len(image) // 2, KERNEL_LAMBDA_D * metrics.lambda_d_arcsec / metrics.pixel_scale_arcsec
+    image, geometry = np.asarray(psf.off_axis, float), psf.geometry
+    centre, reach = len(image) // 2, KERNEL_LAMBDA_D * geometry.lambda_d_arcsec / geometry.pixel_scale_arcsec
     half = min(int(np.ceil(reach)), centre)
     cut = image[centre - half : centre + half + 1, centre - half : centre + half + 1]
     offset = np.arange(-half, half + 1)
@@ -122,7 +122,7 @@ def speckle_maps(
     visit_nm = drift.visit_nm or drift.walk_nm_per_sqrt_hour
     weights = filter_kernel(psf, kernel)
     if isinstance(psf, ExternalPsf) or not visit_nm > 0:
-        hole = psf.metrics.hole
+        hole = psf.geometry.hole
         empty = np.zeros(hole.shape)
         nominal = np.where(hole, np.asarray(psf.on_axis, float), 0.0)
         return SpeckleMaps(empty, empty, nominal, empty, 0.0, 0.0, visit_nm, 0, weights)
@@ -178,7 +178,7 @@ def _unit_maps(held: _Held, slope: float, n_visits: int, name: FilterName) -> di
 
 def _measured(psf: Psf, slope: float, n_visits: int, name: FilterName) -> dict[str, FloatArray]:
     kernel = filter_kernel(psf, name)
-    hole: BoolArray = psf.metrics.hole
+    hole: BoolArray = psf.geometry.hole
     empty = np.zeros(hole.shape)
     imager = psf.imager
     rows, columns = np.flatnonzero(hole.any(axis=1)), np.flatnonzero(hole.any(axis=0))

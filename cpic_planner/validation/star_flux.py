@@ -23,6 +23,7 @@ from cpic_planner.validation.rejection import combine, reject_cosmic_rays
 from simulator.camera.saturation import pixel_saturated
 from simulator.config import Instrument, Scene, load_instrument, load_scene
 from simulator.config.detector import Detector
+from simulator.imaging.frame import AnyPsf
 from simulator.imaging.psf import single_band_psf
 from simulator.observation import Observation, observe
 from simulator.outcome import Outcome, Reason, Status
@@ -231,7 +232,7 @@ def star_flux_off_mask(observation: Observation) -> Outcome[StarFlux]:
                               f"{np.count_nonzero(lost)} pixels of the aperture are cut off in up to {lost.max()} of "
                               f"{frames.n_frames} frames; shorten the exposure", unit="e-/s")  # fmt: skip
     core = float(np.sum(weights * template))
-    if not core > 0.01 * observation.psf.metrics.core_open:
+    if not core > 0.01 * _open_core(observation.psf):
         raise InputError("star_offset_arcsec", observation.star_offset_arcsec, unit="arcsec",
                          allowed="a place off the mask", hint="along a diagonal, beyond 0.35 arcsec")  # fmt: skip
     light = np.where(summed.covered, summed.image_e, 0.0)
@@ -327,18 +328,25 @@ def _weights(
     observation: Observation, shape: tuple[int, int], corner: tuple[int, int], seen: npt.NDArray[np.bool_]
 ) -> tuple[FloatArray, FloatArray]:
     """Aperture, and aperture less its background, on the stamp; 0 where no frame is usable."""
-    metrics, area = observation.psf.metrics, observation.area
-    pixel = metrics.pixel_scale_arcsec
+    geometry, area = observation.psf.geometry, observation.area
+    pixel = geometry.pixel_scale_arcsec
     x, y = (
         area.centre[axis] - corner[axis] + offset / pixel
         for axis, offset in zip((1, 0), observation.star_offset_arcsec, strict=True)
     )
-    aperture = aperture_weights(shape, x, y, metrics.aperture_radius_arcsec / pixel)
+    aperture = aperture_weights(shape, x, y, geometry.aperture_radius_arcsec / pixel)
     rows, columns = np.indices(shape)
-    distance = np.hypot(columns - x, rows - y) * pixel / metrics.lambda_d_arcsec
+    distance = np.hypot(columns - x, rows - y) * pixel / geometry.lambda_d_arcsec
     ring = seen & (distance >= _RING_LAMBDA_D[0]) & (distance <= _RING_LAMBDA_D[1])
     used = np.where(seen, aperture, 0.0)
     return aperture, used - ring * (used.sum() / max(np.count_nonzero(ring), 1))
+
+
+def _open_core(psf: AnyPsf) -> float:
+    """Core throughput of a source centred on a pixel, without the mask."""
+    geometry, middle = psf.geometry, len(psf.off_axis) // 2
+    radius = geometry.aperture_radius_arcsec / geometry.pixel_scale_arcsec
+    return float(np.sum(psf.off_axis * aperture_weights(psf.off_axis.shape, middle, middle, radius)))
 
 
 def _limit(observation: Observation, template: FloatArray) -> Reason:

@@ -301,13 +301,6 @@ def task_of(
     )
 
 
-def images_of(instrument: Instrument, *, keep: Sequence[str] = ()) -> Instrument:
-    """The instrument as sums of frames see it: without what only a full reduction can take out.
-
-    Parameters
-    ----------
-    instrument : Instrument
-    keep : sequence of str
-        Effects that stay all the same.
-    """
-    return instrument.switched({name: False for name in NOT_IN_SUMS if name not in keep})
+def images_of(instrument: Instrument) -> Instrument:
+    """The instrument as sums of frames see it: without what only a full reduction can take out."""
+    return instrument.switched(dict.fromkeys(NOT_IN_SUMS, False))

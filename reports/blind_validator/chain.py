@@ -30,7 +30,7 @@ def frames_block(star: str, band: str, number: int) -> list[dict[str, Any]]:
 
 
 def _row(visits: Any, subject: Any, realised: Any, star: str, band: str) -> dict[str, Any]:
-    measured = forced_photometry(realised, subject, visits.metrics)
+    measured = forced_photometry(realised, subject, visits.geometry)
     truth = visits.science.truth.sources[1].rate_e_s * subject.core * realised.reduced.integration_s
     return {
         "star": star,

@@ -22,18 +22,18 @@ MIN_APERTURES, MIN_ELEMENTS = 25.0, 3.0  # where the ETC lets a planet stand
 
 def random_subject(visits: Visits, rng: np.random.Generator) -> Subject:
     """A planet anywhere in the hole where a detection is defined."""
-    metrics = visits.metrics
-    edge, pixel, middle = metrics.hole_outer_arcsec, metrics.pixel_scale_arcsec, len(metrics.hole) // 2
+    geometry = visits.geometry
+    edge, pixel, middle = geometry.zone.outer_arcsec, geometry.pixel_scale_arcsec, geometry.stamp_pixels // 2
     while True:
         x, y = (float(part) for part in rng.uniform(-edge, edge, 2))
-        if not metrics.zone.covers(np.array([y]), np.array([x]), -metrics.aperture_radius_arcsec)[0, 0]:
+        if not geometry.zone.covers(np.array([y]), np.array([x]), -geometry.aperture_radius_arcsec)[0, 0]:
             continue
-        annulus = metrics.annulus(math.hypot(x, y), visits.strategy.annulus_lambda_d)
-        room = np.count_nonzero(annulus) >= MIN_APERTURES * metrics.aperture_pixels
-        if room and metrics.resolution_elements(math.hypot(x, y)) >= MIN_ELEMENTS:
+        annulus = geometry.annulus(math.hypot(x, y), visits.strategy.annulus_lambda_d)
+        room = np.count_nonzero(annulus) >= MIN_APERTURES * geometry.aperture_pixels
+        if room and geometry.resolution_elements(math.hypot(x, y)) >= MIN_ELEMENTS:
             break
     template = visits.optics.at(x, y)
-    radius = metrics.aperture_radius_arcsec / pixel
+    radius = geometry.aperture_radius_arcsec / pixel
     weights = aperture_weights(template.shape, middle + x / pixel, middle + y / pixel, radius)
     return Subject("injected", ((x, y),), (template,), (weights,), (float(np.sum(template * weights)),), annulus, ())
 
@@ -42,9 +42,9 @@ def pull_block(star: str, band: str, seed: int, block: int, snr: float = SNR) ->
     """Realisations of one place: the planet is as bright as the noise there asks for the given SNR."""
     visits = star_alone(star, band, seed)
     rng = np.random.default_rng([seed, block])
-    subject, metrics = random_subject(visits, rng), visits.metrics
+    subject, geometry = random_subject(visits, rng), visits.geometry
     first = 1 + block * (PER_PLACE + 1)
-    sigma = forced_photometry(visits.draw(first), subject, metrics).sigma_background
+    sigma = forced_photometry(visits.draw(first), subject, geometry).sigma_background
     factor2 = float(excess_noise_factor2(visits.task.em_gain, visits.science.instrument.detector.register_stages))
     flux = 0.5 * (snr**2 * factor2 + math.sqrt((snr**2 * factor2) ** 2 + 4.0 * (snr * sigma) ** 2))
     rate = flux / (visits.task.exposure_s * visits.task.n_frames) / subject.core
@@ -53,7 +53,7 @@ def pull_block(star: str, band: str, seed: int, block: int, snr: float = SNR) ->
     rows = []
     for number in range(first + 1, first + 1 + PER_PLACE):
         realised = lit.draw(number)
-        measured = forced_photometry(realised, subject, metrics)
+        measured = forced_photometry(realised, subject, geometry)
         row = {
             "band": band,
             "relative_flux": measured.flux / flux,

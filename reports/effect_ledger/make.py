@@ -67,7 +67,7 @@ def scene_row(case: RandomCase) -> Row:
     row |= {"set_up_s": set_up[0], "set_up_short_s": set_up[1], "frame_s": frame[0], "frame_short_s": frame[1]}
     frames = case.settings["n_frames"]
     row["speed_up"] = (set_up[0] + frames * frame[0]) / (set_up[1] + frames * frame[1])
-    row["left_out"] = " ".join(item.key for item in choice.rows if item.decision == "skipped" and item.size is not None)
+    row["left_out"] = ";".join(item.key for item in choice.rows if item.decision == "skipped" and item.size is not None)
     return row
 
 
@@ -151,7 +151,7 @@ def speed_table(rows: list[Row]) -> str:
 
 def skipped_table(rows: list[Row], effects: list[Row]) -> str:
     """How often each effect is left out, and how close its size is."""
-    counts = Counter(key for row in rows for key in {part.split(":")[0] for part in row["left_out"].split()})
+    counts = Counter(key for row in rows for key in {part.split(":")[0] for part in row["left_out"].split(";") if part})
     lines = []
     for key, count in counts.most_common():
         own = [row for row in effects if row["key"] == key and row["true"] > 1e-9]

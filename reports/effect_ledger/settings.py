@@ -45,7 +45,7 @@ def _seen(imager: Imager, slope: float) -> tuple[FloatArray, FloatArray, FloatAr
     screens = screen_model(len(imager.transmission), slope)
     sums = [aperture_sums(grid.image(screens.draw(stream(11, "pair", k), RMS_NM)), weights) for k in range(PAIRS)]
     squares = np.mean([(sums[k] - sums[(k + 1) % PAIRS]) ** 2 for k in range(PAIRS)], axis=0)
-    return image, aperture_sums(image, weights), np.sqrt(uniform_filter(squares, 7))
+    return image, aperture_sums(image, weights), np.sqrt(np.maximum(uniform_filter(squares, 7), 0.0))
 
 
 def _model(instrument: Instrument, band: str, imager: Imager) -> Optics:
@@ -76,7 +76,7 @@ def settings_rows() -> list[dict[str, Any]]:
                     inside = place == "hole"
                     if name == "wavelength_nodes":
                         said = [model.wavelength_halo_error(value, u, inside) for u in separation[part]]
-                        moved = [model.wavelength_speckle_error(value, u) for u in separation[part]]
+                        moved = [model.wavelength_speckle_error(value, u, inside) for u in separation[part]]
                     else:
                         said = [model.pixel_halo_error(value, inside)] * int(part.sum())
                         moved = [model.pixel_speckle_error(value)] * int(part.sum())

@@ -122,14 +122,15 @@ def _light_of(seen: Observation, index: int) -> FloatArray:
 
 
 def _adu(seen: Observation, rates: FloatArray) -> FloatArray:
-    alone = dataclasses.replace(seen, light=Light(np.maximum(rates, 0.0)))
+    alone = dataclasses.replace(seen, light=Light(np.maximum(rates, 0.0), beyond_e_s=seen.light.beyond_e_s))
     return alone.expected
 
 
 def _register_input(seen: Observation, rates: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Mean electrons at the input of the register, and the slope of ADU against them."""
     camera = seen.visible_camera
-    exposure = camera.prepare(rates, seen.exposure_s, seen.em_gain, first_pixel=seen.first_pixel)
+    exposure = camera.prepare(rates, seen.exposure_s, seen.em_gain, first_pixel=seen.first_pixel,
+                              beyond_e_s=seen.light.beyond_e_s)  # fmt: skip
     image = exposure.mean_e.copy()
     for effect in camera.charge:
         if effect.switch == "em_register":
@@ -258,4 +259,4 @@ def _paired_light(whole: Observation, short: Observation) -> Light:
             short.psf, drift, epochs, (short.exposure_s + short.readout_s) * short.n_frames / epochs,
             stream(short.seed, *path, "visit"), stream(short.seed, *path, "walk"),
         )  # fmt: skip
-    return Light(short.light.static_e_s, dataclasses.replace(short.light.star, rate_e_s=stamps))
+    return dataclasses.replace(short.light, star=dataclasses.replace(short.light.star, rate_e_s=stamps))

@@ -172,7 +172,7 @@ PLAIN = dict.fromkeys((item.name for item in fields(ApertureRates)), 0.0) | {
     "rdi_throughput": 0.9993,
     "variance_factor": 1.0,
 }
-SKY, DARK, LOSS, SCALE, K1 = 1e-3, 1e-4, 1e-4, 1.0, 1e-9
+SKY, DARK, SMEAR, LOSS, SCALE, K1 = 1e-3, 1e-4, 0.3, 1e-4, 1.0, 1e-9
 STACKS = [
     (planet, halo, exposure, frames, gain)
     for planet, halo in ((1e-12, 1e-6), (0.01, 0.1), (1e9, 1e6), (1e-9, 1e9))
@@ -192,6 +192,8 @@ def rates(planet: float, halo: float) -> ApertureRates:
         "reference_light_e_s": halo + SKY + DARK,
         "reference_halo_e_s": halo,
         "reference_scale": SCALE,
+        "smear_e": SMEAR,
+        "reference_smear_e": SMEAR,
     }
     arrays = {name: np.float64(value) for name, value in given.items() if name != "speckle"}
     return ApertureRates(
@@ -209,9 +211,9 @@ def white(planet: mpf, halo: mpf, exposure: mpf, frames: mpf, gain: mpf) -> dict
         mpf(PLAIN["aperture_pixels"]),
     )
     voided = mp.exp(mpf(LOSS) * exposure)
-    light = halo + mpf(SKY) + mpf(DARK)
+    light = (halo + mpf(SKY) + mpf(DARK)) * exposure + mpf(SMEAR)
     read = (mpf(CAMERA.read_noise_e) ** 2 + mpf(CAMERA.rounding_e) ** 2) / gain**2
-    one = cut * (factor * light * exposure + pixels * (factor * mpf(CAMERA.cic_e) + read))
+    one = cut * (factor * light + pixels * (factor * mpf(CAMERA.cic_e) + read))
     quiet = 2 * frames * voided * one / mpf(PLAIN["rdi_throughput"]) ** 2
     visit = frames * (exposure + mpf(CAMERA.readout_s))
     # The doubles of the law, as they are passed.
@@ -239,7 +241,7 @@ def eq4(planet: mpf, halo: mpf, exposure: mpf, frames: mpf, gain: mpf) -> mpf:
     factor = 2 * (gain - 1) * gain ** (-(n + 1) / n) + 1 / gain
     kept = frames * mp.exp(-mpf(LOSS) * exposure)
     own = mpf(PLAIN["rdi_throughput"]) * planet * exposure * kept
-    light = 2 * (halo + mpf(SKY) + mpf(DARK)) * exposure / area
+    light = 2 * ((halo + mpf(SKY) + mpf(DARK)) * exposure + mpf(SMEAR)) / area
     read = (mpf(CAMERA.read_noise_e) ** 2 + mpf(CAMERA.rounding_e) ** 2) / gain**2
     white_pixel = kept * (factor * light + 2 * (factor * mpf(CAMERA.cic_e) + read))
     visit = frames * (exposure + mpf(CAMERA.readout_s))

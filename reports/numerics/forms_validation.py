@@ -91,7 +91,7 @@ def bilinear(metal: mpf, cloud: mpf) -> mpf:
     return mpf(MODEL.full_contrast) * albedo * phase
 
 
-FRAMES = [(a, b, c) for a in (0.0, 1e-6, 3.7, 1e12) for b in (1e-12, 2.0) for c in (1e6, 1.0)]
+FRAMES = [(a, b, c) for a in (0.0, 1e-6, 3.7, 1e12, 1e100) for b in (1e-12, 2.0) for c in (1e6, 1.0)]
 USABLE = np.array([True, False, True])[:, None, None]
 SUMS = [(x, r) for x in (20.0, 20.25, 19.7) for r in (1e-3, 0.3, 1.0, 3.3, 15.0)]
 PLACES = [
@@ -124,14 +124,14 @@ FORMS = [
     ),
     ClosedForm(
         "cpic_planner.validation.combine",
-        "one frame of three unusable, 1e-12 to 1e12 e-",
+        "one frame of three unusable, 1e-12 to 1e100 e-",
         FRAMES,
         lambda *x: combine(np.array(x)[:, None, None], USABLE).image_e[0, 0],
         lambda a, b, c: (a + c) / 2 * 3,
     ),
     ClosedForm(
         "cpic_planner.validation.filled",
-        "one frame of three unusable, 1e-12 to 1e12 e-",
+        "one frame of three unusable, 1e-12 to 1e100 e-",
         FRAMES,
         lambda *x: filled(np.array(x)[:, None, None], USABLE)[0][1, 0, 0],
         lambda a, b, c: (a + c) / 2,

@@ -22,6 +22,7 @@ from cpic_planner.validation import (
     combine,
     contrast,
     detection_threshold,
+    filled,
     scale_library,
 )
 from simulator.effects import cosmic_ray_rate
@@ -139,11 +140,14 @@ REFUSALS = [
             ),
         )
     ),
-    Refusal(
-        "cpic_planner.validation.combine",
-        combine,
-        (FRAMES * NAN, GOOD),
-        "frames[0, y=0, x=0] = nan e-: not accepted; allowed: finite numbers",
+    *(
+        Refusal(name, call, (FRAMES * x, GOOD), f"frames[0, y=0, x=0] = {x} e-: not accepted; allowed: {allowed}")
+        for name, call in (("cpic_planner.validation.combine", combine), ("cpic_planner.validation.filled", filled))
+        for x, allowed in (
+            (NAN, "finite numbers"),
+            (-INF, "finite numbers"),
+            (1e308, "-1e+100 to 1e+100, so that sums stay finite"),
+        )
     ),
     *(
         Refusal("cpic_planner.validation.aperture_weights", aperture_weights, ((5, 5), *given), says)

@@ -56,6 +56,8 @@ class Exposure:
         Fixed structure of the bias: per column, and a whole map.
     flaws : ndarray of uint8 or None
         Bits of `simulator.camera.MaskBit` that belong to the pixels themselves.
+    smear_e : ndarray or None
+        Of ``mean_e``, what the light of the other rows leaves during the transfer; None without smear.
     """
 
     detector: Detector
@@ -68,6 +70,7 @@ class Exposure:
     stripe_adu: FloatArray | None = None
     bias_adu: FloatArray | None = None
     flaws: npt.NDArray[np.uint8] | None = None
+    smear_e: FloatArray | None = None
     n_negative_rates: int = 0
 
 

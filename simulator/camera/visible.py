@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from catalogs.errors import InputError
 from simulator.camera.calibration_set import CalibrationSet, load_calibration_set
-from simulator.camera.checks import checked_rates, checked_scalar
+from simulator.camera.checks import MOST_E_S, checked_array, checked_rates, checked_scalar
 from simulator.camera.collection import Blooming, CosmicRayHits, PhotonNoise, PixelNonlinearity
 from simulator.camera.dark_current import dark_rate_e_s
 from simulator.camera.frame import Frame, MaskBit
@@ -96,6 +96,7 @@ class VisibleCamera:
         em_gain: float,
         *,
         first_pixel: tuple[int, int] | None = None,
+        beyond_e_s: npt.ArrayLike | None = None,
     ) -> Exposure:
         """Noise-free part of a frame.
 
@@ -109,6 +110,9 @@ class VisibleCamera:
             Actual gain of the register, 1 to ``detector.em_gain_max``.
         first_pixel : tuple of int, optional
             Row and column of the frame at which a window begins; around the star if not given.
+        beyond_e_s : array_like, optional
+            Light of the frame beyond a window, summed over each of its columns, at least 0: it smears into the window.
+            Without it a window is all of the frame that sees light.
 
         Raises
         ------
@@ -124,11 +128,16 @@ class VisibleCamera:
         flaws = self._flaws(rates.shape, place)
         light = self._light(rates, flaws, place)
         mean = light * exposure_s
-        switches = detector.switches
+        switches, smear = detector.switches, None
         if switches.smear and exposure_s > 0:
             # Lines pass under the light of their column on the way in and on the way out.
             passed = light[place.rows] * detector.transfer.line_shift_s
-            mean[place.rows] += passed.sum(axis=0) - passed
+            others = passed.sum(axis=0)
+            if beyond_e_s is not None:
+                others += _beyond(beyond_e_s, place, rates.shape) * detector.transfer.line_shift_s
+            smear = np.zeros_like(mean)
+            smear[place.rows] = others - passed
+            mean += smear
         if switches.dark:
             # Without flaws of the dark current `dark_of` is the same number everywhere.
             dark = dark_rate_e_s(detector) if flaws is None else flaws.dark_of(switches)
@@ -146,6 +155,7 @@ class VisibleCamera:
             stripe_adu=flaws.stripe_adu if flaws is not None else None,
             bias_adu=flaws.bias_adu if flaws is not None else None,
             flaws=flaws.mask_of(switches) if flaws is not None else None,
+            smear_e=smear,
             n_negative_rates=n_negative,
         )
 
@@ -244,6 +254,12 @@ def _mask(work: Work, exposure: Exposure) -> npt.NDArray[np.uint8]:
     if exposure.flaws is not None:
         mask |= exposure.flaws
     return mask
+
+
+def _beyond(beyond_e_s: npt.ArrayLike, place: Place, shape: tuple[int, ...]) -> FloatArray:
+    if place.whole or np.shape(beyond_e_s) != shape[1:]:
+        raise InputError("beyond_e_s", np.shape(beyond_e_s), unit="px", allowed=f"{shape[1]} columns of a window")
+    return checked_array("beyond_e_s", beyond_e_s, low=0.0, high=MOST_E_S, unit="e-/s")
 
 
 def _place(detector: Detector, shape: tuple[int, ...], first_pixel: tuple[int, int] | None) -> Place:

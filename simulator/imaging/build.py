@@ -15,8 +15,9 @@ from simulator.imaging.aberrations import Aberrations, draw_aberrations, flat_ab
 from simulator.imaging.apodizer import cell_means, upsample
 from simulator.imaging.dark_hole import DarkHole, HoleResult
 from simulator.imaging.deformable_mirror import DeformableMirror, load_dm_surface
+from simulator.imaging.geometry import zone_of
 from simulator.imaging.hole_store import configured_apodizer, hole_key, hole_state, search
-from simulator.imaging.hole_zone import HoleStatus, HoleZone
+from simulator.imaging.hole_zone import HoleStatus
 from simulator.imaging.imager import Imager
 from simulator.knobs import Knobs, resolve_knobs
 from simulator.passbands import Passbands
@@ -83,12 +84,6 @@ def bare_imager(
     nodes = knobs.wavelength_nodes + _extra_nodes(instrument, band, knobs)
     wavelength_nm, weights = passbands.wavelength_nodes(band, nodes, spectrum=light)
     apodizer = configured_apodizer(instrument)
-    zone = HoleZone(
-        instrument.hole_inner_arcsec(band),
-        instrument.hole_outer_arcsec(band),
-        instrument.dark_hole.mode,
-        instrument.dark_hole.side,
-    )
     return Imager(
         band=band,
         wavelengths_m=wavelength_nm * 1e-9,
@@ -98,7 +93,7 @@ def bare_imager(
         pixel_scale_arcsec=instrument.pixel_scale_arcsec(band),
         mask_half_width_arcsec=instrument.mask_half_width_arcsec(band),
         aperture_radius_arcsec=instrument.aperture_radius_arcsec(band),
-        zone=zone,
+        zone=zone_of(instrument, band),
         lambda_d_arcsec=instrument.lambda_d_arcsec(band),
         knobs=knobs,
         jitter_arcsec=instrument.wavefront.jitter_mas * 1e-3,

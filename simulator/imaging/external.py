@@ -17,6 +17,7 @@ from catalogs.errors import InputError
 from simulator.config.base import content_hash
 from simulator.config.instrument import Instrument, load_instrument
 from simulator.imaging.external_metrics import ExternalMetrics, stamp_metrics
+from simulator.imaging.geometry import BandGeometry
 from simulator.imaging.kernel import open_pixels, placed
 from simulator.imaging.map_files import real_map
 from simulator.imaging.psf_files import StampFile, read_stamps, write_stamps
@@ -105,17 +106,32 @@ class ExternalPsf:
         return "external"
 
     @functools.cached_property
-    def metrics(self) -> ExternalMetrics:
-        """Figures of merit that follow from the stamps; see `ExternalMetrics`.
+    def geometry(self) -> BandGeometry:
+        """Hole and apertures, those of the instrument's band, with the mask of these images.
 
         Raises
         ------
         InputError
             If no band was named: aperture and hole depend on it.
         """
+        return BandGeometry.of(self.instrument, self._named_band, len(self.on_axis), self.mask_half_width_arcsec)
+
+    @property
+    def _named_band(self) -> str:
         if not self.band:
             raise InputError("band", "missing", allowed=", ".join(self.instrument.bands), hint="load_psf(..., band=)")
-        return stamp_metrics(self.on_axis, self.off_axis, self.instrument, self.band,
+        return self.band
+
+    @functools.cached_property
+    def metrics(self) -> ExternalMetrics:
+        """Figures of merit that follow from the stamps; see `ExternalMetrics`.
+
+        Raises
+        ------
+        InputError
+            If no band was named.
+        """
+        return stamp_metrics(self.on_axis, self.off_axis, self.instrument, self._named_band,
                              mask_half_width_arcsec=self.mask_half_width_arcsec,
                              apodizer_energy=self.apodizer_energy)  # fmt: skip
 

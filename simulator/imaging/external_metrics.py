@@ -16,8 +16,9 @@ from simulator.imaging.aperture import (
     overlap_weights,
     photon_weights,
 )
+from simulator.imaging.geometry import BandGeometry, zone_of
 from simulator.imaging.hole_zone import HoleZone
-from simulator.imaging.kernel import centred_offsets, unpixelled
+from simulator.imaging.kernel import unpixelled
 
 __all__ = ["ExternalMetrics", "stamp_metrics"]
 
@@ -53,6 +54,8 @@ class ExternalMetrics:
         Masked on-axis image over ``peak_off_axis``.
     halo_map : ndarray, shape (n, n)
         Starlight in the aperture centred on every pixel.
+    column_light : ndarray, shape (n,)
+        Masked star in every column, summed over the rows of the stamp: what lies beyond is not known.
     core_table : ndarray, shape (k, k)
         Cumulative aperture-weighted PSF, over offsets up to ``core_table_half_arcsec``.
     core_table_half_arcsec : float
@@ -72,14 +75,20 @@ class ExternalMetrics:
     iwa_arcsec: float
     raw_contrast: FloatArray
     halo_map: FloatArray
+    column_light: FloatArray
     core_table: FloatArray
     core_table_half_arcsec: float
 
     @property
+    def geometry(self) -> BandGeometry:
+        """What follows from the instrument and the size of the stamp alone."""
+        return BandGeometry(self.lambda_d_arcsec, self.pixel_scale_arcsec, self.aperture_radius_arcsec,
+                            self.mask_half_width_arcsec, self.zone, len(self.raw_contrast))  # fmt: skip
+
+    @property
     def hole(self) -> NDArray[np.bool_]:
         """Pixels whose centres lie in the dark quadrants."""
-        offset = centred_offsets(len(self.raw_contrast)) * self.pixel_scale_arcsec
-        return self.zone.covers(offset, offset)
+        return self.geometry.hole
 
     @property
     def hole_inner_corner_arcsec(self) -> float:
@@ -89,12 +98,12 @@ class ExternalMetrics:
     @property
     def owa_arcsec(self) -> float:
         """Diagonal separation of the outer corner of the hole."""
-        return self.zone.outer_arcsec * math.sqrt(2.0)
+        return self.zone.outer_corner_arcsec
 
     @property
     def aperture_pixels(self) -> float:
         """Area of the photometric aperture in pixels."""
-        return math.pi * (self.aperture_radius_arcsec / self.pixel_scale_arcsec) ** 2
+        return self.geometry.aperture_pixels
 
     def core_throughput(self, x_arcsec: ArrayLike, y_arcsec: ArrayLike) -> FloatArray:
         """Energy of a unit source at (x, y) in its aperture behind the mask."""
@@ -130,8 +139,7 @@ def stamp_metrics(
         If the instrument has no such band.
     """
     pixel, radius = instrument.pixel_scale_arcsec(band), instrument.aperture_radius_arcsec(band)
-    zone = HoleZone(instrument.hole_inner_arcsec(band), instrument.hole_outer_arcsec(band), instrument.dark_hole.mode,
-                    instrument.dark_hole.side)  # fmt: skip
+    zone = zone_of(instrument, band)
     cells = 2 * math.ceil((radius / pixel + 1) * CELLS_PER_PIXEL)
     offset = (np.arange(cells) - cells / 2 + 0.5) / CELLS_PER_PIXEL  # pixels
     light = unpixelled(off_axis, offset) / CELLS_PER_PIXEL**2
@@ -158,6 +166,7 @@ def stamp_metrics(
         iwa_arcsec=math.sqrt(2.0) * float(np.interp(0.5 * core_open, curve, diagonal)) if hidden else 0.0,
         raw_contrast=on_axis / peak,
         halo_map=aperture_sums(on_axis, overlap_weights(radius / pixel)),
+        column_light=on_axis.sum(axis=0),
         core_table=table,
         core_table_half_arcsec=half,
     )

@@ -7,10 +7,11 @@ kernel on a grid of 4 x 4 cells a pixel (`simulator.imaging.paper_scene`).
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,13 +22,14 @@ from simulator.config import Instrument, content_hash
 from simulator.imaging.build import build_imager
 from simulator.imaging.extended import render_extended
 from simulator.imaging.external import ExternalPsf
-from simulator.imaging.imager import centred_axis
+from simulator.imaging.imager import Imager, centred_axis
 from simulator.imaging.paper_scene import paper_scene_image
 from simulator.imaging.psf import Psf, wide_on_axis
 from simulator.imaging.quadrature import pixel_axis
 from simulator.imaging.scene_image import PointSources, SourceGrid, scene_image
 from simulator.imaging.store import metrics_key
 from simulator.imaging.transfer import KernelTransfer, Transfer, band_transfer
+from simulator.knobs import Knobs
 from simulator.target.sources import ExtendedRate, Source
 
 __all__ = [
@@ -35,15 +37,18 @@ __all__ = [
     "SceneModel",
     "Window",
     "apodizer_energy",
+    "forget_starlight",
     "full_star_map",
     "off_axis_light",
     "sky_transmission",
+    "star_column_light",
     "window_of",
 ]
 
 FloatArray = NDArray[np.float64]
 AnyPsf: TypeAlias = Psf | ExternalPsf
 SceneModel = Literal["exact", "paper"]
+N_KEPT = 4  # images of field stars, up to 9 MB each
 # Numbers of wavelengths for far sources: few, since sources of one number share a pass.
 _LADDER = (5, 8, 12, 17, 24, 33)
 
@@ -131,6 +136,23 @@ def full_star_map(psf: AnyPsf, window: Window, star_arcsec: tuple[float, float] 
     return image
 
 
+def star_column_light(
+    psf: AnyPsf, window: Window, rows: NDArray[np.bool_], star_arcsec: tuple[float, float] = (0.0, 0.0)
+) -> FloatArray:
+    """Light of the masked unit star in some rows of a window, summed over each column; none for a PSF from a file.
+
+    The light of `full_star_map`, kept in the disk cache as well.
+    """
+    if isinstance(psf, ExternalPsf):
+        return np.zeros(window.columns.size)
+    place = [*window.shape, *window.centre, *star_arcsec, *np.flatnonzero(np.diff(rows)).tolist()]
+    key = content_hash({"optics": metrics_key(psf.instrument, psf.band), "columns": place})
+    return compute_once(f"columns-{psf.band}-{key}", lambda: {
+        "light": wide_on_axis(psf.band, psf.instrument, window.shape, window.centre,
+                              star_arcsec=star_arcsec)[rows].sum(axis=0)
+    })["light"]  # fmt: skip
+
+
 def _fill_core(image: FloatArray, psf: Psf, window: Window, star_arcsec: tuple[float, float], side: int) -> None:
     """Put a star off the mask on the map at the settings of the PSF, a stamp around it."""
     spans = []
@@ -177,26 +199,71 @@ def off_axis_light(
         return np.zeros(window.shape)
     x, y = (np.array([getattr(source, f"{axis}_arcsec") for source in sources]) + shift
             for axis, shift in zip("xy", star_arcsec, strict=True))  # fmt: skip
-    points = PointSources(x, y, np.array([source.rate_e_s for source in sources]))
+    rates = np.array([source.rate_e_s for source in sources])
     if model == "paper":
         if isinstance(psf, ExternalPsf) or extended:
             raise InputError("scene_model", model, allowed="exact for extended sources and for PSFs from files")
-        return paper_scene_image(psf.imager, window.rows, window.columns, points)
-    grids = [_grid(psf, window, item, roll_deg, star_arcsec) for item in extended]
+        return paper_scene_image(_coarsest(psf), window.rows, window.columns, PointSources(x, y, rates))
     nodes = np.array([_wavelengths(psf, source, star_arcsec) for source in sources], dtype=int)
+    stars = np.array([source.kind == "star" for source in sources], dtype=bool)
     total = np.zeros(window.shape)
-    for count in sorted({0, *nodes.tolist()}):
-        part = nodes == count
-        total += scene_image(
-            _transfer(psf, count),
-            window.rows,
-            window.columns,
-            psf.pixel_scale_arcsec,
-            PointSources(*(array[part] for array in points.arrays)),
-            mask_half_width_arcsec=_half_width(psf),
-            extended=() if count else grids,
-        )
+    if stars.any():
+        total += _starlight(_Stars(psf, window, *(part[stars] for part in (nodes, x, y, rates))))
+    grids = [_grid(psf, window, item, roll_deg, star_arcsec) for item in extended]
+    if grids or not stars.all():
+        # Beside the light of stars the image of a planet would keep only their rounding.
+        total += _image(psf, window, 0, PointSources(*(part[~stars] for part in (x, y, rates))), grids)
     return total
+
+
+class _Stars:
+    """Stars behind some optics on a window, equal to any others of the same content."""
+
+    def __init__(self, psf: AnyPsf, window: Window, nodes: NDArray[np.int_], *points: FloatArray) -> None:
+        self.psf, self.window, self.nodes, self.points = psf, window, nodes, points
+        arrays: list[NDArray[Any]] = [window.rows, window.columns, nodes, *points]
+        optics = psf.content_hash if isinstance(psf, ExternalPsf) else psf.imager.content_key
+        if isinstance(psf, Psf) and psf.spectrum is not None:
+            # With other wavelengths than its own the model is built anew, with the same spectrum.
+            arrays += [psf.spectrum.wavelength_nm, psf.spectrum.photlam]
+        self._key = (optics, psf.instrument.content_hash, *(array.tobytes() for array in arrays))
+
+    def __hash__(self) -> int:
+        return hash(self._key)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Stars) and other._key == self._key
+
+
+@functools.lru_cache(maxsize=N_KEPT)
+def _starlight(stars: _Stars) -> FloatArray:
+    """Electrons per second and pixel of stars other than the central one; kept, as two visits see the same ones."""
+    total = np.zeros(stars.window.shape)
+    for count in np.unique(stars.nodes).tolist():
+        part = stars.nodes == count
+        points = PointSources(*(array[part] for array in stars.points))
+        total += _image(stars.psf, stars.window, count, points, ())
+    total.flags.writeable = False
+    return total
+
+
+def forget_starlight() -> None:
+    """Drop the light of field stars that earlier observations left, so that the next one is timed as the first."""
+    _starlight.cache_clear()
+
+
+def _image(
+    psf: AnyPsf, window: Window, wavelength_nodes: int, points: PointSources, extended: Sequence[SourceGrid]
+) -> FloatArray:
+    return scene_image(
+        _transfer(psf, wavelength_nodes),
+        window.rows,
+        window.columns,
+        psf.pixel_scale_arcsec,
+        points,
+        mask_half_width_arcsec=_half_width(psf),
+        extended=extended,
+    )
 
 
 def _wavelengths(psf: AnyPsf, source: Source, star_arcsec: tuple[float, float]) -> int:
@@ -218,10 +285,16 @@ def _wavelengths(psf: AnyPsf, source: Source, star_arcsec: tuple[float, float]) 
 def _transfer(psf: AnyPsf, wavelength_nodes: int = 0) -> Transfer:
     if isinstance(psf, ExternalPsf):
         return KernelTransfer(psf.off_axis, psf.pixel_scale_arcsec)
-    if not wavelength_nodes:
-        return band_transfer(psf.imager)
-    knobs = psf.knobs.model_copy(update={"wavelength_nodes": wavelength_nodes})
-    return band_transfer(build_imager(psf.instrument, psf.band, knobs, spectrum=psf.spectrum))
+    return band_transfer(_coarsest(psf, wavelength_nodes))
+
+
+def _coarsest(psf: Psf, wavelength_nodes: int = 0) -> Imager:
+    """The optics on the coarsest grid that holds the steps of the pupil: the field is exact there."""
+    least = psf.knobs.model_copy(update={"pupil_samples": Knobs().pupil_samples})
+    if not wavelength_nodes and least == psf.knobs:
+        return psf.imager
+    knobs = least.model_copy(update={"wavelength_nodes": wavelength_nodes or least.wavelength_nodes})
+    return build_imager(psf.instrument, psf.band, knobs, spectrum=psf.spectrum)
 
 
 def _half_width(psf: AnyPsf) -> float:

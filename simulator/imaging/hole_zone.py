@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from catalogs.errors import InputError
 
@@ -52,6 +52,19 @@ class HoleZone:
     def inner_corner_arcsec(self) -> float:
         """Diagonal separation of the inner corner."""
         return self.inner_arcsec * math.sqrt(2.0)
+
+    @property
+    def outer_corner_arcsec(self) -> float:
+        """Diagonal separation of the outer corner."""
+        return self.outer_arcsec * math.sqrt(2.0)
+
+    def azimuth_fraction(self, separation_arcsec: ArrayLike) -> FloatArray:
+        """Fraction of the circle of that radius that lies inside the zone."""
+        r = np.maximum(np.asarray(separation_arcsec, dtype=np.float64), 1e-12)
+        from_inner = np.arcsin(np.minimum(self.inner_arcsec / r, 1.0))
+        first = np.maximum(from_inner, np.arccos(np.minimum(self.outer_arcsec / r, 1.0)))
+        share = 1.0 if self.mode == "4q" else 0.5
+        return share * np.clip(1.0 - first / (math.pi / 4), 0.0, 1.0)
 
     def axes(self, half_axis: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Axes y and x of the zone, given the points of one positive half axis in ascending order."""

@@ -18,7 +18,7 @@ import functools
 import hashlib
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
@@ -41,7 +41,7 @@ from simulator.imaging.quadrature import PixelAxis, integrate_pixels, pixel_axis
 from simulator.knobs import Knobs
 from simulator.lazy import load_quietly
 
-__all__ = ["Engine", "FocalGrid", "Imager", "centred_axis"]
+__all__ = ["Engine", "FocalGrid", "Imager", "Optics", "centred_axis"]
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complexfloating[Any, Any]]
@@ -263,10 +263,23 @@ class Imager:
 
     def _summed(self, fields: Iterable[ComplexArray], shape: tuple[int, int]) -> FloatArray:
         total = np.zeros(shape)
-        for weight, field in zip(self.weights, fields, strict=True):
-            total += float(weight) * (field.real**2 + field.imag**2)
+        for weight, part in zip(self.weights, fields, strict=True):
+            total += float(weight) * (part.real**2 + part.imag**2)
         total *= self.pixel_solid_angle_sr
         return total
+
+
+@dataclass(frozen=True)
+class Optics:
+    """An optical model that equals any other with the same content: a key to what is kept of it."""
+
+    key: str
+    imager: Imager = field(compare=False)
+
+    @classmethod
+    def of(cls, imager: Imager) -> Optics:
+        """The key of a model."""
+        return cls(imager.content_key, imager)
 
 
 @dataclass(frozen=True, eq=False)

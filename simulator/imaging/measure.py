@@ -73,8 +73,8 @@ def _core_table(imager: Imager) -> tuple[FloatArray, float, float]:
     return table, cells / 2 / CELLS_PER_PIXEL * pixel, circle * (radius / pixel) ** 2
 
 
-def _wings(imager: Imager) -> tuple[FloatArray, FloatArray]:
-    """Azimuthal mean of the unmasked PSF in rings one pixel wide, and its means over small boxes."""
+def _wings(imager: Imager) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Azimuthal mean of the unmasked PSF in rings one pixel wide, its means over small boxes, its sums over columns."""
     pixel = imager.pixel_scale_arcsec
     half = int(np.ceil(FIELD_ARCSEC / pixel))
     pixels = np.arange(-half, half + 1)
@@ -88,7 +88,7 @@ def _wings(imager: Imager) -> tuple[FloatArray, FloatArray]:
     low, high = centre - box, centre + box + 1
     table = cumulative_table(image)
     sums = table[np.ix_(high, high)] - table[np.ix_(low, high)] - table[np.ix_(high, low)] + table[np.ix_(low, low)]
-    return totals[: half + 1] / counts[: half + 1], sums / (2 * box + 1) ** 2
+    return totals[: half + 1] / counts[: half + 1], sums / (2 * box + 1) ** 2, image.sum(axis=0)
 
 
 def _register_tail(rows: FloatArray, offset_arcsec: FloatArray, intervals: Sequence[tuple[float, float]]) -> float:
@@ -138,7 +138,9 @@ def measure_metrics(imager: Imager, psd_slope: float, wide: Imager | None = None
     frame = (wide or imager).image(coarse, coarse)
     hole, (_, columns) = imager.zone.covers(offset, offset), imager.zone.intervals()
     floor = measure_floor(imager, psd_slope)
-    profile, wing_map = _wings(wide or imager)
+    profile, wing_map, column_profile = _wings(wide or imager)
+    stamp = slice(half - len(on_axis) // 2, half + len(on_axis) // 2 + 1)
+    beyond = np.concatenate([frame[: stamp.start, stamp], frame[stamp.stop :, stamp]])
     values = stamp_figures(imager, on_axis, off_axis)
     values |= {
         "band": imager.band,
@@ -156,6 +158,8 @@ def measure_metrics(imager: Imager, psd_slope: float, wide: Imager | None = None
         "peak_on_axis_frame": max(float(frame.max()), float(on_axis.max())),
         "peak_on_axis_columns": float(frame[:, hole.any(axis=0)].max()),
         "register_tail": _register_tail(frame[hole.any(axis=1)], offset, columns),
+        "column_light": on_axis.sum(axis=0) + beyond.sum(axis=0),
+        "column_profile": column_profile,
         "source_noise_fraction": _source_noise_fraction(imager),
         "wing_profile": profile,
         "wing_map": wing_map,

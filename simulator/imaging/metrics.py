@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+import functools
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any
@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from catalogs.errors import InputError
-from simulator.imaging.aperture import core_from_table
+from simulator.imaging.aperture import core_from_table, overlap_weights
+from simulator.imaging.geometry import BandGeometry
 from simulator.imaging.hole_zone import HoleMode, HoleSide, HoleStatus, HoleZone
 
 __all__ = ["PsfMetrics"]
@@ -62,6 +63,11 @@ class PsfMetrics:
     register_tail : float
         Largest mean over any run of pixels that ends at the hole, along its rows, from either side: a register that
         holds this many electrons a pixel has no charge left over that trails into the hole.
+    column_light : ndarray, shape (n,)
+        Masked star in every column of the stamp, summed over the rows of the frame (those within 8.75 arcsec): what a
+        frame transfer without a shutter smears along the column.
+    column_profile : ndarray, shape (2 w - 1,)
+        Unmasked PSF summed over all rows, at offsets of ... -1, 0, 1 ... columns from the source.
     source_noise_fraction : float
         ``sum(w^2 mu) / sum(w mu)`` of a source in its aperture: cut pixels weigh less in the variance of a sum.
     iwa_arcsec : float
@@ -108,6 +114,8 @@ class PsfMetrics:
     peak_on_axis_frame: float
     peak_on_axis_columns: float
     register_tail: float
+    column_light: FloatArray
+    column_profile: FloatArray
     source_noise_fraction: float
     iwa_arcsec: float
     raw_contrast: FloatArray
@@ -122,11 +130,15 @@ class PsfMetrics:
     floor_sigma: FloatArray
 
     @property
+    def geometry(self) -> BandGeometry:
+        """What holds at any numerical settings."""
+        return BandGeometry(self.lambda_d_arcsec, self.pixel_scale_arcsec, self.aperture_radius_arcsec,
+                            self.mask_half_width_arcsec, self.zone, len(self.raw_contrast))  # fmt: skip
+
+    @property
     def hole(self) -> NDArray[np.bool_]:
         """Pixels whose centres lie in the dark quadrants, ``a <= |x|, |y| <= b``."""
-        n = len(self.raw_contrast)
-        offset = np.asarray((np.arange(n) - n // 2) * self.pixel_scale_arcsec, dtype=np.float64)
-        return self.zone.covers(offset, offset)
+        return self.geometry.hole
 
     @property
     def zone(self) -> HoleZone:
@@ -136,17 +148,17 @@ class PsfMetrics:
     @property
     def hole_inner_corner_arcsec(self) -> float:
         """Diagonal separation of the inner corner of the hole."""
-        return self.hole_inner_arcsec * math.sqrt(2.0)
+        return self.zone.inner_corner_arcsec
 
     @property
     def owa_arcsec(self) -> float:
         """Diagonal separation of the outer corner of the hole."""
-        return self.hole_outer_arcsec * math.sqrt(2.0)
+        return self.zone.outer_corner_arcsec
 
     @property
     def aperture_pixels(self) -> float:
         """Area of the photometric aperture in pixels."""
-        return math.pi * (self.aperture_radius_arcsec / self.pixel_scale_arcsec) ** 2
+        return self.geometry.aperture_pixels
 
     @property
     def field_radius_arcsec(self) -> float:
@@ -174,6 +186,30 @@ class PsfMetrics:
         near = np.exp(_bilinear(np.log(np.maximum(self.halo_map, TINY)), row, column))
         return np.where(inside, near, self.wing(np.hypot(x, y)) * self.aperture_pixels)
 
+    @functools.cached_property
+    def _columns_under_aperture(self) -> tuple[FloatArray, FloatArray]:
+        weights = overlap_weights(self.aperture_radius_arcsec / self.pixel_scale_arcsec).sum(axis=0)
+        star, source = (np.convolve(light, weights, mode="same") for light in (self.column_light, self.column_profile))
+        return star, source
+
+    def column_aperture(self, x_arcsec: ArrayLike) -> FloatArray:
+        """Starlight of whole columns under an aperture at x: that of its column in each pixel, summed over the pixels.
+
+        Beyond the stamp it is that of the stamp's edge.
+        """
+        return self._column(self._columns_under_aperture[0], x_arcsec)
+
+    def source_column_aperture(self, x_arcsec: ArrayLike) -> FloatArray:
+        """The same of an unmasked source on the frame, the aperture at an offset x from it.
+
+        All rows count, also those behind the cross or beyond the frame: 1 to 5 % of the light of a column.
+        """
+        return self._column(self._columns_under_aperture[1], x_arcsec)
+
+    def _column(self, light: FloatArray, x_arcsec: ArrayLike) -> FloatArray:
+        pixels = np.asarray(x_arcsec, dtype=np.float64) / self.pixel_scale_arcsec
+        return np.asarray(np.interp(pixels, np.arange(len(light)) - len(light) // 2, light))
+
     def wing(self, separation_arcsec: ArrayLike) -> FloatArray:
         """Azimuthal mean of the unmasked PSF per pixel; beyond `field_radius_arcsec` it falls as separation^-3.
 
@@ -189,27 +225,26 @@ class PsfMetrics:
         """Light per pixel that a source leaves at an offset (x, y) from itself, smoothed over a step of the map.
 
         The wings of a stepped apodizer gather along its axes: on a diagonal they lie a hundred times below the
-        azimuthal mean, which is what is returned beyond the map.
+        azimuthal mean. Beyond the map the pattern of its edge goes on and fades as the inverse square; the offset
+        across an arm stays as it is.
         """
         x, y = np.broadcast_arrays(np.asarray(x_arcsec, float), np.asarray(y_arcsec, float))
-        last = len(self.wing_map) - 1
-        column, row = (part / self.wing_map_step_arcsec + last // 2 for part in (x, y))
-        inside = (np.minimum(column, row) >= 0) & (np.maximum(column, row) <= last)
-        near = np.exp(_bilinear(np.log(self.wing_map), np.clip(row, 0, last), np.clip(column, 0, last)))
-        return np.where(inside, near, self.wing(np.hypot(x, y)))
+        last, step = len(self.wing_map) - 1, self.wing_map_step_arcsec
+        edge = (last // 2 - 0.5) * step
+        # The last boxes lie beside an axis where the source does.
+        far = np.maximum(np.maximum(np.abs(x), np.abs(y)) / edge, 1.0)
+        along = np.abs(x) > np.abs(y)
+        x, y = np.where(along, x / far, x), np.where(along, y, y / far)
+        column, row = (np.clip(part, -edge, edge) / step + last // 2 for part in (x, y))
+        return np.exp(_bilinear(np.log(self.wing_map), row, column)) / far**2
 
     def azimuth_fraction(self, separation_arcsec: ArrayLike) -> FloatArray:
         """Fraction of the circle of that radius that lies inside the dark quadrants."""
-        r = np.maximum(np.asarray(separation_arcsec, dtype=np.float64), 1e-12)
-        from_inner = np.arcsin(np.minimum(self.hole_inner_arcsec / r, 1.0))
-        first = np.maximum(from_inner, np.arccos(np.minimum(self.hole_outer_arcsec / r, 1.0)))
-        share = 1.0 if self.hole_mode == "4q" else 0.5
-        return share * np.clip(1.0 - first / (math.pi / 4), 0.0, 1.0)
+        return self.zone.azimuth_fraction(separation_arcsec)
 
     def resolution_elements(self, separation_arcsec: ArrayLike) -> FloatArray:
         """Non-overlapping lambda/D-wide apertures on the arcs inside the quadrants, a real number (>= 0)."""
-        r = np.asarray(separation_arcsec, dtype=np.float64)
-        return 2 * math.pi * r * self.azimuth_fraction(r) / self.lambda_d_arcsec
+        return self.geometry.resolution_elements(separation_arcsec)
 
     def rdi_floor(
         self,
@@ -264,9 +299,7 @@ class PsfMetrics:
 
     def annulus(self, separation_arcsec: float, half_width_lambda_d: float) -> NDArray[np.bool_]:
         """Pixels of the hole whose separation is within ``half_width_lambda_d`` of the given one."""
-        offset = (np.arange(len(self.raw_contrast)) - len(self.raw_contrast) // 2) * self.pixel_scale_arcsec
-        distance = np.abs(np.hypot(offset[:, None], offset) - separation_arcsec)
-        return self.hole & (distance <= half_width_lambda_d * self.lambda_d_arcsec)
+        return self.geometry.annulus(separation_arcsec, half_width_lambda_d)
 
     def to_arrays(self) -> dict[str, NDArray[Any]]:
         """Every field as an array, for an npz file or a cache."""

@@ -22,6 +22,7 @@ __all__ = [
     "add_intensity",
     "field_of",
     "half_waves",
+    "mirrored_waves",
     "parts_of",
     "quadrants_of",
     "unfolded",
@@ -80,13 +81,33 @@ def half_waves(frequencies: FloatArray, samples: int, scale: float, dtype: Any =
     farthest = float(np.abs(frequencies).max(initial=0.0))
     mirrored = count > 1 and bool(np.abs(frequencies + frequencies[::-1]).max() <= SYMMETRIC * farthest)
     held = frequencies[count // 2 :] if mirrored else frequencies
-    position = np.arange(samples // 2, samples) - (samples - 1) / 2
-    turns = 2.0 * np.pi * np.outer(held, position)
+    cosine, sine = _cosine_and_sine(held, samples)
     envelope = (scale * np.sinc(held))[:, None]
-    cosine, sine = envelope * np.cos(turns), envelope * np.sin(turns)
+    cosine, sine = envelope * cosine, envelope * sine
+    return HalfWaves(cosine.astype(dtype, copy=False), sine.astype(dtype, copy=False), mirrored, count)
+
+
+def mirrored_waves(upper: FloatArray, samples: int, dtype: Any = np.float64) -> HalfWaves:
+    """Waves without envelope at frequencies from zero up and their mirror images, an odd number.
+
+    Parameters
+    ----------
+    upper : ndarray, shape (k,)
+        Cycles per sample, the first of them 0.
+    samples, dtype
+        As in `half_waves`.
+    """
+    cosine, sine = _cosine_and_sine(upper, samples)
+    return HalfWaves(cosine.astype(dtype, copy=False), sine.astype(dtype, copy=False), True, 2 * upper.size - 1)
+
+
+def _cosine_and_sine(frequencies: FloatArray, samples: int) -> tuple[FloatArray, FloatArray]:
+    position = np.arange(samples // 2, samples) - (samples - 1) / 2
+    turns = 2.0 * np.pi * np.outer(frequencies, position)
+    cosine, sine = np.cos(turns), np.sin(turns)
     if samples % 2:
         cosine[:, 0] *= 0.5  # the middle sample stands in both halves
-    return HalfWaves(cosine.astype(dtype, copy=False), sine.astype(dtype, copy=False), mirrored, count)
+    return cosine, sine
 
 
 def quadrants_of(values: FloatArray) -> FloatArray:
@@ -166,7 +187,13 @@ def parts_of(real: FloatArray, imaginary: FloatArray, dtype: Any = np.float64) -
     return parts
 
 
-def add_intensity(total: FloatArray, parts: RealArray, y: HalfWaves, x: HalfWaves) -> None:
+def add_intensity(
+    total: FloatArray,
+    parts: RealArray,
+    y: HalfWaves,
+    x: HalfWaves,
+    envelopes: tuple[FloatArray, FloatArray] | None = None,
+) -> None:
     """Add the squared modulus of the field to that of others.
 
     Parameters
@@ -177,12 +204,21 @@ def add_intensity(total: FloatArray, parts: RealArray, y: HalfWaves, x: HalfWave
         From `parts_of`.
     y, x : HalfWaves
         Axes of the nodes.
+    envelopes : tuple of ndarray, shapes (s_y, k_y) and (s_x, k_x), optional
+        Factors on the squared modulus by side and node of either axis, for waves without envelope.
     """
     for place, field in _sides(parts, y, x):
         np.multiply(field, field, out=field)
         target = total[place]
-        target += field[0]
-        target += field[1]
+        if envelopes is None:
+            target += field[0]
+            target += field[1]
+            continue
+        side_y, side_x, rows = place
+        light = np.add(field[0], field[1], out=field[0])
+        light *= envelopes[0][side_y, rows, None]
+        light *= envelopes[1][side_x]
+        target += light
 
 
 def field_of(parts: RealArray, y: HalfWaves, x: HalfWaves) -> ComplexArray:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, get_args
 
@@ -17,8 +17,9 @@ from catalogs.spectra import Spectrum
 from simulator.config.instrument import Instrument, load_instrument
 from simulator.imaging.aperture import aperture_sums, overlap_weights
 from simulator.imaging.build import build_imager, hole_state_of
+from simulator.imaging.geometry import BandGeometry
 from simulator.imaging.hole_zone import HoleStatus
-from simulator.imaging.imager import Engine, Imager, centred_axis
+from simulator.imaging.imager import Engine, Imager, Optics, centred_axis
 from simulator.imaging.metrics import PsfMetrics
 from simulator.imaging.scene_image import PointSources, scene_image
 from simulator.imaging.transfer import band_transfer
@@ -90,6 +91,11 @@ class Psf:
     spectrum: Spectrum | None = None
 
     @functools.cached_property
+    def geometry(self) -> BandGeometry:
+        """Hole, mask and apertures on the stamps: all of the metrics that no setting changes, without measuring."""
+        return BandGeometry.of(self.instrument, self.band, len(self.on_axis))
+
+    @functools.cached_property
     def metrics(self) -> PsfMetrics:
         """Figures of merit; maps and core at this PSF's settings, wings and speckle floor at the standard ones."""
         from simulator.imaging.measure import stamp_figures, strehl
@@ -118,8 +124,7 @@ class Psf:
     @functools.cached_property
     def hole_state(self) -> HoleStatus:
         """Whether the dark hole of these images is as dark as asked; see `simulator.imaging.build.hole_state_of`."""
-        offset = centred_axis(len(self.on_axis), self.pixel_scale_arcsec)
-        light = self.on_axis[self.imager.zone.covers(offset, offset)]
+        light = self.on_axis[self.geometry.hole]
         return hole_state_of(self.instrument, self.band, float(light.mean() / self.off_axis.max()))
 
     @functools.cached_property
@@ -130,8 +135,7 @@ class Psf:
         weights = overlap_weights(self.imager.aperture_radius_arcsec / self.pixel_scale_arcsec)
         middle = len(self.off_axis) // 2
         cores = [aperture_sums(psf.off_axis, weights)[middle, middle] for psf in (self, best)]
-        offset = centred_axis(len(self.off_axis), self.pixel_scale_arcsec)
-        peak, hole = float(best.off_axis.max()), self.imager.zone.covers(offset, offset)
+        peak, hole = float(best.off_axis.max()), self.geometry.hole
         difference = (self.on_axis - best.on_axis)[hole] / peak
         return PsfError(
             tier=self.knobs.tier,
@@ -222,7 +226,7 @@ def single_band_psf(
         raise InputError("stamp_pixels", built.knobs.stamp_pixels, unit="px", allowed="an odd number")
     kept = built.knobs.stamp_pixels < LARGE_STAMP_PIXELS and built.transmission.size <= KEPT_PUPIL
     stamps = _stamps if kept else _stamps.__wrapped__
-    imager, on_axis, off_axis = stamps(_Optics(built.content_key, built), engine)
+    imager, on_axis, off_axis = stamps(Optics.of(built), engine)
     return Psf(
         band=band,
         on_axis=on_axis,
@@ -235,16 +239,8 @@ def single_band_psf(
     )
 
 
-@dataclass(frozen=True)
-class _Optics:
-    """An optical model that equals any other with the same content."""
-
-    key: str
-    imager: Imager = field(compare=False)
-
-
 @functools.lru_cache(maxsize=N_KEPT)
-def _stamps(optics: _Optics, engine: Engine) -> tuple[Imager, FloatArray, FloatArray]:
+def _stamps(optics: Optics, engine: Engine) -> tuple[Imager, FloatArray, FloatArray]:
     """Both stamps and the model behind them, the first of its content: what it keeps serves all scenes alike."""
     imager = optics.imager
     on_axis, off_axis = (_stamp(imager, masked=masked, engine=engine) for masked in (True, False))

@@ -14,7 +14,7 @@ own, to be added.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -31,6 +31,8 @@ ComplexArray = NDArray[np.complex128]
 
 CHUNK = 512  # sources whose phases are held at a time
 SMALLEST_TILE_ARCSEC = 4.0
+TILES = (1.0, 2.0, 4.0, 8.0)  # times the smallest
+GROUP_SAMPLES = 10_000.0  # of the transfer function that take as long as what a group costs besides
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,7 +154,7 @@ def scene_image(
         return image
     window = _Window(rows, columns, pixel_arcsec, (y[0], y[-1]), (x[0], x[-1]))
     light = np.zeros((rows.pixels.size, columns.pixels.size))
-    for group in _groups(window, [sources, *extended]):
+    for group in _groups(transfer, window, [sources, *extended]):
         _add_group(light, transfer, window, group)
     image[np.ix_(rows.pixels, columns.pixels)] = np.maximum(light, 0.0)
     return image
@@ -173,11 +175,11 @@ class _Window:
         half = self.pixel_arcsec / 2.0
         return ends[0] - half - high, ends[1] + half - low
 
-    def tile(self, x: FloatArray, y: FloatArray) -> NDArray[np.int64]:
+    def tile(self, x: FloatArray, y: FloatArray, larger: float) -> NDArray[np.int64]:
         """Tile of the sky of each position, (0, 0) being the window and its surroundings; shape (2, ...)."""
         tiles = []
         for position, ends in ((y, self.y_ends), (x, self.x_ends)):
-            side = max(2.0 * (ends[1] - ends[0] + self.pixel_arcsec), SMALLEST_TILE_ARCSEC)
+            side = larger * max(2.0 * (ends[1] - ends[0] + self.pixel_arcsec), SMALLEST_TILE_ARCSEC)
             tiles.append(np.floor((position - 0.5 * (ends[0] + ends[1])) / side + 0.5))
         return np.clip(np.array(tiles), -1e18, 1e18).astype(np.int64)
 
@@ -185,8 +187,36 @@ class _Window:
 Component = tuple[FloatArray, FloatArray, FloatArray]  # x, y, flux; flux is (s,) or (k, m)
 
 
-def _groups(window: _Window, parts: Sequence[PointSources | SourceGrid]) -> Iterator[list[Component]]:
-    """Sources with light in them, tile by tile: the period of a synthesis grows with the extent of its sources."""
+def _groups(
+    transfer: Transfer, window: _Window, parts: Sequence[PointSources | SourceGrid]
+) -> Sequence[list[Component]]:
+    """Sources with light in them, tile by tile: the period of a synthesis grows with the extent of its sources.
+
+    Tiles are of the size that takes the fewest samples: small for a few sources far apart, large for a dense field.
+    """
+    best, least = _tiles(window, parts, 1.0), math.inf
+    if len(best) < 2:
+        return best
+    for larger in TILES:
+        groups = _tiles(window, parts, larger)
+        try:
+            cost = sum(_samples(transfer, window, group) for group in groups)
+        except InputError:  # more than the memory can hold at once
+            break
+        if cost < least:
+            best, least = groups, cost
+        if len(groups) == 1:
+            break
+    return best
+
+
+def _samples(transfer: Transfer, window: _Window, group: list[Component]) -> float:
+    """Samples of the transfer function that a group takes, its fixed cost included; 0 where no light arrives."""
+    axes = _axes(transfer, window, group)
+    return 0.0 if axes is None else axes[0].count * axes[1].count + GROUP_SAMPLES
+
+
+def _tiles(window: _Window, parts: Sequence[PointSources | SourceGrid], larger: float) -> list[list[Component]]:
     groups: dict[tuple[int, int], list[Component]] = {}
     for part in parts:
         x, y, flux = part.arrays
@@ -196,28 +226,24 @@ def _groups(window: _Window, parts: Sequence[PointSources | SourceGrid]) -> Iter
             filled_rows, filled_columns = np.flatnonzero(flux.any(axis=1)), np.flatnonzero(flux.any(axis=0))
             x, y, flux = x[filled_columns], y[filled_rows], flux[np.ix_(filled_rows, filled_columns)]
             middle = [np.array(0.5 * (axis.min() + axis.max())) for axis in (x, y)]
-            row, column = window.tile(*middle)
+            row, column = window.tile(middle[0], middle[1], larger)
             groups.setdefault((int(row), int(column)), []).append((x, y, flux))
             continue
         lit = flux > 0
         x, y, flux = x[lit], y[lit], flux[lit]
-        tiles, owner = np.unique(window.tile(x, y), axis=1, return_inverse=True)
+        tiles, owner = np.unique(window.tile(x, y, larger), axis=1, return_inverse=True)
         for index, (row, column) in enumerate(tiles.T):
             inside = owner.ravel() == index
             groups.setdefault((int(row), int(column)), []).append((x[inside], y[inside], flux[inside]))
-    yield from (groups[key] for key in sorted(groups))
+    return [groups[key] for key in sorted(groups)]
 
 
 def _add_group(light: FloatArray, transfer: Transfer, window: _Window, group: list[Component]) -> None:
     """Add the image of some sources."""
-    ends = []
-    for which, edge in ((1, window.y_ends), (0, window.x_ends)):
-        low = min(float(component[which].min()) for component in group)
-        high = max(float(component[which].max()) for component in group)
-        ends.append(window.displacements(edge, low, high))
-    if any(low > transfer.reach_arcsec or high < -transfer.reach_arcsec for low, high in ends):
+    axes = _axes(transfer, window, group)
+    if axes is None:
         return
-    y_axis, x_axis = transfer.axis(*ends[0]), transfer.axis(*ends[1])
+    y_axis, x_axis = axes
     even, odd = _spectrum(group, y_axis.frequencies, x_axis.frequencies)
     values = transfer.values(y_axis, x_axis)
     # Rows +k and -k of the scene's spectrum are even - i odd and even + i odd; the same for the product of both.
@@ -225,6 +251,18 @@ def _add_group(light: FloatArray, transfer: Transfer, window: _Window, group: li
     mean, slope = plus + minus, 1j * (plus - minus)
     mean[0] *= 0.5
     light += _synthesis(mean * even - slope * odd, slope * even + mean * odd, window, y_axis, x_axis)
+
+
+def _axes(transfer: Transfer, window: _Window, group: list[Component]) -> tuple[FrequencyAxis, FrequencyAxis] | None:
+    """Harmonics of rows and columns that serve some sources; None where none of their light arrives."""
+    ends = []
+    for which, edge in ((1, window.y_ends), (0, window.x_ends)):
+        low = min(float(component[which].min()) for component in group)
+        high = max(float(component[which].max()) for component in group)
+        ends.append(window.displacements(edge, low, high))
+    if any(low > transfer.reach_arcsec or high < -transfer.reach_arcsec for low, high in ends):
+        return None
+    return transfer.axis(*ends[0]), transfer.axis(*ends[1])
 
 
 def _spectrum(group: list[Component], ky: FloatArray, kx: FloatArray) -> tuple[ComplexArray, ComplexArray]:
@@ -267,7 +305,10 @@ def _interval_means(pixels: PixelAxis, pixel_arcsec: float, axis: FrequencyAxis)
     """Integral of every harmonic over the open part of every open pixel, shape (p, harmonics)."""
     width = pixels.weights * pixel_arcsec
     matrix = _phases(axis.frequencies, pixels.nodes_arcsec - axis.centre_arcsec)
-    matrix *= np.sinc(np.multiply.outer(width, axis.frequencies)) * (width / axis.period_arcsec)[:, None]
+    # Few widths differ: that of an open pixel, and of those that the edges of the mask cut.
+    _, first, kind = np.unique(np.round(pixels.weights, 12), return_index=True, return_inverse=True)
+    means = np.sinc(np.multiply.outer(width[first], axis.frequencies)) * (width[first] / axis.period_arcsec)[:, None]
+    matrix *= means[kind]
     if pixels.starts.size == pixels.nodes_arcsec.size:
         return matrix
     summed: ComplexArray = np.add.reduceat(matrix, pixels.starts, axis=0)

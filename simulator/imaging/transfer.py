@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from catalogs.errors import InputError
 from simulator.config.instrument import ARCSEC_PER_RAD
 from simulator.imaging.imager import Imager
+from simulator.imaging.parity import HalfWaves, add_intensity, mirrored_waves, parts_of, quadrants_of
 
 __all__ = ["FrequencyAxis", "KernelTransfer", "Transfer", "TransferFunction", "band_transfer"]
 
@@ -31,7 +32,6 @@ BELL = 23.0  # of the Kaiser-Bessel bell: leakage about exp(-BELL)
 BELL_PRODUCT = BELL / (2.0 * math.pi)
 LONGEST_AXIS = 5000  # harmonics an axis; the arrays stay below 1 GB
 SHORTEST_CYCLES = 20.0  # of the cutoff frequency: beyond the core, where the window leaks less
-ROWS_AT_A_TIME = 64
 JITTER_REACH = 7.0  # standard deviations
 
 
@@ -156,7 +156,7 @@ class TransferFunction:
             Rows in the order of an FFT, columns from zero up; phases relative to the centres of the axes. Its scale:
             1 would pass the energy on the clear pupil disc.
         """
-        kernel = _intensity(self.imager, y.centre_arcsec + y.samples_arcsec, x.centre_arcsec + x.samples_arcsec)
+        kernel = _intensity(self.imager, y, x)
         cell_sr = y.period_arcsec / y.count * x.period_arcsec / x.count / ARCSEC_PER_RAD**2
         kernel *= (y.window * cell_sr)[:, None]
         kernel *= x.window
@@ -265,28 +265,56 @@ class KernelTransfer:
         return spectrum
 
 
-def _intensity(imager: Imager, y_arcsec: FloatArray, x_arcsec: FloatArray) -> FloatArray:
-    """Band-averaged intensity per steradian, as `Imager.intensity`, at half the cost on grids of millions of angles.
+def _intensity(imager: Imager, y: FrequencyAxis, x: FrequencyAxis) -> FloatArray:
+    """Band-averaged intensity per steradian on the samples of two axes, each in the order of an FFT.
 
-    Transforms of opposite pupil samples are complex conjugates, so the pupil splits into an even and an odd part that
-    see a real matrix each. Blocks of rows stay in the processor's cache.
+    The samples lie symmetrically about the centre of their axis. With the phases of the centre in the pupil, parity
+    (`simulator.imaging.parity`) takes a quarter of the multiplications; the envelope of a pupil sample, which is not
+    symmetric about the centre, comes last.
     """
-    total = np.zeros((y_arcsec.size, x_arcsec.size))
+    samples, step = len(imager.transmission), imager.diameter_m / len(imager.transmission)
+    dtype = np.empty(0, imager.knobs.field_dtype).real.dtype
+    position = np.arange(samples) - (samples - 1) / 2
+    sizes = y.count // 2 + 1, x.count // 2 + 1
+    total = np.zeros((2, 2, *sizes))
     for index, (wavelength, weight) in enumerate(zip(imager.wavelengths_m, imager.weights, strict=True)):
-        columns: NDArray[Any] = imager.pupil(index) @ imager.transform(x_arcsec, float(wavelength)).T
-        half = len(columns) // 2
-        right, left = columns[half:], columns[half - 1 :: -1]
-        parts = np.concatenate([right + left, 1j * (right - left)]) * math.sqrt(weight)
-        columns = np.concatenate([parts.real, parts.imag], axis=1)
-        rows: NDArray[Any] = imager.transform(y_arcsec, float(wavelength))[:, half:]
-        rows = np.concatenate([rows.real, rows.imag], axis=1)
-        for start in range(0, y_arcsec.size, ROWS_AT_A_TIME):
-            block = slice(start, start + ROWS_AT_A_TIME)
-            field = rows[block] @ columns
-            field *= field
-            total[block] += field[:, : x_arcsec.size]
-            total[block] += field[:, x_arcsec.size :]
-    return total
+        per_arcsec = step / float(wavelength) / ARCSEC_PER_RAD  # cycles a pupil sample
+        # Light on the clear disc is one, and a pixel of the field is a steradian.
+        scale = math.sqrt(weight) * step**2 / (float(wavelength) * math.sqrt(math.pi / 4.0) * imager.diameter_m)
+        waves: list[HalfWaves] = []
+        phases, envelopes = [], []
+        for axis in (y, x):
+            cycles = axis.period_arcsec / axis.count * per_arcsec
+            upper: FloatArray = np.arange(axis.count // 2 + 1, dtype=np.float64) * cycles
+            known = waves and (axis.period_arcsec, axis.count) == (y.period_arcsec, y.count)
+            waves.append(waves[0] if known else mirrored_waves(upper, samples, dtype))
+            centre = axis.centre_arcsec * per_arcsec
+            phases.append(np.exp(-2j * np.pi * centre * position))
+            envelopes.append(scale * np.sinc(np.stack([centre + upper, centre - upper])) ** 2)
+        pupil = imager.pupil(index) * phases[0][:, None] * phases[1]
+        parts = parts_of(quadrants_of(pupil.real), quadrants_of(pupil.imag), dtype)
+        add_intensity(total, parts, waves[0], waves[1], (envelopes[0], envelopes[1]))
+    return _in_order(total, y.count, x.count)
+
+
+def _in_order(sides: FloatArray, rows: int, columns: int) -> FloatArray:
+    """Values of the samples from zero up and of their mirror images, each from the centre out, in the order of an FFT.
+
+    Parameters
+    ----------
+    sides : ndarray, shape (2, 2, rows // 2 + 1, columns // 2 + 1)
+    """
+    answer = np.empty((rows, columns))
+    for side_y, (to_y, from_y) in enumerate(_sides(rows)):
+        for side_x, (to_x, from_x) in enumerate(_sides(columns)):
+            answer[to_y, to_x] = sides[side_y, side_x, from_y, from_x]
+    return answer
+
+
+def _sides(count: int) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
+    """Where the samples of either side of an axis go, and which of them."""
+    upper = slice(0, count // 2 + 1)
+    return (upper, slice(None)), (slice(count - 1, count // 2, -1), slice(1, None))
 
 
 def _gaussian(frequencies: FloatArray, sigma_arcsec: float) -> FloatArray:

@@ -18,10 +18,11 @@ __all__ = ["camera_sizes"]
 FloatArray = NDArray[np.float64]
 Sizes = dict[Quantity, float]
 _CORE_MARGIN = 1.4  # for what a Gaussian core lacks
+_SMEAR_MARGIN = 1.2  # rows behind the cross and beyond the frame, drifting speckles
 # Of the aperture sum of a planet, what a shift by one pixel costs, times the squared radius in pixels: measured 0.40 to
 # 0.43 in the four visible bands. At the edge of the mask the image ends sharply, and what is left of it may be little.
 _SHIFT, _SHIFT_EDGE, _SHIFT_CUT = 0.43, 0.1, 1.3
-_COUNTED = ("planet", "halo", "other", "sky", "dark", "flaws")
+_COUNTED = ("planet", "halo", "other", "sky", "smear", "dark", "flaws")
 
 
 def camera_sizes(case: CameraCase) -> dict[str, Sizes]:
@@ -63,12 +64,10 @@ def _calibrated(case: CameraCase) -> dict[str, Sizes]:
 def _charge(case: CameraCase) -> dict[str, Sizes]:
     """Charge that is collected, made on the way, or moved."""
     noise, t, frames, detector = case.noise, case.exposure_s, case.n_frames, case.detector
-    counts = noise.factor2 * noise.photons
     counted = (case.light_e + noise.dark_e) * noise.photons
     smear = detector.transfer.line_shift_s * case.sketch.column_e_s
     own = detector.transfer.line_shift_s / t * 2.0 * case.radius_pixels
     own *= 0.0 if case.reduced else 1.0 + case.over_planets(lambda planet: planet.hidden)
-    smeared = [frames * counts * case.sketch.noise_pixels * smear] * len(case.variances)
     hits = case.hits_per_s * t * case.hits.square_e2
     struck = 1.0 - math.exp(-0.5 * case.lost_per_s * t)
     p = float(stage_probability(case.em_gain, detector.register_stages))
@@ -81,7 +80,7 @@ def _charge(case: CameraCase) -> dict[str, Sizes]:
             snr=case.snr_share(*_COUNTED),
         ),
         "dark": _sizes(case.mean_change(noise.dark_e), snr=case.snr_share("dark", "flaws")),
-        "smear": _sizes(case.mean_change(smear), own, own + case.snr_added(smeared)),
+        "smear": _sizes(case.mean_change(smear), own, own + _SMEAR_MARGIN * case.snr_share("smear")),
         "cosmic_rays": _sizes(
             0.0 if case.reduced else case.variance_change(noise.factor2 * hits, inside=False)
             + case.mean_change(case.hits_per_s * t * case.hits.mean_e),

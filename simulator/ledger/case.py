@@ -16,7 +16,6 @@ from simulator.config.detector import Detector
 from simulator.ledger.light import PlanetPlace, Sketch
 from simulator.ledger.noise import FrameNoise
 from simulator.ledger.particles import PixelHits
-from simulator.ledger.wings import MOST
 
 __all__ = ["CameraCase", "Flaw", "largest_speckles", "overflow", "stamp_flaws"]
 
@@ -135,9 +134,8 @@ class CameraCase:
     @functools.cached_property
     def most_e(self) -> FloatArray:
         """The same with the light of other sources and of speckles at most."""
-        others = np.maximum(self.sketch.total_e_s - self.sketch.star_e_s - self.sketch.sky_e_s, 0.0)
         speckles = largest_speckles(self.sketch.star_e_s, self.sketch.scattered_e_s)
-        stamp = self.charge_e + ((MOST - 1.0) * others + speckles) * self.exposure_s
+        stamp = self._charged(self.sketch.most_e_s + speckles)
         return np.concatenate([stamp.ravel(), self.sketch.outside_e_s * self.exposure_s])
 
     def _charged(self, light_e_s: FloatArray) -> FloatArray:

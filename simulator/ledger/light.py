@@ -19,7 +19,7 @@ from simulator.imaging.aperture import overlap_weights
 from simulator.imaging.imager import centred_axis
 from simulator.imaging.metrics import PsfMetrics
 from simulator.imaging.quadrature import pixel_axis
-from simulator.ledger.wings import MOST, MOST_BEYOND, Surroundings, beyond, far_light, frame_reach, spot, wing
+from simulator.ledger.wings import MOST, MOST_BEYOND, FarLights, Surroundings, beyond, frame_reach, spot, wing
 from simulator.target.sources import Source
 
 __all__ = ["PlanetPlace", "Sketch", "SourceLight", "drift_halo", "sketch_of"]
@@ -79,6 +79,8 @@ class PlanetPlace:
         Light of the central star, of other sources at least, and of the sky in the aperture.
     scattered_e_s : float
         Of the halo, what a drifting wavefront adds.
+    column_e_s : float
+        Light of whole columns of the frame under the aperture, which the transfer smears into it.
     inside : bool
         Whether all of the aperture lies in the dark hole.
     place : tuple of slice
@@ -97,6 +99,7 @@ class PlanetPlace:
     other_e_s: float
     sky_e_s: float
     scattered_e_s: float
+    column_e_s: float
     inside: bool
     place: tuple[slice, slice]
     weights: FloatArray
@@ -117,14 +120,12 @@ class Sketch:
         Central star on the stamp around the mask.
     scattered_e_s : ndarray, shape (n, n)
         Of it, what a drifting wavefront adds.
-    total_e_s, least_e_s : ndarray, shape (n, n)
-        Everything there; and with what is certain of the other sources alone.
+    total_e_s, least_e_s, most_e_s : ndarray, shape (n, n)
+        Everything there; with what is certain of the other sources alone, and with their light at most.
     outside_e_s : ndarray, shape (k,)
         Levels of pixels of the window beyond the stamp; empty where there are none.
     column_e_s : float
-        Largest sum over the rows of a column of the window.
-    beyond_column_e_s : float
-        The same of the rows of the frame beyond the window.
+        Largest sum over a column of the frame, of those of the window.
     beyond_peaks_e_s : tuple of float
         Brightest pixel of the frame beyond the window in its columns, and brightest run of pixels in its rows.
     sky_e_s : float
@@ -144,9 +145,9 @@ class Sketch:
     scattered_e_s: FloatArray
     total_e_s: FloatArray
     least_e_s: FloatArray
+    most_e_s: FloatArray
     outside_e_s: FloatArray
     column_e_s: float
-    beyond_column_e_s: float
     beyond_peaks_e_s: tuple[float, float]
     sky_e_s: float
     radius_arcsec: FloatArray
@@ -226,31 +227,57 @@ def sketch_of(
     apertures = {i: _aperture(metrics, n, *places[i]) for i in chosen}
     frame, half = frame_reach(instrument, band, pixel), n // 2 * pixel
     window = frame if full else (half, half)
-    lights, total, least = [], star_map + sky * open_map, star_map + sky * open_map
-    near = sorted(range(1, len(sources)), key=lambda i: -sources[i].rate_e_s)[:_MOST_SPOTS]
+    lights, total, least, most = [], *[star_map + sky * open_map] * 3
+    brightest = sorted(range(1, len(sources)), key=lambda i: -sources[i].rate_e_s)[:_MOST_SPOTS]
+    close = half + _NEAR_STEPS * metrics.wing_map_step_arcsec
+    near = {i for i in brightest if max(map(abs, places[i])) <= close}
+    far = [i for i in range(1, len(sources)) if i not in near]
+    x_far, y_far = np.array([places[i] for i in far]).reshape(-1, 2).T
+    outer = FarLights.of(metrics, np.array([sources[i].rate_e_s for i in far]), x_far, y_far, half, open_map)
+    total, least, most = (part + factor * outer.total_e_s for part, factor in
+                          ((total, 1.0), (least, _LEAST), (most, MOST)))  # fmt: skip
+    far_inside = {
+        j: outer.sums_e_s(place, weights) if weights.size else
+        np.array([sources[i].rate_e_s for i in far])
+        * wing(metrics, places[j][0] - x_far, places[j][1] - y_far) * metrics.aperture_pixels
+        for j, (place, weights) in apertures.items()
+    }  # fmt: skip
+    row_of = {i: row for row, i in enumerate(far)}
     for i, source in enumerate(sources[1:], start=1):
         x, y = places[i]
         away = math.hypot(max(abs(x) - window[0], 0.0), max(abs(y) - window[1], 0.0))
-        if max(abs(x), abs(y)) <= half + _NEAR_STEPS * metrics.wing_map_step_arcsec and i in near:
+        if i in near:
             light = source.rate_e_s * spot(metrics, offset, x, y) * open_map
             beside = np.hypot(offset - x, (offset - y)[:, None]) > 2.0 * metrics.wing_map_step_arcsec
             peak = max(float(light.max()), MOST * float(light[beside].max(initial=0.0)))
+            total, least = total + light, least + _LEAST * light
+            most = most + np.minimum(MOST * light, source.rate_e_s * metrics.peak_off_axis * open_map)
+            inside = np.array([
+                float((weights * light[place]).sum()) if weights.size else
+                source.rate_e_s * float(wing(metrics, places[j][0] - x, places[j][1] - y)) * metrics.aperture_pixels
+                for j, (place, weights) in apertures.items()
+            ])  # fmt: skip
         else:
-            light, peak = far_light(metrics, source.rate_e_s, x, y, half, open_map)
-        total, least = total + light, least + _LEAST * light
+            peak = float(outer.peak_e_s[row_of[i]])
+            inside = np.array([sums[row_of[i]] for sums in far_inside.values()])
         stamp_peak = peak
         if away == 0 and full:
             peak = max(peak, source.rate_e_s * metrics.peak_off_axis)
-        inside = np.array([
-            float((weights * light[place]).sum()) if weights.size else
-            source.rate_e_s * float(wing(metrics, places[j][0] - x, places[j][1] - y)) * metrics.aperture_pixels
-            for j, (place, weights) in apertures.items()
-        ])  # fmt: skip
-        far = max(abs(x), abs(y)) - half > len(metrics.wing_map) // 2 * metrics.wing_map_step_arcsec
-        high, low = (MOST_BEYOND, _LEAST_BEYOND) if far else (MOST, _LEAST)
+        off_map = max(abs(x), abs(y)) - half > len(metrics.wing_map) // 2 * metrics.wing_map_step_arcsec
+        high, low = (MOST_BEYOND, _LEAST_BEYOND) if off_map else (MOST, _LEAST)
         lights.append(
             SourceLight(source.name, source.kind, peak, stamp_peak, source.rate_e_s, away, high * inside, low * inside)
         )
+    rates, x_all = (np.array(values) for values in ([s.rate_e_s for s in sources], [place[0] for place in places]))
+
+    def columns_e_s(x: float, own: int) -> float:
+        """Of every source but the planet itself, and the sky."""
+        unmasked = np.arange(len(sources)) != own
+        unmasked[0] &= moved
+        light = float((rates * metrics.source_column_aperture(x - x_all))[unmasked].sum())
+        light += 0.0 if moved else star.rate_e_s * float(metrics.column_aperture(x))
+        return light + sky * 2.0 * frame[1] / pixel * metrics.aperture_pixels
+
     planets = []
     for index, i in enumerate(chosen):
         (x, y), (place, weights) = places[i], apertures[i]
@@ -269,6 +296,7 @@ def sketch_of(
                 other_e_s=sum(float(light.least_e_s[index]) for j, light in enumerate(lights) if j != own),
                 sky_e_s=sky * (float((weights * open_map[place]).sum()) if weights.size else metrics.aperture_pixels),
                 scattered_e_s=float((weights * scattered[place]).sum()),
+                column_e_s=columns_e_s(x, i),
                 inside=bool(metrics.zone.covers(np.array([y]), np.array([x]), -metrics.aperture_radius_arcsec)[0, 0]),
                 place=place,
                 weights=weights,
@@ -289,9 +317,9 @@ def sketch_of(
         scattered_e_s=scattered,
         total_e_s=total,
         least_e_s=least,
+        most_e_s=most,
         outside_e_s=outside if full else np.zeros(0),
-        column_e_s=float(total.sum(axis=0).max()) + (columns if full else 0.0),
-        beyond_column_e_s=0.0 if full else columns,
+        column_e_s=float(total.sum(axis=0).max()) + columns,
         beyond_peaks_e_s=(0.0, 0.0) if full else crossing,
         sky_e_s=sky,
         radius_arcsec=radius,

@@ -70,13 +70,15 @@ def visit_variance_e2(
     exposure_s: float,
     n_frames: int,
     speckle_e_s: float,
+    line_shift_s: float,
     flaws_e: float = 0.0,
 ) -> dict[str, float]:
     """Variance of the aperture sum of a planet over a visit, by origin, electrons^2.
 
     ``N F^2 w (light t) + N n (F^2 cic + read^2 + rounding) + (N t speckle)^2``: w the mean squared weight of the pixels
     of the aperture, n the sum of squared weights (`simulator.camera.noise.aperture_noise_pixels`), speckle the rms of
-    aperture sums that a reference visit leaves; ``flaws_e`` what hot pixels and bad columns add to a frame, times the
+    aperture sums that a reference visit leaves; ``line_shift_s`` the time that a row of the frame transfer takes, 0
+    without smear; ``flaws_e`` what hot pixels and bad columns add to a frame, times the
     squared weights.
     """
     fraction = sketch.noise_pixels / sketch.aperture_pixels
@@ -88,6 +90,7 @@ def visit_variance_e2(
         "halo": counts * exposure_s * max(fraction, bright) * planet.halo_e_s,
         "other": light * planet.other_e_s,
         "sky": light * planet.sky_e_s,
+        "smear": counts * fraction * line_shift_s * planet.column_e_s,
         "dark": counts * sketch.noise_pixels * noise.dark_e,
         "flaws": counts * flaws_e,
         "clock": n_frames * noise.factor2 * sketch.noise_pixels * noise.clock_e,

@@ -27,11 +27,11 @@ LARGEST = 1.7  # of a remainder, in units of the light around: measured for one 
 _SLOWER, _FADING = 0.44, 0.42
 # Of starlight in an aperture, over the remainder and the light around: in the dark hole and elsewhere. Light of the
 # arms beside the hole reaches into it, so that the wave is never slower than at ten lambda/D.
-_HALO_WAVES, _LEAST_WAVES = (1.3, 4.0), 10.0
+_HALO_WAVES, _LEAST_WAVES = (2.0, 4.0), 10.0
 _HALO_PIXEL = {1: (0.16, 0.75), 2: (0.65, 5.5), 3: (6.0, 24.0), 4: (60.0, 60.0)}
 _MOST_HALO_PIXEL = 600.0
 # Of the rms of speckles that drift leaves, over the remainder: errors of single speckles average out.
-_SPECKLE_WAVES, _SPECKLE_MORE_WAVES, _SPECKLE_PIXEL = {1: 1.0, 2: 0.3}, 0.1, 0.5
+_SPECKLE_WAVES, _SPECKLE_MORE_WAVES, _SPECKLE_PIXEL = {1: (0.5, 1.1), 2: (0.15, 0.3)}, (0.07, 0.1), 0.5
 # Relative change of a planet's aperture sum by the number of wavelengths, over Delta^(2n); that of its brightest pixel.
 _FLUX = {1: 0.11, 2: 5e-3}
 _PEAK = {1: 0.26, 2: 8.0, 3: 100.0}
@@ -88,9 +88,10 @@ class Optics:
         """Error of the starlight in an aperture in or beyond the dark hole, relative to the light around it."""
         return _HALO_WAVES[not inside] * self._fast_waves(n_nodes, separation_arcsec)
 
-    def wavelength_speckle_error(self, n_nodes: int, separation_arcsec: float) -> float:
-        """Relative error of the rms of aperture sums that a drifting wavefront leaves."""
-        return _SPECKLE_WAVES.get(n_nodes, _SPECKLE_MORE_WAVES) * self._fast_waves(n_nodes, separation_arcsec)
+    def wavelength_speckle_error(self, n_nodes: int, separation_arcsec: float, inside: bool) -> float:
+        """Relative error of the rms of aperture sums that a drifting wavefront leaves in or beyond the dark hole."""
+        factor = _SPECKLE_WAVES.get(n_nodes, _SPECKLE_MORE_WAVES)[not inside]
+        return factor * self._fast_waves(n_nodes, separation_arcsec)
 
     def _fast_waves(self, n_nodes: int, separation_arcsec: float) -> float:
         return float(self.wavelength_error(n_nodes, max(separation_arcsec, _LEAST_WAVES * self.lambda_d_arcsec)))

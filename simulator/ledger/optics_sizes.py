@@ -100,7 +100,7 @@ class OpticsCase:
         for planet in case.sketch.planets:
             separation = math.hypot(planet.x_arcsec, planet.y_arcsec)
             halos.append(self.optics.wavelength_halo_error(n_nodes, separation, planet.inside) * self._around(planet))
-            speckles.append(self.optics.wavelength_speckle_error(n_nodes, separation))
+            speckles.append(self.optics.wavelength_speckle_error(n_nodes, separation, planet.inside))
         hidden = case.over_planets(lambda planet: planet.hidden)
         sizes = self._of(change, self.optics.wavelength_flux_error(n_nodes) * (1.0 + _HIDDEN * hidden), halos, speckles)
         if n_nodes == 1:

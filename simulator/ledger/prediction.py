@@ -207,10 +207,8 @@ def _off_mask(sketch: Sketch) -> Sizes:
 
 
 def _hole_region(case: CameraCase) -> Sizes:
-    """Of reading a window alone: smear by the rest of the columns, and overflow that would have come in."""
+    """Of reading a window alone: the overflow that would have come in; what smears into it is known."""
     detector, sketch, noise = case.detector, case.sketch, case.noise
-    smear = detector.transfer.line_shift_s * sketch.beyond_column_e_s * detector.switches.smear
-    added = [case.n_frames * noise.factor2 * sketch.noise_pixels * smear] * len(case.variances)
     in_columns, in_rows = (peak * case.exposure_s for peak in sketch.beyond_peaks_e_s)
     enters = float(overflow(in_columns, detector.full_well_e, 1.0)) * detector.switches.blooming
     register = detector.register_full_well_e / case.em_gain
@@ -222,5 +220,4 @@ def _hole_region(case: CameraCase) -> Sizes:
             lambda planet: float(not planet.weights.size or spill.blooms_into(*planet.place)
                                  or spill.trails_into(*planet.place))
         )  # fmt: skip
-    return {"planet_flux": reached, "snr": reached + case.snr_added(added),
-            "pixel_map": limit + case.mean_change(smear)}  # fmt: skip
+    return {"planet_flux": reached, "snr": reached, "pixel_map": limit}

@@ -114,11 +114,14 @@ def visit_of(
     )  # fmt: skip
     dark_e_s = dark_rate_e_s(detector) if isinstance(detector, Detector) else detector.dark_e_s
     noise = FrameNoise.of(detector, em_gain, dark_e_s * exposure_s)
+    smeared = isinstance(detector, Detector) and detector.switches.smear and exposure_s > 0
+    line_shift_s = instrument.detector.transfer.line_shift_s * smeared
     star_e_s, moved = sources[0].rate_e_s, any(star_offset_arcsec)
     speckles = [_speckles(figures, drift, planet, star_e_s, visit_s, still=moved) for planet in sketch.planets]
     variances = tuple(
         visit_variance_e2(planet, sketch, noise, source_noise_fraction=figures.source_noise_fraction,
                           exposure_s=exposure_s, n_frames=n_frames, speckle_e_s=speckle[0],
+                          line_shift_s=line_shift_s,
                           flaws_e=0.0 if reduced else _flaws_e(detector, corner, side, planet) * exposure_s)
         for planet, speckle in zip(sketch.planets, speckles, strict=True)
     )  # fmt: skip

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from simulator.config import Instrument
 from simulator.imaging.metrics import PsfMetrics
 
-__all__ = ["MOST", "MOST_BEYOND", "Surroundings", "beyond", "far_light", "frame_reach", "spot", "wing"]
+__all__ = ["MOST", "MOST_BEYOND", "FarLights", "Surroundings", "beyond", "frame_reach", "spot", "wing"]
 
 FloatArray = NDArray[np.float64]
 MOST, MOST_BEYOND = 5.0, 20.0
@@ -26,34 +26,56 @@ _LANE = 2.0
 _BRIGHTEST = 12
 
 
-def far_light(
-    metrics: PsfMetrics, rate_e_s: float, x: float, y: float, half: float, open_map: FloatArray
-) -> tuple[FloatArray, float]:
-    """Light of a source far away on the stamp, even over cells as wide as those of the wing map; brightest pixel."""
-    along = np.linspace(-half, half, _FAR_POINTS)
-    light = wing(metrics, (along - x)[None, :], (along - y)[:, None]) * rate_e_s
-    off_map = max(abs(x), abs(y)) - half > len(metrics.wing_map) // 2 * metrics.wing_map_step_arcsec
-    cell = np.rint(np.linspace(0, _FAR_POINTS - 1, len(open_map))).astype(np.intp)
-    return light[np.ix_(cell, cell)] * open_map, float(light.max()) * (MOST_BEYOND if off_map else MOST)
+@dataclass(frozen=True, eq=False)
+class FarLights:
+    """Light of sources far away on the stamp, even over cells as wide as those of the wing map.
+
+    Attributes
+    ----------
+    cells_e_s : ndarray, shape (s, 16, 16)
+        Per pixel.
+    peak_e_s : ndarray, shape (s,)
+        Brightest pixel.
+    open_map : ndarray, shape (n, n)
+        Open part of every pixel.
+    """
+
+    cells_e_s: FloatArray
+    peak_e_s: FloatArray
+    open_map: FloatArray
+
+    @classmethod
+    def of(
+        cls, metrics: PsfMetrics, rates_e_s: FloatArray, x: FloatArray, y: FloatArray, half: float, open_map: FloatArray
+    ) -> FarLights:
+        """Light of sources at places (s,)."""
+        along = np.linspace(-half, half, _FAR_POINTS)
+        cells = wing(metrics, along - x[:, None, None], along[:, None] - y[:, None, None]) * rates_e_s[:, None, None]
+        reach = len(metrics.wing_map) // 2 * metrics.wing_map_step_arcsec
+        off_map = np.maximum(np.abs(x), np.abs(y)) - half > reach
+        return cls(cells, cells.max(axis=(1, 2), initial=0.0) * np.where(off_map, MOST_BEYOND, MOST), open_map)
+
+    @property
+    def total_e_s(self) -> FloatArray:
+        """Of all sources on the pixels."""
+        return np.asarray(self.cells_e_s.sum(axis=0)[np.ix_(self._cell, self._cell)] * self.open_map)
+
+    def sums_e_s(self, place: tuple[slice, slice], weights: FloatArray) -> FloatArray:
+        """Weighted sum over some pixels, of each source."""
+        rows, columns = (self._cell[part] for part in place)
+        shares = np.zeros(self.cells_e_s.shape[1:])
+        np.add.at(shares, (rows[:, None], columns), weights * self.open_map[place])
+        return np.asarray(np.tensordot(self.cells_e_s, shares, axes=2))
+
+    @property
+    def _cell(self) -> NDArray[np.intp]:
+        return np.rint(np.linspace(0, _FAR_POINTS - 1, len(self.open_map))).astype(np.intp)
 
 
 def wing(metrics: PsfMetrics, x: FloatArray | float, y: FloatArray | float) -> FloatArray:
-    """Unmasked light per pixel at an offset from a source: its ring mean near the core, then the wing map.
-
-    Beyond the map the pattern of its edge goes on, fading as the inverse square: the arms of a stepped apodizer lie far
-    above the mean of their ring.
-    """
-    x, y = np.broadcast_arrays(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
+    """Unmasked light per pixel at an offset from a source: its ring mean near the core, then the wing map."""
     distance = np.hypot(x, y)
-    ring = metrics.wing(distance)
-    edge = (len(metrics.wing_map) // 2 - 0.5) * metrics.wing_map_step_arcsec
-    shrink = np.minimum(edge / np.maximum(np.maximum(np.abs(x), np.abs(y)), 1e-9), 1.0)
-    # The last boxes lie beside an axis where the source does: the offset across the arm stays as it is.
-    along = np.abs(x) > np.abs(y)
-    near_x, near_y = np.where(along, x * shrink, x), np.where(along, y, y * shrink)
-    near_x, near_y = np.clip(near_x, -edge, edge), np.clip(near_y, -edge, edge)
-    mapped = metrics.wing_at(near_x, near_y) * shrink**2
-    return np.where(distance < 2.0 * metrics.wing_map_step_arcsec, ring, mapped)
+    return np.where(distance < 2.0 * metrics.wing_map_step_arcsec, metrics.wing(distance), metrics.wing_at(x, y))
 
 
 def spot(metrics: PsfMetrics, offset: FloatArray, x: float, y: float) -> FloatArray:

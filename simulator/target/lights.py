@@ -6,6 +6,7 @@ import functools
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -18,12 +19,13 @@ from simulator.band_integrals import band_integral
 from simulator.config.bodies import SceneStar
 from simulator.config.geometry import Place
 from simulator.config.keys import at
-from simulator.config.light import SpectrumTable
+from simulator.config.light import STAR_MODELS, SpectrumTable
 from simulator.target.spectrum_table import photon_flux
-from simulator.target.star_spectrum import StarSpectrum, stellar_spectrum
+from simulator.target.star_spectrum import StarModel, StarSpectrum, stellar_spectrum
 
 __all__ = ["ORIGIN", "LitStar", "inside", "table_spectrum"]
 
+_Parameters: TypeAlias = tuple[float, str | None, float | None, float | None, float | None]
 ORIGIN = Place(0.0, 0.0)
 """Where the central star stands."""
 
@@ -71,14 +73,12 @@ class LitStar:
         star = self.star
         model = table_spectrum(star.spectrum) if isinstance(star.spectrum, SpectrumTable) else star.spectrum
         with inside(self.path):
-            return stellar_spectrum(
-                star.v_mag,
-                star.spectral_type,
-                teff_k=star.teff_k,
-                log_g=star.log_g,
-                metallicity=star.metallicity,
-                model=model,
-            )
+            return _spectrum(*self._parameters, model)
+
+    @property
+    def _parameters(self) -> _Parameters:
+        star = self.star
+        return star.v_mag, star.spectral_type, star.teff_k, star.log_g, star.metallicity
 
     @property
     def wavelength_nm(self) -> np.ndarray:
@@ -120,6 +120,37 @@ class LitStar:
 
     def rate_e_s_cm2(self, band: Band) -> float:
         """Detected electrons per second and cm2 of the telescope."""
+        return self.in_band(band)[0]
+
+    def in_band(self, band: Band) -> tuple[float, tuple[str, ...]]:
+        """Detected electrons per second and cm2 of the telescope, and what was assumed or clamped."""
+        model = self.star.spectrum
+        if model in STAR_MODELS and "spectrum" not in self.__dict__:
+            with inside(self.path):
+                return _kept_rate(*self._parameters, model, band)
         star = self.spectrum
         with inside(f"{self.path}.spectrum"):
-            return band_integral(band, star.wavelength_nm, star.photlam)
+            return band_integral(band, star.wavelength_nm, star.photlam), star.flags
+
+
+def _spectrum(
+    v_mag: float,
+    spectral_type: str | None,
+    teff_k: float | None,
+    log_g: float | None,
+    metallicity: float | None,
+    model: StarModel,
+) -> StarSpectrum:
+    return stellar_spectrum(v_mag, spectral_type, teff_k=teff_k, log_g=log_g, metallicity=metallicity, model=model)
+
+
+@functools.lru_cache(maxsize=4096)
+def _kept_rate(*asked: Any) -> tuple[float, tuple[str, ...]]:
+    """Rate and flags of a star of a shipped model, from `LitStar._parameters`, model and band.
+
+    The field of a scene is asked for again by every visit and every prediction. Files are not kept: they may change.
+    """
+    *parameters, band = asked
+    star = _spectrum(*parameters)
+    with inside("spectrum"):
+        return band_integral(band, star.wavelength_nm, star.photlam), star.flags

@@ -101,7 +101,8 @@ def _band_sources(scene: Scene, instrument: Instrument, band: str, roll_deg: flo
             contrast = row.light.band_contrast(passband)
             found.append(Source(*where, found[0].rate_e_s * contrast, contrast, row.light.flags(passband)))
         else:
-            found.append(Source(*where, area * row.light.rate_e_s_cm2(passband), flags=row.light.flags()))
+            rate, flags = row.light.in_band(passband)
+            found.append(Source(*where, area * rate, flags=flags))
     return tuple(found)
 
 

@@ -149,7 +149,7 @@ JOBS: dict[str, Job] = {
        for count in _SOURCES},
     **{f"scene of {count} sources, 137 px": Job("fft") for count in _SOURCES},
     "scene of 1000 sources, 1024 px: 4 x 4 cells": Job(
-        "fft", (row(IMAGES, "4 x 4 cells and FFT, any number of sources, kernel of 513 px made anew"),), LOOSE,
+        "fft", (row(IMAGES, "4 x 4 cells, 1000 sources, kernels of 513 px made anew"),), LOOSE,
         ours="scene of 1000 sources, 1024 px",
     ),
     "scene of 1 source, 1024 px: peer HCIPy": Job(

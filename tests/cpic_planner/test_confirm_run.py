@@ -123,7 +123,7 @@ def test_a_tier_that_is_too_coarse_is_no_error(capsys, tmp_path):
     scene = tmp_path / "bright.yaml"
     scene.write_text("""name: bright
 cstar: {v_mag: 0.4, teff_k: 6500, distance_pc: 3.5}
-planets: [{name: b, radius_rjup: 1, phase_deg: 90, separation_arcsec: 0.5, pa_deg: 315, albedo: jupiter}]
+planets: [{name: b, radius_rjup: 1, phase_deg: 90, separation_arcsec: 0.9, pa_deg: 315, albedo: jupiter}]
 """)
     options = ["--band", "F520", "--exposure-s", "1.7", "--frames", "400", "--em-gain", "300", "--fidelity", "quick"]
     assert main(["confirm", str(scene), *options, "--out", str(tmp_path / "o")]) == 0

@@ -19,6 +19,7 @@ SIMULATOR = [
     {"effects"},
     {"camera"},
     {"products"},
+    {"scene_light"},
     {"ledger"},
     {"sequence"},
     {"observation", "calibration"},

@@ -30,6 +30,7 @@ def test_the_visible_camera_is_the_detector():
     assert camera.read_variance_e2 == pytest.approx(detector.read_noise_e**2 + detector.gain_e_adu**2 / 12)
     room = (2**14 - 1 - detector.bias_adu) * detector.gain_e_adu - 5 * detector.read_noise_e
     assert camera.converter_e == pytest.approx(room)
+    assert camera.line_shift_s == detector.transfer.line_shift_s
     assert camera.output_well_e == min(room, detector.register_full_well_e)
     assert (camera.light_factor, camera.blooms) == (1.0, True)
 
@@ -37,7 +38,7 @@ def test_the_visible_camera_is_the_detector():
 @pytest.mark.parametrize(
     ("switch", "changed"),
     [("read_noise", {"read_noise_e": 0.0}), ("clock_charge", {"cic_e": 0.0}), ("dark", {"dark_e_s": 0.0}),
-     ("em_register", {"em_gain_max": 1.0, "register_stages": 0})],
+     ("em_register", {"em_gain_max": 1.0, "register_stages": 0}), ("smear", {"line_shift_s": 0.0})],
 )  # fmt: skip
 def test_what_is_switched_off_counts_nothing(switch, changed):
     plain, _ = visible()

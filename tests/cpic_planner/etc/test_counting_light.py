@@ -9,21 +9,23 @@ from cpic_planner.etc.counting_light import LIGHT_ARRAYS, CountingLight, counted
 from cpic_planner.etc.photon_counting import counting_law, counting_variance
 
 LAW = counting_law(1000.0, 604, 100.0, 500.0)
-SIX = dict(zip(LIGHT_ARRAYS, np.array([[0.02, 0.5], [0.01, 0.1], [0.03, 0.2], [17.0, 17.0], [1.0, 0.5], [34.0, 8.0]]),
-               strict=True))  # fmt: skip
-LIGHT = CountingLight(**SIX, cic_e=0.02, law=LAW, own_noise=True)
+PARTS = dict(zip(LIGHT_ARRAYS, np.array([[0.02, 0.5], [0.01, 0.1], [0.03, 0.2], [0.02, 0.05], [0.02, 0.04],
+                                         [17.0, 17.0], [1.0, 0.5], [34.0, 8.0]]), strict=True))  # fmt: skip
+LIGHT = CountingLight(**PARTS, law=LAW, own_noise=True)
 
 
 def test_each_light_counts_in_its_pixels():
     t = np.array([3.0, 2.0])
-    quiet = SIX["quiet_e_s"] * t + 0.02
+    quiet = PARTS["quiet_e_s"] * t + PARTS["quiet_e"]
     expected = (
-        17.0 * counting_variance(quiet + SIX["planet_e_s"] * t, LAW)
-        + SIX["mean_pixels"] * counting_variance(quiet, LAW)
-        + SIX["reference_pixels"] * counting_variance(SIX["reference_e_s"] * t + 0.02, LAW)
+        17.0 * counting_variance(quiet + PARTS["planet_e_s"] * t, LAW)
+        + PARTS["mean_pixels"] * counting_variance(quiet, LAW)
+        + PARTS["reference_pixels"] * counting_variance(PARTS["reference_e_s"] * t + PARTS["reference_e"], LAW)
     )
     np.testing.assert_allclose(LIGHT.frame_variance(t), expected, rtol=1e-14)
-    without = expected - 17.0 * (counting_variance(quiet + SIX["planet_e_s"] * t, LAW) - counting_variance(quiet, LAW))
+    without = expected - 17.0 * (
+        counting_variance(quiet + PARTS["planet_e_s"] * t, LAW) - counting_variance(quiet, LAW)
+    )
     np.testing.assert_allclose(replace(LIGHT, own_noise=False).frame_variance(t), without, rtol=1e-14)
 
 

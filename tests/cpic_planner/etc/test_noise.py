@@ -40,9 +40,10 @@ def rates_of(strategy=None, instrument=INSTRUMENT, contrast=3e-9, stars=PAIR):
 
 def only(rates, **kept):
     """The rates without noise but for some."""
-    none = dict.fromkeys((f"{name}_e_s" for name in LIGHT), 0.0 * rates.planet_e_s)
     zero = 0.0 * rates.planet_e_s
-    return replace(rates, **none | {"reference_light_e_s": zero, "speckle": SpeckleLaw(zero, zero, zero)} | kept)
+    names = (*(f"{name}_e_s" for name in LIGHT), "reference_light_e_s", "smear_e", "reference_smear_e", "wings_e2_s2")
+    none = dict.fromkeys(names, zero)
+    return replace(rates, **none | {"speckle": SpeckleLaw(zero, zero, zero)} | kept)
 
 
 @pytest.mark.parametrize("mode", ["analogue", "photon_counting"])
@@ -86,6 +87,7 @@ def test_each_term_is_what_its_name_says():
         assert np.all(np.abs(noise.terms[name] - expected) <= 1e-12 * expected)
     pixels = clean * rates.noise_fraction * rates.aperture_pixels
     expected = {
+        "smear": clean * rates.noise_fraction * f2 * rates.smear_e,
         "cic": pixels * f2 * camera.cic_e,
         "read_noise": pixels * camera.read_noise_e**2 / gain**2,
         "rounding": pixels * (model.instrument.detector.gain_e_adu**2 / 12) / gain**2,
@@ -104,7 +106,7 @@ def test_each_term_is_what_its_name_says():
     ("change", "name", "power"),
     [("exposure", "halo", 1), ("exposure", "read_noise", 0), ("exposure", "cic", 0), ("frames", "halo", 1),
      ("frames", "read_noise", 1), ("frames", "cic", 1), ("frames", "planet", 1), ("exposure", "planet", 1),
-     ("gain", "read_noise", -2), ("gain", "rounding", -2)],
+     ("gain", "read_noise", -2), ("gain", "rounding", -2), ("exposure", "smear", 0), ("frames", "smear", 1)],
 )  # fmt: skip
 def test_how_terms_grow(change, name, power):
     rates, model = rates_of(instrument=load_instrument({"detector": {"switches": {"cosmic_rays": False}}}))
@@ -175,6 +177,9 @@ def test_counting_uses_the_light_that_a_reference_frame_really_holds():
     noise = stack_noise(rates, t, n, 1000.0, camera, mode="photon_counting")
     law = counting_law(1000.0, camera.register_stages, camera.read_noise_e, 5.0 * camera.read_noise_e)
     mean = (10.0 * (rates.halo_e_s + rates.exozodi_e_s) + rates.sky_e_s + rates.dark_e_s) / rates.aperture_pixels * t
+    # Its own smear: ten times the star's light in the columns, the same sky.
+    alone, _ = rates_of(strategy, stars=replace(stars, companions="off", v_mag=np.full(3, 0.0)))
+    mean += alone.smear_e / alone.aperture_pixels
     pixels = n * np.exp(model.loss_per_s("F520") * t) / rates.rdi_throughput**2
     pixels = pixels * rates.noise_fraction * rates.aperture_pixels
     expected = pixels * counting_variance(mean + camera.cic_e, law) / 100.0

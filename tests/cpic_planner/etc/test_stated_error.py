@@ -17,7 +17,9 @@ from cpic_planner.etc.stated_error import (
     SPECKLE_RATIO,
     SPECKLE_SEPARATION_ARCSEC,
     WHITE_SNR_ERROR,
+    WINGS_ERROR,
     speckle_error,
+    speckle_error_extrapolated,
     stated_error,
 )
 from cpic_planner.optimiser import best_in_band
@@ -61,6 +63,23 @@ def test_between_and_beyond_the_measured_separations():
     assert speckle_error("F520", 2.0) == speckle_error("F520", 0.9) == pytest.approx(0.118 + 0.023)
     middle = speckle_error("F850", 0.85)
     assert middle == pytest.approx((0.077 + 0.029 + 0.181 + 0.041) / 2)
+
+
+@pytest.mark.parametrize(
+    ("band", "low", "high"), [("F520", 0.4, 0.9), ("F662", 0.5, 0.9), ("F720", 0.5, 0.9), ("F850", 0.5, 0.9)]
+)
+def test_answers_outside_the_measured_separations_say_so(band, low, high):
+    for place in (low, 0.65, high):
+        assert not speckle_error_extrapolated(band, place)
+    for place in (low - 1e-3, high + 1e-3):
+        assert speckle_error_extrapolated(band, place)
+    assert not speckle_error_extrapolated("F1265", 2.0)  # no error is stated there at all
+    model, star = build_model(load_instrument(), [band]), find_target("tau Cet")[0]
+    ends = usable_range_arcsec(model.instrument, band)
+    for place in (0.65, *(end for end in ends if not low <= end <= high)):
+        (answer,) = signal_to_noise(model, star, time_s=3600.0, separation_arcsec=place, contrast=1e-7)
+        assert ("speckle_error_extrapolated" in answer.flags) is (place != 0.65)
+        assert answer.status == "ok"
 
 
 def test_speckles_are_those_of_the_report():
@@ -111,8 +130,10 @@ def test_planets_of_the_blind_validator_lie_within_it():
         assert abs(float(row["ratio"]) - 1.0) <= allowed + 2.0 * chance, (row["star"], band)
 
 
-def test_a_companion_that_turns_between_two_rolls_has_no_stated_error():
-    budget = {"planet_e2": 4.0, "companion_e2": 1e-3}
-    assert stated_error("F520", 0.6, budget, "roll") is None
-    assert stated_error("F520", 0.6, budget) is not None
-    assert stated_error("F520", 0.6, budget | {"companion_e2": 0.0}, "roll") is not None
+def test_the_wings_of_a_companion_carry_their_own_error():
+    alone = stated_error("F662", 0.6, {"companion_wings_e2": 4.0})["snr"]
+    assert alone == pytest.approx(WHITE_SNR_ERROR + WINGS_ERROR)
+    shares = np.linspace(0.0, 1.0, 21)
+    errors = [stated_error("F662", 0.6, {"speckle_e2": 1 - s, "companion_wings_e2": s})["snr"] for s in shares]
+    assert np.all(np.diff(errors) > 0)
+    assert errors[0] == pytest.approx(stated_error("F662", 0.6, {"speckle_e2": 1.0})["snr"])

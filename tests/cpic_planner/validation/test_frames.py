@@ -205,9 +205,11 @@ def test_whole_frames_are_cropped_as_they_come() -> None:
     stamp, hole = calibrated_frames(window), window.psf.metrics.hole
     whole = calibrated_frames(observed(**common, window="full"), cropped=True)
     assert whole.electrons.shape == whole.usable.shape == stamp.electrons.shape
-    for name in ("pedestal_e", "response"):
-        assert np.allclose(getattr(whole, name)[hole], getattr(stamp, name)[hole], rtol=1e-6), name
+    assert np.allclose(whole.response[hole], stamp.response[hole], rtol=1e-6)
     assert np.array_equal(stamp.usable[:, hole], whole.usable[:, hole])
+    # What smears in from beyond the window is not weighed by the flat there: 1 % rms a pixel, averaged over a column.
+    lit = stamp.usable[0] & hole
+    assert np.allclose(whole.pedestal_e[lit], stamp.pedestal_e[lit], rtol=2e-3)
     good = stamp.usable & hole
     step = stamp.detector.gain_e_adu
     difference = np.abs(whole.electrons - stamp.electrons)[good]

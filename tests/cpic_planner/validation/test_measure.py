@@ -42,26 +42,26 @@ def star():
 def test_subjects_stand_where_the_scene_puts_them():
     visits, subjects = prepared()
     assert [subject.name for subject in subjects] == ["b", "c"]
-    pixel, middle = visits.metrics.pixel_scale_arcsec, len(visits.metrics.hole) // 2
+    pixel, middle = visits.geometry.pixel_scale_arcsec, len(visits.geometry.hole) // 2
     for subject, source in zip(subjects, visits.science.truth.sources[1:], strict=True):
         assert subject.places_arcsec[0] == (source.x_arcsec, source.y_arcsec)
         # The window's own pixel of the source is that of the stamp.
         row = subjects.index(subject) + 1
         assert middle + source.x_arcsec / pixel == pytest.approx(visits.science.truth.x_pixel[row])
         assert subject.core == pytest.approx(
-            float(visits.metrics.core_throughput(source.x_arcsec, source.y_arcsec)), rel=0.02
+            float(visits.optics.metrics.core_throughput(source.x_arcsec, source.y_arcsec)), rel=0.02
         )
 
 
 def test_neighbours_do_not_count_as_background():
     visits, (first, second) = prepared()
-    aperture = visits.metrics.aperture_radius_arcsec / visits.metrics.pixel_scale_arcsec
+    aperture = visits.geometry.aperture_radius_arcsec / visits.geometry.pixel_scale_arcsec
     rows, columns = np.indices(first.background.shape)
     x, y = first.others[0]
     assert not first.background[np.hypot(columns - x, rows - y) < 1.4 * aperture].any()
-    measured = [forced_photometry(visits.draw(0), subject, visits.metrics) for subject in (first, second)]
-    lit = replace(first, background=visits.metrics.annulus(0.5, 1.5), others=())
-    assert forced_photometry(visits.draw(0), lit, visits.metrics).sigma_background > 1.5 * measured[0].sigma_background
+    measured = [forced_photometry(visits.draw(0), subject, visits.geometry) for subject in (first, second)]
+    lit = replace(first, background=visits.geometry.annulus(0.5, 1.5), others=())
+    assert forced_photometry(visits.draw(0), lit, visits.geometry).sigma_background > 1.5 * measured[0].sigma_background
 
 
 def test_both_planets_are_found_and_placed():
@@ -82,7 +82,7 @@ def test_both_planets_are_found_and_placed():
 def test_a_detection_elsewhere_is_not_the_planet():
     visits, subjects = prepared()
     realised = visits.draw(2)
-    aside = 1.2 * MATCH_LAMBDA_D * visits.metrics.lambda_d_arcsec
+    aside = 1.2 * MATCH_LAMBDA_D * visits.geometry.lambda_d_arcsec
     x, y = subjects[0].places_arcsec[0]
     moved = replace(subjects[0], places_arcsec=((x, y - aside),))
     (item, _), _ = measure(visits, realised, (moved, subjects[1]), star())

@@ -61,14 +61,14 @@ def test_white_variance_of_real_draws():
 def test_an_idealised_library_adds_no_noise():
     plain, ideal = visits_of(task_of()), visits_of(task_of("idealised"))
     ratio = [
-        visits.draw(0).reduced.white_variance_e2[visits.metrics.hole].mean()
+        visits.draw(0).reduced.white_variance_e2[visits.geometry.hole].mean()
         / (visits.task.exposure_s * visits.task.n_frames)
         for visits in (plain, ideal)
     ]
     assert ratio[1] / ratio[0] == pytest.approx(0.5, rel=0.1)
     drifting = visits_of(task_of("idealised", still=False, star="alf Cen A"))
     science, reference = drifting._stacks  # the expectation has the wavefront of the very visit
-    hole = drifting.metrics.hole
+    hole = drifting.geometry.hole
     planet = science.static_e_s - reference.static_e_s
     difference = science.mean_rates(3) - reference.mean_rates(3) - planet
     assert np.abs(difference[:, hole]).max() < 1e-9 * reference.mean_rates(3)[:, hole].max()
@@ -78,7 +78,7 @@ def test_a_reference_star_is_scaled_by_its_light():
     visits = visits_of(task_of("reference_star"))
     assert visits.scale == pytest.approx(10 ** (0.4 * (4.5 - 3.5)), rel=0.1)
     residual = np.mean([visits.draw(number).reduced.image_e for number in range(10)], axis=0)
-    dark = visits.metrics.hole & (visits.optics.at(*_place(visits)) < 1e-4 * visits.optics.off_axis.max())
+    dark = visits.geometry.hole & (visits.optics.at(*_place(visits)) < 1e-4 * visits.optics.off_axis.max())
     noise = np.sqrt(visits.draw(0).reduced.white_variance_e2[dark].sum() / 10)
     # The planet's light is in the level that is taken off, and its wings in what is left.
     assert abs(residual[dark].sum()) < 4 * noise + _planet_light(visits)
@@ -86,7 +86,7 @@ def test_a_reference_star_is_scaled_by_its_light():
 
 def _planet_light(visits):
     planet = visits.science.truth.sources[1]
-    light = visits.optics.at(*_place(visits))[visits.metrics.hole].sum() * planet.rate_e_s
+    light = visits.optics.at(*_place(visits))[visits.geometry.hole].sum() * planet.rate_e_s
     return light * visits.task.exposure_s * visits.task.n_frames
 
 
@@ -117,8 +117,8 @@ def test_frames_lose_what_is_hit_and_what_is_bad():
     # Particles fill pixels too; the star's own light does not.
     assert story.lost_in == 0
     assert 0.02 < story.rejected_fraction < 0.5
-    flaws = visits.metrics.hole & ~realised.reduced.region
-    assert np.count_nonzero(flaws) < 0.02 * visits.metrics.hole.sum()
+    flaws = visits.geometry.hole & ~realised.reduced.region
+    assert np.count_nonzero(flaws) < 0.02 * visits.geometry.hole.sum()
     clean = replace(task, simulator=model.instrument.switched({"cosmic_rays": False}).model_dump(mode="json"))
     other, _ = realised_frames(visits_of(clean, full=True))
     both = realised.reduced.region & other.reduced.region

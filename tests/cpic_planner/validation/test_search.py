@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from mpmath import mp, mpf
 from scipy.ndimage import gaussian_filter, maximum_filter
 from scipy.stats import norm
 from scipy.stats import t as student
@@ -45,6 +46,17 @@ def test_an_estimated_scale_is_the_average_over_its_law():
     assert false_alarms(3.0, SQUARE, ROUGH, 12.0) == pytest.approx(
         np.mean(false_alarms(level, SQUARE, ROUGH)), rel=0.02
     )
+
+
+@pytest.mark.parametrize("dof", [1.0, 2.5, 30.0, 49.9, 50.0, 50.1, 3e3, 1e4, 1.3e6, 1e9, 1e12])
+def test_the_mean_over_the_estimated_scale_holds_at_any_number_of_degrees_of_freedom(dof):
+    flat = SearchedRegion(1.0, 0.0, 0.0, 1, 20.0)  # an area alone
+    with mp.workdps(60):
+        n = mpf(dof)
+        mean = mp.sqrt(2 / n) * mp.exp(mp.loggamma((n + 1) / 2) - mp.loggamma(n / 2))
+        for level in (1.0, 1.7, 3.0):
+            exact = mean * level * (1 + mpf(level) ** 2 / n) ** (-(n + 1) / 2) / (2 * mp.pi) ** mpf(1.5)
+            assert abs(false_alarms(level, flat, 1.0, dof) / exact - 1) < 1e-14 * (1 + level**2)  # of its condition
 
 
 @pytest.mark.parametrize(("dof", "level"), [(math.inf, 3.2), (15.0, 3.8)])
@@ -93,6 +105,7 @@ def test_too_small_a_search_is_undefined():
         (lambda: search_threshold(SQUARE, ROUGH, sigma=math.nan), "sigma"),
         (lambda: search_threshold(SQUARE, 0.0), "roughness"),
         (lambda: false_alarms(0.5, SQUARE, ROUGH), "threshold"),
+        (lambda: false_alarms(math.inf, SQUARE, ROUGH, 3.0), "threshold"),
         (lambda: false_alarms(3.0, SQUARE, ROUGH, 0.0), "dof"),
         (lambda: searched_region(np.ones((4, 4)), 3.3), "region"),
         (lambda: searched_region(np.ones((4, 4), bool), 0.0), "lambda_d_pixels"),

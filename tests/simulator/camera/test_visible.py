@@ -213,6 +213,26 @@ def test_smear_is_the_light_of_the_column_during_the_line_shifts(detector):
         for below in range(row - 1, -1, -1):  # on the way out, to the register at the bottom
             walked[row] += rates[below] * step
     assert exposure.mean_e == pytest.approx(walked, rel=1e-12)
+    np.testing.assert_allclose(exposure.smear_e, walked - rates * 2.0, rtol=1e-6)
+
+
+def test_a_window_of_a_frame_collects_what_the_frame_does(detector):
+    """Rows of a larger window, and the light of the others as column sums."""
+    camera = VisibleCamera(detector.switched(off=("all",), on=("smear",)))
+    rates = np.random.default_rng(4).uniform(0, 1e6, (20, 5))
+    whole = camera.prepare(rates, 2.0, 1.0, first_pixel=(100, 100))
+    beyond = rates[:8].sum(axis=0) + rates[14:].sum(axis=0)
+    part = camera.prepare(rates[8:14], 2.0, 1.0, first_pixel=(108, 100), beyond_e_s=beyond)
+    np.testing.assert_allclose(part.mean_e, whole.mean_e[8:14], rtol=1e-12)
+    still = VisibleCamera(detector.switched(off=("all",)))
+    assert still.prepare(rates[8:14], 2.0, 1.0, first_pixel=(108, 100), beyond_e_s=beyond).smear_e is None
+
+
+@pytest.mark.parametrize("beyond", [np.ones(4), np.array([0.0, 1.0, -1.0, 0.0, 0.0]), np.full(5, np.nan)])
+def test_light_beyond_a_window_is_one_finite_number_a_column(detector, beyond):
+    camera = VisibleCamera(detector.switched(off=("all",), on=("smear",)))
+    with pytest.raises(InputError, match="beyond_e_s"):
+        camera.prepare(np.ones((6, 5)), 2.0, 1.0, first_pixel=(108, 100), beyond_e_s=beyond)
 
 
 @pytest.mark.parametrize("gain", [1.0, 2.0, 20.0, 300.0])

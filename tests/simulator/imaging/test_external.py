@@ -72,6 +72,7 @@ def test_metrics_are_those_of_the_model(tmp_path):
     assert metrics.peak_off_axis == figures["peak_off_axis"]
     np.testing.assert_array_equal(metrics.raw_contrast, figures["raw_contrast"])
     np.testing.assert_array_equal(metrics.halo_map, figures["halo_map"])
+    np.testing.assert_array_equal(metrics.column_light, psf.on_axis.sum(axis=0))
     assert metrics.strehl is None
     offset = np.abs(np.arange(137) - 68) * PIXEL
     inside = (offset >= INSTRUMENT.hole_inner_arcsec("F662")) & (offset <= INSTRUMENT.hole_outer_arcsec("F662"))

@@ -5,10 +5,13 @@ import pytest
 
 from catalogs.errors import InputError
 from simulator.config import load_instrument, load_scene
+from simulator.imaging import frame
 from simulator.imaging.build import build_imager
 from simulator.imaging.external import load_psf, save_psf
-from simulator.imaging.frame import full_star_map, off_axis_light, sky_transmission, window_of
+from simulator.imaging.frame import forget_starlight, full_star_map, off_axis_light, sky_transmission, window_of
 from simulator.imaging.psf import single_band_psf
+from simulator.imaging.scene_image import PointSources, scene_image
+from simulator.imaging.transfer import band_transfer
 from simulator.knobs import Knobs
 from simulator.target.sources import Source, extended_rates
 
@@ -142,6 +145,46 @@ def test_wings_of_a_far_companion_are_those_of_its_whole_band(psf, distance):
     assert np.abs(ours - exact)[hole].max() < 0.02 * exact[hole].mean()
     plain = off_axis_light(psf, window, [source(*place)], (), roll_deg=0.0)
     assert np.abs(plain - exact)[hole].max() > 0.05 * exact[hole].mean()
+
+
+def test_field_stars_are_made_once_for_both_visits(psf, monkeypatch):
+    made = []
+    monkeypatch.setattr(frame, "scene_image", lambda *given, **more: (made.append(1), scene_image(*given, **more))[1])
+    forget_starlight()
+    window = window_of(psf, SMALL, full=False)
+    stars = [Source("b", "star", 0.6, 0.4, 1.0), Source("c", "star", -2.0, 5.0, 3.0)]
+    science = off_axis_light(psf, window, [*stars, source(0.4, 0.4, 1e-6)], (), roll_deg=0.0)
+    first = len(made)
+    reference = off_axis_light(psf, window, stars, (), roll_deg=0.0)
+    assert len(made) == first
+    alone = off_axis_light(psf, window, [source(0.4, 0.4, 1e-6)], (), roll_deg=0.0)
+    np.testing.assert_array_equal(science, reference + alone)
+    off_axis_light(psf, window, stars, (), roll_deg=0.0)[:] = 1.0  # what is kept is not what is given out
+    np.testing.assert_array_equal(off_axis_light(psf, window, stars, (), roll_deg=0.0), reference)
+    made.clear()
+    for changed in ([Source("b", "star", 0.6, 0.4, 2.0), stars[1]], [Source("b", "star", 0.61, 0.4, 1.0), stars[1]]):
+        assert not np.array_equal(off_axis_light(psf, window, changed, (), roll_deg=0.0), reference)
+    finer = single_band_psf("F520", fidelity=Knobs(wavelength_nodes=5), instrument=SMALL)
+    off_axis_light(finer, window, stars, (), roll_deg=0.0)
+    assert len(made) >= 3
+    forget_starlight()
+    made.clear()
+    off_axis_light(psf, window, stars, (), roll_deg=0.0)
+    assert len(made) == first - 1
+
+
+def test_a_finer_pupil_grid_is_the_same_light(psf):
+    fine = single_band_psf("F520", fidelity=Knobs(pupil_samples=256), instrument=SMALL)
+    stars = [Source("b", "star", 0.6, 0.4, 1.0), Source("c", "star", -2.0, 5.0, 3.0), source(0.4, 0.4, 2.0)]
+    window = window_of(psf, SMALL, full=False)
+    one, other = (off_axis_light(optics, window, stars, (), roll_deg=0.0) for optics in (psf, fine))
+    assert np.abs(one - other).max() < 1e-12 * one.max()
+    # What the finer grid itself gives.
+    direct = scene_image(band_transfer(fine.imager), window.rows, window.columns, fine.pixel_scale_arcsec,
+                         PointSources([0.4], [0.4], [2.0]),
+                         mask_half_width_arcsec=fine.imager.mask_half_width_arcsec)  # fmt: skip
+    planet = off_axis_light(fine, window, stars[2:], (), roll_deg=0.0)
+    assert np.abs(planet - direct).max() < 1e-12 * direct.max()
 
 
 def test_star_far_off_the_mask_has_its_core_at_full_accuracy(psf):

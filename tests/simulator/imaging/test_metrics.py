@@ -9,7 +9,7 @@ from photutils.aperture import CircularAperture, aperture_photometry
 from catalogs.errors import InputError
 from simulator.config import load_instrument
 from simulator.imaging.aberrations import draw_aberrations
-from simulator.imaging.build import bare_imager, dark_hole_of
+from simulator.imaging.build import bare_imager, build_imager, dark_hole_of
 from simulator.imaging.hole_zone import HoleZone
 from simulator.imaging.measure import _wings, stamp_figures
 from simulator.imaging.metrics import PsfMetrics
@@ -165,7 +165,7 @@ def test_wings_keep_their_orientation(metrics):
     maps = draw_aberrations(11, samples=64, opd_rms_nm=60.0, psd_slope=1.0)
     imager = bare_imager(load_instrument(PERFECT), "F662", Knobs(wavelength_nodes=1))
     imager = dataclasses.replace(imager, static=maps)
-    profile, wing_map = _wings(imager)
+    profile, wing_map, _ = _wings(imager)
     m = PsfMetrics.from_arrays(metrics["F662"].to_arrays() | {"wing_profile": profile, "wing_map": wing_map})
     step, pixel = m.wing_map_step_arcsec, m.pixel_scale_arcsec
     source = (1.2, -0.9)
@@ -180,8 +180,23 @@ def test_wings_keep_their_orientation(metrics):
     np.testing.assert_allclose(m.wing_at(i, j), exact, rtol=0.02)
     for x, y in ((-i, j), (i, -j), (-i, -j), (j, i)):
         assert np.sqrt(((m.wing_at(x, y) / exact - 1) ** 2).mean()) > 0.15
-    far = m.wing_at(np.array([30.0, 0.0]), np.array([0.0, 30.0]))
-    np.testing.assert_allclose(far, m.wing(30.0))
+
+
+def test_wings_go_on_beyond_the_map_as_they_leave_it(metrics):
+    """Boxes 18 to 24 arcsec from a source, on an arm and far from any: the map's edge tells them apart."""
+    m = metrics["F520"]
+    imager = build_imager(INSTRUMENT, "F520", Knobs(wavelength_nodes=24))
+    centres = 0.5 + np.arange(-4, 5) * m.pixel_scale_arcsec
+    axis = imager.axis(centres, masked=False)
+    off, ring_off = [], []
+    for x, y in ((19.0, 0.0), (0.0, -23.0), (-19.0, 9.0), (8.0, 22.0), (14.0, 19.0)):
+        exact = imager.image(axis, axis, source_arcsec=(0.5 - x, 0.5 - y)).mean()
+        off.append(abs(np.log(m.wing_at(x, y) / exact)))
+        ring_off.append(abs(np.log(m.wing(np.hypot(x, y)) / exact)))
+    assert max(off) < np.log(4)
+    assert np.mean(ring_off) > np.log(20)
+    edge = (len(m.wing_map) // 2 - 0.5) * m.wing_map_step_arcsec
+    np.testing.assert_allclose(m.wing_at(edge * (1 + 1e-9), 3.0), m.wing_at(edge, 3.0), rtol=1e-6)
 
 
 def test_core_is_zero_beyond_the_field_and_vectorised(metrics):

@@ -1,4 +1,5 @@
 import dataclasses
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ from simulator.config import load_instrument
 from simulator.imaging.build import bare_imager
 from simulator.imaging.imager import centred_axis
 from simulator.imaging.paper_scene import paper_scene_image
+from simulator.imaging.quadrature import pixel_axis
 from simulator.imaging.scene_image import PointSources, scene_image
 from simulator.imaging.transfer import band_transfer
 from simulator.knobs import Knobs
@@ -54,6 +56,36 @@ def test_error_is_linear_in_the_distance_from_the_cell():
         errors.append(np.abs(paper - exact).max() / exact.max())
     assert errors[1] / errors[0] == pytest.approx(2.0, rel=0.05)
     assert errors[2] / errors[0] == pytest.approx(4.0, rel=0.05)
+
+
+def test_it_is_the_convolution_of_the_cells():
+    rng = np.random.default_rng(7)
+    n, reach, s = 9, 3, 12
+    axis = centred_axis(n, PIXEL)
+    sources = PointSources(rng.uniform(-8.0, 8.0, s) * PIXEL, rng.uniform(-8.0, 8.0, s) * PIXEL, rng.uniform(0, 1, s))
+    half = 4 * reach
+    cells = pixel_axis(np.arange(-half, half + 1) * CELL, CELL, 2, 0.0, 0.0)
+    kernel = IMAGER.image(cells, cells) / 16
+    expected = np.zeros((4 * n, 4 * n))
+    for x, y, flux in zip(*sources.arrays, strict=True):
+        column, row = (int(np.floor((place - axis[0] + PIXEL / 2) / CELL)) for place in (x, y))
+        for i in range(4 * n):
+            for j in range(4 * n):
+                if abs(i - row) <= half and abs(j - column) <= half:
+                    expected[i, j] += flux * kernel[i - row + half, j - column + half]
+    expected = expected.reshape(n, 4, n, 4).sum(axis=(1, 3))
+    found = paper_scene_image(IMAGER, axis, axis, sources, kernel_half_pixels=reach)
+    np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-15 * expected.max())
+
+
+def test_a_whole_frame_takes_little_memory():
+    rows, columns = centred_axis(1050, PIXEL), centred_axis(1080, PIXEL)
+    tracemalloc.start()
+    image = paper_scene_image(IMAGER, rows, columns, PointSources([0.4, 8.0], [0.5, -7.0], [1.0, 2.0]))
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert image.shape == (1050, 1080)
+    assert peak < 1e8
 
 
 def test_a_source_behind_the_mask_keeps_all_its_light():

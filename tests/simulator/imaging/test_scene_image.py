@@ -10,7 +10,7 @@ from simulator.imaging.build import bare_imager, build_imager
 from simulator.imaging.imager import centred_axis
 from simulator.imaging.quadrature import pixel_axis
 from simulator.imaging.scene_image import PointSources, SourceGrid, scene_image
-from simulator.imaging.transfer import KernelTransfer, band_transfer
+from simulator.imaging.transfer import KernelTransfer, TransferFunction, band_transfer
 from simulator.knobs import Knobs
 
 NONE = PointSources([], [], [])
@@ -190,6 +190,25 @@ def test_extended_source_is_the_sum_of_its_points():
     both = scene_image(TRANSFER, y, x, PIXEL, NONE, extended=[grid, beside])
     apart = [scene_image(TRANSFER, y, x, PIXEL, NONE, extended=[one]) for one in (grid, beside)]
     assert np.abs(both - sum(apart)).max() < 1e-13 * both.max()
+
+
+def test_a_dense_field_takes_few_passes_and_is_the_sum_of_its_stars(monkeypatch):
+    transfer, passes = band_transfer(lopsided(pupil_samples=64)), []
+    made = TransferFunction.values
+    monkeypatch.setattr(TransferFunction, "values", lambda *given: (passes.append(1), made(*given))[1])
+    rng = np.random.default_rng(5)
+    axis, n = centred_axis(61, PIXEL), 60
+    x, y, flux = rng.uniform(-8.0, 8.0, n), rng.uniform(-8.0, 8.0, n), 10.0 ** rng.uniform(-3.0, 0.0, n)
+    whole = scene_image(transfer, axis, axis, PIXEL, PointSources(x, y, flux), mask_half_width_arcsec=0.155)
+    assert len(passes) <= 4  # of 25 tiles of 4 arcsec
+    alone = [scene_image(transfer, axis, axis, PIXEL, PointSources(*star), mask_half_width_arcsec=0.155)
+             for star in zip(x, y, flux, strict=True)]  # fmt: skip
+    assert len(passes) > n  # one for each star, and those of the field
+    peak = scene_image(transfer, axis, axis, PIXEL, PointSources([0.0], [0.0], [flux.max()])).max()
+    assert np.abs(whole - sum(alone)).max() < 3e-12 * peak
+    passes.clear()
+    scene_image(transfer, axis, axis, PIXEL, PointSources([0.4, 30.0], [0.3, 30.0], [1.0, 1.0]))
+    assert len(passes) == 2  # two sources far apart are cheaper alone
 
 
 def test_more_sources_than_a_chunk():

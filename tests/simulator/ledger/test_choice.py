@@ -86,7 +86,7 @@ def test_standard_only_draws_sums(said):
     assert (choice.draw, choice.region, choice.epochs) == ("sums", "hole", 6)
     assert choice.knobs == Knobs()
     assert choice.left_out == ()
-    assert set(choice.switches) == {"flat", "dark_structure", "bad_pixels", "bad_columns", "smear", "cosmic_rays",
+    assert set(choice.switches) == {"flat", "dark_structure", "bad_pixels", "bad_columns", "cosmic_rays",
                                     "nonlinearity", "parallel_cti", "serial_cti", "stripes", "interference",
                                     "bias_drift"}  # fmt: skip
     assert choice.outcome.status.value == "ok"

@@ -1,0 +1,89 @@
+"""Where the dark hole, the mask and the apertures of a band lie on a star-centred stamp: known without any optics."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from simulator.config.instrument import Instrument
+from simulator.imaging.hole_zone import HoleZone
+from simulator.imaging.kernel import centred_offsets
+
+__all__ = ["BandGeometry", "zone_of"]
+
+FloatArray = NDArray[np.float64]
+
+
+def zone_of(instrument: Instrument, band: str) -> HoleZone:
+    """The controlled zone of a band."""
+    hole = instrument.dark_hole
+    return HoleZone(instrument.hole_inner_arcsec(band), instrument.hole_outer_arcsec(band), hole.mode, hole.side)
+
+
+@dataclass(frozen=True)
+class BandGeometry:
+    """Geometry of one band on a stamp, star at pixel ``stamp_pixels // 2``; the same at all numerical settings.
+
+    Attributes
+    ----------
+    lambda_d_arcsec : float
+        lambda/D at band centre.
+    pixel_scale_arcsec, aperture_radius_arcsec, mask_half_width_arcsec : float
+        Detector pixel, photometric aperture, half width of the cross.
+    zone : HoleZone
+        The dark quadrants.
+    stamp_pixels : int
+        Side of the stamp.
+    """
+
+    lambda_d_arcsec: float
+    pixel_scale_arcsec: float
+    aperture_radius_arcsec: float
+    mask_half_width_arcsec: float
+    zone: HoleZone
+    stamp_pixels: int
+
+    @classmethod
+    def of(
+        cls, instrument: Instrument, band: str, stamp_pixels: int, mask_half_width_arcsec: float | None = None
+    ) -> BandGeometry:
+        """Geometry of a band of an instrument, perhaps with another mask.
+
+        Raises
+        ------
+        InputError
+            If the instrument has no such band.
+        """
+        own = instrument.mask_half_width_arcsec(band)
+        return cls(
+            lambda_d_arcsec=instrument.lambda_d_arcsec(band),
+            pixel_scale_arcsec=instrument.pixel_scale_arcsec(band),
+            aperture_radius_arcsec=instrument.aperture_radius_arcsec(band),
+            mask_half_width_arcsec=own if mask_half_width_arcsec is None else mask_half_width_arcsec,
+            zone=zone_of(instrument, band),
+            stamp_pixels=stamp_pixels,
+        )
+
+    @property
+    def hole(self) -> NDArray[np.bool_]:
+        """Pixels whose centres lie in the dark quadrants, ``a <= |x|, |y| <= b``; shape (n, n)."""
+        offset = centred_offsets(self.stamp_pixels) * self.pixel_scale_arcsec
+        return self.zone.covers(offset, offset)
+
+    @property
+    def aperture_pixels(self) -> float:
+        """Area of the photometric aperture in pixels."""
+        return float(np.pi) * (self.aperture_radius_arcsec / self.pixel_scale_arcsec) ** 2
+
+    def annulus(self, separation_arcsec: float, half_width_lambda_d: float) -> NDArray[np.bool_]:
+        """Pixels of the hole whose separation is within ``half_width_lambda_d`` of the given one."""
+        offset = centred_offsets(self.stamp_pixels) * self.pixel_scale_arcsec
+        distance = np.abs(np.hypot(offset[:, None], offset) - separation_arcsec)
+        return self.hole & (distance <= half_width_lambda_d * self.lambda_d_arcsec)
+
+    def resolution_elements(self, separation_arcsec: ArrayLike) -> FloatArray:
+        """Non-overlapping lambda/D-wide apertures on the arcs inside the quadrants, a real number (>= 0)."""
+        r = np.asarray(separation_arcsec, dtype=np.float64)
+        return 2.0 * np.pi * r * self.zone.azimuth_fraction(r) / self.lambda_d_arcsec

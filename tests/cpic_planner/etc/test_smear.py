@@ -1,0 +1,108 @@
+"""Smear of the frame transfer in the closed forms, against expected whole frames."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cpic_planner.etc.model import Strategy, build_model
+from cpic_planner.etc.noise import stack_noise
+from cpic_planner.etc.rates import aperture_rates
+from cpic_planner.scene_confirmation import scene_target
+from simulator import load_instrument, load_scene, observe
+from simulator.imaging.aperture import aperture_sums, overlap_weights
+
+DARK_SKY = {"sky": {"brightness_v_mag_arcsec2": 40.0}}
+STILL = {"drift": {"visit_nm": 0.0, "walk_nm_per_sqrt_hour": 0.0}}
+STAR = {"v_mag": 2.0, "teff_k": 5800, "log_g": 4.4, "metallicity": 0.0, "ra_deg": 100.0, "dec_deg": 20.0}
+PLACES = np.array([-0.6, -0.45, -0.3, 0.3, 0.45, 0.6])
+
+
+def companion(separation, pa):
+    return {"name": "B", "v_mag": 4.0, "teff_k": 5200, "separation_arcsec": separation, "pa_deg": pa}
+
+
+def rates_of(instrument, band, scene, strategy=None, x=PLACES):
+    model = build_model(instrument, [band], strategy)
+    target = scene_target(load_scene(scene))
+    return aperture_rates(model, target, band, x[None, :], x[None, :], np.full((1, x.size), 1e-9)), model
+
+
+def seen_smear(instrument, band, scene, model):
+    """Smear in apertures on whole frames, at the pixels nearest to the places."""
+    metrics = model.metrics[band]
+    seen = observe(scene, band=band, exposure_s=1.0, instrument=instrument)
+    rows, columns, _ = seen.area.stamp(len(metrics.raw_contrast))
+    sums = aperture_sums(seen.smear_e[rows, columns],
+                         overlap_weights(metrics.aperture_radius_arcsec / metrics.pixel_scale_arcsec))  # fmt: skip
+    pixel = np.rint(PLACES / metrics.pixel_scale_arcsec).astype(int)
+    return sums[pixel + len(sums) // 2, pixel + len(sums) // 2], pixel * metrics.pixel_scale_arcsec
+
+
+@pytest.mark.parametrize("band", ["F520", "F850"])
+@pytest.mark.parametrize(
+    ("changes", "stars", "tolerance"),
+    [
+        (DARK_SKY, [], 0.01),
+        ({"sky": {"brightness_v_mag_arcsec2": 14.0}}, [], 0.01),
+        (DARK_SKY, [companion(6.0, 4.0)], 0.04),  # in the columns of the hole: its own rows are not cut at the frame
+        (DARK_SKY, [companion(4.0, 200.0)], 0.06),
+    ],
+    ids=["star", "bright sky", "companion in the columns", "companion beside them"],
+)
+def test_apertures_collect_what_whole_frames_do(band, changes, stars, tolerance):
+    instrument = load_instrument(STILL | changes).switched({"flat": False})
+    scene = {"name": "s", "cstar": STAR, "stars": stars}
+    _, model = rates_of(instrument, band, scene)
+    seen, places = seen_smear(instrument, band, scene, model)
+    rates, _ = rates_of(instrument, band, scene, x=places)
+    np.testing.assert_allclose(rates.smear_e[0], seen, rtol=tolerance)
+
+
+def test_a_companion_beyond_the_frame_counts_with_its_wings():
+    scene = {"name": "s", "cstar": STAR, "stars": [companion(12.0, 0.0)]}
+    rates, model = rates_of(load_instrument(DARK_SKY), "F520", scene)
+    alone, _ = rates_of(load_instrument(DARK_SKY), "F520", scene | {"stars": []})
+    passed = 1024 * model.camera("F520").line_shift_s * rates.companion_e_s
+    np.testing.assert_allclose(rates.smear_e - alone.smear_e, passed, rtol=1e-6)
+
+
+@pytest.mark.parametrize("library", ["same_star_planet_free", "roll", "idealised", "reference_star"])
+def test_noise_falls_to_that_without_smear_as_lines_shift_faster(library):
+    other = {"reference_star": {"v_mag": 1.0}} if library == "reference_star" else {}
+    strategy, scene = Strategy(library=library, **other), {"name": "s", "cstar": STAR}
+    found = {}
+    for shift in (1.5e-6, 1.5e-9, 0.0, "off"):
+        change = {"switches": {"smear": False}} if shift == "off" else {"transfer": {"line_shift_s": shift}}
+        rates, model = rates_of(load_instrument({"detector": change}), "F850", scene, strategy)
+        found[shift] = stack_noise(rates, 0.3, 1000.0, 1000.0, model.camera("F850"))
+    assert np.all(found["off"].terms["smear"] == 0)
+    np.testing.assert_array_equal(found[0.0].snr, found["off"].snr)
+    assert np.all(found[1.5e-6].snr < found["off"].snr)
+    lost, less = (found["off"].snr ** -2 - found[shift].snr ** -2 for shift in (1.5e-6, 1.5e-9))
+    np.testing.assert_allclose(less / lost, 1e-3, rtol=1e-6)
+
+
+def test_a_brighter_reference_smears_less_once_it_is_scaled():
+    """Star light by the ratio of rates, the sky by its square; the library without noise adds none."""
+    scene, instrument = {"name": "s", "cstar": STAR}, load_instrument(DARK_SKY)
+    same, _ = rates_of(instrument, "F520", scene)
+    np.testing.assert_allclose(same.reference_smear_e, same.smear_e, rtol=1e-12)
+    brighter = Strategy(library="reference_star", reference_star={name: STAR[name] for name in
+                        ("teff_k", "log_g", "metallicity")} | {"v_mag": STAR["v_mag"] - 2.5})  # fmt: skip
+    rates, _ = rates_of(instrument, "F520", scene, brighter)
+    np.testing.assert_allclose(rates.reference_smear_e, same.smear_e / 10.0, rtol=1e-6)
+    none, _ = rates_of(instrument, "F520", scene, Strategy(library="idealised"))
+    assert not np.any(none.reference_smear_e)
+
+
+def test_counted_photons_share_their_pixels_with_the_smear():
+    """As much light a frame in the same pixels has the same noise, whether it smears in or falls on them."""
+    scene = {"name": "s", "cstar": STAR}
+    rates, model = rates_of(load_instrument(), "F850", scene, Strategy(mode="photon_counting"))
+    zero, exposure = 0.0 * rates.smear_e, 0.5
+    lit = replace(rates, smear_e=zero, reference_smear_e=zero, sky_e_s=rates.sky_e_s + rates.smear_e / exposure,
+                  reference_light_e_s=rates.reference_light_e_s + rates.reference_smear_e / exposure)  # fmt: skip
+    smeared, plain = (stack_noise(one, exposure, 100.0, 1000.0, model.camera("F850"), mode="photon_counting")
+                      for one in (rates, lit))  # fmt: skip
+    np.testing.assert_allclose(smeared.snr, plain.snr, rtol=1e-12)
