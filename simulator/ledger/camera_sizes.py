@@ -103,7 +103,10 @@ def _transfers(case: CameraCase, hits_e2: float) -> dict[str, Sizes]:
     stamp = case.charge_e
     outside = case.light_e[stamp.size :]
     struck = case.variance_change(case.noise.factor2 * hits_e2, inside=False)
-    near = case.edge_arcsec
+    near, counts = case.edge_arcsec, case.n_frames * case.noise.factor2 * case.noise.photons
+    hot_e = (case.flaws["bad_pixels"].dark_e_s + case.flaws["bad_columns"].dark_e_s) * case.exposure_s
+    beside = [0.0 if case.reduced else counts * float(hot_e[planet.place].sum())
+              for planet in case.sketch.planets]  # fmt: skip
     found = {}
     for axis, (key, c, first, size) in enumerate(
         (("parallel_cti", clocks.parallel_cti, case.first_pixel[0] + clocks.store_rows, case.detector.n_rows),
@@ -119,9 +122,9 @@ def _transfers(case: CameraCase, hits_e2: float) -> dict[str, Sizes]:
             return share * (_SHIFT / case.radius_pixels**2 + cut + _SHIFT_CUT * planet.hidden)
 
         flux = case.over_planets(of_planet)
-        # Charge of steep halos moves too: a tenth of what moves, measured.
-        found[key] = _sizes(case.mean_change(change) + share * struck, flux,
-                            flux + 0.1 * share * case.snr_share("halo", factor=2.0))  # fmt: skip
+        # Charge of steep halos moves too: a tenth of what moves, measured; and that of hot pixels beside an aperture.
+        snr = flux + 0.1 * share * case.snr_share("halo", factor=2.0) + share * case.snr_added(beside)
+        found[key] = _sizes(case.mean_change(change) + share * struck, flux, snr)
     return found
 
 
