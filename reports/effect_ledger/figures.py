@@ -30,12 +30,8 @@ def size_figure(rows: list[dict[str, Any]]) -> Figure:
         own = [row for row in rows if row["key"] in keys and row["predicted"] > LEAST]
         panel.loglog([max(row["true"], LEAST) for row in own], [row["predicted"] for row in own], ls="none", ms=4.5,
                      marker=marker, color=colour, alpha=0.75, label=name)  # fmt: skip
-    panel.axline((1e-6, 1e-6), (1e-2, 1e-2), color="#444444", lw=1.0)
-    panel.axline((1e-6, 1e-5), (1e-2, 1e-1), color="#444444", lw=0.8, ls=":")
-    # Along the lines, whatever the shape of the panel.
-    for x, y, text in ((1e-7, 0.6e-7, "equal"), (1e-7, 1.7e-6, "ten times too large")):
-        panel.text(x, y, text, rotation=45, rotation_mode="anchor", transform_rotates_text=True, color="#444444",
-                   va="top" if y < x else "bottom")  # fmt: skip
+    panel.axline((1e-6, 1e-6), (1e-2, 1e-2), color="#444444", lw=1.0, label="equal")
+    panel.axline((1e-6, 1e-5), (1e-2, 1e-1), color="#444444", lw=0.8, ls=":", label="ten times too large")
     panel.set_xlim(LEAST * 0.6, 1.0)
     panel.set_ylim(LEAST * 0.6, 1.0)
     panel.set_xlabel("true size, alone, in noiseless images (left edge: smaller)")

@@ -63,7 +63,7 @@ def prepared(model: EtcModel, planet: Planet) -> Said:
     visit_s = FRAMES * (planet.exposure_s + camera.readout_s)
     stack = Stack(
         float(rates.planet_e_s[0]),
-        float(rates.background_e_s[0]),
+        float(rates.background_e_s[0] + rates.smear_e[0] / planet.exposure_s),  # smear: so much in every frame
         planet.exposure_s,
         FRAMES,
         planet.em_gain,

@@ -52,6 +52,9 @@ STAGES: dict[str, tuple[str, ...]] = {
     "other sources, whole-frame star": (
         "simulator.observation:off_axis_light",
         "simulator.observation:full_star_map",
+        "simulator.scene_light:off_axis_light",
+        "simulator.scene_light:full_star_map",
+        "simulator.scene_light:star_column_light",
     ),
     "effect ledger": ("simulator.ledger.prediction:forecast", "simulator.ledger.choice:choose"),
     "generators of random numbers": ("simulator.rng:stream",),

@@ -123,7 +123,7 @@ def _transfers(case: CameraCase, hits_e2: float) -> dict[str, Sizes]:
 
         flux = case.over_planets(of_planet)
         # Charge of steep halos moves too: a tenth of what moves, measured; and that of hot pixels beside an aperture.
-        snr = flux + 0.1 * share * case.snr_share("halo", factor=2.0) + share * case.snr_added(beside)
+        snr = flux + 0.1 * share * case.snr_share("halo", "other", factor=2.0) + share * case.snr_added(beside)
         found[key] = _sizes(case.mean_change(change) + share * struck, flux, snr)
     return found
 
@@ -142,7 +142,7 @@ def _limits(case: CameraCase) -> dict[str, Sizes]:
     spread = 2.0 * b * noise.factor2 * charge**2 / case.sigma_e**2
 
     def slope(planet: PlanetPlace) -> float:
-        behind = (planet.halo_e_s + planet.other_e_s + planet.sky_e_s) / case.sketch.aperture_pixels
+        behind = (planet.halo_e_s + planet.other_most_e_s + planet.sky_e_s) / case.sketch.aperture_pixels
         behind = max(behind, float(case.sketch.star_e_s[planet.place].max(initial=0.0)))
         return b * t * (2.0 * behind + planet.peak_e_s)
 
@@ -154,7 +154,8 @@ def _limits(case: CameraCase) -> dict[str, Sizes]:
     spill = Spill(case)
 
     def fills(planet: PlanetPlace, well: float, factor2: float) -> float:
-        level = (planet.halo_e_s + planet.other_e_s + planet.sky_e_s) / case.sketch.aperture_pixels + planet.peak_e_s
+        behind = (planet.halo_e_s + planet.other_most_e_s + planet.sky_e_s) / case.sketch.aperture_pixels
+        level = behind + planet.peak_e_s
         return float(overflow(level * t, well, factor2))
 
     def blooms(planet: PlanetPlace) -> float:

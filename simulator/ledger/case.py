@@ -181,7 +181,8 @@ class CameraCase:
             sums = [float(stamp.sum(axis=axis).max()) for axis in (0, 1) if self.spills[axis]]
             more = (max(self.detector.n_rows, self.detector.n_columns) - side) * self.full
             beyond = float(change[side * side :].mean()) * more if more else 0.0
-            worst = max(worst, (max(sums) + beyond) / float(self.sigma_e.min()))
+            rounded = float(change.max(initial=0.0) > 0)  # of whole electrons a half goes each way
+            worst = max(worst, (max(sums) + beyond + rounded) / float(self.sigma_e.min()))
         return worst
 
     def variance_change(self, variance_e2: FloatArray | float, *, inside: bool = True) -> float:

@@ -75,8 +75,8 @@ class PlanetPlace:
         Its light in the aperture, and on its brightest pixel.
     core : float
         Of its core, the part that mask and cross leave; 1 far from both.
-    halo_e_s, other_e_s, sky_e_s : float
-        Light of the central star, of other sources at least, and of the sky in the aperture.
+    halo_e_s, other_e_s, other_most_e_s, sky_e_s : float
+        Light of the central star, of other sources at least and at most, and of the sky in the aperture.
     scattered_e_s : float
         Of the halo, what a drifting wavefront adds.
     column_e_s : float
@@ -97,6 +97,7 @@ class PlanetPlace:
     core: float
     halo_e_s: float
     other_e_s: float
+    other_most_e_s: float
     sky_e_s: float
     scattered_e_s: float
     column_e_s: float
@@ -294,6 +295,7 @@ def sketch_of(
                 core=min(core / metrics.core_open, 1.0) if metrics.core_open > 0 else 1.0,
                 halo_e_s=float((weights * star_map[place]).sum()) if weights.size else behind,
                 other_e_s=sum(float(light.least_e_s[index]) for j, light in enumerate(lights) if j != own),
+                other_most_e_s=sum(float(light.aperture_e_s[index]) for j, light in enumerate(lights) if j != own),
                 sky_e_s=sky * (float((weights * open_map[place]).sum()) if weights.size else metrics.aperture_pixels),
                 scattered_e_s=float((weights * scattered[place]).sum()),
                 column_e_s=columns_e_s(x, i),

@@ -144,10 +144,7 @@ def visit_of(
         hits=pixel_hits(rays, detector.pixel_um),
         lost_per_s=aperture_loss_per_s(switched, band, start_utc=start),
         variances=variances,
-        other_most=tuple(
-            counts * sum(float(source.aperture_e_s[index]) for source in sketch.sources if source.name != planet.name)
-            for index, planet in enumerate(sketch.planets)
-        ),
+        other_most=tuple(counts * planet.other_most_e_s for planet in sketch.planets),
         column_peak_e_s=_column_peak(figures, sketch, star_e_s, moved=moved),
         radius_pixels=figures.aperture_radius_arcsec / figures.pixel_scale_arcsec,
         lambda_d_pixels=figures.lambda_d_arcsec / figures.pixel_scale_arcsec,
