@@ -10,7 +10,9 @@ import shutil
 import subprocess
 from pathlib import Path
 
+import numpy as np
 import pytest
+from scipy.stats import beta
 
 from cpic_planner import __version__
 
@@ -80,6 +82,26 @@ def test_readme_quotes_the_tiers_of_the_speed_report():
         worst = [f"{max(column):.0e}" for column in zip(*errors, strict=True)]
         seconds = re.search(rf"^\| four bands, 137 px, `{tier}` \| ([\d.]+) \|", report, re.M)
         assert f"| `{tier}` | {seconds[1]} | {' | '.join(worst)} |" in readme
+
+
+def test_readme_quotes_the_dial_of_its_reports():
+    report, readme = text("reports/speed_accuracy/report.md"), " ".join(text("README.md").split())
+    rows = re.findall(r"^\| (?:closed form|`\w+`) \|.*\|$", report.split("## Tiers over all scenes")[1], re.M)[:4]
+    assert len(rows) == 4
+    for row in rows:
+        assert row in readme
+    scenes = list(csv.DictReader(text("reports/effect_ledger/scenes.csv").splitlines()))
+    missed = sum(row["kept"] != "True" for row in scenes)
+    bound = beta.ppf(0.95, missed + 1, len(scenes) - missed)
+    assert bound <= 0.01
+    faster = np.median([float(row["speed_up"]) for row in scenes])
+    sums = list(csv.DictReader(text("reports/effect_ledger/sums.csv").splitlines()))
+    summed = np.median([float(row["speed_up"]) for row in sums])
+    assert (
+        f"Of {len(scenes)} random scenes {missed or 'none'} moved by more than its tolerance (upper 95 % bound of the "
+        f"rate {100 * bound:.2f} %); a tolerance made them {faster:.1f} times faster, sums instead of whole frames "
+        f"{summed:.0f} times (medians; [reports/effect_ledger/report.md](reports/effect_ledger/report.md))"
+    ) in readme
 
 
 def test_readme_quotes_the_speed_of_the_camera():
