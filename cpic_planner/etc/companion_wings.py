@@ -15,8 +15,8 @@ from simulator.target.positions import sky_to_detector
 __all__ = ["wings_variance"]
 
 FloatArray = NDArray[np.float64]
-# Rms of aperture sums of the wings about their smooth course, over the latter: of 60 places of a companion from 1.8 to
-# 20 arcsec in each visible band. The rms that follows is right to a factor of 1.4 for 68 % of them, to 2 for 90 %.
+# Rms of aperture sums of the wings about their smooth course, over the latter: typical of the visible bands, and good to
+# a factor of two at a single place (tests of this module, against images).
 _STRUCTURE = 0.4
 _STEP_ARCSEC, _N_SEPARATIONS = 0.07, 16
 

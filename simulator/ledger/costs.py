@@ -1,7 +1,6 @@
 """Processor time that the parts of an observation take, as far as leaving them out saves it.
 
-Measured on one core of a 2.5 GHz processor (`reports/effect_ledger`); only their ratios matter, which decide what is
-left out first.
+Rough times of one core; only their ratios matter, which decide what is left out first.
 """
 
 from __future__ import annotations
@@ -31,8 +30,8 @@ FRAME_S = {
 SET_UP_S = {"flat": 2e-4, "dark": 5e-5, "dark_structure": 2e-4, "bad_pixels": 1e-4, "bad_columns": 1e-4, "smear": 5e-5,
             "sky": 1e-3}  # fmt: skip
 """Seconds a sequence of what is worked out once."""
-WHOLE_FRAME_S, OTHER_S = 3e-3, 5e-4
-"""Seconds a frame with everything, and with nothing."""
+WHOLE_FRAME_S = 3e-3
+"""Seconds a frame with everything."""
 FULL_PIXELS = 60.0
 """Pixels of the whole frame over those of the window around the hole."""
 SOURCE_S, FAR_SOURCE_S, EXTENDED_S = 4e-3, 2e-2, 6e-2

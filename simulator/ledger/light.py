@@ -158,11 +158,6 @@ class Sketch:
     noise_pixels: float
     surroundings: Surroundings
 
-    @property
-    def levels_e_s(self) -> FloatArray:
-        """All pixels in one row, the stamp first."""
-        return np.concatenate([self.total_e_s.ravel(), self.outside_e_s])
-
 
 def drift_halo(
     metrics: PsfMetrics, separation_arcsec: FloatArray, rms_nm: float, slope: float, wavelength_nm: float
