@@ -15,8 +15,8 @@ from simulator.target.positions import sky_to_detector
 __all__ = ["wings_variance"]
 
 FloatArray = NDArray[np.float64]
-# Rms of aperture sums of the wings about their smooth course, over the latter: typical of the visible bands, and good to
-# a factor of two at a single place (tests of this module, against images).
+# Rms of aperture sums of the wings about their smooth course, over the latter: typical of the visible bands, and good
+# to a factor of two at most single places (tests of this module, against images).
 _STRUCTURE = 0.4
 _STEP_ARCSEC, _N_SEPARATIONS = 0.07, 16
 
