@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from catalogs.bands import Band, band_from_file, load_bands
     from catalogs.catalogue import Catalogue, open_catalogue
     from catalogs.errors import InputError
+    from catalogs.known_planets import KnownPlanetTable, load_known_planets
     from catalogs.names import StarMatch, resolve_star
     from catalogs.spectra import (
         load_albedo,
@@ -29,6 +30,8 @@ _HOME = {
     "band_from_file": "bands",
     "load_bands": "bands",
     "InputError": "errors",
+    "KnownPlanetTable": "known_planets",
+    "load_known_planets": "known_planets",
     "StarMatch": "names",
     "resolve_star": "names",
     "load_albedo": "spectra",
@@ -44,12 +47,14 @@ __all__ = [
     "Band",
     "Catalogue",
     "InputError",
+    "KnownPlanetTable",
     "StarMatch",
     "StarTable",
     "band_from_file",
     "load_albedo",
     "load_bands",
     "load_johnson_v",
+    "load_known_planets",
     "load_reference_spectrum",
     "load_stars",
     "load_stellar_grid",

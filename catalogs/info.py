@@ -8,7 +8,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-__all__ = ["MODEL_CREDITS", "STAR_CREDITS", "catalogue_info", "snapshot_vintage"]
+__all__ = ["MODEL_CREDITS", "PLANET_CREDITS", "STAR_CREDITS", "catalogue_info", "snapshot_vintage"]
 
 _DATA = Path(__file__).resolve().parent / "data"
 
@@ -19,6 +19,12 @@ STAR_CREDITS = (
     "(Kostjuk 2002; Gliese & Jahreiss 1991).",
 )
 """Of the embedded and refreshed star tables."""
+
+PLANET_CREDITS = (
+    "Known planets: the NASA Exoplanet Archive (Akeson et al. 2013), operated by the California Institute of "
+    "Technology under contract with NASA's Exoplanet Exploration Program; orbits as in the reference of each.",
+)
+"""Of the table of known planets."""
 
 MODEL_CREDITS = (
     "Stellar spectra: PHOENIX (Allard et al. 2012; Husser et al. 2013) with the trends of Castelli & Kurucz 2004; "
@@ -46,8 +52,8 @@ def catalogue_info() -> dict[str, Any]:
     Returns
     -------
     dict
-        ``vintage``, ``counts`` (cut, count, reference count and remark), ``notes``, ``files`` (name, source packages,
-        licence, description) and ``credits``.
+        ``vintage``, ``counts`` (cut, count, reference count and remark), ``notes``, ``known_planets`` (vintage, notes),
+        ``files`` (name, source packages, licence, description) and ``credits``.
     """
     with (_DATA / "stars_counts.csv").open(encoding="utf-8", newline="") as stream:
         counts = [
@@ -69,10 +75,12 @@ def catalogue_info() -> dict[str, Any]:
         for entry in _provenance()
     ]
     stars = next(item for item in _provenance() if item["data_file"] == "stars.csv")
+    planets = next(item for item in _provenance() if item["data_file"] == "known_planets.csv")
     return {
         "vintage": snapshot_vintage(),
         "counts": counts,
         "notes": stars["notes"],
+        "known_planets": {"vintage": planets["vintage"], "notes": planets["notes"]},
         "files": files,
-        "credits": [*STAR_CREDITS, *MODEL_CREDITS],
+        "credits": [*STAR_CREDITS, *PLANET_CREDITS, *MODEL_CREDITS],
     }

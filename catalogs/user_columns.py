@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 
-__all__ = ["QUANTITIES", "Quantity", "heading", "quantity_of"]
+__all__ = ["QUANTITIES", "Quantity", "heading", "quantity_among", "quantity_of"]
 
 
 @dataclass(frozen=True)
@@ -144,8 +145,13 @@ _BY_HEADING = {form: item for item in _ALL for form in (heading(item.name), *ite
 
 def quantity_of(text: str) -> tuple[Quantity | None, str]:
     """Return the quantity that a heading means and the unit written in it (``plx [mas]``), None if unknown."""
-    if item := _BY_HEADING.get(heading(text)):
+    return quantity_among(text, _BY_HEADING)
+
+
+def quantity_among(text: str, by_heading: Mapping[str, Quantity]) -> tuple[Quantity | None, str]:
+    """Return the same among other quantities, by their reduced headings."""
+    if item := by_heading.get(heading(text)):
         return item, ""
     if found := re.fullmatch(r"\s*(.*\w.*?)\s*[\[(]([^\])]*)[\])]\s*", text):
-        return _BY_HEADING.get(heading(found[1])), found[2].strip()
+        return by_heading.get(heading(found[1])), found[2].strip()
     return None, ""

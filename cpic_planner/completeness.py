@@ -23,7 +23,7 @@ from simulator.target.albedo import albedo_notes, albedo_source, needs_insolatio
 from simulator.target.contrast import contrast_at
 from simulator.target.positions import sky_to_detector
 
-__all__ = ["BandCompleteness", "completeness"]
+__all__ = ["BandCompleteness", "completeness", "inside_zone"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -169,8 +169,8 @@ def _count(
     scale = some.planets.scale(targets.luminosity_lsun[rows])
     arcsec_au = (scale / targets.distance_pc[rows])[:, None]
     x, y = arcsec_au * some.x_au, arcsec_au * some.y_au
-    found[1, rows] += np.count_nonzero(_inside(zone, x, y, 0.0), axis=1)
-    usable = _inside(zone, x, y, radius)
+    found[1, rows] += np.count_nonzero(inside_zone(zone, x, y, 0.0), axis=1)
+    usable = inside_zone(zone, x, y, radius)
     numbers = np.count_nonzero(usable, axis=1)
     found[2, rows] += numbers
     observed = np.flatnonzero((numbers > 0) & (settings[1][rows] > 0.0))
@@ -261,7 +261,7 @@ def _significance(
         return np.asarray(1.0 / np.sqrt(problem.inverse_snr2(exposure_s, n_frames)))
 
 
-def _inside(zone: HoleZone, x_arcsec: FloatArray, y_arcsec: FloatArray, margin_arcsec: float) -> NDArray[np.bool_]:
+def inside_zone(zone: HoleZone, x_arcsec: FloatArray, y_arcsec: FloatArray, margin_arcsec: float) -> NDArray[np.bool_]:
     """Which points lie in the zone, at least ``margin`` from its edges."""
     inside = np.ones(x_arcsec.shape, bool)
     low, high = zone.inner_arcsec + margin_arcsec, zone.outer_arcsec - margin_arcsec

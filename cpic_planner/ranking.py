@@ -21,6 +21,7 @@ from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.place import check_range, hole_notes
 from cpic_planner.etc.planet import ReferencePlanet, reference_distance_au, reference_notes
 from cpic_planner.etc.rates import companion_saturates
+from cpic_planner.known_completeness import KnownChoice, KnownSample, known_completeness
 from cpic_planner.models import PopulationRecord, RankedTarget, RankResult, ReferencePlanetRecord, ScoreName
 from cpic_planner.optimiser import Best, best_in_band, best_of, optimise
 from cpic_planner.population import Planets, draw_population
@@ -114,7 +115,7 @@ def rank_hash(
     time_s: float,
     planet: ReferencePlanet,
     bands: Sequence[str] | None = None,
-    population: PopulationChoice | None = None,
+    population: PopulationChoice | KnownChoice | None = None,
     score: ScoreName = DEFAULT_SCORE,
 ) -> str:
     """Hash of everything that decides a ranking."""
@@ -164,7 +165,7 @@ def ranked(
     time_s: float,
     planet: ReferencePlanet,
     bands: Sequence[str],
-    planets: Planets,
+    planets: Planets | KnownSample,
     score: ScoreName,
     with_times: bool = True,
 ) -> Ranked:
@@ -177,11 +178,7 @@ def ranked(
     best = best_of(by_band)
     timed = with_times or score == "detection_time"
     quickest = optimise(model, targets, detect=True, planet=planet, bands=bands) if timed else None
-    counted = tuple(
-        completeness(model, targets, band, planets, exposure_s=item.exposure_s, n_frames=item.n_frames,
-                     em_gain=item.em_gain)
-        for band, item in zip(bands, by_band, strict=True)
-    )  # fmt: skip
+    counted = tuple(_counted(model, targets, band, planets, item) for band, item in zip(bands, by_band, strict=True))
     with np.errstate(divide="ignore", invalid="ignore"):
         rates = np.stack([np.where(item.time_s > 0, part.completeness / item.time_s * 3600.0, 0.0)
                           for part, item in zip(counted, by_band, strict=True)])  # fmt: skip
@@ -204,6 +201,16 @@ def ranked(
     return Ranked(best, by_band, quickest, counted, picked, np.asarray(scores[score], float))
 
 
+def _counted(
+    model: EtcModel, targets: Targets, band: str, planets: Planets | KnownSample, setting: Best
+) -> BandCompleteness:
+    """Completeness of the observation of each star: of planets that all may have, or of those that it has."""
+    taken = {"exposure_s": setting.exposure_s, "n_frames": setting.n_frames, "em_gain": setting.em_gain}
+    if isinstance(planets, KnownSample):
+        return known_completeness(model, targets, band, planets, **taken)
+    return completeness(model, targets, band, planets, **taken)
+
+
 def order_of(found: Ranked, targets: Targets) -> list[int]:
     """Stars from best to worst: by score, ties by the reference planet's margin, then by name."""
     return sorted(range(len(targets)), key=lambda i: (-found.score[i], -found.best.margin[i], str(targets.name[i])))
@@ -216,7 +223,7 @@ def rank_targets(
     time_s: float,
     planet: ReferencePlanet | None = None,
     bands: Sequence[str] | None = None,
-    population: PopulationChoice | None = None,
+    population: PopulationChoice | KnownChoice | None = None,
     score: ScoreName = DEFAULT_SCORE,
     sample: str = "",
     catalogue: str | None = None,
@@ -233,8 +240,9 @@ def rank_targets(
     planet : ReferencePlanet, optional
     bands : sequence of str, optional
         All of the model by default.
-    population : PopulationChoice, optional
-        What completeness refers to; giant planets by default.
+    population : PopulationChoice or KnownChoice, optional
+        What completeness refers to; giant planets by default. With known planets it is the probability that the
+        observation detects at least one of the star's own at the given date; stars without any have 0.
     score : str
         What the ranking is by: ``completeness_per_hour`` (planets of the population detected by one observation, over
         its wall time, in the band where that is most), ``completeness``, ``detection_margin`` (significance of the
@@ -257,7 +265,8 @@ def rank_targets(
     """
     body, choice = planet or ReferencePlanet(), population or PopulationChoice.default()
     names, time_s = model.named(bands), check_range("time_s", time_s, 1e-3, 1e9, "s")
-    found = ranked(model, targets, time_s=time_s, planet=body, bands=names, planets=choice.draw(), score=score)
+    planets = choice.draw(targets) if isinstance(choice, KnownChoice) else choice.draw()
+    found = ranked(model, targets, time_s=time_s, planet=body, bands=names, planets=planets, score=score)
     verdicts = judge(found.best, model)
     blooming = {band: companion_saturates(model, targets, band, found.best.exposure_s) for band in model.bands}
     rows = [

@@ -5,6 +5,7 @@ Layout::
     DIR/run.lock        operating-system lock; the holder writes pid and start time into it
     DIR/manifest.json   kind of run, configuration hash, schema version
     DIR/parts/KEY.json  one finished piece of work each, with its own checksum
+    DIR/parts/KEY.blob  the same for pieces that are bytes: a line of JSON (key, hash, checksum), then they
     DIR/plan.json ...   the products, written at the end
 
 A folder of the same configuration hash is resumed (finished parts are reused); of another one it is
@@ -29,12 +30,16 @@ from typing import Any
 from catalogs.errors import InputError
 from simulator.files import LockHeld, dump_json, exclusive_lock, write_bytes, write_json, write_text
 
-__all__ = ["RunFolder", "open_run_folder"]
+__all__ = ["DamagedPartError", "RunFolder", "open_run_folder"]
 
 _LOG = logging.getLogger(__name__)
 SCHEMA_VERSION = 1
 PRODUCTS = ("simulation.json", "plan.json", "confirm.json", "sensitivity.json", "run.json", "ranking.csv",
             "ranking.ecsv", "measurements.csv", "report.html")  # fmt: skip
+
+
+class DamagedPartError(RuntimeError):
+    """A part is not as it was written, or belongs to another configuration."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +52,7 @@ class RunFolder:
 
     def part(self, key: str) -> dict[str, Any] | None:
         """Finished piece of work ``key``, or ``None`` (also when its file is damaged)."""
-        path = self._part_path(key)
+        path = self._part_path(key, ".json")
         try:
             stored = json.loads(path.read_text(encoding="utf-8"))
             body = stored["body"]
@@ -64,8 +69,40 @@ class RunFolder:
         """Store a finished piece of work whole; returns it as it will be read back."""
         text = dump_json({"sha256": _digest(body), "config_hash": self.config_hash, "body": body})
         self.path.joinpath("parts").mkdir(exist_ok=True)
-        write_text(self._part_path(key), text)
+        write_text(self._part_path(key, ".json"), text)
         return dict(json.loads(text)["body"])
+
+    def save_blob(self, key: str, content: bytes) -> None:
+        """Store a finished piece of work that is bytes whole."""
+        head = {"key": key, "sha256": hashlib.sha256(content).hexdigest(), "config_hash": self.config_hash}
+        self.path.joinpath("parts").mkdir(exist_ok=True)
+        write_bytes(self._part_path(key, ".blob"), json.dumps(head).encode() + b"\n" + content)
+
+    def blob_paths(self) -> list[Path]:
+        """Files of all pieces that are bytes, whole or not, in the order of their names."""
+        return sorted(self.path.joinpath("parts").glob("[!.]*.blob"))
+
+    def read_blob(self, path: Path) -> tuple[str, bytes]:
+        """Key and content of one of `blob_paths`.
+
+        Raises
+        ------
+        DamagedPartError
+            If it is not what `save_blob` wrote there in a run of this configuration.
+        """
+        try:
+            line, _, content = path.read_bytes().partition(b"\n")
+            head = json.loads(line)
+            good = (
+                head["sha256"] == hashlib.sha256(content).hexdigest()
+                and head["config_hash"] == self.config_hash
+                and self._part_path(head["key"], ".blob") == path
+            )
+        except (ValueError, KeyError, TypeError, AttributeError, OSError) as error:
+            raise DamagedPartError(f"part {path.name} is damaged ({type(error).__name__}: {error})") from None
+        if not good:
+            raise DamagedPartError(f"part {path.name} is damaged (checksum, configuration or name differs)")
+        return head["key"], content
 
     def write(self, name: str, text: str) -> Path:
         """Write one product of the run whole."""
@@ -75,9 +112,9 @@ class RunFolder:
         """Write one product that is no text whole."""
         return write_bytes(self.path / name, content)
 
-    def _part_path(self, key: str) -> Path:
+    def _part_path(self, key: str, suffix: str) -> Path:
         safe = "".join(char if char.isalnum() or char in "-_" else "_" for char in key)
-        return self.path / "parts" / f"{safe}-{hashlib.sha256(key.encode()).hexdigest()[:8]}.json"
+        return self.path / "parts" / f"{safe}-{hashlib.sha256(key.encode()).hexdigest()[:8]}{suffix}"
 
 
 def _digest(body: Any) -> str:
@@ -137,6 +174,9 @@ def open_run_folder(
         lock.write(f"in use by pid {os.getpid()}, started {datetime.now(UTC):%Y-%m-%d %H:%M:%S} UTC\n")
         lock.flush()
         resumed = _claim(folder, kind, config_hash, force, clear)
+        if resumed:  # a killed run leaves what it was just writing under a temporary name
+            for stale in (*folder.glob(".*.part"), *folder.glob("parts/.*.part")):
+                stale.unlink(missing_ok=True)
         yield RunFolder(folder, config_hash, resumed)
         lock.seek(0)
         lock.truncate()
@@ -144,7 +184,7 @@ def open_run_folder(
 
 def _holds_work(folder: Path) -> bool:
     """Whether a run finished anything here: a folder that was only begun may be taken over."""
-    return any((folder / "parts").glob("*.json")) or any((folder / name).exists() for name in PRODUCTS)
+    return any((folder / "parts").glob("[!.]*.*")) or any((folder / name).exists() for name in PRODUCTS)
 
 
 def _claim(folder: Path, kind: str, config_hash: str, force: bool, clear: Callable[[Path], None]) -> bool:

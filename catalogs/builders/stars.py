@@ -12,6 +12,7 @@ import csv
 import io
 import json
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -23,20 +24,32 @@ from catalogs.builders._star_counts import count_rows
 from catalogs.builders._star_identity import Identity, identify
 from catalogs.builders._star_licence import LICENCE_TEXT, SHORT_LICENCE
 from catalogs.builders._star_physics import fill_physics
-from catalogs.builders._star_select import select
+from catalogs.builders._star_select import Removed, select
 from catalogs.builders._star_sources import SOURCES
 from catalogs.coordinates import ecliptic
 from catalogs.sources import ProvenanceEntry, SourcePackage, SourceStore
 from catalogs.star_columns import COLUMNS, Column
 from catalogs.star_flags import FLAGS
 
-__all__ = ["SOURCES", "build"]
+__all__ = ["SOURCES", "People", "build", "catalogue_people"]
 
 _VINTAGE = "SIMBAD extract of 2012-12-06 with Hipparcos-2 parallaxes; ExoCat-1 of 2015; archive aliases of 2022-11"
 
 
-def build(sources: SourceStore, out_dir: Path) -> list[ProvenanceEntry]:
-    """Write the star files into `out_dir` and return their provenance."""
+@dataclass(frozen=True)
+class People:
+    """The stars of the catalogue, the rows left out, and the sources that other tables need."""
+
+    people: list[Identity]
+    removed: list[Removed]
+    stars: list[src.SimbadStar]
+    hip2: src.Hipparcos2
+    cross_names: dict[int, src.CrossName]
+    alias_sets: list[tuple[str, ...]]
+
+
+def catalogue_people(sources: SourceStore) -> People:
+    """Return the stars of the catalogue with every value filled, in the order of the file."""
     stars = src.read_simbad300(sources)
     hip2 = src.read_hipparcos2(sources)
     exocat = src.read_exocat(sources)
@@ -48,7 +61,13 @@ def build(sources: SourceStore, out_dir: Path) -> list[ProvenanceEntry]:
     fill_companions(people, stars, removed)
     for person in people:
         _fill_rest(person, people)
+    return People(people, removed, stars, hip2, cross_names, alias_sets)
 
+
+def build(sources: SourceStore, out_dir: Path) -> list[ProvenanceEntry]:
+    """Write the star files into `out_dir` and return their provenance."""
+    found = catalogue_people(sources)
+    people, removed, stars = found.people, found.removed, found.stars
     _write_csv(out_dir / "stars.csv", [c.name for c in COLUMNS], (_cells(person) for person in people))
     (out_dir / "stars_columns.json").write_text(_columns_json(), encoding="utf-8")
     _write_csv(
@@ -65,7 +84,7 @@ def build(sources: SourceStore, out_dir: Path) -> list[ProvenanceEntry]:
         ),
     )
     _write_csv(out_dir / "aliases.csv", ["key", "name", "kind"], alias_rows(people))
-    known = known_star_rows(people, removed, stars, hip2, cross_names, alias_sets)
+    known = known_star_rows(people, removed, stars, found.hip2, found.cross_names, found.alias_sets)
     _write_csv(out_dir / "known_stars.csv", ["keys", "reason"], known)
     (out_dir / "STARS_LICENCE.md").write_text(LICENCE_TEXT, encoding="utf-8")
     return _provenance(people)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -15,6 +15,7 @@ from cpic_planner.cli.output import console, error_line, note, progress
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from catalogs.user_columns import Quantity
     from cpic_planner.refresh import Written
 
 __all__ = ["app"]
@@ -79,6 +80,8 @@ def info(as_json: JsonOption = False) -> None:
     _table(screen, "Counts per cut", ("cut", "stars"), ((row["cut"], str(row["count"])) for row in found["counts"]))
     files = ((row["file"], row["packages"], row["licence"]) for row in found["files"])
     _table(screen, "Data files and where they come from", ("file", "packages", "licence"), files)
+    planets = found["known_planets"]
+    screen.print(f"Known planets: {planets['vintage']}; {'; '.join(planets['notes'])}.")
     for line in found["credits"]:
         screen.print(line)
     if not stored:
@@ -93,17 +96,36 @@ def info(as_json: JsonOption = False) -> None:
 
 @app.command("columns")
 def columns(as_json: JsonOption = False) -> None:
-    """Show which columns a table of your own may have for --catalog FILE: names, units and ranges.
+    """Show which columns a table of your own may have: of stars (--catalog FILE), of planets (--known-planets FILE).
 
     Example: cpic catalog columns
     """
+    from catalogs.known_planet_columns import COLUMNS
     from catalogs.user_columns import QUANTITIES
     from simulator.files import dump_json
 
     needed = {"name": "yes", "v_mag": "yes", "distance_pc": "one of two", "parallax_mas": "one of two"}
     needed |= {"sp_type": "one of two", "teff_k": "one of two"}
+    of_planets = {"star": "yes", "planet": "yes", "period_days": "one of two", "semi_major_axis_au": "one of two"}
+    of_planets |= dict.fromkeys(("mass_mjup", "msini_mjup", "best_mass_mjup", "radius_rjup"), "one of four")
+    rows, planets = _column_rows(QUANTITIES, needed), _column_rows(COLUMNS, of_planets)
+    if as_json:
+        sys.stdout.write(dump_json({"columns": rows, "planet_columns": planets}))
+        return
+    screen = console()
+    for title, listed in (("stars", rows), ("known planets", planets)):
+        cells = ((row["name"], row["required"], ", ".join(row["also_called"]), row["allowed"]) for row in listed)
+        headings = ("column", "required", "also called", "allowed")
+        _table(screen, f"Columns of a table of {title} of your own", headings, cells)
+    screen.print("Upper and lower case, blanks and _ make no difference. Units are those of an ECSV or VOTable, or are "
+                 "written in the heading: plx [mas]. What a star lacks is filled and labelled; what a planet lacks is "
+                 "unknown, and drawn.")  # fmt: skip
+
+
+def _column_rows(columns: Mapping[str, Quantity], needed: Mapping[str, str]) -> list[dict[str, Any]]:
+    """What is said of each column."""
     kinds = {"text": "text", "flag": "yes or no", "hip": "Hipparcos number"}
-    rows: list[dict[str, Any]] = [
+    return [
         {
             "name": item.name,
             "required": needed.get(item.name, ""),
@@ -111,16 +133,8 @@ def columns(as_json: JsonOption = False) -> None:
             "unit": item.unit,
             "allowed": kinds.get(item.kind, item.allowed),
         }
-        for item in QUANTITIES.values()
+        for item in columns.values()
     ]
-    if as_json:
-        sys.stdout.write(dump_json({"columns": rows}))
-        return
-    screen = console()
-    cells = ((row["name"], row["required"], ", ".join(row["also_called"]), row["allowed"]) for row in rows)
-    _table(screen, "Columns of a table of your own", ("column", "required", "also called", "allowed"), cells)
-    screen.print("Upper and lower case, blanks and _ make no difference. Units are those of an ECSV or VOTable, or are "
-                 "written in the heading: plx [mas]. What is missing is filled and labelled.")  # fmt: skip
 
 
 @app.command("refresh", help=REFRESH_HELP)

@@ -20,11 +20,14 @@ from cpic_planner.cli import (
     check_command,
     confirm_command,
     etc_command,
+    known_command,
     plan_command,
     rank_command,
     schema_command,
     simulate_command,
     tradeoff_command,
+    visibility_command,
+    whatif_command,
 )
 from cpic_planner.cli.output import error_line, version_text
 
@@ -66,8 +69,11 @@ def root(
 app.command("plan", help=plan_command.HELP)(plan_command.plan)
 app.command("rank", help=rank_command.HELP)(rank_command.rank)
 app.command("etc", help=etc_command.HELP)(etc_command.etc)
+app.command("known", help=known_command.HELP)(known_command.known)
 app.command("confirm", help=confirm_command.HELP)(confirm_command.confirm)
 app.command("simulate", help=simulate_command.HELP)(simulate_command.simulate)
+app.command("visibility", help=visibility_command.HELP)(visibility_command.visibility)
+app.command("whatif", help=whatif_command.HELP)(whatif_command.whatif)
 app.command("tradeoff", help=tradeoff_command.HELP)(tradeoff_command.tradeoff)
 app.command("check", help=check_command.HELP)(check_command.check)
 app.add_typer(catalog_command.app, name="catalog")

@@ -14,7 +14,9 @@ from simulator.config.albedo import AlbedoSpec, albedo_spec, names_file
 from simulator.config.base import validate
 
 if TYPE_CHECKING:
+    from cpic_planner.known_completeness import KnownChoice
     from cpic_planner.ranking import PopulationChoice
+    from simulator.config import Instrument
 
 __all__ = [
     "AlbedoOption",
@@ -22,11 +24,13 @@ __all__ = [
     "CatalogOption",
     "CloudsOption",
     "CompanionsOption",
+    "DateOption",
     "DwarfsOption",
     "FidelityOption",
     "InsolationOption",
     "InstrumentOption",
     "JsonOption",
+    "KnownPlanetsOption",
     "MetallicityOption",
     "OnOff",
     "PhaseFunction",
@@ -45,6 +49,7 @@ __all__ = [
     "ToleranceOption",
     "VMaxOption",
     "albedo_from",
+    "known_from",
     "planet_from",
     "population_from",
 ]  # fmt: skip
@@ -156,6 +161,18 @@ PopulationOption: TypeAlias = Annotated[
 PlanetsOption: TypeAlias = Annotated[
     int | None, typer.Option("--planets", help="Planets drawn from the population [default: 4000].")
 ]
+KnownPlanetsOption: TypeAlias = Annotated[
+    str | None,
+    typer.Option(
+        "--known-planets",
+        help="Table of known planets: snapshot (NASA Exoplanet Archive of 2019), or a CSV, ECSV, VOTable or FITS file; "
+        "in a ranking it stands instead of a population.",
+    ),
+]
+DateOption: TypeAlias = Annotated[
+    str | None,
+    typer.Option("--date", help="Date of the known planets' places, UTC [default: the mission's start]."),
+]
 SeedOption: TypeAlias = Annotated[int, typer.Option("--seed", min=0, help="Seed of every random number.")]
 RealisationsOption: TypeAlias = Annotated[
     int | None,
@@ -224,3 +241,26 @@ def population_from(source: str | None, n_planets: int | None, seed: int) -> Pop
 
     drawn = check_whole("--planets", N_PLANETS if n_planets is None else n_planets, 1, MAX_PLANETS)
     return PopulationChoice(load_population(source), drawn, seed)
+
+
+def known_from(
+    source: str | None,
+    date: str | None,
+    n_draws: int | None,
+    seed: int,
+    albedo: AlbedoSpec,
+    instrument: Instrument,
+    *,
+    draws_option: str = "--planets",
+) -> KnownChoice:
+    """Known planets at a date from options."""
+    from catalogs.known_planets import load_known_planets
+    from cpic_planner.known_completeness import MAX_DRAWS, N_DRAWS, KnownChoice
+    from simulator.config.mission import checked_utc
+    from simulator.products.times import mjd_of
+    from simulator.quantities import check_whole
+
+    utc = checked_utc("--date", instrument.mission.start_utc if date is None else date)
+    drawn = check_whole(draws_option, N_DRAWS if n_draws is None else n_draws, 1, MAX_DRAWS)
+    table = load_known_planets("snapshot" if source is None else source)
+    return KnownChoice(table, utc, mjd_of(utc), albedo, drawn, seed)

@@ -15,10 +15,12 @@ from cpic_planner.cli.options import (
     CatalogOption,
     CloudsOption,
     CompanionsOption,
+    DateOption,
     DwarfsOption,
     InsolationOption,
     InstrumentOption,
     JsonOption,
+    KnownPlanetsOption,
     MetallicityOption,
     OnOff,
     PhaseFunctionOption,
@@ -33,6 +35,7 @@ from cpic_planner.cli.options import (
     TimeOption,
     VMaxOption,
     albedo_from,
+    known_from,
     planet_from,
     population_from,
 )
@@ -82,8 +85,13 @@ Examples:
 
   cpic rank --catalog my_stars.csv
 
+  cpic rank --known-planets snapshot --date 2030-06-01
+
 --catalog takes a table with the columns name, distance_pc or parallax_mas, v_mag, and sp_type or teff_k (or the usual
-other names of these); cpic catalog columns lists all that are read."""
+other names of these); cpic catalog columns lists all that are read.
+
+--known-planets ranks the stars that have known planets by the probability that one observation at --date detects at
+least one of them, the errors of their orbits included; --planets is then the number of draws of each planet."""
 
 
 def rank(
@@ -99,6 +107,8 @@ def rank(
     population: PopulationOption = None,
     planets: PlanetsOption = None,
     seed: SeedOption = 1,
+    known_planets: KnownPlanetsOption = None,
+    date: DateOption = None,
     radius_rjup: RadiusOption = 1.0,
     phase_deg: PhaseOption = 90.0,
     albedo: AlbedoOption = None,
@@ -137,6 +147,10 @@ def rank(
     for name, value in (("--explain", explain), ("--sensitivity", sensitivity)):
         refuse_together({name: value, "--out": out}, "it holds no ranking")
         refuse_together({name: value, "--plot": plot}, "it has no figure")
+    for name, value in (("--explain", explain), ("--sensitivity", sensitivity), ("--population", population)):
+        refuse_together({name: value, "--known-planets": known_planets}, "it is about a hypothetical population")
+    if date is not None and known_planets is None:
+        raise InputError("--date", date, allowed="only with --known-planets", hint="nothing else depends on a date")
     if out is not None and out.suffix not in (".csv", ".ecsv"):
         raise InputError("--out", str(out), allowed="a name that ends in .csv or .ecsv")
     if plot is not None:
@@ -146,7 +160,6 @@ def rank(
     strategy = strategy_from(library, reference_v_mag=reference_v_mag, reference_teff_k=reference_teff_k,
                              reference_ratio=reference_ratio, roll_deg=roll_deg, photon_counting=photon_counting,
                              counting_sigma=counting_sigma)  # fmt: skip
-    chosen = population_from(population, planets, seed)
     table = open_catalogue(catalog)
     for remark in table.notes:
         note(remark)
@@ -155,6 +168,15 @@ def rank(
     )
     model = model_from(instrument, bands, strategy, exozodi_zodis=exozodi)
     reflects = albedo_from(albedo, log10_mh, log10_fsed, insolation_au, phase_function)
+    sample = sample_text(table, v_mag_max, dwarfs, singles)
+    if known_planets is None:
+        chosen: Any = population_from(population, planets, seed)
+    else:
+        chosen = known_from(known_planets, date, planets, seed, reflects, model.instrument)
+        for remark in chosen.table.notes:
+            note(remark)
+        targets = chosen.stars(targets)
+        sample = f"{sample}; those with known planets only"
     asked: dict[str, Any] = {"time_s": time_s, "planet": planet_from(radius_rjup, phase_deg, reflects),
                              "population": chosen, "score": score.value}  # fmt: skip
     if (explain is not None or sensitivity) and sys.stderr.isatty():
@@ -170,8 +192,7 @@ def rank(
     if sensitivity:
         _sensitivity(model, targets, asked, as_json)
         return
-    result = rank_targets(model, targets, sample=sample_text(table, v_mag_max, dwarfs, singles),
-                          catalogue=table.provenance, **asked)  # fmt: skip
+    result = rank_targets(model, targets, sample=sample, catalogue=table.provenance, **asked)
     _write(result, out, plot)
     if as_json:
         print_json(result)

@@ -9,6 +9,7 @@ from pydantic import Field
 from cpic_planner.models.base import Result, StatusText
 
 __all__ = [
+    "KNOWN_PLANETS",
     "BandStanding",
     "Explanation",
     "PopulationRecord",
@@ -22,6 +23,8 @@ __all__ = [
 
 
 ScoreName = Literal["completeness_per_hour", "completeness", "detection_margin", "detection_time", "contrast_limit"]
+KNOWN_PLANETS = "known planets"
+"""Name of the population where completeness refers to the stars' own planets."""
 
 
 class ReferencePlanetRecord(Result):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,7 +22,11 @@ from cpic_planner.report.drawing import (
 from cpic_planner.report.names import pretty_name
 from cpic_planner.report.words import status_text
 
-__all__ = ["sky_map"]
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = ["sky_axes", "sky_map"]
 
 RING_AREA = 70.0
 OBLIQUITY_DEG = 23.4392911
@@ -50,6 +55,29 @@ def _radius_px(v_mag: float, ringed: bool) -> float:
     return float(np.sqrt(area / np.pi)) * SCREEN_DPI / 72.0
 
 
+def sky_axes(figure: Figure) -> Axes:
+    """Add an empty map of the whole sky in equatorial coordinates (Mollweide), with the ecliptic."""
+    from matplotlib.patheffects import withStroke
+
+    axes = figure.add_subplot(projection="mollweide")
+    axes.grid(visible=True)
+    axes.set_xticks(map_longitude(np.array([150.0, 120, 90, 60, 30, 0, 330, 300, 270, 240, 210])))
+    axes.set_xticklabels(
+        [f"{hour} h" for hour in (10, 8, 6, 4, 2, 0, 22, 20, 18, 16, 14)], color="#666666", fontsize=8.5
+    )
+    for hour_label in axes.get_xticklabels():
+        hour_label.set_path_effects([withStroke(linewidth=2.0, foreground="white")])
+        hour_label.set_zorder(6)
+    axes.set_yticks(np.deg2rad([-60, -30, 0, 30, 60]))
+    axes.set_yticklabels(["−60°", "−30°", "0°", "+30°", "+60°"])
+    axes.set_xlabel("right ascension (ICRS, increasing to the left)")
+    axes.set_ylabel("declination (ICRS)")
+    ra = np.linspace(-180.0, 180.0, 361)
+    ecliptic = np.arctan(np.tan(np.deg2rad(OBLIQUITY_DEG)) * np.sin(np.deg2rad(ra)))
+    axes.plot(-np.deg2rad(ra), ecliptic, color="#B58900", lw=1.1, ls="--", zorder=1, label="ecliptic")
+    return axes
+
+
 def sky_map(rank: RankResult, *, confirmed: tuple[str, ...] = (), labelled: int = 12) -> Picture:
     """Draw all ranked stars in equatorial coordinates (Mollweide).
 
@@ -61,28 +89,11 @@ def sky_map(rank: RankResult, *, confirmed: tuple[str, ...] = (), labelled: int 
     labelled : int
         How many of the highest-ranked stars to label.
     """
-    from matplotlib.patheffects import withStroke
-
     rows = [row for row in rank.targets if row.ra_deg is not None and row.dec_deg is not None]
     hidden = len(rank.targets) - len(rows)
     with style():
         figure = new_figure(5.3)
-        axes = figure.add_subplot(projection="mollweide")
-        axes.grid(visible=True)
-        axes.set_xticks(map_longitude(np.array([150.0, 120, 90, 60, 30, 0, 330, 300, 270, 240, 210])))
-        axes.set_xticklabels(
-            [f"{hour} h" for hour in (10, 8, 6, 4, 2, 0, 22, 20, 18, 16, 14)], color="#666666", fontsize=8.5
-        )
-        for hour_label in axes.get_xticklabels():
-            hour_label.set_path_effects([withStroke(linewidth=2.0, foreground="white")])
-            hour_label.set_zorder(6)
-        axes.set_yticks(np.deg2rad([-60, -30, 0, 30, 60]))
-        axes.set_yticklabels(["−60°", "−30°", "0°", "+30°", "+60°"])
-        axes.set_xlabel("right ascension (ICRS, increasing to the left)")
-        axes.set_ylabel("declination (ICRS)")
-        ra = np.linspace(-180.0, 180.0, 361)
-        ecliptic = np.arctan(np.tan(np.deg2rad(OBLIQUITY_DEG)) * np.sin(np.deg2rad(ra)))
-        axes.plot(-np.deg2rad(ra), ecliptic, color="#B58900", lw=1.1, ls="--", zorder=1, label="ecliptic")
+        axes = sky_axes(figure)
         for status in reversed(STATUS_STYLE):
             chosen = [row for row in rows if row.status == status]
             if not chosen:

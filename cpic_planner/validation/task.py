@@ -28,7 +28,8 @@ from simulator.ledger.sums import NOT_IN_SUMS
 from simulator.outcome import Reason, Status
 from simulator.target.positions import detector_to_sky
 
-__all__ = ["MAX_FRAMES", "ConfirmTask", "Frames", "expected_of", "images_of", "prepare_task", "target_scene"]
+__all__ = ["MAX_FRAMES", "ConfirmTask", "Frames", "expected_of", "images_of", "prepare_task", "star_scene",
+           "target_scene"]  # fmt: skip
 
 MAX_FRAMES = 4000
 """Frames of one sequence that are held in memory at once (0.6 GB of stamps)."""
@@ -116,23 +117,10 @@ def target_scene(
     *,
     exozodi_zodis: float = 0.0,
 ) -> Scene:
-    """Scene of one star with its reference planet, and its nearest known companion if that is near and located.
+    """Scene of one star with its reference planet; see `star_scene`.
 
-    The default position angle is that of the example of Zhu et al. 2025, on a diagonal of the hole. ``exozodi_zodis``
-    adds a face-on disc of dust (`cpic_planner.etc.exozodi`).
+    The default position angle is that of the example of Zhu et al. 2025, on a diagonal of the hole.
     """
-    name = str(target.name[0])
-    star = SceneStar(
-        name=name,
-        v_mag=float(target.v_mag[0]),
-        teff_k=float(target.teff_k[0]),
-        log_g=float(target.log_g[0]),
-        metallicity=float(target.metallicity[0]),
-        distance_pc=_known(target.distance_pc[0]),
-        luminosity_lsun=_known(target.luminosity_lsun[0]),
-        ra_deg=_known(target.ra_deg[0]),
-        dec_deg=_known(target.dec_deg[0]),
-    )
     body = Planet(
         name="reference planet",
         radius_rjup=planet.radius_rjup,
@@ -141,6 +129,26 @@ def target_scene(
         separation_arcsec=separation_arcsec,
         pa_deg=pa_deg,
         albedo=planet.albedo,
+    )
+    return star_scene(target, (body,), exozodi_zodis=exozodi_zodis)
+
+
+def star_scene(target: Targets, planets: tuple[Planet, ...], *, name: str = "", exozodi_zodis: float = 0.0) -> Scene:
+    """Scene of one star with planets, and its nearest known companion if that is near and located.
+
+    ``name`` is that of the scene, the star's by default; ``exozodi_zodis`` adds a face-on disc of dust
+    (`cpic_planner.etc.exozodi`).
+    """
+    star = SceneStar(
+        name=str(target.name[0]),
+        v_mag=float(target.v_mag[0]),
+        teff_k=float(target.teff_k[0]),
+        log_g=float(target.log_g[0]),
+        metallicity=float(target.metallicity[0]),
+        distance_pc=_known(target.distance_pc[0]),
+        luminosity_lsun=_known(target.luminosity_lsun[0]),
+        ra_deg=_known(target.ra_deg[0]),
+        dec_deg=_known(target.dec_deg[0]),
     )
     near = companion_of(
         star.model_dump(),
@@ -152,9 +160,9 @@ def target_scene(
     stars = tuple(SceneStar(**body) for body in near)
     disc = exozodi_disc(exozodi_zodis)
     return Scene(
-        name=name,
+        name=name or star.name,
         cstar=star,
-        planets=(body,),
+        planets=planets,
         stars=stars,
         extended=() if disc is None else (disc,),
         companions=target.companions,

@@ -167,7 +167,7 @@ def _metadata(annotation: Any) -> Iterator[Any]:
 
 
 _UNITS = (
-    ("_per_s_cm2", "1/s/cm2"), ("_e_s", "e-/s"), ("_e_um", "e-/um"), ("_um", "um"),
+    ("_per_s_cm2", "1/s/cm2"), ("_e_s", "e-/s"), ("_deg_s", "deg/s"), ("_e_um", "e-/um"), ("_um", "um"),
     ("_e_adu", "e-/ADU"), ("_mag_arcsec2", "mag/arcsec2"), ("_mas_yr", "mas/yr"), ("_lsun", "L_sun"),
     ("_lambda_d", "lambda/D"), ("_arcsec", "arcsec"), ("_rjup", "R_Jup"), ("_deg", "deg"), ("_nm", "nm"),
     ("_adu", "ADU"), ("_au", "au"), ("_pc", "pc"), ("_mag", "mag"), ("_k", "K"), ("_e", "e-"), ("_s", "s"),

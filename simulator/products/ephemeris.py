@@ -12,7 +12,7 @@ from simulator.config.mission import OrbitConfig
 from simulator.products.orbit import CircularOrbit, earth_radius_deg
 from simulator.products.times import offline_time
 
-__all__ = ["Ephemeris", "ephemeris"]
+__all__ = ["Ephemeris", "body_km", "ephemeris"]
 
 FloatArray = NDArray[np.float64]
 
@@ -54,7 +54,6 @@ def ephemeris(orbit: OrbitConfig, utc: tuple[str, ...], target_deg: tuple[float,
     Sun and Moon are those of astropy's built-in ephemeris (ERFA); nothing is fetched. The aberration of the target's
     light (0.01 deg) is neglected.
     """
-    from astropy.coordinates import get_body
     from astropy.time import Time
 
     with offline_time():
@@ -67,12 +66,31 @@ def ephemeris(orbit: OrbitConfig, utc: tuple[str, ...], target_deg: tuple[float,
         target = np.array([np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra), np.sin(dec)])
 
         def angle_from(body: str) -> FloatArray:
-            place: Any = get_body(body, times, ephemeris="builtin").cartesian.xyz.to_value("km")
-            return _angle_deg(place.T - position, target)
+            return _angle_deg(body_km(body, times) - position, target)
 
         distance = np.linalg.norm(position, axis=-1)
         limb = _angle_deg(-position, target) - earth_radius_deg(distance)
         return Ephemeris(position, velocity, angle_from("sun"), angle_from("moon"), limb)
+
+
+def body_km(body: str, times: Any) -> FloatArray:
+    """Geocentric place of a body of the solar system, axes of the GCRS, by astropy's built-in ephemeris.
+
+    Parameters
+    ----------
+    body : str
+        ``"sun"`` or ``"moon"``.
+    times : astropy.time.Time, shape (n,)
+        Made, like this call, inside of `simulator.products.times.offline_time`.
+
+    Returns
+    -------
+    ndarray, shape (n, 3)
+    """
+    from astropy.coordinates import get_body
+
+    place: Any = get_body(body, times, ephemeris="builtin").cartesian.xyz.to_value("km")
+    return np.asarray(place.T, dtype=np.float64)
 
 
 def _angle_deg(vectors: FloatArray, direction: FloatArray) -> FloatArray:

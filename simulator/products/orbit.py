@@ -55,6 +55,27 @@ class CircularOrbit:
         flattening = _J2 * (EARTH_RADIUS_KM / self.radius_km) ** 2
         return -1.5 * self._motion_rad_s * flattening * math.cos(math.radians(self.config.inclination_deg))
 
+    def plane(self, elapsed_s: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Axes of the plane of the orbit.
+
+        Parameters
+        ----------
+        elapsed_s : array_like, shape (n,)
+            Seconds since the epoch of the orbit.
+
+        Returns
+        -------
+        towards_node, ahead : ndarray, shape (n, 3)
+            Unit vectors to the ascending node, and a quarter of a revolution ahead of it.
+        """
+        node = math.radians(self.config.node_deg) + self._node_rate_rad_s * np.asarray(elapsed_s, dtype=np.float64)
+        tilt = math.radians(self.config.inclination_deg)
+        towards_node = np.stack([np.cos(node), np.sin(node), np.zeros_like(node)], axis=-1)
+        ahead = np.stack(
+            [-np.sin(node) * math.cos(tilt), np.cos(node) * math.cos(tilt), np.full_like(node, math.sin(tilt))], axis=-1
+        )
+        return towards_node, ahead
+
     def state(self, elapsed_s: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Position and velocity.
 
@@ -69,17 +90,12 @@ class CircularOrbit:
         """
         elapsed = np.asarray(elapsed_s, dtype=np.float64)
         along = math.radians(self.config.phase_deg) + self._motion_rad_s * elapsed
-        node = math.radians(self.config.node_deg) + self._node_rate_rad_s * elapsed
-        tilt = math.radians(self.config.inclination_deg)
-        towards_node = np.stack([np.cos(node), np.sin(node), np.zeros_like(node)], axis=-1)
-        ahead = np.stack(
-            [-np.sin(node) * math.cos(tilt), np.cos(node) * math.cos(tilt), np.full_like(node, math.sin(tilt))], axis=-1
-        )
+        towards_node, ahead = self.plane(elapsed)
         cosine, sine = np.cos(along)[..., None], np.sin(along)[..., None]
         position = self.radius_km * (cosine * towards_node + sine * ahead)
         velocity = self.radius_km * self._motion_rad_s * (cosine * ahead - sine * towards_node)
         # The drift of the node turns the whole orbit about the axis of the Earth.
-        turn = self._node_rate_rad_s * np.stack([-position[..., 1], position[..., 0], np.zeros_like(node)], axis=-1)
+        turn = self._node_rate_rad_s * np.stack([-position[..., 1], position[..., 0], np.zeros_like(along)], axis=-1)
         return position, velocity + turn
 
 

@@ -243,6 +243,7 @@ def test_every_command_helps_with_examples(capsys):
         ["plan"],
         ["confirm"],
         ["simulate"],
+        ["visibility"],
         ["check"],
         ["schema"],
         ["catalog", "info"],

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from simulator import load_instrument
-from simulator.products.ephemeris import ephemeris
+from simulator.products.ephemeris import body_km, ephemeris
+from simulator.products.times import offline_time
 
 ORBIT = load_instrument().mission.orbit
 
@@ -68,3 +69,14 @@ def test_no_network_and_no_warning_in_the_far_future(monkeypatch):
     found = ephemeris(ORBIT, ("2045-06-01T00:00:00", "2099-06-01T00:00:00"), (10.0, 20.0))
     assert np.isfinite(found.sun_deg).all()
     assert np.isfinite(found.moon_deg).all()
+
+
+def test_places_of_sun_and_moon():
+    from astropy.time import Time
+
+    with offline_time():
+        times = Time([61771.0, 61772.0, 70000.0], format="mjd", scale="utc")
+        sun, moon = body_km("sun", times), body_km("moon", times)
+    assert sun.shape == moon.shape == (3, 3)
+    assert np.linalg.norm(sun, axis=-1) == pytest.approx(1.496e8, rel=0.018)
+    assert np.linalg.norm(moon, axis=-1) == pytest.approx(3.844e5, rel=0.075)

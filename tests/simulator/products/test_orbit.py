@@ -52,3 +52,18 @@ def test_the_node_goes_round_at_its_rate():
     moved = np.degrees(np.arctan2(position[0, 1], position[0, 0]))
     assert moved == pytest.approx(tilted.node_rate_deg_day * turns * tilted.period_s / 86400, abs=1e-6)
     assert position[0, 2] == pytest.approx(0.0, abs=1e-3)
+
+
+def test_axes_of_the_plane_hold_the_orbit():
+    tilted = orbit(inclination_deg=50.0, node_deg=33.0)
+    moments = np.linspace(0, 1e7, 200)
+    towards_node, ahead = tilted.plane(moments)
+    position, _ = tilted.state(moments)
+    normal = np.cross(towards_node, ahead)
+    assert np.linalg.norm(normal, axis=-1) == pytest.approx(1.0, abs=1e-12)
+    assert np.abs(np.einsum("ij,ij->i", normal, position)).max() < 1e-8 * tilted.radius_km
+    assert normal[:, 2] == pytest.approx(np.cos(np.deg2rad(50.0)), abs=1e-12)
+    # The pole of the orbit goes round as its node does.
+    turned = np.unwrap(np.arctan2(normal[:, 1], normal[:, 0]))
+    rate = np.rad2deg(np.polyfit(moments / 86400, turned, 1)[0])
+    assert rate == pytest.approx(tilted.node_rate_deg_day, rel=1e-9)

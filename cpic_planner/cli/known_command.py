@@ -1,0 +1,146 @@
+"""``cpic known``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from cpic_planner.cli.options import (
+    AlbedoOption,
+    BandOption,
+    CatalogOption,
+    DateOption,
+    InstrumentOption,
+    JsonOption,
+    KnownPlanetsOption,
+    SeedOption,
+    VMaxOption,
+    albedo_from,
+    known_from,
+)
+from cpic_planner.cli.output import console, note, print_json
+
+if TYPE_CHECKING:
+    from catalogs.catalogue import Catalogue
+    from cpic_planner.known_completeness import KnownChoice
+
+__all__ = ["HELP", "known"]
+
+HELP = """Say where the known planets are at a date, how bright, and when the dark hole covers them.
+
+Published orbits are drawn within their errors: with time the place of a planet gets less certain, and where no time of
+periastron or conjunction is published its phase is unknown. Without a star all stars with known planets are listed,
+with one also the days of the next years on which it stands in the dark hole of each band.
+
+Examples:
+
+  cpic known
+
+  cpic known "eps Eri"
+
+  cpic known "pi Men" --date 2031-05-01 --years 8 --plot separation.png
+
+  cpic known "47 UMa" --band F520 --json
+
+  cpic known "eps Eri" --date 2034-03-01 --scene eps_eri.yaml
+
+  cpic known --known-planets my_planets.csv
+
+The shipped table is of 2019; a newer one of the NASA Exoplanet Archive (default solutions, CSV) is read as it is.
+cpic catalog columns lists the columns of a table of your own."""
+
+DEFAULT_YEARS = 5.0
+
+
+def known(
+    star: Annotated[str | None, typer.Argument(metavar="[STAR]", help='Star: "eps Eri", "HIP 16537" ...')] = None,
+    date: DateOption = None,
+    years: Annotated[
+        float | None, typer.Option("--years", help="How long the star's planets are followed [default: 5].")
+    ] = None,
+    known_planets: KnownPlanetsOption = None,
+    bands: BandOption = None,
+    albedo: AlbedoOption = None,
+    v_mag_max: VMaxOption = None,
+    catalog: CatalogOption = "snapshot",
+    instrument: InstrumentOption = None,
+    draws: Annotated[int | None, typer.Option("--draws", help="Draws of each planet [default: 4000].")] = None,
+    seed: SeedOption = 1,
+    limit: Annotated[int, typer.Option("--limit", min=1, help="Rows to print (--json holds all).")] = 40,
+    plot: Annotated[
+        Path | None, typer.Option("--plot", help="Draw separation against time into FILE.png, .pdf or .svg as well.")
+    ] = None,
+    scene: Annotated[
+        Path | None,
+        typer.Option(
+            "--scene", help="Write one draw of the star's planets into FILE.yaml, for cpic simulate or confirm."
+        ),
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Find out and print."""
+    from catalogs.catalogue import open_catalogue
+    from catalogs.errors import InputError
+    from cpic_planner.cli.strategy_options import model_from
+    from cpic_planner.etc.model import Strategy
+    from cpic_planner.known_answer import known_answer
+    from cpic_planner.targets import find_target, rank_sample
+
+    if star is None:
+        for name, value in (("--plot", plot), ("--years", years), ("--scene", scene)):
+            if value is not None:
+                raise InputError(name, str(value), allowed="only with a STAR")
+    elif v_mag_max is not None:
+        raise InputError("--v-mag-max", v_mag_max, allowed="only without a STAR")
+    if scene is not None and scene.suffix not in (".yaml", ".yml"):
+        raise InputError("--scene", str(scene), allowed="a name that ends in .yaml")
+    if plot is not None:
+        from cpic_planner.report.etc_figures import check_figure_name
+
+        check_figure_name(plot)
+    table = open_catalogue(catalog)
+    for remark in table.notes:
+        note(remark)
+    model = model_from(instrument, bands, Strategy())
+    reflects = albedo_from(albedo, None, None, None, None)
+    choice = known_from(known_planets, date, draws, seed, reflects, model.instrument, draws_option="--draws")
+    for remark in choice.table.notes:
+        note(remark)
+    if star is None:
+        targets = rank_sample(catalog=table, v_mag_max=v_mag_max)
+    else:
+        targets, remark = find_target(star, catalog=table)
+        if remark:
+            note(remark)
+        if not choice.table.rows_of(str(targets.name[0])):
+            raise InputError("star", star, allowed="a star with known planets", hint=choice.table.provenance)
+    span = None if star is None else DEFAULT_YEARS if years is None else years
+    result = known_answer(model, targets, choice, years=span, catalogue=table.provenance, bands=bands)
+    if plot is not None:
+        from cpic_planner.report.etc_figures import write_figure
+        from cpic_planner.report.known_figure import known_figure
+
+        write_figure(known_figure(result), plot)
+        note(f"wrote {plot}")
+    if scene is not None:
+        _write_scene(scene, str(targets.name[0]), choice, table)
+    if as_json:
+        print_json(result)
+        return
+    from cpic_planner.report.console_known import print_known
+
+    print_known(result, console(), limit=limit)
+
+
+def _write_scene(path: Path, star: str, choice: KnownChoice, table: Catalogue) -> None:
+    """Write the first draw of a star's planets as a scene file."""
+    from cpic_planner.known_scene import known_scene
+    from simulator.files import dump_json, write_text
+
+    about = f"# {star} with its known planets on {choice.date_utc}, one draw with seed {choice.seed}."
+    source = f"# Orbits: {choice.table.provenance}. Node, and what else is unknown, is as likely as any other."
+    body = dump_json(known_scene(star, choice, catalog=table))  # JSON is YAML
+    write_text(path, f"{about}\n{source}\n{body}")
+    note(f"wrote {path}")

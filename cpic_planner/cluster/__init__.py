@@ -1,0 +1,1 @@
+"""Tasks on Dask clusters, local or given, that lose processes."""

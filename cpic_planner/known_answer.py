@@ -1,0 +1,199 @@
+"""Where the known planets of some stars are at a date, how bright, and when the dark hole covers them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from datetime import datetime, timedelta
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalogs.info import snapshot_vintage
+from cpic_planner.etc.model import EtcModel
+from cpic_planner.etc.place import check_range
+from cpic_planner.known_completeness import KnownChoice, known_rows
+from cpic_planner.known_planets import Ephemeris, draw_known, ephemeris, known_uniforms, planets_of, quantiles
+from cpic_planner.models import KnownBand, KnownHole, KnownPlanetRow, KnownResult, KnownTrack, KnownWindow, Quantiles
+from cpic_planner.population import Planets
+from cpic_planner.targets import Targets
+from cpic_planner.version import __version__
+from simulator.config import content_hash
+from simulator.config.albedo import AlbedoSpec
+from simulator.target.albedo import albedo_source, needs_insolation, phase_value
+from simulator.target.contrast import contrast_at
+
+__all__ = ["known_answer", "planets_contrast"]
+
+FloatArray = NDArray[np.float64]
+DAYS_PER_YEAR = 365.25
+_STEPS = 400
+_PER_PERIOD = 24
+_MOST_STEPS = 2000
+_LIKELY = 0.5
+_MJD_ZERO = datetime(1858, 11, 17)
+
+
+def known_answer(
+    model: EtcModel,
+    targets: Targets,
+    choice: KnownChoice,
+    *,
+    years: float | None = None,
+    catalogue: str | None = None,
+    bands: Sequence[str] | None = None,
+) -> KnownResult:
+    """Known planets of some stars, in the order of the stars and of the table.
+
+    Parameters
+    ----------
+    model : EtcModel
+    targets : Targets
+    choice : KnownChoice
+        Table, date, draws and albedo.
+    years : float, optional
+        Also the separations over so long, and the days on which the dark hole covers them; 0.01 to 100.
+    catalogue : str, optional
+        Which table the stars are from; the snapshot by default.
+    bands : sequence of str, optional
+        All of the model by default.
+
+    Returns
+    -------
+    KnownResult
+
+    Raises
+    ------
+    InputError
+        If a number is out of range, or no star has a known planet.
+    """
+    names = model.named(bands)
+    span = None if years is None else check_range("years", years, 0.01, 100.0, "yr")
+    stars = choice.stars(targets)
+    rows = [
+        _row(model, stars.select([i]), choice, row, names, span)
+        for i, mine in enumerate(known_rows(choice.table, stars))
+        for row in mine
+    ]
+    zones = {band: model.metrics[band].zone for band in names}
+    return KnownResult(
+        config_hash=content_hash(
+            {
+                "kind": "known",
+                "version": __version__,
+                "model": model.content(),
+                "bands": list(names),
+                "choice": choice.content(),
+                "years": span,
+                "targets": stars.content(),
+            }
+        ),
+        catalogue=snapshot_vintage() if catalogue is None else catalogue,
+        planets_table=choice.table.provenance,
+        date_utc=choice.date_utc,
+        mjd=choice.mjd,
+        years=span,
+        n_draws=choice.n_draws,
+        seed=choice.seed,
+        albedo=choice.albedo.label,
+        holes=[
+            KnownHole(band=band, inner_arcsec=zone.inner_corner_arcsec, outer_arcsec=zone.outer_corner_arcsec)
+            for band, zone in zones.items()
+        ],
+        planets=rows,
+    )
+
+
+def planets_contrast(model: EtcModel, target: Targets, band: str, planets: Planets, albedo: AlbedoSpec) -> FloatArray:
+    """Contrast of planets of one star in a band, where they are; one value for each."""
+    own = planets.distance_au / math.sqrt(float(target.luminosity_lsun[0])) if needs_insolation(albedo) else None
+    star = (target.teff_k[:1], target.log_g[:1], target.metallicity[:1])
+    reflected = model.passbands.band_albedo(albedo_source(albedo), *star, insolation_au=own, only=band)
+    light = phase_value(albedo, planets.phase_deg, insolation_au=own)
+    return np.asarray(
+        contrast_at(planets.radius_rjup, planets.distance_au, planets.phase_deg, reflected, phase_value=light)
+    )
+
+
+def _row(
+    model: EtcModel, star: Targets, choice: KnownChoice, row: int, bands: Sequence[str], years: float | None
+) -> KnownPlanetRow:
+    table, distance_pc = choice.table, float(star.distance_pc[0])
+    drawn = draw_known(table, [row], known_uniforms(table, [row], choice.n_draws, choice.seed), epoch_mjd=choice.mjd)
+    planets = planets_of(drawn, 0, choice.albedo)
+    days, period = [0.0], float(np.median(drawn.period_days[0]))
+    if years is not None:
+        days = _days(years * DAYS_PER_YEAR, period)
+    where = ephemeris(table, row, choice.mjd + np.asarray(days), n_draws=choice.n_draws, seed=choice.seed,
+                      distance_pc=distance_pc)  # fmt: skip
+    looks = []
+    windows: list[KnownWindow] = []
+    for band in bands:
+        zone = model.metrics[band].zone
+        share = where.share_between(zone.inner_corner_arcsec, zone.outer_corner_arcsec)
+        contrast = planets_contrast(model, star, band, planets, choice.albedo)
+        looks.append(KnownBand(band=band, contrast=_quantiles(contrast), hole_share=float(share[0])))
+        if years is not None:
+            windows += _windows(band, where.mjd, share)
+    mass = drawn.mass_mjup[0]
+    return KnownPlanetRow(
+        planet=table.text("planet")[row],
+        star=str(star.name[0]),
+        hip=int(star.hip[0]) or None,
+        v_mag=float(star.v_mag[0]),
+        distance_pc=distance_pc,
+        discovery_method=table.text("discovery_method")[row],
+        reference=table.text("reference")[row],
+        flags=list(table.flags(row)),
+        period_days=_quantiles(drawn.period_days[0]),
+        semi_major_axis_au=_quantiles(drawn.semi_major_axis_au[0]),
+        eccentricity=_quantiles(drawn.eccentricity[0]),
+        mass_mjup=_quantiles(mass) if np.isfinite(mass).all() else None,
+        radius_rjup=_quantiles(drawn.radius_rjup[0]),
+        separation_arcsec=_three(where.separation_arcsec[:, 0]),
+        distance_au=_three(where.distance_au[:, 0]),
+        phase_deg=_three(where.phase_deg[:, 0]),
+        pa_deg=None if where.pa_deg is None else _three(where.pa_deg[:, 0]),
+        bands=looks,
+        windows=windows,
+        track=None if years is None else _track(where),
+    )
+
+
+def _days(length: float, period: float) -> list[float]:
+    """Days from the date on: many in a period, but not without end."""
+    step = max(min(length / _STEPS, period / _PER_PERIOD), length / _MOST_STEPS)
+    return np.linspace(0.0, length, math.ceil(length / step) + 1).tolist()
+
+
+def _windows(band: str, mjd: FloatArray, share: FloatArray) -> list[KnownWindow]:
+    """Runs of dates on which the share is at least a half."""
+    likely = np.concatenate([[False], share >= _LIKELY, [False]])
+    starts, ends = np.flatnonzero(likely[1:] & ~likely[:-1]), np.flatnonzero(~likely[1:] & likely[:-1]) - 1
+    found = []
+    for start, end in zip(starts, ends, strict=True):
+        best = int(start + np.argmax(share[start : end + 1]))
+        first, last, peak = (_day(mjd[i]) for i in (start, end, best))
+        found.append(
+            KnownWindow(band=band, start_utc=first, end_utc=last, best_utc=peak, best_share=float(share[best]))
+        )
+    return found
+
+
+def _day(mjd: float) -> str:
+    return (_MJD_ZERO + timedelta(days=float(mjd))).date().isoformat()
+
+
+def _track(where: Ephemeris) -> KnownTrack:
+    low, median, high = (values.tolist() for values in where.separation_arcsec)
+    return KnownTrack(mjd=where.mjd.tolist(), separation_low_arcsec=low, separation_median_arcsec=median,
+                      separation_high_arcsec=high)  # fmt: skip
+
+
+def _quantiles(draws: FloatArray) -> Quantiles:
+    return _three(quantiles(draws))
+
+
+def _three(values: FloatArray) -> Quantiles:
+    low, median, high = (float(value) for value in values)
+    return Quantiles(low=low, median=median, high=high)

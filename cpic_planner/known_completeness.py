@@ -1,0 +1,170 @@
+"""How likely one observation of each star detects its known planets: completeness star by star."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from catalogs.errors import InputError
+from catalogs.known_planets import KnownPlanetTable
+from cpic_planner.completeness import BandCompleteness, completeness
+from cpic_planner.etc.model import EtcModel
+from cpic_planner.etc.planet import ReferencePlanet
+from cpic_planner.known_planets import draw_known, known_uniforms, planets_of
+from cpic_planner.models import KNOWN_PLANETS, PopulationRecord
+from cpic_planner.population import Planets
+from cpic_planner.targets import Targets
+from simulator.config.albedo import AlbedoSpec
+from simulator.quantities import check_finite, check_whole
+
+__all__ = ["MAX_DRAWS", "N_DRAWS", "KnownChoice", "KnownSample", "known_completeness", "known_rows"]
+
+FloatArray = NDArray[np.float64]
+MAX_DRAWS = 100_000
+N_DRAWS = 4000
+
+
+def known_rows(table: KnownPlanetTable, targets: Targets) -> list[tuple[int, ...]]:
+    """Rows of the planets of each star, by any of its names; empty where it has none."""
+    return [table.rows_of(str(name)) for name in targets.name]
+
+
+@dataclass(frozen=True, eq=False)
+class KnownSample:
+    """Draws of the known planets of ``n`` stars at one date: for each star, its planets with their draws."""
+
+    planets: tuple[tuple[Planets, ...], ...]
+    n_draws: int
+
+
+@dataclass(frozen=True, eq=False)
+class KnownChoice:
+    """A table of known planets, a date, and how often each planet is drawn.
+
+    Attributes
+    ----------
+    table : KnownPlanetTable
+    date_utc : str
+        As written into results.
+    mjd : float
+        The same date.
+    albedo : AlbedoSpec
+        What the planets reflect.
+    n_draws, seed : int
+    """
+
+    table: KnownPlanetTable
+    date_utc: str
+    mjd: float
+    albedo: AlbedoSpec
+    n_draws: int = N_DRAWS
+    seed: int = 1
+
+    def stars(self, targets: Targets) -> Targets:
+        """Targets that have known planets.
+
+        Raises
+        ------
+        InputError
+            If none has.
+        """
+        chosen = [i for i, rows in enumerate(known_rows(self.table, targets)) if rows]
+        if not chosen:
+            raise InputError("known planets", self.table.provenance, allowed="planets of stars of the sample")
+        return targets.select(chosen)
+
+    def draw(self, targets: Targets) -> KnownSample:
+        """Draws of the planets of each star.
+
+        Raises
+        ------
+        InputError
+            If a number is out of range.
+        """
+        n = check_whole("n_draws", self.n_draws, 1, MAX_DRAWS)
+        mjd = float(check_finite("mjd", self.mjd, "d"))
+        made = []
+        for rows in known_rows(self.table, targets):
+            uniforms = known_uniforms(self.table, rows, n, self.seed)
+            drawn = draw_known(self.table, rows, uniforms, epoch_mjd=mjd)
+            made.append(tuple(planets_of(drawn, k, self.albedo) for k in range(len(rows))))
+        return KnownSample(tuple(made), n)
+
+    def record(self) -> PopulationRecord:
+        """As written into results, where the population of a ranking is."""
+        return PopulationRecord(name=KNOWN_PLANETS, description=f"{self.table.provenance}, on {self.date_utc}",
+                                n_planets=self.n_draws, seed=self.seed, planets_per_star=None)  # fmt: skip
+
+    def content(self) -> dict[str, Any]:
+        """For content hashes."""
+        cells = repr([(name, column.tolist()) for name, column in self.table.columns.items()])
+        digest = hashlib.sha256(cells.encode()).hexdigest()
+        return {"table": digest, "mjd": self.mjd, "n_draws": self.n_draws, "seed": self.seed,
+                "albedo": ReferencePlanet(albedo=self.albedo).content()["albedo"]}  # fmt: skip
+
+
+def known_completeness(
+    model: EtcModel,
+    targets: Targets,
+    band: str,
+    known: KnownSample,
+    *,
+    exposure_s: ArrayLike,
+    n_frames: ArrayLike,
+    em_gain: ArrayLike,
+) -> BandCompleteness:
+    """Probability that one observation of each star detects at least one of its known planets.
+
+    Parameters
+    ----------
+    model, targets, band, exposure_s, n_frames, em_gain
+        As of `cpic_planner.completeness.completeness`.
+    known : KnownSample
+        Of the same stars.
+
+    Returns
+    -------
+    BandCompleteness
+        ``completeness``, ``in_zone`` and ``observable`` are probabilities of at least one planet, those of a star's
+        planets taken as independent; ``expected_detections`` is their sum.
+    """
+    settings = [np.broadcast_to(np.asarray(value, float), (len(targets),)) for value in (exposure_s, n_frames, em_gain)]
+    missed, expected = np.ones((3, len(targets))), np.zeros(len(targets))
+    variance = np.zeros(len(targets))
+    flags: dict[str, None] = {}
+    for i, bodies in enumerate(known.planets):
+        star = targets.select([i])
+        shares = []
+        for body in bodies:
+            one = completeness(model, star, band, body, exposure_s=settings[0][i], n_frames=settings[1][i],
+                               em_gain=settings[2][i])  # fmt: skip
+            missed[:, i] *= 1.0 - np.array([one.completeness[0], one.in_zone[0], one.observable[0]])
+            shares.append(float(one.completeness[0]))
+            flags |= dict.fromkeys(one.flags)
+        expected[i] = sum(shares)
+        variance[i] = _variance(shares, known.n_draws)
+    seen, in_zone, observable = 1.0 - missed
+    return BandCompleteness(
+        band=band,
+        n_planets=known.n_draws,
+        completeness=seen,
+        standard_error=np.sqrt(variance),
+        in_zone=in_zone,
+        observable=observable,
+        expected_detections=expected,
+        flags=tuple(flags),
+    )
+
+
+def _variance(shares: Sequence[float], n_draws: int) -> float:
+    """Variance of ``1 - prod(1 - p)`` where each p is a share of ``n`` draws."""
+    total = 0.0
+    for k, share in enumerate(shares):
+        others = np.prod([1.0 - other for j, other in enumerate(shares) if j != k])
+        total += share * (1.0 - share) / n_draws * float(others) ** 2
+    return total

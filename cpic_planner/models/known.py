@@ -1,0 +1,99 @@
+"""Results of ``cpic known``: where known planets are, how bright, and when the dark hole covers them."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field
+
+from cpic_planner.models.base import Result
+
+__all__ = ["KnownBand", "KnownHole", "KnownPlanetRow", "KnownResult", "KnownTrack", "KnownWindow", "Quantiles"]
+
+
+class Quantiles(Result):
+    """What the published errors leave open: 16, 50 and 84 % of the draws lie below."""
+
+    low: float
+    median: float
+    high: float
+
+
+class KnownBand(Result):
+    """A planet in one band."""
+
+    band: str
+    contrast: Quantiles = Field(description="true planet-to-star ratio of detected rates")
+    hole_share: float = Field(
+        description="share of the draws whose separation lies between inner and outer corner of the dark hole"
+    )
+
+
+class KnownWindow(Result):
+    """Days on which a planet more likely than not stands between the corners of the dark hole."""
+
+    band: str
+    start_utc: str = Field(description="first day")
+    end_utc: str = Field(description="last day")
+    best_utc: str = Field(description="day on which it is most likely")
+    best_share: float = Field(description="share of the draws on that day")
+
+
+class KnownTrack(Result):
+    """Separation against time."""
+
+    mjd: list[float]
+    separation_low_arcsec: list[float] = Field(description="16 % of the draws lie below")
+    separation_median_arcsec: list[float]
+    separation_high_arcsec: list[float] = Field(description="84 % of the draws lie below")
+
+
+class KnownPlanetRow(Result):
+    """One known planet at the date."""
+
+    planet: str
+    star: str
+    hip: int | None = Field(description="Hipparcos number of the star")
+    v_mag: float = Field(description="Johnson V of the star, mag")
+    distance_pc: float
+    discovery_method: str
+    reference: str = Field(description="where the orbit was published")
+    flags: list[str] = Field(description="what the table lacks or marks, see catalogs.known_planet_columns.FLAGS")
+    period_days: Quantiles
+    semi_major_axis_au: Quantiles
+    eccentricity: Quantiles
+    mass_mjup: Quantiles | None = Field(description="true mass; null where neither it nor m sin i is known")
+    radius_rjup: Quantiles
+    separation_arcsec: Quantiles = Field(description="projected separation")
+    distance_au: Quantiles = Field(description="true distance from the star")
+    phase_deg: Quantiles = Field(description="phase angle, 0 full to 180 new")
+    pa_deg: Quantiles | None = Field(description="position angle east of north; null without a known node")
+    bands: list[KnownBand]
+    windows: list[KnownWindow] = Field(description="empty where no track was asked for")
+    track: KnownTrack | None
+
+
+class KnownHole(Result):
+    """Separations of the corners of the dark hole, along a diagonal."""
+
+    band: str
+    inner_arcsec: float
+    outer_arcsec: float
+
+
+class KnownResult(Result):
+    """Known planets of some stars at a date."""
+
+    schema_version: Literal[1] = 1
+    kind: Literal["known"] = "known"
+    config_hash: str
+    catalogue: str = Field(description="what the star table is, its vintage or file name, and its checksum")
+    planets_table: str = Field(description="the same of the table of planets")
+    date_utc: str
+    mjd: float
+    years: float | None = Field(description="length of the tracks from the date on; null without tracks")
+    n_draws: int
+    seed: int
+    albedo: str = Field(description="what reflects the light: a measured planet, or a model and its parameters")
+    holes: list[KnownHole]
+    planets: list[KnownPlanetRow]

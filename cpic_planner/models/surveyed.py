@@ -1,0 +1,172 @@
+"""Results of survey what-ifs."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+from pydantic import Field
+
+from cpic_planner.models.base import Result
+
+__all__ = [
+    "CurvePoint",
+    "DifferenceRecord",
+    "EstimateRecord",
+    "ImageSample",
+    "RankChange",
+    "ScheduleRecord",
+    "StrategyOutcome",
+    "SurveyTarget",
+    "TimeUse",
+    "WhatIfResult",
+]
+
+
+class EstimateRecord(Result):
+    """Mean over universes."""
+
+    mean: float
+    error: float = Field(description="standard error of the mean, of the number of universes")
+    low: float = Field(description="lower end of the 90 % interval of the mean")
+    high: float = Field(description="upper end of it")
+    survey_low: float = Field(description="5 % of the surveys find fewer")
+    survey_high: float = Field(description="5 % of the surveys find more")
+
+
+class CurvePoint(Result):
+    """One point of a curve with its band."""
+
+    x: float = Field(description="telescope time used in hours, or number of universes")
+    mean: float
+    low: float
+    high: float
+
+
+class TimeUse(Result):
+    """Where the telescope time goes, means over universes, in hours."""
+
+    exposing_h: float = Field(description="search: science and reference frames with readouts")
+    occulted_h: float = Field(description="search: behind the Earth, in the South Atlantic Anomaly, windows not filled")
+    settling_h: float = Field(description="search: slews and settling")
+    follow_up_h: float
+    unused_h: float = Field(description="of the budget")
+
+
+class ScheduleRecord(Result):
+    """The calendar that was planned, before chance had its say."""
+
+    method: str
+    visits: int = Field(description="planned within the budget")
+    reserve_visits: int = Field(description="planned for time that stop rules free")
+    hours: float = Field(description="telescope time of the visits within the budget")
+    value: float = Field(description="what they are worth on the planets of planning")
+    bound: float = Field(description="what no schedule can pass")
+    distance: float = Field(description="1 - value / bound")
+
+
+class SurveyTarget(Result):
+    """One star of a strategy."""
+
+    name: str
+    rank: int = Field(description="by planets found per hour")
+    v_mag: float
+    distance_pc: float
+    ra_deg: float
+    dec_deg: float
+    known_planets: list[str] = Field(description="names in the table of known planets")
+    bands: list[str] = Field(description="of its planned visits")
+    visit_time_s: float = Field(description="wall time of a visit, mean of those planned")
+    visit_h: float = Field(description="telescope time of a visit, mean of those planned")
+    planned_visits: int
+    slots: list[int] = Field(description="of the planned visits, those of the reserve included")
+    first_utc: str = Field(description="middle of the days of the first planned visit")
+    visits: float = Field(description="made, mean over universes")
+    search_h: float
+    follow_up_h: float
+    new_planets: float = Field(description="found, mean over universes")
+    known_seen: float
+    planets_per_100h: float
+
+
+class ImageSample(Result):
+    """Detections of a strategy that were simulated as images and measured blind."""
+
+    detections: int = Field(description="sampled")
+    images: int = Field(description="simulated sequences")
+    expected: float = Field(description="of them detected by the law of the strategy")
+    found: int = Field(description="detected in the images, by the same rule")
+    correction: float | None = Field(description="found over expected")
+    low: float | None = Field(description="lower end of its 90 % interval")
+    high: float | None
+    note: str = ""
+
+
+class StrategyOutcome(Result):
+    """What one strategy yields."""
+
+    name: str
+    description: str
+    settings: dict[str, Any] = Field(description="the strategy as it was run")
+    schedule: ScheduleRecord
+    planets: EstimateRecord = Field(description="planets found, new and known")
+    new_planets: EstimateRecord
+    known_planets: EstimateRecord
+    stars_with_planet: EstimateRecord
+    characterised_planets: EstimateRecord
+    noise_alarms: EstimateRecord
+    background_alarms: EstimateRecord
+    hours: EstimateRecord = Field(description="telescope time used")
+    any_planet: float = Field(description="share of the universes in which it finds any planet")
+    any_new_planet: float
+    time_use: TimeUse
+    curve: list[CurvePoint] = Field(description="planets found against telescope time used")
+    convergence: list[CurvePoint] = Field(description="mean of planets found against number of universes")
+    quantiles: dict[str, list[float]] = Field(description="5, 25, 50, 75, 95 % of detections by quantity; empty: none")
+    targets: list[SurveyTarget]
+    images: ImageSample | None = Field(default=None, description="null where no images were asked for")
+
+
+class DifferenceRecord(Result):
+    """Paired difference of two strategies: the same universes, the same noise where they make the same visit."""
+
+    first: str
+    second: str
+    quantity: Literal["planets", "new_planets", "characterised_planets", "hours"]
+    mean: float = Field(description="first minus second")
+    error: float
+    low: float = Field(description="lower end of the 90 % interval of the mean")
+    high: float
+    correlation: float | None = Field(description="of the two over universes; null where one never varies")
+    verdict: str
+
+
+class RankChange(Result):
+    """A star that one strategy ranks elsewhere than the first one."""
+
+    strategy: str
+    star: str
+    first_rank: int | None = Field(description="null: not among its targets")
+    rank: int | None
+    why: str
+
+
+class WhatIfResult(Result):
+    """Comparison of survey strategies: reproducible from configuration and seed."""
+
+    schema_version: Literal[1] = 1
+    kind: Literal["whatif"] = "whatif"
+    version: str
+    config_hash: str
+    name: str
+    description: str
+    universe: dict[str, Any] = Field(description="what all strategies share")
+    catalogue: str
+    known_planets: str = Field(description="table of known planets; empty: left out")
+    observed: str = Field(description="observation log that was taken into account; empty: none")
+    n_universes: int
+    slot_utc: list[str] = Field(description="begin of every slot of the calendar")
+    strategies: list[StrategyOutcome]
+    differences: list[DifferenceRecord]
+    rank_changes: list[RankChange]
+    statement: str = Field(description="the outcome in words")
+    not_modelled: list[str]

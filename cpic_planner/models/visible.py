@@ -1,0 +1,89 @@
+"""Results of visibility: when stars can be seen."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field
+
+from cpic_planner.models.base import Result
+
+__all__ = ["PointingRecord", "SeasonRecord", "VisibilityResult", "VisibleDays", "VisibleTarget"]
+
+
+class PointingRecord(Result):
+    """The limits of pointing that were applied."""
+
+    name: str
+    sun_deg: float = Field(description="least angle from the Sun, deg")
+    moon_deg: float = Field(description="least angle from the Moon, its parallax added, deg")
+    dark_limb_deg: float = Field(description="least angle from a dark limb of the Earth, deg")
+    bright_limb_deg: float = Field(description="least angle from a sunlit limb of the Earth, deg")
+    panel: Literal["one_axis", "fixed"] = Field(description="solar panels")
+    panel_deg: float = Field(description="largest angle between the panels' normal and the Sun, deg")
+    panel_turn_deg: float = Field(description="panels of one_axis turn by at most this either way, deg")
+    roll_deg: float = Field(description="freedom of roll either side of the best one, deg")
+    saa_fraction: float = Field(description="share of all time lost to the South Atlantic Anomaly")
+    slew_deg_s: float = Field(description="rate of slews, deg/s")
+    settle_s: float = Field(description="settling after a slew, s")
+    thermal_settle_orbits: float = Field(description="orbits until the dark hole has settled after a slew")
+
+
+class SeasonRecord(Result):
+    """A time in which a star can be seen, but for passages of the Moon."""
+
+    start_utc: str
+    end_utc: str
+    days: float = Field(description="days in it on which the star can be seen")
+
+
+class VisibleDays(Result):
+    """One entry a step, as lists of one length."""
+
+    visible_s: list[float] = Field(description="time per orbit that can be used, s; 0 where blocked")
+    window_s: list[float] = Field(description="longest piece of an orbit between Earth limbs, s; 0 where blocked")
+    roll_half_range_deg: list[float] = Field(description="roll allowed either way, deg; 0 where the panels allow none")
+    sun_deg: list[float] = Field(description="angle from the Sun, deg")
+    moon_deg: list[float] = Field(description="angle from the Moon, from the centre of the Earth, deg")
+    blocked_by: list[Literal["", "sun", "moon", "panel", "limb"]] = Field(
+        description="what prevents it, of several the first of sun, panel, moon, limb; empty: nothing"
+    )
+
+
+class VisibleTarget(Result):
+    """When one star can be seen. Medians are over the steps on which it can."""
+
+    name: str
+    hip: int | None = Field(description="Hipparcos number")
+    ra_deg: float
+    dec_deg: float
+    ecliptic_latitude_deg: float
+    seasons: list[SeasonRecord]
+    observable_days: float
+    blocked_days: dict[str, float] = Field(description="days by what blocks them: sun, moon, panel, limb")
+    visible_s: float | None = Field(description="time per orbit that can be used, median, s; null: never seen")
+    best_visible_s: float | None = Field(description="the same on the best day")
+    best_utc: str | None = Field(description="middle of the first of the best steps")
+    longest_window_s: float | None = Field(
+        description="longest piece of an orbit between Earth limbs, s; the period: the star never sets on some day"
+    )
+    roll_half_range_deg: float | None = Field(description="roll allowed either way, median, deg")
+    days: VisibleDays
+
+
+class VisibilityResult(Result):
+    """When stars can be seen."""
+
+    schema_version: Literal[1] = 1
+    kind: Literal["visibility"] = "visibility"
+    config_hash: str
+    catalogue: str = Field(description="what the star table is, its vintage or file name, and its checksum")
+    start_utc: str
+    n_days: int
+    step_days: float = Field(description="one orbit in the middle of each step stands for it")
+    period_s: float = Field(description="period of the orbit, s")
+    altitude_km: float
+    inclination_deg: float
+    pointing: PointingRecord
+    mjd: list[float] = Field(description="middle of each step, Modified Julian Date of UTC")
+    targets: list[VisibleTarget]

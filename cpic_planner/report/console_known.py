@@ -1,0 +1,109 @@
+"""Known planets on the terminal."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from catalogs.known_planet_columns import FLAGS
+from cpic_planner.models import KnownPlanetRow, KnownResult, Quantiles
+from cpic_planner.report.names import pretty_name
+from cpic_planner.report.numbers import MISSING, count_text, decimals, significant
+from cpic_planner.report.terminal import Column, print_note, print_plain, ratio_text, text_table
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+__all__ = ["print_known"]
+
+_COLUMNS = [
+    Column("planet", False),
+    Column("dist pc", True, 5),
+    Column("P d", True, 4),
+    Column("a au", True, 3),
+    Column("e", True, 6),
+    Column("M_J", True, 7),
+    Column("R_J", True, 8),
+    Column("sep ″"),
+    Column("phase", True, 1),
+    Column("contrast"),
+    Column("in hole", True, 2),
+    Column("orbit", False),
+]
+_WORDS = {"phase_unknown": "phase unknown", "controversial": "controversial"}
+
+
+def print_known(result: KnownResult, console: Console, limit: int = 40) -> None:
+    """Print the planets, widest on the sky first unless a star was asked for, and what the numbers mean."""
+    band = result.holes[0].band
+    shown = list(result.planets)
+    if result.years is None:
+        shown.sort(key=lambda row: -row.bands[0].hole_share)
+    shown = shown[:limit]
+    stars = len({row.star for row in result.planets})
+    title = (
+        f"Known planets: {len(shown)} of {count_text(len(result.planets))} around {count_text(stars)} "
+        f"star{'s' * (stars != 1)}, {result.date_utc[:10]}, {band}"
+    )
+    console.print(text_table(console, title, _COLUMNS, [_cells(row) for row in shown]))
+    if result.years is not None:
+        for row in shown:
+            _print_windows(row, result, console)
+    print_note(
+        console,
+        "Numbers: median +- half of the width that holds 68 % of the draws. in hole: share of the draws between inner "
+        f"and outer corner of the dark hole of {band}"
+        + (
+            f" ({result.holes[0].inner_arcsec:.2f} to {result.holes[0].outer_arcsec:.2f} arcsec); at a given roll the "
+            "position angle decides as well."
+        ),
+    )
+    if result.years is not None:
+        words = dict.fromkeys(flag for row in shown for flag in row.flags)
+        for flag in words:
+            print_note(console, f"{flag}: {FLAGS[flag]}.")
+    print_note(
+        console,
+        f"{result.planets_table}; {count_text(result.n_draws)} draws of each planet with seed {result.seed}, "
+        f"{result.albedo} albedo.",
+    )
+
+
+def _cells(row: KnownPlanetRow) -> list[str]:
+    band = row.bands[0]
+    note = ", ".join(words for flag, words in _WORDS.items() if flag in row.flags)
+    return [
+        _name(row),
+        decimals(row.distance_pc, 2),
+        significant(row.period_days.median, 4),
+        significant(row.semi_major_axis_au.median, 3),
+        decimals(row.eccentricity.median, 2),
+        MISSING if row.mass_mjup is None else significant(row.mass_mjup.median, 2),
+        significant(row.radius_rjup.median, 2),
+        _with_width(row.separation_arcsec, 3),
+        _with_width(row.phase_deg, 0),
+        ratio_text(band.contrast.median),
+        f"{100.0 * band.hole_share:.0f} %",
+        note or "dated",
+    ]
+
+
+def _name(row: KnownPlanetRow) -> str:
+    return f"{pretty_name(row.star)} {row.planet.rpartition(' ')[2]}"
+
+
+def _with_width(value: Quantiles, digits: int) -> str:
+    return f"{value.median:.{digits}f} ± {0.5 * (value.high - value.low):.{digits}f}"
+
+
+def _print_windows(row: KnownPlanetRow, result: KnownResult, console: Console) -> None:
+    """Print the days on which the dark hole covers a planet, band by band."""
+    years = f"{result.years:g} years from {result.date_utc[:10]}"
+    if not row.windows:
+        print_plain(console, f"{_name(row)}: in no band more likely than not in the dark hole within {years}")
+        return
+    for hole in result.holes:
+        mine = [window for window in row.windows if window.band == hole.band]
+        spans = ", ".join(f"{w.start_utc} to {w.end_utc} (best {w.best_utc}: {w.best_share:.0%})" for w in mine[:6])
+        more = f" and {len(mine) - 6} more" if len(mine) > 6 else ""
+        if mine:
+            print_plain(console, f"{_name(row)}, {hole.band}: in the dark hole {spans}{more}")

@@ -1,0 +1,123 @@
+"""How strategies look in figures: one colour, marker and dash each, and what a sweep varies."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from cpic_planner.models.surveyed import StrategyOutcome
+from cpic_planner.report.drawing import BAND_STYLE, literal
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["FEW", "MOST_ROWS", "Look", "Sweep", "looks_of", "plain_log_axis", "row_label", "shown_rows", "sweep_of"]
+
+FEW = 8
+"""Strategies that can be told apart by colour and marker in one plot."""
+MOST_ROWS = 40
+"""Rows of a figure that can be read."""
+_DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (1.2, 1.2)), (0, (6, 1.5, 1.2, 1.5)))
+_LABEL_LENGTH = 34
+_VARIED = re.compile(r"^(?P<base>.+?)(?P<values>(?: [A-Za-z_.]+=\S+)+)$")
+
+
+@dataclass(frozen=True)
+class Look:
+    """Colour, marker and dash of one line."""
+
+    colour: str
+    marker: str
+    dash: Any
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """Strategies that differ by the values of keys, as ``--vary`` names them.
+
+    Attributes
+    ----------
+    key : str
+        What is drawn along the axis: the key with the most values.
+    values : tuple of str
+        Its values, ascending if they are numbers, otherwise in order of appearance.
+    lines : dict
+        Index of the strategy at each value, by line: the base strategy with the values of the other keys.
+    """
+
+    key: str
+    values: tuple[str, ...]
+    lines: dict[str, dict[str, int]]
+
+    @property
+    def numbers(self) -> tuple[float, ...] | None:
+        """The values, if all of them are numbers."""
+        try:
+            found = tuple(float(value) for value in self.values)
+        except ValueError:
+            return None
+        return found if all(math.isfinite(value) for value in found) else None
+
+
+def looks_of(n: int) -> list[Look]:
+    """Return looks that differ for 32 lines; the first 8 differ in colour and marker."""
+    return [
+        Look(*BAND_STYLE[i % len(BAND_STYLE)], dash=_DASHES[(i // len(BAND_STYLE)) % len(_DASHES)]) for i in range(n)
+    ]
+
+
+def sweep_of(strategies: Sequence[StrategyOutcome]) -> Sweep | None:
+    """Return what varies where every name is ``NAME KEY=VALUE``, with the same keys; otherwise none."""
+    parsed: list[tuple[str, dict[str, str]]] = []
+    for item in strategies:
+        found = _VARIED.match(item.name)
+        if found is None:
+            return None
+        pairs = [(part.split("=", 1)[0], part.split("=", 1)[1]) for part in found["values"].split()]
+        parsed.append((found["base"], dict(pairs)))
+    keys = list(parsed[0][1]) if parsed else []
+    if not keys or any(list(values) != keys for _, values in parsed):
+        return None
+    seen = {key: list(dict.fromkeys(values[key] for _, values in parsed)) for key in keys}
+    key = max(keys, key=lambda name: len(seen[name]))
+    if len(seen[key]) < 2:
+        return None
+    lines: dict[str, dict[str, int]] = {}
+    for index, (base, values) in enumerate(parsed):
+        rest = " ".join(f"{name}={values[name]}" for name in keys if name != key and len(seen[name]) > 1)
+        lines.setdefault(f"{base} {rest}".strip(), {})[values[key]] = index
+    sweep = Sweep(key, tuple(seen[key]), lines)
+    if sweep.numbers is not None:
+        sweep = Sweep(key, tuple(sorted(seen[key], key=float)), lines)
+    return sweep
+
+
+def plain_log_axis(axes: Axes) -> None:
+    """Make the x axis logarithmic, with few ticks that are written as everyday numbers."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    axes.set_xscale("log")
+    low, high = axes.get_xlim()
+    wide = high > 40.0 * low
+    axes.xaxis.set_major_locator(LogLocator(subs=(1.0,) if wide else (1.0, 2.0, 5.0), numticks=12))
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.xaxis.set_minor_formatter(NullFormatter())
+
+
+def row_label(name: str) -> str:
+    """Return the name of a strategy for an axis: cut in its middle if long, for names differ at both ends."""
+    if len(name) > _LABEL_LENGTH:
+        half = (_LABEL_LENGTH - 1) // 2
+        name = f"{name[:half]}…{name[-half:]}"
+    return literal(name)
+
+
+def shown_rows(strategies: Sequence[StrategyOutcome]) -> list[int]:
+    """Return the strategies that have a row in figures: all, or the first one and those that find most, in order."""
+    if len(strategies) <= MOST_ROWS:
+        return list(range(len(strategies)))
+    best = sorted(range(1, len(strategies)), key=lambda i: (-strategies[i].planets.mean, i))
+    return sorted([0, *best[: MOST_ROWS - 1]])

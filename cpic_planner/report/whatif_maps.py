@@ -1,0 +1,191 @@
+"""When strategies visit which stars, and where these stand on the sky."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cpic_planner.models.surveyed import SurveyTarget, WhatIfResult
+from cpic_planner.report.drawing import (
+    SCREEN_DPI,
+    Picture,
+    literal,
+    new_figure,
+    place_labels,
+    save,
+    style,
+)
+from cpic_planner.report.names import pretty_name
+from cpic_planner.report.sky_map import map_longitude, marker_area, sky_axes
+from cpic_planner.report.whatif_looks import FEW, MOST_ROWS, looks_of, row_label
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["calendar_figure", "stars_figure", "visited"]
+
+_RING_AREA = 75.0
+_LABELLED = 14
+_SPREAD = 0.76
+"""Height of a row that the marks of its strategies share."""
+
+
+def visited(result: WhatIfResult) -> dict[str, list[tuple[int, SurveyTarget]]]:
+    """Return the stars that any strategy visits, with index and record of each strategy that does.
+
+    Stars stand by the best rank that any strategy gives them.
+    """
+    found: dict[str, list[tuple[int, SurveyTarget]]] = {}
+    for i, strategy in enumerate(result.strategies):
+        for target in strategy.targets:
+            if target.slots:
+                found.setdefault(target.name, []).append((i, target))
+    order = sorted(found, key=lambda name: (min(target.rank for _, target in found[name]), name))
+    return {name: found[name] for name in order}
+
+
+def calendar_figure(result: WhatIfResult) -> Picture | None:
+    """Draw a mark for every planned visit: stars down, dates across; none where nothing is visited.
+
+    Parameters
+    ----------
+    result : WhatIfResult
+    """
+    stars = visited(result)
+    rows = dict(list(stars.items())[:MOST_ROWS])
+    if not rows:
+        return None
+    many = len(result.strategies) > FEW
+    begins = np.array(result.slot_utc, "datetime64[D]").astype(float)  # days since 1970, as matplotlib counts
+    step = float(result.universe["slot_days"])
+    with style():
+        each = 0.62 if len(rows) <= 10 and not many else 0.3
+        figure = new_figure(1.7 + each * max(len(rows), 3))
+        axes = figure.subplots()
+        for row in range(len(rows)):
+            axes.axhspan(row - 0.5, row + 0.5, color="#F4F6F8" if row % 2 else "white", lw=0, zorder=0)
+        if many:
+            _counts(axes, rows, begins, step, len(result.strategies))
+        else:
+            _marks(axes, result, rows, begins + 0.5 * step)
+        axes.set_yticks(range(len(rows)), [_star_label(name, members) for name, members in rows.items()])
+        axes.tick_params(axis="y", length=0)
+        axes.set(ylim=(len(rows) - 0.5, -0.5), xlim=(begins[0] - step, begins[-1] + 2 * step))
+        _dates(axes)
+        axes.grid(visible=True, axis="x")
+        hidden = len(stars) - len(rows)
+        drawn = (
+            "Shade: in how many strategies a visit is planned in that slot."
+            if many
+            else f"One mark for each slot of {step:g} days with a visit, a colour and shape for each strategy."
+        )
+        return save(
+            figure,
+            "svg",
+            alt=f"Calendar of visits of {len(rows)} stars by {len(result.strategies)} strategies.",
+            caption=f"Planned visits, those held in reserve included; stars by the best rank that any strategy gives "
+            f"them; ● marks stars with a known planet. {drawn} Stop rules cancel later visits once a planet is found."
+            + (f" Stars of lower rank, not shown: {hidden}." if hidden else ""),
+        )
+
+
+def _star_label(name: str, members: Sequence[tuple[int, SurveyTarget]]) -> str:
+    return literal(pretty_name(name)) + (" ●" if any(target.known_planets for _, target in members) else "")
+
+
+def _marks(
+    axes: Axes, result: WhatIfResult, rows: Mapping[str, Sequence[tuple[int, SurveyTarget]]], middle: np.ndarray
+) -> None:
+    n = len(result.strategies)
+    offsets = _SPREAD * ((np.arange(n) + 0.5) / n - 0.5)
+    places: list[tuple[list[float], list[float]]] = [([], []) for _ in range(n)]
+    for row, members in enumerate(rows.values()):
+        for i, target in members:
+            places[i][0].extend(middle[target.slots])
+            places[i][1].extend([row + offsets[i]] * len(target.slots))
+    for (x, y), item, look in zip(places, result.strategies, looks_of(n), strict=True):
+        axes.plot(x, y, ls="none", color=look.colour, marker=look.marker, ms=4.5 if len(rows) <= 20 else 3.2,
+                  markeredgewidth=0, label=row_label(item.name))  # fmt: skip
+    axes.figure.legend(loc="outside upper center", ncols=3, fontsize=9)  # type: ignore[union-attr]
+
+
+def _counts(
+    axes: Axes, rows: Mapping[str, Sequence[tuple[int, SurveyTarget]]], begins: np.ndarray, step: float, n: int
+) -> None:
+    """How many strategies visit each star in each slot."""
+    counts = np.zeros((len(rows), len(begins)))
+    for row, members in enumerate(rows.values()):
+        for _, target in members:
+            counts[row, sorted(set(target.slots))] += 1.0
+    edges = np.append(begins, begins[-1] + step)
+    shown = np.ma.masked_equal(counts, 0.0)
+    mesh = axes.pcolormesh(edges, np.arange(len(rows) + 1) - 0.5, shown, cmap="viridis_r", vmin=0.0, vmax=counts.max())
+    axes.figure.colorbar(mesh, ax=axes, label=f"strategies, of {n}", pad=0.015)
+
+
+def _dates(axes: Axes) -> None:
+    from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
+
+    locator = AutoDateLocator(minticks=4, maxticks=13)
+    axes.xaxis.set_major_locator(locator)
+    axes.xaxis.set_major_formatter(ConciseDateFormatter(locator))
+
+
+def stars_figure(result: WhatIfResult) -> Picture | None:
+    """Draw the visited stars on the sky, coloured by planets found for the time; none where nothing is visited.
+
+    Parameters
+    ----------
+    result : WhatIfResult
+    """
+    from matplotlib.colors import LogNorm
+
+    stars = visited(result)
+    if not stars:
+        return None
+    best = {name: max(target.planets_per_100h for _, target in members) for name, members in stars.items()}
+    # The most fruitful first: their labels are placed first, and they are drawn last.
+    rows = [stars[name][0][1] for name in sorted(stars, key=lambda name: (-best[name], name))]
+    values = np.array([best[row.name] for row in rows])
+    places = map_longitude([row.ra_deg for row in rows]), np.deg2rad([row.dec_deg for row in rows])
+    areas = 2.0 * marker_area([row.v_mag for row in rows])
+    hosts = np.array([any(target.known_planets for _, target in stars[row.name]) for row in rows])
+    found = values > 0
+    with style():
+        figure = new_figure(4.8)
+        axes = sky_axes(figure)
+        if (~found).any():
+            axes.scatter(places[0][~found], places[1][~found], s=areas[~found], facecolors="white", lw=0.9,
+                         edgecolors="#777777", zorder=3, label=f"nothing found ({(~found).sum()})")  # fmt: skip
+        if found.any():
+            ends = values[found].min(), max(values[found].max(), 1.001 * values[found].min())
+            order = np.flatnonzero(found)[::-1]
+            dots = axes.scatter(places[0][order], places[1][order], s=areas[order], c=values[order], cmap="viridis_r",
+                                norm=LogNorm(*ends), edgecolors="#333333", linewidths=0.4, zorder=4)  # fmt: skip
+            bar = figure.colorbar(dots, ax=axes, label="planets found per 100 h", shrink=0.8, pad=0.03)
+            bar.solids.set_rasterized(True)  # as paths it would be most of the file
+            bar.ax.yaxis.set_major_formatter("{x:g}")
+            bar.ax.yaxis.set_minor_formatter("{x:g}" if ends[1] < 20 * ends[0] else "")
+        if hosts.any():
+            axes.scatter(places[0][hosts], places[1][hosts], s=areas[hosts] + _RING_AREA, facecolors="none", lw=1.3,
+                         edgecolors="#D55E00", zorder=5, label=f"known planet ({hosts.sum()})")  # fmt: skip
+        figure.legend(loc="outside lower center", ncols=4)
+        place_labels(
+            axes,
+            places[0][:_LABELLED].tolist(),
+            places[1][:_LABELLED].tolist(),
+            [literal(pretty_name(row.name)) for row in rows[:_LABELLED]],
+            fontsize=9,
+            avoid=axes.get_xticklabels(),
+            reach_px=(np.sqrt((areas + _RING_AREA * hosts) / np.pi) * SCREEN_DPI / 72.0)[:_LABELLED].tolist(),
+        )
+        return save(
+            figure,
+            "svg",
+            alt=f"Map of the sky with {len(rows)} visited stars; most planets for the time: "
+            f"{', '.join(pretty_name(row.name) for row in rows[:3])}.",
+            caption="Stars that any strategy visits. Colour: planets found, new and known, per 100 h of telescope time "
+            "in the strategy that does best there; area grows with brightness; rings mark stars with a known planet.",
+        )

@@ -1,0 +1,1 @@
+"""Survey what-ifs: visibility, strategies, schedules and Monte Carlo yields."""

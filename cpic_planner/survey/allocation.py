@@ -1,0 +1,211 @@
+"""Bounds on what any schedule can be worth, and the allocation by mixed-integer programming that comes near them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cpic_planner.survey.schedule import PlannedVisit, Problem, Room, Schedule, greedy, in_order
+from cpic_planner.survey.value import StarValue, Visit
+
+__all__ = ["make_schedule"]
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+_ROUNDS = 12
+_NODES = 500
+_KEPT = 0.5
+_CHOSEN = 1e-6
+
+
+@dataclass(frozen=True)
+class _Column:
+    """One visit that may be made: star, option and slot, and its cost in hours."""
+
+    star: int
+    visit: Visit
+    cost_h: float
+
+
+@dataclass
+class _Cut:
+    """``value of the star <= start + gains . x``, over all columns."""
+
+    star: int
+    start: float
+    gains: FloatArray
+
+
+def make_schedule(problem: Problem) -> Schedule:
+    """Schedule of a strategy, with its distance from the bound.
+
+    Both methods state the same bound: the value that linear programming gives a relaxation in which visits may be made
+    in part and each star is worth at most what its cuts allow. ``milp`` then asks for whole visits, round after round,
+    until the best allocation is within the strategy's ``gap`` of its own bound; the better of it and the greedy one is
+    taken.
+
+    Notes
+    -----
+    With ``U`` of `cpic_planner.survey.value.StarValue`, which has diminishing returns, every set of visits T of a star
+    is worth at most ``U(A) + sum over T of the gains of single visits after A``, for any set A (Nemhauser & Wolsey
+    1981). Cuts are added where the last solution was promised more than it is worth.
+    """
+    room, booked = greedy(problem)
+    cuts_at = _by_star(problem, [(star, visit) for star, visit, _ in booked])
+    relaxed = _Programme(problem)
+    relaxed.add_prefixes(cuts_at)
+    bound = relaxed.rounds(whole=False)[1]
+    value = _value(problem, cuts_at)
+    method = "greedy"
+    if problem.strategy.scheduler.method == "milp" and relaxed.columns:
+        chosen, own_bound = relaxed.rounds(whole=True)
+        bound = min(bound, own_bound)
+        better = _value(problem, chosen)
+        if better > value:
+            method, value = "milp", better
+            booked = [
+                (star, visit, gain) for star in sorted(chosen) for visit, gain in _gains(problem, star, chosen[star])
+            ]
+            room = Room.of(problem)
+            for star, visit, _ in booked:
+                room.take(star, visit, float(problem.stars[star].cost_h[visit]))
+    spare: list[tuple[int, Visit, float]] = []
+    reserve = problem.strategy.scheduler.reserve
+    if reserve > 0.0:
+        beyond = Room(room.budget_h + reserve * problem.strategy.time_budget_h, room.slots_h.copy(),
+                      {star: list(visits) for star, visits in room.visits.items()})  # fmt: skip
+        spare = greedy(problem, room=beyond)[1]
+    visits: tuple[PlannedVisit, ...] = in_order(problem.stars, booked, spare)
+    return Schedule(visits, value, max(bound, value), method)
+
+
+def _by_star(problem: Problem, visits: Sequence[tuple[int, Visit]]) -> dict[int, list[Visit]]:
+    made: dict[int, list[Visit]] = {}
+    for star, visit in visits:
+        made.setdefault(star, []).append(visit)
+    return made
+
+
+def _gains(problem: Problem, star: int, visits: Sequence[Visit]) -> list[tuple[Visit, float]]:
+    """Visits in the order of the calendar, with what each adds."""
+    state, found = StarValue.none(problem.stars[star], problem.strategy.detection.visits_needed), []
+    for visit in sorted(visits, key=lambda item: item[1]):
+        after = state.after(visit)
+        found.append((visit, after.value - state.value))
+        state = after
+    return found
+
+
+def _value(problem: Problem, made: dict[int, list[Visit]]) -> float:
+    needed = problem.strategy.detection.visits_needed
+    return sum(StarValue.of(problem.stars[star], needed, visits).value for star, visits in sorted(made.items()))
+
+
+class _Programme:
+    """Columns, limits and cuts of one problem."""
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem = problem
+        self.columns = [_Column(i, (int(option), int(slot)), float(star.cost_h[option, slot]))
+                        for i, star in enumerate(problem.stars)
+                        for option, slot in np.argwhere(np.isfinite(star.cost_h))
+                        if star.cost_h[option, slot] <= problem.strategy.share * problem.slot_h[slot]]  # fmt: skip
+        self.cuts: list[_Cut] = []
+        self._own = [np.array([k for k, column in enumerate(self.columns) if column.star == i], int)
+                     for i in range(len(problem.stars))]  # fmt: skip
+
+    def add_prefixes(self, made: dict[int, list[Visit]]) -> None:
+        """Cuts of every star after none, one, two ... of its visits."""
+        for star in range(len(self.problem.stars)):
+            visits = made.get(star, [])
+            for count in range(len(visits) + 1):
+                self._add(star, visits[:count])
+
+    def _add(self, star: int, visits: Sequence[Visit]) -> float:
+        """One cut; returns what the visits are worth in `U`."""
+        state = StarValue.of(self.problem.stars[star], self.problem.strategy.detection.visits_needed, visits)
+        upper, gains = state.gains()[1], np.zeros(len(self.columns))
+        for k in self._own[star]:
+            visit = self.columns[k].visit
+            gains[k] = 0.0 if visit in visits else upper[visit]
+        self.cuts.append(_Cut(star, state.upper, gains))
+        return state.upper
+
+    def rounds(self, *, whole: bool) -> tuple[dict[int, list[Visit]], float]:
+        """Solve, cut where too much was promised, and solve again; visits chosen and the least bound."""
+        bound, chosen = np.inf, dict[int, list[Visit]]()
+        best_value = -np.inf
+        gap = self.problem.strategy.scheduler.gap
+        for _ in range(_ROUNDS):
+            x, promised, top = self._solve(whole)
+            bound = min(bound, top)
+            made = _by_star(
+                self.problem,
+                [(column.star, column.visit) for column, share in zip(self.columns, x, strict=True) if share > _KEPT],
+            )
+            value, worst = 0.0, 0.0
+            for star in range(len(self.problem.stars)):
+                worth = self._add(star, made.get(star, ()))
+                value += worth
+                worst = max(worst, promised[star] - worth)
+            real = _value(self.problem, made)
+            if real > best_value:
+                best_value, chosen = real, made
+            if worst <= _CHOSEN * max(bound, _CHOSEN) or (whole and bound - real <= gap * bound):
+                break
+        return chosen, float(bound)
+
+    def _solve(self, whole: bool) -> tuple[FloatArray, FloatArray, float]:
+        """Shares of the columns, promised values of the stars, and the bound of one programme."""
+        from scipy.optimize import Bounds, LinearConstraint, milp
+        from scipy.sparse import csr_array, hstack, vstack
+
+        n, stars = len(self.columns), len(self.problem.stars)
+        if n == 0:
+            return np.zeros(0), np.zeros(stars), 0.0
+        cuts = csr_array(np.stack([cut.gains for cut in self.cuts]))
+        mark = csr_array((np.ones(len(self.cuts)), (np.arange(len(self.cuts)), [cut.star for cut in self.cuts])),
+                         shape=(len(self.cuts), stars))  # fmt: skip
+        rows, limits = self._limits()
+        above = hstack([-cuts, mark])
+        below = hstack([rows, csr_array((rows.shape[0], stars))])
+        high = np.concatenate([[cut.start for cut in self.cuts], limits])
+        found = milp(
+            np.concatenate([np.zeros(n), -np.ones(stars)]),
+            constraints=LinearConstraint(vstack([above, below]), -np.inf, high),
+            bounds=Bounds(np.zeros(n + stars), np.concatenate([np.ones(n), np.full(stars, np.inf)])),
+            integrality=np.concatenate([np.full(n, int(whole)), np.zeros(stars)]),
+            options={"mip_rel_gap": 0.2 * self.problem.strategy.scheduler.gap, "node_limit": _NODES} if whole else {},
+        )
+        if found.x is None:  # no whole allocation within the nodes: none is promised
+            return np.zeros(n), np.zeros(stars), np.inf
+        bound = found.mip_dual_bound if whole else found.fun
+        return found.x[:n], found.x[n:], -float(bound)
+
+    def _limits(self) -> tuple[Any, FloatArray]:
+        """Budget, slots, visits of each star, and slots that are too near, as rows of ``A x <= b``."""
+        from scipy.sparse import csr_array
+
+        problem, strategy = self.problem, self.problem.strategy
+        cost = np.array([column.cost_h for column in self.columns])
+        slot = np.array([column.visit[1] for column in self.columns])
+        every = np.arange(len(cost))
+        rows: list[tuple[IntArray, FloatArray, float]] = [(every, cost, strategy.time_budget_h)]
+        for b in np.unique(slot):
+            mine = every[slot == b]
+            rows.append((mine, cost[mine], strategy.share * float(problem.slot_h[b])))
+        for star, own in zip(problem.stars, self._own, strict=True):
+            rows.append((own, np.ones(own.size), float(star.visits_left)))
+            for b in np.unique(slot[own]):
+                near = own[(slot[own] >= b) & (slot[own] < b + problem.apart)]
+                if near.size > 1:
+                    rows.append((near, np.ones(near.size), 1.0))
+        at = np.repeat(np.arange(len(rows)), [len(columns) for columns, _, _ in rows])
+        matrix = csr_array((np.concatenate([values for _, values, _ in rows]),
+                            (at, np.concatenate([columns for columns, _, _ in rows]))),
+                           shape=(len(rows), len(cost)))  # fmt: skip
+        return matrix, np.array([limit for _, _, limit in rows])

@@ -1,0 +1,177 @@
+"""The calendar of a survey: when each star can be seen, and what a visit costs of the telescope's time."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cpic_planner.etc.model import EtcModel
+from cpic_planner.survey.detection import Setting
+from cpic_planner.survey.strategy import Revisits
+from cpic_planner.survey.strategy_file import UniverseConfig
+from cpic_planner.survey.visibility import VisibilityConfig, slew_s, visibility
+from cpic_planner.targets import Targets
+from simulator.config import Instrument
+from simulator.products.ephemeris import body_km
+from simulator.products.times import mjd_of, offline_time
+
+__all__ = ["Calendar", "make_calendar", "sun_position_angle_deg"]
+
+FloatArray = NDArray[np.float64]
+_SAMPLES = 6
+_MEAN_SLEW_DEG = 60.0
+_HOUR_S = 3600.0
+
+
+@dataclass(frozen=True, eq=False)
+class Calendar:
+    """Slots of a survey, and what ``n`` stars are like in each.
+
+    Attributes
+    ----------
+    start_mjd : float
+    slot_h : ndarray, shape (b,)
+        Length of each slot in hours.
+    fraction : ndarray, shape (n, b)
+        Part of an orbit in which a star is seen, mean over the days of the slot on which it may be pointed at; 0 where
+        there is none.
+    allowed_h : ndarray, shape (n, b)
+        Hours of those days.
+    window_s : ndarray, shape (n, b)
+        Longest time without interruption.
+    day : ndarray, shape (n, b)
+        Middle of those days, after the start.
+    sun_pa_deg : ndarray, shape (n, b)
+        Position angle of the Sun on that day, which sets the roll.
+    period_s, settle_h : float
+        Of the orbit; and of a mean slew with all that follows it.
+    """
+
+    start_mjd: float
+    slot_h: FloatArray
+    fraction: FloatArray
+    allowed_h: FloatArray
+    window_s: FloatArray
+    day: FloatArray
+    sun_pa_deg: FloatArray
+    period_s: float
+    settle_h: float
+
+    @property
+    def n_slots(self) -> int:
+        """Slots."""
+        return len(self.slot_h)
+
+    def select(self, rows: NDArray[np.int64]) -> Calendar:
+        """The calendar of some of the stars."""
+        names = ("fraction", "allowed_h", "window_s", "day", "sun_pa_deg")
+        own = {name: getattr(self, name)[rows] for name in names}
+        return Calendar(self.start_mjd, self.slot_h, **own, period_s=self.period_s, settle_h=self.settle_h)
+
+    def closed_before(self, mjd: float) -> Calendar:
+        """The calendar without the slots that began before a time."""
+        begins = np.concatenate([[0.0], np.cumsum(self.slot_h)[:-1]]) / 24.0
+        open_slots = self.start_mjd + begins >= mjd
+        return replace(self, fraction=self.fraction * open_slots, allowed_h=self.allowed_h * open_slots)
+
+    def cost_h(self, model: EtcModel, star: int, setting: Setting) -> FloatArray:
+        """Telescope time of one visit in every slot, hours; infinite where it is not possible.
+
+        Slew and settling come before; then as many orbits as the wall time needs, each counting for the whole frames
+        that fit its longest window.
+        """
+        cost = np.full(self.n_slots, np.inf)
+        if not setting.possible:
+            return cost
+        frame = setting.exposure_s + model.camera(setting.band).readout_s
+        window = self.window_s[star]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            filled = np.where(window >= frame, np.floor(window / frame) * frame / window, 0.0)
+            elapsed = setting.time_s / (self.fraction[star] * filled) / _HOUR_S + self.settle_h
+        good = (filled > 0) & (self.fraction[star] > 0) & (elapsed <= self.allowed_h[star])
+        cost[good] = elapsed[good]
+        return cost
+
+    def roll_deg(
+        self, revisits: Revisits, star: int, slots: NDArray[np.int64], ordinals: NDArray[np.int64]
+    ) -> FloatArray:
+        """Roll of visits, given their numbers among those of their star."""
+        base = self.sun_pa_deg[star, slots] if revisits.roll == "sun" else np.zeros(len(slots))
+        sign = np.where(np.asarray(ordinals) % 2 == 1, 1.0, -1.0)
+        return np.asarray(base + sign * revisits.roll_dither_deg)
+
+
+def make_calendar(
+    universe: UniverseConfig, instrument: Instrument, seen: VisibilityConfig, targets: Targets
+) -> Calendar:
+    """Visibility of stars over the slots of a survey, sampled six times a slot.
+
+    Raises
+    ------
+    InputError
+        If a star has no coordinates.
+    """
+    step = universe.slot_days / _SAMPLES
+    n_days = universe.n_slots * universe.slot_days
+    orbit = instrument.mission.orbit
+    found = visibility(targets.ra_deg, targets.dec_deg, seen, orbit, start_utc=universe.start_utc,
+                       n_days=math.ceil(n_days), step_days=step)  # fmt: skip
+    n, b = len(targets), universe.n_slots
+    start = mjd_of(universe.start_utc)
+    inside = (found.mjd - start < universe.duration_days).reshape(b, _SAMPLES)
+    allowed = (found.allowed & (found.visible_fraction > 0.0)).reshape(n, b, _SAMPLES) & inside
+
+    def mean(values: FloatArray) -> FloatArray:
+        parts = np.where(allowed, np.broadcast_to(values, (n, found.mjd.size)).reshape(n, b, _SAMPLES), 0.0)
+        count = allowed.sum(axis=2)
+        return np.where(count > 0, parts.sum(axis=2) / np.maximum(count, 1), 0.0)
+
+    day = mean(found.mjd - start)
+    lengths = np.minimum(universe.slot_days, universe.duration_days - np.arange(b) * universe.slot_days)
+    settle = slew_s(_MEAN_SLEW_DEG, seen) + seen.thermal_settle_orbits * found.period_s
+    return Calendar(
+        start_mjd=start,
+        slot_h=lengths * 24.0,
+        fraction=mean(found.visible_fraction),
+        allowed_h=allowed.sum(axis=2) * step * 24.0,
+        window_s=mean(found.window_s),
+        day=day,
+        sun_pa_deg=sun_position_angle_deg(targets, start + day),
+        period_s=found.period_s,
+        settle_h=float(settle) / _HOUR_S,
+    )
+
+
+def sun_position_angle_deg(targets: Targets, mjd: FloatArray) -> FloatArray:
+    """Direction from each star towards the Sun, east of north.
+
+    Parameters
+    ----------
+    targets : Targets
+        ``n`` stars.
+    mjd : ndarray, shape (n, b)
+        Modified Julian Dates of UTC.
+
+    Returns
+    -------
+    ndarray, shape (n, b)
+        -180 to 180.
+
+    Notes
+    -----
+    Components of the Sun's direction along east and north at the star, ``atan2(s . e, s . n)``. Interpolated in the
+    Cartesian place of the Sun over a grid of days, to 0.01 deg.
+    """
+    from astropy.time import Time
+
+    grid = np.arange(np.floor(mjd.min()), np.ceil(mjd.max()) + 2.0)
+    with offline_time():
+        sun = body_km("sun", Time(grid, format="mjd", scale="utc"))
+    ra, dec = np.deg2rad(targets.ra_deg)[:, None], np.deg2rad(targets.dec_deg)[:, None]
+    x, y, z = (np.interp(mjd, grid, sun[:, axis]) for axis in range(3))
+    east = -x * np.sin(ra) + y * np.cos(ra)
+    north = -x * np.cos(ra) * np.sin(dec) - y * np.sin(ra) * np.sin(dec) + z * np.cos(dec)
+    return np.rad2deg(np.arctan2(east, north))

@@ -1,0 +1,332 @@
+"""Stars that a strategy may visit: their frames, the cost of a visit in every slot, and the chance of each draw."""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalogs.errors import InputError
+from catalogs.known_planets import KnownPlanetTable, star_key
+from cpic_planner.completeness import completeness
+from cpic_planner.etc.frames import best_in_visit
+from cpic_planner.etc.model import EtcModel
+from cpic_planner.etc.noise import frame_problem
+from cpic_planner.etc.place import stand
+from cpic_planner.etc.planet import ReferencePlanet
+from cpic_planner.etc.rates import aperture_rates
+from cpic_planner.optimiser import Best, best_in_band, optimise
+from cpic_planner.orbits import OrbitPlaces
+from cpic_planner.population import draw_population
+from cpic_planner.population_config import PopulationConfig
+from cpic_planner.survey.calendar import Calendar, sun_position_angle_deg
+from cpic_planner.survey.detection import Setting, detection_chance, see
+from cpic_planner.survey.observed import ObservationLog, ObservedVisit, missed
+from cpic_planner.survey.strategy import SurveyStrategy, VisitRule
+from cpic_planner.survey.universe import NEW, Bodies, draw_bodies, occurrence, star_mass_msun
+from cpic_planner.targets import Targets
+from simulator.config import content_hash
+from simulator.config.albedo import AlbedoSpec, MeasuredAlbedo
+
+__all__ = ["Candidate", "PlanningSky", "Screened", "albedos_of", "candidates", "screen", "settings_of"]
+
+FloatArray = NDArray[np.float64]
+N_SCREEN = 2000
+N_DRAWS, N_KNOWN = 2000, 500
+"""Planets of each star, and draws of each known one, with which a schedule is made; its yield is that of others."""
+_MOST_KEPT = 100
+KNOWN_ALBEDO = MeasuredAlbedo(model="jupiter")
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A star with the visits that can be made of it.
+
+    Attributes
+    ----------
+    index : int
+        Row in the targets of the strategy.
+    options : tuple of Setting
+        Ways to make a visit: band and time.
+    cost_h : ndarray, shape (o, b)
+        Telescope time in every slot; infinite where it is not possible.
+    chance : ndarray, shape (o, b, m)
+        Probability that the visit detects each of the planets drawn for planning.
+    weight : ndarray, shape (m,)
+        What each of them stands for: expected planets, times what they are worth.
+    known_rows : tuple of int
+        Known planets.
+    visits_left : int
+        Visits that the strategy still allows.
+    """
+
+    index: int
+    options: tuple[Setting, ...]
+    cost_h: FloatArray
+    chance: NDArray[np.float32]
+    weight: FloatArray
+    known_rows: tuple[int, ...]
+    visits_left: int
+
+    @property
+    def worth(self) -> float:
+        """Largest value per hour of one visit."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            density = np.where(np.isfinite(self.cost_h), self.chance @ self.weight / self.cost_h, 0.0)
+        return float(density.max(initial=0.0))
+
+
+def _wanted(strategy: SurveyStrategy, targets: Targets, with_known: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Rows that the cuts leave.
+
+    Raises
+    ------
+    InputError
+        For a name that no star has, or if no star is left.
+    """
+    cuts = strategy.targets
+    keep = np.ones(len(targets), bool)
+    if cuts.v_mag_max is not None:
+        keep &= targets.v_mag <= cuts.v_mag_max
+    if cuts.distance_max_pc is not None:
+        keep &= targets.distance_pc <= cuts.distance_max_pc
+    if cuts.known_planets == "only":
+        keep &= with_known
+    names = {str(name) for name in targets.name}
+    for key in ("names", "exclude"):
+        for name in getattr(cuts, key):
+            if name not in names:
+                raise InputError(f"targets.{key}", name, allowed="names of the catalogue, as cpic rank prints them",
+                                 hint="spelled as in the column name of cpic rank --json")  # fmt: skip
+    if cuts.names:
+        keep &= np.isin(targets.name, cuts.names)
+    keep &= ~np.isin(targets.name, cuts.exclude)
+    if not keep.any():
+        raise InputError("targets", strategy.name, allowed="cuts that leave a star")
+    return np.flatnonzero(keep)
+
+
+def albedos_of(population: PopulationConfig | None) -> tuple[AlbedoSpec, ...]:
+    """Albedos by kind: those of the population, then that of known planets, Jupiter's."""
+    own = () if population is None else tuple(kind.albedo for kind in population.mixture)
+    return (*(spec for spec in own if spec is not None), KNOWN_ALBEDO)
+
+
+def settings_of(model: EtcModel, targets: Targets, band: str, visit: VisitRule, time_s: float) -> list[Setting]:
+    """Frames of each star in one band: the best ones for the reference planet within a wall time, or those given."""
+    planet = ReferencePlanet()
+    best = best_in_band(model, targets, band, time_s, planet)
+    columns = [best.exposure_s, best.n_frames, best.em_gain, best.time_s]
+    if visit.goal != "time":
+        quick = optimise(model, targets, snr=visit.snr, detect=visit.goal == "detect", planet=planet, bands=[band])
+        ends = (quick.n_frames >= 1) & (quick.time_s <= time_s)
+        columns = [np.where(ends, getattr(quick, name), old) for name, old in
+                   zip(("exposure_s", "n_frames", "em_gain", "time_s"), columns, strict=True)]  # fmt: skip
+        best = replace(best, separation_arcsec=np.where(ends, quick.separation_arcsec, best.separation_arcsec),
+                       contrast=np.where(ends, quick.contrast, best.contrast))  # fmt: skip
+    if visit.exposure_s is not None or visit.em_gain is not None:
+        columns = _fixed(model, targets, band, visit, best, columns[3])
+    return [Setting(band, *(float(value) for value in row)) for row in zip(*columns, strict=True)]
+
+
+def _fixed(
+    model: EtcModel, targets: Targets, band: str, visit: VisitRule, best: Best, time_s: FloatArray
+) -> list[FloatArray]:
+    """Frames of a given exposure or gain in the same wall time."""
+    camera = model.camera(band)
+    if visit.exposure_s is not None:
+        camera = replace(camera, exposure_min_s=visit.exposure_s, exposure_max_s=visit.exposure_s)
+    x, y = stand(model, band, best.separation_arcsec[:, None])
+    rates = aperture_rates(model, targets, band, x, y, best.contrast[:, None])
+    problem = frame_problem(rates, camera, reference_ratio=model.strategy.reference_ratio, objective="significance",
+                            em_gain=visit.em_gain)  # fmt: skip
+    choice = best_in_visit(problem, model.visit_s(time_s)[:, None])
+    return [choice.exposure_s[:, 0], choice.n_frames[:, 0], choice.em_gain[:, 0], model.time_s(choice.visit_s)[:, 0]]
+
+
+class PlanningSky:
+    """Planets with which schedules are made, and where they stand in every slot; kept for the next strategy.
+
+    Parameters
+    ----------
+    seed : int
+    reach_arcsec : tuple of float
+        Separations between which any band shows a planet; others are left out.
+    """
+
+    def __init__(self, seed: int, reach_arcsec: tuple[float, float]) -> None:
+        self._seed, self._reach = seed, reach_arcsec
+        self._kept: dict[str, tuple[Bodies, OrbitPlaces]] = {}
+
+    def of(
+        self,
+        star: Targets,
+        population: PopulationConfig | None,
+        known: KnownPlanetTable | None,
+        rows: tuple[int, ...],
+        epoch_mjd: float,
+        days: FloatArray,
+    ) -> tuple[Bodies, OrbitPlaces]:
+        """Planets of one star, `N_DRAWS` new ones and `N_KNOWN` draws of each known one, and their places by day."""
+        name = str(star.name[0])
+        key = content_hash({"star": name, "population": None if population is None else population.content(),
+                            "rows": list(rows), "epoch": epoch_mjd, "days": days.tolist()})  # fmt: skip
+        if key not in self._kept:
+            draw = functools.partial(
+                draw_bodies, name, float(star_mass_msun(star)[0]), float(star.luminosity_lsun[0]), epoch_mjd=epoch_mjd,
+                seed=self._seed, stage="planning",
+            )  # fmt: skip
+            parts = []
+            if known is not None and rows:
+                body = draw(None, known=known, known_rows=rows, n=N_KNOWN)
+                behind = 0 if population is None else len(population.mixture)
+                parts.append(replace(body, kind=np.full(len(body), behind)))
+            if population is not None:
+                parts.append(draw(population, n=N_DRAWS, one_each=True))
+            bodies = Bodies.joined(parts)
+            distance = float(star.distance_pc[0])
+            bodies = bodies.select(bodies.within(*(edge * distance for edge in self._reach)))
+            if len(self._kept) >= _MOST_KEPT:
+                self._kept.clear()
+            self._kept[key] = (bodies, bodies.places(days))
+        return self._kept[key]
+
+
+@dataclass(frozen=True, eq=False)
+class Screened:
+    """Stars of a strategy at a first look.
+
+    ``settings`` are the frames of every star for each option (band and time), ``promising`` says which stars can show
+    any planet of the population in one observation, ``rows`` which are worth a close look.
+    """
+
+    targets: Targets
+    settings: tuple[tuple[Setting, ...], ...]
+    promising: NDArray[np.bool_]
+    known_rows: tuple[tuple[int, ...], ...]
+
+    @property
+    def rows(self) -> NDArray[np.int64]:
+        """Stars that can show a planet of the population, or have a known one."""
+        return np.flatnonzero(self.promising | np.array([bool(rows) for rows in self.known_rows], bool))
+
+
+def screen(
+    strategy: SurveyStrategy, model: EtcModel, targets: Targets, known: KnownPlanetTable | None, seed: int
+) -> Screened:
+    """Frames of every star, and which stars can show a planet at all.
+
+    Parameters
+    ----------
+    strategy : SurveyStrategy
+    model : EtcModel
+        That of the strategy.
+    targets : Targets
+        Stars of the catalogue; the strategy's cuts by name, distance and known planets are made here.
+    known : KnownPlanetTable or None
+    seed : int
+    """
+    every = [() if known is None else known.by_star.get(star_key(str(name)), ()) for name in targets.name]
+    rows = _wanted(strategy, targets, np.array([bool(item) for item in every], bool))
+    chosen = targets.select(rows)
+    settings, promising = [], np.zeros(len(chosen), bool)
+    drawn = None if strategy.population is None else draw_population(strategy.population, N_SCREEN, seed)
+    for band in strategy.visit.bands:
+        for time_s in strategy.visit.time_s:
+            own = settings_of(model, chosen, band, strategy.visit, time_s)
+            settings.append(tuple(own))
+            if drawn is not None:
+                exposure, frames, gain = (np.array([getattr(item, name) for item in own])
+                                          for name in ("exposure_s", "n_frames", "em_gain"))  # fmt: skip
+                counted = completeness(model, chosen, band, drawn, exposure_s=exposure, n_frames=frames, em_gain=gain)
+                promising |= counted.completeness > 0.0
+    return Screened(chosen, tuple(settings), promising, tuple(tuple(every[row]) for row in rows))
+
+
+def candidates(
+    strategy: SurveyStrategy,
+    model: EtcModel,
+    screened: Screened,
+    calendar: Calendar,
+    known: KnownPlanetTable | None,
+    sky: PlanningSky,
+    log: ObservationLog | None = None,
+) -> list[Candidate]:
+    """Stars worth a visit, best first, at most as many as the strategy wants.
+
+    The value of a star is that of planets drawn for it alone, at the dates and rolls of the calendar.
+
+    Parameters
+    ----------
+    strategy : SurveyStrategy
+    model : EtcModel
+    screened : Screened
+    calendar : Calendar
+        Of the stars ``screened.rows``, in that order.
+    known : KnownPlanetTable or None
+    sky : PlanningSky
+        Planets that schedules are made with.
+    log : ObservationLog, optional
+        What was done already: a star that showed a planet is left alone where the strategy says so, and planets that
+        would have been seen count for less.
+    """
+    targets, found = screened.targets, []
+    for place, i in enumerate(screened.rows):
+        rows = screened.known_rows[i]
+        options = tuple(by_star[i] for by_star in screened.settings if by_star[i].possible)
+        cost = np.stack([calendar.cost_h(model, place, option) for option in options]) if options else np.zeros((0, 0))
+        visits_left, done = strategy.revisits.max_visits, () if log is None else log.of(str(targets.name[i]))
+        visits_left -= len(done)
+        closed = strategy.stop.after_detection and any(visit.planets for visit in done)
+        if not np.isfinite(cost).any() or visits_left < 1 or closed:
+            continue
+        population = strategy.population if screened.promising[i] else None
+        star = targets.select([i])
+        bodies, places = sky.of(star, population, known, rows, calendar.start_mjd, calendar.day[place])
+        new = bodies.known == NEW
+        rate = 0.0 if strategy.population is None else occurrence(strategy.population) * strategy.value_new
+        weight = np.where(new, rate / N_DRAWS, strategy.value_known / N_KNOWN)
+        if done:
+            weight = weight * _left(strategy, model, star, bodies, population, done, calendar)
+        chance = np.zeros((len(options), calendar.n_slots, len(bodies)), np.float32)
+        for o, option in enumerate(options):
+            slots = np.flatnonzero(np.isfinite(cost[o]))
+            if slots.size == 0:
+                continue
+            roll = calendar.roll_deg(strategy.revisits, place, slots, np.zeros(slots.size, np.int64))
+            there = OrbitPlaces(*(getattr(places, name)[slots] for name in OrbitPlaces.__dataclass_fields__))
+            seen = see(model, star, option, bodies, albedos_of(population), there, roll)
+            chance[o, slots] = detection_chance(seen.margin, strategy.detection, ~new,
+                                                calibration=strategy.detection.calibration)  # fmt: skip
+        counts = (chance > 0.0).any(axis=(0, 1)) & (weight > 0.0)
+        if counts.any():  # the others are never seen
+            found.append(Candidate(int(i), options, cost, chance[:, :, counts], weight[counts], rows, visits_left))
+    found.sort(key=lambda item: (_class(strategy, item), -item.worth, item.index))
+    return found[: strategy.targets.max_targets]
+
+
+def _left(
+    strategy: SurveyStrategy,
+    model: EtcModel,
+    star: Targets,
+    bodies: Bodies,
+    population: PopulationConfig | None,
+    done: tuple[ObservedVisit, ...],
+    calendar: Calendar,
+) -> FloatArray:
+    """What earlier visits leave of the weight of each planet: a known one is there all the same."""
+    sun = sun_position_angle_deg(star, np.array([[visit.mjd for visit in done]]))[0]
+    left = missed(model, star, bodies, albedos_of(population), done, strategy.detection,
+                  epoch_mjd=calendar.start_mjd, sun_pa_deg=sun)  # fmt: skip
+    for row in np.unique(bodies.known[bodies.known != NEW]):
+        mine = bodies.known == row
+        mean = left[mine].mean()
+        left[mine] = left[mine] / mean if mean > 0.0 else 1.0
+    return left
+
+
+def _class(strategy: SurveyStrategy, item: Candidate) -> int:
+    """0 for stars that come before all others."""
+    return int(not (strategy.targets.known_planets == "first" and item.known_rows))

@@ -1,0 +1,196 @@
+"""Whether a visit shows planets that stand anywhere: significance over threshold, and the chance of a detection."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cpic_planner.completeness import inside_zone
+from cpic_planner.etc.model import EtcModel
+from cpic_planner.etc.noise import stack_noise
+from cpic_planner.etc.rates import aperture_rates
+from cpic_planner.etc.significance import threshold_array
+from cpic_planner.orbits import OrbitPlaces
+from cpic_planner.survey.strategy import DetectionRule
+from cpic_planner.survey.universe import Bodies
+from cpic_planner.targets import Targets
+from simulator.config.albedo import AlbedoSpec
+from simulator.target.albedo import albedo_source, needs_insolation, phase_value
+from simulator.target.contrast import contrast_at
+from simulator.target.positions import sky_to_detector
+
+__all__ = ["Seen", "Setting", "detection_chance", "reach_au", "rolled", "see"]
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Setting:
+    """Frames of one visit of a star in a band.
+
+    ``time_s`` is wall time with readouts and reference frames; no frames: the visit is not possible.
+    """
+
+    band: str
+    exposure_s: float
+    n_frames: float
+    em_gain: float
+    time_s: float
+
+    @property
+    def possible(self) -> bool:
+        """Whether there is a frame."""
+        return self.n_frames >= 1
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """What visits expect of planets; arrays of one shape.
+
+    ``margin`` is significance over the small-sample threshold, 0 where the aperture leaves the dark quadrants or no
+    threshold is defined there; the others are the planet's own, ``pa_deg`` east of north.
+    """
+
+    margin: FloatArray
+    snr: FloatArray
+    contrast: FloatArray
+    separation_arcsec: FloatArray
+    pa_deg: FloatArray
+    distance_au: FloatArray
+    phase_deg: FloatArray
+
+
+def see(
+    model: EtcModel,
+    star: Targets,
+    setting: Setting,
+    bodies: Bodies,
+    albedos: tuple[AlbedoSpec, ...],
+    places: OrbitPlaces,
+    roll_deg: ArrayLike,
+) -> Seen:
+    """What visits at some dates expect of every planet.
+
+    Parameters
+    ----------
+    model : EtcModel
+    star : Targets
+        One star.
+    setting : Setting
+    bodies : Bodies
+        ``n`` planets.
+    albedos : tuple of AlbedoSpec
+        By ``bodies.kind``.
+    places : OrbitPlaces
+        Where they stand at each visit, shape ``(d, n)``.
+    roll_deg : array_like, shape (d,)
+        Position angle of the detector's +y axis at each visit.
+
+    Returns
+    -------
+    Seen
+        Shape ``(d, n)``.
+
+    Notes
+    -----
+    The aperture has to lie in the dark quadrants whole. Noise is that of `cpic_planner.etc.noise.stack_noise` at the
+    planet's own place; a companion's wings turn with the roll.
+    """
+    shape, metrics, band = places.phase_deg.shape, model.metrics[setting.band], setting.band
+    roll = np.broadcast_to(np.asarray(roll_deg, float)[:, None], shape)
+    separation_au = np.hypot(places.east_au, places.north_au)
+    separation = separation_au / float(star.distance_pc[0])
+    pa_deg = np.rad2deg(np.arctan2(places.east_au, places.north_au))
+    x, y = sky_to_detector(separation, pa_deg - roll, parity=model.instrument.detector.parity)
+    margin, snr, contrast = np.zeros((3, *shape))
+    usable = inside_zone(metrics.zone, x, y, metrics.aperture_radius_arcsec)
+    if setting.possible and usable.any():
+        visit, planet = np.nonzero(usable)
+        light = _contrast(
+            model, star, band, bodies, albedos, places.distance_au[usable], places.phase_deg[usable], planet
+        )
+        contrast[usable] = light
+        # Only a companion's wings care for the roll.
+        turns = (
+            roll[usable] if np.isfinite(star.companion_v_mag[0]) and star.companions == "on" else np.zeros(light.shape)
+        )
+        for angle in np.unique(turns):
+            here = turns == angle
+            put = (visit[here], planet[here])
+            rates = aperture_rates(model, rolled(star, angle), band, x[put][None], y[put][None], light[here][None])
+            noise = stack_noise(rates, setting.exposure_s, setting.n_frames, setting.em_gain, model.camera(band),
+                                reference_ratio=model.strategy.reference_ratio)  # fmt: skip
+            elements = metrics.resolution_elements(separation[put])
+            margin[put] = noise.significance[0] / threshold_array(elements, model.strategy.sigma)
+            snr[put] = noise.snr[0]
+    return Seen(margin, snr, contrast, separation, pa_deg, places.distance_au, places.phase_deg)
+
+
+def reach_au(model: EtcModel, distance_pc: float) -> tuple[float, float]:
+    """Projected distances at which any band of a model can show a planet of a star: corners of its dark hole."""
+    inner = min(metrics.hole_inner_arcsec for metrics in model.metrics.values()) * math.sqrt(2.0)
+    outer = max(metrics.owa_arcsec for metrics in model.metrics.values())
+    return inner * distance_pc, outer * distance_pc
+
+
+def detection_chance(margin: FloatArray, rule: DetectionRule, known: NDArray[np.bool_], shift: ArrayLike = 0.0,
+                     calibration: ArrayLike = 1.0) -> FloatArray:  # fmt: skip
+    """Probability that a visit detects planets of these margins.
+
+    Parameters
+    ----------
+    margin : ndarray
+        Predicted significance over threshold.
+    rule : DetectionRule
+    known : ndarray of bool
+        Planets whose place is known.
+    shift : array_like
+        Standard errors by which the law's middle is off.
+    calibration : array_like
+        Recovered over predicted SNR.
+
+    Notes
+    -----
+    ``Phi((c margin - m) / w)``: the law that the images of ``reports/blind_validator`` follow, for a blind search and
+    at a known place. ``expected`` is a step at 1. Where nothing can be seen the chance is 0, not the tail of the law.
+    """
+    if rule.rule == "expected":
+        return np.where(margin >= 1.0, 1.0, 0.0)
+    from scipy.special import ndtr
+
+    at_place = known | (rule.rule == "known_place")
+    middle = np.where(at_place, rule.known_margin, rule.blind_margin)
+    error = np.where(at_place, rule.known_margin_error, rule.blind_margin_error)
+    width = np.where(at_place, rule.known_width, rule.blind_width)
+    found = ndtr((margin * np.asarray(calibration, float) - middle - error * np.asarray(shift, float)) / width)
+    return np.where(margin > 0.0, found, 0.0)
+
+
+def rolled(star: Targets, roll_deg: float) -> Targets:
+    """The star as a rolled detector sees it: its companion stands elsewhere."""
+    return replace(star, companion_pa_deg=star.companion_pa_deg - roll_deg)
+
+
+def _contrast(
+    model: EtcModel,
+    star: Targets,
+    band: str,
+    bodies: Bodies,
+    albedos: tuple[AlbedoSpec, ...],
+    distance_au: FloatArray,
+    phase_deg: FloatArray,
+    planet: NDArray[np.int64],
+) -> FloatArray:
+    """Contrasts of the picked planets at their distances and phases."""
+    stars = (star.teff_k[:, None], star.log_g[:, None], star.metallicity[:, None])
+    light = np.zeros(distance_au.shape)
+    kinds = bodies.kind[planet]
+    for kind in np.unique(kinds):
+        spec, mine = albedos[kind], kinds == kind
+        own = distance_au[mine][None] / np.sqrt(star.luminosity_lsun)[:, None] if needs_insolation(spec) else None
+        albedo = model.passbands.band_albedo(albedo_source(spec), *stars, insolation_au=own, only=band)
+        light[mine] = (albedo * phase_value(spec, phase_deg[mine][None], insolation_au=own))[0]
+    return np.asarray(contrast_at(bodies.radius_rjup[planet], distance_au, phase_deg, 1.0, phase_value=light))

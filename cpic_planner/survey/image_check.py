@@ -1,0 +1,149 @@
+"""A sample of a strategy's detections at image level: are they found there as often as their law says."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cpic_planner.models.surveyed import ImageSample
+from cpic_planner.survey.candidates import albedos_of
+from cpic_planner.survey.detection import rolled
+from cpic_planner.survey.play import Survey
+from cpic_planner.survey.universe import NEW, chance
+from cpic_planner.validation.task import MAX_FRAMES, ConfirmTask, Frames, expected_of, star_scene, task_of
+from cpic_planner.validation.verdict import refusals_of
+from simulator.config import Planet
+from simulator.target.positions import sky_to_detector
+
+__all__ = ["REALISATIONS", "SampledDetection", "image_sample", "sampled_detections"]
+
+REALISATIONS = 4
+_LEVEL = 0.90
+
+
+@dataclass(frozen=True)
+class SampledDetection:
+    """A detection that is imaged: its work, whether its place is known, and the probability that a visit shows it."""
+
+    task: ConfirmTask
+    known: bool
+    probability: float
+
+
+def sampled_detections(
+    survey: Survey, detections: Mapping[str, NDArray[Any]], n: int, seed: int
+) -> tuple[list[SampledDetection], str]:
+    """Draw detections of a strategy, and make the scenes that their visits saw.
+
+    Parameters
+    ----------
+    survey : Survey
+    detections : mapping
+        The strategy's rows of the table of detections.
+    n : int
+        Detections to draw, each equally likely; all if there are fewer.
+    seed : int
+
+    Returns
+    -------
+    sampled : list of SampledDetection
+    note : str
+        Why there are none, or fewer.
+
+    Notes
+    -----
+    The scene is turned by the roll of the visit, so that the detector of the images stands at roll 0 as in all other
+    confirmations. A raw contrast that a strategy assumes cannot be given to images, whose light is that of the optics.
+    """
+    strategy = survey.strategy
+    if strategy.assumptions.contrast is not None:
+        return [], "images have the light of the optics, not an assumed raw contrast"
+    total = len(detections["universe"])
+    if total == 0:
+        return [], "no detections"
+    order = np.argsort(chance(seed, "images", strategy.name, shape=(total,)), kind="stable")
+    sampled: list[SampledDetection] = []
+    left_out = 0
+    for row in order[:n]:
+        task = _task(survey, {name: column[row] for name, column in detections.items()}, len(sampled), seed)
+        if task is None:
+            left_out += 1
+            continue
+        known = int(detections["known_row"][row]) != NEW and strategy.detection.rule != "expected"
+        known = known or strategy.detection.rule == "known_place"
+        sampled.append(SampledDetection(task, known, float(detections["chance"][row])))
+    return sampled, f"{left_out} could not be imaged" if left_out else ""
+
+
+def _task(survey: Survey, row: Mapping[str, Any], number: int, seed: int) -> ConfirmTask | None:
+    """Images of one detection; None where the images cannot be made."""
+    i = int(np.flatnonzero(survey.targets.name == row["star"])[0])
+    setting = survey.options[i][int(row["option"])]
+    if not 1 <= setting.n_frames <= MAX_FRAMES:
+        return None
+    model, band = survey.model, setting.band
+    target = survey.targets.select([i])
+    turned = rolled(target, float(row["roll_deg"]))
+    pa_deg = (float(row["pa_deg"]) - float(row["roll_deg"])) % 360.0
+    albedo = albedos_of(survey.strategy.population)[int(row["kind"])]
+    planet = Planet(name="planet", radius_rjup=float(row["radius_rjup"]), distance_au=float(row["distance_au"]),
+                    phase_deg=float(row["phase_deg"]), separation_arcsec=float(row["separation_arcsec"]),
+                    pa_deg=pa_deg, albedo=albedo)  # fmt: skip
+    scene = star_scene(turned, (planet,), name=f"{row['star']} {number}",
+                       exozodi_zodis=model.instrument.sky.exozodi_zodis)  # fmt: skip
+    place = sky_to_detector(float(row["separation_arcsec"]), pa_deg, parity=model.instrument.detector.parity)
+    frames = Frames(setting.exposure_s, int(setting.n_frames), setting.em_gain)
+    expected = expected_of(model, turned, band, place, float(row["contrast"]), frames)
+    task = task_of(model, scene, band, frames, [expected], seed=seed, fidelity="standard", realisations=REALISATIONS,
+                   audit=False, overrides=None)  # fmt: skip
+    return None if refusals_of(task) else task
+
+
+def image_sample(
+    sampled: Sequence[SampledDetection], bodies: Sequence[Mapping[str, Any]], note: str = ""
+) -> ImageSample:
+    """Compare what images show with what the law of the strategy expects.
+
+    Parameters
+    ----------
+    sampled : sequence of SampledDetection
+    bodies : sequence of mapping
+        What `cpic_planner.validation.confirm.confirm_task` made of each.
+    note : str
+
+    Notes
+    -----
+    Images count as independent tries of their own probability. The interval of found over expected is that of a
+    Poisson number of the same mean (Garwood 1936), which is wider than the binomial one.
+    """
+    images = found = 0
+    expected = 0.0
+    for item, body in zip(sampled, bodies, strict=True):
+        for answer in body["confirmations"]:
+            n = int(answer["realisations"] or 0)
+            images += n
+            expected += n * item.probability
+            found += int((answer["n_significant"] if item.known else answer["n_detected"]) or 0)
+    low, high = _poisson_interval(found)
+    return ImageSample(
+        detections=len(sampled),
+        images=images,
+        expected=expected,
+        found=found,
+        correction=found / expected if expected > 0 else None,
+        low=low / expected if expected > 0 else None,
+        high=high / expected if expected > 0 else None,
+        note=note,
+    )
+
+
+def _poisson_interval(count: int) -> tuple[float, float]:
+    from scipy.special import gammaincinv
+
+    tail = 0.5 * (1.0 - _LEVEL)
+    low = 0.0 if count == 0 else float(gammaincinv(count, tail))
+    return low, float(gammaincinv(count + 1, 1.0 - tail))

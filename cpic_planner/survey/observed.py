@@ -1,0 +1,199 @@
+"""What a survey has done already: an observation log, and what it leaves of the planets that may be there."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalogs.errors import InputError
+from catalogs.known_planets import star_key
+from catalogs.table_cells import choose_columns, read_cells
+from catalogs.table_files import parse_table, read_bytes
+from catalogs.user_columns import Quantity, heading, quantity_among
+from cpic_planner.etc.model import EtcModel
+from cpic_planner.survey.detection import Setting, detection_chance, see
+from cpic_planner.survey.strategy import DetectionRule
+from cpic_planner.survey.universe import NEW, Bodies
+from cpic_planner.targets import Targets
+from simulator.config.albedo import AlbedoSpec
+from simulator.config.mission import checked_utc
+from simulator.products.times import mjd_of
+
+__all__ = ["COLUMNS", "ObservationLog", "ObservedVisit", "missed", "read_log", "resampled"]
+
+FloatArray = NDArray[np.float64]
+
+COLUMNS: tuple[tuple[Quantity, str], ...] = (
+    (Quantity("star", ("target", "object", "name"), "text"), "any name of a star of the catalogue"),
+    (Quantity("start_utc", ("date", "utc", "dateobs", "begin"), "text"), "when the visit began, ISO 8601"),
+    (Quantity("band", ("filter",), "text"), "band of the visit"),
+    (Quantity("exposure_s", ("exposure", "exptime"), unit="s", low=1e-6, high=1e6), "of one frame"),
+    (Quantity("n_frames", ("frames", "nframes"), low=1.0, high=1e9), "science frames"),
+    (Quantity("em_gain", ("gain", "emgain"), low=1.0, high=1e4), "EM gain"),
+    (Quantity("telescope_h", ("hours", "telescopehours"), unit="h", low=0.0, high=1e5), "telescope time that it took"),
+    (Quantity("roll_deg", ("roll",), unit="deg", low=-360.0, high=360.0),
+     "position angle of the detector's +y axis; without it that of the panels on that day"),
+    (Quantity("planets", ("detections", "found"), low=0.0, high=1000.0), "planets that it showed; without it none"),
+)  # fmt: skip
+"""Columns of a log and what they hold; star, start_utc, band, exposure_s, n_frames and em_gain are needed."""
+_NEEDED = ("star", "start_utc", "band", "exposure_s", "n_frames", "em_gain")
+_BY_HEADING = {heading(name): item for item, _ in COLUMNS for name in (item.name, *item.aliases)}
+
+
+@dataclass(frozen=True)
+class ObservedVisit:
+    """One line of a log; ``roll_deg`` is nan where the log does not say."""
+
+    star: str
+    mjd: float
+    setting: Setting
+    telescope_h: float
+    roll_deg: float
+    planets: int
+
+
+@dataclass(frozen=True)
+class ObservationLog:
+    """Visits that were made, in the order of time, and what the file is."""
+
+    visits: tuple[ObservedVisit, ...]
+    provenance: str
+
+    def of(self, star: str) -> tuple[ObservedVisit, ...]:
+        """Visits of a star, by any of its names."""
+        key = star_key(star)
+        return tuple(visit for visit in self.visits if star_key(visit.star) == key)
+
+    @property
+    def until_mjd(self) -> float:
+        """When the last visit began."""
+        return self.visits[-1].mjd
+
+    @property
+    def hours(self) -> float:
+        """Telescope time of all visits."""
+        return sum(visit.telescope_h for visit in self.visits)
+
+
+def read_log(source: str | Path) -> ObservationLog:
+    """Read an observation log.
+
+    Parameters
+    ----------
+    source : str or Path
+        CSV, ECSV, VOTable or FITS with the columns of `COLUMNS`.
+
+    Raises
+    ------
+    InputError
+        Naming file, row, column, value, unit and range of the first fault.
+    """
+    file = read_bytes(source)
+    raw = parse_table(file)
+    by_name = {item.name: item for item, _ in COLUMNS}
+    chosen, _ = choose_columns(
+        raw, lambda text: quantity_among(text, _BY_HEADING), [[by_name[name]] for name in _NEEDED]
+    )
+    names = chosen["star"].cells
+    cells = {name: read_cells(raw, by_name[name], column, names) for name, column in chosen.items()}
+    visits = []
+    for number in range(len(raw)):
+        row = {name: values[number] for name, values in cells.items()}
+        for name in _NEEDED:
+            if row[name] is None:
+                raise InputError(f"{raw.name} row {number + 1} column {chosen[name].heading}", "missing",
+                                 unit=by_name[name].unit, allowed="a value")  # fmt: skip
+        visits.append(_visit(row, f"{raw.name} row {number + 1}"))
+    visits.sort(key=lambda visit: (visit.mjd, visit.star))
+    hours, planets = sum(visit.telescope_h for visit in visits), sum(visit.planets for visit in visits)
+    about = f"{len(visits)} visits, {hours:g} h, {planets} planets ({raw.name} {file.sha256[:12]})"
+    return ObservationLog(tuple(visits), about)
+
+
+def _visit(row: dict[str, Any], where: str) -> ObservedVisit:
+    utc = checked_utc(f"{where} column start_utc", row["start_utc"])
+    setting = Setting(str(row["band"]), row["exposure_s"], float(round(row["n_frames"])), row["em_gain"],
+                      time_s=2.0 * row["exposure_s"] * row["n_frames"])  # fmt: skip
+    hours = row.get("telescope_h")
+    roll = row.get("roll_deg")
+    return ObservedVisit(
+        star=str(row["star"]),
+        mjd=mjd_of(utc),
+        setting=setting,
+        telescope_h=setting.time_s / 3600.0 if hours is None else hours,
+        roll_deg=math.nan if roll is None else roll,
+        planets=round(row.get("planets") or 0),
+    )
+
+
+def missed(
+    model: EtcModel,
+    star: Targets,
+    bodies: Bodies,
+    albedos: tuple[AlbedoSpec, ...],
+    visits: Sequence[ObservedVisit],
+    rule: DetectionRule,
+    *,
+    epoch_mjd: float,
+    sun_pa_deg: FloatArray,
+) -> FloatArray:
+    """Probability that none of some visits would have shown each planet.
+
+    Parameters
+    ----------
+    model, star, bodies, albedos
+        As of `cpic_planner.survey.detection.see`.
+    visits : sequence of ObservedVisit
+        Visits of this star that showed no planet count, others do not.
+    rule : DetectionRule
+    epoch_mjd : float
+        Of the bodies.
+    sun_pa_deg : ndarray, shape (v,)
+        Position angle of the Sun at each visit, the roll where the log has none.
+    """
+    left = np.ones(len(bodies))
+    for visit, sun in zip(visits, sun_pa_deg, strict=True):
+        if visit.planets:
+            continue
+        roll = sun if math.isnan(visit.roll_deg) else visit.roll_deg
+        seen = see(model, star, visit.setting, bodies, albedos, bodies.places([visit.mjd - epoch_mjd]), [roll])
+        odds = detection_chance(seen.margin, rule, bodies.known != NEW, calibration=rule.calibration)
+        left *= 1.0 - odds[0]
+    return left
+
+
+def resampled(bodies: Bodies, left: FloatArray, luck: FloatArray) -> Bodies:
+    """Planets that are left after visits which showed none.
+
+    Parameters
+    ----------
+    bodies : Bodies
+    left : ndarray
+        Probability of each planet not to have been seen.
+    luck : ndarray
+        Uniform number of each.
+
+    Notes
+    -----
+    New planets are a Poisson process, which without any detection stays one of the intensity times ``left``: each
+    stays with that probability. A known planet is there; its orbits are drawn anew among its own draws with weights
+    ``left``, or kept where none of them could have been missed.
+    """
+    keep = (bodies.known == NEW) & (luck < left)
+    parts = [bodies.select(keep)]
+    for row in np.unique(bodies.known[bodies.known != NEW]):
+        mine = np.flatnonzero(bodies.known == row)
+        total = np.cumsum(left[mine])
+        pick = np.arange(mine.size)
+        if total[-1] > 0.0:
+            pick = np.minimum(np.searchsorted(total / total[-1], luck[mine], side="right"), mine.size - 1)
+        drawn = bodies.select(mine[pick])
+        held = {name: getattr(bodies, name)[mine] for name in ("universe", "number", "known", "kind")}
+        parts.insert(-1, replace(drawn, **held))
+    return Bodies.joined(parts)

@@ -1,0 +1,367 @@
+"""A survey played through in synthetic universes: what is visited, what is found, what it costs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalogs.known_planets import KnownPlanetTable
+from cpic_planner.etc.model import EtcModel
+from cpic_planner.survey.calendar import Calendar, sun_position_angle_deg
+from cpic_planner.survey.candidates import albedos_of
+from cpic_planner.survey.detection import Setting, detection_chance, reach_au, see
+from cpic_planner.survey.events import Events
+from cpic_planner.survey.observed import ObservationLog, missed, resampled
+from cpic_planner.survey.schedule import PlannedVisit, Schedule
+from cpic_planner.survey.strategy import DetectionRule, SurveyStrategy
+from cpic_planner.survey.universe import NEW, Bodies, chance, draw_bodies, star_mass_msun
+from cpic_planner.targets import Targets
+
+__all__ = ["Played", "Survey", "play"]
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+_ROUNDING = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Survey:
+    """A strategy ready to be played.
+
+    Attributes
+    ----------
+    strategy : SurveyStrategy
+    model : EtcModel
+    targets : Targets
+        The candidates, in their order.
+    calendar : Calendar
+        Of the same stars.
+    options : tuple of tuple of Setting
+        Ways to visit each star.
+    follow : tuple of tuple of Setting
+        Follow-up of each star in every band.
+    schedule : Schedule
+    known : KnownPlanetTable or None
+    known_rows : tuple of tuple of int
+        Known planets of each star.
+    noise_alarms, background_alarms : tuple of tuple of float
+        Expected false alarms of one visit by star and option: noise that passes the threshold, and background stars.
+    log : ObservationLog or None
+        What was done already.
+    """
+
+    strategy: SurveyStrategy
+    model: EtcModel
+    targets: Targets
+    calendar: Calendar
+    options: tuple[tuple[Setting, ...], ...]
+    follow: tuple[tuple[Setting, ...], ...]
+    schedule: Schedule
+    known: KnownPlanetTable | None
+    known_rows: tuple[tuple[int, ...], ...]
+    noise_alarms: tuple[tuple[float, ...], ...]
+    background_alarms: tuple[tuple[float, ...], ...]
+    log: ObservationLog | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Played:
+    """What happened in ``n`` universes; ``universes``, ``detections`` and ``stars`` are columns of tables."""
+
+    universes: dict[str, NDArray[Any]]
+    detections: dict[str, NDArray[Any]]
+    stars: dict[str, NDArray[Any]]
+
+
+@dataclass(eq=False)
+class _Star:
+    """One star in all universes of a block."""
+
+    bodies: Bodies
+    hits: dict[int, BoolArray]
+    seen: dict[int, dict[str, FloatArray]]
+    alarms: dict[int, tuple[NDArray[np.int64], NDArray[np.int64]]]
+    counts: NDArray[np.int64]
+    found: BoolArray
+    shown: BoolArray
+    tried: NDArray[np.int64]
+    stopped: BoolArray
+    empty: NDArray[np.int64]
+    left_h: float
+    visits: int = 0
+    hours: float = 0.0
+    follow_h: float = 0.0
+
+
+@dataclass(eq=False)
+class _Clock:
+    """Time of ``n`` universes, hours."""
+
+    left: FloatArray
+    slot: FloatArray
+    promised: FloatArray
+    search: FloatArray
+    follow: FloatArray
+    visits: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, n: int, budget_h: float, promised_h: float) -> _Clock:
+        zero = np.zeros(n)
+        return cls(np.full(n, budget_h), zero.copy(), np.full(n, promised_h), zero.copy(), zero.copy(),
+                   np.zeros(n, np.int64))  # fmt: skip
+
+    def affords(self, cost_h: float) -> BoolArray:
+        return np.asarray((self.slot >= cost_h - _ROUNDING) & (self.left >= cost_h - _ROUNDING))
+
+    def spend(self, go: BoolArray, cost_h: float, on: FloatArray) -> None:
+        for account in (self.left, self.slot):
+            account[go] -= cost_h
+        on[go] += cost_h
+        self.visits[go] += 1
+
+    @property
+    def used(self) -> FloatArray:
+        return self.search + self.follow
+
+
+def play(survey: Survey, *, block: int, n: int, seed: int) -> Played:
+    """Play a survey in ``n`` universes.
+
+    Parameters
+    ----------
+    survey : Survey
+    block : int
+        Number of the block; universes of one block share their random streams, which name star, block and visit.
+    n : int
+        Universes.
+    seed : int
+
+    Returns
+    -------
+    Played
+
+    Notes
+    -----
+    Slot after slot, follow-up comes first, then the planned visits in their order, then reserve ones as far as they
+    take nothing from planned ones to come. A visit is made where star and survey have not stopped and slot and budget
+    hold it. Whether it detects a planet was decided by the numbers of that star, block and visit, so that another
+    strategy that makes the same visit sees the same.
+    """
+    strategy, stars = survey.strategy, _stars(survey, block, n, seed)
+    planned = [visit for visit in survey.schedule.visits if not visit.reserve]
+    clock = _Clock.of(n, strategy.time_budget_h, sum(visit.cost_h for visit in planned))
+    log, total = Events(n), np.zeros(n, np.int64)
+    slots: dict[int, list[tuple[int, PlannedVisit]]] = {}
+    for k, visit in enumerate(survey.schedule.visits):
+        slots.setdefault(visit.slot, []).append((k, visit))
+    follows = strategy.follow_up.wanted
+    for b in range(survey.calendar.n_slots) if follows else sorted(slots):
+        clock.slot[:] = strategy.share * survey.calendar.slot_h[b]
+        if follows:
+            for i, star in stars.items():
+                if star.found.any():
+                    _follow(survey, i, star, b, clock, block, seed)
+        for k, visit in slots.get(b, ()):
+            _search(survey, stars[visit.star], k, visit, clock, log, total)
+    return _tables(survey, stars, clock, log, block, n)
+
+
+def _systematic(rule: DetectionRule, block: int, n: int, seed: int) -> tuple[FloatArray, FloatArray]:
+    """Calibration of each universe, and the shift of its detection law in standard errors."""
+    from scipy.special import ndtri
+
+    drawn = ndtri(chance(seed, "calibration", block, shape=(2, n)))
+    return np.maximum(rule.calibration + rule.calibration_error * drawn[0], 0.0), drawn[1]
+
+
+def _stars(survey: Survey, block: int, n: int, seed: int) -> dict[int, _Star]:
+    """Planets of all visited stars, and what every visit would detect of them."""
+    by_star: dict[int, list[tuple[int, PlannedVisit]]] = {}
+    for k, visit in enumerate(survey.schedule.visits):
+        by_star.setdefault(visit.star, []).append((k, visit))
+    calibration, shift = _systematic(survey.strategy.detection, block, n, seed)
+    mass = star_mass_msun(survey.targets)
+    return {i: _star(survey, i, visits, float(mass[i]), (calibration, shift), block, n, seed)
+            for i, visits in sorted(by_star.items())}  # fmt: skip
+
+
+def _star(
+    survey: Survey, i: int, visits: Sequence[tuple[int, PlannedVisit]], mass: float,
+    systematic: tuple[FloatArray, FloatArray], block: int, n: int, seed: int,
+) -> _Star:  # fmt: skip
+    strategy, target, name = survey.strategy, survey.targets.select([i]), str(survey.targets.name[i])
+    bodies = draw_bodies(name, mass, float(target.luminosity_lsun[0]), strategy.population, known=survey.known,
+                         known_rows=survey.known_rows[i], epoch_mjd=survey.calendar.start_mjd, n=n, seed=seed,
+                         block=block)  # fmt: skip
+    bodies = bodies.select(bodies.within(*reach_au(survey.model, float(target.distance_pc[0]))))
+    done = () if survey.log is None else survey.log.of(name)
+    if done:
+        sun = sun_position_angle_deg(target, np.array([[visit.mjd for visit in done]]))[0]
+        left = missed(survey.model, target, bodies, albedos_of(strategy.population), done, strategy.detection,
+                      epoch_mjd=survey.calendar.start_mjd, sun_pa_deg=sun)  # fmt: skip
+        bodies = resampled(bodies, left, _luck(bodies, seed, name, block, "log", n))
+    hits: dict[int, BoolArray] = {}
+    seen: dict[int, dict[str, FloatArray]] = {}
+    alarms: dict[int, tuple[NDArray[np.int64], NDArray[np.int64]]] = {}
+    known = bodies.known != NEW
+    for option in sorted({visit.option for _, visit in visits}):
+        own = [(k, visit) for k, visit in visits if visit.option == option]
+        slots = np.array([visit.slot for _, visit in own])
+        ordinals = np.array([visit.ordinal for _, visit in own])
+        roll = survey.calendar.roll_deg(strategy.revisits, i, slots, ordinals)
+        found = see(survey.model, target, survey.options[i][option], bodies, albedos_of(strategy.population),
+                    bodies.places(survey.calendar.day[i, slots]), roll)  # fmt: skip
+        odds = detection_chance(found.margin, strategy.detection, known, systematic[1][bodies.universe],
+                                systematic[0][bodies.universe])  # fmt: skip
+        for row, (k, visit) in enumerate(own):
+            hits[k] = _luck(bodies, seed, name, block, visit.ordinal, n) < odds[row]
+            seen[k] = {key: getattr(found, key)[row] for key in found.__dataclass_fields__}
+            seen[k] |= {"chance": odds[row], "roll_deg": np.full(len(bodies), roll[row])}
+            drawn = chance(seed, "alarm", name, block, visit.ordinal, shape=(2, n))
+            alarms[k] = (
+                _rare(survey.noise_alarms[i][option], drawn[0]),
+                _rare(survey.background_alarms[i][option], drawn[1]),
+            )
+    bands = len(strategy.follow_up.bands)
+    return _Star(
+        bodies=bodies, hits=hits, seen=seen, alarms=alarms,
+        counts=np.zeros(len(bodies), np.int64), found=np.zeros(len(bodies), bool),
+        shown=np.zeros((bands, len(bodies)), bool), tried=np.zeros((bands, n), np.int64),
+        stopped=np.zeros(n, bool), empty=np.zeros(n, np.int64),
+        left_h=sum(visit.cost_h for _, visit in visits if not visit.reserve),
+    )  # fmt: skip
+
+
+def _luck(bodies: Bodies, seed: int, name: str, block: int, visit: int | str, n: int) -> FloatArray:
+    """Uniform number of each planet in one visit."""
+    if not len(bodies):
+        return np.zeros(0)
+    return chance(seed, "visit", name, block, visit, shape=(int(bodies.number.max()) + 1, n))[
+        bodies.number, bodies.universe
+    ]
+
+
+def _rare(rate: float, share: FloatArray) -> NDArray[np.int64]:
+    """Poisson numbers at given shares of their law, of a small rate."""
+    from scipy.special import pdtr
+
+    return np.searchsorted(pdtr(np.arange(50), rate), share, side="right").astype(np.int64) if rate > 0 else np.zeros(
+        share.shape, np.int64)  # fmt: skip
+
+
+def _search(
+    survey: Survey, star: _Star, k: int, visit: PlannedVisit, clock: _Clock, log: Events, total: NDArray[np.int64]
+) -> None:
+    """One planned visit in all universes."""
+    strategy, cost = survey.strategy, visit.cost_h
+    stop = strategy.stop
+    wanted = ~star.stopped
+    if stop.after_planets is not None:
+        wanted &= total < stop.after_planets
+    go = wanted & clock.affords(cost)
+    if visit.reserve:
+        go &= clock.left - clock.promised >= cost - _ROUNDING
+    else:
+        clock.promised[~star.stopped] -= cost
+        star.left_h -= cost
+    clock.spend(go, cost, clock.search)
+    star.visits += int(go.sum())
+    star.hours += cost * float(go.sum())
+    there = go[star.bodies.universe]
+    hit = star.hits[k] & there
+    star.counts[hit] += 1
+    new = hit & (star.counts >= strategy.detection.visits_needed) & ~star.found
+    star.found |= new
+    if new.any():
+        log.detections(star.bodies, new, visit, star.seen[k], survey.calendar.day[visit.star, visit.slot], clock.used)
+        np.add.at(total, star.bodies.universe[new], 1)
+    log.alarms(go, *star.alarms[k])
+    caught = np.zeros(len(go), bool)
+    caught[star.bodies.universe[hit]] = True
+    star.empty[go & ~caught] += 1
+    ends = np.zeros(len(go), bool)
+    if stop.after_detection:
+        ends[star.bodies.universe[new]] = True
+    if stop.after_empty is not None:
+        ends |= (star.empty >= stop.after_empty) & ~_any(star, len(go))
+    ends &= ~star.stopped
+    clock.promised[ends] -= star.left_h
+    star.stopped |= ends
+
+
+def _any(star: _Star, n: int) -> BoolArray:
+    """Universes in which the star has shown a planet in any visit."""
+    shown = np.zeros(n, bool)
+    shown[star.bodies.universe[star.counts > 0]] = True
+    return shown
+
+
+def _follow(survey: Survey, i: int, star: _Star, b: int, clock: _Clock, block: int, seed: int) -> None:
+    """Follow-up of one star in one slot: every band that a found planet still lacks."""
+    strategy, n = survey.strategy, len(clock.left)
+    rule, target = strategy.follow_up, survey.targets.select([i])
+    for f, setting in enumerate(survey.follow[i]):
+        cost = float(survey.calendar.cost_h(survey.model, i, setting)[b])
+        if not np.isfinite(cost):
+            continue
+        lacking = star.found & ~star.shown[f]
+        need = np.zeros(n, bool)
+        need[star.bodies.universe[lacking]] = True
+        go = need & (star.tried[f] < rule.attempts) & clock.affords(cost)
+        if not go.any():
+            continue
+        clock.spend(go, cost, clock.follow)
+        star.follow_h += cost * float(go.sum())
+        star.tried[f, go] += 1
+        roll = survey.calendar.roll_deg(strategy.revisits, i, np.array([b]), np.array([b]))
+        seen = see(survey.model, target, setting, star.bodies, albedos_of(strategy.population),
+                   star.bodies.places(survey.calendar.day[i, [b]]), roll)  # fmt: skip
+        calibration, shift = _systematic(strategy.detection, block, n, seed)
+        at_place = np.ones(len(star.bodies), bool)
+        odds = detection_chance(seen.margin[0], strategy.detection, at_place, shift[star.bodies.universe],
+                                calibration[star.bodies.universe])  # fmt: skip
+        luck = _luck(star.bodies, seed, str(target.name[0]), block, f"follow {setting.band} {b}", n)
+        star.shown[f] |= lacking & go[star.bodies.universe] & (luck < odds)
+
+
+def _tables(survey: Survey, stars: dict[int, _Star], clock: _Clock, log: Events, block: int, n: int) -> Played:
+    """Columns of the three tables."""
+    new, known, characterised, with_planet = np.zeros((4, n), np.int64)
+    for star in stars.values():
+        universe, fresh = star.bodies.universe, star.bodies.known == NEW
+        np.add.at(new, universe[star.found & fresh], 1)
+        np.add.at(known, universe[star.found & ~fresh], 1)
+        if survey.strategy.follow_up.wanted:
+            np.add.at(characterised, universe[star.found & star.shown.all(axis=0)], 1)
+        some = np.zeros(n, bool)
+        some[universe[star.found]] = True
+        with_planet += some
+    universes = {
+        "new_planets": new,
+        "known_planets": known,
+        "stars_with_planet": with_planet,
+        "characterised_planets": characterised,
+        "noise_alarms": log.noise_alarms,
+        "background_alarms": log.background_alarms,
+        "visits": clock.visits,
+        "search_h": clock.search,
+        "follow_up_h": clock.follow,
+    }
+    rows = sorted(stars)
+    per_star: dict[str, NDArray[Any]] = {
+        "star": np.array([str(survey.targets.name[i]) for i in rows], object),
+        "block": np.full(len(rows), block, np.int64),
+        "universes": np.full(len(rows), n, np.int64),
+        "visits": np.array([stars[i].visits for i in rows], np.int64),
+        "search_h": np.array([stars[i].hours for i in rows]),
+        "follow_up_h": np.array([stars[i].follow_h for i in rows]),
+        "new_planets": np.array([int((stars[i].found & (stars[i].bodies.known == NEW)).sum()) for i in rows], np.int64),
+        "known_planets": np.array(
+            [int((stars[i].found & (stars[i].bodies.known != NEW)).sum()) for i in rows], np.int64
+        ),
+    }
+    return Played(universes, log.columns(survey), per_star)

@@ -1,0 +1,232 @@
+"""The greedy schedule: the visits of most expected detections per hour, with a look ahead, into the calendar."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cpic_planner.survey.candidates import Candidate
+from cpic_planner.survey.strategy import SurveyStrategy
+from cpic_planner.survey.value import StarValue, Visit
+
+__all__ = ["PlannedVisit", "Problem", "Room", "Schedule", "greedy", "in_order"]
+
+FloatArray = NDArray[np.float64]
+_ROUNDING = 1e-9
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What is to be scheduled.
+
+    ``slot_h`` are the lengths of the slots, ``apart`` how many slots two visits of a star have to be apart.
+    """
+
+    strategy: SurveyStrategy
+    stars: tuple[Candidate, ...]
+    slot_h: FloatArray
+    apart: int
+
+    @classmethod
+    def of(cls, strategy: SurveyStrategy, stars: Sequence[Candidate], slot_h: FloatArray, slot_days: float) -> Problem:
+        """The problem of a strategy; two visits of a star never share a slot."""
+        apart = max(1, math.ceil(strategy.revisits.min_gap_days / slot_days - _ROUNDING))
+        return cls(strategy, tuple(stars), slot_h, apart)
+
+    def blocked(self, made: Sequence[Visit]) -> NDArray[np.bool_]:
+        """Slots too near to a visit that is made already."""
+        blocked = np.zeros(len(self.slot_h), bool)
+        for _, slot in made:
+            blocked[max(0, slot - self.apart + 1) : slot + self.apart] = True
+        return blocked
+
+    def first(self) -> list[int]:
+        """Stars that are served before all others."""
+        wanted = self.strategy.targets.known_planets == "first"
+        return [i for i, star in enumerate(self.stars) if wanted and star.known_rows]
+
+
+@dataclass(frozen=True)
+class PlannedVisit:
+    """One visit of the calendar.
+
+    ``star`` is the position among the candidates, ``ordinal`` the visit's number among those of its star, ``reserve``
+    whether it is made only where others have freed the time for it.
+    """
+
+    star: int
+    option: int
+    slot: int
+    ordinal: int
+    cost_h: float
+    gain: float
+    reserve: bool
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """A calendar of visits and what it promises.
+
+    ``value`` is what the visits within the budget are worth on the planets of planning, ``bound`` what no schedule can
+    pass, ``method`` who made it.
+    """
+
+    visits: tuple[PlannedVisit, ...]
+    value: float
+    bound: float
+    method: str
+
+    @property
+    def distance(self) -> float:
+        """How far below the bound the value may be, relative; 0 where nothing can be gained."""
+        return max(0.0, 1.0 - self.value / self.bound) if self.bound > 0 else 0.0
+
+
+@dataclass
+class Room:
+    """Time that is left while a schedule is made, in hours."""
+
+    budget_h: float
+    slots_h: FloatArray
+    visits: dict[int, list[Visit]] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, problem: Problem) -> Room:
+        """All of a strategy's time."""
+        return cls(problem.strategy.time_budget_h, problem.strategy.share * problem.slot_h)
+
+    def take(self, star: int, visit: Visit, cost_h: float) -> None:
+        """Book a visit."""
+        self.budget_h -= cost_h
+        self.slots_h[visit[1]] -= cost_h
+        self.visits.setdefault(star, []).append(visit)
+
+    def holds(self, cost_h: FloatArray) -> NDArray[np.bool_]:
+        """Which costs ``(..., b)`` still fit."""
+        edge = _ROUNDING
+        return np.asarray((cost_h <= self.slots_h + edge) & (cost_h <= self.budget_h + edge))
+
+
+@dataclass(frozen=True)
+class _Bundle:
+    """Visits of one star that are weighed together."""
+
+    visits: tuple[Visit, ...]
+    gains: tuple[float, ...]
+    cost_h: float
+    density: float
+
+
+def greedy(problem: Problem, *, room: Room | None = None) -> tuple[Room, list[tuple[int, Visit, float]]]:
+    """Fill the calendar.
+
+    Again and again the bundle of most value per hour is booked: the best next visit of a star, or the best two, up to
+    ``look_ahead`` of them, each in the slot where it adds most. Stars that come first (known planets) are served until
+    they have nothing more to give.
+
+    Parameters
+    ----------
+    problem : Problem
+    room : Room, optional
+        Time that is left, with what is booked already; all of it by default.
+
+    Returns
+    -------
+    room : Room
+    booked : list of (star, visit, gain)
+        In the order of booking.
+    """
+    room = Room.of(problem) if room is None else room
+    stars, needed = problem.stars, problem.strategy.detection.visits_needed
+    states = {i: StarValue.of(star, needed, room.visits.get(i, ())) for i, star in enumerate(stars)}
+    bundles: dict[int, _Bundle | None] = {}
+    booked: list[tuple[int, Visit, float]] = []
+    for group in (problem.first(), list(range(len(stars)))):
+        while True:
+            for i in group:
+                bundle = bundles.get(i)
+                if i not in bundles or (bundle is not None and not _fits(bundle, stars[i], room)):
+                    bundles[i] = _best_bundle(problem, states[i], room, i)
+            ready = [(bundle.density, -i) for i in group if (bundle := bundles[i]) is not None]
+            if not ready:
+                break
+            i = -max(ready)[1]
+            chosen = bundles.pop(i)
+            assert chosen is not None
+            for visit, gain in zip(chosen.visits, chosen.gains, strict=True):
+                room.take(i, visit, float(stars[i].cost_h[visit]))
+                states[i] = states[i].after(visit)
+                booked.append((i, visit, gain))
+    return room, booked
+
+
+def _fits(bundle: _Bundle, star: Candidate, room: Room) -> bool:
+    """Whether the calendar still holds a bundle: other stars may have taken its slots."""
+    left = room.slots_h.copy()
+    for visit in bundle.visits:
+        left[visit[1]] -= star.cost_h[visit]
+    return (
+        bool(left[[slot for _, slot in bundle.visits]].min() >= -_ROUNDING)
+        and bundle.cost_h <= room.budget_h + _ROUNDING
+    )
+
+
+def _best_bundle(problem: Problem, state: StarValue, room: Room, star: int) -> _Bundle | None:
+    """The next visits of a star that give most per hour together."""
+    own = list(room.visits.get(star, ()))
+    trial = Room(room.budget_h, room.slots_h.copy(), {star: own})
+    best: _Bundle | None = None
+    visits: list[Visit] = []
+    gains: list[float] = []
+    cost = value = 0.0
+    for _ in range(problem.strategy.scheduler.look_ahead):
+        if len(own) + len(visits) >= state.star.visits_left:
+            break
+        visit = _next_visit(problem, state, trial, [*own, *visits])
+        if visit is None:
+            break
+        after = state.after(visit)
+        gains.append(after.value - state.value)
+        value += gains[-1]
+        state, spent = after, float(state.star.cost_h[visit])
+        cost += spent
+        trial.budget_h -= spent
+        trial.slots_h[visit[1]] -= spent
+        visits.append(visit)
+        worthwhile = value >= problem.strategy.scheduler.min_gain * len(visits) and value > 0.0
+        if worthwhile and (best is None or value / cost > best.density):
+            best = _Bundle(tuple(visits), tuple(gains), cost, value / cost)
+    return best
+
+
+def _next_visit(problem: Problem, state: StarValue, room: Room, made: Sequence[Visit]) -> Visit | None:
+    """The visit that adds most per hour; the earliest of equals."""
+    cost = np.where(room.holds(state.star.cost_h), state.star.cost_h, np.inf)
+    cost[:, problem.blocked(made)] = np.inf
+    value, upper = state.gains()
+    with np.errstate(divide="ignore", invalid="ignore"):
+        density = np.where(np.isfinite(cost), (value if state.needed == 1 else upper) / cost, 0.0)
+    if density.max(initial=0.0) <= 0.0:
+        return None
+    slot, option = np.unravel_index(int(np.argmax(density.T)), density.T.shape)
+    return int(option), int(slot)
+
+
+def in_order(
+    stars: Sequence[Candidate], booked: Sequence[tuple[int, Visit, float]], spare: Sequence[tuple[int, Visit, float]]
+) -> tuple[PlannedVisit, ...]:
+    """Visits in the order of the calendar: by slot, those within the budget first, then as booked."""
+    every = [(*item, False) for item in booked] + [(*item, True) for item in spare]
+    order = sorted(range(len(every)), key=lambda k: (every[k][1][1], every[k][3], k))
+    numbers: dict[int, int] = {}
+    planned = []
+    for k in order:
+        star, visit, gain, reserve = every[k]
+        ordinal = numbers.get(star, 0)
+        numbers[star] = ordinal + 1
+        planned.append(PlannedVisit(star, *visit, ordinal, float(stars[star].cost_h[visit]), gain, reserve))
+    return tuple(planned)

@@ -1,0 +1,340 @@
+"""Tables of a survey's results: written part by part, joined into one Parquet file each.
+
+A part is what one task found, rows for several tables in one file that is there whole or not at all
+(`cpic_planner.runfolder`). The joined tables hold no clock, path or order of arrival: the same parts give the same
+bytes, whoever made them and however often the run was broken off.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import logging
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from catalogs.errors import InputError
+from cpic_planner.runfolder import DamagedPartError, RunFolder
+
+__all__ = ["Column", "ResultStore", "StoredTable", "Table", "clear_tables", "read_table"]
+
+_LOG = logging.getLogger(__name__)
+SCHEMA_VERSION = 1
+_METADATA = b"cpic_planner"
+_ROW_GROUP = 1 << 18  # rows; fixed, as all that decides the bytes
+_KINDS = {"float64": "f", "int64": "i", "int32": "i", "bool": "b", "string": "OUT"}
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column: numpy ``dtype`` (or ``string``), what it is, and its unit (empty for none)."""
+
+    name: str
+    dtype: str
+    description: str
+    unit: str = ""
+
+    def __post_init__(self) -> None:
+        if self.dtype not in _KINDS:
+            raise InputError(f"columns.{self.name}.dtype", self.dtype, allowed=", ".join(_KINDS))
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table with its declared key: columns whose values together are unique, and by which rows are sorted."""
+
+    name: str
+    columns: tuple[Column, ...]
+    key: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        names = [column.name for column in self.columns]
+        if len(set(names)) < len(names):
+            raise InputError(f"tables.{self.name}.columns", names, allowed="each name once")
+        if not self.key or not set(self.key) <= set(names):
+            raise InputError(f"tables.{self.name}.key", list(self.key), allowed=f"some of {', '.join(names)}")
+
+    @cached_property
+    def schema(self) -> Any:
+        """Arrow schema: types, and unit and description of each column."""
+        import pyarrow as pa
+
+        types = {"float64": pa.float64(), "int64": pa.int64(), "int32": pa.int32(), "bool": pa.bool_(),
+                 "string": pa.string()}  # fmt: skip
+        return pa.schema(
+            [pa.field(column.name, types[column.dtype], nullable=False,
+                      metadata={"unit": column.unit, "description": column.description})
+             for column in self.columns]
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class StoredTable:
+    """A table as read from its file: columns by name, and what the file says about them."""
+
+    name: str
+    key: tuple[str, ...]
+    columns: dict[str, NDArray[Any]]
+    units: dict[str, str]
+    descriptions: dict[str, str]
+    config_hash: str
+    schema_version: int
+
+
+class ResultStore:
+    """The tables of one run in its output folder.
+
+    Parameters
+    ----------
+    folder : RunFolder
+        Open folder of the run; its parts belong to this store.
+    tables : sequence of Table
+        What each part has rows for.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from cpic_planner.runfolder import open_run_folder
+    >>> yields = Table("yields", (Column("draw", "int64", "number of the universe"),
+    ...                           Column("found", "float64", "planets found")), key=("draw",))
+    >>> with tempfile.TemporaryDirectory() as place, open_run_folder(place, kind="whatif", config_hash="1") as folder:
+    ...     store = ResultStore(folder, [yields])
+    ...     store.save("b", {"yields": {"draw": [2], "found": [0.5]}})
+    ...     store.save("a", {"yields": {"draw": [0, 1], "found": [1.5, 2.5]}})
+    ...     path = store.merge()["yields"]
+    ...     read_table(path).columns["found"]
+    array([1.5, 2.5, 0.5])
+    """
+
+    def __init__(self, folder: RunFolder, tables: Sequence[Table]) -> None:
+        self._folder = folder
+        self._tables = {table.name: table for table in tables}
+        if not tables or len(self._tables) < len(tables):
+            raise InputError("tables", [table.name for table in tables], allowed="at least one, each name once")
+
+    def finished(self) -> frozenset[str]:
+        """Keys of the parts that are whole; damaged ones are named on the log and are to be done again."""
+        keys = set()
+        for path in self._folder.blob_paths():
+            try:
+                keys.add(self._folder.read_blob(path)[0])
+            except DamagedPartError as error:
+                _LOG.warning("%s: doing it again", error)
+        return frozenset(keys)
+
+    def save(self, part: str, columns: Mapping[str, Mapping[str, ArrayLike]]) -> None:
+        """Store one part whole; one of the same key is replaced.
+
+        Parameters
+        ----------
+        part : str
+            Key of the part.
+        columns : mapping
+            For every table its columns, arrays of one length (which may be 0).
+
+        Raises
+        ------
+        InputError
+            If tables or columns are missing or too many, lengths differ, a value does not fit its declared type,
+            or a key occurs twice.
+        """
+        import pyarrow as pa
+
+        if set(columns) != set(self._tables):
+            raise InputError(f"part {part}: tables", sorted(columns), allowed=", ".join(sorted(self._tables)))
+        sink = io.BytesIO()
+        for name, table in self._tables.items():
+            rows = _arrow_table(table, columns[name], f"part {part}: {name}")
+            _refuse_repeats(_sorted_rows(table, rows), table, f"part {part}: {name}")
+            with pa.ipc.new_stream(sink, table.schema, options=pa.ipc.IpcWriteOptions(compression="zstd")) as stream:
+                stream.write_table(rows)
+        self._folder.save_blob(part, sink.getvalue())
+
+    def read(self, table: str) -> dict[str, NDArray[Any]]:
+        """All parts of one table joined, sorted by its key.
+
+        Raises
+        ------
+        InputError
+            If a key occurs twice, or the store has no such table.
+        DamagedPartError
+            If a part is damaged.
+        """
+        return _as_arrays(self._joined(table))
+
+    def merge(self, expected: Sequence[str] | None = None) -> dict[str, Path]:
+        """Write ``DIR/TABLE.parquet`` for every table, the same bytes for any order of parts.
+
+        Parameters
+        ----------
+        expected : sequence of str, optional
+            Keys of all parts of the run.
+
+        Returns
+        -------
+        paths : dict
+            File of each table.
+
+        Raises
+        ------
+        InputError
+            If parts are missing or not expected, or a key of a table occurs twice.
+        DamagedPartError
+            If a part is damaged.
+        """
+        if expected is not None:
+            found, asked = {key for key, _ in self._parts()}, set(expected)
+            if found != asked:
+                first = sorted(found ^ asked)[0]
+                raise InputError("parts", f"{len(found)} on disk", allowed=f"the {len(asked)} of this run",
+                                 hint=f"{first} is {'missing' if first in asked else 'not one of them'}")  # fmt: skip
+        return {name: self._folder.write_bytes(f"{name}.parquet", self._parquet(name)) for name in self._tables}
+
+    def _parts(self) -> Iterator[tuple[str, bytes]]:
+        for path in self._folder.blob_paths():
+            yield self._folder.read_blob(path)
+
+    def _joined(self, name: str) -> Any:
+        import pyarrow as pa
+
+        if name not in self._tables:
+            raise InputError("table", name, allowed=", ".join(self._tables))
+        table, place = self._tables[name], list(self._tables).index(name)
+        rows = _sorted_rows(table, pa.concat_tables(
+            [table.schema.empty_table()] + [_rows_of(content, place, table) for _, content in self._parts()]
+        ))  # fmt: skip
+        _refuse_repeats(rows, table, name)
+        return rows
+
+    def _parquet(self, name: str) -> bytes:
+        import pyarrow.parquet as pq
+
+        table = self._tables[name]
+        about = {"schema_version": SCHEMA_VERSION, "table": name, "key": table.key,
+                 "config_hash": self._folder.config_hash}  # fmt: skip
+        rows = self._joined(name).replace_schema_metadata({_METADATA: json.dumps(about, sort_keys=True)})
+        sink = io.BytesIO()
+        pq.write_table(rows, sink, row_group_size=_ROW_GROUP, compression="zstd", compression_level=3, version="2.6",
+                       data_page_version="1.0", write_statistics=True, store_schema=True,
+                       use_dictionary=[c.name for c in table.columns if c.dtype == "string"])  # fmt: skip
+        return sink.getvalue()
+
+
+def clear_tables(tables: Sequence[Table]) -> Callable[[Path], None]:
+    """What `cpic_planner.runfolder.open_run_folder` calls to remove the tables of another configuration."""
+
+    def clear(folder: Path) -> None:
+        for table in tables:
+            (folder / f"{table.name}.parquet").unlink(missing_ok=True)
+
+    return clear
+
+
+def read_table(path: str | Path) -> StoredTable:
+    """Read a table that `ResultStore.merge` wrote.
+
+    Raises
+    ------
+    InputError
+        If the file is not there, not Parquet, or not one of ours.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        rows = pq.read_table(path, use_threads=False, partitioning=None)
+        about = json.loads(rows.schema.metadata[_METADATA])
+    except (OSError, pa.ArrowException, KeyError, TypeError, ValueError) as error:
+        raise InputError("table", str(path), allowed="a Parquet file written by this program",
+                         hint=f"{type(error).__name__}: {error}") from None  # fmt: skip
+    notes = {field.name: {k.decode(): v.decode() for k, v in field.metadata.items()} for field in rows.schema}
+    return StoredTable(
+        name=about["table"],
+        key=tuple(about["key"]),
+        columns=_as_arrays(rows),
+        units={name: note["unit"] for name, note in notes.items()},
+        descriptions={name: note["description"] for name, note in notes.items()},
+        config_hash=about["config_hash"],
+        schema_version=about["schema_version"],
+    )
+
+
+def _arrow_table(table: Table, columns: Mapping[str, ArrayLike], where: str) -> Any:
+    import pyarrow as pa
+
+    names = [column.name for column in table.columns]
+    if set(columns) != set(names):
+        raise InputError(f"{where} columns", sorted(columns), allowed=", ".join(names))
+    arrays = [_checked(column, columns[column.name], f"{where}.{column.name}") for column in table.columns]
+    lengths = {len(array) for array in arrays}
+    if len(lengths) > 1:
+        raise InputError(f"{where} lengths", sorted(lengths), allowed="one length for all columns")
+    for column, array in zip(table.columns, arrays, strict=True):
+        if column.name in table.key and column.dtype == "float64" and np.isnan(array).any():
+            raise InputError(f"{where}.{column.name}", float("nan"), allowed="numbers in a key")
+    return pa.table([pa.array(array, field.type) for array, field in zip(arrays, table.schema, strict=True)],
+                    schema=table.schema)  # fmt: skip
+
+
+def _checked(column: Column, values: ArrayLike, where: str) -> NDArray[Any]:
+    """Values in the declared type, unchanged."""
+    given = np.asarray(values)
+    if given.ndim != 1:
+        raise InputError(where, f"{given.ndim} dimensions", allowed="1")
+    if given.size == 0:
+        return np.empty(0, dtype=object if column.dtype == "string" else column.dtype)
+    if column.dtype == "string":
+        texts = given.astype(object)
+        wrong = next((text for text in texts if not isinstance(text, str)), None)
+        if given.dtype.kind not in _KINDS["string"] or any(not isinstance(text, str) for text in texts):
+            raise InputError(where, wrong, allowed="texts")
+        return texts
+    kinds = {"float64": "fiu", "bool": "b"}.get(column.dtype, "iu")
+    cast = given.astype(column.dtype) if given.dtype.kind in kinds else None
+    if cast is None or not np.array_equal(cast, given, equal_nan=column.dtype == "float64"):
+        raise InputError(where, f"dtype {given.dtype}", allowed=f"values that {column.dtype} holds")
+    return cast
+
+
+def _rows_of(content: bytes, place: int, table: Table) -> Any:
+    """Rows of the table at ``place`` in a part: one stream of Arrow after another."""
+    import pyarrow as pa
+
+    source = io.BytesIO(content)
+    for _ in range(place):
+        pa.ipc.open_stream(source).read_all()
+    rows = pa.ipc.open_stream(source).read_all()
+    if not rows.schema.equals(table.schema):
+        raise DamagedPartError(f"a part has other columns in table {table.name} than this version writes")
+    return rows
+
+
+def _sorted_rows(table: Table, rows: Any) -> Any:
+    """Rows by key, in one piece: how a table is cut in pieces shows in the bytes of its file."""
+    import pyarrow.compute as pc
+
+    rows = rows.combine_chunks()
+    order = pc.sort_indices(rows, sort_keys=[(name, "ascending") for name in table.key])
+    return rows.take(order).combine_chunks()
+
+
+def _refuse_repeats(rows: Any, table: Table, where: str) -> None:
+    if rows.num_rows < 2:
+        return
+    same = np.ones(rows.num_rows - 1, dtype=bool)
+    for name in table.key:
+        values = rows.column(name).to_numpy()
+        same &= values[1:] == values[:-1]
+    if same.any():
+        first = rows.slice(int(np.argmax(same)), 1).select(list(table.key)).to_pylist()[0]
+        raise InputError(f"{where} key", first, allowed="each key once", hint=f"{int(same.sum())} rows repeat one")
+
+
+def _as_arrays(rows: Any) -> dict[str, NDArray[Any]]:
+    return {name: rows.column(name).to_numpy() for name in rows.column_names}

@@ -1,0 +1,221 @@
+"""What a survey does: targets, visits, revisits, detection and stop rules as frozen configuration."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field, model_validator
+
+from catalogs.errors import InputError
+from cpic_planner.etc.model import Strategy as Reduction
+from cpic_planner.population_config import PopulationConfig, load_population
+from simulator.config import FrozenModel
+from simulator.config.light import Real
+
+__all__ = [
+    "Assumptions",
+    "DetectionRule",
+    "FollowUp",
+    "Revisits",
+    "SchedulerRule",
+    "StopRule",
+    "SurveyStrategy",
+    "TargetCuts",
+    "VisitRule",
+]
+
+
+class TargetCuts(FrozenModel):
+    """Which stars a survey may look at.
+
+    ``names`` are the only stars, if given; ``max_targets`` the most that are visited, best first by planets expected
+    per hour of the first visit; ``known_planets`` ``only`` leaves stars with a known planet, ``first`` visits them
+    before all others.
+    """
+
+    v_mag_max: Real | None = None
+    distance_max_pc: Annotated[Real, Field(gt=0)] | None = None
+    dwarfs_only: bool = False
+    singles_only: bool = False
+    names: tuple[str, ...] = ()
+    exclude: tuple[str, ...] = ()
+    max_targets: Annotated[int, Field(ge=1, le=100_000)] = 50
+    known_planets: Literal["any", "first", "only"] = "any"
+
+
+class VisitRule(FrozenModel):
+    """One visit of the search.
+
+    ``bands`` are tried for every star and the one of most planets per hour is taken. ``time_s`` is wall time with
+    readouts and reference frames; several values let the scheduler choose one for each star. ``goal`` ``detect`` ends
+    the visit where the reference planet is detected, ``snr`` where it reaches ``snr``, ``time`` uses what time pays;
+    ``time_s`` is the longest in each case. ``exposure_s`` and ``em_gain`` are the best ones unless given.
+    """
+
+    bands: Annotated[tuple[str, ...], Field(min_length=1)] = ("F520",)
+    time_s: Annotated[
+        tuple[Annotated[Real, Field(gt=0, le=1e8)], ...],
+        BeforeValidator(lambda value: (value,) if isinstance(value, int | float) else value),
+        Field(min_length=1),
+    ] = (36000.0,)
+    goal: Literal["time", "detect", "snr"] = "time"
+    snr: Annotated[Real, Field(gt=0, le=1e6)] | None = None
+    exposure_s: Annotated[Real, Field(gt=0, le=1e6)] | None = None
+    em_gain: Annotated[Real, Field(ge=1, le=1e4)] | None = None
+
+    @model_validator(mode="after")
+    def _goal(self) -> VisitRule:
+        if (self.goal == "snr") != (self.snr is not None):
+            raise InputError("snr", self.snr, allowed="a value with goal snr, and with no other goal")
+        return self
+
+
+class Revisits(FrozenModel):
+    """How often a star is visited, how far apart, and how the telescope is rolled.
+
+    ``roll`` ``sun``: the roll that the solar panels ask for on the day of the visit, so that the dark quadrants turn
+    with the year; ``north``: the same roll always. ``roll_dither_deg`` is added and taken away at every other visit.
+    """
+
+    max_visits: Annotated[int, Field(ge=1, le=1000)] = 1
+    min_gap_days: Annotated[Real, Field(ge=0, le=36525)] = 30.0
+    roll: Literal["sun", "north"] = "sun"
+    roll_dither_deg: Annotated[Real, Field(ge=0, le=90)] = 0.0
+
+
+class FollowUp(FrozenModel):
+    """Visits in other bands once a planet has been found; none by default.
+
+    A band counts for a planet whose significance reaches the threshold there, at its known place.
+    """
+
+    bands: tuple[str, ...] = ()
+    time_s: Annotated[Real, Field(gt=0, le=1e8)] = 36000.0
+    attempts: Annotated[int, Field(ge=1, le=100)] = 2
+
+    @property
+    def wanted(self) -> bool:
+        """Whether there is any."""
+        return bool(self.bands)
+
+
+class DetectionRule(FrozenModel):
+    """What counts as a detection.
+
+    Attributes
+    ----------
+    rule : {"blind", "known_place", "expected"}
+        ``blind``: found by a search that does not know where to look, with the probability measured on images;
+        ``known_place``: significant at its place, likewise; ``expected``: predicted significance reaches the threshold,
+        no chance in it (what a ranking calls completeness). Planets whose ephemeris is known are looked for at their
+        place under ``blind`` too.
+    visits_needed : int
+        Visits that must show the planet.
+    calibration, calibration_error : float
+        Recovered over predicted SNR of images, and its standard error, drawn once for each universe.
+    blind_margin, blind_width, known_margin, known_width : float
+        Normal law of the detection probability in significance over threshold: where it is one half, and its width.
+    blind_margin_error, known_margin_error : float
+        Standard errors of the first, drawn once for each universe.
+    sigma : float
+        Detection level whose false-alarm probability the small-sample thresholds keep.
+    """
+
+    rule: Literal["blind", "known_place", "expected"] = "blind"
+    visits_needed: Annotated[int, Field(ge=1, le=10)] = 1
+    sigma: Annotated[Real, Field(ge=1, le=20)] = 5.0
+    calibration: Annotated[Real, Field(gt=0, le=10)] = 1.0
+    calibration_error: Annotated[Real, Field(ge=0, le=1)] = 0.0
+    blind_margin: Annotated[Real, Field(gt=0, le=100)] = 1.0
+    blind_width: Annotated[Real, Field(gt=0, le=100)] = 0.2
+    blind_margin_error: Annotated[Real, Field(ge=0, le=10)] = 0.0
+    known_margin: Annotated[Real, Field(gt=0, le=100)] = 1.0
+    known_width: Annotated[Real, Field(gt=0, le=100)] = 0.2
+    known_margin_error: Annotated[Real, Field(ge=0, le=10)] = 0.0
+
+
+class Assumptions(FrozenModel):
+    """What is taken of the instrument instead of what its file says.
+
+    ``contrast`` is the median raw contrast of the dark hole in every band, reached by fainter or brighter static light;
+    the other numbers are factors, ``exozodi`` an amount of dust in solar systems.
+    """
+
+    contrast: Annotated[Real, Field(ge=0, le=1e-3)] | None = None
+    drift: Annotated[Real, Field(ge=0, le=1000)] = 1.0
+    throughput: Annotated[Real, Field(gt=0, le=10)] = 1.0
+    exozodi: Annotated[Real, Field(ge=0, le=1e4)] | None = None
+
+
+class StopRule(FrozenModel):
+    """When a star, or the survey, is left alone.
+
+    ``after_detection``: no more search visits of a star once it has shown a planet; ``after_empty``: nor after that
+    many without; ``after_planets``: the survey ends with that many planets found.
+    """
+
+    after_detection: bool = True
+    after_empty: Annotated[int, Field(ge=1, le=1000)] | None = None
+    after_planets: Annotated[int, Field(ge=1, le=100_000)] | None = None
+
+
+class SchedulerRule(FrozenModel):
+    """How visits are put into the calendar.
+
+    ``min_gain`` is the least that a visit has to be worth, in planets; ``look_ahead`` the most visits of one star that
+    the greedy choice weighs together; ``gap`` is how near to the bound the mixed-integer programme has to come;
+    ``reserve`` the time planned beyond the budget, as a fraction of it, for universes in which stop rules free some.
+    """
+
+    method: Literal["greedy", "milp"] = "greedy"
+    min_gain: Annotated[Real, Field(ge=0, le=1)] = 1e-3
+    look_ahead: Annotated[int, Field(ge=1, le=5)] = 2
+    gap: Annotated[Real, Field(gt=0, le=1)] = 0.01
+    reserve: Annotated[Real, Field(ge=0, le=10)] = 0.5
+
+
+def _population(value: Any) -> Any:
+    return value if value is None else load_population(value)
+
+
+class SurveyStrategy(FrozenModel):
+    """A survey.
+
+    Attributes
+    ----------
+    name, description : str
+    time_budget_h : float
+        Telescope time, slews, settling and occultations included.
+    share : float
+        Largest fraction of any slot of the calendar that the coronagraph may take.
+    value_known, value_new : float
+        What the detection of a known planet, and of a new one, is worth to the scheduler.
+    """
+
+    name: Annotated[str, Field(min_length=1, max_length=60)]
+    description: str = ""
+    time_budget_h: Annotated[Real, Field(gt=0, le=1e6)] = 1000.0
+    share: Annotated[Real, Field(gt=0, le=1)] = 0.25
+    targets: TargetCuts = TargetCuts()
+    population: Annotated[PopulationConfig | None, BeforeValidator(_population)] = None
+    visit: VisitRule = VisitRule()
+    revisits: Revisits = Revisits()
+    follow_up: FollowUp = FollowUp()
+    reduction: Reduction = Reduction()
+    detection: DetectionRule = DetectionRule()
+    assumptions: Assumptions = Assumptions()
+    stop: StopRule = StopRule()
+    scheduler: SchedulerRule = SchedulerRule()
+    value_known: Annotated[Real, Field(ge=0, le=1e6)] = 1.0
+    value_new: Annotated[Real, Field(ge=0, le=1e6)] = 1.0
+
+    @model_validator(mode="after")
+    def _consistent(self) -> SurveyStrategy:
+        if self.detection.visits_needed > self.revisits.max_visits:
+            raise InputError("revisits.max_visits", self.revisits.max_visits,
+                             allowed=f"at least {self.detection.visits_needed}",
+                             hint="detection.visits_needed asks for that many")  # fmt: skip
+        if self.reduction.mode != "analogue":
+            raise InputError("reduction.mode", self.reduction.mode, allowed="analogue",
+                             hint="photon counting has no image-level calibration")  # fmt: skip
+        return self

@@ -1,0 +1,231 @@
+"""Strategies as people write them: a YAML file or preset, what it leaves out, and keys that are varied."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, model_validator
+
+from catalogs.errors import InputError
+from catalogs.strict_yaml import load_yaml, parse_yaml, split_sourced
+from cpic_planner.survey.strategy import SurveyStrategy
+from simulator.config import FrozenModel
+from simulator.config.base import deep_merge, validate
+from simulator.config.keys import nearest
+from simulator.config.light import Real
+from simulator.config.mission import Utc
+from simulator.config.presets import preset_names, preset_or_file, preset_path
+from simulator.config.scene import paths_beside
+
+__all__ = ["StrategiesConfig", "UniverseConfig", "load_strategies", "strategies_names", "varied"]
+
+PACKAGE = "cpic_planner"
+MAX_STRATEGIES = 200
+_ALIASES = {"contrast": "assumptions.contrast", "drift": "assumptions.drift", "throughput": "assumptions.throughput",
+            "exozodi": "assumptions.exozodi", "budget_h": "time_budget_h", "time_s": "visit.time_s",
+            "max_visits": "revisits.max_visits", "max_targets": "targets.max_targets", "rule": "detection.rule",
+            "library": "reduction.library"}  # fmt: skip
+"""Short names of keys for ``--vary``."""
+
+
+class UniverseConfig(FrozenModel):
+    """What all strategies share: the calendar, the instrument, the stars, and how often chance is asked.
+
+    Attributes
+    ----------
+    start_utc : str
+    duration_days, slot_days : float
+        Length of the survey, and step of its calendar.
+    instrument, visibility, catalog, known_planets : str
+        Presets or files; ``known_planets`` ``off`` leaves them out.
+    observed : str
+        Observation log of what was done already (`cpic_planner.survey.observed`); empty for none.
+    background : {"off", "on"}
+        Whether background stars make false alarms.
+    universes : int
+        Synthetic universes.
+    seed : int
+    """
+
+    start_utc: Utc = "2028-01-01T00:00:00"
+    duration_days: Annotated[Real, Field(ge=1, le=36525)] = 3652.0
+    slot_days: Annotated[Real, Field(ge=1, le=400)] = 30.0
+    instrument: str = "cpic_default"
+    visibility: str = "default"
+    catalog: str = "snapshot"
+    known_planets: str = "snapshot"
+    observed: str = ""
+    background: Literal["off", "on"] = "off"
+    universes: Annotated[int, Field(ge=1, le=10_000_000)] = 1000
+    seed: Annotated[int, Field(ge=0, lt=2**63)] = 1
+
+    @property
+    def n_slots(self) -> int:
+        """Slots of the calendar; the last one may be shorter."""
+        return max(1, int(-(-self.duration_days // self.slot_days)))
+
+    @model_validator(mode="after")
+    def _slots(self) -> UniverseConfig:
+        if self.slot_days > self.duration_days:
+            raise InputError(
+                "slot_days", self.slot_days, unit="d", allowed=f"at most duration_days, {self.duration_days:g}"
+            )
+        return self
+
+
+class StrategiesConfig(FrozenModel):
+    """Strategies to compare; the first one is what the others are compared with."""
+
+    name: str = ""
+    description: str = ""
+    universe: UniverseConfig = UniverseConfig()
+    strategies: Annotated[tuple[SurveyStrategy, ...], Field(min_length=1, max_length=MAX_STRATEGIES)]
+
+    @model_validator(mode="after")
+    def _named(self) -> StrategiesConfig:
+        names = [item.name for item in self.strategies]
+        for name in names:
+            if names.count(name) > 1:
+                raise InputError("strategies.name", name, allowed="each name once")
+        return self
+
+
+def strategies_names() -> tuple[str, ...]:
+    """Names of the sets of strategies that ship with the package."""
+    return preset_names("strategies", package=PACKAGE)
+
+
+def load_strategies(source: Mapping[str, Any] | str | Path = "survey_default") -> StrategiesConfig:
+    """Load strategies.
+
+    Parameters
+    ----------
+    source : mapping, str or Path
+        Preset name, YAML path, or mapping with ``universe``, ``defaults`` and ``strategies``, or one strategy alone.
+        What a strategy leaves out is that of ``defaults``, and what these leave out that of the preset ``default``.
+
+    Returns
+    -------
+    StrategiesConfig
+
+    Raises
+    ------
+    InputError
+        Naming key, value, unit and allowed range of the first fault.
+
+    Examples
+    --------
+    >>> from cpic_planner.survey.strategy_file import load_strategies
+    >>> [item.name for item in load_strategies("survey_default").strategies][:2]
+    ['single_visit', 'multi_band']
+    """
+    if isinstance(source, Mapping):
+        tree: Any = dict(source)
+    else:
+        path = preset_or_file("strategies", source, package=PACKAGE)
+        tree = load_yaml(path)
+        if isinstance(tree, dict):
+            tree = paths_beside(tree, path.parent)
+            tree.setdefault("name", path.stem)
+    if not isinstance(tree, dict):
+        raise InputError("strategies", source if isinstance(source, str | Path) else tree,
+                         allowed="a mapping of keys to values")  # fmt: skip
+    values, _ = split_sourced(tree)
+    kind = values.pop("kind", "strategies")
+    if kind not in ("strategies", "strategy"):
+        raise InputError("strategies.kind", kind, allowed="strategies, strategy")
+    if kind == "strategy" or "strategies" not in values:
+        shared = {key: values.pop(key) for key in ("universe", "defaults") if key in values}
+        values = {"name": values.get("name", "")} | shared | {"strategies": [values]}
+    base = _default_strategy()
+    own = values.pop("defaults", {})
+    if not isinstance(own, Mapping):
+        raise InputError("strategies.defaults", own, allowed="a mapping of keys to values")
+    listed = values["strategies"]
+    if not isinstance(listed, list | tuple) or not all(isinstance(item, Mapping) for item in listed):
+        raise InputError("strategies.strategies", listed, allowed="a list of mappings")
+    base = deep_merge(base, own)
+    values["strategies"] = [deep_merge({key: item for key, item in base.items() if key not in ("name", "description")},
+                                       item) for item in listed]  # fmt: skip
+    return validate(StrategiesConfig, values, where="strategies")
+
+
+def _default_strategy() -> dict[str, Any]:
+    path = preset_path("strategy", "default", package=PACKAGE)
+    assert path is not None
+    values, _ = split_sourced(load_yaml(path))
+    values.pop("kind")
+    return dict(values)
+
+
+def varied(config: StrategiesConfig, sweeps: Sequence[str]) -> StrategiesConfig:
+    """Every strategy with every combination of values of some keys, ``--vary key=a,b,c``.
+
+    Parameters
+    ----------
+    config : StrategiesConfig
+    sweeps : sequence of str
+        ``KEY=VALUE,VALUE...``: a dotted key of a strategy, or a short name of one.
+
+    Returns
+    -------
+    StrategiesConfig
+        Strategies are named ``NAME KEY=VALUE``; the first one comes first for all values.
+
+    Raises
+    ------
+    InputError
+        For an unknown key, or a value that it cannot have.
+    """
+    parsed = [_sweep(text) for text in sweeps]
+    keys = [key for key, _, _ in parsed]
+    for key in keys:
+        if keys.count(key) > 1:
+            raise InputError("--vary", key, allowed="each key once")
+    made = []
+    for strategy in config.strategies:
+        tree = strategy.model_dump(mode="python")
+        for values in itertools.product(*(entries for _, _, entries in parsed)):
+            own, label = tree, [strategy.name]
+            for (key, name, _), (text, value) in zip(parsed, values, strict=True):
+                own = _with(own, key, value)
+                label.append(f"{name}={text}")
+            made.append(validate(SurveyStrategy, own | {"name": " ".join(label)}, where="--vary"))
+    if len(made) > MAX_STRATEGIES:
+        raise InputError("--vary", f"{len(made)} strategies", allowed=f"at most {MAX_STRATEGIES} in all")
+    return config.model_copy(update={"strategies": tuple(made)})
+
+
+def _sweep(text: str) -> tuple[str, str, list[tuple[str, Any]]]:
+    name, sign, listed = text.partition("=")
+    name = name.strip()
+    if not sign or not name or not listed.strip():
+        raise InputError("--vary", text, allowed="KEY=VALUE,VALUE..., as contrast=1e-8,3e-9")
+    texts = [item.strip() for item in listed.split(",")]
+    key = _ALIASES.get(name, name)
+    known = _keys(SurveyStrategy)
+    if key not in known:
+        raise InputError("--vary", name, allowed="a key of a strategy",
+                         hint=nearest(name, (*_ALIASES, *known)) or f"short names: {', '.join(_ALIASES)}")  # fmt: skip
+    return key, name, [(item, parse_yaml(item, where="--vary")) for item in texts]
+
+
+def _keys(model: Any, above: str = "") -> tuple[str, ...]:
+    """Dotted keys of a model whose values are plain."""
+    found: list[str] = []
+    for name, field in model.model_fields.items():
+        below = field.annotation
+        if isinstance(below, type) and issubclass(below, FrozenModel):
+            found += _keys(below, f"{above}{name}.")
+        else:
+            found.append(f"{above}{name}")
+    return tuple(found)
+
+
+def _with(tree: Mapping[str, Any], key: str, value: Any) -> dict[str, Any]:
+    """Copy of a tree with one value replaced."""
+    head, _, rest = key.partition(".")
+    return dict(tree) | {head: _with(tree[head], rest, value) if rest else value}

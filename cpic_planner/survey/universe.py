@@ -1,0 +1,240 @@
+"""Synthetic universes: which planets each star has, seeded per star and draw, and where they stand at any date."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from catalogs.errors import InputError
+from catalogs.known_planets import KnownPlanetTable
+from cpic_planner.distributions import chosen_entry
+from cpic_planner.known_planets import QUANTITIES as KNOWN_QUANTITIES
+from cpic_planner.known_planets import draw_known
+from cpic_planner.orbits import OrbitPlaces, orbit_places
+from cpic_planner.population_config import QUANTITIES, PopulationConfig
+from cpic_planner.targets import Targets
+from simulator.rng import stream
+
+__all__ = ["NEW", "Bodies", "chance", "draw_bodies", "occurrence", "star_mass_msun"]
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+NEW = -1
+"""Row in the table of known planets of a planet that nobody knows."""
+_YEAR_DAYS = 365.25
+_MOST = 10_000
+
+
+@dataclass(frozen=True, eq=False)
+class Bodies:
+    """Planets of one star in some universes, arrays of one length.
+
+    Attributes
+    ----------
+    universe : ndarray of int
+        Position of the universe in the draw.
+    number : ndarray of int
+        Number of the planet in its universe: known planets first, in the order of their table.
+    known : ndarray of int
+        Row in the table of known planets, or `NEW`.
+    kind : ndarray of int
+        Number of the planet's kind in the population; that of a known planet lies behind them all.
+    radius_rjup, semi_major_axis_au, eccentricity, inclination_deg, argument_of_pericentre_deg, node_deg : ndarray
+    mean_anomaly_deg : ndarray
+        At the epoch.
+    period_days : ndarray
+    """
+
+    universe: IntArray
+    number: IntArray
+    known: IntArray
+    kind: IntArray
+    radius_rjup: FloatArray
+    semi_major_axis_au: FloatArray
+    eccentricity: FloatArray
+    inclination_deg: FloatArray
+    argument_of_pericentre_deg: FloatArray
+    node_deg: FloatArray
+    mean_anomaly_deg: FloatArray
+    period_days: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.universe)
+
+    def select(self, rows: ArrayLike) -> Bodies:
+        """Planets of a mask or of row numbers."""
+        return Bodies(**{name: getattr(self, name)[rows] for name in Bodies.__dataclass_fields__})
+
+    @classmethod
+    def joined(cls, parts: Sequence[Bodies]) -> Bodies:
+        """Planets of several, one after the other."""
+        if len(parts) == 1:
+            return parts[0]
+        return cls(**{name: np.concatenate([getattr(part, name) for part in parts])
+                      for name in cls.__dataclass_fields__})  # fmt: skip
+
+    def within(self, inner_au: float, outer_au: float) -> NDArray[np.bool_]:
+        """Planets whose projected distance can lie between two at all: of the others no date shows any.
+
+        It is at most ``a (1 + e)``, and at least ``a (1 - e) |cos i|``.
+        """
+        farthest = self.semi_major_axis_au * (1.0 + self.eccentricity)
+        nearest = self.semi_major_axis_au * (1.0 - self.eccentricity) * np.abs(np.cos(np.deg2rad(self.inclination_deg)))
+        return np.asarray((farthest >= inner_au) & (nearest <= outer_au))
+
+    def places(self, days: ArrayLike) -> OrbitPlaces:
+        """Places so many days after the epoch, shape ``(len(days), n_planets)``."""
+        anomaly = self.mean_anomaly_deg + 360.0 * np.asarray(days, float)[:, None] / self.period_days
+        return orbit_places(self.semi_major_axis_au, self.eccentricity, self.inclination_deg,
+                            self.argument_of_pericentre_deg, self.node_deg, anomaly)  # fmt: skip
+
+
+def star_mass_msun(targets: Targets) -> FloatArray:
+    """Masses from surface gravity, luminosity and temperature, solar masses, shape ``(n,)``.
+
+    ``log M = log g - 4.438 + 2 log R`` with ``R^2 = L (5772 K / Teff)^4``: the inverse of how
+    `catalogs.stellar_physics` fills the gravity. Held between 0.2 and 5, where a measured gravity and an assumed
+    luminosity disagree.
+    """
+    radius2 = targets.luminosity_lsun * (5772.0 / targets.teff_k) ** 4
+    mass = 10.0 ** (targets.log_g - 4.438) * radius2
+    return np.clip(np.where(np.isfinite(mass), mass, 1.0), 0.2, 5.0)
+
+
+def occurrence(population: PopulationConfig) -> float:
+    """Planets per star of a population.
+
+    Raises
+    ------
+    InputError
+        If it states none: a yield is then not defined.
+    """
+    if population.planets_per_star is None:
+        raise InputError("population.planets_per_star", "missing", allowed="planets per star, above 0",
+                         hint=f"{population.name} states no occurrence rate, and a yield needs one")  # fmt: skip
+    return population.planets_per_star
+
+
+def chance(seed: int, *path: str | int, shape: tuple[int, ...]) -> FloatArray:
+    """Uniform numbers of a named stage; the first rows of a larger shape are those of a smaller one."""
+    return stream(seed, "survey", *path).random(shape)
+
+
+def draw_bodies(
+    star: str,
+    mass_msun: float,
+    luminosity_lsun: float,
+    population: PopulationConfig | None,
+    *,
+    known: KnownPlanetTable | None = None,
+    known_rows: Sequence[int] = (),
+    epoch_mjd: float,
+    n: int,
+    seed: int,
+    block: int = 0,
+    stage: str = "universe",
+    one_each: bool = False,
+) -> Bodies:
+    """Planets of one star in ``n`` universes.
+
+    Every planet has its own uniform numbers, one for each quantity, that its laws turn into values: changing a law or
+    the occurrence rate leaves the planets that remain where they are, so that strategies with different assumptions see
+    the same chance.
+
+    Parameters
+    ----------
+    star : str
+        Name, which with ``seed`` and ``block`` names the random streams.
+    mass_msun, luminosity_lsun : float
+    population : PopulationConfig or None
+        None: known planets alone.
+    known : KnownPlanetTable, optional
+    known_rows : sequence of int
+        Rows of this star's planets in that table.
+    epoch_mjd : float
+        When ``mean_anomaly_deg`` holds.
+    n : int
+        Universes.
+    seed, block : int
+    stage : str
+        What the draw is for; another stage has other planets.
+    one_each : bool
+        Exactly one new planet in every universe, whatever the occurrence rate.
+    """
+    parts = []
+    behind = 0 if population is None else len(population.mixture)
+    if known is not None and len(known_rows):
+        parts.append(_known((star, stage, block), mass_msun, known, known_rows, epoch_mjd, n, seed, behind))
+    if population is not None:
+        path = (star, stage, block)
+        numbers = np.ones(n, np.int64)
+        if not one_each:
+            numbers = _poisson(occurrence(population), chance(seed, "number", *path, shape=(n,)))
+        parts.append(_new(path, mass_msun, luminosity_lsun, population, numbers, seed, len(known_rows)))
+    return Bodies.joined(parts or [_bodies({}, np.zeros(0, np.int64), 0, NEW, 0)])
+
+
+def _known(
+    path: tuple[str | int, ...], mass: float, table: KnownPlanetTable, rows: Sequence[int], epoch_mjd: float, n: int,
+    seed: int, kind: int,
+) -> Bodies:  # fmt: skip
+    uniforms = np.stack([chance(seed, "known", *path, row, shape=(len(KNOWN_QUANTITIES), n)).T
+                         for row in range(len(rows))])  # fmt: skip
+    drawn = draw_known(table, [int(row) for row in rows], uniforms, epoch_mjd=epoch_mjd, star_mass_msun=mass)
+    names = ("radius_rjup", "semi_major_axis_au", "eccentricity", "inclination_deg", "argument_of_pericentre_deg",
+             "node_deg", "mean_anomaly_deg", "period_days")  # fmt: skip
+    number = np.repeat(np.arange(len(rows)), n)
+    return Bodies(
+        universe=np.tile(np.arange(n), len(rows)),
+        number=number,
+        known=np.asarray(rows, np.int64)[number],
+        kind=np.full(number.size, kind),
+        **{name: np.asarray(getattr(drawn, name), float).ravel() for name in names},
+    )
+
+
+def _new(
+    path: tuple[str | int, ...], mass: float, luminosity: float, population: PopulationConfig, numbers: IntArray,
+    seed: int, first: int,
+) -> Bodies:  # fmt: skip
+    parts, mixture, n = [], population.mixture, len(numbers)
+    for j in range(int(numbers.max(initial=0))):
+        mine = np.flatnonzero(numbers > j)
+        shares = chance(seed, "planet", *path, j, shape=(1 + len(QUANTITIES), n))[:, mine]
+        kind = chosen_entry(shares[0], tuple(item.weight for item in mixture))
+        drawn = {}
+        for quantity, share in zip(QUANTITIES, shares[1:], strict=True):
+            values = np.empty(mine.size)
+            for k, item in enumerate(mixture):
+                here = kind == k
+                values[here] = getattr(item, quantity).quantile(share[here])
+            drawn[quantity] = values
+        if population.semi_major_axis_scale == "insolation":
+            drawn["semi_major_axis_au"] = drawn["semi_major_axis_au"] * np.sqrt(luminosity)
+        drawn["period_days"] = _YEAR_DAYS * np.sqrt(drawn["semi_major_axis_au"] ** 3 / mass)
+        parts.append(_bodies(drawn, mine, first + j, NEW, kind))
+    return Bodies.joined(parts or [_bodies({}, np.zeros(0, np.int64), 0, NEW, 0)])
+
+
+def _bodies(drawn: dict[str, FloatArray], universe: IntArray, number: int, known: int, kind: IntArray | int) -> Bodies:
+    empty = np.zeros(universe.size)
+    return Bodies(
+        universe=universe,
+        number=np.full(universe.size, number),
+        known=np.full(universe.size, known),
+        kind=np.broadcast_to(np.asarray(kind, np.int64), universe.shape),
+        **{name: drawn.get(name, empty) for name in (*QUANTITIES, "period_days")},
+    )
+
+
+def _poisson(rate: float, share: FloatArray) -> IntArray:
+    """Poisson numbers at given shares of their law."""
+    length = int(rate + 40.0 * np.sqrt(rate) + 60.0)
+    if length > _MOST:
+        raise InputError("population.planets_per_star", rate, allowed=f"at most {_MOST / 2:g} in a survey")
+    from scipy.special import pdtr
+
+    return np.searchsorted(pdtr(np.arange(length), rate), share, side="right").astype(np.int64)

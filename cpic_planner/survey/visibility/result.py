@@ -1,0 +1,115 @@
+"""Visibility of stars as a result: seasons, days and times per orbit."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from catalogs.errors import InputError
+from cpic_planner.models.visible import (
+    PointingRecord,
+    SeasonRecord,
+    VisibilityResult,
+    VisibleDays,
+    VisibleTarget,
+)
+from cpic_planner.survey.visibility.calendar import BLOCKS, Visibility, utc_of, visibility
+from cpic_planner.survey.visibility.config import VisibilityConfig
+from cpic_planner.targets import Targets
+from simulator.config.base import content_hash
+from simulator.config.mission import OrbitConfig, checked_utc
+from simulator.effects.sun_position import ecliptic_deg
+
+__all__ = ["visibility_result"]
+
+
+def visibility_result(
+    targets: Targets,
+    config: VisibilityConfig,
+    orbit: OrbitConfig,
+    *,
+    start_utc: str,
+    n_days: int,
+    step_days: float = 1.0,
+    catalogue: str = "",
+) -> VisibilityResult:
+    """When stars can be seen.
+
+    Parameters
+    ----------
+    targets : Targets
+    config, orbit, start_utc, n_days, step_days
+        As of `cpic_planner.survey.visibility.visibility`.
+    catalogue : str
+        What the stars come from, in words.
+
+    Returns
+    -------
+    VisibilityResult
+
+    Raises
+    ------
+    InputError
+        For a star without coordinates, by name, and as `visibility` does.
+    """
+    for name, ra, dec in zip(targets.name, targets.ra_deg, targets.dec_deg, strict=True):
+        if not (math.isfinite(ra) and math.isfinite(dec)):
+            raise InputError("ra_deg, dec_deg", "missing", unit="deg", allowed="coordinates",
+                             hint=f"the star table has none of {name}")  # fmt: skip
+    seen = visibility(targets.ra_deg, targets.dec_deg, config, orbit, start_utc=start_utc, n_days=n_days,
+                      step_days=step_days)  # fmt: skip
+    start = checked_utc("start_utc", start_utc)
+    asked = {"pointing": config.content(), "orbit": orbit.model_dump(mode="json"), "stars": targets.content(),
+             "start_utc": start, "n_days": n_days, "step_days": step_days}  # fmt: skip
+    limits = {key: value for key, value in config.model_dump().items() if key in PointingRecord.model_fields}
+    return VisibilityResult(
+        config_hash=content_hash(asked),
+        catalogue=catalogue,
+        start_utc=start,
+        n_days=n_days,
+        step_days=step_days,
+        period_s=seen.period_s,
+        altitude_km=orbit.altitude_km,
+        inclination_deg=orbit.inclination_deg,
+        pointing=PointingRecord(**limits),
+        mjd=seen.mjd.tolist(),
+        targets=[_target(targets, seen, row) for row in range(len(targets))],
+    )
+
+
+def _target(targets: Targets, seen: Visibility, row: int) -> VisibleTarget:
+    usable = np.flatnonzero(seen.observable[row])
+    visible = seen.visible_s[row]
+    best = int(usable[np.argmax(visible[usable])]) if len(usable) else None
+    days = seen.days(row)
+    hip = int(targets.hip[row])
+    ra_deg, dec_deg = float(targets.ra_deg[row]), float(targets.dec_deg[row])
+    runs, times = seen.runs(row, through=("moon",)), seen.windows(row, through=("moon",))
+    return VisibleTarget(
+        name=str(targets.name[row]),
+        hip=hip or None,
+        ra_deg=ra_deg,
+        dec_deg=dec_deg,
+        ecliptic_latitude_deg=ecliptic_deg(ra_deg, dec_deg)[1],
+        seasons=[
+            SeasonRecord(start_utc=start, end_utc=end,
+                         days=float(np.count_nonzero(seen.observable[row, begin:behind]) * seen.step_days))
+            for (begin, behind), (start, end) in zip(runs, times, strict=True)
+        ],
+        observable_days=days[""],
+        blocked_days={name: days[name] for name in BLOCKS if name},
+        visible_s=None if best is None else float(np.median(visible[usable])),
+        best_visible_s=None if best is None else float(visible[best]),
+        best_utc=None if best is None else utc_of(seen.mjd[best])[0],
+        longest_window_s=None if best is None else float(seen.window_s[row].max()),
+        roll_half_range_deg=None if best is None else float(np.median(seen.roll_half_range_deg[row, usable])),
+        days=VisibleDays(
+            visible_s=visible.tolist(),
+            window_s=seen.window_s[row].tolist(),
+            roll_half_range_deg=seen.roll_half_range_deg[row].tolist(),
+            sun_deg=seen.sun_deg[row].tolist(),
+            moon_deg=seen.moon_deg[row].tolist(),
+            blocked_by=[BLOCKS[number] for number in seen.blocked_by[row]],
+        ),
+    )  # fmt: skip

@@ -1,0 +1,192 @@
+"""Known planets: the shipped table against itself and Kepler's third law; a user's own, read or refused."""
+
+import pickle
+
+import numpy as np
+import pytest
+
+from catalogs.errors import InputError
+from catalogs.known_planet_columns import COLUMNS, DESCRIPTIONS, FLAGS, GIVEN_FLAGS, INPUT_ONLY
+from catalogs.known_planets import load_known_planets, star_key
+from catalogs.stars import load_stars
+
+NUMBERS = [name for name, column in COLUMNS.items() if column.kind != "text" and name not in INPUT_ONLY]
+
+
+@pytest.fixture(scope="module")
+def shipped():
+    return load_known_planets()
+
+
+def written(tmp_path, text, name="mine.csv"):
+    path = tmp_path / name
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+GOOD = "star,planet,period_days,period_err_days,msini_mjup\nmine,mine b,1000,2,1.5\n"
+
+
+def test_every_planet_is_of_a_catalogue_star_and_in_its_order(shipped):
+    names = load_stars().column("name").tolist()
+    places = [names.index(star) for star in shipped.text("star")]
+    assert places == sorted(places)
+    assert (len(shipped), len(set(places))) == (176, 112)
+    assert len(set(shipped.text("planet"))) == 176
+    for star, planet in zip(shipped.text("star"), shipped.text("planet"), strict=True):
+        assert planet.rpartition(" ")[0] == star
+
+
+def test_values_are_in_range_and_flags_say_what_is_missing(shipped):
+    for name in NUMBERS:
+        values, column = shipped.number(name), COLUMNS[name]
+        known = values[np.isfinite(values)]
+        assert ((known >= column.low) & (known <= column.high)).all(), name
+        if "_err" in name:
+            assert (known > 0).all(), name
+    for row in range(len(shipped)):
+        flags = shipped.flags(row)
+        assert set(flags) <= set(FLAGS)
+        dated = [np.isfinite(shipped.number(f"{what}_{part}")[row]) for what in ("periastron", "conjunction")
+                 for part in ("jd", "err_days")]  # fmt: skip
+        known = (all(dated[:2]) or all(dated[2:])) and np.isfinite(shipped.number("period_err_days")[row])
+        assert known == ("phase_unknown" not in flags)
+        assert np.isfinite(shipped.number("inclination_deg")[row]) == ("inclination_unknown" not in flags)
+        assert np.isfinite(shipped.number("mass_mjup")[row]) == ("minimum_mass" not in flags)
+
+
+def test_periods_and_axes_obey_keplers_third_law(shipped):
+    """Independent values of the archive: a wrong column or unit would not."""
+    period, axis, mass = (shipped.number(name) for name in ("period_days", "semi_major_axis_au", "star_mass_msun"))
+    ratio = np.cbrt(mass * (period / 365.2569) ** 2) / axis
+    known = ratio[np.isfinite(ratio)]
+    assert len(known) > 160
+    assert np.median(known) == pytest.approx(1.0, abs=0.01)
+    assert (np.abs(known - 1.0) < 0.2).all()
+    assert (np.abs(known - 1.0) < 0.05).mean() > 0.85
+
+
+def test_a_planet_by_any_name_of_its_star(shipped):
+    row = shipped.row_of("eps Eri b")
+    for name in ("epsilon Eridani b", "HD 22049 b", "HIP 16537 b"):
+        assert shipped.row_of(name) == row
+    assert shipped.number("omega_star_deg")[row] == 47.0  # of the star: Benedict et al. 2006
+    assert "2006AJ....132.2206B" in shipped.text("reference")[row]
+    assert shipped.text("star")[shipped.row_of("16 Cyg B b")] == "16 Cyg B"
+    assert shipped.rows_of("16 Cyg A") == ()
+    for name in ("eps Eri z", "tau Ceti", "b", ""):
+        with pytest.raises(InputError, match="planet"):
+            shipped.row_of(name)
+
+
+def test_assumed_inclinations_are_not_measurements(shipped):
+    row = shipped.row_of("55 Cnc d")
+    assert {"edge_on_assumed", "inclination_unknown", "minimum_mass"} <= set(shipped.flags(row))
+    assert shipped.number("msini_mjup")[row] == pytest.approx(3.878)
+    tilt, error = shipped.number("inclination_deg"), shipped.number("inclination_err_deg")
+    assert not ((tilt == 90.0) & ~np.isfinite(error)).any()
+
+
+def test_an_orbit_is_one_publication_s(shipped):
+    """14 Her b has no time in the table of 2019: its orbit is the earlier one, its mass the later."""
+    row = shipped.row_of("14 Her b")
+    assert "earlier_orbit" in shipped.flags(row)
+    assert "Wittenmyer et al. 2007" in shipped.text("reference")[row]
+    assert shipped.number("periastron_jd")[row] == 2451372.7
+    assert shipped.number("omega_star_deg")[row] == 22.6
+    assert shipped.number("msini_mjup")[row] == 4.66
+
+
+def test_tables_are_immutable_and_travel(shipped):
+    with pytest.raises(ValueError, match="read-only"):
+        shipped.columns["period_days"][0] = 1.0
+    there = pickle.loads(pickle.dumps(shipped))
+    assert there.text("planet") == shipped.text("planet")
+    few = shipped.select([3, 1])
+    assert few.text("planet") == [shipped.text("planet")[i] for i in (3, 1)]
+    assert len(shipped.select(shipped.number("period_days") > 1000.0)) > 30
+    with pytest.raises(InputError, match="column"):
+        shipped.number("star")
+    with pytest.raises(InputError, match="column"):
+        shipped.text("period_days")
+
+
+def test_every_column_and_flag_is_described():
+    assert set(DESCRIPTIONS) == set(COLUMNS)
+    assert all(DESCRIPTIONS.values())
+    assert set(GIVEN_FLAGS) <= set(FLAGS)
+
+
+def test_a_user_s_table(tmp_path):
+    table = load_known_planets(written(tmp_path, GOOD))
+    assert table.text("planet") == ["mine b"]
+    assert np.isnan(table.number("eccentricity")[0])
+    assert set(table.flags(0)) == {"phase_unknown", "axis_unknown", "eccentricity_unknown", "omega_unknown",
+                                   "minimum_mass", "inclination_unknown", "radius_unknown",
+                                   "mass_err_unknown"}  # fmt: skip
+    assert table.provenance.startswith("user's table of 1 planet (mine.csv ")
+
+
+def test_omega_of_the_planet_is_turned_to_the_star_s(tmp_path):
+    text = "star,planet,P,omega_planet_deg,omega_err_deg,msini\nmine,mine b,1000,250,5,1\n"
+    table = load_known_planets(written(tmp_path, text))
+    assert table.number("omega_star_deg")[0] == pytest.approx(70.0)
+    assert "omega_planet_deg" not in table.columns
+
+
+def test_units_and_headings_of_the_archive(tmp_path):
+    """Headings, limits, kinds of masses and links of the NASA Exoplanet Archive; its 0 is no error."""
+    text = (
+        "# a comment\nhostname,pl_name,pl_orbper,pl_orbpererr1,pl_orbeccen,pl_orbeccenerr1,pl_orbeccenlim,pl_bmassj,"
+        "pl_bmassprov,pl_orbincl,pl_refname,pl_controv_flag,sy_dist\n"
+        "a,a b,100,0,0.3,,1,2,Msini,,<a refstr=X href=https://x/abs/2020A&amp;A...1..2B/abstract>Us 2020</a>,0,5\n"
+        "a,a c,300,1,0.1,0.02,0,1,Mass,90,here,1,5\n"
+        "a,a d,500,1,0.1,0.02,0,1,Msin(i)/sin(i),40,here,0,5\n"
+    )
+    table = load_known_planets(written(tmp_path, text))
+    assert {"eccentricity_upper_limit", "period_err_unknown", "minimum_mass"} <= set(table.flags(0))
+    assert {"edge_on_assumed", "controversial", "minimum_mass"} <= set(table.flags(1))
+    assert table.number("msini_mjup")[1] == 1.0
+    assert (table.number("mass_mjup")[2], table.number("inclination_deg")[2]) == (1.0, 40.0)
+    assert table.text("reference")[0] == "Us 2020 (2020A&A...1..2B)"
+    assert "sy_dist" in table.notes[0]
+    ecsv = (
+        "# %ECSV 1.0\n# ---\n# datatype:\n# - {name: star, datatype: string}\n# - {name: planet, datatype: string}\n"
+        "# - {name: period, unit: yr, datatype: float64}\n# - {name: msini, unit: earthMass, datatype: float64}\n"
+        "star planet period msini\nmine b 2.0 317.828\n"
+    )
+    table = load_known_planets(written(tmp_path, ecsv.replace("mine b 2.0", '"mine" "mine b" 2.0'), "mine.ecsv"))
+    assert table.number("period_days")[0] == pytest.approx(730.5)
+    assert table.number("msini_mjup")[0] == pytest.approx(1.0, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("star,planet,msini\nmine,mine b,1\n", r"mine.csv column period_days or semi_major_axis_au = missing"),
+        ("star,planet,P\nmine,mine b,1\n", r"mine.csv column mass_mjup or msini_mjup or radius_rjup"),
+        ("planet,P,msini\nmine b,1,1\n", r"mine.csv column star = missing"),
+        ("star,planet,P,msini\nmine,mine b,,1\n", r"mine.csv row 1 \(mine b\) column P = missing"),
+        ("star,planet,P,msini\nmine,mine b,-3,1\n", r"row 1 \(mine b\) column P = -3 d: .*0.01 to 1e\+08 d"),
+        ("star,planet,P,e,msini\nmine,mine b,3,1.2,1\n", r"row 1 \(mine b\) column e = 1.2: .*0 to 0.99"),
+        ("star,planet,P,tp,msini\nmine,mine b,3,54000,1\n", r"column tp = 54000 d: .*2.4e\+06 to 2.5e\+06 d"),
+        ("star,planet,P,msini\nmine,mine b,3,1\nmine,mine b,4,1\n", r"row 2 \(mine b\) .*rows 1 and 2"),
+        ("star,planet,P,msini,flags\nmine,mine b,3,1,odd\n", r"row 1 \(mine b\) column flags = odd"),
+        ("star,planet,P,omega,omega_planet_deg,msini\nmine,mine b,3,1,2,1\n", r"omega_star_deg and omega_planet_deg"),
+        ("star,planet,P,pl_bmassj\nmine,mine b,3,1\n", r"row 1 \(mine b\) best_mass_kind = missing"),
+        ("star,planet,P [furlong],msini\nmine,mine b,3,1\n", r"column P \[furlong\] = unit furlong"),
+    ],
+)
+def test_refusals_name_file_row_column_value_and_range(tmp_path, text, says):
+    with pytest.raises(InputError, match=says):
+        load_known_planets(written(tmp_path, text))
+
+
+def test_no_such_file():
+    with pytest.raises(InputError, match=r"nowhere.csv"):
+        load_known_planets("nowhere.csv")
+
+
+def test_star_keys_keep_components_apart():
+    assert star_key("16 Cyg A") != star_key("16 Cyg B")
+    assert star_key("my own star") == "my own star"

@@ -1,0 +1,155 @@
+"""``cpic known`` and ``cpic rank --known-planets``."""
+
+import json
+import re
+import shlex
+
+import pytest
+
+from cpic_planner.cli.known_command import HELP
+from cpic_planner.cli.main import main
+from cpic_planner.models import KnownResult, RankResult
+from simulator import load_scene
+
+FEW = ["--draws", "200"]
+MINE = "star,planet,a,e,mass,inclination,radius,star_mass\neps Eri,eps Eri q,1.5,0,1,30,1.1,0.83\n"
+
+
+def call(capsys, *arguments):
+    status = main(list(arguments))
+    captured = capsys.readouterr()
+    return status, captured.out, captured.err
+
+
+def known(capsys, *arguments):
+    status, out, err = call(capsys, "known", *arguments, *FEW, "--json")
+    assert status == 0, err
+    return KnownResult.model_validate_json(out)
+
+
+def test_one_star(capsys):
+    result = known(capsys, "HIP 16537", "--date", "2034-03-01", "--years", "1", "--band", "F520")
+    assert [row.planet for row in result.planets] == ["eps Eri b"]
+    assert (result.date_utc, result.mjd, result.years) == ("2034-03-01T00:00:00", 64022.0, 1.0)
+    assert result.planets[0].windows
+    status, out, _ = call(capsys, "known", "eps Eri", "--date", "2034-03-01", "--years", "1", *FEW)
+    assert status == 0
+    assert "in the dark hole 2034-03-01 to" in out
+    assert "radius_unknown: no radius" in out
+
+
+def test_all_stars_begin_with_the_mission(capsys):
+    result = known(capsys)
+    assert result.date_utc == "2028-01-01T00:00:00"
+    assert len(result.planets) == 132
+    assert known(capsys, "--v-mag-max", "7.5").planets[-1].v_mag > 7.0
+    status, out, _ = call(capsys, "known", "--limit", "3", *FEW)
+    assert status == 0
+    assert "3 of 132 around 87 stars" in out
+    # Sorted by how likely the hole covers the planet.
+    shares = [int(share) for share in re.findall(r"(\d+) %", out.split("Numbers")[0])]
+    assert len(shares) == 3
+    assert shares == sorted(shares, reverse=True)
+
+
+def test_files_that_are_asked_for(capsys, tmp_path):
+    plot, scene = tmp_path / "track.png", tmp_path / "scene.yaml"
+    status, _, err = call(capsys, "known", "eps Eri", "--plot", str(plot), "--scene", str(scene), *FEW)
+    assert status == 0
+    assert str(plot) in err
+    assert plot.read_bytes().startswith(b"\x89PNG")
+    assert load_scene(scene).planets[0].name == "eps Eri b"
+    assert scene.read_text().startswith("# eps Eri with its known planets on 2028-01-01T00:00:00")
+
+
+def test_a_table_of_one_s_own(capsys, tmp_path):
+    path = tmp_path / "mine.csv"
+    path.write_text(MINE.replace("star_mass", "star_mass,weather").replace("0.83", "0.83,fine"))
+    result = known(capsys, "eps Eri", "--known-planets", str(path))
+    assert [row.planet for row in result.planets] == ["eps Eri q"]
+    assert "mine.csv" in result.planets_table
+    _, _, err = call(capsys, "known", "eps Eri", "--known-planets", str(path), *FEW)
+    assert "columns not used: weather" in err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["Procyon"], "a star with known planets"),
+        (["--plot", "x.png"], "only with a STAR"),
+        (["--years", "3"], "only with a STAR"),
+        (["--scene", "x.yaml"], "only with a STAR"),
+        (["eps Eri", "--scene", "x.txt"], "ends in .yaml"),
+        (["eps Eri", "--plot", "x.doc"], "png"),
+        (["eps Eri", "--v-mag-max", "5"], "only without a STAR"),
+        (["eps Eri", "--date", "soon"], "--date = soon UTC"),
+        (["eps Eri", "--years", "0"], "years = 0"),
+        (["eps Eri", "--draws", "0"], "--draws = 0"),
+        (["eps Eri", "--known-planets", "nowhere.csv"], "nowhere.csv"),
+        (["eps Eri", "--band", "F999"], "F999"),
+    ],
+)
+def test_refusals_are_one_line(capsys, arguments, says):
+    status, out, err = call(capsys, "known", *arguments)
+    assert (status, out) == (2, "")
+    assert says in err
+    assert err.count("\n") == 1
+
+
+def test_examples_of_the_help_are_accepted(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "my_planets.csv").write_text(MINE)
+    examples = re.findall(r"^  cpic (.*)$", HELP, re.M)
+    assert len(examples) >= 6
+    for example in examples:
+        assert main([*shlex.split(example), *FEW]) == 0, example
+    capsys.readouterr()
+    assert (tmp_path / "separation.png").exists()
+    assert (tmp_path / "eps_eri.yaml").exists()
+
+
+def test_ranking_of_stars_with_known_planets(capsys, tmp_path):
+    path = tmp_path / "mine.csv"
+    path.write_text(MINE)
+    options = ["rank", "--known-planets", str(path), "--date", "2030-06-01", "--planets", "300", "--band", "F520"]
+    status, out, err = call(capsys, *options, "--json")
+    assert status == 0, err
+    result = RankResult.model_validate_json(out)
+    assert [row.name for row in result.targets] == ["eps Eri"]
+    assert 0.0 < result.targets[0].completeness < 1.0
+    assert "2030-06-01" in result.population.description
+    assert "those with known planets only" in result.sample
+    status, out, _ = call(capsys, *options)
+    assert "at least one of the star's own planets is detected" in " ".join(out.split())
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (["--population", "giants"], "hypothetical"),
+        (["--explain", "eps Eri"], "hypothetical"),
+        (["--sensitivity"], "hypothetical"),
+        (["--planets", "0"], "--planets = 0"),
+        (["--date", "2200-01-01"], "--date"),
+    ],
+)
+def test_rank_refuses_what_has_no_meaning_with_known_planets(capsys, options, says):
+    status, _, err = call(capsys, "rank", "--known-planets", "snapshot", *options)
+    assert status == 2
+    assert says in err
+
+
+def test_rank_refuses_a_date_alone(capsys):
+    status, _, err = call(capsys, "rank", "--date", "2030-01-01")
+    assert status == 2
+    assert "only with --known-planets" in err
+
+
+def test_catalog_tells_of_planets(capsys):
+    status, out, _ = call(capsys, "catalog", "info", "--json")
+    assert status == 0
+    assert "176 planets of 112 stars" in json.loads(out)["known_planets"]["notes"]
+    status, out, _ = call(capsys, "catalog", "columns", "--json")
+    names = [column["name"] for column in json.loads(out)["planet_columns"]]
+    assert {"star", "planet", "omega_star_deg", "omega_planet_deg", "best_mass_mjup"} <= set(names)
+    assert "known planets of your own" in " ".join(call(capsys, "catalog", "columns")[1].split())

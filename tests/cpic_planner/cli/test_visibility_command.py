@@ -1,0 +1,135 @@
+import csv
+import re
+import shlex
+
+import pytest
+
+from cpic_planner.cli.main import main
+from cpic_planner.models import VisibilityResult
+
+
+def call(capsys, *arguments):
+    status = main(["visibility", *arguments])
+    captured = capsys.readouterr()
+    return status, captured.out, captured.err
+
+
+def result_of(capsys, *arguments):
+    status, out, err = call(capsys, *arguments, "--json")
+    assert status == 0, err
+    return VisibilityResult.model_validate_json(out)
+
+
+def test_one_star_in_words(capsys):
+    status, out, _ = call(capsys, "tau Cet")
+    assert status == 0
+    text = " ".join(out.split())
+    for words in ("τ Cet (HIP 8102), ecliptic latitude −24.8 deg: 365 days from 2028-01-01", "season 2028-05-24",
+                  "too near the Sun", "panels out of the Sun", "min on the best day, 2028-", "longest window",
+                  "roll free by 15.0 deg", "circular, 400 km, 41.5 deg", "50 deg from the Sun, 20 from the Moon",
+                  "turning by up to 25 deg", "8 % of all time"):  # fmt: skip
+        assert words in text, words
+
+
+def test_several_stars_as_a_table(capsys):
+    status, out, _ = call(capsys, "tau Cet", "eps Eri", "tau Cet", "bet Hyi", "--days", "800")
+    assert status == 0
+    assert "Visibility of 3 stars, 800 days from 2028-01-01" in out
+    for words in ("τ Cet", "ε Eri", "β Hyi", "min/orbit", "2028-01-01 to 2030-03-11"):
+        assert words in " ".join(out.split()), words
+
+
+def test_options_reach_the_answer(capsys, tmp_path):
+    plain = result_of(capsys, "eps Eri", "--days", "40")
+    assert (plain.start_utc, plain.n_days, len(plain.mjd)) == ("2028-01-01T00:00:00", 40, 40)
+    later = result_of(capsys, "eps Eri", "--start", "2045-06-01", "--days", "20", "--step-days", "0.5")
+    assert (later.start_utc, len(later.mjd)) == ("2045-06-01T00:00:00", 40)
+    limits = tmp_path / "mine.yaml"
+    limits.write_text("panel: fixed\nmoon_deg: 40\n")
+    strict = result_of(capsys, "eps Eri", "--days", "40", "--visibility", str(limits))
+    assert (strict.pointing.name, strict.pointing.panel, strict.pointing.moon_deg) == ("mine", "fixed", 40)
+    assert strict.targets[0].observable_days < plain.targets[0].observable_days
+    status, out, _ = call(capsys, "eps Eri", "--days", "5", "--visibility", str(limits))
+    assert status == 0
+    assert "panels fixed, within 25" in " ".join(out.split())
+    high = tmp_path / "high.yaml"
+    high.write_text("mission: {orbit: {altitude_km: 550}}\n")
+    assert result_of(capsys, "eps Eri", "--days", "5", "--instrument", str(high)).altitude_km == 550
+
+
+def test_never_seen_is_an_answer(capsys, tmp_path):
+    limits = tmp_path / "never.yaml"
+    limits.write_text("sun_deg: 180\n")
+    status, out, _ = call(capsys, "eps Eri", "--days", "30", "--visibility", str(limits))
+    assert status == 0
+    assert "never seen in this time" in out
+    status, out, _ = call(capsys, "eps Eri", "tau Cet", "--days", "30", "--visibility", str(limits))
+    assert status == 0
+    assert "–" in out
+
+
+def test_every_step_as_csv(capsys, tmp_path):
+    path = tmp_path / "days.csv"
+    status, _, err = call(capsys, "eps Eri", "tau Cet", "--days", "30", "--out", str(path))
+    assert status == 0
+    assert f"wrote 60 rows to {path}" in err
+    with path.open(newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert len(rows) == 60
+    result = result_of(capsys, "eps Eri", "tau Cet", "--days", "30")
+    for row, (target, step) in zip(rows, ((t, i) for t in result.targets for i in range(30)), strict=True):
+        assert row["name"] == target.name
+        assert float(row["mjd"]) == result.mjd[step]
+        for key in ("visible_s", "window_s", "roll_half_range_deg", "sun_deg", "moon_deg"):
+            assert float(row[key]) == getattr(target.days, key)[step]
+        assert row["blocked_by"] == target.days.blocked_by[step]
+
+
+def test_a_table_of_ones_own_needs_coordinates(capsys, tmp_path):
+    stars = tmp_path / "stars.csv"
+    stars.write_text("name,distance_pc,v_mag,sp_type,ra_deg,dec_deg\nplaced,2,3,G2V,10,20\nbare,4,3.5,G8V,,\n")
+    assert result_of(capsys, "placed", "--catalog", str(stars), "--days", "3").targets[0].ra_deg == 10
+    status, out, err = call(capsys, "bare", "--catalog", str(stars))
+    assert (status, out) == (2, "")
+    assert "coordinates" in err
+    assert "bare" in err
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ([], ["TARGET"]),
+        (["Vegga"], ["Vegga"]),
+        (["tau Cet", "--start", "tomorrow"], ["start_utc", "tomorrow"]),
+        (["tau Cet", "--start", "1950-01-01"], ["start_utc", "1972"]),
+        (["tau Cet", "--days", "0"], ["n_days", "1 to 36525"]),
+        (["tau Cet", "--step-days", "0"], ["step_days"]),
+        (["tau Cet", "--visibility", "none.yaml"], ["none.yaml", "default"]),
+        (["tau Cet", "--out", "days.txt"], ["--out", ".csv"]),
+        (["tau Cet", "--out", "no/such/days.csv"], ["--out", "writable"]),
+        (["tau Cet", "--plot", "year.bmp"], ["--plot", "png"]),
+        (["tau Cet", "--catalog", "none.csv"], ["none.csv"]),
+    ],
+)
+def test_bad_input_is_one_line(capsys, options, words):
+    status, out, err = call(capsys, *options)
+    assert status == 2
+    assert out == ""
+    assert err.count("\n") == 1
+    for word in words:
+        assert word in err
+
+
+def test_examples_of_the_help_are_accepted(capsys, tmp_path, monkeypatch):
+    from cpic_planner.cli.visibility_command import HELP
+
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "my_limits.yaml").write_text("moon_deg: 40\n")
+    (tmp_path / "my_stars.csv").write_text("name,distance_pc,v_mag,sp_type,ra_deg,dec_deg\nmy star,2,3,G2V,10,20\n")
+    examples = re.findall(r"^  cpic (.*)$", HELP, re.M)
+    assert len(examples) >= 5
+    for example in examples:
+        assert main(shlex.split(example)) == 0, example
+    capsys.readouterr()
+    for name in ("visibility.png", "calendar.png", "days.csv"):
+        assert (tmp_path / name).exists()

@@ -1,0 +1,49 @@
+"""A small run on a cluster, importable by its workers and by a client that is a process of its own."""
+
+import time
+
+import numpy as np
+
+from cpic_planner.engine import run_tasks
+from cpic_planner.runfolder import open_run_folder
+from cpic_planner.survey.store import Column, ResultStore, Table
+from simulator.rng import stream
+
+N_TASKS = 40
+TABLES = (
+    Table(
+        "draws",
+        (Column("star", "string", "star"), Column("draw", "int64", "universe"), Column("found", "float64", "planets")),
+        key=("star", "draw"),
+    ),
+    Table("time", (Column("part", "int32", "task"), Column("time_s", "float64", "time", "s")), key=("part",)),
+)
+COMMON = (np.linspace(0.5, 1.5, 100_000),)
+TASK_S = 0.03
+
+
+def observe(model, index):
+    """Rows of one part; short, but longer than what a cluster needs to hand it out."""
+    time.sleep(TASK_S)
+    rng = stream(11, "part", index)
+    draws = np.arange(index, 200, N_TASKS)
+    found = model[rng.integers(len(model), size=len(draws))] + rng.standard_normal(len(draws))
+    return {
+        "draws": {"star": [f"star {index % 3}"] * len(draws), "draw": draws, "found": found},
+        "time": {"part": [index], "time_s": [float(model[index])]},
+    }
+
+
+def survey(out, *, advance=lambda done: None, **cluster):
+    """Do what is not there yet; the numbers of the parts done here, in order, and the files at the end."""
+    with open_run_folder(out, kind="whatif", config_hash="c0ffee") as folder:
+        store = ResultStore(folder, TABLES)
+        kept = store.finished()
+        waiting = [index for index in range(N_TASKS) if str(index) not in kept]
+        done = []
+        for position, tables in run_tasks(observe, [(index,) for index in waiting], common=COMMON, **cluster):
+            store.save(str(waiting[position]), tables)
+            done.append(waiting[position])
+            advance(len(done))
+        files = store.merge(expected=[str(index) for index in range(N_TASKS)])
+        return done, {name: path.read_bytes() for name, path in files.items()}

@@ -1,0 +1,181 @@
+"""A real scheduler and real workers, killed at the worst time: the same files in the end, each part counted once."""
+
+import contextlib
+import importlib.util
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+
+from cpic_planner.engine import ClusterError
+from cpic_planner.runfolder import open_run_folder
+from cpic_planner.survey.store import ResultStore
+
+HERE = Path(__file__).resolve().parent
+PATHS = os.pathsep.join([str(HERE), str(HERE.parents[2]), os.environ.get("PYTHONPATH", "")])
+EVERY_PART = list(range(40))
+
+
+@pytest.fixture(scope="module")
+def tasks():
+    """The module of the run, under the name by which workers import it."""
+    spec = importlib.util.spec_from_file_location("cluster_tasks", HERE / "cluster_tasks.py")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tasks, tmp_path_factory):
+    done, files = tasks.survey(tmp_path_factory.mktemp("serial") / "out")
+    assert done == EVERY_PART
+    return files
+
+
+class Cluster:
+    """Processes of a scheduler and its workers on this machine, at one address for life."""
+
+    def __init__(self, scratch):
+        self.scratch = scratch
+        with socket.socket() as probe:
+            probe.bind(("127.0.0.1", 0))
+            self.port = probe.getsockname()[1]
+        self.address = f"tcp://127.0.0.1:{self.port}"
+        self.processes = []
+        self.scheduler = None
+        self.workers = []
+
+    def start(self, program, *options, **environment):
+        process = subprocess.Popen(
+            [
+                sys.executable,
+                "-m",
+                f"distributed.cli.dask_{program}",
+                *options,
+                "--host",
+                "127.0.0.1",
+                "--no-dashboard",
+            ],
+            env=os.environ | {"PYTHONPATH": PATHS} | environment,
+            cwd=self.scratch,
+            stderr=subprocess.DEVNULL,
+        )
+        self.processes.append(process)
+        return process
+
+    def start_scheduler(self, **environment):
+        self.scheduler = self.start("scheduler", "--port", str(self.port), **environment)
+
+    def start_workers(self, n_workers):
+        options = ("--no-nanny", "--nthreads", "1", "--memory-limit", "0", "--local-directory", str(self.scratch))
+        self.workers = [self.start("worker", self.address, *options) for _ in range(n_workers)]
+
+    def kill(self, process):
+        os.kill(process.pid, signal.SIGKILL)
+        process.wait()
+
+    def close(self):
+        for process in self.processes:
+            with contextlib.suppress(ProcessLookupError):
+                process.kill()
+        for process in self.processes:
+            process.wait()
+
+
+@pytest.fixture
+def cluster(tmp_path):
+    made = Cluster(tmp_path)
+    try:
+        yield made
+    finally:
+        made.close()
+
+
+def test_a_worker_dies(tasks, undisturbed, cluster, tmp_path):
+    cluster.start_scheduler()
+    cluster.start_workers(2)
+
+    def advance(done):
+        if done == 10:
+            cluster.kill(cluster.workers[0])
+            cluster.start_workers(1)
+
+    done, files = tasks.survey(tmp_path / "out", scheduler=cluster.address, advance=advance)
+    assert sorted(done) == EVERY_PART
+    assert files == undisturbed
+
+
+def test_the_scheduler_dies_and_its_workers_with_it(tasks, undisturbed, cluster, tmp_path, caplog):
+    """The new one has no worker at first, and is one of those that then give tasks up."""
+    cluster.start_scheduler()
+    cluster.start_workers(2)
+    hasty = {"DASK_DISTRIBUTED__SCHEDULER__NO_WORKERS_TIMEOUT": "200ms"}
+    timers = [
+        threading.Timer(0.3, cluster.start_scheduler, kwargs=hasty),
+        threading.Timer(2.3, cluster.start_workers, (2,)),
+    ]
+
+    def advance(done):
+        if done == 10:
+            cluster.kill(cluster.scheduler)
+            for timer in timers:
+                timer.start()
+
+    try:
+        done, files = tasks.survey(tmp_path / "out", scheduler=cluster.address, advance=advance)
+    finally:
+        for timer in timers:
+            timer.join()
+    assert sorted(done) == EVERY_PART
+    assert files == undisturbed
+    said = [record.getMessage() for record in caplog.records if record.name == "cpic_planner.cluster.dispatch"]
+    for line in ("has gone: waiting up to 60 s", "is back: sending 30 unfinished", "no workers", "workers again"):
+        assert sum(line in text for text in said[-4:]) == 1, said
+
+
+def test_a_scheduler_that_stays_away_ends_the_run_with_one_line(tasks, undisturbed, cluster, tmp_path):
+    cluster.start_scheduler()
+    cluster.start_workers(2)
+
+    def advance(done):
+        if done == 10:
+            cluster.kill(cluster.scheduler)
+
+    with pytest.raises(ClusterError, match=r"did not come back in 1 s; 30 tasks are not finished, the others are kept"):
+        tasks.survey(tmp_path / "out", scheduler=cluster.address, advance=advance, patience_s=1.0)
+    with open_run_folder(tmp_path / "out", kind="whatif", config_hash="c0ffee") as folder:
+        assert len(ResultStore(folder, tasks.TABLES).finished()) == 10
+    done, files = tasks.survey(tmp_path / "out")
+    assert len(done) == 30
+    assert files == undisturbed
+
+
+def test_the_client_dies(tasks, undisturbed, cluster, tmp_path):
+    cluster.start_scheduler()
+    cluster.start_workers(2)
+    code = (
+        "import cluster_tasks\n"
+        f"cluster_tasks.survey({str(tmp_path / 'out')!r}, scheduler={cluster.address!r},\n"
+        "                     advance=lambda done: print(done, flush=True))"
+    )
+    client = subprocess.Popen(
+        [sys.executable, "-c", code], stdout=subprocess.PIPE, text=True, env=os.environ | {"PYTHONPATH": PATHS}
+    )
+    with client.stdout:
+        for line in client.stdout:
+            if line.strip() == "15":
+                cluster.kill(client)
+                break
+    client.wait()
+    with open_run_folder(tmp_path / "out", kind="whatif", config_hash="c0ffee") as folder:
+        kept = ResultStore(folder, tasks.TABLES).finished()
+    assert 15 <= len(kept) < len(EVERY_PART)
+    done, files = tasks.survey(tmp_path / "out", scheduler=cluster.address)
+    assert sorted(done + [int(key) for key in kept]) == EVERY_PART
+    assert files == undisturbed

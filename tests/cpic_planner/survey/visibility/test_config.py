@@ -1,0 +1,114 @@
+"""Limits of pointing: the preset and its sources, files and mappings, refusals."""
+
+import numpy as np
+import pytest
+from matplotlib.path import Path as Outline
+
+from catalogs.errors import InputError
+from catalogs.strict_yaml import load_yaml
+from cpic_planner.survey.visibility import load_visibility, slew_s, visibility_names
+from cpic_planner.survey.visibility.config import PACKAGE, VisibilityConfig
+from simulator import load_instrument
+from simulator.config.presets import preset_path
+from simulator.products.orbit import CircularOrbit
+
+
+@pytest.mark.parametrize("name", visibility_names())
+def test_presets_are_complete_and_sourced(name):
+    config = load_visibility(name)
+    assert config.name == name
+    assert config.description
+    tree = load_yaml(preset_path("visibility", name, package=PACKAGE))
+    numbers = set(VisibilityConfig.model_fields) - {"name", "description"}
+    assert set(tree) - {"kind", "name", "description"} == numbers == set(config.provenance)
+    for key, standing in config.provenance.items():
+        assert standing.source, key
+        assert standing.confidence in ("P", "I", "A"), key
+        if standing.confidence == "A":
+            low, high = standing.range
+            assert low <= getattr(config, key) <= high, key
+
+
+def test_default_values():
+    config = load_visibility()
+    assert load_visibility("default") == config
+    assert load_visibility(config) is config
+    assert (config.sun_deg, config.moon_deg, config.dark_limb_deg, config.bright_limb_deg) == (50, 20, 10, 30)
+    assert (config.panel, config.panel_deg, config.roll_deg, config.saa_fraction) == ("one_axis", 25, 15, 0.08)
+    assert (config.settle_s, config.thermal_settle_orbits) == (180, 1)
+
+
+def test_share_of_the_anomaly_is_that_of_the_quoted_polygon_and_a_margin():
+    # Corners (longitude, latitude) of the survey planning's polygon; over days an orbit passes every longitude alike.
+    outline = Outline([(-13, -42.5), (-72, -42.5), (-81, -25), (-54, -15), (5, -32)])
+    orbit = CircularOrbit(load_instrument().mission.orbit)
+    position, _ = orbit.state(np.linspace(0, orbit.period_s, 4000, endpoint=False))
+    latitude = np.degrees(np.arcsin(position[:, 2] / orbit.radius_km))
+    longitude = np.linspace(-180, 180, 720, endpoint=False)
+    points = np.stack(np.meshgrid(longitude, latitude), axis=-1).reshape(-1, 2)
+    share = outline.contains_points(points).mean()
+    assert share == pytest.approx(0.062, abs=0.0005)
+    assert "6.2 %" in load_visibility().provenance["saa_fraction"].source
+    assert share < load_visibility().saa_fraction
+
+
+def test_slews_follow_the_quoted_times():
+    survey = load_visibility({"settle_s": 68})
+    # Angle (deg) and time (s) of the survey planning.
+    for angle, time_s in ((20, 127), (45, 196), (180, 581)):
+        assert float(slew_s(angle, survey)) == pytest.approx(time_s, abs=2)
+    assert slew_s([0.0, 35.0, 180.0], load_visibility()).tolist() == pytest.approx([0.0, 280.0, 180 / 0.35 + 180])
+    for angle in (-1.0, 181.0, float("nan"), "far"):
+        with pytest.raises(InputError, match="angle_deg"):
+            slew_s(angle, survey)
+
+
+def test_changes_are_laid_over_the_base(tmp_path):
+    near = load_visibility({"moon": 40})
+    assert near.moon_deg == 40
+    assert near.name == "default+changes"
+    assert near.sun_deg == load_visibility().sun_deg
+    assert "moon_deg" not in near.provenance
+    assert near.provenance["sun_deg"] == load_visibility().provenance["sun_deg"]
+    path = tmp_path / "strict.yaml"
+    path.write_text(
+        'kind: visibility\nbase: default\nbright_limb_deg: {value: 70, unit: deg, source: "survey", confidence: P}\n'
+    )
+    strict = load_visibility(str(path))
+    assert (strict.name, strict.bright_limb_deg) == ("strict", 70)
+    assert strict.provenance["bright_limb_deg"].confidence == "P"
+    assert load_visibility(path).content() == strict.content() != load_visibility().content()
+    assert load_visibility({"name": "other words"}).content() == load_visibility().content()
+    assert load_visibility({}) == load_visibility().model_copy(update={"description": ""})
+
+
+@pytest.mark.parametrize(
+    ("source", "text"),
+    [
+        ({"sun_deg": -1}, "visibility.sun_deg = -1 deg: not accepted; allowed: 0 to 180"),
+        ({"panel_deg": 91}, "visibility.panel_deg = 91 deg: not accepted; allowed: 0 to 90"),
+        ({"panel": "two_axes"}, "visibility.panel = two_axes: not accepted; allowed: 'one_axis' or 'fixed'"),
+        ({"saa_fraction": 1}, "visibility.saa_fraction = 1: not accepted; allowed: at least 0, below 1"),
+        ({"slew_deg_s": 0}, "visibility.slew_deg_s = 0 deg/s: not accepted; allowed: above 0, at most 100"),
+        ({"settle_s": "long"}, "visibility.settle_s = long s: not accepted"),
+        ({"moon_deg": True}, "visibility.moon_deg = True deg: not accepted"),
+        ({"moon_deg": float("nan")}, "visibility.moon_deg = nan deg: not accepted"),
+        ({"moom_deg": 3}, "visibility.moom_deg = 3: not accepted; allowed: no such key (did you mean moon_deg"),
+        ({"base": "elsewhere"}, "visibility.base = elsewhere: not accepted; allowed: default"),
+        ({"kind": "scene"}, "visibility.kind = scene: not accepted; allowed: visibility"),
+        ("defualt", "visibility = defualt: not accepted; allowed: a YAML file or a preset (did you mean default?)"),
+        ([1], "visibility = [1]: not accepted; allowed: a mapping, a YAML file or a preset"),
+    ],
+)
+def test_refusals(source, text):
+    with pytest.raises(InputError) as caught:
+        load_visibility(source)
+    assert str(caught.value).startswith(text)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_file_that_is_no_mapping_is_refused(tmp_path):
+    path = tmp_path / "list.yaml"
+    path.write_text("- 1\n")
+    with pytest.raises(InputError, match="a mapping of keys"):
+        load_visibility(path)
