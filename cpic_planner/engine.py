@@ -14,7 +14,7 @@ from urllib.parse import urlsplit
 
 from catalogs.errors import InputError
 
-__all__ = ["ClusterError", "run_tasks", "single_threaded_blas"]
+__all__ = ["ClusterError", "check_address", "run_tasks", "single_threaded_blas"]
 
 T = TypeVar("T")
 _PROTOCOLS = ("tcp", "tls", "ws", "wss")
@@ -80,8 +80,7 @@ def run_tasks(
             for index, args in enumerate(arguments):
                 yield index, function(*common, *args)
         return
-    if scheduler is not None:
-        _check_address(scheduler)
+    check_address(scheduler)
     from cpic_planner.cluster.dispatch import Work, run_on
     from cpic_planner.cluster.local import local_cluster, quiet_dask
 
@@ -94,8 +93,10 @@ def run_tasks(
                 yield from run_on(address, work, patience_s, crew)
 
 
-def _check_address(scheduler: str) -> None:
-    """Refuse what can be no address before anything slow is done with it."""
+def check_address(scheduler: str | None) -> str | None:
+    """Refuse what can be no address of a scheduler, before anything slow is done with it; returns what it got."""
+    if scheduler is None:
+        return None
     try:
         parts = urlsplit(scheduler)
         good = parts.scheme in _PROTOCOLS and bool(parts.hostname) and bool(parts.port)
@@ -103,6 +104,7 @@ def _check_address(scheduler: str) -> None:
         good = False
     if not good:
         raise InputError("--scheduler", scheduler, allowed="an address tcp://host:port")
+    return scheduler
 
 
 @contextlib.contextmanager

@@ -37,6 +37,7 @@ from cpic_planner.cli.strategy_options import (
     imaged_strategy,
     refuse_together,
 )
+from cpic_planner.engine import check_address
 
 if TYPE_CHECKING:
     from simulator.config import Instrument
@@ -52,7 +53,9 @@ time."""
 """Paragraph for the help of commands that have the dial."""
 
 WorkersOption: TypeAlias = Annotated[int, typer.Option("--workers", min=1, max=256, help="Local worker processes.")]
-SchedulerOption: TypeAlias = Annotated[str | None, typer.Option("--scheduler", help="Dask scheduler, tcp://host:port.")]
+SchedulerOption: TypeAlias = Annotated[
+    str | None, typer.Option("--scheduler", callback=check_address, help="Dask scheduler, tcp://host:port.")
+]
 ForceOption: TypeAlias = Annotated[
     bool, typer.Option("--force", help="Replace what another configuration left in --out.")
 ]

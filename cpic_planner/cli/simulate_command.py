@@ -13,6 +13,7 @@ import typer
 
 from cpic_planner.cli.options import InstrumentOption, JsonOption, Tier
 from cpic_planner.cli.output import console, note, print_json, progress
+from cpic_planner.engine import check_address
 
 __all__ = ["HELP", "simulate"]
 
@@ -149,7 +150,10 @@ def simulate(
     ] = None,
     workers: Annotated[int, typer.Option("--workers", min=1, max=256, help="Local worker processes.")] = 1,
     scheduler: Annotated[
-        str | None, typer.Option("--scheduler", help="Dask scheduler, tcp://host:port; it sees --out as we do.")
+        str | None,
+        typer.Option(
+            "--scheduler", callback=check_address, help="Dask scheduler, tcp://host:port; it sees --out as we do."
+        ),
     ] = None,
     out: Annotated[Path, typer.Option("--out", help="Output folder.")] = Path("out/simulate"),
     force: Annotated[bool, typer.Option("--force", help="Replace what another configuration left in --out.")] = False,

@@ -1,4 +1,4 @@
-"""How strategies look in figures: one colour, marker and dash each, and what a sweep varies."""
+"""How strategies look in figures: one colour and marker each, and what a sweep varies."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from cpic_planner.models.surveyed import StrategyOutcome
 from cpic_planner.report.drawing import BAND_STYLE, literal
@@ -14,24 +14,14 @@ from cpic_planner.report.drawing import BAND_STYLE, literal
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["FEW", "MOST_ROWS", "Look", "Sweep", "looks_of", "plain_log_axis", "row_label", "shown_rows", "sweep_of"]
+__all__ = ["FEW", "MOST_ROWS", "Sweep", "left_out", "looks_of", "plain_log_axis", "row_label", "shown_rows", "sweep_of"]
 
 FEW = 8
 """Strategies that can be told apart by colour and marker in one plot."""
 MOST_ROWS = 40
 """Rows of a figure that can be read."""
-_DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (1.2, 1.2)), (0, (6, 1.5, 1.2, 1.5)))
 _LABEL_LENGTH = 34
 _VARIED = re.compile(r"^(?P<base>.+?)(?P<values>(?: [A-Za-z_.]+=\S+)+)$")
-
-
-@dataclass(frozen=True)
-class Look:
-    """Colour, marker and dash of one line."""
-
-    colour: str
-    marker: str
-    dash: Any
 
 
 @dataclass(frozen=True)
@@ -62,11 +52,19 @@ class Sweep:
         return found if all(math.isfinite(value) for value in found) else None
 
 
-def looks_of(n: int) -> list[Look]:
-    """Return looks that differ for 32 lines; the first 8 differ in colour and marker."""
-    return [
-        Look(*BAND_STYLE[i % len(BAND_STYLE)], dash=_DASHES[(i // len(BAND_STYLE)) % len(_DASHES)]) for i in range(n)
-    ]
+def looks_of(strategies: Sequence[StrategyOutcome]) -> list[tuple[str, str]]:
+    """Return colour and marker of each strategy.
+
+    Up to 8 differ; of more, those of one line of a sweep look alike, and without a sweep all do: their rows are named.
+    """
+    n = len(strategies)
+    sweep = sweep_of(strategies) if n > FEW else None
+    if n <= FEW:
+        return list(BAND_STYLE[:n])
+    if sweep is None or len(sweep.lines) > FEW:
+        return [BAND_STYLE[0]] * n
+    lines = {i: line for line, members in enumerate(sweep.lines.values()) for i in members.values()}
+    return [BAND_STYLE[lines[i]] for i in range(n)]
 
 
 def sweep_of(strategies: Sequence[StrategyOutcome]) -> Sweep | None:
@@ -115,9 +113,14 @@ def row_label(name: str) -> str:
     return literal(name)
 
 
-def shown_rows(strategies: Sequence[StrategyOutcome]) -> list[int]:
-    """Return the strategies that have a row in figures: all, or the first one and those that find most, in order."""
-    if len(strategies) <= MOST_ROWS:
-        return list(range(len(strategies)))
+def shown_rows(strategies: Sequence[StrategyOutcome], most: int = MOST_ROWS) -> list[int]:
+    """Return which strategies a figure shows: all, or the first one and those that find most, in order."""
     best = sorted(range(1, len(strategies)), key=lambda i: (-strategies[i].planets.mean, i))
-    return sorted([0, *best[: MOST_ROWS - 1]])
+    return sorted([0, *best[: most - 1]])
+
+
+def left_out(strategies: Sequence[StrategyOutcome], most: int = MOST_ROWS) -> str:
+    """Return the sentence that says which strategies a figure shows; empty if it shows all."""
+    if len(strategies) <= most:
+        return ""
+    return f" Shown are the first strategy and the {most - 1} of all {len(strategies)} that find most."

@@ -105,8 +105,8 @@ def _marks(
         for i, target in members:
             places[i][0].extend(middle[target.slots])
             places[i][1].extend([row + offsets[i]] * len(target.slots))
-    for (x, y), item, look in zip(places, result.strategies, looks_of(n), strict=True):
-        axes.plot(x, y, ls="none", color=look.colour, marker=look.marker, ms=4.5 if len(rows) <= 20 else 3.2,
+    for (x, y), item, (colour, marker) in zip(places, result.strategies, looks_of(result.strategies), strict=True):
+        axes.plot(x, y, ls="none", color=colour, marker=marker, ms=4.5 if len(rows) <= 20 else 3.2,
                   markeredgewidth=0, label=row_label(item.name))  # fmt: skip
     axes.figure.legend(loc="outside upper center", ncols=3, fontsize=9)  # type: ignore[union-attr]
 
@@ -115,14 +115,17 @@ def _counts(
     axes: Axes, rows: Mapping[str, Sequence[tuple[int, SurveyTarget]]], begins: np.ndarray, step: float, n: int
 ) -> None:
     """How many strategies visit each star in each slot."""
+    from matplotlib.ticker import MaxNLocator
+
     counts = np.zeros((len(rows), len(begins)))
     for row, members in enumerate(rows.values()):
         for _, target in members:
             counts[row, sorted(set(target.slots))] += 1.0
     edges = np.append(begins, begins[-1] + step)
     shown = np.ma.masked_equal(counts, 0.0)
-    mesh = axes.pcolormesh(edges, np.arange(len(rows) + 1) - 0.5, shown, cmap="viridis_r", vmin=0.0, vmax=counts.max())
-    axes.figure.colorbar(mesh, ax=axes, label=f"strategies, of {n}", pad=0.015)
+    mesh = axes.pcolormesh(edges, np.arange(len(rows) + 1) - 0.5, shown, cmap="viridis_r", vmin=1.0,
+                           vmax=max(counts.max(), 2.0))  # fmt: skip
+    axes.figure.colorbar(mesh, ax=axes, label=f"strategies, of {n}", pad=0.015, ticks=MaxNLocator(6, integer=True))
 
 
 def _dates(axes: Axes) -> None:

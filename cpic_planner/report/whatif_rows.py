@@ -10,7 +10,7 @@ import numpy as np
 from cpic_planner.models.surveyed import DifferenceRecord, EstimateRecord, WhatIfResult
 from cpic_planner.report.drawing import Picture, new_figure, save, style
 from cpic_planner.report.numbers import significant
-from cpic_planner.report.whatif_looks import FEW, MOST_ROWS, Look, looks_of, plain_log_axis, row_label, shown_rows
+from cpic_planner.report.whatif_looks import FEW, left_out, looks_of, plain_log_axis, row_label, shown_rows
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -43,14 +43,14 @@ def yields_figure(result: WhatIfResult) -> Picture:
     result : WhatIfResult
     """
     rows = shown_rows(result.strategies)
-    looks = looks_of(len(result.strategies))
+    looks = looks_of(result.strategies)
     with style():
         figure, (left, right) = _rowed(result, rows, 2)
         for axes, quantity, title in ((left, "planets", "planets found, new and known"),
                                       (right, "new_planets", "new planets found")):  # fmt: skip
             for place, i in enumerate(rows):
                 found: EstimateRecord = getattr(result.strategies[i], quantity)
-                axes.plot([found.survey_low, found.survey_high], [place, place], color=looks[i].colour, lw=1.2,
+                axes.plot([found.survey_low, found.survey_high], [place, place], color=looks[i][0], lw=1.2,
                           marker="|", ms=6)  # fmt: skip
                 _mean(axes, place, found.mean, found.low, found.high, looks[i])
             axes.set_xlabel(title)
@@ -62,7 +62,8 @@ def yields_figure(result: WhatIfResult) -> Picture:
             alt=f"Planets found by {len(rows)} strategies; most by {best.name}, {significant(best.planets.mean)} a "
             "survey.",
             caption="Marker and thick line: mean over universes with its 90 % interval, how well the mean is known. "
-            "Thin line: 5 to 95 % of single surveys, what chance will make of one real survey. " + _left_out(result),
+            "Thin line: 5 to 95 % of single surveys, what chance will make of one real survey."
+            + left_out(result.strategies),
         )
 
 
@@ -77,7 +78,7 @@ def differences_figure(result: WhatIfResult) -> Picture | None:
         return None
     reference = result.strategies[0].name
     places = {result.strategies[i].name: i for i in shown_rows(result.strategies) if i > 0}
-    looks = looks_of(len(result.strategies))
+    looks = looks_of(result.strategies)
     found = {(item.first, item.quantity): item for item in result.differences if item.second == reference}
     rows = list(places.values())
     with style():
@@ -87,7 +88,7 @@ def differences_figure(result: WhatIfResult) -> Picture | None:
                 item = found.get((name, quantity))
                 if item is not None:
                     sure = _sure(item)
-                    look = looks[i] if sure else Look("#8C8C8C", looks[i].marker, "-")
+                    look = looks[i] if sure else ("#8C8C8C", looks[i][1])
                     _mean(axes, place, item.mean, item.low, item.high, look, open_marker=not sure)
             axes.axvline(0.0, color="#111111", lw=1.1, ls="--", zorder=1)
             axes.set_xlabel(f"{quantity.replace('_', ' ')}, difference a survey")
@@ -95,10 +96,11 @@ def differences_figure(result: WhatIfResult) -> Picture | None:
         return save(
             figure,
             "svg",
-            alt=f"Differences with {reference} in planets found; surely more: {', '.join(better) or 'none'}.",
+            alt=f"Differences with {reference} in planets found; surely more: {', '.join(better[:FEW]) or 'none'}"
+            f"{f' and {len(better) - FEW} others' if len(better) > FEW else ''}.",
             caption=f"Planets found more (right) or fewer (left) than by {reference} in the same universes, mean with "
-            "its 90 % interval. Open and grey: the interval holds zero, so the difference may be chance. "
-            + _left_out(result),
+            "its 90 % interval. Open and grey: the interval holds zero, so the difference may be chance."
+            + left_out(result.strategies),
         )
 
 
@@ -141,7 +143,9 @@ def time_figure(result: WhatIfResult) -> Picture:
             alt=f"Stacked bars of telescope time by what it is used for; in all {', '.join(told[:FEW])}.",
             caption="Where the telescope time goes, mean over universes. Exposing: science and reference frames with "
             "readouts. Target out of sight: behind the Earth, in the South Atlantic Anomaly, or too little of an orbit "
-            "left for a frame. " + ("Unused budget runs on beyond the axis. " if cut else "") + _left_out(result),
+            "left for a frame."
+            + (" Unused budget runs on beyond the axis." if cut else "")
+            + left_out(result.strategies),
         )
 
 
@@ -155,14 +159,14 @@ def detections_figure(result: WhatIfResult) -> Picture | None:
     rows = [i for i in shown_rows(result.strategies) if result.strategies[i].quantiles]
     if not rows:
         return None
-    looks = looks_of(len(result.strategies))
+    looks = looks_of(result.strategies)
     with style():
         figure, panels = _rowed(result, rows, len(_DETECTED))
         for axes, (name, title, scale, log) in zip(panels, _DETECTED, strict=True):
             for place, i in enumerate(rows):
                 levels = result.strategies[i].quantiles.get(name)
                 if levels is not None:
-                    _box(axes, place, [scale * level for level in levels], looks[i].colour)
+                    _box(axes, place, [scale * level for level in levels], looks[i][0])
             if log:
                 plain_log_axis(axes)
             axes.set_xlabel(title)
@@ -172,9 +176,9 @@ def detections_figure(result: WhatIfResult) -> Picture | None:
             "svg",
             alt="Ranges of SNR, margin, contrast and separation of the detections of each strategy.",
             caption="Detections of all universes. Box: the middle half, with the median; line: 5 to 95 %. Contrast is "
-            "the planet-to-star ratio in the band; significance / threshold is how clearly it stands out. "
-            + (f"Strategies without any detection, not shown: {empty}. " if empty else "")
-            + _left_out(result),
+            "the planet-to-star ratio in the band; significance / threshold is how clearly it stands out."
+            + (f" Strategies without any detection, not shown: {empty}." if empty else "")
+            + left_out(result.strategies),
         )
 
 
@@ -186,11 +190,11 @@ def _box(axes: Axes, place: int, levels: Sequence[float], colour: str) -> None:
 
 
 def _mean(
-    axes: Axes, place: int, mean: float, low: float, high: float, look: Look, *, open_marker: bool = False
+    axes: Axes, place: int, mean: float, low: float, high: float, look: tuple[str, str], *, open_marker: bool = False
 ) -> None:
-    axes.plot([low, high], [place, place], color=look.colour, lw=8.0, solid_capstyle="butt", alpha=0.45)
-    axes.plot([mean], [place], marker=look.marker, ms=5.5, color=look.colour, ls="none",
-              markerfacecolor="white" if open_marker else look.colour, markeredgecolor=look.colour)  # fmt: skip
+    axes.plot([low, high], [place, place], color=look[0], lw=8.0, solid_capstyle="butt", alpha=0.45)
+    axes.plot([mean], [place], marker=look[1], ms=5.5, color=look[0], ls="none",
+              markerfacecolor="white" if open_marker else look[0], markeredgecolor=look[0])  # fmt: skip
 
 
 def _rowed(result: WhatIfResult, rows: Sequence[int], columns: int) -> tuple[Figure, list[Axes]]:
@@ -205,8 +209,3 @@ def _rowed(result: WhatIfResult, rows: Sequence[int], columns: int) -> tuple[Fig
                          fontsize=9.5 if len(rows) <= 12 else 8)  # fmt: skip
     panels[0].set_ylim(len(rows) - 0.4, -0.6)
     return figure, panels
-
-
-def _left_out(result: WhatIfResult) -> str:
-    more = len(result.strategies) - MOST_ROWS
-    return f"The first strategy and the {MOST_ROWS - 1} that find most; the tables have all." if more > 0 else ""

@@ -7,6 +7,7 @@ import sys
 import time
 
 import dask
+import distributed  # noqa: F401, its settings are there before one is changed for a test
 import pytest
 
 from catalogs.errors import InputError

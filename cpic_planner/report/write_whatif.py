@@ -1,0 +1,24 @@
+"""Write the report of a comparison of survey strategies into its folder."""
+
+from __future__ import annotations
+
+from cpic_planner.models.surveyed import WhatIfResult
+from cpic_planner.report.whatif_table import targets_csv
+from cpic_planner.runfolder import RunFolder
+
+__all__ = ["write_whatif"]
+
+
+def write_whatif(folder: RunFolder, result: WhatIfResult) -> None:
+    """Write ``targets.csv`` and ``report.html``, each whole; the same bytes for the same result.
+
+    Parameters
+    ----------
+    folder : RunFolder
+    result : WhatIfResult
+    """
+    from cpic_planner.report.whatif_figures import whatif_figures
+    from cpic_planner.report.whatif_html import render_whatif
+
+    folder.write("targets.csv", targets_csv(result))
+    folder.write("report.html", render_whatif(result, whatif_figures(result)))
