@@ -20,7 +20,9 @@ from cpic_planner.version import __version__
 
 if TYPE_CHECKING:
     from catalogs.errors import InputError
+    from catalogs.known_planets import load_known_planets
     from cpic_planner.api import (
+        compare_strategies,
         confirm_scene,
         confirm_targets,
         contrast_limit,
@@ -32,10 +34,12 @@ if TYPE_CHECKING:
         rank_targets,
         signal_to_noise,
         simulate_products,
+        star_visibility,
     )
     from cpic_planner.etc.model import Strategy
     from cpic_planner.etc.planet import ReferencePlanet
     from cpic_planner.population_config import load_population
+    from cpic_planner.survey.strategy_file import load_strategies
     from cpic_planner.targets import load_targets
     from simulator import (
         Calibration,
@@ -77,6 +81,8 @@ _HOME = {
     "rank_targets": "cpic_planner.api", "confirm_targets": "cpic_planner.api", "make_plan": "cpic_planner.api",
     "simulate_products": "cpic_planner.api", "confirm_scene": "cpic_planner.api",
     "rank_sensitivity": "cpic_planner.api", "explain_rank": "cpic_planner.api", "Strategy": "cpic_planner.etc.model",
+    "compare_strategies": "cpic_planner.api", "star_visibility": "cpic_planner.api",
+    "load_known_planets": "catalogs.known_planets", "load_strategies": "cpic_planner.survey.strategy_file",
     "ReferencePlanet": "cpic_planner.etc.planet", "load_population": "cpic_planner.population_config",
 }  # fmt: skip
 
@@ -101,6 +107,7 @@ __all__ = [
     "__version__",
     "calibrate",
     "check_level0",
+    "compare_strategies",
     "confirm_scene",
     "confirm_targets",
     "contrast_limit",
@@ -109,9 +116,11 @@ __all__ = [
     "lambert_phase",
     "load_dm_surface",
     "load_instrument",
+    "load_known_planets",
     "load_population",
     "load_psf",
     "load_scene",
+    "load_strategies",
     "load_targets",
     "make_plan",
     "observe",
@@ -127,6 +136,7 @@ __all__ = [
     "single_band_psf",
     "spectrum_generator",
     "star_photlam",
+    "star_visibility",
     "stream",
     "write_level0",
 ]

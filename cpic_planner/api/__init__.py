@@ -12,8 +12,10 @@ from cpic_planner.api.answers import (
     signal_to_noise,
 )
 from cpic_planner.api.runs import confirm_scene, confirm_targets, make_plan, simulate_products
+from cpic_planner.api.surveys import compare_strategies, star_visibility
 
 __all__ = [
+    "compare_strategies",
     "confirm_scene",
     "confirm_targets",
     "contrast_limit",
@@ -25,4 +27,5 @@ __all__ = [
     "rank_targets",
     "signal_to_noise",
     "simulate_products",
+    "star_visibility",
 ]

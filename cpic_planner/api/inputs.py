@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 from cpic_planner.etc.model import EtcModel, Strategy, build_model
 from cpic_planner.etc.planet import ReferencePlanet
-from cpic_planner.targets import Targets, as_catalogue, find_target
+from cpic_planner.targets import CatalogSource, Targets, as_catalogue, find_target
 from simulator.config import Instrument, load_instrument
 from simulator.config.base import validate
 
@@ -40,7 +40,7 @@ def planet_of(given: Any) -> ReferencePlanet:
     return given if isinstance(given, ReferencePlanet) else validate(ReferencePlanet, given, where="planet")
 
 
-def stars_named(names: str | Sequence[str], companions: OnOff, catalog: str | Path) -> list[Targets]:
+def stars_named(names: str | Sequence[str], companions: OnOff, catalog: CatalogSource) -> list[Targets]:
     """Each named star as a target of its own."""
     table = as_catalogue(catalog)
     listed = [names] if isinstance(names, str) else names

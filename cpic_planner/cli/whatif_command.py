@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -86,12 +86,12 @@ def whatif(
     as_json: JsonOption = False,
 ) -> None:
     """Compare and print."""
-    from cpic_planner.survey.strategy_file import load_strategies, varied
+    from cpic_planner.survey.strategy_file import load_strategies, varied, with_universe
 
     config = _chosen(load_strategies(strategies), strategy)
     shared = {"universes": universes, "seed": seed, "start_utc": start, "duration_days": days, "observed": observed,
               "catalog": catalog, "instrument": instrument}  # fmt: skip
-    config = _with_universe(config, {key: value for key, value in shared.items() if value is not None})
+    config = with_universe(config, {key: value for key, value in shared.items() if value is not None})
     config = varied(config, vary) if vary else config
     from cpic_planner.survey.whatif import cost_of, run_whatif
 
@@ -122,16 +122,6 @@ def _chosen(config: StrategiesConfig, names: list[str] | None) -> StrategiesConf
         if name not in known:
             raise InputError("--strategy", name, allowed=", ".join(known))
     return config.model_copy(update={"strategies": tuple(item for item in config.strategies if item.name in names)})
-
-
-def _with_universe(config: StrategiesConfig, given: dict[str, Any]) -> StrategiesConfig:
-    from cpic_planner.survey.strategy_file import UniverseConfig
-    from simulator.config.base import validate
-
-    tree = config.universe.model_dump() | given
-    if "duration_days" in given:
-        tree["slot_days"] = min(tree["slot_days"], given["duration_days"])
-    return config.model_copy(update={"universe": validate(UniverseConfig, tree, where="universe")})
 
 
 def _print_cost(cost: dict[str, float], workers: int, as_json: bool) -> None:

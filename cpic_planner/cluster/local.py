@@ -64,10 +64,9 @@ class LocalWorkers:
     """
 
     def __init__(self, address: str, n_workers: int, scratch: str) -> None:
-        options = {"nthreads": "1", "memory-limit": "0", "host": "127.0.0.1", "local-directory": scratch,
-                   "death-timeout": str(_REGISTER_S)}  # fmt: skip
-        self._command = [sys.executable, "-P", "-m", "cpic_planner.cluster.worker", str(os.getpid()), address]
-        self._command += ["--no-nanny", "--no-dashboard", *(f"--{name}={value}" for name, value in options.items())]
+        self._command = [sys.executable, "-P", "-m", "cpic_planner.cluster.worker", str(os.getpid()), scratch, address,
+                         "--nthreads=1", "--memory-limit=0", "--host=127.0.0.1", f"--death-timeout={_REGISTER_S}",
+                         "--no-nanny", "--no-dashboard"]  # fmt: skip
         # What can be imported here can be there; threads are set before the libraries load.
         paths = os.pathsep.join(path or os.getcwd() for path in sys.path)
         self._environment = os.environ | dict.fromkeys(_THREAD_VARIABLES, "1") | {

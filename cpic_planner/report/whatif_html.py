@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from catalogs.catalogue import data_credits
+from catalogs.info import PLANET_CREDITS
 from cpic_planner.models.surveyed import DifferenceRecord, RankChange, StrategyOutcome, WhatIfResult
 from cpic_planner.report.drawing import Picture
 from cpic_planner.report.html import page_environment
@@ -40,7 +41,7 @@ WHATIF_FIGURES = {
 _OPEN_CHANGES = 5
 """Strategies whose changes of rank are shown without a click."""
 _WORDS = frozenset({
-    "contrast", "SNR", "significance", "threshold", "margin", "blind search", "separation", "dark hole", "RDI",
+    "contrast", "SNR", "significance", "threshold", "blind search", "separation", "dark hole", "RDI",
 })  # fmt: skip
 
 
@@ -68,6 +69,8 @@ def render_whatif(result: WhatIfResult, figures: Mapping[str, Picture]) -> str:
         HTML with inline style and data-URI images: no script, nothing fetched.
     """
     reference = result.strategies[0]
+    best = max(result.strategies, key=lambda item: item.planets.mean)
+    planets = PLANET_CREDITS if result.known_planets and result.universe["known_planets"] == "snapshot" else ()
     pairs = _pairs(result)
     environment = page_environment()
     environment.filters.update(estimate=estimate_text, planets=planets_text)
@@ -75,11 +78,13 @@ def render_whatif(result: WhatIfResult, figures: Mapping[str, Picture]) -> str:
     return environment.get_template("whatif.html.j2").render(
         result=result,
         reference=reference,
+        best=best.name if best.planets.mean > 0 else "",
         lead=lead_sentences(result),
         reading=READING,
         with_first=[pair for pair in pairs if pair.second == reference.name],
         other_pairs=[pair for pair in pairs if pair.second != reference.name],
         figures=[(key, title, figures[key]) for key, title in WHATIF_FIGURES.items() if key in figures],
+        has_stars=any(item.targets for item in result.strategies),
         changes=_changes(result),
         open_changes=_OPEN_CHANGES,
         shown=[result.strategies[i] for i in shown_rows(result.strategies)],
@@ -90,7 +95,7 @@ def render_whatif(result: WhatIfResult, figures: Mapping[str, Picture]) -> str:
         visits_made={item.name: sum(target.visits for target in item.targets) for item in result.strategies},
         stars_visited={item.name: _stars(item) for item in result.strategies},
         glossary=[*WHATIF_GLOSSARY, *((word, text) for word, text in GLOSSARY if word in _WORDS)],
-        credits=(*data_credits(result.catalogue), *METHOD_CREDITS),
+        credits=(*data_credits(result.catalogue), *planets, *METHOD_CREDITS),
     )
 
 

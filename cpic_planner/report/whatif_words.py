@@ -41,8 +41,8 @@ READING: tuple[str, ...] = (
 WHATIF_GLOSSARY: tuple[tuple[str, str], ...] = (
     ("universe", "One drawing of chance: unknown planets around the real stars, their orbits, the places of known "
      "planets within their errors, and all noise. Every strategy is played in each."),
-    ("planets found", "Planets that passed the detection rule in as many visits as it asks for, each counted once. New: "
-     "drawn from the population. Known: listed in the table of known planets."),
+    ("planets found", "Planets that passed the detection rule in as many visits as it asks for, each counted once. "
+     "New: drawn from the population. Known: listed in the table of known planets."),
     ("characterised", "Found, and seen in every band of the follow-up."),
     ("telescope time", "What a visit takes from the observatory: slewing, settling, exposing, reference frames, and "
      "the parts of orbits in which the star is out of sight."),
@@ -51,6 +51,8 @@ WHATIF_GLOSSARY: tuple[tuple[str, str], ...] = (
     ("distance from the bound", "How far the planned calendar is below a value that no calendar of the same visits can "
      "pass. A better calendar could gain at most that much."),
     ("false alarms", "Noise, or background stars, that pass the detection rule and look like planets."),
+    ("detection law", "The chance that a planet is found, against its predicted significance over threshold, as "
+     "measured on simulated images."),
     ("rank", "By planets found, new and known, per hour of telescope time in that strategy."),
 )  # fmt: skip
 """Words of this report; those of the other reports are in `cpic_planner.report.words`."""
@@ -112,8 +114,8 @@ def lead_sentences(result: WhatIfResult) -> list[str]:
         budget = f"its budget of {significant(budgets[0], 4)} h" if len(budgets) == 1 else "its budget"
         who = "The strategy uses" if len(order) == 1 else "No strategy uses more than"
         said.append(
-            f"{who} {percent_text(share)} of {budget} on average: visits that are worth their time run out before the "
-            "time does."
+            f"{who} {percent_text(share)} of {budget} on average: its rules on stars and visits end it before the time "
+            "does."
         )
     return said
 
@@ -126,11 +128,11 @@ def _runner_up(result: WhatIfResult, best: StrategyOutcome, other: StrategyOutco
     more = f"{decimals(abs(hours[0]), 0)} h {'more' if hours[0] >= 0 else 'less'}"
     if low > 0:
         return [
-            f"In the same universes it finds {decimals(mean, 2)} planets more than {other.name}, the next best "
-            f"({interval_text(low, high)}), in {more}."
+            f"In the same universes {best.name} finds {decimals(mean, 2)} planets more than {other.name}, the next "
+            f"best ({interval_text(low, high)}), in {more}."
         ]
     return [
-        f"Its lead on {other.name}, the next best, may be chance: {decimals(mean, 2)} planets "
+        f"The lead of {best.name} on {other.name}, the next best, may be chance: {decimals(mean, 2)} planets "
         f"({interval_text(low, high)}), in {more}."
     ]
 
@@ -165,7 +167,7 @@ def shared_facts(settings: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("Follow-up", _follow_up(settings["follow_up"])),
         ("Reference frames", library_text(settings["reduction"]["library"])),
         ("Detection", _detection(settings["detection"])),
-        ("Instrument, beside its file", _assumed(settings["assumptions"])),
+        ("Changes to the instrument", _assumed(settings["assumptions"])),
         ("Stop rules", _stops(settings["stop"])),
         ("Calendar", _calendar(settings)),
     ]
@@ -223,11 +225,12 @@ def _detection(rule: Mapping[str, Any]) -> str:
         text += f", in {rule['visits_needed']} visits"
     if rule["rule"] == "expected":
         return text
-    which = "blind" if rule["rule"] == "blind" else "known"
+    law = {which: f"{rule[f'{which}_margin']:g} ± {rule[f'{which}_margin_error']:g}" for which in ("blind", "known")}
+    half = f"{law['blind']}, known planets at their place where it is {law['known']}"
     return (
         f"{text}. Measured on images: half of the planets are found where predicted significance over threshold is "
-        f"{rule[f'{which}_margin']:g} ± {rule[f'{which}_margin_error']:g}, and recovered over predicted SNR is "
-        f"{rule['calibration']:g} ± {rule['calibration_error']:g}; both errors are drawn anew in each universe"
+        f"{half if rule['rule'] == 'blind' else law['known']}; recovered over predicted SNR is "
+        f"{rule['calibration']:g} ± {rule['calibration_error']:g}. These errors are drawn anew in each universe"
     )
 
 
@@ -238,7 +241,7 @@ def _assumed(assumed: Mapping[str, Any]) -> str:
     parts += [f"{key} × {assumed[key]:g}" for key in ("drift", "throughput") if assumed[key] != 1.0]
     if assumed["exozodi"] is not None:
         parts.append(f"dust of {assumed['exozodi']:g} solar systems")
-    return ", ".join(parts) or "nothing changed"
+    return ", ".join(parts) or "none"
 
 
 def _stops(rule: Mapping[str, Any]) -> str:

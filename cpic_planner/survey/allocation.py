@@ -201,7 +201,7 @@ class _Programme:
         for star, own in zip(problem.stars, self._own, strict=True):
             rows.append((own, np.ones(own.size), float(star.visits_left)))
             for b in np.unique(slot[own]):
-                near = own[(slot[own] >= b) & (slot[own] < b + problem.apart)]
+                near = own[(slot[own] >= b) & problem.near(star, int(b))[slot[own]]]
                 if near.size > 1:
                     rows.append((near, np.ones(near.size), 1.0))
         at = np.repeat(np.arange(len(rows)), [len(columns) for columns, _, _ in rows])

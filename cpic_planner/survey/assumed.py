@@ -18,6 +18,8 @@ from simulator.passbands import Passbands
 
 __all__ = ["assumed_model", "raw_contrast_median", "with_contrast"]
 
+_LEAST = 1e-30  # a floor of 0 has no law
+
 
 def assumed_model(instrument: Instrument, strategy: SurveyStrategy, bands: Sequence[str]) -> EtcModel:
     """Model of the ETC under the assumptions of a strategy.
@@ -79,10 +81,13 @@ def with_contrast(metrics: PsfMetrics, contrast: float) -> PsfMetrics:
     the register, which lie mostly outside the hole, are kept; so are all throughputs.
     """
     factor = contrast / raw_contrast_median(metrics)
-    linear, _ = floor_law(metrics)
+    linear, square = (part[:, None] for part in floor_law(metrics))
+    offset2 = metrics.floor_visit_nm**2
     inside = metrics.zone.covers(*_axes(metrics))
+    # The measured table times the ratio of the two laws: a difference would be left with the errors of the fit.
     floor = metrics.floor_sigma.copy()
-    floor[1:] = np.sqrt(np.maximum(floor[1:] ** 2 + (factor - 1.0) * linear[:, None] * metrics.floor_visit_nm**2, 0.0))
+    ratio = (factor * linear + square * offset2) / (linear + square * offset2)
+    floor[1:] *= np.sqrt(np.maximum(ratio, _LEAST))
     whole = metrics.floor_sigma[0] ** 2 / np.mean(metrics.floor_sigma[1:] ** 2, axis=0)
     floor[0] = np.sqrt(whole * np.mean(floor[1:] ** 2, axis=0))
     scaled = {name: np.where(inside, factor * getattr(metrics, name), getattr(metrics, name))

@@ -121,11 +121,14 @@ def make_calendar(
                        n_days=math.ceil(n_days), step_days=step)  # fmt: skip
     n, b = len(targets), universe.n_slots
     start = mjd_of(universe.start_utc)
-    inside = (found.mjd - start < universe.duration_days).reshape(b, _SAMPLES)
-    allowed = (found.allowed & (found.visible_fraction > 0.0)).reshape(n, b, _SAMPLES) & inside
+    # Slots that are no whole number of days end in the middle of one: more steps were asked for than they have.
+    mjd, whole = found.mjd[: b * _SAMPLES], slice(0, b * _SAMPLES)
+    inside = (mjd - start < universe.duration_days).reshape(b, _SAMPLES)
+    seeable = found.allowed & (found.visible_fraction > 0.0)
+    allowed = seeable[:, whole].reshape(n, b, _SAMPLES) & inside
 
     def mean(values: FloatArray) -> FloatArray:
-        parts = np.where(allowed, np.broadcast_to(values, (n, found.mjd.size)).reshape(n, b, _SAMPLES), 0.0)
+        parts = np.where(allowed, np.broadcast_to(values[..., whole], (n, mjd.size)).reshape(n, b, _SAMPLES), 0.0)
         count = allowed.sum(axis=2)
         return np.where(count > 0, parts.sum(axis=2) / np.maximum(count, 1), 0.0)
 

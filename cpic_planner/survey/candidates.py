@@ -60,6 +60,8 @@ class Candidate:
         Known planets.
     visits_left : int
         Visits that the strategy still allows.
+    day : ndarray, shape (b,)
+        When a visit in each slot takes place, after the start.
     """
 
     index: int
@@ -69,6 +71,7 @@ class Candidate:
     weight: FloatArray
     known_rows: tuple[int, ...]
     visits_left: int
+    day: FloatArray
 
     @property
     def worth(self) -> float:
@@ -279,7 +282,12 @@ def candidates(
         cost = np.stack([calendar.cost_h(model, place, option) for option in options]) if options else np.zeros((0, 0))
         visits_left, done = strategy.revisits.max_visits, () if log is None else log.of(str(targets.name[i]))
         visits_left -= len(done)
-        closed = strategy.stop.after_detection and any(visit.planets for visit in done)
+        shown = any(visit.planets for visit in done)
+        closed = shown and strategy.stop.after_detection
+        closed |= not shown and strategy.stop.after_empty is not None and len(done) >= strategy.stop.after_empty
+        for visit in done:
+            since = np.abs(calendar.day[place] + calendar.start_mjd - visit.mjd)
+            cost[:, since < strategy.revisits.min_gap_days] = np.inf
         if not np.isfinite(cost).any() or visits_left < 1 or closed:
             continue
         population = strategy.population if screened.promising[i] else None
@@ -302,7 +310,8 @@ def candidates(
                                                 calibration=strategy.detection.calibration)  # fmt: skip
         counts = (chance > 0.0).any(axis=(0, 1)) & (weight > 0.0)
         if counts.any():  # the others are never seen
-            found.append(Candidate(int(i), options, cost, chance[:, :, counts], weight[counts], rows, visits_left))
+            found.append(Candidate(int(i), options, cost, chance[:, :, counts], weight[counts], rows, visits_left,
+                                   calendar.day[place]))  # fmt: skip
     found.sort(key=lambda item: (_class(strategy, item), -item.worth, item.index))
     return found[: strategy.targets.max_targets]
 
@@ -322,7 +331,8 @@ def _left(
                   epoch_mjd=calendar.start_mjd, sun_pa_deg=sun)  # fmt: skip
     for row in np.unique(bodies.known[bodies.known != NEW]):
         mine = bodies.known == row
-        mean = left[mine].mean()
+        # Draws that no date shows are not among the bodies, and no visit rules them out.
+        mean = 1.0 - (1.0 - left[mine]).sum() / N_KNOWN
         left[mine] = left[mine] / mean if mean > 0.0 else 1.0
     return left
 

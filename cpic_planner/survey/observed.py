@@ -48,7 +48,7 @@ _BY_HEADING = {heading(name): item for item, _ in COLUMNS for name in (item.name
 
 @dataclass(frozen=True)
 class ObservedVisit:
-    """One line of a log; ``roll_deg`` is nan where the log does not say."""
+    """One line of a log; ``roll_deg`` is nan where the log does not say, ``where`` names file and row."""
 
     star: str
     mjd: float
@@ -56,6 +56,7 @@ class ObservedVisit:
     telescope_h: float
     roll_deg: float
     planets: int
+    where: str = ""
 
 
 @dataclass(frozen=True)
@@ -118,7 +119,10 @@ def read_log(source: str | Path) -> ObservationLog:
 
 def _visit(row: dict[str, Any], where: str) -> ObservedVisit:
     utc = checked_utc(f"{where} column start_utc", row["start_utc"])
-    setting = Setting(str(row["band"]), row["exposure_s"], float(round(row["n_frames"])), row["em_gain"],
+    for name in ("n_frames", "planets"):
+        if not float(row.get(name) or 0).is_integer():
+            raise InputError(f"{where} column {name}", row[name], allowed="a whole number")
+    setting = Setting(str(row["band"]), row["exposure_s"], row["n_frames"], row["em_gain"],
                       time_s=2.0 * row["exposure_s"] * row["n_frames"])  # fmt: skip
     hours = row.get("telescope_h")
     roll = row.get("roll_deg")
@@ -128,7 +132,8 @@ def _visit(row: dict[str, Any], where: str) -> ObservedVisit:
         setting=setting,
         telescope_h=setting.time_s / 3600.0 if hours is None else hours,
         roll_deg=math.nan if roll is None else roll,
-        planets=round(row.get("planets") or 0),
+        planets=int(row.get("planets") or 0),
+        where=where,
     )
 
 

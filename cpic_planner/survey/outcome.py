@@ -65,7 +65,7 @@ def outcome(
         any_planet=float(np.mean(new + known > 0)),
         any_new_planet=float(np.mean(new > 0)),
         time_use=_time_use(survey, universes, tables["stars"]),
-        curve=_curve(tables["detections"], len(new), strategy.time_budget_h),
+        curve=_curve(tables["detections"], len(new), float(hours.max())),
         convergence=[_point(float(item.n), item) for item in convergence(new + known)],
         quantiles={name: np.quantile(tables["detections"][name], _LEVELS).tolist() for name in _QUANTITIES
                    if len(tables["detections"][name])},
@@ -118,12 +118,12 @@ def _planned(survey: Survey, star: int) -> list[PlannedVisit]:
     return [visit for visit in survey.schedule.visits if visit.star == star]
 
 
-def _curve(detections: Columns, n: int, budget_h: float) -> list[CurvePoint]:
-    """Planets found by the time that so many hours were used."""
+def _curve(detections: Columns, n: int, most_h: float) -> list[CurvePoint]:
+    """Planets found by the time that so many hours were used, up to the longest survey."""
     universe, used = detections["universe"] - detections["universe"].min(initial=0), detections["used_h"]
     _, universe = np.unique(universe, return_inverse=True)
     points = []
-    for hours in np.linspace(0.0, budget_h, _CURVE_POINTS):
+    for hours in np.linspace(0.0, most_h, _CURVE_POINTS):
         counts = np.zeros(n)
         early = np.bincount(universe[used <= hours + 1e-9])
         counts[: len(early)] = early
@@ -236,7 +236,7 @@ def _why(old: SurveyTarget | None, new: SurveyTarget | None) -> str:
     if old is None and new is not None:
         return f"visited here only: {new.new_planets + new.known_seen:.3f} planets in {new.visits:.1f} visits"
     if new is None or old is None:
-        return "not visited: other stars give more for the time"
+        return "not visited: a visit gives less there than the strategy asks, or its other targets more"
     parts = []
     if old.bands != new.bands:
         parts.append(f"{'/'.join(new.bands)} instead of {'/'.join(old.bands)}")

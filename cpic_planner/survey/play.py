@@ -197,13 +197,13 @@ def _star(
     bodies = draw_bodies(name, mass, float(target.luminosity_lsun[0]), strategy.population, known=survey.known,
                          known_rows=survey.known_rows[i], epoch_mjd=survey.calendar.start_mjd, n=n, seed=seed,
                          block=block)  # fmt: skip
-    bodies = bodies.select(bodies.within(*reach_au(survey.model, float(target.distance_pc[0]))))
     done = () if survey.log is None else survey.log.of(name)
     if done:
         sun = sun_position_angle_deg(target, np.array([[visit.mjd for visit in done]]))[0]
         left = missed(survey.model, target, bodies, albedos_of(strategy.population), done, strategy.detection,
                       epoch_mjd=survey.calendar.start_mjd, sun_pa_deg=sun)  # fmt: skip
         bodies = resampled(bodies, left, _luck(bodies, seed, name, block, "log", n))
+    bodies = bodies.select(bodies.within(*reach_au(survey.model, float(target.distance_pc[0]))))
     hits: dict[int, BoolArray] = {}
     seen: dict[int, dict[str, FloatArray]] = {}
     alarms: dict[int, tuple[NDArray[np.int64], NDArray[np.int64]]] = {}

@@ -72,7 +72,7 @@ def prepare(config: StrategiesConfig, *, advance: Callable[[str], None] = lambda
     universe = config.universe
     catalogue, instrument = as_catalogue(universe.catalog), load_instrument(universe.instrument)
     known = None if universe.known_planets == "off" else load_known_planets(universe.known_planets)
-    log = read_log(universe.observed) if universe.observed else None
+    log = _checked(read_log(universe.observed), catalogue, instrument) if universe.observed else None
     looked = []
     for strategy in config.strategies:
         bands = tuple(dict.fromkeys((*strategy.visit.bands, *strategy.follow_up.bands, *_logged_bands(log))))
@@ -85,8 +85,10 @@ def prepare(config: StrategiesConfig, *, advance: Callable[[str], None] = lambda
     stars = _every_star(looked)
     calendar = make_calendar(universe, instrument, load_visibility(universe.visibility), stars)
     if log is not None:
-        _check_stars(log, catalogue)
         calendar = calendar.closed_before(log.until_mjd)
+        if not calendar.allowed_h.any():
+            raise InputError("universe.observed", log.provenance, allowed="visits that leave a part of the survey",
+                             hint=f"none of its {universe.duration_days:g} days is left")  # fmt: skip
         looked = [_without(item, log.hours) for item in looked]
     advance("calendar")
     place = {str(name): i for i, name in enumerate(stars.name)}
@@ -107,10 +109,19 @@ def _logged_bands(log: ObservationLog | None) -> tuple[str, ...]:
     return () if log is None else tuple(dict.fromkeys(visit.setting.band for visit in log.visits))
 
 
-def _check_stars(log: ObservationLog, catalogue: Catalogue) -> None:
-    """Refuse a log that names a star which the catalogue does not have."""
+def _checked(log: ObservationLog, catalogue: Catalogue, instrument: Instrument) -> ObservationLog:
+    """The log with the names that the catalogue has for its stars; refused by row without such a star or band."""
+    names: dict[str, str] = {}
     for visit in log.visits:
-        find_target(visit.star, catalog=catalogue)
+        if visit.setting.band not in instrument.bands:
+            raise InputError(f"{visit.where} column band", visit.setting.band, allowed=", ".join(instrument.bands))
+        if visit.star not in names:
+            try:
+                names[visit.star] = str(find_target(visit.star, catalog=catalogue)[0].name[0])
+            except InputError as error:
+                raise InputError(f"{visit.where} column star", visit.star, allowed=error.allowed,
+                                 hint=error.hint) from None  # fmt: skip
+    return replace(log, visits=tuple(replace(visit, star=names[visit.star]) for visit in log.visits))
 
 
 def _without(item: _Looked, hours: float) -> _Looked:
@@ -146,7 +157,7 @@ def _survey(
     targets = item.screened.targets.select(rows)
     places = np.array([int(np.flatnonzero(item.screened.rows == row)[0]) for row in rows], np.int64)
     own = calendar.select(places)
-    problem = Problem.of(strategy, found, calendar.slot_h, universe.slot_days)
+    problem = Problem(strategy, tuple(found), calendar.slot_h)
     follow = _follow_ups(strategy, model, targets)
     options = tuple(star.options for star in found)
     background = universe.background == "on"

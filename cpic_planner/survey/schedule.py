@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -23,26 +22,18 @@ _ROUNDING = 1e-9
 class Problem:
     """What is to be scheduled.
 
-    ``slot_h`` are the lengths of the slots, ``apart`` how many slots two visits of a star have to be apart.
+    ``slot_h`` are the lengths of the slots.
     """
 
     strategy: SurveyStrategy
     stars: tuple[Candidate, ...]
     slot_h: FloatArray
-    apart: int
 
-    @classmethod
-    def of(cls, strategy: SurveyStrategy, stars: Sequence[Candidate], slot_h: FloatArray, slot_days: float) -> Problem:
-        """The problem of a strategy; two visits of a star never share a slot."""
-        apart = max(1, math.ceil(strategy.revisits.min_gap_days / slot_days - _ROUNDING))
-        return cls(strategy, tuple(stars), slot_h, apart)
-
-    def blocked(self, made: Sequence[Visit]) -> NDArray[np.bool_]:
-        """Slots too near to a visit that is made already."""
-        blocked = np.zeros(len(self.slot_h), bool)
-        for _, slot in made:
-            blocked[max(0, slot - self.apart + 1) : slot + self.apart] = True
-        return blocked
+    def near(self, star: Candidate, slot: int) -> NDArray[np.bool_]:
+        """Slots too near to one for another visit of the same star, itself among them."""
+        near = np.abs(star.day - star.day[slot]) < self.strategy.revisits.min_gap_days - _ROUNDING
+        near[slot] = True
+        return np.asarray(near)
 
     def first(self) -> list[int]:
         """Stars that are served before all others."""
@@ -183,7 +174,7 @@ def _best_bundle(problem: Problem, state: StarValue, room: Room, star: int) -> _
     visits: list[Visit] = []
     gains: list[float] = []
     cost = value = 0.0
-    for _ in range(problem.strategy.scheduler.look_ahead):
+    for _ in range(max(problem.strategy.scheduler.look_ahead, problem.strategy.detection.visits_needed)):
         if len(own) + len(visits) >= state.star.visits_left:
             break
         visit = _next_visit(problem, state, trial, [*own, *visits])
@@ -206,7 +197,8 @@ def _best_bundle(problem: Problem, state: StarValue, room: Room, star: int) -> _
 def _next_visit(problem: Problem, state: StarValue, room: Room, made: Sequence[Visit]) -> Visit | None:
     """The visit that adds most per hour; the earliest of equals."""
     cost = np.where(room.holds(state.star.cost_h), state.star.cost_h, np.inf)
-    cost[:, problem.blocked(made)] = np.inf
+    for _, taken in made:
+        cost[:, problem.near(state.star, taken)] = np.inf
     value, upper = state.gains()
     with np.errstate(divide="ignore", invalid="ignore"):
         density = np.where(np.isfinite(cost), (value if state.needed == 1 else upper) / cost, 0.0)

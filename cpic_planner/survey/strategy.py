@@ -25,6 +25,14 @@ __all__ = [
 ]
 
 
+def _listed(value: Any) -> Any:
+    """A single text as a list of one."""
+    return (value,) if isinstance(value, str) else value
+
+
+Names = Annotated[tuple[str, ...], BeforeValidator(_listed)]
+
+
 class TargetCuts(FrozenModel):
     """Which stars a survey may look at.
 
@@ -37,8 +45,8 @@ class TargetCuts(FrozenModel):
     distance_max_pc: Annotated[Real, Field(gt=0)] | None = None
     dwarfs_only: bool = False
     singles_only: bool = False
-    names: tuple[str, ...] = ()
-    exclude: tuple[str, ...] = ()
+    names: Names = ()
+    exclude: Names = ()
     max_targets: Annotated[int, Field(ge=1, le=100_000)] = 50
     known_planets: Literal["any", "first", "only"] = "any"
 
@@ -52,7 +60,7 @@ class VisitRule(FrozenModel):
     ``time_s`` is the longest in each case. ``exposure_s`` and ``em_gain`` are the best ones unless given.
     """
 
-    bands: Annotated[tuple[str, ...], Field(min_length=1)] = ("F520",)
+    bands: Annotated[Names, Field(min_length=1)] = ("F520",)
     time_s: Annotated[
         tuple[Annotated[Real, Field(gt=0, le=1e8)], ...],
         BeforeValidator(lambda value: (value,) if isinstance(value, int | float) else value),
@@ -89,7 +97,7 @@ class FollowUp(FrozenModel):
     A band counts for a planet whose significance reaches the threshold there, at its known place.
     """
 
-    bands: tuple[str, ...] = ()
+    bands: Names = ()
     time_s: Annotated[Real, Field(gt=0, le=1e8)] = 36000.0
     attempts: Annotated[int, Field(ge=1, le=100)] = 2
 
@@ -163,8 +171,9 @@ class SchedulerRule(FrozenModel):
     """How visits are put into the calendar.
 
     ``min_gain`` is the least that a visit has to be worth, in planets; ``look_ahead`` the most visits of one star that
-    the greedy choice weighs together; ``gap`` is how near to the bound the mixed-integer programme has to come;
-    ``reserve`` the time planned beyond the budget, as a fraction of it, for universes in which stop rules free some.
+    the greedy choice weighs together, and never fewer than a detection needs; ``gap`` is how near to the bound the
+    mixed-integer programme has to come; ``reserve`` the time planned beyond the budget, as a fraction of it, for
+    universes in which stop rules free some.
     """
 
     method: Literal["greedy", "milp"] = "greedy"
@@ -215,6 +224,8 @@ class SurveyStrategy(FrozenModel):
             raise InputError("revisits.max_visits", self.revisits.max_visits,
                              allowed=f"at least {self.detection.visits_needed}",
                              hint="detection.visits_needed asks for that many")  # fmt: skip
+        if self.reduction.sigma not in (self.detection.sigma, Reduction().sigma):
+            raise InputError("reduction.sigma", self.reduction.sigma, allowed="nothing here: give detection.sigma")
         if self.reduction.mode != "analogue":
             raise InputError("reduction.mode", self.reduction.mode, allowed="analogue",
                              hint="photon counting has no image-level calibration")  # fmt: skip

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -20,7 +21,7 @@ from simulator.config.mission import Utc
 from simulator.config.presets import preset_names, preset_or_file, preset_path
 from simulator.config.scene import paths_beside
 
-__all__ = ["StrategiesConfig", "UniverseConfig", "load_strategies", "strategies_names", "varied"]
+__all__ = ["StrategiesConfig", "UniverseConfig", "load_strategies", "strategies_names", "varied", "with_universe"]
 
 PACKAGE = "cpic_planner"
 MAX_STRATEGIES = 200
@@ -46,7 +47,7 @@ class UniverseConfig(FrozenModel):
     background : {"off", "on"}
         Whether background stars make false alarms.
     universes : int
-        Synthetic universes.
+        Synthetic universes; at least 2, or no interval is defined.
     seed : int
     """
 
@@ -59,7 +60,7 @@ class UniverseConfig(FrozenModel):
     known_planets: str = "snapshot"
     observed: str = ""
     background: Literal["off", "on"] = "off"
-    universes: Annotated[int, Field(ge=1, le=10_000_000)] = 1000
+    universes: Annotated[int, Field(ge=2, le=10_000_000)] = 1000
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 1
 
     @property
@@ -124,6 +125,8 @@ def load_strategies(source: Mapping[str, Any] | str | Path = "survey_default") -
     """
     if isinstance(source, Mapping):
         tree: Any = dict(source)
+    elif not isinstance(source, str | Path):
+        raise InputError("strategies", source, allowed="a preset, a YAML file or a mapping")
     else:
         path = preset_or_file("strategies", source, package=PACKAGE)
         tree = load_yaml(path)
@@ -161,6 +164,25 @@ def _default_strategy() -> dict[str, Any]:
     return dict(values)
 
 
+def with_universe(config: StrategiesConfig, given: Mapping[str, Any]) -> StrategiesConfig:
+    """The same strategies over another calendar, catalogue, or number of universes.
+
+    A survey that is shorter than a slot has one slot.
+
+    Raises
+    ------
+    InputError
+        For an unknown key, or a value that it cannot have.
+    """
+    if not given:
+        return config
+    tree = config.universe.model_dump() | dict(given)
+    length = given.get("duration_days")
+    if "slot_days" not in given and isinstance(length, int | float):
+        tree["slot_days"] = min(tree["slot_days"], float(length))
+    return config.model_copy(update={"universe": validate(UniverseConfig, tree, where="universe")})
+
+
 def varied(config: StrategiesConfig, sweeps: Sequence[str]) -> StrategiesConfig:
     """Every strategy with every combination of values of some keys, ``--vary key=a,b,c``.
 
@@ -168,7 +190,7 @@ def varied(config: StrategiesConfig, sweeps: Sequence[str]) -> StrategiesConfig:
     ----------
     config : StrategiesConfig
     sweeps : sequence of str
-        ``KEY=VALUE,VALUE...``: a dotted key of a strategy, or a short name of one.
+        ``KEY=VALUE,VALUE...``: a dotted key of a strategy, or a short name of one; a list as ``[A,B]``.
 
     Returns
     -------
@@ -196,6 +218,10 @@ def varied(config: StrategiesConfig, sweeps: Sequence[str]) -> StrategiesConfig:
             made.append(validate(SurveyStrategy, own | {"name": " ".join(label)}, where="--vary"))
     if len(made) > MAX_STRATEGIES:
         raise InputError("--vary", f"{len(made)} strategies", allowed=f"at most {MAX_STRATEGIES} in all")
+    names = [item.name for item in made]
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        raise InputError("--vary", twice, allowed="each value once")
     return config.model_copy(update={"strategies": tuple(made)})
 
 
@@ -204,9 +230,11 @@ def _sweep(text: str) -> tuple[str, str, list[tuple[str, Any]]]:
     name = name.strip()
     if not sign or not name or not listed.strip():
         raise InputError("--vary", text, allowed="KEY=VALUE,VALUE..., as contrast=1e-8,3e-9")
-    texts = [item.strip() for item in listed.split(",")]
+    texts = [item.strip() for item in re.split(r",(?![^\[{]*[\]}])", listed)]
+    if not all(texts):
+        raise InputError("--vary", text, allowed="a value between commas; null for none")
     key = _ALIASES.get(name, name)
-    known = _keys(SurveyStrategy)
+    known = tuple(key for key in _keys(SurveyStrategy) if key not in ("name", "description"))
     if key not in known:
         raise InputError("--vary", name, allowed="a key of a strategy",
                          hint=nearest(name, (*_ALIASES, *known)) or f"short names: {', '.join(_ALIASES)}")  # fmt: skip

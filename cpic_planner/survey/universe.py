@@ -18,10 +18,12 @@ from cpic_planner.population_config import QUANTITIES, PopulationConfig
 from cpic_planner.targets import Targets
 from simulator.rng import stream
 
-__all__ = ["NEW", "Bodies", "chance", "draw_bodies", "occurrence", "star_mass_msun"]
+__all__ = ["BLOCK", "NEW", "Bodies", "chance", "draw_bodies", "occurrence", "star_mass_msun"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+BLOCK = 100
+"""Universes that are drawn together; results do not depend on the number of workers, but streams are named by block."""
 NEW = -1
 """Row in the table of known planets of a planet that nobody knows."""
 _YEAR_DAYS = 365.25
@@ -119,8 +121,12 @@ def occurrence(population: PopulationConfig) -> float:
 
 
 def chance(seed: int, *path: str | int, shape: tuple[int, ...]) -> FloatArray:
-    """Uniform numbers of a named stage; the first rows of a larger shape are those of a smaller one."""
-    return stream(seed, "survey", *path).random(shape)
+    """Uniform numbers of a named stage, the last axis over universes.
+
+    The first rows of a larger shape are those of a smaller one, and so are the first universes of a larger block.
+    """
+    *rows, n = shape
+    return stream(seed, "survey", *path).random((*rows, -(-n // BLOCK) * BLOCK))[..., :n]
 
 
 def draw_bodies(

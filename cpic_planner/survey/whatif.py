@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from cpic_planner.engine import run_tasks
 from cpic_planner.environment import RunClock
 from cpic_planner.models.surveyed import ImageSample, StrategyOutcome, WhatIfResult
+from cpic_planner.report.write_whatif import write_whatif
 from cpic_planner.runfolder import RunFolder, open_run_folder
 from cpic_planner.survey.image_check import image_sample, sampled_detections
 from cpic_planner.survey.outcome import differences, outcome, rank_changes
@@ -21,6 +22,7 @@ from cpic_planner.survey.prepare import Prepared, prepare
 from cpic_planner.survey.store import ResultStore, clear_tables
 from cpic_planner.survey.strategy_file import StrategiesConfig
 from cpic_planner.survey.tables import TABLES, rows_of
+from cpic_planner.survey.universe import BLOCK
 from cpic_planner.survey.visibility import load_visibility
 from cpic_planner.validation.confirm import confirm_task
 from cpic_planner.version import __version__
@@ -30,8 +32,6 @@ from simulator.files import dump_json
 __all__ = ["BLOCK", "FinishedWhatIf", "cost_of", "run_whatif", "whatif_hash"]
 
 _START_S, _PREPARE_S, _PLAY_S, _IMAGE_S = 6.0, 1.8, 0.0015, 2.2
-BLOCK = 100
-"""Universes of one task; results do not depend on the number of workers, but streams are named by block."""
 RESULT_VERSION = 1
 """Raised when the same configuration gives other numbers, so that old folders are not resumed."""
 _FILES = ("instrument", "visibility", "catalog", "known_planets", "observed")
@@ -148,6 +148,7 @@ def run_whatif(
         images = _images(prepared, tables["detections"], folder, n_images, (workers, scheduler), advance)
         result = assemble(prepared, tables, images, digest)
         folder.write("whatif.json", dump_json(result.model_dump(mode="json")))
+        write_whatif(folder, result)
         record = clock.record(command=command, config_hash=digest, workers=workers, scheduler=scheduler,
                               resumed_parts=resumed, computed_parts=len(keys) - resumed)  # fmt: skip
         folder.write("run.json", dump_json(record.model_dump(mode="json")))

@@ -181,14 +181,15 @@ def test_workers_keep_the_allocator_as_it_is():
     assert allocator(None) == before
 
 
-def test_no_worker_outlives_a_killed_parent():
+def test_no_worker_outlives_a_killed_parent(tmp_path):
     code = (
         "import time\nfrom cpic_planner.engine import run_tasks\n"
         "if __name__ == '__main__':\n"
         "    for index, _ in run_tasks(time.sleep, [(0.01,)] + [(60,)] * 3, workers=2):\n"
         "        print(index, flush=True)\n"
     )
-    parent = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+    own_tmp = os.environ | {"TMPDIR": str(tmp_path)}
+    parent = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True, env=own_tmp)
     try:
         assert parent.stdout.readline().strip() == "0"
         workers = children_of(parent.pid)
@@ -199,6 +200,7 @@ def test_no_worker_outlives_a_killed_parent():
         while any(map(alive, workers)) and time.monotonic() < deadline:
             time.sleep(0.1)
         assert [pid for pid in workers if alive(pid)] == []
+        assert list(tmp_path.glob("cpic-workers-*")) == []
     finally:
         parent.stdout.close()
         for pid in children_of(parent.pid):

@@ -2,6 +2,7 @@
 
 import importlib.util
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -30,12 +31,17 @@ def tasks(monkeypatch):
 
 def test_random_kills_do_not_change_the_files(chaos, tasks, tmp_path):
     whole = tasks.survey(tmp_path / "serial")[1]
-    kills = []
-    with chaos.random_kills(chaos.worker_pids, seed=2, every_s=0.7) as done:
-        parts, files = tasks.survey(tmp_path / "out", workers=2)
-        kills.extend(done.pids)
-    assert len(kills) >= 2
-    assert len(set(kills)) == len(kills)
+
+    def victims():
+        return chaos.worker_pids() if len(kills.pids) < 3 else []
+
+    def advance(done):
+        while done in (10, 20) and len(kills.pids) < done // 10:  # two at least, by the middle of the run
+            time.sleep(0.01)
+
+    with chaos.random_kills(victims, seed=2, every_s=0.2) as kills:
+        parts, files = tasks.survey(tmp_path / "out", workers=2, advance=advance)
+    assert 2 <= len(kills.pids) == len(set(kills.pids)) <= 3
     assert sorted(parts) == list(range(40))
     assert files == whole
     assert chaos.worker_pids() == []

@@ -1,0 +1,142 @@
+"""What a team could decide: the five default strategies, and what their settings change."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from cpic_planner.models.surveyed import StrategyOutcome, WhatIfResult
+from cpic_planner.report.drawing import Picture
+from cpic_planner.report.names import pretty_name
+from cpic_planner.survey.strategy_file import StrategiesConfig, load_strategies, varied
+from cpic_planner.survey.whatif import run_whatif
+
+BASE = "few_and_deep"
+SWEEPS = {
+    "visits": ("max_visits=1,2,5,10,20,40", "visits of each star at most"),
+    "time": ("time_s=1800,3600,10800,36000,72000", "wall time of a visit at most (s)"),
+    "contrast": ("contrast=1e-8,3e-9,1e-9,3e-10", "median raw contrast of the dark hole"),
+    "drift": ("drift=0.25,0.5,1,2,4", "wavefront drift, times the nominal one"),
+    "detection": ("rule=blind,known_place", "what counts as a detection"),
+}
+
+
+def _alone(name: str) -> StrategiesConfig:
+    config = load_strategies()
+    return config.model_copy(update={"strategies": tuple(item for item in config.strategies if item.name == name)})
+
+
+def _row(item: StrategyOutcome) -> dict[str, Any]:
+    return {"name": item.name, "planets": item.planets.model_dump(), "new": item.new_planets.model_dump(),
+            "hours": item.hours.mean, "visits": item.schedule.visits, "stars": len(item.targets)}  # fmt: skip
+
+
+def run(folder: Path) -> dict[str, Any]:
+    """The sweeps, a thousand universes each."""
+    found: dict[str, Any] = {}
+    for key, (sweep, _) in SWEEPS.items():
+        with tempfile.TemporaryDirectory() as scratch:
+            result = run_whatif(varied(_alone(BASE), [sweep]), scratch, workers=2).result
+        found[key] = [_row(item) for item in result.strategies]
+    return found
+
+
+def default_result(folder: Path) -> WhatIfResult:
+    """The committed run of the five default strategies."""
+    return WhatIfResult.model_validate(json.loads((folder / "whatif.json").read_text()))
+
+
+def pictures(folder: Path, found: dict[str, Any]) -> dict[str, Picture]:
+    """Figures of the default run that the report shows."""
+    from cpic_planner.report.whatif_figures import whatif_figures
+
+    drawn = whatif_figures(default_result(folder))
+    return {name: drawn[name] for name in ("yields", "curves", "time", "calendar") if name in drawn}
+
+
+def _value(name: str) -> str:
+    return name.rsplit("=", 1)[-1]
+
+
+def _estimate(item: dict[str, float]) -> str:
+    return f"{item['mean']:.2f} ({item['low']:.2f} to {item['high']:.2f})"
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
+    lines = [list(head), ["---"] * len(head), *[[str(cell) for cell in row] for row in rows]]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def text(found: dict[str, Any]) -> str:
+    """The decision in words and tables."""
+    result = default_result(Path(__file__).resolve().parent)
+    return "\n\n".join([_strategies(result), _sweeps(found), _decision(result, found)])
+
+
+def _strategies(result: WhatIfResult) -> str:
+    rows = []
+    for item in result.strategies:
+        images = item.images
+        seen = "" if images is None or images.correction is None else (
+            f"{images.found} of {images.expected:.1f} expected in {images.images} images: "
+            f"{images.correction:.2f} ({images.low:.2f} to {images.high:.2f})")  # fmt: skip
+        rows.append((item.name, len(item.targets), item.schedule.visits, f"{item.hours.mean:.0f}",
+                     _estimate(item.planets.model_dump()), _estimate(item.new_planets.model_dump()),
+                     f"{item.any_new_planet:.0%}", f"{item.characterised_planets.mean:.2f}",
+                     f"{item.background_alarms.mean + item.noise_alarms.mean:.3f}", seen))  # fmt: skip
+    return (
+        f"## Five ways to spend {result.strategies[0].settings['time_budget_h']:.0f} hours\n\n"
+        f"{result.n_universes} universes of the population `giants` (0.21 planets a star) and the known planets of 2019, ten "
+        "years from 2028. Means over surveys with their 90 % intervals; a detection is one of a blind search, with the "
+        "probability that images show; known planets are looked for at their place.\n\n"
+        + _table(["strategy", "stars", "visits planned", "hours used", "planets", "of them new", "any new planet",
+                  "seen in all bands", "false alarms", "confirmed by images"], rows)
+        + "\n\n![Planets of each strategy](yields.svg)\n\n![Planets against telescope time](curves.svg)\n\n"
+        "![Where the time goes](time.svg)\n\n![When which star is visited](calendar.svg)\n\n"
+        + _table(["paired difference", "planets", "90 % interval", "correlation"],
+                 [(f"{item.first} - {item.second}", f"{item.mean:+.2f}", f"{item.low:+.2f} to {item.high:+.2f}",
+                   "" if item.correlation is None else f"{item.correlation:.2f}")
+                  for item in result.differences if item.quantity == "planets"])
+    )  # fmt: skip
+
+
+def _sweeps(found: dict[str, Any]) -> str:
+    parts = [f"## What the settings of {BASE} change"]
+    for key, (_, label) in SWEEPS.items():
+        parts.append(_table([label, "planets", "new planets", "hours used", "visits planned"],
+                            [(_value(row["name"]), _estimate(row["planets"]), _estimate(row["new"]), f"{row['hours']:.0f}",
+                              row["visits"]) for row in found[key]]))  # fmt: skip
+    return "\n\n".join(parts)
+
+
+def _decision(result: WhatIfResult, found: dict[str, Any]) -> str:
+    """What follows, in sentences whose numbers and comparisons are those of the tables."""
+    best = max(result.strategies, key=lambda item: item.new_planets.mean)
+    single = result.strategies[0]
+    stars = ", ".join(pretty_name(target.name) for target in sorted(
+        best.targets, key=lambda target: -(target.new_planets + target.known_seen))[:6])  # fmt: skip
+    visits, times, contrasts = (found[key] for key in ("visits", "time", "contrast"))
+    short = next(row for row in times if row["new"]["high"] >= max(row["new"]["mean"] for row in times))
+    return (
+        "## The decision\n\n"
+        f"- **Come back.** {best.name} finds {best.new_planets.mean:.2f} new planets a survey where one visit of each star "
+        f"finds {single.new_planets.mean:.2f}: orbits carry planets into the square quadrants between visits. From "
+        f"{_value(visits[0]['name'])} to {_value(visits[-1]['name'])} visits a star the yield of {BASE} goes from "
+        f"{visits[0]['new']['mean']:.2f} to {visits[-1]['new']['mean']:.2f} new planets in {visits[-1]['hours']:.0f} h.\n"
+        f"- **Short visits are enough.** {_value(short['name'])} s a visit are as good as {_value(times[-1]['name'])} s "
+        f"within the error ({short['new']['mean']:.2f} against {times[-1]['new']['mean']:.2f} new planets, "
+        f"{short['hours']:.0f} against {times[-1]['hours']:.0f} h): speckles that no time averages set the limit, and slews, "
+        "settling and the Earth take more of the time than exposures.\n"
+        f"- **Few stars matter.** Nearly all detections are of {stars}; the whole budget of "
+        f"{single.settings['time_budget_h']:.0f} h cannot be used well by any strategy at the nominal contrast and drift "
+        f"({max(item.hours.mean for item in result.strategies):.0f} h at most).\n"
+        f"- **Stability before contrast.** At a raw contrast of {_value(contrasts[0]['name'])} the yield is "
+        f"{contrasts[0]['new']['mean']:.2f} new planets, at {_value(contrasts[-1]['name'])} {contrasts[-1]['new']['mean']:.2f}; "
+        f"with {_value(found['drift'][0]['name'])} of the nominal drift it is {found['drift'][0]['new']['mean']:.2f}, with "
+        f"{_value(found['drift'][-1]['name'])} times {found['drift'][-1]['new']['mean']:.2f}.\n\n"
+        "What could change this: the occurrence of planets (the yield is proportional to it), and the law of detections, "
+        "which was measured at the nominal instrument."
+    )  # fmt: skip

@@ -1,0 +1,32 @@
+import pytest
+
+from cpic_planner.report.whatif_figures import whatif_figures
+from cpic_planner.report.whatif_html import WHATIF_FIGURES
+
+ALL = ["yields", "differences", "curves", "time", "calendar", "sky", "detections", "convergence"]
+
+
+@pytest.mark.parametrize(
+    ("names", "empty", "keys"),
+    [
+        (["one", "two"], False, ALL),
+        (["one"], False, [key for key in ALL if key != "differences"]),
+        (["one", "two"], True, ["yields", "differences", "curves", "time", "convergence"]),
+        (["one drift=1", "one drift=2"], False, ["sweep", *ALL]),
+    ],
+)
+def test_what_there_is_is_drawn_under_titles_of_the_report(compared, names, empty, keys):
+    figures = whatif_figures(compared(names, empty=empty))
+    assert list(figures) == keys
+    assert [key for key in WHATIF_FIGURES if key in figures] == keys
+    for picture in figures.values():
+        assert picture.alt
+        assert picture.caption.endswith(".")
+
+
+def test_figures_are_the_same_every_time_and_none_stays_open(compared):
+    import matplotlib.pyplot as plt
+
+    result = compared()
+    assert whatif_figures(result) == whatif_figures(result)
+    assert plt.get_fignums() == []

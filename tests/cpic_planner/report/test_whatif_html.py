@@ -1,0 +1,135 @@
+import re
+
+import pytest
+
+from cpic_planner.models.surveyed import ImageSample
+from cpic_planner.report.drawing import Picture
+from cpic_planner.report.numbers import decimals
+from cpic_planner.report.whatif_html import WHATIF_FIGURES, render_whatif
+
+HOSTILE = "<script>alert('x')</script>"
+PICTURES = {key: Picture("data:image/svg+xml;base64,", f"alt {key}", f"caption {key}.") for key in WHATIF_FIGURES}
+
+
+def words_of(reader):
+    return " ".join(" ".join(reader.text).split())
+
+
+@pytest.fixture(scope="module")
+def page(compared):
+    return render_whatif(compared(), PICTURES)
+
+
+@pytest.fixture(scope="module")
+def reader(page, read):
+    return read(page)
+
+
+@pytest.fixture(scope="module")
+def words(reader):
+    return words_of(reader)
+
+
+def test_nothing_is_loaded_from_outside_and_names_are_text(page, reader, words):
+    for tag, attributes in reader.tags:
+        assert tag not in {"script", "link", "iframe", "object", "embed", "base"}
+        for key in ("src", "href"):
+            assert attributes.get(key) is None or attributes[key].startswith(("data:image/", "#"))
+    assert HOSTILE not in page
+    assert HOSTILE in words
+    assert not re.search(r"\b(?:nan|None|undefined)\b", words)
+
+
+def test_anchors_and_captions(reader):
+    ids = [attributes["id"] for _, attributes in reader.tags if "id" in attributes]
+    assert len(ids) == len(set(ids))
+    for _, attributes in reader.tags:
+        if attributes.get("href", "").startswith("#"):
+            assert attributes["href"][1:] in ids
+    assert sum(tag == "caption" for tag, _ in reader.tags) == sum(tag == "table" for tag, _ in reader.tags)
+    assert sum(tag == "figure" for tag, _ in reader.tags) == len(WHATIF_FIGURES)
+
+
+def test_yields_are_those_of_the_result(compared, words):
+    for item in compared().strategies:
+        found, new, known = item.planets, item.new_planets, item.known_planets
+        row = (
+            f"{item.name} {item.description} {decimals(found.mean, 2)} {found.low:.2f} to {found.high:.2f} "
+            f"0 to {found.survey_high:.3g} {new.mean:.2f} {new.low:.2f} to {new.high:.2f} "
+            f"{known.mean:.2f} {known.low:.2f} to {known.high:.2f} 0.00 0.00 to 0.01 40.0 20.0 {item.hours.mean:.0f}"
+        )
+        assert row in words
+
+
+def test_differences_and_verdicts(words):
+    assert "wide single +0.600 0.490 to 0.720 +0.180 0.070 to 0.300 0.000 −0.110 to 0.120 +100 100 to 100 0.62" in words
+    assert "✓ finds more" in words
+    assert "All other pairs" not in words
+
+
+def test_time_stars_changes_and_settings(words):
+    for text in (
+        "wide 200 (0 to 400) 1752 0.56 3 5 + 2 7.2 10.0 0.004; 0",
+        "deep & long beside single. Star Rank in single Rank here Why",
+        f"{HOSTILE} 2 not visited 2 visits, not 1",
+        "1 ε Eri ε Eri b 3.80 3.200 F520, F662 2.00 h 6.2 3 2.7 2028-03-01 16.8 1.5 0.100 0.500 1.0",
+        "Set otherwise than in single: visit.bands F520 (there F520, F662, F720, F850) ; revisits.max_visits 4",
+        "No images were asked for",
+        "weather of space",
+        "Known planets: the NASA Exoplanet Archive (Akeson et al. 2013)",
+    ):
+        assert text in words, text
+
+
+def test_the_strategy_that_finds_most_is_shaded(compared, reader):
+    picked = [attributes for tag, attributes in reader.tags if tag == "tr" and attributes.get("class") == "pick"]
+    assert len(picked) == 1
+
+
+def test_images_tell_their_correction(compared, read):
+    result = compared(["one", "two"])
+    sample = ImageSample(detections=40, images=120, expected=31.5, found=28, correction=0.889, low=0.75, high=1.02,
+                         note="24 stars")  # fmt: skip
+    without = sample.model_copy(update={"correction": None, "low": None, "high": None})
+    shown = [item.model_copy(update={"images": own})
+             for item, own in zip(result.strategies, (sample, without), strict=True)]  # fmt: skip
+    words = words_of(read(render_whatif(result.model_copy(update={"strategies": shown}), {})))
+    assert f"one 40 120 31.5 28 0.89 0.75 to 1.02 {0.889 * 0.512:.2f} 24 stars" in words
+    assert "two 40 120 31.5 28 – – 24 stars" in words
+    assert "No images were asked for" not in words
+
+
+def test_one_strategy_has_nothing_to_differ_from(compared, read):
+    words = words_of(read(render_whatif(compared(["one"]), {})))
+    assert "Differences" not in words
+    assert "Changes of rank" not in words
+    assert "the others differ" not in words
+
+
+def test_nothing_found_is_an_answer(compared, read):
+    reader = read(render_whatif(compared(["one", "two"], empty=True), {}))
+    words = words_of(reader)
+    assert "Nothing is detected in any universe." in words
+    assert "No strategy visits a star." in words
+    assert "No star is visited." in words
+    assert not any(attributes.get("class") == "pick" for _, attributes in reader.tags)
+    assert "may be chance" in words
+
+
+def test_other_pairs_and_other_verdicts(compared, read):
+    result = compared(["one", "two", "three"])
+    extra = [item.model_copy(update={"first": "two", "second": "three", "mean": -0.3, "low": -0.4, "high": -0.2})
+             for item in result.differences[:1]]  # fmt: skip
+    changed = result.model_copy(update={"differences": [*result.differences, *extra]})
+    words = words_of(read(render_whatif(changed, {})))
+    assert "All other pairs (1)" in words
+    assert "two three −0.300 −0.400 to −0.200 – – – 0.62 ✕ finds fewer" in words
+
+
+def test_many_strategies_keep_their_rows_but_not_all_their_stars(compared, read):
+    names = [f"s{i}" for i in range(50)]
+    reader = read(render_whatif(compared(names), {}))
+    words = words_of(reader)
+    assert "The first strategy and the 39 that find most; targets.csv has the stars of all 50." in words
+    assert sum(attributes.get("aria-label", "").startswith("Stars of") for _, attributes in reader.tags) == 40
+    assert all(f" {name} " in words for name in names)

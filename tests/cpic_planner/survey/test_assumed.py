@@ -1,0 +1,137 @@
+"""Instruments that strategies assume: other light in the hole, drift, throughput and dust."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from catalogs.errors import InputError
+from cpic_planner.etc.model import build_model
+from cpic_planner.etc.noise import stack_noise
+from cpic_planner.etc.rates import aperture_rates
+from cpic_planner.etc.speckles import floor_law, speckle_law
+from cpic_planner.survey.assumed import assumed_model, raw_contrast_median, with_contrast
+from cpic_planner.survey.strategy import SurveyStrategy
+from cpic_planner.targets import find_target
+from simulator import load_instrument
+
+
+@pytest.fixture(scope="module")
+def instrument():
+    return load_instrument()
+
+
+@pytest.fixture(scope="module")
+def metrics(instrument):
+    return build_model(instrument, ("F520",)).metrics["F520"]
+
+
+def assuming(instrument, **assumptions):
+    return assumed_model(instrument, SurveyStrategy(name="x", assumptions=assumptions), ("F520",))
+
+
+def rates(model, contrast=1e-8):
+    star = find_target("tau Cet")[0]
+    return aperture_rates(model, star, "F520", np.array([[0.42]]), np.array([[0.42]]), np.array([[contrast]]))
+
+
+def test_nothing_assumed_is_the_instrument(instrument):
+    assert assuming(instrument) is assuming(instrument)
+    strategy = SurveyStrategy(name="x")
+    assert assuming(instrument).strategy.sigma == strategy.detection.sigma
+
+
+def test_the_nominal_contrast_changes_nothing(instrument, metrics):
+    same = with_contrast(metrics, raw_contrast_median(metrics))
+    for name in ("halo_map", "raw_contrast", "floor_sigma", "core_table", "column_light"):
+        np.testing.assert_allclose(getattr(same, name), getattr(metrics, name), rtol=1e-12)
+    assert same.peak_on_axis_hole == pytest.approx(metrics.peak_on_axis_hole, rel=1e-14)
+    one, other = rates(assuming(instrument)), rates(assuming(instrument, contrast=raw_contrast_median(metrics)))
+    assert float(other.halo_e_s.squeeze()) == pytest.approx(float(one.halo_e_s.squeeze()), rel=1e-12)
+
+
+@pytest.mark.parametrize("contrast", [0.0, 1e-10, 1e-9, 1e-8, 1e-5])
+def test_light_scales_inside_the_hole_and_nowhere_else(metrics, contrast):
+    other = with_contrast(metrics, contrast)
+    factor = contrast / raw_contrast_median(metrics)
+    assert raw_contrast_median(other) == pytest.approx(contrast, rel=1e-12)
+    hole = metrics.hole
+    np.testing.assert_allclose(other.raw_contrast[hole], factor * metrics.raw_contrast[hole], rtol=1e-12)
+    np.testing.assert_array_equal(other.raw_contrast[~hole], metrics.raw_contrast[~hole])
+    np.testing.assert_array_equal(other.core_table, metrics.core_table)
+    assert np.all(other.floor_sigma > 0.0)
+    assert np.isfinite(np.array(floor_law(other))).all()
+
+
+@pytest.mark.parametrize("contrast", [0.0, 1e-10, 3e-10, 1e-9, 1e-8])
+@pytest.mark.parametrize("band", ["F520", "F662", "F850"])
+def test_the_law_of_the_floor_is_that_of_the_scaled_light(instrument, band, contrast):
+    nominal = build_model(instrument, (band,)).metrics[band]
+    (a, b), factor = floor_law(nominal), contrast / raw_contrast_median(nominal)
+    scaled_a, scaled_b = floor_law(with_contrast(nominal, contrast))
+    # The fit of the scaled table weighs its points anew.
+    assert np.all(np.abs(scaled_a - factor * a) <= 0.02 * factor * a + 0.02 * b * 1e-3)
+    np.testing.assert_allclose(scaled_b, b, rtol=0.02)
+
+
+def test_the_floor_of_random_fields(metrics):
+    """Fields of a static hole and of random errors, added and subtracted as two visits are."""
+    rng, n_pixels, draws = np.random.default_rng(2), 40, 4000
+    static = (rng.standard_normal(n_pixels) + 1j * rng.standard_normal(n_pixels)) * 1e-5
+    offsets = np.array([0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0])
+
+    def floor(light):
+        table = []
+        for offset in offsets:
+            error = (
+                (rng.standard_normal((2, draws, n_pixels)) + 1j * rng.standard_normal((2, draws, n_pixels)))
+                * 3e-5
+                * offset
+            )
+            visits = np.abs(np.sqrt(light) * static + error) ** 2
+            table.append((visits[0] - visits[1]).sum(axis=-1).std())
+        return np.array(table)
+
+    bins = len(metrics.floor_sigma)
+    sampled = replace(metrics, floor_visit_nm=offsets, floor_sigma=np.tile(floor(1.0), (bins, 1)))
+    for light in (0.03, 0.3, 4.0, 50.0):
+        predicted = with_contrast(sampled, light * raw_contrast_median(metrics)).floor_sigma
+        # Each standard deviation is known to 1 / sqrt(2 draws), twice, and the fit to less.
+        np.testing.assert_allclose(
+            predicted, np.tile(floor(light), (bins, 1)), rtol=4.0 * np.sqrt(2.0 / (2.0 * draws)) + 0.02
+        )
+    dark = with_contrast(sampled, 0.0).floor_sigma[1]
+    np.testing.assert_allclose(dark, floor(0.0), rtol=0.08)
+
+
+def test_more_light_is_more_noise_and_less_is_less(instrument):
+    noise = []
+    for contrast in (0.0, 1e-10, 1e-9, 1e-8, 1e-7):
+        model = assuming(instrument, contrast=contrast)
+        stack = stack_noise(rates(model), 20.0, 100.0, 300.0, model.camera("F520"))
+        assert np.isfinite(stack.significance).all()
+        noise.append(float(stack.significance.squeeze()))
+    assert np.all(np.diff(noise) < 0.0)
+
+
+def test_drift_and_throughput_and_dust(instrument):
+    nominal = assuming(instrument)
+    wild = assuming(instrument, drift=3.0)
+    assert wild.instrument.drift.visit_nm == pytest.approx(3.0 * instrument.drift.visit_nm)
+    laws = [speckle_law(model.metrics["F520"], model.instrument.drift, 0.6, 1.5) for model in (nominal, wild)]
+    assert 9.0 <= float(laws[1].k0 / laws[0].k0) <= 81.0
+    half = rates(assuming(instrument, throughput=0.5))
+    one = rates(nominal)
+    np.testing.assert_allclose(half.planet_e_s, 0.5 * one.planet_e_s, rtol=1e-12)
+    np.testing.assert_allclose(half.halo_e_s, 0.5 * one.halo_e_s, rtol=1e-12)
+    np.testing.assert_allclose(half.dark_e_s, one.dark_e_s, rtol=1e-12)
+    dusty, clean = (rates(assuming(instrument, exozodi=amount)) for amount in (30.0, 0.0))
+    assert float(clean.exozodi_e_s.squeeze()) == 0.0
+    assert float(dusty.exozodi_e_s.squeeze()) > 0.0
+
+
+def test_impossible_assumptions_are_refused_with_their_key(instrument):
+    with pytest.raises(InputError, match=r"bands.F520.t_opt = 1.9.*at most 1"):
+        assuming(instrument, throughput=10.0)
+    with pytest.raises(InputError, match="band = F999"):
+        assumed_model(instrument, SurveyStrategy(name="x"), ("F999",))

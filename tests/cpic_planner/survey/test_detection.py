@@ -1,0 +1,232 @@
+"""What a visit sees: against completeness, the ETC of one planet, the geometry of the quadrants, and chance."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cpic_planner.completeness import completeness
+from cpic_planner.etc.model import Strategy, build_model
+from cpic_planner.etc.questions import signal_to_noise
+from cpic_planner.etc.significance import detection_threshold
+from cpic_planner.orbits import OrbitPlaces
+from cpic_planner.population import draw_population, load_population
+from cpic_planner.survey.detection import Setting, detection_chance, reach_au, rolled, see
+from cpic_planner.survey.strategy import DetectionRule
+from cpic_planner.survey.universe import NEW, Bodies
+from cpic_planner.targets import find_target
+from simulator import load_instrument
+from simulator.config.albedo import MeasuredAlbedo
+from simulator.target.positions import sky_to_detector
+
+JUPITER = (MeasuredAlbedo(model="jupiter"),)
+SETTING = Setting("F520", 20.0, 150.0, 300.0, 6500.0)
+
+
+@pytest.fixture(scope="module")
+def model():
+    return build_model(load_instrument(), bands=("F520", "F850"))
+
+
+def star(name):
+    return find_target(name)[0]
+
+
+def bodies_of(planets):
+    n = len(planets)
+    names = ("radius_rjup", "semi_major_axis_au", "eccentricity", "inclination_deg", "argument_of_pericentre_deg",
+             "node_deg", "mean_anomaly_deg")  # fmt: skip
+    return Bodies(universe=np.arange(n), number=np.zeros(n, np.int64), known=np.full(n, NEW), kind=planets.kind,
+                  **{name: getattr(planets, name) for name in names}, period_days=np.full(n, 400.0))  # fmt: skip
+
+
+def places_of(planets):
+    return OrbitPlaces(*(getattr(planets, name)[None] for name in OrbitPlaces.__dataclass_fields__))
+
+
+# alf Cen A has a companion whose wings count, and the mixture of the solar system has albedos that follow insolation.
+@pytest.mark.parametrize("band", ["F520", "F850"])
+@pytest.mark.parametrize(("name", "population"), [("alf Cen A", "giants"), ("eps Eri", "giants"),
+                                                  ("tau Cet", "solar_system"), ("HD 10700", "jupiters")])  # fmt: skip
+def test_as_many_planets_as_completeness_counts(model, name, population, band):
+    config = load_population(population)
+    planets, one = draw_population(config, 3000, 7), star(name)
+    setting = replace(SETTING, band=band)
+    counted = completeness(model, one, band, planets, exposure_s=setting.exposure_s, n_frames=setting.n_frames,
+                           em_gain=setting.em_gain)  # fmt: skip
+    seen = see(model, one, setting, bodies_of(planets), planets.albedos, places_of(planets), [0.0])
+    chance = detection_chance(seen.margin, DetectionRule(rule="expected"), np.zeros(3000, bool))
+    assert int(chance.sum()) == round(counted.completeness[0] * 3000)
+    assert np.count_nonzero(seen.contrast[0]) <= round(counted.observable[0] * 3000)
+
+
+@pytest.mark.parametrize("name", ["tau Cet", "alf Cen A"])
+def test_one_planet_on_the_diagonal_as_the_etc_has_it(model, name):
+    one, rho, contrast = star(name), 0.6, 2e-8
+    answer = signal_to_noise(model, one, time_s=7200.0, separation_arcsec=rho, bands=["F520"], contrast=contrast)[0]
+    setting = Setting("F520", answer.exposure_s, answer.n_frames, answer.em_gain, answer.time_s)
+    # The ETC stands its planet in the quadrant of +x, +y, which is position angle 315 at roll 0.
+    au = rho * float(one.distance_pc[0])
+    phase = 40.0
+    lambert = (np.sin(np.deg2rad(phase)) + np.deg2rad(180 - phase) * np.cos(np.deg2rad(phase))) / np.pi
+    distance = au / np.sin(np.deg2rad(phase))
+    albedo = float(
+        np.squeeze(model.passbands.band_albedo(_source(), one.teff_k, one.log_g, one.metallicity, only="F520"))
+    )
+    radius_km = distance * 149597870.7 * np.sqrt(contrast / (albedo * lambert))
+    bodies = face_on(1, au, radius_rjup=radius_km / 71492.0)
+    pa = np.deg2rad(315.0)
+    for roll in (0.0, 33.0):
+        turned = pa + np.deg2rad(roll)
+        place = OrbitPlaces(
+            *(np.array([[value]]) for value in (au * np.sin(turned), au * np.cos(turned), distance, phase))
+        )
+        turned_star = replace(one, companion_pa_deg=one.companion_pa_deg + roll)
+        seen = see(model, turned_star, setting, bodies, JUPITER, place, [roll])
+        assert seen.contrast[0, 0] == pytest.approx(contrast, rel=1e-9)
+        assert seen.snr[0, 0] == pytest.approx(answer.value, rel=1e-9)
+        threshold = detection_threshold(float(model.metrics["F520"].resolution_elements(rho)), 5.0).unwrap()
+        assert seen.margin[0, 0] == pytest.approx(answer.predicted_significance / threshold, rel=1e-9)
+
+
+def _source():
+    from simulator.target.albedo import albedo_source
+
+    return albedo_source(JUPITER[0])
+
+
+def face_on(n, au, radius_rjup=1.0):
+    zero, whole = np.zeros(n), np.zeros(n, np.int64)
+    return Bodies(np.arange(n), whole, np.full(n, NEW), whole, np.full(n, radius_rjup), np.full(n, au), zero, zero, zero,
+                  zero, (np.arange(n) + 0.5) * 360.0 / n, np.full(n, 1000.0))  # fmt: skip
+
+
+@pytest.mark.parametrize("side", ["4q", "2q"])
+@pytest.mark.parametrize("rho", [0.3, 0.42, 0.55, 0.65, 0.75, 0.9])
+def test_without_noise_the_quadrants_alone_decide(model, brute_force, rho, side):
+    perfect = replace(model, strategy=Strategy(library="idealised"))
+    if side == "2q":
+        metrics = {"F520": replace(model.metrics["F520"], hole_mode="2q", hole_side="right")}
+        perfect = replace(perfect, metrics=metrics)
+    one, n = star("tau Cet"), 7200
+    bodies = face_on(n, rho * float(one.distance_pc[0]))
+    setting = Setting("F520", 20.0, 1e14, 300.0, 1e15)
+    places = bodies.places([0.0])
+    seen = see(perfect, one, setting, bodies, JUPITER, places, [0.0])
+    metrics = perfect.metrics["F520"]
+    low, high = metrics.hole_inner_arcsec + metrics.aperture_radius_arcsec, (
+        metrics.hole_outer_arcsec - metrics.aperture_radius_arcsec)  # fmt: skip
+    found = seen.margin[0] >= 1.0
+    elements = float(metrics.resolution_elements(rho))
+    share = brute_force.azimuth_share(rho, low, high) * (0.5 if side == "2q" else 1.0) * (elements >= 3.0)
+    assert abs(found.mean() - share) <= 8.0 / n
+    assert abs(metrics.zone.azimuth_fraction(rho) - brute_force.azimuth_share(
+        rho, metrics.hole_inner_arcsec, metrics.hole_outer_arcsec) * (0.5 if side == "2q" else 1.0)) < 1e-12  # fmt: skip
+    if side == "2q" and found.any():  # +x is west
+        assert np.all(places.east_au[0][found] < 0.0)
+    # A roll turns what is found, degree by degree: 600 planets are 30 degrees.
+    turned = see(perfect, one, setting, bodies, JUPITER, places, [30.0]).margin[0] >= 1.0
+    pa = np.rad2deg(np.arctan2(places.east_au[0], places.north_au[0])) % 360.0
+    step = np.argsort(pa)
+    assert np.array_equal(np.roll(found[step], 600), turned[step])
+
+
+def test_the_wings_of_a_companion_turn_with_the_roll(model):
+    one = star("alf Cen A")
+    assert np.isfinite(one.companion_v_mag[0])
+    n = 720
+    bodies = face_on(n, 0.6 * float(one.distance_pc[0]))
+    places = bodies.places([0.0])
+    still, turned = (see(model, one, SETTING, bodies, JUPITER, places, [roll]) for roll in (0.0, 40.0))
+    # Sky and companion turned the other way before a detector at rest are the same.
+    back = np.deg2rad(-40.0)
+    east = places.east_au * np.cos(back) + places.north_au * np.sin(back)
+    north = places.north_au * np.cos(back) - places.east_au * np.sin(back)
+    other = see(model, replace(one, companion_pa_deg=one.companion_pa_deg - 40.0), SETTING, bodies, JUPITER,
+                replace(places, east_au=east, north_au=north), [0.0])  # fmt: skip
+    np.testing.assert_allclose(turned.margin, other.margin, rtol=1e-7)
+    np.testing.assert_allclose(turned.snr, other.snr, rtol=1e-7)
+    assert not np.allclose(still.margin, turned.margin)
+    assert rolled(one, 40.0).companion_pa_deg[0] == one.companion_pa_deg[0] - 40.0
+    # Without its light only the quadrants turn: the largest margins are the same.
+    alone = replace(one, companions="off")
+    tops = [see(model, alone, SETTING, bodies, JUPITER, places, [roll]).margin.max() for roll in (0.0, 40.0)]
+    assert tops[0] == pytest.approx(tops[1], rel=1e-3)
+
+
+def test_many_dates_are_as_one_by_one(model):
+    one = star("alf Cen A")
+    bodies = bodies_of(draw_population(load_population("giants"), 400, 3))
+    days, rolls = np.array([0.0, 40.0, 300.0]), np.array([0.0, 25.0, 25.0])
+    every = see(model, one, SETTING, bodies, JUPITER, bodies.places(days), rolls)
+    for row, (day, roll) in enumerate(zip(days, rolls, strict=True)):
+        alone = see(model, one, SETTING, bodies, JUPITER, bodies.places([day]), [roll])
+        for name in alone.__dataclass_fields__:
+            np.testing.assert_array_equal(getattr(alone, name)[0], getattr(every, name)[row])
+
+
+def test_no_frames_and_nobody_show_nothing(model):
+    bodies = face_on(50, 2.0)
+    seen = see(model, star("tau Cet"), replace(SETTING, n_frames=0.0), bodies, JUPITER, bodies.places([0.0]), [0.0])
+    assert not seen.margin.any()
+    assert not seen.snr.any()
+    assert np.all(seen.separation_arcsec > 0.0)
+    none = bodies.select(np.zeros(50, bool))
+    assert see(model, star("tau Cet"), SETTING, none, JUPITER, none.places([0.0]), [0.0]).margin.shape == (1, 0)
+
+
+def test_position_angles_on_the_sky(model):
+    one, au = star("tau Cet"), 2.0
+    east, north = np.array([[au, 0.0, -au]]), np.array([[0.0, au, 0.0]])
+    bodies = face_on(3, au)
+    place = OrbitPlaces(east, north, np.full((1, 3), 4.0), np.full((1, 3), 60.0))
+    seen = see(model, one, SETTING, bodies, JUPITER, place, [0.0])
+    np.testing.assert_allclose(seen.pa_deg[0], [90.0, 0.0, -90.0])
+    np.testing.assert_allclose(seen.separation_arcsec, au / one.distance_pc[0])
+
+
+def test_reach_is_that_of_the_corners(model):
+    inner, outer = reach_au(model, 10.0)
+    assert inner == pytest.approx(
+        10.0 * min(item.zone.inner_corner_arcsec for item in model.metrics.values()), rel=1e-12
+    )
+    assert outer == pytest.approx(
+        10.0 * max(item.zone.outer_corner_arcsec for item in model.metrics.values()), rel=1e-12
+    )
+    # No planet beyond is usable: the corners of the usable squares lie inside.
+    for metrics in model.metrics.values():
+        x, y = sky_to_detector(np.array([outer / 10.0 * 1.0001, inner / 10.0 * 0.9999]), 45.0)
+        assert np.all((np.abs(x) > metrics.hole_outer_arcsec) | (np.abs(x) < metrics.hole_inner_arcsec))
+        assert np.allclose(np.abs(x), np.abs(y))
+
+
+RULE = DetectionRule(rule="blind", blind_margin=1.8, blind_width=0.4, blind_margin_error=0.1, known_margin=1.0,
+                     known_width=0.2, known_margin_error=0.05)  # fmt: skip
+
+
+@pytest.mark.parametrize("rule", ["blind", "known_place"])
+def test_chance_of_a_detection_is_that_of_noisy_margins(rule):
+    rng, n = np.random.default_rng(1), 400_000
+    margin = np.array([0.3, 0.9, 1.1, 1.7, 2.4, 0.9, 1.2])
+    known = np.array([False] * 5 + [True] * 2)
+    law = RULE.model_copy(update={"rule": rule})
+    for shift, calibration in ((0.0, 1.0), (1.5, 0.9)):
+        found = detection_chance(margin, law, known, shift, calibration)
+        for k in range(margin.size):
+            at_place = known[k] or rule == "known_place"
+            middle, width, error = (1.0, 0.2, 0.05) if at_place else (1.8, 0.4, 0.1)
+            measured = calibration * margin[k] + width * rng.standard_normal(n)
+            share = np.mean(measured > middle + error * shift)
+            assert abs(found[k] - share) < 4.0 * np.sqrt(max(share * (1 - share), 1e-6) / n), (k, shift)
+
+
+def test_expected_detections_have_no_chance_in_them():
+    margin = np.array([0.0, np.nextafter(1.0, 0.0), 1.0, 3.0])
+    found = detection_chance(margin, DetectionRule(rule="expected"), np.array([False, True, False, True]), 5.0, 0.1)
+    assert found.tolist() == [0.0, 0.0, 1.0, 1.0]
+
+
+def test_what_cannot_be_seen_is_never_found():
+    wide = DetectionRule(rule="blind", blind_margin=0.1, blind_width=10.0)
+    assert detection_chance(np.array([0.0]), wide, np.array([False]))[0] == 0.0
+    assert detection_chance(np.array([1e-9]), wide, np.array([False]))[0] == pytest.approx(0.496, abs=1e-3)

@@ -1,0 +1,244 @@
+"""Universes against Kepler's laws at high precision, the law of Poisson, and the promise of common chance."""
+
+import dataclasses
+import math
+
+import mpmath
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+from catalogs.errors import InputError
+from catalogs.known_planets import load_known_planets, star_key
+from cpic_planner.orbits import orbit_places
+from cpic_planner.population import load_population
+from cpic_planner.survey.universe import BLOCK, NEW, Bodies, chance, draw_bodies, occurrence, star_mass_msun
+from cpic_planner.targets import find_target
+
+GIANTS = load_population("giants")
+QUANTITIES = [name for name in Bodies.__dataclass_fields__ if name not in ("universe", "number")]
+
+
+def draw(population=GIANTS, *, n=100, star="tau Cet", seed=1, **more):
+    return draw_bodies(star, 0.8, 0.5, population, epoch_mjd=61771.0, n=n, seed=seed, **more)
+
+
+def with_rate(rate):
+    return GIANTS.model_copy(update={"planets_per_star": rate})
+
+
+def by_name(bodies):
+    """Planets by universe and number."""
+    return {(int(u), int(j)): tuple(getattr(bodies, name)[row] for name in QUANTITIES)
+            for row, (u, j) in enumerate(zip(bodies.universe, bodies.number, strict=True))}  # fmt: skip
+
+
+def test_more_planets_leave_the_others_where_they_are():
+    few, many = by_name(draw(with_rate(0.5))), by_name(draw(with_rate(2.0)))
+    assert 0 < len(few) < len(many)
+    assert all(many[key] == value for key, value in few.items())
+
+
+def test_another_law_leaves_the_other_quantities_alone():
+    other = load_population({"base": "giants", "radius_rjup": 0.3, "planets_per_star": 0.21})
+    one, two = draw(n=2000), draw(other, n=2000)
+    assert np.array_equal(one.universe, two.universe)
+    for name in QUANTITIES:
+        same = np.array_equal(getattr(one, name), getattr(two, name))
+        assert same == (name != "radius_rjup"), name
+
+
+@pytest.mark.parametrize("n", [1, 37, 99, 100, 101, 250])
+def test_universes_do_not_depend_on_how_many_follow(n):
+    table = load_known_planets()
+    rows = table.by_star[star_key("eps Eri")]
+    make = {"known": table, "known_rows": rows, "star": "eps Eri"}
+    every, some = (
+        by_name(draw(with_rate(1.5), n=300 if n > BLOCK else BLOCK, **make)),
+        by_name(draw(with_rate(1.5), n=n, **make)),
+    )
+    if n <= BLOCK:  # what a block of the survey holds
+        assert some == {key: value for key, value in every.items() if key[0] < n}
+    assert {key[0] for key in some} == set(range(n))
+
+
+@given(n=st.integers(1, BLOCK), rows=st.integers(1, 4), more=st.integers(0, 4))
+def test_chance_grows_at_its_end(n, rows, more):
+    whole = chance(5, "stage", 3, shape=(rows + more, BLOCK))
+    assert np.array_equal(chance(5, "stage", 3, shape=(rows, n)), whole[:rows, :n])
+    assert np.array_equal(chance(5, "stage", shape=(n,)), chance(5, "stage", shape=(BLOCK,))[:n])
+
+
+def test_same_names_give_the_same_planets_and_others_do_not():
+    one = by_name(draw(with_rate(1.0)))
+    assert one == by_name(draw(with_rate(1.0)))
+    for other in ({"seed": 2}, {"block": 1}, {"stage": "planning"}, {"star": "eps Eri"}):
+        drawn = by_name(draw(with_rate(1.0), **other))
+        assert drawn.keys() != one.keys() or not any(drawn[key] == one[key] for key in one), other
+
+
+@pytest.mark.parametrize("rate", [0.21, 1.3, 30.0])
+def test_numbers_follow_the_law_of_poisson(rate):
+    n = 20_000 if rate < 10 else 2_000
+    numbers = np.bincount(draw(with_rate(rate), n=n).universe, minlength=n)
+    assert abs(numbers.mean() - rate) < 4.0 * math.sqrt(rate / n)
+    # Variance of the sample variance: (mu4 - sigma^4) / n, with mu4 = rate + 3 rate^2.
+    assert abs(numbers.var() - rate) < 4.0 * math.sqrt((rate + 2.0 * rate**2) / n)
+    none = math.exp(-rate)
+    assert abs(np.mean(numbers == 0) - none) < 4.0 * math.sqrt(max(none, 1.0 / n) / n)
+
+
+def test_one_each():
+    bodies = draw(n=500, one_each=True)
+    assert np.array_equal(bodies.universe, np.arange(500))
+    assert np.all(bodies.number == 0)
+
+
+def test_the_laws_of_the_population_hold():
+    bodies = draw(with_rate(5.0), n=4000)
+    for name in ("radius_rjup", "semi_major_axis_au", "eccentricity", "inclination_deg"):
+        law, values = getattr(GIANTS, name), np.sort(getattr(bodies, name))
+        share = (np.arange(values.size) + 0.5) / values.size
+        # Kolmogorov's distance: 1.95 / sqrt(n) is passed once in a thousand.
+        expected = np.sort(law.quantile(share))
+        reach = np.searchsorted(expected, values) / values.size
+        assert np.abs(reach - share).max() < 1.95 / math.sqrt(values.size), name
+
+
+def test_orbits_follow_insolation_where_they_should():
+    population = load_population({"base": "giants", "semi_major_axis_scale": "insolation", "planets_per_star": 0.21})
+    near, far = draw(n=2000), draw(population, n=2000)
+    np.testing.assert_allclose(far.semi_major_axis_au, math.sqrt(0.5) * near.semi_major_axis_au, rtol=1e-14)
+
+
+def test_keplers_third_law():
+    bodies = draw(with_rate(2.0))
+    np.testing.assert_allclose((bodies.period_days / 365.25) ** 2 * 0.8, bodies.semi_major_axis_au**3, rtol=1e-13)
+
+
+def mpmath_place(a, e, inclination, pericentre, node, mean):
+    """East, north and distance to thirty digits."""
+    with mpmath.workdps(40):
+        a, e = mpmath.mpf(a), mpmath.mpf(e)
+        i, w, o, m = (mpmath.mpf(angle) * mpmath.pi / 180 for angle in (inclination, pericentre, node, mean))
+        m -= 2 * mpmath.pi * mpmath.nint(m / (2 * mpmath.pi))
+        # The equation is monotone: bracketing finds its root for any eccentricity.
+        anomaly = mpmath.findroot(lambda x: x - e * mpmath.sin(x) - m, (m - e - 1e-9, m + e + 1e-9), solver="anderson")
+        true = 2 * mpmath.atan2(
+            mpmath.sqrt(1 + e) * mpmath.sin(anomaly / 2), mpmath.sqrt(1 - e) * mpmath.cos(anomaly / 2)
+        )
+        r, u = a * (1 - e * mpmath.cos(anomaly)), w + true
+        north = r * (mpmath.cos(o) * mpmath.cos(u) - mpmath.sin(o) * mpmath.sin(u) * mpmath.cos(i))
+        east = r * (mpmath.sin(o) * mpmath.cos(u) + mpmath.cos(o) * mpmath.sin(u) * mpmath.cos(i))
+        return float(east), float(north), float(r)
+
+
+def bodies_of(a, e, inclination, pericentre, node, mean, period):
+    n = len(a)
+    zero = np.zeros(n, np.int64)
+    return Bodies(np.arange(n), zero, np.full(n, NEW), zero, np.ones(n), *(np.asarray(part, float) for part in
+                  (a, e, inclination, pericentre, node, mean, period)))  # fmt: skip
+
+
+def test_places_after_a_time_to_a_part_in_1e12():
+    rng = np.random.default_rng(3)
+    e = np.array([0.0, 0.1, 0.5, 0.8, 0.9, 0.97, 0.99, 0.99, 0.99])
+    n = e.size
+    a, period = rng.uniform(0.5, 10.0, n), np.full(n, 512.0)
+    angles = rng.uniform(0.0, 360.0, (3, n))
+    mean = rng.uniform(0.0, 360.0, n)
+    mean[-2:] = 0.02, 359.99  # at the pericentre, where the planet runs
+    bodies = bodies_of(a, e, angles[0] / 2.0, angles[1], angles[2], mean, period)
+    for day in (0.0, 3.25, 256.0, 896.0):
+        found = bodies.places([day])
+        for k in range(n):
+            # Days over the period are a power of two: the mean anomaly of the oracle is the one that is meant.
+            east, north, r = mpmath_place(a[k], e[k], angles[0, k] / 2.0, angles[1, k], angles[2, k],
+                                          mpmath.mpf(mean[k]) + mpmath.mpf(360) * day / 512)  # fmt: skip
+            miss = np.hypot(found.east_au[0, k] - east, found.north_au[0, k] - north) / a[k]
+            assert miss < 1e-12, (e[k], day, miss)
+            assert abs(found.distance_au[0, k] - r) < 1e-12 * a[k]
+
+
+def test_places_against_integration_of_the_law_of_gravity():
+    mass, a, e = 0.8, 2.5, 0.6
+    period = 365.25 * math.sqrt(a**3 / mass)
+    bodies = bodies_of([a], [e], [57.0], [110.0], [35.0], [70.0], [period])
+    gm = 4.0 * math.pi**2 * mass / 365.25**2  # au^3 / day^2
+    step = 1e-3
+
+    def state(day):
+        """Place and velocity in three dimensions, the last away from the observer."""
+
+        def place(t):
+            p = bodies.places([t])
+            return np.array(
+                [p.east_au[0, 0], p.north_au[0, 0], p.distance_au[0, 0] * math.cos(math.radians(p.phase_deg[0, 0]))]
+            )
+
+        return place(day), (place(day + step) - place(day - step)) / (2.0 * step)
+
+    where, velocity = state(0.0)
+    found = solve_ivp(lambda _, y: np.r_[y[3:], -gm * y[:3] / np.linalg.norm(y[:3]) ** 3], (0.0, 2000.0),
+                      np.r_[where, velocity], method="DOP853", rtol=1e-11, atol=1e-12,
+                      t_eval=[200.0, 900.0, 2000.0])  # fmt: skip
+    for day, y in zip(found.t, found.y.T, strict=True):
+        np.testing.assert_allclose(state(day)[0], y[:3], atol=2e-5)
+
+
+@given(st.lists(st.tuples(st.floats(0.1, 20.0), st.floats(0.0, 0.95), st.floats(0.0, 180.0), st.floats(0.0, 360.0)),
+                min_size=1, max_size=8),
+       st.floats(0.1, 5.0), st.floats(1.01, 6.0))  # fmt: skip
+def test_within_never_drops_a_planet_that_some_date_shows(orbits, inner, ratio):
+    a, e, inclination, pericentre = (np.array(part) for part in zip(*orbits, strict=True))
+    bodies = bodies_of(a, e, inclination, pericentre, 0.0 * a, 0.0 * a, 0.0 * a + 100.0)
+    kept = bodies.within(inner, inner * ratio)
+    around = orbit_places(a, e, inclination, pericentre, 0.0 * a, np.linspace(0.0, 360.0, 1441)[:, None])
+    reach = np.hypot(around.east_au, around.north_au)
+    shown = ((reach >= inner) & (reach <= inner * ratio)).any(axis=0)
+    assert np.all(kept | ~shown)
+    assert not np.any(kept & (reach.max(axis=0) < 0.2 * inner) & (e < 0.01))
+
+
+def test_known_planets_are_in_every_universe():
+    table = load_known_planets()
+    rows = table.by_star[star_key("tau Cet")]
+    bodies = draw(with_rate(1.0), n=60, known=table, known_rows=rows)
+    known = bodies.known != NEW
+    for number, row in enumerate(rows):
+        mine = known & (bodies.number == number)
+        assert np.array_equal(np.sort(bodies.universe[mine]), np.arange(60))
+        assert np.all(bodies.known[mine] == row)
+    assert bodies.number[~known].min() == len(rows)
+    assert np.all(bodies.kind[known] == len(GIANTS.mixture))
+    alone = draw(None, n=60, known=table, known_rows=rows)
+    assert np.array_equal(alone.mean_anomaly_deg, bodies.mean_anomaly_deg[known])
+    assert len(draw(None)) == 0
+
+
+def test_mass_of_the_sun_and_of_known_stars():
+    star = find_target("alf Cen A")[0]
+    sun = dataclasses.replace(star, log_g=np.array([4.438]), luminosity_lsun=np.array([1.0]), teff_k=np.array([5772.0]))
+    assert star_mass_msun(sun)[0] == pytest.approx(1.0, rel=1e-12)
+    # Kervella et al. 2016 (A&A 594, A107): 1.133 solar masses.
+    assert star_mass_msun(star)[0] == pytest.approx(1.133, rel=0.1)
+    for log_g, mass in ((8.0, 5.0), (1.0, 0.2), (np.nan, 1.0)):
+        assert star_mass_msun(dataclasses.replace(sun, log_g=np.array([log_g])))[0] == mass
+
+
+def test_a_population_needs_an_occurrence_rate_that_can_be_drawn():
+    assert occurrence(GIANTS) == 0.21
+    with pytest.raises(InputError, match=r"population.planets_per_star = missing"):
+        draw(load_population("jupiters"))
+    with pytest.raises(InputError, match=r"planets_per_star = 9000"):
+        draw(with_rate(9000.0))
+
+
+def test_joined_and_selected():
+    one, two = draw(with_rate(1.0), n=20), draw(with_rate(1.0), n=20, star="eps Eri")
+    both = Bodies.joined([one, two])
+    assert len(both) == len(one) + len(two)
+    assert by_name(both.select(np.arange(len(one)))) == by_name(one)
+    assert by_name(both.select(np.arange(len(both)) >= len(one))) == by_name(two)
