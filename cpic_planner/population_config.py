@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 from pydantic import BeforeValidator, Field, PrivateAttr, ValidationInfo, model_validator
 
 from catalogs.errors import InputError
-from catalogs.strict_yaml import Provenance, load_yaml, split_sourced
+from catalogs.strict_yaml import Provenance, split_sourced
 from cpic_planner.distributions import Law, read_law
 from cpic_planner.etc.planet import ReferencePlanet
 from cpic_planner.orbits import ECCENTRICITY_MAX
@@ -17,7 +17,7 @@ from simulator.config.albedo import AlbedoSpec, albedo_spec
 from simulator.config.base import FrozenModel, unit_of, validate
 from simulator.config.keys import at, canonical_keys
 from simulator.config.light import Real
-from simulator.config.presets import preset_names, preset_or_file, preset_path
+from simulator.config.presets import preset_names, preset_path, preset_tree
 from simulator.config.scene import paths_beside
 
 __all__ = [
@@ -227,21 +227,9 @@ def load_population(source: PopulationSource = None) -> PopulationConfig:
 
 
 def _tree(source: Any) -> dict[str, Any]:
-    if isinstance(source, Mapping):
-        own: Any = dict(source)
-    elif isinstance(source, str | Path):
-        path = preset_or_file("population", source, package=PACKAGE)
-        own = load_yaml(path)
-        if isinstance(own, dict):
-            own = paths_beside(own, path.parent)
-            own.setdefault("name", path.stem)
-    else:
-        raise InputError("population", source, allowed="a mapping, a YAML file or a preset")
-    if not isinstance(own, dict):
-        raise InputError("population", own, allowed="a mapping of keys to values")
-    if own.pop("kind", "population") != "population":
-        raise InputError("population.kind", source if isinstance(source, str | Path) else "given",
-                         allowed="population")  # fmt: skip
+    own, folder = preset_tree("population", source, package=PACKAGE)
+    if folder is not None:
+        own = paths_beside(own, folder)
     if "base" not in own and not isinstance(source, Mapping) and str(source) in population_names():
         return own
     base = own.pop("base", DEFAULT_POPULATION)

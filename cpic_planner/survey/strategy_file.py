@@ -18,7 +18,7 @@ from simulator.config.base import deep_merge, validate
 from simulator.config.keys import nearest
 from simulator.config.light import Real
 from simulator.config.mission import Utc
-from simulator.config.presets import preset_names, preset_or_file, preset_path
+from simulator.config.presets import preset_names, preset_path, preset_tree
 from simulator.config.scene import paths_beside
 
 __all__ = ["StrategiesConfig", "UniverseConfig", "load_strategies", "strategies_names", "varied", "with_universe"]
@@ -123,23 +123,9 @@ def load_strategies(source: Mapping[str, Any] | str | Path = "survey_default") -
     >>> [item.name for item in load_strategies("survey_default").strategies][:2]
     ['single_visit', 'multi_band']
     """
-    if isinstance(source, Mapping):
-        tree: Any = dict(source)
-    elif not isinstance(source, str | Path):
-        raise InputError("strategies", source, allowed="a preset, a YAML file or a mapping")
-    else:
-        path = preset_or_file("strategies", source, package=PACKAGE)
-        tree = load_yaml(path)
-        if isinstance(tree, dict):
-            tree = paths_beside(tree, path.parent)
-            tree.setdefault("name", path.stem)
-    if not isinstance(tree, dict):
-        raise InputError("strategies", source if isinstance(source, str | Path) else tree,
-                         allowed="a mapping of keys to values")  # fmt: skip
-    values, _ = split_sourced(tree)
+    tree, folder = preset_tree("strategies", source, package=PACKAGE, kinds=("strategy",))
+    values, _ = split_sourced(tree if folder is None else paths_beside(tree, folder))
     kind = values.pop("kind", "strategies")
-    if kind not in ("strategies", "strategy"):
-        raise InputError("strategies.kind", kind, allowed="strategies, strategy")
     if kind == "strategy" or "strategies" not in values:
         shared = {key: values.pop(key) for key in ("universe", "defaults") if key in values}
         values = {"name": values.get("name", "")} | shared | {"strategies": [values]}

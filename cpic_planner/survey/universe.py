@@ -187,8 +187,9 @@ def _known(
     path: tuple[str | int, ...], mass: float, table: KnownPlanetTable, rows: Sequence[int], epoch_mjd: float, n: int,
     seed: int, kind: int,
 ) -> Bodies:  # fmt: skip
-    uniforms = np.stack([chance(seed, "known", *path, row, shape=(len(KNOWN_QUANTITIES), n)).T
-                         for row in range(len(rows))])  # fmt: skip
+    planets = table.text("planet")
+    uniforms = np.stack([chance(seed, "known", *path, planets[row], shape=(len(KNOWN_QUANTITIES), n)).T
+                         for row in rows])  # fmt: skip
     drawn = draw_known(table, [int(row) for row in rows], uniforms, epoch_mjd=epoch_mjd, star_mass_msun=mass)
     names = ("radius_rjup", "semi_major_axis_au", "eccentricity", "inclination_deg", "argument_of_pericentre_deg",
              "node_deg", "mean_anomaly_deg", "period_days")  # fmt: skip

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
+from typing import Any
 
 from catalogs.errors import InputError
+from catalogs.strict_yaml import load_yaml
 from simulator.config.keys import nearest
 
-__all__ = ["preset_names", "preset_or_file", "preset_path"]
+__all__ = ["preset_names", "preset_or_file", "preset_path", "preset_tree"]
 
 
 def _folder(kind: str, package: str) -> Path:
@@ -39,3 +42,50 @@ def preset_or_file(kind: str, source: str | Path, *, package: str = "simulator")
         raise InputError(kind, str(source), allowed="a YAML file or a preset",
                          hint=nearest(source, names) or f"presets: {', '.join(names) or 'none'}")  # fmt: skip
     return path
+
+
+def preset_tree(
+    kind: str, source: Any, *, package: str = "simulator", kinds: tuple[str, ...] = ()
+) -> tuple[dict[str, Any], Path | None]:
+    """What a source holds: a preset, a YAML file, or the mapping itself, without its ``kind``.
+
+    Parameters
+    ----------
+    kind : str
+        What the presets are, and what the source is expected to say that it is, if it says so.
+    source : str, Path or mapping
+    package : str
+        Whose presets.
+    kinds : tuple of str
+        Other kinds that are accepted, and stay in the tree.
+
+    Returns
+    -------
+    tree : dict
+        With the name of the file as ``name`` where it has none.
+    folder : Path or None
+        Folder of the file, beside which files that it names are looked for.
+
+    Raises
+    ------
+    InputError
+        If the source is nothing of this, or of another kind.
+    """
+    folder = None
+    if isinstance(source, Mapping):
+        tree: Any = dict(source)
+    elif isinstance(source, str | Path):
+        path = preset_or_file(kind, source, package=package)
+        tree, folder = load_yaml(path), path.parent
+        if isinstance(tree, dict):
+            tree.setdefault("name", path.stem)
+    else:
+        raise InputError(kind, source, allowed="a mapping, a YAML file or a preset")
+    if not isinstance(tree, dict):
+        raise InputError(kind, tree, allowed="a mapping of keys to values")
+    said = tree.get("kind", kind)
+    if said not in (kind, *kinds):
+        raise InputError(f"{kind}.kind", said, allowed=", ".join((kind, *kinds)))
+    if said == kind:
+        tree.pop("kind", None)
+    return tree, folder

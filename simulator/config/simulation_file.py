@@ -7,12 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from catalogs.errors import InputError
-from catalogs.strict_yaml import load_yaml
 from simulator.config import scene as scene_file
 from simulator.config.base import validate
 from simulator.config.instrument import Instrument, load_instrument, paths_beside
 from simulator.config.keys import at, canonical_keys
-from simulator.config.presets import preset_or_file
+from simulator.config.presets import preset_tree
 from simulator.config.simulation import SequenceConfig, SimulationConfig, meaningful_keys, of_no_use
 
 __all__ = ["InstrumentSource", "SimulationSource", "load_simulation", "simulation_of"]
@@ -49,7 +48,7 @@ def load_simulation(source: SimulationSource, *, instrument: InstrumentSource = 
         if instrument is not None:
             raise InputError("instrument", "given with a loaded simulation", allowed="one of the two")
         return source
-    tree, folder = _tree(source)
+    tree, folder = preset_tree("simulation", source)
     try:
         tree = canonical_keys(tree, _TOP, {"sequence": "sequences"})
         chosen = tree.get("instrument") if instrument is None else instrument
@@ -118,26 +117,6 @@ def _begun(sequences: tuple[SequenceConfig, ...], start_utc: Any) -> tuple[Seque
         raise InputError("start_utc", start_utc, unit="UTC", allowed="for sequences without a begin of their own",
                          hint=f"one has {own[0]}")  # fmt: skip
     return (_changed(sequences[0], "start_utc", start_utc), *sequences[1:])
-
-
-def _tree(source: Any) -> tuple[Any, Path | None]:
-    """What a source holds, and the folder beside which its files are looked for."""
-    folder = None
-    if isinstance(source, Mapping):
-        tree: Any = dict(source)
-    elif isinstance(source, str | Path):
-        path = preset_or_file("simulation", source)
-        tree, folder = load_yaml(path), path.parent
-        if isinstance(tree, dict):
-            tree.setdefault("name", path.stem)
-    else:
-        raise InputError("simulation", source, allowed="a mapping, a YAML file or a preset")
-    if not isinstance(tree, dict):
-        raise InputError("simulation", tree, allowed="a mapping of keys to values")
-    kind = tree.pop("kind", "simulation")
-    if kind != "simulation":
-        raise InputError("simulation.kind", kind, allowed="simulation")
-    return tree, folder
 
 
 def _with_defaults(tree: Mapping[str, Any]) -> list[dict[str, Any]]:

@@ -237,7 +237,7 @@ def test_orbits_may_follow_insolation():
                                             {"radius_rjup": 1, "semi_major_axis_au": 1}]},
          "population.kinds.1.albedo = missing: not accepted; allowed: a value is required"),
         ({"base": "elsewhere"}, "population.base = elsewhere: not accepted; allowed: giants, jupiters, solar_system"),
-        ({"kind": "scene"}, "population.kind = given: not accepted; allowed: population"),
+        ({"kind": "scene"}, "population.kind = scene: not accepted; allowed: population"),
         ("giant", "population = giant: not accepted; allowed: a YAML file or a preset (did you mean giants?)"),
         ([1], "population = [1]: not accepted; allowed: a mapping, a YAML file or a preset"),
     ],

@@ -9,11 +9,11 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, PrivateAttr
 
 from catalogs.errors import InputError
-from catalogs.strict_yaml import Provenance, load_yaml, split_sourced
+from catalogs.strict_yaml import Provenance, split_sourced
 from simulator.config.base import FrozenModel, validate
 from simulator.config.keys import at, canonical_keys
 from simulator.config.light import Real
-from simulator.config.presets import preset_names, preset_or_file, preset_path
+from simulator.config.presets import preset_names, preset_path, preset_tree
 
 __all__ = ["DEFAULT_VISIBILITY", "VisibilityConfig", "VisibilitySource", "load_visibility", "visibility_names"]
 
@@ -126,20 +126,7 @@ def load_visibility(source: VisibilitySource = None) -> VisibilityConfig:
 
 
 def _tree(source: Any) -> dict[str, Any]:
-    if isinstance(source, Mapping):
-        own: Any = dict(source)
-    elif isinstance(source, str | Path):
-        path = preset_or_file("visibility", source, package=PACKAGE)
-        own = load_yaml(path)
-        if isinstance(own, dict):
-            own.setdefault("name", path.stem)
-    else:
-        raise InputError("visibility", source, allowed="a mapping, a YAML file or a preset")
-    if not isinstance(own, dict):
-        raise InputError("visibility", own, allowed="a mapping of keys to values")
-    kind = own.pop("kind", "visibility")
-    if kind != "visibility":
-        raise InputError("visibility.kind", kind, allowed="visibility")
+    own, _ = preset_tree("visibility", source, package=PACKAGE)
     if "base" not in own and not isinstance(source, Mapping) and str(source) in visibility_names():
         return own
     base = own.pop("base", DEFAULT_VISIBILITY)

@@ -759,7 +759,11 @@ def compared() -> Callable[..., WhatIfResult]:
     """Comparisons of strategies with the given names; ``empty`` ones find and visit nothing."""
     from cpic_planner.survey.strategy_file import load_strategies
 
-    config = load_strategies()
+    bands = {"bands": ["F520", "F662", "F720", "F850"]}
+    config = load_strategies({"universe": {"seed": 1, "start_utc": "2028-01-01"}, "strategies": [
+        {"name": "a", "time_budget_h": 1752, "visit": bands | {"time_s": 36000}, "revisits": {"max_visits": 1}},
+        {"name": "b", "time_budget_h": 1752, "visit": {"bands": ["F520"]}, "revisits": {"max_visits": 4}},
+    ]})  # fmt: skip
     trees = [item.model_dump(mode="json") for item in config.strategies]
 
     def make(names: Sequence[str] = ("single", "deep & long", "wide"), *, empty: bool = False) -> WhatIfResult:
@@ -771,7 +775,7 @@ def compared() -> Callable[..., WhatIfResult]:
             config_hash="0123456789abcdef",
             name="a survey",
             description="What if",
-            universe=config.universe.model_dump(mode="json") | {"duration_days": 360.0},
+            universe=config.universe.model_dump(mode="json") | {"duration_days": 360.0, "slot_days": 30.0},
             catalogue="SIMBAD extract of 2012-12-06 (stars.csv 0123456789ab)",
             known_planets="NASA Exoplanet Archive of 2019-05-31, 176 planets (known_planets.csv 0123456789ab)",
             observed="",

@@ -16,17 +16,12 @@ ALL = ["yields", "differences", "curves", "time", "calendar", "sky", "detections
     ],
 )
 def test_what_there_is_is_drawn_under_titles_of_the_report(compared, names, empty, keys):
+    import matplotlib.pyplot as plt
+
     figures = whatif_figures(compared(names, empty=empty))
     assert list(figures) == keys
     assert [key for key in WHATIF_FIGURES if key in figures] == keys
     for picture in figures.values():
         assert picture.alt
         assert picture.caption.endswith(".")
-
-
-def test_figures_are_the_same_every_time_and_none_stays_open(compared):
-    import matplotlib.pyplot as plt
-
-    result = compared()
-    assert whatif_figures(result) == whatif_figures(result)
     assert plt.get_fignums() == []

@@ -25,9 +25,8 @@ TREE = {
 }
 
 
-def _oracles():
-    path = Path(__file__).resolve().parents[3] / "reports/whatif/brute_force.py"
-    spec = importlib.util.spec_from_file_location("whatif_brute_force", path)
+def _loaded(name, path):
+    spec = importlib.util.spec_from_file_location(name, path)
     module = sys.modules[spec.name] = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
@@ -36,7 +35,13 @@ def _oracles():
 @pytest.fixture(scope="session")
 def brute_force():
     """Sampling, orbits and geometry that share no code with the survey; they lie beside the report that uses them."""
-    return _oracles()
+    return _loaded("whatif_brute_force", Path(__file__).resolve().parents[3] / "reports/whatif/brute_force.py")
+
+
+@pytest.fixture(scope="session")
+def problems():
+    """Small random scheduling problems, and the search through all their schedules."""
+    return _loaded("survey_problems", Path(__file__).with_name("problems.py"))
 
 
 @pytest.fixture(scope="session")

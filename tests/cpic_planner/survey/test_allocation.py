@@ -1,0 +1,89 @@
+"""Schedules and their bounds against all schedules of small problems."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from cpic_planner.survey.allocation import make_schedule
+from cpic_planner.survey.schedule import Problem
+
+LIMITS = st.fixed_dictionaries({"budget_h": st.floats(2.0, 20.0), "share": st.sampled_from([0.15, 0.25, 0.4]),
+                                "gap_days": st.sampled_from([0.0, 25.0, 45.0])})  # fmt: skip
+
+
+def visits_of(schedule):
+    return [(visit.star, (visit.option, visit.slot)) for visit in schedule.visits if not visit.reserve]
+
+
+@settings(max_examples=40)
+@given(seed=st.integers(0, 10_000), needed=st.sampled_from([1, 1, 2]), limits=LIMITS)
+def test_values_and_bounds_hold_the_optimum_between_them(problems, seed, needed, limits):
+    problem = problems.random_problem(seed, needed=needed, **limits)
+    best = problems.optimum(problem)
+    values = {}
+    for method in ("greedy", "milp"):
+        rules = problem.strategy
+        rules = rules.model_copy(update={"scheduler": rules.scheduler.model_copy(update={"method": method})})
+        schedule = make_schedule(replace(problem, strategy=rules))
+        visits = visits_of(schedule)
+        assert problems.allowed(problem, visits)
+        assert schedule.value == pytest.approx(problems.worth(problem, visits, needed), abs=1e-9)
+        assert schedule.value <= best + 1e-9
+        assert schedule.bound >= best - 1e-6
+        assert schedule.bound >= schedule.value
+        values[method] = schedule
+    assert values["milp"].value >= values["greedy"].value - 1e-9
+    assert values["milp"].bound <= values["greedy"].bound + 1e-6
+    if needed == 1:
+        # Single detections: the programme comes as near to the optimum as it says, or as asked.
+        assert values["milp"].value >= best * (1.0 - max(0.011, values["milp"].distance)) - 1e-9
+        assert values["milp"].distance <= 0.011 + 1e-9
+
+
+@given(seed=st.integers(0, 300))
+@settings(max_examples=3)
+def test_larger_problems_end_within_their_gap(problems, seed):
+    problem = problems.random_problem(seed, stars=6, slots=8, options=2, budget_h=30.0, method="milp", gap=0.02)
+    schedule = make_schedule(problem)
+    assert problems.allowed(problem, visits_of(schedule))
+    assert schedule.distance <= 0.021
+
+
+def test_a_problem_that_the_programme_solves_better(problems):
+    """Budget for two cheap visits or one dear one that gives more an hour, but less in all."""
+    rng = np.random.default_rng(0)
+    star = problems.candidate(rng, slots=2, planets=1, visits_left=1)
+    stars = tuple(replace(star, cost_h=np.full((1, 2), cost), chance=np.full((1, 2, 1), chance, np.float32),
+                          weight=np.ones(1)) for cost, chance in ((6.0, 0.7), (5.0, 0.5), (5.0, 0.5)))  # fmt: skip
+    found = {method: make_schedule(Problem(problems.strategy(budget_h=10.0, share=1.0, method=method), stars,
+                                           np.full(2, 100.0))) for method in ("greedy", "milp")}  # fmt: skip
+    assert found["greedy"].value == pytest.approx(0.7, rel=1e-6)
+    assert found["milp"].value == pytest.approx(1.0, rel=1e-6)
+    assert found["milp"].method == "milp"
+    assert found["milp"].distance < 0.01
+    assert found["greedy"].bound >= 1.0
+
+
+@pytest.mark.parametrize("method", ["greedy", "milp"])
+def test_reserve_visits_come_on_top(problems, method):
+    without = make_schedule(problems.random_problem(5, stars=4, slots=6, budget_h=8.0, method=method))
+    problem = problems.random_problem(5, stars=4, slots=6, budget_h=8.0, method=method, reserve=1.0)
+    schedule = make_schedule(problem)
+    assert visits_of(schedule) == visits_of(without)
+    assert schedule.value == without.value
+    every = [(visit.star, (visit.option, visit.slot)) for visit in schedule.visits]
+    assert len(every) > len(visits_of(schedule))
+    # All of them keep the limits of a budget that is as much larger.
+    larger = problem.strategy.model_copy(update={"time_budget_h": 16.0})
+    assert problems.allowed(replace(problem, strategy=larger), every)
+
+
+def test_nothing_to_do(problems):
+    for stars in ((), (replace(problems.candidate(np.random.default_rng(1)), cost_h=np.full((1, 4), np.inf)),)):
+        for method in ("greedy", "milp"):
+            schedule = make_schedule(Problem(problems.strategy(method=method), stars, np.full(4, 100.0)))
+            assert schedule.visits == ()
+            assert (schedule.value, schedule.bound, schedule.distance) == (0.0, 0.0, 0.0)

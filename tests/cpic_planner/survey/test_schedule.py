@@ -1,0 +1,127 @@
+"""The greedy schedule against all schedules of small problems, and its limits."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from cpic_planner.survey.schedule import Problem, Room, Schedule, greedy, in_order
+from cpic_planner.survey.value import StarValue
+
+LIMITS = st.fixed_dictionaries({"budget_h": st.floats(2.0, 25.0), "share": st.sampled_from([0.15, 0.25, 0.4]),
+                                "gap_days": st.sampled_from([0.0, 25.0, 45.0])})  # fmt: skip
+
+
+@given(seed=st.integers(0, 10_000), needed=st.integers(1, 2), limits=LIMITS)
+def test_a_greedy_schedule_keeps_all_limits(problems, seed, needed, limits):
+    problem = problems.random_problem(seed, stars=4, slots=5, options=2, needed=needed, **limits)
+    room, booked = greedy(problem)
+    visits = [(star, visit) for star, visit, _ in booked]
+    assert problems.allowed(problem, visits)
+    gains = sum(gain for _, _, gain in booked)
+    assert gains == pytest.approx(problems.worth(problem, visits, needed), abs=1e-9)
+    spent = sum(float(problem.stars[star].cost_h[visit]) for star, visit in visits)
+    assert room.budget_h == pytest.approx(limits["budget_h"] - spent, abs=1e-9)
+
+
+@given(seed=st.integers(0, 10_000), limits=LIMITS)
+def test_nothing_that_fits_and_gains_is_left_out(problems, seed, limits):
+    problem = problems.random_problem(seed, stars=3, slots=4, **limits)
+    _, booked = greedy(problem)
+    visits = [(star, visit) for star, visit, _ in booked]
+    for i, star in enumerate(problem.stars):
+        state = StarValue.of(star, 1, [visit for owner, visit in visits if owner == i])
+        gains = state.gains()[0]
+        for option, slot in np.argwhere(np.isfinite(star.cost_h)):
+            another = (i, (int(option), int(slot)))
+            assert not (gains[option, slot] > 1e-9 and problems.allowed(problem, [*visits, another]))
+
+
+def test_the_first_choice_is_the_best_per_hour(problems):
+    problem = problems.random_problem(11, stars=5, slots=6, budget_h=100.0)
+    _, booked = greedy(problem)
+    star, visit, gain = booked[0]
+    density = gain / problem.stars[star].cost_h[visit]
+    assert density == pytest.approx(max(item.worth for item in problem.stars), rel=1e-6)
+
+
+def pair(problems):
+    """One star whose planet has to be seen twice."""
+    rng = np.random.default_rng(1)
+    star = problems.candidate(rng, slots=4, planets=1, visits_left=4, day=np.array([10.0, 40.0, 70.0, 100.0]))
+    return replace(star, cost_h=np.full((1, 4), 2.0), chance=np.full((1, 4, 1), 0.9, np.float32), weight=np.ones(1))
+
+
+@pytest.mark.parametrize("needed", [2, 3])
+@pytest.mark.parametrize("look_ahead", [1, 2, 5])
+def test_as_many_visits_are_weighed_as_a_detection_needs(problems, needed, look_ahead):
+    rules = problems.strategy(budget_h=100.0, share=1.0, needed=needed, max_visits=4, look_ahead=look_ahead)
+    problem = Problem(rules, (pair(problems),), np.full(4, 100.0))
+    _, booked = greedy(problem)
+    assert len(booked) == 4
+    gains = [gain for _, _, gain in booked]
+    assert gains[: needed - 1] == [0.0] * (needed - 1)
+    assert gains[needed - 1] == pytest.approx(0.9**needed, rel=1e-6)
+
+
+def test_a_visit_has_to_be_worth_its_least(problems):
+    star = pair(problems)
+    rules = problems.strategy(budget_h=100.0, share=1.0, max_visits=4, min_gain=0.05)
+    _, booked = greedy(Problem(rules, (star,), np.full(4, 100.0)))
+    assert len(booked) == 2  # worth 0.9 and 0.09; the next one 0.009
+
+
+def test_visits_of_a_star_are_apart_in_days_not_in_slots(problems):
+    star = replace(pair(problems), day=np.array([29.0, 31.0, 62.0, 95.0]))
+    for gap, slots in ((0.0, [0, 1, 2, 3]), (30.0, [0, 2, 3]), (40.0, [0, 3])):
+        rules = problems.strategy(budget_h=100.0, share=1.0, gap_days=gap, max_visits=4)
+        _, booked = greedy(Problem(rules, (star,), np.full(4, 100.0)))
+        days = np.sort([star.day[slot] for _, (_, slot), _ in booked])
+        assert np.all(np.diff(days) >= gap)
+        assert len(booked) == len(slots)
+
+
+def test_stars_with_known_planets_come_first(problems):
+    rng = np.random.default_rng(3)
+    known = problems.candidate(rng, known=(0,), visits_left=3)
+    other = problems.candidate(rng, visits_left=3)
+    known = replace(known, weight=known.weight * 1e-3)
+    for first, star in (("first", 0), ("any", 1)):
+        rules = problems.strategy(budget_h=100.0, first=first, max_visits=3)
+        _, booked = greedy(Problem(rules, (known, other), np.full(4, 100.0)))
+        assert booked[0][0] == star
+
+
+def test_earliest_of_equals_and_fewest_of_equal_stars(problems):
+    star = pair(problems)
+    rules = problems.strategy(budget_h=2.0, share=1.0, max_visits=4)
+    _, booked = greedy(Problem(rules, (star, star), np.full(4, 100.0)))
+    assert [item[:2] for item in booked] == [(0, (0, 0))]
+
+
+def test_a_room_that_is_taken_already(problems):
+    star = pair(problems)
+    rules = problems.strategy(budget_h=8.0, share=1.0, max_visits=4)
+    problem = Problem(rules, (star,), np.full(4, 100.0))
+    room = Room.of(problem)
+    room.take(0, (0, 2), 2.0)
+    _, booked = greedy(problem, room=room)
+    assert sorted(slot for _, (_, slot), _ in booked) == [0, 1, 3]
+    assert booked[0][2] == pytest.approx(0.09, rel=1e-5)
+
+
+def test_visits_in_the_order_of_the_calendar(problems):
+    star = pair(problems)
+    booked = [(0, (0, 2), 0.5), (1, (0, 0), 0.4), (1, (0, 2), 0.3)]
+    spare = [(0, (0, 0), 0.2), (1, (0, 1), 0.1)]
+    planned = in_order((star, star), booked, spare)
+    assert [(visit.slot, visit.star, visit.reserve, visit.ordinal) for visit in planned] == [
+        (0, 1, False, 0), (0, 0, True, 0), (1, 1, True, 1), (2, 0, False, 1), (2, 1, False, 2),
+    ]  # fmt: skip
+
+
+def test_distance_from_the_bound():
+    assert Schedule((), 0.9, 1.0, "greedy").distance == pytest.approx(0.1)
+    assert Schedule((), 0.0, 0.0, "greedy").distance == 0.0
