@@ -168,7 +168,6 @@ def stars_figure(result: WhatIfResult) -> Picture | None:
             dots = axes.scatter(places[0][order], places[1][order], s=areas[order], c=values[order], cmap="viridis_r",
                                 norm=LogNorm(*ends), edgecolors="#333333", linewidths=0.4, zorder=4)  # fmt: skip
             bar = figure.colorbar(dots, ax=axes, label="planets found per 100 h", shrink=0.8, pad=0.03)
-            bar.solids.set_rasterized(True)  # as paths it would be most of the file
             bar.ax.yaxis.set_major_formatter("{x:g}")
             bar.ax.yaxis.set_minor_formatter("{x:g}" if ends[1] < 20 * ends[0] else "")
         if hosts.any():

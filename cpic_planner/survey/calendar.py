@@ -77,10 +77,10 @@ class Calendar:
         open_slots = self.start_mjd + begins >= mjd
         return replace(self, fraction=self.fraction * open_slots, allowed_h=self.allowed_h * open_slots)
 
-    def cost_h(self, model: EtcModel, star: int, setting: Setting) -> FloatArray:
+    def cost_h(self, model: EtcModel, star: int, setting: Setting, settlings: int = 1) -> FloatArray:
         """Telescope time of one visit in every slot, hours; infinite where it is not possible.
 
-        Slew and settling come before; then as many orbits as the wall time needs, each counting for the whole frames
+        Slews and settling come before; then as many orbits as the wall time needs, each counting for the whole frames
         that fit its longest window.
         """
         cost = np.full(self.n_slots, np.inf)
@@ -90,7 +90,7 @@ class Calendar:
         window = self.window_s[star]
         with np.errstate(divide="ignore", invalid="ignore"):
             filled = np.where(window >= frame, np.floor(window / frame) * frame / window, 0.0)
-            elapsed = setting.time_s / (self.fraction[star] * filled) / _HOUR_S + self.settle_h
+            elapsed = setting.time_s / (self.fraction[star] * filled) / _HOUR_S + settlings * self.settle_h
         good = (filled > 0) & (self.fraction[star] > 0) & (elapsed <= self.allowed_h[star])
         cost[good] = elapsed[good]
         return cost

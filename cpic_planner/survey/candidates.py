@@ -279,7 +279,8 @@ def candidates(
     for place, i in enumerate(screened.rows):
         rows = screened.known_rows[i]
         options = tuple(by_star[i] for by_star in screened.settings if by_star[i].possible)
-        cost = np.stack([calendar.cost_h(model, place, option) for option in options]) if options else np.zeros((0, 0))
+        costs = [calendar.cost_h(model, place, option, strategy.visit.settlings) for option in options]
+        cost = np.stack(costs) if options else np.zeros((0, 0))
         visits_left, done = strategy.revisits.max_visits, () if log is None else log.of(str(targets.name[i]))
         visits_left -= len(done)
         shown = any(visit.planets for visit in done)

@@ -18,6 +18,7 @@ from cpic_planner.survey.strategy import DetectionRule
 from cpic_planner.survey.universe import Bodies
 from cpic_planner.targets import Targets
 from simulator.config.albedo import AlbedoSpec
+from simulator.imaging.metrics import PsfMetrics
 from simulator.target.albedo import albedo_source, needs_insolation, phase_value
 from simulator.target.contrast import contrast_at
 from simulator.target.positions import sky_to_detector
@@ -97,7 +98,8 @@ def see(
     Notes
     -----
     The aperture has to lie in the dark quadrants whole. Noise is that of `cpic_planner.etc.noise.stack_noise` at the
-    planet's own place; a companion's wings turn with the roll.
+    planet's own place; a companion's wings turn with the roll. With a library of two rolls, half of it to either side,
+    the aperture has to lie there at both, and to move by its diameter between them.
     """
     shape, metrics, band = places.phase_deg.shape, model.metrics[setting.band], setting.band
     roll = np.broadcast_to(np.asarray(roll_deg, float)[:, None], shape)
@@ -107,6 +109,8 @@ def see(
     x, y = sky_to_detector(separation, pa_deg - roll, parity=model.instrument.detector.parity)
     margin, snr, contrast = np.zeros((3, *shape))
     usable = inside_zone(metrics.zone, x, y, metrics.aperture_radius_arcsec)
+    if model.strategy.library == "roll":
+        x, y, usable = _at_two_rolls(model, metrics, separation, pa_deg - roll)
     if setting.possible and usable.any():
         visit, planet = np.nonzero(usable)
         light = _contrast(
@@ -127,6 +131,18 @@ def see(
             margin[put] = noise.significance[0] / threshold_array(elements, model.strategy.sigma)
             snr[put] = noise.snr[0]
     return Seen(margin, snr, contrast, separation, pa_deg, places.distance_au, places.phase_deg)
+
+
+def _at_two_rolls(
+    model: EtcModel, metrics: PsfMetrics, separation_arcsec: FloatArray, pa_deg: FloatArray
+) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
+    """Places at the first of two rolls, and whether planets can be told from themselves at the second."""
+    half, parity = 0.5 * model.strategy.roll_deg, model.instrument.detector.parity
+    first, second = (sky_to_detector(separation_arcsec, pa_deg + turn, parity=parity) for turn in (-half, half))
+    radius = metrics.aperture_radius_arcsec
+    usable = inside_zone(metrics.zone, *first, radius) & inside_zone(metrics.zone, *second, radius)
+    usable &= 2.0 * separation_arcsec * math.sin(math.radians(half)) >= 2.0 * radius
+    return first[0], first[1], usable
 
 
 def reach_au(model: EtcModel, distance_pc: float) -> tuple[float, float]:

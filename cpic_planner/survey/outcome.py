@@ -108,7 +108,7 @@ def _time_use(survey: Survey, universes: Columns, stars: Columns) -> TimeUse:
         own = _planned(survey, i)
         if own:
             exposing += visits * float(np.mean([survey.options[i][visit.option].time_s for visit in own])) / 3600.0
-            settling += visits * survey.calendar.settle_h
+            settling += visits * survey.strategy.visit.settlings * survey.calendar.settle_h
     search, follow = (float(universes[name].mean()) for name in ("search_h", "follow_up_h"))
     return TimeUse(exposing_h=exposing, occulted_h=max(0.0, search - exposing - settling), settling_h=settling,
                    follow_up_h=follow, unused_h=max(0.0, survey.strategy.time_budget_h - search - follow))  # fmt: skip

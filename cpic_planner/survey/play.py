@@ -305,7 +305,7 @@ def _follow(survey: Survey, i: int, star: _Star, b: int, clock: _Clock, block: i
     strategy, n = survey.strategy, len(clock.left)
     rule, target = strategy.follow_up, survey.targets.select([i])
     for f, setting in enumerate(survey.follow[i]):
-        cost = float(survey.calendar.cost_h(survey.model, i, setting)[b])
+        cost = float(survey.calendar.cost_h(survey.model, i, setting, strategy.visit.settlings)[b])
         if not np.isfinite(cost):
             continue
         lacking = star.found & ~star.shown[f]

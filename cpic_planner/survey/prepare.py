@@ -22,7 +22,7 @@ from cpic_planner.survey.play import Survey
 from cpic_planner.survey.schedule import Problem
 from cpic_planner.survey.strategy import SurveyStrategy, VisitRule
 from cpic_planner.survey.strategy_file import StrategiesConfig, UniverseConfig
-from cpic_planner.survey.visibility import load_visibility
+from cpic_planner.survey.visibility import VisibilityConfig, load_visibility
 from cpic_planner.targets import Targets, as_catalogue, find_target, rank_sample
 from simulator.config import Instrument, load_instrument
 
@@ -69,7 +69,8 @@ def prepare(config: StrategiesConfig, *, advance: Callable[[str], None] = lambda
     InputError
         For a preset, file, band or star that does not exist, or a population without an occurrence rate.
     """
-    universe = config.universe
+    universe, limits = config.universe, load_visibility(config.universe.visibility)
+    _check_rolls(config, limits)
     catalogue, instrument = as_catalogue(universe.catalog), load_instrument(universe.instrument)
     known = None if universe.known_planets == "off" else load_known_planets(universe.known_planets)
     log = _checked(read_log(universe.observed), catalogue, instrument) if universe.observed else None
@@ -83,7 +84,7 @@ def prepare(config: StrategiesConfig, *, advance: Callable[[str], None] = lambda
         looked.append(_Looked(strategy, model, screen(strategy, model, targets, known, universe.seed)))
         advance(f"{strategy.name}: stars")
     stars = _every_star(looked)
-    calendar = make_calendar(universe, instrument, load_visibility(universe.visibility), stars)
+    calendar = make_calendar(universe, instrument, limits, stars)
     if log is not None:
         calendar = calendar.closed_before(log.until_mjd)
         if not calendar.allowed_h.any():
@@ -103,6 +104,18 @@ def prepare(config: StrategiesConfig, *, advance: Callable[[str], None] = lambda
         worth.append(tuple(star.worth for star in found))
         advance(f"{item.strategy.name}: schedule")
     return Prepared(config, catalogue, instrument, known, log, stars, calendar, tuple(surveys), tuple(worth))
+
+
+def _check_rolls(config: StrategiesConfig, limits: VisibilityConfig) -> None:
+    """Refuse rolls that the telescope cannot take."""
+    for strategy in config.strategies:
+        half = 0.5 * strategy.reduction.roll_deg if strategy.reduction.library == "roll" else 0.0
+        reach = strategy.revisits.roll_dither_deg + half
+        if reach > limits.roll_deg:
+            what = "revisits.roll_dither_deg" if strategy.revisits.roll_dither_deg else "reduction.roll_deg"
+            given = strategy.revisits.roll_dither_deg or strategy.reduction.roll_deg
+            raise InputError(what, given, unit="deg", hint=f"strategy {strategy.name}",
+                             allowed=f"rolls within {limits.roll_deg:g} deg of the best one")  # fmt: skip
 
 
 def _logged_bands(log: ObservationLog | None) -> tuple[str, ...]:

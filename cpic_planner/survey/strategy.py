@@ -57,7 +57,8 @@ class VisitRule(FrozenModel):
     ``bands`` are tried for every star and the one of most planets per hour is taken. ``time_s`` is wall time with
     readouts and reference frames; several values let the scheduler choose one for each star. ``goal`` ``detect`` ends
     the visit where the reference planet is detected, ``snr`` where it reaches ``snr``, ``time`` uses what time pays;
-    ``time_s`` is the longest in each case. ``exposure_s`` and ``em_gain`` are the best ones unless given.
+    ``time_s`` is the longest in each case. ``exposure_s`` and ``em_gain`` are the best ones unless given. ``settlings``
+    counts the slews or rolls of a visit, each with the settling behind it.
     """
 
     bands: Annotated[Names, Field(min_length=1)] = ("F520",)
@@ -66,6 +67,7 @@ class VisitRule(FrozenModel):
         BeforeValidator(lambda value: (value,) if isinstance(value, int | float) else value),
         Field(min_length=1),
     ] = (36000.0,)
+    settlings: Annotated[int, Field(ge=1, le=10)] = 2
     goal: Literal["time", "detect", "snr"] = "time"
     snr: Annotated[Real, Field(gt=0, le=1e6)] | None = None
     exposure_s: Annotated[Real, Field(gt=0, le=1e6)] | None = None
