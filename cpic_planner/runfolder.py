@@ -35,7 +35,7 @@ __all__ = ["DamagedPartError", "RunFolder", "open_run_folder"]
 _LOG = logging.getLogger(__name__)
 SCHEMA_VERSION = 1
 PRODUCTS = ("simulation.json", "plan.json", "confirm.json", "sensitivity.json", "run.json", "ranking.csv",
-            "ranking.ecsv", "measurements.csv", "report.html")  # fmt: skip
+            "ranking.ecsv", "measurements.csv", "report.html", "whatif.json", "targets.csv")  # fmt: skip
 
 
 class DamagedPartError(RuntimeError):

@@ -15,7 +15,6 @@ from cpic_planner.report.whatif_words import (
     READING,
     WHATIF_GLOSSARY,
     changed_settings,
-    estimate_text,
     interval_text,
     lead_sentences,
     planets_text,
@@ -73,7 +72,7 @@ def render_whatif(result: WhatIfResult, figures: Mapping[str, Picture]) -> str:
     planets = PLANET_CREDITS if result.known_planets and result.universe["known_planets"] == "snapshot" else ()
     pairs = _pairs(result)
     environment = page_environment()
-    environment.filters.update(estimate=estimate_text, planets=planets_text)
+    environment.filters["planets"] = planets_text
     environment.globals.update(interval=interval_text)
     return environment.get_template("whatif.html.j2").render(
         result=result,

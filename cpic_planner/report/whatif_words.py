@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Literal
 
-from cpic_planner.models.surveyed import DifferenceRecord, EstimateRecord, StrategyOutcome, WhatIfResult
+from cpic_planner.models.surveyed import DifferenceRecord, StrategyOutcome, WhatIfResult
 from cpic_planner.report.numbers import contrast_text, count_text, decimals, duration_text, percent_text, significant
 from cpic_planner.report.words import library_text
 
@@ -14,7 +14,6 @@ __all__ = [
     "WHATIF_GLOSSARY",
     "between",
     "changed_settings",
-    "estimate_text",
     "interval_text",
     "lead_sentences",
     "planets_text",
@@ -74,11 +73,6 @@ _METHODS = {"greedy": "best gain per hour first, with look-ahead", "milp": "mixe
 def interval_text(low: float, high: float, digits: int = 2) -> str:
     """Return the ends of an interval."""
     return f"{decimals(low, digits)} to {decimals(high, digits)}"
-
-
-def estimate_text(found: EstimateRecord, digits: int = 2) -> str:
-    """Return a mean with its interval."""
-    return f"{decimals(found.mean, digits)} ({interval_text(found.low, found.high, digits)})"
 
 
 def planets_text(value: float) -> str:

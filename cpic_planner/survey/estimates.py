@@ -14,6 +14,7 @@ __all__ = ["Estimate", "convergence", "mean_interval", "spread"]
 
 FloatArray = NDArray[np.float64]
 LEVEL = 0.90
+_SAME, _NEXT = 1e-12, 1e-9
 
 
 @dataclass(frozen=True)
@@ -47,10 +48,10 @@ def mean_interval(values: ArrayLike, level: float = LEVEL) -> Estimate:
     Notes
     -----
     Yields are small counts and their differences are mostly 0, so the mean is skewed where Student's interval takes it
-    to be symmetric. Hall's monotone transformation of the studentised mean, ``g(T) = T + a T^2/3 + a^2 T^3/27 +
-    a/6`` with ``a = skewness / sqrt(n)``, removes the skewness (Hall 1992, J. R. Stat. Soc. B 54, 221); its inverse at
-    Student's quantiles gives the ends. A sample without any scatter leaves the interval that Poisson events allow that
-    were not met: ``-ln(1 - level) / n`` above and below the mean.
+    to be symmetric. Empirical likelihood (Owen 1988, Biometrika 75, 237) follows the skewness and stays within what was
+    met: the interval holds the means for which ``-2 log`` of the largest likelihood of any law on the observed values
+    is at most the square of Student's quantile. A sample without any scatter leaves the interval that Poisson events
+    allow that were not met: ``-ln(1 - level) / n`` above and below the mean.
     """
     x = np.asarray(values, float)
     if x.ndim != 1 or x.size < 2 or not np.isfinite(x).all():
@@ -58,24 +59,41 @@ def mean_interval(values: ArrayLike, level: float = LEVEL) -> Estimate:
     if not 0.5 <= level <= 0.999:
         raise InputError("level", level, allowed="0.5 to 0.999")
     n, mean = x.size, float(x.mean())
-    sd = float(x.std(ddof=1))
-    if sd <= 1e-12 * max(1.0, abs(mean)):
+    size = float(np.ptp(x))
+    if size <= _SAME * float(np.abs(x).max()):
         reach = -math.log1p(-level) / n
         return Estimate(mean, 0.0, mean - reach, mean + reach, n)
     from scipy.special import stdtrit
 
-    error = sd / math.sqrt(n)
-    skewness = float(np.mean((x - mean) ** 3)) / float(np.mean((x - mean) ** 2)) ** 1.5
-    a, t = skewness / math.sqrt(n), float(stdtrit(n - 1, 0.5 + 0.5 * level))
-    ends = [mean - error * _hall_inverse(sign * t, a) for sign in (1.0, -1.0)]
-    return Estimate(mean, error, min(ends), max(ends), n)
+    aim = float(stdtrit(n - 1, 0.5 + 0.5 * level)) ** 2
+    unique, counts = np.unique((x - mean) / size, return_counts=True)
+    low, high = (_end(unique, counts.astype(float), edge, aim) for edge in (unique[0], unique[-1]))
+    return Estimate(mean, float(x.std(ddof=1)) / math.sqrt(n), mean + size * low, mean + size * high, n)
 
 
-def _hall_inverse(t: float, a: float) -> float:
-    """Studentised mean at which Hall's transformation is ``t``."""
-    if abs(a) < 1e-9:
-        return t
-    return 3.0 / a * (math.copysign(abs(1.0 + a * (t - a / 6.0)) ** (1.0 / 3.0), 1.0 + a * (t - a / 6.0)) - 1.0)
+def _end(values: FloatArray, counts: FloatArray, edge: float, aim: float) -> float:
+    """Mean between 0, that of the sample, and an edge of it at which the likelihood ratio reaches ``aim``."""
+    from scipy.optimize import brentq
+
+    def excess(mean: float) -> float:
+        return _likelihood_ratio(values - mean, counts) - aim
+
+    almost = float(edge) * (1.0 - _NEXT)
+    return float(edge) if excess(almost) < 0.0 else float(brentq(excess, 0.0, almost, xtol=1e-12))
+
+
+def _likelihood_ratio(apart: FloatArray, counts: FloatArray) -> float:
+    """``-2 log`` of the empirical likelihood of a mean, given the values' distances from it."""
+    from scipy.optimize import brentq
+
+    low, high = -1.0 / apart.max(), -1.0 / apart.min()
+    inner = (high - low) * _NEXT
+
+    def slope(weight: float) -> float:
+        return float((counts * apart / (1.0 + weight * apart)).sum())
+
+    weight = float(brentq(slope, low + inner, high - inner, xtol=1e-15 * (high - low), rtol=1e-14))
+    return 2.0 * float((counts * np.log1p(weight * apart)).sum())
 
 
 def spread(values: ArrayLike, level: float = LEVEL) -> tuple[float, float]:

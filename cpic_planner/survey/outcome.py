@@ -33,6 +33,7 @@ _LEVELS = (0.05, 0.25, 0.5, 0.75, 0.95)
 _MOST_PAIRS = 6
 _N_CHANGES = 8
 _SAME = 1e-9
+_LEAST_SEEN = 2e-3
 
 
 def outcome(
@@ -171,7 +172,7 @@ def _targets(survey: Survey, stars: Columns, first_utc: Sequence[str]) -> list[S
 
 
 def differences(names: Sequence[str], universes: Sequence[Columns]) -> list[DifferenceRecord]:
-    """Paired differences: all pairs of a few strategies, each with the first one of many.
+    """Paired differences: all pairs of a few strategies; of many each with the first one, and the best two.
 
     Parameters
     ----------
@@ -183,6 +184,10 @@ def differences(names: Sequence[str], universes: Sequence[Columns]) -> list[Diff
         pairs = [(b, a) for a in range(len(names)) for b in range(a + 1, len(names))]
     else:
         pairs = [(b, 0) for b in range(1, len(names))]
+        means = [float(_quantity(columns, "planets").mean()) for columns in universes]
+        best, second = sorted(range(len(names)), key=lambda k: (-means[k], k))[:2]
+        if 0 not in (best, second):
+            pairs.append((best, second))
     quantities: tuple[Literal["planets", "new_planets", "characterised_planets", "hours"], ...] = (
         "planets", "new_planets", "characterised_planets", "hours")  # fmt: skip
     return [
@@ -224,12 +229,19 @@ def rank_changes(outcomes: Sequence[StrategyOutcome]) -> list[RankChange]:
             return abs(new - old)
 
         names = sorted({*first, *mine}, key=lambda name: (-moved(name), name))
-        for name in [name for name in names if moved(name) > 0][:_N_CHANGES]:
+        for name in [name for name in names if moved(name) > 0 and _seen(first, mine, name)][:_N_CHANGES]:
             found.append(RankChange(
                 strategy=other.name, star=name, first_rank=first[name].rank if name in first else None,
                 rank=mine[name].rank if name in mine else None, why=_why(first.get(name), mine.get(name)),
             ))  # fmt: skip
     return found
+
+
+def _seen(first: Mapping[str, SurveyTarget], mine: Mapping[str, SurveyTarget], name: str) -> bool:
+    """Whether a star shows enough planets in one of the two for its rank to be more than chance."""
+    return any(
+        ranks[name].new_planets + ranks[name].known_seen >= _LEAST_SEEN for ranks in (first, mine) if name in ranks
+    )
 
 
 def _why(old: SurveyTarget | None, new: SurveyTarget | None) -> str:

@@ -119,10 +119,11 @@ def test_without_noise_the_quadrants_alone_decide(model, brute_force, rho, side)
     high = metrics.hole_outer_arcsec - metrics.aperture_radius_arcsec
     found = seen.margin[0] >= 1.0
     elements = float(metrics.resolution_elements(rho))
-    share = brute_force.azimuth_share(rho, low, high) * (0.5 if side == "2q" else 1.0) * (elements >= 3.0)
+    half = 0.5 if side == "2q" else 1.0
+    share = half * brute_force.azimuth_share(rho, low, high) * (elements >= 3.0)
     assert abs(found.mean() - share) <= 8.0 / n
-    assert abs(metrics.zone.azimuth_fraction(rho) - brute_force.azimuth_share(
-        rho, metrics.hole_inner_arcsec, metrics.hole_outer_arcsec) * (0.5 if side == "2q" else 1.0)) < 1e-12  # fmt: skip
+    whole = half * brute_force.azimuth_share(rho, metrics.hole_inner_arcsec, metrics.hole_outer_arcsec)
+    assert abs(metrics.zone.azimuth_fraction(rho) - whole) < 1e-12
     if side == "2q" and found.any():  # +x is west
         assert np.all(places.east_au[0][found] < 0.0)
     # A roll turns what is found, degree by degree: 600 planets are 30 degrees.

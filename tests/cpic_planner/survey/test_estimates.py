@@ -1,0 +1,125 @@
+"""Intervals that hold what they promise, over many repeats of known laws."""
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from catalogs.errors import InputError
+from cpic_planner.survey.estimates import convergence, mean_interval, spread
+
+REPEATS = 2000
+
+
+def coverage(draw, truth, repeats=REPEATS, seed=0):
+    """Share of the repeats whose interval holds the true mean."""
+    rng = np.random.default_rng(seed)
+    held = 0
+    for _ in range(repeats):
+        found = mean_interval(draw(rng))
+        held += found.low <= truth <= found.high
+    return held / repeats
+
+
+# Differences of paired yields: what both find cancels, what one alone finds is sparse. At 2000 repeats the share of a
+# true 90 % has a standard error of 0.7 %.
+@pytest.mark.parametrize(("n", "first", "second"), [
+    (1000, 0.05, 0.02), (1000, 0.01, 0.005), (1000, 0.02, 0.0), (300, 0.05, 0.02), (300, 0.4, 0.1), (100, 0.3, 0.1),
+    (100, 0.15, 0.05), (1000, 2.0, 1.5), (300, 0.03, 0.03),
+])  # fmt: skip
+def test_paired_differences_of_sparse_counts(n, first, second):
+    share = coverage(lambda rng: rng.poisson(first, n) - rng.poisson(second, n), first - second)
+    assert 0.87 <= share <= 0.93, share
+
+
+@pytest.mark.parametrize(("n", "rate"), [(1000, 0.02), (1000, 0.3), (300, 0.1), (100, 0.2), (100, 3.0)])
+def test_yields(n, rate):
+    share = coverage(lambda rng: rng.poisson(rate, n), rate)
+    assert 0.87 <= share <= 0.93, share
+
+
+def test_hours_that_are_skewed():
+    share = coverage(lambda rng: rng.exponential(3.0, 200) ** 1.5, 3.0**1.5 * 1.329340388179137)  # Gamma(2.5)
+    assert 0.87 <= share <= 0.93, share
+
+
+@pytest.mark.parametrize("level", [0.5, 0.9, 0.99])
+def test_other_levels_of_a_normal_law(level):
+    rng = np.random.default_rng(1)
+    held = np.mean([abs((found := mean_interval(rng.standard_normal(50), level)).mean - 0.0)
+                    <= max(found.high - found.mean, found.mean - found.low) and found.low <= 0.0 <= found.high
+                    for _ in range(2000)])  # fmt: skip
+    assert abs(held - level) < 4.0 * np.sqrt(level * (1 - level) / 2000)
+
+
+SAMPLES = st.lists(st.integers(-3, 6), min_size=3, max_size=60)
+
+
+@given(values=SAMPLES, shift=st.integers(-1000, 1000))
+def test_a_shift_shifts_and_a_sign_turns(values, shift):
+    one = mean_interval(values)
+    other, turned = mean_interval(np.array(values) + shift), mean_interval(-np.array(values))
+    for name, expected in (("low", one.low + shift), ("mean", one.mean + shift), ("high", one.high + shift)):
+        assert getattr(other, name) == pytest.approx(expected, abs=1e-7)
+    assert (turned.low, turned.mean, turned.high) == pytest.approx((-one.high, -one.mean, -one.low), abs=1e-9)
+    assert one.low <= one.mean <= one.high
+
+
+@given(values=SAMPLES, factor=st.floats(0.01, 100.0))
+def test_a_unit_does_not_matter(values, factor):
+    assume(len(set(values)) > 1)
+    one, other = mean_interval(values), mean_interval(factor * np.array(values, float))
+    assert (other.low, other.high) == pytest.approx((factor * one.low, factor * one.high), rel=1e-9, abs=1e-9)
+
+
+def test_without_skewness_it_is_students():
+    from scipy.stats import t
+
+    values = np.array([-2.0, -1.0, 0.0, 1.0, 2.0])
+    error = values.std(ddof=1) / np.sqrt(5)
+    found = mean_interval(values)
+    assert found.high == pytest.approx(t.ppf(0.95, 4) * error, rel=1e-12)
+    assert found.error == pytest.approx(error, rel=1e-12)
+
+
+def test_a_longer_tail_reaches_further():
+    found = mean_interval([0] * 95 + [1] * 5)
+    assert found.high - found.mean > found.mean - found.low > 0.0
+    assert found.low > 0.0
+
+
+@pytest.mark.parametrize("value", [0.0, 7.0, -2.0, 1e7])
+def test_constants_leave_what_was_not_met(value):
+    found = mean_interval(np.full(400, value))
+    assert found.mean == value
+    assert found.error == 0.0
+    # No event in 400 tries: a rate of ln(10) / 400 gives none in one case of ten.
+    assert found.high - value == pytest.approx(np.log(10.0) / 400, rel=1e-6)
+    assert value - found.low == pytest.approx(np.log(10.0) / 400, rel=1e-6)
+
+
+@pytest.mark.parametrize("values", [[], [1.0], [1.0, np.nan], [1.0, np.inf], [[1.0, 2.0]]])
+def test_samples_without_an_interval_are_refused(values):
+    with pytest.raises(InputError, match="at least two finite numbers"):
+        mean_interval(values)
+
+
+def test_levels_are_refused():
+    with pytest.raises(InputError, match="level = 0.3"):
+        mean_interval([1.0, 2.0], 0.3)
+
+
+def test_spread_is_that_of_single_surveys():
+    values = np.arange(1, 101)
+    assert spread(values) == (5.0, 95.0)
+    assert spread([0, 0, 0, 1]) == (0.0, 1.0)
+
+
+def test_convergence_ends_with_everything():
+    values = np.random.default_rng(0).poisson(0.3, 700)
+    points = convergence(values)
+    assert [point.n for point in points] == sorted({point.n for point in points})
+    assert (points[0].n, points[-1].n) == (10, 700)
+    assert points[-1] == mean_interval(values)
+    assert [point.n for point in convergence([1, 2])] == [2]
+    assert [point.n for point in convergence([1, 2, 3, 4, 5])] == [5]

@@ -1,0 +1,207 @@
+"""Observation logs: what they leave, against universes that are thrown away, and what is refused."""
+
+import math
+
+import numpy as np
+import pytest
+
+from catalogs.errors import InputError
+from catalogs.known_planets import load_known_planets, star_key
+from cpic_planner.etc.model import build_model
+from cpic_planner.population import load_population
+from cpic_planner.survey.candidates import albedos_of
+from cpic_planner.survey.detection import Setting, detection_chance, reach_au, see
+from cpic_planner.survey.observed import ObservedVisit, missed, read_log, resampled
+from cpic_planner.survey.prepare import prepare
+from cpic_planner.survey.strategy import DetectionRule
+from cpic_planner.survey.universe import NEW, draw_bodies, star_mass_msun
+from cpic_planner.targets import find_target
+from simulator import load_instrument
+
+HEAD = "star,start_utc,band,exposure_s,n_frames,em_gain,telescope_h,roll_deg,planets\n"
+ROW = "tau Cet,2028-02-01T00:00:00,F520,20,100,400,5,10,0\n"
+EPOCH = 61771.0
+
+
+@pytest.fixture
+def log_of(tmp_path):
+    def written(*rows, head=HEAD):
+        path = tmp_path / "visits.csv"
+        path.write_text(head + "".join(rows))
+        return path
+
+    return written
+
+
+def test_a_log_as_people_write_it(log_of):
+    log = read_log(log_of(ROW, "HD 22049,2028-01-20T12:00:00,F662,30.5,60,350,,,2\n"))
+    assert [visit.star for visit in log.visits] == ["HD 22049", "tau Cet"]  # by date
+    first, second = log.visits
+    assert first.setting == Setting("F662", 30.5, 60.0, 350.0, 3660.0)
+    assert (first.planets, second.planets) == (2, 0)
+    assert math.isnan(first.roll_deg)
+    assert second.roll_deg == 10.0
+    # Without a time it is that of science and reference frames.
+    assert log.hours == pytest.approx(5.0 + 3660.0 / 3600.0)
+    assert log.until_mjd == pytest.approx(61802.0)
+    assert log.of("eps Eri") == (first,)
+    assert log.of("alf Cen A") == ()
+    assert "2 visits" in log.provenance
+
+
+FAULTS = {
+    "row 2 column start_utc": ROW.replace("2028-02-01T00:00:00", "someday"),
+    "row 2 (tau Cet) column em_gain": ROW.replace(",400,", ",0,"),
+    "row 2 (tau Cet) column exposure_s": ROW.replace(",20,", ",-20,"),
+    "row 2 (tau Cet) column n_frames": ROW.replace(",100,", ",many,"),
+    "row 2 column n_frames": ROW.replace(",100,", ",1.5,"),
+    "row 2 column band": ROW.replace("F520", ""),
+    "row 2 column planets": ROW.replace(",10,0", ",10,0.5"),
+    "row 2 (tau Cet) column roll_deg": ROW.replace(",10,0", ",1000,0"),
+}
+
+
+@pytest.mark.parametrize("where", FAULTS)
+def test_faults_name_file_row_and_column(log_of, where):
+    with pytest.raises(InputError) as fault:
+        read_log(log_of(ROW, FAULTS[where]))
+    assert f"visits.csv {where}" in str(fault.value)
+    assert "\n" not in str(fault.value)
+
+
+def test_files_that_are_no_log(log_of, tmp_path):
+    for rows, head, text in (
+        ((), HEAD, "no rows"),
+        ((), "", "empty"),
+        (("tau Cet,F520\n",), "star,band\n", "start_utc"),
+    ):
+        with pytest.raises(InputError, match=text):
+            read_log(log_of(*rows, head=head))
+    with pytest.raises(InputError, match="nowhere"):
+        read_log(tmp_path / "nowhere.csv")
+
+
+@pytest.mark.parametrize(("row", "where"), [(ROW.replace("tau Cet", "Vulcan"), "row 2 column star = Vulcan"),
+                                            (ROW.replace("F520", "Q"), "row 2 column band = Q")])  # fmt: skip
+def test_a_survey_refuses_what_its_catalogue_or_instrument_lacks(log_of, small, row, where):
+    with pytest.raises(InputError) as fault:
+        prepare(small(universe={"observed": str(log_of(ROW, row))}))
+    assert f"visits.csv {where}" in str(fault.value)
+
+
+def test_a_survey_that_is_over_is_refused(log_of, small):
+    with pytest.raises(InputError, match="time_budget_h = 300"):
+        prepare(small(universe={"observed": str(log_of(ROW.replace(",5,", ",400,")))}))
+    with pytest.raises(InputError, match="none of its 730 days is left"):
+        prepare(small(universe={"observed": str(log_of(ROW.replace("2028", "2031")))}))
+
+
+@pytest.fixture(scope="module")
+def setup():
+    """A star with known planets, visits of it that showed nothing, and many universes."""
+    model, star = build_model(load_instrument(), ("F520",)), find_target("eps Eri")[0]
+    table = load_known_planets()
+    population = load_population("giants").model_copy(update={"planets_per_star": 1.5})
+    bodies = draw_bodies("eps Eri", float(star_mass_msun(star)[0]), float(star.luminosity_lsun[0]), population,
+                         known=table, known_rows=table.by_star[star_key("eps Eri")], epoch_mjd=EPOCH, n=8000, seed=1)  # fmt: skip
+    setting = Setting("F520", 25.0, 300.0, 450.0, 15000.0)
+    visits = [ObservedVisit("eps Eri", EPOCH + day, setting, 10.0, roll, planets)
+              for day, roll, planets in ((20.0, 0.0, 0), (70.0, math.nan, 0), (200.0, 30.0, 1))]  # fmt: skip
+    rule = DetectionRule(rule="blind", blind_margin=0.5, blind_width=0.3, known_margin=0.4, known_width=0.2)
+    return model, star, population, bodies, visits, rule
+
+
+def misses(setup):
+    model, star, population, bodies, visits, rule = setup
+    return missed(model, star, bodies, albedos_of(population), visits, rule, epoch_mjd=EPOCH,
+                  sun_pa_deg=np.array([10.0, 55.0, 90.0]))  # fmt: skip
+
+
+def test_what_visits_miss(setup):
+    model, star, population, bodies, visits, rule = setup
+    odds = []
+    for visit, roll in ((visits[0], 0.0), (visits[1], 55.0)):  # the third showed a planet: it says nothing
+        seen = see(
+            model, star, visit.setting, bodies, albedos_of(population), bodies.places([visit.mjd - EPOCH]), [roll]
+        )
+        odds.append(detection_chance(seen.margin, rule, bodies.known != NEW)[0])
+    np.testing.assert_allclose(misses(setup), (1.0 - odds[0]) * (1.0 - odds[1]), rtol=1e-12)
+    assert misses(setup).min() < 0.2
+    assert misses(setup).max() == 1.0
+
+
+def test_what_is_left_is_what_universes_have_in_which_nothing_was_seen(setup):
+    bodies, left = setup[3], misses(setup)
+    n, rng = 8000, np.random.default_rng(5)
+    # Every visit of every universe is tried; universes in which any planet shows are thrown away.
+    shown = rng.random(len(bodies)) >= left
+    quiet = np.ones(n, bool)
+    quiet[bodies.universe[shown]] = False
+    true = bodies.select(quiet[bodies.universe])
+    found = resampled(bodies, left, rng.random(len(bodies)))
+    new, kept = true.known == NEW, found.known == NEW
+    # Numbers of new planets: mean and variance of a law of Poisson of less intensity.
+    n_true = np.bincount(true.universe[new], minlength=n)[quiet]
+    n_found = np.bincount(found.universe[kept], minlength=n)
+    error = math.sqrt(n_true.var() / quiet.sum() + n_found.var() / n)
+    assert abs(n_true.mean() - n_found.mean()) < 4.0 * error
+    assert n_found.mean() < 1.5 - 4.0 * error
+    assert abs(n_found.var() / n_found.mean() - 1.0) < 4.0 * math.sqrt(2.0 / n)
+    close = reach_au(setup[0], float(setup[1].distance_pc[0]))
+    for name in ("semi_major_axis_au", "radius_rjup", "eccentricity"):
+        ends = [getattr(part, name)[mine & part.within(*close)] for part, mine in ((true, new), (found, kept))]
+        miss = math.sqrt(sum(part.var() / part.size for part in ends))
+        assert abs(ends[0].mean() - ends[1].mean()) < 4.0 * miss, name
+    # The known planet is in every universe, on orbits that stay hidden: as often as in those that are left.
+    known_true, known_found = (part.select(part.known != NEW) for part in (true, found))
+    assert np.array_equal(np.sort(known_found.universe), np.arange(n))
+    assert len(known_true) == quiet.sum()
+    places = [part.places([20.0, 400.0]) for part in (known_true, known_found)]
+    for k in range(2):
+        rho = [np.hypot(place.east_au[k], place.north_au[k]) for place in places]
+        # Draws may be used more than once: their effective number is Kish's.
+        weight = left[bodies.known != NEW]
+        effective = weight.sum() ** 2 / (weight**2).sum()
+        miss = math.sqrt(rho[0].var() / rho[0].size + rho[1].var() / n + rho[1].var() / effective)
+        assert abs(rho[0].mean() - rho[1].mean()) < 4.0 * miss
+    # Orbits that the visits would have shown are drawn less often.
+    again = (setup[0], setup[1], setup[2], found, setup[4], setup[5])
+    assert misses(again)[found.known != NEW].mean() > left[bodies.known != NEW].mean() + 0.02
+
+
+def test_a_known_planet_that_cannot_have_been_missed_is_kept(setup):
+    bodies = setup[3]
+    found = resampled(bodies, np.zeros(len(bodies)), np.full(len(bodies), 0.5))
+    assert np.all(found.known != NEW)
+    mine = bodies.select(bodies.known != NEW)
+    assert np.array_equal(found.mean_anomaly_deg, mine.mean_anomaly_deg)
+
+
+def test_names_numbers_and_rows_of_bodies_stay(setup):
+    bodies = setup[3]
+    found = resampled(bodies, np.ones(len(bodies)), np.random.default_rng(0).random(len(bodies)))
+    key = lambda part: sorted(zip(part.universe.tolist(), part.number.tolist(), part.known.tolist(), strict=True))  # noqa: E731
+    assert key(found) == key(bodies)
+
+
+def test_what_is_left_of_a_survey(log_of, small, plain):
+    row = ROW.replace("tau Cet", "HD 22049")  # eps Eri
+    prepared = prepare(small(universe={"observed": str(log_of(row))}))
+    survey, before = prepared.surveys[0], plain.surveys[0]
+    assert survey.strategy.time_budget_h == 295.0
+    assert {visit.slot for visit in survey.schedule.visits} <= set(range(1, 13))
+    mine = list(survey.targets.name).index("eps Eri")
+    visits = [visit for visit in survey.schedule.visits if visit.star == mine]
+    assert len(visits) == 3  # of four, one is made
+    assert min(survey.calendar.day[mine, visit.slot] for visit in visits) >= 31.0 + 30.0
+    worth = dict(zip(survey.targets.name, prepared.worth[0], strict=True))
+    old = dict(zip(before.targets.name, plain.worth[0], strict=True))
+    assert worth["tau Cet"] <= old["tau Cet"] * (1 + 1e-9)
+    # A star that has shown its planet is left alone, unless the strategy goes on.
+    shown = str(log_of(row.replace(",10,0", ",10,1")))
+    assert "eps Eri" not in prepare(small(universe={"observed": shown})).surveys[0].targets.name
+    goes_on = small({"stop": {"after_detection": False}}, universe={"observed": shown})
+    assert "eps Eri" in prepare(goes_on).surveys[0].targets.name
+    # One that was empty as often as the strategy bears it, as well.
+    once = small({"stop": {"after_empty": 1}}, universe={"observed": str(log_of(row))})
+    assert "eps Eri" not in prepare(once).surveys[0].targets.name

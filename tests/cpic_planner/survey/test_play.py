@@ -1,0 +1,319 @@
+"""Surveys played through: yields against completeness and brute force, limits, stop rules, common chance."""
+
+from collections import Counter, defaultdict
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import cpic_planner.survey.play as module
+from cpic_planner.completeness import completeness
+from cpic_planner.orbits import OrbitPlaces
+from cpic_planner.population import Planets, draw_population, load_population
+from cpic_planner.survey.play import play
+from cpic_planner.survey.prepare import prepare
+from cpic_planner.survey.universe import NEW, draw_bodies, star_mass_msun
+
+KEYS = ("universe", "star", "planet")
+
+
+def found(played, *, star=None):
+    """Detections as a set of keys."""
+    d = played.detections
+    return {key for key in zip(*(d[name].tolist() for name in KEYS), strict=True) if star in (None, key[1])}
+
+
+def planets_of(played):
+    return played.universes["new_planets"] + played.universes["known_planets"]
+
+
+def denser(survey, rate):
+    """The survey with another occurrence rate."""
+    population = survey.strategy.population.model_copy(update={"planets_per_star": rate})
+    return replace(survey, strategy=survey.strategy.model_copy(update={"population": population}))
+
+
+def star_number(survey, name):
+    return list(survey.targets.name).index(name)
+
+
+def first_visit(survey, only_visits, name):
+    number = star_number(survey, name)
+    return only_visits(survey, lambda visit: visit.star == number and visit.ordinal == 0)
+
+
+@pytest.mark.parametrize("name", ["eps Eri", "alf Cen A"])
+def test_one_visit_finds_the_planets_that_completeness_counts(sharp, only_visits, name):
+    survey = denser(first_visit(sharp.surveys[0], only_visits, name), 2.0)
+    n, i, visit = 2000, star_number(survey, name), survey.schedule.visits[0]
+    star, population = survey.targets.select([i]), survey.strategy.population
+    played = play(survey, block=3, n=n, seed=5)
+    bodies = draw_bodies(name, float(star_mass_msun(star)[0]), float(star.luminosity_lsun[0]), population,
+                         epoch_mjd=survey.calendar.start_mjd, n=n, seed=5, block=3)  # fmt: skip
+    place = bodies.places([survey.calendar.day[i, visit.slot]])
+    drawn = draw_population(population, 1, 1)
+    elements = ("kind", "radius_rjup", "semi_major_axis_au", "eccentricity", "inclination_deg",
+                "argument_of_pericentre_deg", "node_deg", "mean_anomaly_deg")  # fmt: skip
+    planets = replace(drawn, **{key: getattr(bodies, key) for key in elements},
+                      **{key: getattr(place, key)[0] for key in OrbitPlaces.__dataclass_fields__})  # fmt: skip
+    assert isinstance(planets, Planets)
+    way = survey.options[i][visit.option]
+    counted = completeness(survey.model, star, way.band, planets, exposure_s=way.exposure_s, n_frames=way.n_frames,
+                           em_gain=way.em_gain)  # fmt: skip
+    assert int(played.universes["new_planets"].sum()) == round(counted.completeness[0] * len(bodies)) > 20
+    assert not played.universes["known_planets"].any()
+
+
+@pytest.mark.parametrize("name", ["eps Eri", "tau Cet", "alf Cen A"])
+def test_the_yield_of_one_visit_is_completeness_times_planets_per_star(sharp, only_visits, name):
+    rate = 3.0
+    survey = denser(first_visit(sharp.surveys[0], only_visits, name), rate)
+    star = survey.targets.select([star_number(survey, name)])
+    way = survey.options[star_number(survey, name)][survey.schedule.visits[0].option]
+    drawn = draw_population(load_population("giants"), 100_000, 3)
+    counted = completeness(survey.model, star, way.band, drawn, exposure_s=way.exposure_s, n_frames=way.n_frames,
+                           em_gain=way.em_gain)  # fmt: skip
+    yields = play(survey, block=0, n=10_000, seed=2).universes["new_planets"]
+    error = np.hypot(yields.std() / 100.0, rate * counted.standard_error[0])
+    assert abs(yields.mean() - rate * counted.completeness[0]) < 4.0 * error
+
+
+def test_visits_of_a_star_against_brute_force_to_a_percent(sharp, only_visits, brute_force):
+    name = "eps Eri"
+    survey = sharp.surveys[0]
+    i = star_number(survey, name)
+    survey = denser(only_visits(survey, lambda visit: visit.star == i), 40.0)
+    star = survey.targets.select([i])
+    days = [survey.calendar.day[i, visit.slot] for visit in survey.schedule.visits]
+    assert len(days) == 4
+    (way,) = {survey.options[i][visit.option] for visit in survey.schedule.visits}
+    mass, n = float(star_mass_msun(star)[0]), 400_000
+    first, ever = brute_force.detected(survey.model, star, way, mass, days, n, seed=8)
+    once = only_visits(survey, lambda visit: visit.ordinal == 0)
+    for count, one in ((ever, survey), (first, once)):
+        yields = play(one, block=0, n=4000, seed=4).universes["new_planets"]
+        share, expected = yields.mean() / 40.0, count / n
+        # Both errors are below a third of a percent of several visits; of one, a percent.
+        error = np.hypot(np.sqrt(share / (4000 * 40.0)), np.sqrt(expected / n))
+        assert abs(share - expected) < 4.0 * error
+        if one is survey:
+            assert error < 0.006 * expected
+            assert share == pytest.approx(expected, rel=0.01)
+
+
+def test_the_schedule_promises_what_the_survey_finds(sharp):
+    survey = sharp.surveys[0]
+    yields = planets_of(play(denser(survey, 2.1), block=0, n=4000, seed=6)) / 10.0
+    # Planning has 2000 planets a star: a share p of them is known to p (1 - p) / 2000.
+    planning = sum(visit.gain for visit in survey.schedule.visits)
+    error = np.hypot(yields.std() / np.sqrt(4000), np.sqrt(0.21 * planning / 2000))
+    assert abs(yields.mean() - planning) < 4.0 * error
+    assert planning == pytest.approx(survey.schedule.value, rel=1e-9)
+
+
+class Watched(module._Clock):
+    """A clock that notes what it is asked for."""
+
+    lowest = np.inf
+
+    def spend(self, go, cost_h, on):
+        super().spend(go, cost_h, on)
+        Watched.lowest = min(Watched.lowest, float(self.left.min()), float(self.slot.min()))
+
+
+@pytest.mark.parametrize("follow", [(), ("F520",)])
+@pytest.mark.parametrize("stop", [{}, {"after_detection": False, "after_empty": 1}])
+def test_time_never_exceeds_budget_or_slot(plain, small, monkeypatch, follow, stop):
+    config = small({"time_budget_h": 40, "share": 0.01, "stop": stop, "revisits": {"max_visits": 12},
+                    "follow_up": {"bands": list(follow), "attempts": 3}, "scheduler": {"reserve": 3}})  # fmt: skip
+    survey = prepare(config).surveys[0]
+    assert any(visit.reserve for visit in survey.schedule.visits)
+    monkeypatch.setattr(module, "_Clock", Watched)
+    Watched.lowest = np.inf
+    played = play(survey, block=0, n=200, seed=1)
+    assert -1e-6 < Watched.lowest < 6.0
+    used = played.universes["search_h"] + played.universes["follow_up_h"]
+    assert used.max() <= 40.0 + 1e-6
+    assert (played.universes["follow_up_h"] > 0).any() == bool(follow)
+    assert np.all(played.detections["used_h"] <= 40.0 + 1e-6)
+
+
+def test_tables_agree_with_each_other(plain):
+    survey = plain.surveys[0]
+    played = play(survey, block=2, n=150, seed=3)
+    d, u, s = played.detections, played.universes, played.stars
+    assert len(found(played)) == len(d["universe"]) > 0
+    for column, mine in (("new_planets", d["known_row"] == NEW), ("known_planets", d["known_row"] != NEW)):
+        np.testing.assert_array_equal(u[column], np.bincount(d["universe"][mine], minlength=150))
+        assert s[column].sum() == mine.sum()
+    hosts = Counter(universe for universe, _ in {(a, b) for a, b, _ in found(played)})
+    np.testing.assert_array_equal(u["stars_with_planet"], [hosts.get(k, 0) for k in range(150)])
+    assert s["visits"].sum() == u["visits"].sum()
+    assert s["search_h"].sum() == pytest.approx(u["search_h"].sum())
+    assert np.all(s["block"] == 2)
+    assert np.all(s["universes"] == 150)
+    # What a detection says of itself.
+    assert np.all((d["margin"] > 0) & (d["chance"] > 0) & (d["chance"] <= 1) & (d["contrast"] > 0))
+    for row in range(len(d["universe"])):
+        i = star_number(survey, d["star"][row])
+        visit = next(v for v in survey.schedule.visits if (v.star, v.ordinal) == (i, d["ordinal"][row]))
+        assert d["day"][row] == survey.calendar.day[i, visit.slot]
+        assert d["band"][row] == survey.options[i][visit.option].band
+
+
+def test_a_star_is_left_alone_after_a_detection(plain, change):
+    survey = denser(plain.surveys[0], 1.0)
+    stops, goes_on = (
+        play(change(survey, stop={"after_detection": after}), block=0, n=100, seed=1) for after in (True, False)
+    )
+    assert planets_of(stops).sum() < planets_of(goes_on).sum()
+    assert np.all(stops.universes["search_h"] <= goes_on.universes["search_h"] + 1e-9)
+    last = {}
+    for universe, star, ordinal in zip(*(stops.detections[name].tolist() for name in ("universe", "star", "ordinal")),
+                                       strict=True):  # fmt: skip
+        assert last.setdefault((universe, star), ordinal) == ordinal  # all planets in one visit
+    cost = {str(name): min(v.cost_h for v in survey.schedule.visits if v.star == i)
+            for i, name in enumerate(survey.targets.name)}  # fmt: skip
+    assert min(cost.values()) > 0.0
+
+
+def test_a_star_is_left_alone_after_empty_visits(plain, change):
+    survey = denser(plain.surveys[0], 1e-3)
+    survey = replace(survey, known_rows=tuple(() for _ in survey.known_rows))
+    for after, stars in ((1, 3), (2, 3)):
+        played = play(change(survey, stop={"after_empty": after}), block=0, n=50, seed=1)
+        assert not planets_of(played).any()
+        assert np.all(played.universes["visits"] == after * stars)
+
+
+def test_the_survey_ends_with_its_planets(plain, change):
+    survey = denser(plain.surveys[0], 3.0)
+    every = play(change(survey, stop={"after_planets": None}), block=0, n=100, seed=1)
+    one = play(change(survey, stop={"after_planets": 1}), block=0, n=100, seed=1)
+    assert found(one) < found(every)
+    # The first visit that shows any ends it.
+    by_universe = defaultdict(set)
+    for universe, star, ordinal in zip(*(one.detections[name].tolist() for name in ("universe", "star", "ordinal")),
+                                       strict=True):  # fmt: skip
+        by_universe[universe].add((star, ordinal))
+    assert all(len(visits) == 1 for visits in by_universe.values())
+    assert np.all((planets_of(one) > 0) == (planets_of(every) > 0))
+    none = play(change(survey, stop={"after_planets": 10_000}), block=0, n=100, seed=1)
+    assert found(none) == found(every)
+
+
+def test_reserve_visits_displace_no_planned_one(small, sharp_tree):
+    from simulator.config.base import deep_merge
+
+    rules = deep_merge(sharp_tree, {"time_budget_h": 45, "stop": {"after_detection": True},
+                                    "revisits": {"max_visits": 12}})  # fmt: skip
+    without, with_reserve = (denser(prepare(small(deep_merge(rules, {"scheduler": {"reserve": reserve}}),
+                                                  universe={"known_planets": "off"})).surveys[0], 1.5)
+                             for reserve in (0, 3))  # fmt: skip
+    planned = [(v.star, v.option, v.slot) for v in with_reserve.schedule.visits if not v.reserve]
+    assert planned == [(v.star, v.option, v.slot) for v in without.schedule.visits]
+    assert len(with_reserve.schedule.visits) > len(planned)
+    few, more = (play(survey, block=0, n=400, seed=1) for survey in (without, with_reserve))
+    assert np.all(more.universes["stars_with_planet"] >= few.universes["stars_with_planet"])
+    assert more.universes["stars_with_planet"].sum() > few.universes["stars_with_planet"].sum()
+    assert np.all(more.universes["search_h"] <= 45.0 + 1e-6)
+    quiet = planets_of(more) == 0  # nothing freed: nothing on top
+    np.testing.assert_array_equal(more.universes["search_h"][quiet], few.universes["search_h"][quiet])
+
+
+def test_detections_that_need_two_visits(small, sharp_tree, change, only_visits):
+    survey = denser(prepare(small(sharp_tree, universe={"known_planets": "off"})).surveys[0], 3.0)
+    i = star_number(survey, "eps Eri")
+    survey = only_visits(survey, lambda visit: visit.star == i)
+    alone = [found(play(only_visits(survey, lambda v, k=k: v.ordinal == k), block=0, n=200, seed=1)) for k in range(4)]
+    for needed in (1, 2, 3):
+        twice = found(play(change(survey, detection={"visits_needed": needed}), block=0, n=200, seed=1))
+        counts = Counter(key for part in alone for key in part)
+        assert twice == {key for key, count in counts.items() if count >= needed}
+    assert twice
+
+
+def test_follow_up(small):
+    survey = prepare(small({"follow_up": {"bands": ["F520"], "attempts": 2, "time_s": 36000},
+                            "detection": {"rule": "expected"}})).surveys[0]  # fmt: skip
+    played = play(survey, block=0, n=200, seed=1)
+    u = played.universes
+    assert 0 < u["characterised_planets"].sum() <= planets_of(played).sum()
+    assert np.all(u["characterised_planets"] <= planets_of(played))
+    assert np.all((u["follow_up_h"] == 0) | (planets_of(played) > 0))
+    assert not (u["characterised_planets"][u["follow_up_h"] == 0]).any()
+    dearest = max(float(np.where(np.isfinite(cost := survey.calendar.cost_h(survey.model, i, ways[0])), cost, 0).max())
+                  for i, ways in enumerate(survey.follow))  # fmt: skip
+    assert np.all(u["follow_up_h"] <= 2 * dearest * u["stars_with_planet"] + 1e-9)
+
+
+def test_strategies_that_make_the_same_visit_find_the_same_planets(small):
+    """Other stars, another budget, other rules elsewhere: the chance of a visit stays that of its star and number."""
+    one_visit = {"revisits": {"max_visits": 1}, "detection": {"blind_margin": 1.0}}
+    few, many = (prepare(small(one_visit | more)).surveys[0] for more in
+                 ({"targets": {"names": ["eps Eri"]}, "time_budget_h": 20}, {"time_budget_h": 280, "value_known": 2}))  # fmt: skip
+    visits = [{(survey.targets.name[v.star], v.slot, survey.options[v.star][v.option]) for v in survey.schedule.visits}
+              for survey in (few, many)]  # fmt: skip
+    assert visits[0] < visits[1]
+    played = [play(denser(survey, 2.0), block=1, n=300, seed=9) for survey in (few, many)]
+    assert found(played[0]) == found(played[1], star="eps Eri")
+    assert len(found(played[0])) > 30
+    assert found(played[1]) > found(played[0])
+
+
+def test_a_likelier_detection_keeps_what_was_found(plain, change):
+    """The same numbers decide: a lower threshold adds planets and loses none."""
+    survey = change(denser(plain.surveys[0], 1.0), stop={"after_detection": False})
+    strict, easy = (found(play(change(survey, detection={"blind_margin": margin}), block=0, n=200, seed=1))
+                    for margin in (1.8, 1.2))  # fmt: skip
+    assert strict < easy
+
+
+def test_blocks_and_seeds_are_independent(plain):
+    survey = denser(plain.surveys[0], 2.0)
+    one, same, other, seeded = (play(survey, block=block, n=1500, seed=seed)
+                                for block, seed in ((0, 1), (0, 1), (1, 1), (0, 2)))  # fmt: skip
+    assert found(one) == found(same)
+    for name in one.universes:
+        np.testing.assert_array_equal(one.universes[name], same.universes[name])
+    for another in (other, seeded):
+        r = np.corrcoef(planets_of(one), planets_of(another))[0, 1]
+        assert abs(r) < 4.0 / np.sqrt(1500)
+
+
+@pytest.mark.parametrize("n", [1, 30, 99])
+def test_the_last_block_may_be_shorter(plain, n):
+    survey = denser(plain.surveys[0], 2.0)
+    whole, part = (play(survey, block=1, n=size, seed=1) for size in (100, n))
+    for name, values in part.universes.items():
+        np.testing.assert_array_equal(values, whole.universes[name][:n])
+    assert found(part) == {key for key in found(whole) if key[0] < n}
+
+
+def test_false_alarms_are_poisson_numbers_of_the_visits(plain):
+    survey = plain.surveys[0]
+    noisy = replace(survey, noise_alarms=tuple((0.3,) for _ in survey.options),
+                    background_alarms=tuple((0.05,) for _ in survey.options))  # fmt: skip
+    u = play(noisy, block=0, n=2000, seed=1).universes
+    for name, rate in (("noise_alarms", 0.3), ("background_alarms", 0.05)):
+        expected = rate * u["visits"].sum()
+        assert abs(u[name].sum() - expected) < 4.0 * np.sqrt(expected)
+    quiet = play(survey, block=0, n=2000, seed=1).universes
+    np.testing.assert_array_equal(quiet["new_planets"], u["new_planets"])
+
+
+def test_the_error_of_the_calibration_is_one_for_a_universe(plain, change):
+    """With an error as large as this, universes differ in how much they detect, more than by chance."""
+    survey = denser(plain.surveys[0], 20.0)
+    survey = change(survey, stop={"after_detection": False})
+    sure, unsure = (planets_of(play(change(survey, detection={"calibration_error": error, "blind_margin_error": error}),
+                                    block=0, n=600, seed=1)) for error in (0.0, 0.4))  # fmt: skip
+    assert unsure.var() > 1.5 * sure.var()
+
+
+def test_nothing_planned_finds_nothing(plain):
+    survey = plain.surveys[0]
+    played = play(replace(survey, schedule=replace(survey.schedule, visits=())), block=0, n=10, seed=1)
+    assert not any(values.any() for values in played.universes.values())
+    assert len(played.detections["universe"]) == len(played.stars["star"]) == 0
+    assert played.detections["universe"].dtype == np.int64
