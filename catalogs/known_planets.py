@@ -168,7 +168,7 @@ def load_known_planets(source: str | Path = "snapshot") -> KnownPlanetTable:
     """
     if source == "snapshot":
         return _snapshot()
-    file = read_bytes(source)
+    file = read_bytes(source, key="known_planets", presets="snapshot")
     return _user_table(file, parse_table(file))
 
 

@@ -54,8 +54,8 @@ class RawTable:
         return len(self.columns[0].cells)
 
 
-def read_bytes(path: str | Path) -> TableBytes:
-    """Read a file whole.
+def read_bytes(path: str | Path, *, key: str = "catalog", presets: str = "snapshot, latest") -> TableBytes:
+    """Read a file whole; `key` is what it is asked for as, `presets` what may be given instead of a file.
 
     Raises
     ------
@@ -66,11 +66,11 @@ def read_bytes(path: str | Path) -> TableBytes:
     try:
         data = place.read_bytes()
     except IsADirectoryError:
-        raise InputError("catalog", str(path), allowed=f"a {_FORMATS} file", hint="this is a folder") from None
+        raise InputError(key, str(path), allowed=f"a {_FORMATS} file", hint="this is a folder") from None
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
-        allowed = f"snapshot, latest, or the name of a {_FORMATS} file"
-        raise InputError("catalog", str(path), allowed=allowed, hint=reason) from None
+        allowed = f"{presets}, or the name of a {_FORMATS} file" if presets else f"the name of a {_FORMATS} file"
+        raise InputError(key, str(path), allowed=allowed, hint=reason) from None
     return TableBytes(place.name, data, hashlib.sha256(data).hexdigest())
 
 

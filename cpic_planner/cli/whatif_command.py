@@ -11,6 +11,7 @@ import typer
 from catalogs.errors import InputError
 from cpic_planner.cli.options import JsonOption
 from cpic_planner.cli.output import console, note, print_json, progress
+from cpic_planner.engine import check_address
 
 if TYPE_CHECKING:
     from cpic_planner.survey.strategy_file import StrategiesConfig
@@ -78,7 +79,8 @@ def whatif(
     instrument: Annotated[str | None, typer.Option("--instrument", help="Preset name or YAML file.")] = None,
     workers: Annotated[int, typer.Option("--workers", min=1, max=256, help="Local worker processes.")] = 2,
     scheduler: Annotated[
-        str | None, typer.Option("--scheduler", help="Dask scheduler to use instead, tcp://host:port.")
+        str | None,
+        typer.Option("--scheduler", callback=check_address, help="Dask scheduler to use instead, tcp://host:port."),
     ] = None,
     out: Annotated[Path, typer.Option("--out", help="Output folder.")] = Path("cpic-whatif"),
     force: Annotated[bool, typer.Option("--force", help="Replace what another configuration left in --out.")] = False,

@@ -109,18 +109,19 @@ def see(
     x, y = sky_to_detector(separation, pa_deg - roll, parity=model.instrument.detector.parity)
     margin, snr, contrast = np.zeros((3, *shape))
     usable = inside_zone(metrics.zone, x, y, metrics.aperture_radius_arcsec)
+    first = 0.0
     if model.strategy.library == "roll":
         x, y, usable = _at_two_rolls(model, metrics, separation, pa_deg - roll)
+        first = 0.5 * model.strategy.roll_deg
     if setting.possible and usable.any():
         visit, planet = np.nonzero(usable)
         light = _contrast(
             model, star, band, bodies, albedos, places.distance_au[usable], places.phase_deg[usable], planet
         )
         contrast[usable] = light
-        # Only a companion's wings care for the roll.
-        turns = (
-            roll[usable] if np.isfinite(star.companion_v_mag[0]) and star.companions == "on" else np.zeros(light.shape)
-        )
+        # Only a companion's wings care for the roll, with two of them that of the places x and y.
+        wings = np.isfinite(star.companion_v_mag[0]) and star.companions == "on"
+        turns = (roll + first)[usable] if wings else np.zeros(light.shape)
         for angle in np.unique(turns):
             here = turns == angle
             put = (visit[here], planet[here])

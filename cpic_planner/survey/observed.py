@@ -95,7 +95,7 @@ def read_log(source: str | Path) -> ObservationLog:
     InputError
         Naming file, row, column, value, unit and range of the first fault.
     """
-    file = read_bytes(source)
+    file = read_bytes(source, key="observed", presets="")
     raw = parse_table(file)
     by_name = {item.name: item for item, _ in COLUMNS}
     chosen, _ = choose_columns(

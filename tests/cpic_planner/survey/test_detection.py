@@ -7,7 +7,9 @@ import pytest
 
 from cpic_planner.completeness import completeness
 from cpic_planner.etc.model import Strategy, build_model
+from cpic_planner.etc.noise import stack_noise
 from cpic_planner.etc.questions import signal_to_noise
+from cpic_planner.etc.rates import aperture_rates
 from cpic_planner.etc.significance import detection_threshold
 from cpic_planner.orbits import OrbitPlaces
 from cpic_planner.population import draw_population, load_population
@@ -154,6 +156,29 @@ def test_the_wings_of_a_companion_turn_with_the_roll(model):
     alone = replace(one, companions="off")
     tops = [see(model, alone, SETTING, bodies, JUPITER, places, [roll]).margin.max() for roll in (0.0, 40.0)]
     assert tops[0] == pytest.approx(tops[1], rel=1e-3)
+
+
+def test_two_rolls_show_what_both_show(model):
+    """The library of two rolls: half of the angle to either side, companions where the first roll has them."""
+    two = replace(model, strategy=Strategy(library="roll", roll_deg=20.0))
+    one = star("alf Cen A")
+    bodies = bodies_of(draw_population(load_population("giants"), 2000, 3))
+    places = bodies.places([0.0])
+    seen = see(two, one, SETTING, bodies, JUPITER, places, [35.0])
+    each = [see(model, one, SETTING, bodies, JUPITER, places, [roll]).margin[0] > 0.0 for roll in (25.0, 45.0)]
+    metrics = model.metrics["F520"]
+    apart = 2.0 * seen.separation_arcsec[0] * np.sin(np.deg2rad(10.0)) >= 2.0 * metrics.aperture_radius_arcsec
+    shown = seen.margin[0] > 0.0
+    np.testing.assert_array_equal(shown, each[0] & each[1] & apart)
+    assert 10 < shown.sum() < each[0].sum()
+    # Noise is that of the first roll: of a planet there, with a companion turned as far.
+    at_first = np.deg2rad(seen.pa_deg - 45.0)
+    rho = seen.separation_arcsec
+    x, y = -rho * np.sin(at_first), rho * np.cos(at_first)
+    rates = aperture_rates(two, rolled(one, 45.0), "F520", x[:, shown], y[:, shown], seen.contrast[:, shown])
+    noise = stack_noise(rates, SETTING.exposure_s, SETTING.n_frames, SETTING.em_gain, two.camera("F520"),
+                        reference_ratio=1.0)  # fmt: skip
+    np.testing.assert_allclose(seen.snr[:, shown], noise.snr, rtol=1e-9)
 
 
 def test_many_dates_are_as_one_by_one(model):

@@ -102,8 +102,9 @@ def setup():
     model, star = build_model(load_instrument(), ("F520",)), find_target("eps Eri")[0]
     table = load_known_planets()
     population = load_population("giants").model_copy(update={"planets_per_star": 1.5})
+    rows = table.by_star[star_key("eps Eri")]
     bodies = draw_bodies("eps Eri", float(star_mass_msun(star)[0]), float(star.luminosity_lsun[0]), population,
-                         known=table, known_rows=table.by_star[star_key("eps Eri")], epoch_mjd=EPOCH, n=8000, seed=1)  # fmt: skip
+                         known=table, known_rows=rows, epoch_mjd=EPOCH, n=8000, seed=1)  # fmt: skip
     setting = Setting("F520", 25.0, 300.0, 450.0, 15000.0)
     visits = [ObservedVisit("eps Eri", EPOCH + day, setting, 10.0, roll, planets)
               for day, roll, planets in ((20.0, 0.0, 0), (70.0, math.nan, 0), (200.0, 30.0, 1))]  # fmt: skip

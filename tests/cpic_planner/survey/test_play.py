@@ -87,17 +87,17 @@ def test_visits_of_a_star_against_brute_force_to_a_percent(sharp, only_visits, b
     days = [survey.calendar.day[i, visit.slot] for visit in survey.schedule.visits]
     assert len(days) == 4
     (way,) = {survey.options[i][visit.option] for visit in survey.schedule.visits}
-    mass, n = float(star_mass_msun(star)[0]), 400_000
+    mass, n = float(star_mass_msun(star)[0]), 500_000
     first, ever = brute_force.detected(survey.model, star, way, mass, days, n, seed=8)
     once = only_visits(survey, lambda visit: visit.ordinal == 0)
     for count, one in ((ever, survey), (first, once)):
-        yields = play(one, block=0, n=4000, seed=4).universes["new_planets"]
-        share, expected = yields.mean() / 40.0, count / n
-        # Both errors are below a third of a percent of several visits; of one, a percent.
-        error = np.hypot(np.sqrt(share / (4000 * 40.0)), np.sqrt(expected / n))
+        planets = play(one, block=0, n=10_000, seed=4).universes["new_planets"].sum()
+        share, expected = planets / (10_000 * 40.0), count / n
+        # Errors of counting: a third of a percent of all visits together, more of the first alone.
+        error = np.hypot(np.sqrt(share / (10_000 * 40.0)), np.sqrt(expected / n))
         assert abs(share - expected) < 4.0 * error
         if one is survey:
-            assert error < 0.006 * expected
+            assert error < 0.005 * expected
             assert share == pytest.approx(expected, rel=0.01)
 
 
@@ -172,9 +172,6 @@ def test_a_star_is_left_alone_after_a_detection(plain, change):
     for universe, star, ordinal in zip(*(stops.detections[name].tolist() for name in ("universe", "star", "ordinal")),
                                        strict=True):  # fmt: skip
         assert last.setdefault((universe, star), ordinal) == ordinal  # all planets in one visit
-    cost = {str(name): min(v.cost_h for v in survey.schedule.visits if v.star == i)
-            for i, name in enumerate(survey.targets.name)}  # fmt: skip
-    assert min(cost.values()) > 0.0
 
 
 def test_a_star_is_left_alone_after_empty_visits(plain, change):
@@ -242,16 +239,17 @@ def test_follow_up(small):
     assert np.all(u["characterised_planets"] <= planets_of(played))
     assert np.all((u["follow_up_h"] == 0) | (planets_of(played) > 0))
     assert not (u["characterised_planets"][u["follow_up_h"] == 0]).any()
-    dearest = max(float(np.where(np.isfinite(cost := survey.calendar.cost_h(survey.model, i, ways[0])), cost, 0).max())
-                  for i, ways in enumerate(survey.follow))  # fmt: skip
+    settlings = survey.strategy.visit.settlings
+    costs = [survey.calendar.cost_h(survey.model, i, way, settlings) for i, (way,) in enumerate(survey.follow)]
+    dearest = max(cost[np.isfinite(cost)].max() for cost in costs)
     assert np.all(u["follow_up_h"] <= 2 * dearest * u["stars_with_planet"] + 1e-9)
 
 
 def test_strategies_that_make_the_same_visit_find_the_same_planets(small):
     """Other stars, another budget, other rules elsewhere: the chance of a visit stays that of its star and number."""
     one_visit = {"revisits": {"max_visits": 1}, "detection": {"blind_margin": 1.0}}
-    few, many = (prepare(small(one_visit | more)).surveys[0] for more in
-                 ({"targets": {"names": ["eps Eri"]}, "time_budget_h": 20}, {"time_budget_h": 280, "value_known": 2}))  # fmt: skip
+    others = ({"targets": {"names": ["eps Eri"]}, "time_budget_h": 20}, {"time_budget_h": 280, "value_known": 2})
+    few, many = (prepare(small(one_visit | more)).surveys[0] for more in others)
     visits = [{(survey.targets.name[v.star], v.slot, survey.options[v.star][v.option]) for v in survey.schedule.visits}
               for survey in (few, many)]  # fmt: skip
     assert visits[0] < visits[1]
