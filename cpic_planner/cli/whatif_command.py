@@ -43,6 +43,7 @@ Examples:
 
 A strategies file names only what differs from the preset:
 
+\b
   kind: strategies
   universe: {universes: 500}
   strategies:

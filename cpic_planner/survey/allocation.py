@@ -18,6 +18,8 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 _ROUNDS = 12
 _NODES = 500
+_MANY, _SLOW = 200, 0.25
+_SWEEPS = 20
 _KEPT = 0.5
 _CHOSEN = 1e-6
 
@@ -45,8 +47,8 @@ def make_schedule(problem: Problem) -> Schedule:
 
     Both methods state the same bound: the value that linear programming gives a relaxation in which visits may be made
     in part and each star is worth at most what its cuts allow. ``milp`` then asks for whole visits, round after round,
-    until the best allocation is within the strategy's ``gap`` of its own bound; the better of it and the greedy one is
-    taken.
+    until the best allocation is within the strategy's ``gap`` of its own bound or that hardly falls any more; the
+    better of it and the greedy one is improved by exchanging single visits as long as that helps.
 
     Notes
     -----
@@ -64,9 +66,12 @@ def make_schedule(problem: Problem) -> Schedule:
     if problem.strategy.scheduler.method == "milp" and relaxed.columns:
         chosen, own_bound = relaxed.rounds(whole=True)
         bound = min(bound, own_bound)
+        if _value(problem, chosen) > value:
+            method, cuts_at = "milp", chosen
+        chosen = exchanged(problem, cuts_at)
         better = _value(problem, chosen)
         if better > value:
-            method, value = "milp", better
+            method, value = "milp" if method == "milp" else "greedy, exchanged", better
             booked = [
                 (star, visit, gain) for star in sorted(chosen) for visit, gain in _gains(problem, star, chosen[star])
             ]
@@ -105,15 +110,51 @@ def _value(problem: Problem, made: dict[int, list[Visit]]) -> float:
     return sum(StarValue.of(problem.stars[star], needed, visits).value for star, visits in sorted(made.items()))
 
 
+def exchanged(problem: Problem, made: dict[int, list[Visit]]) -> dict[int, list[Visit]]:
+    """Visits after exchanges of one for another of the same star, as long as the value grows."""
+    room = Room.of(problem)
+    for star, visits in made.items():
+        for visit in visits:
+            room.take(star, visit, float(problem.stars[star].cost_h[visit]))
+    for _ in range(_SWEEPS):
+        helped = [_exchange(problem, room, star) for star in sorted(room.visits)]
+        if not any(helped):
+            break
+    return room.visits
+
+
+def _exchange(problem: Problem, room: Room, star: int) -> bool:
+    """Put each visit of a star where it adds most to the others; whether that helped."""
+    item, needed, helped = problem.stars[star], problem.strategy.detection.visits_needed, False
+    for visit in list(room.visits[star]):
+        others = [other for other in room.visits[star] if other != visit]
+        state, cost = StarValue.of(item, needed, others), float(item.cost_h[visit])
+        room.budget_h += cost
+        room.slots_h[visit[1]] += cost
+        gains = np.where(room.holds(item.cost_h), state.gains()[0], -np.inf)
+        for _, slot in others:
+            gains[:, problem.near(item, slot)] = -np.inf
+        option, slot = (int(part) for part in np.unravel_index(int(np.argmax(gains)), gains.shape))
+        best = (option, slot) if gains[option, slot] > gains[visit] + _CHOSEN * _CHOSEN else visit
+        room.visits[star] = others
+        room.take(star, best, float(item.cost_h[best]))
+        helped |= best != visit
+    return helped
+
+
 class _Programme:
     """Columns, limits and cuts of one problem."""
 
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
-        self.columns = [_Column(i, (int(option), int(slot)), float(star.cost_h[option, slot]))
-                        for i, star in enumerate(problem.stars)
-                        for option, slot in np.argwhere(np.isfinite(star.cost_h))
-                        if star.cost_h[option, slot] <= problem.strategy.share * problem.slot_h[slot]]  # fmt: skip
+        # A visit adds at most what it is worth alone: those worth less than the strategy asks are never made.
+        least = problem.strategy.scheduler.min_gain
+        self.columns = []
+        for i, star in enumerate(problem.stars):
+            _, alone = StarValue.none(star, problem.strategy.detection.visits_needed).gains()
+            fits = star.cost_h <= np.minimum(problem.strategy.share * problem.slot_h, problem.strategy.time_budget_h)
+            self.columns += [_Column(i, (int(option), int(slot)), float(star.cost_h[option, slot]))
+                             for option, slot in np.argwhere(fits & (alone >= least) & (alone > 0.0))]  # fmt: skip
         self.cuts: list[_Cut] = []
         self._own = [np.array([k for k, column in enumerate(self.columns) if column.star == i], int)
                      for i in range(len(problem.stars))]  # fmt: skip
@@ -137,7 +178,8 @@ class _Programme:
 
     def rounds(self, *, whole: bool) -> tuple[dict[int, list[Visit]], float]:
         """Solve, cut where too much was promised, and solve again; visits chosen and the least bound."""
-        bound, chosen = np.inf, dict[int, list[Visit]]()
+        before = bound = np.inf
+        chosen: dict[int, list[Visit]] = {}
         best_value = -np.inf
         gap = self.problem.strategy.scheduler.gap
         for _ in range(_ROUNDS):
@@ -157,6 +199,9 @@ class _Programme:
                 best_value, chosen = real, made
             if worst <= _CHOSEN * max(bound, _CHOSEN) or (whole and bound - real <= gap * bound):
                 break
+            if whole and len(self.columns) > _MANY and before - bound < _SLOW * gap * bound:
+                break
+            before = bound
         return chosen, float(bound)
 
     def _solve(self, whole: bool) -> tuple[FloatArray, FloatArray, float]:

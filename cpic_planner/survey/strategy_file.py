@@ -21,10 +21,20 @@ from simulator.config.mission import Utc
 from simulator.config.presets import preset_names, preset_path, preset_tree
 from simulator.config.scene import paths_beside
 
-__all__ = ["StrategiesConfig", "UniverseConfig", "load_strategies", "strategies_names", "varied", "with_universe"]
+__all__ = [
+    "FILES",
+    "StrategiesConfig",
+    "UniverseConfig",
+    "load_strategies",
+    "strategies_names",
+    "varied",
+    "with_universe",
+]
 
 PACKAGE = "cpic_planner"
 MAX_STRATEGIES = 200
+FILES = ("instrument", "visibility", "catalog", "known_planets", "observed")
+"""What a survey names by preset or file."""
 _ALIASES = {"contrast": "assumptions.contrast", "drift": "assumptions.drift", "throughput": "assumptions.throughput",
             "exozodi": "assumptions.exozodi", "budget_h": "time_budget_h", "time_s": "visit.time_s",
             "max_visits": "revisits.max_visits", "max_targets": "targets.max_targets", "rule": "detection.rule",
@@ -124,7 +134,7 @@ def load_strategies(source: Mapping[str, Any] | str | Path = "survey_default") -
     ['single_visit', 'multi_band']
     """
     tree, folder = preset_tree("strategies", source, package=PACKAGE, kinds=("strategy",))
-    values, _ = split_sourced(tree if folder is None else paths_beside(tree, folder))
+    values, _ = split_sourced(tree if folder is None else _beside(paths_beside(tree, folder), folder))
     kind = values.pop("kind", "strategies")
     if kind == "strategy" or "strategies" not in values:
         shared = {key: values.pop(key) for key in ("universe", "defaults") if key in values}
@@ -140,6 +150,16 @@ def load_strategies(source: Mapping[str, Any] | str | Path = "survey_default") -
     values["strategies"] = [deep_merge({key: item for key, item in base.items() if key not in ("name", "description")},
                                        item) for item in listed]  # fmt: skip
     return validate(StrategiesConfig, values, where="strategies")
+
+
+def _beside(tree: Any, folder: Path) -> Any:
+    """Files of the survey and of populations that exist beside the strategies' file, made whole."""
+    if isinstance(tree, list):
+        return [_beside(item, folder) for item in tree]
+    if not isinstance(tree, dict):
+        return tree
+    return {key: str(folder / item) if key in (*FILES, "population") and isinstance(item, str)
+            and (folder / item).is_file() else _beside(item, folder) for key, item in tree.items()}  # fmt: skip
 
 
 def _default_strategy() -> dict[str, Any]:

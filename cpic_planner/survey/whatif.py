@@ -20,7 +20,7 @@ from cpic_planner.survey.outcome import differences, outcome, rank_changes
 from cpic_planner.survey.play import Survey, play
 from cpic_planner.survey.prepare import Prepared, prepare
 from cpic_planner.survey.store import ResultStore, clear_tables
-from cpic_planner.survey.strategy_file import StrategiesConfig
+from cpic_planner.survey.strategy_file import FILES, StrategiesConfig
 from cpic_planner.survey.tables import TABLES, rows_of
 from cpic_planner.survey.universe import BLOCK
 from cpic_planner.survey.visibility import load_visibility
@@ -34,8 +34,6 @@ __all__ = ["BLOCK", "FinishedWhatIf", "cost_of", "run_whatif", "whatif_hash"]
 _START_S, _PREPARE_S, _PLAY_S, _IMAGE_S = 6.0, 1.8, 0.0015, 2.2
 RESULT_VERSION = 1
 """Raised when the same configuration gives other numbers, so that old folders are not resumed."""
-_FILES = ("instrument", "visibility", "catalog", "known_planets", "observed")
-"""What is named in a configuration and counts by its content."""
 NOT_MODELLED = (
     "planets of one star are independent of each other and of its known ones; no dynamical stability",
     "companions stand where the catalogue has them; proper motion and parallax do not tell background stars apart",
@@ -62,7 +60,7 @@ def whatif_hash(prepared: Prepared, n_images: int) -> str:
             "kind": "whatif",
             "results": RESULT_VERSION,
             "version": __version__,
-            "config": config.model_dump(mode="json", exclude={"universe": set(_FILES)}),
+            "config": config.model_dump(mode="json", exclude={"universe": set(FILES)}),
             "populations": [
                 None if item.population is None else item.population.content() for item in config.strategies
             ],
@@ -249,7 +247,7 @@ def assemble(
 def _named(config: StrategiesConfig) -> dict[str, Any]:
     """What strategies share, files by their names without folder."""
     tree = config.universe.model_dump(mode="json")
-    return tree | {name: Path(tree[name]).name if "/" in tree[name] else tree[name] for name in _FILES}
+    return tree | {name: Path(tree[name]).name if "/" in tree[name] else tree[name] for name in FILES}
 
 
 def _rows(columns: Mapping[str, NDArray[Any]], strategy: str) -> dict[str, NDArray[Any]]:

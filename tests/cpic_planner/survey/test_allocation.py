@@ -44,7 +44,7 @@ def test_values_and_bounds_hold_the_optimum_between_them(problems, seed, needed,
 
 
 @given(seed=st.integers(0, 300))
-@settings(max_examples=3)
+@settings(max_examples=2)
 def test_larger_problems_end_within_their_gap(problems, seed):
     problem = problems.random_problem(seed, stars=6, slots=8, options=2, budget_h=30.0, method="milp", gap=0.02)
     schedule = make_schedule(problem)

@@ -21,7 +21,7 @@ def interval_of(counts):
     return mean_interval(np.repeat(np.array(values, float), numbers))
 
 
-def coverage(draw, truth, repeats=1500, seed=0):
+def coverage(draw, truth, repeats=1000, seed=0):
     """Share of the repeats whose interval holds the true mean."""
     rng = np.random.default_rng(seed)
     held = 0
@@ -32,25 +32,24 @@ def coverage(draw, truth, repeats=1500, seed=0):
     return held / repeats
 
 
-# Differences of paired yields: what both find cancels, what one alone finds is sparse. At 1500 repeats the share of a
-# true 90 % has a standard error of 0.8 %.
+# Differences of paired yields: what both find cancels, what one alone finds is sparse. At 1000 repeats the share of a
+# true 90 % has a standard error of 0.9 %.
 @pytest.mark.parametrize(("n", "first", "second"), [
-    (1000, 0.05, 0.02), (1000, 0.01, 0.005), (1000, 0.02, 0.0), (300, 0.05, 0.02), (300, 0.4, 0.1), (100, 0.3, 0.1),
-    (100, 0.15, 0.05), (300, 0.03, 0.03),
+    (1000, 0.05, 0.02), (1000, 0.01, 0.005), (300, 0.05, 0.02), (300, 0.03, 0.03), (100, 0.3, 0.1), (100, 0.15, 0.05),
 ])  # fmt: skip
 def test_paired_differences_of_sparse_counts(n, first, second):
     share = coverage(lambda rng: rng.poisson(first, n) - rng.poisson(second, n), first - second)
     assert 0.87 <= share <= 0.93, share
 
 
-@pytest.mark.parametrize(("n", "rate"), [(1000, 0.02), (1000, 0.3), (300, 0.1), (100, 0.2), (100, 3.0)])
+@pytest.mark.parametrize(("n", "rate"), [(1000, 0.02), (300, 0.1), (100, 0.2)])
 def test_yields(n, rate):
     share = coverage(lambda rng: rng.poisson(rate, n), rate)
     assert 0.87 <= share <= 0.93, share
 
 
 def test_hours_that_are_skewed():
-    share = coverage(lambda rng: rng.exponential(3.0, 300) ** 1.2, 3.0**1.2 * math.gamma(2.2), repeats=1000)
+    share = coverage(lambda rng: rng.exponential(3.0, 300) ** 1.2, 3.0**1.2 * math.gamma(2.2), repeats=600)
     assert 0.87 <= share <= 0.93, share
 
 
@@ -58,8 +57,8 @@ def test_hours_that_are_skewed():
 def test_other_levels_of_a_normal_law(level):
     rng = np.random.default_rng(1)
     held = np.mean([found.low <= 0.0 <= found.high for found in (mean_interval(rng.standard_normal(100), level)
-                                                                 for _ in range(1000))])  # fmt: skip
-    assert abs(held - level) < 4.0 * np.sqrt(level * (1 - level) / 1000) + 0.01
+                                                                 for _ in range(600))])  # fmt: skip
+    assert abs(held - level) < 4.0 * np.sqrt(level * (1 - level) / 600) + 0.01
 
 
 SAMPLES = st.lists(st.integers(-3, 6), min_size=3, max_size=60)

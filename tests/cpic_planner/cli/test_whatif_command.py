@@ -1,0 +1,125 @@
+import json
+import textwrap
+
+import pytest
+
+from cpic_planner.cli.main import main
+from cpic_planner.models import WhatIfResult
+from cpic_planner.survey.strategy_file import load_strategies
+
+SMALL = """kind: strategies
+name: small
+universe: {duration_days: 365, slot_days: 60, universes: 20}
+defaults:
+  time_budget_h: 150
+  targets: {names: [eps Eri]}
+  visit: {bands: [F520], time_s: 36000}
+strategies:
+  - name: once
+  - name: twice
+    revisits: {max_visits: 2}
+"""
+
+
+@pytest.fixture
+def mine(tmp_path):
+    path = tmp_path / "mine.yaml"
+    path.write_text(SMALL)
+    return str(path)
+
+
+def call(capsys, *arguments):
+    status = main(["whatif", *arguments])
+    captured = capsys.readouterr()
+    return status, captured.out, captured.err
+
+
+def test_a_comparison_in_words_and_files(capsys, mine, tmp_path):
+    out_dir = tmp_path / "out"
+    status, out, err = call(capsys, mine, "--out", str(out_dir), "--images", "0", "--workers", "1")
+    assert status == 0, err
+    for words in ("once", "twice", "report.html"):
+        assert words in out
+    assert {path.name for path in out_dir.iterdir()} >= {
+        "whatif.json", "run.json", "report.html", "targets.csv", "universes.parquet", "detections.parquet", "stars.parquet",
+    }  # fmt: skip
+    result = WhatIfResult.model_validate_json((out_dir / "whatif.json").read_text())
+    assert [item.name for item in result.strategies] == ["once", "twice"]
+    run = json.loads((out_dir / "run.json").read_text())
+    assert (run["computed_parts"], run["resumed_parts"]) == (2, 0)
+    # The same again is there already.
+    status, out, err = call(capsys, mine, "--out", str(out_dir), "--images", "0", "--workers", "1", "--json")
+    assert status == 0
+    assert WhatIfResult.model_validate_json(out) == result
+    assert "reused 2 finished pieces" in err
+    status, _, err = call(capsys, mine, "--out", str(out_dir), "--images", "0", "--universes", "21", "--workers", "1")
+    assert status == 2
+    assert "--force" in err
+
+
+def test_options_reach_the_answer(capsys, mine, tmp_path):
+    arguments = ("--strategy", "twice", "--vary", "max_visits=1,2", "--universes", "12", "--seed", "9", "--start",
+                 "2030-01-01", "--days", "40", "--images", "0", "--workers", "1")  # fmt: skip
+    status, out, err = call(capsys, mine, *arguments, "--out", str(tmp_path / "o"), "--json")
+    assert status == 0, err
+    result = WhatIfResult.model_validate_json(out)
+    assert [item.name for item in result.strategies] == ["twice max_visits=1", "twice max_visits=2"]
+    assert result.n_universes == 12
+    assert result.universe["seed"] == 9
+    assert result.universe["start_utc"].startswith("2030-01-01")
+    assert (result.universe["duration_days"], result.universe["slot_days"]) == (40, 40)
+    assert all(text.startswith("2030") for text in result.slot_utc)
+
+
+def test_what_it_would_cost(capsys, mine, tmp_path):
+    status, out, _ = call(capsys, mine, "--dry-run", "--out", str(tmp_path / "none"))
+    assert status == 0
+    assert "2 strategies, 20 universes" in out
+    assert not (tmp_path / "none").exists()
+    status, out, _ = call(capsys, mine, "--dry-run", "--json", "--universes", "500")
+    assert json.loads(out)["n_universes"] == 500
+
+
+FAULTS = {
+    "--strategy = thrice": ["--strategy", "thrice"],
+    "--vary": ["--vary", "foo=1"],
+    "each value once": ["--vary", "max_visits=1,1"],
+    "start_utc": ["--start", "soon"],
+    "duration_days": ["--days", "-3"],
+    "nowhere.csv": ["--observed", "nowhere.csv"],
+    "catalog": ["--catalog", "nowhere.csv"],
+    "instrument": ["--instrument", "nowhere.yaml"],
+    "--universes": ["--universes", "1"],
+    "--workers": ["--workers", "0"],
+    "--images": ["--images", "-1"],
+}
+
+
+@pytest.mark.parametrize("words", FAULTS)
+def test_bad_input_is_one_clear_line(capsys, mine, tmp_path, words):
+    out_dir = tmp_path / "none"
+    status, out, err = call(
+        capsys, mine, *FAULTS[words], "--out", str(out_dir), "--images" if words != "--images" else "--seed", "0"
+    )
+    assert status == 2
+    assert out == ""
+    assert words in err
+    assert "Traceback" not in err
+    assert not (out_dir / "whatif.json").exists()
+
+
+def test_a_preset_or_file_that_does_not_exist(capsys):
+    for source in ("nothing", "nothing.yaml"):
+        status, _, err = call(capsys, source)
+        assert status == 2
+        assert "survey_default" in err
+
+
+def test_the_file_of_the_help_is_a_file(capsys, tmp_path):
+    status, out, _ = call(capsys, "--help")
+    assert status == 0
+    path = tmp_path / "help.yaml"
+    path.write_text(textwrap.dedent(out[out.index("    kind: strategies") : out.index("  --vary takes")]))
+    config = load_strategies(path)
+    assert [item.name for item in config.strategies] == ["one_hour", "ten_hours"]
+    assert config.universe.universes == 500

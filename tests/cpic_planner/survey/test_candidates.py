@@ -1,0 +1,200 @@
+"""Stars that a strategy may visit: cuts, frames, and the chance and worth of a visit."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from catalogs.errors import InputError
+from catalogs.known_planets import load_known_planets
+from cpic_planner.etc.model import build_model
+from cpic_planner.population import load_population
+from cpic_planner.survey.calendar import make_calendar
+from cpic_planner.survey.candidates import (
+    KNOWN_ALBEDO,
+    N_DRAWS,
+    N_KNOWN,
+    PlanningSky,
+    albedos_of,
+    candidates,
+    screen,
+    settings_of,
+)
+from cpic_planner.survey.detection import detection_chance, reach_au, see
+from cpic_planner.survey.strategy import VisitRule
+from cpic_planner.survey.universe import NEW
+from cpic_planner.survey.visibility import load_visibility
+from cpic_planner.targets import rank_sample
+from simulator import load_instrument
+
+INSTRUMENT = load_instrument()
+
+
+@pytest.fixture(scope="module")
+def model():
+    return build_model(INSTRUMENT, bands=("F520",))
+
+
+@pytest.fixture(scope="module")
+def everyone():
+    return rank_sample(v_mag_max=7.0)
+
+
+@pytest.fixture(scope="module")
+def known():
+    return load_known_planets()
+
+
+def looked(strategy, model, everyone, known):
+    """Screened stars with their calendar and candidates."""
+    config = strategy
+    rules = config.strategies[0]
+    screened = screen(rules, model, everyone, known, 1)
+    stars = screened.targets.select(screened.rows)
+    calendar = make_calendar(config.universe, INSTRUMENT, load_visibility(), stars)
+    sky = PlanningSky(1, reach_au(model, 1.0))
+    return screened, calendar, sky, candidates(rules, model, screened, calendar, known, sky)
+
+
+@pytest.fixture(scope="module")
+def three(small, model, everyone, known):
+    return looked(small(), model, everyone, known)
+
+
+def test_stars_worth_a_visit(three):
+    screened, calendar, _, found = three
+    assert [str(screened.targets.name[item.index]) for item in found] == ["eps Eri", "alf Cen A", "tau Cet"]
+    worth = [item.worth for item in found]
+    assert worth == sorted(worth, reverse=True)
+    for item in found:
+        assert item.chance.shape == (1, calendar.n_slots, len(item.weight))
+        assert np.all((item.chance >= 0) & (item.chance <= 1))
+        assert item.visits_left == 4
+        impossible = ~np.isfinite(item.cost_h)
+        assert not item.chance[impossible].any()
+        with np.errstate(invalid="ignore"):
+            per_hour = np.where(impossible, 0.0, item.chance @ item.weight / item.cost_h)
+        assert item.worth == pytest.approx(per_hour.max(), rel=1e-6)
+
+
+def test_chances_are_those_of_single_visits(three, small, model, known):
+    screened, calendar, sky, found = three
+    rules, item = small().strategies[0], found[0]
+    place = list(screened.rows).index(item.index)
+    star = screened.targets.select([item.index])
+    bodies, _ = sky.of(star, rules.population, known, item.known_rows, calendar.start_mjd, calendar.day[place])
+    slot = int(np.flatnonzero(np.isfinite(item.cost_h[0]))[2])
+    seen = see(model, star, item.options[0], bodies, albedos_of(rules.population),
+               bodies.places([calendar.day[place, slot]]), [calendar.sun_pa_deg[place, slot]])  # fmt: skip
+    new = bodies.known == NEW
+    odds = detection_chance(seen.margin, rules.detection, ~new, calibration=rules.detection.calibration)[0]
+    value = (odds * np.where(new, 0.21 / N_DRAWS, 1.0 / N_KNOWN)).sum()
+    assert float(item.chance[0, slot] @ item.weight) == pytest.approx(value, rel=1e-5)
+    # All that stands for planets: those that no date shows are left out.
+    assert item.weight.sum() <= 0.21 + len(item.known_rows)
+
+
+def test_values_weigh_known_and_new_planets(small, model, everyone, known):
+    worth = {}
+    for label, values in {"plain": {}, "known": {"value_known": 5.0}, "new": {"value_new": 5.0}}.items():
+        *_, found = looked(small(values), model, everyone, known)
+        worth[label] = {item.known_rows: item.worth for item in found}
+    for rows in worth["plain"]:
+        assert worth["new"][rows] / worth["plain"][rows] <= 5.0 * (1 + 1e-6)
+        assert worth["known"][rows] / worth["plain"][rows] <= 5.0 * (1 + 1e-6)
+    alone = next(rows for rows in worth["plain"] if not rows)
+    assert worth["new"][alone] == pytest.approx(5.0 * worth["plain"][alone], rel=1e-5)
+    assert worth["known"][alone] == worth["plain"][alone]
+
+
+def test_cuts(small, model, everyone, known):
+    everyone = everyone.select(np.argsort(everyone.distance_pc)[:60])
+
+    def names(**cuts):
+        return set(
+            screen(small({"targets": {"names": []} | cuts}).strategies[0], model, everyone, known, 1).targets.name
+        )
+
+    assert len(names()) == len(everyone)
+    assert names(names=["tau Cet"]) == {"tau Cet"}
+    assert names() - names(exclude=["tau Cet", "eps Eri"]) == {"tau Cet", "eps Eri"}
+    distance = dict(zip(everyone.name, everyone.distance_pc, strict=True))
+    assert all(distance[name] <= 5.0 for name in names(distance_max_pc=5.0))
+    magnitude = dict(zip(everyone.name, everyone.v_mag, strict=True))
+    assert all(magnitude[name] <= 3.0 for name in names(v_mag_max=3.0))
+    hosts = names(known_planets="only")
+    assert "eps Eri" in hosts
+    assert "alf Cen A" not in hosts
+    for cuts, text in (({"names": ["Vulcan"]}, "targets.names = Vulcan"), ({"exclude": ["Vulcan"]}, "targets.exclude"),
+                       ({"distance_max_pc": 0.5}, "cuts that leave a star")):  # fmt: skip
+        with pytest.raises(InputError, match=text):
+            names(**cuts)
+
+
+def test_most_targets_and_known_planets_first(small, model, everyone, known):
+    *_, found = looked(small({"targets": {"max_targets": 1}}), model, everyone, known)
+    assert len(found) == 1
+    screened, _, _, found = looked(small({"targets": {"known_planets": "first"}}), model, everyone, known)
+    assert [str(screened.targets.name[item.index]) for item in found] == ["eps Eri", "tau Cet", "alf Cen A"]
+
+
+def test_without_a_population_known_planets_alone_count(small, model, everyone, known):
+    screened, _, _, found = looked(small({"population": None}), model, everyone, known)
+    assert {str(screened.targets.name[item.index]) for item in found} <= {"eps Eri", "tau Cet"}
+    assert all(item.weight.sum() <= len(item.known_rows) for item in found)
+    assert not screened.promising.any()
+
+
+def test_frames_of_a_visit(model, everyone):
+    stars = everyone.select(np.flatnonzero(np.isin(everyone.name, ["tau Cet", "eps Eri"])))
+    for setting in settings_of(model, stars, "F520", VisitRule(), 36000.0):
+        assert setting.time_s <= 36000.0 * (1 + 1e-9)
+        readout = model.camera("F520").readout_s
+        frames = 2.0 * setting.n_frames * (setting.exposure_s + readout)
+        assert setting.time_s == pytest.approx(frames + INSTRUMENT.overhead_s, rel=1e-9)
+    given = VisitRule(exposure_s=10.0, em_gain=100.0)
+    for setting in settings_of(model, stars, "F520", given, 3600.0):
+        assert (setting.exposure_s, setting.em_gain) == (10.0, 100.0)
+        assert setting.time_s <= 3600.0 * (1 + 1e-9)
+        assert 20.0 * setting.n_frames <= 3600.0
+
+
+def test_visits_that_end_with_their_goal(model, everyone):
+    stars = everyone.select(np.flatnonzero(np.isin(everyone.name, ["alf Cen A", "eps Eri"])))
+    most = settings_of(model, stars, "F520", VisitRule(), 36000.0)
+    for goal in (VisitRule(goal="snr", snr=2.0), VisitRule(goal="detect")):
+        ends = settings_of(model, stars, "F520", goal, 36000.0)
+        assert all(one.time_s <= other.time_s * (1 + 1e-9) for one, other in zip(ends, most, strict=True))
+    quick = settings_of(model, stars, "F520", VisitRule(goal="snr", snr=2.0), 36000.0)
+    slow = settings_of(model, stars, "F520", VisitRule(goal="snr", snr=4.0), 36000.0)
+    assert all(one.time_s < other.time_s for one, other in zip(quick, slow, strict=True))
+    # What cannot be reached takes all that the time pays.
+    assert settings_of(model, stars, "F520", VisitRule(goal="snr", snr=1e5), 36000.0) == most
+
+
+def test_planning_planets_are_kept_for_the_next_strategy(three, known):
+    screened, calendar, sky, _ = three
+    star = screened.targets.select([screened.rows[0]])
+    giants = load_population("giants")
+    days = calendar.day[0]
+    one = sky.of(star, giants, known, (), calendar.start_mjd, days)
+    assert sky.of(star, load_population("giants"), known, (), calendar.start_mjd, days) is one
+    assert sky.of(star, giants, known, (), calendar.start_mjd, days + 1.0) is not one
+    assert sky.of(star, load_population("solar_system"), known, (), calendar.start_mjd, days) is not one
+
+
+def test_albedos_by_kind():
+    mixed = load_population("solar_system")
+    assert albedos_of(None) == (KNOWN_ALBEDO,)
+    assert len(albedos_of(mixed)) == len(mixed.mixture) + 1
+    assert albedos_of(mixed)[-1] == KNOWN_ALBEDO
+
+
+def test_impossible_frames_leave_a_star_out(three, small, model, known):
+    screened, calendar, sky, found = three
+    none = tuple(tuple(replace(item, n_frames=0.0) for item in by_star) for by_star in screened.settings)
+    rules = small().strategies[0]
+    assert candidates(rules, model, replace(screened, settings=none), calendar, known, sky) == []
+    closed = calendar.closed_before(calendar.start_mjd + 1e6)
+    assert candidates(rules, model, screened, closed, known, sky) == []
+    assert found

@@ -1,0 +1,77 @@
+"""A sample of detections at image level: scenes, and the statistics of what is found."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.stats import chi2, poisson
+
+from cpic_planner.survey.image_check import REALISATIONS, _poisson_interval, image_sample, sampled_detections
+from cpic_planner.survey.play import play
+from simulator import load_scene
+
+
+@pytest.fixture(scope="module")
+def detections(plain):
+    return play(plain.surveys[0], block=0, n=200, seed=1).detections
+
+
+@pytest.mark.parametrize("count", [0, 1, 4, 30])
+def test_the_interval_of_a_count(count):
+    low, high = _poisson_interval(count)
+    assert low == pytest.approx(chi2.ppf(0.05, 2 * count) / 2 if count else 0.0)
+    assert high == pytest.approx(chi2.ppf(0.95, 2 * count + 2) / 2)
+    # What has to be met or passed in one case of twenty.
+    assert poisson.cdf(count, high) == pytest.approx(0.05)
+    if count:
+        assert poisson.sf(count - 1, low) == pytest.approx(0.05)
+
+
+def body(n, detected, significant):
+    return {"confirmations": [{"realisations": n, "n_detected": detected, "n_significant": significant}]}
+
+
+def test_found_over_expected():
+    sampled = [SimpleNamespace(known=False, probability=0.5), SimpleNamespace(known=True, probability=0.9)]
+    found = image_sample(sampled, [body(4, 1, 4), body(4, 0, 3)], "note")
+    assert (found.detections, found.images, found.found, found.note) == (2, 8, 1 + 3, "note")
+    assert found.expected == pytest.approx(4 * 0.5 + 4 * 0.9)
+    assert found.correction == pytest.approx(4 / 5.6)
+    assert found.low < found.correction < found.high
+    none = image_sample([], [], "no detections")
+    assert (none.images, none.correction, none.low) == (0, None, None)
+
+
+def test_sampled_scenes_are_what_the_visit_saw(plain, detections):
+    survey = plain.surveys[0]
+    sampled, note = sampled_detections(survey, detections, 5, 1)
+    assert len(sampled) == 5
+    assert note == ""
+    assert sampled_detections(survey, detections, 3, 1)[0] == sampled[:3]
+    every = set(np.round(detections["chance"], 12))
+    for item in sampled:
+        assert round(item.probability, 12) in every
+        task = item.task
+        assert task.realisations == REALISATIONS
+        planet = load_scene(task.scene).planets[0]
+        row = int(
+            np.flatnonzero(np.isclose(detections["contrast"], task.predictions[0]["contrast"], rtol=1e-12, atol=0.0))[0]
+        )
+        assert planet.separation_arcsec == pytest.approx(detections["separation_arcsec"][row])
+        turned = (planet.pa_deg + detections["roll_deg"][row] - detections["pa_deg"][row] + 180.0) % 360.0 - 180.0
+        assert abs(turned) < 1e-9
+        assert planet.radius_rjup == detections["radius_rjup"][row]
+        # The ETC expects of the images what the survey expected of the visit.
+        assert task.predictions[0]["snr_full"] == pytest.approx(detections["snr"][row], rel=1e-6)
+        margin = task.predictions[0]["significance_full"] / task.predictions[0]["threshold"]
+        assert margin == pytest.approx(detections["margin"][row], rel=1e-6)
+
+
+def test_no_images_of_what_they_cannot_show(plain, detections, change):
+    survey = plain.surveys[0]
+    assumed = change(survey, assumptions={"contrast": 1e-9})
+    assert sampled_detections(assumed, detections, 5, 1) == (
+        [], "images have the light of the optics, not an assumed raw contrast",
+    )  # fmt: skip
+    nothing = {name: values[:0] for name, values in detections.items()}
+    assert sampled_detections(survey, nothing, 5, 1) == ([], "no detections")

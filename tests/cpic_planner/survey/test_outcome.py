@@ -1,0 +1,154 @@
+"""What strategies yield, from their tables."""
+
+import numpy as np
+import pytest
+
+from cpic_planner.survey.estimates import mean_interval, spread
+from cpic_planner.survey.outcome import differences, outcome, rank_changes
+from cpic_planner.survey.play import play
+from cpic_planner.survey.prepare import prepare
+from cpic_planner.survey.tables import rows_of
+
+
+def tables_of(survey, n=150, seed=1):
+    return rows_of(play(survey, block=0, n=n, seed=seed), survey.strategy.name, 0)
+
+
+@pytest.fixture(scope="module")
+def played(small):
+    """Two strategies, one with follow-up, over the same universes."""
+    shy = {"name": "shy", "visit": {"time_s": 3000}, "revisits": {"max_visits": 2}, "follow_up": {"bands": ["F520"]}}
+    prepared = prepare(small({"name": "plain"}, shy))
+    return [(survey, tables_of(survey)) for survey in prepared.surveys]
+
+
+@pytest.fixture(scope="module")
+def outcomes(played):
+    return [outcome(survey, tables, ["2028-01-15"] * len(survey.targets), None) for survey, tables in played]
+
+
+def test_yields_are_means_over_universes(played, outcomes):
+    for (_, tables), found in zip(played, outcomes, strict=True):
+        u = tables["universes"]
+        total = u["new_planets"] + u["known_planets"]
+        interval = mean_interval(total)
+        assert (found.planets.mean, found.planets.high) == (interval.mean, interval.high)
+        assert (found.planets.survey_low, found.planets.survey_high) == spread(total)
+        assert found.planets.low >= 0.0
+        assert found.planets.mean == pytest.approx(found.new_planets.mean + found.known_planets.mean)
+        assert found.any_planet == np.mean(total > 0)
+        assert found.any_new_planet == np.mean(u["new_planets"] > 0)
+        assert found.hours.mean == pytest.approx(np.mean(u["search_h"] + u["follow_up_h"]))
+
+
+def test_the_curve_ends_with_everything(played, outcomes):
+    for (_, tables), found in zip(played, outcomes, strict=True):
+        means = [point.mean for point in found.curve]
+        assert np.all(np.diff(means) >= 0.0)
+        assert means[0] == 0.0
+        assert means[-1] == pytest.approx(found.planets.mean)
+        d, n = tables["detections"], len(tables["universes"]["visits"])
+        middle = found.curve[20]
+        assert middle.mean == pytest.approx(np.count_nonzero(d["used_h"] <= middle.x) / n)
+        assert all(point.low <= point.mean <= point.high for point in found.curve)
+
+
+def test_time_adds_up_to_the_budget(played, outcomes):
+    for (survey, tables), found in zip(played, outcomes, strict=True):
+        use = found.time_use
+        parts = use.exposing_h + use.occulted_h + use.settling_h + use.follow_up_h + use.unused_h
+        assert parts == pytest.approx(survey.strategy.time_budget_h)
+        assert use.follow_up_h == pytest.approx(float(tables["universes"]["follow_up_h"].mean()))
+        assert min(use.exposing_h, use.occulted_h, use.settling_h) > 0.0
+        visits = float(tables["stars"]["visits"].sum()) / len(tables["universes"]["visits"])
+        assert use.settling_h == pytest.approx(visits * survey.strategy.visit.settlings * survey.calendar.settle_h)
+
+
+def test_targets_by_rank(played, outcomes):
+    for (survey, tables), found in zip(played, outcomes, strict=True):
+        rates = [target.planets_per_100h for target in found.targets]
+        assert rates == sorted(rates, reverse=True)
+        assert [target.rank for target in found.targets] == list(range(1, len(rates) + 1))
+        total = sum(target.new_planets + target.known_seen for target in found.targets)
+        assert total == pytest.approx(found.planets.mean)
+        assert sum(target.planned_visits for target in found.targets) == found.schedule.visits
+        for target in found.targets:
+            mine = tables["stars"]["star"] == target.name
+            assert target.visits == pytest.approx(tables["stars"]["visits"][mine].sum() / 150)
+            hours = target.search_h + target.follow_up_h
+            assert target.planets_per_100h == pytest.approx(100 * (target.new_planets + target.known_seen) / hours)
+        assert {"eps Eri b"} <= {name for target in found.targets for name in target.known_planets}
+        assert survey.strategy.name == found.name
+
+
+def test_quantiles_are_those_of_detections(played, outcomes):
+    for (_, tables), found in zip(played, outcomes, strict=True):
+        for name, values in found.quantiles.items():
+            np.testing.assert_allclose(values, np.quantile(tables["detections"][name], [0.05, 0.25, 0.5, 0.75, 0.95]))
+        assert "snr" in found.quantiles
+
+
+def test_paired_differences(played):
+    names, tables = [survey.strategy.name for survey, _ in played], [item["universes"] for _, item in played]
+    found = {item.quantity: item for item in differences(names, tables)}
+    assert set(found) == {"planets", "new_planets", "characterised_planets", "hours"}
+    one = tables[1]["new_planets"] + tables[1]["known_planets"] - tables[0]["new_planets"] - tables[0]["known_planets"]
+    item = found["planets"]
+    assert (item.first, item.second) == ("shy", "plain")
+    assert item.mean == pytest.approx(one.mean())
+    assert (item.low, item.high) == (mean_interval(one).low, mean_interval(one).high)
+    assert item.correlation == pytest.approx(
+        np.corrcoef(*(t["new_planets"] + t["known_planets"] for t in tables))[0, 1]
+    )
+    assert ("fewer" in item.verdict) == (item.high < 0)
+    turned = {item.quantity: item for item in differences(names[::-1], tables[::-1])}
+    assert turned["planets"].mean == pytest.approx(-item.mean)
+    assert (turned["planets"].low, turned["planets"].high) == pytest.approx((-item.high, -item.low))
+
+
+def test_equal_strategies_do_not_differ(played):
+    tables = played[0][1]["universes"]
+    for item in differences(["a", "b"], [tables, tables]):
+        assert (item.mean, item.error) == (0.0, 0.0)
+        assert item.low < 0.0 < item.high
+        assert "do not differ" in item.verdict
+
+
+def test_many_strategies_are_compared_with_the_first(played):
+    tables = played[0][1]["universes"]
+    better = dict(tables) | {"new_planets": tables["new_planets"] + 1}
+    best = dict(tables) | {"new_planets": tables["new_planets"] + 2}
+    names = [f"s{k}" for k in range(8)]
+    found = differences(names, [tables] * 6 + [better, best])
+    pairs = {(item.first, item.second) for item in found}
+    assert {(name, "s0") for name in names[1:]} <= pairs
+    assert pairs - {(name, "s0") for name in names[1:]} == {("s7", "s6")}
+    few = differences(names[:4], [tables] * 4)
+    assert len({(item.first, item.second) for item in few}) == 6
+
+
+def test_changes_of_rank_say_why(outcomes):
+    changes = rank_changes(outcomes)
+    first, other = ({target.name: target.rank for target in item.targets} for item in outcomes)
+    for change in changes:
+        assert change.strategy == "shy"
+        assert (change.first_rank, change.rank) == (first.get(change.star), other.get(change.star))
+        assert change.first_rank != change.rank
+        assert change.why
+    assert rank_changes([outcomes[0], outcomes[0]]) == []
+
+
+def test_nothing_found(played):
+    survey, tables = played[0]
+    u = {name: np.zeros_like(values) if name not in ("strategy", "universe") else values
+         for name, values in tables["universes"].items()}  # fmt: skip
+    d = {name: values[:0] for name, values in tables["detections"].items()}
+    s = {name: np.zeros_like(values) if name in ("new_planets", "known_planets", "visits", "search_h", "follow_up_h")
+         else values for name, values in tables["stars"].items()}  # fmt: skip
+    found = outcome(survey, {"universes": u, "detections": d, "stars": s}, [""] * 3, None)
+    assert found.planets.mean == found.any_planet == 0.0
+    assert found.quantiles == {}
+    assert found.planets.high > 0.0  # not met is not impossible
+    assert found.planets.low == 0.0
+    assert all(target.planets_per_100h == 0.0 for target in found.targets)
+    assert found.time_use.unused_h == survey.strategy.time_budget_h

@@ -1,0 +1,83 @@
+"""From strategies to surveys that can be played."""
+
+import numpy as np
+import pytest
+
+from catalogs.errors import InputError
+from cpic_planner.survey.prepare import prepare
+
+
+def test_surveys_share_their_calendar_and_stars(small):
+    told = []
+    prepared = prepare(
+        small({"name": "all"}, {"name": "two", "targets": {"names": ["tau Cet", "eps Eri"]}}), advance=told.append
+    )
+    assert told == ["all: stars", "two: stars", "calendar", "all: schedule", "two: schedule"]
+    assert sorted(prepared.stars.name) == ["alf Cen A", "eps Eri", "tau Cet"]
+    for survey in prepared.surveys:
+        for i, name in enumerate(survey.targets.name):
+            place = list(prepared.stars.name).index(name)
+            np.testing.assert_array_equal(survey.calendar.day[i], prepared.calendar.day[place])
+        assert len(survey.options) == len(survey.targets) == len(survey.known_rows) == len(survey.noise_alarms)
+    assert [len(worth) for worth in prepared.worth] == [3, 2]
+
+
+def test_schedules_stay_within_their_strategy(plain):
+    survey = plain.surveys[0]
+    planned = [visit for visit in survey.schedule.visits if not visit.reserve]
+    assert sum(visit.cost_h for visit in planned) <= survey.strategy.time_budget_h
+    for slot in range(survey.calendar.n_slots):
+        used = sum(visit.cost_h for visit in survey.schedule.visits if visit.slot == slot)
+        assert used <= survey.strategy.share * survey.calendar.slot_h[slot] + 1e-6
+    for star in range(len(survey.targets)):
+        own = [visit for visit in survey.schedule.visits if visit.star == star]
+        assert len(own) <= survey.strategy.revisits.max_visits
+        assert [visit.ordinal for visit in own] == list(range(len(own)))
+        days = [survey.calendar.day[star, visit.slot] for visit in own]
+        assert np.all(np.diff(days) >= survey.strategy.revisits.min_gap_days)
+        for visit in own:
+            setting = survey.options[star][visit.option]
+            cost = survey.calendar.cost_h(survey.model, star, setting, survey.strategy.visit.settlings)
+            assert visit.cost_h == cost[visit.slot]
+
+
+def test_the_gap_is_kept_in_days(small):
+    prepared = prepare(small({"revisits": {"min_gap_days": 60}}))
+    survey = prepared.surveys[0]
+    for star in range(len(survey.targets)):
+        days = [survey.calendar.day[star, visit.slot] for visit in survey.schedule.visits if visit.star == star]
+        assert np.all(np.diff(days) >= 60.0)
+
+
+@pytest.mark.parametrize("slot_days", [45.7, 33.3333, 61.0])
+def test_slots_that_are_no_whole_number_of_days(small, slot_days):
+    prepared = prepare(small(universe={"slot_days": slot_days, "duration_days": 200}))
+    assert prepared.calendar.n_slots == int(np.ceil(200 / slot_days))
+    assert prepared.surveys[0].schedule.visits
+
+
+def test_background_stars_and_follow_up_are_options(small):
+    quiet = prepare(small()).surveys[0]
+    assert not any(any(ways) for ways in quiet.background_alarms)
+    assert quiet.follow == ((), (), ())
+    loud = prepare(small({"follow_up": {"bands": ["F520"], "time_s": 3000}}, universe={"background": "on"})).surveys[0]
+    assert all(min(ways) > 0.0 for ways in loud.background_alarms)
+    assert loud.noise_alarms == quiet.noise_alarms
+    assert all(way.band == "F520" and way.time_s <= 3000.0 * (1 + 1e-9) for (way,) in loud.follow)
+
+
+def test_a_survey_that_nobody_can_make(small):
+    for strategy in ({"time_budget_h": 0.01}, {"population": None, "targets": {"names": ["alf Cen A"]}}):
+        survey = prepare(small(strategy)).surveys[0]
+        assert survey.schedule.visits == ()
+        assert survey.schedule.distance == 0.0
+
+
+def test_what_is_refused(small):
+    faults = {"band = F999": {"visit": {"bands": ["F999"]}}, "band = Q": {"follow_up": {"bands": ["Q"]}},
+              "planets_per_star = missing": {"population": "jupiters"},
+              "revisits.roll_dither_deg = 40": {"revisits": {"roll_dither_deg": 40}},
+              "targets.names = Vulcan": {"targets": {"names": ["Vulcan"]}}}  # fmt: skip
+    for text, strategy in faults.items():
+        with pytest.raises(InputError, match=text):
+            prepare(small(strategy))

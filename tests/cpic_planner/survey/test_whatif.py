@@ -1,0 +1,196 @@
+"""Strategies compared from end to end: the same result for any number of workers, and after any break."""
+
+import hashlib
+import json
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import cpic_planner.survey.whatif as module
+from catalogs.errors import InputError
+from cpic_planner.models import WhatIfResult
+from cpic_planner.survey.observed import read_log
+from cpic_planner.survey.prepare import prepare
+from cpic_planner.survey.store import read_table
+from cpic_planner.survey.strategy_file import varied
+from cpic_planner.survey.whatif import BLOCK, cost_of, run_whatif, whatif_hash
+
+PRODUCTS = ("universes.parquet", "detections.parquet", "stars.parquet", "whatif.json", "report.html", "targets.csv")
+STRATEGIES = (
+    {"name": "plain"},
+    {"name": "twin"},
+    {"name": "shy", "visit": {"time_s": 3000}, "targets": {"names": ["eps Eri"]}},
+)
+UNIVERSE = {"universes": 230}
+
+
+def digests(folder):
+    return {name: hashlib.sha256((folder / name).read_bytes()).hexdigest() for name in PRODUCTS}
+
+
+@pytest.fixture(scope="module")
+def run(small, tmp_path_factory):
+    """An undisturbed run in this process."""
+    folder = tmp_path_factory.mktemp("whatif") / "serial"
+    told = []
+    done = run_whatif(small(*STRATEGIES, universe=UNIVERSE), folder, advance=told.append)
+    return folder, done, told
+
+
+def test_every_block_is_told_and_counted(run, small):
+    _, done, told = run
+    assert (done.computed_parts, done.resumed_parts) == (9, 0)
+    assert len(told) == cost_of(small(*STRATEGIES, universe=UNIVERSE))["n_steps"]
+
+
+def test_the_result_is_that_of_its_tables(run):
+    folder, done, _ = run
+    stored = WhatIfResult.model_validate_json((folder / "whatif.json").read_text())
+    assert stored == done.result
+    universes = read_table(folder / "universes.parquet").columns
+    for item in stored.strategies:
+        mine = universes["strategy"] == item.name
+        assert mine.sum() == 230
+        planets = (universes["new_planets"] + universes["known_planets"])[mine]
+        assert item.planets.mean == pytest.approx(planets.mean())
+    assert stored.config_hash == read_table(folder / "stars.parquet").config_hash
+
+
+def test_equal_strategies_have_no_difference(run):
+    _, done, _ = run
+    found = [item for item in done.result.differences if (item.first, item.second) == ("twin", "plain")]
+    assert len(found) == 4
+    assert all((item.mean, item.error) == (0.0, 0.0) for item in found)
+    universes = read_table(run[0] / "universes.parquet").columns
+    one, two = (universes["strategy"] == name for name in ("plain", "twin"))
+    for name, values in universes.items():
+        if name != "strategy":
+            np.testing.assert_array_equal(values[one], values[two])
+    other = next(item for item in done.result.differences if item.quantity == "hours" and item.first == "shy")
+    assert other.mean < 0.0
+
+
+def test_two_workers_make_the_same_files(run, small, tmp_path):
+    run_whatif(small(*STRATEGIES, universe=UNIVERSE), tmp_path / "two", workers=2)
+    assert digests(tmp_path / "two") == digests(run[0])
+
+
+def test_what_is_lost_is_done_again(run, small, tmp_path):
+    folder = tmp_path / "broken"
+    shutil.copytree(run[0], folder)
+    parts = sorted((folder / "parts").glob("*.blob"))
+    assert len(parts) == 9
+    parts[0].unlink()
+    parts[4].write_bytes(parts[4].read_bytes()[:-20])  # cut short
+    for name in PRODUCTS:
+        (folder / name).unlink()
+    told = []
+    done = run_whatif(small(*STRATEGIES, universe=UNIVERSE), folder, advance=told.append)
+    assert (done.resumed_parts, done.computed_parts) == (7, 2)
+    assert sum("(kept)" in text for text in told) == 7
+    assert digests(folder) == digests(run[0])
+
+
+def test_another_configuration_does_not_mix(run, small, tmp_path, no_report):
+    folder = tmp_path / "other"
+    shutil.copytree(run[0], folder)
+    other = varied(small(universe={"universes": 30}), ["max_visits=1,3"])
+    with pytest.raises(InputError, match="--force"):
+        run_whatif(other, folder)
+    assert digests(folder) == digests(run[0])
+    result = run_whatif(other, folder, force=True).result
+    assert result.n_universes == 30
+    one, three = result.strategies
+    assert (one.name, three.name) == ("plain max_visits=1", "plain max_visits=3")
+    assert one.planets.mean <= three.planets.mean
+    assert "max_visits=1: " in result.statement
+    assert set(read_table(folder / "universes.parquet").columns["strategy"]) == {one.name, three.name}
+
+
+@pytest.fixture
+def no_report(monkeypatch):
+    """Leave the page with its figures out."""
+    monkeypatch.setattr(module, "write_whatif", lambda folder, result: None)
+
+
+def test_fewer_universes_are_the_first_of_more(run, small, tmp_path, no_report):
+    run_whatif(small(*STRATEGIES[:1], universe={"universes": 130}), tmp_path / "few")
+    few, many = (read_table(folder / "universes.parquet").columns for folder in (tmp_path / "few", run[0]))
+    mine = (many["strategy"] == "plain") & (many["universe"] < 130)
+    for name, values in few.items():
+        np.testing.assert_array_equal(values, many[name][mine])
+
+
+CHANGES = {
+    "share": ({"share": 0.2}, {}),
+    "bands": ({"visit": {"bands": ["F662"]}}, {}),
+    "rule": ({"detection": {"blind_margin": 1.9}}, {}),
+    "contrast": ({"assumptions": {"contrast": 1e-9}}, {}),
+    "rate": ({"population": {"base": "giants", "planets_per_star": 0.3}}, {}),
+    "names": ({"targets": {"names": ["eps Eri"]}}, {}),
+    "seed": ({}, {"seed": 2}),
+    "universes": ({}, {"universes": 101}),
+    "start": ({}, {"start_utc": "2028-01-02T00:00:00"}),
+    "slots": ({}, {"slot_days": 61}),
+    "background": ({}, {"background": "on"}),
+}
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_the_hash_tells_what_decides_results(plain, small, change):
+    strategy, universe = CHANGES[change]
+    assert whatif_hash(replace(plain, config=small(strategy, universe=universe)), 0) != whatif_hash(plain, 0)
+    assert whatif_hash(replace(plain, config=small()), 0) == whatif_hash(plain, 0)
+
+
+def test_the_hash_counts_the_table_of_known_planets(plain):
+    assert whatif_hash(replace(plain, known=None), 0) != whatif_hash(plain, 0)
+
+
+def test_the_hash_counts_files_by_what_is_in_them(plain, small, tmp_path):
+    digest = whatif_hash(plain, 0)
+    assert whatif_hash(prepare(small()), 0) == digest
+    assert whatif_hash(plain, 3) != digest
+    for name in ("a", "b"):  # another place of the same limits
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "mine.yaml").write_text("moon_deg: 25\n")
+    (tmp_path / "c.yaml").write_text("moon_deg: 26\n")
+    found = [whatif_hash(replace(plain, config=small(universe={"visibility": str(path)})), 0)
+             for path in (tmp_path / "a/mine.yaml", tmp_path / "b/mine.yaml", tmp_path / "c.yaml")]  # fmt: skip
+    assert found[0] == found[1]
+    assert len({digest, *found}) == 3
+    log = tmp_path / "log.csv"
+    logged = []
+    for hours in (5, 6):
+        log.write_text("star,start_utc,band,exposure_s,n_frames,em_gain,telescope_h\n"
+                       f"tau Cet,2028-02-01T00:00:00,F520,20,100,400,{hours}\n")  # fmt: skip
+        logged.append(whatif_hash(replace(plain, log=read_log(log)), 0))
+    assert len({digest, *logged}) == 3
+
+
+def test_the_hash_of_another_instrument(plain, small, tmp_path):
+    high = tmp_path / "high.yaml"
+    high.write_text("mission: {orbit: {altitude_km: 500}}\n")
+    assert whatif_hash(prepare(small(universe={"instrument": str(high)})), 0) != whatif_hash(plain, 0)
+
+
+def test_nothing_to_find_is_an_answer(small, tmp_path, no_report):
+    config = small({"population": None, "targets": {"names": ["alf Cen A"]}}, universe={"universes": 10})
+    done = run_whatif(config, tmp_path / "none")
+    assert done.result.statement == "No strategy finds a planet in any universe."
+    assert done.result.strategies[0].planets.mean == 0.0
+    assert json.loads((tmp_path / "none/whatif.json").read_text())["strategies"][0]["targets"] == []
+
+
+def test_the_cost_grows_with_the_work(small):
+    config = small(*STRATEGIES, universe={"universes": 1000})
+    one = cost_of(config)
+    assert one["n_blocks"] == 3 * 1000 / BLOCK
+    assert cost_of(config, workers=2)["wall_s"] < one["wall_s"] < cost_of(config, n_images=5)["wall_s"]
+    assert cost_of(replace_universes(config, 2000))["disk_mb"] > one["disk_mb"]
+
+
+def replace_universes(config, n):
+    return config.model_copy(update={"universe": config.universe.model_copy(update={"universes": n})})
