@@ -147,11 +147,13 @@ class _Programme:
 
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
-        # A visit adds at most what it is worth alone: those worth less than the strategy asks are never made.
-        least = problem.strategy.scheduler.min_gain
+        # A visit adds at most what it is worth alone: those worth less than the strategy asks are never made. Where a
+        # detection needs several, it is they together that have to be worth it.
+        needed = problem.strategy.detection.visits_needed
+        least = problem.strategy.scheduler.min_gain if needed == 1 else 0.0
         self.columns = []
         for i, star in enumerate(problem.stars):
-            _, alone = StarValue.none(star, problem.strategy.detection.visits_needed).gains()
+            _, alone = StarValue.none(star, needed).gains()
             fits = star.cost_h <= np.minimum(problem.strategy.share * problem.slot_h, problem.strategy.time_budget_h)
             self.columns += [_Column(i, (int(option), int(slot)), float(star.cost_h[option, slot]))
                              for option, slot in np.argwhere(fits & (alone >= least) & (alone > 0.0))]  # fmt: skip

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass, replace
 
@@ -168,13 +169,19 @@ def sun_position_angle_deg(targets: Targets, mjd: FloatArray) -> FloatArray:
     Components of the Sun's direction along east and north at the star, ``atan2(s . e, s . n)``. Interpolated in the
     Cartesian place of the Sun over a grid of days, to 0.01 deg.
     """
-    from astropy.time import Time
-
-    grid = np.arange(np.floor(mjd.min()), np.ceil(mjd.max()) + 2.0)
-    with offline_time():
-        sun = body_km("sun", Time(grid, format="mjd", scale="utc"))
+    grid, sun = _sun_km(math.floor(mjd.min()), math.ceil(mjd.max()) + 2)
     ra, dec = np.deg2rad(targets.ra_deg)[:, None], np.deg2rad(targets.dec_deg)[:, None]
     x, y, z = (np.interp(mjd, grid, sun[:, axis]) for axis in range(3))
     east = -x * np.sin(ra) + y * np.cos(ra)
     north = -x * np.cos(ra) * np.sin(dec) - y * np.sin(ra) * np.sin(dec) + z * np.cos(dec)
     return np.rad2deg(np.arctan2(east, north))
+
+
+@functools.lru_cache(maxsize=8)
+def _sun_km(first_mjd: int, last_mjd: int) -> tuple[FloatArray, FloatArray]:
+    """Days, the last one left out, and where the Sun stands on each, shape ``(d, 3)``."""
+    from astropy.time import Time
+
+    days = np.arange(first_mjd, last_mjd, dtype=np.float64)
+    with offline_time():
+        return days, body_km("sun", Time(days, format="mjd", scale="utc"))

@@ -195,11 +195,13 @@ def _best_bundle(problem: Problem, state: StarValue, room: Room, star: int) -> _
 
 
 def _next_visit(problem: Problem, state: StarValue, room: Room, made: Sequence[Visit]) -> Visit | None:
-    """The visit that adds most per hour; the earliest of equals."""
+    """The visit that adds most per hour, of those worth the least that a visit has to be; the earliest of equals."""
     cost = np.where(room.holds(state.star.cost_h), state.star.cost_h, np.inf)
     for _, taken in made:
         cost[:, problem.near(state.star, taken)] = np.inf
     value, upper = state.gains()
+    if state.needed == 1:
+        cost[value < problem.strategy.scheduler.min_gain] = np.inf
     with np.errstate(divide="ignore", invalid="ignore"):
         density = np.where(np.isfinite(cost), (value if state.needed == 1 else upper) / cost, 0.0)
     if density.max(initial=0.0) <= 0.0:

@@ -41,7 +41,8 @@ def test_a_comparison_in_words_and_files(capsys, mine, tmp_path):
     for words in ("once", "twice", "report.html"):
         assert words in out
     assert {path.name for path in out_dir.iterdir()} >= {
-        "whatif.json", "run.json", "report.html", "targets.csv", "universes.parquet", "detections.parquet", "stars.parquet",
+        "whatif.json", "run.json", "report.html", "targets.csv", "universes.parquet", "detections.parquet",
+        "stars.parquet",
     }  # fmt: skip
     result = WhatIfResult.model_validate_json((out_dir / "whatif.json").read_text())
     assert [item.name for item in result.strategies] == ["once", "twice"]

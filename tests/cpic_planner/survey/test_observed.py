@@ -104,7 +104,7 @@ def setup():
     population = load_population("giants").model_copy(update={"planets_per_star": 1.5})
     rows = table.by_star[star_key("eps Eri")]
     bodies = draw_bodies("eps Eri", float(star_mass_msun(star)[0]), float(star.luminosity_lsun[0]), population,
-                         known=table, known_rows=rows, epoch_mjd=EPOCH, n=8000, seed=1)  # fmt: skip
+                         known=table, known_rows=rows, epoch_mjd=EPOCH, n=6000, seed=1)  # fmt: skip
     setting = Setting("F520", 25.0, 300.0, 450.0, 15000.0)
     visits = [ObservedVisit("eps Eri", EPOCH + day, setting, 10.0, roll, planets)
               for day, roll, planets in ((20.0, 0.0, 0), (70.0, math.nan, 0), (200.0, 30.0, 1))]  # fmt: skip
@@ -133,7 +133,7 @@ def test_what_visits_miss(setup):
 
 def test_what_is_left_is_what_universes_have_in_which_nothing_was_seen(setup):
     bodies, left = setup[3], misses(setup)
-    n, rng = 8000, np.random.default_rng(5)
+    n, rng = 6000, np.random.default_rng(5)
     # Every visit of every universe is tried; universes in which any planet shows are thrown away.
     shown = rng.random(len(bodies)) >= left
     quiet = np.ones(n, bool)

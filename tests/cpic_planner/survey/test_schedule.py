@@ -73,6 +73,17 @@ def test_a_visit_has_to_be_worth_its_least(problems):
     assert len(booked) == 2  # worth 0.9 and 0.09; the next one 0.009
 
 
+def test_a_cheap_visit_does_not_ride_on_a_good_one(problems):
+    """The cheap visit gives more an hour, but is not worth its least: the good one is made, without it."""
+    star = replace(pair(problems), cost_h=np.array([[6.0, 0.01, np.inf, np.inf]]),
+                   chance=np.array([[[0.5], [0.001], [0.0], [0.0]]], np.float32))  # fmt: skip
+    for least, slots in ((0.0, {0, 1}), (0.01, {0})):
+        for look_ahead in (1, 2):
+            rules = problems.strategy(budget_h=100.0, share=1.0, max_visits=4, min_gain=least, look_ahead=look_ahead)
+            problem = Problem(rules, (star,), np.full(4, 100.0))
+            assert {slot for _, (_, slot), _ in greedy(problem)[1]} == slots
+
+
 def test_visits_of_a_star_are_apart_in_days_not_in_slots(problems):
     star = replace(pair(problems), day=np.array([29.0, 31.0, 62.0, 95.0]))
     for gap, slots in ((0.0, [0, 1, 2, 3]), (30.0, [0, 2, 3]), (40.0, [0, 3])):
