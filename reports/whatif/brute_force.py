@@ -34,9 +34,15 @@ def giants(rng: np.random.Generator, n: int) -> dict[str, FloatArray]:
     while e.size < n:
         drawn = rng.beta(1.12, 3.09, 2 * n)
         e = np.append(e, drawn[drawn < 0.95])
-    return {"radius": rng.uniform(0.5, 1.2, n), "axis": axis[:n], "e": e[:n], "cos_i": rng.uniform(-1.0, 1.0, n),
-            "omega": rng.uniform(0, 2 * np.pi, n), "node": rng.uniform(0, 2 * np.pi, n),
-            "mean": rng.uniform(0, 2 * np.pi, n)}  # fmt: skip
+    return {
+        "radius": rng.uniform(0.5, 1.2, n),
+        "axis": axis[:n],
+        "e": e[:n],
+        "cos_i": rng.uniform(-1.0, 1.0, n),
+        "omega": rng.uniform(0, 2 * np.pi, n),
+        "node": rng.uniform(0, 2 * np.pi, n),
+        "mean": rng.uniform(0, 2 * np.pi, n),
+    }
 
 
 def offsets(planets: dict[str, FloatArray], mass_msun: float, day: float) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -63,9 +69,17 @@ def detected(
     """Planets of ``n`` that the first visit detects, and those that any of the visits does."""
     rng, first, ever = np.random.default_rng(seed), 0, 0
     metrics = model.metrics[setting.band]
-    albedo = float(np.asarray(model.passbands.band_albedo(
-        albedo_source(MeasuredAlbedo(model="jupiter")), star.teff_k, star.log_g, star.metallicity, only=setting.band
-    )).ravel()[0])  # fmt: skip
+    albedo = float(
+        np.asarray(
+            model.passbands.band_albedo(
+                albedo_source(MeasuredAlbedo(model="jupiter")),
+                star.teff_k,
+                star.log_g,
+                star.metallicity,
+                only=setting.band,
+            )
+        ).ravel()[0]
+    )
     low = metrics.hole_inner_arcsec + metrics.aperture_radius_arcsec
     high = metrics.hole_outer_arcsec - metrics.aperture_radius_arcsec
     for _ in range(10):
@@ -81,8 +95,14 @@ def detected(
             x, y = -east / float(star.distance_pc[0]), north / float(star.distance_pc[0])
             inside = (np.abs(x) >= low) & (np.abs(x) <= high) & (np.abs(y) >= low) & (np.abs(y) <= high)
             rates = aperture_rates(model, star, setting.band, x[inside][None], y[inside][None], contrast[inside][None])
-            noise = stack_noise(rates, setting.exposure_s, setting.n_frames, setting.em_gain, model.camera(setting.band),
-                                reference_ratio=model.strategy.reference_ratio)  # fmt: skip
+            noise = stack_noise(
+                rates,
+                setting.exposure_s,
+                setting.n_frames,
+                setting.em_gain,
+                model.camera(setting.band),
+                reference_ratio=model.strategy.reference_ratio,
+            )
             elements = metrics.resolution_elements(np.hypot(x[inside], y[inside]))
             hits[k, inside] = noise.significance[0] >= threshold_array(elements, model.strategy.sigma)
         first += int(hits[0].sum())
@@ -95,9 +115,20 @@ def circle(distance_au: float, n: int) -> Bodies:
     even = np.full(n, distance_au)
     whole = np.zeros(n, np.int64)
     zero = np.zeros(n)
-    return Bodies(universe=np.arange(n), number=whole, known=np.full(n, NEW), kind=whole, radius_rjup=np.full(n, 1.0),
-                  semi_major_axis_au=even, eccentricity=zero, inclination_deg=zero, argument_of_pericentre_deg=zero,
-                  node_deg=zero, mean_anomaly_deg=(np.arange(n) + 0.5) * 360.0 / n, period_days=np.full(n, 1e3))  # fmt: skip
+    return Bodies(
+        universe=np.arange(n),
+        number=whole,
+        known=np.full(n, NEW),
+        kind=whole,
+        radius_rjup=np.full(n, 1.0),
+        semi_major_axis_au=even,
+        eccentricity=zero,
+        inclination_deg=zero,
+        argument_of_pericentre_deg=zero,
+        node_deg=zero,
+        mean_anomaly_deg=(np.arange(n) + 0.5) * 360.0 / n,
+        period_days=np.full(n, 1e3),
+    )
 
 
 def azimuth_share(rho: float, inner: float, outer: float) -> float:
@@ -123,10 +154,17 @@ def probit(margin: FloatArray, hits: FloatArray, tries: FloatArray) -> dict[str,
     for i in range(2):
         for j in range(2):
             a, b = step * np.eye(2)[i], step * np.eye(2)[j]
-            hessian[i, j] = (loss(best + a + b) - loss(best + a - b) - loss(best - a + b) + loss(best - a - b)) / (4 * step**2)
+            hessian[i, j] = (loss(best + a + b) - loss(best + a - b) - loss(best - a + b) + loss(best - a - b)) / (
+                4 * step**2
+            )
     errors = np.sqrt(np.diag(np.linalg.inv(hessian)))
     # Stars scatter more than their counts allow: the errors grow by the root of the reduced deviance.
     q = np.clip(ndtr((margin - best[0]) / abs(best[1])), 1e-12, 1 - 1e-12)
     excess = float((((hits - tries * q) ** 2) / np.maximum(tries * q * (1 - q), 1e-3)).sum() / (len(margin) - 2))
-    return {"middle": float(best[0]), "width": float(abs(best[1])), "middle_error": float(errors[0] * max(1.0, excess) ** 0.5),
-            "width_error": float(errors[1] * max(1.0, excess) ** 0.5), "reduced_chi2": excess}  # fmt: skip
+    return {
+        "middle": float(best[0]),
+        "width": float(abs(best[1])),
+        "middle_error": float(errors[0] * max(1.0, excess) ** 0.5),
+        "width_error": float(errors[1] * max(1.0, excess) ** 0.5),
+        "reduced_chi2": excess,
+    }

@@ -30,8 +30,14 @@ def _alone(name: str) -> StrategiesConfig:
 
 
 def _row(item: StrategyOutcome) -> dict[str, Any]:
-    return {"name": item.name, "planets": item.planets.model_dump(), "new": item.new_planets.model_dump(),
-            "hours": item.hours.mean, "visits": item.schedule.visits, "stars": len(item.targets)}  # fmt: skip
+    return {
+        "name": item.name,
+        "planets": item.planets.model_dump(),
+        "new": item.new_planets.model_dump(),
+        "hours": item.hours.mean,
+        "visits": item.schedule.visits,
+        "stars": len(item.targets),
+    }
 
 
 def run(folder: Path) -> dict[str, Any]:
@@ -80,35 +86,85 @@ def _strategies(result: WhatIfResult) -> str:
     rows = []
     for item in result.strategies:
         images = item.images
-        seen = "" if images is None or images.correction is None else (
-            f"{images.found} of {images.expected:.1f} expected in {images.images} images: "
-            f"{images.correction:.2f} ({images.low:.2f} to {images.high:.2f})")  # fmt: skip
-        rows.append((item.name, len(item.targets), item.schedule.visits, f"{item.hours.mean:.0f}",
-                     _estimate(item.planets.model_dump()), _estimate(item.new_planets.model_dump()),
-                     f"{item.any_new_planet:.0%}", f"{item.characterised_planets.mean:.2f}",
-                     f"{item.background_alarms.mean + item.noise_alarms.mean:.3f}", seen))  # fmt: skip
+        seen = (
+            ""
+            if images is None or images.correction is None
+            else (
+                f"{images.found} of {images.expected:.1f} expected in {images.images} images: "
+                f"{images.correction:.2f} ({images.low:.2f} to {images.high:.2f})"
+            )
+        )
+        rows.append(
+            (
+                item.name,
+                len(item.targets),
+                item.schedule.visits,
+                f"{item.hours.mean:.0f}",
+                _estimate(item.planets.model_dump()),
+                _estimate(item.new_planets.model_dump()),
+                f"{item.any_new_planet:.0%}",
+                f"{item.characterised_planets.mean:.2f}",
+                f"{item.background_alarms.mean + item.noise_alarms.mean:.3f}",
+                seen,
+            )
+        )
     return (
         f"## Five ways to spend {result.strategies[0].settings['time_budget_h']:.0f} hours\n\n"
-        f"{result.n_universes} universes of the population `giants` (0.21 planets a star) and the known planets of 2019, ten "
+        f"{result.n_universes} universes of the population `giants` (0.21 planets a star) and the known planets "
+        f"of 2019, ten "
         "years from 2028. Means over surveys with their 90 % intervals; a detection is one of a blind search, with the "
         "probability that images show; known planets are looked for at their place.\n\n"
-        + _table(["strategy", "stars", "visits planned", "hours used", "planets", "of them new", "any new planet",
-                  "seen in all bands", "false alarms", "confirmed by images"], rows)
+        + _table(
+            [
+                "strategy",
+                "stars",
+                "visits planned",
+                "hours used",
+                "planets",
+                "of them new",
+                "any new planet",
+                "seen in all bands",
+                "false alarms",
+                "confirmed by images",
+            ],
+            rows,
+        )
         + "\n\n![Planets of each strategy](yields.svg)\n\n![Planets against telescope time](curves.svg)\n\n"
         "![Where the time goes](time.svg)\n\n![When which star is visited](calendar.svg)\n\n"
-        + _table(["paired difference", "planets", "90 % interval", "correlation"],
-                 [(f"{item.first} - {item.second}", f"{item.mean:+.2f}", f"{item.low:+.2f} to {item.high:+.2f}",
-                   "" if item.correlation is None else f"{item.correlation:.2f}")
-                  for item in result.differences if item.quantity == "planets"])
-    )  # fmt: skip
+        + _table(
+            ["paired difference", "planets", "90 % interval", "correlation"],
+            [
+                (
+                    f"{item.first} - {item.second}",
+                    f"{item.mean:+.2f}",
+                    f"{item.low:+.2f} to {item.high:+.2f}",
+                    "" if item.correlation is None else f"{item.correlation:.2f}",
+                )
+                for item in result.differences
+                if item.quantity == "planets"
+            ],
+        )
+    )
 
 
 def _sweeps(found: dict[str, Any]) -> str:
     parts = [f"## What the settings of {BASE} change"]
     for key, (_, label) in SWEEPS.items():
-        parts.append(_table([label, "planets", "new planets", "hours used", "visits planned"],
-                            [(_value(row["name"]), _estimate(row["planets"]), _estimate(row["new"]), f"{row['hours']:.0f}",
-                              row["visits"]) for row in found[key]]))  # fmt: skip
+        parts.append(
+            _table(
+                [label, "planets", "new planets", "hours used", "visits planned"],
+                [
+                    (
+                        _value(row["name"]),
+                        _estimate(row["planets"]),
+                        _estimate(row["new"]),
+                        f"{row['hours']:.0f}",
+                        row["visits"],
+                    )
+                    for row in found[key]
+                ],
+            )
+        )
     return "\n\n".join(parts)
 
 
@@ -116,27 +172,42 @@ def _decision(result: WhatIfResult, found: dict[str, Any]) -> str:
     """What follows, in sentences whose numbers and comparisons are those of the tables."""
     best = max(result.strategies, key=lambda item: item.new_planets.mean)
     single = result.strategies[0]
-    stars = ", ".join(pretty_name(target.name) for target in sorted(
-        best.targets, key=lambda target: -(target.new_planets + target.known_seen))[:6])  # fmt: skip
+    stars = ", ".join(
+        pretty_name(target.name)
+        for target in sorted(best.targets, key=lambda target: -(target.new_planets + target.known_seen))[:6]
+    )
     visits, times, contrasts = (found[key] for key in ("visits", "time", "contrast"))
     short = next(row for row in times if row["new"]["high"] >= max(row["new"]["mean"] for row in times))
     return (
         "## The decision\n\n"
-        f"- **Come back.** {best.name} finds {best.new_planets.mean:.2f} new planets a survey where one visit of each star "
+        f"- **Come back.** {best.name} finds {best.new_planets.mean:.2f} new planets a survey where one visit of "
+        f"each star "
         f"finds {single.new_planets.mean:.2f}: orbits carry planets into the square quadrants between visits. From "
         f"{_value(visits[0]['name'])} to {_value(visits[-1]['name'])} visits a star the yield of {BASE} goes from "
-        f"{visits[0]['new']['mean']:.2f} to {visits[-1]['new']['mean']:.2f} new planets in {visits[-1]['hours']:.0f} h.\n"
-        f"- **Short visits are enough.** {_value(short['name'])} s a visit are as good as {_value(times[-1]['name'])} s "
+        f"{visits[0]['new']['mean']:.2f} to {visits[-1]['new']['mean']:.2f} new planets in "
+        f"{visits[-1]['hours']:.0f} h.\n"
+        f"- **Short visits are enough.** {_value(short['name'])} s a visit are as good as "
+        f"{_value(times[-1]['name'])} s "
         f"within the error ({short['new']['mean']:.2f} against {times[-1]['new']['mean']:.2f} new planets, "
-        f"{short['hours']:.0f} against {times[-1]['hours']:.0f} h): speckles that no time averages set the limit, and slews, "
+        f"{short['hours']:.0f} against {times[-1]['hours']:.0f} h): speckles that no time averages set the limit, "
+        f"and slews, "
         "settling and the Earth take more of the time than exposures.\n"
         f"- **Few stars matter.** Nearly all detections are of {stars}; the whole budget of "
-        f"{single.settings['time_budget_h']:.0f} h cannot be used well by any strategy at the nominal contrast and drift "
+        f"{single.settings['time_budget_h']:.0f} h cannot be used well by any strategy at the nominal contrast "
+        f"and drift "
         f"({max(item.hours.mean for item in result.strategies):.0f} h at most).\n"
         f"- **Stability before contrast.** At a raw contrast of {_value(contrasts[0]['name'])} the yield is "
-        f"{contrasts[0]['new']['mean']:.2f} new planets, at {_value(contrasts[-1]['name'])} {contrasts[-1]['new']['mean']:.2f}; "
-        f"with {_value(found['drift'][0]['name'])} of the nominal drift it is {found['drift'][0]['new']['mean']:.2f}, with "
-        f"{_value(found['drift'][-1]['name'])} times {found['drift'][-1]['new']['mean']:.2f}.\n\n"
-        "What could change this: the occurrence of planets (the yield is proportional to it), and the law of detections, "
+        f"{contrasts[0]['new']['mean']:.2f} new planets, at {_value(contrasts[-1]['name'])} "
+        f"{contrasts[-1]['new']['mean']:.2f}; "
+        f"with {_value(found['drift'][0]['name'])} of the nominal drift it is "
+        f"{found['drift'][0]['new']['mean']:.2f}, with "
+        f"{_value(found['drift'][-1]['name'])} times {found['drift'][-1]['new']['mean']:.2f}.\n"
+        f"- **Ask again before believing.** {best.name} takes {best.background_alarms.mean:.1f} background stars "
+        f"a survey for "
+        f"planets (nearly all at α Cen, near the Galactic plane) where it finds {best.new_planets.mean:.2f} new "
+        f"ones; noise "
+        f"passes {best.noise_alarms.mean:.3f} times. A second epoch tells: these stars move by arcsecs a year.\n\n"
+        "What could change this: the occurrence of planets (the yield is proportional to it), and the law of "
+        "detections, "
         "which was measured at the nominal instrument."
-    )  # fmt: skip
+    )

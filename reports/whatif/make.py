@@ -18,6 +18,7 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 import decision
+import runs
 import studies
 
 from catalogs.strict_yaml import load_yaml, split_sourced
@@ -35,7 +36,7 @@ PARTS: dict[str, Callable[[], Any]] = {
     "decision": lambda: decision.run(HERE),
     "cost": studies.cost,
     "coverage": studies.coverage,
-    "kills": studies.kills,
+    "kills": runs.kills,
 }
 
 
@@ -73,22 +74,48 @@ def checks(found: dict[str, Any]) -> list[tuple[str, str, str, bool]]:
     stars = cost["stars"]
     by_stars = exponent([row["stars"] for row in stars], [row["prepare_s"] + row["play_s"] for row in stars])
     return [
-        (f"`cpic whatif survey_default`, full catalogue, {run['universes']} universes, {run['workers']} workers, images",
-         "5 min", f"{run['wall_s']:.0f} s", run["wall_s"] <= 300.0 and run["status"] == 0),
+        (
+            f"`cpic whatif survey_default`, full catalogue, {run['universes']} universes, {run['workers']} workers, "
+            f"images",
+            "5 min",
+            f"{run['wall_s']:.0f} s",
+            run["wall_s"] <= 300.0 and run["status"] == 0,
+        ),
         ("memory of all its processes", "4 GB", f"{run['peak_mb'] / 1000:.1f} GB", run["peak_mb"] <= 4000.0),
         ("time against universes, exponent", "1 at most, 10 % more", f"{by_universes:.2f}", by_universes <= 1.1),
         ("time against visited stars, exponent", "1 at most, 10 % more", f"{by_stars:.2f}", by_stars <= 1.1),
-        (f"nominal 90 % intervals of paired differences, {found['coverage']['repeats']} repeats of "
-         f"{found['coverage']['universes']} universes, {len(cover)} differences", "87 to 93 %",
-         f"{worst[0]:.1%} to {worst[1]:.1%}", worst[0] >= 0.87 and worst[1] <= 0.93),
-        (f"completeness against brute force, {len(found['completeness'])} cases", "1 %", f"{brute:.2%} at most", brute <= 0.01),
-        ("share of a circle without noise against the closed form of the squares", "equal", f"{circle:.1e} at most",
-         circle < 2e-5),
-        ("one visit of one star against the ranking's completeness, same planets", "equal", f"{same} of "
-         f"{len(found['one_visit'])} stars equal", same == len(found["one_visit"])),
-        (f"tables after {kills['worker_kills']} kills of workers, and after a kill of the client", "identical",
-         "identical" if identical else "differ", identical and kills["worker_kills"] > 0),
-    ]  # fmt: skip
+        (
+            f"nominal 90 % intervals of paired differences, {found['coverage']['repeats']} repeats of "
+            f"{found['coverage']['universes']} universes, {len(cover)} differences",
+            "87 to 93 %",
+            f"{worst[0]:.1%} to {worst[1]:.1%}",
+            worst[0] >= 0.87 and worst[1] <= 0.93,
+        ),
+        (
+            f"completeness against brute force, {len(found['completeness'])} cases",
+            "1 %",
+            f"{brute:.2%} at most",
+            brute <= 0.01,
+        ),
+        (
+            "share of a circle without noise against the closed form of the squares",
+            "equal",
+            f"{circle:.1e} at most",
+            circle < 2e-5,
+        ),
+        (
+            "one visit of one star against the ranking's completeness, same planets",
+            "equal",
+            f"{same} of {len(found['one_visit'])} stars equal",
+            same == len(found["one_visit"]),
+        ),
+        (
+            f"tables after {kills['worker_kills']} kills of workers, and after a kill of the client",
+            "identical",
+            "identical" if identical else "differ",
+            identical and kills["worker_kills"] > 0,
+        ),
+    ]
 
 
 def report(found: dict[str, Any]) -> str:
@@ -100,54 +127,121 @@ def report(found: dict[str, Any]) -> str:
         "# Survey what-ifs\n\nRegenerate with `python reports/whatif/make.py`; everything below is written by it.",
         table(["", "asked", "found", "met"], rows),
         decision.text(found["decision"]),
-        "## How well it is scheduled\n\nValue: detections expected on the planets that schedules are made with, known planets "
+        "## How well it is scheduled\n\nValue: detections expected on the planets that schedules are made with, "
+        "known planets "
         "by their weight. The bound is that of a linear programme over all visits, which no schedule can pass.\n\n"
-        + table(["strategy", "method", "value", "bound", "below the bound by"],
-                [(row["strategy"], row["method"] + (" (greedy was better)" if row["method"] == "milp"
-                                                    and row["chosen"] == "greedy" else ""),
-                  f"{row['value']:.4f}", f"{row['bound']:.4f}", f"{row['distance']:.1%}") for row in found["schedules"]]),
+        + table(
+            ["strategy", "method", "value", "bound", "below the bound by"],
+            [
+                (
+                    row["strategy"],
+                    row["method"]
+                    + (" (greedy was better)" if row["method"] == "milp" and row["chosen"] == "greedy" else ""),
+                    f"{row['value']:.4f}",
+                    f"{row['bound']:.4f}",
+                    f"{row['distance']:.1%}",
+                )
+                for row in found["schedules"]
+            ],
+        ),
         "## Does the Monte Carlo count right\n\n"
-        "Completeness with one visit and with four over ten years, a million planets each, against a sampler, orbits and "
+        "Completeness with one visit and with four over ten years, a million planets each, against a sampler, "
+        "orbits and "
         "geometry of `brute_force.py` (noise and core throughput are the calculator's in both).\n\n"
-        + table(["star", "visits", "survey", "brute force", "difference", "1 sigma"],
-                [(row["star"], row["visits"], f"{row['survey']:.4f}", f"{row['brute_force']:.4f}",
-                  f"{row['survey'] / row['brute_force'] - 1:+.2%}", f"{row['error']:.2%}") for row in found["completeness"]])
+        + table(
+            ["star", "visits", "survey", "brute force", "difference", "1 sigma"],
+            [
+                (
+                    row["star"],
+                    row["visits"],
+                    f"{row['survey']:.4f}",
+                    f"{row['brute_force']:.4f}",
+                    f"{row['survey'] / row['brute_force'] - 1:+.2%}",
+                    f"{row['error']:.2%}",
+                )
+                for row in found["completeness"]
+            ],
+        )
         + "\n\nOne visit of one star, certain detections: the same planets through `cpic rank`'s completeness.\n\n"
-        + table(["star", "planets", "detected, ranking", "detected, survey"],
-                [(row["star"], row["planets"], row["detected_by_ranking"], row["detected_in_survey"])
-                 for row in found["one_visit"]])
-        + "\n\nA circle of planets far above every threshold (F520): share that is seen, and of the quadrants without the "
+        + table(
+            ["star", "planets", "detected, ranking", "detected, survey"],
+            [
+                (row["star"], row["planets"], row["detected_by_ranking"], row["detected_in_survey"])
+                for row in found["one_visit"]
+            ],
+        )
+        + "\n\nA circle of planets far above every threshold (F520): share that is seen, and of the quadrants "
+        "without the "
         "margin that an aperture needs.\n\n"
-        + table(["separation (arcsec)", "survey", "squares less the aperture", "whole squares"],
-                [(f"{row['separation_arcsec']:.2f}", f"{row['survey']:.5f}", f"{row['closed_form']:.5f}",
-                  f"{row['whole_zone']:.3f}") for row in found["geometry"]]),
+        + table(
+            ["separation (arcsec)", "survey", "squares less the aperture", "whole squares"],
+            [
+                (
+                    f"{row['separation_arcsec']:.2f}",
+                    f"{row['survey']:.5f}",
+                    f"{row['closed_form']:.5f}",
+                    f"{row['whole_zone']:.3f}",
+                )
+                for row in found["geometry"]
+            ],
+        ),
         "## Do the intervals hold\n\n"
-        f"{found['coverage']['repeats']} repeats of {found['coverage']['universes']} universes each; truth is the mean of all.\n\n"
-        + table(["difference", "of", "true mean", "correlation of the two", "held by the 90 % interval"],
-                [(f"{row['first']} - {row['second']}", row["quantity"].replace("_", " "), f"{row['truth']:+.4f}",
-                  f"{row['correlation']:.2f}", f"{row['covered']:.1%}") for row in found["coverage"]["rows"]]),
+        f"{found['coverage']['repeats']} repeats of {found['coverage']['universes']} universes each; truth is the "
+        f"mean of all.\n\n"
+        + table(
+            ["difference", "of", "true mean", "correlation of the two", "held by the 90 % interval"],
+            [
+                (
+                    f"{row['first']} - {row['second']}",
+                    row["quantity"].replace("_", " "),
+                    f"{row['truth']:+.4f}",
+                    f"{row['correlation']:.2f}",
+                    f"{row['covered']:.1%}",
+                )
+                for row in found["coverage"]["rows"]
+            ],
+        ),
         "## The law of a detection\n\n"
         f"Normal law in predicted significance over threshold, fitted to {law['sequences']} simulated sequences of "
         f"{law['stars']} stars in `reports/blind_validator`; the preset of strategies holds these numbers.\n\n"
-        + table(["search", "half are found at", "width", "preset"],
-                [(name, f"{law[key]['middle']:.3f} ± {law[key]['middle_error']:.3f}",
-                  f"{law[key]['width']:.3f} ± {law[key]['width_error']:.3f}", preset[key])
-                 for name, key in (("blind", "blind"), ("at a known place", "known"))]),
+        + table(
+            ["search", "half are found at", "width", "preset"],
+            [
+                (
+                    name,
+                    f"{law[key]['middle']:.3f} ± {law[key]['middle_error']:.3f}",
+                    f"{law[key]['width']:.3f} ± {law[key]['width_error']:.3f}",
+                    preset[key],
+                )
+                for name, key in (("blind", "blind"), ("at a known place", "known"))
+            ],
+        ),
         "## What it costs\n\n"
-        f"`cpic whatif survey_default` took {run['wall_s']:.0f} s and {run['peak_mb']:.0f} MB (all processes together).\n\n"
-        + table(["universes", *[str(n) for n in cost["universes"]]],
-                [("play, five strategies, one core (s)", *[f"{value:.1f}" for value in cost["play_s"]])])
+        f"`cpic whatif survey_default` took {run['wall_s']:.0f} s and {run['peak_mb']:.0f} MB (all processes "
+        f"together).\n\n"
+        + table(
+            ["universes", *[str(n) for n in cost["universes"]]],
+            [("play, five strategies, one core (s)", *[f"{value:.1f}" for value in cost["play_s"]])],
+        )
         + "\n\nStars that are visited, for an instrument a hundred times better (500 universes):\n\n"
-        + table(["stars", "visits planned", "prepare (s)", "play (s)"],
-                [(row["stars"], row["visits"], f"{row['prepare_s']:.1f}", f"{row['play_s']:.1f}") for row in cost["stars"]]),
+        + table(
+            ["stars", "visits planned", "prepare (s)", "play (s)"],
+            [(row["stars"], row["visits"], f"{row['prepare_s']:.1f}", f"{row['play_s']:.1f}") for row in cost["stars"]],
+        ),
         "## Kills\n\n"
-        f"{kills['parts']} parts with two workers, {kills['quiet_s']:.0f} s undisturbed. {kills['worker_kills']} workers were "
-        f"killed at random in a second run. In a third the client and all its workers were killed when {kills['parts_at_kill']} "
+        f"{kills['parts']} parts with two workers, {kills['quiet_s']:.0f} s undisturbed. {kills['worker_kills']} "
+        f"workers were "
+        f"killed at random in a second run. In a third the client and all its workers were killed when "
+        f"{kills['parts_at_kill']} "
         f"parts were on disk; started again it kept {kills['kept_parts']} and made the others.\n\n"
-        + table(["table", "undisturbed", "workers killed", "client killed and started again"],
-                [(name, digest, kills["disturbed"].get(name), kills["resumed"].get(name))
-                 for name, digest in kills["quiet"].items()]),
-    ]  # fmt: skip
+        + table(
+            ["table", "undisturbed", "workers killed", "client killed and started again"],
+            [
+                (name, digest, kills["disturbed"].get(name), kills["resumed"].get(name))
+                for name, digest in kills["quiet"].items()
+            ],
+        ),
+    ]
     return "\n\n".join(parts) + "\n"
 
 
@@ -155,7 +249,10 @@ def _preset_law() -> dict[str, str]:
     path = preset_path("strategy", "default", package="cpic_planner")
     assert path is not None
     rule = split_sourced(load_yaml(path))[0]["detection"]
-    return {key: f"{rule[f'{key}_margin']} ± {rule[f'{key}_margin_error']}, {rule[f'{key}_width']}" for key in ("blind", "known")}
+    return {
+        key: f"{rule[f'{key}_margin']} ± {rule[f'{key}_margin_error']}, {rule[f'{key}_width']}"
+        for key in ("blind", "known")
+    }
 
 
 def main() -> int:
@@ -169,7 +266,7 @@ def main() -> int:
     wanted = [] if chosen.text else chosen.only or ["default_run", *PARTS]
     if "default_run" in wanted:
         with tempfile.TemporaryDirectory() as scratch:
-            found["default_run"] = studies.default_run(Path(scratch))
+            found["default_run"] = runs.default_run(Path(scratch))
             shutil.copy(Path(scratch) / "whatif.json", HERE / "whatif.json")
         write_json(place, found)
     for name, part in PARTS.items():
@@ -177,6 +274,9 @@ def main() -> int:
             print(name, flush=True)
             found[name] = part()
             write_json(place, found)
+    if set(found) < {"default_run", *PARTS}:
+        print("parts are still missing: no text")
+        return 0
     for name, picture in decision.pictures(HERE, found["decision"]).items():
         save(picture, name)
     write_text(HERE / "report.md", report(found))

@@ -2,29 +2,19 @@
 
 from __future__ import annotations
 
-import contextlib
-import hashlib
 import json
-import os
-import signal
-import subprocess
-import sys
-import tempfile
-import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import brute_force
 import numpy as np
-import psutil
-from chaos import random_kills, worker_pids
 
 from cpic_planner.completeness import completeness
 from cpic_planner.engine import run_tasks
 from cpic_planner.population import Planets
-from cpic_planner.survey.candidates import albedos_of, settings_of
+from cpic_planner.survey.candidates import albedos_of
 from cpic_planner.survey.detection import detection_chance, see
 from cpic_planner.survey.estimates import mean_interval
 from cpic_planner.survey.play import Survey, play
@@ -33,8 +23,7 @@ from cpic_planner.survey.strategy_file import StrategiesConfig, load_strategies,
 from cpic_planner.survey.universe import NEW, draw_bodies, star_mass_msun
 
 REPORTS = Path(__file__).resolve().parents[1]
-COMMAND = (sys.executable, "-m", "cpic_planner.cli.main", "whatif", "survey_default")
-UNIVERSES, WORKERS = 1000, 2
+WORKERS = 2
 REPEATS, PER_REPEAT = 1000, 100
 BRUTE = 1_000_000
 STARS = ("alf Cen A", "eps Eri", "tau Cet")
@@ -45,42 +34,9 @@ def changed(config: StrategiesConfig, **universe: Any) -> StrategiesConfig:
     return config.model_copy(update={"universe": config.universe.model_copy(update=universe)})
 
 
-@contextlib.contextmanager
-def peak_memory_mb(pid: int) -> Iterator[list[float]]:
-    """Largest resident memory of a process and all below it, sampled twenty times a second."""
-    peak, stop = [0.0], threading.Event()
-
-    def work() -> None:
-        while not stop.wait(0.05):
-            total = 0
-            with contextlib.suppress(psutil.Error):
-                parent = psutil.Process(pid)
-                for process in (parent, *parent.children(recursive=True)):
-                    with contextlib.suppress(psutil.Error):
-                        total += process.memory_info().rss
-            peak[0] = max(peak[0], total / 1e6)
-
-    thread = threading.Thread(target=work, daemon=True)
-    thread.start()
-    try:
-        yield peak
-    finally:
-        stop.set()
-        thread.join()
-
-
-def default_run(out: Path) -> dict[str, Any]:
-    """The command as a user types it, cold, with images: wall time and memory."""
-    began = time.perf_counter()
-    command = [*COMMAND, "--universes", str(UNIVERSES), "--workers", str(WORKERS), "--out", str(out), "--json"]
-    process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
-    with peak_memory_mb(process.pid) as peak:
-        status = process.wait()
-    return {"status": status, "wall_s": time.perf_counter() - began, "peak_mb": peak[0], "universes": UNIVERSES,
-            "workers": WORKERS}  # fmt: skip
-
-
-def cost(universes: Sequence[int] = (100, 200, 400, 800, 1600), stars: Sequence[int] = (10, 20, 40, 80, 160)) -> dict[str, Any]:
+def cost(
+    universes: Sequence[int] = (100, 200, 400, 800, 1600), stars: Sequence[int] = (10, 20, 40, 80, 160)
+) -> dict[str, Any]:
     """Time to play against universes, and to prepare and play against stars that are visited."""
     surveys = prepare(load_strategies()).surveys
     for survey in surveys:
@@ -93,10 +49,21 @@ def cost(universes: Sequence[int] = (100, 200, 400, 800, 1600), stars: Sequence[
                 play(survey, block=block, n=100, seed=1)
         by_universes.append(time.process_time() - began)
     # An instrument a hundred times better sees planets around more stars than any default strategy visits.
-    deep = load_strategies({"strategies": [{
-        "name": "deep", "targets": {"max_targets": max(stars)}, "visit": {"bands": ["F520"]}, "time_budget_h": 1e5,
-        "share": 1.0, "revisits": {"max_visits": 4}, "assumptions": {"contrast": 1e-11, "drift": 0.05},
-    }]})  # fmt: skip
+    deep = load_strategies(
+        {
+            "strategies": [
+                {
+                    "name": "deep",
+                    "targets": {"max_targets": max(stars)},
+                    "visit": {"bands": ["F520"]},
+                    "time_budget_h": 1e5,
+                    "share": 1.0,
+                    "revisits": {"max_visits": 4},
+                    "assumptions": {"contrast": 1e-11, "drift": 0.05},
+                }
+            ]
+        }
+    )
     deep = changed(deep, known_planets="off", slot_days=90.0)
     names = [str(name) for name in prepare(deep).surveys[0].targets.name]
     by_stars = []
@@ -109,15 +76,23 @@ def cost(universes: Sequence[int] = (100, 200, 400, 800, 1600), stars: Sequence[
         began = time.process_time()
         for block in range(5):
             play(survey, block=block, n=100, seed=1)
-        by_stars.append({"stars": n, "visits": len(survey.schedule.visits), "prepare_s": prepared,
-                         "play_s": time.process_time() - began})  # fmt: skip
+        by_stars.append(
+            {
+                "stars": n,
+                "visits": len(survey.schedule.visits),
+                "prepare_s": prepared,
+                "play_s": time.process_time() - began,
+            }
+        )
     return {"universes": list(universes), "play_s": by_universes, "stars": by_stars}
 
 
 def played_block(surveys: tuple[Survey, ...], block: int) -> list[dict[str, Any]]:
     """Universes of one block of every survey."""
-    return [{name: values.tolist() for name, values in play(survey, block=block, n=PER_REPEAT, seed=1).universes.items()}
-            for survey in surveys]  # fmt: skip
+    return [
+        {name: values.tolist() for name, values in play(survey, block=block, n=PER_REPEAT, seed=1).universes.items()}
+        for survey in surveys
+    ]
 
 
 def coverage() -> dict[str, Any]:
@@ -125,7 +100,9 @@ def coverage() -> dict[str, Any]:
     surveys = prepare(load_strategies()).surveys
     names = [survey.strategy.name for survey in surveys]
     every: list[list[dict[str, Any]]] = [[] for _ in range(REPEATS)]
-    for block, found in run_tasks(played_block, [(block,) for block in range(REPEATS)], common=(surveys,), workers=WORKERS):
+    for block, found in run_tasks(
+        played_block, [(block,) for block in range(REPEATS)], common=(surveys,), workers=WORKERS
+    ):
         every[block] = found
     rows = []
     for quantity in ("new_planets", "planets"):
@@ -136,9 +113,16 @@ def coverage() -> dict[str, Any]:
                 truth = float(differences.mean())
                 intervals = [mean_interval(values) for values in differences]
                 inside = sum(item.low <= truth <= item.high for item in intervals)
-                rows.append({"quantity": quantity, "first": names[second], "second": names[first], "truth": truth,
-                             "covered": inside / REPEATS,
-                             "correlation": float(np.corrcoef(yields[first].ravel(), yields[second].ravel())[0, 1])})  # fmt: skip
+                rows.append(
+                    {
+                        "quantity": quantity,
+                        "first": names[second],
+                        "second": names[first],
+                        "truth": truth,
+                        "covered": inside / REPEATS,
+                        "correlation": float(np.corrcoef(yields[first].ravel(), yields[second].ravel())[0, 1]),
+                    }
+                )
     return {"repeats": REPEATS, "universes": PER_REPEAT, "rows": rows}
 
 
@@ -150,8 +134,14 @@ def _quantity(block: dict[str, Any], name: str) -> list[float]:
 
 def one_star(name: str, *, visits: int = 1, **strategy: Any) -> Survey:
     """A survey of one star without known planets, in which a visit detects what its significance says."""
-    tree = {"name": name, "targets": {"names": [name]}, "visit": {"bands": ["F520"]}, "detection": {"rule": "expected"},
-            "revisits": {"max_visits": visits, "roll": "north"}, "stop": {"after_detection": False}} | strategy  # fmt: skip
+    tree = {
+        "name": name,
+        "targets": {"names": [name]},
+        "visit": {"bands": ["F520"]},
+        "detection": {"rule": "expected"},
+        "revisits": {"max_visits": visits, "roll": "north"},
+        "stop": {"after_detection": False},
+    } | strategy
     config = changed(load_strategies({"strategies": [tree]}), known_planets="off")
     return prepare(config).surveys[0]
 
@@ -165,24 +155,55 @@ def one_visit() -> list[dict[str, Any]]:
         option = survey.options[0][visit.option]
         population = survey.strategy.population
         assert population is not None
-        bodies = draw_bodies(name, float(star_mass_msun(survey.targets)[0]), float(survey.targets.luminosity_lsun[0]),
-                             population, epoch_mjd=survey.calendar.start_mjd, n=n, seed=1, block=0)  # fmt: skip
+        bodies = draw_bodies(
+            name,
+            float(star_mass_msun(survey.targets)[0]),
+            float(survey.targets.luminosity_lsun[0]),
+            population,
+            epoch_mjd=survey.calendar.start_mjd,
+            n=n,
+            seed=1,
+            block=0,
+        )
         places = bodies.places([survey.calendar.day[0, visit.slot]])
         planets = Planets(
-            population=population.name, kind=bodies.kind, radius_rjup=bodies.radius_rjup,
-            semi_major_axis_au=bodies.semi_major_axis_au, eccentricity=bodies.eccentricity,
-            inclination_deg=bodies.inclination_deg, argument_of_pericentre_deg=bodies.argument_of_pericentre_deg,
-            node_deg=bodies.node_deg, mean_anomaly_deg=bodies.mean_anomaly_deg, east_au=places.east_au[0],
-            north_au=places.north_au[0], distance_au=places.distance_au[0], phase_deg=places.phase_deg[0],
-            kind_names=(population.name,), albedos=albedos_of(population)[:1], semi_major_axis_scale="none",
+            population=population.name,
+            kind=bodies.kind,
+            radius_rjup=bodies.radius_rjup,
+            semi_major_axis_au=bodies.semi_major_axis_au,
+            eccentricity=bodies.eccentricity,
+            inclination_deg=bodies.inclination_deg,
+            argument_of_pericentre_deg=bodies.argument_of_pericentre_deg,
+            node_deg=bodies.node_deg,
+            mean_anomaly_deg=bodies.mean_anomaly_deg,
+            east_au=places.east_au[0],
+            north_au=places.north_au[0],
+            distance_au=places.distance_au[0],
+            phase_deg=places.phase_deg[0],
+            kind_names=(population.name,),
+            albedos=albedos_of(population)[:1],
+            semi_major_axis_scale="none",
             planets_per_star=population.planets_per_star,
-        )  # fmt: skip
-        found = completeness(survey.model, survey.targets, option.band, planets, exposure_s=option.exposure_s,
-                             n_frames=option.n_frames, em_gain=option.em_gain)  # fmt: skip
+        )
+        found = completeness(
+            survey.model,
+            survey.targets,
+            option.band,
+            planets,
+            exposure_s=option.exposure_s,
+            n_frames=option.n_frames,
+            em_gain=option.em_gain,
+        )
         played = play(survey, block=0, n=n, seed=1)
-        rows.append({"star": name, "planets": len(bodies), "completeness": float(found.completeness[0]),
-                     "detected_by_ranking": round(float(found.completeness[0]) * len(bodies)),
-                     "detected_in_survey": int(played.universes["new_planets"].sum())})  # fmt: skip
+        rows.append(
+            {
+                "star": name,
+                "planets": len(bodies),
+                "completeness": float(found.completeness[0]),
+                "detected_by_ranking": round(float(found.completeness[0]) * len(bodies)),
+                "detected_in_survey": int(played.universes["new_planets"].sum()),
+            }
+        )
     return rows
 
 
@@ -198,17 +219,40 @@ def completeness_check() -> list[dict[str, Any]]:
         mass, luminosity = float(star_mass_msun(survey.targets)[0]), float(survey.targets.luminosity_lsun[0])
         found = [0, 0]
         for block in range(10):
-            bodies = draw_bodies(name, mass, luminosity, population, epoch_mjd=survey.calendar.start_mjd, n=BRUTE // 10,
-                                 seed=1, block=block, one_each=True)  # fmt: skip
-            seen = see(survey.model, survey.targets, option, bodies, albedos_of(population), bodies.places(days),
-                       np.zeros(len(days)))  # fmt: skip
+            bodies = draw_bodies(
+                name,
+                mass,
+                luminosity,
+                population,
+                epoch_mjd=survey.calendar.start_mjd,
+                n=BRUTE // 10,
+                seed=1,
+                block=block,
+                one_each=True,
+            )
+            seen = see(
+                survey.model,
+                survey.targets,
+                option,
+                bodies,
+                albedos_of(population),
+                bodies.places(days),
+                np.zeros(len(days)),
+            )
             hit = detection_chance(seen.margin, survey.strategy.detection, bodies.known != NEW) > 0.5
             found[0] += int(hit[0].sum())
             found[1] += int(hit.any(axis=0).sum())
         other = brute_force.detected(survey.model, survey.targets, option, mass, days, BRUTE, seed=7)
         for label, ours, theirs in zip(("one visit", f"{len(days)} visits"), found, other, strict=True):
-            rows.append({"star": name, "visits": label, "survey": ours / BRUTE, "brute_force": theirs / BRUTE,
-                         "error": float(np.sqrt(ours + theirs)) / max(theirs, 1)})  # fmt: skip
+            rows.append(
+                {
+                    "star": name,
+                    "visits": label,
+                    "survey": ours / BRUTE,
+                    "brute_force": theirs / BRUTE,
+                    "error": float(np.sqrt(ours + theirs)) / max(theirs, 1),
+                }
+            )
     return rows
 
 
@@ -221,12 +265,25 @@ def geometry(separations_arcsec: Sequence[float] = (0.30, 0.40, 0.50, 0.65, 0.80
     n = 200_000
     for rho in separations_arcsec:
         bodies = brute_force.circle(rho * float(survey.targets.distance_pc[0]), n)
-        seen = see(survey.model, survey.targets, option, bodies, albedos_of(survey.strategy.population),
-                   bodies.places([0.0]), [0.0])  # fmt: skip
+        seen = see(
+            survey.model,
+            survey.targets,
+            option,
+            bodies,
+            albedos_of(survey.strategy.population),
+            bodies.places([0.0]),
+            [0.0],
+        )
         zone, radius = metrics.zone, metrics.aperture_radius_arcsec
         closed = brute_force.azimuth_share(rho, zone.inner_arcsec + radius, zone.outer_arcsec - radius)
-        rows.append({"separation_arcsec": rho, "survey": float(np.mean(seen.margin > 0.0)), "closed_form": closed,
-                     "whole_zone": brute_force.azimuth_share(rho, zone.inner_arcsec, zone.outer_arcsec)})  # fmt: skip
+        rows.append(
+            {
+                "separation_arcsec": rho,
+                "survey": float(np.mean(seen.margin > 0.0)),
+                "closed_form": closed,
+                "whole_zone": brute_force.azimuth_share(rho, zone.inner_arcsec, zone.outer_arcsec),
+            }
+        )
     return rows
 
 
@@ -234,51 +291,27 @@ def schedules() -> list[dict[str, Any]]:
     """Greedy, greedy without look-ahead, and mixed-integer schedules against the bound."""
     config = load_strategies()
     rows = []
-    for label, sweep in (("greedy", "scheduler.look_ahead=2"), ("greedy, one visit at a time", "scheduler.look_ahead=1"),
-                         ("milp", "scheduler.method=milp")):  # fmt: skip
+    for label, sweep in (
+        ("greedy", "scheduler.look_ahead=2"),
+        ("greedy, one visit at a time", "scheduler.look_ahead=1"),
+        ("milp", "scheduler.method=milp"),
+    ):
         began = time.process_time()
         surveys = prepare(varied(config, [sweep])).surveys
         for survey in surveys:
             schedule = survey.schedule
-            rows.append({"strategy": survey.strategy.name.split(" ")[0], "method": label, "chosen": schedule.method,
-                         "value": schedule.value, "bound": schedule.bound, "distance": schedule.distance,
-                         "all_five_s": time.process_time() - began})  # fmt: skip
+            rows.append(
+                {
+                    "strategy": survey.strategy.name.split(" ")[0],
+                    "method": label,
+                    "chosen": schedule.method,
+                    "value": schedule.value,
+                    "bound": schedule.bound,
+                    "distance": schedule.distance,
+                    "all_five_s": time.process_time() - began,
+                }
+            )
     return rows
-
-
-def digests(folder: Path) -> dict[str, str]:
-    """Checksums of the tables of a run."""
-    return {path.name: hashlib.sha256(path.read_bytes()).hexdigest()[:16] for path in sorted(folder.glob("*.parquet"))}
-
-
-def kills(seed: int = 3) -> dict[str, Any]:
-    """The same run undisturbed, with workers killed at random, and with the client killed and started again."""
-    with tempfile.TemporaryDirectory() as name:
-        base = Path(name)
-        quiet, disturbed, resumed = (base / part for part in ("quiet", "disturbed", "resumed"))
-        more = ["--images", "0", "--universes", str(10 * UNIVERSES), "--workers", str(WORKERS), "--json"]
-
-        def start(out: Path) -> subprocess.Popen[bytes]:
-            return subprocess.Popen([*COMMAND, *more, "--out", str(out)], stdout=subprocess.DEVNULL, start_new_session=True)
-
-        began = time.perf_counter()
-        start(quiet).wait()
-        wall = time.perf_counter() - began
-        process = start(disturbed)
-        with random_kills(lambda: worker_pids(process.pid), seed=seed, every_s=5.0) as done:
-            status = process.wait()
-        process = start(resumed)
-        while len(list(resumed.glob("parts/*.blob"))) < 100 and process.poll() is None:
-            time.sleep(0.1)
-        os.killpg(process.pid, signal.SIGKILL)
-        process.wait()
-        left = len(list(resumed.glob("parts/*.blob")))
-        again = start(resumed).wait()
-        story = json.loads((resumed / "run.json").read_text())
-        return {"quiet": digests(quiet), "disturbed": digests(disturbed), "resumed": digests(resumed),
-                "worker_kills": len(done.pids), "parts": story["resumed_parts"] + story["computed_parts"],
-                "kept_parts": story["resumed_parts"], "parts_at_kill": left, "quiet_s": wall,
-                "status": [status, again]}  # fmt: skip
 
 
 def detection_law() -> dict[str, Any]:
@@ -291,6 +324,11 @@ def detection_law() -> dict[str, Any]:
     for law, key in (("blind", "n_detected"), ("known", "n_significant")):
         hits = np.array([row[key] for row in rows])
         found[law] = brute_force.probit(margin, hits, tries)
-    return {"sequences": int(tries.sum()), "stars": len(rows), **found, "margin": margin.tolist(),
-            "blind_share": [row["n_detected"] / row["realisations"] for row in rows],
-            "known_share": [row["n_significant"] / row["realisations"] for row in rows]}  # fmt: skip
+    return {
+        "sequences": int(tries.sum()),
+        "stars": len(rows),
+        **found,
+        "margin": margin.tolist(),
+        "blind_share": [row["n_detected"] / row["realisations"] for row in rows],
+        "known_share": [row["n_significant"] / row["realisations"] for row in rows],
+    }

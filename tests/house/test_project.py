@@ -43,6 +43,7 @@ def test_readme_quotes_the_committed_report():
         ("first_plan", "| instead | Kendall tau"),
         ("etc_accuracy", "|  | asked | found | met |"),
         ("blind_validator", "|  | asked | found | met |"),
+        ("whatif", "|  | asked | found | met |"),
     ],
 )
 def test_readme_quotes_the_tables_of_ranking_and_etc(name, heading):
@@ -54,6 +55,19 @@ def test_readme_quotes_the_tables_of_ranking_and_etc(name, heading):
     assert len(rows) > 4
     for row in rows:
         assert row in readme or "|  | +" in row, row
+
+
+def test_readme_quotes_the_default_strategies():
+    """The yields of the best and of the simplest of the five, and the false alarms beside them."""
+    readme = " ".join(text("README.md").split())
+    strategies = {item["name"]: item for item in json.loads(text("reports/whatif/whatif.json"))["strategies"]}
+    best = max(strategies.values(), key=lambda item: item["new_planets"]["mean"])
+    single = strategies["single_visit"]
+    words = [f"{best['name']} finds {best['new_planets']['mean']:.2f} new planets in {best['hours']['mean']:.0f} h",
+             f"one visit of each star finds {single['new_planets']['mean']:.2f} in {single['hours']['mean']:.0f} h",
+             f"and {best['background_alarms']['mean']:.1f} background stars"]  # fmt: skip
+    for sentence in words:
+        assert sentence in readme, sentence
 
 
 def test_readme_quotes_what_a_blind_search_asks_for():

@@ -58,6 +58,8 @@ def test_light_scales_inside_the_hole_and_nowhere_else(metrics, contrast):
     hole = metrics.hole
     np.testing.assert_allclose(other.raw_contrast[hole], factor * metrics.raw_contrast[hole], rtol=1e-12)
     np.testing.assert_array_equal(other.raw_contrast[~hole], metrics.raw_contrast[~hole])
+    assert other.peak_on_axis_hole == pytest.approx(factor * metrics.peak_on_axis_hole, rel=1e-12)
+    assert other.peak_on_axis_columns == metrics.peak_on_axis_columns
     np.testing.assert_array_equal(other.core_table, metrics.core_table)
     assert np.all(other.floor_sigma > 0.0)
     assert np.isfinite(np.array(floor_law(other))).all()

@@ -1,17 +1,22 @@
 """Observation logs: what they leave, against universes that are thrown away, and what is refused."""
 
 import math
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from astropy.time import Time
 
+import cpic_planner.survey.candidates as candidates_module
 from catalogs.errors import InputError
 from catalogs.known_planets import load_known_planets, star_key
 from cpic_planner.etc.model import build_model
 from cpic_planner.population import load_population
-from cpic_planner.survey.candidates import albedos_of
+from cpic_planner.survey.candidates import N_KNOWN, PlanningSky, albedos_of
 from cpic_planner.survey.detection import Setting, detection_chance, reach_au, see
 from cpic_planner.survey.observed import ObservedVisit, missed, read_log, resampled
+from cpic_planner.survey.play import play
 from cpic_planner.survey.prepare import prepare
 from cpic_planner.survey.strategy import DetectionRule
 from cpic_planner.survey.universe import NEW, draw_bodies, star_mass_msun
@@ -141,6 +146,15 @@ def test_what_is_left_is_what_universes_have_in_which_nothing_was_seen(setup):
     true = bodies.select(quiet[bodies.universe])
     found = resampled(bodies, left, rng.random(len(bodies)))
     new, kept = true.known == NEW, found.known == NEW
+    # Each new planet stays with its own probability.
+    fresh = (bodies.known == NEW) & (left < 0.999)
+    stays = set(zip(found.universe.tolist(), found.number.tolist(), strict=True))
+    kept_of = np.array([(u, j) in stays for u, j in zip(bodies.universe.tolist(), bodies.number.tolist(), strict=True)])
+    partly = fresh & (left > 0.05) & (left < 0.95)
+    for some in (fresh, partly):
+        error = math.sqrt((left[some] * (1.0 - left[some])).sum())
+        assert abs(kept_of[some].sum() - left[some].sum()) < 4.0 * error
+        assert error < 0.05 * left[some].sum()
     # Numbers of new planets: mean and variance of a law of Poisson of less intensity.
     n_true = np.bincount(true.universe[new], minlength=n)[quiet]
     n_found = np.bincount(found.universe[kept], minlength=n)
@@ -168,6 +182,28 @@ def test_what_is_left_is_what_universes_have_in_which_nothing_was_seen(setup):
     # Orbits that the visits would have shown are drawn less often.
     again = (setup[0], setup[1], setup[2], found, setup[4], setup[5])
     assert misses(again)[found.known != NEW].mean() > left[bodies.known != NEW].mean() + 0.02
+
+
+def test_the_weight_of_a_known_planet_stays_whole(setup, small, log_of):
+    """Draws that no date shows are never ruled out: what visits take of the others goes to them as well."""
+    model, star, *_ = setup
+    log = read_log(log_of(ROW.replace("tau Cet", "eps Eri").replace(",20,100,", ",25,300,")))
+    strategy = small({"detection": {"rule": "expected"}}).strategies[0]
+    sky = PlanningSky(1, (1.8, 5.0))  # farther out than many of its orbits reach
+    table = load_known_planets()
+    rows = table.by_star[star_key("eps Eri")]
+    bodies, _ = sky.of(star, strategy.population, table, rows, EPOCH, np.array([0.0]))
+    calendar = SimpleNamespace(start_mjd=EPOCH)
+    left = candidates_module._left(strategy, model, star, bodies, strategy.population, log.visits, calendar)
+    known = bodies.known != NEW
+    never = N_KNOWN - known.sum()
+    assert never > 0
+    missed_ones = left[known] > 0.0
+    assert 0 < (~missed_ones).sum() < known.sum()
+    # Posterior weights of all draws, those left out too, add up to one planet.
+    (weight,) = set(np.round(left[known][missed_ones], 12))
+    assert left[known].sum() + never * weight == pytest.approx(N_KNOWN)
+    assert set(left[~known]) == {0.0, 1.0}
 
 
 def test_a_known_planet_that_cannot_have_been_missed_is_kept(setup):
@@ -206,3 +242,21 @@ def test_what_is_left_of_a_survey(log_of, small, plain):
     # One that was empty as often as the strategy bears it, as well.
     once = small({"stop": {"after_empty": 1}}, universe={"observed": str(log_of(row))})
     assert "eps Eri" not in prepare(once).surveys[0].targets.name
+
+
+def test_what_was_not_seen_is_not_found_as_often(log_of, plain):
+    """The same schedule with and without an empty visit behind it, on the day of its own best visit."""
+    survey = plain.surveys[0]
+    mine = list(survey.targets.name).index("eps Eri")
+    best = max((visit for visit in survey.schedule.visits if visit.star == mine), key=lambda visit: visit.gain)
+    way, day = survey.options[mine][best.option], survey.calendar.day[mine, best.slot]
+    date = Time(survey.calendar.start_mjd + day, format="mjd", scale="tai").isot
+    row = f"eps Eri,{date},F520,{way.exposure_s},{way.n_frames:.0f},{way.em_gain},5,,0\n"
+    logged = replace(survey, log=read_log(log_of(row)))
+    before, after = (play(one, block=0, n=300, seed=1) for one in (survey, logged))
+    counts = [part.universes["known_planets"].sum() for part in (before, after)]
+    assert counts[1] < 0.9 * counts[0]
+    others = [part.detections["star"] != "eps Eri" for part in (before, after)]
+    for name, values in before.detections.items():
+        if name != "used_h":
+            np.testing.assert_array_equal(values[others[0]], after.detections[name][others[1]])

@@ -114,9 +114,10 @@ def test_the_schedule_promises_what_the_survey_finds(sharp):
 class Watched(module._Clock):
     """A clock that notes what it is asked for."""
 
-    lowest = np.inf
+    lowest, most = np.inf, 0.0
 
     def spend(self, go, cost_h, on):
+        Watched.most = max(Watched.most, float(self.slot.max()))
         super().spend(go, cost_h, on)
         Watched.lowest = min(Watched.lowest, float(self.left.min()), float(self.slot.min()))
 
@@ -129,9 +130,10 @@ def test_time_never_exceeds_budget_or_slot(plain, small, monkeypatch, follow, st
     survey = prepare(config).surveys[0]
     assert any(visit.reserve for visit in survey.schedule.visits)
     monkeypatch.setattr(module, "_Clock", Watched)
-    Watched.lowest = np.inf
+    Watched.lowest, Watched.most = np.inf, 0.0
     played = play(survey, block=0, n=200, seed=1)
     assert -1e-6 < Watched.lowest < 6.0
+    assert Watched.most <= 0.01 * 60 * 24 + 1e-9  # what a slot gives
     used = played.universes["search_h"] + played.universes["follow_up_h"]
     assert used.max() <= 40.0 + 1e-6
     assert (played.universes["follow_up_h"] > 0).any() == bool(follow)
@@ -277,6 +279,24 @@ def test_blocks_and_seeds_are_independent(plain):
     for another in (other, seeded):
         r = np.corrcoef(planets_of(one), planets_of(another))[0, 1]
         assert abs(r) < 4.0 / np.sqrt(1500)
+
+
+def test_the_luck_of_a_visit_is_its_own():
+    """Numbers of star, block, visit and seed: equal names give equal numbers, others independent ones."""
+    bodies = draw_bodies(
+        "tau Cet", 0.8, 0.5, load_population("giants"), epoch_mjd=61771.0, n=2000, seed=1, one_each=True
+    )
+    names = [
+        (1, "tau Cet", 0, 0),
+        (2, "tau Cet", 0, 0),
+        (1, "eps Eri", 0, 0),
+        (1, "tau Cet", 1, 0),
+        (1, "tau Cet", 0, 1),
+    ]
+    one, *others = (module._luck(bodies, *name, 2000) for name in names)
+    np.testing.assert_array_equal(one, module._luck(bodies, *names[0], 2000))
+    for other in others:
+        assert abs(np.corrcoef(one, other)[0, 1]) < 4.0 / np.sqrt(2000)
 
 
 @pytest.mark.parametrize("n", [1, 30, 99])
