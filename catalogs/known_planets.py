@@ -105,6 +105,12 @@ class KnownPlanetTable:
             found.setdefault(star_key(name), []).append(row)
         return MappingProxyType({key: tuple(rows) for key, rows in found.items()})
 
+    @functools.cached_property
+    def placed(self) -> NDArray[np.bool_]:
+        """Which planets have a place on the sky at any date: phase, inclination and node are known."""
+        dated = np.array(["phase_unknown" not in self.flags(row) for row in range(len(self))], bool)
+        return dated & np.isfinite(self.number("inclination_deg")) & np.isfinite(self.number("node_deg"))
+
     def rows_of(self, star: str) -> tuple[int, ...]:
         """Return the rows of a star's planets, by any of its names; empty if it has none."""
         return self.by_star.get(star_key(star), ())

@@ -25,7 +25,7 @@ from cpic_planner.survey.calendar import Calendar, sun_position_angle_deg
 from cpic_planner.survey.detection import Setting, detection_chance, see
 from cpic_planner.survey.observed import ObservationLog, ObservedVisit, missed
 from cpic_planner.survey.strategy import SurveyStrategy, VisitRule
-from cpic_planner.survey.universe import NEW, Bodies, draw_bodies, occurrence, star_mass_msun
+from cpic_planner.survey.universe import NEW, Bodies, at_known_place, draw_bodies, occurrence, star_mass_msun
 from cpic_planner.targets import Targets
 from simulator.config import content_hash
 from simulator.config.albedo import AlbedoSpec, MeasuredAlbedo
@@ -97,15 +97,17 @@ def _wanted(strategy: SurveyStrategy, targets: Targets, with_known: NDArray[np.b
         keep &= targets.distance_pc <= cuts.distance_max_pc
     if cuts.known_planets == "only":
         keep &= with_known
-    names = {str(name) for name in targets.name}
-    for key in ("names", "exclude"):
+    keys = np.array([star_key(str(name)) for name in targets.name])
+    wanted: dict[str, list[str]] = {"names": [], "exclude": []}
+    for key, found in wanted.items():
         for name in getattr(cuts, key):
-            if name not in names:
-                raise InputError(f"targets.{key}", name, allowed="names of the catalogue, as cpic rank prints them",
-                                 hint="spelled as in the column name of cpic rank --json")  # fmt: skip
+            found.append(star_key(name))
+            if found[-1] not in keys:
+                raise InputError(f"targets.{key}", name, allowed="stars of the catalogue within v_mag_max, by any name",
+                                 hint="see cpic rank")  # fmt: skip
     if cuts.names:
-        keep &= np.isin(targets.name, cuts.names)
-    keep &= ~np.isin(targets.name, cuts.exclude)
+        keep &= np.isin(keys, wanted["names"])
+    keep &= ~np.isin(keys, wanted["exclude"])
     if not keep.any():
         raise InputError("targets", strategy.name, allowed="cuts that leave a star")
     return np.flatnonzero(keep)
@@ -298,7 +300,7 @@ def candidates(
         rate = 0.0 if strategy.population is None else occurrence(strategy.population) * strategy.value_new
         weight = np.where(new, rate / N_DRAWS, strategy.value_known / N_KNOWN)
         if done:
-            weight = weight * _left(strategy, model, star, bodies, population, done, calendar)
+            weight = weight * _left(strategy, model, star, bodies, population, done, calendar, known)
         chance = np.zeros((len(options), calendar.n_slots, len(bodies)), np.float32)
         for o, option in enumerate(options):
             slots = np.flatnonzero(np.isfinite(cost[o]))
@@ -307,7 +309,7 @@ def candidates(
             roll = calendar.roll_deg(strategy.revisits, place, slots, np.zeros(slots.size, np.int64))
             there = OrbitPlaces(*(getattr(places, name)[slots] for name in OrbitPlaces.__dataclass_fields__))
             seen = see(model, star, option, bodies, albedos_of(population), there, roll)
-            chance[o, slots] = detection_chance(seen.margin, strategy.detection, ~new,
+            chance[o, slots] = detection_chance(seen.margin, strategy.detection, at_known_place(bodies, known),
                                                 calibration=strategy.detection.calibration)  # fmt: skip
         counts = (chance > 0.0).any(axis=(0, 1)) & (weight > 0.0)
         if counts.any():  # the others are never seen
@@ -325,11 +327,12 @@ def _left(
     population: PopulationConfig | None,
     done: tuple[ObservedVisit, ...],
     calendar: Calendar,
+    known: KnownPlanetTable | None,
 ) -> FloatArray:
     """What earlier visits leave of the weight of each planet: a known one is there all the same."""
     sun = sun_position_angle_deg(star, np.array([[visit.mjd for visit in done]]))[0]
     left = missed(model, star, bodies, albedos_of(population), done, strategy.detection,
-                  epoch_mjd=calendar.start_mjd, sun_pa_deg=sun)  # fmt: skip
+                  epoch_mjd=calendar.start_mjd, sun_pa_deg=sun, placed=at_known_place(bodies, known))  # fmt: skip
     for row in np.unique(bodies.known[bodies.known != NEW]):
         mine = bodies.known == row
         # Draws that no date shows are not among the bodies, and no visit rules them out.

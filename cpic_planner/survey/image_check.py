@@ -62,6 +62,10 @@ def sampled_detections(
     strategy = survey.strategy
     if strategy.assumptions.contrast is not None:
         return [], "images have the light of the optics, not an assumed raw contrast"
+    if strategy.reduction.library == "roll":
+        return [], "images of two rolls are not sampled"
+    if strategy.detection.rule == "expected":
+        return [], "certain detections have no law that images could confirm"
     total = len(detections["universe"])
     if total == 0:
         return [], "no detections"
@@ -73,7 +77,8 @@ def sampled_detections(
         if task is None:
             left_out += 1
             continue
-        known = int(detections["known_row"][row]) != NEW and strategy.detection.rule != "expected"
+        planet = int(detections["known_row"][row])
+        known = planet != NEW and survey.known is not None and bool(survey.known.placed[planet])
         known = known or strategy.detection.rule == "known_place"
         sampled.append(SampledDetection(task, known, float(detections["chance"][row])))
     return sampled, f"{left_out} could not be imaged" if left_out else ""

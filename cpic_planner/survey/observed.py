@@ -147,6 +147,7 @@ def missed(
     *,
     epoch_mjd: float,
     sun_pa_deg: FloatArray,
+    placed: NDArray[np.bool_] | None = None,
 ) -> FloatArray:
     """Probability that none of some visits would have shown each planet.
 
@@ -161,14 +162,17 @@ def missed(
         Of the bodies.
     sun_pa_deg : ndarray, shape (v,)
         Position angle of the Sun at each visit, the roll where the log has none.
+    placed : ndarray of bool, optional
+        Planets that a visit knows where to look for; none by default.
     """
+    at_place = np.zeros(len(bodies), bool) if placed is None else placed
     left = np.ones(len(bodies))
     for visit, sun in zip(visits, sun_pa_deg, strict=True):
         if visit.planets:
             continue
         roll = sun if math.isnan(visit.roll_deg) else visit.roll_deg
         seen = see(model, star, visit.setting, bodies, albedos, bodies.places([visit.mjd - epoch_mjd]), [roll])
-        odds = detection_chance(seen.margin, rule, bodies.known != NEW, calibration=rule.calibration)
+        odds = detection_chance(seen.margin, rule, at_place, calibration=rule.calibration)
         left *= 1.0 - odds[0]
     return left
 

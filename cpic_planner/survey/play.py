@@ -18,7 +18,7 @@ from cpic_planner.survey.events import Events
 from cpic_planner.survey.observed import ObservationLog, missed, resampled
 from cpic_planner.survey.schedule import PlannedVisit, Schedule
 from cpic_planner.survey.strategy import DetectionRule, SurveyStrategy
-from cpic_planner.survey.universe import NEW, Bodies, chance, draw_bodies, star_mass_msun
+from cpic_planner.survey.universe import NEW, Bodies, at_known_place, chance, draw_bodies, star_mass_msun
 from cpic_planner.targets import Targets
 
 __all__ = ["Played", "Survey", "play"]
@@ -201,13 +201,14 @@ def _star(
     if done:
         sun = sun_position_angle_deg(target, np.array([[visit.mjd for visit in done]]))[0]
         left = missed(survey.model, target, bodies, albedos_of(strategy.population), done, strategy.detection,
-                      epoch_mjd=survey.calendar.start_mjd, sun_pa_deg=sun)  # fmt: skip
+                      epoch_mjd=survey.calendar.start_mjd, sun_pa_deg=sun,
+                      placed=at_known_place(bodies, survey.known))  # fmt: skip
         bodies = resampled(bodies, left, _luck(bodies, seed, name, block, "log", n))
     bodies = bodies.select(bodies.within(*reach_au(survey.model, float(target.distance_pc[0]))))
     hits: dict[int, BoolArray] = {}
     seen: dict[int, dict[str, FloatArray]] = {}
     alarms: dict[int, tuple[NDArray[np.int64], NDArray[np.int64]]] = {}
-    known = bodies.known != NEW
+    placed = at_known_place(bodies, survey.known)
     for option in sorted({visit.option for _, visit in visits}):
         own = [(k, visit) for k, visit in visits if visit.option == option]
         slots = np.array([visit.slot for _, visit in own])
@@ -215,7 +216,7 @@ def _star(
         roll = survey.calendar.roll_deg(strategy.revisits, i, slots, ordinals)
         found = see(survey.model, target, survey.options[i][option], bodies, albedos_of(strategy.population),
                     bodies.places(survey.calendar.day[i, slots]), roll)  # fmt: skip
-        odds = detection_chance(found.margin, strategy.detection, known, systematic[1][bodies.universe],
+        odds = detection_chance(found.margin, strategy.detection, placed, systematic[1][bodies.universe],
                                 systematic[0][bodies.universe])  # fmt: skip
         for row, (k, visit) in enumerate(own):
             hits[k] = _luck(bodies, seed, name, block, visit.ordinal, n) < odds[row]

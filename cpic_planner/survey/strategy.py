@@ -117,8 +117,8 @@ class DetectionRule(FrozenModel):
     rule : {"blind", "known_place", "expected"}
         ``blind``: found by a search that does not know where to look, with the probability measured on images;
         ``known_place``: significant at its place, likewise; ``expected``: predicted significance reaches the threshold,
-        no chance in it (what a ranking calls completeness). Planets whose ephemeris is known are looked for at their
-        place under ``blind`` too.
+        no chance in it (what a ranking calls completeness). Known planets whose whole orbit is published, node
+        included, are looked for at their place under ``blind`` too.
     visits_needed : int
         Visits that must show the planet.
     calibration, calibration_error : float
@@ -203,7 +203,7 @@ class SurveyStrategy(FrozenModel):
         What the detection of a known planet, and of a new one, is worth to the scheduler.
     """
 
-    name: Annotated[str, Field(min_length=1, max_length=60)]
+    name: Annotated[str, Field(min_length=1, max_length=120)]
     description: str = ""
     time_budget_h: Annotated[Real, Field(gt=0, le=1e6)] = 1000.0
     share: Annotated[Real, Field(gt=0, le=1)] = 0.25

@@ -18,7 +18,7 @@ from cpic_planner.population_config import QUANTITIES, PopulationConfig
 from cpic_planner.targets import Targets
 from simulator.rng import stream
 
-__all__ = ["BLOCK", "NEW", "Bodies", "chance", "draw_bodies", "occurrence", "star_mass_msun"]
+__all__ = ["BLOCK", "NEW", "Bodies", "at_known_place", "chance", "draw_bodies", "occurrence", "star_mass_msun"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -127,6 +127,18 @@ def chance(seed: int, *path: str | int, shape: tuple[int, ...]) -> FloatArray:
     """
     *rows, n = shape
     return stream(seed, "survey", *path).random((*rows, -(-n // BLOCK) * BLOCK))[..., :n]
+
+
+def at_known_place(bodies: Bodies, table: KnownPlanetTable | None) -> NDArray[np.bool_]:
+    """Which planets a visit knows where to look for: known ones whose orbit in space is published, node included.
+
+    Radial velocities alone leave the position angle open: such planets are searched for as unknown ones are.
+    """
+    placed = np.zeros(len(bodies), bool)
+    if table is not None:
+        mine = bodies.known != NEW
+        placed[mine] = table.placed[bodies.known[mine]]
+    return placed
 
 
 def draw_bodies(

@@ -269,7 +269,7 @@ def _first_visits(survey: Survey) -> list[str]:
 
 def statement(outcomes: Sequence[StrategyOutcome]) -> str:
     """The outcome in a few words; of a sweep, what is best at each value."""
-    if all("=" in item.name for item in outcomes):
+    if all("=" in item.name.split(" ")[-1] for item in outcomes):
         return _sweep_statement(outcomes)
     best = max(outcomes, key=lambda item: item.planets.mean)
     quick = max(outcomes, key=lambda item: item.planets.mean / item.hours.mean if item.hours.mean > 0 else 0.0)
@@ -284,14 +284,21 @@ def statement(outcomes: Sequence[StrategyOutcome]) -> str:
     return f"{text}; {quick.name} finds most per hour, {quick.planets.mean:.2f} in {quick.hours.mean:.0f} h."
 
 
+def _base_and_values(name: str) -> tuple[str, str]:
+    """Name of a strategy of a sweep, and the values that were varied."""
+    words = name.split(" ")
+    first = next(i for i in range(len(words)) if all("=" in word for word in words[i:]))
+    return " ".join(words[:first]), " ".join(words[first:])
+
+
 def _sweep_statement(outcomes: Sequence[StrategyOutcome]) -> str:
     """The best strategy at each value of what is varied."""
     by_value: dict[str, list[StrategyOutcome]] = {}
     for item in outcomes:
-        by_value.setdefault(item.name.partition(" ")[2], []).append(item)
+        by_value.setdefault(_base_and_values(item.name)[1], []).append(item)
     parts = []
     for value, items in by_value.items():
         best = max(items, key=lambda item: item.planets.mean)
-        name = f"{best.name.partition(' ')[0]} " if len(items) > 1 else ""
+        name = f"{_base_and_values(best.name)[0]} " if len(items) > 1 else ""
         parts.append(f"{value}: {name}{best.planets.mean:.2f} planets, {best.new_planets.mean:.2f} new")
     return f"Most planets a survey by value. {'; '.join(parts)}."

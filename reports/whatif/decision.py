@@ -113,7 +113,7 @@ def _strategies(result: WhatIfResult) -> str:
         f"{result.n_universes} universes of the population `giants` (0.21 planets a star) and the known planets "
         f"of 2019, ten "
         "years from 2028. Means over surveys with their 90 % intervals; a detection is one of a blind search, with the "
-        "probability that images show; known planets are looked for at their place.\n\n"
+        "probability that images show; of known planets the place on the sky is not known either.\n\n"
         + _table(
             [
                 "strategy",
