@@ -130,7 +130,7 @@ def test_what_visits_miss(setup):
         seen = see(
             model, star, visit.setting, bodies, albedos_of(population), bodies.places([visit.mjd - EPOCH]), [roll]
         )
-        odds.append(detection_chance(seen.margin, rule, bodies.known != NEW)[0])
+        odds.append(detection_chance(seen.margin, rule, np.zeros(len(bodies), bool))[0])
     np.testing.assert_allclose(misses(setup), (1.0 - odds[0]) * (1.0 - odds[1]), rtol=1e-12)
     assert misses(setup).min() < 0.2
     assert misses(setup).max() == 1.0
@@ -194,7 +194,7 @@ def test_the_weight_of_a_known_planet_stays_whole(setup, small, log_of):
     rows = table.by_star[star_key("eps Eri")]
     bodies, _ = sky.of(star, strategy.population, table, rows, EPOCH, np.array([0.0]))
     calendar = SimpleNamespace(start_mjd=EPOCH)
-    left = candidates_module._left(strategy, model, star, bodies, strategy.population, log.visits, calendar)
+    left = candidates_module._left(strategy, model, star, bodies, strategy.population, log.visits, calendar, None)
     known = bodies.known != NEW
     never = N_KNOWN - known.sum()
     assert never > 0

@@ -12,7 +12,7 @@ FAULTS = [
     ({"time_budget_h": True}, "time_budget_h = True"),
     ({"share": 1.5}, "share = 1.5"),
     ({"name": ""}, "name"),
-    ({"name": "x" * 61}, "name"),
+    ({"name": "x" * 121}, "name"),
     ({"visit": {"bands": []}}, "visit.bands"),
     ({"visit": {"time_s": []}}, "visit.time_s"),
     ({"visit": {"time_s": -1}}, "visit.time_s"),

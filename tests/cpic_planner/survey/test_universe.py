@@ -14,7 +14,16 @@ from catalogs.errors import InputError
 from catalogs.known_planets import load_known_planets, star_key
 from cpic_planner.orbits import orbit_places
 from cpic_planner.population import load_population
-from cpic_planner.survey.universe import BLOCK, NEW, Bodies, chance, draw_bodies, occurrence, star_mass_msun
+from cpic_planner.survey.universe import (
+    BLOCK,
+    NEW,
+    Bodies,
+    at_known_place,
+    chance,
+    draw_bodies,
+    occurrence,
+    star_mass_msun,
+)
 from cpic_planner.targets import find_target
 
 GIANTS = load_population("giants")
@@ -242,3 +251,20 @@ def test_joined_and_selected():
     assert len(both) == len(one) + len(two)
     assert by_name(both.select(np.arange(len(one)))) == by_name(one)
     assert by_name(both.select(np.arange(len(both)) >= len(one))) == by_name(two)
+
+
+def test_radial_velocities_alone_give_no_place_on_the_sky(tmp_path):
+    table = load_known_planets()
+    rows = table.rows_of("eps Eri")
+    assert not at_known_place(draw(star="eps Eri", known=table, known_rows=rows), table).any()
+    file = tmp_path / "orbits.csv"
+    file.write_text(
+        "star,planet,period_days,period_err_days,periastron_jd,periastron_err_days,eccentricity,omega_star_deg,"
+        "inclination_deg,node_deg,mass_mjup\n"
+        "eps Eri,eps Eri b,2502,10,2454207,7,0.4,50,40,70,0.8\n"
+        "eps Eri,eps Eri c,9999,10,2454207,7,0.1,50,40,,0.8\n"
+    )
+    own = load_known_planets(file)
+    bodies = draw(star="eps Eri", known=own, known_rows=own.rows_of("eps Eri"))
+    assert np.array_equal(at_known_place(bodies, own), bodies.known == 0)
+    assert not at_known_place(bodies, None).any()
