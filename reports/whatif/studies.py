@@ -21,6 +21,7 @@ from cpic_planner.survey.play import Survey, play
 from cpic_planner.survey.prepare import prepare
 from cpic_planner.survey.strategy_file import StrategiesConfig, load_strategies, varied
 from cpic_planner.survey.universe import NEW, draw_bodies, star_mass_msun
+from cpic_planner.targets import rank_sample
 
 REPORTS = Path(__file__).resolve().parents[1]
 WORKERS = 2
@@ -48,7 +49,7 @@ def cost(
             for block in range(n // 100):
                 play(survey, block=block, n=100, seed=1)
         by_universes.append(time.process_time() - began)
-    # An instrument a hundred times better sees planets around more stars than any default strategy visits.
+    # A hardly possible instrument sees planets around more stars than any default strategy visits.
     deep = load_strategies(
         {
             "strategies": [
@@ -59,7 +60,8 @@ def cost(
                     "time_budget_h": 1e5,
                     "share": 1.0,
                     "revisits": {"max_visits": 4},
-                    "assumptions": {"contrast": 1e-11, "drift": 0.05},
+                    "assumptions": {"contrast": 1e-12, "drift": 0.003, "throughput": 2.0},
+                    "scheduler": {"min_gain": 0.0},
                 }
             ]
         }
@@ -84,7 +86,22 @@ def cost(
                 "play_s": time.process_time() - began,
             }
         )
-    return {"universes": list(universes), "play_s": by_universes, "stars": by_stars}
+    return {"universes": list(universes), "play_s": by_universes, "stars": by_stars, "catalogue": _by_catalogue()}
+
+
+def _by_catalogue(sizes: Sequence[int] = (135, 269, 538, 1077)) -> list[dict[str, Any]]:
+    """Time to prepare four bands for a part of the catalogue, every n-th star of it by magnitude."""
+    every = rank_sample()
+    order = np.argsort(every.v_mag, kind="stable")
+    rows = []
+    for n in (sizes[0], *sizes):  # the first one warms up
+        names = [str(every.name[order[int(k)]]) for k in np.linspace(0, len(every) - 1, n).round()]
+        tree = {"name": "part", "targets": {"names": names}, "population": "giants"}
+        config = changed(load_strategies({"strategies": [tree]}), known_planets="off")
+        began = time.process_time()
+        prepare(config)
+        rows.append({"stars": n, "prepare_s": time.process_time() - began})
+    return rows[1:]
 
 
 def played_block(surveys: tuple[Survey, ...], block: int) -> list[dict[str, Any]]:
