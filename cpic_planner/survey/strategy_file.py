@@ -18,7 +18,7 @@ from simulator.config.base import deep_merge, validate
 from simulator.config.keys import nearest
 from simulator.config.light import Real
 from simulator.config.mission import Utc
-from simulator.config.presets import preset_names, preset_path, preset_tree
+from simulator.config.presets import preset_path, preset_tree
 from simulator.config.scene import paths_beside
 
 __all__ = [
@@ -26,7 +26,6 @@ __all__ = [
     "StrategiesConfig",
     "UniverseConfig",
     "load_strategies",
-    "strategies_names",
     "varied",
     "with_universe",
 ]
@@ -102,11 +101,6 @@ class StrategiesConfig(FrozenModel):
             if names.count(name) > 1:
                 raise InputError("strategies.name", name, allowed="each name once")
         return self
-
-
-def strategies_names() -> tuple[str, ...]:
-    """Names of the sets of strategies that ship with the package."""
-    return preset_names("strategies", package=PACKAGE)
 
 
 def load_strategies(source: Mapping[str, Any] | str | Path = "survey_default") -> StrategiesConfig:

@@ -3,7 +3,7 @@
 import pytest
 
 from catalogs.errors import InputError
-from cpic_planner.survey.strategy_file import UniverseConfig, load_strategies, strategies_names, varied, with_universe
+from cpic_planner.survey.strategy_file import UniverseConfig, load_strategies, varied, with_universe
 
 ONE = {"strategies": [{"name": "one", "revisits": {"max_visits": 4}}]}
 
@@ -18,7 +18,6 @@ def test_the_preset_has_five():
         "single_visit", "multi_band", "wide_and_shallow", "few_and_deep", "known_planets_first",
     ]  # fmt: skip
     assert config.name == "survey_default"
-    assert strategies_names() == ("survey_default",)
     assert load_strategies("survey_default") == config
 
 
