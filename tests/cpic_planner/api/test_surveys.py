@@ -1,0 +1,40 @@
+"""Visibility and surveys by star names: the answers of the commands, refused as clearly."""
+
+import pytest
+
+from catalogs.errors import InputError
+from cpic_planner import compare_strategies, star_visibility
+
+ONE = {"strategies": [{"name": "once", "targets": {"names": ["eps Eri"]}, "visit": {"bands": ["F520"]}}]}
+SHORT = {"universes": 30, "duration_days": 365.0, "known_planets": "off"}
+
+
+def test_visibility_of_several_stars_by_any_name():
+    seen = star_visibility(["eps Eri", "HIP 8102"], start_utc="2028-01-01", n_days=60, limits={"sun_deg": 60})
+    assert [star.name for star in seen.targets] == ["eps Eri", "tau Cet"]
+    assert seen.n_days == 60
+    assert seen.pointing.sun_deg == 60
+
+
+def test_one_visit_of_one_star_and_the_folder_that_keeps_it(tmp_path):
+    result = compare_strategies(ONE, out=tmp_path / "run", **SHORT)
+    assert result.n_universes == 30
+    assert result.strategies[0].schedule.visits == 1
+    assert result == compare_strategies(ONE, **SHORT)
+    assert {"whatif.json", "report.html", "universes.parquet"} <= {path.name for path in (tmp_path / "run").iterdir()}
+
+
+def test_values_that_are_varied():
+    result = compare_strategies(ONE, vary=["drift=1,3"], **SHORT)
+    assert [item.name for item in result.strategies] == ["once drift=1", "once drift=3"]
+    assert result.strategies[0].schedule.value > result.strategies[1].schedule.value
+
+
+@pytest.mark.parametrize(("given", "text"), [
+    ({"universe": 3}, "universe.universe = 3"), ({"universes": 1}, "universe.universes = 1"),
+    ({"vary": ["foo=1"]}, "--vary = foo"),
+])  # fmt: skip
+def test_what_is_refused(given, text):
+    with pytest.raises(InputError) as caught:
+        compare_strategies(ONE, **given)
+    assert str(caught.value).startswith(text)
