@@ -1,6 +1,7 @@
 """Settings of the whole suite, and the TAP service that several parts of it ask."""
 
 import importlib.util
+import logging
 import os
 import sys
 from pathlib import Path
@@ -17,6 +18,14 @@ settings.load_profile("suite")
 # The matrices here are small: BLAS threads only get in each other's way, and sums should have one order.
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
+
+
+@pytest.fixture(autouse=True)
+def _own_levels():
+    """Commands set the level of messages for their process; the next test begins with the default again."""
+    yield
+    for package in ("catalogs", "simulator", "cpic_planner"):
+        logging.getLogger(package).setLevel(logging.NOTSET)
 
 
 def _load(name):
