@@ -13,14 +13,13 @@ from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.noise import frame_problem, stack_noise
 from cpic_planner.etc.place import hole_notes
 from cpic_planner.etc.rates import ApertureRates, aperture_rates
+from cpic_planner.etc.reflected import insolation_distance_au, kinds_by_albedo, mixture_contrast
 from cpic_planner.etc.significance import threshold_array
 from cpic_planner.population import Planets
 from cpic_planner.targets import Targets
-from simulator.config.albedo import AlbedoSpec
 from simulator.imaging.hole_zone import HoleZone
 from simulator.quantities import check_finite, real_array
-from simulator.target.albedo import albedo_notes, albedo_source, needs_insolation, phase_value
-from simulator.target.contrast import contrast_at
+from simulator.target.albedo import albedo_notes, albedo_source, needs_insolation
 from simulator.target.positions import sky_to_detector
 
 __all__ = ["BandCompleteness", "completeness", "inside_zone"]
@@ -199,24 +198,12 @@ def _contrast(
     insolation: list[float],
 ) -> FloatArray:
     """Contrast of the picked planets of each star, shape ``(n, k)``; the range of their insolation is noted."""
-    distance = some.distance_au[pick] * scale[:, None]
-    stars = (targets.teff_k[:, None], targets.log_g[:, None], targets.metallicity[:, None])
-    phase_deg, kind = some.phase_deg[pick], some.kind[pick]
-    light = np.zeros(pick.shape)
-    for number, spec in _specs(some.planets):
-        mine = np.isin(kind, number)
-        if not mine.any():
-            continue
-        own = None
-        if needs_insolation(spec):
-            own = distance / np.sqrt(targets.luminosity_lsun)[:, None]
-            seen = own[mine & usable]
-            if seen.size:
-                insolation[:] = min(insolation[0], float(seen.min())), max(insolation[1], float(seen.max()))
-        albedo = model.passbands.band_albedo(albedo_source(spec), *stars, insolation_au=own, only=band)
-        reflected = albedo * phase_value(spec, phase_deg, insolation_au=own)
-        light = np.where(mine, reflected, light)
-    return np.asarray(contrast_at(some.radius_rjup[pick], distance, phase_deg, 1.0, phase_value=light))
+    distance, kind, albedos = some.distance_au[pick] * scale[:, None], some.kind[pick], some.planets.albedos
+    follows = np.array([needs_insolation(spec) for spec in albedos])[kind] & usable
+    if follows.any():
+        seen = insolation_distance_au(targets, distance)[follows]
+        insolation[:] = min(insolation[0], float(seen.min())), max(insolation[1], float(seen.max()))
+    return mixture_contrast(model, targets, band, albedos, kind, some.radius_rjup[pick], distance, some.phase_deg[pick])
 
 
 def _detected(
@@ -273,22 +260,10 @@ def inside_zone(zone: HoleZone, x_arcsec: FloatArray, y_arcsec: FloatArray, marg
     return inside
 
 
-def _specs(planets: Planets) -> list[tuple[list[int], AlbedoSpec]]:
-    """Different albedos with the kinds that have them."""
-    found: list[tuple[list[int], AlbedoSpec]] = []
-    for number, spec in enumerate(planets.albedos):
-        same = next((kinds for kinds, other in found if other == spec), None)
-        if same is None:
-            found.append(([number], spec))
-        else:
-            same.append(number)
-    return found
-
-
 def _notes(model: EtcModel, band: str, planets: Planets, insolation: list[float]) -> tuple[str, ...]:
     """What was clamped or extrapolated in the planets' albedos."""
     notes: list[str] = []
-    for _, spec in _specs(planets):
+    for spec, _ in kinds_by_albedo(planets.albedos):
         if not needs_insolation(spec):
             notes += albedo_notes(spec)
         elif insolation[0] <= insolation[1]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from catalogs.info import snapshot_vintage
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.place import check_range
+from cpic_planner.etc.reflected import reflected_contrast
 from cpic_planner.known_completeness import KnownChoice, known_rows
 from cpic_planner.known_planets import Ephemeris, draw_known, ephemeris, known_uniforms, planets_of, quantiles
 from cpic_planner.models import KnownBand, KnownHole, KnownPlanetRow, KnownResult, KnownTrack, KnownWindow, Quantiles
@@ -20,8 +21,6 @@ from cpic_planner.targets import Targets
 from cpic_planner.version import __version__
 from simulator.config import content_hash
 from simulator.config.albedo import AlbedoSpec
-from simulator.target.albedo import albedo_source, needs_insolation, phase_value
-from simulator.target.contrast import contrast_at
 
 __all__ = ["known_answer", "planets_contrast"]
 
@@ -106,13 +105,8 @@ def known_answer(
 
 def planets_contrast(model: EtcModel, target: Targets, band: str, planets: Planets, albedo: AlbedoSpec) -> FloatArray:
     """Contrast of planets of one star in a band, where they are; one value for each."""
-    own = planets.distance_au / math.sqrt(float(target.luminosity_lsun[0])) if needs_insolation(albedo) else None
-    star = (target.teff_k[:1], target.log_g[:1], target.metallicity[:1])
-    reflected = model.passbands.band_albedo(albedo_source(albedo), *star, insolation_au=own, only=band)
-    light = phase_value(albedo, planets.phase_deg, insolation_au=own)
-    return np.asarray(
-        contrast_at(planets.radius_rjup, planets.distance_au, planets.phase_deg, reflected, phase_value=light)
-    )
+    return reflected_contrast(model, target.select([0]), band, albedo, planets.radius_rjup, planets.distance_au[None],
+                              planets.phase_deg)[0]  # fmt: skip
 
 
 def _row(

@@ -17,7 +17,7 @@ from simulator.config.albedo import AlbedoSpec, albedo_spec
 from simulator.config.base import FrozenModel, unit_of, validate
 from simulator.config.keys import at, canonical_keys
 from simulator.config.light import Real
-from simulator.config.presets import preset_names, preset_path, preset_tree
+from simulator.config.presets import preset_names, tree_over_preset
 from simulator.config.scene import paths_beside
 
 __all__ = [
@@ -220,21 +220,18 @@ def load_population(source: PopulationSource = None) -> PopulationConfig:
     """
     if isinstance(source, PopulationConfig):
         return source
-    values, provenance = split_sourced(_tree(DEFAULT_POPULATION if source is None else source))
+    values, provenance = split_sourced(_tree(source))
     config = validate(PopulationConfig, values, where="population")
     config._provenance.update(provenance)
     return config
 
 
 def _tree(source: Any) -> dict[str, Any]:
-    own, folder = preset_tree("population", source, package=PACKAGE)
+    own, folder, base = tree_over_preset("population", source, default=DEFAULT_POPULATION, package=PACKAGE)
     if folder is not None:
         own = paths_beside(own, folder)
-    if "base" not in own and not isinstance(source, Mapping) and str(source) in population_names():
+    if base is None:
         return own
-    base = own.pop("base", DEFAULT_POPULATION)
-    if not isinstance(base, str) or preset_path("population", base, package=PACKAGE) is None:
-        raise InputError("population.base", base, allowed=", ".join(population_names()))
     try:
         own = canonical_keys(own, PopulationConfig.model_fields, _ALIASES, hints=_HINTS)
     except InputError as error:

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from cpic_planner.etc.model import EtcModel
+from cpic_planner.etc.reflected import reflected_contrast
 from cpic_planner.targets import Targets
 from simulator.config import FrozenModel
 from simulator.config.albedo import AlbedoValue, MeasuredAlbedo
-from simulator.target.albedo import albedo_notes, albedo_source, needs_insolation, phase_value
-from simulator.target.contrast import contrast_at
+from simulator.target.albedo import albedo_notes, albedo_source
 from simulator.target.phase import sin_phase
 
 __all__ = ["ReferencePlanet", "reference_contrast", "reference_distance_au", "reference_notes"]
@@ -68,10 +68,4 @@ def reference_contrast(
 ) -> FloatArray:
     """Contrast of the reference planet in one band, ``(n_star, n_separation)``; as `reference_distance_au`."""
     distance = reference_distance_au(targets, separation_arcsec, planet)
-    # An albedo that knows its insolation already leaves this out.
-    insolation = distance / np.sqrt(targets.luminosity_lsun)[:, None] if needs_insolation(planet.albedo) else None
-    stars = (targets.teff_k[:, None], targets.log_g[:, None], targets.metallicity[:, None])
-    # One band at a time: a user's albedo need not reach the bands that are not asked about.
-    albedo = model.passbands.band_albedo(albedo_source(planet.albedo), *stars, insolation_au=insolation, only=band)
-    phase = phase_value(planet.albedo, planet.phase_deg, insolation_au=insolation)
-    return np.asarray(contrast_at(planet.radius_rjup, distance, planet.phase_deg, albedo, phase_value=phase))
+    return reflected_contrast(model, targets, band, planet.albedo, planet.radius_rjup, distance, planet.phase_deg)

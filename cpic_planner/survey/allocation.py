@@ -48,7 +48,9 @@ def make_schedule(problem: Problem) -> Schedule:
     Both methods state the same bound: the value that linear programming gives a relaxation in which visits may be made
     in part and each star is worth at most what its cuts allow. ``milp`` then asks for whole visits, round after round,
     until the best allocation is within the strategy's ``gap`` of its own bound or that hardly falls any more; the
-    better of it and the greedy one is improved by exchanging single visits as long as that helps.
+    better of it and the greedy one is improved by exchanging single visits as long as that helps. Stars that come
+    first (known planets) are allocated before the others, and the others get what is left: the bound, which knows no
+    such order, may then be farther away.
 
     Notes
     -----
@@ -58,19 +60,19 @@ def make_schedule(problem: Problem) -> Schedule:
     """
     room, booked = greedy(problem)
     cuts_at = _by_star(problem, [(star, visit) for star, visit, _ in booked])
-    relaxed = _Programme(problem)
-    relaxed.add_prefixes(cuts_at)
-    bound = relaxed.rounds(whole=False)[1]
+    everyone = _Programme(problem, Room.of(problem), range(len(problem.stars)))
+    everyone.add_prefixes(cuts_at)
+    bound = everyone.rounds(whole=False)[1]
     value = _value(problem, cuts_at)
     method = "greedy"
-    if problem.strategy.scheduler.method == "milp" and relaxed.columns:
-        chosen, own_bound = relaxed.rounds(whole=True)
+    if problem.strategy.scheduler.method == "milp" and everyone.columns:
+        chosen, own_bound = _allocated(problem, everyone, cuts_at)
         bound = min(bound, own_bound)
-        if _value(problem, chosen) > value:
+        if _rank(problem, chosen) > _rank(problem, cuts_at):
             method, cuts_at = "milp", chosen
         chosen = exchanged(problem, cuts_at)
         better = _value(problem, chosen)
-        if better > value:
+        if method == "milp" or better > value:
             method, value = "milp" if method == "milp" else "greedy, exchanged", better
             booked = [
                 (star, visit, gain) for star in sorted(chosen) for visit, gain in _gains(problem, star, chosen[star])
@@ -86,6 +88,32 @@ def make_schedule(problem: Problem) -> Schedule:
         spare = greedy(problem, room=beyond)[1]
     visits: tuple[PlannedVisit, ...] = in_order(problem.stars, booked, spare)
     return Schedule(visits, value, max(bound, value), method)
+
+
+def _allocated(
+    problem: Problem, everyone: _Programme, made: dict[int, list[Visit]]
+) -> tuple[dict[int, list[Visit]], float]:
+    """Whole visits of all stars, group after group, and the bound where there is one group."""
+    groups = problem.groups()
+    if len(groups) == 1:
+        return everyone.rounds(whole=True)
+    room, found = Room.of(problem), dict[int, list[Visit]]()
+    for group in groups:
+        programme = _Programme(problem, room, group)
+        if not programme.columns:
+            continue
+        programme.add_prefixes({star: made[star] for star in group if star in made})
+        chosen = programme.rounds(whole=True)[0]
+        for star, visits in sorted(chosen.items()):
+            for visit in visits:
+                room.take(star, visit, float(problem.stars[star].cost_h[visit]))
+        found |= chosen
+    return found, np.inf
+
+
+def _rank(problem: Problem, made: dict[int, list[Visit]]) -> tuple[float, ...]:
+    """Values of the groups of stars, the first to be served first."""
+    return tuple(_value(problem, {star: made[star] for star in group if star in made}) for group in problem.groups())
 
 
 def _by_star(problem: Problem, visits: Sequence[tuple[int, Visit]]) -> dict[int, list[Visit]]:
@@ -143,18 +171,19 @@ def _exchange(problem: Problem, room: Room, star: int) -> bool:
 
 
 class _Programme:
-    """Columns, limits and cuts of one problem."""
+    """Columns, limits and cuts of some stars of a problem, in the room that is left for them."""
 
-    def __init__(self, problem: Problem) -> None:
-        self.problem = problem
+    def __init__(self, problem: Problem, room: Room, stars: Sequence[int]) -> None:
+        self.problem, self.budget_h, self.slots_h = problem, room.budget_h, room.slots_h.copy()
         # A visit adds at most what it is worth alone: those worth less than the strategy asks are never made. Where a
         # detection needs several, it is they together that have to be worth it.
         needed = problem.strategy.detection.visits_needed
         least = problem.strategy.scheduler.min_gain if needed == 1 else 0.0
         self.columns = []
-        for i, star in enumerate(problem.stars):
+        for i in stars:
+            star = problem.stars[i]
             _, alone = StarValue.none(star, needed).gains()
-            fits = star.cost_h <= np.minimum(problem.strategy.share * problem.slot_h, problem.strategy.time_budget_h)
+            fits = star.cost_h <= np.minimum(self.slots_h, self.budget_h)
             self.columns += [_Column(i, (int(option), int(slot)), float(star.cost_h[option, slot]))
                              for option, slot in np.argwhere(fits & (alone >= least) & (alone > 0.0))]  # fmt: skip
         self.cuts: list[_Cut] = []
@@ -237,14 +266,14 @@ class _Programme:
         """Budget, slots, visits of each star, and slots that are too near, as rows of ``A x <= b``."""
         from scipy.sparse import csr_array
 
-        problem, strategy = self.problem, self.problem.strategy
+        problem = self.problem
         cost = np.array([column.cost_h for column in self.columns])
         slot = np.array([column.visit[1] for column in self.columns])
         every = np.arange(len(cost))
-        rows: list[tuple[IntArray, FloatArray, float]] = [(every, cost, strategy.time_budget_h)]
+        rows: list[tuple[IntArray, FloatArray, float]] = [(every, cost, self.budget_h)]
         for b in np.unique(slot):
             mine = every[slot == b]
-            rows.append((mine, cost[mine], strategy.share * float(problem.slot_h[b])))
+            rows.append((mine, cost[mine], float(self.slots_h[b])))
         for star, own in zip(problem.stars, self._own, strict=True):
             rows.append((own, np.ones(own.size), float(star.visits_left)))
             for b in np.unique(slot[own]):

@@ -12,6 +12,7 @@ from cpic_planner.completeness import inside_zone
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.noise import stack_noise
 from cpic_planner.etc.rates import aperture_rates
+from cpic_planner.etc.reflected import mixture_contrast
 from cpic_planner.etc.significance import threshold_array
 from cpic_planner.orbits import OrbitPlaces
 from cpic_planner.survey.strategy import DetectionRule
@@ -19,8 +20,6 @@ from cpic_planner.survey.universe import Bodies
 from cpic_planner.targets import Targets
 from simulator.config.albedo import AlbedoSpec
 from simulator.imaging.metrics import PsfMetrics
-from simulator.target.albedo import albedo_source, needs_insolation, phase_value
-from simulator.target.contrast import contrast_at
 from simulator.target.positions import sky_to_detector
 
 __all__ = ["Seen", "Setting", "detection_chance", "reach_au", "rolled", "see"]
@@ -115,9 +114,10 @@ def see(
         first = 0.5 * model.strategy.roll_deg
     if setting.possible and usable.any():
         visit, planet = np.nonzero(usable)
-        light = _contrast(
-            model, star, band, bodies, albedos, places.distance_au[usable], places.phase_deg[usable], planet
-        )
+        light = mixture_contrast(
+            model, star, band, albedos, bodies.kind[planet][None], bodies.radius_rjup[planet][None],
+            places.distance_au[usable][None], places.phase_deg[usable][None],
+        )[0]  # fmt: skip
         contrast[usable] = light
         # Only a companion's wings care for the roll, with two of them that of the places x and y.
         wings = np.isfinite(star.companion_v_mag[0]) and star.companions == "on"
@@ -189,25 +189,3 @@ def detection_chance(margin: FloatArray, rule: DetectionRule, known: NDArray[np.
 def rolled(star: Targets, roll_deg: float) -> Targets:
     """The star as a rolled detector sees it: its companion stands elsewhere."""
     return replace(star, companion_pa_deg=star.companion_pa_deg - roll_deg)
-
-
-def _contrast(
-    model: EtcModel,
-    star: Targets,
-    band: str,
-    bodies: Bodies,
-    albedos: tuple[AlbedoSpec, ...],
-    distance_au: FloatArray,
-    phase_deg: FloatArray,
-    planet: NDArray[np.int64],
-) -> FloatArray:
-    """Contrasts of the picked planets at their distances and phases."""
-    stars = (star.teff_k[:, None], star.log_g[:, None], star.metallicity[:, None])
-    light = np.zeros(distance_au.shape)
-    kinds = bodies.kind[planet]
-    for kind in np.unique(kinds):
-        spec, mine = albedos[kind], kinds == kind
-        own = distance_au[mine][None] / np.sqrt(star.luminosity_lsun)[:, None] if needs_insolation(spec) else None
-        albedo = model.passbands.band_albedo(albedo_source(spec), *stars, insolation_au=own, only=band)
-        light[mine] = (albedo * phase_value(spec, phase_deg[mine][None], insolation_au=own))[0]
-    return np.asarray(contrast_at(bodies.radius_rjup[planet], distance_au, phase_deg, 1.0, phase_value=light))

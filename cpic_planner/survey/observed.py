@@ -149,14 +149,14 @@ def missed(
     sun_pa_deg: FloatArray,
     placed: NDArray[np.bool_] | None = None,
 ) -> FloatArray:
-    """Probability that none of some visits would have shown each planet.
+    """Probability that none of some visits showed each planet.
 
     Parameters
     ----------
     model, star, bodies, albedos
         As of `cpic_planner.survey.detection.see`.
     visits : sequence of ObservedVisit
-        Visits of this star that showed no planet count, others do not.
+        Visits of this star.
     rule : DetectionRule
     epoch_mjd : float
         Of the bodies.
@@ -164,21 +164,27 @@ def missed(
         Position angle of the Sun at each visit, the roll where the log has none.
     placed : ndarray of bool, optional
         Planets that a visit knows where to look for; none by default.
+
+    Notes
+    -----
+    New planets are a Poisson process: those that a visit did not show are one of less intensity, however many it
+    showed. What a visit showed is in the log, not among what is left to find, unless a detection takes several visits:
+    then a visit that showed planets rules none out. Nor does it rule out a known planet, which it may have shown.
     """
     at_place = np.zeros(len(bodies), bool) if placed is None else placed
     left = np.ones(len(bodies))
     for visit, sun in zip(visits, sun_pa_deg, strict=True):
-        if visit.planets:
+        if visit.planets and rule.visits_needed > 1:
             continue
         roll = sun if math.isnan(visit.roll_deg) else visit.roll_deg
         seen = see(model, star, visit.setting, bodies, albedos, bodies.places([visit.mjd - epoch_mjd]), [roll])
         odds = detection_chance(seen.margin, rule, at_place, calibration=rule.calibration)
-        left *= 1.0 - odds[0]
+        left *= 1.0 - np.where(bodies.known != NEW, 0.0, odds[0]) if visit.planets else 1.0 - odds[0]
     return left
 
 
 def resampled(bodies: Bodies, left: FloatArray, luck: FloatArray) -> Bodies:
-    """Planets that are left after visits which showed none.
+    """Planets that are left to be found after some visits.
 
     Parameters
     ----------
@@ -190,8 +196,8 @@ def resampled(bodies: Bodies, left: FloatArray, luck: FloatArray) -> Bodies:
 
     Notes
     -----
-    New planets are a Poisson process, which without any detection stays one of the intensity times ``left``: each
-    stays with that probability. A known planet is there; its orbits are drawn anew among its own draws with weights
+    New planets are a Poisson process; those that were not seen are one of the intensity times ``left``: each stays
+    with that probability. A known planet is there; its orbits are drawn anew among its own draws with weights
     ``left``, or kept where none of them could have been missed.
     """
     keep = (bodies.known == NEW) & (luck < left)

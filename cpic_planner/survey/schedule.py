@@ -35,10 +35,12 @@ class Problem:
         near[slot] = True
         return np.asarray(near)
 
-    def first(self) -> list[int]:
-        """Stars that are served before all others."""
+    def groups(self) -> tuple[list[int], ...]:
+        """Stars that are served before all others (known planets, where they come first), and the rest."""
         wanted = self.strategy.targets.known_planets == "first"
-        return [i for i, star in enumerate(self.stars) if wanted and star.known_rows]
+        first = [i for i, star in enumerate(self.stars) if wanted and star.known_rows]
+        rest = [i for i in range(len(self.stars)) if i not in first]
+        return tuple(group for group in (first, rest) if group)
 
 
 @dataclass(frozen=True)
@@ -136,7 +138,7 @@ def greedy(problem: Problem, *, room: Room | None = None) -> tuple[Room, list[tu
     states = {i: StarValue.of(star, needed, room.visits.get(i, ())) for i, star in enumerate(stars)}
     bundles: dict[int, _Bundle | None] = {}
     booked: list[tuple[int, Visit, float]] = []
-    for group in (problem.first(), list(range(len(stars)))):
+    for group in problem.groups():
         while True:
             for i in group:
                 bundle = bundles.get(i)

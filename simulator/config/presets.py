@@ -11,7 +11,7 @@ from catalogs.errors import InputError
 from catalogs.strict_yaml import load_yaml
 from simulator.config.keys import nearest
 
-__all__ = ["preset_names", "preset_or_file", "preset_path", "preset_tree"]
+__all__ = ["preset_names", "preset_or_file", "preset_path", "preset_tree", "tree_over_preset"]
 
 
 def _folder(kind: str, package: str) -> Path:
@@ -89,3 +89,40 @@ def preset_tree(
     if said == kind:
         tree.pop("kind", None)
     return tree, folder
+
+
+def tree_over_preset(
+    kind: str, source: Any, *, default: str, package: str = "simulator"
+) -> tuple[dict[str, Any], Path | None, str | None]:
+    """What a source holds, and the preset that it is laid over.
+
+    Parameters
+    ----------
+    kind, source, package
+        As of `preset_tree`; ``None`` is the preset ``default``.
+    default : str
+        Preset that a file or mapping is laid over where it names no ``base``.
+
+    Returns
+    -------
+    tree : dict
+        Without its ``base``.
+    folder : Path or None
+        As of `preset_tree`.
+    base : str or None
+        None for a preset that is whole.
+
+    Raises
+    ------
+    InputError
+        As `preset_tree`, or if the base is no preset.
+    """
+    source = default if source is None else source
+    tree, folder = preset_tree(kind, source, package=package)
+    names = preset_names(kind, package=package)
+    if "base" not in tree and not isinstance(source, Mapping) and str(source) in names:
+        return tree, folder, None
+    base = tree.pop("base", default)
+    if base not in names:
+        raise InputError(f"{kind}.base", base, allowed=", ".join(names))
+    return tree, folder, str(base)

@@ -13,7 +13,7 @@ from catalogs.strict_yaml import Provenance, split_sourced
 from simulator.config.base import FrozenModel, validate
 from simulator.config.keys import at, canonical_keys
 from simulator.config.light import Real
-from simulator.config.presets import preset_names, preset_path, preset_tree
+from simulator.config.presets import preset_names, tree_over_preset
 
 __all__ = ["DEFAULT_VISIBILITY", "VisibilityConfig", "VisibilitySource", "load_visibility", "visibility_names"]
 
@@ -119,19 +119,16 @@ def load_visibility(source: VisibilitySource = None) -> VisibilityConfig:
     """
     if isinstance(source, VisibilityConfig):
         return source
-    values, provenance = split_sourced(_tree(DEFAULT_VISIBILITY if source is None else source))
+    values, provenance = split_sourced(_tree(source))
     config = validate(VisibilityConfig, values, where="visibility")
     config._provenance.update(provenance)
     return config
 
 
 def _tree(source: Any) -> dict[str, Any]:
-    own, _ = preset_tree("visibility", source, package=PACKAGE)
-    if "base" not in own and not isinstance(source, Mapping) and str(source) in visibility_names():
+    own, _, base = tree_over_preset("visibility", source, default=DEFAULT_VISIBILITY, package=PACKAGE)
+    if base is None:
         return own
-    base = own.pop("base", DEFAULT_VISIBILITY)
-    if not isinstance(base, str) or preset_path("visibility", base, package=PACKAGE) is None:
-        raise InputError("visibility.base", base, allowed=", ".join(visibility_names()))
     try:
         own = canonical_keys(own, VisibilityConfig.model_fields, _ALIASES)
     except InputError as error:

@@ -70,17 +70,19 @@ def allowed(problem, visits):
     return True
 
 
-def optimum(problem):
-    """Best value of any set of visits."""
+def schedules(problem):
+    """All sets of visits that keep the limits, each in the order of star, option and slot."""
     every = [
         (i, (int(o), int(s))) for i, star in enumerate(problem.stars) for o, s in np.argwhere(np.isfinite(star.cost_h))
     ]
-    best, needed = 0.0, problem.strategy.detection.visits_needed
     for size in range(len(every) + 1):
-        for visits in itertools.combinations(every, size):
-            if allowed(problem, visits):
-                best = max(best, worth(problem, visits, needed))
-    return best
+        yield from ([*visits] for visits in itertools.combinations(every, size) if allowed(problem, visits))
+
+
+def optimum(problem):
+    """Best value of any set of visits."""
+    needed = problem.strategy.detection.visits_needed
+    return max(worth(problem, visits, needed) for visits in schedules(problem))
 
 
 def worth(problem, visits, needed):

@@ -84,6 +84,30 @@ def test_bounds_hold_where_visits_have_to_be_worth_something(problems, seed, nee
             assert problems.outcomes(problem.stars[star], 1, [visit]) >= least - 1e-9
 
 
+@settings(max_examples=15)
+@given(seed=st.integers(0, 10_000), budget_h=st.floats(4.0, 12.0))
+def test_stars_that_come_first_are_served_as_well_as_they_can_be(problems, seed, budget_h):
+    """The first star gets the best of all its schedules, whatever that costs the other one."""
+    problem = problems.random_problem(seed, first="first", budget_h=budget_h, method="milp")
+    known, other = problem.stars
+    problem = replace(problem, stars=(other, replace(known, known_rows=(0,), weight=known.weight * 1e-3)))
+    schedule = make_schedule(problem)
+    visits = visits_of(schedule)
+    assert problems.allowed(problem, visits)
+    best = problems.optimum(replace(problem, stars=problem.stars[1:]))
+    found = problems.worth(problem, [item for item in visits if item[0] == 1], 1)
+    assert found >= best * (1.0 - 0.011) - 1e-9
+    assert schedule.bound >= problems.optimum(problem) - 1e-9
+    # The other one gets the best of what is left.
+    mine = [item for item in visits if item[0] == 1]
+    left = max(
+        problems.worth(problem, [item for item in both if item[0] == 0], 1)
+        for both in problems.schedules(problem)
+        if [item for item in both if item[0] == 1] == sorted(mine)
+    )
+    assert schedule.value - found >= left * (1.0 - 0.011) - 1e-9
+
+
 @pytest.mark.parametrize("method", ["greedy", "milp"])
 def test_reserve_visits_come_on_top(problems, method):
     without = make_schedule(problems.random_problem(5, stars=4, slots=6, budget_h=8.0, method=method))

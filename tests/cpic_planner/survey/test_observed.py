@@ -126,14 +126,36 @@ def misses(setup):
 def test_what_visits_miss(setup):
     model, star, population, bodies, visits, rule = setup
     odds = []
-    for visit, roll in ((visits[0], 0.0), (visits[1], 55.0)):  # the third showed a planet: it says nothing
+    for visit, roll in zip(visits, (0.0, 55.0, 30.0), strict=True):
         seen = see(
             model, star, visit.setting, bodies, albedos_of(population), bodies.places([visit.mjd - EPOCH]), [roll]
         )
         odds.append(detection_chance(seen.margin, rule, np.zeros(len(bodies), bool))[0])
-    np.testing.assert_allclose(misses(setup), (1.0 - odds[0]) * (1.0 - odds[1]), rtol=1e-12)
+    # The third showed a planet, maybe the known one; what it did not show are new ones all the same.
+    third = np.where(bodies.known == NEW, 1.0 - odds[2], 1.0)
+    np.testing.assert_allclose(misses(setup), (1.0 - odds[0]) * (1.0 - odds[1]) * third, rtol=1e-12)
+    twice = (*setup[:5], rule.model_copy(update={"visits_needed": 2}))
+    np.testing.assert_allclose(misses(twice), (1.0 - odds[0]) * (1.0 - odds[1]), rtol=1e-12)
     assert misses(setup).min() < 0.2
     assert misses(setup).max() == 1.0
+
+
+def test_planets_that_a_log_shows_are_not_found_again(setup):
+    """New planets that one visit left unseen: as many as universes have in which it showed one, or two."""
+    model, star, population, bodies, visits, rule = setup
+    seen = see(model, star, visits[2].setting, bodies, albedos_of(population), bodies.places([200.0]), [30.0])
+    odds = detection_chance(seen.margin, rule, np.zeros(len(bodies), bool))[0]
+    new, n, rng = bodies.known == NEW, 6000, np.random.default_rng(8)
+    shown = new & (rng.random(len(bodies)) < odds)
+    hits, unseen = (np.bincount(bodies.universe[some], minlength=n) for some in (shown, new & ~shown))
+    left = missed(model, star, bodies, albedos_of(population), visits[2:], rule, epoch_mjd=EPOCH,
+                  sun_pa_deg=np.array([90.0]))  # fmt: skip
+    expected = left[new].sum() / n
+    assert expected < 0.95 * new.sum() / n
+    for number in (1, 2):
+        mine = unseen[hits == number]
+        assert mine.size > 50
+        assert abs(mine.mean() - expected) < 4.0 * math.sqrt(expected / mine.size)
 
 
 def test_what_is_left_is_what_universes_have_in_which_nothing_was_seen(setup):
