@@ -3,29 +3,37 @@
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from scipy.optimize import brentq
 
 from cpic_planner.etc.model import EtcModel, Strategy, build_model
 from cpic_planner.etc.speckles import floor_law
 from cpic_planner.survey.strategy import Assumptions, SurveyStrategy
-from simulator.config import Instrument
+from simulator.cache import compute_once
+from simulator.config import Instrument, content_hash
+from simulator.imaging.build import build_imager
+from simulator.imaging.imager import centred_axis
 from simulator.imaging.metrics import PsfMetrics
+from simulator.imaging.store import metrics_key, psf_metrics
 from simulator.passbands import Passbands
 
-__all__ = ["assumed_model", "raw_contrast_median", "with_contrast"]
+__all__ = ["assumed_model", "imaged_model", "mirror_noise_nm", "raw_contrast_median", "with_contrast"]
 
 _LEAST = 1e-30  # a floor of 0 has no law
+_FIRST_NM, _MOST_NM, _RTOL, _ROUNDING = 0.01, 100.0, 1e-7, 1e-9
 
 
 def assumed_model(instrument: Instrument, strategy: SurveyStrategy, bands: Sequence[str]) -> EtcModel:
     """Model of the ETC under the assumptions of a strategy.
 
-    Light and drift change the rates alone and dust the sky: optics are those of the instrument. A given raw contrast
-    scales the static light of the hole (`with_contrast`).
+    Throughput and drift change the rates alone and dust the sky: optics are those of the instrument. A dark hole that
+    is brighter than the instrument's is that of a less steady mirror, band by band (`mirror_noise_nm`); a darker one
+    has less of the same light (`with_contrast`).
 
     Raises
     ------
@@ -38,7 +46,7 @@ def assumed_model(instrument: Instrument, strategy: SurveyStrategy, bands: Seque
     own = _changes(instrument, assumed, nominal.bands)
     metrics = nominal.metrics
     if assumed.contrast is not None:
-        metrics = {band: with_contrast(item, assumed.contrast) for band, item in metrics.items()}
+        metrics = {band: _assumed_metrics(instrument, band, item, assumed.contrast) for band, item in metrics.items()}
     if not own and metrics is nominal.metrics:
         return nominal
     changed = instrument.changed(own) if own else instrument
@@ -58,6 +66,74 @@ def _changes(instrument: Instrument, assumed: Assumptions, bands: Sequence[str])
     return own
 
 
+def imaged_model(model: EtcModel, strategy: SurveyStrategy, band: str) -> EtcModel | None:
+    """An assumed model whose instrument makes images of the same light; None where no instrument does."""
+    contrast = strategy.assumptions.contrast
+    if contrast is None:
+        return model
+    noise = mirror_noise_nm(model.instrument, band, contrast)
+    return None if noise is None else replace(model, instrument=_noisier(model.instrument, noise))
+
+
+def _assumed_metrics(instrument: Instrument, band: str, nominal: PsfMetrics, contrast: float) -> PsfMetrics:
+    noise = mirror_noise_nm(instrument, band, contrast)
+    return with_contrast(nominal, contrast) if noise is None else psf_metrics(_noisier(instrument, noise), band)
+
+
+def _noisier(instrument: Instrument, noise_nm: float) -> Instrument:
+    return instrument.changed({"mirror": {"noise_nm": noise_nm}})
+
+
+def mirror_noise_nm(instrument: Instrument, band: str, contrast: float) -> float | None:
+    """Random error of the mirror's actuators at which the dark hole of a band has a median raw contrast.
+
+    Parameters
+    ----------
+    instrument : Instrument
+    band : str
+    contrast : float
+        At least 0.
+
+    Returns
+    -------
+    float or None
+        rms in nm of surface; None where the hole is as bright without, or no error of the mirror changes it.
+
+    Notes
+    -----
+    Of what can brighten a dark hole this is the plainest: static, in phase, and everywhere in it. It is more harmful
+    than as much light of the instrument's own hole, which is what control leaves in the middle of a band and dark on
+    neither side: light that is the same over the band interferes with the drift all over it.
+    """
+    key = content_hash({"optics": metrics_key(instrument, band), "contrast": repr(contrast)})
+    found = compute_once(f"mirror-noise-{key}", lambda: {"noise_nm": np.asarray(_solved(instrument, band, contrast))})
+    noise = float(found["noise_nm"])
+    return None if math.isnan(noise) else noise
+
+
+def _solved(instrument: Instrument, band: str, contrast: float) -> float:
+    """Noise of the mirror; nan without any."""
+    least = instrument.mirror.noise_nm
+    bright = functools.partial(_median_of, instrument, band)
+    if contrast <= (1.0 + _ROUNDING) * bright(least):
+        return math.nan
+    high = max(least, _FIRST_NM)
+    while bright(high) < contrast:
+        high *= 2.0
+        if high > _MOST_NM:
+            return math.nan
+    return float(brentq(lambda noise: bright(noise) - contrast, least, high, rtol=_RTOL, xtol=_RTOL * _FIRST_NM))
+
+
+def _median_of(instrument: Instrument, band: str, noise_nm: float) -> float:
+    """As `raw_contrast_median`, of the two images that it needs alone."""
+    imager = build_imager(_noisier(instrument, noise_nm), band)
+    masked, clear = (imager.stamp_axis(masked=state) for state in (True, False))
+    light = imager.image(masked, masked)
+    offset = centred_axis(len(light), imager.pixel_scale_arcsec)
+    return float(np.median(light[imager.zone.covers(offset, offset)]) / imager.image(clear, clear).max())
+
+
 def raw_contrast_median(metrics: PsfMetrics) -> float:
     """Median raw contrast of the pixels of the dark hole."""
     return float(np.median(metrics.raw_contrast[metrics.hole]))
@@ -65,7 +141,7 @@ def raw_contrast_median(metrics: PsfMetrics) -> float:
 
 @functools.lru_cache(maxsize=64)
 def with_contrast(metrics: PsfMetrics, contrast: float) -> PsfMetrics:
-    """Figures of a band whose dark hole has another median raw contrast.
+    """Figures of a band whose dark hole has another median raw contrast, of more or less of the same light.
 
     Parameters
     ----------

@@ -188,4 +188,4 @@ def detection_chance(margin: FloatArray, rule: DetectionRule, known: NDArray[np.
 
 def rolled(star: Targets, roll_deg: float) -> Targets:
     """The star as a rolled detector sees it: its companion stands elsewhere."""
-    return replace(star, companion_pa_deg=star.companion_pa_deg - roll_deg)
+    return replace(star, companion_pa_deg=(star.companion_pa_deg - roll_deg) % 360.0)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cpic_planner.models.surveyed import ImageSample
+from cpic_planner.survey.assumed import imaged_model
 from cpic_planner.survey.candidates import albedos_of
 from cpic_planner.survey.detection import rolled
 from cpic_planner.survey.play import Survey
@@ -57,11 +58,10 @@ def sampled_detections(
     Notes
     -----
     The scene is turned by the roll of the visit, so that the detector of the images stands at roll 0 as in all other
-    confirmations. A raw contrast that a strategy assumes cannot be given to images, whose light is that of the optics.
+    confirmations. Images have the raw contrast that a strategy assumes if it is brighter than the instrument's own;
+    optics that would be darker are not known.
     """
     strategy = survey.strategy
-    if strategy.assumptions.contrast is not None:
-        return [], "images have the light of the optics, not an assumed raw contrast"
     if strategy.reduction.library == "roll":
         return [], "images of two rolls are not sampled"
     if strategy.detection.rule == "expected":
@@ -81,16 +81,19 @@ def sampled_detections(
         known = planet != NEW and survey.known is not None and bool(survey.known.placed[planet])
         known = known or strategy.detection.rule == "known_place"
         sampled.append(SampledDetection(task, known, float(detections["chance"][row])))
-    return sampled, f"{left_out} could not be imaged" if left_out else ""
+    darker = left_out and strategy.assumptions.contrast is not None
+    why = ": no optics are known that leave so little light" if darker else ""
+    return sampled, f"{left_out} could not be imaged{why}" if left_out else ""
 
 
 def _task(survey: Survey, row: Mapping[str, Any], number: int, seed: int) -> ConfirmTask | None:
     """Images of one detection; None where the images cannot be made."""
     i = int(np.flatnonzero(survey.targets.name == row["star"])[0])
     setting = survey.options[i][int(row["option"])]
-    if not 1 <= setting.n_frames <= MAX_FRAMES:
+    band = setting.band
+    model = imaged_model(survey.model, survey.strategy, band)
+    if model is None or not 1 <= setting.n_frames <= MAX_FRAMES:
         return None
-    model, band = survey.model, setting.band
     target = survey.targets.select([i])
     turned = rolled(target, float(row["roll_deg"]))
     pa_deg = (float(row["pa_deg"]) - float(row["roll_deg"])) % 360.0

@@ -147,8 +147,9 @@ class DetectionRule(FrozenModel):
 class Assumptions(FrozenModel):
     """What is taken of the instrument instead of what its file says.
 
-    ``contrast`` is the median raw contrast of the dark hole in every band, reached by fainter or brighter static light;
-    the other numbers are factors, ``exozodi`` an amount of dust in solar systems.
+    ``contrast`` is the median raw contrast of the dark hole in every band: a brighter hole is that of a mirror whose
+    actuators are off by as much, a darker one has less of the instrument's light (`cpic_planner.survey.assumed`). The
+    other numbers are factors, ``exozodi`` an amount of dust in solar systems.
     """
 
     contrast: Annotated[Real, Field(ge=0, le=1e-3)] | None = None

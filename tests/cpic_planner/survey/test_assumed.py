@@ -10,10 +10,25 @@ from cpic_planner.etc.model import build_model
 from cpic_planner.etc.noise import stack_noise
 from cpic_planner.etc.rates import aperture_rates
 from cpic_planner.etc.speckles import floor_law, speckle_law
-from cpic_planner.survey.assumed import assumed_model, raw_contrast_median, with_contrast
+from cpic_planner.survey.assumed import (
+    assumed_model,
+    imaged_model,
+    mirror_noise_nm,
+    raw_contrast_median,
+    with_contrast,
+)
 from cpic_planner.survey.strategy import SurveyStrategy
 from cpic_planner.targets import find_target
+from cpic_planner.validation.confirm import confirm_task
+from cpic_planner.validation.task import Frames, expected_of, star_scene, task_of
 from simulator import load_instrument
+from simulator.config import Planet
+from simulator.config.albedo import ConstantAlbedo
+from simulator.imaging.psf import single_band_psf
+from simulator.target.contrast import contrast_at
+from simulator.target.positions import sky_to_detector
+
+BRIGHT = 1e-8
 
 
 @pytest.fixture(scope="module")
@@ -108,12 +123,55 @@ def test_the_floor_of_random_fields(metrics):
 
 def test_more_light_is_more_noise_and_less_is_less(instrument):
     noise = []
-    for contrast in (0.0, 1e-10, 1e-9, 1e-8, 1e-7):
+    for contrast in (0.0, 1e-10, 8e-10, BRIGHT):
         model = assuming(instrument, contrast=contrast)
         stack = stack_noise(rates(model), 20.0, 100.0, 300.0, model.camera("F520"))
         assert np.isfinite(stack.significance).all()
         noise.append(float(stack.significance.squeeze()))
     assert np.all(np.diff(noise) < 0.0)
+
+
+@pytest.mark.parametrize(("band", "contrast"), [("F520", BRIGHT), ("F850", 3e-9), ("F850", 1e-6)])
+def test_errors_of_the_mirror_that_brighten_the_hole(instrument, band, contrast):
+    """As bright as asked by an image of its own; a small error squared is the light that it adds."""
+    noise = mirror_noise_nm(instrument, band, contrast)
+    for error, expected in ((noise, contrast), (3.0 * noise, 9.0 * contrast)):
+        psf = single_band_psf(band, instrument=instrument.changed({"mirror": {"noise_nm": error}}))
+        hole = psf.geometry.hole
+        found = np.median((psf.on_axis / psf.off_axis.max())[hole])
+        assert found == pytest.approx(expected, rel=1e-5 if error == noise else 0.15)
+
+
+def test_a_hole_that_no_mirror_brightens(instrument, metrics):
+    nominal = raw_contrast_median(metrics)
+    assert mirror_noise_nm(instrument, "F520", nominal) is None
+    assert mirror_noise_nm(instrument, "F520", 0.5 * nominal) is None
+    still = instrument.changed({"dark_hole": {"control": "off"}})
+    assert mirror_noise_nm(still, "F520", 0.5) is None
+
+
+def test_images_of_a_brighter_hole(instrument):
+    """The SNR under an assumed contrast is that of images; as much light of the nominal hole would do less harm."""
+    strategy = SurveyStrategy(name="x", assumptions={"contrast": BRIGHT})
+    model = imaged_model(assumed_model(instrument, strategy, ("F520",)), strategy, "F520")
+    assert raw_contrast_median(model.metrics["F520"]) == pytest.approx(BRIGHT, rel=1e-6)
+    star, frames, ratios = find_target("eps Eri")[0], Frames(25.0, 120, 300.0), []
+    for pa_deg, separation in ((40.0, 0.45), (140.0, 0.55)):
+        distance_au, albedo = separation * float(star.distance_pc[0]), ConstantAlbedo(value=0.5)
+        planet = Planet(name="planet", separation_arcsec=separation, pa_deg=pa_deg, radius_rjup=3.0, albedo=albedo,
+                        distance_au=distance_au, phase_deg=90.0)  # fmt: skip
+        light = float(contrast_at(3.0, distance_au, 90.0, 0.5))
+        place = sky_to_detector(separation, pa_deg, parity=instrument.detector.parity)
+        task = task_of(model, star_scene(star, (planet,), name="x", exozodi_zodis=1.0), "F520", frames,
+                       [expected_of(model, star, "F520", place, light, frames)], seed=3, fidelity="standard",
+                       realisations=12, audit=False, overrides=None)  # fmt: skip
+        answer = confirm_task(task.to_dict())["confirmations"][0]
+        ratios.append(answer["predicted_snr"] / answer["recovered_snr"])
+    # Twelve realisations of a place know the SNR to some 10 %, and places of one separation differ by that.
+    assert np.mean(ratios) == pytest.approx(1.0, abs=0.25)
+    scaled = replace(model, metrics={"F520": with_contrast(build_model(instrument, ("F520",)).metrics["F520"], BRIGHT)})
+    optimistic = expected_of(scaled, star, "F520", place, light, frames)
+    assert optimistic["snr_full"] > 1.6 * answer["predicted_snr"]
 
 
 def test_drift_and_throughput_and_dust(instrument):

@@ -69,9 +69,12 @@ def test_sampled_scenes_are_what_the_visit_saw(plain, detections):
 
 def test_no_images_of_what_they_cannot_show(plain, detections, change):
     survey = plain.surveys[0]
-    assumed = change(survey, assumptions={"contrast": 1e-9})
+    assumed = change(survey, assumptions={"contrast": 1e-10})
     assert sampled_detections(assumed, detections, 5, 1) == (
-        [], "images have the light of the optics, not an assumed raw contrast",
+        [], "5 could not be imaged: no optics are known that leave so little light",
     )  # fmt: skip
+    brighter = change(survey, assumptions={"contrast": 1e-8})
+    for item in sampled_detections(brighter, detections, 3, 1)[0]:
+        assert item.task.simulator["mirror"]["noise_nm"] > 0.05
     nothing = {name: values[:0] for name, values in detections.items()}
     assert sampled_detections(survey, nothing, 5, 1) == ([], "no detections")
