@@ -1,4 +1,4 @@
-"""Regenerate this report: ``python reports/whatif/make.py`` (about half an hour on two quiet cores).
+"""Regenerate this report: ``python reports/whatif/make.py`` (about forty minutes on two quiet cores).
 
 ``--only STUDY`` measures one part again and keeps the others, which are in ``results.json``.
 """
@@ -18,7 +18,9 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 import decision
+import optics
 import runs
+import seasons
 import studies
 
 from catalogs.strict_yaml import load_yaml, split_sourced
@@ -34,6 +36,8 @@ PARTS: dict[str, Callable[[], Any]] = {
     "completeness": studies.completeness_check,
     "schedules": studies.schedules,
     "decision": lambda: decision.run(HERE),
+    "optics": optics.run,
+    "seasons": seasons.run,
     "cost": studies.cost,
     "coverage": studies.coverage,
     "kills": runs.kills,
@@ -135,6 +139,17 @@ def report(found: dict[str, Any]) -> str:
         "# Survey what-ifs\n\nRegenerate with `python reports/whatif/make.py`; everything below is written by it.",
         table(["", "asked", "found", "met"], rows),
         decision.text(found["decision"]),
+        "## What an assumed contrast means\n\n"
+        "A brighter dark hole than the instrument's is that of a mirror whose actuators are off at random, and the "
+        "optics are measured with it. A planet around ε Eri at eight places, "
+        f"{optics.REALISATIONS} images each, made with that mirror: predicted over recovered SNR. *By scaled light*: "
+        "what the same prediction would be if the light of the nominal hole, which differs across the band, were "
+        "multiplied instead. A darker hole is scaled, since no optics are known for it.\n\n"
+        + table(*optics.rows(found["optics"])),
+        "## When stars can be seen\n\n"
+        + seasons.text(found["seasons"])
+        + "\n\n"
+        + table(*seasons.rows(found["seasons"])),
         "## How well it is scheduled\n\nValue: detections expected on the planets that schedules are made with, "
         "known planets "
         "by their weight. The bound is that of a linear programme over all visits, which no schedule can pass.\n\n"
