@@ -43,16 +43,8 @@ def run_confirmation(
     config : ConfirmConfig
     out : str or Path
         Output folder; resumed when it holds work of the same configuration.
-    workers : int
-        Local worker processes; the result does not depend on it.
-    scheduler : str, optional
-        Dask scheduler to use instead.
-    force : bool
-        Replace what another configuration left in ``out``.
-    advance : callable
-        Called with a text after each band.
-    command : list of str, optional
-        Command line, kept in ``run.json``.
+    workers, scheduler, force, advance, command
+        As of `cpic_planner.plan.make_plan`.
 
     Returns
     -------

@@ -150,6 +150,17 @@ class RankChange(Result):
     why: str
 
 
+class SettingSource(Result):
+    """Where a number of the strategies' file or of its preset comes from."""
+
+    key: str = Field(description="dotted key of a strategy; universe.KEY of what all share")
+    value: Any
+    unit: str
+    source: str
+    confidence: str = Field(description="P: published, I: inferred from published or measured numbers, A: assumed")
+    strategies: list[str] = Field(description="those that have this value")
+
+
 class WhatIfResult(Result):
     """Comparison of survey strategies: reproducible from configuration and seed."""
 
@@ -169,4 +180,5 @@ class WhatIfResult(Result):
     differences: list[DifferenceRecord]
     rank_changes: list[RankChange]
     statement: str = Field(description="the outcome in words")
+    sources: list[SettingSource] = Field(default_factory=list, description="empty: no setting states one")
     not_modelled: list[str]

@@ -125,11 +125,16 @@ def _print_images(strategies: list[StrategyOutcome], console: Console) -> None:
         sample = item.images
         if sample is None:
             continue
+        if sample.images == 0:
+            print_plain(
+                console, f"{item.name}: no detection was simulated as images: {sample.note or 'none asked for'}"
+            )
+            continue
         ends = "" if sample.low is None or sample.high is None else f" ({interval_text(sample.low, sample.high)})"
         print_plain(
             console,
             f"{item.name}: of {sample.detections} detections simulated as images {sample.found} are found, "
-            f"{decimals(sample.expected, 1)} expected; correction {decimals(sample.correction, 2)}{ends}",
+            f"{decimals(sample.expected, 1)} expected; correction {decimals(sample.correction, 2)}{ends}{f'; {sample.note}' if sample.note else ''}",
         )
 
 

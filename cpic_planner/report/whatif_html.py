@@ -18,6 +18,7 @@ from cpic_planner.report.whatif_words import (
     interval_text,
     lead_sentences,
     planets_text,
+    setting_text,
     shared_facts,
     universe_facts,
 )
@@ -73,6 +74,7 @@ def render_whatif(result: WhatIfResult, figures: Mapping[str, Picture]) -> str:
     pairs = _pairs(result)
     environment = page_environment()
     environment.filters["planets"] = planets_text
+    environment.filters["setting"] = setting_text
     environment.globals.update(interval=interval_text)
     return environment.get_template("whatif.html.j2").render(
         result=result,

@@ -17,6 +17,7 @@ __all__ = [
     "interval_text",
     "lead_sentences",
     "planets_text",
+    "setting_text",
     "shared_facts",
     "universe_facts",
 ]
@@ -52,6 +53,8 @@ WHATIF_GLOSSARY: tuple[tuple[str, str], ...] = (
     ("false alarms", "Noise, or background stars, that pass the detection rule and look like planets."),
     ("detection law", "The chance that a planet is found, against its predicted significance over threshold, as "
      "measured on simulated images."),
+    ("assumed contrast", "Median raw contrast of the dark hole. Brighter than the instrument's own: the mirror's "
+     "actuators are off by as much, and the optics are measured with it. Darker: less of the instrument's light."),
     ("rank", "By planets found, new and known, per hour of telescope time in that strategy."),
 )  # fmt: skip
 """Words of this report; those of the other reports are in `cpic_planner.report.words`."""
@@ -260,7 +263,11 @@ def changed_settings(settings: Mapping[str, Any], reference: Mapping[str, Any]) 
     """Return key, value and value of the reference of every setting that differs, name and description aside."""
     own, other = dict(_leaves(settings)), dict(_leaves(reference))
     keys = [key for key in {**own, **other} if key not in ("name", "description")]
-    return [(key, _plain(own.get(key)), _plain(other.get(key))) for key in keys if own.get(key) != other.get(key)]
+    return [
+        (key, setting_text(own.get(key)), setting_text(other.get(key)))
+        for key in keys
+        if own.get(key) != other.get(key)
+    ]
 
 
 def _leaves(tree: Mapping[str, Any], above: str = "") -> list[tuple[str, Any]]:
@@ -271,11 +278,12 @@ def _leaves(tree: Mapping[str, Any], above: str = "") -> list[tuple[str, Any]]:
     return found
 
 
-def _plain(value: Any) -> str:
+def setting_text(value: Any) -> str:
+    """A value of a setting as people read it."""
     if value is None or value in ([], {}, ""):
         return "none"
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, float):
         return f"{value:g}"
-    return ", ".join(_plain(item) for item in value) if isinstance(value, list) else str(value)
+    return ", ".join(setting_text(item) for item in value) if isinstance(value, list) else str(value)

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
 
 from catalogs.errors import InputError
+from catalogs.strict_yaml import Provenance
 from cpic_planner.etc.model import Strategy as Reduction
 from cpic_planner.population_config import PopulationConfig, load_population
 from simulator.config import FrozenModel
@@ -220,6 +221,12 @@ class SurveyStrategy(FrozenModel):
     scheduler: SchedulerRule = SchedulerRule()
     value_known: Annotated[Real, Field(ge=0, le=1e6)] = 1.0
     value_new: Annotated[Real, Field(ge=0, le=1e6)] = 1.0
+    _provenance: dict[str, Provenance] = PrivateAttr(default_factory=dict)
+
+    @property
+    def provenance(self) -> dict[str, Provenance]:
+        """Dotted keys whose values were stated with a source, with that source."""
+        return dict(self._provenance)
 
     @model_validator(mode="after")
     def _consistent(self) -> SurveyStrategy:

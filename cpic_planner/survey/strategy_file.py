@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, PrivateAttr, model_validator
 
 from catalogs.errors import InputError
-from catalogs.strict_yaml import load_yaml, parse_yaml, split_sourced
+from catalogs.strict_yaml import Provenance, load_yaml, parse_yaml, split_sourced
+from cpic_planner.models.surveyed import SettingSource
 from cpic_planner.survey.strategy import SurveyStrategy
 from simulator.config import FrozenModel
 from simulator.config.base import deep_merge, validate
@@ -26,6 +28,7 @@ __all__ = [
     "StrategiesConfig",
     "UniverseConfig",
     "load_strategies",
+    "sources_of",
     "varied",
     "with_universe",
 ]
@@ -39,6 +42,7 @@ _ALIASES = {"contrast": "assumptions.contrast", "drift": "assumptions.drift", "t
             "max_visits": "revisits.max_visits", "max_targets": "targets.max_targets", "rule": "detection.rule",
             "library": "reduction.library"}  # fmt: skip
 """Short names of keys for ``--vary``."""
+_OF_SURVEY = ("kind", "universe", "defaults", "strategies")
 
 
 class UniverseConfig(FrozenModel):
@@ -71,6 +75,12 @@ class UniverseConfig(FrozenModel):
     background: Literal["off", "on"] = "off"
     universes: Annotated[int, Field(ge=2, le=10_000_000)] = 1000
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 1
+    _provenance: dict[str, Provenance] = PrivateAttr(default_factory=dict)
+
+    @property
+    def provenance(self) -> dict[str, Provenance]:
+        """Keys whose values were stated with a source, with that source."""
+        return dict(self._provenance)
 
     @property
     def n_slots(self) -> int:
@@ -128,12 +138,14 @@ def load_strategies(source: Mapping[str, Any] | str | Path = "survey_default") -
     ['single_visit', 'multi_band']
     """
     tree, folder = preset_tree("strategies", source, package=PACKAGE, kinds=("strategy",))
-    values, _ = split_sourced(tree if folder is None else _beside(paths_beside(tree, folder), folder))
+    tree = tree if folder is None else _beside(paths_beside(tree, folder), folder)
+    values, _ = split_sourced(tree)
     kind = values.pop("kind", "strategies")
     if kind == "strategy" or "strategies" not in values:
         shared = {key: values.pop(key) for key in ("universe", "defaults") if key in values}
         values = {"name": values.get("name", "")} | shared | {"strategies": [values]}
-    base = _default_strategy()
+    default = _default_strategy()
+    base = split_sourced(default)[0]
     own = values.pop("defaults", {})
     if not isinstance(own, Mapping):
         raise InputError("strategies.defaults", own, allowed="a mapping of keys to values")
@@ -143,7 +155,29 @@ def load_strategies(source: Mapping[str, Any] | str | Path = "survey_default") -
     base = deep_merge(base, own)
     values["strategies"] = [deep_merge({key: item for key, item in base.items() if key not in ("name", "description")},
                                        item) for item in listed]  # fmt: skip
-    return validate(StrategiesConfig, values, where="strategies")
+    config = validate(StrategiesConfig, values, where="strategies")
+    config.universe._provenance.update(_sourced(tree.get("universe", {})))
+    written = tree.get("strategies") or [{key: item for key, item in tree.items() if key not in _OF_SURVEY}]
+    for strategy, layer in zip(config.strategies, written, strict=True):
+        strategy._provenance.update(_sourced(default, tree.get("defaults", {}), layer))
+    return config
+
+
+def _sourced(*layers: Any) -> dict[str, Provenance]:
+    """Sources of the values that are left when trees are laid over each other."""
+    found: dict[str, Provenance] = {}
+    for layer in layers:
+        values, provenance = split_sourced(layer)
+        found = {key: item for key, item in found.items() if not _holds(values, key)} | provenance
+    return found
+
+
+def _holds(tree: Any, key: str) -> bool:
+    """Whether a tree says what a dotted key is, or what one above it is."""
+    head, _, rest = key.partition(".")
+    if not isinstance(tree, Mapping):
+        return True
+    return head in tree and (not rest or _holds(tree[head], rest))
 
 
 def _beside(tree: Any, folder: Path) -> Any:
@@ -159,9 +193,9 @@ def _beside(tree: Any, folder: Path) -> Any:
 def _default_strategy() -> dict[str, Any]:
     path = preset_path("strategy", "default", package=PACKAGE)
     assert path is not None
-    values, _ = split_sourced(load_yaml(path))
-    values.pop("kind")
-    return dict(values)
+    tree = dict(load_yaml(path))
+    tree.pop("kind")
+    return tree
 
 
 def with_universe(config: StrategiesConfig, given: Mapping[str, Any]) -> StrategiesConfig:
@@ -180,7 +214,10 @@ def with_universe(config: StrategiesConfig, given: Mapping[str, Any]) -> Strateg
     length = given.get("duration_days")
     if "slot_days" not in given and isinstance(length, int | float):
         tree["slot_days"] = min(tree["slot_days"], float(length))
-    return config.model_copy(update={"universe": validate(UniverseConfig, tree, where="universe")})
+    universe = validate(UniverseConfig, tree, where="universe")
+    universe._provenance.update({key: item for key, item in config.universe.provenance.items()
+                                 if getattr(universe, key) == getattr(config.universe, key)})  # fmt: skip
+    return config.model_copy(update={"universe": universe})
 
 
 def varied(config: StrategiesConfig, sweeps: Sequence[str]) -> StrategiesConfig:
@@ -216,6 +253,7 @@ def varied(config: StrategiesConfig, sweeps: Sequence[str]) -> StrategiesConfig:
                 own = _with(own, key, value)
                 label.append(f"{name}={text}")
             made.append(validate(SurveyStrategy, own | {"name": " ".join(label)}, where="--vary"))
+            made[-1]._provenance.update({key: item for key, item in strategy.provenance.items() if key not in keys})
     if len(made) > MAX_STRATEGIES:
         raise InputError("--vary", f"{len(made)} strategies", allowed=f"at most {MAX_STRATEGIES} in all")
     names = [item.name for item in made]
@@ -257,3 +295,22 @@ def _with(tree: Mapping[str, Any], key: str, value: Any) -> dict[str, Any]:
     """Copy of a tree with one value replaced."""
     head, _, rest = key.partition(".")
     return dict(tree) | {head: _with(tree[head], rest, value) if rest else value}
+
+
+def sources_of(config: StrategiesConfig) -> list[SettingSource]:
+    """Sources of the numbers of all strategies and of what they share, equal ones once."""
+    shared = {f"universe.{key}": item for key, item in config.universe.provenance.items()}
+    settings = config.universe.model_dump(mode="json")
+    names = [item.name for item in config.strategies]
+    found = {(key, "", item): SettingSource(
+        key=key, value=settings[key.removeprefix("universe.")], unit=item.unit, source=item.source,
+        confidence=item.confidence, strategies=names) for key, item in shared.items()}  # fmt: skip
+    for strategy in config.strategies:
+        tree = strategy.model_dump(mode="json")
+        for key, item in strategy.provenance.items():
+            value = functools.reduce(lambda part, name: part[name], key.split("."), tree)
+            one = found.setdefault((key, repr(value), item), SettingSource(
+                key=key, value=value, unit=item.unit, source=item.source, confidence=item.confidence,
+                strategies=[]))  # fmt: skip
+            one.strategies.append(strategy.name)
+    return list(found.values())

@@ -20,7 +20,7 @@ from cpic_planner.survey.outcome import differences, outcome, rank_changes
 from cpic_planner.survey.play import Survey, play
 from cpic_planner.survey.prepare import Prepared, prepare
 from cpic_planner.survey.store import ResultStore, clear_tables
-from cpic_planner.survey.strategy_file import FILES, StrategiesConfig
+from cpic_planner.survey.strategy_file import FILES, StrategiesConfig, sources_of
 from cpic_planner.survey.tables import TABLES, rows_of
 from cpic_planner.survey.universe import BLOCK
 from cpic_planner.survey.visibility import load_visibility
@@ -31,7 +31,7 @@ from simulator.files import dump_json
 
 __all__ = ["BLOCK", "FinishedWhatIf", "cost_of", "run_whatif", "whatif_hash"]
 
-_START_S, _PREPARE_S, _PLAY_S, _IMAGE_S = 6.0, 1.8, 0.0015, 2.2
+_START_S, _PREPARE_S, _OPTICS_S, _PLAY_S, _IMAGE_S = 6.0, 1.8, 5.0, 0.0015, 2.2
 RESULT_VERSION = 1
 """Raised when the same configuration gives other numbers, so that old folders are not resumed."""
 NOT_MODELLED = (
@@ -76,10 +76,12 @@ def whatif_hash(prepared: Prepared, n_images: int) -> str:
 
 
 def cost_of(config: StrategiesConfig, *, workers: int = 1, n_images: int = 0) -> dict[str, float]:
-    """Expected wall time, memory and disk; times are those of ``reports/whatif`` on one core."""
+    """Expected wall time, memory and disk; times are those of ``reports/whatif`` on one core, nothing in the cache."""
     n, universes = len(config.strategies), config.universe.universes
     blocks = -(-universes // BLOCK)
     bands = sum(len(item.visit.bands) * len(item.visit.time_s) for item in config.strategies)
+    assumed = {(item.assumptions.contrast, band) for item in config.strategies for band in item.visit.bands
+               if item.assumptions.contrast is not None}  # fmt: skip
     play_s, image_s = _PLAY_S * n * universes, _IMAGE_S * n * n_images
     return {
         "n_strategies": n,
@@ -87,7 +89,10 @@ def cost_of(config: StrategiesConfig, *, workers: int = 1, n_images: int = 0) ->
         "n_blocks": n * blocks,
         "n_images": n * n_images,
         "n_steps": 1 + 2 * n + n * blocks + n * n_images,
-        "wall_s": _START_S + _PREPARE_S * bands + (play_s + image_s) / min(workers, n * blocks),
+        "wall_s": _START_S
+        + _PREPARE_S * bands
+        + _OPTICS_S * len(assumed)
+        + (play_s + image_s) / min(workers, n * blocks),
         "memory_mb": 400.0 + 120.0 * workers,
         "disk_mb": 0.5 + 0.00035 * n * universes,
     }
@@ -117,18 +122,10 @@ def run_whatif(
     config : StrategiesConfig
     out : str or Path
         Output folder; resumed when it holds work of the same configuration.
-    workers : int
-        Local worker processes; the result does not depend on it.
-    scheduler : str, optional
-        Dask scheduler to use instead.
-    force : bool
-        Replace what another configuration left in ``out``.
+    workers, scheduler, force, advance, command
+        As of `cpic_planner.plan.make_plan`.
     n_images : int
         Detections of each strategy that are confirmed at image level.
-    advance : callable
-        Called with a text after each finished piece of work.
-    command : list of str, optional
-        Command line, kept in ``run.json``.
 
     Raises
     ------
@@ -240,6 +237,7 @@ def assemble(
         differences=changed,
         rank_changes=rank_changes(outcomes),
         statement=statement(outcomes),
+        sources=sources_of(config),
         not_modelled=list(NOT_MODELLED),
     )
 

@@ -61,6 +61,11 @@ def test_images_tell_their_correction(compared):
     item = result.strategies[0].model_copy(update={"images": sample})
     text = shown(print_whatif, result.model_copy(update={"strategies": [item]}), width=200)
     assert "of 40 detections simulated as images 28 are found, 31.5 expected; correction 0.89 (0.75 to 1.02)" in text
+    none = sample.model_copy(update={"detections": 0, "images": 0, "expected": 0.0, "found": 0, "correction": None,
+                                     "low": None, "high": None, "note": "no detections"})  # fmt: skip
+    item = result.strategies[0].model_copy(update={"images": none})
+    text = shown(print_whatif, result.model_copy(update={"strategies": [item]}), width=200)
+    assert "one: no detection was simulated as images: no detections" in text
 
 
 def test_stars_are_those_of_the_strategy_that_finds_most(compared):

@@ -2,7 +2,7 @@ import re
 
 import pytest
 
-from cpic_planner.models.surveyed import ImageSample
+from cpic_planner.models.surveyed import ImageSample, SettingSource
 from cpic_planner.report.drawing import Picture
 from cpic_planner.report.numbers import decimals
 from cpic_planner.report.whatif_html import WHATIF_FIGURES, render_whatif
@@ -134,3 +134,18 @@ def test_many_strategies_keep_their_rows_but_not_all_their_stars(compared, read)
     assert "The first strategy and the 39 that find most; targets.csv has the stars of all 50." in words
     assert sum(attributes.get("aria-label", "").startswith("Stars of") for _, attributes in reader.tags) == 40
     assert all(f" {name} " in words for name in names)
+
+
+def test_sources_of_the_settings(compared, read):
+    result = compared()
+    names = [item.name for item in result.strategies]
+    rows = [SettingSource(key="visit.time_s", value=[36000.0, 60.0], unit="s", source=HOSTILE, confidence="A",
+                          strategies=names),
+            SettingSource(key="share", value=0.25, unit="", source="a guess", confidence="I",
+                          strategies=names[:1])]  # fmt: skip
+    page = render_whatif(result.model_copy(update={"sources": rows}), {})
+    words = words_of(read(page))
+    assert f"visit.time_s 36000, 60 s A {HOSTILE} all" in words
+    assert f"share 0.25 I a guess {names[0]}" in words
+    assert HOSTILE not in page
+    assert "Where these numbers are from" not in render_whatif(result, {})

@@ -3,7 +3,7 @@
 import pytest
 
 from catalogs.errors import InputError
-from cpic_planner.survey.strategy_file import UniverseConfig, load_strategies, varied, with_universe
+from cpic_planner.survey.strategy_file import UniverseConfig, load_strategies, sources_of, varied, with_universe
 
 ONE = {"strategies": [{"name": "one", "revisits": {"max_visits": 4}}]}
 
@@ -41,6 +41,32 @@ def test_one_strategy_alone(tmp_path):
     assert config.strategies[0].share == 0.1
     assert config.universe.universes == 50
     assert load_strategies({"name": "solo"}).strategies[0].name == "solo"
+
+
+def test_sources_of_numbers_follow_the_value():
+    """A source stands for the value that it was given for, and for nothing that replaces it."""
+    mine = {"value": 0.1, "source": "mine", "confidence": "P", "unit": ""}
+    minute = {"value": 60, "unit": "s", "source": "c's"}
+    config = load(universe={"slot_days": {"value": 20, "unit": "d", "source": "weeks"}, "universes": 50},
+                  defaults={"share": mine, "visit": {"settlings": 3}},
+                  strategies=[{"name": "a"}, {"name": "b", "share": 0.2},
+                              {"name": "c", "visit": {"time_s": minute}}])  # fmt: skip
+    found = {(item.key, item.source): item for item in sources_of(config)}
+    assert found["universe.slot_days", "weeks"].value == 20.0
+    assert found["universe.slot_days", "weeks"].strategies == ["a", "b", "c"]
+    share = found["share", "mine"]
+    assert (share.value, share.confidence, share.strategies) == (0.1, "P", ["a", "c"])
+    assert [item.value for key, item in found.items() if key[0] == "visit.time_s"] == [[36000.0], [60.0]]
+    assert found["visit.time_s", "c's"].strategies == ["c"]
+    assert not any(key == "visit.settlings" for key, _ in found)
+    law = [item for key, item in found.items() if key[0] == "detection.blind_margin"]
+    assert [item.strategies for item in law] == [["a", "b", "c"]]
+    assert law[0].value == config.strategies[0].detection.blind_margin
+    # What is varied or given on the command line is nobody's.
+    swept = sources_of(varied(with_universe(config, {"slot_days": 5.0}), ["share=0.1,0.3"]))
+    assert not any(item.key in ("share", "universe.slot_days") for item in swept)
+    times = next(item for item in swept if item.source == "c's")
+    assert times.strategies == ["c share=0.1", "c share=0.3"]
 
 
 def test_files_beside_the_strategies(tmp_path):
