@@ -130,11 +130,12 @@ def _print_images(strategies: list[StrategyOutcome], console: Console) -> None:
                 console, f"{item.name}: no detection was simulated as images: {sample.note or 'none asked for'}"
             )
             continue
+        remark = f"; {sample.note}" if sample.note else ""
         ends = "" if sample.low is None or sample.high is None else f" ({interval_text(sample.low, sample.high)})"
         print_plain(
             console,
             f"{item.name}: of {sample.detections} detections simulated as images {sample.found} are found, "
-            f"{decimals(sample.expected, 1)} expected; correction {decimals(sample.correction, 2)}{ends}{f'; {sample.note}' if sample.note else ''}",
+            f"{decimals(sample.expected, 1)} expected; correction {decimals(sample.correction, 2)}{ends}{remark}",
         )
 
 
