@@ -70,6 +70,20 @@ def test_readme_quotes_the_default_strategies():
         assert sentence in readme, sentence
 
 
+def test_readme_quotes_seasons_and_assumed_contrasts():
+    readme = " ".join(text("README.md").split())
+    found = json.loads(text("reports/whatif/results.json"))
+    seasons, optics = found["seasons"], found["optics"]
+    assert (
+        f"From {seasons['start_utc'][:10]} the median of {seasons['stars']} ranked stars can be observed on "
+        f"{seasons['days'][2]:.0f} of 366 days, and then for {seasons['minutes'][2]:.0f} min of an orbit of "
+        f"{seasons['period_min']:.1f} min."
+    ) in readme
+    for key, sentence in (("ratio", "predicted SNRs are {} times those of images"), ("scaled", "would give {} times")):
+        ends = [f"{end(row[key] for row in optics):.2f}" for end in (min, max)]
+        assert sentence.format(" to ".join(ends)) in readme
+
+
 def test_readme_quotes_what_a_blind_search_asks_for():
     results = json.loads(text("reports/blind_validator/results.json"))
     asked = [row["search_threshold"] for row in results["unaltered"]["rows"] if row["search_threshold"]]
