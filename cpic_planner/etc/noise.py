@@ -38,6 +38,11 @@ class StackNoise:
     snr: FloatArray
     significance: FloatArray
 
+    @property
+    def quiet(self) -> FloatArray:
+        """Variance that a significance is measured by: without the planet's own light and the mean's error."""
+        return np.asarray(sum(part for name, part in self.terms.items() if name not in ("planet", "background_mean")))
+
 
 def _factor2(em_gain: FloatArray, camera: FrameCamera) -> FloatArray:
     if camera.register_stages == 0:

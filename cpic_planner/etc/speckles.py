@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from simulator.config.optics import Drift
 from simulator.imaging.metrics import PsfMetrics
 
-__all__ = ["SpeckleLaw", "floor_law", "speckle_law"]
+__all__ = ["SpeckleLaw", "error_light_share", "floor_law", "speckle_law"]
 
 FloatArray = NDArray[np.float64]
 _N_ANNULUS, _N_TABLE = 25, 500
@@ -88,15 +88,42 @@ def speckle_law(
     which makes the light of the errors, has ``2 <min(s, s')^2> = w^2 v^2 / 3`` instead of the ``2 (w v / 3)^2`` of a
     frozen offset of that size, 3/2 times as much.
     """
+    crossed, light = _laws(metrics, drift, separation_arcsec, annulus_lambda_d, reference_ratio)
+    return SpeckleLaw(*(one + other for one, other in zip(crossed, light, strict=True)))
+
+
+def error_light_share(
+    metrics: PsfMetrics,
+    drift: Drift,
+    separation_arcsec: ArrayLike,
+    annulus_lambda_d: float,
+    reference_ratio: float,
+    visit_s: ArrayLike,
+) -> FloatArray:
+    """Share of a residual's variance that the light of the wavefront's errors makes, ``|dE|^2``, 0 to 1.
+
+    The rest is ``2 Re(E0* dE)``, which is as Gaussian as the errors are; ``|dE|^2`` has exponential tails. Parameters
+    as of `speckle_law`, with the length of the visit in s; 0 where there is no residual.
+    """
+    crossed, light = (law.variance(visit_s) for law in
+                      _laws(metrics, drift, separation_arcsec, annulus_lambda_d, reference_ratio))  # fmt: skip
+    whole = crossed + light
+    return np.asarray(light / np.where(whole > 0.0, whole, 1.0))
+
+
+def _laws(
+    metrics: PsfMetrics, drift: Drift, separation_arcsec: ArrayLike, annulus_lambda_d: float, reference_ratio: float
+) -> tuple[SpeckleLaw, SpeckleLaw]:
+    """Laws of the cross term with the static field, and of the light of the errors."""
     place, linear_table, square_table = _annulus_table(metrics, annulus_lambda_d)
     separation = np.asarray(separation_arcsec, float)
     linear, square = (np.exp(np.interp(separation, place, table)) for table in (linear_table, square_table))
     visit, walk, ratio = drift.visit_nm**2, drift.walk_nm_per_sqrt_hour**2 / (3.0 * 3600.0), reference_ratio
-    return SpeckleLaw(
-        k0=visit * (linear + square * visit),
-        k1=walk * (linear + 2.0 * square * visit) * (1.0 + ratio) / 2.0,
-        k2=1.5 * walk**2 * square * (1.0 + ratio**2) / 2.0,
-    )
+    return (
+        SpeckleLaw(k0=visit * linear, k1=walk * linear * (1.0 + ratio) / 2.0, k2=np.zeros_like(linear)),
+        SpeckleLaw(k0=visit**2 * square, k1=walk * 2.0 * square * visit * (1.0 + ratio) / 2.0,
+                   k2=1.5 * walk**2 * square * (1.0 + ratio**2) / 2.0),
+    )  # fmt: skip
 
 
 @functools.lru_cache(maxsize=64)

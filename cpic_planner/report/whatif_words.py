@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any, Literal
 
@@ -222,8 +223,14 @@ def _detection(rule: Mapping[str, Any]) -> str:
         text += f", in {rule['visits_needed']} visits"
     if rule["rule"] == "expected":
         return text
-    law = {which: f"{rule[f'{which}_margin']:g} ± {rule[f'{which}_margin_error']:g}" for which in ("blind", "known")}
-    half = f"{law['blind']}, known planets at their place where it is {law['known']}"
+    law = {
+        which: f"{rule[f'{which}_margin']:.2f} (± {rule[f'{which}_margin_error']:.1%})" for which in ("blind", "known")
+    }
+    tails = rule["blind_margin"] * math.exp(rule["blind_tails"])
+    half = (
+        f"{law['blind']} in Gaussian noise ten resolution elements from the star, {tails:.2f} where all noise is light "
+        f"of the wavefront's errors, more further in; known planets at their place where it is {law['known']}"
+    )
     return (
         f"{text}. Measured on images: half of the planets are found where predicted significance over threshold is "
         f"{half if rule['rule'] == 'blind' else law['known']}; recovered over predicted SNR is "

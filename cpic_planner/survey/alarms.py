@@ -10,7 +10,7 @@ from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.noise import stack_noise
 from cpic_planner.etc.rates import aperture_rates
 from cpic_planner.etc.significance import threshold_array
-from cpic_planner.survey.detection import Setting
+from cpic_planner.survey.detection import Setting, half_margin, tail_share
 from cpic_planner.survey.strategy import DetectionRule
 from cpic_planner.targets import Targets
 
@@ -98,8 +98,10 @@ def background_alarms(model: EtcModel, star: Targets, setting: Setting, rule: De
     rates = aperture_rates(model, star, band, x[None], y[None], np.full((1, x.size), _PROBE))
     noise = stack_noise(rates, setting.exposure_s, setting.n_frames, setting.em_gain, model.camera(band),
                         reference_ratio=model.strategy.reference_ratio)  # fmt: skip
-    threshold = threshold_array(metrics.resolution_elements(np.hypot(x, y)), model.strategy.sigma)
-    middle = {"expected": 1.0, "known_place": rule.known_margin, "blind": rule.blind_margin}[rule.rule]
+    separation = np.hypot(x, y)
+    threshold = threshold_array(metrics.resolution_elements(separation), model.strategy.sigma)
+    middle = half_margin(rule, np.zeros(x.size, bool), tail_share(model, setting, separation[None], noise)[0],
+                         metrics.lambda_d_arcsec / separation)  # fmt: skip
     with np.errstate(divide="ignore"):
         faintest = middle * _PROBE * threshold / noise.significance[0]
     good = np.isfinite(faintest) & (faintest > 0.0)

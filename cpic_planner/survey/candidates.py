@@ -309,7 +309,7 @@ def candidates(
             roll = calendar.roll_deg(strategy.revisits, place, slots, np.zeros(slots.size, np.int64))
             there = OrbitPlaces(*(getattr(places, name)[slots] for name in OrbitPlaces.__dataclass_fields__))
             seen = see(model, star, option, bodies, albedos_of(population), there, roll)
-            chance[o, slots] = detection_chance(seen.margin, strategy.detection, at_known_place(bodies, known),
+            chance[o, slots] = detection_chance(seen, strategy.detection, at_known_place(bodies, known),
                                                 calibration=strategy.detection.calibration)  # fmt: skip
         counts = (chance > 0.0).any(axis=(0, 1)) & (weight > 0.0)
         if counts.any():  # the others are never seen

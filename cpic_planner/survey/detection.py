@@ -10,10 +10,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from cpic_planner.completeness import inside_zone
 from cpic_planner.etc.model import EtcModel
-from cpic_planner.etc.noise import stack_noise
+from cpic_planner.etc.noise import StackNoise, stack_noise
 from cpic_planner.etc.rates import aperture_rates
 from cpic_planner.etc.reflected import mixture_contrast
 from cpic_planner.etc.significance import threshold_array
+from cpic_planner.etc.speckles import error_light_share
 from cpic_planner.orbits import OrbitPlaces
 from cpic_planner.survey.strategy import DetectionRule
 from cpic_planner.survey.universe import Bodies
@@ -22,9 +23,11 @@ from simulator.config.albedo import AlbedoSpec
 from simulator.imaging.metrics import PsfMetrics
 from simulator.target.positions import sky_to_detector
 
-__all__ = ["Seen", "Setting", "detection_chance", "reach_au", "rolled", "see"]
+__all__ = ["INWARD", "Seen", "Setting", "detection_chance", "half_margin", "reach_au", "rolled", "see", "tail_share"]
 
 FloatArray = NDArray[np.float64]
+INWARD = 0.1
+"""Resolution element over separation, ten of them from the star, that the law of a blind search is stated for."""
 
 
 @dataclass(frozen=True)
@@ -51,10 +54,14 @@ class Seen:
     """What visits expect of planets; arrays of one shape.
 
     ``margin`` is significance over the small-sample threshold, 0 where the aperture leaves the dark quadrants or no
-    threshold is defined there; the others are the planet's own, ``pa_deg`` east of north.
+    threshold is defined there; ``tails`` the share of the noise, as rms, that is light of the wavefront's errors, and
+    ``inward`` the width of a resolution element over the separation, both 0 there too. The others are the planet's own,
+    ``pa_deg`` east of north.
     """
 
     margin: FloatArray
+    tails: FloatArray
+    inward: FloatArray
     snr: FloatArray
     contrast: FloatArray
     separation_arcsec: FloatArray
@@ -106,7 +113,7 @@ def see(
     separation = separation_au / float(star.distance_pc[0])
     pa_deg = np.rad2deg(np.arctan2(places.east_au, places.north_au))
     x, y = sky_to_detector(separation, pa_deg - roll, parity=model.instrument.detector.parity)
-    margin, snr, contrast = np.zeros((3, *shape))
+    margin, tails, inward, snr, contrast = np.zeros((5, *shape))
     usable = inside_zone(metrics.zone, x, y, metrics.aperture_radius_arcsec)
     first = 0.0
     if model.strategy.library == "roll":
@@ -130,8 +137,10 @@ def see(
                                 reference_ratio=model.strategy.reference_ratio)  # fmt: skip
             elements = metrics.resolution_elements(separation[put])
             margin[put] = noise.significance[0] / threshold_array(elements, model.strategy.sigma)
+            tails[put] = tail_share(model, setting, separation[put][None], noise)[0]
+            inward[put] = metrics.lambda_d_arcsec / separation[put]
             snr[put] = noise.snr[0]
-    return Seen(margin, snr, contrast, separation, pa_deg, places.distance_au, places.phase_deg)
+    return Seen(margin, tails, inward, snr, contrast, separation, pa_deg, places.distance_au, places.phase_deg)
 
 
 def _at_two_rolls(
@@ -153,14 +162,47 @@ def reach_au(model: EtcModel, distance_pc: float) -> tuple[float, float]:
     return inner * distance_pc, outer * distance_pc
 
 
-def detection_chance(margin: FloatArray, rule: DetectionRule, known: NDArray[np.bool_], shift: ArrayLike = 0.0,
-                     calibration: ArrayLike = 1.0) -> FloatArray:  # fmt: skip
-    """Probability that a visit detects planets of these margins.
+def tail_share(model: EtcModel, setting: Setting, separation_arcsec: FloatArray, noise: StackNoise) -> FloatArray:
+    """Share of the noise, as rms, that is light of the wavefront's errors: its tails are exponential."""
+    readout_s = model.camera(setting.band).readout_s
+    share = error_light_share(
+        model.metrics[setting.band], model.instrument.drift, separation_arcsec, model.strategy.annulus_lambda_d,
+        model.strategy.reference_ratio, setting.n_frames * (setting.exposure_s + readout_s),
+    )  # fmt: skip
+    return np.sqrt(share * noise.terms["speckle"] / noise.quiet)
+
+
+def half_margin(rule: DetectionRule, known: ArrayLike, tails: ArrayLike, inward: ArrayLike) -> FloatArray:
+    """Significance over threshold at which half of the planets are detected.
 
     Parameters
     ----------
-    margin : ndarray
-        Predicted significance over threshold.
+    rule : DetectionRule
+    known : array_like of bool
+        Planets whose place is known.
+    tails, inward : array_like
+        As of `Seen`.
+
+    Notes
+    -----
+    A search that knows no place holds its false alarms down in noise of any tails: it asks for more where the light of
+    the wavefront's errors is much of the noise, and near the star, where few elements tell what the noise is.
+    """
+    if rule.rule == "expected":
+        return np.ones(np.broadcast_shapes(np.shape(known), np.shape(tails)))
+    at_place = np.asarray(known, bool) | (rule.rule == "known_place")
+    harder = rule.blind_tails * np.asarray(tails) + rule.blind_inward * (np.asarray(inward) - INWARD)
+    return np.where(at_place, rule.known_margin, rule.blind_margin * np.exp(harder))
+
+
+def detection_chance(seen: Seen, rule: DetectionRule, known: NDArray[np.bool_], shift: ArrayLike = 0.0,
+                     calibration: ArrayLike = 1.0) -> FloatArray:  # fmt: skip
+    """Probability that a visit detects planets.
+
+    Parameters
+    ----------
+    seen : Seen
+        What it expects of them.
     rule : DetectionRule
     known : ndarray of bool
         Planets whose place is known.
@@ -171,19 +213,20 @@ def detection_chance(margin: FloatArray, rule: DetectionRule, known: NDArray[np.
 
     Notes
     -----
-    ``Phi((c margin - m) / w)``: the law that the images of ``reports/blind_validator`` follow, for a blind search and
-    at a known place. ``expected`` is a step at 1. Where nothing can be seen the chance is 0, not the tail of the law.
+    ``Phi(ln(c margin / m) / w)`` with m of `half_margin`: the law that images follow (``reports/whatif``), for a blind
+    search and at a known place. ``expected`` is a step at 1. Where nothing can be seen the chance is 0.
     """
     if rule.rule == "expected":
-        return np.where(margin >= 1.0, 1.0, 0.0)
+        return np.where(seen.margin >= 1.0, 1.0, 0.0)
     from scipy.special import ndtr
 
     at_place = known | (rule.rule == "known_place")
-    middle = np.where(at_place, rule.known_margin, rule.blind_margin)
+    middle = half_margin(rule, known, seen.tails, seen.inward)
     error = np.where(at_place, rule.known_margin_error, rule.blind_margin_error)
     width = np.where(at_place, rule.known_width, rule.blind_width)
-    found = ndtr((margin * np.asarray(calibration, float) - middle - error * np.asarray(shift, float)) / width)
-    return np.where(margin > 0.0, found, 0.0)
+    with np.errstate(divide="ignore"):
+        above = np.log(seen.margin * np.asarray(calibration, float) / middle)
+    return np.asarray(ndtr((above - error * np.asarray(shift, float)) / width))
 
 
 def rolled(star: Targets, roll_deg: float) -> Targets:

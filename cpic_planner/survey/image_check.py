@@ -9,18 +9,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from catalogs.errors import InputError
 from cpic_planner.models.surveyed import ImageSample
 from cpic_planner.survey.assumed import imaged_model
 from cpic_planner.survey.candidates import albedos_of
 from cpic_planner.survey.detection import rolled
 from cpic_planner.survey.play import Survey
 from cpic_planner.survey.universe import NEW, chance
+from cpic_planner.validation.confirm import confirm_task
 from cpic_planner.validation.task import MAX_FRAMES, ConfirmTask, Frames, expected_of, star_scene, task_of
 from cpic_planner.validation.verdict import refusals_of
 from simulator.config import Planet
 from simulator.target.positions import sky_to_detector
 
-__all__ = ["REALISATIONS", "SampledDetection", "image_sample", "sampled_detections"]
+__all__ = ["REALISATIONS", "SampledDetection", "image_sample", "image_task", "sampled_detections"]
 
 REALISATIONS = 4
 _LEVEL = 0.90
@@ -111,6 +113,14 @@ def _task(survey: Survey, row: Mapping[str, Any], number: int, seed: int) -> Con
     return None if refusals_of(task) else task
 
 
+def image_task(task: Mapping[str, Any]) -> dict[str, Any]:
+    """Simulate and measure one detection; no confirmations where its place leaves no room to measure the noise in."""
+    try:
+        return confirm_task(dict(task))
+    except InputError:
+        return {"confirmations": []}
+
+
 def image_sample(
     sampled: Sequence[SampledDetection], bodies: Sequence[Mapping[str, Any]], note: str = ""
 ) -> ImageSample:
@@ -137,6 +147,9 @@ def image_sample(
             expected += n * item.probability
             found += int((answer["n_significant"] if item.known else answer["n_detected"]) or 0)
     low, high = _poisson_interval(found)
+    cornered = sum(not body["confirmations"] for body in bodies)
+    remarks = [note] if note else []
+    remarks += [f"{cornered} at places with no room to measure the noise in"] if cornered else []
     return ImageSample(
         detections=len(sampled),
         images=images,
@@ -145,7 +158,7 @@ def image_sample(
         correction=found / expected if expected > 0 else None,
         low=low / expected if expected > 0 else None,
         high=high / expected if expected > 0 else None,
-        note=note,
+        note="; ".join(remarks),
     )
 
 

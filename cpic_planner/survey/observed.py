@@ -178,7 +178,7 @@ def missed(
             continue
         roll = sun if math.isnan(visit.roll_deg) else visit.roll_deg
         seen = see(model, star, visit.setting, bodies, albedos, bodies.places([visit.mjd - epoch_mjd]), [roll])
-        odds = detection_chance(seen.margin, rule, at_place, calibration=rule.calibration)
+        odds = detection_chance(seen, rule, at_place, calibration=rule.calibration)
         left *= 1.0 - np.where(bodies.known != NEW, 0.0, odds[0]) if visit.planets else 1.0 - odds[0]
     return left
 

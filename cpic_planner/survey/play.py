@@ -216,7 +216,7 @@ def _star(
         roll = survey.calendar.roll_deg(strategy.revisits, i, slots, ordinals)
         found = see(survey.model, target, survey.options[i][option], bodies, albedos_of(strategy.population),
                     bodies.places(survey.calendar.day[i, slots]), roll)  # fmt: skip
-        odds = detection_chance(found.margin, strategy.detection, placed, systematic[1][bodies.universe],
+        odds = detection_chance(found, strategy.detection, placed, systematic[1][bodies.universe],
                                 systematic[0][bodies.universe])  # fmt: skip
         for row, (k, visit) in enumerate(own):
             hits[k] = _luck(bodies, seed, name, block, visit.ordinal, n) < odds[row]
@@ -323,8 +323,8 @@ def _follow(survey: Survey, i: int, star: _Star, b: int, clock: _Clock, block: i
                    star.bodies.places(survey.calendar.day[i, [b]]), roll)  # fmt: skip
         calibration, shift = _systematic(strategy.detection, block, n, seed)
         at_place = np.ones(len(star.bodies), bool)
-        odds = detection_chance(seen.margin[0], strategy.detection, at_place, shift[star.bodies.universe],
-                                calibration[star.bodies.universe])  # fmt: skip
+        odds = detection_chance(seen, strategy.detection, at_place, shift[star.bodies.universe],
+                                calibration[star.bodies.universe])[0]  # fmt: skip
         luck = _luck(star.bodies, seed, str(target.name[0]), block, f"follow {setting.band} {b}", n)
         star.shown[f] |= lacking & go[star.bodies.universe] & (luck < odds)
 

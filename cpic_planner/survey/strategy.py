@@ -125,9 +125,13 @@ class DetectionRule(FrozenModel):
     calibration, calibration_error : float
         Recovered over predicted SNR of images, and its standard error, drawn once for each universe.
     blind_margin, blind_width, known_margin, known_width : float
-        Normal law of the detection probability in significance over threshold: where it is one half, and its width.
+        Normal law of the detection probability in the logarithm of significance over threshold: where it is one half,
+        and its width. For a blind search: in Gaussian noise, ten resolution elements from the star.
+    blind_tails, blind_inward : float
+        What the logarithm of the middle of a blind search gains where all noise is light of the wavefront's errors,
+        and for each unit of resolution element over separation (`cpic_planner.survey.detection.half_margin`).
     blind_margin_error, known_margin_error : float
-        Standard errors of the first, drawn once for each universe.
+        Relative standard errors of the middles, drawn once for each universe.
     sigma : float
         Detection level whose false-alarm probability the small-sample thresholds keep.
     """
@@ -139,6 +143,8 @@ class DetectionRule(FrozenModel):
     calibration_error: Annotated[Real, Field(ge=0, le=1)] = 0.0
     blind_margin: Annotated[Real, Field(gt=0, le=100)] = 1.0
     blind_width: Annotated[Real, Field(gt=0, le=100)] = 0.2
+    blind_tails: Annotated[Real, Field(ge=-10, le=10)] = 0.0
+    blind_inward: Annotated[Real, Field(ge=-100, le=100)] = 0.0
     blind_margin_error: Annotated[Real, Field(ge=0, le=10)] = 0.0
     known_margin: Annotated[Real, Field(gt=0, le=100)] = 1.0
     known_width: Annotated[Real, Field(gt=0, le=100)] = 0.2

@@ -15,7 +15,7 @@ from cpic_planner.environment import RunClock
 from cpic_planner.models.surveyed import ImageSample, StrategyOutcome, WhatIfResult
 from cpic_planner.report.write_whatif import write_whatif
 from cpic_planner.runfolder import RunFolder, open_run_folder
-from cpic_planner.survey.image_check import image_sample, sampled_detections
+from cpic_planner.survey.image_check import image_sample, image_task, sampled_detections
 from cpic_planner.survey.outcome import differences, outcome, rank_changes
 from cpic_planner.survey.play import Survey, play
 from cpic_planner.survey.prepare import Prepared, prepare
@@ -24,7 +24,6 @@ from cpic_planner.survey.strategy_file import FILES, StrategiesConfig, sources_o
 from cpic_planner.survey.tables import TABLES, rows_of
 from cpic_planner.survey.universe import BLOCK
 from cpic_planner.survey.visibility import load_visibility
-from cpic_planner.validation.confirm import confirm_task
 from cpic_planner.version import __version__
 from simulator.config import content_hash
 from simulator.files import dump_json
@@ -191,9 +190,7 @@ def _images(
     for key, body in bodies.items():
         if body is not None:
             advance(f"{tasks[key].name} {tasks[key].band} (kept)")
-    done = run_tasks(
-        confirm_task, [(tasks[key].to_dict(),) for key in waiting], workers=cluster[0], scheduler=cluster[1]
-    )
+    done = run_tasks(image_task, [(tasks[key].to_dict(),) for key in waiting], workers=cluster[0], scheduler=cluster[1])
     for position, body in done:
         key = waiting[position]
         bodies[key] = folder.save_part(key, {"confirmations": body["confirmations"]})

@@ -7,8 +7,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from scipy.optimize import minimize
-from scipy.special import ndtr
 
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.noise import stack_noise
@@ -139,32 +137,3 @@ def azimuth_share(rho: float, inner: float, outer: float) -> float:
     if rho > outer:
         enters = max(enters, math.acos(outer / rho))
     return max(0.0, (math.pi / 2 - 2 * enters) / (math.pi / 2))
-
-
-def probit(margin: FloatArray, hits: FloatArray, tries: FloatArray) -> dict[str, float]:
-    """Normal law of a detection in the margin, by maximum likelihood; errors from the curvature of the likelihood."""
-
-    def loss(p: FloatArray) -> float:
-        q = np.clip(ndtr((margin - p[0]) / abs(p[1])), 1e-12, 1 - 1e-12)
-        return float(-(hits * np.log(q) + (tries - hits) * np.log(1 - q)).sum())
-
-    best = minimize(loss, [1.5, 0.3], method="Nelder-Mead", options={"xatol": 1e-6, "fatol": 1e-8}).x
-    step = 1e-3
-    hessian = np.empty((2, 2))
-    for i in range(2):
-        for j in range(2):
-            a, b = step * np.eye(2)[i], step * np.eye(2)[j]
-            hessian[i, j] = (loss(best + a + b) - loss(best + a - b) - loss(best - a + b) + loss(best - a - b)) / (
-                4 * step**2
-            )
-    errors = np.sqrt(np.diag(np.linalg.inv(hessian)))
-    # Stars scatter more than their counts allow: the errors grow by the root of the reduced deviance.
-    q = np.clip(ndtr((margin - best[0]) / abs(best[1])), 1e-12, 1 - 1e-12)
-    excess = float((((hits - tries * q) ** 2) / np.maximum(tries * q * (1 - q), 1e-3)).sum() / (len(margin) - 2))
-    return {
-        "middle": float(best[0]),
-        "width": float(abs(best[1])),
-        "middle_error": float(errors[0] * max(1.0, excess) ** 0.5),
-        "width_error": float(errors[1] * max(1.0, excess) ** 0.5),
-        "reduced_chi2": excess,
-    }

@@ -22,7 +22,7 @@ SWEEPS = {
     "drift": ("drift=0.25,0.5,1,2,4", "wavefront drift, times the nominal one"),
     "detection": ("rule=blind,known_place", "what counts as a detection"),
 }
-IMAGED, IMAGES = ("contrast", "drift"), 24  # other optics than those that the law of detections was measured with
+IMAGED, IMAGES = ("contrast", "drift"), 24
 
 
 def _alone(name: str) -> StrategiesConfig:
@@ -233,7 +233,6 @@ def _decision(result: WhatIfResult, found: dict[str, Any]) -> str:
         f"planets (nearly all at α Cen, near the Galactic plane) where it finds {best.new_planets.mean:.2f} new "
         f"ones; noise "
         f"passes {best.noise_alarms.mean:.3f} times. A second epoch tells: these stars move by arcsecs a year.\n\n"
-        "What could change this: the occurrence of planets (the yield is proportional to it), and the law of "
-        "detections, which was measured at the nominal instrument: images of the rows of contrast and drift say how "
-        "far off it is there."
+        "What could change this: the occurrence of planets (the yield is proportional to it), and optics and drift "
+        "that nobody has measured yet."
     )

@@ -18,19 +18,18 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 import decision
+import law
 import optics
 import runs
 import seasons
 import studies
 
-from catalogs.strict_yaml import load_yaml, split_sourced
 from cpic_planner.report.drawing import Picture
-from simulator.config.presets import preset_path
 from simulator.files import write_bytes, write_json, write_text
 
 HERE = Path(__file__).resolve().parent
 PARTS: dict[str, Callable[[], Any]] = {
-    "detection_law": studies.detection_law,
+    "detection_law": law.run,
     "geometry": studies.geometry,
     "one_visit": studies.one_visit,
     "completeness": studies.completeness_check,
@@ -134,7 +133,6 @@ def report(found: dict[str, Any]) -> str:
     """The whole text."""
     rows = [(what, asked, got, "yes" if good else "NO") for what, asked, got, good in checks(found)]
     kills, cost, run = found["kills"], found["cost"], found["default_run"]
-    law, preset = found["detection_law"], _preset_law()
     parts = [
         "# Survey what-ifs\n\nRegenerate with `python reports/whatif/make.py`; everything below is written by it.",
         table(["", "asked", "found", "met"], rows),
@@ -224,21 +222,7 @@ def report(found: dict[str, Any]) -> str:
                 for row in found["coverage"]["rows"]
             ],
         ),
-        "## The law of a detection\n\n"
-        f"Normal law in predicted significance over threshold, fitted to {law['sequences']} simulated sequences of "
-        f"{law['stars']} stars in `reports/blind_validator`; the preset of strategies holds these numbers.\n\n"
-        + table(
-            ["search", "half are found at", "width", "preset"],
-            [
-                (
-                    name,
-                    f"{law[key]['middle']:.3f} ± {law[key]['middle_error']:.3f}",
-                    f"{law[key]['width']:.3f} ± {law[key]['width_error']:.3f}",
-                    preset[key],
-                )
-                for name, key in (("blind", "blind"), ("at a known place", "known"))
-            ],
-        ),
+        law.text(found["detection_law"]),
         "## What it costs\n\n"
         f"`cpic whatif survey_default` took {run['wall_s']:.0f} s and {run['peak_mb']:.0f} MB (all processes "
         f"together).\n\n"
@@ -271,16 +255,6 @@ def report(found: dict[str, Any]) -> str:
         ),
     ]
     return "\n\n".join(parts) + "\n"
-
-
-def _preset_law() -> dict[str, str]:
-    path = preset_path("strategy", "default", package="cpic_planner")
-    assert path is not None
-    rule = split_sourced(load_yaml(path))[0]["detection"]
-    return {
-        key: f"{rule[f'{key}_margin']} ± {rule[f'{key}_margin_error']}, {rule[f'{key}_width']}"
-        for key in ("blind", "known")
-    }
 
 
 def main() -> int:

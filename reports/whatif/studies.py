@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -256,7 +255,7 @@ def completeness_check() -> list[dict[str, Any]]:
                 bodies.places(days),
                 np.zeros(len(days)),
             )
-            hit = detection_chance(seen.margin, survey.strategy.detection, bodies.known != NEW) > 0.5
+            hit = detection_chance(seen, survey.strategy.detection, bodies.known != NEW) > 0.5
             found[0] += int(hit[0].sum())
             found[1] += int(hit.any(axis=0).sum())
         other = brute_force.detected(survey.model, survey.targets, option, mass, days, BRUTE, seed=7)
@@ -329,23 +328,3 @@ def schedules() -> list[dict[str, Any]]:
                 }
             )
     return rows
-
-
-def detection_law() -> dict[str, Any]:
-    """The law of detections at image level, fitted to the sequences of ``reports/blind_validator``."""
-    rows = json.loads((REPORTS / "blind_validator" / "results.json").read_text())["unaltered"]["rows"]
-    rows = [row for row in rows if row["n_detected"] is not None and row["predicted_significance"]]
-    margin = np.array([row["predicted_significance"] / row["threshold"] for row in rows])
-    tries = np.array([row["realisations"] for row in rows])
-    found = {}
-    for law, key in (("blind", "n_detected"), ("known", "n_significant")):
-        hits = np.array([row[key] for row in rows])
-        found[law] = brute_force.probit(margin, hits, tries)
-    return {
-        "sequences": int(tries.sum()),
-        "stars": len(rows),
-        **found,
-        "margin": margin.tolist(),
-        "blind_share": [row["n_detected"] / row["realisations"] for row in rows],
-        "known_share": [row["n_significant"] / row["realisations"] for row in rows],
-    }

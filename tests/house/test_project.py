@@ -70,6 +70,16 @@ def test_readme_quotes_the_default_strategies():
         assert sentence in readme, sentence
 
 
+def test_readme_quotes_the_law_of_a_detection():
+    readme = " ".join(text("README.md").split())
+    found = json.loads(text("reports/whatif/results.json"))["detection_law"]
+    gaussian, tails = found["blind"]["coefficients"][:2]
+    assert f"In {sum(row['realisations'] for row in found['rows'])} simulated sequences of such visits" in readme
+    assert f"half of the planets at {math.exp(gaussian):.2f} of the threshold where noise is Gaussian" in readme
+    assert f"and at {math.exp(gaussian + tails):.2f} where all of it is light" in readme
+    assert f"the known place at {math.exp(found['known']['coefficients'][0]):.2f};" in readme
+
+
 def test_readme_quotes_seasons_and_assumed_contrasts():
     readme = " ".join(text("README.md").split())
     found = json.loads(text("reports/whatif/results.json"))

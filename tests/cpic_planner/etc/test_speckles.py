@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cpic_planner.etc.model import build_model
-from cpic_planner.etc.speckles import SpeckleLaw, floor_law, speckle_law
+from cpic_planner.etc.speckles import SpeckleLaw, error_light_share, floor_law, speckle_law
 from simulator.config import load_instrument
 
 MODEL = build_model(load_instrument())
@@ -127,3 +127,21 @@ def test_a_law_scales():
     law = SpeckleLaw(np.array([1.0]), np.array([2.0]), np.array([3.0]))
     np.testing.assert_array_equal(law.variance([0.0, 1.0, 10.0]), [1.0, 6.0, 321.0])
     np.testing.assert_array_equal(law.scaled(0.5).variance(10.0), [160.5])
+
+
+@pytest.mark.parametrize("band", BANDS)
+@pytest.mark.parametrize(("walk", "ratio"), [(0.0, 1.0), (0.05, 1.0), (0.3, 0.4)])
+def test_light_of_the_errors_is_what_grows_with_the_fourth_power(band, walk, ratio):
+    """Twice the drift is four times the cross term with the static field, and sixteen times the light of the errors."""
+    metrics, places = MODEL.metrics[band], np.array([0.45, 0.6, 0.8])
+    for visit_s in (0.0, 3600.0, 40000.0):
+        once, twice = (speckle_law(metrics, drift(0.05 * times, walk * times), places, 1.5, ratio).variance(visit_s)
+                       for times in (1.0, 2.0))  # fmt: skip
+        share = error_light_share(metrics, drift(0.05, walk), places, 1.5, ratio, visit_s)
+        np.testing.assert_allclose(share, (twice - 4.0 * once) / 12.0 / once, rtol=1e-9)
+        assert np.all((share > 0.0) & (share < 1.0))
+
+
+def test_no_drift_has_no_light_of_errors():
+    assert error_light_share(MODEL.metrics["F520"], drift(0.0), 0.6, 1.5, 1.0, 3600.0) == 0.0
+    assert error_light_share(MODEL.metrics["F520"], drift(10.0), 0.6, 1.5, 1.0, 0.0) > 0.99

@@ -75,15 +75,17 @@ def test_what_all_share(compared):
 def test_rules_in_words():
     own = settings(
         visit={"bands": ["F520", "F662"], "time_s": 36000, "goal": "time"},
-        detection={"rule": "blind", "sigma": 5, "blind_margin": 1.8, "blind_margin_error": 0.05, "known_margin": 0.97,
-                   "known_margin_error": 0.03, "calibration": 1.02, "calibration_error": 0.01},
+        detection={"rule": "blind", "sigma": 5, "blind_margin": 0.7, "blind_margin_error": 0.05, "known_margin": 0.97,
+                   "known_margin_error": 0.03, "blind_tails": 1.0, "calibration": 1.02, "calibration_error": 0.01},
     )  # fmt: skip
     facts = dict(shared_facts(own))
     assert facts["Visit"] == "the best of F520, F662, as long as it pays, at most 10.0 h of wall time"
     assert facts["Revisits"] == facts["Follow-up"] == facts["Changes to the instrument"] == "none"
     assert f"{own['population']['planets_per_star']:g} planets per star" in facts["Population of unknown planets"]
     assert "SNR is 1.02 ± 0.01." in facts["Detection"]
-    assert "threshold is 1.8 ± 0.05, known planets at their place where it is 0.97 ± 0.03" in facts["Detection"]
+    assert "threshold is 0.70 (± 5.0%) in Gaussian noise ten resolution elements from the star, 1.90 where all" in (
+        facts["Detection"])  # fmt: skip
+    assert "known planets at their place where it is 0.97 (± 3.0%)" in facts["Detection"]
     own = settings(
         population=None,
         targets={"known_planets": "only", "names": ["tau Cet"], "exclude": ["eps Eri"], "distance_max_pc": 10,

@@ -88,7 +88,7 @@ def test_chances_are_those_of_single_visits(three, small, model, known):
                bodies.places([calendar.day[place, slot]]), [calendar.sun_pa_deg[place, slot]])  # fmt: skip
     new = bodies.known == NEW
     nowhere = np.zeros(len(bodies), bool)
-    odds = detection_chance(seen.margin, rules.detection, nowhere, calibration=rules.detection.calibration)[0]
+    odds = detection_chance(seen, rules.detection, nowhere, calibration=rules.detection.calibration)[0]
     value = (odds * np.where(new, 0.21 / N_DRAWS, 1.0 / N_KNOWN)).sum()
     assert float(item.chance[0, slot] @ item.weight) == pytest.approx(value, rel=1e-5)
     # All that stands for planets: those that no date shows are left out.

@@ -1,5 +1,6 @@
 """What a visit sees: against completeness, the ETC of one planet, the geometry of the quadrants, and chance."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +14,16 @@ from cpic_planner.etc.rates import aperture_rates
 from cpic_planner.etc.significance import detection_threshold
 from cpic_planner.orbits import OrbitPlaces
 from cpic_planner.population import draw_population, load_population
-from cpic_planner.survey.detection import Setting, detection_chance, reach_au, rolled, see
+from cpic_planner.survey.detection import (
+    Seen,
+    Setting,
+    detection_chance,
+    half_margin,
+    reach_au,
+    rolled,
+    see,
+    tail_share,
+)
 from cpic_planner.survey.strategy import DetectionRule
 from cpic_planner.survey.universe import NEW, Bodies
 from cpic_planner.targets import find_target
@@ -57,7 +67,7 @@ def test_as_many_planets_as_completeness_counts(model, name, population, band):
     counted = completeness(model, one, band, planets, exposure_s=setting.exposure_s, n_frames=setting.n_frames,
                            em_gain=setting.em_gain)  # fmt: skip
     seen = see(model, one, setting, bodies_of(planets), planets.albedos, places_of(planets), [0.0])
-    chance = detection_chance(seen.margin, DetectionRule(rule="expected"), np.zeros(3000, bool))
+    chance = detection_chance(seen, DetectionRule(rule="expected"), np.zeros(3000, bool))
     assert int(chance.sum()) == round(counted.completeness[0] * 3000)
     assert np.count_nonzero(seen.contrast[0]) <= round(counted.observable[0] * 3000)
 
@@ -227,8 +237,15 @@ def test_reach_is_that_of_the_corners(model):
         assert np.allclose(np.abs(x), np.abs(y))
 
 
-RULE = DetectionRule(rule="blind", blind_margin=1.8, blind_width=0.4, blind_margin_error=0.1, known_margin=1.0,
-                     known_width=0.2, known_margin_error=0.05)  # fmt: skip
+RULE = DetectionRule(rule="blind", blind_margin=0.8, blind_width=0.3, blind_margin_error=0.1, blind_tails=1.2,
+                     blind_inward=5.0, known_margin=1.0, known_width=0.2, known_margin_error=0.05)  # fmt: skip
+
+
+def expecting(margin, tails=0.0, inward=0.1):
+    """Visits of these margins."""
+    rest = np.zeros_like(margin)
+    return Seen(margin, np.broadcast_to(tails, margin.shape), np.broadcast_to(inward, margin.shape), rest, rest, rest,
+                rest, rest, rest)  # fmt: skip
 
 
 @pytest.mark.parametrize("rule", ["blind", "known_place"])
@@ -237,23 +254,56 @@ def test_chance_of_a_detection_is_that_of_noisy_margins(rule):
     margin = np.array([0.3, 0.9, 1.1, 1.7, 2.4, 0.9, 1.2])
     known = np.array([False] * 5 + [True] * 2)
     law = RULE.model_copy(update={"rule": rule})
+    tails, inward = np.array([0.0, 0.0, 0.3, 0.6, 0.9, 0.2, 0.9]), np.array([0.1, 0.2, 0.1, 0.12, 0.1, 0.2, 0.2])
     for shift, calibration in ((0.0, 1.0), (1.5, 0.9)):
-        found = detection_chance(margin, law, known, shift, calibration)
+        found = detection_chance(expecting(margin, tails, inward), law, known, shift, calibration)
         for k in range(margin.size):
             at_place = known[k] or rule == "known_place"
-            middle, width, error = (1.0, 0.2, 0.05) if at_place else (1.8, 0.4, 0.1)
-            measured = calibration * margin[k] + width * rng.standard_normal(n)
-            share = np.mean(measured > middle + error * shift)
+            middle, width, error = (1.0, 0.2, 0.05)
+            if not at_place:
+                middle, width, error = 0.8 * math.exp(1.2 * tails[k] + 5.0 * (inward[k] - 0.1)), 0.3, 0.1
+            measured = calibration * margin[k] * np.exp(width * rng.standard_normal(n))
+            share = np.mean(measured > middle * math.exp(error * shift))
             assert abs(found[k] - share) < 4.0 * np.sqrt(max(share * (1 - share), 1e-6) / n), (k, shift)
 
 
 def test_expected_detections_have_no_chance_in_them():
     margin = np.array([0.0, np.nextafter(1.0, 0.0), 1.0, 3.0])
-    found = detection_chance(margin, DetectionRule(rule="expected"), np.array([False, True, False, True]), 5.0, 0.1)
+    found = detection_chance(expecting(margin), DetectionRule(rule="expected"), np.array([False, True, False, True]),
+                             5.0, 0.1)  # fmt: skip
     assert found.tolist() == [0.0, 0.0, 1.0, 1.0]
 
 
 def test_what_cannot_be_seen_is_never_found():
     wide = DetectionRule(rule="blind", blind_margin=0.1, blind_width=10.0)
-    assert detection_chance(np.array([0.0]), wide, np.array([False]))[0] == 0.0
-    assert detection_chance(np.array([1e-9]), wide, np.array([False]))[0] == pytest.approx(0.496, abs=1e-3)
+    assert detection_chance(expecting(np.array([0.0])), wide, np.array([False]))[0] == 0.0
+    assert detection_chance(expecting(np.array([1e-9])), wide, np.array([False]))[0] == pytest.approx(
+        0.0327, abs=1e-3)  # fmt: skip
+
+
+def test_a_blind_search_is_harder_in_tails_and_near_the_star():
+    law = half_margin(RULE, np.zeros(4, bool), np.array([0.0, 1.0, 0.0, 1.0]), np.array([0.1, 0.1, 0.2, 0.2]))
+    np.testing.assert_allclose(law, 0.8 * np.exp([0.0, 1.2, 0.5, 1.7]), rtol=1e-14)
+    np.testing.assert_array_equal(half_margin(RULE, np.ones(2, bool), np.array([0.0, 1.0]), np.array([0.1, 0.3])), 1.0)
+    sure = DetectionRule(rule="expected", blind_tails=1.0)
+    np.testing.assert_array_equal(half_margin(sure, np.zeros(2, bool), np.array([0.0, 1.0]), np.array([0.1, 0.3])), 1.0)
+
+
+def test_the_share_of_light_of_errors(model):
+    """No drift leaves none of it; under much drift it is all of the noise."""
+    star, separation = find_target("tau Cet")[0], np.array([[0.6]])
+    place, shares = np.array([[0.6 / math.sqrt(2.0)]]), []
+    for times in (0.0, 0.3, 1.0, 3.0, 100.0):
+        drift = model.instrument.drift
+        own = {"visit_nm": drift.visit_nm * times, "walk_nm_per_sqrt_hour": drift.walk_nm_per_sqrt_hour * times}
+        other = replace(model, instrument=model.instrument.changed({"drift": own}))
+        rates = aperture_rates(other, star, "F520", place, place, np.array([[1e-8]]))
+        noise = stack_noise(rates, 20.0, 900.0, 400.0, other.camera("F520"))
+        setting = Setting("F520", 20.0, 900.0, 400.0, 36000.0)
+        shares.append(float(tail_share(other, setting, separation, noise)[0, 0]))
+        assert shares[-1] ** 2 <= float(noise.terms["speckle"][0, 0] / noise.quiet[0, 0])
+        assert float(noise.signal_e[0, 0] / np.sqrt(noise.quiet[0, 0])) == pytest.approx(
+            float(noise.significance[0, 0]), rel=1e-12)  # fmt: skip
+    assert shares[0] == 0.0
+    assert np.all(np.diff(shares) > 0.0)
+    assert shares[-1] > 0.99

@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, poisson
 
-from cpic_planner.survey.image_check import REALISATIONS, _poisson_interval, image_sample, sampled_detections
+from cpic_planner.survey.image_check import (
+    REALISATIONS,
+    _poisson_interval,
+    image_sample,
+    image_task,
+    sampled_detections,
+)
 from cpic_planner.survey.play import play
 from simulator import load_scene
 
@@ -40,6 +46,22 @@ def test_found_over_expected():
     assert found.low < found.correction < found.high
     none = image_sample([], [], "no detections")
     assert (none.images, none.correction, none.low) == (0, None, None)
+
+
+def test_corners_that_leave_no_room_to_measure(plain, detections):
+    """A planet in the inner corner of the hole is seen by the ETC; there is nothing around it to compare it with."""
+    survey = plain.surveys[0]
+    inner = survey.model.metrics["F520"].hole_inner_corner_arcsec + 0.06
+    row = {name: values[:1].copy() for name, values in detections.items()}
+    row["separation_arcsec"][:], row["pa_deg"][:] = inner, 45.0 + row["roll_deg"]
+    mine = survey.targets.name == row["star"][0]
+    row["distance_au"][:], row["phase_deg"][:] = inner * survey.targets.distance_pc[mine], 90.0
+    sampled, note = sampled_detections(survey, row, 1, 1)
+    done = image_task(sampled[0].task.to_dict())
+    assert done == {"confirmations": []}
+    found = image_sample(sampled, [done], note)
+    assert (found.images, found.correction) == (0, None)
+    assert found.note == "1 at places with no room to measure the noise in"
 
 
 def test_sampled_scenes_are_what_the_visit_saw(plain, detections):
