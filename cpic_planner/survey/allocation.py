@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import contextlib
+import ctypes
+import os
+import sys
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -170,6 +174,22 @@ def _exchange(problem: Problem, room: Room, star: int) -> bool:
     return helped
 
 
+@contextlib.contextmanager
+def _remarks_aside() -> Iterator[None]:
+    """Send to the error output what the solver prints: the standard output may be that of ``--json``."""
+    flush = getattr(ctypes.CDLL(None), "fflush", None) if os.name == "posix" else None
+    sys.stdout.flush()
+    kept = os.dup(1)
+    try:
+        os.dup2(2, 1)
+        yield
+    finally:
+        if flush is not None:  # it prints through C, which has a buffer of its own
+            flush(None)
+        os.dup2(kept, 1)
+        os.close(kept)
+
+
 class _Programme:
     """Columns, limits and cuts of some stars of a problem, in the room that is left for them."""
 
@@ -250,13 +270,15 @@ class _Programme:
         above = hstack([-cuts, mark])
         below = hstack([rows, csr_array((rows.shape[0], stars))])
         high = np.concatenate([[cut.start for cut in self.cuts], limits])
-        found = milp(
-            np.concatenate([np.zeros(n), -np.ones(stars)]),
-            constraints=LinearConstraint(vstack([above, below]), -np.inf, high),
-            bounds=Bounds(np.zeros(n + stars), np.concatenate([np.ones(n), np.full(stars, np.inf)])),
-            integrality=np.concatenate([np.full(n, int(whole)), np.zeros(stars)]),
-            options={"mip_rel_gap": 0.2 * self.problem.strategy.scheduler.gap, "node_limit": _NODES} if whole else {},
-        )
+        with _remarks_aside():
+            found = milp(
+                np.concatenate([np.zeros(n), -np.ones(stars)]),
+                constraints=LinearConstraint(vstack([above, below]), -np.inf, high),
+                bounds=Bounds(np.zeros(n + stars), np.concatenate([np.ones(n), np.full(stars, np.inf)])),
+                integrality=np.concatenate([np.full(n, int(whole)), np.zeros(stars)]),
+                options={"mip_rel_gap": 0.2 * self.problem.strategy.scheduler.gap, "node_limit": _NODES}
+                if whole else {},
+            )  # fmt: skip
         if found.x is None:  # no whole allocation within the nodes: none is promised
             return np.zeros(n), np.zeros(stars), np.inf
         bound = found.mip_dual_bound if whole else found.fun

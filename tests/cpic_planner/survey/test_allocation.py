@@ -1,9 +1,11 @@
 """Schedules and their bounds against all schedules of small problems."""
 
+import ctypes
 from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy.optimize
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -128,3 +130,20 @@ def test_nothing_to_do(problems):
             schedule = make_schedule(Problem(problems.strategy(method=method), stars, np.full(4, 100.0)))
             assert schedule.visits == ()
             assert (schedule.value, schedule.bound, schedule.distance) == (0.0, 0.0, 0.0)
+
+
+def test_what_the_solver_prints_is_not_on_the_standard_output(problems, monkeypatch, capfd):
+    """It writes through C, past Python; the standard output is that of ``--json``."""
+    real = scipy.optimize.milp
+
+    def talking(*args, **options):
+        ctypes.CDLL(None).puts(b"a remark of the solver")
+        return real(*args, **options)
+
+    monkeypatch.setattr(scipy.optimize, "milp", talking)
+    print("before")
+    make_schedule(problems.random_problem(3, method="milp"))
+    print("after")
+    out, err = capfd.readouterr()
+    assert out == "before\nafter\n"
+    assert "a remark of the solver" in err
