@@ -13,6 +13,7 @@ from simulator.camera.frame import Frame, MaskBit
 from simulator.camera.sections import sections_of
 from simulator.config import Instrument, Scene
 from simulator.ledger import EffectRow
+from simulator.products import write_level0
 from simulator.target.positions import wcs_keywords
 from simulator.target.sources import Source, scene_sources
 
@@ -151,3 +152,16 @@ def sequence():
 def kind_of():
     """Sequences by kind and camera."""
     return of_kind
+
+
+@pytest.fixture
+def tree(sequence, tmp_path):
+    """Root of a tree with one good observation of small frames."""
+    write_level0(sequence(), tmp_path / "tree", obsid=40000000012)
+    return tmp_path / "tree"
+
+
+@pytest.fixture
+def good(tree):
+    """Its file."""
+    return tree / "SCI" / "61834" / "CSST_CPIC_VIS_SCI_20280304050607_20280304050639_40000000012_X_L0_V01.fits"
