@@ -252,7 +252,7 @@ def test_stars_that_a_table_has_not(capsys, stars, arguments, words):
 
 def test_plan_of_a_users_table_counts_by_content_not_by_name(capsys, tmp_path, stars):
     out = str(tmp_path / "plan")
-    asked = ["plan", "--top", "1", "--band", "F520", "--time-s", "2000", "--realisations", "1"]
+    asked = ["plan", "--top", "1", "--band", "F520", "--time-s", "400", "--realisations", "1", "--planets", "200"]
     asked += ["--out", out]
     status, text, _ = call(capsys, *asked, "--catalog", stars, "--json")
     plan = json.loads(text)
