@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import shutil
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -154,11 +156,18 @@ def kind_of():
     return of_kind
 
 
+@pytest.fixture(scope="session")
+def written(tmp_path_factory):
+    """A tree with one good observation of small frames, to be copied."""
+    root = tmp_path_factory.mktemp("products") / "tree"
+    write_level0(replace(FakeSequence(), made=[]), root, obsid=40000000012)
+    return root
+
+
 @pytest.fixture
-def tree(sequence, tmp_path):
+def tree(written, tmp_path):
     """Root of a tree with one good observation of small frames."""
-    write_level0(sequence(), tmp_path / "tree", obsid=40000000012)
-    return tmp_path / "tree"
+    return Path(shutil.copytree(written, tmp_path / "tree"))
 
 
 @pytest.fixture
