@@ -97,8 +97,8 @@ def test_packages_come_from_the_wheel(installed, tmp_path):
 
 
 def test_plan_from_another_folder(installed, tmp_path):
-    done = run(installed, tmp_path, "plan", "--top", "1", "--band", "F520", "--time-s", "1000", "--realisations", "1",
-               "--out", "here", "--json")  # fmt: skip
+    done = run(installed, tmp_path, "plan", "--top", "1", "--band", "F520", "--time-s", "300", "--realisations", "1",
+               "--planets", "200", "--out", "here", "--json")  # fmt: skip
     assert done.returncode == 0, done.stderr
     plan = json.loads(done.stdout)
     assert plan == json.loads((tmp_path / "here" / "plan.json").read_text())

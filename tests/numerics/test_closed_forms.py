@@ -1,6 +1,7 @@
 """Closed forms against mpmath at the very doubles passed; every public name has an entry."""
 
 import csv
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -12,7 +13,11 @@ def test_closed_forms_are_as_good_as_their_condition_allows(numerics):
     """A relative error of 1e-12 times the condition number, at the extremes too; warnings are errors."""
     failed = []
     for form in numerics.inventory.FORMS:
-        top = numerics.oracle.worst(numerics.oracle.points(form))
+        # A condition number only excuses errors, and takes most of the time: it is asked for where one needs excuse.
+        unexcused = replace(form, fixed=range(max(map(len, form.cases))))
+        top = numerics.oracle.worst(numerics.oracle.points(unexcused))
+        if not top.share <= form.allowed:
+            top = numerics.oracle.worst(numerics.oracle.points(form))
         if not top.share <= form.allowed:
             failed.append((form.name, top))
     assert not failed

@@ -46,12 +46,11 @@ def test_mean_and_variance_are_those_of_the_frames():
 
 def test_sums_scatter_as_sums_of_frames_do():
     """Aperture-sized sums with drift, from both chains: same mean, same variance."""
-    found = {}
+    found, hole = {}, sequence().psf.metrics.hole
     for chain in ("sums", "frames"):
         values = []
         for number in range(24):
             observation = sequence(n_frames=6, realisation=number, max_epochs=3)
-            hole = observation.psf.metrics.hole
             if chain == "sums":
                 image = hole_stacks(observation, epochs=3).draw(1000 + number).sum(axis=0)
             else:

@@ -13,6 +13,7 @@ import pytest
 from astropy.io import fits
 
 from catalogs.errors import InputError
+from cpic_planner.cli.main import main
 from cpic_planner.simulation.run import simulate
 from simulator.config.simulation_file import load_simulation
 from simulator.products import check_level0
@@ -47,10 +48,16 @@ def content(folder):
     }
 
 
-def command(tmp_path, out, *more):
+def arguments(tmp_path, out, *more):
     path = tmp_path / "x.yaml"
     path.write_text(json.dumps(TREE))
-    return [sys.executable, "-m", "cpic_planner.cli.main", "simulate", str(path), "--out", str(out), *more]
+    return ["simulate", str(path), "--out", str(out), *more]
+
+
+def started(tmp_path, out, *more):
+    """The command in a process of its own, to be killed."""
+    command = [sys.executable, "-m", "cpic_planner.cli.main", *arguments(tmp_path, out, *more)]
+    return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
 
 @pytest.fixture(scope="module")
@@ -93,11 +100,9 @@ def test_result_holds_no_clock_host_or_path(whole):
 
 
 @pytest.mark.parametrize(("workers", "then"), [("1", "2"), ("2", "1")])
-def test_killed_half_way_and_started_again_gives_the_same_bytes(whole, tmp_path, workers, then):
+def test_killed_half_way_and_started_again_gives_the_same_bytes(whole, tmp_path, capsys, workers, then):
     out = tmp_path / "again"
-    process = subprocess.Popen(
-        command(tmp_path, out, "--workers", workers), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-    )
+    process = started(tmp_path, out, "--workers", workers)
     deadline = time.monotonic() + 120
     while time.monotonic() < deadline:  # in the middle of a sequence, with another one finished
         if list(out.glob("parts/*.json")) and list(out.glob("*/*/.*.part")):
@@ -107,9 +112,8 @@ def test_killed_half_way_and_started_again_gives_the_same_bytes(whole, tmp_path,
     process.wait()
     assert 1 <= len(list(out.glob("parts/*.json"))) < 5
     assert not (out / "simulation.json").exists(), "it had finished before the kill"
-    done = subprocess.run(command(tmp_path, out, "--workers", then), capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    assert "finished sequences of an earlier run" in done.stderr
+    assert main(arguments(tmp_path, out, "--workers", then)) == 0
+    assert "finished sequences of an earlier run" in capsys.readouterr().err
     assert content(out) == content(whole[0])
     run = json.loads((out / "run.json").read_text())
     assert run["resumed_parts"] >= 1
@@ -203,7 +207,7 @@ def test_a_disk_without_room_is_refused_before_anything_is_written(tmp_path):
 
 def test_second_run_on_a_live_folder_is_refused(tmp_path):
     out = tmp_path / "live"
-    process = subprocess.Popen(command(tmp_path, out), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    process = started(tmp_path, out)
     try:
         deadline = time.monotonic() + 60
         while not list(out.glob("*/*/.*.part")) and time.monotonic() < deadline:

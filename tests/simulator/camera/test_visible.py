@@ -15,8 +15,9 @@ SHAPE = (1050, 1080)
 RAYS = load_instrument().cosmic_rays
 
 
-def frames(camera, exposure, count, seed=1):
-    return np.stack([camera.expose(exposure, seed=seed, path=("frames", i)).adu for i in range(count)]).astype(float)
+def frames(camera, exposure, count, seed=1, rows=slice(None)):
+    seen = (camera.expose(exposure, seed=seed, path=("frames", i)).adu[rows] for i in range(count))
+    return np.stack(list(seen)).astype(float)
 
 
 def test_all_switches_off_is_plain_arithmetic(detector):
@@ -39,7 +40,9 @@ def test_mean_of_frames_is_the_expected_map_with_every_effect_on(detector, gain)
     rates = np.full((60, 80), 3.0)
     rates[20:24, 30:34] = 2000.0
     exposure = camera.prepare(rates, 10.0, gain)  # cosmic rays come with their rate only
-    seen = frames(camera, exposure, 600)
+    # 300 frames: the mean over 4800 pixels is known to 1/1200 of a pixel's scatter in a frame, its pull's width to 1 %,
+    # so that what is allowed below is still 4.5 of the one and 5 of the other.
+    seen = frames(camera, exposure, 300)
     expected = camera.expected_adu(exposure)
     pull = (seen.mean(axis=0) - expected) / (seen.std(axis=0) / np.sqrt(len(seen)))
     assert abs(pull.mean()) < 4.5 / np.sqrt(pull.size)
@@ -53,7 +56,7 @@ def test_structure_of_the_bias(detector):
     quiet = detector.switched(off=("all",), on=("stripes", "interference", "bias_drift"))
     camera = VisibleCamera(quiet)
     exposure = camera.prepare(np.zeros(SHAPE), 0.0, 1.0)
-    seen = frames(camera, exposure, 40)
+    seen = frames(camera, exposure, 40, rows=slice(450, 555))  # a tenth of the rows: they only average rounding
     stripes = seen.mean(axis=(0, 1)) - quiet.bias_adu
     assert stripes.std() == pytest.approx(config.stripe_rms_adu, rel=0.1)
     rest = seen - seen.mean(axis=0)
@@ -63,10 +66,10 @@ def test_structure_of_the_bias(detector):
     assert waves.std() == pytest.approx(config.interference_adu / np.sqrt(2), rel=0.05)
     # The wave runs in the order of readout: one line on, it has moved on by a line's pixels.
     turn = 2 * np.pi / config.interference_period_columns
-    spectrum = np.abs(np.fft.rfft(waves[0, 500] - waves[0, 500].mean()))
+    spectrum = np.abs(np.fft.rfft(waves[0, 50] - waves[0, 50].mean()))
     assert np.argmax(spectrum) == pytest.approx(SHAPE[1] / config.interference_period_columns, abs=1)
     column = np.arange(SHAPE[1])
-    phases = [np.angle(np.sum(waves[0, row] * np.exp(-1j * turn * column))) for row in (500, 501)]
+    phases = [np.angle(np.sum(waves[0, row] * np.exp(-1j * turn * column))) for row in (50, 51)]
     moved = (phases[1] - phases[0] - turn * SHAPE[1]) % (2 * np.pi)
     assert min(moved, 2 * np.pi - moved) < 0.1
 

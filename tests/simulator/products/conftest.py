@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import shutil
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,6 +15,7 @@ from simulator.camera.frame import Frame, MaskBit
 from simulator.camera.sections import sections_of
 from simulator.config import Instrument, Scene
 from simulator.ledger import EffectRow
+from simulator.products import write_level0
 from simulator.target.positions import wcs_keywords
 from simulator.target.sources import Source, scene_sources
 
@@ -151,3 +154,23 @@ def sequence():
 def kind_of():
     """Sequences by kind and camera."""
     return of_kind
+
+
+@pytest.fixture(scope="session")
+def written(tmp_path_factory):
+    """A tree with one good observation of small frames, to be copied."""
+    root = tmp_path_factory.mktemp("products") / "tree"
+    write_level0(replace(FakeSequence(), made=[]), root, obsid=40000000012)
+    return root
+
+
+@pytest.fixture
+def tree(written, tmp_path):
+    """Root of a tree with one good observation of small frames."""
+    return Path(shutil.copytree(written, tmp_path / "tree"))
+
+
+@pytest.fixture
+def good(tree):
+    """Its file."""
+    return tree / "SCI" / "61834" / "CSST_CPIC_VIS_SCI_20280304050607_20280304050639_40000000012_X_L0_V01.fits"

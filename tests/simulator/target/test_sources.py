@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
 import subprocess
 import sys
 import time
@@ -317,25 +316,6 @@ def test_what_no_model_covers_is_refused_with_its_place(tree, words):
 # --- the table and the batch
 
 
-def test_table_is_read_by_row_by_name_and_by_column():
-    table = spectrum_generator(scene(PLANET, stars=[{"v_mag": 9, "teff_k": 4000, "separation": 2, "pa": 180}]))
-    assert len(table) == 3
-    assert [row.name for row in table] == list(table.name) == ["s", "b", "star 1"]
-    assert table.kind == table["kind"] == ("cstar", "planet", "star")
-    assert table["b"] is table[1]
-    assert table[1:] == (table[1], table[2])
-    assert table[1]["x_arcsec"] == table.x_arcsec[1]
-    assert {"name", "kind", "x_arcsec", "y_arcsec", "spectrum"} <= set(table.columns)
-    assert all(np.shape(table[column])[0] == 3 for column in ("x_arcsec", "y_arcsec", "distance_au"))
-    assert len(table.spectrum) == 3
-    with pytest.raises(InputError, match="x_arcsec"):
-        table["z"]
-    with pytest.raises(InputError, match="x_arcsec"):
-        table[0]["z"]
-    with pytest.raises(IndexError):
-        table[3]
-
-
 def test_companions_off_leaves_them_out():
     near = {"v_mag": 4.0, "teff_k": 5800, "separation_arcsec": 3.0, "pa_deg": 20}
     assert len(spectrum_generator(scene(stars=[near], companions="off"))) == 1
@@ -350,69 +330,6 @@ def test_companions_off_leaves_stars_of_the_field_in():
     assert [source.name for source in scene_sources(load_scene("paper_science"), INSTRUMENT, "F520")] == [
         "alpha Cen B", "planet", "calibration star"
     ]  # fmt: skip
-
-
-def test_table_in_pandas_and_astropy():
-    import astropy.units as u
-
-    table = spectrum_generator(scene(PLANET))
-    frame = table.to_pandas()
-    assert list(frame.name) == ["s", "b"]
-    np.testing.assert_array_equal(frame.x_arcsec, table.x_arcsec)
-    quantities = table.to_table()
-    assert quantities["distance_au"][1].to_value(u.km) == pytest.approx(0.8775 * 149597870.7)
-    batch = spectrum_generator([scene(PLANET), scene()])
-    assert list(batch.to_pandas().scene) == ["s", "s", "s"]
-    assert len(batch.to_table()) == 3
-
-
-def test_a_batch_is_its_scenes_one_by_one():
-    trees = [
-        {"name": f"s{n}", "cstar": STAR | {"v_mag": float(n)}, "planet": PLANET | {"pa_deg": 10.0 * n}}
-        for n in range(5)
-    ]
-    batch = spectrum_generator([*trees[:4], load_scene(trees[4])])
-    assert len(batch) == 5
-    assert batch["s3"] is batch[3]
-    assert [table.scene for table in batch[1:3]] == ["s1", "s2"]
-    for tree, table in zip(trees, batch, strict=True):
-        alone = spectrum_generator(tree)
-        np.testing.assert_array_equal(alone.x_arcsec, table.x_arcsec)
-        np.testing.assert_array_equal(alone["b"].photlam, table["b"].photlam)
-    many = scene_sources([load_scene(tree) for tree in trees], INSTRUMENT, "F662")
-    assert many[2] == scene_sources(load_scene(trees[2]), INSTRUMENT, "F662")
-    assert len(spectrum_generator([])) == 0
-    with pytest.raises(InputError, match="allowed: the name of a scene"):
-        batch["s9"]
-
-
-@pytest.mark.parametrize(
-    ("scenes", "word"),
-    [
-        ([{"name": "a", "cstar": STAR}, {"name": "b"}], "scenes.1.cstar = missing"),
-        (5, "a sequence of scenes"),
-        (None, "a sequence of scenes"),
-        ("nothing_like_it", "a YAML file or a preset"),
-    ],
-)
-def test_bad_batches_are_refused(scenes, word):
-    with pytest.raises(InputError, match=word):
-        spectrum_generator(scenes)
-
-
-def test_faults_found_late_name_the_scene_of_the_batch():
-    cold = {"name": "cold", "cstar": {"v_mag": 3, "teff_k": 2500}}
-    batch = spectrum_generator([{"name": "a", "cstar": STAR}, cold])
-    with pytest.raises(InputError, match=r"scenes.1.cstar.teff_k = 2500"):
-        _ = batch["cold"][0].photlam
-    with pytest.raises(InputError, match=r"scenes.0.cstar.teff_k = 2500"):
-        scene_sources([load_scene(cold)], INSTRUMENT, "F520")
-
-
-def test_tables_travel_to_other_processes():
-    table = spectrum_generator(scene(PLANET))
-    again = pickle.loads(pickle.dumps(table))
-    np.testing.assert_array_equal(again["b"].photlam, table["b"].photlam)
 
 
 def test_the_whole_catalogue_at_once():
