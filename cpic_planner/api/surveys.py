@@ -118,4 +118,5 @@ def compare_strategies(
     config = varied(config, vary) if vary else config
     with contextlib.ExitStack() as stack:
         folder = stack.enter_context(tempfile.TemporaryDirectory()) if out is None else out
-        return run_whatif(config, folder, workers=workers, scheduler=scheduler, force=force, n_images=images).result
+        return run_whatif(config, folder, workers=workers, scheduler=scheduler, force=force, n_images=images,
+                          pages=out is not None).result  # fmt: skip

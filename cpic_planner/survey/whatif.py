@@ -111,6 +111,7 @@ def run_whatif(
     scheduler: str | None = None,
     force: bool = False,
     n_images: int = 0,
+    pages: bool = True,
     advance: Callable[[str], None] = lambda text: None,
     command: list[str] | None = None,
 ) -> FinishedWhatIf:
@@ -125,6 +126,8 @@ def run_whatif(
         As of `cpic_planner.plan.make_plan`.
     n_images : int
         Detections of each strategy that are confirmed at image level.
+    pages : bool
+        Whether to write the report for people; its figures take as long as a small survey.
 
     Raises
     ------
@@ -142,7 +145,8 @@ def run_whatif(
         images = _images(prepared, tables["detections"], folder, n_images, (workers, scheduler), advance)
         result = assemble(prepared, tables, images, digest)
         folder.write("whatif.json", dump_json(result.model_dump(mode="json")))
-        write_whatif(folder, result)
+        if pages:
+            write_whatif(folder, result)
         record = clock.record(command=command, config_hash=digest, workers=workers, scheduler=scheduler,
                               resumed_parts=resumed, computed_parts=len(keys) - resumed)  # fmt: skip
         folder.write("run.json", dump_json(record.model_dump(mode="json")))

@@ -204,9 +204,9 @@ def test_3000_s_are_fast(cosmic):
         times = []
         for seed in range(4):
             rng = np.random.default_rng(seed)
-            began = time.perf_counter()
+            began = time.process_time()
             draw(config, rng, exposure_s=3000.0)
-            times.append(time.perf_counter() - began)
+            times.append(time.process_time() - began)
         assert min(times) < 0.2
 
 
