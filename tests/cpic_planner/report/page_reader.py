@@ -1,5 +1,6 @@
 """Tags and words of a page."""
 
+import re
 from html.parser import HTMLParser
 
 VOID_TAGS = {"meta", "img", "br", "link", "input", "hr"}
@@ -23,6 +24,29 @@ class Reader(HTMLParser):
     def handle_data(self, data):
         if "style" not in self.open:
             self.text.append(data)
+
+    @property
+    def words(self):
+        """All visible text, blanks made one."""
+        return " ".join(" ".join(self.text).split())
+
+    def check_alone(self):
+        """Nothing is loaded from outside or run, and no value is missing in words."""
+        for tag, attributes in self.tags:
+            assert tag not in {"script", "link", "iframe", "object", "embed", "base"}
+            for key in ("src", "href", "srcset", "action", "data", "poster"):
+                value = attributes.get(key)
+                assert value is None or value.startswith(("data:image/", "#")), (tag, value)
+        assert not re.search(r"\b(?:nan|None|undefined)\b", self.words)
+
+    def check_anchors(self):
+        """Every anchor is there once and every link leads to one; every table says what it is."""
+        ids = [attributes["id"] for _, attributes in self.tags if "id" in attributes]
+        assert len(ids) == len(set(ids))
+        for _, attributes in self.tags:
+            if attributes.get("href", "").startswith("#"):
+                assert attributes["href"][1:] in ids
+        assert sum(tag == "caption" for tag, _ in self.tags) == sum(tag == "table" for tag, _ in self.tags)
 
 
 def read(page: str) -> Reader:

@@ -1,5 +1,3 @@
-import re
-
 import pytest
 
 from cpic_planner.models.surveyed import ImageSample, SettingSource
@@ -9,10 +7,6 @@ from cpic_planner.report.whatif_html import WHATIF_FIGURES, render_whatif
 
 HOSTILE = "<script>alert('x')</script>"
 PICTURES = {key: Picture("data:image/svg+xml;base64,", f"alt {key}", f"caption {key}.") for key in WHATIF_FIGURES}
-
-
-def words_of(reader):
-    return " ".join(" ".join(reader.text).split())
 
 
 @pytest.fixture(scope="module")
@@ -27,26 +21,17 @@ def reader(page, read):
 
 @pytest.fixture(scope="module")
 def words(reader):
-    return words_of(reader)
+    return reader.words
 
 
 def test_nothing_is_loaded_from_outside_and_names_are_text(page, reader, words):
-    for tag, attributes in reader.tags:
-        assert tag not in {"script", "link", "iframe", "object", "embed", "base"}
-        for key in ("src", "href"):
-            assert attributes.get(key) is None or attributes[key].startswith(("data:image/", "#"))
+    reader.check_alone()
     assert HOSTILE not in page
     assert HOSTILE in words
-    assert not re.search(r"\b(?:nan|None|undefined)\b", words)
 
 
 def test_anchors_and_captions(reader):
-    ids = [attributes["id"] for _, attributes in reader.tags if "id" in attributes]
-    assert len(ids) == len(set(ids))
-    for _, attributes in reader.tags:
-        if attributes.get("href", "").startswith("#"):
-            assert attributes["href"][1:] in ids
-    assert sum(tag == "caption" for tag, _ in reader.tags) == sum(tag == "table" for tag, _ in reader.tags)
+    reader.check_anchors()
     assert sum(tag == "figure" for tag, _ in reader.tags) == len(WHATIF_FIGURES)
 
 
@@ -93,7 +78,7 @@ def test_images_tell_their_correction(compared, read):
     without = sample.model_copy(update={"correction": None, "low": None, "high": None})
     shown = [item.model_copy(update={"images": own})
              for item, own in zip(result.strategies, (sample, without), strict=True)]  # fmt: skip
-    words = words_of(read(render_whatif(result.model_copy(update={"strategies": shown}), {})))
+    words = read(render_whatif(result.model_copy(update={"strategies": shown}), {})).words
     assert f"one 40 120 31.5 28 0.89 0.75 to 1.02 {0.889 * 0.512:.2f} 24 stars" in words
     assert "two 40 120 31.5 28 – – 24 stars" in words
     assert "No images were asked for" not in words
@@ -101,7 +86,7 @@ def test_images_tell_their_correction(compared, read):
 
 def test_one_strategy_has_nothing_to_differ_from(compared, read):
     page = render_whatif(compared(["one"]), {})
-    words = words_of(read(page))
+    words = read(page).words
     assert 'id="differences"' not in page
     assert "Changes of rank" not in words
     assert "the others differ" not in words
@@ -109,7 +94,7 @@ def test_one_strategy_has_nothing_to_differ_from(compared, read):
 
 def test_nothing_found_is_an_answer(compared, read):
     reader = read(render_whatif(compared(["one", "two"], empty=True), {}))
-    words = words_of(reader)
+    words = reader.words
     assert "Nothing is detected in any universe." in words
     assert "No strategy visits a star." in words
     assert "No star is visited." in words
@@ -122,7 +107,7 @@ def test_other_pairs_and_other_verdicts(compared, read):
     extra = [item.model_copy(update={"first": "two", "second": "three", "mean": -0.3, "low": -0.4, "high": -0.2})
              for item in result.differences[:1]]  # fmt: skip
     changed = result.model_copy(update={"differences": [*result.differences, *extra]})
-    words = words_of(read(render_whatif(changed, {})))
+    words = read(render_whatif(changed, {})).words
     assert "All other pairs (1)" in words
     assert "two three −0.300 −0.400 to −0.200 – – – 0.62 ✕ finds fewer" in words
 
@@ -130,7 +115,7 @@ def test_other_pairs_and_other_verdicts(compared, read):
 def test_many_strategies_keep_their_rows_but_not_all_their_stars(compared, read):
     names = [f"s{i}" for i in range(50)]
     reader = read(render_whatif(compared(names), {}))
-    words = words_of(reader)
+    words = reader.words
     assert "The first strategy and the 39 that find most; targets.csv has the stars of all 50." in words
     assert sum(attributes.get("aria-label", "").startswith("Stars of") for _, attributes in reader.tags) == 40
     assert all(f" {name} " in words for name in names)
@@ -144,7 +129,7 @@ def test_sources_of_the_settings(compared, read):
             SettingSource(key="share", value=0.25, unit="", source="a guess", confidence="I",
                           strategies=names[:1])]  # fmt: skip
     page = render_whatif(result.model_copy(update={"sources": rows}), {})
-    words = words_of(read(page))
+    words = read(page).words
     assert f"visit.time_s 36000, 60 s A {HOSTILE} all" in words
     assert f"share 0.25 I a guess {names[0]}" in words
     assert HOSTILE not in page
