@@ -10,11 +10,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from catalogs.errors import InputError
 
-__all__ = ["Estimate", "convergence", "mean_interval", "spread"]
+__all__ = ["Estimate", "convergence", "difference_interval", "mean_interval", "spread"]
 
 FloatArray = NDArray[np.float64]
 LEVEL = 0.90
 _SAME, _NEXT = 1e-12, 1e-9
+_UNMET = 0.25
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,7 @@ def mean_interval(values: ArrayLike, level: float = LEVEL) -> Estimate:
     Parameters
     ----------
     values : array_like, shape (n,)
-        One number a universe: a yield, or the difference of two; at least 2.
+        One number a universe, at least 2.
     level : float
         Probability of the interval, 0.5 to 0.999.
 
@@ -47,12 +48,29 @@ def mean_interval(values: ArrayLike, level: float = LEVEL) -> Estimate:
 
     Notes
     -----
-    Yields are small counts and their differences are mostly 0, so the mean is skewed where Student's interval takes it
+    Yields are small counts, so the mean is skewed where Student's interval takes it
     to be symmetric. Empirical likelihood (Owen 1988, Biometrika 75, 237) follows the skewness and stays within what was
     met: the interval holds the means for which ``-2 log`` of the largest likelihood of any law on the observed values
     is at most the square of Student's quantile. A sample without any scatter leaves the interval that Poisson events
     allow that were not met: ``-ln(1 - level) / n`` above and below the mean.
     """
+    return _interval(values, level, unmet=0.0)
+
+
+def difference_interval(values: ArrayLike, level: float = LEVEL) -> Estimate:
+    """As `mean_interval`, of differences: values of the other sign are possible where none was met.
+
+    Notes
+    -----
+    Two strategies that find one or two planets each that the other misses often show differences of one sign alone,
+    which empirical likelihood takes for all there is: 55 to 73 % of nominal 90 % intervals then hold 0. A quarter of an
+    event as large as the largest is added on both sides of the median. From two events in all upwards 88 to 95 % hold;
+    the width grows by 1 to 3 % where there are thirty or more.
+    """
+    return _interval(values, level, unmet=_UNMET)
+
+
+def _interval(values: ArrayLike, level: float, *, unmet: float) -> Estimate:
     x = np.asarray(values, float)
     if x.ndim != 1 or x.size < 2 or not np.isfinite(x).all():
         raise InputError("values", x.shape, allowed="at least two finite numbers, one a universe")
@@ -66,9 +84,17 @@ def mean_interval(values: ArrayLike, level: float = LEVEL) -> Estimate:
     from scipy.special import stdtrit
 
     aim = float(stdtrit(n - 1, 0.5 + 0.5 * level)) ** 2
-    unique, counts = np.unique((x - mean) / size, return_counts=True)
-    low, high = (_end(unique, counts.astype(float), edge, aim) for edge in (unique[0], unique[-1]))
-    return Estimate(mean, float(x.std(ddof=1)) / math.sqrt(n), mean + size * low, mean + size * high, n)
+    met, weight = x, np.ones(n)
+    if unmet:
+        middle = float(np.median(x))
+        reach = float(np.abs(x - middle).max())
+        met, weight = np.append(x, [middle - reach, middle + reach]), np.append(weight, [unmet, unmet])
+    unique, place = np.unique(met, return_inverse=True)
+    counts = np.bincount(place, weight).astype(np.float64)
+    centre, size = float(counts @ unique / counts.sum()), float(np.ptp(unique))
+    apart = (unique - centre) / size
+    low, high = (centre + size * _end(apart, counts, edge, aim) for edge in (apart[0], apart[-1]))
+    return Estimate(mean, float(x.std(ddof=1)) / math.sqrt(n), low, high, n)
 
 
 def _end(values: FloatArray, counts: FloatArray, edge: float, aim: float) -> float:

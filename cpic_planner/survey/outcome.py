@@ -19,7 +19,7 @@ from cpic_planner.models.surveyed import (
     SurveyTarget,
     TimeUse,
 )
-from cpic_planner.survey.estimates import convergence, mean_interval, spread
+from cpic_planner.survey.estimates import convergence, difference_interval, mean_interval, spread
 from cpic_planner.survey.play import Survey
 from cpic_planner.survey.schedule import PlannedVisit
 
@@ -202,7 +202,7 @@ def _quantity(universes: Columns, name: str) -> FloatArray:
 
 
 def _difference(first: str, second: str, quantity: Any, one: FloatArray, other: FloatArray) -> DifferenceRecord:
-    found = mean_interval(one - other)
+    found = difference_interval(one - other)
     varies = bool(np.ptp(one) > _SAME * np.abs(one).max() and np.ptp(other) > _SAME * np.abs(other).max())
     unit = " h" if quantity == "hours" else ""
     if found.low > 0.0 or found.high < 0.0:

@@ -15,7 +15,7 @@ from cpic_planner.engine import run_tasks
 from cpic_planner.population import Planets
 from cpic_planner.survey.candidates import albedos_of
 from cpic_planner.survey.detection import detection_chance, see
-from cpic_planner.survey.estimates import mean_interval
+from cpic_planner.survey.estimates import difference_interval
 from cpic_planner.survey.play import Survey, play
 from cpic_planner.survey.prepare import prepare
 from cpic_planner.survey.strategy_file import StrategiesConfig, load_strategies, varied
@@ -127,7 +127,7 @@ def coverage() -> dict[str, Any]:
             for second in range(first + 1, len(names)):
                 differences = yields[second] - yields[first]
                 truth = float(differences.mean())
-                intervals = [mean_interval(values) for values in differences]
+                intervals = [difference_interval(values) for values in differences]
                 inside = sum(item.low <= truth <= item.high for item in intervals)
                 rows.append(
                     {

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cpic_planner.survey.estimates import mean_interval, spread
+from cpic_planner.survey.estimates import difference_interval, mean_interval, spread
 from cpic_planner.survey.outcome import differences, outcome, rank_changes
 from cpic_planner.survey.play import play
 from cpic_planner.survey.prepare import prepare
@@ -96,7 +96,7 @@ def test_paired_differences(played):
     item = found["planets"]
     assert (item.first, item.second) == ("shy", "plain")
     assert item.mean == pytest.approx(one.mean())
-    assert (item.low, item.high) == (mean_interval(one).low, mean_interval(one).high)
+    assert (item.low, item.high) == (difference_interval(one).low, difference_interval(one).high)
     assert item.correlation == pytest.approx(
         np.corrcoef(*(t["new_planets"] + t["known_planets"] for t in tables))[0, 1]
     )
