@@ -101,9 +101,9 @@ def mirror_noise_nm(instrument: Instrument, band: str, contrast: float) -> float
 
     Notes
     -----
-    Of what can brighten a dark hole this is the plainest: static, in phase, and everywhere in it. It is more harmful
-    than as much light of the instrument's own hole, which is what control leaves in the middle of a band and dark on
-    neither side: light that is the same over the band interferes with the drift all over it.
+    Of what can brighten a dark hole this is the plainest: static and everywhere in it. It does more harm than as much
+    light of the instrument's own hole (``reports/whatif``), whose field differs across the band, so that its products
+    with the drift partly cancel; an error of the mirror leaves nearly the same field at all wavelengths of a band.
     """
     key = content_hash({"optics": metrics_key(instrument, band), "contrast": repr(contrast)})
     found = compute_once(f"mirror-noise-{key}", lambda: {"noise_nm": np.asarray(_solved(instrument, band, contrast))})
