@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import gc
 import hashlib
 import importlib
 import json
@@ -79,17 +80,23 @@ class Recorder:
         self.seconds[report.nodeid] += report.duration
         if report.failed:
             self.by = self.by or report.nodeid
+            if self.order is not None:
+                self._tell()
+                os._exit(1)  # nobody needs the rest of the session
 
     def pytest_collectreport(self, report) -> None:  # noqa: ANN001
         if report.failed:
             self.by = self.by or f"{report.nodeid} (import)"
 
-    def pytest_sessionfinish(self) -> None:
+    def pytest_sessionfinish(self, exitstatus: int) -> None:
         sys.settrace(None)
-        found = {"by": self.by}
-        if self.order is None:
-            found["tests"] = {name: [seconds, sorted(self.lines.get(name, ()))]
-                              for name, seconds in self.seconds.items()}  # fmt: skip
+        self._tell()
+        if self.order is not None:
+            os._exit(exitstatus)
+
+    def _tell(self) -> None:
+        found = {"by": self.by, "tests": {name: [seconds, sorted(self.lines.get(name, ()))]
+                                          for name, seconds in self.seconds.items()}}  # fmt: skip
         self.report.write_text(json.dumps(found), encoding="utf-8")
 
 
@@ -329,6 +336,7 @@ def main() -> int:
         if todo:
             for name in HEAVY:
                 importlib.import_module(name)
+            gc.freeze()
             run(todo, options.workers, Path(work), done)
     wrong = [point for point in chosen if point.name in listed and outcome[point.name] == "killed"]
     for point in chosen:
