@@ -9,6 +9,7 @@ from __future__ import annotations
 import ast
 import bisect
 import io
+import itertools
 import random
 import tokenize
 from collections import Counter
@@ -157,8 +158,7 @@ class _Finder(ast.NodeVisitor):
             self.visit(node.value)
 
     def visit_BinOp(self, node: ast.BinOp) -> None:
-        (first, left), (right, last) = self._span(node.left), self._span(node.right)
-        operator, start, end = self._between(left, right)
+        operator, start, end = self._between(self._span(node.left)[1], self._span(node.right)[0])
         if operator in PARTNER:
             edits = [(start, end, PARTNER[operator])]
             if operator == "**":  # binds closer than its partner
@@ -175,14 +175,14 @@ class _Finder(ast.NodeVisitor):
         self.generic_visit(node)
 
     def visit_BoolOp(self, node: ast.BoolOp) -> None:
-        for one, other in zip(node.values, node.values[1:], strict=False):
+        for one, other in itertools.pairwise(node.values):
             operator, start, end = self._between(self._span(one)[1], self._span(other)[0])
             self._add(start, operator, PARTNER[operator], (start, end, PARTNER[operator]))
         self.generic_visit(node)
 
     def visit_Compare(self, node: ast.Compare) -> None:
         operands = [node.left, *node.comparators]
-        for one, other in zip(operands, operands[1:], strict=False):
+        for one, other in itertools.pairwise(operands):
             operator, start, end = self._between(self._span(one)[1], self._span(other)[0])
             for after in COMPARISONS[operator]:
                 self._add(start, operator, after, (start, end, after))
@@ -229,7 +229,10 @@ def equivalents(path: Path = EQUIVALENT) -> Iterator[tuple[tuple[str, str, str, 
     for entry in yaml.safe_load(path.read_text(encoding="utf-8")) or ():
         changes = entry["change"] if isinstance(entry["change"], list) else [entry["change"]]
         for change in changes:
-            yield (entry["module"], entry["function"], entry["line"], change, entry.get("occurrence", 1)), entry["reason"]
+            yield (
+                (entry["module"], entry["function"], entry["line"], change, entry.get("occurrence", 1)),
+                entry["reason"],
+            )
 
 
 def mirrors(module: str, root: Path = ROOT) -> list[str]:

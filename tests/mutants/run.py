@@ -25,6 +25,7 @@ import tempfile
 import time
 import traceback
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -66,17 +67,17 @@ class Recorder:
         else:
             items.sort(key=lambda item: self.order.get(item.nodeid, len(self.order)))
 
-    def _trace(self, frame, event, argument):  # noqa: ANN001, ANN202
+    def _trace(self, frame, event, argument):
         return self._line if frame.f_code.co_filename == self.traced else None
 
-    def _line(self, frame, event, argument):  # noqa: ANN001, ANN202
+    def _line(self, frame, event, argument):
         self.lines.setdefault(self.test, set()).add(frame.f_lineno)
         return self._line
 
     def pytest_runtest_logstart(self, nodeid: str) -> None:
         self.test = nodeid
 
-    def pytest_runtest_logreport(self, report) -> None:  # noqa: ANN001
+    def pytest_runtest_logreport(self, report) -> None:
         self.seconds[report.nodeid] += report.duration
         if report.failed:
             self.by = self.by or report.nodeid
@@ -84,7 +85,7 @@ class Recorder:
                 self._tell()
                 os._exit(1)  # nobody needs the rest of the session
 
-    def pytest_collectreport(self, report) -> None:  # noqa: ANN001
+    def pytest_collectreport(self, report) -> None:
         if report.failed:
             self.by = self.by or f"{report.nodeid} (import)"
 
@@ -147,6 +148,9 @@ def start(slot: Path, module: str, order: dict[str, int] | None, limit_s: float,
         os._exit(status)
 
 
+Done = Callable[[Point, str, str, float], None]
+
+
 def stop(child: Child) -> None:
     """Kill a session with everything that it started."""
     with contextlib.suppress(ProcessLookupError):
@@ -195,7 +199,7 @@ def order_for(point: Point, tests: dict) -> dict[str, int]:
     return {name: rank for rank, name in enumerate(ranked)}
 
 
-def run(points: list[Point], workers: int, work: Path, done) -> None:  # noqa: ANN001
+def run(points: list[Point], workers: int, work: Path, done: Done) -> None:
     """Run every mutant; ``done(point, status, by, seconds)`` takes the outcome."""
     first = work / "0"
     shutil.copytree(ROOT, first / "tree", ignore=UNCOPIED)
@@ -289,7 +293,9 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--workers", type=int, default=2, help="mutants that run at a time (default: 2)")
     parser.add_argument("--module", action="append", help="only this module, such as etc/rates; may be repeated")
     parser.add_argument("--listed", action="store_true", help="run the listed equivalents too: none may be killed")
-    parser.add_argument("--survivors-of", type=Path, metavar="FILE", help="only the survivors of such a file of results")
+    parser.add_argument(
+        "--survivors-of", type=Path, metavar="FILE", help="only the survivors of such a file of results"
+    )
     parser.add_argument("--out", type=Path, metavar="FILE", help="add results as JSON lines, and skip those it holds")
     return parser.parse_args()
 
