@@ -6,6 +6,7 @@ from simulator.config import load_instrument
 from simulator.config.optics import Drift
 from simulator.imaging.build import build_imager
 from simulator.imaging.drift import iter_visit_frames, screen_model, visit_frames
+from simulator.imaging.imager import FocalGrid
 from simulator.imaging.psf import single_band_psf
 from simulator.knobs import Knobs
 
@@ -97,23 +98,47 @@ def test_contrast_scales_with_the_square_of_the_drift():
         assert (np.mean(contrast) - floor) / rms**2 == pytest.approx(1.1e-7, rel=0.25)
 
 
-def test_walk_grows_with_time_and_visits_differ():
+def test_frames_without_a_walk_are_still_and_visits_differ():
     imager = build_imager(INSTRUMENT, "F662", "quick")
     still = visit_frames(imager, drift(0.05, 0.0), 4, 900.0, *rngs(3))
     np.testing.assert_array_equal(still[0], still[3])
     walking = visit_frames(imager, drift(0.05, 0.05), 4, 900.0, *rngs(3))
     assert not np.array_equal(walking[0], still[0])  # half a step into the visit already
-    steps = [np.sqrt(((frame - walking[0]) ** 2).sum()) for frame in walking]
-    assert steps[0] == 0 < min(steps[1:])
     other = visit_frames(imager, drift(0.05, 0.0), 1, 900.0, *rngs(4))[0]
     assert not np.array_equal(other, still[0])
-    # Variance of the walk: linear response, so the rms change over n steps goes as sqrt(n x cadence).
-    change = []
-    for k in range(40):
-        frames = visit_frames(imager, drift(0.0, 0.01), 5, 900.0, *rngs(5, k))
-        change.append([((frames[i] - frames[0]) ** 2).sum() for i in (1, 4)])
-    ratio = np.mean(change, axis=0)
-    assert ratio[1] / ratio[0] == pytest.approx(4, rel=0.5)
+
+
+@pytest.fixture
+def wavefronts(monkeypatch):
+    """Return path differences of frames of many visits, nm, on the disc: shape (visits, frames, samples); no images."""
+    imager = build_imager(INSTRUMENT, "F662", Knobs(pupil_samples=64, wavelength_nodes=1, pixel_nodes=1))
+    monkeypatch.setattr(FocalGrid, "image", lambda grid, opd_nm: opd_nm)
+
+    def drawn(settings, n_frames, cadence_s, n_visits):
+        opd = np.stack([visit_frames(imager, settings, n_frames, cadence_s, *rngs(5, k)) for k in range(n_visits)])
+        return opd[:, :, disc(opd.shape[-1])[0]]
+
+    return drawn
+
+
+@pytest.mark.parametrize("cadence_s", [30.0, 900.0, 7200.0])
+def test_the_wavefront_walks_with_the_square_root_of_time(wavefronts, cadence_s):
+    """Brownian motion: <W(s) W(t)> = visit^2 + walk^2 min(s, t), in absolute nm^2, with t in hours."""
+    visit, walk, n_visits = 0.3, 0.8, 300
+    opd = wavefronts(drift(visit, walk), 4, cadence_s, n_visits)
+    hours = (np.arange(4) + 0.5) * cadence_s / 3600.0
+    for i in range(4):
+        for j in range(i, 4):
+            products = (opd[:, i] * opd[:, j]).mean(axis=-1)
+            expected = visit**2 + walk**2 * hours[i]
+            assert abs(products.mean() - expected) < 4 * products.std() / np.sqrt(n_visits), (i, j)
+
+
+def test_the_walk_has_slope_one_half_over_four_decades_of_time(wavefronts):
+    cadence_s = np.array([3.0, 30.0, 300.0, 3000.0, 30000.0])
+    rms = [np.sqrt((wavefronts(drift(0.0, 0.05), 1, step, 60) ** 2).mean()) for step in cadence_s]
+    slope = np.diff(np.log(rms)) / np.diff(np.log(cadence_s))
+    np.testing.assert_allclose(slope, 0.5, atol=1e-9)  # the same draws at every cadence
 
 
 def test_iteration_is_lazy_and_checked():

@@ -1,0 +1,348 @@
+"""Rates in an aperture, field by field, against images, synphot, photutils and closed forms written out here."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from photutils.aperture import CircularAperture
+
+from cpic_planner.etc.model import Strategy, build_model
+from cpic_planner.etc.rates import aperture_rates, companion_saturates
+from cpic_planner.targets import find_target
+from simulator import load_instrument, star_photlam
+from simulator.config.optics import Drift
+from simulator.imaging.drift import visit_frames
+from simulator.imaging.psf import single_band_psf, wide_on_axis
+
+INSTRUMENT = load_instrument()
+DETECTOR = INSTRUMENT.detector
+BAND, CENTRE_NM, WIDTH_NM, T_OPT, QE = "F662", 662.0, 55.0, 0.19, 0.90  # of the default instrument
+PIXEL, LAMBDA_D = 0.016153, 662e-9 / 2.0 * 206264.806  # arcsec
+RADIUS = 0.7 * LAMBDA_D
+AREA_CM2 = 1e4 * np.pi * 1.0**2
+SUN = {"teff_k": 5772.0, "log_g": 4.4, "metallicity": 0.0}
+BIN = 0.15  # arcsec over which wings of companions are smoothed
+
+
+def targets(v_mag=3.0, /, companions="on", **companion):
+    """Return one star like the Sun, with a companion where its numbers are given."""
+    given = {"separation_arcsec": np.nan, "pa_deg": np.nan, "v_mag": np.nan, "teff_k": np.nan} | companion
+    columns = SUN | {"v_mag": v_mag} | {f"companion_{name}": value for name, value in given.items()}
+    return replace(find_target("tau Cet")[0], companions=companions,
+                   **{name: np.array([float(value)]) for name, value in columns.items()})  # fmt: skip
+
+
+PAIR = {"separation_arcsec": 5.0, "pa_deg": 248.0, "v_mag": 1.0, "teff_k": 5772.0}
+
+
+def electrons(v_mag, teff_k=5772.0):
+    """Detected electrons per second of a star on the clear 2 m disc, by integrating its spectrum."""
+    source = star_photlam(v_mag, teff_k=teff_k, log_g=4.4, metallicity=0.0)
+    angstrom = np.linspace(10 * (CENTRE_NM - WIDTH_NM / 2), 10 * (CENTRE_NM + WIDTH_NM / 2), 20_001)
+    return AREA_CM2 * T_OPT * QE * np.trapezoid(source(angstrom).value, angstrom)
+
+
+def aperture_sum(image, x, y, radius=RADIUS):
+    """Light in an exact circle on a star-centred stamp, by photutils."""
+    middle = len(image) // 2
+    circle = CircularAperture((x / PIXEL + middle, y / PIXEL + middle), radius / PIXEL)
+    return float(circle.do_photometry(image, method="exact")[0][0])
+
+
+def model(library="same_star_planet_free", instrument=INSTRUMENT, **strategy):
+    return build_model(instrument, [BAND], Strategy(library=library, **strategy))
+
+
+@pytest.fixture(scope="module")
+def light():
+    """Images of unit sources: the star, a source far from the mask, and the star on the whole frame."""
+    psf = single_band_psf(BAND, instrument=INSTRUMENT)
+    n = len(psf.on_axis)
+    centre = PIXEL * (np.arange(n) - n // 2)
+    frame = wide_on_axis(BAND, INSTRUMENT, (1050, 1080), (DETECTOR.star_row, DETECTOR.star_column))
+    return SimpleNamespace(psf=psf, centre=centre, frame=frame)
+
+
+def pixels(*steps):
+    """Places that are centres of pixels, arcsec."""
+    return PIXEL * np.array(steps, float)
+
+
+X, Y = pixels(30, -33, 28, 40), pixels(27, 30, -36, -24)  # separations of 0.65 to 0.75 arcsec, in three quadrants
+INNER, OUTER = 0.294 / 2**0.5, 0.707  # edges of the squares, arcsec
+
+
+def of(setup, star, contrast=1e-8, x=X, y=Y):
+    return aperture_rates(setup, star, BAND, x[None], y[None], np.full((1, x.size), contrast))
+
+
+def test_light_of_planet_and_star_is_that_of_images(light):
+    rates, star_e_s = of(model(), targets(3.0)), electrons(3.0)
+    planet = [1e-8 * star_e_s * aperture_sum(light.psf.at(x, y), x, y) for x, y in zip(X, Y, strict=True)]
+    halo = [star_e_s * aperture_sum(light.psf.on_axis, x, y) for x, y in zip(X, Y, strict=True)]
+    np.testing.assert_allclose(rates.planet_e_s[0], planet, rtol=2e-3)
+    np.testing.assert_allclose(rates.halo_e_s[0], halo, rtol=1e-4)  # one aperture is exact, one laid on a table
+    np.testing.assert_array_equal(rates.companion_e_s, 0.0)
+    np.testing.assert_array_equal(rates.wings_e2_s2, 0.0)
+    np.testing.assert_allclose(of(model(), targets(5.5)).halo_e_s, 0.1 * rates.halo_e_s, rtol=1e-9)
+
+
+def test_stars_planets_and_places_broadcast():
+    """Two stars at three places with two contrasts each: every number is that of its own question."""
+    both = type(targets()).joined([targets(3.0), targets(4.0)])
+    x, y = X[None, :3, None], Y[None, :3, None]
+    contrast = np.array([1e-8, 3e-8])[None, None, :]
+    every = aperture_rates(model(), both, BAND, x, y, contrast)
+    assert every.planet_e_s.shape == (2, 3, 2)
+    for i, v_mag in enumerate((3.0, 4.0)):
+        for j in range(3):
+            for k in range(2):
+                one = of(model(), targets(v_mag), contrast[0, 0, k], X[j : j + 1], Y[j : j + 1])
+                for name in ("planet_e_s", "halo_e_s", "peak_hole_e_s", "background_e_s", "smear_e"):
+                    found = np.broadcast_to(getattr(every, name), (2, 3, 2))[i, j, k]
+                    assert found == pytest.approx(getattr(one, name).item(), rel=1e-12), name
+                assert np.broadcast_to(every.speckle.k0, (2, 3, 2))[i, j, k] == pytest.approx(one.speckle.k0.item())
+
+
+def test_sky_dust_and_dark_current():
+    instrument = INSTRUMENT.changed({"sky": {"exozodi_zodis": 3.0}, "detector": {"dark_293k_e_s": 0.0}})
+    rates, star_e_s = of(model(instrument=instrument), targets(3.0)), electrons(3.0)
+    passed = 0.3283  # energy behind the shipped apodizer: its squared transmission over the disc
+    sky = electrons(21.0) * np.pi * RADIUS**2 * passed  # 21 mag/arcsec2, of the Sun's colour
+    assert rates.sky_e_s.item() == pytest.approx(sky, rel=0.01)
+    # One zodi is 22 mag/arcsec2 at 1 au from a star of M_V 4.83 (Stark et al. 2014), as r^-2.
+    at_one_arcsec = 3.0 * 10 ** (-0.4 * (22.0 - 4.83)) / 100.0
+    dust = star_e_s * at_one_arcsec / (X**2 + Y**2) * np.pi * RADIUS**2 * passed
+    np.testing.assert_allclose(rates.exozodi_e_s[0], dust, rtol=0.05)  # diffraction and the mask take a few per cent
+    area, dark_rate = np.pi * (RADIUS / PIXEL) ** 2, float(DETECTOR.dark_e_s)
+    assert rates.aperture_pixels == pytest.approx(area, rel=1e-4)
+    assert rates.dark_e_s.item() == pytest.approx(dark_rate * area, rel=1e-4)
+    whole = rates.halo_e_s + rates.companion_e_s + rates.sky_e_s + rates.exozodi_e_s + rates.dark_e_s
+    np.testing.assert_allclose(rates.background_e_s, whole, rtol=1e-14)
+
+
+def companion_place():
+    """Where the companion stands on the detector: east of north, parity -1 (x = -rho sin PA)."""
+    angle = np.deg2rad(PAIR["pa_deg"])
+    return -PAIR["separation_arcsec"] * np.sin(angle), PAIR["separation_arcsec"] * np.cos(angle)
+
+
+def test_light_of_a_companion_is_that_of_its_wings_there(light):
+    image, star_e_s = light.psf.at(*companion_place()), electrons(PAIR["v_mag"])
+    rates = of(model(), targets(3.0, **PAIR))
+    seen = []
+    for x, y in zip(X, Y, strict=True):
+        near = np.abs(light.centre[:, None] - y) <= BIN / 2, np.abs(light.centre - x) <= BIN / 2
+        seen.append(star_e_s * image[near[0] & near[1]].mean() * np.pi * (RADIUS / PIXEL) ** 2)
+    assert max(seen) > 3 * min(seen)  # the quadrant matters
+    np.testing.assert_allclose(rates.companion_e_s[0], seen, rtol=0.25)
+    np.testing.assert_allclose(rates.background_e_s - of(model(), targets(3.0)).background_e_s, rates.companion_e_s)
+    off = of(model(), targets(3.0, companions="off", **PAIR))
+    np.testing.assert_array_equal(off.companion_e_s, 0.0)
+
+
+@pytest.mark.parametrize("missing", ["v_mag", "separation_arcsec"])
+def test_a_companion_that_cannot_be_placed_leaves_no_light(missing):
+    rates = of(model(), targets(3.0, **(PAIR | {missing: np.nan})))
+    np.testing.assert_array_equal(rates.companion_e_s, 0.0)
+
+
+def test_only_the_star_with_a_companion_has_its_light():
+    both = type(targets()).joined([targets(3.0), targets(3.0, **PAIR), targets(3.0)])
+    x, y = np.stack([X, X[::-1], X]), np.stack([Y, Y[::-1], Y])
+    rates = aperture_rates(model("roll"), both, BAND, x, y, np.full(x.shape, 1e-8))
+    alone = of(model("roll"), targets(3.0, **PAIR), x=X[::-1], y=Y[::-1])
+    for name in ("companion_e_s", "wings_e2_s2"):
+        found = getattr(rates, name)
+        np.testing.assert_array_equal(found[[0, 2]], 0.0)
+        np.testing.assert_allclose(found[1], getattr(alone, name)[0], rtol=1e-12)
+
+
+def test_hottest_pixels(light):
+    """Star, planet and companion each at a brightness that shows in the sum; the last was once left out."""
+    star_e_s, other_e_s = electrons(3.0), electrons(PAIR["v_mag"])
+    off_axis = light.psf.off_axis.max()
+    inside = (np.abs(light.centre) >= INNER - PIXEL / 2) & (np.abs(light.centre) <= OUTER + PIXEL / 2)
+    own = light.psf.on_axis[np.ix_(inside, inside)].max()
+    contrast = 0.5 * own / off_axis
+    alone, pair = (of(model(), star, contrast) for star in (targets(3.0), targets(3.0, **PAIR)))
+    np.testing.assert_allclose(alone.peak_hole_e_s, 1.5 * star_e_s * own, rtol=1e-5)
+    np.testing.assert_allclose(alone.peak_planet_e_s, 0.5 * star_e_s * own, rtol=1e-5)
+    np.testing.assert_allclose(pair.peak_planet_e_s, alone.peak_planet_e_s)
+    image = light.psf.at(*companion_place())
+    for j, (x, y) in enumerate(zip(X, Y, strict=True)):
+        near = np.ix_(np.abs(light.centre - y) <= BIN / 2, np.abs(light.centre - x) <= BIN / 2)
+        added = (pair.peak_hole_e_s - alone.peak_hole_e_s)[0, j]
+        assert added == pytest.approx(other_e_s * image[near].mean(), rel=0.25)
+    columns = PIXEL * (np.arange(1080) - DETECTOR.star_column)
+    crossing = (np.abs(columns) >= INNER - PIXEL / 2) & (np.abs(columns) <= OUTER + PIXEL / 2)
+    assert alone.peak_frame_e_s.item() == pytest.approx(star_e_s * light.frame.max(), rel=1e-5)
+    assert alone.peak_columns_e_s.item() == pytest.approx(star_e_s * light.frame[:, crossing].max(), rel=1e-5)
+
+
+def test_light_beside_the_hole_that_the_register_carries_into_it(light):
+    """The largest mean over any run of pixels that ends at the hole, from either side of every row that crosses it."""
+    x, y = (PIXEL * (np.arange(n) - star) for n, star in ((1080, DETECTOR.star_column), (1050, DETECTOR.star_row)))
+    worst = 0.0
+    for row in light.frame[(np.abs(y) >= INNER) & (np.abs(y) <= OUTER)]:
+        for low, high in ((-OUTER, -INNER), (INNER, OUTER)):
+            before, after = row[x < low][::-1], row[x > high]
+            worst = max(worst, *(np.max(np.cumsum(run) / np.arange(1, run.size + 1)) for run in (before, after)))
+    assert of(model(), targets(3.0)).tail_e_s.item() == pytest.approx(electrons(3.0) * worst, rel=0.02)
+
+
+def test_speckles_are_those_of_pairs_of_visits(light):
+    """Frozen offsets of 0.05 nm: rms of aperture sums in the annulus of the difference of two visits."""
+    drift = Drift(visit_nm=0.05, walk_nm_per_sqrt_hour=0.0, psd_slope=2.5)
+    setup, star_e_s = model(), electrons(3.0)
+    place = np.hypot(X, Y)[0]
+    angles = np.deg2rad(45 + np.arange(4) * 90 + np.array([[-12], [0], [12]])).ravel()
+    spots = [(r * np.cos(a), r * np.sin(a)) for r in place + LAMBDA_D * np.array([-0.8, 0.0, 0.8]) for a in angles]
+    squares = []
+    for k in range(60):
+        one, other = (visit_frames(light.psf, drift, 1, 1.0, *map(np.random.default_rng, ((k, i, 1), (k, i, 2))))[0]
+                      for i in (1, 2))  # fmt: skip
+        sums = [aperture_sum(one - other, x, y) for x, y in spots]
+        squares.append(np.var(sums))
+    found = of(setup, targets(3.0)).speckle
+    error = np.std(squares) / np.sqrt(60) / np.mean(squares)
+    assert found.k0[0, 0] == pytest.approx(star_e_s**2 * np.mean(squares), rel=0.15 + 3 * error)
+    walking = of(model(instrument=INSTRUMENT.changed({"drift": {"walk_nm_per_sqrt_hour": 0.0}})), targets(3.0)).speckle
+    np.testing.assert_array_equal(walking.k1, 0.0)
+    brighter = of(setup, targets(0.5)).speckle
+    for part, fainter in zip(brighter, found, strict=True):
+        np.testing.assert_allclose(part, 100.0 * fainter, rtol=1e-9)
+
+
+def test_all_that_is_left_is_speckles_and_wings():
+    rates = of(model("roll"), targets(3.0, **PAIR))
+    assert np.all(rates.wings_e2_s2 > 0)
+    np.testing.assert_allclose(rates.residual.k0, rates.speckle.k0 + rates.wings_e2_s2, rtol=1e-14)
+    assert rates.residual.k1 is rates.speckle.k1
+    fainter = of(model("roll"), targets(3.0, **(PAIR | {"v_mag": 3.5})))
+    np.testing.assert_allclose(rates.wings_e2_s2, 100.0 * fainter.wings_e2_s2, rtol=1e-9)  # a variance
+
+
+def test_weights_of_an_aperture_on_pixels(light):
+    """Means over places of the circle on the pixels: sum w^2 / sum w, and the same weighted by the planet's light."""
+    radius = RADIUS / PIXEL
+    shifts = np.random.default_rng(3).uniform(-0.5, 0.5, (400, 2))
+    squares = [(CircularAperture(shift, radius).to_mask(method="exact").data ** 2).sum() for shift in shifts]
+    rates = of(model(), targets(3.0))
+    assert rates.noise_fraction == pytest.approx(np.mean(squares) / (np.pi * radius**2), rel=2e-3)
+    middle = len(light.psf.off_axis) // 2
+    mask = CircularAperture((middle, middle), radius).to_mask(method="exact")
+    source = mask.cutout(light.psf.off_axis)
+    expected = (mask.data**2 * source).sum() / (mask.data * source).sum()
+    assert rates.source_noise_fraction == pytest.approx(expected, rel=0.02)
+
+
+@pytest.mark.parametrize(("half_width", "tolerance"), [(0.25, 0.05), (0.5, 0.08), (1.0, 0.17), (1.5, 0.25)])
+def test_background_is_measured_in_the_annulus_within_the_quadrants(half_width, tolerance):
+    """Points thrown on the field: area of the ring inside the squares, over that of an aperture.
+
+    The closed form takes the azimuth of the ring's middle for all of it: up to 25 % too much for a wide ring, which is
+    0.2 % of the noise, for 70 apertures measure the background.
+    """
+    x, y = np.random.default_rng(4).uniform(-0.9, 0.9, (2, 2_000_000))
+    dark = np.minimum(np.abs(x), np.abs(y)) >= INNER
+    dark &= np.maximum(np.abs(x), np.abs(y)) <= OUTER
+    place = np.hypot(X, Y)
+    ring = np.abs(np.hypot(x, y)[dark] - place[:, None]) <= half_width * LAMBDA_D
+    area = ring.sum(axis=1) * 1.8**2 / x.size / (np.pi * RADIUS**2)
+    rates = of(model(annulus_lambda_d=half_width), targets(3.0))
+    np.testing.assert_allclose(rates.background_apertures[0], area, rtol=tolerance)
+
+
+def test_a_background_is_never_measured_in_less_than_an_aperture():
+    far = pixels(200)
+    np.testing.assert_array_equal(of(model(), targets(3.0), x=far, y=far).background_apertures, 1.0)
+
+
+@pytest.mark.parametrize("modes", [0, 1, 7])
+def test_modes_take_their_share_of_the_planet(light, modes):
+    """Projecting k modes out of a region of n pixels leaves 1 - k/n of light that knows nothing of them."""
+    inside = (np.abs(light.centre) >= INNER) & (np.abs(light.centre) <= OUTER)
+    rates = of(model(n_modes=modes), targets(3.0))
+    assert rates.rdi_throughput == pytest.approx(1.0 - modes / inside.sum() ** 2, rel=1e-12)
+
+
+def test_particles_hit_an_aperture_at_the_rate_of_its_pixels_and_tracks():
+    instrument = INSTRUMENT.switched({"cosmic_rays": False})
+    assert of(model(instrument=instrument), targets(3.0)).loss_per_s == 0.0
+    side_cm = DETECTOR.pixel_um * 1e-4
+    area = np.pi * (RADIUS / PIXEL) ** 2 * side_cm**2 * INSTRUMENT.cosmic_rays.peak_rate_per_s_cm2
+    assert area < of(model(), targets(3.0)).loss_per_s < 6 * area  # tracks make the target larger
+
+
+def test_references_of_the_same_star_double_the_noise():
+    rates = of(model(), targets(3.0, **PAIR))
+    same = rates.halo_e_s + rates.exozodi_e_s + rates.companion_e_s + rates.sky_e_s + rates.dark_e_s
+    np.testing.assert_allclose(rates.reference_light_e_s, same, rtol=1e-12)
+    np.testing.assert_allclose(rates.reference_halo_e_s, rates.halo_e_s, rtol=1e-12)
+    np.testing.assert_allclose(rates.reference_smear_e, rates.smear_e, rtol=1e-12)
+    assert rates.reference_scale.item() == rates.variance_factor == 1.0
+    assert of(model("roll"), targets(3.0)).variance_factor == 0.5
+
+
+@pytest.mark.parametrize(("v_mag", "ratio"), [(0.5, 10.0), (5.5, 0.1)])
+def test_references_of_another_star_are_scaled(v_mag, ratio):
+    """Scaled to the science star: variance of its light over the ratio, of all else over its square; no companion."""
+    star = targets(3.0, **PAIR)
+    own = of(model(), star)
+    rates = of(model("reference_star", reference_star={"v_mag": v_mag, **SUN}), star)
+    even = (own.sky_e_s + own.dark_e_s) / ratio**2
+    np.testing.assert_allclose(rates.reference_light_e_s, (own.halo_e_s + own.exozodi_e_s) / ratio + even, rtol=1e-9)
+    np.testing.assert_allclose(rates.reference_halo_e_s, own.halo_e_s / ratio, rtol=1e-9)
+    np.testing.assert_allclose(rates.reference_scale, ratio**-2, rtol=1e-9)
+    brighter = max(ratio, 1.0)
+    for name in ("peak_frame_e_s", "peak_columns_e_s", "tail_e_s"):
+        np.testing.assert_allclose(getattr(rates, name), brighter * getattr(own, name), rtol=1e-9)
+    alone = of(model(), targets(3.0), 1e-30).peak_hole_e_s
+    np.testing.assert_allclose(rates.peak_hole_e_s, own.peak_hole_e_s + (brighter - 1.0) * alone, rtol=1e-9)
+
+
+def test_an_idealised_library_adds_nothing():
+    rates = of(model("idealised"), targets(3.0))
+    for part in (rates.reference_light_e_s, rates.reference_halo_e_s, rates.reference_scale, rates.reference_smear_e,
+                 rates.speckle.k0, rates.speckle.k1, rates.speckle.k2):  # fmt: skip
+        np.testing.assert_array_equal(part, 0.0)
+
+
+def test_smear_is_the_light_of_the_columns(light):
+    """Every pixel of the aperture passes under the star's light of its column, for one line shift each row."""
+    rates = of(model(), targets(0.0))
+    columns, middle = light.frame.sum(axis=0), DETECTOR.star_column
+    circle = CircularAperture((0.0, 0.0), RADIUS / PIXEL).to_mask(method="exact").data.sum(axis=0)
+    reach = len(circle) // 2
+    for j, x in enumerate(np.rint(X / PIXEL).astype(int)):
+        light_e_s = electrons(0.0) * circle @ columns[middle + x - reach : middle + x + reach + 1]
+        shift_s = model().camera(BAND).line_shift_s
+        assert shift_s > 0
+        assert rates.smear_e[0, j] == pytest.approx(shift_s * light_e_s, rel=0.03)
+
+
+@pytest.mark.parametrize(("fill", "over"), [(0.98, False), (1.02, True)])
+def test_a_companion_saturates_where_its_peak_passes_the_well(light, fill, over):
+    star = targets(3.0, **PAIR)
+    peak_e_s = electrons(PAIR["v_mag"]) * light.psf.off_axis.max()
+    exposure_s = fill * DETECTOR.full_well_e / peak_e_s
+    assert companion_saturates(model(), star, BAND, exposure_s).tolist() == [over]
+    assert companion_saturates(model(), targets(3.0), BAND, 1e6).tolist() == [False]
+    assert companion_saturates(model(), replace(star, companions="off"), BAND, 1e6).tolist() == [False]
+    both = type(star).joined([targets(3.0), star])
+    assert companion_saturates(model(), both, BAND, [1e6, exposure_s]).tolist() == [False, over]
+
+
+@pytest.mark.parametrize(
+    ("pa_deg", "reach"),
+    [(270.0, 1080 - 1 - DETECTOR.star_column), (90.0, DETECTOR.star_column),
+     (0.0, 1050 - 1 - DETECTOR.star_row), (180.0, DETECTOR.star_row)],
+    ids=["last column", "first column", "last row", "first row"],
+)  # fmt: skip
+def test_a_companion_beyond_the_frame_saturates_nothing(pa_deg, reach):
+    """At parity -1 west is at +x; a companion on the last row or column still falls on the frame."""
+    for steps, seen in ((reach - 0.4, True), (reach + 1.5, False)):
+        star = targets(3.0, **(PAIR | {"separation_arcsec": steps * PIXEL, "pa_deg": pa_deg}))
+        assert companion_saturates(model(), star, BAND, 1e6).tolist() == [seen]
