@@ -109,7 +109,8 @@ class Child:
 
     pid: int
     started: float
-    limit_s: float
+    seen: float
+    left_s: float
     slot: Path
     point: Point | None
 
@@ -121,7 +122,7 @@ def start(slot: Path, module: str, order: dict[str, int] | None, limit_s: float,
     files = mirrors(module, tree)
     pid = os.fork()
     if pid:
-        return Child(pid, time.monotonic(), limit_s, slot, point)
+        return Child(pid, time.monotonic(), time.monotonic(), limit_s, slot, point)
     status = 70
     try:
         os.setsid()
@@ -161,11 +162,15 @@ def finished(child: Child) -> tuple[str, str] | None:
     """Status and killer of a session that has ended or run out of time."""
     pid, code = os.waitpid(child.pid, os.WNOHANG)
     if not pid:
-        if time.monotonic() - child.started < child.limit_s:
+        # Steps of at most a second: while both processes are suspended, no time counts.
+        now = time.monotonic()
+        child.left_s -= min(now - child.seen, 1.0)
+        child.seen = now
+        if child.left_s > 0:
             return None
         stop(child)
         os.waitpid(child.pid, 0)
-        return "killed", f"{child.limit_s:.0f} s without an end"
+        return "killed", f"{child.seen - child.started:.0f} s without an end"
     stop(child)  # what a failed test left running
     status = os.waitstatus_to_exitcode(code)
     report = child.slot / "report.json"
