@@ -9,9 +9,11 @@ BIN := $(VENV)/bin
 TOP ?= 5
 WORKERS ?= 2
 OUT ?= out/plan
+SEED ?= 1
+MUTANTS ?= 300
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: help plan test lint bench bench-baseline data reports wheel clean check-python
+.PHONY: help plan test lint mutants bench bench-baseline data reports wheel clean check-python
 help:  ## show this list
 	@awk -F':.*## ' '/^[a-z-]+:.*## /{printf "  make %-14s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
@@ -40,6 +42,9 @@ lint: $(VENV)/installed  ## check style and types
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+mutants: $(VENV)/installed  ## change the code in one place at a time; fails where no test sees it (SEED, MUTANTS, WORKERS)
+	$(BIN)/python tests/mutants/run.py --seed $(SEED) --count $(MUTANTS) --workers $(WORKERS)
 
 bench: $(VENV)/installed  ## run the timed comparisons; fails where one is slower than its baseline
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[bench]'

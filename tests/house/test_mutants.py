@@ -1,0 +1,135 @@
+"""Mutation points of `make mutants`: right places, names that last, a seeded sample, and equivalents with a reason."""
+
+import ast
+import importlib.util
+import re
+import sys
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+SOURCE = '''\
+"""Text 1 + 1."""
+
+__all__ = ["law"]
+WIDTH: "2 + 2" = 3
+
+
+@cache(maxsize=8)
+def law(x: int | None, *, scale: float = 2.0) -> list[1]:
+    """Add 1 to x."""
+    assert x > 0
+    if x is None or not (0 < x):
+        raise ValueError(f"{x + 1}", 5 * x)
+    y = (x) + (  # µ: a comment - with an operator
+        -scale
+    )
+    y **= 1_000
+    return zip(y ** (x - 1) * 0.0, x not in y, True, strict=True), "é" * 2, 1j @ x
+'''
+CHANGED = {
+    "WIDTH: \"2 + 2\" = 4",
+    "def law(x: int | None, *, scale: float = 4.0) -> list[1]:",
+    "if x is not None or not (0 < x):",
+    "if x is None and not (0 < x):",
+    "if x is None or  (0 < x):",
+    "if x is None or not (0 <= x):",
+    "if x is None or not (0 > x):",
+    "if x is None or not (1 < x):",
+    "y = (x) - (  # µ: a comment - with an operator",
+    "scale",
+    "y *= 1_000",
+    "y **= 1001",
+    "return zip((y * (x - 1)) * 0.0, x not in y, True, strict=True), \"é\" * 2, 1j @ x",
+    "return zip(y ** (x + 1) * 0.0, x not in y, True, strict=True), \"é\" * 2, 1j @ x",
+    "return zip(y ** (x - 2) * 0.0, x not in y, True, strict=True), \"é\" * 2, 1j @ x",
+    "return zip(y ** (x - 1) / 0.0, x not in y, True, strict=True), \"é\" * 2, 1j @ x",
+    "return zip(y ** (x - 1) * 1.0, x not in y, True, strict=True), \"é\" * 2, 1j @ x",
+    "return zip(y ** (x - 1) * 0.0, x in y, True, strict=True), \"é\" * 2, 1j @ x",
+    "return zip(y ** (x - 1) * 0.0, x not in y, False, strict=True), \"é\" * 2, 1j @ x",
+    "return zip(y ** (x - 1) * 0.0, x not in y, True, strict=True), \"é\" / 2, 1j @ x",
+    "return zip(y ** (x - 1) * 0.0, x not in y, True, strict=True), \"é\" * 3, 1j @ x",
+    "return zip(y ** (x - 1) * 0.0, x not in y, True, strict=True), \"é\" * 2, 2j @ x",
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def points():
+    spec = importlib.util.spec_from_file_location("house_points", ROOT / "tests" / "mutants" / "points.py")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="module")
+def population(points):
+    return points.population()
+
+
+def test_a_mutant_differs_in_one_line_and_nothing_unseen_is_changed(points):
+    found = points.points_of("law.py", SOURCE.encode())
+    before = SOURCE.splitlines()
+    lines = []
+    for point in found:
+        after = point.apply(SOURCE.encode()).decode()
+        ast.parse(after)
+        changed = [row for row, pair in enumerate(zip(before, after.splitlines(), strict=True), 1) if len({*pair}) > 1]
+        assert changed == [point.row]
+        assert before[point.row - 1].strip() == point.line
+        assert point.lines[0] <= point.row <= point.lines[1]
+        lines.append(after.splitlines()[point.row - 1].strip())
+    assert set(lines) == CHANGED
+    assert len(lines) == len(CHANGED)
+
+
+def test_a_name_outlives_other_lines_and_tells_equal_changes_apart(points):
+    source = b"def f(x):\n    y = x * x * x\n    return y\n"
+    names = [point.name for point in points.points_of("m.py", source)]
+    assert names == [("m.py", "f", "y = x * x * x", "* -> /", 1), ("m.py", "f", "y = x * x * x", "* -> /", 2)]
+    first, second = (point.apply(source) for point in points.points_of("m.py", source))
+    assert b"y = x / x * x" in first
+    assert b"y = x * x / x" in second
+    assert [point.name for point in points.points_of("m.py", b"import os\n\n\n" + source)] == names
+
+
+def test_every_point_of_the_modules_is_another_program(points, population):
+    assert Counter(point.name for point in population).most_common(1)[0][1] == 1
+    assert {point.module for point in population} == set(points.MODULES)
+    assert len(population) > 1000
+    for point in points.sample(population, 100, seed=3):
+        source = (ROOT / point.module).read_bytes()
+        assert ast.dump(ast.parse(point.apply(source))) != ast.dump(ast.parse(source)), point.name
+
+
+def test_the_sample_is_that_of_its_seed(points, population):
+    drawn = points.sample(population, 300, seed=1)
+    assert drawn == points.sample(population, 300, seed=1)
+    assert len({point.name for point in drawn}) == 300
+    assert [point for point in population if point in set(drawn)] == drawn
+    assert drawn != points.sample(population, 300, seed=2)
+    assert points.sample(population, 10**6, seed=1) == population
+
+
+def test_equivalents_name_one_point_each_and_say_why(points, population):
+    listed = list(points.equivalents())
+    names = {point.name for point in population}
+    assert [name for name, _ in listed if name not in names] == []
+    assert [name for name, count in Counter(name for name, _ in listed).items() if count > 1] == []
+    assert [name for name, why in listed if not re.fullmatch(r"[A-Z0-9`].{20,}\.", why, re.S)] == []
+
+
+def test_modules_have_mirrors_and_no_compiled_code(points):
+    """Kernels on the disk cache of Numba would not see a change of what they import."""
+    for module in points.MODULES:
+        assert points.mirrors(module)
+        assert "numba" not in (ROOT / module).read_text(encoding="utf-8")
+    kernels = [file for folder in ("catalogs", "simulator", "cpic_planner") for file in (ROOT / folder).rglob("*.py")
+               if "@njit" in file.read_text(encoding="utf-8")]  # fmt: skip
+    assert len(kernels) >= 3
+    for file in kernels:
+        assert not re.search(r"^\s*(from|import) (catalogs|simulator|cpic_planner)", file.read_text("utf-8"), re.M), (
+            file
+        )
