@@ -105,10 +105,10 @@ def crest(mean_e, factor):
 
 
 def cameras():
-    """Cameras of all kinds: wells from an electron to a million, with and without blooming, register and converter."""
+    """Cameras of all kinds: wells from a tenth of an electron to a million, with and without blooming, register and converter."""
     rng = np.random.default_rng(11)
     for k in range(60):
-        pixel, register, converter = 10 ** rng.uniform(0, 6, 3)
+        pixel, register, converter = 10 ** rng.uniform(-1, 6, 3)
         yield replace(CAMERA, full_well_e=pixel, register_full_well_e=register,
                       converter_e=(np.inf, 0.0, converter)[k % 3], em_gain_max=(1.0, 1e3, 1e9)[k // 3 % 3],
                       blooms=k % 2 == 0), 10 ** rng.uniform(-3, 5, (12, 3)), 10 ** rng.uniform(-2, 2, 12)  # fmt: skip
