@@ -105,6 +105,16 @@ def test_stars_planets_and_places_broadcast():
                 assert np.broadcast_to(every.speckle.k0, (2, 3, 2))[i, j, k] == pytest.approx(one.speckle.k0.item())
 
 
+def test_one_place_for_each_star():
+    both = type(targets()).joined([targets(3.0), targets(4.0, **PAIR)])
+    every = aperture_rates(model(), both, BAND, X[:2], Y[:2], np.array([1e-8, 3e-8]))
+    for i, star in enumerate((targets(3.0), targets(4.0, **PAIR))):
+        one = of(model(), star, (1e-8, 3e-8)[i], X[i : i + 1], Y[i : i + 1])
+        for name in ("planet_e_s", "halo_e_s", "companion_e_s", "peak_hole_e_s", "smear_e"):
+            assert getattr(every, name).shape == (2,)
+            assert getattr(every, name)[i] == pytest.approx(getattr(one, name).item(), rel=1e-12), name
+
+
 def test_sky_dust_and_dark_current():
     instrument = INSTRUMENT.changed({"sky": {"exozodi_zodis": 3.0}, "detector": {"dark_293k_e_s": 0.0}})
     rates, star_e_s = of(model(instrument=instrument), targets(3.0)), electrons(3.0)
