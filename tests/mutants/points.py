@@ -25,10 +25,7 @@ EQUIVALENT = Path(__file__).with_name("equivalent.yaml")
 # Modules by path, and tests that mirror them under other names than tests/<path>/test_<module>.py.
 MODULES: dict[str, tuple[str, ...]] = {
     "simulator/imaging/drift.py": (),
-    "cpic_planner/etc/rates.py": (
-        "tests/cpic_planner/etc/test_companion_wings.py", "tests/cpic_planner/etc/test_library.py",
-        "tests/cpic_planner/etc/test_smear.py",
-    ),
+    "cpic_planner/etc/rates.py": (),
     "cpic_planner/etc/noise.py": (),
     "cpic_planner/etc/speckles.py": (),
     "cpic_planner/etc/limits.py": (),

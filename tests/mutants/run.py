@@ -41,6 +41,7 @@ HEAVY = ("numpy", "scipy.stats", "scipy.optimize", "scipy.interpolate", "scipy.n
          "pytest")  # fmt: skip
 UNCOPIED = shutil.ignore_patterns(".*", "__pycache__", "out", "dist", "build", "*.egg-info")
 MEMORY_BYTES = 8 << 30
+Done = Callable[[Point, str, str, float], None]
 SLACK_S, FACTOR = 10.0, 3.0  # time limit of a mutant: FACTOR times that of the unchanged tests, and SLACK_S
 
 
@@ -96,8 +97,9 @@ class Recorder:
             os._exit(exitstatus)
 
     def _tell(self) -> None:
-        found = {"by": self.by, "tests": {name: [seconds, sorted(self.lines.get(name, ()))]
-                                          for name, seconds in self.seconds.items()}}  # fmt: skip
+        heavy = [name for name in HEAVY if name in sys.modules]
+        found = {"by": self.by, "heavy": heavy, "tests": {name: [seconds, sorted(self.lines.get(name, ()))]
+                                                          for name, seconds in self.seconds.items()}}  # fmt: skip
         self.report.write_text(json.dumps(found), encoding="utf-8")
 
 
@@ -130,6 +132,7 @@ def start(slot: Path, module: str, order: dict[str, int] | None, limit_s: float,
         sys.path[0] = str(tree)
         sys.dont_write_bytecode = order is not None
         os.environ.update(PYTHONPATH=str(tree), CPIC_CACHE_DIR=str(slot / "cache"), TMPDIR=str(slot))
+        tempfile.tempdir = None
         if sys.dont_write_bytecode:
             os.environ["PYTHONDONTWRITEBYTECODE"] = "1"
         resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, resource.RLIM_INFINITY))
@@ -146,9 +149,6 @@ def start(slot: Path, module: str, order: dict[str, int] | None, limit_s: float,
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(status)
-
-
-Done = Callable[[Point, str, str, float], None]
 
 
 def stop(child: Child) -> None:
@@ -178,13 +178,20 @@ def finished(child: Child) -> tuple[str, str] | None:
 def unchanged(slot: Path, module: str) -> dict:
     """Time and executed lines of every test of the unchanged module; all must pass."""
     child = start(slot, module, None, 1800.0)
-    while (found := finished(child)) is None:
-        time.sleep(0.02)
+    try:
+        while (found := finished(child)) is None:
+            time.sleep(0.02)
+    finally:
+        stop(child)
     if found[0] == "killed":
         log = (slot / "log.txt").read_text(encoding="utf-8")
         raise SystemExit(f"{module}: its tests must pass before a mutant means anything ({found[1]})\n{log[-3000:]}")
-    tests = json.loads((slot / "report.json").read_text(encoding="utf-8"))["tests"]
-    return {"tests": tests, "limit_s": FACTOR * (time.monotonic() - child.started) + SLACK_S}
+    limit_s = FACTOR * (time.monotonic() - child.started) + SLACK_S
+    report = json.loads((slot / "report.json").read_text(encoding="utf-8"))
+    for name in report["heavy"]:
+        importlib.import_module(name)
+    gc.freeze()  # collections in the children pass over all this
+    return {"tests": report["tests"], "limit_s": limit_s}
 
 
 def order_for(point: Point, tests: dict) -> dict[str, int]:
@@ -204,13 +211,13 @@ def run(points: list[Point], workers: int, work: Path, done: Done) -> None:
     first = work / "0"
     shutil.copytree(ROOT, first / "tree", ignore=UNCOPIED)
     (first / "cache").mkdir()
-    sources = {module: (first / "tree" / module).read_bytes() for module in MODULES}
-    facts = {}
+    sources, facts = {}, {}
     for module in dict.fromkeys(point.module for point in points):
+        sources[module] = (first / "tree" / module).read_bytes()
         facts[module] = unchanged(first, module)
         say(f"{module}: {len(facts[module]['tests'])} tests pass unchanged")
     # No bytecode of the modules to be changed: it is only compared by size and second.
-    for module in MODULES:
+    for module in sources:
         file = first / "tree" / module
         for stale in (file.parent / "__pycache__").glob(f"{file.stem}.*.pyc"):
             stale.unlink()
@@ -340,9 +347,6 @@ def main() -> int:
     say(f"{len(chosen)} of {len(points)} points, {len(todo)} to run")
     with tempfile.TemporaryDirectory(prefix="cpic-mutants-", ignore_cleanup_errors=True) as work:
         if todo:
-            for name in HEAVY:
-                importlib.import_module(name)
-            gc.freeze()
             run(todo, options.workers, Path(work), done)
     wrong = [point for point in chosen if point.name in listed and outcome[point.name] == "killed"]
     for point in chosen:
