@@ -8,6 +8,8 @@ import json
 from pathlib import Path
 from typing import Any
 
+from catalogs.known_planet_columns import STATUSES
+
 __all__ = ["MODEL_CREDITS", "PLANET_CREDITS", "STAR_CREDITS", "catalogue_info", "snapshot_vintage"]
 
 _DATA = Path(__file__).resolve().parent / "data"
@@ -46,13 +48,25 @@ def snapshot_vintage() -> str:
     return f"{entry['vintage']} (stars.csv {entry['sha256'][:12]})"
 
 
+def _updates() -> dict[str, Any]:
+    """Return the date and file of the updates of known planets, and the planets that are not simply confirmed."""
+    from catalogs.known_planets import UPDATES_FILE, load_known_planets, planets_updated
+
+    table = load_known_planets()
+    pairs = list(zip(table.text("status"), table.text("planet"), strict=True))
+    return {"date": planets_updated(), "file": UPDATES_FILE, "n_rows": sum(map(bool, table.text("updated")))} | {
+        status: [planet for own, planet in pairs if own == status] for status in STATUSES if status != "confirmed"
+    }
+
+
 def catalogue_info() -> dict[str, Any]:
     """Everything that ``cpic catalog info`` shows.
 
     Returns
     -------
     dict
-        ``vintage``, ``counts`` (cut, count, reference count and remark), ``notes``, ``known_planets`` (vintage, notes),
+        ``vintage``, ``counts`` (cut, count, reference count and remark), ``notes``, ``known_planets`` (vintage, notes,
+        ``updates``: date, file, and the planets of each status that is not ``confirmed``),
         ``files`` (name, source packages, licence, description) and ``credits``.
     """
     with (_DATA / "stars_counts.csv").open(encoding="utf-8", newline="") as stream:
@@ -80,7 +94,7 @@ def catalogue_info() -> dict[str, Any]:
         "vintage": snapshot_vintage(),
         "counts": counts,
         "notes": stars["notes"],
-        "known_planets": {"vintage": planets["vintage"], "notes": planets["notes"]},
+        "known_planets": {"vintage": planets["vintage"], "notes": planets["notes"], "updates": _updates()},
         "files": files,
         "credits": [*STAR_CREDITS, *PLANET_CREDITS, *MODEL_CREDITS],
     }
