@@ -16,7 +16,7 @@ __all__ = ["NAMED_TABLES", "RANKED_V_MAG", "Catalogue", "data_credits", "open_ca
 
 RANKED_V_MAG = 7.0
 """Faintest V of a ranking of the snapshot or a refreshed table, mag; they reach a little deeper."""
-NAMED_TABLES = ("snapshot", "latest", "base")
+NAMED_TABLES = ("snapshot", "latest", "simbad_2012")
 """Words that name a star table; anything else is a file."""
 _DIGITS = 12
 _USER_TABLE = "user's table"
@@ -30,7 +30,7 @@ class Catalogue:
     ----------
     table : StarTable
         The stars.
-    kind : {"snapshot", "base", "refreshed", "file"}
+    kind : {"snapshot", "simbad_2012", "refreshed", "file"}
         Where they come from.
     provenance : str
         One line for results: what it is, its date or file name (no folder), the first digits of its sha256.
@@ -43,7 +43,7 @@ class Catalogue:
     """
 
     table: StarTable
-    kind: Literal["snapshot", "base", "refreshed", "file"]
+    kind: Literal["snapshot", "simbad_2012", "refreshed", "file"]
     provenance: str
     sample: str
     ranked_v_mag: float | None
@@ -56,10 +56,10 @@ def open_catalogue(source: str | Path = "snapshot") -> Catalogue:
     Parameters
     ----------
     source : str or Path
-        ``"snapshot"`` (embedded), ``"base"`` (the same without the updates of companions' places, see
-        `catalogs.companion_updates`), ``"latest"`` (the newest that ``cpic catalog refresh`` left in the data folder), or
-        a file: CSV, ECSV, VOTable or FITS of a user's own, or a refreshed table. A file of one of these three names is
-        written with its folder: ``./latest``.
+        ``"snapshot"`` (embedded), ``"simbad_2012"`` (the same with companions where they were first listed, without the
+        updates of `catalogs.companion_updates`), ``"latest"`` (the newest that ``cpic catalog refresh`` left in the
+        data folder), or a file: CSV, ECSV, VOTable or FITS of a user's own, or a refreshed table. A file of one of
+        these three names is written with its folder: ``./latest``.
 
     Raises
     ------
@@ -68,11 +68,11 @@ def open_catalogue(source: str | Path = "snapshot") -> Catalogue:
     """
     if not isinstance(source, str | Path) or not str(source):
         raise InputError("catalog", source, allowed=f"{', '.join(NAMED_TABLES)}, or the name of a table file")
-    if source == "snapshot" or source == "base":
+    if source == "snapshot" or source == "simbad_2012":
         updates = source == "snapshot"
         return Catalogue(
             table=load_stars(updates=updates),
-            kind="snapshot" if updates else "base",
+            kind="snapshot" if updates else "simbad_2012",
             provenance=snapshot_vintage(updates=updates),
             sample="every FGK star of the snapshot with parallax >= 25 mas",
             ranked_v_mag=RANKED_V_MAG,

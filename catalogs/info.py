@@ -20,8 +20,8 @@ STAR_CREDITS = (
     "The star table is a database derived from it, under the Open Database License 1.0.",
     "Stellar data from ExoCat-1 (Turnbull 2015) and Hipparcos-2 (van Leeuwen 2007); names from the d3-celestial index "
     "(Kostjuk 2002; Gliese & Jahreiss 1991).",
-    "Places of companions that have moved: orbits of Akeson et al. 2021 and Bond et al. 2015, and of the Sixth Catalog of "
-    "Orbits of Visual Binary Stars (US Naval Observatory).",
+    "Places of companions that have moved: orbits of Akeson et al. 2021 and Bond et al. 2015, and of the Sixth Catalog "
+    "of Orbits of Visual Binary Stars (ORB6, US Naval Observatory).",
 )
 """Of the embedded and refreshed star tables."""
 
@@ -65,7 +65,8 @@ def catalogue_info() -> dict[str, Any]:
     -------
     dict
         ``vintage``, ``counts`` (cut, count, reference count and remark), ``notes``, ``companion_updates`` (pairs whose
-        place is not the base table's), ``known_planets`` (vintage, notes), ``files`` (name, source packages, licence, description) and ``credits``.
+        place is not that of ``stars.csv``), ``known_planets`` (vintage, notes), ``files`` (name, source packages,
+        licence, description) and ``credits``.
     """
     with (_DATA / "stars_counts.csv").open(encoding="utf-8", newline="") as stream:
         counts = [

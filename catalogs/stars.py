@@ -6,7 +6,7 @@ parallax puts beyond 40 pc (``stars_removed.csv``). A ranking uses all rows with
 dropped: dwarfs without a close companion are the paper's "nearly 700", but its own example, alpha Cen B, has one.
 
 Values are read from ``data/stars.csv``; units and descriptions are in ``data/stars_columns.json``. A number is nan only
-where its ``*_src`` column says ``missing``. Companions that have moved since are those of ``catalogs.companion_updates``.
+where its ``*_src`` column says ``missing``. Companions that have moved since are those of `catalogs.companion_updates`.
 """
 
 from __future__ import annotations

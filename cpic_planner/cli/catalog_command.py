@@ -90,7 +90,7 @@ def info(as_json: JsonOption = False) -> None:
         for row in found["companion_updates"]
     )
     heads = ("star", "companion", "arcsec", "PA (deg)", "in", "orbit")
-    _table(screen, "Companions that have moved (--catalog base: as first listed)", heads, pairs)
+    _table(screen, "Companions that have moved (--catalog simbad_2012: as first listed)", heads, pairs)
     files = ((row["file"], row["packages"], row["licence"]) for row in found["files"])
     _table(screen, "Data files and where they come from", ("file", "packages", "licence"), files)
     planets = found["known_planets"]

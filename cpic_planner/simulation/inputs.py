@@ -35,7 +35,8 @@ def simulation_from(
     ----------
     what : sequence
         Simulations and scenes (presets, YAML files, mappings, objects), and tables of stars (CSV, ECSV, VOTable or
-        FITS; ``snapshot``, ``latest``, ``base``), each row of which is a scene. Nothing for a calibration ``kind``.
+        FITS; ``snapshot``, ``latest``, ``simbad_2012``), each row of which is a scene. Nothing for a calibration
+        ``kind``.
     settings : mapping, optional
         Keys of `SequenceConfig` for the scenes; a simulation has its own.
     changes : mapping, optional

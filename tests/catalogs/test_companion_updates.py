@@ -108,10 +108,10 @@ def test_nothing_else_changes() -> None:
 
 
 def test_base_is_the_table_before() -> None:
-    snapshot, base = open_catalogue("snapshot"), open_catalogue("base")
+    snapshot, base = open_catalogue("snapshot"), open_catalogue("simbad_2012")
     assert by_name(base.table, "alf Cen A")["companion_sep_arcsec"] == pytest.approx(19.11)
     assert by_name(snapshot.table, "alf Cen A")["companion_sep_arcsec"] == pytest.approx(10.25)
-    assert (base.kind, base.ranked_v_mag, base.sample) == ("base", snapshot.ranked_v_mag, snapshot.sample)
+    assert (base.kind, base.ranked_v_mag, base.sample) == ("simbad_2012", snapshot.ranked_v_mag, snapshot.sample)
     assert "companion_updates.csv" in snapshot.provenance == snapshot_vintage()
     assert "companion_updates.csv" not in base.provenance
     assert base.provenance == snapshot_vintage(updates=False)
