@@ -49,7 +49,7 @@ def bright(tmp_path_factory):
         "tau Cet,tau Cet x,1.6,0.0,1,40,1.2,0.78\nHD 10700,tau Cet y,1.9,0.1,1,10,1.3,0.78\n"
         "tau Cet,tau Cet z,50,0,1,0,1.3,0.78\nno such star,n b,1,0,1,0,1,1\n"
     )
-    return load_known_planets(path)
+    return load_known_planets(f"none+{path}")
 
 
 def test_rows_by_any_name_of_the_star(everyone, bright):

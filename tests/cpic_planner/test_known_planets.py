@@ -34,7 +34,7 @@ def table_of(tmp_path):
         path = tmp_path / "planets.csv"
         lines = [f"star,planet,{heading}"] + [f"s,s {'bcdefgh'[k]},{row}" for k, row in enumerate(rows)]
         path.write_text("\n".join(lines) + "\n")
-        return load_known_planets(path)
+        return load_known_planets(f"none+{path}")
 
     return make
 

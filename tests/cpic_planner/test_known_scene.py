@@ -68,7 +68,7 @@ def test_planets_beyond_the_field_are_left_out(tmp_path):
     path.write_text(
         "star,planet,a,e,mass,inclination,star_mass\neps Eri,far,1000,0,1,0,0.8\neps Eri,near,1,0,1,0,0.8\n"
     )
-    far = KnownChoice(load_known_planets(path), "2034-03-01T00:00:00", MJD, albedo_spec("jupiter"), 5)
+    far = KnownChoice(load_known_planets(f"none+{path}"), "2034-03-01T00:00:00", MJD, albedo_spec("jupiter"), 5)
     assert [planet["name"] for planet in known_scene("eps Eri", far)["planets"]] == ["near"]
 
 
