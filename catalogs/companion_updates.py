@@ -3,8 +3,8 @@
 The base table (``data/stars.csv``) is what its builder makes of pinned packages: there alpha Cen B stands where
 Hipparcos saw it in 1991. ``data/companion_updates.csv`` is kept by hand: for a few pairs it gives the place at one
 epoch, computed from a published orbit (its elements are in the note). It is laid over the base table, and over
-refreshed tables, whose companions are the snapshot's. A table of one's own is never touched. Both stars of a pair get each other,
-the second with the position angle turned by 180 deg.
+refreshed tables, whose companions are the snapshot's. A table of one's own is never touched. Both stars of a pair get
+each other, the second with the position angle turned by 180 deg.
 
 ``close_companion`` stays SIMBAD's flag, by which the paper counts its sample.
 """

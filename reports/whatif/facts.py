@@ -52,8 +52,7 @@ def counts(folder: Path, known_planets: str, universes: int) -> dict[str, dict[s
     """Planets found in each universe of a finished run, by strategy and by the keys of `QUANTITIES`."""
     played = read_table(folder / "universes.parquet").columns
     seen = read_table(folder / "detections.parquet").columns
-    names = load_known_planets(known_planets).text("planet")
-    row = names.tolist().index(PLANET)
+    row = list(load_known_planets(known_planets).text("planet")).index(PLANET)
     found = {}
     for strategy in dict.fromkeys(played["strategy"].tolist()):
         mine = played["strategy"] == strategy
@@ -116,7 +115,7 @@ def tables(found: Mapping[str, Any]) -> list[tuple[str, list[str], list[list[str
     for key, title in QUANTITIES.items():
         rows = [[row["strategy"], *(_value(cell) for cell in row["states"])]
                 for row in found["rows"] if row["quantity"] == key]  # fmt: skip
-        made.append((f"{title[0].upper()}{title[1:]} found in a survey (mean ± standard error)", value_head, rows))
+        made.append((f"Found in a survey, {title} (mean ± standard error)", value_head, rows))
     changes = [[row["strategy"], QUANTITIES[row["quantity"]], *(_change(cell) for cell in row["states"][1:])]
                for row in found["rows"]]  # fmt: skip
     made.append(("What each fact changes, in the same universes (90 % interval)", ["strategy", "of", *facts], changes))
@@ -130,8 +129,8 @@ def means(found: Mapping[str, Any], key: str, state: int) -> list[float]:
 
 def share(found: Mapping[str, Any], state: int) -> str:
     """Which part of the planets of a strategy is that one planet, least to most."""
-    parts = [one / of if of else 0.0
-             for one, of in zip(means(found, "planet", state), means(found, "planets", state), strict=True)]  # fmt: skip
+    alone, of = means(found, "planet", state), means(found, "planets", state)
+    parts = [one / whole if whole else 0.0 for one, whole in zip(alone, of, strict=True)]
     return f"{min(parts):.0%} to {max(parts):.0%}"
 
 
@@ -140,10 +139,10 @@ def text(found: Mapping[str, Any]) -> str:
     planets, new = ([max(means(found, key, state)) for state in (0, -1)] for key in ("planets", "new"))
     return (
         "## Which fact moved which number\n\n"
-        f"The five default strategies in the same {found['universes']} universes, planned and played anew after each "
-        "correction; each column holds those to its left too. *Before*: known planets of May 2019, companions where the "
-        "catalogues of 1991 to 2000 have them (`known_planets: archive_2019` and `catalog: simbad_2012`). The most that "
-        f"any strategy finds goes from {planets[0]:.2f} to {planets[1]:.2f} planets, and from {new[0]:.2f} to "
-        f"{new[1]:.2f} new ones. ε Eri b is {share(found, 0)} of the planets of a strategy before and "
+        f"The five default strategies in the same {found['universes']} universes, planned and played anew after "
+        "each correction; each column holds those to its left too. *Before*: known planets of May 2019, companions "
+        "where the catalogues of 1991 to 2000 have them (`known_planets: archive_2019`, `catalog: simbad_2012`). The "
+        f"most that any strategy finds goes from {planets[0]:.2f} to {planets[1]:.2f} planets, and from {new[0]:.2f} "
+        f"to {new[1]:.2f} new ones. ε Eri b is {share(found, 0)} of the planets of a strategy before and "
         f"{share(found, -1)} after."
     )
