@@ -104,7 +104,7 @@ def load_known_planets(source: str | Path = "snapshot") -> KnownPlanetTable:
     base, name = split_source(source)
     if not name:
         return _shipped(base)
-    file = read_bytes(name, key="known_planets", presets=", ".join(SOURCES))
+    file = read_bytes(name, key="known_planets", presets="snapshot, archive_2019")
     raw = parse_table(file)
     own, notes = _rows_of_file(raw)
     about = f"user's table of {len(own)} planet{'s' * (len(own) != 1)} ({file.name} {file.sha256[:_DIGITS]})"
@@ -206,7 +206,9 @@ def _with_status(row: Row, older: Row | None = None) -> Row:
         known = {}
     elif "controversial" in flags and known.get("status", "confirmed") == "confirmed":
         known = {"status": "controversial"}
-    return {"status": "confirmed"} | row | known | {"flags": ";".join(word for word in flags if word != "controversial")}
+    return (
+        {"status": "confirmed"} | row | known | {"flags": ";".join(word for word in flags if word != "controversial")}
+    )
 
 
 def _key(row: Row) -> tuple[str, str]:
@@ -222,9 +224,10 @@ def _overlay_note(below: Sequence[Row], own: Sequence[Row], name: str) -> str:
     known = {_key(row): row["planet"] for row in below}
     changed = [known[_key(row)] for row in own if _key(row) in known]
     shown = ", ".join(changed[:_SHOWN]) + (f" and {len(changed) - _SHOWN} more" if changed[_SHOWN:] else "")
+    new = len(own) - len(changed)
     return (
-        f"{name}: {len(changed)} of the {len(below)} planets below are changed{': ' * bool(changed)}{shown}; "
-        f"{len(own) - len(changed)} are new (none+{name} takes the file alone)"
+        f"{name}: {len(changed)} of the {len(below)} planets below {'is' if len(changed) == 1 else 'are'} changed"
+        f"{': ' * bool(changed)}{shown}; {new} {'is' if new == 1 else 'are'} new (none+{name} takes the file alone)"
     )
 
 
@@ -292,7 +295,9 @@ def _user_row(given: Row, where: str, headings: Mapping[str, str]) -> Row:
         return texts
     # Archives write 0 for an error that nobody gave.
     numbers = {
-        name: value for name, value in given.items() if not isinstance(value, str) and not ("_err" in name and value == 0)
+        name: value
+        for name, value in given.items()
+        if not isinstance(value, str) and not ("_err" in name and value == 0)
     }
     if "omega_planet_deg" in numbers:
         numbers["omega_star_deg"] = numbers.pop("omega_planet_deg") - 180.0

@@ -36,6 +36,7 @@ __all__ = [
     "N_PLANETS",
     "PopulationChoice",
     "Ranked",
+    "drawn_planets",
     "judge",
     "no_frame",
     "order_of",
@@ -106,6 +107,11 @@ class Ranked:
 def planet_record(planet: ReferencePlanet) -> ReferencePlanetRecord:
     """The reference planet as it is written into results."""
     return ReferencePlanetRecord(radius_rjup=planet.radius_rjup, phase_deg=planet.phase_deg, albedo=planet.albedo.label)
+
+
+def drawn_planets(choice: PopulationChoice | KnownChoice, targets: Targets) -> Planets | KnownSample:
+    """Return the planets that completeness counts: of a population, the same at every star, or each star's own."""
+    return choice.draw(targets) if isinstance(choice, KnownChoice) else choice.draw()
 
 
 def rank_hash(
@@ -265,7 +271,7 @@ def rank_targets(
     """
     body, choice = planet or ReferencePlanet(), population or PopulationChoice.default()
     names, time_s = model.named(bands), check_range("time_s", time_s, 1e-3, 1e9, "s")
-    planets = choice.draw(targets) if isinstance(choice, KnownChoice) else choice.draw()
+    planets = drawn_planets(choice, targets)
     found = ranked(model, targets, time_s=time_s, planet=body, bands=names, planets=planets, score=score)
     verdicts = judge(found.best, model)
     blooming = {band: companion_saturates(model, targets, band, found.best.exposure_s) for band in model.bands}

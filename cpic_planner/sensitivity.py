@@ -12,8 +12,9 @@ import numpy as np
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.place import check_range
 from cpic_planner.etc.planet import ReferencePlanet
+from cpic_planner.known_completeness import KnownChoice
 from cpic_planner.models import ScoreName, SensitivityResult, SensitivityRow
-from cpic_planner.ranking import DEFAULT_SCORE, PopulationChoice, order_of, rank_hash, ranked
+from cpic_planner.ranking import DEFAULT_SCORE, PopulationChoice, drawn_planets, order_of, rank_hash, ranked
 from cpic_planner.targets import Targets
 from simulator.config import content_hash
 from simulator.config.albedo import ParametricAlbedo
@@ -33,7 +34,7 @@ class Setting:
 
     model: EtcModel
     planet: ReferencePlanet
-    population: PopulationChoice
+    population: PopulationChoice | KnownChoice
 
 
 @dataclass(frozen=True)
@@ -72,10 +73,13 @@ def _changed(model: EtcModel, own: Mapping[str, Any]) -> EtcModel:
 def _at_two_au(setting: Setting) -> Setting:
     """All planets, reference and population, with the albedo of the models' slice at 2 au from the Sun."""
     albedo = ParametricAlbedo(insolation_au=2.0)
+    planet = setting.planet.model_copy(update={"albedo": albedo})
+    if isinstance(setting.population, KnownChoice):
+        return replace(setting, planet=planet, population=replace(setting.population, albedo=albedo))
     config = setting.population.config
     kinds = tuple(kind.model_copy(update={"albedo": albedo}) for kind in config.kinds)
     population = replace(setting.population, config=config.model_copy(update={"albedo": albedo, "kinds": kinds}))
-    return replace(setting, planet=setting.planet.model_copy(update={"albedo": albedo}), population=population)
+    return replace(setting, planet=planet, population=population)
 
 
 ASSUMPTIONS: tuple[Assumption, ...] = (
@@ -94,7 +98,7 @@ def positions(
 ) -> tuple[np.ndarray[Any, np.dtype[np.int64]], int]:
     """Rank of every star, 1 for the first, and the number whose reference planet is detected."""
     found = ranked(setting.model, targets, time_s=time_s, planet=setting.planet, bands=bands,
-                   planets=setting.population.draw(), score=score, with_times=False)  # fmt: skip
+                   planets=drawn_planets(setting.population, targets), score=score, with_times=False)  # fmt: skip
     place = np.empty(len(targets), np.int64)
     place[order_of(found, targets)] = np.arange(1, len(targets) + 1)
     detected = (found.best.margin >= 1.0) & (found.best.n_frames >= 1)
@@ -108,7 +112,7 @@ def sensitivity(
     time_s: float,
     planet: ReferencePlanet | None = None,
     bands: Sequence[str] | None = None,
-    population: PopulationChoice | None = None,
+    population: PopulationChoice | KnownChoice | None = None,
     score: ScoreName = DEFAULT_SCORE,
     top: int = N_TOP,
     assumptions: Sequence[Assumption] = ASSUMPTIONS,

@@ -43,7 +43,7 @@ def make_plan(
     **settings
         Fields of `cpic_planner.plan.PlanConfig`: ``top``, ``bands``, ``time_s``, ``planet``, ``strategy``,
         ``fidelity`` or ``tolerance``, ``realisations``, ``simulator_overrides`` (as
-        `cpic_planner.overrides.SimulatorOverrides.of` reads them), ``seed`` ...
+        `cpic_planner.overrides.SimulatorOverrides.of` reads them), ``seed``, ``known_planets`` and ``date_utc`` ...
 
     Returns
     -------

@@ -52,6 +52,7 @@ __all__ = [
     "known_from",
     "planet_from",
     "population_from",
+    "refuse_date_alone",
 ]  # fmt: skip
 
 DEFAULT_TIME_S = 36000.0
@@ -171,8 +172,10 @@ KnownPlanetsOption: TypeAlias = Annotated[
     str | None,
     typer.Option(
         "--known-planets",
-        help="Table of known planets: snapshot (NASA Exoplanet Archive of 2019), or a CSV, ECSV, VOTable or FITS file; "
-        "in a ranking it stands instead of a population.",
+        help="Table of known planets: snapshot (NASA Exoplanet Archive of 2019 with the updates since), archive_2019 "
+        "(without them), or a CSV, ECSV, VOTable or FITS file, which is laid over the snapshot planet by planet; "
+        "none+FILE takes the file alone. In a ranking or a plan it stands instead of a population; whatif counts them "
+        "beside it, and off leaves them out.",
     ),
 ]
 DateOption: TypeAlias = Annotated[
@@ -249,6 +252,12 @@ def population_from(source: str | None, n_planets: int | None, seed: int) -> Pop
     return PopulationChoice(load_population(source), drawn, seed)
 
 
+def refuse_date_alone(date: str | None, known_planets: str | None) -> None:
+    """Refuse a date without known planets."""
+    if date is not None and known_planets is None:
+        raise InputError("--date", date, allowed="only with --known-planets", hint="nothing else depends on a date")
+
+
 def known_from(
     source: str | None,
     date: str | None,
@@ -260,13 +269,8 @@ def known_from(
     draws_option: str = "--planets",
 ) -> KnownChoice:
     """Known planets at a date from options."""
-    from catalogs.known_planets import load_known_planets
     from cpic_planner.known_completeness import MAX_DRAWS, N_DRAWS, KnownChoice
-    from simulator.config.mission import checked_utc
-    from simulator.products.times import mjd_of
     from simulator.quantities import check_whole
 
-    utc = checked_utc("--date", instrument.mission.start_utc if date is None else date)
     drawn = check_whole(draws_option, N_DRAWS if n_draws is None else n_draws, 1, MAX_DRAWS)
-    table = load_known_planets("snapshot" if source is None else source)
-    return KnownChoice(table, utc, mjd_of(utc), albedo, drawn, seed)
+    return KnownChoice.at(source or "snapshot", date, albedo, instrument, n_draws=drawn, seed=seed)

@@ -38,6 +38,7 @@ from cpic_planner.cli.options import (
     known_from,
     planet_from,
     population_from,
+    refuse_date_alone,
 )
 from cpic_planner.cli.output import console, note, print_json
 from cpic_planner.cli.strategy_options import (
@@ -140,6 +141,7 @@ def rank(
     """Rank and print."""
     from catalogs.catalogue import open_catalogue
     from catalogs.errors import InputError
+    from cpic_planner.known_completeness import KNOWN_ONLY
     from cpic_planner.ranking import rank_targets
     from cpic_planner.targets import rank_sample, sample_text
 
@@ -149,8 +151,7 @@ def rank(
         refuse_together({name: value, "--plot": plot}, "it has no figure")
     for name, value in (("--explain", explain), ("--sensitivity", sensitivity), ("--population", population)):
         refuse_together({name: value, "--known-planets": known_planets}, "it is about a hypothetical population")
-    if date is not None and known_planets is None:
-        raise InputError("--date", date, allowed="only with --known-planets", hint="nothing else depends on a date")
+    refuse_date_alone(date, known_planets)
     if out is not None and out.suffix not in (".csv", ".ecsv"):
         raise InputError("--out", str(out), allowed="a name that ends in .csv or .ecsv")
     if plot is not None:
@@ -176,7 +177,7 @@ def rank(
         for remark in chosen.table.notes:
             note(remark)
         targets = chosen.stars(targets)
-        sample = f"{sample}; those with known planets only"
+        sample = f"{sample}; {KNOWN_ONLY}"
     asked: dict[str, Any] = {"time_s": time_s, "planet": planet_from(radius_rjup, phase_deg, reflects),
                              "population": chosen, "score": score.value}  # fmt: skip
     if (explain is not None or sensitivity) and sys.stderr.isatty():

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from catalogs.errors import InputError
-from cpic_planner.cli.options import JsonOption
+from cpic_planner.cli.options import JsonOption, KnownPlanetsOption
 from cpic_planner.cli.output import console, note, print_json, progress
 from cpic_planner.engine import check_address
 
@@ -36,6 +36,8 @@ Examples:
   cpic whatif my_strategies.yaml --universes 5000 --workers 2 --out my-survey
 
   cpic whatif survey_default --observed log.csv --start 2030-01-01
+
+  cpic whatif survey_default --known-planets my_planets.csv
 
   cpic whatif my_strategies.yaml --scheduler tcp://cluster:8786
 
@@ -80,6 +82,7 @@ def whatif(
         str | None, typer.Option("--catalog", help="Star table: snapshot, latest, simbad_2012, or a file.")
     ] = None,
     instrument: Annotated[str | None, typer.Option("--instrument", help="Preset name or YAML file.")] = None,
+    known_planets: KnownPlanetsOption = None,
     workers: Annotated[int, typer.Option("--workers", min=1, max=256, help="Local worker processes.")] = 2,
     scheduler: Annotated[
         str | None,
@@ -95,11 +98,15 @@ def whatif(
 
     config = _chosen(load_strategies(strategies), strategy)
     shared = {"universes": universes, "seed": seed, "start_utc": start, "duration_days": days, "observed": observed,
-              "catalog": catalog, "instrument": instrument}  # fmt: skip
+              "catalog": catalog, "instrument": instrument, "known_planets": known_planets}  # fmt: skip
     config = with_universe(config, {key: value for key, value in shared.items() if value is not None})
     config = varied(config, vary) if vary else config
+    from cpic_planner.survey.prepare import known_table
     from cpic_planner.survey.whatif import cost_of, run_whatif
 
+    table = known_table(config.universe)
+    for remark in () if table is None else table.notes:
+        note(remark)
     if dry_run:
         _print_cost(cost_of(config, workers=workers, n_images=images), workers, as_json)
         return

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from cpic_planner.models import KNOWN_PLANETS, Explanation, RankedTarget, RankResult, SensitivityResult
+from cpic_planner.models import Explanation, RankedTarget, RankResult, SensitivityResult
 from cpic_planner.report.etc_words import (
     SCORES,
     cap_sentence,
@@ -50,10 +50,6 @@ def print_rank(rank: RankResult, console: Console, limit: int = 20) -> None:
     print_note(console, f"Outcomes: {counts}.")
     print_note(console, f"Score: {score_text(rank.score_name)}.")
     print_note(console, f"Population (compl %): {population_text(rank.population)}.")
-    if rank.population.name == KNOWN_PLANETS:
-        print_note(
-            console, "Completeness is here the probability that at least one of the star's own planets is detected."
-        )
     print_note(
         console,
         f"Reference planet (other columns): {planet.radius_rjup:g} R_J, phase {planet.phase_deg:g} deg, "

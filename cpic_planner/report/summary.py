@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 
 from cpic_planner.models import (
+    KNOWN_PLANETS,
     BandConfirmation,
     ConfirmedTarget,
     ConfirmResult,
@@ -44,7 +45,10 @@ def population_text(population: PopulationRecord) -> str:
     often = "" if population.planets_per_star is None else f"{population.planets_per_star:g} planets per star"
     said = ", ".join(filter(None, (population.description, often)))
     name = f"{population.name} ({said})" if said else population.name
-    return f"{name}, {count_text(population.n_planets)} drawn with seed {population.seed}"
+    drawn = f"{name}, {count_text(population.n_planets)} drawn with seed {population.seed}"
+    if population.name == KNOWN_PLANETS:
+        drawn += "; completeness is the probability that at least one of the star's own planets is detected"
+    return drawn
 
 
 def calibration_sentence(result: PlanResult | ConfirmResult) -> str:
@@ -114,10 +118,12 @@ def confirm_sentences(result: ConfirmResult) -> list[str]:
 
 def _score_words(rank: RankResult) -> str:
     """What the ranking is by, for the middle of a sentence."""
-    population = f"the population {rank.population.name}"
+    share = f"the fraction of the population {rank.population.name} that one observation detects"
+    if rank.population.name == KNOWN_PLANETS:
+        share = "the probability that one observation detects at least one of the star's own planets"
     return {
-        "completeness_per_hour": f"the fraction of {population} that one observation detects per hour",
-        "completeness": f"the fraction of {population} that one observation detects",
+        "completeness_per_hour": f"{share}, per hour",
+        "completeness": share,
         "detection_margin": "how clearly a reference planet is detected",
         "detection_time": "how soon a reference planet is detected",
         "contrast_limit": "the faintest contrast that is detected",

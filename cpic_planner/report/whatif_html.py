@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from catalogs.catalogue import data_credits
 from catalogs.info import PLANET_CREDITS
+from catalogs.known_planets import split_source
 from cpic_planner.models.surveyed import DifferenceRecord, RankChange, StrategyOutcome, WhatIfResult
 from cpic_planner.report.drawing import Picture
 from cpic_planner.report.html import page_environment
@@ -70,7 +71,8 @@ def render_whatif(result: WhatIfResult, figures: Mapping[str, Picture]) -> str:
     """
     reference = result.strategies[0]
     best = max(result.strategies, key=lambda item: item.planets.mean)
-    planets = PLANET_CREDITS if result.known_planets and result.universe["known_planets"] == "snapshot" else ()
+    shipped = bool(result.known_planets) and split_source(str(result.universe["known_planets"]))[0] != "none"
+    planets = PLANET_CREDITS if shipped else ()
     pairs = _pairs(result)
     environment = page_environment()
     environment.filters["planets"] = planets_text

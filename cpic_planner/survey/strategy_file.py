@@ -12,6 +12,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, PrivateAttr, model_validator
 
 from catalogs.errors import InputError
+from catalogs.known_planets import split_source
 from catalogs.strict_yaml import Provenance, load_yaml, parse_yaml, split_sourced
 from cpic_planner.models.surveyed import SettingSource
 from cpic_planner.survey.strategy import SurveyStrategy
@@ -54,7 +55,8 @@ class UniverseConfig(FrozenModel):
     duration_days, slot_days : float
         Length of the survey, and step of its calendar.
     instrument, visibility, catalog, known_planets : str
-        Presets or files; ``known_planets`` ``off`` leaves them out.
+        Presets or files; ``known_planets`` as `catalogs.known_planets.load_known_planets` reads it, ``off`` leaves
+        them out.
     observed : str
         Observation log of what was done already (`cpic_planner.survey.observed`); empty for none.
     background : {"off", "on"}
@@ -186,8 +188,14 @@ def _beside(tree: Any, folder: Path) -> Any:
         return [_beside(item, folder) for item in tree]
     if not isinstance(tree, dict):
         return tree
-    return {key: str(folder / item) if key in (*FILES, "population") and isinstance(item, str)
-            and (folder / item).is_file() else _beside(item, folder) for key, item in tree.items()}  # fmt: skip
+    return {key: _found(key, item, folder) if key in (*FILES, "population") and isinstance(item, str)
+            else _beside(item, folder) for key, item in tree.items()}  # fmt: skip
+
+
+def _found(key: str, item: str, folder: Path) -> str:
+    """Return a file's name with the folder where it is, other text as it is."""
+    name = split_source(item)[1] if key == "known_planets" else item
+    return f"{item.removesuffix(name)}{folder / name}" if name and (folder / name).is_file() else item
 
 
 def _default_strategy() -> dict[str, Any]:

@@ -72,6 +72,12 @@ def test_planets_beyond_the_field_are_left_out(tmp_path):
     assert [planet["name"] for planet in known_scene("eps Eri", far)["planets"]] == ["near"]
 
 
+def test_refuted_planets_are_in_no_scene():
+    assert [planet["name"][-1] for planet in known_scene("tau Cet", choice())["planets"]] == ["f", "g", "h"]
+    with pytest.raises(InputError, match="known planets"):
+        known_scene("omi2 Eri", choice())
+
+
 def test_refusals():
     with pytest.raises(InputError, match="known planets"):
         known_scene("Procyon", choice())
