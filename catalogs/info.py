@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from catalogs.companion_updates import companion_updates, updates_vintage
+from catalogs.known_planet_columns import STATUSES
 
 __all__ = ["MODEL_CREDITS", "PLANET_CREDITS", "STAR_CREDITS", "catalogue_info", "snapshot_vintage"]
 
@@ -58,6 +59,17 @@ def snapshot_vintage(*, updates: bool = True) -> str:
     return f"{entry['vintage']} (stars.csv {entry['sha256'][:12]}{laid_over})"
 
 
+def _updates() -> dict[str, Any]:
+    """Return the date and file of the updates of known planets, and the planets that are not simply confirmed."""
+    from catalogs.known_planets import UPDATES_FILE, load_known_planets, planets_updated
+
+    table = load_known_planets()
+    pairs = list(zip(table.text("status"), table.text("planet"), strict=True))
+    return {"date": planets_updated(), "file": UPDATES_FILE, "n_rows": sum(map(bool, table.text("updated")))} | {
+        status: [planet for own, planet in pairs if own == status] for status in STATUSES if status != "confirmed"
+    }
+
+
 def catalogue_info() -> dict[str, Any]:
     """Everything that ``cpic catalog info`` shows.
 
@@ -65,8 +77,9 @@ def catalogue_info() -> dict[str, Any]:
     -------
     dict
         ``vintage``, ``counts`` (cut, count, reference count and remark), ``notes``, ``companion_updates`` (pairs whose
-        place is not that of ``stars.csv``), ``known_planets`` (vintage, notes), ``files`` (name, source packages,
-        licence, description) and ``credits``.
+        place is not that of ``stars.csv``), ``known_planets`` (vintage, notes, ``updates``: date, file, and the planets
+        of each status that is not ``confirmed``), ``files`` (name, source packages, licence, description) and
+        ``credits``.
     """
     with (_DATA / "stars_counts.csv").open(encoding="utf-8", newline="") as stream:
         counts = [
@@ -96,7 +109,7 @@ def catalogue_info() -> dict[str, Any]:
         "companion_updates": [
             {name: value for name, value in asdict(item).items() if value == value} for item in companion_updates()
         ],
-        "known_planets": {"vintage": planets["vintage"], "notes": planets["notes"]},
+        "known_planets": {"vintage": planets["vintage"], "notes": planets["notes"], "updates": _updates()},
         "files": files,
         "credits": [*STAR_CREDITS, *PLANET_CREDITS, *MODEL_CREDITS],
     }

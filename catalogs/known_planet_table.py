@@ -15,11 +15,13 @@ from catalogs.known_planet_columns import COLUMNS, COUNTED, INPUT_ONLY
 from catalogs.names import snapshot_aliases
 from catalogs.nomenclature import designation_key
 
-__all__ = ["NUMBERS", "TABLE_COLUMNS", "TEXTS", "KnownPlanetTable", "planet_key", "star_key", "table_of"]
+__all__ = ["NUMBERS", "PLACE_DEG", "TABLE_COLUMNS", "TEXTS", "KnownPlanetTable", "planet_key", "star_key", "table_of"]
 
 TABLE_COLUMNS = tuple(name for name in COLUMNS if name not in INPUT_ONLY)
 TEXTS = tuple(name for name in TABLE_COLUMNS if COLUMNS[name].kind == "text")
 NUMBERS = tuple(name for name in TABLE_COLUMNS if name not in TEXTS)
+PLACE_DEG = 3.0
+"""Error of the angles of an orbit within which its planet's place is known: a resolution element at 1 arcsec."""
 
 
 @dataclass(frozen=True)
@@ -95,9 +97,22 @@ class KnownPlanetTable:
 
     @functools.cached_property
     def placed(self) -> NDArray[np.bool_]:
-        """Tell which planets have a place on the sky at any date: phase, inclination and node are known."""
+        """Tell which planets have a place on the sky: phase, inclination and node are known, within `PLACE_DEG` deg.
+
+        The errors of the angles are added in quadrature, that of the phase as it is a period after the time given.
+        """
         dated = np.array(["phase_unknown" not in self.flags(row) for row in range(len(self))], bool)
-        return dated & np.isfinite(self.number("inclination_deg")) & np.isfinite(self.number("node_deg"))
+        times = [self.number(f"{what}_err_days") for what in ("conjunction", "periastron")]
+        time_days = np.where(np.isfinite(self.number("conjunction_jd")), *times)
+        turns = [days / self.number("period_days") for days in (time_days, self.number("period_err_days"))]
+        angles_deg = [
+            self.number("inclination_err_deg"),
+            self.number("node_err_deg"),
+            *(360.0 * turn for turn in turns),
+        ]
+        error_deg = np.sqrt(np.sum(np.square(np.nan_to_num(angles_deg, nan=0.0)), axis=0))
+        known = np.isfinite(self.number("inclination_deg")) & np.isfinite(self.number("node_deg"))
+        return dated & known & (error_deg <= PLACE_DEG)
 
     def rows_of(self, star: str) -> tuple[int, ...]:
         """Return the rows of a star's counted planets, by any of its names; empty if it has none."""

@@ -95,6 +95,12 @@ def info(as_json: JsonOption = False) -> None:
     _table(screen, "Data files and where they come from", ("file", "packages", "licence"), files)
     planets = found["known_planets"]
     screen.print(f"Known planets: {planets['vintage']}; {'; '.join(planets['notes'])}.")
+    new = planets["updates"]
+    screen.print(
+        f"Updated {new['date']}: {new['n_rows']} planets ({new['file']}, each with its source). "
+        f"Refuted, listed and not counted: {', '.join(new['refuted'])}. "
+        f"Controversial, counted: {', '.join(new['controversial'])}."
+    )
     for line in found["credits"]:
         screen.print(line)
     if not stored:
@@ -121,6 +127,7 @@ def columns(as_json: JsonOption = False) -> None:
     needed |= {"sp_type": "one of two", "teff_k": "one of two"}
     of_planets = {"star": "yes", "planet": "yes", "period_days": "one of two", "semi_major_axis_au": "one of two"}
     of_planets |= dict.fromkeys(("mass_mjup", "msini_mjup", "best_mass_mjup", "radius_rjup"), "one of four")
+    of_planets["status"] = "or this alone"
     rows, planets = _column_rows(QUANTITIES, needed), _column_rows(COLUMNS, of_planets)
     if as_json:
         sys.stdout.write(dump_json({"columns": rows, "planet_columns": planets}))

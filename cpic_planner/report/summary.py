@@ -45,10 +45,11 @@ def population_text(population: PopulationRecord) -> str:
     often = "" if population.planets_per_star is None else f"{population.planets_per_star:g} planets per star"
     said = ", ".join(filter(None, (population.description, often)))
     name = f"{population.name} ({said})" if said else population.name
-    drawn = f"{name}, {count_text(population.n_planets)} drawn with seed {population.seed}"
+    meaning = "fraction of it that one observation detects"
     if population.name == KNOWN_PLANETS:
-        drawn += "; completeness is the probability that at least one of the star's own planets is detected"
-    return drawn
+        meaning = "probability that at least one of the star's own planets is detected"
+    drawn = f"{count_text(population.n_planets)} drawn with seed {population.seed}"
+    return f"{name}, {drawn}; completeness is the {meaning}"
 
 
 def calibration_sentence(result: PlanResult | ConfirmResult) -> str:
@@ -118,11 +119,12 @@ def confirm_sentences(result: ConfirmResult) -> list[str]:
 
 def _score_words(rank: RankResult) -> str:
     """What the ranking is by, for the middle of a sentence."""
-    share = f"the fraction of the population {rank.population.name} that one observation detects"
+    share, hourly = f"the fraction of the population {rank.population.name} that one observation detects", "per hour"
     if rank.population.name == KNOWN_PLANETS:
         share = "the probability that one observation detects at least one of the star's own planets"
+        hourly = "divided by its hours"
     return {
-        "completeness_per_hour": f"{share}, per hour",
+        "completeness_per_hour": f"{share} {hourly}",
         "completeness": share,
         "detection_margin": "how clearly a reference planet is detected",
         "detection_time": "how soon a reference planet is detected",

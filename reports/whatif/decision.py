@@ -125,7 +125,7 @@ def _strategies(result: WhatIfResult) -> str:
     return (
         f"## Five ways to spend {result.strategies[0].settings['time_budget_h']:.0f} hours\n\n"
         f"{result.n_universes} universes of the population `giants` (0.21 planets a star) and the known planets "
-        f"of 2019, ten "
+        f"in the shipped table, ten "
         "years from 2028. Means over surveys with their 90 % intervals; a detection is one of a blind search, with the "
         "probability that images show; of known planets the place on the sky is not known either.\n\n"
         + _table(

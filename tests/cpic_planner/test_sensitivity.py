@@ -9,10 +9,12 @@ import cpic_planner.sensitivity as module
 from catalogs.errors import InputError
 from cpic_planner.etc.model import build_model
 from cpic_planner.etc.planet import ReferencePlanet
+from cpic_planner.known_completeness import KnownChoice
 from cpic_planner.ranking import PopulationChoice, rank_targets
 from cpic_planner.sensitivity import ASSUMPTIONS, Assumption, Setting, positions, sensitivity
 from cpic_planner.targets import rank_sample
 from simulator.config import load_instrument
+from simulator.config.albedo import albedo_spec
 
 MODEL = build_model(load_instrument(), ["F520", "F662"])
 STARS = rank_sample(v_mag_max=3.5)
@@ -36,6 +38,17 @@ def test_nothing_changed_changes_nothing():
     assert row.n_ok == found.n_ok
     assert found.decides == []
     assert found.statement.startswith("No assumption decides the order of the first 50")
+
+
+def test_stars_with_known_planets_are_ranked_again_by_them():
+    """The albedo at 2 au is that of known planets too: the order of another table, not of a population."""
+    choice = KnownChoice.at("snapshot", "2027-01-01", albedo_spec("jupiter"), load_instrument(), n_draws=60, seed=1)
+    stars = choice.stars(STARS)
+    found = sensitivity(MODEL, stars, time_s=7200.0, population=choice)
+    assert found.top == len(stars)
+    changed = next(item for item in ASSUMPTIONS if item.key == "albedo_2au").change(
+        Setting(MODEL, ReferencePlanet(), choice))  # fmt: skip
+    assert changed.population.albedo == changed.planet.albedo != choice.albedo
 
 
 def test_tau_is_pairs_in_order_less_pairs_turned_round():

@@ -177,8 +177,12 @@ def test_rank_refuses_a_date_alone(capsys):
 def test_catalog_tells_of_planets(capsys):
     status, out, _ = call(capsys, "catalog", "info", "--json")
     assert status == 0
-    assert "176 planets of 112 stars" in json.loads(out)["known_planets"]["notes"]
+    told = json.loads(out)["known_planets"]
+    assert "176 planets of 112 stars" in told["notes"]
+    assert told["updates"]["refuted"] == ["tau Cet e", "82 Eri c", "omi2 Eri b"]
+    assert (told["updates"]["n_rows"], told["updates"]["candidate"]) == (10, [])
+    assert "not counted: tau Cet e, 82 Eri c, omi2 Eri b" in " ".join(call(capsys, "catalog", "info")[1].split())
     status, out, _ = call(capsys, "catalog", "columns", "--json")
     names = [column["name"] for column in json.loads(out)["planet_columns"]]
-    assert {"star", "planet", "omega_star_deg", "omega_planet_deg", "best_mass_mjup"} <= set(names)
+    assert {"star", "planet", "omega_star_deg", "omega_planet_deg", "best_mass_mjup", "status"} <= set(names)
     assert "known planets of your own" in " ".join(call(capsys, "catalog", "columns")[1].split())

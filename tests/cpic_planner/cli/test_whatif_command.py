@@ -72,6 +72,31 @@ def test_options_reach_the_answer(capsys, mine, tmp_path):
     assert all(text.startswith("2030") for text in result.slot_utc)
 
 
+def test_known_planets_are_those_of_the_option(capsys, tmp_path):
+    """A planet of one's own is found; the option stands instead of what the strategies name."""
+    table = tmp_path / "planets.csv"
+    table.write_text("star,planet,a,e,mass,inclination,radius,star_mass\neps Eri,eps Eri q,1.5,0,1,10,1.3,0.83\n")
+    path = tmp_path / "mine.yaml"
+    path.write_text(SMALL.replace("universes: 20", "universes: 20, known_planets: nothing.csv"))
+    made = {}
+    for source in ("off", f"none+{table}", str(table)):
+        status, out, err = call(capsys, str(path), "--known-planets", source, "--strategy", "once", "--images", "0",
+                                "--workers", "1", "--out", str(tmp_path / "o"), "--force", "--json")  # fmt: skip
+        assert status == 0, err
+        made[source] = WhatIfResult.model_validate_json(out)
+        assert ("planets.csv: 0 of the 176 planets below are changed; 1 is new" in err) == (source == str(table))
+    used = {source: result.known_planets for source, result in made.items()}
+    assert used["off"] == ""
+    assert used[f"none+{table}"].startswith("user's table of 1 planet (planets.csv ")
+    assert "over NASA Exoplanet Archive" in used[str(table)]
+    assert "updated" in used[str(table)]
+    hosts = {source: result.strategies[0].targets[0].known_planets for source, result in made.items()}
+    assert list(hosts.values()) == [[], ["eps Eri q"], ["eps Eri b", "eps Eri q"]]
+    found = {source: result.strategies[0].known_planets.mean for source, result in made.items()}
+    assert found["off"] == 0.0
+    assert found[f"none+{table}"] > 0.1
+
+
 def test_what_it_would_cost(capsys, mine, tmp_path):
     status, out, _ = call(capsys, mine, "--dry-run", "--out", str(tmp_path / "none"))
     assert status == 0
@@ -89,6 +114,7 @@ FAULTS = {
     "duration_days": ["--days", "-3"],
     "nowhere.csv": ["--observed", "nowhere.csv"],
     "catalog": ["--catalog", "nowhere.csv"],
+    "known_planets = nothing.csv": ["--known-planets", "nothing.csv"],
     "instrument": ["--instrument", "nowhere.yaml"],
     "--universes": ["--universes", "1"],
     "--workers": ["--workers", "0"],

@@ -66,6 +66,13 @@ def test_time_stars_changes_and_settings(words):
         assert text in words, text
 
 
+@pytest.mark.parametrize(("source", "named"), [("archive_2019", True), ("mine.csv", True), ("none+mine.csv", False)])
+def test_the_archive_is_named_where_its_table_is_used(compared, read, source, named):
+    result = compared()
+    result = result.model_copy(update={"universe": result.universe | {"known_planets": source}})
+    assert ("Akeson et al. 2013" in read(render_whatif(result, PICTURES)).words) == named
+
+
 def test_the_strategy_that_finds_most_is_shaded(compared, reader):
     picked = [attributes for tag, attributes in reader.tags if tag == "tr" and attributes.get("class") == "pick"]
     assert len(picked) == 1

@@ -69,6 +69,16 @@ def test_sources_of_numbers_follow_the_value():
     assert times.strategies == ["c share=0.1", "c share=0.3"]
 
 
+@pytest.mark.parametrize("base", ["", "archive_2019+", "none+"])
+def test_a_table_of_known_planets_beside_the_strategies(tmp_path, base):
+    (tmp_path / "orbits.csv").write_text("star\n")
+    path = tmp_path / "mine.yaml"
+    path.write_text(f"universe: {{known_planets: {base}orbits.csv}}\nstrategies: [{{name: a}}]\n")
+    assert load_strategies(path).universe.known_planets == f"{base}{tmp_path / 'orbits.csv'}"
+    path.write_text(f"universe: {{known_planets: {base}elsewhere.csv}}\nstrategies: [{{name: a}}]\n")
+    assert load_strategies(path).universe.known_planets == f"{base}elsewhere.csv"
+
+
 def test_files_beside_the_strategies(tmp_path):
     (tmp_path / "log.csv").write_text("star\n")
     (tmp_path / "few.yaml").write_text("{base: giants, planets_per_star: 0.05}\n")
