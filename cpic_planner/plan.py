@@ -199,7 +199,7 @@ def make_plan(
     out : str or Path
         Output folder; resumed when it holds work of the same configuration.
     catalog : Catalogue, str or Path
-        Star table: ``"snapshot"``, ``"latest"``, or a file; see `catalogs.catalogue.open_catalogue`.
+        Star table: ``"snapshot"``, ``"latest"``, ``"simbad_2012"``, or a file; see `catalogs.catalogue.open_catalogue`.
     workers : int
         Local worker processes; the result does not depend on it.
     scheduler : str, optional

@@ -111,7 +111,8 @@ def signal_to_noise(
     companions : {"on", "off"}
         Whether the light of known stellar companions counts.
     catalog : str or Path
-        Star table: ``"snapshot"``, ``"latest"`` (see ``cpic catalog refresh``) or a CSV, ECSV, VOTable or FITS file.
+        Star table: ``"snapshot"``, ``"latest"`` (see ``cpic catalog refresh``), ``"simbad_2012"`` (the snapshot
+        with companions where they were first listed) or a CSV, ECSV, VOTable or FITS file.
     instrument : Instrument, mapping, str or Path, optional
         What `simulator.load_instrument` reads.
     strategy : Strategy or mapping, optional

@@ -78,6 +78,19 @@ def info(as_json: JsonOption = False) -> None:
     screen = console()
     screen.print(f"[bold]{found['vintage']}[/bold]")
     _table(screen, "Counts per cut", ("cut", "stars"), ((row["cut"], str(row["count"])) for row in found["counts"]))
+    pairs = (
+        (
+            row["star"],
+            row["companion"],
+            f"{row['separation_arcsec']:.2f}",
+            f"{row['pa_deg']:.1f}",
+            f"{row['epoch_yr']:g}",
+            row["reference"],
+        )
+        for row in found["companion_updates"]
+    )
+    heads = ("star", "companion", "arcsec", "PA (deg)", "in", "orbit")
+    _table(screen, "Companions that have moved (--catalog simbad_2012: as first listed)", heads, pairs)
     files = ((row["file"], row["packages"], row["licence"]) for row in found["files"])
     _table(screen, "Data files and where they come from", ("file", "packages", "licence"), files)
     planets = found["known_planets"]

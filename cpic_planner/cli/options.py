@@ -139,7 +139,12 @@ PhaseFunctionOption: TypeAlias = Annotated[
     ),
 ]
 DwarfsOption: TypeAlias = Annotated[bool, typer.Option("--dwarfs", help="Dwarfs only (luminosity class V or IV-V).")]
-SinglesOption: TypeAlias = Annotated[bool, typer.Option("--singles", help="Stars without a close companion only.")]
+SinglesOption: TypeAlias = Annotated[
+    bool,
+    typer.Option(
+        "--singles", help="Without stars that the table flags as close pairs (the snapshot's flag is SIMBAD's)."
+    ),
+]
 VMaxOption: TypeAlias = Annotated[
     float | None,
     typer.Option("--v-mag-max", help="Faintest V magnitude [default: 7; none for a table of your own]."),
@@ -148,7 +153,8 @@ CatalogOption: TypeAlias = Annotated[
     str,
     typer.Option(
         "--catalog",
-        help="Star table: snapshot, latest (made by cpic catalog refresh), or a CSV, ECSV, VOTable or FITS file.",
+        help="Star table: snapshot, latest (made by cpic catalog refresh), simbad_2012 (the snapshot with companions "
+        "where they were first listed), or a CSV, ECSV, VOTable or FITS file.",
     ),
 ]
 ScoreOption: TypeAlias = Annotated[Score, typer.Option("--score", help="What the ranking is by.")]

@@ -78,7 +78,9 @@ def whatif(
     observed: Annotated[
         str | None, typer.Option("--observed", help="Observation log (CSV): plan what is left of the survey.")
     ] = None,
-    catalog: Annotated[str | None, typer.Option("--catalog", help="Star table: snapshot, latest, or a file.")] = None,
+    catalog: Annotated[
+        str | None, typer.Option("--catalog", help="Star table: snapshot, latest, simbad_2012, or a file.")
+    ] = None,
     instrument: Annotated[str | None, typer.Option("--instrument", help="Preset name or YAML file.")] = None,
     known_planets: KnownPlanetsOption = None,
     workers: Annotated[int, typer.Option("--workers", min=1, max=256, help="Local worker processes.")] = 2,
