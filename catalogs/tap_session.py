@@ -20,6 +20,8 @@ import requests
 from urllib3.exceptions import HTTPError, ProtocolError
 from urllib3.response import HTTPResponse
 
+from catalogs.table_files import reference_in
+
 __all__ = ["PatientSession", "Problem"]
 
 MAX_ANSWER_BYTES = 256 * 2**20
@@ -71,6 +73,11 @@ class PatientSession(requests.Session):
             self.problem = self.problem or self._explain(error)
             raise
         self.start = body[:80]
+        found = reference_in(body)
+        if found:  # in front of any parser: astropy's would go and get it
+            if not body.lstrip()[:14].lower().startswith((b"<!doctype html", b"<html")):  # a page has its own words
+                self.problem = Problem(f"the answer holds {found}, and references are not followed", again=False)
+            raise requests.RequestException(f"the answer holds {found}")
         status = response.status_code
         if status >= 400:
             again = status >= 500 or status in (408, 429)

@@ -27,12 +27,14 @@ from pathlib import Path
 from typing import Any
 
 from catalogs.errors import InputError
+from catalogs.user_files import read_file
 from cpic_planner.written_files import LIST_NAME, DamagedListError, WrittenFiles, has_list, set_aside
 from simulator.files import LockHeld, dump_json, exclusive_lock, write_bytes
 
 __all__ = ["DamagedPartError", "RunFolder", "open_run_folder"]
 
 _LOG = logging.getLogger(__name__)
+_MAX_PART_BYTES = 4_000_000_000
 _LOCK = "run.lock"
 _LOCK_TEXT = "in use by pid "
 _ANY_PART = "parts/-"  # is of no part: asks whether parts may be a folder of ours
@@ -66,13 +68,13 @@ class RunFolder:
     def part(self, key: str) -> dict[str, Any] | None:
         """Finished piece of work ``key``, or ``None`` (also when its file is damaged)."""
         path = self.path / self._part_name(key, ".json")
+        if not os.path.lexists(path):
+            return None
         try:
-            stored = json.loads(path.read_text(encoding="utf-8"))
+            stored = json.loads(_part_bytes(path))
             body = stored["body"]
             if stored["sha256"] != _digest(body) or stored["config_hash"] != self.config_hash:
                 raise ValueError("checksum or configuration differs")
-        except FileNotFoundError:
-            return None
         except (ValueError, KeyError, TypeError, OSError) as error:
             _LOG.warning("part %s is damaged (%s): doing it again", path.name, error)
             return None
@@ -102,7 +104,7 @@ class RunFolder:
             If it is not what `save_blob` wrote there in a run of this configuration.
         """
         try:
-            line, _, content = path.read_bytes().partition(b"\n")
+            line, _, content = _part_bytes(path).partition(b"\n")
             head = json.loads(line)
             good = (
                 head["sha256"] == hashlib.sha256(content).hexdigest()
@@ -137,6 +139,10 @@ class RunFolder:
     def _part_name(self, key: str, suffix: str) -> str:
         safe = "".join(char if char.isalnum() or char in "-_" else "_" for char in key)
         return f"parts/{safe}-{hashlib.sha256(key.encode()).hexdigest()[:8]}{suffix}"
+
+
+def _part_bytes(path: Path) -> bytes:
+    return read_file(path, key="part", allowed="a readable file", max_bytes=_MAX_PART_BYTES)
 
 
 def _digest(body: Any) -> str:
@@ -189,16 +195,15 @@ def open_run_folder(
         if files is None:
             _refuse_foreign(folder, products, force)
         resumed = files is not None and (files.kind, files.config_hash) == (kind, config_hash)
-        if files is not None and not resumed:
-            if files.names() and not force:
-                raise InputError("--out", str(folder), allowed=f"a folder of configuration {config_hash}",
-                                 hint=f"it holds a {files.kind} of configuration {files.config_hash}; "
-                                 "choose another folder, or --force to replace it")  # fmt: skip
+        if files is not None and not resumed and files.names() and not force:
+            raise InputError("--out", str(folder), allowed=f"a folder of configuration {config_hash}",
+                             hint=f"it holds a {files.kind} of configuration {files.config_hash}; "
+                             "choose another folder, or --force to replace it")  # fmt: skip
         if files is not None:
             _refuse_names(files, products)
-        if files is not None and not resumed:
-            files.clear()
         if files is None or not resumed:
+            if files is not None:
+                files.clear()
             files = WrittenFiles.begin(folder, kind, config_hash)
         files.sweep()
         temporary = stack.enter_context(files.temporary_folder())
@@ -221,7 +226,7 @@ def _locked(folder: Path) -> Iterator[None]:
         except OSError:
             raise foreign from None
         lock.seek(0)
-        if not lock.read(len(_LOCK_TEXT)) in ("", _LOCK_TEXT):
+        if lock.read(len(_LOCK_TEXT)) not in ("", _LOCK_TEXT):
             raise foreign
         lock.truncate(0)
         lock.write(f"{_LOCK_TEXT}{os.getpid()}, started {datetime.now(UTC):%Y-%m-%d %H:%M:%S} UTC\n")

@@ -144,8 +144,8 @@ class WrittenFiles:
         path = self._place(name)
         if name not in self._contents and os.path.lexists(path):
             raise InputError("--out", str(path), allowed="a folder without this file",
-                             hint="the run writes a file of this name, and did not write the one that is there: move it, "
-                             "or choose another folder")  # fmt: skip
+                             hint="the run writes a file of this name, and did not write the one that is there: "
+                             "move it, or choose another folder")  # fmt: skip
 
     def install(self, temporary: Path, name: str, *, size_bytes: int, sha256: str) -> Path:
         """Give a file, whole under a temporary name in the same file system, its name below the folder.
@@ -202,7 +202,7 @@ class WrittenFiles:
         try:
             yield self.root / name
         finally:
-            shutil.rmtree(self.root / name, ignore_errors=True)
+            self.sweep()  # all: workers of a run that was killed go on for a moment, and write into theirs
 
     def _place(self, name: str) -> Path:
         """Path of a name below the folder; no folder on the way is a link."""
@@ -211,8 +211,8 @@ class WrittenFiles:
             path = path / part
             if path.is_symlink() or (path.exists() and not path.is_dir()):
                 raise InputError("--out", str(path), allowed="a folder without this file",
-                                 hint="the run writes into a folder of this name, and this is a link or a file: move it, "
-                                 "or choose another folder")  # fmt: skip
+                                 hint="the run needs a folder of this name, and this is a link or a file: "
+                                 "move it, or choose another folder")  # fmt: skip
         return self.root / name
 
     def _set_changed_aside(self, name: str) -> None:

@@ -104,7 +104,8 @@ def test_force_removes_what_the_list_names_and_nothing_else(tmp_path):
     out = tmp_path / "out"
     run(out, kind="confirm")
     (out / "parts" / "sub").mkdir()
-    for name in ("notes.txt", "parts/notes.txt", "parts/sub/thesis", "parts/.a.part", ".report.html.x.part", "whatif.json"):
+    decoys = ("notes.txt", "parts/notes.txt", "parts/sub/thesis", "parts/.a.part", ".report.html.x.part", "whatif.json")
+    for name in decoys:
         (out / name).write_text("precious")
     before = content(out)
     run(out, "bbbb", force=True)
@@ -259,7 +260,7 @@ def test_a_kill_at_any_moment_neither_blocks_nor_loses(tmp_path, name):
         if pid == 0:  # a process of its own, without a second start of the interpreter
             sys.argv = ["x", str(out), "bbbb", name, str(step)]
             try:
-                exec(compile(SCRIPT, "script", "exec"), {})  # noqa: S102 - our own lines
+                exec(compile(SCRIPT, "script", "exec"), {})
             finally:
                 os._exit(0)
         finished = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) != -signal.SIGKILL
