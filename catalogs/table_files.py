@@ -24,6 +24,7 @@ __all__ = ["RawColumn", "RawTable", "TableBytes", "astropy_table", "parse_table"
 
 _MAX_BYTES = 1_000_000_000
 _FORMATS = "CSV, ECSV, VOTable or FITS"
+_PACKED = (b"\x1f\x8b", b"\x1f\x9d", b"BZh", b"\xfd7zXZ")  # what astropy unpacks unasked
 _NAMES = "names of columns in the first line"
 _MISSING = frozenset(("", "nan", "null", "none", "n/a", "na", "--", "-", "…", "..."))
 
@@ -225,10 +226,13 @@ def reference_in(xml: bytes) -> str:
     """Return what in an XML document leads outside of it, in words; empty if nothing does.
 
     These are data at an address (``<STREAM href=...>``), a document type with its entities, inclusions, and an encoding
-    in which none of them could be seen. A ``LINK`` is for people and is never followed. Where the document is damaged,
-    its parser will say so; what is in front of the damage is judged.
+    or packing in which none of them could be seen. A ``LINK`` is for people and is never followed. Where the document
+    is damaged, its parser will say so; what is in front of the damage is judged.
     """
     from xml.parsers import expat
+
+    if xml.startswith(_PACKED):
+        return "packed data"
 
     def element(name: str, attributes: dict[str, str]) -> None:
         plain = name.rpartition(":")[2].upper()

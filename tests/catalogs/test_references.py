@@ -47,15 +47,16 @@ def referring(address):
     rows = "<TABLEDATA><TR><TD>1</TD><TD>2</TD></TR></TABLEDATA>"
     entity = f'<?xml version="1.0"?><!DOCTYPE VOTABLE [<!ENTITY x SYSTEM "{address}/leak">]>'
     include = f'<x:include xmlns:x="http://www.w3.org/2001/XInclude" href="{address}/leak"/>'
+    binary = f"<BINARY>{stream}</BINARY>"
     return {
-        "binary": TABLE.format(head="", fields=FIELDS, data=f"<BINARY>{stream}</BINARY>"),
+        "binary": TABLE.format(head="", fields=FIELDS, data=binary),
         "binary 2": TABLE.format(head='<?xml version="1.0"?>', fields=FIELDS, data=f"<BINARY2>{stream}</BINARY2>"),
         "FITS": TABLE.format(head="", fields=FIELDS, data=f'<FITS extnum="1">{stream}</FITS>'),
-        "prefixed": TABLE.format(head="", fields=FIELDS, data=f"<BINARY>{stream.replace('STREAM', 'v:STREAM')}</BINARY>"),
+        "prefixed": TABLE.format(head="", fields=FIELDS, data=binary.replace("STREAM", "v:STREAM")),
         "entity": TABLE.format(head=entity, fields=FIELDS, data=rows.replace("<TD>1", "<TD>&x;")),
-        "document type": TABLE.format(head=f'<!DOCTYPE VOTABLE SYSTEM "{address}/leak.dtd">', fields=FIELDS, data=rows),
+        "document type": TABLE.format(fields=FIELDS, data=rows, head=f'<?xml version="1.0"?><!DOCTYPE VOTABLE SYSTEM "{address}/dtd">'),
         "inclusion": TABLE.format(head="", fields=FIELDS, data=f"<TABLEDATA>{include}</TABLEDATA>"),
-        "encoding": TABLE.format(head='<?xml version="1.0" encoding="x-none"?>', fields=FIELDS, data=f"<BINARY>{stream}</BINARY>"),
+        "encoding": TABLE.format(head='<?xml version="1.0" encoding="x-none"?>', fields=FIELDS, data=binary),
     }  # fmt: skip
 
 
