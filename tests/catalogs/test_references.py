@@ -47,6 +47,7 @@ def referring(address):
     rows = "<TABLEDATA><TR><TD>1</TD><TD>2</TD></TR></TABLEDATA>"
     entity = f'<?xml version="1.0"?><!DOCTYPE VOTABLE [<!ENTITY x SYSTEM "{address}/leak">]>'
     include = f'<x:include xmlns:x="http://www.w3.org/2001/XInclude" href="{address}/leak"/>'
+    doctype = f'<?xml version="1.0"?><!DOCTYPE VOTABLE SYSTEM "{address}/dtd">'
     binary = f"<BINARY>{stream}</BINARY>"
     return {
         "binary": TABLE.format(head="", fields=FIELDS, data=binary),
@@ -54,7 +55,7 @@ def referring(address):
         "FITS": TABLE.format(head="", fields=FIELDS, data=f'<FITS extnum="1">{stream}</FITS>'),
         "prefixed": TABLE.format(head="", fields=FIELDS, data=binary.replace("STREAM", "v:STREAM")),
         "entity": TABLE.format(head=entity, fields=FIELDS, data=rows.replace("<TD>1", "<TD>&x;")),
-        "document type": TABLE.format(fields=FIELDS, data=rows, head=f'<?xml version="1.0"?><!DOCTYPE VOTABLE SYSTEM "{address}/dtd">'),
+        "document type": TABLE.format(fields=FIELDS, data=rows, head=doctype),
         "inclusion": TABLE.format(head="", fields=FIELDS, data=f"<TABLEDATA>{include}</TABLEDATA>"),
         "encoding": TABLE.format(head='<?xml version="1.0" encoding="x-none"?>', fields=FIELDS, data=binary),
     }  # fmt: skip
