@@ -12,8 +12,8 @@ import hashlib
 import os
 import stat
 from collections.abc import Iterator
+from io import BufferedReader
 from pathlib import Path
-from typing import BinaryIO
 
 from catalogs.errors import InputError
 
@@ -24,7 +24,7 @@ _KINDS = ((stat.S_ISDIR, "this is a folder"), (stat.S_ISFIFO, "this is a pipe"),
 
 
 @contextlib.contextmanager
-def open_file(path: str | Path, *, key: str, allowed: str, max_bytes: int, too_large: str = "") -> Iterator[BinaryIO]:
+def open_file(path: str | Path, *, key: str, allowed: str, max_bytes: int, too_large: str = "") -> Iterator[BufferedReader]:
     """Open a file that somebody named, for reading as bytes.
 
     Parameters
@@ -62,7 +62,7 @@ def open_file(path: str | Path, *, key: str, allowed: str, max_bytes: int, too_l
         try:
             _refuse_special(about.st_mode)
         except OSError as error:
-            raise InputError(key, str(path), allowed=allowed, hint=error.strerror) from None
+            raise InputError(key, str(path), allowed=allowed, hint=error.strerror or "") from None
         _refuse_large(key, path, about.st_size, max_bytes, too_large)
         yield file
 

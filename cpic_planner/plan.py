@@ -175,7 +175,7 @@ def make_plan(
     scheduler : str, optional
         Dask scheduler to use instead.
     force : bool
-        Replace what another configuration left in ``out``.
+        Remove what a run of another configuration wrote into ``out``, and nothing else.
     advance : callable
         Called with a text after each finished piece of work.
     command : list of str, optional

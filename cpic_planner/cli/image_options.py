@@ -57,7 +57,7 @@ SchedulerOption: TypeAlias = Annotated[
     str | None, typer.Option("--scheduler", callback=check_address, help="Dask scheduler, tcp://host:port.")
 ]
 ForceOption: TypeAlias = Annotated[
-    bool, typer.Option("--force", help="Replace what another configuration left in --out.")
+    bool, typer.Option("--force", help="Remove what a run of another configuration wrote into --out, and nothing else.")
 ]
 DryRunOption: TypeAlias = Annotated[bool, typer.Option("--dry-run", help="Estimate time, memory and disk, then stop.")]
 

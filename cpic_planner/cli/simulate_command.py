@@ -156,7 +156,7 @@ def simulate(
         ),
     ] = None,
     out: Annotated[Path, typer.Option("--out", help="Output folder.")] = Path("out/simulate"),
-    force: Annotated[bool, typer.Option("--force", help="Replace what another configuration left in --out.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Remove what a run of another configuration wrote into --out, and nothing else.")] = False,
     truth: Annotated[bool, typer.Option("--truth/--no-truth", help="Write the truth beside the products.")] = True,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Show sequences, time, memory and disk, then stop.")

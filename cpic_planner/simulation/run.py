@@ -74,7 +74,7 @@ def simulate(
     scheduler : str, optional
         Dask scheduler to use instead; its workers see ``out`` under the same name.
     force : bool
-        Replace what another configuration left in ``out``.
+        Remove what a run of another configuration wrote into ``out``, and nothing else.
     truth : bool
         Write the truth beside the products.
     advance : callable

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping
+from io import BufferedReader
 from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,7 +84,7 @@ def _from_npz(key: str, path: str | Path) -> tuple[FileMap, ...]:
     return tuple(FileMap(name, array, {}) for name, array in arrays.items())
 
 
-def _from_fits(key: str, path: str | Path, file: BinaryIO) -> tuple[FileMap, ...]:
+def _from_fits(key: str, path: str | Path, file: BufferedReader) -> tuple[FileMap, ...]:
     from astropy.io import fits
 
     with warnings.catch_warnings(record=True) as complaints:

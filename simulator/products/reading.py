@@ -6,7 +6,8 @@ import contextlib
 import math
 import warnings
 from collections.abc import Iterator, Mapping
-from typing import Any, BinaryIO, TypeGuard
+from io import BufferedReader
+from typing import Any, TypeGuard
 
 from catalogs.errors import InputError
 from catalogs.user_files import open_file
@@ -51,11 +52,11 @@ def open_units(report: Report, *, raw: bool = False) -> Iterator[Any]:
                     report.error(f"astropy warns: {text}")
 
 
-def _file_of(report: Report) -> contextlib.AbstractContextManager[BinaryIO]:
+def _file_of(report: Report) -> contextlib.AbstractContextManager[BufferedReader]:
     return open_file(report.path, key="file", allowed="a readable file", max_bytes=2**63)
 
 
-def _opened(report: Report, file: BinaryIO, *, raw: bool) -> Any:
+def _opened(report: Report, file: BufferedReader, *, raw: bool) -> Any:
     """Read every header of a file; None if that is not possible."""
     from astropy.io import fits
 
