@@ -24,7 +24,9 @@ _KINDS = ((stat.S_ISDIR, "this is a folder"), (stat.S_ISFIFO, "this is a pipe"),
 
 
 @contextlib.contextmanager
-def open_file(path: str | Path, *, key: str, allowed: str, max_bytes: int, too_large: str = "") -> Iterator[BufferedReader]:
+def open_file(
+    path: str | Path, *, key: str, allowed: str, max_bytes: int, too_large: str = ""
+) -> Iterator[BufferedReader]:
     """Open a file that somebody named, for reading as bytes.
 
     Parameters
