@@ -22,7 +22,7 @@ from typing import Any, Literal, TypeAlias, cast
 from pydantic import StrictBool, StrictFloat, StrictInt, StrictStr, field_validator, model_validator
 
 from catalogs.errors import InputError
-from catalogs.strict_yaml import load_yaml, parse_yaml
+from catalogs.strict_yaml import load_mapping, parse_yaml
 from cpic_planner.override_keys import advice, children, is_optical, matching, sections
 from simulator.config import FrozenModel, Instrument, Scene, canonical_json
 from simulator.config.keys import to_unit
@@ -230,9 +230,7 @@ def _pairs(source: OverrideSource) -> Iterator[tuple[str, Any]]:
     elif isinstance(source, str | Path):
         if not Path(source).is_file():
             raise InputError("", str(source), allowed="KEY=VALUE, as throughput=x0.7, or a YAML file that exists")
-        tree = load_yaml(source)
-        if not isinstance(tree, dict):
-            raise InputError("", str(source), allowed="a file with a mapping of keys to values")
+        tree = load_mapping(source, _WHERE, (*ALIASES, _COMPANIONS, *Instrument.model_fields))
         if tree.pop("kind", _WHERE) != _WHERE:
             raise InputError("kind", str(source), allowed=f"a file of kind: {_WHERE}")
         yield from _flat(tree)

@@ -205,7 +205,7 @@ def make_plan(
     scheduler : str, optional
         Dask scheduler to use instead.
     force : bool
-        Replace what another configuration left in ``out``.
+        Remove what a run of another configuration wrote into ``out``, and nothing else.
     advance : callable
         Called with a text after each finished piece of work.
     command : list of str, optional
@@ -220,10 +220,13 @@ def make_plan(
     InputError
         For bad input, or if ``out`` is in use or holds another configuration.
     """
+    from cpic_planner.report.write import PRODUCTS
+
     clock = RunClock()
     prepared = _prepare(config, catalog)
     digest = plan_hash(config, prepared.rank, prepared.catalogue)
-    with open_run_folder(out, kind="plan", config_hash=digest, force=force) as folder:
+    products = ("plan.json", "sensitivity.json", "run.json", *PRODUCTS)
+    with open_run_folder(out, kind="plan", config_hash=digest, products=products, force=force) as folder:
         bodies, resumed = _confirm_all(prepared, folder, workers, scheduler, advance)
         plan = _assemble(config, prepared, digest, bodies)
         firm = sensitivity(prepared.model, prepared.targets, time_s=config.time_s, planet=config.planet,

@@ -170,7 +170,7 @@ def confirm_scene(
     out : str or Path, optional
         Folder for ``confirm.json``, ``measurements.csv``, ``report.html`` and panels; nothing is written without.
     force : bool
-        Replace what another configuration left in ``out``.
+        Remove what a run of another configuration wrote into ``out``, and nothing else.
 
     Returns
     -------

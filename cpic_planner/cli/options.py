@@ -27,6 +27,7 @@ __all__ = [
     "DateOption",
     "DwarfsOption",
     "FidelityOption",
+    "ForceOption",
     "InsolationOption",
     "InstrumentOption",
     "JsonOption",
@@ -90,6 +91,9 @@ class Score(StrEnum):
     CONTRAST_LIMIT = "contrast_limit"
 
 
+ForceOption: TypeAlias = Annotated[
+    bool, typer.Option("--force", help="Remove what a run of another configuration wrote into --out, and nothing else.")
+]
 JsonOption: TypeAlias = Annotated[bool, typer.Option("--json", help="Machine-readable result on stdout.")]
 BandOption: TypeAlias = Annotated[
     list[str] | None,

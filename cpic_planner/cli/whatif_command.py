@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from catalogs.errors import InputError
-from cpic_planner.cli.options import JsonOption, KnownPlanetsOption
+from cpic_planner.cli.options import ForceOption, JsonOption, KnownPlanetsOption
 from cpic_planner.cli.output import console, note, print_json, progress
 from cpic_planner.engine import check_address
 
@@ -89,7 +89,7 @@ def whatif(
         typer.Option("--scheduler", callback=check_address, help="Dask scheduler to use instead, tcp://host:port."),
     ] = None,
     out: Annotated[Path, typer.Option("--out", help="Output folder.")] = Path("cpic-whatif"),
-    force: Annotated[bool, typer.Option("--force", help="Replace what another configuration left in --out.")] = False,
+    force: ForceOption = False,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Say what would be done and how long it takes.")] = False,
     as_json: JsonOption = False,
 ) -> None:

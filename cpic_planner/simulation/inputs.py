@@ -8,13 +8,14 @@ from typing import Any
 
 from catalogs.catalogue import NAMED_TABLES, open_catalogue
 from catalogs.errors import InputError
-from catalogs.strict_yaml import load_yaml
+from catalogs.strict_yaml import load_mapping
 from simulator.config import Instrument, Scene, load_instrument, load_scene, scenes_from_table
 from simulator.config.base import validate
 from simulator.config.keys import nearest
 from simulator.config.presets import preset_names, preset_path
+from simulator.config.scene import SCENE_KEYS
 from simulator.config.simulation import SKY_KINDS, SequenceConfig, SimulationConfig, meaningful_keys, of_no_use
-from simulator.config.simulation_file import load_simulation, simulation_of
+from simulator.config.simulation_file import SIMULATION_KEYS, load_simulation, simulation_of
 
 __all__ = ["SimulationInput", "simulation_from"]
 
@@ -125,7 +126,7 @@ def _read(item: SimulationInput, instrument: Any) -> SimulationConfig | tuple[st
             raise InputError("what", name, allowed="a preset, a YAML file, or a table of stars that exists",
                              hint=nearest(name, known) or _presets())  # fmt: skip
         if path.suffix.lower() in _YAML:
-            return _read_mapping(load_yaml(path), path, instrument)
+            return _read_mapping(load_mapping(path, "scene", (*SCENE_KEYS, *SIMULATION_KEYS)), path, instrument)
     stars = open_catalogue(name if name in NAMED_TABLES else path)
     return path.stem, scenes_from_table(stars.table), stars.notes
 

@@ -139,7 +139,8 @@ def load_strategies(source: Mapping[str, Any] | str | Path = "survey_default") -
     >>> [item.name for item in load_strategies("survey_default").strategies][:2]
     ['single_visit', 'multi_band']
     """
-    tree, folder = preset_tree("strategies", source, package=PACKAGE, kinds=("strategy",))
+    tree, folder = preset_tree("strategies", source, package=PACKAGE, kinds=("strategy",),
+                               keys=(*SurveyStrategy.model_fields, *_OF_SURVEY))  # fmt: skip
     tree = tree if folder is None else _beside(paths_beside(tree, folder), folder)
     values, _ = split_sourced(tree)
     kind = values.pop("kind", "strategies")

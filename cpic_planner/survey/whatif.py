@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from cpic_planner.engine import run_tasks
 from cpic_planner.environment import RunClock
 from cpic_planner.models.surveyed import ImageSample, StrategyOutcome, WhatIfResult
-from cpic_planner.report.write_whatif import write_whatif
+from cpic_planner.report.write_whatif import PRODUCTS, write_whatif
 from cpic_planner.runfolder import RunFolder, open_run_folder
 from cpic_planner.survey.image_check import image_sample, image_task, sampled_detections
 from cpic_planner.survey.outcome import differences, outcome, rank_changes
 from cpic_planner.survey.play import Survey, play
 from cpic_planner.survey.prepare import Prepared, prepare
-from cpic_planner.survey.store import ResultStore, clear_tables
+from cpic_planner.survey.store import ResultStore, table_files
 from cpic_planner.survey.strategy_file import FILES, StrategiesConfig, sources_of
 from cpic_planner.survey.tables import TABLES, rows_of
 from cpic_planner.survey.universe import BLOCK
@@ -137,7 +137,8 @@ def run_whatif(
     clock = RunClock()
     prepared = prepare(config, advance=advance)
     digest = whatif_hash(prepared, n_images)
-    with open_run_folder(out, kind="whatif", config_hash=digest, force=force, clear=clear_tables(TABLES)) as folder:
+    products = (*table_files(TABLES), "whatif.json", "run.json", *(PRODUCTS if pages else ()))
+    with open_run_folder(out, kind="whatif", config_hash=digest, products=products, force=force) as folder:
         store = ResultStore(folder, TABLES)
         keys, resumed = _play_all(prepared, store, workers, scheduler, advance)
         store.merge(keys)

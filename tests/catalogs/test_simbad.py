@@ -125,6 +125,21 @@ def test_other_ways_of_sending_are_read(simbad, mode):
     assert "* tau Cet" in list(ask(quick(simbad), STARS)["main_id"])
 
 
+@pytest.mark.parametrize("mode", ["refer", "refer gzip", "refer packed"])
+def test_an_answer_that_refers_to_an_address_is_refused_and_nobody_is_asked(simbad, mode):
+    simbad.mode = mode
+    with pytest.raises(RefreshError, match="references are not followed"):
+        ask(quick(simbad), STARS)
+    assert simbad.paths == ["/simbad/sim-tap/sync"]
+
+
+def test_an_answer_that_grows_beyond_the_limit_when_unpacked_is_refused(simbad, monkeypatch):
+    monkeypatch.setattr("catalogs.tap_session.MAX_ANSWER_BYTES", 5000)
+    simbad.mode = "gzip"
+    with pytest.raises(RefreshError, match="larger than"):
+        ask(quick(simbad), STARS)
+
+
 @pytest.mark.parametrize("mode", ["", "silent limit"])
 def test_as_many_rows_as_allowed_count_as_cut_off(simbad, mode):
     whole = len(ask(quick(simbad), STARS))

@@ -132,7 +132,7 @@ def test_second_run_on_a_live_folder_is_refused(stars, tmp_path, capsys):
     process = started(stars, out)
     try:
         deadline = time.monotonic() + 60
-        while not (out / "manifest.json").exists() and time.monotonic() < deadline:
+        while not (out / "cpic-run.jsonl").exists() and time.monotonic() < deadline:
             time.sleep(0.02)
         assert main(arguments(stars, out)) == 2
         assert f"in use by pid {process.pid}" in capsys.readouterr().err

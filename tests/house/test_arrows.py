@@ -27,7 +27,7 @@ SIMULATOR = [
 ]
 PLANNER = [
     {"version"},
-    {"models", "engine", "cluster", "environment", "runfolder"},
+    {"models", "engine", "cluster", "environment", "runfolder", "written_files"},
     {"schemas"},
     {"targets", "refresh"},
     {"etc"},
