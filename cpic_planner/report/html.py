@@ -44,6 +44,7 @@ from cpic_planner.report.words import (
     reason_text,
     sentence,
     status_text,
+    tau_text,
 )
 
 if TYPE_CHECKING:
@@ -144,6 +145,7 @@ def render_plan(
             reasons=sorted({row.reason for row in rows if row.reason}),
             images=images,
             sensitivity=sensitivity,
+            tau=tau_text(sensitivity.top) if sensitivity else "",
             score=score_text(rank.score_name),
             population=population_text(rank.population),
             summary=" ".join(summary_sentences(plan, rank)),

@@ -28,6 +28,7 @@ __all__ = [
     "reason_text",
     "sentence",
     "status_text",
+    "tau_text",
 ]
 
 #: Symbol of each status, so that badges do not rely on colour.
@@ -148,7 +149,7 @@ GLOSSARY: tuple[tuple[str, str], ...] = (
     (
         "Kendall tau",
         "Agreement of two orders: 1 where all pairs of stars stand in the same order, 0 for unrelated orders, −1 for "
-        "reversed ones. Equal scores are allowed for (tau-b).",
+        "reversed ones. Equal scores are no order (tau-b).",
     ),
     (
         "speckle floor",
@@ -241,6 +242,14 @@ def plus_minus(text: str) -> str:
 def sentence(text: str) -> str:
     """Return a text as a sentence: capital, ±, full stop; empty for none."""
     return f"{plus_minus(text[:1].upper() + text[1:])}." if text else ""
+
+
+def tau_text(top: int) -> str:
+    """Say what Kendall's tau of a ranking under another assumption compares; ``top`` are the stars looked at."""
+    return (
+        f"Kendall's tau-b of the scores, of the stars among the first {top} whose score is above zero, nominally or "
+        "under the assumption (1: the same order; 0: an unrelated one; equal scores are no order)"
+    )
 
 
 def overrides_text(overrides: Mapping[str, Any]) -> str:
