@@ -113,9 +113,9 @@ ASSUMPTIONS: tuple[Assumption, ...] = (
     Assumption("drift_x0.1", "wavefront drift a tenth as large", _with_drift(0.1)),
     Assumption("albedo_2au", "albedo of cloudy giants at 2 au from the Sun, whatever the insolation", _at_two_au),
     Assumption("t_opt_0.46", "optical throughput 0.46 in every band", _with_bands("t_opt", lambda value: 0.46)),
-    Assumption("width_+50%", "bands half as wide again (optics of the nominal width)",
+    Assumption("width_+50%", "bands half as wide again, with the optics of the nominal width",
                _with_bands("width_nm", lambda value: 1.5 * value)),
-    Assumption("width_-50%", "bands half as wide (optics of the nominal width)",
+    Assumption("width_-50%", "bands half as wide, with the optics of the nominal width",
                _with_bands("width_nm", lambda value: 0.5 * value)),
 )  # fmt: skip
 

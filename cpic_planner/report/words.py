@@ -22,10 +22,12 @@ __all__ = [
     "STATUS_SYMBOLS",
     "STATUS_WORDS",
     "flag_text",
+    "found_text",
     "library_text",
     "overrides_text",
     "plus_minus",
     "reason_text",
+    "searched_text",
     "sentence",
     "status_text",
     "tau_text",
@@ -227,6 +229,17 @@ def reason_text(reason: str) -> str:
 def library_text(library: str) -> str:
     """Return what a reference library is; the code itself if unknown."""
     return LIBRARIES.get(library, library.replace("_", " "))
+
+
+def found_text(library: str) -> str:
+    """Say when a realisation counts as a detection, for a reference library."""
+    blind = "the blind search finds the planet"
+    return "the planet is significant at its known place (two rolls show it twice)" if library == "roll" else blind
+
+
+def searched_text(library: str) -> str:
+    """Say what is done with images after the reduction, for a reference library."""
+    return "measured at the known place" if library == "roll" else "searched blind and measured"
 
 
 def flag_text(flag: str) -> str:

@@ -109,6 +109,10 @@ def test_plan(plan):
     assert "○ seen at its place" in text
     assert "8/8  ✓ confirmed" in text
     assert "Images altered" not in text
+    assert "in which the blind search finds the planet" in " ".join(text.split())
+    rolled = " ".join(shown(print_plan, plan.model_copy(update={"reference_library": "roll"})).split())
+    assert "in which the planet is significant at its known place" in rolled
+    assert "blind search" not in rolled
 
 
 def test_etc(etc_answers):
