@@ -19,6 +19,7 @@ from cpic_planner.etc.planet import ReferencePlanet
 from cpic_planner.models import Explanation, RankResult, ScoreName, SensitivityResult
 from cpic_planner.population_config import PopulationSource
 from cpic_planner.targets import Targets, as_catalogue, find_target, rank_sample, sample_text
+from simulator.numeric import numeric_context
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -80,6 +81,7 @@ def _planets(given: Any) -> ReferencePlanet | list[ReferencePlanet]:
     return planet_of(given)
 
 
+@numeric_context()
 def signal_to_noise(
     target: str | Sequence[str],
     *,
@@ -151,6 +153,7 @@ def signal_to_noise(
     return _ask(questions.signal_to_noise, target, bands, companions, catalog, instrument, strategy, images, **asked)
 
 
+@numeric_context()
 def exposure_time(
     target: str | Sequence[str],
     *,
@@ -176,6 +179,7 @@ def exposure_time(
     return _ask(questions.exposure_time, target, bands, companions, catalog, instrument, strategy, images, **asked)
 
 
+@numeric_context()
 def contrast_limit(
     target: str | Sequence[str],
     *,
@@ -202,6 +206,7 @@ def contrast_limit(
     return _ask(questions.contrast_limit, target, bands, companions, catalog, instrument, strategy, images, **asked)
 
 
+@numeric_context()
 def optimise(
     target: str | Sequence[str],
     *,
@@ -255,6 +260,7 @@ def optimise(
     return pd.DataFrame({"name": stars.name} | {item.name: getattr(best, item.name) for item in fields(best)})
 
 
+@numeric_context()
 def rank_targets(
     *,
     time_s: float = 36000.0,
@@ -294,6 +300,7 @@ def rank_targets(
     )
 
 
+@numeric_context()
 def rank_sensitivity(**settings: Any) -> SensitivityResult:
     """How the ranking changes under other assumptions; arguments as `rank_targets`, see `cpic_planner.sensitivity`."""
     from cpic_planner.sensitivity import sensitivity
@@ -302,6 +309,7 @@ def rank_sensitivity(**settings: Any) -> SensitivityResult:
     return sensitivity(_model(given), _sample(given), **_ranking(given))
 
 
+@numeric_context()
 def explain_rank(target: str, **settings: Any) -> Explanation:
     """Why one star stands where it stands in the ranking; arguments as `rank_targets`.
 

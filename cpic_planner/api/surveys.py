@@ -12,6 +12,7 @@ from cpic_planner.api.inputs import InstrumentSource, stars_named
 from cpic_planner.models import VisibilityResult, WhatIfResult
 from cpic_planner.targets import Targets, as_catalogue
 from simulator.config import Instrument, load_instrument
+from simulator.numeric import numeric_context
 
 if TYPE_CHECKING:
     from cpic_planner.survey.visibility import VisibilitySource
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 __all__ = ["compare_strategies", "star_visibility"]
 
 
+@numeric_context()
 def star_visibility(
     target: str | Sequence[str],
     *,
@@ -64,6 +66,7 @@ def star_visibility(
                              n_days=n_days, step_days=step_days, catalogue=table.provenance)  # fmt: skip
 
 
+@numeric_context()
 def compare_strategies(
     strategies: Mapping[str, Any] | str | Path = "survey_default",
     *,

@@ -30,6 +30,7 @@ from cpic_planner.cli import (
     whatif_command,
 )
 from cpic_planner.cli.output import error_line, version_text
+from simulator.numeric import numeric_context
 
 __all__ = ["app", "main"]
 
@@ -84,7 +85,8 @@ app.command("schema", help=schema_command.HELP)(schema_command.schema)
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line; returns the exit status and never shows a traceback unless asked by ``-vv``."""
     try:
-        status = app(args=arguments, standalone_mode=False, prog_name="cpic")
+        with numeric_context():
+            status = app(args=arguments, standalone_mode=False, prog_name="cpic")
         sys.stdout.flush()
     except SystemExit as stop:  # the option parser leaves this way when the reader of our output has gone
         return 0 if type(sys.stdout).__name__ == "PacifyFlushWrapper" else _status(stop.code)

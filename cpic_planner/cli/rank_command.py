@@ -99,7 +99,9 @@ def rank(
     bands: BandOption = None,
     time_s: TimeOption = DEFAULT_TIME_S,
     score: ScoreOption = Score.COMPLETENESS_PER_HOUR,
-    limit: Annotated[int, typer.Option("--limit", min=1, help="Rows to print (--json and --out hold all).")] = 20,
+    limit: Annotated[
+        int, typer.Option("--limit", min=1, help="Stars to print and to draw (--json and --out hold all).")
+    ] = 20,
     dwarfs: DwarfsOption = False,
     singles: SinglesOption = False,
     v_mag_max: VMaxOption = None,
@@ -133,7 +135,8 @@ def rank(
         bool, typer.Option("--sensitivity", help="Say how the order depends on assumptions, instead of the table.")
     ] = False,
     plot: Annotated[
-        Path | None, typer.Option("--plot", help="Draw the first stars into FILE.png, .pdf or .svg as well.")
+        Path | None,
+        typer.Option("--plot", help="Draw the first --limit stars, at most 100, into FILE.png, .pdf or .svg as well."),
     ] = None,
     out: Annotated[Path | None, typer.Option("--out", help="Also write all rows to FILE.csv or FILE.ecsv.")] = None,
     as_json: JsonOption = False,
@@ -194,7 +197,7 @@ def rank(
         _sensitivity(model, targets, asked, as_json)
         return
     result = rank_targets(model, targets, sample=sample, catalogue=table.provenance, **asked)
-    _write(result, out, plot)
+    _write(result, out, plot, limit)
     if as_json:
         print_json(result)
         return
@@ -233,7 +236,7 @@ def _sensitivity(model: EtcModel, targets: Targets, asked: dict[str, Any], as_js
     print_sensitivity(found, console())
 
 
-def _write(result: RankResult, out: Path | None, plot: Path | None) -> None:
+def _write(result: RankResult, out: Path | None, plot: Path | None, limit: int) -> None:
     """Write the table and the figure that were asked for."""
     if out is not None:
         from catalogs.errors import InputError
@@ -247,7 +250,9 @@ def _write(result: RankResult, out: Path | None, plot: Path | None) -> None:
         note(f"wrote {len(result.targets)} rows to {out}")
     if plot is not None:
         from cpic_planner.report.etc_figures import write_figure
-        from cpic_planner.report.rank_figure import rank_figure
+        from cpic_planner.report.rank_figure import MOST_STARS, rank_figure
 
-        write_figure(rank_figure(result), plot)
-        note(f"wrote {plot}")
+        write_figure(rank_figure(result, limit), plot)
+        shown = min(limit, len(result.targets))
+        few = f" with the first {MOST_STARS} stars only: names of {shown} could not be read" * (shown > MOST_STARS)
+        note(f"wrote {plot}{few}")

@@ -116,9 +116,19 @@ class SensitivityRow(Result):
 
     assumption: str = Field(description="key of the assumption")
     text: str = Field(description="what is assumed instead")
-    kendall_tau: float | None = Field(description="tau-b of the scores of the nominal top; null where all are equal")
-    kept: int = Field(description="stars of the nominal top that are in the top under this assumption too")
     n_ok: int = Field(description="stars whose reference planet is detected")
+    kendall_tau_b: float | None = Field(
+        description="Kendall's tau-b of the nominal scores and those under the assumption, over the compared stars; "
+        "ties count as no order; null where no order can be compared"
+    )
+    n_compared: int = Field(
+        description="stars among the first, nominally or under the assumption, that have a score above zero in either"
+    )
+    kendall_tau: float | None = Field(
+        description="Kendall's tau of the ranks of the nominal first stars, those without a score included, whose "
+        "ranks are by margin and name; null for one star"
+    )
+    kept: int = Field(description="stars of the nominal top that are in the top under this assumption too")
     largest_fall: str = Field(description="star of the nominal top that loses most ranks; empty if none")
     largest_fall_ranks: int
     best: str = Field(description="first star under this assumption")
@@ -132,9 +142,14 @@ class SensitivityResult(Result):
     config_hash: str
     top: int = Field(description="stars of the nominal ranking that are compared")
     score_name: ScoreName
+    n_ranked: int = Field(description="stars of the ranking")
     n_ok: int = Field(description="stars whose reference planet is detected, nominally")
     rows: list[SensitivityRow]
-    decides: list[str] = Field(description="assumptions with tau below 0.5: they decide the ranking")
+    deciding_tau: float = Field(description="an assumption with a kendall_tau_b below this decides the ranking")
+    deciding_share: float = Field(
+        description="so does one that changes n_ok by this share of the nominal number (of 1 if that is 0) or more"
+    )
+    decides: list[str] = Field(description="assumptions that decide the ranking")
     statement: str = Field(description="the same in words")
 
 

@@ -28,7 +28,7 @@ from cpic_planner.report.terminal import (
     status_cell,
     text_table,
 )
-from cpic_planner.report.words import library_text, reason_text
+from cpic_planner.report.words import library_text, reason_text, tau_text
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -117,18 +117,20 @@ def _table(rank: RankResult, shown: list[RankedTarget]) -> tuple[list[Column], l
 def print_sensitivity(result: SensitivityResult, console: Console) -> None:
     """Print how the ranking depends on what is assumed."""
     columns = [
+        Column("detected"),
         Column("tau"),
-        Column("kept"),
-        Column("ok", True, 2),
-        Column("first", False, 1),
-        Column("biggest fall", False, 3),
+        Column("of", True, 1),
+        Column("kept", True, 2),
+        Column("first", False, 3),
+        Column("biggest fall", False, 4),
         Column("assumption", False),
     ]
     rows = [
         [
-            decimals(row.kendall_tau, 2),
-            f"{row.kept}/{result.top}",
             str(row.n_ok),
+            decimals(row.kendall_tau_b, 2),
+            str(row.n_compared),
+            f"{row.kept}/{result.top}",
             short_name(row.best),
             f"{short_name(row.largest_fall)} −{row.largest_fall_ranks}" if row.largest_fall_ranks > 0 else MISSING,
             row.text,
@@ -137,11 +139,11 @@ def print_sensitivity(result: SensitivityResult, console: Console) -> None:
     ]
     title = f"What the first {result.top} stars by {_name_of(result.score_name)} become under other assumptions"
     console.print(text_table(console, title, columns, rows, last_width=44))
-    print_note(console, f"{result.statement.rstrip('.')}.")
+    print_plain(console, result.statement)
     print_note(
         console,
-        f"tau: Kendall's, of the scores of the nominal top {result.top}; kept: how many of them stay there; ok: stars "
-        f"whose reference planet is detected ({result.n_ok} nominally); biggest fall: in ranks.",
+        f"detected: stars whose reference planet is detected ({result.n_ok} nominally); tau: {tau_text(result.top)}; "
+        f"of: their number; kept: how many of the nominal first {result.top} stay there; biggest fall: in ranks.",
     )
 
 
@@ -197,6 +199,7 @@ def _bands(told: Explanation, console: Console) -> None:
         Column("band", False),
         Column("compl %"),
         Column("in zone %", True, 3),
+        Column("whole %", True, 4),
         Column("sep ″", True, 4),
         Column("contrast", True, 2),
         Column("limit", True, 2),
@@ -212,6 +215,7 @@ def _bands(told: Explanation, console: Console) -> None:
             band.band,
             share_text(band.completeness),
             share_text(band.in_zone),
+            share_text(band.observable),
             decimals(band.separation_arcsec, 3),
             ratio_text(band.contrast),
             ratio_text(band.contrast_limit),
@@ -226,7 +230,12 @@ def _bands(told: Explanation, console: Console) -> None:
     ]
     console.print(text_table(console, "Its reference planet and its population, band by band", columns, rows))
     explain_symbols(console, [band.status for band in told.bands])
-    print_note(console, "limit: faintest contrast detected there; at most: margin that no length of visit can pass.")
+    print_note(
+        console,
+        "compl %, in zone %, whole %: shares of the population that are detected, that lie in the dark quadrants, and "
+        "whose whole aperture lies there, as a detection needs; limit: faintest contrast detected there; at most: "
+        "margin that no length of visit can pass.",
+    )
 
 
 def _details(told: Explanation, console: Console) -> None:

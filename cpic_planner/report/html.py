@@ -39,11 +39,13 @@ from cpic_planner.report.words import (
     STAR_FLUX,
     STATUS_SYMBOLS,
     flag_text,
+    found_text,
     library_text,
     plus_minus,
     reason_text,
     sentence,
     status_text,
+    tau_text,
 )
 
 if TYPE_CHECKING:
@@ -144,6 +146,9 @@ def render_plan(
             reasons=sorted({row.reason for row in rows if row.reason}),
             images=images,
             sensitivity=sensitivity,
+            found=found_text(plan.reference_library),
+            audited=any(band.audit for target in plan.targets for band in target.bands),
+            tau=tau_text(sensitivity.top) if sensitivity else "",
             score=score_text(rank.score_name),
             population=population_text(rank.population),
             summary=" ".join(summary_sentences(plan, rank)),

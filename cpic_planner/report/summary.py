@@ -15,7 +15,7 @@ from cpic_planner.models import (
 )
 from cpic_planner.report.names import pretty_name
 from cpic_planner.report.numbers import count_text, duration_text, significant
-from cpic_planner.report.words import overrides_text, sentence
+from cpic_planner.report.words import overrides_text, searched_text, sentence
 
 __all__ = [
     "calibration_sentence",
@@ -81,7 +81,7 @@ def summary_sentences(plan: PlanResult, rank: RankResult) -> list[str]:
     detections = sum(bool(band.detected) for band in measured)
     sentences.append(
         f"The first {_plural(len(plan.targets), 'target')} were simulated as images, up to {plan.realisations} "
-        f"times in every band in reach, reduced, searched blind and measured: the planet is found around "
+        f"times in every band in reach, reduced, {searched_text(plan.reference_library)}: the planet is found around "
         f"{len(found)} of {len(plan.targets)}, in {detections} of {_plural(len(measured), 'measurement')}."
     )
     if found:
@@ -102,7 +102,8 @@ def confirm_sentences(result: ConfirmResult) -> list[str]:
     bands = list(dict.fromkeys([*(search.band for search in result.searches), *(band.band for band in result.bands)]))
     sentences = [
         f"{_plural(len(planets), 'planet')} in {', '.join(bands) or 'no band'}, "
-        f"{_plural(result.realisations, 'realisation')} each: simulated, reduced, searched blind and measured."
+        f"{_plural(result.realisations, 'realisation')} each: simulated, reduced, "
+        f"{searched_text(result.reference_library)}."
     ]
     for planet in planets:
         own = [band for band in result.bands if band.planet == planet]

@@ -22,12 +22,15 @@ __all__ = [
     "STATUS_SYMBOLS",
     "STATUS_WORDS",
     "flag_text",
+    "found_text",
     "library_text",
     "overrides_text",
     "plus_minus",
     "reason_text",
+    "searched_text",
     "sentence",
     "status_text",
+    "tau_text",
 ]
 
 #: Symbol of each status, so that badges do not rely on colour.
@@ -148,7 +151,7 @@ GLOSSARY: tuple[tuple[str, str], ...] = (
     (
         "Kendall tau",
         "Agreement of two orders: 1 where all pairs of stars stand in the same order, 0 for unrelated orders, −1 for "
-        "reversed ones. Equal scores are allowed for (tau-b).",
+        "reversed ones. Equal scores are no order (tau-b).",
     ),
     (
         "speckle floor",
@@ -228,6 +231,17 @@ def library_text(library: str) -> str:
     return LIBRARIES.get(library, library.replace("_", " "))
 
 
+def found_text(library: str) -> str:
+    """Say when a realisation counts as a detection, for a reference library."""
+    blind = "the blind search finds the planet"
+    return "the planet is significant at its known place (two rolls show it twice)" if library == "roll" else blind
+
+
+def searched_text(library: str) -> str:
+    """Say what is done with images after the reduction, for a reference library."""
+    return "measured at the known place" if library == "roll" else "searched blind and measured"
+
+
 def flag_text(flag: str) -> str:
     """Return a flag as words; unknown flags with spaces for underscores."""
     return FLAGS.get(flag) or ADDED_FLAGS.get(flag) or _catalogue_flags().get(flag, flag.replace("_", " "))
@@ -241,6 +255,14 @@ def plus_minus(text: str) -> str:
 def sentence(text: str) -> str:
     """Return a text as a sentence: capital, ±, full stop; empty for none."""
     return f"{plus_minus(text[:1].upper() + text[1:])}." if text else ""
+
+
+def tau_text(top: int) -> str:
+    """Say what Kendall's tau of a ranking under another assumption compares; ``top`` are the stars looked at."""
+    return (
+        f"Kendall's tau-b of the scores, of the stars among the first {top} whose score is above zero, nominally or "
+        "under the assumption (1: the same order; 0: an unrelated one; equal scores are no order)"
+    )
 
 
 def overrides_text(overrides: Mapping[str, Any]) -> str:

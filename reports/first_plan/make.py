@@ -22,6 +22,7 @@ from cpic_planner.plan import PlanConfig, make_plan
 from cpic_planner.report.drawing import Picture
 from cpic_planner.report.figures import contrast_diagram, panel_picture, snr_figure
 from cpic_planner.report.names import pretty_name
+from cpic_planner.report.words import tau_text
 from cpic_planner.report.write import hole_edges, limit_curves, panels_of
 from cpic_planner.runfolder import open_run_folder
 from simulator.config import load_instrument
@@ -103,14 +104,21 @@ def ranking(rank: RankResult) -> list[str]:
 def assumptions(firm: SensitivityResult) -> list[str]:
     """The ranking under other assumptions."""
     lines = [
-        f"| instead | Kendall tau of the first {firm.top} | kept | reference planets detected | largest fall |",
-        "|---|---|---|---|---|",
+        f"| instead | reference planets detected | Kendall's tau-b | stars compared | kept of first {firm.top} "
+        "| largest fall |",
+        "|---|---|---|---|---|---|",
     ]
     for row in firm.rows:
-        tau = "" if row.kendall_tau is None else f"{row.kendall_tau:.2f}"
-        fall = f"{pretty_name(row.largest_fall)}: {row.largest_fall_ranks} ranks" if row.largest_fall else ""
-        lines.append(f"| {row.text} | {tau} | {row.kept} of {firm.top} | {row.n_ok} (nominal {firm.n_ok}) | {fall} |")
-    return [*lines, "", firm.statement]
+        tau = "" if row.kendall_tau_b is None else f"{row.kendall_tau_b:.2f}"
+        fall = (
+            f"{pretty_name(row.largest_fall)}: {row.largest_fall_ranks} rank{'s' * (row.largest_fall_ranks > 1)}"
+            if row.largest_fall
+            else ""
+        )
+        lines.append(
+            f"| {row.text} | {row.n_ok} (nominal {firm.n_ok}) | {tau} | {row.n_compared} | {row.kept} | {fall} |"
+        )
+    return [*lines, "", firm.statement, "", f"Tau: {tau_text(firm.top)}."]
 
 
 def main() -> None:

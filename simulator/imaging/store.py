@@ -28,6 +28,7 @@ from simulator.imaging.hole_store import SCHEMA as HOLE_SCHEMA
 from simulator.imaging.hole_store import configured_apodizer, rounded, shipped_hole, to_arrays
 from simulator.imaging.metrics import PsfMetrics
 from simulator.knobs import Knobs
+from simulator.numeric import numeric_context
 
 __all__ = ["main", "metrics_key", "psf_metrics", "rebuild"]
 
@@ -70,6 +71,7 @@ def _shipped(band: str) -> Path:
     return Path(str(files("simulator.imaging") / "data" / f"metrics_{band}.npz"))
 
 
+@numeric_context()
 def psf_metrics(instrument: Instrument, band: str) -> PsfMetrics:
     """Metrics of a band at the standard knobs: from the shipped file, the cache, or a new measurement.
 

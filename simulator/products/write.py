@@ -12,6 +12,7 @@ import numpy as np
 from catalogs.errors import InputError
 from simulator.camera.frame import Frame
 from simulator.files import whole_file
+from simulator.numeric import numeric_context
 from simulator.products.ephemeris import ephemeris
 from simulator.products.folders import claim, clear_stale_parts, temporary_folders
 from simulator.products.headers import frame_values, ledger_cards, sequence_values
@@ -29,6 +30,7 @@ __all__ = ["refuse_taken", "write_level0"]
 Progress = Callable[[int, int], None]
 
 
+@numeric_context()
 def write_level0(
     observation: FrameSequence,
     out_dir: str | Path,

@@ -53,6 +53,10 @@ def test_sentences_are_true():
     words = told.sentences
     assert words[0] == f"Rank 2 of {len(RANK.targets)} by completeness per hour: {row.score:.3g}."
     assert f"{row.distance_pc:.2f} pc" in words[1]
+    best = next(item for item in told.bands if item.band == row.completeness_band)
+    assert 0.0 < best.observable < best.in_zone
+    assert f"{best.in_zone:.1%} of the population lie in the dark quadrants of {best.band}" in words[1]
+    assert f"{best.observable:.1%} with their whole aperture" in words[1]
     assert f"{row.completeness:.1%} are detected" in words[1]
     assert ("is detected" in words[2]) == (row.status == "ok")
     assert f"significance {row.significance:.2f}, threshold {row.threshold:.2f}" in words[2]

@@ -40,7 +40,7 @@ def test_readme_quotes_the_committed_report():
 @pytest.mark.parametrize(
     ("name", "heading"),
     [
-        ("first_plan", "| instead | Kendall tau"),
+        ("first_plan", "| instead | reference planets detected"),
         ("etc_accuracy", "|  | asked | found | met |"),
         ("blind_validator", "|  | asked | found | met |"),
         ("whatif", "|  | asked | found | met |"),

@@ -68,15 +68,19 @@ def test_wide_terminals_show_settings(rank):
 
 def test_sensitivity(sensitivity):
     text = shown(print_sensitivity, sensitivity)
-    assert "0.42  14/20" in text
+    assert "3  0.42  11  14/20" in text
     assert "α Cen A −6" in text
-    assert "–  20/20" in text
+    assert "7     –   0  20/20" in text
+    assert "detected: stars whose reference planet is detected (7 nominally)" in " ".join(text.split())
     assert "Wavefront drift decides the order of the first 20." in text
     assert "wavefront drift twice as large" in text
 
 
 def test_explanation(explanation):
     text = shown(print_explanation, explanation, width=120)
+    assert "in zone %  whole %" in text
+    assert "30.0     20.0" in text
+    assert "in the dark quadrants, and whose whole aperture lies there" in " ".join(text.split())
     assert "τ Cet (HIP 8102): rank 2 of 20 by completeness per hour" in text
     assert "Two sentences. [bold]Brackets[/bold] stay." in text
     assert text.index("α Cen B") < text.index("ε Eri")
@@ -105,6 +109,10 @@ def test_plan(plan):
     assert "○ seen at its place" in text
     assert "8/8  ✓ confirmed" in text
     assert "Images altered" not in text
+    assert "in which the blind search finds the planet" in " ".join(text.split())
+    rolled = " ".join(shown(print_plan, plan.model_copy(update={"reference_library": "roll"})).split())
+    assert "in which the planet is significant at its known place" in rolled
+    assert "blind search" not in rolled
 
 
 def test_etc(etc_answers):

@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cpic_planner.engine import single_threaded_blas
 from cpic_planner.etc.model import ReferenceStar, Strategy, build_model
 from cpic_planner.etc.planet import ReferencePlanet
 from cpic_planner.etc.speckles import speckle_law
@@ -19,6 +18,7 @@ from cpic_planner.validation.rdi import rdi_subtract
 from cpic_planner.validation.task import ConfirmTask, images_of, prepare_task
 from simulator import load_instrument, observe
 from simulator.hole_stack import hole_stacks
+from simulator.numeric import numeric_context
 
 REALISATIONS = 24
 STILL = {"drift": {"visit_nm": 0, "walk_nm_per_sqrt_hour": 0}}
@@ -54,7 +54,7 @@ def task_of(case, **changes):
 
 
 def run(task):
-    with single_threaded_blas():
+    with numeric_context():
         body = confirm_task(task.to_dict())
     return body, [BandConfirmation.model_validate(item) for item in body["confirmations"]]
 
