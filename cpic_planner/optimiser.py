@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from catalogs.errors import InputError
+from cpic_planner.etc.detection import needed_margin, visit_chances
 from cpic_planner.etc.frames import (
     FrameChoice,
     FrameProblem,
@@ -18,8 +19,9 @@ from cpic_planner.etc.frames import (
     smooth_in_visit,
     smooth_least_visit_s,
 )
+from cpic_planner.etc.limiting import reached, without_background, without_speckles
 from cpic_planner.etc.model import EtcModel
-from cpic_planner.etc.noise import Objective, frame_problem, stack_noise
+from cpic_planner.etc.noise import Objective, frame_problem, own_noise, stack_noise
 from cpic_planner.etc.place import check_range, locate, stand, usable_range_arcsec
 from cpic_planner.etc.planet import ReferencePlanet, reference_contrast
 from cpic_planner.etc.rates import ApertureRates, aperture_rates
@@ -34,6 +36,8 @@ __all__ = ["Best", "best_in_band", "best_of", "optimise", "separation_grid"]
 FloatArray = NDArray[np.float64]
 N_SEPARATIONS = 41
 _ENDLESS_S = np.asarray(1e12)
+_SLACK = 1.5
+"""By how much other exposures may beat the chosen ones at a place that suits them better; tests find 1.05 at most."""
 STRIDE = 5
 MIN_BACKGROUND_APERTURES = 25.0
 """Aperture areas that the background annulus must hold: about a third of them fit without overlap."""
@@ -43,9 +47,12 @@ MIN_BACKGROUND_APERTURES = 25.0
 class Best:
     """Best setting of each target; arrays of ``n`` stars.
 
-    ``margin`` is significance over the detection threshold at the chosen separation: 1 is a detection.
-    ``floor_margin`` is what no length of visit can pass, at any separation (with the noise of light where that
-    decides). ``contrast_limit`` is the faintest contrast that this observation detects at the chosen separation,
+    ``margin`` is significance over the detection threshold at the chosen separation; at ``needed_margin`` half of the
+    visits detect the planet there, and ``chance_blind`` and ``chance_known_place`` are the probabilities of a detection
+    (NaN where no law was measured). ``floor_margin`` is what no length of visit can pass, at any separation (with the
+    noise of light where that decides). ``without_speckles`` and ``without_background`` say whether the planet would be
+    detected in the given time under the changes of `cpic_planner.etc.limiting`; False where no time was given.
+    ``contrast_limit`` is the faintest contrast that this observation detects at the chosen separation,
     ``deepest_limit`` that of the best separation for it. ``n_frames`` is 0 where every frame saturates or the time is
     too short. ``extrapolated`` says that the planet's albedo is beyond its data in this band, ``outside`` why a given
     separation has no answer (empty: it is in the zone).
@@ -63,6 +70,11 @@ class Best:
     threshold: FloatArray
     margin: FloatArray
     floor_margin: FloatArray
+    needed_margin: FloatArray
+    chance_blind: FloatArray
+    chance_known_place: FloatArray
+    without_speckles: NDArray[np.bool_]
+    without_background: NDArray[np.bool_]
     contrast_limit: FloatArray
     deepest_limit: FloatArray
     deepest_separation_arcsec: FloatArray
@@ -178,7 +190,7 @@ def best_in_band(
 
     search = _Search(model, targets, band, planet, separation_arcsec)
     chosen = search.lowest(cost)
-    return search.best(chosen, best_in_visit(chosen.problem("significance"), visit))
+    return search.best(chosen, best_in_visit(chosen.problem("significance"), visit), visit)
 
 
 def _least_in_band(
@@ -217,6 +229,14 @@ class _Places:
         return frame_problem(self.rates, self.model.camera(self.band), reference_ratio=strategy.reference_ratio,
                              objective=objective, mode=strategy.mode,
                              counting_sigma=strategy.counting_sigma)  # fmt: skip
+
+    def calm(self) -> FrameProblem:
+        """For significance, without what no time averages."""
+        return without_speckles(self.problem("significance"))
+
+    def dark(self) -> FrameProblem:
+        """For significance, with the planet's own noise and the speckles alone."""
+        return without_background(self.problem("significance"), own_noise(self.rates, self.model.camera(self.band)))
 
 
 @dataclass(frozen=True)
@@ -280,8 +300,23 @@ class _Search:
         bound[doubtful] = np.minimum(bound[doubtful], 1.0 / least)
         return bound
 
-    def best(self, chosen: _Places, choice: FrameChoice) -> Best:
-        """Everything about the chosen separations and frames."""
+    def _would_detect(
+        self, possible: NDArray[np.bool_], visit_s: FloatArray, needed: float, change: Callable[[_Places], FrameProblem]
+    ) -> NDArray[np.bool_]:
+        """Stars of those possible whose planet a change makes detected, at the separation that is best under it."""
+        found = np.zeros(len(self.targets), bool)
+        if possible.any():
+
+            def cost(places: _Places) -> FloatArray:
+                with np.errstate(divide="ignore"):
+                    return np.sqrt(smooth_in_visit(change(places), visit_s)) * places.threshold
+
+            places = replace(self, targets=self.targets.select(possible)).lowest(cost)
+            found[possible] = reached(change(places), visit_s, needed * places.threshold)[:, 0]
+        return found
+
+    def best(self, chosen: _Places, choice: FrameChoice, visit_s: FloatArray | None = None) -> Best:
+        """Everything about the chosen separations and frames; what limits them only in a given visit."""
         model, band, n = self.model, self.band, len(self.targets)
         strategy, camera = model.strategy, model.camera(band)
         noise = stack_noise(chosen.rates, choice.exposure_s, choice.n_frames, choice.em_gain, camera,
@@ -305,10 +340,23 @@ class _Search:
             limits = np.where(around.significance > 0, every.contrast * every.threshold / around.significance, np.inf)
             limit = np.where(margin > 0, chosen.contrast / margin, np.inf)
         deepest = np.argmin(limits, axis=1)
-        beyond = model.passbands.albedo_flags(albedo_source(self.planet.albedo))[model.passbands.index(band)]
 
         def column(array: ArrayLike) -> FloatArray:
             return np.array(np.broadcast_to(np.asarray(array, float), (n, 1))[:, 0])
+
+        needed, calm, dark = needed_margin(model, band), *np.zeros((2, n), bool)
+        if visit_s is not None:
+            # Bounds leave few stars to be solved again: white noise of the same frames, and a frozen offset alone.
+            with np.errstate(divide="ignore", invalid="ignore"):
+                white = around.quiet - around.terms["speckle"] - around.terms["companion_wings"]
+                longer = np.sqrt(visit_s / choice.visit_s)
+                bound = around.signal_e / np.sqrt(white) / every.threshold * longer
+            lost = (choice.n_frames > 0)[:, 0] & (column(margin) < needed)
+            calm = self._would_detect(lost & (np.nan_to_num(bound).max(axis=1) * _SLACK >= needed), visit_s, needed,
+                                      _Places.calm)  # fmt: skip
+            dark = self._would_detect(lost & ~calm & (floor.max(axis=1) >= needed), visit_s, needed, _Places.dark)
+        chances = visit_chances(model, band, chosen.separation_arcsec, choice.visit_s, noise, margin)
+        beyond = model.passbands.albedo_flags(albedo_source(self.planet.albedo))[model.passbands.index(band)]
 
         return Best(
             band=np.full(n, band),
@@ -323,6 +371,11 @@ class _Search:
             threshold=column(chosen.threshold),
             margin=column(margin),
             floor_margin=self._most(floor.max(axis=1), column(margin)),
+            needed_margin=np.full(n, needed),
+            chance_blind=column(chances.blind),
+            chance_known_place=column(chances.known_place),
+            without_speckles=calm,
+            without_background=dark,
             contrast_limit=column(limit),
             deepest_limit=limits[np.arange(n), deepest],
             deepest_separation_arcsec=fine[deepest],

@@ -97,7 +97,7 @@ def positions(
                    planets=setting.population.draw(), score=score, with_times=False)  # fmt: skip
     place = np.empty(len(targets), np.int64)
     place[order_of(found, targets)] = np.arange(1, len(targets) + 1)
-    detected = (found.best.margin >= 1.0) & (found.best.n_frames >= 1)
+    detected = (found.best.margin >= found.best.needed_margin) & (found.best.n_frames >= 1)
     return place, int(np.count_nonzero(detected))
 
 
