@@ -110,7 +110,7 @@ def _standing(
         verdict_mode="known_place",
         detection_probability=finite(best.chance_blind[0]),
         detection_probability_known_place=finite(best.chance_known_place[0]),
-        limited_by=limits_of([(status, reason)], [best])[0],
+        limited_by=limits_of([(status, reason)], best)[0],
         separation_arcsec=float(best.separation_arcsec[0]),
         contrast=float(best.contrast[0]),
         contrast_limit=float(best.contrast_limit[0]) if math.isfinite(best.contrast_limit[0]) else None,
@@ -158,7 +158,7 @@ def _sentences(
     )
     verdict = {
         "ok": "is detected",
-        "speckle_floor": "is not detected by a visit of any length",
+        "speckle_floor": "is not detected by any length of visit",
         "insufficient_time": "is not detected in this time",
     }.get(star.reason or star.status, "cannot be observed")
     words.append(

@@ -36,8 +36,10 @@ __all__ = ["Best", "best_in_band", "best_of", "optimise", "separation_grid"]
 FloatArray = NDArray[np.float64]
 N_SEPARATIONS = 41
 _ENDLESS_S = np.asarray(1e12)
+_Change = Callable[[FrameProblem, FloatArray], FrameProblem]
+_CHANGES = ("without_speckles", "without_background")
 _SLACK = 1.5
-"""By how much other exposures may beat the chosen ones at a place that suits them better; tests find 1.05 at most."""
+"""By how much other exposures may beat the chosen ones at a place that suits them better; 1.1 at most was seen."""
 STRIDE = 5
 MIN_BACKGROUND_APERTURES = 25.0
 """Aperture areas that the background annulus must hold: about a third of them fit without overlap."""
@@ -230,14 +232,6 @@ class _Places:
                              objective=objective, mode=strategy.mode,
                              counting_sigma=strategy.counting_sigma)  # fmt: skip
 
-    def calm(self) -> FrameProblem:
-        """For significance, without what no time averages."""
-        return without_speckles(self.problem("significance"))
-
-    def dark(self) -> FrameProblem:
-        """For significance, with the planet's own noise and the speckles alone."""
-        return without_background(self.problem("significance"), own_noise(self.rates, self.model.camera(self.band)))
-
 
 @dataclass(frozen=True)
 class _Search:
@@ -300,28 +294,32 @@ class _Search:
         bound[doubtful] = np.minimum(bound[doubtful], 1.0 / least)
         return bound
 
-    def _would_detect(
-        self, possible: NDArray[np.bool_], visit_s: FloatArray, needed: float, change: Callable[[_Places], FrameProblem]
-    ) -> NDArray[np.bool_]:
+    def _would_detect(self, possible: NDArray[np.bool_], visit_s: FloatArray, change: _Change) -> NDArray[np.bool_]:
         """Stars of those possible whose planet a change makes detected, at the separation that is best under it."""
+        camera, needed = self.model.camera(self.band), needed_margin(self.model, self.band)
+
+        def changed(places: _Places) -> FrameProblem:
+            return change(places.problem("significance"), own_noise(places.rates, camera))
+
+        def cost(places: _Places) -> FloatArray:
+            with np.errstate(divide="ignore"):
+                return np.sqrt(smooth_in_visit(changed(places), visit_s)) * places.threshold
+
         found = np.zeros(len(self.targets), bool)
         if possible.any():
-
-            def cost(places: _Places) -> FloatArray:
-                with np.errstate(divide="ignore"):
-                    return np.sqrt(smooth_in_visit(change(places), visit_s)) * places.threshold
-
             places = replace(self, targets=self.targets.select(possible)).lowest(cost)
-            found[possible] = reached(change(places), visit_s, needed * places.threshold)[:, 0]
+            found[possible] = reached(changed(places), visit_s, needed * places.threshold)[:, 0]
         return found
 
     def best(self, chosen: _Places, choice: FrameChoice, visit_s: FloatArray | None = None) -> Best:
         """Everything about the chosen separations and frames; what limits them only in a given visit."""
         model, band, n = self.model, self.band, len(self.targets)
         strategy, camera = model.strategy, model.camera(band)
-        noise = stack_noise(chosen.rates, choice.exposure_s, choice.n_frames, choice.em_gain, camera,
-                            reference_ratio=strategy.reference_ratio, mode=strategy.mode,
-                            counting_sigma=strategy.counting_sigma)  # fmt: skip
+        noise_of = functools.partial(
+            stack_noise, exposure_s=choice.exposure_s, n_frames=choice.n_frames, em_gain=choice.em_gain, camera=camera,
+            reference_ratio=strategy.reference_ratio, mode=strategy.mode, counting_sigma=strategy.counting_sigma
+        )  # fmt: skip
+        noise = noise_of(chosen.rates)
         refused = self.refusal
         if refused is not Reason.NONE:
             choice.n_frames[:] = 0.0
@@ -333,9 +331,7 @@ class _Search:
         with np.errstate(divide="ignore"):
             left = every.rates.residual.k0 * every.rates.variance_factor
             floor = every.rates.planet_e_s / np.sqrt(left) / every.threshold
-        around = stack_noise(every.rates, choice.exposure_s, choice.n_frames, choice.em_gain, camera,
-                             reference_ratio=strategy.reference_ratio, mode=strategy.mode,
-                             counting_sigma=strategy.counting_sigma)  # fmt: skip
+        around = noise_of(every.rates)
         with np.errstate(divide="ignore", invalid="ignore"):
             limits = np.where(around.significance > 0, every.contrast * every.threshold / around.significance, np.inf)
             limit = np.where(margin > 0, chosen.contrast / margin, np.inf)
@@ -346,15 +342,14 @@ class _Search:
 
         needed, calm, dark = needed_margin(model, band), *np.zeros((2, n), bool)
         if visit_s is not None:
-            # Bounds leave few stars to be solved again: white noise of the same frames, and a frozen offset alone.
+            # Bounds leave few stars to be solved again: white noise alone, and the frozen offset alone.
             with np.errstate(divide="ignore", invalid="ignore"):
-                white = around.quiet - around.terms["speckle"] - around.terms["companion_wings"]
-                longer = np.sqrt(visit_s / choice.visit_s)
-                bound = around.signal_e / np.sqrt(white) / every.threshold * longer
-            lost = (choice.n_frames > 0)[:, 0] & (column(margin) < needed)
-            calm = self._would_detect(lost & (np.nan_to_num(bound).max(axis=1) * _SLACK >= needed), visit_s, needed,
-                                      _Places.calm)  # fmt: skip
-            dark = self._would_detect(lost & ~calm & (floor.max(axis=1) >= needed), visit_s, needed, _Places.dark)
+                longer = visit_s / choice.visit_s
+                bound = around.signal_e * np.sqrt(longer / around.white) / every.threshold
+            lost = (column(margin) < needed) & (choice.n_frames[:, 0] > 0)
+            near = np.nan_to_num(bound).max(axis=1) * _SLACK >= needed
+            calm = self._would_detect(lost & near, visit_s, lambda problem, _: without_speckles(problem))
+            dark = self._would_detect(lost & ~calm & (floor.max(axis=1) >= needed), visit_s, without_background)
         chances = visit_chances(model, band, chosen.separation_arcsec, choice.visit_s, noise, margin)
         beyond = model.passbands.albedo_flags(albedo_source(self.planet.albedo))[model.passbands.index(band)]
 
@@ -390,7 +385,10 @@ class _Search:
 
 
 def best_of(found: Sequence[Best], *, by_time: bool = False) -> Best:
-    """Row by row the one of largest margin (or of least time), the first of equals; extrapolated ones come last."""
+    """Row by row the one of largest margin (or of least time), the first of equals; extrapolated ones come last.
+
+    Whether a change would make the planet detected is said of any of them.
+    """
     if by_time:
         cost = np.stack([np.where(item.n_frames > 0, item.time_s, np.inf) for item in found])
     else:
@@ -399,6 +397,6 @@ def best_of(found: Sequence[Best], *, by_time: bool = False) -> Best:
     last = np.stack([item.extrapolated for item in found]) | ~answered
     rows = np.arange(cost.shape[1])
     pick = np.lexsort((np.broadcast_to(np.arange(len(found))[:, None], cost.shape), cost, last), axis=0)[0]
-    return Best(
-        **{name: np.stack([getattr(item, name) for item in found])[pick, rows] for name in Best.__dataclass_fields__}
-    )
+    changed = {name: np.any([getattr(item, name) for item in found], axis=0) for name in _CHANGES}
+    others = (name for name in Best.__dataclass_fields__ if name not in _CHANGES)
+    return Best(**changed, **{name: np.stack([getattr(item, name) for item in found])[pick, rows] for name in others})

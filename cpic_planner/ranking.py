@@ -166,20 +166,19 @@ def _verdict(best: Best, i: int, camera: FrameCamera) -> tuple[Status, Reason]:
     return Status.UNREACHABLE, Reason.INSUFFICIENT_TIME
 
 
-def limits_of(standings: Sequence[tuple[Status, Reason]], by_band: Sequence[Best]) -> list[LimitText]:
-    """Return what limits the detection of each star's reference planet in the given time, in the best of some bands.
+def limits_of(standings: Sequence[tuple[Status, Reason]], best: Best) -> list[LimitText]:
+    """Return what limits the detection of each star's reference planet in the given time.
 
     Parameters
     ----------
     standings : sequence
         Status and reason of each star, of `judge`.
-    by_band : sequence of Best
-        The same stars in each band (`cpic_planner.optimiser.best_in_band`).
+    best : Best
+        The same stars, in their best band.
     """
-    calm = np.any([item.without_speckles for item in by_band], axis=0)
-    dark = np.any([item.without_background for item in by_band], axis=0)
-    return [limit_of(*standing, detected=standing[0] is Status.OK, without_speckles=bool(calm[i]),
-                     without_background=bool(dark[i])) for i, standing in enumerate(standings)]  # fmt: skip
+    return [limit_of(*standing, detected=standing[0] is Status.OK, without_speckles=bool(best.without_speckles[i]),
+                     without_background=bool(best.without_background[i]))
+            for i, standing in enumerate(standings)]  # fmt: skip
 
 
 def no_frame(best: Best, i: int, camera: FrameCamera) -> tuple[Status, Reason]:
@@ -299,7 +298,7 @@ def rank_targets(
     planets = choice.draw(targets) if isinstance(choice, KnownChoice) else choice.draw()
     found = ranked(model, targets, time_s=time_s, planet=body, bands=names, planets=planets, score=score)
     standings = judge(found.best, model)
-    limits = limits_of(standings, found.by_band)
+    limits = limits_of(standings, found.best)
     blooming = {band: companion_saturates(model, targets, band, found.best.exposure_s) for band in model.bands}
     rows = [
         _row(model, targets, found, i, rank, standings[i], limits[i], body, bool(blooming[str(found.best.band[i])][i]))

@@ -39,6 +39,11 @@ class StackNoise:
     significance: FloatArray
 
     @property
+    def white(self) -> FloatArray:
+        """What of `quiet` averages with time."""
+        return self.quiet - self.terms["speckle"] - self.terms["companion_wings"]
+
+    @property
     def quiet(self) -> FloatArray:
         """Variance that a significance is measured by: without the planet's own light and the mean's error."""
         return np.asarray(sum(part for name, part in self.terms.items() if name not in ("planet", "background_mean")))

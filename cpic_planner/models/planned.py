@@ -154,6 +154,9 @@ class PlanResult(Result):
     sample: str
     n_ranked: int
     counts: dict[str, int]
+    counts_limited_by: dict[str, int] = Field(
+        default_factory=dict, description="ranked stars by limited_by; empty in older results"
+    )
     calibration: dict[str, float | int | None] = Field(
         description="mean of recovered / predicted SNR over confirmed bands, its standard error, number of bands"
     )
