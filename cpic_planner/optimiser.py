@@ -38,8 +38,7 @@ N_SEPARATIONS = 41
 _ENDLESS_S = np.asarray(1e12)
 _Change = Callable[[FrameProblem, FloatArray], FrameProblem]
 _CHANGES = ("without_speckles", "without_background")
-_SLACK = 1.5
-"""By how much other exposures may beat the chosen ones at a place that suits them better; 1.1 at most was seen."""
+_SLACK = 1.5  # by how much other exposures may beat the chosen ones at other places; 1 gives the catalogue the same
 STRIDE = 5
 MIN_BACKGROUND_APERTURES = 25.0
 """Aperture areas that the background annulus must hold: about a third of them fit without overlap."""
@@ -320,14 +319,12 @@ class _Search:
             reference_ratio=strategy.reference_ratio, mode=strategy.mode, counting_sigma=strategy.counting_sigma
         )  # fmt: skip
         noise = noise_of(chosen.rates)
-        refused = self.refusal
-        if refused is not Reason.NONE:
+        if (refused := self.refusal) is not Reason.NONE:
             choice.n_frames[:] = 0.0
         with np.errstate(invalid="ignore"):
             margin = np.where(choice.n_frames > 0, noise.significance / chosen.threshold, 0.0)
-        fine, every = self.grid, chosen
-        if len(fine) > 1:
-            every = self.places(fine[None, :])
+        fine = self.grid
+        every = self.places(fine[None, :]) if len(fine) > 1 else chosen
         with np.errstate(divide="ignore"):
             left = every.rates.residual.k0 * every.rates.variance_factor
             floor = every.rates.planet_e_s / np.sqrt(left) / every.threshold
@@ -344,8 +341,7 @@ class _Search:
         if visit_s is not None:
             # Bounds leave few stars to be solved again: white noise alone, and the frozen offset alone.
             with np.errstate(divide="ignore", invalid="ignore"):
-                longer = visit_s / choice.visit_s
-                bound = around.signal_e * np.sqrt(longer / around.white) / every.threshold
+                bound = around.signal_e * np.sqrt(visit_s / choice.visit_s / around.white) / every.threshold
             lost = (column(margin) < needed) & (choice.n_frames[:, 0] > 0)
             near = np.nan_to_num(bound).max(axis=1) * _SLACK >= needed
             calm = self._would_detect(lost & near, visit_s, lambda problem, _: without_speckles(problem))
