@@ -46,7 +46,9 @@ def print_rank(rank: RankResult, console: Console, limit: int = 20) -> None:
     console.print(text_table(console, title, columns, rows))
     explain_symbols(console, [row.status for row in shown if row.status != "ok"])
     planet = rank.reference_planet
-    print_note(console, f"Reference planets in {duration_text(rank.time_s)}: {limits_text(rank.counts_limited_by)}.")
+    if rank.counts_limited_by:
+        limits = limits_text(rank.counts_limited_by)
+        print_note(console, f"Reference planets in {duration_text(rank.time_s)}: {limits}.")
     print_note(console, f"Score: {score_text(rank.score_name)}.{_zeros(rank)}")
     print_note(console, f"Population (compl %): {population_text(rank.population)}.")
     if rank.population.name == KNOWN_PLANETS:

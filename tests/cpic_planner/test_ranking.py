@@ -210,7 +210,7 @@ def test_every_idealised_row_says_so():
 
 
 def test_the_catalogue_by_what_limits_it(ranking):
-    """A wavefront without drift would detect the reference planets of 19 more stars, and those of 1051 not even then."""
+    """A wavefront without drift would detect 19 more reference planets, and 1051 not even then."""
     assert ranking.counts_limited_by == {"none": 7, "speckles": 19, "photons": 1051}
     told = [row.limited_by for row in ranking.targets]
     assert ranking.counts_limited_by == {name: told.count(name) for name in set(told)}
@@ -222,7 +222,7 @@ def test_the_catalogue_by_what_limits_it(ranking):
 
 
 def test_a_blind_search_finds_less_than_the_verdict_says(ranking):
-    """The images of epsilon Indi and 61 Cygni A: found blind in 2 and 1 of 24, although both are detected at a place."""
+    """The images of epsilon Indi and 61 Cygni A: found blind in 2 and 1 of 24, though detected at their place."""
     rows = {row.name: row for row in ranking.targets}
     for name, found in (("eps Ind", 2), ("61 Cyg A", 1)):
         assert rows[name].verdict == "detected"

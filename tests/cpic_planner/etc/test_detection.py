@@ -76,6 +76,7 @@ def test_blind_probability_of_an_answer():
                 if name not in ("signal_e", "planet_e2", "background_mean_e2"))  # fmt: skip
     speckle = math.sqrt(answer.budget["speckle_e2"] / quiet)
     inward = MODEL.metrics["F520"].lambda_d_arcsec / 0.5 - 0.1
-    bounds = [normal.cdf(math.log(margin * law.calibration / (law.blind_margin * math.exp(
-        law.blind_tails * tails + law.blind_inward * inward))) / law.blind_width) for tails in (speckle, 0.0)]  # fmt: skip
+    harder = [law.blind_tails * tails + law.blind_inward * inward for tails in (speckle, 0.0)]
+    middles = [law.blind_margin * math.exp(part) for part in harder]
+    bounds = [normal.cdf(math.log(margin * law.calibration / middle) / law.blind_width) for middle in middles]
     assert bounds[0] < answer.detection_probability < bounds[1]

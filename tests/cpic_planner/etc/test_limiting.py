@@ -22,10 +22,11 @@ NEEDED = needed_margin(MODEL, "F520")
 
 def test_the_budget_tells_it_where_frames_are_given():
     """Frames of fixed length, gain and number: each change takes terms out of the budget, and nothing else moves."""
-    frames = {"exposure_s": 20.0, "em_gain": 30.0, "separation_arcsec": 0.45, "bands": ["F662"], "exact": True}
+    frames = {"exposure_s": 20.0, "separation_arcsec": 0.45, "bands": ["F662"], "exact": True}
     seen = set()
-    for time_s, contrast in itertools.product((300.0, 900.0, 7200.0), [10 ** (k / 16 - 8.5) for k in range(16)]):
-        (answer,) = signal_to_noise(MODEL, TAU_CET, time_s=time_s, contrast=contrast, **frames)
+    contrasts = [10 ** (k / 10 - 8.6) for k in range(14)]
+    for (time_s, gain), contrast in itertools.product(((900.0, 30.0), (7200.0, 300.0)), contrasts):
+        (answer,) = signal_to_noise(MODEL, TAU_CET, time_s=time_s, contrast=contrast, em_gain=gain, **frames)
         terms = {name.removesuffix("_e2"): value for name, value in answer.budget.items()}
         signal = terms.pop("signal_e")
         level = NEEDED * answer.threshold
@@ -70,7 +71,7 @@ def test_a_time_that_does_not_exist_is_that_of_an_instrument_without_drift():
 
 
 def test_every_answer_is_consistent():
-    """A verdict for every planet, none for a limit; detected where at least half of the visits show it, and only there."""
+    """A verdict for every planet, none for a limit; detected where half of the visits show it, and only there."""
     places, seen = [0.1, 0.45, 0.6], set()
     asked = [(signal_to_noise, {"time_s": time_s}) for time_s in (1.0, 600.0, 36000.0)]
     asked += [(exposure_time, level) for level in ({"detect": True}, {"snr": 5.0}, {"snr": 500.0}, {"sigma": 3.0})]
