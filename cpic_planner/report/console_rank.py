@@ -94,7 +94,7 @@ def _table(rank: RankResult, shown: list[RankedTarget]) -> tuple[list[Column], l
         Column(score),
         Column("compl %"),
         Column("in", False, 7),
-        Column("band", False),
+        Column("band", False, 1),
         Column("sep ″", True, 4),
         Column("contrast", True, 5),
         Column("frames × s", True, 9),
@@ -102,7 +102,7 @@ def _table(rank: RankResult, shown: list[RankedTarget]) -> tuple[list[Column], l
         Column("wall", True, 8),
         Column("SNR", True, 2),
         Column("margin"),
-        Column("blind %", True, 1),
+        Column("blind %"),
         Column("status", False),
     ]
     rows = [
