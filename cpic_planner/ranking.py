@@ -15,7 +15,7 @@ from catalogs.errors import InputError
 from catalogs.info import snapshot_vintage
 from cpic_planner.completeness import BandCompleteness, completeness
 from cpic_planner.etc.camera import FrameCamera
-from cpic_planner.etc.detection import verdict_of
+from cpic_planner.etc.detection import default_law, verdict_of
 from cpic_planner.etc.library import library_flags
 from cpic_planner.etc.limiting import limit_of
 from cpic_planner.etc.limits import frame_limit
@@ -135,6 +135,7 @@ def rank_hash(
             "kind": "rank",
             "version": __version__,
             "model": model.content(),
+            "detection": default_law().model_dump(mode="json"),
             "bands": list(model.named(bands)),
             "time_s": time_s,
             "planet": planet.content(),
