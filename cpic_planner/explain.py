@@ -12,6 +12,7 @@ from catalogs.errors import InputError
 from cpic_planner.completeness import completeness
 from cpic_planner.etc.budget import binding_limits, largest_term, remedies
 from cpic_planner.etc.cases import FrameWish, band_cases, planets_of
+from cpic_planner.etc.detection import verdict_of
 from cpic_planner.etc.frames import FrameChoice
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.place import check_range
@@ -19,7 +20,7 @@ from cpic_planner.etc.planet import ReferencePlanet
 from cpic_planner.models import BandStanding, Explanation, RankedTarget, ScoreName
 from cpic_planner.optimiser import Best, best_in_band
 from cpic_planner.population import Planets
-from cpic_planner.ranking import DEFAULT_SCORE, PopulationChoice, judge, rank_targets
+from cpic_planner.ranking import DEFAULT_SCORE, PopulationChoice, finite, judge, limits_of, rank_targets
 from cpic_planner.sensitivity import ASSUMPTIONS, N_TOP, Setting, in_order, near_top
 from cpic_planner.targets import Targets
 from simulator.config import content_hash
@@ -116,6 +117,11 @@ def _standing(
         band=band,
         status=status.value,
         reason=reason.value,
+        verdict=verdict_of(status, detected=True),
+        verdict_mode="known_place",
+        detection_probability=finite(best.chance_blind[0]),
+        detection_probability_known_place=finite(best.chance_known_place[0]),
+        limited_by=limits_of([(status, reason)], best)[0],
         separation_arcsec=float(best.separation_arcsec[0]),
         contrast=float(best.contrast[0]),
         contrast_limit=float(best.contrast_limit[0]) if math.isfinite(best.contrast_limit[0]) else None,
@@ -164,7 +170,7 @@ def _sentences(
     )
     verdict = {
         "ok": "is detected",
-        "speckle_floor": "is below the speckle residual, whatever the time",
+        "speckle_floor": "is not detected by any length of visit",
         "insufficient_time": "is not detected in this time",
     }.get(star.reason or star.status, "cannot be observed")
     words.append(

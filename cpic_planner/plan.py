@@ -295,6 +295,7 @@ def _assemble(
         sample=prepared.rank.sample,
         n_ranked=len(prepared.rank.targets),
         counts=prepared.rank.counts,
+        counts_limited_by=prepared.rank.counts_limited_by,
         calibration={"ratio": mean.ratio, "error": mean.error, "n_bands": mean.n_bands},
         calibration_text=mean.text,
         not_modelled=not_modelled(images_of(config.instrument)),

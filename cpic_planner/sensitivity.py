@@ -131,7 +131,7 @@ def in_order(setting: Setting, targets: Targets, *, time_s: float, bands: Sequen
     rank = np.empty(len(targets), np.int64)
     rank[order_of(found, targets)] = np.arange(1, len(targets) + 1)
     margin = found.best.margin
-    return Order(rank, found.score, margin, (margin >= 1.0) & (found.best.n_frames >= 1))
+    return Order(rank, found.score, margin, (margin >= found.best.needed_margin) & (found.best.n_frames >= 1))
 
 
 def near_top(rank: NDArray[np.int64], margin: FloatArray, top: int) -> NDArray[np.bool_]:

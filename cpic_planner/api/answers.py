@@ -240,7 +240,9 @@ def optimise(
     Returns
     -------
     pandas.DataFrame
-        One row per target; columns of `cpic_planner.optimiser.Best`, units in their names.
+        One row per target; columns of `cpic_planner.optimiser.Best`, units in their names, and ``verdict`` of the
+        planet at its known place (``detected``, ``measured_not_detected``, ``unreachable``); with ``time_s`` also
+        ``limited_by`` (`cpic_planner.etc.limiting`).
 
     Raises
     ------
@@ -249,7 +251,10 @@ def optimise(
     """
     import pandas as pd
 
+    from cpic_planner.etc.detection import verdict_of
     from cpic_planner.optimiser import optimise as best_of
+    from cpic_planner.ranking import judge, limits_of
+    from simulator.outcome import Status
 
     if time_s is None and snr is None and not detect:
         time_s = 36000.0
@@ -257,7 +262,13 @@ def optimise(
     stars = Targets.joined(stars_named(target, companions, catalog))
     best = best_of(model, stars, time_s=time_s, snr=snr, detect=detect, separation_arcsec=separation_arcsec,
                    planet=None if planet is None else planet_of(planet))  # fmt: skip
-    return pd.DataFrame({"name": stars.name} | {item.name: getattr(best, item.name) for item in fields(best)})
+    standings, detected = judge(best, model), best.margin >= best.needed_margin
+    statuses = [Status.OK if n >= 1 else status for (status, _), n in zip(standings, best.n_frames, strict=True)]
+    said: dict[str, Any] = {"verdict": [verdict_of(*pair) for pair in zip(statuses, detected.tolist(), strict=True)]}
+    if time_s is not None:
+        said["limited_by"] = limits_of(standings, best)
+    columns = {item.name: getattr(best, item.name) for item in fields(best) if not item.name.startswith("without_")}
+    return pd.DataFrame({"name": stars.name} | columns | said)
 
 
 @numeric_context()

@@ -66,7 +66,10 @@ __all__ = ["HELP", "rank"]
 HELP = """Rank the whole catalogue (analytic, a few seconds; --explain and --sensitivity rank it several times).
 
 The ranking is by completeness per hour: which fraction of a population of planets one observation of the star detects,
-over its wall time. --score chooses another order; the other columns are about a stated reference planet.
+over its wall time. Stars that show none of it, with a score of zero, follow by detection margin. --score chooses
+another order; the other columns are about a stated reference planet: whether it is detected (at its known place), how
+likely a search finds it that does not know the place, and what limits it (limited_by: the single change that would make
+it detected in the given time; see cpic etc --help).
 
 Examples:
 

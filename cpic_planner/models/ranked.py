@@ -6,7 +6,17 @@ from typing import Literal
 
 from pydantic import Field
 
-from cpic_planner.models.base import Result, StatusText
+from cpic_planner.models.base import (
+    DETECTION_PROBABILITY,
+    DETECTION_PROBABILITY_KNOWN_PLACE,
+    LIMITED_BY,
+    VERDICT_MODE,
+    DetectionMode,
+    LimitText,
+    Result,
+    StatusText,
+    VerdictText,
+)
 
 __all__ = [
     "KNOWN_PLANETS",
@@ -50,7 +60,10 @@ class RankedTarget(Result):
     """One star of the ranking. Numbers refer to the stated reference planet in the best band and separation."""
 
     rank: int = Field(description="1 is best: highest score")
-    score: float = Field(description="what the ranking is by, see score_name; more is better")
+    score: float = Field(
+        description="what the ranking is by, see score_name; more is better; stars of equal score, such as all "
+        "those of score 0, follow each other by detection_margin, then name"
+    )
     name: str = Field(description="name of the star in the catalogue")
     hip: int | None = Field(description="Hipparcos number")
     v_mag: float = Field(description="Johnson V (Vega), mag")
@@ -66,14 +79,28 @@ class RankedTarget(Result):
     threshold: float = Field(description="small-sample detection threshold for significance, 5 sigma-equivalent")
     detection_margin: float = Field(description="significance / threshold")
     status: StatusText = Field(description="ok when the reference planet is detected in the given time")
-    reason: str = Field(description="why not, empty when ok")
+    reason: str = Field(
+        description="why not, empty when ok; speckle_floor: no length of visit is enough; limited_by says why"
+    )
+    verdict: VerdictText | None = Field(
+        default=None,
+        description="of the reference planet in the given time: detected with status ok, else unreachable; "
+        "null in older results",
+    )
+    verdict_mode: DetectionMode | None = VERDICT_MODE
+    detection_probability: float | None = DETECTION_PROBABILITY
+    detection_probability_known_place: float | None = DETECTION_PROBABILITY_KNOWN_PLACE
+    limited_by: LimitText | None = LIMITED_BY
     contrast_limit: float | None = Field(description="faintest contrast detected there by this observation")
     deepest_limit: float | None = Field(description="the same at the separation where it is faintest")
     deepest_separation_arcsec: float = Field(description="that separation, arcsec")
     detection_time_s: float | None = Field(
         description="least wall time that detects the reference planet, in any band and at any separation; null: none"
     )
-    completeness: float = Field(description="fraction of the population that one observation detects, best band")
+    completeness: float = Field(
+        description="fraction of the population that one observation detects in the best band, each planet looked for "
+        "at its known place: its significance reaches the threshold there"
+    )
     completeness_error: float = Field(description="its binomial standard error")
     completeness_band: str = Field(description="band of that observation")
     completeness_time_s: float | None = Field(description="its wall time, s")
@@ -108,6 +135,9 @@ class RankResult(Result):
     population: PopulationRecord
     score_name: ScoreName = Field(description="what the ranking is by")
     counts: dict[str, int] = Field(description="stars by status or reason")
+    counts_limited_by: dict[str, int] = Field(
+        default_factory=dict, description="stars by limited_by; empty in older results"
+    )
     targets: list[RankedTarget]
 
 
@@ -159,6 +189,11 @@ class BandStanding(Result):
     band: str
     status: StatusText
     reason: str
+    verdict: VerdictText | None = Field(default=None, description="as of the ranked star, in this band alone")
+    verdict_mode: DetectionMode | None = VERDICT_MODE
+    detection_probability: float | None = DETECTION_PROBABILITY
+    detection_probability_known_place: float | None = DETECTION_PROBABILITY_KNOWN_PLACE
+    limited_by: LimitText | None = LIMITED_BY
     separation_arcsec: float
     contrast: float
     contrast_limit: float | None

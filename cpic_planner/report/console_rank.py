@@ -16,7 +16,7 @@ from cpic_planner.report.etc_words import (
 )
 from cpic_planner.report.names import full_name
 from cpic_planner.report.numbers import MISSING, count_text, decimals, duration_text, share_text, significant
-from cpic_planner.report.summary import population_text
+from cpic_planner.report.summary import limits_text, population_text
 from cpic_planner.report.terminal import (
     Column,
     explain_symbols,
@@ -25,10 +25,10 @@ from cpic_planner.report.terminal import (
     print_plain,
     ratio_text,
     short_name,
-    status_cell,
     text_table,
+    verdict_cell,
 )
-from cpic_planner.report.words import library_text, reason_text, tau_text
+from cpic_planner.report.words import library_text, tau_text
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -44,11 +44,12 @@ def print_rank(rank: RankResult, console: Console, limit: int = 20) -> None:
     columns, rows = _table(rank, shown)
     title = f"Ranking: first {len(shown)} of {count_text(len(rank.targets))} stars, by {_name_of(rank.score_name)}"
     console.print(text_table(console, title, columns, rows))
-    explain_symbols(console, [row.status for row in shown])
-    counts = ", ".join(f"{count} {'ok' if key == 'ok' else reason_text(key)}" for key, count in rank.counts.items())
+    explain_symbols(console, [row.status for row in shown if row.status != "ok"])
     planet = rank.reference_planet
-    print_note(console, f"Outcomes: {counts}.")
-    print_note(console, f"Score: {score_text(rank.score_name)}.")
+    if rank.counts_limited_by:
+        limits = limits_text(rank.counts_limited_by)
+        print_note(console, f"Reference planets in {duration_text(rank.time_s)}: {limits}.")
+    print_note(console, f"Score: {score_text(rank.score_name)}.{_zeros(rank)}")
     print_note(console, f"Population (compl %): {population_text(rank.population)}.")
     print_note(
         console,
@@ -58,9 +59,20 @@ def print_rank(rank: RankResult, console: Console, limit: int = 20) -> None:
     print_note(
         console,
         f"Margin = significance / threshold; threshold keeps the false-alarm probability of {rank.sigma:g} sigma. "
+        "Detected: at least half of the visits show the planet if its place is known; blind %: probability that a "
+        "search finds it that does not know the place. "
         f"Reference frames: {library_text(rank.reference_library)}.",
     )
     print_note(console, f"Stars: {rank.sample}. {rank.catalogue}")
+
+
+def _zeros(rank: RankResult) -> str:
+    """A sentence about stars of score 0, which the score does not order; empty if there are none."""
+    above = sum(row.score > 0.0 for row in rank.targets)
+    if rank.score_name == "contrast_limit" or above == len(rank.targets):
+        return ""
+    stars = "1 star has a score" if above == 1 else f"{count_text(above)} stars have a score"
+    return f" {stars} above zero; the others follow by the margin of the reference planet, not by the score."
 
 
 def _name_of(score: str) -> str:
@@ -78,14 +90,15 @@ def _table(rank: RankResult, shown: list[RankedTarget]) -> tuple[list[Column], l
         Column(score),
         Column("compl %"),
         Column("in", False, 7),
-        Column("band", False),
+        Column("band", False, 1),
         Column("sep ″", True, 4),
         Column("contrast", True, 5),
         Column("frames × s", True, 9),
         Column("gain", True, 10),
         Column("wall", True, 8),
-        Column("SNR", True, 1),
+        Column("SNR", True, 2),
         Column("margin"),
+        Column("blind %"),
         Column("status", False),
     ]
     rows = [
@@ -105,7 +118,8 @@ def _table(rank: RankResult, shown: list[RankedTarget]) -> tuple[list[Column], l
             duration_text(row.time_s),
             significant(row.snr),
             significant(row.detection_margin),
-            status_cell(row.status, row.reason),
+            MISSING if row.detection_probability is None else share_text(row.detection_probability),
+            verdict_cell(row),
         ]
         for row in shown
     ]
@@ -186,7 +200,7 @@ def _neighbours(told: Explanation, console: Console) -> None:
             decimals(row.v_mag, 2),
             decimals(row.distance_pc, 2),
             significant(row.detection_margin),
-            status_cell(row.status, row.reason),
+            verdict_cell(row),
         ]
         for row in (told.better, told.star, told.worse)
         if row is not None
@@ -224,12 +238,12 @@ def _bands(told: Explanation, console: Console) -> None:
             significant(band.detection_margin),
             significant(band.floor_margin),
             term_text(band.dominant),
-            status_cell(band.status, band.reason),
+            verdict_cell(band),
         ]
         for band in told.bands
     ]
     console.print(text_table(console, "Its reference planet and its population, band by band", columns, rows))
-    explain_symbols(console, [band.status for band in told.bands])
+    explain_symbols(console, [band.status for band in told.bands if band.status != "ok"])
     print_note(
         console,
         "compl %, in zone %, whole %: shares of the population that are detected, that lie in the dark quadrants, and "

@@ -35,6 +35,7 @@ from cpic_planner.report.summary import (
 from cpic_planner.report.words import (
     DRAWN_AS,
     GLOSSARY,
+    LIMITED_BY,
     METHOD_CREDITS,
     STAR_FLUX,
     STATUS_SYMBOLS,
@@ -46,6 +47,7 @@ from cpic_planner.report.words import (
     sentence,
     status_text,
     tau_text,
+    verdict_text,
 )
 
 if TYPE_CHECKING:
@@ -195,6 +197,8 @@ def page_environment() -> Environment:
         "count": count_text,
         "reason": reason_text,
         "status": status_text,
+        "verdict": verdict_text,
+        "limited": lambda limit, reason: LIMITED_BY[limit][0] if limit else reason.replace("_", " "),
         "flag": flag_text,
         "library": library_text,
         "pm": plus_minus,

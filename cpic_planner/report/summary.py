@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping
 
 from cpic_planner.models import (
     KNOWN_PLANETS,
@@ -15,12 +16,13 @@ from cpic_planner.models import (
 )
 from cpic_planner.report.names import pretty_name
 from cpic_planner.report.numbers import count_text, duration_text, significant
-from cpic_planner.report.words import overrides_text, searched_text, sentence
+from cpic_planner.report.words import LIMITED_BY, overrides_text, searched_text, sentence
 
 __all__ = [
     "calibration_sentence",
     "chosen",
     "confirm_sentences",
+    "limits_text",
     "overrides_sentence",
     "planet_text",
     "population_text",
@@ -65,13 +67,21 @@ def overrides_sentence(result: PlanResult | ConfirmResult) -> str:
     return f"Images altered: {altered}. Predictions are nominal." if altered else ""
 
 
+def limits_text(counts: Mapping[str, int]) -> str:
+    """Return how many stars are limited by what, most first but for the detected ones."""
+    order = sorted(counts, key=lambda name: (name != "none", -counts[name], name))
+    words = {name: "detected" if name == "none" else f"limited by {LIMITED_BY[name][1]}" for name in order}
+    return ", ".join(f"{count_text(counts[name])} {words[name]}" for name in order)
+
+
 def summary_sentences(plan: PlanResult, rank: RankResult) -> list[str]:
     """Return the summary of the plan, one sentence an item."""
     sentences = [
         f"{count_text(plan.n_ranked)} stars were ranked by {_score_words(rank)}, in at most "
         f"{duration_text(plan.time_s)} of wall time per target and band.",
         f"A reference planet ({planet_text(plan)}) is predicted to be detected around "
-        f"{count_text(plan.counts.get('ok', 0))} of them.",
+        f"{count_text(plan.counts.get('ok', 0))} of them"
+        + (f" ({limits_text(rank.counts_limited_by)})." if rank.counts_limited_by else "."),
     ]
     if not plan.targets:
         return [*sentences, "No target was confirmed with simulated images."]

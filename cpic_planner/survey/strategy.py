@@ -8,6 +8,7 @@ from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
 
 from catalogs.errors import InputError
 from catalogs.strict_yaml import Provenance
+from cpic_planner.etc.detection import DetectionLaw
 from cpic_planner.etc.model import Strategy as Reduction
 from cpic_planner.population_config import PopulationConfig, load_population
 from simulator.config import FrozenModel
@@ -110,7 +111,7 @@ class FollowUp(FrozenModel):
         return bool(self.bands)
 
 
-class DetectionRule(FrozenModel):
+class DetectionRule(DetectionLaw):
     """What counts as a detection.
 
     Attributes
@@ -122,33 +123,18 @@ class DetectionRule(FrozenModel):
         included, are looked for at their place under ``blind`` too.
     visits_needed : int
         Visits that must show the planet.
-    calibration, calibration_error : float
-        Recovered over predicted SNR of images, and its standard error, drawn once for each universe.
-    blind_margin, blind_width, known_margin, known_width : float
-        Normal law of the detection probability in the logarithm of significance over threshold: where it is one half,
-        and its width. For a blind search: in Gaussian noise, ten resolution elements from the star.
-    blind_tails, blind_inward : float
-        What the logarithm of the middle of a blind search gains where all noise is light of the wavefront's errors,
-        and for each unit of resolution element over separation (`cpic_planner.survey.detection.half_margin`).
-    blind_margin_error, known_margin_error : float
-        Relative standard errors of the middles, drawn once for each universe.
     sigma : float
         Detection level whose false-alarm probability the small-sample thresholds keep.
+
+    Notes
+    -----
+    The other numbers are those of `cpic_planner.etc.detection.DetectionLaw`; their errors are drawn once for each
+    universe.
     """
 
     rule: Literal["blind", "known_place", "expected"] = "blind"
     visits_needed: Annotated[int, Field(ge=1, le=10)] = 1
     sigma: Annotated[Real, Field(ge=1, le=20)] = 5.0
-    calibration: Annotated[Real, Field(gt=0, le=10)] = 1.0
-    calibration_error: Annotated[Real, Field(ge=0, le=1)] = 0.0
-    blind_margin: Annotated[Real, Field(gt=0, le=100)] = 1.0
-    blind_width: Annotated[Real, Field(gt=0, le=100)] = 0.2
-    blind_tails: Annotated[Real, Field(ge=-10, le=10)] = 0.0
-    blind_inward: Annotated[Real, Field(ge=-100, le=100)] = 0.0
-    blind_margin_error: Annotated[Real, Field(ge=0, le=10)] = 0.0
-    known_margin: Annotated[Real, Field(gt=0, le=100)] = 1.0
-    known_width: Annotated[Real, Field(gt=0, le=100)] = 0.2
-    known_margin_error: Annotated[Real, Field(ge=0, le=10)] = 0.0
 
 
 class Assumptions(FrozenModel):

@@ -101,6 +101,16 @@ def ranking(rank: RankResult) -> list[str]:
     return lines
 
 
+def undetected(counts: dict[str, int]) -> str:
+    """How many reference planets are limited by what."""
+    meaning = {"speckles": "detected if the wavefront did not drift",
+               "background": "detected if there were no noise but their own and the speckles",
+               "photons": "too faint even then"}  # fmt: skip
+    shown = dict.fromkeys(meaning, 0) | {name: count for name, count in counts.items() if name != "none"}
+    return ", ".join(f"{count} limited by {name}" + (f" ({meaning[name]})" if name in meaning else "")
+                     for name, count in shown.items())  # fmt: skip
+
+
 def assumptions(firm: SensitivityResult) -> list[str]:
     """The ranking under other assumptions."""
     lines = [
@@ -159,6 +169,7 @@ def main() -> None:
         f"`cpic plan --top {TOP}` on the embedded catalogue: {plan.n_ranked} stars ranked, "
         f"{plan.counts.get('ok', 0)} with a reference planet (1 R_J, phase 90 deg, Jupiter's albedo) detected within "
         f"{plan.time_s / 3600:g} h of wall time per band, the first {TOP} confirmed with simulated images.",
+        f"Reference planets that are not detected: {undetected(plan.counts_limited_by)}.",
         f"Recovered / predicted SNR: {ratio:.2f} +- {error:.2f} over {count} measurements, "
         f"{plan.realisations} realisations of drift and noise each.",
         "",

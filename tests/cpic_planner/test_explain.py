@@ -64,7 +64,7 @@ def test_sentences_are_true():
     assert f"{band.budget[band.dominant] / sum(band.budget.values()):.0%} of the variance" in words[3]
     assert f"by {max(band.remedies.values()):.2f}" in words[4]
     last = explain_star(MODEL, STARS, RANK.targets[-1].name, other_assumptions=False, **ASKED)
-    assert "is below the speckle residual, whatever the time" in last.sentences[2]
+    assert "is not detected by any length of visit" in last.sentences[2]
 
 
 def test_ranks_under_other_assumptions_are_those_of_the_sensitivity():

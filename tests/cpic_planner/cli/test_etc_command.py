@@ -213,7 +213,8 @@ def test_typed_answers_exit_with_0_and_say_why(capsys):
     assert status == 0
     text = " ".join(out.split())
     assert text.count("speckle residual keeps the SNR below 100000 whatever the time; the most is") == 4
-    assert "○ speckle floor" in text
+    assert "○ too faint" in text
+    assert "○ speckle floor" in call(capsys, "tau Cet", "--snr", "20", "--band", "F520")[1]
     status, out, _ = call(capsys, "tau Cet", "--contrast", "0", "--separation-arcsec", "0.5", "--band", "F520")
     assert status == 0
     assert "no planet light" in out

@@ -105,7 +105,7 @@ def crest(mean_e, factor):
 
 
 def cameras():
-    """Cameras of all kinds: wells from a tenth of an electron to a million, with and without blooming, register and converter."""
+    """Cameras of all kinds: wells of 0.1 to a million electrons, with and without blooming, register and converter."""
     rng = np.random.default_rng(11)
     for k in range(60):
         pixel, register, converter = 10 ** rng.uniform(-1, 6, 3)

@@ -119,7 +119,7 @@ def test_an_annulus_counts_with_the_mean_variance_of_its_whole_apertures():
 @pytest.mark.parametrize("half", [0.3, 1.5])
 @pytest.mark.parametrize("band", ["F520", "F850"])
 def test_the_mean_over_an_annulus_by_counting_angles(band, half):
-    """From inside the hole's corner to beyond its edge: circles of the annulus count by the angles left to apertures."""
+    """From inside the hole's corner to beyond its edge: circles of the annulus count by angles left to apertures."""
     metrics = MODEL.metrics[band]
     corner, edge, margin = metrics.hole_inner_corner_arcsec, metrics.owa_arcsec, metrics.aperture_radius_arcsec
     low, high = metrics.zone.inner_arcsec + margin, metrics.zone.outer_arcsec - margin
@@ -131,7 +131,8 @@ def test_the_mean_over_an_annulus_by_counting_angles(band, half):
     expected = []
     for place in places:
         circles = place + np.linspace(-1.0, 1.0, 25)[:, None] * half * metrics.lambda_d_arcsec
-        free = (np.minimum(circles * cosine, circles * sine) >= low) & (np.maximum(circles * cosine, circles * sine) <= high)
+        x, y = circles * cosine, circles * sine
+        free = (np.minimum(x, y) >= low) & (np.maximum(x, y) <= high)
         weight = circles[:, 0] * free.mean(axis=1)
         if weight.sum() == 0.0:
             circles, weight = np.full((1, 1), place), np.ones(1)
