@@ -20,7 +20,7 @@ from simulator.files import write_bytes
 __all__ = ["NPZ_ERRORS", "open_npz", "read_npz", "write_npz"]
 
 MAX_BYTES = 4_000_000_000
-_WANTED = "an npz file of plain arrays"
+_WANTED = "a whole npz file of plain arrays"
 FIXED_DATE = (1980, 1, 1, 0, 0, 0)  # the oldest date a zip file can hold
 
 
