@@ -180,8 +180,9 @@ class StopRule(FrozenModel):
 class SchedulerRule(FrozenModel):
     """How visits are put into the calendar.
 
-    ``min_gain`` is the least that a visit has to be worth, in planets; ``look_ahead`` the most visits of one star that
-    the greedy choice weighs together, and never fewer than a detection needs; ``gap`` is how near to the bound the
+    ``min_gain`` is the least that a visit has to be worth, in planets; where a detection needs several visits, the mean
+    of a star's visits. ``look_ahead`` is the most visits of one star that the greedy choice weighs together where one
+    detection is enough: where several are needed, it weighs any number of them. ``gap`` is how near to the bound the
     mixed-integer programme has to come; ``reserve`` the time planned beyond the budget, as a fraction of it, for
     universes in which stop rules free some.
     """
