@@ -90,7 +90,7 @@ class Room:
     @classmethod
     def of(cls, problem: Problem) -> Room:
         """All of a strategy's time."""
-        return cls(problem.strategy.time_budget_h, problem.strategy.share * problem.slot_h)
+        return cls(problem.strategy.time_budget_h, problem.strategy.slot_share * problem.slot_h)
 
     def take(self, star: int, visit: Visit, cost_h: float) -> None:
         """Book a visit."""

@@ -9,7 +9,9 @@ from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
 from catalogs.errors import InputError
 from catalogs.strict_yaml import Provenance
 from cpic_planner.etc.model import Strategy as Reduction
+from cpic_planner.models.surveyed import VariedSetting
 from cpic_planner.population_config import PopulationConfig, load_population
+from cpic_planner.written_values import read_value
 from simulator.config import FrozenModel
 from simulator.config.light import Real
 
@@ -29,6 +31,12 @@ __all__ = [
 def _listed(value: Any) -> Any:
     """A single text as a list of one."""
     return (value,) if isinstance(value, str) else value
+
+
+def _factor(value: Any) -> Any:
+    """A factor that is written with its x, as a number."""
+    written = read_value("factor", value) if isinstance(value, str) else None
+    return value if written is None or written.action == "set" else written.value
 
 
 Names = Annotated[tuple[str, ...], BeforeValidator(_listed)]
@@ -155,13 +163,15 @@ class Assumptions(FrozenModel):
     """What is taken of the instrument instead of what its file says.
 
     ``contrast`` is the median raw contrast of the dark hole in every band: a brighter hole is that of a mirror whose
-    actuators are off by as much, a darker one has less of the instrument's light (`cpic_planner.survey.assumed`). The
-    other numbers are factors, ``exozodi`` an amount of dust in solar systems.
+    actuators are off by as much, a darker one has less of the instrument's light (`cpic_planner.survey.assumed`).
+    ``drift`` and ``throughput`` are factors on the instrument's numbers (2 or ``x2``: twice): drift on the offset of a
+    visit and on the walk within it, throughput on the optics' of every band. ``exozodi`` is an amount of dust in solar
+    systems (zodi).
     """
 
     contrast: Annotated[Real, Field(ge=0, le=1e-3)] | None = None
-    drift: Annotated[Real, Field(ge=0, le=1000)] = 1.0
-    throughput: Annotated[Real, Field(gt=0, le=10)] = 1.0
+    drift: Annotated[Real, Field(ge=0, le=1000), BeforeValidator(_factor)] = 1.0
+    throughput: Annotated[Real, Field(gt=0, le=10), BeforeValidator(_factor)] = 1.0
     exozodi: Annotated[Real, Field(ge=0, le=1e4)] | None = None
 
 
@@ -206,8 +216,9 @@ class SurveyStrategy(FrozenModel):
     name, description : str
     time_budget_h : float
         Telescope time, slews, settling and occultations included.
-    share : float
-        Largest fraction of any slot of the calendar that the coronagraph may take.
+    slot_share : float
+        Largest fraction of any slot of the calendar that the coronagraph may take; ``share`` in files is the same. It
+        is no share of the mission: that is ``time_budget_h`` over the length of the survey.
     value_known, value_new : float
         What the detection of a known planet, and of a new one, is worth to the scheduler.
     """
@@ -215,7 +226,7 @@ class SurveyStrategy(FrozenModel):
     name: Annotated[str, Field(min_length=1, max_length=120)]
     description: str = ""
     time_budget_h: Annotated[Real, Field(gt=0, le=1e6)] = 1000.0
-    share: Annotated[Real, Field(gt=0, le=1)] = 0.25
+    slot_share: Annotated[Real, Field(gt=0, le=1)] = 0.25
     targets: TargetCuts = TargetCuts()
     population: Annotated[PopulationConfig | None, BeforeValidator(_population)] = None
     visit: VisitRule = VisitRule()
@@ -229,11 +240,17 @@ class SurveyStrategy(FrozenModel):
     value_known: Annotated[Real, Field(ge=0, le=1e6)] = 1.0
     value_new: Annotated[Real, Field(ge=0, le=1e6)] = 1.0
     _provenance: dict[str, Provenance] = PrivateAttr(default_factory=dict)
+    _varied: tuple[VariedSetting, ...] = PrivateAttr(default=())
 
     @property
     def provenance(self) -> dict[str, Provenance]:
         """Dotted keys whose values were stated with a source, with that source."""
         return dict(self._provenance)
+
+    @property
+    def varied(self) -> tuple[VariedSetting, ...]:
+        """Values that ``--vary`` gave the strategy, in the order of its name."""
+        return self._varied
 
     @model_validator(mode="after")
     def _consistent(self) -> SurveyStrategy:

@@ -11,7 +11,8 @@ from typing import Any
 from cpic_planner.models.surveyed import StrategyOutcome, WhatIfResult
 from cpic_planner.report.drawing import Picture
 from cpic_planner.report.names import pretty_name
-from cpic_planner.survey.strategy_file import StrategiesConfig, load_strategies, varied
+from cpic_planner.survey.strategy_file import StrategiesConfig, load_strategies
+from cpic_planner.survey.sweeps import varied
 from cpic_planner.survey.whatif import run_whatif
 
 BASE = "few_and_deep"
@@ -19,7 +20,7 @@ SWEEPS = {
     "visits": ("max_visits=1,2,5,10,20,40", "visits of each star at most"),
     "time": ("time_s=1800,3600,10800,36000,72000", "wall time of a visit at most (s)"),
     "contrast": ("contrast=1e-8,3e-9,1e-9,3e-10", "median raw contrast of the dark hole"),
-    "drift": ("drift=0.25,0.5,1,2,4", "wavefront drift, times the nominal one"),
+    "drift": ("drift=x0.25,x0.5,x1,x2,x4", "wavefront drift, times the nominal one"),
     "detection": ("rule=blind,known_place", "what counts as a detection"),
 }
 IMAGED, IMAGES = ("contrast", "drift"), 24

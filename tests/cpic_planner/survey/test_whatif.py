@@ -14,7 +14,7 @@ from cpic_planner.models import WhatIfResult
 from cpic_planner.survey.observed import read_log
 from cpic_planner.survey.prepare import prepare
 from cpic_planner.survey.store import read_table
-from cpic_planner.survey.strategy_file import varied
+from cpic_planner.survey.sweeps import varied
 from cpic_planner.survey.whatif import BLOCK, cost_of, run_whatif, whatif_hash
 
 PRODUCTS = ("universes.parquet", "detections.parquet", "stars.parquet", "whatif.json", "report.html", "targets.csv")
@@ -124,7 +124,7 @@ def test_fewer_universes_are_the_first_of_more(run, small, tmp_path, no_report):
 
 
 CHANGES = {
-    "share": ({"share": 0.2}, {}),
+    "slot_share": ({"slot_share": 0.2}, {}),
     "bands": ({"visit": {"bands": ["F662"]}}, {}),
     "rule": ({"detection": {"blind_margin": 1.9}}, {}),
     "contrast": ({"assumptions": {"contrast": 1e-9}}, {}),
