@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Literal
 
 from cpic_planner.models.surveyed import AssumedInstrument, DifferenceRecord, StrategyOutcome, WhatIfResult
@@ -15,6 +15,7 @@ from simulator.config.base import unit_of
 __all__ = [
     "READING",
     "WHATIF_GLOSSARY",
+    "best_by_value",
     "between",
     "changed_settings",
     "empty_text",
@@ -92,6 +93,17 @@ def interval_text(low: float, high: float, digits: int = 2) -> str:
     return f"{decimals(low, digits)} to {decimals(high, digits)}"
 
 
+def best_by_value(strategies: Sequence[StrategyOutcome]) -> dict[str, StrategyOutcome]:
+    """Return the strategy that finds most at each value of a sweep, by that value; without a sweep of all, under ""."""
+    swept = all(item.varied for item in strategies)
+    best: dict[str, StrategyOutcome] = {}
+    for item in strategies:
+        value = item.variation if swept else ""
+        if value not in best or item.planets.mean > best[value].planets.mean:
+            best[value] = item
+    return best
+
+
 def hanging_text(item: StrategyOutcome) -> str:
     """Return ``85 % of the planets found are eps Eri b`` where more than 30 % are one planet; otherwise nothing."""
     one = item.leading_planet
@@ -124,7 +136,7 @@ def extent_text(result: WhatIfResult) -> str:
     days = float(result.universe["duration_days"])
     budgets = sorted({float(item.settings["time_budget_h"]) for item in result.strategies})
     ends = dict.fromkeys((budgets[0], budgets[-1]))
-    hours = " to ".join(significant(budget, 4) for budget in ends)
+    hours = " to ".join(f"{budget:g}" for budget in ends)
     shares = " to ".join(percent_text(budget / (24.0 * days)) for budget in ends)
     n = len(result.strategies)
     each = "one strategy" if n == 1 else f"{count_text(n)} strategies"
@@ -160,9 +172,9 @@ def lead_sentences(result: WhatIfResult) -> list[str]:
     said = [result.statement]
     said += [text for item in result.strategies if (text := empty_text(item))]
     order = sorted(result.strategies, key=lambda item: -item.planets.mean)
-    swept = all(item.varied for item in result.strategies) and len({item.base for item in result.strategies}) == 1
-    others = [item for item in order[1:] if hanging_text(item)]
-    if others and not swept:  # the statement says it of the best strategy, and of every value of a sweep
+    told = {item.name for item in best_by_value(result.strategies).values()}  # the statement says it of these
+    others = [item for item in order if hanging_text(item) and item.name not in told]
+    if others:
         listed = "; ".join(f"{item.name}: {hanging_text(item)}" for item in others[:_MOST_LISTED])
         more = f"; and so on for {len(others) - _MOST_LISTED} others" if len(others) > _MOST_LISTED else ""
         said.append(f"Other yields hang on one planet, too. {listed}{more}.")
@@ -171,7 +183,7 @@ def lead_sentences(result: WhatIfResult) -> list[str]:
     budgets = sorted({float(item.settings["time_budget_h"]) for item in result.strategies})
     share = max(item.hours.mean / float(item.settings["time_budget_h"]) for item in result.strategies)
     if share < _SPENT:
-        budget = f"its budget of {significant(budgets[0], 4)} h" if len(budgets) == 1 else "its budget"
+        budget = f"its budget of {budgets[0]:g} h" if len(budgets) == 1 else "its budget"
         who = "The strategy uses" if len(order) == 1 else "No strategy uses more than"
         said.append(
             f"{who} {percent_text(share)} of {budget} on average: its rules on stars and visits end it before the time "

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from cpic_planner.engine import run_tasks
 from cpic_planner.environment import RunClock
 from cpic_planner.models.surveyed import ImageSample, StrategyOutcome, WhatIfResult
-from cpic_planner.report.whatif_words import hanging_text
+from cpic_planner.report.whatif_words import best_by_value, hanging_text
 from cpic_planner.report.write_whatif import write_whatif
 from cpic_planner.runfolder import RunFolder, open_run_folder
 from cpic_planner.survey.image_check import image_sample, image_task, sampled_detections
@@ -292,14 +292,10 @@ def statement(outcomes: Sequence[StrategyOutcome]) -> str:
 
 def _sweep_statement(outcomes: Sequence[StrategyOutcome]) -> str:
     """The best strategy at each value of what is varied."""
-    by_value: dict[str, list[StrategyOutcome]] = {}
-    for item in outcomes:
-        by_value.setdefault(item.variation, []).append(item)
+    several = len({item.base for item in outcomes}) > 1
     parts = []
-    for value, items in by_value.items():
-        best = max(items, key=lambda item: item.planets.mean)
-        name = f"{best.base} " if len(items) > 1 else ""
-        one = hanging_text(best)
-        parts.append(f"{value}: {name}{best.planets.mean:.2f} planets, {best.new_planets.mean:.2f} new"
-                     f"{f' ({one})' if one else ''}")  # fmt: skip
+    for value, best in best_by_value(outcomes).items():
+        name, one = f"{best.base} " if several else "", hanging_text(best)
+        found = f"{best.planets.mean:.2f} planets, {best.new_planets.mean:.2f} new"
+        parts.append(f"{value}: {name}{found}{f' ({one})' if one else ''}")
     return f"Most planets a survey by value. {'; '.join(parts)}."

@@ -77,7 +77,8 @@ def pictures(folder: Path, found: dict[str, Any]) -> dict[str, Picture]:
 
 
 def _value(name: str) -> str:
-    return name.rsplit("=", 1)[-1]
+    """The number or word that was varied, without the unit or x: heads of columns and sentences have them."""
+    return name.rsplit("=", 1)[-1].removeprefix("x").split(" ")[0]
 
 
 def _estimate(item: dict[str, float]) -> str:
@@ -124,7 +125,7 @@ def _strategies(result: WhatIfResult) -> str:
             )
         )
     return (
-        f"## Five ways to spend {result.strategies[0].settings['time_budget_h']:.0f} hours\n\n"
+        f"## {len(result.strategies)} ways to spend {result.strategies[0].settings['time_budget_h']:.0f} hours\n\n"
         f"{result.n_universes} universes of the population `giants` (0.21 planets a star) and the known planets "
         f"of 2019, ten "
         "years from 2028. Means over surveys with their 90 % intervals; a detection is one of a blind search, with the "

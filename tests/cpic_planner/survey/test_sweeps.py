@@ -133,8 +133,8 @@ REFUSED = [
     ("contrast=x2", "assumptions.contrast of one is not set"), ("rule=x2", "detection.rule of one is blind"),
     ("drift.visit_nm=0.1nm", "drift=0.1nm sets the offset of a visit"),
     ("share=0.05", "--vary = share: not accepted; allowed: slot_share or budget_h (slot_share is the most of any slot "
-                   "of 30 days that the coronagraph may take; budget_h is all its telescope time in the 3652 days, 876 h "
-                   "for 1 % of them)"),
+                   "of 30 days that the coronagraph may take; budget_h is all its telescope time in the 3652 days, 876 "
+                   "h for 1 % of them)"),
 ]  # fmt: skip
 
 
