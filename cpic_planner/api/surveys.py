@@ -87,7 +87,8 @@ def compare_strategies(
     out : str or Path, optional
         Folder for tables and report; an interrupted run continues there. Without it nothing is kept.
     vary : sequence of str
-        ``"KEY=VALUE,VALUE..."``: every strategy with each value.
+        ``"KEY=VALUE,VALUE..."``: every strategy with each value, as ``"drift=0.1nm,x3"``; values carry a unit or an
+        x, see `cpic_planner.survey.sweeps.varied`.
     images : int
         Detections of each strategy that are simulated as images.
     workers, scheduler, force
@@ -114,7 +115,8 @@ def compare_strategies(
     >>> result.strategies[0].schedule.visits
     1
     """
-    from cpic_planner.survey.strategy_file import load_strategies, varied, with_universe
+    from cpic_planner.survey.strategy_file import load_strategies, with_universe
+    from cpic_planner.survey.sweeps import varied
     from cpic_planner.survey.whatif import run_whatif
 
     config = with_universe(load_strategies(strategies), universe)

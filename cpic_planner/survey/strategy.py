@@ -10,7 +10,9 @@ from catalogs.errors import InputError
 from catalogs.strict_yaml import Provenance
 from cpic_planner.etc.detection import DetectionLaw
 from cpic_planner.etc.model import Strategy as Reduction
+from cpic_planner.models.surveyed import VariedSetting
 from cpic_planner.population_config import PopulationConfig, load_population
+from cpic_planner.written_values import read_value
 from simulator.config import FrozenModel
 from simulator.config.light import Real
 
@@ -30,6 +32,12 @@ __all__ = [
 def _listed(value: Any) -> Any:
     """A single text as a list of one."""
     return (value,) if isinstance(value, str) else value
+
+
+def _factor(value: Any) -> Any:
+    """A factor that is written with its x, as a number."""
+    written = read_value("factor", value) if isinstance(value, str) else None
+    return value if written is None or written.action == "set" else written.value
 
 
 Names = Annotated[tuple[str, ...], BeforeValidator(_listed)]
@@ -141,13 +149,15 @@ class Assumptions(FrozenModel):
     """What is taken of the instrument instead of what its file says.
 
     ``contrast`` is the median raw contrast of the dark hole in every band: a brighter hole is that of a mirror whose
-    actuators are off by as much, a darker one has less of the instrument's light (`cpic_planner.survey.assumed`). The
-    other numbers are factors, ``exozodi`` an amount of dust in solar systems.
+    actuators are off by as much, a darker one has less of the instrument's light (`cpic_planner.survey.assumed`).
+    ``drift`` and ``throughput`` are factors on the instrument's numbers (2 or ``x2``: twice): drift on the offset of a
+    visit and on the walk within it, throughput on the optics' of every band. ``exozodi`` is an amount of dust in solar
+    systems (zodi).
     """
 
     contrast: Annotated[Real, Field(ge=0, le=1e-3)] | None = None
-    drift: Annotated[Real, Field(ge=0, le=1000)] = 1.0
-    throughput: Annotated[Real, Field(gt=0, le=10)] = 1.0
+    drift: Annotated[Real, Field(ge=0, le=1000), BeforeValidator(_factor)] = 1.0
+    throughput: Annotated[Real, Field(gt=0, le=10), BeforeValidator(_factor)] = 1.0
     exozodi: Annotated[Real, Field(ge=0, le=1e4)] | None = None
 
 
@@ -166,8 +176,9 @@ class StopRule(FrozenModel):
 class SchedulerRule(FrozenModel):
     """How visits are put into the calendar.
 
-    ``min_gain`` is the least that a visit has to be worth, in planets; ``look_ahead`` the most visits of one star that
-    the greedy choice weighs together, and never fewer than a detection needs; ``gap`` is how near to the bound the
+    ``min_gain`` is the least that a visit has to be worth, in planets; where a detection needs several visits, the mean
+    of a star's visits. ``look_ahead`` is the most visits of one star that the greedy choice weighs together where one
+    detection is enough: where several are needed, it weighs any number of them. ``gap`` is how near to the bound the
     mixed-integer programme has to come; ``reserve`` the time planned beyond the budget, as a fraction of it, for
     universes in which stop rules free some.
     """
@@ -191,8 +202,9 @@ class SurveyStrategy(FrozenModel):
     name, description : str
     time_budget_h : float
         Telescope time, slews, settling and occultations included.
-    share : float
-        Largest fraction of any slot of the calendar that the coronagraph may take.
+    slot_share : float
+        Largest fraction of any slot of the calendar that the coronagraph may take; ``share`` in files is the same. It
+        is no share of the mission: that is ``time_budget_h`` over the length of the survey.
     value_known, value_new : float
         What the detection of a known planet, and of a new one, is worth to the scheduler.
     """
@@ -200,7 +212,7 @@ class SurveyStrategy(FrozenModel):
     name: Annotated[str, Field(min_length=1, max_length=120)]
     description: str = ""
     time_budget_h: Annotated[Real, Field(gt=0, le=1e6)] = 1000.0
-    share: Annotated[Real, Field(gt=0, le=1)] = 0.25
+    slot_share: Annotated[Real, Field(gt=0, le=1)] = 0.25
     targets: TargetCuts = TargetCuts()
     population: Annotated[PopulationConfig | None, BeforeValidator(_population)] = None
     visit: VisitRule = VisitRule()
@@ -214,11 +226,17 @@ class SurveyStrategy(FrozenModel):
     value_known: Annotated[Real, Field(ge=0, le=1e6)] = 1.0
     value_new: Annotated[Real, Field(ge=0, le=1e6)] = 1.0
     _provenance: dict[str, Provenance] = PrivateAttr(default_factory=dict)
+    _varied: tuple[VariedSetting, ...] = PrivateAttr(default=())
 
     @property
     def provenance(self) -> dict[str, Provenance]:
         """Dotted keys whose values were stated with a source, with that source."""
         return dict(self._provenance)
+
+    @property
+    def varied(self) -> tuple[VariedSetting, ...]:
+        """Values that ``--vary`` gave the strategy, in the order of its name."""
+        return self._varied
 
     @model_validator(mode="after")
     def _consistent(self) -> SurveyStrategy:

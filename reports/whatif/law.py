@@ -19,7 +19,8 @@ from cpic_planner.survey.detection import Setting, rolled, tail_share
 from cpic_planner.survey.image_check import image_task
 from cpic_planner.survey.play import Survey
 from cpic_planner.survey.prepare import prepare
-from cpic_planner.survey.strategy_file import load_strategies, varied
+from cpic_planner.survey.strategy_file import load_strategies
+from cpic_planner.survey.sweeps import varied
 from cpic_planner.validation.task import Frames, expected_of, star_scene, task_of
 from cpic_planner.validation.verdict import refusals_of
 from simulator.config import Planet
@@ -31,7 +32,7 @@ from simulator.target.positions import detector_to_sky
 
 NOMINAL, VARIED, REALISATIONS = 400, 240, 8
 MARGINS, ALBEDO = (0.5, 3.0), 0.5
-SWEEPS = ("contrast=1e-8,3e-9,1e-9", "drift=0.5,2")
+SWEEPS = ("contrast=1e-8,3e-9,1e-9", "drift=x0.5,x2")
 STARTED = 1e-8
 MOST_RJUP, MOST_TRIES = 10.0, 50
 

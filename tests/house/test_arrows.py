@@ -41,7 +41,7 @@ PLANNER = [
     {"ranking"},
     {"sensitivity"},
     {"explain"},
-    {"overrides", "override_keys"},
+    {"overrides", "override_keys", "written_values"},
     {"validation"},
     {"etc_images", "etc_check"},
     {"report"},

@@ -97,6 +97,16 @@ def test_known_planets_are_those_of_the_option(capsys, tmp_path):
     assert found[f"none+{table}"] > 0.1
 
 
+def test_what_is_varied_is_told_before_it_runs(capsys, mine):
+    status, out, err = call(capsys, mine, "--vary", "drift=0.1nm,x3", "--dry-run")
+    assert status == 0
+    assert err.splitlines() == [
+        "cpic: varied: drift 0.1 nm: 0.1 nm visit offset, 0.1 nm/sqrt(h) walk, x2 of the instrument's",
+        "cpic: varied: drift x3: 0.15 nm visit offset, 0.15 nm/sqrt(h) walk, x3 of the instrument's",
+    ]
+    assert out.startswith("4 strategies")
+
+
 def test_what_it_would_cost(capsys, mine, tmp_path):
     status, out, _ = call(capsys, mine, "--dry-run", "--out", str(tmp_path / "none"))
     assert status == 0
@@ -110,6 +120,8 @@ FAULTS = {
     "--strategy = thrice": ["--strategy", "thrice"],
     "--vary": ["--vary", "foo=1"],
     "each value once": ["--vary", "max_visits=1,1"],
+    "drift=x0.1 is 0.1 times the instrument's 0.05 nm: 0.005 nm; drift=0.1nm is 0.1 nm": ["--vary", "drift=0.1"],
+    "slot_share or budget_h": ["--vary", "share=0.05"],
     "start_utc": ["--start", "soon"],
     "duration_days": ["--days", "-3"],
     "nowhere.csv": ["--observed", "nowhere.csv"],

@@ -28,7 +28,7 @@ def test_schedules_stay_within_their_strategy(plain):
     assert sum(visit.cost_h for visit in planned) <= survey.strategy.time_budget_h
     for slot in range(survey.calendar.n_slots):
         used = sum(visit.cost_h for visit in survey.schedule.visits if visit.slot == slot)
-        assert used <= survey.strategy.share * survey.calendar.slot_h[slot] + 1e-6
+        assert used <= survey.strategy.slot_share * survey.calendar.slot_h[slot] + 1e-6
     for star in range(len(survey.targets)):
         own = [visit for visit in survey.schedule.visits if visit.star == star]
         assert len(own) <= survey.strategy.revisits.max_visits
