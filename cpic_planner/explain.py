@@ -22,6 +22,7 @@ from cpic_planner.ranking import DEFAULT_SCORE, PopulationChoice, judge, rank_ta
 from cpic_planner.sensitivity import ASSUMPTIONS, Setting, positions
 from cpic_planner.targets import Targets
 from simulator.config import content_hash
+from simulator.work import announce
 
 __all__ = ["explain_star"]
 
@@ -72,7 +73,8 @@ def explain_star(
     ranks: dict[str, int] = {}
     if other_assumptions:
         setting = Setting(model, body, choice)
-        for item in ASSUMPTIONS:
+        for done, item in enumerate(ASSUMPTIONS, 1):
+            announce(f"ranking under other assumptions, {done} of {len(ASSUMPTIONS)}: {item.text}")
             found, _ = positions(item.change(setting), targets, time_s=time_s, bands=names, score=score)
             ranks[item.key] = int(found[index])
     return Explanation(

@@ -42,6 +42,7 @@ from cpic_planner.version import __version__
 from simulator.config import content_hash
 from simulator.files import dump_json
 from simulator.ledger import not_modelled
+from simulator.work import announce
 
 __all__ = ["FinishedPlan", "PlanConfig", "estimate_cost", "make_plan"]
 
@@ -198,6 +199,7 @@ def make_plan(
         plan = _assemble(config, prepared, digest, bodies)
         firm = sensitivity(prepared.model, prepared.targets, time_s=config.time_s, planet=config.planet,
                            population=config.drawn, score=config.score)  # fmt: skip
+        announce("writing the report")
         _write(folder, plan, prepared, bodies, firm)
         record = clock.record(
             command=command,

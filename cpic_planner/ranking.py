@@ -30,6 +30,7 @@ from cpic_planner.targets import Targets
 from cpic_planner.version import __version__
 from simulator.config import content_hash
 from simulator.outcome import Reason, Status
+from simulator.work import announce
 
 __all__ = [
     "DEFAULT_SCORE",
@@ -265,6 +266,7 @@ def rank_targets(
     """
     body, choice = planet or ReferencePlanet(), population or PopulationChoice.default()
     names, time_s = model.named(bands), check_range("time_s", time_s, 1e-3, 1e9, "s")
+    announce(f"ranking {len(targets)} stars")
     planets = choice.draw(targets) if isinstance(choice, KnownChoice) else choice.draw()
     found = ranked(model, targets, time_s=time_s, planet=body, bands=names, planets=planets, score=score)
     verdicts = judge(found.best, model)

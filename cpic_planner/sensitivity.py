@@ -18,6 +18,7 @@ from cpic_planner.targets import Targets
 from simulator.config import content_hash
 from simulator.config.albedo import ParametricAlbedo
 from simulator.passbands import Passbands
+from simulator.work import announce
 
 __all__ = ["ASSUMPTIONS", "DECIDES_BELOW", "N_TOP", "Assumption", "Setting", "positions", "sensitivity"]
 
@@ -144,7 +145,8 @@ def sensitivity(
     targets, nominal = targets.select(pool), nominal[pool]
     first = np.flatnonzero(nominal <= n_top)
     rows = []
-    for assumption in assumptions:
+    for done, assumption in enumerate(assumptions, 1):
+        announce(f"ranking under other assumptions, {done} of {len(assumptions)}: {assumption.text}")
         place, detected = positions(assumption.change(setting), targets, time_s=time_s, bands=names, score=score)
         tau = float(kendalltau(nominal[first], place[first]).statistic) if n_top > 1 else None
         falls = place[first] - nominal[first]

@@ -125,8 +125,8 @@ def _warn(key: str, reason: str) -> None:
 def search(instrument: Instrument, solver: Imager, aberrations: Aberrations, mirror: DeformableMirror) -> HoleResult:
     """Dig the hole of one band now."""
     zone = solver.zone
-    announce(f"digging the dark hole of {instrument.name} in {solver.band} ({zone.mode}), once: 1 to 15 s on a free "
-             "processor, some minutes for a hole that is hard to reach")  # fmt: skip
+    announce(f"digging the dark hole of {instrument.name} in {solver.band} ({zone.mode}), once: seconds on a free "
+             "processor, minutes where the hole is hard to reach")  # fmt: skip
     return solve_dark_hole(solver, aberrations, mirror, mode=zone.mode, side=zone.side, settings=_settings(instrument))
 
 

@@ -98,8 +98,8 @@ def _measure(instrument: Instrument, band: str) -> dict[str, NDArray[Any]]:
     from simulator.imaging.build import build_imager, hole_state_of
     from simulator.imaging.measure import measure_metrics
 
-    announce(f"measuring the optics of {instrument.name} in {band}, once: 5 to 20 s on a free processor")
     imager, wide = build_imager(instrument, band), build_imager(instrument, band, Knobs(wavelength_nodes=WING_NODES))
+    announce(f"measuring the optics of {instrument.name} in {band}, once: about 5 s on a free processor")
     metrics = measure_metrics(imager, instrument.drift.psd_slope, wide)
     state = hole_state_of(instrument, band, float(metrics.raw_contrast[metrics.hole].mean()))
     return metrics.to_arrays() | {"hole_state": np.asarray(state)}

@@ -10,7 +10,8 @@ ROOT = Path(__file__).resolve().parents[2]
 FLOORS = ["catalogs", "simulator", "cpic_planner"]
 # Inside a floor data flows left to right; a module imports its own room or rooms to its left.
 SIMULATOR = [
-    {"files", "lazy", "quantities"},
+    {"files", "work", "quantities"},
+    {"lazy"},
     {"config", "rng", "outcome", "cache", "arrays"},
     {"knobs", "band_integrals", "albedo_family"},
     {"passbands"},
