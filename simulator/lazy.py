@@ -56,5 +56,5 @@ def load_kernels(name: str) -> Any:
         Path(chosen).rglob(f"{source.stem}.*.nbi") if chosen else source.parent.glob(f"__pycache__/{source.stem}.*.nbi")
     )
     if next(kept, None) is None:
-        announce(f"compiling {name.rpartition('.')[2]} for this machine, once: about 10 s")
+        announce(f"compiling {name.rpartition('.')[2]} for this machine, once: about 10 s on a free processor")
     return module

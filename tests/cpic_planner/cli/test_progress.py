@@ -25,6 +25,11 @@ class Clock:
         return self.now
 
 
+@pytest.fixture(autouse=True)
+def _as_a_user_has_it(monkeypatch):
+    monkeypatch.setattr(progress, "SHOW_AFTER_S", 2.0)
+
+
 @pytest.fixture
 def clock():
     return Clock()
