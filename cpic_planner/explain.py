@@ -21,7 +21,7 @@ from cpic_planner.models import BandStanding, Explanation, RankedTarget, ScoreNa
 from cpic_planner.optimiser import Best, best_in_band
 from cpic_planner.population import Planets
 from cpic_planner.ranking import DEFAULT_SCORE, PopulationChoice, finite, judge, limits_of, rank_targets
-from cpic_planner.sensitivity import ASSUMPTIONS, N_TOP, Setting, in_order, near_top
+from cpic_planner.sensitivity import ASSUMPTIONS, N_TOP, Setting, in_order, in_turn, near_top
 from cpic_planner.targets import Targets
 from simulator.config import content_hash
 
@@ -97,7 +97,8 @@ def _other_ranks(
                         for key in ("rank", "detection_margin"))  # fmt: skip
         targets = targets.select(near_top(rank, margin, N_TOP))
     index = [str(star) for star in targets.name].index(name)
-    return {item.key: int(in_order(item.change(setting), targets, **asked).rank[index]) for item in ASSUMPTIONS}
+    return {item.key: int(in_order(item.change(setting), targets, **asked).rank[index])
+            for item in in_turn(ASSUMPTIONS)}  # fmt: skip
 
 
 def _standing(

@@ -45,6 +45,7 @@ from simulator.config import content_hash
 from simulator.config.mission import Utc
 from simulator.files import dump_json
 from simulator.ledger import not_modelled
+from simulator.work import announce
 
 __all__ = ["FinishedPlan", "PlanConfig", "estimate_cost", "make_plan"]
 
@@ -231,6 +232,7 @@ def make_plan(
         plan = _assemble(config, prepared, digest, bodies)
         firm = sensitivity(prepared.model, prepared.targets, time_s=config.time_s, planet=config.planet,
                            population=prepared.drawn, score=config.score)  # fmt: skip
+        announce("writing the report")
         _write(folder, plan, prepared, bodies, firm)
         record = clock.record(
             command=command,

@@ -39,6 +39,7 @@ from cpic_planner.targets import Targets
 from cpic_planner.version import __version__
 from simulator.config import content_hash
 from simulator.outcome import Reason, Status
+from simulator.work import announce
 
 __all__ = [
     "DEFAULT_SCORE",
@@ -302,6 +303,7 @@ def rank_targets(
     """
     body, choice = planet or ReferencePlanet(), population or PopulationChoice.default()
     names, time_s = model.named(bands), check_range("time_s", time_s, 1e-3, 1e9, "s")
+    announce(f"ranking {len(targets)} stars")
     planets = drawn_planets(choice, targets)
     found = ranked(model, targets, time_s=time_s, planet=body, bands=names, planets=planets, score=score)
     standings = judge(found.best, model)

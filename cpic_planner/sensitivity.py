@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -20,6 +20,7 @@ from cpic_planner.targets import Targets
 from simulator.config import content_hash
 from simulator.config.albedo import ParametricAlbedo
 from simulator.passbands import Passbands
+from simulator.work import announce
 
 __all__ = [
     "ASSUMPTIONS",
@@ -30,6 +31,7 @@ __all__ = [
     "Order",
     "Setting",
     "in_order",
+    "in_turn",
     "near_top",
     "sensitivity",
 ]
@@ -124,6 +126,13 @@ ASSUMPTIONS: tuple[Assumption, ...] = (
 )  # fmt: skip
 
 
+def in_turn(assumptions: Sequence[Assumption]) -> Iterator[Assumption]:
+    """Yield assumptions, each announced before the work under it begins."""
+    for done, assumption in enumerate(assumptions, 1):
+        announce(f"ranking under other assumptions, {done} of {len(assumptions)}: {assumption.text}")
+        yield assumption
+
+
 def in_order(setting: Setting, targets: Targets, *, time_s: float, bands: Sequence[str], score: ScoreName) -> Order:
     """Rank stars under one setting."""
     found = ranked(setting.model, targets, time_s=time_s, planet=setting.planet, bands=bands,
@@ -186,7 +195,7 @@ def sensitivity(
     pool = near_top(nominal.rank, nominal.margin, top)
     targets, nominal = targets.select(pool), nominal.select(pool)
     rows = []
-    for assumption in assumptions:
+    for assumption in in_turn(assumptions):
         other = in_order(assumption.change(setting), targets, time_s=time_s, bands=names, score=score)
         rows.append(_compared(assumption, nominal, other, targets.name, n_top))
     decides = [row.assumption for row in rows if _decides(row, n_ok)]

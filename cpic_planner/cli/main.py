@@ -30,6 +30,7 @@ from cpic_planner.cli import (
     whatif_command,
 )
 from cpic_planner.cli.output import error_line, version_text
+from cpic_planner.cli.progress import watch
 from simulator.numeric import numeric_context
 
 __all__ = ["app", "main"]
@@ -53,6 +54,7 @@ def _version(wanted: bool) -> None:
 
 @app.callback()
 def root(
+    context: typer.Context,
     version: Annotated[
         bool,
         typer.Option("--version", callback=_version, is_eager=True, help="Show version, data vintage and owner."),
@@ -65,6 +67,8 @@ def root(
     logging.basicConfig(level=logging.WARNING, format="%(levelname)s: %(message)s", stream=sys.stderr)
     for package in ("catalogs", "simulator", "cpic_planner"):
         logging.getLogger(package).setLevel(level)
+    if not quiet:
+        context.with_resource(watch(context.invoked_subcommand or "working"))
 
 
 app.command("plan", help=plan_command.HELP)(plan_command.plan)

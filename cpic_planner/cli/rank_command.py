@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -186,8 +185,6 @@ def rank(
         sample = f"{sample}; {KNOWN_ONLY}"
     asked: dict[str, Any] = {"time_s": time_s, "planet": planet_from(radius_rjup, phase_deg, reflects),
                              "population": chosen, "score": score.value}  # fmt: skip
-    if (explain is not None or sensitivity) and sys.stderr.isatty():
-        note("ranking under other assumptions too, some ten seconds for the whole catalogue")
     if explain is not None:
         from cpic_planner.targets import find_target
 

@@ -28,6 +28,7 @@ from cpic_planner.survey.visibility import load_visibility
 from cpic_planner.version import __version__
 from simulator.config import content_hash
 from simulator.files import dump_json
+from simulator.work import announce
 
 __all__ = ["BLOCK", "FinishedWhatIf", "cost_of", "run_whatif", "whatif_hash"]
 
@@ -148,6 +149,7 @@ def run_whatif(
         result = assemble(prepared, tables, images, digest)
         folder.write("whatif.json", dump_json(result.model_dump(mode="json")))
         if pages:
+            announce("writing the report")
             write_whatif(folder, result)
         record = clock.record(command=command, config_hash=digest, workers=workers, scheduler=scheduler,
                               resumed_parts=resumed, computed_parts=len(keys) - resumed)  # fmt: skip

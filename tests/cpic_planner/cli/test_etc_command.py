@@ -267,19 +267,6 @@ def test_a_plot_does_not_change_the_answer(capsys, tmp_path):
     assert with_plot == call(capsys, *HERE, "--json")[1]
 
 
-def test_near_infrared_bands_are_announced_once(capsys, monkeypatch):
-    import simulator.cache
-    from cpic_planner.cli import strategy_options
-
-    monkeypatch.setattr(simulator.cache, "get_arrays", lambda key: None)
-    strategy_options._announce(load_instrument(), ["F940", "F520", "F940"])
-    assert capsys.readouterr().err == "cpic: measuring the optics of F940 once, about 10 s\n"
-    monkeypatch.setattr(simulator.cache, "get_arrays", lambda key: {})
-    strategy_options._announce(load_instrument(), ["F940"])
-    strategy_options._announce(load_instrument(), None)
-    assert capsys.readouterr().err == ""
-
-
 def test_examples_of_the_help_work(capsys, tmp_path, monkeypatch):
     import shlex
 
