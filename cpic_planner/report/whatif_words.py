@@ -33,7 +33,7 @@ _SPENT = 0.95
 """Share of the budget above which it is what limits the yield."""
 _HANGS = 0.3
 """Share of a yield above which it is said to hang on one planet."""
-_MOST_LISTED = 8
+_MOST_LISTED, _MOST_EMPTY = 8, 3
 _HARDLY_USED, _FAR_BELOW = 0.02, 0.5
 """Share of the budget, and distance from the bound, of a calendar that is nearly empty."""
 
@@ -122,13 +122,15 @@ def empty_text(item: StrategyOutcome) -> str:
         text = f"{item.name} plans no visit at all"
     else:
         text = f"{item.name} plans {count_text(plan.visits)} visits only, {significant(plan.hours)} h"
-    what = "a visit" if needed == 1 else f"a visit, where {needed} have to show a planet,"
-    rule = f"{what} has to be worth {least:g} planets (scheduler.min_gain)"
+    rule = f"A visit has to be worth {least:g} planets (scheduler.min_gain)."
+    if needed > 1:
+        rule = (f"Where {needed} visits have to show a planet, those of a star have to be worth {least:g} planets each "
+                "on average (scheduler.min_gain).")  # fmt: skip
     if plan.bound <= 0.0:
-        return f"{text}: no visit of its stars fits into the calendar and shows a planet. {rule[0].upper()}{rule[1:]}."
+        return f"{text}: no visit of its stars fits into the calendar and shows a planet. {rule}"
     bound = f"no calendar can be worth more than {significant(plan.bound, 2)}, this one is worth"
     worth = significant(plan.value, 2)
-    return f"{text}: {bound} {worth}. {rule[0].upper()}{rule[1:]}."
+    return f"{text}: {bound} {worth}. {rule}"
 
 
 def extent_text(result: WhatIfResult) -> str:
@@ -170,7 +172,10 @@ def between(
 def lead_sentences(result: WhatIfResult) -> list[str]:
     """Return the summary, one sentence an item: the statement, the runner-up, and whether the budget binds."""
     said = [result.statement]
-    said += [text for item in result.strategies if (text := empty_text(item))]
+    empty = [text for item in result.strategies if (text := empty_text(item))]
+    said += empty[:_MOST_EMPTY]
+    if len(empty) > _MOST_EMPTY:
+        said.append(f"Of {len(empty) - _MOST_EMPTY} other strategies, too, the calendar is empty or nearly so.")
     order = sorted(result.strategies, key=lambda item: -item.planets.mean)
     told = {item.name for item in best_by_value(result.strategies).values()}  # the statement says it of these
     others = [item for item in order if hanging_text(item) and item.name not in told]

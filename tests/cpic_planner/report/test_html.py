@@ -209,7 +209,7 @@ def test_page_one_says_how_the_etc_stands(page, words):
 def test_what_is_altered_is_named_before_anything_else(plan, rank, read):
     altered = plan.model_copy(update={"simulator_overrides": {"bands.*.t_opt": "x0.7", "detector.cic_e": 0.05}})
     text = " ".join(" ".join(read(render_plan(altered, rank, {}, {})).text).split())
-    sentence = "Images altered: throughput ×0.7, clock_charge = 0.05. Predictions are nominal."
+    sentence = "Images altered: throughput ×0.7, clock_charge = 0.05 e-. Predictions are nominal."
     assert text.index(sentence) < text.index("stars were ranked")
 
 

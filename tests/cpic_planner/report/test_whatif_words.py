@@ -165,8 +165,8 @@ def test_an_empty_calendar_is_said_in_the_lead(compared):
     several = result.strategies[0].settings | {"detection": {"visits_needed": 3}}
     nothing = plan.model_copy(update={"visits": 0, "hours": 0.0, "value": 0.0, "bound": 0.446, "distance": 1.0})
     assert lead_sentences(changed(result, 0, schedule=nothing, settings=several))[1] == (
-        "one plans no visit at all: no calendar can be worth more than 0.45, this one is worth 0. A visit, where 3 "
-        "have to show a planet, has to be worth 0.001 planets (scheduler.min_gain)."
+        "one plans no visit at all: no calendar can be worth more than 0.45, this one is worth 0. Where 3 visits "
+        "have to show a planet, those of a star have to be worth 0.001 planets each on average (scheduler.min_gain)."
     )
     nowhere = nothing.model_copy(update={"bound": 0.0, "distance": 0.0})
     assert "no visit of its stars fits" in lead_sentences(changed(result, 0, schedule=nowhere))[1]
