@@ -232,10 +232,12 @@ def test_position_angles_of_companions_lie_within_one_turn(pa_deg, roll_deg, tur
 
 def test_no_frames_and_nobody_show_nothing(model):
     bodies = face_on(50, 2.0)
-    seen = see(model, star("tau Cet"), replace(SETTING, n_frames=0.0), bodies, JUPITER, bodies.places([0.0]), [0.0])
-    assert not seen.margin.any()
-    assert not seen.snr.any()
-    assert np.all(seen.separation_arcsec > 0.0)
+    for n_frames in (0.0, 0.5):
+        setting = replace(SETTING, n_frames=n_frames)
+        seen = see(model, star("tau Cet"), setting, bodies, JUPITER, bodies.places([0.0]), [0.0])
+        for name in ("margin", "tails", "inward", "snr", "contrast"):
+            assert not getattr(seen, name).any(), name
+        assert np.all(seen.separation_arcsec > 0.0)
     none = bodies.select(np.zeros(50, bool))
     assert see(model, star("tau Cet"), SETTING, none, JUPITER, none.places([0.0]), [0.0]).margin.shape == (1, 0)
 
