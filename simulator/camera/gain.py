@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from catalogs.errors import InputError
 from simulator.camera.checks import checked_array, element_name
-from simulator.camera.register_law import EXACT_TO, MAX_LOOKUPS, output_cumulants, register_table
+from simulator.camera.register_law import output_cumulants, register_table
 from simulator.lazy import load_kernels
 
 __all__ = [
@@ -35,6 +35,9 @@ MAX_ELECTRONS = 10**12
 # Below this many stages the output can be narrower than any negative binomial; the cascade itself is then
 # cheap.
 _CASCADE_BELOW_STAGES = 16
+# The exact law serves this many electrons, and so many times as many as have a table of their own.
+_EXACT_TO = 24
+_MAX_LOOKUPS = 3
 
 
 def stage_probability(gain: npt.ArrayLike, stages: int = 604) -> FloatArray:
@@ -162,7 +165,7 @@ def amplify(charge: FloatArray, gain: float, stages: int, rng: np.random.Generat
         table.guide_start,
         table.guide_size,
         table.n_direct,
-        float(max(MAX_LOOKUPS * table.n_direct, EXACT_TO)),
+        float(max(_MAX_LOOKUPS * table.n_direct, _EXACT_TO)),
     )
 
 

@@ -15,8 +15,6 @@ import numpy as np
 import numpy.typing as npt
 
 __all__ = [
-    "EXACT_TO",
-    "MAX_LOOKUPS",
     "RegisterTable",
     "generating_function",
     "output_cumulants",
@@ -30,8 +28,6 @@ FloatArray = npt.NDArray[np.float64]
 _TAIL = 36.0
 MAX_ENTRIES = 450_000
 MAX_DIRECT = 64
-MAX_LOOKUPS = 3
-EXACT_TO = 24
 _GUIDE_SHARE = 4
 
 
