@@ -276,7 +276,7 @@ def test_contrast_and_its_error(hole: np.ndarray) -> None:
 
 
 def test_contrast_of_any_scale_against_logarithms(hole: np.ndarray) -> None:
-    """The whole star in the aperture or little of it, thousandths of an electron or 1e15 of them."""
+    """The whole star in the aperture or a thousandth of it; a billionth of an electron or 1e16 of them."""
     rng = np.random.default_rng(12)
     image = rng.normal(10, 2, hole.shape) + 500 * gaussian(25, 24)
     for core in (1.0, *rng.uniform(1e-3, 1, 30)):

@@ -65,7 +65,8 @@ def test_tables_against_the_trials_of_every_stage(stages):
 def test_tables_reach_to_where_nothing_is_left(stages):
     """A sum of ``n`` exponentials exceeds ``n + sqrt(2 n t) + t`` with a chance below ``exp(-t)``; 32 outputs more."""
     rng = np.random.default_rng(8)
-    for gain in 10 ** rng.uniform(0, 1.3, 60 if stages == 16 else 6):
+    # At 2.49 the outputs of the last table are just too many for a transform of 512.
+    for gain in (2.49, *10 ** rng.uniform(0, 1.3, 60 if stages == 16 else 6)):
         table = register_table(gain, float(stage_probability(gain, stages)), stages)
         assert table.n_direct == 64
         n = np.arange(1, 65)
