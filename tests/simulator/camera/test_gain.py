@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from catalogs.errors import InputError
 from simulator.camera import excess_noise_factor2, gain_variance, multiply, stage_probability
-from simulator.camera.gain import added_shape
+from simulator.camera.gain import added_shape, pixel_keys
 from simulator.camera.register_law import output_cumulants, register_table
 from simulator.rng import stream
 
@@ -82,11 +82,29 @@ def test_more_gain_than_doubling_at_every_stage_is_refused() -> None:
         ([True], "electrons"),
         ([None], "electrons"),
         ([[1], [1, 2]], "electrons"),
+        (np.array([], dtype=bool), "electrons"),
+        (np.array([], dtype=str), "electrons"),
     ],
 )
 def test_impossible_charge_is_refused_with_its_pixel(electrons: object, named: str) -> None:
     with pytest.raises(InputError, match=named):
         multiply(electrons, 20.0, rng=stream(1, "x"))
+
+
+@pytest.mark.parametrize("shape", [(0,), (3, 0)])
+def test_no_pixels_are_taken_though_an_empty_list_has_floats(shape: tuple[int, ...]) -> None:
+    out = multiply(np.zeros(shape), 20.0, rng=stream(1, "x"))
+    assert out.shape == shape
+    assert out.dtype == np.int64
+    assert multiply([], 1.0, rng=stream(1, "x")).size == 0
+
+
+def test_two_keys_of_64_random_bits() -> None:
+    rng, draws = stream(21, "keys"), 4000
+    keys = np.array([pixel_keys(rng) for _ in range(draws)])
+    assert keys.shape == (draws, 2)
+    bits = (keys[:, :, None] >> np.arange(64, dtype=np.uint64)) & np.uint64(1)
+    assert np.abs(bits.mean(axis=0) - 0.5).max() < 4.5 * 0.5 / np.sqrt(draws)
 
 
 def test_a_seed_is_not_a_generator() -> None:
