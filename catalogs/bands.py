@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from catalogs.errors import InputError
 from catalogs.spectra import Curve
 from catalogs.strict_yaml import Provenance, load_yaml, split_sourced
+from catalogs.user_files import read_text
 
 __all__ = ["CAMERAS", "Band", "band_from_file", "band_provenance", "bands_tree", "load_bands"]
 
@@ -151,7 +152,7 @@ def band_from_file(
         If the file cannot be read, the unit is not stated, or values are not finite, wavelengths do not
         increase, or transmissions are negative, above 1 or all zero.
     """
-    text = _read_text(Path(path))
+    text = read_text(path, key="file", allowed="a readable text file", max_bytes=_MAX_BYTES)
     scale = _unit_scale(unit, text)
     wavelength_nm, transmission = _two_columns(text, str(path))
     wavelength_nm = wavelength_nm * scale
@@ -193,19 +194,6 @@ def _in_range(key: str, value: float, unit: str, low: float, high: float) -> Non
         raise InputError(key, value, unit=unit, allowed=f"above {low:g}, at most {high:g}")
 
 
-def _read_text(path: Path) -> str:
-    try:
-        raw = path.read_bytes()
-    except OSError as error:
-        raise InputError("file", str(path), allowed="a readable text file", hint=error.strerror or "") from None
-    if len(raw) > _MAX_BYTES:
-        raise InputError("file", str(path), allowed=f"at most {_MAX_BYTES} bytes")
-    try:
-        return raw.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        raise InputError("file", str(path), allowed="UTF-8 text") from None
-
-
 def _unit_scale(unit: str | None, text: str) -> float:
     if unit is not None:
         if unit.lower() not in _UNITS_NM:
@@ -230,7 +218,7 @@ def _two_columns(text: str, where: str) -> tuple[np.ndarray, np.ndarray]:
         except ValueError:
             row = []
         if len(row) != 2 or not np.all(np.isfinite(row)):
-            raise InputError(f"{where} line {number}", line.strip(), allowed="two finite numbers")
+            raise InputError(f"{where} line {number}", "something else", allowed="two finite numbers")
         rows.append(row)
     if len(rows) < 2:
         raise InputError(where, f"{len(rows)} rows", allowed="at least two rows")

@@ -1,4 +1,4 @@
-"""Which star table a question is about: the snapshot, the latest refreshed one, or a user's file."""
+"""Which star table a question is about: the snapshot, with or without updates, the latest refreshed one, or a file."""
 
 from __future__ import annotations
 
@@ -7,14 +7,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from catalogs.companion_updates import with_companion_updates
 from catalogs.errors import InputError
 from catalogs.info import MODEL_CREDITS, STAR_CREDITS, snapshot_vintage
 from catalogs.stars import StarTable, load_stars
 
-__all__ = ["RANKED_V_MAG", "Catalogue", "data_credits", "open_catalogue"]
+__all__ = ["NAMED_TABLES", "RANKED_V_MAG", "Catalogue", "data_credits", "open_catalogue"]
 
 RANKED_V_MAG = 7.0
 """Faintest V of a ranking of the snapshot or a refreshed table, mag; they reach a little deeper."""
+NAMED_TABLES = ("snapshot", "latest", "simbad_2012")
+"""Words that name a star table; anything else is a file."""
 _DIGITS = 12
 _USER_TABLE = "user's table"
 
@@ -27,7 +30,7 @@ class Catalogue:
     ----------
     table : StarTable
         The stars.
-    kind : {"snapshot", "refreshed", "file"}
+    kind : {"snapshot", "simbad_2012", "refreshed", "file"}
         Where they come from.
     provenance : str
         One line for results: what it is, its date or file name (no folder), the first digits of its sha256.
@@ -40,7 +43,7 @@ class Catalogue:
     """
 
     table: StarTable
-    kind: Literal["snapshot", "refreshed", "file"]
+    kind: Literal["snapshot", "simbad_2012", "refreshed", "file"]
     provenance: str
     sample: str
     ranked_v_mag: float | None
@@ -53,9 +56,10 @@ def open_catalogue(source: str | Path = "snapshot") -> Catalogue:
     Parameters
     ----------
     source : str or Path
-        ``"snapshot"`` (embedded), ``"latest"`` (the newest that ``cpic catalog refresh`` left in the data folder), or a
-        file: CSV, ECSV, VOTable or FITS of a user's own, or a refreshed table. A file of one of these two names is
-        written with its folder: ``./latest``.
+        ``"snapshot"`` (embedded), ``"simbad_2012"`` (the same with companions where they were first listed, without the
+        updates of `catalogs.companion_updates`), ``"latest"`` (the newest that ``cpic catalog refresh`` left in the
+        data folder), or a file: CSV, ECSV, VOTable or FITS of a user's own, or a refreshed table. A file of one of
+        these three names is written with its folder: ``./latest``.
 
     Raises
     ------
@@ -63,12 +67,13 @@ def open_catalogue(source: str | Path = "snapshot") -> Catalogue:
         If there is no such table, or it cannot be used; naming file, row, column, value, unit and range.
     """
     if not isinstance(source, str | Path) or not str(source):
-        raise InputError("catalog", source, allowed="snapshot, latest, or the name of a table file")
-    if source == "snapshot":
+        raise InputError("catalog", source, allowed=f"{', '.join(NAMED_TABLES)}, or the name of a table file")
+    if source == "snapshot" or source == "simbad_2012":
+        updates = source == "snapshot"
         return Catalogue(
-            table=load_stars(),
-            kind="snapshot",
-            provenance=snapshot_vintage(),
+            table=load_stars(updates=updates),
+            kind="snapshot" if updates else "simbad_2012",
+            provenance=snapshot_vintage(updates=updates),
             sample="every FGK star of the snapshot with parallax >= 25 mas",
             ranked_v_mag=RANKED_V_MAG,
         )
@@ -103,7 +108,7 @@ def _from_file(path: str | Path) -> Catalogue:
         part = f"{file.name} has {len(table)} stars of the {whole} that it was written with"
         day, least = str(meta["queried_utc"])[:10], float(meta["cuts"]["parallax_min_mas"])
         return Catalogue(
-            table=table,
+            table=with_companion_updates(table),
             kind="refreshed",
             provenance=f"SIMBAD of {day}{_elsewhere(str(meta.get('service', '')))}, {len(table)} stars ({digest})",
             sample=f"every FGK star of the table refreshed on {day} with parallax >= {least:g} mas",

@@ -5,8 +5,12 @@ from __future__ import annotations
 import csv
 import functools
 import json
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
+
+from catalogs.companion_updates import companion_updates, updates_vintage
+from catalogs.known_planet_columns import STATUSES
 
 __all__ = ["MODEL_CREDITS", "PLANET_CREDITS", "STAR_CREDITS", "catalogue_info", "snapshot_vintage"]
 
@@ -17,6 +21,8 @@ STAR_CREDITS = (
     "The star table is a database derived from it, under the Open Database License 1.0.",
     "Stellar data from ExoCat-1 (Turnbull 2015) and Hipparcos-2 (van Leeuwen 2007); names from the d3-celestial index "
     "(Kostjuk 2002; Gliese & Jahreiss 1991).",
+    "Places of companions that have moved: orbits of Akeson et al. 2021 and Bond et al. 2015, and of the Sixth Catalog "
+    "of Orbits of Visual Binary Stars (ORB6, US Naval Observatory).",
 )
 """Of the embedded and refreshed star tables."""
 
@@ -40,10 +46,28 @@ def _provenance() -> list[dict[str, Any]]:
     return entries
 
 
-def snapshot_vintage() -> str:
-    """One line: what the star table is and how old, with the first digits of its checksum."""
+def snapshot_vintage(*, updates: bool = True) -> str:
+    """Return in one line what the star table is and how old, with the first digits of its checksum.
+
+    Parameters
+    ----------
+    updates : bool
+        Whether companions are those of `catalogs.companion_updates`.
+    """
     entry = next(item for item in _provenance() if item["data_file"] == "stars.csv")
-    return f"{entry['vintage']} (stars.csv {entry['sha256'][:12]})"
+    laid_over = f"; {updates_vintage()}" if updates else ""
+    return f"{entry['vintage']} (stars.csv {entry['sha256'][:12]}{laid_over})"
+
+
+def _updates() -> dict[str, Any]:
+    """Return the date and file of the updates of known planets, and the planets that are not simply confirmed."""
+    from catalogs.known_planets import UPDATES_FILE, load_known_planets, planets_updated
+
+    table = load_known_planets()
+    pairs = list(zip(table.text("status"), table.text("planet"), strict=True))
+    return {"date": planets_updated(), "file": UPDATES_FILE, "n_rows": sum(map(bool, table.text("updated")))} | {
+        status: [planet for own, planet in pairs if own == status] for status in STATUSES if status != "confirmed"
+    }
 
 
 def catalogue_info() -> dict[str, Any]:
@@ -52,8 +76,10 @@ def catalogue_info() -> dict[str, Any]:
     Returns
     -------
     dict
-        ``vintage``, ``counts`` (cut, count, reference count and remark), ``notes``, ``known_planets`` (vintage, notes),
-        ``files`` (name, source packages, licence, description) and ``credits``.
+        ``vintage``, ``counts`` (cut, count, reference count and remark), ``notes``, ``companion_updates`` (pairs whose
+        place is not that of ``stars.csv``), ``known_planets`` (vintage, notes, ``updates``: date, file, and the planets
+        of each status that is not ``confirmed``), ``files`` (name, source packages, licence, description) and
+        ``credits``.
     """
     with (_DATA / "stars_counts.csv").open(encoding="utf-8", newline="") as stream:
         counts = [
@@ -80,7 +106,10 @@ def catalogue_info() -> dict[str, Any]:
         "vintage": snapshot_vintage(),
         "counts": counts,
         "notes": stars["notes"],
-        "known_planets": {"vintage": planets["vintage"], "notes": planets["notes"]},
+        "companion_updates": [
+            {name: value for name, value in asdict(item).items() if value == value} for item in companion_updates()
+        ],
+        "known_planets": {"vintage": planets["vintage"], "notes": planets["notes"], "updates": _updates()},
         "files": files,
         "credits": [*STAR_CREDITS, *PLANET_CREDITS, *MODEL_CREDITS],
     }

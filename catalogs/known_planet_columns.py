@@ -1,6 +1,6 @@
 """The columns of a table of known planets: names, units, ranges, what archives call them, and what a row lacks.
 
-The shipped table and a user's own have the same columns. Names of the NASA Exoplanet Archive are accepted as headings.
+The shipped tables and a user's own have the same columns. Names of the NASA Exoplanet Archive are accepted as headings.
 """
 
 from __future__ import annotations
@@ -10,7 +10,8 @@ from collections.abc import Mapping
 
 from catalogs.user_columns import Quantity, heading, quantity_among
 
-__all__ = ["COLUMNS", "DESCRIPTIONS", "FLAGS", "GIVEN_FLAGS", "INPUT_ONLY", "flags_of", "planet_quantity_of"]
+__all__ = ["COLUMNS", "COUNTED", "DESCRIPTIONS", "FLAGS", "GIVEN_FLAGS", "INPUT_ONLY", "STANDING", "STATUSES",
+           "flags_of", "planet_quantity_of"]  # fmt: skip
 
 _JD = (2.4e6, 2.5e6)
 
@@ -111,10 +112,19 @@ _ALL: tuple[tuple[Quantity, str], ...] = (
     (Quantity("eccentricity_limit", ("plorbeccenlim",), low=-1.0, high=1.0), "the same of the eccentricity"),
     (Quantity("controversial", ("plcontrovflag",), low=0.0, high=1.0), "1 where the archive says so"),
     (_text("flags", "remarks"), "words joined by ';': what is missing, see the list of flags"),
+    (
+        _text("status", "planetstatus"),
+        "confirmed, controversial, candidate or refuted; the last two are listed and never counted",
+    ),
+    (_text("status_reference"), "where the status was published, if not where the orbit was"),
+    (_text("updated"), "date on which the row was last changed"),
+    (_text("note"), "a remark on the planet"),
 )
 
 COLUMNS: dict[str, Quantity] = {item.name: item for item, _ in _ALL}
 """Every column by its name, in the order of the shipped file."""
+STANDING = ("status", "status_reference", "updated", "note")
+"""Columns that say how sure a planet is; the table of 2019 has none of them, and what is laid over it may."""
 INPUT_ONLY = ("omega_planet_deg", "best_mass_mjup", "best_mass_err_mjup", "best_mass_kind", "best_mass_limit",
               "eccentricity_limit", "controversial")  # fmt: skip
 """Columns that a table of a user's own may have; reading turns them into the others."""
@@ -123,8 +133,18 @@ DESCRIPTIONS: dict[str, str] = {item.name: text for item, text in _ALL}
 
 _BY_HEADING = {form: item for item in COLUMNS.values() for form in (heading(item.name), *item.aliases)}
 
+STATUSES: dict[str, str] = {
+    "confirmed": "a planet that nobody disputes: counted",
+    "controversial": "a published planet that later work doubts and does not exclude: counted",
+    "candidate": "a signal that may be a planet: listed, not counted",
+    "refuted": "a published planet that later work excludes: listed, not counted",
+}
+"""What each status means."""
+COUNTED = ("confirmed", "controversial")
+"""Statuses of the planets that rankings, plans, what-ifs and scenes have; the others are only listed."""
+
 FLAGS: dict[str, str] = {
-    "controversial": "the archive marks the planet as controversial",
+    "controversial": "the archive marks the planet as controversial; read as the status of that name",
     "earlier_orbit": "period, time, eccentricity and omega are of an earlier publication, which gives the time",
     "edge_on_assumed": "the source sets the inclination to 90 deg: its mass is m sin i, the inclination unknown",
     "mass_lower_limit": "the source gives the mass as a lower limit: taken as m sin i",

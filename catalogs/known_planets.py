@@ -1,8 +1,13 @@
 """Known planets: published orbits of companions of catalogue stars, and what each of them lacks.
 
-The shipped table holds the confirmed planets of the NASA Exoplanet Archive, as of 2019-05-31, of stars in the
-catalogue. Arguments of periastron are those of the star's orbit, as radial velocities have them; the planet's own is
-180 degrees more. A number is nan where the source has none; nothing is filled in, and ``flags`` says what is missing.
+Two tables are shipped: the confirmed planets of the NASA Exoplanet Archive, as of 2019-05-31, of stars in the
+catalogue; and what has changed since, kept by hand with a date and a source in every row, which is laid over it.
+Arguments of periastron are those of the star's orbit, as radial velocities have them; the planet's own is 180 degrees
+more. A number is nan where the source has none; nothing is filled in, and ``flags`` says what is missing.
+
+A row that is laid over another one of the same planet replaces its whole orbit, so that elements of two publications
+are never mixed; what it does not say about the planet's status stays. A row with a status and no orbit changes the
+status alone.
 """
 
 from __future__ import annotations
@@ -10,140 +15,59 @@ from __future__ import annotations
 import csv
 import functools
 import hashlib
-import io
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from catalogs.archive_planets import reference_text, settle
 from catalogs.errors import InputError
-from catalogs.known_planet_columns import COLUMNS, FLAGS, GIVEN_FLAGS, INPUT_ONLY, flags_of, planet_quantity_of
-from catalogs.names import snapshot_aliases
-from catalogs.nomenclature import designation_key
+from catalogs.known_planet_columns import (
+    COLUMNS,
+    FLAGS,
+    GIVEN_FLAGS,
+    STANDING,
+    STATUSES,
+    flags_of,
+    planet_quantity_of,
+)
+from catalogs.known_planet_table import (
+    NUMBERS,
+    TABLE_COLUMNS,
+    TEXTS,
+    KnownPlanetTable,
+    planet_key,
+    star_key,
+    table_of,
+)
 from catalogs.table_cells import allowed_text, choose_columns, read_cells
-from catalogs.table_files import RawTable, TableBytes, parse_table, read_bytes
+from catalogs.table_files import RawTable, parse_table, read_bytes
 
-__all__ = ["DATA_FILE", "KnownPlanetTable", "load_known_planets", "star_key"]
+__all__ = ["DATA_FILE", "SOURCES", "UPDATES_FILE", "KnownPlanetTable", "load_known_planets", "planets_updated",
+           "split_source", "star_key"]  # fmt: skip
 
 DATA_FILE = "known_planets.csv"
+UPDATES_FILE = "known_planets_updates.csv"
+SOURCES: dict[str, str] = {
+    "snapshot": "NASA Exoplanet Archive of 2019 with the updates since",
+    "archive_2019": "the same without the updates",
+    "none": "no table of ours: only the file behind the +",
+}
+"""What a file is laid over, and what each of them is; the first is the default."""
 _DATA = Path(__file__).resolve().parent / "data"
 _DIGITS = 12
-_COLUMNS = tuple(name for name in COLUMNS if name not in INPUT_ONLY)
-_TEXTS = tuple(name for name in _COLUMNS if COLUMNS[name].kind == "text")
-_NUMBERS = tuple(name for name in _COLUMNS if name not in _TEXTS)
+_SHOWN = 6
+_LABEL = "the table of known planets"
 _REQUIRED = (
-    ("star",),
-    ("planet",),
     ("period_days", "semi_major_axis_au"),
     ("mass_mjup", "msini_mjup", "radius_rjup", "best_mass_mjup"),
 )
 
-
-@dataclass(frozen=True)
-class KnownPlanetTable:
-    """An immutable table of planets.
-
-    Parameters
-    ----------
-    columns : mapping of str to ndarray
-        Read-only arrays of equal length: those of `catalogs.known_planet_columns.COLUMNS` less ``INPUT_ONLY``;
-        float64 with nan where missing, or text.
-    label : str
-        What messages call the table.
-    provenance : str
-        One line for results: what it is, its vintage or file name, the first digits of its sha256.
-    notes : tuple of str
-        Remarks on the reading, for its owner.
-    """
-
-    columns: Mapping[str, NDArray[np.generic]]
-    label: str
-    provenance: str
-    notes: tuple[str, ...] = ()
-
-    def __len__(self) -> int:
-        """Return the number of planets."""
-        return len(self.columns["planet"])
-
-    def __reduce__(self) -> tuple[object, ...]:
-        """Travel to worker processes (a mapping proxy does not pickle)."""
-        return (_rebuild, (dict(self.columns), self.label, self.provenance, self.notes))
-
-    def number(self, name: str) -> NDArray[np.float64]:
-        """Return a column of numbers (read-only)."""
-        if name not in _NUMBERS:
-            raise InputError("column", name, allowed=", ".join(_NUMBERS))
-        return np.asarray(self.columns[name], np.float64)
-
-    def text(self, name: str) -> list[str]:
-        """Return a column of texts."""
-        if name not in _TEXTS:
-            raise InputError("column", name, allowed=", ".join(_TEXTS))
-        return [str(cell) for cell in self.columns[name]]
-
-    def flags(self, row: int) -> tuple[str, ...]:
-        """Return the flags of one planet."""
-        return tuple(filter(None, str(self.columns["flags"][row]).split(";")))
-
-    def select(self, rows: ArrayLike) -> KnownPlanetTable:
-        """Return the table of the rows of a mask, or of row numbers in their order."""
-        index = np.asarray(rows)
-        index = np.flatnonzero(index) if index.dtype == np.bool_ else index.astype(np.int64)
-        return _table({name: cells[index] for name, cells in self.columns.items()}, self.label, self.provenance)
-
-    @functools.cached_property
-    def by_star(self) -> Mapping[str, tuple[int, ...]]:
-        """Rows of each star, by `star_key` of its name."""
-        found: dict[str, list[int]] = {}
-        for row, name in enumerate(self.text("star")):
-            found.setdefault(star_key(name), []).append(row)
-        return MappingProxyType({key: tuple(rows) for key, rows in found.items()})
-
-    @functools.cached_property
-    def placed(self) -> NDArray[np.bool_]:
-        """Which planets have a place on the sky at any date: phase, inclination and node are known."""
-        dated = np.array(["phase_unknown" not in self.flags(row) for row in range(len(self))], bool)
-        return dated & np.isfinite(self.number("inclination_deg")) & np.isfinite(self.number("node_deg"))
-
-    def rows_of(self, star: str) -> tuple[int, ...]:
-        """Return the rows of a star's planets, by any of its names; empty if it has none."""
-        return self.by_star.get(star_key(star), ())
-
-    def row_of(self, name: str) -> int:
-        """Return the row of a planet by its name: any name of its star, and its letter.
-
-        Raises
-        ------
-        InputError
-            If there is no such planet.
-        """
-        star, _, letter = " ".join(name.split()).rpartition(" ")
-        rows = self.rows_of(star)
-        planets = self.text("planet")
-        for row in rows:
-            if planets[row].rpartition(" ")[2] == letter:
-                return row
-        hint = f"of this star: {', '.join(planets[row] for row in rows)}" if rows else ""
-        raise InputError("planet", name, allowed=f"a planet of {self.label}", hint=hint)
-
-
-def star_key(name: str) -> str:
-    """Return one key for all names of a star: that of its name in the embedded catalogue, where it is in there.
-
-    Examples
-    --------
-    >>> from catalogs.known_planets import star_key
-    >>> star_key("HD 22049") == star_key("epsilon Eridani") == star_key("eps Eri")
-    True
-    """
-    key = designation_key(name)
-    return designation_key(snapshot_aliases().get(key, (name, 0))[0])
+Row = dict[str, Any]
+"""One planet by the columns of a table; what is missing is left out."""
 
 
 def load_known_planets(source: str | Path = "snapshot") -> KnownPlanetTable:
@@ -152,8 +76,10 @@ def load_known_planets(source: str | Path = "snapshot") -> KnownPlanetTable:
     Parameters
     ----------
     source : str or Path
-        ``"snapshot"`` (shipped), or a CSV, ECSV, VOTable or FITS file with the columns that ``cpic catalog columns``
-        lists; headings of the NASA Exoplanet Archive are understood.
+        ``"snapshot"``: the archive's table of 2019 with the updates that are shipped; ``"archive_2019"``: without them.
+        A CSV, ECSV, VOTable or FITS file with the columns that ``cpic catalog columns`` lists is laid over the
+        snapshot: planets of the same name are replaced, the others stay. ``"archive_2019+FILE"`` lays it over the table
+        of 2019, ``"none+FILE"`` takes the file alone. Headings of the NASA Exoplanet Archive are understood.
 
     Returns
     -------
@@ -169,96 +95,221 @@ def load_known_planets(source: str | Path = "snapshot") -> KnownPlanetTable:
     >>> from catalogs.known_planets import load_known_planets
     >>> planets = load_known_planets()
     >>> row = planets.row_of("eps Eri b")
-    >>> float(planets.number("period_days")[row])
-    2502.0
+    >>> float(planets.number("eccentricity")[row])
+    0.06
+    >>> before = load_known_planets("archive_2019")
+    >>> float(before.number("eccentricity")[before.row_of("eps Eri b")])
+    0.702
     """
-    if source == "snapshot":
-        return _snapshot()
-    file = read_bytes(source, key="known_planets", presets="snapshot")
-    return _user_table(file, parse_table(file))
+    base, name = split_source(source)
+    if not name:
+        return _shipped(base)
+    file = read_bytes(name, key="known_planets", presets="snapshot, archive_2019")
+    raw = parse_table(file)
+    own, notes = _rows_of_file(raw)
+    about = f"user's table of {len(own)} planet{'s' * (len(own) != 1)} ({file.name} {file.sha256[:_DIGITS]})"
+    below: Sequence[Row] = ()
+    if base != "none":
+        below, about = _shipped_rows(base), f"{about} over {_shipped(base).provenance}"
+    rows = _laid_over(below, own, file.name)
+    if below:
+        notes += (_overlay_note(below, own, file.name),)
+    return _table(rows, file.name, about, notes)
+
+
+def split_source(source: str | Path) -> tuple[str, str]:
+    """Return which shipped table a source begins with, and the file that is laid over it; ``""`` for none.
+
+    Raises
+    ------
+    InputError
+        For ``none`` without a file.
+
+    Examples
+    --------
+    >>> from catalogs.known_planets import split_source
+    >>> split_source("mine.csv"), split_source("none+mine.csv"), split_source("archive_2019")
+    (('snapshot', 'mine.csv'), ('none', 'mine.csv'), ('archive_2019', ''))
+    """
+    text = str(source)
+    base, plus, file = text.partition("+")
+    if base not in SOURCES:
+        base, file = "snapshot", text
+    elif base == "none" and not file:
+        raise InputError("known_planets", text, allowed="none+FILE, the file alone")
+    elif plus and not file:
+        raise InputError("known_planets", text, allowed=f"{base}, or {base}+FILE")
+    return base, file
+
+
+def planets_updated() -> str:
+    """Return the date of the latest row of the updates that are shipped."""
+    return max(str(row["updated"]) for row in _updates()[0])
 
 
 @functools.cache
-def _snapshot() -> KnownPlanetTable:
-    data = (_DATA / DATA_FILE).read_bytes()
-    reader = csv.reader(io.StringIO(data.decode("utf-8")))
-    header = next(reader)
-    cells = dict(zip(header, zip(*reader, strict=True), strict=True))
-    columns = {name: np.array(cells[name]) for name in _TEXTS}
-    columns |= {name: np.array([float(text) if text else np.nan for text in cells[name]]) for name in _NUMBERS}
-    ordered = {name: columns[name] for name in _COLUMNS}
-    digest = hashlib.sha256(data).hexdigest()[:_DIGITS]
-    about = f"NASA Exoplanet Archive of 2019-05-31, {len(cells['planet'])} planets ({DATA_FILE} {digest})"
-    return _table(ordered, "the table of known planets", about)
+def _shipped(base: str) -> KnownPlanetTable:
+    """Return a shipped table."""
+    rows = _shipped_rows(base)
+    digest = hashlib.sha256((_DATA / DATA_FILE).read_bytes()).hexdigest()[:_DIGITS]
+    about = f"NASA Exoplanet Archive of 2019-05-31, {len(_shipped_rows('archive_2019'))} planets ({DATA_FILE} {digest})"
+    if base == "snapshot":
+        about += f", updated {planets_updated()} ({UPDATES_FILE} {_updates()[1][:_DIGITS]})"
+    return _table(rows, _LABEL, about)
 
 
-def _user_table(file: TableBytes, raw: RawTable) -> KnownPlanetTable:
-    """Turn the columns of a file into a table of planets."""
-    chosen, notes = choose_columns(raw, planet_quantity_of, [[COLUMNS[name] for name in names] for names in _REQUIRED])
+@functools.cache
+def _shipped_rows(base: str) -> tuple[Row, ...]:
+    if base == "snapshot":
+        return tuple(_laid_over(_shipped_rows("archive_2019"), _updates()[0], UPDATES_FILE))
+    with (_DATA / DATA_FILE).open(encoding="utf-8", newline="") as stream:
+        found = [{name: cell for name, cell in row.items() if cell} for row in csv.DictReader(stream)]
+    read = [{name: cell if name in TEXTS else float(cell) for name, cell in row.items()} for row in found]
+    return tuple(_laid_over((), read, DATA_FILE))
+
+
+@functools.cache
+def _updates() -> tuple[tuple[Row, ...], str]:
+    """Return the rows of the shipped updates, and the sha256 of their file."""
+    file = read_bytes(_DATA / UPDATES_FILE)
+    return tuple(_rows_of_file(parse_table(file))[0]), file.sha256
+
+
+def _laid_over(below: Sequence[Row], own: Iterable[Row], name: str) -> list[Row]:
+    """Return the rows of a table with those of another laid over them, new planets at the end."""
+    rows = list(below)
+    places = {_key(row): place for place, row in enumerate(rows)}
+    stars = {key: rows[place]["star"] for (key, _), place in places.items()}
+    for row in own:
+        place = places.get(_key(row))
+        if place is None:
+            if not _has_orbit(row):
+                raise InputError(f"{name} ({row['planet']})", "a status without an orbit",
+                                 allowed="an orbit, or a planet of the table below")  # fmt: skip
+            rows.append(_with_status(row | {"star": stars.get(star_key(row["star"]), row["star"])}))
+            continue
+        older = rows[place]
+        named = {"star": older["star"], "planet": older["planet"]}
+        if _has_orbit(row):
+            rows[place] = _with_status(row | named, older)
+        else:
+            orbit = {key: value for key, value in older.items() if key not in STANDING}
+            rows[place] = orbit | {key: value for key, value in row.items() if key in STANDING}
+    return rows
+
+
+def _with_status(row: Row, older: Row | None = None) -> Row:
+    """Return a row with its status: its own, or that of the row below; the archive's flag makes doubtful, no more."""
+    flags = row.get("flags", "").split(";")
+    known = {} if older is None else {key: older[key] for key in ("status", "status_reference") if key in older}
+    if "status" in row:
+        known = {}
+    elif "controversial" in flags and known.get("status", "confirmed") == "confirmed":
+        known = {"status": "controversial"}
+    return (
+        {"status": "confirmed"} | row | known | {"flags": ";".join(word for word in flags if word != "controversial")}
+    )
+
+
+def _key(row: Row) -> tuple[str, str]:
+    return planet_key(row["star"], row["planet"])
+
+
+def _has_orbit(row: Row) -> bool:
+    return any(name in row for name in _REQUIRED[0])
+
+
+def _overlay_note(below: Sequence[Row], own: Sequence[Row], name: str) -> str:
+    """Say how many planets of a user's table are new and which are replaced."""
+    known = {_key(row): row["planet"] for row in below}
+    changed = [known[_key(row)] for row in own if _key(row) in known]
+    shown = ", ".join(changed[:_SHOWN]) + (f" and {len(changed) - _SHOWN} more" if changed[_SHOWN:] else "")
+    new = len(own) - len(changed)
+    return (
+        f"{name}: {len(changed)} of the {len(below)} planets below {'is' if len(changed) == 1 else 'are'} changed"
+        f"{': ' * bool(changed)}{shown}; {new} {'is' if new == 1 else 'are'} new (none+{name} takes the file alone)"
+    )
+
+
+def _rows_of_file(raw: RawTable) -> tuple[list[Row], tuple[str, ...]]:
+    """Return the rows of a file, and remarks on the reading.
+
+    Raises
+    ------
+    InputError
+        If a column or cell is missing or out of range, or a planet is there twice.
+    """
+    needed = [[COLUMNS[name]] for name in ("star", "planet")]
+    with_status = any(_is_status(column.heading) for column in raw.columns)
+    needed += [] if with_status else [[COLUMNS[name] for name in names] for names in _REQUIRED]
+    chosen, notes = choose_columns(raw, planet_quantity_of, needed)
     if "omega_star_deg" in chosen and "omega_planet_deg" in chosen:
         raise InputError(f"{raw.name} columns", "omega_star_deg and omega_planet_deg", allowed="one of the two")
     names = chosen["planet"].cells
     cells = {name: read_cells(raw, COLUMNS[name], column, names) for name, column in chosen.items()}
     headings = {name: column.heading for name, column in chosen.items()}
-    rows: list[dict[str, Any]] = []
-    seen: dict[str, int] = {}
+    rows: list[Row] = []
+    seen: dict[tuple[str, str], int] = {}
     for number in range(len(raw)):
         given = {name: values[number] for name, values in cells.items() if values[number] is not None}
         where = f"{raw.name} row {number + 1}" + (f" ({given['planet']})" if "planet" in given else "")
         rows.append(_user_row(given, where, headings))
-        first = seen.setdefault(designation_key(given["planet"]), number)
+        first = seen.setdefault(_key(given), number)
         if first != number:
             hint = f"rows {first + 1} and {number + 1} are of one name; of an archive's solutions keep the default ones"
             raise InputError(f"{where} column planet", given["planet"], allowed="every planet once", hint=hint)
-    columns: dict[str, NDArray[np.generic]] = {}
-    for name in _COLUMNS:
-        text = name in _TEXTS
-        columns[name] = np.array([row.get(name, "" if text else math.nan) for row in rows])
-    about = f"user's table of {len(raw)} planet{'s' * (len(raw) != 1)} ({raw.name} {file.sha256[:_DIGITS]})"
-    return _table(columns, raw.name, about, notes)
+    return rows, notes
 
 
-def _user_row(given: dict[str, Any], where: str, headings: Mapping[str, str]) -> dict[str, Any]:
-    """Return one row by the columns of the shipped table, its flags included.
+def _is_status(heading: str) -> bool:
+    quantity, _ = planet_quantity_of(heading)
+    return quantity is not None and quantity.name == "status"
+
+
+def _user_row(given: Row, where: str, headings: Mapping[str, str]) -> Row:
+    """Return one row by the columns of a table, its flags included.
 
     Raises
     ------
     InputError
-        If it lacks what is required, or states a flag that nobody knows.
+        If it lacks what is required, or states a status or flag that nobody knows.
     """
-    for names in _REQUIRED:
+    texts = {name: value for name, value in given.items() if isinstance(value, str)}
+    if "status" in texts:
+        texts["status"] = texts["status"].lower()
+        if texts["status"] not in STATUSES:
+            raise InputError(f"{where} column {headings['status']}", given["status"], allowed=", ".join(STATUSES))
+    alone = "status" in texts and len(texts) == len(given)
+    for names in (("star",), ("planet",), *(() if alone else _REQUIRED)):
         if not any(name in given for name in names):
-            own = [name for name in names if name in headings]
+            own = [name for name in names if name in headings] or list(names)
             allowed = " or ".join(allowed_text(COLUMNS[name]) for name in own)
-            raise InputError(
-                f"{where} column {' or '.join(headings[name] for name in own)}", "missing", allowed=allowed
-            )
-    stated = tuple(filter(None, str(given.get("flags", "")).replace(" ", "").split(";")))
+            column = " or ".join(headings.get(name, name) for name in own)
+            raise InputError(f"{where} column {column}", "missing", allowed=allowed)
+    stated = tuple(filter(None, texts.pop("flags", "").replace(" ", "").split(";")))
     for word in stated:
         if word not in FLAGS:
             raise InputError(f"{where} column flags", word, allowed=", ".join(GIVEN_FLAGS))
-    texts = {name: value for name, value in given.items() if isinstance(value, str)}
+    if alone:  # what says the status is all that the row is about
+        texts.setdefault("status_reference", reference_text(texts.pop("reference", "")))
+        return texts
     # Archives write 0 for an error that nobody gave.
     numbers = {
-        name: value for name, value in given.items() if name not in texts and not ("_err" in name and value == 0)
+        name: value
+        for name, value in given.items()
+        if not isinstance(value, str) and not ("_err" in name and value == 0)
     }
     if "omega_planet_deg" in numbers:
         numbers["omega_star_deg"] = numbers.pop("omega_planet_deg") - 180.0
-    numbers, found = settle(numbers, texts.get("best_mass_kind", ""), where)
+    numbers, found = settle(numbers, texts.pop("best_mass_kind", ""), where)
     texts["reference"] = reference_text(texts.get("reference", ""))
     texts["flags"] = ";".join(flags_of(numbers, found + tuple(word for word in stated if word in GIVEN_FLAGS)))
     return texts | numbers
 
 
-def _table(
-    columns: Mapping[str, NDArray[np.generic]], label: str, provenance: str, notes: tuple[str, ...] = ()
-) -> KnownPlanetTable:
-    for cells in columns.values():
-        cells.flags.writeable = False
-    return KnownPlanetTable(MappingProxyType(dict(columns)), label, provenance, notes)
-
-
-def _rebuild(
-    columns: dict[str, NDArray[np.generic]], label: str, provenance: str, notes: tuple[str, ...]
-) -> KnownPlanetTable:
-    return _table(columns, label, provenance, notes)
+def _table(rows: Sequence[Row], label: str, provenance: str, notes: tuple[str, ...] = ()) -> KnownPlanetTable:
+    columns: dict[str, NDArray[np.generic]] = {}
+    for name in TABLE_COLUMNS:
+        missing = math.nan if name in NUMBERS else ""
+        columns[name] = np.array([row.get(name, missing) for row in rows])
+    return table_of(columns, label, provenance, notes)

@@ -141,7 +141,7 @@ def parse_refreshed(text: str, name: str) -> tuple[StarTable, dict[str, Any]]:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            table = text_tables.read(text, format="ecsv")
+            table = text_tables.read(text.splitlines(), format="ecsv")
     except Exception as error:
         reason = " ".join(str(error).split())[:120]
         raise InputError(name, "unreadable", allowed="a refreshed star table", hint=f"{hint}; {reason}") from None

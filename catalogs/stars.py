@@ -6,7 +6,7 @@ parallax puts beyond 40 pc (``stars_removed.csv``). A ranking uses all rows with
 dropped: dwarfs without a close companion are the paper's "nearly 700", but its own example, alpha Cen B, has one.
 
 Values are read from ``data/stars.csv``; units and descriptions are in ``data/stars_columns.json``. A number is nan only
-where its ``*_src`` column says ``missing``.
+where its ``*_src`` column says ``missing``. Companions that have moved since are those of `catalogs.companion_updates`.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from catalogs.companion_updates import with_companion_updates
 from catalogs.errors import InputError
 from catalogs.nomenclature import designation_key
 from catalogs.star_columns import COLUMNS
@@ -183,14 +184,22 @@ def star_table(values: Mapping[str, Sequence[object]], label: str) -> StarTable:
 
 
 @functools.cache
-def load_stars() -> StarTable:
+def load_stars(*, updates: bool = True) -> StarTable:
     """Return the embedded catalogue, brightest star first. It is read once per process.
+
+    Parameters
+    ----------
+    updates : bool
+        Lay the places of :func:`catalogs.companion_updates.companion_updates` over the companions of the base table;
+        without them every companion stands where the base table's sources saw it.
 
     Returns
     -------
     StarTable
         All rows with V <= 7.5; ``table.select(table.column("v_mag") <= 7.0)`` is the ranked part.
     """
+    if updates:
+        return with_companion_updates(load_stars(updates=False))
     about = json.loads((_DATA / "stars_columns.json").read_text(encoding="utf-8"))["columns"]
     with (_DATA / "stars.csv").open(encoding="utf-8", newline="") as stream:
         reader = csv.reader(stream)

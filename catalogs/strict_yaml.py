@@ -7,6 +7,7 @@ loader resolves plain scalars by the YAML 1.2 core schema instead (https://yaml.
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,10 +15,17 @@ from typing import Any
 import yaml
 
 from catalogs.errors import InputError
+from catalogs.user_files import read_text
 
-__all__ = ["Provenance", "load_yaml", "parse_yaml", "split_sourced"]
+__all__ = ["Provenance", "load_mapping", "load_yaml", "parse_yaml", "split_sourced"]
 
 MAX_BYTES = 4_000_000
+KINDS = ("instrument", "scene", "simulation", "strategies", "strategy", "population", "visibility",
+         "simulator_overrides")  # fmt: skip
+"""What files of ours say that they are."""
+_KIND_LINE = re.compile(rf"^kind:[ \t]*(?:{'|'.join(KINDS)})[ \t]*(?:#.*)?$", re.MULTILINE)
+_QUOTED = re.compile(r"\s*('[^']*'|\"[^\"]*\")")
+_NO_EVIDENCE = ("kind", "name", "description", "base")  # keys that any file may have
 _SOURCED_KEYS = {"value", "unit", "source", "confidence", "range", "note"}
 
 
@@ -85,7 +93,7 @@ _StrictLoader.add_constructor("tag:yaml.org,2002:int", _construct_int)
 _StrictLoader.add_constructor("tag:yaml.org,2002:float", _construct_float)
 
 
-def parse_yaml(text: str, *, where: str = "YAML text") -> Any:
+def parse_yaml(text: str, *, where: str = "YAML text", quoting: bool = True) -> Any:
     """Parse one YAML document.
 
     Parameters
@@ -94,6 +102,8 @@ def parse_yaml(text: str, *, where: str = "YAML text") -> Any:
         The document.
     where : str
         Name shown in error messages (a file name).
+    quoting : bool
+        Whether messages may quote the document.
 
     Returns
     -------
@@ -113,6 +123,7 @@ def parse_yaml(text: str, *, where: str = "YAML text") -> Any:
         mark = getattr(error, "problem_mark", None)
         place = f" line {mark.line + 1} column {mark.column + 1}" if mark else ""
         problem = getattr(error, "problem", None) or str(error).splitlines()[0]
+        problem = problem if quoting else _QUOTED.sub("", problem)
         raise InputError(f"{where}{place}", problem, allowed="one well-formed YAML document") from None
 
 
@@ -122,20 +133,46 @@ def load_yaml(path: str | Path) -> Any:
     Raises
     ------
     InputError
-        If the file is missing, larger than 4 MB, not UTF-8, or not strict YAML.
+        If the file is missing, no regular file, larger than 4 MB, not UTF-8, or not strict YAML. The message quotes a
+        file only if that says in a line of its own that it is of one of our kinds.
     """
-    path = Path(path)
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise InputError("file", str(path), allowed="a readable YAML file", hint=error.strerror or "") from None
-    if len(data) > MAX_BYTES:
-        raise InputError("file", str(path), allowed=f"at most {MAX_BYTES} bytes")
-    try:
-        text = data.decode("utf-8")
-    except UnicodeDecodeError:
-        raise InputError("file", str(path), allowed="UTF-8 text") from None
-    return parse_yaml(text, where=path.name)
+    text = read_text(path, key="file", allowed="a readable YAML file", max_bytes=MAX_BYTES)
+    return parse_yaml(text, where=Path(path).name, quoting=_KIND_LINE.search(text) is not None)
+
+
+def load_mapping(path: str | Path, kind: str, keys: Iterable[str]) -> dict[str, Any]:
+    """Read one YAML file that holds a mapping of ours.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    kind : str
+        What it is read as.
+    keys : iterable of str
+        Keys that such a file has; one of them makes it ours if it does not say its kind.
+
+    Returns
+    -------
+    dict
+        With its ``kind``, which may be another of ours, if it has one.
+
+    Raises
+    ------
+    InputError
+        As `load_yaml`, or if the file is not of one of our kinds; the message then quotes nothing of it.
+    """
+    tree = load_yaml(path)
+    if isinstance(tree, dict):
+        said = tree.get("kind")
+        known = {_reduced(key) for key in keys} - set(_NO_EVIDENCE)
+        if said in KINDS if "kind" in tree else not known.isdisjoint(_reduced(str(key)) for key in tree):
+            return tree
+    raise InputError(kind, str(path), allowed=f"a YAML mapping of kind {kind}", hint=f"its first line: kind: {kind}")
+
+
+def _reduced(key: str) -> str:
+    return key.split(".")[0].strip().lower().replace("-", "_").replace(" ", "_")
 
 
 def split_sourced(tree: Any, path: str = "") -> tuple[Any, dict[str, Provenance]]:

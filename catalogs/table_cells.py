@@ -63,7 +63,9 @@ def choose_columns(
         forms = "; ".join(f"{item.name} ({', '.join(item.aliases[:6])}, ...)" for group in lacking for item in group)
         listed = ", ".join(column.heading for column in raw.columns[:_MANY]) + (", ..." if raw.columns[_MANY:] else "")
         wanted = ", ".join(" or ".join(item.name for item in group) for group in lacking)
-        raise InputError(f"{raw.name} column {wanted}", "missing", allowed=forms, hint=f"the file has: {listed}")
+        # With one known column or none it may be any file at all, and is not quoted.
+        hint = f"the file has: {listed}" if len(chosen) > 1 else f"the file has {len(raw.columns)} columns"
+        raise InputError(f"{raw.name} column {wanted}", "missing", allowed=forms, hint=hint)
     ignored = unknown + spare
     shown = ", ".join(ignored[:_MANY]) + (f" and {len(ignored) - _MANY} more" if ignored[_MANY:] else "")
     return chosen, raw.notes + ((f"{raw.name}: columns not used: {shown}",) if ignored else ())

@@ -1,6 +1,7 @@
 """Tables from files: CSV with nothing but the standard library; ECSV, VOTable and FITS with astropy.
 
-A file is read once, as bytes; what it is, its content says before its name does.
+A file is read once, as bytes; what it is, its content says before its name does. One that refers to another file or to
+an address is refused before it is parsed: reading a table opens nothing but that table.
 """
 
 from __future__ import annotations
@@ -17,10 +18,14 @@ from typing import Any
 import numpy as np
 
 from catalogs.errors import InputError
+from catalogs.user_files import read_file
 
-__all__ = ["RawColumn", "RawTable", "TableBytes", "parse_table", "read_bytes"]
+__all__ = ["RawColumn", "RawTable", "TableBytes", "astropy_table", "parse_table", "read_bytes", "reference_in"]
 
+_MAX_BYTES = 1_000_000_000
 _FORMATS = "CSV, ECSV, VOTable or FITS"
+_PACKED = (b"\x1f\x8b", b"\x1f\x9d", b"BZh", b"\xfd7zXZ")  # what astropy unpacks unasked
+_NAMES = "names of columns in the first line"
 _MISSING = frozenset(("", "nan", "null", "none", "n/a", "na", "--", "-", "…", "..."))
 
 
@@ -54,24 +59,17 @@ class RawTable:
         return len(self.columns[0].cells)
 
 
-def read_bytes(path: str | Path, *, key: str = "catalog", presets: str = "snapshot, latest") -> TableBytes:
+def read_bytes(path: str | Path, *, key: str = "catalog", presets: str = "snapshot, latest, simbad_2012") -> TableBytes:
     """Read a file whole; `key` is what it is asked for as, `presets` what may be given instead of a file.
 
     Raises
     ------
     InputError
-        If there is no such file, it is a folder, or it cannot be read.
+        If there is no such file, or it is no regular file, larger than 1 GB, or cannot be read.
     """
-    place = Path(path).expanduser()
-    try:
-        data = place.read_bytes()
-    except IsADirectoryError:
-        raise InputError(key, str(path), allowed=f"a {_FORMATS} file", hint="this is a folder") from None
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        allowed = f"{presets}, or the name of a {_FORMATS} file" if presets else f"the name of a {_FORMATS} file"
-        raise InputError(key, str(path), allowed=allowed, hint=reason) from None
-    return TableBytes(place.name, data, hashlib.sha256(data).hexdigest())
+    allowed = f"{presets}, or the name of a {_FORMATS} file" if presets else f"the name of a {_FORMATS} file"
+    data = read_file(path, key=key, allowed=allowed, max_bytes=_MAX_BYTES)
+    return TableBytes(Path(path).name, data, hashlib.sha256(data).hexdigest())
 
 
 def parse_table(file: TableBytes) -> RawTable:
@@ -116,8 +114,7 @@ def _csv(name: str, text: str) -> RawTable:
     counts = {mark: lines[0].count(mark) for mark in (",", ";", "\t", "|")}
     mark = max(counts, key=lambda item: counts[item])
     if not counts[mark]:
-        allowed = "columns separated by comma, semicolon or tab"
-        raise InputError(f"{name} heading", lines[0].strip()[:60], allowed=allowed)
+        raise InputError(f"{name} heading", "one column", allowed="columns separated by comma, semicolon or tab")
     try:
         rows = list(csv.reader(lines, delimiter=mark, strict=True, skipinitialspace=True))
     except csv.Error as error:
@@ -128,11 +125,11 @@ def _csv(name: str, text: str) -> RawTable:
             row for row in csv.reader(comments, delimiter=mark, skipinitialspace=True) if len(row) == len(rows[0])
         ]
         if not headed or any(map(_is_number, headed[-1])):
-            raise InputError(f"{name} heading", lines[0].strip()[:60], allowed="names of columns in the first line")
+            raise InputError(f"{name} heading", "numbers", allowed=_NAMES)
         rows.insert(0, headed[-1])
     headings = [text.strip() for text in rows[0]]
     if not any(headings):
-        raise InputError(f"{name} heading", lines[0].strip()[:60], allowed="names of columns in the first line")
+        raise InputError(f"{name} heading", "empty", allowed=_NAMES)
     width = len(headings)
     filled = [row for row in rows[1:] if any(map(str.strip, row))]  # spreadsheets write blank rows as separators alone
     for number, row in enumerate(filled, start=1):
@@ -168,26 +165,9 @@ def _cell(text: str) -> str | None:
 
 
 def _astropy(file: TableBytes, kind: str) -> RawTable:
-    notes: tuple[str, ...] = ()
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # what astropy forgives is no reason to refuse a table
-            if kind == "votable":
-                from astropy.io.votable import parse
-
-                parsed = parse(io.BytesIO(file.data))
-                if sum(1 for _ in parsed.iter_tables()) > 1:
-                    notes = (f"{file.name} holds several tables: the first is read",)
-                table = parsed.get_first_table().to_table(use_names_over_ids=True)
-            elif kind == "fits":
-                from astropy.table import Table
-
-                table = Table.read(io.BytesIO(file.data), format="fits")
-            else:
-                from astropy.io import ascii as text_tables
-
-                table = text_tables.read(_text(file), format="ecsv")
-            columns = [_astropy_column(file.name, name, table[name]) for name in table.colnames]
+        table, notes = astropy_table(file, kind)
+        columns = [_astropy_column(file.name, name, table[name]) for name in table.colnames]
     except InputError:
         raise
     except Exception as error:
@@ -197,6 +177,85 @@ def _astropy(file: TableBytes, kind: str) -> RawTable:
     if not columns:
         raise InputError(file.name, "no columns", allowed="a table with columns")
     return RawTable(file.name, columns, notes)
+
+
+def astropy_table(file: TableBytes, kind: str) -> tuple[Any, tuple[str, ...]]:
+    """Return the first table of a file as astropy reads it, and remarks.
+
+    Parameters
+    ----------
+    file : TableBytes
+    kind : {"votable", "fits", "ecsv"}
+        What its first bytes say that it is.
+
+    Raises
+    ------
+    InputError
+        If it refers to something outside.
+    Exception
+        Of many kinds, if it is damaged.
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # what astropy forgives is no reason to refuse a table
+        if kind == "votable":
+            found = reference_in(file.data)
+            if found:
+                raise InputError(file.name, found, allowed="a VOTable that holds its own data",
+                                 hint="references are not followed")  # fmt: skip
+            from astropy.io.votable import parse
+
+            parsed = parse(io.BytesIO(file.data))
+            several = sum(1 for _ in parsed.iter_tables()) > 1
+            notes = (f"{file.name} holds several tables: the first is read",) if several else ()
+            return parsed.get_first_table().to_table(use_names_over_ids=True), notes
+        if kind == "fits":
+            from astropy.table import Table
+
+            return Table.read(io.BytesIO(file.data), format="fits"), ()
+        from astropy.io import ascii as text_tables
+
+        # As lines: a text without an end of line would be taken for the name of a file.
+        return text_tables.read(_text(file).splitlines(), format="ecsv"), ()
+
+
+class _Reference(Exception):
+    """What leads out of a document."""
+
+
+def reference_in(xml: bytes) -> str:
+    """Return what in an XML document leads outside of it, in words; empty if nothing does.
+
+    These are data at an address (``<STREAM href=...>``), a document type with its entities, inclusions, and an encoding
+    or packing in which none of them could be seen. A ``LINK`` is for people and is never followed. Where the document
+    is damaged, its parser will say so; what is in front of the damage is judged.
+    """
+    from xml.parsers import expat
+
+    if xml.startswith(_PACKED):
+        return "packed data"
+
+    def element(name: str, attributes: dict[str, str]) -> None:
+        plain = name.rpartition(":")[2].upper()
+        if plain == "STREAM" and any(key.rpartition(":")[2].lower() == "href" for key in attributes):
+            raise _Reference("a STREAM with href")
+        if plain == "INCLUDE":
+            raise _Reference("an inclusion")
+
+    def doctype(*_: object) -> None:
+        raise _Reference("a document type (DOCTYPE)")
+
+    parser = expat.ParserCreate()
+    parser.StartElementHandler = element
+    parser.StartDoctypeDeclHandler = doctype
+    try:
+        parser.Parse(xml, True)
+    except _Reference as found:
+        return str(found)
+    except expat.ExpatError:
+        pass
+    except (LookupError, ValueError):
+        return "an unknown encoding"
+    return ""
 
 
 def _astropy_column(name: str, heading: str, column: Any) -> RawColumn:

@@ -12,6 +12,7 @@ from __future__ import annotations
 import http.client
 import io
 import time
+import zlib
 from dataclasses import dataclass
 from typing import Any
 from urllib.parse import urlsplit
@@ -19,6 +20,8 @@ from urllib.parse import urlsplit
 import requests
 from urllib3.exceptions import HTTPError, ProtocolError
 from urllib3.response import HTTPResponse
+
+from catalogs.table_files import reference_in
 
 __all__ = ["PatientSession", "Problem"]
 
@@ -66,22 +69,21 @@ class PatientSession(requests.Session):
         deadline = time.monotonic() + self.timeout_s
         try:
             response = super().send(request, **(kwargs | {"timeout": self.timeout_s, "stream": True}))
-            body = self._read(response, deadline)
+            body = self._unpacked(self._read(response, deadline), response.headers.get("Content-Encoding", ""))
         except (requests.RequestException, HTTPError, http.client.HTTPException, OSError) as error:
             self.problem = self.problem or self._explain(error)
             raise
         self.start = body[:80]
+        found = reference_in(body)
+        if found:  # in front of any parser: astropy's would go and get it
+            if not body.lstrip()[:14].lower().startswith((b"<!doctype html", b"<html")):  # a page has its own words
+                self.problem = Problem(f"the answer holds {found}, and references are not followed", again=False)
+            raise requests.RequestException(f"the answer holds {found}")
         status = response.status_code
         if status >= 400:
             again = status >= 500 or status in (408, 429)
             self.problem = Problem(f"HTTP {status} {response.reason or ''}".strip(), again)
-        coding = response.headers.get("Content-Encoding")
-        response.raw = HTTPResponse(
-            body=io.BytesIO(body),
-            headers={"Content-Encoding": coding} if coding else None,
-            status=status,
-            preload_content=False,
-        )
+        response.raw = HTTPResponse(body=io.BytesIO(body), status=status, preload_content=False)
         return response
 
     def merge_environment_settings(self, url: Any, *args: Any, **kwargs: Any) -> Any:
@@ -99,13 +101,30 @@ class PatientSession(requests.Session):
                 self.problem = self._late()
                 raise requests.ReadTimeout(self.problem.text)
             if size > MAX_ANSWER_BYTES:
-                self.problem = Problem(f"the answer is larger than {MAX_ANSWER_BYTES // 2**20} MB", again=False)
-                raise requests.RequestException(self.problem.text)
+                raise self._too_large()
         promised = response.headers.get("Content-Length", "")
         if promised.isdigit() and size < int(promised):
             self.problem = Problem(f"the connection was dropped after {size} of {promised} bytes")
             raise requests.ConnectionError(self.problem.text)
         return b"".join(parts)
+
+    def _unpacked(self, body: bytes, coding: str) -> bytes:
+        """Content of an answer that was sent packed, within the limit of size."""
+        if coding.lower() in ("", "identity"):
+            return body
+        unpacker = zlib.decompressobj(wbits=47)  # gzip or zlib, as its first bytes say
+        try:
+            data = unpacker.decompress(body, MAX_ANSWER_BYTES + 1)
+        except zlib.error:
+            self.problem = Problem(f"the answer cannot be unpacked ({coding})")
+            raise requests.RequestException(self.problem.text) from None
+        if len(data) > MAX_ANSWER_BYTES:
+            raise self._too_large()
+        return data
+
+    def _too_large(self) -> requests.RequestException:
+        self.problem = Problem(f"the answer is larger than {MAX_ANSWER_BYTES / 2**20:.3g} MB", again=False)
+        return requests.RequestException(self.problem.text)
 
     def _late(self) -> Problem:
         return Problem(f"no complete answer within {self.timeout_s:g} s")

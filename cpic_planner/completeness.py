@@ -113,7 +113,7 @@ def completeness(
     insolation = [np.inf, -np.inf]
     for part in _slices(len(planets), _PLANETS):
         some = _Placed.of(model, planets, part)
-        for rows in _slices(n_stars, max(1, _PLACED // len(some.x_au))):
+        for rows in _slices(n_stars, _PLACED // len(some.x_au)):
             _count(model, targets, band, some, rows, settings, found, insolation)
     n = len(planets)
     detected, in_zone, observable = found / n
@@ -251,12 +251,9 @@ def _significance(
 def inside_zone(zone: HoleZone, x_arcsec: FloatArray, y_arcsec: FloatArray, margin_arcsec: float) -> NDArray[np.bool_]:
     """Which points lie in the zone, at least ``margin`` from its edges."""
     inside = np.ones(x_arcsec.shape, bool)
-    low, high = zone.inner_arcsec + margin_arcsec, zone.outer_arcsec - margin_arcsec
     for offset, parts in zip((y_arcsec, x_arcsec), zone.intervals(), strict=True):
-        size = np.abs(offset)
-        inside &= (size >= low) & (size <= high)
-        if len(parts) == 1:
-            inside &= (offset > 0.0) == (parts[0][0] > 0.0)
+        inside &= np.any([(offset >= low + margin_arcsec) & (offset <= high - margin_arcsec) for low, high in parts],
+                         axis=0)  # fmt: skip
     return inside
 
 
@@ -278,8 +275,8 @@ def _settings(
 ) -> tuple[FloatArray, ...]:
     """Exposure, frames and gain of every star, checked; 1 s and gain 1 where there are no frames."""
     frames = _one_each("n_frames", n_frames, n_stars)
-    if not (np.isfinite(frames) & (frames >= 0.0)).all():
-        bad = frames[~(np.isfinite(frames) & (frames >= 0.0))]
+    bad = frames[~(np.isfinite(frames) & (frames >= 0.0))]
+    if bad.size:
         raise InputError("n_frames", float(bad[0]), allowed="finite numbers, at least 0")
     taken = frames > 0.0
     given = [np.where(taken, _one_each(name, value, n_stars), 1.0)

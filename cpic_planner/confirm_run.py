@@ -55,9 +55,12 @@ def run_confirmation(
     InputError
         For bad input, or if ``out`` is in use or holds another configuration.
     """
+    from cpic_planner.report.write_confirm import products_of
+
     clock, kept = RunClock(), 0
     digest = confirm_hash(config)
-    with open_run_folder(out, kind="confirm", config_hash=digest, force=force, clear=_clear) as folder:
+    products = ("confirm.json", "run.json", *products_of(config.bands or config.instrument.visible_bands()))
+    with open_run_folder(out, kind="confirm", config_hash=digest, products=products, force=force) as folder:
 
         def stored(key: str) -> dict[str, Any] | None:
             nonlocal kept
@@ -78,11 +81,6 @@ def run_confirmation(
         )
         folder.write("run.json", dump_json(record.model_dump(mode="json")))
     return FinishedConfirmation(result, kept, len(bodies) - kept)
-
-
-def _clear(folder: Path) -> None:
-    for path in folder.glob("panels-*.png"):
-        path.unlink()
 
 
 def _write(folder: RunFolder, config: ConfirmConfig, result: ConfirmResult, bodies: dict[str, dict[str, Any]]) -> None:

@@ -40,7 +40,7 @@ __all__ = [
 REALISATIONS = 8
 """Draws of drift and noise of every target and band: an SNR of 10 from 12 apertures is then known to 9 %."""
 
-RESULT_VERSION = 4
+RESULT_VERSION = 5
 """Raised when the same configuration gives other numbers, so that old folders are not resumed."""
 
 

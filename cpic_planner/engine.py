@@ -7,14 +7,14 @@ workers or the scheduler die is told in `cpic_planner.cluster.dispatch`.
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, TypeVar
 from urllib.parse import urlsplit
 
 from catalogs.errors import InputError
+from simulator.numeric import numeric_context
 
-__all__ = ["ClusterError", "check_address", "run_tasks", "single_threaded_blas"]
+__all__ = ["ClusterError", "check_address", "run_tasks"]
 
 T = TypeVar("T")
 _PROTOCOLS = ("tcp", "tls", "ws", "wss")
@@ -76,9 +76,10 @@ def run_tasks(
     if isinstance(workers, bool) or not isinstance(workers, int) or not 1 <= workers <= 256:
         raise InputError("--workers", workers, allowed="an integer from 1 to 256")
     if scheduler is None and (workers == 1 or len(arguments) <= 1):
-        with single_threaded_blas():
-            for index, args in enumerate(arguments):
-                yield index, function(*common, *args)
+        for index, args in enumerate(arguments):
+            with numeric_context():
+                result = function(*common, *args)
+            yield index, result
         return
     check_address(scheduler)
     from cpic_planner.cluster.dispatch import Work, run_on
@@ -105,12 +106,3 @@ def check_address(scheduler: str | None) -> str | None:
     if not good:
         raise InputError("--scheduler", scheduler, allowed="an address tcp://host:port")
     return scheduler
-
-
-@contextlib.contextmanager
-def single_threaded_blas() -> Iterator[None]:
-    """Pin BLAS to one thread: sums then have one order, and workers do not fight for cores."""
-    from threadpoolctl import threadpool_limits
-
-    with threadpool_limits(limits=1):
-        yield

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from catalogs.errors import InputError
 from cpic_planner.completeness import completeness
 from cpic_planner.etc.budget import binding_limits, largest_term, remedies
 from cpic_planner.etc.cases import FrameWish, band_cases, planets_of
+from cpic_planner.etc.detection import verdict_of
 from cpic_planner.etc.frames import FrameChoice
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.place import check_range
@@ -18,8 +20,8 @@ from cpic_planner.etc.planet import ReferencePlanet
 from cpic_planner.models import BandStanding, Explanation, RankedTarget, ScoreName
 from cpic_planner.optimiser import Best, best_in_band
 from cpic_planner.population import Planets
-from cpic_planner.ranking import DEFAULT_SCORE, PopulationChoice, judge, rank_targets
-from cpic_planner.sensitivity import ASSUMPTIONS, Setting, positions
+from cpic_planner.ranking import DEFAULT_SCORE, PopulationChoice, finite, judge, limits_of, rank_targets
+from cpic_planner.sensitivity import ASSUMPTIONS, N_TOP, Setting, in_order, in_turn, near_top
 from cpic_planner.targets import Targets
 from simulator.config import content_hash
 
@@ -47,7 +49,7 @@ def explain_star(
     name : str
         Its name in ``targets``.
     other_assumptions : bool
-        Rank the sample under other assumptions too (`cpic_planner.sensitivity`), which takes a second or two each.
+        Rank the sample under other assumptions too (`cpic_planner.sensitivity`), which takes about a second each.
 
     Returns
     -------
@@ -71,10 +73,7 @@ def explain_star(
     standings = [_standing(model, star, band, time_s, body, planets) for band in names]
     ranks: dict[str, int] = {}
     if other_assumptions:
-        setting = Setting(model, body, choice)
-        for item in ASSUMPTIONS:
-            found, _ = positions(item.change(setting), targets, time_s=time_s, bands=names, score=score)
-            ranks[item.key] = int(found[index])
+        ranks = _other_ranks(Setting(model, body, choice), targets, rows, name, time_s=time_s, bands=names, score=score)
     return Explanation(
         config_hash=content_hash({"kind": "explanation", "rank": rank.config_hash, "star": name}),
         n_ranked=len(rows),
@@ -86,6 +85,20 @@ def explain_star(
         ranks=ranks,
         sentences=_sentences(rows[place], standings, ranks, len(rows), score),
     )
+
+
+def _other_ranks(
+    setting: Setting, targets: Targets, rows: Sequence[RankedTarget], name: str, **asked: Any
+) -> dict[str, int]:
+    """Rank of a star under every other assumption; one near the top is ranked among those near it only."""
+    nominal = {row.name: row for row in rows}
+    if nominal[name].rank <= N_TOP:
+        rank, margin = (np.array([getattr(nominal[str(star)], key) for star in targets.name])
+                        for key in ("rank", "detection_margin"))  # fmt: skip
+        targets = targets.select(near_top(rank, margin, N_TOP))
+    index = [str(star) for star in targets.name].index(name)
+    return {item.key: int(in_order(item.change(setting), targets, **asked).rank[index])
+            for item in in_turn(ASSUMPTIONS)}  # fmt: skip
 
 
 def _standing(
@@ -105,6 +118,11 @@ def _standing(
         band=band,
         status=status.value,
         reason=reason.value,
+        verdict=verdict_of(status, detected=True),
+        verdict_mode="known_place",
+        detection_probability=finite(best.chance_blind[0]),
+        detection_probability_known_place=finite(best.chance_known_place[0]),
+        limited_by=limits_of([(status, reason)], best)[0],
         separation_arcsec=float(best.separation_arcsec[0]),
         contrast=float(best.contrast[0]),
         contrast_limit=float(best.contrast_limit[0]) if math.isfinite(best.contrast_limit[0]) else None,
@@ -147,12 +165,13 @@ def _sentences(
     geometry = next(item for item in bands if item.band == star.completeness_band)
     words = [f"Rank {star.rank} of {n_ranked} by {score.replace('_', ' ')}: {star.score:.3g}."]
     words.append(
-        f"At {star.distance_pc:.2f} pc, {geometry.observable:.1%} of the population stand where {geometry.band} sees "
-        f"them, and {star.completeness:.1%} are detected by one observation."
+        f"At {star.distance_pc:.2f} pc, {geometry.in_zone:.1%} of the population lie in the dark quadrants of "
+        f"{geometry.band}, {geometry.observable:.1%} with their whole aperture, and {star.completeness:.1%} are "
+        "detected by one observation."
     )
     verdict = {
         "ok": "is detected",
-        "speckle_floor": "is below the speckle residual, whatever the time",
+        "speckle_floor": "is not detected by any length of visit",
         "insufficient_time": "is not detected in this time",
     }.get(star.reason or star.status, "cannot be observed")
     words.append(

@@ -9,11 +9,12 @@ from datetime import datetime, timedelta
 import numpy as np
 from numpy.typing import NDArray
 
+from catalogs.errors import InputError
 from catalogs.info import snapshot_vintage
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.place import check_range
 from cpic_planner.etc.reflected import reflected_contrast
-from cpic_planner.known_completeness import KnownChoice, known_rows
+from cpic_planner.known_completeness import KnownChoice
 from cpic_planner.known_planets import Ephemeris, draw_known, ephemeris, known_uniforms, planets_of, quantiles
 from cpic_planner.models import KnownBand, KnownHole, KnownPlanetRow, KnownResult, KnownTrack, KnownWindow, Quantiles
 from cpic_planner.population import Planets
@@ -42,7 +43,7 @@ def known_answer(
     catalogue: str | None = None,
     bands: Sequence[str] | None = None,
 ) -> KnownResult:
-    """Known planets of some stars, in the order of the stars and of the table.
+    """Known planets of some stars, in the order of the stars and of the table; those that are not counted as well.
 
     Parameters
     ----------
@@ -51,7 +52,8 @@ def known_answer(
     choice : KnownChoice
         Table, date, draws and albedo.
     years : float, optional
-        Also the separations over so long, and the days on which the dark hole covers them; 0.01 to 100.
+        Also the separations over so long, and the days on which the dark hole covers them; 0.01 to 100. Candidates
+        and refuted planets have neither.
     catalogue : str, optional
         Which table the stars are from; the snapshot by default.
     bands : sequence of str, optional
@@ -68,12 +70,11 @@ def known_answer(
     """
     names = model.named(bands)
     span = None if years is None else check_range("years", years, 0.01, 100.0, "yr")
-    stars = choice.stars(targets)
-    rows = [
-        _row(model, stars.select([i]), choice, row, names, span)
-        for i, mine in enumerate(known_rows(choice.table, stars))
-        for row in mine
-    ]
+    listed = [choice.table.listed_rows_of(str(name)) for name in targets.name]
+    stars = targets.select([i for i, mine in enumerate(listed) if mine])
+    if not len(stars):
+        raise InputError("known planets", choice.table.provenance, allowed="planets of stars of the sample")
+    rows = [_row(model, targets.select([i]), choice, row, names, span) for i, mine in enumerate(listed) for row in mine]
     zones = {band: model.metrics[band].zone for band in names}
     return KnownResult(
         config_hash=content_hash(
@@ -113,6 +114,7 @@ def _row(
     model: EtcModel, star: Targets, choice: KnownChoice, row: int, bands: Sequence[str], years: float | None
 ) -> KnownPlanetRow:
     table, distance_pc = choice.table, float(star.distance_pc[0])
+    years = years if table.counted[row] else None
     drawn = draw_known(table, [row], known_uniforms(table, [row], choice.n_draws, choice.seed), epoch_mjd=choice.mjd)
     planets = planets_of(drawn, 0, choice.albedo)
     days, period = [0.0], float(np.median(drawn.period_days[0]))
@@ -137,7 +139,7 @@ def _row(
         v_mag=float(star.v_mag[0]),
         distance_pc=distance_pc,
         discovery_method=table.text("discovery_method")[row],
-        reference=table.text("reference")[row],
+        **{name: table.text(name)[row] for name in ("status", "reference", "status_reference", "updated", "note")},
         flags=list(table.flags(row)),
         period_days=_quantiles(drawn.period_days[0]),
         semi_major_axis_au=_quantiles(drawn.semi_major_axis_au[0]),

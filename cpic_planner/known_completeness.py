@@ -5,13 +5,14 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from catalogs.errors import InputError
-from catalogs.known_planets import KnownPlanetTable
+from catalogs.known_planets import KnownPlanetTable, load_known_planets
 from cpic_planner.completeness import BandCompleteness, completeness
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.planet import ReferencePlanet
@@ -19,18 +20,23 @@ from cpic_planner.known_planets import draw_known, known_uniforms, planets_of
 from cpic_planner.models import KNOWN_PLANETS, PopulationRecord
 from cpic_planner.population import Planets
 from cpic_planner.targets import Targets
+from simulator.config import Instrument
 from simulator.config.albedo import AlbedoSpec
+from simulator.config.mission import checked_utc
+from simulator.products.times import mjd_of
 from simulator.quantities import check_finite, check_whole
 
-__all__ = ["MAX_DRAWS", "N_DRAWS", "KnownChoice", "KnownSample", "known_completeness", "known_rows"]
+__all__ = ["KNOWN_ONLY", "MAX_DRAWS", "N_DRAWS", "KnownChoice", "KnownSample", "known_completeness", "known_rows"]
 
 FloatArray = NDArray[np.float64]
 MAX_DRAWS = 100_000
 N_DRAWS = 4000
+KNOWN_ONLY = "those with known planets only"
+"""What a sample is called whose stars all have known planets."""
 
 
 def known_rows(table: KnownPlanetTable, targets: Targets) -> list[tuple[int, ...]]:
-    """Rows of the planets of each star, by any of its names; empty where it has none."""
+    """Rows of the counted planets of each star, by any of its names; empty where it has none."""
     return [table.rows_of(str(name)) for name in targets.name]
 
 
@@ -65,8 +71,39 @@ class KnownChoice:
     n_draws: int = N_DRAWS
     seed: int = 1
 
+    @classmethod
+    def at(
+        cls,
+        source: str | Path,
+        date: str | None,
+        albedo: AlbedoSpec,
+        instrument: Instrument,
+        *,
+        n_draws: int,
+        seed: int,
+    ) -> KnownChoice:
+        """Return the choice of a table and a date as people write them.
+
+        Parameters
+        ----------
+        source : str or Path
+            As `catalogs.known_planets.load_known_planets` reads it.
+        date : str or None
+            UTC; None for the start of the instrument's mission.
+        albedo : AlbedoSpec
+        instrument : Instrument
+        n_draws, seed : int
+
+        Raises
+        ------
+        InputError
+            For a table that cannot be used, or a text that is no date.
+        """
+        utc = checked_utc("--date", instrument.mission.start_utc if date is None else date)
+        return cls(load_known_planets(source), utc, mjd_of(utc), albedo, n_draws, seed)
+
     def stars(self, targets: Targets) -> Targets:
-        """Targets that have known planets.
+        """Targets that have known planets which are counted.
 
         Raises
         ------

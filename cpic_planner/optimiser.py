@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from catalogs.errors import InputError
+from cpic_planner.etc.detection import needed_margin, visit_chances
 from cpic_planner.etc.frames import (
     FrameChoice,
     FrameProblem,
@@ -18,8 +19,9 @@ from cpic_planner.etc.frames import (
     smooth_in_visit,
     smooth_least_visit_s,
 )
+from cpic_planner.etc.limiting import reached, without_background, without_speckles
 from cpic_planner.etc.model import EtcModel
-from cpic_planner.etc.noise import Objective, frame_problem, stack_noise
+from cpic_planner.etc.noise import Objective, frame_problem, own_noise, stack_noise
 from cpic_planner.etc.place import check_range, locate, stand, usable_range_arcsec
 from cpic_planner.etc.planet import ReferencePlanet, reference_contrast
 from cpic_planner.etc.rates import ApertureRates, aperture_rates
@@ -34,6 +36,9 @@ __all__ = ["Best", "best_in_band", "best_of", "optimise", "separation_grid"]
 FloatArray = NDArray[np.float64]
 N_SEPARATIONS = 41
 _ENDLESS_S = np.asarray(1e12)
+_Change = Callable[[FrameProblem, FloatArray], FrameProblem]
+_CHANGES = ("without_speckles", "without_background")
+_SLACK = 1.5  # by how much other exposures may beat the chosen ones at other places; 1 gives the catalogue the same
 STRIDE = 5
 MIN_BACKGROUND_APERTURES = 25.0
 """Aperture areas that the background annulus must hold: about a third of them fit without overlap."""
@@ -43,9 +48,12 @@ MIN_BACKGROUND_APERTURES = 25.0
 class Best:
     """Best setting of each target; arrays of ``n`` stars.
 
-    ``margin`` is significance over the detection threshold at the chosen separation: 1 is a detection.
-    ``floor_margin`` is what no length of visit can pass, at any separation (with the noise of light where that
-    decides). ``contrast_limit`` is the faintest contrast that this observation detects at the chosen separation,
+    ``margin`` is significance over the detection threshold at the chosen separation; at ``needed_margin`` half of the
+    visits detect the planet there, and ``chance_blind`` and ``chance_known_place`` are the probabilities of a detection
+    (NaN where no law was measured). ``floor_margin`` is what no length of visit can pass, at any separation (with the
+    noise of light where that decides). ``without_speckles`` and ``without_background`` say whether the planet would be
+    detected in the given time under the changes of `cpic_planner.etc.limiting`; False where no time was given.
+    ``contrast_limit`` is the faintest contrast that this observation detects at the chosen separation,
     ``deepest_limit`` that of the best separation for it. ``n_frames`` is 0 where every frame saturates or the time is
     too short. ``extrapolated`` says that the planet's albedo is beyond its data in this band, ``outside`` why a given
     separation has no answer (empty: it is in the zone).
@@ -63,6 +71,11 @@ class Best:
     threshold: FloatArray
     margin: FloatArray
     floor_margin: FloatArray
+    needed_margin: FloatArray
+    chance_blind: FloatArray
+    chance_known_place: FloatArray
+    without_speckles: NDArray[np.bool_]
+    without_background: NDArray[np.bool_]
     contrast_limit: FloatArray
     deepest_limit: FloatArray
     deepest_separation_arcsec: FloatArray
@@ -178,7 +191,7 @@ def best_in_band(
 
     search = _Search(model, targets, band, planet, separation_arcsec)
     chosen = search.lowest(cost)
-    return search.best(chosen, best_in_visit(chosen.problem("significance"), visit))
+    return search.best(chosen, best_in_visit(chosen.problem("significance"), visit), visit)
 
 
 def _least_in_band(
@@ -280,35 +293,61 @@ class _Search:
         bound[doubtful] = np.minimum(bound[doubtful], 1.0 / least)
         return bound
 
-    def best(self, chosen: _Places, choice: FrameChoice) -> Best:
-        """Everything about the chosen separations and frames."""
+    def _would_detect(self, possible: NDArray[np.bool_], visit_s: FloatArray, change: _Change) -> NDArray[np.bool_]:
+        """Stars of those possible whose planet a change makes detected, at the separation that is best under it."""
+        camera, needed = self.model.camera(self.band), needed_margin(self.model, self.band)
+
+        def changed(places: _Places) -> FrameProblem:
+            return change(places.problem("significance"), own_noise(places.rates, camera))
+
+        def cost(places: _Places) -> FloatArray:
+            with np.errstate(divide="ignore"):
+                return np.sqrt(smooth_in_visit(changed(places), visit_s)) * places.threshold
+
+        found = np.zeros(len(self.targets), bool)
+        if possible.any():
+            places = replace(self, targets=self.targets.select(possible)).lowest(cost)
+            found[possible] = reached(changed(places), visit_s, needed * places.threshold)[:, 0]
+        return found
+
+    def best(self, chosen: _Places, choice: FrameChoice, visit_s: FloatArray | None = None) -> Best:
+        """Everything about the chosen separations and frames; what limits them only in a given visit."""
         model, band, n = self.model, self.band, len(self.targets)
         strategy, camera = model.strategy, model.camera(band)
-        noise = stack_noise(chosen.rates, choice.exposure_s, choice.n_frames, choice.em_gain, camera,
-                            reference_ratio=strategy.reference_ratio, mode=strategy.mode,
-                            counting_sigma=strategy.counting_sigma)  # fmt: skip
-        refused = self.refusal
-        if refused is not Reason.NONE:
+        noise_of = functools.partial(
+            stack_noise, exposure_s=choice.exposure_s, n_frames=choice.n_frames, em_gain=choice.em_gain, camera=camera,
+            reference_ratio=strategy.reference_ratio, mode=strategy.mode, counting_sigma=strategy.counting_sigma
+        )  # fmt: skip
+        noise = noise_of(chosen.rates)
+        if (refused := self.refusal) is not Reason.NONE:
             choice.n_frames[:] = 0.0
         with np.errstate(invalid="ignore"):
             margin = np.where(choice.n_frames > 0, noise.significance / chosen.threshold, 0.0)
-        fine, every = self.grid, chosen
-        if len(fine) > 1:
-            every = self.places(fine[None, :])
+        fine = self.grid
+        every = self.places(fine[None, :]) if len(fine) > 1 else chosen
         with np.errstate(divide="ignore"):
             left = every.rates.residual.k0 * every.rates.variance_factor
             floor = every.rates.planet_e_s / np.sqrt(left) / every.threshold
-        around = stack_noise(every.rates, choice.exposure_s, choice.n_frames, choice.em_gain, camera,
-                             reference_ratio=strategy.reference_ratio, mode=strategy.mode,
-                             counting_sigma=strategy.counting_sigma)  # fmt: skip
+        around = noise_of(every.rates)
         with np.errstate(divide="ignore", invalid="ignore"):
             limits = np.where(around.significance > 0, every.contrast * every.threshold / around.significance, np.inf)
             limit = np.where(margin > 0, chosen.contrast / margin, np.inf)
         deepest = np.argmin(limits, axis=1)
-        beyond = model.passbands.albedo_flags(albedo_source(self.planet.albedo))[model.passbands.index(band)]
 
         def column(array: ArrayLike) -> FloatArray:
             return np.array(np.broadcast_to(np.asarray(array, float), (n, 1))[:, 0])
+
+        needed, calm, dark = needed_margin(model, band), *np.zeros((2, n), bool)
+        if visit_s is not None:
+            # Bounds leave few stars to be solved again: white noise alone, and the frozen offset alone.
+            with np.errstate(divide="ignore", invalid="ignore"):
+                bound = around.signal_e * np.sqrt(visit_s / choice.visit_s / around.white) / every.threshold
+            lost = (column(margin) < needed) & (choice.n_frames[:, 0] > 0)
+            near = np.nan_to_num(bound).max(axis=1) * _SLACK >= needed
+            calm = self._would_detect(lost & near, visit_s, lambda problem, _: without_speckles(problem))
+            dark = self._would_detect(lost & ~calm & (floor.max(axis=1) >= needed), visit_s, without_background)
+        chances = visit_chances(model, band, chosen.separation_arcsec, choice.visit_s, noise, margin)
+        beyond = model.passbands.albedo_flags(albedo_source(self.planet.albedo))[model.passbands.index(band)]
 
         return Best(
             band=np.full(n, band),
@@ -323,6 +362,11 @@ class _Search:
             threshold=column(chosen.threshold),
             margin=column(margin),
             floor_margin=self._most(floor.max(axis=1), column(margin)),
+            needed_margin=np.full(n, needed),
+            chance_blind=column(chances.blind),
+            chance_known_place=column(chances.known_place),
+            without_speckles=calm,
+            without_background=dark,
             contrast_limit=column(limit),
             deepest_limit=limits[np.arange(n), deepest],
             deepest_separation_arcsec=fine[deepest],
@@ -337,7 +381,10 @@ class _Search:
 
 
 def best_of(found: Sequence[Best], *, by_time: bool = False) -> Best:
-    """Row by row the one of largest margin (or of least time), the first of equals; extrapolated ones come last."""
+    """Row by row the one of largest margin (or of least time), the first of equals; extrapolated ones come last.
+
+    Whether a change would make the planet detected is said of any of them.
+    """
     if by_time:
         cost = np.stack([np.where(item.n_frames > 0, item.time_s, np.inf) for item in found])
     else:
@@ -346,6 +393,6 @@ def best_of(found: Sequence[Best], *, by_time: bool = False) -> Best:
     last = np.stack([item.extrapolated for item in found]) | ~answered
     rows = np.arange(cost.shape[1])
     pick = np.lexsort((np.broadcast_to(np.arange(len(found))[:, None], cost.shape), cost, last), axis=0)[0]
-    return Best(
-        **{name: np.stack([getattr(item, name) for item in found])[pick, rows] for name in Best.__dataclass_fields__}
-    )
+    changed = {name: np.any([getattr(item, name) for item in found], axis=0) for name in _CHANGES}
+    others = (name for name in Best.__dataclass_fields__ if name not in _CHANGES)
+    return Best(**changed, **{name: np.stack([getattr(item, name) for item in found])[pick, rows] for name in others})

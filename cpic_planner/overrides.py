@@ -4,7 +4,8 @@ An override is a key and what becomes of its value::
 
     throughput=x0.7                 every band loses 30 % of its light
     read_noise=x1.5  visit_drift=x3
-    detector.cic_e=0.05             any number or word of the instrument, by its dotted key
+    drift=0.1nm                     offset of a visit 0.1 nm rms, and the walk within it in the same ratio
+    drift.visit_nm=0.1              any number or word of the instrument, by its dotted key, whose name has the unit
     bands.F850.qe=x0.8              "*" stands for any name: bands.*.qe, bands.F5*.qe
     detector.switches.cosmic_rays=off
     companions=on                   light of companions, which the prediction leaves out
@@ -13,7 +14,6 @@ An override is a key and what becomes of its value::
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,10 +22,13 @@ from typing import Any, Literal, TypeAlias, cast
 from pydantic import StrictBool, StrictFloat, StrictInt, StrictStr, field_validator, model_validator
 
 from catalogs.errors import InputError
-from catalogs.strict_yaml import load_yaml, parse_yaml
+from catalogs.strict_yaml import load_mapping
 from cpic_planner.override_keys import advice, children, is_optical, matching, sections
+from cpic_planner.written_values import read_value, two_spellings, with_unit
 from simulator.config import FrozenModel, Instrument, Scene, canonical_json
+from simulator.config.base import unit_of
 from simulator.config.keys import to_unit
+from simulator.config.optics import Drift
 
 __all__ = ["ALIASES", "Change", "Override", "OverrideSource", "SimulatorOverrides"]
 
@@ -40,12 +43,15 @@ ALIASES = {
     "jitter": "wavefront.jitter_mas",
     "exozodi": "sky.exozodi_zodis",
 }
-"""Short names of keys of the instrument; those of the detector are the visible camera's."""
+"""Short names of keys of the instrument; those of the detector are the visible camera's.
+
+Their names have no units: numbers are given with one, or with an x as factors. `_DRIFT` is short for two keys.
+"""
+_DRIFT, _VISIT, _WALK = "drift", "drift.visit_nm", "drift.walk_nm_per_sqrt_hour"
 
 _WHERE = "simulator_overrides"
 _COMPANIONS = "companions"
 _NAMES = {key: name for name, key in ALIASES.items()}
-_FACTOR = re.compile(r"[x*×]\s*([-+.\d].*)")
 Plain: TypeAlias = StrictBool | StrictInt | StrictFloat | StrictStr | None
 OnOff: TypeAlias = Literal["on", "off"]
 
@@ -70,14 +76,17 @@ class Override(FrozenModel):
 
     @property
     def value_text(self) -> str:
-        """What becomes of the value, as it is written: ``x0.7``, ``160``."""
-        return f"{'x' if self.action == 'scale' else ''}{canonical_json(self.value).strip(chr(34))}"
+        """What becomes of the value, as it is written: ``x0.7``, ``160``; that of drift has its unit, ``0.1 nm``."""
+        text = f"{'x' if self.action == 'scale' else ''}{canonical_json(self.value).strip(chr(34))}"
+        return with_unit(text, unit_of(_VISIT)) if self.key == _DRIFT and self.action == "set" else text
 
     @property
     def text(self) -> str:
-        """In words: ``throughput x0.7``, ``detector.cic_e = 0.05``, ``companions on``."""
+        """In words: ``throughput x0.7``, ``detector.cic_e = 0.05 e-``, ``companions on``."""
         name = _NAMES.get(self.key, self.key)
-        return f"{name}{' ' if self.action == 'scale' or self.key == _COMPANIONS else ' = '}{self.value_text}"
+        if self.action == "scale" or self.key == _COMPANIONS:
+            return f"{name} {self.value_text}"
+        return f"{name} = {with_unit(self.value_text, unit_of(self.key) if _is_number(self.value) else '')}"
 
 
 @dataclass(frozen=True)
@@ -106,7 +115,7 @@ class SimulatorOverrides(FrozenModel):
         return tuple(sorted(entries, key=lambda entry: entry.key))
 
     @classmethod
-    def of(cls, source: OverrideSource) -> SimulatorOverrides:
+    def of(cls, source: OverrideSource, nominal: Instrument | None = None) -> SimulatorOverrides:
         """Read alterations as people give them.
 
         Parameters
@@ -114,7 +123,11 @@ class SimulatorOverrides(FrozenModel):
         source : mapping, str, Path, sequence of str or Path, SimulatorOverrides, None
             A mapping of keys to values, flat (``{"detector.read_noise_e": "x1.5"}``) or nested as an instrument's file;
             ``"KEY=VALUE"``; the path of a YAML file with such a mapping; or several of the last two. A value is a
-            number, a word, or a factor on the present value: ``"x0.7"`` or ``"*0.7"``. `ALIASES` are short keys.
+            number, with a unit or without (``"0.1nm"``), a word, or a factor on the present value: ``"x0.7"`` or
+            ``"*0.7"``. `ALIASES` are short keys, whose numbers need a unit or an x, in files too; so does ``drift``,
+            which is the offset of a visit, and scales the walk within it in the same ratio.
+        nominal : Instrument, optional
+            Instrument of the prediction, whose numbers are named where a value is refused.
 
         Returns
         -------
@@ -124,12 +137,13 @@ class SimulatorOverrides(FrozenModel):
         Raises
         ------
         InputError
-            For what cannot be read, a key given twice, and values that no key takes.
+            For what cannot be read, a key given twice, values that no key takes, and a number that could be a value or
+            a factor.
         """
         if isinstance(source, SimulatorOverrides):
             return source
         try:
-            return cls(entries=tuple(_override(key, value) for key, value in _pairs(source)))
+            return cls(entries=tuple(_override(key, value, nominal) for key, value in _pairs(source)))
         except InputError as error:
             raise _named(error.key, error) from None
         except ValueError as error:  # pydantic's, around a refusal of ours
@@ -152,7 +166,8 @@ class SimulatorOverrides(FrozenModel):
 
     def as_mapping(self) -> dict[str, Any]:
         """As a mapping of keys to values, which `of` reads."""
-        return {entry.key: entry.value_text if entry.action == "scale" else entry.value for entry in self.entries}
+        return {entry.key: entry.value_text if entry.action == "scale" or entry.key == _DRIFT else entry.value
+                for entry in self.entries}  # fmt: skip
 
     def companions(self, nominal: OnOff) -> OnOff:
         """Whether the light of companions is in the images, given whether the prediction counts it."""
@@ -182,7 +197,7 @@ class SimulatorOverrides(FrozenModel):
                 if key in found:
                     raise InputError(f"{_WHERE}.{entry.key}", entry.value_text, allowed="each value altered once",
                                      hint=f"{key} is altered by {found[key].override.key} too")  # fmt: skip
-                found[key] = Change(key, value, _altered(entry, key, value), entry)
+                found[key] = Change(key, value, _altered(entry, key, value, nominal), entry)
         return tuple(found[key] for key in sorted(found))
 
     def instrument(self, nominal: Instrument) -> Instrument:
@@ -230,9 +245,7 @@ def _pairs(source: OverrideSource) -> Iterator[tuple[str, Any]]:
     elif isinstance(source, str | Path):
         if not Path(source).is_file():
             raise InputError("", str(source), allowed="KEY=VALUE, as throughput=x0.7, or a YAML file that exists")
-        tree = load_yaml(source)
-        if not isinstance(tree, dict):
-            raise InputError("", str(source), allowed="a file with a mapping of keys to values")
+        tree = load_mapping(source, _WHERE, (*ALIASES, _COMPANIONS, *Instrument.model_fields))
         if tree.pop("kind", _WHERE) != _WHERE:
             raise InputError("kind", str(source), allowed=f"a file of kind: {_WHERE}")
         yield from _flat(tree)
@@ -251,34 +264,52 @@ def _flat(tree: Mapping[Any, Any], above: str = "") -> Iterator[tuple[str, Any]]
         if isinstance(value, Mapping):
             yield from _flat(value, key)
         else:
-            yield key, to_unit(key, value)
+            yield key, _stated(key, value)
 
 
-def _plain(text: str) -> Any:
-    """A number, truth value or null as YAML reads it; other words as they are."""
-    try:
-        value = parse_yaml(text)
-    except InputError:
-        return text
-    return value if isinstance(value, bool | int | float | None) else text
+def _stated(key: str, value: Any) -> Any:
+    """A value of a mapping, one of `astropy.units` as a text with the unit of its key."""
+    if not hasattr(value, "to_value"):
+        return value
+    unit = unit_of(_long(key))
+    number = to_unit(_long(key), value)
+    return f"{number!r} {unit}" if unit else number
 
 
-def _override(given: str, value: Any) -> Override:
-    key = ALIASES.get(given, given)
+def _long(key: str) -> str:
+    """The key that has the unit: that of a short name, of drift the offset of a visit."""
+    return _VISIT if key == _DRIFT else ALIASES.get(key, key)
+
+
+def _override(given: str, value: Any, nominal: Instrument | None) -> Override:
+    key, unit = ALIASES.get(given, given), unit_of(_long(given))
     if not isinstance(value, bool | int | float | str | None):
         raise InputError(key, value, allowed="a number, a word, or a factor as x0.7")
-    factor = _FACTOR.fullmatch(value.strip()) if isinstance(value, str) else None
-    if factor is not None:
-        number = _plain(factor[1])
-        if not (_is_number(number) and 0 <= number < math.inf):
-            raise InputError(key, value, allowed="a factor on the present value, as x0.7: finite, at least 0")
-        return Override(key=key, action="scale", value=number)
-    value = _plain(value) if isinstance(value, str) else value
+    bare, text = _is_number(value), str(value)
+    if isinstance(value, str):
+        written = read_value(key, value, unit)
+        if written.action == "scale":
+            return Override(key=key, action="scale", value=written.value)
+        bare = written.bare
+        value = written.value if isinstance(written.value, bool | int | float | None) else value
     if isinstance(value, float) and not math.isfinite(value):
         raise InputError(key, str(value), allowed="a finite number")
+    if bare and given in (*ALIASES, _DRIFT):
+        raise two_spellings(given, given, text.strip(), unit=unit, present=_present(_long(given), nominal),
+                            value_key="" if unit else key)  # fmt: skip
+    if key == _DRIFT and not (_is_number(value) and value >= 0):
+        raise InputError(key, text, allowed="a factor as x2, or a number with a unit as 0.1nm, at least 0",
+                         hint=f"its keys: {', '.join(Drift.model_fields)}")  # fmt: skip
     if key == _COMPANIONS and isinstance(value, bool):
         value = "on" if value else "off"
     return Override(key=key, value=value)
+
+
+def _present(key: str, nominal: Instrument | None) -> float | None:
+    """The number of an instrument that a key means, if it means one."""
+    found = {} if nominal is None else dict(matching(sections(nominal), key))
+    values = {value for value in found.values() if _is_number(value)}
+    return values.pop() if len(values) == 1 else None
 
 
 def _named(key: str, error: InputError) -> InputError:
@@ -302,6 +333,8 @@ def _is_number(value: Any) -> bool:
 def _leaves(nominal: Instrument, entry: Override) -> list[tuple[str, Any]]:
     """Keys and values of an instrument that a key means."""
     root = sections(nominal)
+    if entry.key == _DRIFT:
+        return [found for key in (_VISIT, _WALK) for found in matching(root, key)]
     found = list(matching(root, entry.key))
     if not found:
         raise InputError(f"{_WHERE}.{entry.key}", entry.value_text, allowed="a key of the instrument",
@@ -314,7 +347,13 @@ def _leaves(nominal: Instrument, entry: Override) -> list[tuple[str, Any]]:
     return found
 
 
-def _altered(entry: Override, key: str, nominal: Any) -> Any:
+def _altered(entry: Override, key: str, nominal: Any, instrument: Instrument) -> Any:
+    if entry.key == _DRIFT and entry.action == "set" and key == _WALK:
+        offset = instrument.drift.visit_nm
+        if not offset:
+            raise InputError(f"{_WHERE}.{entry.key}", entry.value_text, allowed="an instrument with drift",
+                             hint=f"its {_VISIT} is 0: the walk cannot be scaled in the same ratio")  # fmt: skip
+        return nominal * cast(float, entry.value) / offset
     if entry.action == "scale":
         if not _is_number(nominal):
             shown = "not set" if nominal is None else str(nominal).lower()

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from catalogs.catalogue import Catalogue
+from catalogs.errors import InputError
 from cpic_planner.confirmed import (
     RESULT_VERSION,
     ImageConfig,
@@ -22,6 +23,7 @@ from cpic_planner.engine import run_tasks
 from cpic_planner.environment import RunClock
 from cpic_planner.etc.model import EtcModel, build_model
 from cpic_planner.etc.planet import ReferencePlanet
+from cpic_planner.known_completeness import KNOWN_ONLY, KnownChoice
 from cpic_planner.models import (
     BandConfirmation,
     PlanResult,
@@ -40,8 +42,10 @@ from cpic_planner.validation.confirm import confirm_task
 from cpic_planner.validation.task import ConfirmTask, images_of
 from cpic_planner.version import __version__
 from simulator.config import content_hash
+from simulator.config.mission import Utc
 from simulator.files import dump_json
 from simulator.ledger import not_modelled
+from simulator.work import announce
 
 __all__ = ["FinishedPlan", "PlanConfig", "estimate_cost", "make_plan"]
 
@@ -49,7 +53,9 @@ __all__ = ["FinishedPlan", "PlanConfig", "estimate_cost", "make_plan"]
 class PlanConfig(ImageConfig):
     """Everything that decides a plan, but for the star table.
 
-    ``v_mag_max`` None: 7, or all of a table of one's own.
+    ``v_mag_max`` None: 7, or all of a table of one's own. ``known_planets``
+    (`catalogs.known_planets.load_known_planets`) stands instead of ``population``, with ``n_planets`` draws of each at
+    ``date_utc``, the start of the mission by default.
     """
 
     top: Annotated[int, Field(ge=1, le=1000)] = 5
@@ -62,11 +68,31 @@ class PlanConfig(ImageConfig):
     population: PopulationConfig = Field(default_factory=load_population)
     n_planets: Annotated[int, Field(ge=1, le=1_000_000)] = N_PLANETS
     score: ScoreName = DEFAULT_SCORE
+    known_planets: str | None = None
+    date_utc: Utc | None = None
 
-    @property
-    def drawn(self) -> PopulationChoice:
-        """The population that completeness refers to."""
-        return PopulationChoice(self.population, self.n_planets, self.seed)
+    @model_validator(mode="after")
+    def _one_kind_of_planets(self) -> PlanConfig:
+        if self.known_planets is not None and "population" in self.model_fields_set:
+            raise InputError("population", self.population.name, allowed="without known_planets",
+                             hint="known planets stand instead of a population")  # fmt: skip
+        if self.known_planets is None and self.date_utc is not None:
+            raise InputError("date_utc", self.date_utc, allowed="only with known_planets",
+                             hint="nothing else depends on a date")  # fmt: skip
+        return self
+
+    def drawn(self) -> PopulationChoice | KnownChoice:
+        """Return the population, or the known planets, that completeness refers to.
+
+        Raises
+        ------
+        InputError
+            If there is no such table of known planets, or it cannot be used.
+        """
+        if self.known_planets is None:
+            return PopulationChoice(self.population, self.n_planets, self.seed)
+        return KnownChoice.at(self.known_planets, self.date_utc, self.planet.albedo, self.instrument,
+                              n_draws=self.n_planets, seed=self.seed)  # fmt: skip
 
     def band_names(self) -> tuple[str, ...]:
         """Bands of the plan."""
@@ -90,6 +116,7 @@ class _Prepared:
     model: EtcModel
     catalogue: Catalogue
     targets: Targets
+    drawn: PopulationChoice | KnownChoice
     rank: RankResult
     chosen: list[RankedTarget]
     tasks: list[ConfirmTask]
@@ -107,14 +134,17 @@ def _prepare(config: PlanConfig, catalog: CatalogSource) -> _Prepared:
         singles_only=config.singles_only,
         companions=config.companions,
     )
+    drawn, sample = config.drawn(), sample_text(catalogue, config.v_mag_max, config.dwarfs_only, config.singles_only)
+    if isinstance(drawn, KnownChoice):
+        targets, sample = drawn.stars(targets), f"{sample}; {KNOWN_ONLY}"
     rank = rank_targets(
         model,
         targets,
         time_s=config.time_s,
         planet=config.planet,
-        population=config.drawn,
+        population=drawn,
         score=config.score,
-        sample=sample_text(catalogue, config.v_mag_max, config.dwarfs_only, config.singles_only),
+        sample=sample,
         catalogue=catalogue.provenance,
     )
     chosen = [row for row in rank.targets if row.status != "saturated"][: config.top]
@@ -123,7 +153,7 @@ def _prepare(config: PlanConfig, catalog: CatalogSource) -> _Prepared:
     tasks, refused = plan_tasks(
         model, stars, chosen, time_s=config.time_s, planet=config.planet, **config.image_settings
     )
-    return _Prepared(model, catalogue, targets, rank, chosen, tasks, refused)
+    return _Prepared(model, catalogue, targets, drawn, rank, chosen, tasks, refused)
 
 
 def plan_hash(config: PlanConfig, rank: RankResult, catalogue: Catalogue) -> str:
@@ -131,12 +161,13 @@ def plan_hash(config: PlanConfig, rank: RankResult, catalogue: Catalogue) -> str
 
     A table from a file counts by its content, which is in the hash of the ranking, not by its name.
     """
+    own = {key: value for key, value in config.hashed().items() if key not in ("known_planets", "date_utc")}
     limit = catalogue.ranked_v_mag if config.v_mag_max is None else config.v_mag_max
     tree = {
         "kind": "plan",
         "results": RESULT_VERSION,
         "version": __version__,
-        "config": config.hashed() | {"v_mag_max": limit},
+        "config": own | {"v_mag_max": limit},
         "rank": rank.config_hash,
         "catalogue": rank.catalogue if catalogue.kind == "snapshot" else catalogue.kind,
     }
@@ -169,13 +200,13 @@ def make_plan(
     out : str or Path
         Output folder; resumed when it holds work of the same configuration.
     catalog : Catalogue, str or Path
-        Star table: ``"snapshot"``, ``"latest"``, or a file; see `catalogs.catalogue.open_catalogue`.
+        Star table: ``"snapshot"``, ``"latest"``, ``"simbad_2012"``, or a file; see `catalogs.catalogue.open_catalogue`.
     workers : int
         Local worker processes; the result does not depend on it.
     scheduler : str, optional
         Dask scheduler to use instead.
     force : bool
-        Replace what another configuration left in ``out``.
+        Remove what a run of another configuration wrote into ``out``, and nothing else.
     advance : callable
         Called with a text after each finished piece of work.
     command : list of str, optional
@@ -190,14 +221,18 @@ def make_plan(
     InputError
         For bad input, or if ``out`` is in use or holds another configuration.
     """
+    from cpic_planner.report.write import PRODUCTS
+
     clock = RunClock()
     prepared = _prepare(config, catalog)
     digest = plan_hash(config, prepared.rank, prepared.catalogue)
-    with open_run_folder(out, kind="plan", config_hash=digest, force=force) as folder:
+    products = ("plan.json", "sensitivity.json", "run.json", *PRODUCTS)
+    with open_run_folder(out, kind="plan", config_hash=digest, products=products, force=force) as folder:
         bodies, resumed = _confirm_all(prepared, folder, workers, scheduler, advance)
         plan = _assemble(config, prepared, digest, bodies)
         firm = sensitivity(prepared.model, prepared.targets, time_s=config.time_s, planet=config.planet,
-                           population=config.drawn, score=config.score)  # fmt: skip
+                           population=prepared.drawn, score=config.score)  # fmt: skip
+        announce("writing the report")
         _write(folder, plan, prepared, bodies, firm)
         record = clock.record(
             command=command,
@@ -262,6 +297,7 @@ def _assemble(
         sample=prepared.rank.sample,
         n_ranked=len(prepared.rank.targets),
         counts=prepared.rank.counts,
+        counts_limited_by=prepared.rank.counts_limited_by,
         calibration={"ratio": mean.ratio, "error": mean.error, "n_bands": mean.n_bands},
         calibration_text=mean.text,
         not_modelled=not_modelled(images_of(config.instrument)),

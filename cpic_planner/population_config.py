@@ -227,7 +227,9 @@ def load_population(source: PopulationSource = None) -> PopulationConfig:
 
 
 def _tree(source: Any) -> dict[str, Any]:
-    own, folder, base = tree_over_preset("population", source, default=DEFAULT_POPULATION, package=PACKAGE)
+    own, folder, base = tree_over_preset("population", source, default=DEFAULT_POPULATION,
+                                          keys=(*PopulationConfig.model_fields, *_ALIASES, *_HINTS),
+                                          package=PACKAGE)  # fmt: skip
     if folder is not None:
         own = paths_beside(own, folder)
     if base is None:

@@ -15,28 +15,33 @@ from catalogs.errors import InputError
 from catalogs.info import snapshot_vintage
 from cpic_planner.completeness import BandCompleteness, completeness
 from cpic_planner.etc.camera import FrameCamera
+from cpic_planner.etc.detection import default_law, verdict_of
 from cpic_planner.etc.library import library_flags
+from cpic_planner.etc.limiting import limit_of
 from cpic_planner.etc.limits import frame_limit
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.place import check_range, hole_notes
 from cpic_planner.etc.planet import ReferencePlanet, reference_distance_au, reference_notes
 from cpic_planner.etc.rates import companion_saturates
 from cpic_planner.known_completeness import KnownChoice, KnownSample, known_completeness
-from cpic_planner.models import PopulationRecord, RankedTarget, RankResult, ReferencePlanetRecord, ScoreName
+from cpic_planner.models import LimitText, RankedTarget, RankResult, ReferencePlanetRecord, ScoreName
 from cpic_planner.optimiser import Best, best_in_band, best_of, optimise
-from cpic_planner.population import Planets, draw_population
-from cpic_planner.population_config import PopulationConfig, load_population
+from cpic_planner.population import N_PLANETS, Planets, PopulationChoice
 from cpic_planner.targets import Targets
 from cpic_planner.version import __version__
 from simulator.config import content_hash
 from simulator.outcome import Reason, Status
+from simulator.work import announce
 
 __all__ = [
     "DEFAULT_SCORE",
     "N_PLANETS",
     "PopulationChoice",
     "Ranked",
+    "drawn_planets",
+    "finite",
     "judge",
+    "limits_of",
     "no_frame",
     "order_of",
     "planet_record",
@@ -46,35 +51,7 @@ __all__ = [
 ]
 
 FloatArray = NDArray[np.float64]
-N_PLANETS = 4000
 DEFAULT_SCORE: ScoreName = "completeness_per_hour"
-
-
-@dataclass(frozen=True)
-class PopulationChoice:
-    """A population, how many planets are drawn of it, and the seed."""
-
-    config: PopulationConfig
-    n_planets: int = N_PLANETS
-    seed: int = 1
-
-    @classmethod
-    def default(cls) -> PopulationChoice:
-        """The shipped population of giant planets."""
-        return cls(load_population())
-
-    def draw(self) -> Planets:
-        """The planets, the same at every star."""
-        return draw_population(self.config, self.n_planets, self.seed)
-
-    def record(self) -> PopulationRecord:
-        """As written into results."""
-        return PopulationRecord(name=self.config.name, description=self.config.description, n_planets=self.n_planets,
-                                seed=self.seed, planets_per_star=self.config.planets_per_star)  # fmt: skip
-
-    def content(self) -> dict[str, object]:
-        """For content hashes."""
-        return {"config": self.config.content(), "n_planets": self.n_planets, "seed": self.seed}
 
 
 @dataclass(frozen=True)
@@ -108,6 +85,11 @@ def planet_record(planet: ReferencePlanet) -> ReferencePlanetRecord:
     return ReferencePlanetRecord(radius_rjup=planet.radius_rjup, phase_deg=planet.phase_deg, albedo=planet.albedo.label)
 
 
+def drawn_planets(choice: PopulationChoice | KnownChoice, targets: Targets) -> Planets | KnownSample:
+    """Return the planets that completeness counts: of a population, the same at every star, or each star's own."""
+    return choice.draw(targets) if isinstance(choice, KnownChoice) else choice.draw()
+
+
 def rank_hash(
     model: EtcModel,
     targets: Targets,
@@ -124,6 +106,7 @@ def rank_hash(
             "kind": "rank",
             "version": __version__,
             "model": model.content(),
+            "detection": default_law().model_dump(mode="json"),
             "bands": list(model.named(bands)),
             "time_s": time_s,
             "planet": planet.content(),
@@ -135,7 +118,11 @@ def rank_hash(
 
 
 def judge(best: Best, model: EtcModel) -> list[tuple[Status, Reason]]:
-    """Whether the reference planet is detected in the given time, and if not, why."""
+    """Whether the reference planet is detected in the given time, and if not, why.
+
+    A detection is a significance that half of the visits show at a known place (`Best.needed_margin`). The reason
+    ``speckle_floor`` says that no length of visit reaches it, not that the drift decides: `limits_of` says that.
+    """
     return [_verdict(best, i, model.camera(str(best.band[i]))) for i in range(len(best.margin))]
 
 
@@ -144,11 +131,26 @@ def _verdict(best: Best, i: int, camera: FrameCamera) -> tuple[Status, Reason]:
         return Status.OUTSIDE_FIELD, Reason(str(best.outside[i]))
     if best.n_frames[i] < 1:
         return no_frame(best, i, camera)
-    if best.margin[i] >= 1.0:
+    if best.margin[i] >= best.needed_margin[i]:
         return Status.OK, Reason.NONE
-    if best.floor_margin[i] <= 1.0:
+    if best.floor_margin[i] <= best.needed_margin[i]:
         return Status.UNREACHABLE, Reason.SPECKLE_FLOOR
     return Status.UNREACHABLE, Reason.INSUFFICIENT_TIME
+
+
+def limits_of(standings: Sequence[tuple[Status, Reason]], best: Best) -> list[LimitText]:
+    """Return what limits the detection of each star's reference planet in the given time.
+
+    Parameters
+    ----------
+    standings : sequence
+        Status and reason of each star, of `judge`.
+    best : Best
+        The same stars, in their best band.
+    """
+    return [limit_of(*standing, detected=standing[0] is Status.OK, without_speckles=bool(best.without_speckles[i]),
+                     without_background=bool(best.without_background[i]))
+            for i, standing in enumerate(standings)]  # fmt: skip
 
 
 def no_frame(best: Best, i: int, camera: FrameCamera) -> tuple[Status, Reason]:
@@ -265,12 +267,14 @@ def rank_targets(
     """
     body, choice = planet or ReferencePlanet(), population or PopulationChoice.default()
     names, time_s = model.named(bands), check_range("time_s", time_s, 1e-3, 1e9, "s")
-    planets = choice.draw(targets) if isinstance(choice, KnownChoice) else choice.draw()
+    announce(f"ranking {len(targets)} stars")
+    planets = drawn_planets(choice, targets)
     found = ranked(model, targets, time_s=time_s, planet=body, bands=names, planets=planets, score=score)
-    verdicts = judge(found.best, model)
+    standings = judge(found.best, model)
+    limits = limits_of(standings, found.best)
     blooming = {band: companion_saturates(model, targets, band, found.best.exposure_s) for band in model.bands}
     rows = [
-        _row(model, targets, found, i, rank, verdicts[i], body, bool(blooming[str(found.best.band[i])][i]))
+        _row(model, targets, found, i, rank, standings[i], limits[i], body, bool(blooming[str(found.best.band[i])][i]))
         for rank, i in enumerate(order_of(found, targets), start=1)
     ]
     counts = Counter("ok" if row.status == "ok" else row.reason for row in rows)
@@ -285,6 +289,7 @@ def rank_targets(
         population=choice.record(),
         score_name=score,
         counts=dict(sorted(counts.items())),
+        counts_limited_by=dict(sorted(Counter(limits).items())),
         targets=rows,
     )
 
@@ -295,7 +300,8 @@ def _row(
     found: Ranked,
     i: int,
     rank: int,
-    verdict: tuple[Status, Reason],
+    standing: tuple[Status, Reason],
+    limited_by: LimitText,
     planet: ReferencePlanet,
     companion_blooms: bool,
 ) -> RankedTarget:
@@ -303,7 +309,7 @@ def _row(
     possible = best.n_frames[i] >= 1
     exposure, frames = float(best.exposure_s[i]), int(best.n_frames[i])
     distance = float(reference_distance_au(targets.select([i]), best.separation_arcsec[i : i + 1], planet)[0, 0])
-    luminosity = _finite(targets.luminosity_lsun[i])
+    luminosity = finite(targets.luminosity_lsun[i])
     flags = [*targets.flags[i], *library_flags(model)]
     flags += reference_notes(model, targets.select([i]), str(best.band[i]), float(best.separation_arcsec[i]), planet)
     flags += hole_notes(model, str(best.band[i]))
@@ -322,8 +328,8 @@ def _row(
         v_mag=float(targets.v_mag[i]),
         sp_type=str(targets.sp_type[i]),
         distance_pc=float(targets.distance_pc[i]),
-        ra_deg=_finite(targets.ra_deg[i]),
-        dec_deg=_finite(targets.dec_deg[i]),
+        ra_deg=finite(targets.ra_deg[i]),
+        dec_deg=finite(targets.dec_deg[i]),
         separation_arcsec=float(best.separation_arcsec[i]),
         contrast=float(best.contrast[i]),
         band=str(best.band[i]),
@@ -331,10 +337,15 @@ def _row(
         significance=float(best.significance[i]),
         threshold=float(best.threshold[i]),
         detection_margin=float(best.margin[i]),
-        status=verdict[0].value,
-        reason=verdict[1].value,
-        contrast_limit=_finite(best.contrast_limit[i]),
-        deepest_limit=_finite(best.deepest_limit[i]),
+        status=standing[0].value,
+        reason=standing[1].value,
+        verdict=verdict_of(standing[0], detected=True),
+        verdict_mode="known_place",
+        detection_probability=finite(best.chance_blind[i]),
+        detection_probability_known_place=finite(best.chance_known_place[i]),
+        limited_by=limited_by,
+        contrast_limit=finite(best.contrast_limit[i]),
+        deepest_limit=finite(best.deepest_limit[i]),
         deepest_separation_arcsec=float(best.deepest_separation_arcsec[i]),
         detection_time_s=float(quickest.time_s[i]) if quickest is not None and quickest.n_frames[i] >= 1 else None,
         completeness=share,
@@ -351,10 +362,11 @@ def _row(
         ref_planet_distance_au=distance,
         ref_planet_insolation_au=None if luminosity is None or luminosity <= 0 else distance / math.sqrt(luminosity),
         luminosity_lsun=luminosity,
-        companion_separation_arcsec=_finite(targets.companion_separation_arcsec[i]),
+        companion_separation_arcsec=finite(targets.companion_separation_arcsec[i]),
         flags=flags,
     )
 
 
-def _finite(value: float) -> float | None:
+def finite(value: float) -> float | None:
+    """Return a number as results hold it: null for one that is not finite."""
     return float(value) if math.isfinite(value) else None

@@ -3,28 +3,46 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.place import check_range
 from cpic_planner.etc.planet import ReferencePlanet
+from cpic_planner.known_completeness import KnownChoice
 from cpic_planner.models import ScoreName, SensitivityResult, SensitivityRow
-from cpic_planner.ranking import DEFAULT_SCORE, PopulationChoice, order_of, rank_hash, ranked
+from cpic_planner.ranking import DEFAULT_SCORE, PopulationChoice, drawn_planets, order_of, rank_hash, ranked
 from cpic_planner.targets import Targets
 from simulator.config import content_hash
 from simulator.config.albedo import ParametricAlbedo
 from simulator.passbands import Passbands
+from simulator.work import announce
 
-__all__ = ["ASSUMPTIONS", "DECIDES_BELOW", "N_TOP", "Assumption", "Setting", "positions", "sensitivity"]
+__all__ = [
+    "ASSUMPTIONS",
+    "DECIDING_SHARE",
+    "DECIDING_TAU",
+    "N_TOP",
+    "Assumption",
+    "Order",
+    "Setting",
+    "in_order",
+    "in_turn",
+    "near_top",
+    "sensitivity",
+]
 
+FloatArray = NDArray[np.float64]
 N_TOP = 50
 POOL = 6
-DECIDES_BELOW = 0.5
-"""Kendall's tau below which an assumption is said to decide the ranking: one pair in four changes its order."""
+DECIDING_TAU = 0.5
+"""Kendall's tau below which an assumption is said to decide the ranking: more than one pair in four is turned round."""
+DECIDING_SHARE = 0.25
+"""Share of the stars with a detected reference planet that an assumption must add or take away to be said to decide."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +51,21 @@ class Setting:
 
     model: EtcModel
     planet: ReferencePlanet
-    population: PopulationChoice
+    population: PopulationChoice | KnownChoice
+
+
+@dataclass(frozen=True)
+class Order:
+    """Stars under one assumption: rank (1 for the first), score, margin of the reference planet, and its detection."""
+
+    rank: NDArray[np.int64]
+    score: FloatArray
+    margin: FloatArray
+    detected: NDArray[np.bool_]
+
+    def select(self, stars: NDArray[np.bool_]) -> Order:
+        """Some of the stars, with the ranks that they have among all."""
+        return Order(self.rank[stars], self.score[stars], self.margin[stars], self.detected[stars])
 
 
 @dataclass(frozen=True)
@@ -72,33 +104,53 @@ def _changed(model: EtcModel, own: Mapping[str, Any]) -> EtcModel:
 def _at_two_au(setting: Setting) -> Setting:
     """All planets, reference and population, with the albedo of the models' slice at 2 au from the Sun."""
     albedo = ParametricAlbedo(insolation_au=2.0)
+    planet = setting.planet.model_copy(update={"albedo": albedo})
+    if isinstance(setting.population, KnownChoice):
+        return replace(setting, planet=planet, population=replace(setting.population, albedo=albedo))
     config = setting.population.config
     kinds = tuple(kind.model_copy(update={"albedo": albedo}) for kind in config.kinds)
     population = replace(setting.population, config=config.model_copy(update={"albedo": albedo, "kinds": kinds}))
-    return replace(setting, planet=setting.planet.model_copy(update={"albedo": albedo}), population=population)
+    return replace(setting, planet=planet, population=population)
 
 
 ASSUMPTIONS: tuple[Assumption, ...] = (
-    Assumption("drift_x2", "wavefront drift twice as large (visit offset and walk)", _with_drift(2.0)),
+    Assumption("drift_x2", "wavefront drift twice as large", _with_drift(2.0)),
+    Assumption("drift_x0.5", "wavefront drift half as large", _with_drift(0.5)),
+    Assumption("drift_x0.1", "wavefront drift a tenth as large", _with_drift(0.1)),
     Assumption("albedo_2au", "albedo of cloudy giants at 2 au from the Sun, whatever the insolation", _at_two_au),
     Assumption("t_opt_0.46", "optical throughput 0.46 in every band", _with_bands("t_opt", lambda value: 0.46)),
-    Assumption("width_+50%", "bands half as wide again (optics of the nominal width)",
+    Assumption("width_+50%", "bands half as wide again, with the optics of the nominal width",
                _with_bands("width_nm", lambda value: 1.5 * value)),
-    Assumption("width_-50%", "bands half as wide (optics of the nominal width)",
+    Assumption("width_-50%", "bands half as wide, with the optics of the nominal width",
                _with_bands("width_nm", lambda value: 0.5 * value)),
 )  # fmt: skip
 
 
-def positions(
-    setting: Setting, targets: Targets, *, time_s: float, bands: Sequence[str], score: ScoreName
-) -> tuple[np.ndarray[Any, np.dtype[np.int64]], int]:
-    """Rank of every star, 1 for the first, and the number whose reference planet is detected."""
+def in_turn(assumptions: Sequence[Assumption]) -> Iterator[Assumption]:
+    """Yield assumptions, each announced before the work under it begins."""
+    for done, assumption in enumerate(assumptions, 1):
+        announce(f"ranking under other assumptions, {done} of {len(assumptions)}: {assumption.text}")
+        yield assumption
+
+
+def in_order(setting: Setting, targets: Targets, *, time_s: float, bands: Sequence[str], score: ScoreName) -> Order:
+    """Rank stars under one setting."""
     found = ranked(setting.model, targets, time_s=time_s, planet=setting.planet, bands=bands,
-                   planets=setting.population.draw(), score=score, with_times=False)  # fmt: skip
-    place = np.empty(len(targets), np.int64)
-    place[order_of(found, targets)] = np.arange(1, len(targets) + 1)
-    detected = (found.best.margin >= 1.0) & (found.best.n_frames >= 1)
-    return place, int(np.count_nonzero(detected))
+                   planets=drawn_planets(setting.population, targets), score=score, with_times=False)  # fmt: skip
+    rank = np.empty(len(targets), np.int64)
+    rank[order_of(found, targets)] = np.arange(1, len(targets) + 1)
+    margin = found.best.margin
+    return Order(rank, found.score, margin, (margin >= found.best.needed_margin) & (found.best.n_frames >= 1))
+
+
+def near_top(rank: NDArray[np.int64], margin: FloatArray, top: int) -> NDArray[np.bool_]:
+    """Stars that may come among the first ``top``, or be detected, under another assumption: the others stay far down.
+
+    They are the first ``POOL * top`` by nominal rank and by margin of the reference planet.
+    """
+    by_margin = np.empty(len(rank), np.int64)
+    by_margin[np.argsort(-margin, kind="stable")] = np.arange(1, len(rank) + 1)
+    return np.minimum(rank, by_margin) <= POOL * top
 
 
 def sensitivity(
@@ -108,7 +160,7 @@ def sensitivity(
     time_s: float,
     planet: ReferencePlanet | None = None,
     bands: Sequence[str] | None = None,
-    population: PopulationChoice | None = None,
+    population: PopulationChoice | KnownChoice | None = None,
     score: ScoreName = DEFAULT_SCORE,
     top: int = N_TOP,
     assumptions: Sequence[Assumption] = ASSUMPTIONS,
@@ -120,68 +172,98 @@ def sensitivity(
     model, targets, time_s, planet, bands, population, score
         As `cpic_planner.ranking.rank_targets`.
     top : int
-        Stars of the nominal ranking that are compared (all, if there are fewer); six times as many are ranked again.
+        Stars of the nominal ranking that are compared (all, if there are fewer); those that may come near them are
+        ranked again (`near_top`).
     assumptions : sequence of Assumption
         One at a time; `ASSUMPTIONS` by default.
 
     Returns
     -------
     SensitivityResult
-        Kendall's tau of the ranks of the nominal top stars: 1 where no pair changes its order, 0 where as many do as
-        do not. Ranks have no ties, so that it is that of all stars, with or without a score.
+        For each assumption the number of stars whose reference planet is detected, and Kendall's tau-b of the scores
+        of the stars that are among the first ``top`` and have a score above zero, nominally or under the assumption:
+        1 where no pair changes its order, 0 where as many do as do not. Stars of equal score have no order, so that
+        the rule which lists them (by margin, then by name) does not count.
     """
-    from scipy.stats import kendalltau
-
     names, time_s = model.named(bands), check_range("time_s", time_s, 1e-3, 1e9, "s")
     check_range("top", top, 1, math.inf, "stars")
     setting = Setting(model, planet or ReferencePlanet(), population or PopulationChoice.default())
     digest = rank_hash(model, targets, time_s=time_s, planet=setting.planet, bands=bands, population=setting.population,
                        score=score)  # fmt: skip
-    nominal, n_ok = positions(setting, targets, time_s=time_s, bands=names, score=score)
-    n_top = min(top, len(targets))
-    # Stars far down stay far down: only those that may come near the top are ranked again.
-    pool = nominal <= POOL * top
-    targets, nominal = targets.select(pool), nominal[pool]
-    first = np.flatnonzero(nominal <= n_top)
+    nominal = in_order(setting, targets, time_s=time_s, bands=names, score=score)
+    n_ranked, n_ok, n_top = len(targets), int(np.count_nonzero(nominal.detected)), min(top, len(targets))
+    pool = near_top(nominal.rank, nominal.margin, top)
+    targets, nominal = targets.select(pool), nominal.select(pool)
     rows = []
-    for assumption in assumptions:
-        place, detected = positions(assumption.change(setting), targets, time_s=time_s, bands=names, score=score)
-        tau = float(kendalltau(nominal[first], place[first]).statistic) if n_top > 1 else None
-        falls = place[first] - nominal[first]
-        worst = int(np.argmax(falls))
-        rows.append(
-            SensitivityRow(
-                assumption=assumption.key,
-                text=assumption.text,
-                kendall_tau=tau,
-                kept=int(np.count_nonzero(place[first] <= n_top)),
-                n_ok=detected,
-                largest_fall=str(targets.name[first[worst]]) if falls[worst] > 0 else "",
-                largest_fall_ranks=max(int(falls[worst]), 0),
-                best=str(targets.name[int(np.argmin(place))]),
-            )
-        )
-    decides = [row.assumption for row in rows if row.kendall_tau is not None and row.kendall_tau < DECIDES_BELOW]
+    for assumption in in_turn(assumptions):
+        other = in_order(assumption.change(setting), targets, time_s=time_s, bands=names, score=score)
+        rows.append(_compared(assumption, nominal, other, targets.name, n_top))
+    decides = [row.assumption for row in rows if _decides(row, n_ok)]
     return SensitivityResult(
         config_hash=content_hash({"kind": "sensitivity", "rank": digest, "top": top,
                                   "assumptions": [item.key for item in assumptions]}),
         top=n_top,
         score_name=score,
+        n_ranked=n_ranked,
         n_ok=n_ok,
         rows=rows,
+        deciding_tau=DECIDING_TAU,
+        deciding_share=DECIDING_SHARE,
         decides=decides,
-        statement=_statement(rows, decides, n_top),
+        statement=_statement(rows, decides, n_ok, n_ranked),
     )  # fmt: skip
 
 
-def _statement(rows: Sequence[SensitivityRow], decides: Sequence[str], n_top: int) -> str:
-    """Which assumption decides the ranking, in a sentence."""
-    known = [row for row in rows if row.kendall_tau is not None]
-    if not known:
-        return "There are too few stars to compare rankings."
-    least = min(known, key=lambda row: row.kendall_tau if row.kendall_tau is not None else 1.0)
-    if not decides:
-        return (f"No assumption decides the order of the first {n_top}: the least Kendall tau is "
-                f"{least.kendall_tau:.2f}, for {least.text}.")  # fmt: skip
-    listed = "; ".join(f"{row.text} (tau {row.kendall_tau:.2f})" for row in known if row.assumption in decides)
-    return f"The order of the first {n_top} is decided by what is assumed here: {listed}."
+def _compared(
+    assumption: Assumption, nominal: Order, other: Order, names: NDArray[np.str_], n_top: int
+) -> SensitivityRow:
+    """What becomes of the nominal first stars under another assumption."""
+    first = np.flatnonzero(nominal.rank <= n_top)
+    scored = (np.minimum(nominal.rank, other.rank) <= n_top) & ((nominal.score > 0) | (other.score > 0))
+    falls = other.rank[first] - nominal.rank[first]
+    worst = int(np.argmax(falls))
+    return SensitivityRow(
+        assumption=assumption.key,
+        text=assumption.text,
+        n_ok=int(np.count_nonzero(other.detected)),
+        kendall_tau_b=_tau_b(nominal.score[scored], other.score[scored]),
+        n_compared=int(np.count_nonzero(scored)),
+        kendall_tau=_tau_b(nominal.rank[first], other.rank[first]),
+        kept=int(np.count_nonzero(other.rank[first] <= n_top)),
+        largest_fall=str(names[first[worst]]) if falls[worst] > 0 else "",
+        largest_fall_ranks=max(int(falls[worst]), 0),
+        best=str(names[int(np.argmin(other.rank))]),
+    )
+
+
+def _tau_b(x: NDArray[Any], y: NDArray[Any]) -> float | None:
+    """Kendall's tau-b (Kendall 1945): pairs that are tied in both have no weight, those tied in one lower it."""
+    i, j = np.triu_indices(len(x), 1)
+    a, b = np.sign(x[i] - x[j]), np.sign(y[i] - y[j])
+    ordered = math.sqrt(np.count_nonzero(a)) * math.sqrt(np.count_nonzero(b))
+    return float(np.sum(a * b)) / ordered if ordered else None
+
+
+def _decides(row: SensitivityRow, n_ok: int) -> bool:
+    """Whether an assumption decides the ranking: by the number of detected stars, or by their order."""
+    by_number = abs(row.n_ok - n_ok) >= DECIDING_SHARE * max(n_ok, 1)
+    return by_number or (row.kendall_tau_b is not None and row.kendall_tau_b < DECIDING_TAU)
+
+
+def _statement(rows: Sequence[SensitivityRow], decides: Sequence[str], n_ok: int, n_ranked: int) -> str:
+    """Say how many stars stay detected, how firm their order is, and which assumption decides."""
+    others = ", ".join(f"{row.n_ok} ({row.text})" for row in rows if row.n_ok != n_ok)
+    change = f"Other assumptions change this number to {others}." if others else "No assumption changes this number."
+    words = [f"The reference planet is detected around {n_ok} of {n_ranked} stars.", change]
+    known = [(row.kendall_tau_b, row) for row in rows if row.kendall_tau_b is not None]
+    if known:
+        tau, least = min(known, key=lambda item: item[0])
+        words.append(f"The order of the stars that have a score changes most for {least.text}: Kendall's tau is "
+                     f"{tau:.2f} over {least.n_compared} stars.")  # fmt: skip
+    else:
+        words.append("Too few stars have a score to compare their order.")
+    limits = f"the number of detected stars by {100 * DECIDING_SHARE:g} % or more, or brings tau below {DECIDING_TAU:g}"
+    listed = "; ".join(row.text for row in rows if row.assumption in decides)
+    words.append(f"The ranking is decided by {listed}: each changes {limits}." if decides
+                 else f"No assumption decides the ranking: none changes {limits}.")  # fmt: skip
+    return " ".join(words)

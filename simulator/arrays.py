@@ -14,10 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalogs.errors import InputError
+from catalogs.user_files import open_file
 from simulator.files import write_bytes
 
 __all__ = ["NPZ_ERRORS", "open_npz", "read_npz", "write_npz"]
 
+MAX_BYTES = 4_000_000_000
+_WANTED = "a whole npz file of plain arrays"
 FIXED_DATE = (1980, 1, 1, 0, 0, 0)  # the oldest date a zip file can hold
 
 
@@ -48,10 +51,19 @@ def open_npz(path: str | Path) -> Iterator[Any]:
     Raises
     ------
     Exception
-        One of `NPZ_ERRORS`, here or when an array is read.
+        One of `NPZ_ERRORS`, here or when an array is read; also for an archive of anything but arrays, or whose arrays
+        would take more than 4 GB.
     """
-    with Path(path).open("rb") as file, np.load(file, allow_pickle=False) as archive:
-        yield archive
+    with open_file(path, key="file", allowed=_WANTED, max_bytes=MAX_BYTES) as file:
+        with zipfile.ZipFile(file) as archive:
+            entries = archive.infolist()
+        if not all(entry.filename.endswith(".npy") for entry in entries):
+            raise ValueError("it holds other files than arrays")
+        if sum(entry.file_size for entry in entries) > MAX_BYTES:
+            raise ValueError(f"its arrays take more than {MAX_BYTES} bytes")
+        file.seek(0)
+        with np.load(file, allow_pickle=False) as arrays:
+            yield arrays
 
 
 def read_npz(path: str | Path) -> dict[str, NDArray[Any]]:
@@ -65,5 +77,7 @@ def read_npz(path: str | Path) -> dict[str, NDArray[Any]]:
     try:
         with open_npz(path) as archive:
             return {name: archive[name] for name in archive.files}
+    except InputError:
+        raise
     except NPZ_ERRORS as error:
-        raise InputError("file", str(path), allowed="an npz file of plain arrays", hint=str(error)) from None
+        raise InputError("file", str(path), allowed=_WANTED, hint=str(error)) from None

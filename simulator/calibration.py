@@ -19,6 +19,7 @@ from simulator.imaging.frame import apodizer_energy, sky_transmission, window_of
 from simulator.imaging.psf import single_band_psf
 from simulator.knobs import Knobs
 from simulator.ledger import EffectRow, camera_ledger, sky_ledger
+from simulator.numeric import numeric_context
 from simulator.quantities import check_number, check_pair, check_whole
 from simulator.sequence import MAX_FRAMES, MAX_REALISATION, FloatArray, Light, Sequence
 
@@ -45,6 +46,7 @@ class Calibration(Sequence):
         return self.camera_keywords | self.keywords
 
 
+@numeric_context()
 def calibrate(
     kind: CalibrationKind,
     *,

@@ -6,6 +6,7 @@ import contextlib
 import errno
 import json
 import os
+import stat
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -111,9 +112,10 @@ class LockHeld(RuntimeError):
 
 @contextlib.contextmanager
 def exclusive_lock(path: str | Path, *, wait: bool = True) -> Iterator[IO[str]]:
-    """Hold an operating-system lock on ``path`` (created if absent, left in place afterwards).
+    """Hold an operating-system lock on ``path`` (created if absent, left in place afterwards, its content as it was).
 
-    The kernel drops the lock when the holder dies, however it dies, so there are no stale locks to judge.
+    The kernel drops the lock when the holder dies, however it dies, so there are no stale locks to judge. Whatever the
+    holder writes, it writes into this file: a link, or a file that has a second name elsewhere, is not locked.
 
     Yields
     ------
@@ -124,11 +126,17 @@ def exclusive_lock(path: str | Path, *, wait: bool = True) -> Iterator[IO[str]]:
     ------
     LockHeld
         If ``wait`` is false and another process holds it.
+    OSError
+        If ``path`` cannot be opened, or is a link, a file with a second name, or no regular file.
     """
     import fcntl
 
     path = Path(path)
-    with path.open("a+", encoding="utf-8") as file:
+    flags = os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
+    with os.fdopen(os.open(path, flags, 0o666), "a+", encoding="utf-8") as file:
+        about = os.fstat(file.fileno())
+        if not stat.S_ISREG(about.st_mode) or about.st_nlink > 1:
+            raise OSError(errno.EINVAL, "not a file of its own", str(path))
         try:
             fcntl.flock(file, fcntl.LOCK_EX if wait else fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:

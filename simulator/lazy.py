@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import functools
 import importlib
-import logging
 import os
 import warnings
 from pathlib import Path
 from typing import Any
 
-__all__ = ["load_kernels", "load_quietly"]
+from simulator.work import announce
 
-_LOG = logging.getLogger(__name__)
+__all__ = ["load_kernels", "load_quietly"]
 
 
 def load_quietly(name: str) -> Any:
@@ -39,7 +38,7 @@ def load_quietly(name: str) -> Any:
 
 @functools.cache
 def load_kernels(name: str) -> Any:
-    """Import a module of compiled kernels; one line is logged where this machine has yet to compile them.
+    """Import a module of compiled kernels; it is announced where this machine has yet to compile them.
 
     Parameters
     ----------
@@ -57,5 +56,5 @@ def load_kernels(name: str) -> Any:
         Path(chosen).rglob(f"{source.stem}.*.nbi") if chosen else source.parent.glob(f"__pycache__/{source.stem}.*.nbi")
     )
     if next(kept, None) is None:
-        _LOG.warning("compiling once, about ten seconds: %s", name)
+        announce(f"compiling {name.rpartition('.')[2]} for this machine, once: about 10 s on a free processor")
     return module

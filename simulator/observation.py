@@ -25,6 +25,7 @@ from simulator.imaging.store import psf_metrics
 from simulator.knobs import Knobs, Quantity, resolve_knobs
 from simulator.ledger import MAX_EPOCHS, Choice, EffectRow, effect_ledger
 from simulator.ledger.observed import checked_quantities, checked_tolerance, observation_choice
+from simulator.numeric import numeric_context
 from simulator.quantities import check_number, check_pair, check_whole
 from simulator.rng import PathPart, stream
 from simulator.scene_light import static_light
@@ -99,6 +100,7 @@ class Observation(Sequence):
         return [*super().calibration_files, *own]
 
 
+@numeric_context()
 def observe(
     scene: Scene | Mapping[str, Any] | str | Path,
     *,

@@ -34,6 +34,7 @@ from simulator.band_integrals import (
     v_projection,
     vega_v_photon_rate,
 )
+from simulator.numeric import numeric_context
 from simulator.quantities import check_finite, check_number
 
 if TYPE_CHECKING:
@@ -144,6 +145,7 @@ class Passbands:
         """Return which parameters lie outside the stellar grid and are clamped; ``.any`` joins the three."""
         return self.grid.flags(teff_k, log_g, metallicity)
 
+    @numeric_context()
     def spectrum_rate_e_s(self, wavelength_nm: ArrayLike, photlam: ArrayLike, area_cm2: float) -> np.ndarray:
         """Return the detected rate (e-/s, shape (band,)) of any spectrum that is linear between its samples.
 
@@ -298,6 +300,7 @@ def _band(name: str, config: BandConfig) -> Band:
 
 
 @functools.lru_cache(maxsize=8)
+@numeric_context()
 def _integrate(bands: tuple[Band, ...]) -> Passbands:
     names = [band.name for band in bands]
     if not bands or len(set(names)) != len(names):
@@ -328,6 +331,7 @@ def _at_insolation(mean: np.ndarray, source: Albedo | AlbedoFamily, insolation_a
 
 
 @functools.lru_cache(maxsize=64)
+@numeric_context()
 def _albedo_nodes(passbands: Passbands, albedo: Albedo | AlbedoFamily, only: str | None) -> np.ndarray:
     """Return band integrals of stellar flux x albedo at the grid nodes, shape (node, albedo, band)."""
     rows = albedo.albedo if isinstance(albedo, AlbedoFamily) else [albedo.albedo]

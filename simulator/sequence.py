@@ -26,6 +26,7 @@ from simulator.config.detector import Detector
 from simulator.config.infrared import InfraredDetector
 from simulator.effects.cosmic_ray_rate import cosmic_ray_rate
 from simulator.effects.stray_light import effect_files
+from simulator.numeric import numeric_context
 from simulator.quantities import check_whole
 from simulator.rng import PathPart
 
@@ -218,11 +219,13 @@ class Sequence:
                                         beyond_e_s=self.light.beyond_e_s)  # fmt: skip
         return self._camera.prepare(rates, self.exposure_s, first_pixel=self.first_pixel)
 
+    @numeric_context()
     def rate_map(self, index: int) -> FloatArray:
         """Mean electrons per second and pixel of frame ``index``, before the camera."""
         return self.light.map(self._epoch(index))
 
     @functools.cached_property
+    @numeric_context()
     def mean_rate_map(self) -> FloatArray:
         """Mean of `rate_map` over the sequence."""
         return self.light.mean()
@@ -238,6 +241,7 @@ class Sequence:
         return self._expected[0]
 
     @functools.cached_property
+    @numeric_context()
     def smear_e(self) -> FloatArray:
         """Mean electrons of a frame that the light of other rows leaves in its pixels while it is transferred."""
         exposure = self._prepare(self.mean_rate_map)
@@ -245,6 +249,7 @@ class Sequence:
         return np.zeros(self.shape) if known is None else known
 
     @functools.cached_property
+    @numeric_context()
     def _expected(self) -> tuple[FloatArray, FloatArray]:
         exposure = self._prepare(self.mean_rate_map)
         camera: Any = self._camera
@@ -257,6 +262,7 @@ class Sequence:
         light = effect_files(self.instrument, self.band) if self.band else []
         return [*(str(name) for name in files.values() if name), *light]
 
+    @numeric_context()
     def frame(self, index: int) -> Frame:
         """One noisy frame with its truth; the same whichever frames were made before.
 
@@ -349,6 +355,7 @@ class Sequence:
             )
         return np.stack(list(self.iter_frames()))
 
+    @numeric_context()
     def stack(self) -> FloatArray:
         """Sum of all frames in electrons at the register input, bias taken off, as one draw per epoch of the light.
 

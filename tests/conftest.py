@@ -20,6 +20,14 @@ for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
 
 
+@pytest.fixture(autouse=True, scope="session")
+def _no_lines_of_progress():
+    """What a command prints does not depend on how busy the machine is; tests of progress set their own time."""
+    from cpic_planner.cli import progress
+
+    progress.SHOW_AFTER_S = float("inf")
+
+
 @pytest.fixture(autouse=True)
 def _own_levels():
     """Commands set the level of messages for their process; the next test begins with the default again."""

@@ -240,6 +240,12 @@ class TapService:
             self.send(handler, bytes(range(256)) * 40)
         elif mode == "empty":
             self.send(handler, b"")
+        elif mode.startswith("refer"):
+            data = (f'<?xml version="1.0"?><VOTABLE version="1.3"><RESOURCE type="results"><TABLE>'
+                    f'<FIELD name="oid" datatype="long"/><DATA><BINARY><STREAM href="{self.url}/leak"/></BINARY></DATA>'
+                    f"</TABLE></RESOURCE></VOTABLE>").encode()  # fmt: skip
+            data = gzip.compress(data) if mode == "refer packed" else data
+            self.send(handler, data, mode="gzip" if mode == "refer gzip" else "")
         elif mode == "error":
             self.send(handler, error_document("Query rejected: maintenance of <SIMBAD>"), 200)
         else:

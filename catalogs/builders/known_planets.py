@@ -23,7 +23,7 @@ from catalogs.builders._star_aliases import alias_rows
 from catalogs.builders._star_identity import Identity
 from catalogs.builders.stars import catalogue_people
 from catalogs.errors import InputError
-from catalogs.known_planet_columns import COLUMNS, INPUT_ONLY, flags_of
+from catalogs.known_planet_columns import COLUMNS, INPUT_ONLY, STANDING, flags_of
 from catalogs.known_planets import DATA_FILE
 from catalogs.nomenclature import designation_key
 from catalogs.sources import ProvenanceEntry, SourceFile, SourceStore
@@ -88,7 +88,7 @@ def build(sources: SourceStore, out_dir: Path) -> list[ProvenanceEntry]:
     order = {person.name: number for number, person in enumerate(people)}
     found = [(star, row) for row in later if (star := stars.find(row)) is not None]
     found.sort(key=lambda item: (order[item[0]], item[1]["pl_letter"]))
-    header = [name for name in COLUMNS if name not in INPUT_ONLY]
+    header = [name for name in COLUMNS if name not in (*INPUT_ONLY, *STANDING)]
     text = io.StringIO()
     writer = csv.DictWriter(text, header, lineterminator="\n", restval="")
     writer.writeheader()

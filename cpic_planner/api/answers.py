@@ -19,6 +19,7 @@ from cpic_planner.etc.planet import ReferencePlanet
 from cpic_planner.models import Explanation, RankResult, ScoreName, SensitivityResult
 from cpic_planner.population_config import PopulationSource
 from cpic_planner.targets import Targets, as_catalogue, find_target, rank_sample, sample_text
+from simulator.numeric import numeric_context
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -80,6 +81,7 @@ def _planets(given: Any) -> ReferencePlanet | list[ReferencePlanet]:
     return planet_of(given)
 
 
+@numeric_context()
 def signal_to_noise(
     target: str | Sequence[str],
     *,
@@ -111,7 +113,8 @@ def signal_to_noise(
     companions : {"on", "off"}
         Whether the light of known stellar companions counts.
     catalog : str or Path
-        Star table: ``"snapshot"``, ``"latest"`` (see ``cpic catalog refresh``) or a CSV, ECSV, VOTable or FITS file.
+        Star table: ``"snapshot"``, ``"latest"`` (see ``cpic catalog refresh``), ``"simbad_2012"`` (the snapshot
+        with companions where they were first listed) or a CSV, ECSV, VOTable or FITS file.
     instrument : Instrument, mapping, str or Path, optional
         What `simulator.load_instrument` reads.
     strategy : Strategy or mapping, optional
@@ -150,6 +153,7 @@ def signal_to_noise(
     return _ask(questions.signal_to_noise, target, bands, companions, catalog, instrument, strategy, images, **asked)
 
 
+@numeric_context()
 def exposure_time(
     target: str | Sequence[str],
     *,
@@ -175,6 +179,7 @@ def exposure_time(
     return _ask(questions.exposure_time, target, bands, companions, catalog, instrument, strategy, images, **asked)
 
 
+@numeric_context()
 def contrast_limit(
     target: str | Sequence[str],
     *,
@@ -201,6 +206,7 @@ def contrast_limit(
     return _ask(questions.contrast_limit, target, bands, companions, catalog, instrument, strategy, images, **asked)
 
 
+@numeric_context()
 def optimise(
     target: str | Sequence[str],
     *,
@@ -234,7 +240,9 @@ def optimise(
     Returns
     -------
     pandas.DataFrame
-        One row per target; columns of `cpic_planner.optimiser.Best`, units in their names.
+        One row per target; columns of `cpic_planner.optimiser.Best`, units in their names, and ``verdict`` of the
+        planet at its known place (``detected``, ``measured_not_detected``, ``unreachable``); with ``time_s`` also
+        ``limited_by`` (`cpic_planner.etc.limiting`).
 
     Raises
     ------
@@ -243,7 +251,10 @@ def optimise(
     """
     import pandas as pd
 
+    from cpic_planner.etc.detection import verdict_of
     from cpic_planner.optimiser import optimise as best_of
+    from cpic_planner.ranking import judge, limits_of
+    from simulator.outcome import Status
 
     if time_s is None and snr is None and not detect:
         time_s = 36000.0
@@ -251,9 +262,16 @@ def optimise(
     stars = Targets.joined(stars_named(target, companions, catalog))
     best = best_of(model, stars, time_s=time_s, snr=snr, detect=detect, separation_arcsec=separation_arcsec,
                    planet=None if planet is None else planet_of(planet))  # fmt: skip
-    return pd.DataFrame({"name": stars.name} | {item.name: getattr(best, item.name) for item in fields(best)})
+    standings, detected = judge(best, model), best.margin >= best.needed_margin
+    statuses = [Status.OK if n >= 1 else status for (status, _), n in zip(standings, best.n_frames, strict=True)]
+    said: dict[str, Any] = {"verdict": [verdict_of(*pair) for pair in zip(statuses, detected.tolist(), strict=True)]}
+    if time_s is not None:
+        said["limited_by"] = limits_of(standings, best)
+    columns = {item.name: getattr(best, item.name) for item in fields(best) if not item.name.startswith("without_")}
+    return pd.DataFrame({"name": stars.name} | columns | said)
 
 
+@numeric_context()
 def rank_targets(
     *,
     time_s: float = 36000.0,
@@ -293,6 +311,7 @@ def rank_targets(
     )
 
 
+@numeric_context()
 def rank_sensitivity(**settings: Any) -> SensitivityResult:
     """How the ranking changes under other assumptions; arguments as `rank_targets`, see `cpic_planner.sensitivity`."""
     from cpic_planner.sensitivity import sensitivity
@@ -301,6 +320,7 @@ def rank_sensitivity(**settings: Any) -> SensitivityResult:
     return sensitivity(_model(given), _sample(given), **_ranking(given))
 
 
+@numeric_context()
 def explain_rank(target: str, **settings: Any) -> Explanation:
     """Why one star stands where it stands in the ranking; arguments as `rank_targets`.
 

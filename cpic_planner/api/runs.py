@@ -11,6 +11,7 @@ from cpic_planner.etc.planet import ReferencePlanet
 from cpic_planner.models import ConfirmedTarget, ConfirmResult, PlanResult, SimulationResult
 from simulator.config import Instrument, Scene, load_instrument, load_scene
 from simulator.config.base import validate
+from simulator.numeric import numeric_context
 
 if TYPE_CHECKING:
     from cpic_planner.overrides import OverrideSource
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 __all__ = ["confirm_scene", "confirm_targets", "make_plan", "simulate_products"]
 
 
+@numeric_context()
 def make_plan(
     out: str | Path,
     *,
@@ -43,7 +45,7 @@ def make_plan(
     **settings
         Fields of `cpic_planner.plan.PlanConfig`: ``top``, ``bands``, ``time_s``, ``planet``, ``strategy``,
         ``fidelity`` or ``tolerance``, ``realisations``, ``simulator_overrides`` (as
-        `cpic_planner.overrides.SimulatorOverrides.of` reads them), ``seed`` ...
+        `cpic_planner.overrides.SimulatorOverrides.of` reads them), ``seed``, ``known_planets`` and ``date_utc`` ...
 
     Returns
     -------
@@ -60,6 +62,7 @@ def make_plan(
     return run(config, out, catalog=catalog, workers=workers, scheduler=scheduler, force=force).plan
 
 
+@numeric_context()
 def confirm_targets(
     target: str | Sequence[str],
     *,
@@ -119,6 +122,7 @@ def confirm_targets(
     )
 
 
+@numeric_context()
 def confirm_scene(
     scene: Scene | Mapping[str, Any] | str | Path,
     *,
@@ -170,7 +174,7 @@ def confirm_scene(
     out : str or Path, optional
         Folder for ``confirm.json``, ``measurements.csv``, ``report.html`` and panels; nothing is written without.
     force : bool
-        Replace what another configuration left in ``out``.
+        Remove what a run of another configuration wrote into ``out``, and nothing else.
 
     Returns
     -------
@@ -212,6 +216,7 @@ def _instrument(source: InstrumentSource) -> Instrument:
     return source if isinstance(source, Instrument) else load_instrument(source)
 
 
+@numeric_context()
 def simulate_products(
     what: SimulationInput | list[SimulationInput] | tuple[SimulationInput, ...] = (),
     out: str | Path = "out/simulate",

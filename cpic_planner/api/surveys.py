@@ -12,6 +12,7 @@ from cpic_planner.api.inputs import InstrumentSource, stars_named
 from cpic_planner.models import VisibilityResult, WhatIfResult
 from cpic_planner.targets import Targets, as_catalogue
 from simulator.config import Instrument, load_instrument
+from simulator.numeric import numeric_context
 
 if TYPE_CHECKING:
     from cpic_planner.survey.visibility import VisibilitySource
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 __all__ = ["compare_strategies", "star_visibility"]
 
 
+@numeric_context()
 def star_visibility(
     target: str | Sequence[str],
     *,
@@ -64,6 +66,7 @@ def star_visibility(
                              n_days=n_days, step_days=step_days, catalogue=table.provenance)  # fmt: skip
 
 
+@numeric_context()
 def compare_strategies(
     strategies: Mapping[str, Any] | str | Path = "survey_default",
     *,
@@ -84,7 +87,8 @@ def compare_strategies(
     out : str or Path, optional
         Folder for tables and report; an interrupted run continues there. Without it nothing is kept.
     vary : sequence of str
-        ``"KEY=VALUE,VALUE..."``: every strategy with each value.
+        ``"KEY=VALUE,VALUE..."``: every strategy with each value, as ``"drift=0.1nm,x3"``; values carry a unit or an
+        x, see `cpic_planner.survey.sweeps.varied`.
     images : int
         Detections of each strategy that are simulated as images.
     workers, scheduler, force
@@ -111,7 +115,8 @@ def compare_strategies(
     >>> result.strategies[0].schedule.visits
     1
     """
-    from cpic_planner.survey.strategy_file import load_strategies, varied, with_universe
+    from cpic_planner.survey.strategy_file import load_strategies, with_universe
+    from cpic_planner.survey.sweeps import varied
     from cpic_planner.survey.whatif import run_whatif
 
     config = with_universe(load_strategies(strategies), universe)

@@ -78,10 +78,29 @@ def info(as_json: JsonOption = False) -> None:
     screen = console()
     screen.print(f"[bold]{found['vintage']}[/bold]")
     _table(screen, "Counts per cut", ("cut", "stars"), ((row["cut"], str(row["count"])) for row in found["counts"]))
+    pairs = (
+        (
+            row["star"],
+            row["companion"],
+            f"{row['separation_arcsec']:.2f}",
+            f"{row['pa_deg']:.1f}",
+            f"{row['epoch_yr']:g}",
+            row["reference"],
+        )
+        for row in found["companion_updates"]
+    )
+    heads = ("star", "companion", "arcsec", "PA (deg)", "in", "orbit")
+    _table(screen, "Companions that have moved (--catalog simbad_2012: as first listed)", heads, pairs)
     files = ((row["file"], row["packages"], row["licence"]) for row in found["files"])
     _table(screen, "Data files and where they come from", ("file", "packages", "licence"), files)
     planets = found["known_planets"]
     screen.print(f"Known planets: {planets['vintage']}; {'; '.join(planets['notes'])}.")
+    new = planets["updates"]
+    screen.print(
+        f"Updated {new['date']}: {new['n_rows']} planets ({new['file']}, each with its source). "
+        f"Refuted, listed and not counted: {', '.join(new['refuted'])}. "
+        f"Controversial, counted: {', '.join(new['controversial'])}."
+    )
     for line in found["credits"]:
         screen.print(line)
     if not stored:
@@ -108,6 +127,7 @@ def columns(as_json: JsonOption = False) -> None:
     needed |= {"sp_type": "one of two", "teff_k": "one of two"}
     of_planets = {"star": "yes", "planet": "yes", "period_days": "one of two", "semi_major_axis_au": "one of two"}
     of_planets |= dict.fromkeys(("mass_mjup", "msini_mjup", "best_mass_mjup", "radius_rjup"), "one of four")
+    of_planets["status"] = "or this alone"
     rows, planets = _column_rows(QUANTITIES, needed), _column_rows(COLUMNS, of_planets)
     if as_json:
         sys.stdout.write(dump_json({"columns": rows, "planet_columns": planets}))

@@ -61,6 +61,12 @@ limit (--detect if none is given). Without any of these the answer is the SNR in
 planet stands where the answer is best in each band: least time, clearest detection, or faintest limit. A given time is
 an upper bound: the walk of the wavefront can make a shorter visit better.
 
+Status ok says that there is a number, not that the planet is detected: the verdict says that. Detected: at least half
+of such visits show the planet at its known place (verdict_mode known_place); the probability that a search finds it
+which does not know the place stands beside it. An answer that is not a detection says what limits it (limited_by), the
+single change that would make it one in the same time: speckles (no drift of the wavefront), background (no light and
+noise but the planet's own and the speckles), else photons: the planet is too faint.
+
 The answers are closed forms, in milliseconds (--fidelity quick). --fidelity standard observes each of them in images,
 drawn as sums of frames until their SNR is known to 5 %, and states flux and SNR of images over closed form; reference
 draws every frame with every effect of the camera, in minutes. --tolerance 0.05 makes images only where the stated error
@@ -69,9 +75,11 @@ closed forms: what images say stands beside them.
 
 Examples:
 
+  cpic etc "tau Cet" --detect --separation-arcsec 0.45
+
   cpic etc "tau Cet"
 
-  cpic etc "tau Cet" --snr 10
+  cpic etc "tau Cet" --snr 8
 
   cpic etc "tau Cet" --detect --budget
 
@@ -272,7 +280,7 @@ def etc(
     from cpic_planner.report.console_etc import print_etc
     from cpic_planner.report.console_etc_fidelity import print_fidelity
 
-    print_etc(result, console(), asked=question.words, every_budget=budget, explain=explain)
+    print_etc(result, console(), asked=question.words, placed=bool(separations), every_budget=budget, explain=explain)
     print_fidelity(result, console())
 
 

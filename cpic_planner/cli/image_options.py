@@ -18,6 +18,7 @@ from catalogs.errors import InputError
 from cpic_planner.cli.options import (
     BandOption,
     FidelityOption,
+    ForceOption,
     InstrumentOption,
     JsonOption,
     RealisationsOption,
@@ -55,9 +56,6 @@ time."""
 WorkersOption: TypeAlias = Annotated[int, typer.Option("--workers", min=1, max=256, help="Local worker processes.")]
 SchedulerOption: TypeAlias = Annotated[
     str | None, typer.Option("--scheduler", callback=check_address, help="Dask scheduler, tcp://host:port.")
-]
-ForceOption: TypeAlias = Annotated[
-    bool, typer.Option("--force", help="Replace what another configuration left in --out.")
 ]
 DryRunOption: TypeAlias = Annotated[bool, typer.Option("--dry-run", help="Estimate time, memory and disk, then stop.")]
 

@@ -48,8 +48,13 @@ Examples:
 
   cpic known --known-planets my_planets.csv
 
-The shipped table is of 2019; a newer one of the NASA Exoplanet Archive (default solutions, CSV) is read as it is.
-cpic catalog columns lists the columns of a table of your own."""
+Every planet has a status. Confirmed and controversial planets are counted by cpic rank, plan and whatif; candidates and
+refuted planets are listed here with the reference and counted nowhere.
+
+The shipped table is that of the NASA Exoplanet Archive of 2019 with the updates since that change what can be seen. A
+table of your own (cpic catalog columns lists its columns) is laid over it: a planet of the same name is replaced, the
+others stay. It may be one of the archive (default solutions, CSV). A row with a star, a planet and a status changes
+the status alone. --known-planets none+my_planets.csv takes the file alone, archive_2019 the table without updates."""
 
 DEFAULT_YEARS = 5.0
 
@@ -114,8 +119,12 @@ def known(
         targets, remark = find_target(star, catalog=table)
         if remark:
             note(remark)
-        if not choice.table.rows_of(str(targets.name[0])):
+        name = str(targets.name[0])
+        if not choice.table.listed_rows_of(name):
             raise InputError("star", star, allowed="a star with known planets", hint=choice.table.provenance)
+        if (plot is not None or scene is not None) and not choice.table.rows_of(name):
+            raise InputError("--plot" if scene is None else "--scene", star, hint="its planets are only listed",
+                             allowed="a star with a confirmed or controversial planet")  # fmt: skip
     span = None if star is None else DEFAULT_YEARS if years is None else years
     result = known_answer(model, targets, choice, years=span, catalogue=table.provenance, bands=bands)
     if plot is not None:

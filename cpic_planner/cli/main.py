@@ -30,6 +30,8 @@ from cpic_planner.cli import (
     whatif_command,
 )
 from cpic_planner.cli.output import error_line, version_text
+from cpic_planner.cli.progress import watch
+from simulator.numeric import numeric_context
 
 __all__ = ["app", "main"]
 
@@ -52,6 +54,7 @@ def _version(wanted: bool) -> None:
 
 @app.callback()
 def root(
+    context: typer.Context,
     version: Annotated[
         bool,
         typer.Option("--version", callback=_version, is_eager=True, help="Show version, data vintage and owner."),
@@ -64,6 +67,8 @@ def root(
     logging.basicConfig(level=logging.WARNING, format="%(levelname)s: %(message)s", stream=sys.stderr)
     for package in ("catalogs", "simulator", "cpic_planner"):
         logging.getLogger(package).setLevel(level)
+    if not quiet:
+        context.with_resource(watch(context.invoked_subcommand or "working"))
 
 
 app.command("plan", help=plan_command.HELP)(plan_command.plan)
@@ -84,7 +89,8 @@ app.command("schema", help=schema_command.HELP)(schema_command.schema)
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line; returns the exit status and never shows a traceback unless asked by ``-vv``."""
     try:
-        status = app(args=arguments, standalone_mode=False, prog_name="cpic")
+        with numeric_context():
+            status = app(args=arguments, standalone_mode=False, prog_name="cpic")
         sys.stdout.flush()
     except SystemExit as stop:  # the option parser leaves this way when the reader of our output has gone
         return 0 if type(sys.stdout).__name__ == "PacifyFlushWrapper" else _status(stop.code)

@@ -27,6 +27,7 @@ __all__ = [
     "DateOption",
     "DwarfsOption",
     "FidelityOption",
+    "ForceOption",
     "InsolationOption",
     "InstrumentOption",
     "JsonOption",
@@ -52,6 +53,7 @@ __all__ = [
     "known_from",
     "planet_from",
     "population_from",
+    "refuse_date_alone",
 ]  # fmt: skip
 
 DEFAULT_TIME_S = 36000.0
@@ -89,6 +91,9 @@ class Score(StrEnum):
     CONTRAST_LIMIT = "contrast_limit"
 
 
+ForceOption: TypeAlias = Annotated[
+    bool, typer.Option("--force", help="Remove what a run of another configuration wrote into --out, and nothing else.")
+]
 JsonOption: TypeAlias = Annotated[bool, typer.Option("--json", help="Machine-readable result on stdout.")]
 BandOption: TypeAlias = Annotated[
     list[str] | None,
@@ -138,7 +143,12 @@ PhaseFunctionOption: TypeAlias = Annotated[
     ),
 ]
 DwarfsOption: TypeAlias = Annotated[bool, typer.Option("--dwarfs", help="Dwarfs only (luminosity class V or IV-V).")]
-SinglesOption: TypeAlias = Annotated[bool, typer.Option("--singles", help="Stars without a close companion only.")]
+SinglesOption: TypeAlias = Annotated[
+    bool,
+    typer.Option(
+        "--singles", help="Without stars that the table flags as close pairs (the snapshot's flag is SIMBAD's)."
+    ),
+]
 VMaxOption: TypeAlias = Annotated[
     float | None,
     typer.Option("--v-mag-max", help="Faintest V magnitude [default: 7; none for a table of your own]."),
@@ -147,7 +157,8 @@ CatalogOption: TypeAlias = Annotated[
     str,
     typer.Option(
         "--catalog",
-        help="Star table: snapshot, latest (made by cpic catalog refresh), or a CSV, ECSV, VOTable or FITS file.",
+        help="Star table: snapshot, latest (made by cpic catalog refresh), simbad_2012 (the snapshot with companions "
+        "where they were first listed), or a CSV, ECSV, VOTable or FITS file.",
     ),
 ]
 ScoreOption: TypeAlias = Annotated[Score, typer.Option("--score", help="What the ranking is by.")]
@@ -165,8 +176,10 @@ KnownPlanetsOption: TypeAlias = Annotated[
     str | None,
     typer.Option(
         "--known-planets",
-        help="Table of known planets: snapshot (NASA Exoplanet Archive of 2019), or a CSV, ECSV, VOTable or FITS file; "
-        "in a ranking it stands instead of a population.",
+        help="Table of known planets: snapshot (NASA Exoplanet Archive of 2019 with the updates since), archive_2019 "
+        "(without them), or a CSV, ECSV, VOTable or FITS file, which is laid over the snapshot planet by planet; "
+        "none+FILE takes the file alone. In a ranking or a plan it stands instead of a population; whatif counts them "
+        "beside it, and off leaves them out.",
     ),
 ]
 DateOption: TypeAlias = Annotated[
@@ -243,6 +256,12 @@ def population_from(source: str | None, n_planets: int | None, seed: int) -> Pop
     return PopulationChoice(load_population(source), drawn, seed)
 
 
+def refuse_date_alone(date: str | None, known_planets: str | None) -> None:
+    """Refuse a date without known planets."""
+    if date is not None and known_planets is None:
+        raise InputError("--date", date, allowed="only with --known-planets", hint="nothing else depends on a date")
+
+
 def known_from(
     source: str | None,
     date: str | None,
@@ -254,13 +273,8 @@ def known_from(
     draws_option: str = "--planets",
 ) -> KnownChoice:
     """Known planets at a date from options."""
-    from catalogs.known_planets import load_known_planets
     from cpic_planner.known_completeness import MAX_DRAWS, N_DRAWS, KnownChoice
-    from simulator.config.mission import checked_utc
-    from simulator.products.times import mjd_of
     from simulator.quantities import check_whole
 
-    utc = checked_utc("--date", instrument.mission.start_utc if date is None else date)
     drawn = check_whole(draws_option, N_DRAWS if n_draws is None else n_draws, 1, MAX_DRAWS)
-    table = load_known_planets("snapshot" if source is None else source)
-    return KnownChoice(table, utc, mjd_of(utc), albedo, drawn, seed)
+    return KnownChoice.at(source or "snapshot", date, albedo, instrument, n_draws=drawn, seed=seed)

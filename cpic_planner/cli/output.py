@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import sys
-from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Protocol
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 from pydantic import BaseModel
 
+from cpic_planner.cli.progress import is_quiet, progress, rest
 from cpic_planner.version import DISTRIBUTION, PACKAGES, __version__
 
 if TYPE_CHECKING:
@@ -31,17 +32,11 @@ def note(text: str) -> None:
         sys.stderr.write(f"cpic: {text}\n")
 
 
-def is_quiet() -> bool:
-    """Whether ``-q`` was given."""
-    import logging
-
-    return logging.getLogger("cpic_planner").getEffectiveLevel() >= logging.ERROR
-
-
 def print_json(result: BaseModel) -> None:
     """The result as JSON on stdout and nothing else there."""
     from simulator.files import dump_json
 
+    rest()
     sys.stdout.write(dump_json(result.model_dump(mode="json")))
 
 
@@ -54,6 +49,7 @@ def print_cost(cost: Mapping[str, float], what: str, workers: int, as_json: bool
         f"{cost['wall_s']:.0f} s with {workers} worker(s), {cost['memory_mb']:.0f} MB memory a worker, "
         f"{cost['disk_mb']:.1f} MB disk\n"
     )
+    rest()
     sys.stdout.write(dump_json(dict(cost)) if as_json else line)
 
 
@@ -61,42 +57,9 @@ def console() -> Console:
     """Console for tables on stdout; honours NO_COLOR and pipes."""
     from rich.console import Console
 
+    rest()
     plain = None if sys.stdout.isatty() else 110
     return Console(width=plain, highlight=False)
-
-
-class Advance(Protocol):
-    """Told about finished pieces of work."""
-
-    def __call__(self, text: str, steps: int = 1, /) -> None:
-        """Note ``steps`` more pieces, the last of which ``text`` names."""
-
-
-@contextlib.contextmanager
-def progress(title: str, total: int, *, enabled: bool = True) -> Iterator[Advance]:
-    """Progress bar on stderr when it is a terminal; yields ``advance(text, steps)``."""
-    if not enabled or is_quiet() or not sys.stderr.isatty():
-        yield lambda text, steps=1, /: None
-        return
-    from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
-
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
-               TextColumn("left"), TimeRemainingColumn())  # fmt: skip
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(title, total=total)
-
-        def advance(text: str, steps: int = 1, /) -> None:
-            bar.update(task, advance=steps, description=f"{title}: {text}")
-
-        yield advance
 
 
 def version_text() -> str:

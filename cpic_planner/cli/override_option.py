@@ -27,8 +27,10 @@ SimulatorOverridesOption: TypeAlias = Annotated[
 OVERRIDES_HELP = """What if reality is worse than the model? --simulator-overrides alters the images and nothing else:
 the prediction keeps the nominal instrument, and the report says by how much it was off. KEY is a dotted key of the
 instrument's file (* stands for any name) or a short one: throughput, quantum_efficiency, read_noise, dark_current,
-clock_charge, visit_drift, walk, jitter, exozodi; and companions (on, off). VALUE is a number, a word, or a factor on
-the present value: x0.7.
+clock_charge, drift, visit_drift, walk, jitter, exozodi; and companions (on, off). VALUE is a number with a unit
+(0.1nm), a factor on the present value (x0.7), a number alone where the dotted key ends in its unit or the quantity has
+none, or a word. Short names always need a unit or an x: drift=x2 doubles the offset of a visit and the walk within it;
+drift=0.1nm makes the offset 0.1 nm rms and scales the walk in the same ratio.
 
   --simulator-overrides throughput=x0.7
 
@@ -59,7 +61,7 @@ def overrides_from(given: list[str] | None, nominal: Instrument) -> SimulatorOve
     """
     from cpic_planner.overrides import SimulatorOverrides
 
-    overrides = SimulatorOverrides.of(given)
+    overrides = SimulatorOverrides.of(given, nominal)
     overrides.instrument(nominal)
     if overrides.alters_optics:
         note("the optics of the simulator are altered: they are computed anew, once, up to a minute a band")

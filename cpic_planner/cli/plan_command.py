@@ -16,8 +16,10 @@ from cpic_planner.cli.options import (
     CatalogOption,
     CloudsOption,
     CompanionsOption,
+    DateOption,
     DwarfsOption,
     InsolationOption,
+    KnownPlanetsOption,
     MetallicityOption,
     OnOff,
     PhaseFunctionOption,
@@ -31,11 +33,14 @@ from cpic_planner.cli.options import (
     TimeOption,
     VMaxOption,
     albedo_from,
+    known_from,
     planet_from,
     population_from,
+    refuse_date_alone,
 )
 from cpic_planner.cli.output import console, note, print_cost, print_json, progress
 from cpic_planner.cli.override_option import OVERRIDES_HELP
+from cpic_planner.cli.strategy_options import refuse_together
 
 __all__ = ["HELP", "plan"]
 
@@ -67,6 +72,8 @@ Examples:
 
   cpic plan --catalog my_stars.ecsv --top 3
 
+  cpic plan --known-planets snapshot --date 2027-06-01 --top 3
+
   cpic plan --library reference_star --reference-v-mag 3 --top 3
 
 {DIAL_HELP}
@@ -88,6 +95,8 @@ def plan(
     companions: CompanionsOption = OnOff.ON,
     population: PopulationOption = None,
     planets: PlanetsOption = None,
+    known_planets: KnownPlanetsOption = None,
+    date: DateOption = None,
     radius_rjup: RadiusOption = 1.0,
     phase_deg: PhaseOption = 90.0,
     albedo: AlbedoOption = None,
@@ -105,8 +114,13 @@ def plan(
     from simulator.config import load_instrument
     from simulator.config.base import validate
 
+    refuse_together(
+        {"--population": population, "--known-planets": known_planets}, "completeness refers to one of them"
+    )
+    refuse_date_alone(date, known_planets)
     chosen = population_from(population, planets, images.seed)
-    tree = images.config_tree(load_instrument(images.instrument)) | {
+    instrument = load_instrument(images.instrument)
+    tree = images.config_tree(instrument) | {
         "top": top,
         "time_s": time_s,
         "dwarfs_only": dwarfs,
@@ -116,10 +130,16 @@ def plan(
         "planet": planet_from(
             radius_rjup, phase_deg, albedo_from(albedo, log10_mh, log10_fsed, insolation_au, phase_function)
         ),
-        "population": chosen.config,
         "n_planets": chosen.n_planets,
         "score": score.value,
     }
+    if known_planets is None:
+        tree["population"] = chosen.config
+    else:
+        known = known_from(known_planets, date, planets, images.seed, tree["planet"].albedo, instrument)
+        for remark in known.table.notes:
+            note(remark)
+        tree |= {"known_planets": known_planets, "date_utc": known.date_utc, "n_planets": known.n_draws}
     try:
         config = validate(PlanConfig, tree, where="plan")
     except InputError as error:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -38,6 +37,7 @@ from cpic_planner.cli.options import (
     known_from,
     planet_from,
     population_from,
+    refuse_date_alone,
 )
 from cpic_planner.cli.output import console, note, print_json
 from cpic_planner.cli.strategy_options import (
@@ -65,7 +65,10 @@ __all__ = ["HELP", "rank"]
 HELP = """Rank the whole catalogue (analytic, a few seconds; --explain and --sensitivity rank it several times).
 
 The ranking is by completeness per hour: which fraction of a population of planets one observation of the star detects,
-over its wall time. --score chooses another order; the other columns are about a stated reference planet.
+over its wall time. Stars that show none of it, with a score of zero, follow by detection margin. --score chooses
+another order; the other columns are about a stated reference planet: whether it is detected (at its known place), how
+likely a search finds it that does not know the place, and what limits it (limited_by: the single change that would make
+it detected in the given time; see cpic etc --help).
 
 Examples:
 
@@ -98,7 +101,9 @@ def rank(
     bands: BandOption = None,
     time_s: TimeOption = DEFAULT_TIME_S,
     score: ScoreOption = Score.COMPLETENESS_PER_HOUR,
-    limit: Annotated[int, typer.Option("--limit", min=1, help="Rows to print (--json and --out hold all).")] = 20,
+    limit: Annotated[
+        int, typer.Option("--limit", min=1, help="Stars to print and to draw (--json and --out hold all).")
+    ] = 20,
     dwarfs: DwarfsOption = False,
     singles: SinglesOption = False,
     v_mag_max: VMaxOption = None,
@@ -132,7 +137,8 @@ def rank(
         bool, typer.Option("--sensitivity", help="Say how the order depends on assumptions, instead of the table.")
     ] = False,
     plot: Annotated[
-        Path | None, typer.Option("--plot", help="Draw the first stars into FILE.png, .pdf or .svg as well.")
+        Path | None,
+        typer.Option("--plot", help="Draw the first --limit stars, at most 100, into FILE.png, .pdf or .svg as well."),
     ] = None,
     out: Annotated[Path | None, typer.Option("--out", help="Also write all rows to FILE.csv or FILE.ecsv.")] = None,
     as_json: JsonOption = False,
@@ -140,6 +146,7 @@ def rank(
     """Rank and print."""
     from catalogs.catalogue import open_catalogue
     from catalogs.errors import InputError
+    from cpic_planner.known_completeness import KNOWN_ONLY
     from cpic_planner.ranking import rank_targets
     from cpic_planner.targets import rank_sample, sample_text
 
@@ -149,8 +156,7 @@ def rank(
         refuse_together({name: value, "--plot": plot}, "it has no figure")
     for name, value in (("--explain", explain), ("--sensitivity", sensitivity), ("--population", population)):
         refuse_together({name: value, "--known-planets": known_planets}, "it is about a hypothetical population")
-    if date is not None and known_planets is None:
-        raise InputError("--date", date, allowed="only with --known-planets", hint="nothing else depends on a date")
+    refuse_date_alone(date, known_planets)
     if out is not None and out.suffix not in (".csv", ".ecsv"):
         raise InputError("--out", str(out), allowed="a name that ends in .csv or .ecsv")
     if plot is not None:
@@ -176,11 +182,9 @@ def rank(
         for remark in chosen.table.notes:
             note(remark)
         targets = chosen.stars(targets)
-        sample = f"{sample}; those with known planets only"
+        sample = f"{sample}; {KNOWN_ONLY}"
     asked: dict[str, Any] = {"time_s": time_s, "planet": planet_from(radius_rjup, phase_deg, reflects),
                              "population": chosen, "score": score.value}  # fmt: skip
-    if (explain is not None or sensitivity) and sys.stderr.isatty():
-        note("ranking under other assumptions too, some ten seconds for the whole catalogue")
     if explain is not None:
         from cpic_planner.targets import find_target
 
@@ -193,7 +197,7 @@ def rank(
         _sensitivity(model, targets, asked, as_json)
         return
     result = rank_targets(model, targets, sample=sample, catalogue=table.provenance, **asked)
-    _write(result, out, plot)
+    _write(result, out, plot, limit)
     if as_json:
         print_json(result)
         return
@@ -232,7 +236,7 @@ def _sensitivity(model: EtcModel, targets: Targets, asked: dict[str, Any], as_js
     print_sensitivity(found, console())
 
 
-def _write(result: RankResult, out: Path | None, plot: Path | None) -> None:
+def _write(result: RankResult, out: Path | None, plot: Path | None, limit: int) -> None:
     """Write the table and the figure that were asked for."""
     if out is not None:
         from catalogs.errors import InputError
@@ -246,7 +250,9 @@ def _write(result: RankResult, out: Path | None, plot: Path | None) -> None:
         note(f"wrote {len(result.targets)} rows to {out}")
     if plot is not None:
         from cpic_planner.report.etc_figures import write_figure
-        from cpic_planner.report.rank_figure import rank_figure
+        from cpic_planner.report.rank_figure import MOST_STARS, rank_figure
 
-        write_figure(rank_figure(result), plot)
-        note(f"wrote {plot}")
+        write_figure(rank_figure(result, limit), plot)
+        shown = min(limit, len(result.targets))
+        few = f" with the first {MOST_STARS} stars only: names of {shown} could not be read" * (shown > MOST_STARS)
+        note(f"wrote {plot}{few}")

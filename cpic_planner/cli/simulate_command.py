@@ -11,7 +11,7 @@ from typing import Annotated, Any
 
 import typer
 
-from cpic_planner.cli.options import InstrumentOption, JsonOption, Tier
+from cpic_planner.cli.options import ForceOption, InstrumentOption, JsonOption, Tier
 from cpic_planner.cli.output import console, note, print_json, progress
 from cpic_planner.engine import check_address
 
@@ -156,7 +156,7 @@ def simulate(
         ),
     ] = None,
     out: Annotated[Path, typer.Option("--out", help="Output folder.")] = Path("out/simulate"),
-    force: Annotated[bool, typer.Option("--force", help="Replace what another configuration left in --out.")] = False,
+    force: ForceOption = False,
     truth: Annotated[bool, typer.Option("--truth/--no-truth", help="Write the truth beside the products.")] = True,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Show sequences, time, memory and disk, then stop.")

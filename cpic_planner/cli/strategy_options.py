@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 import typer
 
 from catalogs.errors import InputError
-from cpic_planner.cli.output import note
 from cpic_planner.etc.model import EtcModel, Strategy, build_model
 from simulator.config.base import validate
 
 if TYPE_CHECKING:
-    from simulator.config import Instrument
+    pass
 
 __all__ = [
     "CountingOption",
@@ -131,7 +130,7 @@ def imaged_strategy(
 def model_from(
     instrument: str | None, bands: Sequence[str] | None, strategy: Strategy, *, exozodi_zodis: float | None = None
 ) -> EtcModel:
-    """Model from options; says on stderr when the optics of a band have to be measured first."""
+    """Model from options."""
     from simulator.config import load_instrument
 
     built = load_instrument(instrument)
@@ -142,19 +141,7 @@ def model_from(
         if dark:
             raise InputError("--photon-counting", f"given with --band {dark[0]}", allowed="visible bands",
                              hint="the near-infrared camera has no gain register")  # fmt: skip
-    _announce(built, bands)
     return build_model(built, bands, strategy)
-
-
-def _announce(instrument: Instrument, bands: Sequence[str] | None) -> None:
-    """Say that the first use of a near-infrared band takes a while."""
-    from simulator.cache import get_arrays
-    from simulator.imaging.store import metrics_key
-
-    for band in dict.fromkeys(bands or ()):
-        known = band in instrument.bands and band not in instrument.visible_bands()
-        if known and get_arrays(f"metrics-{metrics_key(instrument, band)}") is None:
-            note(f"measuring the optics of {band} once, about 10 s")
 
 
 def _given(**values: Any) -> dict[str, Any]:

@@ -65,10 +65,11 @@ def tradeoff(
     if listed:
         _print_list(work, as_json)
         return
-    foreign = out.is_dir() and not (out / "results.json").exists() and any(out.iterdir())
+    written = read_result(out)  # which refuses somebody else's
+    foreign = out.is_dir() and written is None and any(out.iterdir())
     if foreign or (out.exists() and not out.is_dir()):
         raise InputError("--out", str(out), allowed="an empty folder or one of an earlier tradeoff")
-    earlier = read_result(out) if only or scenes else None
+    earlier = written if only or scenes else None
     out.mkdir(parents=True, exist_ok=True)
     with progress("rows", total=n_rows(work)) as advance:
         result = run(work, earlier=earlier, quick_look=quick_look, workers=workers, advance=advance,

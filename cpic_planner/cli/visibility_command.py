@@ -56,7 +56,7 @@ def visibility(
     catalog: CatalogOption = "snapshot",
     plot: Annotated[
         Path | None,
-        typer.Option("--plot", help="Draw FILE.png, .pdf or .svg: the year of one star, a calendar of several."),
+        typer.Option("--plot", help="Draw FILE.png, .pdf or .svg: the days of one star, a calendar of several."),
     ] = None,
     out: Annotated[Path | None, typer.Option("--out", help="Also write every step of every star to FILE.csv.")] = None,
     as_json: JsonOption = False,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from catalogs.errors import InputError
-from cpic_planner.cli.options import JsonOption
+from cpic_planner.cli.options import ForceOption, JsonOption, KnownPlanetsOption
 from cpic_planner.cli.output import console, note, print_json, progress
 from cpic_planner.engine import check_address
 
@@ -21,7 +21,7 @@ __all__ = ["HELP", "whatif"]
 HELP = """Compare survey strategies over the same synthetic universes: planets found, time used, and how sure that is.
 
 STRATEGIES is a preset (survey_default) or a YAML file. Every strategy gets a calendar from the visibility of its stars;
-then it is played in a thousand made-up universes, each with its own planets, drift of calibration and luck, the same
+then it is played in made-up universes (--universes), each with its own planets, drift of calibration and luck, the same
 for all strategies, so that differences are known far better than yields. A sample of the detections is simulated as
 images and searched blind. Writes whatif.json, universes.parquet, detections.parquet, stars.parquet, targets.csv,
 run.json and report.html into --out. Stopped half way, it continues when started again on the same folder; the result
@@ -33,9 +33,13 @@ Examples:
 
   cpic whatif survey_default --strategy few_and_deep --vary contrast=1e-8,3e-9,1e-9
 
+  cpic whatif survey_default --strategy few_and_deep --vary drift=x0.5,x1,0.1nm
+
   cpic whatif my_strategies.yaml --universes 5000 --workers 2 --out my-survey
 
   cpic whatif survey_default --observed log.csv --start 2030-01-01
+
+  cpic whatif survey_default --known-planets my_planets.csv
 
   cpic whatif my_strategies.yaml --scheduler tcp://cluster:8786
 
@@ -51,8 +55,12 @@ A strategies file names only what differs from the preset:
     - {name: ten_hours, visit: {time_s: 36000}, revisits: {max_visits: 10}}
 
 --vary takes any key of a strategy (dotted) or a short name: contrast, drift, throughput, exozodi, budget_h, time_s,
-max_visits, max_targets, rule, library. --observed takes a table of visits made so far, with the columns star,
-start_utc, band, exposure_s, n_frames, em_gain, and telescope_h, roll_deg, planets if known: the rest is planned."""
+max_visits, max_targets, rule, library. A value is a number with a unit (time_s=1h), a factor with an x (budget_h=x0.5),
+a number alone where the key ends in its unit or the quantity has none, or a word. drift, throughput and exozodi always
+need a unit or an x: drift=0.1nm makes the offset of a visit 0.1 nm rms and scales the walk within the visit in the same
+ratio; drift=x2 doubles both; throughput=x0.7; exozodi=3zodi. --observed takes a table of visits made so far, with the
+columns star, start_utc, band, exposure_s, n_frames, em_gain, and telescope_h, roll_deg, planets if known: the rest is
+planned."""
 
 
 def whatif(
@@ -62,7 +70,10 @@ def whatif(
     ] = None,
     vary: Annotated[
         list[str] | None,
-        typer.Option("--vary", help="KEY=VALUE,VALUE...: every strategy with each value; repeat for several keys."),
+        typer.Option(
+            "--vary",
+            help="KEY=VALUE,VALUE...: every strategy with each value, as drift=0.1nm,x3; repeat for several keys.",
+        ),
     ] = None,
     universes: Annotated[
         int | None, typer.Option("--universes", min=2, help="Synthetic universes [default: 1000].")
@@ -76,28 +87,37 @@ def whatif(
     observed: Annotated[
         str | None, typer.Option("--observed", help="Observation log (CSV): plan what is left of the survey.")
     ] = None,
-    catalog: Annotated[str | None, typer.Option("--catalog", help="Star table: snapshot, latest, or a file.")] = None,
+    catalog: Annotated[
+        str | None, typer.Option("--catalog", help="Star table: snapshot, latest, simbad_2012, or a file.")
+    ] = None,
     instrument: Annotated[str | None, typer.Option("--instrument", help="Preset name or YAML file.")] = None,
+    known_planets: KnownPlanetsOption = None,
     workers: Annotated[int, typer.Option("--workers", min=1, max=256, help="Local worker processes.")] = 2,
     scheduler: Annotated[
         str | None,
         typer.Option("--scheduler", callback=check_address, help="Dask scheduler to use instead, tcp://host:port."),
     ] = None,
     out: Annotated[Path, typer.Option("--out", help="Output folder.")] = Path("cpic-whatif"),
-    force: Annotated[bool, typer.Option("--force", help="Replace what another configuration left in --out.")] = False,
+    force: ForceOption = False,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Say what would be done and how long it takes.")] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Compare and print."""
-    from cpic_planner.survey.strategy_file import load_strategies, varied, with_universe
+    from cpic_planner.survey.prepare import known_table
+    from cpic_planner.survey.strategy_file import load_strategies, with_universe
+    from cpic_planner.survey.sweeps import told, varied
+    from cpic_planner.survey.whatif import cost_of, run_whatif
 
     config = _chosen(load_strategies(strategies), strategy)
     shared = {"universes": universes, "seed": seed, "start_utc": start, "duration_days": days, "observed": observed,
-              "catalog": catalog, "instrument": instrument}  # fmt: skip
+              "catalog": catalog, "instrument": instrument, "known_planets": known_planets}  # fmt: skip
     config = with_universe(config, {key: value for key, value in shared.items() if value is not None})
     config = varied(config, vary) if vary else config
-    from cpic_planner.survey.whatif import cost_of, run_whatif
-
+    for line in told(config):
+        note(f"varied: {line}")
+    table = known_table(config.universe)
+    for remark in () if table is None else table.notes:
+        note(remark)
     if dry_run:
         _print_cost(cost_of(config, workers=workers, n_images=images), workers, as_json)
         return

@@ -26,7 +26,8 @@ from distributed.scheduler import KilledWorker, NoValidWorkerError, NoWorkerErro
 
 from catalogs.errors import InputError
 from cpic_planner.cluster.task_queue import TaskQueue
-from cpic_planner.engine import ClusterError, single_threaded_blas
+from cpic_planner.engine import ClusterError
+from simulator.numeric import numeric_context
 
 __all__ = ["Work", "Workers", "run_on"]
 
@@ -234,5 +235,5 @@ class _Link:
 
 def _call(load: bytes, common: tuple[Any, ...]) -> Any:
     function, args = loads(load)
-    with single_threaded_blas():
+    with numeric_context():
         return function(*common, *args)

@@ -14,11 +14,11 @@ import dask
 from distributed import LocalCluster
 
 from cpic_planner.engine import ClusterError
+from simulator.numeric import THREAD_VARIABLES
 
 __all__ = ["LocalWorkers", "local_cluster", "quiet_dask"]
 
 _LOG = logging.getLogger(__name__)
-_THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS")
 _REGISTER_S = 120  # for a worker to find the scheduler
 _VAIN = 8  # workers in the place of each one, without a result meanwhile
 
@@ -69,7 +69,7 @@ class LocalWorkers:
                          "--no-nanny", "--no-dashboard"]  # fmt: skip
         # What can be imported here can be there; threads are set before the libraries load.
         paths = os.pathsep.join(path or os.getcwd() for path in sys.path)
-        self._environment = os.environ | dict.fromkeys(_THREAD_VARIABLES, "1") | {
+        self._environment = os.environ | dict.fromkeys(THREAD_VARIABLES, "1") | {
             "PYTHONPATH": paths, "DASK_LOGGING__DISTRIBUTED": "critical"}  # fmt: skip
         self._processes: list[subprocess.Popen[bytes] | None] = [None] * n_workers
         self._replaced = 0

@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
 from cpic_planner.models import AnswerFidelity
+from cpic_planner.models.base import DetectionMode, LimitText, VerdictText
 from simulator.outcome import Reason, Status
 
 __all__ = ["EtcAnswer", "Question"]
@@ -36,6 +37,18 @@ class EtcAnswer:
         The largest term.
     remedies : dict
         Factor by which the SNR grows if one thing is changed.
+    verdict : str or None
+        Of the planet: ``detected`` (half of the visits show it at its known place), ``measured_not_detected``, or
+        ``unreachable`` (every status but ``ok``); None for a contrast limit, which is about no planet. ``status`` says
+        only that there is a number.
+    verdict_mode : str or None
+        How the planet is looked for: ``known_place``.
+    detection_probability, detection_probability_known_place : float or None
+        By the law of simulated images, of a blind search and at the known place (`cpic_planner.etc.detection`); None
+        where no law was measured or there is no answer.
+    limited_by : str or None
+        The single change that would make the planet detected in the time of the answer, or reach the level where there
+        is no answer; see `cpic_planner.etc.limiting`. None for a contrast limit.
     fidelity : AnswerFidelity or None
         Its stated error and its check in images, where a fidelity or a tolerance was asked for.
     """
@@ -68,6 +81,11 @@ class EtcAnswer:
     dominant: str = ""
     remedies: dict[str, float] = field(default_factory=dict)
     flags: tuple[str, ...] = ()
+    verdict: VerdictText | None = None
+    verdict_mode: DetectionMode | None = None
+    detection_probability: float | None = None
+    detection_probability_known_place: float | None = None
+    limited_by: LimitText | None = None
     fidelity: AnswerFidelity | None = None
 
     def to_dict(self) -> dict[str, Any]:

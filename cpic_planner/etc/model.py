@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import hashlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, model_validator
 
 from catalogs.errors import InputError
+from catalogs.user_files import digest_of
 from cpic_planner.etc.camera import FrameCamera
 from cpic_planner.etc.cosmic_loss import aperture_loss_per_s
 from simulator.config import FrozenModel, Instrument, content_hash
@@ -130,7 +130,7 @@ class EtcModel:
     def content(self) -> dict[str, Any]:
         """Everything of the model that decides a number, for content hashes; files by what is in them."""
         files = {
-            name: hashlib.sha256(Path(band.transmission_file).read_bytes()).hexdigest()
+            name: digest_of(band.transmission_file)
             for name, band in self.instrument.bands.items()
             if band.transmission_file is not None
         }

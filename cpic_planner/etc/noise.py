@@ -16,7 +16,7 @@ from cpic_planner.etc.photon_counting import counting_law
 from cpic_planner.etc.rates import ApertureRates
 from simulator.camera.gain import noise_factor2
 
-__all__ = ["Objective", "ReadMode", "StackNoise", "frame_problem", "stack_noise"]
+__all__ = ["Objective", "ReadMode", "StackNoise", "frame_problem", "own_noise", "stack_noise"]
 
 FloatArray = NDArray[np.float64]
 Objective = Literal["snr", "significance"]
@@ -37,6 +37,11 @@ class StackNoise:
     terms: dict[str, FloatArray]
     snr: FloatArray
     significance: FloatArray
+
+    @property
+    def white(self) -> FloatArray:
+        """What of `quiet` averages with time."""
+        return self.quiet - self.terms["speckle"] - self.terms["companion_wings"]
 
     @property
     def quiet(self) -> FloatArray:
@@ -87,10 +92,9 @@ def frame_problem(
     pixels = share * rates.aperture_pixels
     quiet, reference = rates.background_e_s, rates.reference_light_e_s / reference_ratio
     twice = 1.0 + rates.reference_scale / reference_ratio
-    own = rates.source_noise_fraction * rates.variance_factor / rates.rdi_throughput**2 * rates.planet_e_s
     light = camera.light_factor
     smear = rates.smear_e + rates.reference_smear_e / reference_ratio
-    alpha = light * (level * share * (quiet + reference) + (own if with_planet else 0.0))
+    alpha = light * (level * share * (quiet + reference) + (_own(rates) if with_planet else 0.0))
     arrays: dict[str, Any] = dict(zip(PROBLEM_ARRAYS, np.broadcast_arrays(
         alpha,
         level * (pixels * camera.cic_e * twice + light * share * smear),
@@ -119,6 +123,15 @@ def frame_problem(
         )[:-1], strict=True))  # fmt: skip
         counting = CountingLight(**parts, law=law, own_noise=with_planet)
     return FrameProblem(**arrays, camera=camera, em_gain=em_gain, counting=counting)
+
+
+def own_noise(rates: ApertureRates, camera: FrameCamera) -> FloatArray:
+    """Return the variance of the planet's own light per second, before the gain register's excess noise, e-^2/s."""
+    return camera.light_factor * _own(rates)
+
+
+def _own(rates: ApertureRates) -> FloatArray:
+    return rates.source_noise_fraction * rates.variance_factor / rates.rdi_throughput**2 * rates.planet_e_s
 
 
 def _reference_pixel(scaled: FloatArray, rates: ApertureRates) -> FloatArray:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import hashlib
-from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from catalogs.user_files import digest_of
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.reflected import reflected_contrast
 from cpic_planner.targets import Targets
@@ -39,8 +38,7 @@ class ReferencePlanet(FrozenModel):
         tree = self.model_dump(mode="json")
         file = getattr(self.albedo, "file", None)
         if file is not None:
-            with Path(file).open("rb") as stream:
-                tree["albedo"]["file"] = hashlib.file_digest(stream, "sha256").hexdigest()
+            tree["albedo"]["file"] = digest_of(file)
         return tree
 
 

@@ -95,7 +95,7 @@ class ApertureRates:
     reference_scale: FloatArray
     smear_e: FloatArray
     reference_smear_e: FloatArray
-    variance_factor: float = 1.0
+    variance_factor: float
 
     @property
     def background_e_s(self) -> FloatArray:

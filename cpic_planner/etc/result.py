@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from cpic_planner.etc.answer import EtcAnswer
+from cpic_planner.etc.detection import default_law
 from cpic_planner.etc.fidelity import etc_dial, etc_fidelity
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.planet import ReferencePlanet
@@ -58,6 +59,7 @@ def etc_result(
                 "kind": "etc",
                 "version": __version__,
                 "model": model.content(),
+                "detection": default_law().model_dump(mode="json"),
                 "target": target.content(),
                 "planet": None if planet is None else planet.content(),
                 "asked": asked,

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from cpic_planner.etc.answer import EtcAnswer, Question
 from cpic_planner.etc.budget import binding_limits, largest_term, remedies
 from cpic_planner.etc.cases import BandCases
+from cpic_planner.etc.detection import Chances, needed_margin, verdict_of, visit_chances
 from cpic_planner.etc.frames import (
     FrameChoice,
     FrameProblem,
@@ -19,7 +20,9 @@ from cpic_planner.etc.frames import (
     best_in_visit,
     smooth_least_visit_s,
 )
+from cpic_planner.etc.limiting import LONGEST_TIME_S, limit_of, reached, without_background, without_speckles
 from cpic_planner.etc.limits import frame_limit
+from cpic_planner.etc.noise import StackNoise, own_noise
 from cpic_planner.etc.paper import snr_paper
 from cpic_planner.etc.stated_error import speckle_error_extrapolated
 from simulator.outcome import Reason, Status
@@ -28,6 +31,7 @@ __all__ = ["answers_of"]
 
 FloatArray = NDArray[np.float64]
 _LONGEST_S = 1e12
+_ROUNDING = 1e-9
 _UNIT: dict[Question, str] = {"exposure_time": "s", "signal_to_noise": "", "contrast_limit": "contrast"}
 
 
@@ -67,16 +71,20 @@ def answers_of(
     wall = model.time_s(choice.visit_s)
     if time_s is not None:  # never more than what was given, not even by rounding
         wall = np.minimum(wall, time_s)
-    most = _Most.of(problem, (choice.n_frames < 1) & cases.usable, level if question == "exposure_time" else None)
+    most = _Most.of(cases, problem, (choice.n_frames < 1) & cases.usable,
+                    level if question == "exposure_time" else None)  # fmt: skip
+    limit = question == "contrast_limit"
+    seen = None if limit else _Detection.of(cases, choice, noise, time_s)
     answers = []
     for i, j in np.ndindex(*cases.contrast.shape):
         head = cases.head(i, j) | {"question": question, "unit": _UNIT[question]}
-        limit = question == "contrast_limit"
         head["contrast"] = None if limit else float(cases.contrast[i, j])
         wanted = None if level is None else float(level[i, j])
         head["level"] = wanted if wanted is not None and math.isfinite(wanted) else None
         status, reason, message = _standing(cases, problem, choice, most, (i, j), question, float(value[i, j]), wanted,
                                             with_planet)  # fmt: skip
+        if seen is not None:
+            head |= seen.fields(status, reason, most, (i, j))
         if status is not Status.OK:
             answers.append(EtcAnswer(value=None, status=status, reason=reason, message=message, **head))
             continue
@@ -116,18 +124,21 @@ def answers_of(
 class _Most:
     """What cases without an answer could reach, solved together; 0 for the others.
 
-    Longest exposure, least ``G`` (`inf` for none), visit for the level if frames need not be whole, and highest SNR of
-    any visit.
+    Longest exposure, least ``G`` (`inf` for none), visit for the level if frames need not be whole, highest SNR of any
+    visit, and the visits for the level without speckles and without background.
     """
 
     longest_s: FloatArray
     cost: FloatArray
     visit_s: FloatArray
     snr: FloatArray
+    calm_visit_s: FloatArray
+    dark_visit_s: FloatArray
 
     @classmethod
-    def of(cls, problem: FrameProblem, lost: NDArray[np.bool_], level: FloatArray | None) -> _Most:
-        parts = np.zeros((4, *lost.shape))
+    def of(cls, cases: BandCases, problem: FrameProblem, lost: NDArray[np.bool_], level: FloatArray | None) -> _Most:
+        parts = np.zeros((6, *lost.shape))
+        parts[4:] = np.inf
         if lost.any():
             part = problem.at(lost)
             parts[0, lost], parts[1, lost] = part.longest_s(), best_exposure_s(part)[1]
@@ -136,7 +147,57 @@ class _Most:
                 parts[2, lost] = smooth_least_visit_s(part, wanted)
                 best = best_in_visit(part, np.full(wanted.shape, _LONGEST_S))
                 parts[3, lost] = np.where(best.n_frames >= 1, best.inverse_snr2**-0.5, 0.0)
+                parts[4, lost] = smooth_least_visit_s(without_speckles(part), wanted)
+                own = np.broadcast_to(own_noise(cases.rates, problem.camera), lost.shape)[lost]
+                parts[5, lost] = smooth_least_visit_s(without_background(part, own), wanted)
         return cls(*parts)
+
+
+@dataclass(frozen=True)
+class _Detection:
+    """Whether the planets of answers are detected, how likely, and what would make them so; arrays of the cases."""
+
+    detected: NDArray[np.bool_]
+    chances: Chances
+    calm: NDArray[np.bool_]
+    dark: NDArray[np.bool_]
+    longest_s: float
+
+    @classmethod
+    def of(cls, cases: BandCases, choice: FrameChoice, noise: StackNoise, time_s: float | None) -> _Detection:
+        model, band = cases.model, cases.band
+        possible = (choice.n_frames >= 1) & cases.usable
+        with np.errstate(invalid="ignore"):
+            margin = np.where(possible, noise.significance / cases.threshold, 0.0)
+        wanted = np.broadcast_to(needed_margin(model, band) * cases.threshold, margin.shape)
+        detected = margin >= needed_margin(model, band) * (1.0 - _ROUNDING)
+        chances = visit_chances(model, band, np.hypot(cases.x_arcsec, cases.y_arcsec), choice.visit_s, noise, margin)
+        calm, dark = np.zeros((2, *margin.shape), bool)
+        lost = possible & ~detected
+        if lost.any():
+            problem = cases.problem("significance")
+            part, level = problem.at(lost), wanted[lost]
+            visit = choice.visit_s[lost] if time_s is None else np.full(level.shape, float(model.visit_s(time_s)))
+            own = np.broadcast_to(own_noise(cases.rates, problem.camera), lost.shape)[lost]
+            calm[lost] = reached(without_speckles(part), visit, level)
+            dark[lost] = reached(without_background(part, own), visit, level)
+        return cls(detected, chances, calm, dark, float(model.visit_s(LONGEST_TIME_S)))
+
+    def fields(self, status: Status, reason: Reason, most: _Most, index: tuple[int, int]) -> dict[str, Any]:
+        """Fields of one answer."""
+        answered, detected = status is Status.OK, bool(self.detected[index])
+        blind, known = (float(part[index]) for part in (self.chances.blind, self.chances.known_place))
+        calm, dark = self.calm[index], self.dark[index]
+        if not answered:
+            calm, dark = (visit[index] <= self.longest_s for visit in (most.calm_visit_s, most.dark_visit_s))
+        return {
+            "verdict": verdict_of(status, detected),
+            "verdict_mode": "known_place",
+            "detection_probability": blind if answered and math.isfinite(blind) else None,
+            "detection_probability_known_place": known if answered and math.isfinite(known) else None,
+            "limited_by": limit_of(status, reason, detected=detected, without_speckles=bool(calm),
+                                   without_background=bool(dark)),
+        }  # fmt: skip
 
 
 def _stopped(model: Any, choice: FrameChoice, problem: FrameProblem, index: tuple[int, int], time_s: float) -> bool:
@@ -189,7 +250,9 @@ def _standing(
         name = "SNR" if with_planet else "significance"
         wanted = f"{level:.4g}" if level is not None and level < 1e4 else f"{level:g}"
         text = (f"the speckle residual keeps the {name} below {wanted} whatever the time; "
-                f"the most is {most.snr[index]:.4g}")  # fmt: skip
+                f"the most is {most.snr[index]:.4g}, and without drift of the wavefront ")  # fmt: skip
+        calm_s = float(cases.model.time_s(most.calm_visit_s[index]))
+        text += f"it would take {calm_s:.3g} s" if calm_s <= LONGEST_TIME_S else "the planet would still be too faint"
         return Status.UNREACHABLE, Reason.SPECKLE_FLOOR, text
     text = "the time does not hold one science frame with its share of reference frames"
     return Status.UNREACHABLE, Reason.NO_TIME, text

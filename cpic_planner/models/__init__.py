@@ -10,8 +10,10 @@ from cpic_planner.models.answers import (
     EtcRow,
 )
 from cpic_planner.models.base import (
+    LimitText,
     Result,
     StatusText,
+    VerdictText,
 )
 from cpic_planner.models.checked import (
     AnswerFidelity,
@@ -120,6 +122,7 @@ __all__ = [
     "KnownResult",
     "KnownTrack",
     "KnownWindow",
+    "LimitText",
     "MachineRecord",
     "ModellingRecord",
     "PlanResult",
@@ -150,6 +153,7 @@ __all__ = [
     "TradeoffResult",
     "TradeoffRow",
     "TradeoffScene",
+    "VerdictText",
     "VisibilityResult",
     "VisibleDays",
     "VisibleTarget",

@@ -6,7 +6,17 @@ from typing import Literal
 
 from pydantic import Field
 
-from cpic_planner.models.base import Result, StatusText
+from cpic_planner.models.base import (
+    DETECTION_PROBABILITY,
+    DETECTION_PROBABILITY_KNOWN_PLACE,
+    LIMITED_BY,
+    VERDICT_MODE,
+    DetectionMode,
+    LimitText,
+    Result,
+    StatusText,
+    VerdictText,
+)
 from cpic_planner.models.checked import EtcFidelity
 from cpic_planner.models.ranked import ReferencePlanetRecord
 
@@ -21,7 +31,7 @@ class EtcRow(Result):
     question: Literal["exposure_time", "signal_to_noise", "contrast_limit"]
     value: float | None
     unit: str
-    status: StatusText
+    status: StatusText = Field(description="ok: there is a number; verdict says whether the planet is detected")
     reason: str
     message: str
     separation_arcsec: float
@@ -44,6 +54,15 @@ class EtcRow(Result):
     dominant: str = Field(description="largest term of the variance")
     remedies: dict[str, float] = Field(description="factors of SNR if one thing is changed")
     flags: list[str]
+    verdict: VerdictText | None = Field(
+        default=None,
+        description="of the planet: detected (half of the visits show it at its known place), measured_not_detected, "
+        "unreachable (every status but ok); null for a contrast limit, which is about no planet, and in older results",
+    )
+    verdict_mode: DetectionMode | None = VERDICT_MODE
+    detection_probability: float | None = DETECTION_PROBABILITY
+    detection_probability_known_place: float | None = DETECTION_PROBABILITY_KNOWN_PLACE
+    limited_by: LimitText | None = LIMITED_BY
 
 
 class EtcResult(Result):

@@ -57,7 +57,13 @@ class KnownPlanetRow(Result):
     v_mag: float = Field(description="Johnson V of the star, mag")
     distance_pc: float
     discovery_method: str
+    status: Literal["confirmed", "controversial", "candidate", "refuted"] = Field(
+        description="how sure the planet is; candidates and refuted ones are listed and never counted"
+    )
     reference: str = Field(description="where the orbit was published")
+    status_reference: str = Field(description="where the status was published; empty: where the orbit was")
+    updated: str = Field(description="date of the row in the table's updates; empty: as in the table of 2019")
+    note: str = Field(description="remark of the table on the planet")
     flags: list[str] = Field(description="what the table lacks or marks, see catalogs.known_planet_columns.FLAGS")
     period_days: Quantiles
     semi_major_axis_au: Quantiles
@@ -69,8 +75,8 @@ class KnownPlanetRow(Result):
     phase_deg: Quantiles = Field(description="phase angle, 0 full to 180 new")
     pa_deg: Quantiles | None = Field(description="position angle east of north; null without a known node")
     bands: list[KnownBand]
-    windows: list[KnownWindow] = Field(description="empty where no track was asked for")
-    track: KnownTrack | None
+    windows: list[KnownWindow] = Field(description="empty where no track was asked for, or the planet is not counted")
+    track: KnownTrack | None = Field(description="null where none was asked for, or the planet is not counted")
 
 
 class KnownHole(Result):

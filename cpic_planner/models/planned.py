@@ -6,7 +6,13 @@ from typing import Any, Literal
 
 from pydantic import Field
 
-from cpic_planner.models.base import Result, StatusText
+from cpic_planner.models.base import (
+    DETECTION_PROBABILITY,
+    DETECTION_PROBABILITY_KNOWN_PLACE,
+    Result,
+    StatusText,
+    VerdictText,
+)
 from cpic_planner.models.modelled import ModellingRecord
 from cpic_planner.models.ranked import RankedTarget, ReferencePlanetRecord
 from simulator.knobs import Quantity
@@ -61,6 +67,13 @@ class BandConfirmation(Result):
     recovered_snr_error: float | None = Field(default=None, description="1 sigma of this mean")
     recovered_significance: float | None = None
     threshold: float | None = Field(default=None, description="small-sample threshold for significance")
+    predicted_verdict: VerdictText | None = Field(
+        default=None,
+        description="what the calculator expects of these frames at the planet's known place: detected or "
+        "measured_not_detected; detected and verdict are what the images say; null without frames",
+    )
+    predicted_detection_probability: float | None = DETECTION_PROBABILITY
+    predicted_detection_probability_known_place: float | None = DETECTION_PROBABILITY_KNOWN_PLACE
     etc_ratio: float | None = Field(default=None, description="predicted over recovered SNR: above 1 is optimistic")
     etc_ratio_error: float | None = Field(
         default=None, description="1 sigma, with the accuracy of the prediction itself"
@@ -154,6 +167,9 @@ class PlanResult(Result):
     sample: str
     n_ranked: int
     counts: dict[str, int]
+    counts_limited_by: dict[str, int] = Field(
+        default_factory=dict, description="ranked stars by limited_by; empty in older results"
+    )
     calibration: dict[str, float | int | None] = Field(
         description="mean of recovered / predicted SNR over confirmed bands, its standard error, number of bands"
     )

@@ -6,7 +6,17 @@ from typing import Literal
 
 from pydantic import Field
 
-from cpic_planner.models.base import Result, StatusText
+from cpic_planner.models.base import (
+    DETECTION_PROBABILITY,
+    DETECTION_PROBABILITY_KNOWN_PLACE,
+    LIMITED_BY,
+    VERDICT_MODE,
+    DetectionMode,
+    LimitText,
+    Result,
+    StatusText,
+    VerdictText,
+)
 
 __all__ = [
     "KNOWN_PLANETS",
@@ -50,7 +60,10 @@ class RankedTarget(Result):
     """One star of the ranking. Numbers refer to the stated reference planet in the best band and separation."""
 
     rank: int = Field(description="1 is best: highest score")
-    score: float = Field(description="what the ranking is by, see score_name; more is better")
+    score: float = Field(
+        description="what the ranking is by, see score_name; more is better; stars of equal score, such as all "
+        "those of score 0, follow each other by detection_margin, then name"
+    )
     name: str = Field(description="name of the star in the catalogue")
     hip: int | None = Field(description="Hipparcos number")
     v_mag: float = Field(description="Johnson V (Vega), mag")
@@ -66,14 +79,28 @@ class RankedTarget(Result):
     threshold: float = Field(description="small-sample detection threshold for significance, 5 sigma-equivalent")
     detection_margin: float = Field(description="significance / threshold")
     status: StatusText = Field(description="ok when the reference planet is detected in the given time")
-    reason: str = Field(description="why not, empty when ok")
+    reason: str = Field(
+        description="why not, empty when ok; speckle_floor: no length of visit is enough; limited_by says why"
+    )
+    verdict: VerdictText | None = Field(
+        default=None,
+        description="of the reference planet in the given time: detected with status ok, else unreachable; "
+        "null in older results",
+    )
+    verdict_mode: DetectionMode | None = VERDICT_MODE
+    detection_probability: float | None = DETECTION_PROBABILITY
+    detection_probability_known_place: float | None = DETECTION_PROBABILITY_KNOWN_PLACE
+    limited_by: LimitText | None = LIMITED_BY
     contrast_limit: float | None = Field(description="faintest contrast detected there by this observation")
     deepest_limit: float | None = Field(description="the same at the separation where it is faintest")
     deepest_separation_arcsec: float = Field(description="that separation, arcsec")
     detection_time_s: float | None = Field(
         description="least wall time that detects the reference planet, in any band and at any separation; null: none"
     )
-    completeness: float = Field(description="fraction of the population that one observation detects, best band")
+    completeness: float = Field(
+        description="fraction of the population that one observation detects in the best band, each planet looked for "
+        "at its known place: its significance reaches the threshold there"
+    )
     completeness_error: float = Field(description="its binomial standard error")
     completeness_band: str = Field(description="band of that observation")
     completeness_time_s: float | None = Field(description="its wall time, s")
@@ -108,6 +135,9 @@ class RankResult(Result):
     population: PopulationRecord
     score_name: ScoreName = Field(description="what the ranking is by")
     counts: dict[str, int] = Field(description="stars by status or reason")
+    counts_limited_by: dict[str, int] = Field(
+        default_factory=dict, description="stars by limited_by; empty in older results"
+    )
     targets: list[RankedTarget]
 
 
@@ -116,9 +146,19 @@ class SensitivityRow(Result):
 
     assumption: str = Field(description="key of the assumption")
     text: str = Field(description="what is assumed instead")
-    kendall_tau: float | None = Field(description="tau-b of the scores of the nominal top; null where all are equal")
-    kept: int = Field(description="stars of the nominal top that are in the top under this assumption too")
     n_ok: int = Field(description="stars whose reference planet is detected")
+    kendall_tau_b: float | None = Field(
+        description="Kendall's tau-b of the nominal scores and those under the assumption, over the compared stars; "
+        "ties count as no order; null where no order can be compared"
+    )
+    n_compared: int = Field(
+        description="stars among the first, nominally or under the assumption, that have a score above zero in either"
+    )
+    kendall_tau: float | None = Field(
+        description="Kendall's tau of the ranks of the nominal first stars, those without a score included, whose "
+        "ranks are by margin and name; null for one star"
+    )
+    kept: int = Field(description="stars of the nominal top that are in the top under this assumption too")
     largest_fall: str = Field(description="star of the nominal top that loses most ranks; empty if none")
     largest_fall_ranks: int
     best: str = Field(description="first star under this assumption")
@@ -132,9 +172,14 @@ class SensitivityResult(Result):
     config_hash: str
     top: int = Field(description="stars of the nominal ranking that are compared")
     score_name: ScoreName
+    n_ranked: int = Field(description="stars of the ranking")
     n_ok: int = Field(description="stars whose reference planet is detected, nominally")
     rows: list[SensitivityRow]
-    decides: list[str] = Field(description="assumptions with tau below 0.5: they decide the ranking")
+    deciding_tau: float = Field(description="an assumption with a kendall_tau_b below this decides the ranking")
+    deciding_share: float = Field(
+        description="so does one that changes n_ok by this share of the nominal number (of 1 if that is 0) or more"
+    )
+    decides: list[str] = Field(description="assumptions that decide the ranking")
     statement: str = Field(description="the same in words")
 
 
@@ -144,6 +189,11 @@ class BandStanding(Result):
     band: str
     status: StatusText
     reason: str
+    verdict: VerdictText | None = Field(default=None, description="as of the ranked star, in this band alone")
+    verdict_mode: DetectionMode | None = VERDICT_MODE
+    detection_probability: float | None = DETECTION_PROBABILITY
+    detection_probability_known_place: float | None = DETECTION_PROBABILITY_KNOWN_PLACE
+    limited_by: LimitText | None = LIMITED_BY
     separation_arcsec: float
     contrast: float
     contrast_limit: float | None

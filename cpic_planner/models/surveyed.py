@@ -9,15 +9,18 @@ from pydantic import Field
 from cpic_planner.models.base import Result
 
 __all__ = [
+    "AssumedInstrument",
     "CurvePoint",
     "DifferenceRecord",
     "EstimateRecord",
     "ImageSample",
+    "PlanetShare",
     "RankChange",
     "ScheduleRecord",
     "StrategyOutcome",
     "SurveyTarget",
     "TimeUse",
+    "VariedSetting",
     "WhatIfResult",
 ]
 
@@ -101,11 +104,47 @@ class ImageSample(Result):
     note: str = ""
 
 
+class VariedSetting(Result):
+    """A value that ``--vary`` gave a strategy."""
+
+    name: str = Field(description="as it was asked for: drift, budget_h ...")
+    key: str = Field(description="dotted key of the strategy")
+    text: str = Field(description="the value with its unit or its x: 0.1 nm, x2 (0.1 nm)")
+    value: Any = Field(description="number in the unit, or a word; of a factor what it makes of the present value")
+    unit: str = Field(description="empty: the quantity has none, or it is a factor")
+    meaning: str = Field(description="in words, where the text does not say it all")
+
+    @property
+    def label(self) -> str:
+        """The setting as names of strategies have it: ``drift=0.1 nm``."""
+        return f"{self.name}={self.text}"
+
+
+class PlanetShare(Result):
+    """The known planet that makes up most of a yield."""
+
+    name: str = Field(description="in the table of known planets")
+    share: float = Field(description="of all planets found over the universes")
+    planets: float = Field(description="how often it is found, mean over universes")
+
+
+class AssumedInstrument(Result):
+    """Numbers of the instrument that a strategy was run with, its assumptions included."""
+
+    visit_drift_nm: float = Field(description="offset of the wavefront of a visit, rms")
+    walk_nm_per_sqrt_hour: float = Field(description="walk of the wavefront within a visit, rms")
+    exozodi_zodis: float
+    throughput: dict[str, float] = Field(description="of the optics, by band of the search")
+
+
 class StrategyOutcome(Result):
     """What one strategy yields."""
 
     name: str
     description: str
+    varied: list[VariedSetting] = Field(default_factory=list, description="values of --vary; empty: none")
+    instrument: AssumedInstrument | None = None
+    leading_planet: PlanetShare | None = Field(default=None, description="null: no known planet is found")
     settings: dict[str, Any] = Field(description="the strategy as it was run")
     schedule: ScheduleRecord
     planets: EstimateRecord = Field(description="planets found, new and known")
@@ -124,6 +163,16 @@ class StrategyOutcome(Result):
     quantiles: dict[str, list[float]] = Field(description="5, 25, 50, 75, 95 % of detections by quantity; empty: none")
     targets: list[SurveyTarget]
     images: ImageSample | None = Field(default=None, description="null where no images were asked for")
+
+    @property
+    def base(self) -> str:
+        """Name without the values that were varied."""
+        return self.name.removesuffix(f" {self.variation}") if self.varied else self.name
+
+    @property
+    def variation(self) -> str:
+        """The values that were varied: ``drift=0.1 nm rule=blind``."""
+        return " ".join(item.label for item in self.varied)
 
 
 class DifferenceRecord(Result):

@@ -20,7 +20,7 @@ from cpic_planner.report.terminal import (
     status_cell,
     text_table,
 )
-from cpic_planner.report.words import STATUS_SYMBOLS, plus_minus
+from cpic_planner.report.words import STATUS_SYMBOLS, found_text, plus_minus
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -60,7 +60,7 @@ def print_plan(plan: PlanResult, console: Console) -> None:
     print_note(
         console,
         "→ marks the band to observe in. SNR of one observation, planet noise included: predicted, and recovered with "
-        "the error of its mean; found: realisations in which the blind search finds the planet; seen at its place: "
+        f"the error of its mean; found: realisations in which {found_text(plan.reference_library)}; seen at its place: "
         "significant at the known place, but not found blind.",
     )
     print_note(

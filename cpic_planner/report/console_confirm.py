@@ -17,7 +17,7 @@ from cpic_planner.report.terminal import (
     ratio_text,
     text_table,
 )
-from cpic_planner.report.words import ALBEDO_STATUS
+from cpic_planner.report.words import ALBEDO_STATUS, searched_text
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -47,7 +47,7 @@ def print_confirm(result: ConfirmResult, console: Console) -> None:
     count = result.realisations
     title = f"{result.scene}: confirmed by simulated images, {count} realisation{'s' * (count != 1)} a band"
     if not rows:
-        print_plain(console, f"{result.scene}: no planet, searched blind", bold=True)
+        print_plain(console, f"{result.scene}: no planet, {searched_text(result.reference_library)}", bold=True)
     else:
         console.print(text_table(console, title, columns, rows))
         explain_symbols(console, [item.status for item in result.bands if item.status != "ok"])

@@ -4,20 +4,21 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from cpic_planner.etc.detection import default_law
 from cpic_planner.models import EtcResult, EtcRow
 from cpic_planner.report.etc_words import cap_sentence, limit_text, remedy_text, short_limit, term_text
 from cpic_planner.report.names import full_name
-from cpic_planner.report.numbers import MISSING, decimals, duration_text, significant
+from cpic_planner.report.numbers import MISSING, decimals, duration_text, share_text, significant
 from cpic_planner.report.terminal import (
     Column,
     explain_symbols,
     frames_text,
     print_note,
     ratio_text,
-    status_cell,
     text_table,
+    verdict_cell,
 )
-from cpic_planner.report.words import flag_text
+from cpic_planner.report.words import LIMITED_BY, flag_text
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -45,7 +46,13 @@ def best_row(result: EtcResult) -> EtcRow | None:
 
 
 def print_etc(
-    result: EtcResult, console: Console, *, asked: str = "", every_budget: bool = False, explain: bool = False
+    result: EtcResult,
+    console: Console,
+    *,
+    asked: str = "",
+    placed: bool = True,
+    every_budget: bool = False,
+    explain: bool = False,
 ) -> None:
     """Print the answers for one target.
 
@@ -55,6 +62,8 @@ def print_etc(
     console : Console
     asked : str
         The question in words.
+    placed : bool
+        The question gave the separation; otherwise it was chosen.
     every_budget : bool
         Print the noise budget of every answer, not of the best one only.
     explain : bool
@@ -62,6 +71,7 @@ def print_etc(
     """
     best = best_row(result)
     _print_answers(result, console, best, asked)
+    _print_verdicts(result, console, best, placed)
     told = [row for row in result.answers if row.value is not None] if every_budget else [best] if best else []
     for row in told:
         console.print()
@@ -99,17 +109,55 @@ def _print_answers(result: EtcResult, console: Console, best: EtcRow | None, ask
             significant(row.significance),
             significant(row.threshold),
             _held(row),
-            status_cell(row.status, row.reason),
+            verdict_cell(row),
         ]
         for row in result.answers
     ]
     question = asked or " / ".join(dict.fromkeys(_QUESTION[row.question] for row in result.answers))
     star = f"{full_name(result.target, result.hip)}: V {result.v_mag:.2f} mag, {significant(result.distance_pc, 4)} pc"
     console.print(text_table(console, f"{star}; {question}", columns, rows))
-    explain_symbols(console, [row.status for row in result.answers])
+    explain_symbols(console, [row.status for row in result.answers if row.status != "ok"])
     for text in dict.fromkeys(row.message for row in result.answers if row.message):
         bands = ", ".join(dict.fromkeys(row.band for row in result.answers if row.message == text))
         print_note(console, f"{bands}: {text}.")
+
+
+def _print_verdicts(result: EtcResult, console: Console, best: EtcRow | None, placed: bool) -> None:
+    """Say what of the answers is a detection, how likely it is, and what is missing."""
+    told = [row for row in result.answers if row.status == "ok" and row.verdict is not None]
+    if not told:
+        return
+    many = len({row.band for row in told}) < len(told)
+
+    def name(row: EtcRow) -> str:
+        return f"{row.band} at {row.separation_arcsec:.3f}″" if many else row.band
+
+    if best is not None and best.verdict == "measured_not_detected":
+        levels = f"{significant(best.significance)} and the threshold {significant(best.threshold)}"
+        text = f"The answer in {name(best)} is not a detection: the significance is {levels}."
+        if best.question == "exposure_time" and not placed:
+            text += (" The planet was put where the level takes the least time, often at the inner edge of the dark "
+                     "hole, where the threshold is highest; --detect asks for a detection.")  # fmt: skip
+        print_note(console, text)
+    missed = [row for row in told if row.verdict == "measured_not_detected"]
+    causes = []
+    for limit in dict.fromkeys(row.limited_by for row in missed if row.limited_by is not None):
+        where = ", ".join(name(row) for row in missed if row.limited_by == limit)
+        causes.append(f"{where} by {LIMITED_BY[limit][1]}")
+    if causes:
+        print_note(console, f"Not detected in this time; limited: {'; '.join(causes)}.")
+    odds = [f"{name(row)} {share_text(row.detection_probability)} and "
+            f"{share_text(row.detection_probability_known_place)} %" for row in told
+            if row.detection_probability is not None and row.detection_probability_known_place is not None]  # fmt: skip
+    if odds:
+        print_note(console, f"Probability of a detection by a blind search and at the known place: {'; '.join(odds)}.")
+    if any(row.verdict == "detected" for row in told):
+        law = default_law()
+        print_note(
+            console,
+            "Detected: at least half of such visits show the planet if one knows where to look; by simulated images "
+            f"that begins at {significant(law.known_margin / law.calibration, 2)} of the threshold.",
+        )
 
 
 def _held(row: EtcRow) -> str:
@@ -183,7 +231,7 @@ def _print_remarks(result: EtcResult, console: Console) -> None:
     print_note(
         console,
         "Positions on the diagonal of a quadrant. Wall time counts readouts and reference frames. SNR has the planet's "
-        "own noise, significance has not; it is a detection above the threshold.",
+        "own noise, significance has not.",
     )
 
 

@@ -27,27 +27,35 @@ _COLUMNS = [
     Column("phase", True, 1),
     Column("contrast"),
     Column("in hole", True, 2),
-    Column("orbit", False),
+    Column("phase known", False, 2),
+    Column("status", False),
 ]
-_WORDS = {"phase_unknown": "phase unknown", "controversial": "controversial"}
+_LISTED = ("candidate", "refuted")
+"""Statuses of planets that are listed and not counted."""
 
 
 def print_known(result: KnownResult, console: Console, limit: int = 40) -> None:
     """Print the planets, widest on the sky first unless a star was asked for, and what the numbers mean."""
     band = result.holes[0].band
-    shown = list(result.planets)
+    counted = [row for row in result.planets if row.status not in _LISTED]
+    listed = [row for row in result.planets if row.status in _LISTED]
+    shown = counted
     if result.years is None:
-        shown.sort(key=lambda row: -row.bands[0].hole_share)
-    shown = shown[:limit]
-    stars = len({row.star for row in result.planets})
+        shown = sorted(counted, key=lambda row: -row.bands[0].hole_share)
+    shown = [*shown[:limit], *listed] if result.years is not None else shown[:limit]
+    stars = len({row.star for row in counted})
     title = (
-        f"Known planets: {len(shown)} of {count_text(len(result.planets))} around {count_text(stars)} "
+        f"Known planets: {len(counted[:limit])} of {count_text(len(counted))} around {count_text(stars)} "
         f"star{'s' * (stars != 1)}, {result.date_utc[:10]}, {band}"
+        + (f"; {count_text(len(listed))} more listed and not counted" if listed else "")
     )
     console.print(text_table(console, title, _COLUMNS, [_cells(row) for row in shown]))
     if result.years is not None:
-        for row in shown:
+        for row in counted[:limit]:
             _print_windows(row, result, console)
+            _print_standing(row, console)
+    for row in listed:
+        _print_standing(row, console)
     print_note(
         console,
         "Numbers: median +- half of the width that holds 68 % of the draws. in hole: share of the draws between inner "
@@ -70,7 +78,6 @@ def print_known(result: KnownResult, console: Console, limit: int = 40) -> None:
 
 def _cells(row: KnownPlanetRow) -> list[str]:
     band = row.bands[0]
-    note = ", ".join(words for flag, words in _WORDS.items() if flag in row.flags)
     return [
         _name(row),
         decimals(row.distance_pc, 2),
@@ -83,12 +90,22 @@ def _cells(row: KnownPlanetRow) -> list[str]:
         _with_width(row.phase_deg, 0),
         ratio_text(band.contrast.median),
         f"{100.0 * band.hole_share:.0f} %",
-        note or "dated",
+        "no" if "phase_unknown" in row.flags else "yes",
+        row.status,
     ]
 
 
 def _name(row: KnownPlanetRow) -> str:
     return f"{pretty_name(row.star)} {row.planet.rpartition(' ')[2]}"
+
+
+def _print_standing(row: KnownPlanetRow, console: Console) -> None:
+    """Print how sure a planet is, who says so, and where its orbit was published."""
+    said = [f"{_name(row)}: {row.status}" + (", not counted" if row.status in _LISTED else "")]
+    said += [f"Status from {row.status_reference}"] if row.status_reference else []
+    said += [row.note[0].upper() + row.note[1:]] if row.note else []
+    said += [f"Orbit from {row.reference}"] if row.reference else []
+    print_plain(console, ". ".join(said) + ".")
 
 
 def _with_width(value: Quantiles, digits: int) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from cpic_planner.models import KNOWN_PLANETS, Explanation, RankedTarget, RankResult, SensitivityResult
+from cpic_planner.models import Explanation, RankedTarget, RankResult, SensitivityResult
 from cpic_planner.report.etc_words import (
     SCORES,
     cap_sentence,
@@ -16,7 +16,7 @@ from cpic_planner.report.etc_words import (
 )
 from cpic_planner.report.names import full_name
 from cpic_planner.report.numbers import MISSING, count_text, decimals, duration_text, share_text, significant
-from cpic_planner.report.summary import population_text
+from cpic_planner.report.summary import limits_text, population_text
 from cpic_planner.report.terminal import (
     Column,
     explain_symbols,
@@ -25,10 +25,10 @@ from cpic_planner.report.terminal import (
     print_plain,
     ratio_text,
     short_name,
-    status_cell,
     text_table,
+    verdict_cell,
 )
-from cpic_planner.report.words import library_text, reason_text
+from cpic_planner.report.words import library_text, tau_text
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -44,16 +44,13 @@ def print_rank(rank: RankResult, console: Console, limit: int = 20) -> None:
     columns, rows = _table(rank, shown)
     title = f"Ranking: first {len(shown)} of {count_text(len(rank.targets))} stars, by {_name_of(rank.score_name)}"
     console.print(text_table(console, title, columns, rows))
-    explain_symbols(console, [row.status for row in shown])
-    counts = ", ".join(f"{count} {'ok' if key == 'ok' else reason_text(key)}" for key, count in rank.counts.items())
+    explain_symbols(console, [row.status for row in shown if row.status != "ok"])
     planet = rank.reference_planet
-    print_note(console, f"Outcomes: {counts}.")
-    print_note(console, f"Score: {score_text(rank.score_name)}.")
+    if rank.counts_limited_by:
+        limits = limits_text(rank.counts_limited_by)
+        print_note(console, f"Reference planets in {duration_text(rank.time_s)}: {limits}.")
+    print_note(console, f"Score: {score_text(rank.score_name)}.{_zeros(rank)}")
     print_note(console, f"Population (compl %): {population_text(rank.population)}.")
-    if rank.population.name == KNOWN_PLANETS:
-        print_note(
-            console, "Completeness is here the probability that at least one of the star's own planets is detected."
-        )
     print_note(
         console,
         f"Reference planet (other columns): {planet.radius_rjup:g} R_J, phase {planet.phase_deg:g} deg, "
@@ -62,9 +59,20 @@ def print_rank(rank: RankResult, console: Console, limit: int = 20) -> None:
     print_note(
         console,
         f"Margin = significance / threshold; threshold keeps the false-alarm probability of {rank.sigma:g} sigma. "
+        "Detected: at least half of the visits show the planet if its place is known; blind %: probability that a "
+        "search finds it that does not know the place. "
         f"Reference frames: {library_text(rank.reference_library)}.",
     )
     print_note(console, f"Stars: {rank.sample}. {rank.catalogue}")
+
+
+def _zeros(rank: RankResult) -> str:
+    """A sentence about stars of score 0, which the score does not order; empty if there are none."""
+    above = sum(row.score > 0.0 for row in rank.targets)
+    if rank.score_name == "contrast_limit" or above == len(rank.targets):
+        return ""
+    stars = "1 star has a score" if above == 1 else f"{count_text(above)} stars have a score"
+    return f" {stars} above zero; the others follow by the margin of the reference planet, not by the score."
 
 
 def _name_of(score: str) -> str:
@@ -82,14 +90,15 @@ def _table(rank: RankResult, shown: list[RankedTarget]) -> tuple[list[Column], l
         Column(score),
         Column("compl %"),
         Column("in", False, 7),
-        Column("band", False),
+        Column("band", False, 1),
         Column("sep ″", True, 4),
         Column("contrast", True, 5),
         Column("frames × s", True, 9),
         Column("gain", True, 10),
         Column("wall", True, 8),
-        Column("SNR", True, 1),
+        Column("SNR", True, 2),
         Column("margin"),
+        Column("blind %"),
         Column("status", False),
     ]
     rows = [
@@ -109,7 +118,8 @@ def _table(rank: RankResult, shown: list[RankedTarget]) -> tuple[list[Column], l
             duration_text(row.time_s),
             significant(row.snr),
             significant(row.detection_margin),
-            status_cell(row.status, row.reason),
+            MISSING if row.detection_probability is None else share_text(row.detection_probability),
+            verdict_cell(row),
         ]
         for row in shown
     ]
@@ -121,18 +131,20 @@ def _table(rank: RankResult, shown: list[RankedTarget]) -> tuple[list[Column], l
 def print_sensitivity(result: SensitivityResult, console: Console) -> None:
     """Print how the ranking depends on what is assumed."""
     columns = [
+        Column("detected"),
         Column("tau"),
-        Column("kept"),
-        Column("ok", True, 2),
-        Column("first", False, 1),
-        Column("biggest fall", False, 3),
+        Column("of", True, 1),
+        Column("kept", True, 2),
+        Column("first", False, 3),
+        Column("biggest fall", False, 4),
         Column("assumption", False),
     ]
     rows = [
         [
-            decimals(row.kendall_tau, 2),
-            f"{row.kept}/{result.top}",
             str(row.n_ok),
+            decimals(row.kendall_tau_b, 2),
+            str(row.n_compared),
+            f"{row.kept}/{result.top}",
             short_name(row.best),
             f"{short_name(row.largest_fall)} −{row.largest_fall_ranks}" if row.largest_fall_ranks > 0 else MISSING,
             row.text,
@@ -141,11 +153,11 @@ def print_sensitivity(result: SensitivityResult, console: Console) -> None:
     ]
     title = f"What the first {result.top} stars by {_name_of(result.score_name)} become under other assumptions"
     console.print(text_table(console, title, columns, rows, last_width=44))
-    print_note(console, f"{result.statement.rstrip('.')}.")
+    print_plain(console, result.statement)
     print_note(
         console,
-        f"tau: Kendall's, of the scores of the nominal top {result.top}; kept: how many of them stay there; ok: stars "
-        f"whose reference planet is detected ({result.n_ok} nominally); biggest fall: in ranks.",
+        f"detected: stars whose reference planet is detected ({result.n_ok} nominally); tau: {tau_text(result.top)}; "
+        f"of: their number; kept: how many of the nominal first {result.top} stay there; biggest fall: in ranks.",
     )
 
 
@@ -188,7 +200,7 @@ def _neighbours(told: Explanation, console: Console) -> None:
             decimals(row.v_mag, 2),
             decimals(row.distance_pc, 2),
             significant(row.detection_margin),
-            status_cell(row.status, row.reason),
+            verdict_cell(row),
         ]
         for row in (told.better, told.star, told.worse)
         if row is not None
@@ -201,6 +213,7 @@ def _bands(told: Explanation, console: Console) -> None:
         Column("band", False),
         Column("compl %"),
         Column("in zone %", True, 3),
+        Column("whole %", True, 4),
         Column("sep ″", True, 4),
         Column("contrast", True, 2),
         Column("limit", True, 2),
@@ -216,6 +229,7 @@ def _bands(told: Explanation, console: Console) -> None:
             band.band,
             share_text(band.completeness),
             share_text(band.in_zone),
+            share_text(band.observable),
             decimals(band.separation_arcsec, 3),
             ratio_text(band.contrast),
             ratio_text(band.contrast_limit),
@@ -224,13 +238,18 @@ def _bands(told: Explanation, console: Console) -> None:
             significant(band.detection_margin),
             significant(band.floor_margin),
             term_text(band.dominant),
-            status_cell(band.status, band.reason),
+            verdict_cell(band),
         ]
         for band in told.bands
     ]
     console.print(text_table(console, "Its reference planet and its population, band by band", columns, rows))
-    explain_symbols(console, [band.status for band in told.bands])
-    print_note(console, "limit: faintest contrast detected there; at most: margin that no length of visit can pass.")
+    explain_symbols(console, [band.status for band in told.bands if band.status != "ok"])
+    print_note(
+        console,
+        "compl %, in zone %, whole %: shares of the population that are detected, that lie in the dark quadrants, and "
+        "whose whole aperture lies there, as a detection needs; limit: faintest contrast detected there; at most: "
+        "margin that no length of visit can pass.",
+    )
 
 
 def _details(told: Explanation, console: Console) -> None:

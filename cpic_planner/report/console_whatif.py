@@ -9,7 +9,7 @@ from cpic_planner.models.surveyed import StrategyOutcome, WhatIfResult
 from cpic_planner.report.numbers import MISSING, count_text, decimals, duration_text, share_text, significant
 from cpic_planner.report.terminal import Column, print_note, print_plain, short_name, text_table
 from cpic_planner.report.whatif_looks import shown_rows
-from cpic_planner.report.whatif_words import interval_text, lead_sentences, planets_text
+from cpic_planner.report.whatif_words import extent_text, interval_text, lead_sentences, planets_text
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -33,6 +33,7 @@ def print_whatif(result: WhatIfResult, console: Console, report: Path | None = N
     """
     for i, text in enumerate(lead_sentences(result)):
         print_plain(console, text, bold=i == 0)
+    print_plain(console, f"Compared: {extent_text(result)}.")
     console.print()
     rows = shown_rows(result.strategies, _MOST_STRATEGIES)
     shown = [result.strategies[i] for i in rows]

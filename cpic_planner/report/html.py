@@ -35,15 +35,19 @@ from cpic_planner.report.summary import (
 from cpic_planner.report.words import (
     DRAWN_AS,
     GLOSSARY,
+    LIMITED_BY,
     METHOD_CREDITS,
     STAR_FLUX,
     STATUS_SYMBOLS,
     flag_text,
+    found_text,
     library_text,
     plus_minus,
     reason_text,
     sentence,
     status_text,
+    tau_text,
+    verdict_text,
 )
 
 if TYPE_CHECKING:
@@ -144,6 +148,9 @@ def render_plan(
             reasons=sorted({row.reason for row in rows if row.reason}),
             images=images,
             sensitivity=sensitivity,
+            found=found_text(plan.reference_library),
+            audited=any(band.audit for target in plan.targets for band in target.bands),
+            tau=tau_text(sensitivity.top) if sensitivity else "",
             score=score_text(rank.score_name),
             population=population_text(rank.population),
             summary=" ".join(summary_sentences(plan, rank)),
@@ -190,6 +197,8 @@ def page_environment() -> Environment:
         "count": count_text,
         "reason": reason_text,
         "status": status_text,
+        "verdict": verdict_text,
+        "limited": lambda limit, reason: LIMITED_BY[limit][0] if limit else reason.replace("_", " "),
         "flag": flag_text,
         "library": library_text,
         "pm": plus_minus,

@@ -72,7 +72,8 @@ def _track(axes: Axes, row: KnownPlanetRow, number: int) -> None:
     days = _days(track.mjd)
     axes.fill_between(days, track.separation_low_arcsec, track.separation_high_arcsec, color=colour, alpha=0.25, lw=0)
     unknown = ", phase unknown" if "phase_unknown" in row.flags else ""
-    label = literal(f"{row.planet.rpartition(' ')[2]}{unknown}")
+    doubted = "" if row.status == "confirmed" else f", {row.status}"
+    label = literal(f"{row.planet.rpartition(' ')[2]}{doubted}{unknown}")
     axes.plot(days, track.separation_median_arcsec, color=colour, lw=1.6, label=label)
 
 

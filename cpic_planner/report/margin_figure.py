@@ -8,7 +8,7 @@ import numpy as np
 
 from cpic_planner.models import RankResult
 from cpic_planner.report.drawing import STATUS_STYLE, Picture, new_figure, save, style
-from cpic_planner.report.words import reason_text, status_text
+from cpic_planner.report.words import LIMITED_BY, reason_text, status_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -77,9 +77,10 @@ def margin_figure(rank: RankResult) -> Picture:
 
 def _outcomes(axes: Axes, rank: RankResult) -> None:
     """Horizontal bars, most frequent on top."""
-    status_of = {row.reason: row.status for row in rank.targets} | {"ok": "ok"}
-    items = sorted(rank.counts.items(), key=lambda item: (item[1], item[0]))
-    names = ["detected (ok)" if key == "ok" else _wrapped(reason_text(key)) for key, _ in items]
+    found = {row.limited_by or row.reason or "none": row.status for row in rank.targets}
+    items = sorted((rank.counts_limited_by or rank.counts).items(), key=lambda item: (item[1], item[0]))
+    status_of = found | {"ok": "ok"}
+    names = [LIMITED_BY[key][0] if key in LIMITED_BY else _wrapped(reason_text(key) or "detected") for key, _ in items]
     counts = [count for _, count in items]
     colours = [STATUS_STYLE.get(status_of.get(key, "unreachable"), STATUS_STYLE["unreachable"])[0] for key, _ in items]
     bars = axes.barh(range(len(items)), counts, color=colours, height=0.6)

@@ -14,9 +14,11 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["rank_figure"]
+__all__ = ["MOST_STARS", "rank_figure"]
 
 N_STARS = 20
+MOST_STARS = 100
+"""Stars whose names can still be read in one figure, which is then 27 inches high."""
 
 
 def rank_figure(rank: RankResult, n_stars: int = N_STARS) -> Figure:
@@ -26,9 +28,9 @@ def rank_figure(rank: RankResult, n_stars: int = N_STARS) -> Figure:
     ----------
     rank : RankResult
     n_stars : int
-        How many stars have bars.
+        How many stars have bars, at most `MOST_STARS`; the title says how many they are.
     """
-    rows = rank.targets[:n_stars]
+    rows = rank.targets[: min(n_stars, MOST_STARS)]
     with style():
         figure = new_figure(max(3.2, 1.4 + 0.26 * len(rows)))
         left, right = figure.subplots(1, 2, width_ratios=(1.4, 1.0))

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping
 
 from cpic_planner.models import (
+    KNOWN_PLANETS,
     BandConfirmation,
     ConfirmedTarget,
     ConfirmResult,
@@ -14,12 +16,13 @@ from cpic_planner.models import (
 )
 from cpic_planner.report.names import pretty_name
 from cpic_planner.report.numbers import count_text, duration_text, significant
-from cpic_planner.report.words import overrides_text, sentence
+from cpic_planner.report.words import LIMITED_BY, overrides_text, searched_text, sentence
 
 __all__ = [
     "calibration_sentence",
     "chosen",
     "confirm_sentences",
+    "limits_text",
     "overrides_sentence",
     "planet_text",
     "population_text",
@@ -44,7 +47,11 @@ def population_text(population: PopulationRecord) -> str:
     often = "" if population.planets_per_star is None else f"{population.planets_per_star:g} planets per star"
     said = ", ".join(filter(None, (population.description, often)))
     name = f"{population.name} ({said})" if said else population.name
-    return f"{name}, {count_text(population.n_planets)} drawn with seed {population.seed}"
+    meaning = "fraction of it that one observation detects"
+    if population.name == KNOWN_PLANETS:
+        meaning = "probability that at least one of the star's own planets is detected"
+    drawn = f"{count_text(population.n_planets)} drawn with seed {population.seed}"
+    return f"{name}, {drawn}; completeness is the {meaning}"
 
 
 def calibration_sentence(result: PlanResult | ConfirmResult) -> str:
@@ -60,13 +67,21 @@ def overrides_sentence(result: PlanResult | ConfirmResult) -> str:
     return f"Images altered: {altered}. Predictions are nominal." if altered else ""
 
 
+def limits_text(counts: Mapping[str, int]) -> str:
+    """Return how many stars are limited by what, most first but for the detected ones."""
+    order = sorted(counts, key=lambda name: (name != "none", -counts[name], name))
+    words = {name: "detected" if name == "none" else f"limited by {LIMITED_BY[name][1]}" for name in order}
+    return ", ".join(f"{count_text(counts[name])} {words[name]}" for name in order)
+
+
 def summary_sentences(plan: PlanResult, rank: RankResult) -> list[str]:
     """Return the summary of the plan, one sentence an item."""
     sentences = [
         f"{count_text(plan.n_ranked)} stars were ranked by {_score_words(rank)}, in at most "
         f"{duration_text(plan.time_s)} of wall time per target and band.",
         f"A reference planet ({planet_text(plan)}) is predicted to be detected around "
-        f"{count_text(plan.counts.get('ok', 0))} of them.",
+        f"{count_text(plan.counts.get('ok', 0))} of them"
+        + (f" ({limits_text(rank.counts_limited_by)})." if rank.counts_limited_by else "."),
     ]
     if not plan.targets:
         return [*sentences, "No target was confirmed with simulated images."]
@@ -76,7 +91,7 @@ def summary_sentences(plan: PlanResult, rank: RankResult) -> list[str]:
     detections = sum(bool(band.detected) for band in measured)
     sentences.append(
         f"The first {_plural(len(plan.targets), 'target')} were simulated as images, up to {plan.realisations} "
-        f"times in every band in reach, reduced, searched blind and measured: the planet is found around "
+        f"times in every band in reach, reduced, {searched_text(plan.reference_library)}: the planet is found around "
         f"{len(found)} of {len(plan.targets)}, in {detections} of {_plural(len(measured), 'measurement')}."
     )
     if found:
@@ -97,7 +112,8 @@ def confirm_sentences(result: ConfirmResult) -> list[str]:
     bands = list(dict.fromkeys([*(search.band for search in result.searches), *(band.band for band in result.bands)]))
     sentences = [
         f"{_plural(len(planets), 'planet')} in {', '.join(bands) or 'no band'}, "
-        f"{_plural(result.realisations, 'realisation')} each: simulated, reduced, searched blind and measured."
+        f"{_plural(result.realisations, 'realisation')} each: simulated, reduced, "
+        f"{searched_text(result.reference_library)}."
     ]
     for planet in planets:
         own = [band for band in result.bands if band.planet == planet]
@@ -114,10 +130,13 @@ def confirm_sentences(result: ConfirmResult) -> list[str]:
 
 def _score_words(rank: RankResult) -> str:
     """What the ranking is by, for the middle of a sentence."""
-    population = f"the population {rank.population.name}"
+    share, hourly = f"the fraction of the population {rank.population.name} that one observation detects", "per hour"
+    if rank.population.name == KNOWN_PLANETS:
+        share = "the probability that one observation detects at least one of the star's own planets"
+        hourly = "divided by its hours"
     return {
-        "completeness_per_hour": f"the fraction of {population} that one observation detects per hour",
-        "completeness": f"the fraction of {population} that one observation detects",
+        "completeness_per_hour": f"{share} {hourly}",
+        "completeness": share,
         "detection_margin": "how clearly a reference planet is detected",
         "detection_time": "how soon a reference planet is detected",
         "contrast_limit": "the faintest contrast that is detected",

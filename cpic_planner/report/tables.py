@@ -30,6 +30,11 @@ COLUMN_UNITS: dict[str, str] = {
     "detection_margin": "",
     "status": "",
     "reason": "",
+    "verdict": "",
+    "verdict_mode": "",
+    "detection_probability": "",
+    "detection_probability_known_place": "",
+    "limited_by": "",
     "contrast_limit": "",
     "deepest_limit": "",
     "deepest_separation_arcsec": "arcsec",
@@ -53,11 +58,26 @@ COLUMN_UNITS: dict[str, str] = {
 }
 FLAG_SEPARATOR = "|"
 _INTEGERS = frozenset({"rank", "hip", "n_frames"})
-_TEXTS = frozenset({"name", "sp_type", "band", "completeness_band", "status", "reason", "flags"})
+_TEXTS = frozenset(
+    {
+        "name",
+        "sp_type",
+        "band",
+        "completeness_band",
+        "status",
+        "reason",
+        "verdict",
+        "verdict_mode",
+        "limited_by",
+        "flags",
+    }
+)
 
 
 def _cell(row: RankedTarget, column: str) -> Any:
     value = getattr(row, column)
+    if value is None and column in _TEXTS:
+        return ""
     return FLAG_SEPARATOR.join(value) if column == "flags" else value
 
 

@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from cpic_planner.report.names import pretty_name
 from cpic_planner.report.numbers import MISSING, significant
-from cpic_planner.report.words import STATUS_SYMBOLS, status_text
+from cpic_planner.report.words import LIMITED_BY, STATUS_SYMBOLS, VERDICTS, status_text
 
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text
 
-    from cpic_planner.models import BandConfirmation, EtcRow, RankedTarget, SearchRecord
+    from cpic_planner.models import BandConfirmation, BandStanding, EtcRow, RankedTarget, SearchRecord
 
 __all__ = [
     "Column",
@@ -25,6 +25,7 @@ __all__ = [
     "short_name",
     "status_cell",
     "text_table",
+    "verdict_cell",
 ]
 
 _STYLE = {"ok": "green", "unreachable": "yellow", "saturated": "red", "outside_field": "magenta", "invalid": "red"}
@@ -108,7 +109,7 @@ def print_plain(console: Console, text: str, *, bold: bool = False) -> None:
     console.print(Text(_fitting(console, text), style="bold" if bold else ""))
 
 
-_NAME_LENGTH = 18
+_NAME_LENGTH, _NEUTRAL = 18, "·"
 
 
 def short_name(identifier: str) -> str:
@@ -125,6 +126,17 @@ def ratio_text(value: float | None) -> str:
 def status_cell(status: str, reason: str) -> str:
     """Symbol and the short reason; `explain_symbols` explains the symbols below the table."""
     return f"{STATUS_SYMBOLS.get(status, '')} {reason.replace('_', ' ') or status_text(status)}".strip()
+
+
+def verdict_cell(item: EtcRow | RankedTarget | BandStanding) -> str:
+    """Verdict of an answer in a cell; the mark of a success stands before a detection only."""
+    if item.status == "ok":
+        if item.verdict == "detected":
+            return f"{STATUS_SYMBOLS['ok']} {VERDICTS['detected']}"
+        return status_text("ok") if item.verdict is None else f"{_NEUTRAL} {VERDICTS[item.verdict]}"
+    if item.reason == "speckle_floor" and item.limited_by in ("photons", "background"):
+        return f"{STATUS_SYMBOLS[item.status]} {LIMITED_BY[item.limited_by][0]}"
+    return status_cell(item.status, item.reason)
 
 
 def explain_symbols(console: Console, statuses: list[str]) -> None:

@@ -189,7 +189,7 @@ def sweep_figure(result: WhatIfResult) -> Picture | None:
         _value_axis(panels[0], sweep, places)
         panels[0].set_ylabel("planets found, new and known")
         panels[1].set_ylabel("new planets found")
-        figure.supxlabel(literal(sweep.key), fontsize=10.5)
+        figure.supxlabel(literal(sweep.title), fontsize=10.5)
         handles, texts = panels[0].get_legend_handles_labels()
         figure.legend(handles, texts, loc="outside upper center", ncols=3)
         hidden = len(sweep.lines) - len(lines)

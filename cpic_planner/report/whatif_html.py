@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from catalogs.catalogue import data_credits
 from catalogs.info import PLANET_CREDITS
+from catalogs.known_planets import split_source
 from cpic_planner.models.surveyed import DifferenceRecord, RankChange, StrategyOutcome, WhatIfResult
 from cpic_planner.report.drawing import Picture
 from cpic_planner.report.html import page_environment
@@ -15,6 +16,8 @@ from cpic_planner.report.whatif_words import (
     READING,
     WHATIF_GLOSSARY,
     changed_settings,
+    extent_text,
+    hanging_text,
     interval_text,
     lead_sentences,
     planets_text,
@@ -70,7 +73,8 @@ def render_whatif(result: WhatIfResult, figures: Mapping[str, Picture]) -> str:
     """
     reference = result.strategies[0]
     best = max(result.strategies, key=lambda item: item.planets.mean)
-    planets = PLANET_CREDITS if result.known_planets and result.universe["known_planets"] == "snapshot" else ()
+    shipped = bool(result.known_planets) and split_source(str(result.universe["known_planets"]))[0] != "none"
+    planets = PLANET_CREDITS if shipped else ()
     pairs = _pairs(result)
     environment = page_environment()
     environment.filters["planets"] = planets_text
@@ -81,6 +85,8 @@ def render_whatif(result: WhatIfResult, figures: Mapping[str, Picture]) -> str:
         reference=reference,
         best=best.name if best.planets.mean > 0 else "",
         lead=lead_sentences(result),
+        extent=extent_text(result),
+        hanging={item.name: hanging_text(item) for item in result.strategies},
         reading=READING,
         with_first=[pair for pair in pairs if pair.second == reference.name],
         other_pairs=[pair for pair in pairs if pair.second != reference.name],
@@ -92,7 +98,7 @@ def render_whatif(result: WhatIfResult, figures: Mapping[str, Picture]) -> str:
         settings={item.name: changed_settings(item.settings, reference.settings) for item in result.strategies},
         confirmed=[item for item in result.strategies if item.images is not None],
         universe=universe_facts(result),
-        assumed=shared_facts(reference.settings),
+        assumed=shared_facts(reference.settings, reference.instrument),
         visits_made={item.name: sum(target.visits for target in item.targets) for item in result.strategies},
         stars_visited={item.name: _stars(item) for item in result.strategies},
         glossary=[*WHATIF_GLOSSARY, *((word, text) for word, text in GLOSSARY if word in _WORDS)],

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from cpic_planner.models.surveyed import StrategyOutcome
 from cpic_planner.report.drawing import BAND_STYLE, literal
@@ -21,7 +20,6 @@ FEW = 8
 MOST_ROWS = 40
 """Rows of a figure that can be read."""
 _LABEL_LENGTH = 34
-_VARIED = re.compile(r"^(?P<base>.+?)(?P<values>(?: [A-Za-z_.]+=\S+)+)$")
 
 
 @dataclass(frozen=True)
@@ -33,23 +31,25 @@ class Sweep:
     key : str
         What is drawn along the axis: the key with the most values.
     values : tuple of str
-        Its values, ascending if they are numbers, otherwise in order of appearance.
+        Its values with unit or x, ascending if they are numbers, otherwise in order of appearance.
+    numbers : tuple of float or None
+        The values in ``unit``, if all of them are numbers of that one unit.
+    unit : str
+        Unit of the numbers; ``x`` for factors, empty for quantities that have none.
     lines : dict
         Index of the strategy at each value, by line: the base strategy with the values of the other keys.
     """
 
     key: str
     values: tuple[str, ...]
+    numbers: tuple[float, ...] | None
+    unit: str
     lines: dict[str, dict[str, int]]
 
     @property
-    def numbers(self) -> tuple[float, ...] | None:
-        """The values, if all of them are numbers."""
-        try:
-            found = tuple(float(value) for value in self.values)
-        except ValueError:
-            return None
-        return found if all(math.isfinite(value) for value in found) else None
+    def title(self) -> str:
+        """The key with its unit, for an axis."""
+        return f"{self.key} ({self.unit})" if self.numbers is not None and self.unit else self.key
 
 
 def looks_of(strategies: Sequence[StrategyOutcome]) -> list[tuple[str, str]]:
@@ -68,29 +68,35 @@ def looks_of(strategies: Sequence[StrategyOutcome]) -> list[tuple[str, str]]:
 
 
 def sweep_of(strategies: Sequence[StrategyOutcome]) -> Sweep | None:
-    """Return what varies where every name is ``NAME KEY=VALUE``, with the same keys; otherwise none."""
-    parsed: list[tuple[str, dict[str, str]]] = []
-    for item in strategies:
-        found = _VARIED.match(item.name)
-        if found is None:
-            return None
-        pairs = [(part.split("=", 1)[0], part.split("=", 1)[1]) for part in found["values"].split()]
-        parsed.append((found["base"], dict(pairs)))
+    """Return what varies where all strategies have values of the same keys; otherwise none."""
+    parsed = [(item.base, {setting.name: setting for setting in item.varied}) for item in strategies]
     keys = list(parsed[0][1]) if parsed else []
     if not keys or any(list(values) != keys for _, values in parsed):
         return None
-    seen = {key: list(dict.fromkeys(values[key] for _, values in parsed)) for key in keys}
+    seen = {key: {values[key].text: values[key] for _, values in parsed} for key in keys}
     key = max(keys, key=lambda name: len(seen[name]))
     if len(seen[key]) < 2:
         return None
     lines: dict[str, dict[str, int]] = {}
     for index, (base, values) in enumerate(parsed):
-        rest = " ".join(f"{name}={values[name]}" for name in keys if name != key and len(seen[name]) > 1)
-        lines.setdefault(f"{base} {rest}".strip(), {})[values[key]] = index
-    sweep = Sweep(key, tuple(seen[key]), lines)
-    if sweep.numbers is not None:
-        sweep = Sweep(key, tuple(sorted(seen[key], key=float)), lines)
-    return sweep
+        rest = " ".join(values[name].label for name in keys if name != key and len(seen[name]) > 1)
+        lines.setdefault(f"{base} {rest}".strip(), {})[values[key].text] = index
+    texts, settings = list(seen[key]), list(seen[key].values())
+    units = {"x" if item.text.startswith("x") and not item.unit else item.unit for item in settings}
+    found = [_number(item.value) for item in settings]
+    if None in found or len(units) > 1:
+        return Sweep(key, tuple(texts), None, "", lines)
+    ordered = sorted(zip(found, texts, strict=True))  # type: ignore[type-var]
+    return Sweep(key, tuple(text for _, text in ordered), tuple(float(value) for value, _ in ordered),  # type: ignore[arg-type]
+                 units.pop(), lines)  # fmt: skip
+
+
+def _number(value: Any) -> float | None:
+    """A number, or the only one of a list; None for anything else."""
+    if isinstance(value, list | tuple) and len(value) == 1:
+        return _number(value[0])
+    plain = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    return float(value) if plain else None
 
 
 def plain_log_axis(axes: Axes) -> None:

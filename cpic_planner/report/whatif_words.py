@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Literal
 
-from cpic_planner.models.surveyed import DifferenceRecord, StrategyOutcome, WhatIfResult
+from cpic_planner.models.surveyed import AssumedInstrument, DifferenceRecord, StrategyOutcome, WhatIfResult
 from cpic_planner.report.numbers import contrast_text, count_text, decimals, duration_text, percent_text, significant
 from cpic_planner.report.words import library_text
+from cpic_planner.written_values import with_unit
+from simulator.config.base import unit_of
 
 __all__ = [
     "READING",
     "WHATIF_GLOSSARY",
+    "best_by_value",
     "between",
     "changed_settings",
+    "empty_text",
+    "extent_text",
+    "hanging_text",
     "interval_text",
     "lead_sentences",
     "planets_text",
@@ -25,6 +31,11 @@ __all__ = [
 
 _SPENT = 0.95
 """Share of the budget above which it is what limits the yield."""
+_HANGS = 0.3
+"""Share of a yield above which it is said to hang on one planet."""
+_MOST_LISTED, _MOST_EMPTY = 8, 3
+_HARDLY_USED, _FAR_BELOW = 0.02, 0.5
+"""Share of the budget, and distance from the bound, of a calendar that is nearly empty."""
 
 READING: tuple[str, ...] = (
     "The mean is taken over synthetic universes that all have the same real stars and the same known planets, with "
@@ -60,6 +71,9 @@ WHATIF_GLOSSARY: tuple[tuple[str, str], ...] = (
 )  # fmt: skip
 """Words of this report; those of the other reports are in `cpic_planner.report.words`."""
 
+_FACTORS = ("assumptions.drift", "assumptions.throughput")
+_UNITS = {"assumptions.exozodi": "zodi"}
+"""Units of keys that do not end in them."""
 _GOALS = {
     "time": "as long as it pays, at most",
     "detect": "until the reference planet is detected, at most",
@@ -77,6 +91,61 @@ _METHODS = {"greedy": "best gain per hour first, with look-ahead", "milp": "mixe
 def interval_text(low: float, high: float, digits: int = 2) -> str:
     """Return the ends of an interval."""
     return f"{decimals(low, digits)} to {decimals(high, digits)}"
+
+
+def best_by_value(strategies: Sequence[StrategyOutcome]) -> dict[str, StrategyOutcome]:
+    """Return the strategy that finds most at each value of a sweep, by that value; without a sweep of all, under ""."""
+    swept = all(item.varied for item in strategies)
+    best: dict[str, StrategyOutcome] = {}
+    for item in strategies:
+        value = item.variation if swept else ""
+        if value not in best or item.planets.mean > best[value].planets.mean:
+            best[value] = item
+    return best
+
+
+def hanging_text(item: StrategyOutcome) -> str:
+    """Return ``85 % of the planets found are eps Eri b`` where more than 30 % are one planet; otherwise nothing."""
+    one = item.leading_planet
+    if one is None or one.share <= _HANGS:
+        return ""
+    return f"{percent_text(one.share)} of the planets found are {one.name}"
+
+
+def empty_text(item: StrategyOutcome) -> str:
+    """Return the sentence on a calendar that is empty, or hardly used and far below its bound; otherwise nothing."""
+    plan, settings = item.schedule, item.settings
+    needed, least = settings["detection"]["visits_needed"], settings["scheduler"]["min_gain"]
+    if plan.visits and (plan.hours > _HARDLY_USED * settings["time_budget_h"] or plan.distance < _FAR_BELOW):
+        return ""
+    if not plan.visits:
+        text = f"{item.name} plans no visit at all"
+    else:
+        text = f"{item.name} plans {count_text(plan.visits)} visits only, {significant(plan.hours)} h"
+    rule = f"A visit has to be worth {least:g} planets (scheduler.min_gain)."
+    if needed > 1:
+        rule = (f"Where {needed} visits have to show a planet, those of a star have to be worth {least:g} planets each "
+                "on average (scheduler.min_gain).")  # fmt: skip
+    if plan.bound <= 0.0:
+        return f"{text}: no visit of its stars fits into the calendar and shows a planet. {rule}"
+    bound = f"no calendar can be worth more than {significant(plan.bound, 2)}, this one is worth"
+    worth = significant(plan.value, 2)
+    return f"{text}: {bound} {worth}. {rule}"
+
+
+def extent_text(result: WhatIfResult) -> str:
+    """Return what is compared, from the numbers of the run: strategies, telescope time, length of the survey."""
+    days = float(result.universe["duration_days"])
+    budgets = sorted({float(item.settings["time_budget_h"]) for item in result.strategies})
+    ends = dict.fromkeys((budgets[0], budgets[-1]))
+    hours = " to ".join(f"{budget:g}" for budget in ends)
+    shares = " to ".join(percent_text(budget / (24.0 * days)) for budget in ends)
+    n = len(result.strategies)
+    each = "one strategy" if n == 1 else f"{count_text(n)} strategies"
+    return (
+        f"{each} with {hours} h of telescope time, {shares} of {count_text(round(days))} days "
+        f"({significant(days / 365.25, 2)} years) from {str(result.universe['start_utc'])[:10]}"
+    )
 
 
 def planets_text(value: float) -> str:
@@ -103,13 +172,23 @@ def between(
 def lead_sentences(result: WhatIfResult) -> list[str]:
     """Return the summary, one sentence an item: the statement, the runner-up, and whether the budget binds."""
     said = [result.statement]
+    empty = [text for item in result.strategies if (text := empty_text(item))]
+    said += empty[:_MOST_EMPTY]
+    if len(empty) > _MOST_EMPTY:
+        said.append(f"Of {len(empty) - _MOST_EMPTY} other strategies, too, the calendar is empty or nearly so.")
     order = sorted(result.strategies, key=lambda item: -item.planets.mean)
+    told = {item.name for item in best_by_value(result.strategies).values()}  # the statement says it of these
+    others = [item for item in order if hanging_text(item) and item.name not in told]
+    if others:
+        listed = "; ".join(f"{item.name}: {hanging_text(item)}" for item in others[:_MOST_LISTED])
+        more = f"; and so on for {len(others) - _MOST_LISTED} others" if len(others) > _MOST_LISTED else ""
+        said.append(f"Other yields hang on one planet, too. {listed}{more}.")
     if len(order) > 1 and order[0].planets.mean > 0:
         said += _runner_up(result, order[0], order[1])
     budgets = sorted({float(item.settings["time_budget_h"]) for item in result.strategies})
     share = max(item.hours.mean / float(item.settings["time_budget_h"]) for item in result.strategies)
     if share < _SPENT:
-        budget = f"its budget of {significant(budgets[0], 4)} h" if len(budgets) == 1 else "its budget"
+        budget = f"its budget of {budgets[0]:g} h" if len(budgets) == 1 else "its budget"
         who = "The strategy uses" if len(order) == 1 else "No strategy uses more than"
         said.append(
             f"{who} {percent_text(share)} of {budget} on average: its rules on stars and visits end it before the time "
@@ -155,8 +234,8 @@ def universe_facts(result: WhatIfResult) -> list[tuple[str, str]]:
     return facts
 
 
-def shared_facts(settings: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Return the rules and assumptions of a strategy, as terms and texts."""
+def shared_facts(settings: Mapping[str, Any], used: AssumedInstrument | None = None) -> list[tuple[str, str]]:
+    """Return the rules and assumptions of a strategy, with numbers of the instrument if given, as terms and texts."""
     return [
         ("Population of unknown planets", _population(settings["population"])),
         ("Targets", _targets(settings["targets"])),
@@ -165,7 +244,7 @@ def shared_facts(settings: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("Follow-up", _follow_up(settings["follow_up"])),
         ("Reference frames", library_text(settings["reduction"]["library"])),
         ("Detection", _detection(settings["detection"])),
-        ("Changes to the instrument", _assumed(settings["assumptions"])),
+        ("Changes to the instrument", _assumed(settings["assumptions"], used)),
         ("Stop rules", _stops(settings["stop"])),
         ("Calendar", _calendar(settings)),
     ]
@@ -238,13 +317,19 @@ def _detection(rule: Mapping[str, Any]) -> str:
     )
 
 
-def _assumed(assumed: Mapping[str, Any]) -> str:
+def _assumed(assumed: Mapping[str, Any], used: AssumedInstrument | None) -> str:
     parts = []
     if assumed["contrast"] is not None:
         parts.append(f"median raw contrast of the dark hole {contrast_text(assumed['contrast'], 2)}")
-    parts += [f"{key} × {assumed[key]:g}" for key in ("drift", "throughput") if assumed[key] != 1.0]
+    if assumed["drift"] != 1.0:
+        parts.append(f"wavefront drift × {assumed['drift']:g}")
+        if used is not None:
+            parts[-1] += f" ({used.visit_drift_nm:g} nm visit offset, {used.walk_nm_per_sqrt_hour:g} nm/√h walk)"
+    if assumed["throughput"] != 1.0:
+        told = "" if used is None else ", ".join(f"{value:g} in {band}" for band, value in used.throughput.items())
+        parts.append(f"throughput of the optics × {assumed['throughput']:g}{f' ({told})' if told else ''}")
     if assumed["exozodi"] is not None:
-        parts.append(f"dust of {assumed['exozodi']:g} solar systems")
+        parts.append(f"dust of {assumed['exozodi']:g} solar systems (zodi)")
     return ", ".join(parts) or "none"
 
 
@@ -261,7 +346,7 @@ def _calendar(settings: Mapping[str, Any]) -> str:
     rule = settings["scheduler"]
     method = _METHODS.get(rule["method"], rule["method"])
     return (
-        f"{method}; at most {percent_text(settings['share'])} of any slot; no visit worth less than "
+        f"{method}; at most {percent_text(settings['slot_share'])} of any slot; no visit worth less than "
         f"{rule['min_gain']:g} planets"
     )
 
@@ -271,7 +356,7 @@ def changed_settings(settings: Mapping[str, Any], reference: Mapping[str, Any]) 
     own, other = dict(_leaves(settings)), dict(_leaves(reference))
     keys = [key for key in {**own, **other} if key not in ("name", "description")]
     return [
-        (key, setting_text(own.get(key)), setting_text(other.get(key)))
+        (key, setting_text(own.get(key), key), setting_text(other.get(key), key))
         for key in keys
         if own.get(key) != other.get(key)
     ]
@@ -285,12 +370,15 @@ def _leaves(tree: Mapping[str, Any], above: str = "") -> list[tuple[str, Any]]:
     return found
 
 
-def setting_text(value: Any) -> str:
-    """A value of a setting as people read it."""
+def setting_text(value: Any, key: str = "") -> str:
+    """Return a value of a setting as people read it: with the unit of its key, factors with their x."""
     if value is None or value in ([], {}, ""):
         return "none"
     if isinstance(value, bool):
         return "yes" if value else "no"
-    if isinstance(value, float):
-        return f"{value:g}"
-    return ", ".join(setting_text(item) for item in value) if isinstance(value, list) else str(value)
+    if isinstance(value, list):
+        return ", ".join(setting_text(item, key) for item in value)
+    if not isinstance(value, int | float):
+        return str(value)
+    text = f"{value:g}" if isinstance(value, float) else str(value)
+    return f"x{text}" if key in _FACTORS else with_unit(text, _UNITS.get(key, unit_of(key)))

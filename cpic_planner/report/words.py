@@ -17,17 +17,23 @@ __all__ = [
     "FLAGS",
     "GLOSSARY",
     "LIBRARIES",
+    "LIMITED_BY",
     "METHOD_CREDITS",
     "STAR_FLUX",
     "STATUS_SYMBOLS",
     "STATUS_WORDS",
+    "VERDICTS",
     "flag_text",
+    "found_text",
     "library_text",
     "overrides_text",
     "plus_minus",
     "reason_text",
+    "searched_text",
     "sentence",
     "status_text",
+    "tau_text",
+    "verdict_text",
 ]
 
 #: Symbol of each status, so that badges do not rely on colour.
@@ -47,9 +53,26 @@ STATUS_WORDS: dict[str, str] = {
     "invalid": "invalid",
 }
 
+#: Whether a planet is detected; only the first has a mark, which is green.
+VERDICTS: dict[str, str] = {
+    "detected": "detected",
+    "measured_not_detected": "measured, not detected",
+    "unreachable": "unreachable",
+}
+
+#: What limits an answer: in one or two words, and as the end of a sentence about stars or bands.
+LIMITED_BY: dict[str, tuple[str, str]] = {
+    "none": ("detected", "nothing"),
+    "speckles": ("speckles", "speckles (detected if the wavefront did not drift)"),
+    "background": ("background", "background (detected if there were no noise but the planet's own and the speckles)"),
+    "photons": ("too faint", "photons (too faint even if the wavefront did not drift, or if there were no background)"),
+    "geometry": ("outside", "geometry (outside the dark hole)"),
+    "saturation": ("saturated", "saturation (no frame is possible)"),
+}
+
 _REASONS: dict[str, str] = {
     "": "",
-    "speckle_floor": "speckle residual too bright, whatever the time",
+    "speckle_floor": "no length of visit is enough",
     "insufficient_time": "not enough time",
     "pixel_full_well": "shortest frame overfills a pixel",
     "register_full_well": "gain register overfills",
@@ -138,7 +161,22 @@ GLOSSARY: tuple[tuple[str, str], ...] = (
         "The significance that keeps the false-alarm probability of the stated n sigma although the noise is estimated "
         "from few resolution elements (small-sample statistics). It rises where there are few.",
     ),
-    ("margin", "Significance divided by threshold. A margin of at least 1 is a detection."),
+    (
+        "margin",
+        "Significance divided by threshold. Somewhat more than half of the visits show a planet of margin 1 if its "
+        "place is known.",
+    ),
+    (
+        "detected",
+        "At least half of the visits show the planet at its known place, as simulated images have it. A blind search, "
+        "which does not know the place, finds it less often where speckles rule: its probability is stated beside.",
+    ),
+    (
+        "limited by",
+        "The single change that would make the planet detected in the given time. Speckles: a wavefront that does not "
+        "drift; background: no noise but the planet's own and the speckles; photons: neither of them is enough, the "
+        "planet is too faint.",
+    ),
     (
         "completeness",
         "Fraction of the planets of a stated population, drawn the same for every star, that one observation detects. "
@@ -148,7 +186,7 @@ GLOSSARY: tuple[tuple[str, str], ...] = (
     (
         "Kendall tau",
         "Agreement of two orders: 1 where all pairs of stars stand in the same order, 0 for unrelated orders, −1 for "
-        "reversed ones. Equal scores are allowed for (tau-b).",
+        "reversed ones. Equal scores are no order (tau-b).",
     ),
     (
         "speckle floor",
@@ -218,6 +256,11 @@ def status_text(status: str) -> str:
     return STATUS_WORDS.get(status, status.replace("_", " "))
 
 
+def verdict_text(verdict: str | None, status: str) -> str:
+    """Return a verdict as words; the status where there is none."""
+    return status_text(status) if verdict is None else VERDICTS.get(verdict, verdict.replace("_", " "))
+
+
 def reason_text(reason: str) -> str:
     """Return a reason code as words; unknown codes with spaces for underscores."""
     return _REASONS.get(reason, reason.replace("_", " "))
@@ -226,6 +269,17 @@ def reason_text(reason: str) -> str:
 def library_text(library: str) -> str:
     """Return what a reference library is; the code itself if unknown."""
     return LIBRARIES.get(library, library.replace("_", " "))
+
+
+def found_text(library: str) -> str:
+    """Say when a realisation counts as a detection, for a reference library."""
+    blind = "the blind search finds the planet"
+    return "the planet is significant at its known place (two rolls show it twice)" if library == "roll" else blind
+
+
+def searched_text(library: str) -> str:
+    """Say what is done with images after the reduction, for a reference library."""
+    return "measured at the known place" if library == "roll" else "searched blind and measured"
 
 
 def flag_text(flag: str) -> str:
@@ -241,6 +295,14 @@ def plus_minus(text: str) -> str:
 def sentence(text: str) -> str:
     """Return a text as a sentence: capital, ±, full stop; empty for none."""
     return f"{plus_minus(text[:1].upper() + text[1:])}." if text else ""
+
+
+def tau_text(top: int) -> str:
+    """Say what Kendall's tau of a ranking under another assumption compares; ``top`` are the stars looked at."""
+    return (
+        f"Kendall's tau-b of the scores, of the stars among the first {top} whose score is above zero, nominally or "
+        "under the assumption (1: the same order; 0: an unrelated one; equal scores are no order)"
+    )
 
 
 def overrides_text(overrides: Mapping[str, Any]) -> str:

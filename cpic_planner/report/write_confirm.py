@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from cpic_planner.etc.model import EtcModel
@@ -18,10 +18,15 @@ from simulator.config.albedo import ParametricAlbedo
 if TYPE_CHECKING:
     from cpic_planner.report.drawing import Picture
 
-__all__ = ["PANELS", "write_confirm_report"]
+__all__ = ["PANELS", "products_of", "write_confirm_report"]
 
 PANELS = "panels-{band}.png"
 """Name of the images of a band."""
+
+
+def products_of(bands: Iterable[str]) -> list[str]:
+    """Names of the files of a report of images in these bands."""
+    return ["measurements.csv", "report.html", *(PANELS.format(band=band) for band in bands)]
 
 
 def write_confirm_report(

@@ -6,7 +6,10 @@ from cpic_planner.models.surveyed import WhatIfResult
 from cpic_planner.report.whatif_table import targets_csv
 from cpic_planner.runfolder import RunFolder
 
-__all__ = ["write_whatif"]
+__all__ = ["PRODUCTS", "write_whatif"]
+
+PRODUCTS = ("targets.csv", "report.html")
+"""Names of the files of a report."""
 
 
 def write_whatif(folder: RunFolder, result: WhatIfResult) -> None:

@@ -6,20 +6,21 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from catalogs.catalogue import NAMED_TABLES, open_catalogue
 from catalogs.errors import InputError
-from catalogs.strict_yaml import load_yaml
+from catalogs.strict_yaml import load_mapping
 from simulator.config import Instrument, Scene, load_instrument, load_scene, scenes_from_table
 from simulator.config.base import validate
 from simulator.config.keys import nearest
 from simulator.config.presets import preset_names, preset_path
+from simulator.config.scene import SCENE_KEYS
 from simulator.config.simulation import SKY_KINDS, SequenceConfig, SimulationConfig, meaningful_keys, of_no_use
-from simulator.config.simulation_file import load_simulation, simulation_of
+from simulator.config.simulation_file import SIMULATION_KEYS, load_simulation, simulation_of
 
 __all__ = ["SimulationInput", "simulation_from"]
 
 SimulationInput = SimulationConfig | Scene | Mapping[str, Any] | str | Path
 _YAML = (".yaml", ".yml", ".json")
-_STAR_TABLES = ("snapshot", "latest")
 
 
 def simulation_from(
@@ -35,7 +36,8 @@ def simulation_from(
     ----------
     what : sequence
         Simulations and scenes (presets, YAML files, mappings, objects), and tables of stars (CSV, ECSV, VOTable or
-        FITS; ``snapshot``, ``latest``), each row of which is a scene. Nothing for a calibration ``kind``.
+        FITS; ``snapshot``, ``latest``, ``simbad_2012``), each row of which is a scene. Nothing for a calibration
+        ``kind``.
     settings : mapping, optional
         Keys of `SequenceConfig` for the scenes; a simulation has its own.
     changes : mapping, optional
@@ -118,16 +120,14 @@ def _read(item: SimulationInput, instrument: Any) -> SimulationConfig | tuple[st
     if preset_path("scene", name) is not None:
         return _scene(name)
     path = Path(item).expanduser()
-    if name not in _STAR_TABLES:
+    if name not in NAMED_TABLES:
         if not path.exists():
             known = (*preset_names("simulation"), *preset_names("scene"))
             raise InputError("what", name, allowed="a preset, a YAML file, or a table of stars that exists",
                              hint=nearest(name, known) or _presets())  # fmt: skip
         if path.suffix.lower() in _YAML:
-            return _read_mapping(load_yaml(path), path, instrument)
-    from catalogs.catalogue import open_catalogue
-
-    stars = open_catalogue(name if name in _STAR_TABLES else path)
+            return _read_mapping(load_mapping(path, "scene", (*SCENE_KEYS, *SIMULATION_KEYS)), path, instrument)
+    stars = open_catalogue(name if name in NAMED_TABLES else path)
     return path.stem, scenes_from_table(stars.table), stars.notes
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import hashlib
 import shutil
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -11,6 +10,7 @@ from pathlib import Path
 from typing import Any, Protocol, cast
 
 from catalogs.errors import InputError
+from catalogs.user_files import digest_of
 from cpic_planner.engine import run_tasks
 from cpic_planner.environment import RunClock
 from cpic_planner.models import SimulatedSequence, SimulationResult
@@ -24,14 +24,14 @@ from simulator.config import FrozenModel, content_hash
 from simulator.config.simulation import SimulationConfig
 from simulator.files import dump_json
 from simulator.products import FrameSequence, write_level0
-from simulator.products.naming import OBSID_DIGITS, ProductName
+from simulator.products.naming import ProductName
 from simulator.products.params import PARAMS_FILES
+from simulator.products.write import refuse_taken
 
 __all__ = ["Advance", "FinishedSimulation", "simulate"]
 
 RESULT_VERSION = 1
 """Raised when the same configuration gives other frames, so that old folders are not continued."""
-_BRANCHES = ("SCI", "CAL", "Truth", "Params")
 
 
 class Advance(Protocol):
@@ -74,7 +74,7 @@ def simulate(
     scheduler : str, optional
         Dask scheduler to use instead; its workers see ``out`` under the same name.
     force : bool
-        Replace what another configuration left in ``out``.
+        Remove what a run of another configuration wrote into ``out``, and nothing else.
     truth : bool
         Write the truth beside the products.
     advance : callable
@@ -98,8 +98,10 @@ def simulate(
     settings = [item.settings(digests) for item in planned]
     digest = _configuration_hash(settings, digests.files, truth=truth)
     _check_room(Path(out), planned, truth=truth)
-    with open_run_folder(out, kind="simulation", config_hash=digest, force=force, clear=_clear) as folder:
-        _sweep(folder.path)
+    products = ["simulation.json", "run.json", *(name for item in planned for name in _files(item.name, truth=truth))]
+    with open_run_folder(out, kind="simulation", config_hash=digest, products=products, force=force) as folder:
+        for item in planned:
+            refuse_taken(folder.path, item.name, overwrite=True)
         bodies, resumed = _make_all(planned, folder, workers, scheduler, truth, advance)
         result = _result(simulation, planned, settings, digest, bodies, truth=truth)
         folder.write("simulation.json", dump_json(result.model_dump(mode="json")))
@@ -125,7 +127,7 @@ class _Digests:
     def __call__(self, part: FrozenModel) -> str:
         if id(part) not in self._known:
             tree = part.model_dump(mode="json")
-            self.files |= {name: _sha256(Path(name)) for name in _named_files(tree) if name not in self.files}
+            self.files |= {name: digest_of(name) for name in _named_files(tree) if name not in self.files}
             self._known[id(part)] = content_hash(tree)
         return self._known[id(part)]
 
@@ -167,12 +169,14 @@ def _make_all(
         else:
             waiting.append(item)
     resumed = len(bodies)
-    root = str(folder.path.resolve())
+    root = str(folder.temporary.resolve())
     alone = scheduler is None and (workers == 1 or len(waiting) <= 1)
     function = functools.partial(make_sequence, progress=advance) if alone else make_sequence
     arguments = [(item, root, truth) for item in waiting]
     for position, body in run_tasks(function, arguments, workers=workers, scheduler=scheduler):
         item = waiting[position]
+        for name in reversed(body["files"]):  # the Level-0 file last: where it is, the others are
+            folder.adopt(folder.temporary / item.obsid / name, name, **body["files"][name])
         bodies[item.obsid] = folder.save_part(item.obsid, body)
         if not alone:
             advance(item.obsid, item.n_frames)
@@ -210,17 +214,17 @@ _TALLIED = ("adu_min", "adu_max", "saturated_pixels", "clipped_pixels", "cosmic_
 def make_sequence(
     item: PlannedSequence, root: str, truth: bool, *, progress: Callable[..., None] | None = None
 ) -> dict[str, Any]:
-    """Make the files of one sequence; return their sizes and checksums, and what the frames hold."""
+    """Make the files of one sequence below ``root/OBSID``; return their sizes and checksums, and what frames hold."""
+    own = Path(root) / item.obsid
     try:
         tally = _Tally(item.build())
         told = None if progress is None else lambda done, total: progress(f"{item.target} {item.band}".strip(), 1)
-        write_level0(cast(Any, tally), root, obsid=item.obsid, overwrite=True, truth=truth, progress=told)
+        write_level0(cast(Any, tally), own, obsid=item.obsid, overwrite=True, truth=truth, progress=told)
     except InputError as error:
         raise located(error, f"sequence {item.obsid}") from None
     names = _files(item.name, truth=truth)
     return {
-        "files": {name: {"size_bytes": (Path(root) / name).stat().st_size, "sha256": _sha256(Path(root) / name)}
-                  for name in names}
+        "files": {name: {"size_bytes": (own / name).stat().st_size, "sha256": digest_of(own / name)} for name in names}
     } | {name: getattr(tally, name) for name in _TALLIED}  # fmt: skip
 
 
@@ -234,14 +238,9 @@ def _whole(root: Path, body: dict[str, Any]) -> bool:
     """Whether the files of a sequence are as they were left."""
     for name, known in body["files"].items():
         path = root / name
-        if not path.is_file() or path.stat().st_size != known["size_bytes"] or _sha256(path) != known["sha256"]:
+        if not path.is_file() or path.stat().st_size != known["size_bytes"] or digest_of(path) != known["sha256"]:
             return False
     return True
-
-
-def _sha256(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _check_room(root: Path, planned: Sequence[PlannedSequence], *, truth: bool) -> None:
@@ -252,29 +251,6 @@ def _check_room(root: Path, planned: Sequence[PlannedSequence], *, truth: bool) 
     if needed > free:
         raise InputError("--out", str(root), allowed=f"a disk with {needed / 1e9:.2f} GB to spare",
                          hint=f"{free / 1e9:.2f} GB are free there")  # fmt: skip
-
-
-def _sweep(root: Path) -> None:
-    """Remove what an interrupted run left half written."""
-    for branch in _BRANCHES:
-        for path in (root / branch).rglob(".*.part"):
-            path.unlink(missing_ok=True)
-
-
-def _clear(root: Path) -> None:
-    """Remove the products of a simulation, and nothing else."""
-    _sweep(root)
-    images = [path for branch in ("SCI", "CAL", "Truth") for path in root.glob(f"{branch}/*/*.fits")]
-    logs = [path for file in PARAMS_FILES for path in root.glob(f"Params/{'[0-9]' * OBSID_DIGITS}/V[0-9][0-9]/{file}")]
-    for path in images:
-        if ProductName.parse(path.name.replace("_TRUTH.fits", ".fits")) is not None:
-            path.unlink()
-    for path in logs:
-        path.unlink()
-    for branch in _BRANCHES:
-        for folder in sorted((root / branch).rglob("*"), reverse=True):
-            if folder.is_dir() and not any(folder.iterdir()):
-                folder.rmdir()
 
 
 def _result(

@@ -52,7 +52,9 @@ def make_schedule(problem: Problem) -> Schedule:
     Both methods state the same bound: the value that linear programming gives a relaxation in which visits may be made
     in part and each star is worth at most what its cuts allow. ``milp`` then asks for whole visits, round after round,
     until the best allocation is within the strategy's ``gap`` of its own bound or that hardly falls any more; the
-    better of it and the greedy one is improved by exchanging single visits as long as that helps. Stars that come
+    better of it and the greedy one is improved by exchanging single visits as long as that helps. Where a detection
+    needs several visits, the greedy schedule is improved like that too, and problems of up to 200 possible visits go
+    through ``milp`` whatever the method: it takes less than a second there. Stars that come
     first (known planets) are allocated before the others, and the others get what is left: the bound, which knows no
     such order, may then be farther away.
 
@@ -67,13 +69,15 @@ def make_schedule(problem: Problem) -> Schedule:
     everyone = _Programme(problem, Room.of(problem), range(len(problem.stars)))
     everyone.add_prefixes(cuts_at)
     bound = everyone.rounds(whole=False)[1]
-    value = _value(problem, cuts_at)
-    method = "greedy"
-    if problem.strategy.scheduler.method == "milp" and everyone.columns:
+    method, several = "greedy", problem.strategy.detection.visits_needed > 1
+    asked = problem.strategy.scheduler.method == "milp"
+    if everyone.columns and (asked or (several and len(everyone.columns) <= _MANY)):
         chosen, own_bound = _allocated(problem, everyone, cuts_at)
         bound = min(bound, own_bound)
         if _rank(problem, chosen) > _rank(problem, cuts_at):
             method, cuts_at = "milp", chosen
+    value = _value(problem, cuts_at)
+    if asked or several:
         chosen = exchanged(problem, cuts_at)
         better = _value(problem, chosen)
         if method == "milp" or better > value:
@@ -100,19 +104,33 @@ def _allocated(
     """Whole visits of all stars, group after group, and the bound where there is one group."""
     groups = problem.groups()
     if len(groups) == 1:
-        return everyone.rounds(whole=True)
+        chosen, bound = everyone.rounds(whole=True)
+        return _worthwhile(problem, chosen), bound
     room, found = Room.of(problem), dict[int, list[Visit]]()
     for group in groups:
         programme = _Programme(problem, room, group)
         if not programme.columns:
             continue
         programme.add_prefixes({star: made[star] for star in group if star in made})
-        chosen = programme.rounds(whole=True)[0]
+        chosen = _worthwhile(problem, programme.rounds(whole=True)[0])
         for star, visits in sorted(chosen.items()):
             for visit in visits:
                 room.take(star, visit, float(problem.stars[star].cost_h[visit]))
         found |= chosen
     return found, np.inf
+
+
+def _worthwhile(problem: Problem, made: dict[int, list[Visit]]) -> dict[int, list[Visit]]:
+    """Return the stars whose visits are worth together what the strategy asks of them.
+
+    Where one detection is enough, the programme has no other columns. Where several are needed, it counts detections,
+    and may choose visits that show different planets, or one of them too seldom.
+    """
+    needed, least = problem.strategy.detection.visits_needed, problem.strategy.scheduler.min_gain
+    if needed == 1:
+        return made
+    worth = {star: StarValue.of(problem.stars[star], needed, visits).value for star, visits in made.items()}
+    return {star: visits for star, visits in made.items() if worth[star] > 0.0 and worth[star] >= least * len(visits)}
 
 
 def _rank(problem: Problem, made: dict[int, list[Visit]]) -> tuple[float, ...]:

@@ -21,6 +21,7 @@ from simulator.imaging.imager import centred_axis
 from simulator.imaging.metrics import PsfMetrics
 from simulator.imaging.store import metrics_key, psf_metrics
 from simulator.passbands import Passbands
+from simulator.work import announce
 
 __all__ = ["assumed_model", "imaged_model", "mirror_noise_nm", "raw_contrast_median", "with_contrast"]
 
@@ -113,6 +114,7 @@ def mirror_noise_nm(instrument: Instrument, band: str, contrast: float) -> float
 
 def _solved(instrument: Instrument, band: str, contrast: float) -> float:
     """Noise of the mirror; nan without any."""
+    announce(f"brightening the dark hole of {band} to {contrast:g}, once: about 10 s")
     least = instrument.mirror.noise_nm
     bright = functools.partial(_median_of, instrument, band)
     if contrast <= (1.0 + _ROUNDING) * bright(least):

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cpic_planner.completeness import inside_zone
+from cpic_planner.etc import detection
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.noise import StackNoise, stack_noise
 from cpic_planner.etc.rates import aperture_rates
 from cpic_planner.etc.reflected import mixture_contrast
 from cpic_planner.etc.significance import threshold_array
-from cpic_planner.etc.speckles import error_light_share
 from cpic_planner.orbits import OrbitPlaces
 from cpic_planner.survey.strategy import DetectionRule
 from cpic_planner.survey.universe import Bodies
@@ -23,11 +23,9 @@ from simulator.config.albedo import AlbedoSpec
 from simulator.imaging.metrics import PsfMetrics
 from simulator.target.positions import sky_to_detector
 
-__all__ = ["INWARD", "Seen", "Setting", "detection_chance", "half_margin", "reach_au", "rolled", "see", "tail_share"]
+__all__ = ["Seen", "Setting", "detection_chance", "half_margin", "reach_au", "rolled", "see", "tail_share"]
 
 FloatArray = NDArray[np.float64]
-INWARD = 0.1
-"""Resolution element over separation, ten of them from the star, that the law of a blind search is stated for."""
 
 
 @dataclass(frozen=True)
@@ -164,12 +162,8 @@ def reach_au(model: EtcModel, distance_pc: float) -> tuple[float, float]:
 
 def tail_share(model: EtcModel, setting: Setting, separation_arcsec: FloatArray, noise: StackNoise) -> FloatArray:
     """Share of the noise, as rms, that is light of the wavefront's errors: its tails are exponential."""
-    readout_s = model.camera(setting.band).readout_s
-    share = error_light_share(
-        model.metrics[setting.band], model.instrument.drift, separation_arcsec, model.strategy.annulus_lambda_d,
-        model.strategy.reference_ratio, setting.n_frames * (setting.exposure_s + readout_s),
-    )  # fmt: skip
-    return np.sqrt(share * noise.terms["speckle"] / noise.quiet)
+    visit_s = setting.n_frames * (setting.exposure_s + model.camera(setting.band).readout_s)
+    return detection.tail_share(model, setting.band, separation_arcsec, visit_s, noise)
 
 
 def half_margin(rule: DetectionRule, known: ArrayLike, tails: ArrayLike, inward: ArrayLike) -> FloatArray:
@@ -178,21 +172,15 @@ def half_margin(rule: DetectionRule, known: ArrayLike, tails: ArrayLike, inward:
     Parameters
     ----------
     rule : DetectionRule
+        ``expected`` is a step at 1; any other follows the law of `cpic_planner.etc.detection.half_margin`.
     known : array_like of bool
         Planets whose place is known.
     tails, inward : array_like
         As of `Seen`.
-
-    Notes
-    -----
-    A search that knows no place holds its false alarms down in noise of any tails: it asks for more where the light of
-    the wavefront's errors is much of the noise, and near the star, where few elements tell what the noise is.
     """
     if rule.rule == "expected":
         return np.ones(np.broadcast_shapes(np.shape(known), np.shape(tails)))
-    at_place = np.asarray(known, bool) | (rule.rule == "known_place")
-    harder = rule.blind_tails * np.asarray(tails) + rule.blind_inward * (np.asarray(inward) - INWARD)
-    return np.where(at_place, rule.known_margin, rule.blind_margin * np.exp(harder))
+    return detection.half_margin(rule, _at_place(rule, known), tails, inward)
 
 
 def detection_chance(seen: Seen, rule: DetectionRule, known: NDArray[np.bool_], shift: ArrayLike = 0.0,
@@ -213,20 +201,18 @@ def detection_chance(seen: Seen, rule: DetectionRule, known: NDArray[np.bool_], 
 
     Notes
     -----
-    ``Phi(ln(c margin / m) / w)`` with m of `half_margin`: the law that images follow (``reports/whatif``), for a blind
-    search and at a known place. ``expected`` is a step at 1. Where nothing can be seen the chance is 0.
+    The law that images follow (`cpic_planner.etc.detection.detection_probability`), for a blind search and at a known
+    place. ``expected`` is a step at 1. Where nothing can be seen the chance is 0.
     """
     if rule.rule == "expected":
         return np.where(seen.margin >= 1.0, 1.0, 0.0)
-    from scipy.special import ndtr
+    return detection.detection_probability(rule, seen.margin, _at_place(rule, known), seen.tails, seen.inward,
+                                           shift=shift, calibration=calibration)  # fmt: skip
 
-    at_place = known | (rule.rule == "known_place")
-    middle = half_margin(rule, known, seen.tails, seen.inward)
-    error = np.where(at_place, rule.known_margin_error, rule.blind_margin_error)
-    width = np.where(at_place, rule.known_width, rule.blind_width)
-    with np.errstate(divide="ignore"):
-        above = np.log(seen.margin * np.asarray(calibration, float) / middle)
-    return np.asarray(ndtr((above - error * np.asarray(shift, float)) / width))
+
+def _at_place(rule: DetectionRule, known: ArrayLike) -> NDArray[np.bool_]:
+    """Planets that are looked for at a known place under a rule."""
+    return np.asarray(known, bool) | (rule.rule == "known_place")
 
 
 def rolled(star: Targets, roll_deg: float) -> Targets:

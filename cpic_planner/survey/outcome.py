@@ -9,10 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cpic_planner.models.surveyed import (
+    AssumedInstrument,
     CurvePoint,
     DifferenceRecord,
     EstimateRecord,
     ImageSample,
+    PlanetShare,
     RankChange,
     ScheduleRecord,
     StrategyOutcome,
@@ -58,6 +60,9 @@ def outcome(
     return StrategyOutcome(
         name=strategy.name,
         description=strategy.description,
+        varied=list(strategy.varied),
+        instrument=_instrument(survey),
+        leading_planet=_leading(survey, tables["detections"], len(new)),
         settings=strategy.model_dump(mode="json"),
         schedule=_schedule(survey),
         planets=_estimate(new + known),
@@ -73,6 +78,26 @@ def outcome(
         targets=_targets(survey, tables["stars"], first_utc),
         images=images,
     )  # fmt: skip
+
+
+def _instrument(survey: Survey) -> AssumedInstrument:
+    instrument = survey.model.instrument
+    return AssumedInstrument(
+        visit_drift_nm=instrument.drift.visit_nm,
+        walk_nm_per_sqrt_hour=instrument.drift.walk_nm_per_sqrt_hour,
+        exozodi_zodis=instrument.sky.exozodi_zodis,
+        throughput={band: instrument.bands[band].t_opt for band in survey.strategy.visit.bands},
+    )
+
+
+def _leading(survey: Survey, detections: Columns, n: int) -> PlanetShare | None:
+    """The known planet that is found most often; new planets are others in every universe."""
+    rows, times = np.unique(detections["known_row"][detections["known_row"] >= 0], return_counts=True)
+    if survey.known is None or not len(rows):
+        return None
+    most = int(np.argmax(times))
+    name = survey.known.text("planet")[int(rows[most])]
+    return PlanetShare(name=name, share=times[most] / len(detections["known_row"]), planets=times[most] / n)
 
 
 def _estimate(values: FloatArray) -> EstimateRecord:

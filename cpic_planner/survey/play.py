@@ -160,7 +160,7 @@ def play(survey: Survey, *, block: int, n: int, seed: int) -> Played:
         slots.setdefault(visit.slot, []).append((k, visit))
     follows = strategy.follow_up.wanted
     for b in range(survey.calendar.n_slots) if follows else sorted(slots):
-        clock.slot[:] = strategy.share * survey.calendar.slot_h[b]
+        clock.slot[:] = strategy.slot_share * survey.calendar.slot_h[b]
         if follows:
             for i, star in stars.items():
                 if star.found.any():

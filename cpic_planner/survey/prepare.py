@@ -72,7 +72,7 @@ def prepare(config: StrategiesConfig, *, advance: Callable[[str], None] = lambda
     universe, limits = config.universe, load_visibility(config.universe.visibility)
     _check_rolls(config, limits)
     catalogue, instrument = as_catalogue(universe.catalog), load_instrument(universe.instrument)
-    known = None if universe.known_planets == "off" else load_known_planets(universe.known_planets)
+    known = known_table(universe)
     log = _checked(read_log(universe.observed), catalogue, instrument) if universe.observed else None
     looked = []
     for strategy in config.strategies:
@@ -104,6 +104,17 @@ def prepare(config: StrategiesConfig, *, advance: Callable[[str], None] = lambda
         worth.append(tuple(star.worth for star in found))
         advance(f"{item.strategy.name}: schedule")
     return Prepared(config, catalogue, instrument, known, log, stars, calendar, tuple(surveys), tuple(worth))
+
+
+def known_table(universe: UniverseConfig) -> KnownPlanetTable | None:
+    """Return the table of known planets of a survey; None where they are left out.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read.
+    """
+    return None if universe.known_planets == "off" else load_known_planets(universe.known_planets)
 
 
 def _check_rolls(config: StrategiesConfig, limits: VisibilityConfig) -> None:

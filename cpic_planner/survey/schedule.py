@@ -90,7 +90,7 @@ class Room:
     @classmethod
     def of(cls, problem: Problem) -> Room:
         """All of a strategy's time."""
-        return cls(problem.strategy.time_budget_h, problem.strategy.share * problem.slot_h)
+        return cls(problem.strategy.time_budget_h, problem.strategy.slot_share * problem.slot_h)
 
     def take(self, star: int, visit: Visit, cost_h: float) -> None:
         """Book a visit."""
@@ -118,7 +118,8 @@ def greedy(problem: Problem, *, room: Room | None = None) -> tuple[Room, list[tu
     """Fill the calendar.
 
     Again and again the bundle of most value per hour is booked: the best next visit of a star, or the best two, up to
-    ``look_ahead`` of them, each in the slot where it adds most. Stars that come first (known planets) are served until
+    ``look_ahead`` of them, each in the slot where it adds most; where a detection needs several visits, bundles of any
+    length. Stars that come first (known planets) are served until
     they have nothing more to give.
 
     Parameters
@@ -169,17 +170,33 @@ def _fits(bundle: _Bundle, star: Candidate, room: Room) -> bool:
 
 
 def _best_bundle(problem: Problem, state: StarValue, room: Room, star: int) -> _Bundle | None:
-    """The next visits of a star that give most per hour together."""
-    own = list(room.visits.get(star, ()))
+    """Return the next visits of a star that give most per hour together; None where none is worth its time."""
+    found = _grown(problem, state, room, star, ())
+    if state.needed > 1 and not room.visits.get(star):
+        # The best single visits may leave no time or slot for as many as a detection needs.
+        starts = [start for surest in (True, False) if (start := _surest(problem, state, room, star, surest))]
+        for other in [_grown(problem, state, room, star, start) for start in starts]:
+            if other is not None and (found is None or other.density > found.density):
+                found = other
+    return found
+
+
+def _grown(problem: Problem, state: StarValue, room: Room, star: int, first: Sequence[Visit]) -> _Bundle | None:
+    """Return the best bundle that begins with some visits and goes on with that of most value per hour.
+
+    Where one detection is enough, each visit adds less than the one before: as many are weighed as the strategy looks
+    ahead. Where several are needed, the first visits add nothing and later ones more and more: bundles of all lengths
+    are weighed, until the value per hour has fallen for as many visits as a detection needs.
+    """
+    own, needed = list(room.visits.get(star, ())), state.needed
     trial = Room(room.budget_h, room.slots_h.copy(), {star: own})
     best: _Bundle | None = None
     visits: list[Visit] = []
     gains: list[float] = []
     cost = value = 0.0
-    for _ in range(max(problem.strategy.scheduler.look_ahead, problem.strategy.detection.visits_needed)):
-        if len(own) + len(visits) >= state.star.visits_left:
-            break
-        visit = _next_visit(problem, state, trial, [*own, *visits])
+    length = problem.strategy.scheduler.look_ahead if needed == 1 else state.star.visits_left
+    for k in range(min(length, state.star.visits_left - len(own))):
+        visit = first[k] if k < len(first) else _next_visit(problem, state, trial, [*own, *visits])
         if visit is None:
             break
         after = state.after(visit)
@@ -193,7 +210,48 @@ def _best_bundle(problem: Problem, state: StarValue, room: Room, star: int) -> _
         worthwhile = value >= problem.strategy.scheduler.min_gain * len(visits) and value > 0.0
         if worthwhile and (best is None or value / cost > best.density):
             best = _Bundle(tuple(visits), tuple(gains), cost, value / cost)
+        if needed > 1 and best is not None and len(visits) >= len(best.visits) + needed:
+            break
     return best
+
+
+def _surest(problem: Problem, state: StarValue, room: Room, star: int, surest: bool) -> tuple[Visit, ...]:
+    """Return just as many visits as a detection needs that show one planet in each of them; none where none can.
+
+    Of all sets of visits with their gaps, found slot after slot for every planet by itself: the ``surest`` one, or the
+    cheapest. There is a calendar that is worth anything exactly where the cheapest set fits into the budget.
+    """
+    item, needed = state.star, state.needed
+    chance = np.where(room.holds(item.cost_h)[..., None], item.chance, 0.0) * (item.weight > 0.0)
+    if min(needed, item.visits_left) < needed or not chance.any():
+        return ()
+    with np.errstate(divide="ignore"):
+        score = np.log(chance) if surest else np.where(chance > 0.0, -item.cost_h[..., None], -np.inf)
+    order = np.argsort(item.day, kind="stable")
+    day, gap = item.day[order], problem.strategy.revisits.min_gap_days - _ROUNDING
+    # Slots before each one that are far enough away; never itself.
+    before = np.minimum(np.searchsorted(day, day - gap, side="right"), np.arange(len(day)))
+    of_slot = score.max(axis=0)[order]
+    best = np.full((needed + 1, len(day) + 1, score.shape[-1]), -np.inf)
+    best[0] = 0.0
+    for count in range(1, needed + 1):
+        for slot in range(len(day)):
+            best[count, slot + 1] = np.maximum(best[count, slot], best[count - 1, before[slot]] + of_slot[slot])
+    end = best[needed, -1]
+    worth = np.log(np.maximum(item.weight, np.finfo(float).tiny)) + end if surest else end
+    planet = int(np.argmax(worth))
+    if not np.isfinite(end[planet]):
+        return ()
+    made: list[Visit] = []
+    count, slot = needed, len(day)
+    while count:
+        if best[count, slot, planet] > best[count, slot - 1, planet]:
+            made.append((int(np.argmax(score[:, order[slot - 1], planet])), int(order[slot - 1])))
+            count, slot = count - 1, int(before[slot - 1])
+        else:
+            slot -= 1
+    cost = sum(float(item.cost_h[visit]) for visit in made)
+    return tuple(made[::-1]) if cost <= room.budget_h + _ROUNDING else ()
 
 
 def _next_visit(problem: Problem, state: StarValue, room: Room, made: Sequence[Visit]) -> Visit | None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import io
 import json
 import logging
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -20,14 +20,17 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from catalogs.errors import InputError
+from catalogs.user_files import read_file
 from cpic_planner.runfolder import DamagedPartError, RunFolder
 
-__all__ = ["Column", "ResultStore", "StoredTable", "Table", "clear_tables", "read_table"]
+__all__ = ["Column", "ResultStore", "StoredTable", "Table", "read_table", "table_files"]
 
 _LOG = logging.getLogger(__name__)
 SCHEMA_VERSION = 1
 _METADATA = b"cpic_planner"
 _ROW_GROUP = 1 << 18  # rows; fixed, as all that decides the bytes
+_WRITTEN = "a Parquet file written by this program"
+_MAX_BYTES = 4_000_000_000
 _KINDS = {"float64": "f", "int64": "i", "int32": "i", "bool": "b", "string": "OUT"}
 
 
@@ -226,14 +229,9 @@ class ResultStore:
         return sink.getvalue()
 
 
-def clear_tables(tables: Sequence[Table]) -> Callable[[Path], None]:
-    """What `cpic_planner.runfolder.open_run_folder` calls to remove the tables of another configuration."""
-
-    def clear(folder: Path) -> None:
-        for table in tables:
-            (folder / f"{table.name}.parquet").unlink(missing_ok=True)
-
-    return clear
+def table_files(tables: Sequence[Table]) -> list[str]:
+    """Names of the files that `ResultStore.merge` writes."""
+    return [f"{table.name}.parquet" for table in tables]
 
 
 def read_table(path: str | Path) -> StoredTable:
@@ -248,11 +246,13 @@ def read_table(path: str | Path) -> StoredTable:
     import pyarrow.parquet as pq
 
     try:
-        rows = pq.read_table(path, use_threads=False, partitioning=None)
+        data = read_file(path, key="table", allowed=_WRITTEN, max_bytes=_MAX_BYTES)
+        rows = pq.read_table(pa.BufferReader(data), use_threads=False)
         about = json.loads(rows.schema.metadata[_METADATA])
+    except InputError:
+        raise
     except (OSError, pa.ArrowException, KeyError, TypeError, ValueError) as error:
-        raise InputError("table", str(path), allowed="a Parquet file written by this program",
-                         hint=f"{type(error).__name__}: {error}") from None  # fmt: skip
+        raise InputError("table", str(path), allowed=_WRITTEN, hint=f"{type(error).__name__}: {error}") from None
     notes = {field.name: {k.decode(): v.decode() for k, v in field.metadata.items()} for field in rows.schema}
     return StoredTable(
         name=about["table"],

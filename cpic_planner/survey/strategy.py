@@ -8,8 +8,11 @@ from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
 
 from catalogs.errors import InputError
 from catalogs.strict_yaml import Provenance
+from cpic_planner.etc.detection import DetectionLaw
 from cpic_planner.etc.model import Strategy as Reduction
+from cpic_planner.models.surveyed import VariedSetting
 from cpic_planner.population_config import PopulationConfig, load_population
+from cpic_planner.written_values import read_value
 from simulator.config import FrozenModel
 from simulator.config.light import Real
 
@@ -29,6 +32,12 @@ __all__ = [
 def _listed(value: Any) -> Any:
     """A single text as a list of one."""
     return (value,) if isinstance(value, str) else value
+
+
+def _factor(value: Any) -> Any:
+    """A factor that is written with its x, as a number."""
+    written = read_value("factor", value) if isinstance(value, str) else None
+    return value if written is None or written.action == "set" else written.value
 
 
 Names = Annotated[tuple[str, ...], BeforeValidator(_listed)]
@@ -110,7 +119,7 @@ class FollowUp(FrozenModel):
         return bool(self.bands)
 
 
-class DetectionRule(FrozenModel):
+class DetectionRule(DetectionLaw):
     """What counts as a detection.
 
     Attributes
@@ -122,46 +131,33 @@ class DetectionRule(FrozenModel):
         included, are looked for at their place under ``blind`` too.
     visits_needed : int
         Visits that must show the planet.
-    calibration, calibration_error : float
-        Recovered over predicted SNR of images, and its standard error, drawn once for each universe.
-    blind_margin, blind_width, known_margin, known_width : float
-        Normal law of the detection probability in the logarithm of significance over threshold: where it is one half,
-        and its width. For a blind search: in Gaussian noise, ten resolution elements from the star.
-    blind_tails, blind_inward : float
-        What the logarithm of the middle of a blind search gains where all noise is light of the wavefront's errors,
-        and for each unit of resolution element over separation (`cpic_planner.survey.detection.half_margin`).
-    blind_margin_error, known_margin_error : float
-        Relative standard errors of the middles, drawn once for each universe.
     sigma : float
         Detection level whose false-alarm probability the small-sample thresholds keep.
+
+    Notes
+    -----
+    The other numbers are those of `cpic_planner.etc.detection.DetectionLaw`; their errors are drawn once for each
+    universe.
     """
 
     rule: Literal["blind", "known_place", "expected"] = "blind"
     visits_needed: Annotated[int, Field(ge=1, le=10)] = 1
     sigma: Annotated[Real, Field(ge=1, le=20)] = 5.0
-    calibration: Annotated[Real, Field(gt=0, le=10)] = 1.0
-    calibration_error: Annotated[Real, Field(ge=0, le=1)] = 0.0
-    blind_margin: Annotated[Real, Field(gt=0, le=100)] = 1.0
-    blind_width: Annotated[Real, Field(gt=0, le=100)] = 0.2
-    blind_tails: Annotated[Real, Field(ge=-10, le=10)] = 0.0
-    blind_inward: Annotated[Real, Field(ge=-100, le=100)] = 0.0
-    blind_margin_error: Annotated[Real, Field(ge=0, le=10)] = 0.0
-    known_margin: Annotated[Real, Field(gt=0, le=100)] = 1.0
-    known_width: Annotated[Real, Field(gt=0, le=100)] = 0.2
-    known_margin_error: Annotated[Real, Field(ge=0, le=10)] = 0.0
 
 
 class Assumptions(FrozenModel):
     """What is taken of the instrument instead of what its file says.
 
     ``contrast`` is the median raw contrast of the dark hole in every band: a brighter hole is that of a mirror whose
-    actuators are off by as much, a darker one has less of the instrument's light (`cpic_planner.survey.assumed`). The
-    other numbers are factors, ``exozodi`` an amount of dust in solar systems.
+    actuators are off by as much, a darker one has less of the instrument's light (`cpic_planner.survey.assumed`).
+    ``drift`` and ``throughput`` are factors on the instrument's numbers (2 or ``x2``: twice): drift on the offset of a
+    visit and on the walk within it, throughput on the optics' of every band. ``exozodi`` is an amount of dust in solar
+    systems (zodi).
     """
 
     contrast: Annotated[Real, Field(ge=0, le=1e-3)] | None = None
-    drift: Annotated[Real, Field(ge=0, le=1000)] = 1.0
-    throughput: Annotated[Real, Field(gt=0, le=10)] = 1.0
+    drift: Annotated[Real, Field(ge=0, le=1000), BeforeValidator(_factor)] = 1.0
+    throughput: Annotated[Real, Field(gt=0, le=10), BeforeValidator(_factor)] = 1.0
     exozodi: Annotated[Real, Field(ge=0, le=1e4)] | None = None
 
 
@@ -180,8 +176,9 @@ class StopRule(FrozenModel):
 class SchedulerRule(FrozenModel):
     """How visits are put into the calendar.
 
-    ``min_gain`` is the least that a visit has to be worth, in planets; ``look_ahead`` the most visits of one star that
-    the greedy choice weighs together, and never fewer than a detection needs; ``gap`` is how near to the bound the
+    ``min_gain`` is the least that a visit has to be worth, in planets; where a detection needs several visits, the mean
+    of a star's visits. ``look_ahead`` is the most visits of one star that the greedy choice weighs together where one
+    detection is enough: where several are needed, it weighs any number of them. ``gap`` is how near to the bound the
     mixed-integer programme has to come; ``reserve`` the time planned beyond the budget, as a fraction of it, for
     universes in which stop rules free some.
     """
@@ -205,8 +202,9 @@ class SurveyStrategy(FrozenModel):
     name, description : str
     time_budget_h : float
         Telescope time, slews, settling and occultations included.
-    share : float
-        Largest fraction of any slot of the calendar that the coronagraph may take.
+    slot_share : float
+        Largest fraction of any slot of the calendar that the coronagraph may take; ``share`` in files is the same. It
+        is no share of the mission: that is ``time_budget_h`` over the length of the survey.
     value_known, value_new : float
         What the detection of a known planet, and of a new one, is worth to the scheduler.
     """
@@ -214,7 +212,7 @@ class SurveyStrategy(FrozenModel):
     name: Annotated[str, Field(min_length=1, max_length=120)]
     description: str = ""
     time_budget_h: Annotated[Real, Field(gt=0, le=1e6)] = 1000.0
-    share: Annotated[Real, Field(gt=0, le=1)] = 0.25
+    slot_share: Annotated[Real, Field(gt=0, le=1)] = 0.25
     targets: TargetCuts = TargetCuts()
     population: Annotated[PopulationConfig | None, BeforeValidator(_population)] = None
     visit: VisitRule = VisitRule()
@@ -228,11 +226,17 @@ class SurveyStrategy(FrozenModel):
     value_known: Annotated[Real, Field(ge=0, le=1e6)] = 1.0
     value_new: Annotated[Real, Field(ge=0, le=1e6)] = 1.0
     _provenance: dict[str, Provenance] = PrivateAttr(default_factory=dict)
+    _varied: tuple[VariedSetting, ...] = PrivateAttr(default=())
 
     @property
     def provenance(self) -> dict[str, Provenance]:
         """Dotted keys whose values were stated with a source, with that source."""
         return dict(self._provenance)
+
+    @property
+    def varied(self) -> tuple[VariedSetting, ...]:
+        """Values that ``--vary`` gave the strategy, in the order of its name."""
+        return self._varied
 
     @model_validator(mode="after")
     def _consistent(self) -> SurveyStrategy:

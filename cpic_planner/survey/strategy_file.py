@@ -1,23 +1,21 @@
-"""Strategies as people write them: a YAML file or preset, what it leaves out, and keys that are varied."""
+"""Strategies as people write them: a YAML file or preset, and what it leaves out."""
 
 from __future__ import annotations
 
 import functools
-import itertools
-import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, PrivateAttr, model_validator
 
 from catalogs.errors import InputError
-from catalogs.strict_yaml import Provenance, load_yaml, parse_yaml, split_sourced
+from catalogs.known_planets import split_source
+from catalogs.strict_yaml import Provenance, load_yaml, split_sourced
 from cpic_planner.models.surveyed import SettingSource
 from cpic_planner.survey.strategy import SurveyStrategy
 from simulator.config import FrozenModel
 from simulator.config.base import deep_merge, validate
-from simulator.config.keys import nearest
 from simulator.config.light import Real
 from simulator.config.mission import Utc
 from simulator.config.presets import preset_path, preset_tree
@@ -29,7 +27,6 @@ __all__ = [
     "UniverseConfig",
     "load_strategies",
     "sources_of",
-    "varied",
     "with_universe",
 ]
 
@@ -37,11 +34,8 @@ PACKAGE = "cpic_planner"
 MAX_STRATEGIES = 200
 FILES = ("instrument", "visibility", "catalog", "known_planets", "observed")
 """What a survey names by preset or file."""
-_ALIASES = {"contrast": "assumptions.contrast", "drift": "assumptions.drift", "throughput": "assumptions.throughput",
-            "exozodi": "assumptions.exozodi", "budget_h": "time_budget_h", "time_s": "visit.time_s",
-            "max_visits": "revisits.max_visits", "max_targets": "targets.max_targets", "rule": "detection.rule",
-            "library": "reduction.library"}  # fmt: skip
-"""Short names of keys for ``--vary``."""
+_RENAMED = {"share": "slot_share"}
+"""Former names of keys of a strategy."""
 _OF_SURVEY = ("kind", "universe", "defaults", "strategies")
 
 
@@ -54,7 +48,8 @@ class UniverseConfig(FrozenModel):
     duration_days, slot_days : float
         Length of the survey, and step of its calendar.
     instrument, visibility, catalog, known_planets : str
-        Presets or files; ``known_planets`` ``off`` leaves them out.
+        Presets or files; ``known_planets`` as `catalogs.known_planets.load_known_planets` reads it, ``off`` leaves
+        them out.
     observed : str
         Observation log of what was done already (`cpic_planner.survey.observed`); empty for none.
     background : {"off", "on"}
@@ -137,8 +132,9 @@ def load_strategies(source: Mapping[str, Any] | str | Path = "survey_default") -
     >>> [item.name for item in load_strategies("survey_default").strategies][:2]
     ['single_visit', 'multi_band']
     """
-    tree, folder = preset_tree("strategies", source, package=PACKAGE, kinds=("strategy",))
-    tree = tree if folder is None else _beside(paths_beside(tree, folder), folder)
+    tree, folder = preset_tree("strategies", source, package=PACKAGE, kinds=("strategy",),
+                               keys=(*SurveyStrategy.model_fields, *_OF_SURVEY))  # fmt: skip
+    tree = _renamed(tree if folder is None else _beside(paths_beside(tree, folder), folder))
     values, _ = split_sourced(tree)
     kind = values.pop("kind", "strategies")
     if kind == "strategy" or "strategies" not in values:
@@ -161,6 +157,19 @@ def load_strategies(source: Mapping[str, Any] | str | Path = "survey_default") -
     for strategy, layer in zip(config.strategies, written, strict=True):
         strategy._provenance.update(_sourced(default, tree.get("defaults", {}), layer))
     return config
+
+
+def _renamed(tree: Mapping[str, Any]) -> dict[str, Any]:
+    """Return strategies with the present names of keys that had others."""
+    found = {_RENAMED.get(key, key): value for key, value in tree.items()}
+    for old, new in _RENAMED.items():
+        if old in tree and new in tree:
+            raise InputError(f"strategies.{old}", f"given with {new}", allowed="one of the two: they are the same")
+    if isinstance(found.get("defaults"), Mapping):
+        found["defaults"] = _renamed(found["defaults"])
+    if isinstance(found.get("strategies"), list | tuple):
+        found["strategies"] = [_renamed(item) if isinstance(item, Mapping) else item for item in found["strategies"]]
+    return found
 
 
 def _sourced(*layers: Any) -> dict[str, Provenance]:
@@ -186,8 +195,14 @@ def _beside(tree: Any, folder: Path) -> Any:
         return [_beside(item, folder) for item in tree]
     if not isinstance(tree, dict):
         return tree
-    return {key: str(folder / item) if key in (*FILES, "population") and isinstance(item, str)
-            and (folder / item).is_file() else _beside(item, folder) for key, item in tree.items()}  # fmt: skip
+    return {key: _found(key, item, folder) if key in (*FILES, "population") and isinstance(item, str)
+            else _beside(item, folder) for key, item in tree.items()}  # fmt: skip
+
+
+def _found(key: str, item: str, folder: Path) -> str:
+    """Return a file's name with the folder where it is, other text as it is."""
+    name = split_source(item)[1] if key == "known_planets" else item
+    return f"{item.removesuffix(name)}{folder / name}" if name and (folder / name).is_file() else item
 
 
 def _default_strategy() -> dict[str, Any]:
@@ -218,83 +233,6 @@ def with_universe(config: StrategiesConfig, given: Mapping[str, Any]) -> Strateg
     universe._provenance.update({key: item for key, item in config.universe.provenance.items()
                                  if getattr(universe, key) == getattr(config.universe, key)})  # fmt: skip
     return config.model_copy(update={"universe": universe})
-
-
-def varied(config: StrategiesConfig, sweeps: Sequence[str]) -> StrategiesConfig:
-    """Every strategy with every combination of values of some keys, ``--vary key=a,b,c``.
-
-    Parameters
-    ----------
-    config : StrategiesConfig
-    sweeps : sequence of str
-        ``KEY=VALUE,VALUE...``: a dotted key of a strategy, or a short name of one; a list as ``[A,B]``.
-
-    Returns
-    -------
-    StrategiesConfig
-        Strategies are named ``NAME KEY=VALUE``; the first one comes first for all values.
-
-    Raises
-    ------
-    InputError
-        For an unknown key, or a value that it cannot have.
-    """
-    parsed = [_sweep(text) for text in sweeps]
-    keys = [key for key, _, _ in parsed]
-    for key in keys:
-        if keys.count(key) > 1:
-            raise InputError("--vary", key, allowed="each key once")
-    made = []
-    for strategy in config.strategies:
-        tree = strategy.model_dump(mode="python")
-        for values in itertools.product(*(entries for _, _, entries in parsed)):
-            own, label = tree, [strategy.name]
-            for (key, name, _), (text, value) in zip(parsed, values, strict=True):
-                own = _with(own, key, value)
-                label.append(f"{name}={text}")
-            made.append(validate(SurveyStrategy, own | {"name": " ".join(label)}, where="--vary"))
-            made[-1]._provenance.update({key: item for key, item in strategy.provenance.items() if key not in keys})
-    if len(made) > MAX_STRATEGIES:
-        raise InputError("--vary", f"{len(made)} strategies", allowed=f"at most {MAX_STRATEGIES} in all")
-    names = [item.name for item in made]
-    twice = next((name for name in names if names.count(name) > 1), None)
-    if twice is not None:
-        raise InputError("--vary", twice, allowed="each value once")
-    return config.model_copy(update={"strategies": tuple(made)})
-
-
-def _sweep(text: str) -> tuple[str, str, list[tuple[str, Any]]]:
-    name, sign, listed = text.partition("=")
-    name = name.strip()
-    if not sign or not name or not listed.strip():
-        raise InputError("--vary", text, allowed="KEY=VALUE,VALUE..., as contrast=1e-8,3e-9")
-    texts = [item.strip() for item in re.split(r",(?![^\[{]*[\]}])", listed)]
-    if not all(texts):
-        raise InputError("--vary", text, allowed="a value between commas; null for none")
-    key = _ALIASES.get(name, name)
-    known = tuple(key for key in _keys(SurveyStrategy) if key not in ("name", "description"))
-    if key not in known:
-        raise InputError("--vary", name, allowed="a key of a strategy",
-                         hint=nearest(name, (*_ALIASES, *known)) or f"short names: {', '.join(_ALIASES)}")  # fmt: skip
-    return key, name, [(item, parse_yaml(item, where="--vary")) for item in texts]
-
-
-def _keys(model: Any, above: str = "") -> tuple[str, ...]:
-    """Dotted keys of a model whose values are plain."""
-    found: list[str] = []
-    for name, field in model.model_fields.items():
-        below = field.annotation
-        if isinstance(below, type) and issubclass(below, FrozenModel):
-            found += _keys(below, f"{above}{name}.")
-        else:
-            found.append(f"{above}{name}")
-    return tuple(found)
-
-
-def _with(tree: Mapping[str, Any], key: str, value: Any) -> dict[str, Any]:
-    """Copy of a tree with one value replaced."""
-    head, _, rest = key.partition(".")
-    return dict(tree) | {head: _with(tree[head], rest, value) if rest else value}
 
 
 def sources_of(config: StrategiesConfig) -> list[SettingSource]:

@@ -130,9 +130,10 @@ def chance(seed: int, *path: str | int, shape: tuple[int, ...]) -> FloatArray:
 
 
 def at_known_place(bodies: Bodies, table: KnownPlanetTable | None) -> NDArray[np.bool_]:
-    """Which planets a visit knows where to look for: known ones whose orbit in space is published, node included.
+    """Tell for which planets a visit knows where to look: known ones whose orbit in space is published, node included.
 
-    Radial velocities alone leave the position angle open: such planets are searched for as unknown ones are.
+    Radial velocities alone leave the position angle open, and so do errors of more than a few degrees
+    (`catalogs.known_planet_table.PLACE_DEG`): such planets are searched for as unknown ones are.
     """
     placed = np.zeros(len(bodies), bool)
     if table is not None:

@@ -13,13 +13,14 @@ from numpy.typing import NDArray
 from cpic_planner.engine import run_tasks
 from cpic_planner.environment import RunClock
 from cpic_planner.models.surveyed import ImageSample, StrategyOutcome, WhatIfResult
-from cpic_planner.report.write_whatif import write_whatif
+from cpic_planner.report.whatif_words import best_by_value, hanging_text
+from cpic_planner.report.write_whatif import PRODUCTS, write_whatif
 from cpic_planner.runfolder import RunFolder, open_run_folder
 from cpic_planner.survey.image_check import image_sample, image_task, sampled_detections
 from cpic_planner.survey.outcome import differences, outcome, rank_changes
 from cpic_planner.survey.play import Survey, play
 from cpic_planner.survey.prepare import Prepared, prepare
-from cpic_planner.survey.store import ResultStore, clear_tables
+from cpic_planner.survey.store import ResultStore, table_files
 from cpic_planner.survey.strategy_file import FILES, StrategiesConfig, sources_of
 from cpic_planner.survey.tables import TABLES, rows_of
 from cpic_planner.survey.universe import BLOCK
@@ -27,11 +28,12 @@ from cpic_planner.survey.visibility import load_visibility
 from cpic_planner.version import __version__
 from simulator.config import content_hash
 from simulator.files import dump_json
+from simulator.work import announce
 
 __all__ = ["BLOCK", "FinishedWhatIf", "cost_of", "run_whatif", "whatif_hash"]
 
 _START_S, _PREPARE_S, _OPTICS_S, _PLAY_S, _IMAGE_S = 6.0, 1.8, 5.0, 0.0015, 2.2
-RESULT_VERSION = 1
+RESULT_VERSION = 2
 """Raised when the same configuration gives other numbers, so that old folders are not resumed."""
 NOT_MODELLED = (
     "planets of one star are independent of each other and of its known ones; no dynamical stability",
@@ -137,7 +139,8 @@ def run_whatif(
     clock = RunClock()
     prepared = prepare(config, advance=advance)
     digest = whatif_hash(prepared, n_images)
-    with open_run_folder(out, kind="whatif", config_hash=digest, force=force, clear=clear_tables(TABLES)) as folder:
+    products = (*table_files(TABLES), "whatif.json", "run.json", *(PRODUCTS if pages else ()))
+    with open_run_folder(out, kind="whatif", config_hash=digest, products=products, force=force) as folder:
         store = ResultStore(folder, TABLES)
         keys, resumed = _play_all(prepared, store, workers, scheduler, advance)
         store.merge(keys)
@@ -146,6 +149,7 @@ def run_whatif(
         result = assemble(prepared, tables, images, digest)
         folder.write("whatif.json", dump_json(result.model_dump(mode="json")))
         if pages:
+            announce("writing the report")
             write_whatif(folder, result)
         record = clock.record(command=command, config_hash=digest, workers=workers, scheduler=scheduler,
                               resumed_parts=resumed, computed_parts=len(keys) - resumed)  # fmt: skip
@@ -267,8 +271,11 @@ def _first_visits(survey: Survey) -> list[str]:
 
 
 def statement(outcomes: Sequence[StrategyOutcome]) -> str:
-    """The outcome in a few words; of a sweep, what is best at each value."""
-    if all("=" in item.name.split(" ")[-1] for item in outcomes):
+    """Return the outcome in a few words: who finds most, or of a sweep what is best at each value.
+
+    It says so where more than 30 % of the yield hangs on one planet.
+    """
+    if all(item.varied for item in outcomes):
         return _sweep_statement(outcomes)
     best = max(outcomes, key=lambda item: item.planets.mean)
     quick = max(outcomes, key=lambda item: item.planets.mean / item.hours.mean if item.hours.mean > 0 else 0.0)
@@ -279,25 +286,19 @@ def statement(outcomes: Sequence[StrategyOutcome]) -> str:
         f"{best.planets.high:.2f}, of them {best.new_planets.mean:.2f} new) in {best.hours.mean:.0f} h"
     )
     if quick.name == best.name:
-        return f"{text}, and most per hour."
-    return f"{text}; {quick.name} finds most per hour, {quick.planets.mean:.2f} in {quick.hours.mean:.0f} h."
-
-
-def _base_and_values(name: str) -> tuple[str, str]:
-    """Name of a strategy of a sweep, and the values that were varied."""
-    words = name.split(" ")
-    first = next(i for i in range(len(words)) if all("=" in word for word in words[i:]))
-    return " ".join(words[:first]), " ".join(words[first:])
+        text += ", and most per hour."
+    else:
+        text += f"; {quick.name} finds most per hour, {quick.planets.mean:.2f} in {quick.hours.mean:.0f} h."
+    one = hanging_text(best)
+    return f"{text} {one[0].upper()}{one[1:]}." if one else text
 
 
 def _sweep_statement(outcomes: Sequence[StrategyOutcome]) -> str:
     """The best strategy at each value of what is varied."""
-    by_value: dict[str, list[StrategyOutcome]] = {}
-    for item in outcomes:
-        by_value.setdefault(_base_and_values(item.name)[1], []).append(item)
+    several = len({item.base for item in outcomes}) > 1
     parts = []
-    for value, items in by_value.items():
-        best = max(items, key=lambda item: item.planets.mean)
-        name = f"{_base_and_values(best.name)[0]} " if len(items) > 1 else ""
-        parts.append(f"{value}: {name}{best.planets.mean:.2f} planets, {best.new_planets.mean:.2f} new")
+    for value, best in best_by_value(outcomes).items():
+        name, one = f"{best.base} " if several else "", hanging_text(best)
+        found = f"{best.planets.mean:.2f} planets, {best.new_planets.mean:.2f} new"
+        parts.append(f"{value}: {name}{found}{f' ({one})' if one else ''}")
     return f"Most planets a survey by value. {'; '.join(parts)}."

@@ -18,6 +18,7 @@ from cpic_planner.tradeoff.points import REFERENCE, Point, named_points, points_
 from cpic_planner.tradeoff.scenes import SCENES, FixedScene, fixed_scene
 from cpic_planner.tradeoff.worker import FULL_EFFORT, GLANCE, Effort, measure_point, measure_shared
 from cpic_planner.version import __version__
+from simulator.numeric import numeric_context
 
 __all__ = ["chosen", "n_rows", "tradeoff"]
 
@@ -204,10 +205,8 @@ def _in_own_process(function: Callable[..., Any], *arguments: Any, advance: Adva
 
 
 def _serve(tell: Connection, function: Callable[..., Any], launched_s: float, arguments: tuple[Any, ...]) -> None:
-    from threadpoolctl import threadpool_limits
-
     try:
-        with threadpool_limits(1):
+        with numeric_context():
             answer = function(tell, launched_s, *arguments)
     except Exception as error:
         tell.send(("error", error))

@@ -7,6 +7,7 @@ import io
 from collections.abc import Iterable, Sequence
 
 from cpic_planner.models.tradeoff import MachineRecord, TradeoffResult, TradeoffRow
+from cpic_planner.tradeoff.scenes import SCENES
 
 __all__ = ["COLUMNS", "csv_text", "read_csv", "report_text", "tier_table"]
 
@@ -132,6 +133,12 @@ def _scene_text(result: TradeoffResult, scene: str) -> str:
     return "\n\n".join(parts)
 
 
+def _scenes_text(result: TradeoffResult) -> str:
+    """Name the scenes of a result, which may be some of the fixed ones."""
+    names = [scene.name for scene in result.scenes]
+    return "all scenes" if len(names) == len(SCENES) else ", ".join(f"`{name}`" for name in names)
+
+
 def _line(row: TradeoffRow, machine: str) -> list[str]:
     mark = "" if row.machine == machine else " (another machine)"
     if row.status != "ok":
@@ -158,7 +165,7 @@ def report_text(result: TradeoffResult, *, head: str = "") -> str:
 {glance}{head}
 {_machine_text(result.machine)}.
 {others}
-## Tiers over all scenes
+## Tiers over {_scenes_text(result)}
 
 {tier_table(result)}
 

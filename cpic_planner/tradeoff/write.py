@@ -8,12 +8,14 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from catalogs.errors import InputError
+from catalogs.user_files import read_text
 from cpic_planner.models.tradeoff import TradeoffResult
 from cpic_planner.tradeoff.tables import csv_text, report_text
 from simulator.files import dump_json, write_bytes, write_text
 
 __all__ = ["FILES", "read_result", "write_numbers", "write_result"]
 
+_MAX_BYTES = 100_000_000
 FILES = ("results.csv", "results.json", "report.md", "pareto.png")
 
 
@@ -45,7 +47,8 @@ def read_result(folder: Path) -> TradeoffResult | None:
     if not path.exists():
         return None
     try:
-        return TradeoffResult.model_validate(json.loads(path.read_text(encoding="utf-8")))
+        text = read_text(path, key="--out", allowed="a folder of an earlier tradeoff", max_bytes=_MAX_BYTES)
+        return TradeoffResult.model_validate(json.loads(text))
     except (ValueError, ValidationError):
         raise InputError("--out", str(folder), allowed="a folder of an earlier tradeoff, or a new one",
                          hint="its results.json is something else") from None  # fmt: skip

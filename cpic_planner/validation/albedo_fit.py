@@ -14,6 +14,7 @@ from catalogs.errors import InputError
 from cpic_planner.validation.albedo_model import AlbedoModel
 from cpic_planner.validation.photometry import Contrast
 from simulator.config.albedo import LOG10_FSED_MAX
+from simulator.numeric import numeric_context
 
 __all__ = ["AlbedoFit", "Constraint", "fit_albedo"]
 
@@ -124,6 +125,7 @@ class AlbedoFit:
         return float(low), float(high)
 
 
+@numeric_context()
 def fit_albedo(
     measured: Mapping[str, Contrast | tuple[float, float]], model: AlbedoModel, *, grey_error: float = 0.0
 ) -> AlbedoFit:

@@ -15,6 +15,7 @@ from catalogs.interpolation import bracket
 from catalogs.spectra import Spectrum
 from simulator.band_integrals import band_quadrature, check_covers, check_table
 from simulator.config.albedo import LOG10_FSED_MAX, ParametricAlbedo
+from simulator.numeric import numeric_context
 from simulator.target.albedo import phase_value
 from simulator.target.contrast import contrast_at
 from simulator.target.parametric import load_parametric_grid, parametric_family
@@ -190,6 +191,7 @@ def albedo_model(
     )
 
 
+@numeric_context()
 def planet_albedo_model(planet: LitPlanet, bands: Iterable[Band]) -> AlbedoModel:
     """Return the model of a planet of a scene: its size, place and star, whatever its true albedo is.
 

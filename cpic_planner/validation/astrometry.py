@@ -19,6 +19,7 @@ from cpic_planner.validation.position_fit import PositionFitter
 from cpic_planner.validation.reduced import ReducedStack
 from simulator.imaging.external import ExternalPsf
 from simulator.imaging.psf import Psf
+from simulator.numeric import numeric_context
 from simulator.target.positions import detector_to_sky, sky_to_detector
 
 __all__ = ["Astrometry", "SkyPosition", "band_average", "fit_position"]
@@ -152,6 +153,7 @@ class Astrometry:
         return "not_converged" not in self.flags
 
 
+@numeric_context()
 def fit_position(
     stack: ReducedStack,
     psf: Psf | ExternalPsf,
@@ -257,6 +259,7 @@ def fit_position(
     )
 
 
+@numeric_context()
 def band_average(positions: Sequence[Astrometry]) -> SkyPosition:
     """Mean of the positions measured in several bands, weighted with their covariances.
 

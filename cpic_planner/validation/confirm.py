@@ -28,6 +28,7 @@ from cpic_planner.validation.star_flux import StarFlux, observe_off_mask, star_f
 from cpic_planner.validation.task import ConfirmTask
 from cpic_planner.validation.verdict import audit_of, confirmation_of, cut_off
 from simulator.outcome import Status
+from simulator.work import announce
 
 __all__ = ["confirm_task", "decode_arrays", "encode_arrays"]
 
@@ -51,6 +52,7 @@ def confirm_task(tree: dict[str, Any]) -> dict[str, Any]:
         None for two rolls).
     """
     task = ConfirmTask(**tree)
+    announce(f"images of {task.name} in {task.band}")
     modelling = modelling_of(task)
     visits = visits_of(task, modelling=modelling)
     sums = modelling.draw == "sums" and visits.stackable.status is Status.OK
@@ -69,6 +71,7 @@ def confirm_task(tree: dict[str, Any]) -> dict[str, Any]:
             position = [None] * len(subjects)
         measured, blind = measure(at, realised, subjects, star)
         every.append(measured)
+        announce(f"images of {task.name} in {task.band}, {len(every)} of {task.realisations} realisations")
         stories += [] if told is None else [told]
         if blind is not None:
             false += _false(blind, at)

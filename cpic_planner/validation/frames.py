@@ -27,6 +27,7 @@ from simulator.camera.noise import pixel_variance_e2
 from simulator.camera.stage import Exposure, Place
 from simulator.camera.transfer import ParallelTransfer, SerialTransfer
 from simulator.config.detector import Detector
+from simulator.numeric import numeric_context
 from simulator.observation import Observation
 from simulator.sequence import MAX_STACK_BYTES
 
@@ -92,6 +93,7 @@ class CalibratedFrames:
         return pixel_variance_e2(counts, 0.0, self.em_gain, self.detector) / self.response**2
 
 
+@numeric_context()
 def calibrated_frames(
     observation: Observation,
     *,

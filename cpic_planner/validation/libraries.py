@@ -14,6 +14,7 @@ from cpic_planner.etc.library import strategy_flags
 from cpic_planner.etc.model import Library, ReferenceStar, Strategy
 from cpic_planner.validation.region import checked_frames, checked_region, region_rows
 from simulator.config import Scene, SceneStar
+from simulator.numeric import numeric_context
 from simulator.observation import Role
 from simulator.quantities import check_finite, check_number, check_whole
 from simulator.sequence import MAX_FRAMES
@@ -132,6 +133,7 @@ def _reference_scene(scene: Scene, star: ReferenceStar) -> Scene:
     return Scene(name=name, cstar=other, extended=dust)
 
 
+@numeric_context()
 def scale_library(reference_e: npt.ArrayLike, scale: float, *, pedestal_e: npt.ArrayLike = 0.0) -> FloatArray:
     """Frames of a reference star as bright as those of the science star.
 

@@ -21,6 +21,7 @@ from cpic_planner.validation.apertures import (
     sample_scatter,
 )
 from simulator.camera.gain import excess_noise_factor2
+from simulator.numeric import numeric_context
 from simulator.quantities import check_number
 
 __all__ = [
@@ -169,6 +170,7 @@ def contrast(
     return Contrast(value, spread)
 
 
+@numeric_context()
 def aperture_photometry(
     image: npt.ArrayLike,
     x_pixel: float,

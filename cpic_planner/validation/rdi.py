@@ -11,6 +11,7 @@ import numpy.typing as npt
 from catalogs.errors import InputError
 from cpic_planner.validation.modes import leading_modes, row_norm
 from cpic_planner.validation.region import as_images, checked_frames, checked_region, region_rows
+from simulator.numeric import numeric_context
 
 __all__ = ["Centering", "RdiResult", "rdi_subtract"]
 
@@ -118,6 +119,7 @@ class RdiResult:
         return surviving / incoming
 
 
+@numeric_context()
 def rdi_subtract(
     science: npt.ArrayLike,
     references: npt.ArrayLike,

@@ -12,6 +12,7 @@ from cpic_planner.validation.rdi import RdiResult, rdi_subtract
 from simulator.camera.dark_current import dark_rate_e_s
 from simulator.camera.gain import excess_noise_factor2
 from simulator.config.detector import Detector
+from simulator.numeric import numeric_context
 
 __all__ = ["ReducedStack", "pedestal_e", "reduce_stack"]
 
@@ -57,6 +58,7 @@ class ReducedStack:
     stages: int
 
 
+@numeric_context()
 def reduce_stack(
     science_e: npt.ArrayLike,
     reference_e: npt.ArrayLike,

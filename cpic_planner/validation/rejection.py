@@ -16,6 +16,7 @@ import numpy.typing as npt
 from catalogs.errors import InputError
 from cpic_planner.validation.apertures import require
 from cpic_planner.validation.clean_law import limit_beside_others
+from simulator.numeric import numeric_context
 
 __all__ = ["Combined", "Rejection", "combine", "filled", "reject_cosmic_rays"]
 
@@ -86,6 +87,7 @@ class Combined:
             return self.n_frames / self.n_usable
 
 
+@numeric_context()
 def reject_cosmic_rays(
     frames: npt.ArrayLike,
     usable: npt.ArrayLike,
@@ -202,6 +204,7 @@ def reject_cosmic_rays(
     return Rejection(_grown(hit) if grow and n_hit else hit, n_hit, True, "")
 
 
+@numeric_context()
 def combine(electrons: npt.ArrayLike, usable: npt.ArrayLike) -> Combined:
     """Sum of frames with holes: the mean of each pixel's usable frames times the number of frames.
 

@@ -13,6 +13,7 @@ from cpic_planner.validation.apertures import aperture_weights
 from cpic_planner.validation.photometry import EXCLUSION_RADII, Photometry, aperture_photometry, ratio
 from cpic_planner.validation.rdi import Centering, RdiResult, rdi_subtract
 from cpic_planner.validation.region import as_images, checked_frames, checked_region, region_rows
+from simulator.numeric import numeric_context
 
 __all__ = ["RollResult", "roll_photometry", "roll_subtract"]
 
@@ -174,6 +175,7 @@ class _Response:
         return np.asarray(left - lost, dtype=np.float64)
 
 
+@numeric_context()
 def roll_subtract(
     first_e: npt.ArrayLike,
     second_e: npt.ArrayLike,
@@ -237,6 +239,7 @@ def _counts(key: str, value: npt.ArrayLike, images: int) -> FloatArray:
     return np.broadcast_to(counts, (images,)).copy()
 
 
+@numeric_context()
 def roll_photometry(
     result: RollResult,
     first_template: npt.ArrayLike,

@@ -20,6 +20,7 @@ from simulator.imaging.floor import visit_responses
 from simulator.imaging.imager import centred_axis
 from simulator.imaging.psf import Psf
 from simulator.imaging.store import metrics_key
+from simulator.work import announce
 
 __all__ = ["FilterName", "SpeckleMaps", "filter_kernel", "matched_sum", "speckle_maps"]
 
@@ -177,6 +178,7 @@ def _unit_maps(held: _Held, slope: float, n_visits: int, name: FilterName) -> di
 
 
 def _measured(psf: Psf, slope: float, n_visits: int, name: FilterName) -> dict[str, FloatArray]:
+    announce(f"measuring how drift moves the speckles in {psf.band}, once: some seconds")
     kernel = filter_kernel(psf, name)
     hole: BoolArray = psf.geometry.hole
     empty = np.zeros(hole.shape)

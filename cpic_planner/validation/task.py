@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from cpic_planner.etc.detection import needed_margin, verdict_of, visit_chances
 from cpic_planner.etc.exozodi import exozodi_disc
 from cpic_planner.etc.model import EtcModel, build_model
 from cpic_planner.etc.noise import StackNoise, stack_noise
@@ -193,8 +194,9 @@ def expected_of(
     -------
     dict
         ``contrast``, ``separation_arcsec``, ``pa_deg`` (at roll 0), ``time_s``, ``threshold``, ``snr`` and
-        ``significance`` of sums of frames, which no particle hits, and ``snr_full`` and ``significance_full`` with the
-        frames that particles void.
+        ``significance`` of sums of frames, which no particle hits, with the ``verdict`` and the probabilities of a
+        detection (``chance_blind``, ``chance_known_place``; None where no law was measured) that follow, and
+        ``snr_full`` and ``significance_full`` with the frames that particles void.
     """
     x, y = (np.asarray(part, float).reshape(1, 1) for part in place_arcsec)
     separation, pa_deg = detector_to_sky(x, y, parity=model.instrument.detector.parity)
@@ -211,6 +213,13 @@ def expected_of(
         noise = _noise(seen, target, band, (x, y), contrast, frames)
         found["snr" + suffix] = float(noise.snr[0, 0])
         found["significance" + suffix] = float(noise.significance[0, 0])
+        if seen is sums:
+            margin = noise.significance / found["threshold"]
+            visit_s = frames.n_frames * (frames.exposure_s + model.camera(band).readout_s)
+            chances = visit_chances(seen, band, separation, visit_s, noise, margin)
+            found["chance_blind"] = _known(chances.blind[0, 0])
+            found["chance_known_place"] = _known(chances.known_place[0, 0])
+            found["verdict"] = verdict_of(Status.OK, bool(margin[0, 0] >= needed_margin(model, band)))
     return found
 
 

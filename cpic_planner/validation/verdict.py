@@ -144,6 +144,9 @@ def _asked(task: ConfirmTask, number: int) -> dict[str, Any]:
         "predicted_snr": expected["snr"],
         "predicted_significance": expected["significance"],
         "threshold": expected["threshold"],
+        "predicted_verdict": expected["verdict"],
+        "predicted_detection_probability": expected["chance_blind"],
+        "predicted_detection_probability_known_place": expected["chance_known_place"],
         "true_contrast": expected["contrast"],
         "image": task.key,
     }

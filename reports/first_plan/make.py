@@ -22,6 +22,7 @@ from cpic_planner.plan import PlanConfig, make_plan
 from cpic_planner.report.drawing import Picture
 from cpic_planner.report.figures import contrast_diagram, panel_picture, snr_figure
 from cpic_planner.report.names import pretty_name
+from cpic_planner.report.words import tau_text
 from cpic_planner.report.write import hole_edges, limit_curves, panels_of
 from cpic_planner.runfolder import open_run_folder
 from simulator.config import load_instrument
@@ -100,17 +101,34 @@ def ranking(rank: RankResult) -> list[str]:
     return lines
 
 
+def undetected(counts: dict[str, int]) -> str:
+    """How many reference planets are limited by what."""
+    meaning = {"speckles": "detected if the wavefront did not drift",
+               "background": "detected if there were no noise but their own and the speckles",
+               "photons": "too faint even then"}  # fmt: skip
+    shown = dict.fromkeys(meaning, 0) | {name: count for name, count in counts.items() if name != "none"}
+    return ", ".join(f"{count} limited by {name}" + (f" ({meaning[name]})" if name in meaning else "")
+                     for name, count in shown.items())  # fmt: skip
+
+
 def assumptions(firm: SensitivityResult) -> list[str]:
     """The ranking under other assumptions."""
     lines = [
-        f"| instead | Kendall tau of the first {firm.top} | kept | reference planets detected | largest fall |",
-        "|---|---|---|---|---|",
+        f"| instead | reference planets detected | Kendall's tau-b | stars compared | kept of first {firm.top} "
+        "| largest fall |",
+        "|---|---|---|---|---|---|",
     ]
     for row in firm.rows:
-        tau = "" if row.kendall_tau is None else f"{row.kendall_tau:.2f}"
-        fall = f"{pretty_name(row.largest_fall)}: {row.largest_fall_ranks} ranks" if row.largest_fall else ""
-        lines.append(f"| {row.text} | {tau} | {row.kept} of {firm.top} | {row.n_ok} (nominal {firm.n_ok}) | {fall} |")
-    return [*lines, "", firm.statement]
+        tau = "" if row.kendall_tau_b is None else f"{row.kendall_tau_b:.2f}"
+        fall = (
+            f"{pretty_name(row.largest_fall)}: {row.largest_fall_ranks} rank{'s' * (row.largest_fall_ranks > 1)}"
+            if row.largest_fall
+            else ""
+        )
+        lines.append(
+            f"| {row.text} | {row.n_ok} (nominal {firm.n_ok}) | {tau} | {row.n_compared} | {row.kept} | {fall} |"
+        )
+    return [*lines, "", firm.statement, "", f"Tau: {tau_text(firm.top)}."]
 
 
 def main() -> None:
@@ -151,6 +169,7 @@ def main() -> None:
         f"`cpic plan --top {TOP}` on the embedded catalogue: {plan.n_ranked} stars ranked, "
         f"{plan.counts.get('ok', 0)} with a reference planet (1 R_J, phase 90 deg, Jupiter's albedo) detected within "
         f"{plan.time_s / 3600:g} h of wall time per band, the first {TOP} confirmed with simulated images.",
+        f"Reference planets that are not detected: {undetected(plan.counts_limited_by)}.",
         f"Recovered / predicted SNR: {ratio:.2f} +- {error:.2f} over {count} measurements, "
         f"{plan.realisations} realisations of drift and noise each.",
         "",

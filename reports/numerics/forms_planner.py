@@ -194,6 +194,7 @@ def rates(planet: float, halo: float) -> ApertureRates:
         "reference_scale": SCALE,
         "smear_e": SMEAR,
         "reference_smear_e": SMEAR,
+        "variance_factor": 1.0,
     }
     arrays = {name: np.float64(value) for name, value in given.items() if name != "speckle"}
     return ApertureRates(

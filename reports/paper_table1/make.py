@@ -26,6 +26,7 @@ from measure import (
     instrument,
     measured,
     predicted,
+    science_scene,
     sequences,
     table_case,
     true_contrast,
@@ -137,6 +138,7 @@ def report(found: list[Measured], more: list[Measured], remarks: list[str], prod
     share = [2.0 * (part := predicted(one.case)).terms["read_noise"] / part.variance_e2 for one in found]
     bands = [config.band(one.case.band) for one in found]
     area = "/".join(f"{config.aperture_pixels(one.case.band):.0f}" for one in found)
+    apart = next(star.separation_arcsec for star in science_scene("on").stars if star.companion)
     tables = {"contrasts": contrast_rows(found), "ratios": snr_rows(found), "runs": case_rows(found + more)}
     for key, rows in tables.items():
         text = io.StringIO()
@@ -203,8 +205,9 @@ prediction would be the paper's number, all else equal. Ratios are reported, not
 ## The optimiser's gain, and alpha Cen A
 
 The same exposures at the gain that the optimiser chooses for them, and at gain {first.em_gain:g} with alpha Cen A
-shining 19.11 arcsec away in science and star-only frames alike (`companions: on`). *Cut off*: pixels of a
-frame that a limit reached, inside the hole and elsewhere; outside, light may saturate where it does not spill into it.
+shining {apart:.1f} arcsec away, as in 2028.5, in science and star-only frames alike (`companions: on`). *Cut off*:
+pixels of a frame that a limit reached, inside the hole and elsewhere; outside, light may saturate where it does not
+spill into it.
 
 {table(tables["runs"])}
 

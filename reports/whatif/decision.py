@@ -11,7 +11,8 @@ from typing import Any
 from cpic_planner.models.surveyed import StrategyOutcome, WhatIfResult
 from cpic_planner.report.drawing import Picture
 from cpic_planner.report.names import pretty_name
-from cpic_planner.survey.strategy_file import StrategiesConfig, load_strategies, varied
+from cpic_planner.survey.strategy_file import StrategiesConfig, load_strategies
+from cpic_planner.survey.sweeps import varied
 from cpic_planner.survey.whatif import run_whatif
 
 BASE = "few_and_deep"
@@ -19,7 +20,7 @@ SWEEPS = {
     "visits": ("max_visits=1,2,5,10,20,40", "visits of each star at most"),
     "time": ("time_s=1800,3600,10800,36000,72000", "wall time of a visit at most (s)"),
     "contrast": ("contrast=1e-8,3e-9,1e-9,3e-10", "median raw contrast of the dark hole"),
-    "drift": ("drift=0.25,0.5,1,2,4", "wavefront drift, times the nominal one"),
+    "drift": ("drift=x0.25,x0.5,x1,x2,x4", "wavefront drift, times the nominal one"),
     "detection": ("rule=blind,known_place", "what counts as a detection"),
 }
 IMAGED, IMAGES = ("contrast", "drift"), 24
@@ -76,7 +77,8 @@ def pictures(folder: Path, found: dict[str, Any]) -> dict[str, Picture]:
 
 
 def _value(name: str) -> str:
-    return name.rsplit("=", 1)[-1]
+    """The number or word that was varied, without the unit or x: heads of columns and sentences have them."""
+    return name.rsplit("=", 1)[-1].removeprefix("x").split(" ")[0]
 
 
 def _estimate(item: dict[str, float]) -> str:
@@ -123,9 +125,9 @@ def _strategies(result: WhatIfResult) -> str:
             )
         )
     return (
-        f"## Five ways to spend {result.strategies[0].settings['time_budget_h']:.0f} hours\n\n"
+        f"## {len(result.strategies)} ways to spend {result.strategies[0].settings['time_budget_h']:.0f} hours\n\n"
         f"{result.n_universes} universes of the population `giants` (0.21 planets a star) and the known planets "
-        f"of 2019, ten "
+        f"in the shipped table, ten "
         "years from 2028. Means over surveys with their 90 % intervals; a detection is one of a blind search, with the "
         "probability that images show; of known planets the place on the sky is not known either.\n\n"
         + _table(

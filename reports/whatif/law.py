@@ -11,14 +11,16 @@ from scipy.special import log_ndtr, ndtr
 
 from catalogs.strict_yaml import load_yaml, split_sourced
 from cpic_planner.engine import run_tasks
+from cpic_planner.etc.detection import INWARD
 from cpic_planner.etc.noise import stack_noise
 from cpic_planner.etc.rates import aperture_rates
 from cpic_planner.survey.assumed import imaged_model
-from cpic_planner.survey.detection import INWARD, Setting, rolled, tail_share
+from cpic_planner.survey.detection import Setting, rolled, tail_share
 from cpic_planner.survey.image_check import image_task
 from cpic_planner.survey.play import Survey
 from cpic_planner.survey.prepare import prepare
-from cpic_planner.survey.strategy_file import load_strategies, varied
+from cpic_planner.survey.strategy_file import load_strategies
+from cpic_planner.survey.sweeps import varied
 from cpic_planner.validation.task import Frames, expected_of, star_scene, task_of
 from cpic_planner.validation.verdict import refusals_of
 from simulator.config import Planet
@@ -30,7 +32,7 @@ from simulator.target.positions import detector_to_sky
 
 NOMINAL, VARIED, REALISATIONS = 400, 240, 8
 MARGINS, ALBEDO = (0.5, 3.0), 0.5
-SWEEPS = ("contrast=1e-8,3e-9,1e-9", "drift=0.5,2")
+SWEEPS = ("contrast=1e-8,3e-9,1e-9", "drift=x0.5,x2")
 STARTED = 1e-8
 MOST_RJUP, MOST_TRIES = 10.0, 50
 

@@ -18,6 +18,7 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 import decision
+import facts
 import law
 import optics
 import runs
@@ -35,6 +36,7 @@ PARTS: dict[str, Callable[[], Any]] = {
     "completeness": studies.completeness_check,
     "schedules": studies.schedules,
     "decision": lambda: decision.run(HERE),
+    "facts": facts.run,
     "optics": optics.run,
     "seasons": seasons.run,
     "cost": studies.cost,
@@ -55,6 +57,11 @@ def table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
     """A table of Markdown."""
     lines = [list(head), ["---"] * len(head), *[[str(cell) for cell in row] for row in rows]]
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def facts_part(found: dict[str, Any]) -> list[str]:
+    """What changed with what is known: words, and tables with their titles."""
+    return [facts.text(found), *(f"{title}:\n\n{table(head, rows)}" for title, head, rows in facts.tables(found))]
 
 
 def exponent(x: Sequence[float], y: Sequence[float]) -> float:
@@ -137,6 +144,7 @@ def report(found: dict[str, Any]) -> str:
         "# Survey what-ifs\n\nRegenerate with `python reports/whatif/make.py`; everything below is written by it.",
         table(["", "asked", "found", "met"], rows),
         decision.text(found["decision"]),
+        *facts_part(found["facts"]),
         "## What an assumed contrast means\n\n"
         "A brighter dark hole than the instrument's is that of a mirror whose actuators are off at random, and the "
         "optics are measured with it. A planet around ε Eri at eight places, "

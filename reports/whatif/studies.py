@@ -18,7 +18,8 @@ from cpic_planner.survey.detection import detection_chance, see
 from cpic_planner.survey.estimates import difference_interval
 from cpic_planner.survey.play import Survey, play
 from cpic_planner.survey.prepare import prepare
-from cpic_planner.survey.strategy_file import StrategiesConfig, load_strategies, varied
+from cpic_planner.survey.strategy_file import StrategiesConfig, load_strategies
+from cpic_planner.survey.sweeps import varied
 from cpic_planner.survey.universe import NEW, draw_bodies, star_mass_msun
 from cpic_planner.targets import rank_sample
 

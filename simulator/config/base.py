@@ -167,6 +167,8 @@ def _metadata(annotation: Any) -> Iterator[Any]:
 
 
 _UNITS = (
+    ("_nm_per_sqrt_hour", "nm/sqrt(h)"), ("_mas", "mas"), ("_zodis", "zodi"), ("_km", "km"), ("_h", "h"),
+    ("_days", "d"), ("_mag_max", "mag"),
     ("_per_s_cm2", "1/s/cm2"), ("_e_s", "e-/s"), ("_deg_s", "deg/s"), ("_e_um", "e-/um"), ("_um", "um"),
     ("_e_adu", "e-/ADU"), ("_mag_arcsec2", "mag/arcsec2"), ("_mas_yr", "mas/yr"), ("_lsun", "L_sun"),
     ("_lambda_d", "lambda/D"), ("_arcsec", "arcsec"), ("_rjup", "R_Jup"), ("_deg", "deg"), ("_nm", "nm"),

@@ -12,7 +12,7 @@ from pydantic import Field, PrivateAttr, model_validator
 
 from catalogs.bands import band_provenance, load_bands
 from catalogs.errors import InputError
-from catalogs.strict_yaml import Provenance, load_yaml, split_sourced
+from catalogs.strict_yaml import Provenance, load_mapping, load_yaml, split_sourced
 from simulator.config.base import FrozenModel, deep_merge, validate
 from simulator.config.detector import Detector
 from simulator.config.effects import CosmicRayConfig, SkyConfig
@@ -250,7 +250,7 @@ def _tree(source: str | Path | Mapping[str, Any] | None) -> dict[str, Any]:
                 allowed="a YAML file or a preset",
                 hint=f"presets: {', '.join(preset_names('instrument'))}",
             )
-        tree = load_yaml(source) if known is None else _shipped(known)
+        tree = load_mapping(source, "instrument", Instrument.model_fields) if known is None else _shipped(known)
         own = paths_beside(tree, Path(known or source).parent)
         if known is not None and isinstance(own, dict) and not {"bands", "base"} & set(own):
             own["bands"] = _shipped_bands()

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
 from catalogs.errors import InputError
-from catalogs.strict_yaml import load_yaml
+from catalogs.strict_yaml import load_mapping
 from simulator.config.keys import nearest
 
 __all__ = ["preset_names", "preset_or_file", "preset_path", "preset_tree", "tree_over_preset"]
@@ -45,7 +45,7 @@ def preset_or_file(kind: str, source: str | Path, *, package: str = "simulator")
 
 
 def preset_tree(
-    kind: str, source: Any, *, package: str = "simulator", kinds: tuple[str, ...] = ()
+    kind: str, source: Any, *, keys: Iterable[str], package: str = "simulator", kinds: tuple[str, ...] = ()
 ) -> tuple[dict[str, Any], Path | None]:
     """What a source holds: a preset, a YAML file, or the mapping itself, without its ``kind``.
 
@@ -54,6 +54,8 @@ def preset_tree(
     kind : str
         What the presets are, and what the source is expected to say that it is, if it says so.
     source : str, Path or mapping
+    keys : iterable of str
+        Keys that such a file has, see `catalogs.strict_yaml.load_mapping`.
     package : str
         Whose presets.
     kinds : tuple of str
@@ -76,13 +78,10 @@ def preset_tree(
         tree: Any = dict(source)
     elif isinstance(source, str | Path):
         path = preset_or_file(kind, source, package=package)
-        tree, folder = load_yaml(path), path.parent
-        if isinstance(tree, dict):
-            tree.setdefault("name", path.stem)
+        tree, folder = load_mapping(path, kind, keys), path.parent
+        tree.setdefault("name", path.stem)
     else:
         raise InputError(kind, source, allowed="a mapping, a YAML file or a preset")
-    if not isinstance(tree, dict):
-        raise InputError(kind, tree, allowed="a mapping of keys to values")
     said = tree.get("kind", kind)
     if said not in (kind, *kinds):
         raise InputError(f"{kind}.kind", said, allowed=", ".join((kind, *kinds)))
@@ -92,13 +91,13 @@ def preset_tree(
 
 
 def tree_over_preset(
-    kind: str, source: Any, *, default: str, package: str = "simulator"
+    kind: str, source: Any, *, default: str, keys: Iterable[str], package: str = "simulator"
 ) -> tuple[dict[str, Any], Path | None, str | None]:
     """What a source holds, and the preset that it is laid over.
 
     Parameters
     ----------
-    kind, source, package
+    kind, source, keys, package
         As of `preset_tree`; ``None`` is the preset ``default``.
     default : str
         Preset that a file or mapping is laid over where it names no ``base``.
@@ -118,7 +117,7 @@ def tree_over_preset(
         As `preset_tree`, or if the base is no preset.
     """
     source = default if source is None else source
-    tree, folder = preset_tree(kind, source, package=package)
+    tree, folder = preset_tree(kind, source, keys=keys, package=package)
     names = preset_names(kind, package=package)
     if "base" not in tree and not isinstance(source, Mapping) and str(source) in names:
         return tree, folder, None

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from catalogs.errors import InputError
-from catalogs.strict_yaml import load_yaml
+from catalogs.strict_yaml import load_mapping
 from simulator.config.albedo import ALBEDO_MODELS
 from simulator.config.base import FrozenModel, validate
 from simulator.config.bodies import Planet, SceneStar
@@ -19,7 +19,7 @@ from simulator.config.keys import at, canonical_keys
 from simulator.config.light import PLANET_MODELS, STAR_MODELS
 from simulator.config.presets import preset_or_file
 
-__all__ = ["Planet", "Scene", "SceneStar", "load_scene", "paths_beside"]
+__all__ = ["SCENE_KEYS", "Planet", "Scene", "SceneStar", "load_scene", "paths_beside"]
 
 _ALIASES = {"planet": "planets", "star": "stars", "disc": "extended", "disk": "extended", "discs": "extended",
             "disks": "extended", "exozodi": "extended", "extended_sources": "extended"}  # fmt: skip
@@ -100,6 +100,10 @@ class Scene(FrozenModel):
         return self.model_copy(update={"planets": ()})
 
 
+SCENE_KEYS = (*Scene.model_fields, *_ALIASES, *_HINTS)
+"""Keys of a file of a scene, as people write them."""
+
+
 def load_scene(source: Scene | str | Path | Mapping[str, Any]) -> Scene:
     """Load a scene from a YAML path, a preset name or a mapping.
 
@@ -136,7 +140,7 @@ def load_scene(source: Scene | str | Path | Mapping[str, Any]) -> Scene:
         tree: Any = dict(source)
     elif isinstance(source, str | Path):
         path = preset_or_file("scene", source)
-        tree = paths_beside(load_yaml(path), path.parent)
+        tree = paths_beside(load_mapping(path, "scene", SCENE_KEYS), path.parent)
     else:
         raise InputError("scene", source, allowed="a mapping, a YAML file or a preset")
     kind = tree.pop("kind", "scene") if isinstance(tree, dict) else "scene"

@@ -14,11 +14,13 @@ from simulator.config.keys import at, canonical_keys
 from simulator.config.presets import preset_tree
 from simulator.config.simulation import SequenceConfig, SimulationConfig, meaningful_keys, of_no_use
 
-__all__ = ["InstrumentSource", "SimulationSource", "load_simulation", "simulation_of"]
+__all__ = ["SIMULATION_KEYS", "InstrumentSource", "SimulationSource", "load_simulation", "simulation_of"]
 
 SimulationSource = SimulationConfig | Mapping[str, Any] | str | Path
 InstrumentSource = Instrument | Mapping[str, Any] | str | Path | None
 _TOP = ("name", "description", "instrument", "defaults", "sequences")
+SIMULATION_KEYS = (*_TOP, "sequence")
+"""Keys of a file of a simulation."""
 
 
 def load_simulation(source: SimulationSource, *, instrument: InstrumentSource = None) -> SimulationConfig:
@@ -48,7 +50,7 @@ def load_simulation(source: SimulationSource, *, instrument: InstrumentSource = 
         if instrument is not None:
             raise InputError("instrument", "given with a loaded simulation", allowed="one of the two")
         return source
-    tree, folder = preset_tree("simulation", source)
+    tree, folder = preset_tree("simulation", source, keys=SIMULATION_KEYS)
     try:
         tree = canonical_keys(tree, _TOP, {"sequence": "sequences"})
         chosen = tree.get("instrument") if instrument is None else instrument

@@ -30,6 +30,7 @@ from simulator.imaging.aberrations import Aberrations, flat_aberrations
 from simulator.imaging.deformable_mirror import DeformableMirror
 from simulator.imaging.hole_zone import HoleZone
 from simulator.imaging.imager import Imager
+from simulator.work import announce
 
 __all__ = ["Conjugation", "ControlSettings", "HoleMethod", "Search", "conjugate"]
 
@@ -145,7 +146,12 @@ class Conjugation:
                              allowed=f"the pupil grid of the imager, {imager.transmission.shape}")  # fmt: skip
         nodes, weights = np.polynomial.legendre.leggauss(settings.n_wavelengths)
         self.wavelengths_m = center_m * (1.0 + 0.5 * settings.bandwidth * nodes)
-        self.transmission, self.aberrations, self.mirror = imager.transmission, aberrations, mirror
+        self.band, self.transmission, self.aberrations, self.mirror = (
+            imager.band,
+            imager.transmission,
+            aberrations,
+            mirror,
+        )
         step, margin = (value * imager.lambda_d_arcsec for value in (settings.step_lambda_d, settings.margin_lambda_d))
         y, x = zone.control_axes(step, margin)
         self.n_y, self.n_x = y.size, x.size
@@ -297,6 +303,9 @@ def conjugate(problem: Conjugation, settings: ControlSettings, start_nm: FloatAr
         if reached():
             ended = "goal"
             break
+        if iteration:
+            announce(f"digging the dark hole of {problem.band}: step {iteration} of at most "
+                     f"{settings.max_iterations} done, contrast {darkest:.1e}")  # fmt: skip
         # The last iterations of a search that runs to its limit polish the state that the last strong step opened.
         strong = (
             settings.strong_every > 0

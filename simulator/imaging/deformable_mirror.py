@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from catalogs.errors import InputError
 from simulator.imaging.map_files import read_maps, real_map
+from simulator.numeric import numeric_context
 
 __all__ = ["DeformableMirror", "load_dm_surface"]
 
@@ -145,6 +146,7 @@ class DeformableMirror:
         return commands
 
 
+@numeric_context()
 def load_dm_surface(path: str | Path, samples: int | None = None, *, unit: str | None = None) -> FloatArray:
     """Surface of a mirror from a file.
 

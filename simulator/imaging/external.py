@@ -21,6 +21,7 @@ from simulator.imaging.geometry import BandGeometry
 from simulator.imaging.kernel import open_pixels, placed
 from simulator.imaging.map_files import real_map
 from simulator.imaging.psf_files import StampFile, read_stamps, write_stamps
+from simulator.numeric import numeric_context
 
 __all__ = ["ExternalPsf", "Stamps", "load_psf", "save_psf"]
 
@@ -168,6 +169,7 @@ class ExternalPsf:
         return placed(self.off_axis, *offset) * self._open
 
 
+@numeric_context()
 def load_psf(
     path: str | Path,
     *,

@@ -1,4 +1,4 @@
-"""Where dark holes come from: shipped states for the shipped instruments, a cache for any other.
+"""Where dark holes come from: shipped states for every instrument preset, a cache for any other instrument.
 
 A state is valid for a content key: apodizer, telescope, band, zone, static wavefront, mirror and control, but not the
 resolution and noise of the mirror's electronics, which act on the finished command.
@@ -6,6 +6,7 @@ resolution and noise of the mirror's electronics, which act on the finished comm
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import logging
 from collections.abc import Iterable
@@ -33,6 +34,7 @@ from simulator.imaging.dark_hole import (
 )
 from simulator.imaging.deformable_mirror import DeformableMirror
 from simulator.imaging.imager import Imager
+from simulator.work import announce
 
 __all__ = [
     "configured_apodizer",
@@ -89,10 +91,9 @@ def hole_key(instrument: Instrument, solver: Imager) -> str:
     })  # fmt: skip
 
 
-def shipped_hole(instrument: Instrument, band: str) -> Path:
-    """File of a shipped state: one per band, mode and control."""
-    name = f"hole_{band}_{instrument.dark_hole.mode}_{instrument.dark_hole.control}.npz"
-    return Path(str(files("simulator.imaging") / "data" / name))
+def shipped_hole(key: str, band: str) -> Path:
+    """File of the state with a content key; it exists for the bands of the instrument presets."""
+    return Path(str(files("simulator.imaging") / "data" / f"hole_{band}_{key}.npz"))
 
 
 def hole_state(
@@ -100,24 +101,32 @@ def hole_state(
 ) -> HoleResult:
     """State of the mirror in one band: from the shipped file, the cache, or a new search.
 
-    A search of a shipped instrument takes 1 to 14 s of one processor (``reports/imaging_speed``) and says so. A hole
-    that was not reached is an `UnreachedHole`, with a warning.
+    A search of a shipped instrument takes 1 to 14 s of one processor (``reports/imaging_speed``), one nearer to the
+    star some minutes; it is announced. A hole that was not reached is an `UnreachedHole`, with one warning.
     """
     key = hole_key(instrument, solver)
-    path = shipped_hole(instrument, band) if band.isalnum() else None
-    arrays = read_npz(path) if path is not None and path.is_file() else {}
-    if str(arrays.get("key", "")) != key:
+    path = shipped_hole(key, band) if band.isalnum() else None
+    if path is not None and path.is_file():
+        arrays = read_npz(path)
+    else:
         arrays = compute_once(f"hole-{key}", lambda: to_arrays(search(instrument, solver, aberrations, mirror)))
     state = from_arrays(arrays, solver)
     if isinstance(state, UnreachedHole):
-        _LOG.warning("dark hole not reached: %s", state.reason)
+        _warn(key, state.reason)
     return state
+
+
+@functools.cache
+def _warn(key: str, reason: str) -> None:
+    """Say once for each hole that it was not reached: one measurement of the optics asks for it several times."""
+    _LOG.warning("dark hole not reached: %s", reason)
 
 
 def search(instrument: Instrument, solver: Imager, aberrations: Aberrations, mirror: DeformableMirror) -> HoleResult:
     """Dig the hole of one band now."""
     zone = solver.zone
-    _LOG.warning("digging the dark hole of %s (%s) once: some seconds", solver.band, zone.mode)
+    announce(f"digging the dark hole of {instrument.name} in {solver.band} ({zone.mode}), once: seconds on a free "
+             "processor, minutes where the hole is hard to reach")  # fmt: skip
     return solve_dark_hole(solver, aberrations, mirror, mode=zone.mode, side=zone.side, settings=_settings(instrument))
 
 

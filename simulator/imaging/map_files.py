@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import warnings
-import zipfile
 from collections.abc import Mapping
+from io import BufferedReader
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalogs.errors import InputError
+from catalogs.user_files import open_file
 from simulator.arrays import read_npz
 
 __all__ = ["FileMap", "MapFile", "header_number", "pixel_scale", "read_maps", "real_map"]
@@ -62,32 +63,18 @@ def read_maps(key: str, path: str | Path) -> MapFile:
     """
     if not isinstance(path, str | Path):
         raise InputError(key, path, allowed="the path of a FITS or npz file")
-    place = Path(path)
-    try:
-        exists = place.is_file()
-    except OSError:  # a name longer than the file system takes
-        exists = False
-    if not exists:
-        raise InputError(key, str(path), allowed="an existing FITS or npz file")
-    if place.stat().st_size > MAX_BYTES:
-        raise InputError(key, str(path), allowed=f"a file of at most {MAX_BYTES} bytes")
-    with place.open("rb") as file:
+    allowed = "an existing FITS or npz file"
+    with open_file(path, key=key, allowed=allowed, max_bytes=MAX_BYTES) as file:
         start = file.read(8)
+        if not start.startswith((b"PK", b"\x93NUMPY")):
+            file.seek(0)
+            return MapFile(True, _from_fits(key, path, file))
     if start.startswith(b"PK"):
-        return MapFile(False, _from_npz(key, place))
-    if start.startswith(b"\x93NUMPY"):
-        raise InputError(key, str(path), allowed="a FITS or npz file", hint="a bare npy array; write it with np.savez")
-    return MapFile(True, _from_fits(key, place))
+        return MapFile(False, _from_npz(key, path))
+    raise InputError(key, str(path), allowed="a FITS or npz file", hint="a bare npy array; write it with np.savez")
 
 
-def _from_npz(key: str, path: Path) -> tuple[FileMap, ...]:
-    try:
-        with zipfile.ZipFile(path) as archive:
-            size = sum(entry.file_size for entry in archive.infolist())
-    except (OSError, ValueError, zipfile.BadZipFile) as error:
-        raise InputError(key, str(path), allowed="a whole npz file", hint=str(error)) from None
-    if size > MAX_BYTES:
-        raise InputError(key, str(path), allowed=f"arrays of at most {MAX_BYTES} bytes", hint=f"it holds {size}")
+def _from_npz(key: str, path: str | Path) -> tuple[FileMap, ...]:
     try:
         arrays = read_npz(path)
     except InputError as error:
@@ -97,13 +84,13 @@ def _from_npz(key: str, path: Path) -> tuple[FileMap, ...]:
     return tuple(FileMap(name, array, {}) for name, array in arrays.items())
 
 
-def _from_fits(key: str, path: Path) -> tuple[FileMap, ...]:
+def _from_fits(key: str, path: str | Path, file: BufferedReader) -> tuple[FileMap, ...]:
     from astropy.io import fits
 
     with warnings.catch_warnings(record=True) as complaints:
         warnings.simplefilter("always")
         try:
-            with fits.open(path, memmap=False, checksum=True) as hdus:
+            with fits.open(file, memmap=False, checksum=True) as hdus:
                 found = _images(key, path, hdus)
         except InputError:
             raise
@@ -120,7 +107,7 @@ def _from_fits(key: str, path: Path) -> tuple[FileMap, ...]:
     return found
 
 
-def _images(key: str, path: Path, hdus: Any) -> tuple[FileMap, ...]:
+def _images(key: str, path: str | Path, hdus: Any) -> tuple[FileMap, ...]:
     found = []
     for hdu in hdus:
         shape = tuple(hdu.shape) if hdu.is_image else ()

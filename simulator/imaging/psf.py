@@ -24,6 +24,7 @@ from simulator.imaging.metrics import PsfMetrics
 from simulator.imaging.scene_image import PointSources, scene_image
 from simulator.imaging.transfer import band_transfer
 from simulator.knobs import FIDELITIES, Knobs
+from simulator.numeric import numeric_context
 from simulator.target.star_spectrum import stellar_spectrum
 
 __all__ = ["Psf", "PsfError", "forget_stamps", "single_band_psf", "wide_on_axis"]
@@ -96,6 +97,7 @@ class Psf:
         return BandGeometry.of(self.instrument, self.band, len(self.on_axis))
 
     @functools.cached_property
+    @numeric_context()
     def metrics(self) -> PsfMetrics:
         """Figures of merit; maps and core at this PSF's settings, wings and speckle floor at the standard ones."""
         from simulator.imaging.measure import stamp_figures, strehl
@@ -128,6 +130,7 @@ class Psf:
         return hole_state_of(self.instrument, self.band, float(light.mean() / self.off_axis.max()))
 
     @functools.cached_property
+    @numeric_context()
     def estimated_error(self) -> PsfError:
         """How far these stamps are from those at reference settings; about half a second."""
         finer = FIDELITIES["reference"].model_copy(update={"stamp_pixels": self.knobs.stamp_pixels})
@@ -145,6 +148,7 @@ class Psf:
             hole_rms=float(np.sqrt((difference**2).mean())),
         )
 
+    @numeric_context()
     def at(self, x_arcsec: float, y_arcsec: float) -> FloatArray:
         """Image of a unit source at any sub-pixel position, behind the mask, on the star-centred stamp.
 
@@ -172,6 +176,7 @@ class Psf:
         return self.imager.image(axis, axis, source_arcsec=(float(x_arcsec), float(y_arcsec)))
 
 
+@numeric_context()
 def single_band_psf(
     band: str,
     *,

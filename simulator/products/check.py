@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from catalogs.errors import InputError
+from catalogs.user_files import read_text
 from simulator.products.check_file import FileFacts, check_file
 from simulator.products.check_truth import check_truth
 from simulator.products.findings import Finding
@@ -20,6 +21,7 @@ from simulator.products.sequence import SCIENCE_KINDS
 __all__ = ["check_level0"]
 
 _BRANCHES = ("SCI", "CAL")
+_MAX_BYTES = 100_000_000  # of a configuration
 
 
 def check_level0(path: str | Path) -> list[Finding]:
@@ -117,7 +119,7 @@ def _check_place(file: Path, facts: FileFacts) -> list[Finding]:
 def _check_configuration(file: Path, path: Path, facts: FileFacts) -> list[Finding]:
     """Check that a file is what its configuration describes."""
     try:
-        tree: Any = json.loads(path.read_text(encoding="utf-8"))
+        tree: Any = json.loads(read_text(path, key="file", allowed="a readable file", max_bytes=_MAX_BYTES))
         shape, number = tuple(tree["sequence"]["shape"]), str(tree["configuration_hash"])
     except (OSError, ValueError, LookupError, TypeError) as error:
         return [Finding(path, None, "", f"cannot be read: {type(error).__name__}")]

@@ -6,8 +6,11 @@ import contextlib
 import math
 import warnings
 from collections.abc import Iterator, Mapping
+from io import BufferedReader
 from typing import Any, TypeGuard
 
+from catalogs.errors import InputError
+from catalogs.user_files import open_file
 from simulator.products.checksum import ALL_ONES, ones_sum
 from simulator.products.findings import Report
 
@@ -29,7 +32,13 @@ def open_units(report: Report, *, raw: bool = False) -> Iterator[Any]:
 
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
-        units = _opened(report, raw=raw)
+        stack = contextlib.ExitStack()
+        units = None
+        try:
+            file = stack.enter_context(_file_of(report))
+            units = _opened(report, file, raw=raw)
+        except InputError as error:
+            report.error(f"is not readable as FITS: {error.hint}")
         try:
             yield units
         except (*_DAMAGE, fits.VerifyError) as error:
@@ -37,19 +46,24 @@ def open_units(report: Report, *, raw: bool = False) -> Iterator[Any]:
         finally:
             if units is not None:
                 units.close()
+            stack.close()
             for text in dict.fromkeys(str(item.message).splitlines()[0] for item in said):
                 if "truncated" not in text.lower():  # said already, with numbers
                     report.error(f"astropy warns: {text}")
 
 
-def _opened(report: Report, *, raw: bool) -> Any:
-    """Open a file and read every header; None if that is not possible."""
+def _file_of(report: Report) -> contextlib.AbstractContextManager[BufferedReader]:
+    return open_file(report.path, key="file", allowed="a readable file", max_bytes=2**63)
+
+
+def _opened(report: Report, file: BufferedReader, *, raw: bool) -> Any:
+    """Read every header of a file; None if that is not possible."""
     from astropy.io import fits
 
     units = None
     try:
         size = report.path.stat().st_size
-        units = fits.open(report.path, memmap=True, do_not_scale_image_data=True, disable_image_compression=raw)
+        units = fits.open(file, memmap=True, do_not_scale_image_data=True, disable_image_compression=raw)
         last = units[len(units) - 1].fileinfo()
     except (*_DAMAGE, fits.VerifyError) as error:
         report.error(f"is not readable as FITS: {_first_line(error)}")
@@ -93,7 +107,7 @@ def check_sums(report: Report, units: Any, number: int, header: Mapping[str, Any
         report.error("is missing", key, number)
     if missing:
         return
-    with report.path.open("rb") as file:
+    with _file_of(report) as file:
         file.seek(place["hdrLoc"])
         head = file.read(place["datLoc"] - place["hdrLoc"])
         data = file.read(place["datSpan"])

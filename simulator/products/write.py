@@ -12,6 +12,7 @@ import numpy as np
 from catalogs.errors import InputError
 from simulator.camera.frame import Frame
 from simulator.files import whole_file
+from simulator.numeric import numeric_context
 from simulator.products.ephemeris import ephemeris
 from simulator.products.folders import claim, clear_stale_parts, temporary_folders
 from simulator.products.headers import frame_values, ledger_cards, sequence_values
@@ -24,11 +25,12 @@ from simulator.products.times import sequence_times
 from simulator.products.truth import TruthWriter
 from simulator.products.units import append_image, append_primary, header_cards
 
-__all__ = ["write_level0"]
+__all__ = ["refuse_taken", "write_level0"]
 
 Progress = Callable[[int, int], None]
 
 
+@numeric_context()
 def write_level0(
     observation: FrameSequence,
     out_dir: str | Path,
@@ -87,7 +89,7 @@ def write_level0(
     )
     name = product_name(observation, times, obsid)
     root = Path(out_dir)
-    _refuse_taken(root, name, overwrite=overwrite)
+    refuse_taken(root, name, overwrite=overwrite)
     sky = ephemeris(observation.instrument.mission.orbit, log_times(times), star_deg(observation))
     primary, shared = sequence_values(observation, name, times, sky)
     header = [*header_cards(primary, table, profile), *ledger_cards(observation)]
@@ -122,8 +124,14 @@ def write_level0(
     return root / name.file
 
 
-def _refuse_taken(root: Path, name: ProductName, *, overwrite: bool) -> None:
-    """Refuse a file that exists, and a number that another observation of the tree has."""
+def refuse_taken(root: Path, name: ProductName, *, overwrite: bool) -> None:
+    """Refuse a file that exists, and a number that another observation of the tree has.
+
+    Raises
+    ------
+    InputError
+        Naming the file, unless ``overwrite``, or the number and the file that has it.
+    """
     path = root / name.file
     if path.exists() and not overwrite:
         raise _exists(path)

@@ -22,6 +22,7 @@ from simulator.config.albedo import (
     TableAlbedo,
     albedo_spec,
 )
+from simulator.numeric import numeric_context
 from simulator.quantities import real_array
 from simulator.target.parametric import grid_phase_curve, parametric_family
 from simulator.target.phase import lambert_phase
@@ -44,6 +45,7 @@ _DEFAULT = ParametricAlbedo(insolation_au=2.0)
 _EVERYWHERE_NM = (100.0, 10000.0)
 
 
+@numeric_context()
 def planet_albedo(
     wavelength_nm: ArrayLike,
     *,

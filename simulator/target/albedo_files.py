@@ -12,6 +12,7 @@ import numpy as np
 from catalogs.errors import InputError
 from catalogs.spectra import Albedo
 from catalogs.table_files import TableBytes, parse_table
+from catalogs.user_files import read_file
 from simulator.arrays import NPZ_ERRORS, open_npz
 from simulator.target.albedo_grid_file import LARGEST_ALBEDO, is_sqlite
 
@@ -84,7 +85,9 @@ def read_albedo(path: str | Path, *, unit: str | None = None) -> Albedo:
         an albedo is not within 0 to 2.
     """
     place = Path(path).expanduser()
-    columns = _parse(place, _bytes(place, path))
+    hint = "is it a grid of models? then give log10_mh and log10_fsed with it"
+    data = read_file(path, key="albedo file", allowed=_FORMATS, max_bytes=_MAX_BYTES, too_large=hint)
+    columns = _parse(place, data)
     axis, other = _choose(place.name, columns)
     raw, values = columns.values[axis], columns.values[other]
     if raw.size < 2:
@@ -111,19 +114,6 @@ def _check_rows(name: str, rows: Sequence[str], what: str, values: np.ndarray, g
     bad = np.flatnonzero(~good)
     if bad.size:
         raise InputError(f"{name} {rows[bad[0]]} {what}", float(values[bad[0]]), allowed=allowed)
-
-
-def _bytes(place: Path, given: str | Path) -> bytes:
-    try:
-        if place.is_file() and place.stat().st_size > _MAX_BYTES:
-            hint = "is it a grid of models? then give log10_mh and log10_fsed with it"
-            raise InputError("albedo file", str(given), allowed=f"at most {_MAX_BYTES} bytes", hint=hint)
-        return place.read_bytes()
-    except (OSError, ValueError) as error:
-        if isinstance(error, InputError):
-            raise
-        reason = getattr(error, "strerror", None) or str(error)
-        raise InputError("albedo file", str(given), allowed=_FORMATS, hint=reason) from None
 
 
 def _parse(place: Path, data: bytes) -> _Columns:
@@ -205,7 +195,7 @@ def _from_text(name: str, text: str) -> _Columns:
         expected = len(rows[0]) if rows else len(cells)
         if len(numbers) != len(cells) or len(cells) != expected:
             allowed = f"{expected} numbers" if rows else "numbers, or a heading of words"
-            raise InputError(f"{name} line {number}", body.strip()[:60], allowed=allowed)
+            raise InputError(f"{name} line {number}", "something else", allowed=allowed)
         rows.append(numbers)
         places.append(f"line {number}")
     if len(rows) < 2:

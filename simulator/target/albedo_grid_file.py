@@ -24,6 +24,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from catalogs.errors import InputError
+from catalogs.user_files import open_file
 from simulator.arrays import NPZ_ERRORS, open_npz
 
 __all__ = [
@@ -40,6 +41,7 @@ __all__ = [
 LARGEST_ALBEDO = 2.0
 """Larger is no planet's geometric albedo (A): 2/3 is a white Lambert sphere's, 1.4 the brightest icy moon's."""
 
+_MAX_BYTES = 100_000_000_000  # the database has 5 GB
 _MOST_NEGATIVE = -0.01  # below, an albedo is no rounding error of zero (A)
 _NAME = re.compile(r"g[\d.]+_t[\d.]+_m(-?[\d.]+)_d([\d.]+)_(?:NC|f([\d.]+))_phang(\d{3})", re.ASCII)
 _NPZ_AXES = ("metallicities", "clouds", "dists", "betas", "wavelns")
@@ -214,11 +216,8 @@ def open_models(path: Path) -> Models:
     InputError
         If the file cannot be read or is of neither layout.
     """
-    try:
-        with path.open("rb") as file:
-            start = file.read(16)
-    except OSError as error:
-        raise InputError("albedo grid", str(path), allowed=_LAYOUTS, hint=error.strerror or str(error)) from None
+    with open_file(path, key="albedo grid", allowed=_LAYOUTS, max_bytes=_MAX_BYTES) as file:
+        start = file.read(16)
     if is_sqlite(start):
         return SqliteModels.open(path)
     if start.startswith(b"PK\x03\x04"):

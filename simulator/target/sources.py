@@ -15,6 +15,7 @@ from simulator.config.extended import ExtendedSource
 from simulator.config.geometry import place
 from simulator.config.keys import at
 from simulator.config.scene_table import StarColumns, is_table, scenes_from_table
+from simulator.numeric import numeric_context
 from simulator.passbands import Passbands
 from simulator.target.lights import ORIGIN, LitStar
 from simulator.target.planet_light import LitPlanet
@@ -154,6 +155,7 @@ def spectrum_generator(
     roll_deg: float = 0.0,
     instrument: Instrument | Mapping[str, Any] | str | None = None,
 ) -> SourceBatch: ...
+@numeric_context()
 def spectrum_generator(
     scene: SceneLike | Iterable[SceneLike] | StarColumns,
     *,

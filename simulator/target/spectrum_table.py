@@ -12,6 +12,8 @@ import numpy as np
 
 from catalogs.errors import InputError
 from catalogs.spectra import HC_ERG_ANGSTROM, Spectrum
+from catalogs.table_files import TableBytes, astropy_table
+from catalogs.user_files import read_file
 from simulator.band_integrals import check_table
 
 __all__ = ["photon_flux", "read_spectrum"]
@@ -53,12 +55,12 @@ def read_spectrum(path: str | Path) -> Spectrum:
         negative.
     """
     place = Path(path)
-    data = _bytes(place)
+    data = read_file(place, key="spectrum file", allowed="a readable file", max_bytes=_MAX_BYTES)
     start = data[:512].lstrip()
     if start.startswith(b"SIMPLE  ="):
         columns = _from_fits(place, data)
     elif start.startswith((b"<?xml", b"<VOTABLE", b"# %ECSV")):
-        columns = _from_table(place, data, "ascii.ecsv" if start.startswith(b"#") else "votable")
+        columns = _from_table(place, data, "ecsv" if start.startswith(b"#") else "votable")
     else:
         columns = _from_text(place, data)
     wavelength, wavelength_unit, flux, flux_unit = columns
@@ -99,16 +101,6 @@ def photon_flux(name: str, wavelength_nm: np.ndarray, flux: np.ndarray, unit: st
     return Spectrum(wavelength, values)
 
 
-def _bytes(path: Path) -> bytes:
-    try:
-        if path.is_file() and path.stat().st_size > _MAX_BYTES:
-            raise InputError("spectrum file", str(path), allowed=f"at most {_MAX_BYTES} bytes")
-        return path.read_bytes()
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise InputError("spectrum file", str(path), allowed="a readable file", hint=reason) from None
-
-
 def _from_text(path: Path, data: bytes) -> tuple[np.ndarray, str, np.ndarray, str]:
     try:
         lines = data.decode("utf-8-sig").splitlines()
@@ -130,7 +122,7 @@ def _from_text(path: Path, data: bytes) -> tuple[np.ndarray, str, np.ndarray, st
                 header.append(text)
                 continue
         if len(row) != 2:
-            raise InputError(f"{path.name} line {number}", line.strip()[:80], allowed="two numbers")
+            raise InputError(f"{path.name} line {number}", "something else", allowed="two numbers")
         rows.append(row)
     if len(rows) < 2:
         raise InputError(path.name, f"{len(rows)} rows of numbers", allowed="at least two rows of two numbers")
@@ -150,15 +142,12 @@ def _only(path: Path, what: str, words: list[str], known: Any) -> str:
 
 def _from_table(path: Path, data: bytes, kind: str) -> tuple[np.ndarray, str, np.ndarray, str]:
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # what astropy forgives is no reason to refuse a spectrum
-            from astropy.table import Table
-
-            source = data.decode("utf-8").splitlines() if kind == "ascii.ecsv" else io.BytesIO(data)
-            table = Table.read(source, format=kind)
-            columns = [table[name] for name in table.colnames[:2]]
-            values = [np.array(np.ma.filled(np.ma.asarray(column), np.nan), dtype=np.float64) for column in columns]
-            units = ["" if column.unit is None else str(column.unit) for column in columns]
+        table, _ = astropy_table(TableBytes(path.name, data, ""), kind)
+        columns = [table[name] for name in table.colnames[:2]]
+        values = [np.array(np.ma.filled(np.ma.asarray(column), np.nan), dtype=np.float64) for column in columns]
+        units = ["" if column.unit is None else str(column.unit) for column in columns]
+    except InputError:
+        raise
     except Exception as error:
         raise _unreadable(path, error) from None
     if len(values) != 2:

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from catalogs.errors import InputError
+from catalogs.user_files import open_file
 from simulator.target.spectrum_table import photon_flux
 
 __all__ = ["TREE_NAMES", "find_tree", "tree_photlam"]
@@ -27,6 +28,7 @@ __all__ = ["TREE_NAMES", "find_tree", "tree_photlam"]
 TREE_NAMES = ("ck04models", "k93models", "phoenix")
 
 _CATALOGUE = "catalog.fits"
+_MAX_BYTES = 1_000_000_000
 _FILE_AND_COLUMN = re.compile(r"\s*([^\[\]]+?)\s*\[\s*(\w+)\s*\]\s*")
 _AXES = (("teff_k", "K"), ("metallicity", "dex"), ("log_g", "dex"))
 
@@ -191,14 +193,19 @@ def _table(path: str, columns: tuple[str, str]) -> dict[str, Any]:
     """Return two columns of the first table extension."""
     from astropy.io import fits
 
+    wanted = f"a table with columns {' and '.join(columns)}"
     try:
         with warnings.catch_warnings():
             # STScI files carry unit and display cards that FITS does not know; they do not touch the data.
             warnings.simplefilter("ignore")
-            with fits.open(path) as hdus:
+            with (
+                open_file(path, key="model file", allowed=wanted, max_bytes=_MAX_BYTES) as file,
+                fits.open(file) as hdus,
+            ):
                 table = hdus[1].data
                 return {name: np.array(table[name]) for name in columns}
+    except InputError:
+        raise
     except (OSError, KeyError, IndexError, TypeError, ValueError) as error:
         hint = f"{type(error).__name__}: {error}"[:160]
-        wanted = f"a table with columns {' and '.join(columns)}"
         raise InputError("model file", path, allowed=wanted, hint=hint) from None

@@ -13,6 +13,7 @@ from catalogs.errors import InputError
 from catalogs.spectra import Spectrum, load_stellar_grid
 from catalogs.spectral_types import stellar_parameters
 from simulator.band_integrals import check_table, v_photon_rate, vega_v_photon_rate
+from simulator.numeric import numeric_context
 from simulator.quantities import check_number
 from simulator.target.thermal import photon_surface
 
@@ -152,6 +153,7 @@ def stellar_spectrum(
     return _from_tree(magnitude, star, name)
 
 
+@numeric_context()
 def star_photlam(
     magnitude_v: float,
     spectral_type: str | None = None,

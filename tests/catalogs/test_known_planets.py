@@ -1,13 +1,14 @@
 """Known planets: the shipped table against itself and Kepler's third law; a user's own, read or refused."""
 
 import pickle
+import re
 
 import numpy as np
 import pytest
 
 from catalogs.errors import InputError
-from catalogs.known_planet_columns import COLUMNS, DESCRIPTIONS, FLAGS, GIVEN_FLAGS, INPUT_ONLY
-from catalogs.known_planets import load_known_planets, star_key
+from catalogs.known_planet_columns import COLUMNS, DESCRIPTIONS, FLAGS, GIVEN_FLAGS, INPUT_ONLY, STATUSES
+from catalogs.known_planets import load_known_planets, planets_updated, star_key
 from catalogs.stars import load_stars
 
 NUMBERS = [name for name, column in COLUMNS.items() if column.kind != "text" and name not in INPUT_ONLY]
@@ -22,6 +23,10 @@ def written(tmp_path, text, name="mine.csv"):
     path = tmp_path / name
     path.write_text(text, encoding="utf-8")
     return path
+
+
+def alone(path):
+    return f"none+{path}"
 
 
 GOOD = "star,planet,period_days,period_err_days,msini_mjup\nmine,mine b,1000,2,1.5\n"
@@ -70,8 +75,9 @@ def test_a_planet_by_any_name_of_its_star(shipped):
     row = shipped.row_of("eps Eri b")
     for name in ("epsilon Eridani b", "HD 22049 b", "HIP 16537 b"):
         assert shipped.row_of(name) == row
-    assert shipped.number("omega_star_deg")[row] == 47.0  # of the star: Benedict et al. 2006
-    assert "2006AJ....132.2206B" in shipped.text("reference")[row]
+    before = load_known_planets("archive_2019")
+    assert before.number("omega_star_deg")[before.row_of("HIP 16537 b")] == 47.0  # of the star: Benedict et al. 2006
+    assert "2006AJ....132.2206B" in before.text("reference")[row]
     assert shipped.text("star")[shipped.row_of("16 Cyg B b")] == "16 Cyg B"
     assert shipped.rows_of("16 Cyg A") == ()
     for name in ("eps Eri z", "tau Ceti", "b", ""):
@@ -118,7 +124,7 @@ def test_every_column_and_flag_is_described():
 
 
 def test_a_user_s_table(tmp_path):
-    table = load_known_planets(written(tmp_path, GOOD))
+    table = load_known_planets(alone(written(tmp_path, GOOD)))
     assert table.text("planet") == ["mine b"]
     assert np.isnan(table.number("eccentricity")[0])
     assert set(table.flags(0)) == {"phase_unknown", "axis_unknown", "eccentricity_unknown", "omega_unknown",
@@ -129,7 +135,7 @@ def test_a_user_s_table(tmp_path):
 
 def test_omega_of_the_planet_is_turned_to_the_star_s(tmp_path):
     text = "star,planet,P,omega_planet_deg,omega_err_deg,msini\nmine,mine b,1000,250,5,1\n"
-    table = load_known_planets(written(tmp_path, text))
+    table = load_known_planets(alone(written(tmp_path, text)))
     assert table.number("omega_star_deg")[0] == pytest.approx(70.0)
     assert "omega_planet_deg" not in table.columns
 
@@ -143,9 +149,10 @@ def test_units_and_headings_of_the_archive(tmp_path):
         "a,a c,300,1,0.1,0.02,0,1,Mass,90,here,1,5\n"
         "a,a d,500,1,0.1,0.02,0,1,Msin(i)/sin(i),40,here,0,5\n"
     )
-    table = load_known_planets(written(tmp_path, text))
+    table = load_known_planets(alone(written(tmp_path, text)))
     assert {"eccentricity_upper_limit", "period_err_unknown", "minimum_mass"} <= set(table.flags(0))
-    assert {"edge_on_assumed", "controversial", "minimum_mass"} <= set(table.flags(1))
+    assert {"edge_on_assumed", "minimum_mass"} <= set(table.flags(1))
+    assert table.text("status") == ["confirmed", "controversial", "confirmed"]
     assert table.number("msini_mjup")[1] == 1.0
     assert (table.number("mass_mjup")[2], table.number("inclination_deg")[2]) == (1.0, 40.0)
     assert table.text("reference")[0] == "Us 2020 (2020A&A...1..2B)"
@@ -155,7 +162,7 @@ def test_units_and_headings_of_the_archive(tmp_path):
         "# - {name: period, unit: yr, datatype: float64}\n# - {name: msini, unit: earthMass, datatype: float64}\n"
         "star planet period msini\nmine b 2.0 317.828\n"
     )
-    table = load_known_planets(written(tmp_path, ecsv.replace("mine b 2.0", '"mine" "mine b" 2.0'), "mine.ecsv"))
+    table = load_known_planets(alone(written(tmp_path, ecsv.replace("mine b 2.0", '"mine" "mine b" 2.0'), "mine.ecsv")))
     assert table.number("period_days")[0] == pytest.approx(730.5)
     assert table.number("msini_mjup")[0] == pytest.approx(1.0, rel=1e-4)
 
@@ -190,3 +197,113 @@ def test_no_such_file():
 def test_star_keys_keep_components_apart():
     assert star_key("16 Cyg A") != star_key("16 Cyg B")
     assert star_key("my own star") == "my own star"
+
+
+ONE = "star,planet,a,e,mass,inclination,star_mass\nHD 22049,HD 22049 B,1.5,0,1,30,0.83\n"
+
+
+def cells_of(table, row):
+    return {name: str(cells[row]) for name, cells in table.columns.items()}
+
+
+@pytest.mark.parametrize("base", ["snapshot", "archive_2019"])
+def test_a_table_of_one_planet_keeps_the_others(tmp_path, base):
+    below = load_known_planets(base)
+    table = load_known_planets(f"{base}+{written(tmp_path, ONE)}")
+    row = below.row_of("eps Eri b")
+    assert len(table) == len(below) == 176
+    assert [k for k in range(176) if cells_of(table, k) != cells_of(below, k)] == [row]
+    # The name is that of the table below, so that draws have the same numbers.
+    assert (table.text("star")[row], table.text("planet")[row]) == ("eps Eri", "eps Eri b")
+    assert table.number("semi_major_axis_au")[row] == 1.5
+    assert np.isnan(table.number("period_days")[row])  # of one publication, not mixed
+    assert table.text("reference")[row] == ""
+    assert "1 of the 176 planets below is changed: eps Eri b; 0 are new" in table.notes[0]
+    assert below.provenance in table.provenance
+
+
+def test_a_file_alone_is_laid_over_the_snapshot(tmp_path):
+    path = written(tmp_path, ONE.replace(" B", " q"))
+    table = load_known_planets(path)
+    assert len(table) == 177
+    assert table.text("star")[-1] == "eps Eri"
+    assert table.rows_of("epsilon Eridani") == (table.row_of("eps Eri b"), 176)
+    assert cells_of(table, 5) == cells_of(load_known_planets(), 5)
+    assert len(load_known_planets(f"none+{path}")) == 1
+
+
+def test_updates_are_dated_cited_and_of_catalogue_planets(shipped):
+    before = load_known_planets("archive_2019")
+    assert before.text("planet") == shipped.text("planet")
+    changed = [k for k in range(176) if cells_of(before, k) != cells_of(shipped, k)]
+    assert changed == [k for k, date in enumerate(shipped.text("updated")) if date]
+    assert len(changed) == 10
+    for row in changed:
+        assert re.fullmatch(r"20\d\d-\d\d-\d\d", shipped.text("updated")[row])
+        said = shipped.text("status_reference")[row] or shipped.text("reference")[row]
+        assert re.search(r"\((\d{4}[A-Za-z&.]+.*|arXiv:\d{4}\.\d{5}|doi:10\..*)\)", said), said
+    assert planets_updated() == max(shipped.text("updated"))
+
+
+def test_the_status_of_planets_that_later_work_excludes_or_doubts(shipped):
+    def of(status):
+        return {name for name, own in zip(shipped.text("planet"), shipped.text("status"), strict=True) if own == status}
+
+    assert of("refuted") == {"tau Cet e", "omi2 Eri b", "82 Eri c"}
+    assert of("controversial") == {"tau Cet f", "tau Cet g", "tau Cet h", "82 Eri e", "HD 102365 b", "HD 114613 b",
+                                   "rho CrB b", "HD 219134 f", "HD 40307 g"}  # fmt: skip
+    assert set(shipped.text("status")) <= set(STATUSES)
+    # The orbit that a refuted planet was said to have stays, with its reference.
+    row = shipped.row_of("tau Cet e")
+    assert shipped.number("period_days")[row] == 162.87
+    assert "2017AJ....154..135F" in shipped.text("reference")[row]
+
+
+def test_refuted_planets_and_candidates_are_listed_and_not_counted(shipped, tmp_path):
+    assert len(shipped.listed_rows_of("tau Cet")) == 4
+    assert shipped.row_of("tau Cet e") not in shipped.rows_of("tau Cet")
+    assert len(shipped.rows_of("tau Cet")) == 3
+    assert shipped.rows_of("omi2 Eri") == ()
+    assert star_key("omi2 Eri") not in shipped.by_star
+    assert len(load_known_planets("archive_2019").rows_of("omi2 Eri")) == 1
+    text = "star,planet,P,msini,status\nmine,mine b,100,1,Candidate\nmine,mine c,200,1,\n"
+    table = load_known_planets(alone(written(tmp_path, text)))
+    assert table.text("status") == ["candidate", "confirmed"]
+    assert table.rows_of("mine") == (1,)
+
+
+@pytest.mark.parametrize(
+    ("text", "status", "after", "axis"),
+    [
+        # A status alone leaves the orbit; what is said about an orbit alone leaves the status.
+        ("star,planet,status,reference\ntau Cet,tau Cet e,confirmed,me\n", "confirmed", "me", 0.538),
+        ("star,planet,a,e,mass\ntau Cet,tau Cet e,0.6,0,1\n", "refuted", "Figueira et al. 2025", 0.6),
+        ("star,planet,a,e,mass,status\ntau Cet,tau Cet e,0.6,0,1,controversial\n", "controversial", "", 0.6),
+        ("star,planet,a,e,mass,pl_controv_flag\ntau Cet,tau Cet e,0.6,0,1,1\n", "refuted", "Figueira et al. 2025", 0.6),
+    ],
+)
+def test_a_user_s_table_may_say_the_status(tmp_path, text, status, after, axis):
+    table = load_known_planets(written(tmp_path, text))
+    row = table.row_of("tau Cet e")
+    assert table.text("status")[row] == status
+    assert table.text("status_reference")[row].startswith(after)
+    assert bool(table.text("status_reference")[row]) == bool(after)
+    assert table.number("semi_major_axis_au")[row] == axis
+    assert table.counted[row] == (status != "refuted")
+
+
+@pytest.mark.parametrize(
+    ("source", "text", "says"),
+    [
+        ("{}", "star,planet,status\nmine,mine b,refuted\n", r"mine.csv \(mine b\) = a status without an orbit"),
+        ("{}", "star,planet,status\neps Eri,eps Eri b,gone\n", r"column status = gone: .*confirmed, controversial"),
+        ("{}", "star,planet,status\neps Eri,eps Eri b,\n", r"column period_days or semi_major_axis_au = missing"),
+        ("{}", "star,planet,P,msini\neps Eri,eps Eri b,3,1\nHD 22049,HD 22049 b,4,1\n", r"rows 1 and 2"),
+        ("none", "", r"known_planets = none: .*none\+FILE"),
+        ("archive_2019+", "", r"archive_2019, or archive_2019\+FILE"),
+        ("none+nowhere.csv", "", r"nowhere.csv"),
+    ],
+)
+def test_refusals_of_status_and_source(tmp_path, source, text, says):
+    with pytest.raises(InputError, match=says):
+        load_known_planets(source.format(written(tmp_path, text)))

@@ -135,6 +135,18 @@ def test_a_refreshed_file_elsewhere_is_known_for_what_it_is(tmp_path, text):
     assert len(load_stars()) == 1390
 
 
+def test_a_table_refreshed_before_the_companions_moved_has_them_where_they_are(tmp_path, text):
+    old = text.replace("10.25,17.8,2028.5", "19.11,215.2,1991.25").replace("10.25,197.8,2028.5", "19.11,35.2,1991.25")
+    assert old.count("1991.25") == 2
+    (tmp_path / "old.ecsv").write_text(old)
+    table = open_catalogue(tmp_path / "old.ecsv").table
+    for name, pa in (("alf Cen A", 17.8), ("alf Cen B", 197.8)):
+        row = table.row(table.column("name").tolist().index(name))
+        assert (row["companion_sep_arcsec"], row["companion_epoch_yr"]) == (10.25, 2028.5)
+        assert row["companion_pa_deg"] == pytest.approx(pa)
+        assert str(row["companion_src"]).startswith("derived:orbit of Akeson")
+
+
 def test_a_shortened_file_is_read_and_said_to_be_one(tmp_path, text):
     (tmp_path / "part.ecsv").write_text("\n".join(text.splitlines()[:-2]) + "\n")
     chosen = open_catalogue(tmp_path / "part.ecsv")

@@ -9,7 +9,7 @@ import pytest
 import cpic_planner.completeness as module
 from catalogs.errors import InputError
 from catalogs.stars import load_stars
-from cpic_planner.completeness import completeness
+from cpic_planner.completeness import completeness, inside_zone
 from cpic_planner.etc.model import Strategy, build_model
 from cpic_planner.etc.noise import frame_problem, stack_noise
 from cpic_planner.etc.rates import aperture_rates
@@ -17,6 +17,7 @@ from cpic_planner.etc.significance import threshold_array
 from cpic_planner.population import draw_population, load_population
 from cpic_planner.targets import targets_from_table
 from simulator import load_instrument
+from simulator.imaging.hole_zone import HoleZone
 from simulator.target.albedo import albedo_source
 from simulator.target.phase import lambert_phase
 
@@ -140,9 +141,27 @@ def test_chunks_change_nothing(model, everyone, monkeypatch):
     model = dataclasses.replace(model, strategy=IDEAL)
     setting = {"exposure_s": 30.0, "n_frames": np.arange(40.0) * 500, "em_gain": 20.0}
     whole = completeness(model, targets, "F520", drawn, **setting)
-    for name, size in (("_PLACED", 1500), ("_OBSERVED", 60), ("_PLANETS", 100)):
+    for name, size in (("_PLACED", 1500), ("_OBSERVED", 20), ("_PLANETS", 100)):
         monkeypatch.setattr(module, name, size)
+    placed, observed, zone, threshold = [], [], module.inside_zone, module._detected
+
+    def seen_zone(zone_, x, y, margin):
+        placed.append(x.size)
+        return zone(zone_, x, y, margin)
+
+    def seen_threshold(model, chosen, band, x, *others):
+        observed.append(x.shape)
+        return threshold(model, chosen, band, x, *others)
+
+    monkeypatch.setattr(module, "inside_zone", seen_zone)
+    monkeypatch.setattr(module, "_detected", seen_threshold)
     parts = completeness(model, targets, "F520", drawn, **setting)
+    # Pairs at work at once: never more than asked, unless one star alone has more, and not much fewer.
+    assert max(placed) == 1500
+    assert len(placed) < 3 * 2 * 777 * 40 / 1500
+    assert all(rows == 1 or rows * most <= 20 for rows, most in observed)
+    assert max(rows for rows, _ in observed) > 4
+    assert max(most for _, most in observed) > 20
     for item in dataclasses.fields(whole):
         np.testing.assert_array_equal(getattr(parts, item.name), getattr(whole, item.name))
     assert 0 < whole.completeness.sum() < whole.observable.sum()
@@ -218,6 +237,59 @@ def test_edges_keep_the_whole_aperture_inside(model, everyone):
         there = {"node_deg": 45, "mean_anomaly_deg": 0, "semi_major_axis_au": half_side * math.sqrt(2) * distance}
         found = completeness(model, star, band, planets(FACE_ON | there, n=1), exposure_s=1, n_frames=0, em_gain=1)
         assert (found.in_zone[0], found.observable[0]) == (zone, whole), half_side
+
+
+@pytest.mark.parametrize(("mode", "side"), [("4q", "right"), *(("2q", s) for s in ("right", "left", "top", "bottom"))])
+def test_the_zone_holds_its_edges(mode, side):
+    # Edges that are exact in binary, and points on them, on either side of them and on the axes.
+    zone = HoleZone(0.25, 2.0, mode, side)
+    axis = np.unique([sign * edge * (1 + off) for sign in (-1, 1) for edge in (0, 0.25, 0.375, 0.5, 1.875, 2)
+                      for off in (-1e-9, 0, 1e-9)])  # fmt: skip
+    x, y = np.meshgrid(axis, axis)
+    dark = {"right": x > 0, "left": x < 0, "top": y > 0, "bottom": y < 0}[side] | (mode == "4q")
+    for margin in (0.0, 0.125):
+        near, far = np.minimum(abs(x), abs(y)), np.maximum(abs(x), abs(y))
+        expected = dark & (near >= 0.25 + margin) & (far <= 2.0 - margin)
+        np.testing.assert_array_equal(inside_zone(zone, x, y, margin), expected)
+        assert 0 < expected.sum() < expected.size
+
+
+def placed_by_hand(offsets_au, distances_au, albedo):
+    """Draw planets and move them to x and y of equal offset, in the quadrant that the default parity calls left top."""
+    n, drawn = len(offsets_au), planets({"radius_rjup": 10, "albedo": albedo}, n=len(offsets_au))
+    there = np.array(offsets_au, float)
+    return dataclasses.replace(drawn, east_au=there, north_au=there, distance_au=np.array(distances_au, float),
+                               phase_deg=np.full(n, 30.0))  # fmt: skip
+
+
+@pytest.mark.parametrize("mode", ["analogue", "photon_counting"])
+def test_one_planet_in_one_frame(model, everyone, mode):
+    """A large warm giant at a sunlike neighbour: one short frame shows it, half of one too, none does not."""
+    model = with_strategy(model, mode=mode, library="idealised")
+    sunlike = int(np.flatnonzero(everyone.name == "tau Cet")[0])
+    stars = dataclasses.replace(everyone.select([sunlike] * 3), distance_pc=np.full(3, 5.0))
+    drawn = placed_by_hand([2.0], [2.0], 0.5)
+    for rows, frames in (([0], 1.0), ([0, 1, 2], 1.0), ([0, 1, 2], 0.5), ([0, 1, 2], 0.0)):
+        found = completeness(
+            model, stars.select(rows), "F520", drawn, exposure_s=[0.5], n_frames=frames, em_gain=[1000.0]
+        )
+        assert found.observable.tolist() == [1.0] * len(rows)
+        assert found.completeness.tolist() == [float(frames > 0)] * len(rows)
+
+
+def test_only_planets_that_are_observed_are_noted(model, everyone):
+    # The models of the albedo reach from insolations of 0.5 to beyond 5 au, not to 20 au; F520 is dark to 0.7 arcsec.
+    pair = dataclasses.replace(everyone.select([0, 0]), distance_pc=np.array([5.0, 3.2]),
+                               luminosity_lsun=np.array([1.0, 0.04]))  # fmt: skip
+    drawn = placed_by_hand([2.0, 3.0], [1.0, 4.0], {"log10_mh": 0.5})
+    setting = {"exposure_s": 20.0, "em_gain": 20.0}
+    found = completeness(model, pair, "F520", drawn, n_frames=100, **setting)
+    # The second star sees the first planet only: that the other would be too cold there is nobody's concern.
+    assert found.observable.tolist() == [1.0, 0.5]
+    assert found.flags == ()
+    cold = placed_by_hand([2.0], [20.0], {"log10_mh": 0.5})
+    assert completeness(model, pair.select([0]), "F520", cold, n_frames=100, **setting).flags == ("insolation_clamped",)
+    assert completeness(model, pair.select([0]), "F520", cold, n_frames=0, **setting).flags == ()
 
 
 def test_stars_too_far_and_no_frames_detect_nothing(model, stars):
@@ -321,6 +393,10 @@ def test_thresholds_lie_above_sigma():
     [
         ({"band": "F9"}, "band = F9: not accepted; allowed: F520, F850"),
         ({"n_frames": -1}, "n_frames = -1.0: not accepted; allowed: finite numbers, at least 0"),
+        (
+            {"n_frames": [0, 0.5, 1, -2, -3, 4, 5, 6]},
+            "n_frames = -2.0: not accepted; allowed: finite numbers, at least 0",
+        ),
         ({"n_frames": np.nan}, "n_frames = nan: not accepted; allowed: finite numbers, at least 0"),
         ({"n_frames": [1, 2, 3]}, "n_frames = (3,): not accepted; allowed: one number, or one for each of 8 stars"),
         ({"exposure_s": 0}, "exposure_s = 0.0 s: not accepted; allowed: above 0"),
@@ -337,9 +413,12 @@ def test_refusals(model, stars, changes, text):
 
 def test_counted_photons_have_one_gain(model, stars):
     model = with_strategy(model, mode="photon_counting")
-    gains = np.linspace(100.0, 300.0, len(stars))
-    with pytest.raises(InputError, match="one gain for all stars where photons are counted"):
-        completeness(model, stars, "F520", planets(n=3), exposure_s=1.0, n_frames=10, em_gain=gains)
+    for gains in (np.linspace(100.0, 300.0, len(stars)), [100.0] * (len(stars) - 1) + [300.0]):
+        with pytest.raises(InputError, match="one gain for all stars where photons are counted"):
+            completeness(model, stars, "F520", planets(n=3), exposure_s=1.0, n_frames=10, em_gain=gains)
+    # That of a star without frames is no gain.
+    frames = [10] * (len(stars) - 1) + [0]
+    assert completeness(model, stars, "F520", planets(n=3), exposure_s=1.0, n_frames=frames, em_gain=gains).flags == ()
 
 
 @pytest.mark.parametrize("albedo", ["jupiter", "parametric"])

@@ -53,6 +53,10 @@ def test_sentences_are_true():
     words = told.sentences
     assert words[0] == f"Rank 2 of {len(RANK.targets)} by completeness per hour: {row.score:.3g}."
     assert f"{row.distance_pc:.2f} pc" in words[1]
+    best = next(item for item in told.bands if item.band == row.completeness_band)
+    assert 0.0 < best.observable < best.in_zone
+    assert f"{best.in_zone:.1%} of the population lie in the dark quadrants of {best.band}" in words[1]
+    assert f"{best.observable:.1%} with their whole aperture" in words[1]
     assert f"{row.completeness:.1%} are detected" in words[1]
     assert ("is detected" in words[2]) == (row.status == "ok")
     assert f"significance {row.significance:.2f}, threshold {row.threshold:.2f}" in words[2]
@@ -60,7 +64,7 @@ def test_sentences_are_true():
     assert f"{band.budget[band.dominant] / sum(band.budget.values()):.0%} of the variance" in words[3]
     assert f"by {max(band.remedies.values()):.2f}" in words[4]
     last = explain_star(MODEL, STARS, RANK.targets[-1].name, other_assumptions=False, **ASKED)
-    assert "is below the speckle residual, whatever the time" in last.sentences[2]
+    assert "is not detected by any length of visit" in last.sentences[2]
 
 
 def test_ranks_under_other_assumptions_are_those_of_the_sensitivity():

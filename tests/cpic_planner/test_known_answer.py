@@ -24,8 +24,8 @@ def model():
     return build_model(load_instrument(), bands=BANDS)
 
 
-def choice(n=300, mjd=61771.0, albedo=0.4, **more):
-    return KnownChoice(load_known_planets(), "2028-01-01T00:00:00", mjd, albedo_spec(albedo), n, **more)
+def choice(n=300, mjd=61771.0, albedo=0.4, table="snapshot", **more):
+    return KnownChoice(load_known_planets(table), "2028-01-01T00:00:00", mjd, albedo_spec(albedo), n, **more)
 
 
 @pytest.fixture(scope="module")
@@ -61,8 +61,10 @@ def test_answer_of_one_star(model, eps_eri):
     (row,) = result.planets
     assert (row.planet, row.star, row.hip) == ("eps Eri b", "eps Eri", 16537)
     assert [hole.band for hole in result.holes] == list(BANDS) == [look.band for look in row.bands]
-    assert row.semi_major_axis_au.median == pytest.approx(3.39, rel=0.03)
-    assert row.pa_deg is None
+    assert row.semi_major_axis_au.median == pytest.approx(3.53, rel=0.01)
+    assert row.pa_deg is not None
+    assert (row.status, row.status_reference) == ("confirmed", "")
+    assert "2025AJ....170..301T" in row.reference
     track = row.track
     assert track.mjd[0] == 61771.0
     assert track.mjd[-1] == pytest.approx(61771.0 + 8 * 365.25)
@@ -86,9 +88,26 @@ def test_windows_are_the_days_with_most_draws_in_the_hole(model, eps_eri):
         inside |= (days >= start) & (days <= end)
         assert start <= best <= end
         assert window.best_share == pytest.approx(share[int(best - days[0])], abs=0.03)
-    assert len(row.windows) == 2
+    assert len(row.windows) == 3
     # The track has a date every 7 days.
     assert np.count_nonzero(inside != (share >= 0.5)) <= 2 * 8 * len(row.windows)
+
+
+def test_refuted_planets_are_listed_with_their_reference_and_no_windows(model):
+    """tau Cet e, of which the archive of 2019 knows nothing bad."""
+    star = find_target("tau Cet")[0]
+    rows = {row.planet[-1]: row for row in known_answer(model, star, choice(n=50), years=2.0, bands=["F520"]).planets}
+    assert {letter: row.status for letter, row in rows.items()} == {
+        "e": "refuted", "f": "controversial", "g": "controversial", "h": "controversial"}  # fmt: skip
+    assert "2025A&A...700A.174F" in rows["e"].status_reference
+    assert "2017AJ....154..135F" in rows["e"].reference
+    assert (rows["e"].windows, rows["e"].track) == ([], None)
+    assert rows["f"].track is not None
+    before = known_answer(model, star, choice(n=50, table="archive_2019"), years=2.0, bands=["F520"]).planets
+    assert [row.status for row in before] == ["confirmed"] * 4
+    assert all(row.track is not None for row in before)
+    with pytest.raises(InputError, match="known planets"):
+        known_answer(model, find_target("Procyon")[0], choice(n=50))
 
 
 def test_answers_of_all_stars_have_no_tracks(model):

@@ -49,7 +49,7 @@ def bright(tmp_path_factory):
         "tau Cet,tau Cet x,1.6,0.0,1,40,1.2,0.78\nHD 10700,tau Cet y,1.9,0.1,1,10,1.3,0.78\n"
         "tau Cet,tau Cet z,50,0,1,0,1.3,0.78\nno such star,n b,1,0,1,0,1,1\n"
     )
-    return load_known_planets(path)
+    return load_known_planets(f"none+{path}")
 
 
 def test_rows_by_any_name_of_the_star(everyone, bright):
@@ -94,12 +94,24 @@ def test_stars_without_planets_and_without_frames_have_none(model, everyone, bri
 
 
 def test_the_date_decides(model, everyone):
-    """eps Eri b: in the hole in March 2034, outside in 2030."""
+    """eps Eri b: in the hole at the beginning of 2027, nearly always outside in the middle of 2032."""
     star = named(everyone, "eps Eri")
     shares = [known_completeness(model, star, "F520", choice(mjd=mjd).draw(star), **SETTING).observable[0]
-              for mjd in (64022.0, 62700.0)]  # fmt: skip
-    assert shares[0] > 0.2
-    assert shares[1] == 0.0
+              for mjd in (61408.0, 63421.0)]  # fmt: skip
+    assert shares[0] > 0.05
+    assert shares[1] < 0.1 * shares[0]
+
+
+def test_refuted_planets_are_neither_drawn_nor_ranked(model, everyone):
+    """omi2 Eri has no other planet, tau Cet three: refuted after 2019."""
+    stars = named(everyone, "tau Cet", "omi2 Eri", "eps Eri")
+    assert choice().stars(stars).name.tolist() == ["tau Cet", "eps Eri"]
+    assert [len(planets) for planets in choice(n=20).draw(stars).planets] == [3, 0, 1]
+    before = choice(load_known_planets("archive_2019"), n=20)
+    assert before.stars(stars).name.tolist() == ["tau Cet", "omi2 Eri", "eps Eri"]
+    assert [len(planets) for planets in before.draw(stars).planets] == [4, 1, 1]
+    rank = rank_targets(model, stars, time_s=36000.0, population=choice(n=20))
+    assert next(row for row in rank.targets if row.name == "omi2 Eri").expected_detections == 0.0
 
 
 def test_ranked_with_known_planets(model, everyone, bright):

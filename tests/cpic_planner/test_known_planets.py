@@ -34,7 +34,7 @@ def table_of(tmp_path):
         path = tmp_path / "planets.csv"
         lines = [f"star,planet,{heading}"] + [f"s,s {'bcdefgh'[k]},{row}" for k, row in enumerate(rows)]
         path.write_text("\n".join(lines) + "\n")
-        return load_known_planets(path)
+        return load_known_planets(f"none+{path}")
 
     return make
 
@@ -242,7 +242,7 @@ def test_uniforms_of_another_shape_are_refused(shape):
 
 def test_eps_eri_by_hand():
     """Benedict et al. 2006: a 3.39 au, e 0.70, i 30.1 deg, omega 47 deg, at 3.216 pc."""
-    table = load_known_planets()
+    table = load_known_planets("archive_2019")
     row = table.row_of("eps Eri b")
     passage = 2454207.5 - 2400000.5
     far = passage + 3.5 * 2502.0
@@ -255,6 +255,58 @@ def test_eps_eri_by_hand():
     assert found.distance_au[1, 0] == pytest.approx(r, rel=0.01)
     assert found.phase_deg[1, 0] == pytest.approx(math.degrees(math.acos(math.sin(u) * math.sin(i))), abs=1.0)
     assert found.separation_arcsec[0, 0] < by_hand < found.separation_arcsec[2, 0]
+
+
+def solved(mean, e):
+    """Eccentric anomaly by bisection."""
+    low, high = mean - math.pi, mean + math.pi
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if middle - e * math.sin(middle) > mean else (middle, high)
+    return 0.5 * (low + high)
+
+
+def current_eps_eri(jd, omega_deg):
+    """Offsets east and north, arcsec: the orbit of Thompson et al. 2025, the conjunction of Rosenthal et al. 2021.
+
+    P 7.33 yr, a 3.53 au, e 0.06, i 40 deg, node 186 deg, in front of the star at JD 2457388; omega is the planet's.
+    """
+    period, a, e, tilt, node = 7.33 * 365.25, 3.53, 0.06, math.radians(40.0), math.radians(186.0)
+    omega = math.radians(omega_deg)
+    true = math.radians(270.0) - omega  # in front of the star the planet is 270 deg from the receding node
+    half = 2.0 * math.atan2(math.sqrt(1 - e) * math.sin(true / 2), math.sqrt(1 + e) * math.cos(true / 2))
+    mean = half - e * math.sin(half) + 2.0 * math.pi * (jd - 2457388.0) / period
+    big = solved(mean, e)
+    x, y = a * (math.cos(big) - e), a * math.sqrt(1 - e * e) * math.sin(big)
+    along, across = x * math.cos(omega) - y * math.sin(omega), x * math.sin(omega) + y * math.cos(omega)
+    east = along * math.sin(node) + across * math.cos(tilt) * math.cos(node)
+    north = along * math.cos(node) - across * math.cos(tilt) * math.sin(node)
+    return east / 3.216, north / 3.216
+
+
+@pytest.mark.parametrize("jd", [2461953.5, 2462867.5])
+def test_eps_eri_stands_where_its_current_orbit_has_it(jd):
+    """On 2028-07-01 and 2031-01-01, over all omega: e is hardly above 0 and omega not known."""
+    table = load_known_planets()
+    row = table.row_of("eps Eri b")
+    found = ephemeris(table, row, [jd - 2400000.5], n_draws=4000, seed=1, distance_pc=3.216)
+    offsets = np.array([current_eps_eri(jd, omega) for omega in np.arange(0.0, 360.0, 2.0)])
+    by_hand = float(np.median(np.hypot(*offsets.T)))
+    assert found.separation_arcsec[1, 0] == pytest.approx(by_hand, rel=0.02)
+    assert 0.8 < by_hand <= 1.12
+    east, north = offsets.mean(axis=0)
+    away = (found.pa_deg[1, 0] - math.degrees(math.atan2(east, north)) + 180.0) % 360.0 - 180.0
+    assert abs(away) < 3.0
+
+
+def test_eps_eri_is_south_southwest_in_2025_and_north_in_2029():
+    """As Thompson et al. 2025 say: the sense of the motion and which node recedes."""
+    table = load_known_planets()
+    days = [60676.0, 62137.0]
+    found = ephemeris(table, table.row_of("eps Eri b"), days, n_draws=2000, seed=1, distance_pc=3.216)
+    early, late = found.pa_deg[1] % 360.0
+    assert 170.0 < early < 225.0
+    assert late < 30.0 or late > 330.0
 
 
 def test_pi_men_by_hand():

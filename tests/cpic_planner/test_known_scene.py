@@ -68,8 +68,14 @@ def test_planets_beyond_the_field_are_left_out(tmp_path):
     path.write_text(
         "star,planet,a,e,mass,inclination,star_mass\neps Eri,far,1000,0,1,0,0.8\neps Eri,near,1,0,1,0,0.8\n"
     )
-    far = KnownChoice(load_known_planets(path), "2034-03-01T00:00:00", MJD, albedo_spec("jupiter"), 5)
+    far = KnownChoice(load_known_planets(f"none+{path}"), "2034-03-01T00:00:00", MJD, albedo_spec("jupiter"), 5)
     assert [planet["name"] for planet in known_scene("eps Eri", far)["planets"]] == ["near"]
+
+
+def test_refuted_planets_are_in_no_scene():
+    assert [planet["name"][-1] for planet in known_scene("tau Cet", choice())["planets"]] == ["f", "g", "h"]
+    with pytest.raises(InputError, match="known planets"):
+        known_scene("omi2 Eri", choice())
 
 
 def test_refusals():

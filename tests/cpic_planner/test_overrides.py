@@ -4,6 +4,7 @@ import math
 
 import pytest
 import typer
+from astropy import units as u
 from typer.testing import CliRunner
 
 from catalogs.errors import InputError
@@ -11,6 +12,7 @@ from cpic_planner.cli.override_option import OVERRIDES_HELP, SimulatorOverridesO
 from cpic_planner.override_keys import is_optical
 from cpic_planner.overrides import ALIASES, Override, SimulatorOverrides
 from simulator.config import load_instrument, load_scene
+from simulator.config.base import unit_of
 from simulator.imaging.store import metrics_key
 from simulator.target.sources import scene_sources
 
@@ -59,9 +61,50 @@ def test_the_usual_questions():
 
 @pytest.mark.parametrize("name", ALIASES)
 def test_every_short_name_is_of_a_key_of_the_instrument(name):
-    changes = SimulatorOverrides.of({name: 0.5}).changes(NOMINAL)
+    unit = unit_of(ALIASES[name])
+    changes = SimulatorOverrides.of({name: f"0.5 {unit}"} if unit else {ALIASES[name]: 0.5}).changes(NOMINAL)
     assert changes
     assert all(change.altered == 0.5 for change in changes)
+    for doubled in SimulatorOverrides.of(f"{name}=x2").changes(NOMINAL):
+        assert doubled.altered == 2.0 * doubled.nominal
+
+
+def test_drift_is_the_offset_of_a_visit_and_the_walk_in_the_same_ratio():
+    nominal = NOMINAL.drift
+    assert (nominal.visit_nm, nominal.walk_nm_per_sqrt_hour) == (0.05, 0.05)
+    for text in ("drift=x2", "drift=0.1nm", "drift=100 pm", "drift=1e-4um"):
+        made = altered(text)
+        assert differing(NOMINAL, made) == {"drift.visit_nm", "drift.walk_nm_per_sqrt_hour"}
+        assert made.drift.visit_nm == 0.1
+        assert made.drift.walk_nm_per_sqrt_hour == pytest.approx(0.1, rel=1e-15)
+    one = SimulatorOverrides.of("drift=100pm")
+    assert one.text() == "drift = 0.1 nm"
+    assert SimulatorOverrides.of(one.as_mapping()) == one
+    assert SimulatorOverrides.of({"drift": 0.1 * u.nm}) == one
+    steady = NOMINAL.changed({"drift": {"visit_nm": 0.0}})
+    with pytest.raises(InputError, match=r"simulator_overrides.drift = 0.1 nm: .*drift.visit_nm is 0"):
+        one.instrument(steady)
+    with pytest.raises(InputError, match="drift.visit_nm = 0.2: .*once"):
+        SimulatorOverrides.of(["drift=x2", "drift.visit_nm=0.2"]).instrument(NOMINAL)
+
+
+def test_values_are_converted_to_the_unit_of_their_key():
+    made = altered("visit_drift=70pm", "detector.pixel_scale_arcsec=16.0mas", "jitter=0.005arcsec", "exozodi=3zodi",
+                   "read_noise=160 e-", "walk=200pm/sqrt(h)", "bands.*.qe=80%")  # fmt: skip
+    assert made.drift.visit_nm == 0.07
+    assert made.drift.walk_nm_per_sqrt_hour == 0.2
+    assert made.detector.pixel_scale_arcsec == 0.016
+    assert made.wavefront.jitter_mas == 5.0
+    assert made.sky.exozodi_zodis == 3.0
+    assert made.detector.read_noise_e == 160.0
+    assert {band.qe for band in made.bands.values()} == {0.8}
+
+
+def test_texts_have_units():
+    given = {"detector.cic_e": 0.05, "visit_drift": "0.1nm", "walk": "x3", "bands.*.t_opt": 0.2}
+    assert SimulatorOverrides.of(given).text() == (
+        "throughput = 0.2, clock_charge = 0.05 e-, visit_drift = 0.1 nm, walk x3"
+    )
 
 
 def test_one_content_however_it_is_written(tmp_path):
@@ -78,7 +121,8 @@ def test_one_content_however_it_is_written(tmp_path):
     assert len({one.content_hash for one in found}) == 1
     assert all(one == found[0] for one in found)
     assert found[0].text() == "throughput x0.7, companions on, read_noise x1.5"
-    assert SimulatorOverrides.of("throughput=x0.8").content_hash != SimulatorOverrides.of("throughput=0.8").content_hash
+    one, two = (SimulatorOverrides.of(f"bands.*.t_opt={text}") for text in ("x0.8", "0.8"))
+    assert one.content_hash != two.content_hash
     assert SimulatorOverrides.of("detector.cic_e=2") == SimulatorOverrides.of({"detector.cic_e": 2.0})
 
 
@@ -145,12 +189,36 @@ def test_changes_are_a_table():
         ("name=5", ("simulator_overrides.name", "a key of the instrument")),
         ("detector=3", ("simulator_overrides.detector = 3", "a single value", "read_noise_e")),
         ("throughput=x6", ("bands.*.t_opt = x6", "above 0, at most 1", "is 0.19, and would be 1.14")),
-        ("throughput=2", ("bands.*.t_opt = 2", "above 0, at most 1")),
-        ("read_noise=-1", ("read_noise_e = -1 e-", "0 to 100000")),
+        ("bands.*.t_opt=2", ("bands.*.t_opt = 2", "above 0, at most 1")),
+        ("read_noise=-1e-", ("read_noise_e = -1 e-", "0 to 100000")),
         ("read_noise=nan", ("read_noise_e = nan", "0 to 100000")),
         ("read_noise=.inf", ("read_noise_e = inf", "finite")),
         ("read_noise=x-1", ("read_noise_e = x-1", "at least 0")),
         ("read_noise=x0,7", ("read_noise_e = x0,7", "a factor", "x0.7")),
+        (
+            "visit_drift=0.1",
+            (
+                "simulator_overrides.visit_drift = 0.1: not accepted; allowed: a unit (nm), or an x before "
+                "a factor (visit_drift=x0.1 is 0.1 times the instrument's 0.05 nm: 0.005 nm; "
+                "visit_drift=0.1nm is 0.1 nm)",
+            ),
+        ),
+        ("drift=0.1", ("drift=x0.1 is 0.1 times the instrument's 0.05 nm: 0.005 nm; drift=0.1nm is 0.1 nm",)),
+        ({"drift": 0.1}, ("simulator_overrides.drift = 0.1", "drift=0.1nm")),
+        (
+            "throughput=0.7",
+            (
+                "simulator_overrides.throughput = 0.7: not accepted; allowed: an x before a factor "
+                "(throughput=x0.7 is 0.7 times the instrument's 0.19: 0.133; bands.*.t_opt=0.7 is the value "
+                "itself)",
+            ),
+        ),
+        ("exozodi=3", ("exozodi=3zodi is 3 zodi",)),
+        ("read_noise=160", ("read_noise=x160 is 160 times the instrument's 110 e-: 17600 e-; read_noise=160e- is",)),
+        ("walk=0.1nm", ("drift.walk_nm_per_sqrt_hour = 0.1nm", "pm/sqrt(h), nm/sqrt(h)")),
+        ("drift.visit_nm=0.1mas", ("drift.visit_nm = 0.1mas: not accepted; allowed: a number with a unit: pm, nm",)),
+        ("drift=wild", ("drift = wild", "0.1nm", "its keys: visit_nm, walk_nm_per_sqrt_hour")),
+        ("drift=-1nm", ("drift = -1nm", "at least 0")),
         ("read_noise=lots", ("read_noise_e = lots", "valid number")),
         ("detector.switches.dark=x2", ("switches.dark = x2", "only numbers take a factor", "is true")),
         ("cosmic_rays.model=x2", ("cosmic_rays.model = x2", "only numbers", "is physical")),
@@ -175,7 +243,7 @@ def test_changes_are_a_table():
 )
 def test_refusals_name_key_value_and_what_is_allowed(source, words):
     with pytest.raises(InputError) as refusal:
-        SimulatorOverrides.of(source).instrument(NOMINAL)
+        SimulatorOverrides.of(source, NOMINAL).instrument(NOMINAL)
     text = str(refusal.value)
     assert "\n" not in text
     for word in words:

@@ -15,7 +15,9 @@ import pytest
 from catalogs.errors import InputError
 from cpic_planner.cli.main import main
 from cpic_planner.plan import PlanConfig, estimate_cost, make_plan
+from cpic_planner.population_config import load_population
 from simulator.config import load_instrument
+from simulator.config.base import validate
 
 ARGUMENTS = ["plan", "--top", "2", "--time-s", "400", "--band", "F520", "--band", "F662",
              "--realisations", "2", "--planets", "500"]  # fmt: skip
@@ -50,6 +52,28 @@ def finished(stars, tmp_path_factory):
     with contextlib.redirect_stdout(io.StringIO()) as stdout:
         assert main(arguments(stars, out, "--json")) == 0
     return out, stdout.getvalue()
+
+
+def test_known_planets_stand_instead_of_a_population(tmp_path):
+    """Of two hosts, one of a refuted planet and one of its own table, only those are ranked that are counted."""
+    stars, own = tmp_path / "stars.csv", tmp_path / "own.csv"
+    stars.write_text(STARS.replace("first", "eps Eri").replace("second", "omi2 Eri"))
+    own.write_text("star,planet,a,e,mass,star_mass\nthird,third b,3,0,1,1\n")
+    asked = {"instrument": load_instrument(), "top": 3, "bands": ("F520",), "time_s": 400.0, "n_planets": 50}
+
+    def ranked(**known):
+        config = PlanConfig(**asked, **known)
+        return int(estimate_cost(config, catalog=stars)["n_targets"]), config
+
+    counts = {source: ranked(known_planets=source, date_utc="2027-01-01")[0]
+              for source in ("snapshot", "archive_2019", str(own), f"none+{own}")}  # fmt: skip
+    assert list(counts.values()) == [1, 2, 2, 1]
+    choice = ranked(known_planets="snapshot", date_utc="2027-01-01")[1].drawn()
+    assert (choice.mjd, choice.n_draws) == (61406.0, 50)
+    both = {"known_planets": "snapshot", "population": load_population()}
+    for known, words in (({"date_utc": "2027-01-01"}, "only with known_planets"), (both, "without known_planets")):
+        with pytest.raises(InputError, match=words):
+            validate(PlanConfig, asked | known, where="plan")
 
 
 def test_products_are_all_there_and_stdout_is_the_plan(finished):
@@ -108,7 +132,7 @@ def test_second_run_on_a_live_folder_is_refused(stars, tmp_path, capsys):
     process = started(stars, out)
     try:
         deadline = time.monotonic() + 60
-        while not (out / "manifest.json").exists() and time.monotonic() < deadline:
+        while not (out / "cpic-run.jsonl").exists() and time.monotonic() < deadline:
             time.sleep(0.02)
         assert main(arguments(stars, out)) == 2
         assert f"in use by pid {process.pid}" in capsys.readouterr().err

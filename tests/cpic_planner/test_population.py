@@ -263,5 +263,5 @@ def test_numbers_of_planets_out_of_range(n):
 def test_file_that_is_no_mapping(tmp_path):
     path = tmp_path / "list.yaml"
     path.write_text("- 1\n")
-    with pytest.raises(InputError, match="allowed: a mapping of keys to values"):
+    with pytest.raises(InputError, match="allowed: a YAML mapping of kind population"):
         load_population(path)

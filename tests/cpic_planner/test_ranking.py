@@ -207,3 +207,40 @@ def test_numpy_times_give_the_same_ranking():
 def test_every_idealised_row_says_so():
     model = build_model(load_instrument(), None, Strategy(library="idealised"))
     assert all("idealised" in row.flags for row in rank_targets(model, FEW, time_s=3600.0, population=SMALL).targets)
+
+
+def test_the_catalogue_by_what_limits_it(ranking):
+    """A wavefront without drift would detect 20 more reference planets, and 1050 not even then."""
+    assert ranking.counts_limited_by == {"none": 7, "speckles": 20, "photons": 1050}
+    told = [row.limited_by for row in ranking.targets]
+    assert ranking.counts_limited_by == {name: told.count(name) for name in set(told)}
+    for row in ranking.targets:
+        assert row.verdict == ("detected" if row.status == "ok" else "unreachable")
+        assert (row.verdict == "detected") == (row.limited_by == "none")
+        assert (row.verdict == "detected") == (row.detection_probability_known_place >= 0.5)
+        assert row.verdict_mode == "known_place"
+
+
+def test_a_blind_search_finds_less_than_the_verdict_says(ranking):
+    """The images of epsilon Indi and 61 Cygni A: found blind in 2 and 1 of 24, though detected at their place."""
+    rows = {row.name: row for row in ranking.targets}
+    for name, found in (("eps Ind", 2), ("61 Cyg A", 1)):
+        assert rows[name].verdict == "detected"
+        expected = rows[name].detection_probability
+        assert abs(found / 24 - expected) < 3 * math.sqrt(expected * (1 - expected) / 24)
+        assert expected < 0.25 < rows[name].detection_probability_known_place
+
+
+@pytest.mark.parametrize("changes", [{}, {"bands": ["F662", "F720"]}])
+def test_speckles_limit_what_an_instrument_without_drift_detects(changes):
+    """Ranked anew with an instrument that does not drift; the stars hold all three kinds."""
+    names = ["tau Cet", "omi2 Eri", "bet Hyi", "70 Oph A", "gam Lep", "mu Her", "10 Tau", "HD 191408", "alf Aur"]
+    stars = rank_sample()
+    stars = stars.select(np.isin(stars.name, names))
+    still = build_model(load_instrument().changed({"drift": {"visit_nm": 0.0, "walk_nm_per_sqrt_hour": 0.0}}))
+    asked = {"time_s": 36000.0, **changes}
+    free = optimise(still, stars, **asked)
+    told = {row.name: row.limited_by for row in rank_targets(MODEL, stars, population=SMALL, **asked).targets}
+    for name, clear in zip(stars.name, free.margin >= free.needed_margin, strict=True):
+        assert (told[str(name)] in ("none", "speckles")) == clear, name
+    assert {"speckles", "photons"} <= set(told.values())

@@ -1,4 +1,3 @@
-import json
 import os
 import signal
 import subprocess
@@ -91,15 +90,6 @@ def test_unusable_folder_is_one_clear_line(tmp_path):
         pass
 
 
-def test_damaged_manifest_counts_as_none(tmp_path):
-    with open_run_folder(tmp_path / "o", kind="plan", config_hash="h"):
-        pass
-    (tmp_path / "o" / "manifest.json").write_text("{")
-    with open_run_folder(tmp_path / "o", kind="plan", config_hash="h") as folder:
-        assert not folder.resumed
-    assert json.loads((tmp_path / "o" / "manifest.json").read_text())["config_hash"] == "h"
-
-
 def test_a_folder_in_which_nothing_was_finished_is_taken_over(tmp_path):
     with open_run_folder(tmp_path, kind="plan", config_hash="aaaa"):
         pass
@@ -108,11 +98,3 @@ def test_a_folder_in_which_nothing_was_finished_is_taken_over(tmp_path):
         folder.write("simulation.json", "{}")
     with pytest.raises(InputError, match="bbbb"), open_run_folder(tmp_path, kind="plan", config_hash="aaaa"):
         pass
-
-
-def test_products_of_a_replaced_run_of_the_same_kind_are_cleared(tmp_path):
-    cleared = []
-    for kind, config in (("simulation", "aaaa"), ("simulation", "aaaa"), ("simulation", "bbbb"), ("plan", "cccc")):
-        with open_run_folder(tmp_path, kind=kind, config_hash=config, force=True, clear=cleared.append) as folder:
-            folder.save_part("x", {"config": config})
-    assert cleared == [tmp_path]  # once, when bbbb replaced aaaa

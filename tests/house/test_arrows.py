@@ -10,7 +10,8 @@ ROOT = Path(__file__).resolve().parents[2]
 FLOORS = ["catalogs", "simulator", "cpic_planner"]
 # Inside a floor data flows left to right; a module imports its own room or rooms to its left.
 SIMULATOR = [
-    {"files", "lazy", "quantities"},
+    {"files", "numeric", "work", "quantities"},
+    {"lazy"},
     {"config", "rng", "outcome", "cache", "arrays"},
     {"knobs", "band_integrals", "albedo_family"},
     {"passbands"},
@@ -27,7 +28,7 @@ SIMULATOR = [
 ]
 PLANNER = [
     {"version"},
-    {"models", "engine", "cluster", "environment", "runfolder"},
+    {"models", "engine", "cluster", "environment", "runfolder", "written_files"},
     {"schemas"},
     {"targets", "refresh"},
     {"etc"},
@@ -41,7 +42,7 @@ PLANNER = [
     {"ranking"},
     {"sensitivity"},
     {"explain"},
-    {"overrides", "override_keys"},
+    {"overrides", "override_keys", "written_values"},
     {"validation"},
     {"etc_images", "etc_check"},
     {"report"},
@@ -76,26 +77,50 @@ def modules():
     return sorted(path for floor in FLOORS for path in (ROOT / floor).rglob("*.py"))
 
 
-@pytest.mark.parametrize("path", modules(), ids=lambda path: str(path.relative_to(ROOT)))
-def test_imports_follow_the_arrows(path):
+@pytest.mark.parametrize("floor", FLOORS)
+def test_imports_follow_the_arrows(floor):
+    paths = [path for path in modules() if path.relative_to(ROOT).parts[0] == floor]
+    assert len(paths) > 20
+    assert [wrong for path in paths for wrong in against(path)] == []
+
+
+def against(path):
+    """Imports of a module that go against the arrows."""
     parts = path.relative_to(ROOT).with_suffix("").parts
-    floor = FLOORS.index(parts[0])
-    order = {"simulator": SIMULATOR, "cpic_planner": PLANNER}.get(parts[0])
-    room = parts[1]
-    if order is not None and room != "__init__":
-        assert rank_of(order, room) is not None, f"{room} has no place in the order"
+    here, room = "/".join(parts), parts[1]
+    floor, order = FLOORS.index(parts[0]), {"simulator": SIMULATOR, "cpic_planner": PLANNER}.get(parts[0])
+    if order is not None and room != "__init__" and rank_of(order, room) is None:
+        yield f"{here}: {room} has no place in the order"
+        return
     for name, line in imports(path):
         target = name.split(".")
         if target[0] not in FLOORS:
             continue
-        assert FLOORS.index(target[0]) <= floor, f"{path.name}:{line} imports {name} from a floor above"
+        if FLOORS.index(target[0]) > floor:
+            yield f"{here}:{line} imports {name} from a floor above"
         if order is None or target[0] != parts[0] or len(target) < 2 or room == "__init__":
             continue
         rank = rank_of(order, target[1])
-        if rank is not None and target[1] != room:
-            assert rank < rank_of(order, room) or {target[1], room} <= order[rank], (
-                f"{path.name}:{line} imports {name} from its right"
-            )
+        if rank is None or target[1] == room or {target[1], room} <= order[rank]:
+            continue
+        if rank >= rank_of(order, room):
+            yield f"{here}:{line} imports {name} from its right"
+
+
+def test_what_goes_against_them_is_listed(monkeypatch, tmp_path):
+    """One list holds every offence: a floor above, a room to the right, a room without a place."""
+    monkeypatch.setitem(globals(), "ROOT", tmp_path)
+    (tmp_path / "simulator" / "camera").mkdir(parents=True)
+    first, second = tmp_path / "simulator" / "camera" / "gain.py", tmp_path / "simulator" / "new.py"
+    first.write_text(
+        "import cpic_planner.etc\n\ndef late():\n    from simulator import ledger\n    import simulator.rng\n"
+    )
+    second.write_text("")
+    assert [*against(first), *against(second)] == [
+        "simulator/camera/gain:1 imports cpic_planner.etc from a floor above",
+        "simulator/camera/gain:4 imports simulator.ledger from its right",
+        "simulator/new: new has no place in the order",
+    ]
 
 
 def test_rooms_are_small():

@@ -2,6 +2,7 @@
 
 import doctest
 import importlib
+import inspect
 from pathlib import Path
 
 import pytest
@@ -15,8 +16,19 @@ WITH_EXAMPLES = [
 ]
 
 
+class Finder(doctest.DocTestFinder):
+    """Finds the examples of decorated functions too."""
+
+    def _from_module(self, module, object):
+        return super()._from_module(module, inspect.unwrap(object))
+
+
 @pytest.mark.parametrize("name", WITH_EXAMPLES)
 def test_examples_hold(name):
-    found = doctest.testmod(importlib.import_module(name))
-    assert found.attempted > 0
-    assert found.failed == 0
+    module = importlib.import_module(name)
+    runner = doctest.DocTestRunner()
+    for example in Finder().find(module, module.__name__):
+        runner.run(example)
+    written = sum(line.lstrip().startswith(">>> ") for line in Path(module.__file__).read_text("utf-8").splitlines())
+    assert runner.tries == written
+    assert runner.failures == 0

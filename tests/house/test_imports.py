@@ -27,8 +27,8 @@ HEAVY = (
 COMMANDS = [
     ["etc", "tau Cet", "--snr", "5"],
     ["etc", "HIP 71681", "--json"],
-    ["rank", "--json"],
-    ["rank", "--limit", "3", "--band", "F520"],
+    ["rank", "--json", "--planets", "100"],
+    ["rank", "--limit", "3", "--band", "F520", "--planets", "100"],
     ["--version"],
     ["rank", "--catalog", "snapshot", "--limit", "3", "--band", "F520"],
     ["catalog", "info"],

@@ -30,6 +30,9 @@ def test_readme_quotes_the_committed_report():
     assert f"Over {ratio[3]} simulated measurements" in readme
     counts = re.search(r"(\d+) stars ranked, (\d+) with a reference planet", report)
     assert f"of {counts[1]} stars, {counts[2]} have" in readme
+    limits = dict(re.findall(r"(\w+) limited by (\w+)", report))
+    told = re.search(r"(\d+) are limited by speckles .*? (\d+) by background and (\d+) by photons", readme)
+    assert dict(zip(told.groups(), ("speckles", "background", "photons"), strict=True)) == limits
     for what, pattern in (("etc", r"`cpic etc .*?\| ([\d.]+) \|"), ("rank", r"`cpic rank`.*?\| ([\d.]+) \|")):
         seconds = re.search(pattern, report)[1]
         assert re.search(rf"`cpic {what}`.*?{float(seconds):.1f} s", readme), (what, seconds)
@@ -40,7 +43,7 @@ def test_readme_quotes_the_committed_report():
 @pytest.mark.parametrize(
     ("name", "heading"),
     [
-        ("first_plan", "| instead | Kendall tau"),
+        ("first_plan", "| instead | reference planets detected"),
         ("etc_accuracy", "|  | asked | found | met |"),
         ("blind_validator", "|  | asked | found | met |"),
         ("whatif", "|  | asked | found | met |"),

@@ -288,10 +288,10 @@ def test_a_whole_catalogue_is_fast(passbands: Passbands) -> None:
     passbands.band_albedo("jupiter", *(a[:1] for a in stars[1:]))
     best = np.inf
     for _ in range(3):
-        start = time.perf_counter()
+        start = time.process_time()
         rates = passbands.star_rate_e_s(*stars, AREA_CM2)
         passbands.band_albedo("jupiter", *stars[1:])
-        best = min(best, time.perf_counter() - start)
+        best = min(best, time.process_time() - start)
     assert rates.shape == (n, 8)
     assert np.all(rates > 0.0)
     assert best < 0.1

@@ -99,7 +99,7 @@ class Visibility:
         seen = np.flatnonzero(row == 0)
         if not len(seen):
             return []
-        stopped = np.concatenate([[0], np.cumsum(~np.isin(row, [0, *passed]))])
+        stopped = np.cumsum(~np.isin(row, [0, *passed]))
         new = np.flatnonzero(stopped[seen[1:]] > stopped[seen[:-1]])
         begins = np.concatenate([seen[:1], seen[new + 1]])
         ends = np.concatenate([seen[new], seen[-1:]]) + 1
@@ -199,7 +199,7 @@ def visibility(
     step_days = check_number("step_days", step_days, "d")
     if not 1e-3 <= step_days <= 366.0:
         raise InputError("step_days", step_days, unit="d", allowed="0.001 to 366")
-    n_steps = max(1, math.ceil(n_days / step_days - 1e-9))
+    n_steps = math.ceil(n_days / step_days - 1e-9)
     if len(targets) * n_steps > MAX_CELLS:
         raise InputError("n_days", n_days, unit="d",
                          allowed=f"targets x steps up to {MAX_CELLS:.0e}, not {len(targets)} x {n_steps}")  # fmt: skip
@@ -214,7 +214,7 @@ def visibility(
     circle = CircularOrbit(orbit)
     cosine_sun = targets @ _unit(sun).T
     sun_deg, moon_deg = _angles_deg(cosine_sun), _angles_deg(targets @ _unit(moon).T)
-    parallax_deg = np.rad2deg(np.arcsin(circle.radius_km / np.linalg.norm(moon, axis=-1)))
+    parallax_deg = np.rad2deg(np.arcsin(circle.radius_km / np.linalg.norm(moon, axis=1)))
     roll = roll_half_range_deg(sun_deg, config)
     blocked = np.zeros(sun_deg.shape, dtype=np.int8)
     # The last that is written counts.

@@ -126,7 +126,8 @@ def load_visibility(source: VisibilitySource = None) -> VisibilityConfig:
 
 
 def _tree(source: Any) -> dict[str, Any]:
-    own, _, base = tree_over_preset("visibility", source, default=DEFAULT_VISIBILITY, package=PACKAGE)
+    own, _, base = tree_over_preset("visibility", source, default=DEFAULT_VISIBILITY,
+                                     keys=VisibilityConfig.model_fields, package=PACKAGE)  # fmt: skip
     if base is None:
         return own
     try:

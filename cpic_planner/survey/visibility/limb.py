@@ -121,13 +121,14 @@ def clear_arcs(
     fraction, longest = core / math.pi, core / math.pi
     # Flanks of about one width go together, so that each is divided only as often as it has to be.
     pieces = _WIDTHS * np.ceil(np.rad2deg(outer - core) / (2 * STEP_DEG * _WIDTHS)).astype(int)
-    for count in np.unique(pieces[pieces > 0]).tolist():
-        flanks = np.flatnonzero(pieces == count)
-        for part in range(0, len(flanks), max(1, _BLOCK_CELLS // count)):
-            rows = flanks[part : part + max(1, _BLOCK_CELLS // count)]
+    for count in np.unique(pieces[pieces != 0]).tolist():
+        flanks, block = np.flatnonzero(pieces == count), _BLOCK_CELLS // count
+        for part in range(0, len(flanks), block):
+            rows = flanks[part : part + block]
             runs = _whole_orbit(geometry.take(rows), core[rows], outer[rows], rho, count)
             fraction[rows] = runs.total / (2 * math.pi)
-            longest[rows] = _round(runs) / (2 * math.pi)
+            # The end of a revolution is its begin; one that counts as a whole is cut to one revolution below.
+            longest[rows] = np.maximum(runs.longest, runs.begin + runs.end) / (2 * math.pi)
     return np.minimum(fraction, 1.0), np.minimum(longest, 1.0)
 
 
@@ -150,12 +151,6 @@ def _whole_orbit(geometry: Geometry, core: FloatArray, outer: FloatArray, rho: f
         runs = piece if runs is None else runs.then(piece)
     assert runs is not None
     return runs
-
-
-def _round(runs: _Runs) -> FloatArray:
-    """Longest run of a revolution whose end is its begin."""
-    joined = np.where(runs.begin >= runs.length, runs.length, runs.begin + runs.end)
-    return np.maximum(runs.longest, joined)
 
 
 def _all(length: FloatArray) -> _Runs:
@@ -182,20 +177,18 @@ def _flank(sunlit: FloatArray, step: FloatArray) -> list[_Runs]:
     inside = slope**2 - 4.0 * bend * middle
     half = -0.5 * (slope + np.copysign(np.sqrt(np.maximum(inside, 0.0)), slope))
     with np.errstate(divide="ignore", invalid="ignore"):
-        one, other = np.nan_to_num(half / bend, nan=2.0), np.nan_to_num(middle / half, nan=2.0)
-    low = np.clip(np.minimum(one, other), -1.0, 1.0)
-    high = np.clip(np.maximum(one, other), -1.0, 1.0)
-    real = inside > 0.0
-    low, high = np.where(real, low, 1.0), np.where(real, high, 1.0)
-    # Between the roots the sign is that of -bend, outside that of bend; without a piece between, that of the middle.
-    empty = high <= low
-    dark_between = ~empty & (bend >= 0.0)
-    dark_outside = ~empty & (bend < 0.0)
-    whole = empty & (middle <= 0.0)
+        one, other = half / bend, middle / half
+        low = np.clip(np.minimum(one, other), -1.0, 1.0)
+        high = np.clip(np.maximum(one, other), -1.0, 1.0)
+        crossed = (inside > 0.0) & (high > low)
+    # Between the roots the sign is that of -bend, outside that of bend; without a piece between, that of the ends (the
+    # middle may touch 0 from above).
+    dark_between = crossed & (bend >= 0.0)
+    whole = ~crossed & (first + last <= 0.0)
     between = high - low
-    begin = np.where(dark_between, np.where(low <= -1.0, between, 0.0), np.where(dark_outside, low + 1.0, 0.0))
-    end = np.where(dark_between, np.where(high >= 1.0, between, 0.0), np.where(dark_outside, 1.0 - high, 0.0))
-    total = np.where(dark_between, between, np.where(dark_outside, begin + end, 0.0))
+    begin = np.where(dark_between, np.where(low <= -1.0, between, 0.0), np.where(crossed, low + 1.0, 0.0))
+    end = np.where(dark_between, np.where(high >= 1.0, between, 0.0), np.where(crossed, 1.0 - high, 0.0))
+    total = np.where(dark_between, between, begin + end)
     longest = np.where(dark_between, between, np.maximum(begin, end))
     length = 2.0 * step
     total, begin, end, longest = (np.where(whole, length, part * step) for part in (total, begin, end, longest))

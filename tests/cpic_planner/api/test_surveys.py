@@ -25,8 +25,8 @@ def test_one_visit_of_one_star_and_the_folder_that_keeps_it(tmp_path):
 
 
 def test_values_that_are_varied():
-    result = compare_strategies(ONE, vary=["drift=1,3"], **SHORT)
-    assert [item.name for item in result.strategies] == ["once drift=1", "once drift=3"]
+    result = compare_strategies(ONE, vary=["drift=x1,0.15nm"], **SHORT)
+    assert [item.name for item in result.strategies] == ["once drift=x1 (0.05 nm)", "once drift=0.15 nm"]
     assert result.strategies[0].schedule.value > result.strategies[1].schedule.value
 
 

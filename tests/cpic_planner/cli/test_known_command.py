@@ -28,14 +28,36 @@ def known(capsys, *arguments):
 
 
 def test_one_star(capsys):
-    result = known(capsys, "HIP 16537", "--date", "2034-03-01", "--years", "1", "--band", "F520")
+    result = known(capsys, "HIP 16537", "--date", "2030-03-01", "--years", "1", "--band", "F520")
     assert [row.planet for row in result.planets] == ["eps Eri b"]
-    assert (result.date_utc, result.mjd, result.years) == ("2034-03-01T00:00:00", 64022.0, 1.0)
+    assert (result.date_utc, result.mjd, result.years) == ("2030-03-01T00:00:00", 62561.0, 1.0)
     assert result.planets[0].windows
-    status, out, _ = call(capsys, "known", "eps Eri", "--date", "2034-03-01", "--years", "1", *FEW)
+    status, out, _ = call(capsys, "known", "eps Eri", "--date", "2030-03-01", "--years", "1", *FEW)
     assert status == 0
-    assert "in the dark hole 2034-03-01 to" in out
+    assert "in the dark hole 2030-03-01 to" in out
     assert "radius_unknown: no radius" in out
+    assert "Orbit from Thompson et al. 2025 (2025AJ....170..301T)" in " ".join(out.split())
+
+
+def test_eps_eri_is_within_an_arcsecond_and_a_little_in_2028(capsys):
+    (row,) = known(capsys, "eps Eri", "--date", "2028-07-01").planets
+    assert 0.9 < row.separation_arcsec.median <= 1.12
+
+
+def test_refuted_planets_are_shown_with_who_says_so(capsys, tmp_path):
+    status, out, _ = call(capsys, "known", "omi2 Eri", *FEW)
+    told = " ".join(out.split())
+    assert status == 0
+    assert "0 of 0 around 0 stars" in told
+    assert "1 more listed and not counted" in told
+    assert "refuted, not counted. Status from Burrows et al. 2024 (arXiv:2404.17494)" in told
+    assert "in the dark hole" not in told
+    status, out, _ = call(capsys, "known", "--limit", "1", *FEW)
+    assert out.count("refuted, not counted") == 3
+    for option, file in (("--plot", "x.png"), ("--scene", "x.yaml")):
+        status, _, err = call(capsys, "known", "omi2 Eri", option, str(tmp_path / file), *FEW)
+        assert status == 2
+        assert "confirmed or controversial" in err
 
 
 def test_all_stars_begin_with_the_mission(capsys):
@@ -45,7 +67,7 @@ def test_all_stars_begin_with_the_mission(capsys):
     assert known(capsys, "--v-mag-max", "7.5").planets[-1].v_mag > 7.0
     status, out, _ = call(capsys, "known", "--limit", "3", *FEW)
     assert status == 0
-    assert "3 of 132 around 87 stars" in out
+    assert "3 of 129 around 86 stars" in out
     # Sorted by how likely the hole covers the planet.
     shares = [int(share) for share in re.findall(r"(\d+) %", out.split("Numbers")[0])]
     assert len(shares) == 3
@@ -66,10 +88,17 @@ def test_a_table_of_one_s_own(capsys, tmp_path):
     path = tmp_path / "mine.csv"
     path.write_text(MINE.replace("star_mass", "star_mass,weather").replace("0.83", "0.83,fine"))
     result = known(capsys, "eps Eri", "--known-planets", str(path))
-    assert [row.planet for row in result.planets] == ["eps Eri q"]
+    assert [row.planet for row in result.planets] == ["eps Eri b", "eps Eri q"]
     assert "mine.csv" in result.planets_table
+    assert "known_planets_updates.csv" in result.planets_table
+    single = known(capsys, "eps Eri", "--known-planets", f"none+{path}")
+    assert [row.planet for row in single.planets] == ["eps Eri q"]
+    assert "known_planets" not in single.planets_table
+    (before,) = known(capsys, "eps Eri", "--known-planets", "archive_2019").planets
+    assert before.eccentricity.median == pytest.approx(0.70, abs=0.02)
     _, _, err = call(capsys, "known", "eps Eri", "--known-planets", str(path), *FEW)
     assert "columns not used: weather" in err
+    assert "mine.csv: 0 of the 176 planets below are changed; 1 is new" in err
 
 
 @pytest.mark.parametrize(
@@ -111,7 +140,7 @@ def test_examples_of_the_help_are_accepted(capsys, tmp_path, monkeypatch):
 def test_ranking_of_stars_with_known_planets(capsys, tmp_path):
     path = tmp_path / "mine.csv"
     path.write_text(MINE)
-    options = ["rank", "--known-planets", str(path), "--date", "2030-06-01", "--planets", "300", "--band", "F520"]
+    options = ["rank", "--known-planets", f"none+{path}", "--date", "2030-06-01", "--planets", "300", "--band", "F520"]
     status, out, err = call(capsys, *options, "--json")
     assert status == 0, err
     result = RankResult.model_validate_json(out)
@@ -148,8 +177,12 @@ def test_rank_refuses_a_date_alone(capsys):
 def test_catalog_tells_of_planets(capsys):
     status, out, _ = call(capsys, "catalog", "info", "--json")
     assert status == 0
-    assert "176 planets of 112 stars" in json.loads(out)["known_planets"]["notes"]
+    told = json.loads(out)["known_planets"]
+    assert "176 planets of 112 stars" in told["notes"]
+    assert told["updates"]["refuted"] == ["tau Cet e", "82 Eri c", "omi2 Eri b"]
+    assert (told["updates"]["n_rows"], told["updates"]["candidate"]) == (10, [])
+    assert "not counted: tau Cet e, 82 Eri c, omi2 Eri b" in " ".join(call(capsys, "catalog", "info")[1].split())
     status, out, _ = call(capsys, "catalog", "columns", "--json")
     names = [column["name"] for column in json.loads(out)["planet_columns"]]
-    assert {"star", "planet", "omega_star_deg", "omega_planet_deg", "best_mass_mjup"} <= set(names)
+    assert {"star", "planet", "omega_star_deg", "omega_planet_deg", "best_mass_mjup", "status"} <= set(names)
     assert "known planets of your own" in " ".join(call(capsys, "catalog", "columns")[1].split())

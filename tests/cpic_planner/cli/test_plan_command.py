@@ -21,6 +21,10 @@ def call(capsys, *arguments):
         (["--simulator-overrides", "read_noise=x-1"], ["read_noise", "finite, at least 0"]),
         (["--simulator-overrides", "nothing.yaml"], ["nothing.yaml", "throughput=x0.7"]),
         (["--band", "F1265"], ["F1265", "near-infrared"]),
+        (["--date", "2030-01-01"], ["--date", "only with --known-planets"]),
+        (["--known-planets", "snapshot", "--population", "giants"], ["--population", "--known-planets"]),
+        (["--known-planets", "nowhere.csv"], ["known_planets = nowhere.csv"]),
+        (["--known-planets", "snapshot", "--date", "soon"], ["--date = soon UTC"]),
     ],
 )
 def test_bad_input_is_one_clear_line_with_status_2(capsys, arguments, words, tmp_path):

@@ -104,6 +104,21 @@ def test_sensitivity(capsys, few):
         assert row.text.split("(")[0].strip()[:40] in " ".join(out.split())
 
 
+@pytest.mark.parametrize(("limit", "drawn"), [("2", 2), ("4", 3)])
+def test_a_figure_shows_as_many_stars_as_the_table_or_says_why_not(capsys, few, tmp_path, monkeypatch, limit, drawn):
+    from cpic_planner.report import etc_figures, rank_figure
+
+    figures = []
+    monkeypatch.setattr(rank_figure, "MOST_STARS", 3)
+    monkeypatch.setattr(etc_figures, "write_figure", lambda figure, path: figures.append(figure))
+    path = tmp_path / "first.png"
+    status, out, err = call(capsys, "--catalog", few, "--planets", "100", "--plot", str(path), "--limit", limit)
+    assert status == 0
+    assert f"first {limit} of 4 stars" in out
+    assert figures[0].get_suptitle().startswith(f"first {drawn} of 4 stars")
+    assert ("with the first 3 stars only" in err) == (drawn < int(limit))
+
+
 def test_figures(capsys, few, tmp_path):
     path = tmp_path / "bars.pdf"
     status, _, err = call(capsys, "--catalog", few, "--planets", "100", "--plot", str(path))

@@ -72,6 +72,41 @@ def test_options_reach_the_answer(capsys, mine, tmp_path):
     assert all(text.startswith("2030") for text in result.slot_utc)
 
 
+def test_known_planets_are_those_of_the_option(capsys, tmp_path):
+    """A planet of one's own is found; the option stands instead of what the strategies name."""
+    table = tmp_path / "planets.csv"
+    table.write_text("star,planet,a,e,mass,inclination,radius,star_mass\neps Eri,eps Eri q,1.5,0,1,10,1.3,0.83\n")
+    path = tmp_path / "mine.yaml"
+    path.write_text(SMALL.replace("universes: 20", "universes: 20, known_planets: nothing.csv"))
+    made = {}
+    for source in ("off", f"none+{table}", str(table)):
+        status, out, err = call(capsys, str(path), "--known-planets", source, "--strategy", "once", "--images", "0",
+                                "--workers", "1", "--out", str(tmp_path / "o"), "--force", "--json")  # fmt: skip
+        assert status == 0, err
+        made[source] = WhatIfResult.model_validate_json(out)
+        assert ("planets.csv: 0 of the 176 planets below are changed; 1 is new" in err) == (source == str(table))
+    used = {source: result.known_planets for source, result in made.items()}
+    assert used["off"] == ""
+    assert used[f"none+{table}"].startswith("user's table of 1 planet (planets.csv ")
+    assert "over NASA Exoplanet Archive" in used[str(table)]
+    assert "updated" in used[str(table)]
+    hosts = {source: result.strategies[0].targets[0].known_planets for source, result in made.items()}
+    assert list(hosts.values()) == [[], ["eps Eri q"], ["eps Eri b", "eps Eri q"]]
+    found = {source: result.strategies[0].known_planets.mean for source, result in made.items()}
+    assert found["off"] == 0.0
+    assert found[f"none+{table}"] > 0.1
+
+
+def test_what_is_varied_is_told_before_it_runs(capsys, mine):
+    status, out, err = call(capsys, mine, "--vary", "drift=0.1nm,x3", "--dry-run")
+    assert status == 0
+    assert err.splitlines() == [
+        "cpic: varied: drift 0.1 nm: 0.1 nm visit offset, 0.1 nm/sqrt(h) walk, x2 of the instrument's",
+        "cpic: varied: drift x3: 0.15 nm visit offset, 0.15 nm/sqrt(h) walk, x3 of the instrument's",
+    ]
+    assert out.startswith("4 strategies")
+
+
 def test_what_it_would_cost(capsys, mine, tmp_path):
     status, out, _ = call(capsys, mine, "--dry-run", "--out", str(tmp_path / "none"))
     assert status == 0
@@ -85,10 +120,13 @@ FAULTS = {
     "--strategy = thrice": ["--strategy", "thrice"],
     "--vary": ["--vary", "foo=1"],
     "each value once": ["--vary", "max_visits=1,1"],
+    "drift=x0.1 is 0.1 times the instrument's 0.05 nm: 0.005 nm; drift=0.1nm is 0.1 nm": ["--vary", "drift=0.1"],
+    "slot_share or budget_h": ["--vary", "share=0.05"],
     "start_utc": ["--start", "soon"],
     "duration_days": ["--days", "-3"],
     "nowhere.csv": ["--observed", "nowhere.csv"],
     "catalog": ["--catalog", "nowhere.csv"],
+    "known_planets = nothing.csv": ["--known-planets", "nothing.csv"],
     "instrument": ["--instrument", "nowhere.yaml"],
     "--universes": ["--universes", "1"],
     "--workers": ["--workers", "0"],

@@ -70,6 +70,7 @@ def test_terms_add_up(library, mode):
                         mode=mode)  # fmt: skip
     quiet = sum(part for name, part in noise.terms.items() if name not in ("planet", "background_mean"))
     quiet = np.broadcast_to(quiet, noise.snr.shape)
+    np.testing.assert_allclose(np.broadcast_to(noise.quiet, quiet.shape), quiet, rtol=1e-12)
     np.testing.assert_allclose(noise.signal_e**2 / noise.significance**2, quiet, rtol=1e-12)
     np.testing.assert_allclose(noise.signal_e**2 / noise.snr**2, sum(noise.terms.values()), rtol=1e-12)
     assert np.all(np.array([np.broadcast_to(part, quiet.shape) for part in noise.terms.values()]) >= 0)
@@ -153,6 +154,22 @@ def test_no_planet_no_snr():
     assert np.all(none.significance == 0)
 
 
+def test_neither_planet_nor_residual_is_no_nan():
+    rates, model = rates_of(contrast=0.0)
+    problem = frame_problem(only(rates), model.camera("F520"))
+    assert np.all(np.isinf(problem.inverse_snr2(np.full(problem.z0.shape, 10.0), np.full(problem.z0.shape, 5.0))))
+
+
+def test_a_planet_of_less_than_an_electron_has_its_snr():
+    rates, model = rates_of()
+    camera = replace(model.camera("F520"), cic_e=0.0, read_noise_e=0.0, rounding_e=0.0)
+    faint = only(rates, planet_e_s=np.full((3, 1), 0.004))
+    noise = stack_noise(faint, 10.0, 5.0, 1.0, camera)
+    np.testing.assert_allclose(noise.signal_e, 0.2)
+    expected = np.sqrt(0.2 / faint.source_noise_fraction) * faint.rdi_throughput
+    np.testing.assert_allclose(noise.snr, expected * np.exp(-5.0 * faint.loss_per_s), rtol=1e-12)
+
+
 def test_a_ramp_has_more_noise_of_light():
     rates, _ = rates_of()
     one = FrameCamera.of(load_instrument(), "F1265")
@@ -197,6 +214,9 @@ def test_too_much_light_to_count_is_infinite_noise_and_never_nan():
     noise = stack_noise(rates, 100.0, 1.0, 1000.0, camera, mode="photon_counting")
     assert np.all(noise.snr == 0.0)
     assert not any(np.isnan(part).any() for part in noise.terms.values())
+    over = np.isinf(noise.terms["counting"])
+    assert over.any()
+    assert np.all(noise.terms["planet"][over] == 0.0)  # nothing can be told from infinity
 
 
 @pytest.mark.parametrize(("light", "wins"), [(0.003, True), (0.01, True), (0.1, True), (3.0, False)])

@@ -116,6 +116,34 @@ def test_an_annulus_counts_with_the_mean_variance_of_its_whole_apertures():
     assert inner > 1.3 * outer
 
 
+@pytest.mark.parametrize("half", [0.3, 1.5])
+@pytest.mark.parametrize("band", ["F520", "F850"])
+def test_the_mean_over_an_annulus_by_counting_angles(band, half):
+    """From inside the hole's corner to beyond its edge: circles of the annulus count by angles left to apertures."""
+    metrics = MODEL.metrics[band]
+    corner, edge, margin = metrics.hole_inner_corner_arcsec, metrics.owa_arcsec, metrics.aperture_radius_arcsec
+    low, high = metrics.zone.inner_arcsec + margin, metrics.zone.outer_arcsec - margin
+    first, last = np.hypot(low, low), np.hypot(high, high)
+    near = 0.98 * half * metrics.lambda_d_arcsec  # circles at the end of the annulus hold the only apertures
+    places = np.array([0.6 * corner, first - near, first, 0.5 * (first + last), high, last, last + near, edge])
+    angle = 2.0 * np.pi * (np.arange(20_000) + 0.5) / 20_000
+    cosine, sine = np.abs(np.cos(angle)), np.abs(np.sin(angle))
+    expected = []
+    for place in places:
+        circles = place + np.linspace(-1.0, 1.0, 25)[:, None] * half * metrics.lambda_d_arcsec
+        x, y = circles * cosine, circles * sine
+        free = (np.minimum(x, y) >= low) & (np.maximum(x, y) <= high)
+        weight = circles[:, 0] * free.mean(axis=1)
+        if weight.sum() == 0.0:
+            circles, weight = np.full((1, 1), place), np.ones(1)
+        a, b = (np.interp(circles[:, 0], metrics.floor_separation_arcsec, np.log(part)) for part in floor_law(metrics))
+        expected.append(((np.exp(a) * 0.05**2 + np.exp(b) * 0.05**4) @ weight / weight.sum()) ** 0.5)
+    found = speckle_fraction(metrics, drift(0.05), 0.0, places, half)
+    inner = np.isin(np.arange(places.size), [1, 6])  # a few angles there: the steps of the table show
+    np.testing.assert_allclose(found[~inner], np.array(expected)[~inner], rtol=3e-3)
+    np.testing.assert_allclose(found[inner], np.array(expected)[inner], rtol=0.03)
+
+
 def test_the_fit_is_never_negative():
     for band in BANDS:
         a, b = floor_law(MODEL.metrics[band])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -16,6 +17,7 @@ from cpic_planner.models.surveyed import (
     StrategyOutcome,
     SurveyTarget,
     TimeUse,
+    VariedSetting,
     WhatIfResult,
 )
 from cpic_planner.survey.strategy_file import load_strategies
@@ -24,6 +26,17 @@ from cpic_planner.survey.strategy_file import load_strategies
 def _estimate(mean: float) -> EstimateRecord:
     return EstimateRecord(mean=mean, error=0.03, low=0.9 * mean, high=1.1 * mean + 0.01, survey_low=0.0,
                           survey_high=2.0 * mean)  # fmt: skip
+
+
+def _varied(name: str) -> list[VariedSetting]:
+    """What a name says was varied: ``deep drift=x2 (0.1 nm) rule=blind``."""
+    found = []
+    for part in re.split(r" (?=[\w.]+=)", name)[1:]:
+        key, _, text = part.partition("=")
+        number = re.search(r"(\d[\d.e+-]*)(?: (nm|zodi|h|s)\b)?\)?$", text)
+        found.append(VariedSetting(name=key, key=key, text=text, value=float(number[1]) if number else text,
+                                   unit=(number and number[2]) or "", meaning=""))  # fmt: skip
+    return found
 
 
 def _target(rank: int, name: str, ra_deg: float, slots: list[int], planets: float, hosts: list[str]) -> SurveyTarget:
@@ -43,6 +56,7 @@ def _strategy(i: int, name: str, settings: dict[str, Any], n: int, empty: bool, 
     return StrategyOutcome(
         name=name,
         description=f"Way {i} of {hostile}",
+        varied=_varied(name),
         settings=settings | {"name": name},
         schedule=ScheduleRecord(method="greedy", visits=3 + i, reserve_visits=i, hours=hours, value=0.9, bound=1.0,
                                 distance=0.1),

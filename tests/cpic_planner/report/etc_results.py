@@ -53,6 +53,11 @@ def answers_about(planet: ReferencePlanetRecord) -> EtcResult:
             dominant="speckle",
             remedies={"half_the_drift": 1.31, "twice_the_time": 0.98, "half_the_read_noise": 1.001},
             budget={"signal_e": 812.0, "speckle_e2": 4900.0, "planet_e2": 1600.0, "dark_e2": 93.0, "sky_e2": 0.1},
+            verdict="detected",
+            verdict_mode="known_place",
+            detection_probability=0.41,
+            detection_probability_known_place=0.93,
+            limited_by="none",
             **common,
         ),
         EtcRow(
@@ -62,6 +67,8 @@ def answers_about(planet: ReferencePlanetRecord) -> EtcResult:
             separation_arcsec=0.41,
             contrast=2.2e-8,
             message="the speckle residual limits the SNR to 7.1, whatever the time",
+            verdict="unreachable",
+            limited_by="speckles",
             **(common | none),
         ),
         EtcRow(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
+
 from cpic_planner.models import (
     BandStanding,
     Explanation,
@@ -80,6 +82,11 @@ def _ranked(index: int, hostile: str) -> RankedTarget:
         detection_margin=margin,
         status=status,
         reason=reason,
+        verdict="detected" if status == "ok" else "unreachable",
+        verdict_mode="known_place",
+        detection_probability=min(0.3 * margin, 1.0),
+        detection_probability_known_place=min(0.58 * margin, 1.0),
+        limited_by=_limited_by(status, reason, index),
         contrast_limit=contrast / margin if margin > 0 else None,
         deepest_limit=0.8 * contrast / margin if margin > 0 else None,
         deepest_separation_arcsec=0.7,
@@ -103,6 +110,12 @@ def _ranked(index: int, hostile: str) -> RankedTarget:
     )
 
 
+def _limited_by(status: str, reason: str, index: int) -> str:
+    if status != "unreachable":
+        return "none" if status == "ok" else "saturation"
+    return "photons" if reason == "speckle_floor" and index % 4 == 0 else "speckles"
+
+
 def ranking(hostile: str) -> RankResult:
     """One of the stars has this name."""
     rows = [_ranked(i, hostile) for i in range(len(STARS))]
@@ -122,6 +135,7 @@ def ranking(hostile: str) -> RankResult:
         ),
         score_name="completeness_per_hour",
         counts={key: keys.count(key) for key in sorted(set(keys))},
+        counts_limited_by=dict(Counter(row.limited_by for row in rows)),
         targets=rows,
     )
 
@@ -133,9 +147,11 @@ def sensitivity_of(rank: RankResult, hostile: str) -> SensitivityResult:
         SensitivityRow(
             assumption="drift_x2",
             text="wavefront drift twice as large",
-            kendall_tau=0.42,
-            kept=14,
             n_ok=3,
+            kendall_tau_b=0.42,
+            n_compared=11,
+            kendall_tau=0.9,
+            kept=14,
             largest_fall=names[3],
             largest_fall_ranks=6,
             best=names[1],
@@ -143,9 +159,11 @@ def sensitivity_of(rank: RankResult, hostile: str) -> SensitivityResult:
         SensitivityRow(
             assumption="t_opt_0.46",
             text="optical throughput 0.46",
-            kendall_tau=0.91,
-            kept=19,
             n_ok=9,
+            kendall_tau_b=0.91,
+            n_compared=13,
+            kendall_tau=0.95,
+            kept=19,
             largest_fall=hostile,
             largest_fall_ranks=2,
             best=names[0],
@@ -153,9 +171,11 @@ def sensitivity_of(rank: RankResult, hostile: str) -> SensitivityResult:
         SensitivityRow(
             assumption="same",
             text="the same again",
+            n_ok=7,
+            kendall_tau_b=None,
+            n_compared=0,
             kendall_tau=None,
             kept=20,
-            n_ok=7,
             largest_fall="",
             largest_fall_ranks=0,
             best=names[0],
@@ -165,8 +185,11 @@ def sensitivity_of(rank: RankResult, hostile: str) -> SensitivityResult:
         config_hash="abc",
         top=20,
         score_name="completeness_per_hour",
+        n_ranked=1077,
         n_ok=7,
         rows=rows,
+        deciding_tau=0.45,
+        deciding_share=0.3,
         decides=["drift_x2"],
         statement="Wavefront drift decides the order of the first 20.",
     )
@@ -188,6 +211,7 @@ def explanation_of(rank: RankResult) -> Explanation:
             band=star.band,
             status="ok",
             reason="",
+            verdict="detected",
             contrast_limit=7e-9,
             snr=8.0,
             significance=9.0,

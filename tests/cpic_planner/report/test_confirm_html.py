@@ -66,5 +66,9 @@ def test_a_scene_without_planets_has_its_search_alone(confirmation, read):
 
 
 def test_rolls_are_not_searched(confirmation, read):
-    text = " ".join(read(render_confirm(confirmation.model_copy(update={"searches": []}), {}, {})).text)
+    rolled = confirmation.model_copy(update={"searches": [], "reference_library": "roll"})
+    text = " ".join(" ".join(read(render_confirm(rolled, {}, {})).text).split())
     assert "Two rolls show every planet twice" in text
+    assert "searched blind and measured" not in text
+    assert "the star subtracted, measured at the known place" in text
+    assert "a realisation is a detection if the planet is significant at its known place" in text

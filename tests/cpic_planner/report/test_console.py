@@ -31,7 +31,7 @@ def test_rank_at_100_columns_is_one_line_a_star(rank):
     text = shown(print_rank, rank, limit=20)
     lines = [line for line in text.splitlines() if line.strip()[:2].strip().isdigit() and "F" in line]
     assert len([line for line in lines if "F520" in line or "F662" in line]) == 20
-    for word in ("V mag", "dist pc", "compl/h", "compl %", "SNR", "margin", "status", "speckle floor", "▲ saturated"):
+    for word in ("dist pc", "compl/h", "compl %", "SNR", "margin", "blind %", "status", "speckle floor", "▲ saturated"):
         assert word in text
     for word in ("α Cen B", "Population (compl %): giants (Giant planets, 0.21 planets per star)", "per hour of it"):
         assert word in " ".join(text.split())
@@ -40,7 +40,8 @@ def test_rank_at_100_columns_is_one_line_a_star(rank):
 @pytest.mark.parametrize("width", [80, 100, 120, 160])
 def test_rank_keeps_what_matters_at_any_width(rank, width):
     head = next(line for line in shown(print_rank, rank, width=width).splitlines() if "star" in line and "#" in line)
-    wanted = {80: "compl/h compl % margin status", 100: "V mag dist pc SNR", 120: "sep ″ contrast in", 160: "gain wall"}
+    wanted = {80: "compl/h compl % margin blind % status", 100: "dist pc SNR", 120: "V mag sep ″",
+              160: "contrast in gain wall"}  # fmt: skip
     for at, words in wanted.items():
         if width >= at:
             assert all(word in head for word in words.split()), (at, head)
@@ -68,15 +69,19 @@ def test_wide_terminals_show_settings(rank):
 
 def test_sensitivity(sensitivity):
     text = shown(print_sensitivity, sensitivity)
-    assert "0.42  14/20" in text
+    assert "3  0.42  11  14/20" in text
     assert "α Cen A −6" in text
-    assert "–  20/20" in text
+    assert "7     –   0  20/20" in text
+    assert "detected: stars whose reference planet is detected (7 nominally)" in " ".join(text.split())
     assert "Wavefront drift decides the order of the first 20." in text
     assert "wavefront drift twice as large" in text
 
 
 def test_explanation(explanation):
     text = shown(print_explanation, explanation, width=120)
+    assert "in zone %  whole %" in text
+    assert "30.0     20.0" in text
+    assert "in the dark quadrants, and whose whole aperture lies there" in " ".join(text.split())
     assert "τ Cet (HIP 8102): rank 2 of 20 by completeness per hour" in text
     assert "Two sentences. [bold]Brackets[/bold] stay." in text
     assert text.index("α Cen B") < text.index("ε Eri")
@@ -105,6 +110,10 @@ def test_plan(plan):
     assert "○ seen at its place" in text
     assert "8/8  ✓ confirmed" in text
     assert "Images altered" not in text
+    assert "in which the blind search finds the planet" in " ".join(text.split())
+    rolled = " ".join(shown(print_plan, plan.model_copy(update={"reference_library": "roll"})).split())
+    assert "in which the planet is significant at its known place" in rolled
+    assert "blind search" not in rolled
 
 
 def test_etc(etc_answers):

@@ -1,3 +1,4 @@
+import itertools
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ from cpic_planner.etc.questions import contrast_limit, exposure_time, signal_to_
 from cpic_planner.etc.result import etc_result
 from cpic_planner.report.etc_curves import etc_curves
 from cpic_planner.report.etc_figures import check_figure_name, etc_figure, write_figure
-from cpic_planner.report.rank_figure import rank_figure
+from cpic_planner.report.rank_figure import MOST_STARS, rank_figure
 from cpic_planner.targets import find_target
 from simulator.config import load_instrument
 
@@ -140,6 +141,16 @@ def test_bars_of_the_ranking(rank):
     assert names[0] == "1  α Cen B"
     points = {x for line in right.lines[:-1] for x in np.atleast_1d(line.get_xdata())}
     assert {row.detection_margin for row in rank.targets[:5]} <= points
+
+
+@pytest.mark.parametrize(("asked", "drawn"), [(3, 3), (30, 30), (MOST_STARS + 1, MOST_STARS)])
+def test_as_many_stars_are_drawn_as_asked_for_and_their_names_can_be_read(rank, asked, drawn):
+    many = rank.model_copy(update={"targets": rank.targets * 6})
+    figure = rank_figure(many, asked)
+    assert figure.get_suptitle().startswith(f"first {drawn} of {len(many.targets)} stars")
+    boxes = [label.get_window_extent() for label in figure.axes[0].get_yticklabels()]
+    assert len(boxes) == drawn
+    assert all(lower.y1 <= upper.y0 for upper, lower in itertools.pairwise(boxes))
 
 
 def test_a_ranking_without_any_frame_can_be_drawn(rank):

@@ -87,10 +87,12 @@ def test_values_that_are_no_numbers_stand_side_by_side(compared, drawn):
 
 
 def test_a_sweep_of_many_strategies_shows_those_that_find_most(compared, drawn):
-    names = [f"s{i} drift={value}" for i in range(12) for value in (1, 2)]
+    names = [f"s{i} drift={value} nm" for i in range(12) for value in (1, 2)]
     figure, picture = drawn(sweep_figure, compared(names))
     assert [text.get_text() for text in figure.legends[0].get_texts()] == [f"s{i}" for i in range(4, 12)]
     assert "not shown: 4" in picture.caption
+    assert figure._supxlabel.get_text() == "drift (nm)"
+    assert [label.get_text() for label in figure.axes[0].get_xticklabels()] == ["1 nm", "2 nm"]
 
 
 @pytest.mark.parametrize("draw", [curves_figure, convergence_figure])

@@ -12,7 +12,7 @@ ALL = ["yields", "differences", "curves", "time", "calendar", "sky", "detections
         (["one", "two"], False, ALL),
         (["one"], False, [key for key in ALL if key != "differences"]),
         (["one", "two"], True, ["yields", "differences", "curves", "time", "convergence"]),
-        (["one drift=1", "one drift=2"], False, ["sweep", *ALL]),
+        (["one drift=x1 (0.05 nm)", "one drift=0.1 nm"], False, ["sweep", *ALL]),
     ],
 )
 def test_what_there_is_is_drawn_under_titles_of_the_report(compared, names, empty, keys):

@@ -1,6 +1,6 @@
 import pytest
 
-from cpic_planner.models.surveyed import ImageSample, SettingSource
+from cpic_planner.models.surveyed import ImageSample, PlanetShare, SettingSource
 from cpic_planner.report.drawing import Picture
 from cpic_planner.report.numbers import decimals
 from cpic_planner.report.whatif_html import WHATIF_FIGURES, render_whatif
@@ -66,6 +66,13 @@ def test_time_stars_changes_and_settings(words):
         assert text in words, text
 
 
+@pytest.mark.parametrize(("source", "named"), [("archive_2019", True), ("mine.csv", True), ("none+mine.csv", False)])
+def test_the_archive_is_named_where_its_table_is_used(compared, read, source, named):
+    result = compared()
+    result = result.model_copy(update={"universe": result.universe | {"known_planets": source}})
+    assert ("Akeson et al. 2013" in read(render_whatif(result, PICTURES)).words) == named
+
+
 def test_the_strategy_that_finds_most_is_shaded(compared, reader):
     picked = [attributes for tag, attributes in reader.tags if tag == "tr" and attributes.get("class") == "pick"]
     assert len(picked) == 1
@@ -126,11 +133,21 @@ def test_sources_of_the_settings(compared, read):
     names = [item.name for item in result.strategies]
     rows = [SettingSource(key="visit.time_s", value=[36000.0, 60.0], unit="s", source=HOSTILE, confidence="A",
                           strategies=names),
-            SettingSource(key="share", value=0.25, unit="", source="a guess", confidence="I",
+            SettingSource(key="slot_share", value=0.25, unit="", source="a guess", confidence="I",
                           strategies=names[:1])]  # fmt: skip
     page = render_whatif(result.model_copy(update={"sources": rows}), {})
     words = read(page).words
     assert f"visit.time_s 36000, 60 s A {HOSTILE} all" in words
-    assert f"share 0.25 I a guess {names[0]}" in words
+    assert f"slot_share 0.25 I a guess {names[0]}" in words
     assert HOSTILE not in page
     assert "Where these numbers are from" not in render_whatif(result, {})
+
+
+def test_the_subtitle_and_the_yields_follow_the_run(compared):
+    result = compared(["deep drift=x1 (0.05 nm)", "deep drift=0.1 nm"])
+    share = PlanetShare(name="eps Eri b", share=0.68, planets=0.59)
+    strategies = [item.model_copy(update={"leading_planet": share}) for item in result.strategies]
+    html = render_whatif(result.model_copy(update={"strategies": strategies}), {})
+    assert "2 strategies with 1752 h of telescope time, 20 % of 360 days" in html
+    assert html.count("68 % of the planets found are eps Eri b") >= 2
+    assert "deep drift=0.1 nm" in html

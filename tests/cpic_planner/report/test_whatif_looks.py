@@ -12,11 +12,26 @@ def test_a_sweep_is_read_from_the_names_with_ascending_values(compared):
 
 
 def test_of_two_keys_the_one_with_most_values_is_the_axis(compared):
-    names = [f"a drift={drift} rule={rule}" for drift in (1, 2) for rule in ("blind", "expected", "known_place")]
+    names = [
+        f"a drift=x{drift} ({0.05 * drift:g} nm) rule={rule}"
+        for drift in (1, 2)
+        for rule in ("blind", "expected", "known_place")
+    ]
     sweep = sweep_of(compared(names).strategies)
     assert (sweep.key, sweep.numbers) == ("rule", None)
     assert sweep.values == ("blind", "expected", "known_place")
-    assert list(sweep.lines) == ["a drift=1", "a drift=2"]
+    assert list(sweep.lines) == ["a drift=x1 (0.05 nm)", "a drift=x2 (0.1 nm)"]
+
+
+def test_numbers_of_a_sweep_have_their_unit(compared):
+    """A factor stands where its value stands, and an axis never mixes units."""
+    sweep = sweep_of(compared(["a drift=x4 (0.2 nm)", "a drift=0.1 nm", "a drift=x1 (0.05 nm)"]).strategies)
+    assert sweep.values == ("x1 (0.05 nm)", "0.1 nm", "x4 (0.2 nm)")
+    assert (sweep.numbers, sweep.unit, sweep.title) == ((0.05, 0.1, 0.2), "nm", "drift (nm)")
+    sweep = sweep_of(compared(["a throughput=x2", "a throughput=x0.5"]).strategies)
+    assert (sweep.numbers, sweep.title) == ((0.5, 2.0), "throughput (x)")
+    sweep = sweep_of(compared(["a time_s=1 h", "a time_s=60 s"]).strategies)
+    assert (sweep.numbers, sweep.title) == (None, "time_s")
 
 
 @pytest.mark.parametrize(

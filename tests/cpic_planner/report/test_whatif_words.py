@@ -1,8 +1,11 @@
 import pytest
 
+from cpic_planner.models.surveyed import AssumedInstrument, PlanetShare
 from cpic_planner.report.whatif_words import (
     between,
     changed_settings,
+    extent_text,
+    hanging_text,
     lead_sentences,
     planets_text,
     shared_facts,
@@ -112,7 +115,7 @@ def test_rules_in_words():
     assert facts["Follow-up"] == "of planets found, in F720: 10.0 h each, up to 2 attempts"
     assert facts["Detection"].endswith("no chance in it; 5σ per resolution element, in 2 visits")
     assert facts["Changes to the instrument"] == (
-        "median raw contrast of the dark hole 3.0 × 10⁻⁹, drift × 2, dust of 3 solar systems"
+        "median raw contrast of the dark hole 3.0 × 10⁻⁹, wavefront drift × 2, dust of 3 solar systems (zodi)"
     )
     assert facts["Stop rules"] == "or after 2 empty visits, the survey ends with 5 planets"
     assert facts["Calendar"].startswith("mixed-integer programme")
@@ -129,3 +132,72 @@ def test_changed_settings_name_every_key_that_differs():
     assert found["population.planets_per_star"] == ("none", f"{base['population']['planets_per_star']:g}")
     assert not {"name", "description", "visit.goal"} & set(found)
     assert changed_settings(own, own) == []
+
+
+def test_settings_have_their_units_and_factors_their_x():
+    own = settings(assumptions={"drift": 2, "throughput": 0.5, "exozodi": 3}, time_budget_h=100, visit={"time_s": 60})
+    found = {key: (mine, theirs) for key, mine, theirs in changed_settings(own, settings())}
+    assert found["assumptions.drift"] == ("x2", "x1")
+    assert found["assumptions.throughput"] == ("x0.5", "x1")
+    assert found["assumptions.exozodi"] == ("3 zodi", "none")
+    assert found["time_budget_h"] == ("100 h", "1752 h")
+    assert found["visit.time_s"] == ("60 s", "36000 s")
+
+
+def test_assumptions_say_what_a_factor_makes_of_the_instrument():
+    used = AssumedInstrument(visit_drift_nm=0.1, walk_nm_per_sqrt_hour=0.12, exozodi_zodis=0.0,
+                             throughput={"F520": 0.095})  # fmt: skip
+    facts = dict(shared_facts(settings(assumptions={"drift": 2, "throughput": 0.5}), used))
+    assert facts["Changes to the instrument"] == (
+        "wavefront drift × 2 (0.1 nm visit offset, 0.12 nm/√h walk), throughput of the optics × 0.5 (0.095 in F520)"
+    )
+
+
+def changed(result, which, **update):
+    strategies = list(result.strategies)
+    strategies[which] = strategies[which].model_copy(update=update)
+    return result.model_copy(update={"strategies": strategies})
+
+
+def test_an_empty_calendar_is_said_in_the_lead(compared):
+    result = compared(["one", "two"])
+    plan = result.strategies[0].schedule
+    several = result.strategies[0].settings | {"detection": {"visits_needed": 3}}
+    nothing = plan.model_copy(update={"visits": 0, "hours": 0.0, "value": 0.0, "bound": 0.446, "distance": 1.0})
+    assert lead_sentences(changed(result, 0, schedule=nothing, settings=several))[1] == (
+        "one plans no visit at all: no calendar can be worth more than 0.45, this one is worth 0. Where 3 visits "
+        "have to show a planet, those of a star have to be worth 0.001 planets each on average (scheduler.min_gain)."
+    )
+    nowhere = nothing.model_copy(update={"bound": 0.0, "distance": 0.0})
+    assert "no visit of its stars fits" in lead_sentences(changed(result, 0, schedule=nowhere))[1]
+    hardly = plan.model_copy(update={"visits": 2, "hours": 12.0, "value": 0.01, "bound": 0.4, "distance": 0.975})
+    said = lead_sentences(changed(result, 0, schedule=hardly))[1]
+    assert said.startswith("one plans 2 visits only, 12.0 h: no calendar can be worth more than 0.40, this one is")
+    assert len(lead_sentences(changed(result, 0, schedule=hardly.model_copy(update={"hours": 400.0})))) == 3
+
+
+def test_a_yield_that_hangs_on_one_planet_says_so(compared):
+    result = compared(["one", "two", "three"])
+    most, few = (PlanetShare(name="eps Eri b", share=share, planets=0.5) for share in (0.85, 0.3))
+    assert hanging_text(changed(result, 0, leading_planet=most).strategies[0]) == (
+        "85 % of the planets found are eps Eri b"
+    )
+    assert hanging_text(changed(result, 0, leading_planet=few).strategies[0]) == ""
+    assert hanging_text(result.strategies[0]) == ""
+    said = lead_sentences(changed(result, 0, leading_planet=most))
+    assert "Other yields hang on one planet, too. one: 85 % of the planets found are eps Eri b." in said
+    # That of the best one is in the statement.
+    assert not any("hang" in text for text in lead_sentences(changed(result, 2, leading_planet=most)))
+
+
+def test_what_is_compared_is_told_by_its_numbers(compared):
+    result = compared(["one", "two"])
+    assert extent_text(result) == (
+        "2 strategies with 1752 h of telescope time, 20 % of 360 days (0.99 years) from 2028-01-01"
+    )
+    short = result.model_copy(update={"universe": result.universe | {"duration_days": 3652.0}})
+    short = changed(short, 0, settings=result.strategies[0].settings | {"time_budget_h": 438.0})
+    assert extent_text(short) == (
+        "2 strategies with 438 to 1752 h of telescope time, 0.50 % to 2.0 % of 3\u202f652 days "
+        "(10.0 years) from 2028-01-01"
+    )

@@ -24,7 +24,7 @@ def candidate(rng, *, options=1, slots=4, planets=6, visits_left=3, day=None, kn
 def strategy(*, budget_h=10.0, share=0.25, needed=1, gap_days=0.0, max_visits=3, first="any", **scheduler):
     """A strategy of the given limits."""
     return SurveyStrategy(
-        name="x", time_budget_h=budget_h, share=share, detection={"visits_needed": needed},
+        name="x", time_budget_h=budget_h, slot_share=share, detection={"visits_needed": needed},
         revisits={"max_visits": max(max_visits, needed), "min_gap_days": gap_days}, targets={"known_planets": first},
         scheduler={"min_gain": 0.0, "reserve": 0.0} | scheduler,
     )  # fmt: skip
@@ -58,7 +58,7 @@ def allowed(problem, visits):
         return False
     for slot, length in enumerate(problem.slot_h):
         used = sum(cost for cost, (_, visit) in zip(costs, visits, strict=True) if visit[1] == slot)
-        if used > rules.share * length + 1e-9:
+        if used > rules.slot_share * length + 1e-9:
             return False
     for i, star in enumerate(problem.stars):
         own = [visit[1] for owner, visit in visits if owner == i]

@@ -28,7 +28,7 @@ def test_schedules_stay_within_their_strategy(plain):
     assert sum(visit.cost_h for visit in planned) <= survey.strategy.time_budget_h
     for slot in range(survey.calendar.n_slots):
         used = sum(visit.cost_h for visit in survey.schedule.visits if visit.slot == slot)
-        assert used <= survey.strategy.share * survey.calendar.slot_h[slot] + 1e-6
+        assert used <= survey.strategy.slot_share * survey.calendar.slot_h[slot] + 1e-6
     for star in range(len(survey.targets)):
         own = [visit for visit in survey.schedule.visits if visit.star == star]
         assert len(own) <= survey.strategy.revisits.max_visits
@@ -54,6 +54,26 @@ def test_slots_that_are_no_whole_number_of_days(small, slot_days):
     prepared = prepare(small(universe={"slot_days": slot_days, "duration_days": 200}))
     assert prepared.calendar.n_slots == int(np.ceil(200 / slot_days))
     assert prepared.surveys[0].schedule.visits
+
+
+def test_refuted_planets_make_no_host_and_are_in_no_schedule(small):
+    """tau Cet e and the one planet of omi2 Eri, which the archive of 2019 has."""
+
+    def planets(source):
+        names = ["tau Cet", "omi2 Eri"]
+        surveys = prepare(small({"targets": {"names": names}, "visit": {"time_s": 7200}, "time_budget_h": 20},
+                                {"name": "hosts", "targets": {"names": ["tau Cet"], "known_planets": "only"}},
+                                universe={"known_planets": source, "duration_days": 120})).surveys  # fmt: skip
+        survey = surveys[0]
+        listed = survey.known.text("planet")
+        found = zip(survey.targets.name, survey.known_rows, strict=True)
+        return {str(star): {listed[row] for row in rows} for star, rows in found}
+
+    now, before = planets("snapshot"), planets("archive_2019")
+    assert before["tau Cet"] == now["tau Cet"] | {"tau Cet e"}
+    assert before.get("omi2 Eri", set()) >= now.get("omi2 Eri", set()) == set()
+    with pytest.raises(InputError, match="cuts that leave a star"):
+        prepare(small({"targets": {"names": ["omi2 Eri"], "known_planets": "only"}}))
 
 
 def test_background_stars_and_follow_up_are_options(small):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.stats import binom
 
 from cpic_planner.survey.schedule import Problem, Room, Schedule, greedy, in_order
 from cpic_planner.survey.value import StarValue
@@ -64,6 +65,31 @@ def test_as_many_visits_are_weighed_as_a_detection_needs(problems, needed, look_
     gains = [gain for _, _, gain in booked]
     assert gains[: needed - 1] == [0.0] * (needed - 1)
     assert gains[needed - 1] == pytest.approx(0.9**needed, rel=1e-6)
+
+
+@pytest.mark.parametrize("needed", [2, 3])
+@pytest.mark.parametrize("least", [0.0, 0.001])
+def test_visits_are_weighed_until_they_pay_together(problems, needed, least):
+    """Two or three visits are worth less than their least, twenty are not: the binomial law, in closed form."""
+    n, p = 20, 0.1
+    star = replace(pair(problems), day=30.0 * np.arange(n), cost_h=np.full((1, n), 2.0), visits_left=n,
+                   chance=np.full((1, n, 1), p, np.float32), weight=np.full(1, 0.1))  # fmt: skip
+    assert 0.1 * p**needed < 0.001 * needed
+    rules = problems.strategy(budget_h=100.0, share=1.0, needed=needed, max_visits=n, min_gain=least)
+    _, booked = greedy(Problem(rules, (star,), np.full(n, 100.0)))
+    assert len(booked) >= needed
+    worth = 0.1 * float(binom.sf(needed - 1, len(booked), p))
+    assert sum(gain for _, _, gain in booked) == pytest.approx(worth, rel=1e-6)
+    assert worth >= least * len(booked)
+    densest = max(range(needed, n + 1), key=lambda k: float(binom.sf(needed - 1, k, p)) / k)
+    assert len(booked) >= densest
+
+
+@given(seed=st.integers(0, 10_000), needed=st.integers(2, 3), limits=LIMITS)
+def test_no_calendar_is_empty_that_could_show_a_planet(problems, seed, needed, limits):
+    problem = problems.random_problem(seed, slots=4, needed=needed, **limits)
+    gains = [gain for _, _, gain in greedy(problem)[1]]
+    assert (sum(gains) > 0.0) == (problems.optimum(problem) > 0.0)
 
 
 def test_a_visit_has_to_be_worth_its_least(problems):

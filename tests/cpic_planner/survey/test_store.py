@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from catalogs.errors import InputError
 from cpic_planner.runfolder import DamagedPartError, open_run_folder
-from cpic_planner.survey.store import Column, ResultStore, Table, clear_tables, read_table
+from cpic_planner.survey.store import Column, ResultStore, Table, read_table
 from simulator.rng import stream
 
 YIELDS = Table(
@@ -268,8 +268,7 @@ def test_another_configuration_takes_nothing_over(tmp_path):
     with pytest.raises(InputError, match="aaaa"), open_run_folder(tmp_path, kind="whatif", config_hash="bbbb"):
         pass
     Path(tmp_path / "mine.parquet").write_text("precious")
-    clear = clear_tables(TABLES)
-    with open_run_folder(tmp_path, kind="whatif", config_hash="bbbb", force=True, clear=clear) as folder:
+    with open_run_folder(tmp_path, kind="whatif", config_hash="bbbb", force=True) as folder:
         assert ResultStore(folder, TABLES).finished() == frozenset()
         assert [path.name for path in tmp_path.glob("*.parquet")] == ["mine.parquet"]
 
@@ -281,12 +280,10 @@ def test_parts_alone_keep_a_folder_from_being_taken_over(tmp_path):
         pass
 
 
-def test_what_a_killed_run_was_writing_is_swept(tmp_path):
+def test_a_blob_of_somebody_else_is_no_part(tmp_path):
     with open_run_folder(tmp_path, kind="whatif", config_hash="aaaa") as folder:
         ResultStore(folder, TABLES).save("a", part(0))
-    left = [tmp_path / "parts" / ".a-00000000.blob.x1.part", tmp_path / ".yields.parquet.x2.part"]
-    for path in left:
-        path.write_bytes(b"half")
-    with open_run_folder(tmp_path, kind="whatif", config_hash="aaaa") as folder:
+        (tmp_path / "parts" / "mine.blob").write_text("precious")
         assert ResultStore(folder, TABLES).finished() == {"a"}
-        assert not any(path.exists() for path in left)
+        ResultStore(folder, TABLES).merge(["a"])
+    assert (tmp_path / "parts" / "mine.blob").read_text() == "precious"

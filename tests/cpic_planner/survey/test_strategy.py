@@ -10,7 +10,7 @@ FAULTS = [
     ({"time_budget_h": 0}, "time_budget_h = 0"),
     ({"time_budget_h": "much"}, "time_budget_h = much"),
     ({"time_budget_h": True}, "time_budget_h = True"),
-    ({"share": 1.5}, "share = 1.5"),
+    ({"slot_share": 1.5}, "slot_share = 1.5"),
     ({"name": ""}, "name"),
     ({"name": "x" * 121}, "name"),
     ({"visit": {"bands": []}}, "visit.bands"),

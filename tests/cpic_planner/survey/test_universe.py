@@ -253,18 +253,31 @@ def test_joined_and_selected():
     assert by_name(both.select(np.arange(len(both)) >= len(one))) == by_name(two)
 
 
+def test_a_star_whose_planet_is_refuted_has_none():
+    table = load_known_planets()
+    bodies = draw(None, star="omi2 Eri", known=table, known_rows=table.rows_of("omi2 Eri"))
+    assert len(bodies) == 0
+    before = load_known_planets("archive_2019")
+    assert len(draw(None, star="omi2 Eri", known=before, known_rows=before.rows_of("omi2 Eri"))) > 0
+
+
 def test_radial_velocities_alone_give_no_place_on_the_sky(tmp_path):
     table = load_known_planets()
-    rows = table.rows_of("eps Eri")
+    rows = table.rows_of("pi Men")  # dated, inclination unknown
+    assert len(rows) == 2
+    assert not at_known_place(draw(star="pi Men", known=table, known_rows=rows), table).any()
+    rows = table.rows_of("eps Eri")  # by astrometry the node is known as well, within 12 deg: 0.2 arcsec on the sky
     assert not at_known_place(draw(star="eps Eri", known=table, known_rows=rows), table).any()
     file = tmp_path / "orbits.csv"
     file.write_text(
         "star,planet,period_days,period_err_days,periastron_jd,periastron_err_days,eccentricity,omega_star_deg,"
-        "inclination_deg,node_deg,mass_mjup\n"
-        "eps Eri,eps Eri b,2502,10,2454207,7,0.4,50,40,70,0.8\n"
-        "eps Eri,eps Eri c,9999,10,2454207,7,0.1,50,40,,0.8\n"
+        "inclination_deg,inclination_err_deg,node_deg,node_err_deg,mass_mjup\n"
+        "eps Eri,eps Eri b,2502,10,2454207,7,0.4,50,40,1,70,2,0.8\n"
+        "eps Eri,eps Eri c,9999,10,2454207,7,0.1,50,40,1,,,0.8\n"
+        "eps Eri,eps Eri d,2502,10,2454207,7,0.4,50,40,1,70,3,0.8\n"
+        "eps Eri,eps Eri f,2502,10,2454207,20,0.4,50,40,1,70,2,0.8\n"
     )
-    own = load_known_planets(file)
+    own = load_known_planets(f"none+{file}")
     bodies = draw(star="eps Eri", known=own, known_rows=own.rows_of("eps Eri"))
     assert np.array_equal(at_known_place(bodies, own), bodies.known == 0)
     assert not at_known_place(bodies, None).any()

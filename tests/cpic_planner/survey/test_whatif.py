@@ -14,7 +14,7 @@ from cpic_planner.models import WhatIfResult
 from cpic_planner.survey.observed import read_log
 from cpic_planner.survey.prepare import prepare
 from cpic_planner.survey.store import read_table
-from cpic_planner.survey.strategy_file import varied
+from cpic_planner.survey.sweeps import varied
 from cpic_planner.survey.whatif import BLOCK, cost_of, run_whatif, whatif_hash
 
 PRODUCTS = ("universes.parquet", "detections.parquet", "stars.parquet", "whatif.json", "report.html", "targets.csv")
@@ -106,6 +106,21 @@ def test_another_configuration_does_not_mix(run, small, tmp_path, no_report):
     assert (one.name, three.name) == ("plain max_visits=1", "plain max_visits=3")
     assert one.planets.mean <= three.planets.mean
     assert "max_visits=1: " in result.statement
+    assert [(item.base, item.varied[0].label, item.variation) for item in result.strategies] == [
+        ("plain", "max_visits=1", "max_visits=1"), ("plain", "max_visits=3", "max_visits=3"),
+    ]  # fmt: skip
+    # Which known planet makes how much of the yield, as the table of detections has it.
+    found = read_table(folder / "detections.parquet").columns
+    mine = found["known_row"][found["strategy"] == three.name]
+    most = max(np.bincount(mine[mine >= 0]))
+    assert three.leading_planet.name == "eps Eri b"
+    assert three.leading_planet.share == most / len(mine)
+    assert three.leading_planet.planets == most / 30
+    if three.leading_planet.share > 0.3:
+        assert f"{three.planets.mean:.2f} planets" in result.statement
+        assert "of the planets found are eps Eri b" in result.statement
+    assert three.instrument.visit_drift_nm == 0.05
+    assert three.instrument.throughput == {"F520": 0.19}
     assert set(read_table(folder / "universes.parquet").columns["strategy"]) == {one.name, three.name}
 
 
@@ -124,7 +139,7 @@ def test_fewer_universes_are_the_first_of_more(run, small, tmp_path, no_report):
 
 
 CHANGES = {
-    "share": ({"share": 0.2}, {}),
+    "slot_share": ({"slot_share": 0.2}, {}),
     "bands": ({"visit": {"bands": ["F662"]}}, {}),
     "rule": ({"detection": {"blind_margin": 1.9}}, {}),
     "contrast": ({"assumptions": {"contrast": 1e-9}}, {}),

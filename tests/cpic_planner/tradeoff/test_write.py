@@ -5,6 +5,7 @@ import pytest
 from catalogs.errors import InputError
 from cpic_planner.models import TradeoffResult
 from cpic_planner.tradeoff.figure import LOOKS, SMALLEST, pareto_figure
+from cpic_planner.tradeoff.scenes import SCENES
 from cpic_planner.tradeoff.tables import COLUMNS, read_csv, report_text, tier_table
 from cpic_planner.tradeoff.write import FILES, read_result, write_result
 
@@ -51,6 +52,9 @@ def test_the_report_says_what_was_found(result):
     assert "| quick | invalid: tier too coarse |" in text
     assert "wavelengths 1 (another machine)" in text
     assert "< 0.8 %" in text  # of the standard tier: below what can be told
+    assert "## Tiers over `faint`, `edge`\n" in text  # two of the fixed scenes
+    every = [result.scenes[0].model_copy(update={"name": name}) for name in ["faint", "edge", *SCENES]][: len(SCENES)]
+    assert "## Tiers over all scenes\n" in report_text(result.model_copy(update={"scenes": every}))
     assert "Few frames" not in text
     assert "Few frames" in report_text(result.model_copy(update={"quick_look": True}))
 

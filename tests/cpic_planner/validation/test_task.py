@@ -92,7 +92,7 @@ def test_overrides_change_the_images_alone():
     model, _, altered = prepared(
         "alf Cen B",
         companions="off",
-        overrides=SimulatorOverrides.of(["throughput=x0.7", "companions=on", "exozodi=3"]),
+        overrides=SimulatorOverrides.of(["throughput=x0.7", "companions=on", "exozodi=3zodi"]),
     )
     assert altered.predictions == plain.predictions
     assert (altered.exposure_s, altered.n_frames, altered.em_gain) == (plain.exposure_s, plain.n_frames, plain.em_gain)

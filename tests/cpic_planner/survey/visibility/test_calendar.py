@@ -4,6 +4,7 @@ import itertools
 import socket
 import tracemalloc
 import warnings
+from datetime import datetime, timedelta
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from astropy.time import Time
 from astropy.utils import iers
 
 from catalogs.errors import InputError
-from cpic_planner.survey.visibility import BLOCKS, load_visibility, visibility
+from cpic_planner.survey.visibility import BLOCKS, Visibility, load_visibility, slew_s, visibility
 from cpic_planner.targets import rank_sample
 from simulator import load_instrument
 
@@ -159,6 +160,9 @@ def test_fractions_of_orbits_agree_with_astropy(start):
             places = oracle.telescope_km(seen.mjd[day] + turn, node_at=seen.mjd[day])
             clear = clear_by_force(targets[row], oracle.vector("sun", seen.mjd[day]), places, 10, 30)
             assert clear.mean() == pytest.approx(seen.visible_fraction[row, day], abs=0.005)
+            lasts = max((sum(1 for _ in run) for up, run in itertools.groupby([*clear, *clear]) if up), default=0)
+            longest_s = min(lasts / 480, 1) * 86400 * period_days()
+            assert longest_s == pytest.approx(seen.window_s[row, day], abs=24)
 
 
 def test_one_orbit_stands_for_the_day():
@@ -284,6 +288,86 @@ def test_windows_and_seasons():
     never = visibility([place.ra.deg], [place.dec.deg], load_visibility({"sun_deg": 180}), ORBIT,
                        start_utc="2028-01-01", n_days=30)  # fmt: skip
     assert never.windows(0) == []
+
+
+def test_windows_follow_from_a_walk_over_the_steps():
+    rng = np.random.default_rng(8)
+    blank, moon, begin = np.zeros((1, 0)), BLOCKS.index("moon"), datetime(2021, 5, 4, 6)
+    for length, step_days in zip([1, 2, 3, *rng.integers(4, 30, 150)], [1.0, 0.125, 4.0] * 51, strict=True):
+        row = np.where(rng.random(length) < rng.random(), 0, rng.choice([moon, 1, 2, 4], length)).astype(np.int8)
+        mjd = Time(begin).mjd + step_days * (np.arange(length) + 0.5)
+        seen = Visibility(mjd, step_days, 5600.0, blank, blank, blank, blank, blank, blank, row[None])
+        for through, passed in (((), {0}), (("moon",), {0, moon})):
+            # Steps that do not end a window; only those seen begin and end one.
+            pieces = [[]]
+            for k, block in enumerate(row.tolist()):
+                pieces += [] if block in passed else [[]]
+                pieces[-1] += [] if block else [k]
+            expected = [(piece[0], piece[-1] + 1) for piece in pieces if piece]
+            assert seen.runs(0, through=through) == expected
+            edges = [tuple((begin + timedelta(days=step_days * k)).isoformat() for k in run) for run in expected]
+            assert seen.windows(0, through=through) == edges
+
+
+def test_a_slew_turns_and_settles():
+    rng = np.random.default_rng(9)
+    for rate, settle in 10 ** rng.uniform((-3, -2), (2, 5), (40, 2)):
+        config = load_visibility({"slew_deg_s": rate, "settle_s": settle})
+        angle = np.concatenate([[1e-9, 0.5, 180.0], rng.uniform(0, 180, 5)])
+        assert slew_s(angle, config) == pytest.approx([settle + a / rate for a in angle], rel=1e-12)
+        assert slew_s(0.0, config) == 0.0
+    for angle in (-1e-9, 180.0 + 1e-9, [1.0, 181.0], [np.nan, 1.0]):
+        with pytest.raises(InputError, match="allowed: 0 to 180"):
+            slew_s(angle, CONFIG)
+
+
+def test_steps_at_the_ends_of_their_range():
+    for step_days, n_days, steps in ((1e-3, 1, 1000), (366.0, 1, 1), (366.0, 367, 2), (0.1, 3, 30)):
+        seen = visibility([1.0], [2.0], CONFIG, ORBIT, start_utc="2028-01-01", n_days=n_days, step_days=step_days)
+        assert seen.mjd.tolist() == pytest.approx([61771 + step_days * (k + 0.5) for k in range(steps)], abs=1e-9)
+    for step_days in (0.000999, 366.01, 732.0):
+        with pytest.raises(InputError, match="allowed: 0.001 to 366"):
+            visibility([1.0], [2.0], CONFIG, ORBIT, start_utc="2028-01-01", n_days=1, step_days=step_days)
+
+
+def test_limit_of_targets_times_steps():
+    # As late as this a request that is small enough ends beyond the last year: which refusal comes tells the two apart.
+    late = {"start_utc": "2100-12-01", "config": CONFIG, "orbit": ORBIT}
+    with pytest.raises(InputError, match="an end before 2101"):
+        visibility(np.zeros(20_000), np.zeros(20_000), n_days=1000, **late)
+    with pytest.raises(InputError, match="targets x steps up to 2e\\+07, not 21 x 952381"):
+        visibility(np.zeros(21), np.zeros(21), n_days=953, step_days=953 / 952381, **late)
+
+
+def test_a_target_at_a_limit_is_seen():
+    asked = {"orbit": ORBIT, "start_utc": "2028-06-01", "n_days": 1}
+    for ra, dec in zip(*sky(5, 10), strict=True):
+        sun_deg = float(visibility([ra], [dec], EARTH_ALONE, **asked).sun_deg[0, 0])
+        for limit, allowed in ((sun_deg, True), (np.nextafter(sun_deg, 0), True), (np.nextafter(sun_deg, 180), False)):
+            config = load_visibility(EARTH_ALONE.content() | {"sun_deg": float(limit)})
+            assert visibility([ra], [dec], config, **asked).allowed[0, 0] == allowed
+
+
+def test_directions_at_the_ends_of_their_range():
+    asked = {"orbit": ORBIT, "start_utc": "2028-06-01", "n_days": 1}
+    places = {(0.0, 7.0): (-360.0, 360.0), (11.0, 90.0): (100.0, -360.0), (12.0, -90.0): (0.0, 360.0)}
+    for (here, declination), others in places.items():
+        seen = visibility([here, *others], [declination] * 3, CONFIG, **asked)
+        assert np.ptp(seen.sun_deg) < 1e-10
+
+
+def test_the_moon_itself_is_blocked_by_any_limit_but_none():
+    with Astropy() as oracle:
+        moon = oracle.vector("moon", 61771.5)
+    distance = np.linalg.norm(moon)
+    ra, dec = np.degrees(np.arctan2(moon[1], moon[0])), np.degrees(np.arcsin(moon[2] / distance))
+    parallax = np.degrees(np.arcsin((EARTH + ORBIT.altitude_km) / distance))
+    away = np.array([0.0, 0.5 * parallax, parallax + 0.01, parallax + 0.7, parallax + 0.9])
+    for limit, blocked in ((0.0, 0), (1e-3, 2), (0.8, 4), (0.95, 5), (1.1, 5)):
+        config = load_visibility(EARTH_ALONE.content() | {"moon_deg": limit})
+        seen = visibility(np.full(5, ra), dec + away, config, ORBIT, start_utc="2028-01-01", n_days=1)
+        assert seen.moon_deg[:, 0] == pytest.approx(away, abs=2e-3)
+        assert (seen.blocked_by[:, 0] == BLOCKS.index("moon")).sum() == blocked
 
 
 def test_no_network_and_no_warning(monkeypatch):

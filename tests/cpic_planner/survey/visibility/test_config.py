@@ -110,5 +110,5 @@ def test_refusals(source, text):
 def test_a_file_that_is_no_mapping_is_refused(tmp_path):
     path = tmp_path / "list.yaml"
     path.write_text("- 1\n")
-    with pytest.raises(InputError, match="a mapping of keys"):
+    with pytest.raises(InputError, match="a YAML mapping of kind visibility"):
         load_visibility(path)

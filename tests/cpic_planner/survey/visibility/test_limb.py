@@ -1,11 +1,14 @@
 """Arcs of an orbit: analytic fractions, brute force, and bounds."""
 
+import itertools
+import tracemalloc
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cpic_planner.survey.visibility.limb import Geometry, clear_arcs
+from cpic_planner.survey.visibility.limb import Geometry, _flank, clear_arcs
 from simulator import load_instrument
 from simulator.products.orbit import CircularOrbit, earth_radius_deg
 
@@ -98,6 +101,81 @@ def test_fractions_and_windows_agree_with_many_places(dark, bright, radius):
     assert len(np.unique(forced[:, 0])) > 60
     # Windows that are only a part of what is clear are among them.
     assert np.sum(forced[:, 1] < forced[:, 0] - 0.005) > 3
+
+
+@pytest.mark.parametrize("near", ["anywhere", "plane", "pole", "sun"])
+def test_any_orbit_and_any_limits_agree_with_many_places(near):
+    rng = np.random.default_rng(23)
+    for _ in range(12):
+        target, sun = unit(rng.normal(size=(2, 6, 3)))
+        if near == "plane":
+            target[:, 2], sun[:, 2] = 10 ** rng.uniform(-9, -1, (2, 6))
+        elif near == "pole":
+            target[:, :2] = 10 ** rng.uniform(-9, -1, (6, 2))
+        elif near == "sun":
+            sun = rng.choice([-1, 1], (6, 1)) * target + 10 ** rng.uniform(-9, -1, (6, 1)) * sun
+        target, sun = unit(target), unit(sun)
+        radius, limits = rng.uniform(1, 89), np.sort(rng.uniform(0, 180, 2) * rng.choice([0, 0.3, 1], 2))
+        found = np.stack(clear_arcs(geometry(target, sun), radius, *limits), axis=-1)
+        forced = np.array([by_force(*pair, radius, *limits, places=7200) for pair in zip(target, sun, strict=True)])
+        assert np.abs(found - forced).max() * 360 < 0.15
+        assert found.max() <= 1.0
+
+
+def test_dark_runs_of_a_flank_are_those_of_its_parabolas():
+    """Parabolas through all small whole numbers and some others, looked at in 4000 places and at both ends."""
+    rng = np.random.default_rng(29)
+    whole = list(itertools.product((-2, -1, 0, 1, 2), repeat=3))
+    straight = np.outer(rng.normal(size=50), (-1.0, 0.3, 1.6))
+    samples = np.array([*whole, *rng.normal(size=(150, 3)), *(rng.normal(size=(50, 3)) ** 3), *straight]).T
+    samples[:, -20:] += 1e-15 * rng.normal(size=(3, 20))
+    step = rng.uniform(0.001, 2.0, samples.shape[1])
+    x = np.concatenate([[-1.0], (np.arange(4000) + 0.5) / 2000 - 1, [1.0]])
+    values = np.einsum("kn,kx->nx", samples, [x * (x - 1) / 2, 1 - x**2, x * (x + 1) / 2])
+    # A second piece, on which the flank returns to where it came from, is the mirror image of the first.
+    pieces = _flank(samples[[0, 1, 2, 1, 0]], step)
+    assert len(pieces) == 2
+    for n, dark in enumerate(values <= 0):
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], dark, [0]])))
+        begin, end = (len(x) if dark.all() else np.argmin(side) for side in (dark, dark[::-1]))
+        expected = [dark.sum(), begin, end, max(edges[1::2] - edges[::2], default=0)]
+        for piece, order in zip(pieces, ((0, 1, 2, 3), (0, 2, 1, 3)), strict=True):
+            runs = np.array([getattr(piece, name)[n] for name in ("total", "begin", "end", "longest")])
+            assert runs / step[n] * 2000 == pytest.approx([expected[k] for k in order], abs=3.01), samples[:, n]
+            assert piece.length[n] == 2 * step[n]
+
+
+def test_a_limb_on_the_terminator_is_dark():
+    # The Sun at the pole of the orbit and a target in its plane: the nearest point of the limb never leaves it.
+    some = Geometry(np.ones(1), np.zeros(1), np.zeros(1), np.zeros(1))
+    assert clear_arcs(some, 70.0, 10.0, 30.0)[0].tolist() == pytest.approx([100 / 180], abs=1e-12)
+
+
+def test_orbits_that_count_as_a_whole_are_one_revolution():
+    # Targets about the pole of the orbit, over a limb that is dark all around; rounding may not make more of it.
+    rng = np.random.default_rng(31)
+    tilt = np.radians(rng.uniform(0, 15, 3000))
+    for sun_up in (-1.0, 1.0):
+        some = Geometry(np.sin(tilt), sun_up * np.sin(tilt), np.zeros(3000), sun_up * np.cos(tilt))
+        fraction, longest = clear_arcs(some, 70.0, 5.0, rng.uniform(6, 30))
+        if sun_up < 0:
+            assert fraction.min() >= 1 - 1e-12
+            assert longest.min() >= 1 - 1e-12
+        assert fraction.max() <= 1.0
+        assert longest.max() <= 1.0
+
+
+def test_many_targets_need_little_memory():
+    rng = np.random.default_rng(37)
+    some = Geometry(np.full(6000, 0.1), *rng.uniform(-0.7, 0.7, (3, 6000)))
+    tracemalloc.start()
+    try:
+        clear_arcs(some, 70.0, 0.0, 90.0)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    # All samples along the 6000 orbits at once would be 5.8 MB an array, and there are dozens of arrays.
+    assert peak < 30e6
 
 
 def test_limbs_that_the_sun_just_grazes():

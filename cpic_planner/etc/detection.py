@@ -1,0 +1,223 @@
+"""The law of detections that simulated images follow, for a blind search and at a known place, and the verdict."""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydantic import Field
+
+from catalogs.strict_yaml import load_yaml, split_sourced
+from cpic_planner.etc.model import EtcModel
+from cpic_planner.etc.noise import StackNoise
+from cpic_planner.etc.speckles import error_light_share
+from cpic_planner.models.base import VerdictText
+from simulator.config import FrozenModel
+from simulator.config.base import validate
+from simulator.config.light import Real
+from simulator.config.presets import preset_path
+from simulator.outcome import Status
+
+__all__ = [
+    "INWARD",
+    "Chances",
+    "DetectionLaw",
+    "default_law",
+    "detection_probability",
+    "half_margin",
+    "law_of",
+    "needed_margin",
+    "tail_share",
+    "verdict_of",
+    "visit_chances",
+]
+
+FloatArray = NDArray[np.float64]
+INWARD = 0.1
+"""Resolution element over separation, ten of them from the star, that the law of a blind search is stated for."""
+
+
+class DetectionLaw(FrozenModel):
+    """Normal law of the probability of a detection in the logarithm of significance over threshold.
+
+    Attributes
+    ----------
+    calibration, calibration_error : float
+        Recovered over predicted SNR of images, and its standard error.
+    blind_margin, blind_width, known_margin, known_width : float
+        Significance over threshold at which the probability is one half, and the width of the law. For a blind search:
+        in Gaussian noise, ten resolution elements from the star.
+    blind_tails, blind_inward : float
+        What the logarithm of the middle of a blind search gains where all noise is light of the wavefront's errors,
+        and for each unit of resolution element over separation (`half_margin`).
+    blind_margin_error, known_margin_error : float
+        Relative standard errors of the middles.
+    """
+
+    calibration: Annotated[Real, Field(gt=0, le=10)] = 1.0
+    calibration_error: Annotated[Real, Field(ge=0, le=1)] = 0.0
+    blind_margin: Annotated[Real, Field(gt=0, le=100)] = 1.0
+    blind_width: Annotated[Real, Field(gt=0, le=100)] = 0.2
+    blind_tails: Annotated[Real, Field(ge=-10, le=10)] = 0.0
+    blind_inward: Annotated[Real, Field(ge=-100, le=100)] = 0.0
+    blind_margin_error: Annotated[Real, Field(ge=0, le=10)] = 0.0
+    known_margin: Annotated[Real, Field(gt=0, le=100)] = 1.0
+    known_width: Annotated[Real, Field(gt=0, le=100)] = 0.2
+    known_margin_error: Annotated[Real, Field(ge=0, le=10)] = 0.0
+
+
+@functools.cache
+def default_law() -> DetectionLaw:
+    """Return the law of the preset strategy ``default``, whose numbers were measured on simulated images."""
+    path = preset_path("strategy", "default", package="cpic_planner")
+    assert path is not None
+    stated = split_sourced(load_yaml(path))[0]["detection"]
+    own = {key: value for key, value in stated.items() if key in DetectionLaw.model_fields}
+    return validate(DetectionLaw, own, where="strategy.detection")
+
+
+def law_of(model: EtcModel, band: str) -> DetectionLaw | None:
+    """Return the law that holds for a band of a model.
+
+    Returns
+    -------
+    DetectionLaw or None
+        None where no images were measured: in bands of the near-infrared camera, and where photons are counted.
+    """
+    measured = model.strategy.mode == "analogue" and band in model.instrument.visible_bands()
+    return default_law() if measured else None
+
+
+def needed_margin(model: EtcModel, band: str) -> float:
+    """Return the significance over threshold at which half of the visits detect a planet at a known place.
+
+    Returns
+    -------
+    float
+        By the law of images, or 1 where there is none (`law_of`).
+    """
+    law = law_of(model, band)
+    return 1.0 if law is None else law.known_margin / law.calibration
+
+
+def verdict_of(status: Status, detected: bool) -> VerdictText:
+    """Return the verdict of an answer about a planet.
+
+    Parameters
+    ----------
+    status : Status
+        Every status but ``ok`` gives ``unreachable``.
+    detected : bool
+        Whether significance over threshold reaches `needed_margin`: the probability is then at least one half.
+    """
+    if status is not Status.OK:
+        return "unreachable"
+    return "detected" if detected else "measured_not_detected"
+
+
+def half_margin(law: DetectionLaw, at_place: ArrayLike, tails: ArrayLike, inward: ArrayLike) -> FloatArray:
+    """Return the significance over threshold at which half of the planets are detected.
+
+    Parameters
+    ----------
+    law : DetectionLaw
+    at_place : array_like of bool
+        Planets that are looked for at a known place.
+    tails : array_like
+        Share of the noise, as rms, that is light of the wavefront's errors (`tail_share`).
+    inward : array_like
+        Width of a resolution element over the separation.
+
+    Notes
+    -----
+    A search that knows no place holds its false alarms down in noise of any tails: it asks for more where the light of
+    the wavefront's errors is much of the noise, and near the star, where few elements tell what the noise is.
+    """
+    harder = law.blind_tails * np.asarray(tails) + law.blind_inward * (np.asarray(inward) - INWARD)
+    return np.where(np.asarray(at_place, bool), law.known_margin, law.blind_margin * np.exp(harder))
+
+
+def detection_probability(
+    law: DetectionLaw,
+    margin: ArrayLike,
+    at_place: ArrayLike,
+    tails: ArrayLike,
+    inward: ArrayLike,
+    *,
+    shift: ArrayLike = 0.0,
+    calibration: ArrayLike = 1.0,
+) -> FloatArray:
+    """Return the probability that a visit detects planets, ``Phi(ln(c margin / m) / w)`` with m of `half_margin`.
+
+    Parameters
+    ----------
+    law : DetectionLaw
+    margin : array_like
+        Predicted significance over threshold.
+    at_place, tails, inward
+        As of `half_margin`.
+    shift : array_like
+        Standard errors by which the law's middle is off.
+    calibration : array_like
+        ``c``: recovered over predicted SNR.
+    """
+    from scipy.special import ndtr
+
+    known = np.asarray(at_place, bool)
+    middle = half_margin(law, known, tails, inward)
+    error = np.where(known, law.known_margin_error, law.blind_margin_error)
+    width = np.where(known, law.known_width, law.blind_width)
+    with np.errstate(divide="ignore"):
+        above = np.log(np.asarray(margin) * np.asarray(calibration, float) / middle)
+    return np.asarray(ndtr((above - error * np.asarray(shift, float)) / width))
+
+
+def tail_share(
+    model: EtcModel, band: str, separation_arcsec: ArrayLike, visit_s: ArrayLike, noise: StackNoise
+) -> FloatArray:
+    """Return the share of the noise, as rms, that is light of the wavefront's errors: its tails are exponential."""
+    share = error_light_share(
+        model.metrics[band], model.instrument.drift, separation_arcsec, model.strategy.annulus_lambda_d,
+        model.strategy.reference_ratio, visit_s,
+    )  # fmt: skip
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.sqrt(share * noise.terms["speckle"] / noise.quiet)
+
+
+@dataclass(frozen=True, eq=False)
+class Chances:
+    """Probabilities of a detection, of a blind search and at a known place; NaN where no law was measured."""
+
+    blind: FloatArray
+    known_place: FloatArray
+
+
+def visit_chances(
+    model: EtcModel, band: str, separation_arcsec: ArrayLike, visit_s: ArrayLike, noise: StackNoise, margin: ArrayLike
+) -> Chances:
+    """Return the probabilities that visits detect planets.
+
+    Parameters
+    ----------
+    model : EtcModel
+    band : str
+    separation_arcsec, visit_s : array_like
+        Of the planets, and length of the science visits.
+    noise : StackNoise
+        Of the visits at the planets' places.
+    margin : array_like
+        Predicted significance over threshold; 0 for no visit.
+    """
+    law, margins = law_of(model, band), np.asarray(margin, float)
+    if law is None:
+        return Chances(*np.full((2, *margins.shape), np.nan))
+    tails = np.nan_to_num(tail_share(model, band, separation_arcsec, visit_s, noise))
+    inward = model.metrics[band].lambda_d_arcsec / np.asarray(separation_arcsec, float)
+    blind, known = (
+        np.broadcast_to(detection_probability(law, margins, place, tails, inward, calibration=law.calibration),
+                        margins.shape) for place in (False, True)
+    )  # fmt: skip
+    return Chances(blind, known)

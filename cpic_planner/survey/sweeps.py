@@ -1,0 +1,228 @@
+"""Strategies with values of keys that are varied: ``--vary drift=0.1nm,x2``."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from catalogs.errors import InputError
+from cpic_planner.models.surveyed import VariedSetting
+from cpic_planner.survey.strategy import SurveyStrategy
+from cpic_planner.survey.strategy_file import MAX_STRATEGIES, StrategiesConfig
+from cpic_planner.written_values import Written, read_value, two_spellings, with_unit
+from simulator.config import FrozenModel, Instrument, load_instrument
+from simulator.config.base import unit_of, validate
+from simulator.config.keys import nearest
+
+__all__ = ["SHORT_NAMES", "told", "varied"]
+
+SHORT_NAMES = {
+    "contrast": "assumptions.contrast", "drift": "assumptions.drift", "throughput": "assumptions.throughput",
+    "exozodi": "assumptions.exozodi", "budget_h": "time_budget_h", "time_s": "visit.time_s",
+    "max_visits": "revisits.max_visits", "max_targets": "targets.max_targets", "rule": "detection.rule",
+    "library": "reduction.library",
+}  # fmt: skip
+"""Short names of keys of a strategy."""
+_DRIFT, _THROUGHPUT, _EXOZODI = "assumptions.drift", "assumptions.throughput", "assumptions.exozodi"
+_UNITS = {_DRIFT: "nm", _THROUGHPUT: "", _EXOZODI: "zodi"}
+"""Units of keys whose names do not end in them: they take a unit or an x."""
+
+
+@dataclass(frozen=True)
+class _Sweep:
+    """One ``--vary``: the key, its name as it was written, and its values."""
+
+    key: str
+    name: str
+    values: tuple[Written, ...]
+
+    @property
+    def where(self) -> str:
+        """The key in refusals."""
+        return f"--vary {self.name}"
+
+
+def varied(config: StrategiesConfig, sweeps: Sequence[str]) -> StrategiesConfig:
+    """Return every strategy with every combination of values of some keys.
+
+    Parameters
+    ----------
+    config : StrategiesConfig
+    sweeps : sequence of str
+        ``KEY=VALUE,VALUE...``: a dotted key of a strategy, or a short name of one (`SHORT_NAMES`). A value is a number
+        with a unit (``time_s=1h``), a factor on the strategy's own value (``budget_h=x0.5``), a number alone where the
+        key ends in its unit or the quantity has none, a word, or a list as ``[A,B]``. ``drift``, ``throughput`` and
+        ``exozodi`` need a unit or an x, and their factors are on the numbers of the instrument: ``drift=x2`` doubles
+        the offset of a visit and the walk within it; ``drift=0.1nm`` makes the offset 0.1 nm and scales the walk in the
+        same ratio.
+
+    Returns
+    -------
+    StrategiesConfig
+        Strategies are named ``NAME KEY=VALUE`` with the unit or the x; the first one comes first for all values.
+
+    Raises
+    ------
+    InputError
+        For an unknown key, a value that it cannot have, and a number that could be a value or a factor.
+    """
+    parsed = [_sweep(text, config) for text in sweeps]
+    keys = [item.key for item in parsed]
+    for item in parsed:
+        if keys.count(item.key) > 1:
+            raise InputError("--vary", item.key, allowed="each key once")
+    instrument = load_instrument(config.universe.instrument) if set(keys) & set(_UNITS) else None
+    made = []
+    for strategy in config.strategies:
+        tree = strategy.model_dump(mode="python")
+        every = [[_setting(item, value, tree, strategy, instrument) for value in item.values] for item in parsed]
+        for item, settings in zip(parsed, every, strict=True):
+            _check_differ(item, settings)
+        for chosen in itertools.product(*every):
+            own = tree
+            for setting, value in chosen:
+                own = _with(own, setting.key, value)
+            given = tuple(setting for setting, _ in chosen)
+            label = " ".join(setting.label for setting in given)
+            about = f"{strategy.description}; here with {label}" if strategy.description else ""
+            named = {"name": f"{strategy.name} {label}", "description": about}
+            made.append(validate(SurveyStrategy, own | named, where="--vary"))
+            made[-1]._provenance.update({key: item for key, item in strategy.provenance.items() if key not in keys})
+            made[-1]._varied = (*strategy.varied, *given)
+    if len(made) > MAX_STRATEGIES:
+        raise InputError("--vary", f"{len(made)} strategies", allowed=f"at most {MAX_STRATEGIES} in all")
+    return config.model_copy(update={"strategies": tuple(made)})
+
+
+def told(config: StrategiesConfig) -> list[str]:
+    """Return what is varied, one value a line, with what each means: ``drift x2: 0.1 nm visit offset, ...``."""
+    found = {item.label: f"{item.name} {item.text.split(' (')[0] if item.meaning else item.text}"
+             f"{f': {item.meaning}' if item.meaning else ''}"
+             for strategy in config.strategies for item in strategy.varied}  # fmt: skip
+    return list(found.values())
+
+
+def _sweep(text: str, config: StrategiesConfig) -> _Sweep:
+    name, sign, listed = text.partition("=")
+    name = name.strip()
+    if not sign or not name or not listed.strip():
+        raise InputError("--vary", text, allowed="KEY=VALUE,VALUE..., as contrast=1e-8,3e-9 or drift=x0.5,x2")
+    texts = [item.strip() for item in re.split(r",(?![^\[{]*[\]}])", listed)]
+    if not all(texts):
+        raise InputError("--vary", text, allowed="a value between commas; null for none")
+    if name == "share":
+        universe = config.universe
+        raise InputError("--vary", name, allowed="slot_share or budget_h",
+                         hint=f"slot_share is the most of any slot of {universe.slot_days:g} days that the coronagraph "
+                              f"may take; budget_h is all its telescope time in the {universe.duration_days:g} days, "
+                              f"{0.24 * universe.duration_days:.0f} h for 1 % of them")  # fmt: skip
+    key = SHORT_NAMES.get(name, name)
+    known = tuple(key for key in _keys(SurveyStrategy) if key not in ("name", "description"))
+    if key not in known:
+        drift = "drift=0.1nm sets the offset of a visit" if key.startswith("drift.") else ""
+        raise InputError("--vary", name, allowed="a key of a strategy",
+                         hint=drift or nearest(name, (*SHORT_NAMES, *known))
+                         or f"short names: {', '.join(SHORT_NAMES)}")  # fmt: skip
+    unit = _UNITS.get(key, unit_of(key))
+    return _Sweep(key, name, tuple(read_value(f"--vary {name}", item, unit) for item in texts))
+
+
+def _setting(
+    sweep: _Sweep, written: Written, tree: Mapping[str, Any], strategy: SurveyStrategy, instrument: Instrument | None
+) -> tuple[VariedSetting, Any]:
+    """One value of a key: how it is told, and what the strategy gets."""
+    if instrument is not None and sweep.key in _UNITS:
+        return _of_instrument(sweep, written, instrument)
+    unit = unit_of(sweep.key)
+    value, text = written.value, written.text
+    if written.action == "scale":
+        present = _at(tree, sweep.key)
+        value = _scaled(present, written.value)
+        if value is None:
+            said = "not set" if present is None else str(present)
+            raise InputError(sweep.where, written.text, allowed="a value: only numbers take a factor",
+                             hint=f"{sweep.key} of {strategy.name} is {said}")  # fmt: skip
+        shown = ", ".join(f"{item:g}" for item in value) if isinstance(value, tuple) else f"{value:g}"
+        text = f"{text} ({with_unit(shown, unit)})"
+    told = f"at most that fraction of any slot; the telescope time in all stays {strategy.time_budget_h:g} h"
+    setting = VariedSetting(name=sweep.name, key=sweep.key, text=text, value=value, unit=unit,
+                            meaning=told if sweep.key == "slot_share" else "")  # fmt: skip
+    return setting, value
+
+
+def _of_instrument(sweep: _Sweep, written: Written, instrument: Instrument) -> tuple[VariedSetting, Any]:
+    """One value of what is assumed of the instrument, whose numbers are what factors multiply."""
+    key, unit, text = sweep.key, _UNITS[sweep.key], written.text
+    factor = written.action == "scale"
+    optics = {band.t_opt for band in instrument.bands.values()}
+    present = {_DRIFT: instrument.drift.visit_nm, _EXOZODI: instrument.sky.exozodi_zodis,
+               _THROUGHPUT: min(optics) if len(optics) == 1 else None}[key]  # fmt: skip
+    if written.bare:
+        raise two_spellings(sweep.where, sweep.name, text.removesuffix(unit).strip(), unit=unit, present=present)
+    if key == _EXOZODI and written.value is None:  # as the instrument has it
+        return VariedSetting(name=sweep.name, key=key, text=text, value=None, unit="", meaning=""), None
+    if not factor and (key == _THROUGHPUT or not isinstance(written.value, float)):
+        asked = "a factor with an x, as x0.7"
+        raise InputError(sweep.where, text, allowed=f"{asked}, or a number with a unit ({unit})" if unit else asked)
+    said = ""
+    if key == _THROUGHPUT:
+        value = given = written.value
+        said = "" if present is None else f"the optics pass {present * value:g} of the light"
+    elif not present and (factor or key == _DRIFT):
+        other = "an instrument with drift" if key == _DRIFT else f"a number with a unit: {sweep.name}=3{unit}"
+        raise InputError(sweep.where, text, allowed=other, hint=f"this one has 0 {unit}: nothing can be scaled")
+    else:
+        value = given = present * written.value if factor else written.value
+        text = f"{text} ({value:g} {unit})" if factor else text
+    if key == _DRIFT:
+        given = written.value if factor else value / present
+        walk = given * instrument.drift.walk_nm_per_sqrt_hour
+        said = f"{value:g} nm visit offset, {walk:g} nm/sqrt(h) walk, x{given:g} of the instrument's"
+    return VariedSetting(name=sweep.name, key=key, text=text, value=value, unit=unit, meaning=said), given
+
+
+def _scaled(present: Any, factor: float) -> Any:
+    """A number of a strategy, or each of several, times a factor; None for what is no number."""
+    if isinstance(present, tuple) and present:
+        found = tuple(_scaled(item, factor) for item in present)
+        return None if None in found else found
+    if not isinstance(present, int | float) or isinstance(present, bool):
+        return None
+    value = present * factor
+    return int(value) if isinstance(present, int) and value == int(value) else value
+
+
+def _check_differ(sweep: _Sweep, settings: Sequence[tuple[VariedSetting, Any]]) -> None:
+    """Refuse a value that is given twice, in two spellings or one."""
+    for i, (setting, value) in enumerate(settings):
+        same = next((other for other, given in settings[:i] if given == value), None)
+        if same is not None:
+            also = "" if same.text == setting.text else f"{same.text} is the same"
+            raise InputError(sweep.where, setting.text, allowed="each value once", hint=also)
+
+
+def _keys(model: Any, above: str = "") -> tuple[str, ...]:
+    """Dotted keys of a model whose values are plain."""
+    found: list[str] = []
+    for name, field in model.model_fields.items():
+        below = field.annotation
+        if isinstance(below, type) and issubclass(below, FrozenModel):
+            found += _keys(below, f"{above}{name}.")
+        else:
+            found.append(f"{above}{name}")
+    return tuple(found)
+
+
+def _at(tree: Mapping[str, Any], key: str) -> Any:
+    """Value of a dotted key."""
+    head, _, rest = key.partition(".")
+    return _at(tree[head], rest) if rest else tree[head]
+
+
+def _with(tree: Mapping[str, Any], key: str, value: Any) -> dict[str, Any]:
+    """Copy of a tree with one value replaced."""
+    head, _, rest = key.partition(".")
+    return dict(tree) | {head: _with(tree[head], rest, value) if rest else value}

@@ -1,0 +1,168 @@
+"""``--vary``: what values mean, how they are told, and what is refused in one line."""
+
+import re
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from catalogs.errors import InputError
+from cpic_planner.survey.strategy_file import load_strategies, with_universe
+from cpic_planner.survey.sweeps import SHORT_NAMES, told, varied
+
+ONE = {"strategies": [{"name": "one", "revisits": {"max_visits": 4}}]}
+
+
+def load(**more):
+    return load_strategies(ONE | more)
+
+
+VARIED = [
+    ("contrast=1e-8,3e-9", lambda s: s.assumptions.contrast, [1e-8, 3e-9], ["1e-8", "3e-9"]),
+    ("assumptions.drift=x1,x2", lambda s: s.assumptions.drift, [1.0, 2.0], ["x1 (0.05 nm)", "x2 (0.1 nm)"]),
+    ("drift=0.1nm,25pm", lambda s: s.assumptions.drift, [2.0, 0.5], ["0.1 nm", "25 pm"]),
+    ("throughput=x0.7", lambda s: s.assumptions.throughput, [0.7], ["x0.7"]),
+    ("exozodi=3zodi,null", lambda s: s.assumptions.exozodi, [3.0, None], ["3 zodi", "null"]),
+    ("time_s=3600,36000", lambda s: s.visit.time_s, [(3600.0,), (36000.0,)], ["3600 s", "36000 s"]),
+    ("time_s=1h,x0.5", lambda s: s.visit.time_s, [(3600.0,), (18000.0,)], ["1 h", "x0.5 (18000 s)"]),
+    ("visit.time_s=[3600,7200],36000", lambda s: s.visit.time_s, [(3600.0, 7200.0), (36000.0,)],
+     ["[3600,7200] s", "36000 s"]),
+    ("visit.time_s=[1h,2h]", lambda s: s.visit.time_s, [(3600.0, 7200.0)], ["[1h,2h]"]),
+    ("visit.bands=F520,F662", lambda s: s.visit.bands, [("F520",), ("F662",)], ["F520", "F662"]),
+    ("visit.bands=[F520,F662],F850", lambda s: s.visit.bands, [("F520", "F662"), ("F850",)], ["[F520,F662]", "F850"]),
+    ("targets.names=61 Cyg A,tau Cet", lambda s: s.targets.names, [("61 Cyg A",), ("tau Cet",)],
+     ["61 Cyg A", "tau Cet"]),
+    ("max_visits=1, 4", lambda s: s.revisits.max_visits, [1, 4], ["1", "4"]),
+    ("max_visits=x2", lambda s: s.revisits.max_visits, [8], ["x2 (8)"]),
+    ("rule=expected,blind", lambda s: s.detection.rule, ["expected", "blind"], ["expected", "blind"]),
+    ("stop.after_detection=true,false", lambda s: s.stop.after_detection, [True, False], ["true", "false"]),
+    ("stop.after_empty=null,3", lambda s: s.stop.after_empty, [None, 3], ["null", "3"]),
+    ("budget_h=100,x0.5,2d", lambda s: s.time_budget_h, [100.0, 876.0, 48.0], ["100 h", "x0.5 (876 h)", "2 d"]),
+    ("slot_share=5%,0.1", lambda s: s.slot_share, [0.05, 0.1], ["5 %", "0.1"]),
+    ("revisits.min_gap_days=12h", lambda s: s.revisits.min_gap_days, [0.5], ["12 h"]),
+    ("population=giants,solar_system", lambda s: s.population.name, ["giants", "solar_system"],
+     ["giants", "solar_system"]),
+    ("reduction.reference_star={v_mag: 3, teff_k: 5000}", lambda s: s.reduction.reference_star.v_mag, [3.0],
+     ["{v_mag: 3, teff_k: 5000}"]),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("sweep", "read", "values", "texts"), VARIED, ids=[item[0] for item in VARIED])
+def test_every_kind_of_value_is_varied(sweep, read, values, texts):
+    made = varied(load(), [sweep]).strategies
+    assert [read(item) for item in made] == values
+    key = sweep.partition("=")[0]
+    assert [item.name for item in made] == [f"one {key}={text}" for text in texts]
+    for item in made:
+        (setting,) = item.varied
+        assert (setting.name, setting.key) == (key, SHORT_NAMES.get(key, key))
+        assert item.name == f"one {setting.label}"
+        assert setting.name in told(varied(load(), [sweep]))[0]
+    # Nothing else changes.
+    for item in made:
+        plain, other = (one.model_dump(exclude={"name", "description"}) for one in (load().strategies[0], item))
+        differ = [name for name in plain if plain[name] != other[name]]
+        assert len(differ) <= 1
+
+
+@settings(max_examples=40)
+@given(
+    number=st.floats(1e-3, 10.0).map(lambda value: f"{value:.3g}"),
+    key=st.sampled_from(["drift", "exozodi", "throughput", "budget_h", "time_s", "revisits.min_gap_days"]),
+    factor=st.booleans(),
+)
+def test_every_label_repeats_the_value_with_its_unit_or_its_x(number, key, factor):
+    unit = {"drift": "nm", "exozodi": "zodi", "throughput": "", "budget_h": "h", "time_s": "s"}.get(key, "d")
+    factor = factor or not unit
+    factor = factor and key != "exozodi"  # the shipped instrument has no dust that could be multiplied
+    made = varied(load(), [f"{key}={'x' if factor else ''}{number}{'' if factor else unit}"]).strategies[0]
+    shown = f"x{number}" if factor else f"{number} {unit}"
+    assert f"{key}={shown}" in made.name
+    assert shown in made.varied[0].label
+    if unit:
+        assert re.search(rf" {unit}\)?$", made.name)
+        assert made.varied[0].unit == unit
+
+
+def test_what_drift_means_is_told_before_the_run():
+    """0.1 nm where the instrument has 0.05 nm is twice the drift, and not a tenth of it."""
+    config = varied(load(), ["drift=0.1nm,x0.1", "throughput=x0.5"])
+    assert told(config) == [
+        "drift 0.1 nm: 0.1 nm visit offset, 0.1 nm/sqrt(h) walk, x2 of the instrument's",
+        "throughput x0.5: the optics pass 0.095 of the light",
+        "drift x0.1: 0.005 nm visit offset, 0.005 nm/sqrt(h) walk, x0.1 of the instrument's",
+    ]
+    assert told(load()) == []
+
+
+def test_a_varied_strategy_does_not_claim_what_it_was_before():
+    tree = {"name": "deep", "description": "Up to twenty visits", "revisits": {"max_visits": 20}}
+    one, two = varied(load(strategies=[tree]), ["max_visits=1,2"]).strategies
+    assert one.description == "Up to twenty visits; here with max_visits=1"
+    assert two.description == "Up to twenty visits; here with max_visits=2"
+
+
+def test_sweeps_multiply():
+    made = varied(load(strategies=[{"name": "a"}, {"name": "b"}]), ["contrast=1e-8,1e-9", "drift=x1,x2"]).strategies
+    assert [item.name for item in made] == [
+        f"{name} contrast={c} drift={d}" for name in "ab" for c in ("1e-8", "1e-9")
+        for d in ("x1 (0.05 nm)", "x2 (0.1 nm)")
+    ]  # fmt: skip
+
+
+REFUSED = [
+    ("contrast", "KEY=VALUE"), ("contrast=", "KEY=VALUE"), ("=3", "KEY=VALUE"), ("contrast=1e-8,", "between commas"),
+    ("contrast=1e-8,,1e-9", "between commas"), ("contrast=abc", "assumptions.contrast = abc"),
+    ("contrast=2", "assumptions.contrast = 2"), ("foo=1", "= foo"), ("visit=3", "= visit"), ("name=a,b", "= name"),
+    ("description=a", "= description"), ("contrast=1e-8,1e-8", "each value once"),
+    ("max_visits=1.5", "max_visits = 1.5"), ("rule=guess", "detection.rule = guess"),
+    ("population=unicorns", "population = unicorns"),
+    ("visit.bands=[F520,F662", "--vary"), ("detection.visits_needed=9", "revisits.max_visits = 4"),
+    ("known_planets=first", "targets.known_planets"), ("reduction.sigma=3,4", "give detection.sigma"),
+    ("contrast=.nan", "contrast = nan"), ("targets.max_targets=null", "targets.max_targets"),
+    ("drift=0.1", "--vary drift = 0.1: not accepted; allowed: a unit (nm), or an x before a factor (drift=x0.1 is 0.1 "
+                  "times the instrument's 0.05 nm: 0.005 nm; drift=0.1nm is 0.1 nm)"),
+    ("assumptions.drift=2", "assumptions.drift=x2 is 2 times the instrument's 0.05 nm: 0.1 nm"),
+    ("throughput=0.7", "--vary throughput = 0.7: not accepted; allowed: an x before a factor (throughput=x0.7 is 0.7 "
+                       "times the instrument's 0.19: 0.133)"),
+    ("throughput=70%", "a factor with an x"),
+    ("exozodi=3", "exozodi=3zodi is 3 zodi"), ("exozodi=x3", "this one has 0 zodi"),
+    ("drift=0.1mas", "--vary drift = 0.1mas: not accepted; allowed: a number with a unit: pm, nm, um"),
+    ("drift=fast", "a factor with an x, as x0.7, or a number with a unit (nm)"), ("drift=x-1", "finite, at least 0"),
+    ("drift=-1nm", "drift = -20"), ("drift=0.1nm,x2", "each value once (0.1 nm is the same)"),
+    ("contrast=x2", "assumptions.contrast of one is not set"), ("rule=x2", "detection.rule of one is blind"),
+    ("drift.visit_nm=0.1nm", "drift=0.1nm sets the offset of a visit"),
+    ("share=0.05", "--vary = share: not accepted; allowed: slot_share or budget_h (slot_share is the most of any slot "
+                   "of 30 days that the coronagraph may take; budget_h is all its telescope time in the 3652 days, 876 "
+                   "h for 1 % of them)"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("sweep", "text"), REFUSED, ids=[item[0] for item in REFUSED])
+def test_sweeps_that_are_refused_in_one_line(sweep, text):
+    with pytest.raises(InputError) as fault:
+        varied(load(), [sweep])
+    assert str(fault.value).startswith("--vary")
+    assert text in str(fault.value)
+    assert "\n" not in str(fault.value)
+
+
+def test_nothing_is_a_multiple_of_an_instrument_without_drift(tmp_path):
+    path = tmp_path / "steady.yaml"
+    path.write_text("name: steady\nbase: cpic_default\ndrift: {visit_nm: 0}\n")
+    config = with_universe(load(), {"instrument": str(path)})
+    for text in ("drift=0.1nm", "drift=x2"):
+        with pytest.raises(InputError, match="an instrument with drift"):
+            varied(config, [text])
+
+
+@pytest.mark.parametrize("sweeps", [["contrast=1e-8", "contrast=1e-9"], ["contrast=1e-8", "assumptions.contrast=1e-9"]])
+def test_each_key_once(sweeps):
+    with pytest.raises(InputError, match="each key once"):
+        varied(load(), sweeps)
+
+
+def test_too_many():
+    sweeps = [f"{key}={','.join(str(1 + k) for k in range(6))}" for key in ("time_s", "max_targets", "budget_h")]
+    with pytest.raises(InputError, match="216 strategies"):
+        varied(load(), sweeps)

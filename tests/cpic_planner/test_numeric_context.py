@@ -1,0 +1,76 @@
+"""The same bytes of commands and public functions for any number of processors."""
+
+import importlib
+import inspect
+import os
+import subprocess
+import sys
+
+import pytest
+
+from catalogs.errors import InputError
+from simulator import numeric
+from simulator.numeric import THREAD_VARIABLES
+
+SCRIPT = """
+import contextlib, hashlib, io
+import cpic_planner
+from cpic_planner.cli.main import main
+
+def told(what, data):
+    print(what, hashlib.sha256(data).hexdigest())
+
+seen = cpic_planner.observe("paper_example", band="F662", exposure_s=10.0, window="hole")
+told("rates of a simulated frame", seen.rate_map(0).tobytes())
+ranked = cpic_planner.rank_targets(time_s=36000.0, bands=["F520"], n_planets=5, v_mag_max=3.5)
+told("ranking of the function", ranked.model_dump_json().encode())
+shown = io.StringIO()
+with contextlib.redirect_stdout(shown):
+    assert main(["rank", "--band", "F662", "--planets", "5", "--v-mag-max", "3.5", "--json"]) == 0
+told("ranking of the command", shown.getvalue().encode())
+"""
+
+
+def test_bytes_do_not_depend_on_the_number_of_threads():
+    clean = {name: value for name, value in os.environ.items() if name not in THREAD_VARIABLES}
+    settings = ({}, {"OMP_NUM_THREADS": "1"})  # as many threads as processors, and one
+    many, one = (subprocess.run([sys.executable, "-c", SCRIPT], env=clean | own, capture_output=True, text=True,
+                                check=True).stdout.splitlines() for own in settings)  # fmt: skip
+    assert len(many) == 3
+    assert many == one
+
+
+NEED_NONE = {
+    "cpic_planner": {
+        "check_level0", "lambert_phase", "load_instrument", "load_known_planets", "load_population", "load_scene",
+        "load_strategies", "load_targets", "planet_contrast", "save_psf", "scenes_from_table", "stream",
+    },
+    "cpic_planner.validation": {
+        "aperture_sum", "aperture_weights", "contrast", "detection_threshold", "filled", "library_plan",
+        "observe_off_mask", "star_flux_of_field_star", "star_flux_off_mask", "threshold_array",
+    },
+}  # fmt: skip
+"""Public functions that read files, or compute element by element or by other public functions."""
+
+
+def public_functions():
+    for module, left_out in NEED_NONE.items():
+        package = importlib.import_module(module)
+        names = {name for name in package.__all__ if inspect.isfunction(getattr(package, name))}
+        assert left_out < names
+        yield from (pytest.param(getattr(package, name), id=name) for name in sorted(names - left_out))
+
+
+@pytest.mark.parametrize("function", list(public_functions()))
+def test_public_functions_compute_in_it(function, monkeypatch):
+    entered = []
+
+    def recorder():
+        entered.append(True)
+        return one_thread()
+
+    one_thread = numeric._one_thread
+    monkeypatch.setattr(numeric, "_one_thread", recorder)
+    with pytest.raises((TypeError, InputError)):
+        function(no_such_argument=1)
+    assert entered == [True]

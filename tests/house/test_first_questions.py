@@ -1,0 +1,34 @@
+"""The first question that help, README and notebooks ask has an answer: a planet that is detected, with a time."""
+
+import json
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+from cpic_planner.cli import etc_command
+from cpic_planner.cli.main import main
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.mark.parametrize("source", ["README.md", "help"])
+def test_first_command_detects(source, capsys):
+    text = etc_command.HELP.partition("Examples:")[2] if source == "help" else (ROOT / source).read_text("utf-8")
+    command = re.search(r"cpic (etc .*)", text)[1]
+    assert main([*shlex.split(command), "--json"]) == 0
+    answers = json.loads(capsys.readouterr().out)["answers"]
+    assert [answer["verdict"] for answer in answers].count("detected") >= 2
+    assert all(answer["time_s"] < 3600 for answer in answers if answer["verdict"] == "detected")
+
+
+@pytest.mark.parametrize("name", ["quickstart", "etc_query"])
+def test_first_question_of_a_notebook_was_answered(name):
+    cells = json.loads((ROOT / "notebooks" / f"{name}.ipynb").read_text(encoding="utf-8"))["cells"]
+    asked = next(
+        cell for cell in cells if cell["cell_type"] == "code" and "cp.exposure_time(" in "".join(cell["source"])
+    )
+    shown = json.dumps(asked["outputs"])
+    assert "detected" in shown
+    assert shown.count("unreachable") <= shown.count("detected")

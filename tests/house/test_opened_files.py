@@ -1,0 +1,96 @@
+"""Files that somebody named are opened in one place, `catalogs.user_files`; every other reading of a file is listed."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+FLOORS = ("catalogs", "simulator", "cpic_planner")
+
+READING_METHODS = {"read_text", "read_bytes", "open"}
+OWN = {"SqliteModels.open", "NpzModels.open"}  # classes of ours
+READING_CALLS = {
+    "open", "io.open", "os.open", "os.fdopen", "np.load", "np.loadtxt", "np.genfromtxt", "np.fromfile", "np.memmap",
+    "fits.open", "fits.getdata", "fits.getheader", "Table.read", "text_tables.read", "ascii.read", "parse",
+    "pq.read_table",     "sqlite3.connect", "zipfile.ZipFile", "tarfile.open", "urlopen", "urllib.request.urlopen",
+}  # fmt: skip
+
+# What may stay where it is, and why. A name that somebody gave may not be among it.
+ALLOWED = {
+    "catalogs/user_files.py": "the place",
+    "catalogs/build.py": "builds the shipped tables from pinned archives",
+    "catalogs/builders": "the same",
+    "catalogs/sources.py": "the same",
+    "catalogs/info.py": "shipped tables",
+    "catalogs/names.py": "shipped tables",
+    "catalogs/spectra.py": "shipped tables",
+    "catalogs/stars.py": "shipped tables",
+    "catalogs/companion_updates.py": "shipped table",
+    "catalogs/known_planets.py": "shipped table; a user's goes through table_files",
+    "catalogs/table_files.py": "parses bytes that were read",
+    "catalogs/refreshed.py": "parses text that was read",
+    "simulator/files.py": "writes; opens the lock",
+    "simulator/cache.py": "entries of our own cache",
+    "simulator/arrays.py": "opens what user_files gave it",
+    "simulator/products/params.py": "shipped table of keywords",
+    "simulator/products/folders.py": "temporary files of our own",
+    "simulator/products/reading.py": "opens what user_files gave it",
+    "simulator/imaging/map_files.py": "opens what user_files gave it",
+    "simulator/target/spectrum_table.py": "parses bytes that were read",
+    "simulator/target/spectrum_tree.py": "opens what user_files gave it",
+    "simulator/target/albedo_grid_file.py": "SQLite opens by name, after user_files looked at the file",
+    "cpic_planner/written_files.py": "adds lines to the list of a run",
+    "cpic_planner/survey/store.py": "parses bytes that were read",
+    "cpic_planner/validation/confirm.py": "arrays of a part, in memory",
+    "cpic_planner/report/words.py": "shipped words",
+    "cpic_planner/schemas/__init__.py": "shipped schemas",
+    "cpic_planner/cli/main.py": "/dev/null",
+    "cpic_planner/tradeoff/machine.py": "/proc/cpuinfo",
+    "cpic_planner/tradeoff/timing.py": "/proc/self/status",
+}
+
+
+def reading(source):
+    """Lines of a module on which a file is read or opened, and by what."""
+    for node in ast.walk(ast.parse(source)):
+        if not isinstance(node, ast.Call):
+            continue
+        name = ast.unparse(node.func)
+        method = node.func.attr if isinstance(node.func, ast.Attribute) else ""
+        if name in READING_CALLS or (method in READING_METHODS and name not in OWN):
+            yield node.lineno, name
+
+
+def modules():
+    return sorted(path.relative_to(ROOT) for floor in FLOORS for path in (ROOT / floor).rglob("*.py"))
+
+
+def is_allowed(path):
+    return any(name in ALLOWED for name in (path.as_posix(), path.parent.as_posix()))
+
+
+def test_files_are_opened_in_one_place():
+    elsewhere = [f"{path}:{line} {what}" for path in modules() if not is_allowed(path)
+                 for line, what in reading((ROOT / path).read_text(encoding="utf-8"))]  # fmt: skip
+    assert elsewhere == [], "read it with catalogs.user_files, or say in ALLOWED why not"
+
+
+def test_every_exception_is_one():
+    """A module that reads nothing any more leaves the list."""
+    used = {name for path in modules() for name in (path.as_posix(), path.parent.as_posix())
+            if any(reading((ROOT / path).read_text(encoding="utf-8")))}  # fmt: skip
+    assert set(ALLOWED) - used == set()
+
+
+@pytest.mark.parametrize(
+    "line",
+    ["open(path)", "Path(path).open('rb')", "path.read_text()", "np.load(path)", "fits.open(path)", "Table.read(path)",
+     "os.open(path, 0)", "Path(name).read_bytes()", "sqlite3.connect(name)"],
+)  # fmt: skip
+def test_a_reading_is_seen(line):
+    assert [number for number, _ in reading(f"\n{line}\n")] == [2]
+
+
+def test_writing_is_none():
+    assert list(reading("write_text(path, 'x')\nstack.enter_context(file)\n")) == []
