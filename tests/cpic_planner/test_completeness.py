@@ -160,7 +160,7 @@ def test_chunks_change_nothing(model, everyone, monkeypatch):
     assert max(placed) == 1500
     assert len(placed) < 3 * 2 * 777 * 40 / 1500
     assert all(rows == 1 or rows * most <= 20 for rows, most in observed)
-    assert max(rows for rows, _ in observed) > 4
+    assert max(rows for rows, _ in observed) > 1
     assert max(most for _, most in observed) > 20
     for item in dataclasses.fields(whole):
         np.testing.assert_array_equal(getattr(parts, item.name), getattr(whole, item.name))
