@@ -38,7 +38,7 @@ plan: $(VENV)/installed  ## rank the catalogue, confirm the best targets with im
 test: $(VENV)/installed  ## run the test suite
 	$(BIN)/python -m pytest -q --numprocesses 2 --dist worksteal
 
-test-long: $(VENV)/installed  ## run the long proofs and all notebooks (about two minutes)
+test-long: $(VENV)/installed  ## run the long proofs, killed workers and all notebooks
 	$(BIN)/python -m pytest -q --numprocesses 2 --dist worksteal -m long
 
 lint: $(VENV)/installed  ## check style and types

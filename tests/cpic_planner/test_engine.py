@@ -93,6 +93,7 @@ def die(folder, index, times):
     return index
 
 
+@pytest.mark.long
 def test_an_innocent_task_outlives_many_workers(tmp_path, caplog):
     """Dask itself would give it up; here it had four deaths in company, three of them alone."""
     with dask.config.set({"distributed.scheduler.allowed-failures": 0}):

@@ -202,6 +202,7 @@ def test_options_without_meaning_are_refused(capsys, extra):
     assert "--contrast" in err
 
 
+@pytest.mark.long
 def test_interrupted_plan_says_how_to_go_on(tmp_path):
     out = str(tmp_path / "o")
     stars = tmp_path / "stars.csv"

@@ -29,6 +29,7 @@ def tasks(monkeypatch):
     return load("cluster_tasks", HERE / "cluster_tasks.py")
 
 
+@pytest.mark.long
 def test_random_kills_do_not_change_the_files(chaos, tasks, tmp_path):
     whole = tasks.survey(tmp_path / "serial")[1]
 

@@ -16,6 +16,7 @@ from cpic_planner.engine import ClusterError
 from cpic_planner.runfolder import open_run_folder
 from cpic_planner.survey.store import ResultStore
 
+pytestmark = pytest.mark.long
 HERE = Path(__file__).resolve().parent
 PATHS = os.pathsep.join([str(HERE), str(HERE.parents[2]), os.environ.get("PYTHONPATH", "")])
 EVERY_PART = list(range(40))

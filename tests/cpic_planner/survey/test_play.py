@@ -78,6 +78,7 @@ def test_the_yield_of_one_visit_is_completeness_times_planets_per_star(sharp, on
     assert abs(yields.mean() - rate * counted.completeness[0]) < 4.0 * error
 
 
+@pytest.mark.long
 def test_visits_of_a_star_against_brute_force_to_a_percent(sharp, only_visits, brute_force):
     name = "eps Eri"
     survey = sharp.surveys[0]

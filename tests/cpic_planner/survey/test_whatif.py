@@ -72,6 +72,7 @@ def test_equal_strategies_have_no_difference(run):
     assert other.mean < 0.0
 
 
+@pytest.mark.long
 def test_two_workers_make_the_same_files(run, small, tmp_path):
     run_whatif(small(*STRATEGIES, universe=UNIVERSE), tmp_path / "two", workers=2)
     assert digests(tmp_path / "two") == digests(run[0])

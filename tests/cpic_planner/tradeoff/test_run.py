@@ -14,6 +14,7 @@ def points(case, *names):
     return tuple(point for point in points_of(case) if point.name in names)
 
 
+@pytest.mark.long
 def test_rows_of_every_group(small_case, monkeypatch):
     monkeypatch.setitem(FIDELITIES, "reference", Knobs(wavelength_nodes=3, pixel_nodes=3))  # for speed
     found = {

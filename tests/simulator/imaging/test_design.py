@@ -102,6 +102,7 @@ def test_impossible_and_bad_requests_are_refused():
         design_step_mask(inner_lambda_d=40)
 
 
+@pytest.mark.long
 def test_command_repeats_the_shipped_mask(tmp_path, capsys, monkeypatch):
     # By interior points the same problem takes a third of the time that the default takes, to the same optimum.
     solve = scipy.optimize.linprog
