@@ -13,7 +13,7 @@ SEED ?= 1
 MUTANTS ?= 300
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: help plan test lint mutants bench bench-baseline data reports wheel clean check-python
+.PHONY: help plan test test-long lint mutants bench bench-baseline data reports wheel clean check-python
 help:  ## show this list
 	@awk -F':.*## ' '/^[a-z-]+:.*## /{printf "  make %-14s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
@@ -37,6 +37,9 @@ plan: $(VENV)/installed  ## rank the catalogue, confirm the best targets with im
 
 test: $(VENV)/installed  ## run the test suite
 	$(BIN)/python -m pytest -q --numprocesses 2 --dist worksteal
+
+test-long: $(VENV)/installed  ## run the long proofs and all notebooks (about two minutes)
+	$(BIN)/python -m pytest -q --numprocesses 2 --dist worksteal -m long
 
 lint: $(VENV)/installed  ## check style and types
 	$(BIN)/ruff check .

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from catalogs.errors import InputError
 from cpic_planner.distributions import chosen_entry
+from cpic_planner.models import PopulationRecord
 from cpic_planner.orbits import orbit_places
 from cpic_planner.population_config import (
     QUANTITIES,
@@ -24,7 +25,9 @@ from simulator.rng import stream
 
 __all__ = [
     "MAX_PLANETS",
+    "N_PLANETS",
     "Planets",
+    "PopulationChoice",
     "PopulationConfig",
     "PopulationSource",
     "draw_population",
@@ -34,6 +37,8 @@ __all__ = [
 
 FloatArray = NDArray[np.float64]
 MAX_PLANETS = 1_000_000
+N_PLANETS = 4000
+"""Planets that a ranking draws."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,3 +151,30 @@ def draw_population(config: PopulationConfig, n_planets: int, seed: int) -> Plan
         semi_major_axis_scale=config.semi_major_axis_scale,
         planets_per_star=config.planets_per_star,
     )
+
+
+@dataclass(frozen=True)
+class PopulationChoice:
+    """A population, how many planets are drawn of it, and the seed."""
+
+    config: PopulationConfig
+    n_planets: int = N_PLANETS
+    seed: int = 1
+
+    @classmethod
+    def default(cls) -> PopulationChoice:
+        """The shipped population of giant planets."""
+        return cls(load_population())
+
+    def draw(self) -> Planets:
+        """The planets, the same at every star."""
+        return draw_population(self.config, self.n_planets, self.seed)
+
+    def record(self) -> PopulationRecord:
+        """As written into results."""
+        return PopulationRecord(name=self.config.name, description=self.config.description, n_planets=self.n_planets,
+                                seed=self.seed, planets_per_star=self.config.planets_per_star)  # fmt: skip
+
+    def content(self) -> dict[str, object]:
+        """For content hashes."""
+        return {"config": self.config.content(), "n_planets": self.n_planets, "seed": self.seed}

@@ -24,17 +24,9 @@ from cpic_planner.etc.place import check_range, hole_notes
 from cpic_planner.etc.planet import ReferencePlanet, reference_distance_au, reference_notes
 from cpic_planner.etc.rates import companion_saturates
 from cpic_planner.known_completeness import KnownChoice, KnownSample, known_completeness
-from cpic_planner.models import (
-    LimitText,
-    PopulationRecord,
-    RankedTarget,
-    RankResult,
-    ReferencePlanetRecord,
-    ScoreName,
-)
+from cpic_planner.models import LimitText, RankedTarget, RankResult, ReferencePlanetRecord, ScoreName
 from cpic_planner.optimiser import Best, best_in_band, best_of, optimise
-from cpic_planner.population import Planets, draw_population
-from cpic_planner.population_config import PopulationConfig, load_population
+from cpic_planner.population import N_PLANETS, Planets, PopulationChoice
 from cpic_planner.targets import Targets
 from cpic_planner.version import __version__
 from simulator.config import content_hash
@@ -59,35 +51,7 @@ __all__ = [
 ]
 
 FloatArray = NDArray[np.float64]
-N_PLANETS = 4000
 DEFAULT_SCORE: ScoreName = "completeness_per_hour"
-
-
-@dataclass(frozen=True)
-class PopulationChoice:
-    """A population, how many planets are drawn of it, and the seed."""
-
-    config: PopulationConfig
-    n_planets: int = N_PLANETS
-    seed: int = 1
-
-    @classmethod
-    def default(cls) -> PopulationChoice:
-        """The shipped population of giant planets."""
-        return cls(load_population())
-
-    def draw(self) -> Planets:
-        """The planets, the same at every star."""
-        return draw_population(self.config, self.n_planets, self.seed)
-
-    def record(self) -> PopulationRecord:
-        """As written into results."""
-        return PopulationRecord(name=self.config.name, description=self.config.description, n_planets=self.n_planets,
-                                seed=self.seed, planets_per_star=self.config.planets_per_star)  # fmt: skip
-
-    def content(self) -> dict[str, object]:
-        """For content hashes."""
-        return {"config": self.config.content(), "n_planets": self.n_planets, "seed": self.seed}
 
 
 @dataclass(frozen=True)

@@ -8,10 +8,15 @@ from __future__ import annotations
 
 import contextlib
 import os
+import sys
 import threading
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from threadpoolctl import ThreadpoolController
 
 __all__ = ["THREAD_VARIABLES", "numeric_context"]
 
@@ -22,6 +27,7 @@ THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"
 _lock = threading.Lock()
 _entered = 0
 _process = contextlib.ExitStack()
+_seen: tuple[int, ThreadpoolController] | None = None
 
 
 @contextlib.contextmanager
@@ -54,21 +60,34 @@ def numeric_context() -> Iterator[None]:
                 _process.close()
 
 
+def _libraries() -> ThreadpoolController:
+    """Return the numerical libraries of this process; they are looked for again only where modules were imported since.
+
+    Looking takes milliseconds, and short functions enter a context thousands of times.
+    """
+    global _seen
+    modules = len(sys.modules)
+    if _seen is None or _seen[0] != modules:
+        from threadpoolctl import ThreadpoolController
+
+        _seen = len(sys.modules), ThreadpoolController()
+    return _seen[1]
+
+
 @contextlib.contextmanager
 def _one_thread() -> Iterator[None]:
     """Give one thread to libraries that are loaded, and by the environment to those that are loaded meanwhile."""
-    from threadpoolctl import ThreadpoolController, threadpool_info, threadpool_limits
-
+    loaded = _libraries()
     variables = {name: os.environ.get(name) for name in THREAD_VARIABLES}
-    threads = {library["filepath"]: library["num_threads"] for library in threadpool_info()}
+    threads = {library.filepath: library.num_threads for library in loaded.lib_controllers}
     os.environ.update(dict.fromkeys(THREAD_VARIABLES, "1"))
     try:
-        with threadpool_limits(limits=1):
+        with loaded.limit(limits=1):
             try:
                 yield
             finally:
                 # A library that was loaded meanwhile (scipy brings a BLAS of its own) gets what the others had.
-                for library in ThreadpoolController().lib_controllers:
+                for library in _libraries().lib_controllers:
                     if library.filepath not in threads:
                         library.set_num_threads(max(threads.values(), default=1))
     finally:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -13,12 +13,12 @@ from catalogs.errors import InputError
 from cpic_planner.validation.apertures import checked_image
 from cpic_planner.validation.noise_law import snr_at
 from cpic_planner.validation.reduced import ReducedStack
-from cpic_planner.validation.search import SearchedRegion, false_alarms, search_threshold
+from cpic_planner.validation.search import MAX_SIGMA, SearchedRegion, false_alarms, search_threshold
 from cpic_planner.validation.search_field import REPORTED_SIGMA, Peak, SearchField
 from cpic_planner.validation.speckle_maps import SpeckleMaps
 from simulator.imaging.external import ExternalPsf
 from simulator.imaging.psf import Psf
-from simulator.outcome import Outcome
+from simulator.outcome import Outcome, Reason, Status
 
 __all__ = ["BlindSearch", "Candidate", "search"]
 
@@ -139,7 +139,7 @@ def search(
     star_rate_e_s : float
         Detected rate of the star on the clear pupil, above 0.
     sigma : float
-        Gaussian significance, 2 to 20, that states the false-alarm probability. By default noise passes for a source
+        Gaussian significance, 2.5 to 20, that states the false-alarm probability. By default noise passes for a source
         with this probability in each resolution element of ``(lambda/D)^2``, as in `detection_threshold`.
     per_search : bool
         That probability for the whole search instead.
@@ -161,19 +161,24 @@ def search(
     noise, of ``2 Re(E0* dE)`` and of ``|dE|^2``; both factors are fitted to the residual, for each candidate without
     the disc of 1.22 lambda/D around it and, as far as speckles rule there, around its mirror image: pupil phases make
     pairs. The law of a position is Gaussian noise plus a Laplace share of the same kurtosis, over the error of the fit;
-    as an equivalent Gaussian field it has the threshold of `search_threshold`. Sources beyond 5 sigma are subtracted,
-    brightest first, before others are looked for. ``sep`` finds the peaks of the matched-filtered image.
+    as an equivalent Gaussian field it has the threshold of `search_threshold`. Up to ten sources beyond 5 sigma are
+    subtracted, brightest first, before others are looked for. ``sep`` finds the peaks of the matched-filtered image.
     """
     if not (math.isfinite(star_rate_e_s) and star_rate_e_s > 0):
         raise InputError("star_rate_e_s", star_rate_e_s, unit="e-/s", allowed="finite and above 0")
+    if not REPORTED_SIGMA <= sigma <= MAX_SIGMA:
+        raise InputError("sigma", sigma, unit="sigma", allowed=f"{REPORTED_SIGMA:g} to {MAX_SIGMA:g}")
     image = checked_image(stack.image_e)
     if maps.linear.shape != image.shape:
         raise InputError("maps", maps.linear.shape, unit="px", allowed=f"maps of {image.shape}")
     field = SearchField(stack, psf, maps, star_rate_e_s * stack.integration_s, known)
-    if sigma < REPORTED_SIGMA:
-        raise InputError("sigma", sigma, unit="sigma", allowed=f"{REPORTED_SIGMA:g} to 20")
     if field.samples < _LEAST_SAMPLES:
-        threshold = search_threshold(replace(field.size, n_elements=0.0), 1.0, sigma=sigma, per_search=per_search)
+        threshold: Outcome[float] = Outcome.refuse(
+            Status.UNREACHABLE,
+            Reason.TOO_FEW_ELEMENTS,
+            f"{field.samples:.3g} independent samples of noise: too few to know the noise",
+            unit="sigma",
+        )
         zero = np.zeros(image.shape)
         return BlindSearch((), threshold, sigma, per_search, field.size, 0.0, 1.0, 0.0, 0.0, zero, zero)
     peaks: list[Peak] = []

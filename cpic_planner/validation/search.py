@@ -11,7 +11,7 @@ import numpy.typing as npt
 from catalogs.errors import InputError
 from simulator.outcome import Outcome, Reason, Status
 
-__all__ = ["MIN_SIGMA", "SearchedRegion", "false_alarms", "search_threshold", "searched_region"]
+__all__ = ["MAX_SIGMA", "MIN_SIGMA", "SearchedRegion", "false_alarms", "search_threshold", "searched_region"]
 
 BoolArray = npt.NDArray[np.bool_]
 MIN_ELEMENTS = 3.0

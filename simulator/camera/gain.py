@@ -12,12 +12,13 @@ import numpy.typing as npt
 
 from catalogs.errors import InputError
 from simulator.camera.checks import checked_array, element_name
-from simulator.camera.register_law import EXACT_TO, MAX_LOOKUPS, output_cumulants, register_table
+from simulator.camera.register_law import output_cumulants, register_table
 from simulator.lazy import load_kernels
 
 __all__ = [
     "GAIN_LIMIT",
     "MAX_ELECTRONS",
+    "added_shape",
     "amplify",
     "excess_noise_factor2",
     "gain_variance",
@@ -34,6 +35,9 @@ MAX_ELECTRONS = 10**12
 # Below this many stages the output can be narrower than any negative binomial; the cascade itself is then
 # cheap.
 _CASCADE_BELOW_STAGES = 16
+# The exact law serves this many electrons, and so many times as many as have a table of their own.
+_EXACT_TO = 24
+_MAX_LOOKUPS = 3
 
 
 def stage_probability(gain: npt.ArrayLike, stages: int = 604) -> FloatArray:
@@ -119,7 +123,7 @@ def multiply(
     mean, variance and skewness, whose distribution function is within 0.0005 of the cascade's; where the output is
     narrower than 20 electrons from an expansion in five exact cumulants, or from a negative binomial of exact mean and
     variance where it has a few values only. Registers of fewer than 16 stages are sampled stage by stage, which is
-    exact. What a pixel draws depends on its own charge alone.
+    exact. From 16 stages on, what a pixel draws depends on its own charge and place alone.
     """
     if not isinstance(rng, np.random.Generator):
         raise InputError("rng", type(rng).__name__, allowed="a numpy.random.Generator")
@@ -130,7 +134,7 @@ def multiply(
     if float(g_array) == 1.0:
         return output
     charge = output.astype(np.float64)
-    amplify(charge.reshape(-1), float(g_array), stages, rng)
+    amplify(charge.ravel(), float(g_array), stages, rng)
     return charge.astype(np.int64)
 
 
@@ -153,8 +157,7 @@ def amplify(charge: FloatArray, gain: float, stages: int, rng: np.random.Generat
         charge,
         gain,
         np.array(output_cumulants(p, stages)),
-        # (g (1-p)/(1+p) - 1) (1+p) = (g - 1) - p (g + 1), free of cancellation as g -> 1.
-        (gain - 1.0) * (1.0 + p) / ((gain - 1.0) - p * (gain + 1.0)),
+        added_shape(gain, p),
         pixel_keys(rng),
         table.cdf,
         table.start,
@@ -162,8 +165,14 @@ def amplify(charge: FloatArray, gain: float, stages: int, rng: np.random.Generat
         table.guide_start,
         table.guide_size,
         table.n_direct,
-        float(max(MAX_LOOKUPS * table.n_direct, EXACT_TO)),
+        float(max(_MAX_LOOKUPS * table.n_direct, _EXACT_TO)),
     )
+
+
+def added_shape(gain: float, probability: float) -> float:
+    """Shape of the negative binomial law with mean and variance of the electrons that the register adds to one."""
+    # (g (1-p)/(1+p) - 1) (1+p) = (g - 1) - p (g + 1), free of cancellation as g -> 1.
+    return (gain - 1.0) * (1.0 + probability) / ((gain - 1.0) - probability * (gain + 1.0))
 
 
 def pixel_keys(rng: np.random.Generator) -> npt.NDArray[np.uint64]:

@@ -91,6 +91,7 @@ def tiers():
     return {TIERS[i]: body for i, body in run_tasks(confirm_task, [(tier_task(tier),) for tier in TIERS])}
 
 
+@pytest.mark.long
 def test_every_tier_is_the_same_for_any_number_of_workers(tiers):
     again = dict(run_tasks(confirm_task, [(tier_task(tier),) for tier in TIERS], workers=2))
     for number, tier in enumerate(TIERS):

@@ -129,6 +129,7 @@ def test_a_tolerance_takes_the_cheapest_that_meets_it(answer, tau_ceti):
     assert needs_images(answer, etc_dial(tolerance=0.99 * stated))
 
 
+@pytest.mark.long
 def test_frame_by_frame_with_every_effect(tau_ceti):
     model = build_model(load_instrument(SMALL), ["F520"])
     few = signal_to_noise(model, tau_ceti, time_s=420.0, separation_arcsec=0.6, exposure_s=60.0)[0]

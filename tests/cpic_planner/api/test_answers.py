@@ -87,6 +87,7 @@ def test_answers_say_how_firm_they_are_where_that_is_asked():
     assert [one.fidelity for one in loose] == [one.fidelity for one in quick]
 
 
+@pytest.mark.long
 def test_answers_are_checked_in_images_with_their_own_planets():
     planets = [{"radius_rjup": 1.0}, {"radius_rjup": 2.0}]
     found = cp.signal_to_noise(["tau Cet", "eps Eri"], time_s=1800.0, separation_arcsec=0.6, bands=["F520"],

@@ -1,6 +1,7 @@
-"""The law of detections as calculator and ranking state it; `tests/cpic_planner/survey` judges its form."""
+"""The law of detections as calculator and ranking state it, and its form written out here."""
 
 import math
+from dataclasses import replace
 from statistics import NormalDist
 
 import numpy as np
@@ -11,13 +12,17 @@ from cpic_planner.etc.detection import (
     DetectionLaw,
     default_law,
     detection_probability,
+    half_margin,
     law_of,
     needed_margin,
+    tail_share,
     verdict_of,
     visit_chances,
 )
 from cpic_planner.etc.model import Strategy, build_model
+from cpic_planner.etc.noise import stack_noise
 from cpic_planner.etc.questions import exposure_time, signal_to_noise
+from cpic_planner.etc.rates import aperture_rates
 from cpic_planner.survey.strategy_file import load_strategies
 from cpic_planner.targets import find_target
 from simulator.config import load_instrument
@@ -80,3 +85,84 @@ def test_blind_probability_of_an_answer():
     middles = [law.blind_margin * math.exp(part) for part in harder]
     bounds = [normal.cdf(math.log(margin * law.calibration / middle) / law.blind_width) for middle in middles]
     assert bounds[0] < answer.detection_probability < bounds[1]
+
+
+def random_cases(seed, n=400):
+    """Return margins, whether the place is known, shares of tails, elements over separation, shifts, calibrations."""
+    rng = np.random.default_rng(seed)
+    margin = np.where(rng.random(n) < 0.02, 0.0, 10.0 ** rng.uniform(-1.5, 1.5, n))
+    known, tails, inward = rng.random(n) < 0.5, rng.uniform(0, 1, n), rng.uniform(0.03, 0.5, n)
+    return margin, known, tails, inward, rng.normal(0, 2, n), rng.uniform(0.3, 3.0, n)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_form_of_the_law(seed):
+    """Phi(ln(c m / middle) / width); blind searches ten elements from the star and without tails have their middle."""
+    rng = np.random.default_rng(seed)
+    law = DetectionLaw(blind_margin=rng.uniform(0.1, 5), blind_width=rng.uniform(0.05, 2), blind_tails=rng.normal(),
+                       blind_inward=rng.normal(0, 5), blind_margin_error=rng.uniform(0, 0.5),
+                       known_margin=rng.uniform(0.1, 5), known_width=rng.uniform(0.05, 2),
+                       known_margin_error=rng.uniform(0, 0.5))  # fmt: skip
+    cases = random_cases(seed)
+    margin, known, tails, inward, shift, calibration = cases
+    shifted = detection_probability(law, margin, known, tails, inward, shift=shift, calibration=calibration)
+    plain = detection_probability(law, margin, known, tails, inward)
+    for case, found, found_plain in zip(zip(*cases, strict=True), shifted, plain, strict=True):
+        m, at_place, share, width_over_separation, errors, c = case
+        middle, width, error = law.known_margin, law.known_width, law.known_margin_error
+        if not at_place:
+            grown = math.exp(share * law.blind_tails) * math.exp((width_over_separation - 1 / 10) * law.blind_inward)
+            middle, width, error = law.blind_margin * grown, law.blind_width, law.blind_margin_error
+        assert half_margin(law, at_place, share, width_over_separation) == pytest.approx(middle, rel=1e-12)
+        for times, one in ((c * math.exp(-error * errors), found), (1.0, found_plain)):
+            expected = math.erfc(-math.log(m * times / middle) / width / math.sqrt(2.0)) / 2.0 if m > 0 else 0.0
+            assert one == pytest.approx(expected, rel=1e-9, abs=1e-300)
+
+
+def test_a_law_without_numbers_knows_no_errors_tails_or_calibration():
+    """Half at the threshold for everybody, with a width of 0.2."""
+    law = DetectionLaw()
+    margin, known, tails, inward, shift, _ = random_cases(7)
+    expected = [NormalDist().cdf(math.log(m) / 0.2) if m > 0 else 0.0 for m in margin]
+    found = detection_probability(law, margin, known, tails, inward, shift=shift)
+    np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-15)
+    assert (law.calibration, law.calibration_error) == (1.0, 0.0)
+
+
+def visits(drift, exposure_s=20.0, n_frames=900.0):
+    """Return a model with this drift, separations, the length of the visit, and its noise there."""
+    model = replace(MODEL, instrument=MODEL.instrument.changed({"drift": drift}))
+    separation = np.array([[0.45, 0.6, 0.75]])
+    place = separation / math.sqrt(2.0)
+    rates = aperture_rates(model, find_target("tau Cet")[0], "F520", place, place, np.full(place.shape, 1e-8))
+    noise = stack_noise(rates, exposure_s, n_frames, 400.0, model.camera("F520"))
+    return model, separation, n_frames * (exposure_s + 1.1), noise
+
+
+def test_light_of_errors_varies_with_the_fourth_power_of_the_offset():
+    """``|dE|^2`` of an offset of the wavefront; what is left of the speckles, ``2 Re(E0* dE)``, with the square."""
+    offsets, light, crossed = (0.02, 0.1, 0.5), [], []
+    for offset in offsets:
+        model, separation, visit_s, noise = visits({"visit_nm": offset, "walk_nm_per_sqrt_hour": 0.0})
+        light.append(tail_share(model, "F520", separation, visit_s, noise)[0] ** 2 * noise.quiet[0])
+        crossed.append(noise.terms["speckle"][0] - light[-1])
+    for k, offset in enumerate(offsets):
+        np.testing.assert_allclose(light[k], light[0] * (offset / offsets[0]) ** 4, rtol=1e-9)
+        np.testing.assert_allclose(crossed[k], crossed[0] * (offset / offsets[0]) ** 2, rtol=1e-9)
+    assert (light[0] > 0).all()
+
+
+def test_chances_without_tails():
+    """A still wavefront leaves no light of errors: only margin and separation decide. No visit detects nothing."""
+    law = default_law()
+    model, separation, visit_s, noise = visits({"visit_nm": 0.0, "walk_nm_per_sqrt_hour": 0.0})
+    margin = np.array([[0.8, 1.4, 2.1], [0.0, 0.0, 0.0], [1.2, 0.9, 0.7]])
+    found = visit_chances(model, "F520", separation, visit_s, noise, margin)
+    width_arcsec = 520e-9 / 2.0 * 206264.806
+    for row, column in np.ndindex(margin.shape):
+        own = law.calibration * margin[row, column]
+        harder = law.blind_inward * (width_arcsec / separation[0, column] - 0.1)
+        blind = math.log(own / (law.blind_margin * math.exp(harder))) / law.blind_width if own else -math.inf
+        known = math.log(own / law.known_margin) / law.known_width if own else -math.inf
+        assert found.blind[row, column] == pytest.approx(NormalDist().cdf(blind), rel=1e-6)
+        assert found.known_place[row, column] == pytest.approx(NormalDist().cdf(known), rel=1e-9)

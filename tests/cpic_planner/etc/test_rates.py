@@ -106,13 +106,41 @@ def test_stars_planets_and_places_broadcast():
 
 
 def test_one_place_for_each_star():
-    both = type(targets()).joined([targets(3.0), targets(4.0, **PAIR)])
-    every = aperture_rates(model(), both, BAND, X[:2], Y[:2], np.array([1e-8, 3e-8]))
-    for i, star in enumerate((targets(3.0), targets(4.0, **PAIR))):
-        one = of(model(), star, (1e-8, 3e-8)[i], X[i : i + 1], Y[i : i + 1])
+    stars = targets(3.0), targets(4.0, **PAIR), targets(3.5, **(PAIR | {"pa_deg": 30.0}))
+    every = aperture_rates(model(), type(stars[0]).joined(stars), BAND, X[:3], Y[:3], np.array([1e-8, 3e-8, 2e-8]))
+    for i, star in enumerate(stars):
+        one = of(model(), star, (1e-8, 3e-8, 2e-8)[i], X[i : i + 1], Y[i : i + 1])
         for name in ("planet_e_s", "halo_e_s", "companion_e_s", "peak_hole_e_s", "smear_e"):
-            assert getattr(every, name).shape == (2,)
+            assert getattr(every, name).shape == (3,)
             assert getattr(every, name)[i] == pytest.approx(getattr(one, name).item(), rel=1e-12), name
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "contrast"),
+    [(X[None, :3, None], Y[None, :3, None], 1e-8), (X[:1], Y[:1], np.array([[[1e-8, 3e-8]]]))],
+    ids=["places of more dimensions", "contrasts of more dimensions"],
+)
+def test_the_longer_shape_decides(x, y, contrast):
+    both = type(targets()).joined([targets(3.0, **PAIR), targets(4.0, **PAIR)])
+    shape = (2, *np.broadcast_shapes(x.shape, np.shape(contrast), (1, 1, 1))[1:])
+    every = aperture_rates(model(), both, BAND, x, y, contrast)
+    for i, v_mag in enumerate((3.0, 4.0)):
+        for place in np.ndindex(shape[1:]):
+            there = [float(np.broadcast_to(part, shape)[(i, *place)]) for part in (x, y, contrast)]
+            one = of(model(), targets(v_mag, **PAIR), there[2], *(np.array([part]) for part in there[:2]))
+            for name in ("planet_e_s", "halo_e_s", "companion_e_s", "smear_e"):
+                found = np.broadcast_to(getattr(every, name), shape)[(i, *place)]
+                assert found == pytest.approx(getattr(one, name).item(), rel=1e-12), name
+
+
+def test_every_star_has_the_sky_of_its_own_place():
+    """Zodiacal light is brightest in the ecliptic."""
+    setup = model(instrument=INSTRUMENT.changed({"sky": {"model": "zodiacal"}}))
+    stars = [replace(targets(3.0), ra_deg=np.array([180.0]), dec_deg=np.array([dec])) for dec in (0.0, 70.0)]
+    both = aperture_rates(setup, type(stars[0]).joined(stars), BAND, X[None], Y[None], np.full((1, 4), 1e-8))
+    assert both.sky_e_s.shape == (2, 1)
+    assert both.sky_e_s[0] > 1.5 * both.sky_e_s[1]
+    np.testing.assert_allclose(both.sky_e_s[:, 0], [of(setup, star).sky_e_s.item() for star in stars], rtol=1e-12)
 
 
 def test_sky_dust_and_dark_current():
@@ -287,7 +315,8 @@ def test_particles_hit_an_aperture_at_the_rate_of_its_pixels_and_tracks():
 
 
 def test_references_of_the_same_star_double_the_noise():
-    rates = of(model(), targets(3.0, **PAIR))
+    rates = of(model(instrument=INSTRUMENT.changed({"sky": {"exozodi_zodis": 3.0}})), targets(3.0, **PAIR))
+    assert np.all(rates.exozodi_e_s > 0)
     same = rates.halo_e_s + rates.exozodi_e_s + rates.companion_e_s + rates.sky_e_s + rates.dark_e_s
     np.testing.assert_allclose(rates.reference_light_e_s, same, rtol=1e-12)
     np.testing.assert_allclose(rates.reference_halo_e_s, rates.halo_e_s, rtol=1e-12)
@@ -333,6 +362,16 @@ def test_smear_is_the_light_of_the_columns(light):
         assert rates.smear_e[0, j] == pytest.approx(shift_s * light_e_s, rel=0.03)
 
 
+def test_a_companion_smears_along_its_own_columns():
+    """It stands in the columns of the second place, north of the hole; its smear is in proportion to its light."""
+    separation = np.hypot(X[1], 5.0)
+    pair = PAIR | {"separation_arcsec": separation, "pa_deg": np.rad2deg(np.arctan2(-X[1], 5.0))}
+    alone = of(model(), targets(3.0)).smear_e
+    smear, fainter = (of(model(), targets(3.0, **(pair | {"v_mag": v_mag}))).smear_e - alone for v_mag in (1.0, 3.5))
+    assert np.all(smear[0, 1] > 5 * np.delete(smear[0], 1))
+    np.testing.assert_allclose(smear, 10.0 * fainter, rtol=1e-6)
+
+
 @pytest.mark.parametrize(("fill", "over"), [(0.98, False), (1.02, True)])
 def test_a_companion_saturates_where_its_peak_passes_the_well(light, fill, over):
     star = targets(3.0, **PAIR)
@@ -343,6 +382,10 @@ def test_a_companion_saturates_where_its_peak_passes_the_well(light, fill, over)
     assert companion_saturates(model(), replace(star, companions="off"), BAND, 1e6).tolist() == [False]
     both = type(star).joined([targets(3.0), star])
     assert companion_saturates(model(), both, BAND, [1e6, exposure_s]).tolist() == [False, over]
+    for missing in ("v_mag", "separation_arcsec"):
+        unknown = targets(3.0, **(PAIR | {missing: np.nan}))
+        assert companion_saturates(model(), unknown, BAND, 1e6).tolist() == [False]
+        assert companion_saturates(model(), type(star).joined([star, unknown]), BAND, exposure_s).tolist()[1] is False
 
 
 @pytest.mark.parametrize(

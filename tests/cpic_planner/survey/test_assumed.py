@@ -150,6 +150,7 @@ def test_a_hole_that_no_mirror_brightens(instrument, metrics):
     assert mirror_noise_nm(still, "F520", 0.5) is None
 
 
+@pytest.mark.long
 def test_images_of_a_brighter_hole(instrument):
     """The SNR under an assumed contrast is that of images; as much light of the nominal hole would do less harm."""
     strategy = SurveyStrategy(name="x", assumptions={"contrast": BRIGHT})

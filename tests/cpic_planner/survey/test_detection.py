@@ -168,24 +168,27 @@ def test_the_wings_of_a_companion_turn_with_the_roll(model):
     assert tops[0] == pytest.approx(tops[1], rel=1e-3)
 
 
-def test_two_rolls_show_what_both_show(model):
+@pytest.mark.parametrize("angle", [20.0, 8.0])
+def test_two_rolls_show_what_both_show(model, angle):
     """The library of two rolls: half of the angle to either side, companions where the first roll has them."""
-    two = replace(model, strategy=Strategy(library="roll", roll_deg=20.0))
+    two = replace(model, strategy=Strategy(library="roll", roll_deg=angle))
     one = star("alf Cen A")
     bodies = bodies_of(draw_population(load_population("giants"), 2000, 3))
     places = bodies.places([0.0])
     seen = see(two, one, SETTING, bodies, JUPITER, places, [35.0])
-    each = [see(model, one, SETTING, bodies, JUPITER, places, [roll]).margin[0] > 0.0 for roll in (25.0, 45.0)]
-    metrics = model.metrics["F520"]
-    apart = 2.0 * seen.separation_arcsec[0] * np.sin(np.deg2rad(10.0)) >= 2.0 * metrics.aperture_radius_arcsec
+    rolls = 35.0 - 0.5 * angle, 35.0 + 0.5 * angle
+    each = [see(model, one, SETTING, bodies, JUPITER, places, [roll]).margin[0] > 0.0 for roll in rolls]
+    rho, (second, first) = seen.separation_arcsec, (np.deg2rad(seen.pa_deg - roll) for roll in rolls)
+    x, y = -rho * np.sin(first), rho * np.cos(first)
+    # The image of a planet moves by the diameter of the aperture, 2 x 0.7 lambda/D, or more.
+    moved = np.hypot(x + rho * np.sin(second), y - rho * np.cos(second))[0]
+    apart = moved >= 1.4 * 520e-9 / 2.0 * 206264.806
     shown = seen.margin[0] > 0.0
     np.testing.assert_array_equal(shown, each[0] & each[1] & apart)
     assert 10 < shown.sum() < each[0].sum()
+    assert (each[0] & each[1] & ~apart).any() == (angle < 10.0)
     # Noise is that of the first roll: of a planet there, with a companion turned as far.
-    at_first = np.deg2rad(seen.pa_deg - 45.0)
-    rho = seen.separation_arcsec
-    x, y = -rho * np.sin(at_first), rho * np.cos(at_first)
-    rates = aperture_rates(two, rolled(one, 45.0), "F520", x[:, shown], y[:, shown], seen.contrast[:, shown])
+    rates = aperture_rates(two, rolled(one, rolls[1]), "F520", x[:, shown], y[:, shown], seen.contrast[:, shown])
     noise = stack_noise(rates, SETTING.exposure_s, SETTING.n_frames, SETTING.em_gain, two.camera("F520"),
                         reference_ratio=1.0)  # fmt: skip
     np.testing.assert_allclose(seen.snr[:, shown], noise.snr, rtol=1e-9)
@@ -202,12 +205,39 @@ def test_many_dates_are_as_one_by_one(model):
             np.testing.assert_array_equal(getattr(alone, name)[0], getattr(every, name)[row])
 
 
+@pytest.mark.parametrize("n_frames", [0.0, 0.5, math.nextafter(1.0, 0.0), 1.0, 1.5, 1e9])
+def test_a_visit_takes_one_frame_or_more(n_frames):
+    assert replace(SETTING, n_frames=n_frames).possible == (n_frames >= 1.0)
+
+
+def test_resolution_elements_count_the_way_to_the_star(model):
+    """Their width, 520 nm over 2 m, over the separation; 0 where nothing is seen."""
+    bodies = bodies_of(draw_population(load_population("giants"), 1000, 5))
+    seen = see(model, star("tau Cet"), SETTING, bodies, JUPITER, bodies.places([0.0]), [0.0])
+    width = 520e-9 / 2.0 * 206264.806
+    shown = seen.margin > 0.0
+    np.testing.assert_allclose(seen.inward[shown], width / seen.separation_arcsec[shown], rtol=1e-6)
+    assert 10 < shown.sum() < shown.size
+    assert not seen.inward[~shown].any()
+
+
+@pytest.mark.parametrize(
+    ("pa_deg", "roll_deg", "turned"),
+    [(10.0, 40.0, 330.0), (350.0, -30.0, 20.0), (90.0, 90.0, 0.0), (0.0, 725.0, 355.0)],
+)
+def test_position_angles_of_companions_lie_within_one_turn(pa_deg, roll_deg, turned):
+    one = replace(star("alf Cen A"), companion_pa_deg=np.array([pa_deg]))
+    assert rolled(one, roll_deg).companion_pa_deg[0] == turned
+
+
 def test_no_frames_and_nobody_show_nothing(model):
     bodies = face_on(50, 2.0)
-    seen = see(model, star("tau Cet"), replace(SETTING, n_frames=0.0), bodies, JUPITER, bodies.places([0.0]), [0.0])
-    assert not seen.margin.any()
-    assert not seen.snr.any()
-    assert np.all(seen.separation_arcsec > 0.0)
+    for n_frames in (0.0, 0.5):
+        setting = replace(SETTING, n_frames=n_frames)
+        seen = see(model, star("tau Cet"), setting, bodies, JUPITER, bodies.places([0.0]), [0.0])
+        for name in ("margin", "tails", "inward", "snr", "contrast"):
+            assert not getattr(seen, name).any(), name
+        assert np.all(seen.separation_arcsec > 0.0)
     none = bodies.select(np.zeros(50, bool))
     assert see(model, star("tau Cet"), SETTING, none, JUPITER, none.places([0.0]), [0.0]).margin.shape == (1, 0)
 
@@ -267,6 +297,12 @@ def test_chance_of_a_detection_is_that_of_noisy_margins(rule):
             assert abs(found[k] - share) < 4.0 * np.sqrt(max(share * (1 - share), 1e-6) / n), (k, shift)
 
 
+def test_the_middle_of_the_law_is_where_half_are_found():
+    """Without a shift of the middle, which has errors of 10 % and 5 % here."""
+    found = detection_chance(expecting(np.array([0.8, 1.0])), RULE, np.array([False, True]))
+    np.testing.assert_allclose(found, 0.5, rtol=1e-14)
+
+
 def test_expected_detections_have_no_chance_in_them():
     margin = np.array([0.0, np.nextafter(1.0, 0.0), 1.0, 3.0])
     found = detection_chance(expecting(margin), DetectionRule(rule="expected"), np.array([False, True, False, True]),
@@ -307,3 +343,19 @@ def test_the_share_of_light_of_errors(model):
     assert shares[0] == 0.0
     assert np.all(np.diff(shares) > 0.0)
     assert shares[-1] > 0.99
+
+
+def test_light_of_errors_grows_with_a_walk(model):
+    """Of a walk alone, the light of errors over the rest is proportional to the visit, readouts included."""
+    walking = model.instrument.changed({"drift": {"visit_nm": 0.0, "walk_nm_per_sqrt_hour": 0.4}})
+    other, place = replace(model, instrument=walking), np.array([[0.6 / math.sqrt(2.0)]])
+    rates = aperture_rates(other, find_target("tau Cet")[0], "F520", place, place, np.array([[1e-8]]))
+    odds, visit_s = [], []
+    for exposure_s, n_frames in ((0.2, 5000.0), (20.0, 1.0), (20.0, 900.0), (300.0, 7.0), (2.0, 40000.0)):
+        noise = stack_noise(rates, exposure_s, n_frames, 100.0, other.camera("F520"))
+        setting = Setting("F520", exposure_s, n_frames, 100.0, math.nan)
+        tails2 = tail_share(other, setting, np.array([[0.6]]), noise)[0, 0] ** 2
+        share = tails2 * noise.quiet[0, 0] / noise.terms["speckle"][0, 0]
+        odds.append(share / (1.0 - share))
+        visit_s.append(n_frames * (exposure_s + 1.1))  # readout of the default camera
+    np.testing.assert_allclose(odds, odds[0] / visit_s[0] * np.array(visit_s), rtol=1e-9)

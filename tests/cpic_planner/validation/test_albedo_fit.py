@@ -45,6 +45,7 @@ def test_without_noise_the_truth_comes_back(
     assert (fit.degrees_of_freedom, fit.p_value) == (2, pytest.approx(1.0, abs=1e-3))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("relative", "grey_error"), [(0.03, 0.0), (0.1, 0.3)])
 def test_regions_hold_the_truth_as_often_as_they_say(model: AlbedoModel, relative: float, grey_error: float) -> None:
     rng = np.random.default_rng(5)

@@ -5,13 +5,16 @@ import math
 
 import numpy as np
 import pytest
+from scipy.signal import fftconvolve
 from scipy.stats import norm
 
 from catalogs.errors import InputError
-from cpic_planner.validation.detection import search
+from cpic_planner.validation.detection import _candidate, search
 from cpic_planner.validation.injection import inject, recovered
 from cpic_planner.validation.rdi import RdiResult
 from cpic_planner.validation.reduced import ReducedStack
+from cpic_planner.validation.search import SearchedRegion
+from cpic_planner.validation.search_field import Peak
 from cpic_planner.validation.speckle_maps import filter_kernel, speckle_maps
 from simulator import single_band_psf
 from simulator.config.optics import Drift
@@ -32,6 +35,11 @@ def psf():
 @pytest.fixture(scope="module")
 def still(psf):
     return speckle_maps(psf, STILL)
+
+
+@pytest.fixture(scope="module")
+def moving(psf):
+    return speckle_maps(psf, MOVING, n_visits=256)
 
 
 def residual(psf, image, sigma_e=10.0, region=None, integration_s=100.0):
@@ -105,17 +113,41 @@ def test_noise_that_is_stronger_than_stated_is_found(psf, still):
     assert 1.4 < np.median(levels) < 2.3  # drawn towards 1 by what is believed of white noise
 
 
-def test_speckles_tell_the_drift_and_pass_for_no_planet(psf):
-    maps = speckle_maps(psf, MOVING, n_visits=256)
+def test_speckles_tell_the_drift_and_pass_for_no_planet(psf, moving):
     drift = []
     for seed in range(12):
         stamps = [visit_frames(psf, MOVING, 1, 1.0, stream(seed, role), stream(seed, role, "walk"))[0] for role in "sr"]
         noise = np.random.default_rng(seed).standard_normal(stamps[0].shape)
         stack = residual(psf, 1e12 * (stamps[0] - stamps[1]) + 3.0 * noise, 3.0, integration_s=1000.0)
-        answer = search(stack, psf, maps, star_rate_e_s=STAR_E_S)
+        answer = search(stack, psf, moving, star_rate_e_s=STAR_E_S)
         drift.append(answer.drift_nm)
         assert not answer.detections
     assert np.mean(drift) == pytest.approx(0.05, rel=0.15)
+
+
+@pytest.mark.parametrize("true_nm", [0.03, 0.1])
+def test_the_drift_is_that_of_the_images_not_of_the_maps(psf, moving, true_nm):
+    drift, found = Drift(visit_nm=true_nm, walk_nm_per_sqrt_hour=0.0, psd_slope=2.5), []
+    for seed in range(4):
+        stamps = [visit_frames(psf, drift, 1, 1.0, stream(seed, role), stream(seed, role, "walk"))[0] for role in "sr"]
+        noise = np.random.default_rng(seed).standard_normal(stamps[0].shape)
+        stack = residual(psf, 1e12 * (stamps[0] - stamps[1]) + 3.0 * noise, 3.0, integration_s=1000.0)
+        found.append(search(stack, psf, moving, star_rate_e_s=STAR_E_S).drift_nm)
+    assert np.mean(found) == pytest.approx(true_nm, rel=0.25)
+
+
+def test_ten_planets_are_taken_out_and_the_others_seen_beside_them(psf, still):
+    """Twelve bright ones: all are found, and the map of what is left shows the two faintest."""
+    scale, middle = psf.metrics.pixel_scale_arcsec, len(psf.metrics.hole) // 2
+    pixels = [(x * a, y * b) for x, y in ((21, 21), (39, 21), (30, 39)) for a in (1, -1) for b in (1, -1)]
+    stack = white(psf, 8)
+    for number, (x, y) in enumerate(pixels):
+        stack = inject(stack, psf, x * scale, y * scale, (40 + 12 * number) * flux_error(psf))
+    answer = search(stack, psf, still, star_rate_e_s=STAR_E_S)
+    assert {(round(one.x_pixel) - middle, round(one.y_pixel) - middle) for one in answer.detections} == set(pixels)
+    left = [answer.snr_map[middle + y, middle + x] for x, y in pixels]
+    assert min(left[:2]) > 5.0
+    assert np.abs(left[2:]).max() < 1.0
 
 
 def test_half_a_hole_is_searched_as_half(psf, still):
@@ -135,7 +167,33 @@ def test_a_few_pixels_are_no_search(psf, still, size):
     patch[y : y + size, x : x + size] = psf.metrics.hole[y : y + size, x : x + size]
     answer = search(white(psf, 5, region=patch), psf, still, star_rate_e_s=STAR_E_S)
     assert answer.threshold.status is Status.UNREACHABLE
+    assert answer.threshold.message.startswith(f"{answer.region.n_positions / shared_pixels(psf):.3g} independent")
     assert answer.candidates == ()
+    assert answer.region.n_positions == patch.sum()
+    # Nothing is known of the noise but what was predicted, white and without drift.
+    assert (answer.white_level, answer.drift_nm, answer.roughness, answer.dof) == (1.0, 0.0, 0.0, 0.0)
+    assert not answer.sigma_e.any()
+    assert not answer.snr_map.any()
+    with pytest.raises(InputError, match="sigma"):
+        search(white(psf, 5, region=patch), psf, still, star_rate_e_s=STAR_E_S, sigma=20.1)
+
+
+def shared_pixels(psf):
+    """Pixels that share their noise after the filter: the sum of its squared autocorrelation."""
+    kernel = filter_kernel(psf)
+    correlation = fftconvolve(kernel, kernel[::-1, ::-1])
+    return float(np.sum(correlation**2) / correlation.max() ** 2)
+
+
+@pytest.mark.parametrize("size", [10, 14, 15, 18, 20])
+def test_three_independent_samples_of_noise_are_a_search(psf, still, size):
+    """Squares in one quadrant of 27 x 27 pixels, of which about 71 share their noise."""
+    patch = np.zeros_like(psf.metrics.hole)
+    y, x = np.argwhere(psf.metrics.hole)[0]
+    patch[y : y + size, x : x + size] = True
+    answer = search(white(psf, 5, region=patch & psf.metrics.hole), psf, still, star_rate_e_s=STAR_E_S)
+    enough = size**2 / shared_pixels(psf) >= 3.0
+    assert answer.threshold.status is (Status.OK if enough else Status.UNREACHABLE)
 
 
 def test_no_noise_and_no_light_find_nothing_and_a_planet_is_found_without_noise(psf, still):
@@ -159,8 +217,39 @@ def test_bad_input_is_named(psf, still):
         search(dataclasses.replace(stack, image_e=image), psf, still, star_rate_e_s=STAR_E_S)
     with pytest.raises(InputError, match="star_rate_e_s"):
         search(stack, psf, still, star_rate_e_s=0.0)
-    with pytest.raises(InputError, match="sigma"):
-        search(stack, psf, still, star_rate_e_s=STAR_E_S, sigma=1.0)
+    for sigma in (1.0, math.nextafter(2.5, 0.0), math.nextafter(20.0, 21.0), math.nan):
+        with pytest.raises(InputError, match="sigma"):
+            search(stack, psf, still, star_rate_e_s=STAR_E_S, sigma=sigma)
     small = dataclasses.replace(still, linear=np.zeros((3, 3)))
     with pytest.raises(InputError, match="maps"):
         search(stack, psf, small, star_rate_e_s=STAR_E_S)
+
+
+@pytest.mark.parametrize("sigma", [2.5, 20.0])
+def test_ends_of_the_range_are_allowed(psf, still, sigma):
+    assert search(white(psf, 7), psf, still, star_rate_e_s=STAR_E_S, sigma=sigma).sigma == sigma
+
+
+def test_a_star_that_does_not_drift_may_be_of_any_light(psf, still):
+    stack = inject(white(psf, 9), psf, 0.42, 0.40, 20 * flux_error(psf))
+    faint, bright = (search(stack, psf, still, star_rate_e_s=rate) for rate in (1e-3, STAR_E_S))
+    assert faint.candidates == bright.candidates
+    assert faint.drift_nm == bright.drift_nm == 0.0
+    assert len(faint.detections) == 1
+
+
+@pytest.mark.parametrize("significance", [0.3, 1.0, 1.4, 2.1, 5.2, 9.0])
+def test_a_candidate_says_how_often_noise_does_as_much(significance):
+    """Expected Euler characteristic of a Gaussian field above the level, which is 1 at least; the threshold counts."""
+    region, roughness = SearchedRegion(2704.0, 208.0, 4.0, 2916, 99.0), 0.05
+    peak = Peak(40.5, 70.0, 6.0, significance, 0.1, 80.0, 1e3)
+    level = max(significance, 1.0)
+    curve = math.exp(-(level**2) / 2.0) / (2.0 * math.pi)
+    expected = (4.0 * norm.sf(level) + 208.0 * math.sqrt(roughness) * curve
+                + 2704.0 * roughness * level * curve / math.sqrt(2.0 * math.pi))  # fmt: skip
+    for threshold, detected in ((significance, True), (math.nextafter(significance, 99.0), False)):
+        found = _candidate(peak, 68, 0.016, threshold, 5.9, region, roughness)
+        assert found.false_alarms == pytest.approx(expected, rel=1e-12)
+        assert found.detected is detected
+        assert (found.x_arcsec, found.y_arcsec) == pytest.approx((-27.5 * 0.016, 2.0 * 0.016), rel=1e-12)
+        assert found.threshold == 5.9

@@ -8,6 +8,7 @@ import pytest
 from catalogs.errors import InputError
 from cpic_planner.validation import aperture_photometry, aperture_sum, aperture_weights, contrast
 from cpic_planner.validation.apertures import sample_scatter
+from cpic_planner.validation.photometry import ratio as over_noise
 from simulator.camera import excess_noise_factor2, multiply
 from simulator.rng import stream
 
@@ -187,7 +188,42 @@ def test_without_noise_there_is_no_nan(hole: np.ndarray) -> None:
     assert planet.significance == math.inf
     assert planet.snr == pytest.approx(10)
     hollow = aperture_photometry(-image, 25, 24, RADIUS, background_region=hole)
-    assert hollow.significance == -math.inf
+    assert (hollow.snr, hollow.significance, hollow.snr_paper) == (-math.inf, -math.inf, -math.inf)
+
+
+@pytest.mark.parametrize(("x", "y"), [(25, 24), (30, 66)])
+def test_background_pixels_lie_farther_than_three_halves_of_the_radius(x: int, y: int) -> None:
+    """Counted one by one in an image wider than high, with pixels that lie exactly on the circle."""
+    wide = np.zeros((90, 120), dtype=bool)
+    wide[5:85, 5:115] = True
+    image = np.random.default_rng(10).normal(10, 2, wide.shape)
+    own, other = (x, y), (100, 40)
+    far = [(row, column) for row in range(5, 85) for column in range(5, 115)
+           if all((column - u) ** 2 + (row - v) ** 2 > 9 for u, v in (own, other))]  # fmt: skip
+    found = aperture_photometry(image, x, y, 2.0, background_region=wide, exclude=[other])
+    assert found.background_area_pixels == len(far) == 80 * 110 - 2 * 29
+    assert found.background_per_pixel == pytest.approx(np.mean([image[place] for place in far]), rel=1e-13)
+
+
+def test_a_dip_has_no_noise_of_its_own(hole: np.ndarray) -> None:
+    """Fewer electrons than the background have the background's noise, in whatever unit."""
+    dark = np.random.default_rng(11).normal(10, 2, hole.shape) - 300 * gaussian(25, 24)
+    for unit in (1e-6, 1.0, 1e6):
+        got = aperture_photometry(unit * dark, 25, 24, RADIUS, background_region=hole)
+        region = hole & (np.hypot(*(np.indices(hole.shape) - [[[24]], [[25]]])) > 1.5 * RADIUS)
+        area = math.pi * RADIUS**2 * (1 + math.pi * RADIUS**2 / region.sum())
+        spread = got.sigma_background * math.sqrt(area / (math.pi * RADIUS**2))
+        assert got.raw_flux < -100 * unit
+        assert got.error == pytest.approx(spread, rel=1e-12)
+        assert got.snr == pytest.approx(got.raw_flux / spread, rel=1e-12)
+        assert got.significance == pytest.approx(got.raw_flux / got.sigma_background, rel=1e-12)
+        assert got.flux_paper_error == pytest.approx(np.std(unit * dark[region], ddof=1) * math.sqrt(area), rel=1e-12)
+
+
+def test_ratio_for_any_noise() -> None:
+    for noise in (5e-324, 1e-9, 0.5, 1.0, 1e300):
+        assert over_noise(3 * noise, noise) == 3
+    assert [over_noise(signal, 0.0) for signal in (2.0, -1e-300, 0.0)] == [math.inf, -math.inf, 0.0]
 
 
 @pytest.mark.parametrize(
@@ -236,23 +272,54 @@ def test_contrast_and_its_error(hole: np.ndarray) -> None:
     ratio = measured.contrast(0.25, 2e7, 1000.0)
     assert ratio.value == pytest.approx(measured.flux / (0.25 * 2e10))
     assert ratio.error == pytest.approx(measured.error / (0.25 * 2e10))
+    assert ratio == measured.contrast(0.25, 2e7, 1000.0, star_rate_error_e_s=0.0)
+
+
+def test_contrast_of_any_scale_against_logarithms(hole: np.ndarray) -> None:
+    """The whole star in the aperture or a thousandth of it; a billionth of an electron or 1e16 of them."""
+    rng = np.random.default_rng(12)
+    image = rng.normal(10, 2, hole.shape) + 500 * gaussian(25, 24)
+    for core in (1.0, *rng.uniform(1e-3, 1, 30)):
+        throughput, rate, time_s = rng.uniform(0.1, 1.2), *10 ** rng.uniform((-3, -3), (10, 6))
+        flux, error, rate_error = rng.normal(scale=100), *10 ** rng.uniform(-3, (3, 1)) * (1, rate)
+        star = math.exp(math.log(throughput) + math.log(core) + math.log(rate) + math.log(time_s))
+        assert contrast(flux, throughput, core, rate, time_s).value == pytest.approx(flux / star, rel=1e-12)
+        assert contrast(flux, throughput, core, rate, time_s).error == 0
+        for terms in ({"error": error}, {"star_rate_error_e_s": rate_error},
+                      {"error": error, "star_rate_error_e_s": rate_error}):  # fmt: skip
+            variance = terms.get("error", 0) ** 2 + (flux * terms.get("star_rate_error_e_s", 0) / rate) ** 2
+            found = contrast(flux, throughput, core, rate, time_s, **terms)
+            assert found.error == pytest.approx(math.sqrt(variance) / star, rel=1e-12)
+        measured = aperture_photometry(image, 25, 24, RADIUS, background_region=hole, throughput=throughput)
+        assert measured.contrast(core, rate, time_s).error == pytest.approx(
+            measured.error * throughput / star, rel=1e-12
+        )
 
 
 @pytest.mark.parametrize(
-    ("position", "value", "named"),
+    ("changed", "named"),
     [
-        (0, np.nan, "flux"),
-        (1, 0.0, "throughput"),
-        (2, 1.5, "core"),
-        (2, 0.0, "core"),
-        (3, -1.0, "star_rate_e_s"),
-        (4, np.inf, "time_s"),
+        ({"flux": np.nan}, "flux"),
+        ({"throughput": 0.0}, "throughput"),
+        ({"core": 1.5}, "core"),
+        ({"core": math.nextafter(1.0, 2.0)}, "core"),
+        ({"core": 0.0}, "core"),
+        ({"star_rate_e_s": 0.0}, "star_rate_e_s"),
+        ({"star_rate_e_s": -1.0}, "star_rate_e_s"),
+        ({"time_s": 0.0}, "time_s"),
+        ({"time_s": np.inf}, "time_s"),
+        ({"error": -1.0}, "error"),
+        ({"star_rate_error_e_s": -1e-9}, "star_rate_error_e_s"),
+        # Each number is possible; their product or quotient is no number.
+        ({"throughput": 1e-200, "time_s": 1e-200}, "throughput x core x star_rate_e_s x time_s"),
+        ({"star_rate_e_s": 1e200, "time_s": 1e200}, "throughput x core x star_rate_e_s x time_s"),
+        ({"flux": 1e200, "time_s": 1e-200}, "contrast"),
+        ({"error": 1e200, "time_s": 1e-200}, "contrast"),
+        ({"star_rate_error_e_s": 1e308, "star_rate_e_s": 1e-5}, "contrast"),
     ],
 )
-def test_contrast_refusals(position: int, value: float, named: str) -> None:
-    arguments = [80.0, 0.8, 0.25, 2e7, 1000.0]
-    arguments[position] = value
-    with pytest.raises(InputError, match=named):
-        contrast(*arguments)
-    with pytest.raises(InputError, match="error"):
-        contrast(80.0, 0.8, 0.25, 2e7, 1000.0, error=-1.0)
+def test_contrast_refusals(changed: dict[str, float], named: str) -> None:
+    arguments = {"flux": 80.0, "throughput": 0.8, "core": 0.25, "star_rate_e_s": 2e7, "time_s": 1000.0}
+    with pytest.raises(InputError) as refused:
+        contrast(**{**arguments, **changed})
+    assert refused.value.key == named

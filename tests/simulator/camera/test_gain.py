@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from catalogs.errors import InputError
 from simulator.camera import excess_noise_factor2, gain_variance, multiply, stage_probability
+from simulator.camera.gain import added_shape, pixel_keys
 from simulator.camera.register_law import output_cumulants, register_table
 from simulator.rng import stream
 
@@ -81,11 +82,29 @@ def test_more_gain_than_doubling_at_every_stage_is_refused() -> None:
         ([True], "electrons"),
         ([None], "electrons"),
         ([[1], [1, 2]], "electrons"),
+        (np.array([], dtype=bool), "electrons"),
+        (np.array([], dtype=str), "electrons"),
     ],
 )
 def test_impossible_charge_is_refused_with_its_pixel(electrons: object, named: str) -> None:
     with pytest.raises(InputError, match=named):
         multiply(electrons, 20.0, rng=stream(1, "x"))
+
+
+@pytest.mark.parametrize("shape", [(0,), (3, 0)])
+def test_no_pixels_are_taken_though_an_empty_list_has_floats(shape: tuple[int, ...]) -> None:
+    out = multiply(np.zeros(shape), 20.0, rng=stream(1, "x"))
+    assert out.shape == shape
+    assert out.dtype == np.int64
+    assert multiply([], 1.0, rng=stream(1, "x")).size == 0
+
+
+def test_two_keys_of_64_random_bits() -> None:
+    rng, draws = stream(21, "keys"), 4000
+    keys = np.array([pixel_keys(rng) for _ in range(draws)])
+    assert keys.shape == (draws, 2)
+    bits = (keys[:, :, None] >> np.arange(64, dtype=np.uint64)) & np.uint64(1)
+    assert np.abs(bits.mean(axis=0) - 0.5).max() < 4.5 * 0.5 / np.sqrt(draws)
 
 
 def test_a_seed_is_not_a_generator() -> None:
@@ -190,6 +209,72 @@ def test_few_stages_follow_the_exact_law(stages: int, exact) -> None:
     out = multiply(np.full(draws, 3), 1.8, rng=stream(13, "few", stages), stages=stages)
     counts = np.bincount(out, minlength=law.size)[: law.size]
     assert np.abs(np.cumsum(counts) / draws - law).max() * np.sqrt(draws) < 2.7
+
+
+@pytest.mark.parametrize("stages", [16, 100, 604])
+def test_shape_of_the_added_electrons_against_40_digits(stages: int) -> None:
+    """Mean and variance of the electrons added to one, from the cascade: a negative binomial's shape follows."""
+    rng = np.random.default_rng(stages)
+    for gain in (1 + 1e-15, *(1 + 10 ** rng.uniform(-12, 4, 40)), 1e4):
+        p = float(stage_probability(min(gain, 1e4), stages))
+        with mpmath.workdps(40):
+            grown = (1 + mpmath.mpf(p)) ** stages
+            mean = grown - 1
+            variance = sum((1 + mpmath.mpf(p)) ** (2 * stages - 2 - k) for k in range(stages)) * p * (1 - mpmath.mpf(p))
+            shape = float(mean**2 / (variance - mean))
+        assert added_shape(float(grown), p) == pytest.approx(shape, rel=max(1e-12, 4e-16 / float(mean))), gain
+
+
+@pytest.mark.parametrize(("gain", "stages"), [(1.049, 604), (1.049, 16), (1.02, 604), (1.002, 100)])
+def test_few_added_electrons_follow_the_exact_law(gain: float, stages: int, exact) -> None:
+    """Beyond the tables and narrow: mean, variance and distribution of what is added."""
+    pmf, moments = exact
+    draws, n = 400_000, 193
+    law = pmf(n, gain, stages)
+    mean, variance, fourth = moments(law)
+    assert variance < 10.0
+    out = multiply(np.full(draws, n), gain, rng=stream(16, "narrow", stages), stages=stages)
+    below = np.cumsum(np.bincount(out, minlength=law.size)[: law.size]) / draws
+    assert np.abs(below - np.cumsum(law)).max() < 2.7 / np.sqrt(draws)
+    assert abs(out.mean() - mean) < 4.5 * np.sqrt(variance / draws)
+    assert abs(out.var() - variance) < 4.5 * np.sqrt((fourth - variance**2) / draws)
+
+
+@pytest.mark.parametrize(("gain", "own_table", "last"), [(20.0, 64, 192), (300.0, 20, 60), (1e4, 1, 24)])
+def test_the_exact_law_ends_where_the_notes_say(gain: float, own_table: int, last: int) -> None:
+    """A sum of draws from tables grows with the charge under the same random numbers; the smooth law's draw need not.
+
+    The last table's worth of electrons is drawn by itself, and every electron gives one or more.
+    """
+
+    def out(n: int) -> np.ndarray:
+        return multiply(np.full(2000, n), gain, rng=stream(17, "same"))
+
+    assert (out(last) - out(last - own_table) >= own_table).all()
+    assert (out(last + 1) < out(last)).any()
+    assert (out(last + 1) - out(last - own_table + 1) < own_table).any()
+
+
+def test_a_pixel_draws_by_itself_from_16_stages_on() -> None:
+    """Light elsewhere changes nothing here; below, one sequence of random numbers serves all pixels."""
+    charge, brighter = np.full(3000, 5), np.full(3000, 5)
+    brighter[:100] = 50
+    for stages, alone in ((15, False), (16, True), (17, True), (604, True)):
+        one, other = (multiply(x, 20.0, rng=stream(18, "alone"), stages=stages)[100:] for x in (charge, brighter))
+        assert np.array_equal(one, other) is alone
+
+
+def test_the_register_has_604_stages_unless_told() -> None:
+    """That of the CCD201-20."""
+    charge, gains = np.full(500, 300), np.array([1.5, 20.0, 1e4])
+    for gain in gains:
+        one, other = (
+            multiply(charge, gain, rng=stream(20, "x")),
+            multiply(charge, gain, rng=stream(20, "x"), stages=604),
+        )
+        assert np.array_equal(one, other)
+    for function in (stage_probability, gain_variance, excess_noise_factor2):
+        assert np.array_equal(function(gains), function(gains, 604))
 
 
 def test_a_sum_of_frames_is_one_draw_of_the_sum() -> None:

@@ -30,6 +30,22 @@ def test_refusals(arguments: tuple[float, float, float], named: str, bare_detect
         pixel_variance_e2(*arguments, bare_detector)
 
 
+def test_a_googol_is_the_most(bare_detector) -> None:
+    """1e100 electrons and pixels are taken, and give finite figures; any number above is not."""
+    most, more = 1e100, float(np.nextafter(1e100, 1e101))
+    factor2 = float(excess_noise_factor2(20.0))
+    assert float(pixel_variance_e2(most, 0.0, 20.0, bare_detector)) == pytest.approx(factor2 * most, rel=1e-14)
+    assert float(pixel_variance_e2(0.0, most, 20.0, bare_detector)) == pytest.approx(factor2 * most, rel=1e-14)
+    assert float(aperture_noise_pixels(most)) == pytest.approx(np.pi * 1e200, rel=1e-14)
+    for call in (
+        lambda: pixel_variance_e2(more, 0.0, 20.0, bare_detector),
+        lambda: pixel_variance_e2(0.0, more, 20.0, bare_detector),
+        lambda: aperture_noise_pixels(more),
+    ):
+        with pytest.raises(InputError, match="to 1e\\+100"):
+            call()
+
+
 @pytest.mark.parametrize("gain", [1.0, 1.1, 2.0, 20.0, 300.0, 1000.0])
 def test_frames_have_this_mean_and_variance(gain: float, bare) -> None:
     det = bare(cic_e=0.3, dark_e_s=0.05, bias_adu=400)
