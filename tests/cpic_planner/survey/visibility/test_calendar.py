@@ -277,13 +277,6 @@ def test_windows_and_seasons():
     steps = [seen.observable[0, begin:end] for begin, end in seen.runs(0)]
     assert all(step.all() for step in steps)
     assert sum(len(step) for step in steps) == seen.observable[0].sum()
-    # A season holds its windows, and only the Moon between them.
-    for begin, end in seen.runs(0, through=("moon",)):
-        assert seen.observable[0, begin]
-        assert seen.observable[0, end - 1]
-        assert set(seen.blocked_by[0, begin:end]) <= {0, BLOCKS.index("moon")}
-    for (_, end), (begin, _) in itertools.pairwise(seen.runs(0, through=("moon",))):
-        assert set(seen.blocked_by[0, end:begin]) - {0, BLOCKS.index("moon")}
     longest = max(Time(end).mjd - Time(begin).mjd for begin, end in windows)
     assert longest < 27.3
     never = visibility([place.ra.deg], [place.dec.deg], load_visibility({"sun_deg": 180}), ORBIT,
