@@ -362,21 +362,22 @@ def test_targets_at_the_sun_and_opposite_have_an_angle():
 
 
 def test_targets_and_suns_in_the_plane_of_the_orbit():
-    # The plane is that of x and y; the last target is its pole, where any direction in the plane is the nearest.
+    # The last target is the pole of the orbit, where any direction in the plane is the nearest. A tilt brings rounding.
     rng = np.random.default_rng(41)
     n = 2000
     longitude, latitude = rng.uniform(0, 2 * np.pi, n), np.where(np.arange(n) < n / 2, 0.0, rng.uniform(-1.5, 1.5, n))
     sun_longitude, sun_latitude = rng.uniform(0, 2 * np.pi), rng.uniform(-1.5, 1.5)
     targets = np.concatenate([direction(np.degrees(longitude), np.degrees(latitude)), [[0.0, 0.0, 1.0]]])
     sun = direction(np.degrees(sun_longitude), np.degrees(sun_latitude))[None]
-    plane = np.array([[1.0, 0.0, 0.0]]), np.array([[0.0, 1.0, 0.0]])
-    found = _geometry(targets, sun, targets @ sun.T, plane, np.ones((n + 1, 1), bool))
-    assert found.in_plane == pytest.approx([*np.cos(latitude), 0.0], abs=1e-12)
-    assert found.in_plane.max() <= 1.0
-    ahead, aside = found.sun_ahead / np.cos(sun_latitude), found.sun_aside / np.cos(sun_latitude)
-    assert ahead[:-1] == pytest.approx(np.cos(sun_longitude - longitude), abs=1e-12)
-    assert aside[:-1] == pytest.approx(np.sin(sun_longitude - longitude), abs=1e-12)
-    assert np.hypot(ahead, aside) == pytest.approx(1.0, abs=1e-12)
+    for axes in (np.eye(3), np.linalg.qr(rng.normal(size=(3, 3)))[0]):
+        plane = axes[:1], axes[1:2]
+        found = _geometry(targets @ axes, sun @ axes, targets @ sun.T, plane, np.ones((n + 1, 1), bool))
+        assert found.in_plane == pytest.approx([*np.cos(latitude), 0.0], abs=1e-12)
+        assert found.in_plane.max() <= 1.0
+        ahead, aside = found.sun_ahead / np.cos(sun_latitude), found.sun_aside / np.cos(sun_latitude)
+        assert ahead[:-1] == pytest.approx(np.cos(sun_longitude - longitude), abs=1e-12)
+        assert aside[:-1] == pytest.approx(np.sin(sun_longitude - longitude), abs=1e-12)
+        assert np.hypot(ahead, aside) == pytest.approx(1.0, abs=1e-12)
 
 
 def test_the_moon_itself_is_blocked_by_any_limit_but_none():
