@@ -256,11 +256,11 @@ def _directions(ra_deg: ArrayLike, dec_deg: ArrayLike) -> FloatArray:
             raise InputError(name, float(values[bad[0]]), unit="deg", allowed=f"{low:g} to {high:g}",
                              hint=f"row {bad[0]}")  # fmt: skip
     ra, dec = np.deg2rad(ra), np.deg2rad(dec)
-    return np.stack([np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra), np.sin(dec)], axis=-1)
+    return np.stack([np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra), np.sin(dec)], axis=1)
 
 
 def _unit(vectors: FloatArray) -> FloatArray:
-    return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=1, keepdims=True))
 
 
 def _angles_deg(cosine: FloatArray) -> FloatArray:

@@ -178,8 +178,8 @@ def _flank(sunlit: FloatArray, step: FloatArray) -> list[_Runs]:
     half = -0.5 * (slope + np.copysign(np.sqrt(np.maximum(inside, 0.0)), slope))
     with np.errstate(divide="ignore", invalid="ignore"):
         one, other = half / bend, middle / half
-        low = np.clip(np.minimum(one, other), -1.0, 1.0)
-        high = np.clip(np.maximum(one, other), -1.0, 1.0)
+        low = np.maximum(np.minimum(one, other), -1.0)
+        high = np.minimum(np.maximum(one, other), 1.0)
         crossed = (inside > 0.0) & (high > low)
     # Between the roots the sign is that of -bend, outside that of bend; without a piece between, that of the ends (the
     # middle may touch 0 from above).

@@ -15,6 +15,7 @@ from astropy.utils import iers
 
 from catalogs.errors import InputError
 from cpic_planner.survey.visibility import BLOCKS, Visibility, load_visibility, slew_s, visibility
+from cpic_planner.survey.visibility.calendar import _geometry
 from cpic_planner.targets import rank_sample
 from simulator import load_instrument
 
@@ -276,13 +277,6 @@ def test_windows_and_seasons():
     steps = [seen.observable[0, begin:end] for begin, end in seen.runs(0)]
     assert all(step.all() for step in steps)
     assert sum(len(step) for step in steps) == seen.observable[0].sum()
-    # A season holds its windows, and only the Moon between them.
-    for begin, end in seen.runs(0, through=("moon",)):
-        assert seen.observable[0, begin]
-        assert seen.observable[0, end - 1]
-        assert set(seen.blocked_by[0, begin:end]) <= {0, BLOCKS.index("moon")}
-    for (_, end), (begin, _) in itertools.pairwise(seen.runs(0, through=("moon",))):
-        assert set(seen.blocked_by[0, end:begin]) - {0, BLOCKS.index("moon")}
     longest = max(Time(end).mjd - Time(begin).mjd for begin, end in windows)
     assert longest < 27.3
     never = visibility([place.ra.deg], [place.dec.deg], load_visibility({"sun_deg": 180}), ORBIT,
@@ -354,6 +348,36 @@ def test_directions_at_the_ends_of_their_range():
     for (here, declination), others in places.items():
         seen = visibility([here, *others], [declination] * 3, CONFIG, **asked)
         assert np.ptp(seen.sun_deg) < 1e-10
+
+
+def test_targets_at_the_sun_and_opposite_have_an_angle():
+    start = 61771.5
+    with Astropy() as oracle:
+        sun = oracle.vector("sun", start + np.arange(200)).T
+    ra, dec = np.degrees(np.arctan2(sun[:, 1], sun[:, 0])), np.degrees(np.arctan2(sun[:, 2], np.hypot(*sun.T[:2])))
+    seen = visibility([*ra, *(ra + 180) % 360], [*dec, *-dec], CONFIG, ORBIT, start_utc="2028-01-01", n_days=200)
+    there, opposite = np.split(seen.sun_deg, 2)
+    assert np.diag(there).max() < 1e-5
+    assert np.diag(opposite).min() > 180 - 1e-5
+
+
+def test_targets_and_suns_in_the_plane_of_the_orbit():
+    # The last target is the pole of the orbit, where any direction in the plane is the nearest. A tilt brings rounding.
+    rng = np.random.default_rng(41)
+    n = 2000
+    longitude, latitude = rng.uniform(0, 2 * np.pi, n), np.where(np.arange(n) < n / 2, 0.0, rng.uniform(-1.5, 1.5, n))
+    sun_longitude, sun_latitude = rng.uniform(0, 2 * np.pi), rng.uniform(-1.5, 1.5)
+    targets = np.concatenate([direction(np.degrees(longitude), np.degrees(latitude)), [[0.0, 0.0, 1.0]]])
+    sun = direction(np.degrees(sun_longitude), np.degrees(sun_latitude))[None]
+    for axes in (np.eye(3), np.linalg.qr(rng.normal(size=(3, 3)))[0]):
+        plane = axes[:1], axes[1:2]
+        found = _geometry(targets @ axes, sun @ axes, targets @ sun.T, plane, np.ones((n + 1, 1), bool))
+        assert found.in_plane == pytest.approx([*np.cos(latitude), 0.0], abs=1e-12)
+        assert found.in_plane.max() <= 1.0
+        ahead, aside = found.sun_ahead / np.cos(sun_latitude), found.sun_aside / np.cos(sun_latitude)
+        assert ahead[:-1] == pytest.approx(np.cos(sun_longitude - longitude), abs=1e-12)
+        assert aside[:-1] == pytest.approx(np.sin(sun_longitude - longitude), abs=1e-12)
+        assert np.hypot(ahead, aside) == pytest.approx(1.0, abs=1e-12)
 
 
 def test_the_moon_itself_is_blocked_by_any_limit_but_none():
