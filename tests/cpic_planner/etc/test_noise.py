@@ -7,7 +7,7 @@ import pytest
 
 from cpic_planner.etc.camera import FrameCamera
 from cpic_planner.etc.model import Strategy, build_model
-from cpic_planner.etc.noise import frame_problem, stack_noise
+from cpic_planner.etc.noise import frame_problem, own_noise, stack_noise
 from cpic_planner.etc.photon_counting import counting_law, counting_variance
 from cpic_planner.etc.rates import aperture_rates
 from cpic_planner.etc.speckles import SpeckleLaw
@@ -178,6 +178,9 @@ def test_a_ramp_has_more_noise_of_light():
     for name in ("halo", "planet"):
         np.testing.assert_allclose(fitted[name], 1.2 * plain[name], rtol=1e-12)
     np.testing.assert_allclose(fitted["read_noise"], plain["read_noise"], rtol=1e-12)
+    for camera, terms in ((one, plain), (ramp, fitted)):  # 10 frames of 60 s, less those that particles void
+        lost = np.exp(rates.loss_per_s * 60.0)
+        np.testing.assert_allclose(own_noise(rates, camera) * 600.0 * lost, terms["planet"], rtol=1e-12)
     for camera in (one, ramp):
         problem = frame_problem(rates, camera, objective="snr")
         seen = problem.inverse_snr2(np.full(problem.z0.shape, 60.0), np.full(problem.z0.shape, 10.0)) ** -0.5
