@@ -189,3 +189,9 @@ def test_a_gain_of_one_that_just_fits_is_allowed():
     mean = 50.0
     camera = replace(CAMERA, register_full_well_e=crest(mean, 2.0), converter_e=np.inf)
     assert gain_caps(mean, mean, mean, 1.0, camera) == dict.fromkeys(("hole", "register_tail", "frame"), 1.0)
+
+
+def test_a_converter_of_half_an_electron_takes_less_than_that():
+    narrow = replace(CAMERA, converter_e=0.5)
+    assert frame_limit(0.0, 1e-4, 0.0, 1.0, 1.0, narrow) is Reason.NONE
+    assert frame_limit(0.0, 1.0, 0.0, 1.0, 1.0, narrow) is Reason.ADC_RANGE
