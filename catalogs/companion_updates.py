@@ -61,7 +61,7 @@ class CompanionUpdate:
 
     @property
     def reversed(self) -> CompanionUpdate:
-        """The same pair as seen from the companion."""
+        """Return the pair as seen from the companion."""
         return replace(
             self,
             star=self.companion,

@@ -139,7 +139,7 @@ STATUSES: dict[str, str] = {
     "candidate": "a signal that may be a planet: listed, not counted",
     "refuted": "a published planet that later work excludes: listed, not counted",
 }
-"""What each status means."""
+"""Meaning of each status."""
 COUNTED = ("confirmed", "controversial")
 """Statuses of the planets that rankings, plans, what-ifs and scenes have; the others are only listed."""
 

@@ -56,7 +56,7 @@ SOURCES: dict[str, str] = {
     "archive_2019": "the same without the updates",
     "none": "no table of ours: only the file behind the +",
 }
-"""What a file is laid over, and what each of them is; the first is the default."""
+"""Tables that a file can be laid over, with a description of each; the first is the default."""
 _DATA = Path(__file__).resolve().parent / "data"
 _DIGITS = 12
 _SHOWN = 6

@@ -22,7 +22,7 @@ __all__ = ["Provenance", "load_mapping", "load_yaml", "parse_yaml", "split_sourc
 MAX_BYTES = 4_000_000
 KINDS = ("instrument", "scene", "simulation", "strategies", "strategy", "population", "visibility",
          "simulator_overrides")  # fmt: skip
-"""What files of ours say that they are."""
+"""Kinds by which our files name themselves."""
 _KIND_LINE = re.compile(rf"^kind:[ \t]*(?:{'|'.join(KINDS)})[ \t]*(?:#.*)?$", re.MULTILINE)
 _QUOTED = re.compile(r"\s*('[^']*'|\"[^\"]*\")")
 _NO_EVIDENCE = ("kind", "name", "description", "base")  # keys that any file may have

@@ -219,7 +219,7 @@ def astropy_table(file: TableBytes, kind: str) -> tuple[Any, tuple[str, ...]]:
 
 
 class _Reference(Exception):
-    """What leads out of a document."""
+    """Raised at the first thing that leads out of a document to another file or address."""
 
 
 def reference_in(xml: bytes) -> str:

@@ -1,4 +1,4 @@
-"""What a command tells about its work while it lasts, on stderr: a bar on a terminal, lines in a pipe or a file.
+"""Progress of a command on stderr while it works: a bar on a terminal, lines in a pipe or a file.
 
 Work that ends within two seconds is not mentioned. A bar shows what is done now; lines come at the start, then at most
 every ten seconds, and after the first minute only with a tenth of the pieces, another kind of work, or a minute more.
