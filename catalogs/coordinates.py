@@ -101,8 +101,12 @@ def propagate(
         place = unit + velocity * (end - start)[..., None]
         scale = np.linalg.norm(place, axis=-1)
     if not np.all(np.isfinite(scale)):
-        raise InputError("to_epoch_yr", float(end[~np.isfinite(scale)].flat[0]), unit="yr",
-                         allowed="epochs at which the star is at a finite place")  # fmt: skip
+        raise InputError(
+            "to_epoch_yr",
+            float(end[~np.isfinite(scale)].flat[0]),
+            unit="yr",
+            allowed="epochs at which the star is at a finite place",
+        )
     new_ra = np.rad2deg(np.arctan2(place[..., 1], place[..., 0])) % 360.0
     new_dec = np.rad2deg(np.arctan2(place[..., 2], np.hypot(place[..., 0], place[..., 1])))
     unit, east, north = _triad(new_ra, new_dec)

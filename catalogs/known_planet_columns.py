@@ -10,8 +10,18 @@ from collections.abc import Mapping
 
 from catalogs.user_columns import Quantity, heading, quantity_among
 
-__all__ = ["COLUMNS", "COUNTED", "DESCRIPTIONS", "FLAGS", "GIVEN_FLAGS", "INPUT_ONLY", "STANDING", "STATUSES",
-           "flags_of", "planet_quantity_of"]  # fmt: skip
+__all__ = [
+    "COLUMNS",
+    "COUNTED",
+    "DESCRIPTIONS",
+    "FLAGS",
+    "GIVEN_FLAGS",
+    "INPUT_ONLY",
+    "STANDING",
+    "STATUSES",
+    "flags_of",
+    "planet_quantity_of",
+]
 
 _JD = (2.4e6, 2.5e6)
 
@@ -125,8 +135,15 @@ COLUMNS: dict[str, Quantity] = {item.name: item for item, _ in _ALL}
 """Every column by its name, in the order of the shipped file."""
 STANDING = ("status", "status_reference", "updated", "note")
 """Columns that say how sure a planet is; the table of 2019 has none of them, and what is laid over it may."""
-INPUT_ONLY = ("omega_planet_deg", "best_mass_mjup", "best_mass_err_mjup", "best_mass_kind", "best_mass_limit",
-              "eccentricity_limit", "controversial")  # fmt: skip
+INPUT_ONLY = (
+    "omega_planet_deg",
+    "best_mass_mjup",
+    "best_mass_err_mjup",
+    "best_mass_kind",
+    "best_mass_limit",
+    "eccentricity_limit",
+    "controversial",
+)
 """Columns that a table of a user's own may have; reading turns them into the others."""
 DESCRIPTIONS: dict[str, str] = {item.name: text for item, text in _ALL}
 """One line on each column."""

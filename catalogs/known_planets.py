@@ -46,8 +46,16 @@ from catalogs.known_planet_table import (
 from catalogs.table_cells import allowed_text, choose_columns, read_cells
 from catalogs.table_files import RawTable, parse_table, read_bytes
 
-__all__ = ["DATA_FILE", "SOURCES", "UPDATES_FILE", "KnownPlanetTable", "load_known_planets", "planets_updated",
-           "split_source", "star_key"]  # fmt: skip
+__all__ = [
+    "DATA_FILE",
+    "SOURCES",
+    "UPDATES_FILE",
+    "KnownPlanetTable",
+    "load_known_planets",
+    "planets_updated",
+    "split_source",
+    "star_key",
+]
 
 DATA_FILE = "known_planets.csv"
 UPDATES_FILE = "known_planets_updates.csv"
@@ -184,8 +192,11 @@ def _laid_over(below: Sequence[Row], own: Iterable[Row], name: str) -> list[Row]
         place = places.get(_key(row))
         if place is None:
             if not _has_orbit(row):
-                raise InputError(f"{name} ({row['planet']})", "a status without an orbit",
-                                 allowed="an orbit, or a planet of the table below")  # fmt: skip
+                raise InputError(
+                    f"{name} ({row['planet']})",
+                    "a status without an orbit",
+                    allowed="an orbit, or a planet of the table below",
+                )
             rows.append(_with_status(row | {"star": stars.get(star_key(row["star"]), row["star"])}))
             continue
         older = rows[place]

@@ -20,8 +20,16 @@ from catalogs.user_files import read_text
 __all__ = ["Provenance", "load_mapping", "load_yaml", "parse_yaml", "split_sourced"]
 
 MAX_BYTES = 4_000_000
-KINDS = ("instrument", "scene", "simulation", "strategies", "strategy", "population", "visibility",
-         "simulator_overrides")  # fmt: skip
+KINDS = (
+    "instrument",
+    "scene",
+    "simulation",
+    "strategies",
+    "strategy",
+    "population",
+    "visibility",
+    "simulator_overrides",
+)
 """Kinds by which our files name themselves."""
 _KIND_LINE = re.compile(rf"^kind:[ \t]*(?:{'|'.join(KINDS)})[ \t]*(?:#.*)?$", re.MULTILINE)
 _QUOTED = re.compile(r"\s*('[^']*'|\"[^\"]*\")")

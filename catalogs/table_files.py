@@ -200,8 +200,9 @@ def astropy_table(file: TableBytes, kind: str) -> tuple[Any, tuple[str, ...]]:
         if kind == "votable":
             found = reference_in(file.data)
             if found:
-                raise InputError(file.name, found, allowed="a VOTable that holds its own data",
-                                 hint="references are not followed")  # fmt: skip
+                raise InputError(
+                    file.name, found, allowed="a VOTable that holds its own data", hint="references are not followed"
+                )
             from astropy.io.votable import parse
 
             parsed = parse(io.BytesIO(file.data))

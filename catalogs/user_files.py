@@ -19,8 +19,12 @@ from catalogs.errors import InputError
 
 __all__ = ["digest_of", "open_file", "read_file", "read_text"]
 
-_KINDS = ((stat.S_ISDIR, "this is a folder"), (stat.S_ISFIFO, "this is a pipe"), (stat.S_ISSOCK, "this is a socket"),
-          (stat.S_ISREG, ""))  # fmt: skip
+_KINDS = (
+    (stat.S_ISDIR, "this is a folder"),
+    (stat.S_ISFIFO, "this is a pipe"),
+    (stat.S_ISSOCK, "this is a socket"),
+    (stat.S_ISREG, ""),
+)
 
 
 @contextlib.contextmanager

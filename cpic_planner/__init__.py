@@ -76,15 +76,27 @@ if TYPE_CHECKING:
     )
 
 _HOME = {
-    "InputError": "catalogs.errors", "load_targets": "cpic_planner.targets", "exposure_time": "cpic_planner.api",
-    "signal_to_noise": "cpic_planner.api", "contrast_limit": "cpic_planner.api", "optimise": "cpic_planner.api",
-    "rank_targets": "cpic_planner.api", "confirm_targets": "cpic_planner.api", "make_plan": "cpic_planner.api",
-    "simulate_products": "cpic_planner.api", "confirm_scene": "cpic_planner.api",
-    "rank_sensitivity": "cpic_planner.api", "explain_rank": "cpic_planner.api", "Strategy": "cpic_planner.etc.model",
-    "compare_strategies": "cpic_planner.api", "star_visibility": "cpic_planner.api",
-    "load_known_planets": "catalogs.known_planets", "load_strategies": "cpic_planner.survey.strategy_file",
-    "ReferencePlanet": "cpic_planner.etc.planet", "load_population": "cpic_planner.population_config",
-}  # fmt: skip
+    "InputError": "catalogs.errors",
+    "load_targets": "cpic_planner.targets",
+    "exposure_time": "cpic_planner.api",
+    "signal_to_noise": "cpic_planner.api",
+    "contrast_limit": "cpic_planner.api",
+    "optimise": "cpic_planner.api",
+    "rank_targets": "cpic_planner.api",
+    "confirm_targets": "cpic_planner.api",
+    "make_plan": "cpic_planner.api",
+    "simulate_products": "cpic_planner.api",
+    "confirm_scene": "cpic_planner.api",
+    "rank_sensitivity": "cpic_planner.api",
+    "explain_rank": "cpic_planner.api",
+    "Strategy": "cpic_planner.etc.model",
+    "compare_strategies": "cpic_planner.api",
+    "star_visibility": "cpic_planner.api",
+    "load_known_planets": "catalogs.known_planets",
+    "load_strategies": "cpic_planner.survey.strategy_file",
+    "ReferencePlanet": "cpic_planner.etc.planet",
+    "load_population": "cpic_planner.population_config",
+}
 
 __all__ = [
     "Calibration",

@@ -149,8 +149,15 @@ class _Placed:
         x, y = sky_to_detector(
             np.hypot(east, north), np.rad2deg(np.arctan2(east, north)), parity=model.instrument.detector.parity
         )
-        return cls(planets, x, y, planets.radius_rjup[part], planets.distance_au[part], planets.phase_deg[part],
-                   planets.kind[part])  # fmt: skip
+        return cls(
+            planets,
+            x,
+            y,
+            planets.radius_rjup[part],
+            planets.distance_au[part],
+            planets.phase_deg[part],
+            planets.kind[part],
+        )
 
 
 def _count(
@@ -252,8 +259,9 @@ def inside_zone(zone: HoleZone, x_arcsec: FloatArray, y_arcsec: FloatArray, marg
     """Which points lie in the zone, at least ``margin`` from its edges."""
     inside = np.ones(x_arcsec.shape, bool)
     for offset, parts in zip((y_arcsec, x_arcsec), zone.intervals(), strict=True):
-        inside &= np.any([(offset >= low + margin_arcsec) & (offset <= high - margin_arcsec) for low, high in parts],
-                         axis=0)  # fmt: skip
+        inside &= np.any(
+            [(offset >= low + margin_arcsec) & (offset <= high - margin_arcsec) for low, high in parts], axis=0
+        )
     return inside
 
 
@@ -279,8 +287,10 @@ def _settings(
     if bad.size:
         raise InputError("n_frames", float(bad[0]), allowed="finite numbers, at least 0")
     taken = frames > 0.0
-    given = [np.where(taken, _one_each(name, value, n_stars), 1.0)
-             for name, value in (("exposure_s", exposure_s), ("em_gain", em_gain))]  # fmt: skip
+    given = [
+        np.where(taken, _one_each(name, value, n_stars), 1.0)
+        for name, value in (("exposure_s", exposure_s), ("em_gain", em_gain))
+    ]
     exposure, gain = check_finite("exposure_s", given[0], "s"), check_finite("em_gain", given[1])
     if np.any(exposure <= 0.0):
         raise InputError("exposure_s", float(exposure.min()), unit="s", allowed="above 0")

@@ -68,8 +68,9 @@ def run_confirmation(
             kept += body is not None
             return body
 
-        result, bodies = confirm_scene(config, workers=workers, scheduler=scheduler, advance=advance, stored=stored,
-                                       keep=folder.save_part)  # fmt: skip
+        result, bodies = confirm_scene(
+            config, workers=workers, scheduler=scheduler, advance=advance, stored=stored, keep=folder.save_part
+        )
         _write(folder, config, result, bodies)
         record = clock.record(
             command=command,

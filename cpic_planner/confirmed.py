@@ -104,16 +104,24 @@ def audited(dial: Dial, asked: bool | None = None) -> bool:
         Where one is asked of the reference.
     """
     if asked and dial.fidelity == "reference":
-        raise InputError("audit", "given", allowed="quick, standard or a tolerance",
-                         hint="the reference runs every realisation frame by frame")  # fmt: skip
+        raise InputError(
+            "audit",
+            "given",
+            allowed="quick, standard or a tolerance",
+            hint="the reference runs every realisation frame by frame",
+        )
     return dial.fidelity == "standard" if asked is None else asked
 
 
 def refuse_counting(strategy: Strategy) -> None:
     """Refuse photon counting, which is predicted but not measured in images."""
     if strategy.mode != "analogue":
-        raise InputError("strategy.mode", strategy.mode, allowed="analogue",
-                         hint="photon counting is predicted, not yet measured in images")  # fmt: skip
+        raise InputError(
+            "strategy.mode",
+            strategy.mode,
+            allowed="analogue",
+            hint="photon counting is predicted, not yet measured in images",
+        )
 
 
 def refuse_infrared(instrument: Instrument, bands: Sequence[str] | None) -> None:
@@ -122,8 +130,12 @@ def refuse_infrared(instrument: Instrument, bands: Sequence[str] | None) -> None
     for band in bands or ():
         instrument.band(band)
         if band not in visible:
-            raise InputError("band", band, allowed=", ".join(visible),
-                             hint="images of the near-infrared camera are simulated, not yet measured")  # fmt: skip
+            raise InputError(
+                "band",
+                band,
+                allowed=", ".join(visible),
+                hint="images of the near-infrared camera are simulated, not yet measured",
+            )
 
 
 def plan_tasks(

@@ -43,8 +43,16 @@ class RunClock:
         self.started = datetime.now(UTC)
         self.clock = time.monotonic()
 
-    def record(self, *, command: list[str] | None, config_hash: str, workers: int, scheduler: str | None,
-               resumed_parts: int, computed_parts: int) -> RunRecord:  # fmt: skip
+    def record(
+        self,
+        *,
+        command: list[str] | None,
+        config_hash: str,
+        workers: int,
+        scheduler: str | None,
+        resumed_parts: int,
+        computed_parts: int,
+    ) -> RunRecord:
         """The story of the run, up to now."""
         return RunRecord(
             command=command or [],

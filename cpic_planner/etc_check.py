@@ -79,8 +79,12 @@ def checked_answers(
     if realisations is not None:
         check_whole("realisations", realisations, 1, MAX_REALISATIONS)
         if dial.fidelity in ("quick", "custom"):
-            raise InputError("realisations", realisations, allowed="with fidelity standard or reference",
-                             hint="closed forms draw none, and a tolerance sets their number")  # fmt: skip
+            raise InputError(
+                "realisations",
+                realisations,
+                allowed="with fidelity standard or reference",
+                hint="closed forms draw none, and a tolerance sets their number",
+            )
     found = []
     for index, (star, answer, planet) in enumerate(zip(stars, answers, planets, strict=True)):
         if answer.n_frames is None:
@@ -115,8 +119,17 @@ def _imaged(
         told = percent
 
     stated = (record.closed_form_error or {}).get("snr", 0.0)
-    outcome = check_in_images(model, star, answer, planet, dial, seed=seed, realisations=realisations,
-                              stated_snr_error=stated, progress=progress)  # fmt: skip
+    outcome = check_in_images(
+        model,
+        star,
+        answer,
+        planet,
+        dial,
+        seed=seed,
+        realisations=realisations,
+        stated_snr_error=stated,
+        progress=progress,
+    )
     progress(1.0)
     images = outcome.value
     if images is None:  # nothing but the closed forms answers

@@ -137,8 +137,9 @@ def _task(
     if dial.fidelity == "custom":
         chosen = {"tolerance": _SHARE_OF_KNOBS * max(dial.tolerance.values())}
     scene = _scene(model, star, answer.band, answer.separation_arcsec, answer.contrast, planet)
-    return task_of(model, scene, answer.band, frames, [expected], seed=seed, realisations=1, audit=False,
-                   overrides=None, **chosen)  # fmt: skip
+    return task_of(
+        model, scene, answer.band, frames, [expected], seed=seed, realisations=1, audit=False, overrides=None, **chosen
+    )
 
 
 def _scene(
@@ -224,8 +225,10 @@ def _wanted(task: ConfirmTask, dial: Dial, n_apertures: int) -> int:
         whole = math.floor(MOST_FRAMES / (task.n_frames * (1.0 + task.strategy["reference_ratio"])))
         return max(FEWEST_BY_FRAMES, min(wanted, whole))
     if dial.fidelity == "custom" and wanted > MOST_FOR_TOLERANCE:
-        text = (f"it takes {wanted} realisations to know the SNR of images that well, at most {MOST_FOR_TOLERANCE}: "
-                "give a larger tolerance, or fidelity standard")  # fmt: skip
+        text = (
+            f"it takes {wanted} realisations to know the SNR of images that well, at most {MOST_FOR_TOLERANCE}: "
+            "give a larger tolerance, or fidelity standard"
+        )
         raise _Refused(Status.INVALID, Reason.TOLERANCE_NOT_MET, text)
     return max(wanted, FEWEST) if dial.fidelity == "custom" else min(max(wanted, FEWEST), MOST)
 
@@ -234,10 +237,17 @@ def _light_ratio(model: EtcModel, star: Targets, answer: EtcAnswer, visits: Visi
     """Planet's light in its aperture: that of images without noise over that of the closed form."""
     scene = visits.plan.science_scene
     maps = [
-        observe(one, band=answer.band, exposure_s=visits.task.exposure_s, instrument=visits.instrument, window="hole",
-                fidelity=visits.modelling.knobs, roll_deg=visits.plan.science["roll_deg"]).light.static_e_s
+        observe(
+            one,
+            band=answer.band,
+            exposure_s=visits.task.exposure_s,
+            instrument=visits.instrument,
+            window="hole",
+            fidelity=visits.modelling.knobs,
+            roll_deg=visits.plan.science["roll_deg"],
+        ).light.static_e_s
         for one in (scene, scene.without_planets())
-    ]  # fmt: skip
+    ]
     x, y = (np.asarray(part, float).reshape(1, 1) for part in stand(model, answer.band, answer.separation_arcsec))
     rates = aperture_rates(model, star, answer.band, x, y, np.full((1, 1), answer.contrast))
     return float(np.sum((maps[0] - maps[1]) * subject.apertures[0]) / rates.planet_e_s.flat[0])

@@ -93,12 +93,15 @@ def _other_ranks(
     """Rank of a star under every other assumption; one near the top is ranked among those near it only."""
     nominal = {row.name: row for row in rows}
     if nominal[name].rank <= N_TOP:
-        rank, margin = (np.array([getattr(nominal[str(star)], key) for star in targets.name])
-                        for key in ("rank", "detection_margin"))  # fmt: skip
+        rank, margin = (
+            np.array([getattr(nominal[str(star)], key) for star in targets.name])
+            for key in ("rank", "detection_margin")
+        )
         targets = targets.select(near_top(rank, margin, N_TOP))
     index = [str(star) for star in targets.name].index(name)
-    return {item.key: int(in_order(item.change(setting), targets, **asked).rank[index])
-            for item in in_turn(ASSUMPTIONS)}  # fmt: skip
+    return {
+        item.key: int(in_order(item.change(setting), targets, **asked).rank[index]) for item in in_turn(ASSUMPTIONS)
+    }
 
 
 def _standing(
@@ -106,8 +109,9 @@ def _standing(
 ) -> BandStanding:
     """One band of one star."""
     best = best_in_band(model, star, band, time_s, planet)
-    counted = completeness(model, star, band, planets, exposure_s=best.exposure_s, n_frames=best.n_frames,
-                           em_gain=best.em_gain)  # fmt: skip
+    counted = completeness(
+        model, star, band, planets, exposure_s=best.exposure_s, n_frames=best.n_frames, em_gain=best.em_gain
+    )
     status, reason = judge(best, model)[0]
     cases = band_cases(model, star, band, planets_of(float(best.separation_arcsec[0]), planet), FrameWish())
     choice = _choice(model, best)

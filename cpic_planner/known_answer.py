@@ -106,8 +106,9 @@ def known_answer(
 
 def planets_contrast(model: EtcModel, target: Targets, band: str, planets: Planets, albedo: AlbedoSpec) -> FloatArray:
     """Contrast of planets of one star in a band, where they are; one value for each."""
-    return reflected_contrast(model, target.select([0]), band, albedo, planets.radius_rjup, planets.distance_au[None],
-                              planets.phase_deg)[0]  # fmt: skip
+    return reflected_contrast(
+        model, target.select([0]), band, albedo, planets.radius_rjup, planets.distance_au[None], planets.phase_deg
+    )[0]
 
 
 def _row(
@@ -120,8 +121,9 @@ def _row(
     days, period = [0.0], float(np.median(drawn.period_days[0]))
     if years is not None:
         days = _days(years * DAYS_PER_YEAR, period)
-    where = ephemeris(table, row, choice.mjd + np.asarray(days), n_draws=choice.n_draws, seed=choice.seed,
-                      distance_pc=distance_pc)  # fmt: skip
+    where = ephemeris(
+        table, row, choice.mjd + np.asarray(days), n_draws=choice.n_draws, seed=choice.seed, distance_pc=distance_pc
+    )
     looks = []
     windows: list[KnownWindow] = []
     for band in bands:
@@ -182,8 +184,9 @@ def _day(mjd: float) -> str:
 
 def _track(where: Ephemeris) -> KnownTrack:
     low, median, high = (values.tolist() for values in where.separation_arcsec)
-    return KnownTrack(mjd=where.mjd.tolist(), separation_low_arcsec=low, separation_median_arcsec=median,
-                      separation_high_arcsec=high)  # fmt: skip
+    return KnownTrack(
+        mjd=where.mjd.tolist(), separation_low_arcsec=low, separation_median_arcsec=median, separation_high_arcsec=high
+    )
 
 
 def _quantiles(draws: FloatArray) -> Quantiles:

@@ -134,15 +134,25 @@ class KnownChoice:
 
     def record(self) -> PopulationRecord:
         """As written into results, where the population of a ranking is."""
-        return PopulationRecord(name=KNOWN_PLANETS, description=f"{self.table.provenance}, on {self.date_utc}",
-                                n_planets=self.n_draws, seed=self.seed, planets_per_star=None)  # fmt: skip
+        return PopulationRecord(
+            name=KNOWN_PLANETS,
+            description=f"{self.table.provenance}, on {self.date_utc}",
+            n_planets=self.n_draws,
+            seed=self.seed,
+            planets_per_star=None,
+        )
 
     def content(self) -> dict[str, Any]:
         """For content hashes."""
         cells = repr([(name, column.tolist()) for name, column in self.table.columns.items()])
         digest = hashlib.sha256(cells.encode()).hexdigest()
-        return {"table": digest, "mjd": self.mjd, "n_draws": self.n_draws, "seed": self.seed,
-                "albedo": ReferencePlanet(albedo=self.albedo).content()["albedo"]}  # fmt: skip
+        return {
+            "table": digest,
+            "mjd": self.mjd,
+            "n_draws": self.n_draws,
+            "seed": self.seed,
+            "albedo": ReferencePlanet(albedo=self.albedo).content()["albedo"],
+        }
 
 
 def known_completeness(
@@ -178,8 +188,9 @@ def known_completeness(
         star = targets.select([i])
         shares = []
         for body in bodies:
-            one = completeness(model, star, band, body, exposure_s=settings[0][i], n_frames=settings[1][i],
-                               em_gain=settings[2][i])  # fmt: skip
+            one = completeness(
+                model, star, band, body, exposure_s=settings[0][i], n_frames=settings[1][i], em_gain=settings[2][i]
+            )
             missed[:, i] *= 1.0 - np.array([one.completeness[0], one.in_zone[0], one.observable[0]])
             shares.append(float(one.completeness[0]))
             flags |= dict.fromkeys(one.flags)

@@ -100,9 +100,11 @@ def known_uniforms(table: KnownPlanetTable, rows: Sequence[int], n_draws: int, s
     """
     names = table.text("planet")
     return np.array(
-        [np.stack([stream(seed, "known", names[row], quantity).random(n_draws) for quantity in QUANTITIES], axis=-1)
-         for row in rows]
-    ).reshape(len(rows), n_draws, len(QUANTITIES))  # fmt: skip
+        [
+            np.stack([stream(seed, "known", names[row], quantity).random(n_draws) for quantity in QUANTITIES], axis=-1)
+            for row in rows
+        ]
+    ).reshape(len(rows), n_draws, len(QUANTITIES))
 
 
 def draw_known(

@@ -17,8 +17,19 @@ __all__ = ["QUANTITIES", "DrawnRows", "truncated_normal"]
 
 FloatArray = NDArray[np.float64]
 
-QUANTITIES = ("period", "epoch", "eccentricity", "omega", "semi_major_axis", "mass", "inclination", "node",
-              "mean_anomaly", "radius", "star_mass")  # fmt: skip
+QUANTITIES = (
+    "period",
+    "epoch",
+    "eccentricity",
+    "omega",
+    "semi_major_axis",
+    "mass",
+    "inclination",
+    "node",
+    "mean_anomaly",
+    "radius",
+    "star_mass",
+)
 """What is drawn of one known planet, in the order of the last axis of the uniforms."""
 
 ECCENTRICITY_HIGH = 0.99
@@ -58,9 +69,15 @@ class DrawnRows:
         return np.array([flag in flags for flags in self.flags], bool)[:, None]
 
     def normal(
-        self, name: str, error_name: str, quantity: str, *, low: float | None = None, high: float = np.inf,
+        self,
+        name: str,
+        error_name: str,
+        quantity: str,
+        *,
+        low: float | None = None,
+        high: float = np.inf,
         fill: FloatArray | None = None,
-    ) -> FloatArray:  # fmt: skip
+    ) -> FloatArray:
         """Normal about a column with its error, cut; above a thousandth of the value where no ``low`` is given."""
         value = self.column(name)
         if fill is not None:
@@ -108,8 +125,12 @@ class DrawnRows:
         lost = (no_axis | no_period) & ~np.isfinite(total)
         if lost.any():
             row = int(self.index[np.flatnonzero(lost.any(axis=1))[0]])
-            raise InputError(f"{self.table.text('planet')[row]} star_mass_msun", "missing", unit="M_Sun",
-                             allowed="a mass: it joins period and semi-major axis")  # fmt: skip
+            raise InputError(
+                f"{self.table.text('planet')[row]} star_mass_msun",
+                "missing",
+                unit="M_Sun",
+                allowed="a mass: it joins period and semi-major axis",
+            )
         from_period = np.cbrt(total * (period / _GAUSSIAN_YEAR_DAYS) ** 2)
         from_axis = _GAUSSIAN_YEAR_DAYS * np.sqrt(axis**3 / total)
         return np.where(no_axis, from_period, axis), np.where(no_period, from_axis, period)

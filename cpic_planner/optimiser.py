@@ -95,8 +95,12 @@ def separation_grid(model: EtcModel, band: str) -> FloatArray:
     if model.strategy.library == "roll":  # a planet that is seen at two rolls stands beside the diagonal
         grid = grid[np.array([locate(model, band, float(place))[0] is Status.OK for place in grid], bool)]
     if grid.size == 0:
-        raise InputError("band", band, allowed="a zone with room for aperture, background and three elements",
-                         hint="see annulus_lambda_d, roll_deg and the hole's edges")  # fmt: skip
+        raise InputError(
+            "band",
+            band,
+            allowed="a zone with room for aperture, background and three elements",
+            hint="see annulus_lambda_d, roll_deg and the hole's edges",
+        )
     return grid
 
 
@@ -227,9 +231,14 @@ class _Places:
     def problem(self, objective: Objective) -> FrameProblem:
         """What the solver needs."""
         strategy = self.model.strategy
-        return frame_problem(self.rates, self.model.camera(self.band), reference_ratio=strategy.reference_ratio,
-                             objective=objective, mode=strategy.mode,
-                             counting_sigma=strategy.counting_sigma)  # fmt: skip
+        return frame_problem(
+            self.rates,
+            self.model.camera(self.band),
+            reference_ratio=strategy.reference_ratio,
+            objective=objective,
+            mode=strategy.mode,
+            counting_sigma=strategy.counting_sigma,
+        )
 
 
 @dataclass(frozen=True)
@@ -315,9 +324,15 @@ class _Search:
         model, band, n = self.model, self.band, len(self.targets)
         strategy, camera = model.strategy, model.camera(band)
         noise_of = functools.partial(
-            stack_noise, exposure_s=choice.exposure_s, n_frames=choice.n_frames, em_gain=choice.em_gain, camera=camera,
-            reference_ratio=strategy.reference_ratio, mode=strategy.mode, counting_sigma=strategy.counting_sigma
-        )  # fmt: skip
+            stack_noise,
+            exposure_s=choice.exposure_s,
+            n_frames=choice.n_frames,
+            em_gain=choice.em_gain,
+            camera=camera,
+            reference_ratio=strategy.reference_ratio,
+            mode=strategy.mode,
+            counting_sigma=strategy.counting_sigma,
+        )
         noise = noise_of(chosen.rates)
         if (refused := self.refusal) is not Reason.NONE:
             choice.n_frames[:] = 0.0

@@ -13,10 +13,21 @@ __all__ = ["advice", "children", "is_optical", "matching", "sections"]
 
 # What `simulator.imaging.store.metrics_key` is made of.
 _OPTICS = (
-    "telescope", "coronagraph", "near_infrared.pixel_scale_arcsec", "near_infrared.mask_half_width_arcsec",
-    "near_infrared.outer_half_side_arcsec", "wavefront", "mirror", "dark_hole", "drift.psd_slope", "bands.*.camera",
-    "bands.*.center_nm", "bands.*.width_nm", "bands.*.transmission_file", "detector.pixel_scale_arcsec",
-)  # fmt: skip
+    "telescope",
+    "coronagraph",
+    "near_infrared.pixel_scale_arcsec",
+    "near_infrared.mask_half_width_arcsec",
+    "near_infrared.outer_half_side_arcsec",
+    "wavefront",
+    "mirror",
+    "dark_hole",
+    "drift.psd_slope",
+    "bands.*.camera",
+    "bands.*.center_nm",
+    "bands.*.width_nm",
+    "bands.*.transmission_file",
+    "detector.pixel_scale_arcsec",
+)
 
 
 def children(node: Any) -> Mapping[str, Any] | None:

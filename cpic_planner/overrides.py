@@ -110,8 +110,12 @@ class SimulatorOverrides(FrozenModel):
         keys = [entry.key for entry in entries]
         for key in keys:
             if keys.count(key) > 1:
-                raise InputError(key, "given twice", allowed="each key once",
-                                 hint=f"{_NAMES[key]} is the same key" if key in _NAMES else "")  # fmt: skip
+                raise InputError(
+                    key,
+                    "given twice",
+                    allowed="each key once",
+                    hint=f"{_NAMES[key]} is the same key" if key in _NAMES else "",
+                )
         return tuple(sorted(entries, key=lambda entry: entry.key))
 
     @classmethod
@@ -166,8 +170,10 @@ class SimulatorOverrides(FrozenModel):
 
     def as_mapping(self) -> dict[str, Any]:
         """As a mapping of keys to values, which `of` reads."""
-        return {entry.key: entry.value_text if entry.action == "scale" or entry.key == _DRIFT else entry.value
-                for entry in self.entries}  # fmt: skip
+        return {
+            entry.key: entry.value_text if entry.action == "scale" or entry.key == _DRIFT else entry.value
+            for entry in self.entries
+        }
 
     def companions(self, nominal: OnOff) -> OnOff:
         """Whether the light of companions is in the images, given whether the prediction counts it."""
@@ -195,8 +201,12 @@ class SimulatorOverrides(FrozenModel):
                 continue
             for key, value in _leaves(nominal, entry):
                 if key in found:
-                    raise InputError(f"{_WHERE}.{entry.key}", entry.value_text, allowed="each value altered once",
-                                     hint=f"{key} is altered by {found[key].override.key} too")  # fmt: skip
+                    raise InputError(
+                        f"{_WHERE}.{entry.key}",
+                        entry.value_text,
+                        allowed="each value altered once",
+                        hint=f"{key} is altered by {found[key].override.key} too",
+                    )
                 found[key] = Change(key, value, _altered(entry, key, value, nominal), entry)
         return tuple(found[key] for key in sorted(found))
 
@@ -295,11 +305,21 @@ def _override(given: str, value: Any, nominal: Instrument | None) -> Override:
     if isinstance(value, float) and not math.isfinite(value):
         raise InputError(key, str(value), allowed="a finite number")
     if bare and given in (*ALIASES, _DRIFT):
-        raise two_spellings(given, given, text.strip(), unit=unit, present=_present(_long(given), nominal),
-                            value_key="" if unit else key)  # fmt: skip
+        raise two_spellings(
+            given,
+            given,
+            text.strip(),
+            unit=unit,
+            present=_present(_long(given), nominal),
+            value_key="" if unit else key,
+        )
     if key == _DRIFT and not (_is_number(value) and value >= 0):
-        raise InputError(key, text, allowed="a factor as x2, or a number with a unit as 0.1nm, at least 0",
-                         hint=f"its keys: {', '.join(Drift.model_fields)}")  # fmt: skip
+        raise InputError(
+            key,
+            text,
+            allowed="a factor as x2, or a number with a unit as 0.1nm, at least 0",
+            hint=f"its keys: {', '.join(Drift.model_fields)}",
+        )
     if key == _COMPANIONS and isinstance(value, bool):
         value = "on" if value else "off"
     return Override(key=key, value=value)
@@ -337,13 +357,21 @@ def _leaves(nominal: Instrument, entry: Override) -> list[tuple[str, Any]]:
         return [found for key in (_VISIT, _WALK) for found in matching(root, key)]
     found = list(matching(root, entry.key))
     if not found:
-        raise InputError(f"{_WHERE}.{entry.key}", entry.value_text, allowed="a key of the instrument",
-                         hint=advice(root, entry.key, (*ALIASES, _COMPANIONS)))  # fmt: skip
+        raise InputError(
+            f"{_WHERE}.{entry.key}",
+            entry.value_text,
+            allowed="a key of the instrument",
+            hint=advice(root, entry.key, (*ALIASES, _COMPANIONS)),
+        )
     for key, value in found:
         below = children(value)
         if below is not None:
-            raise InputError(f"{_WHERE}.{entry.key}", entry.value_text, allowed=f"a single value, not all of {key}",
-                             hint=f"its keys: {', '.join(below)}")  # fmt: skip
+            raise InputError(
+                f"{_WHERE}.{entry.key}",
+                entry.value_text,
+                allowed=f"a single value, not all of {key}",
+                hint=f"its keys: {', '.join(below)}",
+            )
     return found
 
 
@@ -351,14 +379,22 @@ def _altered(entry: Override, key: str, nominal: Any, instrument: Instrument) ->
     if entry.key == _DRIFT and entry.action == "set" and key == _WALK:
         offset = instrument.drift.visit_nm
         if not offset:
-            raise InputError(f"{_WHERE}.{entry.key}", entry.value_text, allowed="an instrument with drift",
-                             hint=f"its {_VISIT} is 0: the walk cannot be scaled in the same ratio")  # fmt: skip
+            raise InputError(
+                f"{_WHERE}.{entry.key}",
+                entry.value_text,
+                allowed="an instrument with drift",
+                hint=f"its {_VISIT} is 0: the walk cannot be scaled in the same ratio",
+            )
         return nominal * cast(float, entry.value) / offset
     if entry.action == "scale":
         if not _is_number(nominal):
             shown = "not set" if nominal is None else str(nominal).lower()
-            raise InputError(f"{_WHERE}.{entry.key}", entry.value_text, allowed="a value: only numbers take a factor",
-                             hint=f"{key} is {shown}")  # fmt: skip
+            raise InputError(
+                f"{_WHERE}.{entry.key}",
+                entry.value_text,
+                allowed="a value: only numbers take a factor",
+                hint=f"{key} is {shown}",
+            )
         return nominal * cast(float, entry.value)
     if isinstance(nominal, bool) and entry.value in ("on", "off"):
         return entry.value == "on"
@@ -372,8 +408,13 @@ def _refused(error: InputError, changes: tuple[Change, ...], text: str) -> Input
         if key == change.key or key.startswith(f"{change.key}."):
             scaled = f"{key} is {_short(change.nominal)}, and would be {_short(error.value)}"
             hint = scaled if change.override.action == "scale" else error.hint
-            return InputError(f"{_WHERE}.{change.override.key}", change.override.value_text, unit=error.unit,
-                              allowed=error.allowed, hint=hint)  # fmt: skip
+            return InputError(
+                f"{_WHERE}.{change.override.key}",
+                change.override.value_text,
+                unit=error.unit,
+                allowed=error.allowed,
+                hint=hint,
+            )
     return InputError(_WHERE, text, allowed=error.allowed, hint=f"{key} would be {_short(error.value)}")
 
 

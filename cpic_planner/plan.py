@@ -74,11 +74,16 @@ class PlanConfig(ImageConfig):
     @model_validator(mode="after")
     def _one_kind_of_planets(self) -> PlanConfig:
         if self.known_planets is not None and "population" in self.model_fields_set:
-            raise InputError("population", self.population.name, allowed="without known_planets",
-                             hint="known planets stand instead of a population")  # fmt: skip
+            raise InputError(
+                "population",
+                self.population.name,
+                allowed="without known_planets",
+                hint="known planets stand instead of a population",
+            )
         if self.known_planets is None and self.date_utc is not None:
-            raise InputError("date_utc", self.date_utc, allowed="only with known_planets",
-                             hint="nothing else depends on a date")  # fmt: skip
+            raise InputError(
+                "date_utc", self.date_utc, allowed="only with known_planets", hint="nothing else depends on a date"
+            )
         return self
 
     def drawn(self) -> PopulationChoice | KnownChoice:
@@ -91,8 +96,14 @@ class PlanConfig(ImageConfig):
         """
         if self.known_planets is None:
             return PopulationChoice(self.population, self.n_planets, self.seed)
-        return KnownChoice.at(self.known_planets, self.date_utc, self.planet.albedo, self.instrument,
-                              n_draws=self.n_planets, seed=self.seed)  # fmt: skip
+        return KnownChoice.at(
+            self.known_planets,
+            self.date_utc,
+            self.planet.albedo,
+            self.instrument,
+            n_draws=self.n_planets,
+            seed=self.seed,
+        )
 
     def band_names(self) -> tuple[str, ...]:
         """Bands of the plan."""
@@ -230,8 +241,14 @@ def make_plan(
     with open_run_folder(out, kind="plan", config_hash=digest, products=products, force=force) as folder:
         bodies, resumed = _confirm_all(prepared, folder, workers, scheduler, advance)
         plan = _assemble(config, prepared, digest, bodies)
-        firm = sensitivity(prepared.model, prepared.targets, time_s=config.time_s, planet=config.planet,
-                           population=prepared.drawn, score=config.score)  # fmt: skip
+        firm = sensitivity(
+            prepared.model,
+            prepared.targets,
+            time_s=config.time_s,
+            planet=config.planet,
+            population=prepared.drawn,
+            score=config.score,
+        )
         announce("writing the report")
         _write(folder, plan, prepared, bodies, firm)
         record = clock.record(

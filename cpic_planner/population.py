@@ -96,8 +96,12 @@ mean_anomaly_deg : ndarray
             return np.ones(luminosity.shape)
         good = np.isfinite(luminosity) & (luminosity > 0.0)
         if not good.all():
-            raise InputError("luminosity_lsun", float(luminosity[~good].flat[0]), unit="L_sun",
-                             allowed="above 0: the population's orbits follow insolation")  # fmt: skip
+            raise InputError(
+                "luminosity_lsun",
+                float(luminosity[~good].flat[0]),
+                unit="L_sun",
+                allowed="above 0: the population's orbits follow insolation",
+            )
         return np.sqrt(luminosity)
 
 
@@ -172,8 +176,13 @@ class PopulationChoice:
 
     def record(self) -> PopulationRecord:
         """As written into results."""
-        return PopulationRecord(name=self.config.name, description=self.config.description, n_planets=self.n_planets,
-                                seed=self.seed, planets_per_star=self.config.planets_per_star)  # fmt: skip
+        return PopulationRecord(
+            name=self.config.name,
+            description=self.config.description,
+            n_planets=self.n_planets,
+            seed=self.seed,
+            planets_per_star=self.config.planets_per_star,
+        )
 
     def content(self) -> dict[str, object]:
         """For content hashes."""

@@ -43,9 +43,14 @@ _RANGES = {
     "mean_anomaly_deg": (-360.0, 360.0),
 }
 _IN_UNIT = ("value", "values", "low", "high", "mean", "sd", "scale", "turn")
-_ALIASES = {"radius": "radius_rjup", "semi_major_axis": "semi_major_axis_au", "inclination": "inclination_deg",
-            "argument_of_pericentre": "argument_of_pericentre_deg", "node": "node_deg",
-            "mean_anomaly": "mean_anomaly_deg"}  # fmt: skip
+_ALIASES = {
+    "radius": "radius_rjup",
+    "semi_major_axis": "semi_major_axis_au",
+    "inclination": "inclination_deg",
+    "argument_of_pericentre": "argument_of_pericentre_deg",
+    "node": "node_deg",
+    "mean_anomaly": "mean_anomaly_deg",
+}
 _PHASE = "the phase follows from the orbit: give mean_anomaly_deg and inclination_deg"
 _HINTS = {"phase": _PHASE, "phase_deg": _PHASE, "period": "give semi_major_axis_au"}
 
@@ -227,9 +232,13 @@ def load_population(source: PopulationSource = None) -> PopulationConfig:
 
 
 def _tree(source: Any) -> dict[str, Any]:
-    own, folder, base = tree_over_preset("population", source, default=DEFAULT_POPULATION,
-                                          keys=(*PopulationConfig.model_fields, *_ALIASES, *_HINTS),
-                                          package=PACKAGE)  # fmt: skip
+    own, folder, base = tree_over_preset(
+        "population",
+        source,
+        default=DEFAULT_POPULATION,
+        keys=(*PopulationConfig.model_fields, *_ALIASES, *_HINTS),
+        package=PACKAGE,
+    )
     if folder is not None:
         own = paths_beside(own, folder)
     if base is None:

@@ -148,9 +148,15 @@ def limits_of(standings: Sequence[tuple[Status, Reason]], best: Best) -> list[Li
     best : Best
         The same stars, in their best band.
     """
-    return [limit_of(*standing, detected=standing[0] is Status.OK, without_speckles=bool(best.without_speckles[i]),
-                     without_background=bool(best.without_background[i]))
-            for i, standing in enumerate(standings)]  # fmt: skip
+    return [
+        limit_of(
+            *standing,
+            detected=standing[0] is Status.OK,
+            without_speckles=bool(best.without_speckles[i]),
+            without_background=bool(best.without_background[i]),
+        )
+        for i, standing in enumerate(standings)
+    ]
 
 
 def no_frame(best: Best, i: int, camera: FrameCamera) -> tuple[Status, Reason]:
@@ -182,8 +188,12 @@ def ranked(
     quickest = optimise(model, targets, detect=True, planet=planet, bands=bands) if timed else None
     counted = tuple(_counted(model, targets, band, planets, item) for band, item in zip(bands, by_band, strict=True))
     with np.errstate(divide="ignore", invalid="ignore"):
-        rates = np.stack([np.where(item.time_s > 0, part.completeness / item.time_s * 3600.0, 0.0)
-                          for part, item in zip(counted, by_band, strict=True)])  # fmt: skip
+        rates = np.stack(
+            [
+                np.where(item.time_s > 0, part.completeness / item.time_s * 3600.0, 0.0)
+                for part, item in zip(counted, by_band, strict=True)
+            ]
+        )
     known = np.array(["extrapolated" not in part.flags for part in counted])
     counts = known[:, None] | ~known.any()
     shares = np.where(counts, np.stack([part.completeness for part in counted]), -1.0)

@@ -189,16 +189,24 @@ def open_run_folder(
         try:
             files = WrittenFiles.read(folder)
         except DamagedListError as error:
-            _LOG.warning("the list of the run, %s, is damaged (%s): kept as %s; nothing that it names is removed",
-                         LIST_NAME, error, set_aside(folder / LIST_NAME, "damaged").name)  # fmt: skip
+            _LOG.warning(
+                "the list of the run, %s, is damaged (%s): kept as %s; nothing that it names is removed",
+                LIST_NAME,
+                error,
+                set_aside(folder / LIST_NAME, "damaged").name,
+            )
             files = None
         if files is None:
             _refuse_foreign(folder, products, force)
         resumed = files is not None and (files.kind, files.config_hash) == (kind, config_hash)
         if files is not None and not resumed and files.names() and not force:
-            raise InputError("--out", str(folder), allowed=f"a folder of configuration {config_hash}",
-                             hint=f"it holds a {files.kind} of configuration {files.config_hash}; "
-                             "choose another folder, or --force to replace it")  # fmt: skip
+            raise InputError(
+                "--out",
+                str(folder),
+                allowed=f"a folder of configuration {config_hash}",
+                hint=f"it holds a {files.kind} of configuration {files.config_hash}; "
+                "choose another folder, or --force to replace it",
+            )
         if files is not None:
             _refuse_names(files, products)
         if files is None or not resumed:
@@ -214,15 +222,18 @@ def open_run_folder(
 def _locked(folder: Path) -> Iterator[None]:
     """Hold the lock of a folder, and say in it who does."""
     path = folder / _LOCK
-    foreign = InputError("--out", str(path), allowed="a folder without this file",
-                         hint="it is no lock of a run: move it, or choose another folder")  # fmt: skip
+    foreign = InputError(
+        "--out",
+        str(path),
+        allowed="a folder without this file",
+        hint="it is no lock of a run: move it, or choose another folder",
+    )
     with contextlib.ExitStack() as stack:
         try:
             lock = stack.enter_context(exclusive_lock(path, wait=False))
         except LockHeld as held:
             text = held.text if held.text.startswith(_LOCK_TEXT) else "another run holds it"
-            raise InputError("--out", str(folder), allowed="a folder that no other run is using",
-                             hint=text) from None  # fmt: skip
+            raise InputError("--out", str(folder), allowed="a folder that no other run is using", hint=text) from None
         except OSError:
             raise foreign from None
         lock.seek(0)

@@ -174,12 +174,14 @@ def _assembled(
 
 def confirm_hash(config: ConfirmConfig) -> str:
     """Hash of everything that decides the result."""
-    return content_hash({
-        "kind": "confirm",
-        "results": RESULT_VERSION,
-        "version": __version__,
-        "config": config.hashed() | {"audit": audited(config.dial, config.audit)},
-    })  # fmt: skip
+    return content_hash(
+        {
+            "kind": "confirm",
+            "results": RESULT_VERSION,
+            "version": __version__,
+            "config": config.hashed() | {"audit": audited(config.dial, config.audit)},
+        }
+    )
 
 
 def scene_target(scene: Scene) -> Targets:
@@ -271,8 +273,9 @@ def _frames(config: ConfirmConfig, model: EtcModel, target: Targets, band: str, 
         camera = replace(camera, exposure_min_s=config.exposure_s, exposure_max_s=config.exposure_s)
     x, y = (np.full((1, 1), part) for part in place)
     rates = aperture_rates(model, target, band, x, y, np.full((1, 1), max(contrast, 1e-30)))
-    problem = frame_problem(rates, camera, reference_ratio=strategy.reference_ratio, objective="significance",
-                            em_gain=config.em_gain)  # fmt: skip
+    problem = frame_problem(
+        rates, camera, reference_ratio=strategy.reference_ratio, objective="significance", em_gain=config.em_gain
+    )
     visit = model.visit_s(DEFAULT_TIME_S if config.time_s is None else config.time_s)
     if config.n_frames is not None and config.exposure_s is not None:
         visit = np.asarray(config.n_frames * (config.exposure_s + camera.readout_s))
@@ -295,15 +298,28 @@ def _outside(model: EtcModel, band: str, planet: Source) -> BandConfirmation:
     radius = metrics.aperture_radius_arcsec
     inner = near - radius < metrics.hole_inner_arcsec and far + radius <= metrics.hole_outer_arcsec
     reason = Reason.INSIDE_INNER_EDGE if inner else Reason.OUTSIDE_OUTER_EDGE
-    return _refusal(band, planet, Status.OUTSIDE_FIELD, reason, f"its aperture leaves the dark hole of {band}",
-                    float(separation), float(pa_deg))  # fmt: skip
+    return _refusal(
+        band,
+        planet,
+        Status.OUTSIDE_FIELD,
+        reason,
+        f"its aperture leaves the dark hole of {band}",
+        float(separation),
+        float(pa_deg),
+    )
 
 
 def _no_frame(model: EtcModel, band: str, planet: Source) -> BandConfirmation:
     separation, pa_deg = detector_to_sky(planet.x_arcsec, planet.y_arcsec, parity=model.instrument.detector.parity)
-    return _refusal(band, planet, Status.UNREACHABLE, Reason.NO_TIME,
-                    "no frame is possible: the time is too short, or every frame saturates",
-                    float(separation), float(pa_deg))  # fmt: skip
+    return _refusal(
+        band,
+        planet,
+        Status.UNREACHABLE,
+        Reason.NO_TIME,
+        "no frame is possible: the time is too short, or every frame saturates",
+        float(separation),
+        float(pa_deg),
+    )
 
 
 def _refusal(

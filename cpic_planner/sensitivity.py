@@ -119,11 +119,17 @@ ASSUMPTIONS: tuple[Assumption, ...] = (
     Assumption("drift_x0.1", "wavefront drift a tenth as large", _with_drift(0.1)),
     Assumption("albedo_2au", "albedo of cloudy giants at 2 au from the Sun, whatever the insolation", _at_two_au),
     Assumption("t_opt_0.46", "optical throughput 0.46 in every band", _with_bands("t_opt", lambda value: 0.46)),
-    Assumption("width_+50%", "bands half as wide again, with the optics of the nominal width",
-               _with_bands("width_nm", lambda value: 1.5 * value)),
-    Assumption("width_-50%", "bands half as wide, with the optics of the nominal width",
-               _with_bands("width_nm", lambda value: 0.5 * value)),
-)  # fmt: skip
+    Assumption(
+        "width_+50%",
+        "bands half as wide again, with the optics of the nominal width",
+        _with_bands("width_nm", lambda value: 1.5 * value),
+    ),
+    Assumption(
+        "width_-50%",
+        "bands half as wide, with the optics of the nominal width",
+        _with_bands("width_nm", lambda value: 0.5 * value),
+    ),
+)
 
 
 def in_turn(assumptions: Sequence[Assumption]) -> Iterator[Assumption]:
@@ -135,8 +141,16 @@ def in_turn(assumptions: Sequence[Assumption]) -> Iterator[Assumption]:
 
 def in_order(setting: Setting, targets: Targets, *, time_s: float, bands: Sequence[str], score: ScoreName) -> Order:
     """Rank stars under one setting."""
-    found = ranked(setting.model, targets, time_s=time_s, planet=setting.planet, bands=bands,
-                   planets=drawn_planets(setting.population, targets), score=score, with_times=False)  # fmt: skip
+    found = ranked(
+        setting.model,
+        targets,
+        time_s=time_s,
+        planet=setting.planet,
+        bands=bands,
+        planets=drawn_planets(setting.population, targets),
+        score=score,
+        with_times=False,
+    )
     rank = np.empty(len(targets), np.int64)
     rank[order_of(found, targets)] = np.arange(1, len(targets) + 1)
     margin = found.best.margin
@@ -188,8 +202,9 @@ def sensitivity(
     names, time_s = model.named(bands), check_range("time_s", time_s, 1e-3, 1e9, "s")
     check_range("top", top, 1, math.inf, "stars")
     setting = Setting(model, planet or ReferencePlanet(), population or PopulationChoice.default())
-    digest = rank_hash(model, targets, time_s=time_s, planet=setting.planet, bands=bands, population=setting.population,
-                       score=score)  # fmt: skip
+    digest = rank_hash(
+        model, targets, time_s=time_s, planet=setting.planet, bands=bands, population=setting.population, score=score
+    )
     nominal = in_order(setting, targets, time_s=time_s, bands=names, score=score)
     n_ranked, n_ok, n_top = len(targets), int(np.count_nonzero(nominal.detected)), min(top, len(targets))
     pool = near_top(nominal.rank, nominal.margin, top)
@@ -200,8 +215,9 @@ def sensitivity(
         rows.append(_compared(assumption, nominal, other, targets.name, n_top))
     decides = [row.assumption for row in rows if _decides(row, n_ok)]
     return SensitivityResult(
-        config_hash=content_hash({"kind": "sensitivity", "rank": digest, "top": top,
-                                  "assumptions": [item.key for item in assumptions]}),
+        config_hash=content_hash(
+            {"kind": "sensitivity", "rank": digest, "top": top, "assumptions": [item.key for item in assumptions]}
+        ),
         top=n_top,
         score_name=score,
         n_ranked=n_ranked,
@@ -211,7 +227,7 @@ def sensitivity(
         deciding_share=DECIDING_SHARE,
         decides=decides,
         statement=_statement(rows, decides, n_ok, n_ranked),
-    )  # fmt: skip
+    )
 
 
 def _compared(
@@ -258,12 +274,17 @@ def _statement(rows: Sequence[SensitivityRow], decides: Sequence[str], n_ok: int
     known = [(row.kendall_tau_b, row) for row in rows if row.kendall_tau_b is not None]
     if known:
         tau, least = min(known, key=lambda item: item[0])
-        words.append(f"The order of the stars that have a score changes most for {least.text}: Kendall's tau is "
-                     f"{tau:.2f} over {least.n_compared} stars.")  # fmt: skip
+        words.append(
+            f"The order of the stars that have a score changes most for {least.text}: Kendall's tau is "
+            f"{tau:.2f} over {least.n_compared} stars."
+        )
     else:
         words.append("Too few stars have a score to compare their order.")
     limits = f"the number of detected stars by {100 * DECIDING_SHARE:g} % or more, or brings tau below {DECIDING_TAU:g}"
     listed = "; ".join(row.text for row in rows if row.assumption in decides)
-    words.append(f"The ranking is decided by {listed}: each changes {limits}." if decides
-                 else f"No assumption decides the ranking: none changes {limits}.")  # fmt: skip
+    words.append(
+        f"The ranking is decided by {listed}: each changes {limits}."
+        if decides
+        else f"No assumption decides the ranking: none changes {limits}."
+    )
     return " ".join(words)

@@ -98,8 +98,12 @@ class WrittenFiles:
             if head["software"] != DISTRIBUTION:
                 raise ValueError("not a list of this program")
             if head["schema_version"] != SCHEMA_VERSION:
-                raise InputError("--out", str(root), allowed="a folder of this version of the program",
-                                 hint="another version wrote the run that it holds")  # fmt: skip
+                raise InputError(
+                    "--out",
+                    str(root),
+                    allowed="a folder of this version of the program",
+                    hint="another version wrote the run that it holds",
+                )
             found = cls(root, str(head["kind"]), str(head["config_hash"]))
             for line in lines[1:]:
                 found._note(json.loads(line))
@@ -143,9 +147,13 @@ class WrittenFiles:
         """
         path = self._place(name)
         if name not in self._contents and os.path.lexists(path):
-            raise InputError("--out", str(path), allowed="a folder without this file",
-                             hint="the run writes a file of this name, and did not write the one that is there: "
-                             "move it, or choose another folder")  # fmt: skip
+            raise InputError(
+                "--out",
+                str(path),
+                allowed="a folder without this file",
+                hint="the run writes a file of this name, and did not write the one that is there: "
+                "move it, or choose another folder",
+            )
 
     def install(self, temporary: Path, name: str, *, size_bytes: int, sha256: str) -> Path:
         """Give a file, whole under a temporary name in the same file system, its name below the folder.
@@ -210,9 +218,13 @@ class WrittenFiles:
         for part in PurePosixPath(name).parent.parts:
             path = path / part
             if path.is_symlink() or (path.exists() and not path.is_dir()):
-                raise InputError("--out", str(path), allowed="a folder without this file",
-                                 hint="the run needs a folder of this name, and this is a link or a file: "
-                                 "move it, or choose another folder")  # fmt: skip
+                raise InputError(
+                    "--out",
+                    str(path),
+                    allowed="a folder without this file",
+                    hint="the run needs a folder of this name, and this is a link or a file: "
+                    "move it, or choose another folder",
+                )
         return self.root / name
 
     def _set_changed_aside(self, name: str) -> None:

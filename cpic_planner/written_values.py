@@ -21,17 +21,38 @@ __all__ = ["Written", "read_value", "two_spellings", "with_unit"]
 _FACTOR = re.compile(r"[x*×]\s*([-+.\d].*)")
 _NUMBER = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*)")
 _FAMILIES: tuple[dict[str, Fraction], ...] = (
-    {"pm": Fraction(1, 10**12), "nm": Fraction(1, 10**9), "um": Fraction(1, 10**6), "mm": Fraction(1, 1000),
-     "cm": Fraction(1, 100), "m": Fraction(1), "km": Fraction(1000)},
+    {
+        "pm": Fraction(1, 10**12),
+        "nm": Fraction(1, 10**9),
+        "um": Fraction(1, 10**6),
+        "mm": Fraction(1, 1000),
+        "cm": Fraction(1, 100),
+        "m": Fraction(1),
+        "km": Fraction(1000),
+    },
     {"s": Fraction(1), "min": Fraction(60), "h": Fraction(3600), "d": Fraction(86400)},
     {"mas": Fraction(1, 1000), "arcsec": Fraction(1), "arcmin": Fraction(60), "deg": Fraction(3600)},
     {"pm/sqrt(h)": Fraction(1, 1000), "nm/sqrt(h)": Fraction(1), "um/sqrt(h)": Fraction(1000)},
     {"%": Fraction(1, 100), "": Fraction(1)},
-)  # fmt: skip
+)
 """Units that convert into each other, with their sizes; any other unit stands for itself."""
-_SPELLED = {"µm": "um", "μm": "um", "sec": "s", "hr": "h", "hour": "h", "hours": "h", "day": "d", "days": "d",
-            "zodis": "zodi", "e": "e-", "e/s": "e-/s", "AU": "au", "pm/√h": "pm/sqrt(h)", "nm/√h": "nm/sqrt(h)",
-            "um/√h": "um/sqrt(h)"}  # fmt: skip
+_SPELLED = {
+    "µm": "um",
+    "μm": "um",
+    "sec": "s",
+    "hr": "h",
+    "hour": "h",
+    "hours": "h",
+    "day": "d",
+    "days": "d",
+    "zodis": "zodi",
+    "e": "e-",
+    "e/s": "e-/s",
+    "AU": "au",
+    "pm/√h": "pm/sqrt(h)",
+    "nm/√h": "nm/sqrt(h)",
+    "um/√h": "um/sqrt(h)",
+}
 """Other spellings of units."""
 
 
@@ -94,12 +115,17 @@ def read_value(key: str, text: str, unit: str = "") -> Written:
             raise InputError(key, text, allowed="a factor on the present value, as x0.7: finite, at least 0")
         return Written("scale", number, f"x{factor[1].strip()}")
     if (unit or text.endswith("%")) and (found := _NUMBER.fullmatch(text)) and found[2]:
-        return Written("set", _converted(key, text, found[1], found[2].strip(), unit),
-                       f"{found[1]} {_SPELLED.get(found[2], found[2])}")  # fmt: skip
+        return Written(
+            "set",
+            _converted(key, text, found[1], found[2].strip(), unit),
+            f"{found[1]} {_SPELLED.get(found[2], found[2])}",
+        )
     value = _plain(key, text)
     if isinstance(value, list):
-        items = [read_value(key, item, unit) if isinstance(item, str) else Written("set", item, str(item), True)
-                 for item in value]  # fmt: skip
+        items = [
+            read_value(key, item, unit) if isinstance(item, str) else Written("set", item, str(item), True)
+            for item in value
+        ]
         plain = all(item.bare and _is_number(item.value) for item in items)
         return Written("set", [item.value for item in items], with_unit(text, unit) if plain else text)
     if _is_number(value):

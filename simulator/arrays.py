@@ -39,8 +39,16 @@ def write_npz(path: str | Path, arrays: Mapping[str, Any]) -> None:
 
 
 NPZ_ERRORS = (
-    OSError, ValueError, TypeError, EOFError, KeyError, RuntimeError, MemoryError, zipfile.BadZipFile, zlib.error
-)  # fmt: skip
+    OSError,
+    ValueError,
+    TypeError,
+    EOFError,
+    KeyError,
+    RuntimeError,
+    MemoryError,
+    zipfile.BadZipFile,
+    zlib.error,
+)
 """What reading a damaged npz file may raise."""
 
 

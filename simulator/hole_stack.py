@@ -163,8 +163,13 @@ def hole_stacks(observation: Observation, *, epochs: int = SUM_EPOCHS) -> HoleSt
         raise InputError("window", observation.window, allowed="hole, with the star behind the mask")
     answer = hole_stackable(observation)
     if answer.status is not Status.OK:
-        raise InputError("exposure_s", observation.exposure_s, unit="s", allowed="frames that add up over the hole",
-                         hint=answer.message)  # fmt: skip
+        raise InputError(
+            "exposure_s",
+            observation.exposure_s,
+            unit="s",
+            allowed="frames that add up over the hole",
+            hint=answer.message,
+        )
     region = observation.psf.geometry.hole
     rows, columns = np.flatnonzero(region.any(axis=1)), np.flatnonzero(region.any(axis=0))
     grid = None
@@ -222,8 +227,13 @@ def hole_stackable(observation: Observation) -> Outcome[float]:
 
 
 def _prepared(observation: Observation, camera: VisibleCamera, rates: FloatArray) -> Exposure:
-    return camera.prepare(rates, observation.exposure_s, observation.em_gain, first_pixel=observation.first_pixel,
-                          beyond_e_s=observation.light.beyond_e_s)  # fmt: skip
+    return camera.prepare(
+        rates,
+        observation.exposure_s,
+        observation.em_gain,
+        first_pixel=observation.first_pixel,
+        beyond_e_s=observation.light.beyond_e_s,
+    )
 
 
 def _tail_enters(mean_e: FloatArray, region: NDArray[np.bool_], exposure: Exposure) -> bool:

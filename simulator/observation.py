@@ -216,10 +216,23 @@ def observe(
     choice = None
     if tolerance > 0:
         choice = observation_choice(
-            scene, instrument, tolerance=tolerance, quantity=quantity, finest=knobs, full=window == "full", band=band,
-            exposure_s=float(exposure_s), n_frames=frames, em_gain=float(em_gain), roll_deg=roll_deg,
-            star_offset_arcsec=star, scene_model=scene_model, start_utc=start, switches=switches, max_epochs=epochs,
-        )  # fmt: skip
+            scene,
+            instrument,
+            tolerance=tolerance,
+            quantity=quantity,
+            finest=knobs,
+            full=window == "full",
+            band=band,
+            exposure_s=float(exposure_s),
+            n_frames=frames,
+            em_gain=float(em_gain),
+            roll_deg=roll_deg,
+            star_offset_arcsec=star,
+            scene_model=scene_model,
+            start_utc=start,
+            switches=switches,
+            max_epochs=epochs,
+        )
         switches = {**(switches or {}), **choice.switches}
         epochs, knobs = min(epochs, choice.epochs), choice.knobs
     left_out = () if choice is None else choice.left_out
@@ -373,8 +386,16 @@ def _check_psf(psf: ExternalPsf, band: str, instrument: Instrument, tolerance: f
         raise InputError("tolerance", tolerance, allowed="0 with a PSF from a file", hint="sizes are of the own optics")
 
 
-def _check(instrument: Instrument, band: str, exposure_s: Any, em_gain: Any, tolerance: Any, window: str, role: str,
-           roll_deg: Any) -> None:  # fmt: skip
+def _check(
+    instrument: Instrument,
+    band: str,
+    exposure_s: Any,
+    em_gain: Any,
+    tolerance: Any,
+    window: str,
+    role: str,
+    roll_deg: Any,
+) -> None:
     most = instrument.detector.em_gain_max if instrument.band(band).camera == "VIS" else 1.0
     for name, value, low, high, unit in (("exposure_s", exposure_s, 1e-6, 1e6, "s"), ("em_gain", em_gain, 1, most, "")):
         if not low <= check_number(name, value, unit) <= high:

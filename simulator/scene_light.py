@@ -97,8 +97,9 @@ def static_light(
     sky = sky_e_s_arcsec2 * psf.pixel_scale_arcsec**2 * apodizer_energy(psf)
     whole = np.asarray(sky * sky_transmission(psf, seen) + sum(stray.values()))
     bright = bool(extended) or any(source.kind == "star" for source in sources[1:])
-    others = off_axis_light(psf, seen if bright else area, sources[1:], extended, roll_deg=roll_deg,
-                            star_arcsec=star_arcsec, model=model)  # fmt: skip
+    others = off_axis_light(
+        psf, seen if bright else area, sources[1:], extended, roll_deg=roll_deg, star_arcsec=star_arcsec, model=model
+    )
     if bright or full:
         whole += others
     else:

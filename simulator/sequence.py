@@ -215,8 +215,9 @@ class Sequence:
 
     def _prepare(self, rates: FloatArray) -> Exposure | InfraredExposure:
         if isinstance(self._camera, VisibleCamera):
-            return self._camera.prepare(rates, self.exposure_s, self.em_gain, first_pixel=self.first_pixel,
-                                        beyond_e_s=self.light.beyond_e_s)  # fmt: skip
+            return self._camera.prepare(
+                rates, self.exposure_s, self.em_gain, first_pixel=self.first_pixel, beyond_e_s=self.light.beyond_e_s
+            )
         return self._camera.prepare(rates, self.exposure_s, first_pixel=self.first_pixel)
 
     @numeric_context()

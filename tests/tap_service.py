@@ -162,13 +162,37 @@ def error_document(text):
 
 
 OLD_NAMES = {
-    "oid": "OID", "main_id": "MAIN_ID", "ra": "RA_d", "dec": "DEC_d", "plx_value": "PLX_VALUE", "plx_err": "PLX_ERROR",
-    "pmra": "PMRA", "pmdec": "PMDEC", "rvz_radvel": "RV_VALUE", "sp_type": "SP_TYPE", "otype": "OTYPE", "b": "FLUX_B",
-    "v": "FLUX_V", "ids": "IDS", "oidref": "OIDREF", "teff": "Fe_H_Teff", "log_g": "Fe_H_log_g", "fe_h": "Fe_H_Fe_H",
-    "bibcode": "Fe_H_bibcode", "mespos": "mespos",
-}  # fmt: skip
-PARENTHESES = {"v": "flux(V)", "b": "flux(B)", "teff": "mesfe_h.teff", "log_g": "mesfe_h.log_g", "fe_h": "mesfe_h.fe_h",
-               "bibcode": "mesfe_h.bibcode", "sp_type": "sptype", "plx_value": "plx"}  # fmt: skip
+    "oid": "OID",
+    "main_id": "MAIN_ID",
+    "ra": "RA_d",
+    "dec": "DEC_d",
+    "plx_value": "PLX_VALUE",
+    "plx_err": "PLX_ERROR",
+    "pmra": "PMRA",
+    "pmdec": "PMDEC",
+    "rvz_radvel": "RV_VALUE",
+    "sp_type": "SP_TYPE",
+    "otype": "OTYPE",
+    "b": "FLUX_B",
+    "v": "FLUX_V",
+    "ids": "IDS",
+    "oidref": "OIDREF",
+    "teff": "Fe_H_Teff",
+    "log_g": "Fe_H_log_g",
+    "fe_h": "Fe_H_Fe_H",
+    "bibcode": "Fe_H_bibcode",
+    "mespos": "mespos",
+}
+PARENTHESES = {
+    "v": "flux(V)",
+    "b": "flux(B)",
+    "teff": "mesfe_h.teff",
+    "log_g": "mesfe_h.log_g",
+    "fe_h": "mesfe_h.fe_h",
+    "bibcode": "mesfe_h.bibcode",
+    "sp_type": "sptype",
+    "plx_value": "plx",
+}
 
 
 class TapService:
@@ -241,9 +265,11 @@ class TapService:
         elif mode == "empty":
             self.send(handler, b"")
         elif mode.startswith("refer"):
-            data = (f'<?xml version="1.0"?><VOTABLE version="1.3"><RESOURCE type="results"><TABLE>'
-                    f'<FIELD name="oid" datatype="long"/><DATA><BINARY><STREAM href="{self.url}/leak"/></BINARY></DATA>'
-                    f"</TABLE></RESOURCE></VOTABLE>").encode()  # fmt: skip
+            data = (
+                f'<?xml version="1.0"?><VOTABLE version="1.3"><RESOURCE type="results"><TABLE>'
+                f'<FIELD name="oid" datatype="long"/><DATA><BINARY><STREAM href="{self.url}/leak"/></BINARY></DATA>'
+                f"</TABLE></RESOURCE></VOTABLE>"
+            ).encode()
             data = gzip.compress(data) if mode == "refer packed" else data
             self.send(handler, data, mode="gzip" if mode == "refer gzip" else "")
         elif mode == "error":

@@ -153,8 +153,13 @@ def _planet(star: str, row: Row, earlier: Row | None) -> dict[str, str]:
     numbers["eccentricity_limit"] = float(orbit["pl_orbeccenlim"] or 0.0)
     numbers["controversial"] = float(row["pl_controvflag"] or 0.0)
     numbers, found = settle(numbers, row["pl_bmassprov"], row["pl_name"])
-    words = {"star": star, "planet": f"{star} {row['pl_letter']}", "discovery_method": row["pl_discmethod"],
-             "reference": reference_text(reference), "flags": ";".join(flags_of(numbers, given + found))}  # fmt: skip
+    words = {
+        "star": star,
+        "planet": f"{star} {row['pl_letter']}",
+        "discovery_method": row["pl_discmethod"],
+        "reference": reference_text(reference),
+        "flags": ";".join(flags_of(numbers, given + found)),
+    }
     return words | {name: repr(value) for name, value in numbers.items()}
 
 

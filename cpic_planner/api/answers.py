@@ -260,8 +260,15 @@ def optimise(
         time_s = 36000.0
     model = model_of(instrument, bands, strategy)
     stars = Targets.joined(stars_named(target, companions, catalog))
-    best = best_of(model, stars, time_s=time_s, snr=snr, detect=detect, separation_arcsec=separation_arcsec,
-                   planet=None if planet is None else planet_of(planet))  # fmt: skip
+    best = best_of(
+        model,
+        stars,
+        time_s=time_s,
+        snr=snr,
+        detect=detect,
+        separation_arcsec=separation_arcsec,
+        planet=None if planet is None else planet_of(planet),
+    )
     standings, detected = judge(best, model), best.margin >= best.needed_margin
     statuses = [Status.OK if n >= 1 else status for (status, _), n in zip(standings, best.n_frames, strict=True)]
     said: dict[str, Any] = {"verdict": [verdict_of(*pair) for pair in zip(statuses, detected.tolist(), strict=True)]}

@@ -266,8 +266,14 @@ def simulate_products(
     from cpic_planner.simulation.inputs import simulation_from
     from cpic_planner.simulation.run import simulate
 
-    changes = {"frames": frames, "seed": seed, "fidelity": fidelity, "tolerance": tolerance, "switches": switches,
-               "start_utc": start_utc}  # fmt: skip
+    changes = {
+        "frames": frames,
+        "seed": seed,
+        "fidelity": fidelity,
+        "tolerance": tolerance,
+        "switches": switches,
+        "start_utc": start_utc,
+    }
     simulation, _ = simulation_from(
         what if isinstance(what, list | tuple) else [what],
         settings=settings,

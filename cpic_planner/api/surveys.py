@@ -62,8 +62,15 @@ def star_visibility(
     mission = (instrument if isinstance(instrument, Instrument) else load_instrument(instrument)).mission
     table = as_catalogue(catalog)
     stars = Targets.joined(stars_named(target, "on", table))
-    return visibility_result(stars, load_visibility(limits), mission.orbit, start_utc=start_utc or mission.start_utc,
-                             n_days=n_days, step_days=step_days, catalogue=table.provenance)  # fmt: skip
+    return visibility_result(
+        stars,
+        load_visibility(limits),
+        mission.orbit,
+        start_utc=start_utc or mission.start_utc,
+        n_days=n_days,
+        step_days=step_days,
+        catalogue=table.provenance,
+    )
 
 
 @numeric_context()
@@ -123,5 +130,6 @@ def compare_strategies(
     config = varied(config, vary) if vary else config
     with contextlib.ExitStack() as stack:
         folder = stack.enter_context(tempfile.TemporaryDirectory()) if out is None else out
-        return run_whatif(config, folder, workers=workers, scheduler=scheduler, force=force, n_images=images,
-                          pages=out is not None).result  # fmt: skip
+        return run_whatif(
+            config, folder, workers=workers, scheduler=scheduler, force=force, n_images=images, pages=out is not None
+        ).result

@@ -137,9 +137,11 @@ def columns(as_json: JsonOption = False) -> None:
         cells = ((row["name"], row["required"], ", ".join(row["also_called"]), row["allowed"]) for row in listed)
         headings = ("column", "required", "also called", "allowed")
         _table(screen, f"Columns of a table of {title} of your own", headings, cells)
-    screen.print("Upper and lower case, blanks and _ make no difference. Units are those of an ECSV or VOTable, or are "
-                 "written in the heading: plx [mas]. What a star lacks is filled and labelled; what a planet lacks is "
-                 "unknown, and drawn.")  # fmt: skip
+    screen.print(
+        "Upper and lower case, blanks and _ make no difference. Units are those of an ECSV or VOTable, or are "
+        "written in the heading: plx [mas]. What a star lacks is filled and labelled; what a planet lacks is "
+        "unknown, and drawn."
+    )
 
 
 def _column_rows(columns: Mapping[str, Quantity], needed: Mapping[str, str]) -> list[dict[str, Any]]:

@@ -42,8 +42,12 @@ def check(
         if not path.exists():
             raise InputError("path", str(path), allowed="a file or a folder that exists")
     found = [item for path in paths for item in check_level0(path)]
-    files = {file.resolve() for path in paths for file in ([path] if path.is_file() else path.rglob("*.fits"))
-             if path.is_file() or ProductName.parse(file.name) is not None}  # fmt: skip
+    files = {
+        file.resolve()
+        for path in paths
+        for file in ([path] if path.is_file() else path.rglob("*.fits"))
+        if path.is_file() or ProductName.parse(file.name) is not None
+    }
     errors = sum(item.severity == "error" for item in found)
     result = CheckResult(
         paths=[str(path) for path in paths],

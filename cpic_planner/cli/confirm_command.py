@@ -53,9 +53,17 @@ Examples:
 
 {OVERRIDES_HELP}"""
 
-_OPTIONS = {"exposure_s": "--exposure-s", "n_frames": "--frames", "em_gain": "--em-gain", "time_s": "--time-s",
-            "band": "--band", "bands": "--band", "realisations": "--realisations",
-            "audit": "--audit", "tolerance": "--tolerance"}  # fmt: skip
+_OPTIONS = {
+    "exposure_s": "--exposure-s",
+    "n_frames": "--frames",
+    "em_gain": "--em-gain",
+    "time_s": "--time-s",
+    "band": "--band",
+    "bands": "--band",
+    "realisations": "--realisations",
+    "audit": "--audit",
+    "tolerance": "--tolerance",
+}
 
 
 @takes_images
@@ -160,6 +168,9 @@ def _scene(source: str) -> Scene:
             find_target(source)
         except InputError:
             raise error from None
-        raise InputError(error.key, source, allowed=error.allowed,
-                         hint="this is a star of the catalogue: write a scene with it as cstar, or see cpic plan"
-                         ) from None  # fmt: skip
+        raise InputError(
+            error.key,
+            source,
+            allowed=error.allowed,
+            hint="this is a star of the catalogue: write a scene with it as cstar, or see cpic plan",
+        ) from None

@@ -205,15 +205,20 @@ def etc(
             refuse_together({name: value, "--time-s": time_s}, "one asks for a time, the other gives it")
             refuse_together({name: value, "--frames": frames}, f"--frames sets the time that {name} asks for")
     refuse_together({"--time-s": time_s, "--frames": frames}, "both set the time")
-    refuse_together({"--separation-arcsec": separations, "--semi-major-axis-au": semi_major_axis_au},
-                    "both place the planet")  # fmt: skip
+    refuse_together(
+        {"--separation-arcsec": separations, "--semi-major-axis-au": semi_major_axis_au}, "both place the planet"
+    )
     refuse_together({"--contrast-limit": contrast_limit, "--contrast": contrasts}, "the limit is the answer")
     refuse_together({"--budget": budget, "--json": as_json}, "JSON holds every budget")
     refuse_together({"--explain": explain, "--json": as_json}, "JSON holds all gains")
-    planet_options: dict[str, object] = {"--planet-radius-rjup": radius_rjup, "--albedo": albedo,
-                                         "--log10-mh": log10_mh, "--log10-fsed": log10_fsed,
-                                         "--insolation-au": insolation_au,
-                                         "--phase-function": phase_function}  # fmt: skip
+    planet_options: dict[str, object] = {
+        "--planet-radius-rjup": radius_rjup,
+        "--albedo": albedo,
+        "--log10-mh": log10_mh,
+        "--log10-fsed": log10_fsed,
+        "--insolation-au": insolation_au,
+        "--phase-function": phase_function,
+    }
     if semi_major_axis_au is None:
         planet_options["--phase-deg"] = phase_deg
     for name, value in planet_options.items():
@@ -222,15 +227,22 @@ def etc(
     if frames is not None and exposure_s is None:
         raise InputError("--frames", frames, allowed="together with --exposure-s")
     if separations and contrasts and len(separations) != len(contrasts) and min(len(separations), len(contrasts)) > 1:
-        raise InputError("--contrast", f"{len(contrasts)} times", allowed=f"once, or {len(separations)} times as "
-                         "--separation-arcsec")  # fmt: skip
+        raise InputError(
+            "--contrast", f"{len(contrasts)} times", allowed=f"once, or {len(separations)} times as --separation-arcsec"
+        )
     if plot is not None:
         from cpic_planner.report.etc_figures import check_figure_name
 
         check_figure_name(plot)
-    strategy = strategy_from(library, reference_v_mag=reference_v_mag, reference_teff_k=reference_teff_k,
-                             reference_ratio=reference_ratio, roll_deg=roll_deg, photon_counting=photon_counting,
-                             counting_sigma=counting_sigma)  # fmt: skip
+    strategy = strategy_from(
+        library,
+        reference_v_mag=reference_v_mag,
+        reference_teff_k=reference_teff_k,
+        reference_ratio=reference_ratio,
+        roll_deg=roll_deg,
+        photon_counting=photon_counting,
+        counting_sigma=counting_sigma,
+    )
     table = open_catalogue(catalog)
     for remark in table.notes:
         tell(remark)
@@ -243,8 +255,18 @@ def etc(
         check_range("--semi-major-axis-au", semi_major_axis_au, 1e-3, 1e5, "au")
         separations = [semi_major_axis_au * math.sin(math.radians(phase)) / float(star.distance_pc[0])]
     wall = DEFAULT_TIME_S if time_s is None else time_s
-    question = EtcQuestion(wall, planet, snr, sigma, detect, contrast_limit, tuple(contrasts) if contrasts else None,
-                           exposure_s, em_gain, frames)  # fmt: skip
+    question = EtcQuestion(
+        wall,
+        planet,
+        snr,
+        sigma,
+        detect,
+        contrast_limit,
+        tuple(contrasts) if contrasts else None,
+        exposure_s,
+        em_gain,
+        frames,
+    )
     answers = question.ask(model, star, separations) if separations else question.ask_at_best(model, star)
     known = None if contrasts or contrast_limit else planet
     answers = check.checked(model, star, answers, known)
@@ -270,8 +292,17 @@ def etc(
         best, allowed = best_row(result), wall
         if best is not None and best.time_s is not None and (question.asks_time or frames is not None):
             allowed = best.time_s
-        curves = etc_curves(model, star, answers, time_s=allowed, best_band=result.best_band, snr=snr, sigma=sigma,
-                            exposure_s=exposure_s, em_gain=em_gain)  # fmt: skip
+        curves = etc_curves(
+            model,
+            star,
+            answers,
+            time_s=allowed,
+            best_band=result.best_band,
+            snr=snr,
+            sigma=sigma,
+            exposure_s=exposure_s,
+            em_gain=em_gain,
+        )
         write_figure(etc_figure(result, curves), plot)
         tell(f"wrote {plot}")
     if as_json:

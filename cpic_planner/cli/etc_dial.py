@@ -91,5 +91,13 @@ class EtcCheck:
         every = len(answers)
         total = 100 * sum(needs_images(answer, self.dial) for answer in answers)
         with progress("images, per cent", total=total, enabled=total > 0) as advance:
-            return checked_answers(model, [star] * every, answers, [planet] * every, self.dial, seed=self.seed,
-                                   realisations=self.realisations, advance=advance)  # fmt: skip
+            return checked_answers(
+                model,
+                [star] * every,
+                answers,
+                [planet] * every,
+                self.dial,
+                seed=self.seed,
+                realisations=self.realisations,
+                advance=advance,
+            )

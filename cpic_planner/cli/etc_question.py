@@ -93,8 +93,12 @@ class EtcQuestion:
         return [answer for band in model.bands for answer in self._ask(model, star, [band], places)]
 
     def _ask(self, model: EtcModel, star: Targets, bands: Sequence[str], places: Sequence[float]) -> list[EtcAnswer]:
-        common: dict[str, Any] = {"bands": bands, "separation_arcsec": list(places), "exposure_s": self.exposure_s,
-                                  "em_gain": self.em_gain}  # fmt: skip
+        common: dict[str, Any] = {
+            "bands": bands,
+            "separation_arcsec": list(places),
+            "exposure_s": self.exposure_s,
+            "em_gain": self.em_gain,
+        }
         given: dict[str, Any] = {"time_s": self.wall_s(model, bands[0]), "exact": self.n_frames is not None}
         if self.limit:
             return questions.contrast_limit(model, star, sigma=self.sigma, snr=self.snr, **given, **common)

@@ -119,10 +119,11 @@ def takes_images(command: Callable[..., None]) -> Callable[..., None]:
     hints = get_type_hints(ImageOptions, include_extras=True)
     names = [field.name for field in dataclasses.fields(ImageOptions)]
     shared = [
-        inspect.Parameter(field.name, inspect.Parameter.KEYWORD_ONLY, default=field.default,
-                          annotation=hints[field.name])
+        inspect.Parameter(
+            field.name, inspect.Parameter.KEYWORD_ONLY, default=field.default, annotation=hints[field.name]
+        )
         for field in dataclasses.fields(ImageOptions)
-    ]  # fmt: skip
+    ]
 
     @functools.wraps(command)
     def with_options(**given: Any) -> None:

@@ -123,8 +123,12 @@ def known(
         if not choice.table.listed_rows_of(name):
             raise InputError("star", star, allowed="a star with known planets", hint=choice.table.provenance)
         if (plot is not None or scene is not None) and not choice.table.rows_of(name):
-            raise InputError("--plot" if scene is None else "--scene", star, hint="its planets are only listed",
-                             allowed="a star with a confirmed or controversial planet")  # fmt: skip
+            raise InputError(
+                "--plot" if scene is None else "--scene",
+                star,
+                hint="its planets are only listed",
+                allowed="a star with a confirmed or controversial planet",
+            )
     span = None if star is None else DEFAULT_YEARS if years is None else years
     result = known_answer(model, targets, choice, years=span, catalogue=table.provenance, bands=bands)
     if plot is not None:

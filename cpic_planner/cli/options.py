@@ -54,7 +54,7 @@ __all__ = [
     "planet_from",
     "population_from",
     "refuse_date_alone",
-]  # fmt: skip
+]
 
 DEFAULT_TIME_S = 36000.0
 
@@ -217,8 +217,12 @@ def albedo_from(
     phase_function: PhaseFunction | None,
 ) -> AlbedoSpec:
     """Albedo from options; parameters without a name mean the parametric model, with a file a grid of models."""
-    given: dict[str, Any] = {"log10_mh": log10_mh, "log10_fsed": log10_fsed, "insolation_au": insolation_au,
-                             "phase_function": phase_function.value if phase_function else None}  # fmt: skip
+    given: dict[str, Any] = {
+        "log10_mh": log10_mh,
+        "log10_fsed": log10_fsed,
+        "insolation_au": insolation_au,
+        "phase_function": phase_function.value if phase_function else None,
+    }
     parameters = {key: value for key, value in given.items() if value is not None}
     if albedo is None:
         return albedo_spec({"model": "parametric"} | parameters if parameters else "jupiter")
@@ -230,8 +234,12 @@ def albedo_from(
         return albedo_spec({"model": "parametric"} | parameters)
     if parameters:
         option = "--" + next(iter(parameters)).replace("_", "-")
-        raise InputError(option, f"given with --albedo {albedo}", allowed="one of the two",
-                         hint="parameters are those of --albedo parametric or of a grid of models")  # fmt: skip
+        raise InputError(
+            option,
+            f"given with --albedo {albedo}",
+            allowed="one of the two",
+            hint="parameters are those of --albedo parametric or of a grid of models",
+        )
     try:
         number = float(albedo)
     except ValueError:

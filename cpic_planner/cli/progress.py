@@ -100,8 +100,9 @@ class Lines:
             return
         if work.shown_at is not None:
             since = now - work.shown_at
-            further = (work.done - work.shown_done >= TENTH * work.total) if work.total else (
-                work.text != work.shown_text)  # fmt: skip
+            further = (
+                (work.done - work.shown_done >= TENTH * work.total) if work.total else (work.text != work.shown_text)
+            )
             if since < LINE_EVERY_S or (now - work.began > DENSE_S and since < DENSE_S and not further):
                 return
         work.shown_at, work.shown_done, work.shown_text = now, work.done, work.text
@@ -160,8 +161,11 @@ def _rich_bar(*, counted: bool) -> RichProgress:
     )
 
     text = TextColumn("{task.description}", markup=False)
-    columns = (text, BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn()
-               ) if counted else (SpinnerColumn(), text, TimeElapsedColumn())  # fmt: skip
+    columns = (
+        (text, BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn())
+        if counted
+        else (SpinnerColumn(), text, TimeElapsedColumn())
+    )
     # Results go to stdout, which may be a file while the bar is on a terminal: it stays as it is.
     return Progress(*columns, console=Console(stderr=True), transient=True, redirect_stdout=False)
 

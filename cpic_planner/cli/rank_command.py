@@ -163,9 +163,15 @@ def rank(
         from cpic_planner.report.etc_figures import check_figure_name
 
         check_figure_name(plot)
-    strategy = strategy_from(library, reference_v_mag=reference_v_mag, reference_teff_k=reference_teff_k,
-                             reference_ratio=reference_ratio, roll_deg=roll_deg, photon_counting=photon_counting,
-                             counting_sigma=counting_sigma)  # fmt: skip
+    strategy = strategy_from(
+        library,
+        reference_v_mag=reference_v_mag,
+        reference_teff_k=reference_teff_k,
+        reference_ratio=reference_ratio,
+        roll_deg=roll_deg,
+        photon_counting=photon_counting,
+        counting_sigma=counting_sigma,
+    )
     table = open_catalogue(catalog)
     for remark in table.notes:
         note(remark)
@@ -183,8 +189,12 @@ def rank(
             note(remark)
         targets = chosen.stars(targets)
         sample = f"{sample}; {KNOWN_ONLY}"
-    asked: dict[str, Any] = {"time_s": time_s, "planet": planet_from(radius_rjup, phase_deg, reflects),
-                             "population": chosen, "score": score.value}  # fmt: skip
+    asked: dict[str, Any] = {
+        "time_s": time_s,
+        "planet": planet_from(radius_rjup, phase_deg, reflects),
+        "population": chosen,
+        "score": score.value,
+    }
     if explain is not None:
         from cpic_planner.targets import find_target
 
@@ -212,8 +222,12 @@ def _explain(model: EtcModel, targets: Targets, name: str, given: str, asked: di
     from cpic_planner.explain import explain_star
 
     if name not in set(targets.name.tolist()):
-        raise InputError("--explain", given, allowed="a star of the sample that is ranked",
-                         hint="it is in the catalogue, but a cut leaves it out")  # fmt: skip
+        raise InputError(
+            "--explain",
+            given,
+            allowed="a star of the sample that is ranked",
+            hint="it is in the catalogue, but a cut leaves it out",
+        )
     told = explain_star(model, targets, name, **asked)
     if as_json:
         print_json(told)

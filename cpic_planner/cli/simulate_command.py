@@ -81,9 +81,23 @@ class Camera(StrEnum):
 
 _OPTIONS = {"what": "WHAT", "switches": "--off"} | {
     key: f"--{key.replace('_', '-')}"
-    for key in ("kind", "band", "exposure_s", "em_gain", "frames", "roll_deg", "star_offset_arcsec", "role", "camera",
-                "level_e", "seed", "start_utc", "fidelity", "tolerance")
-}  # fmt: skip
+    for key in (
+        "kind",
+        "band",
+        "exposure_s",
+        "em_gain",
+        "frames",
+        "roll_deg",
+        "star_offset_arcsec",
+        "role",
+        "camera",
+        "level_e",
+        "seed",
+        "start_utc",
+        "fidelity",
+        "tolerance",
+    )
+}
 
 
 def simulate(

@@ -101,8 +101,12 @@ def strategy_from(
     tree: dict[str, Any] = {"library": library.value}
     if library is LibraryChoice.REFERENCE_STAR:
         if reference_v_mag is None:
-            raise InputError("--reference-v-mag", "missing", allowed="V magnitude of the reference star, -30 to 40 mag",
-                             hint="--library reference_star needs it")  # fmt: skip
+            raise InputError(
+                "--reference-v-mag",
+                "missing",
+                allowed="V magnitude of the reference star, -30 to 40 mag",
+                hint="--library reference_star needs it",
+            )
         tree["reference_star"] = {"v_mag": reference_v_mag} | _given(teff_k=reference_teff_k)
     tree |= _given(reference_ratio=reference_ratio, roll_deg=roll_deg, counting_sigma=counting_sigma)
     if photon_counting:
@@ -121,10 +125,19 @@ def imaged_strategy(
 ) -> Strategy:
     """Strategy of images that are simulated and measured; photon counting is only predicted, and refused here."""
     if photon_counting:
-        raise InputError("--photon-counting", "given", allowed="only with cpic etc",
-                         hint="photon counting is predicted, not yet measured in images")  # fmt: skip
-    return strategy_from(library, reference_v_mag=reference_v_mag, reference_teff_k=reference_teff_k,
-                         reference_ratio=reference_ratio, roll_deg=roll_deg)  # fmt: skip
+        raise InputError(
+            "--photon-counting",
+            "given",
+            allowed="only with cpic etc",
+            hint="photon counting is predicted, not yet measured in images",
+        )
+    return strategy_from(
+        library,
+        reference_v_mag=reference_v_mag,
+        reference_teff_k=reference_teff_k,
+        reference_ratio=reference_ratio,
+        roll_deg=roll_deg,
+    )
 
 
 def model_from(
@@ -139,8 +152,12 @@ def model_from(
     if strategy.mode == "photon_counting":
         dark = [band for band in bands or () if band in built.bands and band not in built.visible_bands()]
         if dark:
-            raise InputError("--photon-counting", f"given with --band {dark[0]}", allowed="visible bands",
-                             hint="the near-infrared camera has no gain register")  # fmt: skip
+            raise InputError(
+                "--photon-counting",
+                f"given with --band {dark[0]}",
+                allowed="visible bands",
+                hint="the near-infrared camera has no gain register",
+            )
     return build_model(built, bands, strategy)
 
 

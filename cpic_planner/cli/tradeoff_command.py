@@ -72,8 +72,14 @@ def tradeoff(
     earlier = written if only or scenes else None
     out.mkdir(parents=True, exist_ok=True)
     with progress("rows", total=n_rows(work)) as advance:
-        result = run(work, earlier=earlier, quick_look=quick_look, workers=workers, advance=advance,
-                     keep=lambda so_far: write_numbers(so_far, out))  # fmt: skip
+        result = run(
+            work,
+            earlier=earlier,
+            quick_look=quick_look,
+            workers=workers,
+            advance=advance,
+            keep=lambda so_far: write_numbers(so_far, out),
+        )
     write_result(result, out)
     note(f"{', '.join(FILES)} written to {out}")
     if as_json:

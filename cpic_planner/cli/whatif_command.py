@@ -109,8 +109,16 @@ def whatif(
     from cpic_planner.survey.whatif import cost_of, run_whatif
 
     config = _chosen(load_strategies(strategies), strategy)
-    shared = {"universes": universes, "seed": seed, "start_utc": start, "duration_days": days, "observed": observed,
-              "catalog": catalog, "instrument": instrument, "known_planets": known_planets}  # fmt: skip
+    shared = {
+        "universes": universes,
+        "seed": seed,
+        "start_utc": start,
+        "duration_days": days,
+        "observed": observed,
+        "catalog": catalog,
+        "instrument": instrument,
+        "known_planets": known_planets,
+    }
     config = with_universe(config, {key: value for key, value in shared.items() if value is not None})
     config = varied(config, vary) if vary else config
     for line in told(config):
@@ -123,8 +131,16 @@ def whatif(
         return
     steps = int(cost_of(config, workers=workers, n_images=images)["n_steps"])
     with progress("what if", total=steps) as advance:
-        done = run_whatif(config, out, workers=workers, scheduler=scheduler, force=force, n_images=images,
-                          advance=advance, command=sys.argv[1:])  # fmt: skip
+        done = run_whatif(
+            config,
+            out,
+            workers=workers,
+            scheduler=scheduler,
+            force=force,
+            n_images=images,
+            advance=advance,
+            command=sys.argv[1:],
+        )
     if done.resumed_parts:
         note(f"reused {done.resumed_parts} finished pieces of an earlier run")
     if as_json:

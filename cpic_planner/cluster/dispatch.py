@@ -115,8 +115,7 @@ def _first_client(address: str) -> Any:
         return _client(address, _ANSWER_S)
     except (OSError, ValueError, RuntimeError) as error:
         hint = (str(error).splitlines() or [type(error).__name__])[0]
-        raise InputError("--scheduler", address, allowed="the address of a live Dask scheduler",
-                         hint=hint) from None  # fmt: skip
+        raise InputError("--scheduler", address, allowed="the address of a live Dask scheduler", hint=hint) from None
 
 
 def _next_client(address: str, patience_s: float, left: int) -> Any:
@@ -125,8 +124,10 @@ def _next_client(address: str, patience_s: float, left: int) -> Any:
         with contextlib.suppress(OSError):
             return _client(address, min(_ATTEMPT_S, rest))
         time.sleep(_POLL_S)
-    raise ClusterError(f"the scheduler {address} has gone and did not come back in {patience_s:.0f} s; "
-                       f"{left} tasks are not finished, the others are kept")  # fmt: skip
+    raise ClusterError(
+        f"the scheduler {address} has gone and did not come back in {patience_s:.0f} s; "
+        f"{left} tasks are not finished, the others are kept"
+    )
 
 
 def _client(address: str, timeout_s: float) -> Any:
@@ -165,8 +166,11 @@ class _Link:
         if (threads == 0) != self._idle:
             self._idle = threads == 0
             if self.own is None:
-                _LOG.warning("the scheduler %s %s", self.address,
-                             "has no workers: waiting for some" if self._idle else "has workers again")  # fmt: skip
+                _LOG.warning(
+                    "the scheduler %s %s",
+                    self.address,
+                    "has no workers: waiting for some" if self._idle else "has workers again",
+                )
 
     def send(self, index: int) -> None:
         """Send one task out."""

@@ -26,8 +26,11 @@ _VAIN = 8  # workers in the place of each one, without a result meanwhile
 @contextlib.contextmanager
 def quiet_dask() -> Iterator[None]:
     """Dask's settings for our runs."""
-    settings = {"distributed.admin.log-format": "%(name)s %(message)s", "distributed.comm.timeouts.connect": "20s",
-                "distributed.admin.large-graph-warning-threshold": "1GiB"}  # fmt: skip
+    settings = {
+        "distributed.admin.log-format": "%(name)s %(message)s",
+        "distributed.comm.timeouts.connect": "20s",
+        "distributed.admin.large-graph-warning-threshold": "1GiB",
+    }
     # What its loggers report of losses is told here in one line each.
     loggers = [logging.getLogger(name) for name in ("distributed", "distributed.client")]
     levels = [logger.level for logger in loggers]
@@ -45,10 +48,15 @@ def quiet_dask() -> Iterator[None]:
 def local_cluster(workers: int) -> Iterator[tuple[str, LocalWorkers]]:
     """Yield the address of a scheduler and its workers, single-threaded processes that end with this one."""
     with (
-        LocalCluster(n_workers=0, processes=True, dashboard_address="127.0.0.1:0", host="127.0.0.1",
-                     silence_logs=logging.CRITICAL) as cluster,
+        LocalCluster(
+            n_workers=0,
+            processes=True,
+            dashboard_address="127.0.0.1:0",
+            host="127.0.0.1",
+            silence_logs=logging.CRITICAL,
+        ) as cluster,
         tempfile.TemporaryDirectory(prefix="cpic-workers-", ignore_cleanup_errors=True) as scratch,
-    ):  # fmt: skip
+    ):
         crew = LocalWorkers(cluster.scheduler_address, workers, scratch)
         try:
             crew.replace_dead()
@@ -64,13 +72,28 @@ class LocalWorkers:
     """
 
     def __init__(self, address: str, n_workers: int, scratch: str) -> None:
-        self._command = [sys.executable, "-P", "-m", "cpic_planner.cluster.worker", str(os.getpid()), scratch, address,
-                         "--nthreads=1", "--memory-limit=0", "--host=127.0.0.1", f"--death-timeout={_REGISTER_S}",
-                         "--no-nanny", "--no-dashboard"]  # fmt: skip
+        self._command = [
+            sys.executable,
+            "-P",
+            "-m",
+            "cpic_planner.cluster.worker",
+            str(os.getpid()),
+            scratch,
+            address,
+            "--nthreads=1",
+            "--memory-limit=0",
+            "--host=127.0.0.1",
+            f"--death-timeout={_REGISTER_S}",
+            "--no-nanny",
+            "--no-dashboard",
+        ]
         # What can be imported here can be there; threads are set before the libraries load.
         paths = os.pathsep.join(path or os.getcwd() for path in sys.path)
-        self._environment = os.environ | dict.fromkeys(THREAD_VARIABLES, "1") | {
-            "PYTHONPATH": paths, "DASK_LOGGING__DISTRIBUTED": "critical"}  # fmt: skip
+        self._environment = (
+            os.environ
+            | dict.fromkeys(THREAD_VARIABLES, "1")
+            | {"PYTHONPATH": paths, "DASK_LOGGING__DISTRIBUTED": "critical"}
+        )
         self._processes: list[subprocess.Popen[bytes] | None] = [None] * n_workers
         self._replaced = 0
 
@@ -92,8 +115,9 @@ class LocalWorkers:
             if self._replaced > _VAIN * len(self._processes) + _VAIN:
                 raise ClusterError(f"{self._replaced} workers ended without a result, the last with status {status}")
             # A session of its own: a Ctrl-C in the terminal is for the parent to answer.
-            self._processes[place] = subprocess.Popen(self._command, env=self._environment, stdin=subprocess.DEVNULL,
-                                                      start_new_session=True)  # fmt: skip
+            self._processes[place] = subprocess.Popen(
+                self._command, env=self._environment, stdin=subprocess.DEVNULL, start_new_session=True
+            )
 
     def fruitful(self) -> None:
         """Note that they bring results."""

@@ -48,8 +48,9 @@ class TaskQueue:
     def judge(self, index: int, deaths: int) -> None:
         """Put a task that Dask gave up aside, or blame it for the deaths that nothing else in flight explains."""
         if index not in self._deaths_alone:
-            _LOG.warning("task %d of %d: %d workers died with it; it will run alone at the end", index + 1, self._total,
-                         deaths)  # fmt: skip
+            _LOG.warning(
+                "task %d of %d: %d workers died with it; it will run alone at the end", index + 1, self._total, deaths
+            )
             self._deaths_alone[index] = 0
         else:
             self._deaths_alone[index] += deaths
@@ -65,5 +66,7 @@ class TaskQueue:
         if self._blamed:
             numbers = ", ".join(str(index + 1) for index in sorted(self._blamed))
             rest = f"{self.left} others are not finished" if self.left else "all others are done"
-            raise ClusterError(f"task {numbers} of {self._total} ended its worker {_DEATHS_ALONE} times or more with "
-                               f"nothing else running: short of memory, or a crash in native code; {rest}")  # fmt: skip
+            raise ClusterError(
+                f"task {numbers} of {self._total} ended its worker {_DEATHS_ALONE} times or more with "
+                f"nothing else running: short of memory, or a crash in native code; {rest}"
+            )

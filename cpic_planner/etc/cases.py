@@ -78,17 +78,24 @@ class BandCases:
         if self.wish.exposure_s is not None:
             camera = replace(camera, exposure_min_s=self.wish.exposure_s, exposure_max_s=self.wish.exposure_s)
         strategy = self.model.strategy
-        return frame_problem(rates, camera, reference_ratio=strategy.reference_ratio, objective=objective,
-                             em_gain=self.wish.em_gain, mode=strategy.mode,
-                             counting_sigma=strategy.counting_sigma)  # fmt: skip
+        return frame_problem(
+            rates,
+            camera,
+            reference_ratio=strategy.reference_ratio,
+            objective=objective,
+            em_gain=self.wish.em_gain,
+            mode=strategy.mode,
+            counting_sigma=strategy.counting_sigma,
+        )
 
     def rates_at(self, contrast: FloatArray) -> ApertureRates:
         """The rates with other contrasts: only the planet's own light follows them."""
         own = self.rates.peak_hole_e_s - self.rates.peak_planet_e_s
         factor = contrast / np.maximum(self.contrast, _FAINTEST)
         peak = self.rates.peak_planet_e_s * factor
-        return replace(self.rates, planet_e_s=self.rates.planet_e_s * factor, peak_planet_e_s=peak,
-                       peak_hole_e_s=own + peak)  # fmt: skip
+        return replace(
+            self.rates, planet_e_s=self.rates.planet_e_s * factor, peak_planet_e_s=peak, peak_hole_e_s=own + peak
+        )
 
     def noise(self, choice: FrameChoice) -> StackNoise:
         """Signal and noise of chosen frames."""
@@ -107,9 +114,16 @@ class BandCases:
     ) -> StackNoise:
         """The same for other rates, another camera, or ``ratio`` times the reference frames."""
         strategy = self.model.strategy
-        return stack_noise(rates, exposure_s, n_frames, em_gain, camera,
-                           reference_ratio=ratio * strategy.reference_ratio, mode=strategy.mode,
-                           counting_sigma=strategy.counting_sigma)  # fmt: skip
+        return stack_noise(
+            rates,
+            exposure_s,
+            n_frames,
+            em_gain,
+            camera,
+            reference_ratio=ratio * strategy.reference_ratio,
+            mode=strategy.mode,
+            counting_sigma=strategy.counting_sigma,
+        )
 
     def head(self, star: int, planet: int) -> dict[str, Any]:
         """Fields of an answer that do not depend on the question."""

@@ -49,8 +49,10 @@ def wings_variance(model: EtcModel, band: str, companions: Targets, separation_a
     shape = np.broadcast_shapes((len(companions), *(1,) * (separation_arcsec.ndim - 1)), separation_arcsec.shape)
     if model.strategy.library not in ("roll", "reference_star"):
         return np.zeros(shape)
-    places = tuple(np.asarray(part, np.float64).tobytes() for part in
-                   (companions.companion_separation_arcsec, companions.companion_pa_deg))  # fmt: skip
+    places = tuple(
+        np.asarray(part, np.float64).tobytes()
+        for part in (companions.companion_separation_arcsec, companions.companion_pa_deg)
+    )
     place, table = _table(model.metrics[band], model.strategy, model.instrument.detector.parity, *places)
     at = np.broadcast_to(np.interp(separation_arcsec, place, np.arange(place.size)), shape)
     low = np.minimum(at.astype(np.intp), place.size - 2)

@@ -71,5 +71,13 @@ def counted(pixels: FloatArray, mean_e: FloatArray, law: CountingLaw) -> FloatAr
         return np.where(pixels > 0, pixels * counting_variance(mean_e, law), 0.0)
 
 
-LIGHT_ARRAYS = ("planet_e_s", "quiet_e_s", "reference_e_s", "quiet_e", "reference_e", "science_pixels", "mean_pixels",
-                "reference_pixels")  # fmt: skip
+LIGHT_ARRAYS = (
+    "planet_e_s",
+    "quiet_e_s",
+    "reference_e_s",
+    "quiet_e",
+    "reference_e",
+    "science_pixels",
+    "mean_pixels",
+    "reference_pixels",
+)

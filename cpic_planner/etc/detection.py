@@ -180,9 +180,13 @@ def tail_share(
 ) -> FloatArray:
     """Return the share of the noise, as rms, that is light of the wavefront's errors: its tails are exponential."""
     share = error_light_share(
-        model.metrics[band], model.instrument.drift, separation_arcsec, model.strategy.annulus_lambda_d,
-        model.strategy.reference_ratio, visit_s,
-    )  # fmt: skip
+        model.metrics[band],
+        model.instrument.drift,
+        separation_arcsec,
+        model.strategy.annulus_lambda_d,
+        model.strategy.reference_ratio,
+        visit_s,
+    )
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.sqrt(share * noise.terms["speckle"] / noise.quiet)
 
@@ -217,7 +221,9 @@ def visit_chances(
     tails = np.nan_to_num(tail_share(model, band, separation_arcsec, visit_s, noise))
     inward = model.metrics[band].lambda_d_arcsec / np.asarray(separation_arcsec, float)
     blind, known = (
-        np.broadcast_to(detection_probability(law, margins, place, tails, inward, calibration=law.calibration),
-                        margins.shape) for place in (False, True)
-    )  # fmt: skip
+        np.broadcast_to(
+            detection_probability(law, margins, place, tails, inward, calibration=law.calibration), margins.shape
+        )
+        for place in (False, True)
+    )
     return Chances(blind, known)

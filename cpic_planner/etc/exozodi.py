@@ -63,8 +63,12 @@ def exozodi_fraction_arcsec2(separation_arcsec: ArrayLike, n_zodis: ArrayLike) -
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
         fraction = ZODI_AT_ONE_ARCSEC * zodis / separation / separation
     if not np.isfinite(fraction).all():
-        raise InputError("separation_arcsec", float(separation.min()), unit="arcsec",
-                         allowed="separations at which the brightness is finite")  # fmt: skip
+        raise InputError(
+            "separation_arcsec",
+            float(separation.min()),
+            unit="arcsec",
+            allowed="separations at which the brightness is finite",
+        )
     return np.asarray(fraction)
 
 
@@ -119,8 +123,10 @@ def aperture_exozodi(model: EtcModel, band: str, x_arcsec: ArrayLike, y_arcsec: 
         If a position is not finite.
     """
     zodis, metrics = model.instrument.sky.exozodi_zodis, model.metrics[band]
-    x, y = (checked_array(key, value, low=-np.inf, unit="arcsec", allowed="finite")
-            for key, value in (("x_arcsec", x_arcsec), ("y_arcsec", y_arcsec)))  # fmt: skip
+    x, y = (
+        checked_array(key, value, low=-np.inf, unit="arcsec", allowed="finite")
+        for key, value in (("x_arcsec", x_arcsec), ("y_arcsec", y_arcsec))
+    )
     separation = np.hypot(x, y)
     if zodis == 0.0:
         return np.zeros(separation.shape)

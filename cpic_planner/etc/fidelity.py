@@ -43,8 +43,11 @@ def closed_form_fidelity(index: int, answer: EtcAnswer) -> AnswerFidelity:
 
 def etc_fidelity(answers: Sequence[EtcAnswer], dial: Dial, *, seed: int | None = None) -> EtcFidelity:
     """Record of all answers that have frames; of those without one of their own, that of the closed forms."""
-    records = [answer.fidelity or closed_form_fidelity(index, answer)
-               for index, answer in enumerate(answers) if answer.n_frames is not None]  # fmt: skip
+    records = [
+        answer.fidelity or closed_form_fidelity(index, answer)
+        for index, answer in enumerate(answers)
+        if answer.n_frames is not None
+    ]
     return EtcFidelity(
         fidelity=dial.fidelity,
         tolerance=max(dial.tolerance.values()) if dial.fidelity == "custom" else None,

@@ -26,8 +26,17 @@ from cpic_planner.etc.limits import largest_gain, longest_exposure_s
 from cpic_planner.etc.searches import first_root, lowest
 from simulator.camera.gain import noise_factor2
 
-__all__ = ["PROBLEM_ARRAYS", "FrameChoice", "FrameProblem", "best_exposure_s", "best_in_visit", "least_time",
-           "smooth_in_visit", "smooth_least_visit_s", "solve_together"]  # fmt: skip
+__all__ = [
+    "PROBLEM_ARRAYS",
+    "FrameChoice",
+    "FrameProblem",
+    "best_exposure_s",
+    "best_in_visit",
+    "least_time",
+    "smooth_in_visit",
+    "smooth_least_visit_s",
+    "solve_together",
+]
 
 FloatArray = NDArray[np.float64]
 _NEIGHBOURS = np.array([-1.0, 0.0, 1.0, 2.0])
@@ -101,8 +110,9 @@ class FrameProblem:
 
     def longest_s(self) -> FloatArray:
         """Longest exposure that saturates nothing and that the camera allows."""
-        limit = longest_exposure_s(self.peak_columns_e_s, self.peak_hole_e_s, self.tail_e_s, self.camera,
-                                   self.fixed_gain() or 1.0)  # fmt: skip
+        limit = longest_exposure_s(
+            self.peak_columns_e_s, self.peak_hole_e_s, self.tail_e_s, self.camera, self.fixed_gain() or 1.0
+        )
         return np.minimum(limit, self.camera.exposure_max_s)
 
     def frame_noise(self, exposure_s: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -134,8 +144,19 @@ class FrameProblem:
         return self.frame_noise(exposure_s)[0] / n_frames + self.residual(visit)
 
 
-PROBLEM_ARRAYS = ("alpha_e_s", "beta_e", "gamma_e2", "signal_e_s", "z0", "z1", "z2", "loss_per_s",
-           "peak_columns_e_s", "peak_hole_e_s", "tail_e_s")  # fmt: skip
+PROBLEM_ARRAYS = (
+    "alpha_e_s",
+    "beta_e",
+    "gamma_e2",
+    "signal_e_s",
+    "z0",
+    "z1",
+    "z2",
+    "loss_per_s",
+    "peak_columns_e_s",
+    "peak_hole_e_s",
+    "tail_e_s",
+)
 
 
 @dataclass(frozen=True)
@@ -157,8 +178,9 @@ class FrameChoice:
 
     def where(self, mask: NDArray[np.bool_], other: FrameChoice) -> FrameChoice:
         """These frames where the mask holds, others elsewhere."""
-        return FrameChoice(*(np.where(mask, getattr(self, name), getattr(other, name))
-                             for name in FrameChoice.__dataclass_fields__))  # fmt: skip
+        return FrameChoice(
+            *(np.where(mask, getattr(self, name), getattr(other, name)) for name in FrameChoice.__dataclass_fields__)
+        )
 
 
 def best_exposure_s(problem: FrameProblem) -> tuple[FloatArray, FloatArray]:
@@ -329,8 +351,9 @@ def _smooth_visit_s(problem: FrameProblem, cost: FloatArray, aim: FloatArray) ->
     """Shortest visit with ``G / v + z(v) <= aim``; ``inf`` where there is none. No whole number of frames is faster."""
     peak = _peak_visit_s(problem, cost)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        at_peak = np.where(np.isfinite(peak), cost / peak + problem.residual(np.where(np.isfinite(peak), peak, 0.0)),
-                           problem.z0)  # fmt: skip
+        at_peak = np.where(
+            np.isfinite(peak), cost / peak + problem.residual(np.where(np.isfinite(peak), peak, 0.0)), problem.z0
+        )
         # Rounding must not call the top of the curve out of reach.
         reached = np.isfinite(cost) & np.where(np.isfinite(peak), at_peak <= aim * (1.0 + _ROUNDING), at_peak < aim)
         v = np.where(reached, cost / np.maximum(aim - problem.z0, 1e-300), 1.0)

@@ -64,8 +64,10 @@ def longest_exposure_s(
     register = _largest_mean_e(camera.register_full_well_e / em_gain, 2.0)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         trail = tail if camera.blooms else np.zeros_like(tail)
-        limits = [np.where(rate > 0, level / rate, np.inf)
-                  for level, rate in ((well, column), (output, hole), (register, trail))]  # fmt: skip
+        limits = [
+            np.where(rate > 0, level / rate, np.inf)
+            for level, rate in ((well, column), (output, hole), (register, trail))
+        ]
     return np.minimum(np.minimum(limits[0], limits[1]), limits[2])
 
 
@@ -80,8 +82,10 @@ def largest_gain(
     own = _crest(np.asarray(peak_hole_e_s, float) * exposure)
     beside = _crest(np.asarray(tail_e_s, float) * exposure) if camera.blooms else np.zeros_like(own)
     with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
-        cap = np.minimum(np.where(own > 0, camera.output_well_e / own, np.inf),
-                         np.where(beside > 0, camera.register_full_well_e / beside, np.inf))  # fmt: skip
+        cap = np.minimum(
+            np.where(own > 0, camera.output_well_e / own, np.inf),
+            np.where(beside > 0, camera.register_full_well_e / beside, np.inf),
+        )
     return np.minimum(cap, camera.em_gain_max)
 
 

@@ -75,11 +75,19 @@ class Strategy(FrozenModel):
     @model_validator(mode="after")
     def _consistent(self) -> Strategy:
         if self.library == "reference_star" and self.reference_star is None:
-            raise InputError("reference_star", None, allowed="magnitude (and temperature) of the reference star",
-                             hint="the library reference_star needs it")  # fmt: skip
+            raise InputError(
+                "reference_star",
+                None,
+                allowed="magnitude (and temperature) of the reference star",
+                hint="the library reference_star needs it",
+            )
         if self.library == "roll" and self.reference_ratio != 1.0:
-            raise InputError("reference_ratio", self.reference_ratio, allowed="1 for the library roll",
-                             hint="each roll is the other's reference")  # fmt: skip
+            raise InputError(
+                "reference_ratio",
+                self.reference_ratio,
+                allowed="1 for the library roll",
+                hint="each roll is the other's reference",
+            )
         return self
 
 
@@ -182,8 +190,12 @@ def build_model(
     for name in names:
         camera = FrameCamera.of(instrument, name)
         if chosen.mode == "photon_counting" and camera.register_stages == 0:
-            raise InputError("mode", chosen.mode, allowed=f"analogue in {name}",
-                             hint="only a multiplying register makes single electrons countable")  # fmt: skip
+            raise InputError(
+                "mode",
+                chosen.mode,
+                allowed=f"analogue in {name}",
+                hint="only a multiplying register makes single electrons countable",
+            )
     tree = instrument.model_dump(mode="json")
     digest = content_hash({"instrument": tree, "files": sorted(set(_files(tree)))})
     return _model(digest, names, chosen, _Held(instrument))

@@ -95,32 +95,44 @@ def frame_problem(
     light = camera.light_factor
     smear = rates.smear_e + rates.reference_smear_e / reference_ratio
     alpha = light * (level * share * (quiet + reference) + (_own(rates) if with_planet else 0.0))
-    arrays: dict[str, Any] = dict(zip(PROBLEM_ARRAYS, np.broadcast_arrays(
-        alpha,
-        level * (pixels * camera.cic_e * twice + light * share * smear),
-        level * pixels * camera.read_variance_e2 * twice,
-        rates.planet_e_s,
-        *_residual(rates, level),
-        np.asarray(rates.loss_per_s, float),
-        rates.peak_columns_e_s,
-        rates.peak_hole_e_s,
-        rates.tail_e_s,
-    ), strict=True))  # fmt: skip
+    arrays: dict[str, Any] = dict(
+        zip(
+            PROBLEM_ARRAYS,
+            np.broadcast_arrays(
+                alpha,
+                level * (pixels * camera.cic_e * twice + light * share * smear),
+                level * pixels * camera.read_variance_e2 * twice,
+                rates.planet_e_s,
+                *_residual(rates, level),
+                np.asarray(rates.loss_per_s, float),
+                rates.peak_columns_e_s,
+                rates.peak_hole_e_s,
+                rates.tail_e_s,
+            ),
+            strict=True,
+        )
+    )
     counting = None
     if mode == "photon_counting":
         gain = camera.em_gain_max if em_gain is None else em_gain
         law = counting_law(gain, camera.register_stages, camera.read_noise_e, counting_sigma * camera.read_noise_e)
-        parts: dict[str, Any] = dict(zip(LIGHT_ARRAYS, np.broadcast_arrays(
-            rates.planet_e_s / rates.aperture_pixels,
-            quiet / rates.aperture_pixels,
-            _reference_pixel(rates.reference_light_e_s, rates),
-            rates.smear_e / rates.aperture_pixels + camera.cic_e,
-            _reference_pixel(rates.reference_smear_e, rates) + camera.cic_e,
-            np.asarray(pixels, float),
-            pixels * (level - 1.0),
-            level * pixels * rates.reference_scale / reference_ratio,
-            arrays["alpha_e_s"],
-        )[:-1], strict=True))  # fmt: skip
+        parts: dict[str, Any] = dict(
+            zip(
+                LIGHT_ARRAYS,
+                np.broadcast_arrays(
+                    rates.planet_e_s / rates.aperture_pixels,
+                    quiet / rates.aperture_pixels,
+                    _reference_pixel(rates.reference_light_e_s, rates),
+                    rates.smear_e / rates.aperture_pixels + camera.cic_e,
+                    _reference_pixel(rates.reference_smear_e, rates) + camera.cic_e,
+                    np.asarray(pixels, float),
+                    pixels * (level - 1.0),
+                    level * pixels * rates.reference_scale / reference_ratio,
+                    arrays["alpha_e_s"],
+                )[:-1],
+                strict=True,
+            )
+        )
         counting = CountingLight(**parts, law=law, own_noise=with_planet)
     return FrameProblem(**arrays, camera=camera, em_gain=em_gain, counting=counting)
 
@@ -175,8 +187,10 @@ def stack_noise(
     else:
         factor2 = _factor2(gain, camera)
         light = stack * factor2 * rates.noise_fraction
-        terms = {name: light * getattr(rates, f"{name}_e_s") * exposure
-                 for name in ("halo", "companion", "sky", "exozodi", "dark")}  # fmt: skip
+        terms = {
+            name: light * getattr(rates, f"{name}_e_s") * exposure
+            for name in ("halo", "companion", "sky", "exozodi", "dark")
+        }
         terms["smear"] = light * rates.smear_e
         terms["cic"] = pixels * factor2 * camera.cic_e
         terms["read_noise"] = pixels * camera.read_noise_e**2 / gain**2

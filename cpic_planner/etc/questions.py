@@ -139,8 +139,17 @@ def exposure_time(
     found = solve_together(problems, least_time, np.where(np.isfinite(levels), levels, 1.0))
     parts = []
     for cases, problem, choice, level in zip(every, problems, found, levels, strict=True):
-        parts.append(answers_of(cases, problem, choice, "exposure_time", model.time_s(choice.visit_s), level=level,
-                                with_planet=snr is not None))  # fmt: skip
+        parts.append(
+            answers_of(
+                cases,
+                problem,
+                choice,
+                "exposure_time",
+                model.time_s(choice.visit_s),
+                level=level,
+                with_planet=snr is not None,
+            )
+        )
     return _in_order(parts, len(target), len(planets))
 
 
@@ -187,20 +196,27 @@ def contrast_limit(
     aims = np.where(np.isfinite(levels), levels, 1.0)
     contrasts, choices = _limits(every, objective, aims, visit, exact)
     # Beyond contrast 1 there is no planet: refused below.
-    shown = [replace(cases, contrast=ratio, rates=cases.rates_at(ratio))
-             for cases, ratio in zip(every, np.minimum(contrasts, 1.0), strict=True)]  # fmt: skip
+    shown = [
+        replace(cases, contrast=ratio, rates=cases.rates_at(ratio))
+        for cases, ratio in zip(every, np.minimum(contrasts, 1.0), strict=True)
+    ]
     problems = [cases.problem(objective) for cases in shown]
     stopped = [(choice.n_frames > 0) & (choice.visit_s < visit * (1.0 - 1e-9)) for choice in choices]
     if np.any(stopped) and not exact:
         # The same setting as the inverse question finds: where more time hardly pays, rounding moves the length of it.
         inverse = solve_together(problems, least_time, aims)
-        choices = [there.where(early & (there.n_frames > 0) & (there.visit_s <= visit), here)
-                   for there, here, early in zip(inverse, choices, stopped, strict=True)]  # fmt: skip
+        choices = [
+            there.where(early & (there.n_frames > 0) & (there.visit_s <= visit), here)
+            for there, here, early in zip(inverse, choices, stopped, strict=True)
+        ]
     parts = []
     for cases, problem, choice, level, contrast in zip(shown, problems, choices, levels, contrasts, strict=True):
         limit = np.where(contrast < 1.0, contrast, math.inf)
-        parts.append(answers_of(cases, problem, choice, "contrast_limit", limit, time_s=time_s, level=level,
-                                with_planet=snr is not None))  # fmt: skip
+        parts.append(
+            answers_of(
+                cases, problem, choice, "contrast_limit", limit, time_s=time_s, level=level, with_planet=snr is not None
+            )
+        )
     return _in_order(parts, len(target), len(planets))
 
 
@@ -261,8 +277,12 @@ def _bands(
 
 def _in_order(parts: list[list[EtcAnswer]], n_stars: int, n_planets: int) -> list[EtcAnswer]:
     """From bands x (stars x planets) to stars x bands x planets."""
-    return [answer for star in range(n_stars) for part in parts
-            for answer in part[star * n_planets : (star + 1) * n_planets]]  # fmt: skip
+    return [
+        answer
+        for star in range(n_stars)
+        for part in parts
+        for answer in part[star * n_planets : (star + 1) * n_planets]
+    ]
 
 
 def _wish(model: EtcModel, bands: Sequence[str] | None, exposure_s: float | None, em_gain: float | None) -> FrameWish:

@@ -55,9 +55,14 @@ def reflected_share(
 
 
 def reflected_contrast(
-    model: EtcModel, targets: Targets, band: str, albedo: AlbedoSpec, radius_rjup: ArrayLike, distance_au: FloatArray,
+    model: EtcModel,
+    targets: Targets,
+    band: str,
+    albedo: AlbedoSpec,
+    radius_rjup: ArrayLike,
+    distance_au: FloatArray,
     phase_deg: ArrayLike,
-) -> FloatArray:  # fmt: skip
+) -> FloatArray:
     """Contrast of planets of one albedo, shape ``(n, k)``; parameters as of `reflected_share`."""
     share = reflected_share(model, targets, band, albedo, distance_au, phase_deg)
     return np.asarray(contrast_at(radius_rjup, distance_au, phase_deg, 1.0, phase_value=share))
@@ -76,9 +81,15 @@ def kinds_by_albedo(albedos: Sequence[AlbedoSpec]) -> list[tuple[AlbedoSpec, lis
 
 
 def mixture_contrast(
-    model: EtcModel, targets: Targets, band: str, albedos: Sequence[AlbedoSpec], kind: IntArray,
-    radius_rjup: FloatArray, distance_au: FloatArray, phase_deg: FloatArray,
-) -> FloatArray:  # fmt: skip
+    model: EtcModel,
+    targets: Targets,
+    band: str,
+    albedos: Sequence[AlbedoSpec],
+    kind: IntArray,
+    radius_rjup: FloatArray,
+    distance_au: FloatArray,
+    phase_deg: FloatArray,
+) -> FloatArray:
     """Contrast of planets of several kinds.
 
     Parameters

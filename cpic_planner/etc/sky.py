@@ -41,11 +41,14 @@ def aperture_sky_e_s(model: EtcModel, targets: Targets, band: str) -> FloatArray
     if instrument.sky.model == "uniform":
         rates = np.array([sky_rate_e_s_arcsec2(instrument, band).rate_e_s_arcsec2])
     else:
-        rates = np.array([
-            sky_rate_e_s_arcsec2(instrument, band, ra_deg=float(ra), dec_deg=float(dec),
-                                 start_utc=instrument.mission.start_utc).rate_e_s_arcsec2
-            for ra, dec in zip(targets.ra_deg, targets.dec_deg, strict=True)
-        ])  # fmt: skip
+        rates = np.array(
+            [
+                sky_rate_e_s_arcsec2(
+                    instrument, band, ra_deg=float(ra), dec_deg=float(dec), start_utc=instrument.mission.start_utc
+                ).rate_e_s_arcsec2
+                for ra, dec in zip(targets.ra_deg, targets.dec_deg, strict=True)
+            ]
+        )
     sky = rates * aperture_arcsec2 * metrics.apodizer_energy
     return np.asarray(sky + _stray_e_s_pixel(instrument, band, metrics.hole) * metrics.aperture_pixels)
 

@@ -66,13 +66,20 @@ def answers_of(
     camera = model.camera(cases.band)
     noise = cases.noise(choice)
     helps = remedies(cases, choice, noise)
-    paper = snr_paper(cases.rates, choice.exposure_s, choice.n_frames, choice.em_gain, camera,
-                      reference_ratio=strategy.reference_ratio)  # fmt: skip
+    paper = snr_paper(
+        cases.rates,
+        choice.exposure_s,
+        choice.n_frames,
+        choice.em_gain,
+        camera,
+        reference_ratio=strategy.reference_ratio,
+    )
     wall = model.time_s(choice.visit_s)
     if time_s is not None:  # never more than what was given, not even by rounding
         wall = np.minimum(wall, time_s)
-    most = _Most.of(cases, problem, (choice.n_frames < 1) & cases.usable,
-                    level if question == "exposure_time" else None)  # fmt: skip
+    most = _Most.of(
+        cases, problem, (choice.n_frames < 1) & cases.usable, level if question == "exposure_time" else None
+    )
     limit = question == "contrast_limit"
     seen = None if limit else _Detection.of(cases, choice, noise, time_s)
     answers = []
@@ -81,8 +88,9 @@ def answers_of(
         head["contrast"] = None if limit else float(cases.contrast[i, j])
         wanted = None if level is None else float(level[i, j])
         head["level"] = wanted if wanted is not None and math.isfinite(wanted) else None
-        status, reason, message = _standing(cases, problem, choice, most, (i, j), question, float(value[i, j]), wanted,
-                                            with_planet)  # fmt: skip
+        status, reason, message = _standing(
+            cases, problem, choice, most, (i, j), question, float(value[i, j]), wanted, with_planet
+        )
         if seen is not None:
             head |= seen.fields(status, reason, most, (i, j))
         if status is not Status.OK:
@@ -195,9 +203,10 @@ class _Detection:
             "verdict_mode": "known_place",
             "detection_probability": blind if answered and math.isfinite(blind) else None,
             "detection_probability_known_place": known if answered and math.isfinite(known) else None,
-            "limited_by": limit_of(status, reason, detected=detected, without_speckles=bool(calm),
-                                   without_background=bool(dark)),
-        }  # fmt: skip
+            "limited_by": limit_of(
+                status, reason, detected=detected, without_speckles=bool(calm), without_background=bool(dark)
+            ),
+        }
 
 
 def _stopped(model: Any, choice: FrameChoice, problem: FrameProblem, index: tuple[int, int], time_s: float) -> bool:
@@ -232,8 +241,9 @@ def _standing(
         return Status.OK, Reason.NONE, ""
     camera, wish = problem.camera, cases.wish
     gain = problem.fixed_gain() or 1.0
-    column, hole, tail = (float(getattr(problem, name)[index])
-                          for name in ("peak_columns_e_s", "peak_hole_e_s", "tail_e_s"))  # fmt: skip
+    column, hole, tail = (
+        float(getattr(problem, name)[index]) for name in ("peak_columns_e_s", "peak_hole_e_s", "tail_e_s")
+    )
     saturated = frame_limit(column, hole, tail, camera.exposure_min_s, gain, camera)
     if saturated is not Reason.NONE:
         longest = float(most.longest_s[index])
@@ -249,8 +259,10 @@ def _standing(
     if question == "exposure_time":
         name = "SNR" if with_planet else "significance"
         wanted = f"{level:.4g}" if level is not None and level < 1e4 else f"{level:g}"
-        text = (f"the speckle residual keeps the {name} below {wanted} whatever the time; "
-                f"the most is {most.snr[index]:.4g}, and without drift of the wavefront ")  # fmt: skip
+        text = (
+            f"the speckle residual keeps the {name} below {wanted} whatever the time; "
+            f"the most is {most.snr[index]:.4g}, and without drift of the wavefront "
+        )
         calm_s = float(cases.model.time_s(most.calm_visit_s[index]))
         text += f"it would take {calm_s:.3g} s" if calm_s <= LONGEST_TIME_S else "the planet would still be too faint"
         return Status.UNREACHABLE, Reason.SPECKLE_FLOOR, text

@@ -8,8 +8,16 @@ import numpy as np
 
 from simulator.knobs import Quantity
 
-__all__ = ["PLACE_ERROR", "PLANET_FLUX_ERROR", "SPECKLE_RATIO", "WHITE_SNR_ERROR", "WINGS_ERROR", "speckle_error",
-           "speckle_error_extrapolated", "stated_error"]  # fmt: skip
+__all__ = [
+    "PLACE_ERROR",
+    "PLANET_FLUX_ERROR",
+    "SPECKLE_RATIO",
+    "WHITE_SNR_ERROR",
+    "WINGS_ERROR",
+    "speckle_error",
+    "speckle_error_extrapolated",
+    "stated_error",
+]
 
 PLANET_FLUX_ERROR = 0.005
 """Planet's light in its aperture. The table of core throughputs is within 0.3 % of aperture sums of images at 25

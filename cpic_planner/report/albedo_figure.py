@@ -120,11 +120,17 @@ def _posterior(axes: Axes, fit: AlbedoFit, truth: tuple[float, float] | None) ->
         handles += axes.plot(
             truth[0], truth[1], marker="*", ms=13, mfc=_TRUTH, mec="white", zorder=5, label="truth", **looks
         )
-    axes.set(xlim=(x[0], x[-1]), ylim=(y[0], y[-1]), xlabel="metallicity, log10 [M/H]",
-             ylabel="clouds, log10 f_sed")  # fmt: skip
+    axes.set(xlim=(x[0], x[-1]), ylim=(y[0], y[-1]), xlabel="metallicity, log10 [M/H]", ylabel="clouds, log10 f_sed")
     axes.set_title(f"{_STATUS_TEXT[fit.status]}\n{_open_text(fit)}", fontsize=9.5)
-    axes.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, 0.0), borderaxespad=4.4, ncols=4,
-                handletextpad=0.5, columnspacing=1.2)  # fmt: skip
+    axes.legend(
+        handles=handles,
+        loc="upper center",
+        bbox_to_anchor=(0.5, 0.0),
+        borderaxespad=4.4,
+        ncols=4,
+        handletextpad=0.5,
+        columnspacing=1.2,
+    )
 
 
 def _open_text(fit: AlbedoFit) -> str:
@@ -155,8 +161,20 @@ def _contrasts(axes: Axes, fit: AlbedoFit, model: AlbedoModel, line: tuple[Float
     for number, band in enumerate(fit.bands):
         colour, marker = looks[band]
         value, error = fit.contrasts[number] / unit, fit.errors[number] / unit
-        axes.errorbar(middle[number], value, error, half[number], color=colour, marker=marker, ms=6.5, mec="white",
-                      mew=0.6, lw=1.6, capsize=3, zorder=5)  # fmt: skip
+        axes.errorbar(
+            middle[number],
+            value,
+            error,
+            half[number],
+            color=colour,
+            marker=marker,
+            ms=6.5,
+            mec="white",
+            mew=0.6,
+            lw=1.6,
+            capsize=3,
+            zorder=5,
+        )
         handles.append(Line2D([], [], color=colour, marker=marker, ms=6.5, lw=1.6, label=band))
     looks_best: dict[str, Any] = {"ls": "none", "marker": "_", "ms": 17, "mew": 2.0, "color": _BEST}
     handles += axes.plot(middle, fit.model_contrasts / unit, label="best fit", zorder=4, **looks_best)
@@ -169,5 +187,12 @@ def _contrasts(axes: Axes, fit: AlbedoFit, model: AlbedoModel, line: tuple[Float
     grey = "" if fit.grey == 1.0 else f", common factor {decimals(fit.grey, 2)}"
     count = len(fit.bands)
     axes.set_title(f"chi-square {decimals(fit.chi2, 1)} of {count} band{'s' * (count > 1)}{chance}{grey}", fontsize=9.5)
-    axes.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, 0.0), borderaxespad=4.4, ncols=3,
-                handletextpad=0.6, columnspacing=1.4)  # fmt: skip
+    axes.legend(
+        handles=handles,
+        loc="upper center",
+        bbox_to_anchor=(0.5, 0.0),
+        borderaxespad=4.4,
+        ncols=3,
+        handletextpad=0.6,
+        columnspacing=1.4,
+    )

@@ -19,11 +19,25 @@ CONFIRM_FIGURES = {
     "calibration": "Does the prediction hold?",
 }
 """Figures that have a title of their own; others are shown under their keys."""
-_WORDS = frozenset({
-    "contrast", "SNR", "significance", "threshold", "speckle floor", "predicted, recovered", "realisation",
-    "blind search", "optimistic, pessimistic", "separation", "dark hole", "core throughput", "RDI",
-    "integration, wall time", "EM gain",
-})  # fmt: skip
+_WORDS = frozenset(
+    {
+        "contrast",
+        "SNR",
+        "significance",
+        "threshold",
+        "speckle floor",
+        "predicted, recovered",
+        "realisation",
+        "blind search",
+        "optimistic, pessimistic",
+        "separation",
+        "dark hole",
+        "core throughput",
+        "RDI",
+        "integration, wall time",
+        "EM gain",
+    }
+)
 
 
 def render_confirm(result: ConfirmResult, figures: Mapping[str, Picture], images: Mapping[str, Picture]) -> str:

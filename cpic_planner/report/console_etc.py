@@ -136,8 +136,10 @@ def _print_verdicts(result: EtcResult, console: Console, best: EtcRow | None, pl
         levels = f"{significant(best.significance)} and the threshold {significant(best.threshold)}"
         text = f"The answer in {name(best)} is not a detection: the significance is {levels}."
         if best.question == "exposure_time" and not placed:
-            text += (" The planet was put where the level takes the least time, often at the inner edge of the dark "
-                     "hole, where the threshold is highest; --detect asks for a detection.")  # fmt: skip
+            text += (
+                " The planet was put where the level takes the least time, often at the inner edge of the dark "
+                "hole, where the threshold is highest; --detect asks for a detection."
+            )
         print_note(console, text)
     missed = [row for row in told if row.verdict == "measured_not_detected"]
     causes = []
@@ -146,9 +148,11 @@ def _print_verdicts(result: EtcResult, console: Console, best: EtcRow | None, pl
         causes.append(f"{where} by {LIMITED_BY[limit][1]}")
     if causes:
         print_note(console, f"Not detected in this time; limited: {'; '.join(causes)}.")
-    odds = [f"{name(row)} {share_text(row.detection_probability)} and "
-            f"{share_text(row.detection_probability_known_place)} %" for row in told
-            if row.detection_probability is not None and row.detection_probability_known_place is not None]  # fmt: skip
+    odds = [
+        f"{name(row)} {share_text(row.detection_probability)} and {share_text(row.detection_probability_known_place)} %"
+        for row in told
+        if row.detection_probability is not None and row.detection_probability_known_place is not None
+    ]
     if odds:
         print_note(console, f"Probability of a detection by a blind search and at the known place: {'; '.join(odds)}.")
     if any(row.verdict == "detected" for row in told):
@@ -162,8 +166,11 @@ def _print_verdicts(result: EtcResult, console: Console, best: EtcRow | None, pl
 
 def _held(row: EtcRow) -> str:
     """What binds exposure and gain, in few words."""
-    parts = [f"{name}: {short_limit(limit)}" for name, limit in
-             (("t", row.exposure_limited_by), ("g", row.gain_limited_by)) if limit]  # fmt: skip
+    parts = [
+        f"{name}: {short_limit(limit)}"
+        for name, limit in (("t", row.exposure_limited_by), ("g", row.gain_limited_by))
+        if limit
+    ]
     return ", ".join(parts) or MISSING
 
 

@@ -36,8 +36,11 @@ def print_fidelity(result: EtcResult, console: Console) -> None:
     if asked:
         _print_checks(record, asked, console)
     for item, row in alone:
-        print_note(console, f"{_name(row)}: closed forms are enough; their stated error is at most "
-                   f"{error_text(item.predicted_error or {})}.")  # fmt: skip
+        print_note(
+            console,
+            f"{_name(row)}: closed forms are enough; their stated error is at most "
+            f"{error_text(item.predicted_error or {})}.",
+        )
     for text in dict.fromkeys(item.message for item, _ in rows if item.message):
         names = ", ".join(_name(row) for item, row in rows if item.message == text)
         print_note(console, f"{names}: {text}.")
@@ -59,8 +62,9 @@ def _print_checks(record: EtcFidelity, rows: list[tuple[AnswerFidelity, EtcRow]]
         Column("found", True, 5),
         Column("", False),
     ]
-    cells = [[row.band, f"{row.separation_arcsec:.3f}", ratio_text(row.contrast), *_check(item, row)]
-             for item, row in rows]  # fmt: skip
+    cells = [
+        [row.band, f"{row.separation_arcsec:.3f}", ratio_text(row.contrast), *_check(item, row)] for item, row in rows
+    ]
     drawn = [item.images.draw for item, _ in rows if item.images is not None]
     how = " and ".join(_DRAWS[name] for name in dict.fromkeys(drawn))
     dial = f"tolerance {record.tolerance:g}" if record.tolerance else record.fidelity

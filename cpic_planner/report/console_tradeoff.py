@@ -32,8 +32,14 @@ def _cells(row: TradeoffRow, machine: str) -> list[str]:
     title = row.title if row.machine == machine else f"{row.title} (another machine)"
     if row.status != "ok":
         return [title, row.status, row.reason, "", "", ""]
-    return [title, f"{row.wall_s:.3g}", f"{row.cpu_s:.3g}", f"{row.peak_memory_mb:.0f}",
-            _error(row.flux_error, None), _error(row.snr_error, row.snr_uncertainty)]  # fmt: skip
+    return [
+        title,
+        f"{row.wall_s:.3g}",
+        f"{row.cpu_s:.3g}",
+        f"{row.peak_memory_mb:.0f}",
+        _error(row.flux_error, None),
+        _error(row.snr_error, row.snr_uncertainty),
+    ]
 
 
 def _error(value: float | None, uncertainty: float | None) -> str:

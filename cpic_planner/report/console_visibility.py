@@ -25,8 +25,15 @@ def print_visibility(result: VisibilityResult, console: Console) -> None:
     several = len(result.targets) > 1
     if several:
         years = result.mjd[-1] - result.mjd[0] > _YEAR_DAYS
-        console.print(text_table(console, _title(result), _COLUMNS, [_row(target, years) for target in result.targets],
-                                 last_width=_LAST_COLUMN))  # fmt: skip
+        console.print(
+            text_table(
+                console,
+                _title(result),
+                _COLUMNS,
+                [_row(target, years) for target in result.targets],
+                last_width=_LAST_COLUMN,
+            )
+        )
     else:
         _print_star(result, console)
     step = "day" if result.step_days == 1 else f"step of {result.step_days:g} days"
@@ -46,8 +53,11 @@ def _title(result: VisibilityResult) -> str:
 def _print_star(result: VisibilityResult, console: Console) -> None:
     target = result.targets[0]
     where = f"ecliptic latitude {decimals(target.ecliptic_latitude_deg, 1)} deg"
-    print_plain(console, f"{full_name(target.name, target.hip)}, {where}: {result.n_days} days from "
-                f"{day_text(result.start_utc)}", bold=True)  # fmt: skip
+    print_plain(
+        console,
+        f"{full_name(target.name, target.hip)}, {where}: {result.n_days} days from {day_text(result.start_utc)}",
+        bold=True,
+    )
     for season in target.seasons:
         print_plain(console, f"  season {season.start_utc[:16]} to {season.end_utc[:16]}: seen on {season.days:g} days")
     blocked = [f"{days:g} {BLOCK_WORDS[name]}" for name, days in target.blocked_days.items() if days > 0]

@@ -131,8 +131,14 @@ def _against_time(
         point = (answer.time_s, answer.snr, answer.significance)
     label = answer.band + (f", {answer.separation_arcsec:.3f}″" if several else "")
     seen = choice.n_frames[0] >= 1
-    return TimeCurve(label, grid, np.where(seen, noise.snr[0], np.nan), np.where(seen, noise.significance[0], np.nan),
-                     float(cases.threshold[0]), point)  # fmt: skip
+    return TimeCurve(
+        label,
+        grid,
+        np.where(seen, noise.snr[0], np.nan),
+        np.where(seen, noise.significance[0], np.nan),
+        float(cases.threshold[0]),
+        point,
+    )
 
 
 def _against_separation(
@@ -146,8 +152,18 @@ def _against_separation(
     wish: FrameWish,
 ) -> SeparationCurve:
     grid = separation_grid(model, band)
-    found = contrast_limit(model, star, time_s=time_s, separation_arcsec=grid.tolist(), bands=[band], snr=snr,
-                           sigma=sigma, exposure_s=wish.exposure_s, em_gain=wish.em_gain)  # fmt: skip
-    planets = tuple((answer.separation_arcsec, answer.contrast) for answer in answers
-                    if answer.band == band and answer.contrast)  # fmt: skip
+    found = contrast_limit(
+        model,
+        star,
+        time_s=time_s,
+        separation_arcsec=grid.tolist(),
+        bands=[band],
+        snr=snr,
+        sigma=sigma,
+        exposure_s=wish.exposure_s,
+        em_gain=wish.em_gain,
+    )
+    planets = tuple(
+        (answer.separation_arcsec, answer.contrast) for answer in answers if answer.band == band and answer.contrast
+    )
     return SeparationCurve(band, grid, np.array([np.nan if one.value is None else one.value for one in found]), planets)

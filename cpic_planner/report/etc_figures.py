@@ -135,8 +135,17 @@ def _times(axes: Axes, curves: EtcCurves, looks: dict[str, tuple[str, str]]) -> 
             highs.append(curve.threshold)
         if curve.point is not None:
             for value, face in ((curve.point[1], colour), (curve.point[2], "white")):
-                axes.plot(curve.point[0] / 3600.0, value, marker=marker, ms=7, mfc=face, mec=colour, mew=1.3, ls="none",
-                          zorder=5)  # fmt: skip
+                axes.plot(
+                    curve.point[0] / 3600.0,
+                    value,
+                    marker=marker,
+                    ms=7,
+                    mfc=face,
+                    mec=colour,
+                    mew=1.3,
+                    ls="none",
+                    zorder=5,
+                )
         handles.append(Line2D([], [], color=colour, lw=1.7, marker=marker, ms=6, label=curve.label))
         for values in (curve.snr, curve.significance):
             good = values[np.isfinite(values) & (values > 0)]
@@ -145,9 +154,11 @@ def _times(axes: Axes, curves: EtcCurves, looks: dict[str, tuple[str, str]]) -> 
                 lows.append(good.max())
     if highs:
         axes.set_ylim(min(lows, default=1.0) / 30.0, 1.6 * max(highs))
-    keys = [Line2D([], [], color="#444444", lw=1.7, label="SNR"),
-            Line2D([], [], color="#444444", lw=1.3, ls=(0, (4, 2)), label="significance"),
-            Line2D([], [], color="#444444", lw=1.0, ls=":", label="threshold")]  # fmt: skip
+    keys = [
+        Line2D([], [], color="#444444", lw=1.7, label="SNR"),
+        Line2D([], [], color="#444444", lw=1.3, ls=(0, (4, 2)), label="significance"),
+        Line2D([], [], color="#444444", lw=1.0, ls=":", label="threshold"),
+    ]
     _plain_ticks(axes.yaxis, (1.0, 3.0))
     _plain_ticks(axes.xaxis, (1.0,))
     axes.set_title("best visit of at most this time", fontsize=10)
@@ -190,8 +201,16 @@ def _budgets(axes: Axes, rows: Sequence[EtcRow]) -> None:
     labels = [row.band + (f", {row.separation_arcsec:.3f}″" if several else "") for row in rows]
     for name in names:
         widths = np.array([100.0 * share.get(name, 0.0) for share in shares])
-        axes.barh(range(len(rows)), widths, left=left, height=0.66, color=_TERM_COLOURS[name], edgecolor="white",
-                  linewidth=0.6, label=term_text(name))  # fmt: skip
+        axes.barh(
+            range(len(rows)),
+            widths,
+            left=left,
+            height=0.66,
+            color=_TERM_COLOURS[name],
+            edgecolor="white",
+            linewidth=0.6,
+            label=term_text(name),
+        )
         left += widths
     axes.barh(range(len(rows)), 100.0 - left, left=left, height=0.66, color=_REST, label="all other terms")
     axes.set_yticks(range(len(rows)), labels)

@@ -58,14 +58,18 @@ REMEDIES: dict[str, str] = {
 
 #: What a ranking is by: name of its column, and meaning.
 SCORES: dict[str, tuple[str, str]] = {
-    "completeness_per_hour": ("compl/h", "fraction of the population that one observation detects, per hour of it, "
-                              "in the band where that is most"),
-    "completeness": ("compl", "fraction of the population that one observation detects, in the band where that is "
-                     "most"),
+    "completeness_per_hour": (
+        "compl/h",
+        "fraction of the population that one observation detects, per hour of it, in the band where that is most",
+    ),
+    "completeness": (
+        "compl",
+        "fraction of the population that one observation detects, in the band where that is most",
+    ),
     "detection_margin": ("margin", "significance of the reference planet over the detection threshold"),
     "detection_time": ("1/time", "reference planets detected per hour: one over the least wall time that does"),
     "contrast_limit": ("−log C", "minus log10 of the faintest contrast detected anywhere in the dark hole"),
-}  # fmt: skip
+}
 
 _CAPS = {
     "hole": "keeps the pixels inside the dark hole unsaturated",

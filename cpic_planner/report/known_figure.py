@@ -61,8 +61,13 @@ def _holes(axes: Axes, result: KnownResult) -> None:
         axes.axhspan(inner, outer, color="#8C8C8C", alpha=0.10, lw=0)
         for edge in (inner, outer):
             axes.axhline(edge, color="#8C8C8C", lw=0.7, ls=_LINES[number % len(_LINES)])
-        axes.axhline(inner, color="#8C8C8C", lw=0.7, ls=_LINES[number % len(_LINES)],
-                     label=f"dark hole {', '.join(bands)}: {inner:.2f} to {outer:.2f}″")  # fmt: skip
+        axes.axhline(
+            inner,
+            color="#8C8C8C",
+            lw=0.7,
+            ls=_LINES[number % len(_LINES)],
+            label=f"dark hole {', '.join(bands)}: {inner:.2f} to {outer:.2f}″",
+        )
 
 
 def _track(axes: Axes, row: KnownPlanetRow, number: int) -> None:

@@ -219,9 +219,16 @@ def _marks(axes: Axes, panels: Panels, ink: str, *, searched: bool) -> None:
         if mark.label:
             side = -1.0 if x > 0 else 1.0
             axes.text(
-                x + side * 2.3 * radius, y, literal(mark.label), color=ink, fontsize=8.5, va="center",
-                ha="right" if side < 0 else "left", path_effects=_halo(ink), clip_on=True,
-            )  # fmt: skip
+                x + side * 2.3 * radius,
+                y,
+                literal(mark.label),
+                color=ink,
+                fontsize=8.5,
+                va="center",
+                ha="right" if side < 0 else "left",
+                path_effects=_halo(ink),
+                clip_on=True,
+            )
 
 
 def _ticks(norm: Any) -> list[float]:

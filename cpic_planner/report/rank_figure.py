@@ -56,8 +56,14 @@ def _completeness(axes: Axes, rows: list[RankedTarget], looks: dict[str, tuple[s
     axes.grid(visible=True, axis="x")
     axes.set(xlabel="completeness (%)", ylim=(len(rows) - 0.4, -0.6))
     bands = [band for band in looks if band in {row.completeness_band for row in rows}]
-    axes.legend(handles=[Patch(color=looks[band][0], label=band) for band in bands], loc="lower right", fontsize=8.5,
-                frameon=True, edgecolor="none", framealpha=0.9)  # fmt: skip
+    axes.legend(
+        handles=[Patch(color=looks[band][0], label=band) for band in bands],
+        loc="lower right",
+        fontsize=8.5,
+        frameon=True,
+        edgecolor="none",
+        framealpha=0.9,
+    )
 
 
 def _margins(axes: Axes, rows: list[RankedTarget]) -> None:
@@ -67,8 +73,15 @@ def _margins(axes: Axes, rows: list[RankedTarget]) -> None:
     for status, (colour, marker) in STATUS_STYLE.items():
         own = [(i, row.detection_margin) for i, row in seen if row.status == status]
         if own:
-            axes.plot([margin for _, margin in own], [i for i, _ in own], marker=marker, ms=6, ls="none", color=colour,
-                      label=status_text(status))  # fmt: skip
+            axes.plot(
+                [margin for _, margin in own],
+                [i for i, _ in own],
+                marker=marker,
+                ms=6,
+                ls="none",
+                color=colour,
+                label=status_text(status),
+            )
     axes.axvline(1.0, color="#111111", lw=1.2, ls="--", zorder=1)
     if seen:
         axes.set_xscale("log")

@@ -46,8 +46,9 @@ def snr_figure(result: PlanResult | ConfirmResult) -> Picture:
         axes.plot(line, line, color="#444444", lw=1.2, zorder=2, label="recovered = predicted")
         ratio, error = result.calibration.get("ratio"), result.calibration.get("error")
         if ratio is not None and error is not None:
-            axes.fill_between(line, (ratio - error) * line, (ratio + error) * line, color="#B03060", alpha=0.18, lw=0.0,
-                              zorder=1)  # fmt: skip
+            axes.fill_between(
+                line, (ratio - error) * line, (ratio + error) * line, color="#B03060", alpha=0.18, lw=0.0, zorder=1
+            )
             axes.plot(
                 line,
                 ratio * line,

@@ -52,8 +52,14 @@ def spectrum_figure(scene: Scene, instrument: Instrument, bands: Sequence[BandCo
         for number, name in enumerate(names):
             light, (colour, marker) = lights[name], BAND_STYLE[number % len(BAND_STYLE)]
             inside = (light.wavelength_nm >= low) & (light.wavelength_nm <= high)
-            axes.plot(light.wavelength_nm[inside], light.contrast[inside], color=colour, lw=1.0, alpha=0.55,
-                      label=literal(f"{name}: input"))  # fmt: skip
+            axes.plot(
+                light.wavelength_nm[inside],
+                light.contrast[inside],
+                color=colour,
+                lw=1.0,
+                alpha=0.55,
+                label=literal(f"{name}: input"),
+            )
             own = [item for item in seen if item.planet == name]
             centre = np.array([instrument.bands[item.band].center_nm for item in own])
             half = np.array([0.5 * instrument.bands[item.band].width_nm for item in own])
@@ -61,12 +67,30 @@ def spectrum_figure(scene: Scene, instrument: Instrument, bands: Sequence[BandCo
                 np.array([getattr(item, key) or 0.0 for item in own])
                 for key in ("true_contrast", "recovered_contrast", "contrast_error", "contrast_mean_error")
             )
-            axes.hlines(true, centre - half, centre + half, color="#222222", lw=2.0, zorder=3,
-                        label="input in the band" if number == 0 else "")  # fmt: skip
+            axes.hlines(
+                true,
+                centre - half,
+                centre + half,
+                color="#222222",
+                lw=2.0,
+                zorder=3,
+                label="input in the band" if number == 0 else "",
+            )
             place = centre + _SHIFT_NM * (number - 0.5 * (len(names) - 1))
             axes.errorbar(place, value, yerr=error, fmt="none", ecolor=colour, elinewidth=1.1, capsize=4.0, zorder=4)
-            axes.errorbar(place, value, yerr=mean, fmt=marker, color=colour, ms=7, mec="white", mew=0.6,
-                          elinewidth=3.2, zorder=5, label=literal(f"{name}: recovered"))  # fmt: skip
+            axes.errorbar(
+                place,
+                value,
+                yerr=mean,
+                fmt=marker,
+                color=colour,
+                ms=7,
+                mec="white",
+                mew=0.6,
+                elinewidth=3.2,
+                zorder=5,
+                label=literal(f"{name}: recovered"),
+            )
             heights += [*(value + error), *(value - error), *true]
         if min(heights) > 0 and max(heights) > _LOG_SPAN * min(heights):
             axes.set_yscale("log")

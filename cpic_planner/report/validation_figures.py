@@ -42,8 +42,14 @@ def contrast_curve_figure(
         defined = np.isfinite(measured.contrast)
         colour, marker = BAND_STYLE[0]
         label = f"measured, {measured.sigma:g}-sigma equivalent"
-        axes.plot(measured.separation_arcsec[defined], measured.contrast[defined], color=colour, marker=marker, ms=4,
-                  label=label)  # fmt: skip
+        axes.plot(
+            measured.separation_arcsec[defined],
+            measured.contrast[defined],
+            color=colour,
+            marker=marker,
+            ms=4,
+            label=label,
+        )
         if predicted is not None:
             axes.plot(*predicted, color=BAND_STYLE[5][0], ls="--", lw=2.0, label="predicted by the ETC")
         axes.set(yscale="log", xlabel="separation (arcsec)", ylabel="contrast limit (planet-to-star flux ratio)")
@@ -76,8 +82,9 @@ def roc_figure(curves: Mapping[str, RocCurve], *, title: str) -> Picture:
         for index, (name, curve) in enumerate(curves.items()):
             colour, marker = BAND_STYLE[index % len(BAND_STYLE)]
             rate = np.maximum(curve.false_alarm_rate, floor)
-            axes.plot(rate, curve.detection_probability, color=colour, ls=_LINES[index % len(_LINES)],
-                      label=literal(name))  # fmt: skip
+            axes.plot(
+                rate, curve.detection_probability, color=colour, ls=_LINES[index % len(_LINES)], label=literal(name)
+            )
             some = np.flatnonzero(curve.n_false > 0)[::6]
             axes.errorbar(
                 rate[some],
@@ -91,8 +98,12 @@ def roc_figure(curves: Mapping[str, RocCurve], *, title: str) -> Picture:
                 lw=0.8,
             )
         _mark_levels(axes, floor)
-        axes.set(xscale="log", ylim=(-0.03, 1.03), xlabel="false alarms per resolution element",
-                 ylabel="detection probability")  # fmt: skip
+        axes.set(
+            xscale="log",
+            ylim=(-0.03, 1.03),
+            xlabel="false alarms per resolution element",
+            ylabel="detection probability",
+        )
         axes.set_title(literal(title))
         axes.grid(visible=True)
         axes.legend(loc="lower right")
@@ -122,14 +133,29 @@ def completeness_figure(
     with style():
         figure = new_figure(4.6)
         axes = figure.add_subplot()
-        mesh = axes.pcolormesh(found.separation_arcsec, found.contrast, found.fraction.T, cmap=STACK_COLOURS, vmin=0.0,
-                               vmax=1.0, shading="nearest")  # fmt: skip
+        mesh = axes.pcolormesh(
+            found.separation_arcsec,
+            found.contrast,
+            found.fraction.T,
+            cmap=STACK_COLOURS,
+            vmin=0.0,
+            vmax=1.0,
+            shading="nearest",
+        )
         figure.colorbar(mesh, ax=axes, label=f"recovered at {found.sigma:g} sigma ({found.n_injected} a cell)")
         sides = axes.get_xlim()
         half = found.contrast_at(0.5)
         there = np.isfinite(half)
-        axes.plot(found.separation_arcsec[there], half[there], color="white", lw=2.6, marker="o", ms=5,
-                  markeredgecolor="black", label="half recovered")  # fmt: skip
+        axes.plot(
+            found.separation_arcsec[there],
+            half[there],
+            color="white",
+            lw=2.6,
+            marker="o",
+            ms=5,
+            markeredgecolor="black",
+            label="half recovered",
+        )
         if predicted is not None:
             axes.plot(*predicted, color="#D55E00", ls="--", lw=2.2, label="limit of the ETC")
         axes.set(yscale="log", xlabel="separation (arcsec)", ylabel="contrast (planet-to-star flux ratio)")

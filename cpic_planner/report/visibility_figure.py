@@ -65,8 +65,13 @@ def _year(result: VisibilityResult) -> Figure:
     _dates(bottom, edges)
     name = full_name(target.name, target.hip)
     where = f"ecliptic latitude {target.ecliptic_latitude_deg:.1f}°".replace("-", "−")
-    figure.suptitle(literal(f"{name}, {where}: seen on {target.observable_days:g} of {result.n_days} days from "
-                            f"{day_text(result.start_utc)}"), fontsize=11)  # fmt: skip
+    figure.suptitle(
+        literal(
+            f"{name}, {where}: seen on {target.observable_days:g} of {result.n_days} days from "
+            f"{day_text(result.start_utc)}"
+        ),
+        fontsize=11,
+    )
     return figure
 
 
@@ -104,8 +109,9 @@ def _times(axes: Axes, edges: FloatArray, target: VisibleTarget, period_s: float
     seen = np.array(target.days.blocked_by) == ""
     axes.stairs(np.where(seen, target.days.visible_s, 0.0) / 60.0, edges, fill=True, color=_VISIBLE, alpha=0.55, lw=0.0)
     line = _steps(axes, edges, target.days.visible_s, seen, color=_VISIBLE, lw=1.4, label="usable, less the anomaly")
-    window = _steps(axes, edges, target.days.window_s, seen, color=_WINDOW, lw=1.1, ls=(0, (3, 1.5)),
-                    label="longest window")  # fmt: skip
+    window = _steps(
+        axes, edges, target.days.window_s, seen, color=_WINDOW, lw=1.1, ls=(0, (3, 1.5)), label="longest window"
+    )
     whole = axes.axhline(period_s / 60.0, color="#8C8C8C", lw=1.0, ls=":", label="one orbit")
     axes.set(ylim=(0.0, 1.06 * period_s / 60.0), ylabel="minutes per orbit")
     axes.grid(visible=True, axis="y")
@@ -124,8 +130,10 @@ def _angles(axes: Axes, edges: FloatArray, result: VisibilityResult) -> None:
         lines.append(("panels from", 90.0 - reach, _SUN, ":"))
     if reach < 90.0:
         lines.append(("panels to", 90.0 + reach, _SUN, ":"))
-    handles = [axes.axhline(value, color=colour, lw=1.1, ls=dashes, label=f"{label} {value:g}°")
-               for label, value, colour, dashes in lines]  # fmt: skip
+    handles = [
+        axes.axhline(value, color=colour, lw=1.1, ls=dashes, label=f"{label} {value:g}°")
+        for label, value, colour, dashes in lines
+    ]
     axes.set(ylim=(0.0, 180.0), ylabel="angle (deg)", yticks=range(0, 181, 30))
     axes.grid(visible=True, axis="y")
     axes.legend(handles=[sun, moon, *handles], ncols=6, columnspacing=1.2, bbox_to_anchor=(0.5, -0.19), **_BELOW)
@@ -158,8 +166,9 @@ def _calendar(result: VisibilityResult) -> Figure:
     scale = Normalize(low, high)
     figure = new_figure(min(12.0, 2.1 + 0.3 * n))
     axes = figure.subplots()
-    axes.imshow(colours(scale(minutes)), aspect="auto", interpolation="nearest",
-                extent=(edges[0], edges[-1], n - 0.5, -0.5))  # fmt: skip
+    axes.imshow(
+        colours(scale(minutes)), aspect="auto", interpolation="nearest", extent=(edges[0], edges[-1], n - 0.5, -0.5)
+    )
     used: list[Patch] = []
     for cause, (colour, hatch) in _BLOCK_STYLE.items():
         look: dict[str, Any] = {"facecolor": colour, "edgecolor": "white", "hatch": hatch, "lw": 0.0}

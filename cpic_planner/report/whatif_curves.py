@@ -135,9 +135,13 @@ def _sweep_panels(strategies: Sequence[StrategyOutcome], sweep: Sweep, what: _Wh
         axes.grid(visible=True)
     for axes in grid.flat[len(sweep.lines) :]:
         axes.remove()
-    figure.legend([handles[value] for value in sweep.values],
-                  [literal(f"{sweep.key}={value}") for value in sweep.values],
-                  loc="outside upper center", ncols=4, fontsize=8.5)  # fmt: skip
+    figure.legend(
+        [handles[value] for value in sweep.values],
+        [literal(f"{sweep.key}={value}") for value in sweep.values],
+        loc="outside upper center",
+        ncols=4,
+        fontsize=8.5,
+    )
     return figure
 
 
@@ -152,8 +156,9 @@ def _line(axes: Axes, item: StrategyOutcome, what: _What, colour: str, marker: s
         x = np.append(x[:n], end)
     if band:
         axes.fill_between(x, low, high, color=colour, alpha=_BAND_ALPHA, lw=0)
-    (line,) = axes.plot(x, mean, color=colour, lw=1.6, marker=marker, ms=6.5, markevery=[len(x) - 1],
-                        label=row_label(item.name))  # fmt: skip
+    (line,) = axes.plot(
+        x, mean, color=colour, lw=1.6, marker=marker, ms=6.5, markevery=[len(x) - 1], label=row_label(item.name)
+    )
     return line
 
 
@@ -182,8 +187,18 @@ def sweep_figure(result: WhatIfResult) -> Picture | None:
                 found = [getattr(strategies[members[sweep.values[i]]], quantity) for i in at]
                 means = [item.mean for item in found]
                 errors = [[item.mean - item.low for item in found], [item.high - item.mean for item in found]]
-                axes.errorbar(places[at], means, yerr=np.maximum(errors, 0.0), color=colour, marker=marker, lw=1.5,
-                              ms=6, elinewidth=1.1, capsize=2.5, label=row_label(line))  # fmt: skip
+                axes.errorbar(
+                    places[at],
+                    means,
+                    yerr=np.maximum(errors, 0.0),
+                    color=colour,
+                    marker=marker,
+                    lw=1.5,
+                    ms=6,
+                    elinewidth=1.1,
+                    capsize=2.5,
+                    label=row_label(line),
+                )
             axes.grid(visible=True)
             axes.set_ylim(0.0, None)
         _value_axis(panels[0], sweep, places)

@@ -43,9 +43,18 @@ WHATIF_FIGURES = {
 """Titles of the figures, in their order."""
 _OPEN_CHANGES = 5
 """Strategies whose changes of rank are shown without a click."""
-_WORDS = frozenset({
-    "contrast", "SNR", "significance", "threshold", "blind search", "separation", "dark hole", "RDI",
-})  # fmt: skip
+_WORDS = frozenset(
+    {
+        "contrast",
+        "SNR",
+        "significance",
+        "threshold",
+        "blind search",
+        "separation",
+        "dark hole",
+        "RDI",
+    }
+)
 
 
 @dataclass(frozen=True)

@@ -87,8 +87,13 @@ def sweep_of(strategies: Sequence[StrategyOutcome]) -> Sweep | None:
     if None in found or len(units) > 1:
         return Sweep(key, tuple(texts), None, "", lines)
     ordered = sorted(zip(found, texts, strict=True))  # type: ignore[type-var]
-    return Sweep(key, tuple(text for _, text in ordered), tuple(float(value) for value, _ in ordered),  # type: ignore[arg-type]
-                 units.pop(), lines)  # fmt: skip
+    return Sweep(
+        key,
+        tuple(text for _, text in ordered),
+        tuple(float(value) for value, _ in ordered),  # type: ignore[arg-type]
+        units.pop(),
+        lines,
+    )
 
 
 def _number(value: Any) -> float | None:

@@ -106,8 +106,16 @@ def _marks(
             places[i][0].extend(middle[target.slots])
             places[i][1].extend([row + offsets[i]] * len(target.slots))
     for (x, y), item, (colour, marker) in zip(places, result.strategies, looks_of(result.strategies), strict=True):
-        axes.plot(x, y, ls="none", color=colour, marker=marker, ms=4.5 if len(rows) <= 20 else 3.2,
-                  markeredgewidth=0, label=row_label(item.name))  # fmt: skip
+        axes.plot(
+            x,
+            y,
+            ls="none",
+            color=colour,
+            marker=marker,
+            ms=4.5 if len(rows) <= 20 else 3.2,
+            markeredgewidth=0,
+            label=row_label(item.name),
+        )
     axes.figure.legend(loc="outside upper center", ncols=3, fontsize=9)  # type: ignore[union-attr]
 
 
@@ -123,8 +131,9 @@ def _counts(
             counts[row, sorted(set(target.slots))] += 1.0
     edges = np.append(begins, begins[-1] + step)
     shown = np.ma.masked_equal(counts, 0.0)
-    mesh = axes.pcolormesh(edges, np.arange(len(rows) + 1) - 0.5, shown, cmap="viridis_r", vmin=1.0,
-                           vmax=max(counts.max(), 2.0))  # fmt: skip
+    mesh = axes.pcolormesh(
+        edges, np.arange(len(rows) + 1) - 0.5, shown, cmap="viridis_r", vmin=1.0, vmax=max(counts.max(), 2.0)
+    )
     axes.figure.colorbar(mesh, ax=axes, label=f"strategies, of {n}", pad=0.015, ticks=MaxNLocator(6, integer=True))
 
 
@@ -160,19 +169,44 @@ def stars_figure(result: WhatIfResult) -> Picture | None:
         figure = new_figure(4.8)
         axes = sky_axes(figure)
         if (~found).any():
-            axes.scatter(places[0][~found], places[1][~found], s=areas[~found], facecolors="white", lw=0.9,
-                         edgecolors="#777777", zorder=3, label=f"nothing found ({(~found).sum()})")  # fmt: skip
+            axes.scatter(
+                places[0][~found],
+                places[1][~found],
+                s=areas[~found],
+                facecolors="white",
+                lw=0.9,
+                edgecolors="#777777",
+                zorder=3,
+                label=f"nothing found ({(~found).sum()})",
+            )
         if found.any():
             ends = values[found].min(), max(values[found].max(), 1.001 * values[found].min())
             order = np.flatnonzero(found)[::-1]
-            dots = axes.scatter(places[0][order], places[1][order], s=areas[order], c=values[order], cmap="viridis_r",
-                                norm=LogNorm(*ends), edgecolors="#333333", linewidths=0.4, zorder=4)  # fmt: skip
+            dots = axes.scatter(
+                places[0][order],
+                places[1][order],
+                s=areas[order],
+                c=values[order],
+                cmap="viridis_r",
+                norm=LogNorm(*ends),
+                edgecolors="#333333",
+                linewidths=0.4,
+                zorder=4,
+            )
             bar = figure.colorbar(dots, ax=axes, label="planets found per 100 h", shrink=0.8, pad=0.03)
             bar.ax.yaxis.set_major_formatter("{x:g}")
             bar.ax.yaxis.set_minor_formatter("{x:g}" if ends[1] < 20 * ends[0] else "")
         if hosts.any():
-            axes.scatter(places[0][hosts], places[1][hosts], s=areas[hosts] + _RING_AREA, facecolors="none", lw=1.3,
-                         edgecolors="#D55E00", zorder=5, label=f"known planet ({hosts.sum()})")  # fmt: skip
+            axes.scatter(
+                places[0][hosts],
+                places[1][hosts],
+                s=areas[hosts] + _RING_AREA,
+                facecolors="none",
+                lw=1.3,
+                edgecolors="#D55E00",
+                zorder=5,
+                label=f"known planet ({hosts.sum()})",
+            )
         figure.legend(loc="outside lower center", ncols=4)
         place_labels(
             axes,

@@ -46,12 +46,15 @@ def yields_figure(result: WhatIfResult) -> Picture:
     looks = looks_of(result.strategies)
     with style():
         figure, (left, right) = _rowed(result, rows, 2)
-        for axes, quantity, title in ((left, "planets", "planets found, new and known"),
-                                      (right, "new_planets", "new planets found")):  # fmt: skip
+        for axes, quantity, title in (
+            (left, "planets", "planets found, new and known"),
+            (right, "new_planets", "new planets found"),
+        ):
             for place, i in enumerate(rows):
                 found: EstimateRecord = getattr(result.strategies[i], quantity)
-                axes.plot([found.survey_low, found.survey_high], [place, place], color=looks[i][0], lw=1.2,
-                          marker="|", ms=6)  # fmt: skip
+                axes.plot(
+                    [found.survey_low, found.survey_high], [place, place], color=looks[i][0], lw=1.2, marker="|", ms=6
+                )
                 _mean(axes, place, found.mean, found.low, found.high, looks[i])
             axes.set_xlabel(title)
             axes.set_xlim(left=-0.02 * axes.get_xlim()[1])
@@ -125,14 +128,30 @@ def time_figure(result: WhatIfResult) -> Picture:
         left = np.zeros(len(rows))
         for name, label, colour, hatch in _PARTS:
             widths = np.array([getattr(use, name) for use in uses])
-            axes.barh(range(len(rows)), widths, left=left, color=colour, hatch=hatch, edgecolor="white", lw=0.4,
-                      height=0.66, label=label)  # fmt: skip
+            axes.barh(
+                range(len(rows)),
+                widths,
+                left=left,
+                color=colour,
+                hatch=hatch,
+                edgecolor="white",
+                lw=0.4,
+                height=0.66,
+                label=label,
+            )
             left += widths
         axes.set_xlim(0.0, end)
         for place in range(len(rows)):
             if unused[place] > 0 and used[place] < 0.88 * end:
-                axes.annotate(f"{significant(unused[place])} h unused", (used[place], place), (4, 0),
-                              textcoords="offset points", va="center", fontsize=8, color="#333333")  # fmt: skip
+                axes.annotate(
+                    f"{significant(unused[place])} h unused",
+                    (used[place], place),
+                    (4, 0),
+                    textcoords="offset points",
+                    va="center",
+                    fontsize=8,
+                    color="#333333",
+                )
         axes.set_xlabel("telescope time a survey (h)")
         figure.legend(loc="outside upper center", ncols=5, fontsize=9, handlelength=1.6, columnspacing=1.4)
         cut = bool((used + unused).max() > end)
@@ -193,8 +212,16 @@ def _mean(
     axes: Axes, place: int, mean: float, low: float, high: float, look: tuple[str, str], *, open_marker: bool = False
 ) -> None:
     axes.plot([low, high], [place, place], color=look[0], lw=8.0, solid_capstyle="butt", alpha=0.45)
-    axes.plot([mean], [place], marker=look[1], ms=5.5, color=look[0], ls="none",
-              markerfacecolor="white" if open_marker else look[0], markeredgecolor=look[0])  # fmt: skip
+    axes.plot(
+        [mean],
+        [place],
+        marker=look[1],
+        ms=5.5,
+        color=look[0],
+        ls="none",
+        markerfacecolor="white" if open_marker else look[0],
+        markeredgecolor=look[0],
+    )
 
 
 def _rowed(result: WhatIfResult, rows: Sequence[int], columns: int) -> tuple[Figure, list[Axes]]:
@@ -205,7 +232,8 @@ def _rowed(result: WhatIfResult, rows: Sequence[int], columns: int) -> tuple[Fig
     for axes in panels:
         axes.grid(visible=True, axis="x")
         axes.tick_params(axis="y", length=0)
-    panels[0].set_yticks(range(len(rows)), [row_label(result.strategies[i].name) for i in rows],
-                         fontsize=9.5 if len(rows) <= 12 else 8)  # fmt: skip
+    panels[0].set_yticks(
+        range(len(rows)), [row_label(result.strategies[i].name) for i in rows], fontsize=9.5 if len(rows) <= 12 else 8
+    )
     panels[0].set_ylim(len(rows) - 0.4, -0.6)
     return figure, panels

@@ -51,24 +51,42 @@ READING: tuple[str, ...] = (
 """How to read the intervals."""
 
 WHATIF_GLOSSARY: tuple[tuple[str, str], ...] = (
-    ("universe", "One drawing of chance: unknown planets around the real stars, their orbits, the places of known "
-     "planets within their errors, and all noise. Every strategy is played in each."),
-    ("planets found", "Planets that passed the detection rule in as many visits as it asks for, each counted once. "
-     "New: drawn from the population. Known: listed in the table of known planets."),
+    (
+        "universe",
+        "One drawing of chance: unknown planets around the real stars, their orbits, the places of known "
+        "planets within their errors, and all noise. Every strategy is played in each.",
+    ),
+    (
+        "planets found",
+        "Planets that passed the detection rule in as many visits as it asks for, each counted once. "
+        "New: drawn from the population. Known: listed in the table of known planets.",
+    ),
     ("characterised", "Found, and seen in every band of the follow-up."),
-    ("telescope time", "What a visit takes from the observatory: slewing, settling, exposing, reference frames, and "
-     "the parts of orbits in which the star is out of sight."),
+    (
+        "telescope time",
+        "What a visit takes from the observatory: slewing, settling, exposing, reference frames, and "
+        "the parts of orbits in which the star is out of sight.",
+    ),
     ("wall time", "Science and reference frames with readouts; no slews, no occultations."),
     ("reserve", "Visits planned beyond the budget, made in universes in which stop rules free time."),
-    ("distance from the bound", "How far the planned calendar is below a value that no calendar of the same visits can "
-     "pass. A better calendar could gain at most that much."),
+    (
+        "distance from the bound",
+        "How far the planned calendar is below a value that no calendar of the same visits can "
+        "pass. A better calendar could gain at most that much.",
+    ),
     ("false alarms", "Noise, or background stars, that pass the detection rule and look like planets."),
-    ("detection law", "The chance that a planet is found, against its predicted significance over threshold, as "
-     "measured on simulated images."),
-    ("assumed contrast", "Median raw contrast of the dark hole. Brighter than the instrument's own: the mirror's "
-     "actuators are off by as much, and the optics are measured with it. Darker: less of the instrument's light."),
+    (
+        "detection law",
+        "The chance that a planet is found, against its predicted significance over threshold, as "
+        "measured on simulated images.",
+    ),
+    (
+        "assumed contrast",
+        "Median raw contrast of the dark hole. Brighter than the instrument's own: the mirror's "
+        "actuators are off by as much, and the optics are measured with it. Darker: less of the instrument's light.",
+    ),
     ("rank", "By planets found, new and known, per hour of telescope time in that strategy."),
-)  # fmt: skip
+)
 """Words of this report; those of the other reports are in `cpic_planner.report.words`."""
 
 _FACTORS = ("assumptions.drift", "assumptions.throughput")
@@ -124,8 +142,10 @@ def empty_text(item: StrategyOutcome) -> str:
         text = f"{item.name} plans {count_text(plan.visits)} visits only, {significant(plan.hours)} h"
     rule = f"A visit has to be worth {least:g} planets (scheduler.min_gain)."
     if needed > 1:
-        rule = (f"Where {needed} visits have to show a planet, those of a star have to be worth {least:g} planets each "
-                "on average (scheduler.min_gain).")  # fmt: skip
+        rule = (
+            f"Where {needed} visits have to show a planet, those of a star have to be worth {least:g} planets each "
+            "on average (scheduler.min_gain)."
+        )
     if plan.bound <= 0.0:
         return f"{text}: no visit of its stars fits into the calendar and shows a planet. {rule}"
     bound = f"no calendar can be worth more than {significant(plan.bound, 2)}, this one is worth"
@@ -219,15 +239,20 @@ def universe_facts(result: WhatIfResult) -> list[tuple[str, str]]:
     shared = result.universe
     days = float(shared["duration_days"])
     facts = [
-        ("Time", f"{count_text(round(days))} days ({significant(days / 365.25, 2)} years) from "
-         f"{str(shared['start_utc'])[:10]}, planned in slots of {shared['slot_days']:g} days"),
+        (
+            "Time",
+            f"{count_text(round(days))} days ({significant(days / 365.25, 2)} years) from "
+            f"{str(shared['start_utc'])[:10]}, planned in slots of {shared['slot_days']:g} days",
+        ),
         ("Instrument", f"{shared['instrument']}. Every default value has its source and confidence in the preset."),
-        ("Orbit and pointing limits", f"{shared['visibility']}: Sun, Moon, Earth limb, solar panels, South Atlantic "
-         "Anomaly, in low Earth orbit"),
+        (
+            "Orbit and pointing limits",
+            f"{shared['visibility']}: Sun, Moon, Earth limb, solar panels, South Atlantic Anomaly, in low Earth orbit",
+        ),
         ("Stars", result.catalogue),
         ("Known planets", result.known_planets or "left out"),
         ("Background stars", "not drawn" if shared["background"] == "off" else "drawn, as false alarms"),
-    ]  # fmt: skip
+    ]
     if result.observed:
         facts.append(("Already observed", result.observed))
     facts.append(("Universes", f"{count_text(result.n_universes)}, seed {shared['seed']}"))

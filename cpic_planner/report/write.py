@@ -44,8 +44,9 @@ def limit_curves(plan: PlanResult, model: EtcModel, targets: Targets | None = No
             star = targets.select(targets.name == target.name)
         inner = model.metrics[row.band].hole_inner_corner_arcsec
         separations = np.geomspace(inner * 1.001, model.metrics[row.band].owa_arcsec * 0.999, N_LIMIT_POINTS)
-        found = contrast_limit(model, star, time_s=row.time_s or plan.time_s, separation_arcsec=separations.tolist(),
-                               bands=[row.band])  # fmt: skip
+        found = contrast_limit(
+            model, star, time_s=row.time_s or plan.time_s, separation_arcsec=separations.tolist(), bands=[row.band]
+        )
         good = [(answer.separation_arcsec, answer.value) for answer in found if answer.value is not None]
         if good:
             label = f"{pretty_name(target.name)}, {row.band}"
@@ -87,10 +88,14 @@ def panels_of(model: EtcModel, band: str, body: Mapping[str, Any], *, scene: Sce
         sources = scene_sources(scene, instrument, band, roll_deg=roll_deg)[1:]
         several = sum(source.kind == "planet" for source in sources) > 1
         marks += [
-            Mark(source.x_arcsec, source.y_arcsec, "planet" if source.kind == "planet" else "star",
-                 source.name if several or source.kind == "star" else "")
+            Mark(
+                source.x_arcsec,
+                source.y_arcsec,
+                "planet" if source.kind == "planet" else "star",
+                source.name if several or source.kind == "star" else "",
+            )
             for source in sources
-        ]  # fmt: skip
+        ]
         offsets = []
     x, y = offsets[0] if offsets else (None, None)
     return Panels(

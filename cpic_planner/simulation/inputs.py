@@ -68,8 +68,9 @@ def simulation_from(
         entry = validate(SequenceConfig, own | {"instrument": chosen})
         return simulation_of(kind, [entry], changes=changes), ()
     if not what:
-        raise InputError("what", "missing", allowed="scenes, simulations, tables of stars, or a calibration kind",
-                         hint=_presets())  # fmt: skip
+        raise InputError(
+            "what", "missing", allowed="scenes, simulations, tables of stars, or a calibration kind", hint=_presets()
+        )
     names: list[str] = []
     notes: list[str] = []
     sequences: list[SequenceConfig] = []
@@ -123,8 +124,12 @@ def _read(item: SimulationInput, instrument: Any) -> SimulationConfig | tuple[st
     if name not in NAMED_TABLES:
         if not path.exists():
             known = (*preset_names("simulation"), *preset_names("scene"))
-            raise InputError("what", name, allowed="a preset, a YAML file, or a table of stars that exists",
-                             hint=nearest(name, known) or _presets())  # fmt: skip
+            raise InputError(
+                "what",
+                name,
+                allowed="a preset, a YAML file, or a table of stars that exists",
+                hint=nearest(name, known) or _presets(),
+            )
         if path.suffix.lower() in _YAML:
             return _read_mapping(load_mapping(path, "scene", (*SCENE_KEYS, *SIMULATION_KEYS)), path, instrument)
     stars = open_catalogue(name if name in NAMED_TABLES else path)
@@ -140,8 +145,9 @@ def _read_mapping(
     if kind == "simulation":
         return load_simulation(source, instrument=instrument)
     if kind != "scene":
-        raise InputError("what", _label(source), allowed="a file of kind: scene or kind: simulation",
-                         hint=f"it is of kind {kind}")  # fmt: skip
+        raise InputError(
+            "what", _label(source), allowed="a file of kind: scene or kind: simulation", hint=f"it is of kind {kind}"
+        )
     return _scene(source)
 
 

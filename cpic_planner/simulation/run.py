@@ -225,7 +225,7 @@ def make_sequence(
     names = _files(item.name, truth=truth)
     return {
         "files": {name: {"size_bytes": (own / name).stat().st_size, "sha256": digest_of(own / name)} for name in names}
-    } | {name: getattr(tally, name) for name in _TALLIED}  # fmt: skip
+    } | {name: getattr(tally, name) for name in _TALLIED}
 
 
 def _files(name: ProductName, *, truth: bool) -> list[str]:
@@ -249,8 +249,12 @@ def _check_room(root: Path, planned: Sequence[PlannedSequence], *, truth: bool) 
     whole = root.resolve()
     free = shutil.disk_usage(next(place for place in (whole, *whole.parents) if place.is_dir())).free
     if needed > free:
-        raise InputError("--out", str(root), allowed=f"a disk with {needed / 1e9:.2f} GB to spare",
-                         hint=f"{free / 1e9:.2f} GB are free there")  # fmt: skip
+        raise InputError(
+            "--out",
+            str(root),
+            allowed=f"a disk with {needed / 1e9:.2f} GB to spare",
+            hint=f"{free / 1e9:.2f} GB are free there",
+        )
 
 
 def _result(

@@ -175,8 +175,12 @@ def plan_sequences(simulation: SimulationConfig) -> tuple[PlannedSequence, ...]:
             except InputError as error:
                 raise at(where, error) from None
             if obsid in used:
-                raise InputError(f"{where}.obsid", obsid, allowed="a number of its own",
-                                 hint=f"simulation.sequences.{used[obsid]} has it too")  # fmt: skip
+                raise InputError(
+                    f"{where}.obsid",
+                    obsid,
+                    allowed="a number of its own",
+                    hint=f"simulation.sequences.{used[obsid]} has it too",
+                )
             used[obsid] = number
             realisation = entry.realisation
             if realisation is None:

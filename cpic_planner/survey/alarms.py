@@ -96,12 +96,22 @@ def background_alarms(model: EtcModel, star: Targets, setting: Setting, rule: De
     if not x.size:
         return 0.0
     rates = aperture_rates(model, star, band, x[None], y[None], np.full((1, x.size), _PROBE))
-    noise = stack_noise(rates, setting.exposure_s, setting.n_frames, setting.em_gain, model.camera(band),
-                        reference_ratio=model.strategy.reference_ratio)  # fmt: skip
+    noise = stack_noise(
+        rates,
+        setting.exposure_s,
+        setting.n_frames,
+        setting.em_gain,
+        model.camera(band),
+        reference_ratio=model.strategy.reference_ratio,
+    )
     separation = np.hypot(x, y)
     threshold = threshold_array(metrics.resolution_elements(separation), model.strategy.sigma)
-    middle = half_margin(rule, np.zeros(x.size, bool), tail_share(model, setting, separation[None], noise)[0],
-                         metrics.lambda_d_arcsec / separation)  # fmt: skip
+    middle = half_margin(
+        rule,
+        np.zeros(x.size, bool),
+        tail_share(model, setting, separation[None], noise)[0],
+        metrics.lambda_d_arcsec / separation,
+    )
     with np.errstate(divide="ignore"):
         faintest = middle * _PROBE * threshold / noise.significance[0]
     good = np.isfinite(faintest) & (faintest > 0.0)

@@ -91,8 +91,11 @@ def make_schedule(problem: Problem) -> Schedule:
     spare: list[tuple[int, Visit, float]] = []
     reserve = problem.strategy.scheduler.reserve
     if reserve > 0.0:
-        beyond = Room(room.budget_h + reserve * problem.strategy.time_budget_h, room.slots_h.copy(),
-                      {star: list(visits) for star, visits in room.visits.items()})  # fmt: skip
+        beyond = Room(
+            room.budget_h + reserve * problem.strategy.time_budget_h,
+            room.slots_h.copy(),
+            {star: list(visits) for star, visits in room.visits.items()},
+        )
         spare = greedy(problem, room=beyond)[1]
     visits: tuple[PlannedVisit, ...] = in_order(problem.stars, booked, spare)
     return Schedule(visits, value, max(bound, value), method)
@@ -222,11 +225,15 @@ class _Programme:
             star = problem.stars[i]
             _, alone = StarValue.none(star, needed).gains()
             fits = star.cost_h <= np.minimum(self.slots_h, self.budget_h)
-            self.columns += [_Column(i, (int(option), int(slot)), float(star.cost_h[option, slot]))
-                             for option, slot in np.argwhere(fits & (alone >= least) & (alone > 0.0))]  # fmt: skip
+            self.columns += [
+                _Column(i, (int(option), int(slot)), float(star.cost_h[option, slot]))
+                for option, slot in np.argwhere(fits & (alone >= least) & (alone > 0.0))
+            ]
         self.cuts: list[_Cut] = []
-        self._own = [np.array([k for k, column in enumerate(self.columns) if column.star == i], int)
-                     for i in range(len(problem.stars))]  # fmt: skip
+        self._own = [
+            np.array([k for k, column in enumerate(self.columns) if column.star == i], int)
+            for i in range(len(problem.stars))
+        ]
 
     def add_prefixes(self, made: dict[int, list[Visit]]) -> None:
         """Cuts of every star after none, one, two ... of its visits."""
@@ -282,8 +289,10 @@ class _Programme:
         if n == 0:
             return np.zeros(0), np.zeros(stars), 0.0
         cuts = csr_array(np.stack([cut.gains for cut in self.cuts]))
-        mark = csr_array((np.ones(len(self.cuts)), (np.arange(len(self.cuts)), [cut.star for cut in self.cuts])),
-                         shape=(len(self.cuts), stars))  # fmt: skip
+        mark = csr_array(
+            (np.ones(len(self.cuts)), (np.arange(len(self.cuts)), [cut.star for cut in self.cuts])),
+            shape=(len(self.cuts), stars),
+        )
         rows, limits = self._limits()
         above = hstack([-cuts, mark])
         below = hstack([rows, csr_array((rows.shape[0], stars))])
@@ -295,8 +304,9 @@ class _Programme:
                 bounds=Bounds(np.zeros(n + stars), np.concatenate([np.ones(n), np.full(stars, np.inf)])),
                 integrality=np.concatenate([np.full(n, int(whole)), np.zeros(stars)]),
                 options={"mip_rel_gap": 0.2 * self.problem.strategy.scheduler.gap, "node_limit": _NODES}
-                if whole else {},
-            )  # fmt: skip
+                if whole
+                else {},
+            )
         if found.x is None:  # no whole allocation within the nodes: none is promised
             return np.zeros(n), np.zeros(stars), np.inf
         bound = found.mip_dual_bound if whole else found.fun
@@ -321,7 +331,11 @@ class _Programme:
                 if near.size > 1:
                     rows.append((near, np.ones(near.size), 1.0))
         at = np.repeat(np.arange(len(rows)), [len(columns) for columns, _, _ in rows])
-        matrix = csr_array((np.concatenate([values for _, values, _ in rows]),
-                            (at, np.concatenate([columns for columns, _, _ in rows]))),
-                           shape=(len(rows), len(cost)))  # fmt: skip
+        matrix = csr_array(
+            (
+                np.concatenate([values for _, values, _ in rows]),
+                (at, np.concatenate([columns for columns, _, _ in rows])),
+            ),
+            shape=(len(rows), len(cost)),
+        )
         return matrix, np.array([limit for _, _, limit in rows])

@@ -58,8 +58,10 @@ def _changes(instrument: Instrument, assumed: Assumptions, bands: Sequence[str])
     own: dict[str, Any] = {}
     if assumed.drift != 1.0:
         drift = instrument.drift
-        own["drift"] = {"visit_nm": drift.visit_nm * assumed.drift,
-                        "walk_nm_per_sqrt_hour": drift.walk_nm_per_sqrt_hour * assumed.drift}  # fmt: skip
+        own["drift"] = {
+            "visit_nm": drift.visit_nm * assumed.drift,
+            "walk_nm_per_sqrt_hour": drift.walk_nm_per_sqrt_hour * assumed.drift,
+        }
     if assumed.throughput != 1.0:
         own["bands"] = {band: {"t_opt": instrument.bands[band].t_opt * assumed.throughput} for band in bands}
     if assumed.exozodi is not None:
@@ -168,8 +170,10 @@ def with_contrast(metrics: PsfMetrics, contrast: float) -> PsfMetrics:
     floor[1:] *= np.sqrt(np.maximum(ratio, _LEAST))
     whole = metrics.floor_sigma[0] ** 2 / np.mean(metrics.floor_sigma[1:] ** 2, axis=0)
     floor[0] = np.sqrt(whole * np.mean(floor[1:] ** 2, axis=0))
-    scaled = {name: np.where(inside, factor * getattr(metrics, name), getattr(metrics, name))
-              for name in ("halo_map", "raw_contrast")}  # fmt: skip
+    scaled = {
+        name: np.where(inside, factor * getattr(metrics, name), getattr(metrics, name))
+        for name in ("halo_map", "raw_contrast")
+    }
     return replace(metrics, **scaled, floor_sigma=floor, peak_on_axis_hole=factor * metrics.peak_on_axis_hole)
 
 

@@ -118,8 +118,15 @@ def make_calendar(
     step = universe.slot_days / _SAMPLES
     n_days = universe.n_slots * universe.slot_days
     orbit = instrument.mission.orbit
-    found = visibility(targets.ra_deg, targets.dec_deg, seen, orbit, start_utc=universe.start_utc,
-                       n_days=math.ceil(n_days), step_days=step)  # fmt: skip
+    found = visibility(
+        targets.ra_deg,
+        targets.dec_deg,
+        seen,
+        orbit,
+        start_utc=universe.start_utc,
+        n_days=math.ceil(n_days),
+        step_days=step,
+    )
     n, b = len(targets), universe.n_slots
     start = mjd_of(universe.start_utc)
     # Slots that are no whole number of days end in the middle of one: more steps were asked for than they have.

@@ -103,8 +103,12 @@ def _wanted(strategy: SurveyStrategy, targets: Targets, with_known: NDArray[np.b
         for name in getattr(cuts, key):
             found.append(star_key(name))
             if found[-1] not in keys:
-                raise InputError(f"targets.{key}", name, allowed="stars of the catalogue within v_mag_max, by any name",
-                                 hint="see cpic rank")  # fmt: skip
+                raise InputError(
+                    f"targets.{key}",
+                    name,
+                    allowed="stars of the catalogue within v_mag_max, by any name",
+                    hint="see cpic rank",
+                )
     if cuts.names:
         keep &= np.isin(keys, wanted["names"])
     keep &= ~np.isin(keys, wanted["exclude"])
@@ -127,10 +131,15 @@ def settings_of(model: EtcModel, targets: Targets, band: str, visit: VisitRule, 
     if visit.goal != "time":
         quick = optimise(model, targets, snr=visit.snr, detect=visit.goal == "detect", planet=planet, bands=[band])
         ends = (quick.n_frames >= 1) & (quick.time_s <= time_s)
-        columns = [np.where(ends, getattr(quick, name), old) for name, old in
-                   zip(("exposure_s", "n_frames", "em_gain", "time_s"), columns, strict=True)]  # fmt: skip
-        best = replace(best, separation_arcsec=np.where(ends, quick.separation_arcsec, best.separation_arcsec),
-                       contrast=np.where(ends, quick.contrast, best.contrast))  # fmt: skip
+        columns = [
+            np.where(ends, getattr(quick, name), old)
+            for name, old in zip(("exposure_s", "n_frames", "em_gain", "time_s"), columns, strict=True)
+        ]
+        best = replace(
+            best,
+            separation_arcsec=np.where(ends, quick.separation_arcsec, best.separation_arcsec),
+            contrast=np.where(ends, quick.contrast, best.contrast),
+        )
     if visit.exposure_s is not None or visit.em_gain is not None:
         columns = _fixed(model, targets, band, visit, best, columns[3])
     return [Setting(band, *(float(value) for value in row)) for row in zip(*columns, strict=True)]
@@ -145,8 +154,9 @@ def _fixed(
         camera = replace(camera, exposure_min_s=visit.exposure_s, exposure_max_s=visit.exposure_s)
     x, y = stand(model, band, best.separation_arcsec[:, None])
     rates = aperture_rates(model, targets, band, x, y, best.contrast[:, None])
-    problem = frame_problem(rates, camera, reference_ratio=model.strategy.reference_ratio, objective="significance",
-                            em_gain=visit.em_gain)  # fmt: skip
+    problem = frame_problem(
+        rates, camera, reference_ratio=model.strategy.reference_ratio, objective="significance", em_gain=visit.em_gain
+    )
     choice = best_in_visit(problem, model.visit_s(time_s)[:, None])
     return [choice.exposure_s[:, 0], choice.n_frames[:, 0], choice.em_gain[:, 0], model.time_s(choice.visit_s)[:, 0]]
 
@@ -176,13 +186,25 @@ class PlanningSky:
     ) -> tuple[Bodies, OrbitPlaces]:
         """Planets of one star, `N_DRAWS` new ones and `N_KNOWN` draws of each known one, and their places by day."""
         name = str(star.name[0])
-        key = content_hash({"star": name, "population": None if population is None else population.content(),
-                            "rows": list(rows), "epoch": epoch_mjd, "days": days.tolist()})  # fmt: skip
+        key = content_hash(
+            {
+                "star": name,
+                "population": None if population is None else population.content(),
+                "rows": list(rows),
+                "epoch": epoch_mjd,
+                "days": days.tolist(),
+            }
+        )
         if key not in self._kept:
             draw = functools.partial(
-                draw_bodies, name, float(star_mass_msun(star)[0]), float(star.luminosity_lsun[0]), epoch_mjd=epoch_mjd,
-                seed=self._seed, stage="planning",
-            )  # fmt: skip
+                draw_bodies,
+                name,
+                float(star_mass_msun(star)[0]),
+                float(star.luminosity_lsun[0]),
+                epoch_mjd=epoch_mjd,
+                seed=self._seed,
+                stage="planning",
+            )
             parts = []
             if known is not None and rows:
                 body = draw(None, known=known, known_rows=rows, n=N_KNOWN)
@@ -243,8 +265,9 @@ def screen(
             own = settings_of(model, chosen, band, strategy.visit, time_s)
             settings.append(tuple(own))
             if drawn is not None:
-                exposure, frames, gain = (np.array([getattr(item, name) for item in own])
-                                          for name in ("exposure_s", "n_frames", "em_gain"))  # fmt: skip
+                exposure, frames, gain = (
+                    np.array([getattr(item, name) for item in own]) for name in ("exposure_s", "n_frames", "em_gain")
+                )
                 counted = completeness(model, chosen, band, drawn, exposure_s=exposure, n_frames=frames, em_gain=gain)
                 promising |= counted.completeness > 0.0
     return Screened(chosen, tuple(settings), promising, tuple(tuple(every[row]) for row in rows))
@@ -309,12 +332,16 @@ def candidates(
             roll = calendar.roll_deg(strategy.revisits, place, slots, np.zeros(slots.size, np.int64))
             there = OrbitPlaces(*(getattr(places, name)[slots] for name in OrbitPlaces.__dataclass_fields__))
             seen = see(model, star, option, bodies, albedos_of(population), there, roll)
-            chance[o, slots] = detection_chance(seen, strategy.detection, at_known_place(bodies, known),
-                                                calibration=strategy.detection.calibration)  # fmt: skip
+            chance[o, slots] = detection_chance(
+                seen, strategy.detection, at_known_place(bodies, known), calibration=strategy.detection.calibration
+            )
         counts = (chance > 0.0).any(axis=(0, 1)) & (weight > 0.0)
         if counts.any():  # the others are never seen
-            found.append(Candidate(int(i), options, cost, chance[:, :, counts], weight[counts], rows, visits_left,
-                                   calendar.day[place]))  # fmt: skip
+            found.append(
+                Candidate(
+                    int(i), options, cost, chance[:, :, counts], weight[counts], rows, visits_left, calendar.day[place]
+                )
+            )
     found.sort(key=lambda item: (_class(strategy, item), -item.worth, item.index))
     return found[: strategy.targets.max_targets]
 
@@ -331,8 +358,17 @@ def _left(
 ) -> FloatArray:
     """What earlier visits leave of the weight of each planet: a known one is there all the same."""
     sun = sun_position_angle_deg(star, np.array([[visit.mjd for visit in done]]))[0]
-    left = missed(model, star, bodies, albedos_of(population), done, strategy.detection,
-                  epoch_mjd=calendar.start_mjd, sun_pa_deg=sun, placed=at_known_place(bodies, known))  # fmt: skip
+    left = missed(
+        model,
+        star,
+        bodies,
+        albedos_of(population),
+        done,
+        strategy.detection,
+        epoch_mjd=calendar.start_mjd,
+        sun_pa_deg=sun,
+        placed=at_known_place(bodies, known),
+    )
     for row in np.unique(bodies.known[bodies.known != NEW]):
         mine = bodies.known == row
         # Draws that no date shows are not among the bodies, and no visit rules them out.

@@ -120,9 +120,15 @@ def see(
     if setting.possible and usable.any():
         visit, planet = np.nonzero(usable)
         light = mixture_contrast(
-            model, star, band, albedos, bodies.kind[planet][None], bodies.radius_rjup[planet][None],
-            places.distance_au[usable][None], places.phase_deg[usable][None],
-        )[0]  # fmt: skip
+            model,
+            star,
+            band,
+            albedos,
+            bodies.kind[planet][None],
+            bodies.radius_rjup[planet][None],
+            places.distance_au[usable][None],
+            places.phase_deg[usable][None],
+        )[0]
         contrast[usable] = light
         # Only a companion's wings care for the roll, with two of them that of the places x and y.
         wings = np.isfinite(star.companion_v_mag[0]) and star.companions == "on"
@@ -131,8 +137,14 @@ def see(
             here = turns == angle
             put = (visit[here], planet[here])
             rates = aperture_rates(model, rolled(star, angle), band, x[put][None], y[put][None], light[here][None])
-            noise = stack_noise(rates, setting.exposure_s, setting.n_frames, setting.em_gain, model.camera(band),
-                                reference_ratio=model.strategy.reference_ratio)  # fmt: skip
+            noise = stack_noise(
+                rates,
+                setting.exposure_s,
+                setting.n_frames,
+                setting.em_gain,
+                model.camera(band),
+                reference_ratio=model.strategy.reference_ratio,
+            )
             elements = metrics.resolution_elements(separation[put])
             margin[put] = noise.significance[0] / threshold_array(elements, model.strategy.sigma)
             tails[put] = tail_share(model, setting, separation[put][None], noise)[0]
@@ -183,8 +195,9 @@ def half_margin(rule: DetectionRule, known: ArrayLike, tails: ArrayLike, inward:
     return detection.half_margin(rule, _at_place(rule, known), tails, inward)
 
 
-def detection_chance(seen: Seen, rule: DetectionRule, known: NDArray[np.bool_], shift: ArrayLike = 0.0,
-                     calibration: ArrayLike = 1.0) -> FloatArray:  # fmt: skip
+def detection_chance(
+    seen: Seen, rule: DetectionRule, known: NDArray[np.bool_], shift: ArrayLike = 0.0, calibration: ArrayLike = 1.0
+) -> FloatArray:
     """Probability that a visit detects planets.
 
     Parameters
@@ -206,8 +219,9 @@ def detection_chance(seen: Seen, rule: DetectionRule, known: NDArray[np.bool_], 
     """
     if rule.rule == "expected":
         return np.where(seen.margin >= 1.0, 1.0, 0.0)
-    return detection.detection_probability(rule, seen.margin, _at_place(rule, known), seen.tails, seen.inward,
-                                           shift=shift, calibration=calibration)  # fmt: skip
+    return detection.detection_probability(
+        rule, seen.margin, _at_place(rule, known), seen.tails, seen.inward, shift=shift, calibration=calibration
+    )
 
 
 def _at_place(rule: DetectionRule, known: ArrayLike) -> NDArray[np.bool_]:

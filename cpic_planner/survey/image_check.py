@@ -100,16 +100,33 @@ def _task(survey: Survey, row: Mapping[str, Any], number: int, seed: int) -> Con
     turned = rolled(target, float(row["roll_deg"]))
     pa_deg = (float(row["pa_deg"]) - float(row["roll_deg"])) % 360.0
     albedo = albedos_of(survey.strategy.population)[int(row["kind"])]
-    planet = Planet(name="planet", radius_rjup=float(row["radius_rjup"]), distance_au=float(row["distance_au"]),
-                    phase_deg=float(row["phase_deg"]), separation_arcsec=float(row["separation_arcsec"]),
-                    pa_deg=pa_deg, albedo=albedo)  # fmt: skip
-    scene = star_scene(turned, (planet,), name=f"{row['star']} {number}",
-                       exozodi_zodis=model.instrument.sky.exozodi_zodis)  # fmt: skip
+    planet = Planet(
+        name="planet",
+        radius_rjup=float(row["radius_rjup"]),
+        distance_au=float(row["distance_au"]),
+        phase_deg=float(row["phase_deg"]),
+        separation_arcsec=float(row["separation_arcsec"]),
+        pa_deg=pa_deg,
+        albedo=albedo,
+    )
+    scene = star_scene(
+        turned, (planet,), name=f"{row['star']} {number}", exozodi_zodis=model.instrument.sky.exozodi_zodis
+    )
     place = sky_to_detector(float(row["separation_arcsec"]), pa_deg, parity=model.instrument.detector.parity)
     frames = Frames(setting.exposure_s, int(setting.n_frames), setting.em_gain)
     expected = expected_of(model, turned, band, place, float(row["contrast"]), frames)
-    task = task_of(model, scene, band, frames, [expected], seed=seed, fidelity="standard", realisations=REALISATIONS,
-                   audit=False, overrides=None)  # fmt: skip
+    task = task_of(
+        model,
+        scene,
+        band,
+        frames,
+        [expected],
+        seed=seed,
+        fidelity="standard",
+        realisations=REALISATIONS,
+        audit=False,
+        overrides=None,
+    )
     return None if refusals_of(task) else task
 
 

@@ -37,10 +37,12 @@ COLUMNS: tuple[tuple[Quantity, str], ...] = (
     (Quantity("n_frames", ("frames", "nframes"), low=1.0, high=1e9), "science frames"),
     (Quantity("em_gain", ("gain", "emgain"), low=1.0, high=1e4), "EM gain"),
     (Quantity("telescope_h", ("hours", "telescopehours"), unit="h", low=0.0, high=1e5), "telescope time that it took"),
-    (Quantity("roll_deg", ("roll",), unit="deg", low=-360.0, high=360.0),
-     "position angle of the detector's +y axis; without it that of the panels on that day"),
+    (
+        Quantity("roll_deg", ("roll",), unit="deg", low=-360.0, high=360.0),
+        "position angle of the detector's +y axis; without it that of the panels on that day",
+    ),
     (Quantity("planets", ("detections", "found"), low=0.0, high=1000.0), "planets that it showed; without it none"),
-)  # fmt: skip
+)
 """Columns of a log and what they hold; star, start_utc, band, exposure_s, n_frames and em_gain are needed."""
 _NEEDED = ("star", "start_utc", "band", "exposure_s", "n_frames", "em_gain")
 _BY_HEADING = {heading(name): item for item, _ in COLUMNS for name in (item.name, *item.aliases)}
@@ -108,8 +110,12 @@ def read_log(source: str | Path) -> ObservationLog:
         row = {name: values[number] for name, values in cells.items()}
         for name in _NEEDED:
             if row[name] is None:
-                raise InputError(f"{raw.name} row {number + 1} column {chosen[name].heading}", "missing",
-                                 unit=by_name[name].unit, allowed="a value")  # fmt: skip
+                raise InputError(
+                    f"{raw.name} row {number + 1} column {chosen[name].heading}",
+                    "missing",
+                    unit=by_name[name].unit,
+                    allowed="a value",
+                )
         visits.append(_visit(row, f"{raw.name} row {number + 1}"))
     visits.sort(key=lambda visit: (visit.mjd, visit.star))
     hours, planets = sum(visit.telescope_h for visit in visits), sum(visit.planets for visit in visits)
@@ -122,8 +128,13 @@ def _visit(row: dict[str, Any], where: str) -> ObservedVisit:
     for name in ("n_frames", "planets"):
         if not float(row.get(name) or 0).is_integer():
             raise InputError(f"{where} column {name}", row[name], allowed="a whole number")
-    setting = Setting(str(row["band"]), row["exposure_s"], row["n_frames"], row["em_gain"],
-                      time_s=2.0 * row["exposure_s"] * row["n_frames"])  # fmt: skip
+    setting = Setting(
+        str(row["band"]),
+        row["exposure_s"],
+        row["n_frames"],
+        row["em_gain"],
+        time_s=2.0 * row["exposure_s"] * row["n_frames"],
+    )
     hours = row.get("telescope_h")
     roll = row.get("roll_deg")
     return ObservedVisit(

@@ -55,8 +55,14 @@ def outcome(
     universes, strategy = tables["universes"], survey.strategy
     new, known = (universes[name].astype(float) for name in ("new_planets", "known_planets"))
     hours = universes["search_h"] + universes["follow_up_h"]
-    names = ("new_planets", "known_planets", "stars_with_planet", "characterised_planets", "noise_alarms",
-             "background_alarms")  # fmt: skip
+    names = (
+        "new_planets",
+        "known_planets",
+        "stars_with_planet",
+        "characterised_planets",
+        "noise_alarms",
+        "background_alarms",
+    )
     return StrategyOutcome(
         name=strategy.name,
         description=strategy.description,
@@ -73,11 +79,14 @@ def outcome(
         time_use=_time_use(survey, universes, tables["stars"]),
         curve=_curve(tables["detections"], len(new), float(hours.max())),
         convergence=[_point(float(item.n), item) for item in convergence(new + known)],
-        quantiles={name: np.quantile(tables["detections"][name], _LEVELS).tolist() for name in _QUANTITIES
-                   if len(tables["detections"][name])},
+        quantiles={
+            name: np.quantile(tables["detections"][name], _LEVELS).tolist()
+            for name in _QUANTITIES
+            if len(tables["detections"][name])
+        },
         targets=_targets(survey, tables["stars"], first_utc),
         images=images,
-    )  # fmt: skip
+    )
 
 
 def _instrument(survey: Survey) -> AssumedInstrument:
@@ -102,8 +111,14 @@ def _leading(survey: Survey, detections: Columns, n: int) -> PlanetShare | None:
 
 def _estimate(values: FloatArray) -> EstimateRecord:
     found, (low, high) = mean_interval(values), spread(values)
-    return EstimateRecord(mean=found.mean, error=found.error, low=max(found.low, min(0.0, found.mean)), high=found.high,
-                          survey_low=low, survey_high=high)  # fmt: skip
+    return EstimateRecord(
+        mean=found.mean,
+        error=found.error,
+        low=max(found.low, min(0.0, found.mean)),
+        high=found.high,
+        survey_low=low,
+        survey_high=high,
+    )
 
 
 def _point(x: float, found: Any) -> CurvePoint:
@@ -136,8 +151,13 @@ def _time_use(survey: Survey, universes: Columns, stars: Columns) -> TimeUse:
             exposing += visits * float(np.mean([survey.options[i][visit.option].time_s for visit in own])) / 3600.0
             settling += visits * survey.strategy.visit.settlings * survey.calendar.settle_h
     search, follow = (float(universes[name].mean()) for name in ("search_h", "follow_up_h"))
-    return TimeUse(exposing_h=exposing, occulted_h=max(0.0, search - exposing - settling), settling_h=settling,
-                   follow_up_h=follow, unused_h=max(0.0, survey.strategy.time_budget_h - search - follow))  # fmt: skip
+    return TimeUse(
+        exposing_h=exposing,
+        occulted_h=max(0.0, search - exposing - settling),
+        settling_h=settling,
+        follow_up_h=follow,
+        unused_h=max(0.0, survey.strategy.time_budget_h - search - follow),
+    )
 
 
 def _planned(survey: Survey, star: int) -> list[PlannedVisit]:
@@ -164,8 +184,10 @@ def _targets(survey: Survey, stars: Columns, first_utc: Sequence[str]) -> list[S
         if not own or not mine.any():
             continue
         n = float(stars["universes"][mine].sum())
-        sums = {key: float(stars[key][mine].sum()) / n
-                for key in ("visits", "search_h", "follow_up_h", "new_planets", "known_planets")}  # fmt: skip
+        sums = {
+            key: float(stars[key][mine].sum()) / n
+            for key in ("visits", "search_h", "follow_up_h", "new_planets", "known_planets")
+        }
         hours = sums["search_h"] + sums["follow_up_h"]
         found = sums["new_planets"] + sums["known_planets"]
         known = [] if survey.known is None else survey.known.text("planet")
@@ -214,11 +236,16 @@ def differences(names: Sequence[str], universes: Sequence[Columns]) -> list[Diff
         if 0 not in (best, second):
             pairs.append((best, second))
     quantities: tuple[Literal["planets", "new_planets", "characterised_planets", "hours"], ...] = (
-        "planets", "new_planets", "characterised_planets", "hours")  # fmt: skip
+        "planets",
+        "new_planets",
+        "characterised_planets",
+        "hours",
+    )
     return [
         _difference(names[b], names[a], quantity, *(_quantity(universes[k], quantity) for k in (b, a)))
-        for b, a in pairs for quantity in quantities
-    ]  # fmt: skip
+        for b, a in pairs
+        for quantity in quantities
+    ]
 
 
 def _quantity(universes: Columns, name: str) -> FloatArray:
@@ -236,9 +263,16 @@ def _difference(first: str, second: str, quantity: Any, one: FloatArray, other: 
     else:
         verdict = f"{first} and {second} do not differ by more than chance"
     return DifferenceRecord(
-        first=first, second=second, quantity=quantity, mean=found.mean, error=found.error, low=found.low,
-        high=found.high, correlation=float(np.corrcoef(one, other)[0, 1]) if varies else None, verdict=verdict,
-    )  # fmt: skip
+        first=first,
+        second=second,
+        quantity=quantity,
+        mean=found.mean,
+        error=found.error,
+        low=found.low,
+        high=found.high,
+        correlation=float(np.corrcoef(one, other)[0, 1]) if varies else None,
+        verdict=verdict,
+    )
 
 
 def rank_changes(outcomes: Sequence[StrategyOutcome]) -> list[RankChange]:
@@ -255,10 +289,15 @@ def rank_changes(outcomes: Sequence[StrategyOutcome]) -> list[RankChange]:
 
         names = sorted({*first, *mine}, key=lambda name: (-moved(name), name))
         for name in [name for name in names if moved(name) > 0 and _seen(first, mine, name)][:_N_CHANGES]:
-            found.append(RankChange(
-                strategy=other.name, star=name, first_rank=first[name].rank if name in first else None,
-                rank=mine[name].rank if name in mine else None, why=_why(first.get(name), mine.get(name)),
-            ))  # fmt: skip
+            found.append(
+                RankChange(
+                    strategy=other.name,
+                    star=name,
+                    first_rank=first[name].rank if name in first else None,
+                    rank=mine[name].rank if name in mine else None,
+                    why=_why(first.get(name), mine.get(name)),
+                )
+            )
     return found
 
 

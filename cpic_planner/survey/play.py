@@ -111,8 +111,9 @@ class _Clock:
     @classmethod
     def of(cls, n: int, budget_h: float, promised_h: float) -> _Clock:
         zero = np.zeros(n)
-        return cls(np.full(n, budget_h), zero.copy(), np.full(n, promised_h), zero.copy(), zero.copy(),
-                   np.zeros(n, np.int64))  # fmt: skip
+        return cls(
+            np.full(n, budget_h), zero.copy(), np.full(n, promised_h), zero.copy(), zero.copy(), np.zeros(n, np.int64)
+        )
 
     def affords(self, cost_h: float) -> BoolArray:
         return np.asarray((self.slot >= cost_h - _ROUNDING) & (self.left >= cost_h - _ROUNDING))
@@ -185,24 +186,49 @@ def _stars(survey: Survey, block: int, n: int, seed: int) -> dict[int, _Star]:
         by_star.setdefault(visit.star, []).append((k, visit))
     calibration, shift = _systematic(survey.strategy.detection, block, n, seed)
     mass = star_mass_msun(survey.targets)
-    return {i: _star(survey, i, visits, float(mass[i]), (calibration, shift), block, n, seed)
-            for i, visits in sorted(by_star.items())}  # fmt: skip
+    return {
+        i: _star(survey, i, visits, float(mass[i]), (calibration, shift), block, n, seed)
+        for i, visits in sorted(by_star.items())
+    }
 
 
 def _star(
-    survey: Survey, i: int, visits: Sequence[tuple[int, PlannedVisit]], mass: float,
-    systematic: tuple[FloatArray, FloatArray], block: int, n: int, seed: int,
-) -> _Star:  # fmt: skip
+    survey: Survey,
+    i: int,
+    visits: Sequence[tuple[int, PlannedVisit]],
+    mass: float,
+    systematic: tuple[FloatArray, FloatArray],
+    block: int,
+    n: int,
+    seed: int,
+) -> _Star:
     strategy, target, name = survey.strategy, survey.targets.select([i]), str(survey.targets.name[i])
-    bodies = draw_bodies(name, mass, float(target.luminosity_lsun[0]), strategy.population, known=survey.known,
-                         known_rows=survey.known_rows[i], epoch_mjd=survey.calendar.start_mjd, n=n, seed=seed,
-                         block=block)  # fmt: skip
+    bodies = draw_bodies(
+        name,
+        mass,
+        float(target.luminosity_lsun[0]),
+        strategy.population,
+        known=survey.known,
+        known_rows=survey.known_rows[i],
+        epoch_mjd=survey.calendar.start_mjd,
+        n=n,
+        seed=seed,
+        block=block,
+    )
     done = () if survey.log is None else survey.log.of(name)
     if done:
         sun = sun_position_angle_deg(target, np.array([[visit.mjd for visit in done]]))[0]
-        left = missed(survey.model, target, bodies, albedos_of(strategy.population), done, strategy.detection,
-                      epoch_mjd=survey.calendar.start_mjd, sun_pa_deg=sun,
-                      placed=at_known_place(bodies, survey.known))  # fmt: skip
+        left = missed(
+            survey.model,
+            target,
+            bodies,
+            albedos_of(strategy.population),
+            done,
+            strategy.detection,
+            epoch_mjd=survey.calendar.start_mjd,
+            sun_pa_deg=sun,
+            placed=at_known_place(bodies, survey.known),
+        )
         bodies = resampled(bodies, left, _luck(bodies, seed, name, block, "log", n))
     bodies = bodies.select(bodies.within(*reach_au(survey.model, float(target.distance_pc[0]))))
     hits: dict[int, BoolArray] = {}
@@ -214,10 +240,18 @@ def _star(
         slots = np.array([visit.slot for _, visit in own])
         ordinals = np.array([visit.ordinal for _, visit in own])
         roll = survey.calendar.roll_deg(strategy.revisits, i, slots, ordinals)
-        found = see(survey.model, target, survey.options[i][option], bodies, albedos_of(strategy.population),
-                    bodies.places(survey.calendar.day[i, slots]), roll)  # fmt: skip
-        odds = detection_chance(found, strategy.detection, placed, systematic[1][bodies.universe],
-                                systematic[0][bodies.universe])  # fmt: skip
+        found = see(
+            survey.model,
+            target,
+            survey.options[i][option],
+            bodies,
+            albedos_of(strategy.population),
+            bodies.places(survey.calendar.day[i, slots]),
+            roll,
+        )
+        odds = detection_chance(
+            found, strategy.detection, placed, systematic[1][bodies.universe], systematic[0][bodies.universe]
+        )
         for row, (k, visit) in enumerate(own):
             hits[k] = _luck(bodies, seed, name, block, visit.ordinal, n) < odds[row]
             seen[k] = {key: getattr(found, key)[row] for key in found.__dataclass_fields__}
@@ -229,12 +263,18 @@ def _star(
             )
     bands = len(strategy.follow_up.bands)
     return _Star(
-        bodies=bodies, hits=hits, seen=seen, alarms=alarms,
-        counts=np.zeros(len(bodies), np.int64), found=np.zeros(len(bodies), bool),
-        shown=np.zeros((bands, len(bodies)), bool), tried=np.zeros((bands, n), np.int64),
-        stopped=np.zeros(n, bool), empty=np.zeros(n, np.int64),
+        bodies=bodies,
+        hits=hits,
+        seen=seen,
+        alarms=alarms,
+        counts=np.zeros(len(bodies), np.int64),
+        found=np.zeros(len(bodies), bool),
+        shown=np.zeros((bands, len(bodies)), bool),
+        tried=np.zeros((bands, n), np.int64),
+        stopped=np.zeros(n, bool),
+        empty=np.zeros(n, np.int64),
         left_h=sum(visit.cost_h for _, visit in visits if not visit.reserve),
-    )  # fmt: skip
+    )
 
 
 def _luck(bodies: Bodies, seed: int, name: str, block: int, visit: int | str, n: int) -> FloatArray:
@@ -250,8 +290,11 @@ def _rare(rate: float, share: FloatArray) -> NDArray[np.int64]:
     """Poisson numbers at given shares of their law, of a small rate."""
     from scipy.special import pdtr
 
-    return np.searchsorted(pdtr(np.arange(50), rate), share, side="right").astype(np.int64) if rate > 0 else np.zeros(
-        share.shape, np.int64)  # fmt: skip
+    return (
+        np.searchsorted(pdtr(np.arange(50), rate), share, side="right").astype(np.int64)
+        if rate > 0
+        else np.zeros(share.shape, np.int64)
+    )
 
 
 def _search(
@@ -319,12 +362,20 @@ def _follow(survey: Survey, i: int, star: _Star, b: int, clock: _Clock, block: i
         star.follow_h += cost * float(go.sum())
         star.tried[f, go] += 1
         roll = survey.calendar.roll_deg(strategy.revisits, i, np.array([b]), np.array([b]))
-        seen = see(survey.model, target, setting, star.bodies, albedos_of(strategy.population),
-                   star.bodies.places(survey.calendar.day[i, [b]]), roll)  # fmt: skip
+        seen = see(
+            survey.model,
+            target,
+            setting,
+            star.bodies,
+            albedos_of(strategy.population),
+            star.bodies.places(survey.calendar.day[i, [b]]),
+            roll,
+        )
         calibration, shift = _systematic(strategy.detection, block, n, seed)
         at_place = np.ones(len(star.bodies), bool)
-        odds = detection_chance(seen, strategy.detection, at_place, shift[star.bodies.universe],
-                                calibration[star.bodies.universe])[0]  # fmt: skip
+        odds = detection_chance(
+            seen, strategy.detection, at_place, shift[star.bodies.universe], calibration[star.bodies.universe]
+        )[0]
         luck = _luck(star.bodies, seed, str(target.name[0]), block, f"follow {setting.band} {b}", n)
         star.shown[f] |= lacking & go[star.bodies.universe] & (luck < odds)
 

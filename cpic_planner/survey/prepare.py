@@ -79,8 +79,9 @@ def prepare(config: StrategiesConfig, *, advance: Callable[[str], None] = lambda
         bands = tuple(dict.fromkeys((*strategy.visit.bands, *strategy.follow_up.bands, *_logged_bands(log))))
         model = assumed_model(instrument, strategy, bands)
         cuts = strategy.targets
-        targets = rank_sample(catalog=catalogue, v_mag_max=cuts.v_mag_max, dwarfs_only=cuts.dwarfs_only,
-                              singles_only=cuts.singles_only)  # fmt: skip
+        targets = rank_sample(
+            catalog=catalogue, v_mag_max=cuts.v_mag_max, dwarfs_only=cuts.dwarfs_only, singles_only=cuts.singles_only
+        )
         looked.append(_Looked(strategy, model, screen(strategy, model, targets, known, universe.seed)))
         advance(f"{strategy.name}: stars")
     stars = _every_star(looked)
@@ -88,8 +89,12 @@ def prepare(config: StrategiesConfig, *, advance: Callable[[str], None] = lambda
     if log is not None:
         calendar = calendar.closed_before(log.until_mjd)
         if not calendar.allowed_h.any():
-            raise InputError("universe.observed", log.provenance, allowed="visits that leave a part of the survey",
-                             hint=f"none of its {universe.duration_days:g} days is left")  # fmt: skip
+            raise InputError(
+                "universe.observed",
+                log.provenance,
+                allowed="visits that leave a part of the survey",
+                hint=f"none of its {universe.duration_days:g} days is left",
+            )
         looked = [_without(item, log.hours) for item in looked]
     advance("calendar")
     place = {str(name): i for i, name in enumerate(stars.name)}
@@ -125,8 +130,13 @@ def _check_rolls(config: StrategiesConfig, limits: VisibilityConfig) -> None:
         if reach > limits.roll_deg:
             what = "revisits.roll_dither_deg" if strategy.revisits.roll_dither_deg else "reduction.roll_deg"
             given = strategy.revisits.roll_dither_deg or strategy.reduction.roll_deg
-            raise InputError(what, given, unit="deg", hint=f"strategy {strategy.name}",
-                             allowed=f"rolls within {limits.roll_deg:g} deg of the best one")  # fmt: skip
+            raise InputError(
+                what,
+                given,
+                unit="deg",
+                hint=f"strategy {strategy.name}",
+                allowed=f"rolls within {limits.roll_deg:g} deg of the best one",
+            )
 
 
 def _logged_bands(log: ObservationLog | None) -> tuple[str, ...]:
@@ -143,8 +153,9 @@ def _checked(log: ObservationLog, catalogue: Catalogue, instrument: Instrument) 
             try:
                 names[visit.star] = str(find_target(visit.star, catalog=catalogue)[0].name[0])
             except InputError as error:
-                raise InputError(f"{visit.where} column star", visit.star, allowed=error.allowed,
-                                 hint=error.hint) from None  # fmt: skip
+                raise InputError(
+                    f"{visit.where} column star", visit.star, allowed=error.allowed, hint=error.hint
+                ) from None
     return replace(log, visits=tuple(replace(visit, star=names[visit.star]) for visit in log.visits))
 
 
@@ -152,9 +163,13 @@ def _without(item: _Looked, hours: float) -> _Looked:
     """The strategy with the time that is left of its budget."""
     left = item.strategy.time_budget_h - hours
     if left <= 0.0:
-        raise InputError("time_budget_h", item.strategy.time_budget_h, unit="h",
-                         allowed=f"more than the {hours:g} h of the observation log",
-                         hint=f"strategy {item.strategy.name}")  # fmt: skip
+        raise InputError(
+            "time_budget_h",
+            item.strategy.time_budget_h,
+            unit="h",
+            allowed=f"more than the {hours:g} h of the observation log",
+            hint=f"strategy {item.strategy.name}",
+        )
     return replace(item, strategy=item.strategy.model_copy(update={"time_budget_h": left}))
 
 
@@ -197,12 +212,14 @@ def _survey(
         known_rows=tuple(star.known_rows for star in found),
         noise_alarms=tuple(tuple(noise_alarms(model, option.band) for option in ways) for ways in options),
         background_alarms=tuple(
-            tuple(background_alarms(model, targets.select([i]), option, strategy.detection) if background else 0.0
-                  for option in ways)
+            tuple(
+                background_alarms(model, targets.select([i]), option, strategy.detection) if background else 0.0
+                for option in ways
+            )
             for i, ways in enumerate(options)
         ),
         log=log,
-    )  # fmt: skip
+    )
 
 
 def _follow_ups(strategy: SurveyStrategy, model: EtcModel, targets: Targets) -> tuple:  # type: ignore[type-arg]

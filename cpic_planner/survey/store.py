@@ -68,13 +68,24 @@ class Table:
         """Arrow schema: types, and unit and description of each column."""
         import pyarrow as pa
 
-        types = {"float64": pa.float64(), "int64": pa.int64(), "int32": pa.int32(), "bool": pa.bool_(),
-                 "string": pa.string()}  # fmt: skip
+        types = {
+            "float64": pa.float64(),
+            "int64": pa.int64(),
+            "int32": pa.int32(),
+            "bool": pa.bool_(),
+            "string": pa.string(),
+        }
         return pa.schema(
-            [pa.field(column.name, types[column.dtype], nullable=False,
-                      metadata={"unit": column.unit, "description": column.description})
-             for column in self.columns]
-        )  # fmt: skip
+            [
+                pa.field(
+                    column.name,
+                    types[column.dtype],
+                    nullable=False,
+                    metadata={"unit": column.unit, "description": column.description},
+                )
+                for column in self.columns
+            ]
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,8 +206,12 @@ class ResultStore:
             found, asked = {key for key, _ in self._parts()}, set(expected)
             if found != asked:
                 first = sorted(found ^ asked)[0]
-                raise InputError("parts", f"{len(found)} on disk", allowed=f"the {len(asked)} of this run",
-                                 hint=f"{first} is {'missing' if first in asked else 'not one of them'}")  # fmt: skip
+                raise InputError(
+                    "parts",
+                    f"{len(found)} on disk",
+                    allowed=f"the {len(asked)} of this run",
+                    hint=f"{first} is {'missing' if first in asked else 'not one of them'}",
+                )
         return {name: self._folder.write_bytes(f"{name}.parquet", self._parquet(name)) for name in self._tables}
 
     def _parts(self) -> Iterator[tuple[str, bytes]]:
@@ -209,9 +224,12 @@ class ResultStore:
         if name not in self._tables:
             raise InputError("table", name, allowed=", ".join(self._tables))
         table, place = self._tables[name], list(self._tables).index(name)
-        rows = _sorted_rows(table, pa.concat_tables(
-            [table.schema.empty_table()] + [_rows_of(content, place, table) for _, content in self._parts()]
-        ))  # fmt: skip
+        rows = _sorted_rows(
+            table,
+            pa.concat_tables(
+                [table.schema.empty_table()] + [_rows_of(content, place, table) for _, content in self._parts()]
+            ),
+        )
         _refuse_repeats(rows, table, name)
         return rows
 
@@ -219,13 +237,26 @@ class ResultStore:
         import pyarrow.parquet as pq
 
         table = self._tables[name]
-        about = {"schema_version": SCHEMA_VERSION, "table": name, "key": table.key,
-                 "config_hash": self._folder.config_hash}  # fmt: skip
+        about = {
+            "schema_version": SCHEMA_VERSION,
+            "table": name,
+            "key": table.key,
+            "config_hash": self._folder.config_hash,
+        }
         rows = self._joined(name).replace_schema_metadata({_METADATA: json.dumps(about, sort_keys=True)})
         sink = io.BytesIO()
-        pq.write_table(rows, sink, row_group_size=_ROW_GROUP, compression="zstd", compression_level=3, version="2.6",
-                       data_page_version="1.0", write_statistics=True, store_schema=True,
-                       use_dictionary=[c.name for c in table.columns if c.dtype == "string"])  # fmt: skip
+        pq.write_table(
+            rows,
+            sink,
+            row_group_size=_ROW_GROUP,
+            compression="zstd",
+            compression_level=3,
+            version="2.6",
+            data_page_version="1.0",
+            write_statistics=True,
+            store_schema=True,
+            use_dictionary=[c.name for c in table.columns if c.dtype == "string"],
+        )
         return sink.getvalue()
 
 
@@ -278,8 +309,9 @@ def _arrow_table(table: Table, columns: Mapping[str, ArrayLike], where: str) -> 
     for column, array in zip(table.columns, arrays, strict=True):
         if column.name in table.key and column.dtype == "float64" and np.isnan(array).any():
             raise InputError(f"{where}.{column.name}", float("nan"), allowed="numbers in a key")
-    return pa.table([pa.array(array, field.type) for array, field in zip(arrays, table.schema, strict=True)],
-                    schema=table.schema)  # fmt: skip
+    return pa.table(
+        [pa.array(array, field.type) for array, field in zip(arrays, table.schema, strict=True)], schema=table.schema
+    )
 
 
 def _checked(column: Column, values: ArrayLike, where: str) -> NDArray[Any]:

@@ -132,8 +132,9 @@ def load_strategies(source: Mapping[str, Any] | str | Path = "survey_default") -
     >>> [item.name for item in load_strategies("survey_default").strategies][:2]
     ['single_visit', 'multi_band']
     """
-    tree, folder = preset_tree("strategies", source, package=PACKAGE, kinds=("strategy",),
-                               keys=(*SurveyStrategy.model_fields, *_OF_SURVEY))  # fmt: skip
+    tree, folder = preset_tree(
+        "strategies", source, package=PACKAGE, kinds=("strategy",), keys=(*SurveyStrategy.model_fields, *_OF_SURVEY)
+    )
     tree = _renamed(tree if folder is None else _beside(paths_beside(tree, folder), folder))
     values, _ = split_sourced(tree)
     kind = values.pop("kind", "strategies")
@@ -149,8 +150,10 @@ def load_strategies(source: Mapping[str, Any] | str | Path = "survey_default") -
     if not isinstance(listed, list | tuple) or not all(isinstance(item, Mapping) for item in listed):
         raise InputError("strategies.strategies", listed, allowed="a list of mappings")
     base = deep_merge(base, own)
-    values["strategies"] = [deep_merge({key: item for key, item in base.items() if key not in ("name", "description")},
-                                       item) for item in listed]  # fmt: skip
+    values["strategies"] = [
+        deep_merge({key: item for key, item in base.items() if key not in ("name", "description")}, item)
+        for item in listed
+    ]
     config = validate(StrategiesConfig, values, where="strategies")
     config.universe._provenance.update(_sourced(tree.get("universe", {})))
     written = tree.get("strategies") or [{key: item for key, item in tree.items() if key not in _OF_SURVEY}]
@@ -195,8 +198,12 @@ def _beside(tree: Any, folder: Path) -> Any:
         return [_beside(item, folder) for item in tree]
     if not isinstance(tree, dict):
         return tree
-    return {key: _found(key, item, folder) if key in (*FILES, "population") and isinstance(item, str)
-            else _beside(item, folder) for key, item in tree.items()}  # fmt: skip
+    return {
+        key: _found(key, item, folder)
+        if key in (*FILES, "population") and isinstance(item, str)
+        else _beside(item, folder)
+        for key, item in tree.items()
+    }
 
 
 def _found(key: str, item: str, folder: Path) -> str:
@@ -230,8 +237,13 @@ def with_universe(config: StrategiesConfig, given: Mapping[str, Any]) -> Strateg
     if "slot_days" not in given and isinstance(length, int | float):
         tree["slot_days"] = min(tree["slot_days"], float(length))
     universe = validate(UniverseConfig, tree, where="universe")
-    universe._provenance.update({key: item for key, item in config.universe.provenance.items()
-                                 if getattr(universe, key) == getattr(config.universe, key)})  # fmt: skip
+    universe._provenance.update(
+        {
+            key: item
+            for key, item in config.universe.provenance.items()
+            if getattr(universe, key) == getattr(config.universe, key)
+        }
+    )
     return config.model_copy(update={"universe": universe})
 
 
@@ -240,15 +252,26 @@ def sources_of(config: StrategiesConfig) -> list[SettingSource]:
     shared = {f"universe.{key}": item for key, item in config.universe.provenance.items()}
     settings = config.universe.model_dump(mode="json")
     names = [item.name for item in config.strategies]
-    found = {(key, "", item): SettingSource(
-        key=key, value=settings[key.removeprefix("universe.")], unit=item.unit, source=item.source,
-        confidence=item.confidence, strategies=names) for key, item in shared.items()}  # fmt: skip
+    found = {
+        (key, "", item): SettingSource(
+            key=key,
+            value=settings[key.removeprefix("universe.")],
+            unit=item.unit,
+            source=item.source,
+            confidence=item.confidence,
+            strategies=names,
+        )
+        for key, item in shared.items()
+    }
     for strategy in config.strategies:
         tree = strategy.model_dump(mode="json")
         for key, item in strategy.provenance.items():
             value = functools.reduce(lambda part, name: part[name], key.split("."), tree)
-            one = found.setdefault((key, repr(value), item), SettingSource(
-                key=key, value=value, unit=item.unit, source=item.source, confidence=item.confidence,
-                strategies=[]))  # fmt: skip
+            one = found.setdefault(
+                (key, repr(value), item),
+                SettingSource(
+                    key=key, value=value, unit=item.unit, source=item.source, confidence=item.confidence, strategies=[]
+                ),
+            )
             one.strategies.append(strategy.name)
     return list(found.values())

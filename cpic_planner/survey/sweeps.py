@@ -20,11 +20,17 @@ from simulator.config.keys import nearest
 __all__ = ["SHORT_NAMES", "told", "varied"]
 
 SHORT_NAMES = {
-    "contrast": "assumptions.contrast", "drift": "assumptions.drift", "throughput": "assumptions.throughput",
-    "exozodi": "assumptions.exozodi", "budget_h": "time_budget_h", "time_s": "visit.time_s",
-    "max_visits": "revisits.max_visits", "max_targets": "targets.max_targets", "rule": "detection.rule",
+    "contrast": "assumptions.contrast",
+    "drift": "assumptions.drift",
+    "throughput": "assumptions.throughput",
+    "exozodi": "assumptions.exozodi",
+    "budget_h": "time_budget_h",
+    "time_s": "visit.time_s",
+    "max_visits": "revisits.max_visits",
+    "max_targets": "targets.max_targets",
+    "rule": "detection.rule",
     "library": "reduction.library",
-}  # fmt: skip
+}
 """Short names of keys of a strategy."""
 _DRIFT, _THROUGHPUT, _EXOZODI = "assumptions.drift", "assumptions.throughput", "assumptions.exozodi"
 _UNITS = {_DRIFT: "nm", _THROUGHPUT: "", _EXOZODI: "zodi"}
@@ -99,9 +105,12 @@ def varied(config: StrategiesConfig, sweeps: Sequence[str]) -> StrategiesConfig:
 
 def told(config: StrategiesConfig) -> list[str]:
     """Return what is varied, one value a line, with what each means: ``drift x2: 0.1 nm visit offset, ...``."""
-    found = {item.label: f"{item.name} {item.text.split(' (')[0] if item.meaning else item.text}"
-             f"{f': {item.meaning}' if item.meaning else ''}"
-             for strategy in config.strategies for item in strategy.varied}  # fmt: skip
+    found = {
+        item.label: f"{item.name} {item.text.split(' (')[0] if item.meaning else item.text}"
+        f"{f': {item.meaning}' if item.meaning else ''}"
+        for strategy in config.strategies
+        for item in strategy.varied
+    }
     return list(found.values())
 
 
@@ -115,17 +124,24 @@ def _sweep(text: str, config: StrategiesConfig) -> _Sweep:
         raise InputError("--vary", text, allowed="a value between commas; null for none")
     if name == "share":
         universe = config.universe
-        raise InputError("--vary", name, allowed="slot_share or budget_h",
-                         hint=f"slot_share is the most of any slot of {universe.slot_days:g} days that the coronagraph "
-                              f"may take; budget_h is all its telescope time in the {universe.duration_days:g} days, "
-                              f"{0.24 * universe.duration_days:.0f} h for 1 % of them")  # fmt: skip
+        raise InputError(
+            "--vary",
+            name,
+            allowed="slot_share or budget_h",
+            hint=f"slot_share is the most of any slot of {universe.slot_days:g} days that the coronagraph "
+            f"may take; budget_h is all its telescope time in the {universe.duration_days:g} days, "
+            f"{0.24 * universe.duration_days:.0f} h for 1 % of them",
+        )
     key = SHORT_NAMES.get(name, name)
     known = tuple(key for key in _keys(SurveyStrategy) if key not in ("name", "description"))
     if key not in known:
         drift = "drift=0.1nm sets the offset of a visit" if key.startswith("drift.") else ""
-        raise InputError("--vary", name, allowed="a key of a strategy",
-                         hint=drift or nearest(name, (*SHORT_NAMES, *known))
-                         or f"short names: {', '.join(SHORT_NAMES)}")  # fmt: skip
+        raise InputError(
+            "--vary",
+            name,
+            allowed="a key of a strategy",
+            hint=drift or nearest(name, (*SHORT_NAMES, *known)) or f"short names: {', '.join(SHORT_NAMES)}",
+        )
     unit = _UNITS.get(key, unit_of(key))
     return _Sweep(key, name, tuple(read_value(f"--vary {name}", item, unit) for item in texts))
 
@@ -143,13 +159,23 @@ def _setting(
         value = _scaled(present, written.value)
         if value is None:
             said = "not set" if present is None else str(present)
-            raise InputError(sweep.where, written.text, allowed="a value: only numbers take a factor",
-                             hint=f"{sweep.key} of {strategy.name} is {said}")  # fmt: skip
+            raise InputError(
+                sweep.where,
+                written.text,
+                allowed="a value: only numbers take a factor",
+                hint=f"{sweep.key} of {strategy.name} is {said}",
+            )
         shown = ", ".join(f"{item:g}" for item in value) if isinstance(value, tuple) else f"{value:g}"
         text = f"{text} ({with_unit(shown, unit)})"
     told = f"at most that fraction of any slot; the telescope time in all stays {strategy.time_budget_h:g} h"
-    setting = VariedSetting(name=sweep.name, key=sweep.key, text=text, value=value, unit=unit,
-                            meaning=told if sweep.key == "slot_share" else "")  # fmt: skip
+    setting = VariedSetting(
+        name=sweep.name,
+        key=sweep.key,
+        text=text,
+        value=value,
+        unit=unit,
+        meaning=told if sweep.key == "slot_share" else "",
+    )
     return setting, value
 
 
@@ -158,8 +184,11 @@ def _of_instrument(sweep: _Sweep, written: Written, instrument: Instrument) -> t
     key, unit, text = sweep.key, _UNITS[sweep.key], written.text
     factor = written.action == "scale"
     optics = {band.t_opt for band in instrument.bands.values()}
-    present = {_DRIFT: instrument.drift.visit_nm, _EXOZODI: instrument.sky.exozodi_zodis,
-               _THROUGHPUT: min(optics) if len(optics) == 1 else None}[key]  # fmt: skip
+    present = {
+        _DRIFT: instrument.drift.visit_nm,
+        _EXOZODI: instrument.sky.exozodi_zodis,
+        _THROUGHPUT: min(optics) if len(optics) == 1 else None,
+    }[key]
     if written.bare:
         raise two_spellings(sweep.where, sweep.name, text.removesuffix(unit).strip(), unit=unit, present=present)
     if key == _EXOZODI and written.value is None:  # as the instrument has it

@@ -75,8 +75,9 @@ class Bodies:
         """Planets of several, one after the other."""
         if len(parts) == 1:
             return parts[0]
-        return cls(**{name: np.concatenate([getattr(part, name) for part in parts])
-                      for name in cls.__dataclass_fields__})  # fmt: skip
+        return cls(
+            **{name: np.concatenate([getattr(part, name) for part in parts]) for name in cls.__dataclass_fields__}
+        )
 
     def within(self, inner_au: float, outer_au: float) -> NDArray[np.bool_]:
         """Planets whose projected distance can lie between two at all: of the others no date shows any.
@@ -90,8 +91,14 @@ class Bodies:
     def places(self, days: ArrayLike) -> OrbitPlaces:
         """Places so many days after the epoch, shape ``(len(days), n_planets)``."""
         anomaly = self.mean_anomaly_deg + 360.0 * np.asarray(days, float)[:, None] / self.period_days
-        return orbit_places(self.semi_major_axis_au, self.eccentricity, self.inclination_deg,
-                            self.argument_of_pericentre_deg, self.node_deg, anomaly)  # fmt: skip
+        return orbit_places(
+            self.semi_major_axis_au,
+            self.eccentricity,
+            self.inclination_deg,
+            self.argument_of_pericentre_deg,
+            self.node_deg,
+            anomaly,
+        )
 
 
 def star_mass_msun(targets: Targets) -> FloatArray:
@@ -115,8 +122,12 @@ def occurrence(population: PopulationConfig) -> float:
         If it states none: a yield is then not defined.
     """
     if population.planets_per_star is None:
-        raise InputError("population.planets_per_star", "missing", allowed="planets per star, above 0",
-                         hint=f"{population.name} states no occurrence rate, and a yield needs one")  # fmt: skip
+        raise InputError(
+            "population.planets_per_star",
+            "missing",
+            allowed="planets per star, above 0",
+            hint=f"{population.name} states no occurrence rate, and a yield needs one",
+        )
     return population.planets_per_star
 
 
@@ -197,15 +208,30 @@ def draw_bodies(
 
 
 def _known(
-    path: tuple[str | int, ...], mass: float, table: KnownPlanetTable, rows: Sequence[int], epoch_mjd: float, n: int,
-    seed: int, kind: int,
-) -> Bodies:  # fmt: skip
+    path: tuple[str | int, ...],
+    mass: float,
+    table: KnownPlanetTable,
+    rows: Sequence[int],
+    epoch_mjd: float,
+    n: int,
+    seed: int,
+    kind: int,
+) -> Bodies:
     planets = table.text("planet")
-    uniforms = np.stack([chance(seed, "known", *path, planets[row], shape=(len(KNOWN_QUANTITIES), n)).T
-                         for row in rows])  # fmt: skip
+    uniforms = np.stack(
+        [chance(seed, "known", *path, planets[row], shape=(len(KNOWN_QUANTITIES), n)).T for row in rows]
+    )
     drawn = draw_known(table, [int(row) for row in rows], uniforms, epoch_mjd=epoch_mjd, star_mass_msun=mass)
-    names = ("radius_rjup", "semi_major_axis_au", "eccentricity", "inclination_deg", "argument_of_pericentre_deg",
-             "node_deg", "mean_anomaly_deg", "period_days")  # fmt: skip
+    names = (
+        "radius_rjup",
+        "semi_major_axis_au",
+        "eccentricity",
+        "inclination_deg",
+        "argument_of_pericentre_deg",
+        "node_deg",
+        "mean_anomaly_deg",
+        "period_days",
+    )
     number = np.repeat(np.arange(len(rows)), n)
     return Bodies(
         universe=np.tile(np.arange(n), len(rows)),
@@ -217,9 +243,14 @@ def _known(
 
 
 def _new(
-    path: tuple[str | int, ...], mass: float, luminosity: float, population: PopulationConfig, numbers: IntArray,
-    seed: int, first: int,
-) -> Bodies:  # fmt: skip
+    path: tuple[str | int, ...],
+    mass: float,
+    luminosity: float,
+    population: PopulationConfig,
+    numbers: IntArray,
+    seed: int,
+    first: int,
+) -> Bodies:
     parts, mixture, n = [], population.mixture, len(numbers)
     for j in range(int(numbers.max(initial=0))):
         mine = np.flatnonzero(numbers > j)

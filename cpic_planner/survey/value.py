@@ -65,5 +65,7 @@ class StarValue:
     def gains(self) -> tuple[FloatArray, FloatArray]:
         """What one more visit adds to `V` and to `U`, for every option and slot, shape ``(o, b)``."""
         w = self.star.weight
-        return (self.star.chance @ (w * self.counts[-1]),
-                self.star.chance @ (w * self.counts.sum(axis=0)) / self.needed)  # fmt: skip
+        return (
+            self.star.chance @ (w * self.counts[-1]),
+            self.star.chance @ (w * self.counts.sum(axis=0)) / self.needed,
+        )

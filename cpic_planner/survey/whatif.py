@@ -81,8 +81,12 @@ def cost_of(config: StrategiesConfig, *, workers: int = 1, n_images: int = 0) ->
     n, universes = len(config.strategies), config.universe.universes
     blocks = -(-universes // BLOCK)
     bands = sum(len(item.visit.bands) * len(item.visit.time_s) for item in config.strategies)
-    assumed = {(item.assumptions.contrast, band) for item in config.strategies for band in item.visit.bands
-               if item.assumptions.contrast is not None}  # fmt: skip
+    assumed = {
+        (item.assumptions.contrast, band)
+        for item in config.strategies
+        for band in item.visit.bands
+        if item.assumptions.contrast is not None
+    }
     play_s, image_s = _PLAY_S * n * universes, _IMAGE_S * n * n_images
     return {
         "n_strategies": n,
@@ -151,8 +155,14 @@ def run_whatif(
         if pages:
             announce("writing the report")
             write_whatif(folder, result)
-        record = clock.record(command=command, config_hash=digest, workers=workers, scheduler=scheduler,
-                              resumed_parts=resumed, computed_parts=len(keys) - resumed)  # fmt: skip
+        record = clock.record(
+            command=command,
+            config_hash=digest,
+            workers=workers,
+            scheduler=scheduler,
+            resumed_parts=resumed,
+            computed_parts=len(keys) - resumed,
+        )
         folder.write("run.json", dump_json(record.model_dump(mode="json")))
     return FinishedWhatIf(result, resumed, len(keys) - resumed)
 
@@ -171,8 +181,13 @@ def _play_all(
     for key, _ in work:
         if key in done:
             advance(f"{key} (kept)")
-    tasks = run_tasks(play_block, [arguments for _, arguments in waiting], common=(prepared.surveys,), workers=workers,
-                      scheduler=scheduler)  # fmt: skip
+    tasks = run_tasks(
+        play_block,
+        [arguments for _, arguments in waiting],
+        common=(prepared.surveys,),
+        workers=workers,
+        scheduler=scheduler,
+    )
     for position, rows in tasks:
         store.save(waiting[position][0], rows)
         advance(waiting[position][0])
@@ -190,8 +205,10 @@ def _images(
     """Simulate and measure a sample of each strategy's detections; equal images are made once."""
     if n < 1:
         return [None] * len(prepared.surveys)
-    samples = [sampled_detections(survey, _rows(detections, survey.strategy.name), n, prepared.config.universe.seed)
-               for survey in prepared.surveys]  # fmt: skip
+    samples = [
+        sampled_detections(survey, _rows(detections, survey.strategy.name), n, prepared.config.universe.seed)
+        for survey in prepared.surveys
+    ]
     tasks = {f"image {content_hash(item.task.to_dict())}": item.task for sampled, _ in samples for item in sampled}
     bodies = {key: folder.part(key) for key in tasks}
     waiting = [key for key, body in bodies.items() if body is None]

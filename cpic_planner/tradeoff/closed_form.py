@@ -37,8 +37,9 @@ class ClosedForm:
         """One question, or as many at once, of planets that differ."""
         case, place = self.case, np.ones((1, n_cases))
         contrast = self.contrast * np.linspace(1.0, 2.0, n_cases)[None]
-        rates = aperture_rates(self.model, self.target, case.band, self.x_arcsec * place, self.y_arcsec * place,
-                               contrast)  # fmt: skip
+        rates = aperture_rates(
+            self.model, self.target, case.band, self.x_arcsec * place, self.y_arcsec * place, contrast
+        )
         return stack_noise(rates, case.exposure_s, case.n_frames, case.em_gain, self.model.camera(case.band))
 
     def answer(self) -> dict[str, float]:
@@ -46,8 +47,7 @@ class ClosedForm:
         said = self.noise()
         terms = {name: float(np.ravel(part)[0]) for name, part in said.terms.items() if name not in _NOT_PLACE}
         speckle = terms.pop("speckle")
-        return {"flux_e": float(np.ravel(said.signal_e)[0]), "white_e2": sum(terms.values()),
-                "speckle_e2": speckle}  # fmt: skip
+        return {"flux_e": float(np.ravel(said.signal_e)[0]), "white_e2": sum(terms.values()), "speckle_e2": speckle}
 
 
 def closed_form(case: FixedScene) -> ClosedForm:

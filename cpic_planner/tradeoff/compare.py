@@ -74,14 +74,16 @@ def _one(row: TradeoffRow, best: TradeoffRow, exposure_s: float) -> TradeoffRow:
         variance = float(new.sum())
         error = _variance_error(new, white.error / max(white.value, 1e-300), ratio.error / max(ratio.value, 1e-300))
     flux, noise = row.flux_e / best.flux_e, math.sqrt(variance / whole)
-    return row.model_copy(update={
-        "variance_e2": variance,
-        "snr": row.flux_e / math.sqrt(variance),
-        "flux_error": flux - 1.0,
-        "flux_uncertainty": 0.0 if row is best else FLUX_LIMIT,
-        "snr_error": flux / noise - 1.0,
-        "snr_uncertainty": 0.0 if row is best else flux / noise * 0.5 * error,
-    })  # fmt: skip
+    return row.model_copy(
+        update={
+            "variance_e2": variance,
+            "snr": row.flux_e / math.sqrt(variance),
+            "flux_error": flux - 1.0,
+            "flux_uncertainty": 0.0 if row is best else FLUX_LIMIT,
+            "snr_error": flux / noise - 1.0,
+            "snr_uncertainty": 0.0 if row is best else flux / noise * 0.5 * error,
+        }
+    )
 
 
 def _variance_error(parts: FloatArray, white: float, speckle: float) -> float:
@@ -132,8 +134,10 @@ def _paired(ours: Sequence[float], theirs: Sequence[float]) -> _Ratio:
     """Ratio of two means of paired samples."""
     first, second = np.asarray(ours, float), np.asarray(theirs, float)
     if len(first) != len(second):
-        return _divided(_Ratio(float(first.mean()), float(first.mean()) * _relative(ours)),
-                        _Ratio(float(second.mean()), float(second.mean()) * _relative(theirs)))  # fmt: skip
+        return _divided(
+            _Ratio(float(first.mean()), float(first.mean()) * _relative(ours)),
+            _Ratio(float(second.mean()), float(second.mean()) * _relative(theirs)),
+        )
     value = float(first.mean() / second.mean())
     difference = first / first.mean() - second / second.mean() if value > 0 else np.zeros(2)
     return _Ratio(value, value * float(difference.std(ddof=1)) / math.sqrt(difference.size))

@@ -61,8 +61,13 @@ def pareto_figure(result: TradeoffResult) -> Figure:
     figure.legend(handles, labels, loc="outside upper center", ncols=4)
     for panel, scene in zip(panels, scenes, strict=False):
         named = [row for row in ok if row.scene == scene.name and row.point in _LABELS]
-        place_labels(panel, [row.wall_s or 0.0 for row in named], [_size(row)[0] for row in named],
-                     [_LABELS[row.point] for row in named], fontsize=8.5)  # fmt: skip
+        place_labels(
+            panel,
+            [row.wall_s or 0.0 for row in named],
+            [_size(row)[0] for row in named],
+            [_LABELS[row.point] for row in named],
+            fontsize=8.5,
+        )
     return figure
 
 
@@ -88,9 +93,18 @@ def _panel(axes: Axes, rows: Sequence[TradeoffRow]) -> None:
                 continue
             value, limit = _size(row)
             thin = marker in "+x"
-            axes.plot(row.wall_s or 0.0, value, marker="v" if limit else marker, color=colour, ls="none", zorder=3,
-                      ms=9 if marker == "*" else 6, mew=1.3 if thin and not limit else 0.8,
-                      mfc="none" if limit or thin else colour, mec=colour)  # fmt: skip
+            axes.plot(
+                row.wall_s or 0.0,
+                value,
+                marker="v" if limit else marker,
+                color=colour,
+                ls="none",
+                zorder=3,
+                ms=9 if marker == "*" else 6,
+                mew=1.3 if thin and not limit else 0.8,
+                mfc="none" if limit or thin else colour,
+                mec=colour,
+            )
 
 
 def _legend() -> tuple[list[Artist], list[str]]:

@@ -19,8 +19,9 @@ def this_machine() -> MachineRecord:
     from threadpoolctl import threadpool_info
 
     np.ones((2, 2)) @ np.ones((2, 2))
-    libraries = sorted({f"{item['internal_api']} {item['version']}" for item in threadpool_info()
-                        if item["user_api"] == "blas"})  # fmt: skip
+    libraries = sorted(
+        {f"{item['internal_api']} {item['version']}" for item in threadpool_info() if item["user_api"] == "blas"}
+    )
     tree = {
         "processor": _processor(),
         "cores": _cores(),

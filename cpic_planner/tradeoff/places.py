@@ -82,8 +82,9 @@ class Places:
 
 def _level(case: FixedScene, weights: FloatArray, at: tuple[int, int]) -> FloatArray:
     """Closed-form variance at the planet over that at each place, from the expected light at quick knobs."""
-    seen = visit(case, Setup("frames", "hole", FIDELITIES["quick"], 1, scene_model=case.scene_model), planets=False,
-                 n_frames=1)  # fmt: skip
+    seen = visit(
+        case, Setup("frames", "hole", FIDELITIES["quick"], 1, scene_model=case.scene_model), planets=False, n_frames=1
+    )
     if seen.camera == "NIR":
         infrared = seen.instrument.near_infrared.detector
         variance = seen.expected_e + infrared.read_noise_e**2

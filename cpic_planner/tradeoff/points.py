@@ -68,21 +68,40 @@ def _main(case: FixedScene) -> list[Point]:
         Point(REFERENCE, "reference: whole frames, all effects, finest knobs", "tier", setup=reference_setup(case)),
         Point("etc", "closed form, one call", "closed_form"),
         Point("etc_many", "closed form, per case of 10 000 in one call", "closed_form", n_cases=10_000),
-        Point("sums_quick", "sums of frames, quick knobs", "images",
-              setup=images("sums", "hole", "quick", QUICK_EPOCHS)),
-        Point("sums_standard", "sums of frames, standard knobs", "images",
-              setup=images("sums", "hole", "standard", SUM_EPOCHS)),
-        Point("hole_quick", "frames over the hole, quick knobs", "images",
-              setup=images("frames", "hole", "quick", QUICK_EPOCHS)),
-        Point("hole_standard", "frames over the hole, standard knobs", "images",
-              setup=images("frames", "hole", "standard", MAX_EPOCHS)),
-        Point("full_standard", "whole frames, standard knobs", "images",
-              setup=images("frames", "full", "standard", MAX_EPOCHS)),
+        Point(
+            "sums_quick", "sums of frames, quick knobs", "images", setup=images("sums", "hole", "quick", QUICK_EPOCHS)
+        ),
+        Point(
+            "sums_standard",
+            "sums of frames, standard knobs",
+            "images",
+            setup=images("sums", "hole", "standard", SUM_EPOCHS),
+        ),
+        Point(
+            "hole_quick",
+            "frames over the hole, quick knobs",
+            "images",
+            setup=images("frames", "hole", "quick", QUICK_EPOCHS),
+        ),
+        Point(
+            "hole_standard",
+            "frames over the hole, standard knobs",
+            "images",
+            setup=images("frames", "hole", "standard", MAX_EPOCHS),
+        ),
+        Point(
+            "full_standard",
+            "whole frames, standard knobs",
+            "images",
+            setup=images("frames", "full", "standard", MAX_EPOCHS),
+        ),
         Point("quick", "--fidelity quick", "tier", fidelity="quick"),
         Point("standard", "--fidelity standard", "tier", fidelity="standard"),
-        *(Point(f"tolerance_{value:g}", f"--tolerance {value:g}", "tolerance", tolerance=value)
-          for value in TOLERANCES_MEASURED),
-    ]  # fmt: skip
+        *(
+            Point(f"tolerance_{value:g}", f"--tolerance {value:g}", "tolerance", tolerance=value)
+            for value in TOLERANCES_MEASURED
+        ),
+    ]
 
 
 def _knobs(case: FixedScene) -> list[Point]:
@@ -110,10 +129,16 @@ def _effects(case: FixedScene) -> list[Point]:
     best, instrument, scene = reference_setup(case), case.instrument, case.scene
     switches = instrument.detector_of(case.band).switches
     points = [
-        Point(f"no_{name}", f"without {name.replace('_', ' ')}", "effect", light_changes=False,
-              setup=best.changed(switches={name: False}))
-        for name, on in switches.model_dump().items() if on
-    ]  # fmt: skip
+        Point(
+            f"no_{name}",
+            f"without {name.replace('_', ' ')}",
+            "effect",
+            light_changes=False,
+            setup=best.changed(switches={name: False}),
+        )
+        for name, on in switches.model_dump().items()
+        if on
+    ]
     points.append(Point("no_sky", "without sky", "effect", setup=best.changed(sky=False)))
     points.append(Point("no_drift", "without drift of the wavefront", "effect", setup=best.changed(drift=False)))
     if scene.stars:

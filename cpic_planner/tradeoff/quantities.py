@@ -158,11 +158,15 @@ def _residuals(case: FixedScene, setup: Setup, places: Places, knobs: Knobs, epo
     found = []
     for number in range(n_pairs):
         means = [
-            visit_frames(grid, instrument.drift, epochs, cadence_s,
-                         *(stream(SEED, scene.name, "SCI", role, case.band, number, part) for part in ("visit", "walk"))
-                         ).mean(axis=0)
+            visit_frames(
+                grid,
+                instrument.drift,
+                epochs,
+                cadence_s,
+                *(stream(SEED, scene.name, "SCI", role, case.band, number, part) for part in ("visit", "walk")),
+            ).mean(axis=0)
             for role in ("science", "reference")
-        ]  # fmt: skip
+        ]
         left = np.zeros(annulus.shape)
         left[np.ix_(rows, columns)] = means[0] - means[1]
         sums = aperture_sums(left, weights)[places.near] - left[annulus].mean() * weights.sum()

@@ -120,9 +120,11 @@ def _kept(
 
 
 def _result(
-    rows: dict[tuple[str, str], TradeoffRow], machine: MachineRecord, machines: dict[str, MachineRecord],
+    rows: dict[tuple[str, str], TradeoffRow],
+    machine: MachineRecord,
+    machines: dict[str, MachineRecord],
     quick_look: bool,
-) -> TradeoffResult:  # fmt: skip
+) -> TradeoffResult:
     ordered: list[TradeoffRow] = []
     shown = []
     for case in SCENES.values():
@@ -143,12 +145,21 @@ def _result(
 
 
 def _described(case: FixedScene) -> TradeoffScene:
-    return TradeoffScene(name=case.name, title=case.title, why=case.why, band=case.band, exposure_s=case.exposure_s,
-                         n_frames=case.n_frames, em_gain=case.em_gain, scene_model=case.scene_model)  # fmt: skip
+    return TradeoffScene(
+        name=case.name,
+        title=case.title,
+        why=case.why,
+        band=case.band,
+        exposure_s=case.exposure_s,
+        n_frames=case.n_frames,
+        em_gain=case.em_gain,
+        scene_model=case.scene_model,
+    )
 
 
-def _measured(case: FixedScene, points: tuple[Point, ...], effort: Effort, machine: str, workers: int,
-              advance: Advance) -> list[TradeoffRow]:  # fmt: skip
+def _measured(
+    case: FixedScene, points: tuple[Point, ...], effort: Effort, machine: str, workers: int, advance: Advance
+) -> list[TradeoffRow]:
     rows = []
     for point in points:
         if not point.shares_process:
@@ -157,22 +168,26 @@ def _measured(case: FixedScene, points: tuple[Point, ...], effort: Effort, machi
     batches = [batch for batch in batches if batch]
     if batches:
         with ThreadPoolExecutor(max_workers=min(workers, len(batches))) as pool:
-            waiting = [pool.submit(_in_own_process, _several, case, batch, effort, machine, advance=advance)
-                       for batch in batches]  # fmt: skip
+            waiting = [
+                pool.submit(_in_own_process, _several, case, batch, effort, machine, advance=advance)
+                for batch in batches
+            ]
             for one in waiting:
                 rows += one.result()
     return rows
 
 
-def _one(tell: Connection, launched_s: float, case: FixedScene, point: Point, effort: Effort, machine: str
-         ) -> TradeoffRow:  # fmt: skip
+def _one(
+    tell: Connection, launched_s: float, case: FixedScene, point: Point, effort: Effort, machine: str
+) -> TradeoffRow:
     row = measure_point(case, point, effort, machine, launched_s)
     tell.send(("step", f"{case.name}, {point.name}"))
     return row
 
 
-def _several(tell: Connection, launched_s: float, case: FixedScene, points: tuple[Point, ...], effort: Effort,
-             machine: str) -> list[TradeoffRow]:  # fmt: skip
+def _several(
+    tell: Connection, launched_s: float, case: FixedScene, points: tuple[Point, ...], effort: Effort, machine: str
+) -> list[TradeoffRow]:
     del launched_s  # no first calls are timed here
     return measure_shared(case, points, effort, machine, lambda text: tell.send(("step", f"{case.name}, {text}")))
 

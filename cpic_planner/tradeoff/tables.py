@@ -11,10 +11,31 @@ from cpic_planner.tradeoff.scenes import SCENES
 
 __all__ = ["COLUMNS", "csv_text", "read_csv", "report_text", "tier_table"]
 
-COLUMNS = ("scene", "point", "group", "title", "status", "reason", "message", "wall_s", "cpu_s", "cold_s",
-           "peak_memory_mb", "repeats", "flux_e", "snr", "flux_error", "flux_uncertainty", "snr_error",
-           "snr_uncertainty", "predicted_flux_error", "predicted_snr_error", "n_frames", "machine",
-           "version")  # fmt: skip
+COLUMNS = (
+    "scene",
+    "point",
+    "group",
+    "title",
+    "status",
+    "reason",
+    "message",
+    "wall_s",
+    "cpu_s",
+    "cold_s",
+    "peak_memory_mb",
+    "repeats",
+    "flux_e",
+    "snr",
+    "flux_error",
+    "flux_uncertainty",
+    "snr_error",
+    "snr_uncertainty",
+    "predicted_flux_error",
+    "predicted_snr_error",
+    "n_frames",
+    "machine",
+    "version",
+)
 _TIERS = ("etc", "quick", "standard", "reference")
 _HEADINGS = {
     "closed_form": "Closed forms",
@@ -87,16 +108,24 @@ def tier_table(result: TradeoffResult) -> str:
         if not good:
             continue
         times = sorted(row.wall_s or 0.0 for row in good)
-        lines.append([
-            "closed form" if name == "etc" else f"`{name}`",
-            f"{_seconds(times[0])} to {_seconds(times[-1])}",
-            f"{max(row.peak_memory_mb or 0.0 for row in good):.0f}",
-            _worst(good, "flux"),
-            _worst(good, "snr"),
-            f"{len(good)} of {len(rows)}",
-        ])  # fmt: skip
-    head = ["tier", "wall clock of an observation", "memory (MB)", "largest error of the planet's flux",
-            "largest error of SNR", "scenes"]  # fmt: skip
+        lines.append(
+            [
+                "closed form" if name == "etc" else f"`{name}`",
+                f"{_seconds(times[0])} to {_seconds(times[-1])}",
+                f"{max(row.peak_memory_mb or 0.0 for row in good):.0f}",
+                _worst(good, "flux"),
+                _worst(good, "snr"),
+                f"{len(good)} of {len(rows)}",
+            ]
+        )
+    head = [
+        "tier",
+        "wall clock of an observation",
+        "memory (MB)",
+        "largest error of the planet's flux",
+        "largest error of SNR",
+        "scenes",
+    ]
     return _table(head, lines)
 
 
@@ -143,9 +172,15 @@ def _line(row: TradeoffRow, machine: str) -> list[str]:
     mark = "" if row.machine == machine else " (another machine)"
     if row.status != "ok":
         return [f"{row.title}{mark}", f"{row.status}: {row.reason.replace('_', ' ')}", "", "", "", row.message, ""]
-    return [f"{row.title}{mark}", _seconds(row.wall_s), _seconds(row.cpu_s), _seconds(row.cold_s),
-            _memory(row.peak_memory_mb), _error(row.flux_error, row.flux_uncertainty),
-            _error(row.snr_error, row.snr_uncertainty)]  # fmt: skip
+    return [
+        f"{row.title}{mark}",
+        _seconds(row.wall_s),
+        _seconds(row.cpu_s),
+        _seconds(row.cold_s),
+        _memory(row.peak_memory_mb),
+        _error(row.flux_error, row.flux_uncertainty),
+        _error(row.snr_error, row.snr_uncertainty),
+    ]
 
 
 def report_text(result: TradeoffResult, *, head: str = "") -> str:

@@ -80,21 +80,43 @@ class _Row:
     def made(self, **more: Any) -> TradeoffRow:
         """The row."""
         case, point = self.case, self.point
-        return TradeoffRow(scene=case.name, point=point.name, title=point.title, group=point.group,
-                           predicted_error=self.predicted, n_frames=case.n_frames, machine=self.machine,
-                           version=__version__, **more)  # fmt: skip
+        return TradeoffRow(
+            scene=case.name,
+            point=point.name,
+            title=point.title,
+            group=point.group,
+            predicted_error=self.predicted,
+            n_frames=case.n_frames,
+            machine=self.machine,
+            version=__version__,
+            **more,
+        )
 
-    def ok(self, setup: Setup, timing: Timing, flux_e: float, samples: dict[str, list[float]],
-           cold_s: float | None = None) -> TradeoffRow:  # fmt: skip
+    def ok(
+        self, setup: Setup, timing: Timing, flux_e: float, samples: dict[str, list[float]], cold_s: float | None = None
+    ) -> TradeoffRow:
         """The row of images."""
-        settings = {"draw": setup.draw, "region": setup.region, "epochs": setup.n_epochs(self.case),
-                    "knobs": setup.knobs.model_dump(mode="json"), "switches": dict(setup.switches),
-                    "left_out": list(setup.left_out), "sky": setup.sky, "drift": setup.drift,
-                    "scene_model": setup.scene_model}  # fmt: skip
+        settings = {
+            "draw": setup.draw,
+            "region": setup.region,
+            "epochs": setup.n_epochs(self.case),
+            "knobs": setup.knobs.model_dump(mode="json"),
+            "switches": dict(setup.switches),
+            "left_out": list(setup.left_out),
+            "sky": setup.sky,
+            "drift": setup.drift,
+            "scene_model": setup.scene_model,
+        }
         assert self.places is not None  # images have places
         own = own_noise_e2(self.case, setup, self.places, flux_e)
-        return self.made(status="ok", cold_s=cold_s, flux_e=flux_e, settings=settings,
-                         samples=samples | {"own_e2": [own]}, **dataclasses.asdict(timing))  # fmt: skip
+        return self.made(
+            status="ok",
+            cold_s=cold_s,
+            flux_e=flux_e,
+            settings=settings,
+            samples=samples | {"own_e2": [own]},
+            **dataclasses.asdict(timing),
+        )
 
 
 def measure_point(case: FixedScene, point: Point, effort: Effort, machine: str, launched_s: float) -> TradeoffRow:
@@ -131,8 +153,9 @@ def measure_point(case: FixedScene, point: Point, effort: Effort, machine: str, 
     places = row.places = Places.of(case)
     samples = _white(row, setup, places, work, effort, more)
     samples |= _residual(row, setup, places, effort, reference_setup(case))
-    return row.ok(setup, timing, expected_flux_e(case, setup, work.science, light_without(case, setup)), samples,
-                  cold_s)  # fmt: skip
+    return row.ok(
+        setup, timing, expected_flux_e(case, setup, work.science, light_without(case, setup)), samples, cold_s
+    )
 
 
 def measure_shared(

@@ -50,5 +50,9 @@ def read_result(folder: Path) -> TradeoffResult | None:
         text = read_text(path, key="--out", allowed="a folder of an earlier tradeoff", max_bytes=_MAX_BYTES)
         return TradeoffResult.model_validate(json.loads(text))
     except (ValueError, ValidationError):
-        raise InputError("--out", str(folder), allowed="a folder of an earlier tradeoff, or a new one",
-                         hint="its results.json is something else") from None  # fmt: skip
+        raise InputError(
+            "--out",
+            str(folder),
+            allowed="a folder of an earlier tradeoff, or a new one",
+            hint="its results.json is something else",
+        ) from None

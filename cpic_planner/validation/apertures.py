@@ -128,8 +128,11 @@ def sample_scatter(
     require("radius_pixel", radius_pixel, math.isfinite(radius_pixel) and radius_pixel > 0, "px", "above 0")
     box = tuple(slice(int(i.min()), int(i.max()) + 1) for i in np.nonzero(allowed))
     half = math.ceil(radius_pixel + 0.5)
-    too_few = InputError("background_region", f"too small for apertures of radius {radius_pixel:g} px",
-                         allowed=f"room for at least {MIN_BACKGROUND_APERTURES} of them")  # fmt: skip
+    too_few = InputError(
+        "background_region",
+        f"too small for apertures of radius {radius_pixel:g} px",
+        allowed=f"room for at least {MIN_BACKGROUND_APERTURES} of them",
+    )
     if 2.0 * radius_pixel > min(data.shape):
         raise too_few
     side = 2 * half + 1
@@ -161,8 +164,11 @@ def checked_image(image: npt.ArrayLike) -> FloatArray:
 
 def check_region(region: npt.NDArray[np.generic], shape: tuple[int, ...]) -> None:
     if region.dtype != np.bool_ or region.shape != shape or not region.any():
-        raise InputError("background_region", f"{region.dtype} array of shape {region.shape}",
-                         allowed=f"booleans of shape {shape}, some of them true")  # fmt: skip
+        raise InputError(
+            "background_region",
+            f"{region.dtype} array of shape {region.shape}",
+            allowed=f"booleans of shape {shape}, some of them true",
+        )
 
 
 def _check_inside(shape: tuple[int, ...], x: FloatArray, y: FloatArray, radius: float) -> None:
@@ -170,8 +176,9 @@ def _check_inside(shape: tuple[int, ...], x: FloatArray, y: FloatArray, radius: 
     for key, centre, size in (("x_pixel", x, shape[1]), ("y_pixel", y, shape[0])):
         bad = ~((centre - radius >= -0.5) & (centre + radius <= size - 0.5))
         if bad.any():
-            raise InputError(key, float(centre[bad].flat[0]), unit="px",
-                             allowed=f"a circle of radius {radius:g} px inside {size} px")  # fmt: skip
+            raise InputError(
+                key, float(centre[bad].flat[0]), unit="px", allowed=f"a circle of radius {radius:g} px inside {size} px"
+            )
 
 
 def require(key: str, value: float, good: bool, unit: str, allowed: str) -> None:

@@ -225,8 +225,12 @@ def fit_position(
     )
     start = np.array([x_arcsec, y_arcsec]) / scale
     if not fitter.coverage(start) >= LEAST_COVERAGE:
-        raise InputError("x_arcsec, y_arcsec", (x_arcsec, y_arcsec), unit="arcsec",
-                         allowed="a place with half of the planet's squared light in the region")  # fmt: skip
+        raise InputError(
+            "x_arcsec, y_arcsec",
+            (x_arcsec, y_arcsec),
+            unit="arcsec",
+            allowed="a place with half of the planet's squared light in the region",
+        )
     fit = fitter.climb(start)
     speckles = fitter.speckles(fit)
     flux = fit.flux or math.inf

@@ -182,8 +182,13 @@ def _joined(stories: list[FrameStory]) -> FrameStory:
 def _star(visits: Visits) -> tuple[StarFlux, bool]:
     """Rate of the star from a series off the mask; where even its shortest exposure saturates, that of the scene."""
     task = visits.task
-    series = observe_off_mask(visits.plan.science_scene, task.band, instrument=visits.instrument, seed=task.seed,
-                              fidelity=visits.modelling.knobs)  # fmt: skip
+    series = observe_off_mask(
+        visits.plan.science_scene,
+        task.band,
+        instrument=visits.instrument,
+        seed=task.seed,
+        fidelity=visits.modelling.knobs,
+    )
     if series.value is not None:
         measured = star_flux_off_mask(series.value)
         if measured.value is not None:

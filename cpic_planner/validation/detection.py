@@ -216,9 +216,14 @@ def search(
 
 
 def _candidate(
-    peak: Peak, centre: int, pixel_scale_arcsec: float, level: float, threshold: float, region: SearchedRegion,
+    peak: Peak,
+    centre: int,
+    pixel_scale_arcsec: float,
+    level: float,
+    threshold: float,
+    region: SearchedRegion,
     roughness: float,
-) -> Candidate:  # fmt: skip
+) -> Candidate:
     x, y = ((place - centre) * pixel_scale_arcsec for place in (peak.x_pixel, peak.y_pixel))
     expected = float(false_alarms(max(peak.significance, 1.0), region, roughness, math.inf))
     return Candidate(

@@ -26,9 +26,14 @@ __all__ = ["FittedAlbedo", "albedo_fits", "albedo_records", "position_records", 
 
 
 def search_record(
-    blind: BlindSearch, task: ConfirmTask, planets: Mapping[str, tuple[float, float]], *, reach_arcsec: float,
-    roll_deg: float, parity: int,
-) -> SearchRecord:  # fmt: skip
+    blind: BlindSearch,
+    task: ConfirmTask,
+    planets: Mapping[str, tuple[float, float]],
+    *,
+    reach_arcsec: float,
+    roll_deg: float,
+    parity: int,
+) -> SearchRecord:
     """A blind search for the record.
 
     Parameters

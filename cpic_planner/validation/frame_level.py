@@ -117,12 +117,20 @@ def frame_level(
         return None
     chosen = dark_bar(observation) if level_pixels is None else np.asarray(level_pixels)
     if chosen.dtype != np.bool_ or chosen.shape != observation.shape:
-        raise InputError("level_pixels", f"{chosen.dtype} array of shape {chosen.shape}",
-                         allowed=f"booleans of shape {observation.shape}")  # fmt: skip
+        raise InputError(
+            "level_pixels",
+            f"{chosen.dtype} array of shape {chosen.shape}",
+            allowed=f"booleans of shape {observation.shape}",
+        )
     pixels = np.flatnonzero(chosen & (flaws == MaskBit.GOOD))
     if pixels.size < _LEAST_PIXELS:
-        raise InputError("level_pixels", pixels.size, unit="px", allowed=f"at least {_LEAST_PIXELS} pixels",
-                         hint="name pixels without light, or switch off bias_drift and interference")  # fmt: skip
+        raise InputError(
+            "level_pixels",
+            pixels.size,
+            unit="px",
+            allowed=f"at least {_LEAST_PIXELS} pixels",
+            hint="name pixels without light, or switch off bias_drift and interference",
+        )
     row, column = observation.first_pixel or (0, 0)
     rows, columns = (np.arange(size) for size in observation.shape)
     turn = 2.0 * np.pi / structure.interference_period_columns
@@ -131,8 +139,10 @@ def frame_level(
     wave = np.stack(shapes)
     mean = mean_e.reshape(-1)[pixels]
     sigma = math.hypot(detector.read_noise_e, detector.gain_e_adu) / gain
-    limit = limit_of_mean(mean, em_gain=gain, stages=detector.register_stages, sigma_e=sigma,
-                          false_alarm=_FALSE_ALARM) - mean  # fmt: skip
+    limit = (
+        limit_of_mean(mean, em_gain=gain, stages=detector.register_stages, sigma_e=sigma, false_alarm=_FALSE_ALARM)
+        - mean
+    )
     to_adu = gain / detector.gain_e_adu
     return FrameLevel(
         pixels=pixels,

@@ -138,8 +138,7 @@ def calibrated_frames(
     place = _stamp(observation) if cropped else (slice(None), slice(None))
     rows, columns = np.empty(observation.shape, dtype=np.bool_)[place].shape
     if 8 * observation.n_frames * rows * columns > MAX_STACK_BYTES:
-        raise InputError("n_frames", observation.n_frames,
-                         allowed=f"{MAX_STACK_BYTES / 1e9:g} GB of frames at once")  # fmt: skip
+        raise InputError("n_frames", observation.n_frames, allowed=f"{MAX_STACK_BYTES / 1e9:g} GB of frames at once")
     steps = _Steps.of(observation, level_pixels)
     forbidden = MaskBit.BAD if keep_hot else MaskBit.BAD | MaskBit.HOT
     good = (steps.flaws & np.uint8(forbidden)) == 0
@@ -294,8 +293,13 @@ def _at_limit(electrons: FloatArray, usable: BoolArray, pedestal: FloatArray, ob
     room = (detector.adc_max_adu - bias_level_adu(detector)) * detector.gain_e_adu
     limit = min(detector.full_well_e, detector.register_full_well_e / gain, room / gain)
     mean = np.einsum("nyx,nyx->yx", electrons, usable) / np.maximum(np.count_nonzero(usable, axis=0), 1)
-    reached = limit_of_mean(np.maximum(mean + pedestal, 0.0), em_gain=gain, stages=detector.register_stages,
-                            sigma_e=_gaussian_e(detector, gain), false_alarm=_LIMIT_CHANCE)  # fmt: skip
+    reached = limit_of_mean(
+        np.maximum(mean + pedestal, 0.0),
+        em_gain=gain,
+        stages=detector.register_stages,
+        sigma_e=_gaussian_e(detector, gain),
+        false_alarm=_LIMIT_CHANCE,
+    )
     return reached > limit * _LIMIT_SHARE
 
 
@@ -312,8 +316,12 @@ def _stamp(observation: Observation) -> tuple[slice, slice]:
     side = observation.psf.on_axis.shape[0]
     rows, columns, _ = observation.area.stamp(side)
     if (rows.stop - rows.start, columns.stop - columns.start) != (side, side):
-        raise InputError("detector.star_row", observation.area.centre, unit="px",
-                         allowed=f"a stamp of {side} pixels around the mask on the detector")  # fmt: skip
+        raise InputError(
+            "detector.star_row",
+            observation.area.centre,
+            unit="px",
+            allowed=f"a stamp of {side} pixels around the mask on the detector",
+        )
     return rows, columns
 
 

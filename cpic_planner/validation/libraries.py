@@ -224,8 +224,9 @@ def halo_scale(
     """
     science, reference = checked_frames("science_e", science_e), checked_frames("reference_e", reference_e)
     if reference.ndim != 3 or len(reference) < 2 or reference.shape[-2:] != science.shape[-2:]:
-        raise InputError("reference_e", reference.shape, unit="px",
-                         allowed=f"at least two frames of {science.shape[-2:]}")  # fmt: skip
+        raise InputError(
+            "reference_e", reference.shape, unit="px", allowed=f"at least two frames of {science.shape[-2:]}"
+        )
     pixels = checked_region("region", region, science.shape[-2:])
     star = region_rows("science_e", science, pixels).mean(axis=0)
     frames = region_rows("reference_e", reference, pixels)

@@ -112,8 +112,10 @@ def subjects_of(visits: Visits) -> tuple[Subject, ...]:
     rolls = [visits.plan.science["roll_deg"]]
     if visits.plan.shows_planet:
         rolls.append(visits.plan.reference["roll_deg"])
-    every = [scene_sources(visits.plan.science_scene, visits.instrument, visits.task.band, roll_deg=roll)[1:]
-             for roll in rolls]  # fmt: skip
+    every = [
+        scene_sources(visits.plan.science_scene, visits.instrument, visits.task.band, roll_deg=roll)[1:]
+        for roll in rolls
+    ]
     found = []
     for index, source in enumerate(every[0]):
         if source.kind != "planet" or source.name not in visits.task.planets:
@@ -131,8 +133,17 @@ def subjects_of(visits: Visits) -> tuple[Subject, ...]:
         )
         annulus = geometry.annulus(float(np.hypot(*places[0])), strategy.annulus_lambda_d)
         cores = tuple(float(np.sum(t * w)) for t, w in zip(templates, apertures, strict=True))
-        found.append(Subject(source.name, places, templates, apertures, cores,
-                             _without(annulus, others, EXCLUSION_RADII * radius), others))  # fmt: skip
+        found.append(
+            Subject(
+                source.name,
+                places,
+                templates,
+                apertures,
+                cores,
+                _without(annulus, others, EXCLUSION_RADII * radius),
+                others,
+            )
+        )
     return tuple(found)
 
 
@@ -214,13 +225,27 @@ def forced_photometry(realised: Realised, subject: Subject, geometry: BandGeomet
     background = subject.background & stack.region
     if realised.roll is not None:
         return roll_photometry(
-            realised.roll, subject.templates[0], subject.templates[1], places[0], places[1], radius,
-            background_region=background, em_gain=stack.em_gain, stages=stack.stages,
-        )  # fmt: skip
+            realised.roll,
+            subject.templates[0],
+            subject.templates[1],
+            places[0],
+            places[1],
+            radius,
+            background_region=background,
+            em_gain=stack.em_gain,
+            stages=stack.stages,
+        )
     ring = _without(background, places, EXCLUSION_RADII * radius)
     through = stack.rdi.throughput(subject.templates[0], subject.apertures[0], background=ring)
-    return aperture_photometry(stack.image_e, *places[0], radius, background_region=background,
-                               throughput=through, em_gain=stack.em_gain, stages=stack.stages)  # fmt: skip
+    return aperture_photometry(
+        stack.image_e,
+        *places[0],
+        radius,
+        background_region=background,
+        throughput=through,
+        em_gain=stack.em_gain,
+        stages=stack.stages,
+    )
 
 
 def _match(blind: BlindSearch, subject: Subject, geometry: BandGeometry) -> Candidate | None:
@@ -238,5 +263,11 @@ def positions_of(visits: Visits, realised: Realised, blind: BlindSearch, subject
         return None
     pixel, middle = visits.geometry.pixel_scale_arcsec, visits.geometry.stamp_pixels // 2
     others = [((x - middle) * pixel, (y - middle) * pixel) for x, y in subject.others]
-    return fit_position(realised.reduced, visits.optics, match.x_arcsec, match.y_arcsec,
-                        roll_deg=visits.plan.science["roll_deg"], exclude=others)  # fmt: skip
+    return fit_position(
+        realised.reduced,
+        visits.optics,
+        match.x_arcsec,
+        match.y_arcsec,
+        roll_deg=visits.plan.science["roll_deg"],
+        exclude=others,
+    )

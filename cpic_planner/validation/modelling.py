@@ -23,8 +23,19 @@ __all__ = ["Modelling", "modelling_of"]
 
 # Not for the ledger to decide: the noise and the limits that images are made to measure, which save next to nothing,
 # and the pixels, which are those around the hole, or all for the reference.
-_GIVEN = ("hole_region", "photon_noise", "em_register", "read_noise", "dark", "clock_charge", "register_clock_charge",
-          "blooming", "register_full_well", "sky", "smear")  # fmt: skip
+_GIVEN = (
+    "hole_region",
+    "photon_noise",
+    "em_register",
+    "read_noise",
+    "dark",
+    "clock_charge",
+    "register_clock_charge",
+    "blooming",
+    "register_full_well",
+    "sky",
+    "smear",
+)
 # Whether they are reached the images themselves decide, pixel by pixel (`simulator.hole_stack.hole_stackable`); where
 # they are, every frame is drawn.
 _LIMITS = ("blooming", "register_full_well")
@@ -107,11 +118,12 @@ class Modelling:
             epochs=self.epochs,
             knobs=self.knobs,
             effects=[
-                EffectRecord(key=row.key, effect=row.effect, decision=row.decision, reason=row.reason,
-                             size=_bound(row.size))
+                EffectRecord(
+                    key=row.key, effect=row.effect, decision=row.decision, reason=row.reason, size=_bound(row.size)
+                )
                 for row in self.rows
             ],
-        )  # fmt: skip
+        )
 
 
 def _bound(value: float | None) -> float | None:
@@ -161,8 +173,9 @@ def modelling_of(task: ConfirmTask, *, by_frames: bool = False) -> Modelling:
     choice = choose(sizes, dial, fixed=(*_GIVEN, "summed_frames") if by_frames else _GIVEN)
     rows = {row.key: row for row in choice.rows}
     for name in () if by_frames or whole else limits:
-        rows[name] = dataclasses.replace(rows[name], decision="kept", size=0.0,
-                                         reason="none is reached in the hole, and no charge flows into it")  # fmt: skip
+        rows[name] = dataclasses.replace(
+            rows[name], decision="kept", size=0.0, reason="none is reached in the hole, and no charge flows into it"
+        )
     # A tier that is too coarse is refused where images are asked for; who draws all the same gets what it stands for.
     draw = choice.draw if by_frames or choice.outcome.value is not None else "sums"
     return Modelling(
@@ -185,7 +198,12 @@ def _with_planet(scene: Scene, instrument: Instrument, band: str) -> tuple[Scene
     middle = 0.5 * (metrics.hole_inner_arcsec + metrics.hole_outer_arcsec)
     sign_x, sign_y = metrics.zone.diagonal
     separation, pa_deg = detector_to_sky(sign_x * middle, sign_y * middle, parity=instrument.detector.parity)
-    planet = Planet(name=_SEARCHED, spectrum="blackbody", teff_k=scene.cstar.teff_k or 5772.0,
-                    v_mag=scene.cstar.v_mag + _SEARCHED_MAG, separation_arcsec=float(separation),
-                    pa_deg=float(pa_deg))  # fmt: skip
+    planet = Planet(
+        name=_SEARCHED,
+        spectrum="blackbody",
+        teff_k=scene.cstar.teff_k or 5772.0,
+        v_mag=scene.cstar.v_mag + _SEARCHED_MAG,
+        separation_arcsec=float(separation),
+        pa_deg=float(pa_deg),
+    )
     return scene.model_copy(update={"planets": (*scene.planets, planet)}), (_SEARCHED,)

@@ -144,8 +144,14 @@ class Visits:
         """Reduce images of both visits, each of so many frames."""
         roll = None
         if self.plan.shows_planet:
-            roll = roll_subtract(science_e, reference_e, self.strategy.n_modes, region=region,
-                                 first_frames=science_n, second_frames=reference_n)  # fmt: skip
+            roll = roll_subtract(
+                science_e,
+                reference_e,
+                self.strategy.n_modes,
+                region=region,
+                first_frames=science_n,
+                second_frames=reference_n,
+            )
         reduced = reduce_stack(
             science_e,
             reference_e,

@@ -27,8 +27,11 @@ def checked_region(key: str, value: npt.ArrayLike | None, shape: tuple[int, ...]
         return np.ones(shape, dtype=np.bool_)
     region = np.asarray(value)
     if region.dtype != np.bool_ or region.shape != tuple(shape) or not region.any():
-        raise InputError(key, f"{region.dtype} array of shape {region.shape}",
-                         allowed=f"booleans of shape {tuple(shape)}, some of them true")  # fmt: skip
+        raise InputError(
+            key,
+            f"{region.dtype} array of shape {region.shape}",
+            allowed=f"booleans of shape {tuple(shape)}, some of them true",
+        )
     return region.copy()
 
 

@@ -272,14 +272,19 @@ def _checked(frames: npt.ArrayLike, usable: npt.ArrayLike) -> tuple[FloatArray, 
     if data.dtype.kind not in "iuf" or data.ndim != 3 or data.size == 0:
         raise InputError("frames", f"{data.dtype} array of shape {data.shape}", unit="e-", allowed="frames (n, y, x)")
     if good.dtype != np.bool_ or good.shape != data.shape:
-        raise InputError("usable", f"{good.dtype} array of shape {good.shape}",
-                         allowed=f"booleans of shape {data.shape}")  # fmt: skip
+        raise InputError(
+            "usable", f"{good.dtype} array of shape {good.shape}", allowed=f"booleans of shape {data.shape}"
+        )
     data = data.astype(np.float64, copy=False)
     if not np.isfinite(data).all():
         n, y, x = np.argwhere(~np.isfinite(data))[0]
         raise InputError(f"frames[{n}, y={y}, x={x}]", float(data[n, y, x]), unit="e-", allowed="finite numbers")
     if not max(data.max(), -data.min()) <= MOST_E:
         n, y, x = np.argwhere(np.abs(data) > MOST_E)[0]
-        raise InputError(f"frames[{n}, y={y}, x={x}]", float(data[n, y, x]), unit="e-",
-                         allowed=f"{-MOST_E:g} to {MOST_E:g}, so that sums stay finite")  # fmt: skip
+        raise InputError(
+            f"frames[{n}, y={y}, x={x}]",
+            float(data[n, y, x]),
+            unit="e-",
+            allowed=f"{-MOST_E:g} to {MOST_E:g}, so that sums stay finite",
+        )
     return data, good

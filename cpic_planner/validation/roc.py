@@ -122,8 +122,9 @@ def roc_curve(
         alarms += [one.significance for one in empty.candidates]
         x, y = draw_place(stack, separation_arcsec, geometry.pixel_scale_arcsec, rng)
         planet = inject(stack, psf, x, y, contrast * star_rate_e_s * stack.integration_s, rng)
-        best = recovered(search(planet, psf, maps, star_rate_e_s=star_rate_e_s, sigma=_SEARCH_SIGMA), x, y,
-                         geometry.lambda_d_arcsec)  # fmt: skip
+        best = recovered(
+            search(planet, psf, maps, star_rate_e_s=star_rate_e_s, sigma=_SEARCH_SIGMA), x, y, geometry.lambda_d_arcsec
+        )
         if best is not None:
             seen[visit] = best.significance
     return RocCurve(

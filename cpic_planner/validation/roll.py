@@ -217,8 +217,9 @@ def roll_subtract(
     """
     first, second = checked_frames("first_e", first_e), checked_frames("second_e", second_e)
     if first.ndim != 3 or second.shape != first.shape:
-        raise InputError("second_e", second.shape, unit="px",
-                         allowed=f"as many frames of one size as the first roll, {first.shape}")  # fmt: skip
+        raise InputError(
+            "second_e", second.shape, unit="px", allowed=f"as many frames of one size as the first roll, {first.shape}"
+        )
     counts = _counts("first_frames", first_frames, len(first)), _counts("second_frames", second_frames, len(second))
     if counts[0].sum() != counts[1].sum():
         raise InputError(
@@ -298,8 +299,12 @@ def roll_photometry(
     ]
     throughput = float(np.dot(through, incoming)) / sum(incoming)
     if not throughput > 0:
-        raise InputError("second_pixel", second_pixel, unit="px",
-                         allowed="a place far enough from the first for some of the planet to be left")  # fmt: skip
+        raise InputError(
+            "second_pixel",
+            second_pixel,
+            unit="px",
+            allowed="a place far enough from the first for some of the planet to be left",
+        )
     first, second = (
         aperture_photometry(image, *place, radius_pixel, background_region=away, em_gain=em_gain, stages=stages)
         for image, place in zip(images, places, strict=True)

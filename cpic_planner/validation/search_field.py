@@ -230,8 +230,15 @@ class SearchField:
         ratio = math.sqrt(fit.variance[place] / alone.variance[place])
         laplace, dof = (float(part[place]) for part in (self.laplace(alone.logs, alone.variance), self.dof(alone)))
         snr = height * ratio
-        return Peak(x_pixel, y_pixel, snr, float(equivalent_sigma(snr, laplace, dof)[0]), laplace, dof,
-                     height * float(state.sigma_e[place]))  # fmt: skip
+        return Peak(
+            x_pixel,
+            y_pixel,
+            snr,
+            float(equivalent_sigma(snr, laplace, dof)[0]),
+            laplace,
+            dof,
+            height * float(state.sigma_e[place]),
+        )
 
     def rejudged(self, peak: Peak, state: FilteredState) -> Peak:
         """The same source in the noise that is known once all sources are out."""

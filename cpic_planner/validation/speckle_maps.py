@@ -147,15 +147,17 @@ def _key(psf: Psf, slope: float, n_visits: int, name: FilterName) -> str:
     if psf.spectrum is not None:
         arrays = (psf.spectrum.wavelength_nm, psf.spectrum.photlam)
         spectrum = hashlib.sha256(b"".join(np.asarray(part, "<f8").tobytes() for part in arrays)).hexdigest()
-    return content_hash({
-        "schema": SCHEMA,
-        "optics": metrics_key(psf.instrument, psf.band),
-        "knobs": psf.knobs.model_dump(mode="json"),
-        "spectrum": spectrum,
-        "slope": slope,
-        "visits": n_visits,
-        "kernel": name,
-    })  # fmt: skip
+    return content_hash(
+        {
+            "schema": SCHEMA,
+            "optics": metrics_key(psf.instrument, psf.band),
+            "knobs": psf.knobs.model_dump(mode="json"),
+            "spectrum": spectrum,
+            "slope": slope,
+            "visits": n_visits,
+            "kernel": name,
+        }
+    )
 
 
 class _Held:

@@ -29,8 +29,14 @@ from simulator.observation import Observation, observe
 from simulator.outcome import Outcome, Reason, Status
 from simulator.target.sources import scene_sources
 
-__all__ = ["StarFlux", "field_star_ratio", "observe_off_mask", "off_mask_exposure_s", "star_flux_of_field_star",
-           "star_flux_off_mask"]  # fmt: skip
+__all__ = [
+    "StarFlux",
+    "field_star_ratio",
+    "observe_off_mask",
+    "off_mask_exposure_s",
+    "star_flux_of_field_star",
+    "star_flux_off_mask",
+]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -114,8 +120,12 @@ def off_mask_exposure_s(
     shortest = detector.exposure_min_s
     least = pixel_saturated(hottest * shortest, em_gain, detector, _MARGIN_SIGMA)
     if least.status is not Status.OK:
-        return Outcome.refuse(Status.SATURATED, least.reason, f"even the shortest exposure, {shortest:g} s, saturates "
-                              f"off the mask: {least.message}", unit="s")  # fmt: skip
+        return Outcome.refuse(
+            Status.SATURATED,
+            least.reason,
+            f"even the shortest exposure, {shortest:g} s, saturates off the mask: {least.message}",
+            unit="s",
+        )
     converter_e = (detector.adc_max_adu - detector.bias_adu) * detector.gain_e_adu
     converter_e -= _MARGIN_SIGMA * detector.read_noise_e
     limit = min(detector.full_well_e, detector.register_full_well_e / em_gain, converter_e / em_gain)
@@ -174,8 +184,16 @@ def observe_off_mask(
             return Outcome.refuse(answer.status, answer.reason, answer.message)
         exposure_s = answer.value
     usual: dict[str, Any] = {"kind": "CALS", "role": "calibration", "window": "hole"}
-    seen = observe(scene, band=band, instrument=config, exposure_s=exposure_s, n_frames=n_frames, em_gain=em_gain,
-                   star_offset_arcsec=offset_arcsec, **(usual | settings))  # fmt: skip
+    seen = observe(
+        scene,
+        band=band,
+        instrument=config,
+        exposure_s=exposure_s,
+        n_frames=n_frames,
+        em_gain=em_gain,
+        star_offset_arcsec=offset_arcsec,
+        **(usual | settings),
+    )
     return Outcome.ok(seen)
 
 
@@ -228,13 +246,22 @@ def star_flux_off_mask(observation: Observation) -> Outcome[StarFlux]:
     aperture, weights = _weights(observation, template.shape, (rows.start, columns.start), seen)
     lost = frames.n_lost[rows, columns][aperture > 0]
     if lost.max() > MOST_LOST * frames.n_frames:
-        return Outcome.refuse(Status.SATURATED, _limit(observation, template),
-                              f"{np.count_nonzero(lost)} pixels of the aperture are cut off in up to {lost.max()} of "
-                              f"{frames.n_frames} frames; shorten the exposure", unit="e-/s")  # fmt: skip
+        return Outcome.refuse(
+            Status.SATURATED,
+            _limit(observation, template),
+            f"{np.count_nonzero(lost)} pixels of the aperture are cut off in up to {lost.max()} of "
+            f"{frames.n_frames} frames; shorten the exposure",
+            unit="e-/s",
+        )
     core = float(np.sum(weights * template))
     if not core > 0.01 * _open_core(observation.psf):
-        raise InputError("star_offset_arcsec", observation.star_offset_arcsec, unit="arcsec",
-                         allowed="a place off the mask", hint="along a diagonal, beyond 0.35 arcsec")  # fmt: skip
+        raise InputError(
+            "star_offset_arcsec",
+            observation.star_offset_arcsec,
+            unit="arcsec",
+            allowed="a place off the mask",
+            hint="along a diagonal, beyond 0.35 arcsec",
+        )
     light = np.where(summed.covered, summed.image_e, 0.0)
     variance = frames.n_frames * frames.variance_e2(light / frames.n_frames) * summed.variance_factor
     flux, time = float(np.sum(weights * light[rows, columns])), frames.n_frames * frames.exposure_s
@@ -275,8 +302,13 @@ def field_star_ratio(
     InputError
         If the scene has no star of that name, or an argument is out of range.
     """
-    require("magnitude_error", magnitude_error, math.isfinite(magnitude_error) and magnitude_error >= 0, "mag",
-            "finite and at least 0")  # fmt: skip
+    require(
+        "magnitude_error",
+        magnitude_error,
+        math.isfinite(magnitude_error) and magnitude_error >= 0,
+        "mag",
+        "finite and at least 0",
+    )
     scene = load_scene(scene)
     config = instrument if isinstance(instrument, Instrument) else load_instrument(instrument)
     sources = scene_sources(scene, config, band)
@@ -315,8 +347,13 @@ def star_flux_of_field_star(
         ("time_s", time_s, "s", math.inf),
         ("rate_ratio", rate_ratio, "", math.inf),
     ):
-        require(key, value, math.isfinite(value) and 0 < value <= high, unit,
-                "finite and above 0" + (f", at most {high:g}" if math.isfinite(high) else ""))  # fmt: skip
+        require(
+            key,
+            value,
+            math.isfinite(value) and 0 < value <= high,
+            unit,
+            "finite and above 0" + (f", at most {high:g}" if math.isfinite(high) else ""),
+        )
     good = math.isfinite(ratio_relative_error) and ratio_relative_error >= 0
     require("ratio_relative_error", ratio_relative_error, good, "", "finite and at least 0")
     rate = measured.flux * rate_ratio / (core * time_s)

@@ -29,8 +29,16 @@ from simulator.ledger.sums import NOT_IN_SUMS
 from simulator.outcome import Reason, Status
 from simulator.target.positions import detector_to_sky
 
-__all__ = ["MAX_FRAMES", "ConfirmTask", "Frames", "expected_of", "images_of", "prepare_task", "star_scene",
-           "target_scene"]  # fmt: skip
+__all__ = [
+    "MAX_FRAMES",
+    "ConfirmTask",
+    "Frames",
+    "expected_of",
+    "images_of",
+    "prepare_task",
+    "star_scene",
+    "target_scene",
+]
 
 MAX_FRAMES = 4000
 """Frames of one sequence that are held in memory at once (0.6 GB of stamps)."""
@@ -232,9 +240,16 @@ def _noise(
 ) -> StackNoise:
     strategy = model.strategy
     rates = aperture_rates(model, target, band, *place_arcsec, np.full((1, 1), contrast))
-    return stack_noise(rates, frames.exposure_s, frames.n_frames, frames.em_gain, model.camera(band),
-                       reference_ratio=strategy.reference_ratio, mode=strategy.mode,
-                       counting_sigma=strategy.counting_sigma)  # fmt: skip
+    return stack_noise(
+        rates,
+        frames.exposure_s,
+        frames.n_frames,
+        frames.em_gain,
+        model.camera(band),
+        reference_ratio=strategy.reference_ratio,
+        mode=strategy.mode,
+        counting_sigma=strategy.counting_sigma,
+    )
 
 
 def prepare_task(
@@ -277,8 +292,19 @@ def prepare_task(
     zodis = (overrides or SimulatorOverrides()).instrument(model.instrument).sky.exozodi_zodis
     scene = target_scene(target, planet, separation, distance, pa_deg, exozodi_zodis=zodis)
     expected = expected_of(model, target, band, stand(model, band, separation), float(best.contrast[0]), frames)
-    return task_of(model, scene, band, frames, [expected], seed=seed, fidelity=fidelity, tolerance=tolerance,
-                   realisations=realisations, audit=audit, overrides=overrides)  # fmt: skip
+    return task_of(
+        model,
+        scene,
+        band,
+        frames,
+        [expected],
+        seed=seed,
+        fidelity=fidelity,
+        tolerance=tolerance,
+        realisations=realisations,
+        audit=audit,
+        overrides=overrides,
+    )
 
 
 def task_of(

@@ -75,8 +75,9 @@ def confirmation_of(
     contrast = np.array([item.contrast for item in measured])
     error = np.array([item.contrast_error for item in measured])
     sigma = np.array([item.contrast_sigma for item in measured])
-    snr, snr_error = mean_snr(contrast, error, significance=expected["significance"],
-                              n_apertures=measured[0].n_apertures)  # fmt: skip
+    snr, snr_error = mean_snr(
+        contrast, error, significance=expected["significance"], n_apertures=measured[0].n_apertures
+    )
     n = len(measured)
     # A few values do not tell their scatter.
     spread = float(contrast.std(ddof=1)) if n >= MIN_JACKKNIFE else float(np.sqrt((error**2).mean()))

@@ -90,8 +90,10 @@ def job_rows(jobs: dict[str, Any], found: dict[str, Any]) -> list[str]:
         peers = [other for other, peer in jobs.items() if peer.ours == name and other in found]
         others = "; ".join(f"{other.rpartition('peer ')[2]}: {beside(found, other, name):.1f}" for other in peers)
         limit = "" if job.ours else f"{job.factor:g}"
-        rows.append(f"| {name} | {number(one['seconds'])} | {one['like']} | {number(one['ratio'])} | "
-                    f"{100 * one['spread']:.0f} % | {limit} | {others} |")  # fmt: skip
+        rows.append(
+            f"| {name} | {number(one['seconds'])} | {one['like']} | {number(one['ratio'])} | "
+            f"{100 * one['spread']:.0f} % | {limit} | {others} |"
+        )
     return rows
 
 

@@ -26,8 +26,16 @@ def nominal() -> EtcModel:
     return build_model(load_instrument())
 
 
-def task_for(star: str, band: str, *, seed: int, realisations: int = 1, audit: bool = False, companions: str = "on",
-             overrides: Any = None) -> ConfirmTask:  # fmt: skip
+def task_for(
+    star: str,
+    band: str,
+    *,
+    seed: int,
+    realisations: int = 1,
+    audit: bool = False,
+    companions: str = "on",
+    overrides: Any = None,
+) -> ConfirmTask:
     """The reference planet of a star where a band sees it best."""
     target, _ = find_target(star, companions="on" if companions == "on" else "off")
     task = prepare_task(

@@ -18,8 +18,9 @@ FULL_RUNS, FULL_CASES = 20, (("eps Eri", "F520"), ("tau Cet", "F520"), ("alf Cen
 def sums_block(star: str, band: str, first: int, count: int) -> list[dict[str, Any]]:
     """Realisations of one case as sums of frames."""
     visits = visits_of(task_for(star, band, seed=21))
-    return [_row(visits, subjects_of(visits)[0], visits.draw(number), star, band)
-            for number in range(first, first + count)]  # fmt: skip
+    return [
+        _row(visits, subjects_of(visits)[0], visits.draw(number), star, band) for number in range(first, first + count)
+    ]
 
 
 def frames_block(star: str, band: str, number: int) -> list[dict[str, Any]]:
@@ -47,8 +48,12 @@ def summary(rows: list[dict[str, Any]], *, full: bool) -> dict[str, Any]:
     expected = task_for(star, band, seed=0).predictions[0]
     suffix = "_full" if full else ""
     flux = np.array([row["flux"] for row in rows])
-    snr, error = mean_snr(flux, [row["error"] for row in rows], significance=expected["significance" + suffix],
-                          n_apertures=rows[0]["n_apertures"])  # fmt: skip
+    snr, error = mean_snr(
+        flux,
+        [row["error"] for row in rows],
+        significance=expected["significance" + suffix],
+        n_apertures=rows[0]["n_apertures"],
+    )
     predicted = expected["snr" + suffix]
     scatter = 1.0 / flux.std(ddof=1) / predicted
     return {

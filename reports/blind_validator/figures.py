@@ -54,8 +54,15 @@ def null_figure(rows: list[Row]) -> Figure:
         rate, error = np.maximum(found, 1e-9) / elements, np.sqrt(found) / elements
         colour, marker = BAND_STYLE[k]
         seen = found > 0
-        panel.errorbar(place[seen], rate[seen], np.minimum(error, 0.9 * rate)[seen], fmt=marker, color=colour, ms=5,
-                       label=f"{pretty_name(star)}, {band}")  # fmt: skip
+        panel.errorbar(
+            place[seen],
+            rate[seen],
+            np.minimum(error, 0.9 * rate)[seen],
+            fmt=marker,
+            color=colour,
+            ms=5,
+            label=f"{pretty_name(star)}, {band}",
+        )
         none = 3.0 / elements[~seen]
         panel.errorbar(place[~seen], none, 0.5 * none, uplims=True, fmt="none", color=colour)
     from scipy.stats import norm
@@ -85,9 +92,16 @@ def chain_figure(rows: list[Row]) -> Figure:
         colour, marker = BAND_STYLE[bands.index(row["band"])]
         place = stars.index(row["star"]) + 0.15 * (bands.index(row["band"]) - 1.5) + (0.07 if full else 0.0)
         label = "every frame, every effect" if full else row["band"]
-        panel.errorbar([place], [row["ratio"]], [[row["ratio"] - row["low"]], [row["high"] - row["ratio"]]],
-                       fmt=marker, ms=5, color=GREY if full else colour, mfc="white" if full else None,
-                       label=None if label in shown else label)  # fmt: skip
+        panel.errorbar(
+            [place],
+            [row["ratio"]],
+            [[row["ratio"] - row["low"]], [row["high"] - row["ratio"]]],
+            fmt=marker,
+            ms=5,
+            color=GREY if full else colour,
+            mfc="white" if full else None,
+            label=None if label in shown else label,
+        )
         shown.add(label)
     panel.set_xticks(range(len(stars)), [pretty_name(star) for star in stars])
     panel.set_ylabel("SNR, images / ETC (95 %)")
@@ -105,10 +119,27 @@ def loop_figure(rows: list[Row]) -> Figure:
     for k, row in enumerate(rows):
         own = [one for one in row["each"] if one["found"] is not None]
         colour, marker = BAND_STYLE[k]
-        panel.errorbar([one["known"] for one in own], [one["found"] for one in own], [one["error"] for one in own],
-                       fmt=marker, ms=4, lw=0.7, color=colour, alpha=0.55)  # fmt: skip
-        panel.errorbar([row["known"]], [row["found"]], [row["error"]], fmt=marker, ms=9, lw=1.6, color=colour,
-                       mec="black", label=row["override"])  # fmt: skip
+        panel.errorbar(
+            [one["known"] for one in own],
+            [one["found"] for one in own],
+            [one["error"] for one in own],
+            fmt=marker,
+            ms=4,
+            lw=0.7,
+            color=colour,
+            alpha=0.55,
+        )
+        panel.errorbar(
+            [row["known"]],
+            [row["found"]],
+            [row["error"]],
+            fmt=marker,
+            ms=9,
+            lw=1.6,
+            color=colour,
+            mec="black",
+            label=row["override"],
+        )
     panel.set_xscale("log")
     panel.set_yscale("log")
     ticks = [1, 1.2, 1.5, 2, 3, 4, 6]

@@ -48,10 +48,11 @@ def altered(entry: str, workers: int) -> dict[str, Any]:
     stars = ("alf Cen B",) if light else FIVE_STARS
     pairs = [(star, band) for star in stars for band in nominal().bands]
     tasks = [
-        task_for(star, band, seed=12, realisations=ALTERED_REALISATIONS, overrides=entry,
-                 companions="off" if light else "on")
+        task_for(
+            star, band, seed=12, realisations=ALTERED_REALISATIONS, overrides=entry, companions="off" if light else "on"
+        )
         for star, band in pairs
-    ]  # fmt: skip
+    ]
     rows = in_blocks(confirmed_block, [(task.to_dict(),) for task in tasks], workers)
     bands = [BandConfirmation.model_validate(row) for row in rows]
     overrides = SimulatorOverrides.of(entry)

@@ -68,8 +68,13 @@ def altered_part(workers: int) -> list[Row]:
 
 def results(only: str | None, workers: int, *, write: bool = False) -> dict[str, Any]:
     """Rows of every part; those that are not asked for as they were."""
-    work = {"pulls": pull_part, "nulls": null_part, "chain": chain_rows, "unaltered": unaltered_part,
-            "altered": altered_part}  # fmt: skip
+    work = {
+        "pulls": pull_part,
+        "nulls": null_part,
+        "chain": chain_rows,
+        "unaltered": unaltered_part,
+        "altered": altered_part,
+    }
     path = HERE / "results.json"
     kept = json.loads(path.read_text(encoding="utf-8")) if (only or write) and path.exists() else {}
     for part in PARTS:
@@ -113,14 +118,31 @@ def pull_table(rows: list[Row]) -> tuple[str, list[Row]]:
         spread = {name: width(np.array([row[f"{name}_pull"] for row in own])) for name in ("radial", "tangential")}
         spread["flux"] = width(pull)
         bias = float(flux.mean() - 1.0)
-        summary.append({"band": band, "draws": len(own), "bias": bias, "bias_error": error, "width": spread["flux"][0],
-                        "radial": spread["radial"][0], "tangential": spread["tangential"][0]})  # fmt: skip
+        summary.append(
+            {
+                "band": band,
+                "draws": len(own),
+                "bias": bias,
+                "bias_error": error,
+                "width": spread["flux"][0],
+                "radial": spread["radial"][0],
+                "tangential": spread["tangential"][0],
+            }
+        )
         shown = [f"{spread[name][0]:.3f} ± {spread[name][1]:.3f}" for name in ("flux", "radial", "tangential")]
         snr = float(np.median([row["snr"] for row in own]))
         head = [band, pretty_name(BAND_STARS[band]), str(len(own)), f"{snr:.0f}", f"{bias:+.4f} ± {error:.4f}"]
         lines.append([*head, *shown])
-    head = ["band", "star", "draws", "median SNR", "mean flux / true - 1", "pull width: flux", "separation",
-            "position angle"]  # fmt: skip
+    head = [
+        "band",
+        "star",
+        "draws",
+        "median SNR",
+        "mean flux / true - 1",
+        "pull width: flux",
+        "separation",
+        "position angle",
+    ]
     return table(head, lines), summary
 
 
@@ -137,50 +159,118 @@ def null_table(rows: list[Row]) -> tuple[str, list[Row]]:
             high = float(poisson.ppf(norm.cdf(3.0), expected))
             low = float(poisson.ppf(norm.sf(3.0), expected))
             within = low <= found <= high
-            summary.append({"star": star, "band": band, "level": level, "found": found, "expected": expected,
-                            "within": within, "sequences": sequences, "elements": elements})  # fmt: skip
-            lines.append([pretty_name(star), band, str(sequences), f"{elements:.0f}", f"{level:g}", str(found),
-                          f"{expected:.1f}", f"{low:.0f} to {high:.0f}", f"{found / elements:.3%}",
-                          "yes" if within else "**no**"])  # fmt: skip
-    head = ["star", "band", "sequences", "resolution elements", "level (sigma)", "found", "expected",
-            "3 sigma of Poisson", "per element", "within"]  # fmt: skip
+            summary.append(
+                {
+                    "star": star,
+                    "band": band,
+                    "level": level,
+                    "found": found,
+                    "expected": expected,
+                    "within": within,
+                    "sequences": sequences,
+                    "elements": elements,
+                }
+            )
+            lines.append(
+                [
+                    pretty_name(star),
+                    band,
+                    str(sequences),
+                    f"{elements:.0f}",
+                    f"{level:g}",
+                    str(found),
+                    f"{expected:.1f}",
+                    f"{low:.0f} to {high:.0f}",
+                    f"{found / elements:.3%}",
+                    "yes" if within else "**no**",
+                ]
+            )
+    head = [
+        "star",
+        "band",
+        "sequences",
+        "resolution elements",
+        "level (sigma)",
+        "found",
+        "expected",
+        "3 sigma of Poisson",
+        "per element",
+        "within",
+    ]
     return table(head, lines), summary
 
 
 def chain_table(rows: list[Row]) -> str:
     """Predicted and recovered SNR."""
     lines = [
-        [pretty_name(row["star"]), row["band"], row["chain"], str(row["runs"]), f"{row['predicted_snr']:.2f}",
-         f"{row['recovered_snr']:.2f}", f"{row['ratio']:.3f} ({row['low']:.3f} to {row['high']:.3f})",
-         f"{row['mean_flux']:.4f} ± {row['flux_error']:.4f}",
-         f"{row['ratio_from_scatter']:.2f}"] for row in rows
-    ]  # fmt: skip
-    head = ["star", "band", "chain", "runs", "SNR, ETC", "SNR, images", "images / ETC (95 %)", "flux / true",
-            "images / ETC, from the scatter of the fluxes"]  # fmt: skip
+        [
+            pretty_name(row["star"]),
+            row["band"],
+            row["chain"],
+            str(row["runs"]),
+            f"{row['predicted_snr']:.2f}",
+            f"{row['recovered_snr']:.2f}",
+            f"{row['ratio']:.3f} ({row['low']:.3f} to {row['high']:.3f})",
+            f"{row['mean_flux']:.4f} ± {row['flux_error']:.4f}",
+            f"{row['ratio_from_scatter']:.2f}",
+        ]
+        for row in rows
+    ]
+    head = [
+        "star",
+        "band",
+        "chain",
+        "runs",
+        "SNR, ETC",
+        "SNR, images",
+        "images / ETC (95 %)",
+        "flux / true",
+        "images / ETC, from the scatter of the fluxes",
+    ]
     return table(head, lines)
 
 
 def unaltered_table(rows: list[Row]) -> str:
     """One line a star."""
     lines = [
-        [pretty_name(row["star"]), row["band"], f"{row['predicted_snr']:.2f}",
-         f"{row['recovered_snr']:.2f} ± {row['recovered_snr_error']:.2f}",
-         "" if row["etc_ratio"] is None else f"{row['etc_ratio']:.2f} ± {row['etc_ratio_error']:.2f}",
-         "" if row["search_snr"] is None else f"{row['search_snr']:.1f} of {row['search_threshold']:.1f}",
-         f"{row['n_significant']}, {row['n_detected']} of {row['realisations']}", row["verdict"].split(";")[0]]
+        [
+            pretty_name(row["star"]),
+            row["band"],
+            f"{row['predicted_snr']:.2f}",
+            f"{row['recovered_snr']:.2f} ± {row['recovered_snr_error']:.2f}",
+            "" if row["etc_ratio"] is None else f"{row['etc_ratio']:.2f} ± {row['etc_ratio_error']:.2f}",
+            "" if row["search_snr"] is None else f"{row['search_snr']:.1f} of {row['search_threshold']:.1f}",
+            f"{row['n_significant']}, {row['n_detected']} of {row['realisations']}",
+            row["verdict"].split(";")[0],
+        ]
         for row in rows
-    ]  # fmt: skip
-    head = ["star", "band", "SNR, ETC", "SNR, images", "ETC / images", "matched filter, of what the search asks for",
-            "significant at the known place, found blind", "verdict"]  # fmt: skip
+    ]
+    head = [
+        "star",
+        "band",
+        "SNR, ETC",
+        "SNR, images",
+        "ETC / images",
+        "matched filter, of what the search asks for",
+        "significant at the known place, found blind",
+        "verdict",
+    ]
     return table(head, lines)
 
 
 def altered_table(rows: list[Row]) -> str:
     """What the report said of each override."""
     lines = [
-        [f"`{row['override']}`", f"{row['stars']} x {row['bands'] // row['stars']}", f"{row['known']:.3f}",
-         f"{row['found']:.3f} ± {row['error']:.3f}", f"{row['deviation']:+.1f}", row["text"]] for row in rows
-    ]  # fmt: skip
+        [
+            f"`{row['override']}`",
+            f"{row['stars']} x {row['bands'] // row['stars']}",
+            f"{row['known']:.3f}",
+            f"{row['found']:.3f} ± {row['error']:.3f}",
+            f"{row['deviation']:+.1f}",
+            row["text"],
+        ]
+        for row in rows
+    ]
     return table(
         ["override", "stars x bands", "known factor", "found", "standard errors apart", "the report says"], lines
     )
@@ -191,8 +281,9 @@ def csv_text(rows: list[Row]) -> str:
     text = io.StringIO()
     writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n", extrasaction="ignore")
     writer.writeheader()
-    writer.writerows({key: f"{value:.6g}" if isinstance(value, float) else value for key, value in row.items()}
-                     for row in rows)  # fmt: skip
+    writer.writerows(
+        {key: f"{value:.6g}" if isinstance(value, float) else value for key, value in row.items()} for row in rows
+    )
     return text.getvalue()
 
 
@@ -211,26 +302,59 @@ def verdict_table(pulls: list[Row], nulls: list[Row], chain: list[Row], mean: An
     factor = 1.0 / mean.ratio
     apart = max(abs(row["deviation"]) for row in altered_rows)
     sizes = ", ".join(f"{row['found'] / row['elements']:.3%}" for row in three)
-    return table(["", "asked", "found", "met"], [
-        [f"mean flux of injected planets, {sum(row['draws'] for row in pulls)} draws",
-         "within 0.01 and 4 standard errors", f"{worst['bias']:+.4f} ± {worst['bias_error']:.4f} at most",
-         met(all(abs(row["bias"]) < min(0.01, 4 * row["bias_error"]) for row in pulls))],
-        ["pull width of fluxes, by band", "1.00 ± 0.08", f"{min(widths):.2f} to {max(widths):.2f}",
-         met(all(abs(w - 1) <= 0.08 for w in widths))],
-        ["pull width of positions, along and across", "1.0 ± 0.1", f"{min(places):.2f} to {max(places):.2f}",
-         met(all(abs(w - 1) <= 0.1 for w in places))],
-        ["false alarms at 3 sigma-equivalent, per resolution element", "0.135 %, 3 sigma of Poisson", sizes,
-         met(all(row["within"] for row in three))],
-        ["confirmations at 5 sigma-equivalent without a planet", "none", str(sum(row["found"] for row in five)),
-         met(not any(row["found"] for row in five))],
-        [f"ETC against the chain of images, {len(chain)} cases", "10 %",
-         f"{off['ratio'] - 1:+.1%} at most ({pretty_name(off['star'])}, {off['band']}, {off['chain']})",
-         met(abs(off["ratio"] - 1) <= 0.1)],
-        [f"predicted / recovered SNR of {mean.n_bands} stars, nothing altered", "1.00 ± 0.03",
-         f"{factor:.3f} ± {mean.error * factor**2:.3f}", met(abs(factor - 1) <= 0.03)],
-        ["known factor of an altered simulator", "within 2 standard errors", f"{apart:.1f} standard errors at most",
-         met(apart <= 2)],
-    ])  # fmt: skip
+    return table(
+        ["", "asked", "found", "met"],
+        [
+            [
+                f"mean flux of injected planets, {sum(row['draws'] for row in pulls)} draws",
+                "within 0.01 and 4 standard errors",
+                f"{worst['bias']:+.4f} ± {worst['bias_error']:.4f} at most",
+                met(all(abs(row["bias"]) < min(0.01, 4 * row["bias_error"]) for row in pulls)),
+            ],
+            [
+                "pull width of fluxes, by band",
+                "1.00 ± 0.08",
+                f"{min(widths):.2f} to {max(widths):.2f}",
+                met(all(abs(w - 1) <= 0.08 for w in widths)),
+            ],
+            [
+                "pull width of positions, along and across",
+                "1.0 ± 0.1",
+                f"{min(places):.2f} to {max(places):.2f}",
+                met(all(abs(w - 1) <= 0.1 for w in places)),
+            ],
+            [
+                "false alarms at 3 sigma-equivalent, per resolution element",
+                "0.135 %, 3 sigma of Poisson",
+                sizes,
+                met(all(row["within"] for row in three)),
+            ],
+            [
+                "confirmations at 5 sigma-equivalent without a planet",
+                "none",
+                str(sum(row["found"] for row in five)),
+                met(not any(row["found"] for row in five)),
+            ],
+            [
+                f"ETC against the chain of images, {len(chain)} cases",
+                "10 %",
+                f"{off['ratio'] - 1:+.1%} at most ({pretty_name(off['star'])}, {off['band']}, {off['chain']})",
+                met(abs(off["ratio"] - 1) <= 0.1),
+            ],
+            [
+                f"predicted / recovered SNR of {mean.n_bands} stars, nothing altered",
+                "1.00 ± 0.03",
+                f"{factor:.3f} ± {mean.error * factor**2:.3f}",
+                met(abs(factor - 1) <= 0.03),
+            ],
+            [
+                "known factor of an altered simulator",
+                "within 2 standard errors",
+                f"{apart:.1f} standard errors at most",
+                met(apart <= 2),
+            ],
+        ],
+    )
 
 
 def report(found: dict[str, Any]) -> str:

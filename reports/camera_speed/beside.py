@@ -90,11 +90,24 @@ def write_setup(path: Path, found: list[Case]) -> None:
     """Write camera and scenes for the other simulators."""
     whole = load_calibration_set(DETECTOR)
     part, flaws, rays = whole.window(*ACTIVE), DETECTOR.flaws, INSTRUMENT.cosmic_rays
-    numbers = {name: getattr(DETECTOR, name) for name in
-               ("full_well_e", "register_full_well_e", "dark_e_s", "cic_e", "read_noise_e", "bias_adu", "gain_e_adu",
-                "adc_bits", "pixel_um")}  # fmt: skip
-    numbers |= {name: getattr(flaws, name) for name in
-                ("dsnu_rms", "hot_fraction", "hot_factor", "dead_fraction", "bad_columns", "prnu_rms")}  # fmt: skip
+    numbers = {
+        name: getattr(DETECTOR, name)
+        for name in (
+            "full_well_e",
+            "register_full_well_e",
+            "dark_e_s",
+            "cic_e",
+            "read_noise_e",
+            "bias_adu",
+            "gain_e_adu",
+            "adc_bits",
+            "pixel_um",
+        )
+    }
+    numbers |= {
+        name: getattr(flaws, name)
+        for name in ("dsnu_rms", "hot_fraction", "hot_factor", "dead_fraction", "bad_columns", "prnu_rms")
+    }
     numbers |= {
         "stages": DETECTOR.register_stages,
         "line_shift_s": DETECTOR.transfer.line_shift_s,
@@ -115,8 +128,14 @@ class Peer:
     def __init__(self, name: str, python: Path, setup: Path) -> None:
         environment = {key: value for key, value in os.environ.items() if key not in ("PYTHONPATH", "PYTHONHOME")}
         command = [str(python), str(HERE / "peer.py"), name, str(setup)]
-        self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
-                                        stderr=subprocess.DEVNULL, env=environment | THREADS)  # fmt: skip
+        self.process = subprocess.Popen(
+            command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            stderr=subprocess.DEVNULL,
+            env=environment | THREADS,
+        )
         self.about = self._answer()
 
     def ask(self, **request: Any) -> dict[str, Any]:
@@ -162,8 +181,9 @@ def installed(folder: Path, names: list[str]) -> dict[str, Path]:
 def our_frame(case: Case) -> Callable[[int], dict[str, float]]:
     """A job that times one of our frames of a case."""
     camera = camera_of()
-    exposure = camera.prepare(case.rates_e_s, case.exposure_s, case.gain,
-                              first_pixel=(ACTIVE[0].start, ACTIVE[1].start))  # fmt: skip
+    exposure = camera.prepare(
+        case.rates_e_s, case.exposure_s, case.gain, first_pixel=(ACTIVE[0].start, ACTIVE[1].start)
+    )
 
     def job(seed: int) -> dict[str, float]:
         began = time.process_time(), time.perf_counter()
@@ -184,8 +204,12 @@ def compare(found: list[Case], started: dict[str, Peer], rounds: int) -> list[Sa
     rows = []
     for case in found:
         job, ours = our_frame(case), Samples(OURS, "", case)
-        theirs = [Samples(name, mode, case) for name in started for mode in MODES[name]
-                  if case.name == "science" or mode not in SLOW]  # fmt: skip
+        theirs = [
+            Samples(name, mode, case)
+            for name in started
+            for mode in MODES[name]
+            if case.name == "science" or mode not in SLOW
+        ]
         job(0)
         for turn in range(rounds + 1):
             for one in theirs:

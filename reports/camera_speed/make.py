@@ -92,20 +92,24 @@ def machine() -> str:
         lines = []
     names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
     versions = ", ".join(f"{name} {metadata.version(name)}" for name in ("numpy", "numba"))
-    return (f"{names[0] if names else 'processor'} ({platform.machine()}, {os.cpu_count()} cores), "
-            f"Python {platform.python_version()}, {versions}")  # fmt: skip
+    return (
+        f"{names[0] if names else 'processor'} ({platform.machine()}, {os.cpu_count()} cores), "
+        f"Python {platform.python_version()}, {versions}"
+    )
 
 
 def observations() -> dict[str, Observation]:
     """Sky scenes: the paper's example, a star of magnitude 5, and one that blooms."""
     fifth = {"name": "star", "cstar": {"v_mag": 5.0, "spectral_type": "G2V"}}
     return {
-        "paper's example, F520, 17 s, gain 20":
-            observe("paper_example", band="F520", exposure_s=17.0, em_gain=20.0, n_frames=30),
+        "paper's example, F520, 17 s, gain 20": observe(
+            "paper_example", band="F520", exposure_s=17.0, em_gain=20.0, n_frames=30
+        ),
         "star of V = 5, F662, 30 s, gain 300": observe(fifth, band="F662", exposure_s=30.0, em_gain=300.0, n_frames=30),
-        "paper's example, F520, 300 s, gain 20 (blooms)":
-            observe("paper_example", band="F520", exposure_s=300.0, em_gain=20.0, n_frames=30),
-    }  # fmt: skip
+        "paper's example, F520, 300 s, gain 20 (blooms)": observe(
+            "paper_example", band="F520", exposure_s=300.0, em_gain=20.0, n_frames=30
+        ),
+    }
 
 
 def frames(scenes: dict[str, Observation], rounds: int) -> list[Timing]:
@@ -140,10 +144,19 @@ def jobs(scenes: dict[str, Observation], rounds: int) -> list[Timing]:
                 run(f"30 frames to Level 0 {words} truth: {name}", lambda _, write=write: write(), 3.0, 5)
     shape = (DETECTOR.n_rows, DETECTOR.n_columns)
     for model in ("physical", "paper", "template"):
-        draw = partial(draw_cosmic_rays, INSTRUMENT.cosmic_rays.model_copy(update={"model": model}), shape,
-                       DETECTOR.pixel_um, 3000.0, 1.0)  # fmt: skip
-        run(f"particles of 3000 s at 1 /s/cm², `{model}`",
-            lambda index, draw=draw: draw(np.random.default_rng(index)), 0.2)  # fmt: skip
+        draw = partial(
+            draw_cosmic_rays,
+            INSTRUMENT.cosmic_rays.model_copy(update={"model": model}),
+            shape,
+            DETECTOR.pixel_um,
+            3000.0,
+            1.0,
+        )
+        run(
+            f"particles of 3000 s at 1 /s/cm², `{model}`",
+            lambda index, draw=draw: draw(np.random.default_rng(index)),
+            0.2,
+        )
     plain = camera_of(off=("cosmic_rays", "nonlinearity"))
     seen = next(iter(scenes.values()))
     exposure = plain.prepare(seen.rate_map(0), seen.exposure_s, seen.em_gain)
@@ -175,8 +188,9 @@ def cold() -> tuple[float, float, int, int]:
         environment = os.environ | THREADS | {"NUMBA_CACHE_DIR": folder}
         totals = []
         for _ in range(2):
-            answer = subprocess.run([sys.executable, str(HERE / "cold.py")], env=environment, capture_output=True,
-                                    text=True, check=True)  # fmt: skip
+            answer = subprocess.run(
+                [sys.executable, str(HERE / "cold.py")], env=environment, capture_output=True, text=True, check=True
+            )
             totals.append(sum(json.loads(answer.stdout).values()))
         made = {path.name.rsplit("-", 1)[0].rpartition(".")[2] for path in Path(folder).rglob("*.nbi")}
     wanted = {name for module in (kernels, deposit) for name, item in vars(module).items() if hasattr(item, "py_func")}
@@ -214,9 +228,11 @@ def peer_table(rows: list[Samples], absent: list[str]) -> str:
         ours = next(one for one in rows if one.case is row.case and one.code == OURS)
         ratio = "" if row is ours else f"{np.median(row.cpu_s) / np.median(ours.cpu_s):.1f}"
         name = f"{row.code}, {row.mode}" if row.mode else f"**{row.code}**"
-        lines.append(f"| {row.case.words} | {name} | {seconds(float(np.median(row.cpu_s)))} | "
-                     f"{seconds(float(np.median(row.wall_s)))} | {ratio} | "
-                     f"{row.median_adu:.0f}, {row.average_adu:.1f} |")  # fmt: skip
+        lines.append(
+            f"| {row.case.words} | {name} | {seconds(float(np.median(row.cpu_s)))} | "
+            f"{seconds(float(np.median(row.wall_s)))} | {ratio} | "
+            f"{row.median_adu:.0f}, {row.average_adu:.1f} |"
+        )
     lines += [f"| every scene | {name} | absent: not installed here | | | |" for name in absent]
     return "\n".join(lines)
 
@@ -230,8 +246,10 @@ def factor_table(rows: list[Factor], absent: list[str]) -> str:
     for row in rows:
         name = f"{row.code}, {row.mode}" if row.mode else f"**{row.code}**"
         off = (row.found - row.law) / row.error
-        lines.append(f"| {row.gain:g} | {name} | {row.mean:.4f} | {row.found:.4f} ± {row.error:.4f} | {row.law:.4f} | "
-                     f"{off:+.1f} |")  # fmt: skip
+        lines.append(
+            f"| {row.gain:g} | {name} | {row.mean:.4f} | {row.found:.4f} ± {row.error:.4f} | {row.law:.4f} | "
+            f"{off:+.1f} |"
+        )
     lines += [f"| every gain | {name} | absent: not installed here | | | |" for name in absent]
     return "\n".join(lines)
 
@@ -239,16 +257,20 @@ def factor_table(rows: list[Factor], absent: list[str]) -> str:
 def verdict(rows: list[Samples]) -> str:
     """Ratios to ours, scene by scene."""
     lines = []
-    for name, mode, asked in (("emccd-detect", "fast, no register CIC", 60.0), ("emccd-detect", "fast", 60.0),
-                              ("getframes", "double", 1.0)):  # fmt: skip
+    for name, mode, asked in (
+        ("emccd-detect", "fast, no register CIC", 60.0),
+        ("emccd-detect", "fast", 60.0),
+        ("getframes", "double", 1.0),
+    ):
         ratios = {}
         for row in rows:
             if (row.code, row.mode) == (name, mode):
                 ours = next(one for one in rows if one.case is row.case and one.code == OURS)
                 ratios[row.case.words] = float(np.median(row.cpu_s) / np.median(ours.cpu_s))
         if ratios:
-            listed = "; ".join(f"{words}: {ratio:.1f}{'' if ratio >= asked else ' (**not met**)'}"
-                               for words, ratio in ratios.items())  # fmt: skip
+            listed = "; ".join(
+                f"{words}: {ratio:.1f}{'' if ratio >= asked else ' (**not met**)'}" for words, ratio in ratios.items()
+            )
             lines.append(f"- {name}, {mode}, over ours, at least {asked:g} asked: {listed}.")
     return "\n".join(lines) or "- No other simulator was installed."
 
@@ -333,8 +355,13 @@ def write_table(name: str, head: list[str], rows: list[list[Any]]) -> None:
 def options() -> argparse.Namespace:
     """What the user asks for."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--peer", action="append", default=[], metavar="NAME=PYTHON",
-                        help=f"interpreter of an environment that holds {' or '.join(PACKAGES)}")  # fmt: skip
+    parser.add_argument(
+        "--peer",
+        action="append",
+        default=[],
+        metavar="NAME=PYTHON",
+        help=f"interpreter of an environment that holds {' or '.join(PACKAGES)}",
+    )
     parser.add_argument("--install", action="store_true", help="make an environment for those that --peer leaves out")
     parser.add_argument("--rounds", type=int, default=7, help="runs of every job (%(default)s)")
     found = parser.parse_args()
@@ -378,15 +405,39 @@ def main() -> None:
         "verdict": verdict(beside),
         "factors": factor_table(registers, absent),
     }
-    write_table("times.csv", ["job", "cpu_s", "wall_s", "rounds", "asked_s"],
-                [[row.name.replace("`", ""), row.cpu_s, row.wall_s, row.rounds, row.asked_s or ""]
-                 for row in [*own, *others, Timing("fresh process, empty cache", compiled[0], compiled[0], 1, 40.0),
-                             Timing("fresh process, full cache", compiled[1], compiled[1], 1)]])  # fmt: skip
-    write_table("peers.csv", ["scene", "simulator", "mode", "cpu_s", "wall_s", "rounds"],
-                [[row.case.words, row.code, row.mode, float(np.median(row.cpu_s)), float(np.median(row.wall_s)),
-                  len(row.cpu_s)] for row in beside])  # fmt: skip
-    write_table("factors.csv", ["gain", "simulator", "mode", "factor2", "error", "law"],
-                [[row.gain, row.code, row.mode, row.found, row.error, row.law] for row in registers])  # fmt: skip
+    write_table(
+        "times.csv",
+        ["job", "cpu_s", "wall_s", "rounds", "asked_s"],
+        [
+            [row.name.replace("`", ""), row.cpu_s, row.wall_s, row.rounds, row.asked_s or ""]
+            for row in [
+                *own,
+                *others,
+                Timing("fresh process, empty cache", compiled[0], compiled[0], 1, 40.0),
+                Timing("fresh process, full cache", compiled[1], compiled[1], 1),
+            ]
+        ],
+    )
+    write_table(
+        "peers.csv",
+        ["scene", "simulator", "mode", "cpu_s", "wall_s", "rounds"],
+        [
+            [
+                row.case.words,
+                row.code,
+                row.mode,
+                float(np.median(row.cpu_s)),
+                float(np.median(row.wall_s)),
+                len(row.cpu_s),
+            ]
+            for row in beside
+        ],
+    )
+    write_table(
+        "factors.csv",
+        ["gain", "simulator", "mode", "factor2", "error", "law"],
+        [[row.gain, row.code, row.mode, row.found, row.error, row.law] for row in registers],
+    )
     write_text(HERE / "report.md", report(tables, compiled, rounds, f"{about}." if about else ""))
     print(HERE / "report.md")
 

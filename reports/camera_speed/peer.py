@@ -156,8 +156,12 @@ def main() -> None:
         else:
             began = time.process_time(), time.perf_counter()
             image = frame(ask["seed"])
-            answer = {"cpu_s": time.process_time() - began[0], "wall_s": time.perf_counter() - began[1],
-                      "median": float(np.median(image)), "average": float(np.mean(image))}  # fmt: skip
+            answer = {
+                "cpu_s": time.process_time() - began[0],
+                "wall_s": time.perf_counter() - began[1],
+                "median": float(np.median(image)),
+                "average": float(np.mean(image)),
+            }
         print(json.dumps(answer), file=answers, flush=True)
 
 

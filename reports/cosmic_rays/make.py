@@ -70,8 +70,14 @@ def image_shape(model: str) -> tuple[int, int]:
 def rays_of(model: str, *path: str | int) -> CosmicRays:
     """Draw the particles of one exposure."""
     config = instrument(model)
-    return draw_cosmic_rays(config.cosmic_rays, image_shape(model), config.detector.pixel_um, EXPOSURE_S,
-                            RATE_PER_S_CM2, stream(1, *path, "cosmic_rays"))  # fmt: skip
+    return draw_cosmic_rays(
+        config.cosmic_rays,
+        image_shape(model),
+        config.detector.pixel_um,
+        EXPOSURE_S,
+        RATE_PER_S_CM2,
+        stream(1, *path, "cosmic_rays"),
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,41 +216,95 @@ def check_rows(samples: dict[str, Sample]) -> list[list[str]]:
         expected = RATE_PER_S_CM2 * area * EXPOSURE_S
         found = float(one.counts.mean())
         error = math.sqrt(expected / EXPOSURES)
-        rows.append([model, f"particles in {EXPOSURE_S:g} s on {area:.4f} cm²: R A t", f"{expected:.1f}",
-                     f"{found:.1f} ± {error:.1f}", f"{(found - expected) / error:+.1f}"])  # fmt: skip
+        rows.append(
+            [
+                model,
+                f"particles in {EXPOSURE_S:g} s on {area:.4f} cm²: R A t",
+                f"{expected:.1f}",
+                f"{found:.1f} ± {error:.1f}",
+                f"{(found - expected) / error:+.1f}",
+            ]
+        )
         ratio, error = float(one.counts.var(ddof=1) / found), math.sqrt(2.0 / (EXPOSURES - 1))
-        rows.append([model, "their variance over their mean", "1", f"{ratio:.2f} ± {error:.2f}",
-                     f"{(ratio - 1.0) / error:+.1f}"])  # fmt: skip
+        rows.append(
+            [
+                model,
+                "their variance over their mean",
+                "1",
+                f"{ratio:.2f} ± {error:.2f}",
+                f"{(ratio - 1.0) / error:+.1f}",
+            ]
+        )
         median, m = float(np.median(one.length_um)), law.median_length_um
         density = 2.0 * law.depth_um**2 / m**3 / (1.0 - law.least)
         error = 1.0 / (2.0 * density * math.sqrt(n))
-        rows.append([model, "median chord (µm): depth √2", f"{m:.2f}", f"{median:.2f} ± {error:.2f}",
-                     f"{(median - m) / error:+.1f}"])  # fmt: skip
+        rows.append(
+            [
+                model,
+                "median chord (µm): depth √2",
+                f"{m:.2f}",
+                f"{median:.2f} ± {error:.2f}",
+                f"{(median - m) / error:+.1f}",
+            ]
+        )
         distance = float(stats.ks_1samp(one.length_um, law.length_below).statistic) * math.sqrt(n)
-        rows.append([model, "chords: largest distance of the distributions x √n", "below 1.63 in 99 %",
-                     f"{distance:.2f}", ""])  # fmt: skip
+        rows.append(
+            [model, "chords: largest distance of the distributions x √n", "below 1.63 in 99 %", f"{distance:.2f}", ""]
+        )
         resultant = abs(np.exp(1j * np.deg2rad(one.azimuth_deg)).mean()) * math.sqrt(2.0 * n)
         rows.append([model, "azimuth: resultant x √(2 n)", "below 3.03 in 99 %", f"{resultant:.2f}", ""])
         charge, error = float(one.charge_e.mean()), float(one.charge_e.std(ddof=1)) / math.sqrt(n)
-        rows.append([model, "mean charge (e-)", f"{law.mean_charge_e:.1f}", f"{charge:.1f} ± {error:.1f}",
-                     f"{(charge - law.mean_charge_e) / error:+.1f}"])  # fmt: skip
-        rows.append([model, "electrons in pixels and outside less electrons of the tracks", "0",
-                     str(-one.lost_charge_e), ""])  # fmt: skip
+        rows.append(
+            [
+                model,
+                "mean charge (e-)",
+                f"{law.mean_charge_e:.1f}",
+                f"{charge:.1f} ± {error:.1f}",
+                f"{(charge - law.mean_charge_e) / error:+.1f}",
+            ]
+        )
+        rows.append(
+            [model, "electrons in pixels and outside less electrons of the tracks", "0", str(-one.lost_charge_e), ""]
+        )
     return rows
 
 
 def frame_rows(shots: list[Shot]) -> list[list[str]]:
     """Numbers of the frames."""
-    rows = [["model", "gain", "particles", "pixels hit", "above 5 e-", "above 50 e-", "at the register's full well",
-             "tails", "median tail (px)", "longest tail (px)", "brightest ADU", "clipped pixels"]]  # fmt: skip
+    rows = [
+        [
+            "model",
+            "gain",
+            "particles",
+            "pixels hit",
+            "above 5 e-",
+            "above 50 e-",
+            "at the register's full well",
+            "tails",
+            "median tail (px)",
+            "longest tail (px)",
+            "brightest ADU",
+            "clipped pixels",
+        ]
+    ]
     for one in shots:
         size = one.rays.shape[0] * one.rays.shape[1]
         counts = [f"{np.count_nonzero(one.rays.electrons > level) / size:.1%}" for level in (0, 5, 50)]
         tails = one.tails if one.frame.n_register_saturated else np.zeros(0)
-        rows.append([one.model, f"{one.gain:g}", str(one.rays.n_events), *counts,
-                     f"{one.frame.n_register_saturated / size:.2%}", str(tails.size),
-                     f"{np.median(tails):g}" if tails.size else "", f"{tails.max():g}" if tails.size else "",
-                     str(int(one.frame.adu.max())), str(one.frame.n_clipped)])  # fmt: skip
+        rows.append(
+            [
+                one.model,
+                f"{one.gain:g}",
+                str(one.rays.n_events),
+                *counts,
+                f"{one.frame.n_register_saturated / size:.2%}",
+                str(tails.size),
+                f"{np.median(tails):g}" if tails.size else "",
+                f"{tails.max():g}" if tails.size else "",
+                str(int(one.frame.adu.max())),
+                str(one.frame.n_clipped),
+            ]
+        )
     return rows
 
 
@@ -274,8 +334,15 @@ def figure_of(shots: list[Shot], *, whole: bool) -> Figure:
         panel.set_xlabel("column (px)")
     for index, (gain, words) in enumerate(zip(GAINS, ("linear", "asinh, linear below 10"), strict=True)):
         label = f"ADU above the bias of {detector.bias_adu:g} ({words})"
-        bar = figure.colorbar(shown[gain], ax=panels[:, index], label=label, location="bottom", shrink=0.9,
-                              extend="min" if index else "both", pad=0.02)  # fmt: skip
+        bar = figure.colorbar(
+            shown[gain],
+            ax=panels[:, index],
+            label=label,
+            location="bottom",
+            shrink=0.9,
+            extend="min" if index else "both",
+            pad=0.02,
+        )
         if index:
             bar.set_ticks(TICKS_ADU, labels=[f"{tick:g}" for tick in TICKS_ADU])
             bar.minorticks_off()
@@ -295,12 +362,25 @@ def laws_figure(samples: dict[str, Sample]) -> Figure:
             counts = np.histogram(values, edges)[0]
             width, n = np.diff(np.log10(edges)), values.size
             middle, seen = np.sqrt(edges[1:] * edges[:-1]), counts > 0
-            panel.errorbar(middle[seen], (counts / width / n)[seen], (np.sqrt(counts) / width / n)[seen], fmt="o",
-                           ms=3.5, lw=1.0, color=COLOURS[model], label=f"{model}: drawn")  # fmt: skip
+            panel.errorbar(
+                middle[seen],
+                (counts / width / n)[seen],
+                (np.sqrt(counts) / width / n)[seen],
+                fmt="o",
+                ms=3.5,
+                lw=1.0,
+                color=COLOURS[model],
+                label=f"{model}: drawn",
+            )
             # Fractions in the same bins, so that points and law compare bin by bin.
             panel.stairs(np.diff(below(edges)) / width, edges, color=COLOURS[model], lw=1.2, label=f"{model}: law")
-    left.set(xscale="log", yscale="log", xlabel="charge of a track (e-)", ylabel="fraction of tracks per decade",
-             ylim=(3e-5, 10.0))  # fmt: skip
+    left.set(
+        xscale="log",
+        yscale="log",
+        xlabel="charge of a track (e-)",
+        ylabel="fraction of tracks per decade",
+        ylim=(3e-5, 10.0),
+    )
     right.set(xscale="log", xlabel="length in the sensitive layer (µm)")
     for panel in (left, right):
         panel.grid(visible=True)

@@ -176,8 +176,13 @@ def table(rows: list[Row], seconds: dict[tuple[str, str], list[float]], case: st
     for band in dict.fromkeys(entry["band"] for entry in rows):
         own = [entry for entry in rows if (entry["case"], entry["band"]) == (case, band)]
         asked = limits(case, band)
-        met = sum(all(float(entry[name]) >= limit if limit > 0.01 else float(entry[name]) <= limit
-                      for name, limit in asked.items()) for entry in own)  # fmt: skip
+        met = sum(
+            all(
+                float(entry[name]) >= limit if limit > 0.01 else float(entry[name]) <= limit
+                for name, limit in asked.items()
+            )
+            for entry in own
+        )
         gain = np.median([float(entry["before_mean"]) / float(entry["mean"]) for entry in own])
         cells = [band, own[0]["corner_arcsec"]]
         for name in ("mean", "p95"):
@@ -254,8 +259,10 @@ def report(rows: list[Row], seconds: dict[tuple[str, str], list[float]], differe
     """Text of the report."""
     tables = {case: table(rows, seconds, case) for case in CASES}
     longest = max(max(times) for times in seconds.values())
-    brightest = {band: max(float(entry["max"]) for entry in rows if (entry["case"], entry["band"]) == ("4q", band))
-                 for band in FOUR}  # fmt: skip
+    brightest = {
+        band: max(float(entry["max"]) for entry in rows if (entry["case"], entry["band"]) == ("4q", band))
+        for band in FOUR
+    }
     same = "are the same" if difference < 1e-3 else f"differ by up to {difference:.0e} in mean contrast"
     return f"""# Dark holes
 

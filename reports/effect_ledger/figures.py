@@ -28,8 +28,16 @@ def size_figure(rows: list[dict[str, Any]]) -> Figure:
     panel = figure.subplots()
     for (name, keys), (colour, marker) in zip(GROUPS.items(), BAND_STYLE, strict=False):
         own = [row for row in rows if row["key"] in keys and row["predicted"] > LEAST]
-        panel.loglog([max(row["true"], LEAST) for row in own], [row["predicted"] for row in own], ls="none", ms=4.5,
-                     marker=marker, color=colour, alpha=0.75, label=name)  # fmt: skip
+        panel.loglog(
+            [max(row["true"], LEAST) for row in own],
+            [row["predicted"] for row in own],
+            ls="none",
+            ms=4.5,
+            marker=marker,
+            color=colour,
+            alpha=0.75,
+            label=name,
+        )
     panel.axline((1e-6, 1e-6), (1e-2, 1e-2), color="#444444", lw=1.0, label="equal")
     panel.axline((1e-6, 1e-5), (1e-2, 1e-1), color="#444444", lw=0.8, ls=":", label="ten times too large")
     panel.set_xlim(LEAST * 0.6, 1.0)

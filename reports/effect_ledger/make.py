@@ -56,11 +56,17 @@ def scene_row(case: RandomCase) -> Row:
     difference = true_difference(whole, short)
     choice = short.choice
     assert choice is not None
-    row: Row = {"scene": case.number, **case.settings, "v_mag": case.scene.cstar.v_mag,
-                "planets": len(case.scene.planets), "stars": len(case.scene.stars),
-                "visit_nm": case.instrument.drift.visit_nm,
-                "walk_nm_per_sqrt_hour": case.instrument.drift.walk_nm_per_sqrt_hour,
-                "tolerance": case.tolerance, "quantity": "+".join(case.quantity)}  # fmt: skip
+    row: Row = {
+        "scene": case.number,
+        **case.settings,
+        "v_mag": case.scene.cstar.v_mag,
+        "planets": len(case.scene.planets),
+        "stars": len(case.scene.stars),
+        "visit_nm": case.instrument.drift.visit_nm,
+        "walk_nm_per_sqrt_hour": case.instrument.drift.walk_nm_per_sqrt_hour,
+        "tolerance": case.tolerance,
+        "quantity": "+".join(case.quantity),
+    }
     for name in ("planet_flux", "snr", "pixel_map"):
         asked = name in case.quantity
         row[f"true_{name}"] = getattr(difference, name) if asked else ""
@@ -102,9 +108,15 @@ def sum_row(case: RandomCase) -> Row | None:
         whole = observe(case.scene, **settings, fidelity=fidelity)
         set_up = time.process_time() - began
         frames.append(set_up + processor_s(whole) * case.settings["n_frames"])
-    return {"scene": case.number, "n_frames": case.settings["n_frames"], "sums_s": sums, "whole_frames_s": frames[0],
-            "reference_s": frames[1], "speed_up": frames[0] / sums,
-            "speed_up_over_reference": frames[1] / sums}  # fmt: skip
+    return {
+        "scene": case.number,
+        "n_frames": case.settings["n_frames"],
+        "sums_s": sums,
+        "whole_frames_s": frames[0],
+        "reference_s": frames[1],
+        "speed_up": frames[0] / sums,
+        "speed_up_over_reference": frames[1] / sums,
+    }
 
 
 def upper_bound(violations: int, scenes: int, level: float = 0.95) -> float:
@@ -119,8 +131,9 @@ def csv_text(rows: list[Row]) -> str:
     text = io.StringIO()
     writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
     writer.writeheader()
-    writer.writerows({key: f"{value:.6g}" if isinstance(value, float) else value for key, value in row.items()}
-                     for row in rows)  # fmt: skip
+    writer.writerows(
+        {key: f"{value:.6g}" if isinstance(value, float) else value for key, value in row.items()} for row in rows
+    )
     return text.getvalue()
 
 
@@ -139,15 +152,24 @@ def speed_table(rows: list[Row]) -> str:
     """Speed-up by tolerance and quantity."""
     lines = []
     bands = ((0.0, 0.01), (0.01, 0.03), (0.03, 0.1), (0.1, 0.5))
-    groups = [(f"tolerance {low:g} to {high:g}", [r for r in rows if low < r["tolerance"] <= high])
-              for low, high in bands]  # fmt: skip
-    groups += [(f"asked: {name.replace('+', ', ')}", [r for r in rows if r["quantity"] == name])
-               for name in sorted({r["quantity"] for r in rows})]  # fmt: skip
+    groups = [
+        (f"tolerance {low:g} to {high:g}", [r for r in rows if low < r["tolerance"] <= high]) for low, high in bands
+    ]
+    groups += [
+        (f"asked: {name.replace('+', ', ')}", [r for r in rows if r["quantity"] == name])
+        for name in sorted({r["quantity"] for r in rows})
+    ]
     for name, part in [("all", rows), *groups]:
         if part:
-            lines.append([name, str(len(part)), quartiles([r["speed_up"] for r in part]),
-                          quartiles([r["set_up_s"] / r["set_up_short_s"] for r in part]),
-                          quartiles([r["frame_s"] / r["frame_short_s"] for r in part])])  # fmt: skip
+            lines.append(
+                [
+                    name,
+                    str(len(part)),
+                    quartiles([r["speed_up"] for r in part]),
+                    quartiles([r["set_up_s"] / r["set_up_short_s"] for r in part]),
+                    quartiles([r["frame_s"] / r["frame_short_s"] for r in part]),
+                ]
+            )
     return table(["scenes", "number", "speed-up, set-up and all frames", "set-up alone", "a frame"], lines)
 
 
@@ -173,10 +195,16 @@ def sums_text(sums: list[Row]) -> str:
     for name, low, high in (("all", 1, 10000), ("1 to 10", 1, 10), ("11 to 100", 11, 100), ("101 to 1000", 101, 1000)):
         part = [row for row in sums if low <= row["n_frames"] <= high]
         if part:
-            lines.append([name, str(len(part)), quartiles([row["sums_s"] for row in part]),
-                          quartiles([row["whole_frames_s"] for row in part]),
-                          quartiles([row["speed_up"] for row in part]),
-                          quartiles([row["speed_up_over_reference"] for row in part])])  # fmt: skip
+            lines.append(
+                [
+                    name,
+                    str(len(part)),
+                    quartiles([row["sums_s"] for row in part]),
+                    quartiles([row["whole_frames_s"] for row in part]),
+                    quartiles([row["speed_up"] for row in part]),
+                    quartiles([row["speed_up_over_reference"] for row in part]),
+                ]
+            )
     return table(["frames", "scenes", "sums (s)", "whole frames (s)", "speed-up", "over the reference settings"], lines)
 
 
@@ -187,18 +215,32 @@ def settings_text(settings: list[Row]) -> str:
         for value in sorted({row["value"] for row in settings if row["setting"] == name}):
             for place in ("hole", "beyond"):
                 part = [row for row in settings if (row["setting"], row["value"], row["place"]) == (name, value, place)]
-                most = {key: max(row[key] for row in part) for key in
-                        ("halo_error", "halo_of_bound", "speckle_error", "speckle_of_bound")}  # fmt: skip
-                lines.append([f"`{name}` {value}", place, f"{most['halo_error']:.2g}", f"{most['halo_of_bound']:.2g}",
-                              f"{most['speckle_error']:.2g}", f"{most['speckle_of_bound']:.2g}"])  # fmt: skip
-    return table(["setting", "apertures", "starlight, over that around", "of the bound", "rms of speckles",
-                  "of the bound"], lines)  # fmt: skip
+                most = {
+                    key: max(row[key] for row in part)
+                    for key in ("halo_error", "halo_of_bound", "speckle_error", "speckle_of_bound")
+                }
+                lines.append(
+                    [
+                        f"`{name}` {value}",
+                        place,
+                        f"{most['halo_error']:.2g}",
+                        f"{most['halo_of_bound']:.2g}",
+                        f"{most['speckle_error']:.2g}",
+                        f"{most['speckle_of_bound']:.2g}",
+                    ]
+                )
+    return table(
+        ["setting", "apertures", "starlight, over that around", "of the bound", "rms of speckles", "of the bound"],
+        lines,
+    )
 
 
 def wings_text(wings: list[Row]) -> str:
     """Wings beside their map."""
-    lines = [[row["band"], f"{row['median']:.2f}", f"{row['of_99_in_100']:.1f}", f"{row['most']:.1f}",
-              f"{row['bound']:g}"] for row in wings]  # fmt: skip
+    lines = [
+        [row["band"], f"{row['median']:.2f}", f"{row['of_99_in_100']:.1f}", f"{row['most']:.1f}", f"{row['bound']:g}"]
+        for row in wings
+    ]
     return table(["band", "median", "99 in 100 pixels", "most", "bound"], lines)
 
 
@@ -208,8 +250,12 @@ def report(
     """The report."""
     violations = [row for row in rows if not row["kept"]]
     bound = upper_bound(len(violations), len(rows))
-    used = [row[f"true_{name}"] / row["tolerance"] for row in rows for name in ("planet_flux", "snr", "pixel_map")
-            if row[f"true_{name}"] != ""]  # fmt: skip
+    used = [
+        row[f"true_{name}"] / row["tolerance"]
+        for row in rows
+        for name in ("planet_flux", "snr", "pixel_map")
+        if row[f"true_{name}"] != ""
+    ]
     met = "yes" if bound <= ASKED_RATE else "**no**"
     lines = [f"scene {row['scene']}: {row['quantity']} asked to {row['tolerance']:.3g}" for row in violations]
     return f"""# The effect ledger against the whole

@@ -15,8 +15,12 @@ __all__ = ["RandomCase", "random_case"]
 TYPES = ("F0V", "F5V", "G2V", "K1V", "K7V", "M0V")
 BANDS = ("F520", "F662", "F720", "F850")
 QUANTITIES: tuple[tuple[Quantity, ...], ...] = (
-    ("planet_flux",), ("snr",), ("planet_flux", "snr"), ("pixel_map",), ("planet_flux", "snr", "pixel_map"),
-)  # fmt: skip
+    ("planet_flux",),
+    ("snr",),
+    ("planet_flux", "snr"),
+    ("pixel_map",),
+    ("planet_flux", "snr", "pixel_map"),
+)
 
 
 @dataclass(frozen=True)
@@ -63,12 +67,22 @@ def _planet(rng: np.random.Generator, index: int) -> dict[str, Any]:
     # On the detector x = -separation sin(PA), y = separation cos(PA).
     contrast = 10 ** rng.uniform(-10, -5)
     # Of Jupiter's size and albedo at a phase of 60 deg: about 0.3 (R / r)^2.
-    return {"name": f"planet {index}", "radius_rjup": 1.0, "phase_deg": 60.0,
-            "distance_au": float(4.78e-4 * np.sqrt(0.3 / contrast)), "separation_arcsec": float(np.hypot(x, y)),
-            "pa_deg": float(np.degrees(np.arctan2(-x, y)) % 360.0)}  # fmt: skip
+    return {
+        "name": f"planet {index}",
+        "radius_rjup": 1.0,
+        "phase_deg": 60.0,
+        "distance_au": float(4.78e-4 * np.sqrt(0.3 / contrast)),
+        "separation_arcsec": float(np.hypot(x, y)),
+        "pa_deg": float(np.degrees(np.arctan2(-x, y)) % 360.0),
+    }
 
 
 def _star(rng: np.random.Generator, index: int, v_mag: float) -> dict[str, Any]:
-    return {"name": f"star {index}", "v_mag": float(v_mag + rng.uniform(-1.0, 12.0)), "spectral_type":
-            str(rng.choice(TYPES)), "separation_arcsec": float(10 ** rng.uniform(-0.3, 1.5)),
-            "pa_deg": float(rng.uniform(0, 360)), "companion": bool(rng.random() < 0.5)}  # fmt: skip
+    return {
+        "name": f"star {index}",
+        "v_mag": float(v_mag + rng.uniform(-1.0, 12.0)),
+        "spectral_type": str(rng.choice(TYPES)),
+        "separation_arcsec": float(10 ** rng.uniform(-0.3, 1.5)),
+        "pa_deg": float(rng.uniform(0, 360)),
+        "companion": bool(rng.random() < 0.5),
+    }

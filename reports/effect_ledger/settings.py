@@ -51,8 +51,12 @@ def _seen(imager: Imager, slope: float) -> tuple[FloatArray, FloatArray, FloatAr
 def _model(instrument: Instrument, band: str, imager: Imager) -> Optics:
     passbands = Passbands.from_instrument(instrument)
     low, high = passbands.bands[passbands.index(band)].support_nm
-    return Optics((high - low) / (0.5 * (high + low)), imager.lambda_d_arcsec, imager.pixel_scale_arcsec,
-                  instrument.wavefront.jitter_mas * 1e-3)  # fmt: skip
+    return Optics(
+        (high - low) / (0.5 * (high + low)),
+        imager.lambda_d_arcsec,
+        imager.pixel_scale_arcsec,
+        instrument.wavefront.jitter_mas * 1e-3,
+    )
 
 
 def settings_rows() -> list[dict[str, Any]]:
@@ -70,8 +74,9 @@ def settings_rows() -> list[dict[str, Any]]:
         model = _model(instrument, band, best)
         for name, values in VALUES.items():
             for value in values:
-                _, sums, residual = _seen(build_imager(instrument, band, BEST.model_copy(update={name: value})),
-                                          instrument.drift.psd_slope)  # fmt: skip
+                _, sums, residual = _seen(
+                    build_imager(instrument, band, BEST.model_copy(update={name: value})), instrument.drift.psd_slope
+                )
                 for place, part in (("hole", hole), ("beyond", near[:, None] & near & ~hole)):
                     inside = place == "hole"
                     if name == "wavelength_nodes":
@@ -82,11 +87,18 @@ def settings_rows() -> list[dict[str, Any]]:
                         moved = [model.pixel_speckle_error(value)] * int(part.sum())
                     error = np.abs(sums - halo)[part] / around[part]
                     change = np.abs(residual[part] / speckle[part] - 1.0)
-                    rows.append({"band": band, "setting": name, "value": value, "place": place,
-                                 "halo_error": float(np.percentile(error, 99)),
-                                 "halo_of_bound": float(np.percentile(error / said, 99)),
-                                 "speckle_error": float(np.percentile(change, 99)),
-                                 "speckle_of_bound": float(np.percentile(change / moved, 99))})  # fmt: skip
+                    rows.append(
+                        {
+                            "band": band,
+                            "setting": name,
+                            "value": value,
+                            "place": place,
+                            "halo_error": float(np.percentile(error, 99)),
+                            "halo_of_bound": float(np.percentile(error / said, 99)),
+                            "speckle_error": float(np.percentile(change, 99)),
+                            "speckle_of_bound": float(np.percentile(change / moved, 99)),
+                        }
+                    )
     return rows
 
 
@@ -99,6 +111,13 @@ def wing_rows() -> list[dict[str, Any]]:
         axis = imager.axis(offset, masked=False)
         x, y = np.meshgrid(offset, offset)
         ratio = (imager.image(axis, axis) / wing(figures, x, y))[np.hypot(x, y) > WING_ARCSEC[0]]
-        rows.append({"band": band, "median": float(np.median(ratio)), "of_99_in_100": float(np.percentile(ratio, 99)),
-                     "most": float(ratio.max()), "bound": MOST})  # fmt: skip
+        rows.append(
+            {
+                "band": band,
+                "median": float(np.median(ratio)),
+                "of_99_in_100": float(np.percentile(ratio, 99)),
+                "most": float(ratio.max()),
+                "bound": MOST,
+            }
+        )
     return rows

@@ -129,8 +129,9 @@ def _adu(seen: Observation, rates: FloatArray) -> FloatArray:
 def _register_input(seen: Observation, rates: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Mean electrons at the input of the register, and the slope of ADU against them."""
     camera = seen.visible_camera
-    exposure = camera.prepare(rates, seen.exposure_s, seen.em_gain, first_pixel=seen.first_pixel,
-                              beyond_e_s=seen.light.beyond_e_s)  # fmt: skip
+    exposure = camera.prepare(
+        rates, seen.exposure_s, seen.em_gain, first_pixel=seen.first_pixel, beyond_e_s=seen.light.beyond_e_s
+    )
     image = exposure.mean_e.copy()
     for effect in camera.charge:
         if effect.switch == "em_register":
@@ -210,8 +211,7 @@ def _speckle(seen: Observation, y: float, x: float, radius: float) -> float:
     grid, screens = imager.focal_grid(rows, columns), screen_model(len(imager.transmission), drift.psd_slope)
     images = [grid.image(screens.draw(stream(11, "pair", k), rms)) for k in range(PAIRS)]
     place = [at - np.unique(span)[0] for at, span in zip((y, x), spans, strict=True)]
-    weights = [circle(images[0].shape, place[0] + dy, place[1] + dx, radius)
-               for dy in (-3, 0, 3) for dx in (-3, 0, 3)]  # fmt: skip
+    weights = [circle(images[0].shape, place[0] + dy, place[1] + dx, radius) for dy in (-3, 0, 3) for dx in (-3, 0, 3)]
     sums = np.array([[float((one * image).sum()) for one in weights] for image in images])
     return float(((sums - np.roll(sums, 1, axis=0)) ** 2).mean())
 
@@ -256,7 +256,11 @@ def _paired_light(whole: Observation, short: Observation) -> Light:
 
         path, epochs = short.path, whole.light.epochs
         stamps = short.truth.sources[0].rate_e_s * visit_frames(
-            short.psf, drift, epochs, (short.exposure_s + short.readout_s) * short.n_frames / epochs,
-            stream(short.seed, *path, "visit"), stream(short.seed, *path, "walk"),
-        )  # fmt: skip
+            short.psf,
+            drift,
+            epochs,
+            (short.exposure_s + short.readout_s) * short.n_frames / epochs,
+            stream(short.seed, *path, "visit"),
+            stream(short.seed, *path, "walk"),
+        )
     return dataclasses.replace(short.light, star=dataclasses.replace(short.light.star, rate_e_s=stamps))

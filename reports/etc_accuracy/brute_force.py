@@ -13,15 +13,34 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["FIELDS", "Found", "GainScan", "best_in_visit", "excess2", "inverse_snr2", "largest_gain", "least_time",
-           "longest_exposure", "rows"]  # fmt: skip
+__all__ = [
+    "FIELDS",
+    "Found",
+    "GainScan",
+    "best_in_visit",
+    "excess2",
+    "inverse_snr2",
+    "largest_gain",
+    "least_time",
+    "longest_exposure",
+    "rows",
+]
 
 FloatArray = NDArray[np.float64]
 SIGMAS = 5.0  # kept free below every limit
 FIELDS = (
-    "alpha_e_s", "beta_e", "gamma_e2", "signal_e_s", "z0", "z1", "z2", "loss_per_s",
-    "peak_columns_e_s", "peak_hole_e_s", "tail_e_s",
-)  # fmt: skip
+    "alpha_e_s",
+    "beta_e",
+    "gamma_e2",
+    "signal_e_s",
+    "z0",
+    "z1",
+    "z2",
+    "loss_per_s",
+    "peak_columns_e_s",
+    "peak_hole_e_s",
+    "tail_e_s",
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,8 +121,10 @@ class GainScan:
         i = np.clip(np.searchsorted(self.log_ratio, ratio), 0, self.log_ratio.size - 1)
         j = np.clip(np.searchsorted(self.gains, cap, side="right") - 1, 0, self.gains.size - 1)
         inner = self.gains[self.best[i, j]]
-        return min_of((gain, excess2(gain, self.stages) * light_e2 + read_e2 / gain**2)
-                      for gain in (inner, np.clip(cap, self.gains[0], self.gains[-1])))  # fmt: skip
+        return min_of(
+            (gain, excess2(gain, self.stages) * light_e2 + read_e2 / gain**2)
+            for gain in (inner, np.clip(cap, self.gains[0], self.gains[-1]))
+        )
 
 
 def min_of(options: Any) -> tuple[FloatArray, FloatArray]:
@@ -112,8 +133,9 @@ def min_of(options: Any) -> tuple[FloatArray, FloatArray]:
     return np.where(first <= second, one, two), np.minimum(first, second)
 
 
-def inverse_snr2(case: dict[str, FloatArray], exposure_s: FloatArray, n_frames: FloatArray, em_gain: FloatArray,
-                 camera: Any) -> FloatArray:  # fmt: skip
+def inverse_snr2(
+    case: dict[str, FloatArray], exposure_s: FloatArray, n_frames: FloatArray, em_gain: FloatArray, camera: Any
+) -> FloatArray:
     """``1 / SNR^2`` of a setting."""
     factor2 = excess2(em_gain, camera.register_stages)
     light = case["alpha_e_s"] * exposure_s + case["beta_e"]

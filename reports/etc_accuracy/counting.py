@@ -91,5 +91,13 @@ def recover_counts(
 
 def predicted_counting(stack: Stack, places: Sequence[Aperture], readout: Readout, sigma: float) -> StackNoise:
     """What the ETC says."""
-    return stack_noise(rates_of(stack, places), stack.exposure_s, stack.n_frames, stack.em_gain, camera_of(readout),
-                       reference_ratio=stack.reference_ratio, mode="photon_counting", counting_sigma=sigma)  # fmt: skip
+    return stack_noise(
+        rates_of(stack, places),
+        stack.exposure_s,
+        stack.n_frames,
+        stack.em_gain,
+        camera_of(readout),
+        reference_ratio=stack.reference_ratio,
+        mode="photon_counting",
+        counting_sigma=sigma,
+    )

@@ -42,8 +42,9 @@ def limit_figure(curves: list[Curve]) -> Figure:
     panel = figure.subplots()
     for k, curve in enumerate(curves):
         colour, marker = BAND_STYLE[k]
-        panel.loglog(curve.n_frames, curve.limit, color=colour, marker=marker, ms=4.5, lw=1.4,
-                     label=f"{curve.visit_nm:g} nm")  # fmt: skip
+        panel.loglog(
+            curve.n_frames, curve.limit, color=colour, marker=marker, ms=4.5, lw=1.4, label=f"{curve.visit_nm:g} nm"
+        )
         if curve.model_limit is not None and curve.model_error is not None:
             low, high = (curve.model_limit + sign * 2 * curve.model_error for sign in (-1, 1))
             panel.axhspan(low, high, color=colour, alpha=0.3, lw=0)

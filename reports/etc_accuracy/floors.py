@@ -46,10 +46,14 @@ def residuals(
 ) -> FloatArray:
     """Mean star image of each visit less that of the next one, ``(n_visits, stamp, stamp)``."""
     imager = build_imager(instrument, band)
-    images = np.stack([
-        visit_frames(imager, drift, frames, cadence_s, stream(seed, "offset", k), stream(seed, "walk", k)).mean(axis=0)
-        for k in range(n_visits)
-    ])  # fmt: skip
+    images = np.stack(
+        [
+            visit_frames(imager, drift, frames, cadence_s, stream(seed, "offset", k), stream(seed, "walk", k)).mean(
+                axis=0
+            )
+            for k in range(n_visits)
+        ]
+    )
     return images - np.roll(images, 1, axis=0)
 
 

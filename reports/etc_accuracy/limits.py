@@ -24,8 +24,12 @@ LIMIT_STAR, LIMIT_BAND, LIMIT_ARCSEC, EXPOSURE_S, SIGMA = "tau Cet", "F520", 0.6
 OFFSETS_NM = (0.0, 0.05, 0.1, 0.5)
 FRAMES = np.unique(np.round(np.geomspace(1, 1e6, 25)))
 VISITS = 160
-SEPARATIONS = {"F520": (0.4, 0.5, 0.6, 0.7, 0.8, 0.9), "F662": (0.5, 0.6, 0.7, 0.8, 0.9),
-               "F720": (0.5, 0.6, 0.7, 0.8, 0.9), "F850": (0.5, 0.6, 0.7, 0.8, 0.9)}  # fmt: skip
+SEPARATIONS = {
+    "F520": (0.4, 0.5, 0.6, 0.7, 0.8, 0.9),
+    "F662": (0.5, 0.6, 0.7, 0.8, 0.9),
+    "F720": (0.5, 0.6, 0.7, 0.8, 0.9),
+    "F850": (0.5, 0.6, 0.7, 0.8, 0.9),
+}
 WALK_FRAMES, WALK_HOURS, WALK_VISITS = 8, 10.0, 80
 
 FloatArray = NDArray[np.float64]
@@ -60,8 +64,10 @@ class Curve:
 
     def rows(self) -> list[dict[str, Any]]:
         """For a table."""
-        return [{"visit_nm": self.visit_nm, "n_frames": int(frames), "contrast_limit": float(limit)}
-                for frames, limit in zip(self.n_frames, self.limit, strict=True)]  # fmt: skip
+        return [
+            {"visit_nm": self.visit_nm, "n_frames": int(frames), "contrast_limit": float(limit)}
+            for frames, limit in zip(self.n_frames, self.limit, strict=True)
+        ]
 
 
 @dataclass(frozen=True)
@@ -109,8 +115,15 @@ def limit_curves() -> list[Curve]:
 
         def limit(frames: float, model: EtcModel = model, readout: float = readout) -> float:
             time_s = float(model.time_s(frames * (EXPOSURE_S + readout))) * (1.0 + 1e-12)
-            answer = contrast_limit(model, star, time_s=time_s, separation_arcsec=LIMIT_ARCSEC, sigma=SIGMA,
-                                    exposure_s=EXPOSURE_S, exact=True)[0]  # fmt: skip
+            answer = contrast_limit(
+                model,
+                star,
+                time_s=time_s,
+                separation_arcsec=LIMIT_ARCSEC,
+                sigma=SIGMA,
+                exposure_s=EXPOSURE_S,
+                exact=True,
+            )[0]
             if answer.n_frames != frames or answer.value is None:
                 raise RuntimeError(f"asked for {frames:g} frames, got {answer}")
             return answer.value
@@ -119,8 +132,12 @@ def limit_curves() -> list[Curve]:
         plateau = error = None
         if offset:
             metrics = model.metrics[LIMIT_BAND]
-            residual = scatter(_left(LIMIT_BAND, _drift(offset), 1, 60.0, VISITS), metrics, LIMIT_ARCSEC,
-                               model.strategy.annulus_lambda_d)  # fmt: skip
+            residual = scatter(
+                _left(LIMIT_BAND, _drift(offset), 1, 60.0, VISITS),
+                metrics,
+                LIMIT_ARCSEC,
+                model.strategy.annulus_lambda_d,
+            )
             core = float(metrics.core_throughput(*diagonal(metrics.zone, np.array(LIMIT_ARCSEC))))
             plateau, error = SIGMA * residual.rms / core, SIGMA * residual.error / core
         curves.append(

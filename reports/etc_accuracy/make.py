@@ -49,8 +49,16 @@ def monte_carlo_rows() -> list[Row]:
     found, places = [], apertures()
     for index, case in enumerate(cases()):
         trials = recover(case.stack, places, case.readout, np.random.default_rng([1, index]), TRIALS)
-        found.append(_compared(case.regime, case.stack.em_gain, case.stack.reference_ratio, trials,
-                               predicted(case, places), white=case.white))  # fmt: skip
+        found.append(
+            _compared(
+                case.regime,
+                case.stack.em_gain,
+                case.stack.reference_ratio,
+                trials,
+                predicted(case, places),
+                white=case.white,
+            )
+        )
     return found
 
 
@@ -84,11 +92,20 @@ def _compared(regime: str, gain: float, ratio: float, trials: Any, said: Any, *,
     largest = max(terms, key=lambda name: terms[name])
     allowed = (WHITE if white else SPECKLED) + ERRORS * trials.relative_error
     off = [float(said.snr[0]) / trials.snr - 1.0, float(said.significance[0]) / trials.significance - 1.0]
-    return {"case": regime, "em_gain": gain, "reference_ratio": ratio, "snr": float(said.snr[0]),
-            "snr_etc_over_mc": 1.0 + off[0], "significance_etc_over_mc": 1.0 + off[1],
-            "standard_error": trials.relative_error, "allowed": allowed, "bias_in_standard_errors": trials.bias,
-            "largest_term": largest, "its_share": terms[largest] / sum(terms.values()),
-            "met": max(map(abs, off)) <= allowed}  # fmt: skip
+    return {
+        "case": regime,
+        "em_gain": gain,
+        "reference_ratio": ratio,
+        "snr": float(said.snr[0]),
+        "snr_etc_over_mc": 1.0 + off[0],
+        "significance_etc_over_mc": 1.0 + off[1],
+        "standard_error": trials.relative_error,
+        "allowed": allowed,
+        "bias_in_standard_errors": trials.bias,
+        "largest_term": largest,
+        "its_share": terms[largest] / sum(terms.values()),
+        "met": max(map(abs, off)) <= allowed,
+    }
 
 
 def optimiser_rows(model: EtcModel) -> list[Row]:
@@ -123,11 +140,19 @@ def _both(name: str, question: str, parts: list[tuple[FrameProblem, float]]) -> 
     mine, other = (np.concatenate([np.ravel(part.n_frames) for part in found]) > 0 for found in (solved, tried))
     both = mine & other
     ratio = ours[both] / theirs[both]
-    return {"problems": name, "asked for": question, "cases": ours.size, "possible": int(both.sum()),
-            "possible for one only": int((mine != other).sum()), "least": ratio.min(initial=np.inf),
-            "median": float(np.median(ratio)) if ratio.size else np.nan, "largest": ratio.max(initial=0.0),
-            "above": int((ratio > COST_ASKED).sum()), "solver_s": middle - began,
-            "brute_force_s": ended - middle}  # fmt: skip
+    return {
+        "problems": name,
+        "asked for": question,
+        "cases": ours.size,
+        "possible": int(both.sum()),
+        "possible for one only": int((mine != other).sum()),
+        "least": ratio.min(initial=np.inf),
+        "median": float(np.median(ratio)) if ratio.size else np.nan,
+        "largest": ratio.max(initial=0.0),
+        "above": int((ratio > COST_ASKED).sum()),
+        "solver_s": middle - began,
+        "brute_force_s": ended - middle,
+    }
 
 
 def table(head: list[str], rows: list[list[str]]) -> str:
@@ -142,10 +167,17 @@ def regime_table(rows: list[Row]) -> str:
         own = [row for row in rows if row["case"] == regime]
         snr, significance = ([row[f"{name}_etc_over_mc"] for row in own] for name in ("snr", "significance"))
         shares = {row["largest_term"] for row in own}
-        lines.append([regime, str(len(own)), f"{min(snr):.4f} to {max(snr):.4f}",
-                      f"{min(significance):.4f} to {max(significance):.4f}",
-                      f"{max(abs(row['bias_in_standard_errors']) for row in own):.1f}", ", ".join(sorted(shares)),
-                      "yes" if all(row["met"] for row in own) else "**no**"])  # fmt: skip
+        lines.append(
+            [
+                regime,
+                str(len(own)),
+                f"{min(snr):.4f} to {max(snr):.4f}",
+                f"{min(significance):.4f} to {max(significance):.4f}",
+                f"{max(abs(row['bias_in_standard_errors']) for row in own):.1f}",
+                ", ".join(sorted(shares)),
+                "yes" if all(row["met"] for row in own) else "**no**",
+            ]
+        )
     head = ["regime", "cases", "SNR, ETC / trials", "significance, ETC / trials", "largest bias (standard errors)"]
     return table([*head, "largest term", "met"], lines)
 
@@ -153,10 +185,21 @@ def regime_table(rows: list[Row]) -> str:
 def star_table(rows: list[Row]) -> str:
     """Planets of real stars."""
     head = ["planet", "gain", "SNR", "SNR, ETC / trials", "significance, ETC / trials", "largest term", "its share"]
-    return table(head,
-                 [[row["case"], f"{row['em_gain']:g}", f"{row['snr']:.2f}", f"{row['snr_etc_over_mc']:.4f}",
-                   f"{row['significance_etc_over_mc']:.4f}", row["largest_term"], f"{row['its_share']:.0%}"]
-                  for row in rows])  # fmt: skip
+    return table(
+        head,
+        [
+            [
+                row["case"],
+                f"{row['em_gain']:g}",
+                f"{row['snr']:.2f}",
+                f"{row['snr_etc_over_mc']:.4f}",
+                f"{row['significance_etc_over_mc']:.4f}",
+                row["largest_term"],
+                f"{row['its_share']:.0%}",
+            ]
+            for row in rows
+        ],
+    )
 
 
 def counting_table(rows: list[Row]) -> str:
@@ -168,28 +211,81 @@ def counting_table(rows: list[Row]) -> str:
         "significance, ETC / trials",
         "significance over that of measured charge",
     ]
-    return table(head, [
-        [row["case"], f"{row['em_gain']:g}", f"{row['snr_etc_over_mc']:.4f}", f"{row['significance_etc_over_mc']:.4f}",
-         f"{row['over_analogue']:.2f}"] for row in rows
-    ])  # fmt: skip
+    return table(
+        head,
+        [
+            [
+                row["case"],
+                f"{row['em_gain']:g}",
+                f"{row['snr_etc_over_mc']:.4f}",
+                f"{row['significance_etc_over_mc']:.4f}",
+                f"{row['over_analogue']:.2f}",
+            ]
+            for row in rows
+        ],
+    )
 
 
 def optimiser_table(rows: list[Row]) -> str:
     """Solver beside brute force."""
-    return table(["problems", "asked for", "cases", "possible", "possible for one only", "least", "median", "largest",
-                  f"above {COST_ASKED:g}", "solver (s)", "brute force (s)"],
-                 [[row["problems"], row["asked for"], str(row["cases"]), str(row["possible"]),
-                   str(row["possible for one only"]), f"{row['least']:.5f}", f"{row['median']:.5f}",
-                   f"{row['largest']:.6f}", str(row["above"]), f"{row['solver_s']:.3f}", f"{row['brute_force_s']:.1f}"]
-                  for row in rows])  # fmt: skip
+    return table(
+        [
+            "problems",
+            "asked for",
+            "cases",
+            "possible",
+            "possible for one only",
+            "least",
+            "median",
+            "largest",
+            f"above {COST_ASKED:g}",
+            "solver (s)",
+            "brute force (s)",
+        ],
+        [
+            [
+                row["problems"],
+                row["asked for"],
+                str(row["cases"]),
+                str(row["possible"]),
+                str(row["possible for one only"]),
+                f"{row['least']:.5f}",
+                f"{row['median']:.5f}",
+                f"{row['largest']:.6f}",
+                str(row["above"]),
+                f"{row['solver_s']:.3f}",
+                f"{row['brute_force_s']:.1f}",
+            ]
+            for row in rows
+        ],
+    )
 
 
 def floor_table(rows: list[FloorRow]) -> str:
     """Residual of the ETC beside that of the images."""
-    return table(["band", "separation (arcsec)", "visit offset (nm)", "walk (nm)", "ETC, per unit star", "images",
-                  "ETC / images"],
-                 [[row.band, f"{row.separation_arcsec:g}", f"{row.visit_nm:g}", row.walk, f"{row.said:.3e}",
-                   f"{row.measured.rms:.3e}", f"{row.ratio:.3f} ± {row.ratio_error:.3f}"] for row in rows])  # fmt: skip
+    return table(
+        [
+            "band",
+            "separation (arcsec)",
+            "visit offset (nm)",
+            "walk (nm)",
+            "ETC, per unit star",
+            "images",
+            "ETC / images",
+        ],
+        [
+            [
+                row.band,
+                f"{row.separation_arcsec:g}",
+                f"{row.visit_nm:g}",
+                row.walk,
+                f"{row.said:.3e}",
+                f"{row.measured.rms:.3e}",
+                f"{row.ratio:.3f} ± {row.ratio_error:.3f}",
+            ]
+            for row in rows
+        ],
+    )
 
 
 def slope_table(curves: list[Curve]) -> str:
@@ -202,8 +298,17 @@ def slope_table(curves: list[Curve]) -> str:
         rows.append(
             [f"{curve.visit_nm:g}", f"{curve.first_slope:.3f}", f"{curve.last_slope:.4f}", plateau, images, ratio]
         )
-    return table(["visit offset (nm)", "slope, 1 to 10 frames", "slope, last decade", "plateau of the ETC",
-                  "of the images", "ETC / images"], rows)  # fmt: skip
+    return table(
+        [
+            "visit offset (nm)",
+            "slope, 1 to 10 frames",
+            "slope, last decade",
+            "plateau of the ETC",
+            "of the images",
+            "ETC / images",
+        ],
+        rows,
+    )
 
 
 def speed_table(rows: list[SpeedRow]) -> str:
@@ -228,17 +333,32 @@ def verdict_table(trials: list[Row], frames: list[Row], curves: list[Curve], flo
     def met(fine: bool) -> str:
         return "yes" if fine else "**no**"
 
-    return table(["", "asked", "found", "met"], [
-        [f"noise against Monte Carlo, {len(trials)} cases", f"{WHITE:.0%} ({SPECKLED:.0%} with speckles) + 4.5 errors",
-         f"{worst:.1%} at most, errors of the trials included", met(all(row["met"] for row in trials))],
-        [f"least time against brute force, {sum(row['cases'] for row in frames)} cases",
-         f"at most {COST_ASKED:g} times", f"{longest:.6f} times at most", met(longest <= COST_ASKED)],
-        ["feasible for one of the two only", "none", str(single), met(not single)],
-        ["slope of the contrast limit without any offset", "-1/2", f"-1/2 to {steepest:.0e}", met(steepest < 1e-6)],
-        ["plateaus of the contrast limit against images", "10 %", f"{apart:+.1%} at most", met(abs(apart) < 0.1)],
-        ["residual in other bands and places, and with walk", "",
-         f"{off.ratio - 1.0:+.1%} at most ({off.band}, {off.separation_arcsec:g} arcsec)", ""],
-    ])  # fmt: skip
+    return table(
+        ["", "asked", "found", "met"],
+        [
+            [
+                f"noise against Monte Carlo, {len(trials)} cases",
+                f"{WHITE:.0%} ({SPECKLED:.0%} with speckles) + 4.5 errors",
+                f"{worst:.1%} at most, errors of the trials included",
+                met(all(row["met"] for row in trials)),
+            ],
+            [
+                f"least time against brute force, {sum(row['cases'] for row in frames)} cases",
+                f"at most {COST_ASKED:g} times",
+                f"{longest:.6f} times at most",
+                met(longest <= COST_ASKED),
+            ],
+            ["feasible for one of the two only", "none", str(single), met(not single)],
+            ["slope of the contrast limit without any offset", "-1/2", f"-1/2 to {steepest:.0e}", met(steepest < 1e-6)],
+            ["plateaus of the contrast limit against images", "10 %", f"{apart:+.1%} at most", met(abs(apart) < 0.1)],
+            [
+                "residual in other bands and places, and with walk",
+                "",
+                f"{off.ratio - 1.0:+.1%} at most ({off.band}, {off.separation_arcsec:g} arcsec)",
+                "",
+            ],
+        ],
+    )
 
 
 def csv_text(rows: list[Row]) -> str:
@@ -246,13 +366,21 @@ def csv_text(rows: list[Row]) -> str:
     text = io.StringIO()
     writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
     writer.writeheader()
-    writer.writerows({key: f"{value:.6g}" if isinstance(value, float) else value for key, value in row.items()}
-                     for row in rows)  # fmt: skip
+    writer.writerows(
+        {key: f"{value:.6g}" if isinstance(value, float) else value for key, value in row.items()} for row in rows
+    )
     return text.getvalue()
 
 
-def report(trials: list[Row], counted: list[Row], stars: list[Row], frames: list[Row], curves: list[Curve],
-           floors: list[FloorRow], speeds: list[SpeedRow]) -> str:  # fmt: skip
+def report(
+    trials: list[Row],
+    counted: list[Row],
+    stars: list[Row],
+    frames: list[Row],
+    curves: list[Curve],
+    floors: list[FloorRow],
+    speeds: list[SpeedRow],
+) -> str:
     """Text of the report."""
     return f"""# Accuracy and speed of the exposure-time calculator
 

@@ -147,9 +147,15 @@ def _middle(image: FloatArray, weights: FloatArray) -> FloatArray:
 
 
 def stack_sums(
-    stack: Stack, aperture: Aperture, readout: Readout, rng: np.random.Generator, trials: int, *, planet: bool = True,
+    stack: Stack,
+    aperture: Aperture,
+    readout: Readout,
+    rng: np.random.Generator,
+    trials: int,
+    *,
+    planet: bool = True,
     background: bool = True,
-) -> FloatArray:  # fmt: skip
+) -> FloatArray:
     """Aperture sums of the science stack above the reference, in electrons; shape ``(trials,)``.
 
     With ``background`` the mean of other apertures is subtracted, too.
@@ -173,9 +179,14 @@ def _visits(stack: Stack) -> tuple[tuple[float, int, float], ...]:
 
 
 def _difference(
-    stack: Stack, aperture: Aperture, readout: Readout, rng: np.random.Generator, trials: int, copies: int,
+    stack: Stack,
+    aperture: Aperture,
+    readout: Readout,
+    rng: np.random.Generator,
+    trials: int,
+    copies: int,
     planet: bool,
-) -> FloatArray:  # fmt: skip
+) -> FloatArray:
     """Science less scaled reference, summed over as many apertures (``copies``, each with speckles of its own)."""
     weights, counts, light, member = aperture.pooled()
     clean = float(np.exp(-stack.loss_per_s * stack.exposure_s))
@@ -215,9 +226,15 @@ def _speckles(stack: Stack, aperture: Aperture, rng: np.random.Generator, trials
 
 
 def frame_sums(
-    stack: Stack, aperture: Aperture, readout: Readout, rng: np.random.Generator, trials: int, *, planet: bool = True,
+    stack: Stack,
+    aperture: Aperture,
+    readout: Readout,
+    rng: np.random.Generator,
+    trials: int,
+    *,
+    planet: bool = True,
     background: bool = True,
-) -> FloatArray:  # fmt: skip
+) -> FloatArray:
     """`stack_sums` without a shortcut: pixel by pixel and frame by frame, rounded by the converter."""
     total = _frames_difference(stack, aperture, readout, rng, trials, planet)
     if background:
@@ -273,8 +290,9 @@ def recover(
     """
     each = trials // len(apertures)
     there = np.stack([stack_sums(stack, aperture, readout, rng, each) for aperture in apertures])
-    empty = np.stack([stack_sums(stack, aperture, readout, rng, each, planet=False, background=False)
-                      for aperture in apertures])  # fmt: skip
+    empty = np.stack(
+        [stack_sums(stack, aperture, readout, rng, each, planet=False, background=False) for aperture in apertures]
+    )
     scatter, quiet = (float(np.sqrt(part.var(axis=1, ddof=1).mean())) for part in (there, empty))
     bias = (float(there.mean()) - stack.signal_e) / (scatter / np.sqrt(there.size))
     return Recovered(stack.signal_e / scatter, stack.signal_e / quiet, bias, 1.0 / np.sqrt(2.0 * there.size))

@@ -14,8 +14,20 @@ from cpic_planner.etc.noise import StackNoise, stack_noise
 from cpic_planner.etc.rates import ApertureRates
 from cpic_planner.etc.speckles import SpeckleLaw
 
-__all__ = ["GAINS", "LIGHTS", "RADIUS_PIXELS", "RATIOS", "REGIMES", "Case", "apertures", "camera_of", "case_of",
-           "cases", "predicted", "rates_of"]  # fmt: skip
+__all__ = [
+    "GAINS",
+    "LIGHTS",
+    "RADIUS_PIXELS",
+    "RATIOS",
+    "REGIMES",
+    "Case",
+    "apertures",
+    "camera_of",
+    "case_of",
+    "cases",
+    "predicted",
+    "rates_of",
+]
 
 GAINS = (1.0, 2.0, 20.0, 300.0, 1000.0)
 RATIOS = (0.5, 1.0, 3.0)
@@ -136,5 +148,11 @@ def rates_of(stack: Stack, places: Sequence[Aperture], light: str = "halo") -> A
 def predicted(case: Case, places: Sequence[Aperture]) -> StackNoise:
     """What the ETC says."""
     stack = case.stack
-    return stack_noise(rates_of(stack, places, case.light), stack.exposure_s, stack.n_frames, stack.em_gain,
-                       camera_of(case.readout), reference_ratio=stack.reference_ratio)  # fmt: skip
+    return stack_noise(
+        rates_of(stack, places, case.light),
+        stack.exposure_s,
+        stack.n_frames,
+        stack.em_gain,
+        camera_of(case.readout),
+        reference_ratio=stack.reference_ratio,
+    )

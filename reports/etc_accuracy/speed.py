@@ -44,8 +44,10 @@ def machine() -> str:
     except OSError:
         lines = []
     names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    return (f"{names[0] if names else 'processor'} ({platform.machine()}, {os.cpu_count()} cores), "
-            f"Python {platform.python_version()}, numpy {np.__version__}")  # fmt: skip
+    return (
+        f"{names[0] if names else 'processor'} ({platform.machine()}, {os.cpu_count()} cores), "
+        f"Python {platform.python_version()}, numpy {np.__version__}"
+    )
 
 
 def timed(job: str, run: Callable[[], Any], *, asked_s: float | None = None, rounds: int = CALLS) -> SpeedRow:
@@ -75,16 +77,30 @@ def speed_rows() -> list[SpeedRow]:
             least_time(band_cases(wide, every, band, planets, FrameWish()).problem("snr"), 5.0)
 
     return [
-        timed("SNR for a time, one star and band", lambda: signal_to_noise(model, star, time_s=TIME_S, **one),
-              asked_s=CALL_S),
+        timed(
+            "SNR for a time, one star and band",
+            lambda: signal_to_noise(model, star, time_s=TIME_S, **one),
+            asked_s=CALL_S,
+        ),
         timed("time for an SNR, one star and band", lambda: exposure_time(model, star, snr=5.0, **one), asked_s=CALL_S),
-        timed("contrast limit, one star and band", lambda: contrast_limit(model, star, time_s=TIME_S, **one),
-              asked_s=CALL_S),
+        timed(
+            "contrast limit, one star and band",
+            lambda: contrast_limit(model, star, time_s=TIME_S, **one),
+            asked_s=CALL_S,
+        ),
         timed("SNR for a time, one star, four bands", lambda: signal_to_noise(model, star, time_s=TIME_S, **place)),
         timed("time for an SNR, one star, four bands", lambda: exposure_time(model, star, snr=5.0, **place)),
         timed("contrast limit, one star, four bands", lambda: contrast_limit(model, star, time_s=TIME_S, **place)),
-        timed(f"rates and least times, catalogue ({len(every)}) x {len(wide.bands)} bands", catalogue,
-              asked_s=CATALOGUE_S, rounds=5),
-        timed("full ranking of the catalogue", lambda: rank_targets(model, every, time_s=TIME_S), asked_s=RANKING_S,
-              rounds=1),
-    ]  # fmt: skip
+        timed(
+            f"rates and least times, catalogue ({len(every)}) x {len(wide.bands)} bands",
+            catalogue,
+            asked_s=CATALOGUE_S,
+            rounds=5,
+        ),
+        timed(
+            "full ranking of the catalogue",
+            lambda: rank_targets(model, every, time_s=TIME_S),
+            asked_s=RANKING_S,
+            rounds=1,
+        ),
+    ]

@@ -66,11 +66,17 @@ def sequence(
         scene = scene.without_planets()
     if contrast is not None:
         magnitude = scene.cstar.v_mag - 2.5 * float(np.log10(contrast))
-        star = SceneStar(name="source", v_mag=magnitude, spectral_type=scene.cstar.spectral_type, pa_deg=PA_DEG,
-                         separation_arcsec=SEPARATION_ARCSEC)  # fmt: skip
+        star = SceneStar(
+            name="source",
+            v_mag=magnitude,
+            spectral_type=scene.cstar.spectral_type,
+            pa_deg=PA_DEG,
+            separation_arcsec=SEPARATION_ARCSEC,
+        )
         scene = scene.model_copy(update={"stars": (star,)})
-    return observe(scene, band=BAND, exposure_s=setting[0], em_gain=gain or setting[1], n_frames=FRAMES,
-                   instrument=instrument())  # fmt: skip
+    return observe(
+        scene, band=BAND, exposure_s=setting[0], em_gain=gain or setting[1], n_frames=FRAMES, instrument=instrument()
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,11 +181,17 @@ def photometry(setting: Setting) -> list[Measured]:
             core = float(seen.psf.metrics.core_throughput(source.x_arcsec, source.y_arcsec))
             detector = seen.instrument.detector
             variance = pixel_variance_e2(seen.expected_e[place.part], detector.cic_e, seen.em_gain, detector)
-            found.append(Measured(
-                f"{source.name}, {source.rate_e_s / seen.truth.sources[0].rate_e_s:.1e}", setting,
-                source.rate_e_s * core * seen.exposure_s, float(np.median(sums)) - bare[index],
-                float(high - low) / 2.0, float(np.sqrt((place.weights**2 * variance).sum())), cut_off,
-            ))  # fmt: skip
+            found.append(
+                Measured(
+                    f"{source.name}, {source.rate_e_s / seen.truth.sources[0].rate_e_s:.1e}",
+                    setting,
+                    source.rate_e_s * core * seen.exposure_s,
+                    float(np.median(sums)) - bare[index],
+                    float(high - low) / 2.0,
+                    float(np.sqrt((place.weights**2 * variance).sum())),
+                    cut_off,
+                )
+            )
     return found
 
 
@@ -203,14 +215,24 @@ def draw(panel: Axes, one: Seen, *, whole: bool) -> Any:
         panel.add_patch(Circle((seen.truth.x_pixel[2], seen.truth.y_pixel[2]), 8, fill=False, ec=MARK, lw=1.0))
         return shown
     edge = (half + 0.5) * pixel
-    shown = panel.imshow(image[row - half : row + half + 1, column - half : column + half + 1], origin="lower",
-                         cmap=STACK_COLOURS, norm=scaled(), interpolation="nearest",
-                         extent=(-edge, edge, -edge, edge))  # fmt: skip
+    shown = panel.imshow(
+        image[row - half : row + half + 1, column - half : column + half + 1],
+        origin="lower",
+        cmap=STACK_COLOURS,
+        norm=scaled(),
+        interpolation="nearest",
+        extent=(-edge, edge, -edge, edge),
+    )
     w = metrics.mask_half_width_arcsec
     for x in (-w, w):
         for y in (-w, w):
-            panel.plot([x, x, np.copysign(edge, x)], [np.copysign(edge, y), y, y], color="white", lw=0.8,
-                       path_effects=[withStroke(linewidth=1.8, foreground="#444444")])  # fmt: skip
+            panel.plot(
+                [x, x, np.copysign(edge, x)],
+                [np.copysign(edge, y), y, y],
+                color="white",
+                lw=0.8,
+                path_effects=[withStroke(linewidth=1.8, foreground="#444444")],
+            )
     panel.add_patch(Circle((source.x_arcsec, source.y_arcsec), 0.09, fill=False, ec=MARK, lw=1.4))
     panel.set(xlim=(-edge, edge), ylim=(-edge, edge), xticks=(-1, 0, 1), yticks=(-1, 0, 1))
     return shown
@@ -238,30 +260,76 @@ def figure_of(images: dict[Setting, Seen], *, whole: bool) -> Figure:
 
 def frame_rows(images: dict[Setting, Seen]) -> list[list[str]]:
     """Numbers of the four frames."""
-    rows = [["exposure (s)", "gain", "median of the hole (ADU)", "its noise (ADU)", "its noise (e-)",
-             "pixels at the pixel full well", "columns that bloom", "pixels in register tails", "longest tail (px)",
-             "tails in the hole", "clipped pixels", "brightest ADU", "particles"]]  # fmt: skip
+    rows = [
+        [
+            "exposure (s)",
+            "gain",
+            "median of the hole (ADU)",
+            "its noise (ADU)",
+            "its noise (e-)",
+            "pixels at the pixel full well",
+            "columns that bloom",
+            "pixels in register tails",
+            "longest tail (px)",
+            "tails in the hole",
+            "clipped pixels",
+            "brightest ADU",
+            "particles",
+        ]
+    ]
     for (exposure, gain), one in images.items():
         noise = one.noise_adu
-        rows.append([f"{exposure:g}", f"{gain:g}", f"{np.median(one.of_hole(one.frame.adu)):.0f}", f"{noise:.2f}",
-                     f"{noise * instrument().detector.gain_e_adu / gain:.1f}", str(one.frame.n_saturated_pixels),
-                     str(int(one.bloomed.any(axis=0).sum())), str(one.frame.n_register_saturated),
-                     str(longest_run(one.tails)), f"{one.tail_in_hole:.0%}", str(one.frame.n_clipped),
-                     str(int(one.frame.adu.max())), str(one.frame.n_cosmic_rays)])  # fmt: skip
+        rows.append(
+            [
+                f"{exposure:g}",
+                f"{gain:g}",
+                f"{np.median(one.of_hole(one.frame.adu)):.0f}",
+                f"{noise:.2f}",
+                f"{noise * instrument().detector.gain_e_adu / gain:.1f}",
+                str(one.frame.n_saturated_pixels),
+                str(int(one.bloomed.any(axis=0).sum())),
+                str(one.frame.n_register_saturated),
+                str(longest_run(one.tails)),
+                f"{one.tail_in_hole:.0%}",
+                str(one.frame.n_clipped),
+                str(int(one.frame.adu.max())),
+                str(one.frame.n_cosmic_rays),
+            ]
+        )
     return rows
 
 
 def source_rows(measured: list[Measured]) -> list[list[str]]:
     """Numbers of the sources."""
-    rows = [["source, contrast", "exposure (s)", "gain", "electrons in the aperture", "found / true", "scatter (e-)",
-             "scatter of photons and reading (e-)", "SNR of one frame", "frames with a pixel cut off"]]  # fmt: skip
+    rows = [
+        [
+            "source, contrast",
+            "exposure (s)",
+            "gain",
+            "electrons in the aperture",
+            "found / true",
+            "scatter (e-)",
+            "scatter of photons and reading (e-)",
+            "SNR of one frame",
+            "frames with a pixel cut off",
+        ]
+    ]
     for one in sorted(measured, key=lambda row: round(row.true_e / row.setting[0], 3)):
         share = one.found_e / one.true_e
         useless = one.cut_off > 0.5
-        rows.append([one.name, f"{one.setting[0]:g}", f"{one.setting[1]:g}", f"{one.true_e:.0f}",
-                     f"{share:.3f} ± {1.25 * one.sigma_e / np.sqrt(FRAMES) / one.true_e:.3f}", f"{one.sigma_e:.0f}",
-                     f"{one.expected_sigma_e:.0f}", "cut off" if useless else f"{one.found_e / one.sigma_e:.1f}",
-                     f"{one.cut_off:.0%}"])  # fmt: skip
+        rows.append(
+            [
+                one.name,
+                f"{one.setting[0]:g}",
+                f"{one.setting[1]:g}",
+                f"{one.true_e:.0f}",
+                f"{share:.3f} ± {1.25 * one.sigma_e / np.sqrt(FRAMES) / one.true_e:.3f}",
+                f"{one.sigma_e:.0f}",
+                f"{one.expected_sigma_e:.0f}",
+                "cut off" if useless else f"{one.found_e / one.sigma_e:.1f}",
+                f"{one.cut_off:.0%}",
+            ]
+        )
     return rows
 
 

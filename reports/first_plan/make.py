@@ -103,12 +103,16 @@ def ranking(rank: RankResult) -> list[str]:
 
 def undetected(counts: dict[str, int]) -> str:
     """How many reference planets are limited by what."""
-    meaning = {"speckles": "detected if the wavefront did not drift",
-               "background": "detected if there were no noise but their own and the speckles",
-               "photons": "too faint even then"}  # fmt: skip
+    meaning = {
+        "speckles": "detected if the wavefront did not drift",
+        "background": "detected if there were no noise but their own and the speckles",
+        "photons": "too faint even then",
+    }
     shown = dict.fromkeys(meaning, 0) | {name: count for name, count in counts.items() if name != "none"}
-    return ", ".join(f"{count} limited by {name}" + (f" ({meaning[name]})" if name in meaning else "")
-                     for name, count in shown.items())  # fmt: skip
+    return ", ".join(
+        f"{count} limited by {name}" + (f" ({meaning[name]})" if name in meaning else "")
+        for name, count in shown.items()
+    )
 
 
 def assumptions(firm: SensitivityResult) -> list[str]:

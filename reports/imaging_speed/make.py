@@ -65,8 +65,16 @@ class Clock:
     def __init__(self) -> None:
         self.rows: dict[str, Timing] = {}
 
-    def run(self, name: str, job: Callable[[], Any], *, rounds: int = ROUNDS, asked_s: float | None = None,
-            versus: str = "", times: int = 1) -> Any:  # fmt: skip
+    def run(
+        self,
+        name: str,
+        job: Callable[[], Any],
+        *,
+        rounds: int = ROUNDS,
+        asked_s: float | None = None,
+        versus: str = "",
+        times: int = 1,
+    ) -> Any:
         """Time a job, once before it counts unless it is run a single time; ``times`` multiplies the answer."""
         answer = job() if rounds > 1 else None
         cpu, wall = [], []
@@ -132,14 +140,29 @@ def time_psfs(clock: Clock, instrument: Instrument) -> list[str]:
     run(f"{wide}, HCIPy", lambda: imager.image(axis, axis, engine="hcipy"), rounds=1, versus=wide)
     centres, star = centred_axis(FRAME_SIDE, imager.pixel_scale_arcsec), PointSources([0.0], [0.0], [1.0])
     exact = f"{BAND}, star behind the mask, {FRAME_SIDE} px, closed-form pixels"
-    run(exact, lambda: scene_image(band_transfer(imager), centres, centres, imager.pixel_scale_arcsec, star,
-                                   mask_half_width_arcsec=imager.mask_half_width_arcsec))  # fmt: skip
+    run(
+        exact,
+        lambda: scene_image(
+            band_transfer(imager),
+            centres,
+            centres,
+            imager.pixel_scale_arcsec,
+            star,
+            mask_half_width_arcsec=imager.mask_half_width_arcsec,
+        ),
+    )
     middle = (FRAME_SIDE // 2, FRAME_SIDE // 2)
-    run(f"{BAND}, star behind the mask, {FRAME_SIDE} px, one node a pixel (whole frames)",
-        lambda: wide_on_axis(BAND, instrument, (FRAME_SIDE, FRAME_SIDE), middle))  # fmt: skip
+    run(
+        f"{BAND}, star behind the mask, {FRAME_SIDE} px, one node a pixel (whole frames)",
+        lambda: wide_on_axis(BAND, instrument, (FRAME_SIDE, FRAME_SIDE), middle),
+    )
     large = Knobs(stamp_pixels=FRAME_SIDE)
-    run(f"{BAND}, `single_band_psf`, both stamps of {FRAME_SIDE} px, `standard`",
-        lambda: single_band_psf(BAND, fidelity=large, instrument=instrument), rounds=3, asked_s=2.0)  # fmt: skip
+    run(
+        f"{BAND}, `single_band_psf`, both stamps of {FRAME_SIDE} px, `standard`",
+        lambda: single_band_psf(BAND, fidelity=large, instrument=instrument),
+        rounds=3,
+        asked_s=2.0,
+    )
     return names
 
 
@@ -161,8 +184,9 @@ def time_holes(clock: Clock, instrument: Instrument) -> list[str]:
     rest = np.zeros(mirror.alive.shape)
     ours = f"Jacobian, {HOLE_BAND}, one wavelength, {rest.size} actuators"
     clock.run(ours, lambda: problem.jacobian(rest, 0))
-    points = imager.zone.control_axes(settings.step_lambda_d * imager.lambda_d_arcsec,
-                                      settings.margin_lambda_d * imager.lambda_d_arcsec)  # fmt: skip
+    points = imager.zone.control_axes(
+        settings.step_lambda_d * imager.lambda_d_arcsec, settings.margin_lambda_d * imager.lambda_d_arcsec
+    )
     theirs = f"one HCIPy propagation to the same points x {rest.size} (finite differences)"
     seen = build_imager(instrument, HOLE_BAND)
     clock.run(theirs, lambda: seen.field(0, *points, engine="hcipy"), versus=ours, times=rest.size)
@@ -183,23 +207,33 @@ def time_scenes(clock: Clock, imager: Imager) -> list[str]:
     for count in COUNTS:
         sources = random_sources(count, pixel)
         names.append(f"ours, {count} sources" if count > 1 else "ours, 1 source")
-        clock.run(names[-1], lambda sources=sources: ours_of(imager, axis, axis, sources),
-                  asked_s=1.0 if count == 1000 else None)  # fmt: skip
+        clock.run(
+            names[-1],
+            lambda sources=sources: ours_of(imager, axis, axis, sources),
+            asked_s=1.0 if count == 1000 else None,
+        )
     first, last = names[0], names[-1]
     names.append(f"4 x 4 cells, 1000 sources, kernels of {2 * KERNEL_HALF + 1} px made anew")
     many = random_sources(1000, pixel)
-    clock.run(names[-1], lambda: paper_scene_image(imager, axis, axis, many, kernel_half_pixels=KERNEL_HALF),
-              rounds=1, versus=last)  # fmt: skip
+    clock.run(
+        names[-1],
+        lambda: paper_scene_image(imager, axis, axis, many, kernel_half_pixels=KERNEL_HALF),
+        rounds=1,
+        versus=last,
+    )
     names.append("4 x 4 cells, any number of sources, as one convolution by FFT, kernel not counted")
-    clock.run(names[-1], convolution(CELLS * (SIDE + 2 * KERNEL_HALF), 2 * CELLS * KERNEL_HALF + 1), rounds=3,
-              versus=last)  # fmt: skip
+    clock.run(
+        names[-1], convolution(CELLS * (SIDE + 2 * KERNEL_HALF), 2 * CELLS * KERNEL_HALF + 1), rounds=3, versus=last
+    )
     point, nodes = imager.axis(axis, masked=True, pixel_nodes=1), imager.axis(axis, masked=True)
     names.append("HCIPy, 1 source, one node a pixel")
-    clock.run(names[-1], lambda: imager.image(point, point, source_arcsec=(1.0, 1.0), engine="hcipy"), rounds=1,
-              versus=first)  # fmt: skip
+    clock.run(
+        names[-1], lambda: imager.image(point, point, source_arcsec=(1.0, 1.0), engine="hcipy"), rounds=1, versus=first
+    )
     names.append("HCIPy, 1 source")
-    clock.run(names[-1], lambda: imager.image(nodes, nodes, source_arcsec=(1.0, 1.0), engine="hcipy"), rounds=1,
-              versus=first)  # fmt: skip
+    clock.run(
+        names[-1], lambda: imager.image(nodes, nodes, source_arcsec=(1.0, 1.0), engine="hcipy"), rounds=1, versus=first
+    )
     one = clock.rows[names[-1]]
     for count in COUNTS[1:]:
         name = f"HCIPy, {count} sources ({count} x one)"
@@ -218,8 +252,14 @@ def convolution(side: int, kernel_side: int) -> Callable[[], Any]:
 
 def ours_of(imager: Imager, y: FloatArray, x: FloatArray, sources: PointSources) -> FloatArray:
     """The exact scene behind the mask."""
-    return scene_image(band_transfer(imager), y, x, imager.pixel_scale_arcsec, sources,
-                       mask_half_width_arcsec=imager.mask_half_width_arcsec)  # fmt: skip
+    return scene_image(
+        band_transfer(imager),
+        y,
+        x,
+        imager.pixel_scale_arcsec,
+        sources,
+        mask_half_width_arcsec=imager.mask_half_width_arcsec,
+    )
 
 
 def near(centre: float) -> NDArray[np.intp]:
@@ -229,10 +269,14 @@ def near(centre: float) -> NDArray[np.intp]:
 
 def propagated(imager: Imager, y: FloatArray, x: FloatArray, sources: PointSources) -> FloatArray:
     """Each source by its own propagation, eight nodes a pixel."""
-    rows, columns = (pixel_axis(centres, imager.pixel_scale_arcsec, 8, imager.mask_half_width_arcsec,
-                                imager.jitter_arcsec) for centres in (y, x))  # fmt: skip
-    images = (flux * imager.image(rows, columns, source_arcsec=(at_x, at_y))
-              for at_x, at_y, flux in zip(*sources.arrays, strict=True))  # fmt: skip
+    rows, columns = (
+        pixel_axis(centres, imager.pixel_scale_arcsec, 8, imager.mask_half_width_arcsec, imager.jitter_arcsec)
+        for centres in (y, x)
+    )
+    images = (
+        flux * imager.image(rows, columns, source_arcsec=(at_x, at_y))
+        for at_x, at_y, flux in zip(*sources.arrays, strict=True)
+    )
     return np.asarray(sum(images))
 
 
@@ -298,8 +342,10 @@ def knob_table(instrument: Instrument) -> str:
     best = {band: single_band_psf(band, fidelity=Knobs(**finest), instrument=instrument) for band in ERROR_BANDS}
     lines = [f"| {' | '.join(['knob', *ERRORS])} |", "|" + "---|" * (1 + len(ERRORS))]
     for change in changes:
-        errors = [compare(single_band_psf(band, fidelity=Knobs(**finest | change), instrument=instrument), best[band])
-                  for band in ERROR_BANDS]  # fmt: skip
+        errors = [
+            compare(single_band_psf(band, fidelity=Knobs(**finest | change), instrument=instrument), best[band])
+            for band in ERROR_BANDS
+        ]
         name, value = next(iter(change.items()))
         lines.append(f"| `{name}={value}` | {' | '.join(f'{error:.0e}' for error in np.max(errors, axis=0))} |")
     return "\n".join(lines)

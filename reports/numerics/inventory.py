@@ -17,8 +17,12 @@ from oracle import ClosedForm
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = ("catalogs", "simulator", "simulator.camera", "cpic_planner", "cpic_planner.validation")
 FORMS: list[ClosedForm] = [
-    *forms_target.FORMS, *forms_camera.FORMS, *forms_planner.FORMS, *forms_light.FORMS, *forms_validation.FORMS,
-]  # fmt: skip
+    *forms_target.FORMS,
+    *forms_camera.FORMS,
+    *forms_planner.FORMS,
+    *forms_light.FORMS,
+    *forms_validation.FORMS,
+]
 
 ELSEWHERE = {
     "exposure_time": "tests/numerics/test_round_trips.py",

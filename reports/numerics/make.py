@@ -38,13 +38,32 @@ def shown(arguments: Sequence[float]) -> str:
 
 def results_rows(measured: Measured) -> list[list[object]]:
     """One row per function: the case that comes nearest to what is allowed."""
-    rows: list[list[object]] = [["function", "domain", "cases", "worst_relative_error", "condition_there",
-                                 "error_over_allowed", "arguments", "largest_relative_error"]]  # fmt: skip
+    rows: list[list[object]] = [
+        [
+            "function",
+            "domain",
+            "cases",
+            "worst_relative_error",
+            "condition_there",
+            "error_over_allowed",
+            "arguments",
+            "largest_relative_error",
+        ]
+    ]
     for form, found in measured:
         top = worst(found)
-        rows.append([form.name, form.domain, len(found), f"{top.error:.2e}", f"{top.condition:.2e}",
-                     f"{top.share / form.allowed:.2e}", shown(top.arguments),
-                     f"{max(point.error for point in found):.2e}"])  # fmt: skip
+        rows.append(
+            [
+                form.name,
+                form.domain,
+                len(found),
+                f"{top.error:.2e}",
+                f"{top.condition:.2e}",
+                f"{top.share / form.allowed:.2e}",
+                shown(top.arguments),
+                f"{max(point.error for point in found):.2e}",
+            ]
+        )
     return rows
 
 
@@ -62,8 +81,14 @@ def figure_of(measured: Measured) -> Figure:
     x = np.geomspace(1e-3, 1e14, 200)
     axes.plot(x, ALLOWED * np.maximum(x, 1.0), color="black", label="allowed: 1e-12 x condition number")
     axes.plot(x, 2.0**-53 * np.maximum(x, 1.0), color="0.5", linestyle="--", label="half a unit in the last place")
-    axes.set(xscale="log", yscale="log", xlim=(5e-4, 2e14), ylim=(FLOOR / 2, 3.0), xlabel="condition number",
-             ylabel="relative error (exact results drawn at 1e-18)")  # fmt: skip
+    axes.set(
+        xscale="log",
+        yscale="log",
+        xlim=(5e-4, 2e14),
+        ylim=(FLOOR / 2, 3.0),
+        xlabel="condition number",
+        ylabel="relative error (exact results drawn at 1e-18)",
+    )
     axes.legend(loc="upper left", fontsize=9)
     axes.grid(alpha=0.3)
     return figure
@@ -84,8 +109,15 @@ def report(measured: Measured, trips: dict[str, round_trips.Trips], refused: lis
     magnitudes, distances = (
         ", ".join(f"{x:g}" for x in part) for part in (round_trips.MAGNITUDES, round_trips.DISTANCES_PC)
     )
-    answers = [(name, ", ".join(f"{n} {status}" for status, n in sorted(trip.answers.items())), f"{trip.worst:.1e}",
-                trip.where) for name, trip in trips.items()]  # fmt: skip
+    answers = [
+        (
+            name,
+            ", ".join(f"{n} {status}" for status, n in sorted(trip.answers.items())),
+            f"{trip.worst:.1e}",
+            trip.where,
+        )
+        for name, trip in trips.items()
+    ]
     lines = [
         "# Numbers at their extremes",
         "",
@@ -104,8 +136,10 @@ def report(measured: Measured, trips: dict[str, round_trips.Trips], refused: lis
         "",
         "Functions of two results have a row for each.",
         "",
-        *table(("function", "domain", "cases", "worst relative error", "condition there", "error / allowed", "at"),
-               [row[:7] for row in results_rows(measured)[1:]]),
+        *table(
+            ("function", "domain", "cases", "worst relative error", "condition there", "error / allowed", "at"),
+            [row[:7] for row in results_rows(measured)[1:]],
+        ),
         "",
         "## Questions that undo each other",
         "",
@@ -129,13 +163,16 @@ def report(measured: Measured, trips: dict[str, round_trips.Trips], refused: lis
         "",
         *(f"- {reason}: {', '.join(sorted(set(names)))}." for reason, names in NO_NUMBER.items()),
         "",
-    ]  # fmt: skip
+    ]
     return "\n".join(lines)
 
 
 def brief(arguments: Sequence[object]) -> str:
-    words = (f"array of {item.dtype} {item.shape}" if isinstance(item, np.ndarray) and item.size > 1 else repr(item)
-             for item in arguments if type(item).__name__ != "Detector")  # fmt: skip
+    words = (
+        f"array of {item.dtype} {item.shape}" if isinstance(item, np.ndarray) and item.size > 1 else repr(item)
+        for item in arguments
+        if type(item).__name__ != "Detector"
+    )
     return ", ".join(words).replace("\n", " ")
 
 

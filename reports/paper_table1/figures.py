@@ -41,8 +41,13 @@ def _cross(axes: Axes, name: str, place: tuple[float, float], unit: float) -> No
     """An open cross around a place, so that the place itself is seen; ``unit`` is an arcsec."""
     (x, y), gap, reach = place, 0.06 * unit, 0.13 * unit
     for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1)):
-        axes.plot([x + gap * dx, x + reach * dx], [y + gap * dy, y + reach * dy], color=MARKS[name], lw=1.5,
-                  path_effects=[withStroke(linewidth=3.0, foreground="black")])  # fmt: skip
+        axes.plot(
+            [x + gap * dx, x + reach * dx],
+            [y + gap * dy, y + reach * dy],
+            color=MARKS[name],
+            lw=1.5,
+            path_effects=[withStroke(linewidth=3.0, foreground="black")],
+        )
 
 
 def panels_figure(found: list[Measured]) -> Figure:
@@ -59,16 +64,29 @@ def panels_figure(found: list[Measured]) -> Figure:
             (row[1], panels.reference, STACK_COLOURS, light, "white"),
             (row[2], panels.residual, RESIDUAL_COLOURS, both, "black"),
         ):
-            shown = axis.imshow(image, origin="lower", cmap=colormaps[colours].with_extremes(bad="#D8D8D8"), norm=norm,
-                                extent=panels.extent_arcsec, interpolation="nearest")  # fmt: skip
+            shown = axis.imshow(
+                image,
+                origin="lower",
+                cmap=colormaps[colours].with_extremes(bad="#D8D8D8"),
+                norm=norm,
+                extent=panels.extent_arcsec,
+                interpolation="nearest",
+            )
             for bottom, top in panels.zone.intervals()[0]:
                 for left, right in panels.zone.intervals()[1]:
-                    axis.add_patch(Rectangle((left, bottom), right - left, top - bottom, fill=False, ec=ink, lw=0.6,
-                                             ls=(0, (3, 2))))  # fmt: skip
+                    axis.add_patch(
+                        Rectangle(
+                            (left, bottom), right - left, top - bottom, fill=False, ec=ink, lw=0.6, ls=(0, (3, 2))
+                        )
+                    )
             for name, place in one.places.items():
                 _cross(axis, name, place, 1.0)
-            axis.set(xlim=(-VIEW_ARCSEC, VIEW_ARCSEC), ylim=(-VIEW_ARCSEC, VIEW_ARCSEC), xticks=(-0.5, 0, 0.5),
-                     yticks=(-0.5, 0, 0.5))  # fmt: skip
+            axis.set(
+                xlim=(-VIEW_ARCSEC, VIEW_ARCSEC),
+                ylim=(-VIEW_ARCSEC, VIEW_ARCSEC),
+                xticks=(-0.5, 0, 0.5),
+                yticks=(-0.5, 0, 0.5),
+            )
             if axis is not row[0]:
                 bar = figure.colorbar(shown, ax=axis, extend="both", aspect=18, pad=0.02, fraction=0.05)
                 bar.minorticks_off()
@@ -94,15 +112,21 @@ def level0_figure(adu: FloatArray, wcs: WCS) -> Figure:
     axes = figure.subplots(1, 2, width_ratios=(1.08, 1.0))
     above = adu - detector.bias_adu
     for axis in axes:
-        shown = axis.imshow(above, origin="lower", cmap=STACK_COLOURS, interpolation="nearest",
-                            norm=AsinhNorm(LINEAR_ADU, -10.0, TICKS_ADU[-1]))  # fmt: skip
+        shown = axis.imshow(
+            above,
+            origin="lower",
+            cmap=STACK_COLOURS,
+            interpolation="nearest",
+            norm=AsinhNorm(LINEAR_ADU, -10.0, TICKS_ADU[-1]),
+        )
         axis.set(xlabel="column (px)")
     axes[0].add_patch(Rectangle((column - half, row - half), 2 * half, 2 * half, fill=False, ec="white", lw=1.0))
     axes[0].set(ylabel="row (px)", title="one frame, Level 0")
     for name in MARKS:
         _cross(axes[1], name, places[name], unit)
-    axes[1].set(xlim=(column - half - 0.5, column + half + 0.5), ylim=(row - half - 0.5, row + half + 0.5),
-                title="its middle")  # fmt: skip
+    axes[1].set(
+        xlim=(column - half - 0.5, column + half + 0.5), ylim=(row - half - 0.5, row + half + 0.5), title="its middle"
+    )
     bar = figure.colorbar(shown, ax=axes, label=f"ADU above {detector.bias_adu:g}", extend="both", aspect=24)
     bar.set_ticks(TICKS_ADU, labels=[f"{tick:g}" for tick in TICKS_ADU])
     bar.minorticks_off()
@@ -115,11 +139,13 @@ def spectrum_figure(found: list[Measured], expected: dict[Case, Predicted]) -> F
     left, right = figure.subplots(1, 2, width_ratios=(1.7, 1.0))
     _contrasts(left, found)
     place = np.arange(len(found))
-    for shift, (values, label, (colour, marker)) in enumerate((
-        ([expected[one.case].snr for one in found], "predicted", BAND_STYLE[0]),
-        ([expected[one.case].snr_paper for one in found], "predicted, Eq. 4", BAND_STYLE[1]),
-        ([one.planet.snr for one in found], "recovered, one run", BAND_STYLE[2]),
-    )):  # fmt: skip
+    for shift, (values, label, (colour, marker)) in enumerate(
+        (
+            ([expected[one.case].snr for one in found], "predicted", BAND_STYLE[0]),
+            ([expected[one.case].snr_paper for one in found], "predicted, Eq. 4", BAND_STYLE[1]),
+            ([one.planet.snr for one in found], "recovered, one run", BAND_STYLE[2]),
+        )
+    ):
         ratio = [value / PAPER[one.case.band][1] for value, one in zip(values, found, strict=True)]
         right.plot(place + 0.14 * (shift - 1), ratio, marker=marker, color=colour, ls="", ms=7, label=label)
     right.axhline(1.0, color="#444444", lw=0.8)
@@ -136,16 +162,27 @@ def _contrasts(axes: Axes, found: list[Measured]) -> None:
     assert star.distance_pc is not None
     albedo = planet.albedo
     wavelength = np.linspace(480.0, 900.0, 841)
-    ag = planet_albedo(wavelength, log10_mh=albedo.log10_mh, log10_fsed=albedo.log10_fsed,  # type: ignore[union-attr]
-                       insolation_au=albedo.insolation_au)  # type: ignore[union-attr]  # fmt: skip
+    ag = planet_albedo(
+        wavelength,
+        log10_mh=albedo.log10_mh,
+        log10_fsed=albedo.log10_fsed,  # type: ignore[union-attr]
+        insolation_au=albedo.insolation_au,
+    )  # type: ignore[union-attr]
     curve = planet_contrast(planet.radius_rjup, planet.separation_arcsec * star.distance_pc, 0.0, planet.phase_deg, ag)
     axes.plot(wavelength, np.asarray(curve) * 1e8, color="#8C8C8C", lw=1.0, label="input spectrum")
     for one, (colour, marker) in zip(found, BAND_STYLE, strict=False):
         band = instrument().band(one.case.band)
         edges = band.center_nm - band.width_nm / 2, band.center_nm + band.width_nm / 2
         axes.hlines(true_contrast(one.case.band) * 1e8, *edges, color="black", lw=2.0)
-        axes.errorbar(band.center_nm, one.contrast.value * 1e8, yerr=one.contrast.error * 1e8, color=colour, fmt=marker,
-                      ms=6, capsize=3)  # fmt: skip
+        axes.errorbar(
+            band.center_nm,
+            one.contrast.value * 1e8,
+            yerr=one.contrast.error * 1e8,
+            color=colour,
+            fmt=marker,
+            ms=6,
+            capsize=3,
+        )
         axes.plot(band.center_nm + 6, PAPER[one.case.band][0] * 1e8, marker="x", color="black", ls="", ms=6)
     axes.plot([], [], color="black", lw=2.0, label="its band contrasts")
     axes.errorbar([], [], yerr=[], color=BAND_STYLE[0][0], fmt="o", capsize=3, label="recovered, one run")

@@ -84,43 +84,101 @@ def read_noise_for(case: Case, snr: float, contrast: float | None = None) -> flo
 
 def contrast_rows(found: list[Measured]) -> Rows:
     """Recovered contrasts."""
-    rows = [["band", "frames", "input contrast", "recovered", "off by (errors)", "by the calibration star",
-             "paper's contrast"]]  # fmt: skip
+    rows = [
+        [
+            "band",
+            "frames",
+            "input contrast",
+            "recovered",
+            "off by (errors)",
+            "by the calibration star",
+            "paper's contrast",
+        ]
+    ]
     for one in found:
         true, case = true_contrast(one.case.band), one.case
-        rows.append([case.band, f"{case.exposure_s:g} s x {case.n_frames}", f"{true * 1e8:.3f}e-8",
-                     f"({one.contrast.value * 1e8:.2f} ± {one.contrast.error * 1e8:.2f})e-8",
-                     f"{(one.contrast.value - true) / one.contrast.error:+.2f}",
-                     f"({one.by_star.value * 1e8:.2f} ± {one.by_star.error * 1e8:.2f})e-8",
-                     f"{PAPER[case.band][0] * 1e8:.3f}e-8"])  # fmt: skip
+        rows.append(
+            [
+                case.band,
+                f"{case.exposure_s:g} s x {case.n_frames}",
+                f"{true * 1e8:.3f}e-8",
+                f"({one.contrast.value * 1e8:.2f} ± {one.contrast.error * 1e8:.2f})e-8",
+                f"{(one.contrast.value - true) / one.contrast.error:+.2f}",
+                f"({one.by_star.value * 1e8:.2f} ± {one.by_star.error * 1e8:.2f})e-8",
+                f"{PAPER[case.band][0] * 1e8:.3f}e-8",
+            ]
+        )
     return rows
 
 
 def snr_rows(found: list[Measured]) -> Rows:
     """Signal-to-noise ratios beside those of the paper."""
-    rows = [["band", "Table 1", "predicted", "over Table 1", "predicted, Eq. 4", "over Table 1",
-             "at the paper's contrast", "recovered", "recovered, Eq. 4", "read noise for Table 1 (e-)"]]  # fmt: skip
+    rows = [
+        [
+            "band",
+            "Table 1",
+            "predicted",
+            "over Table 1",
+            "predicted, Eq. 4",
+            "over Table 1",
+            "at the paper's contrast",
+            "recovered",
+            "recovered, Eq. 4",
+            "read noise for Table 1 (e-)",
+        ]
+    ]
     for one in found:
         contrast, snr = PAPER[one.case.band]
         ours, theirs = predicted(one.case), predicted(one.case, contrast=contrast)
-        rows.append([one.case.band, f"{snr:.3f}", f"{ours.snr:.2f}", f"{ours.snr / snr:.2f}", f"{ours.snr_paper:.2f}",
-                     f"{ours.snr_paper / snr:.2f}", f"{theirs.snr / snr:.2f}", f"{one.planet.snr:.2f}",
-                     f"{one.planet.snr_paper:.2f}", f"{read_noise_for(one.case, snr):.0f}"])  # fmt: skip
+        rows.append(
+            [
+                one.case.band,
+                f"{snr:.3f}",
+                f"{ours.snr:.2f}",
+                f"{ours.snr / snr:.2f}",
+                f"{ours.snr_paper:.2f}",
+                f"{ours.snr_paper / snr:.2f}",
+                f"{theirs.snr / snr:.2f}",
+                f"{one.planet.snr:.2f}",
+                f"{one.planet.snr_paper:.2f}",
+                f"{read_noise_for(one.case, snr):.0f}",
+            ]
+        )
     return rows
 
 
 def case_rows(found: list[Measured]) -> Rows:
     """Predicted and recovered numbers of the other runs."""
-    rows = [["band", "gain", "alpha Cen A", "predicted SNR", "recovered SNR", "predicted significance",
-             "recovered significance", "recovered contrast", "off by (errors)",
-             "cut off: hole, elsewhere"]]  # fmt: skip
+    rows = [
+        [
+            "band",
+            "gain",
+            "alpha Cen A",
+            "predicted SNR",
+            "recovered SNR",
+            "predicted significance",
+            "recovered significance",
+            "recovered contrast",
+            "off by (errors)",
+            "cut off: hole, elsewhere",
+        ]
+    ]
     for one in found:
         case, ours = one.case, predicted(one.case)
-        rows.append([case.band, f"{case.em_gain:g}", case.companions, f"{ours.snr:.2f}", f"{one.planet.snr:.2f}",
-                     f"{ours.significance:.2f}", f"{one.planet.significance:.2f}",
-                     f"({one.contrast.value * 1e8:.2f} ± {one.contrast.error * 1e8:.2f})e-8",
-                     f"{(one.contrast.value - true_contrast(case.band)) / one.contrast.error:+.2f}",
-                     f"{one.lost_in / (2 * case.n_frames):.1f}, {one.lost_outside:.0f}"])  # fmt: skip
+        rows.append(
+            [
+                case.band,
+                f"{case.em_gain:g}",
+                case.companions,
+                f"{ours.snr:.2f}",
+                f"{one.planet.snr:.2f}",
+                f"{ours.significance:.2f}",
+                f"{one.planet.significance:.2f}",
+                f"({one.contrast.value * 1e8:.2f} ± {one.contrast.error * 1e8:.2f})e-8",
+                f"{(one.contrast.value - true_contrast(case.band)) / one.contrast.error:+.2f}",
+                f"{one.lost_in / (2 * case.n_frames):.1f}, {one.lost_outside:.0f}",
+            ]
+        )
     return rows
 
 
@@ -234,9 +292,12 @@ def main() -> None:
         write_bytes(HERE / "level0.png", png(product.figure))
         write_bytes(HERE / "panels.png", png(panels_figure(found)))
         write_bytes(HERE / "spectrum.png", png(spectrum_figure(found, {case: predicted(case) for case in cases})))
-    remarks = [f"{case.band}, as the optimiser sees it: {remark}. The gain below is what it chooses for "
-               f"{0.99 * case.exposure_s:g} s."
-               for case, (_, remark) in zip(cases, gains, strict=True) if remark]  # fmt: skip
+    remarks = [
+        f"{case.band}, as the optimiser sees it: {remark}. The gain below is what it chooses for "
+        f"{0.99 * case.exposure_s:g} s."
+        for case, (_, remark) in zip(cases, gains, strict=True)
+        if remark
+    ]
     write_text(HERE / "report.md", report(found, more, remarks, product))
     print(HERE / "report.md")
 

@@ -112,8 +112,13 @@ def target(companions: Companions) -> Targets:
     assert scene.spectral_type is not None
     assert scene.distance_pc is not None
     typical = stellar_parameters(scene.spectral_type)
-    values = {"v_mag": scene.v_mag, "distance_pc": scene.distance_pc, "teff_k": typical.teff_k,
-              "log_g": typical.log_g, "metallicity": 0.0}  # fmt: skip
+    values = {
+        "v_mag": scene.v_mag,
+        "distance_pc": scene.distance_pc,
+        "teff_k": typical.teff_k,
+        "log_g": typical.log_g,
+        "metallicity": 0.0,
+    }
     return dataclasses.replace(star, **{name: np.array([value]) for name, value in values.items()})  # type: ignore[arg-type]
 
 
@@ -135,14 +140,21 @@ def predicted(case: Case, *, read_noise_e: float | None = None, contrast: float 
     if read_noise_e is not None:
         chosen = build_model(instrument().changed({"detector": {"read_noise_e": read_noise_e}}))
     planet = scene_sources(science_scene("off"), instrument(), case.band)[1]
-    x, y, ratio = (np.array([[value]]) for value in
-                   (planet.x_arcsec, planet.y_arcsec, contrast or true_contrast(case.band)))  # fmt: skip
+    x, y, ratio = (
+        np.array([[value]]) for value in (planet.x_arcsec, planet.y_arcsec, contrast or true_contrast(case.band))
+    )
     rates, camera = aperture_rates(chosen, target(case.companions), case.band, x, y, ratio), chosen.camera(case.band)
     noise = stack_noise(rates, case.exposure_s, case.n_frames, case.em_gain, camera)
     paper = snr_paper(rates, case.exposure_s, case.n_frames, case.em_gain, camera)
     terms = {name: float(np.ravel(value)[0]) for name, value in noise.terms.items()}
-    return Predicted(float(np.ravel(noise.snr)[0]), float(np.ravel(noise.significance)[0]), float(np.ravel(paper)[0]),
-                     float(np.ravel(noise.signal_e)[0]), sum(terms.values()), terms)  # fmt: skip
+    return Predicted(
+        float(np.ravel(noise.snr)[0]),
+        float(np.ravel(noise.significance)[0]),
+        float(np.ravel(paper)[0]),
+        float(np.ravel(noise.signal_e)[0]),
+        sum(terms.values()),
+        terms,
+    )
 
 
 def answered(case: Case, exposure_s: float | None = None) -> EtcAnswer:
@@ -152,9 +164,15 @@ def answered(case: Case, exposure_s: float | None = None) -> EtcAnswer:
     frame_s = exposure_s or case.exposure_s
     visit_s = case.n_frames * (frame_s + instrument().detector.readout_s)
     (answer,) = signal_to_noise(
-        model(), target(case.companions), bands=[case.band], time_s=float(model().time_s(visit_s)) * (1 + 1e-9),
-        separation_arcsec=planet.separation_arcsec, contrast=true_contrast(case.band), exposure_s=frame_s, exact=True,
-    )  # fmt: skip
+        model(),
+        target(case.companions),
+        bands=[case.band],
+        time_s=float(model().time_s(visit_s)) * (1 + 1e-9),
+        separation_arcsec=planet.separation_arcsec,
+        contrast=true_contrast(case.band),
+        exposure_s=frame_s,
+        exact=True,
+    )
     return answer
 
 
@@ -166,19 +184,31 @@ def measured(case: Case) -> Measured:
     the paper, to the calibration star in the same frames.
     """
     science, reference = (
-        observe(scene, role=role, band=case.band, exposure_s=case.exposure_s, n_frames=case.n_frames,
-                em_gain=case.em_gain, instrument=instrument(), window="hole")
-        for scene, role in ((science_scene(case.companions), "science"),
-                            (reference_scene(case.companions), "reference"))
-    )  # fmt: skip
+        observe(
+            scene,
+            role=role,
+            band=case.band,
+            exposure_s=case.exposure_s,
+            n_frames=case.n_frames,
+            em_gain=case.em_gain,
+            instrument=instrument(),
+            window="hole",
+        )
+        for scene, role in (
+            (science_scene(case.companions), "science"),
+            (reference_scene(case.companions), "reference"),
+        )
+    )
     frames = [calibrated_frames(one) for one in (science, reference)]
     (science_e, seen, share), (reference_e, known, other) = (_clean(one) for one in frames)
     metrics = science.psf.metrics
     region = metrics.hole & seen & known
     cut = rdi_subtract(science_e, reference_e, model().strategy.n_modes, region=region, centering="temporal")
     stack = cut.residuals.sum(axis=0)
-    spots = {source.name: (x, y, source) for source, x, y in
-             zip(science.truth.sources, science.truth.x_pixel, science.truth.y_pixel, strict=True)}  # fmt: skip
+    spots = {
+        source.name: (x, y, source)
+        for source, x, y in zip(science.truth.sources, science.truth.x_pixel, science.truth.y_pixel, strict=True)
+    }
     x, y, planet = spots["planet"]
     star_x, star_y, star = spots["calibration star"]
     radius = metrics.aperture_radius_arcsec / science.pixel_scale_arcsec
@@ -188,12 +218,21 @@ def measured(case: Case) -> Measured:
     weights = aperture_weights(stack.shape, x, y, radius)
     background = _around(annulus, [(x, y), (star_x, star_y)], EXCLUSION_RADII * radius)
     throughput = cut.throughput(template, weights, background=background)
-    found = aperture_photometry(stack, x, y, radius, background_region=annulus, exclude=[(star_x, star_y)],
-                                throughput=throughput, em_gain=case.em_gain)  # fmt: skip
+    found = aperture_photometry(
+        stack,
+        x,
+        y,
+        radius,
+        background_region=annulus,
+        exclude=[(star_x, star_y)],
+        throughput=throughput,
+        em_gain=case.em_gain,
+    )
     # The calibration star stands at the edge of the hole: plain difference, level and scatter from the hole.
     difference = np.where(seen & known, science_e.sum(axis=0) - reference_e.sum(axis=0), 0.0)
-    near = aperture_photometry(difference, star_x, star_y, radius, background_region=region, exclude=[(x, y)],
-                               em_gain=case.em_gain)  # fmt: skip
+    near = aperture_photometry(
+        difference, star_x, star_y, radius, background_region=region, exclude=[(x, y)], em_gain=case.em_gain
+    )
     core, time_s = float((template * weights).sum()), case.exposure_s * case.n_frames
     there = aperture_weights(stack.shape, star_x, star_y, radius) * science.psf.at(star.x_arcsec, star.y_arcsec)
     known_ratio, _ = field_star_ratio(science.scene, case.band, star.name, instrument=instrument())
@@ -214,9 +253,15 @@ def measured(case: Case) -> Measured:
 def _clean(frames: CalibratedFrames) -> tuple[FloatArray, NDArray[np.bool_], float]:
     """Frames without particles, the pixels that have a value, and the share of pixel-frames rejected."""
     detector = frames.detector
-    hits = reject_cosmic_rays(frames.electrons, frames.usable, em_gain=frames.em_gain,
-                              read_noise_e=detector.read_noise_e, pedestal_e=frames.pedestal_e,
-                              stages=detector.register_stages, gain_e_adu=detector.gain_e_adu)  # fmt: skip
+    hits = reject_cosmic_rays(
+        frames.electrons,
+        frames.usable,
+        em_gain=frames.em_gain,
+        read_noise_e=detector.read_noise_e,
+        pedestal_e=frames.pedestal_e,
+        stages=detector.register_stages,
+        gain_e_adu=detector.gain_e_adu,
+    )
     whole, covered = filled(frames.electrons, frames.usable & ~hits.rejected)
     return whole, covered, hits.fraction
 
@@ -250,9 +295,16 @@ def _places(seen: Observation) -> dict[str, tuple[float, float]]:
 def _panels(seen: Observation, science: FloatArray, reference: FloatArray, residual: FloatArray) -> Panels:
     config, (x, y) = seen.instrument, _places(seen)["planet"]
     return Panels(
-        band=seen.band, science=science, reference=reference, residual=residual,
-        pixel_scale_arcsec=seen.pixel_scale_arcsec, planet_x_arcsec=x, planet_y_arcsec=y,
+        band=seen.band,
+        science=science,
+        reference=reference,
+        residual=residual,
+        pixel_scale_arcsec=seen.pixel_scale_arcsec,
+        planet_x_arcsec=x,
+        planet_y_arcsec=y,
         aperture_radius_arcsec=config.aperture_radius_arcsec(seen.band),
-        hole_inner_arcsec=config.hole_inner_arcsec(seen.band), hole_outer_arcsec=config.hole_outer_arcsec(seen.band),
-        mask_half_width_arcsec=config.mask_half_width_arcsec(seen.band), parity=config.detector.parity,
-    )  # fmt: skip
+        hole_inner_arcsec=config.hole_inner_arcsec(seen.band),
+        hole_outer_arcsec=config.hole_outer_arcsec(seen.band),
+        mask_half_width_arcsec=config.mask_half_width_arcsec(seen.band),
+        parity=config.detector.parity,
+    )

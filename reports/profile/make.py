@@ -141,9 +141,18 @@ def csv_text(results: dict[str, tuple[Result, Result]], speed: dict[str, float])
         for state, result in zip(("before", "after"), pair, strict=True):
             for name, stage in by_time(result):
                 least = floor_s(stage, speed)
-                table.writerow([job, state, name, stage["calls"], f"{stage['cpu_s']:.4g}",
-                                f"{stage['cpu_s'] / result['cpu_s']:.4f}", "" if not least else f"{least:.4g}",
-                                "" if not least else f"{stage['cpu_s'] / least:.3g}"])  # fmt: skip
+                table.writerow(
+                    [
+                        job,
+                        state,
+                        name,
+                        stage["calls"],
+                        f"{stage['cpu_s']:.4g}",
+                        f"{stage['cpu_s'] / result['cpu_s']:.4f}",
+                        "" if not least else f"{least:.4g}",
+                        "" if not least else f"{stage['cpu_s'] / least:.3g}",
+                    ]
+                )
     return text.getvalue()
 
 
@@ -169,11 +178,15 @@ def stage_table(pair: tuple[Result, Result], speed: dict[str, float]) -> str:
         stage = after["stages"].get(name, {"calls": 0, "work": {}})
         least = floor_s(stage, speed)
         ends = f"{least:.2g} | {times[1] / least:.1f}" if least else " | "
-        lines.append(f"| {name} | {stage['calls'] or ''} | {times[0]:.2f} | {times[1]:.2f} | "
-                     f"{100 * times[1] / after['cpu_s']:.0f} % | {ends} |")  # fmt: skip
+        lines.append(
+            f"| {name} | {stage['calls'] or ''} | {times[0]:.2f} | {times[1]:.2f} | "
+            f"{100 * times[1] / after['cpu_s']:.0f} % | {ends} |"
+        )
     if any(small):
-        lines.append(f"| stages below {100 * LEAST_SHARE:g} % | | {small[0]:.2f} | {small[1]:.2f} | "
-                     f"{100 * small[1] / after['cpu_s']:.0f} % | | |")  # fmt: skip
+        lines.append(
+            f"| stages below {100 * LEAST_SHARE:g} % | | {small[0]:.2f} | {small[1]:.2f} | "
+            f"{100 * small[1] / after['cpu_s']:.0f} % | | |"
+        )
     lines.append(f"| **all** | | **{before['cpu_s']:.2f}** | **{after['cpu_s']:.2f}** | 100 % | | |")
     return "\n".join(lines)
 
@@ -195,8 +208,15 @@ def bars(pair: tuple[Result, Result], speed: dict[str, float]) -> Figure:
     floors = [floor_s(after["stages"].get(name, {"work": {}}), speed) for name in names]
     known = [(place, least) for place, least in zip(places, floors, strict=True) if least]
     if known:
-        axes.plot([least for _, least in known], [place - 0.2 for place, _ in known], "|", color="#d1495b",
-                  markersize=13, markeredgewidth=2.5, label="floor of this machine")  # fmt: skip
+        axes.plot(
+            [least for _, least in known],
+            [place - 0.2 for place, _ in known],
+            "|",
+            color="#d1495b",
+            markersize=13,
+            markeredgewidth=2.5,
+            label="floor of this machine",
+        )
     axes.set_yticks(places, names)
     axes.set_xlabel("processor time of one cpic plan (s)")
     axes.legend(loc="lower right", frameon=False)

@@ -24,11 +24,24 @@ from typing import Any
 
 JOBS: dict[str, tuple[str, ...]] = {
     "cpic plan": ("-q", "plan", "--top", "5", "--workers", "1"),
-    "cpic simulate": ("-q", "simulate", "paper_example", "--band", "F662", "--exposure-s", "20", "--em-gain", "20",
-                      "--frames", "30", "--workers", "1"),
+    "cpic simulate": (
+        "-q",
+        "simulate",
+        "paper_example",
+        "--band",
+        "F662",
+        "--exposure-s",
+        "20",
+        "--em-gain",
+        "20",
+        "--frames",
+        "30",
+        "--workers",
+        "1",
+    ),
     "cpic etc": ("etc", "tau Cet", "--time-s", "36000", "--json"),
     "cpic rank": ("rank", "--json"),
-}  # fmt: skip
+}
 WRITES = ("cpic plan", "cpic simulate")
 
 # Stage: functions of it. Time belongs to the innermost stage.
@@ -209,11 +222,25 @@ class Stopwatch:
 
 def _loaded() -> None:
     """Import what the jobs need: loading libraries is not a stage of the physics."""
-    for name in ("cpic_planner.cli.main", "cpic_planner.plan", "cpic_planner.report.write", "simulator.observation",
-                 "simulator.products", "cpic_planner.cli.plan_command", "cpic_planner.cli.simulate_command",
-                 "cpic_planner.cli.etc_command", "cpic_planner.cli.rank_command", "matplotlib.figure", "scipy.stats",
-                 "matplotlib.backends.backend_agg", "photutils.aperture", "astropy.io.fits", "scipy.optimize",
-                 "scipy.special", "sep"):  # fmt: skip
+    for name in (
+        "cpic_planner.cli.main",
+        "cpic_planner.plan",
+        "cpic_planner.report.write",
+        "simulator.observation",
+        "simulator.products",
+        "cpic_planner.cli.plan_command",
+        "cpic_planner.cli.simulate_command",
+        "cpic_planner.cli.etc_command",
+        "cpic_planner.cli.rank_command",
+        "matplotlib.figure",
+        "scipy.stats",
+        "matplotlib.backends.backend_agg",
+        "photutils.aperture",
+        "astropy.io.fits",
+        "scipy.optimize",
+        "scipy.special",
+        "sep",
+    ):
         importlib.import_module(name)
 
 
@@ -235,8 +262,22 @@ def main(job: str, out: str) -> None:
         if job == "cpic plan":  # compiles the camera, fills the caches of the disk
             main_ = importlib.import_module("cpic_planner.cli.main").main
             with redirect_stdout(io.StringIO()):
-                main_(["-q", "plan", "--top", "1", "--realisations", "1", "--workers", "1", "--band", "F662", "--out",
-                       f"{folder}/warm"])  # fmt: skip
+                main_(
+                    [
+                        "-q",
+                        "plan",
+                        "--top",
+                        "1",
+                        "--realisations",
+                        "1",
+                        "--workers",
+                        "1",
+                        "--band",
+                        "F662",
+                        "--out",
+                        f"{folder}/warm",
+                    ]
+                )
         else:
             _run(job, Path(folder) / "warm")
         wall, cpu = time.perf_counter(), time.process_time()

@@ -172,8 +172,13 @@ def profiles_figure(stars: Mapping[str, list[Star]]) -> Figure:
     figure = Figure(figsize=(9.5, 8.0), layout="constrained")
     panels = figure.subplots(2, 2, sharey=True)
     for index, panel in enumerate(panels.ravel()):
-        profile_panel(panel, [(stars[case][index], list(stars[case][index].diagonals()), LABELS[case], *STYLES[case])
-                              for case in ("rest", "hole", "ideal")])  # fmt: skip
+        profile_panel(
+            panel,
+            [
+                (stars[case][index], list(stars[case][index].diagonals()), LABELS[case], *STYLES[case])
+                for case in ("rest", "hole", "ideal")
+            ],
+        )
     for panel in panels[:, 0]:
         panel.set_ylabel("raw contrast")
     panels[0, 0].legend(loc="upper right")
@@ -231,11 +236,17 @@ def reused_state(instrument: Instrument) -> list[tuple[str, HoleScore, HoleScore
         aberrations = aberrations.upsampled(len(imager.transmission))
         ratio = imager.lambda_d_arcsec / instrument.lambda_d_arcsec(REUSED)
         own = imager.zone
-        scaled = HoleZone(max(own.inner_arcsec, solved.inner_arcsec * ratio),
-                          min(own.outer_arcsec, solved.outer_arcsec * ratio), own.mode, own.side)  # fmt: skip
+        scaled = HoleZone(
+            max(own.inner_arcsec, solved.inner_arcsec * ratio),
+            min(own.outer_arcsec, solved.outer_arcsec * ratio),
+            own.mode,
+            own.side,
+        )
         wavelengths = instrument.band(band).center_nm * 1e-9 * (1.0 + 0.05 * nodes)
-        scores = [score_hole(imager, aberrations, mirror, commands, zone, wavelengths, 0.5 * weights)
-                  for zone in (scaled, own)]  # fmt: skip
+        scores = [
+            score_hole(imager, aberrations, mirror, commands, zone, wavelengths, 0.5 * weights)
+            for zone in (scaled, own)
+        ]
         answers.append((band, scores[0], scores[1]))
     return answers
 
@@ -251,8 +262,11 @@ def report(four: Mapping[str, list[Star]], two: list[Star], single: list[Star], 
     sided = [one.wide.mean for one in two if one.wide is not None]
     corners = ", ".join(f"{one.zone.inner_corner_arcsec:.2f} in {one.band}" for one in two)
     core = np.mean([one.core for one in two]) / np.mean([one.core for one in four["hole"]])
-    rows = [f"| `{preset}` | {band} | {scaled.mean:.1e} | {whole.mean:.1e} |"
-            for preset, scores in reused.items() for band, scaled, whole in scores]  # fmt: skip
+    rows = [
+        f"| `{preset}` | {band} | {scaled.mean:.1e} | {whole.mean:.1e} |"
+        for preset, scores in reused.items()
+        for band, scaled, whole in scores
+    ]
     tick = "\n".join
     return f"""# PSF chromaticity
 
@@ -343,14 +357,24 @@ def write_profiles(stars: list[Star]) -> None:
     writer.writerow(["instrument", "state", "band", "side", "separation_arcsec", "mean", "least", "greatest"])
     for one in stars:
         diagonals, two = one.diagonals(), one.zone.mode == "2q"
-        for side, lines in (("all", list(diagonals.values())),) if not two else (
-            ("dark", [diagonals[1, 1], diagonals[1, -1]]), ("other", [diagonals[-1, 1], diagonals[-1, -1]])
-        ):  # fmt: skip
+        for side, lines in (
+            (("all", list(diagonals.values())),)
+            if not two
+            else (("dark", [diagonals[1, 1], diagonals[1, -1]]), ("other", [diagonals[-1, 1], diagonals[-1, -1]]))
+        ):
             values = np.array(lines)
             for index in np.flatnonzero(np.isfinite(values).all(axis=0)):
                 line = values[:, index]
-                writer.writerow([one.preset, one.case, one.band, side, f"{one.separations[index]:.5f}",
-                                 *(f"{value:.4e}" for value in (line.mean(), line.min(), line.max()))])  # fmt: skip
+                writer.writerow(
+                    [
+                        one.preset,
+                        one.case,
+                        one.band,
+                        side,
+                        f"{one.separations[index]:.5f}",
+                        *(f"{value:.4e}" for value in (line.mean(), line.min(), line.max())),
+                    ]
+                )
     write_text(HERE / "profiles.csv", text.getvalue())
 
 
@@ -376,8 +400,9 @@ def main() -> None:
         longer = sorted(set(default.bands) - set(bands), key=lambda band: default.band(band).center_nm)
         changes = {"hole": {}, "rest": REST, "ideal": IDEAL}
         four = {case: [star("cpic_default", case, change, band) for band in bands] for case, change in changes.items()}
-        two, single = ([star(preset, "hole", {}, band) for band in bands]
-                       for preset in ("cpic_2q", "cpic_single_jacobian"))  # fmt: skip
+        two, single = (
+            [star(preset, "hole", {}, band) for band in bands] for preset in ("cpic_2q", "cpic_single_jacobian")
+        )
         infrared = [star("cpic_default", "hole", {}, band) for band in longer]
         write_text(HERE / "report.md", report(four, two, single, infrared))
     write_profiles([*four["hole"], *four["rest"], *four["ideal"], *two, *single, *infrared])

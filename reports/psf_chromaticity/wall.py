@@ -23,17 +23,29 @@ def largest_peak(steps: int, corner_lambda_d: float, contrast: float, least: flo
     x, y = (part.ravel() for part in np.meshgrid(centre, centre))
     kept = (x <= y) & (np.hypot(x + 0.5 / steps, y + 0.5 / steps) <= 0.5)
     x, y = x[kept], y[kept]
-    grid, rim = (np.linspace(inner, OUTER_LAMBDA_D, math.ceil((OUTER_LAMBDA_D - inner) / spacing) + 1)
-                 for spacing in (SPACING_LAMBDA_D, SPACING_LAMBDA_D / 2))  # fmt: skip
+    grid, rim = (
+        np.linspace(inner, OUTER_LAMBDA_D, math.ceil((OUTER_LAMBDA_D - inner) / spacing) + 1)
+        for spacing in (SPACING_LAMBDA_D, SPACING_LAMBDA_D / 2)
+    )
     u, v = (part.ravel() for part in np.meshgrid(grid, grid))
-    u, v = (np.concatenate([part[u <= v], edge]) for part, edge in (
-        (u, np.append(np.full(rim.size, rim[0]), rim)), (v, np.append(rim, np.full(rim.size, rim[-1])))))  # fmt: skip
+    u, v = (
+        np.concatenate([part[u <= v], edge])
+        for part, edge in (
+            (u, np.append(np.full(rim.size, rim[0]), rim)),
+            (v, np.append(rim, np.full(rim.size, rim[-1]))),
+        )
+    )
     turns = [np.cos(2 * np.pi * np.outer(p, q)) for p, q in ((u, x), (v, y), (u, y), (v, x))]
     field = turns[0] * turns[1] + np.where(x < y, turns[2] * turns[3], 0.0)
     field *= (np.sinc(u / steps) * np.sinc(v / steps) / math.sqrt(contrast))[:, None]
     peak = np.where(x < y, 2.0, 1.0)
-    answer = linprog(-peak, A_ub=np.vstack([field - peak, -field - peak]), b_ub=np.zeros(2 * len(field)),
-                     bounds=(least, 1.0), method="highs")  # fmt: skip
+    answer = linprog(
+        -peak,
+        A_ub=np.vstack([field - peak, -field - peak]),
+        b_ub=np.zeros(2 * len(field)),
+        bounds=(least, 1.0),
+        method="highs",
+    )
     if not answer.success:
         raise RuntimeError(answer.message)
     return float((4.0 * peak @ answer.x / steps**2 / (math.pi / 4.0)) ** 2)

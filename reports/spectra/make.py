@@ -81,8 +81,13 @@ def albedo_figure() -> Figure:
     for panel in panels:
         for name, config in load_instrument().bands.items():
             if config.camera == "VIS":
-                panel.axvspan(config.center_nm - config.width_nm / 2, config.center_nm + config.width_nm / 2,
-                              color=GREY, alpha=0.2, lw=0)  # fmt: skip
+                panel.axvspan(
+                    config.center_nm - config.width_nm / 2,
+                    config.center_nm + config.width_nm / 2,
+                    color=GREY,
+                    alpha=0.2,
+                    lw=0,
+                )
                 panel.text(config.center_nm, 0.87, name, ha="center", va="top", fontsize=8)
         panel.set(xlim=(400, 1050), ylim=(0, 0.9), ylabel="geometric albedo")
         panel.legend(loc="lower left", ncols=3)
@@ -173,9 +178,12 @@ def albedo_errors(table: Path) -> list[dict[str, str]]:
     for column, name in enumerate(BANDS_NM):
         refit = fit_parameters(measured, grid.wavelength_nm, grid.methane_per_km_am, without=name)
         held_out = away_from(measured, refit)
-        rows.append({"band": name} | summary("fitted", fitted[..., column], measured)
-                    | summary("held_out", held_out[..., column], measured)
-                    | {"phase_rms": f"{np.sqrt(np.mean(phase[..., column] ** 2)):.4f}"})  # fmt: skip
+        rows.append(
+            {"band": name}
+            | summary("fitted", fitted[..., column], measured)
+            | summary("held_out", held_out[..., column], measured)
+            | {"phase_rms": f"{np.sqrt(np.mean(phase[..., column] ** 2)):.4f}"}
+        )
     return rows
 
 
@@ -191,8 +199,12 @@ def away_from(measured: Measured, parameters: np.ndarray) -> np.ndarray:
 def summary(kind: str, away: np.ndarray, measured: Measured) -> dict[str, str]:
     """Median at 2 au, median, 95th percentile and largest difference."""
     at_two = away[:, measured.insolation_au == 2.0]
-    values = {"median_2au": np.median(at_two), "median": np.median(away), "p95": np.percentile(away, 95),
-              "max": away.max()}  # fmt: skip
+    values = {
+        "median_2au": np.median(at_two),
+        "median": np.median(away),
+        "p95": np.percentile(away, 95),
+        "max": away.max(),
+    }
     return {f"{kind}_{name}": f"{value:.4f}" for name, value in values.items()}
 
 
@@ -214,8 +226,10 @@ def main() -> None:
     widths, centres = np.arange(5.0, 301.0, 5.0), np.arange(800.0, 901.0, 1.0)
     with style():
         for name, figure in (
-            ("stars", stellar_figure()), ("albedo", albedo_figure()), ("f850", f850_figure(widths, centres))
-        ):  # fmt: skip
+            ("stars", stellar_figure()),
+            ("albedo", albedo_figure()),
+            ("f850", f850_figure(widths, centres)),
+        ):
             image = io.BytesIO()
             figure.savefig(image, format="png", dpi=120, metadata={"Software": None})
             write_bytes(HERE / f"{name}.png", image.getvalue())
@@ -248,8 +262,10 @@ def report(errors: list[dict[str, str]], widths: np.ndarray, centres: np.ndarray
     for name, (value, error) in PAPER.items():
         ours = found[bands.index(name)]
         width = bands.bands[bands.index(name)].width_nm
-        paper_rows.append(f"| {name} | {width:g} | {ours / factor:.3f} | {ours:.3e} | {value:.3e} "
-                          f"| {ours / value - 1:+.0%} | {(ours / value - 1) / error:+.1f} |")  # fmt: skip
+        paper_rows.append(
+            f"| {name} | {width:g} | {ours / factor:.3f} | {ours:.3e} | {value:.3e} "
+            f"| {ours / value - 1:+.0%} | {(ours / value - 1) / error:+.1f} |"
+        )
     value, error = PAPER["F850"]
     by_width, by_centre = f850_contrasts(PARAMETRIC, widths=widths), f850_contrasts(PARAMETRIC, centres=centres)
     least = int(np.argmin(by_width))

@@ -36,13 +36,20 @@ def beyond(row: TradeoffRow, flux: float, snr: float) -> bool:
 def check(result: TradeoffResult) -> list[tuple[str, str, str, bool]]:
     """What was asked, what was found, and whether that is enough."""
     least = min(result.speed_ups.values(), default=0.0)
-    checks = [("wall clock of the reference over that of one call of the closed forms, least of the scenes",
-               f"at least {ORDERS:g}", f"{least:.0f}", least >= ORDERS)]  # fmt: skip
+    checks = [
+        (
+            "wall clock of the reference over that of one call of the closed forms, least of the scenes",
+            f"at least {ORDERS:g}",
+            f"{least:.0f}",
+            least >= ORDERS,
+        )
+    ]
     for name, (flux, snr) in ASKED.items():
         rows = rows_of(result, name)
         good = [row for row in rows if row.status == "ok"]
-        worst = [max((abs(getattr(row, f"{part}_error") or 0.0) for row in good), default=0.0)
-                 for part in ("flux", "snr")]  # fmt: skip
+        worst = [
+            max((abs(getattr(row, f"{part}_error") or 0.0) for row in good), default=0.0) for part in ("flux", "snr")
+        ]
         errors = max((row.snr_uncertainty or 0.0 for row in good), default=0.0)
         invalid = [row.scene for row in rows if row.status != "ok"]
         found = f"flux {worst[0]:.2%}, SNR {worst[1]:.1%} (known to {errors:.1%}) at most"
@@ -51,15 +58,17 @@ def check(result: TradeoffResult) -> list[tuple[str, str, str, bool]]:
         met = bool(rows) and not any(beyond(row, flux, snr) for row in rows)
         if name == "standard":
             met = met and not invalid
-        checks.append((f"`{name}` against the reference, {len(rows)} scenes", f"flux {flux:.0%}, SNR {snr:.0%}", found,
-                       met))  # fmt: skip
+        checks.append(
+            (f"`{name}` against the reference, {len(rows)} scenes", f"flux {flux:.0%}, SNR {snr:.0%}", found, met)
+        )
     return checks
 
 
 def head(result: TradeoffResult) -> str:
     """The first lines of the report."""
-    lines = [f"| {name} | {asked} | {found} | {'yes' if met else '**no**'} |"
-             for name, asked, found, met in check(result)]  # fmt: skip
+    lines = [
+        f"| {name} | {asked} | {found} | {'yes' if met else '**no**'} |" for name, asked, found, met in check(result)
+    ]
     table = "\n".join(["| | asked | found | met |", "|---|---|---|---|", *lines])
     return f"""
 Regenerate with `python reports/speed_accuracy/make.py`, or on your own machine with `cpic tradeoff`; everything below
@@ -86,8 +95,9 @@ def main() -> int:
         print(f"{done}/{total} {text} ({time.monotonic() - began:.0f} s)", flush=True)
 
     earlier = read_result(HERE) if given.scene or given.only else None
-    result = tradeoff(work, earlier=earlier, workers=WORKERS, advance=advance,
-                      keep=lambda so_far: write_numbers(so_far, HERE))  # fmt: skip
+    result = tradeoff(
+        work, earlier=earlier, workers=WORKERS, advance=advance, keep=lambda so_far: write_numbers(so_far, HERE)
+    )
     write_result(result, HERE, head=head(result))
     for name, asked, found, met in check(result):
         print(f"{'met' if met else 'MISSED'}: {name}: asked {asked}, found {found}")

@@ -82,10 +82,18 @@ class Shifted:
 def shifted(band: str, direction: str, shift_arcsec: float, realisation: int = 0) -> Shifted:
     """Simulate one set of frames and add them up, bias, mean dark and clock-induced charge taken off."""
     x, y = (part * shift_arcsec for part in DIRECTIONS[direction])
-    seen = observe(SCENE, band=band, exposure_s=EXPOSURE_S, n_frames=FRAMES, role="calibration", window="hole",
-                   realisation=realisation, star_offset_arcsec=(x, y),
-                   # Calibration undoes the smear, a thousandth of the star in so short frames.
-                   instrument=images_of(load_instrument()).switched({"smear": False}))  # fmt: skip
+    seen = observe(
+        SCENE,
+        band=band,
+        exposure_s=EXPOSURE_S,
+        n_frames=FRAMES,
+        role="calibration",
+        window="hole",
+        realisation=realisation,
+        star_offset_arcsec=(x, y),
+        # Calibration undoes the smear, a thousandth of the star in so short frames.
+        instrument=images_of(load_instrument()).switched({"smear": False}),
+    )
     detector, total, lost, brightest = seen.instrument.detector, np.zeros(seen.shape), 0, 0
     for index in range(FRAMES):
         frame = seen.frame(index)
@@ -104,8 +112,13 @@ def figure_of(images: dict[tuple[str, float], Shifted]) -> Figure:
             one = images[direction, shift]
             metrics = one.seen.psf.metrics
             half = one.seen.area.columns[-1] + metrics.pixel_scale_arcsec / 2
-            shown = panel.imshow(np.maximum(one.electrons, 1.0), origin="lower", cmap="viridis",
-                                 norm=LogNorm(1e3, 4e6), extent=(-half, half, -half, half))  # fmt: skip
+            shown = panel.imshow(
+                np.maximum(one.electrons, 1.0),
+                origin="lower",
+                cmap="viridis",
+                norm=LogNorm(1e3, 4e6),
+                extent=(-half, half, -half, half),
+            )
             w = metrics.mask_half_width_arcsec
             for x in (-w, w):
                 for y in (-w, w):
@@ -125,23 +138,56 @@ def figure_of(images: dict[tuple[str, float], Shifted]) -> Figure:
 
 def image_rows(images: dict[tuple[str, float], Shifted]) -> list[list[str]]:
     """Numbers of the images."""
-    rows = [["direction", "shift (arcsec)", "x, y (arcsec)", "core throughput", "share of an open core",
-             "peak (e- / frame)", "of the full well", "brightest ADU", "pixels cut off"]]  # fmt: skip
+    rows = [
+        [
+            "direction",
+            "shift (arcsec)",
+            "x, y (arcsec)",
+            "core throughput",
+            "share of an open core",
+            "peak (e- / frame)",
+            "of the full well",
+            "brightest ADU",
+            "pixels cut off",
+        ]
+    ]
     for (direction, shift), one in images.items():
         x, y = one.seen.star_offset_arcsec
         metrics, detector = one.seen.psf.metrics, one.seen.instrument.detector
         core = float(metrics.core_throughput(x, y))
-        rows.append([direction, f"{shift:g}", f"{x:.3f}, {y:.3f}", f"{core:.4f}", f"{core / metrics.core_open:.3f}",
-                     f"{one.mean_peak_e:.0f}", f"{one.mean_peak_e / detector.full_well_e:.1%}",
-                     f"{one.brightest_adu} of {detector.adc_max_adu}", str(one.lost_pixels)])  # fmt: skip
+        rows.append(
+            [
+                direction,
+                f"{shift:g}",
+                f"{x:.3f}, {y:.3f}",
+                f"{core:.4f}",
+                f"{core / metrics.core_open:.3f}",
+                f"{one.mean_peak_e:.0f}",
+                f"{one.mean_peak_e / detector.full_well_e:.1%}",
+                f"{one.brightest_adu} of {detector.adc_max_adu}",
+                str(one.lost_pixels),
+            ]
+        )
     return rows
 
 
 def calibration_rows() -> list[list[str]]:
     """Flux of the star from aperture photometry, over the truth, in every band."""
-    rows = [["band", "shift (arcsec)", "peak (e- / frame)", "of the full well", "core throughput",
-             "noise-free / true - 1", "measured / true - 1", "error of one set", "scatter / error",
-             "places in a pixel: mean", "rms"]]  # fmt: skip
+    rows = [
+        [
+            "band",
+            "shift (arcsec)",
+            "peak (e- / frame)",
+            "of the full well",
+            "core throughput",
+            "noise-free / true - 1",
+            "measured / true - 1",
+            "error of one set",
+            "scatter / error",
+            "places in a pixel: mean",
+            "rms",
+        ]
+    ]
     for band in load_instrument().visible_bands():
         for shift in CALIBRATION_ARCSEC:
             sets = [shifted(band, "diagonal", shift, number) for number in range(REALISATIONS)]
@@ -150,14 +196,21 @@ def calibration_rows() -> list[list[str]]:
             true = first.truth.sources[0].rate_e_s * EXPOSURE_S * FRAMES * core
             sums = np.array([one.aperture for one in sets])
             ratio, error = sums[:, 0] / true - 1.0, float(np.sqrt(sums[:, 2].mean())) / true
-            rows.append([
-                band, f"{shift:g}", f"{sets[0].mean_peak_e:.0f}",
-                f"{sets[0].mean_peak_e / first.instrument.detector.full_well_e:.1%}", f"{core:.4f}",
-                f"{sums[:, 1].mean() / true - 1.0:+.2%}",
-                f"{ratio.mean():+.3%} ± {ratio.std(ddof=1) / math.sqrt(REALISATIONS):.3%}",
-                f"{error:.3%}", f"{(sums[:, 0] - sums[:, 1]).std(ddof=1) / true / error:.2f}",
-                f"{(places := within_a_pixel(first.psf, shift))[0]:+.3%}", f"{places[1]:.3%}",
-            ])  # fmt: skip
+            rows.append(
+                [
+                    band,
+                    f"{shift:g}",
+                    f"{sets[0].mean_peak_e:.0f}",
+                    f"{sets[0].mean_peak_e / first.instrument.detector.full_well_e:.1%}",
+                    f"{core:.4f}",
+                    f"{sums[:, 1].mean() / true - 1.0:+.2%}",
+                    f"{ratio.mean():+.3%} ± {ratio.std(ddof=1) / math.sqrt(REALISATIONS):.3%}",
+                    f"{error:.3%}",
+                    f"{(sums[:, 0] - sums[:, 1]).std(ddof=1) / true / error:.2f}",
+                    f"{(places := within_a_pixel(first.psf, shift))[0]:+.3%}",
+                    f"{places[1]:.3%}",
+                ]
+            )
     return rows
 
 
@@ -251,8 +304,9 @@ def main() -> None:
     """Simulate, measure, draw."""
     argparse.ArgumentParser(description=__doc__).parse_args()
     with threadpool_limits(1):
-        images = {(direction, shift): shifted(BAND, direction, shift)
-                  for direction in DIRECTIONS for shift in SHIFTS_ARCSEC}  # fmt: skip
+        images = {
+            (direction, shift): shifted(BAND, direction, shift) for direction in DIRECTIONS for shift in SHIFTS_ARCSEC
+        }
         calibration, curve = calibration_rows(), curve_rows()
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows([[head.replace("`", "") for head in curve[0]], *curve[1:]])

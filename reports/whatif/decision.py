@@ -48,8 +48,9 @@ def run(folder: Path) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for key, (sweep, _) in SWEEPS.items():
         with tempfile.TemporaryDirectory() as scratch:
-            result = run_whatif(varied(_alone(BASE), [sweep]), scratch, workers=2,
-                                n_images=IMAGES if key in IMAGED else 0).result  # fmt: skip
+            result = run_whatif(
+                varied(_alone(BASE), [sweep]), scratch, workers=2, n_images=IMAGES if key in IMAGED else 0
+            ).result
         found[key] = [_row(item) | {"against_last": _against_last(result, item.name)} for item in result.strategies]
     return found
 

@@ -67,8 +67,9 @@ def counts(folder: Path, known_planets: str, universes: int) -> dict[str, dict[s
 def measure(config: StrategiesConfig, states: Sequence[Step], folder: Path, *, workers: int = 2) -> dict[str, Any]:
     """Every state played in the same universes: means, and the change from the state before it."""
     names = [item.name for item in config.strategies]
-    rows: list[dict[str, Any]] = [{"strategy": name, "quantity": key, "states": []}
-                                  for key in QUANTITIES for name in names]  # fmt: skip
+    rows: list[dict[str, Any]] = [
+        {"strategy": name, "quantity": key, "states": []} for key in QUANTITIES for name in names
+    ]
     last: dict[str, dict[str, NDArray[np.int64]]] = {}
     for number, state in enumerate(states):
         chosen = with_universe(config, {"catalog": state.catalog, "known_planets": state.known_planets})
@@ -113,11 +114,16 @@ def tables(found: Mapping[str, Any]) -> list[tuple[str, list[str], list[list[str
     value_head = ["strategy", first, *(f"+ {label}" for label in facts)]
     made = []
     for key, title in QUANTITIES.items():
-        rows = [[row["strategy"], *(_value(cell) for cell in row["states"])]
-                for row in found["rows"] if row["quantity"] == key]  # fmt: skip
+        rows = [
+            [row["strategy"], *(_value(cell) for cell in row["states"])]
+            for row in found["rows"]
+            if row["quantity"] == key
+        ]
         made.append((f"Found in a survey, {title} (mean ± standard error)", value_head, rows))
-    changes = [[row["strategy"], QUANTITIES[row["quantity"]], *(_change(cell) for cell in row["states"][1:])]
-               for row in found["rows"]]  # fmt: skip
+    changes = [
+        [row["strategy"], QUANTITIES[row["quantity"]], *(_change(cell) for cell in row["states"][1:])]
+        for row in found["rows"]
+    ]
     made.append(("What each fact changes, in the same universes (90 % interval)", ["strategy", "of", *facts], changes))
     return made
 

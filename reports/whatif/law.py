@@ -40,9 +40,11 @@ MOST_RJUP, MOST_TRIES = 10.0, 50
 def prepared() -> dict[str, tuple[Survey, ...]]:
     """Surveys whose visits are imaged: the default ones, and two of them with other light and drift."""
     config = load_strategies()
-    two = config.model_copy(update={
-        "strategies": tuple(item for item in config.strategies if item.name in ("few_and_deep", "single_visit"))
-    })  # fmt: skip
+    two = config.model_copy(
+        update={
+            "strategies": tuple(item for item in config.strategies if item.name in ("few_and_deep", "single_visit"))
+        }
+    )
     other = tuple(survey for sweep in SWEEPS for survey in prepare(varied(two, [sweep])).surveys)
     return {"nominal": prepare(config).surveys, "varied": other}
 
@@ -71,11 +73,14 @@ def _sequence(
     if model is None:
         return None
     star, metrics = rolled(survey.targets.select([row]), turn_deg), model.metrics[setting.band]
-    low, high = (edge + sign * metrics.aperture_radius_arcsec for edge, sign in
-                 ((metrics.zone.inner_arcsec, 1.0), (metrics.zone.outer_arcsec, -1.0)))  # fmt: skip
+    low, high = (
+        edge + sign * metrics.aperture_radius_arcsec
+        for edge, sign in ((metrics.zone.inner_arcsec, 1.0), (metrics.zone.outer_arcsec, -1.0))
+    )
     x, y = (low + place[:2] * (high - low)) * np.where(place[2:] < 0.5, -1.0, 1.0)
-    separation, pa_deg = (float(np.squeeze(part)) for part in
-                          detector_to_sky(x, y, parity=model.instrument.detector.parity))  # fmt: skip
+    separation, pa_deg = (
+        float(np.squeeze(part)) for part in detector_to_sky(x, y, parity=model.instrument.detector.parity)
+    )
     frames, contrast = Frames(setting.exposure_s, int(setting.n_frames), setting.em_gain), STARTED
     for _ in range(3):  # the planet's own light is no part of the noise of a significance
         expected = expected_of(model, star, setting.band, (x, y), contrast, frames)
@@ -88,11 +93,27 @@ def _sequence(
     radius = float(np.sqrt(contrast / float(contrast_at(1.0, distance_au, 90.0, ALBEDO))))
     if radius > MOST_RJUP:
         return None
-    planet = Planet(name="planet", separation_arcsec=separation, pa_deg=pa_deg % 360.0, radius_rjup=radius,
-                    albedo=ConstantAlbedo(value=ALBEDO), distance_au=distance_au, phase_deg=90.0)  # fmt: skip
-    task = task_of(model, star_scene(star, (planet,), name="x", exozodi_zodis=model.instrument.sky.exozodi_zodis),
-                   setting.band, frames, [expected], seed=seed, fidelity="standard", realisations=REALISATIONS,
-                   audit=False, overrides=None)  # fmt: skip
+    planet = Planet(
+        name="planet",
+        separation_arcsec=separation,
+        pa_deg=pa_deg % 360.0,
+        radius_rjup=radius,
+        albedo=ConstantAlbedo(value=ALBEDO),
+        distance_au=distance_au,
+        phase_deg=90.0,
+    )
+    task = task_of(
+        model,
+        star_scene(star, (planet,), name="x", exozodi_zodis=model.instrument.sky.exozodi_zodis),
+        setting.band,
+        frames,
+        [expected],
+        seed=seed,
+        fidelity="standard",
+        realisations=REALISATIONS,
+        audit=False,
+        overrides=None,
+    )
     if refusals_of(task):
         return None
     done = image_task(task.to_dict())["confirmations"]
@@ -100,8 +121,14 @@ def _sequence(
         return None
     answer = done[0]
     rates = aperture_rates(model, star, setting.band, np.array([[x]]), np.array([[y]]), np.array([[contrast]]))
-    noise = stack_noise(rates, frames.exposure_s, frames.n_frames, frames.em_gain, model.camera(setting.band),
-                        reference_ratio=model.strategy.reference_ratio)  # fmt: skip
+    noise = stack_noise(
+        rates,
+        frames.exposure_s,
+        frames.n_frames,
+        frames.em_gain,
+        model.camera(setting.band),
+        reference_ratio=model.strategy.reference_ratio,
+    )
     return {
         "star": str(star.name[0]),
         "band": setting.band,
@@ -122,8 +149,10 @@ def run() -> dict[str, Any]:
     work = [(kind, number) for kind, most in (("nominal", NOMINAL), ("varied", VARIED)) for number in range(most)]
     done = dict(run_tasks(sequence, work, common=(surveys,), workers=2))
     rows = [row for k in range(len(work)) if (row := done[k]) is not None]
-    rows = [{key: float(f"{value:.6g}") if isinstance(value, float) else value for key, value in row.items()}
-            for row in rows]  # fmt: skip
+    rows = [
+        {key: float(f"{value:.6g}") if isinstance(value, float) else value for key, value in row.items()}
+        for row in rows
+    ]
     return {"rows": rows, **fitted(rows)}
 
 
@@ -157,15 +186,24 @@ def fitted(rows: list[dict[str, Any]]) -> dict[str, Any]:
     for law in ("blind", "known"):
         best = probit(*_columns(rows, law))
         groups = 20
-        others = np.array([probit(*_columns([row for k, row in enumerate(rows) if k % groups != group], law))
-                           for group in range(groups)])  # fmt: skip
+        others = np.array(
+            [
+                probit(*_columns([row for k, row in enumerate(rows) if k % groups != group], law))
+                for group in range(groups)
+            ]
+        )
         error = np.sqrt((groups - 1) / groups * ((others - others.mean(axis=0)) ** 2).sum(axis=0))
         # The middle of the sample is known best: its error is what each universe draws.
         centre = np.mean(_columns(rows, law)[1], axis=0)
         at_centre = others[:, :-1] @ centre
         middle = np.sqrt((groups - 1) / groups * ((at_centre - at_centre.mean()) ** 2).sum())
-        found[law] = {"coefficients": best[:-1].tolist(), "errors": error[:-1].tolist(), "width": float(best[-1]),
-                      "width_error": float(error[-1]), "middle_error": float(middle)}  # fmt: skip
+        found[law] = {
+            "coefficients": best[:-1].tolist(),
+            "errors": error[:-1].tolist(),
+            "width": float(best[-1]),
+            "width_error": float(error[-1]),
+            "middle_error": float(middle),
+        }
     return found
 
 
@@ -207,13 +245,17 @@ def _groups(found: dict[str, Any]) -> list[list[str]]:
     parts = {
         "nominal instrument": lambda row: row["kind"] == "nominal",
         **{f"contrast {value:.0e}": lambda row, value=value: row["contrast"] == value for value in (1e-9, 3e-9, 1e-8)},
-        **{f"drift x {value:g}": lambda row, value=value: row["kind"] == "varied" and row["contrast"] is None
-           and row["drift"] == value for value in (0.5, 2.0)},
+        **{
+            f"drift x {value:g}": lambda row, value=value: (
+                row["kind"] == "varied" and row["contrast"] is None and row["drift"] == value
+            )
+            for value in (0.5, 2.0)
+        },
         **{band: lambda row, band=band: row["band"] == band for band in ("F520", "F662", "F720", "F850")},
         "tails below 0.2": lambda row: row["tails"] < 0.2,
         "tails 0.2 to 0.4": lambda row: 0.2 <= row["tails"] < 0.4,
         "tails above 0.4": lambda row: row["tails"] >= 0.4,
-    }  # fmt: skip
+    }
     for name, part in parts.items():
         mine = [k for k, row in enumerate(rows) if part(row)]
         if not mine:

@@ -40,12 +40,29 @@ def images(band: str, contrast: float) -> dict[str, Any]:
     for pa_deg, separation in PLACES:
         distance_au = float(separation * star.distance_pc[0])
         radius = float(np.sqrt(PLANET_CONTRAST[contrast] / float(contrast_at(1.0, distance_au, 90.0, ALBEDO))))
-        planet = Planet(name="planet", separation_arcsec=float(separation), pa_deg=pa_deg, radius_rjup=radius,
-                        albedo=ConstantAlbedo(value=ALBEDO), distance_au=distance_au, phase_deg=90.0)  # fmt: skip
+        planet = Planet(
+            name="planet",
+            separation_arcsec=float(separation),
+            pa_deg=pa_deg,
+            radius_rjup=radius,
+            albedo=ConstantAlbedo(value=ALBEDO),
+            distance_au=distance_au,
+            phase_deg=90.0,
+        )
         place = sky_to_detector(float(separation), pa_deg, parity=instrument.detector.parity)
         expected = expected_of(model, star, band, place, PLANET_CONTRAST[contrast], FRAMES)
-        task = task_of(model, star_scene(star, (planet,), name=STAR, exozodi_zodis=1.0), band, FRAMES, [expected],
-                       seed=3, fidelity="standard", realisations=REALISATIONS, audit=False, overrides=None)  # fmt: skip
+        task = task_of(
+            model,
+            star_scene(star, (planet,), name=STAR, exozodi_zodis=1.0),
+            band,
+            FRAMES,
+            [expected],
+            seed=3,
+            fidelity="standard",
+            realisations=REALISATIONS,
+            audit=False,
+            overrides=None,
+        )
         found = confirm_task(task.to_dict())["confirmations"][0]
         ratios.append(found["etc_ratio"])
         errors.append(found["etc_ratio_error"])
@@ -74,13 +91,26 @@ def run() -> list[dict[str, Any]]:
 
 def rows(found: list[dict[str, Any]]) -> tuple[list[str], list[list[str]]]:
     """Head and rows of the table."""
-    head = ["band", "contrast, nominal", "contrast, assumed", "error of the mirror (nm)", "predicted / recovered SNR",
-            "worst of eight places", "by scaled light", "its worst"]  # fmt: skip
+    head = [
+        "band",
+        "contrast, nominal",
+        "contrast, assumed",
+        "error of the mirror (nm)",
+        "predicted / recovered SNR",
+        "worst of eight places",
+        "by scaled light",
+        "its worst",
+    ]
     return head, [
         [
-            row["band"], f"{row['nominal']:.1e}", f"{row['contrast']:.0e}", f"{row['mirror_noise_nm']:.3f}",
-            f"{row['ratio']:.2f} ± {row['error']:.2f}", f"{row['worst']:.2f}", f"{row['scaled']:.2f}",
+            row["band"],
+            f"{row['nominal']:.1e}",
+            f"{row['contrast']:.0e}",
+            f"{row['mirror_noise_nm']:.3f}",
+            f"{row['ratio']:.2f} ± {row['error']:.2f}",
+            f"{row['worst']:.2f}",
+            f"{row['scaled']:.2f}",
             f"{row['scaled_worst']:.2f}",
         ]
         for row in found
-    ]  # fmt: skip
+    ]

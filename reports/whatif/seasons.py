@@ -59,13 +59,24 @@ def text(found: dict[str, Any]) -> str:
 
 def rows(found: dict[str, Any]) -> tuple[list[str], list[list[str]]]:
     """Head and rows of the table of stars that surveys visit."""
-    head = ["star", "ecliptic latitude (deg)", "days", "seasons", "minutes an orbit, median day", "best day",
-            "days blocked by"]  # fmt: skip
+    head = [
+        "star",
+        "ecliptic latitude (deg)",
+        "days",
+        "seasons",
+        "minutes an orbit, median day",
+        "best day",
+        "days blocked by",
+    ]
     return head, [
         [
-            row["star"], f"{row['latitude_deg']:+.0f}", f"{row['days']:.0f}", str(row["seasons"]),
-            f"{row['minutes']:.0f}", f"{row['best_minutes']:.0f}",
+            row["star"],
+            f"{row['latitude_deg']:+.0f}",
+            f"{row['days']:.0f}",
+            str(row["seasons"]),
+            f"{row['minutes']:.0f}",
+            f"{row['best_minutes']:.0f}",
             ", ".join(f"{key} {value:.0f}" for key, value in row["blocked"].items()),
         ]
         for row in found["rows"]
-    ]  # fmt: skip
+    ]

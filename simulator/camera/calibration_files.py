@@ -99,15 +99,24 @@ def read_calibration_map(kind: str, path: str, detector: Detector) -> FloatArray
     factor = unit_factor(key, path, image.header, rule.unit, required=bool(rule.unit))
     frame, active = (detector.n_rows, detector.n_columns), detector.active_shape
     if image.data.shape not in (frame, active):
-        raise InputError(f"{key} shape", str(image.data.shape), unit="px",
-                         allowed=f"{frame}, the frame (rows, columns), or {active}, its active pixels",
-                         hint=path)  # fmt: skip
+        raise InputError(
+            f"{key} shape",
+            str(image.data.shape),
+            unit="px",
+            allowed=f"{frame}, the frame (rows, columns), or {active}, its active pixels",
+            hint=path,
+        )
     values = _checked_values(rule, key, path, image.data, factor)
     if kind == "flat":
         _check_flat(key, path, values if values.shape == active else values[sections_of(detector)["active"]])
     if kind == "bias" and not float(np.median(values)) < detector.adc_max_adu:
-        raise InputError(f"{key} median", f"{np.median(values):.6g}", unit="ADU", hint=path,
-                         allowed=f"below the ADC maximum {detector.adc_max_adu}")  # fmt: skip
+        raise InputError(
+            f"{key} median",
+            f"{np.median(values):.6g}",
+            unit="ADU",
+            hint=path,
+            allowed=f"below the ADC maximum {detector.adc_max_adu}",
+        )
     if values.shape == frame:
         return values
     whole = np.full(frame, 0.0 if rule.fill_zero else float(np.median(values)))
@@ -208,5 +217,9 @@ def _check_flat(key: str, path: str, active: FloatArray) -> None:
     mean = float(lit.mean()) if lit.size else 0.0
     low, high = FLAT_MEAN_RANGE
     if not low <= mean <= high:
-        raise InputError(f"{key} mean", f"{mean:.6g}", allowed=f"relative response: mean of the active pixels {low:g} "
-                         f"to {high:g}", hint=f"divide it by its mean; {path}")  # fmt: skip
+        raise InputError(
+            f"{key} mean",
+            f"{mean:.6g}",
+            allowed=f"relative response: mean of the active pixels {low:g} to {high:g}",
+            hint=f"divide it by its mean; {path}",
+        )

@@ -74,8 +74,12 @@ def checked_rates(rate_map_e_s: npt.ArrayLike) -> tuple[FloatArray, int]:
             "rate_map_e_s", type(rate_map_e_s).__name__, unit="e-/s", allowed="a 2-D (y, x) array"
         ) from None
     if rates.dtype.kind not in "iuf" or rates.ndim != 2 or rates.size == 0:
-        raise InputError("rate_map_e_s", f"{rates.dtype} array of shape {rates.shape}", unit="e-/s",
-                         allowed="a non-empty 2-D (y, x) array of numbers")  # fmt: skip
+        raise InputError(
+            "rate_map_e_s",
+            f"{rates.dtype} array of shape {rates.shape}",
+            unit="e-/s",
+            allowed="a non-empty 2-D (y, x) array of numbers",
+        )
     rates = rates.astype(np.float64, copy=False)
     lowest, highest = float(rates.min()), float(rates.max())
     if lowest >= 0.0 and highest <= MOST_E_S:

@@ -282,9 +282,12 @@ class InfraredCamera:
         row, column = first_pixel
         inside = 0 <= row <= detector.n_rows - shape[0] and 0 <= column <= detector.n_columns - shape[1]
         if not inside:
-            raise InputError("rate_map_e_s", f"window of {shape[0]} x {shape[1]} from row {row}, column {column}",
-                             allowed=f"a window of the frame of {detector.n_rows} x {detector.n_columns}",
-                             hint="or switch off flat, dark_structure and bad_pixels")  # fmt: skip
+            raise InputError(
+                "rate_map_e_s",
+                f"window of {shape[0]} x {shape[1]} from row {row}, column {column}",
+                allowed=f"a window of the frame of {detector.n_rows} x {detector.n_columns}",
+                hint="or switch off flat, dark_structure and bad_pixels",
+            )
         return whole.window(slice(row, row + shape[0]), slice(column, column + shape[1]))
 
     def _hits(
@@ -299,8 +302,9 @@ class InfraredCamera:
             return hits, tracks_of(hits > 0)[1]
         if self._particles is None or self._particle_rate == 0.0 or exposure.exposure_s == 0.0:
             return None, 0
-        rays = draw_cosmic_rays(self._particles, (shape[0], shape[1]), self.detector.pixel_um, exposure.exposure_s,
-                                self._particle_rate, rng)  # fmt: skip
+        rays = draw_cosmic_rays(
+            self._particles, (shape[0], shape[1]), self.detector.pixel_um, exposure.exposure_s, self._particle_rate, rng
+        )
         return rays.image().astype(np.float64), rays.n_events
 
     def _late_charge(self, past: Sequence[PastExposure], exposure: InfraredExposure) -> FloatArray:

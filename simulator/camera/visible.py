@@ -172,9 +172,12 @@ class VisibleCamera:
         active = sections_of(self.detector)["active"]
         inside = active[0].start <= rows and rows + shape[0] <= active[0].stop
         if not (inside and active[1].start <= columns and columns + shape[1] <= active[1].stop):
-            raise InputError("rate_map_e_s", f"window of {shape[0]} x {shape[1]} from row {rows}, column {columns}",
-                             allowed="a window of the active pixels, or the whole frame",
-                             hint="or switch off flat, dark_structure, bad_pixels, bad_columns, stripes")  # fmt: skip
+            raise InputError(
+                "rate_map_e_s",
+                f"window of {shape[0]} x {shape[1]} from row {rows}, column {columns}",
+                allowed="a window of the active pixels, or the whole frame",
+                hint="or switch off flat, dark_structure, bad_pixels, bad_columns, stripes",
+            )
         return whole.window(slice(rows, rows + shape[0]), slice(columns, columns + shape[1]))
 
     def _light(self, rates: FloatArray, flaws: CalibrationSet | None, place: Place) -> FloatArray:

@@ -117,8 +117,13 @@ def _one_line(error: ValidationError, where: str, model: type[BaseModel]) -> Inp
     if kind == "value_error" and isinstance(context.get("error"), InputError):
         inner: InputError = context["error"]
         named = path.split(".")[-1] == inner.key
-        return InputError(path if named else f"{path}.{inner.key}" if path else inner.key, inner.value,
-                          unit=inner.unit, allowed=inner.allowed, hint=inner.hint)  # fmt: skip
+        return InputError(
+            path if named else f"{path}.{inner.key}" if path else inner.key,
+            inner.value,
+            unit=inner.unit,
+            allowed=inner.allowed,
+            hint=inner.hint,
+        )
     message = first["msg"].removeprefix("Input should be ").removeprefix("Value error, ")
     if kind in _RANGE_KINDS and limits:
         message = limits
@@ -151,8 +156,12 @@ def _models(annotation: Any) -> Iterator[Any]:
 
 def _limits(annotation: Any) -> str:
     """Range that an annotation states, in words, empty if it states none."""
-    bounds = {name: getattr(item, name) for item in _metadata(annotation) for name in ("ge", "gt", "le", "lt")
-              if getattr(item, name, None) is not None}  # fmt: skip
+    bounds = {
+        name: getattr(item, name)
+        for item in _metadata(annotation)
+        for name in ("ge", "gt", "le", "lt")
+        if getattr(item, name, None) is not None
+    }
     if "ge" in bounds and "le" in bounds:
         return f"{bounds['ge']:g} to {bounds['le']:g}"
     words = {"ge": "at least", "gt": "above", "le": "at most", "lt": "below"}
@@ -167,14 +176,38 @@ def _metadata(annotation: Any) -> Iterator[Any]:
 
 
 _UNITS = (
-    ("_nm_per_sqrt_hour", "nm/sqrt(h)"), ("_mas", "mas"), ("_zodis", "zodi"), ("_km", "km"), ("_h", "h"),
-    ("_days", "d"), ("_mag_max", "mag"),
-    ("_per_s_cm2", "1/s/cm2"), ("_e_s", "e-/s"), ("_deg_s", "deg/s"), ("_e_um", "e-/um"), ("_um", "um"),
-    ("_e_adu", "e-/ADU"), ("_mag_arcsec2", "mag/arcsec2"), ("_mas_yr", "mas/yr"), ("_lsun", "L_sun"),
-    ("_lambda_d", "lambda/D"), ("_arcsec", "arcsec"), ("_rjup", "R_Jup"), ("_deg", "deg"), ("_nm", "nm"),
-    ("_adu", "ADU"), ("_au", "au"), ("_pc", "pc"), ("_mag", "mag"), ("_k", "K"), ("_e", "e-"), ("_s", "s"),
-    ("_m", "m"), ("_pixel", "px"), ("_pixels", "px"),
-)  # fmt: skip
+    ("_nm_per_sqrt_hour", "nm/sqrt(h)"),
+    ("_mas", "mas"),
+    ("_zodis", "zodi"),
+    ("_km", "km"),
+    ("_h", "h"),
+    ("_days", "d"),
+    ("_mag_max", "mag"),
+    ("_per_s_cm2", "1/s/cm2"),
+    ("_e_s", "e-/s"),
+    ("_deg_s", "deg/s"),
+    ("_e_um", "e-/um"),
+    ("_um", "um"),
+    ("_e_adu", "e-/ADU"),
+    ("_mag_arcsec2", "mag/arcsec2"),
+    ("_mas_yr", "mas/yr"),
+    ("_lsun", "L_sun"),
+    ("_lambda_d", "lambda/D"),
+    ("_arcsec", "arcsec"),
+    ("_rjup", "R_Jup"),
+    ("_deg", "deg"),
+    ("_nm", "nm"),
+    ("_adu", "ADU"),
+    ("_au", "au"),
+    ("_pc", "pc"),
+    ("_mag", "mag"),
+    ("_k", "K"),
+    ("_e", "e-"),
+    ("_s", "s"),
+    ("_m", "m"),
+    ("_pixel", "px"),
+    ("_pixels", "px"),
+)
 
 
 def unit_of(key: str) -> str:

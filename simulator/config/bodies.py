@@ -77,13 +77,20 @@ class Body(FrozenModel):
 
     @model_validator(mode="after")
     def _whole_pairs(self) -> Body:
-        for one, other in (("ra_deg", "dec_deg"), ("dec_deg", "ra_deg"), ("separation_arcsec", "pa_deg"),
-                           ("pa_deg", "separation_arcsec")):  # fmt: skip
+        for one, other in (
+            ("ra_deg", "dec_deg"),
+            ("dec_deg", "ra_deg"),
+            ("separation_arcsec", "pa_deg"),
+            ("pa_deg", "separation_arcsec"),
+        ):
             if getattr(self, one) is None and getattr(self, other) is not None:
                 raise required(one, f"a value where {other} is given")
         if self.ra_deg is not None and self.separation_arcsec is not None:
-            raise InputError("ra_deg", "given with separation_arcsec",
-                             allowed="either ra_deg and dec_deg, or separation_arcsec and pa_deg")  # fmt: skip
+            raise InputError(
+                "ra_deg",
+                "given with separation_arcsec",
+                allowed="either ra_deg and dec_deg, or separation_arcsec and pa_deg",
+            )
         return self
 
 

@@ -178,8 +178,12 @@ class Detector(FrozenModel):
                 allowed=f"inside the frame of {self.n_columns} x {self.n_rows}",
             )
         if min(self.active_shape) < 1:
-            raise InputError("layout", self.layout.model_dump(), unit="px",
-                             allowed=f"borders that leave pixels in {self.n_columns} x {self.n_rows}")  # fmt: skip
+            raise InputError(
+                "layout",
+                self.layout.model_dump(),
+                unit="px",
+                allowed=f"borders that leave pixels in {self.n_columns} x {self.n_rows}",
+            )
         if self.exposure_min_s > self.exposure_max_s:
             raise InputError(
                 "exposure_min_s",
@@ -197,9 +201,11 @@ class Detector(FrozenModel):
             ("serial_cti", self.n_columns + clocks.serial_elements, clocks.serial_cti),
         ):
             if elements * loss > MAX_LOSSES:
-                raise InputError(f"transfer.{name}", loss,
-                                 allowed=f"at most {MAX_LOSSES / elements:.3g}, {MAX_LOSSES:g} over "
-                                 f"{elements} transfers")  # fmt: skip
+                raise InputError(
+                    f"transfer.{name}",
+                    loss,
+                    allowed=f"at most {MAX_LOSSES / elements:.3g}, {MAX_LOSSES:g} over {elements} transfers",
+                )
         if self.bias_adu >= self.adc_max_adu:
             raise InputError("bias_adu", self.bias_adu, unit="ADU", allowed=f"below the ADC maximum {self.adc_max_adu}")
         return self

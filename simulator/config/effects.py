@@ -37,9 +37,12 @@ class PhysicalTracks(FrozenModel):
     def _loses(self) -> PhysicalTracks:
         _check_lengths(self.depth_um, self.max_length_um)
         if self.mean_loss_e_um < LOSS_WIDTHS * self.loss_width_e_um:
-            raise InputError("loss_width_e_um", self.loss_width_e_um, unit="e-/um",
-                             allowed=f"at most mean_loss_e_um / {LOSS_WIDTHS} = "
-                             f"{self.mean_loss_e_um / LOSS_WIDTHS:g}")  # fmt: skip
+            raise InputError(
+                "loss_width_e_um",
+                self.loss_width_e_um,
+                unit="e-/um",
+                allowed=f"at most mean_loss_e_um / {LOSS_WIDTHS} = {self.mean_loss_e_um / LOSS_WIDTHS:g}",
+            )
         return self
 
 
@@ -129,8 +132,12 @@ class ExtraLight(FrozenModel):
         if not isinstance(self.map_file, dict):
             return self.map_file
         if band not in self.map_file:
-            raise InputError("map_file", f"no map of {band}", allowed=f"a map of each band, or of {band} at least",
-                             hint=f"there are maps of {', '.join(self.map_file) or 'no band'}")  # fmt: skip
+            raise InputError(
+                "map_file",
+                f"no map of {band}",
+                allowed=f"a map of each band, or of {band} at least",
+                hint=f"there are maps of {', '.join(self.map_file) or 'no band'}",
+            )
         return self.map_file[band]
 
 

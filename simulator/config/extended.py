@@ -102,8 +102,9 @@ class DiscSource(_Scattered):
     @model_validator(mode="after")
     def _ordered(self) -> DiscSource:
         if self.inner_arcsec >= self.outer_arcsec:
-            raise InputError("inner_arcsec", self.inner_arcsec, unit="arcsec",
-                             allowed=f"below outer_arcsec = {self.outer_arcsec:g}")  # fmt: skip
+            raise InputError(
+                "inner_arcsec", self.inner_arcsec, unit="arcsec", allowed=f"below outer_arcsec = {self.outer_arcsec:g}"
+            )
         if self.inner_arcsec == 0 and self.slope <= -2:
             raise InputError("slope", self.slope, allowed="above -2 where inner_arcsec is 0: the light must be finite")
         return self

@@ -47,8 +47,11 @@ def place(host: SceneStar, body: Body) -> Place:
     sky = (body.ra_deg, body.dec_deg, host.ra_deg, host.dec_deg)
     separation = float(separation_arcsec(*sky))
     if separation > MAX_SEPARATION_ARCSEC:
-        raise InputError("ra_deg, dec_deg", f"{separation:.6g} arcsec from cstar",
-                         allowed=f"at most {MAX_SEPARATION_ARCSEC:g} arcsec, at the same epoch")  # fmt: skip
+        raise InputError(
+            "ra_deg, dec_deg",
+            f"{separation:.6g} arcsec from cstar",
+            allowed=f"at most {MAX_SEPARATION_ARCSEC:g} arcsec, at the same epoch",
+        )
     return Place(separation, float(position_angle(*tangent_offset(*sky))))
 
 

@@ -86,8 +86,12 @@ class InfraredDetector(FrozenModel):
     @model_validator(mode="after")
     def _consistent(self) -> InfraredDetector:
         if self.star_column >= self.n_columns or self.star_row >= self.n_rows:
-            raise InputError("star_column, star_row", (self.star_column, self.star_row), unit="px",
-                             allowed=f"inside the frame of {self.n_columns} x {self.n_rows}")  # fmt: skip
+            raise InputError(
+                "star_column, star_row",
+                (self.star_column, self.star_row),
+                unit="px",
+                allowed=f"inside the frame of {self.n_columns} x {self.n_rows}",
+            )
         if self.bias_adu >= self.adc_max_adu:
             raise InputError("bias_adu", self.bias_adu, unit="ADU", allowed=f"below the ADC maximum {self.adc_max_adu}")
         return self

@@ -91,13 +91,20 @@ class Instrument(FrozenModel):
             section = "near_infrared" if band.camera == "NIR" else "coronagraph"
             aperture, pixel = self.aperture_radius_arcsec(name), self.pixel_scale_arcsec(name)
             if not 1.0 <= aperture / pixel <= 20.0:
-                raise InputError("pixel_scale_arcsec", pixel, unit="arcsec",
-                                 allowed=f"1 to 20 pixels in the aperture radius of {name}, "
-                                 f"not {aperture / pixel:.3g}")  # fmt: skip
+                raise InputError(
+                    "pixel_scale_arcsec",
+                    pixel,
+                    unit="arcsec",
+                    allowed=f"1 to 20 pixels in the aperture radius of {name}, not {aperture / pixel:.3g}",
+                )
             inner = self.hole_inner_arcsec(name) + 2 * aperture
             if inner >= self.hole_outer_arcsec(name):
-                raise InputError(f"{section}.outer_half_side_arcsec", self.hole_outer_arcsec(name), unit="arcsec",
-                                 allowed=f"room for an aperture in the hole of {name}: above {inner:.3g}")  # fmt: skip
+                raise InputError(
+                    f"{section}.outer_half_side_arcsec",
+                    self.hole_outer_arcsec(name),
+                    unit="arcsec",
+                    allowed=f"room for an aperture in the hole of {name}: above {inner:.3g}",
+                )
         return self
 
     _provenance: dict[str, Provenance] = PrivateAttr(default_factory=dict)

@@ -88,8 +88,7 @@ class DarkHoleConfig(FrozenModel):
     @model_validator(mode="after")
     def _files_with_surface(self) -> DarkHoleConfig:
         if bool(self.surface_files) != (self.control == "surface"):
-            raise InputError("control", self.control,
-                             allowed="surface with surface_files, any other without")  # fmt: skip
+            raise InputError("control", self.control, allowed="surface with surface_files, any other without")
         return self
 
 

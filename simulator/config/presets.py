@@ -39,8 +39,12 @@ def preset_or_file(kind: str, source: str | Path, *, package: str = "simulator")
     path = preset_path(kind, str(source), package=package) or Path(source)
     if not path.is_file():
         names = preset_names(kind, package=package)
-        raise InputError(kind, str(source), allowed="a YAML file or a preset",
-                         hint=nearest(source, names) or f"presets: {', '.join(names) or 'none'}")  # fmt: skip
+        raise InputError(
+            kind,
+            str(source),
+            allowed="a YAML file or a preset",
+            hint=nearest(source, names) or f"presets: {', '.join(names) or 'none'}",
+        )
     return path
 
 

@@ -21,8 +21,16 @@ from simulator.config.presets import preset_or_file
 
 __all__ = ["SCENE_KEYS", "Planet", "Scene", "SceneStar", "load_scene", "paths_beside"]
 
-_ALIASES = {"planet": "planets", "star": "stars", "disc": "extended", "disk": "extended", "discs": "extended",
-            "disks": "extended", "exozodi": "extended", "extended_sources": "extended"}  # fmt: skip
+_ALIASES = {
+    "planet": "planets",
+    "star": "stars",
+    "disc": "extended",
+    "disk": "extended",
+    "discs": "extended",
+    "disks": "extended",
+    "exozodi": "extended",
+    "extended_sources": "extended",
+}
 _HINTS = {"host": "did you mean cstar?"}
 _FILE_KEYS = ("file", "spectrum", "model", "albedo")
 _MODELS = (*STAR_MODELS, *PLANET_MODELS, *ALBEDO_MODELS)
@@ -83,12 +91,19 @@ class Scene(FrozenModel):
                 raise at(path, error) from None
         for number, source in enumerate(self.extended):
             if source.name in seen:
-                raise InputError(f"extended.{number}.name", source.name,
-                                 allowed=f"a name of its own, not that of {seen[source.name]}")  # fmt: skip
+                raise InputError(
+                    f"extended.{number}.name",
+                    source.name,
+                    allowed=f"a name of its own, not that of {seen[source.name]}",
+                )
             seen[source.name] = f"extended.{number}"
             if source.contrast_to(self.cstar.v_mag) > 1:
-                raise InputError(f"extended.{number}.v_mag", source.v_mag, unit="mag",
-                                 allowed=f"at least that of cstar, {self.cstar.v_mag:g}")  # fmt: skip
+                raise InputError(
+                    f"extended.{number}.v_mag",
+                    source.v_mag,
+                    unit="mag",
+                    allowed=f"at least that of cstar, {self.cstar.v_mag:g}",
+                )
         return self
 
     def is_lit(self, star: SceneStar) -> bool:

@@ -32,8 +32,7 @@ SEQUENCE_KINDS: tuple[SequenceKind, ...] = (*SKY_KINDS, "BIAS", "DARK", "FLAT", 
 DEFAULT_EXPOSURE_S = 10.0
 
 _COMMON = ("kind", "instrument", "em_gain", "frames", "seed", "realisation", "switches", "start_utc", "obsid")
-_SKY = ("scene", "band", "exposure_s", "roll_deg", "star_offset_arcsec", "role", "fidelity", "tolerance",
-        "scene_model")  # fmt: skip
+_SKY = ("scene", "band", "exposure_s", "roll_deg", "star_offset_arcsec", "role", "fidelity", "tolerance", "scene_model")
 _OF_KIND: dict[SequenceKind, tuple[str, ...]] = dict.fromkeys(SKY_KINDS, _SKY) | {
     "BIAS": ("camera",),
     "DARK": ("camera", "exposure_s"),
@@ -104,8 +103,11 @@ class SequenceConfig(FrozenModel):
     """
 
     ALIASES: ClassVar[dict[str, str]] = {
-        "bands": "band", "n_frames": "frames", "exposures_s": "exposure_s", "em_gains": "em_gain"
-    }  # fmt: skip
+        "bands": "band",
+        "n_frames": "frames",
+        "exposures_s": "exposure_s",
+        "em_gains": "em_gain",
+    }
 
     kind: SequenceKind = "SCI"
     scene: Scene | None = None

@@ -23,8 +23,15 @@ class Canvas:
         self._work = np.zeros(size)
         self._touched = np.empty(size, dtype=np.int64)
 
-    def add(self, tracks: Tracks, points: Points, row: FloatArray, column: FloatArray, azimuth: FloatArray,
-            charge_e: IntArray) -> IntArray:  # fmt: skip
+    def add(
+        self,
+        tracks: Tracks,
+        points: Points,
+        row: FloatArray,
+        column: FloatArray,
+        azimuth: FloatArray,
+        charge_e: IntArray,
+    ) -> IntArray:
         """Add placed tracks.
 
         Parameters

@@ -102,7 +102,11 @@ def _place(ra_deg: Any, dec_deg: Any, start_utc: Any) -> tuple[float, float]:
     """Ecliptic longitude from the Sun and latitude of a target at a date, degrees."""
     for name, value in (("ra_deg", ra_deg), ("dec_deg", dec_deg), ("start_utc", start_utc)):
         if value is None:
-            raise InputError(name, "missing", allowed="place and date of the target, which sky.model: zodiacal needs",
-                             hint="sky.model: uniform needs none")  # fmt: skip
+            raise InputError(
+                name,
+                "missing",
+                allowed="place and date of the target, which sky.model: zodiacal needs",
+                hint="sky.model: uniform needs none",
+            )
     longitude, latitude = ecliptic_deg(right_ascension_deg(ra_deg), declination_deg(dec_deg))
     return longitude - sun_longitude_deg(parse_utc("start_utc", start_utc)), latitude

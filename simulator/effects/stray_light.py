@@ -110,11 +110,20 @@ def _read_map(key: str, path: str, shape: tuple[int, int]) -> FloatArray:
     item = next((image for image in found.maps if image.data.ndim == 2), found.maps[0])
     values = real_map(key, path, item.data, square=False)
     if values.shape != tuple(shape):
-        raise InputError(key, path, allowed=f"a map of {shape[0]} rows x {shape[1]} columns, the whole frame",
-                         hint=f"it has {values.shape[0]} x {values.shape[1]}")  # fmt: skip
+        raise InputError(
+            key,
+            path,
+            allowed=f"a map of {shape[0]} rows x {shape[1]} columns, the whole frame",
+            hint=f"it has {values.shape[0]} x {values.shape[1]}",
+        )
     values *= unit_factor(key, path, item.header, _UNIT)
     if (values < 0).any():
         row, column = np.argwhere(values < 0)[0]
-        raise InputError(key, path, unit="e-/s", allowed="values at least 0",
-                         hint=f"row {row}, column {column} holds {values[row, column]:g}")  # fmt: skip
+        raise InputError(
+            key,
+            path,
+            unit="e-/s",
+            allowed="values at least 0",
+            hint=f"row {row}, column {column} holds {values[row, column]:g}",
+        )
     return values

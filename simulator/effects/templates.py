@@ -125,8 +125,13 @@ def _read_templates(path: str | Path, state: tuple[int, int] | None) -> Template
         item, pixel = named, _npz_number(path, found.named("pixel_um"))
     if pixel is None or not _SIDES[0] <= pixel <= _SIDES[1]:
         where = "card PIXUM" if found.is_fits else "number pixel_um"
-        raise InputError(f"{_KEY} {where}", "missing" if pixel is None else pixel, unit="um",
-                         allowed=f"the size of a sample, {_SIDES[0]:g} to {_SIDES[1]:g}", hint=str(path))  # fmt: skip
+        raise InputError(
+            f"{_KEY} {where}",
+            "missing" if pixel is None else pixel,
+            unit="um",
+            allowed=f"the size of a sample, {_SIDES[0]:g} to {_SIDES[1]:g}",
+            hint=str(path),
+        )
     return _template_set([_checked(path, i, cube) for i, cube in enumerate(_cube(path, item.data))], pixel)
 
 
@@ -152,8 +157,12 @@ def _checked(path: str | Path, number: int, image: NDArray[Any]) -> FloatArray:
     for bad, fault in ((~np.isfinite(values), "is not finite"), (values < 0, "is negative")):
         if bad.any():
             row, column = np.argwhere(bad)[0]
-            raise InputError(_KEY, str(path), allowed="finite values, not negative",
-                             hint=f"template {number}, row {row}, column {column} {fault}")  # fmt: skip
+            raise InputError(
+                _KEY,
+                str(path),
+                allowed="finite values, not negative",
+                hint=f"template {number}, row {row}, column {column} {fault}",
+            )
     largest = float(values.max())
     if largest == 0:
         raise InputError(_KEY, str(path), allowed="charge in every template", hint=f"template {number} has none")
@@ -173,8 +182,15 @@ def _template_set(images: list[FloatArray], pixel_um: float) -> TemplateSet:
         radii.append(float(np.hypot(row, column).max()) * pixel_um)
         extents.append(math.sqrt(12.0 * max(float(np.linalg.eigvalsh(moments)[-1]), 0.0)) * pixel_um)
     start = np.cumsum([0, *(weight.size for weight in weights)])
-    return TemplateSet(start, np.concatenate(rows), np.concatenate(columns), np.concatenate(weights),
-                       np.array(radii), np.array(extents), pixel_um)  # fmt: skip
+    return TemplateSet(
+        start,
+        np.concatenate(rows),
+        np.concatenate(columns),
+        np.concatenate(weights),
+        np.array(radii),
+        np.array(extents),
+        pixel_um,
+    )
 
 
 def _generated(config: TemplateTracks, physical: PhysicalTracks) -> tuple[PhysicalModel, Tracks, np.random.Generator]:

@@ -41,8 +41,9 @@ class Aberrations:
     opd_nm: FloatArray
     amplitude: FloatArray
 
-    def pupil(self, transmission: FloatArray, wavelength_m: float, *, opd_nm: FloatArray | float = 0.0
-              ) -> NDArray[np.complex128]:  # fmt: skip
+    def pupil(
+        self, transmission: FloatArray, wavelength_m: float, *, opd_nm: FloatArray | float = 0.0
+    ) -> NDArray[np.complex128]:
         """Field behind pupil and aberrations, with a further path difference (mirror, drift) on top."""
         phase = 2 * np.pi / (wavelength_m * 1e9) * (self.opd_nm + opd_nm)
         field: NDArray[np.complex128] = (transmission * self.amplitude) * np.exp(1j * phase)

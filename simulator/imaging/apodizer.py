@@ -85,8 +85,12 @@ def load_apodizer(name_or_path: str | Path, *, kind: Kind = "amplitude", samples
     if samples is not None:
         mask = cell_means(mask, samples)
     if len(mask) % 2 or len(mask) > MAX_SIDE:
-        raise InputError("apodizer", name, allowed=f"an even number of samples, {MIN_SIDE} to {MAX_SIDE}",
-                         hint=f"found {len(mask)}; average it onto another grid with samples")  # fmt: skip
+        raise InputError(
+            "apodizer",
+            name,
+            allowed=f"an even number of samples, {MIN_SIDE} to {MAX_SIDE}",
+            hint=f"found {len(mask)}; average it onto another grid with samples",
+        )
     mask.flags.writeable = False
     return mask
 
@@ -166,6 +170,10 @@ def upsample(transmission: FloatArray, samples: int) -> FloatArray:
     """
     factor, rest = divmod(samples, len(transmission))
     if rest or factor < 1:
-        raise InputError("pupil_samples", samples, allowed=f"a multiple of the {len(transmission)} apodizer steps",
-                         hint="or average the map onto that many steps: load_apodizer(..., samples=)")  # fmt: skip
+        raise InputError(
+            "pupil_samples",
+            samples,
+            allowed=f"a multiple of the {len(transmission)} apodizer steps",
+            hint="or average the map onto that many steps: load_apodizer(..., samples=)",
+        )
     return np.repeat(np.repeat(transmission, factor, axis=0), factor, axis=1)

@@ -136,8 +136,11 @@ def static_wavefront(instrument: Instrument, band: str) -> Aberrations | None:
     if control == "surface":
         surface = _surface(instrument, band)
         samples = math.lcm(len(surface), instrument.wavefront.samples)
-        return (aberrations or flat_aberrations(instrument.wavefront.samples)).upsampled(samples).plus_opd(
-            2.0 * upsample(surface, samples))  # fmt: skip
+        return (
+            (aberrations or flat_aberrations(instrument.wavefront.samples))
+            .upsampled(samples)
+            .plus_opd(2.0 * upsample(surface, samples))
+        )
     solver, aberrations, mirror = _bench(instrument, band)
     state = hole_state(instrument, band, solver, aberrations, mirror)
     if instrument.wavefront.perfect and not state.commands_nm.any():
@@ -212,9 +215,12 @@ def _surface(instrument: Instrument, band: str) -> FloatArray:
         raise InputError("dark_hole.surface_files", band, allowed="a surface for every band in use")
     surface = load_dm_surface(path)
     if math.lcm(len(surface), instrument.wavefront.samples) > MAX_SAMPLES:
-        raise InputError("dark_hole.surface_files", path,
-                         allowed=f"a map that shares a grid with the {instrument.wavefront.samples} samples of the "
-                         "static wavefront", hint=f"it has {len(surface)} samples a side")  # fmt: skip
+        raise InputError(
+            "dark_hole.surface_files",
+            path,
+            allowed=f"a map that shares a grid with the {instrument.wavefront.samples} samples of the static wavefront",
+            hint=f"it has {len(surface)} samples a side",
+        )
     return surface
 
 
@@ -226,7 +232,10 @@ def _grid(steps: int, instrument: Instrument, band: str, knobs: Knobs) -> int:
         common = math.lcm(common, len(_surface(instrument, band)))
     samples = common * max(1, math.ceil(knobs.pupil_samples / common))
     if samples > MAX_SAMPLES:
-        raise InputError("wavefront.samples", instrument.wavefront.samples,
-                         allowed=f"a grid that shares one of at most {MAX_SAMPLES} samples with the {steps} steps of "
-                         "the apodizer", hint="set coronagraph.apodizer_samples to that number")  # fmt: skip
+        raise InputError(
+            "wavefront.samples",
+            instrument.wavefront.samples,
+            allowed=f"a grid that shares one of at most {MAX_SAMPLES} samples with the {steps} steps of the apodizer",
+            hint="set coronagraph.apodizer_samples to that number",
+        )
     return samples

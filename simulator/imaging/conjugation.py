@@ -86,9 +86,15 @@ class ControlSettings:
         """Check the ranges."""
         if self.method not in get_args(HoleMethod):
             raise InputError("method", self.method, allowed=", ".join(get_args(HoleMethod)))
-        for name, low, high in (("bandwidth", 0, 0.5), ("n_wavelengths", 1, 9), ("step_lambda_d", 0.1, 2),
-                                ("margin_lambda_d", 0, 2), ("max_iterations", 1, 200), ("strong_every", 0, 200),
-                                ("tolerance", 0, 1)):  # fmt: skip
+        for name, low, high in (
+            ("bandwidth", 0, 0.5),
+            ("n_wavelengths", 1, 9),
+            ("step_lambda_d", 0.1, 2),
+            ("margin_lambda_d", 0, 2),
+            ("max_iterations", 1, 200),
+            ("strong_every", 0, 200),
+            ("tolerance", 0, 1),
+        ):
             if not low <= getattr(self, name) <= high:
                 raise InputError(name, getattr(self, name), allowed=f"{low} to {high}")
         if not self.exponents or any(not -12 <= value <= 2 for value in (*self.exponents, self.strong_exponent)):
@@ -139,11 +145,21 @@ class Conjugation:
         Grid and wavelengths.
     """
 
-    def __init__(self, imager: Imager, center_m: float, aberrations: Aberrations, mirror: DeformableMirror,
-                 zone: HoleZone, settings: ControlSettings) -> None:  # fmt: skip
+    def __init__(
+        self,
+        imager: Imager,
+        center_m: float,
+        aberrations: Aberrations,
+        mirror: DeformableMirror,
+        zone: HoleZone,
+        settings: ControlSettings,
+    ) -> None:
         if aberrations.opd_nm.shape != imager.transmission.shape:
-            raise InputError("aberrations", aberrations.opd_nm.shape,
-                             allowed=f"the pupil grid of the imager, {imager.transmission.shape}")  # fmt: skip
+            raise InputError(
+                "aberrations",
+                aberrations.opd_nm.shape,
+                allowed=f"the pupil grid of the imager, {imager.transmission.shape}",
+            )
         nodes, weights = np.polynomial.legendre.leggauss(settings.n_wavelengths)
         self.wavelengths_m = center_m * (1.0 + 0.5 * settings.bandwidth * nodes)
         self.band, self.transmission, self.aberrations, self.mirror = (
@@ -175,17 +191,21 @@ class Conjugation:
 
         Scaled so that the sum of squares over wavelengths is the intensity relative to the flat-wavefront peak.
         """
-        return np.stack([
-            self._factors[index] * (self._y[index] @ (self.pupil(commands_nm, index) @ self._x[index].T))
-            for index in range(self.wavelengths_m.size)
-        ])  # fmt: skip
+        return np.stack(
+            [
+                self._factors[index] * (self._y[index] @ (self.pupil(commands_nm, index) @ self._x[index].T))
+                for index in range(self.wavelengths_m.size)
+            ]
+        )
 
     def strehl(self, commands_nm: FloatArray) -> float:
         """On-axis intensity relative to the flat wavefront, over the controlled wavelengths."""
-        return float(sum(
-            abs(factor * (row @ self.pupil(commands_nm, index) @ row)) ** 2
-            for index, (factor, row) in enumerate(zip(self._factors, self._origin, strict=True))
-        ))  # fmt: skip
+        return float(
+            sum(
+                abs(factor * (row @ self.pupil(commands_nm, index) @ row)) ** 2
+                for index, (factor, row) in enumerate(zip(self._factors, self._origin, strict=True))
+            )
+        )
 
     def pointing_modes(self) -> FloatArray:
         """Directions of the commands that tip and tilt the transmitted wavefront, orthonormal, shape (a * a, 2)."""
@@ -304,8 +324,10 @@ def conjugate(problem: Conjugation, settings: ControlSettings, start_nm: FloatAr
             ended = "goal"
             break
         if iteration:
-            announce(f"digging the dark hole of {problem.band}: step {iteration} of at most "
-                     f"{settings.max_iterations} done, contrast {darkest:.1e}")  # fmt: skip
+            announce(
+                f"digging the dark hole of {problem.band}: step {iteration} of at most "
+                f"{settings.max_iterations} done, contrast {darkest:.1e}"
+            )
         # The last iterations of a search that runs to its limit polish the state that the last strong step opened.
         strong = (
             settings.strong_every > 0
@@ -314,8 +336,11 @@ def conjugate(problem: Conjugation, settings: ControlSettings, start_nm: FloatAr
         )
         matrix, side = equations.at(state, fields)
         near = range(max(last - 1, 0), min(last + 2, len(order)))
-        rounds = ([settings.strong_exponent],) if strong else (
-            [order[i] for i in (near if iteration else range(len(order)))], order)  # fmt: skip
+        rounds = (
+            ([settings.strong_exponent],)
+            if strong
+            else ([order[i] for i in (near if iteration else range(len(order)))], order)
+        )
         chosen: tuple[float, FloatArray, ComplexArray] | None = None
         for exponents in rounds:
             for exponent in exponents:

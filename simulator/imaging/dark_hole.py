@@ -15,8 +15,16 @@ from simulator.imaging.deformable_mirror import DeformableMirror
 from simulator.imaging.hole_zone import HoleMode, HoleSide, HoleZone
 from simulator.imaging.imager import Imager
 
-__all__ = ["DarkHole", "HoleResult", "HoleScore", "HoleState", "UnreachedHole", "default_settings", "score_hole",
-           "solve_dark_hole"]  # fmt: skip
+__all__ = [
+    "DarkHole",
+    "HoleResult",
+    "HoleScore",
+    "HoleState",
+    "UnreachedHole",
+    "default_settings",
+    "score_hole",
+    "solve_dark_hole",
+]
 
 FloatArray = NDArray[np.float64]
 SCORE_STEP_LAMBDA_D = 0.25
@@ -101,8 +109,10 @@ class UnreachedHole(HoleState):
     @property
     def reason(self) -> str:
         """One sentence for people."""
-        return (f"{self.band} {self.zone.mode}: mean contrast {self.wide.mean:.2g} after {len(self.search.strong)} "
-                f"iterations ({self.search.ended}), asked {self.limit_contrast:.2g}")  # fmt: skip
+        return (
+            f"{self.band} {self.zone.mode}: mean contrast {self.wide.mean:.2g} after {len(self.search.strong)} "
+            f"iterations ({self.search.ended}), asked {self.limit_contrast:.2g}"
+        )
 
 
 HoleResult: TypeAlias = DarkHole | UnreachedHole

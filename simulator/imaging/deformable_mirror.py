@@ -26,10 +26,24 @@ __all__ = ["DeformableMirror", "load_dm_surface"]
 FloatArray = NDArray[np.float64]
 UNITS_NM = {"nm": 1.0, "um": 1e3, "micron": 1e3, "mm": 1e6, "m": 1e9, "angstrom": 0.1, "pm": 1e-3}
 _LONG_NAMES = {
-    "nanometer": 1.0, "nanometers": 1.0, "nanometre": 1.0, "nanometres": 1.0,
-    "micron": 1e3, "microns": 1e3, "micrometer": 1e3, "micrometers": 1e3, "micrometre": 1e3, "micrometres": 1e3,
-    "\u00b5m": 1e3, "meter": 1e9, "meters": 1e9, "metre": 1e9, "metres": 1e9, "angstrom": 0.1, "angstroms": 0.1,
-}  # fmt: skip
+    "nanometer": 1.0,
+    "nanometers": 1.0,
+    "nanometre": 1.0,
+    "nanometres": 1.0,
+    "micron": 1e3,
+    "microns": 1e3,
+    "micrometer": 1e3,
+    "micrometers": 1e3,
+    "micrometre": 1e3,
+    "micrometres": 1e3,
+    "\u00b5m": 1e3,
+    "meter": 1e9,
+    "meters": 1e9,
+    "metre": 1e9,
+    "metres": 1e9,
+    "angstrom": 0.1,
+    "angstroms": 0.1,
+}
 MAX_SURFACE_NM = 1e4
 MAX_SIDE = 4096
 
@@ -182,14 +196,23 @@ def load_dm_surface(path: str | Path, samples: int | None = None, *, unit: str |
     factor = _factor(name, header_unit if file.is_fits else "nm", unit)
     surface = real_map("dm_surface", name, found.data, sides=(2, MAX_SIDE)) * factor
     if np.abs(surface).max() > MAX_SURFACE_NM:
-        raise InputError("dm_surface", name, unit="nm", allowed=f"heights within {MAX_SURFACE_NM:g} nm",
-                         hint=f"found {np.abs(surface).max():.3g} nm; is the unit right?")  # fmt: skip
+        raise InputError(
+            "dm_surface",
+            name,
+            unit="nm",
+            allowed=f"heights within {MAX_SURFACE_NM:g} nm",
+            hint=f"found {np.abs(surface).max():.3g} nm; is the unit right?",
+        )
     if samples is None:
         return surface
     repeat, rest = divmod(samples, len(surface))
     if rest or repeat < 1:
-        raise InputError("dm_surface", name, allowed=f"a map whose side divides the {samples} pupil samples",
-                         hint=f"its side is {len(surface)}")  # fmt: skip
+        raise InputError(
+            "dm_surface",
+            name,
+            allowed=f"a map whose side divides the {samples} pupil samples",
+            hint=f"its side is {len(surface)}",
+        )
     return np.repeat(np.repeat(surface, repeat, axis=0), repeat, axis=1)
 
 

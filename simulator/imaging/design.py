@@ -84,8 +84,12 @@ def design_step_mask(
         raise InputError("open_side_diameters", open_side_diameters, allowed="0.25 to 1")
     inner = inner_lambda_d / np.sqrt(2.0)
     if not 0 < inner < outer_half_side_lambda_d <= leak_extent_lambda_d:
-        raise InputError("inner_lambda_d", inner_lambda_d, unit="lambda/D",
-                         allowed="quadrants of positive size inside the extent of the outer bound")  # fmt: skip
+        raise InputError(
+            "inner_lambda_d",
+            inner_lambda_d,
+            unit="lambda/D",
+            allowed="quadrants of positive size inside the extent of the outer bound",
+        )
     from scipy.optimize import linprog
 
     selected, x, y = _open_octant(n_steps, open_side_diameters)
@@ -100,9 +104,13 @@ def design_step_mask(
     matrix = np.vstack(rows) / scale
     answer = linprog(-peak / scale, A_ub=matrix, b_ub=np.zeros(len(matrix)), bounds=(0, 1), method="highs")
     if answer.x is None or not answer.x.sum() > 1e-6 * len(answer.x):
-        raise InputError("inner_lambda_d", inner_lambda_d, unit="lambda/D",
-                         allowed=f"no step mask reaches contrast {contrast:g} there",
-                         hint="move the inner edge outwards or relax the contrast")  # fmt: skip
+        raise InputError(
+            "inner_lambda_d",
+            inner_lambda_d,
+            unit="lambda/D",
+            allowed=f"no step mask reaches contrast {contrast:g} there",
+            hint="move the inner edge outwards or relax the contrast",
+        )
     octant = np.zeros((n_steps // 2, n_steps // 2))
     octant[selected] = np.round(np.clip(answer.x, 0.0, 1.0), DECIMALS)
     quarter = np.maximum(octant, octant.T)
@@ -169,9 +177,13 @@ def design_separable_mask(
     matrix = np.vstack([fields - 1.0, -fields - 1.0])
     answer = linprog(-np.ones(centre.size), A_ub=matrix, b_ub=np.zeros(len(matrix)), bounds=(0, 1), method="highs")
     if answer.x is None or not answer.x.sum() > 1e-6 * centre.size:
-        raise InputError("inner_lambda_d", inner_lambda_d, unit="lambda/D",
-                         allowed=f"no separable mask reaches contrast {contrast:g} there",
-                         hint="move the inner edge outwards or relax the contrast")  # fmt: skip
+        raise InputError(
+            "inner_lambda_d",
+            inner_lambda_d,
+            unit="lambda/D",
+            allowed=f"no separable mask reaches contrast {contrast:g} there",
+            hint="move the inner edge outwards or relax the contrast",
+        )
     half = np.zeros(n_steps // 2)
     half[: centre.size] = np.round(np.clip(answer.x, 0.0, 1.0), DECIMALS)
     profile = np.concatenate([half[::-1], half])
@@ -204,8 +216,10 @@ def _quadrant_points(inner: float, outer: float, spacing: float, edge: float) ->
     u, v = (part.ravel() for part in np.meshgrid(*[_axis(inner, outer, spacing)] * 2, indexing="ij"))
     keep = u <= v
     rim = _axis(inner, outer, edge)
-    return (np.concatenate([u[keep], np.full(rim.size, inner), rim]),
-            np.concatenate([v[keep], rim, np.full(rim.size, outer)]))  # fmt: skip
+    return (
+        np.concatenate([u[keep], np.full(rim.size, inner), rim]),
+        np.concatenate([v[keep], rim, np.full(rim.size, outer)]),
+    )
 
 
 def _outer_points(inner: float, outer: float, extent: float, spacing: float) -> tuple[FloatArray, FloatArray]:
@@ -263,8 +277,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     mask = design_separable_mask(**given) if separable else design_step_mask(**given)
     figures: dict[str, Any] = mask_figures(mask)
     write_npz(target, {"transmission": mask})
-    print(", ".join(f"{name} {value:.4f}" for name, value in figures.items()),
-          f"in {time.perf_counter() - began:.0f} s")  # fmt: skip
+    print(
+        ", ".join(f"{name} {value:.4f}" for name, value in figures.items()), f"in {time.perf_counter() - began:.0f} s"
+    )
     return 0
 
 

@@ -174,9 +174,13 @@ def iter_visit_frames(
 
 
 def _frames(
-    grid: FocalGrid, drift: Drift, n_frames: int, cadence_s: float, rng_visit: np.random.Generator,
+    grid: FocalGrid,
+    drift: Drift,
+    n_frames: int,
+    cadence_s: float,
+    rng_visit: np.random.Generator,
     rng_walk: np.random.Generator,
-) -> Iterator[FloatArray]:  # fmt: skip
+) -> Iterator[FloatArray]:
     screens = screen_model(len(grid.imager.transmission), drift.psd_slope)
     step_nm = drift.walk_nm_per_sqrt_hour * math.sqrt(cadence_s / 3600.0)
     opd_nm = screens.draw(rng_visit, drift.visit_nm)

@@ -102,8 +102,9 @@ def render_extended(
         extent = _outer(source)
         parcels = _disc_parcels(source, step_arcsec, limit)
     # The map from sky to detector is linear: the offsets of one arcsec toward east and north tell all of it.
-    x, y = sky_to_detector([source.center_separation_arcsec, 1.0, 1.0], [source.center_pa_deg, 90.0, 0.0],
-                           roll_deg=roll_deg, parity=parity)  # fmt: skip
+    x, y = sky_to_detector(
+        [source.center_separation_arcsec, 1.0, 1.0], [source.center_pa_deg, 90.0, 0.0], roll_deg=roll_deg, parity=parity
+    )
     x_axis, y_axis = (_axis(float(part[0]), extent, step_arcsec, reach_arcsec) for part in (x, y))
     flux = np.zeros((y_axis.size, x_axis.size))
     for east, north, light in parcels:
@@ -122,8 +123,13 @@ def _axis(middle: float, extent: float, step: float, reach: float | None) -> Flo
         if high <= low:
             low, high = -1, 1  # nothing of the source lies within the reach
     if high - low + 1 > MAX_POINTS:
-        raise InputError("step_arcsec", step, unit="arcsec", allowed=f"at most {MAX_POINTS} points a side",
-                         hint=f"the source needs {high - low + 1}; give reach_arcsec")  # fmt: skip
+        raise InputError(
+            "step_arcsec",
+            step,
+            unit="arcsec",
+            allowed=f"at most {MAX_POINTS} points a side",
+            hint=f"the source needs {high - low + 1}; give reach_arcsec",
+        )
     return np.arange(low, high + 1, dtype=np.float64) * step
 
 
@@ -137,8 +143,12 @@ def _deal(flux: FloatArray, column: FloatArray, row: FloatArray, light: FloatArr
     flat = flux.reshape(-1)
     first = i * n_x + j
     low, high = light * (1 - p), light * p
-    for index, share in ((first, low * (1 - q)), (first + 1, low * q),
-                         (first + n_x, high * (1 - q)), (first + n_x + 1, high * q)):  # fmt: skip
+    for index, share in (
+        (first, low * (1 - q)),
+        (first + 1, low * q),
+        (first + n_x, high * (1 - q)),
+        (first + n_x + 1, high * q),
+    ):
         np.add.at(flat, index, share)
 
 
@@ -208,8 +218,11 @@ def _disc_parcels(source: DiscSource | RingSource, step: float, limit: float) ->
         angle = 2 * np.pi * (place + turn) / np.repeat(size, size)
         r = np.repeat(radii[first:last], size)
         along, across = r * np.cos(angle), r * np.sin(angle)
-        yield _Parcels(along * major[0] + across * minor[0], along * major[1] + across * minor[1],
-                       np.repeat(light[first:last] / size, size))  # fmt: skip
+        yield _Parcels(
+            along * major[0] + across * minor[0],
+            along * major[1] + across * minor[1],
+            np.repeat(light[first:last] / size, size),
+        )
         first = last
 
 
@@ -240,8 +253,9 @@ def _read(source: ImageSource) -> _Picture:
         found = named
     image = real_map(key, source.file, found.data, square=False)
     if image.min() < 0:
-        raise InputError(key, source.file, allowed="no negative values",
-                         hint=f"{(image < 0).sum()} are, down to {image.min():.3g}")  # fmt: skip
+        raise InputError(
+            key, source.file, allowed="no negative values", hint=f"{(image < 0).sum()} are, down to {image.min():.3g}"
+        )
     if not image.any():
         raise InputError(key, source.file, allowed="an image with light in it")
     stated = pixel_scale(key, source.file, found.header)
@@ -250,12 +264,18 @@ def _read(source: ImageSource) -> _Picture:
         stated = float(real_map(key, source.file, np.atleast_2d(scale.data), square=False)[0, 0])
     asked = source.pixel_scale_arcsec
     if asked is not None and stated is not None and abs(asked / stated - 1) > SCALE_TOLERANCE:
-        raise InputError("pixel_scale_arcsec", asked, unit="arcsec", allowed=f"{stated:g}, as the file says",
-                         hint=source.file)  # fmt: skip
+        raise InputError(
+            "pixel_scale_arcsec", asked, unit="arcsec", allowed=f"{stated:g}, as the file says", hint=source.file
+        )
     pixel = stated if asked is None else asked
     if pixel is None:
-        raise InputError("pixel_scale_arcsec", "missing", unit="arcsec",
-                         allowed="a value, or PIXSCALE or CDELT in the header", hint=source.file)  # fmt: skip
+        raise InputError(
+            "pixel_scale_arcsec",
+            "missing",
+            unit="arcsec",
+            allowed="a value, or PIXSCALE or CDELT in the header",
+            hint=source.file,
+        )
     if not 0 < pixel <= 10:
         raise InputError("pixel_scale_arcsec", pixel, unit="arcsec", allowed="above 0, at most 10", hint=source.file)
     n_y, n_x = image.shape

@@ -82,8 +82,14 @@ class ExternalMetrics:
     @property
     def geometry(self) -> BandGeometry:
         """What follows from the instrument and the size of the stamp alone."""
-        return BandGeometry(self.lambda_d_arcsec, self.pixel_scale_arcsec, self.aperture_radius_arcsec,
-                            self.mask_half_width_arcsec, self.zone, len(self.raw_contrast))  # fmt: skip
+        return BandGeometry(
+            self.lambda_d_arcsec,
+            self.pixel_scale_arcsec,
+            self.aperture_radius_arcsec,
+            self.mask_half_width_arcsec,
+            self.zone,
+            len(self.raw_contrast),
+        )
 
     @property
     def hole(self) -> NDArray[np.bool_]:
@@ -107,8 +113,9 @@ class ExternalMetrics:
 
     def core_throughput(self, x_arcsec: ArrayLike, y_arcsec: ArrayLike) -> FloatArray:
         """Energy of a unit source at (x, y) in its aperture behind the mask."""
-        return core_from_table(self.core_table, self.core_table_half_arcsec, self.mask_half_width_arcsec,
-                               x_arcsec, y_arcsec)  # fmt: skip
+        return core_from_table(
+            self.core_table, self.core_table_half_arcsec, self.mask_half_width_arcsec, x_arcsec, y_arcsec
+        )
 
 
 def stamp_metrics(

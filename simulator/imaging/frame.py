@@ -123,10 +123,14 @@ def full_star_map(psf: AnyPsf, window: Window, star_arcsec: tuple[float, float] 
         return np.zeros(window.shape)
     place = [*window.shape, *window.centre, *star_arcsec]
     key = content_hash({"optics": metrics_key(psf.instrument, psf.band), "place": place})
-    stored = compute_once(f"wide-{psf.band}-{key}", lambda: {
-        "image": wide_on_axis(psf.band, psf.instrument, window.shape, window.centre,
-                              star_arcsec=star_arcsec).astype(np.float32)
-    })  # fmt: skip
+    stored = compute_once(
+        f"wide-{psf.band}-{key}",
+        lambda: {
+            "image": wide_on_axis(
+                psf.band, psf.instrument, window.shape, window.centre, star_arcsec=star_arcsec
+            ).astype(np.float32)
+        },
+    )
     image = stored["image"].astype(np.float64)
     side = psf.on_axis.shape[0]
     if any(star_arcsec):
@@ -147,10 +151,14 @@ def star_column_light(
         return np.zeros(window.columns.size)
     place = [*window.shape, *window.centre, *star_arcsec, *np.flatnonzero(np.diff(rows)).tolist()]
     key = content_hash({"optics": metrics_key(psf.instrument, psf.band), "columns": place})
-    return compute_once(f"columns-{psf.band}-{key}", lambda: {
-        "light": wide_on_axis(psf.band, psf.instrument, window.shape, window.centre,
-                              star_arcsec=star_arcsec)[rows].sum(axis=0)
-    })["light"]  # fmt: skip
+    return compute_once(
+        f"columns-{psf.band}-{key}",
+        lambda: {
+            "light": wide_on_axis(psf.band, psf.instrument, window.shape, window.centre, star_arcsec=star_arcsec)[
+                rows
+            ].sum(axis=0)
+        },
+    )["light"]
 
 
 def _fill_core(image: FloatArray, psf: Psf, window: Window, star_arcsec: tuple[float, float], side: int) -> None:
@@ -159,8 +167,10 @@ def _fill_core(image: FloatArray, psf: Psf, window: Window, star_arcsec: tuple[f
     for axis, place in ((window.rows, star_arcsec[1]), (window.columns, star_arcsec[0])):
         middle = int(np.abs(axis - place).argmin())
         spans.append(slice(max(middle - side // 2, 0), middle + side // 2 + 1))
-    y, x = (psf.imager.axis(axis[span], masked=True)
-            for axis, span in zip((window.rows, window.columns), spans, strict=True))  # fmt: skip
+    y, x = (
+        psf.imager.axis(axis[span], masked=True)
+        for axis, span in zip((window.rows, window.columns), spans, strict=True)
+    )
     image[spans[0], spans[1]] = psf.imager.image(y, x, source_arcsec=star_arcsec)
 
 
@@ -197,8 +207,10 @@ def off_axis_light(
     """
     if not sources and not extended:
         return np.zeros(window.shape)
-    x, y = (np.array([getattr(source, f"{axis}_arcsec") for source in sources]) + shift
-            for axis, shift in zip("xy", star_arcsec, strict=True))  # fmt: skip
+    x, y = (
+        np.array([getattr(source, f"{axis}_arcsec") for source in sources]) + shift
+        for axis, shift in zip("xy", star_arcsec, strict=True)
+    )
     rates = np.array([source.rate_e_s for source in sources])
     if model == "paper":
         if isinstance(psf, ExternalPsf) or extended:

@@ -54,8 +54,9 @@ METHOD: dict[str, HoleMethod] = {"conjugation": "relinearised", "single_jacobian
 
 def _settings(instrument: Instrument) -> ControlSettings:
     hole = instrument.dark_hole
-    return replace(default_settings(hole.mode, METHOD[hole.control]), bandwidth=hole.bandwidth,
-                   hold_star=hole.hold_star)  # fmt: skip
+    return replace(
+        default_settings(hole.mode, METHOD[hole.control]), bandwidth=hole.bandwidth, hold_star=hole.hold_star
+    )
 
 
 def configured_apodizer(instrument: Instrument) -> NDArray[np.float64]:
@@ -79,16 +80,18 @@ def hole_key(instrument: Instrument, solver: Imager) -> str:
     solver : Imager
         Bare optical model on the grid of the search.
     """
-    return content_hash({
-        "schema": SCHEMA,
-        "band": solver.band,
-        "transmission": hashlib.sha256(solver.transmission.astype("<f8").tobytes()).hexdigest(),
-        "wavelengths": rounded([*solver.wavelengths_m, *solver.weights]),
-        "optics": [solver.diameter_m, solver.lambda_d_arcsec, solver.aperture_radius_arcsec, *astuple(solver.zone)],
-        "wavefront": instrument.wavefront.model_dump(mode="json", exclude={"jitter_mas"}),
-        "mirror": instrument.mirror.model_dump(mode="json", exclude={"bits", "noise_nm"}),
-        "settings": astuple(_settings(instrument)),
-    })  # fmt: skip
+    return content_hash(
+        {
+            "schema": SCHEMA,
+            "band": solver.band,
+            "transmission": hashlib.sha256(solver.transmission.astype("<f8").tobytes()).hexdigest(),
+            "wavelengths": rounded([*solver.wavelengths_m, *solver.weights]),
+            "optics": [solver.diameter_m, solver.lambda_d_arcsec, solver.aperture_radius_arcsec, *astuple(solver.zone)],
+            "wavefront": instrument.wavefront.model_dump(mode="json", exclude={"jitter_mas"}),
+            "mirror": instrument.mirror.model_dump(mode="json", exclude={"bits", "noise_nm"}),
+            "settings": astuple(_settings(instrument)),
+        }
+    )
 
 
 def shipped_hole(key: str, band: str) -> Path:
@@ -125,8 +128,10 @@ def _warn(key: str, reason: str) -> None:
 def search(instrument: Instrument, solver: Imager, aberrations: Aberrations, mirror: DeformableMirror) -> HoleResult:
     """Dig the hole of one band now."""
     zone = solver.zone
-    announce(f"digging the dark hole of {instrument.name} in {solver.band} ({zone.mode}), once: seconds on a free "
-             "processor, minutes where the hole is hard to reach")  # fmt: skip
+    announce(
+        f"digging the dark hole of {instrument.name} in {solver.band} ({zone.mode}), once: seconds on a free "
+        "processor, minutes where the hole is hard to reach"
+    )
     return solve_dark_hole(solver, aberrations, mirror, mode=zone.mode, side=zone.side, settings=_settings(instrument))
 
 

@@ -120,8 +120,17 @@ class Imager:
     @functools.cached_property
     def content_key(self) -> str:
         """Digest of everything that images depend on: equal for two models of the same optics."""
-        parts = (self.band, self.diameter_m, self.pixel_scale_arcsec, self.mask_half_width_arcsec, self.knobs,
-                 self.aperture_radius_arcsec, self.zone, self.lambda_d_arcsec, self.jitter_arcsec)  # fmt: skip
+        parts = (
+            self.band,
+            self.diameter_m,
+            self.pixel_scale_arcsec,
+            self.mask_half_width_arcsec,
+            self.knobs,
+            self.aperture_radius_arcsec,
+            self.zone,
+            self.lambda_d_arcsec,
+            self.jitter_arcsec,
+        )
         digest = hashlib.sha256(repr(parts).encode())
         maps = [] if self.static is None else [self.static.opd_nm, self.static.amplitude]
         for array in (self.wavelengths_m, self.weights, self.transmission, *maps):
@@ -195,8 +204,15 @@ class Imager:
         matrix: ComplexArray = np.exp(-2j * np.pi * np.outer(frequency, position)) * envelope[:, None]
         return matrix.astype(self.knobs.field_dtype, copy=False)
 
-    def field(self, index: int, y_arcsec: FloatArray, x_arcsec: FloatArray, *, opd_nm: FloatArray | None = None,
-              engine: Engine = "matrix") -> ComplexArray:  # fmt: skip
+    def field(
+        self,
+        index: int,
+        y_arcsec: FloatArray,
+        x_arcsec: FloatArray,
+        *,
+        opd_nm: FloatArray | None = None,
+        engine: Engine = "matrix",
+    ) -> ComplexArray:
         """Focal-plane field of an on-axis unit source at one wavelength, per square root of steradian.
 
         Parameters
@@ -230,17 +246,26 @@ class Imager:
         step = self.diameter_m / n / wavelength
         return np.asarray(answer * np.sinc(y * step)[:, None] * np.sinc(x * step), dtype=np.complex128)
 
-    def intensity(self, y_arcsec: FloatArray, x_arcsec: FloatArray, *, opd_nm: FloatArray | None = None,
-                  engine: Engine = "matrix") -> FloatArray:  # fmt: skip
+    def intensity(
+        self, y_arcsec: FloatArray, x_arcsec: FloatArray, *, opd_nm: FloatArray | None = None, engine: Engine = "matrix"
+    ) -> FloatArray:
         """Band-averaged intensity, as energy per detector pixel area, without jitter."""
         if engine == "matrix":
             return self._grid(y_arcsec, x_arcsec).intensity(opd_nm)
-        fields = (self.field(index, y_arcsec, x_arcsec, opd_nm=opd_nm, engine=engine)
-                  for index in range(self.weights.size))  # fmt: skip
+        fields = (
+            self.field(index, y_arcsec, x_arcsec, opd_nm=opd_nm, engine=engine) for index in range(self.weights.size)
+        )
         return self._summed(fields, (len(y_arcsec), len(x_arcsec)))
 
-    def image(self, y: PixelAxis, x: PixelAxis, *, source_arcsec: tuple[float, float] = (0.0, 0.0),
-              opd_nm: FloatArray | None = None, engine: Engine = "matrix") -> FloatArray:  # fmt: skip
+    def image(
+        self,
+        y: PixelAxis,
+        x: PixelAxis,
+        *,
+        source_arcsec: tuple[float, float] = (0.0, 0.0),
+        opd_nm: FloatArray | None = None,
+        engine: Engine = "matrix",
+    ) -> FloatArray:
         """Pixel-integrated image of a unit source at ``source_arcsec = (x, y)``.
 
         A source off the axis shifts the field and leaves the mask where it is (there is no Lyot stop, so the

@@ -132,8 +132,14 @@ class PsfMetrics:
     @property
     def geometry(self) -> BandGeometry:
         """What holds at any numerical settings."""
-        return BandGeometry(self.lambda_d_arcsec, self.pixel_scale_arcsec, self.aperture_radius_arcsec,
-                            self.mask_half_width_arcsec, self.zone, len(self.raw_contrast))  # fmt: skip
+        return BandGeometry(
+            self.lambda_d_arcsec,
+            self.pixel_scale_arcsec,
+            self.aperture_radius_arcsec,
+            self.mask_half_width_arcsec,
+            self.zone,
+            len(self.raw_contrast),
+        )
 
     @property
     def hole(self) -> NDArray[np.bool_]:
@@ -218,8 +224,11 @@ class PsfMetrics:
         pixels = np.asarray(separation_arcsec, dtype=np.float64) / self.pixel_scale_arcsec
         radius = np.arange(len(self.wing_profile))
         outside = float((self.wing_profile[-60:] * radius[-60:] ** 3.0).mean())
-        return np.where(pixels <= radius[-1], np.interp(pixels, radius, self.wing_profile),
-                        outside / np.maximum(pixels, radius[-1]) ** 3)  # fmt: skip
+        return np.where(
+            pixels <= radius[-1],
+            np.interp(pixels, radius, self.wing_profile),
+            outside / np.maximum(pixels, radius[-1]) ** 3,
+        )
 
     def wing_at(self, x_arcsec: ArrayLike, y_arcsec: ArrayLike) -> FloatArray:
         """Light per pixel that a source leaves at an offset (x, y) from itself, smoothed over a step of the map.
@@ -333,6 +342,10 @@ def _bilinear(table: FloatArray, row: FloatArray, column: FloatArray) -> FloatAr
     i = np.clip(row.astype(int), 0, table.shape[0] - 2)
     j = np.clip(column.astype(int), 0, table.shape[1] - 2)
     p, q = row - i, column - j
-    value: FloatArray = (table[i, j] * (1 - p) * (1 - q) + table[i + 1, j] * p * (1 - q)
-                         + table[i, j + 1] * (1 - p) * q + table[i + 1, j + 1] * p * q)  # fmt: skip
+    value: FloatArray = (
+        table[i, j] * (1 - p) * (1 - q)
+        + table[i + 1, j] * p * (1 - q)
+        + table[i, j + 1] * (1 - p) * q
+        + table[i + 1, j + 1] * p * q
+    )
     return value

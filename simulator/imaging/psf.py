@@ -109,8 +109,12 @@ class Psf:
         reach = self.imager.zone.outer_arcsec + self.imager.aperture_radius_arcsec
         least = 2 * math.ceil(reach / self.pixel_scale_arcsec) + 1
         if self.knobs.stamp_pixels < least:
-            raise InputError("stamp_pixels", self.knobs.stamp_pixels, unit="px",
-                             allowed=f"at least {least} for metrics: the dark hole and an aperture")  # fmt: skip
+            raise InputError(
+                "stamp_pixels",
+                self.knobs.stamp_pixels,
+                unit="px",
+                allowed=f"at least {least} for metrics: the dark hole and an aperture",
+            )
         figures = stamp_figures(self.imager, self.on_axis, self.off_axis) | {"strehl": strehl(self.imager)}
         arrays = stored.to_arrays() | {name: np.asarray(value) for name, value in figures.items()}
         return PsfMetrics.from_arrays(arrays)
@@ -263,8 +267,14 @@ def _stamp(imager: Imager, *, masked: bool, engine: Engine) -> FloatArray:
     if engine == "matrix" and imager.knobs.stamp_pixels >= LARGE_STAMP_PIXELS:
         centres = centred_axis(imager.knobs.stamp_pixels, imager.pixel_scale_arcsec)
         width = imager.mask_half_width_arcsec if masked else 0.0
-        return scene_image(band_transfer(imager), centres, centres, imager.pixel_scale_arcsec,
-                           PointSources([0.0], [0.0], [1.0]), mask_half_width_arcsec=width)  # fmt: skip
+        return scene_image(
+            band_transfer(imager),
+            centres,
+            centres,
+            imager.pixel_scale_arcsec,
+            PointSources([0.0], [0.0], [1.0]),
+            mask_half_width_arcsec=width,
+        )
     axis = imager.stamp_axis(masked=masked)
     return imager.image(axis, axis, engine=engine)
 

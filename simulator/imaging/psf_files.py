@@ -91,8 +91,12 @@ def _fits_bytes(known: dict[str, Any]) -> bytes:
 def _from_npz(path: str | Path, file: MapFile) -> StampFile:
     off_axis, on_axis, band = (file.named(name) for name in ("off_axis", "on_axis", "band"))
     if off_axis is None:
-        raise InputError("psf", str(path), allowed="an npz file with an array named off_axis",
-                         hint=f"it has {', '.join(item.name for item in file.maps)}")  # fmt: skip
+        raise InputError(
+            "psf",
+            str(path),
+            allowed="an npz file with an array named off_axis",
+            hint=f"it has {', '.join(item.name for item in file.maps)}",
+        )
     numbers: dict[str, float] = {}
     for name in ("pixel_scale_arcsec", *_CARDS):
         item = file.named(name)
@@ -115,13 +119,26 @@ def _from_fits(path: str | Path, file: MapFile) -> StampFile:
     if off_axis is None and on_axis is None and len(file.maps) == 1:
         off_axis = file.maps[0]
     if off_axis is None:
-        raise InputError("psf", str(path), allowed="a FITS file with an image OFF_AXIS, or a single image",
-                         hint=f"its images are {[item.name for item in file.maps]}")  # fmt: skip
-    scales = [scale for item in (off_axis, on_axis) if item is not None
-              if (scale := pixel_scale("psf", path, item.header)) is not None]  # fmt: skip
+        raise InputError(
+            "psf",
+            str(path),
+            allowed="a FITS file with an image OFF_AXIS, or a single image",
+            hint=f"its images are {[item.name for item in file.maps]}",
+        )
+    scales = [
+        scale
+        for item in (off_axis, on_axis)
+        if item is not None
+        if (scale := pixel_scale("psf", path, item.header)) is not None
+    ]
     if scales and abs(scales[-1] / scales[0] - 1) > SCALE_TOLERANCE:
         raise InputError("psf pixel_scale_arcsec", scales[-1], unit="arcsec", allowed=f"that of OFF_AXIS, {scales[0]}")
     numbers = {name: header_number("psf", path, off_axis.header, card) for name, card in _CARDS.items()}
     named = [str(off_axis.header[card]).strip() for card in _BAND_CARDS if card in off_axis.header]
-    return StampFile(off_axis.data, None if on_axis is None else on_axis.data,
-                     scales[0] if scales else None, next(iter(named), None), **numbers)  # fmt: skip
+    return StampFile(
+        off_axis.data,
+        None if on_axis is None else on_axis.data,
+        scales[0] if scales else None,
+        next(iter(named), None),
+        **numbers,
+    )

@@ -56,23 +56,29 @@ def metrics_key(instrument: Instrument, band: str) -> str:
         nodes = Passbands.from_instrument(instrument).wavelength_nodes(band, Knobs().wavelength_nodes)
         edges = [*edges, *(rounded(part) for part in nodes)]
     surface = instrument.dark_hole.surface_files.get(band)
-    return content_hash({
-        "schema": [SCHEMA, HOLE_SCHEMA],
-        "fields": [field.name for field in fields(PsfMetrics)],
-        "band": band,
-        "edges": edges,
-        "apodizer": hashlib.sha256(mask.astype("<f8").tobytes()).hexdigest(),
-        "telescope": instrument.telescope.model_dump(mode="json"),
-        "geometry": [instrument.hole_inner_arcsec(band), instrument.hole_outer_arcsec(band),
-                     instrument.mask_half_width_arcsec(band), instrument.aperture_radius_arcsec(band),
-                     instrument.pixel_scale_arcsec(band)],
-        "wavefront": instrument.wavefront.model_dump(mode="json"),
-        "mirror": instrument.mirror.model_dump(mode="json"),
-        "dark_hole": instrument.dark_hole.model_dump(mode="json", exclude={"surface_files"}),
-        "surface": surface and hashlib.sha256(load_dm_surface(surface).astype("<f8").tobytes()).hexdigest(),
-        "psd_slope": instrument.drift.psd_slope,
-        "knobs": Knobs().model_dump(mode="json"),
-    })  # fmt: skip
+    return content_hash(
+        {
+            "schema": [SCHEMA, HOLE_SCHEMA],
+            "fields": [field.name for field in fields(PsfMetrics)],
+            "band": band,
+            "edges": edges,
+            "apodizer": hashlib.sha256(mask.astype("<f8").tobytes()).hexdigest(),
+            "telescope": instrument.telescope.model_dump(mode="json"),
+            "geometry": [
+                instrument.hole_inner_arcsec(band),
+                instrument.hole_outer_arcsec(band),
+                instrument.mask_half_width_arcsec(band),
+                instrument.aperture_radius_arcsec(band),
+                instrument.pixel_scale_arcsec(band),
+            ],
+            "wavefront": instrument.wavefront.model_dump(mode="json"),
+            "mirror": instrument.mirror.model_dump(mode="json"),
+            "dark_hole": instrument.dark_hole.model_dump(mode="json", exclude={"surface_files"}),
+            "surface": surface and hashlib.sha256(load_dm_surface(surface).astype("<f8").tobytes()).hexdigest(),
+            "psd_slope": instrument.drift.psd_slope,
+            "knobs": Knobs().model_dump(mode="json"),
+        }
+    )
 
 
 def shipped_metrics(key: str, band: str) -> Path:

@@ -136,9 +136,13 @@ class TransferFunction:
         period = length + 4.0 * bell
         count = _odd_fast_length(period * 2.0 * (self.cutoff_per_arcsec + BELL_PRODUCT / bell))
         if count > LONGEST_AXIS:
-            raise InputError("scene", round(length, 1), unit="arcsec from end to end, window and sources together",
-                             allowed=f"up to about {LONGEST_AXIS / 2.5 / self.cutoff_per_arcsec:.0f} arcsec",
-                             hint="image its parts one by one and add them")  # fmt: skip
+            raise InputError(
+                "scene",
+                round(length, 1),
+                unit="arcsec from end to end, window and sources together",
+                allowed=f"up to about {LONGEST_AXIS / 2.5 / self.cutoff_per_arcsec:.0f} arcsec",
+                hint="image its parts one by one and add them",
+            )
         centre = 0.5 * (low + high)
         return FrequencyAxis(centre - length / 2.0, centre + length / 2.0, period, count, centre)
 
@@ -240,8 +244,13 @@ class KernelTransfer:
         farthest = max(abs(low_arcsec), abs(high_arcsec))
         count = _odd_fast_length((farthest + self.reach_arcsec) / self.pixel_scale_arcsec + self.kernel.shape[0] // 2)
         if count > LONGEST_AXIS:
-            raise InputError("scene", round(high_arcsec - low_arcsec, 1), unit="arcsec from end to end",
-                             allowed=f"up to {LONGEST_AXIS} pixels", hint="image its parts one by one")  # fmt: skip
+            raise InputError(
+                "scene",
+                round(high_arcsec - low_arcsec, 1),
+                unit="arcsec from end to end",
+                allowed=f"up to {LONGEST_AXIS} pixels",
+                hint="image its parts one by one",
+            )
         return FrequencyAxis(low_arcsec, high_arcsec, count * self.pixel_scale_arcsec, count, 0.0)
 
     def values(self, y: FrequencyAxis, x: FrequencyAxis) -> ComplexArray:

@@ -51,10 +51,12 @@ def _calibrated(case: CameraCase) -> dict[str, Sizes]:
         change = flaw.response * (case.sketch.total_e_s * t) + flaw.dark_e_s * t
         beyond = flaw.most_response * outside + flaw.most_dark_e_s * t
         parts = [
-            (float((weight * flaw.response[place]).sum()),
-             float((planet.weights**2 * flaw.dark_e_s[planet.place]).sum()))
+            (
+                float((weight * flaw.response[place]).sum()),
+                float((planet.weights**2 * flaw.dark_e_s[planet.place]).sum()),
+            )
             for (place, weight), planet in zip(case.cores, case.sketch.planets, strict=True)
-        ]  # fmt: skip
+        ]
         flux = _CORE_MARGIN * max((part[0] for part in parts), default=0.0)
         added = case.snr_added([counts * part[1] * t for part in parts])
         found[key] = _sizes(case.mean_change(np.concatenate([change.ravel(), beyond])), flux, flux + added)
@@ -82,7 +84,9 @@ def _charge(case: CameraCase) -> dict[str, Sizes]:
         "dark": _sizes(case.mean_change(noise.dark_e), snr=case.snr_share("dark", "flaws")),
         "smear": _sizes(case.mean_change(smear), own, own + _SMEAR_MARGIN * case.snr_share("smear")),
         "cosmic_rays": _sizes(
-            0.0 if case.reduced else case.variance_change(noise.factor2 * hits, inside=False)
+            0.0
+            if case.reduced
+            else case.variance_change(noise.factor2 * hits, inside=False)
             + case.mean_change(case.hits_per_s * t * case.hits.mean_e),
             snr=struck,
         ),
@@ -94,7 +98,7 @@ def _charge(case: CameraCase) -> dict[str, Sizes]:
             case.variance_change((noise.factor2 - 1.0) * (counted + noise.clock_e)),
             snr=case.snr_share(*_COUNTED, "clock", factor=(noise.factor2 - 1.0) / noise.factor2),
         ),
-    } | _transfers(case, hits)  # fmt: skip
+    } | _transfers(case, hits)
 
 
 def _transfers(case: CameraCase, hits_e2: float) -> dict[str, Sizes]:
@@ -105,13 +109,14 @@ def _transfers(case: CameraCase, hits_e2: float) -> dict[str, Sizes]:
     struck = case.variance_change(case.noise.factor2 * hits_e2, inside=False)
     near, counts = case.edge_arcsec, case.n_frames * case.noise.factor2 * case.noise.photons
     hot_e = (case.flaws["bad_pixels"].dark_e_s + case.flaws["bad_columns"].dark_e_s) * case.exposure_s
-    beside = [0.0 if case.reduced else counts * float(hot_e[planet.place].sum())
-              for planet in case.sketch.planets]  # fmt: skip
+    beside = [0.0 if case.reduced else counts * float(hot_e[planet.place].sum()) for planet in case.sketch.planets]
     found = {}
     for axis, (key, c, first, size) in enumerate(
-        (("parallel_cti", clocks.parallel_cti, case.first_pixel[0] + clocks.store_rows, case.detector.n_rows),
-         ("serial_cti", clocks.serial_cti, case.first_pixel[1] + clocks.serial_elements, case.detector.n_columns))
-    ):  # fmt: skip
+        (
+            ("parallel_cti", clocks.parallel_cti, case.first_pixel[0] + clocks.store_rows, case.detector.n_rows),
+            ("serial_cti", clocks.serial_cti, case.first_pixel[1] + clocks.serial_elements, case.detector.n_columns),
+        )
+    ):
         share = 1.0 - math.exp(-c * (first + len(stamp) + 1))
         step = np.abs(np.diff(stamp, axis=axis, prepend=0.0))
         edge = 1.0 - math.exp(-c * (size + (clocks.serial_elements if axis else clocks.store_rows)))

@@ -276,8 +276,12 @@ class _Chooser:
         each = stamp_s(self.knobs)
         for value in self.forecast.knob_sizes["drift_epochs"]:
             if value < self.epochs and "drift_epochs" not in self.fixed:
-                yield _Item("drift_epochs", value, self._change("drift_epochs", self.epochs, value),
-                            each * (self.epochs - value))  # fmt: skip
+                yield _Item(
+                    "drift_epochs",
+                    value,
+                    self._change("drift_epochs", self.epochs, value),
+                    each * (self.epochs - value),
+                )
         if tier != "custom":
             return
         stamps = self.epochs + 2
@@ -291,8 +295,7 @@ class _Chooser:
                     yield _Item(name, value, sizes, stamps * (each - cheaper))
         if self.knobs.precision == "double" and "precision" not in self.fixed:
             cheaper = stamp_s(self.knobs.model_copy(update={"precision": "single"}))
-            yield _Item("precision", "single", self._knob_sizes("precision", "single"),
-                        stamps * (each - cheaper))  # fmt: skip
+            yield _Item("precision", "single", self._knob_sizes("precision", "single"), stamps * (each - cheaper))
 
     def _choice(self) -> Choice:
         errors = {name: error_of(name, self.spent[name]) for name in self.asked}

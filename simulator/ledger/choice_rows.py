@@ -85,8 +85,11 @@ def choice_rows(forecast: Forecast, chosen: Chosen) -> tuple[EffectRow, ...]:
 
 
 def _optics(chosen: Chosen) -> Iterator[EffectRow]:
-    for key, words in (("wavelength_nodes", "wavelengths a band"), ("pixel_nodes", "nodes a pixel"),
-                       ("precision", "precision of the field")):  # fmt: skip
+    for key, words in (
+        ("wavelength_nodes", "wavelengths a band"),
+        ("pixel_nodes", "nodes a pixel"),
+        ("precision", "precision of the field"),
+    ):
         value, most = getattr(chosen.knobs, key), getattr(chosen.finest, key)
         size = chosen.size(chosen.knob_sizes(key, value))
         reason = f"{value}" if value == most else f"{value} instead of {most}"
@@ -98,8 +101,13 @@ def _optics(chosen: Chosen) -> Iterator[EffectRow]:
 def _drawing(forecast: Forecast, chosen: Chosen) -> Iterator[EffectRow]:
     fewer = chosen.epochs < forecast.max_epochs
     reason = f"{chosen.epochs} instead of {forecast.max_epochs}" if fewer else f"{chosen.epochs}"
-    yield EffectRow("epochs of the wavefront", "skipped" if fewer else "kept", reason, "drift_epochs",
-                    chosen.size(chosen.fewer_epochs))  # fmt: skip
+    yield EffectRow(
+        "epochs of the wavefront",
+        "skipped" if fewer else "kept",
+        reason,
+        "drift_epochs",
+        chosen.size(chosen.fewer_epochs),
+    )
     frames = "frames one by one"
     if chosen.sums:
         yield EffectRow(frames, "skipped", "one draw an epoch has the law of its frames", "summed_frames", 0.0)
@@ -113,5 +121,10 @@ def _drawing(forecast: Forecast, chosen: Chosen) -> Iterator[EffectRow]:
     else:
         yield EffectRow(around, "skipped", chosen.reason(forecast.sizes["hole_region"]), "hole_region", size)
     place = "place of every source behind the mask"
-    yield EffectRow(place, "kept", "exact costs no more than one image for all", "off_mask_psf",
-                    chosen.size(forecast.sizes["off_mask_psf"]))  # fmt: skip
+    yield EffectRow(
+        place,
+        "kept",
+        "exact costs no more than one image for all",
+        "off_mask_psf",
+        chosen.size(forecast.sizes["off_mask_psf"]),
+    )

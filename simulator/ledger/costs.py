@@ -27,8 +27,15 @@ FRAME_S = {
     "stripes": 5e-5,
 }
 """Seconds a frame of each effect on the window around the hole."""
-SET_UP_S = {"flat": 2e-4, "dark": 5e-5, "dark_structure": 2e-4, "bad_pixels": 1e-4, "bad_columns": 1e-4, "smear": 5e-5,
-            "sky": 1e-3}  # fmt: skip
+SET_UP_S = {
+    "flat": 2e-4,
+    "dark": 5e-5,
+    "dark_structure": 2e-4,
+    "bad_pixels": 1e-4,
+    "bad_columns": 1e-4,
+    "smear": 5e-5,
+    "sky": 1e-3,
+}
 """Seconds a sequence of what is worked out once."""
 WHOLE_FRAME_S = 3e-3
 """Seconds a frame with everything."""

@@ -230,14 +230,17 @@ def sketch_of(
     far = [i for i in range(1, len(sources)) if i not in near]
     x_far, y_far = np.array([places[i] for i in far]).reshape(-1, 2).T
     outer = FarLights.of(metrics, np.array([sources[i].rate_e_s for i in far]), x_far, y_far, half, open_map)
-    total, least, most = (part + factor * outer.total_e_s for part, factor in
-                          ((total, 1.0), (least, _LEAST), (most, MOST)))  # fmt: skip
+    total, least, most = (
+        part + factor * outer.total_e_s for part, factor in ((total, 1.0), (least, _LEAST), (most, MOST))
+    )
     far_inside = {
-        j: outer.sums_e_s(place, weights) if weights.size else
-        np.array([sources[i].rate_e_s for i in far])
-        * wing(metrics, places[j][0] - x_far, places[j][1] - y_far) * metrics.aperture_pixels
+        j: outer.sums_e_s(place, weights)
+        if weights.size
+        else np.array([sources[i].rate_e_s for i in far])
+        * wing(metrics, places[j][0] - x_far, places[j][1] - y_far)
+        * metrics.aperture_pixels
         for j, (place, weights) in apertures.items()
-    }  # fmt: skip
+    }
     row_of = {i: row for row, i in enumerate(far)}
     for i, source in enumerate(sources[1:], start=1):
         x, y = places[i]
@@ -248,11 +251,16 @@ def sketch_of(
             peak = max(float(light.max()), MOST * float(light[beside].max(initial=0.0)))
             total, least = total + light, least + _LEAST * light
             most = most + np.minimum(MOST * light, source.rate_e_s * metrics.peak_off_axis * open_map)
-            inside = np.array([
-                float((weights * light[place]).sum()) if weights.size else
-                source.rate_e_s * float(wing(metrics, places[j][0] - x, places[j][1] - y)) * metrics.aperture_pixels
-                for j, (place, weights) in apertures.items()
-            ])  # fmt: skip
+            inside = np.array(
+                [
+                    float((weights * light[place]).sum())
+                    if weights.size
+                    else source.rate_e_s
+                    * float(wing(metrics, places[j][0] - x, places[j][1] - y))
+                    * metrics.aperture_pixels
+                    for j, (place, weights) in apertures.items()
+                ]
+            )
         else:
             peak = float(outer.peak_e_s[row_of[i]])
             inside = np.array([sums[row_of[i]] for sums in far_inside.values()])

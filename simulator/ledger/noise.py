@@ -52,8 +52,14 @@ class FrameNoise:
             if detector.switches.em_register:
                 factor2 = float(excess_noise_factor2(em_gain, detector.register_stages))
             clock = detector.cic_e if detector.switches.clock_charge else 0.0
-        return cls(factor2, clock, read, detector.gain_e_adu**2 / 12.0 / em_gain**2,
-                   dark_e if switches.dark else 0.0, switches.photon_noise)  # fmt: skip
+        return cls(
+            factor2,
+            clock,
+            read,
+            detector.gain_e_adu**2 / 12.0 / em_gain**2,
+            dark_e if switches.dark else 0.0,
+            switches.photon_noise,
+        )
 
     def variance_e2(self, light_e: FloatArray | float) -> FloatArray:
         """Of pixels that light leaves so many electrons in."""

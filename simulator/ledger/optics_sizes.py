@@ -127,9 +127,10 @@ class OpticsCase:
         change = change + _OTHERS_NOISE * sum(source.peak_e_s for source in case.sketch.sources)
         halos = [
             float(precision_error_e_s(planet.halo_e_s / case.sketch.aperture_pixels, peak))
-            * case.sketch.aperture_pixels / max(planet.halo_e_s, 1e-300)
+            * case.sketch.aperture_pixels
+            / max(planet.halo_e_s, 1e-300)
             for planet in case.sketch.planets
-        ]  # fmt: skip
+        ]
         return self._of(change * case.exposure_s, 1e-7, halos, halos)
 
     def epochs(self, n_epochs: int) -> Sizes:
@@ -149,8 +150,7 @@ class OpticsCase:
     def no_drift(self) -> Sizes:
         """Of a wavefront that stands still."""
         rms = math.hypot(self.drift.visit_nm, self.drift.walk_nm_per_sqrt_hour * math.sqrt(self.visit_s / 3600.0))
-        return {"planet_flux": 0.0, "snr": max(self.speckle_share, default=0.0),
-                "pixel_map": self._speckles(rms)}  # fmt: skip
+        return {"planet_flux": 0.0, "snr": max(self.speckle_share, default=0.0), "pixel_map": self._speckles(rms)}
 
     def _speckles(self, rms_nm: float) -> float:
         """Largest change of a pixel by a wavefront error."""
@@ -176,8 +176,11 @@ class OpticsCase:
         """Of light spread over many pixels."""
         case = self.camera
         added = self._white(np.full(len(case.variances), aperture_e_s))
-        return {"planet_flux": 0.0, "snr": case.snr_added(added),
-                "pixel_map": case.mean_change(pixel_e_s * case.exposure_s)}  # fmt: skip
+        return {
+            "planet_flux": 0.0,
+            "snr": case.snr_added(added),
+            "pixel_map": case.mean_change(pixel_e_s * case.exposure_s),
+        }
 
     def _white(self, aperture_e_s: FloatArray) -> list[float]:
         case = self.camera
@@ -199,8 +202,11 @@ class OpticsCase:
         ):
             part = 0.5 * variances["halo"] / max(sum(variances.values()), 1e-300)
             parts.append(min(halo, LARGEST) * part + min(speckle, LARGEST) * share)
-        return {"planet_flux": flux, "snr": flux + max(parts, default=0.0),
-                "pixel_map": self.camera.mean_change(self._padded(change_e))}  # fmt: skip
+        return {
+            "planet_flux": flux,
+            "snr": flux + max(parts, default=0.0),
+            "pixel_map": self.camera.mean_change(self._padded(change_e)),
+        }
 
 
 def _box(image: FloatArray, reach: int, *, largest: bool) -> FloatArray:

@@ -122,10 +122,21 @@ def forecast(
     pixel over its standard deviation in one frame. Nothing is propagated or drawn (but 1500 tracks of particles, once).
     """
     visit = visit_of(
-        scene, instrument, band=band, exposure_s=exposure_s, n_frames=n_frames, em_gain=em_gain, roll_deg=roll_deg,
-        star_offset_arcsec=star_offset_arcsec, start_utc=start_utc, switches=switches, planets=planets,
-        reduced=reduced, full=full, max_epochs=max_epochs,
-    )  # fmt: skip
+        scene,
+        instrument,
+        band=band,
+        exposure_s=exposure_s,
+        n_frames=n_frames,
+        em_gain=em_gain,
+        roll_deg=roll_deg,
+        star_offset_arcsec=star_offset_arcsec,
+        start_utc=start_utc,
+        switches=switches,
+        planets=planets,
+        reduced=reduced,
+        full=full,
+        max_epochs=max_epochs,
+    )
     case, optics, figures = visit.camera, visit.optics, visit.metrics
     visible = instrument.band(band).camera == "VIS"
     sizes: dict[str, Sizes] = camera_sizes(case) if visible else {}
@@ -135,14 +146,20 @@ def forecast(
             item.rate_e_s * figures.peak_off_axis, item.rate_e_s * figures.core_open
         )
     knobs = _knob_sizes(optics, optics.n_epochs)
-    sizes |= {"off_mask_psf": _off_mask(case.sketch), "drift": optics.no_drift(),
-              "pupil_samples": _nothing()}  # fmt: skip
+    sizes |= {"off_mask_psf": _off_mask(case.sketch), "drift": optics.no_drift(), "pupil_samples": _nothing()}
     sizes |= {name: knobs[name][getattr(Knobs(), name)] for name in ("wavelength_nodes", "pixel_nodes")}
     sizes |= {"precision": knobs["precision"]["single"], "drift_epochs": knobs["drift_epochs"][1]}
     sizes["hole_region"] = _hole_region(case)
-    rows = effect_ledger(scene, visit.switched, band=band, scene_model=scene_model,
-                         hole_state=figures.hole_state, sky=visit.sky, stray=visit.stray,
-                         start_utc=visit.start_utc)  # fmt: skip
+    rows = effect_ledger(
+        scene,
+        visit.switched,
+        band=band,
+        scene_model=scene_model,
+        hole_state=figures.hole_state,
+        sky=visit.sky,
+        stray=visit.stray,
+        start_utc=visit.start_utc,
+    )
     for row in rows:  # what does not exist has no size
         if row.decision == "skipped" and row.key in sizes and row.key != "source_positions":
             sizes[row.key] = _nothing()
@@ -217,7 +234,8 @@ def _hole_region(case: CameraCase) -> Sizes:
     if limit:
         spill = Spill(dataclasses.replace(case, full=True))
         reached = case.over_planets(
-            lambda planet: float(not planet.weights.size or spill.blooms_into(*planet.place)
-                                 or spill.trails_into(*planet.place))
-        )  # fmt: skip
+            lambda planet: float(
+                not planet.weights.size or spill.blooms_into(*planet.place) or spill.trails_into(*planet.place)
+            )
+        )
     return {"planet_flux": reached, "snr": reached, "pixel_map": limit}

@@ -16,8 +16,19 @@ from simulator.outcome import Outcome, Reason, Status
 __all__ = ["NOT_IN_SUMS", "sums_possible"]
 
 # What a reduction takes out (flaws, bias, particles) or what moves charge between pixels: sums of frames leave it out.
-NOT_IN_SUMS = ("flat", "dark_structure", "bad_pixels", "bad_columns", "cosmic_rays", "nonlinearity", "parallel_cti",
-                "serial_cti", "stripes", "interference", "bias_drift")  # fmt: skip
+NOT_IN_SUMS = (
+    "flat",
+    "dark_structure",
+    "bad_pixels",
+    "bad_columns",
+    "cosmic_rays",
+    "nonlinearity",
+    "parallel_cti",
+    "serial_cti",
+    "stripes",
+    "interference",
+    "bias_drift",
+)
 _SIGMA = 8.0
 
 

@@ -99,19 +99,29 @@ def visit_of(
     measured = _measured(sources, planets)
     figures = psf_metrics(instrument, band)
     detector = switched.detector_of(band)
-    sky = sky_rate_e_s_arcsec2(instrument, band, ra_deg=scene.cstar.ra_deg, dec_deg=scene.cstar.dec_deg,
-                               start_utc=start)  # fmt: skip
+    sky = sky_rate_e_s_arcsec2(
+        instrument, band, ra_deg=scene.cstar.ra_deg, dec_deg=scene.cstar.dec_deg, start_utc=start
+    )
     side = len(figures.raw_contrast)
     corner = (detector.star_row - side // 2, detector.star_column - side // 2)
-    stray = stray_light_parts(instrument, band, (detector.n_rows, detector.n_columns), first_pixel=corner,
-                              window=(side, side))  # fmt: skip
+    stray = stray_light_parts(
+        instrument, band, (detector.n_rows, detector.n_columns), first_pixel=corner, window=(side, side)
+    )
     visit_s = n_frames * (exposure_s + detector.readout_s)
     drift = instrument.drift
     rms_nm = math.hypot(drift.visit_nm, drift.walk_nm_per_sqrt_hour * math.sqrt(visit_s / 3600.0))
     sketch = sketch_of(
-        instrument, band, figures, sources, measured=measured, full=full, star_offset_arcsec=star_offset_arcsec,
-        sky_e_s_arcsec2=sky.rate_e_s_arcsec2, stray_e_s=_mean_stray(stray), drift_nm=rms_nm,
-    )  # fmt: skip
+        instrument,
+        band,
+        figures,
+        sources,
+        measured=measured,
+        full=full,
+        star_offset_arcsec=star_offset_arcsec,
+        sky_e_s_arcsec2=sky.rate_e_s_arcsec2,
+        stray_e_s=_mean_stray(stray),
+        drift_nm=rms_nm,
+    )
     dark_e_s = dark_rate_e_s(detector) if isinstance(detector, Detector) else detector.dark_e_s
     noise = FrameNoise.of(detector, em_gain, dark_e_s * exposure_s)
     smeared = isinstance(detector, Detector) and detector.switches.smear and exposure_s > 0
@@ -119,14 +129,22 @@ def visit_of(
     star_e_s, moved = sources[0].rate_e_s, any(star_offset_arcsec)
     speckles = [_speckles(figures, drift, planet, star_e_s, visit_s, still=moved) for planet in sketch.planets]
     variances = tuple(
-        visit_variance_e2(planet, sketch, noise, source_noise_fraction=figures.source_noise_fraction,
-                          exposure_s=exposure_s, n_frames=n_frames, speckle_e_s=speckle[0],
-                          line_shift_s=line_shift_s,
-                          flaws_e=0.0 if reduced else _flaws_e(detector, corner, side, planet) * exposure_s)
+        visit_variance_e2(
+            planet,
+            sketch,
+            noise,
+            source_noise_fraction=figures.source_noise_fraction,
+            exposure_s=exposure_s,
+            n_frames=n_frames,
+            speckle_e_s=speckle[0],
+            line_shift_s=line_shift_s,
+            flaws_e=0.0 if reduced else _flaws_e(detector, corner, side, planet) * exposure_s,
+        )
         for planet, speckle in zip(sketch.planets, speckles, strict=True)
-    )  # fmt: skip
-    shares = [_shares(variance, speckle, n_frames * exposure_s)
-              for variance, speckle in zip(variances, speckles, strict=True)]  # fmt: skip
+    )
+    shares = [
+        _shares(variance, speckle, n_frames * exposure_s) for variance, speckle in zip(variances, speckles, strict=True)
+    ]
     counts = n_frames * noise.factor2 * noise.photons * exposure_s * sketch.noise_pixels / sketch.aperture_pixels
     rays = instrument.cosmic_rays
     rate = cosmic_ray_rate(rays, start) if detector.switches.cosmic_rays else 0.0
@@ -156,8 +174,12 @@ def visit_of(
     optics = OpticsCase(
         camera=case,
         metrics=figures,
-        optics=Optics((high - low) / (0.5 * (high + low)), figures.lambda_d_arcsec, figures.pixel_scale_arcsec,
-                      instrument.wavefront.jitter_mas * 1e-3),
+        optics=Optics(
+            (high - low) / (0.5 * (high + low)),
+            figures.lambda_d_arcsec,
+            figures.pixel_scale_arcsec,
+            instrument.wavefront.jitter_mas * 1e-3,
+        ),
         drift=drift,
         star_e_s=star_e_s,
         wavelength_nm=instrument.band(band).center_nm,
@@ -166,7 +188,7 @@ def visit_of(
         speckle_share=tuple(part[0] for part in shares),
         walk_share=tuple(part[1] for part in shares),
         moved=moved,
-    )  # fmt: skip
+    )
     return Visit(tuple(sources), measured, figures, switched, start, sky, stray, case, optics)
 
 
@@ -195,10 +217,14 @@ def _speckles(
         return 0.0, 0.0, 0.0
     where = math.hypot(planet.x_arcsec, planet.y_arcsec)
     floor, frozen = (
-        star_e_s * float(metrics.rdi_floor(drift.visit_nm, walk_nm_per_sqrt_hour=walk, visit_hours=visit_s / 3600.0,
-                                           separation_arcsec=where))
+        star_e_s
+        * float(
+            metrics.rdi_floor(
+                drift.visit_nm, walk_nm_per_sqrt_hour=walk, visit_hours=visit_s / 3600.0, separation_arcsec=where
+            )
+        )
         for walk in (drift.walk_nm_per_sqrt_hour, 0.0)
-    )  # fmt: skip
+    )
     walk = math.sqrt(max(floor**2 - frozen**2, 0.0))
     if planet.inside:
         return _FLOOR_LEAST * floor, _FLOOR_MOST * floor, _FLOOR_MOST * walk
@@ -213,8 +239,9 @@ def _flaws_e(detector: Any, corner: tuple[int, int], side: int, planet: PlanetPl
     flaws, _ = stamp_flaws(detector, corner, side)
     return sum(
         float((planet.weights**2 * flaws[key].dark_e_s[planet.place]).sum())
-        for key in ("bad_pixels", "bad_columns") if getattr(detector.switches, key)
-    )  # fmt: skip
+        for key in ("bad_pixels", "bad_columns")
+        if getattr(detector.switches, key)
+    )
 
 
 def _measured(sources: Sequence[Source], planets: Sequence[str] | None) -> tuple[str, ...]:

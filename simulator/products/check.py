@@ -125,8 +125,15 @@ def _check_configuration(file: Path, path: Path, facts: FileFacts) -> list[Findi
         return [Finding(path, None, "", f"cannot be read: {type(error).__name__}")]
     found = []
     if facts.shape is not None and shape != facts.shape:
-        found.append(Finding(file, 1, "NAXIS1", f"has {facts.shape[1]} x {facts.shape[0]} pixels, {path.name} says "
-                             f"{' x '.join(map(str, reversed(shape)))}"))  # fmt: skip
+        found.append(
+            Finding(
+                file,
+                1,
+                "NAXIS1",
+                f"has {facts.shape[1]} x {facts.shape[0]} pixels, {path.name} says "
+                f"{' x '.join(map(str, reversed(shape)))}",
+            )
+        )
     stated = load_keywords().value(facts.primary, "CONFHASH")
     if stated is not None and stated != number:
         found.append(Finding(file, 0, "CONFHASH", f"is {stated!r}, that of {path.name} is {number!r}"))

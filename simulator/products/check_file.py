@@ -114,8 +114,10 @@ def _check_image(report: Report, units: Any, header: Mapping[str, Any], number: 
     if (bitpix, header.get("BZERO"), header.get("BSCALE", 1)) != (16, 32768, 1):
         report.error(
             f"BITPIX {bitpix}, BZERO {header.get('BZERO')}, BSCALE {header.get('BSCALE')}: "
-            "unsigned 16-bit pixels have 16, 32768 and 1", "BZERO" if bitpix == 16 else "BITPIX", number,
-        )  # fmt: skip
+            "unsigned 16-bit pixels have 16, 32768 and 1",
+            "BZERO" if bitpix == 16 else "BITPIX",
+            number,
+        )
     shape = unit.shape
     if len(shape) != 2:
         report.error(f"has {len(shape)} axes, an image has 2", "NAXIS", number)
@@ -123,8 +125,9 @@ def _check_image(report: Report, units: Any, header: Mapping[str, Any], number: 
     if facts.shape is None:
         facts.shape = shape
     elif shape != facts.shape:
-        report.error(f"has {shape[1]} x {shape[0]} pixels, image 1 has {facts.shape[1]} x {facts.shape[0]}",
-                     "NAXIS1", number)  # fmt: skip
+        report.error(
+            f"has {shape[1]} x {shape[0]} pixels, image 1 has {facts.shape[1]} x {facts.shape[0]}", "NAXIS1", number
+        )
     _check_sections(report, header, shape, number)
     bits = header.get("ADCBITS")
     if bitpix == 16 and header.get("BZERO") == 32768 and isinstance(bits, int) and 1 <= bits <= 16:
@@ -153,8 +156,11 @@ def _check_sections(report: Report, header: Mapping[str, Any], shape: tuple[int,
         elif keyword.section != "image":  # which others are part of
             total += (numbers[1] - numbers[0] + 1) * (numbers[3] - numbers[2] + 1)
     if number == 1 and sound and total not in (0, shape[0] * shape[1]):
-        report.warning(f"has {shape[1]} x {shape[0]} pixels, {shape[0] * shape[1]}; the parts that its header names "
-                       f"have {total}", "NAXIS1", number)  # fmt: skip
+        report.warning(
+            f"has {shape[1]} x {shape[0]} pixels, {shape[0] * shape[1]}; the parts that its header names have {total}",
+            "NAXIS1",
+            number,
+        )
 
 
 def _check_frame_times(

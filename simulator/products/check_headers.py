@@ -16,8 +16,15 @@ from simulator.products.reading import is_real
 from simulator.products.sequence import SCIENCE_KINDS
 from simulator.products.times import elapsed_s, mjd_of, stamp
 
-__all__ = ["check_keywords", "check_primary", "check_settings", "check_spellings", "check_times", "check_world",
-           "profile_of"]  # fmt: skip
+__all__ = [
+    "check_keywords",
+    "check_primary",
+    "check_settings",
+    "check_spellings",
+    "check_times",
+    "check_world",
+    "profile_of",
+]
 
 TIME_TOLERANCE_S = 0.002
 SCALE_TOLERANCE = 1e-3
@@ -133,8 +140,10 @@ def check_primary(report: Report, header: Mapping[str, Any], name: ProductName |
 def check_times(report: Report, header: Mapping[str, Any], name: ProductName | None) -> None:
     """Check that times in the primary header, exposure, readout and the stamps of the name agree."""
     table = load_keywords()
-    get = {key: table.value(header, key) for key in ("DATE-OBS", "DATE-END", "EXPSTART", "EXPEND", "EXPTIME",
-                                                     "READTIME", "NFRAME")}  # fmt: skip
+    get = {
+        key: table.value(header, key)
+        for key in ("DATE-OBS", "DATE-END", "EXPSTART", "EXPEND", "EXPTIME", "READTIME", "NFRAME")
+    }
     utc: dict[str, str] = {}
     for key in ("DATE-OBS", "DATE-END"):
         if isinstance(get[key], str):
@@ -193,5 +202,9 @@ def check_world(report: Report, header: Mapping[str, Any], primary: Mapping[str,
         if is_real(header.get("CRVAL2")) and abs(header["CRVAL2"]) > 90.0:
             report.error(f"is {header['CRVAL2']}, no declination", "CRVAL2", hdu)
     elif types != ("EAST", "NORTH") and None not in types:
-        report.error(f"is {types[0]!r} with CTYPE2 {types[1]!r}; RA---TAN and DEC--TAN are known, EAST and NORTH "
-                     "without coordinates", "CTYPE1", hdu)  # fmt: skip
+        report.error(
+            f"is {types[0]!r} with CTYPE2 {types[1]!r}; RA---TAN and DEC--TAN are known, EAST and NORTH "
+            "without coordinates",
+            "CTYPE1",
+            hdu,
+        )

@@ -175,8 +175,9 @@ def ledger_cards(sequence: FrameSequence) -> Iterator[tuple[str, Value, str]]:
     """
     table = load_keywords()
     sizes = ["" if row.size is None else f" | {row.size:.3g}" for row in sequence.ledger]
-    texts = [f"{row.decision} | {row.effect} | {row.reason}{size}"
-             for row, size in zip(sequence.ledger, sizes, strict=True)]  # fmt: skip
+    texts = [
+        f"{row.decision} | {row.effect} | {row.reason}{size}" for row, size in zip(sequence.ledger, sizes, strict=True)
+    ]
     for what, key, rows in (("ledger", "EFF", texts), ("calibration_files", "CALF", sequence.calibration_files)):
         if len(rows) > MAX_ROWS:
             raise InputError(what, len(rows), allowed=f"at most {MAX_ROWS} rows")

@@ -22,14 +22,52 @@ __all__ = ["COUNTS", "TruthWriter"]
 
 COUNTS = ("n_saturated_pixels", "n_register_saturated", "n_clipped", "n_cosmic_rays", "n_negative_rates")
 _SHARED = (
-    "TELESCOP", "INSTRUME", "CAMERA", "OBSID", "OBSTYPE", "OBJECT", "FILTER", "NFRAME", "TIMESYS", "DATE-OBS",
-    "DATE-END", "EXPTIME", "SWNAME", "SWVER", "CONFHASH", "SCENHASH", "SEED",
-)  # fmt: skip
-_WCS = ("WCSAXES", "CTYPE1", "CTYPE2", "CUNIT1", "CUNIT2", "CRPIX1", "CRPIX2", "CRVAL1", "CRVAL2", "CD1_1", "CD1_2",
-        "CD2_1", "CD2_2", "RADESYS", "EQUINOX")  # fmt: skip
+    "TELESCOP",
+    "INSTRUME",
+    "CAMERA",
+    "OBSID",
+    "OBSTYPE",
+    "OBJECT",
+    "FILTER",
+    "NFRAME",
+    "TIMESYS",
+    "DATE-OBS",
+    "DATE-END",
+    "EXPTIME",
+    "SWNAME",
+    "SWVER",
+    "CONFHASH",
+    "SCENHASH",
+    "SEED",
+)
+_WCS = (
+    "WCSAXES",
+    "CTYPE1",
+    "CTYPE2",
+    "CUNIT1",
+    "CUNIT2",
+    "CRPIX1",
+    "CRPIX2",
+    "CRVAL1",
+    "CRVAL2",
+    "CD1_1",
+    "CD1_2",
+    "CD2_1",
+    "CD2_2",
+    "RADESYS",
+    "EQUINOX",
+)
 # Electrons are no unit of the FITS standard: there the names of the columns say it.
-_UNITS = {"begin_mjd": "d", "end_mjd": "d", "x_arcsec": "arcsec", "y_arcsec": "arcsec", "ra_deg": "deg",
-          "dec_deg": "deg", "x_pixel": "pix", "y_pixel": "pix"}  # fmt: skip
+_UNITS = {
+    "begin_mjd": "d",
+    "end_mjd": "d",
+    "x_arcsec": "arcsec",
+    "y_arcsec": "arcsec",
+    "ra_deg": "deg",
+    "dec_deg": "deg",
+    "x_pixel": "pix",
+    "y_pixel": "pix",
+}
 
 
 @dataclass

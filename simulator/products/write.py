@@ -140,8 +140,12 @@ def refuse_taken(root: Path, name: ProductName, *, overwrite: bool) -> None:
     for other in sorted(root.glob(f"*/*/CSST_CPIC_*_{name.obsid}_X_L0_V??.fits")):
         found = ProductName.parse(other.name)
         if found is not None and other.parent.parent.name in ("SCI", "CAL") and found.times != name.times:
-            raise InputError("obsid", name.obsid, allowed="a number that no other observation of the tree has",
-                             hint=f"it is that of {other}")  # fmt: skip
+            raise InputError(
+                "obsid",
+                name.obsid,
+                allowed="a number that no other observation of the tree has",
+                hint=f"it is that of {other}",
+            )
 
 
 def _exists(path: Path) -> InputError:

@@ -26,11 +26,21 @@ _HINT = f"name the columns: {_NAMES}; and albedo"
 # nm per unit; a wavenumber in 1/cm is 1e7 over nm.
 _WAVENUMBER = "cm1"
 _LENGTHS = {
-    "nm": 1.0, "nanometer": 1.0, "nanometers": 1.0, "nanometre": 1.0, "nanometres": 1.0,
-    "angstrom": 0.1, "angstroms": 0.1,
-    "um": 1e3, "micron": 1e3, "microns": 1e3, "micrometer": 1e3, "micrometers": 1e3, "micrometre": 1e3,
+    "nm": 1.0,
+    "nanometer": 1.0,
+    "nanometers": 1.0,
+    "nanometre": 1.0,
+    "nanometres": 1.0,
+    "angstrom": 0.1,
+    "angstroms": 0.1,
+    "um": 1e3,
+    "micron": 1e3,
+    "microns": 1e3,
+    "micrometer": 1e3,
+    "micrometers": 1e3,
+    "micrometre": 1e3,
     "micrometres": 1e3,
-}  # fmt: skip
+}
 _SHORT_ANGSTROM = {"a": 0.1, "aa": 0.1}  # in the name of a column; in a sentence "a" is a word
 _WAVELENGTH_WORDS = {"wavelength", "wavelengths", "waveln", "wave", "wavel", "lambda", "lam", "wl", "wvl", "wlen"}
 _WAVENUMBER_WORDS = {"wavenumber", "wavenumbers", "wavenum", "wno"}
@@ -95,8 +105,14 @@ def read_albedo(path: str | Path, *, unit: str | None = None) -> Albedo:
     if columns.units[other].strip() == "%":
         values = 0.01 * values
     _check_rows(place.name, columns.rows, "wavelength", raw, np.isfinite(raw) & (raw > 0.0), "a finite number above 0")
-    _check_rows(place.name, columns.rows, "albedo", values, (values >= 0.0) & (values <= LARGEST_ALBEDO),
-                f"0 to {LARGEST_ALBEDO:g}")  # fmt: skip
+    _check_rows(
+        place.name,
+        columns.rows,
+        "albedo",
+        values,
+        (values >= 0.0) & (values <= LARGEST_ALBEDO),
+        f"0 to {LARGEST_ALBEDO:g}",
+    )
     length = _in_nm(place.name, columns, axis, unit)
     order = np.argsort(length, kind="stable")
     wavelength_nm, albedo = length[order], values[order]

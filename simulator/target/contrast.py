@@ -57,8 +57,9 @@ def planet_contrast(
     north = check_finite("separation_dec_au", separation_dec_au, "AU")
     radius, albedo = _not_negative(radius_rjup, geometric_albedo)
     phase = checked_phase(phase_deg)
-    _one_shape(radius_rjup=radius, separation_ra_au=east, separation_dec_au=north, phase_deg=phase,
-               geometric_albedo=albedo)  # fmt: skip
+    _one_shape(
+        radius_rjup=radius, separation_ra_au=east, separation_dec_au=north, phase_deg=phase, geometric_albedo=albedo
+    )
     with np.errstate(over="ignore"):
         rho_au = np.hypot(east, north)
     if np.any(rho_au == 0.0):
@@ -114,8 +115,12 @@ def _ratio(albedo: np.ndarray, radius_rjup: np.ndarray, distance_au: np.ndarray,
         size = radius_rjup * (JUPITER_RADIUS_KM / AU_KM) / distance_au
         ratio = albedo * size * size * np.asarray(phi)
     if not np.all(np.isfinite(ratio)):
-        raise InputError("contrast", float(ratio[~np.isfinite(ratio)].flat[0]), allowed="a finite ratio",
-                         hint="a radius or albedo is too large, or a distance too small")  # fmt: skip
+        raise InputError(
+            "contrast",
+            float(ratio[~np.isfinite(ratio)].flat[0]),
+            allowed="a finite ratio",
+            hint="a radius or albedo is too large, or a distance too small",
+        )
     return _plain(ratio)
 
 

@@ -48,8 +48,14 @@ __all__ = [
 ]
 
 PARAMETERS = (
-    "ln_rayleigh_depth", "ln_methane_factor", "deck_logit", "deck_slope", "ln_alkali", "ln_water", "ln_haze",
-)  # fmt: skip
+    "ln_rayleigh_depth",
+    "ln_methane_factor",
+    "deck_logit",
+    "deck_slope",
+    "ln_alkali",
+    "ln_water",
+    "ln_haze",
+)
 """The parameters of a node: ln T, ln M, c, s, ln n, ln w, ln h."""
 
 BACKSCATTER = 1.15
@@ -251,10 +257,14 @@ def _bracket(name: str, nodes: np.ndarray, value: float) -> list[tuple[int, floa
 
 
 def _lorentz(wavelength_nm: np.ndarray, lines: tuple[tuple[float, float, float], ...]) -> np.ndarray:
-    return sum((height / (1.0 + ((wavelength_nm - centre) / width) ** 2) for centre, width, height in lines),
-               np.zeros_like(wavelength_nm))  # fmt: skip
+    return sum(
+        (height / (1.0 + ((wavelength_nm - centre) / width) ** 2) for centre, width, height in lines),
+        np.zeros_like(wavelength_nm),
+    )
 
 
 def _gauss(wavelength_nm: np.ndarray, lines: tuple[tuple[float, float, float], ...]) -> np.ndarray:
-    return sum((height * np.exp(-0.5 * ((wavelength_nm - centre) / width) ** 2) for centre, width, height in lines),
-               np.zeros_like(wavelength_nm))  # fmt: skip
+    return sum(
+        (height * np.exp(-0.5 * ((wavelength_nm - centre) / width) ** 2) for centre, width, height in lines),
+        np.zeros_like(wavelength_nm),
+    )

@@ -223,8 +223,9 @@ def _numbered(number: int, scene: SceneLike) -> Scene:
     try:
         return load_scene(scene)
     except InputError as error:
-        plain = InputError(error.key.removeprefix("scene."), error.value, unit=error.unit,
-                           allowed=error.allowed, hint=error.hint)  # fmt: skip
+        plain = InputError(
+            error.key.removeprefix("scene."), error.value, unit=error.unit, allowed=error.allowed, hint=error.hint
+        )
         raise at(f"scenes.{number}", plain) from None
 
 

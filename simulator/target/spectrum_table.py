@@ -21,10 +21,20 @@ __all__ = ["photon_flux", "read_spectrum"]
 _MAX_BYTES = 200_000_000
 # nm per unit.
 _WAVELENGTHS = {
-    "nm": 1.0, "nanometer": 1.0, "nanometers": 1.0, "nanometre": 1.0, "nanometres": 1.0,
-    "angstrom": 0.1, "angstroms": 0.1,
-    "um": 1e3, "micron": 1e3, "microns": 1e3, "micrometer": 1e3, "micrometers": 1e3, "micrometre": 1e3,
-}  # fmt: skip
+    "nm": 1.0,
+    "nanometer": 1.0,
+    "nanometers": 1.0,
+    "nanometre": 1.0,
+    "nanometres": 1.0,
+    "angstrom": 0.1,
+    "angstroms": 0.1,
+    "um": 1e3,
+    "micron": 1e3,
+    "microns": 1e3,
+    "micrometer": 1e3,
+    "micrometers": 1e3,
+    "micrometre": 1e3,
+}
 _FLUXES = ("photlam", "flam", "fnu", "jy")
 _SPEED_OF_LIGHT_NM_S = 2.99792458e17
 _WANTED = "a header such as 'wavelength_nm photlam' (nm, um or Angstrom; photlam, flam, fnu or Jy)"

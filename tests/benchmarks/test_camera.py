@@ -71,10 +71,13 @@ def test_flat(timed, level_e, gain):
     assert (frame.n_register_saturated > 1e6) == (level_e * gain > DETECTOR.register_full_well_e)
 
 
-@pytest.mark.parametrize(("job", "name"), [
-    ("30 frames to Level 0: paper's example", "paper's example, 17 s, gain 20"),
-    ("30 frames to Level 0: V = 5", "V = 5, 30 s, gain 300"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("job", "name"),
+    [
+        ("30 frames to Level 0: paper's example", "paper's example, 17 s, gain 20"),
+        ("30 frames to Level 0: V = 5", "V = 5, 30 s, gain 300"),
+    ],
+)
 def test_thirty_frames_as_level_0(timed, tmp_path, job, name):
     seen = sequence(name)
     path = timed(job, lambda: write_level0(seen, tmp_path, overwrite=True), rounds=3)
@@ -84,8 +87,10 @@ def test_thirty_frames_as_level_0(timed, tmp_path, job, name):
 def test_writing_alone(timed, tmp_path):
     """What the FITS library takes for the bytes of 30 frames: the floor of writing a sequence."""
     frames = np.random.default_rng(1).integers(0, 2**14, (30, *SHAPE), dtype=np.uint16)
-    timed("write one FITS file of 30 frames",
-          lambda: fits.PrimaryHDU(frames).writeto(tmp_path / "x.fits", overwrite=True, checksum=True))  # fmt: skip
+    timed(
+        "write one FITS file of 30 frames",
+        lambda: fits.PrimaryHDU(frames).writeto(tmp_path / "x.fits", overwrite=True, checksum=True),
+    )
     assert (tmp_path / "x.fits").stat().st_size > frames.nbytes
 
 
@@ -93,8 +98,9 @@ def test_writing_alone(timed, tmp_path):
 def test_cosmic_rays_of_3000_s(timed, model):
     config = INSTRUMENT.cosmic_rays.model_copy(update={"model": model})
     rng = np.random.default_rng(1)
-    rays = timed(f"particles of 3000 s: {model}",
-                 lambda: draw_cosmic_rays(config, SHAPE, DETECTOR.pixel_um, 3000.0, 1.0, rng))  # fmt: skip
+    rays = timed(
+        f"particles of 3000 s: {model}", lambda: draw_cosmic_rays(config, SHAPE, DETECTOR.pixel_um, 3000.0, 1.0, rng)
+    )
     expected = 3000 * SHAPE[0] * SHAPE[1] * (DETECTOR.pixel_um * 1e-4) ** 2
     assert expected - 5 * expected**0.5 < rays.n_events < 1.2 * expected
 
@@ -129,8 +135,23 @@ def test_stack_frame_by_frame(timed, stack):
 
 def test_sums_over_the_dark_hole(timed):
     """What one realisation of a plan draws, wavefronts included."""
-    off = dict.fromkeys(("flat", "dark_structure", "bad_pixels", "bad_columns", "smear", "cosmic_rays", "nonlinearity",
-                         "parallel_cti", "serial_cti", "stripes", "interference", "bias_drift"), False)  # fmt: skip
+    off = dict.fromkeys(
+        (
+            "flat",
+            "dark_structure",
+            "bad_pixels",
+            "bad_columns",
+            "smear",
+            "cosmic_rays",
+            "nonlinearity",
+            "parallel_cti",
+            "serial_cti",
+            "stripes",
+            "interference",
+            "bias_drift",
+        ),
+        False,
+    )
     seen = observe(
         "paper_example", band="F662", exposure_s=3.0, em_gain=300.0, n_frames=30, window="hole", switches=off
     )
@@ -145,8 +166,9 @@ def test_compilation(timed, tmp_path, job, full):
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
 
     def fresh():
-        done = subprocess.run([sys.executable, str(REPORT / "cold.py")], env=environment, capture_output=True,
-                              text=True, check=True)  # fmt: skip
+        done = subprocess.run(
+            [sys.executable, str(REPORT / "cold.py")], env=environment, capture_output=True, text=True, check=True
+        )
         return sum(json.loads(done.stdout).values())
 
     if full:

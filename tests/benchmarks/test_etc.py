@@ -52,8 +52,10 @@ def test_least_times_of_the_catalogue(timed, wide):
 
 
 def test_best_frames_of_the_catalogue(timed, wide):
-    found = timed("etc: best frames of the catalogue",
-                  lambda: [best_in_visit(part, np.full(part.z0.shape, 3600.0)) for part in problems(wide)])  # fmt: skip
+    found = timed(
+        "etc: best frames of the catalogue",
+        lambda: [best_in_visit(part, np.full(part.z0.shape, 3600.0)) for part in problems(wide)],
+    )
     assert all(part.visit_s.max() <= 3600.0 * (1.0 + 1e-12) for part in found)
 
 
@@ -62,10 +64,13 @@ def test_ranking(timed):
     assert len(found.targets) == len(EVERY)
 
 
-@pytest.mark.parametrize(("job", "words"), [
-    ("cold `cpic etc`", ["etc", "tau Cet", "--time-s", "7200"]),
-    ("cold `cpic rank`", ["rank"]),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("job", "words"),
+    [
+        ("cold `cpic etc`", ["etc", "tau Cet", "--time-s", "7200"]),
+        ("cold `cpic rank`", ["rank"]),
+    ],
+)
 def test_cold_command(timed, job, words):
     command = [sys.executable, "-m", "cpic_planner.cli.main", *words, "--json"]
     done = timed(job, lambda: subprocess.run(command, capture_output=True, check=True, env=os.environ), rounds=3)

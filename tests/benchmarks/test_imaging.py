@@ -64,8 +64,9 @@ def test_star_over_a_frame_with_pixels_in_closed_form(timed):
 
 def test_star_over_a_frame_with_one_node_a_pixel(timed):
     middle = (FRAME // 2, FRAME // 2)
-    image = timed("star over a frame: one node a pixel",
-                  lambda: wide_on_axis("F520", INSTRUMENT, (FRAME, FRAME), middle))  # fmt: skip
+    image = timed(
+        "star over a frame: one node a pixel", lambda: wide_on_axis("F520", INSTRUMENT, (FRAME, FRAME), middle)
+    )
     assert image.sum() > 0
 
 
@@ -80,9 +81,13 @@ def test_dark_hole(timed, mode, preset, band):
 def test_jacobian(timed):
     imager, aberrations = bare_imager(INSTRUMENT, "F662"), aberrations_of(INSTRUMENT)
     problem = Conjugation(
-        imager, INSTRUMENT.band("F662").center_nm * 1e-9, aberrations.upsampled(len(imager.transmission)),
-        configured_mirror(INSTRUMENT), imager.zone, default_settings("4q"),
-    )  # fmt: skip
+        imager,
+        INSTRUMENT.band("F662").center_nm * 1e-9,
+        aberrations.upsampled(len(imager.transmission)),
+        configured_mirror(INSTRUMENT),
+        imager.zone,
+        default_settings("4q"),
+    )
     rest = np.zeros(problem.mirror.alive.shape)
     jacobian = timed("Jacobian", lambda: problem.jacobian(rest, 0))
     assert jacobian.shape[1] == rest.size

@@ -30,16 +30,22 @@ def stars(tmp_path_factory):
 
 def test_a_plan_of_one_target(timed, stars, tmp_path):
     config = PlanConfig(instrument=INSTRUMENT, top=1, bands=("F662",), time_s=7200.0, n_planets=2000)
-    finished = timed("plan: one target, one band, standard",
-                     lambda: make_plan(config, tmp_path / "plan", catalog=stars, force=True), rounds=1)  # fmt: skip
+    finished = timed(
+        "plan: one target, one band, standard",
+        lambda: make_plan(config, tmp_path / "plan", catalog=stars, force=True),
+        rounds=1,
+    )
     (target,) = finished.plan.targets
     assert target.bands[0].status == "ok"
 
 
 def test_figures_of_the_catalogue(timed):
     ranked = rank_targets(build_model(INSTRUMENT), rank_sample(), time_s=7200.0)
-    drawn = timed("plan: figures of the catalogue",
-                  lambda: [draw(ranked) for draw in (sky_map, contrast_diagram, margin_figure)], rounds=3)  # fmt: skip
+    drawn = timed(
+        "plan: figures of the catalogue",
+        lambda: [draw(ranked) for draw in (sky_map, contrast_diagram, margin_figure)],
+        rounds=3,
+    )
     assert all(picture.uri.startswith("data:image/svg") for picture in drawn)
 
 
@@ -49,6 +55,7 @@ def test_picture_of_three_panels(timed):
     panels = Panels("F662", *images, 0.016153, 0.35, 0.35, 0.0375, 0.18, 0.707, 0.155)
     sheet = PanelSheet()
     turned = iter(np.linspace(0.0, 90.0, 100))
-    picture = timed("plan: picture of three panels",
-                    lambda: sheet.picture(replace(panels, roll_deg=float(next(turned))), "a star"))  # fmt: skip
+    picture = timed(
+        "plan: picture of three panels", lambda: sheet.picture(replace(panels, roll_deg=float(next(turned))), "a star")
+    )
     assert picture.uri.startswith("data:image/png")

@@ -56,5 +56,8 @@ def test_subtraction_by_the_peer(timed, frames, name, modes):
 
 @pytest.mark.parametrize("centering", ["temporal", "none"])
 def test_two_rolls(timed, frames, centering):
-    timed(f"subtraction: two rolls, {centering}",
-          lambda: roll_subtract(*frames, 10, region=REGIONS["annulus"], centering=centering), repeats=3)  # fmt: skip
+    timed(
+        f"subtraction: two rolls, {centering}",
+        lambda: roll_subtract(*frames, 10, region=REGIONS["annulus"], centering=centering),
+        repeats=3,
+    )

@@ -22,8 +22,9 @@ def random_sources(side, count):
 
 def ours(side, sources):
     axis = centred_axis(side, PIXEL)
-    return scene_image(band_transfer(IMAGER), axis, axis, PIXEL, sources,
-                       mask_half_width_arcsec=IMAGER.mask_half_width_arcsec)  # fmt: skip
+    return scene_image(
+        band_transfer(IMAGER), axis, axis, PIXEL, sources, mask_half_width_arcsec=IMAGER.mask_half_width_arcsec
+    )
 
 
 @pytest.mark.parametrize("side", [137, 1024])
@@ -36,15 +37,21 @@ def test_ours(timed, side, count):
 
 def test_grid_of_cells(timed):
     axis, sources = centred_axis(1024, PIXEL), random_sources(1024, 1000)
-    image = timed("scene of 1000 sources, 1024 px: 4 x 4 cells",
-                  lambda: paper_scene_image(IMAGER, axis, axis, sources, kernel_half_pixels=256), rounds=1)  # fmt: skip
+    image = timed(
+        "scene of 1000 sources, 1024 px: 4 x 4 cells",
+        lambda: paper_scene_image(IMAGER, axis, axis, sources, kernel_half_pixels=256),
+        rounds=1,
+    )
     assert image.sum() > 0
 
 
 def test_hcipy_source_by_source(timed):
     axis, sources = IMAGER.axis(centred_axis(1024, PIXEL), masked=True), random_sources(1024, 1)
     (x,), (y,), (flux,) = sources.arrays
-    image = timed("scene of 1 source, 1024 px: peer HCIPy",
-                  lambda: flux * IMAGER.image(axis, axis, source_arcsec=(x, y), engine="hcipy"), rounds=1)  # fmt: skip
+    image = timed(
+        "scene of 1 source, 1024 px: peer HCIPy",
+        lambda: flux * IMAGER.image(axis, axis, source_arcsec=(x, y), engine="hcipy"),
+        rounds=1,
+    )
     exact = ours(1024, sources)
     assert np.abs(image - exact).max() < 1e-4 * exact.max()  # its three nodes a pixel

@@ -24,11 +24,15 @@ MASS = {"best_mass_mjup": 2.0, "best_mass_err_mjup": 0.1}
             {"inclination_deg": 90.0, "inclination_err_deg": 0.1, "mass_mjup": 2.0, "mass_err_mjup": 0.1},
             (),
         ),
-        ({"eccentricity": 0.3, "eccentricity_limit": 1.0}, "M-R relationship", {"eccentricity": 0.3},
-         ("eccentricity_upper_limit",)),
+        (
+            {"eccentricity": 0.3, "eccentricity_limit": 1.0},
+            "M-R relationship",
+            {"eccentricity": 0.3},
+            ("eccentricity_upper_limit",),
+        ),
         ({"controversial": 1.0}, "M-R relationship", {}, ("controversial",)),
     ],
-)  # fmt: skip
+)
 def test_settled(numbers, kind, expected, flags):
     assert settle(MASS | numbers, kind, "a row") == (expected, flags)
 

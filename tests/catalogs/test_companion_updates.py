@@ -27,8 +27,17 @@ ORBITS = {
     ("61 Cyg A", "61 Cyg B"): (664.37, 1700.37, 24.36, 0.457, 53.29, 174.88, 149.32),
 }
 # Separations that the literature expects, arcsec: a slip in an element above would show here.
-EXPECTED_ARCSEC = {"alf Cen A": 10.2, "alf CMi": 5.1, "70 Oph A": 6.7, "36 Oph A": 5.2, "ksi Boo A": 4.6,
-                   "ksi UMa A": 2.8, "gam Vir A": 3.8, "eta Cas": 13.6, "61 Cyg A": 32.2}  # fmt: skip
+EXPECTED_ARCSEC = {
+    "alf Cen A": 10.2,
+    "alf CMi": 5.1,
+    "70 Oph A": 6.7,
+    "36 Oph A": 5.2,
+    "ksi Boo A": 4.6,
+    "ksi UMa A": 2.8,
+    "gam Vir A": 3.8,
+    "eta Cas": 13.6,
+    "61 Cyg A": 32.2,
+}
 
 
 def place(orbit: tuple[float, ...], year: float) -> tuple[float, float]:

@@ -52,8 +52,11 @@ def test_values_are_in_range_and_flags_say_what_is_missing(shipped):
     for row in range(len(shipped)):
         flags = shipped.flags(row)
         assert set(flags) <= set(FLAGS)
-        dated = [np.isfinite(shipped.number(f"{what}_{part}")[row]) for what in ("periastron", "conjunction")
-                 for part in ("jd", "err_days")]  # fmt: skip
+        dated = [
+            np.isfinite(shipped.number(f"{what}_{part}")[row])
+            for what in ("periastron", "conjunction")
+            for part in ("jd", "err_days")
+        ]
         known = (all(dated[:2]) or all(dated[2:])) and np.isfinite(shipped.number("period_err_days")[row])
         assert known == ("phase_unknown" not in flags)
         assert np.isfinite(shipped.number("inclination_deg")[row]) == ("inclination_unknown" not in flags)
@@ -127,9 +130,16 @@ def test_a_user_s_table(tmp_path):
     table = load_known_planets(alone(written(tmp_path, GOOD)))
     assert table.text("planet") == ["mine b"]
     assert np.isnan(table.number("eccentricity")[0])
-    assert set(table.flags(0)) == {"phase_unknown", "axis_unknown", "eccentricity_unknown", "omega_unknown",
-                                   "minimum_mass", "inclination_unknown", "radius_unknown",
-                                   "mass_err_unknown"}  # fmt: skip
+    assert set(table.flags(0)) == {
+        "phase_unknown",
+        "axis_unknown",
+        "eccentricity_unknown",
+        "omega_unknown",
+        "minimum_mass",
+        "inclination_unknown",
+        "radius_unknown",
+        "mass_err_unknown",
+    }
     assert table.provenance.startswith("user's table of 1 planet (mine.csv ")
 
 
@@ -250,8 +260,17 @@ def test_the_status_of_planets_that_later_work_excludes_or_doubts(shipped):
         return {name for name, own in zip(shipped.text("planet"), shipped.text("status"), strict=True) if own == status}
 
     assert of("refuted") == {"tau Cet e", "omi2 Eri b", "82 Eri c"}
-    assert of("controversial") == {"tau Cet f", "tau Cet g", "tau Cet h", "82 Eri e", "HD 102365 b", "HD 114613 b",
-                                   "rho CrB b", "HD 219134 f", "HD 40307 g"}  # fmt: skip
+    assert of("controversial") == {
+        "tau Cet f",
+        "tau Cet g",
+        "tau Cet h",
+        "82 Eri e",
+        "HD 102365 b",
+        "HD 114613 b",
+        "rho CrB b",
+        "HD 219134 f",
+        "HD 40307 g",
+    }
     assert set(shipped.text("status")) <= set(STATUSES)
     # The orbit that a refuted planet was said to have stays, with its reference.
     row = shipped.row_of("tau Cet e")

@@ -58,7 +58,7 @@ def referring(address):
         "document type": TABLE.format(fields=FIELDS, data=rows, head=doctype),
         "inclusion": TABLE.format(head="", fields=FIELDS, data=f"<TABLEDATA>{include}</TABLEDATA>"),
         "encoding": TABLE.format(head='<?xml version="1.0" encoding="x-none"?>', fields=FIELDS, data=binary),
-    }  # fmt: skip
+    }
 
 
 @pytest.mark.parametrize("kind", referring(""))

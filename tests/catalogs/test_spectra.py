@@ -91,8 +91,14 @@ def test_pickles_library() -> None:
     assert library.photlam.shape == (library.position.size, library.wavelength_nm.size)
     assert np.all(library.photlam >= 0.0)
     assert {tuple(pair) for pair in zip(library.position, library.luminosity_rank, strict=True)} >= {
-        (20.0, 5.0), (42.0, 5.0), (62.5, 5.0), (25.5, 4.0), (50.0, 3.0), (53.5, 2.0), (48.0, 1.0),
-    }  # fmt: skip
+        (20.0, 5.0),
+        (42.0, 5.0),
+        (62.5, 5.0),
+        (25.5, 4.0),
+        (50.0, 3.0),
+        (53.5, 2.0),
+        (48.0, 1.0),
+    }
     # All are scaled to V = 0: about 1000 ph/s/cm2/A at 550 nm.
     np.testing.assert_allclose(library.photlam[:, 240:260].mean(axis=1), 1000.0, rtol=0.1)
 

@@ -12,8 +12,9 @@ from catalogs.spectra import HC_ERG_ANGSTROM, load_stellar_grid
 
 
 def _node(grid, teff: float, log_g: float, metal: float) -> int:
-    it, ig, im = (int(np.flatnonzero(a == v)[0]) for a, v in
-                  ((grid.teff_k, teff), (grid.log_g, log_g), (grid.metallicity, metal)))  # fmt: skip
+    it, ig, im = (
+        int(np.flatnonzero(a == v)[0]) for a, v in ((grid.teff_k, teff), (grid.log_g, log_g), (grid.metallicity, metal))
+    )
     return (it * grid.log_g.size + ig) * grid.metallicity.size + im
 
 
@@ -164,6 +165,8 @@ def test_metal_poor_stars_are_bluer() -> None:
     grid = load_stellar_grid()
     samples = np.array([int(np.argmin(np.abs(grid.wavelength_nm - w))) for w in (440.0, 550.0)])
     for teff in (4500.0, 5500.0, 6500.0):
-        colours = [np.divide(*grid.node_photlam(np.array([_node(grid, teff, 4.5, m)]), samples)[0])
-                   for m in grid.metallicity[4:]]  # fmt: skip
+        colours = [
+            np.divide(*grid.node_photlam(np.array([_node(grid, teff, 4.5, m)]), samples)[0])
+            for m in grid.metallicity[4:]
+        ]
         assert np.all(np.diff(colours) < 0.0)

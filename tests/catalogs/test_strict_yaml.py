@@ -9,10 +9,21 @@ from catalogs.strict_yaml import Provenance, load_yaml, parse_yaml, split_source
 @pytest.mark.parametrize(
     ("text", "value"),
     [
-        ("1e-8", 1e-8), ("1E5", 1e5), ("-2.5", -2.5), (".5", 0.5), ("3", 3), ("1_000", "1_000"), ("on", "on"),
-        ("no", "no"), ("12:30", "12:30"), ("true", True), ("~", None), ("2026-11-21", "2026-11-21"), ("0o17", "0o17"),
+        ("1e-8", 1e-8),
+        ("1E5", 1e5),
+        ("-2.5", -2.5),
+        (".5", 0.5),
+        ("3", 3),
+        ("1_000", "1_000"),
+        ("on", "on"),
+        ("no", "no"),
+        ("12:30", "12:30"),
+        ("true", True),
+        ("~", None),
+        ("2026-11-21", "2026-11-21"),
+        ("0o17", "0o17"),
     ],
-)  # fmt: skip
+)
 def test_plain_scalars_mean_what_people_write(text, value):
     got = parse_yaml(f"key: {text}")["key"]
     assert got == value

@@ -81,9 +81,13 @@ def one_by_one(model, targets, band, drawn, exposure_s, n_frames, em_gain):
             distance = float(drawn.distance_au[k]) * grow
             spec = drawn.albedos[drawn.kind[k]]
             albedo = model.passbands.band_albedo(
-                albedo_source(spec), target.teff_k, target.log_g, target.metallicity,
-                insolation_au=distance / math.sqrt(luminosity), only=band,
-            )[0]  # fmt: skip
+                albedo_source(spec),
+                target.teff_k,
+                target.log_g,
+                target.metallicity,
+                insolation_au=distance / math.sqrt(luminosity),
+                only=band,
+            )[0]
             size = float(drawn.radius_rjup[k]) * RJUP_KM / (distance * AU_KM)
             contrast = albedo * size * size * lambert_phase(float(drawn.phase_deg[k]))
             rates = aperture_rates(model, target, band, np.array([x]), np.array([y]), np.array([contrast]))
@@ -93,9 +97,15 @@ def one_by_one(model, targets, band, drawn, exposure_s, n_frames, em_gain):
                     rates, *setting, camera, reference_ratio=strategy.reference_ratio
                 ).significance[0]
             else:
-                problem = frame_problem(rates, camera, reference_ratio=strategy.reference_ratio,
-                                        objective="significance", em_gain=em_gain[i], mode=strategy.mode,
-                                        counting_sigma=strategy.counting_sigma)  # fmt: skip
+                problem = frame_problem(
+                    rates,
+                    camera,
+                    reference_ratio=strategy.reference_ratio,
+                    objective="significance",
+                    em_gain=em_gain[i],
+                    mode=strategy.mode,
+                    counting_sigma=strategy.counting_sigma,
+                )
                 significance = problem.inverse_snr2(setting[0], setting[1])[0] ** -0.5
             elements = metrics.resolution_elements(math.hypot(x, y))
             found[0, i] += significance >= threshold_array(elements, strategy.sigma)
@@ -106,10 +116,13 @@ CASES = [
     (None, {}, {}),
     ({"albedo": "parametric"}, {"library": "idealised"}, {}),
     ("solar_system", {"library": "idealised", "reference_ratio": 2.0}, {}),
-    ({"semi_major_axis_scale": "insolation", "albedo": {"model": "parametric", "log10_mh": 1.0}},
-     {"library": "idealised"}, {"hole_mode": "2q", "hole_side": "left"}),
+    (
+        {"semi_major_axis_scale": "insolation", "albedo": {"model": "parametric", "log10_mh": 1.0}},
+        {"library": "idealised"},
+        {"hole_mode": "2q", "hole_side": "left"},
+    ),
     ({"radius_rjup": 1}, {"mode": "photon_counting", "library": "idealised"}, {"hole_mode": "2q", "hole_side": "top"}),
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize(("source", "strategy", "hole"), CASES)
@@ -243,8 +256,14 @@ def test_edges_keep_the_whole_aperture_inside(model, everyone):
 def test_the_zone_holds_its_edges(mode, side):
     # Edges that are exact in binary, and points on them, on either side of them and on the axes.
     zone = HoleZone(0.25, 2.0, mode, side)
-    axis = np.unique([sign * edge * (1 + off) for sign in (-1, 1) for edge in (0, 0.25, 0.375, 0.5, 1.875, 2)
-                      for off in (-1e-9, 0, 1e-9)])  # fmt: skip
+    axis = np.unique(
+        [
+            sign * edge * (1 + off)
+            for sign in (-1, 1)
+            for edge in (0, 0.25, 0.375, 0.5, 1.875, 2)
+            for off in (-1e-9, 0, 1e-9)
+        ]
+    )
     x, y = np.meshgrid(axis, axis)
     dark = {"right": x > 0, "left": x < 0, "top": y > 0, "bottom": y < 0}[side] | (mode == "4q")
     for margin in (0.0, 0.125):
@@ -258,8 +277,9 @@ def placed_by_hand(offsets_au, distances_au, albedo):
     """Draw planets and move them to x and y of equal offset, in the quadrant that the default parity calls left top."""
     n, drawn = len(offsets_au), planets({"radius_rjup": 10, "albedo": albedo}, n=len(offsets_au))
     there = np.array(offsets_au, float)
-    return dataclasses.replace(drawn, east_au=there, north_au=there, distance_au=np.array(distances_au, float),
-                               phase_deg=np.full(n, 30.0))  # fmt: skip
+    return dataclasses.replace(
+        drawn, east_au=there, north_au=there, distance_au=np.array(distances_au, float), phase_deg=np.full(n, 30.0)
+    )
 
 
 @pytest.mark.parametrize("mode", ["analogue", "photon_counting"])
@@ -279,8 +299,9 @@ def test_one_planet_in_one_frame(model, everyone, mode):
 
 def test_only_planets_that_are_observed_are_noted(model, everyone):
     # The models of the albedo reach from insolations of 0.5 to beyond 5 au, not to 20 au; F520 is dark to 0.7 arcsec.
-    pair = dataclasses.replace(everyone.select([0, 0]), distance_pc=np.array([5.0, 3.2]),
-                               luminosity_lsun=np.array([1.0, 0.04]))  # fmt: skip
+    pair = dataclasses.replace(
+        everyone.select([0, 0]), distance_pc=np.array([5.0, 3.2]), luminosity_lsun=np.array([1.0, 0.04])
+    )
     drawn = placed_by_hand([2.0, 3.0], [1.0, 4.0], {"log10_mh": 0.5})
     setting = {"exposure_s": 20.0, "em_gain": 20.0}
     found = completeness(model, pair, "F520", drawn, n_frames=100, **setting)
@@ -373,8 +394,9 @@ def test_expected_detections_and_flags(model, stars):
     found = completeness(model, stars, "F520", planets({"albedo": {"log10_fsed": 2.0}}), **setting)
     assert found.expected_detections is None
     assert found.flags == ("fsed_clamped", "insolation_clamped")
-    at_two = planets({"semi_major_axis_au": 2, "eccentricity": 0, "semi_major_axis_scale": "insolation",
-                      "albedo": {"log10_mh": 0.5}})  # fmt: skip
+    at_two = planets(
+        {"semi_major_axis_au": 2, "eccentricity": 0, "semi_major_axis_scale": "insolation", "albedo": {"log10_mh": 0.5}}
+    )
     assert completeness(model, stars, "F520", at_two, **setting).flags == ()
     dark = dataclasses.replace(
         model, metrics={"F520": dataclasses.replace(model.metrics["F520"], hole_state="not_reached")}

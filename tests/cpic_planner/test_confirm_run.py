@@ -72,15 +72,27 @@ def test_overrides_alter_the_images_alone(finished):
     assert result.bands[0].predicted_snr >= nominal.predicted_snr
 
 
-FAINT = {"name": "faint", "cstar": {"v_mag": 5.5, "teff_k": 5500, "distance_pc": 4.0},
-         "planets": [{"name": "b", "radius_rjup": 1, "phase_deg": 90, "separation_arcsec": 0.6, "pa_deg": 315,
-                      "albedo": "jupiter"}]}  # fmt: skip
+FAINT = {
+    "name": "faint",
+    "cstar": {"v_mag": 5.5, "teff_k": 5500, "distance_pc": 4.0},
+    "planets": [
+        {"name": "b", "radius_rjup": 1, "phase_deg": 90, "separation_arcsec": 0.6, "pa_deg": 315, "albedo": "jupiter"}
+    ],
+}
 TIERS = ("quick", "standard", "reference")
 
 
 def tier_task(tier):
-    config = ConfirmConfig(instrument=load_instrument(), scene=load_scene(FAINT), bands=("F850",), exposure_s=60.0,
-                           n_frames=2, em_gain=300.0, realisations=1, fidelity=tier)  # fmt: skip
+    config = ConfirmConfig(
+        instrument=load_instrument(),
+        scene=load_scene(FAINT),
+        bands=("F850",),
+        exposure_s=60.0,
+        n_frames=2,
+        em_gain=300.0,
+        realisations=1,
+        fidelity=tier,
+    )
     (expected,) = [task for task in prepared_tasks(config) if task.band == "F850"]
     return expected.to_dict()
 
@@ -100,8 +112,9 @@ def test_every_tier_is_the_same_for_any_number_of_workers(tiers):
 
 def test_the_reference_beside_standard(tiers):
     """Whole frames with every effect, and sums of frames: the same planet within its noise."""
-    whole, sums = (BandConfirmation.model_validate(tiers[tier]["confirmations"][0])
-                   for tier in ("reference", "standard"))  # fmt: skip
+    whole, sums = (
+        BandConfirmation.model_validate(tiers[tier]["confirmations"][0]) for tier in ("reference", "standard")
+    )
     assert (whole.drawn_as, whole.modelled.region, whole.realisations) == ("frames", "full", 1)
     assert whole.modelled.predicted_error == {"planet_flux": 0.0, "snr": 0.0}
     assert whole.audit is None

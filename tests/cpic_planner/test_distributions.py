@@ -93,10 +93,13 @@ def test_laws_against_scipy(name, keys, oracle):
     np.testing.assert_allclose(law(name, **keys).quantile(share), oracle.ppf(share), rtol=1e-7)
 
 
-@pytest.mark.parametrize(("name", "keys", "oracle"), [
-    ("beta", {"a": 1.12, "b": 3.09, "high": 0.4}, stats.beta(1.12, 3.09)),
-    ("rayleigh", {"scale": 0.2, "high": 0.3}, stats.rayleigh(scale=0.2)),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("name", "keys", "oracle"),
+    [
+        ("beta", {"a": 1.12, "b": 3.09, "high": 0.4}, stats.beta(1.12, 3.09)),
+        ("rayleigh", {"scale": 0.2, "high": 0.3}, stats.rayleigh(scale=0.2)),
+    ],
+)
 def test_cut_laws_keep_their_shape(name, keys, oracle):
     share = np.linspace(0.001, 0.999, 301)
     expected = oracle.ppf(share * oracle.cdf(keys["high"]))
@@ -133,16 +136,24 @@ def test_short_forms():
         ({"law": "uniform", "low": 2}, "high = missing: not accepted; allowed: a value is required"),
         ({"law": "log_uniform", "low": 0, "high": 2}, "low = 0.0: not accepted; allowed: above 0"),
         ({"law": "power_law", "index": 30, "low": 1, "high": 2}, "index = 30: not accepted; allowed: -20 to 20"),
-        ({"law": "broken_power_law", "index_inner": 0, "index_outer": 0, "low": 1, "high": 2, "turn": 2},
-         "turn = 2.0: not accepted; allowed: between low = 1 and high = 2"),
-        ({"law": "normal", "mean": 9, "sd": 1, "low": 1, "high": 2},
-         "mean = 9.0: not accepted; allowed: within 6 sd of a value between low and high"),
+        (
+            {"law": "broken_power_law", "index_inner": 0, "index_outer": 0, "low": 1, "high": 2, "turn": 2},
+            "turn = 2.0: not accepted; allowed: between low = 1 and high = 2",
+        ),
+        (
+            {"law": "normal", "mean": 9, "sd": 1, "low": 1, "high": 2},
+            "mean = 9.0: not accepted; allowed: within 6 sd of a value between low and high",
+        ),
         ({"law": "normal", "mean": 1, "sd": 0, "low": 1, "high": 2}, "sd = 0: not accepted; allowed: above 0"),
         ({"law": "table", "values": []}, "values"),
-        ({"law": "table", "values": [1, 2], "weights": [0, 0]},
-         "weights = [0.0, 0.0]: not accepted; allowed: 2 numbers, at least one above 0"),
-        ({"law": "table", "values": [1, 2], "weights": [1]},
-         "weights = [1.0]: not accepted; allowed: 2 numbers, at least one above 0"),
+        (
+            {"law": "table", "values": [1, 2], "weights": [0, 0]},
+            "weights = [0.0, 0.0]: not accepted; allowed: 2 numbers, at least one above 0",
+        ),
+        (
+            {"law": "table", "values": [1, 2], "weights": [1]},
+            "weights = [1.0]: not accepted; allowed: 2 numbers, at least one above 0",
+        ),
         ({"law": "isotropic", "low": 0}, "low = 0: not accepted; allowed: no such key (known keys: law)"),
         ({"law": "gauss"}, "law = gauss: not accepted"),
         ({"low": 1, "high": 2}, "law = missing: not accepted"),
@@ -151,7 +162,7 @@ def test_short_forms():
         (True, "law = True: not accepted"),
         (float("inf"), "value = inf: not accepted; allowed: a finite number"),
     ],
-)  # fmt: skip
+)
 def test_refusals(value, text):
     with pytest.raises(InputError) as caught:
         read_law(value)

@@ -133,9 +133,21 @@ def test_worker_count_is_checked(workers):
 
 @pytest.mark.parametrize(
     "address",
-    ["nonsense", "not an address", "", "tcp://", "tcp://host", "127.0.0.1:8786", "host:8786", "http://host:8786",
-     "tcp://host:port", "tcp://host:0", "tcp://host:99999", "tcp://[::1:8786"],
-)  # fmt: skip
+    [
+        "nonsense",
+        "not an address",
+        "",
+        "tcp://",
+        "tcp://host",
+        "127.0.0.1:8786",
+        "host:8786",
+        "http://host:8786",
+        "tcp://host:port",
+        "tcp://host:0",
+        "tcp://host:99999",
+        "tcp://[::1:8786",
+    ],
+)
 def test_what_is_no_address_is_refused_before_dask_is_loaded(address, monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     for module in ("dispatch", "local"):

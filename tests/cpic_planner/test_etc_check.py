@@ -66,8 +66,9 @@ def test_images_agree_with_the_closed_form(name, band, place, strategy, planet):
     assert abs(images.flux_ratio - 1.0) <= 4.0 * images.flux_ratio_error
     assert abs(images.snr_ratio - 1.0) <= record.closed_form_error["snr"] + 3.0 * images.snr_ratio_error
     assert images.snr_ratio_error < 0.15
-    assert images.agrees == (abs(images.snr_ratio - 1.0) <= record.closed_form_error["snr"]
-                             + 2.0 * images.snr_ratio_error)  # fmt: skip
+    assert images.agrees == (
+        abs(images.snr_ratio - 1.0) <= record.closed_form_error["snr"] + 2.0 * images.snr_ratio_error
+    )
     # Sums hold no particles: what they are compared with is the answer but for those.
     assert images.predicted_snr == pytest.approx(found.snr, rel=0.02)
     assert found.value == answers[0].value

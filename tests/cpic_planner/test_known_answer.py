@@ -83,8 +83,10 @@ def test_windows_are_the_days_with_most_draws_in_the_hole(model, eps_eri):
     epoch = np.datetime64("1858-11-17")
     inside = np.zeros(len(days), bool)
     for window in row.windows:
-        start, end, best = (float((np.datetime64(day) - epoch).astype(int)) for day in
-                            (window.start_utc, window.end_utc, window.best_utc))  # fmt: skip
+        start, end, best = (
+            float((np.datetime64(day) - epoch).astype(int))
+            for day in (window.start_utc, window.end_utc, window.best_utc)
+        )
         inside |= (days >= start) & (days <= end)
         assert start <= best <= end
         assert window.best_share == pytest.approx(share[int(best - days[0])], abs=0.03)
@@ -98,7 +100,11 @@ def test_refuted_planets_are_listed_with_their_reference_and_no_windows(model):
     star = find_target("tau Cet")[0]
     rows = {row.planet[-1]: row for row in known_answer(model, star, choice(n=50), years=2.0, bands=["F520"]).planets}
     assert {letter: row.status for letter, row in rows.items()} == {
-        "e": "refuted", "f": "controversial", "g": "controversial", "h": "controversial"}  # fmt: skip
+        "e": "refuted",
+        "f": "controversial",
+        "g": "controversial",
+        "h": "controversial",
+    }
     assert "2025A&A...700A.174F" in rows["e"].status_reference
     assert "2017AJ....154..135F" in rows["e"].reference
     assert (rows["e"].windows, rows["e"].track) == ([], None)
@@ -122,10 +128,12 @@ def test_answers_of_all_stars_have_no_tracks(model):
 
 
 def test_what_decides_is_in_the_hash(model, eps_eri):
-    made = [known_answer(model, eps_eri, choice(n=20), bands=["F520"]),
-            known_answer(model, eps_eri, choice(n=20), bands=["F850"]),
-            known_answer(model, eps_eri, choice(n=20), bands=["F520"], years=1.0),
-            known_answer(model, eps_eri, choice(n=20, mjd=61772.0), bands=["F520"])]  # fmt: skip
+    made = [
+        known_answer(model, eps_eri, choice(n=20), bands=["F520"]),
+        known_answer(model, eps_eri, choice(n=20), bands=["F850"]),
+        known_answer(model, eps_eri, choice(n=20), bands=["F520"], years=1.0),
+        known_answer(model, eps_eri, choice(n=20, mjd=61772.0), bands=["F520"]),
+    ]
     assert len({result.config_hash for result in made}) == 4
 
 

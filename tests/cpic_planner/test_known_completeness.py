@@ -76,8 +76,10 @@ def test_probability_of_at_least_one(model, everyone, bright):
 
 def test_the_stated_error_is_the_scatter_over_seeds(model, everyone, bright):
     star = named(everyone, "tau Cet")
-    made = [known_completeness(model, star, "F520", choice(bright, seed=seed, n=100).draw(star), **SETTING)
-            for seed in range(60)]  # fmt: skip
+    made = [
+        known_completeness(model, star, "F520", choice(bright, seed=seed, n=100).draw(star), **SETTING)
+        for seed in range(60)
+    ]
     scatter = np.std([one.completeness[0] for one in made], ddof=1)
     stated = np.mean([one.standard_error[0] for one in made])
     assert scatter == pytest.approx(stated, rel=4 / np.sqrt(2 * 59))
@@ -96,8 +98,10 @@ def test_stars_without_planets_and_without_frames_have_none(model, everyone, bri
 def test_the_date_decides(model, everyone):
     """eps Eri b: in the hole at the beginning of 2027, nearly always outside in the middle of 2032."""
     star = named(everyone, "eps Eri")
-    shares = [known_completeness(model, star, "F520", choice(mjd=mjd).draw(star), **SETTING).observable[0]
-              for mjd in (61408.0, 63421.0)]  # fmt: skip
+    shares = [
+        known_completeness(model, star, "F520", choice(mjd=mjd).draw(star), **SETTING).observable[0]
+        for mjd in (61408.0, 63421.0)
+    ]
     assert shares[0] > 0.05
     assert shares[1] < 0.1 * shares[0]
 
@@ -134,8 +138,13 @@ def test_what_decides_is_in_the_hash(model, everyone, bright):
 
     nominal = key(choice(bright))
     assert key(choice(bright)) == nominal
-    others = [choice(), choice(bright, mjd=61772.0), choice(bright, n=401), choice(bright, seed=2),
-              choice(bright, albedo=albedo_spec(0.3))]  # fmt: skip
+    others = [
+        choice(),
+        choice(bright, mjd=61772.0),
+        choice(bright, n=401),
+        choice(bright, seed=2),
+        choice(bright, albedo=albedo_spec(0.3)),
+    ]
     assert len({nominal, *map(key, others)}) == 6
 
 

@@ -34,22 +34,44 @@ told("ranking of the command", shown.getvalue().encode())
 def test_bytes_do_not_depend_on_the_number_of_threads():
     clean = {name: value for name, value in os.environ.items() if name not in THREAD_VARIABLES}
     settings = ({}, {"OMP_NUM_THREADS": "1"})  # as many threads as processors, and one
-    many, one = (subprocess.run([sys.executable, "-c", SCRIPT], env=clean | own, capture_output=True, text=True,
-                                check=True).stdout.splitlines() for own in settings)  # fmt: skip
+    many, one = (
+        subprocess.run(
+            [sys.executable, "-c", SCRIPT], env=clean | own, capture_output=True, text=True, check=True
+        ).stdout.splitlines()
+        for own in settings
+    )
     assert len(many) == 3
     assert many == one
 
 
 NEED_NONE = {
     "cpic_planner": {
-        "check_level0", "lambert_phase", "load_instrument", "load_known_planets", "load_population", "load_scene",
-        "load_strategies", "load_targets", "planet_contrast", "save_psf", "scenes_from_table", "stream",
+        "check_level0",
+        "lambert_phase",
+        "load_instrument",
+        "load_known_planets",
+        "load_population",
+        "load_scene",
+        "load_strategies",
+        "load_targets",
+        "planet_contrast",
+        "save_psf",
+        "scenes_from_table",
+        "stream",
     },
     "cpic_planner.validation": {
-        "aperture_sum", "aperture_weights", "contrast", "detection_threshold", "filled", "library_plan",
-        "observe_off_mask", "star_flux_of_field_star", "star_flux_off_mask", "threshold_array",
+        "aperture_sum",
+        "aperture_weights",
+        "contrast",
+        "detection_threshold",
+        "filled",
+        "library_plan",
+        "observe_off_mask",
+        "star_flux_of_field_star",
+        "star_flux_off_mask",
+        "threshold_array",
     },
-}  # fmt: skip
+}
 """Public functions that read files, or compute element by element or by other public functions."""
 
 

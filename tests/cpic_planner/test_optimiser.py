@@ -118,8 +118,14 @@ def test_goals_are_one_and_in_range():
     for goal in ({}, {"time_s": 1.0, "snr": 5.0}, {"snr": 5.0, "detect": True}):
         with pytest.raises(InputError, match="one of time_s, snr, detect"):
             optimise(MODEL, STARS, **goal)
-    for goal in ({"time_s": 0.0}, {"time_s": np.nan}, {"snr": -1.0}, {"snr": np.inf}, {"snr": 5.0, "bands": ["F999"]},
-                 {"snr": 5.0, "separation_arcsec": np.nan}):  # fmt: skip
+    for goal in (
+        {"time_s": 0.0},
+        {"time_s": np.nan},
+        {"snr": -1.0},
+        {"snr": np.inf},
+        {"snr": 5.0, "bands": ["F999"]},
+        {"snr": 5.0, "separation_arcsec": np.nan},
+    ):
         with pytest.raises(InputError):
             optimise(MODEL, STARS, **goal)
 

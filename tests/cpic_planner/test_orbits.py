@@ -56,8 +56,14 @@ def by_matrices(a, e, i, w, node, m):
 
 def test_places_equal_rotation_matrices():
     rng = np.random.default_rng(8)
-    elements = np.stack([rng.uniform(0.3, 20, 200), rng.uniform(0, 0.8, 200), rng.uniform(0, 180, 200),
-                         *rng.uniform(-360, 360, (3, 200))])  # fmt: skip
+    elements = np.stack(
+        [
+            rng.uniform(0.3, 20, 200),
+            rng.uniform(0, 0.8, 200),
+            rng.uniform(0, 180, 200),
+            *rng.uniform(-360, 360, (3, 200)),
+        ]
+    )
     found = orbit_places(*elements)
     expected = np.array([by_matrices(*column) for column in elements.T]).T
     for value, other in zip((found.north_au, found.east_au, found.distance_au), expected[:3], strict=True):

@@ -89,8 +89,15 @@ def test_drift_is_the_offset_of_a_visit_and_the_walk_in_the_same_ratio():
 
 
 def test_values_are_converted_to_the_unit_of_their_key():
-    made = altered("visit_drift=70pm", "detector.pixel_scale_arcsec=16.0mas", "jitter=0.005arcsec", "exozodi=3zodi",
-                   "read_noise=160 e-", "walk=200pm/sqrt(h)", "bands.*.qe=80%")  # fmt: skip
+    made = altered(
+        "visit_drift=70pm",
+        "detector.pixel_scale_arcsec=16.0mas",
+        "jitter=0.005arcsec",
+        "exozodi=3zodi",
+        "read_noise=160 e-",
+        "walk=200pm/sqrt(h)",
+        "bands.*.qe=80%",
+    )
     assert made.drift.visit_nm == 0.07
     assert made.drift.walk_nm_per_sqrt_hour == 0.2
     assert made.detector.pixel_scale_arcsec == 0.016
@@ -127,8 +134,15 @@ def test_one_content_however_it_is_written(tmp_path):
 
 
 def test_survives_json_and_mappings():
-    one = SimulatorOverrides.of(["throughput=x0.7", "cosmic_rays.model=paper", "detector.switches.dark=off",
-                                 "companions=off", "mirror.bits=null"])  # fmt: skip
+    one = SimulatorOverrides.of(
+        [
+            "throughput=x0.7",
+            "cosmic_rays.model=paper",
+            "detector.switches.dark=off",
+            "companions=off",
+            "mirror.bits=null",
+        ]
+    )
     assert SimulatorOverrides.model_validate_json(one.model_dump_json()) == one
     assert SimulatorOverrides.of(one.as_mapping()) == one
     assert SimulatorOverrides.of(copy.deepcopy(one)) == one
@@ -145,10 +159,16 @@ def test_companions_are_those_of_the_scene():
 
 
 def test_words_truth_values_and_values_not_set():
-    made = altered("cosmic_rays.model=paper", "detector.switches.cosmic_rays=off",
-                   "detector.switches.interference=false", "sky.stray_light.rate_e_s=0.01", "mirror.bits=null",
-                   "mission.obsid_prefix=7",
-                   "coronagraph.inner_arcsec.F520=0.3", "detector.register_stages=x0.5")  # fmt: skip
+    made = altered(
+        "cosmic_rays.model=paper",
+        "detector.switches.cosmic_rays=off",
+        "detector.switches.interference=false",
+        "sky.stray_light.rate_e_s=0.01",
+        "mirror.bits=null",
+        "mission.obsid_prefix=7",
+        "coronagraph.inner_arcsec.F520=0.3",
+        "detector.register_stages=x0.5",
+    )
     assert made.cosmic_rays.model == "paper"
     assert made.detector.switches.cosmic_rays is False
     assert made.detector.switches.interference is False

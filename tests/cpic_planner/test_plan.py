@@ -19,8 +19,21 @@ from cpic_planner.population_config import load_population
 from simulator.config import load_instrument
 from simulator.config.base import validate
 
-ARGUMENTS = ["plan", "--top", "2", "--time-s", "400", "--band", "F520", "--band", "F662",
-             "--realisations", "2", "--planets", "500"]  # fmt: skip
+ARGUMENTS = [
+    "plan",
+    "--top",
+    "2",
+    "--time-s",
+    "400",
+    "--band",
+    "F520",
+    "--band",
+    "F662",
+    "--realisations",
+    "2",
+    "--planets",
+    "500",
+]
 # Of the sample these alone let sums of frames stand for frames, which takes a tenth of the time.
 STARS = """name,v_mag,sp_type,teff_k,log_g,metallicity,distance_pc,luminosity_lsun,ra_deg,dec_deg
 first,3.73,K2V,5080,4.6,-0.1,3.2,0.34,53.2,-9.5
@@ -65,8 +78,10 @@ def test_known_planets_stand_instead_of_a_population(tmp_path):
         config = PlanConfig(**asked, **known)
         return int(estimate_cost(config, catalog=stars)["n_targets"]), config
 
-    counts = {source: ranked(known_planets=source, date_utc="2027-01-01")[0]
-              for source in ("snapshot", "archive_2019", str(own), f"none+{own}")}  # fmt: skip
+    counts = {
+        source: ranked(known_planets=source, date_utc="2027-01-01")[0]
+        for source in ("snapshot", "archive_2019", str(own), f"none+{own}")
+    }
     assert list(counts.values()) == [1, 2, 2, 1]
     choice = ranked(known_planets="snapshot", date_utc="2027-01-01")[1].drawn()
     assert (choice.mjd, choice.n_draws) == (61406.0, 50)

@@ -21,8 +21,14 @@ STAR = {"v_mag": 1.35, "spectral_type": "K1V", "distance_pc": 1.35}
 
 
 def planet(name, separation, pa, contrast_scale=1.0):
-    return {"name": name, "radius_rjup": contrast_scale, "phase_deg": 90, "separation_arcsec": separation, "pa_deg": pa,
-            "albedo": "jupiter"}  # fmt: skip
+    return {
+        "name": name,
+        "radius_rjup": contrast_scale,
+        "phase_deg": 90,
+        "separation_arcsec": separation,
+        "pa_deg": pa,
+        "albedo": "jupiter",
+    }
 
 
 def config(scene, **changes):
@@ -38,9 +44,17 @@ def system():
         "name": "system",
         "cstar": STAR,
         "planets": [planet("b", 0.5, 315), planet("c", 0.6, 135), planet("d", 0.5, 0)],
-        "stars": [{"name": "calibrator", "v_mag": 14.5, "spectral_type": "K1V", "separation_arcsec": 0.7, "pa_deg": 225,
-                   "companion": False}],
-    }  # fmt: skip
+        "stars": [
+            {
+                "name": "calibrator",
+                "v_mag": 14.5,
+                "spectral_type": "K1V",
+                "separation_arcsec": 0.7,
+                "pa_deg": 225,
+                "companion": False,
+            }
+        ],
+    }
     return confirm_scene(config(scene))[0]
 
 
@@ -142,8 +156,9 @@ def test_the_calculator_knows_the_light_of_a_scene(star):
     scene = load_scene({"name": "s", "cstar": star})
     instrument = load_instrument()
     target, passbands = scene_target(scene), Passbands.from_instrument(instrument)
-    rates = passbands.star_rate_e_s(target.v_mag, target.teff_k, target.log_g, target.metallicity,
-                                    instrument.telescope.area_cm2)[0]  # fmt: skip
+    rates = passbands.star_rate_e_s(
+        target.v_mag, target.teff_k, target.log_g, target.metallicity, instrument.telescope.area_cm2
+    )[0]
     for band in instrument.visible_bands():
         light = scene_sources(scene, instrument, band)[0].rate_e_s
         assert rates[passbands.names.index(band)] == pytest.approx(light, rel=0.01)

@@ -53,7 +53,8 @@ def test_stars_with_known_planets_are_ranked_again_by_them():
     found = sensitivity(MODEL, stars, time_s=7200.0, population=choice)
     assert found.top == len(stars)
     changed = next(item for item in ASSUMPTIONS if item.key == "albedo_2au").change(
-        Setting(MODEL, ReferencePlanet(), choice))  # fmt: skip
+        Setting(MODEL, ReferencePlanet(), choice)
+    )
     assert changed.population.albedo == changed.planet.albedo != choice.albedo
 
 
@@ -78,8 +79,11 @@ def test_tau_is_pairs_in_order_less_pairs_turned_round():
         assert row.kendall_tau_b == pytest.approx(kendalltau(order.score[either], other.score[either]).statistic)
         assert row.best == STARS.name[np.argmin(place)]
         assert row.largest_fall_ranks == max((place - nominal)[first].max(), 0)
-    assert found.decides == [row.assumption for row in found.rows
-                             if abs(row.n_ok - found.n_ok) >= 0.25 * found.n_ok or row.kendall_tau_b < 0.5]  # fmt: skip
+    assert found.decides == [
+        row.assumption
+        for row in found.rows
+        if abs(row.n_ok - found.n_ok) >= 0.25 * found.n_ok or row.kendall_tau_b < 0.5
+    ]
 
 
 def test_an_assumption_that_turns_the_order_round_is_named(monkeypatch):
@@ -95,8 +99,14 @@ def test_an_assumption_that_turns_the_order_round_is_named(monkeypatch):
         return found
 
     monkeypatch.setattr(module, "ranked", turned)
-    found = sensitivity(MODEL, STARS, score="detection_margin", time_s=7200.0, population=SMALL,
-                        assumptions=[Assumption("mirror", "the world turned round", mirrored)])  # fmt: skip
+    found = sensitivity(
+        MODEL,
+        STARS,
+        score="detection_margin",
+        time_s=7200.0,
+        population=SMALL,
+        assumptions=[Assumption("mirror", "the world turned round", mirrored)],
+    )
     assert found.rows[0].kendall_tau < -0.5
     assert found.rows[0].kendall_tau_b < -0.5
     assert found.decides == ["mirror"]
@@ -108,8 +118,13 @@ def test_an_assumption_that_turns_the_order_round_is_named(monkeypatch):
 def test_stars_without_a_score_do_not_hide_what_an_assumption_changes():
     """Twice the drift takes most detected stars away, though the ranks of the first 50 hardly change."""
     whole = build_model(load_instrument(), ["F520"])
-    found = sensitivity(whole, rank_sample(v_mag_max=5.0), time_s=36000.0, population=SMALL,
-                        assumptions=[item for item in ASSUMPTIONS if item.key == "drift_x2"])  # fmt: skip
+    found = sensitivity(
+        whole,
+        rank_sample(v_mag_max=5.0),
+        time_s=36000.0,
+        population=SMALL,
+        assumptions=[item for item in ASSUMPTIONS if item.key == "drift_x2"],
+    )
     row = found.rows[0]
     assert row.kendall_tau > 0.8
     assert 0 < row.n_ok < 0.5 * found.n_ok
@@ -122,11 +137,23 @@ def test_stars_without_a_score_do_not_hide_what_an_assumption_changes():
 
 def test_detected_stars_are_counted_wherever_the_score_puts_them():
     """By the faintest contrast, stars with a detected planet stand anywhere: all are counted, under any assumption."""
-    found = sensitivity(MODEL, STARS, time_s=7200.0, population=SMALL, score="contrast_limit", top=2,
-                        assumptions=[item for item in ASSUMPTIONS if item.key == "drift_x0.1"])  # fmt: skip
+    found = sensitivity(
+        MODEL,
+        STARS,
+        time_s=7200.0,
+        population=SMALL,
+        score="contrast_limit",
+        top=2,
+        assumptions=[item for item in ASSUMPTIONS if item.key == "drift_x0.1"],
+    )
     change = next(item.change for item in ASSUMPTIONS if item.key == "drift_x0.1")
-    every = in_order(change(Setting(MODEL, ReferencePlanet(), SMALL)), STARS, time_s=7200.0, bands=("F520", "F662"),
-                     score="contrast_limit")  # fmt: skip
+    every = in_order(
+        change(Setting(MODEL, ReferencePlanet(), SMALL)),
+        STARS,
+        time_s=7200.0,
+        bands=("F520", "F662"),
+        score="contrast_limit",
+    )
     assert found.rows[0].n_ok == np.count_nonzero(every.detected)
 
 

@@ -9,11 +9,25 @@ from catalogs.errors import InputError
 from cpic_planner.written_values import read_value, two_spellings, with_unit
 
 CONVERTED = [
-    ("0.1nm", "nm", 0.1), ("100pm", "nm", 0.1), ("1e-4 um", "nm", 0.1), ("1e-4µm", "nm", 0.1), ("2h", "s", 7200.0),
-    ("90min", "h", 1.5), ("36 hours", "d", 1.5), ("350mas", "arcsec", 0.35), ("0.35arcsec", "mas", 350.0),
-    ("30arcmin", "deg", 0.5), ("160e-", "e-", 160.0), ("160 e", "e-", 160.0), ("3zodi", "zodi", 3.0), ("5%", "", 0.05),
-    ("0.2pm/sqrt(h)", "nm/sqrt(h)", 0.0002), ("0nm", "nm", 0.0), ("7mag", "mag", 7.0), ("-1.5e1s", "min", -0.25),
-]  # fmt: skip
+    ("0.1nm", "nm", 0.1),
+    ("100pm", "nm", 0.1),
+    ("1e-4 um", "nm", 0.1),
+    ("1e-4µm", "nm", 0.1),
+    ("2h", "s", 7200.0),
+    ("90min", "h", 1.5),
+    ("36 hours", "d", 1.5),
+    ("350mas", "arcsec", 0.35),
+    ("0.35arcsec", "mas", 350.0),
+    ("30arcmin", "deg", 0.5),
+    ("160e-", "e-", 160.0),
+    ("160 e", "e-", 160.0),
+    ("3zodi", "zodi", 3.0),
+    ("5%", "", 0.05),
+    ("0.2pm/sqrt(h)", "nm/sqrt(h)", 0.0002),
+    ("0nm", "nm", 0.0),
+    ("7mag", "mag", 7.0),
+    ("-1.5e1s", "min", -0.25),
+]
 
 
 @pytest.mark.parametrize(("text", "unit", "value"), CONVERTED)
@@ -53,10 +67,16 @@ def test_factors_that_are_none(text):
         read_value("key", text, "nm")
 
 
-@pytest.mark.parametrize(("text", "unit", "units"), [
-    ("1mas", "nm", "pm, nm, um, mm, cm, m, km"), ("1nm", "nm/sqrt(h)", "pm/sqrt"), ("5%", "nm", "pm"),
-    ("1h", "e-", "e-"), ("3 wild", "s", "s, min, h, d"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("text", "unit", "units"),
+    [
+        ("1mas", "nm", "pm, nm, um, mm, cm, m, km"),
+        ("1nm", "nm/sqrt(h)", "pm/sqrt"),
+        ("5%", "nm", "pm"),
+        ("1h", "e-", "e-"),
+        ("3 wild", "s", "s, min, h, d"),
+    ],
+)
 def test_units_of_another_kind_are_refused(text, unit, units):
     with pytest.raises(InputError) as fault:
         read_value("key", text, unit)

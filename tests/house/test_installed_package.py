@@ -55,8 +55,14 @@ def installed(wheel, tmp_path_factory):
         ],
         check=True,
     )
-    home = Path(subprocess.run([str(python), "-c", "import site; print(site.getsitepackages()[0])"],
-                               capture_output=True, text=True, check=True).stdout.strip())  # fmt: skip
+    home = Path(
+        subprocess.run(
+            [str(python), "-c", "import site; print(site.getsitepackages()[0])"],
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout.strip()
+    )
     (home / "borrowed.pth").write_text("\n".join(site.getsitepackages()))
     return folder / "bin"
 
@@ -97,13 +103,36 @@ def test_packages_come_from_the_wheel(installed, tmp_path):
 
 
 def test_plan_from_another_folder(installed, tmp_path):
-    done = run(installed, tmp_path, "plan", "--top", "1", "--band", "F520", "--time-s", "300", "--realisations", "1",
-               "--planets", "200", "--out", "here", "--json")  # fmt: skip
+    done = run(
+        installed,
+        tmp_path,
+        "plan",
+        "--top",
+        "1",
+        "--band",
+        "F520",
+        "--time-s",
+        "300",
+        "--realisations",
+        "1",
+        "--planets",
+        "200",
+        "--out",
+        "here",
+        "--json",
+    )
     assert done.returncode == 0, done.stderr
     plan = json.loads(done.stdout)
     assert plan == json.loads((tmp_path / "here" / "plan.json").read_text())
     assert len(plan["targets"]) == 1
     assert sorted(p.name for p in (tmp_path / "here").iterdir() if p.is_file()) == [
-        "cpic-run.jsonl", "measurements.csv", "plan.json", "ranking.csv", "ranking.ecsv", "report.html", "run.json",
-        "run.lock", "sensitivity.json",
-    ]  # fmt: skip
+        "cpic-run.jsonl",
+        "measurements.csv",
+        "plan.json",
+        "ranking.csv",
+        "ranking.ecsv",
+        "report.html",
+        "run.json",
+        "run.lock",
+        "sensitivity.json",
+    ]

@@ -32,7 +32,7 @@ def law(x: int | None, *, scale: float = 2.0) -> list[1]:
     return zip(y ** (x - 1) * 0.0, x not in y, True, strict=True), "é" * 2, 1j @ x
 '''
 CHANGED = {
-    "WIDTH: \"2 + 2\" = 4",
+    'WIDTH: "2 + 2" = 4',
     "def law(x: int | None, *, scale: float = 4.0) -> list[1]:",
     "if x is not None or not (0 < x):",
     "if x is None and not (0 < x):",
@@ -44,17 +44,17 @@ CHANGED = {
     "scale",
     "y *= 1_000",
     "y **= 1001",
-    "return zip((y * (x - 1)) * 0.0, x not in y, True, strict=True), \"é\" * 2, 1j @ x",
-    "return zip(y ** (x + 1) * 0.0, x not in y, True, strict=True), \"é\" * 2, 1j @ x",
-    "return zip(y ** (x - 2) * 0.0, x not in y, True, strict=True), \"é\" * 2, 1j @ x",
-    "return zip(y ** (x - 1) / 0.0, x not in y, True, strict=True), \"é\" * 2, 1j @ x",
-    "return zip(y ** (x - 1) * 1.0, x not in y, True, strict=True), \"é\" * 2, 1j @ x",
-    "return zip(y ** (x - 1) * 0.0, x in y, True, strict=True), \"é\" * 2, 1j @ x",
-    "return zip(y ** (x - 1) * 0.0, x not in y, False, strict=True), \"é\" * 2, 1j @ x",
-    "return zip(y ** (x - 1) * 0.0, x not in y, True, strict=True), \"é\" / 2, 1j @ x",
-    "return zip(y ** (x - 1) * 0.0, x not in y, True, strict=True), \"é\" * 3, 1j @ x",
-    "return zip(y ** (x - 1) * 0.0, x not in y, True, strict=True), \"é\" * 2, 2j @ x",
-}  # fmt: skip
+    'return zip((y * (x - 1)) * 0.0, x not in y, True, strict=True), "é" * 2, 1j @ x',
+    'return zip(y ** (x + 1) * 0.0, x not in y, True, strict=True), "é" * 2, 1j @ x',
+    'return zip(y ** (x - 2) * 0.0, x not in y, True, strict=True), "é" * 2, 1j @ x',
+    'return zip(y ** (x - 1) / 0.0, x not in y, True, strict=True), "é" * 2, 1j @ x',
+    'return zip(y ** (x - 1) * 1.0, x not in y, True, strict=True), "é" * 2, 1j @ x',
+    'return zip(y ** (x - 1) * 0.0, x in y, True, strict=True), "é" * 2, 1j @ x',
+    'return zip(y ** (x - 1) * 0.0, x not in y, False, strict=True), "é" * 2, 1j @ x',
+    'return zip(y ** (x - 1) * 0.0, x not in y, True, strict=True), "é" / 2, 1j @ x',
+    'return zip(y ** (x - 1) * 0.0, x not in y, True, strict=True), "é" * 3, 1j @ x',
+    'return zip(y ** (x - 1) * 0.0, x not in y, True, strict=True), "é" * 2, 2j @ x',
+}
 
 
 @pytest.fixture(scope="module")
@@ -179,8 +179,12 @@ def test_modules_have_mirrors_and_no_compiled_code(points):
     for module in points.MODULES:
         assert points.mirrors(module)
         assert "numba" not in (ROOT / module).read_text(encoding="utf-8")
-    kernels = [file for folder in ("catalogs", "simulator", "cpic_planner") for file in (ROOT / folder).rglob("*.py")
-               if "@njit" in file.read_text(encoding="utf-8")]  # fmt: skip
+    kernels = [
+        file
+        for folder in ("catalogs", "simulator", "cpic_planner")
+        for file in (ROOT / folder).rglob("*.py")
+        if "@njit" in file.read_text(encoding="utf-8")
+    ]
     assert len(kernels) >= 3
     ours = re.compile(r"^\s*(from|import) (catalogs|simulator|cpic_planner)", re.M)
     assert [file for file in kernels if ours.search(file.read_text(encoding="utf-8"))] == []

@@ -11,10 +11,29 @@ FLOORS = ("catalogs", "simulator", "cpic_planner")
 READING_METHODS = {"read_text", "read_bytes", "open"}
 OWN = {"SqliteModels.open", "NpzModels.open"}  # classes of ours
 READING_CALLS = {
-    "open", "io.open", "os.open", "os.fdopen", "np.load", "np.loadtxt", "np.genfromtxt", "np.fromfile", "np.memmap",
-    "fits.open", "fits.getdata", "fits.getheader", "Table.read", "text_tables.read", "ascii.read", "parse",
-    "pq.read_table",     "sqlite3.connect", "zipfile.ZipFile", "tarfile.open", "urlopen", "urllib.request.urlopen",
-}  # fmt: skip
+    "open",
+    "io.open",
+    "os.open",
+    "os.fdopen",
+    "np.load",
+    "np.loadtxt",
+    "np.genfromtxt",
+    "np.fromfile",
+    "np.memmap",
+    "fits.open",
+    "fits.getdata",
+    "fits.getheader",
+    "Table.read",
+    "text_tables.read",
+    "ascii.read",
+    "parse",
+    "pq.read_table",
+    "sqlite3.connect",
+    "zipfile.ZipFile",
+    "tarfile.open",
+    "urlopen",
+    "urllib.request.urlopen",
+}
 
 # What may stay where it is, and why. A name that somebody gave may not be among it.
 ALLOWED = {
@@ -71,23 +90,40 @@ def is_allowed(path):
 
 
 def test_files_are_opened_in_one_place():
-    elsewhere = [f"{path}:{line} {what}" for path in modules() if not is_allowed(path)
-                 for line, what in reading((ROOT / path).read_text(encoding="utf-8"))]  # fmt: skip
+    elsewhere = [
+        f"{path}:{line} {what}"
+        for path in modules()
+        if not is_allowed(path)
+        for line, what in reading((ROOT / path).read_text(encoding="utf-8"))
+    ]
     assert elsewhere == [], "read it with catalogs.user_files, or say in ALLOWED why not"
 
 
 def test_every_exception_is_one():
     """A module that reads nothing any more leaves the list."""
-    used = {name for path in modules() for name in (path.as_posix(), path.parent.as_posix())
-            if any(reading((ROOT / path).read_text(encoding="utf-8")))}  # fmt: skip
+    used = {
+        name
+        for path in modules()
+        for name in (path.as_posix(), path.parent.as_posix())
+        if any(reading((ROOT / path).read_text(encoding="utf-8")))
+    }
     assert set(ALLOWED) - used == set()
 
 
 @pytest.mark.parametrize(
     "line",
-    ["open(path)", "Path(path).open('rb')", "path.read_text()", "np.load(path)", "fits.open(path)", "Table.read(path)",
-     "os.open(path, 0)", "Path(name).read_bytes()", "sqlite3.connect(name)"],
-)  # fmt: skip
+    [
+        "open(path)",
+        "Path(path).open('rb')",
+        "path.read_text()",
+        "np.load(path)",
+        "fits.open(path)",
+        "Table.read(path)",
+        "os.open(path, 0)",
+        "Path(name).read_bytes()",
+        "sqlite3.connect(name)",
+    ],
+)
 def test_a_reading_is_seen(line):
     assert [number for number, _ in reading(f"\n{line}\n")] == [2]
 

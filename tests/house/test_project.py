@@ -66,9 +66,11 @@ def test_readme_quotes_the_default_strategies():
     strategies = {item["name"]: item for item in json.loads(text("reports/whatif/whatif.json"))["strategies"]}
     best = max(strategies.values(), key=lambda item: item["new_planets"]["mean"])
     single = strategies["single_visit"]
-    words = [f"{best['name']} finds {best['new_planets']['mean']:.2f} new planets in {best['hours']['mean']:.0f} h",
-             f"one visit of each star finds {single['new_planets']['mean']:.2f} in {single['hours']['mean']:.0f} h",
-             f"and {best['background_alarms']['mean']:.1f} background stars"]  # fmt: skip
+    words = [
+        f"{best['name']} finds {best['new_planets']['mean']:.2f} new planets in {best['hours']['mean']:.0f} h",
+        f"one visit of each star finds {single['new_planets']['mean']:.2f} in {single['hours']['mean']:.0f} h",
+        f"and {best['background_alarms']['mean']:.1f} background stars",
+    ]
     for sentence in words:
         assert sentence in readme, sentence
 
@@ -151,16 +153,23 @@ def test_readme_quotes_the_speed_of_the_camera():
         list(csv.DictReader(text(f"reports/camera_speed/{name}.csv").splitlines())) for name in ("times", "peers")
     )
     seconds = {row["job"]: float(row["cpu_s"]) for row in times}
-    jobs = ("dark, 30 s, gain 300", "star of V = 5, F662, 30 s, gain 300", "paper's example, F520, 17 s, gain 20",
-            "paper's example, F520, 300 s, gain 20 (blooms)")  # fmt: skip
+    jobs = (
+        "dark, 30 s, gain 300",
+        "star of V = 5, F662, 30 s, gain 300",
+        "paper's example, F520, 17 s, gain 20",
+        "paper's example, F520, 300 s, gain 20 (blooms)",
+    )
     for job in jobs:
         assert f"| {job} | {1000 * seconds[job]:.0f} |" in readme, job
     flats = [1000 * value for job, value in seconds.items() if job.startswith("flat of")]
     assert f"| flats of 50 to 20000 e-, gain 1 to 300 | {min(flats):.0f} to {max(flats):.0f} |" in readme
     ours = {row["scene"]: float(row["cpu_s"]) for row in peers if row["simulator"] == "ours"}
     for simulator, mode in (("emccd-detect", "fast, no register CIC"), ("getframes", "double")):
-        found = [float(row["cpu_s"]) / ours[row["scene"]] for row in peers
-                 if (row["simulator"], row["mode"]) == (simulator, mode)]  # fmt: skip
+        found = [
+            float(row["cpu_s"]) / ours[row["scene"]]
+            for row in peers
+            if (row["simulator"], row["mode"]) == (simulator, mode)
+        ]
         assert f"{simulator} ({mode}) {min(found):.1f} to {max(found):.1f} times" in readme, simulator
     exact = next(float(row["cpu_s"]) / ours[row["scene"]] for row in peers if row["mode"] == "exact")
     assert f"emccd-detect's exact mode ({exact:.0f} times)" in readme

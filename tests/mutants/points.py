@@ -41,14 +41,36 @@ MODULES: dict[str, tuple[str, ...]] = {
     "cpic_planner/survey/visibility/limb.py": (),
     "cpic_planner/survey/visibility/panel.py": (),
     "cpic_planner/completeness.py": (),
-}  # fmt: skip
+}
 
-PARTNER = {"+": "-", "-": "+", "*": "/", "/": "*", "//": "*", "%": "*", "**": "*", "<<": ">>", ">>": "<<", "&": "|",
-           "|": "&", "^": "&", "and": "or", "or": "and"}  # fmt: skip
+PARTNER = {
+    "+": "-",
+    "-": "+",
+    "*": "/",
+    "/": "*",
+    "//": "*",
+    "%": "*",
+    "**": "*",
+    "<<": ">>",
+    ">>": "<<",
+    "&": "|",
+    "|": "&",
+    "^": "&",
+    "and": "or",
+    "or": "and",
+}
 COMPARISONS = {
-    "<": ("<=", ">"), "<=": ("<", ">="), ">": (">=", "<"), ">=": (">", "<="), "==": ("!=",), "!=": ("==",),
-    "is": ("is not",), "is not": ("is",), "in": ("not in",), "not in": ("in",),
-}  # fmt: skip
+    "<": ("<=", ">"),
+    "<=": ("<", ">="),
+    ">": (">=", "<"),
+    ">=": (">", "<="),
+    "==": ("!=",),
+    "!=": ("==",),
+    "is": ("is not",),
+    "is not": ("is",),
+    "in": ("not in",),
+    "not in": ("in",),
+}
 UNSEEN_KEYWORDS = ("strict", "maxsize")
 
 
@@ -87,9 +109,11 @@ class _Finder(ast.NodeVisitor):
         for line in text.splitlines(keepends=True):
             self.starts.append(self.starts[-1] + len(line.encode("utf-8")))
         skipped = (tokenize.NL, tokenize.NEWLINE, tokenize.COMMENT, tokenize.INDENT, tokenize.DEDENT)
-        self.tokens = [(token.string, self._of_token(token.start), self._of_token(token.end))
-                       for token in tokenize.generate_tokens(io.StringIO(text).readline)
-                       if token.type not in skipped and token.string]  # fmt: skip
+        self.tokens = [
+            (token.string, self._of_token(token.start), self._of_token(token.end))
+            for token in tokenize.generate_tokens(io.StringIO(text).readline)
+            if token.type not in skipped and token.string
+        ]
         self.scope: list[str] = []
         self.statement: ast.stmt | None = None
         self.visit(ast.parse(source))
@@ -111,8 +135,15 @@ class _Finder(ast.NodeVisitor):
         where = self.statement.lineno, self.statement.end_lineno
         if hasattr(self.statement, "body"):
             where = self.statement.lineno, self.statement.body[0].lineno - 1
-        self.found.append((start, ".".join(self.scope) or "<module>", f"{before} -> {after}", where,
-                           tuple((first, last, text.encode("utf-8")) for first, last, text in edits)))  # fmt: skip
+        self.found.append(
+            (
+                start,
+                ".".join(self.scope) or "<module>",
+                f"{before} -> {after}",
+                where,
+                tuple((first, last, text.encode("utf-8")) for first, last, text in edits),
+            )
+        )
 
     def points(self) -> list[Point]:
         """Points in the order of the source."""
@@ -202,8 +233,12 @@ class _Finder(ast.NodeVisitor):
         else:
             return
         start, end = self._span(node)
-        self._add(start, self.texts[node.lineno - 1].encode()[node.col_offset : node.end_col_offset].decode(), after,
-                  (start, end, after))  # fmt: skip
+        self._add(
+            start,
+            self.texts[node.lineno - 1].encode()[node.col_offset : node.end_col_offset].decode(),
+            after,
+            (start, end, after),
+        )
 
 
 def points_of(module: str, source: bytes) -> list[Point]:

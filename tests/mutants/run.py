@@ -35,10 +35,30 @@ os.environ.pop("NUMBA_CACHE_DIR", None)
 
 from points import MODULES, ROOT, Point, equivalents, mirrors, population, sample
 
-HEAVY = ("numpy", "scipy.stats", "scipy.optimize", "scipy.interpolate", "scipy.ndimage", "scipy.signal",
-         "astropy.units", "astropy.io.fits", "astropy.coordinates", "astropy.table", "pandas", "pydantic", "yaml",
-         "numba", "hcipy", "synphot", "photutils.aperture", "sep", "hypothesis", "hypothesis.extra.numpy", "mpmath",
-         "pytest")  # fmt: skip
+HEAVY = (
+    "numpy",
+    "scipy.stats",
+    "scipy.optimize",
+    "scipy.interpolate",
+    "scipy.ndimage",
+    "scipy.signal",
+    "astropy.units",
+    "astropy.io.fits",
+    "astropy.coordinates",
+    "astropy.table",
+    "pandas",
+    "pydantic",
+    "yaml",
+    "numba",
+    "hcipy",
+    "synphot",
+    "photutils.aperture",
+    "sep",
+    "hypothesis",
+    "hypothesis.extra.numpy",
+    "mpmath",
+    "pytest",
+)
 UNCOPIED = shutil.ignore_patterns(".*", "__pycache__", "out", "dist", "build", "*.egg-info")
 MEMORY_BYTES = 8 << 30
 Done = Callable[[Point, str, str, float], None]
@@ -98,8 +118,11 @@ class Recorder:
 
     def _tell(self) -> None:
         heavy = [name for name in HEAVY if name in sys.modules]
-        found = {"by": self.by, "heavy": heavy, "tests": {name: [seconds, sorted(self.lines.get(name, ()))]
-                                                          for name, seconds in self.seconds.items()}}  # fmt: skip
+        found = {
+            "by": self.by,
+            "heavy": heavy,
+            "tests": {name: [seconds, sorted(self.lines.get(name, ()))] for name, seconds in self.seconds.items()},
+        }
         self.report.write_text(json.dumps(found), encoding="utf-8")
 
 
@@ -139,9 +162,16 @@ def start(slot: Path, module: str, order: dict[str, int] | None, limit_s: float,
         resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, resource.RLIM_INFINITY))
         import pytest
 
-        options = ["-q", "-p", "no:cacheprovider", "-p", "no:xdist",
-                   "-W", "ignore:Module already imported:pytest.PytestAssertRewriteWarning",
-                   f"--basetemp={slot / 'tmp'}"]  # fmt: skip
+        options = [
+            "-q",
+            "-p",
+            "no:cacheprovider",
+            "-p",
+            "no:xdist",
+            "-W",
+            "ignore:Module already imported:pytest.PytestAssertRewriteWarning",
+            f"--basetemp={slot / 'tmp'}",
+        ]
         stop = [] if order is None else ["-x", "--tb=no"]
         status = int(pytest.main([*options, *stop, *files], [Recorder(report, str(tree / module), order)]))
     except BaseException:
@@ -201,8 +231,9 @@ def unchanged(slot: Path, module: str) -> dict:
 
 def order_for(point: Point, tests: dict) -> dict[str, int]:
     """Rank of every test: first those that execute the statement, then the others; by file, the quickest first."""
-    touches = {name: any(point.lines[0] <= line <= point.lines[1] for line in lines)
-               for name, (_, lines) in tests.items()}  # fmt: skip
+    touches = {
+        name: any(point.lines[0] <= line <= point.lines[1] for line in lines) for name, (_, lines) in tests.items()
+    }
     # File by file: fixtures of a module are made once.
     cost: Counter[str] = Counter()
     for name in tests:
@@ -279,8 +310,13 @@ def table(points: list[Point], chosen: list[Point], outcome: dict[tuple, str]) -
     modules = list(dict.fromkeys(point.module for point in points))
     for module in [*modules, None]:
         ours = [outcome[point.name] for point in chosen if module in (None, point.module)]
-        counts = (sum(module in (None, point.module) for point in points), len(ours), ours.count("killed"),
-                  ours.count("equivalent"), ours.count("survived"))  # fmt: skip
+        counts = (
+            sum(module in (None, point.module) for point in points),
+            len(ours),
+            ours.count("killed"),
+            ours.count("equivalent"),
+            ours.count("survived"),
+        )
         lines.append(f"{module or 'all':44}" + "".join(f"{count:12d}" for count in counts))
     return "\n".join(lines)
 
@@ -331,8 +367,9 @@ def main() -> int:
         chosen = [point for point in chosen if before.get(point.name, {}).get("status") == "survived"]
     listed = dict(equivalents())
     digests = {module: digest(module) for module in modules}
-    outcome = {name: row["status"] for name, row in results(options.out).items()
-               if row["digest"] == digests.get(row["module"])}  # fmt: skip
+    outcome = {
+        name: row["status"] for name, row in results(options.out).items() if row["digest"] == digests.get(row["module"])
+    }
     outcome |= {} if options.listed else dict.fromkeys(listed, "equivalent")
     todo = [point for point in chosen if point.name not in outcome]
     began, killers = time.monotonic(), {}

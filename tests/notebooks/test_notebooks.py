@@ -23,7 +23,7 @@ FEWER = (
 @pytest.mark.parametrize(
     "path", [pytest.param(path, marks=() if path.stem == "quickstart" else pytest.mark.long) for path in NOTEBOOKS],
     ids=[path.stem for path in NOTEBOOKS],
-)  # fmt: skip
+)
 # The kernel client of Jupyter leaves sockets and loops to the garbage collector.
 @pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning", "ignore::DeprecationWarning")
 def test_notebook_runs(path):

@@ -15,8 +15,14 @@ FEW_HITS = {"cosmic_rays": False}
 
 
 def scene(v_mag, distance_pc=10.0):
-    planet = {"name": "b", "radius_rjup": 1.0, "phase_deg": 90.0, "separation_arcsec": 0.55, "pa_deg": 45.0,
-              "albedo": {"model": "constant", "value": 0.5}}  # fmt: skip
+    planet = {
+        "name": "b",
+        "radius_rjup": 1.0,
+        "phase_deg": 90.0,
+        "separation_arcsec": 0.55,
+        "pa_deg": 45.0,
+        "albedo": {"model": "constant", "value": 0.5},
+    }
     star = {"v_mag": v_mag, "teff_k": 5772.0, "distance_pc": distance_pc}
     return {"name": "extreme", "cstar": star, "planets": [planet]}
 
@@ -42,8 +48,9 @@ def test_one_frame(v_mag, exposure_s, band, em_gain):
 
 @pytest.mark.parametrize(("v_mag", "exposure_s", "em_gain"), [(-27.0, 1e6, 1000.0), (30.0, 1e-6, 1.0 + 1e-12)])
 def test_a_file_of_it_passes_its_own_check(tmp_path, v_mag, exposure_s, em_gain):
-    seen = simulator.observe(scene(v_mag), band="F520", exposure_s=exposure_s, em_gain=em_gain, fidelity="quick",
-                             switches=FEW_HITS)  # fmt: skip
+    seen = simulator.observe(
+        scene(v_mag), band="F520", exposure_s=exposure_s, em_gain=em_gain, fidelity="quick", switches=FEW_HITS
+    )
     path = simulator.write_level0(seen, tmp_path)
     assert simulator.check_level0(path) == []
 
@@ -66,8 +73,14 @@ def test_simulate_products(tmp_path):
     list(itertools.product((-27.0, 5.0, 30.0), (1e-6, 30.0, 1e6), (1, 10**6), (1.0, 1.0 + 1e-12, 1000.0))),
 )
 def test_forecasts_are_finite(v_mag, exposure_s, n_frames, em_gain):
-    sizes = forecast(load_scene(scene(v_mag)), simulator.load_instrument(), band="F520", exposure_s=exposure_s,
-                     n_frames=n_frames, em_gain=em_gain).sizes  # fmt: skip
+    sizes = forecast(
+        load_scene(scene(v_mag)),
+        simulator.load_instrument(),
+        band="F520",
+        exposure_s=exposure_s,
+        n_frames=n_frames,
+        em_gain=em_gain,
+    ).sizes
     for key, size in sizes.items():
         for quantity, value in size.items():
             assert np.isfinite(value), (key, quantity)

@@ -66,9 +66,25 @@ PURE = {
     "contrast": (lambda *x: [getattr(contrast(*x), part) for part in ("value", "error")], 5),
 }
 EDGES = (
-    0.0, -0.0, 5e-324, 1e-308, 1e-12, 1.0, 1.0 + 1e-12, 180.0, 1e4, 1e6, 1e12, 1e100, 1.7e308, -1.0, -1.7e308,
-    math.inf, -math.inf, math.nan,
-)  # fmt: skip
+    0.0,
+    -0.0,
+    5e-324,
+    1e-308,
+    1e-12,
+    1.0,
+    1.0 + 1e-12,
+    180.0,
+    1e4,
+    1e6,
+    1e12,
+    1e100,
+    1.7e308,
+    -1.0,
+    -1.7e308,
+    math.inf,
+    -math.inf,
+    math.nan,
+)
 
 
 @pytest.mark.parametrize("name", PURE)
@@ -174,10 +190,11 @@ def plain(answer):
 EXTREME = {
     "v_mag": st.sampled_from([-27.0, -1.5, 5.0, 30.0]),
     "contrast": st.sampled_from([1e-3, 1e-9, 1e-15]),
-    "frame": st.sampled_from([{}, {"exposure_s": 0.01}, {"exposure_s": 1e6}, {"em_gain": 1.0}, {"em_gain": 1 + 1e-12},
-                              {"em_gain": 1000.0}]),
+    "frame": st.sampled_from(
+        [{}, {"exposure_s": 0.01}, {"exposure_s": 1e6}, {"em_gain": 1.0}, {"em_gain": 1 + 1e-12}, {"em_gain": 1000.0}]
+    ),
     "separation": st.sampled_from([0.0, 1e-6, 0.55, 5.0, 120.0]),
-}  # fmt: skip
+}
 
 
 @settings(max_examples=60)
@@ -196,9 +213,12 @@ def test_more_time_or_light_is_never_worse(v_mag, log_contrast, log_time):
     at = {"separation_arcsec": 0.55}
     some, longer, brighter = (
         signal_to_noise(MODEL, star(v_mag), time_s=time, contrast=ratio, **at)[0].value
-        for time, ratio in ((10**log_time, 10**log_contrast), (2 * 10**log_time, 10**log_contrast),
-                            (10**log_time, 2 * 10**log_contrast))
-    )  # fmt: skip
+        for time, ratio in (
+            (10**log_time, 10**log_contrast),
+            (2 * 10**log_time, 10**log_contrast),
+            (10**log_time, 2 * 10**log_contrast),
+        )
+    )
     assume(None not in (some, longer, brighter))
     assert longer >= some * (1 - 1e-9)
     assert brighter >= some * (1 - 1e-9)

@@ -29,8 +29,12 @@ def test_bias_frames_hold_level_stripes_and_read_noise():
 
 
 def test_dark_frames_hold_the_dark_current():
-    seen = calibrate("DARK", exposure_s=2000.0, em_gain=100.0,
-                     switches=PLAIN | {"stripes": False, "bad_columns": False, "bad_pixels": False})  # fmt: skip
+    seen = calibrate(
+        "DARK",
+        exposure_s=2000.0,
+        em_gain=100.0,
+        switches=PLAIN | {"stripes": False, "bad_columns": False, "bad_pixels": False},
+    )
     detector = seen.instrument.detector
     electrons = (active(seen, seen.frame(0).adu).astype(float) - detector.bias_adu) * detector.gain_e_adu / 100
     mean = dark_rate_e_s(detector) * 2000 + detector.cic_e

@@ -12,8 +12,20 @@ from simulator.ledger import SUM_EPOCHS
 from simulator.outcome import Reason, Status
 
 STILL = {"drift": {"visit_nm": 0.0, "walk_nm_per_sqrt_hour": 0.0}}
-MOVING = ("parallel_cti", "serial_cti", "smear", "cosmic_rays", "nonlinearity", "flat", "dark_structure", "bad_pixels",
-          "bad_columns", "stripes", "interference", "bias_drift")  # fmt: skip
+MOVING = (
+    "parallel_cti",
+    "serial_cti",
+    "smear",
+    "cosmic_rays",
+    "nonlinearity",
+    "flat",
+    "dark_structure",
+    "bad_pixels",
+    "bad_columns",
+    "stripes",
+    "interference",
+    "bias_drift",
+)
 
 
 def scene(v_mag=3.0):
@@ -22,8 +34,15 @@ def scene(v_mag=3.0):
 
 def sequence(changes=None, **settings):
     instrument = load_instrument(changes or {}).switched(dict.fromkeys(MOVING, False))
-    given = {"band": "F520", "exposure_s": 10.0, "n_frames": 20, "em_gain": 100.0, "window": "hole",
-             "fidelity": "quick", "max_epochs": 1} | settings  # fmt: skip
+    given = {
+        "band": "F520",
+        "exposure_s": 10.0,
+        "n_frames": 20,
+        "em_gain": 100.0,
+        "window": "hole",
+        "fidelity": "quick",
+        "max_epochs": 1,
+    } | settings
     return observe(given.pop("scene", scene()), instrument=instrument, **given)
 
 
@@ -109,16 +128,26 @@ def test_light_may_be_added():
     stacks = hole_stacks(sequence(STILL))
     extra = np.where(stacks.region, 5.0, 0.0)
     lit = stacks.with_light(extra)
-    np.testing.assert_allclose(lit.mean_rates() - stacks.mean_rates(), np.broadcast_to(extra, lit.mean_rates().shape),
-                               atol=1e-9)  # fmt: skip
+    np.testing.assert_allclose(
+        lit.mean_rates() - stacks.mean_rates(), np.broadcast_to(extra, lit.mean_rates().shape), atol=1e-9
+    )
     difference = lit.draw(1).sum(axis=0) - stacks.draw(1).sum(axis=0)
     assert difference[stacks.region].mean() == pytest.approx(5.0 * 200.0, rel=0.01)
 
 
 def test_one_sided_holes():
     instrument = load_instrument("cpic_2q").switched(dict.fromkeys(MOVING, False))
-    observation = observe(scene(), band="F520", exposure_s=1.0, n_frames=4, em_gain=100.0, window="hole",
-                          fidelity="quick", instrument=instrument, max_epochs=1)  # fmt: skip
+    observation = observe(
+        scene(),
+        band="F520",
+        exposure_s=1.0,
+        n_frames=4,
+        em_gain=100.0,
+        window="hole",
+        fidelity="quick",
+        instrument=instrument,
+        max_epochs=1,
+    )
     stacks = hole_stacks(observation)
     drawn = stacks.draw().sum(axis=0)
     assert np.count_nonzero(drawn[stacks.region]) > 0.9 * stacks.region.sum()
@@ -152,8 +181,9 @@ def test_the_star_may_overflow_beside_the_hole():
 @pytest.mark.parametrize("switch", ["parallel_cti", "serial_cti", "cosmic_rays", "nonlinearity"])
 def test_effects_that_are_no_sum_are_refused(switch):
     instrument = load_instrument().switched(dict.fromkeys(MOVING, False) | {switch: True})
-    observation = observe(scene(), band="F520", exposure_s=1.0, em_gain=10.0, window="hole", fidelity="quick",
-                          instrument=instrument)  # fmt: skip
+    observation = observe(
+        scene(), band="F520", exposure_s=1.0, em_gain=10.0, window="hole", fidelity="quick", instrument=instrument
+    )
     answer = hole_stackable(observation)
     assert answer.status is Status.INVALID
     assert switch in answer.message

@@ -30,11 +30,15 @@ def test_default_keeps_the_optics():
         ({"wavefront": {"jitter_mas": 0}}, "pointing jitter", "skipped", "zero"),
         ({"drift": {"visit_nm": 0, "walk_nm_per_sqrt_hour": 0}}, "wavefront drift", "skipped", "zero"),
         ({"dark_hole": {"control": "off"}}, STATIC, "kept", "no dark hole"),
-        ({"dark_hole": {"control": "off"}, "wavefront": {"opd_rms_nm": 0, "amplitude_rms": 0}}, STATIC, "skipped",
-         "flat"),
+        (
+            {"dark_hole": {"control": "off"}, "wavefront": {"opd_rms_nm": 0, "amplitude_rms": 0}},
+            STATIC,
+            "skipped",
+            "flat",
+        ),
         ("cpic_single_jacobian", STATIC, "kept", "one Jacobian"),
     ],
-)  # fmt: skip
+)
 def test_what_the_instrument_lacks_is_said(instrument, effect, decision, word):
     row = rows(instrument)[effect]
     assert row.decision == decision
@@ -135,8 +139,11 @@ def test_cosmic_rays_without_a_rate_are_skipped(rays):
 def test_effects_of_no_size_are_skipped_and_name_their_number():
     none = {"detector": {"read_noise_e": 0, "bias_structure": {"drift_adu": 0}, "flaws": {"prnu_rms": 0}}}
     found = rows(none)
-    for effect, key in (("read noise", "read_noise_e"), ("drift of the bias", "bias_structure.drift_adu"),
-                        ("flat field", "flaws.prnu_rms")):  # fmt: skip
+    for effect, key in (
+        ("read noise", "read_noise_e"),
+        ("drift of the bias", "bias_structure.drift_adu"),
+        ("flat field", "flaws.prnu_rms"),
+    ):
         assert (found[effect].decision, found[effect].reason) == ("skipped", f"{key} is 0")
     late = {"near_infrared": {"detector": {"switches": {"persistence": True}, "persistence": {"fraction": 0}}}}
     assert rows(late, band="F940")["persistence"].reason == "persistence.fraction is 0"

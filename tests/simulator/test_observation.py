@@ -295,8 +295,10 @@ def test_kinds_have_their_own_noise_and_settings_share_theirs():
     assert not any(np.array_equal(kinds[i], kinds[j]) for i, j in ((0, 1), (0, 2), (1, 2)))
     # Common random numbers: what the amplifier adds does not depend on exposure or gain.
     faint = {"cstar": STAR | {"v_mag": 20.0}}
-    pair = [observe(scene() | faint, **(settings | more)).frame(0).adu.astype(int) for more in
-            ({"exposure_s": 1e-3}, {"exposure_s": 2e-3})]  # fmt: skip
+    pair = [
+        observe(scene() | faint, **(settings | more)).frame(0).adu.astype(int)
+        for more in ({"exposure_s": 1e-3}, {"exposure_s": 2e-3})
+    ]
     assert (pair[0] == pair[1]).mean() > 0.99
     other = observe(scene() | faint, **(settings | {"exposure_s": 1e-3, "realisation": 1})).frame(0).adu
     assert (pair[0] == other).mean() < 0.5
@@ -344,8 +346,10 @@ def test_a_psf_from_a_file_is_named_and_tells_observations_apart(tmp_path):
 
 
 def test_a_tolerance_leaves_out_what_it_may():
-    bright = scene(planet(45, separation=0.6), stars=[
-        {"name": "far", "v_mag": 9.0, "teff_k": 5000, "separation_arcsec": 6.0, "pa_deg": 70}])  # fmt: skip
+    bright = scene(
+        planet(45, separation=0.6),
+        stars=[{"name": "far", "v_mag": 9.0, "teff_k": 5000, "separation_arcsec": 6.0, "pa_deg": 70}],
+    )
     settings = {"band": "F662", "exposure_s": 5.0, "n_frames": 20, "em_gain": 30, "window": "hole", "seed": 2}
     whole = observe(bright, **settings)
     short = observe(bright, **settings, tolerance=0.1, quantity=("planet_flux", "snr"))

@@ -26,5 +26,10 @@ def test_map_keeps_refusals():
 
 def test_json_form_is_plain():
     assert Outcome.ok(1.5, unit="s").to_dict() == {
-        "value": 1.5, "unit": "s", "status": "ok", "reason": "", "message": "", "flags": []
-    }  # fmt: skip
+        "value": 1.5,
+        "unit": "s",
+        "status": "ok",
+        "reason": "",
+        "message": "",
+        "flags": [],
+    }

@@ -192,8 +192,9 @@ def test_weighted_nodes_integrate_polynomials_against_the_spectrum(passbands: Pa
 def test_nodes_of_a_steep_curve_keep_non_negative_weights() -> None:
     curve = Curve(np.array([500.0, 501.0, 540.0]), np.array([0.0, 1.0, 0.0]))
     band = dataclasses.replace(load_bands()["F520"], curve=curve)
-    steep = dataclasses.replace(band, name="Spike", curve=Curve(np.array([500.0, 539.0, 539.9, 540.0]),
-                                                                np.array([0.0, 0.0, 1.0, 0.0])))  # fmt: skip
+    steep = dataclasses.replace(
+        band, name="Spike", curve=Curve(np.array([500.0, 539.0, 539.9, 540.0]), np.array([0.0, 0.0, 1.0, 0.0]))
+    )
     passbands = Passbands.from_bands([band, steep])
     for name in passbands.names:
         for n in (2, 5, 9):

@@ -34,8 +34,11 @@ def test_units_at_the_public_edge():
     assert contrast_at(1 * u.R_jup, 1 * u.pc, 0 * u.deg, 0.5) == pytest.approx(contrast_at(1, 206264.806, 0, 0.5))
     assert lambert_phase(np.pi / 2 * u.rad) == pytest.approx(1 / np.pi, rel=1e-15)
     nm = [500.0, 600.0]
-    assert np.allclose(planet_albedo([0.5, 0.6] * u.um, insolation_au=3e8 * u.km),
-                       planet_albedo(nm, insolation_au=(3e8 * u.km).to_value(u.au)), rtol=1e-12)  # fmt: skip
+    assert np.allclose(
+        planet_albedo([0.5, 0.6] * u.um, insolation_au=3e8 * u.km),
+        planet_albedo(nm, insolation_au=(3e8 * u.km).to_value(u.au)),
+        rtol=1e-12,
+    )
     star = star_photlam(5 * u.mag, teff_k=5.8 * u.kK)
     assert star.meta["teff_k"] == pytest.approx(5800.0)
     assert star.meta["magnitude_v"] == 5.0

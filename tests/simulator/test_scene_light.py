@@ -18,8 +18,15 @@ def smear(window, changes=None, more=(), band="F520", **settings):
     scene = {"name": "s", "cstar": {"name": "s", "v_mag": 2.0, "teff_k": 5800}} | dict(more)
     frames = []
     for on in (True, False):
-        seen = observe(scene, band=band, exposure_s=0.01, window=window, instrument=instrument,
-                       switches=NOTHING | {"smear": on}, **settings)  # fmt: skip
+        seen = observe(
+            scene,
+            band=band,
+            exposure_s=0.01,
+            window=window,
+            instrument=instrument,
+            switches=NOTHING | {"smear": on},
+            **settings,
+        )
         rows, columns, _ = seen.area.stamp(len(seen.psf.on_axis))
         frames.append(seen.expected_e[rows, columns])
         if on:
@@ -67,7 +74,12 @@ def test_the_column_light_of_the_metrics_is_that_of_a_whole_frame(band):
 
 def test_no_smear_without_line_shifts():
     still = {"detector": {"transfer": {"line_shift_s": 0.0}}}
-    seen = observe({"name": "s", "cstar": {"v_mag": 2.0, "teff_k": 5800}}, band="F520", exposure_s=1.0, window="hole",
-                   instrument=load_instrument(still))  # fmt: skip
+    seen = observe(
+        {"name": "s", "cstar": {"v_mag": 2.0, "teff_k": 5800}},
+        band="F520",
+        exposure_s=1.0,
+        window="hole",
+        instrument=load_instrument(still),
+    )
     assert seen.light.beyond_e_s is None
     assert not seen.smear_e.any()

@@ -27,8 +27,14 @@ def test_a_stack_is_the_sum_of_the_frames_in_mean():
 
 
 def test_a_stack_of_what_saturates_or_of_infrared_frames_is_refused():
-    bright = observe(SCENE | {"cstar": {"v_mag": 0.0, "teff_k": 5800}}, band="F662", exposure_s=300.0, em_gain=20.0,
-                     window="hole", switches=STILL)  # fmt: skip
+    bright = observe(
+        SCENE | {"cstar": {"v_mag": 0.0, "teff_k": 5800}},
+        band="F662",
+        exposure_s=300.0,
+        em_gain=20.0,
+        window="hole",
+        switches=STILL,
+    )
     with pytest.raises(InputError, match="one draw"):
         bright.stack()
     with pytest.raises(InputError, match="visible"):
@@ -53,8 +59,9 @@ def test_infrared_frames_have_their_own_detector():
     assert seen.header["CAMERA"] == "NIR"
     assert seen.header["PIXSCALE"] == config.near_infrared.pixel_scale_arcsec
     assert "EMVOLT" not in seen.header
-    dim = observe(SCENE | {"cstar": {"v_mag": 12.0, "teff_k": 5800}}, band="F940", exposure_s=1.0,
-                  switches={"cosmic_rays": False})  # fmt: skip
+    dim = observe(
+        SCENE | {"cstar": {"v_mag": 12.0, "teff_k": 5800}}, band="F940", exposure_s=1.0, switches={"cosmic_rays": False}
+    )
     difference = dim.frame(0).adu - dim.expected
     good = (dim.frame(0).mask == 0) & (dim.expected < 5000)
     assert difference[good].mean() == pytest.approx(0, abs=4.5 * difference[good].std() / np.sqrt(good.sum()))
@@ -72,8 +79,16 @@ def test_times_and_sections_of_a_sequence():
 
 def test_a_window_is_cut_from_the_same_detector():
     """Flaws of the pixels in a window are those of the same pixels in the frame."""
-    off = {"photon_noise": False, "em_register": False, "read_noise": False, "interference": False, "bias_drift": False,
-           "clock_charge": False, "cosmic_rays": False, "smear": False}  # fmt: skip
+    off = {
+        "photon_noise": False,
+        "em_register": False,
+        "read_noise": False,
+        "interference": False,
+        "bias_drift": False,
+        "clock_charge": False,
+        "cosmic_rays": False,
+        "smear": False,
+    }
     whole, part = (
         observe(SCENE, band="F662", exposure_s=100.0, window=window, switches=off) for window in ("full", "hole")
     )

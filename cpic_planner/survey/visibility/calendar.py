@@ -201,8 +201,9 @@ def visibility(
         raise InputError("step_days", step_days, unit="d", allowed="0.001 to 366")
     n_steps = math.ceil(n_days / step_days - 1e-9)
     if len(targets) * n_steps > MAX_CELLS:
-        raise InputError("n_days", n_days, unit="d",
-                         allowed=f"targets x steps up to {MAX_CELLS:.0e}, not {len(targets)} x {n_steps}")  # fmt: skip
+        raise InputError(
+            "n_days", n_days, unit="d", allowed=f"targets x steps up to {MAX_CELLS:.0e}, not {len(targets)} x {n_steps}"
+        )
     with offline_time():
         first = Time(begin, format="isot", scale="utc").mjd
         middle = first + step_days * (np.arange(n_steps) + 0.5)
@@ -246,15 +247,17 @@ def visibility(
 
 def _directions(ra_deg: ArrayLike, dec_deg: ArrayLike) -> FloatArray:
     """Unit vectors, shape (n, 3)."""
-    ra, dec = (np.atleast_1d(real_array(name, value, "deg")) for name, value in (("ra_deg", ra_deg),
-                                                                                ("dec_deg", dec_deg)))  # fmt: skip
+    ra, dec = (
+        np.atleast_1d(real_array(name, value, "deg")) for name, value in (("ra_deg", ra_deg), ("dec_deg", dec_deg))
+    )
     if ra.ndim != 1 or ra.shape != dec.shape or not len(ra):
         raise InputError("ra_deg", f"{ra.shape} beside dec_deg {dec.shape}", allowed="two rows of one length")
     for name, values, low, high in (("ra_deg", ra, -360.0, 360.0), ("dec_deg", dec, -90.0, 90.0)):
         bad = np.flatnonzero(~((values >= low) & (values <= high)))
         if len(bad):
-            raise InputError(name, float(values[bad[0]]), unit="deg", allowed=f"{low:g} to {high:g}",
-                             hint=f"row {bad[0]}")  # fmt: skip
+            raise InputError(
+                name, float(values[bad[0]]), unit="deg", allowed=f"{low:g} to {high:g}", hint=f"row {bad[0]}"
+            )
     ra, dec = np.deg2rad(ra), np.deg2rad(dec)
     return np.stack([np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra), np.sin(dec)], axis=1)
 

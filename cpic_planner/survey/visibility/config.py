@@ -20,8 +20,15 @@ __all__ = ["DEFAULT_VISIBILITY", "VisibilityConfig", "VisibilitySource", "load_v
 DEFAULT_VISIBILITY = "default"
 PACKAGE = "cpic_planner"
 
-_ALIASES = {"sun": "sun_deg", "moon": "moon_deg", "dark_limb": "dark_limb_deg", "bright_limb": "bright_limb_deg",
-            "roll": "roll_deg", "saa": "saa_fraction", "settle": "settle_s"}  # fmt: skip
+_ALIASES = {
+    "sun": "sun_deg",
+    "moon": "moon_deg",
+    "dark_limb": "dark_limb_deg",
+    "bright_limb": "bright_limb_deg",
+    "roll": "roll_deg",
+    "saa": "saa_fraction",
+    "settle": "settle_s",
+}
 
 Avoidance = Annotated[Real, Field(ge=0, le=180)]
 
@@ -126,8 +133,9 @@ def load_visibility(source: VisibilitySource = None) -> VisibilityConfig:
 
 
 def _tree(source: Any) -> dict[str, Any]:
-    own, _, base = tree_over_preset("visibility", source, default=DEFAULT_VISIBILITY,
-                                     keys=VisibilityConfig.model_fields, package=PACKAGE)  # fmt: skip
+    own, _, base = tree_over_preset(
+        "visibility", source, default=DEFAULT_VISIBILITY, keys=VisibilityConfig.model_fields, package=PACKAGE
+    )
     if base is None:
         return own
     try:

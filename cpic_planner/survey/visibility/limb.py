@@ -146,8 +146,12 @@ def _whole_orbit(geometry: Geometry, core: FloatArray, outer: FloatArray, rho: f
     behind = _flank(from_limb * (ahead + aside) + constant, step)
     nothing = np.zeros_like(core)
     runs = None
-    for piece in (*(_turned(one) for one in before), _all(2 * core), *behind,
-                  _Runs(nothing, nothing, nothing, nothing, 2 * (math.pi - outer))):  # fmt: skip
+    for piece in (
+        *(_turned(one) for one in before),
+        _all(2 * core),
+        *behind,
+        _Runs(nothing, nothing, nothing, nothing, 2 * (math.pi - outer)),
+    ):
         runs = piece if runs is None else runs.then(piece)
     assert runs is not None
     return runs

@@ -55,13 +55,25 @@ def visibility_result(
     """
     for name, ra, dec in zip(targets.name, targets.ra_deg, targets.dec_deg, strict=True):
         if not (math.isfinite(ra) and math.isfinite(dec)):
-            raise InputError("ra_deg, dec_deg", "missing", unit="deg", allowed="coordinates",
-                             hint=f"the star table has none of {name}")  # fmt: skip
-    seen = visibility(targets.ra_deg, targets.dec_deg, config, orbit, start_utc=start_utc, n_days=n_days,
-                      step_days=step_days)  # fmt: skip
+            raise InputError(
+                "ra_deg, dec_deg",
+                "missing",
+                unit="deg",
+                allowed="coordinates",
+                hint=f"the star table has none of {name}",
+            )
+    seen = visibility(
+        targets.ra_deg, targets.dec_deg, config, orbit, start_utc=start_utc, n_days=n_days, step_days=step_days
+    )
     start = checked_utc("start_utc", start_utc)
-    asked = {"pointing": config.content(), "orbit": orbit.model_dump(mode="json"), "stars": targets.content(),
-             "start_utc": start, "n_days": n_days, "step_days": step_days}  # fmt: skip
+    asked = {
+        "pointing": config.content(),
+        "orbit": orbit.model_dump(mode="json"),
+        "stars": targets.content(),
+        "start_utc": start,
+        "n_days": n_days,
+        "step_days": step_days,
+    }
     limits = {key: value for key, value in config.model_dump().items() if key in PointingRecord.model_fields}
     return VisibilityResult(
         config_hash=content_hash(asked),
@@ -93,8 +105,11 @@ def _target(targets: Targets, seen: Visibility, row: int) -> VisibleTarget:
         dec_deg=dec_deg,
         ecliptic_latitude_deg=ecliptic_deg(ra_deg, dec_deg)[1],
         seasons=[
-            SeasonRecord(start_utc=start, end_utc=end,
-                         days=float(np.count_nonzero(seen.observable[row, begin:behind]) * seen.step_days))
+            SeasonRecord(
+                start_utc=start,
+                end_utc=end,
+                days=float(np.count_nonzero(seen.observable[row, begin:behind]) * seen.step_days),
+            )
             for (begin, behind), (start, end) in zip(runs, times, strict=True)
         ],
         observable_days=days[""],
@@ -112,4 +127,4 @@ def _target(targets: Targets, seen: Visibility, row: int) -> VisibleTarget:
             moon_deg=seen.moon_deg[row].tolist(),
             blocked_by=[BLOCKS[number] for number in seen.blocked_by[row]],
         ),
-    )  # fmt: skip
+    )

@@ -23,9 +23,13 @@ from simulator.target.parametric import PARAMETERS, node_albedo, phase_curve
 __all__ = ["BANDS_NM", "Measured", "band_albedo", "fit_parameters", "fit_phase", "read_table"]
 
 BANDS_NM = {
-    "albedo_506nm": (480.0, 532.0), "albedo_575nm": (546.0, 604.0), "albedo_661nm": (628.0, 694.0),
-    "albedo_721nm": (703.0, 739.0), "albedo_883nm": (860.0, 906.0), "albedo_940nm": (910.0, 970.0),
-}  # fmt: skip
+    "albedo_506nm": (480.0, 532.0),
+    "albedo_575nm": (546.0, 604.0),
+    "albedo_661nm": (628.0, 694.0),
+    "albedo_721nm": (703.0, 739.0),
+    "albedo_883nm": (860.0, 906.0),
+    "albedo_940nm": (910.0, 970.0),
+}
 """Columns of the table and the bands they are integrals over, nm."""
 
 _STEP_NM = 4.0

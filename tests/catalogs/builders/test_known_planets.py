@@ -12,16 +12,37 @@ COLUMNS = [column for _, _, column in (*builder._ORBIT, *builder._REST)]
 
 def row(**given):
     blank = {f"{column}{end}": "" for column in COLUMNS for end in ("", "err1", "err2", "lim")}
-    words = {"pl_name": "x b", "pl_letter": "b", "pl_bmassprov": "Msini", "pl_controvflag": "0",
-             "pl_discmethod": "Radial Velocity", "pl_def_reflink": "later", "pl_def_refname": "earlier",
-             "pl_hostname": "x", "hd_name": "", "hip_name": "HIP 1", "ra": "10.0", "dec": "60.0",
-             "st_dist": "10.0"}  # fmt: skip
+    words = {
+        "pl_name": "x b",
+        "pl_letter": "b",
+        "pl_bmassprov": "Msini",
+        "pl_controvflag": "0",
+        "pl_discmethod": "Radial Velocity",
+        "pl_def_reflink": "later",
+        "pl_def_refname": "earlier",
+        "pl_hostname": "x",
+        "hd_name": "",
+        "hip_name": "HIP 1",
+        "ra": "10.0",
+        "dec": "60.0",
+        "st_dist": "10.0",
+    }
     return blank | words | {"pl_bmassj": "1.0"} | given
 
 
 def test_errors_are_half_the_interval_and_zero_is_none():
-    made = builder._planet("x", row(pl_orbper="100", pl_orbpererr1="3", pl_orbpererr2="-1", pl_orbeccen="0.1",
-                                    pl_orbeccenerr1="0.0", pl_orbeccenerr2="0.0"), None)  # fmt: skip
+    made = builder._planet(
+        "x",
+        row(
+            pl_orbper="100",
+            pl_orbpererr1="3",
+            pl_orbpererr2="-1",
+            pl_orbeccen="0.1",
+            pl_orbeccenerr1="0.0",
+            pl_orbeccenerr2="0.0",
+        ),
+        None,
+    )
     assert (made["period_days"], made["period_err_days"]) == ("100.0", "2.0")
     assert "eccentricity_err" not in made
     assert "eccentricity_err_unknown" in made["flags"].split(";")
@@ -43,8 +64,9 @@ def test_the_earlier_orbit_is_taken_whole_and_only_for_its_time():
 
 
 def test_limits_are_no_values():
-    made = builder._planet("x", row(pl_orbper="100", pl_orbincl="30", pl_orbincllim="-1", pl_orbeccen="0.2",
-                                    pl_orbeccenlim="1"), None)  # fmt: skip
+    made = builder._planet(
+        "x", row(pl_orbper="100", pl_orbincl="30", pl_orbincllim="-1", pl_orbeccen="0.2", pl_orbeccenlim="1"), None
+    )
     assert "inclination_deg" not in made
     assert "eccentricity_upper_limit" in made["flags"]
 

@@ -90,27 +90,42 @@ def test_answers_say_how_firm_they_are_where_that_is_asked():
 @pytest.mark.long
 def test_answers_are_checked_in_images_with_their_own_planets():
     planets = [{"radius_rjup": 1.0}, {"radius_rjup": 2.0}]
-    found = cp.signal_to_noise(["tau Cet", "eps Eri"], time_s=1800.0, separation_arcsec=0.6, bands=["F520"],
-                               planet=planets, fidelity="standard", realisations=1, seed=3)  # fmt: skip
+    found = cp.signal_to_noise(
+        ["tau Cet", "eps Eri"],
+        time_s=1800.0,
+        separation_arcsec=0.6,
+        bands=["F520"],
+        planet=planets,
+        fidelity="standard",
+        realisations=1,
+        seed=3,
+    )
     for one in found:
         assert one.fidelity.status == "ok"
         assert one.fidelity.images.light_ratio == pytest.approx(1.0, abs=0.005)
         assert one.fidelity.images.realisations == 1
         assert one.to_dict()["fidelity"]["images"]["draw"] == "sums"
-    (given,) = cp.exposure_time("tau Cet", snr=5, separation_arcsec=0.6, bands=["F520"], contrast=3e-8,
-                                fidelity="standard", realisations=1)  # fmt: skip
-    (limit,) = cp.contrast_limit("tau Cet", time_s=1800, separation_arcsec=0.6, bands=["F520"], fidelity="standard",
-                                 realisations=1)  # fmt: skip
+    (given,) = cp.exposure_time(
+        "tau Cet", snr=5, separation_arcsec=0.6, bands=["F520"], contrast=3e-8, fidelity="standard", realisations=1
+    )
+    (limit,) = cp.contrast_limit(
+        "tau Cet", time_s=1800, separation_arcsec=0.6, bands=["F520"], fidelity="standard", realisations=1
+    )
     for one in (given, limit):
         assert one.fidelity.images.light_ratio == pytest.approx(1.0, abs=0.005)
 
 
 @pytest.mark.parametrize(
     ("options", "word"),
-    [({"fidelity": "best"}, "fidelity"), ({"tolerance": 0.7}, "tolerance"), ({"seed": 3}, "seed"),
-     ({"realisations": 3}, "realisations"), ({"fidelity": "quick", "tolerance": 0.1}, "tolerance"),
-     ({"fidelity": "quick", "realisations": 3}, "realisations")],
-)  # fmt: skip
+    [
+        ({"fidelity": "best"}, "fidelity"),
+        ({"tolerance": 0.7}, "tolerance"),
+        ({"seed": 3}, "seed"),
+        ({"realisations": 3}, "realisations"),
+        ({"fidelity": "quick", "tolerance": 0.1}, "tolerance"),
+        ({"fidelity": "quick", "realisations": 3}, "realisations"),
+    ],
+)
 def test_the_dial_refuses_what_it_cannot_use(options, word):
     with pytest.raises(cp.InputError, match=word):
         cp.signal_to_noise("tau Cet", time_s=3600, separation_arcsec=0.5, **options)

@@ -30,10 +30,14 @@ def test_values_that_are_varied():
     assert result.strategies[0].schedule.value > result.strategies[1].schedule.value
 
 
-@pytest.mark.parametrize(("given", "text"), [
-    ({"universe": 3}, "universe.universe = 3"), ({"universes": 1}, "universe.universes = 1"),
-    ({"vary": ["foo=1"]}, "--vary = foo"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("given", "text"),
+    [
+        ({"universe": 3}, "universe.universe = 3"),
+        ({"universes": 1}, "universe.universes = 1"),
+        ({"vary": ["foo=1"]}, "--vary = foo"),
+    ],
+)
 def test_what_is_refused(given, text):
     with pytest.raises(InputError) as caught:
         compare_strategies(ONE, **given)

@@ -79,11 +79,28 @@ def test_a_limit_and_a_time_are_inverse(capsys):
 
 
 def test_several_separations_and_contrasts_pair_up(capsys):
-    rows = answers(capsys, "tau Cet", "--band", "F520", "--band", "F662", "--separation-arcsec", "0.5",
-                   "--separation-arcsec", "0.7", "--contrast", "1e-8", "--contrast", "2e-8")  # fmt: skip
+    rows = answers(
+        capsys,
+        "tau Cet",
+        "--band",
+        "F520",
+        "--band",
+        "F662",
+        "--separation-arcsec",
+        "0.5",
+        "--separation-arcsec",
+        "0.7",
+        "--contrast",
+        "1e-8",
+        "--contrast",
+        "2e-8",
+    )
     assert [(row["band"], row["separation_arcsec"], row["contrast"]) for row in rows] == [
-        ("F520", 0.5, 1e-8), ("F520", 0.7, 2e-8), ("F662", 0.5, 1e-8), ("F662", 0.7, 2e-8)
-    ]  # fmt: skip
+        ("F520", 0.5, 1e-8),
+        ("F520", 0.7, 2e-8),
+        ("F662", 0.5, 1e-8),
+        ("F662", 0.7, 2e-8),
+    ]
     alone = answers(capsys, "tau Cet", "--band", "F662", "--separation-arcsec", "0.7", "--contrast", "2e-8")
     assert rows[3]["value"] == pytest.approx(alone[0]["value"], rel=1e-12)
     free = answers(capsys, "tau Cet", "--band", "F520", "--contrast", "1e-9", "--contrast", "1e-8")
@@ -123,8 +140,18 @@ def test_out_of_reach_the_place_is_where_most_is_reached(model, star):
 
 
 def test_frames_set_the_time_in_every_band(capsys):
-    rows = answers(capsys, "tau Cet", "--exposure-s", "17", "--frames", "30", "--separation-arcsec", "0.6",
-                   "--reference-ratio", "2")  # fmt: skip
+    rows = answers(
+        capsys,
+        "tau Cet",
+        "--exposure-s",
+        "17",
+        "--frames",
+        "30",
+        "--separation-arcsec",
+        "0.6",
+        "--reference-ratio",
+        "2",
+    )
     model = build_model(load_instrument())
     for row in rows:
         assert (row["exposure_s"], row["n_frames"]) == (17.0, 30)
@@ -173,8 +200,21 @@ def test_strategies_reach_the_calculator(capsys, star):
         (["--contrast", "2"], ["contrast", "0 to 1"]),
         (["--separation-arcsec", "-0.5"], ["separation_arcsec", "-0.5"]),
         (["--separation-arcsec", "0.5", "--semi-major-axis-au", "2"], ["--separation-arcsec", "--semi-major-axis-au"]),
-        (["--separation-arcsec", "0.5", "--separation-arcsec", "0.6", "--contrast", "1e-9", "--contrast", "1e-9",
-          "--contrast", "1e-9"], ["--contrast", "3 times", "2 times"]),
+        (
+            [
+                "--separation-arcsec",
+                "0.5",
+                "--separation-arcsec",
+                "0.6",
+                "--contrast",
+                "1e-9",
+                "--contrast",
+                "1e-9",
+                "--contrast",
+                "1e-9",
+            ],
+            ["--contrast", "3 times", "2 times"],
+        ),
         (["--library", "reference_star"], ["--reference-v-mag", "missing"]),
         (["--library", "reference_star", "--reference-v-mag", "60"], ["v_mag", "60", "-30 to 40"]),
         (["--library", "reference_star", "--reference-v-mag", "3", "--reference-teff-k", "9"], ["teff_k", "1000"]),
@@ -198,7 +238,7 @@ def test_strategies_reach_the_calculator(capsys, star):
         (["--exposure-s", "0"], ["exposure_s"]),
         (["--em-gain", "0.5"], ["em_gain", "1 to"]),
     ],
-)  # fmt: skip
+)
 def test_contradictions_and_bad_numbers_are_one_line(capsys, options, words):
     status, out, err = call(capsys, "tau Cet", *options)
     assert status == 2, err

@@ -86,8 +86,9 @@ def test_a_refusal_takes_the_name_of_its_option():
 def test_the_same_dial_has_one_hash():
     """A name or the tolerance that means the same: one configuration."""
     nominal = load_instrument()
-    by_name, by_value = (ImageConfig(instrument=nominal, **dial) for dial in ({"fidelity": "reference"},
-                                                                             {"tolerance": 0.0}))  # fmt: skip
+    by_name, by_value = (
+        ImageConfig(instrument=nominal, **dial) for dial in ({"fidelity": "reference"}, {"tolerance": 0.0})
+    )
     assert by_name.hashed() == by_value.hashed()
     assert ImageConfig(instrument=nominal, fidelity="standard").hashed() == ImageConfig(instrument=nominal).hashed()
     assert ImageConfig(instrument=nominal, tolerance=0.05).hashed() != by_value.hashed()

@@ -69,8 +69,9 @@ def test_two_seconds_are_not_mentioned(reporter, clock, lines):
 
 def test_a_call_that_tells_nothing_is_seen_to_live(reporter, clock, lines):
     run(reporter, clock, 200)
-    assert lines == [f"cpic: rank ({text} so far)" for text in
-                     ("2 s", "12 s", "22 s", "32 s", "42 s", "52 s", "112 s", "3 min")]  # fmt: skip
+    assert lines == [
+        f"cpic: rank ({text} so far)" for text in ("2 s", "12 s", "22 s", "32 s", "42 s", "52 s", "112 s", "3 min")
+    ]
 
 
 def test_pieces_are_counted_and_the_rest_is_estimated(reporter, clock, lines):

@@ -23,8 +23,22 @@ def here(tmp_path, monkeypatch):
 
 def test_a_scene_on_a_grid(capsys, here):
     grid = ("--band", "F520,F662", "--exposure-s", "1", "--exposure-s", "2", "--em-gain", "1,20", "--frames", "2")
-    rest = ("--instrument", "small.yaml", "--fidelity", "quick", "--off", "cosmic_rays,smear", "--roll-deg", "-20",
-            "--star-offset-arcsec", "-0.3,0.3", "--seed", "4", "--role", "reference")  # fmt: skip
+    rest = (
+        "--instrument",
+        "small.yaml",
+        "--fidelity",
+        "quick",
+        "--off",
+        "cosmic_rays,smear",
+        "--roll-deg",
+        "-20",
+        "--star-offset-arcsec",
+        "-0.3,0.3",
+        "--seed",
+        "4",
+        "--role",
+        "reference",
+    )
     status, out, err = call(capsys, "paper_example", *grid, *rest, "--json", "--start-utc", "2029-02-03T04:05")
     assert (status, err) == (0, "")
     result = json.loads(out)
@@ -72,8 +86,12 @@ def test_a_simulation_with_changes(capsys, here):
     assert status == 0
     rows = json.loads(out)["sequences"]
     assert [(row["kind"], row["band"], row["n_frames"]) for row in rows] == [
-        ("BIAS", "", 1), ("FLAT", "F520", 1), ("FLAT", "F662", 1), ("FLAT", "F720", 1), ("FLAT", "F850", 1)
-    ]  # fmt: skip
+        ("BIAS", "", 1),
+        ("FLAT", "F520", 1),
+        ("FLAT", "F662", 1),
+        ("FLAT", "F720", 1),
+        ("FLAT", "F850", 1),
+    ]
     # every effect off: bias, and bias plus electrons over the gain of 59 e-/ADU
     assert [(row["adu_min"], row["adu_max"]) for row in rows] == [(200, 200)] + [(200, 202)] * 4
 

@@ -18,14 +18,35 @@ def call(capsys, *arguments):
 def rows_for(case, points, machine):
     from cpic_planner.models import TradeoffRow
 
-    samples = {"white_e2": [10.0, 12.0], "own_e2": [5.0], "speckle_e2_s2": [1.0, 2.0], "walk_e2_s2": [1.0, 2.0],
-               "one_epoch_e2_s2": [1.0, 2.0], "whole_e2": [100.0], "fixed_speckle_e2": [1.0]}  # fmt: skip
+    samples = {
+        "white_e2": [10.0, 12.0],
+        "own_e2": [5.0],
+        "speckle_e2_s2": [1.0, 2.0],
+        "walk_e2_s2": [1.0, 2.0],
+        "one_epoch_e2_s2": [1.0, 2.0],
+        "whole_e2": [100.0],
+        "fixed_speckle_e2": [1.0],
+    }
     return [
-        TradeoffRow(scene=case.name, point=point.name, title=point.title, group=point.group, status="ok", wall_s=1.0,
-                    cpu_s=1.0, peak_memory_mb=50.0, repeats=1, flux_e=100.0, samples=samples, n_frames=case.n_frames,
-                    settings={"draw": "frames", "region": "full"}, machine=machine, version=__version__)
+        TradeoffRow(
+            scene=case.name,
+            point=point.name,
+            title=point.title,
+            group=point.group,
+            status="ok",
+            wall_s=1.0,
+            cpu_s=1.0,
+            peak_memory_mb=50.0,
+            repeats=1,
+            flux_e=100.0,
+            samples=samples,
+            n_frames=case.n_frames,
+            settings={"draw": "frames", "region": "full"},
+            machine=machine,
+            version=__version__,
+        )
         for point in points
-    ]  # fmt: skip
+    ]
 
 
 @pytest.fixture

@@ -41,9 +41,14 @@ def test_a_comparison_in_words_and_files(capsys, mine, tmp_path):
     for words in ("once", "twice", "report.html"):
         assert words in out
     assert {path.name for path in out_dir.iterdir()} >= {
-        "whatif.json", "run.json", "report.html", "targets.csv", "universes.parquet", "detections.parquet",
+        "whatif.json",
+        "run.json",
+        "report.html",
+        "targets.csv",
+        "universes.parquet",
+        "detections.parquet",
         "stars.parquet",
-    }  # fmt: skip
+    }
     result = WhatIfResult.model_validate_json((out_dir / "whatif.json").read_text())
     assert [item.name for item in result.strategies] == ["once", "twice"]
     run = json.loads((out_dir / "run.json").read_text())
@@ -59,8 +64,24 @@ def test_a_comparison_in_words_and_files(capsys, mine, tmp_path):
 
 
 def test_options_reach_the_answer(capsys, mine, tmp_path):
-    arguments = ("--strategy", "twice", "--vary", "max_visits=1,2", "--universes", "12", "--seed", "9", "--start",
-                 "2030-01-01", "--days", "40", "--images", "0", "--workers", "1")  # fmt: skip
+    arguments = (
+        "--strategy",
+        "twice",
+        "--vary",
+        "max_visits=1,2",
+        "--universes",
+        "12",
+        "--seed",
+        "9",
+        "--start",
+        "2030-01-01",
+        "--days",
+        "40",
+        "--images",
+        "0",
+        "--workers",
+        "1",
+    )
     status, out, err = call(capsys, mine, *arguments, "--out", str(tmp_path / "o"), "--json")
     assert status == 0, err
     result = WhatIfResult.model_validate_json(out)
@@ -80,8 +101,22 @@ def test_known_planets_are_those_of_the_option(capsys, tmp_path):
     path.write_text(SMALL.replace("universes: 20", "universes: 20, known_planets: nothing.csv"))
     made = {}
     for source in ("off", f"none+{table}", str(table)):
-        status, out, err = call(capsys, str(path), "--known-planets", source, "--strategy", "once", "--images", "0",
-                                "--workers", "1", "--out", str(tmp_path / "o"), "--force", "--json")  # fmt: skip
+        status, out, err = call(
+            capsys,
+            str(path),
+            "--known-planets",
+            source,
+            "--strategy",
+            "once",
+            "--images",
+            "0",
+            "--workers",
+            "1",
+            "--out",
+            str(tmp_path / "o"),
+            "--force",
+            "--json",
+        )
         assert status == 0, err
         made[source] = WhatIfResult.model_validate_json(out)
         assert ("planets.csv: 0 of the 176 planets below are changed; 1 is new" in err) == (source == str(table))

@@ -16,11 +16,18 @@ CAMERAS = {
     "low read noise": replace(CAMERA, read_noise_e=3.0, rounding_e=0.3),
     "gain up to 20": replace(CAMERA, em_gain_max=20.0),
     "no register": replace(CAMERA, em_gain_max=1.0, register_stages=0, register_full_well_e=np.inf),
-    "hybrid": replace(CAMERA, em_gain_max=1.0, register_stages=0, register_full_well_e=np.inf, read_noise_e=15.0,
-                      blooms=False, full_well_e=1e5),
+    "hybrid": replace(
+        CAMERA,
+        em_gain_max=1.0,
+        register_stages=0,
+        register_full_well_e=np.inf,
+        read_noise_e=15.0,
+        blooms=False,
+        full_well_e=1e5,
+    ),
     "no readout": replace(CAMERA, readout_s=0.0),
     "shallow": replace(CAMERA, full_well_e=2000.0, register_full_well_e=2e4),
-}  # fmt: skip
+}
 
 
 def checked(oracles, problem, level):

@@ -43,11 +43,15 @@ def test_the_budget_is_that_of_the_answer(strategy):
 
 
 CHANGES = {
-    "half_the_drift": {"drift": {"visit_nm": INSTRUMENT.drift.visit_nm / 2,
-                                 "walk_nm_per_sqrt_hour": INSTRUMENT.drift.walk_nm_per_sqrt_hour / 2}},
+    "half_the_drift": {
+        "drift": {
+            "visit_nm": INSTRUMENT.drift.visit_nm / 2,
+            "walk_nm_per_sqrt_hour": INSTRUMENT.drift.walk_nm_per_sqrt_hour / 2,
+        }
+    },
     "half_the_read_noise": {"detector": {"read_noise_e": INSTRUMENT.detector.read_noise_e / 2}},
     "half_the_clock_charge": {"detector": {"cic_e": INSTRUMENT.detector.cic_e / 2}},
-}  # fmt: skip
+}
 
 
 def setting(model, answer):
@@ -57,8 +61,18 @@ def setting(model, answer):
     )
     n, t, g = (np.full((1, 1), float(value)) for value in (answer.n_frames, answer.exposure_s, answer.em_gain))
     strategy = model.strategy
-    return float(stack_noise(cases.rates, t, n, g, model.camera(answer.band), reference_ratio=strategy.reference_ratio,
-                             mode=strategy.mode, counting_sigma=strategy.counting_sigma).snr[0, 0])  # fmt: skip
+    return float(
+        stack_noise(
+            cases.rates,
+            t,
+            n,
+            g,
+            model.camera(answer.band),
+            reference_ratio=strategy.reference_ratio,
+            mode=strategy.mode,
+            counting_sigma=strategy.counting_sigma,
+        ).snr[0, 0]
+    )
 
 
 @pytest.mark.parametrize("strategy", [{}, {"reference_ratio": 3.0}, {"mode": "photon_counting"}], ids=str)

@@ -22,8 +22,17 @@ def hybrid(**changes):
 
 def test_the_visible_camera_is_the_detector():
     camera, detector = visible()
-    for name in ("full_well_e", "register_full_well_e", "em_gain_max", "register_stages", "cic_e", "readout_s",
-                 "read_noise_e", "exposure_min_s", "exposure_max_s"):  # fmt: skip
+    for name in (
+        "full_well_e",
+        "register_full_well_e",
+        "em_gain_max",
+        "register_stages",
+        "cic_e",
+        "readout_s",
+        "read_noise_e",
+        "exposure_min_s",
+        "exposure_max_s",
+    ):
         assert getattr(camera, name) == getattr(detector, name), name
     assert camera.dark_e_s == dark_rate_e_s(detector) == pytest.approx(5e-4, rel=0.05)
     assert camera.rounding_e == pytest.approx(detector.gain_e_adu / 12**0.5)
@@ -37,9 +46,14 @@ def test_the_visible_camera_is_the_detector():
 
 @pytest.mark.parametrize(
     ("switch", "changed"),
-    [("read_noise", {"read_noise_e": 0.0}), ("clock_charge", {"cic_e": 0.0}), ("dark", {"dark_e_s": 0.0}),
-     ("em_register", {"em_gain_max": 1.0, "register_stages": 0}), ("smear", {"line_shift_s": 0.0})],
-)  # fmt: skip
+    [
+        ("read_noise", {"read_noise_e": 0.0}),
+        ("clock_charge", {"cic_e": 0.0}),
+        ("dark", {"dark_e_s": 0.0}),
+        ("em_register", {"em_gain_max": 1.0, "register_stages": 0}),
+        ("smear", {"line_shift_s": 0.0}),
+    ],
+)
 def test_what_is_switched_off_counts_nothing(switch, changed):
     plain, _ = visible()
     camera, _ = visible(switches={switch: False})

@@ -60,8 +60,9 @@ def test_places_without_an_answer_are_carried_along():
     head = found.head(0, 0)
     assert head["threshold"] is None
     assert head["core_throughput"] is None
-    assert found.head(0, 1)["core_throughput"] == pytest.approx(float(MODEL.metrics["F520"].core_throughput(
-        found.x_arcsec[1], found.y_arcsec[1])))  # fmt: skip
+    assert found.head(0, 1)["core_throughput"] == pytest.approx(
+        float(MODEL.metrics["F520"].core_throughput(found.x_arcsec[1], found.y_arcsec[1]))
+    )
 
 
 def test_wishes_fix_the_camera():
@@ -77,6 +78,7 @@ def test_light_of_planets_is_counted_once():
     """Rate in the aperture = star x contrast x core, whatever the place."""
     found = cases()
     column = MODEL.passbands.names.index("F520")
-    star = MODEL.passbands.star_rate_e_s(STARS.v_mag, STARS.teff_k, STARS.log_g, STARS.metallicity,
-                                         MODEL.instrument.telescope.area_cm2)[:, column]  # fmt: skip
+    star = MODEL.passbands.star_rate_e_s(
+        STARS.v_mag, STARS.teff_k, STARS.log_g, STARS.metallicity, MODEL.instrument.telescope.area_cm2
+    )[:, column]
     np.testing.assert_allclose(found.rates.planet_e_s, star[:, None] * 1e-8 * found.core, rtol=1e-12)

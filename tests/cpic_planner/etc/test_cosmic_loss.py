@@ -33,9 +33,16 @@ def clean_share(instrument, band, radius_pixel, exposure_s, flux):
 
 
 @pytest.mark.parametrize(
-    ("model", "band"), [("physical", "F520"), ("physical", "F850"), ("physical", "F1265"), ("paper", "F520"),
-                        ("paper", "F850"), ("template", "F662")],
-)  # fmt: skip
+    ("model", "band"),
+    [
+        ("physical", "F520"),
+        ("physical", "F850"),
+        ("physical", "F1265"),
+        ("paper", "F520"),
+        ("paper", "F850"),
+        ("template", "F662"),
+    ],
+)
 def test_clean_fraction_is_that_of_drawn_exposures(model, band):
     """Dense enough particles that half of the frames are lost; nothing depends on their number but the rate."""
     instrument = load_instrument({"cosmic_rays": {"model": model, "peak_rate_per_s_cm2": 50.0}})
@@ -113,14 +120,17 @@ def test_templates_count_as_they_are(tmp_path):
     side = 2 * int(np.abs(np.concatenate([made.row_um, made.column_um])).max() / made.pixel_um) + 5
     for first, last in zip(made.start[:-1], made.start[1:], strict=True):
         image = np.zeros((side, side))
-        row, column = (np.rint(part[first:last] / made.pixel_um).astype(int) + side // 2
-                       for part in (made.row_um, made.column_um))  # fmt: skip
+        row, column = (
+            np.rint(part[first:last] / made.pixel_um).astype(int) + side // 2 for part in (made.row_um, made.column_um)
+        )
         image[row, column] = made.weight[first:last]
         images.append(image)
     np.savez(tmp_path / "set.npz", templates=np.array(images), pixel_um=made.pixel_um)
     from_file = {"model": "template", "template": {"template_file": str(tmp_path / "set.npz")}}
-    losses = [aperture_loss_per_s(load_instrument({"cosmic_rays": tree}), "F520")
-              for tree in (from_file, {"model": "template"})]  # fmt: skip
+    losses = [
+        aperture_loss_per_s(load_instrument({"cosmic_rays": tree}), "F520")
+        for tree in (from_file, {"model": "template"})
+    ]
     assert losses[0] == pytest.approx(losses[1], rel=0.03)
 
 
@@ -129,11 +139,21 @@ def test_one_sample_is_a_point(tmp_path):
     np.savez(tmp_path / "line.npz", templates=np.ones((1, 1, 14)), pixel_um=10.0)
     dot, line = (
         aperture_loss_per_s(
-            load_instrument({"cosmic_rays": {"model": "template", "peak_rate_per_s_cm2": 1.0, "cycle_depth": 0.0,
-                                             "template": {"template_file": str(tmp_path / name)}}}),
-            "F520", aperture_radius_pixel=10.0)
+            load_instrument(
+                {
+                    "cosmic_rays": {
+                        "model": "template",
+                        "peak_rate_per_s_cm2": 1.0,
+                        "cycle_depth": 0.0,
+                        "template": {"template_file": str(tmp_path / name)},
+                    }
+                }
+            ),
+            "F520",
+            aperture_radius_pixel=10.0,
+        )
         for name in ("dot.npz", "line.npz")
-    )  # fmt: skip
+    )
     assert dot == pytest.approx(1e-8 * math.pi * (10.25 * 13 + 0.5) ** 2)
     assert line == pytest.approx(1e-8 * (math.pi * (10.25 * 13 + 5) ** 2 + 2 * 130 * (10.25 * 13 + 5)))
 

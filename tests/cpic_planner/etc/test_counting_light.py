@@ -9,8 +9,15 @@ from cpic_planner.etc.counting_light import LIGHT_ARRAYS, CountingLight, counted
 from cpic_planner.etc.photon_counting import counting_law, counting_variance
 
 LAW = counting_law(1000.0, 604, 100.0, 500.0)
-PARTS = dict(zip(LIGHT_ARRAYS, np.array([[0.02, 0.5], [0.01, 0.1], [0.03, 0.2], [0.02, 0.05], [0.02, 0.04],
-                                         [17.0, 17.0], [1.0, 0.5], [34.0, 8.0]]), strict=True))  # fmt: skip
+PARTS = dict(
+    zip(
+        LIGHT_ARRAYS,
+        np.array(
+            [[0.02, 0.5], [0.01, 0.1], [0.03, 0.2], [0.02, 0.05], [0.02, 0.04], [17.0, 17.0], [1.0, 0.5], [34.0, 8.0]]
+        ),
+        strict=True,
+    )
+)
 LIGHT = CountingLight(**PARTS, law=LAW, own_noise=True)
 
 

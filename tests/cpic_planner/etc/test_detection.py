@@ -77,8 +77,9 @@ def test_blind_probability_of_an_answer():
     normal = NormalDist()
     known = normal.cdf(math.log(margin * law.calibration / law.known_margin) / law.known_width)
     assert answer.detection_probability_known_place == pytest.approx(known, rel=1e-9)
-    quiet = sum(value for name, value in answer.budget.items()
-                if name not in ("signal_e", "planet_e2", "background_mean_e2"))  # fmt: skip
+    quiet = sum(
+        value for name, value in answer.budget.items() if name not in ("signal_e", "planet_e2", "background_mean_e2")
+    )
     speckle = math.sqrt(answer.budget["speckle_e2"] / quiet)
     inward = MODEL.metrics["F520"].lambda_d_arcsec / 0.5 - 0.1
     harder = [law.blind_tails * tails + law.blind_inward * inward for tails in (speckle, 0.0)]
@@ -99,10 +100,16 @@ def random_cases(seed, n=400):
 def test_form_of_the_law(seed):
     """Phi(ln(c m / middle) / width); blind searches ten elements from the star and without tails have their middle."""
     rng = np.random.default_rng(seed)
-    law = DetectionLaw(blind_margin=rng.uniform(0.1, 5), blind_width=rng.uniform(0.05, 2), blind_tails=rng.normal(),
-                       blind_inward=rng.normal(0, 5), blind_margin_error=rng.uniform(0, 0.5),
-                       known_margin=rng.uniform(0.1, 5), known_width=rng.uniform(0.05, 2),
-                       known_margin_error=rng.uniform(0, 0.5))  # fmt: skip
+    law = DetectionLaw(
+        blind_margin=rng.uniform(0.1, 5),
+        blind_width=rng.uniform(0.05, 2),
+        blind_tails=rng.normal(),
+        blind_inward=rng.normal(0, 5),
+        blind_margin_error=rng.uniform(0, 0.5),
+        known_margin=rng.uniform(0.1, 5),
+        known_width=rng.uniform(0.05, 2),
+        known_margin_error=rng.uniform(0, 0.5),
+    )
     cases = random_cases(seed)
     margin, known, tails, inward, shift, calibration = cases
     shifted = detection_probability(law, margin, known, tails, inward, shift=shift, calibration=calibration)

@@ -22,8 +22,13 @@ def test_the_dial_is_quick_without_any():
     assert etc_dial("standard").fidelity == "standard"
     assert etc_dial(tolerance=0).fidelity == "reference"
     assert etc_dial(tolerance=0.02).tolerance["snr"] == 0.02
-    for wrong in ({"fidelity": "fast"}, {"tolerance": 0.6}, {"tolerance": -0.1}, {"tolerance": float("nan")},
-                  {"fidelity": "quick", "tolerance": 0.1}):  # fmt: skip
+    for wrong in (
+        {"fidelity": "fast"},
+        {"tolerance": 0.6},
+        {"tolerance": -0.1},
+        {"tolerance": float("nan")},
+        {"fidelity": "quick", "tolerance": 0.1},
+    ):
         with pytest.raises(InputError, match=next(iter(wrong))):
             etc_dial(**wrong)
 

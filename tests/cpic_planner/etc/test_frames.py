@@ -24,9 +24,18 @@ from simulator.outcome import Reason
 
 CAMERA = FrameCamera.of(load_instrument(), "F520")
 ONE = {
-    "alpha_e_s": 0.4, "beta_e": 0.7, "gamma_e2": 5e5, "signal_e_s": 0.05, "z0": 1e-3, "z1": 1e-7, "z2": 1e-12,
-    "loss_per_s": 6e-5, "peak_columns_e_s": 2e3, "peak_hole_e_s": 5.0, "tail_e_s": 20.0,
-}  # fmt: skip
+    "alpha_e_s": 0.4,
+    "beta_e": 0.7,
+    "gamma_e2": 5e5,
+    "signal_e_s": 0.05,
+    "z0": 1e-3,
+    "z1": 1e-7,
+    "z2": 1e-12,
+    "loss_per_s": 6e-5,
+    "peak_columns_e_s": 2e3,
+    "peak_hole_e_s": 5.0,
+    "tail_e_s": 20.0,
+}
 
 
 def problem(n=1, camera=CAMERA, em_gain=None, **changes):
@@ -68,9 +77,12 @@ def reference_time(case, level, frames):
     best = math.inf
     for n in frames:
         top = longest(case)
-        found = minimize_scalar(lambda x, n=n: inverse(case, math.exp(x), n),
-                                bounds=(math.log(0.01), math.log(top)), method="bounded",
-                                options={"xatol": 1e-9})  # fmt: skip
+        found = minimize_scalar(
+            lambda x, n=n: inverse(case, math.exp(x), n),
+            bounds=(math.log(0.01), math.log(top)),
+            method="bounded",
+            options={"xatol": 1e-9},
+        )
         x, y = min(((found.x, found.fun), (math.log(top), inverse(case, top, n))), key=lambda pair: pair[1])
         if y > level**-2:
             continue

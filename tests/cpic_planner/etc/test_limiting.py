@@ -90,8 +90,13 @@ def test_every_answer_is_consistent():
             if answer.status is Status.OUTSIDE_FIELD:
                 assert answer.limited_by == "geometry"
             seen.add((answer.verdict, answer.limited_by))
-    assert {("detected", "none"), ("measured_not_detected", "speckles"), ("measured_not_detected", "photons"),
-            ("unreachable", "geometry"), ("unreachable", "speckles")} <= seen  # fmt: skip
+    assert {
+        ("detected", "none"),
+        ("measured_not_detected", "speckles"),
+        ("measured_not_detected", "photons"),
+        ("unreachable", "geometry"),
+        ("unreachable", "speckles"),
+    } <= seen
     for answer in contrast_limit(MODEL, STARS, time_s=3600.0, separation_arcsec=places):
         assert answer.verdict is answer.verdict_mode is answer.limited_by is None
         assert answer.detection_probability is answer.detection_probability_known_place is None

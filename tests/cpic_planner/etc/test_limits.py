@@ -109,9 +109,18 @@ def cameras():
     rng = np.random.default_rng(11)
     for k in range(60):
         pixel, register, converter = 10 ** rng.uniform(-1, 6, 3)
-        yield replace(CAMERA, full_well_e=pixel, register_full_well_e=register,
-                      converter_e=(np.inf, 0.0, converter)[k % 3], em_gain_max=(1.0, 1e3, 1e9)[k // 3 % 3],
-                      blooms=k % 2 == 0), 10 ** rng.uniform(-3, 5, (12, 3)), 10 ** rng.uniform(-2, 2, 12)  # fmt: skip
+        yield (
+            replace(
+                CAMERA,
+                full_well_e=pixel,
+                register_full_well_e=register,
+                converter_e=(np.inf, 0.0, converter)[k % 3],
+                em_gain_max=(1.0, 1e3, 1e9)[k // 3 % 3],
+                blooms=k % 2 == 0,
+            ),
+            10 ** rng.uniform(-3, 5, (12, 3)),
+            10 ** rng.uniform(-2, 2, 12),
+        )
 
 
 def fills_of(column, hole, tail, exposure_s, gain, camera):

@@ -57,8 +57,9 @@ def test_a_file_that_changed_is_read_again(tmp_path, monkeypatch):
         os.utime(path, ns=(later, later))
         instrument = load_instrument({"bands": {"F520": {"transmission_file": str(path)}}})
         model = build_model(instrument, ["F520"])
-        found = signal_to_noise(model, TAU_CET, time_s=600.0, separation_arcsec=0.6, contrast=1e-8, exposure_s=1.0,
-                                em_gain=1.0)[0]  # fmt: skip
+        found = signal_to_noise(
+            model, TAU_CET, time_s=600.0, separation_arcsec=0.6, contrast=1e-8, exposure_s=1.0, em_gain=1.0
+        )[0]
         return found.budget["signal_e"], model.content()["files"]
 
     first, second = answer(0.8, 10**18), answer(0.4, 2 * 10**18)
@@ -75,5 +76,8 @@ def test_strategies_that_contradict_themselves_are_refused():
     with pytest.raises(ValueError, match="v_mag"):
         ReferenceStar(v_mag=99.0)
     with pytest.raises(InputError, match="mode"):
-        build_model(load_instrument({"detector": {"switches": {"em_register": False}}}), ["F520"],
-                    Strategy(mode="photon_counting"))  # fmt: skip
+        build_model(
+            load_instrument({"detector": {"switches": {"em_register": False}}}),
+            ["F520"],
+            Strategy(mode="photon_counting"),
+        )

@@ -30,10 +30,9 @@ def compared(oracles, case, seed):
 
 
 def agrees(found, said):
-    return (
-        abs(found.snr / said.snr[0] - 1.0) < tolerance(found)
-        and abs(found.significance / said.significance[0] - 1.0) < tolerance(found)
-    )  # fmt: skip
+    return abs(found.snr / said.snr[0] - 1.0) < tolerance(found) and abs(
+        found.significance / said.significance[0] - 1.0
+    ) < tolerance(found)
 
 
 @pytest.mark.parametrize("gain", GAINS)
@@ -46,8 +45,17 @@ def test_every_regime_at_every_gain(oracles, regime, gain):
     assert agrees(found, said)
 
 
-DOMINANT = {"photon": "planet", "halo": "halo", "sky": "sky", "companion": "companion", "dark": "dark",
-            "exozodi": "exozodi", "read": "read_noise", "cic": "cic", "speckle": "speckle"}  # fmt: skip
+DOMINANT = {
+    "photon": "planet",
+    "halo": "halo",
+    "sky": "sky",
+    "companion": "companion",
+    "dark": "dark",
+    "exozodi": "exozodi",
+    "read": "read_noise",
+    "cic": "cic",
+    "speckle": "speckle",
+}
 
 
 @pytest.mark.parametrize(("regime", "term"), DOMINANT.items())
@@ -83,8 +91,18 @@ def test_other_reductions(oracles, regime):
 def test_the_shortcuts_of_the_oracle_are_exact(oracles):
     """Pixel by pixel, frame by frame and rounded by the converter: the same mean and scatter, particles included."""
     mc, rng = oracles.monte_carlo, np.random.default_rng(14)
-    stack = mc.Stack(0.5, 0.3, 10.0, 12, 50.0, reference_ratio=0.5, speckle_e_s=0.05, loss_per_s=5e-3,
-                     background_apertures=3, rdi_throughput=0.95)  # fmt: skip
+    stack = mc.Stack(
+        0.5,
+        0.3,
+        10.0,
+        12,
+        50.0,
+        reference_ratio=0.5,
+        speckle_e_s=0.05,
+        loss_per_s=5e-3,
+        background_apertures=3,
+        rdi_throughput=0.95,
+    )
     place, readout = mc.aperture_on(2.3, offset_y=0.2, offset_x=-0.4), mc.Readout()
     for planet in (True, False):
         slow = mc.frame_sums(stack, place, readout, rng, 2000, planet=planet)
@@ -113,8 +131,12 @@ def fails(oracles, regime, gain, wrong, factor):
     assert agrees(found, right)
     said = wrong(case)
     assert not agrees(found, said)
-    off = max(said.significance[0] / found.significance, said.snr[0] / found.snr,
-              found.significance / said.significance[0], found.snr / said.snr[0])  # fmt: skip
+    off = max(
+        said.significance[0] / found.significance,
+        said.snr[0] / found.snr,
+        found.significance / said.significance[0],
+        found.snr / said.snr[0],
+    )
     assert off == pytest.approx(factor, rel=0.03)
     assert off > 1.14
 
@@ -124,8 +146,9 @@ def said_with(oracles, case, camera=None, **changes):
     stack, places = case.stack, oracles.regimes.apertures()
     rates = replace(oracles.regimes.rates_of(stack, places, case.light), **changes)
     camera = camera or oracles.regimes.camera_of(case.readout)
-    return stack_noise(rates, stack.exposure_s, stack.n_frames, stack.em_gain, camera,
-                       reference_ratio=stack.reference_ratio)  # fmt: skip
+    return stack_noise(
+        rates, stack.exposure_s, stack.n_frames, stack.em_gain, camera, reference_ratio=stack.reference_ratio
+    )
 
 
 @pytest.mark.parametrize("regime", ["photon", "halo", "cic"])
@@ -148,8 +171,13 @@ def test_an_excess_noise_of_two_at_gain_2_fails(oracles, monkeypatch):
 @pytest.mark.parametrize("regime", ["halo", "read"])
 def test_ignoring_the_noise_of_the_reference_fails(oracles, regime):
     zero = np.zeros(1)
-    fails(oracles, regime, 20.0, lambda case: said_with(oracles, case, reference_light_e_s=zero, reference_scale=zero),
-          np.sqrt(2.0))  # fmt: skip
+    fails(
+        oracles,
+        regime,
+        20.0,
+        lambda case: said_with(oracles, case, reference_light_e_s=zero, reference_scale=zero),
+        np.sqrt(2.0),
+    )
 
 
 def test_read_noise_in_adu_fails(oracles):

@@ -55,8 +55,9 @@ def test_the_solver_sees_the_noise_of_the_stack(library, mode):
     gain = camera.em_gain_max if mode == "photon_counting" else 123.0
     noise = stack_noise(rates, exposure, frames, gain, camera, reference_ratio=strategy.reference_ratio, mode=mode)
     for objective in ("snr", "significance"):
-        problem = frame_problem(rates, camera, reference_ratio=strategy.reference_ratio, objective=objective,
-                                em_gain=gain, mode=mode)  # fmt: skip
+        problem = frame_problem(
+            rates, camera, reference_ratio=strategy.reference_ratio, objective=objective, em_gain=gain, mode=mode
+        )
         seen = problem.inverse_snr2(np.full(problem.z0.shape, exposure), np.full(problem.z0.shape, frames)) ** -0.5
         np.testing.assert_allclose(seen, getattr(noise, objective), rtol=1e-12)
 
@@ -66,8 +67,9 @@ def test_the_solver_sees_the_noise_of_the_stack(library, mode):
 def test_terms_add_up(library, mode):
     strategy = Strategy(**LIBRARIES[library], mode=mode)
     rates, model = rates_of(strategy)
-    noise = stack_noise(rates, 0.2, 90.0, 1000.0, model.camera("F520"), reference_ratio=strategy.reference_ratio,
-                        mode=mode)  # fmt: skip
+    noise = stack_noise(
+        rates, 0.2, 90.0, 1000.0, model.camera("F520"), reference_ratio=strategy.reference_ratio, mode=mode
+    )
     quiet = sum(part for name, part in noise.terms.items() if name not in ("planet", "background_mean"))
     quiet = np.broadcast_to(quiet, noise.snr.shape)
     np.testing.assert_allclose(np.broadcast_to(noise.quiet, quiet.shape), quiet, rtol=1e-12)
@@ -109,10 +111,21 @@ def test_each_term_is_what_its_name_says():
 
 @pytest.mark.parametrize(
     ("change", "name", "power"),
-    [("exposure", "halo", 1), ("exposure", "read_noise", 0), ("exposure", "cic", 0), ("frames", "halo", 1),
-     ("frames", "read_noise", 1), ("frames", "cic", 1), ("frames", "planet", 1), ("exposure", "planet", 1),
-     ("gain", "read_noise", -2), ("gain", "rounding", -2), ("exposure", "smear", 0), ("frames", "smear", 1)],
-)  # fmt: skip
+    [
+        ("exposure", "halo", 1),
+        ("exposure", "read_noise", 0),
+        ("exposure", "cic", 0),
+        ("frames", "halo", 1),
+        ("frames", "read_noise", 1),
+        ("frames", "cic", 1),
+        ("frames", "planet", 1),
+        ("exposure", "planet", 1),
+        ("gain", "read_noise", -2),
+        ("gain", "rounding", -2),
+        ("exposure", "smear", 0),
+        ("frames", "smear", 1),
+    ],
+)
 def test_how_terms_grow(change, name, power):
     rates, model = rates_of(instrument=load_instrument({"detector": {"switches": {"cosmic_rays": False}}}))
     given = {"exposure": 4.0, "frames": 30.0, "gain": 50.0}
@@ -194,8 +207,9 @@ def test_a_ramp_has_more_noise_of_light():
 def test_counting_uses_the_light_that_a_reference_frame_really_holds():
     """A reference star ten times as bright: its pixels count at their own mean, then the difference is scaled."""
     strategy = Strategy(library="reference_star", reference_star={"v_mag": 0.0}, mode="photon_counting")
-    stars = replace(PAIR, v_mag=np.full(3, 2.5), teff_k=np.full(3, 5772.0), log_g=np.full(3, 4.4),
-                    metallicity=np.zeros(3))  # fmt: skip
+    stars = replace(
+        PAIR, v_mag=np.full(3, 2.5), teff_k=np.full(3, 5772.0), log_g=np.full(3, 4.4), metallicity=np.zeros(3)
+    )
     rates, model = rates_of(strategy, stars=stars)
     camera, t, n = model.camera("F520"), 1.0, 100.0
     noise = stack_noise(rates, t, n, 1000.0, camera, mode="photon_counting")
@@ -231,10 +245,14 @@ def test_counting_photons_beats_measuring_charge_in_faint_light_only(light, wins
     """Gain 1000, 100 e- of read noise: sky of some electrons per pixel and frame."""
     rates, model = rates_of(contrast=1e-12)
     camera = replace(model.camera("F520"), cic_e=0.0, read_noise_e=100.0, rounding_e=0.0)
-    lit = only(rates, sky_e_s=light * rates.aperture_pixels + 0.0 * rates.planet_e_s,
-               reference_light_e_s=light * rates.aperture_pixels + 0.0 * rates.planet_e_s)  # fmt: skip
-    analogue, counted = (stack_noise(lit, 1.0, 100.0, 1000.0, camera, mode=mode).significance
-                         for mode in ("analogue", "photon_counting"))  # fmt: skip
+    lit = only(
+        rates,
+        sky_e_s=light * rates.aperture_pixels + 0.0 * rates.planet_e_s,
+        reference_light_e_s=light * rates.aperture_pixels + 0.0 * rates.planet_e_s,
+    )
+    analogue, counted = (
+        stack_noise(lit, 1.0, 100.0, 1000.0, camera, mode=mode).significance for mode in ("analogue", "photon_counting")
+    )
     assert np.all((counted > analogue) == wins)
     if light == 0.01:
         # 1.34 by a first-order threshold law; the exact law of the register keeps a little more.

@@ -116,14 +116,23 @@ def test_unreachable_both_ways():
 
 def test_given_frames_are_used_and_the_rest_follows():
     free = signal_to_noise(MODEL, TAU_CET, time_s=3600.0, contrast=1e-8, **PLACE)[0]
-    fixed = signal_to_noise(MODEL, TAU_CET, time_s=3600.0, contrast=1e-8, exposure_s=17.0, em_gain=20.0, exact=True,
-                            **PLACE)[0]  # fmt: skip
+    fixed = signal_to_noise(
+        MODEL, TAU_CET, time_s=3600.0, contrast=1e-8, exposure_s=17.0, em_gain=20.0, exact=True, **PLACE
+    )[0]
     assert (fixed.exposure_s, fixed.em_gain) == (17.0, 20.0)
     assert fixed.n_frames == math.floor(1800.0 / 18.1)
     assert fixed.snr < free.snr
     assert fixed.exposure_limited_by == ""
-    own = signal_to_noise(MODEL, TAU_CET, time_s=free.time_s, contrast=1e-8, exposure_s=free.exposure_s,
-                          em_gain=free.em_gain, exact=True, **PLACE)[0]  # fmt: skip
+    own = signal_to_noise(
+        MODEL,
+        TAU_CET,
+        time_s=free.time_s,
+        contrast=1e-8,
+        exposure_s=free.exposure_s,
+        em_gain=free.em_gain,
+        exact=True,
+        **PLACE,
+    )[0]
     assert own.snr == pytest.approx(free.snr, rel=1e-9)
 
 
@@ -144,8 +153,10 @@ def test_exposures_out_of_range():
 # --- monotone
 
 ROUNDING = 1 + 1e-12
-SETUPS = {name: build_model(INSTRUMENTS.get(name, INSTRUMENT), ["F520"], STRATEGIES.get(name))
-          for name in (*STRATEGIES, "no drift", "large drift", "overhead")}  # fmt: skip
+SETUPS = {
+    name: build_model(INSTRUMENTS.get(name, INSTRUMENT), ["F520"], STRATEGIES.get(name))
+    for name in (*STRATEGIES, "no drift", "large drift", "overhead")
+}
 
 
 @pytest.mark.parametrize("setup", SETUPS)
@@ -166,8 +177,10 @@ def test_more_time_is_never_worse(setup):
 @pytest.mark.parametrize("setup", SETUPS)
 def test_more_snr_never_takes_less_time(setup):
     model, target = SETUPS[setup], star(3.0)
-    times = [exposure_time(model, target, snr=float(level), contrast=2e-8, **PLACE)[0].value or math.inf
-             for level in np.geomspace(0.01, 100.0, 25)]  # fmt: skip
+    times = [
+        exposure_time(model, target, snr=float(level), contrast=2e-8, **PLACE)[0].value or math.inf
+        for level in np.geomspace(0.01, 100.0, 25)
+    ]
     assert np.all(np.array(times[1:]) * ROUNDING >= times[:-1])
     assert math.isfinite(times[0])
 
@@ -179,8 +192,12 @@ def test_brighter_planets_are_never_harder(setup):
     many = {"time_s": 5000.0, "separation_arcsec": 0.55, "bands": ["F520"]}
     found = signal_to_noise(model, target, contrast=list(contrasts), **many)
     assert np.all(np.diff([answer.value for answer in found]) > 0)
-    times = [answer.value or math.inf for answer in exposure_time(model, target, snr=5.0, contrast=list(contrasts),
-             separation_arcsec=0.55, bands=["F520"])]  # fmt: skip
+    times = [
+        answer.value or math.inf
+        for answer in exposure_time(
+            model, target, snr=5.0, contrast=list(contrasts), separation_arcsec=0.55, bands=["F520"]
+        )
+    ]
     assert np.all(np.array(times[1:]) <= np.array(times[:-1]) * ROUNDING)
     assert math.isinf(times[0]) or setup in ("idealised", "no drift")
     assert math.isfinite(times[-1])
@@ -200,9 +217,11 @@ def test_brighter_stars_are_never_harder_until_they_saturate(setup):
 
 # --- extremes by type
 
-ODD_STARS = {"by hand": star([-27.0, 30.0, 4.0, 6.0], [10.0, 10.0, 0.1, 1000.0]),
-             "pair": find_target("alf Cen B")[0],
-             "pair alone": find_target("alf Cen B", companions="off")[0]}  # fmt: skip
+ODD_STARS = {
+    "by hand": star([-27.0, 30.0, 4.0, 6.0], [10.0, 10.0, 0.1, 1000.0]),
+    "pair": find_target("alf Cen B")[0],
+    "pair alone": find_target("alf Cen B", companions="off")[0],
+}
 
 
 @pytest.mark.parametrize("setup", SETUPS)
@@ -228,9 +247,12 @@ def test_every_star_has_an_answer(setup, name):
 
 @pytest.mark.parametrize(
     ("key", "value"),
-    [(key, value) for key in ("contrast", "time_s", "separation_arcsec", "exposure_s", "em_gain")
-     for value in (-1, math.nan, math.inf, -math.inf, 1e308, True, np.True_, "1", [[0.5]])],
-)  # fmt: skip
+    [
+        (key, value)
+        for key in ("contrast", "time_s", "separation_arcsec", "exposure_s", "em_gain")
+        for value in (-1, math.nan, math.inf, -math.inf, 1e308, True, np.True_, "1", [[0.5]])
+    ],
+)
 def test_what_is_no_number_in_range_is_refused_in_one_line(key, value):
     given = {"time_s": 3600.0, "separation_arcsec": 0.5, "bands": ["F520"]} | {key: value}
     with pytest.raises(InputError) as error:
@@ -252,8 +274,14 @@ def test_levels_out_of_range_are_refused(value):
 
 def test_numpy_numbers_are_numbers():
     plain_answer = signal_to_noise(MODEL, TAU_CET, time_s=3600.0, contrast=0.25, **PLACE)[0]
-    other = signal_to_noise(MODEL, TAU_CET, time_s=np.int64(3600), contrast=np.float32(0.25),
-                            separation_arcsec=np.float64(0.55), bands="F520")[0]  # fmt: skip
+    other = signal_to_noise(
+        MODEL,
+        TAU_CET,
+        time_s=np.int64(3600),
+        contrast=np.float32(0.25),
+        separation_arcsec=np.float64(0.55),
+        bands="F520",
+    )[0]
     assert other == plain_answer
 
 
@@ -281,8 +309,10 @@ def test_where_and_why_there_is_no_answer():
 
 
 def test_companions_add_light_only_when_on():
-    on, off = (signal_to_noise(MODEL, ODD_STARS[name], time_s=3600.0, contrast=1e-8, **PLACE)[0]
-               for name in ("pair", "pair alone"))  # fmt: skip
+    on, off = (
+        signal_to_noise(MODEL, ODD_STARS[name], time_s=3600.0, contrast=1e-8, **PLACE)[0]
+        for name in ("pair", "pair alone")
+    )
     assert on.budget["companion_e2"] > 0 == off.budget["companion_e2"]
     assert on.value < off.value
     assert "companion_light_on" in on.flags
@@ -307,10 +337,14 @@ def test_order_of_answers():
     found = signal_to_noise(MODEL, stars, time_s=3600.0, separation_arcsec=[0.5, 0.6], planet=planets)
     head = [(answer.target, answer.band, answer.separation_arcsec) for answer in found]
     assert head == [(str(name), band, place) for name in stars.name for band in MODEL.bands for place in (0.5, 0.6)]
-    alone = signal_to_noise(MODEL, stars.select([1]), time_s=3600.0, separation_arcsec=0.6, bands=["F662"],
-                            planet=planets[1])[0]  # fmt: skip
-    same = next(answer for answer in found if (answer.target, answer.band, answer.separation_arcsec)
-                == (str(stars.name[1]), "F662", 0.6))  # fmt: skip
+    alone = signal_to_noise(
+        MODEL, stars.select([1]), time_s=3600.0, separation_arcsec=0.6, bands=["F662"], planet=planets[1]
+    )[0]
+    same = next(
+        answer
+        for answer in found
+        if (answer.target, answer.band, answer.separation_arcsec) == (str(stars.name[1]), "F662", 0.6)
+    )
     assert alone.value == pytest.approx(same.value, rel=1e-12)
 
 
@@ -327,9 +361,13 @@ def test_unlike_lengths_and_nobody_are_refused():
 
 @settings(max_examples=15)
 @given(
-    st.floats(-3.0, 15.0), st.floats(0.0, 1.3), st.floats(-20.0, 0.0), st.floats(-3.0, 9.0), st.floats(-6.0, 6.0),
+    st.floats(-3.0, 15.0),
+    st.floats(0.0, 1.3),
+    st.floats(-20.0, 0.0),
+    st.floats(-3.0, 9.0),
+    st.floats(-6.0, 6.0),
     st.sampled_from(sorted(SETUPS)),
-)  # fmt: skip
+)
 def test_anything_in_range_is_answered(v_mag, place, log_contrast, log_time, log_snr, setup):
     model, target = SETUPS[setup], star(v_mag)
     given_ = {"separation_arcsec": place, "bands": ["F520"]}

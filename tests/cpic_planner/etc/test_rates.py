@@ -29,8 +29,11 @@ def targets(v_mag=3.0, /, companions="on", **companion):
     """Return one star like the Sun, with a companion where its numbers are given."""
     given = {"separation_arcsec": np.nan, "pa_deg": np.nan, "v_mag": np.nan, "teff_k": np.nan} | companion
     columns = SUN | {"v_mag": v_mag} | {f"companion_{name}": value for name, value in given.items()}
-    return replace(find_target("tau Cet")[0], companions=companions,
-                   **{name: np.array([float(value)]) for name, value in columns.items()})  # fmt: skip
+    return replace(
+        find_target("tau Cet")[0],
+        companions=companions,
+        **{name: np.array([float(value)]) for name, value in columns.items()},
+    )
 
 
 PAIR = {"separation_arcsec": 5.0, "pa_deg": 248.0, "v_mag": 1.0, "teff_k": 5772.0}
@@ -239,8 +242,10 @@ def test_speckles_are_those_of_pairs_of_visits(light):
     spots = [(r * np.cos(a), r * np.sin(a)) for r in place + LAMBDA_D * np.array([-0.8, 0.0, 0.8]) for a in angles]
     squares = []
     for k in range(60):
-        one, other = (visit_frames(light.psf, drift, 1, 1.0, *map(np.random.default_rng, ((k, i, 1), (k, i, 2))))[0]
-                      for i in (1, 2))  # fmt: skip
+        one, other = (
+            visit_frames(light.psf, drift, 1, 1.0, *map(np.random.default_rng, ((k, i, 1), (k, i, 2))))[0]
+            for i in (1, 2)
+        )
         sums = [aperture_sum(one - other, x, y) for x, y in spots]
         squares.append(np.var(sums))
     found = of(setup, targets(3.0)).speckle
@@ -344,8 +349,15 @@ def test_references_of_another_star_are_scaled(v_mag, ratio):
 
 def test_an_idealised_library_adds_nothing():
     rates = of(model("idealised"), targets(3.0))
-    for part in (rates.reference_light_e_s, rates.reference_halo_e_s, rates.reference_scale, rates.reference_smear_e,
-                 rates.speckle.k0, rates.speckle.k1, rates.speckle.k2):  # fmt: skip
+    for part in (
+        rates.reference_light_e_s,
+        rates.reference_halo_e_s,
+        rates.reference_scale,
+        rates.reference_smear_e,
+        rates.speckle.k0,
+        rates.speckle.k1,
+        rates.speckle.k2,
+    ):
         np.testing.assert_array_equal(part, 0.0)
 
 
@@ -390,10 +402,14 @@ def test_a_companion_saturates_where_its_peak_passes_the_well(light, fill, over)
 
 @pytest.mark.parametrize(
     ("pa_deg", "reach"),
-    [(270.0, 1080 - 1 - DETECTOR.star_column), (90.0, DETECTOR.star_column),
-     (0.0, 1050 - 1 - DETECTOR.star_row), (180.0, DETECTOR.star_row)],
+    [
+        (270.0, 1080 - 1 - DETECTOR.star_column),
+        (90.0, DETECTOR.star_column),
+        (0.0, 1050 - 1 - DETECTOR.star_row),
+        (180.0, DETECTOR.star_row),
+    ],
     ids=["last column", "first column", "last row", "first row"],
-)  # fmt: skip
+)
 def test_a_companion_beyond_the_frame_saturates_nothing(pa_deg, reach):
     """At parity -1 west is at +x; a companion on the last row or column still falls on the frame."""
     for steps, seen in ((reach - 0.4, True), (reach + 1.5, False)):

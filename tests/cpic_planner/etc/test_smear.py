@@ -33,8 +33,9 @@ def seen_smear(instrument, band, scene, model):
     metrics = model.metrics[band]
     seen = observe(scene, band=band, exposure_s=1.0, instrument=instrument)
     rows, columns, _ = seen.area.stamp(len(metrics.raw_contrast))
-    sums = aperture_sums(seen.smear_e[rows, columns],
-                         overlap_weights(metrics.aperture_radius_arcsec / metrics.pixel_scale_arcsec))  # fmt: skip
+    sums = aperture_sums(
+        seen.smear_e[rows, columns], overlap_weights(metrics.aperture_radius_arcsec / metrics.pixel_scale_arcsec)
+    )
     pixel = np.rint(PLACES / metrics.pixel_scale_arcsec).astype(int)
     return sums[pixel + len(sums) // 2, pixel + len(sums) // 2], pixel * metrics.pixel_scale_arcsec
 
@@ -88,8 +89,11 @@ def test_a_brighter_reference_smears_less_once_it_is_scaled():
     scene, instrument = {"name": "s", "cstar": STAR}, load_instrument(DARK_SKY)
     same, _ = rates_of(instrument, "F520", scene)
     np.testing.assert_allclose(same.reference_smear_e, same.smear_e, rtol=1e-12)
-    brighter = Strategy(library="reference_star", reference_star={name: STAR[name] for name in
-                        ("teff_k", "log_g", "metallicity")} | {"v_mag": STAR["v_mag"] - 2.5})  # fmt: skip
+    brighter = Strategy(
+        library="reference_star",
+        reference_star={name: STAR[name] for name in ("teff_k", "log_g", "metallicity")}
+        | {"v_mag": STAR["v_mag"] - 2.5},
+    )
     rates, _ = rates_of(instrument, "F520", scene, brighter)
     np.testing.assert_allclose(rates.reference_smear_e, same.smear_e / 10.0, rtol=1e-6)
     none, _ = rates_of(instrument, "F520", scene, Strategy(library="idealised"))
@@ -101,8 +105,14 @@ def test_counted_photons_share_their_pixels_with_the_smear():
     scene = {"name": "s", "cstar": STAR}
     rates, model = rates_of(load_instrument(), "F850", scene, Strategy(mode="photon_counting"))
     zero, exposure = 0.0 * rates.smear_e, 0.5
-    lit = replace(rates, smear_e=zero, reference_smear_e=zero, sky_e_s=rates.sky_e_s + rates.smear_e / exposure,
-                  reference_light_e_s=rates.reference_light_e_s + rates.reference_smear_e / exposure)  # fmt: skip
-    smeared, plain = (stack_noise(one, exposure, 100.0, 1000.0, model.camera("F850"), mode="photon_counting")
-                      for one in (rates, lit))  # fmt: skip
+    lit = replace(
+        rates,
+        smear_e=zero,
+        reference_smear_e=zero,
+        sky_e_s=rates.sky_e_s + rates.smear_e / exposure,
+        reference_light_e_s=rates.reference_light_e_s + rates.reference_smear_e / exposure,
+    )
+    smeared, plain = (
+        stack_noise(one, exposure, 100.0, 1000.0, model.camera("F850"), mode="photon_counting") for one in (rates, lit)
+    )
     np.testing.assert_allclose(smeared.snr, plain.snr, rtol=1e-12)

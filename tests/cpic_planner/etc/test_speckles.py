@@ -163,8 +163,10 @@ def test_light_of_the_errors_is_what_grows_with_the_fourth_power(band, walk, rat
     """Twice the drift is four times the cross term with the static field, and sixteen times the light of the errors."""
     metrics, places = MODEL.metrics[band], np.array([0.45, 0.6, 0.8])
     for visit_s in (0.0, 3600.0, 40000.0):
-        once, twice = (speckle_law(metrics, drift(0.05 * times, walk * times), places, 1.5, ratio).variance(visit_s)
-                       for times in (1.0, 2.0))  # fmt: skip
+        once, twice = (
+            speckle_law(metrics, drift(0.05 * times, walk * times), places, 1.5, ratio).variance(visit_s)
+            for times in (1.0, 2.0)
+        )
         share = error_light_share(metrics, drift(0.05, walk), places, 1.5, ratio, visit_s)
         np.testing.assert_allclose(share, (twice - 4.0 * once) / 12.0 / once, rtol=1e-9)
         assert np.all((share > 0.0) & (share < 1.0))

@@ -123,8 +123,9 @@ def test_planets_of_the_blind_validator_lie_within_it():
     for row in rows:
         star, band = find_target(row["star"])[0], row["band"]
         best = best_in_band(model, star, band, 36000.0, ReferencePlanet())
-        answer = signal_to_noise(model, star, bands=[band], time_s=36000.0,
-                                 separation_arcsec=float(best.separation_arcsec[0]))[0]  # fmt: skip
+        answer = signal_to_noise(
+            model, star, bands=[band], time_s=36000.0, separation_arcsec=float(best.separation_arcsec[0])
+        )[0]
         chance = (float(row["high"]) - float(row["low"])) / 3.92
         allowed = stated_error(band, answer.separation_arcsec, answer.budget)["snr"]
         assert abs(float(row["ratio"]) - 1.0) <= allowed + 2.0 * chance, (row["star"], band)

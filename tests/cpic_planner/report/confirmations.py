@@ -149,13 +149,15 @@ def modelled(size: float = 0.0, draw: str = "sums") -> ModellingRecord:
         knobs=FIDELITIES["standard"],
         effects=[
             EffectRecord(key="photon_noise", effect="photon noise", decision="kept", reason="Poisson"),
-            EffectRecord(key="summed_frames", effect="frame by frame", decision="skipped", size=0.004,
-                         reason="sums of frames"),
-            EffectRecord(key="serial_cti", effect="serial transfer losses", decision="skipped", size=size,
-                         reason="not in sums"),
+            EffectRecord(
+                key="summed_frames", effect="frame by frame", decision="skipped", size=0.004, reason="sums of frames"
+            ),
+            EffectRecord(
+                key="serial_cti", effect="serial transfer losses", decision="skipped", size=size, reason="not in sums"
+            ),
             EffectRecord(key="sky", effect="sky", decision="kept", reason="uniform <b>", size=0.21),
         ],
-    )  # fmt: skip
+    )
 
 
 def plan_of(rank: RankResult) -> PlanResult:

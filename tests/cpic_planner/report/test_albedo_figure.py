@@ -19,8 +19,14 @@ TRUTH = (1.0, -0.5)
 @pytest.fixture(scope="module")
 def model():
     passbands = Passbands.from_instrument(load_instrument())
-    return albedo_model(passbands.bands[:4], stellar_spectrum(1.35, "K1V"), radius_rjup=1.0, distance_au=0.8775,
-                        phase_deg=90.0, insolation_au=2.0)  # fmt: skip
+    return albedo_model(
+        passbands.bands[:4],
+        stellar_spectrum(1.35, "K1V"),
+        radius_rjup=1.0,
+        distance_au=0.8775,
+        phase_deg=90.0,
+        insolation_au=2.0,
+    )
 
 
 def fitted(model, relative, bands=None, **settings):

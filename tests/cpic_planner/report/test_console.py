@@ -40,8 +40,12 @@ def test_rank_at_100_columns_is_one_line_a_star(rank):
 @pytest.mark.parametrize("width", [80, 100, 120, 160])
 def test_rank_keeps_what_matters_at_any_width(rank, width):
     head = next(line for line in shown(print_rank, rank, width=width).splitlines() if "star" in line and "#" in line)
-    wanted = {80: "compl/h compl % margin blind % status", 100: "dist pc SNR", 120: "V mag sep ″",
-              160: "contrast in gain wall"}  # fmt: skip
+    wanted = {
+        80: "compl/h compl % margin blind % status",
+        100: "dist pc SNR",
+        120: "V mag sep ″",
+        160: "contrast in gain wall",
+    }
     for at, words in wanted.items():
         if width >= at:
             assert all(word in head for word in words.split()), (at, head)
@@ -188,8 +192,10 @@ def test_one_row_is_marked_among_several_separations(etc_answers):
     two = etc_answers.model_copy(update={"answers": [slow, first]})
     assert best_row(two) is first
     assert shown(print_etc, two).count("→") == 1
-    snrs = [row.model_copy(update={"question": "signal_to_noise", "significance": s, "threshold": t})
-            for row, s, t in ((first, 20.0, 10.0), (slow, 18.0, 6.0))]  # fmt: skip
+    snrs = [
+        row.model_copy(update={"question": "signal_to_noise", "significance": s, "threshold": t})
+        for row, s, t in ((first, 20.0, 10.0), (slow, 18.0, 6.0))
+    ]
     assert best_row(etc_answers.model_copy(update={"answers": snrs})) is snrs[1]
 
 

@@ -17,25 +17,53 @@ def shown(result, width=110):
 
 
 def images(**changed):
-    made = ModellingRecord(fidelity="standard", tolerance={"snr": 0.03}, predicted_error={"snr": 0.01}, draw="sums",
-                           region="hole", epochs=6, knobs=FIDELITIES["standard"], effects=[])  # fmt: skip
-    known = {"draw": "sums", "realisations": 13, "light_ratio": 1.0013, "flux_ratio": 1.05, "flux_ratio_error": 0.06,
-             "predicted_snr": 6.83, "snr": 7.34, "snr_error": 0.37, "snr_ratio": 1.07, "snr_ratio_error": 0.05,
-             "predicted_significance": 7.8, "significance": 8.5, "agrees": True, "n_found": 2,
-             "modelled": made}  # fmt: skip
+    made = ModellingRecord(
+        fidelity="standard",
+        tolerance={"snr": 0.03},
+        predicted_error={"snr": 0.01},
+        draw="sums",
+        region="hole",
+        epochs=6,
+        knobs=FIDELITIES["standard"],
+        effects=[],
+    )
+    known = {
+        "draw": "sums",
+        "realisations": 13,
+        "light_ratio": 1.0013,
+        "flux_ratio": 1.05,
+        "flux_ratio_error": 0.06,
+        "predicted_snr": 6.83,
+        "snr": 7.34,
+        "snr_error": 0.37,
+        "snr_ratio": 1.07,
+        "snr_ratio_error": 0.05,
+        "predicted_significance": 7.8,
+        "significance": 8.5,
+        "agrees": True,
+        "n_found": 2,
+        "modelled": made,
+    }
     return ImageCheck(**known | changed)
 
 
 def with_records(result, fidelity, *records, tolerance=None):
-    return result.model_copy(update={
-        "fidelity": EtcFidelity(fidelity=fidelity, tolerance=tolerance, seed=1, answers=list(records))
-    })  # fmt: skip
+    return result.model_copy(
+        update={"fidelity": EtcFidelity(fidelity=fidelity, tolerance=tolerance, seed=1, answers=list(records))}
+    )
 
 
 def record(**changed):
-    known = {"answer": 0, "fidelity": "standard", "status": "ok", "reason": "", "message": "",
-             "predicted_error": {"planet_flux": 0.002, "snr": 0.05}, "closed_form_error": None,
-             "images": None}  # fmt: skip
+    known = {
+        "answer": 0,
+        "fidelity": "standard",
+        "status": "ok",
+        "reason": "",
+        "message": "",
+        "predicted_error": {"planet_flux": 0.002, "snr": 0.05},
+        "closed_form_error": None,
+        "images": None,
+    }
     return AnswerFidelity(**known | changed)
 
 
@@ -60,7 +88,12 @@ def test_refusals_and_stated_errors_are_in_words(etc_answers):
     refused = record(status="invalid", reason="tolerance_not_met", message="it takes 9999 realisations")
     enough = record(answer=1, fidelity="quick")
     text = " ".join(shown(with_records(etc_answers, "custom", refused, enough, tolerance=0.04)).split())
-    for word in ("tolerance 0.04", "tolerance not met", "it takes 9999 realisations.", "closed forms are enough",
-                 "planet flux 0.20 %, SNR 5.0 %"):  # fmt: skip
+    for word in (
+        "tolerance 0.04",
+        "tolerance not met",
+        "it takes 9999 realisations.",
+        "closed forms are enough",
+        "planet flux 0.20 %, SNR 5.0 %",
+    ):
         assert word in text
     assert "No answer has frames" in shown(with_records(etc_answers, "standard"))

@@ -42,8 +42,10 @@ def test_one_strategy_is_compared_with_none(compared):
 
 def test_chance_and_fewer_are_told_apart(compared):
     result = compared(["one", "two", "three"], empty=True)
-    worse = [item.model_copy(update={"mean": -0.4, "low": -0.5, "high": -0.3}) if item.first == "three" else item
-             for item in result.differences]  # fmt: skip
+    worse = [
+        item.model_copy(update={"mean": -0.4, "low": -0.5, "high": -0.3}) if item.first == "three" else item
+        for item in result.differences
+    ]
     lines = shown(print_whatif, result.model_copy(update={"differences": worse})).splitlines()
     assert any("may be chance" in line and line.endswith("two") for line in map(str.rstrip, lines))
     assert any("fewer" in line and "−0.40" in line and line.rstrip().endswith("three") for line in lines)
@@ -61,8 +63,18 @@ def test_images_tell_their_correction(compared):
     item = result.strategies[0].model_copy(update={"images": sample})
     text = shown(print_whatif, result.model_copy(update={"strategies": [item]}), width=200)
     assert "of 40 detections simulated as images 28 are found, 31.5 expected; correction 0.89 (0.75 to 1.02)" in text
-    none = sample.model_copy(update={"detections": 0, "images": 0, "expected": 0.0, "found": 0, "correction": None,
-                                     "low": None, "high": None, "note": "no detections"})  # fmt: skip
+    none = sample.model_copy(
+        update={
+            "detections": 0,
+            "images": 0,
+            "expected": 0.0,
+            "found": 0,
+            "correction": None,
+            "low": None,
+            "high": None,
+            "note": "no detections",
+        }
+    )
     item = result.strategies[0].model_copy(update={"images": none})
     text = shown(print_whatif, result.model_copy(update={"strategies": [item]}), width=200)
     assert "one: no detection was simulated as images: no detections" in text

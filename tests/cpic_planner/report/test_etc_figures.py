@@ -62,8 +62,9 @@ def test_lines_pass_through_the_answer_and_never_fall(curves, answers):
 def test_limits_against_separation(model, star, curves):
     for line in curves.limits:
         for i in (0, 17, len(line.contrast) - 1):
-            one = contrast_limit(model, star, time_s=TIME_S, separation_arcsec=float(line.separation_arcsec[i]),
-                                 bands=[line.label])[0]  # fmt: skip
+            one = contrast_limit(
+                model, star, time_s=TIME_S, separation_arcsec=float(line.separation_arcsec[i]), bands=[line.label]
+            )[0]
             assert line.contrast[i] == pytest.approx(one.value, rel=1e-9)
     assert curves.limit_level == "a detection"
     assert curves.limits[0].planets[0][0] == 0.6

@@ -78,9 +78,15 @@ def test_unknown_codes_are_spelled_out():
 
 @pytest.mark.parametrize(
     ("value", "score", "text"),
-    [(0.0, "completeness", "0"), (0.07251, "completeness", "0.0725"), (2.5e-4, "completeness_per_hour", "2.5e-04"),
-     (8.7512, "contrast_limit", "8.75"), (0.0, "contrast_limit", "0.00"), (15.62, "detection_margin", "15.6")],
-)  # fmt: skip
+    [
+        (0.0, "completeness", "0"),
+        (0.07251, "completeness", "0.0725"),
+        (2.5e-4, "completeness_per_hour", "2.5e-04"),
+        (8.7512, "contrast_limit", "8.75"),
+        (0.0, "contrast_limit", "0.00"),
+        (15.62, "detection_margin", "15.6"),
+    ],
+)
 def test_scores_as_text(value, score, text):
     assert score_number(value, score) == text
 

@@ -115,8 +115,10 @@ def test_sentences_follow_the_options_of_the_run(plan, rank, read):
     assert "one more frame by frame" in words
     assert "reduced, searched blind and measured" in words
 
-    plain = [target.model_copy(update={"bands": [band.model_copy(update={"audit": None}) for band in target.bands]})
-             for target in plan.targets]  # fmt: skip
+    plain = [
+        target.model_copy(update={"bands": [band.model_copy(update={"audit": None}) for band in target.bands]})
+        for target in plan.targets
+    ]
     other = plan.model_copy(update={"targets": plain, "reference_library": "roll"})
     words = " ".join(" ".join(read(render_plan(other, rank, {}, {})).text).split())
     assert "one more frame by frame" not in words

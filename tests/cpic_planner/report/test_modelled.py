@@ -65,11 +65,21 @@ def test_the_report_has_the_table_once_and_escapes_it(plan, rank, read):
 
 def test_a_band_without_a_valid_tier_says_so(plan, rank, make_modelled):
     target = plan.targets[0]
-    head = target.bands[0].model_copy(update={
-        "status": "invalid", "reason": "tier_too_coarse", "verdict": "not modelled", "recovered_snr": None,
-        "message": "quick is predicted to be off by 9 %: take --fidelity standard", "modelled": make_modelled(0.09),
-        "detected": None, "n_detected": None, "etc_ratio": None, "realisations": None, "image": None,
-    })  # fmt: skip
+    head = target.bands[0].model_copy(
+        update={
+            "status": "invalid",
+            "reason": "tier_too_coarse",
+            "verdict": "not modelled",
+            "recovered_snr": None,
+            "message": "quick is predicted to be off by 9 %: take --fidelity standard",
+            "modelled": make_modelled(0.09),
+            "detected": None,
+            "n_detected": None,
+            "etc_ratio": None,
+            "realisations": None,
+            "image": None,
+        }
+    )
     changed = target.model_copy(update={"bands": [head, *target.bands[1:]]})
     page = render_plan(plan.model_copy(update={"targets": [changed]}), rank, {}, {})
     assert "take --fidelity standard" in page

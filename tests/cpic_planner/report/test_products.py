@@ -19,13 +19,30 @@ def printed(show, width=110):
 def result(count):
     rows = [
         SimulatedSequence(
-            obsid=f"4{number:010d}", kind="SCI", target="a [red] star with a long name", camera="VIS", band="F520",
-            exposure_s=0.01, n_frames=50, em_gain=20, start_utc="2028-01-01T00:00:00", role="reference", settings={},
-            file=f"SCI/{61771 + number}/{number}.fits", truth=None, params="", adu_min=180, adu_max=16383,
-            saturated_pixels=12345, clipped_pixels=0, cosmic_rays=77, size_bytes=12_300_000, sha256="",
+            obsid=f"4{number:010d}",
+            kind="SCI",
+            target="a [red] star with a long name",
+            camera="VIS",
+            band="F520",
+            exposure_s=0.01,
+            n_frames=50,
+            em_gain=20,
+            start_utc="2028-01-01T00:00:00",
+            role="reference",
+            settings={},
+            file=f"SCI/{61771 + number}/{number}.fits",
+            truth=None,
+            params="",
+            adu_min=180,
+            adu_max=16383,
+            saturated_pixels=12345,
+            clipped_pixels=0,
+            cosmic_rays=77,
+            size_bytes=12_300_000,
+            sha256="",
         )
         for number in range(count)
-    ]  # fmt: skip
+    ]
     return SimulationResult(
         version="", config_hash="", name="x", description="", n_frames=1, size_bytes=1, sequences=rows
     )

@@ -80,11 +80,13 @@ def test_the_strategy_that_finds_most_is_shaded(compared, reader):
 
 def test_images_tell_their_correction(compared, read):
     result = compared(["one", "two"])
-    sample = ImageSample(detections=40, images=120, expected=31.5, found=28, correction=0.889, low=0.75, high=1.02,
-                         note="24 stars")  # fmt: skip
+    sample = ImageSample(
+        detections=40, images=120, expected=31.5, found=28, correction=0.889, low=0.75, high=1.02, note="24 stars"
+    )
     without = sample.model_copy(update={"correction": None, "low": None, "high": None})
-    shown = [item.model_copy(update={"images": own})
-             for item, own in zip(result.strategies, (sample, without), strict=True)]  # fmt: skip
+    shown = [
+        item.model_copy(update={"images": own}) for item, own in zip(result.strategies, (sample, without), strict=True)
+    ]
     words = read(render_whatif(result.model_copy(update={"strategies": shown}), {})).words
     assert f"one 40 120 31.5 28 0.89 0.75 to 1.02 {0.889 * 0.512:.2f} 24 stars" in words
     assert "two 40 120 31.5 28 – – 24 stars" in words
@@ -111,8 +113,10 @@ def test_nothing_found_is_an_answer(compared, read):
 
 def test_other_pairs_and_other_verdicts(compared, read):
     result = compared(["one", "two", "three"])
-    extra = [item.model_copy(update={"first": "two", "second": "three", "mean": -0.3, "low": -0.4, "high": -0.2})
-             for item in result.differences[:1]]  # fmt: skip
+    extra = [
+        item.model_copy(update={"first": "two", "second": "three", "mean": -0.3, "low": -0.4, "high": -0.2})
+        for item in result.differences[:1]
+    ]
     changed = result.model_copy(update={"differences": [*result.differences, *extra]})
     words = read(render_whatif(changed, {})).words
     assert "All other pairs (1)" in words
@@ -131,10 +135,12 @@ def test_many_strategies_keep_their_rows_but_not_all_their_stars(compared, read)
 def test_sources_of_the_settings(compared, read):
     result = compared()
     names = [item.name for item in result.strategies]
-    rows = [SettingSource(key="visit.time_s", value=[36000.0, 60.0], unit="s", source=HOSTILE, confidence="A",
-                          strategies=names),
-            SettingSource(key="slot_share", value=0.25, unit="", source="a guess", confidence="I",
-                          strategies=names[:1])]  # fmt: skip
+    rows = [
+        SettingSource(
+            key="visit.time_s", value=[36000.0, 60.0], unit="s", source=HOSTILE, confidence="A", strategies=names
+        ),
+        SettingSource(key="slot_share", value=0.25, unit="", source="a guess", confidence="I", strategies=names[:1]),
+    ]
     page = render_whatif(result.model_copy(update={"sources": rows}), {})
     words = read(page).words
     assert f"visit.time_s 36000, 60 s A {HOSTILE} all" in words

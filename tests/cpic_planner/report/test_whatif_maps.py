@@ -23,8 +23,9 @@ def test_every_planned_visit_has_its_mark(compared, drawn):
     for line, item in zip(axes.lines, result.strategies, strict=True):
         expected = [JAN_2028 + 30.0 * slot + 15.0 for target in item.targets for slot in target.slots]
         assert line.get_xdata().tolist() == expected
-        assert np.round(line.get_ydata()).tolist() == [float(k) for k, target in enumerate(item.targets)
-                                                       for _ in target.slots]  # fmt: skip
+        assert np.round(line.get_ydata()).tolist() == [
+            float(k) for k, target in enumerate(item.targets) for _ in target.slots
+        ]
     labels = [label.get_text() for label in axes.get_yticklabels()]
     assert labels == ["ε Eri ●", "<script>alert('x')</script>", r"5 \$ star \$"]
     assert "slot of 30 days" in picture.caption

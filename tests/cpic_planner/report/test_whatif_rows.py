@@ -57,8 +57,12 @@ def test_boxes_are_the_quantiles(compared, drawn):
     figure, _ = drawn(detections_figure, result)
     snr, margin, contrast, separation = figure.axes
     assert [axes.get_xscale() for axes in figure.axes] == ["log", "log", "log", "linear"]
-    for axes, key, scale in ((snr, "snr", 1), (margin, "margin", 1), (contrast, "contrast", 1e9),
-                             (separation, "separation_arcsec", 1)):  # fmt: skip
+    for axes, key, scale in (
+        (snr, "snr", 1),
+        (margin, "margin", 1),
+        (contrast, "contrast", 1e9),
+        (separation, "separation_arcsec", 1),
+    ):
         levels = [scale * value for value in result.strategies[0].quantiles[key]]
         assert axes.lines[0].get_xdata().tolist() == pytest.approx([levels[0], levels[-1]])
         assert axes.lines[1].get_xdata().tolist() == pytest.approx([levels[2]] * 2)

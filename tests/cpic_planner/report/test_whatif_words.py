@@ -19,8 +19,10 @@ def settings(**own):
 
 
 def with_difference(result, low, high):
-    found = [item.model_copy(update={"low": low, "high": high}) if item.quantity == "planets" else item
-             for item in result.differences]  # fmt: skip
+    found = [
+        item.model_copy(update={"low": low, "high": high}) if item.quantity == "planets" else item
+        for item in result.differences
+    ]
     return result.model_copy(update={"differences": found})
 
 
@@ -78,21 +80,39 @@ def test_what_all_share(compared):
 def test_rules_in_words():
     own = settings(
         visit={"bands": ["F520", "F662"], "time_s": 36000, "goal": "time"},
-        detection={"rule": "blind", "sigma": 5, "blind_margin": 0.7, "blind_margin_error": 0.05, "known_margin": 0.97,
-                   "known_margin_error": 0.03, "blind_tails": 1.0, "calibration": 1.02, "calibration_error": 0.01},
-    )  # fmt: skip
+        detection={
+            "rule": "blind",
+            "sigma": 5,
+            "blind_margin": 0.7,
+            "blind_margin_error": 0.05,
+            "known_margin": 0.97,
+            "known_margin_error": 0.03,
+            "blind_tails": 1.0,
+            "calibration": 1.02,
+            "calibration_error": 0.01,
+        },
+    )
     facts = dict(shared_facts(own))
     assert facts["Visit"] == "the best of F520, F662, as long as it pays, at most 10.0 h of wall time"
     assert facts["Revisits"] == facts["Follow-up"] == facts["Changes to the instrument"] == "none"
     assert f"{own['population']['planets_per_star']:g} planets per star" in facts["Population of unknown planets"]
     assert "SNR is 1.02 ± 0.01." in facts["Detection"]
-    assert "threshold is 0.70 (± 5.0%) in Gaussian noise ten resolution elements from the star, 1.90 where all" in (
-        facts["Detection"])  # fmt: skip
+    assert (
+        "threshold is 0.70 (± 5.0%) in Gaussian noise ten resolution elements from the star, 1.90 where all"
+        in (facts["Detection"])
+    )
     assert "known planets at their place where it is 0.97 (± 3.0%)" in facts["Detection"]
     own = settings(
         population=None,
-        targets={"known_planets": "only", "names": ["tau Cet"], "exclude": ["eps Eri"], "distance_max_pc": 10,
-                 "singles_only": True, "v_mag_max": None, "max_targets": 50},
+        targets={
+            "known_planets": "only",
+            "names": ["tau Cet"],
+            "exclude": ["eps Eri"],
+            "distance_max_pc": 10,
+            "singles_only": True,
+            "v_mag_max": None,
+            "max_targets": 50,
+        },
         visit={"bands": ["F662"], "time_s": [3600, 7200], "goal": "snr", "snr": 7, "exposure_s": 12, "em_gain": 30},
         revisits={"max_visits": 3, "min_gap_days": 30},
         follow_up={"bands": ["F720"], "time_s": 36000, "attempts": 2},
@@ -100,7 +120,7 @@ def test_rules_in_words():
         assumptions={"contrast": 3e-9, "drift": 2, "exozodi": 3},
         stop={"after_detection": False, "after_empty": 2, "after_planets": 5},
         scheduler={"method": "milp"},
-    )  # fmt: skip
+    )
     facts = dict(shared_facts(own))
     assert facts["Population of unknown planets"] == "none: only known planets are looked for"
     assert facts["Targets"] == (
@@ -123,8 +143,14 @@ def test_rules_in_words():
 
 def test_changed_settings_name_every_key_that_differs():
     base = settings(visit={"bands": ["F520", "F720"]})
-    own = settings(name="b", description="other", visit={"bands": ["F662"]}, stop={"after_detection": False},
-                   assumptions={"contrast": 1e-9}, population=None)  # fmt: skip
+    own = settings(
+        name="b",
+        description="other",
+        visit={"bands": ["F662"]},
+        stop={"after_detection": False},
+        assumptions={"contrast": 1e-9},
+        population=None,
+    )
     found = {key: (mine, theirs) for key, mine, theirs in changed_settings(own, base)}
     assert found["visit.bands"] == ("F662", "F520, F720")
     assert found["stop.after_detection"] == ("no", "yes")
@@ -145,8 +171,9 @@ def test_settings_have_their_units_and_factors_their_x():
 
 
 def test_assumptions_say_what_a_factor_makes_of_the_instrument():
-    used = AssumedInstrument(visit_drift_nm=0.1, walk_nm_per_sqrt_hour=0.12, exozodi_zodis=0.0,
-                             throughput={"F520": 0.095})  # fmt: skip
+    used = AssumedInstrument(
+        visit_drift_nm=0.1, walk_nm_per_sqrt_hour=0.12, exozodi_zodis=0.0, throughput={"F520": 0.095}
+    )
     facts = dict(shared_facts(settings(assumptions={"drift": 2, "throughput": 0.5}), used))
     assert facts["Changes to the instrument"] == (
         "wavefront drift × 2 (0.1 nm visit offset, 0.12 nm/√h walk), throughput of the optics × 0.5 (0.095 in F520)"

@@ -8,8 +8,13 @@ from simulator.config.simulation_file import load_simulation
 
 @pytest.mark.parametrize("truth", [True, False])
 def test_disk_is_that_of_the_files_and_never_less(small, star, tmp_path, truth):
-    tree = {"name": "x", "sequences": [{"kind": "BIAS", "frames": 30},
-                                       {"scene": star, "band": "F520", "frames": 10, "fidelity": "quick"}]}  # fmt: skip
+    tree = {
+        "name": "x",
+        "sequences": [
+            {"kind": "BIAS", "frames": 30},
+            {"scene": star, "band": "F520", "frames": 10, "fidelity": "quick"},
+        ],
+    }
     simulation = load_simulation(tree, instrument=small)
     estimates = [disk_bytes(item, truth=truth) for item in plan_sequences(simulation)]
     for bound, made in zip(estimates, simulate(simulation, tmp_path, truth=truth).result.sequences, strict=True):

@@ -64,8 +64,12 @@ def test_a_tolerance_makes_it_cheaper_and_is_in_the_estimate(scene, small):
 
 
 def test_yaml_defaults_and_changes(scene, small):
-    tree = {"name": "x", "instrument": small, "defaults": {"tolerance": 0.1},
-            "sequences": [{"scene": scene}, {"scene": scene, "tolerance": 0.0}, {"kind": "DARK"}]}  # fmt: skip
+    tree = {
+        "name": "x",
+        "instrument": small,
+        "defaults": {"tolerance": 0.1},
+        "sequences": [{"scene": scene}, {"scene": scene, "tolerance": 0.0}, {"kind": "DARK"}],
+    }
     simulation = load_simulation(tree)
     assert [item.tolerance for item in simulation.sequences] == [0.1, 0.0, 0.0]
     changed = simulation_of("y", simulation.sequences, changes={"tolerance": 0.3})

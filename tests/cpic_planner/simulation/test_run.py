@@ -24,10 +24,14 @@ TREE = {
     "instrument": {"detector": {"n_columns": 236, "n_rows": 206, "star_column": 118, "star_row": 100}},
     "defaults": {
         "scene": {"name": "star", "cstar": {"v_mag": 2.0, "teff_k": 5200}},
-        "fidelity": "quick", "band": "F520", "exposure_s": 30, "em_gain": 20, "frames": 25,
+        "fidelity": "quick",
+        "band": "F520",
+        "exposure_s": 30,
+        "em_gain": 20,
+        "frames": 25,
     },
     "sequences": [{}, {"kind": "BIAS"}, {"kind": "FLAT"}, {"role": "reference"}, {"kind": "DARK"}],
-}  # fmt: skip
+}
 STORY = ("run.json", "run.lock", "cpic-run.jsonl")
 
 

@@ -29,8 +29,11 @@ def test_a_begin_of_its_own_starts_the_clock_again():
         {"kind": "BIAS"}, {"kind": "BIAS", "start_utc": "2030-05-01T12:00:00", "em_gain": [1, 2]}, {"kind": "BIAS"}
     )
     assert [item.start_utc[:19] for item in found] == [
-        "2028-01-01T00:00:00", "2030-05-01T12:00:00", "2030-05-01T12:00:01", "2030-05-01T12:00:02"
-    ]  # fmt: skip
+        "2028-01-01T00:00:00",
+        "2030-05-01T12:00:00",
+        "2030-05-01T12:00:01",
+        "2030-05-01T12:00:02",
+    ]
 
 
 def test_a_leap_second_is_a_second():
@@ -83,11 +86,24 @@ def test_names_are_those_of_the_files(small, star, tmp_path):
 
 def test_settings_reach_the_sequence(small, star):
     (item,) = planned(
-        {"kind": "CALS", "scene": star, "band": "F520", "frames": 3, "exposure_s": 0.5, "em_gain": 4, "roll_deg": 12,
-         "star_offset_arcsec": [0.3, -0.3], "role": "reference", "seed": 9, "realisation": 6, "fidelity": "quick",
-         "switches": {"smear": False}, "start_utc": "2031-01-02T03:04:05"},
+        {
+            "kind": "CALS",
+            "scene": star,
+            "band": "F520",
+            "frames": 3,
+            "exposure_s": 0.5,
+            "em_gain": 4,
+            "roll_deg": 12,
+            "star_offset_arcsec": [0.3, -0.3],
+            "role": "reference",
+            "seed": 9,
+            "realisation": 6,
+            "fidelity": "quick",
+            "switches": {"smear": False},
+            "start_utc": "2031-01-02T03:04:05",
+        },
         instrument=small,
-    )  # fmt: skip
+    )
     made = item.build()
     assert (made.kind, made.n_frames, made.exposure_s, made.em_gain, made.roll_deg) == ("CALS", 3, 0.5, 4.0, 12.0)
     assert (made.star_offset_arcsec, made.role, made.seed, made.realisation) == ((0.3, -0.3), "reference", 9, 6)
@@ -101,10 +117,13 @@ def test_settings_of_calibrations_reach_them(small):
     laser, flat = (
         item.build()
         for item in planned(
-            {"kind": "LASER", "level_e": 1e5, "offset_arcsec": [0.4, -0.4]}, {"kind": "FLAT", "level_e": 500},
-            instrument=small, band="F520", exposure_s=2,
+            {"kind": "LASER", "level_e": 1e5, "offset_arcsec": [0.4, -0.4]},
+            {"kind": "FLAT", "level_e": 500},
+            instrument=small,
+            band="F520",
+            exposure_s=2,
         )
-    )  # fmt: skip
+    )
     row, column = divmod(int(laser.mean_rate_map.argmax()), laser.shape[1])
     assert (column - 118) * 0.016153 == pytest.approx(0.4, abs=0.01)
     assert (row - 100) * 0.016153 == pytest.approx(-0.4, abs=0.01)

@@ -24,10 +24,14 @@ def candidate(rng, *, options=1, slots=4, planets=6, visits_left=3, day=None, kn
 def strategy(*, budget_h=10.0, share=0.25, needed=1, gap_days=0.0, max_visits=3, first="any", **scheduler):
     """A strategy of the given limits."""
     return SurveyStrategy(
-        name="x", time_budget_h=budget_h, slot_share=share, detection={"visits_needed": needed},
-        revisits={"max_visits": max(max_visits, needed), "min_gap_days": gap_days}, targets={"known_planets": first},
+        name="x",
+        time_budget_h=budget_h,
+        slot_share=share,
+        detection={"visits_needed": needed},
+        revisits={"max_visits": max(max_visits, needed), "min_gap_days": gap_days},
+        targets={"known_planets": first},
         scheduler={"min_gain": 0.0, "reserve": 0.0} | scheduler,
-    )  # fmt: skip
+    )
 
 
 def random_problem(seed, *, stars=2, slots=3, options=1, slot_h=28.0, **more):
@@ -87,5 +91,6 @@ def optimum(problem):
 
 def worth(problem, visits, needed):
     """Value of a set of visits of all stars."""
-    return sum(outcomes(star, needed, [visit for owner, visit in visits if owner == i])
-               for i, star in enumerate(problem.stars))  # fmt: skip
+    return sum(
+        outcomes(star, needed, [visit for owner, visit in visits if owner == i]) for i, star in enumerate(problem.stars)
+    )

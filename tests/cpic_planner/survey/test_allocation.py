@@ -12,8 +12,13 @@ from hypothesis import strategies as st
 from cpic_planner.survey.allocation import make_schedule
 from cpic_planner.survey.schedule import Problem
 
-LIMITS = st.fixed_dictionaries({"budget_h": st.floats(2.0, 20.0), "share": st.sampled_from([0.15, 0.25, 0.4]),
-                                "gap_days": st.sampled_from([0.0, 25.0, 45.0])})  # fmt: skip
+LIMITS = st.fixed_dictionaries(
+    {
+        "budget_h": st.floats(2.0, 20.0),
+        "share": st.sampled_from([0.15, 0.25, 0.4]),
+        "gap_days": st.sampled_from([0.0, 25.0, 45.0]),
+    }
+)
 
 
 def visits_of(schedule):
@@ -73,10 +78,16 @@ def test_a_problem_that_the_programme_solves_better(problems):
     """Budget for two cheap visits or one dear one that gives more an hour, but less in all."""
     rng = np.random.default_rng(0)
     star = problems.candidate(rng, slots=2, planets=1, visits_left=1)
-    stars = tuple(replace(star, cost_h=np.full((1, 2), cost), chance=np.full((1, 2, 1), chance, np.float32),
-                          weight=np.ones(1)) for cost, chance in ((6.0, 0.7), (5.0, 0.5), (5.0, 0.5)))  # fmt: skip
-    found = {method: make_schedule(Problem(problems.strategy(budget_h=10.0, share=1.0, method=method), stars,
-                                           np.full(2, 100.0))) for method in ("greedy", "milp")}  # fmt: skip
+    stars = tuple(
+        replace(star, cost_h=np.full((1, 2), cost), chance=np.full((1, 2, 1), chance, np.float32), weight=np.ones(1))
+        for cost, chance in ((6.0, 0.7), (5.0, 0.5), (5.0, 0.5))
+    )
+    found = {
+        method: make_schedule(
+            Problem(problems.strategy(budget_h=10.0, share=1.0, method=method), stars, np.full(2, 100.0))
+        )
+        for method in ("greedy", "milp")
+    }
     assert found["greedy"].value == pytest.approx(0.7, rel=1e-6)
     assert found["milp"].value == pytest.approx(1.0, rel=1e-6)
     assert found["milp"].method == "milp"

@@ -158,13 +158,29 @@ def test_images_of_a_brighter_hole(instrument):
     assert raw_contrast_median(model.metrics["F520"]) == pytest.approx(BRIGHT, rel=1e-6)
     star, frames, separation = find_target("eps Eri")[0], Frames(25.0, 120, 300.0), 0.45
     distance_au, albedo = separation * float(star.distance_pc[0]), ConstantAlbedo(value=0.5)
-    planet = Planet(name="planet", separation_arcsec=separation, pa_deg=40.0, radius_rjup=3.0, albedo=albedo,
-                    distance_au=distance_au, phase_deg=90.0)  # fmt: skip
+    planet = Planet(
+        name="planet",
+        separation_arcsec=separation,
+        pa_deg=40.0,
+        radius_rjup=3.0,
+        albedo=albedo,
+        distance_au=distance_au,
+        phase_deg=90.0,
+    )
     light = float(contrast_at(3.0, distance_au, 90.0, 0.5))
     place = sky_to_detector(separation, 40.0, parity=instrument.detector.parity)
-    task = task_of(model, star_scene(star, (planet,), name="x", exozodi_zodis=1.0), "F520", frames,
-                   [expected_of(model, star, "F520", place, light, frames)], seed=3, fidelity="standard",
-                   realisations=12, audit=False, overrides=None)  # fmt: skip
+    task = task_of(
+        model,
+        star_scene(star, (planet,), name="x", exozodi_zodis=1.0),
+        "F520",
+        frames,
+        [expected_of(model, star, "F520", place, light, frames)],
+        seed=3,
+        fidelity="standard",
+        realisations=12,
+        audit=False,
+        overrides=None,
+    )
     answer = confirm_task(task.to_dict())["confirmations"][0]
     # Twelve realisations know the SNR to some 10 %, and places of one separation differ by that.
     assert answer["predicted_snr"] == pytest.approx(answer["recovered_snr"], rel=0.25)

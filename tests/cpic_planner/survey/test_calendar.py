@@ -40,13 +40,26 @@ def plain(fraction, window_s, allowed_h=1e9, settle_h=0.0):
     """One star, some slots of thirty days."""
     fraction = np.atleast_1d(np.asarray(fraction, float))[None]
     even = np.ones_like(fraction)
-    return Calendar(61771.0, np.full(fraction.shape[1], 720.0), fraction, allowed_h * even, window_s * even,
-                    15.0 * even, 0.0 * even, 5554.0, settle_h)  # fmt: skip
+    return Calendar(
+        61771.0,
+        np.full(fraction.shape[1], 720.0),
+        fraction,
+        allowed_h * even,
+        window_s * even,
+        15.0 * even,
+        0.0 * even,
+        5554.0,
+        settle_h,
+    )
 
 
 def test_slots_cover_the_survey(stars):
-    for days, slot, lengths in ((365.0, 30.0, [720.0] * 12 + [120.0]), (91.0, 30.5, [732.0, 732.0, 720.0]),
-                                (100.0, 33.3333, [799.9992] * 3 + [0.0024]), (60.0, 60.0, [1440.0])):  # fmt: skip
+    for days, slot, lengths in (
+        (365.0, 30.0, [720.0] * 12 + [120.0]),
+        (91.0, 30.5, [732.0, 732.0, 720.0]),
+        (100.0, 33.3333, [799.9992] * 3 + [0.0024]),
+        (60.0, 60.0, [1440.0]),
+    ):
         config, found = calendar(stars, duration_days=days, slot_days=slot)
         assert found.n_slots == config.n_slots == len(lengths)
         np.testing.assert_allclose(found.slot_h, lengths, rtol=1e-6)
@@ -58,12 +71,22 @@ def test_slots_cover_the_survey(stars):
 
 def test_slots_are_means_over_the_days_that_are_allowed(stars):
     _, found = calendar(stars)
-    seen = visibility(stars.ra_deg, stars.dec_deg, load_visibility(), INSTRUMENT.mission.orbit,
-                      start_utc="2028-01-01T00:00:00", n_days=390, step_days=5.0)  # fmt: skip
+    seen = visibility(
+        stars.ra_deg,
+        stars.dec_deg,
+        load_visibility(),
+        INSTRUMENT.mission.orbit,
+        start_utc="2028-01-01T00:00:00",
+        n_days=390,
+        step_days=5.0,
+    )
     for i in range(len(stars)):
         for slot in range(13):
-            own = [k for k in range(6 * slot, 6 * slot + 6)
-                   if seen.allowed[i, k] and seen.visible_fraction[i, k] > 0 and 5.0 * k + 2.5 < 365.0]  # fmt: skip
+            own = [
+                k
+                for k in range(6 * slot, 6 * slot + 6)
+                if seen.allowed[i, k] and seen.visible_fraction[i, k] > 0 and 5.0 * k + 2.5 < 365.0
+            ]
             assert found.allowed_h[i, slot] == pytest.approx(120.0 * len(own))
             if own:
                 assert found.fraction[i, slot] == pytest.approx(np.mean(seen.visible_fraction[i, own]), rel=1e-12)
@@ -75,8 +98,10 @@ def test_slots_are_means_over_the_days_that_are_allowed(stars):
     assert (found.fraction > 0.3).any()
 
 
-@pytest.mark.parametrize(("exposure", "frames", "window", "fraction"),
-                         [(30.0, 100, 2000.0, 0.36), (300.0, 7, 1000.0, 0.18), (900.0, 40, 1900.0, 0.4)])  # fmt: skip
+@pytest.mark.parametrize(
+    ("exposure", "frames", "window", "fraction"),
+    [(30.0, 100, 2000.0, 0.36), (300.0, 7, 1000.0, 0.18), (900.0, 40, 1900.0, 0.4)],
+)
 def test_a_visit_takes_the_orbits_that_its_frames_need(model, exposure, frames, window, fraction):
     """Frames laid into windows one after the other; the tool counts parts of orbits, this loop whole ones."""
     readout = model.camera("F520").readout_s

@@ -84,8 +84,15 @@ def test_chances_are_those_of_single_visits(three, small, model, known):
     star = screened.targets.select([item.index])
     bodies, _ = sky.of(star, rules.population, known, item.known_rows, calendar.start_mjd, calendar.day[place])
     slot = int(np.flatnonzero(np.isfinite(item.cost_h[0]))[2])
-    seen = see(model, star, item.options[0], bodies, albedos_of(rules.population),
-               bodies.places([calendar.day[place, slot]]), [calendar.sun_pa_deg[place, slot]])  # fmt: skip
+    seen = see(
+        model,
+        star,
+        item.options[0],
+        bodies,
+        albedos_of(rules.population),
+        bodies.places([calendar.day[place, slot]]),
+        [calendar.sun_pa_deg[place, slot]],
+    )
     new = bodies.known == NEW
     nowhere = np.zeros(len(bodies), bool)
     odds = detection_chance(seen, rules.detection, nowhere, calibration=rules.detection.calibration)[0]
@@ -126,8 +133,11 @@ def test_cuts(small, model, everyone, known):
     hosts = names(known_planets="only")
     assert "eps Eri" in hosts
     assert "alf Cen A" not in hosts
-    for cuts, text in (({"names": ["Vulcan"]}, "targets.names = Vulcan"), ({"exclude": ["Vulcan"]}, "targets.exclude"),
-                       ({"distance_max_pc": 0.5}, "cuts that leave a star")):  # fmt: skip
+    for cuts, text in (
+        ({"names": ["Vulcan"]}, "targets.names = Vulcan"),
+        ({"exclude": ["Vulcan"]}, "targets.exclude"),
+        ({"distance_max_pc": 0.5}, "cuts that leave a star"),
+    ):
         with pytest.raises(InputError, match=text):
             names(**cuts)
 

@@ -46,10 +46,23 @@ def star(name):
 
 def bodies_of(planets):
     n = len(planets)
-    names = ("radius_rjup", "semi_major_axis_au", "eccentricity", "inclination_deg", "argument_of_pericentre_deg",
-             "node_deg", "mean_anomaly_deg")  # fmt: skip
-    return Bodies(universe=np.arange(n), number=np.zeros(n, np.int64), known=np.full(n, NEW), kind=planets.kind,
-                  **{name: getattr(planets, name) for name in names}, period_days=np.full(n, 400.0))  # fmt: skip
+    names = (
+        "radius_rjup",
+        "semi_major_axis_au",
+        "eccentricity",
+        "inclination_deg",
+        "argument_of_pericentre_deg",
+        "node_deg",
+        "mean_anomaly_deg",
+    )
+    return Bodies(
+        universe=np.arange(n),
+        number=np.zeros(n, np.int64),
+        known=np.full(n, NEW),
+        kind=planets.kind,
+        **{name: getattr(planets, name) for name in names},
+        period_days=np.full(n, 400.0),
+    )
 
 
 def places_of(planets):
@@ -58,14 +71,17 @@ def places_of(planets):
 
 # alf Cen A has a companion whose wings count, and the mixture of the solar system has albedos that follow insolation.
 @pytest.mark.parametrize("band", ["F520", "F850"])
-@pytest.mark.parametrize(("name", "population"), [("alf Cen A", "giants"), ("eps Eri", "giants"),
-                                                  ("tau Cet", "solar_system"), ("HD 10700", "jupiters")])  # fmt: skip
+@pytest.mark.parametrize(
+    ("name", "population"),
+    [("alf Cen A", "giants"), ("eps Eri", "giants"), ("tau Cet", "solar_system"), ("HD 10700", "jupiters")],
+)
 def test_as_many_planets_as_completeness_counts(model, name, population, band):
     config = load_population(population)
     planets, one = draw_population(config, 3000, 7), star(name)
     setting = replace(SETTING, band=band)
-    counted = completeness(model, one, band, planets, exposure_s=setting.exposure_s, n_frames=setting.n_frames,
-                           em_gain=setting.em_gain)  # fmt: skip
+    counted = completeness(
+        model, one, band, planets, exposure_s=setting.exposure_s, n_frames=setting.n_frames, em_gain=setting.em_gain
+    )
     seen = see(model, one, setting, bodies_of(planets), planets.albedos, places_of(planets), [0.0])
     chance = detection_chance(seen, DetectionRule(rule="expected"), np.zeros(3000, bool))
     assert int(chance.sum()) == round(counted.completeness[0] * 3000)
@@ -110,8 +126,17 @@ def _source():
 def face_on(n, au, radius_rjup=1.0):
     zero, whole = np.zeros(n), np.zeros(n, np.int64)
     around = (np.arange(n) + 0.5) * 360.0 / n
-    return Bodies(np.arange(n), whole, np.full(n, NEW), whole, np.full(n, radius_rjup), np.full(n, au),
-                  *(zero for _ in range(4)), around, np.full(n, 1000.0))  # fmt: skip
+    return Bodies(
+        np.arange(n),
+        whole,
+        np.full(n, NEW),
+        whole,
+        np.full(n, radius_rjup),
+        np.full(n, au),
+        *(zero for _ in range(4)),
+        around,
+        np.full(n, 1000.0),
+    )
 
 
 @pytest.mark.parametrize("side", ["4q", "2q"])
@@ -156,8 +181,15 @@ def test_the_wings_of_a_companion_turn_with_the_roll(model):
     back = np.deg2rad(-40.0)
     east = places.east_au * np.cos(back) + places.north_au * np.sin(back)
     north = places.north_au * np.cos(back) - places.east_au * np.sin(back)
-    other = see(model, replace(one, companion_pa_deg=one.companion_pa_deg - 40.0), SETTING, bodies, JUPITER,
-                replace(places, east_au=east, north_au=north), [0.0])  # fmt: skip
+    other = see(
+        model,
+        replace(one, companion_pa_deg=one.companion_pa_deg - 40.0),
+        SETTING,
+        bodies,
+        JUPITER,
+        replace(places, east_au=east, north_au=north),
+        [0.0],
+    )
     np.testing.assert_allclose(turned.margin, other.margin, rtol=1e-7)
     np.testing.assert_allclose(turned.snr, other.snr, rtol=1e-7)
     assert not np.allclose(still.margin, turned.margin)
@@ -189,8 +221,9 @@ def test_two_rolls_show_what_both_show(model, angle):
     assert (each[0] & each[1] & ~apart).any() == (angle < 10.0)
     # Noise is that of the first roll: of a planet there, with a companion turned as far.
     rates = aperture_rates(two, rolled(one, rolls[1]), "F520", x[:, shown], y[:, shown], seen.contrast[:, shown])
-    noise = stack_noise(rates, SETTING.exposure_s, SETTING.n_frames, SETTING.em_gain, two.camera("F520"),
-                        reference_ratio=1.0)  # fmt: skip
+    noise = stack_noise(
+        rates, SETTING.exposure_s, SETTING.n_frames, SETTING.em_gain, two.camera("F520"), reference_ratio=1.0
+    )
     np.testing.assert_allclose(seen.snr[:, shown], noise.snr, rtol=1e-9)
 
 
@@ -267,15 +300,33 @@ def test_reach_is_that_of_the_corners(model):
         assert np.allclose(np.abs(x), np.abs(y))
 
 
-RULE = DetectionRule(rule="blind", blind_margin=0.8, blind_width=0.3, blind_margin_error=0.1, blind_tails=1.2,
-                     blind_inward=5.0, known_margin=1.0, known_width=0.2, known_margin_error=0.05)  # fmt: skip
+RULE = DetectionRule(
+    rule="blind",
+    blind_margin=0.8,
+    blind_width=0.3,
+    blind_margin_error=0.1,
+    blind_tails=1.2,
+    blind_inward=5.0,
+    known_margin=1.0,
+    known_width=0.2,
+    known_margin_error=0.05,
+)
 
 
 def expecting(margin, tails=0.0, inward=0.1):
     """Visits of these margins."""
     rest = np.zeros_like(margin)
-    return Seen(margin, np.broadcast_to(tails, margin.shape), np.broadcast_to(inward, margin.shape), rest, rest, rest,
-                rest, rest, rest)  # fmt: skip
+    return Seen(
+        margin,
+        np.broadcast_to(tails, margin.shape),
+        np.broadcast_to(inward, margin.shape),
+        rest,
+        rest,
+        rest,
+        rest,
+        rest,
+        rest,
+    )
 
 
 @pytest.mark.parametrize("rule", ["blind", "known_place"])
@@ -305,16 +356,16 @@ def test_the_middle_of_the_law_is_where_half_are_found():
 
 def test_expected_detections_have_no_chance_in_them():
     margin = np.array([0.0, np.nextafter(1.0, 0.0), 1.0, 3.0])
-    found = detection_chance(expecting(margin), DetectionRule(rule="expected"), np.array([False, True, False, True]),
-                             5.0, 0.1)  # fmt: skip
+    found = detection_chance(
+        expecting(margin), DetectionRule(rule="expected"), np.array([False, True, False, True]), 5.0, 0.1
+    )
     assert found.tolist() == [0.0, 0.0, 1.0, 1.0]
 
 
 def test_what_cannot_be_seen_is_never_found():
     wide = DetectionRule(rule="blind", blind_margin=0.1, blind_width=10.0)
     assert detection_chance(expecting(np.array([0.0])), wide, np.array([False]))[0] == 0.0
-    assert detection_chance(expecting(np.array([1e-9])), wide, np.array([False]))[0] == pytest.approx(
-        0.0327, abs=1e-3)  # fmt: skip
+    assert detection_chance(expecting(np.array([1e-9])), wide, np.array([False]))[0] == pytest.approx(0.0327, abs=1e-3)
 
 
 def test_a_blind_search_is_harder_in_tails_and_near_the_star():
@@ -339,7 +390,8 @@ def test_the_share_of_light_of_errors(model):
         shares.append(float(tail_share(other, setting, separation, noise)[0, 0]))
         assert shares[-1] ** 2 <= float(noise.terms["speckle"][0, 0] / noise.quiet[0, 0])
         assert float(noise.signal_e[0, 0] / np.sqrt(noise.quiet[0, 0])) == pytest.approx(
-            float(noise.significance[0, 0]), rel=1e-12)  # fmt: skip
+            float(noise.significance[0, 0]), rel=1e-12
+        )
     assert shares[0] == 0.0
     assert np.all(np.diff(shares) > 0.0)
     assert shares[-1] > 0.99

@@ -41,9 +41,14 @@ def coverage(draw, truth, repeats=1000, seed=0, of=interval_of):
 
 # Differences of paired yields: what both find cancels, what one alone finds is sparse. At 1000 repeats the share of a
 # true 90 % has a standard error of 0.9 %.
-@pytest.mark.parametrize(("n", "first", "second"), [
-    (1000, 0.05, 0.02), (300, 0.03, 0.03), (100, 0.15, 0.05),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("n", "first", "second"),
+    [
+        (1000, 0.05, 0.02),
+        (300, 0.03, 0.03),
+        (100, 0.15, 0.05),
+    ],
+)
 def test_paired_differences_of_sparse_counts(n, first, second):
     share = coverage(lambda rng: rng.poisson(first, n) - rng.poisson(second, n), first - second, of=difference_of)
     assert 0.87 <= share <= 0.93, share
@@ -82,8 +87,12 @@ def test_hours_that_are_skewed():
 @pytest.mark.parametrize("level", [0.5, 0.99])
 def test_other_levels_of_a_normal_law(level):
     rng = np.random.default_rng(1)
-    held = np.mean([found.low <= 0.0 <= found.high for found in (mean_interval(rng.standard_normal(100), level)
-                                                                 for _ in range(600))])  # fmt: skip
+    held = np.mean(
+        [
+            found.low <= 0.0 <= found.high
+            for found in (mean_interval(rng.standard_normal(100), level) for _ in range(600))
+        ]
+    )
     assert abs(held - level) < 4.0 * np.sqrt(level * (1 - level) / 600) + 0.01
 
 

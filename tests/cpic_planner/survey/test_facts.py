@@ -34,8 +34,10 @@ def test_each_state_adds_one_fact(facts, tmp_path):
 def compared(facts, small, tmp_path_factory):
     """Two states that differ by the known planets, and the last one again."""
     folder = tmp_path_factory.mktemp("facts")
-    states = [facts.Step(label, "snapshot", known)
-              for label, known in (("old", "archive_2019"), ("new", "snapshot"), ("again", "snapshot"))]  # fmt: skip
+    states = [
+        facts.Step(label, "snapshot", known)
+        for label, known in (("old", "archive_2019"), ("new", "snapshot"), ("again", "snapshot"))
+    ]
     config = small({"targets": {"names": ["eps Eri"]}}, universe={"universes": UNIVERSES})
     return facts.measure(config, states, folder, workers=1), folder
 
@@ -56,8 +58,15 @@ def test_changes_are_paired(facts, compared):
     first, second, third = row["states"]
     assert first["change"] is None
     assert second["change"]["mean"] == pytest.approx(second["value"]["mean"] - first["value"]["mean"])
-    sums = [np.add(*(read_table(folder / f"state_{state}" / "universes.parquet").columns[name]
-                     for name in ("new_planets", "known_planets"))) for state in (0, 1)]  # fmt: skip
+    sums = [
+        np.add(
+            *(
+                read_table(folder / f"state_{state}" / "universes.parquet").columns[name]
+                for name in ("new_planets", "known_planets")
+            )
+        )
+        for state in (0, 1)
+    ]
     error = (sums[1] - sums[0]).std(ddof=1) / np.sqrt(UNIVERSES)
     assert second["change"]["error"] == pytest.approx(error)
     assert third["value"] == second["value"]

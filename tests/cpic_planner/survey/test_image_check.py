@@ -93,8 +93,9 @@ def test_no_images_of_what_they_cannot_show(plain, detections, change):
     survey = plain.surveys[0]
     assumed = change(survey, assumptions={"contrast": 1e-10})
     assert sampled_detections(assumed, detections, 5, 1) == (
-        [], "5 could not be imaged: no optics are known that leave so little light",
-    )  # fmt: skip
+        [],
+        "5 could not be imaged: no optics are known that leave so little light",
+    )
     brighter = change(survey, assumptions={"contrast": 1e-8})
     for item in sampled_detections(brighter, detections, 3, 1)[0]:
         assert item.task.simulator["mirror"]["noise_nm"] > 0.05

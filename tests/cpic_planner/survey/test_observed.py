@@ -86,8 +86,13 @@ def test_files_that_are_no_log(log_of, tmp_path):
         read_log(tmp_path / "nowhere.csv")
 
 
-@pytest.mark.parametrize(("row", "where"), [(ROW.replace("tau Cet", "Vulcan"), "row 2 column star = Vulcan"),
-                                            (ROW.replace("F520", "Q"), "row 2 column band = Q")])  # fmt: skip
+@pytest.mark.parametrize(
+    ("row", "where"),
+    [
+        (ROW.replace("tau Cet", "Vulcan"), "row 2 column star = Vulcan"),
+        (ROW.replace("F520", "Q"), "row 2 column band = Q"),
+    ],
+)
 def test_a_survey_refuses_what_its_catalogue_or_instrument_lacks(log_of, small, row, where):
     with pytest.raises(InputError) as fault:
         prepare(small(universe={"observed": str(log_of(ROW, row))}))
@@ -108,19 +113,38 @@ def setup():
     table = load_known_planets()
     population = load_population("giants").model_copy(update={"planets_per_star": 1.5})
     rows = table.by_star[star_key("eps Eri")]
-    bodies = draw_bodies("eps Eri", float(star_mass_msun(star)[0]), float(star.luminosity_lsun[0]), population,
-                         known=table, known_rows=rows, epoch_mjd=EPOCH, n=6000, seed=1)  # fmt: skip
+    bodies = draw_bodies(
+        "eps Eri",
+        float(star_mass_msun(star)[0]),
+        float(star.luminosity_lsun[0]),
+        population,
+        known=table,
+        known_rows=rows,
+        epoch_mjd=EPOCH,
+        n=6000,
+        seed=1,
+    )
     setting = Setting("F520", 25.0, 300.0, 450.0, 15000.0)
-    visits = [ObservedVisit("eps Eri", EPOCH + day, setting, 10.0, roll, planets)
-              for day, roll, planets in ((20.0, 0.0, 0), (70.0, math.nan, 0), (200.0, 30.0, 1))]  # fmt: skip
+    visits = [
+        ObservedVisit("eps Eri", EPOCH + day, setting, 10.0, roll, planets)
+        for day, roll, planets in ((20.0, 0.0, 0), (70.0, math.nan, 0), (200.0, 30.0, 1))
+    ]
     rule = DetectionRule(rule="blind", blind_margin=0.5, blind_width=0.3, known_margin=0.4, known_width=0.2)
     return model, star, population, bodies, visits, rule
 
 
 def misses(setup):
     model, star, population, bodies, visits, rule = setup
-    return missed(model, star, bodies, albedos_of(population), visits, rule, epoch_mjd=EPOCH,
-                  sun_pa_deg=np.array([10.0, 55.0, 90.0]))  # fmt: skip
+    return missed(
+        model,
+        star,
+        bodies,
+        albedos_of(population),
+        visits,
+        rule,
+        epoch_mjd=EPOCH,
+        sun_pa_deg=np.array([10.0, 55.0, 90.0]),
+    )
 
 
 def test_what_visits_miss(setup):
@@ -148,8 +172,9 @@ def test_planets_that_a_log_shows_are_not_found_again(setup):
     new, n, rng = bodies.known == NEW, 6000, np.random.default_rng(8)
     shown = new & (rng.random(len(bodies)) < odds)
     hits, unseen = (np.bincount(bodies.universe[some], minlength=n) for some in (shown, new & ~shown))
-    left = missed(model, star, bodies, albedos_of(population), visits[2:], rule, epoch_mjd=EPOCH,
-                  sun_pa_deg=np.array([90.0]))  # fmt: skip
+    left = missed(
+        model, star, bodies, albedos_of(population), visits[2:], rule, epoch_mjd=EPOCH, sun_pa_deg=np.array([90.0])
+    )
     expected = left[new].sum() / n
     assert expected < 0.95 * new.sum() / n
     for number in (1, 2):
@@ -280,8 +305,14 @@ def test_what_was_not_seen_is_not_found_as_often(log_of, small):
     row = f"eps Eri,{date},F520,{way.exposure_s},{way.n_frames:.0f},{way.em_gain},5,,0\n"
     logged = replace(survey, log=read_log(log_of(row)))
     before, after = (play(one, block=0, n=300, seed=1) for one in (survey, logged))
-    counts = [np.count_nonzero((part.detections["star"] == "eps Eri") & (part.detections["known_row"] >= 0)
-                               & (part.detections["ordinal"] == best.ordinal)) for part in (before, after)]  # fmt: skip
+    counts = [
+        np.count_nonzero(
+            (part.detections["star"] == "eps Eri")
+            & (part.detections["known_row"] >= 0)
+            & (part.detections["ordinal"] == best.ordinal)
+        )
+        for part in (before, after)
+    ]
     assert counts[0] > 30
     assert counts[1] < 0.7 * counts[0]
     others = [part.detections["star"] != "eps Eri" for part in (before, after)]

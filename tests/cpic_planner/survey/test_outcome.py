@@ -140,11 +140,17 @@ def test_changes_of_rank_say_why(outcomes):
 
 def test_nothing_found(played):
     survey, tables = played[0]
-    u = {name: np.zeros_like(values) if name not in ("strategy", "universe") else values
-         for name, values in tables["universes"].items()}  # fmt: skip
+    u = {
+        name: np.zeros_like(values) if name not in ("strategy", "universe") else values
+        for name, values in tables["universes"].items()
+    }
     d = {name: values[:0] for name, values in tables["detections"].items()}
-    s = {name: np.zeros_like(values) if name in ("new_planets", "known_planets", "visits", "search_h", "follow_up_h")
-         else values for name, values in tables["stars"].items()}  # fmt: skip
+    s = {
+        name: np.zeros_like(values)
+        if name in ("new_planets", "known_planets", "visits", "search_h", "follow_up_h")
+        else values
+        for name, values in tables["stars"].items()
+    }
     found = outcome(survey, {"universes": u, "detections": d, "stars": s}, [""] * 3, None)
     assert found.planets.mean == found.any_planet == 0.0
     assert found.quantiles == {}

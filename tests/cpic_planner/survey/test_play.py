@@ -48,18 +48,38 @@ def test_one_visit_finds_the_planets_that_completeness_counts(sharp, only_visits
     n, i, visit = 2000, star_number(survey, name), survey.schedule.visits[0]
     star, population = survey.targets.select([i]), survey.strategy.population
     played = play(survey, block=3, n=n, seed=5)
-    bodies = draw_bodies(name, float(star_mass_msun(star)[0]), float(star.luminosity_lsun[0]), population,
-                         epoch_mjd=survey.calendar.start_mjd, n=n, seed=5, block=3)  # fmt: skip
+    bodies = draw_bodies(
+        name,
+        float(star_mass_msun(star)[0]),
+        float(star.luminosity_lsun[0]),
+        population,
+        epoch_mjd=survey.calendar.start_mjd,
+        n=n,
+        seed=5,
+        block=3,
+    )
     place = bodies.places([survey.calendar.day[i, visit.slot]])
     drawn = draw_population(population, 1, 1)
-    elements = ("kind", "radius_rjup", "semi_major_axis_au", "eccentricity", "inclination_deg",
-                "argument_of_pericentre_deg", "node_deg", "mean_anomaly_deg")  # fmt: skip
-    planets = replace(drawn, **{key: getattr(bodies, key) for key in elements},
-                      **{key: getattr(place, key)[0] for key in OrbitPlaces.__dataclass_fields__})  # fmt: skip
+    elements = (
+        "kind",
+        "radius_rjup",
+        "semi_major_axis_au",
+        "eccentricity",
+        "inclination_deg",
+        "argument_of_pericentre_deg",
+        "node_deg",
+        "mean_anomaly_deg",
+    )
+    planets = replace(
+        drawn,
+        **{key: getattr(bodies, key) for key in elements},
+        **{key: getattr(place, key)[0] for key in OrbitPlaces.__dataclass_fields__},
+    )
     assert isinstance(planets, Planets)
     way = survey.options[i][visit.option]
-    counted = completeness(survey.model, star, way.band, planets, exposure_s=way.exposure_s, n_frames=way.n_frames,
-                           em_gain=way.em_gain)  # fmt: skip
+    counted = completeness(
+        survey.model, star, way.band, planets, exposure_s=way.exposure_s, n_frames=way.n_frames, em_gain=way.em_gain
+    )
     assert int(played.universes["new_planets"].sum()) == round(counted.completeness[0] * len(bodies)) > 20
     assert not played.universes["known_planets"].any()
 
@@ -71,8 +91,9 @@ def test_the_yield_of_one_visit_is_completeness_times_planets_per_star(sharp, on
     star = survey.targets.select([star_number(survey, name)])
     way = survey.options[star_number(survey, name)][survey.schedule.visits[0].option]
     drawn = draw_population(load_population("giants"), 100_000, 3)
-    counted = completeness(survey.model, star, way.band, drawn, exposure_s=way.exposure_s, n_frames=way.n_frames,
-                           em_gain=way.em_gain)  # fmt: skip
+    counted = completeness(
+        survey.model, star, way.band, drawn, exposure_s=way.exposure_s, n_frames=way.n_frames, em_gain=way.em_gain
+    )
     yields = play(survey, block=0, n=10_000, seed=2).universes["new_planets"]
     error = np.hypot(yields.std() / 100.0, rate * counted.standard_error[0])
     assert abs(yields.mean() - rate * counted.completeness[0]) < 4.0 * error
@@ -126,8 +147,16 @@ class Watched(module._Clock):
 @pytest.mark.parametrize("follow", [(), ("F520",)])
 @pytest.mark.parametrize("stop", [{}, {"after_detection": False, "after_empty": 1}])
 def test_time_never_exceeds_budget_or_slot(plain, small, monkeypatch, follow, stop):
-    config = small({"time_budget_h": 40, "share": 0.01, "stop": stop, "revisits": {"max_visits": 12},
-                    "follow_up": {"bands": list(follow), "attempts": 3}, "scheduler": {"reserve": 3}})  # fmt: skip
+    config = small(
+        {
+            "time_budget_h": 40,
+            "share": 0.01,
+            "stop": stop,
+            "revisits": {"max_visits": 12},
+            "follow_up": {"bands": list(follow), "attempts": 3},
+            "scheduler": {"reserve": 3},
+        }
+    )
     survey = prepare(config).surveys[0]
     assert any(visit.reserve for visit in survey.schedule.visits)
     monkeypatch.setattr(module, "_Clock", Watched)
@@ -172,8 +201,9 @@ def test_a_star_is_left_alone_after_a_detection(plain, change):
     assert planets_of(stops).sum() < planets_of(goes_on).sum()
     assert np.all(stops.universes["search_h"] <= goes_on.universes["search_h"] + 1e-9)
     last = {}
-    for universe, star, ordinal in zip(*(stops.detections[name].tolist() for name in ("universe", "star", "ordinal")),
-                                       strict=True):  # fmt: skip
+    for universe, star, ordinal in zip(
+        *(stops.detections[name].tolist() for name in ("universe", "star", "ordinal")), strict=True
+    ):
         assert last.setdefault((universe, star), ordinal) == ordinal  # all planets in one visit
 
 
@@ -193,8 +223,9 @@ def test_the_survey_ends_with_its_planets(plain, change):
     assert found(one) < found(every)
     # The first visit that shows any ends it.
     by_universe = defaultdict(set)
-    for universe, star, ordinal in zip(*(one.detections[name].tolist() for name in ("universe", "star", "ordinal")),
-                                       strict=True):  # fmt: skip
+    for universe, star, ordinal in zip(
+        *(one.detections[name].tolist() for name in ("universe", "star", "ordinal")), strict=True
+    ):
         by_universe[universe].add((star, ordinal))
     assert all(len(visits) == 1 for visits in by_universe.values())
     assert np.all((planets_of(one) > 0) == (planets_of(every) > 0))
@@ -205,11 +236,18 @@ def test_the_survey_ends_with_its_planets(plain, change):
 def test_reserve_visits_displace_no_planned_one(small, sharp_tree):
     from simulator.config.base import deep_merge
 
-    rules = deep_merge(sharp_tree, {"time_budget_h": 45, "stop": {"after_detection": True},
-                                    "revisits": {"max_visits": 12}})  # fmt: skip
-    without, with_reserve = (denser(prepare(small(deep_merge(rules, {"scheduler": {"reserve": reserve}}),
-                                                  universe={"known_planets": "off"})).surveys[0], 1.5)
-                             for reserve in (0, 3))  # fmt: skip
+    rules = deep_merge(
+        sharp_tree, {"time_budget_h": 45, "stop": {"after_detection": True}, "revisits": {"max_visits": 12}}
+    )
+    without, with_reserve = (
+        denser(
+            prepare(
+                small(deep_merge(rules, {"scheduler": {"reserve": reserve}}), universe={"known_planets": "off"})
+            ).surveys[0],
+            1.5,
+        )
+        for reserve in (0, 3)
+    )
     planned = [(v.star, v.option, v.slot) for v in with_reserve.schedule.visits if not v.reserve]
     assert planned == [(v.star, v.option, v.slot) for v in without.schedule.visits]
     assert len(with_reserve.schedule.visits) > len(planned)
@@ -234,8 +272,9 @@ def test_detections_that_need_two_visits(small, sharp_tree, change, only_visits)
 
 
 def test_follow_up(small):
-    survey = prepare(small({"follow_up": {"bands": ["F520"], "attempts": 2, "time_s": 36000},
-                            "detection": {"rule": "expected"}})).surveys[0]  # fmt: skip
+    survey = prepare(
+        small({"follow_up": {"bands": ["F520"], "attempts": 2, "time_s": 36000}, "detection": {"rule": "expected"}})
+    ).surveys[0]
     played = play(survey, block=0, n=200, seed=1)
     u = played.universes
     assert 0 < u["characterised_planets"].sum() <= planets_of(played).sum()
@@ -253,8 +292,10 @@ def test_strategies_that_make_the_same_visit_find_the_same_planets(small):
     one_visit = {"revisits": {"max_visits": 1}, "detection": {"blind_margin": 1.0}}
     others = ({"targets": {"names": ["eps Eri"]}, "time_budget_h": 20}, {"time_budget_h": 280, "value_known": 2})
     few, many = (prepare(small(one_visit | more)).surveys[0] for more in others)
-    visits = [{(survey.targets.name[v.star], v.slot, survey.options[v.star][v.option]) for v in survey.schedule.visits}
-              for survey in (few, many)]  # fmt: skip
+    visits = [
+        {(survey.targets.name[v.star], v.slot, survey.options[v.star][v.option]) for v in survey.schedule.visits}
+        for survey in (few, many)
+    ]
     assert visits[0] < visits[1]
     played = [play(denser(survey, 2.0), block=1, n=300, seed=9) for survey in (few, many)]
     assert found(played[0]) == found(played[1], star="eps Eri")
@@ -265,15 +306,17 @@ def test_strategies_that_make_the_same_visit_find_the_same_planets(small):
 def test_a_likelier_detection_keeps_what_was_found(plain, change):
     """The same numbers decide: a lower threshold adds planets and loses none."""
     survey = change(denser(plain.surveys[0], 1.0), stop={"after_detection": False})
-    strict, easy = (found(play(change(survey, detection={"blind_margin": margin}), block=0, n=200, seed=1))
-                    for margin in (1.8, 1.2))  # fmt: skip
+    strict, easy = (
+        found(play(change(survey, detection={"blind_margin": margin}), block=0, n=200, seed=1)) for margin in (1.8, 1.2)
+    )
     assert strict < easy
 
 
 def test_blocks_and_seeds_are_independent(plain):
     survey = denser(plain.surveys[0], 2.0)
-    one, same, other, seeded = (play(survey, block=block, n=1500, seed=seed)
-                                for block, seed in ((0, 1), (0, 1), (1, 1), (0, 2)))  # fmt: skip
+    one, same, other, seeded = (
+        play(survey, block=block, n=1500, seed=seed) for block, seed in ((0, 1), (0, 1), (1, 1), (0, 2))
+    )
     assert found(one) == found(same)
     for name in one.universes:
         np.testing.assert_array_equal(one.universes[name], same.universes[name])
@@ -311,8 +354,11 @@ def test_the_last_block_may_be_shorter(plain, n):
 
 def test_false_alarms_are_poisson_numbers_of_the_visits(plain):
     survey = plain.surveys[0]
-    noisy = replace(survey, noise_alarms=tuple((0.3,) for _ in survey.options),
-                    background_alarms=tuple((0.05,) for _ in survey.options))  # fmt: skip
+    noisy = replace(
+        survey,
+        noise_alarms=tuple((0.3,) for _ in survey.options),
+        background_alarms=tuple((0.05,) for _ in survey.options),
+    )
     u = play(noisy, block=0, n=2000, seed=1).universes
     for name, rate in (("noise_alarms", 0.3), ("background_alarms", 0.05)):
         expected = rate * u["visits"].sum()
@@ -325,8 +371,17 @@ def test_the_error_of_the_calibration_is_one_for_a_universe(plain, change):
     """With an error as large as this, universes differ in how much they detect, more than by chance."""
     survey = denser(plain.surveys[0], 20.0)
     survey = change(survey, stop={"after_detection": False})
-    sure, unsure = (planets_of(play(change(survey, detection={"calibration_error": error, "blind_margin_error": error}),
-                                    block=0, n=600, seed=1)) for error in (0.0, 0.4))  # fmt: skip
+    sure, unsure = (
+        planets_of(
+            play(
+                change(survey, detection={"calibration_error": error, "blind_margin_error": error}),
+                block=0,
+                n=600,
+                seed=1,
+            )
+        )
+        for error in (0.0, 0.4)
+    )
     assert unsure.var() > 1.5 * sure.var()
 
 

@@ -61,9 +61,13 @@ def test_refuted_planets_make_no_host_and_are_in_no_schedule(small):
 
     def planets(source):
         names = ["tau Cet", "omi2 Eri"]
-        surveys = prepare(small({"targets": {"names": names}, "visit": {"time_s": 7200}, "time_budget_h": 20},
-                                {"name": "hosts", "targets": {"names": ["tau Cet"], "known_planets": "only"}},
-                                universe={"known_planets": source, "duration_days": 120})).surveys  # fmt: skip
+        surveys = prepare(
+            small(
+                {"targets": {"names": names}, "visit": {"time_s": 7200}, "time_budget_h": 20},
+                {"name": "hosts", "targets": {"names": ["tau Cet"], "known_planets": "only"}},
+                universe={"known_planets": source, "duration_days": 120},
+            )
+        ).surveys
         survey = surveys[0]
         listed = survey.known.text("planet")
         found = zip(survey.targets.name, survey.known_rows, strict=True)
@@ -94,10 +98,13 @@ def test_a_survey_that_nobody_can_make(small):
 
 
 def test_what_is_refused(small):
-    faults = {"band = F999": {"visit": {"bands": ["F999"]}}, "band = Q": {"follow_up": {"bands": ["Q"]}},
-              "planets_per_star = missing": {"population": "jupiters"},
-              "revisits.roll_dither_deg = 40": {"revisits": {"roll_dither_deg": 40}},
-              "targets.names = Vulcan": {"targets": {"names": ["Vulcan"]}}}  # fmt: skip
+    faults = {
+        "band = F999": {"visit": {"bands": ["F999"]}},
+        "band = Q": {"follow_up": {"bands": ["Q"]}},
+        "planets_per_star = missing": {"population": "jupiters"},
+        "revisits.roll_dither_deg = 40": {"revisits": {"roll_dither_deg": 40}},
+        "targets.names = Vulcan": {"targets": {"names": ["Vulcan"]}},
+    }
     for text, strategy in faults.items():
         with pytest.raises(InputError, match=text):
             prepare(small(strategy))

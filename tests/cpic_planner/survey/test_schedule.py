@@ -11,8 +11,13 @@ from scipy.stats import binom
 from cpic_planner.survey.schedule import Problem, Room, Schedule, greedy, in_order
 from cpic_planner.survey.value import StarValue
 
-LIMITS = st.fixed_dictionaries({"budget_h": st.floats(2.0, 25.0), "share": st.sampled_from([0.15, 0.25, 0.4]),
-                                "gap_days": st.sampled_from([0.0, 25.0, 45.0])})  # fmt: skip
+LIMITS = st.fixed_dictionaries(
+    {
+        "budget_h": st.floats(2.0, 25.0),
+        "share": st.sampled_from([0.15, 0.25, 0.4]),
+        "gap_days": st.sampled_from([0.0, 25.0, 45.0]),
+    }
+)
 
 
 @given(seed=st.integers(0, 10_000), needed=st.integers(1, 2), limits=LIMITS)
@@ -72,8 +77,14 @@ def test_as_many_visits_are_weighed_as_a_detection_needs(problems, needed, look_
 def test_visits_are_weighed_until_they_pay_together(problems, needed, least):
     """Two or three visits are worth less than their least, twenty are not: the binomial law, in closed form."""
     n, p = 20, 0.1
-    star = replace(pair(problems), day=30.0 * np.arange(n), cost_h=np.full((1, n), 2.0), visits_left=n,
-                   chance=np.full((1, n, 1), p, np.float32), weight=np.full(1, 0.1))  # fmt: skip
+    star = replace(
+        pair(problems),
+        day=30.0 * np.arange(n),
+        cost_h=np.full((1, n), 2.0),
+        visits_left=n,
+        chance=np.full((1, n, 1), p, np.float32),
+        weight=np.full(1, 0.1),
+    )
     assert 0.1 * p**needed < 0.001 * needed
     rules = problems.strategy(budget_h=100.0, share=1.0, needed=needed, max_visits=n, min_gain=least)
     _, booked = greedy(Problem(rules, (star,), np.full(n, 100.0)))
@@ -101,8 +112,11 @@ def test_a_visit_has_to_be_worth_its_least(problems):
 
 def test_a_cheap_visit_does_not_ride_on_a_good_one(problems):
     """The cheap visit gives more an hour, but is not worth its least: the good one is made, without it."""
-    star = replace(pair(problems), cost_h=np.array([[6.0, 0.01, np.inf, np.inf]]),
-                   chance=np.array([[[0.5], [0.001], [0.0], [0.0]]], np.float32))  # fmt: skip
+    star = replace(
+        pair(problems),
+        cost_h=np.array([[6.0, 0.01, np.inf, np.inf]]),
+        chance=np.array([[[0.5], [0.001], [0.0], [0.0]]], np.float32),
+    )
     for least, slots in ((0.0, {0, 1}), (0.01, {0})):
         for look_ahead in (1, 2):
             rules = problems.strategy(budget_h=100.0, share=1.0, max_visits=4, min_gain=least, look_ahead=look_ahead)
@@ -155,8 +169,12 @@ def test_visits_in_the_order_of_the_calendar(problems):
     spare = [(0, (0, 0), 0.2), (1, (0, 1), 0.1)]
     planned = in_order((star, star), booked, spare)
     assert [(visit.slot, visit.star, visit.reserve, visit.ordinal) for visit in planned] == [
-        (0, 1, False, 0), (0, 0, True, 0), (1, 1, True, 1), (2, 0, False, 1), (2, 1, False, 2),
-    ]  # fmt: skip
+        (0, 1, False, 0),
+        (0, 0, True, 0),
+        (1, 1, True, 1),
+        (2, 0, False, 1),
+        (2, 1, False, 2),
+    ]
 
 
 def test_distance_from_the_bound():

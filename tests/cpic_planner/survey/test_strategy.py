@@ -51,8 +51,9 @@ def test_one_clear_line(tree, text):
 
 
 def test_single_values_stand_for_lists():
-    one = SurveyStrategy(name="x", visit={"bands": "F662", "time_s": 100}, targets={"names": "tau Cet"},
-                         follow_up={"bands": "F850"})  # fmt: skip
+    one = SurveyStrategy(
+        name="x", visit={"bands": "F662", "time_s": 100}, targets={"names": "tau Cet"}, follow_up={"bands": "F850"}
+    )
     assert one.visit.bands == ("F662",)
     assert one.visit.time_s == (100.0,)
     assert one.targets.names == ("tau Cet",)

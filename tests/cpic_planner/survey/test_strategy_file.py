@@ -16,15 +16,21 @@ def load(**more):
 def test_the_preset_has_five():
     config = load_strategies()
     assert [item.name for item in config.strategies] == [
-        "single_visit", "multi_band", "wide_and_shallow", "few_and_deep", "known_planets_first",
-    ]  # fmt: skip
+        "single_visit",
+        "multi_band",
+        "wide_and_shallow",
+        "few_and_deep",
+        "known_planets_first",
+    ]
     assert config.name == "survey_default"
     assert load_strategies("survey_default") == config
 
 
 def test_what_is_left_out_is_that_of_the_defaults():
-    config = load(defaults={"share": 0.1, "visit": {"time_s": 100, "bands": ["F662"]}},
-                  strategies=[{"name": "a"}, {"name": "b", "share": 0.2, "visit": {"bands": ["F850"]}}])  # fmt: skip
+    config = load(
+        defaults={"share": 0.1, "visit": {"time_s": 100, "bands": ["F662"]}},
+        strategies=[{"name": "a"}, {"name": "b", "share": 0.2, "visit": {"bands": ["F850"]}}],
+    )
     a, b = config.strategies
     assert (a.slot_share, a.visit.bands, a.visit.time_s) == (0.1, ("F662",), (100.0,))
     assert (b.slot_share, b.visit.bands, b.visit.time_s) == (0.2, ("F850",), (100.0,))
@@ -48,10 +54,11 @@ def test_sources_of_numbers_follow_the_value():
     """A source stands for the value that it was given for, and for nothing that replaces it."""
     mine = {"value": 0.1, "source": "mine", "confidence": "P", "unit": ""}
     minute = {"value": 60, "unit": "s", "source": "c's"}
-    config = load(universe={"slot_days": {"value": 20, "unit": "d", "source": "weeks"}, "universes": 50},
-                  defaults={"share": mine, "visit": {"settlings": 3}},
-                  strategies=[{"name": "a"}, {"name": "b", "share": 0.2},
-                              {"name": "c", "visit": {"time_s": minute}}])  # fmt: skip
+    config = load(
+        universe={"slot_days": {"value": 20, "unit": "d", "source": "weeks"}, "universes": 50},
+        defaults={"share": mine, "visit": {"settlings": 3}},
+        strategies=[{"name": "a"}, {"name": "b", "share": 0.2}, {"name": "c", "visit": {"time_s": minute}}],
+    )
     found = {(item.key, item.source): item for item in sources_of(config)}
     assert found["universe.slot_days", "weeks"].value == 20.0
     assert found["universe.slot_days", "weeks"].strategies == ["a", "b", "c"]
@@ -84,8 +91,10 @@ def test_files_beside_the_strategies(tmp_path):
     (tmp_path / "log.csv").write_text("star\n")
     (tmp_path / "few.yaml").write_text("{base: giants, planets_per_star: 0.05}\n")
     path = tmp_path / "mine.yaml"
-    path.write_text("universe: {observed: log.csv, catalog: none.csv}\ndefaults: {population: few.yaml}\n"
-                    "strategies: [{name: a}, {name: b, population: giants}]\n")  # fmt: skip
+    path.write_text(
+        "universe: {observed: log.csv, catalog: none.csv}\ndefaults: {population: few.yaml}\n"
+        "strategies: [{name: a}, {name: b, population: giants}]\n"
+    )
     config = load_strategies(path)
     assert config.name == "mine"
     assert config.universe.observed == str(tmp_path / "log.csv")

@@ -25,13 +25,21 @@ VARIED = [
     ("exozodi=3zodi,null", lambda s: s.assumptions.exozodi, [3.0, None], ["3 zodi", "null"]),
     ("time_s=3600,36000", lambda s: s.visit.time_s, [(3600.0,), (36000.0,)], ["3600 s", "36000 s"]),
     ("time_s=1h,x0.5", lambda s: s.visit.time_s, [(3600.0,), (18000.0,)], ["1 h", "x0.5 (18000 s)"]),
-    ("visit.time_s=[3600,7200],36000", lambda s: s.visit.time_s, [(3600.0, 7200.0), (36000.0,)],
-     ["[3600,7200] s", "36000 s"]),
+    (
+        "visit.time_s=[3600,7200],36000",
+        lambda s: s.visit.time_s,
+        [(3600.0, 7200.0), (36000.0,)],
+        ["[3600,7200] s", "36000 s"],
+    ),
     ("visit.time_s=[1h,2h]", lambda s: s.visit.time_s, [(3600.0, 7200.0)], ["[1h,2h]"]),
     ("visit.bands=F520,F662", lambda s: s.visit.bands, [("F520",), ("F662",)], ["F520", "F662"]),
     ("visit.bands=[F520,F662],F850", lambda s: s.visit.bands, [("F520", "F662"), ("F850",)], ["[F520,F662]", "F850"]),
-    ("targets.names=61 Cyg A,tau Cet", lambda s: s.targets.names, [("61 Cyg A",), ("tau Cet",)],
-     ["61 Cyg A", "tau Cet"]),
+    (
+        "targets.names=61 Cyg A,tau Cet",
+        lambda s: s.targets.names,
+        [("61 Cyg A",), ("tau Cet",)],
+        ["61 Cyg A", "tau Cet"],
+    ),
     ("max_visits=1, 4", lambda s: s.revisits.max_visits, [1, 4], ["1", "4"]),
     ("max_visits=x2", lambda s: s.revisits.max_visits, [8], ["x2 (8)"]),
     ("rule=expected,blind", lambda s: s.detection.rule, ["expected", "blind"], ["expected", "blind"]),
@@ -40,11 +48,19 @@ VARIED = [
     ("budget_h=100,x0.5,2d", lambda s: s.time_budget_h, [100.0, 876.0, 48.0], ["100 h", "x0.5 (876 h)", "2 d"]),
     ("slot_share=5%,0.1", lambda s: s.slot_share, [0.05, 0.1], ["5 %", "0.1"]),
     ("revisits.min_gap_days=12h", lambda s: s.revisits.min_gap_days, [0.5], ["12 h"]),
-    ("population=giants,solar_system", lambda s: s.population.name, ["giants", "solar_system"],
-     ["giants", "solar_system"]),
-    ("reduction.reference_star={v_mag: 3, teff_k: 5000}", lambda s: s.reduction.reference_star.v_mag, [3.0],
-     ["{v_mag: 3, teff_k: 5000}"]),
-]  # fmt: skip
+    (
+        "population=giants,solar_system",
+        lambda s: s.population.name,
+        ["giants", "solar_system"],
+        ["giants", "solar_system"],
+    ),
+    (
+        "reduction.reference_star={v_mag: 3, teff_k: 5000}",
+        lambda s: s.reduction.reference_star.v_mag,
+        [3.0],
+        ["{v_mag: 3, teff_k: 5000}"],
+    ),
+]
 
 
 @pytest.mark.parametrize(("sweep", "read", "values", "texts"), VARIED, ids=[item[0] for item in VARIED])
@@ -105,37 +121,64 @@ def test_a_varied_strategy_does_not_claim_what_it_was_before():
 def test_sweeps_multiply():
     made = varied(load(strategies=[{"name": "a"}, {"name": "b"}]), ["contrast=1e-8,1e-9", "drift=x1,x2"]).strategies
     assert [item.name for item in made] == [
-        f"{name} contrast={c} drift={d}" for name in "ab" for c in ("1e-8", "1e-9")
+        f"{name} contrast={c} drift={d}"
+        for name in "ab"
+        for c in ("1e-8", "1e-9")
         for d in ("x1 (0.05 nm)", "x2 (0.1 nm)")
-    ]  # fmt: skip
+    ]
 
 
 REFUSED = [
-    ("contrast", "KEY=VALUE"), ("contrast=", "KEY=VALUE"), ("=3", "KEY=VALUE"), ("contrast=1e-8,", "between commas"),
-    ("contrast=1e-8,,1e-9", "between commas"), ("contrast=abc", "assumptions.contrast = abc"),
-    ("contrast=2", "assumptions.contrast = 2"), ("foo=1", "= foo"), ("visit=3", "= visit"), ("name=a,b", "= name"),
-    ("description=a", "= description"), ("contrast=1e-8,1e-8", "each value once"),
-    ("max_visits=1.5", "max_visits = 1.5"), ("rule=guess", "detection.rule = guess"),
+    ("contrast", "KEY=VALUE"),
+    ("contrast=", "KEY=VALUE"),
+    ("=3", "KEY=VALUE"),
+    ("contrast=1e-8,", "between commas"),
+    ("contrast=1e-8,,1e-9", "between commas"),
+    ("contrast=abc", "assumptions.contrast = abc"),
+    ("contrast=2", "assumptions.contrast = 2"),
+    ("foo=1", "= foo"),
+    ("visit=3", "= visit"),
+    ("name=a,b", "= name"),
+    ("description=a", "= description"),
+    ("contrast=1e-8,1e-8", "each value once"),
+    ("max_visits=1.5", "max_visits = 1.5"),
+    ("rule=guess", "detection.rule = guess"),
     ("population=unicorns", "population = unicorns"),
-    ("visit.bands=[F520,F662", "--vary"), ("detection.visits_needed=9", "revisits.max_visits = 4"),
-    ("known_planets=first", "targets.known_planets"), ("reduction.sigma=3,4", "give detection.sigma"),
-    ("contrast=.nan", "contrast = nan"), ("targets.max_targets=null", "targets.max_targets"),
-    ("drift=0.1", "--vary drift = 0.1: not accepted; allowed: a unit (nm), or an x before a factor (drift=x0.1 is 0.1 "
-                  "times the instrument's 0.05 nm: 0.005 nm; drift=0.1nm is 0.1 nm)"),
+    ("visit.bands=[F520,F662", "--vary"),
+    ("detection.visits_needed=9", "revisits.max_visits = 4"),
+    ("known_planets=first", "targets.known_planets"),
+    ("reduction.sigma=3,4", "give detection.sigma"),
+    ("contrast=.nan", "contrast = nan"),
+    ("targets.max_targets=null", "targets.max_targets"),
+    (
+        "drift=0.1",
+        "--vary drift = 0.1: not accepted; allowed: a unit (nm), or an x before a factor (drift=x0.1 is 0.1 "
+        "times the instrument's 0.05 nm: 0.005 nm; drift=0.1nm is 0.1 nm)",
+    ),
     ("assumptions.drift=2", "assumptions.drift=x2 is 2 times the instrument's 0.05 nm: 0.1 nm"),
-    ("throughput=0.7", "--vary throughput = 0.7: not accepted; allowed: an x before a factor (throughput=x0.7 is 0.7 "
-                       "times the instrument's 0.19: 0.133)"),
+    (
+        "throughput=0.7",
+        "--vary throughput = 0.7: not accepted; allowed: an x before a factor (throughput=x0.7 is 0.7 "
+        "times the instrument's 0.19: 0.133)",
+    ),
     ("throughput=70%", "a factor with an x"),
-    ("exozodi=3", "exozodi=3zodi is 3 zodi"), ("exozodi=x3", "this one has 0 zodi"),
+    ("exozodi=3", "exozodi=3zodi is 3 zodi"),
+    ("exozodi=x3", "this one has 0 zodi"),
     ("drift=0.1mas", "--vary drift = 0.1mas: not accepted; allowed: a number with a unit: pm, nm, um"),
-    ("drift=fast", "a factor with an x, as x0.7, or a number with a unit (nm)"), ("drift=x-1", "finite, at least 0"),
-    ("drift=-1nm", "drift = -20"), ("drift=0.1nm,x2", "each value once (0.1 nm is the same)"),
-    ("contrast=x2", "assumptions.contrast of one is not set"), ("rule=x2", "detection.rule of one is blind"),
+    ("drift=fast", "a factor with an x, as x0.7, or a number with a unit (nm)"),
+    ("drift=x-1", "finite, at least 0"),
+    ("drift=-1nm", "drift = -20"),
+    ("drift=0.1nm,x2", "each value once (0.1 nm is the same)"),
+    ("contrast=x2", "assumptions.contrast of one is not set"),
+    ("rule=x2", "detection.rule of one is blind"),
     ("drift.visit_nm=0.1nm", "drift=0.1nm sets the offset of a visit"),
-    ("share=0.05", "--vary = share: not accepted; allowed: slot_share or budget_h (slot_share is the most of any slot "
-                   "of 30 days that the coronagraph may take; budget_h is all its telescope time in the 3652 days, 876 "
-                   "h for 1 % of them)"),
-]  # fmt: skip
+    (
+        "share=0.05",
+        "--vary = share: not accepted; allowed: slot_share or budget_h (slot_share is the most of any slot "
+        "of 30 days that the coronagraph may take; budget_h is all its telescope time in the 3652 days, 876 "
+        "h for 1 % of them)",
+    ),
+]
 
 
 @pytest.mark.parametrize(("sweep", "text"), REFUSED, ids=[item[0] for item in REFUSED])

@@ -10,8 +10,11 @@ from cpic_planner.survey.tables import TABLES, rows_of
 
 def test_columns_are_those_declared(plain, tmp_path):
     survey = plain.surveys[0]
-    parts = [rows_of(play(survey, block=block, n=60, seed=1), name, 100 * block)
-             for block in (0, 1) for name in ("one", "two")]  # fmt: skip
+    parts = [
+        rows_of(play(survey, block=block, n=60, seed=1), name, 100 * block)
+        for block in (0, 1)
+        for name in ("one", "two")
+    ]
     for part in parts:
         assert {table.name: {column.name for column in table.columns} for table in TABLES} == {
             name: set(columns) for name, columns in part.items()

@@ -40,8 +40,10 @@ def with_rate(rate):
 
 def by_name(bodies):
     """Planets by universe and number."""
-    return {(int(u), int(j)): tuple(getattr(bodies, name)[row] for name in QUANTITIES)
-            for row, (u, j) in enumerate(zip(bodies.universe, bodies.number, strict=True))}  # fmt: skip
+    return {
+        (int(u), int(j)): tuple(getattr(bodies, name)[row] for name in QUANTITIES)
+        for row, (u, j) in enumerate(zip(bodies.universe, bodies.number, strict=True))
+    }
 
 
 def test_more_planets_leave_the_others_where_they_are():
@@ -147,8 +149,14 @@ def mpmath_place(a, e, inclination, pericentre, node, mean):
 def bodies_of(a, e, inclination, pericentre, node, mean, period):
     n = len(a)
     zero = np.zeros(n, np.int64)
-    return Bodies(np.arange(n), zero, np.full(n, NEW), zero, np.ones(n), *(np.asarray(part, float) for part in
-                  (a, e, inclination, pericentre, node, mean, period)))  # fmt: skip
+    return Bodies(
+        np.arange(n),
+        zero,
+        np.full(n, NEW),
+        zero,
+        np.ones(n),
+        *(np.asarray(part, float) for part in (a, e, inclination, pericentre, node, mean, period)),
+    )
 
 
 def test_places_after_a_time_to_a_part_in_1e12():
@@ -164,8 +172,14 @@ def test_places_after_a_time_to_a_part_in_1e12():
         found = bodies.places([day])
         for k in range(n):
             # Days over the period are a power of two: the mean anomaly of the oracle is the one that is meant.
-            east, north, r = mpmath_place(a[k], e[k], angles[0, k] / 2.0, angles[1, k], angles[2, k],
-                                          mpmath.mpf(mean[k]) + mpmath.mpf(360) * day / 512)  # fmt: skip
+            east, north, r = mpmath_place(
+                a[k],
+                e[k],
+                angles[0, k] / 2.0,
+                angles[1, k],
+                angles[2, k],
+                mpmath.mpf(mean[k]) + mpmath.mpf(360) * day / 512,
+            )
             miss = np.hypot(found.east_au[0, k] - east, found.north_au[0, k] - north) / a[k]
             assert miss < 1e-12, (e[k], day, miss)
             assert abs(found.distance_au[0, k] - r) < 1e-12 * a[k]
@@ -190,16 +204,28 @@ def test_places_against_integration_of_the_law_of_gravity():
         return place(day), (place(day + step) - place(day - step)) / (2.0 * step)
 
     where, velocity = state(0.0)
-    found = solve_ivp(lambda _, y: np.r_[y[3:], -gm * y[:3] / np.linalg.norm(y[:3]) ** 3], (0.0, 2000.0),
-                      np.r_[where, velocity], method="DOP853", rtol=1e-11, atol=1e-12,
-                      t_eval=[200.0, 900.0, 2000.0])  # fmt: skip
+    found = solve_ivp(
+        lambda _, y: np.r_[y[3:], -gm * y[:3] / np.linalg.norm(y[:3]) ** 3],
+        (0.0, 2000.0),
+        np.r_[where, velocity],
+        method="DOP853",
+        rtol=1e-11,
+        atol=1e-12,
+        t_eval=[200.0, 900.0, 2000.0],
+    )
     for day, y in zip(found.t, found.y.T, strict=True):
         np.testing.assert_allclose(state(day)[0], y[:3], atol=2e-5)
 
 
-@given(st.lists(st.tuples(st.floats(0.1, 20.0), st.floats(0.0, 0.95), st.floats(0.0, 180.0), st.floats(0.0, 360.0)),
-                min_size=1, max_size=8),
-       st.floats(0.1, 5.0), st.floats(1.01, 6.0))  # fmt: skip
+@given(
+    st.lists(
+        st.tuples(st.floats(0.1, 20.0), st.floats(0.0, 0.95), st.floats(0.0, 180.0), st.floats(0.0, 360.0)),
+        min_size=1,
+        max_size=8,
+    ),
+    st.floats(0.1, 5.0),
+    st.floats(1.01, 6.0),
+)
 def test_within_never_drops_a_planet_that_some_date_shows(orbits, inner, ratio):
     a, e, inclination, pericentre = (np.array(part) for part in zip(*orbits, strict=True))
     bodies = bodies_of(a, e, inclination, pericentre, 0.0 * a, 0.0 * a, 0.0 * a + 100.0)

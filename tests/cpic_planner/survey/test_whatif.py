@@ -108,8 +108,9 @@ def test_another_configuration_does_not_mix(run, small, tmp_path, no_report):
     assert one.planets.mean <= three.planets.mean
     assert "max_visits=1: " in result.statement
     assert [(item.base, item.varied[0].label, item.variation) for item in result.strategies] == [
-        ("plain", "max_visits=1", "max_visits=1"), ("plain", "max_visits=3", "max_visits=3"),
-    ]  # fmt: skip
+        ("plain", "max_visits=1", "max_visits=1"),
+        ("plain", "max_visits=3", "max_visits=3"),
+    ]
     # Which known planet makes how much of the yield, as the table of detections has it.
     found = read_table(folder / "detections.parquet").columns
     mine = found["known_row"][found["strategy"] == three.name]
@@ -173,15 +174,19 @@ def test_the_hash_counts_files_by_what_is_in_them(plain, small, tmp_path):
         (tmp_path / name).mkdir()
         (tmp_path / name / "mine.yaml").write_text("moon_deg: 25\n")
     (tmp_path / "c.yaml").write_text("moon_deg: 26\n")
-    found = [whatif_hash(replace(plain, config=small(universe={"visibility": str(path)})), 0)
-             for path in (tmp_path / "a/mine.yaml", tmp_path / "b/mine.yaml", tmp_path / "c.yaml")]  # fmt: skip
+    found = [
+        whatif_hash(replace(plain, config=small(universe={"visibility": str(path)})), 0)
+        for path in (tmp_path / "a/mine.yaml", tmp_path / "b/mine.yaml", tmp_path / "c.yaml")
+    ]
     assert found[0] == found[1]
     assert len({digest, *found}) == 3
     log = tmp_path / "log.csv"
     logged = []
     for hours in (5, 6):
-        log.write_text("star,start_utc,band,exposure_s,n_frames,em_gain,telescope_h\n"
-                       f"tau Cet,2028-02-01T00:00:00,F520,20,100,400,{hours}\n")  # fmt: skip
+        log.write_text(
+            "star,start_utc,band,exposure_s,n_frames,em_gain,telescope_h\n"
+            f"tau Cet,2028-02-01T00:00:00,F520,20,100,400,{hours}\n"
+        )
         logged.append(whatif_hash(replace(plain, log=read_log(log)), 0))
     assert len({digest, *logged}) == 3
 

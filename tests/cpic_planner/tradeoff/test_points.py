@@ -17,8 +17,11 @@ def test_knobs_and_effects_change_one_thing_of_the_reference(name):
     for point in points:
         if not point.shares_process:
             continue
-        changed = [item.name for item in dataclasses.fields(best)
-                   if getattr(point.setup, item.name) != getattr(best, item.name)]  # fmt: skip
+        changed = [
+            item.name
+            for item in dataclasses.fields(best)
+            if getattr(point.setup, item.name) != getattr(best, item.name)
+        ]
         assert len(changed) == 1, point.name
         if changed == ["knobs"]:
             ours, theirs = point.setup.knobs.model_dump(), best.knobs.model_dump()
@@ -30,9 +33,27 @@ def test_every_way_of_the_dial_is_there():
     points = {point.name: point for point in points_of(SCENES["binary"])}
     assert [points[name].fidelity for name in ("quick", "standard")] == ["quick", "standard"]
     assert [points[f"tolerance_{value:g}"].tolerance for value in TOLERANCES_MEASURED] == list(TOLERANCES_MEASURED)
-    assert {"etc", "etc_many", "sums_quick", "sums_standard", "hole_quick", "hole_standard", "full_standard",
-            "reference", "wavelengths_1", "pixel_nodes_4", "single", "pupil_64", "epochs_1", "window", "paper_scene",
-            "no_blooming", "no_sky", "no_drift", "no_other_stars"} <= set(points)  # fmt: skip
+    assert {
+        "etc",
+        "etc_many",
+        "sums_quick",
+        "sums_standard",
+        "hole_quick",
+        "hole_standard",
+        "full_standard",
+        "reference",
+        "wavelengths_1",
+        "pixel_nodes_4",
+        "single",
+        "pupil_64",
+        "epochs_1",
+        "window",
+        "paper_scene",
+        "no_blooming",
+        "no_sky",
+        "no_drift",
+        "no_other_stars",
+    } <= set(points)
     assert "exact_scene" in {point.name for point in points_of(SCENES["paper"])}
     assert (
         "no_persistence" in {point.name for point in points_of(SCENES["infrared"])}

@@ -56,8 +56,13 @@ def test_only_keeps_the_other_rows(small_case, make):
     ]
     earlier = make.result(kept, version=__version__, quick_look=True, machine=make.machine("elsewhere"))
     told, stored = [], []
-    result = tradeoff([(small_case, points(small_case, "etc"))], earlier=earlier, quick_look=True, advance=told.append,
-                      keep=stored.append)  # fmt: skip
+    result = tradeoff(
+        [(small_case, points(small_case, "etc"))],
+        earlier=earlier,
+        quick_look=True,
+        advance=told.append,
+        keep=stored.append,
+    )
     assert told == ["faint, etc"]
     assert stored == [result]
     rows = {row.point: row for row in result.rows}

@@ -13,19 +13,66 @@ from cpic_planner.tradeoff.write import FILES, read_result, write_result
 @pytest.fixture
 def result(make):
     rows = [
-        make.row("reference", group="tier", wall_s=12.0, flux_error=0.0, snr_error=0.0, flux_uncertainty=0.0,
-                 snr_uncertainty=0.0),
-        make.row("etc", group="closed_form", wall_s=2e-3, flux_error=0.004, snr_error=-0.02, flux_uncertainty=1e-9,
-                 snr_uncertainty=0.003, predicted_error={"planet_flux": 0.01}),
-        make.row("standard", group="tier", wall_s=0.4, flux_error=1e-12, snr_error=1e-4, flux_uncertainty=1e-9,
-                 snr_uncertainty=8e-3),
-        make.row("quick", group="tier", status="invalid", reason="tier_too_coarse", message="quick misses it",
-                 wall_s=None, cpu_s=None, peak_memory_mb=None, flux_e=None),
-        make.row("wavelengths_1", group="knob", wall_s=3.0, machine="elsewhere", flux_error=-1e-3, snr_error=-2e-3,
-                 flux_uncertainty=1e-9, snr_uncertainty=1e-4),
-        make.row("reference", group="tier", scene="edge", wall_s=6.0, flux_error=0.0, snr_error=0.0,
-                 flux_uncertainty=0.0, snr_uncertainty=0.0),
-    ]  # fmt: skip
+        make.row(
+            "reference",
+            group="tier",
+            wall_s=12.0,
+            flux_error=0.0,
+            snr_error=0.0,
+            flux_uncertainty=0.0,
+            snr_uncertainty=0.0,
+        ),
+        make.row(
+            "etc",
+            group="closed_form",
+            wall_s=2e-3,
+            flux_error=0.004,
+            snr_error=-0.02,
+            flux_uncertainty=1e-9,
+            snr_uncertainty=0.003,
+            predicted_error={"planet_flux": 0.01},
+        ),
+        make.row(
+            "standard",
+            group="tier",
+            wall_s=0.4,
+            flux_error=1e-12,
+            snr_error=1e-4,
+            flux_uncertainty=1e-9,
+            snr_uncertainty=8e-3,
+        ),
+        make.row(
+            "quick",
+            group="tier",
+            status="invalid",
+            reason="tier_too_coarse",
+            message="quick misses it",
+            wall_s=None,
+            cpu_s=None,
+            peak_memory_mb=None,
+            flux_e=None,
+        ),
+        make.row(
+            "wavelengths_1",
+            group="knob",
+            wall_s=3.0,
+            machine="elsewhere",
+            flux_error=-1e-3,
+            snr_error=-2e-3,
+            flux_uncertainty=1e-9,
+            snr_uncertainty=1e-4,
+        ),
+        make.row(
+            "reference",
+            group="tier",
+            scene="edge",
+            wall_s=6.0,
+            flux_error=0.0,
+            snr_error=0.0,
+            flux_uncertainty=0.0,
+            snr_uncertainty=0.0,
+        ),
+    ]
     return make.result(rows, speed_ups={"faint": 6000.0}, other_machines=[make.machine("elsewhere")])
 
 
@@ -78,8 +125,11 @@ def test_the_figure_has_its_labels(result):
     assert len({look[0] for look in LOOKS.values()}) == len({look[1] for look in LOOKS.values()}) == len(LOOKS)
     named = {text.get_text() for text in panels[0].texts}
     assert {"reference", "closed form", "standard"} <= named
-    drawn = {(line.get_xdata()[0], line.get_ydata()[0]): line.get_marker() for line in panels[0].lines
-             if len(line.get_xdata()) == 1}  # fmt: skip
+    drawn = {
+        (line.get_xdata()[0], line.get_ydata()[0]): line.get_marker()
+        for line in panels[0].lines
+        if len(line.get_xdata()) == 1
+    }
     assert drawn[12.0, SMALLEST] == "v"
     assert drawn[0.4, 8e-3] == "v"
     assert drawn[2e-3, 0.02] == "*"

@@ -21,8 +21,9 @@ TOP = math.log10(6.0)
 def model() -> AlbedoModel:
     passbands = Passbands.from_instrument(load_instrument())
     bands = [passbands.bands[passbands.index(name)] for name in BANDS]
-    return albedo_model(bands, stellar_spectrum(1.35, "K1V"), radius_rjup=1.0, distance_au=0.8775, phase_deg=90.0,
-                        insolation_au=2.0)  # fmt: skip
+    return albedo_model(
+        bands, stellar_spectrum(1.35, "K1V"), radius_rjup=1.0, distance_au=0.8775, phase_deg=90.0, insolation_au=2.0
+    )
 
 
 def contrasts(values: np.ndarray, errors: np.ndarray) -> dict[str, tuple[float, float]]:
@@ -69,8 +70,10 @@ def brute(model: AlbedoModel, values: np.ndarray, errors: np.ndarray, grey_error
     table = model.contrast(mh[:, None], fsed)
     grey = 1 + grey_error * np.linspace(-5, 5, 201)
     prior = np.exp(-0.5 * ((grey - 1) / grey_error) ** 2)
-    chi2 = sum((((values[b] - grey[:, None, None] * table[..., b]) / errors[b]) ** 2 for b in range(4)),
-               np.zeros((201, 161, 151)))  # fmt: skip
+    chi2 = sum(
+        (((values[b] - grey[:, None, None] * table[..., b]) / errors[b]) ** 2 for b in range(4)),
+        np.zeros((201, 161, 151)),
+    )
     posterior = np.tensordot(prior, np.exp(-0.5 * chi2), axes=1)
     return mh, fsed, posterior / posterior.sum()
 
@@ -99,8 +102,14 @@ def test_grey_factor_is_what_a_fit_of_three_finds(model: AlbedoModel) -> None:
     def residuals(p: np.ndarray) -> np.ndarray:
         return np.append((values - p[2] * model.contrast(p[0], p[1])) / errors, (p[2] - 1) / 0.2)
 
-    best = min((least_squares(residuals, [mh, fsed, 1.2], bounds=([0, -2, 0], [2, TOP, 3]))
-                for mh in (0.3, 0.9, 1.6) for fsed in (-1.5, -0.8, 0.0)), key=lambda found: found.cost)  # fmt: skip
+    best = min(
+        (
+            least_squares(residuals, [mh, fsed, 1.2], bounds=([0, -2, 0], [2, TOP, 3]))
+            for mh in (0.3, 0.9, 1.6)
+            for fsed in (-1.5, -0.8, 0.0)
+        ),
+        key=lambda found: found.cost,
+    )
     fit = fit_albedo(contrasts(values, errors), model, grey_error=0.2)
     assert fit.chi2 == pytest.approx(2 * best.cost, abs=2e-3)
     assert fit.grey == pytest.approx(best.x[2], abs=5e-3)

@@ -39,8 +39,10 @@ def test_contrasts_are_those_of_the_calculator(
     family = parametric_family(log10_mh, log10_fsed)
     albedo = passbands.band_albedo(family, 5230.0, 4.5, 0.1, insolation_au=1.7)
     rho = SIZE["distance_au"] * math.sin(math.radians(SIZE["phase_deg"]))
-    expected = [planet_contrast(SIZE["radius_rjup"], rho, 0.0, SIZE["phase_deg"], albedo[passbands.index(name)])
-                for name in BANDS]  # fmt: skip
+    expected = [
+        planet_contrast(SIZE["radius_rjup"], rho, 0.0, SIZE["phase_deg"], albedo[passbands.index(name)])
+        for name in BANDS
+    ]
     assert model.bands == BANDS
     assert model.contrast(log10_mh, log10_fsed) == pytest.approx(expected, rel=1e-9)
 

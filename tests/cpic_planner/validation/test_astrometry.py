@@ -169,8 +169,14 @@ def test_pulls(field: Field, white: float, speckle: float, snr: float) -> None:
             found = field.fit(field.stack(light, variance), x + off[0], y + off[1])
             separation, pa = math.hypot(x, y) * field.scale, math.degrees(math.atan2(-x, y))
             turned = (found.pa_deg - pa + 180) % 360 - 180
-            pulls.append([(found.separation_arcsec - separation) / found.separation_error_arcsec,
-                          turned / found.pa_error_deg, found.converged, found.snr])  # fmt: skip
+            pulls.append(
+                [
+                    (found.separation_arcsec - separation) / found.separation_error_arcsec,
+                    turned / found.pa_error_deg,
+                    found.converged,
+                    found.snr,
+                ]
+            )
     values = np.array(pulls, dtype=float)
     assert values[:, 2].mean() > 0.99
     assert np.median(values[:, 3]) == pytest.approx(snr, rel=0.3)
@@ -194,8 +200,10 @@ def test_errors_of_white_noise_are_those_of_the_linear_fit(field: Field) -> None
     radius = np.hypot(columns, rows)
     annulus = field.hole & (np.abs(radius - math.hypot(x, y)) <= reach * 2.0 / 1.5)
     level = image[annulus & (np.hypot(columns - x, rows - y) > reach * 1.05 / 1.5)].mean()
-    slopes = [(field.planet(x + i, y + j) - field.planet(x - i, y - j))[disc] / (2 * step * field.scale) * flux
-              for i, j in ((step, 0), (0, step))]  # fmt: skip
+    slopes = [
+        (field.planet(x + i, y + j) - field.planet(x - i, y - j))[disc] / (2 * step * field.scale) * flux
+        for i, j in ((step, 0), (0, step))
+    ]
     design = np.stack([*slopes, image[disc] - level])
     estimator = np.linalg.inv(design @ design.T) @ design
     covariance = (estimator * (white + FACTOR2 * flux * image[disc])) @ estimator.T

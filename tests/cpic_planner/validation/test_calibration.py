@@ -15,9 +15,18 @@ from cpic_planner.validation.calibration import (
 
 
 def band(predicted, recovered, error):
-    return BandConfirmation(band="F520", status="ok", reason="", message="", separation_arcsec=0.5, pa_deg=315.0,
-                            predicted_snr=predicted, predicted_significance=predicted, recovered_snr=recovered,
-                            recovered_snr_error=error)  # fmt: skip
+    return BandConfirmation(
+        band="F520",
+        status="ok",
+        reason="",
+        message="",
+        separation_arcsec=0.5,
+        pa_deg=315.0,
+        predicted_snr=predicted,
+        predicted_significance=predicted,
+        recovered_snr=recovered,
+        recovered_snr_error=error,
+    )
 
 
 def measured(rng, snr, n, apertures):
@@ -30,9 +39,9 @@ def measured(rng, snr, n, apertures):
 @pytest.mark.parametrize(("n", "apertures"), [(1, 12), (4, 12), (8, 12), (24, 20)])
 def test_the_mean_snr_is_unbiased_and_its_error_honest(n, apertures):
     rng = np.random.default_rng(n)
-    found = np.array([
-        mean_snr(*measured(rng, 10.0, n, apertures), significance=10.0, n_apertures=apertures) for _ in range(1500)
-    ])  # fmt: skip
+    found = np.array(
+        [mean_snr(*measured(rng, 10.0, n, apertures), significance=10.0, n_apertures=apertures) for _ in range(1500)]
+    )
     # One draw of 1 / sigma is too large by 3 / (4 nu) with nu degrees of freedom; of n draws the n-th part.
     bias = 10.0 * 3 / (4 * (apertures - 1) * n)
     assert abs(found[:, 0].mean() - 10.0 - bias) < 0.05 * bias + 4 * found[:, 0].std() / np.sqrt(1500)
@@ -72,8 +81,9 @@ def test_bands_that_disagree_enlarge_the_error():
 
 
 def test_bands_without_a_measurement_are_passed_over():
-    empty = BandConfirmation(band="F850", status="saturated", reason="adc_range", message="", separation_arcsec=0.5,
-                             pa_deg=0.0)  # fmt: skip
+    empty = BandConfirmation(
+        band="F850", status="saturated", reason="adc_range", message="", separation_arcsec=0.5, pa_deg=0.0
+    )
     assert calibrate([empty, band(10.0, 9.0, 0.3)]).n_bands == 1
 
 

@@ -22,8 +22,10 @@ def task():
 
 
 def test_tiers_are_ordered_in_time(task):
-    coarse, fine, whole = (task_cost(replace(task, **dial)) for dial in ({"tolerance": 0.2}, {"fidelity": "standard"},
-                                                                        {"fidelity": "reference"}))  # fmt: skip
+    coarse, fine, whole = (
+        task_cost(replace(task, **dial))
+        for dial in ({"tolerance": 0.2}, {"fidelity": "standard"}, {"fidelity": "reference"})
+    )
     assert coarse.work_s < fine.work_s < 0.1 * whole.work_s
     assert coarse.memory_mb <= fine.memory_mb < whole.memory_mb
 

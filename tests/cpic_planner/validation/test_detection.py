@@ -245,8 +245,11 @@ def test_a_candidate_says_how_often_noise_does_as_much(significance):
     peak = Peak(40.5, 70.0, 6.0, significance, 0.1, 80.0, 1e3)
     level = max(significance, 1.0)
     curve = math.exp(-(level**2) / 2.0) / (2.0 * math.pi)
-    expected = (4.0 * norm.sf(level) + 208.0 * math.sqrt(roughness) * curve
-                + 2704.0 * roughness * level * curve / math.sqrt(2.0 * math.pi))  # fmt: skip
+    expected = (
+        4.0 * norm.sf(level)
+        + 208.0 * math.sqrt(roughness) * curve
+        + 2704.0 * roughness * level * curve / math.sqrt(2.0 * math.pi)
+    )
     for threshold, detected in ((significance, True), (math.nextafter(significance, 99.0), False)):
         found = _candidate(peak, 68, 0.016, threshold, 5.9, region, roughness)
         assert found.false_alarms == pytest.approx(expected, rel=1e-12)

@@ -32,8 +32,9 @@ def test_mean_of_frames_is_the_light(gain: float, exposure_s: float, seed: int) 
     """Every effect on: within 4 standard errors, and 0.3 %, in every region; and the error is right."""
     seen = observed(em_gain=gain, exposure_s=exposure_s, seed=seed)
     frames = calibrated_frames(seen)
-    found = reject_cosmic_rays(frames.electrons, frames.usable, em_gain=gain, read_noise_e=110.0,
-                               pedestal_e=frames.pedestal_e, gain_e_adu=59.0)  # fmt: skip
+    found = reject_cosmic_rays(
+        frames.electrons, frames.usable, em_gain=gain, read_noise_e=110.0, pedestal_e=frames.pedestal_e, gain_e_adu=59.0
+    )
     summed = combine(frames.electrons, frames.usable & ~found.rejected)
     dead = (frames.electrons == 0).all(axis=0)
     truth = light_in(seen, frames.response, ~dead)
@@ -58,8 +59,13 @@ def test_mean_of_frames_is_the_light(gain: float, exposure_s: float, seed: int) 
 def test_noise_free_light_comes_back() -> None:
     """Off the mask, near full well, without noise: curves, smear, flat, bias undone to the converter's step."""
     off = ("photon_noise", "em_register", "read_noise", "cosmic_rays", "clock_charge")
-    seen = observed(exposure_s=0.01, n_frames=30, em_gain=1.0, star_offset_arcsec=(0.353553, 0.353553),
-                    switches=dict.fromkeys(off, False))  # fmt: skip
+    seen = observed(
+        exposure_s=0.01,
+        n_frames=30,
+        em_gain=1.0,
+        star_offset_arcsec=(0.353553, 0.353553),
+        switches=dict.fromkeys(off, False),
+    )
     frames = calibrated_frames(seen)
     good = frames.usable.all(axis=0)
     truth = light_in(seen, frames.response, (frames.electrons != 0).any(axis=0))

@@ -89,8 +89,9 @@ def test_roc_of_a_middling_planet(psf, maps, unit):
         assert (np.diff(curve.false_alarm_rate) <= 0).all()
         assert (curve.detection_error > 0).all()
         assert (curve.false_alarm_error > 0).all()
-        assert curve.n_elements == pytest.approx(16 * psf.metrics.hole.sum() * (psf.metrics.pixel_scale_arcsec
-                                                 / psf.metrics.lambda_d_arcsec) ** 2)  # fmt: skip
+        assert curve.n_elements == pytest.approx(
+            16 * psf.metrics.hole.sum() * (psf.metrics.pixel_scale_arcsec / psf.metrics.lambda_d_arcsec) ** 2
+        )
     level = int(np.searchsorted(matched.level, 4.0))
     assert 0.4 < matched.detection_probability[level] <= 1.0
     # In white noise the filters differ by a few per cent in SNR.

@@ -136,8 +136,16 @@ def test_two_rolls_of_one_scene() -> None:
     psf, pixel = science.psf, science.psf.metrics.pixel_scale_arcsec
     maps, places, templates = [], [], []
     for seen in (science, reference):
-        without = observe(scene.without_planets(), band="F520", exposure_s=10.0, window="hole", fidelity="quick",
-                          role=seen.role, roll_deg=seen.roll_deg, n_frames=2)  # fmt: skip
+        without = observe(
+            scene.without_planets(),
+            band="F520",
+            exposure_s=10.0,
+            window="hole",
+            fidelity="quick",
+            role=seen.role,
+            roll_deg=seen.roll_deg,
+            n_frames=2,
+        )
         planet = seen.mean_rate_map - without.mean_rate_map
         places.append((seen.truth.x_pixel[1], seen.truth.y_pixel[1]))
         templates.append(psf.at(seen.truth.sources[1].x_arcsec, seen.truth.sources[1].y_arcsec))
@@ -156,9 +164,11 @@ def test_two_rolls_of_one_scene() -> None:
         cut, *templates, *places, psf.metrics.aperture_radius_arcsec / pixel, background_region=hole
     )
     core = np.mean(
-        [psf.metrics.core_throughput(source.x_arcsec, source.y_arcsec)
-         for source in (science.truth.sources[1], reference.truth.sources[1])]
-    )  # fmt: skip
+        [
+            psf.metrics.core_throughput(source.x_arcsec, source.y_arcsec)
+            for source in (science.truth.sources[1], reference.truth.sources[1])
+        ]
+    )
     assert found.significance > 100
     assert found.flux == pytest.approx(core * science.truth.sources[1].rate_e_s, rel=4 / found.significance + 0.005)
 

@@ -18,17 +18,32 @@ SCENE = {
     "name": "s",
     "cstar": {"v_mag": 1.35, "spectral_type": "K1V", "distance_pc": 1.35},
     "planets": [
-        {"name": name, "radius_rjup": 1, "phase_deg": 90, "separation_arcsec": separation, "pa_deg": pa,
-         "albedo": "jupiter"}
+        {
+            "name": name,
+            "radius_rjup": 1,
+            "phase_deg": 90,
+            "separation_arcsec": separation,
+            "pa_deg": pa,
+            "albedo": "jupiter",
+        }
         for name, separation, pa in (("b", 0.5, 315), ("c", 0.52, 335))
     ],
-}  # fmt: skip
+}
 
 
 @functools.cache
 def prepared():
-    config = ConfirmConfig(instrument=load_instrument(), scene=load_scene(SCENE), bands=("F520",), exposure_s=4.0,
-                           n_frames=60, em_gain=300.0, fidelity="standard", realisations=1, audit=False)  # fmt: skip
+    config = ConfirmConfig(
+        instrument=load_instrument(),
+        scene=load_scene(SCENE),
+        bands=("F520",),
+        exposure_s=4.0,
+        n_frames=60,
+        em_gain=300.0,
+        fidelity="standard",
+        realisations=1,
+        audit=False,
+    )
     (task,) = _work(config, build_model(config.instrument, config.bands)).tasks
     visits = visits_of(task)
     return visits, subjects_of(visits)
@@ -94,8 +109,10 @@ def test_detections_of_known_sources_are_not_false():
     _, blind = measure(visits, visits.draw(1), subjects, star())
     assert len(blind.detections) >= 2
     assert _false(blind, visits) == len(blind.detections) - 2
-    alone = replace(visits, science=replace(visits.science, truth=replace(visits.science.truth,
-                    sources=visits.science.truth.sources[:1])))  # fmt: skip
+    alone = replace(
+        visits,
+        science=replace(visits.science, truth=replace(visits.science.truth, sources=visits.science.truth.sources[:1])),
+    )
     assert _false(blind, alone) == len(blind.detections)
 
 

@@ -23,9 +23,11 @@ from simulator.target.sources import scene_sources
 
 # Faint and photon limited; bright and limited by speckles, where frame transfer smears as much light as the hole holds;
 # speckles in the corner of the hole, where they change fastest with wavelength.
-STARS = {"faint": ({"v_mag": 5.5, "teff_k": 5500, "distance_pc": 4.0}, "F850", Frames(60.0, 40, 300.0)),
-         "bright": ({"v_mag": 0.4, "teff_k": 6500, "distance_pc": 3.5}, "F850", Frames(2.7, 400, 300.0)),
-         "speckles": ({"v_mag": 0.4, "teff_k": 6500, "distance_pc": 3.5}, "F520", Frames(1.7, 400, 300.0))}  # fmt: skip
+STARS = {
+    "faint": ({"v_mag": 5.5, "teff_k": 5500, "distance_pc": 4.0}, "F850", Frames(60.0, 40, 300.0)),
+    "bright": ({"v_mag": 0.4, "teff_k": 6500, "distance_pc": 3.5}, "F850", Frames(2.7, 400, 300.0)),
+    "speckles": ({"v_mag": 0.4, "teff_k": 6500, "distance_pc": 3.5}, "F520", Frames(1.7, 400, 300.0)),
+}
 PLANET = {"name": "b", "radius_rjup": 1, "phase_deg": 90, "separation_arcsec": 0.6, "pa_deg": 315, "albedo": "jupiter"}
 
 
@@ -38,8 +40,19 @@ def made(star="faint", planets=1, more=(), library="same_star_planet_free", **di
     target = scene_target(scene)
     shown = [source for source in scene_sources(scene, model.instrument, band) if source.kind == "planet"]
     expected = [expected_of(model, target, band, (s.x_arcsec, s.y_arcsec), s.contrast, frames) for s in shown]
-    return task_of(model, scene, band, frames, expected, seed=4, realisations=2, audit=False, overrides=None,
-                   planets=[s.name for s in shown], **dial)  # fmt: skip
+    return task_of(
+        model,
+        scene,
+        band,
+        frames,
+        expected,
+        seed=4,
+        realisations=2,
+        audit=False,
+        overrides=None,
+        planets=[s.name for s in shown],
+        **dial,
+    )
 
 
 def decisions(modelling):

@@ -198,8 +198,12 @@ def test_background_pixels_lie_farther_than_three_halves_of_the_radius(x: int, y
     wide[5:85, 5:115] = True
     image = np.random.default_rng(10).normal(10, 2, wide.shape)
     own, other = (x, y), (100, 40)
-    far = [(row, column) for row in range(5, 85) for column in range(5, 115)
-           if all((column - u) ** 2 + (row - v) ** 2 > 9 for u, v in (own, other))]  # fmt: skip
+    far = [
+        (row, column)
+        for row in range(5, 85)
+        for column in range(5, 115)
+        if all((column - u) ** 2 + (row - v) ** 2 > 9 for u, v in (own, other))
+    ]
     found = aperture_photometry(image, x, y, 2.0, background_region=wide, exclude=[other])
     assert found.background_area_pixels == len(far) == 80 * 110 - 2 * 29
     assert found.background_per_pixel == pytest.approx(np.mean([image[place] for place in far]), rel=1e-13)
@@ -285,8 +289,11 @@ def test_contrast_of_any_scale_against_logarithms(hole: np.ndarray) -> None:
         star = math.exp(math.log(throughput) + math.log(core) + math.log(rate) + math.log(time_s))
         assert contrast(flux, throughput, core, rate, time_s).value == pytest.approx(flux / star, rel=1e-12)
         assert contrast(flux, throughput, core, rate, time_s).error == 0
-        for terms in ({"error": error}, {"star_rate_error_e_s": rate_error},
-                      {"error": error, "star_rate_error_e_s": rate_error}):  # fmt: skip
+        for terms in (
+            {"error": error},
+            {"star_rate_error_e_s": rate_error},
+            {"error": error, "star_rate_error_e_s": rate_error},
+        ):
             variance = terms.get("error", 0) ** 2 + (flux * terms.get("star_rate_error_e_s", 0) / rate) ** 2
             found = contrast(flux, throughput, core, rate, time_s, **terms)
             assert found.error == pytest.approx(math.sqrt(variance) / star, rel=1e-12)

@@ -43,8 +43,16 @@ def test_white_variance_is_the_scatter_over_realisations(modes, scale, free):
         science = sums(rng, light() + DARK_E, science_n)
         mean = light() / scale + DARK_E
         reference = np.multiply.outer(reference_n, mean) if free else sums(rng, mean, reference_n)
-        stack = reduce_stack(science, reference, n_modes=modes, science_frames=science_n, reference_frames=reference_n,
-                             reference_scale=scale, noise_free_reference=free, **SETTINGS)  # fmt: skip
+        stack = reduce_stack(
+            science,
+            reference,
+            n_modes=modes,
+            science_frames=science_n,
+            reference_frames=reference_n,
+            reference_scale=scale,
+            noise_free_reference=free,
+            **SETTINGS,
+        )
         pulls.append(stack.image_e[REGION] / np.sqrt(stack.white_variance_e2[REGION]))
     pulls = np.array(pulls)
     assert abs(pulls.mean()) < 4 / np.sqrt(pulls.size)
@@ -79,8 +87,14 @@ def test_a_fainter_reference_star_is_scaled_without_its_dark_charge():
 
 def test_pixels_beyond_the_region_hold_nothing():
     rng = np.random.default_rng(0)
-    stack = reduce_stack(sums(rng, light(), [3, 3]), sums(rng, light(), [3, 3]), n_modes=1, science_frames=3,
-                         reference_frames=3, **SETTINGS)  # fmt: skip
+    stack = reduce_stack(
+        sums(rng, light(), [3, 3]),
+        sums(rng, light(), [3, 3]),
+        n_modes=1,
+        science_frames=3,
+        reference_frames=3,
+        **SETTINGS,
+    )
     for image in (stack.image_e, stack.white_variance_e2, stack.halo_e):
         assert not image[~REGION].any()
     assert (stack.white_variance_e2[REGION] > 0).all()

@@ -96,8 +96,16 @@ def test_saturated_series_is_refused() -> None:
 def test_refusals() -> None:
     with pytest.raises(InputError, match="visible camera"):
         observe_off_mask(SCENE, "F940")
-    hidden = observe(SCENE, band="F520", exposure_s=0.01, n_frames=2, window="hole", kind="CALS",
-                     role="calibration", star_offset_arcsec=(0.5, 0.0))  # fmt: skip
+    hidden = observe(
+        SCENE,
+        band="F520",
+        exposure_s=0.01,
+        n_frames=2,
+        window="hole",
+        kind="CALS",
+        role="calibration",
+        star_offset_arcsec=(0.5, 0.0),
+    )
     with pytest.raises(InputError, match="star_offset_arcsec"):
         star_flux_off_mask(hidden)
     with pytest.raises(InputError, match="calibration star"):
@@ -123,9 +131,13 @@ def reduced(seen: Observation) -> tuple[np.ndarray, np.ndarray]:
     """Frames without holes, and the pixels that have any."""
     frames, detector = calibrated_frames(seen), seen.instrument.detector
     found = reject_cosmic_rays(
-        frames.electrons, frames.usable, em_gain=frames.em_gain, read_noise_e=detector.read_noise_e,
-        pedestal_e=frames.pedestal_e, gain_e_adu=detector.gain_e_adu,
-    )  # fmt: skip
+        frames.electrons,
+        frames.usable,
+        em_gain=frames.em_gain,
+        read_noise_e=detector.read_noise_e,
+        pedestal_e=frames.pedestal_e,
+        gain_e_adu=detector.gain_e_adu,
+    )
     return filled(frames.electrons, frames.usable & ~found.rejected)
 
 
@@ -139,23 +151,37 @@ def measured(science: Observation, reference: Observation, number: int) -> tuple
     source = science.truth.sources[number]
     radius = metrics.aperture_radius_arcsec / metrics.pixel_scale_arcsec
     weights = aperture_weights(science.shape, x, y, radius)
-    template = transferred(science.psf.at(source.x_arcsec, source.y_arcsec), science.instrument.detector,
-                           science.first_pixel)  # fmt: skip
+    template = transferred(
+        science.psf.at(source.x_arcsec, source.y_arcsec), science.instrument.detector, science.first_pixel
+    )
     rows, columns = np.indices(science.shape)
     background = region.copy()
     for k in (1, 2):
         background &= np.hypot(columns - science.truth.x_pixel[k], rows - science.truth.y_pixel[k]) > 6 * radius
     throughput = cut.throughput(template, weights, background=background)
-    flux = aperture_photometry(cut.residuals.sum(axis=0), x, y, radius, background_region=background,
-                               throughput=throughput, em_gain=science.em_gain)  # fmt: skip
+    flux = aperture_photometry(
+        cut.residuals.sum(axis=0),
+        x,
+        y,
+        radius,
+        background_region=background,
+        throughput=throughput,
+        em_gain=science.em_gain,
+    )
     return flux, float(np.sum(weights * template))
 
 
 def test_contrast_end_to_end() -> None:
     """Raw frames with every effect, particles included, to contrasts by both ways: unbiased, with the right error."""
     instrument = still()
-    settings = {"band": "F520", "exposure_s": 17.0, "n_frames": 12, "em_gain": 100.0, "window": "hole",
-                "instrument": instrument}  # fmt: skip
+    settings = {
+        "band": "F520",
+        "exposure_s": 17.0,
+        "n_frames": 12,
+        "em_gain": 100.0,
+        "window": "hole",
+        "instrument": instrument,
+    }
     science = observe(SCENE, role="science", **settings)
     reference = observe("paper_reference", role="reference", **settings)
     off_mask = observe_off_mask(SCENE, "F520", instrument=instrument, n_frames=8).unwrap()

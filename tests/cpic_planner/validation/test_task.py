@@ -42,11 +42,18 @@ def test_the_prediction_is_that_of_the_optimiser():
     best = best_in_band(model, target, "F520", 7200.0, PLANET)
     expected = task.predictions[0]
     assert (task.exposure_s, task.n_frames, task.em_gain) == (
-        float(best.exposure_s[0]), int(best.n_frames[0]), float(best.em_gain[0]),
-    )  # fmt: skip
-    for key, value in (("snr_full", best.snr), ("significance_full", best.significance),
-                       ("threshold", best.threshold), ("contrast", best.contrast), ("time_s", best.time_s),
-                       ("separation_arcsec", best.separation_arcsec)):  # fmt: skip
+        float(best.exposure_s[0]),
+        int(best.n_frames[0]),
+        float(best.em_gain[0]),
+    )
+    for key, value in (
+        ("snr_full", best.snr),
+        ("significance_full", best.significance),
+        ("threshold", best.threshold),
+        ("contrast", best.contrast),
+        ("time_s", best.time_s),
+        ("separation_arcsec", best.separation_arcsec),
+    ):
         assert expected[key] == pytest.approx(float(value[0]), rel=1e-9)
     # No particle voids a sum of frames: it has the SNR of a camera without them.
     clean = model.instrument.switched({"cosmic_rays": False})
@@ -80,8 +87,9 @@ def test_time_without_a_frame_is_refused():
 
 
 def test_more_frames_than_memory_holds_are_refused():
-    _, _, answer = prepared("alf Cen A", time_s=1e6, instrument=load_instrument({"drift": {
-        "visit_nm": 0, "walk_nm_per_sqrt_hour": 0}}))  # fmt: skip
+    _, _, answer = prepared(
+        "alf Cen A", time_s=1e6, instrument=load_instrument({"drift": {"visit_nm": 0, "walk_nm_per_sqrt_hour": 0}})
+    )
     assert isinstance(answer, BandConfirmation)
     assert answer.reason == "too_many_frames"
     assert str(MAX_FRAMES) in answer.message
@@ -133,8 +141,16 @@ def test_sums_leave_out_what_a_reduction_takes_out():
     instrument = images_of(load_instrument())
     switches = instrument.detector.switches
     assert not any((switches.cosmic_rays, switches.nonlinearity, switches.serial_cti, switches.stripes))
-    assert all((switches.photon_noise, switches.em_register, switches.read_noise, switches.clock_charge,
-                switches.blooming, switches.register_full_well))  # fmt: skip
+    assert all(
+        (
+            switches.photon_noise,
+            switches.em_register,
+            switches.read_noise,
+            switches.clock_charge,
+            switches.blooming,
+            switches.register_full_well,
+        )
+    )
 
 
 def test_dust_of_the_instrument_is_in_science_and_reference():

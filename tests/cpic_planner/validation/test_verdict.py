@@ -30,9 +30,22 @@ EXPECTED = {
     "chance_blind": 0.8,
     "chance_known_place": 0.99,
 }
-TASK = ConfirmTask(name="star", band="F520", simulator={}, scene={}, exposure_s=10.0, n_frames=100, em_gain=200.0,
-                   strategy={"reference_ratio": 1.0}, seed=1, fidelity="standard", realisations=8, audit=False,
-                   predictions=[EXPECTED], planets=["b"])  # fmt: skip
+TASK = ConfirmTask(
+    name="star",
+    band="F520",
+    simulator={},
+    scene={},
+    exposure_s=10.0,
+    n_frames=100,
+    em_gain=200.0,
+    strategy={"reference_ratio": 1.0},
+    seed=1,
+    fidelity="standard",
+    realisations=8,
+    audit=False,
+    predictions=[EXPECTED],
+    planets=["b"],
+)
 MODELLING = Modelling(
     dial=dial_of().of("planet_flux", "snr"),
     draw="sums",
@@ -49,15 +62,26 @@ STAR = StarFlux(1e6, 1e3, "off_mask", 1e5, 0.2, 0.5)
 
 
 def measurement(contrast=1e-8, snr=10.0, found=True):
-    return Measurement(contrast=contrast, contrast_error=1e-8 / snr, contrast_sigma=1e-8 / (1.2 * snr), snr=snr,
-                       significance=1.2 * snr, throughput=0.99, n_apertures=14, modes=1, found=found, search_snr=9.0,
-                       search_threshold=8.0)  # fmt: skip
+    return Measurement(
+        contrast=contrast,
+        contrast_error=1e-8 / snr,
+        contrast_sigma=1e-8 / (1.2 * snr),
+        snr=snr,
+        significance=1.2 * snr,
+        throughput=0.99,
+        n_apertures=14,
+        modes=1,
+        found=found,
+        search_snr=9.0,
+        search_threshold=8.0,
+    )
 
 
 def answer(measured, *, task=TASK, story=None, star=STAR):
     how = MODELLING if story is None else MODELLING.whole()
-    return confirmation_of(task, how, 0, measured, star=star, core=0.13, false_detections=0, story=story, position=None,
-                           audit=None)  # fmt: skip
+    return confirmation_of(
+        task, how, 0, measured, star=star, core=0.13, false_detections=0, story=story, position=None, audit=None
+    )
 
 
 def realisations(n=24, factor=1.0, found=lambda k: True):
@@ -143,8 +167,9 @@ def test_a_target_in_words():
         answer(realisations(24)),
         answer(realisations(24, 0.7, lambda k: False)).model_copy(update={"band": "F850"}),
     )
-    refused = BandConfirmation(band="F720", status="saturated", reason="adc_range", message="", separation_arcsec=0.5,
-                               pa_deg=0.0)  # fmt: skip
+    refused = BandConfirmation(
+        band="F720", status="saturated", reason="adc_range", message="", separation_arcsec=0.5, pa_deg=0.0
+    )
     text, factor, error = target_verdict([good, bad, refused])
     assert text.startswith("confirmed in F520; ETC")
     assert 1.0 < factor < 1.5

@@ -21,12 +21,20 @@ LEVELS = {"flat": 1.0, "dark": 0.5, "cic": 0.03, "bad_columns": 0.0, "bias": 300
 @pytest.fixture(scope="module")
 def small(detector) -> Detector:
     """Frame of 70 x 60 around 44 x 34 active pixels, and fewer columns of flaws."""
-    edge = {"prescan_columns": 4, "dark_columns_left": 3, "dark_columns_right": 3, "overscan_columns": 6,
-            "dark_rows_bottom": 2, "dark_rows_top": 6, "overscan_rows": 18}  # fmt: skip
+    edge = {
+        "prescan_columns": 4,
+        "dark_columns_left": 3,
+        "dark_columns_right": 3,
+        "overscan_columns": 6,
+        "dark_rows_bottom": 2,
+        "dark_rows_top": 6,
+        "overscan_rows": 18,
+    }
     tree = detector.model_dump()
     flaws = {**tree["flaws"], "hot_fraction": 0.01, "dead_fraction": 0.005, "bad_columns": 1, "cic_rms": 0.2}
-    return Detector(**{**tree, "n_rows": 60, "n_columns": 60, "star_row": 20, "star_column": 30, "layout": edge,
-                       "flaws": flaws})  # fmt: skip
+    return Detector(
+        **{**tree, "n_rows": 60, "n_columns": 60, "star_row": 20, "star_column": 30, "layout": edge, "flaws": flaws}
+    )
 
 
 @pytest.fixture
@@ -152,11 +160,20 @@ def test_units_are_converted(small, with_files, save) -> None:
     assert load_calibration_set(with_files(dark=path)).dark_e_s.max() == pytest.approx(0.75 / 60)
 
 
-@pytest.mark.parametrize(("kind", "unit", "expected"), [
-    ("dark", None, "electron/s"), ("dark", "adu/s", "electron/s"), ("dark", "electron", "electron/s"),
-    ("cic", None, "electron"), ("cic", "electron/s", "electron"), ("bias", None, "adu"), ("bias", "electron", "adu"),
-    ("flat", "adu", "no unit"), ("bad_columns", "adu", "no unit"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("kind", "unit", "expected"),
+    [
+        ("dark", None, "electron/s"),
+        ("dark", "adu/s", "electron/s"),
+        ("dark", "electron", "electron/s"),
+        ("cic", None, "electron"),
+        ("cic", "electron/s", "electron"),
+        ("bias", None, "adu"),
+        ("bias", "electron", "adu"),
+        ("flat", "adu", "no unit"),
+        ("bad_columns", "adu", "no unit"),
+    ],
+)
 def test_units_are_checked(kind, unit, expected, small, with_files, save) -> None:
     path = save(a_map(kind, small.active_shape), unit)
     with pytest.raises(InputError, match=rf"calibration_files\.{kind} BUNIT = {unit or 'missing'}.*{expected}.*map"):

@@ -178,10 +178,15 @@ def test_window(default_set) -> None:
     assert cut.window(slice(0, 30), slice(None)).shape == (30, 40)
 
 
-@pytest.mark.parametrize(("rows", "columns", "key"), [
-    (slice(0, 1051), slice(0, 5), "window rows"), (slice(5, 5), slice(0, 5), "window rows"),
-    (slice(-3, 5), slice(0, 5), "window rows"), (slice(0, 5), slice(0, 6, 2), "window columns"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("rows", "columns", "key"),
+    [
+        (slice(0, 1051), slice(0, 5), "window rows"),
+        (slice(5, 5), slice(0, 5), "window rows"),
+        (slice(-3, 5), slice(0, 5), "window rows"),
+        (slice(0, 5), slice(0, 6, 2), "window columns"),
+    ],
+)
 def test_window_refusals(default_set, rows, columns, key) -> None:
     with pytest.raises(InputError, match=key):
         default_set.window(rows, columns)

@@ -50,8 +50,9 @@ def test_data_sheet_everywhere_to_what_is_documented(voltage, temperature, sheet
 
 def test_value_against_mpmath() -> None:
     v = mpmath.mpf(44) - 39 - mpmath.mpf("0.029") * 30
-    exact = mpmath.exp(mpmath.mpf("0.582") + mpmath.mpf("0.86") * v - mpmath.mpf("0.053") * v**2
-                       + mpmath.mpf("0.01465") * v**3)  # fmt: skip
+    exact = mpmath.exp(
+        mpmath.mpf("0.582") + mpmath.mpf("0.86") * v - mpmath.mpf("0.053") * v**2 + mpmath.mpf("0.01465") * v**3
+    )
     assert float(em_gain_of(44.0, 253.0).em_gain) == pytest.approx(float(exact), rel=1e-12)
 
 
@@ -91,19 +92,22 @@ def test_outcomes_carry_unit_and_caveats() -> None:
     assert setting.flags(3) == ()
 
 
-@pytest.mark.parametrize(("call", "key"), [
-    (lambda: em_gain_of(19.9, 223.0), "voltage_v"),
-    (lambda: em_gain_of(50.1, 223.0), "voltage_v"),
-    (lambda: em_gain_of(np.nan, 223.0), "voltage_v"),
-    (lambda: em_gain_of([44.0, np.inf], 223.0), r"voltage_v\[1\]"),
-    (lambda: em_gain_of(44.0, 119.0), "temperature_k"),
-    (lambda: em_gain_of(44.0, 321.0), "temperature_k"),
-    (lambda: em_voltage_of(0.99, 223.0), "em_gain"),
-    (lambda: em_voltage_of(1.1e4, 223.0), "em_gain"),
-    (lambda: em_voltage_of(0.0, 223.0), "em_gain"),
-    (lambda: em_voltage_of(np.nan, 223.0), "em_gain"),
-    (lambda: em_voltage_of("high", 223.0), "em_gain"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("call", "key"),
+    [
+        (lambda: em_gain_of(19.9, 223.0), "voltage_v"),
+        (lambda: em_gain_of(50.1, 223.0), "voltage_v"),
+        (lambda: em_gain_of(np.nan, 223.0), "voltage_v"),
+        (lambda: em_gain_of([44.0, np.inf], 223.0), r"voltage_v\[1\]"),
+        (lambda: em_gain_of(44.0, 119.0), "temperature_k"),
+        (lambda: em_gain_of(44.0, 321.0), "temperature_k"),
+        (lambda: em_voltage_of(0.99, 223.0), "em_gain"),
+        (lambda: em_voltage_of(1.1e4, 223.0), "em_gain"),
+        (lambda: em_voltage_of(0.0, 223.0), "em_gain"),
+        (lambda: em_voltage_of(np.nan, 223.0), "em_gain"),
+        (lambda: em_voltage_of("high", 223.0), "em_gain"),
+    ],
+)
 def test_refusals(call, key) -> None:
     with pytest.raises(InputError, match=key):
         call()

@@ -153,8 +153,9 @@ def test_switches_leave_the_numbers_of_the_others(varied, mode) -> None:
 def test_double_sampling_and_ramp_cancel_the_reset(varied) -> None:
     rates = np.full((100, 100), 5.0)
     for mode in MODES:
-        noisy = [InfraredCamera(varied(off=off, readout_mode=mode, reset_noise_e=500))
-                 for off in ((), ("reset_noise",))]  # fmt: skip
+        noisy = [
+            InfraredCamera(varied(off=off, readout_mode=mode, reset_noise_e=500)) for off in ((), ("reset_noise",))
+        ]
         one, two = (camera.expose(camera.prepare(rates, 10.0), seed=4, path=PATH).adu.astype(int) for camera in noisy)
         if mode == "single":
             assert (one - two).std() == pytest.approx(250, rel=0.03)
@@ -380,21 +381,24 @@ def test_rounding_error_negatives_are_counted(infrared) -> None:
     assert frame.n_negative_rates == 1
 
 
-@pytest.mark.parametrize(("call", "words"), [
-    (lambda c: c.prepare(np.ones((6, 8)), -1.0), "exposure_s = -1"),
-    (lambda c: c.prepare(np.ones((6, 8)), np.nan), "exposure_s = nan"),
-    (lambda c: c.prepare(np.ones((6, 8)), 1e7), "exposure_s"),
-    (lambda c: c.prepare(np.ones((6, 8)), [1.0, 2.0]), "exposure_s.*one number"),
-    (lambda c: c.prepare(np.ones(6), 1.0), "rate_map_e_s"),
-    (lambda c: c.prepare(np.ones((0, 6)), 1.0), "rate_map_e_s"),
-    (lambda c: c.prepare(np.ones((6, 8), dtype=complex), 1.0), "rate_map_e_s"),
-    (lambda c: c.prepare(np.ones((600, 8)), 1.0), "window of 600 x 8.*512 x 640.*switch off"),
-    (lambda c: c.prepare(np.ones((6, 8)), 1.0, first_pixel=(507, 0)), "window of 6 x 8 from row 507"),
-    (lambda c: c.prepare(np.ones((6, 8)), 1.0, first_pixel=(0, -1)), "column -1"),
-    (lambda c: c.expose(c.prepare(np.ones((6, 8)), 1.0), seed=1, path="abc"), "path"),
-    (lambda c: c.expose(c.prepare(np.ones((6, 8)), 1.0), seed=-1, path=PATH), "seed"),
-    (lambda c: c.expose(c.prepare(np.ones((6, 8)), 1.0), seed=1, path=PATH, cosmic_rays=([48], [1])), "0 to 47"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda c: c.prepare(np.ones((6, 8)), -1.0), "exposure_s = -1"),
+        (lambda c: c.prepare(np.ones((6, 8)), np.nan), "exposure_s = nan"),
+        (lambda c: c.prepare(np.ones((6, 8)), 1e7), "exposure_s"),
+        (lambda c: c.prepare(np.ones((6, 8)), [1.0, 2.0]), "exposure_s.*one number"),
+        (lambda c: c.prepare(np.ones(6), 1.0), "rate_map_e_s"),
+        (lambda c: c.prepare(np.ones((0, 6)), 1.0), "rate_map_e_s"),
+        (lambda c: c.prepare(np.ones((6, 8), dtype=complex), 1.0), "rate_map_e_s"),
+        (lambda c: c.prepare(np.ones((600, 8)), 1.0), "window of 600 x 8.*512 x 640.*switch off"),
+        (lambda c: c.prepare(np.ones((6, 8)), 1.0, first_pixel=(507, 0)), "window of 6 x 8 from row 507"),
+        (lambda c: c.prepare(np.ones((6, 8)), 1.0, first_pixel=(0, -1)), "column -1"),
+        (lambda c: c.expose(c.prepare(np.ones((6, 8)), 1.0), seed=1, path="abc"), "path"),
+        (lambda c: c.expose(c.prepare(np.ones((6, 8)), 1.0), seed=-1, path=PATH), "seed"),
+        (lambda c: c.expose(c.prepare(np.ones((6, 8)), 1.0), seed=1, path=PATH, cosmic_rays=([48], [1])), "0 to 47"),
+    ],
+)
 def test_refusals(infrared, call, words) -> None:
     with pytest.raises(InputError, match=words):
         call(InfraredCamera(infrared))

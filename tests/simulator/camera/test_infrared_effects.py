@@ -35,18 +35,21 @@ def test_persistence_adds_up_and_starts_at_its_peak() -> None:
     assert model([PastExposure([[1e4]], 1e12)], 5.0) == 0
 
 
-@pytest.mark.parametrize(("call", "key"), [
-    (lambda: ExponentialPersistence(1.5, 100.0), "fraction"),
-    (lambda: ExponentialPersistence(0.1, 0.0), "decay_s"),
-    (lambda: ExponentialPersistence(0.1, 1.0)([PastExposure([[-1.0]], 0.0)], 1.0), r"charge_e\[y=0, x=0\]"),
-    (lambda: ExponentialPersistence(0.1, 1.0)([PastExposure([[np.nan]], 0.0)], 1.0), r"charge_e\[y=0, x=0\]"),
-    (lambda: ExponentialPersistence(0.1, 1.0)([PastExposure([[1.0]], -1.0)], 1.0), "age_s"),
-    (lambda: ExponentialPersistence(0.1, 1.0)([PastExposure(np.ones((2, n)), 1.0) for n in (2, 3)], 1.0), "shape"),
-    (lambda: InterpixelKernel(np.ones((3, 3))), "kernel sum"),
-    (lambda: InterpixelKernel(np.ones((5, 5)) / 25), "shape"),
-    (lambda: InterpixelKernel([[0, -0.1, 0], [0, 1.1, 0], [0, 0, 0]]), "interpixel kernel"),
-    (lambda: neighbour_kernel(0.3), "interpixel_coupling"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("call", "key"),
+    [
+        (lambda: ExponentialPersistence(1.5, 100.0), "fraction"),
+        (lambda: ExponentialPersistence(0.1, 0.0), "decay_s"),
+        (lambda: ExponentialPersistence(0.1, 1.0)([PastExposure([[-1.0]], 0.0)], 1.0), r"charge_e\[y=0, x=0\]"),
+        (lambda: ExponentialPersistence(0.1, 1.0)([PastExposure([[np.nan]], 0.0)], 1.0), r"charge_e\[y=0, x=0\]"),
+        (lambda: ExponentialPersistence(0.1, 1.0)([PastExposure([[1.0]], -1.0)], 1.0), "age_s"),
+        (lambda: ExponentialPersistence(0.1, 1.0)([PastExposure(np.ones((2, n)), 1.0) for n in (2, 3)], 1.0), "shape"),
+        (lambda: InterpixelKernel(np.ones((3, 3))), "kernel sum"),
+        (lambda: InterpixelKernel(np.ones((5, 5)) / 25), "shape"),
+        (lambda: InterpixelKernel([[0, -0.1, 0], [0, 1.1, 0], [0, 0, 0]]), "interpixel kernel"),
+        (lambda: neighbour_kernel(0.3), "interpixel_coupling"),
+    ],
+)
 def test_refusals(call, key) -> None:
     with pytest.raises(InputError, match=key):
         call()

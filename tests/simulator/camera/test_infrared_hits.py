@@ -16,12 +16,19 @@ def test_hits_become_a_map() -> None:
     assert checked_hits(([], []), (3, 4)).sum() == 0
 
 
-@pytest.mark.parametrize(("hits", "words"), [
-    (([12], [1]), "cosmic_rays pixels = 12.*0 to 11"), (([-1], [1]), "cosmic_rays pixels = -1"),
-    (([1.5], [1]), "integer indices"), (([1, 2], [1]), "two lists of one length"),
-    (([1], [-1]), r"electrons\[0\] = -1"), (([1], [np.nan]), r"electrons\[0\] = nan"),
-    (([1], [0.5]), "whole electrons"), (([1], [1e13]), "electrons"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("hits", "words"),
+    [
+        (([12], [1]), "cosmic_rays pixels = 12.*0 to 11"),
+        (([-1], [1]), "cosmic_rays pixels = -1"),
+        (([1.5], [1]), "integer indices"),
+        (([1, 2], [1]), "two lists of one length"),
+        (([1], [-1]), r"electrons\[0\] = -1"),
+        (([1], [np.nan]), r"electrons\[0\] = nan"),
+        (([1], [0.5]), "whole electrons"),
+        (([1], [1e13]), "electrons"),
+    ],
+)
 def test_refusals(hits, words) -> None:
     with pytest.raises(InputError, match=words):
         checked_hits(hits, (3, 4))

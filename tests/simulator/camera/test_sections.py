@@ -26,8 +26,15 @@ def test_parts_of_the_default_frame(detector) -> None:
 
 @pytest.mark.parametrize("borders", [(8, 16, 16, 16, 2, 6, 18), (0, 0, 0, 0, 0, 0, 0), (3, 0, 1, 0, 5, 0, 2)])
 def test_parts_cover_the_frame_once(changed, borders) -> None:
-    names = ("prescan_columns", "dark_columns_left", "dark_columns_right", "overscan_columns", "dark_rows_bottom",
-             "dark_rows_top", "overscan_rows")  # fmt: skip
+    names = (
+        "prescan_columns",
+        "dark_columns_left",
+        "dark_columns_right",
+        "overscan_columns",
+        "dark_rows_bottom",
+        "dark_rows_top",
+        "overscan_rows",
+    )
     det: Detector = changed(layout=dict(zip(names, borders, strict=True)))
     covered = np.zeros((det.n_rows, det.n_columns), dtype=int)
     parts = sections_of(det)

@@ -168,8 +168,9 @@ def test_charge_is_booked_to_the_electron(detector):
 
 
 def test_cosmic_rays_of_a_frame_are_those_of_their_stream(bare):
-    det = bare(read_noise_e=0.0, dark_e_s=0.0, dark_293k_e_s=0.0, cic_e=0.0, gain_e_adu=1.0, adc_bits=16,
-               full_well_e=1e6).switched(on=("cosmic_rays",))  # fmt: skip
+    det = bare(
+        read_noise_e=0.0, dark_e_s=0.0, dark_293k_e_s=0.0, cic_e=0.0, gain_e_adu=1.0, adc_bits=16, full_well_e=1e6
+    ).switched(on=("cosmic_rays",))
     camera = VisibleCamera(det, cosmic_rays=RAYS, cosmic_ray_rate_per_s_cm2=1.0)
     frame = camera.expose(camera.prepare(np.zeros(SHAPE), 30.0, 1.0), seed=7, path=("rays",))
     image = sections_of(det)["image"]
@@ -197,8 +198,9 @@ def test_borders_of_the_frame_see_no_light(detector):
         exact.prepare(np.zeros(SHAPE), 10.0, 1.0)
     )
     first_dark = behind[514, parts["dark_right"][1].start]
-    assert first_dark == pytest.approx(40000 / 59 * (1 - (1 - 1e-5) ** (1 + 1072 + parts["dark_right"][1].start - 1)),
-                                       rel=0.05)  # fmt: skip
+    assert first_dark == pytest.approx(
+        40000 / 59 * (1 - (1 - 1e-5) ** (1 + 1072 + parts["dark_right"][1].start - 1)), rel=0.05
+    )
     assert (behind[:, : parts["prescan"][1].stop] == 0).all()
 
 
@@ -275,8 +277,16 @@ def test_flat_field_shows_the_response(detector):
 
 
 def test_in_register_clock_charge_has_its_mean(bare):
-    det = bare(read_noise_e=0.0, cic_e=0.0, dark_e_s=0.0, dark_293k_e_s=0.0, gain_e_adu=1.0, adc_bits=16, bias_adu=0,
-               register_cic_e=2e-5).switched(on=("register_clock_charge",))  # fmt: skip
+    det = bare(
+        read_noise_e=0.0,
+        cic_e=0.0,
+        dark_e_s=0.0,
+        dark_293k_e_s=0.0,
+        gain_e_adu=1.0,
+        adc_bits=16,
+        bias_adu=0,
+        register_cic_e=2e-5,
+    ).switched(on=("register_clock_charge",))
     camera = VisibleCamera(det)
     exposure = camera.prepare(np.zeros((700, 700)), 1.0, 300.0)
     frame = camera.expose(exposure, seed=1, path=("cic",))

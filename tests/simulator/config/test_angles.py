@@ -41,8 +41,10 @@ def test_a_small_southern_declination_keeps_its_sign():
 
 @given(st.floats(0.0, 359.9999), st.floats(-90.0, 90.0))
 def test_what_astropy_writes_is_read_back(ra, dec):
-    texts = (Angle(ra, u.deg).to_string(u.hourangle, sep=":", precision=9, pad=True),
-             Angle(dec, u.deg).to_string(u.deg, sep="dms", precision=8))  # fmt: skip
+    texts = (
+        Angle(ra, u.deg).to_string(u.hourangle, sep=":", precision=9, pad=True),
+        Angle(dec, u.deg).to_string(u.deg, sep="dms", precision=8),
+    )
     assert right_ascension_deg(texts[0]) == pytest.approx(ra, abs=1e-11)
     assert declination_deg(texts[1]) == pytest.approx(dec, abs=1e-11)
     assert right_ascension_deg(ra) == ra
@@ -51,9 +53,26 @@ def test_what_astropy_writes_is_read_back(ra, dec):
 
 @pytest.mark.parametrize(
     "value",
-    ["14:60:00", "14:00:60", "24:00:01", "-1:00:00", "abc", "14", "", "1 2 3 4", "14:39:36.5x", "14m39", 361, -1, True,
-     None, [1.0], float("nan"), float("inf")],
-)  # fmt: skip
+    [
+        "14:60:00",
+        "14:00:60",
+        "24:00:01",
+        "-1:00:00",
+        "abc",
+        "14",
+        "",
+        "1 2 3 4",
+        "14:39:36.5x",
+        "14m39",
+        361,
+        -1,
+        True,
+        None,
+        [1.0],
+        float("nan"),
+        float("inf"),
+    ],
+)
 def test_bad_right_ascensions_are_refused(value):
     with pytest.raises(InputError, match="ra_deg"):
         right_ascension_deg(value)

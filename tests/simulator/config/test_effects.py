@@ -39,7 +39,7 @@ def test_defaults():
         ({"sky": {"stray_light": {"rate_e_s": 1, "map_file": "a.fits"}}}, ("map_file", "given with rate_e_s")),
         ({"sky": {"stray_light": {"map_file": 3}}}, ("sky.stray_light.map_file",)),
     ],
-)  # fmt: skip
+)
 def test_bad_values_are_refused_in_one_line(tree, words):
     with pytest.raises(InputError) as caught:
         load_instrument(tree)

@@ -54,7 +54,7 @@ def test_scenes_go_round_through_json_and_hash_by_content(tmp_path):
         load_scene(scene(disc=DISC | change)).content_hash
         for change in ({}, {"pa_deg": 41}, {"contrast": 2e-6}, {"center_separation_arcsec": 0.1}, {"slope": 0})
     }
-    assert len(hashes) == 5  # fmt: skip
+    assert len(hashes) == 5
     assert load_scene(scene()).extended == load_scene(scene(disc=None)).extended == ()
 
 

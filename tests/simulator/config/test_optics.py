@@ -53,29 +53,42 @@ def test_bad_values_are_named_in_one_line(section, key, value):
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize(("section", "key"), [
-    ("coronagraph", "inner"), ("near_infrared", "parity"), ("wavefront", "opd_rms_m"), ("mirror", "actuators"),
-    ("dark_hole", "quadrants"), ("drift", "tilt"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("section", "key"),
+    [
+        ("coronagraph", "inner"),
+        ("near_infrared", "parity"),
+        ("wavefront", "opd_rms_m"),
+        ("mirror", "actuators"),
+        ("dark_hole", "quadrants"),
+        ("drift", "tilt"),
+    ],
+)
 def test_unknown_keys_are_refused(section, key):
     with pytest.raises(InputError, match=f"{section}.{key}"):
         load_instrument({section: {key: 1}})
 
 
-@pytest.mark.parametrize("change", [
-    {"dark_hole": {"control": "surface"}},
-    {"dark_hole": {"surface_files": {"F662": "a.fits"}}},
-    {"dark_hole": {"control": "off", "surface_files": {"F662": "a.fits"}}},
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"dark_hole": {"control": "surface"}},
+        {"dark_hole": {"surface_files": {"F662": "a.fits"}}},
+        {"dark_hole": {"control": "off", "surface_files": {"F662": "a.fits"}}},
+    ],
+)
 def test_surface_files_and_control_belong_together(change):
     with pytest.raises(InputError, match="surface with surface_files"):
         load_instrument(change)
 
 
-@pytest.mark.parametrize("change", [
-    {"coronagraph": {"inner_arcsec": {"F999": 0.2}}},
-    {"dark_hole": {"control": "surface", "surface_files": {"F999": "a.fits"}}},
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"coronagraph": {"inner_arcsec": {"F999": 0.2}}},
+        {"dark_hole": {"control": "surface", "surface_files": {"F999": "a.fits"}}},
+    ],
+)
 def test_values_by_band_name_a_band(change):
     with pytest.raises(InputError, match="F999.*names of bands: F520"):
         load_instrument(change)

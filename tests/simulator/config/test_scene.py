@@ -52,15 +52,24 @@ def test_the_papers_dictionary():
     assert found.cstar.dec_deg == pytest.approx(-60.8375278, abs=1e-7)
     body = found.planets[0]
     assert (body.name, body.radius_rjup, body.phase_deg, body.separation_arcsec, body.pa_deg) == (
-        "planet 1", 1.0, 90.0, 0.65, 315.0,
-    )  # fmt: skip
+        "planet 1",
+        1.0,
+        90.0,
+        0.65,
+        315.0,
+    )
     assert body.albedo == ParametricAlbedo(log10_mh=1, log10_fsed=1)
     assert body.reflects
 
 
 def test_all_spellings_give_one_scene():
-    spelled = {"radius_rjup": 1, "phase_deg": 90, "separation_arcsec": 0.65, "position_angle": 315,
-               "albedo": {"model": "parametric", "log10_mh": 1, "log10_fsed": 1}}  # fmt: skip
+    spelled = {
+        "radius_rjup": 1,
+        "phase_deg": 90,
+        "separation_arcsec": 0.65,
+        "position_angle": 315,
+        "albedo": {"model": "parametric", "log10_mh": 1, "log10_fsed": 1},
+    }
     star = {
         "v_mag": 1.35,
         "spectral_type": "K1V",
@@ -76,8 +85,12 @@ def test_all_spellings_give_one_scene():
 
 
 def test_objects_and_mappings_mix():
-    mixed = Scene(name="s", cstar=SceneStar(v_mag=1.35, teff_k=5230), planets=[Planet(**PLANET)],
-                  stars=({"v_mag": 5, "teff_k": 4000, "separation_arcsec": 3, "pa_deg": 20},))  # fmt: skip
+    mixed = Scene(
+        name="s",
+        cstar=SceneStar(v_mag=1.35, teff_k=5230),
+        planets=[Planet(**PLANET)],
+        stars=({"v_mag": 5, "teff_k": 4000, "separation_arcsec": 3, "pa_deg": 20},),
+    )
     assert [mixed.cstar.name, mixed.planets[0].name, mixed.stars[0].name] == ["s", "b", "star 1"]
     assert load_scene(mixed) is mixed
 
@@ -95,14 +108,25 @@ def test_scenes_are_frozen_and_hash_by_content():
     [
         scene(planet=PLANET, companions="off"),
         {"name": "a", "cstar": PAPER_STAR, "planet": PAPER_PLANET | {"insolation_au": 2}},
-        {"name": "a", "cstar": PAPER_STAR, "stars": [{"v_mag": 9, "teff_k": 4000, "model": "blackbody",
-                                                     "ra": "14:39:35.2", "dec": "-60:50:14"}]},
+        {
+            "name": "a",
+            "cstar": PAPER_STAR,
+            "stars": [{"v_mag": 9, "teff_k": 4000, "model": "blackbody", "ra": "14:39:35.2", "dec": "-60:50:14"}],
+        },
         scene(cstar={"v_mag": 3, "spectrum": {"wavelength_nm": [300, 900, 1800], "flam": [1e-9, 2e-9, 1e-9]}}),
-        scene(planets=[PLANET | {"albedo": 0.3},
-                       {"name": "t", "separation_arcsec": 1, "pa_deg": 0,
-                        "spectrum": {"wavelength_nm": [300, 1800], "photlam": [1, 2]}}]),
+        scene(
+            planets=[
+                PLANET | {"albedo": 0.3},
+                {
+                    "name": "t",
+                    "separation_arcsec": 1,
+                    "pa_deg": 0,
+                    "spectrum": {"wavelength_nm": [300, 1800], "photlam": [1, 2]},
+                },
+            ]
+        ),
     ],
-)  # fmt: skip
+)
 def test_round_trip_through_json(tree):
     first = load_scene(tree)
     again = load_scene(json.loads(json.dumps(first.model_dump(mode="json"))))
@@ -118,10 +142,12 @@ def test_round_trip_through_json(tree):
         ({"albedo": 0.5}, ConstantAlbedo(value=0.5)),
         ({"log10_mh": 1, "fsed": 3}, ParametricAlbedo(log10_mh=1, log10_fsed=np.log10(3))),
         ({"albedo": "parametric", "log10_mh": 0, "log10_fsed": 0}, ParametricAlbedo(log10_mh=0, log10_fsed=0)),
-        ({"albedo": {"log10_mh": 0, "log10_fsed": 0}, "insolation_au": 2},
-         ParametricAlbedo(log10_mh=0, log10_fsed=0, insolation_au=2)),
+        (
+            {"albedo": {"log10_mh": 0, "log10_fsed": 0}, "insolation_au": 2},
+            ParametricAlbedo(log10_mh=0, log10_fsed=0, insolation_au=2),
+        ),
     ],
-)  # fmt: skip
+)
 def test_albedo_as_people_give_it(given, albedo):
     assert load_scene(scene(planet=PLANET | given)).planets[0].albedo == albedo
 
@@ -271,32 +297,46 @@ BAD_TABLE = {"wavelength_nm": [300, 900, 1800], "photlam": [1, 2, 1]}
         ({"planet": without(PLANET, "phase_deg")}, ("scene.planets.0.phase_deg = missing", "0 to 180 deg")),
         ({"planet": without(PLANET, "pa_deg")}, ("scene.planets.0.pa_deg = missing", "separation_arcsec is given")),
         ({"planet": without(PLANET, "separation_arcsec")}, ("separation_arcsec = missing", "pa_deg is given")),
-        ({"planet": without(PLANET, "separation_arcsec", "pa_deg")}, ("scene.planets.0.separation_arcsec = missing",
-                                                                      "or ra_deg and dec_deg")),
+        (
+            {"planet": without(PLANET, "separation_arcsec", "pa_deg")},
+            ("scene.planets.0.separation_arcsec = missing", "or ra_deg and dec_deg"),
+        ),
         ({"planet": PLANET | {"ra": 1, "dec": 1}}, ("scene.planets.0.ra_deg = given with separation_arcsec", "either")),
-        ({"planet": without(PLANET, "separation_arcsec", "pa_deg") | {"ra": 1, "dec": 1}},
-         ("scene.planets.0.ra_deg = 1.0 deg", "cstar has them too")),
+        (
+            {"planet": without(PLANET, "separation_arcsec", "pa_deg") | {"ra": 1, "dec": 1}},
+            ("scene.planets.0.ra_deg = 1.0 deg", "cstar has them too"),
+        ),
         ({"planet": PLANET | {"ra": 1}}, ("scene.planets.0.dec_deg = missing", "ra_deg is given")),
         ({"planet": without(PLANET, "distance_au")}, ("scene.planets.0.distance_au = missing", "cstar.distance_pc")),
-        ({"cstar": STAR | {"distance_pc": 1.35}, "planet": PLANET | {"distance_au": 0.5}},
-         ("scene.planets.0.distance_au = 0.5 au", "0.8775 au")),
+        (
+            {"cstar": STAR | {"distance_pc": 1.35}, "planet": PLANET | {"distance_au": 0.5}},
+            ("scene.planets.0.distance_au = 0.5 au", "0.8775 au"),
+        ),
         ({"planet": PLANET | {"albedo": "earth"}}, ("scene.planets.0.albedo = earth", "jupiter")),
         ({"planet": PLANET | {"albedo": {"log10_mh": 3, "log10_fsed": 0}}}, ("albedo.log10_mh = 3", "0 to 2")),
         ({"planet": PLANET | {"log10_mh": 3}}, ("scene.planets.0.albedo.log10_mh = 3",)),
         ({"planet": PLANET | {"albedo": "jupiter", "log10_mh": 1}}, ("scene.planets.0.albedo = jupiter", "parametric")),
-        ({"planet": PLANET | {"albedo": {"wavelength_nm": [300, 200], "albedo": [1, 1]}}},
-         ("scene.planets.0.albedo.wavelength_nm.1 = 200", "above 300")),
-        ({"planet": PLANET | {"albedo": {"wavelength_nm": [300, 400], "albedo": [1, -1]}}},
-         ("scene.planets.0.albedo.albedo.1 = -1", "at least 0")),
+        (
+            {"planet": PLANET | {"albedo": {"wavelength_nm": [300, 200], "albedo": [1, 1]}}},
+            ("scene.planets.0.albedo.wavelength_nm.1 = 200", "above 300"),
+        ),
+        (
+            {"planet": PLANET | {"albedo": {"wavelength_nm": [300, 400], "albedo": [1, -1]}}},
+            ("scene.planets.0.albedo.albedo.1 = -1", "at least 0"),
+        ),
         ({"planet": PLANET | {"albedo": {"wavelength_nm": [300], "albedo": [1]}}}, ("wavelength_nm = 1 values",)),
         ({"planet": PLANET | {"albedo": {"file": "no.txt"}}}, ("scene.planets.0.albedo.file = no.txt", "file")),
         ({"planet": PLANET | {"albedo": {"model": [1]}}}, ("scene.planets.0.albedo = [1]",)),
         ({"planet": PLANET | {"teff_k": 1000}}, ("scene.planets.0.teff_k", "reflected")),
         ({"planet": PLANET | {"spectrum": "blackbody"}}, ("scene.planets.0.teff_k = missing", "in K")),
-        ({"planet": PLANET | {"spectrum": "blackbody", "teff_k": 1000, "albedo": 0.5}}, ("scene.planets.0.albedo",
-                                                                                         "reflected light")),
-        ({"planet": without(PLANET, "radius_rjup") | {"spectrum": "blackbody", "teff_k": 1000}},
-         ("radius_rjup = missing", "v_mag")),
+        (
+            {"planet": PLANET | {"spectrum": "blackbody", "teff_k": 1000, "albedo": 0.5}},
+            ("scene.planets.0.albedo", "reflected light"),
+        ),
+        (
+            {"planet": without(PLANET, "radius_rjup") | {"spectrum": "blackbody", "teff_k": 1000}},
+            ("radius_rjup = missing", "v_mag"),
+        ),
         ({"planet": PLANET | {"spectrum": "jupiter"}}, ("scene.planets.0.spectrum = jupiter", "reflected, blackbody")),
         ({"planets": [PLANET, PLANET]}, ("scene.planets.1.name = b", "planets.0")),
         ({"planets": [PLANET | {"name": "star"}]}, ("scene.planets.0.name = star", "cstar")),
@@ -321,8 +361,10 @@ BAD_TABLE = {"wavelength_nm": [300, 900, 1800], "photlam": [1, 2, 1]}
         ({"cstar": STAR | {"spectrum": BAD_TABLE | {"photlam": [0, 0, 0]}}}, ("spectrum.photlam = all zero",)),
         ({"cstar": STAR | {"spectrum": BAD_TABLE | {"photlam": [1, float("nan"), 1]}}}, ("spectrum.photlam.1 = nan",)),
         ({"cstar": STAR | {"spectrum": BAD_TABLE | {"photlam": [1, "x", 1]}}}, ("spectrum.photlam.1 = x",)),
-        ({"cstar": STAR | {"spectrum": BAD_TABLE | {"wavelength_nm": [300, 1800, 900]}}},
-         ("spectrum.wavelength_nm.2 = 900", "above 1800")),
+        (
+            {"cstar": STAR | {"spectrum": BAD_TABLE | {"wavelength_nm": [300, 1800, 900]}}},
+            ("spectrum.wavelength_nm.2 = 900", "above 1800"),
+        ),
         ({"cstar": STAR | {"spectrum": BAD_TABLE | {"wavelength_nm": [0, 900, 1800]}}}, ("nm.0 = 0", "above 0")),
         ({"cstar": STAR | {"spectrum": {"wavelength_nm": [300], "photlam": [1]}}}, ("wavelength_nm = 1 values",)),
         ({"cstar": STAR | {"spectrum": {"wavelength_nm": [300, 1800]}}}, ("spectrum.photlam = missing", "flam")),
@@ -335,7 +377,7 @@ BAD_TABLE = {"wavelength_nm": [300, 900, 1800], "photlam": [1, 2, 1]}
         ({"host": STAR}, ("scene.host", "cstar")),
         ({"kind": "instrument"}, ("scene.kind",)),
     ],
-)  # fmt: skip
+)
 def test_bad_scenes_are_refused_by_name(change, words):
     with pytest.raises(InputError) as caught:
         load_scene(scene(**change))

@@ -93,10 +93,13 @@ def test_a_sequence_changes_the_instrument_of_the_simulation():
         {
             "name": "x",
             "instrument": {"detector": {"read_noise_e": 90}},
-            "sequences": [{"kind": "BIAS"}, {"kind": "BIAS", "instrument": {"detector": {"bias_adu": 300}}},
-                          {"kind": "BIAS", "instrument": "cpic_2q"}],
+            "sequences": [
+                {"kind": "BIAS"},
+                {"kind": "BIAS", "instrument": {"detector": {"bias_adu": 300}}},
+                {"kind": "BIAS", "instrument": "cpic_2q"},
+            ],
         }
-    )  # fmt: skip
+    )
     plain, changed, other = (item.instrument for item in found.sequences)
     assert (plain.detector.read_noise_e, plain.detector.bias_adu) == (90, 200)
     assert (changed.detector.read_noise_e, changed.detector.bias_adu) == (90, 300)
@@ -117,9 +120,10 @@ def test_changes_replace_what_has_a_use_for_them():
         {"name": "x", "sequences": [{"scene": SCENE, "switches": {"smear": False}}, {"kind": "BIAS"}]}
     )
     changed = simulation_of(
-        "y", found.sequences, changes={"frames": 7, "fidelity": "quick", "switches": {"dark": False},
-                                       "start_utc": "2029-01-01"}
-    )  # fmt: skip
+        "y",
+        found.sequences,
+        changes={"frames": 7, "fidelity": "quick", "switches": {"dark": False}, "start_utc": "2029-01-01"},
+    )
     science, bias = changed.sequences
     assert (science.frames, bias.frames, science.fidelity) == (7, 7, "quick")
     assert science.switches == {"smear": False, "dark": False}

@@ -30,9 +30,21 @@ def test_decimal_years():
     assert decimal_year("when", "2016-12-31T23:59:60") == 2017.0
 
 
-@pytest.mark.parametrize("value", ["", "tomorrow", "2028-13-01", "1971-12-31", "2101-01-01",
-                                   "2028-06-30T23:59:60", "1972-01-01T00:00:00+01:00", None, 5,
-                                   float("nan")])  # fmt: skip
+@pytest.mark.parametrize(
+    "value",
+    [
+        "",
+        "tomorrow",
+        "2028-13-01",
+        "1971-12-31",
+        "2101-01-01",
+        "2028-06-30T23:59:60",
+        "1972-01-01T00:00:00+01:00",
+        None,
+        5,
+        float("nan"),
+    ],
+)
 def test_bad_dates_are_refused(value):
     with pytest.raises(InputError, match="start_utc"):
         parse_utc("start_utc", value)

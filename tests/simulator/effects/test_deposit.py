@@ -15,8 +15,12 @@ def one_track(along, sigma, across=None, weight=None):
     n = along.size
     length = np.array([np.ptp(along)])
     tracks = Tracks(length, length, np.array([sigma]), np.abs(along).max(keepdims=True), np.zeros(1, dtype=np.int64))
-    points = Points(np.array([0, n]), along, np.zeros(n) if across is None else np.asarray(across, dtype=np.float64),
-                    np.ones(n) if weight is None else np.asarray(weight, dtype=np.float64))  # fmt: skip
+    points = Points(
+        np.array([0, n]),
+        along,
+        np.zeros(n) if across is None else np.asarray(across, dtype=np.float64),
+        np.ones(n) if weight is None else np.asarray(weight, dtype=np.float64),
+    )
     return tracks, points
 
 
@@ -74,9 +78,15 @@ def test_whole_electrons_keep_a_faint_wing():
 
 @settings(max_examples=150, deadline=None)
 @given(
-    row=st.floats(-40, 40), column=st.floats(-40, 40), azimuth=st.floats(0, 360), sigma=st.floats(0.02, 5),
-    charge=st.integers(1, 10**9), length=st.floats(0, 60), rows=st.integers(1, 20), columns=st.integers(1, 20),
-)  # fmt: skip
+    row=st.floats(-40, 40),
+    column=st.floats(-40, 40),
+    azimuth=st.floats(0, 360),
+    sigma=st.floats(0.02, 5),
+    charge=st.integers(1, 10**9),
+    length=st.floats(0, 60),
+    rows=st.integers(1, 20),
+    columns=st.integers(1, 20),
+)
 def test_charge_is_conserved_and_never_negative(row, column, azimuth, sigma, charge, length, rows, columns):
     canvas = Canvas((rows, columns))
     along = (np.arange(25) - 12) / 24 * length

@@ -6,10 +6,24 @@ from catalogs.errors import InputError
 from simulator.effects.map_units import unit_factor
 
 PER_SECOND = [
-    "electron/s", "electron s-1", "electron.s-1", "electron s**-1", "electron s^-1", "electron s-1 pix-1",
-    "electron / (s pix)", "electron / s / pixel", "electron/(pixel s)", "electrons/s", "e-/s", "e- s-1", "e s-1",
-    "e-/px/s", "e-/pix/s/frame", "E-/S", " Electron / s ",
-]  # fmt: skip
+    "electron/s",
+    "electron s-1",
+    "electron.s-1",
+    "electron s**-1",
+    "electron s^-1",
+    "electron s-1 pix-1",
+    "electron / (s pix)",
+    "electron / s / pixel",
+    "electron/(pixel s)",
+    "electrons/s",
+    "e-/s",
+    "e- s-1",
+    "e s-1",
+    "e-/px/s",
+    "e-/pix/s/frame",
+    "E-/S",
+    " Electron / s ",
+]
 
 
 @pytest.mark.parametrize("text", PER_SECOND)

@@ -77,8 +77,10 @@ def test_zodiacal_rate_by_brute_force(longitude, latitude, radiance, band):
 
 def test_zodiacal_light_changes_with_the_season():
     star = {"ra_deg": "14:39:36.5", "dec_deg": "-60:50:02"}
-    rates = [sky_rate_e_s_arcsec2(ZODIACAL, "F520", **star, start_utc=f"2028-{month:02d}-01").rate_e_s_arcsec2
-             for month in range(1, 13)]  # fmt: skip
+    rates = [
+        sky_rate_e_s_arcsec2(ZODIACAL, "F520", **star, start_utc=f"2028-{month:02d}-01").rate_e_s_arcsec2
+        for month in range(1, 13)
+    ]
     assert 1.3 < max(rates) / min(rates) < 4.0
     # The uniform sky is brighter than all of them.
     assert max(rates) < sky_rate_e_s_arcsec2(load_instrument(), "F520").rate_e_s_arcsec2
@@ -92,8 +94,9 @@ def test_close_to_the_sun_it_is_flagged_not_nan():
 
 
 def test_brightness_of_extra_light_is_added():
-    instrument = load_instrument({"sky": {"earthshine": {"brightness_v_mag_arcsec2": 21.0},
-                                          "stray_light": {"brightness_v_mag_arcsec2": 23.5}}})  # fmt: skip
+    instrument = load_instrument(
+        {"sky": {"earthshine": {"brightness_v_mag_arcsec2": 21.0}, "stray_light": {"brightness_v_mag_arcsec2": 23.5}}}
+    )
     level = sky_rate_e_s_arcsec2(instrument, "F720")
     assert set(level.parts) == {"uniform", "earthshine", "stray_light"}
     assert level.parts["earthshine"] == level.parts["uniform"]

@@ -64,9 +64,17 @@ def test_files_beside_the_instrument_are_found(tmp_path, monkeypatch):
     assert effect_files(instrument, "F520") == ["tracks.npz", "one.fits", "one.fits"]
 
 
-@pytest.mark.parametrize(("unit", "factor"), [("electron/s", 1), ("e-/px/s", 1), ("electron s-1", 1),
-                                              ("electron / (s pix)", 1),
-                                              ("electron/min", 1 / 60), ("electron / (h pix)", 1 / 3600)])  # fmt: skip
+@pytest.mark.parametrize(
+    ("unit", "factor"),
+    [
+        ("electron/s", 1),
+        ("e-/px/s", 1),
+        ("electron s-1", 1),
+        ("electron / (s pix)", 1),
+        ("electron/min", 1 / 60),
+        ("electron / (h pix)", 1 / 3600),
+    ],
+)
 def test_units_are_converted(tmp_path, unit, factor):
     path = write(tmp_path / "a.fits", np.full(SHAPE, 36.0), unit)
     found = stray_light_map(instrument_with(stray_light={"map_file": path}), "F520", SHAPE)

@@ -30,8 +30,11 @@ def write_fits(path, data, card=6.5, extension=False):
 @pytest.mark.parametrize("kind", ["npz", "fits", "extension"])
 def test_a_set_is_read(tmp_path, kind):
     cube = np.stack([BAR, DOT]).astype(np.float32)
-    path = write_npz(tmp_path / "a.npz", cube) if kind == "npz" else write_fits(
-        tmp_path / "a.fits", cube, extension=kind == "extension")  # fmt: skip
+    path = (
+        write_npz(tmp_path / "a.npz", cube)
+        if kind == "npz"
+        else write_fits(tmp_path / "a.fits", cube, extension=kind == "extension")
+    )
     found = read_templates(path)
     np.testing.assert_array_equal(found.start, [0, 21, 22])
     np.testing.assert_allclose(found.column_um[:21], (np.arange(21) - 10) * 6.5, atol=1e-9)

@@ -56,8 +56,9 @@ def test_physical_charge_is_proportional_to_length(cosmic, rng):
     counts, edges = np.histogram(loss, bins=np.arange(0.0, 200.0, 2.0))
     assert abs(edges[counts.argmax()] + 1.0 - expected) < 4.0
     short, long = loss[tracks.length_um < 16.0], loss[tracks.length_um > 40.0]
-    assert abs(short.mean() - long.mean()) < 4.5 * np.hypot(short.std() / np.sqrt(short.size),
-                                                            long.std() / np.sqrt(long.size))  # fmt: skip
+    assert abs(short.mean() - long.mean()) < 4.5 * np.hypot(
+        short.std() / np.sqrt(short.size), long.std() / np.sqrt(long.size)
+    )
     mean_charge = config.mean_loss_e_um * 2 * config.depth_um / (1 + config.depth_um / config.max_length_um)
     assert 2300 < mean_charge < 2700  # a thin layer leaves about what the paper quotes
 

@@ -30,9 +30,15 @@ def test_npz_and_fits_give_the_same_map(tmp_path):
 
 @pytest.mark.parametrize(
     "mask",
-    [np.full((8, 8), 1.1), np.full((8, 8), np.nan), np.zeros((8, 8)), np.ones((8, 9)), np.ones((9, 9)),
-     np.ones((8, 8), dtype=complex)],
-)  # fmt: skip
+    [
+        np.full((8, 8), 1.1),
+        np.full((8, 8), np.nan),
+        np.zeros((8, 8)),
+        np.ones((8, 9)),
+        np.ones((9, 9)),
+        np.ones((8, 8), dtype=complex),
+    ],
+)
 def test_bad_maps_are_refused(tmp_path, mask):
     write_npz(tmp_path / "a.npz", {"transmission": mask})
     with pytest.raises(InputError, match="apodizer"):
@@ -91,9 +97,14 @@ def test_binary_masks_are_maps(tmp_path):
 
 @pytest.mark.parametrize(
     ("scale", "words"),
-    [(100.0, "divide by 100 if it is in per cent"), (255, "255 if it is a picture of 8 bits"),
-     (65535, "65535 if it is a picture of 16 bits"), (1.7, "value of the open part"), (-1.0, "found -1 to 0")],
-)  # fmt: skip
+    [
+        (100.0, "divide by 100 if it is in per cent"),
+        (255, "255 if it is a picture of 8 bits"),
+        (65535, "65535 if it is a picture of 16 bits"),
+        (1.7, "value of the open part"),
+        (-1.0, "found -1 to 0"),
+    ],
+)
 def test_other_scales_are_refused_with_a_hint(tmp_path, scale, words):
     fits.writeto(tmp_path / "a.fits", np.linspace(0, 1, 64).reshape(8, 8) * scale)
     with pytest.raises(InputError, match=words):
@@ -147,8 +158,9 @@ def test_coverage_is_the_area_of_the_disc(samples):
 def test_light_beyond_the_rim_of_a_users_map_does_not_exist(tmp_path):
     """An open square map carries the energy of the clear disc, not 4 / pi of it."""
     write_npz(tmp_path / "open.npz", {"transmission": np.ones((64, 64))})
-    instrument = load_instrument({"coronagraph": {"apodizer": str(tmp_path / "open.npz")},
-                                  "dark_hole": {"control": "off"}})  # fmt: skip
+    instrument = load_instrument(
+        {"coronagraph": {"apodizer": str(tmp_path / "open.npz")}, "dark_hole": {"control": "off"}}
+    )
     assert bare_imager(instrument, "F662").apodizer_energy == pytest.approx(1.0, abs=0.02)
     for name in shipped_apodizers():
         mask = load_apodizer(name)

@@ -93,8 +93,10 @@ def test_perfect_optics_under_control_keep_their_mirror_still(own_cache):
 
 
 def test_single_jacobian_is_thirty_times_brighter():
-    psfs = [single_band_psf("F662", fidelity=SMALL, instrument=load_instrument(name))
-            for name in ("cpic_default", "cpic_single_jacobian")]  # fmt: skip
+    psfs = [
+        single_band_psf("F662", fidelity=SMALL, instrument=load_instrument(name))
+        for name in ("cpic_default", "cpic_single_jacobian")
+    ]
     contrast = [hole_contrast(psf) for psf in psfs]
     assert contrast[0] < 1e-9
     assert 10 * contrast[0] < contrast[1] < 5e-8
@@ -200,8 +202,9 @@ def test_user_bands(tmp_path):
     filters = {name: band | {"transmission_file": str(tmp_path / f"{name}.txt")} for name in curves}
     instrument = load_instrument(OFF | {"bands": {"mine": band} | filters})
     knobs = Knobs(stamp_pixels=65)
-    mine, file, skewed = (single_band_psf(name, fidelity=knobs, instrument=instrument)
-                          for name in ("mine", "file", "skew"))  # fmt: skip
+    mine, file, skewed = (
+        single_band_psf(name, fidelity=knobs, instrument=instrument) for name in ("mine", "file", "skew")
+    )
     for psf in (mine, file, skewed):
         imager = psf.imager
         assert imager.weights.sum() == pytest.approx(1.0, rel=1e-12)

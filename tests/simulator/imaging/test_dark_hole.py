@@ -112,8 +112,10 @@ def test_core_of_flat_optics_is_the_apodizers():
     radii, angles = 0.5 * (nodes + 1) * imager.aperture_radius_arcsec, np.arange(32) * 2 * np.pi / 32
     energy = 0.0
     for radius, weight in zip(radii, weights, strict=True):
-        fields = [imager.field(0, np.array([radius * np.sin(t)]), np.array([radius * np.cos(t)]), engine="matrix")
-                  for t in angles]  # fmt: skip
+        fields = [
+            imager.field(0, np.array([radius * np.sin(t)]), np.array([radius * np.cos(t)]), engine="matrix")
+            for t in angles
+        ]
         energy += weight * radius * np.mean(np.abs(fields) ** 2)
     energy *= np.pi * imager.aperture_radius_arcsec / ARCSEC_PER_RAD**2
     assert score.core_throughput == pytest.approx(energy, rel=1e-9)
@@ -139,8 +141,14 @@ def test_two_quadrants_lie_on_the_named_side(small):
 
 def test_two_quadrants_go_inside_the_four(small):
     # The inner edge may differ from the imager's.
-    hole = solve_dark_hole(small, draw_aberrations(3, samples=64), MIRROR, mode="2q", inner_arcsec=0.19,
-                           settings=ControlSettings(max_iterations=8))  # fmt: skip
+    hole = solve_dark_hole(
+        small,
+        draw_aberrations(3, samples=64),
+        MIRROR,
+        mode="2q",
+        inner_arcsec=0.19,
+        settings=ControlSettings(max_iterations=8),
+    )
     assert hole.zone.inner_arcsec == 0.19
     assert hole.before.mean / hole.wide.mean > 100
 
@@ -152,8 +160,9 @@ def test_a_hole_not_reached_is_another_type(small):
     assert "F662 4q" in hole.reason
     assert "asked 2e-09" in hole.reason
     assert "1 iterations (iterations)" in hole.reason
-    lenient = solve_dark_hole(small, draw_aberrations(4, samples=64), MIRROR,
-                              settings=ControlSettings(max_iterations=1), limit_contrast=1e-4)  # fmt: skip
+    lenient = solve_dark_hole(
+        small, draw_aberrations(4, samples=64), MIRROR, settings=ControlSettings(max_iterations=1), limit_contrast=1e-4
+    )
     assert type(lenient) is DarkHole
     np.testing.assert_array_equal(lenient.commands_nm, hole.commands_nm)
 

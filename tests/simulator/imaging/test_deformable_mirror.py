@@ -161,9 +161,18 @@ def test_without_samples_the_map_keeps_its_own_grid(tmp_path):
 
 @pytest.mark.parametrize(
     ("unit", "nm"),
-    [("nm", 1), ("Nanometer", 1), ("um", 1e3), ("Micron", 1e3), ("\u00b5m", 1e3), ("mm", 1e6), ("m", 1e9), ("pm", 1e-3),
-     ("Angstrom", 0.1)],
-)  # fmt: skip
+    [
+        ("nm", 1),
+        ("Nanometer", 1),
+        ("um", 1e3),
+        ("Micron", 1e3),
+        ("\u00b5m", 1e3),
+        ("mm", 1e6),
+        ("m", 1e9),
+        ("pm", 1e-3),
+        ("Angstrom", 0.1),
+    ],
+)
 def test_units_by_many_names(tmp_path, unit, nm):
     surface = load_dm_surface(written(tmp_path / "a.fits", np.full((4, 4), 2.0 / nm)), unit=unit)
     np.testing.assert_allclose(surface, 2.0, rtol=1e-14)
@@ -178,7 +187,7 @@ def test_other_units_are_refused(tmp_path, unit):
 @pytest.mark.parametrize(
     ("data", "words"),
     [(np.ones((2, 8, 8)), "plane of the cube"), (np.ones((1, 1)), "2 to 4096"), (np.ones(9), "square")],
-)  # fmt: skip
+)
 def test_other_shapes_are_refused(tmp_path, data, words):
     with pytest.raises(InputError, match=words):
         load_dm_surface(written(tmp_path / "a.fits", data, "nm"))

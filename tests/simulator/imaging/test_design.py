@@ -45,8 +45,14 @@ def test_clear_disc_figures_are_the_airy_ones():
 
 
 def test_small_design_obeys_its_bounds_and_symmetry():
-    mask = design_step_mask(n_steps=24, inner_lambda_d=4.5, contrast=1e-6, outer_half_side_lambda_d=7,
-                            outer_leak=1e-3, leak_extent_lambda_d=11)  # fmt: skip
+    mask = design_step_mask(
+        n_steps=24,
+        inner_lambda_d=4.5,
+        contrast=1e-6,
+        outer_half_side_lambda_d=7,
+        outer_leak=1e-3,
+        leak_extent_lambda_d=11,
+    )
     assert mask.min() >= 0
     assert mask.max() <= 1
     for image in (mask.T, mask[::-1], mask[:, ::-1]):
@@ -59,8 +65,15 @@ def test_small_design_obeys_its_bounds_and_symmetry():
 
 
 def test_design_keeps_to_the_part_that_a_mirror_covers():
-    mask = design_step_mask(n_steps=24, inner_lambda_d=4.5, contrast=1e-5, outer_half_side_lambda_d=7,
-                            outer_leak=1e-3, leak_extent_lambda_d=11, open_side_diameters=0.75)  # fmt: skip
+    mask = design_step_mask(
+        n_steps=24,
+        inner_lambda_d=4.5,
+        contrast=1e-5,
+        outer_half_side_lambda_d=7,
+        outer_leak=1e-3,
+        leak_extent_lambda_d=11,
+        open_side_diameters=0.75,
+    )
     assert not mask[:3].any()
     assert mask[3].any()
     grid = np.linspace(4.5 / np.sqrt(2), 7, 60)
@@ -94,8 +107,9 @@ def test_no_separable_mask_goes_inside_the_limit_of_dolph():
 
 def test_impossible_and_bad_requests_are_refused():
     with pytest.raises(InputError, match="no step mask"):
-        design_step_mask(n_steps=16, inner_lambda_d=1.6, contrast=1e-9, outer_half_side_lambda_d=5,
-                         leak_extent_lambda_d=7)  # fmt: skip
+        design_step_mask(
+            n_steps=16, inner_lambda_d=1.6, contrast=1e-9, outer_half_side_lambda_d=5, leak_extent_lambda_d=7
+        )
     with pytest.raises(InputError, match="n_steps"):
         design_step_mask(n_steps=63)
     with pytest.raises(InputError, match="inner_lambda_d"):
@@ -127,8 +141,12 @@ def test_command_takes_every_requirement(tmp_path, capsys):
 
 @pytest.mark.parametrize("words", [["--n-steps", "7"], ["--contrast", "2"], ["--inner-lambda-d", "-1"]])
 def test_nonsense_on_the_command_line_is_one_line(tmp_path, words):
-    done = subprocess.run([sys.executable, "-m", "simulator.imaging.design", "--out", str(tmp_path / "m.npz"), *words],
-                          capture_output=True, text=True, check=False)  # fmt: skip
+    done = subprocess.run(
+        [sys.executable, "-m", "simulator.imaging.design", "--out", str(tmp_path / "m.npz"), *words],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert done.returncode == 2
     assert len(done.stderr.strip().splitlines()) == 1
     assert list(tmp_path.iterdir()) == []

@@ -70,8 +70,9 @@ def test_the_grid_does_not_show_through_the_telescope(inclination, error):
         """On pixel centres, through a Gaussian of 1.7 pixels."""
         grid = render_extended(disc(inclination_deg=inclination, pa_deg=30), step_arcsec=pixel / parts, roll_deg=17)
         centres = np.arange(-45, 46) * pixel
-        y, x = (np.exp(-0.5 * ((centres[:, None] - axis) / (1.7 * pixel)) ** 2)
-                for axis in (grid.y_arcsec, grid.x_arcsec))  # fmt: skip
+        y, x = (
+            np.exp(-0.5 * ((centres[:, None] - axis) / (1.7 * pixel)) ** 2) for axis in (grid.y_arcsec, grid.x_arcsec)
+        )
         return y @ grid.flux @ x.T
 
     fine = seen(16)
@@ -204,8 +205,9 @@ def test_image_pixels_are_squares_of_even_light(tmp_path):
 def test_the_centre_of_an_image_can_be_told(tmp_path):
     data = np.zeros((4, 4))
     data[2, 3] = 1
-    image = image_of(tmp_path, data, pixel_scale_arcsec=0.05, center_pixel=[3, 2], center_separation_arcsec=0.3,
-                     center_pa_deg=180)  # fmt: skip
+    image = image_of(
+        tmp_path, data, pixel_scale_arcsec=0.05, center_pixel=[3, 2], center_separation_arcsec=0.3, center_pa_deg=180
+    )
     assert moments(render_extended(image, step_arcsec=STEP))[1:3] == pytest.approx((0, -0.3), abs=1e-12)
 
 
@@ -237,11 +239,13 @@ def test_bad_images_are_refused(tmp_path, data, keys, words):
 
 
 def test_bad_grids_are_refused():
-    for keys, words in (({"step_arcsec": 0.0}, "step_arcsec = 0.0 arcsec"),
-                        ({"step_arcsec": float("nan")}, "step_arcsec"),
-                        ({"step_arcsec": STEP, "reach_arcsec": -1.0}, "reach_arcsec = -1.0 arcsec"),
-                        ({"step_arcsec": 1e-4}, "give reach_arcsec"),
-                        ({"step_arcsec": STEP, "parity": 0}, "parity"),
-                        ({"step_arcsec": STEP, "roll_deg": float("inf")}, "roll_deg")):  # fmt: skip
+    for keys, words in (
+        ({"step_arcsec": 0.0}, "step_arcsec = 0.0 arcsec"),
+        ({"step_arcsec": float("nan")}, "step_arcsec"),
+        ({"step_arcsec": STEP, "reach_arcsec": -1.0}, "reach_arcsec = -1.0 arcsec"),
+        ({"step_arcsec": 1e-4}, "give reach_arcsec"),
+        ({"step_arcsec": STEP, "parity": 0}, "parity"),
+        ({"step_arcsec": STEP, "roll_deg": float("inf")}, "roll_deg"),
+    ):
         with pytest.raises(InputError, match=words):
             render_extended(disc(), **keys)

@@ -17,9 +17,12 @@ from simulator.imaging.kernel import placed
 from simulator.imaging.measure import stamp_figures
 from simulator.imaging.psf import single_band_psf
 
-INSTRUMENT = load_instrument({
-    "wavefront": {"opd_rms_nm": 0, "amplitude_rms": 0}, "dark_hole": {"control": "off"},
-})  # fmt: skip
+INSTRUMENT = load_instrument(
+    {
+        "wavefront": {"opd_rms_nm": 0, "amplitude_rms": 0},
+        "dark_hole": {"control": "off"},
+    }
+)
 PIXEL = INSTRUMENT.pixel_scale_arcsec("F662")
 
 
@@ -101,8 +104,9 @@ def test_core_of_a_gaussian_is_the_mean_of_aperture_sums(tmp_path):
     # Brute force: photometry in an aperture on every phase within a pixel.
     phases = (np.arange(8) + 0.5) / 8 - 0.5
     half = len(overlap_weights(radius)) // 2
-    sums = [(overlap_weights(radius, dy, dx) * gaussian(2 * half + 1, y=dy, x=dx)).sum()
-            for dy in phases for dx in phases]  # fmt: skip
+    sums = [
+        (overlap_weights(radius, dy, dx) * gaussian(2 * half + 1, y=dy, x=dx)).sum() for dy in phases for dx in phases
+    ]
     assert metrics.core_open == pytest.approx(np.mean(sums), rel=2e-4)
     # Half the light where the bars of the cross leave half of it, far along one arm.
     width = INSTRUMENT.mask_half_width_arcsec("F662")

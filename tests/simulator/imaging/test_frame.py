@@ -87,16 +87,26 @@ def test_far_map_leaves_the_stamp_to_the_drifting_frames(psf):
 
 
 def test_extended_light_is_that_of_its_points(psf):
-    disc = {"kind": "disc", "inner_arcsec": 0.35, "outer_arcsec": 0.6, "contrast": 1e-6, "inclination_deg": 50,
-            "pa_deg": 30}  # fmt: skip
+    disc = {
+        "kind": "disc",
+        "inner_arcsec": 0.35,
+        "outer_arcsec": 0.6,
+        "contrast": 1e-6,
+        "inclination_deg": 50,
+        "pa_deg": 30,
+    }
     scene = load_scene({"name": "s", "cstar": STAR, "extended": [disc]})
     items = extended_rates(scene, SMALL, "F520")
     window = window_of(psf, SMALL, full=False)
     image = off_axis_light(psf, window, (), items, roll_deg=10.0)
     assert image.min() >= 0
     # All light that passes the cross falls on the stamp, less the wings.
-    unmasked = single_band_psf("F520", instrument=load_instrument(
-        {"detector": SMALL.detector.model_dump(), "coronagraph": {"mask_half_width_arcsec": 0.0}}))  # fmt: skip
+    unmasked = single_band_psf(
+        "F520",
+        instrument=load_instrument(
+            {"detector": SMALL.detector.model_dump(), "coronagraph": {"mask_half_width_arcsec": 0.0}}
+        ),
+    )
     whole = off_axis_light(unmasked, window, (), items, roll_deg=10.0)
     assert whole.sum() == pytest.approx(items[0].rate_e_s * psf.metrics.apodizer_energy, rel=0.12)
     rotated = off_axis_light(psf, window, (), items, roll_deg=40.0)
@@ -180,9 +190,14 @@ def test_a_finer_pupil_grid_is_the_same_light(psf):
     one, other = (off_axis_light(optics, window, stars, (), roll_deg=0.0) for optics in (psf, fine))
     assert np.abs(one - other).max() < 1e-12 * one.max()
     # What the finer grid itself gives.
-    direct = scene_image(band_transfer(fine.imager), window.rows, window.columns, fine.pixel_scale_arcsec,
-                         PointSources([0.4], [0.4], [2.0]),
-                         mask_half_width_arcsec=fine.imager.mask_half_width_arcsec)  # fmt: skip
+    direct = scene_image(
+        band_transfer(fine.imager),
+        window.rows,
+        window.columns,
+        fine.pixel_scale_arcsec,
+        PointSources([0.4], [0.4], [2.0]),
+        mask_half_width_arcsec=fine.imager.mask_half_width_arcsec,
+    )
     planet = off_axis_light(fine, window, stars[2:], (), roll_deg=0.0)
     assert np.abs(planet - direct).max() < 1e-12 * direct.max()
 
@@ -191,8 +206,9 @@ def test_star_far_off_the_mask_has_its_core_at_full_accuracy(psf):
     window = window_of(psf, SMALL, full=True)
     place = (1.0, -1.2)
     image = full_star_map(psf, window, place)
-    exact = psf.imager.image(psf.imager.axis(window.rows, masked=True), psf.imager.axis(window.columns, masked=True),
-                             source_arcsec=place)  # fmt: skip
+    exact = psf.imager.image(
+        psf.imager.axis(window.rows, masked=True), psf.imager.axis(window.columns, masked=True), source_arcsec=place
+    )
     rows, columns, _ = window.stamp(137)
     exact[rows, columns] = 0.0
     peak = psf.off_axis.max()

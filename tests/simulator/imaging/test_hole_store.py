@@ -47,8 +47,9 @@ def test_shipped_states_load_without_a_search(no_search, preset, band):
 @pytest.mark.parametrize("preset", PRESETS)
 @pytest.mark.parametrize("band", BANDS)
 def test_search_went_down_but_for_strong_steps(preset, band):
-    history, strong = (getattr(dark_hole_of(load_instrument(preset), band).search, name) for name in
-                       ("history", "strong"))  # fmt: skip
+    history, strong = (
+        getattr(dark_hole_of(load_instrument(preset), band).search, name) for name in ("history", "strong")
+    )
     assert len(history) == 1 + len(strong)
     for before, after, was_strong in zip(history[:-1], history[1:], strong, strict=True):
         assert was_strong or after < before
@@ -81,27 +82,52 @@ def test_the_state_belongs_to_the_grid_that_builds_the_psf(preset, band):
     assert mean(load_instrument(preset)) == pytest.approx(own.mean, rel=0.06)  # a converter of 16 bits
 
 
-@pytest.mark.parametrize("change", [
-    {"telescope": {"diameter_m": 2.1}}, {"coronagraph": {"inner_lambda_d": 4.5}},
-    {"coronagraph": {"outer_half_side_arcsec": 0.65}}, {"coronagraph": {"inner_arcsec": {"F662": 0.3}}},
-    {"coronagraph": {"apodizer": "lpx25"}}, {"bands": {"F662": {"center_nm": 660}}},
-    {"bands": {"F662": {"width_nm": 60}}}, {"wavefront": {"seed": 2}}, {"wavefront": {"opd_rms_nm": 21}},
-    {"wavefront": {"amplitude_rms": 0.002}}, {"wavefront": {"psd_slope": 2.6}}, {"wavefront": {"samples": 256}},
-    {"mirror": {"n_actuators": 34}}, {"mirror": {"span_diameters": 0.9}}, {"mirror": {"coupling": 0.2}},
-    {"mirror": {"stroke_nm": 900}}, {"mirror": {"dead": [[3, 4]]}}, {"dark_hole": {"mode": "2q"}},
-    {"dark_hole": {"bandwidth": 0.05}}, {"dark_hole": {"control": "single_jacobian"}},
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"telescope": {"diameter_m": 2.1}},
+        {"coronagraph": {"inner_lambda_d": 4.5}},
+        {"coronagraph": {"outer_half_side_arcsec": 0.65}},
+        {"coronagraph": {"inner_arcsec": {"F662": 0.3}}},
+        {"coronagraph": {"apodizer": "lpx25"}},
+        {"bands": {"F662": {"center_nm": 660}}},
+        {"bands": {"F662": {"width_nm": 60}}},
+        {"wavefront": {"seed": 2}},
+        {"wavefront": {"opd_rms_nm": 21}},
+        {"wavefront": {"amplitude_rms": 0.002}},
+        {"wavefront": {"psd_slope": 2.6}},
+        {"wavefront": {"samples": 256}},
+        {"mirror": {"n_actuators": 34}},
+        {"mirror": {"span_diameters": 0.9}},
+        {"mirror": {"coupling": 0.2}},
+        {"mirror": {"stroke_nm": 900}},
+        {"mirror": {"dead": [[3, 4]]}},
+        {"dark_hole": {"mode": "2q"}},
+        {"dark_hole": {"bandwidth": 0.05}},
+        {"dark_hole": {"control": "single_jacobian"}},
+    ],
+)
 def test_key_sees_what_the_search_sees(change):
     default, other = load_instrument(), load_instrument(change)
     assert hole_key(other, solver(other)) != hole_key(default, solver(default))
 
 
-@pytest.mark.parametrize("change", [
-    {"mirror": {"bits": None}}, {"mirror": {"bits": 12, "noise_nm": 0.1}}, {"wavefront": {"jitter_mas": 10}},
-    {"drift": {"visit_nm": 1.0, "psd_slope": 3}}, {"detector": {"read_noise_e": 10}}, {"overhead_s": 5},
-    {"coronagraph": {"mask_half_width_arcsec": 0.12}}, {"bands": {"F720": {"width_nm": 30}}}, {"name": "mine"},
-    {"near_infrared": {"pixel_scale_arcsec": 0.03}}, {"bands": {"F662": {"t_opt": 0.3, "qe": 0.5}}},
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"mirror": {"bits": None}},
+        {"mirror": {"bits": 12, "noise_nm": 0.1}},
+        {"wavefront": {"jitter_mas": 10}},
+        {"drift": {"visit_nm": 1.0, "psd_slope": 3}},
+        {"detector": {"read_noise_e": 10}},
+        {"overhead_s": 5},
+        {"coronagraph": {"mask_half_width_arcsec": 0.12}},
+        {"bands": {"F720": {"width_nm": 30}}},
+        {"name": "mine"},
+        {"near_infrared": {"pixel_scale_arcsec": 0.03}},
+        {"bands": {"F662": {"t_opt": 0.3, "qe": 0.5}}},
+    ],
+)
 def test_key_ignores_what_the_search_does_not_see(no_search, change):
     default, other = load_instrument(), load_instrument(change)
     assert hole_key(other, solver(other)) == hole_key(default, solver(default))

@@ -155,8 +155,10 @@ def test_energy_through_the_mask_and_blocked_is_the_total(aberrated):
 
 def test_wider_fields_hold_more_of_the_energy():
     imager = mono(64)
-    axes = [imager.axis(centred_axis(2 * half + 1, imager.pixel_scale_arcsec), masked=False, pixel_nodes=1)
-            for half in (60, 250, 600)]  # fmt: skip
+    axes = [
+        imager.axis(centred_axis(2 * half + 1, imager.pixel_scale_arcsec), masked=False, pixel_nodes=1)
+        for half in (60, 250, 600)
+    ]
     missing = [1 - imager.image(axis, axis).sum() / imager.apodizer_energy for axis in axes]
     assert missing[0] > missing[1] > missing[2] > 0
     assert missing[2] < 6e-3  # +-9.7 arcsec

@@ -143,10 +143,18 @@ def test_blank_pixels_of_integers_are_no_numbers(tmp_path):
         ({"PIXELSCL": 0.02}, 0.02),
         ({"CDELT1": -0.02 / 3600, "CDELT2": 0.02 / 3600}, 0.02),
         ({"CDELT1": -20, "CUNIT1": "mas", "CDELT2": 0.02, "CUNIT2": "arcsec", "PIXSCALE": 0.02}, 0.02),
-        ({"CD1_1": -0.012 / 3600, "CD1_2": 0.016 / 3600, "CD2_1": 0.016 / 3600, "CD2_2": 0.012 / 3600,
-          "CDELT1": 1.0}, 0.02),
+        (
+            {
+                "CD1_1": -0.012 / 3600,
+                "CD1_2": 0.016 / 3600,
+                "CD2_1": 0.016 / 3600,
+                "CD2_2": 0.012 / 3600,
+                "CDELT1": 1.0,
+            },
+            0.02,
+        ),
     ],
-)  # fmt: skip
+)
 def test_pixel_scales_of_headers(header, scale):
     assert pixel_scale("map", "file", header) == (None if scale is None else pytest.approx(scale, rel=1e-12))
 

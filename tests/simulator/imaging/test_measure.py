@@ -24,9 +24,18 @@ MONO = Knobs(wavelength_nodes=1)
 def test_strehl_is_that_of_the_hole(band):
     """Sum of the pupil field over its sum without phase errors, squared: no propagation at all."""
     imager = build_imager(STILL, band, Knobs(wavelength_nodes=5))
-    peaks = np.array([[abs((imager.transmission * extra).sum()) ** 2 for extra in (
-        imager.static.amplitude * np.exp(2j * np.pi * imager.static.opd_nm * 1e-9 / wavelength), 1.0)]
-        for wavelength in imager.wavelengths_m])  # fmt: skip
+    peaks = np.array(
+        [
+            [
+                abs((imager.transmission * extra).sum()) ** 2
+                for extra in (
+                    imager.static.amplitude * np.exp(2j * np.pi * imager.static.opd_nm * 1e-9 / wavelength),
+                    1.0,
+                )
+            ]
+            for wavelength in imager.wavelengths_m
+        ]
+    )
     light, flat = (imager.weights / imager.wavelengths_m**2) @ peaks
     assert strehl(imager) == pytest.approx(light / flat, rel=1e-9)
     assert strehl(imager) == pytest.approx(dark_hole_of(STILL, band).own.strehl, rel=1e-9)
@@ -43,8 +52,12 @@ def test_strehl_of_perfect_optics_is_one_and_jitter_lowers_it():
 
 
 def test_strehl_of_random_phase_follows_marechal():
-    rough = load_instrument({"wavefront": {"opd_rms_nm": 10, "amplitude_rms": 0, "jitter_mas": 0, "psd_slope": 0},
-                             "dark_hole": {"control": "off"}})  # fmt: skip
+    rough = load_instrument(
+        {
+            "wavefront": {"opd_rms_nm": 10, "amplitude_rms": 0, "jitter_mas": 0, "psd_slope": 0},
+            "dark_hole": {"control": "off"},
+        }
+    )
     expected = np.exp(-((2 * np.pi * 10 / 662) ** 2))
     assert 1 - strehl(build_imager(rough, "F662")) == pytest.approx(1 - expected, rel=0.05)
 

@@ -30,8 +30,9 @@ def metrics():
 
 def perfect(band, half_width=0.155):
     """PSF and metrics of perfect optics behind another mask, without a new speckle floor."""
-    psf = single_band_psf(band, instrument=load_instrument(
-        PERFECT | {"coronagraph": {"mask_half_width_arcsec": half_width}}))  # fmt: skip
+    psf = single_band_psf(
+        band, instrument=load_instrument(PERFECT | {"coronagraph": {"mask_half_width_arcsec": half_width}})
+    )
     figures = stamp_figures(psf.imager, psf.on_axis, psf.off_axis)
     arrays = psf_metrics(INSTRUMENT, band).to_arrays() | {"mask_half_width_arcsec": np.asarray(half_width)}
     return psf, PsfMetrics.from_arrays(arrays | {name: np.asarray(value) for name, value in figures.items()})

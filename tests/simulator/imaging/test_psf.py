@@ -71,9 +71,15 @@ def test_apodizer_alone_is_darker_than_its_design(flat):
         assert dark.max() < 2e-8  # single pixels on the outer edge
 
 
-@pytest.mark.parametrize(("band", "mean", "p95"), [
-    ("F520", 1e-8, 3e-8), ("F662", 1e-9, 3e-9), ("F720", 1e-9, 3e-9), ("F850", 1e-9, 3e-9),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("band", "mean", "p95"),
+    [
+        ("F520", 1e-8, 3e-8),
+        ("F662", 1e-9, 3e-9),
+        ("F720", 1e-9, 3e-9),
+        ("F850", 1e-9, 3e-9),
+    ],
+)
 def test_hole_of_the_default_instrument(psfs, band, mean, p95):
     psf = psfs[band]
     dark = contrast_in_hole(psf)
@@ -321,9 +327,18 @@ def test_bad_requests_are_named(words, arguments):
 
 @pytest.mark.parametrize(
     ("key", "value"),
-    [("pupil_samples", 32), ("pupil_samples", 4096), ("wavelength_nodes", 0), ("wavelength_nodes", 100),
-     ("pixel_nodes", 0), ("pixel_nodes", 9), ("stamp_pixels", 31), ("stamp_pixels", 5001), ("precision", "half")],
-)  # fmt: skip
+    [
+        ("pupil_samples", 32),
+        ("pupil_samples", 4096),
+        ("wavelength_nodes", 0),
+        ("wavelength_nodes", 100),
+        ("pixel_nodes", 0),
+        ("pixel_nodes", 9),
+        ("stamp_pixels", 31),
+        ("stamp_pixels", 5001),
+        ("precision", "half"),
+    ],
+)
 def test_settings_out_of_range_are_refused_by_name(key, value):
     with pytest.raises(ValueError, match=key):
         Knobs(**{key: value})

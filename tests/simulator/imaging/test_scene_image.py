@@ -92,9 +92,13 @@ def test_the_star_with_its_dark_hole_passes_the_same_engine():
     axis = imager.stamp_axis(masked=True)
     centres = centred_axis(axis.n_pixels, imager.pixel_scale_arcsec)
     star = scene_image(
-        band_transfer(imager), centres, centres, imager.pixel_scale_arcsec, PointSources([0.0], [0.0], [1.0]),
+        band_transfer(imager),
+        centres,
+        centres,
+        imager.pixel_scale_arcsec,
+        PointSources([0.0], [0.0], [1.0]),
         mask_half_width_arcsec=imager.mask_half_width_arcsec,
-    )  # fmt: skip
+    )
     exact = propagated(imager, centres, centres, PointSources([0.0], [0.0], [1.0]), imager.mask_half_width_arcsec)
     assert np.abs(star - exact).max() < 1e-12 * peak_of(imager)
 
@@ -201,8 +205,10 @@ def test_a_dense_field_takes_few_passes_and_is_the_sum_of_its_stars(monkeypatch)
     x, y, flux = rng.uniform(-8.0, 8.0, n), rng.uniform(-8.0, 8.0, n), 10.0 ** rng.uniform(-3.0, 0.0, n)
     whole = scene_image(transfer, axis, axis, PIXEL, PointSources(x, y, flux), mask_half_width_arcsec=0.155)
     assert len(passes) <= 4  # of 25 tiles of 4 arcsec
-    alone = [scene_image(transfer, axis, axis, PIXEL, PointSources(*star), mask_half_width_arcsec=0.155)
-             for star in zip(x, y, flux, strict=True)]  # fmt: skip
+    alone = [
+        scene_image(transfer, axis, axis, PIXEL, PointSources(*star), mask_half_width_arcsec=0.155)
+        for star in zip(x, y, flux, strict=True)
+    ]
     assert len(passes) > n  # one for each star, and those of the field
     peak = scene_image(transfer, axis, axis, PIXEL, PointSources([0.0], [0.0], [flux.max()])).max()
     assert np.abs(whole - sum(alone)).max() < 3e-12 * peak

@@ -41,8 +41,10 @@ def test_every_band_of_every_preset_is_shipped(tmp_path, monkeypatch, preset, ba
 def test_nothing_else_is_shipped():
     instruments = {(preset, band): load_instrument(preset) for preset, band in EVERY}
     metrics = {shipped_metrics(metrics_key(made, band), band).name for (_, band), made in instruments.items()}
-    holes = {shipped_hole(hole_key(made, bare_imager(made, band, Knobs(wavelength_nodes=5))), band).name
-             for (_, band), made in instruments.items()}  # fmt: skip
+    holes = {
+        shipped_hole(hole_key(made, bare_imager(made, band, Knobs(wavelength_nodes=5))), band).name
+        for (_, band), made in instruments.items()
+    }
     folder = shipped_metrics("", "").parent
     assert {path.name for path in folder.glob("metrics_*")} == metrics
     assert {path.name for path in folder.glob("hole_*")} == holes
@@ -77,25 +79,44 @@ def test_shipped_core_and_contrast_are_what_the_model_gives():
 
 @pytest.mark.parametrize(
     "change",
-    [{"detector": {"read_noise_e": 160}}, {"drift": {"visit_nm": 0.2, "walk_nm_per_sqrt_hour": 0.3}},
-     {"bands": {"F662": {"t_opt": 0.3, "qe": 0.8}}}, {"overhead_s": 100}, {"bands": {"F720": {"width_nm": 30}}},
-     {"coronagraph": {"inner_arcsec": {"F720": 0.3}}}, {"near_infrared": {"mask_half_width_arcsec": 0.2}},
-     {"sky": {"brightness_v_mag_arcsec2": 20}}],
-)  # fmt: skip
+    [
+        {"detector": {"read_noise_e": 160}},
+        {"drift": {"visit_nm": 0.2, "walk_nm_per_sqrt_hour": 0.3}},
+        {"bands": {"F662": {"t_opt": 0.3, "qe": 0.8}}},
+        {"overhead_s": 100},
+        {"bands": {"F720": {"width_nm": 30}}},
+        {"coronagraph": {"inner_arcsec": {"F720": 0.3}}},
+        {"near_infrared": {"mask_half_width_arcsec": 0.2}},
+        {"sky": {"brightness_v_mag_arcsec2": 20}},
+    ],
+)
 def test_key_ignores_what_does_not_matter(change):
     assert metrics_key(load_instrument(change), "F662") == metrics_key(INSTRUMENT, "F662")
 
 
 @pytest.mark.parametrize(
     "change",
-    [{"telescope": {"diameter_m": 2.1}}, {"coronagraph": {"mask_half_width_arcsec": 0.134}},
-     {"detector": {"pixel_scale_arcsec": 0.02}}, {"drift": {"psd_slope": 3}}, {"bands": {"F662": {"width_nm": 60}}},
-     {"bands": {"F662": {"center_nm": 660}}}, {"coronagraph": {"aperture_radius_lambda_d": 1}},
-     {"wavefront": {"jitter_mas": 4}}, {"wavefront": {"seed": 2}}, {"wavefront": {"opd_rms_nm": 0}},
-     {"mirror": {"bits": 14}}, {"mirror": {"noise_nm": 0.01}}, {"mirror": {"n_actuators": 34}},
-     {"dark_hole": {"control": "off"}}, {"dark_hole": {"control": "single_jacobian"}}, {"dark_hole": {"mode": "2q"}},
-     {"coronagraph": {"inner_arcsec": {"F662": 0.3}}}, {"coronagraph": {"apodizer": "lpx25"}}],
-)  # fmt: skip
+    [
+        {"telescope": {"diameter_m": 2.1}},
+        {"coronagraph": {"mask_half_width_arcsec": 0.134}},
+        {"detector": {"pixel_scale_arcsec": 0.02}},
+        {"drift": {"psd_slope": 3}},
+        {"bands": {"F662": {"width_nm": 60}}},
+        {"bands": {"F662": {"center_nm": 660}}},
+        {"coronagraph": {"aperture_radius_lambda_d": 1}},
+        {"wavefront": {"jitter_mas": 4}},
+        {"wavefront": {"seed": 2}},
+        {"wavefront": {"opd_rms_nm": 0}},
+        {"mirror": {"bits": 14}},
+        {"mirror": {"noise_nm": 0.01}},
+        {"mirror": {"n_actuators": 34}},
+        {"dark_hole": {"control": "off"}},
+        {"dark_hole": {"control": "single_jacobian"}},
+        {"dark_hole": {"mode": "2q"}},
+        {"coronagraph": {"inner_arcsec": {"F662": 0.3}}},
+        {"coronagraph": {"apodizer": "lpx25"}},
+    ],
+)
 def test_key_sees_what_matters(change):
     assert metrics_key(load_instrument(change), "F662") != metrics_key(INSTRUMENT, "F662")
 
@@ -119,8 +140,9 @@ def test_key_is_of_the_surface_and_not_of_its_file(tmp_path):
     def key(name, heights):
         path = tmp_path / name
         np.savez(path, surface_nm=heights)
-        return metrics_key(load_instrument(
-            {"dark_hole": {"control": "surface", "surface_files": {"F662": str(path)}}}), "F662")  # fmt: skip
+        return metrics_key(
+            load_instrument({"dark_hole": {"control": "surface", "surface_files": {"F662": str(path)}}}), "F662"
+        )
 
     assert key("a.npz", np.eye(64)) == key("b.npz", np.eye(64)) != key("a.npz", 2 * np.eye(64))
 

@@ -67,9 +67,11 @@ def test_values_are_the_autocorrelation_of_the_pupil_not_its_mirror_image():
         part = shift - corner
         bilinear = sum(
             lags[(corner[0] + i) % (2 * n), (corner[1] + j) % (2 * n)]
-            * (part[0] if i else 1 - part[0]) * (part[1] if j else 1 - part[1])
-            for i in (0, 1) for j in (0, 1)
-        )  # fmt: skip
+            * (part[0] if i else 1 - part[0])
+            * (part[1] if j else 1 - part[1])
+            for i in (0, 1)
+            for j in (0, 1)
+        )
         assert values[row, column] == pytest.approx(bilinear, abs=5e-3 * lags[0, 0].real)
     assert np.abs(values[3, 40].imag) > 2e-2 * lags[0, 0].real  # where the mirror image would have the other sign
 

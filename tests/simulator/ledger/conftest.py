@@ -35,8 +35,14 @@ def make():
     """Scenes: ``make(x, y)`` has a bright planet there, ``stars`` others, ``more`` is of the central star."""
 
     def scene(x=0.42, y=0.42, *, stars=(), **more):
-        planet = {"name": "b", "radius_rjup": 1, "distance_au": 0.2, "phase_deg": 60, "separation_arcsec": hypot(x, y),
-                  "pa_deg": degrees(atan2(-x, y)) % 360}  # fmt: skip
+        planet = {
+            "name": "b",
+            "radius_rjup": 1,
+            "distance_au": 0.2,
+            "phase_deg": 60,
+            "separation_arcsec": hypot(x, y),
+            "pa_deg": degrees(atan2(-x, y)) % 360,
+        }
         star = {"name": "star", "v_mag": 4.0, "teff_k": 5800} | more
         return load_scene({"name": "s", "cstar": star, "planets": [planet], "stars": list(stars)})
 

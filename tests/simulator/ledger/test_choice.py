@@ -86,9 +86,19 @@ def test_standard_only_draws_sums(said):
     assert (choice.draw, choice.region, choice.epochs) == ("sums", "hole", 6)
     assert choice.knobs == Knobs()
     assert choice.left_out == ()
-    assert set(choice.switches) == {"flat", "dark_structure", "bad_pixels", "bad_columns", "cosmic_rays",
-                                    "nonlinearity", "parallel_cti", "serial_cti", "stripes", "interference",
-                                    "bias_drift"}  # fmt: skip
+    assert set(choice.switches) == {
+        "flat",
+        "dark_structure",
+        "bad_pixels",
+        "bad_columns",
+        "cosmic_rays",
+        "nonlinearity",
+        "parallel_cti",
+        "serial_cti",
+        "stripes",
+        "interference",
+        "bias_drift",
+    }
     assert choice.outcome.status.value == "ok"
     single = choose(said[True], dial_of("standard").of("planet_flux", "snr"), fixed=("summed_frames",))
     assert (single.draw, single.switches) == ("frames", {})
@@ -131,8 +141,11 @@ def test_settings_start_from_the_finest_allowed(said):
 
 def test_sums_are_not_offered_to_what_does_not_add_up(make):
     star = {"exposure_s": 60.0, "em_gain": 300.0}
-    for scene, more, word in ((make(v_mag=0.0), star, "limit"), (make(), {"band": "F940", "em_gain": 1.0}, "infrared"),
-                              (make(), {"star_offset_arcsec": (0.5, 0.5)}, "off the mask")):  # fmt: skip
+    for scene, more, word in (
+        (make(v_mag=0.0), star, "limit"),
+        (make(), {"band": "F940", "em_gain": 1.0}, "infrared"),
+        (make(), {"star_offset_arcsec": (0.5, 0.5)}, "off the mask"),
+    ):
         found = forecast(scene, load_instrument(), **(SETTINGS | more), reduced=True)
         choice = choose(found, dial_of("standard").of("planet_flux", "snr"))
         assert choice.draw == "frames"

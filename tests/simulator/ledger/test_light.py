@@ -15,10 +15,17 @@ from simulator.target.sources import scene_sources
 
 
 def sketch(scene, instrument, band, **more):
-    settings = {"measured": ("b",), "full": False, "star_offset_arcsec": (0.0, 0.0), "sky_e_s_arcsec2": 0.0,
-                "stray_e_s": 0.0, "drift_nm": 0.0} | more  # fmt: skip
-    return sketch_of(instrument, band, psf_metrics(instrument, band), scene_sources(scene, instrument, band),
-                     **settings)  # fmt: skip
+    settings = {
+        "measured": ("b",),
+        "full": False,
+        "star_offset_arcsec": (0.0, 0.0),
+        "sky_e_s_arcsec2": 0.0,
+        "stray_e_s": 0.0,
+        "drift_nm": 0.0,
+    } | more
+    return sketch_of(
+        instrument, band, psf_metrics(instrument, band), scene_sources(scene, instrument, band), **settings
+    )
 
 
 def test_star_and_planet_are_those_of_the_image(make, calm):
@@ -39,10 +46,16 @@ def test_star_and_planet_are_those_of_the_image(make, calm):
 @pytest.mark.parametrize("place", [(1.5, 1.2), (3.0, 0.1), (7.0, 6.0), (14.0, -2.0)])
 def test_wings_of_a_companion_lie_within_the_bounds(place, make, calm):
     x, y = place
-    star = {"name": "t", "v_mag": 4.0, "teff_k": 5800, "separation_arcsec": math.hypot(x, y),
-            "pa_deg": math.degrees(math.atan2(-x, y)) % 360}  # fmt: skip
-    on, off = (observe(make(stars=part), band="F662", exposure_s=1.0, window="hole", instrument=calm)
-               for part in ([star], []))  # fmt: skip
+    star = {
+        "name": "t",
+        "v_mag": 4.0,
+        "teff_k": 5800,
+        "separation_arcsec": math.hypot(x, y),
+        "pa_deg": math.degrees(math.atan2(-x, y)) % 360,
+    }
+    on, off = (
+        observe(make(stars=part), band="F662", exposure_s=1.0, window="hole", instrument=calm) for part in ([star], [])
+    )
     light = on.mean_rate_map - off.mean_rate_map
     found = sketch(make(stars=[star]), calm, "F662")
     source, planet = found.sources[1], found.planets[0]

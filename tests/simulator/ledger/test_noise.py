@@ -42,8 +42,11 @@ def test_a_pixel_has_the_variance_of_its_electrons_stage_by_stage(on):
 @pytest.mark.parametrize("on", list(itertools.product((True, False), repeat=3)))
 def test_a_pixel_of_a_hybrid_array_has_neither_register_nor_clocks(on):
     photons, dark, read = on
-    own = {"read_noise_e": 21.0, "gain_e_adu": 3.0,
-           "switches": {"photon_noise": photons, "dark": dark, "read_noise": read}}  # fmt: skip
+    own = {
+        "read_noise_e": 21.0,
+        "gain_e_adu": 3.0,
+        "switches": {"photon_noise": photons, "dark": dark, "read_noise": read},
+    }
     detector = load_instrument({"near_infrared": {"detector": own}}).near_infrared.detector
     expected = (LIGHT + 5.0 * dark) * photons + 441.0 * read + 0.75
     np.testing.assert_allclose(FrameNoise.of(detector, 1.0, 5.0).variance_e2(LIGHT), expected, rtol=1e-14)
@@ -55,8 +58,12 @@ def random_visit(rng):
     spread = 10.0 ** rng.uniform(-4, 4, 6)
     light = dict(zip(("planet", "halo", "other", "sky", "column", "speckle"), spread, strict=True))
     frame = FrameNoise(rng.uniform(1.0, 2.0), *10.0 ** rng.uniform(-3, 3, 4), bool(rng.random() < 0.8))
-    settings = {"exposure_s": 10.0 ** rng.uniform(-2, 2.5), "n_frames": int(10 ** rng.uniform(0, 4)),
-                "line_shift_s": 10.0 ** rng.uniform(-7, -3), "flaws_e": 10.0 ** rng.uniform(-3, 3)}  # fmt: skip
+    settings = {
+        "exposure_s": 10.0 ** rng.uniform(-2, 2.5),
+        "n_frames": int(10 ** rng.uniform(0, 4)),
+        "line_shift_s": 10.0 ** rng.uniform(-7, -3),
+        "flaws_e": 10.0 ** rng.uniform(-3, 3),
+    }
     return own, mean, light, frame, settings
 
 
@@ -68,10 +75,13 @@ def test_a_visit_has_the_variance_of_its_pixels_and_frames(seed):
     image = light["planet"] * rng.exponential(size=own.shape)
     off_stamp = seed % 4 == 3
     planet = SimpleNamespace(
-        weights=np.zeros((0, 0)) if off_stamp else own, signal_e_s=np.sum(own * image),
-        halo_e_s=light["halo"] * np.sum(own), other_e_s=light["other"] * np.sum(mean),
-        sky_e_s=light["sky"] * np.sum(mean), column_e_s=light["column"] * np.sum(mean),
-    )  # fmt: skip
+        weights=np.zeros((0, 0)) if off_stamp else own,
+        signal_e_s=np.sum(own * image),
+        halo_e_s=light["halo"] * np.sum(own),
+        other_e_s=light["other"] * np.sum(mean),
+        sky_e_s=light["sky"] * np.sum(mean),
+        column_e_s=light["column"] * np.sum(mean),
+    )
     sketch = SimpleNamespace(noise_pixels=np.sum(mean * mean), aperture_pixels=np.sum(mean))
     share = np.sum(own * own * image) / np.sum(own * image)
     settings |= {"source_noise_fraction": share, "speckle_e_s": light["speckle"]}

@@ -27,8 +27,9 @@ def optics(band, instrument):
     figures = psf_metrics(instrument, band)
     config = instrument.band(band)
     jitter = instrument.wavefront.jitter_mas * 1e-3
-    return figures, Optics(config.width_nm / config.center_nm, figures.lambda_d_arcsec, figures.pixel_scale_arcsec,
-                           jitter)  # fmt: skip
+    return figures, Optics(
+        config.width_nm / config.center_nm, figures.lambda_d_arcsec, figures.pixel_scale_arcsec, jitter
+    )
 
 
 @pytest.mark.parametrize("band", ["F520", "F850"])
@@ -44,8 +45,12 @@ def test_sizes_of_settings_bound_the_images(band, calm):
     inside = figures.zone.covers(offset, offset, -figures.aperture_radius_arcsec)
     halo = aperture_sums(best.on_axis, weights)
     around = aperture_sums(np.maximum(best.on_axis, uniform_filter(best.on_axis, 5)), weights)
-    for knobs in (Knobs(wavelength_nodes=1, pixel_nodes=5), Knobs(wavelength_nodes=3, pixel_nodes=5),
-                  Knobs(wavelength_nodes=7, pixel_nodes=1), Knobs(wavelength_nodes=7, pixel_nodes=3)):  # fmt: skip
+    for knobs in (
+        Knobs(wavelength_nodes=1, pixel_nodes=5),
+        Knobs(wavelength_nodes=3, pixel_nodes=5),
+        Knobs(wavelength_nodes=7, pixel_nodes=1),
+        Knobs(wavelength_nodes=7, pixel_nodes=3),
+    ):
         seen = single_band_psf(band, fidelity=knobs, instrument=calm)
         relative = np.abs(seen.on_axis / np.where(bright, best.on_axis, 1.0) - 1.0)
         sums = np.abs(aperture_sums(seen.on_axis, weights) - halo) / np.where(around > 0, around, 1.0)
@@ -77,8 +82,9 @@ def test_one_wavelength_is_enough_for_a_planet(band, calm):
 
 
 def test_single_precision_adds_less_than_is_said(calm):
-    double, single = (single_band_psf("F662", fidelity=Knobs(precision=part), instrument=calm)
-                      for part in ("double", "single"))  # fmt: skip
+    double, single = (
+        single_band_psf("F662", fidelity=Knobs(precision=part), instrument=calm) for part in ("double", "single")
+    )
     error = np.abs(single.on_axis - double.on_axis)
     said = precision_error_e_s(double.on_axis, double.off_axis.max())
     assert (error <= 1.5 * said).all()

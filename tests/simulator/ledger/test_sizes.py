@@ -24,17 +24,37 @@ def bright(make, calm, report):
     return scene, whole, forecast(scene, calm, **SETTINGS), report.truth
 
 
-@pytest.mark.parametrize("key", [
-    "flat", "dark", "dark_structure", "bad_pixels", "bad_columns", "smear", "cosmic_rays", "nonlinearity",
-    "parallel_cti", "serial_cti", "clock_charge", "photon_noise", "em_register", "read_noise", "stripes",
-    "interference", "bias_drift",
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "key",
+    [
+        "flat",
+        "dark",
+        "dark_structure",
+        "bad_pixels",
+        "bad_columns",
+        "smear",
+        "cosmic_rays",
+        "nonlinearity",
+        "parallel_cti",
+        "serial_cti",
+        "clock_charge",
+        "photon_noise",
+        "em_register",
+        "read_noise",
+        "stripes",
+        "interference",
+        "bias_drift",
+    ],
+)
 def test_size_of_a_switch_bounds_what_it_changes(key, bright, calm):
     scene, whole, said, truth = bright
     # Without the dark current its structure and the charge of hot pixels go too.
     more = ("dark_structure", "bad_pixels", "bad_columns") if key == "dark" else ()
-    base = whole if not more else observe(scene, **SETTINGS, window="hole", instrument=calm,
-                                          switches=dict.fromkeys(more, False))  # fmt: skip
+    base = (
+        whole
+        if not more
+        else observe(scene, **SETTINGS, window="hole", instrument=calm, switches=dict.fromkeys(more, False))
+    )
     short = observe(scene, **SETTINGS, window="hole", instrument=calm, switches=dict.fromkeys((key, *more), False))
     true = truth.true_difference(base, short)
     for name in ("planet_flux", "snr", "pixel_map"):
@@ -63,8 +83,16 @@ def test_saturation_is_seen_where_it_is(make, calm):
 
 def test_reduced_sizes_leave_what_is_calibrated(make, calm):
     said = forecast(make(), calm, **SETTINGS, reduced=True).sizes
-    for key in ("flat", "dark_structure", "bad_pixels", "bad_columns", "stripes", "interference", "bias_drift",
-                "nonlinearity"):  # fmt: skip
+    for key in (
+        "flat",
+        "dark_structure",
+        "bad_pixels",
+        "bad_columns",
+        "stripes",
+        "interference",
+        "bias_drift",
+        "nonlinearity",
+    ):
         assert said[key]["planet_flux"] == said[key]["snr"] == said[key]["pixel_map"] == 0.0
     assert said["parallel_cti"]["planet_flux"] > 0
     assert said["cosmic_rays"]["snr"] > 0
@@ -91,8 +119,13 @@ def test_moments_of_tracks_are_those_of_other_tracks(calm):
 @pytest.mark.parametrize("place", [(0.9, 0.35), (2.0, 2.5), (6.0, -0.4)])
 def test_size_of_a_star_left_out(place, make, calm, report):
     x, y = place
-    star = {"name": "t", "v_mag": 9.0, "teff_k": 5000, "separation_arcsec": math.hypot(x, y),
-            "pa_deg": math.degrees(math.atan2(-x, y)) % 360}  # fmt: skip
+    star = {
+        "name": "t",
+        "v_mag": 9.0,
+        "teff_k": 5000,
+        "separation_arcsec": math.hypot(x, y),
+        "pa_deg": math.degrees(math.atan2(-x, y)) % 360,
+    }
     whole, short = (observe(make(stars=part), **SETTINGS, window="hole", instrument=calm) for part in ([star], []))
     true = report.truth.true_difference(whole, short)
     said = forecast(make(stars=[star]), calm, **SETTINGS).sizes["star:t"]

@@ -59,9 +59,12 @@ def test_charge_that_arrives_is_foreseen(x, y, v_mag, exposure_s, em_gain, band,
 
 def test_the_cases_hold_both_answers(make, calm):
     """Of tails and of bloomed columns, some arrive and some do not."""
-    found = [flows(make(x, y, v_mag=v_mag), calm,
-                   {"band": band, "exposure_s": exposure_s, "n_frames": 2, "em_gain": em_gain})
-             for x, y, v_mag, exposure_s, em_gain, band in CASES]  # fmt: skip
+    found = [
+        flows(
+            make(x, y, v_mag=v_mag), calm, {"band": band, "exposure_s": exposure_s, "n_frames": 2, "em_gain": em_gain}
+        )
+        for x, y, v_mag, exposure_s, em_gain, band in CASES
+    ]
     assert 0 < sum(one[0] for one in found) < len(found)
     assert 0 < sum(one[1] for one in found) < len(found)
 
@@ -71,8 +74,13 @@ def test_a_neighbour_in_the_same_rows(make, calm):
     settings = {"band": "F662", "exposure_s": 30.0, "n_frames": 2, "em_gain": 300.0}
 
     def trails(x, y, v_mag):
-        star = {"name": "t", "v_mag": v_mag, "teff_k": 5000, "separation_arcsec": math.hypot(x, y),
-                "pa_deg": math.degrees(math.atan2(-x, y)) % 360}  # fmt: skip
+        star = {
+            "name": "t",
+            "v_mag": v_mag,
+            "teff_k": 5000,
+            "separation_arcsec": math.hypot(x, y),
+            "pa_deg": math.degrees(math.atan2(-x, y)) % 360,
+        }
         scene = make(v_mag=9.0, stars=[star])
         said = forecast(scene, calm, **settings, full=True).sizes["register_full_well"]["planet_flux"] > 0.5
         return said, flows(scene, calm, settings)[1]

@@ -64,9 +64,12 @@ class FakeSequence:
         if self.scene is not None:
             star = self.scene.cstar
             found |= wcs_keywords(
-                self.instrument.pixel_scale_arcsec(self.band), self.star, (star.ra_deg, star.dec_deg),
-                roll_deg=self.roll_deg, parity=-1,
-            )  # fmt: skip
+                self.instrument.pixel_scale_arcsec(self.band),
+                self.star,
+                (star.ra_deg, star.dec_deg),
+                roll_deg=self.roll_deg,
+                parity=-1,
+            )
         return found | self.extra
 
     @property

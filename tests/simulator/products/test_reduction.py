@@ -34,8 +34,14 @@ def stack_of(path):
     """Frames, each with the level of its own overscan taken off: the first step of any reduction."""
     with fits.open(path) as units:
         frames = np.stack([unit.data.astype(float) for unit in units[1:]])
-        columns = slice(*(int(end) - shift for end, shift in zip(
-            units[1].header["OVERSCAN"].strip("[]").split(",")[0].split(":"), (1, 0), strict=True)))  # fmt: skip
+        columns = slice(
+            *(
+                int(end) - shift
+                for end, shift in zip(
+                    units[1].header["OVERSCAN"].strip("[]").split(",")[0].split(":"), (1, 0), strict=True
+                )
+            )
+        )
         return frames - np.median(frames[:, :, columns], axis=(1, 2), keepdims=True), units[1].header
 
 
@@ -52,8 +58,9 @@ def test_reduction_recovers_the_input_map_within_its_noise(tree):
     dark = clipped_mean(stack_of(paths["dark"])[0]) - bias
     flat_frames, flat_header = stack_of(paths["flat"])
     flat = (clipped_mean(flat_frames) - stack_of(paths["flat_bias"])[0].mean(axis=0)) * flat_header["GAIN"]
-    columns, rows = (slice(int(a) - 1, int(b)) for a, b in (
-        part.split(":") for part in header["DATASEC"].strip("[]").split(",")))  # fmt: skip
+    columns, rows = (
+        slice(int(a) - 1, int(b)) for a, b in (part.split(":") for part in header["DATASEC"].strip("[]").split(","))
+    )
     active = (rows, columns)
     flat = flat[active] / np.median(flat[active])
     with fits.open(truth_path) as units:

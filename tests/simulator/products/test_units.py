@@ -85,8 +85,15 @@ def test_the_same_content_gives_the_same_bytes_at_any_time(monkeypatch):
 
 def test_cards_keep_type_and_text():
     file = io.BytesIO()
-    values = [("AA", True, ""), ("BB", 1, ""), ("CC", 1.0, ""), ("DD", "it's / 'quoted'", "note"),
-              ("EE", "x" * 300, ""), ("FF", "", ""), ("GG", -1.2345678901234567e-300, "n")]  # fmt: skip
+    values = [
+        ("AA", True, ""),
+        ("BB", 1, ""),
+        ("CC", 1.0, ""),
+        ("DD", "it's / 'quoted'", "note"),
+        ("EE", "x" * 300, ""),
+        ("FF", "", ""),
+        ("GG", -1.2345678901234567e-300, "n"),
+    ]
     units.append_primary(file, values)
     with opened(file) as found:
         header = found[0].header

@@ -88,15 +88,37 @@ def test_headers_say_what_the_sequence_is(sequence, tmp_path):
     with opened(path) as units:
         primary, image = units[0].header, units[3].header
     expected = {
-        "FILENAME": path.name, "TELESCOP": "CSST", "INSTRUME": "CPIC", "CAMERA": "VIS", "OBSID": "40000000012",
-        "OBSTYPE": "SCI", "FILETYPE": "SCI", "OBJECT": "alpha Cen B", "TARGET": "alpha Cen B", "FILTER": "F662",
-        "ROLE": "science", "NFRAME": 3, "NEXTEND": 3, "TIMESYS": "UTC", "DATE-OBS": "2028-03-04T05:06:07.250000",
-        "DATE-END": "2028-03-04T05:06:39.450000", "EXPTIME": 10.0, "READTIME": 1.1, "INTTIME": 30.0, "POS_ANG1": 30.0,
-        "SWNAME": "cpic-planner", "CONFHASH": one.instrument.content_hash, "SCENHASH": one.scene.content_hash,
+        "FILENAME": path.name,
+        "TELESCOP": "CSST",
+        "INSTRUME": "CPIC",
+        "CAMERA": "VIS",
+        "OBSID": "40000000012",
+        "OBSTYPE": "SCI",
+        "FILETYPE": "SCI",
+        "OBJECT": "alpha Cen B",
+        "TARGET": "alpha Cen B",
+        "FILTER": "F662",
+        "ROLE": "science",
+        "NFRAME": 3,
+        "NEXTEND": 3,
+        "TIMESYS": "UTC",
+        "DATE-OBS": "2028-03-04T05:06:07.250000",
+        "DATE-END": "2028-03-04T05:06:39.450000",
+        "EXPTIME": 10.0,
+        "READTIME": 1.1,
+        "INTTIME": 30.0,
+        "POS_ANG1": 30.0,
+        "SWNAME": "cpic-planner",
+        "CONFHASH": one.instrument.content_hash,
+        "SCENHASH": one.scene.content_hash,
         "SEED": 7,
-        "EFF001": "kept | photon noise | Poisson", "NEFFECT": 2, "NCALFILE": 2, "CALF001": "flat.fits",
-        "CALF002": one.calibration_files[1], "HOLEMODE": "4q",
-    }  # fmt: skip
+        "EFF001": "kept | photon noise | Poisson",
+        "NEFFECT": 2,
+        "NCALFILE": 2,
+        "CALF001": "flat.fits",
+        "CALF002": one.calibration_files[1],
+        "HOLEMODE": "4q",
+    }
     assert {key: primary[key] for key in expected} == expected
     assert primary["EFF002"] == f"skipped | a long one | {one.ledger[1].reason}"
     assert primary["RA_OBJ"] == pytest.approx(SCENE.cstar.ra_deg, abs=1e-9)
@@ -108,11 +130,32 @@ def test_headers_say_what_the_sequence_is(sequence, tmp_path):
     assert all(0 <= primary[f"{key}{end}"] <= 180 for key in ("SUNANGL", "MOONANG") for end in "01")
     assert "modelled" in primary.comments["TEL_ALT0"]
     expected = {
-        "FRAMEID": 3, "NFRAME": 3, "CAMERA": "VIS", "DETNAM": "VIS", "FILTER": "F662", "EXPTIME": 10.0, "EMGAIN": 20.0,
-        "GAIN": 59.0, "RDNOISE": 110.0, "BIASLEV": 200.0, "ADCBITS": 14, "CCDTEMP": 193.0, "FULLWELL": 80000.0,
-        "PIXSCALE": 0.016153, "MASKROT": 0.0, "BUNIT": "adu", "DATASEC": "[5:36,3:22]", "NSAT": 1, "NREGSAT": 0,
-        "NCLIP": 0, "NCR": 2, "CTYPE1": "RA---TAN", "RADESYS": "ICRS", "EQUINOX": 2000.0, "MYKEY": 3.5,
-    }  # fmt: skip
+        "FRAMEID": 3,
+        "NFRAME": 3,
+        "CAMERA": "VIS",
+        "DETNAM": "VIS",
+        "FILTER": "F662",
+        "EXPTIME": 10.0,
+        "EMGAIN": 20.0,
+        "GAIN": 59.0,
+        "RDNOISE": 110.0,
+        "BIASLEV": 200.0,
+        "ADCBITS": 14,
+        "CCDTEMP": 193.0,
+        "FULLWELL": 80000.0,
+        "PIXSCALE": 0.016153,
+        "MASKROT": 0.0,
+        "BUNIT": "adu",
+        "DATASEC": "[5:36,3:22]",
+        "NSAT": 1,
+        "NREGSAT": 0,
+        "NCLIP": 0,
+        "NCR": 2,
+        "CTYPE1": "RA---TAN",
+        "RADESYS": "ICRS",
+        "EQUINOX": 2000.0,
+        "MYKEY": 3.5,
+    }
     assert {key: image[key] for key in expected} == expected
     assert (image["EXPEND"] - image["EXPBEG"]) * 86400 == pytest.approx(10.0, abs=1e-5)
     assert (image["EXPBEG"] - primary["EXPSTART"]) * 86400 == pytest.approx(22.2, abs=1e-5)
@@ -179,8 +222,9 @@ def test_other_spellings_are_a_setting(sequence, tmp_path):
 
 
 def test_supplied_keywords_win_over_the_configuration_but_not_over_the_writer(sequence, tmp_path):
-    one = sequence(extra={"RDNOISE": 99.0, "NFRAME": 1000, "OBJ_RA": 12.5, "CCDLABEL": "EM1", "IWA": None,
-                          "RADESYS": "FK5"})  # fmt: skip
+    one = sequence(
+        extra={"RDNOISE": 99.0, "NFRAME": 1000, "OBJ_RA": 12.5, "CCDLABEL": "EM1", "IWA": None, "RADESYS": "FK5"}
+    )
     with opened(write_level0(one, tmp_path)) as units:
         assert units[1].header["RDNOISE"] == 99.0
         assert units[1].header["CCDLABEL"] == "EM1"
@@ -380,10 +424,14 @@ def test_every_keyword_that_is_written_stands_in_its_place(sequence, tmp_path):
 
 @pytest.mark.parametrize(
     ("start", "exposure_s", "readout_s"),
-    [("2016-12-31T23:59:55", 3.0, 0.5), ("2016-12-31T23:59:60.25", 0.0, 0.0),
-     ("2031-06-30T23:59:59.9999996", 300.0, 1.1),
-     ("2099-12-31", 1e-6, 0.0), ("2028-02-28T12:00:00", 86400.0, 10.0)],
-)  # fmt: skip
+    [
+        ("2016-12-31T23:59:55", 3.0, 0.5),
+        ("2016-12-31T23:59:60.25", 0.0, 0.0),
+        ("2031-06-30T23:59:59.9999996", 300.0, 1.1),
+        ("2099-12-31", 1e-6, 0.0),
+        ("2028-02-28T12:00:00", 86400.0, 10.0),
+    ],
+)
 def test_times_of_all_sorts_agree_with_themselves(sequence, tmp_path, start, exposure_s, readout_s):
     write_level0(sequence(start_utc=start, exposure_s=exposure_s, readout_s=readout_s), tmp_path)
     assert errors(tmp_path) == []

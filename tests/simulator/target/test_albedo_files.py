@@ -165,8 +165,9 @@ def test_unit_given_by_hand_overrides_the_file(tmp_path):
 def test_round_trip_through_any_unit_and_order(tmp_path, wavelengths, unit, data):
     nm = np.array(wavelengths) / 10.0
     albedo = np.array(data.draw(st.lists(st.floats(0.0, 2.0), min_size=nm.size, max_size=nm.size)))
-    values = (nm * u.nm).to_value({"cm1": 1 / u.cm, "angstrom": u.AA}.get(unit, u.Unit("nm" if unit == "nm" else "um")),
-                                  u.spectral())  # fmt: skip
+    values = (nm * u.nm).to_value(
+        {"cm1": 1 / u.cm, "angstrom": u.AA}.get(unit, u.Unit("nm" if unit == "nm" else "um")), u.spectral()
+    )
     name = "wavenumber_cm1" if unit == "cm1" else f"wavelength_{unit}"
     found = read_albedo(written(tmp_path, f"{name},albedo\n" + rows(values, albedo, ",")))
     order = np.argsort(nm)

@@ -60,9 +60,14 @@ def write_database(path, truth=TRUTH, *, change=lambda name, rows: rows):
 def write_npz(path, truth=TRUTH, **changes):
     names = ["NC" if cloud == 0 else f"f{cloud}" for cloud in CLOUD.tolist()]
     arrays = {
-        "metallicities": METAL, "dists": DISTANCE, "clouds": CLOUD, "cloudstr": np.array(names, dtype=object),
-        "betas": PHASE, "wavelns": WAVE_UM, "allphotdata": truth,
-    }  # fmt: skip
+        "metallicities": METAL,
+        "dists": DISTANCE,
+        "clouds": CLOUD,
+        "cloudstr": np.array(names, dtype=object),
+        "betas": PHASE,
+        "wavelns": WAVE_UM,
+        "allphotdata": truth,
+    }
     np.savez(path, **{name: array for name, array in (arrays | changes).items() if array is not None})
     return path
 
@@ -117,10 +122,14 @@ def test_large_fsed_is_that_of_the_last_node(grid):
 @pytest.mark.parametrize(
     ("log10_mh", "log10_fsed", "says"),
     [
-        (2.1, 0.0, "log10_mh = 2.1"), (-0.1, None, "0 to 2"), (float("nan"), 0.0, "log10_mh = nan"),
-        (1.0, -2.1, "-2 to 0.7782"), (1.0, float("nan"), "log10_fsed = nan"), (1.0, float("-inf"), "cloud-free"),
+        (2.1, 0.0, "log10_mh = 2.1"),
+        (-0.1, None, "0 to 2"),
+        (float("nan"), 0.0, "log10_mh = nan"),
+        (1.0, -2.1, "-2 to 0.7782"),
+        (1.0, float("nan"), "log10_fsed = nan"),
+        (1.0, float("-inf"), "cloud-free"),
     ],
-)  # fmt: skip
+)
 def test_refuses_what_is_outside(grid, log10_mh, log10_fsed, says):
     with pytest.raises(InputError, match=r"log10_") as caught:
         grid.family(log10_mh, log10_fsed)

@@ -58,8 +58,9 @@ def test_default_orientation_is_that_of_the_sky() -> None:
 
 @given(st.floats(1e-3, 60.0), st.floats(0.0, 359.999), st.floats(-360.0, 360.0), st.sampled_from([-1, 1]))
 def test_round_trip(separation: float, pa: float, roll: float, parity: int) -> None:
-    found, angle = detector_to_sky(*sky_to_detector(separation, pa, roll_deg=roll, parity=parity),
-                                   roll_deg=roll, parity=parity)  # fmt: skip
+    found, angle = detector_to_sky(
+        *sky_to_detector(separation, pa, roll_deg=roll, parity=parity), roll_deg=roll, parity=parity
+    )
     assert found == pytest.approx(separation, rel=1e-13)
     assert 0.0 <= angle < 360.0
     assert abs((angle - pa + 180.0) % 360.0 - 180.0) < 1e-10

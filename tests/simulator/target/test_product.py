@@ -39,7 +39,8 @@ def test_product_is_right_everywhere_and_in_the_mean(first, second):
 
 
 def test_union_is_enough_where_one_factor_is_constant():
-    x, a, b = product_samples(np.array([300.0, 500.0, 700.0]), np.array([1.0, 2.0, 1.0]),
-                              np.array([350.0, 800.0]), np.array([0.5, 0.5]))  # fmt: skip
+    x, a, b = product_samples(
+        np.array([300.0, 500.0, 700.0]), np.array([1.0, 2.0, 1.0]), np.array([350.0, 800.0]), np.array([0.5, 0.5])
+    )
     np.testing.assert_array_equal(x, [350.0, 500.0, 700.0])
     np.testing.assert_allclose(a * b, [0.625, 1.0, 0.5])

@@ -116,10 +116,14 @@ def test_reflected_light_is_exact_in_every_band(teff, albedo):
         edges = edges[(edges >= low) & (edges <= high)]
         x, half = 0.5 * (edges[1:] + edges[:-1]), 0.5 * np.diff(edges)
         total = sum(
-            np.sum(half * weight * np.interp(x + at * half, star.wavelength_nm, star.photlam)
-                   * np.interp(x + at * half, table.wavelength_nm, table.albedo))
+            np.sum(
+                half
+                * weight
+                * np.interp(x + at * half, star.wavelength_nm, star.photlam)
+                * np.interp(x + at * half, table.wavelength_nm, table.albedo)
+            )
             for at, weight in zip(*np.polynomial.legendre.leggauss(4), strict=True)
-        )  # fmt: skip
+        )
         exact = total * 10.0 * band.t_opt * band.qe * scale
         assert reflected(row, band) == pytest.approx(exact, rel=5e-5)  # the scale has four digits
         ratio = reflected(row, band) / (
@@ -132,19 +136,35 @@ def test_reflected_light_is_exact_in_every_band(teff, albedo):
     "tree",
     [
         {"cstar": STAR, "planets": [PLANET, parametric(name="c", pa_deg=45)]},
-        {"cstar": {"v_mag": 4, "teff_k": 9000, "spectrum": "blackbody", "distance_pc": 5, "luminosity_lsun": 30},
-         "planets": [parametric()]},
-        {"cstar": {"v_mag": 4, "spectrum": {"wavelength_nm": [300, 500, 700, 1800], "flam": [1, 3, 2, 1]},
-                   "distance_pc": 5, "luminosity_lsun": 1},
-         "planets": [PLANET | {"albedo": "uranus"}, parametric(name="c", pa_deg=45)]},
-        {"cstar": STAR, "planets": [
-            {"name": "hot", "model": "blackbody", "teff_k": 1200, "radius": 1.2, "separation": 0.4, "pa": 10},
-            {"name": "bright", "model": "blackbody", "teff_k": 3000, "v_mag": 12, "separation": 0.4, "pa": 100},
-            {"name": "mine", "separation": 0.4, "pa": 200,
-             "spectrum": {"wavelength_nm": [300, 1800], "photlam": [1e-6, 3e-6]}}],
-         "stars": [{"v_mag": 9, "teff_k": 4000, "separation": 2, "pa": 3}]},
+        {
+            "cstar": {"v_mag": 4, "teff_k": 9000, "spectrum": "blackbody", "distance_pc": 5, "luminosity_lsun": 30},
+            "planets": [parametric()],
+        },
+        {
+            "cstar": {
+                "v_mag": 4,
+                "spectrum": {"wavelength_nm": [300, 500, 700, 1800], "flam": [1, 3, 2, 1]},
+                "distance_pc": 5,
+                "luminosity_lsun": 1,
+            },
+            "planets": [PLANET | {"albedo": "uranus"}, parametric(name="c", pa_deg=45)],
+        },
+        {
+            "cstar": STAR,
+            "planets": [
+                {"name": "hot", "model": "blackbody", "teff_k": 1200, "radius": 1.2, "separation": 0.4, "pa": 10},
+                {"name": "bright", "model": "blackbody", "teff_k": 3000, "v_mag": 12, "separation": 0.4, "pa": 100},
+                {
+                    "name": "mine",
+                    "separation": 0.4,
+                    "pa": 200,
+                    "spectrum": {"wavelength_nm": [300, 1800], "photlam": [1e-6, 3e-6]},
+                },
+            ],
+            "stars": [{"v_mag": 9, "teff_k": 4000, "separation": 2, "pa": 3}],
+        },
     ],
-)  # fmt: skip
+)
 def test_band_rates_are_those_of_the_spectra(tree):
     """What the images use, against the same sources as synphot spectra."""
     checked = load_scene({"name": "s"} | tree)
@@ -196,9 +216,12 @@ def test_user_spectra_are_scaled_or_taken_as_they_are():
     flat = {"wavelength_nm": [300, 1800], "photlam": [1e-4, 1e-4]}
     own = {"name": "own", "separation": 1, "pa": 0}
     table = spectrum_generator(
-        scene(own | {"spectrum": flat}, own | {"name": "scaled", "pa": 90, "spectrum": flat, "v_mag": 15.0},
-              star=STAR | {"spectrum": flat})
-    )  # fmt: skip
+        scene(
+            own | {"spectrum": flat},
+            own | {"name": "scaled", "pa": 90, "spectrum": flat, "v_mag": 15.0},
+            star=STAR | {"spectrum": flat},
+        )
+    )
     for row, magnitude in ((table[0], 1.35), (table["scaled"], 15.0)):
         rate = v_photon_rate(row.wavelength_nm, row.photlam) / vega_v_photon_rate()
         assert -2.5 * np.log10(rate) == pytest.approx(magnitude, abs=1e-9)
@@ -272,8 +295,10 @@ def test_the_phase_function_asked_for_is_used():
     from simulator.config.albedo import ParametricAlbedo
     from simulator.target.albedo import phase_value
 
-    bodies = [parametric(name=name, pa_deg=pa, insolation_au=2, phase_deg=120, phase_function=name)
-              for name, pa in (("lambert", 45), ("grid", 135))]  # fmt: skip
+    bodies = [
+        parametric(name=name, pa_deg=pa, insolation_au=2, phase_deg=120, phase_function=name)
+        for name, pa in (("lambert", 45), ("grid", 135))
+    ]
     lambert, grid = scene_sources(scene(*bodies), INSTRUMENT, "F662")[1:]
     spec = ParametricAlbedo(log10_mh=1, log10_fsed=0.5, insolation_au=2, phase_function="grid")
     ratio = phase_value(spec, 120.0) / _lambert(120.0)
@@ -293,18 +318,36 @@ def _lambert(phase_deg):
         ({"cstar": {"v_mag": 3, "teff_k": 5000, "metallicity": 1.5}}, ("cstar.metallicity = 1.5", "-2.5 to 0.5")),
         ({"cstar": STAR, "stars": [{"v_mag": 3, "teff_k": 50000, "separation": 1, "pa": 0}]}, ("stars.0.teff_k",)),
         ({"cstar": {"v_mag": 3, "spectrum": {"wavelength_nm": [700, 1800], "photlam": [1, 1]}}}, ("scene.cstar.",)),
-        ({"cstar": {"v_mag": 3, "teff_k": 5000}, "planets": [parametric(distance_au=2)]},
-         ("scene.cstar.distance_pc = missing", "luminosity_lsun", "insolation_au")),
-        ({"cstar": {"v_mag": 3, "spectrum": {"wavelength_nm": [300, 400, 545, 550, 1800], "photlam": [0, 0, 0, 1, 1]}},
-          "planets": [PLANET | {"distance_au": 1}]}, ("scene.cstar.spectrum = no light", "F520")),
-        ({"cstar": STAR, "planets": [{"separation": 1, "pa": 0,
-                                      "spectrum": {"wavelength_nm": [700, 1800], "photlam": [1, 1]}}]},
-         ("scene.planets.0.spectrum", "F520", "700-1800")),
-        ({"cstar": {"v_mag": 3, "teff_k": 5000}, "planets": [{"separation": 1, "pa": 0, "model": "blackbody",
-                                                              "radius": 1, "teff": 900}]},
-         ("scene.planets.0.v_mag = missing", "cstar.distance_pc")),
+        (
+            {"cstar": {"v_mag": 3, "teff_k": 5000}, "planets": [parametric(distance_au=2)]},
+            ("scene.cstar.distance_pc = missing", "luminosity_lsun", "insolation_au"),
+        ),
+        (
+            {
+                "cstar": {
+                    "v_mag": 3,
+                    "spectrum": {"wavelength_nm": [300, 400, 545, 550, 1800], "photlam": [0, 0, 0, 1, 1]},
+                },
+                "planets": [PLANET | {"distance_au": 1}],
+            },
+            ("scene.cstar.spectrum = no light", "F520"),
+        ),
+        (
+            {
+                "cstar": STAR,
+                "planets": [{"separation": 1, "pa": 0, "spectrum": {"wavelength_nm": [700, 1800], "photlam": [1, 1]}}],
+            },
+            ("scene.planets.0.spectrum", "F520", "700-1800"),
+        ),
+        (
+            {
+                "cstar": {"v_mag": 3, "teff_k": 5000},
+                "planets": [{"separation": 1, "pa": 0, "model": "blackbody", "radius": 1, "teff": 900}],
+            },
+            ("scene.planets.0.v_mag = missing", "cstar.distance_pc"),
+        ),
     ],
-)  # fmt: skip
+)
 def test_what_no_model_covers_is_refused_with_its_place(tree, words):
     checked = load_scene({"name": "s"} | tree)
     with pytest.raises(InputError) as caught:
@@ -328,8 +371,10 @@ def test_companions_off_leaves_stars_of_the_field_in():
     names = [source.name for source in scene_sources(scene(stars=[near, field], companions="off"), INSTRUMENT, "F520")]
     assert names == ["s", "field"]
     assert [source.name for source in scene_sources(load_scene("paper_science"), INSTRUMENT, "F520")] == [
-        "alpha Cen B", "planet", "calibration star"
-    ]  # fmt: skip
+        "alpha Cen B",
+        "planet",
+        "calibration star",
+    ]
 
 
 def test_the_whole_catalogue_at_once():
@@ -374,8 +419,13 @@ def test_measured_albedo_is_the_shipped_table():
 
 def test_extended_light_is_a_share_of_the_stars():
     disc = {"inner_arcsec": 0.3, "outer_arcsec": 0.6}
-    scene = load_scene({"name": "s", "cstar": {"v_mag": 3, "teff_k": 5230},
-                        "extended": [disc | {"contrast": 1e-5}, disc | {"v_mag": 18}]})  # fmt: skip
+    scene = load_scene(
+        {
+            "name": "s",
+            "cstar": {"v_mag": 3, "teff_k": 5230},
+            "extended": [disc | {"contrast": 1e-5}, disc | {"v_mag": 18}],
+        }
+    )
     instrument = load_instrument()
     for band in ("F520", "F850"):
         star = scene_sources(scene, instrument, band)[0].rate_e_s

@@ -77,8 +77,14 @@ class Astropy:
         node = np.radians(ORBIT.node_deg) + drift * since(mjd if node_at is None else node_at)
         along = np.radians(ORBIT.phase_deg) + motion * since(mjd)
         x, y = a * np.cos(along), a * np.sin(along)
-        return np.stack([x * np.cos(node) - y * np.cos(tilt) * np.sin(node),
-                         x * np.sin(node) + y * np.cos(tilt) * np.cos(node), y * np.sin(tilt)], axis=-1)  # fmt: skip
+        return np.stack(
+            [
+                x * np.cos(node) - y * np.cos(tilt) * np.sin(node),
+                x * np.sin(node) + y * np.cos(tilt) * np.cos(node),
+                y * np.sin(tilt),
+            ],
+            axis=-1,
+        )
 
     @staticmethod
     def vector(body, mjd):
@@ -279,8 +285,9 @@ def test_windows_and_seasons():
     assert sum(len(step) for step in steps) == seen.observable[0].sum()
     longest = max(Time(end).mjd - Time(begin).mjd for begin, end in windows)
     assert longest < 27.3
-    never = visibility([place.ra.deg], [place.dec.deg], load_visibility({"sun_deg": 180}), ORBIT,
-                       start_utc="2028-01-01", n_days=30)  # fmt: skip
+    never = visibility(
+        [place.ra.deg], [place.dec.deg], load_visibility({"sun_deg": 180}), ORBIT, start_utc="2028-01-01", n_days=30
+    )
     assert never.windows(0) == []
 
 
@@ -431,8 +438,10 @@ def test_the_whole_catalogue_fits_in_little_memory():
 @pytest.mark.parametrize(
     ("changes", "text"),
     [
-        ({"ra_deg": [1.0, float("nan")], "dec_deg": [0.0, 0.0]},
-         "ra_deg = nan deg: not accepted; allowed: -360 to 360 (row 1)"),
+        (
+            {"ra_deg": [1.0, float("nan")], "dec_deg": [0.0, 0.0]},
+            "ra_deg = nan deg: not accepted; allowed: -360 to 360 (row 1)",
+        ),
         ({"dec_deg": [91.0]}, "dec_deg = 91.0 deg: not accepted; allowed: -90 to 90 (row 0)"),
         ({"ra_deg": [1.0, 2.0]}, "ra_deg = (2,) beside dec_deg (1,): not accepted"),
         ({"ra_deg": [], "dec_deg": []}, "ra_deg = (0,) beside dec_deg (0,): not accepted"),
@@ -442,7 +451,7 @@ def test_the_whole_catalogue_fits_in_little_memory():
         ({"step_days": 0.0}, "step_days = 0.0 d: not accepted; allowed: 0.001 to 366"),
         ({"ra_deg": np.zeros(1000), "dec_deg": np.zeros(1000), "n_days": 36525}, "n_days = 36525 d: not accepted"),
     ],
-)  # fmt: skip
+)
 def test_refusals(changes, text):
     asked = {"ra_deg": [1.0], "dec_deg": [2.0], "start_utc": "2028-01-01", "n_days": 10} | changes
     with pytest.raises(InputError) as caught:
