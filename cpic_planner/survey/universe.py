@@ -13,7 +13,7 @@ from catalogs.known_planets import KnownPlanetTable
 from cpic_planner.distributions import chosen_entry
 from cpic_planner.known_planets import QUANTITIES as KNOWN_QUANTITIES
 from cpic_planner.known_planets import draw_known
-from cpic_planner.orbits import OrbitPlaces, orbit_places
+from cpic_planner.orbits import OrbitingPlanets, OrbitPlaces
 from cpic_planner.population_config import QUANTITIES, PopulationConfig
 from cpic_planner.targets import Targets
 from simulator.rng import stream
@@ -30,8 +30,8 @@ _YEAR_DAYS = 365.25
 _MOST = 10_000
 
 
-@dataclass(frozen=True, eq=False)
-class Bodies:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Bodies(OrbitingPlanets):
     """Planets of one star in some universes, arrays of one length.
 
     Attributes
@@ -44,9 +44,6 @@ class Bodies:
         Row in the table of known planets, or `NEW`.
     kind : ndarray of int
         Number of the planet's kind in the population; that of a known planet lies behind them all.
-    radius_rjup, semi_major_axis_au, eccentricity, inclination_deg, argument_of_pericentre_deg, node_deg : ndarray
-    mean_anomaly_deg : ndarray
-        At the epoch.
     period_days : ndarray
     """
 
@@ -54,13 +51,6 @@ class Bodies:
     number: IntArray
     known: IntArray
     kind: IntArray
-    radius_rjup: FloatArray
-    semi_major_axis_au: FloatArray
-    eccentricity: FloatArray
-    inclination_deg: FloatArray
-    argument_of_pericentre_deg: FloatArray
-    node_deg: FloatArray
-    mean_anomaly_deg: FloatArray
     period_days: FloatArray
 
     def __len__(self) -> int:
@@ -90,15 +80,7 @@ class Bodies:
 
     def places(self, days: ArrayLike) -> OrbitPlaces:
         """Places so many days after the epoch, shape ``(len(days), n_planets)``."""
-        anomaly = self.mean_anomaly_deg + 360.0 * np.asarray(days, float)[:, None] / self.period_days
-        return orbit_places(
-            self.semi_major_axis_au,
-            self.eccentricity,
-            self.inclination_deg,
-            self.argument_of_pericentre_deg,
-            self.node_deg,
-            anomaly,
-        )
+        return self.places_after(np.asarray(days, float)[:, None], self.period_days)
 
 
 def star_mass_msun(targets: Targets) -> FloatArray:
@@ -222,23 +204,13 @@ def _known(
         [chance(seed, "known", *path, planets[row], shape=(len(KNOWN_QUANTITIES), n)).T for row in rows]
     )
     drawn = draw_known(table, [int(row) for row in rows], uniforms, epoch_mjd=epoch_mjd, star_mass_msun=mass)
-    names = (
-        "radius_rjup",
-        "semi_major_axis_au",
-        "eccentricity",
-        "inclination_deg",
-        "argument_of_pericentre_deg",
-        "node_deg",
-        "mean_anomaly_deg",
-        "period_days",
-    )
     number = np.repeat(np.arange(len(rows)), n)
     return Bodies(
         universe=np.tile(np.arange(n), len(rows)),
         number=number,
         known=np.asarray(rows, np.int64)[number],
         kind=np.full(number.size, kind),
-        **{name: np.asarray(getattr(drawn, name), float).ravel() for name in names},
+        **{name: np.asarray(getattr(drawn, name), float).ravel() for name in (*QUANTITIES, "period_days")},
     )
 
 
@@ -256,13 +228,7 @@ def _new(
         mine = np.flatnonzero(numbers > j)
         shares = chance(seed, "planet", *path, j, shape=(1 + len(QUANTITIES), n))[:, mine]
         kind = chosen_entry(shares[0], tuple(item.weight for item in mixture))
-        drawn = {}
-        for quantity, share in zip(QUANTITIES, shares[1:], strict=True):
-            values = np.empty(mine.size)
-            for k, item in enumerate(mixture):
-                here = kind == k
-                values[here] = getattr(item, quantity).quantile(share[here])
-            drawn[quantity] = values
+        drawn = population.quantiles(kind, list(shares[1:]))
         if population.semi_major_axis_scale == "insolation":
             drawn["semi_major_axis_au"] = drawn["semi_major_axis_au"] * np.sqrt(luminosity)
         drawn["period_days"] = _YEAR_DAYS * np.sqrt(drawn["semi_major_axis_au"] ** 3 / mass)
