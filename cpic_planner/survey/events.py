@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cpic_planner.survey.schedule import PlannedVisit
-from cpic_planner.survey.universe import Bodies
+from cpic_planner.survey.universe import NEW, Bodies
 
 if TYPE_CHECKING:
-    from cpic_planner.survey.play import Survey
+    from cpic_planner.survey.play import Clock, StarPlayed, Survey
 
-__all__ = ["Events"]
+__all__ = ["Events", "Played"]
 
 FloatArray = NDArray[np.float64]
 _OF_BODY = ("radius_rjup", "semi_major_axis_au", "eccentricity", "inclination_deg")
@@ -29,6 +30,15 @@ _OF_VISIT = (
     "distance_au",
     "phase_deg",
 )
+
+
+@dataclass(frozen=True, eq=False)
+class Played:
+    """What happened in ``n`` universes; ``universes``, ``detections`` and ``stars`` are columns of tables."""
+
+    universes: dict[str, NDArray[Any]]
+    detections: dict[str, NDArray[Any]]
+    stars: dict[str, NDArray[Any]]
 
 
 class Events:
@@ -94,3 +104,54 @@ class Events:
         joined["star"] = np.array([str(survey.targets.name[i]) for i in star], object)
         joined["band"] = np.array([survey.options[i][o].band for i, o in zip(star, option, strict=True)], object)
         return joined
+
+    def outcome(self, survey: Survey, stars: Mapping[int, StarPlayed], clock: Clock, block: int) -> Played:
+        """Return the columns of the three tables.
+
+        Parameters
+        ----------
+        survey : Survey
+        stars : mapping of int to StarPlayed
+            By position among the candidates.
+        clock : Clock
+        block : int
+            Number of the block of universes.
+        """
+        n = len(clock.left)
+        new, known, characterised, with_planet = np.zeros((4, n), np.int64)
+        for star in stars.values():
+            universe, fresh = star.bodies.universe, star.bodies.known == NEW
+            np.add.at(new, universe[star.found & fresh], 1)
+            np.add.at(known, universe[star.found & ~fresh], 1)
+            if survey.strategy.follow_up.wanted:
+                np.add.at(characterised, universe[star.found & star.shown.all(axis=0)], 1)
+            some = np.zeros(n, bool)
+            some[universe[star.found]] = True
+            with_planet += some
+        universes = {
+            "new_planets": new,
+            "known_planets": known,
+            "stars_with_planet": with_planet,
+            "characterised_planets": characterised,
+            "noise_alarms": self.noise_alarms,
+            "background_alarms": self.background_alarms,
+            "visits": clock.visits,
+            "search_h": clock.search,
+            "follow_up_h": clock.follow,
+        }
+        rows = sorted(stars)
+        per_star: dict[str, NDArray[Any]] = {
+            "star": np.array([str(survey.targets.name[i]) for i in rows], object),
+            "block": np.full(len(rows), block, np.int64),
+            "universes": np.full(len(rows), n, np.int64),
+            "visits": np.array([stars[i].visits for i in rows], np.int64),
+            "search_h": np.array([stars[i].hours for i in rows]),
+            "follow_up_h": np.array([stars[i].follow_h for i in rows]),
+            "new_planets": np.array(
+                [int((stars[i].found & (stars[i].bodies.known == NEW)).sum()) for i in rows], np.int64
+            ),
+            "known_planets": np.array(
+                [int((stars[i].found & (stars[i].bodies.known != NEW)).sum()) for i in rows], np.int64
+            ),
+        }
+        return Played(universes, self.columns(survey), per_star)

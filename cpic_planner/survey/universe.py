@@ -18,7 +18,18 @@ from cpic_planner.population_config import QUANTITIES, PopulationConfig
 from cpic_planner.targets import Targets
 from simulator.rng import stream
 
-__all__ = ["BLOCK", "NEW", "Bodies", "at_known_place", "chance", "draw_bodies", "occurrence", "star_mass_msun"]
+__all__ = [
+    "BLOCK",
+    "NEW",
+    "Bodies",
+    "at_known_place",
+    "chance",
+    "draw_bodies",
+    "occurrence",
+    "poisson_quantile",
+    "star_mass_msun",
+    "uniform_draws",
+]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -184,7 +195,7 @@ def draw_bodies(
         path = (star, stage, block)
         numbers = np.ones(n, np.int64)
         if not one_each:
-            numbers = _poisson(occurrence(population), chance(seed, "number", *path, shape=(n,)))
+            numbers = poisson_quantile(occurrence(population), chance(seed, "number", *path, shape=(n,)))
         parts.append(_new(path, mass_msun, luminosity_lsun, population, numbers, seed, len(known_rows)))
     return Bodies.joined(parts or [_bodies({}, np.zeros(0, np.int64), 0, NEW, 0)])
 
@@ -247,8 +258,48 @@ def _bodies(drawn: dict[str, FloatArray], universe: IntArray, number: int, known
     )
 
 
-def _poisson(rate: float, share: FloatArray) -> IntArray:
-    """Poisson numbers at given shares of their law."""
+def uniform_draws(bodies: Bodies, seed: int, name: str, block: int, visit: int | str, n: int) -> FloatArray:
+    """Return a uniform number of each planet in one visit.
+
+    Parameters
+    ----------
+    bodies : Bodies
+        Planets of one star.
+    seed : int
+    name : str
+        Of the star; with ``block`` and ``visit`` it names the random stream.
+    block : int
+    visit : int or str
+        Number or name of the visit.
+    n : int
+        Universes.
+
+    Returns
+    -------
+    ndarray
+        In [0, 1), one for each planet.
+    """
+    if not len(bodies):
+        return np.zeros(0)
+    drawn = chance(seed, "visit", name, block, visit, shape=(int(bodies.number.max()) + 1, n))
+    return drawn[bodies.number, bodies.universe]
+
+
+def poisson_quantile(rate: float, share: FloatArray) -> IntArray:
+    """Return Poisson numbers at given shares of their law.
+
+    Parameters
+    ----------
+    rate : float
+        Mean of the law, at least 0.
+    share : ndarray
+        In [0, 1).
+
+    Raises
+    ------
+    InputError
+        If the rate is too large for a table of the law.
+    """
     length = int(rate + 40.0 * np.sqrt(rate) + 60.0)
     if length > _MOST:
         raise InputError("population.planets_per_star", rate, allowed=f"at most {_MOST / 2:g} in a survey")
