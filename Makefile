@@ -41,10 +41,11 @@ test: $(VENV)/installed  ## run the test suite
 test-long: $(VENV)/installed  ## run the long proofs, killed workers and all notebooks
 	$(BIN)/python -m pytest -q --numprocesses 2 --dist worksteal -m long
 
-lint: $(VENV)/installed  ## check style and types
+lint: $(VENV)/installed  ## check style, types and who imports whom
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/lint-imports --no-cache
 
 mutants: $(VENV)/installed  ## change the code in one place at a time; fails where no test sees it (SEED, MUTANTS, WORKERS)
 	$(BIN)/python tests/mutants/run.py --seed $(SEED) --count $(MUTANTS) --workers $(WORKERS)

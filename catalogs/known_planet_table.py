@@ -112,7 +112,7 @@ class KnownPlanetTable:
         ]
         error_deg = np.sqrt(np.sum(np.square(np.nan_to_num(angles_deg, nan=0.0)), axis=0))
         known = np.isfinite(self.number("inclination_deg")) & np.isfinite(self.number("node_deg"))
-        return dated & known & (error_deg <= PLACE_DEG)
+        return np.asarray(dated & known & (error_deg <= PLACE_DEG))
 
     def rows_of(self, star: str) -> tuple[int, ...]:
         """Return the rows of a star's counted planets, by any of its names; empty if it has none."""

@@ -203,7 +203,7 @@ def _orbit_fields(n_steps: int, x: FloatArray, y: FloatArray, u: FloatArray, v: 
     envelope = 4.0 * np.sinc(u * step) * np.sinc(v * step) * step**2
     straight = np.cos(2 * np.pi * np.outer(u, x)) * np.cos(2 * np.pi * np.outer(v, y))
     swapped = np.cos(2 * np.pi * np.outer(u, y)) * np.cos(2 * np.pi * np.outer(v, x))
-    return envelope[:, None] * (straight + np.where(x != y, swapped, 0.0))
+    return np.asarray(envelope[:, None] * (straight + np.where(x != y, swapped, 0.0)))
 
 
 def _axis(low: float, high: float, spacing: float) -> FloatArray:

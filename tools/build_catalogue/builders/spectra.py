@@ -186,7 +186,7 @@ class _Broadband:
 
     def flux(self, teff_k: float, log_g: float, metallicity: float) -> np.ndarray:
         """Return the band fluxes of one model; zeros if it is missing."""
-        return self._rows.get((teff_k, log_g, metallicity), np.zeros(len(_BANDS)))
+        return np.asarray(self._rows.get((teff_k, log_g, metallicity), np.zeros(len(_BANDS))))
 
 
 def _targets(teff: np.ndarray, log_g: np.ndarray, lowest: float, level: _Broadband, trend: _Broadband) -> np.ndarray:
@@ -256,4 +256,4 @@ def _mean_flux_weights(
     size = samples_nm.size
     upper = np.bincount(right, weights=weight * share, minlength=size)
     total: np.ndarray = upper + np.bincount(right - 1, weights=weight * (1.0 - share), minlength=size)
-    return total / weight.sum()
+    return np.asarray(total / weight.sum())

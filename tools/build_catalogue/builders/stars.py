@@ -11,7 +11,7 @@ from __future__ import annotations
 import csv
 import io
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -165,20 +165,20 @@ def _columns_json() -> str:
     )
 
 
+_DESIGNATIONS: tuple[tuple[str, Callable[[Identity], object]], ...] = (
+    ("HIP", lambda p: p.row.hip),
+    ("HD", lambda p: p.hd),
+    ("GJ", lambda p: p.gj),
+    ("Bayer or Flamsteed", lambda p: p.bayer or p.flamsteed),
+    ("proper name", lambda p: p.common_name),
+)
+
+
 def _coverage(people: Sequence[Identity]) -> tuple[str, ...]:
     bright = [person for person in people if person.row.star.v_mag <= 7.0]
     lines = []
     for label, group in (("V <= 7", bright), ("V <= 7.5", people)):
-        parts = [
-            f"{what} {sum(bool(get(person)) for person in group) / len(group):.1%}"
-            for what, get in (
-                ("HIP", lambda p: p.row.hip),
-                ("HD", lambda p: p.hd),
-                ("GJ", lambda p: p.gj),
-                ("Bayer or Flamsteed", lambda p: p.bayer or p.flamsteed),
-                ("proper name", lambda p: p.common_name),
-            )
-        ]
+        parts = [f"{what} {sum(bool(get(person)) for person in group) / len(group):.1%}" for what, get in _DESIGNATIONS]
         lines.append(f"designations of the {len(group)} rows with {label}: " + ", ".join(parts))
     return tuple(lines)
 
