@@ -4,8 +4,8 @@ Two extracts of the NASA Exoplanet Archive are distributed with EXOSIMS: the con
 planets found by radial velocities of 2016-05-15. Rows and values are those of 2019. Where that default solution gives
 no time of periastron or conjunction and the one of 2016 does, the orbit (period, time, eccentricity, argument of
 periastron, with errors and reference) is the whole one of 2016, so that elements of two fits are never mixed; the row
-is flagged. Masses, limits and assumed inclinations are read as `catalogs.archive_planets` says. Errors are half the
-width of the published interval; the archive's 0 for an error means that none is given.
+is flagged. Masses, limits and assumed inclinations are read as `catalogs.known_planet_columns` says. Errors are half
+the width of the published interval; the archive's 0 for an error means that none is given.
 """
 
 from __future__ import annotations
@@ -17,9 +17,8 @@ import xml.etree.ElementTree as ElementTree
 from dataclasses import replace
 from pathlib import Path
 
-from catalogs.archive_planets import reference_text, settle
 from catalogs.errors import InputError
-from catalogs.known_planet_columns import COLUMNS, INPUT_ONLY, STANDING, flags_of
+from catalogs.known_planet_columns import COLUMNS, INPUT_ONLY, STANDING, flags_of, reference_text, settle
 from catalogs.known_planets import DATA_FILE
 from catalogs.nomenclature import designation_key
 from tools.build_catalogue.builders import _star_sources as src

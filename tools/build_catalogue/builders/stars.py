@@ -17,8 +17,9 @@ from pathlib import Path
 
 import numpy as np
 
+from catalogs.columns import Column
 from catalogs.coordinates import ecliptic
-from catalogs.star_columns import COLUMNS, Column
+from catalogs.star_columns import COLUMNS
 from catalogs.star_flags import FLAGS
 from tools.build_catalogue.builders import _star_sources as src
 from tools.build_catalogue.builders._star_aliases import alias_rows, known_star_rows

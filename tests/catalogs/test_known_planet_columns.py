@@ -2,8 +2,8 @@
 
 import pytest
 
-from catalogs.archive_planets import reference_text, settle
 from catalogs.errors import InputError
+from catalogs.known_planet_columns import reference_text, settle
 
 MASS = {"best_mass_mjup": 2.0, "best_mass_err_mjup": 0.1}
 

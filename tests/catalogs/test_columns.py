@@ -2,7 +2,8 @@
 
 import pytest
 
-from catalogs.user_columns import QUANTITIES, heading, quantity_of
+from catalogs.columns import heading
+from catalogs.star_columns import QUANTITIES
 
 
 @pytest.mark.parametrize(
@@ -27,12 +28,12 @@ from catalogs.user_columns import QUANTITIES, heading, quantity_of
     ],
 )
 def test_heading_to_quantity(text, name):
-    quantity, unit = quantity_of(text)
+    quantity, unit = QUANTITIES.meant_by(text)
     assert (quantity.name if quantity else None) == name
     assert unit == ("mas" if "[mas]" in text else "")
 
 
 def test_no_heading_means_two_things():
-    forms = [form for item in QUANTITIES.values() for form in (heading(item.name), *item.aliases)]
+    forms = [form for item in QUANTITIES.values() for form in (heading(item.name), *item.headings)]
     assert len(forms) == len(set(forms))
     assert all(form == heading(form) for form in forms)
