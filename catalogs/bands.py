@@ -17,8 +17,6 @@ from catalogs.spectra import Curve
 from catalogs.strict_yaml import Provenance, load_yaml, split_sourced
 from catalogs.user_files import read_text
 
-__all__ = ["CAMERAS", "Band", "band_from_file", "band_provenance", "bands_tree", "load_bands"]
-
 #: The two cameras.
 CAMERAS = ("VIS", "NIR")
 

@@ -11,8 +11,6 @@ from catalogs.errors import InputError
 from catalogs.info import MODEL_CREDITS, STAR_CREDITS, snapshot_vintage
 from catalogs.stars import StarTable, load_stars, with_companion_updates
 
-__all__ = ["NAMED_TABLES", "RANKED_V_MAG", "Catalogue", "data_credits", "open_catalogue"]
-
 RANKED_V_MAG = 7.0
 """Faintest V of a ranking of the snapshot or a refreshed table, mag; they reach a little deeper."""
 NAMED_TABLES = ("snapshot", "latest", "simbad_2012")

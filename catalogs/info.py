@@ -12,8 +12,6 @@ from typing import Any
 from catalogs.known_planet_columns import STATUSES
 from catalogs.stars import companion_updates, updates_vintage
 
-__all__ = ["MODEL_CREDITS", "PLANET_CREDITS", "STAR_CREDITS", "catalogue_info", "snapshot_vintage"]
-
 _DATA = Path(__file__).resolve().parent / "data"
 
 STAR_CREDITS = (

@@ -15,8 +15,6 @@ from catalogs.known_planet_columns import COLUMNS, COUNTED, INPUT_ONLY
 from catalogs.names import snapshot_aliases
 from catalogs.nomenclature import designation_key
 
-__all__ = ["NUMBERS", "PLACE_DEG", "TABLE_COLUMNS", "TEXTS", "KnownPlanetTable", "planet_key", "star_key", "table_of"]
-
 TABLE_COLUMNS = tuple(name for name in COLUMNS if name not in INPUT_ONLY)
 TEXTS = tuple(name for name in TABLE_COLUMNS if COLUMNS[name].kind == "text")
 NUMBERS = tuple(name for name in TABLE_COLUMNS if name not in TEXTS)

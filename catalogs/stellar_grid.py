@@ -16,8 +16,6 @@ from numpy.typing import ArrayLike
 from catalogs.errors import InputError
 from catalogs.interpolation import bracket
 
-__all__ = ["HC_ERG_ANGSTROM", "GridFlags", "StellarGrid"]
-
 #: Planck constant times speed of light (exact SI values), erg A.
 HC_ERG_ANGSTROM = 6.62607015e-27 * 2.99792458e18
 

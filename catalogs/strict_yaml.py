@@ -17,8 +17,6 @@ import yaml
 from catalogs.errors import InputError
 from catalogs.user_files import read_text
 
-__all__ = ["Provenance", "load_mapping", "load_yaml", "parse_yaml", "split_sourced"]
-
 MAX_BYTES = 4_000_000
 KINDS = (
     "instrument",

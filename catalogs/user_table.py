@@ -11,7 +11,6 @@ import math
 import re
 from dataclasses import dataclass
 
-from catalogs.coordinates import ecliptic
 from catalogs.errors import InputError
 from catalogs.names import snapshot_aliases
 from catalogs.nomenclature import designation_key, split_component
@@ -27,11 +26,11 @@ from catalogs.stellar_physics import (
     LUMINOSITY_SOURCE,
     RADIUS_SOURCE,
     gravity,
-    luminosity_class,
+    light_columns,
     luminosity_from_v,
     mass_of,
+    place_columns,
     radius_from_luminosity,
-    spectral_letter,
 )
 from catalogs.table_cells import Row, read_rows
 from catalogs.table_files import RawTable
@@ -120,8 +119,7 @@ def _filled(given: Row, where: str, source: str) -> Row:
     row["hd"], row["gj"] = _numbered("HD", row["hd"]), _numbered("GJ", row["gj"])
     component = split_component(designation_key(given["name"]))[1].upper()
     row |= {"component": component, "component_src": listed if component else "missing"}
-    flags |= _astrometry(row, given, listed)
-    _type_and_colour(row, given, listed)
+    flags |= _astrometry_and_light(row, given, listed)
     flags |= _physics(row, given, listed, where)
     flags |= _companion(row, given, listed)
     flags |= type_flags(row["sp_type"], "", "") if row["sp_type"] else {"no_class"}
@@ -134,7 +132,7 @@ def _numbered(prefix: str, text: str) -> str:
     return f"{prefix} {text}" if text[:1].isdigit() else text
 
 
-def _astrometry(row: Row, given: Row, listed: str) -> set[str]:
+def _astrometry_and_light(row: Row, given: Row, listed: str) -> set[str]:
     flags: set[str] = set()
     if "distance_pc" in given:
         row["distance_pc"], row["distance_pc_src"] = given["distance_pc"], listed
@@ -157,27 +155,13 @@ def _astrometry(row: Row, given: Row, listed: str) -> set[str]:
         "parallax_own_mas": own,
     }
     ra, dec = given.get("ra_deg", _NAN), given.get("dec_deg", _NAN)
-    placed = math.isfinite(ra + dec)
-    if not placed:
+    if not math.isfinite(ra + dec):
         flags.add("position_unknown")
         ra = dec = _NAN
-    lon, lat = (float(value) for value in ecliptic(ra, dec)) if placed else (_NAN, _NAN)
-    row |= {"ra_deg": ra % 360.0, "dec_deg": dec, "epoch_yr": 2000.0, "ecliptic_lon_deg": lon, "ecliptic_lat_deg": lat}
-    row["ecliptic_src"] = "derived:position" if placed else "missing"
-    moves = "pm_ra_mas_yr" in given and "pm_dec_mas_yr" in given
-    for name in ("pm_ra_mas_yr", "pm_dec_mas_yr"):
-        row[name] = given[name] if moves else 0.0
-    row["pm_src"] = listed if moves else "assumed:0"
-    row["rv_km_s"] = given.get("rv_km_s", 0.0)
-    row["rv_km_s_src"] = listed if "rv_km_s" in given else "assumed:0"
+    motion = (given.get("pm_ra_mas_yr", _NAN), given.get("pm_dec_mas_yr", _NAN))
+    row |= place_columns(ra, dec, motion, given.get("rv_km_s", _NAN), listed)
+    row |= light_columns(given["v_mag"], given.get("b_v_mag", _NAN), given.get("sp_type", ""), listed)
     return flags
-
-
-def _type_and_colour(row: Row, given: Row, listed: str) -> None:
-    sp_type = given.get("sp_type", "")
-    row |= {"v_mag": given["v_mag"], "v_mag_src": listed, "sp_type": sp_type}
-    row |= {"b_v_mag": given.get("b_v_mag", _NAN), "b_v_mag_src": listed if "b_v_mag" in given else "missing"}
-    row |= {"spectral_class": spectral_letter(sp_type), "luminosity_class": luminosity_class(sp_type)}
 
 
 def _physics(row: Row, given: Row, listed: str, where: str) -> set[str]:
