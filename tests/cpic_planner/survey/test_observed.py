@@ -59,7 +59,7 @@ FAULTS = {
     "row 2 (tau Cet) column em_gain": ROW.replace(",400,", ",0,"),
     "row 2 (tau Cet) column exposure_s": ROW.replace(",20,", ",-20,"),
     "row 2 (tau Cet) column n_frames": ROW.replace(",100,", ",many,"),
-    "row 2 (tau Cet) column n_frames": ROW.replace(",100,", ",1.5,"),
+    "row 2 (tau Cet) column n_frames = 1.5": ROW.replace(",100,", ",1.5,"),
     "row 2 (tau Cet) column band": ROW.replace("F520", ""),
     "row 2 (tau Cet) column planets": ROW.replace(",10,0", ",10,0.5"),
     "row 2 (tau Cet) column roll_deg": ROW.replace(",10,0", ",1000,0"),
