@@ -38,8 +38,8 @@ plan: $(VENV)/installed  ## rank the catalogue, confirm the best targets with im
 test: $(VENV)/installed  ## run the test suite
 	$(BIN)/python -m pytest -q --numprocesses 2 --dist worksteal
 
-test-long: $(VENV)/installed  ## run the long proofs, killed workers and all notebooks
-	$(BIN)/python -m pytest -q --numprocesses 2 --dist worksteal -m long
+test-long: $(VENV)/installed  ## run the long proofs whose evidence is older than the code, and keep what they find
+	$(BIN)/python -m tools.proofs --workers $(WORKERS)
 
 lint: $(VENV)/installed  ## check style, types, who imports whom, and the figures of the README
 	$(BIN)/ruff check .
