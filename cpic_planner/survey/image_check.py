@@ -133,7 +133,7 @@ def _task(survey: Survey, row: Mapping[str, Any], number: int, seed: int) -> Con
 def image_task(task: Mapping[str, Any]) -> dict[str, Any]:
     """Simulate and measure one detection; no confirmations where its place leaves no room to measure the noise in."""
     try:
-        return confirm_task(dict(task))
+        return {"confirmations": confirm_task(dict(task))["confirmations"]}
     except InputError:
         return {"confirmations": []}
 

@@ -28,7 +28,7 @@ SIMULATOR = [
 ]
 PLANNER = [
     {"version"},
-    {"models", "engine", "cluster", "environment", "runfolder", "written_files"},
+    {"models", "jobs"},
     {"schemas"},
     {"targets", "refresh"},
     {"etc"},
