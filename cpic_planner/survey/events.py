@@ -1,8 +1,9 @@
-"""What a survey finds, event after event."""
+"""What a survey spends and finds, event after event."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,9 +15,9 @@ from cpic_planner.survey.universe import Bodies
 if TYPE_CHECKING:
     from cpic_planner.survey.play import Survey
 
-__all__ = ["Events"]
-
 FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+ROUNDING_H = 1e-9
 _OF_BODY = ("radius_rjup", "semi_major_axis_au", "eccentricity", "inclination_deg")
 _OF_VISIT = (
     "margin",
@@ -29,6 +30,42 @@ _OF_VISIT = (
     "distance_au",
     "phase_deg",
 )
+
+
+@dataclass(eq=False)
+class Clock:
+    """Time of ``n`` universes, hours."""
+
+    left: FloatArray
+    slot: FloatArray
+    promised: FloatArray
+    search: FloatArray
+    follow: FloatArray
+    visits: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, n: int, budget_h: float, promised_h: float) -> Clock:
+        """Return the start of ``n`` universes: whole budget, and what planned visits will take of it."""
+        zero = np.zeros(n)
+        return cls(
+            np.full(n, budget_h), zero.copy(), np.full(n, promised_h), zero.copy(), zero.copy(), np.zeros(n, np.int64)
+        )
+
+    def affords(self, cost_h: float) -> BoolArray:
+        """Return the universes whose slot and budget hold a cost."""
+        return np.asarray((self.slot >= cost_h - ROUNDING_H) & (self.left >= cost_h - ROUNDING_H))
+
+    def spend(self, go: BoolArray, cost_h: float, on: FloatArray) -> None:
+        """Take the cost of one visit in the universes ``go`` from slot and budget, and note what it was spent on."""
+        for account in (self.left, self.slot):
+            account[go] -= cost_h
+        on[go] += cost_h
+        self.visits[go] += 1
+
+    @property
+    def used(self) -> FloatArray:
+        """Time of search and follow-up so far."""
+        return self.search + self.follow
 
 
 class Events:

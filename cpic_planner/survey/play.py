@@ -13,19 +13,16 @@ from catalogs.known_planets import KnownPlanetTable
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.survey.calendar import Calendar, sun_position_angle_deg
 from cpic_planner.survey.candidates import albedos_of
-from cpic_planner.survey.detection import Setting, detection_chance, reach_au, see
-from cpic_planner.survey.events import Events
+from cpic_planner.survey.detection import Seen, Setting, detection_chance, reach_au, see
+from cpic_planner.survey.events import ROUNDING_H, Clock, Events
 from cpic_planner.survey.observed import ObservationLog, missed, resampled
 from cpic_planner.survey.schedule import PlannedVisit, Schedule
 from cpic_planner.survey.strategy import DetectionRule, SurveyStrategy
 from cpic_planner.survey.universe import NEW, Bodies, at_known_place, chance, draw_bodies, star_mass_msun
 from cpic_planner.targets import Targets
 
-__all__ = ["Played", "Survey", "play"]
-
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
-_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,38 +94,6 @@ class _Star:
     follow_h: float = 0.0
 
 
-@dataclass(eq=False)
-class _Clock:
-    """Time of ``n`` universes, hours."""
-
-    left: FloatArray
-    slot: FloatArray
-    promised: FloatArray
-    search: FloatArray
-    follow: FloatArray
-    visits: NDArray[np.int64]
-
-    @classmethod
-    def of(cls, n: int, budget_h: float, promised_h: float) -> _Clock:
-        zero = np.zeros(n)
-        return cls(
-            np.full(n, budget_h), zero.copy(), np.full(n, promised_h), zero.copy(), zero.copy(), np.zeros(n, np.int64)
-        )
-
-    def affords(self, cost_h: float) -> BoolArray:
-        return np.asarray((self.slot >= cost_h - _ROUNDING) & (self.left >= cost_h - _ROUNDING))
-
-    def spend(self, go: BoolArray, cost_h: float, on: FloatArray) -> None:
-        for account in (self.left, self.slot):
-            account[go] -= cost_h
-        on[go] += cost_h
-        self.visits[go] += 1
-
-    @property
-    def used(self) -> FloatArray:
-        return self.search + self.follow
-
-
 def play(survey: Survey, *, block: int, n: int, seed: int) -> Played:
     """Play a survey in ``n`` universes.
 
@@ -154,7 +119,7 @@ def play(survey: Survey, *, block: int, n: int, seed: int) -> Played:
     """
     strategy, stars = survey.strategy, _stars(survey, block, n, seed)
     planned = [visit for visit in survey.schedule.visits if not visit.reserve]
-    clock = _Clock.of(n, strategy.time_budget_h, sum(visit.cost_h for visit in planned))
+    clock = Clock.of(n, strategy.time_budget_h, sum(visit.cost_h for visit in planned))
     log, total = Events(n), np.zeros(n, np.int64)
     slots: dict[int, list[tuple[int, PlannedVisit]]] = {}
     for k, visit in enumerate(survey.schedule.visits):
@@ -239,18 +204,8 @@ def _star(
         own = [(k, visit) for k, visit in visits if visit.option == option]
         slots = np.array([visit.slot for _, visit in own])
         ordinals = np.array([visit.ordinal for _, visit in own])
-        roll = survey.calendar.roll_deg(strategy.revisits, i, slots, ordinals)
-        found = see(
-            survey.model,
-            target,
-            survey.options[i][option],
-            bodies,
-            albedos_of(strategy.population),
-            bodies.places(survey.calendar.day[i, slots]),
-            roll,
-        )
-        odds = detection_chance(
-            found, strategy.detection, placed, systematic[1][bodies.universe], systematic[0][bodies.universe]
+        found, odds, roll = _visited(
+            survey, i, survey.options[i][option], bodies, (slots, ordinals), placed, systematic
         )
         for row, (k, visit) in enumerate(own):
             hits[k] = _luck(bodies, seed, name, block, visit.ordinal, n) < odds[row]
@@ -277,6 +232,35 @@ def _star(
     )
 
 
+def _visited(
+    survey: Survey,
+    i: int,
+    setting: Setting,
+    bodies: Bodies,
+    when: tuple[NDArray[np.int64], NDArray[np.int64]],
+    placed: BoolArray,
+    systematic: tuple[FloatArray, FloatArray],
+) -> tuple[Seen, FloatArray, FloatArray]:
+    """Return what visits of a star show of planets, the odds that each detects each, and the rolls.
+
+    ``when`` holds slots and ordinals of the visits, ``placed`` says which planets are searched at a known place,
+    ``systematic`` is that of `_systematic`.
+    """
+    strategy, (calibration, shift) = survey.strategy, systematic
+    roll = survey.calendar.roll_deg(strategy.revisits, i, *when)
+    found = see(
+        survey.model,
+        survey.targets.select([i]),
+        setting,
+        bodies,
+        albedos_of(strategy.population),
+        bodies.places(survey.calendar.day[i, when[0]]),
+        roll,
+    )
+    odds = detection_chance(found, strategy.detection, placed, shift[bodies.universe], calibration[bodies.universe])
+    return found, odds, roll
+
+
 def _luck(bodies: Bodies, seed: int, name: str, block: int, visit: int | str, n: int) -> FloatArray:
     """Uniform number of each planet in one visit."""
     if not len(bodies):
@@ -298,7 +282,7 @@ def _rare(rate: float, share: FloatArray) -> NDArray[np.int64]:
 
 
 def _search(
-    survey: Survey, star: _Star, k: int, visit: PlannedVisit, clock: _Clock, log: Events, total: NDArray[np.int64]
+    survey: Survey, star: _Star, k: int, visit: PlannedVisit, clock: Clock, log: Events, total: NDArray[np.int64]
 ) -> None:
     """One planned visit in all universes."""
     strategy, cost = survey.strategy, visit.cost_h
@@ -308,7 +292,7 @@ def _search(
         wanted &= total < stop.after_planets
     go = wanted & clock.affords(cost)
     if visit.reserve:
-        go &= clock.left - clock.promised >= cost - _ROUNDING
+        go &= clock.left - clock.promised >= cost - ROUNDING_H
     else:
         clock.promised[~star.stopped] -= cost
         star.left_h -= cost
@@ -344,10 +328,9 @@ def _any(star: _Star, n: int) -> BoolArray:
     return shown
 
 
-def _follow(survey: Survey, i: int, star: _Star, b: int, clock: _Clock, block: int, seed: int) -> None:
+def _follow(survey: Survey, i: int, star: _Star, b: int, clock: Clock, block: int, seed: int) -> None:
     """Follow-up of one star in one slot: every band that a found planet still lacks."""
     strategy, n = survey.strategy, len(clock.left)
-    rule, target = strategy.follow_up, survey.targets.select([i])
     for f, setting in enumerate(survey.follow[i]):
         cost = float(survey.calendar.cost_h(survey.model, i, setting, strategy.visit.settlings)[b])
         if not np.isfinite(cost):
@@ -355,38 +338,31 @@ def _follow(survey: Survey, i: int, star: _Star, b: int, clock: _Clock, block: i
         lacking = star.found & ~star.shown[f]
         need = np.zeros(n, bool)
         need[star.bodies.universe[lacking]] = True
-        go = need & (star.tried[f] < rule.attempts) & clock.affords(cost)
+        go = need & (star.tried[f] < strategy.follow_up.attempts) & clock.affords(cost)
         if not go.any():
             continue
         clock.spend(go, cost, clock.follow)
         star.follow_h += cost * float(go.sum())
         star.tried[f, go] += 1
-        roll = survey.calendar.roll_deg(strategy.revisits, i, np.array([b]), np.array([b]))
-        seen = see(
-            survey.model,
-            target,
-            setting,
-            star.bodies,
-            albedos_of(strategy.population),
-            star.bodies.places(survey.calendar.day[i, [b]]),
-            roll,
-        )
-        calibration, shift = _systematic(strategy.detection, block, n, seed)
         at_place = np.ones(len(star.bodies), bool)
-        odds = detection_chance(
-            seen, strategy.detection, at_place, shift[star.bodies.universe], calibration[star.bodies.universe]
-        )[0]
-        luck = _luck(star.bodies, seed, str(target.name[0]), block, f"follow {setting.band} {b}", n)
-        star.shown[f] |= lacking & go[star.bodies.universe] & (luck < odds)
+        systematic = _systematic(strategy.detection, block, n, seed)
+        slot = np.array([b])
+        _, odds, _ = _visited(survey, i, setting, star.bodies, (slot, slot), at_place, systematic)
+        luck = _luck(star.bodies, seed, str(survey.targets.name[i]), block, f"follow {setting.band} {b}", n)
+        star.shown[f] |= lacking & go[star.bodies.universe] & (luck < odds[0])
 
 
-def _tables(survey: Survey, stars: dict[int, _Star], clock: _Clock, log: Events, block: int, n: int) -> Played:
+def _tables(survey: Survey, stars: dict[int, _Star], clock: Clock, log: Events, block: int, n: int) -> Played:
     """Columns of the three tables."""
     new, known, characterised, with_planet = np.zeros((4, n), np.int64)
-    for star in stars.values():
+    rows = sorted(stars)
+    of_star = np.zeros((2, len(rows)), np.int64)
+    for row, i in enumerate(rows):
+        star = stars[i]
         universe, fresh = star.bodies.universe, star.bodies.known == NEW
-        np.add.at(new, universe[star.found & fresh], 1)
-        np.add.at(known, universe[star.found & ~fresh], 1)
+        for count, total, found in zip((new, known), of_star, (star.found & fresh, star.found & ~fresh), strict=True):
+            np.add.at(count, universe[found], 1)
+            total[row] = found.sum()
         if survey.strategy.follow_up.wanted:
             np.add.at(characterised, universe[star.found & star.shown.all(axis=0)], 1)
         some = np.zeros(n, bool)
@@ -403,7 +379,6 @@ def _tables(survey: Survey, stars: dict[int, _Star], clock: _Clock, log: Events,
         "search_h": clock.search,
         "follow_up_h": clock.follow,
     }
-    rows = sorted(stars)
     per_star: dict[str, NDArray[Any]] = {
         "star": np.array([str(survey.targets.name[i]) for i in rows], object),
         "block": np.full(len(rows), block, np.int64),
@@ -411,9 +386,7 @@ def _tables(survey: Survey, stars: dict[int, _Star], clock: _Clock, log: Events,
         "visits": np.array([stars[i].visits for i in rows], np.int64),
         "search_h": np.array([stars[i].hours for i in rows]),
         "follow_up_h": np.array([stars[i].follow_h for i in rows]),
-        "new_planets": np.array([int((stars[i].found & (stars[i].bodies.known == NEW)).sum()) for i in rows], np.int64),
-        "known_planets": np.array(
-            [int((stars[i].found & (stars[i].bodies.known != NEW)).sum()) for i in rows], np.int64
-        ),
+        "new_planets": of_star[0],
+        "known_planets": of_star[1],
     }
     return Played(universes, log.columns(survey), per_star)

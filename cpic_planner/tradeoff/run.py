@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import multiprocessing
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from multiprocessing.connection import Connection
 from typing import Any
@@ -18,7 +19,7 @@ from cpic_planner.tradeoff.compare import compared, speed_ups
 from cpic_planner.tradeoff.machine import this_machine
 from cpic_planner.tradeoff.points import REFERENCE, Point, named_points, points_of
 from cpic_planner.tradeoff.scenes import SCENES, FixedScene, fixed_scene
-from cpic_planner.tradeoff.worker import FULL_EFFORT, GLANCE, Effort, measure_point, measure_shared
+from cpic_planner.tradeoff.worker import FULL_EFFORT, GLANCE, Effort, measured_rows
 from cpic_planner.tradeoff.write import FILES, RESULT, products_of
 from cpic_planner.version import __version__
 from simulator.config import content_hash
@@ -200,51 +201,31 @@ def measured(
     progress: Advance = untold,
 ) -> dict[str, Any]:
     """Measure points of a scene, each or each kind of them in a new process; returns plain rows and the machine."""
-    if not points[0].shares_process:
-        rows = [_in_own_process(_one, case, points[0], effort, machine.key, advance=progress)]
-    else:
-        groups = [tuple(point for point in points if point.group == group) for group in ("knob", "effect")]
-        batches = [batch for batch in groups if batch]
-        with ThreadPoolExecutor(max_workers=min(at_once, len(batches))) as pool:
-            waiting = [
-                pool.submit(_in_own_process, _several, case, batch, effort, machine.key, advance=progress)
-                for batch in batches
-            ]
-            rows = [row for one in waiting for row in one.result()]
+    groups = [tuple(group) for _, group in itertools.groupby(points, key=lambda point: point.group)]
+    with ThreadPoolExecutor(max_workers=min(at_once, len(groups))) as pool:
+        waiting = [pool.submit(_in_own_process, case, group, effort, machine.key, progress) for group in groups]
+        rows = [row for one in waiting for row in one.result()]
     return {"machine": machine.model_dump(mode="json"), "rows": [row.model_dump(mode="json") for row in rows]}
 
 
-def _one(
-    tell: Connection, launched_s: float, case: FixedScene, point: Point, effort: Effort, machine: str
-) -> TradeoffRow:
-    row = measure_point(case, point, effort, machine, launched_s)
-    tell.send(("step", f"{case.name}, {point.name}"))
-    return row
-
-
-def _several(
-    tell: Connection, launched_s: float, case: FixedScene, points: tuple[Point, ...], effort: Effort, machine: str
+def _in_own_process(
+    case: FixedScene, points: tuple[Point, ...], effort: Effort, machine: str, progress: Advance
 ) -> list[TradeoffRow]:
-    del launched_s  # no first calls are timed here
-    return measure_shared(case, points, effort, machine, lambda text: tell.send(("step", f"{case.name}, {text}")))
-
-
-def _in_own_process(function: Callable[..., Any], *arguments: Any, advance: Advance) -> Any:
-    """Answer of a function that a new process computes on one thread, starting from nothing."""
+    """Return the rows of points that a new process measures on one thread, starting from nothing."""
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe(duplex=False)
-    process = context.Process(target=_serve, args=(theirs, function, time.monotonic(), arguments))
+    process = context.Process(target=_serve, args=(theirs, time.monotonic(), case, points, effort, machine))
     process.start()
     theirs.close()
     try:
         while True:
             kind, content = ours.recv()
             if kind == "step":
-                advance(content)
+                progress(f"{case.name}, {content}")
             elif kind == "error":
                 raise content
             else:
-                return content
+                return list(content)
     except EOFError:
         process.join()
         raise RuntimeError(f"a measuring process ended with status {process.exitcode}") from None
@@ -256,12 +237,14 @@ def _in_own_process(function: Callable[..., Any], *arguments: Any, advance: Adva
         ours.close()
 
 
-def _serve(tell: Connection, function: Callable[..., Any], launched_s: float, arguments: tuple[Any, ...]) -> None:
+def _serve(
+    tell: Connection, launched_s: float, case: FixedScene, points: tuple[Point, ...], effort: Effort, machine: str
+) -> None:
     try:
         with numeric_context():
-            answer = function(tell, launched_s, *arguments)
+            rows = measured_rows(case, points, effort, machine, launched_s, lambda name: tell.send(("step", name)))
     except Exception as error:
         tell.send(("error", error))
     else:
-        tell.send(("done", answer))
+        tell.send(("done", rows))
     tell.close()

@@ -34,8 +34,6 @@ from simulator.knobs import dial_of
 from simulator.observation import Observation
 from simulator.outcome import Status
 
-__all__ = ["FULL_EFFORT", "GLANCE", "Effort", "measure_point", "measure_shared"]
-
 FloatArray = NDArray[np.float64]
 
 
@@ -119,6 +117,37 @@ class _Row:
         )
 
 
+def measured_rows(
+    case: FixedScene,
+    points: tuple[Point, ...],
+    effort: Effort,
+    machine: str,
+    launched_s: float,
+    advance: Callable[[str], None] = lambda name: None,
+) -> list[TradeoffRow]:
+    """Measure points of one group on a scene: `measure_point`, or `measure_shared` where they share a process.
+
+    Parameters
+    ----------
+    case : FixedScene
+    points : tuple of Point
+    effort : Effort
+    machine : str
+        Key of the machine.
+    launched_s : float
+        ``time.monotonic()`` when the process was started.
+    advance : callable
+        Told the name of each point that is done.
+    """
+    if points[0].shares_process:
+        return measure_shared(case, points, effort, machine, advance)
+    rows = []
+    for point in points:
+        rows.append(measure_point(case, point, effort, machine, launched_s))
+        advance(point.name)
+    return rows
+
+
 def measure_point(case: FixedScene, point: Point, effort: Effort, machine: str, launched_s: float) -> TradeoffRow:
     """Time a way after its first call, and measure its flux and noise.
 
@@ -163,7 +192,7 @@ def measure_shared(
     points: tuple[Point, ...],
     effort: Effort,
     machine: str,
-    advance: Callable[[str], None] = lambda text: None,
+    advance: Callable[[str], None] = lambda name: None,
 ) -> list[TradeoffRow]:
     """The same for ways that change one thing of the reference, one after the other in one process.
 

@@ -133,7 +133,7 @@ def test_the_schedule_promises_what_the_survey_finds(sharp):
     assert planning == pytest.approx(survey.schedule.value, rel=1e-9)
 
 
-class Watched(module._Clock):
+class Watched(module.Clock):
     """A clock that notes what it is asked for."""
 
     lowest, most = np.inf, 0.0
@@ -159,7 +159,7 @@ def test_time_never_exceeds_budget_or_slot(plain, small, monkeypatch, follow, st
     )
     survey = prepare(config).surveys[0]
     assert any(visit.reserve for visit in survey.schedule.visits)
-    monkeypatch.setattr(module, "_Clock", Watched)
+    monkeypatch.setattr(module, "Clock", Watched)
     Watched.lowest, Watched.most = np.inf, 0.0
     played = play(survey, block=0, n=200, seed=1)
     assert -1e-6 < Watched.lowest < 6.0
