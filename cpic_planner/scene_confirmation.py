@@ -241,46 +241,30 @@ def _inside(metrics: PsfMetrics, planet: Source) -> bool:
 
 
 def _outside(model: EtcModel, band: str, planet: Source) -> BandConfirmation:
-    separation, pa_deg = detector_to_sky(planet.x_arcsec, planet.y_arcsec, parity=model.instrument.detector.parity)
     metrics, near, far = model.metrics[band], *sorted((abs(planet.x_arcsec), abs(planet.y_arcsec)))
     radius = metrics.aperture_radius_arcsec
     inner = near - radius < metrics.hole_inner_arcsec and far + radius <= metrics.hole_outer_arcsec
     reason = Reason.INSIDE_INNER_EDGE if inner else Reason.OUTSIDE_OUTER_EDGE
-    return _refusal(
-        band,
-        planet,
-        Status.OUTSIDE_FIELD,
-        reason,
-        f"its aperture leaves the dark hole of {band}",
-        float(separation),
-        float(pa_deg),
-    )
+    return _refusal(model, band, planet, Status.OUTSIDE_FIELD, reason, f"its aperture leaves the dark hole of {band}")
 
 
 def _no_frame(model: EtcModel, band: str, planet: Source) -> BandConfirmation:
-    separation, pa_deg = detector_to_sky(planet.x_arcsec, planet.y_arcsec, parity=model.instrument.detector.parity)
-    return _refusal(
-        band,
-        planet,
-        Status.UNREACHABLE,
-        Reason.NO_TIME,
-        "no frame is possible: the time is too short, or every frame saturates",
-        float(separation),
-        float(pa_deg),
-    )
+    message = "no frame is possible: the time is too short, or every frame saturates"
+    return _refusal(model, band, planet, Status.UNREACHABLE, Reason.NO_TIME, message)
 
 
 def _refusal(
-    band: str, planet: Source, status: Status, reason: Reason, message: str, separation: float, pa_deg: float
+    model: EtcModel, band: str, planet: Source, status: Status, reason: Reason, message: str
 ) -> BandConfirmation:
+    separation, pa_deg = detector_to_sky(planet.x_arcsec, planet.y_arcsec, parity=model.instrument.detector.parity)
     return BandConfirmation(
         band=band,
         planet=planet.name,
         status=status.value,
         reason=reason.value,
         message=message,
-        separation_arcsec=separation,
-        pa_deg=pa_deg,
+        separation_arcsec=float(separation),
+        pa_deg=float(pa_deg),
         true_contrast=planet.contrast,
         verdict="not observed",
     )

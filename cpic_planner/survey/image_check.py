@@ -22,8 +22,6 @@ from cpic_planner.validation.verdict import refusals_of
 from simulator.config import Planet
 from simulator.target.positions import sky_to_detector
 
-__all__ = ["REALISATIONS", "SampledDetection", "image_sample", "image_task", "sampled_detections"]
-
 REALISATIONS = 4
 _LEVEL = 0.90
 

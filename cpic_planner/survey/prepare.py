@@ -26,8 +26,6 @@ from cpic_planner.targets import Targets, as_catalogue, find_target, rank_sample
 from simulator.config import Instrument, load_instrument
 from simulator.work import Advance, untold
 
-__all__ = ["Prepared", "prepare"]
-
 
 @dataclass(frozen=True, eq=False)
 class Prepared:

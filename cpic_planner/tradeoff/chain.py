@@ -19,8 +19,6 @@ from simulator.imaging.aperture import overlap_weights
 from simulator.imaging.frame import forget_starlight
 from simulator.observation import Observation
 
-__all__ = ["Drawn", "NotApplicable", "Work", "aperture_flux_e", "both_visits", "drawn_frames", "stamp_of", "worked"]
-
 FloatArray = NDArray[np.float64]
 
 

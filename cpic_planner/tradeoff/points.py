@@ -11,8 +11,6 @@ from cpic_planner.tradeoff.setup import REFERENCE_EPOCHS, Setup, reference_setup
 from simulator.knobs import FIDELITIES
 from simulator.ledger import MAX_EPOCHS, SUM_EPOCHS
 
-__all__ = ["REFERENCE", "TOLERANCES_MEASURED", "Group", "Point", "named_points", "points_of"]
-
 Group = Literal["closed_form", "images", "tier", "tolerance", "knob", "effect"]
 REFERENCE = "reference"
 TOLERANCES_MEASURED = (0.003, 0.01, 0.03, 0.1, 0.3)

@@ -166,7 +166,8 @@ def _result(
         own = [rows[case.name, point.name] for point in points_of(case) if (case.name, point.name) in rows]
         if own:
             ordered += compared(own, exposure_s=case.exposure_s)
-            shown.append(_described(dataclasses.replace(case, n_frames=own[0].n_frames)))
+            about = {name: getattr(case, name) for name in TradeoffScene.model_fields}
+            shown.append(TradeoffScene(**about | {"n_frames": own[0].n_frames}))
     used = {row.machine for row in ordered} - {machine.key}
     return TradeoffResult(
         version=__version__,
@@ -176,19 +177,6 @@ def _result(
         scenes=shown,
         rows=ordered,
         speed_ups=speed_ups(ordered),
-    )
-
-
-def _described(case: FixedScene) -> TradeoffScene:
-    return TradeoffScene(
-        name=case.name,
-        title=case.title,
-        why=case.why,
-        band=case.band,
-        exposure_s=case.exposure_s,
-        n_frames=case.n_frames,
-        em_gain=case.em_gain,
-        scene_model=case.scene_model,
     )
 
 

@@ -176,15 +176,8 @@ def measure_point(case: FixedScene, point: Point, effort: Effort, machine: str, 
         timing = timed(job, budget_s=effort.budget_s)
     except NotApplicable as error:
         return row.made(status="invalid", reason=row.reason, message=str(error))
-    setup, work = held[0]
-    # Windows and whole frames have different random numbers, and sums others again: more of them where they differ.
-    more = effort.more_frames if point.name == REFERENCE or setup.region == "hole" else 0
-    places = row.places = Places.of(case)
-    samples = _white(row, setup, places, work, effort, more)
-    samples |= _residual(row, setup, places, effort, reference_setup(case))
-    return row.ok(
-        setup, timing, expected_flux_e(case, setup, work.science, light_without(case, setup)), samples, cold_s
-    )
+    row.places = Places.of(case)
+    return _imaged(row, *held[0], timing, effort, cold_s)
 
 
 def measure_shared(
@@ -206,7 +199,7 @@ def measure_shared(
         assert point.setup is not None  # of knobs and effects
         row = _Row(case, point, machine, places)
         if point.light_changes:
-            rows.append(_changed(row, point.setup, places, effort, base))
+            rows.append(_changed(row, point.setup, effort))
         else:
             light = light or _Light.of(case, base)
             rows.append(_recast(row, point.setup, places, light))
@@ -231,13 +224,24 @@ class _Light:
         return cls(*took, visits, light_without(case, base))
 
 
-def _changed(row: _Row, setup: Setup, places: Places, effort: Effort, base: Setup) -> TradeoffRow:
+def _changed(row: _Row, setup: Setup, effort: Effort) -> TradeoffRow:
     held: list[Work] = []
     timing = timed(lambda: held.append(worked(row.case, setup)), budget_s=0.0)
-    more = effort.more_frames if setup.region == "hole" else 0
-    samples = _white(row, setup, places, held[0], effort, more) | _residual(row, setup, places, effort, base)
-    flux_e = expected_flux_e(row.case, setup, held[0].science, light_without(row.case, setup))
-    return row.ok(setup, timing, flux_e, samples)
+    return _imaged(row, setup, held[0], timing, effort)
+
+
+def _imaged(
+    row: _Row, setup: Setup, work: Work, timing: Timing, effort: Effort, cold_s: float | None = None
+) -> TradeoffRow:
+    """Return the row of images that were timed, with what their noise is measured from."""
+    assert row.places is not None  # images have places
+    case, places = row.case, row.places
+    # Windows and whole frames have different random numbers, and sums others again: more of them where they differ.
+    more = effort.more_frames if row.point.name == REFERENCE or setup.region == "hole" else 0
+    samples = _white(row, setup, places, work, effort, more)
+    samples |= _residual(row, setup, places, effort, reference_setup(case))
+    flux_e = expected_flux_e(case, setup, work.science, light_without(case, setup))
+    return row.ok(setup, timing, flux_e, samples, cold_s)
 
 
 def _recast(row: _Row, setup: Setup, places: Places, light: _Light) -> TradeoffRow:
