@@ -192,7 +192,22 @@ def plan_job(config: PlanConfig, catalog: CatalogSource = "snapshot") -> Job[Pla
 def make_plan(
     config: PlanConfig, out: str | Path, *, catalog: CatalogSource = "snapshot", **how: Unpack[RunSettings]
 ) -> Finished[PlanResult]:
-    """Rank, confirm and report into an output folder; parameters as of `plan_job` and `cpic_planner.jobs.job.run`."""
+    """Rank, confirm and report.
+
+    Parameters
+    ----------
+    config, catalog
+        As of `plan_job`.
+    out : str or Path
+        Output folder; resumed when it holds work of the same configuration.
+    **how
+        As of `cpic_planner.jobs.job.run`.
+
+    Raises
+    ------
+    InputError
+        For bad input, or if ``out`` is in use or holds another configuration.
+    """
     return run(plan_job(config, catalog), out, **how)
 
 

@@ -101,7 +101,16 @@ def confirm_job(config: ConfirmConfig) -> Job[ConfirmResult]:
 def confirm_scene(
     config: ConfirmConfig, out: str | Path | None = None, **how: Unpack[RunSettings]
 ) -> Finished[ConfirmResult]:
-    """Confirm a scene; parameters as of `cpic_planner.jobs.job.run`, which writes products where a folder is given.
+    """Confirm a scene.
+
+    Parameters
+    ----------
+    config : ConfirmConfig
+    out : str or Path, optional
+        Output folder of ``confirm.json``, ``measurements.csv``, ``report.html``, panels and ``run.json``; nothing is
+        written without.
+    **how
+        As of `cpic_planner.jobs.job.run`.
 
     Raises
     ------

@@ -139,7 +139,22 @@ def run_whatif(
     pages: bool = True,
     **how: Unpack[RunSettings],
 ) -> Finished[WhatIfResult]:
-    """Compare strategies; parameters as of `whatif_job` and `cpic_planner.jobs.job.run`."""
+    """Compare strategies.
+
+    Parameters
+    ----------
+    config, n_images, pages
+        As of `whatif_job`.
+    out : str or Path
+        Output folder; resumed when it holds work of the same configuration.
+    **how
+        As of `cpic_planner.jobs.job.run`.
+
+    Raises
+    ------
+    InputError
+        For bad input, or if ``out`` is in use or holds another configuration.
+    """
     advance = how.get("advance", untold)
     return run(whatif_job(config, n_images=n_images, pages=pages, advance=advance), out, **how)
 

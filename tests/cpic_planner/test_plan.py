@@ -143,20 +143,6 @@ def test_killed_half_way_and_started_again_gives_the_same_bytes(finished, stars,
     assert run["resumed_parts"] + run["computed_parts"] == 4
 
 
-def test_second_run_on_a_live_folder_is_refused(stars, tmp_path, capsys):
-    out = tmp_path / "live"
-    process = started(stars, out)
-    try:
-        deadline = time.monotonic() + 60
-        while not (out / "cpic-run.jsonl").exists() and time.monotonic() < deadline:
-            time.sleep(0.02)
-        assert main(arguments(stars, out)) == 2
-        assert f"in use by pid {process.pid}" in capsys.readouterr().err
-    finally:
-        process.kill()
-        process.wait()
-
-
 def test_another_configuration_needs_force(finished, stars, capsys):
     out = finished[0]
     assert main(arguments(stars, out, "--seed", "2")) == 2

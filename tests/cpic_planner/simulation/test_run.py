@@ -210,17 +210,3 @@ def test_a_disk_without_room_is_refused_before_anything_is_written(tmp_path):
     with pytest.raises(InputError, match="GB to spare"):
         simulate(large, tmp_path / "o")
     assert not (tmp_path / "o").exists()
-
-
-def test_second_run_on_a_live_folder_is_refused(tmp_path):
-    out = tmp_path / "live"
-    process = started(tmp_path, out)
-    try:
-        deadline = time.monotonic() + 60
-        while not list(out.glob(".cpic-*/*/*/*/.*.part")) and time.monotonic() < deadline:
-            time.sleep(0.01)
-        with pytest.raises(InputError, match=f"in use by pid {process.pid}"):
-            simulate(load_simulation(TREE), out)
-    finally:
-        process.kill()
-        process.wait()
