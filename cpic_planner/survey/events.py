@@ -1,4 +1,4 @@
-"""What a survey finds, event after event."""
+"""What a survey spends and finds, event after event."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from cpic_planner.survey.schedule import PlannedVisit
 from cpic_planner.survey.universe import NEW, Bodies
 
 if TYPE_CHECKING:
-    from cpic_planner.survey.play import Clock, StarPlayed, Survey
-
-__all__ = ["Events", "Played"]
+    from cpic_planner.survey.play import StarPlayed, Survey
 
 FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+ROUNDING_H = 1e-9
 _OF_BODY = ("radius_rjup", "semi_major_axis_au", "eccentricity", "inclination_deg")
 _OF_VISIT = (
     "margin",
@@ -30,6 +30,42 @@ _OF_VISIT = (
     "distance_au",
     "phase_deg",
 )
+
+
+@dataclass(eq=False)
+class Clock:
+    """Time of ``n`` universes, hours."""
+
+    left: FloatArray
+    slot: FloatArray
+    promised: FloatArray
+    search: FloatArray
+    follow: FloatArray
+    visits: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, n: int, budget_h: float, promised_h: float) -> Clock:
+        """Return the start of ``n`` universes: whole budget, and what planned visits will take of it."""
+        zero = np.zeros(n)
+        return cls(
+            np.full(n, budget_h), zero.copy(), np.full(n, promised_h), zero.copy(), zero.copy(), np.zeros(n, np.int64)
+        )
+
+    def affords(self, cost_h: float) -> BoolArray:
+        """Return the universes whose slot and budget hold a cost."""
+        return np.asarray((self.slot >= cost_h - ROUNDING_H) & (self.left >= cost_h - ROUNDING_H))
+
+    def spend(self, go: BoolArray, cost_h: float, on: FloatArray) -> None:
+        """Take the cost of one visit in the universes ``go`` from slot and budget, and note what it was spent on."""
+        for account in (self.left, self.slot):
+            account[go] -= cost_h
+        on[go] += cost_h
+        self.visits[go] += 1
+
+    @property
+    def used(self) -> FloatArray:
+        """Time of search and follow-up so far."""
+        return self.search + self.follow
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,10 +155,15 @@ class Events:
         """
         n = len(clock.left)
         new, known, characterised, with_planet = np.zeros((4, n), np.int64)
-        for star in stars.values():
+        rows = sorted(stars)
+        of_star = np.zeros((2, len(rows)), np.int64)
+        for row, i in enumerate(rows):
+            star = stars[i]
             universe, fresh = star.bodies.universe, star.bodies.known == NEW
-            np.add.at(new, universe[star.found & fresh], 1)
-            np.add.at(known, universe[star.found & ~fresh], 1)
+            kinds = zip((new, known), of_star, (star.found & fresh, star.found & ~fresh), strict=True)
+            for count, total, found in kinds:
+                np.add.at(count, universe[found], 1)
+                total[row] = found.sum()
             if survey.strategy.follow_up.wanted:
                 np.add.at(characterised, universe[star.found & star.shown.all(axis=0)], 1)
             some = np.zeros(n, bool)
@@ -139,7 +180,6 @@ class Events:
             "search_h": clock.search,
             "follow_up_h": clock.follow,
         }
-        rows = sorted(stars)
         per_star: dict[str, NDArray[Any]] = {
             "star": np.array([str(survey.targets.name[i]) for i in rows], object),
             "block": np.full(len(rows), block, np.int64),
@@ -147,11 +187,7 @@ class Events:
             "visits": np.array([stars[i].visits for i in rows], np.int64),
             "search_h": np.array([stars[i].hours for i in rows]),
             "follow_up_h": np.array([stars[i].follow_h for i in rows]),
-            "new_planets": np.array(
-                [int((stars[i].found & (stars[i].bodies.known == NEW)).sum()) for i in rows], np.int64
-            ),
-            "known_planets": np.array(
-                [int((stars[i].found & (stars[i].bodies.known != NEW)).sum()) for i in rows], np.int64
-            ),
+            "new_planets": of_star[0],
+            "known_planets": of_star[1],
         }
         return Played(universes, self.columns(survey), per_star)

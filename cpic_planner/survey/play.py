@@ -12,8 +12,8 @@ from catalogs.known_planets import KnownPlanetTable
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.survey.calendar import Calendar, sun_position_angle_deg
 from cpic_planner.survey.candidates import albedos_of
-from cpic_planner.survey.detection import Setting, detection_chance, reach_au, see
-from cpic_planner.survey.events import Events, Played
+from cpic_planner.survey.detection import Seen, Setting, detection_chance, reach_au, see
+from cpic_planner.survey.events import ROUNDING_H, Clock, Events, Played
 from cpic_planner.survey.observed import ObservationLog, missed, resampled
 from cpic_planner.survey.schedule import PlannedVisit, Schedule
 from cpic_planner.survey.strategy import DetectionRule, SurveyStrategy
@@ -28,11 +28,8 @@ from cpic_planner.survey.universe import (
 )
 from cpic_planner.targets import Targets
 
-__all__ = ["Played", "Survey", "play"]
-
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
-_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,42 +90,6 @@ class StarPlayed:
     visits: int = 0
     hours: float = 0.0
     follow_h: float = 0.0
-
-
-@dataclass(eq=False)
-class Clock:
-    """Time of ``n`` universes, hours."""
-
-    left: FloatArray
-    slot: FloatArray
-    promised: FloatArray
-    search: FloatArray
-    follow: FloatArray
-    visits: NDArray[np.int64]
-
-    @classmethod
-    def of(cls, n: int, budget_h: float, promised_h: float) -> Clock:
-        """Start ``n`` universes with a budget, of which planned visits are promised their part."""
-        zero = np.zeros(n)
-        return cls(
-            np.full(n, budget_h), zero.copy(), np.full(n, promised_h), zero.copy(), zero.copy(), np.zeros(n, np.int64)
-        )
-
-    def affords(self, cost_h: float) -> BoolArray:
-        """Universes whose slot and budget hold a visit of this cost."""
-        return np.asarray((self.slot >= cost_h - _ROUNDING) & (self.left >= cost_h - _ROUNDING))
-
-    def spend(self, go: BoolArray, cost_h: float, on: FloatArray) -> None:
-        """Take a visit's cost from slot and budget of some universes, and book it on search or follow-up."""
-        for account in (self.left, self.slot):
-            account[go] -= cost_h
-        on[go] += cost_h
-        self.visits[go] += 1
-
-    @property
-    def used(self) -> FloatArray:
-        """Hours used so far in each universe."""
-        return self.search + self.follow
 
 
 def play(survey: Survey, *, block: int, n: int, seed: int) -> Played:
@@ -241,18 +202,8 @@ def _star(
         own = [(k, visit) for k, visit in visits if visit.option == option]
         slots = np.array([visit.slot for _, visit in own])
         ordinals = np.array([visit.ordinal for _, visit in own])
-        roll = survey.calendar.roll_deg(strategy.revisits, i, slots, ordinals)
-        found = see(
-            survey.model,
-            target,
-            survey.options[i][option],
-            bodies,
-            albedos_of(strategy.population),
-            bodies.places(survey.calendar.day[i, slots]),
-            roll,
-        )
-        odds = detection_chance(
-            found, strategy.detection, placed, systematic[1][bodies.universe], systematic[0][bodies.universe]
+        found, odds, roll = _visited(
+            survey, i, survey.options[i][option], bodies, (slots, ordinals), placed, systematic
         )
         for row, (k, visit) in enumerate(own):
             hits[k] = uniform_draws(bodies, seed, name, block, visit.ordinal, n) < odds[row]
@@ -279,6 +230,35 @@ def _star(
     )
 
 
+def _visited(
+    survey: Survey,
+    i: int,
+    setting: Setting,
+    bodies: Bodies,
+    when: tuple[NDArray[np.int64], NDArray[np.int64]],
+    placed: BoolArray,
+    systematic: tuple[FloatArray, FloatArray],
+) -> tuple[Seen, FloatArray, FloatArray]:
+    """Return what visits of a star show of planets, the odds that each detects each, and the rolls.
+
+    ``when`` holds slots and ordinals of the visits, ``placed`` says which planets are searched at a known place,
+    ``systematic`` is that of `_systematic`.
+    """
+    strategy, (calibration, shift) = survey.strategy, systematic
+    roll = survey.calendar.roll_deg(strategy.revisits, i, *when)
+    found = see(
+        survey.model,
+        survey.targets.select([i]),
+        setting,
+        bodies,
+        albedos_of(strategy.population),
+        bodies.places(survey.calendar.day[i, when[0]]),
+        roll,
+    )
+    odds = detection_chance(found, strategy.detection, placed, shift[bodies.universe], calibration[bodies.universe])
+    return found, odds, roll
+
+
 def _search(
     survey: Survey, star: StarPlayed, k: int, visit: PlannedVisit, clock: Clock, log: Events, total: NDArray[np.int64]
 ) -> None:
@@ -290,7 +270,7 @@ def _search(
         wanted &= total < stop.after_planets
     go = wanted & clock.affords(cost)
     if visit.reserve:
-        go &= clock.left - clock.promised >= cost - _ROUNDING
+        go &= clock.left - clock.promised >= cost - ROUNDING_H
     else:
         clock.promised[~star.stopped] -= cost
         star.left_h -= cost
@@ -329,7 +309,6 @@ def _any(star: StarPlayed, n: int) -> BoolArray:
 def _follow(survey: Survey, i: int, star: StarPlayed, b: int, clock: Clock, block: int, seed: int) -> None:
     """Follow-up of one star in one slot: every band that a found planet still lacks."""
     strategy, n = survey.strategy, len(clock.left)
-    rule, target = strategy.follow_up, survey.targets.select([i])
     for f, setting in enumerate(survey.follow[i]):
         cost = float(survey.calendar.cost_h(survey.model, i, setting, strategy.visit.settlings)[b])
         if not np.isfinite(cost):
@@ -337,26 +316,15 @@ def _follow(survey: Survey, i: int, star: StarPlayed, b: int, clock: Clock, bloc
         lacking = star.found & ~star.shown[f]
         need = np.zeros(n, bool)
         need[star.bodies.universe[lacking]] = True
-        go = need & (star.tried[f] < rule.attempts) & clock.affords(cost)
+        go = need & (star.tried[f] < strategy.follow_up.attempts) & clock.affords(cost)
         if not go.any():
             continue
         clock.spend(go, cost, clock.follow)
         star.follow_h += cost * float(go.sum())
         star.tried[f, go] += 1
-        roll = survey.calendar.roll_deg(strategy.revisits, i, np.array([b]), np.array([b]))
-        seen = see(
-            survey.model,
-            target,
-            setting,
-            star.bodies,
-            albedos_of(strategy.population),
-            star.bodies.places(survey.calendar.day[i, [b]]),
-            roll,
-        )
-        calibration, shift = _systematic(strategy.detection, block, n, seed)
         at_place = np.ones(len(star.bodies), bool)
-        odds = detection_chance(
-            seen, strategy.detection, at_place, shift[star.bodies.universe], calibration[star.bodies.universe]
-        )[0]
-        luck = uniform_draws(star.bodies, seed, str(target.name[0]), block, f"follow {setting.band} {b}", n)
-        star.shown[f] |= lacking & go[star.bodies.universe] & (luck < odds)
+        systematic = _systematic(strategy.detection, block, n, seed)
+        slot = np.array([b])
+        _, odds, _ = _visited(survey, i, setting, star.bodies, (slot, slot), at_place, systematic)
+        luck = uniform_draws(star.bodies, seed, str(survey.targets.name[i]), block, f"follow {setting.band} {b}", n)
+        star.shown[f] |= lacking & go[star.bodies.universe] & (luck < odds[0])

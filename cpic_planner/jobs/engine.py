@@ -2,7 +2,7 @@
 
 Tasks are pure functions of their arguments, so results are the same for any number of workers. They are
 handed to the caller as they finish, for checkpoints and progress; the caller orders them. What happens when
-workers or the scheduler die is told in `cpic_planner.cluster.dispatch`.
+workers or the scheduler die is told in `cpic_planner.jobs.cluster`.
 """
 
 from __future__ import annotations
@@ -13,8 +13,6 @@ from urllib.parse import urlsplit
 
 from catalogs.errors import InputError
 from simulator.numeric import numeric_context
-
-__all__ = ["ClusterError", "check_address", "run_tasks"]
 
 T = TypeVar("T")
 _PROTOCOLS = ("tcp", "tls", "ws", "wss")
@@ -69,21 +67,21 @@ def run_tasks(
 
     Examples
     --------
-    >>> from cpic_planner.engine import run_tasks
+    >>> from cpic_planner.jobs.engine import run_tasks
     >>> sorted(run_tasks(divmod, [(3,), (5,)], common=(17,)))
     [(0, (5, 2)), (1, (3, 2))]
     """
     if isinstance(workers, bool) or not isinstance(workers, int) or not 1 <= workers <= 256:
         raise InputError("--workers", workers, allowed="an integer from 1 to 256")
-    if scheduler is None and (workers == 1 or len(arguments) <= 1):
+    if in_this_process(len(arguments), workers, scheduler):
         for index, args in enumerate(arguments):
             with numeric_context():
                 result = function(*common, *args)
             yield index, result
         return
     check_address(scheduler)
-    from cpic_planner.cluster.dispatch import Work, run_on
-    from cpic_planner.cluster.local import local_cluster, quiet_dask
+    from cpic_planner.jobs.cluster import Work, run_on
+    from cpic_planner.jobs.local_cluster import local_cluster, quiet_dask
 
     work = Work(function, common, arguments)
     with quiet_dask():
@@ -92,6 +90,11 @@ def run_tasks(
         else:
             with local_cluster(workers) as (address, crew):
                 yield from run_on(address, work, patience_s, crew)
+
+
+def in_this_process(n_tasks: int, workers: int, scheduler: str | None) -> bool:
+    """Return whether `run_tasks` runs so many tasks one after the other where it is called."""
+    return scheduler is None and (workers == 1 or n_tasks <= 1)
 
 
 def check_address(scheduler: str | None) -> str | None:

@@ -13,10 +13,8 @@ from collections.abc import Iterator
 import dask
 from distributed import LocalCluster
 
-from cpic_planner.engine import ClusterError
+from cpic_planner.jobs.engine import ClusterError
 from simulator.numeric import THREAD_VARIABLES
-
-__all__ = ["LocalWorkers", "local_cluster", "quiet_dask"]
 
 _LOG = logging.getLogger(__name__)
 _REGISTER_S = 120  # for a worker to find the scheduler
@@ -76,7 +74,7 @@ class LocalWorkers:
             sys.executable,
             "-P",
             "-m",
-            "cpic_planner.cluster.worker",
+            "cpic_planner.jobs.worker",
             str(os.getpid()),
             scratch,
             address,

@@ -6,7 +6,7 @@ import sys
 import pytest
 
 from catalogs.errors import InputError
-from cpic_planner.runfolder import open_run_folder
+from cpic_planner.jobs.folder import open_run_folder
 
 
 def test_finished_parts_are_reused_and_foreign_configurations_refused(tmp_path):
@@ -49,7 +49,7 @@ def test_names_that_look_alike_on_disk_are_kept_apart(tmp_path):
 def test_live_folder_is_refused_and_free_again_after_kill(tmp_path):
     out = tmp_path / "o"
     code = (
-        "import time\nfrom cpic_planner.runfolder import open_run_folder\n"
+        "import time\nfrom cpic_planner.jobs.folder import open_run_folder\n"
         f"with open_run_folder({str(out)!r}, kind='plan', config_hash='h') as f:\n"
         "    f.save_part('done', {'v': 1}); print('in', flush=True); time.sleep(60)"
     )

@@ -11,8 +11,8 @@ import pytest
 
 from catalogs.errors import InputError
 from cpic_planner.cli.main import main
-from cpic_planner.runfolder import open_run_folder
-from cpic_planner.written_files import LIST_NAME
+from cpic_planner.jobs.folder import open_run_folder
+from cpic_planner.jobs.written_files import LIST_NAME
 
 PRODUCTS = ("plan.json", "report.html")
 
@@ -228,7 +228,7 @@ def test_a_list_that_lost_its_end_names_less(tmp_path):
 KILLED_AT = ("os.fsync", "pathlib.Path.replace", "pathlib.Path.unlink", "pathlib.Path.mkdir", "pathlib.Path.rmdir")
 SCRIPT = """
 import os, pathlib, sys
-from cpic_planner.runfolder import open_run_folder
+from cpic_planner.jobs.folder import open_run_folder
 out, config_hash, name, left = sys.argv[1], sys.argv[2], sys.argv[3], int(sys.argv[4])
 home, word = (os, "fsync") if name == "os.fsync" else (pathlib.Path, name.split(".")[-1])
 plain = getattr(home, word)
@@ -282,7 +282,7 @@ def test_a_kill_at_any_moment_neither_blocks_nor_loses(tmp_path, name):
 
 def test_another_process_holds_the_folder(tmp_path):
     code = (
-        "import time\nfrom cpic_planner.runfolder import open_run_folder\n"
+        "import time\nfrom cpic_planner.jobs.folder import open_run_folder\n"
         f"with open_run_folder({str(tmp_path / 'o')!r}, kind='plan', config_hash='aaaa'):\n"
         "    print('in', flush=True); time.sleep(60)"
     )

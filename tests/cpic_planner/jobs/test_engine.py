@@ -11,7 +11,7 @@ import distributed  # noqa: F401, its settings are there before one is changed f
 import pytest
 
 from catalogs.errors import InputError
-from cpic_planner.engine import ClusterError, run_tasks
+from cpic_planner.jobs.engine import ClusterError, run_tasks
 from simulator.rng import stream
 
 
@@ -120,7 +120,7 @@ def test_tasks_that_end_every_worker_are_named_after_all_others(tmp_path):
 def test_workers_that_never_start_end_the_run(monkeypatch, tmp_path):
     (tmp_path / "sitecustomize.py").write_text("import os\nos._exit(7)\n")
     monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.setattr("cpic_planner.cluster.local._VAIN", 1)
+    monkeypatch.setattr("cpic_planner.jobs.local_cluster._VAIN", 1)
     with pytest.raises(ClusterError, match="workers ended without a result, the last with status 7"):
         list(run_tasks(divmod, [(1, 1), (2, 1)], workers=2))
 
@@ -150,14 +150,14 @@ def test_worker_count_is_checked(workers):
 )
 def test_what_is_no_address_is_refused_before_dask_is_loaded(address, monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
-    for module in ("dispatch", "local"):
-        monkeypatch.delitem(sys.modules, f"cpic_planner.cluster.{module}", raising=False)
+    for module in ("cluster", "local_cluster"):
+        monkeypatch.delitem(sys.modules, f"cpic_planner.jobs.{module}", raising=False)
     with pytest.raises(InputError, match=r"--scheduler.*tcp://host:port"):
         list(run_tasks(divmod, [(1, 1)], scheduler=address))
 
 
 def test_dead_scheduler_is_named(monkeypatch):
-    monkeypatch.setattr("cpic_planner.cluster.dispatch._ANSWER_S", 0.3)
+    monkeypatch.setattr("cpic_planner.jobs.cluster._ANSWER_S", 0.3)
     with socket.socket() as nobody:
         nobody.bind(("127.0.0.1", 0))
         address = f"tcp://127.0.0.1:{nobody.getsockname()[1]}"
@@ -196,7 +196,7 @@ def test_workers_keep_the_allocator_as_it_is():
 
 def test_no_worker_outlives_a_killed_parent(tmp_path):
     code = (
-        "import time\nfrom cpic_planner.engine import run_tasks\n"
+        "import time\nfrom cpic_planner.jobs.engine import run_tasks\n"
         "if __name__ == '__main__':\n"
         "    for index, _ in run_tasks(time.sleep, [(0.01,)] + [(60,)] * 3, workers=2):\n"
         "        print(index, flush=True)\n"

@@ -8,9 +8,9 @@ Layout::
     DIR/parts/KEY.blob  the same for pieces that are bytes: a line of JSON (key, hash, checksum), then they
     DIR/plan.json ...   the products, written at the end
 
-A folder of the same configuration hash is resumed (finished parts are reused); of another one it is
-refused unless forced, and then what its list names is removed (`cpic_planner.written_files`). One in which nothing was
-finished is taken over. A part that fails its checksum is done again. Files that no list names are never touched.
+A folder of the same configuration hash is resumed (finished parts are reused); of another one it is refused unless
+forced, and then what its list names is removed (`cpic_planner.jobs.written_files`). One in which nothing was finished
+is taken over. A part that fails its checksum is done again. Files that no list names are never touched.
 """
 
 from __future__ import annotations
@@ -28,10 +28,8 @@ from typing import Any
 
 from catalogs.errors import InputError
 from catalogs.user_files import read_file
-from cpic_planner.written_files import LIST_NAME, DamagedListError, WrittenFiles, has_list, set_aside
+from cpic_planner.jobs.written_files import LIST_NAME, DamagedListError, WrittenFiles, has_list, set_aside
 from simulator.files import LockHeld, dump_json, exclusive_lock, write_bytes
-
-__all__ = ["DamagedPartError", "RunFolder", "open_run_folder"]
 
 _LOG = logging.getLogger(__name__)
 _MAX_PART_BYTES = 4_000_000_000

@@ -32,8 +32,6 @@ from catalogs.user_files import digest_of, read_file
 from cpic_planner.version import DISTRIBUTION
 from simulator.files import write_text
 
-__all__ = ["LIST_NAME", "DamagedListError", "WrittenFiles", "has_list", "set_aside"]
-
 _LOG = logging.getLogger(__name__)
 LIST_NAME = "cpic-run.jsonl"
 SCHEMA_VERSION = 2

@@ -1,4 +1,4 @@
-"""What a worker process of this machine runs: ``python -m cpic_planner.cluster.worker PARENT SCRATCH ARGUMENT...``."""
+"""What a worker process of this machine runs: ``python -m cpic_planner.jobs.worker PARENT SCRATCH ARGUMENT...``."""
 
 from __future__ import annotations
 
