@@ -23,7 +23,7 @@ from cpic_planner.validation.frame_level import FrameLevel, frame_level
 from simulator.camera.calibration_set import CalibrationSet, bias_level_adu, load_calibration_set
 from simulator.camera.frame import MaskBit
 from simulator.camera.gain import stage_probability
-from simulator.camera.noise import pixel_variance_e2
+from simulator.camera.noise import FrameNoise, pixel_variance_e2
 from simulator.camera.stage import Exposure, Place
 from simulator.camera.transfer import ParallelTransfer, SerialTransfer
 from simulator.config.detector import Detector
@@ -283,8 +283,7 @@ class _Steps:
 
 
 def _gaussian_e(detector: Detector, em_gain: float) -> float:
-    read = detector.read_noise_e if detector.switches.read_noise else 0.0
-    return math.sqrt(read**2 + detector.gain_e_adu**2 / 12.0) / em_gain
+    return math.sqrt(FrameNoise.of(detector, em_gain, 0.0).gaussian_e2)
 
 
 def _at_limit(electrons: FloatArray, usable: BoolArray, pedestal: FloatArray, observation: Observation) -> BoolArray:

@@ -9,11 +9,12 @@ from simulator.camera.frame import Frame, MaskBit
 from simulator.camera.gain import excess_noise_factor2, gain_variance, multiply, stage_probability
 from simulator.camera.gain_voltage import em_gain_of, em_voltage_of
 from simulator.camera.infrared import InfraredCamera
-from simulator.camera.noise import aperture_noise_pixels, pixel_variance_e2
+from simulator.camera.noise import pixel_variance_e2
 from simulator.camera.saturation import GainCap, binding_limit, gain_cap, pixel_saturated
 from simulator.camera.stacking import stack_electrons, stackable
 from simulator.camera.stage import Effect, Exposure
 from simulator.camera.visible import VisibleCamera
+from simulator.signal.variance import aperture_noise_pixels
 
 __all__ = [
     "CalibrationSet",

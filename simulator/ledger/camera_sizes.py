@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 
 from simulator.camera.gain import stage_probability
 from simulator.knobs import Quantity
-from simulator.ledger.case import CameraCase, overflow, stamp_flaws
+from simulator.ledger.case import CameraCase, stamp_flaws
 from simulator.ledger.light import PlanetPlace
 from simulator.ledger.spill import Spill
+from simulator.signal.saturation import overflow
 
 __all__ = ["camera_sizes"]
 

@@ -10,7 +10,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from catalogs.errors import InputError
-from simulator.camera.dark_current import dark_rate_e_s
+from simulator.camera.noise import FrameNoise
 from simulator.camera.switched import switched_for
 from simulator.camera.track_loss import aperture_loss_per_s
 from simulator.config import Instrument, Scene
@@ -23,7 +23,7 @@ from simulator.imaging.metrics import PsfMetrics
 from simulator.imaging.store import psf_metrics
 from simulator.ledger.case import CameraCase, stamp_flaws
 from simulator.ledger.light import PlanetPlace, Sketch, sketch_of
-from simulator.ledger.noise import FrameNoise, visit_variance_e2
+from simulator.ledger.noise import visit_variance_e2
 from simulator.ledger.numerics import Optics
 from simulator.ledger.optics_sizes import OpticsCase
 from simulator.ledger.particles import pixel_hits
@@ -122,8 +122,7 @@ def visit_of(
         stray_e_s=_mean_stray(stray),
         drift_nm=rms_nm,
     )
-    dark_e_s = dark_rate_e_s(detector) if isinstance(detector, Detector) else detector.dark_e_s
-    noise = FrameNoise.of(detector, em_gain, dark_e_s * exposure_s)
+    noise = FrameNoise.of(detector, em_gain, exposure_s)
     smeared = isinstance(detector, Detector) and detector.switches.smear and exposure_s > 0
     line_shift_s = instrument.detector.transfer.line_shift_s * smeared
     star_e_s, moved = sources[0].rate_e_s, any(star_offset_arcsec)
@@ -145,7 +144,6 @@ def visit_of(
     shares = [
         _shares(variance, speckle, n_frames * exposure_s) for variance, speckle in zip(variances, speckles, strict=True)
     ]
-    counts = n_frames * noise.factor2 * noise.photons * exposure_s * sketch.noise_pixels / sketch.aperture_pixels
     rays = instrument.cosmic_rays
     rate = cosmic_ray_rate(rays, start) if detector.switches.cosmic_rays else 0.0
     case = CameraCase(
@@ -162,7 +160,6 @@ def visit_of(
         hits=pixel_hits(rays, detector.pixel_um),
         lost_per_s=aperture_loss_per_s(switched, band, start_utc=start),
         variances=variances,
-        other_most=tuple(counts * planet.other_most_e_s for planet in sketch.planets),
         column_peak_e_s=_column_peak(figures, sketch, star_e_s, moved=moved),
         radius_pixels=figures.aperture_radius_arcsec / figures.pixel_scale_arcsec,
         lambda_d_pixels=figures.lambda_d_arcsec / figures.pixel_scale_arcsec,
