@@ -8,7 +8,7 @@ from simulator.imaging.aperture import aperture_sums, overlap_weights
 from simulator.imaging.psf import single_band_psf
 from simulator.imaging.store import psf_metrics
 from simulator.knobs import Knobs
-from simulator.ledger.numerics import Optics, gauss_remainder, precision_error_e_s
+from simulator.ledger.optics_sizes import Optics, gauss_remainder, precision_error_e_s
 
 
 @pytest.mark.parametrize("n", [1, 2, 3, 4, 5, 7])
