@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalogs.errors import InputError
-from simulator.camera.switched import switched_for
 from simulator.config import Instrument, Scene, load_instrument, load_scene
 from simulator.config.mission import checked_utc
 from simulator.effects.sky import sky_rate_e_s_arcsec2
@@ -236,7 +235,7 @@ def observe(
         switches = {**(switches or {}), **choice.switches}
         epochs, knobs = min(epochs, choice.epochs), choice.knobs
     left_out = () if choice is None else choice.left_out
-    switched = switched_for(instrument, instrument.band(band).camera, switches)
+    switched = instrument.switched(switches, camera=instrument.band(band).camera)
     optics = psf or single_band_psf(band, fidelity=knobs, instrument=instrument)
     sources = scene_sources(scene, instrument, band, roll_deg=roll_deg)
     area = window_of(optics, instrument, full=window == "full")
@@ -396,10 +395,10 @@ def _check(
     role: str,
     roll_deg: Any,
 ) -> None:
-    most = instrument.detector.em_gain_max if instrument.band(band).camera == "VIS" else 1.0
-    for name, value, low, high, unit in (("exposure_s", exposure_s, 1e-6, 1e6, "s"), ("em_gain", em_gain, 1, most, "")):
-        if not low <= check_number(name, value, unit) <= high:
-            raise InputError(name, value, unit=unit, allowed=f"{low:g} to {high:g}")
+    channel = instrument.channel_of(band)
+    if not 1e-6 <= check_number("exposure_s", exposure_s, "s") <= 1e6:
+        raise InputError("exposure_s", exposure_s, unit="s", allowed="1e-06 to 1e+06")
+    channel.check_gain(em_gain)
     checked_tolerance(tolerance)
     if role not in get_args(Role):
         raise InputError("role", role, allowed=", ".join(get_args(Role)))

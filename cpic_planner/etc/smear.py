@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cpic_planner.etc.model import EtcModel
-from simulator.camera.sections import sections_of
 
 __all__ = ["ApertureSmear", "aperture_smear", "companion_column"]
 
@@ -64,7 +63,7 @@ def aperture_smear(
         nothing = np.zeros(())
         return ApertureSmear(nothing, nothing, nothing)
     metrics = model.metrics[band]
-    active = sections_of(model.instrument.detector_of(band))["active"][0]
+    active = model.instrument.detector_of(band).sections["active"][0]
     lit = active.stop - active.start - 2.0 * metrics.mask_half_width_arcsec / metrics.pixel_scale_arcsec
     return ApertureSmear(
         star_e=shift * star_e_s * metrics.column_aperture(x_arcsec),
@@ -96,7 +95,7 @@ def companion_column(
         held as much as the aperture does.
     """
     metrics, detector = model.metrics[band], model.instrument.detector_of(band)
-    active = sections_of(detector)["active"][0]
+    active = detector.sections["active"][0]
     row = detector.star_row + there[1] / metrics.pixel_scale_arcsec
     seen = (row >= active.start) & (row < active.stop) & (np.abs(there[1]) >= metrics.mask_half_width_arcsec)
     column = metrics.source_column_aperture(x_arcsec - there[0])

@@ -9,7 +9,6 @@ import numpy.typing as npt
 
 from catalogs.errors import InputError
 from cpic_planner.validation.rdi import RdiResult, rdi_subtract
-from simulator.camera.dark_current import dark_rate_e_s
 from simulator.camera.gain import excess_noise_factor2
 from simulator.config.detector import Detector
 from simulator.numeric import numeric_context
@@ -146,7 +145,7 @@ def reduce_stack(
 
 def pedestal_e(detector: Detector, exposure_s: float) -> float:
     """Mean electrons of dark current and clock-induced charge in a pixel of one frame."""
-    dark = dark_rate_e_s(detector) * exposure_s if detector.switches.dark else 0.0
+    dark = detector.dark_rate_e_s * exposure_s if detector.switches.dark else 0.0
     return dark + (detector.cic_e if detector.switches.clock_charge else 0.0)
 
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator
 import numpy as np
 import numpy.typing as npt
 
-from simulator.camera.infrared_effects import PastExposure
+from simulator.detectors.infrared import PastExposure
 
 __all__ = ["earlier_frames"]
 

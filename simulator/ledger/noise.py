@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from simulator.camera.gain import excess_noise_factor2
-from simulator.config.detector import Detector
-from simulator.config.infrared import InfraredDetector
+from simulator.config.detector import Detector, InfraredDetector
 from simulator.ledger.light import PlanetPlace, Sketch
 
 __all__ = ["FrameNoise", "visit_variance_e2"]

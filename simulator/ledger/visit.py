@@ -10,8 +10,6 @@ from typing import Any
 from numpy.typing import NDArray
 
 from catalogs.errors import InputError
-from simulator.camera.dark_current import dark_rate_e_s
-from simulator.camera.switched import switched_for
 from simulator.camera.track_loss import aperture_loss_per_s
 from simulator.config import Instrument, Scene
 from simulator.config.detector import Detector
@@ -93,7 +91,7 @@ def visit_of(
     max_epochs: int,
 ) -> Visit:
     """Light, noise and optics of an observation; parameters and errors as `simulator.ledger.forecast`."""
-    switched = switched_for(instrument, instrument.band(band).camera, switches)
+    switched = instrument.switched(switches, camera=instrument.band(band).camera)
     start = instrument.mission.start_utc if start_utc is None else start_utc
     sources = scene_sources(scene, instrument, band, roll_deg=roll_deg)
     measured = _measured(sources, planets)
@@ -122,10 +120,8 @@ def visit_of(
         stray_e_s=_mean_stray(stray),
         drift_nm=rms_nm,
     )
-    dark_e_s = dark_rate_e_s(detector) if isinstance(detector, Detector) else detector.dark_e_s
-    noise = FrameNoise.of(detector, em_gain, dark_e_s * exposure_s)
-    smeared = isinstance(detector, Detector) and detector.switches.smear and exposure_s > 0
-    line_shift_s = instrument.detector.transfer.line_shift_s * smeared
+    noise = FrameNoise.of(detector, em_gain, detector.dark_rate_e_s * exposure_s)
+    line_shift_s = detector.line_shift_s if exposure_s > 0 else 0.0
     star_e_s, moved = sources[0].rate_e_s, any(star_offset_arcsec)
     speckles = [_speckles(figures, drift, planet, star_e_s, visit_s, still=moved) for planet in sketch.planets]
     variances = tuple(
