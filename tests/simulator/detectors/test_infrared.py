@@ -109,7 +109,7 @@ def test_hits_become_a_map() -> None:
         (([1], [1e13]), "electrons"),
     ],
 )
-def test_refusals(hits, words) -> None:
+def test_hits_that_are_refused(hits, words) -> None:
     with pytest.raises(InputError, match=words):
         checked_hits(hits, (3, 4))
 
