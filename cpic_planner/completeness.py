@@ -239,18 +239,8 @@ def _significance(
     """Signal over noise without the planet's own, of charge measured or photons counted."""
     strategy, camera = model.strategy, model.camera(band)
     if strategy.mode == "analogue":
-        return stack_noise(
-            rates, exposure_s, n_frames, em_gain, camera, reference_ratio=strategy.reference_ratio
-        ).significance
-    problem = frame_problem(
-        rates,
-        camera,
-        reference_ratio=strategy.reference_ratio,
-        objective="significance",
-        em_gain=float(em_gain.flat[0]),
-        mode=strategy.mode,
-        counting_sigma=strategy.counting_sigma,
-    )
+        return stack_noise(rates, exposure_s, n_frames, em_gain, camera, strategy).significance
+    problem = frame_problem(rates, camera, strategy, objective="significance", em_gain=float(em_gain.flat[0]))
     with np.errstate(divide="ignore"):
         return np.asarray(1.0 / np.sqrt(problem.inverse_snr2(exposure_s, n_frames)))
 

@@ -230,15 +230,7 @@ class _Places:
 
     def problem(self, objective: Objective) -> FrameProblem:
         """What the solver needs."""
-        strategy = self.model.strategy
-        return frame_problem(
-            self.rates,
-            self.model.camera(self.band),
-            reference_ratio=strategy.reference_ratio,
-            objective=objective,
-            mode=strategy.mode,
-            counting_sigma=strategy.counting_sigma,
-        )
+        return frame_problem(self.rates, self.model.camera(self.band), self.model.strategy, objective=objective)
 
 
 @dataclass(frozen=True)
@@ -329,9 +321,7 @@ class _Search:
             n_frames=choice.n_frames,
             em_gain=choice.em_gain,
             camera=camera,
-            reference_ratio=strategy.reference_ratio,
-            mode=strategy.mode,
-            counting_sigma=strategy.counting_sigma,
+            strategy=strategy,
         )
         noise = noise_of(chosen.rates)
         if (refused := self.refusal) is not Reason.NONE:

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from cpic_planner.etc.camera import FrameCamera
 from cpic_planner.etc.cases import BandCases
 from cpic_planner.etc.frames import FrameChoice, FrameProblem
-from cpic_planner.etc.limits import gain_caps, largest_gain, longest_exposure_s
 from cpic_planner.etc.noise import StackNoise
 from cpic_planner.etc.rates import ApertureRates
-from cpic_planner.etc.speckles import speckle_law
 from simulator.outcome import Reason
+from simulator.signal.saturation import gain_caps, largest_gain, longest_exposure_s
+from simulator.signal.speckles import speckle_law
 
 __all__ = ["Binding", "binding_limits", "largest_term", "remedies"]
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from simulator.config import Instrument
 from simulator.config.detector import Detector
 from simulator.detectors.chains import added_variance
-from simulator.detectors.effect import FrameTerm
+from simulator.signal.variance import FrameTerm
 
 __all__ = ["FrameCamera"]
 
@@ -66,19 +67,28 @@ class FrameCamera:
     added: Mapping[str, FrameTerm] = field(default_factory=dict)
 
     @property
+    def _rest(self) -> FrameTerm:
+        return FrameTerm.total([FrameTerm(), *self.added.values()])
+
+    @property
     def read_variance_e2(self) -> float:
         """Variance of a pixel and frame at the register output: read noise, rounding and what other effects add."""
-        return self.read_noise_e**2 + self.rounding_e**2 + sum(term.output_e2 for term in self.added.values())
+        return self.read_noise_e**2 + self.rounding_e**2 + float(self._rest.output_e2)
 
     @property
     def charge_e(self) -> float:
         """Electrons of a pixel and frame that come without light, before the register: clock-induced and other."""
-        return self.cic_e + sum(term.charge_e for term in self.added.values())
+        return self.cic_e + float(self._rest.charge_e)
 
     @property
-    def added_e_s(self) -> float:
-        """Electrons of a pixel that come with time besides light and dark current, e-/s."""
-        return sum(term.rate_e_s for term in self.added.values())
+    def rate_e_s(self) -> float:
+        """Electrons of a pixel that come with time besides light and dark current."""
+        return float(self._rest.rate_e_s)
+
+    @property
+    def amplifier_e(self) -> float:
+        """Rms of read noise and of what else comes behind the register but the rounding, at the register output."""
+        return math.hypot(self.read_noise_e, math.sqrt(float(self._rest.output_e2)))
 
     @property
     def output_well_e(self) -> float:
@@ -92,7 +102,7 @@ class FrameCamera:
         detector, on = channel.detector, channel.detector.switches
         terms = added_variance(detector)
         nothing = FrameTerm()
-        read_noise_e = terms.get("read_noise", nothing).output_e2 ** 0.5
+        read_noise_e = float(terms.get("read_noise", nothing).output_e2) ** 0.5
         register = isinstance(detector, Detector)
         multiplies = register and on.em_register
         one_read_e = detector.read_noise_e if on.read_noise else 0.0
@@ -103,13 +113,13 @@ class FrameCamera:
             em_gain_max=detector.em_gain_max if multiplies else 1.0,
             register_stages=detector.register_stages if isinstance(detector, Detector) and multiplies else 0,
             read_noise_e=read_noise_e,
-            rounding_e=terms["rounding"].output_e2 ** 0.5,
-            cic_e=terms.get("cic", nothing).charge_e,
-            dark_e_s=terms.get("dark", nothing).rate_e_s,
+            rounding_e=float(terms["rounding"].output_e2) ** 0.5,
+            cic_e=float(terms.get("cic", nothing).charge_e),
+            dark_e_s=float(terms.get("dark", nothing).rate_e_s),
             readout_s=detector.readout_s,
             exposure_min_s=detector.exposure_min_s,
             exposure_max_s=channel.exposure_max_s,
-            light_factor=detector.light_factor,
+            light_factor=detector.ramp()[1],
             blooms=register,
             line_shift_s=detector.line_shift_s,
             added={name: term for name, term in terms.items() if name not in _KNOWN},

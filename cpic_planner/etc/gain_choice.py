@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from simulator.camera.gain import noise_factor2
-
-__all__ = ["GainTable", "best_gain", "gain_table"]
+from simulator.signal.variance import frame_variance_e2
 
 FloatArray = NDArray[np.float64]
 _N_RATIOS, _N_GAINS = 3000, 300
@@ -101,10 +100,10 @@ def best_gain(
         where = np.log(read_variance_e2) - np.log(light_variance_e2)
     cap = np.maximum(gain_cap, 1.0)
     gain = np.minimum(np.exp(np.interp(where, table.log_ratio, table.near)), cap)
-    variance = noise_factor2(gain, stages) * light_variance_e2 + read_variance_e2 / gain**2
+    variance = frame_variance_e2(light_variance_e2, noise_factor2(gain, stages), read_variance_e2, gain)
     other = np.minimum(np.exp(np.interp(where, table.log_ratio, table.far)), cap)
     if np.any(other > gain):
-        there = noise_factor2(other, stages) * light_variance_e2 + read_variance_e2 / other**2
+        there = frame_variance_e2(light_variance_e2, noise_factor2(other, stages), read_variance_e2, other)
         better = there < variance
         gain, variance = np.where(better, other, gain), np.where(better, there, variance)
     return gain, variance

@@ -1,19 +1,50 @@
-"""Least values and first roots of many one-dimensional functions at once, in the logarithm of their argument."""
+"""Many cases at once: their arrays, and least values and first roots of functions of one argument, in its logarithm."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, Protocol, TypeVar
+from collections.abc import Callable, Sequence
+from dataclasses import fields, replace
+from typing import Any, Protocol, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-
-__all__ = ["first_root", "lowest"]
 
 FloatArray = NDArray[np.float64]
 _COARSE, _FINE, _ROUNDS = 24, 17, 6
 _NUDGE = 1e-7
 _MAX_STEPS = 200
+
+
+class CaseArrays:
+    """Base of dataclasses whose arrays have one shape, a case each; what is no array is the same for all cases."""
+
+    def _combined(self, function: Callable[..., Any], *others: CaseArrays) -> Any:
+        """These cases with every array changed by a function of it and of those of others."""
+        parts = {}
+        for field in fields(self):  # type: ignore[arg-type]
+            own, *rest = (getattr(case, field.name) for case in (self, *others))
+            if isinstance(own, CaseArrays):
+                parts[field.name] = own._combined(function, *rest)
+            elif isinstance(own, np.ndarray | np.floating):
+                parts[field.name] = function(own, *rest)
+        return replace(self, **parts)  # type: ignore[type-var]
+
+    def at(self, index: Any) -> Self:
+        """Return the cases of a mask, as flat arrays, or one element of the first axis."""
+        return self._combined(lambda array: array[index])
+
+    def spread(self, shape: tuple[int, ...]) -> Self:
+        """Return the cases repeated along new first axes."""
+        return self._combined(lambda array: np.broadcast_to(array, shape))
+
+    def where(self, mask: NDArray[np.bool_], other: Self) -> Self:
+        """Return these cases where the mask holds, others elsewhere."""
+        return self._combined(lambda one, two: np.where(mask, one, two), other)
+
+    @classmethod
+    def stacked(cls, cases: Sequence[Self]) -> Self:
+        """Return cases of one kind and shape on a new first axis: solved together they cost little more than one."""
+        return cases[0]._combined(lambda *arrays: np.stack(arrays), *cases[1:])
 
 
 class _Selectable(Protocol):

@@ -21,11 +21,11 @@ from cpic_planner.etc.frames import (
     smooth_least_visit_s,
 )
 from cpic_planner.etc.limiting import LONGEST_TIME_S, limit_of, reached, without_background, without_speckles
-from cpic_planner.etc.limits import frame_limit
 from cpic_planner.etc.noise import StackNoise, own_noise
 from cpic_planner.etc.paper import snr_paper
 from cpic_planner.etc.stated_error import speckle_error_extrapolated
 from simulator.outcome import Reason, Status
+from simulator.signal.saturation import frame_limit
 
 __all__ = ["answers_of"]
 
@@ -66,14 +66,8 @@ def answers_of(
     camera = model.camera(cases.band)
     noise = cases.noise(choice)
     helps = remedies(cases, choice, noise)
-    paper = snr_paper(
-        cases.rates,
-        choice.exposure_s,
-        choice.n_frames,
-        choice.em_gain,
-        camera,
-        reference_ratio=strategy.reference_ratio,
-    )
+    setting = choice.exposure_s, choice.n_frames, choice.em_gain
+    paper = snr_paper(cases.rates, *setting, camera, reference_ratio=strategy.reference_ratio)
     wall = model.time_s(choice.visit_s)
     if time_s is not None:  # never more than what was given, not even by rounding
         wall = np.minimum(wall, time_s)

@@ -40,7 +40,7 @@ which speckles are 40 to 83 % of the variance, lie within 5.1 % in SNR (-4.9 % a
 
 WINGS_ERROR = 0.5
 """What is left of a companion's wings over their rms in the closed forms: 90 % of 60 places of a companion in each band
-lie within a factor of 2 (`cpic_planner.etc.companion_wings`)."""
+lie within a factor of 2 (`simulator.signal.wings`)."""
 
 
 def speckle_error(band: str, separation_arcsec: float) -> float | None:

@@ -22,7 +22,7 @@ from cpic_planner.validation.clean_law import limit_of_mean
 from cpic_planner.validation.frame_level import FrameLevel, frame_level
 from simulator.camera.calibration_set import CalibrationSet, bias_level_adu, load_calibration_set
 from simulator.camera.frame import MaskBit
-from simulator.camera.noise import pixel_variance_e2
+from simulator.camera.noise import FrameNoise, pixel_variance_e2
 from simulator.config.detector import Detector
 from simulator.detectors.collection import output_curve, pixel_curve
 from simulator.detectors.effect import Exposure, Place
@@ -230,6 +230,7 @@ class _Steps:
         cic = maps.cic_e if switches.clock_charge else np.zeros(observation.shape)
         if switches.register_clock_charge:
             cic = cic + RegisterClockCharge.mean_output_e(detector, gain) / gain
+        cic = cic + FrameNoise.of(detector, gain, observation.exposure_s).rest_e
         dark = transferred(maps.dark_of(switches) * observation.exposure_s, detector, observation.first_pixel)
         response, flaws = maps.response_of(switches), maps.mask_of(switches)
         output_b = pixel_b = 0.0
@@ -281,8 +282,7 @@ class _Steps:
 
 
 def _gaussian_e(detector: Detector, em_gain: float) -> float:
-    read = detector.read_noise_e if detector.switches.read_noise else 0.0
-    return math.sqrt(read**2 + detector.gain_e_adu**2 / 12.0) / em_gain
+    return math.sqrt(FrameNoise.of(detector, em_gain, 0.0).gaussian_e2)
 
 
 def _at_limit(electrons: FloatArray, usable: BoolArray, pedestal: FloatArray, observation: Observation) -> BoolArray:

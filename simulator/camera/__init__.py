@@ -13,11 +13,12 @@ if TYPE_CHECKING:
     from simulator.camera.gain import excess_noise_factor2, gain_variance, multiply, stage_probability
     from simulator.camera.gain_voltage import em_gain_of, em_voltage_of
     from simulator.camera.infrared import InfraredCamera
-    from simulator.camera.noise import aperture_noise_pixels, pixel_variance_e2
+    from simulator.camera.noise import pixel_variance_e2
     from simulator.camera.saturation import GainCap, binding_limit, gain_cap, pixel_saturated
     from simulator.camera.stacking import stack_electrons, stackable
     from simulator.camera.visible import VisibleCamera
     from simulator.detectors.effect import Effect, Exposure
+    from simulator.signal.variance import aperture_noise_pixels
 
 _HOME = {
     "write_calibration_set": "simulator.camera.calibration_files",
@@ -35,7 +36,7 @@ _HOME = {
     "em_gain_of": "simulator.camera.gain_voltage",
     "em_voltage_of": "simulator.camera.gain_voltage",
     "InfraredCamera": "simulator.camera.infrared",
-    "aperture_noise_pixels": "simulator.camera.noise",
+    "aperture_noise_pixels": "simulator.signal.variance",
     "pixel_variance_e2": "simulator.camera.noise",
     "GainCap": "simulator.camera.saturation",
     "binding_limit": "simulator.camera.saturation",

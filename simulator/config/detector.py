@@ -19,6 +19,7 @@ from simulator.detectors.pixels import DarkCurrent, InfraredFlaws, PixelFlaws, d
 from simulator.detectors.readout import BiasStructure, ReadNoiseElectrons
 from simulator.detectors.register import LargestGain, StageCharge, Stages
 from simulator.detectors.transfer import ChargeTransfer, ClockInduced
+from simulator.signal.variance import ramp_factors
 
 __all__ = [
     "AnyDetector",
@@ -156,6 +157,10 @@ class _AnyDetector(FrozenModel):
         whole = (slice(0, self.n_rows), slice(0, self.n_columns))
         return {"active": whole, "image": whole}
 
+    def ramp(self, exposure_s: float | None = None) -> tuple[float, float]:
+        """Return what several reads make of the variance of one read and of the mean of the light: nothing."""
+        return 1.0, 1.0
+
     def with_switches(self, switches: Mapping[str, bool]) -> Self:
         """Return the same camera with effects switched by name; names of no switch of its own are passed over."""
         own = {name: on for name, on in switches.items() if name in type(self.switches).model_fields}
@@ -182,8 +187,6 @@ class Detector(_AnyDetector, OwnVisible):
 
     chain: ClassVar[Chain] = VISIBLE
     set_name: ClassVar[str] = "visible"
-    reads_in_variance: ClassVar[float] = 1.0
-    light_factor: ClassVar[float] = 1.0
 
     pixel_scale_arcsec: Annotated[float, Field(gt=0, le=1)]
     parity: Literal[-1, 1]
@@ -325,21 +328,9 @@ class InfraredDetector(_AnyDetector, OwnInfrared):
         """Mean dark current of a pixel."""
         return self.dark_e_s
 
-    @property
-    def reads_in_variance(self) -> float:
-        """Variance of what the reads of a frame are reduced to over that of a single read.
-
-        Double sampling has twice the variance of a read; a line through ``n`` equally spaced reads has
-        ``12 (n - 1) / (n (n + 1))`` of it (Garnett & Forrest 1993, SPIE 1946, 395).
-        """
-        n = self.n_reads
-        return {"single": 1.0, "cds": 2.0}.get(self.readout_mode, 12.0 * (n - 1) / (n * (n + 1)))
-
-    @property
-    def light_factor(self) -> float:
-        """Variance over mean of the light in a frame: ``6 (n^2 + 1) / (5 n (n + 1))`` up the ramp (same source)."""
-        n = self.n_reads
-        return 6.0 * (n**2 + 1) / (5.0 * n * (n + 1)) if self.readout_mode == "up_the_ramp" else 1.0
+    def ramp(self, exposure_s: float | None = None) -> tuple[float, float]:
+        """Return `simulator.signal.variance.ramp_factors` of the reads of an exposure, or of all reads."""
+        return ramp_factors(self.readout_mode, self.n_reads if exposure_s is None else self.reads_of(exposure_s))
 
     @property
     def exposure_min_s(self) -> float:

@@ -12,7 +12,7 @@ from pydantic import create_model
 
 from simulator.config.base import FrozenModel
 from simulator.detectors.collection import Blooming, CosmicRayHits, InfraredPhotonNoise, PhotonNoise, PixelNonlinearity
-from simulator.detectors.effect import Effect, FrameTerm
+from simulator.detectors.effect import Effect
 from simulator.detectors.infrared import (
     InfraredHits,
     InfraredReadNoise,
@@ -25,6 +25,7 @@ from simulator.detectors.pixels import BadColumns, BadPixels, Dark, DarkStructur
 from simulator.detectors.readout import BiasDrift, Interference, Quantisation, ReadNoise, Stripes
 from simulator.detectors.register import OutputNonlinearity, Register, RegisterClockCharge, RegisterFullWell
 from simulator.detectors.transfer import ClockCharge, ParallelTransfer, SerialTransfer, Smear
+from simulator.signal.variance import FrameTerm
 
 Chain = tuple[Effect, ...]
 
@@ -83,20 +84,21 @@ def in_sums(chain: Chain, *fates: str) -> tuple[str, ...]:
     return tuple(effect.switch for effect in rows_of(chain) if effect.in_sums in fates)
 
 
-def added_variance(detector: Any) -> dict[str, FrameTerm]:
+def added_variance(detector: Any, exposure_s: float | None = None) -> dict[str, FrameTerm]:
     """Return the variance that a pixel of one frame has besides that of its light, by term of the budget of noise.
 
     Parameters
     ----------
     detector : Detector or InfraredDetector
         Effects that are switched off add nothing.
+    exposure_s : float, optional
+        Exposure of the frame; one that has room for all reads of the detector if not given.
     """
     terms: dict[str, FrameTerm] = {}
     for effect in detector.chain:
-        added = effect.added(detector) if effect.on(detector) else FrameTerm()
-        if any(added) or effect.budget_term in terms:
-            known = terms.get(effect.budget_term, FrameTerm())
-            terms[effect.budget_term] = FrameTerm(*(one + other for one, other in zip(known, added, strict=True)))
+        added = effect.added(detector, exposure_s) if effect.on(detector) else FrameTerm()
+        if any(added):
+            terms[effect.budget_term] = FrameTerm.total([terms.get(effect.budget_term, FrameTerm()), added])
     return terms
 
 

@@ -11,12 +11,13 @@ import functools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from simulator.config.base import FrozenModel
+from simulator.signal.variance import FrameTerm
 
 if TYPE_CHECKING:
     from simulator.knobs import Quantity
@@ -28,28 +29,6 @@ FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 KERNELS = "simulator.camera.kernels"
 LIMIT_KERNELS = "simulator.camera.limit_kernels"
-
-
-class FrameTerm(NamedTuple):
-    """What one origin adds to the variance of a pixel of one frame.
-
-    Attributes
-    ----------
-    rate_e_s : float
-        Electrons per second of exposure.
-    charge_e : float
-        Electrons in every frame, whatever its exposure.
-    output_e2 : float
-        Variance added behind the register, e-^2.
-    """
-
-    rate_e_s: float = 0.0
-    charge_e: float = 0.0
-    output_e2: float = 0.0
-
-    def variance_e2(self, exposure_s: Any, factor2: Any, em_gain: Any) -> Any:
-        """Return ``F^2 charge + output / g^2`` of an exposure."""
-        return factor2 * (self.rate_e_s * exposure_s + self.charge_e) + self.output_e2 / em_gain**2
 
 
 @dataclass(frozen=True)
@@ -260,13 +239,20 @@ class Effect:
         """
         self.draw(work, exposure, rng)
 
-    def added(self, detector: Any) -> FrameTerm:
-        """Return the variance that it adds to a pixel and frame where it is switched on."""
+    def added(self, detector: Any, exposure_s: float | None = None) -> FrameTerm:
+        """Return the variance that it adds to a pixel and frame where it is switched on.
+
+        Parameters
+        ----------
+        detector : Detector or InfraredDetector
+        exposure_s : float, optional
+            Exposure of the frame; one that has room for all reads if not given.
+        """
         return FrameTerm()
 
     def size(self, case: CameraCase) -> Sizes | None:
         """Return its size on every quantity for the ledger; by default that of the variance that it adds."""
-        added = self.added(case.detector)
+        added = self.added(case.detector, case.exposure_s)
         if added == FrameTerm():
             return None
         variance = float(added.variance_e2(case.exposure_s, case.noise.factor2, case.em_gain))

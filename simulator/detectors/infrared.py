@@ -20,8 +20,9 @@ from simulator.camera.checks import checked_array, checked_scalar, element_name
 from simulator.config.base import FrozenModel
 from simulator.detectors.collection import CosmicRayHits
 from simulator.detectors.counts import counted
-from simulator.detectors.effect import Effect, Exposure, FloatArray, FrameTerm, Work
+from simulator.detectors.effect import Effect, Exposure, FloatArray, Work
 from simulator.detectors.readout import ReadNoise
+from simulator.signal.variance import FrameTerm
 
 # Keeps sums over a frame inside 64-bit integers, and charges exact in float64; any full well is far below.
 MAX_MEAN_E = 1e12
@@ -264,7 +265,7 @@ class ResetNoise(Effect):
                 work.held[self.switch] = exposure.detector.reset_noise_e * rng.standard_normal(work.image.shape)
             work.image += work.held[self.switch]
 
-    def added(self, detector: Any) -> FrameTerm:
+    def added(self, detector: Any, exposure_s: float | None = None) -> FrameTerm:
         """Return its variance; the difference of two reads and a slope are free of it."""
         return FrameTerm(output_e2=detector.reset_noise_e**2 if detector.readout_mode == "single" else 0.0)
 
@@ -280,9 +281,9 @@ class InfraredReadNoise(ReadNoise):
         if exposure.detector.read_noise_e > 0:
             work.image += exposure.detector.read_noise_e * rng.standard_normal(work.image.shape)
 
-    def added(self, detector: Any) -> FrameTerm:
+    def added(self, detector: Any, exposure_s: float | None = None) -> FrameTerm:
         """Return the variance of what the reads of a frame are reduced to."""
-        return FrameTerm(output_e2=detector.reads_in_variance * detector.read_noise_e**2)
+        return FrameTerm(output_e2=detector.ramp(exposure_s)[0] * detector.read_noise_e**2)
 
 
 def well_signal(charge_e: npt.ArrayLike, full_well_e: float, loss: float) -> FloatArray:

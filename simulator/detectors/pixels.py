@@ -11,7 +11,8 @@ from pydantic import Field
 from simulator.camera.checks import checked_array
 from simulator.config.base import FrozenModel
 from simulator.detectors.counts import counted
-from simulator.detectors.effect import Effect, FrameTerm, Setting, Work, sizes
+from simulator.detectors.effect import Effect, Setting, Work, sizes
+from simulator.signal.variance import FrameTerm
 
 if TYPE_CHECKING:
     from simulator.detectors.effect import Sizes
@@ -112,7 +113,7 @@ class Dark(Effect):
     hides = ("dark_structure", "bad_pixels", "bad_columns")
     set_up_s = 5e-5
 
-    def added(self, detector: Any) -> FrameTerm:
+    def added(self, detector: Any, exposure_s: float | None = None) -> FrameTerm:
         """Return the dark current as a rate."""
         return FrameTerm(rate_e_s=detector.dark_rate_e_s)
 

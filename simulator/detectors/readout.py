@@ -9,8 +9,9 @@ import numpy as np
 from pydantic import Field
 
 from simulator.config.base import FrozenModel
-from simulator.detectors.effect import KERNELS, Effect, Exposure, FloatArray, FrameTerm, Setting, Work, sizes
+from simulator.detectors.effect import KERNELS, Effect, Exposure, FloatArray, Setting, Work, sizes
 from simulator.lazy import load_kernels
+from simulator.signal.variance import FrameTerm
 
 if TYPE_CHECKING:
     from simulator.detectors.effect import Sizes
@@ -57,7 +58,7 @@ class ReadNoise(Effect):
         """Return the rms in ADU; 0 with the switch off."""
         return float(detector.read_noise_e / detector.gain_e_adu) if self.on(detector) else 0.0
 
-    def added(self, detector: Any) -> FrameTerm:
+    def added(self, detector: Any, exposure_s: float | None = None) -> FrameTerm:
         """Return the variance at the output."""
         return FrameTerm(output_e2=detector.read_noise_e**2)
 
@@ -194,9 +195,9 @@ class Quantisation(Effect):
     always = True
     term = "rounding"
 
-    def added(self, detector: Any) -> FrameTerm:
+    def added(self, detector: Any, exposure_s: float | None = None) -> FrameTerm:
         """Return the variance of rounding at the output, uniform over one ADU."""
-        return FrameTerm(output_e2=detector.gain_e_adu**2 / 12.0 * detector.reads_in_variance)
+        return FrameTerm(output_e2=detector.gain_e_adu**2 / 12.0 * detector.ramp(exposure_s)[0])
 
     def size(self, case: CameraCase) -> Sizes:
         """Return the share of the variance."""

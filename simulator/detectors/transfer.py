@@ -12,8 +12,9 @@ from pydantic import Field
 from simulator.camera.gain import pixel_keys
 from simulator.config.base import FrozenModel
 from simulator.detectors.counts import made_whole
-from simulator.detectors.effect import KERNELS, Effect, Exposure, FloatArray, FrameTerm, Work, sizes
+from simulator.detectors.effect import KERNELS, Effect, Exposure, FloatArray, Work, sizes
 from simulator.lazy import load_kernels
+from simulator.signal.variance import FrameTerm
 
 if TYPE_CHECKING:
     from simulator.detectors.effect import Sizes
@@ -219,7 +220,7 @@ class ClockCharge(Effect):
         np.add.at(pixels, np.divmod(places, pixels.shape[1]), 1.0)
         work.book("clock_charge", events)
 
-    def added(self, detector: Any) -> FrameTerm:
+    def added(self, detector: Any, exposure_s: float | None = None) -> FrameTerm:
         """Return the electrons of one frame."""
         return FrameTerm(charge_e=detector.cic_e)
 

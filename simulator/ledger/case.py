@@ -12,19 +12,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from simulator.camera.calibration_set import load_calibration_set
+from simulator.camera.noise import FrameNoise
 from simulator.config.detector import Detector
 from simulator.ledger.light import PlanetPlace, Sketch
-from simulator.ledger.noise import FrameNoise
 from simulator.ledger.particles import PixelHits
 from simulator.ledger.spill import Spill
-
-__all__ = ["CameraCase", "Flaw", "largest_speckles", "overflow", "stamp_flaws"]
+from simulator.signal.saturation import overflow
 
 FloatArray = NDArray[np.float64]
 # Radius of the Gaussian that stands for the core of a planet, lambda/D.
 _CORE_SIGMA = 0.66
 _SPILLED = 1e-6  # of the noise of a pixel, from which on what it passes on counts
-_ALL = 1.0
 # Speckles of a drifting wavefront scatter by this much more than their two parts would alone, and the largest of a
 # stamp by so many times that.
 _SPECKLE_SCATTER, _SPECKLE_MOST = 1.4, 3.5
@@ -91,9 +89,8 @@ class CameraCase:
     lost_per_s : float
         Rate of tracks that touch an aperture.
     variances : tuple of dict
-        Of every measured planet, by origin (`simulator.ledger.noise.visit_variance_e2`).
-    other_most : tuple of float
-        Of every measured planet, the variance by the light of other sources at most; ``variances`` have the least.
+        Of every measured planet, by origin (`simulator.ledger.noise.visit_variance_e2`), with the least light of other
+        sources.
     column_peak_e_s : float
         Brightest pixel in the columns of the hole or of a source on the frame.
     radius_pixels, lambda_d_pixels : float
@@ -115,7 +112,6 @@ class CameraCase:
     hits: PixelHits
     lost_per_s: float
     variances: tuple[dict[str, float], ...]
-    other_most: tuple[float, ...]
     column_peak_e_s: float
     radius_pixels: float
     lambda_d_pixels: float
@@ -230,13 +226,19 @@ class CameraCase:
         whole = self.sigma_e**2 if inside else self.sigma_e**2 + part
         return 0.5 * min(float(np.max(part / whole, initial=0.0)), 1.0)
 
+    def light_variance_e2(self, aperture_e_s: float) -> float:
+        """Variance over the visit of an aperture sum of even light."""
+        noise, fraction = self.noise, self.sketch.noise_pixels / self.sketch.aperture_pixels
+        return self.n_frames * noise.factor2 * noise.photons * self.exposure_s * fraction * aperture_e_s
+
     def snr_share(self, *origins: str, factor: float = 1.0) -> float:
         """Half of the share of some origins in the variance of an aperture sum, the largest of all planets.
 
         Light of other sources counts as much as it may be.
         """
         most = 0.0
-        for variances, other in zip(self.variances, self.other_most, strict=True):
+        for variances, planet in zip(self.variances, self.sketch.planets, strict=True):
+            other = self.light_variance_e2(planet.other_most_e_s)
             more = other - variances["other"] if "other" in origins else 0.0
             part = sum(variances[name] for name in origins) + more
             most = max(most, 0.5 * factor * part / max(sum(variances.values()) + more, 1e-300))
@@ -275,20 +277,3 @@ class CameraCase:
 def largest_speckles(light: FloatArray, scattered: FloatArray) -> FloatArray:
     """Largest change of pixels by a wavefront error: ``|dE|^2`` and its beat with the light that is there."""
     return _SPECKLE_MOST * _SPECKLE_SCATTER * np.sqrt(2.0 * light * scattered + scattered**2)
-
-
-def overflow(mean_e: FloatArray | float, well_e: float, factor2: float) -> FloatArray:
-    """What a limit cuts off, in standard deviations of the pixel or of its darkest neighbour.
-
-    Counts of excess noise F^2 exceed a level q with the chance of a Gaussian beyond ``z = 2 (sqrt q - sqrt m) / F``
-    (Poisson, and Poisson electrons multiplied by an exponential law, both to leading order in the exponent). Mean and
-    second moment beyond it are ``phi - z Q`` and ``(1 + z^2) Q - z phi``; beyond the limit itself it is the excess.
-    """
-    mean = np.maximum(np.asarray(mean_e, dtype=np.float64), 0.0)
-    z = 2.0 * (math.sqrt(well_e) - np.sqrt(mean)) / math.sqrt(factor2)
-    density = np.exp(-0.5 * np.clip(z, -38.0, 38.0) ** 2) / math.sqrt(2.0 * math.pi)
-    # The chance beyond z is below phi / z.
-    chance = np.where(z > 0.5, density / np.maximum(z, 0.5), 1.0)
-    # The overflow goes to neighbours, whose own noise can be as small as that of an empty pixel.
-    contrast = np.sqrt(np.maximum(mean, 1.0))
-    return np.where(z > 12.0, 0.0, np.where(z > 0.5, (density + chance) * contrast, _ALL + contrast))

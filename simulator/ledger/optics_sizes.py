@@ -183,10 +183,7 @@ class OpticsCase:
         }
 
     def _white(self, aperture_e_s: FloatArray) -> list[float]:
-        case = self.camera
-        fraction = case.sketch.noise_pixels / case.sketch.aperture_pixels
-        counts = case.n_frames * case.noise.factor2 * case.noise.photons * case.exposure_s * fraction
-        return [counts * float(light) for light in aperture_e_s]
+        return [self.camera.light_variance_e2(float(light)) for light in aperture_e_s]
 
     def _padded(self, change: FloatArray) -> FloatArray:
         """A change on the stamp, nothing on the pixels around it."""

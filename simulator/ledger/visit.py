@@ -10,6 +10,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from catalogs.errors import InputError
+from simulator.camera.noise import FrameNoise
 from simulator.camera.track_loss import aperture_loss_per_s
 from simulator.config import Instrument, Scene
 from simulator.config.detector import Detector
@@ -21,7 +22,7 @@ from simulator.imaging.metrics import PsfMetrics
 from simulator.imaging.store import psf_metrics
 from simulator.ledger.case import CameraCase, stamp_flaws
 from simulator.ledger.light import PlanetPlace, Sketch, sketch_of
-from simulator.ledger.noise import FrameNoise, visit_variance_e2
+from simulator.ledger.noise import visit_variance_e2
 from simulator.ledger.numerics import Optics
 from simulator.ledger.optics_sizes import OpticsCase
 from simulator.ledger.particles import pixel_hits
@@ -120,7 +121,7 @@ def visit_of(
         stray_e_s=_mean_stray(stray),
         drift_nm=rms_nm,
     )
-    noise = FrameNoise.of(detector, em_gain, detector.dark_rate_e_s * exposure_s)
+    noise = FrameNoise.of(detector, em_gain, exposure_s)
     line_shift_s = detector.line_shift_s if exposure_s > 0 else 0.0
     star_e_s, moved = sources[0].rate_e_s, any(star_offset_arcsec)
     speckles = [_speckles(figures, drift, planet, star_e_s, visit_s, still=moved) for planet in sketch.planets]
@@ -141,7 +142,6 @@ def visit_of(
     shares = [
         _shares(variance, speckle, n_frames * exposure_s) for variance, speckle in zip(variances, speckles, strict=True)
     ]
-    counts = n_frames * noise.factor2 * noise.photons * exposure_s * sketch.noise_pixels / sketch.aperture_pixels
     rays = instrument.cosmic_rays
     rate = cosmic_ray_rate(rays, start) if detector.switches.cosmic_rays else 0.0
     case = CameraCase(
@@ -158,7 +158,6 @@ def visit_of(
         hits=pixel_hits(rays, detector.pixel_um),
         lost_per_s=aperture_loss_per_s(switched, band, start_utc=start),
         variances=variances,
-        other_most=tuple(counts * planet.other_most_e_s for planet in sketch.planets),
         column_peak_e_s=_column_peak(figures, sketch, star_e_s, moved=moved),
         radius_pixels=figures.aperture_radius_arcsec / figures.pixel_scale_arcsec,
         lambda_d_pixels=figures.lambda_d_arcsec / figures.pixel_scale_arcsec,

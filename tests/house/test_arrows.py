@@ -18,6 +18,7 @@ SIMULATOR = [
     {"target"},
     {"imaging"},
     {"effects"},
+    {"signal"},
     {"camera"},
     {"products"},
     {"scene_light"},

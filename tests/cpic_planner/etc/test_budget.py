@@ -60,19 +60,7 @@ def setting(model, answer):
         model, TAU_CET, answer.band, planets_of(answer.separation_arcsec, None, answer.contrast), FrameWish()
     )
     n, t, g = (np.full((1, 1), float(value)) for value in (answer.n_frames, answer.exposure_s, answer.em_gain))
-    strategy = model.strategy
-    return float(
-        stack_noise(
-            cases.rates,
-            t,
-            n,
-            g,
-            model.camera(answer.band),
-            reference_ratio=strategy.reference_ratio,
-            mode=strategy.mode,
-            counting_sigma=strategy.counting_sigma,
-        ).snr[0, 0]
-    )
+    return float(stack_noise(cases.rates, t, n, g, model.camera(answer.band), model.strategy).snr[0, 0])
 
 
 @pytest.mark.parametrize("strategy", [{}, {"reference_ratio": 3.0}, {"mode": "photon_counting"}], ids=str)
@@ -96,7 +84,7 @@ def test_twice_the_time_and_more_references():
         camera = model.camera(answer.band)
         twice = stack_noise(cases.rates, t, 2 * n, g, camera).snr[0, 0]
         assert answer.remedies["twice_the_time"] == pytest.approx(twice / answer.snr, rel=1e-12)
-        more = stack_noise(cases.rates, t, n, g, camera, reference_ratio=4.0).snr[0, 0]
+        more = stack_noise(cases.rates, t, n, g, camera, Strategy(reference_ratio=4.0)).snr[0, 0]
         assert answer.remedies["four_times_the_reference"] == pytest.approx(more / answer.snr, rel=1e-12)
         assert answer.remedies["half_the_star_light"] > 1.0
 

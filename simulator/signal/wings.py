@@ -1,18 +1,17 @@
-"""Light of companions that the subtraction of the references leaves, because their wings lie elsewhere there."""
+"""Light of sources off the axis: their wings, and what a subtraction leaves of those of a companion.
+
+Everything is in units of the light of the source on the clear disc.
+"""
 
 from __future__ import annotations
 
 import functools
+from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from cpic_planner.etc.model import EtcModel, Strategy
-from cpic_planner.targets import Targets
 from simulator.imaging.metrics import PsfMetrics
-from simulator.target.positions import sky_to_detector
-
-__all__ = ["wings_variance"]
 
 FloatArray = NDArray[np.float64]
 # Rms of aperture sums of the wings about their smooth course, over the latter: typical of the visible bands, and good
@@ -21,16 +20,45 @@ _STRUCTURE = 0.4
 _STEP_ARCSEC, _N_SEPARATIONS = 0.07, 16
 
 
-def wings_variance(model: EtcModel, band: str, companions: Targets, separation_arcsec: FloatArray) -> FloatArray:
-    """Spatial variance of aperture sums of what the references leave of a companion's light.
+def wing(metrics: PsfMetrics, x: FloatArray | float, y: FloatArray | float) -> FloatArray:
+    """Return the unmasked light per pixel at an offset from a source: its ring mean near the core, then the wing map.
 
     Parameters
     ----------
-    model : EtcModel
-        Its library says where the wings lie in the references.
-    band : str
-    companions : Targets
-        Stars whose companions are known, ``k`` of them.
+    metrics : PsfMetrics
+    x, y : array_like
+        Offsets from the source, arcsec; broadcast.
+    """
+    distance = np.hypot(x, y)
+    return np.where(distance < 2.0 * metrics.wing_map_step_arcsec, metrics.wing(distance), metrics.wing_at(x, y))
+
+
+def spot(metrics: PsfMetrics, offset: FloatArray, x: float, y: float) -> FloatArray:
+    """Return the light of a unit source at (x, y) on a stamp without a mask, whose pixels lie at these offsets."""
+    return wing(metrics, (offset - x)[None, :], (offset - y)[:, None])
+
+
+def aperture_wing(metrics: PsfMetrics, x: ArrayLike, y: ArrayLike) -> FloatArray:
+    """Return the smooth light of wings in a whole aperture at an offset of (x, y) arcsec from their source."""
+    return metrics.wing_at(x, y) * metrics.aperture_pixels
+
+
+def wings_variance(
+    metrics: PsfMetrics,
+    places: Sequence[tuple[ArrayLike, ArrayLike]],
+    annulus_lambda_d: float,
+    separation_arcsec: FloatArray,
+) -> FloatArray:
+    """Return the spatial variance of aperture sums of what the references leave of companions' light.
+
+    Parameters
+    ----------
+    metrics : PsfMetrics
+    places : sequence of (x, y)
+        Where the ``k`` companions stand, arcsec from the star on the detector: in the science frames, and in the
+        references if these show them too. None where the references show them at the same place: nothing is left.
+    annulus_lambda_d : float
+        Half width of the annulus whose apertures measure the scatter, lambda/D.
     separation_arcsec : ndarray
         Of the planets, ``(k or 1, ...)``.
 
@@ -46,32 +74,24 @@ def wings_variance(model: EtcModel, band: str, companions: Targets, separation_a
     science frames do. With ``W`` the smooth light of the wings in an aperture and the references' ``R``, it is
     ``var(W - R) + 0.4^2 mean(W^2 + R^2)``: the course over the annulus, and the fine structure about it.
     """
-    shape = np.broadcast_shapes((len(companions), *(1,) * (separation_arcsec.ndim - 1)), separation_arcsec.shape)
-    if model.strategy.library not in ("roll", "reference_star"):
-        return np.zeros(shape)
-    places = tuple(
-        np.asarray(part, np.float64).tobytes()
-        for part in (companions.companion_separation_arcsec, companions.companion_pa_deg)
-    )
-    place, table = _table(model.metrics[band], model.strategy, model.instrument.detector.parity, *places)
+    if not places:
+        return np.zeros(separation_arcsec.shape)
+    stood = tuple(np.asarray(part, np.float64).tobytes() for xy in places for part in xy)
+    place, table = _table(metrics, annulus_lambda_d, stood)
+    shape = np.broadcast_shapes((len(table), *(1,) * (separation_arcsec.ndim - 1)), separation_arcsec.shape)
     at = np.broadcast_to(np.interp(separation_arcsec, place, np.arange(place.size)), shape)
     low = np.minimum(at.astype(np.intp), place.size - 2)
-    rows = np.arange(len(companions)).reshape((-1,) + (1,) * (len(shape) - 1))
+    rows = np.arange(len(table)).reshape((-1,) + (1,) * (len(shape) - 1))
     return np.asarray(table[rows, low] * (low + 1 - at) + table[rows, low + 1] * (at - low))
 
 
 @functools.lru_cache(maxsize=16)
-def _table(
-    metrics: PsfMetrics, strategy: Strategy, parity: int, separation_arcsec: bytes, pa_deg: bytes
-) -> tuple[FloatArray, FloatArray]:
+def _table(metrics: PsfMetrics, annulus_lambda_d: float, stood: tuple[bytes, ...]) -> tuple[FloatArray, FloatArray]:
     """Separations of planets, and the variance there for each companion, ``(k, s)``; kept for stars that come again."""
-    x, y, place, share = _apertures(metrics, strategy.annulus_lambda_d)
-    half = strategy.roll_deg / 2.0
-    found = []
-    for roll in (-half, half) if strategy.library == "roll" else (0.0,):
-        there = sky_to_detector(np.frombuffer(separation_arcsec), np.frombuffer(pa_deg), roll_deg=roll, parity=parity)
-        found.append(metrics.wing_at(x - there[0][:, None], y - there[1][:, None]) * metrics.aperture_pixels)
-    course = found[0] - found[1] if strategy.library == "roll" else found[0]
+    x, y, place, share = _apertures(metrics, annulus_lambda_d)
+    there = [np.frombuffer(part)[:, None] for part in stood]
+    found = [aperture_wing(metrics, x - there[i], y - there[i + 1]) for i in range(0, len(there), 2)]
+    course = found[0] - found[1] if len(found) > 1 else found[0]
     variance = _mean(course**2, share) - _mean(course, share) ** 2
     table = np.maximum(variance, 0.0) + _STRUCTURE**2 * _mean(np.square(found).sum(axis=0), share)
     table.flags.writeable = False

@@ -1,4 +1,8 @@
-"""Dust around the star, like the zodiacal dust of the solar system: a face-on disc of scattered starlight."""
+"""Light in the photometric aperture: sky, dust, what smears in, and the region that measures the background.
+
+One function for each term, of tables of the point-spread function and of numbers; whoever predicts or simulates an
+aperture sums them.
+"""
 
 from __future__ import annotations
 
@@ -8,12 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from catalogs.errors import InputError
-from cpic_planner.etc.model import EtcModel
-from simulator.camera.checks import checked_array, checked_scalar
 from simulator.config.extended import DiscSource
 from simulator.imaging.metrics import PsfMetrics
-
-__all__ = ["aperture_exozodi", "exozodi_disc", "exozodi_fraction_arcsec2"]
+from simulator.quantities import checked_array, checked_scalar
 
 FloatArray = NDArray[np.float64]
 
@@ -29,8 +30,85 @@ INNER_ARCSEC, OUTER_ARCSEC = 0.05, 2.0
 NEARBY_ARCSEC = 1.5
 
 
+def sky_pixel_e_s(metrics: PsfMetrics, sky_e_s_arcsec2: ArrayLike) -> FloatArray:
+    """Return the light of an even sky on an open pixel behind the apodizer, e-/s.
+
+    Parameters
+    ----------
+    metrics : PsfMetrics
+    sky_e_s_arcsec2 : array_like
+        Detected light of the sky on the clear disc, e-/s/arcsec^2.
+    """
+    return np.asarray(sky_e_s_arcsec2, float) * metrics.pixel_scale_arcsec**2 * metrics.apodizer_energy
+
+
+def annulus_apertures(metrics: PsfMetrics, half_width_lambda_d: float, separation_arcsec: ArrayLike) -> FloatArray:
+    """Return the area of the annulus that measures the background, in apertures, at least 1.
+
+    Parameters
+    ----------
+    metrics : PsfMetrics
+    half_width_lambda_d : float
+        Half width of the annulus, lambda/D.
+    separation_arcsec : array_like
+        Of its middle.
+
+    Notes
+    -----
+    The part of the circle through the middle that lies inside the dark quadrants is taken for the whole ring: for a
+    wide ring that is up to 25 % too much.
+    """
+    separation = np.asarray(separation_arcsec, float)
+    width = 2.0 * half_width_lambda_d * metrics.lambda_d_arcsec
+    length = 2.0 * np.pi * separation * metrics.azimuth_fraction(separation)
+    return np.maximum(length * width / (np.pi * metrics.aperture_radius_arcsec**2), 1.0)
+
+
+def companion_column(
+    metrics: PsfMetrics,
+    x_arcsec: ArrayLike,
+    y_arcsec: ArrayLike,
+    wing: ArrayLike,
+    *,
+    star_row: float,
+    rows: slice,
+) -> FloatArray:
+    """Return the light of unit companions in the columns under apertures, for each of their pixels.
+
+    Parameters
+    ----------
+    metrics : PsfMetrics
+    x_arcsec : array_like
+        Offsets of the apertures from the companions along the rows; broadcasts.
+    y_arcsec : array_like
+        Offsets of the companions from the star along the columns.
+    wing : array_like
+        Light of the companions in the apertures.
+    star_row : float
+        Row of the star on the detector.
+    rows : slice
+        Active rows.
+
+    Returns
+    -------
+    ndarray
+        Of a companion in the active rows the light of its column; of one beyond them, or behind the mask, that of its
+        wings, as if all rows held as much as the aperture does.
+    """
+    y = np.asarray(y_arcsec, float)
+    row = star_row + y / metrics.pixel_scale_arcsec
+    seen = (row >= rows.start) & (row < rows.stop) & (np.abs(y) >= metrics.mask_half_width_arcsec)
+    column = metrics.source_column_aperture(x_arcsec)
+    return np.where(seen, column, (rows.stop - rows.start) * np.asarray(wing, float))
+
+
+def lit_rows(metrics: PsfMetrics, rows: slice) -> float:
+    """Return the number of active rows that the arm of the mask leaves open to the sky."""
+    return rows.stop - rows.start - 2.0 * metrics.mask_half_width_arcsec / metrics.pixel_scale_arcsec
+
+
 def exozodi_fraction_arcsec2(separation_arcsec: ArrayLike, n_zodis: ArrayLike) -> FloatArray:
-    """Brightness of the dust in front of the instrument, over the light of the star.
+    """Return the brightness of the dust in front of the instrument, over the light of the star.
 
     Parameters
     ----------
@@ -98,14 +176,14 @@ def exozodi_disc(n_zodis: float) -> DiscSource | None:
     return DiscSource(name="exozodi", contrast=light, inner_arcsec=INNER_ARCSEC, outer_arcsec=OUTER_ARCSEC, slope=-2.0)
 
 
-def aperture_exozodi(model: EtcModel, band: str, x_arcsec: ArrayLike, y_arcsec: ArrayLike) -> FloatArray:
-    """Detected light of the dust in a photometric aperture, over the star's detected light on the clear disc.
+def aperture_exozodi(metrics: PsfMetrics, n_zodis: float, x_arcsec: ArrayLike, y_arcsec: ArrayLike) -> FloatArray:
+    """Return the detected light of the dust in an aperture, over the star's detected light on the clear disc.
 
     Parameters
     ----------
-    model : EtcModel
-        Its ``instrument.sky.exozodi_zodis`` says how much dust there is.
-    band : str
+    metrics : PsfMetrics
+    n_zodis : float
+        Dust in units of the solar system's, at least 0.
     x_arcsec, y_arcsec : array_like
         Centres of apertures on the detector relative to the star; broadcast.
 
@@ -122,17 +200,16 @@ def aperture_exozodi(model: EtcModel, band: str, x_arcsec: ArrayLike, y_arcsec: 
     InputError
         If a position is not finite.
     """
-    zodis, metrics = model.instrument.sky.exozodi_zodis, model.metrics[band]
     x, y = (
         checked_array(key, value, low=-np.inf, unit="arcsec", allowed="finite")
         for key, value in (("x_arcsec", x_arcsec), ("y_arcsec", y_arcsec))
     )
     separation = np.hypot(x, y)
-    if zodis == 0.0:
+    if n_zodis == 0.0:
         return np.zeros(separation.shape)
     radius = metrics.aperture_radius_arcsec
     behind = _energy_nearby(metrics) * metrics.core_throughput(x, y) / metrics.core_open
-    return exozodi_fraction_arcsec2(np.maximum(separation, radius), zodis) * math.pi * radius**2 * behind
+    return exozodi_fraction_arcsec2(np.maximum(separation, radius), n_zodis) * math.pi * radius**2 * behind
 
 
 def _energy_nearby(metrics: PsfMetrics) -> float:

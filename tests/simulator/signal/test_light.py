@@ -1,23 +1,21 @@
 """The dust disc: brightness from magnitudes, light of the disc, and apertures on rendered images."""
 
-import functools
 import math
 
 import numpy as np
 import pytest
 
 from catalogs.errors import InputError
-from cpic_planner.etc.exozodi import aperture_exozodi, exozodi_disc, exozodi_fraction_arcsec2
-from cpic_planner.etc.model import build_model
 from simulator import load_instrument, observe
 from simulator.imaging.aperture import aperture_sums, overlap_weights
+from simulator.imaging.store import psf_metrics
+from simulator.signal.light import aperture_exozodi, exozodi_disc, exozodi_fraction_arcsec2
 
 ZODIS = 50.0
 
 
-@functools.cache
-def model(band):
-    return build_model(load_instrument({"sky": {"exozodi_zodis": ZODIS}}), [band])
+def figures(band):
+    return psf_metrics(load_instrument(), band)
 
 
 @pytest.mark.parametrize(("absolute_v_mag", "distance_pc"), [(4.83, 10.0), (4.83, 3.7), (1.4, 7.7), (6.9, 25.0)])
@@ -51,7 +49,7 @@ def test_disc_holds_the_light_between_its_edges():
 @pytest.mark.parametrize("band", ["F520", "F850"])
 def test_apertures_of_images_hold_as_much(band):
     """Every aperture that lies in the hole."""
-    instrument, metrics = model(band).instrument, model(band).metrics[band]
+    instrument, metrics = load_instrument(), figures(band)
     bare = {"name": "s", "cstar": {"v_mag": 5.0, "teff_k": 5800}}
     asked = {"band": band, "exposure_s": 1.0, "window": "hole", "fidelity": "quick", "instrument": instrument}
     dusty = observe(bare | {"extended": [exozodi_disc(ZODIS)]}, **asked)
@@ -64,29 +62,28 @@ def test_apertures_of_images_hold_as_much(band):
     low, high = metrics.hole_inner_arcsec + radius, metrics.hole_outer_arcsec - radius
     inside = (np.minimum(abs(x), abs(y)) >= low) & (np.maximum(abs(x), abs(y)) <= high)
     assert inside.sum() > 500
-    ratio = sums[inside] / aperture_exozodi(model(band), band, x[inside], y[inside])
+    ratio = sums[inside] / aperture_exozodi(metrics, ZODIS, x[inside], y[inside])
     assert ratio.mean() == pytest.approx(1.0, abs=0.01)
     assert np.all(abs(ratio - 1.0) < 0.026)
 
 
 def test_mask_keeps_the_light_away():
-    metrics = model("F520").metrics["F520"]
-    open_, edge, behind = aperture_exozodi(model("F520"), "F520", [0.4, metrics.mask_half_width_arcsec, 0.0], 0.4)
+    metrics = figures("F520")
+    open_, edge, behind = aperture_exozodi(metrics, ZODIS, [0.4, metrics.mask_half_width_arcsec, 0.0], 0.4)
     assert open_ > edge > behind == 0.0
     area = math.pi * metrics.aperture_radius_arcsec**2
     most = exozodi_fraction_arcsec2(0.4 * math.sqrt(2), ZODIS) * area * metrics.apodizer_energy
     assert 0.97 * most < open_ < 0.98 * most  # less the far wings
-    assert np.isfinite(aperture_exozodi(model("F520"), "F520", 0.0, 0.0))
+    assert np.isfinite(aperture_exozodi(metrics, ZODIS, 0.0, 0.0))
 
 
 def test_amount_scales_and_none_is_zero():
-    twice = build_model(load_instrument({"sky": {"exozodi_zodis": 2 * ZODIS}}), ["F520"])
-    none = build_model(load_instrument(), ["F520"])
+    metrics = figures("F520")
     x = np.linspace(0.2, 0.6, 6).reshape(2, 3)
-    one = aperture_exozodi(model("F520"), "F520", x, 0.5)
+    one = aperture_exozodi(metrics, ZODIS, x, 0.5)
     assert one.shape == (2, 3)
-    assert aperture_exozodi(twice, "F520", x, 0.5) == pytest.approx(2 * one, rel=1e-12)
-    assert aperture_exozodi(none, "F520", x, 0.5).tolist() == [[0.0] * 3] * 2
+    assert aperture_exozodi(metrics, 2 * ZODIS, x, 0.5) == pytest.approx(2 * one, rel=1e-12)
+    assert aperture_exozodi(metrics, 0.0, x, 0.5).tolist() == [[0.0] * 3] * 2
 
 
 @pytest.mark.parametrize(
@@ -97,7 +94,7 @@ def test_amount_scales_and_none_is_zero():
         (lambda: exozodi_fraction_arcsec2(0.5, -1.0), "n_zodis"),
         (lambda: exozodi_disc(-1.0), "n_zodis"),
         (lambda: exozodi_disc(1e6), "n_zodis"),
-        (lambda: aperture_exozodi(model("F520"), "F520", math.inf, 0.0), "x_arcsec"),
+        (lambda: aperture_exozodi(figures("F520"), ZODIS, math.inf, 0.0), "x_arcsec"),
     ],
 )
 def test_bad_input_is_refused(ask, word):

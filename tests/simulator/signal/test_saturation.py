@@ -7,10 +7,10 @@ import pytest
 from scipy.optimize import brentq
 
 from cpic_planner.etc.camera import FrameCamera
-from cpic_planner.etc.limits import frame_limit, gain_caps, largest_gain, longest_exposure_s
 from simulator.camera.saturation import binding_limit, gain_cap
 from simulator.config import load_instrument
 from simulator.outcome import Reason
+from simulator.signal.saturation import frame_limit, gain_caps, largest_gain, longest_exposure_s
 
 INSTRUMENT = load_instrument()
 COARSE = load_instrument({"detector": {"adc_bits": 12}})

@@ -11,8 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 from simulator.config.optics import Drift
 from simulator.imaging.metrics import PsfMetrics
 
-__all__ = ["SpeckleLaw", "error_light_share", "floor_law", "speckle_law"]
-
 FloatArray = NDArray[np.float64]
 _N_ANNULUS, _N_TABLE = 25, 500
 _NOTHING = 1e-290

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from cpic_planner.etc.model import build_model
-from cpic_planner.etc.speckles import SpeckleLaw, error_light_share, floor_law, speckle_law
 from simulator.config import load_instrument
+from simulator.signal.speckles import SpeckleLaw, error_light_share, floor_law, speckle_law
 
 MODEL = build_model(load_instrument())
 DRIFT = MODEL.instrument.drift
