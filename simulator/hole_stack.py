@@ -34,8 +34,6 @@ from simulator.quantities import check_whole
 from simulator.rng import PathPart, stream
 from simulator.sequence import MAX_REALISATION
 
-__all__ = ["HoleStacks", "hole_stackable", "hole_stacks"]
-
 FloatArray = NDArray[np.float64]
 # A pixel beyond the hole overflows by chance: once in 3e6 pixel-frames at the margin, by a fraction of its noise.
 _MARGIN_SIGMA = 5.0

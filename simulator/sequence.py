@@ -29,8 +29,6 @@ from simulator.numeric import numeric_context
 from simulator.quantities import check_whole
 from simulator.rng import PathPart
 
-__all__ = ["MAX_FRAMES", "MAX_REALISATION", "Kind", "Light", "Sequence", "Stamps"]
-
 FloatArray = NDArray[np.float64]
 Kind = Literal["SCI", "DSF", "CALS", "BIAS", "DARK", "FLAT", "BKG", "LASER"]
 Camera: TypeAlias = VisibleCamera | InfraredCamera

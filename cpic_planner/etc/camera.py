@@ -11,8 +11,6 @@ from simulator.config.detector import Detector
 from simulator.detectors.chains import added_variance
 from simulator.signal.variance import FrameTerm
 
-__all__ = ["FrameCamera"]
-
 _KNOWN = ("read_noise", "rounding", "cic", "dark")
 
 

@@ -19,8 +19,6 @@ from simulator.camera.frame import MaskBit
 from simulator.detectors.readout import wave_angles
 from simulator.observation import Observation
 
-__all__ = ["FrameLevel", "dark_bar", "frame_level"]
-
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 

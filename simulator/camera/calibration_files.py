@@ -14,17 +14,15 @@ import numpy as np
 import numpy.typing as npt
 
 from catalogs.errors import InputError
-from simulator.camera.checks import element_name
 from simulator.camera.frame import MaskBit
 from simulator.config.detector import AnyDetector
 from simulator.effects.map_units import unit_factor
 from simulator.files import write_bytes
 from simulator.imaging.map_files import read_maps
+from simulator.quantities import element_name
 
 if TYPE_CHECKING:
     from simulator.camera.calibration_set import CalibrationSet
-
-__all__ = ["file_print", "read_calibration_map", "write_calibration_set"]
 
 FloatArray = npt.NDArray[np.float64]
 

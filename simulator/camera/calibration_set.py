@@ -22,8 +22,6 @@ from simulator.config.detector import AnyDetector, Section
 from simulator.detectors.chains import Switches
 from simulator.rng import stream
 
-__all__ = ["CalibrationSet", "bias_level_adu", "load_calibration_set"]
-
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 

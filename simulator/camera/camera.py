@@ -18,8 +18,6 @@ from simulator.detectors.effect import Effect, Exposure, FloatArray, Work
 from simulator.effects.cosmic_rays import draw_cosmic_rays
 from simulator.rng import PathPart, stream
 
-__all__ = ["MAX_EXPOSURE_S", "MAX_MEAN_E", "Camera"]
-
 # Keeps sums over a column or a frame inside the whole numbers of float64 and int64; any full well is far below.
 MAX_MEAN_E = 1e12
 MAX_EXPOSURE_S = 1e6

@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from catalogs.errors import InputError
 from simulator.camera.camera import MAX_EXPOSURE_S, MAX_MEAN_E, Camera, begun, corner_of, flaws_of, means, run
-from simulator.camera.checks import checked_rates, checked_scalar
+from simulator.camera.checks import checked_rates
 from simulator.camera.frame import Frame, MaskBit
 from simulator.camera.infrared_reads import ReadStack, read_times
 from simulator.config.detector import InfraredDetector
@@ -36,9 +36,8 @@ from simulator.detectors.infrared import (
     checked_hits,
     tracks_of,
 )
+from simulator.quantities import checked_scalar
 from simulator.rng import PathPart
-
-__all__ = ["InfraredCamera", "InfraredExposure"]
 
 MAX_RATE_E_S = 1e300
 

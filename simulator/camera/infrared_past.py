@@ -10,8 +10,6 @@ import numpy.typing as npt
 
 from simulator.detectors.infrared import PastExposure
 
-__all__ = ["earlier_frames"]
-
 FloatArray = npt.NDArray[np.float64]
 # A charge this many decay times old has left 2e-22 of what it leaves at once.
 _FORGOTTEN = 50.0

@@ -7,8 +7,6 @@ import numpy.typing as npt
 
 from simulator.config.detector import ReadoutMode
 
-__all__ = ["ReadStack", "read_times"]
-
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 

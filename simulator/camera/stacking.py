@@ -21,8 +21,6 @@ from simulator.detectors.effect import Exposure
 from simulator.outcome import Outcome, Reason, Status
 from simulator.rng import PathPart
 
-__all__ = ["stack_electrons", "stackable"]
-
 FloatArray = npt.NDArray[np.float64]
 # Chance of a Gaussian beyond: 1e-15, once in 1e9 frames of a million pixels.
 _MARGIN_SIGMA = 8.0

@@ -17,15 +17,14 @@ import numpy.typing as npt
 from catalogs.errors import InputError
 from simulator.camera.calibration_set import CalibrationSet
 from simulator.camera.camera import MAX_EXPOSURE_S, MAX_MEAN_E, Camera, begun, corner_of, flaws_of, means, run
-from simulator.camera.checks import MOST_E_S, checked_array, checked_rates, checked_scalar
+from simulator.camera.checks import MOST_E_S, checked_rates
 from simulator.camera.frame import Frame, MaskBit
 from simulator.config.detector import Detector
 from simulator.detectors.effect import LIMIT_KERNELS, Exposure, FloatArray, Place, Work
 from simulator.detectors.transfer import Smear
 from simulator.lazy import load_kernels
+from simulator.quantities import checked_array, checked_scalar
 from simulator.rng import PathPart
-
-__all__ = ["VisibleCamera"]
 
 
 class VisibleCamera(Camera):

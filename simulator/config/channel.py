@@ -10,8 +10,6 @@ from simulator.config.detector import AnyDetector, Detector
 from simulator.config.optics import Coronagraph, NearInfrared
 from simulator.quantities import check_number
 
-__all__ = ["CameraName", "Channel"]
-
 CameraName = Literal["VIS", "NIR"]
 
 

@@ -21,22 +21,6 @@ from simulator.detectors.register import LargestGain, StageCharge, Stages
 from simulator.detectors.transfer import ChargeTransfer, ClockInduced
 from simulator.signal.variance import ramp_factors
 
-__all__ = [
-    "AnyDetector",
-    "BiasStructure",
-    "CalibrationFiles",
-    "CameraSwitches",
-    "ChargeTransfer",
-    "Detector",
-    "FrameLayout",
-    "InfraredDetector",
-    "InfraredSwitches",
-    "Nonlinearity",
-    "PixelFlaws",
-    "ReadoutMode",
-    "Section",
-]
-
 # Expected losses of an electron on its whole way. Three are followed; more happen to (n c)^4 / 24, 3e-4 of them here.
 MAX_LOSSES = 0.3
 

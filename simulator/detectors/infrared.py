@@ -16,12 +16,12 @@ import numpy.typing as npt
 from pydantic import Field
 
 from catalogs.errors import InputError
-from simulator.camera.checks import checked_array, checked_scalar, element_name
 from simulator.config.base import FrozenModel
 from simulator.detectors.collection import CosmicRayHits
 from simulator.detectors.counts import counted
 from simulator.detectors.effect import Effect, Exposure, FloatArray, Work
 from simulator.detectors.readout import ReadNoise
+from simulator.quantities import checked_array, checked_scalar, element_name
 from simulator.signal.variance import FrameTerm
 
 # Keeps sums over a frame inside 64-bit integers, and charges exact in float64; any full well is far below.

@@ -8,10 +8,10 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
-from simulator.camera.checks import checked_array
 from simulator.config.base import FrozenModel
 from simulator.detectors.counts import counted
 from simulator.detectors.effect import Effect, Setting, Work, sizes
+from simulator.quantities import checked_array
 from simulator.signal.variance import FrameTerm
 
 if TYPE_CHECKING:

@@ -6,8 +6,6 @@ from simulator.detectors.chains import VISIBLE, rows_of
 from simulator.knobs import Quantity
 from simulator.ledger.case import CameraCase
 
-__all__ = ["camera_sizes"]
-
 
 def camera_sizes(case: CameraCase) -> dict[str, dict[Quantity, float]]:
     """Return the size of every effect of the camera on every quantity, by the name of its switch.

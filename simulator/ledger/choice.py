@@ -25,8 +25,6 @@ from simulator.ledger.rows import EffectRow
 from simulator.ledger.sums import NOT_IN_SUMS
 from simulator.outcome import Outcome, Reason, Status
 
-__all__ = ["SUM_EPOCHS", "Choice", "budget_of", "choose", "error_of"]
-
 Sizes = dict[Quantity, float]
 SUM_EPOCHS = 6
 """Epochs of a visit drawn as sums: the variance of the mean of a walk is 1/(2 epochs^2), 1.4 %, too large."""

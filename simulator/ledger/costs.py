@@ -8,8 +8,6 @@ from __future__ import annotations
 from simulator.detectors.chains import VISIBLE, rows_of
 from simulator.knobs import Knobs
 
-__all__ = ["FRAME_S", "FULL_PIXELS", "SOURCE_S", "stamp_s"]
-
 FRAME_S = {effect.switch: effect.frame_s for effect in rows_of(VISIBLE) if effect.frame_s}
 """Seconds a frame of each effect on the window around the hole (137 x 137)."""
 SET_UP_S = {effect.switch: effect.set_up_s for effect in rows_of(VISIBLE) if effect.set_up_s} | {"sky": 1e-3}

@@ -16,9 +16,6 @@ from simulator.effects.sky import SOLAR_AVOIDANCE, SkyLevel
 from simulator.effects.stray_light import extra_lights
 from simulator.ledger.rows import EffectRow
 
-__all__ = ["camera_ledger", "effect_ledger", "not_modelled", "sky_ledger"]
-
-
 _OPTICS = "apodizer, cross mask, pixel integration"
 _STATIC = "static wavefront error and deformable mirror"
 _KEPT = (

@@ -12,8 +12,6 @@ from simulator.config.effects import CosmicRayConfig
 from simulator.effects.cosmic_rays import draw_cosmic_rays
 from simulator.rng import stream
 
-__all__ = ["PixelHits", "pixel_hits"]
-
 _SIDE, _TRACKS = 700, 1500.0
 _CM_PER_UM = 1e-4
 

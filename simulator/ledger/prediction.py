@@ -24,8 +24,6 @@ from simulator.signal.light import sky_pixel_e_s
 from simulator.signal.saturation import overflow
 from simulator.target.sources import extended_rates
 
-__all__ = ["MAX_EPOCHS", "Forecast", "forecast"]
-
 Sizes = dict[Quantity, float]
 MAX_EPOCHS = 12
 """Epochs of a visit without a ledger."""

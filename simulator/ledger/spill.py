@@ -20,8 +20,6 @@ from simulator.imaging.imager import centred_axis
 if TYPE_CHECKING:
     from simulator.ledger.case import CameraCase
 
-__all__ = ["Spill"]
-
 FloatArray = NDArray[np.float64]
 _SIGMA = 5.0
 

@@ -13,8 +13,6 @@ from simulator.imaging.metrics import PsfMetrics
 from simulator.ledger.case import CameraCase
 from simulator.outcome import Outcome, Reason, Status
 
-__all__ = ["NOT_IN_SUMS", "sums_possible"]
-
 # What a reduction takes out (flaws, bias, particles) or what moves charge between pixels: sums of frames leave it out.
 NOT_IN_SUMS = in_sums(VISIBLE, "left_out", "moves_charge", "not_additive")
 _SIGMA = 8.0

@@ -29,8 +29,6 @@ from simulator.ledger.particles import pixel_hits
 from simulator.passbands import Passbands
 from simulator.target.sources import Source, scene_sources
 
-__all__ = ["Visit", "visit_of"]
-
 _CM_PER_UM = 1e-4
 # A single place in the hole against the rms of its separation.
 _FLOOR_LEAST, _FLOOR_MOST = 0.5, 2.0
