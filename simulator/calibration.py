@@ -21,7 +21,7 @@ from simulator.knobs import Knobs
 from simulator.ledger import EffectRow, camera_ledger, sky_ledger
 from simulator.numeric import numeric_context
 from simulator.quantities import check_number, check_pair, check_whole
-from simulator.sequence import MAX_FRAMES, MAX_REALISATION, FloatArray, Light, Sequence
+from simulator.sequence import MAX_FRAMES, MAX_REALISATION, FloatArray, Light, Sequence, checked_exposure
 
 __all__ = ["Calibration", "calibrate"]
 
@@ -178,9 +178,7 @@ def _exposure(kind: str, exposure_s: float | None) -> float:
         return 0.0
     if exposure_s is None:
         raise InputError("exposure_s", "missing", unit="s", allowed=f"a value is required for {kind}")
-    if not 1e-6 <= check_number("exposure_s", exposure_s, "s") <= 1e6:
-        raise InputError("exposure_s", exposure_s, unit="s", allowed="1e-06 to 1e+06")
-    return float(exposure_s)
+    return checked_exposure(exposure_s)
 
 
 def _level(level_e: float) -> float:

@@ -26,7 +26,7 @@ from simulator.detectors.infrared import PastExposure
 from simulator.effects.cosmic_ray_rate import cosmic_ray_rate
 from simulator.effects.stray_light import effect_files
 from simulator.numeric import numeric_context
-from simulator.quantities import check_whole
+from simulator.quantities import check_number, check_whole
 from simulator.rng import PathPart
 
 FloatArray = NDArray[np.float64]
@@ -35,6 +35,13 @@ Camera: TypeAlias = VisibleCamera | InfraredCamera
 MAX_STACK_BYTES = 2_000_000_000
 MAX_FRAMES = 1_000_000
 MAX_REALISATION = 2**31 - 1
+
+
+def checked_exposure(exposure_s: float) -> float:
+    """Return an exposure in seconds, refused unless it is from 1e-6 to 1e6."""
+    if not 1e-6 <= check_number("exposure_s", exposure_s, "s") <= 1e6:
+        raise InputError("exposure_s", exposure_s, unit="s", allowed="1e-06 to 1e+06")
+    return float(exposure_s)
 
 
 @dataclass(frozen=True, eq=False)
