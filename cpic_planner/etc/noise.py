@@ -78,9 +78,10 @@ def white_terms(rates: ApertureRates, camera: FrameCamera, reference_ratio: floa
         "read_noise": FrameTerm(output_e2=area * camera.read_noise_e**2),
         "rounding": FrameTerm(output_e2=area * camera.rounding_e**2),
     }
+    terms |= {name: FrameTerm(*(area * part for part in added)) for name, added in camera.added.items()}
     terms["reference"] = FrameTerm(
-        rate_e_s=rates.reference_light_e_s / reference_ratio,
-        charge_e=(rates.reference_smear_e + scale * area * camera.cic_e) / reference_ratio,
+        rate_e_s=(rates.reference_light_e_s + scale * area * camera.rate_e_s) / reference_ratio,
+        charge_e=(rates.reference_smear_e + scale * area * camera.charge_e) / reference_ratio,
         output_e2=scale * area * camera.read_variance_e2 / reference_ratio,
     )
     return terms
@@ -138,10 +139,10 @@ def frame_problem(
         parts = _broadcast(
             arrays["alpha_e_s"].shape,
             planet_e_s=rates.planet_e_s / rates.aperture_pixels,
-            quiet_e_s=rates.background_e_s / rates.aperture_pixels,
-            reference_e_s=_reference_pixel(rates.reference_light_e_s, rates),
-            quiet_e=rates.smear_e / rates.aperture_pixels + camera.cic_e,
-            reference_e=_reference_pixel(rates.reference_smear_e, rates) + camera.cic_e,
+            quiet_e_s=rates.background_e_s / rates.aperture_pixels + camera.rate_e_s,
+            reference_e_s=_reference_pixel(rates.reference_light_e_s, rates) + camera.rate_e_s,
+            quiet_e=rates.smear_e / rates.aperture_pixels + camera.charge_e,
+            reference_e=_reference_pixel(rates.reference_smear_e, rates) + camera.charge_e,
             science_pixels=pixels,
             mean_pixels=pixels * (level - 1.0),
             reference_pixels=level * pixels * rates.reference_scale / strategy.reference_ratio,
@@ -231,8 +232,8 @@ def _residual(rates: ApertureRates, level: FloatArray | float) -> list[FloatArra
 
 def _law(camera: FrameCamera, em_gain: float, strategy: Strategy) -> CountingLaw:
     """Probabilities of counts at the threshold of a strategy."""
-    threshold_e = strategy.counting_sigma * camera.read_noise_e
-    return counting_law(em_gain, camera.register_stages, camera.read_noise_e, threshold_e)
+    noise_e = camera.amplifier_e
+    return counting_law(em_gain, camera.register_stages, noise_e, strategy.counting_sigma * noise_e)
 
 
 def _reference_pixel(scaled: FloatArray, rates: ApertureRates) -> FloatArray:
@@ -251,9 +252,10 @@ def _counted(
 ) -> tuple[dict[str, FloatArray], FloatArray]:
     """Terms of white noise where photons are counted, and what the planet's light adds to them."""
     pixels = stack * rates.noise_fraction * rates.aperture_pixels
-    quiet = (rates.background_e_s * exposure_s + rates.smear_e) / rates.aperture_pixels + camera.cic_e
+    own = camera.charge_e + camera.rate_e_s * exposure_s
+    quiet = (rates.background_e_s * exposure_s + rates.smear_e) / rates.aperture_pixels + own
     held = rates.reference_light_e_s * exposure_s + rates.reference_smear_e
-    reference = _reference_pixel(held, rates) + camera.cic_e
+    reference = _reference_pixel(held, rates) + own
     alone = counted(pixels, quiet, law)
     both = counted(pixels, quiet + rates.planet_e_s / rates.aperture_pixels * exposure_s, law)
     with np.errstate(invalid="ignore"):

@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 from cpic_planner.etc.library import library_noise
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.targets import Targets
-from simulator.camera.sections import sections_of
 from simulator.config import Instrument
 from simulator.effects.sky import sky_rate_e_s_arcsec2
 from simulator.effects.stray_light import stray_light_map
@@ -309,7 +308,7 @@ def _companions(model: EtcModel, targets: Targets, band: str, x: FloatArray, y: 
     there = [part.reshape(upright) for part in _companion_place(model, near)]
     here = [np.broadcast_to(part, shape)[known] for part in (x, y)]
     wing = aperture_wing(metrics, here[0] - there[0], here[1] - there[1])
-    active = sections_of(detector)["active"][0]
+    active = detector.sections["active"][0]
     column = companion_column(metrics, here[0] - there[0], there[1], wing, star_row=detector.star_row, rows=active)
     turns = {"roll": (-strategy.roll_deg / 2.0, strategy.roll_deg / 2.0), "reference_star": (0.0,)}
     places = [_companion_place(model, near, turn) for turn in turns.get(strategy.library, ())]
@@ -343,7 +342,7 @@ def _smear(
     shift, metrics = model.camera(band).line_shift_s, model.metrics[band]
     if shift == 0.0:
         return _Smear(*np.zeros((3,)))
-    rows = sections_of(model.instrument.detector_of(band))["active"][0]
+    rows = model.instrument.detector_of(band).sections["active"][0]
     return _Smear(
         star_e=shift * star_e_s * metrics.column_aperture(x),
         companion_e=shift * companion_column_e_s,

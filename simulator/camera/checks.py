@@ -6,9 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from catalogs.errors import InputError
-from simulator.quantities import checked_array, checked_scalar, element_name
-
-__all__ = ["checked_array", "checked_rates", "checked_scalar", "element_name"]
+from simulator.quantities import element_name
 
 FloatArray = npt.NDArray[np.float64]
 NEGATIVE_TOLERANCE = 1e-9

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
 
-from simulator.camera.dark_current import dark_rate_e_s
 from simulator.camera.gain import excess_noise_factor2
-from simulator.config.detector import Detector
-from simulator.config.infrared import InfraredDetector
+from simulator.config.detector import AnyDetector, Detector
+from simulator.detectors.chains import added_variance
 from simulator.quantities import checked_array
-from simulator.signal.variance import MOST, frame_variance_e2, ramp_factors
+from simulator.signal.variance import MOST, FrameTerm, frame_variance_e2
 
 
 @dataclass(frozen=True)
@@ -31,6 +31,10 @@ class FrameNoise:
         Dark current a frame.
     photons : bool
         Whether counts are drawn.
+    rest_e, rest_e2 : float
+        Electrons at the register input, and variance behind the register, that further effects of the detector add.
+    added_e2 : mapping of str to float
+        Variance of each of these, by its term in budgets of noise.
     """
 
     factor2: float
@@ -39,9 +43,12 @@ class FrameNoise:
     rounding_e2: float
     dark_e: float
     photons: bool
+    rest_e: float = 0.0
+    rest_e2: float = 0.0
+    added_e2: Mapping[str, float] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, detector: Detector | InfraredDetector, em_gain: float, exposure_s: float) -> FrameNoise:
+    def of(cls, detector: AnyDetector, em_gain: float, exposure_s: float) -> FrameNoise:
         """Return the noise of a frame with what is switched on.
 
         Parameters
@@ -58,40 +65,36 @@ class FrameNoise:
             Without a register the variances of several reads together, and of the light what they make of it
             (`simulator.signal.variance.ramp_factors`).
         """
-        on = detector.switches
-        if isinstance(detector, Detector):
-            dark_e_s, reads, reset_e2 = dark_rate_e_s(detector), 1.0, 0.0
-            clock_e = detector.cic_e if detector.switches.clock_charge else 0.0
-            factor2 = float(register_factor2(detector, em_gain))
-        else:
-            dark_e_s, clock_e = detector.dark_e_s, 0.0
-            reads, factor2 = ramp_factors(detector.readout_mode, detector.reads_of(exposure_s))
-            single = detector.readout_mode == "single" and detector.switches.reset_noise
-            reset_e2 = detector.reset_noise_e**2 if single else 0.0
-        read_e2 = reads * detector.read_noise_e**2 if on.read_noise else 0.0
+        terms = added_variance(detector, exposure_s)
+        cic, read, rounding, dark = (terms.pop(name, FrameTerm()) for name in ("cic", "read_noise", "rounding", "dark"))
+        factor2 = float(register_factor2(detector, em_gain, exposure_s))
+        rest = FrameTerm.total([FrameTerm(), *terms.values()])
         return cls(
             factor2=factor2,
-            clock_e=clock_e,
-            read_e2=(read_e2 + reset_e2) / em_gain**2,
-            rounding_e2=reads * detector.gain_e_adu**2 / 12.0 / em_gain**2,
-            dark_e=dark_e_s * exposure_s if on.dark else 0.0,
-            photons=on.photon_noise,
+            clock_e=float(cic.charge_e),
+            read_e2=float(read.output_e2) / em_gain**2,
+            rounding_e2=float(rounding.output_e2) / em_gain**2,
+            dark_e=float(dark.rate_e_s) * exposure_s,
+            photons=detector.switches.photon_noise,
+            rest_e=float(rest.charge_e + rest.rate_e_s * exposure_s),
+            rest_e2=float(rest.output_e2) / em_gain**2,
+            added_e2={name: float(term.variance_e2(exposure_s, factor2, em_gain)) for name, term in terms.items()},
         )
 
     @property
     def gaussian_e2(self) -> float:
-        """Variance of amplifier and converter together."""
-        return self.read_e2 + self.rounding_e2
+        """Variance of amplifier and converter together, and what else comes behind the register."""
+        return self.read_e2 + self.rounding_e2 + self.rest_e2
 
     @property
     def pedestal_e(self) -> float:
         """Mean electrons of a pixel without light."""
-        return self.dark_e + self.clock_e
+        return self.dark_e + self.clock_e + self.rest_e
 
     def variance_e2(self, light_e: npt.ArrayLike) -> npt.NDArray[np.float64]:
         """Return the variance of pixels that light leaves so many electrons in."""
         return self.charge_variance_e2(
-            (np.asarray(light_e, dtype=np.float64) + self.dark_e) * self.photons + self.clock_e
+            (np.asarray(light_e, dtype=np.float64) + self.dark_e) * self.photons + self.clock_e + self.rest_e
         )
 
     def charge_variance_e2(self, charge_e: npt.ArrayLike) -> npt.NDArray[np.float64]:
@@ -99,10 +102,28 @@ class FrameNoise:
         return frame_variance_e2(charge_e, self.factor2, self.gaussian_e2, 1.0)
 
 
-def register_factor2(detector: Detector, em_gain: npt.ArrayLike) -> npt.NDArray[np.float64]:
-    """Return the squared excess noise factor of a camera's register, 1 where it is switched off."""
-    factor2 = excess_noise_factor2(em_gain, detector.register_stages)
-    return factor2 if detector.switches.em_register else np.ones_like(factor2)
+def register_factor2(
+    detector: AnyDetector, em_gain: npt.ArrayLike, exposure_s: float | None = None
+) -> npt.NDArray[np.float64]:
+    """Return the variance over the mean of the electrons that a camera counts.
+
+    Parameters
+    ----------
+    detector : Detector or InfraredDetector
+    em_gain : array_like
+        Gain of the register, 1 without one.
+    exposure_s : float, optional
+        Exposure of the frame; one that has room for all reads of a ramp if not given.
+
+    Returns
+    -------
+    ndarray
+        Squared excess noise factor of the register, 1 where it is switched off; what a fitted ramp makes of the light.
+    """
+    if isinstance(detector, Detector):
+        factor2 = excess_noise_factor2(em_gain, detector.register_stages)
+        return factor2 if detector.switches.em_register else np.ones_like(factor2)
+    return np.full(np.shape(em_gain), detector.ramp(exposure_s)[1])
 
 
 def pixel_variance_e2(

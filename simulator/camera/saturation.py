@@ -8,12 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from catalogs.errors import InputError
-from simulator.camera.checks import checked_array
 from simulator.config.detector import Detector
 from simulator.outcome import Outcome, Reason, Status
+from simulator.quantities import checked_array
 from simulator.signal.saturation import crest_e
-
-__all__ = ["GainCap", "binding_limit", "gain_cap", "pixel_saturated"]
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -17,6 +17,7 @@ from simulator.config.detector import Detector
 from simulator.config.effects import CosmicRayConfig
 from simulator.effects.cosmic_rays import draw_cosmic_rays
 from simulator.ledger.light import PlanetPlace, Sketch
+from simulator.ledger.spill import Spill
 from simulator.rng import stream
 from simulator.signal.saturation import overflow
 
@@ -143,6 +144,44 @@ class CameraCase:
                 flaw = self.flaws[key]
                 charge = np.where(flaw.response > 0, 0.0, charge) + flaw.dark_e_s * (self.exposure_s * switches.dark)
         return charge
+
+    @functools.cached_property
+    def spill(self) -> Spill:
+        """Where charge beyond the limits flows."""
+        return Spill(self)
+
+    def overflow(self, mean_e: FloatArray | float, well_e: float, factor2: float) -> FloatArray:
+        """What a limit cuts off; see `overflow`."""
+        return overflow(mean_e, well_e, factor2)
+
+    def behind_e_s(self, planet: PlanetPlace) -> float:
+        """Light of others on a pixel of the aperture of a planet, at most, e-/s."""
+        return (planet.halo_e_s + planet.other_most_e_s + planet.sky_e_s) / self.sketch.aperture_pixels
+
+    def spilled_on(
+        self, planet: PlanetPlace, well_e: float, factor2: float, flows_into: Callable[[slice, slice], object]
+    ) -> float:
+        """Whether charge beyond a limit may reach a planet: 1, or what of its own is cut off.
+
+        Parameters
+        ----------
+        planet : PlanetPlace
+        well_e : float
+            The limit, e- at the register input.
+        factor2 : float
+            Squared excess noise factor of what it cuts off.
+        flows_into : callable
+            Whether charge of others flows into rows and columns of the stamp.
+        """
+        if not planet.weights.size:  # off the stamp: from the brightest pixel of all
+            return float(overflow(self.column_peak_e_s * self.exposure_s, well_e, factor2) > 1e-9)
+        level = (self.behind_e_s(planet) + planet.peak_e_s) * self.exposure_s
+        return max(float(bool(flows_into(*planet.place))), float(overflow(level, well_e, factor2)))
+
+    @property
+    def largest_stripe_adu(self) -> float:
+        """Largest stripe of the bias in what is read."""
+        return float(stamp_flaws(self.detector, self.first_pixel, len(self.sketch.total_e_s))[1][1 if self.full else 0])
 
     @property
     def flaws(self) -> dict[str, Flaw]:

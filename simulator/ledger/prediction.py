@@ -24,8 +24,6 @@ from simulator.signal.light import sky_pixel_e_s
 from simulator.signal.saturation import overflow
 from simulator.target.sources import extended_rates
 
-__all__ = ["MAX_EPOCHS", "Forecast", "forecast"]
-
 Sizes = dict[Quantity, float]
 MAX_EPOCHS = 12
 """Epochs of a visit without a ledger."""
@@ -140,7 +138,7 @@ def forecast(
         max_epochs=max_epochs,
     )
     case, optics, figures = visit.camera, visit.optics, visit.metrics
-    visible = instrument.band(band).camera == "VIS"
+    visible = instrument.channel_of(band).multiplies
     sizes: dict[str, Sizes] = camera_sizes(case) if visible else {}
     sizes |= _light_sizes(optics, case.sketch, visit.sky.rate_e_s_arcsec2, visit.stray_e_s, figures)
     for item in extended_rates(scene, instrument, band):

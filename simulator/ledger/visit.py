@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from catalogs.errors import InputError
 from simulator.camera.noise import FrameNoise
-from simulator.camera.switched import switched_for
 from simulator.camera.track_loss import aperture_loss_per_s
 from simulator.config import Instrument, Scene
 from simulator.config.detector import Detector
@@ -27,8 +26,6 @@ from simulator.ledger.noise import visit_variance_e2
 from simulator.ledger.optics_sizes import Optics, OpticsCase
 from simulator.passbands import Passbands
 from simulator.target.sources import Source, scene_sources
-
-__all__ = ["Visit", "visit_of"]
 
 _CM_PER_UM = 1e-4
 # A single place in the hole against the rms of its separation.
@@ -91,7 +88,7 @@ def visit_of(
     max_epochs: int,
 ) -> Visit:
     """Light, noise and optics of an observation; parameters and errors as `simulator.ledger.forecast`."""
-    switched = switched_for(instrument, instrument.band(band).camera, switches)
+    switched = instrument.switched(switches, camera=instrument.band(band).camera)
     start = instrument.mission.start_utc if start_utc is None else start_utc
     sources = scene_sources(scene, instrument, band, roll_deg=roll_deg)
     measured = _measured(sources, planets)
@@ -121,8 +118,7 @@ def visit_of(
         drift_nm=rms_nm,
     )
     noise = FrameNoise.of(detector, em_gain, exposure_s)
-    smeared = isinstance(detector, Detector) and detector.switches.smear and exposure_s > 0
-    line_shift_s = instrument.detector.transfer.line_shift_s * smeared
+    line_shift_s = detector.line_shift_s if exposure_s > 0 else 0.0
     star_e_s, moved = sources[0].rate_e_s, any(star_offset_arcsec)
     speckles = [_speckles(figures, drift, planet, star_e_s, visit_s, still=moved) for planet in sketch.planets]
     variances = tuple(

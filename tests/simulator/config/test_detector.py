@@ -3,12 +3,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from simulator.camera.sections import fits_section, sections_of
 from simulator.config.detector import Detector
+from simulator.products.headers import fits_section
 
 
 def test_parts_of_the_default_frame(detector) -> None:
-    parts = {name: fits_section(section) for name, section in sections_of(detector).items()}
+    parts = {name: fits_section(section) for name, section in detector.sections.items()}
     assert parts == {
         "active": "[25:1048,3:1026]",
         "image": "[9:1064,1:1032]",
@@ -20,7 +20,7 @@ def test_parts_of_the_default_frame(detector) -> None:
         "dark_bottom": "[25:1048,1:2]",
         "dark_top": "[25:1048,1027:1032]",
     }
-    rows, columns = sections_of(detector)["active"]
+    rows, columns = detector.sections["active"]
     assert (rows.stop - rows.start, columns.stop - columns.start) == detector.active_shape == (1024, 1024)
 
 
@@ -37,7 +37,7 @@ def test_parts_cover_the_frame_once(changed, borders) -> None:
     )
     det: Detector = changed(layout=dict(zip(names, borders, strict=True)))
     covered = np.zeros((det.n_rows, det.n_columns), dtype=int)
-    parts = sections_of(det)
+    parts = det.sections
     for name, section in parts.items():
         if name != "image":
             covered[section] += 1
@@ -52,8 +52,8 @@ def test_parts_cover_the_frame_once(changed, borders) -> None:
 
 def test_a_part_of_no_pixels_has_no_section(changed) -> None:
     det = changed(layout={**changed().layout.model_dump(), "prescan_columns": 0})
-    assert fits_section(sections_of(det)["prescan"]) == ""
+    assert fits_section(det.sections["prescan"]) == ""
 
 
 def test_every_near_infrared_pixel_is_active(infrared) -> None:
-    assert {fits_section(s) for s in sections_of(infrared).values()} == {"[1:640,1:512]"}
+    assert {fits_section(s) for s in infrared.sections.values()} == {"[1:640,1:512]"}

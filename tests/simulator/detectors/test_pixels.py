@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from catalogs.errors import InputError
-from simulator.camera.dark_current import dark_law_e_s, dark_rate_e_s
+from simulator.detectors.pixels import dark_law_e_s
 
 
 @pytest.mark.parametrize(
@@ -35,8 +35,8 @@ def test_rises_with_temperature_and_broadcasts() -> None:
 
 def test_the_detector_adds_what_cooling_leaves(changed) -> None:
     cold = changed(temperature_k=193, dark_e_s=5e-4, dark_293k_e_s=260)
-    assert dark_rate_e_s(cold) == pytest.approx(5e-4 + 8.1e-6, rel=1e-3)
-    assert dark_rate_e_s(changed(temperature_k=293, dark_e_s=5e-4, dark_293k_e_s=0)) == 5e-4
+    assert cold.dark_rate_e_s == pytest.approx(5e-4 + 8.1e-6, rel=1e-3)
+    assert changed(temperature_k=293, dark_e_s=5e-4, dark_293k_e_s=0).dark_rate_e_s == 5e-4
 
 
 @pytest.mark.parametrize("temperature", [119.0, 321.0, np.nan, np.inf, "cold"])
