@@ -31,42 +31,6 @@ def test_defaults_count_where_they_have_a_use_and_nothing_else_is_said():
     assert (flat.scene, flat.band, flat.level_e) == (None, ("F662",), 100.0)
 
 
-@pytest.mark.parametrize(
-    ("tree", "words"),
-    [
-        ({"sequences": []}, ["simulation.sequences", "list"]),
-        ({}, ["simulation.sequences", "missing"]),
-        ({"sequences": [3]}, ["simulation.sequences.0", "3"]),
-        ({"sequences": [{"scene": SCENE}], "sequence": []}, ["sequence", "one of the two"]),
-        ({"sequences": [{"scene": SCENE}], "frames": 3}, ["simulation.frames", "no such key"]),
-        (
-            {"sequences": [{"scene": SCENE}], "defaults": {"level_e": 3}},
-            ["simulation.defaults.level_e", "some sequence"],
-        ),
-        ({"sequences": [{"scene": SCENE}], "defaults": {"bnd": 3}}, ["simulation.defaults.bnd", "did you mean band"]),
-        ({"sequences": [{"scene": SCENE}], "defaults": 3}, ["simulation.defaults", "3"]),
-        ({"sequences": [{"scene": SCENE}, {"scene": SCENE, "frames": -1}]}, ["simulation.sequences.1.frames", "-1"]),
-        ({"sequences": [{"kind": "SCIENCE"}]}, ["simulation.sequences.0.kind", "SCIENCE"]),
-        ({"sequences": [{"scene": "nowhere"}]}, ["simulation.sequences.0.scene", "nowhere", "paper_example"]),
-        (
-            {"sequences": [{"scene": {"name": "s", "cstar": {"v_mag": 5, "teff_k": 1}}}]},
-            ["simulation.sequences.0.scene.cstar.teff_k", "K", "100 to 1e+06"],
-        ),
-        (
-            {"sequences": [{"scene": SCENE, "instrument": {"detector": {"read_noise_e": -1}}}]},
-            ["simulation.sequences.0.instrument.detector.read_noise_e", "-1 e-", "0 to 100000"],
-        ),
-        ({"sequences": [{"scene": SCENE}], "instrument": "x.yaml"}, ["simulation.instrument", "x.yaml", "cpic_2q"]),
-        ({"kind": "plan", "sequences": [{"scene": SCENE}]}, ["kind", "plan"]),
-    ],
-)
-def test_a_fault_is_named_by_its_place(tree, words):
-    with pytest.raises(InputError) as refused:
-        load_simulation({"name": "x"} | tree)
-    for word in words:
-        assert word in str(refused.value)
-
-
 def test_files_are_looked_for_beside_the_simulation(tmp_path, monkeypatch):
     folder = tmp_path / "deep"
     folder.mkdir()

@@ -54,21 +54,6 @@ def test_no_silent_extrapolation(wavelength, model) -> None:
         planet_albedo(wavelength, model=model)
 
 
-@pytest.mark.parametrize(
-    ("key", "arguments"),
-    [
-        ("jupiter", {"model": "earth"}),
-        ("log10_mh", {"log10_mh": 2.5}),
-        ("log10_fsed", {"log10_fsed": -3.0}),
-        ("log10_mh", {"log10_mh": np.nan}),
-        ("insolation_au", {"insolation_au": 0.0}),
-    ],
-)
-def test_bad_input_names_the_key(key, arguments) -> None:
-    with pytest.raises(InputError, match=key):
-        planet_albedo(500.0, **arguments)
-
-
 def test_clamps_are_said() -> None:
     spec = albedo_spec({"log10_mh": 1, "log10_fsed": 1})
     assert albedo_notes(spec, 2.0) == ("fsed_clamped",)

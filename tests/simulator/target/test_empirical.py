@@ -48,23 +48,6 @@ def test_between_templates_it_is_their_mean() -> None:
     assert flags == ("template_interpolated",)
 
 
-@pytest.mark.parametrize(
-    ("spectral_type", "allowed"),
-    [
-        ("B5V", "A0V to M6V"),
-        ("K5IV", "A0IV to K3IV"),
-        ("K5IV-V", "A0IV to K3IV"),
-        ("F8II", "between F2II and G5II"),
-        ("M3I", "A0I to M2I"),
-    ],
-)
-def test_types_without_a_template_are_refused(spectral_type: str, allowed: str) -> None:
-    with pytest.raises(InputError) as caught:
-        stellar_spectrum(3.0, spectral_type, model="pickles")
-    assert caught.value.key == "spectral_type"
-    assert allowed in caught.value.allowed
-
-
 def test_a_temperature_is_no_type() -> None:
     with pytest.raises(InputError, match="spectral_type = missing"):
         stellar_spectrum(3.0, teff_k=5772.0, model="pickles")

@@ -311,51 +311,6 @@ def _lambert(phase_deg):
     return (np.sin(angle) + (np.pi - angle) * np.cos(angle)) / np.pi
 
 
-@pytest.mark.parametrize(
-    ("tree", "words"),
-    [
-        ({"cstar": {"v_mag": 3, "teff_k": 2500}}, ("scene.cstar.teff_k = 2500", "K", "3500 to 8000")),
-        ({"cstar": {"v_mag": 3, "teff_k": 5000, "metallicity": 1.5}}, ("cstar.metallicity = 1.5", "-2.5 to 0.5")),
-        ({"cstar": STAR, "stars": [{"v_mag": 3, "teff_k": 50000, "separation": 1, "pa": 0}]}, ("stars.0.teff_k",)),
-        ({"cstar": {"v_mag": 3, "spectrum": {"wavelength_nm": [700, 1800], "photlam": [1, 1]}}}, ("scene.cstar.",)),
-        (
-            {"cstar": {"v_mag": 3, "teff_k": 5000}, "planets": [parametric(distance_au=2)]},
-            ("scene.cstar.distance_pc = missing", "luminosity_lsun", "insolation_au"),
-        ),
-        (
-            {
-                "cstar": {
-                    "v_mag": 3,
-                    "spectrum": {"wavelength_nm": [300, 400, 545, 550, 1800], "photlam": [0, 0, 0, 1, 1]},
-                },
-                "planets": [PLANET | {"distance_au": 1}],
-            },
-            ("scene.cstar.spectrum = no light", "F520"),
-        ),
-        (
-            {
-                "cstar": STAR,
-                "planets": [{"separation": 1, "pa": 0, "spectrum": {"wavelength_nm": [700, 1800], "photlam": [1, 1]}}],
-            },
-            ("scene.planets.0.spectrum", "F520", "700-1800"),
-        ),
-        (
-            {
-                "cstar": {"v_mag": 3, "teff_k": 5000},
-                "planets": [{"separation": 1, "pa": 0, "model": "blackbody", "radius": 1, "teff": 900}],
-            },
-            ("scene.planets.0.v_mag = missing", "cstar.distance_pc"),
-        ),
-    ],
-)
-def test_what_no_model_covers_is_refused_with_its_place(tree, words):
-    checked = load_scene({"name": "s"} | tree)
-    with pytest.raises(InputError) as caught:
-        scene_sources(checked, INSTRUMENT, "F520")
-    for word in words:
-        assert word in str(caught.value)
-
-
 # --- the table and the batch
 
 
