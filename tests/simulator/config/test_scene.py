@@ -32,10 +32,6 @@ def scene(**change):
     return {"name": "s", "cstar": STAR} | change
 
 
-def without(tree, *keys):
-    return {key: value for key, value in tree.items() if key not in keys}
-
-
 def test_planet_and_planets_mean_the_same():
     one = load_scene(scene(planet=PLANET))
     many = load_scene(scene(planets=[PLANET]))
@@ -270,9 +266,6 @@ def test_whether_a_star_is_a_companion_is_true_or_false(companion, words):
 def test_the_central_star_is_no_companion_of_itself():
     with pytest.raises(InputError, match=r"cstar\.companion"):
         load_scene({"name": "s", "cstar": STAR | {"companion": False}})
-
-
-BAD_TABLE = {"wavelength_nm": [300, 900, 1800], "photlam": [1, 2, 1]}
 
 
 def test_a_folder_is_no_scene(tmp_path):

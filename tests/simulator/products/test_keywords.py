@@ -126,30 +126,3 @@ def test_values_take_the_type_of_their_keyword():
     assert checked_value(TABLE, "OBJECT", "α Cen\nB") == "\\u03b1 Cen\\nB"
     assert checked_value(TABLE, "MYKEY", np.bool_(True)) is True
     assert escaped("plain ~ text") == "plain ~ text"
-
-
-@pytest.mark.parametrize(
-    ("name", "value", "words"),
-    [
-        ("EXPTIME", "3 s", ("header.EXPTIME", "float")),
-        ("EXPTIME", float("nan"), ("header.EXPTIME", "float")),
-        ("NFRAME", 3.0, ("header.NFRAME", "int")),
-        ("NFRAME", True, ("header.NFRAME", "int")),
-        ("OBJECT", 5, ("header.OBJECT", "str")),
-        ("GAIN1", "x", ("header.GAIN1", "float")),
-        ("lower", 1, ("header.lower", "capitals")),
-        ("TOOLONGKEY", 1, ("header.TOOLONGKEY", "at most 8")),
-        ("A B", 1, ("header.A B", "capitals")),
-        ("", 1, ("header.", "capitals")),
-        ("NAXIS1", 1, ("header.NAXIS1", "structure")),
-        ("BZERO", 1, ("header.BZERO", "structure")),
-        ("CHECKSUM", "x", ("header.CHECKSUM", "structure")),
-        ("EFF001", "x", ("header.EFF001", "structure")),
-        ("MYKEY", float("inf"), ("header.MYKEY", "finite")),
-        ("MYKEY", [1, 2], ("header.MYKEY", "finite")),
-    ],
-)
-def test_what_no_header_holds_is_refused_by_name(name, value, words):
-    with pytest.raises(InputError) as refused:
-        checked_value(TABLE, name, value)
-    assert all(word in str(refused.value) for word in words), str(refused.value)
