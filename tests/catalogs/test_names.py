@@ -1,7 +1,5 @@
 """Name resolution: the way people type star names, ambiguity, refusals."""
 
-from __future__ import annotations
-
 import pytest
 
 from catalogs.errors import InputError

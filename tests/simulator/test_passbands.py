@@ -1,7 +1,5 @@
 """Band rates: against direct integration of spectra, against the reference Sun, and their speed."""
 
-from __future__ import annotations
-
 import dataclasses
 import subprocess
 import sys

@@ -46,14 +46,11 @@ def star(name):
 
 def bodies_of(planets):
     n = len(planets)
-    names = (
-        "radius_rjup",
-        "semi_major_axis_au",
-        "eccentricity",
-        "inclination_deg",
-        "argument_of_pericentre_deg",
-        "node_deg",
-        "mean_anomaly_deg",
+    names = tuple(
+        """
+        radius_rjup semi_major_axis_au eccentricity inclination_deg argument_of_pericentre_deg node_deg
+        mean_anomaly_deg
+    """.split()
     )
     return Bodies(
         universe=np.arange(n),

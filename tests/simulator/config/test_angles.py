@@ -1,7 +1,5 @@
 """Angles as people write them; oracle: astropy."""
 
-from __future__ import annotations
-
 import astropy.units as u
 import pytest
 from astropy.coordinates import Angle

@@ -1,7 +1,5 @@
 """Places and distances: astropy on the sphere, absolute pictures, and what does not follow is refused."""
 
-from __future__ import annotations
-
 import astropy.units as u
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """Scenes as people write them: the paper's dictionary, YAML, objects; every fault by its name."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -6,81 +6,19 @@ from simulator.products.keywords import checked_value, escaped, load_keywords
 
 TABLE = load_keywords()
 # What other CSST code and documents read, and what is proposed for Level 0 of CPI-C.
-PRIMARY = (
-    "FILENAME",
-    "INSTRUME",
-    "OBSID",
-    "OBSTYPE",
-    "FILETYPE",
-    "OBJECT",
-    "RA_OBJ",
-    "DEC_OBJ",
-    "OBJ_RA",
-    "OBJ_DEC",
-    "DATE-OBS",
-    "EXPSTART",
-    "EXPTIME",
-    "RA_PNT0",
-    "DEC_PNT0",
-    "RA_PNT1",
-    "DEC_PNT1",
-    "POS_ANG1",
-    "POSI0_X",
-    "POSI0_Y",
-    "POSI0_Z",
-    "VELO0_X",
-    "VELO0_Y",
-    "VELO0_Z",
-    "TELESCOP",
-    "TARGET",
-    "EXPEND",
-    "TIMESYS",
-    "SUNANGL0",
-    "SUNANGL1",
-    "MOONANG0",
-    "MOONANG1",
-    "TEL_ALT0",
-    "TEL_ALT1",
-    "NEXTEND",
-    "SWNAME",
-    "SWVER",
-    "CONFHASH",
-    "SEED",
+PRIMARY = tuple(
+    """
+    FILENAME INSTRUME OBSID OBSTYPE FILETYPE OBJECT RA_OBJ DEC_OBJ OBJ_RA OBJ_DEC DATE-OBS EXPSTART EXPTIME
+    RA_PNT0 DEC_PNT0 RA_PNT1 DEC_PNT1 POS_ANG1 POSI0_X POSI0_Y POSI0_Z VELO0_X VELO0_Y VELO0_Z TELESCOP TARGET
+    EXPEND TIMESYS SUNANGL0 SUNANGL1 MOONANG0 MOONANG1 TEL_ALT0 TEL_ALT1 NEXTEND SWNAME SWVER CONFHASH SEED
+""".split()
 )
-IMAGE = (
-    "DETNAM",
-    "DETECTOR",
-    "FILTER",
-    "CCDLABEL",
-    "GAIN1",
-    "RDNOISE1",
-    "IMG_VER",
-    "BUNIT",
-    "CRPIX1",
-    "CRVAL1",
-    "CTYPE1",
-    "CD1_1",
-    "RADESYS",
-    "EQUINOX",
-    "FRAMEID",
-    "NFRAME",
-    "CAMERA",
-    "EXPBEG",
-    "EXPEND",
-    "EXPTIME",
-    "EMSET",
-    "EMGAIN",
-    "EMVOLT",
-    "GAIN",
-    "RDNOISE",
-    "BIASLEV",
-    "CCDTEMP",
-    "FULLWELL",
-    "PRESCAN",
-    "OVERSCAN",
-    "DARKREG",
-    "PIXSCALE",
-    "MASKROT",
+IMAGE = tuple(
+    """
+    DETNAM DETECTOR FILTER CCDLABEL GAIN1 RDNOISE1 IMG_VER BUNIT CRPIX1 CRVAL1 CTYPE1 CD1_1 RADESYS EQUINOX
+    FRAMEID NFRAME CAMERA EXPBEG EXPEND EXPTIME EMSET EMGAIN EMVOLT GAIN RDNOISE BIASLEV CCDTEMP FULLWELL
+    PRESCAN OVERSCAN DARKREG PIXSCALE MASKROT
+""".split()
 )
 
 

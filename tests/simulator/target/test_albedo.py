@@ -1,7 +1,5 @@
 """One door to all albedos: measured against tabulated values, parametric, constant and user tables."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Planet contrast: the paper's example, exact arithmetic, limits and bad input."""
 
-from __future__ import annotations
-
 import mpmath
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """Measured spectra by type: templates, means of neighbours, refusals."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

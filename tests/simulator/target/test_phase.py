@@ -1,7 +1,5 @@
 """Lambert phase function against closed values and 60-digit arithmetic."""
 
-from __future__ import annotations
-
 import mpmath
 import numpy as np
 import pytest

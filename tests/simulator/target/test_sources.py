@@ -1,7 +1,5 @@
 """Tables of sources: positions as pictures, spectra against synphot, rates against the spectra."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

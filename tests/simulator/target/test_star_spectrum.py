@@ -1,7 +1,5 @@
 """Stellar spectra: V magnitudes by synphot, Planck's law, flags and bad input."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given
