@@ -1,10 +1,13 @@
 import numpy as np
 import pytest
+from astropy.io import fits
 
 from catalogs.errors import InputError
+from simulator.products.checksum import ALL_ONES, encode, ones_sum
 from simulator.products.keywords import checked_value, escaped, load_keywords
 
 TABLE = load_keywords()
+
 # What other CSST code and documents read, and what is proposed for Level 0 of CPI-C.
 PRIMARY = tuple(
     """
@@ -13,6 +16,7 @@ PRIMARY = tuple(
     EXPEND TIMESYS SUNANGL0 SUNANGL1 MOONANG0 MOONANG1 TEL_ALT0 TEL_ALT1 NEXTEND SWNAME SWVER CONFHASH SEED
 """.split()
 )
+
 IMAGE = tuple(
     """
     DETNAM DETECTOR FILTER CCDLABEL GAIN1 RDNOISE1 IMG_VER BUNIT CRPIX1 CRVAL1 CTYPE1 CD1_1 RADESYS EQUINOX
@@ -64,3 +68,32 @@ def test_values_take_the_type_of_their_keyword():
     assert checked_value(TABLE, "OBJECT", "α Cen\nB") == "\\u03b1 Cen\\nB"
     assert checked_value(TABLE, "MYKEY", np.bool_(True)) is True
     assert escaped("plain ~ text") == "plain ~ text"
+
+
+def plain_sum(data):
+    total = 0
+    for start in range(0, len(data), 4):
+        total += int.from_bytes(data[start : start + 4], "big")
+        total = (total & ALL_ONES) + (total >> 32)
+    return total
+
+
+@pytest.mark.parametrize("size", [0, 4, 2880, 28800])
+@pytest.mark.parametrize("fill", ["random", "ones", "zeros"])
+def test_sum_is_the_sum_of_words_with_end_around_carry(size, fill):
+    rng = np.random.default_rng(3)
+    data = {"random": rng.bytes(size), "ones": b"\xff" * size, "zeros": bytes(size)}[fill]
+    assert ones_sum(data) == plain_sum(data)
+    half = size // 8 * 4
+    assert ones_sum(data[half:], ones_sum(data[:half])) == ones_sum(data)
+
+
+def test_text_is_that_of_astropy():
+    rng = np.random.default_rng(4)
+    card = fits.ImageHDU()
+    values = [0, 1, ALL_ONES, 0x3A3A3A3A, *(int(value) for value in rng.integers(0, ALL_ONES, 2000))]
+    for value in values:
+        text = encode(value)
+        assert text == card._char_encode(~value & ALL_ONES)
+        assert text.isalnum()
+        assert text.isascii()
