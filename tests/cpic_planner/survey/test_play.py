@@ -60,15 +60,11 @@ def test_one_visit_finds_the_planets_that_completeness_counts(sharp, only_visits
     )
     place = bodies.places([survey.calendar.day[i, visit.slot]])
     drawn = draw_population(population, 1, 1)
-    elements = (
-        "kind",
-        "radius_rjup",
-        "semi_major_axis_au",
-        "eccentricity",
-        "inclination_deg",
-        "argument_of_pericentre_deg",
-        "node_deg",
-        "mean_anomaly_deg",
+    elements = tuple(
+        """
+        kind radius_rjup semi_major_axis_au eccentricity inclination_deg argument_of_pericentre_deg node_deg
+        mean_anomaly_deg
+    """.split()
     )
     planets = replace(
         drawn,
