@@ -26,7 +26,8 @@ from simulator.config.optics import Drift
 from simulator.imaging.metrics import PsfMetrics
 from simulator.knobs import Quantity
 from simulator.ledger.case import CameraCase, largest_speckles
-from simulator.ledger.light import PlanetPlace, SourceLight, drift_halo
+from simulator.ledger.light import PlanetPlace, SourceLight
+from simulator.signal.speckles import drift_halo
 
 FloatArray = NDArray[np.float64]
 Sizes = dict[Quantity, float]
