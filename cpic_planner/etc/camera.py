@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from simulator.config import Instrument
 from simulator.config.detector import Detector
@@ -43,7 +42,7 @@ class FrameCamera:
         Dead time after a frame, shortest and longest exposure.
     blooms : bool
         Whether overfull pixels spill along columns and rows into the hole.
-    added : mapping of str to FrameTerm
+    added : tuple of (str, FrameTerm)
         Variance of a pixel and frame that further effects of the detector add, by term of the budget of noise.
     """
 
@@ -62,11 +61,11 @@ class FrameCamera:
     light_factor: float = 1.0
     blooms: bool = True
     line_shift_s: float = 0.0
-    added: Mapping[str, FrameTerm] = field(default_factory=dict)
+    added: tuple[tuple[str, FrameTerm], ...] = ()
 
     @property
     def _rest(self) -> FrameTerm:
-        return FrameTerm.total([FrameTerm(), *self.added.values()])
+        return FrameTerm.total([FrameTerm(), *(term for _, term in self.added)])
 
     @property
     def read_variance_e2(self) -> float:
@@ -120,5 +119,5 @@ class FrameCamera:
             light_factor=detector.ramp()[1],
             blooms=register,
             line_shift_s=detector.line_shift_s,
-            added={name: term for name, term in terms.items() if name not in _KNOWN},
+            added=tuple((name, term) for name, term in terms.items() if name not in _KNOWN),
         )

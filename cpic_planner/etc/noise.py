@@ -78,7 +78,7 @@ def white_terms(rates: ApertureRates, camera: FrameCamera, reference_ratio: floa
         "read_noise": FrameTerm(output_e2=area * camera.read_noise_e**2),
         "rounding": FrameTerm(output_e2=area * camera.rounding_e**2),
     }
-    terms |= {name: FrameTerm(*(area * part for part in added)) for name, added in camera.added.items()}
+    terms |= {name: FrameTerm(*(area * part for part in added)) for name, added in camera.added}
     terms["reference"] = FrameTerm(
         rate_e_s=(rates.reference_light_e_s + scale * area * camera.rate_e_s) / reference_ratio,
         charge_e=(rates.reference_smear_e + scale * area * camera.charge_e) / reference_ratio,

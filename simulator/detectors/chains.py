@@ -102,9 +102,13 @@ def added_variance(detector: Any, exposure_s: float | None = None) -> dict[str, 
     return terms
 
 
-def effect_of_term(term: str) -> Effect | None:
-    """Return the first effect whose variance has a name in budgets of noise; None if there is none."""
-    return next((effect for effect in (*VISIBLE, *INFRARED) if effect.label and effect.budget_term == term), None)
+def noise_terms() -> dict[str, Effect]:
+    """Return the effects that add variance, by their term in budgets of noise: their words and colours there."""
+    found: dict[str, Effect] = {}
+    for effect in (*VISIBLE, *INFRARED):
+        if type(effect).added is not Effect.added:
+            found.setdefault(effect.budget_term, effect)
+    return found
 
 
 def chain_preset(chain: Chain) -> dict[str, Any]:

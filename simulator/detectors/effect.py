@@ -189,8 +189,8 @@ class Effect:
         Whether it is read from the calibration set of the camera.
     frame_s, set_up_s : float
         Processor time of a frame of the window around the hole (137 x 137), and once a sequence, seconds.
-    term : str
-        Name of its variance in budgets of noise; that of the switch if empty.
+    term, term_label : str
+        Name of its variance in budgets of noise and its words there; those of the switch if empty.
     colour : str
         Colour of this term in figures.
     """
@@ -211,6 +211,7 @@ class Effect:
     frame_s: ClassVar[float] = 0.0
     set_up_s: ClassVar[float] = 0.0
     term: ClassVar[str] = ""
+    term_label: ClassVar[str] = ""
     colour: ClassVar[str] = "#117733"
 
     @property

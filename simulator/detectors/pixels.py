@@ -112,6 +112,7 @@ class Dark(Effect):
     map_kind = "dark"
     hides = ("dark_structure", "bad_pixels", "bad_columns")
     set_up_s = 5e-5
+    colour = "#9A8700"
 
     def added(self, detector: Any, exposure_s: float | None = None) -> FrameTerm:
         """Return the dark current as a rate."""

@@ -42,6 +42,7 @@ class ReadNoise(Effect):
     always = True
     number = "read_noise_e"
     frame_s = 3e-4
+    colour = "#444444"
 
     def draw(self, work: Work, exposure: Exposure, rng: np.random.Generator) -> None:
         """Add the noise."""
@@ -194,6 +195,8 @@ class Quantisation(Effect):
     stage = "voltage"
     always = True
     term = "rounding"
+    term_label = "rounding to whole ADU"
+    colour = "#BBBBBB"
 
     def added(self, detector: Any, exposure_s: float | None = None) -> FrameTerm:
         """Return the variance of rounding at the output, uniform over one ADU."""

@@ -192,6 +192,7 @@ class ClockCharge(Effect):
     map_kind = "cic"
     frame_s = 2e-4
     term = "cic"
+    colour = "#D55E00"
 
     def expect(self, image: FloatArray, exposure: Exposure) -> None:
         """Add the mean."""
