@@ -25,7 +25,15 @@ _BRIGHTEST = 12
 
 
 def frame_reach(instrument: Instrument, band: str, pixel: float) -> tuple[float, float]:
-    """Half sides of the frame, x and y."""
+    """Return the half sides of the frame, x and y, in arcsec.
+
+    Parameters
+    ----------
+    instrument : Instrument
+    band : str
+    pixel : float
+        Scale, arcsec.
+    """
     detector = instrument.detector_of(band)
     x, y = (
         max(star, size - 1 - star)
@@ -42,10 +50,24 @@ def beyond(
     sky_e_s: float,
     stars: Sequence[tuple[float, float, float]],
 ) -> tuple[FloatArray, float, tuple[float, float]]:
-    """Pixels of the frame beyond the stamp: levels, largest sum over a column, brightest in its columns and rows.
+    """Return levels of pixels beyond the stamp, their largest sum over a column, the brightest in its columns and rows.
 
-    ``stars`` are place and rate of the others. A core holds the light of eight of its peak
-    pixels in one column, the arm of a star beside the column some ten pixels of its wing.
+    A core holds the light of eight of its peak pixels in one column, the arm of a star beside the column some ten
+    pixels of its wing.
+
+    Parameters
+    ----------
+    metrics : PsfMetrics
+    rate_e_s : float
+        Of the central star.
+    half : float
+        Half side of the stamp, arcsec.
+    frame : tuple of float
+        Half sides of the frame, arcsec.
+    sky_e_s : float
+        On an open pixel.
+    stars : sequence of tuple of float
+        Place x and y, arcsec, and rate of the others.
     """
     step, pixel = metrics.wing_map_step_arcsec, metrics.pixel_scale_arcsec
     last = len(metrics.wing_map) // 2
