@@ -12,8 +12,8 @@ from catalogs.errors import InputError
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.noise import frame_problem, stack_noise
 from cpic_planner.etc.place import hole_notes
+from cpic_planner.etc.planet import insolation_distance_au, kinds_by_albedo, mixture_contrast
 from cpic_planner.etc.rates import ApertureRates, aperture_rates
-from cpic_planner.etc.reflected import insolation_distance_au, kinds_by_albedo, mixture_contrast
 from cpic_planner.etc.significance import threshold_array
 from cpic_planner.population import Planets
 from cpic_planner.targets import Targets

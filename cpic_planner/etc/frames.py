@@ -18,9 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cpic_planner.etc.camera import FrameCamera
-from cpic_planner.etc.gain_choice import best_gain
 from cpic_planner.etc.photon_counting import CountingLight
-from cpic_planner.etc.searches import CaseArrays, first_root, lowest
+from cpic_planner.etc.searches import CaseArrays, best_gain, first_root, lowest
 from simulator.camera.gain import noise_factor2
 from simulator.signal.saturation import largest_gain, longest_exposure_s
 from simulator.signal.variance import frame_variance_e2, frames_per_clean

@@ -10,9 +10,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cpic_planner.etc.answer import EtcAnswer, Question
-from cpic_planner.etc.budget import binding_limits, largest_term, remedies
+from cpic_planner.etc.budget import (
+    LONGEST_TIME_S,
+    binding_limits,
+    largest_term,
+    limit_of,
+    reached,
+    remedies,
+    without_background,
+    without_speckles,
+)
 from cpic_planner.etc.cases import BandCases
 from cpic_planner.etc.detection import Chances, needed_margin, verdict_of, visit_chances
+from cpic_planner.etc.fidelity import speckle_error_extrapolated
 from cpic_planner.etc.frames import (
     FrameChoice,
     FrameProblem,
@@ -20,10 +30,8 @@ from cpic_planner.etc.frames import (
     best_in_visit,
     smooth_least_visit_s,
 )
-from cpic_planner.etc.limiting import LONGEST_TIME_S, limit_of, reached, without_background, without_speckles
 from cpic_planner.etc.noise import StackNoise, own_noise
 from cpic_planner.etc.paper import snr_paper
-from cpic_planner.etc.stated_error import speckle_error_extrapolated
 from simulator.outcome import Reason, Status
 from simulator.signal.saturation import frame_limit
 

@@ -15,8 +15,6 @@ from simulator.products.naming import OBSID_DIGITS, ProductName, checked_obsid, 
 from simulator.products.sequence import FrameSequence
 from simulator.products.times import sequence_times
 
-__all__ = ["PlannedSequence", "check_light", "located", "plan_sequences"]
-
 
 @dataclass(frozen=True)
 class PlannedSequence:

@@ -12,8 +12,8 @@ from cpic_planner.completeness import inside_zone
 from cpic_planner.etc import detection
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.noise import StackNoise, stack_noise
+from cpic_planner.etc.planet import mixture_contrast
 from cpic_planner.etc.rates import aperture_rates
-from cpic_planner.etc.reflected import mixture_contrast
 from cpic_planner.etc.significance import threshold_array
 from cpic_planner.orbits import OrbitPlaces
 from cpic_planner.survey.strategy import DetectionRule

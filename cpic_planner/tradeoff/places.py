@@ -16,8 +16,6 @@ from simulator.imaging.store import psf_metrics
 from simulator.knobs import FIDELITIES
 from simulator.target.sources import scene_sources
 
-__all__ = ["ANNULUS_LAMBDA_D", "Places"]
-
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 ANNULUS_LAMBDA_D = 2.0

@@ -26,16 +26,6 @@ from simulator.knobs import FIDELITIES, Knobs
 from simulator.observation import Observation
 from simulator.rng import stream
 
-__all__ = [
-    "expected_flux_e",
-    "light_without",
-    "own_noise_e2",
-    "speckle_samples",
-    "walk_samples",
-    "white_of_frames",
-    "white_of_sums",
-]
-
 FloatArray = NDArray[np.float64]
 _LEAST_COVERED = 0.4
 

@@ -70,9 +70,7 @@ class Shifted:
         total_s = seen.exposure_s * seen.n_frames
         mean = seen.mean_rate_map[part] * total_s
         pixels = (
-            detector.read_noise_e**2 * seen.n_frames
-            + detector.dark_rate_e_s * total_s
-            + detector.cic_e * seen.n_frames
+            detector.read_noise_e**2 * seen.n_frames + detector.dark_rate_e_s * total_s + detector.cic_e * seen.n_frames
         )
         variance = float((weights**2 * (mean + pixels)).sum())
         return float((weights * self.electrons[part]).sum()), float((weights * mean).sum()), variance

@@ -20,12 +20,10 @@ from simulator.effects.sky import SkyLevel, sky_rate_e_s_arcsec2
 from simulator.effects.stray_light import stray_light_parts
 from simulator.imaging.metrics import PsfMetrics
 from simulator.imaging.store import psf_metrics
-from simulator.ledger.case import CameraCase, stamp_flaws
+from simulator.ledger.case import CameraCase, pixel_hits, stamp_flaws
 from simulator.ledger.light import PlanetPlace, Sketch, sketch_of
 from simulator.ledger.noise import visit_variance_e2
-from simulator.ledger.numerics import Optics
-from simulator.ledger.optics_sizes import OpticsCase
-from simulator.ledger.particles import pixel_hits
+from simulator.ledger.optics_sizes import Optics, OpticsCase
 from simulator.passbands import Passbands
 from simulator.target.sources import Source, scene_sources
 

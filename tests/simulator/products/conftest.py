@@ -1,7 +1,5 @@
 """A sequence that is quick to make: small frames of both cameras, of every kind."""
 
-from __future__ import annotations
-
 import shutil
 from dataclasses import dataclass, field, replace
 from pathlib import Path

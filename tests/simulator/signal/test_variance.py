@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 
 from catalogs.errors import InputError
-from simulator.signal.variance import FrameTerm, aperture_noise_pixels, frame_variance_e2, ramp_factors
+from simulator.signal.variance import (
+    FrameTerm,
+    aperture_noise_pixels,
+    clean_fraction,
+    frame_variance_e2,
+    frames_per_clean,
+    ramp_factors,
+)
 
 
 def test_a_stack_of_terms_is_their_sum():
@@ -52,3 +59,17 @@ def test_a_googol_of_pixels_is_the_most():
     assert float(aperture_noise_pixels(1e100)) == pytest.approx(np.pi * 1e200, rel=1e-14)
     with pytest.raises(InputError, match="to 1e\\+100"):
         aperture_noise_pixels(float(np.nextafter(1e100, 1e101)))
+
+
+def test_frames_that_no_track_touches():
+    """The chance of no event of a Poisson law; as many more frames are taken, and their number stays finite."""
+    loss, exposure = np.array([0.0, 1e-4, 2.0]), np.array([[0.5], [300.0]])
+    none = 1.0 / np.exp(np.multiply(loss, exposure))
+    np.testing.assert_allclose(clean_fraction(loss, exposure), none, rtol=1e-14)
+    few = np.array([0.0, 1e-4, 1.0])
+    np.testing.assert_allclose(frames_per_clean(few, 300.0) * clean_fraction(few, 300.0), 1.0, rtol=1e-14)
+    np.testing.assert_array_equal(frames_per_clean(np.array([2.0, 1e9]), 300.0), np.exp(600.0))
+    assert clean_fraction(1e300, 1e300) == 0.0
+    for bad, name in (((-1.0, 1.0), "loss_per_s"), ((1.0, np.nan), "exposure_s")):
+        with pytest.raises(InputError, match=name):
+            clean_fraction(*bad)
