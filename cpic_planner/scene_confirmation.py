@@ -230,9 +230,7 @@ def _frames(config: ConfirmConfig, model: EtcModel, target: Targets, band: str, 
         camera = replace(camera, exposure_min_s=config.exposure_s, exposure_max_s=config.exposure_s)
     x, y = (np.full((1, 1), part) for part in place)
     rates = aperture_rates(model, target, band, x, y, np.full((1, 1), max(contrast, 1e-30)))
-    problem = frame_problem(
-        rates, camera, reference_ratio=strategy.reference_ratio, objective="significance", em_gain=config.em_gain
-    )
+    problem = frame_problem(rates, camera, strategy, objective="significance", em_gain=config.em_gain)
     visit = model.visit_s(DEFAULT_TIME_S if config.time_s is None else config.time_s)
     if config.n_frames is not None and config.exposure_s is not None:
         visit = np.asarray(config.n_frames * (config.exposure_s + camera.readout_s))

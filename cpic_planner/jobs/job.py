@@ -390,7 +390,7 @@ def host() -> dict[str, Any]:
 
 def versions() -> dict[str, str]:
     """Return versions of this package and of those that its results rest on."""
-    names = ("cpic-planner", "numpy", "scipy", "astropy", "hcipy", "photutils", "numba", "pydantic", "dask")
+    names = ("cpic-planner", "numpy", "scipy", "astropy", "photutils", "numba", "pydantic", "dask")
     found = {}
     for name in names:
         try:

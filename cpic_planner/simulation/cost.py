@@ -85,8 +85,7 @@ def _padded(size: float) -> int:
 
 
 def _n_pixels(item: PlannedSequence) -> int:
-    instrument = item.entry.instrument
-    detector = instrument.detector if item.camera == "VIS" else instrument.near_infrared.detector
+    detector = item.entry.instrument.channel(item.camera).detector
     return detector.n_rows * detector.n_columns
 
 
@@ -101,7 +100,7 @@ def _n_sources(item: PlannedSequence) -> int:
 def _time_s(item: PlannedSequence, record: ModellingRecord | None) -> float:
     gone = {row.key for row in record.effects if row.decision == "skipped"} if record else set()
     instrument = item.entry.instrument
-    detector = instrument.detector if item.camera == "VIS" else instrument.near_infrared.detector
+    detector = instrument.channel(item.camera).detector
     setup = _SETUP_S["sky" if item.on_sky else "light" if item.band else "dark"]
     if item.on_sky:
         sources = _n_sources(item) - sum(key.startswith("star:") for key in gone)

@@ -203,7 +203,7 @@ class _Named:
 
 
 def _readout_s(entry: SequenceConfig, camera: str) -> float:
-    return (entry.instrument.detector if camera == "VIS" else entry.instrument.near_infrared.detector).readout_s
+    return entry.instrument.channel(camera).detector.readout_s
 
 
 def _stream(entry: SequenceConfig, band: str) -> Hashable:

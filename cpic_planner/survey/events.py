@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cpic_planner.survey.schedule import PlannedVisit
-from cpic_planner.survey.universe import Bodies
+from cpic_planner.survey.universe import NEW, Bodies
 
 if TYPE_CHECKING:
-    from cpic_planner.survey.play import Survey
+    from cpic_planner.survey.play import StarPlayed, Survey
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -66,6 +66,15 @@ class Clock:
     def used(self) -> FloatArray:
         """Time of search and follow-up so far."""
         return self.search + self.follow
+
+
+@dataclass(frozen=True, eq=False)
+class Played:
+    """What happened in ``n`` universes; ``universes``, ``detections`` and ``stars`` are columns of tables."""
+
+    universes: dict[str, NDArray[Any]]
+    detections: dict[str, NDArray[Any]]
+    stars: dict[str, NDArray[Any]]
 
 
 class Events:
@@ -131,3 +140,54 @@ class Events:
         joined["star"] = np.array([str(survey.targets.name[i]) for i in star], object)
         joined["band"] = np.array([survey.options[i][o].band for i, o in zip(star, option, strict=True)], object)
         return joined
+
+    def outcome(self, survey: Survey, stars: Mapping[int, StarPlayed], clock: Clock, block: int) -> Played:
+        """Return the columns of the three tables.
+
+        Parameters
+        ----------
+        survey : Survey
+        stars : mapping of int to StarPlayed
+            By position among the candidates.
+        clock : Clock
+        block : int
+            Number of the block of universes.
+        """
+        n = len(clock.left)
+        new, known, characterised, with_planet = np.zeros((4, n), np.int64)
+        rows = sorted(stars)
+        of_star = np.zeros((2, len(rows)), np.int64)
+        for row, i in enumerate(rows):
+            star = stars[i]
+            universe, fresh = star.bodies.universe, star.bodies.known == NEW
+            kinds = zip((new, known), of_star, (star.found & fresh, star.found & ~fresh), strict=True)
+            for count, total, found in kinds:
+                np.add.at(count, universe[found], 1)
+                total[row] = found.sum()
+            if survey.strategy.follow_up.wanted:
+                np.add.at(characterised, universe[star.found & star.shown.all(axis=0)], 1)
+            some = np.zeros(n, bool)
+            some[universe[star.found]] = True
+            with_planet += some
+        universes = {
+            "new_planets": new,
+            "known_planets": known,
+            "stars_with_planet": with_planet,
+            "characterised_planets": characterised,
+            "noise_alarms": self.noise_alarms,
+            "background_alarms": self.background_alarms,
+            "visits": clock.visits,
+            "search_h": clock.search,
+            "follow_up_h": clock.follow,
+        }
+        per_star: dict[str, NDArray[Any]] = {
+            "star": np.array([str(survey.targets.name[i]) for i in rows], object),
+            "block": np.full(len(rows), block, np.int64),
+            "universes": np.full(len(rows), n, np.int64),
+            "visits": np.array([stars[i].visits for i in rows], np.int64),
+            "search_h": np.array([stars[i].hours for i in rows]),
+            "follow_up_h": np.array([stars[i].follow_h for i in rows]),
+            "new_planets": of_star[0],
+            "known_planets": of_star[1],
+        }
+        return Played(universes, self.columns(survey), per_star)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,11 +13,19 @@ from cpic_planner.etc.model import EtcModel
 from cpic_planner.survey.calendar import Calendar, sun_position_angle_deg
 from cpic_planner.survey.candidates import albedos_of
 from cpic_planner.survey.detection import Seen, Setting, detection_chance, reach_au, see
-from cpic_planner.survey.events import ROUNDING_H, Clock, Events
+from cpic_planner.survey.events import ROUNDING_H, Clock, Events, Played
 from cpic_planner.survey.observed import ObservationLog, missed, resampled
 from cpic_planner.survey.schedule import PlannedVisit, Schedule
 from cpic_planner.survey.strategy import DetectionRule, SurveyStrategy
-from cpic_planner.survey.universe import NEW, Bodies, at_known_place, chance, draw_bodies, star_mass_msun
+from cpic_planner.survey.universe import (
+    Bodies,
+    at_known_place,
+    chance,
+    draw_bodies,
+    poisson_quantile,
+    star_mass_msun,
+    uniform_draws,
+)
 from cpic_planner.targets import Targets
 
 FloatArray = NDArray[np.float64]
@@ -65,17 +72,8 @@ class Survey:
     log: ObservationLog | None = None
 
 
-@dataclass(frozen=True, eq=False)
-class Played:
-    """What happened in ``n`` universes; ``universes``, ``detections`` and ``stars`` are columns of tables."""
-
-    universes: dict[str, NDArray[Any]]
-    detections: dict[str, NDArray[Any]]
-    stars: dict[str, NDArray[Any]]
-
-
 @dataclass(eq=False)
-class _Star:
+class StarPlayed:
     """One star in all universes of a block."""
 
     bodies: Bodies
@@ -133,7 +131,7 @@ def play(survey: Survey, *, block: int, n: int, seed: int) -> Played:
                     _follow(survey, i, star, b, clock, block, seed)
         for k, visit in slots.get(b, ()):
             _search(survey, stars[visit.star], k, visit, clock, log, total)
-    return _tables(survey, stars, clock, log, block, n)
+    return log.outcome(survey, stars, clock, block)
 
 
 def _systematic(rule: DetectionRule, block: int, n: int, seed: int) -> tuple[FloatArray, FloatArray]:
@@ -144,7 +142,7 @@ def _systematic(rule: DetectionRule, block: int, n: int, seed: int) -> tuple[Flo
     return np.maximum(rule.calibration + rule.calibration_error * drawn[0], 0.0), drawn[1]
 
 
-def _stars(survey: Survey, block: int, n: int, seed: int) -> dict[int, _Star]:
+def _stars(survey: Survey, block: int, n: int, seed: int) -> dict[int, StarPlayed]:
     """Planets of all visited stars, and what every visit would detect of them."""
     by_star: dict[int, list[tuple[int, PlannedVisit]]] = {}
     for k, visit in enumerate(survey.schedule.visits):
@@ -166,7 +164,7 @@ def _star(
     block: int,
     n: int,
     seed: int,
-) -> _Star:
+) -> StarPlayed:
     strategy, target, name = survey.strategy, survey.targets.select([i]), str(survey.targets.name[i])
     bodies = draw_bodies(
         name,
@@ -194,7 +192,7 @@ def _star(
             sun_pa_deg=sun,
             placed=at_known_place(bodies, survey.known),
         )
-        bodies = resampled(bodies, left, _luck(bodies, seed, name, block, "log", n))
+        bodies = resampled(bodies, left, uniform_draws(bodies, seed, name, block, "log", n))
     bodies = bodies.select(bodies.within(*reach_au(survey.model, float(target.distance_pc[0]))))
     hits: dict[int, BoolArray] = {}
     seen: dict[int, dict[str, FloatArray]] = {}
@@ -208,16 +206,16 @@ def _star(
             survey, i, survey.options[i][option], bodies, (slots, ordinals), placed, systematic
         )
         for row, (k, visit) in enumerate(own):
-            hits[k] = _luck(bodies, seed, name, block, visit.ordinal, n) < odds[row]
+            hits[k] = uniform_draws(bodies, seed, name, block, visit.ordinal, n) < odds[row]
             seen[k] = {key: getattr(found, key)[row] for key in found.__dataclass_fields__}
             seen[k] |= {"chance": odds[row], "roll_deg": np.full(len(bodies), roll[row])}
             drawn = chance(seed, "alarm", name, block, visit.ordinal, shape=(2, n))
             alarms[k] = (
-                _rare(survey.noise_alarms[i][option], drawn[0]),
-                _rare(survey.background_alarms[i][option], drawn[1]),
+                poisson_quantile(survey.noise_alarms[i][option], drawn[0]),
+                poisson_quantile(survey.background_alarms[i][option], drawn[1]),
             )
     bands = len(strategy.follow_up.bands)
-    return _Star(
+    return StarPlayed(
         bodies=bodies,
         hits=hits,
         seen=seen,
@@ -261,28 +259,8 @@ def _visited(
     return found, odds, roll
 
 
-def _luck(bodies: Bodies, seed: int, name: str, block: int, visit: int | str, n: int) -> FloatArray:
-    """Uniform number of each planet in one visit."""
-    if not len(bodies):
-        return np.zeros(0)
-    return chance(seed, "visit", name, block, visit, shape=(int(bodies.number.max()) + 1, n))[
-        bodies.number, bodies.universe
-    ]
-
-
-def _rare(rate: float, share: FloatArray) -> NDArray[np.int64]:
-    """Poisson numbers at given shares of their law, of a small rate."""
-    from scipy.special import pdtr
-
-    return (
-        np.searchsorted(pdtr(np.arange(50), rate), share, side="right").astype(np.int64)
-        if rate > 0
-        else np.zeros(share.shape, np.int64)
-    )
-
-
 def _search(
-    survey: Survey, star: _Star, k: int, visit: PlannedVisit, clock: Clock, log: Events, total: NDArray[np.int64]
+    survey: Survey, star: StarPlayed, k: int, visit: PlannedVisit, clock: Clock, log: Events, total: NDArray[np.int64]
 ) -> None:
     """One planned visit in all universes."""
     strategy, cost = survey.strategy, visit.cost_h
@@ -321,14 +299,14 @@ def _search(
     star.stopped |= ends
 
 
-def _any(star: _Star, n: int) -> BoolArray:
+def _any(star: StarPlayed, n: int) -> BoolArray:
     """Universes in which the star has shown a planet in any visit."""
     shown = np.zeros(n, bool)
     shown[star.bodies.universe[star.counts > 0]] = True
     return shown
 
 
-def _follow(survey: Survey, i: int, star: _Star, b: int, clock: Clock, block: int, seed: int) -> None:
+def _follow(survey: Survey, i: int, star: StarPlayed, b: int, clock: Clock, block: int, seed: int) -> None:
     """Follow-up of one star in one slot: every band that a found planet still lacks."""
     strategy, n = survey.strategy, len(clock.left)
     for f, setting in enumerate(survey.follow[i]):
@@ -348,45 +326,5 @@ def _follow(survey: Survey, i: int, star: _Star, b: int, clock: Clock, block: in
         systematic = _systematic(strategy.detection, block, n, seed)
         slot = np.array([b])
         _, odds, _ = _visited(survey, i, setting, star.bodies, (slot, slot), at_place, systematic)
-        luck = _luck(star.bodies, seed, str(survey.targets.name[i]), block, f"follow {setting.band} {b}", n)
+        luck = uniform_draws(star.bodies, seed, str(survey.targets.name[i]), block, f"follow {setting.band} {b}", n)
         star.shown[f] |= lacking & go[star.bodies.universe] & (luck < odds[0])
-
-
-def _tables(survey: Survey, stars: dict[int, _Star], clock: Clock, log: Events, block: int, n: int) -> Played:
-    """Columns of the three tables."""
-    new, known, characterised, with_planet = np.zeros((4, n), np.int64)
-    rows = sorted(stars)
-    of_star = np.zeros((2, len(rows)), np.int64)
-    for row, i in enumerate(rows):
-        star = stars[i]
-        universe, fresh = star.bodies.universe, star.bodies.known == NEW
-        for count, total, found in zip((new, known), of_star, (star.found & fresh, star.found & ~fresh), strict=True):
-            np.add.at(count, universe[found], 1)
-            total[row] = found.sum()
-        if survey.strategy.follow_up.wanted:
-            np.add.at(characterised, universe[star.found & star.shown.all(axis=0)], 1)
-        some = np.zeros(n, bool)
-        some[universe[star.found]] = True
-        with_planet += some
-    universes = {
-        "new_planets": new,
-        "known_planets": known,
-        "stars_with_planet": with_planet,
-        "characterised_planets": characterised,
-        "noise_alarms": log.noise_alarms,
-        "background_alarms": log.background_alarms,
-        "visits": clock.visits,
-        "search_h": clock.search,
-        "follow_up_h": clock.follow,
-    }
-    per_star: dict[str, NDArray[Any]] = {
-        "star": np.array([str(survey.targets.name[i]) for i in rows], object),
-        "block": np.full(len(rows), block, np.int64),
-        "universes": np.full(len(rows), n, np.int64),
-        "visits": np.array([stars[i].visits for i in rows], np.int64),
-        "search_h": np.array([stars[i].hours for i in rows]),
-        "follow_up_h": np.array([stars[i].follow_h for i in rows]),
-        "new_planets": of_star[0],
-        "known_planets": of_star[1],
-    }
-    return Played(universes, log.columns(survey), per_star)

@@ -127,7 +127,7 @@ def _sequence(
         frames.n_frames,
         frames.em_gain,
         model.camera(setting.band),
-        reference_ratio=model.strategy.reference_ratio,
+        model.strategy,
     )
     return {
         "star": str(star.name[0]),

@@ -20,21 +20,9 @@ from cpic_planner.population_config import load_population
 from simulator.config import load_instrument
 from simulator.config.base import validate
 
-ARGUMENTS = [
-    "plan",
-    "--top",
-    "2",
-    "--time-s",
-    "400",
-    "--band",
-    "F520",
-    "--band",
-    "F662",
-    "--realisations",
-    "2",
-    "--planets",
-    "500",
-]
+ARGUMENTS = """
+    plan --top 2 --time-s 400 --band F520 --band F662 --realisations 2 --planets 500
+""".split()
 # Of the sample these alone let sums of frames stand for frames, which takes a tenth of the time.
 STARS = """name,v_mag,sp_type,teff_k,log_g,metallicity,distance_pc,luminosity_lsun,ra_deg,dec_deg
 first,3.73,K2V,5080,4.6,-0.1,3.2,0.34,53.2,-9.5
