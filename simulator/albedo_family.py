@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catalogs.errors import InputError
-from catalogs.interpolation import bracket
 from catalogs.spectra import Albedo
+from catalogs.stellar_grid import bracket
 from simulator.quantities import real_array
 
 __all__ = ["AlbedoFamily"]
