@@ -51,7 +51,8 @@ class GridFlags(NamedTuple):
     @property
     def any(self) -> np.ndarray:
         """True where at least one of the three is clamped."""
-        return np.asarray(self.teff_k | self.log_g | self.metallicity)
+        result: np.ndarray = self.teff_k | self.log_g | self.metallicity
+        return result
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +113,8 @@ class StellarGrid:
         """
         (teff,) = _finite(("teff_k",), ("K",), teff_k)
         index, weight = bracket(self.teff_k, teff)
-        return np.asarray(np.where(weight > 0.0, self._lowest[index], self.log_g[0]).max(axis=-1))
+        result: np.ndarray = np.where(weight > 0.0, self._lowest[index], self.log_g[0]).max(axis=-1)
+        return result
 
     def flags(self, teff_k: ArrayLike, log_g: ArrayLike, metallicity: ArrayLike) -> GridFlags:
         """Return which values lie outside the grid, arrays of the broadcast shape.

@@ -102,7 +102,8 @@ mean_anomaly_deg : ndarray
                 unit="L_sun",
                 allowed="above 0: the population's orbits follow insolation",
             )
-        return np.sqrt(luminosity)
+        result: FloatArray = np.sqrt(luminosity)
+        return result
 
 
 def draw_population(config: PopulationConfig, n_planets: int, seed: int) -> Planets:

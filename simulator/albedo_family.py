@@ -49,7 +49,8 @@ class AlbedoFamily:
     def outside(self, insolation_au: ArrayLike) -> np.ndarray:
         """Return True where a distance lies beyond the nodes and the albedo of the end is used."""
         distance = _positive(insolation_au)
-        return (distance < self.insolation_au[0]) | (distance > self.insolation_au[-1])
+        result: np.ndarray = (distance < self.insolation_au[0]) | (distance > self.insolation_au[-1])
+        return result
 
     def at(self, insolation_au: float) -> Albedo:
         """Return the albedo at one insolation distance."""
