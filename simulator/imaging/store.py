@@ -53,7 +53,7 @@ def metrics_key(instrument: Instrument, band: str) -> str:
     return content_hash(
         {
             "schema": [SCHEMA, HOLE_SCHEMA],
-            "fields": [field.name for field in fields(PsfMetrics)],
+            "fields": sorted(field.name for field in fields(PsfMetrics)),
             "band": band,
             "edges": edges,
             "apodizer": hashlib.sha256(mask.astype("<f8").tobytes()).hexdigest(),

@@ -1,7 +1,5 @@
 """Places of companions that have moved: those of published orbits at 2028.5, in every table that shares them."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

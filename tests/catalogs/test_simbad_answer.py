@@ -1,7 +1,5 @@
 """SIMBAD's answers: old and new names, units and texts; what cannot be right is refused."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from astropy import units as u

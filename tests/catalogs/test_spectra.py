@@ -1,7 +1,5 @@
 """Shipped spectra: known absolute values, read-only arrays, deterministic files."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from pathlib import Path

@@ -55,7 +55,7 @@ ALLOWED = {
     "simulator/target/spectrum_table.py": "parses bytes that were read",
     "simulator/target/spectrum_tree.py": "opens what user_files gave it",
     "simulator/target/albedo_grid_file.py": "SQLite opens by name, after user_files looked at the file",
-    "cpic_planner/written_files.py": "adds lines to the list of a run",
+    "cpic_planner/jobs/written_files.py": "adds lines to the list of a run",
     "cpic_planner/survey/store.py": "parses bytes that were read",
     "cpic_planner/validation/confirm.py": "arrays of a part, in memory",
     "cpic_planner/report/words.py": "shipped words",

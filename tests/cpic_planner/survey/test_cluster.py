@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from cpic_planner.engine import ClusterError
-from cpic_planner.runfolder import open_run_folder
+from cpic_planner.jobs.engine import ClusterError
+from cpic_planner.jobs.folder import open_run_folder
 from cpic_planner.survey.store import ResultStore
 
 pytestmark = pytest.mark.long
@@ -146,7 +146,7 @@ def test_the_scheduler_dies_and_its_workers_with_it(tasks, undisturbed, cluster,
             "no workers": lambda: killed and cluster.start_workers(2),
         }
     )
-    logger = logging.getLogger("cpic_planner.cluster.dispatch")
+    logger = logging.getLogger("cpic_planner.jobs.cluster")
     logger.addHandler(told)
     try:
         done, files = tasks.survey(tmp_path / "out", scheduler=cluster.address, advance=advance)

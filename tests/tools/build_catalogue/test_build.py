@@ -1,7 +1,5 @@
 """Rebuilding the data: verification of archives, provenance of every shipped file, reproducibility."""
 
-from __future__ import annotations
-
 import io
 import json
 import os

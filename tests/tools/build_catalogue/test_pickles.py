@@ -1,7 +1,5 @@
 """The builder of the measured library: smoothing, and files that are not the library's."""
 
-from __future__ import annotations
-
 import io
 
 import numpy as np

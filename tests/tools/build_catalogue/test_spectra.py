@@ -1,7 +1,5 @@
 """The stellar grid's builder: band fluxes are met exactly, missing models stay missing."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
