@@ -38,7 +38,7 @@ from cpic_planner.cli.strategy_options import (
     imaged_strategy,
     refuse_together,
 )
-from cpic_planner.engine import check_address
+from cpic_planner.jobs.engine import check_address
 
 if TYPE_CHECKING:
     from simulator.config import Instrument

@@ -93,19 +93,9 @@ def one_by_one(model, targets, band, drawn, exposure_s, n_frames, em_gain):
             rates = aperture_rates(model, target, band, np.array([x]), np.array([y]), np.array([contrast]))
             setting = [np.array([value[i]]) for value in (exposure_s, n_frames, em_gain)]
             if strategy.mode == "analogue":
-                significance = stack_noise(
-                    rates, *setting, camera, reference_ratio=strategy.reference_ratio
-                ).significance[0]
+                significance = stack_noise(rates, *setting, camera, strategy).significance[0]
             else:
-                problem = frame_problem(
-                    rates,
-                    camera,
-                    reference_ratio=strategy.reference_ratio,
-                    objective="significance",
-                    em_gain=em_gain[i],
-                    mode=strategy.mode,
-                    counting_sigma=strategy.counting_sigma,
-                )
+                problem = frame_problem(rates, camera, strategy, objective="significance", em_gain=em_gain[i])
                 significance = problem.inverse_snr2(setting[0], setting[1])[0] ** -0.5
             elements = metrics.resolution_elements(math.hypot(x, y))
             found[0, i] += significance >= threshold_array(elements, strategy.sigma)

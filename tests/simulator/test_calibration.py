@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from simulator import calibrate
-from simulator.camera.dark_current import dark_rate_e_s
 from simulator.effects import sky_rate_e_s_arcsec2
 
 PLAIN = {"cosmic_rays": False, "interference": False, "bias_drift": False, "nonlinearity": False}
@@ -36,8 +35,8 @@ def test_dark_frames_hold_the_dark_current():
     )
     detector = seen.instrument.detector
     electrons = (active(seen, seen.frame(0).adu).astype(float) - detector.bias_adu) * detector.gain_e_adu / 100
-    mean = dark_rate_e_s(detector) * 2000 + detector.cic_e
-    assert np.median(seen.expected_e) == pytest.approx(dark_rate_e_s(detector) * 2000, rel=0.1)
+    mean = detector.dark_rate_e_s * 2000 + detector.cic_e
+    assert np.median(seen.expected_e) == pytest.approx(detector.dark_rate_e_s * 2000, rel=0.1)
     assert electrons.mean() == pytest.approx(mean, rel=0.01)
 
 

@@ -2,7 +2,7 @@ import pytest
 
 from catalogs.errors import InputError
 from simulator.config import load_instrument
-from simulator.config.infrared import InfraredSwitches
+from simulator.config.detector import InfraredSwitches
 
 
 def test_shipped_camera_is_labelled_assumed():

@@ -9,7 +9,7 @@ from simulator import load_instrument, observe
 from simulator.camera.track_loss import aperture_loss_per_s
 from simulator.effects.cosmic_rays import draw_cosmic_rays
 from simulator.ledger import forecast
-from simulator.ledger.particles import pixel_hits
+from simulator.ledger.case import pixel_hits
 from simulator.rng import stream
 
 SETTINGS = {"band": "F662", "exposure_s": 2.0, "n_frames": 4, "em_gain": 20.0}

@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from simulator.target.calibrate.grid_fit import BANDS_NM, band_albedo, read_table
 from simulator.target.parametric import (
     grid_phase_curve,
     load_parametric_grid,
@@ -16,6 +15,7 @@ from simulator.target.parametric import (
     phase_curve,
 )
 from simulator.target.phase import lambert_phase
+from tools.calibrate_albedo.grid_fit import BANDS_NM, band_albedo, read_table
 
 TABLE = Path(__file__).resolve().parents[4] / "shared" / "validation" / "batalha2018_band_albedos.csv.gz"
 needs_table = pytest.mark.skipif(not TABLE.exists(), reason="the validation folder with the model grid is not here")
