@@ -5,15 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
-
-from pydantic import Field, model_validator
+from typing import Any
 
 from catalogs.catalogue import Catalogue
-from catalogs.errors import InputError
 from cpic_planner.confirmed import (
     RESULT_VERSION,
-    ImageConfig,
     confirmed_target,
     images_cost,
     plan_tasks,
@@ -22,18 +18,16 @@ from cpic_planner.confirmed import (
 from cpic_planner.engine import run_tasks
 from cpic_planner.environment import RunClock
 from cpic_planner.etc.model import EtcModel, build_model
-from cpic_planner.etc.planet import ReferencePlanet
-from cpic_planner.known_completeness import KNOWN_ONLY, KnownChoice
+from cpic_planner.known_completeness import KNOWN_ONLY, KnownChoice, counted_planets
 from cpic_planner.models import (
     BandConfirmation,
     PlanResult,
     RankedTarget,
     RankResult,
-    ScoreName,
     SensitivityResult,
 )
-from cpic_planner.population_config import PopulationConfig, load_population
-from cpic_planner.ranking import DEFAULT_SCORE, N_PLANETS, PopulationChoice, planet_record, rank_targets
+from cpic_planner.queries.plan import PlanConfig
+from cpic_planner.ranking import PopulationChoice, planet_record, rank_targets
 from cpic_planner.runfolder import RunFolder, open_run_folder
 from cpic_planner.sensitivity import sensitivity
 from cpic_planner.targets import CatalogSource, Targets, as_catalogue, rank_sample, sample_text
@@ -42,72 +36,11 @@ from cpic_planner.validation.confirm import confirm_task
 from cpic_planner.validation.task import ConfirmTask, images_of
 from cpic_planner.version import __version__
 from simulator.config import content_hash
-from simulator.config.mission import Utc
 from simulator.files import dump_json
 from simulator.ledger import not_modelled
 from simulator.work import announce
 
 __all__ = ["FinishedPlan", "PlanConfig", "estimate_cost", "make_plan"]
-
-
-class PlanConfig(ImageConfig):
-    """Everything that decides a plan, but for the star table.
-
-    ``v_mag_max`` None: 7, or all of a table of one's own. ``known_planets``
-    (`catalogs.known_planets.load_known_planets`) stands instead of ``population``, with ``n_planets`` draws of each at
-    ``date_utc``, the start of the mission by default.
-    """
-
-    top: Annotated[int, Field(ge=1, le=1000)] = 5
-    time_s: Annotated[float, Field(ge=1e-3, le=1e9)] = 36000.0
-    dwarfs_only: bool = False
-    singles_only: bool = False
-    v_mag_max: float | None = None
-    companions: Literal["on", "off"] = "on"
-    planet: ReferencePlanet = ReferencePlanet()
-    population: PopulationConfig = Field(default_factory=load_population)
-    n_planets: Annotated[int, Field(ge=1, le=1_000_000)] = N_PLANETS
-    score: ScoreName = DEFAULT_SCORE
-    known_planets: str | None = None
-    date_utc: Utc | None = None
-
-    @model_validator(mode="after")
-    def _one_kind_of_planets(self) -> PlanConfig:
-        if self.known_planets is not None and "population" in self.model_fields_set:
-            raise InputError(
-                "population",
-                self.population.name,
-                allowed="without known_planets",
-                hint="known planets stand instead of a population",
-            )
-        if self.known_planets is None and self.date_utc is not None:
-            raise InputError(
-                "date_utc", self.date_utc, allowed="only with known_planets", hint="nothing else depends on a date"
-            )
-        return self
-
-    def drawn(self) -> PopulationChoice | KnownChoice:
-        """Return the population, or the known planets, that completeness refers to.
-
-        Raises
-        ------
-        InputError
-            If there is no such table of known planets, or it cannot be used.
-        """
-        if self.known_planets is None:
-            return PopulationChoice(self.population, self.n_planets, self.seed)
-        return KnownChoice.at(
-            self.known_planets,
-            self.date_utc,
-            self.planet.albedo,
-            self.instrument,
-            n_draws=self.n_planets,
-            seed=self.seed,
-        )
-
-    def band_names(self) -> tuple[str, ...]:
-        """Bands of the plan."""
-        return self.bands or self.instrument.visible_bands()
 
 
 @dataclass(frozen=True)
@@ -145,7 +78,10 @@ def _prepare(config: PlanConfig, catalog: CatalogSource) -> _Prepared:
         singles_only=config.singles_only,
         companions=config.companions,
     )
-    drawn, sample = config.drawn(), sample_text(catalogue, config.v_mag_max, config.dwarfs_only, config.singles_only)
+    drawn, sample = (
+        counted_planets(config),
+        sample_text(catalogue, config.v_mag_max, config.dwarfs_only, config.singles_only),
+    )
     if isinstance(drawn, KnownChoice):
         targets, sample = drawn.stars(targets), f"{sample}; {KNOWN_ONLY}"
     rank = rank_targets(
@@ -172,13 +108,12 @@ def plan_hash(config: PlanConfig, rank: RankResult, catalogue: Catalogue) -> str
 
     A table from a file counts by its content, which is in the hash of the ranking, not by its name.
     """
-    own = {key: value for key, value in config.hashed().items() if key not in ("known_planets", "date_utc")}
     limit = catalogue.ranked_v_mag if config.v_mag_max is None else config.v_mag_max
     tree = {
         "kind": "plan",
         "results": RESULT_VERSION,
         "version": __version__,
-        "config": own | {"v_mag_max": limit},
+        "config": config.hashed() | {"v_mag_max": limit},
         "rank": rank.config_hash,
         "catalogue": rank.catalogue if catalogue.kind == "snapshot" else catalogue.kind,
     }

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -13,10 +12,9 @@ from cpic_planner.cli.options import JsonOption
 from cpic_planner.cli.output import console, note, print_json, progress
 
 if TYPE_CHECKING:
+    from cpic_planner.queries.tradeoff import TradeoffQuestion
     from cpic_planner.tradeoff.points import Point
     from cpic_planner.tradeoff.scenes import FixedScene
-
-__all__ = ["HELP", "tradeoff"]
 
 HELP = """Measure speed against accuracy on this machine: time, memory and error of every tier, tolerance and knob.
 
@@ -38,20 +36,7 @@ Examples:
 
 
 def tradeoff(
-    scenes: Annotated[
-        list[str] | None, typer.Option("--scene", help="Fixed scene; repeat for several [default: all].")
-    ] = None,
-    only: Annotated[
-        list[str] | None,
-        typer.Option("--only", help="Way to measure again; the other rows in --out are kept. Repeat for several."),
-    ] = None,
-    quick_look: Annotated[
-        bool, typer.Option("--quick-look", help="Two frames and few samples: a minute a scene, for a look.")
-    ] = False,
-    workers: Annotated[
-        int, typer.Option("--workers", min=1, max=2, help="2: knobs and effects of a scene are measured at once.")
-    ] = 1,
-    out: Annotated[Path, typer.Option("--out", help="Folder of the results.")] = Path("out/tradeoff"),
+    question: TradeoffQuestion,
     listed: Annotated[bool, typer.Option("--list", help="Say which scenes and ways there are, and stop.")] = False,
     as_json: JsonOption = False,
 ) -> None:
@@ -61,7 +46,8 @@ def tradeoff(
     from cpic_planner.tradeoff.run import tradeoff as run
     from cpic_planner.tradeoff.write import FILES, read_result, write_numbers, write_result
 
-    work = chosen(scenes or (), only or (), quick_look=quick_look)
+    out = question.out
+    work = chosen(question.scenes, question.only, quick_look=question.quick_look)
     if listed:
         _print_list(work, as_json)
         return
@@ -69,14 +55,13 @@ def tradeoff(
     foreign = out.is_dir() and written is None and any(out.iterdir())
     if foreign or (out.exists() and not out.is_dir()):
         raise InputError("--out", str(out), allowed="an empty folder or one of an earlier tradeoff")
-    earlier = written if only or scenes else None
     out.mkdir(parents=True, exist_ok=True)
     with progress("rows", total=n_rows(work)) as advance:
         result = run(
             work,
-            earlier=earlier,
-            quick_look=quick_look,
-            workers=workers,
+            earlier=written if question.only or question.scenes else None,
+            quick_look=question.quick_look,
+            workers=question.workers,
             advance=advance,
             keep=lambda so_far: write_numbers(so_far, out),
         )
