@@ -19,7 +19,8 @@ RENAMED = {"--photon-counting": ("--mode", "photon_counting")}
 """Former options, and what each is now."""
 _FILE = "question_file"
 _FILE_HELP = (
-    "YAML file with answers by their keywords ({kind}, see cpic schema); options on the command line stand above it."
+    "YAML file (kind: question) with answers by their keywords, see cpic schema; options on the command line stand "
+    "above it."
 )
 
 
@@ -102,13 +103,12 @@ def _asking(run: Callable[..., None], model: Any) -> Callable[..., None]:
         )
         for option in options
     ]
-    file_help = _FILE_HELP.format(kind=f"kind: {model.KIND}")
     parameters.append(
         inspect.Parameter(
             _FILE,
             inspect.Parameter.KEYWORD_ONLY,
             default=None,
-            annotation=Annotated[Path | None, typer.Option("--question", help=file_help)],
+            annotation=Annotated[Path | None, typer.Option("--question", help=_FILE_HELP)],
         )
     )
     parameters += [parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY) for parameter in own]
@@ -120,11 +120,10 @@ def _asking(run: Callable[..., None], model: Any) -> Callable[..., None]:
 
 def _annotation(option: Any, text: str) -> Any:
     """Annotation of `typer` for an option; a choice of words becomes an enumeration, which every version reads."""
-    kind = option.kind
+    kind: Any = option.kind
     if get_origin(kind) is Literal:
-        words = get_args(kind)
-        kind = StrEnum(option.name.title(), [(f"WORD_{i}", word) for i, word in enumerate(words)])  # type: ignore[misc]
-    kind = list[kind] if option.several else kind  # type: ignore[valid-type]
+        kind = StrEnum(option.name.title(), [(f"WORD_{i}", word) for i, word in enumerate(get_args(kind))])
+    kind = list[kind] if option.several else kind
     own = option.asked
     if own.argument:
         shown = typer.Argument(metavar=own.metavar or option.flag, help=text, show_default=False)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import typer
 
@@ -58,7 +58,7 @@ def confirm(question: ConfirmQuestion, dry_run: DryRunOption = False, as_json: J
         what = f"{cost['n_tasks']} band{'s' * (cost['n_tasks'] != 1)} of {question.scene.name}"
         print_cost(cost, what, question.workers, as_json)
         return
-    run = {"workers": question.workers, "scheduler": question.scheduler}
+    run: dict[str, Any] = {"workers": question.workers, "scheduler": question.scheduler}
     with progress("confirming", total=len(question.band_names())) as advance:
         if question.out is None:
             result = confirm_scene(question, **run, advance=advance)[0]

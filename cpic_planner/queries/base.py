@@ -41,11 +41,13 @@ def called_by_option(model: type[FrozenModel]) -> Iterator[None]:
     try:
         yield
     except InputError as error:
-        key = error.key.rstrip(".0123456789")
-        if key not in names:
+        key = error.key.rstrip(".0123456789").removeprefix("universe.")
+        first, _, rest = key.partition(".")
+        name = names.get(key) or (f"{names[first]} {rest}" if rest and first in names else "")
+        if not name:
             raise
         value = ",".join(map(str, error.value)) if isinstance(error.value, tuple | list) else error.value
-        raise InputError(names[key], value, unit=error.unit, allowed=error.allowed, hint=error.hint) from None
+        raise InputError(name, value, unit=error.unit, allowed=error.allowed, hint=error.hint) from None
     finally:
         _OPTIONS.reset(token)
 
@@ -70,7 +72,8 @@ class Question(FrozenModel):
     is said of a field. None stands for an answer that was not given.
     """
 
-    KIND: ClassVar[str] = "question"
+    KIND: ClassVar[str] = ""
+    """What is asked, for hashes."""
     ALIASES: ClassVar[dict[str, str]] = {}
     """Other names of fields, which keywords and files may use."""
 
@@ -94,10 +97,12 @@ class Question(FrozenModel):
     @classmethod
     def load(cls, source: str | Path) -> dict[str, Any]:
         """Return what a YAML file answers, for `of`; files that it names are looked for beside it first."""
-        tree = load_mapping(source, cls.KIND, tuple(cls.model_fields))
-        kind = tree.pop("kind", cls.KIND)
-        if kind != cls.KIND:
-            raise InputError("kind", kind, allowed=cls.KIND)
+        tree = load_mapping(source, "question", tuple(cls.model_fields))
+        kind = tree.get("kind", "question")
+        if kind == "question":
+            tree.pop("kind", None)
+        elif "kind" not in cls.model_fields:
+            raise InputError("kind", kind, allowed="question")
         return dict(paths_beside(tree, Path(source).parent))
 
     @classmethod
@@ -116,7 +121,7 @@ class Question(FrozenModel):
     @property
     def content_hash(self) -> str:
         """Hash of what decides numbers (16 hex digits)."""
-        return content_hash({"question": self.KIND} | self.hashed())
+        return content_hash({"kind": self.KIND} | self.hashed())
 
     def is_given(self, *path: str) -> bool:
         """Whether a field, or one inside it, was given something other than no."""

@@ -60,7 +60,7 @@ class ConfirmQuestion(ImageQuestion, RunQuestion):
     ``audit`` None: as `cpic_planner.queries.images.audited` says.
     """
 
-    KIND: ClassVar[str] = "confirm_question"
+    KIND: ClassVar[str] = "confirm"
 
     scene: Scene = asked(
         ...,

@@ -43,7 +43,7 @@ class EtcQuestion(InstrumentQuestion, StarsQuestion):
     time that reaches it, else the SNR in a time. Without a separation the planet stands where the answer is best.
     """
 
-    KIND: ClassVar[str] = "etc_question"
+    KIND: ClassVar[str] = "etc"
 
     target: Texts = asked(
         ...,
@@ -130,11 +130,12 @@ class EtcQuestion(InstrumentQuestion, StarsQuestion):
     def _check_planet(self) -> None:
         self.refuse_together(("separation_arcsec", "semi_major_axis_au"), "both place the planet")
         self.refuse_together(("contrast_limit", "contrast"), "the limit is the answer")
-        several_planets = isinstance(self.planet, tuple)
-        for name in ("planet",) if several_planets else self.planet.model_fields_set:
-            if name == "phase_deg" and self.semi_major_axis_au is not None:
+        planet = self.planet
+        for path in (
+            ("planet",) if isinstance(planet, tuple) else (f"planet.{name}" for name in planet.model_fields_set)
+        ):
+            if path == "planet.phase_deg" and self.semi_major_axis_au is not None:
                 continue
-            path = name if several_planets else f"planet.{name}"
             self.refuse_together((path, "contrast"), "a given contrast needs no planet")
             self.refuse_together((path, "contrast_limit"), "the limit holds for any planet")
         places, ratios = len(self.separation_arcsec or ()), len(self.contrast or ())
@@ -185,7 +186,7 @@ class EtcQuestion(InstrumentQuestion, StarsQuestion):
 class OptimiseQuestion(InstrumentQuestion, StarsQuestion):
     """Ask for the best band, separation, exposure, number of frames and EM gain of stars."""
 
-    KIND: ClassVar[str] = "optimise_question"
+    KIND: ClassVar[str] = "optimise"
 
     target: Texts = asked(..., "Star names.", accepts="str or sequence of str")
     time_s: float | None = asked(

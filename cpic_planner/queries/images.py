@@ -107,7 +107,7 @@ class ImageQuestion(InstrumentQuestion):
 class StarImagesQuestion(ImageQuestion, StarsQuestion, RunQuestion):
     """Images of named stars, each with its reference planet at the best separation."""
 
-    KIND: ClassVar[str] = "confirm_targets_question"
+    KIND: ClassVar[str] = "confirm_targets"
 
     target: Texts = asked(..., "Star names.", accepts="str or sequence of str")
     time_s: float = asked(

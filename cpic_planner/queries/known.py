@@ -19,7 +19,7 @@ DEFAULT_YEARS = 5.0
 class KnownQuestion(InstrumentQuestion, CatalogQuestion, KnownPlanetsQuestion):
     """Say where the known planets are at a date, how bright, and when the dark hole covers them."""
 
-    KIND: ClassVar[str] = "known_question"
+    KIND: ClassVar[str] = "known"
 
     star: str | None = asked(None, 'Star: "eps Eri", "HIP 16537" ...', argument=True, metavar="[STAR]")
     years: float | None = asked(None, "How long the star's planets are followed.", default_words=f"{DEFAULT_YEARS:g}")

@@ -19,7 +19,7 @@ class PlanQuestion(ImageQuestion, RankedQuestion, RunQuestion):
     ``date_utc``, the start of the mission by default.
     """
 
-    KIND: ClassVar[str] = "plan_question"
+    KIND: ClassVar[str] = "plan"
 
     top: int = asked(5, "How many targets to confirm with images.", ge=1, le=1000)
     out: Path = asked(Path("cpic-plan"), "Output folder; an interrupted run continues there.", physics=False)

@@ -52,9 +52,10 @@ class AlbedoParts(Parts):
                 hint=f"parameters are those of {called('albedo')} parametric or of a grid of models",
             )
         try:
-            return albedo_spec(float(name))
+            number = float(name)
         except ValueError:
             return albedo_spec(name)
+        return albedo_spec(number)
 
 
 class ReferencePlanet(FrozenModel):

@@ -41,7 +41,7 @@ class RankedQuestion(InstrumentQuestion, CutsQuestion, CountedPlanetsQuestion):
 class RankQuestion(RankedQuestion):
     """Rank the whole catalogue."""
 
-    KIND: ClassVar[str] = "rank_question"
+    KIND: ClassVar[str] = "rank"
 
     strategy: Strategy = asked(
         Strategy(), "How the observation is made and reduced.", accepts="Strategy or mapping, optional"

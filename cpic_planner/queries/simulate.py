@@ -63,7 +63,7 @@ class SimulateQuestion(RunQuestion):
     sequences of its own, of which only some values are replaced.
     """
 
-    KIND: ClassVar[str] = "simulate_question"
+    KIND: ClassVar[str] = "simulate"
     ALIASES: ClassVar[dict[str, str]] = SequenceConfig.ALIASES
 
     what: Annotated[tuple[Any, ...], BeforeValidator(several)] = asked(

@@ -53,8 +53,8 @@ class Reduction(FrozenModel):
     )
     sigma: float = asked(
         5.0,
-        "Level of a detection whose false-alarm probability the small-sample threshold keeps (in files sigma; the "
-        "--sigma of cpic etc is another number, the significance that is asked for).",
+        "Level of a detection whose false-alarm probability the small-sample threshold keeps (its key is "
+        "strategy.sigma; cpic etc --sigma asks for a plain significance, which is another number).",
         gt=0,
         le=20,
         option="--threshold-sigma",

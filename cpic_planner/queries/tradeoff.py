@@ -13,7 +13,7 @@ from cpic_planner.queries.shared import Texts
 class TradeoffQuestion(Question):
     """Measure speed against accuracy: time, memory and error of every tier, tolerance and knob."""
 
-    KIND: ClassVar[str] = "tradeoff_question"
+    KIND: ClassVar[str] = "tradeoff"
 
     scenes: Texts = asked((), "Fixed scene; repeat for several.", option="--scene", default_words="all")
     only: Texts = asked((), "Way to measure again; the other rows in {out} are kept. Repeat for several.")

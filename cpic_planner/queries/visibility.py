@@ -12,7 +12,7 @@ from simulator.config import Instrument
 class VisibilityQuestion(CatalogQuestion):
     """Say when stars can be seen from the orbit of the telescope, and for how long per orbit."""
 
-    KIND: ClassVar[str] = "visibility_question"
+    KIND: ClassVar[str] = "visibility"
 
     target: Texts = asked(
         ...,

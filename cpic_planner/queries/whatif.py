@@ -30,7 +30,7 @@ class WhatIfQuestion(RunQuestion):
     What is not given of the universe is as the strategies' file says.
     """
 
-    KIND: ClassVar[str] = "whatif_question"
+    KIND: ClassVar[str] = "whatif"
 
     strategies: Any = asked(
         "survey_default",
@@ -67,8 +67,9 @@ class WhatIfQuestion(RunQuestion):
         2, "Local worker processes; results do not depend on their number.", ge=1, le=256, physics=False
     )
     out: Path | None = asked(
-        Path("cpic-whatif"),
+        None,
         "Output folder; an interrupted run continues there.",
+        default_words="cpic-whatif; none in Python, where nothing is kept without",
         physics=False,
         accepts="str or Path, optional",
     )

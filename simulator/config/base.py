@@ -168,10 +168,11 @@ def _limits(annotation: Any) -> str:
         for name in ("ge", "gt", "le", "lt")
         if getattr(item, name, None) is not None and abs(getattr(item, name)) < 2**53
     }
-    if "ge" in bounds and "le" in bounds:
-        return f"{bounds['ge']:g} to {bounds['le']:g}"
+    said = {name: str(bound) if isinstance(bound, int) else f"{bound:g}" for name, bound in bounds.items()}
+    if "ge" in said and "le" in said:
+        return f"{said['ge']} to {said['le']}"
     words = {"ge": "at least", "gt": "above", "le": "at most", "lt": "below"}
-    return ", ".join(f"{word} {bounds[name]:g}" for name, word in words.items() if name in bounds)
+    return ", ".join(f"{word} {said[name]}" for name, word in words.items() if name in said)
 
 
 def _metadata(annotation: Any) -> Iterator[Any]:
