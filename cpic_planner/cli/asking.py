@@ -7,7 +7,7 @@ import pkgutil
 from collections.abc import Callable, Mapping, Sequence
 from enum import Enum, StrEnum
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_args, get_origin
+from typing import Annotated, Any, Literal, cast, get_args, get_origin
 
 import typer
 from typer.core import TyperCommand
@@ -122,7 +122,8 @@ def _annotation(option: Any, text: str) -> Any:
     """Annotation of `typer` for an option; a choice of words becomes an enumeration, which every version reads."""
     kind: Any = option.kind
     if get_origin(kind) is Literal:
-        kind = StrEnum(option.name.title(), [(f"WORD_{i}", word) for i, word in enumerate(get_args(kind))])
+        words = [(f"WORD_{i}", word) for i, word in enumerate(get_args(kind))]
+        kind = cast(Any, StrEnum)(option.name.title(), words)
     kind = list[kind] if option.several else kind
     own = option.asked
     if own.argument:
