@@ -87,7 +87,7 @@ def test_known_planets_stand_instead_of_a_population(tmp_path):
     choice = counted_planets(ranked(known_planets="snapshot", date_utc="2027-01-01")[1])
     assert (choice.mjd, choice.n_draws) == (61406.0, 50)
     both = {"known_planets": "snapshot", "population": load_population()}
-    for known, words in (({"date_utc": "2027-01-01"}, "only with known_planets"), (both, "without known_planets")):
+    for known, words in (({"date_utc": "2027-01-01"}, "only with known_planets"), (both, "given with known_planets")):
         with pytest.raises(InputError, match=words):
             validate(PlanConfig, asked | known, where="plan")
 
