@@ -156,6 +156,7 @@ def answers(
     InputError
         For an option that has no meaning with the others.
     """
+    from cpic_planner.queries.dotted import put
     from simulator.config.base import deep_merge, validate
 
     tree: dict[str, Any] = {}
@@ -168,10 +169,11 @@ def answers(
         if option.parts is not None:
             parts.setdefault(option.path[:-1], {})[option.path[-1]] = value
         else:
-            _set(tree, option.path, value)
+            tree = put(tree, ".".join(option.path), value)
     for option in options:
         if option.parts is not None and (below := parts.pop(option.path[:-1], None)) is not None:
-            _set(tree, option.path[:-1], validate(option.parts, below).made(_at(file, option.path[:-1])))
+            made = validate(option.parts, below).made(_at(file, option.path[:-1]))
+            tree = put(tree, ".".join(option.path[:-1]), made)
     merged = deep_merge(file, tree)
     for option in options:
         needed = option.asked.only_with
@@ -186,13 +188,6 @@ def _value(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return tuple(map(_value, value))
     return value.value if isinstance(value, Enum) else value
-
-
-def _set(tree: dict[str, Any], path: Sequence[str], value: Any) -> None:
-    *above, last = path
-    for name in above:
-        tree = tree.setdefault(name, {})
-    tree[last] = value
 
 
 def _at(tree: Any, path: Sequence[str]) -> Any:

@@ -11,6 +11,7 @@ from catalogs.errors import InputError
 from cpic_planner.engine import check_address
 from cpic_planner.population_config import PopulationConfig, load_population
 from cpic_planner.queries.base import Parts, Question, called
+from cpic_planner.queries.changes import Change, changed
 from cpic_planner.queries.fields import asked
 from cpic_planner.queries.planet import ReferencePlanet
 from simulator.config import Instrument, load_instrument
@@ -64,7 +65,7 @@ class InstrumentParts(Parts):
         built = default_instrument() if given is None else read_instrument(given)
         if self.exozodi_zodis is None:
             return built
-        return built.changed({"sky": {"exozodi_zodis": self.exozodi_zodis}})
+        return changed(built, (Change(key="sky.exozodi_zodis", value=self.exozodi_zodis),))
 
 
 class InstrumentQuestion(Question):

@@ -6,8 +6,8 @@ import pytest
 from astropy import units as u
 
 from catalogs.errors import InputError
-from cpic_planner.override_keys import is_optical
-from cpic_planner.overrides import ALIASES, Override, SimulatorOverrides
+from cpic_planner.overrides import SimulatorOverrides
+from cpic_planner.queries.changes import ALIASES, Change, is_optical
 from simulator.config import load_instrument, load_scene
 from simulator.config.base import unit_of
 from simulator.imaging.store import metrics_key
@@ -277,9 +277,9 @@ def test_files_that_hold_no_overrides_are_refused(tmp_path, text):
 
 def test_models_are_as_strict_as_the_text():
     with pytest.raises(ValueError, match="at least 0"):
-        Override(key="detector.cic_e", action="scale", value="much")
+        Change(key="detector.cic_e", action="scale", value="much")
     with pytest.raises(ValueError, match="given twice"):
-        SimulatorOverrides(entries=(Override(key="a", value=1), Override(key="a", value=2)))
+        SimulatorOverrides(entries=(Change(key="a", value=1), Change(key="a", value=2)))
 
 
 def _probe(value):
