@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from catalogs.errors import InputError
+from cpic_planner.etc.budget import reached, without_background, without_speckles
 from cpic_planner.etc.detection import needed_margin, visit_chances
 from cpic_planner.etc.frames import (
     FrameChoice,
@@ -19,7 +20,6 @@ from cpic_planner.etc.frames import (
     smooth_in_visit,
     smooth_least_visit_s,
 )
-from cpic_planner.etc.limiting import reached, without_background, without_speckles
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.noise import Objective, frame_problem, own_noise, stack_noise
 from cpic_planner.etc.place import check_range, locate, stand, usable_range_arcsec
@@ -52,7 +52,7 @@ class Best:
     visits detect the planet there, and ``chance_blind`` and ``chance_known_place`` are the probabilities of a detection
     (NaN where no law was measured). ``floor_margin`` is what no length of visit can pass, at any separation (with the
     noise of light where that decides). ``without_speckles`` and ``without_background`` say whether the planet would be
-    detected in the given time under the changes of `cpic_planner.etc.limiting`; False where no time was given.
+    detected in the given time under the changes of `cpic_planner.etc.budget`; False where no time was given.
     ``contrast_limit`` is the faintest contrast that this observation detects at the chosen separation,
     ``deepest_limit`` that of the best separation for it. ``n_frames`` is 0 where every frame saturates or the time is
     too short. ``extrapolated`` says that the planet's albedo is beyond its data in this band, ``outside`` why a given
@@ -230,15 +230,7 @@ class _Places:
 
     def problem(self, objective: Objective) -> FrameProblem:
         """What the solver needs."""
-        strategy = self.model.strategy
-        return frame_problem(
-            self.rates,
-            self.model.camera(self.band),
-            reference_ratio=strategy.reference_ratio,
-            objective=objective,
-            mode=strategy.mode,
-            counting_sigma=strategy.counting_sigma,
-        )
+        return frame_problem(self.rates, self.model.camera(self.band), self.model.strategy, objective=objective)
 
 
 @dataclass(frozen=True)
@@ -329,9 +321,7 @@ class _Search:
             n_frames=choice.n_frames,
             em_gain=choice.em_gain,
             camera=camera,
-            reference_ratio=strategy.reference_ratio,
-            mode=strategy.mode,
-            counting_sigma=strategy.counting_sigma,
+            strategy=strategy,
         )
         noise = noise_of(chosen.rates)
         if (refused := self.refusal) is not Reason.NONE:

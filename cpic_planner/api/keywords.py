@@ -9,7 +9,6 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Literal, TypeVar, get_args, get_origin
 
 from pydantic.fields import FieldInfo
-from pydantic_core import PydanticUndefined
 
 from cpic_planner.queries.base import Question
 from cpic_planner.queries.fields import asked_of, kind_of, spelled
@@ -72,7 +71,7 @@ def _parameter(
     if name in fixed:
         default = fixed[name]
     elif not needed and not info.is_required():
-        plain = isinstance(info.default, str | int | float) and info.default is not PydanticUndefined
+        plain = isinstance(info.default, str | int | float)
         default = info.default if plain else None
     kind = inspect.Parameter.POSITIONAL_OR_KEYWORD if first else inspect.Parameter.KEYWORD_ONLY
     return inspect.Parameter(name, kind, default=default, annotation=_words(info))

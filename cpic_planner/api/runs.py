@@ -33,7 +33,7 @@ def make_plan(question: PlanQuestion) -> PlanResult:
         workers=question.workers,
         scheduler=question.scheduler,
         force=question.force,
-    ).plan
+    ).result
 
 
 @takes(StarImagesQuestion, first=("target",), without=("force", "scheduler"))
@@ -75,12 +75,9 @@ def confirm_scene(question: ConfirmQuestion) -> ConfirmResult:
     InputError
         For bad input, or if ``out`` is in use or holds another configuration.
     """
-    from cpic_planner.confirm_run import run_confirmation
     from cpic_planner.scene_confirmation import confirm_scene as run
 
-    if question.out is None:
-        return run(question, workers=question.workers, scheduler=question.scheduler)[0]
-    return run_confirmation(
+    return run(
         question, question.out, workers=question.workers, scheduler=question.scheduler, force=question.force
     ).result
 

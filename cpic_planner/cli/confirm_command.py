@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import typer
 
@@ -49,32 +49,33 @@ Examples:
 
 def confirm(question: ConfirmQuestion, dry_run: DryRunOption = False, as_json: JsonOption = False) -> None:
     """Confirm and print."""
-    from cpic_planner.confirm_run import run_confirmation
-    from cpic_planner.scene_confirmation import confirm_scene, estimate_cost
+    from cpic_planner.jobs.job import estimate
+    from cpic_planner.scene_confirmation import confirm_job, confirm_scene
 
     tell_overrides(question.simulator_overrides)
     if dry_run:
-        cost = estimate_cost(question, workers=question.workers)
+        cost = estimate(confirm_job(question), workers=question.workers)
         what = f"{cost['n_tasks']} band{'s' * (cost['n_tasks'] != 1)} of {question.scene.name}"
         print_cost(cost, what, question.workers, as_json)
         return
-    run: dict[str, Any] = {"workers": question.workers, "scheduler": question.scheduler}
     with progress("confirming", total=len(question.band_names())) as advance:
-        if question.out is None:
-            result = confirm_scene(question, **run, advance=advance)[0]
-        else:
-            done = run_confirmation(
-                question, question.out, **run, force=question.force, advance=advance, command=sys.argv[1:]
-            )
-            result = done.result
-            if done.resumed_parts:
-                note(f"reused {done.resumed_parts} finished band{'s' * (done.resumed_parts != 1)} of an earlier run")
+        done = confirm_scene(
+            question,
+            question.out,
+            workers=question.workers,
+            scheduler=question.scheduler,
+            force=question.force,
+            advance=advance,
+            command=sys.argv[1:],
+        )
+    if done.resumed_parts:
+        note(f"reused {done.resumed_parts} finished band{'s' * (done.resumed_parts != 1)} of an earlier run")
     if as_json:
-        print_json(result)
+        print_json(done.result)
         return
     from cpic_planner.report.console_confirm import print_confirm
 
-    print_confirm(result, console())
+    print_confirm(done.result, console())
     if question.out is None:
         note("--out DIR writes a report with the images")
     else:

@@ -53,8 +53,9 @@ Examples:
 def plan(question: PlanQuestion, dry_run: DryRunOption = False, as_json: JsonOption = False) -> None:
     """Plan and print."""
     from catalogs.catalogue import open_catalogue
+    from cpic_planner.jobs.job import estimate
     from cpic_planner.known_completeness import KnownChoice, counted_planets
-    from cpic_planner.plan import estimate_cost, make_plan
+    from cpic_planner.plan import make_plan, plan_job
 
     tell_overrides(question.simulator_overrides)
     counted = counted_planets(question)
@@ -62,7 +63,7 @@ def plan(question: PlanQuestion, dry_run: DryRunOption = False, as_json: JsonOpt
     for remark in (*(counted.table.notes if isinstance(counted, KnownChoice) else ()), *table.notes):
         note(remark)
     if dry_run:
-        cost = estimate_cost(question, workers=question.workers, catalog=table)
+        cost = estimate(plan_job(question, table), workers=question.workers)
         what = f"{cost['n_tasks']} image sets ({cost['n_targets']} targets x bands)"
         print_cost(cost, what, question.workers, as_json)
         return
@@ -80,9 +81,9 @@ def plan(question: PlanQuestion, dry_run: DryRunOption = False, as_json: JsonOpt
     if done.resumed_parts:
         note(f"reused {done.resumed_parts} finished pieces of an earlier run")
     if as_json:
-        print_json(done.plan)
+        print_json(done.result)
         return
     from cpic_planner.report.console import print_plan
 
-    print_plan(done.plan, console())
+    print_plan(done.result, console())
     typer.echo(f"report: {question.out / 'report.html'}")

@@ -91,8 +91,8 @@ def simulate(
             advance=advance,
             command=sys.argv[1:],
         )
-    if done.resumed:
-        note(f"kept {done.resumed} finished sequences of an earlier run")
+    if done.resumed_parts:
+        note(f"kept {done.resumed_parts} finished sequences of an earlier run")
     if as_json:
         print_json(done.result)
         return

@@ -20,7 +20,8 @@ HELP = """Measure speed against accuracy on this machine: time, memory and error
 
 Seven fixed scenes are observed in every way there is: closed forms, sums of frames, frames, and the reference with one
 knob changed or one effect left out. Errors of the planet's flux and SNR are against the reference of the scene. Writes
-results.csv, results.json, report.md and pareto.png into --out. All scenes take half an hour on one core.
+results.csv, results.json, report.md, pareto.png and run.json into --out. All scenes take half an hour on one core;
+stopped half way, it continues when started again on the same folder.
 
 Examples:
 
@@ -41,32 +42,19 @@ def tradeoff(
     as_json: JsonOption = False,
 ) -> None:
     """Measure and write."""
-    from catalogs.errors import InputError
-    from cpic_planner.tradeoff.run import chosen, n_rows
-    from cpic_planner.tradeoff.run import tradeoff as run
-    from cpic_planner.tradeoff.write import FILES, read_result, write_numbers, write_result
+    from cpic_planner.jobs.job import run
+    from cpic_planner.tradeoff.run import chosen, n_rows, tradeoff_job
+    from cpic_planner.tradeoff.write import FILES, RESULT, read_result
 
-    out = question.out
     work = chosen(question.scenes, question.only, quick_look=question.quick_look)
     if listed:
         _print_list(work, as_json)
         return
-    written = read_result(out)  # which refuses somebody else's
-    foreign = out.is_dir() and written is None and any(out.iterdir())
-    if foreign or (out.exists() and not out.is_dir()):
-        raise InputError("--out", str(out), allowed="an empty folder or one of an earlier tradeoff")
-    out.mkdir(parents=True, exist_ok=True)
+    earlier = read_result(question.out) if question.only or question.scenes else None
+    job = tradeoff_job(work, earlier=earlier, quick_look=question.quick_look, at_once=question.workers)
     with progress("rows", total=n_rows(work)) as advance:
-        result = run(
-            work,
-            earlier=written if question.only or question.scenes else None,
-            quick_look=question.quick_look,
-            workers=question.workers,
-            advance=advance,
-            keep=lambda so_far: write_numbers(so_far, out),
-        )
-    write_result(result, out)
-    note(f"{', '.join(FILES)} written to {out}")
+        result = run(job, question.out, force=question.force, advance=advance, command=sys.argv[1:]).result
+    note(f"{', '.join((RESULT, *FILES))} written to {question.out}")
     if as_json:
         print_json(result)
         return

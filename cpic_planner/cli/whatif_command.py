@@ -70,7 +70,7 @@ def whatif(
     from cpic_planner.survey.prepare import known_table
     from cpic_planner.survey.strategy_file import load_strategies, with_universe
     from cpic_planner.survey.sweeps import told, varied
-    from cpic_planner.survey.whatif import cost_of, run_whatif
+    from cpic_planner.survey.whatif import run_whatif, whatif_cost
 
     config = with_universe(_chosen(load_strategies(question.strategies), question.strategy), question.shared())
     config = varied(config, question.vary) if question.vary else config
@@ -79,7 +79,7 @@ def whatif(
     table = known_table(config.universe)
     for remark in () if table is None else table.notes:
         note(remark)
-    cost = cost_of(config, workers=question.workers, n_images=question.images)
+    cost = whatif_cost(config, question.images).at(question.workers)
     if dry_run:
         _print_cost(cost, question.workers, as_json)
         return

@@ -48,7 +48,7 @@ class EtcAnswer:
         where no law was measured or there is no answer.
     limited_by : str or None
         The single change that would make the planet detected in the time of the answer, or reach the level where there
-        is no answer; see `cpic_planner.etc.limiting`. None for a contrast limit.
+        is no answer; see `cpic_planner.etc.budget`. None for a contrast limit.
     fidelity : AnswerFidelity or None
         Its stated error and its check in images, where a fidelity or a tolerance was asked for.
     """

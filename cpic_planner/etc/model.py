@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 from catalogs.errors import InputError
 from catalogs.user_files import digest_of
 from cpic_planner.etc.camera import FrameCamera
-from cpic_planner.etc.cosmic_loss import aperture_loss_per_s
 from cpic_planner.queries.strategy import Library, ReferenceStar, Strategy
+from simulator.camera.track_loss import aperture_loss_per_s
 from simulator.config import Instrument, content_hash
 from simulator.imaging.metrics import PsfMetrics
 from simulator.imaging.store import metrics_key, psf_metrics

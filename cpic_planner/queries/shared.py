@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field
 
 from catalogs.errors import InputError
-from cpic_planner.engine import check_address
+from cpic_planner.jobs.engine import check_address
 from cpic_planner.population_config import PopulationConfig, load_population
 from cpic_planner.queries.base import Parts, Question, called
 from cpic_planner.queries.changes import Change, changed

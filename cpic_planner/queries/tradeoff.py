@@ -19,4 +19,7 @@ class TradeoffQuestion(Question):
     only: Texts = asked((), "Way to measure again; the other rows in {out} are kept. Repeat for several.")
     quick_look: bool = asked(False, "Two frames and few samples: a minute a scene, for a look.")
     workers: int = asked(1, "2: knobs and effects of a scene are measured at once.", ge=1, le=2, physics=False)
+    force: bool = asked(
+        False, "Remove what a run of another configuration wrote into {out}, and nothing else.", physics=False
+    )
     out: Path = asked(Path("out/tradeoff"), "Folder of the results.", physics=False)

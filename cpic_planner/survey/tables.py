@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cpic_planner.survey.play import Played
+from cpic_planner.survey.events import Played
 from cpic_planner.survey.store import Column, Table
 
 __all__ = ["TABLES", "rows_of"]
