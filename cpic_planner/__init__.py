@@ -21,24 +21,13 @@ from cpic_planner.version import __version__
 if TYPE_CHECKING:
     from catalogs.errors import InputError
     from catalogs.known_planets import load_known_planets
-    from cpic_planner.api import (
-        compare_strategies,
-        confirm_scene,
-        confirm_targets,
-        contrast_limit,
-        explain_rank,
-        exposure_time,
-        make_plan,
-        optimise,
-        rank_sensitivity,
-        rank_targets,
-        signal_to_noise,
-        simulate_products,
-        star_visibility,
-    )
-    from cpic_planner.etc.model import Strategy
-    from cpic_planner.etc.planet import ReferencePlanet
+    from cpic_planner.api.etc import contrast_limit, exposure_time, optimise, signal_to_noise
+    from cpic_planner.api.ranking import explain_rank, rank_sensitivity, rank_targets
+    from cpic_planner.api.runs import confirm_scene, confirm_targets, make_plan, simulate_products
+    from cpic_planner.api.surveys import compare_strategies, star_visibility
     from cpic_planner.population_config import load_population
+    from cpic_planner.queries.planet import ReferencePlanet
+    from cpic_planner.queries.strategy import Strategy
     from cpic_planner.survey.strategy_file import load_strategies
     from cpic_planner.targets import load_targets
     from simulator import (
@@ -78,23 +67,23 @@ if TYPE_CHECKING:
 _HOME = {
     "InputError": "catalogs.errors",
     "load_targets": "cpic_planner.targets",
-    "exposure_time": "cpic_planner.api",
-    "signal_to_noise": "cpic_planner.api",
-    "contrast_limit": "cpic_planner.api",
-    "optimise": "cpic_planner.api",
-    "rank_targets": "cpic_planner.api",
-    "confirm_targets": "cpic_planner.api",
-    "make_plan": "cpic_planner.api",
-    "simulate_products": "cpic_planner.api",
-    "confirm_scene": "cpic_planner.api",
-    "rank_sensitivity": "cpic_planner.api",
-    "explain_rank": "cpic_planner.api",
-    "Strategy": "cpic_planner.etc.model",
-    "compare_strategies": "cpic_planner.api",
-    "star_visibility": "cpic_planner.api",
+    "exposure_time": "cpic_planner.api.etc",
+    "signal_to_noise": "cpic_planner.api.etc",
+    "contrast_limit": "cpic_planner.api.etc",
+    "optimise": "cpic_planner.api.etc",
+    "rank_targets": "cpic_planner.api.ranking",
+    "confirm_targets": "cpic_planner.api.runs",
+    "make_plan": "cpic_planner.api.runs",
+    "simulate_products": "cpic_planner.api.runs",
+    "confirm_scene": "cpic_planner.api.runs",
+    "rank_sensitivity": "cpic_planner.api.ranking",
+    "explain_rank": "cpic_planner.api.ranking",
+    "Strategy": "cpic_planner.queries.strategy",
+    "compare_strategies": "cpic_planner.api.surveys",
+    "star_visibility": "cpic_planner.api.surveys",
     "load_known_planets": "catalogs.known_planets",
     "load_strategies": "cpic_planner.survey.strategy_file",
-    "ReferencePlanet": "cpic_planner.etc.planet",
+    "ReferencePlanet": "cpic_planner.queries.planet",
     "load_population": "cpic_planner.population_config",
 }
 

@@ -19,7 +19,7 @@ from cpic_planner.population_config import (
     load_population,
     population_names,
 )
-from cpic_planner.queries.shared import MAX_PLANETS, N_PLANETS
+from cpic_planner.queries.rank import MAX_PLANETS, N_PLANETS
 from simulator.config.albedo import AlbedoSpec
 from simulator.quantities import check_whole
 from simulator.rng import stream

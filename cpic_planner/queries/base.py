@@ -8,6 +8,8 @@ from contextvars import ContextVar
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
+from pydantic import ConfigDict
+
 from catalogs.errors import InputError
 from catalogs.strict_yaml import load_mapping
 from cpic_planner.queries.fields import asked_of, group_of, options_of
@@ -74,6 +76,7 @@ class Question(FrozenModel):
 
     KIND: ClassVar[str] = ""
     """What is asked, for hashes."""
+    model_config = ConfigDict(defer_build=True)  # of the questions that are imported only some are asked
     ALIASES: ClassVar[dict[str, str]] = {}
     """Other names of fields, which keywords and files may use."""
 

@@ -6,18 +6,64 @@ from typing import ClassVar
 
 from pydantic import model_validator
 
+from catalogs.errors import InputError
 from cpic_planner.models import ScoreName
+from cpic_planner.population_config import PopulationConfig, load_population
+from cpic_planner.queries.base import called
 from cpic_planner.queries.fields import asked
+from cpic_planner.queries.planet import ReferencePlanet
 from cpic_planner.queries.shared import (
     DEFAULT_TIME_S,
-    CountedPlanetsQuestion,
     CutsQuestion,
     InstrumentQuestion,
+    KnownPlanetsQuestion,
     Seed,
 )
 from cpic_planner.queries.strategy import Strategy
 
 DEFAULT_SCORE: ScoreName = "completeness_per_hour"
+N_PLANETS = 4000
+"""Planets that a ranking draws."""
+MAX_PLANETS = 1_000_000
+
+
+class CountedPlanetsQuestion(KnownPlanetsQuestion):
+    """A question about the planets that completeness counts: of a population, or known ones."""
+
+    planet: ReferencePlanet = asked(
+        ReferencePlanet(), "The reference planet.", accepts="ReferencePlanet or mapping, optional"
+    )
+    population: PopulationConfig = asked(
+        load_population,
+        "Planets that completeness refers to: giants, jupiters, solar_system, or a YAML file.",
+        read=load_population,
+        default_words="giants",
+        accepts="PopulationConfig, mapping, str or Path, optional",
+    )
+    n_planets: int = asked(
+        N_PLANETS,
+        "Planets drawn from the population, or draws of each known planet.",
+        ge=1,
+        le=MAX_PLANETS,
+        option="--planets",
+    )
+
+    def check_planets(self) -> None:
+        """Refuse a population beside known planets, and a date without them."""
+        if self.known_planets is not None and "population" in self.model_fields_set:
+            raise InputError(
+                "population",
+                f"given with {called('known_planets')}",
+                allowed="one of the two",
+                hint="known planets stand instead of a hypothetical population",
+            )
+        if self.known_planets is None and self.date_utc is not None:
+            raise InputError(
+                "date_utc",
+                self.date_utc,
+                allowed=f"only with {called('known_planets')}",
+                hint="nothing else depends on a date",
+            )
 
 
 class RankedQuestion(InstrumentQuestion, CutsQuestion, CountedPlanetsQuestion):

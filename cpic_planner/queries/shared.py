@@ -1,4 +1,4 @@
-"""Fields that several questions share: the instrument and its bands, the stars, the planets that are counted, runs."""
+"""Fields that several questions share: the instrument and its bands, the stars, runs."""
 
 from __future__ import annotations
 
@@ -7,20 +7,14 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
-from catalogs.errors import InputError
 from cpic_planner.jobs.engine import check_address
-from cpic_planner.population_config import PopulationConfig, load_population
-from cpic_planner.queries.base import Parts, Question, called
+from cpic_planner.queries.base import Parts, Question
 from cpic_planner.queries.changes import Change, changed
 from cpic_planner.queries.fields import asked
-from cpic_planner.queries.planet import ReferencePlanet
 from simulator.config import Instrument, load_instrument
 from simulator.config.mission import Utc
 
 DEFAULT_TIME_S = 36000.0
-N_PLANETS = 4000
-"""Planets that a ranking draws."""
-MAX_PLANETS = 1_000_000
 MAX_REALISATIONS = 100_000
 OnOff = Literal["on", "off"]
 Fidelity = Literal["quick", "standard", "reference"]
@@ -143,45 +137,6 @@ class KnownPlanetsQuestion(Question):
         default_words="the mission's start",
         physics=False,
     )
-
-
-class CountedPlanetsQuestion(KnownPlanetsQuestion):
-    """A question about the planets that completeness counts: of a population, or known ones."""
-
-    planet: ReferencePlanet = asked(
-        ReferencePlanet(), "The reference planet.", accepts="ReferencePlanet or mapping, optional"
-    )
-    population: PopulationConfig = asked(
-        load_population,
-        "Planets that completeness refers to: giants, jupiters, solar_system, or a YAML file.",
-        read=load_population,
-        default_words="giants",
-        accepts="PopulationConfig, mapping, str or Path, optional",
-    )
-    n_planets: int = asked(
-        N_PLANETS,
-        "Planets drawn from the population, or draws of each known planet.",
-        ge=1,
-        le=MAX_PLANETS,
-        option="--planets",
-    )
-
-    def check_planets(self) -> None:
-        """Refuse a population beside known planets, and a date without them."""
-        if self.known_planets is not None and "population" in self.model_fields_set:
-            raise InputError(
-                "population",
-                f"given with {called('known_planets')}",
-                allowed="one of the two",
-                hint="known planets stand instead of a hypothetical population",
-            )
-        if self.known_planets is None and self.date_utc is not None:
-            raise InputError(
-                "date_utc",
-                self.date_utc,
-                allowed=f"only with {called('known_planets')}",
-                hint="nothing else depends on a date",
-            )
 
 
 class RunQuestion(Question):
