@@ -92,7 +92,7 @@ def separation_grid(model: EtcModel, band: str) -> FloatArray:
     """Diagonal separations with the aperture inside a band's zone, a defined threshold and room to measure noise."""
     inner, outer = usable_range_arcsec(model.instrument, band)
     grid = _roomy(model.metrics[band], inner, outer, model.strategy.annulus_lambda_d)
-    if model.strategy.library == "roll":  # a planet that is seen at two rolls stands beside the diagonal
+    if len(model.strategy.rolls_deg) > 1:  # a planet that is seen at two rolls stands beside the diagonal
         grid = grid[np.array([locate(model, band, float(place))[0] is Status.OK for place in grid], bool)]
     if grid.size == 0:
         raise InputError(

@@ -33,7 +33,8 @@ from cpic_planner.models import (
     SensitivityResult,
 )
 from cpic_planner.population_config import PopulationConfig, load_population
-from cpic_planner.ranking import DEFAULT_SCORE, N_PLANETS, PopulationChoice, planet_record, rank_targets
+from cpic_planner.ranking import N_PLANETS, PopulationChoice, planet_record, rank_targets
+from cpic_planner.registry.scores import DEFAULT_SCORE
 from cpic_planner.runfolder import RunFolder, open_run_folder
 from cpic_planner.sensitivity import sensitivity
 from cpic_planner.targets import CatalogSource, Targets, as_catalogue, rank_sample, sample_text

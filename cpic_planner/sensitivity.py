@@ -14,8 +14,9 @@ from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.place import check_range
 from cpic_planner.etc.planet import ReferencePlanet
 from cpic_planner.known_completeness import KnownChoice
-from cpic_planner.models import ScoreName, SensitivityResult, SensitivityRow
-from cpic_planner.ranking import DEFAULT_SCORE, PopulationChoice, drawn_planets, order_of, rank_hash, ranked
+from cpic_planner.models import SensitivityResult, SensitivityRow
+from cpic_planner.ranking import PopulationChoice, drawn_planets, order_of, rank_hash, ranked
+from cpic_planner.registry.scores import DEFAULT_SCORE, ScoreName
 from cpic_planner.targets import Targets
 from simulator.config import content_hash
 from simulator.config.albedo import ParametricAlbedo

@@ -17,6 +17,7 @@ from cpic_planner.models.base import (
     StatusText,
     VerdictText,
 )
+from cpic_planner.registry.scores import ScoreName
 
 __all__ = [
     "KNOWN_PLANETS",
@@ -32,7 +33,6 @@ __all__ = [
 ]
 
 
-ScoreName = Literal["completeness_per_hour", "completeness", "detection_margin", "detection_time", "contrast_limit"]
 KNOWN_PLANETS = "known planets"
 """Name of the population where completeness refers to the stars' own planets."""
 

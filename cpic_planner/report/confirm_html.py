@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from cpic_planner.models import ConfirmResult
+from cpic_planner.registry.libraries import LIBRARIES
 from cpic_planner.report.drawing import Picture
 from cpic_planner.report.html import page_environment
 from cpic_planner.report.modelled import dial_text, modelled_groups
 from cpic_planner.report.panel_figure import PANEL_NOTE
 from cpic_planner.report.summary import calibration_sentence, confirm_sentences, overrides_sentence
-from cpic_planner.report.words import ALBEDO_STATUS, GLOSSARY, METHOD_CREDITS, found_text, searched_text
+from cpic_planner.report.words import ALBEDO_STATUS, GLOSSARY, METHOD_CREDITS
 
 __all__ = ["CONFIRM_FIGURES", "render_confirm"]
 
@@ -71,8 +72,8 @@ def render_confirm(result: ConfirmResult, figures: Mapping[str, Picture], images
             modelled=modelled_groups([(band.band, band.modelled) for band in result.bands if band.modelled]),
             summary=" ".join(confirm_sentences(result)),
             calibration=calibration_sentence(result) if planets else "",
-            found=found_text(result.reference_library),
-            searched=searched_text(result.reference_library),
+            found=LIBRARIES[result.reference_library].found,
+            searched=LIBRARIES[result.reference_library].searched,
             panel_note=PANEL_NOTE,
             albedo_status=ALBEDO_STATUS,
             glossary=[(word, text) for word, text in GLOSSARY if word in _WORDS],

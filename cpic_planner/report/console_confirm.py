@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from cpic_planner.models import AlbedoRecord, BandConfirmation, ConfirmResult, PositionRecord, SearchRecord
+from cpic_planner.registry.libraries import LIBRARIES
 from cpic_planner.report.console import MEASURED_COLUMNS, measured_cells, print_comparison, print_modelled
 from cpic_planner.report.modelled import dial_text
 from cpic_planner.report.numbers import MISSING, decimals, significant
@@ -17,7 +18,7 @@ from cpic_planner.report.terminal import (
     ratio_text,
     text_table,
 )
-from cpic_planner.report.words import ALBEDO_STATUS, searched_text
+from cpic_planner.report.words import ALBEDO_STATUS
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -47,7 +48,7 @@ def print_confirm(result: ConfirmResult, console: Console) -> None:
     count = result.realisations
     title = f"{result.scene}: confirmed by simulated images, {count} realisation{'s' * (count != 1)} a band"
     if not rows:
-        print_plain(console, f"{result.scene}: no planet, {searched_text(result.reference_library)}", bold=True)
+        print_plain(console, f"{result.scene}: no planet, {LIBRARIES[result.reference_library].searched}", bold=True)
     else:
         console.print(text_table(console, title, columns, rows))
         explain_symbols(console, [item.status for item in result.bands if item.status != "ok"])

@@ -5,15 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from cpic_planner.models import Explanation, RankedTarget, RankResult, SensitivityResult
-from cpic_planner.report.etc_words import (
-    SCORES,
-    cap_sentence,
-    limit_text,
-    remedy_text,
-    score_number,
-    score_text,
-    term_text,
-)
+from cpic_planner.registry.libraries import LIBRARIES
+from cpic_planner.registry.scores import SCORES
+from cpic_planner.report.etc_words import cap_sentence, limit_text, remedy_text, score_number, term_text
 from cpic_planner.report.names import full_name
 from cpic_planner.report.numbers import MISSING, count_text, decimals, duration_text, share_text, significant
 from cpic_planner.report.summary import limits_text, population_text
@@ -28,7 +22,7 @@ from cpic_planner.report.terminal import (
     text_table,
     verdict_cell,
 )
-from cpic_planner.report.words import library_text, tau_text
+from cpic_planner.report.words import tau_text
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -42,14 +36,14 @@ def print_rank(rank: RankResult, console: Console, limit: int = 20) -> None:
     """Print the first ``limit`` rows of a ranking, and what its numbers refer to."""
     shown = rank.targets[:limit]
     columns, rows = _table(rank, shown)
-    title = f"Ranking: first {len(shown)} of {count_text(len(rank.targets))} stars, by {_name_of(rank.score_name)}"
+    title = f"Ranking: first {len(shown)} of {count_text(len(rank.targets))} stars, by {SCORES[rank.score_name].title}"
     console.print(text_table(console, title, columns, rows))
     explain_symbols(console, [row.status for row in shown if row.status != "ok"])
     planet = rank.reference_planet
     if rank.counts_limited_by:
         limits = limits_text(rank.counts_limited_by)
         print_note(console, f"Reference planets in {duration_text(rank.time_s)}: {limits}.")
-    print_note(console, f"Score: {score_text(rank.score_name)}.{_zeros(rank)}")
+    print_note(console, f"Score: {SCORES[rank.score_name].meaning}.{_zeros(rank)}")
     print_note(console, f"Population (compl %): {population_text(rank.population)}.")
     print_note(
         console,
@@ -61,7 +55,7 @@ def print_rank(rank: RankResult, console: Console, limit: int = 20) -> None:
         f"Margin = significance / threshold; threshold keeps the false-alarm probability of {rank.sigma:g} sigma. "
         "Detected: at least half of the visits show the planet if its place is known; blind %: probability that a "
         "search finds it that does not know the place. "
-        f"Reference frames: {library_text(rank.reference_library)}.",
+        f"Reference frames: {LIBRARIES[rank.reference_library].meaning}.",
     )
     print_note(console, f"Stars: {rank.sample}. {rank.catalogue}")
 
@@ -69,19 +63,15 @@ def print_rank(rank: RankResult, console: Console, limit: int = 20) -> None:
 def _zeros(rank: RankResult) -> str:
     """A sentence about stars of score 0, which the score does not order; empty if there are none."""
     above = sum(row.score > 0.0 for row in rank.targets)
-    if rank.score_name == "contrast_limit" or above == len(rank.targets):
+    if not SCORES[rank.score_name].from_zero or above == len(rank.targets):
         return ""
     stars = "1 star has a score" if above == 1 else f"{count_text(above)} stars have a score"
     return f" {stars} above zero; the others follow by the margin of the reference planet, not by the score."
 
 
-def _name_of(score: str) -> str:
-    return score.replace("_", " ")
-
-
 def _table(rank: RankResult, shown: list[RankedTarget]) -> tuple[list[Column], list[list[str]]]:
     """Columns and rows; the score has a column of its own unless another shows it."""
-    score = SCORES[rank.score_name][0]
+    score = SCORES[rank.score_name].label
     columns = [
         Column("#"),
         Column("star", False),
@@ -123,7 +113,7 @@ def _table(rank: RankResult, shown: list[RankedTarget]) -> tuple[list[Column], l
         ]
         for row in shown
     ]
-    if rank.score_name in ("detection_margin", "completeness"):
+    if SCORES[rank.score_name].column:
         return columns[:4] + columns[5:], [row[:4] + row[5:] for row in rows]
     return columns, rows
 
@@ -151,7 +141,7 @@ def print_sensitivity(result: SensitivityResult, console: Console) -> None:
         ]
         for row in result.rows
     ]
-    title = f"What the first {result.top} stars by {_name_of(result.score_name)} become under other assumptions"
+    title = f"What the first {result.top} stars by {SCORES[result.score_name].title} become under other assumptions"
     console.print(text_table(console, title, columns, rows, last_width=44))
     print_plain(console, result.statement)
     print_note(
@@ -165,7 +155,7 @@ def print_explanation(told: Explanation, console: Console) -> None:
     """Print why a star stands where it stands."""
     star = told.star
     head = f"{full_name(star.name, star.hip)}: rank {star.rank} of {count_text(told.n_ranked)}"
-    print_plain(console, f"{head} by {_name_of(told.score_name)}", bold=True)
+    print_plain(console, f"{head} by {SCORES[told.score_name].title}", bold=True)
     for sentence in told.sentences:
         print_plain(console, sentence)
     console.print()
@@ -182,7 +172,7 @@ def _neighbours(told: Explanation, console: Console) -> None:
     columns = [
         Column("#"),
         Column("star", False),
-        Column(SCORES[told.score_name][0]),
+        Column(SCORES[told.score_name].label),
         Column("compl %", True, 1),
         Column("in", False, 5),
         Column("V mag", True, 3),

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
+from cpic_planner.registry.scores import SCORES
 from cpic_planner.report.numbers import decimals, significant
 
 __all__ = [
     "LIMITS",
     "REMEDIES",
-    "SCORES",
     "TERMS",
     "cap_sentence",
     "limit_text",
     "remedy_text",
     "score_number",
-    "score_text",
     "short_limit",
     "term_text",
 ]
@@ -56,21 +55,6 @@ REMEDIES: dict[str, str] = {
     "four_times_the_reference": "four times the reference frames (their time not counted)",
 }
 
-#: What a ranking is by: name of its column, and meaning.
-SCORES: dict[str, tuple[str, str]] = {
-    "completeness_per_hour": (
-        "compl/h",
-        "fraction of the population that one observation detects, per hour of it, in the band where that is most",
-    ),
-    "completeness": (
-        "compl",
-        "fraction of the population that one observation detects, in the band where that is most",
-    ),
-    "detection_margin": ("margin", "significance of the reference planet over the detection threshold"),
-    "detection_time": ("1/time", "reference planets detected per hour: one over the least wall time that does"),
-    "contrast_limit": ("−log C", "minus log10 of the faintest contrast detected anywhere in the dark hole"),
-}
-
 _CAPS = {
     "hole": "keeps the pixels inside the dark hole unsaturated",
     "register_tail": "keeps bright starlight beside the hole from trailing into it through the register",
@@ -98,15 +82,11 @@ def remedy_text(remedy: str) -> str:
     return REMEDIES.get(remedy, remedy.replace("_", " "))
 
 
-def score_text(score: str) -> str:
-    """Return what a score means."""
-    return SCORES[score][1] if score in SCORES else score.replace("_", " ")
-
-
 def score_number(value: float, score: str) -> str:
     """Return a score as text with sensible digits."""
-    if score == "contrast_limit":
-        return decimals(value, 2)
+    places = SCORES[score].decimals
+    if places is not None:
+        return decimals(value, places)
     return "0" if value == 0.0 else significant(value) if value >= 1e-3 else f"{value:.1e}"
 
 

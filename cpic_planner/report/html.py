@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 from catalogs.catalogue import data_credits
 from cpic_planner.models import PlanResult, RankResult, SensitivityResult
+from cpic_planner.registry.libraries import LIBRARIES
+from cpic_planner.registry.scores import SCORES
 from cpic_planner.report.contrast_figure import HoleEdges, LimitCurve
 from cpic_planner.report.drawing import Picture
-from cpic_planner.report.etc_words import score_number, score_text
+from cpic_planner.report.etc_words import score_number
 from cpic_planner.report.modelled import dial_text, error_text, modelled_groups
 from cpic_planner.report.names import full_name, pretty_name
 from cpic_planner.report.numbers import (
@@ -40,8 +42,6 @@ from cpic_planner.report.words import (
     STAR_FLUX,
     STATUS_SYMBOLS,
     flag_text,
-    found_text,
-    library_text,
     plus_minus,
     reason_text,
     sentence,
@@ -148,10 +148,10 @@ def render_plan(
             reasons=sorted({row.reason for row in rows if row.reason}),
             images=images,
             sensitivity=sensitivity,
-            found=found_text(plan.reference_library),
+            found=LIBRARIES[plan.reference_library].found,
             audited=any(band.audit for target in plan.targets for band in target.bands),
             tau=tau_text(sensitivity.top) if sensitivity else "",
-            score=score_text(rank.score_name),
+            score=SCORES[rank.score_name].meaning,
             population=population_text(rank.population),
             summary=" ".join(summary_sentences(plan, rank)),
             calibration=calibration_sentence(plan),
@@ -200,7 +200,7 @@ def page_environment() -> Environment:
         "verdict": verdict_text,
         "limited": lambda limit, reason: LIMITED_BY[limit][0] if limit else reason.replace("_", " "),
         "flag": flag_text,
-        "library": library_text,
+        "library": lambda name: LIBRARIES[name].meaning,
         "pm": plus_minus,
         "sentence": sentence,
         "star_flux": lambda method: STAR_FLUX.get(method, method),

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Literal
 
 from cpic_planner.models.surveyed import AssumedInstrument, DifferenceRecord, StrategyOutcome, WhatIfResult
+from cpic_planner.registry.libraries import LIBRARIES
 from cpic_planner.report.numbers import contrast_text, count_text, decimals, duration_text, percent_text, significant
-from cpic_planner.report.words import library_text
 from cpic_planner.written_values import with_unit
 from simulator.config.base import unit_of
 
@@ -267,7 +267,7 @@ def shared_facts(settings: Mapping[str, Any], used: AssumedInstrument | None = N
         ("Visit", _visit(settings["visit"])),
         ("Revisits", _revisits(settings["revisits"])),
         ("Follow-up", _follow_up(settings["follow_up"])),
-        ("Reference frames", library_text(settings["reduction"]["library"])),
+        ("Reference frames", LIBRARIES[settings["reduction"]["library"]].meaning),
         ("Detection", _detection(settings["detection"])),
         ("Changes to the instrument", _assumed(settings["assumptions"], used)),
         ("Stop rules", _stops(settings["stop"])),

@@ -10,13 +10,13 @@ from typing import Any
 
 from catalogs.star_flags import ADDED_FLAGS
 from cpic_planner.overrides import SimulatorOverrides
+from cpic_planner.registry.libraries import LIBRARIES
 
 __all__ = [
     "ALBEDO_STATUS",
     "DRAWN_AS",
     "FLAGS",
     "GLOSSARY",
-    "LIBRARIES",
     "LIMITED_BY",
     "METHOD_CREDITS",
     "STAR_FLUX",
@@ -24,12 +24,9 @@ __all__ = [
     "STATUS_WORDS",
     "VERDICTS",
     "flag_text",
-    "found_text",
-    "library_text",
     "overrides_text",
     "plus_minus",
     "reason_text",
-    "searched_text",
     "sentence",
     "status_text",
     "tau_text",
@@ -107,14 +104,6 @@ ALBEDO_STATUS: dict[str, str] = {
 #: How realisations are made.
 DRAWN_AS: dict[str, str] = {"sums": "as sums of frames", "frames": "frame by frame"}
 
-LIBRARIES: dict[str, str] = {
-    "same_star_planet_free": "the same star without its planet, with its own noise and visit drift; as much time "
-    "as the science frames",
-    "reference_star": "another star, with its own magnitude and colour",
-    "roll": "the same star at another roll angle",
-    "idealised": "noise-free or drift-free: idealised",
-}
-
 #: Flags that the planner adds; those of the catalogue are described beside its data.
 FLAGS: dict[str, str] = {
     "companion_light_on": "light of the nearest companion is included",
@@ -130,8 +119,6 @@ FLAGS: dict[str, str] = {
     "insolation_clamped": "the planet's insolation is outside the models' 0.5-5 au: the nearer end is used",
     "extrapolated": "beyond the range of its input data",
     "clamped": "an input was clamped to the range of its model",
-    "idealised": "noise-free or drift-free reference library",
-    "reference_colour_not_modelled": "speckles are subtracted as if the reference star had the colour of the star",
     "speckle_error_extrapolated": "the error of the speckles is that of the nearest separation where it was measured",
     "exposure_beyond_max": "the exposure asked for is longer than the camera's longest",
 }
@@ -266,25 +253,12 @@ def reason_text(reason: str) -> str:
     return _REASONS.get(reason, reason.replace("_", " "))
 
 
-def library_text(library: str) -> str:
-    """Return what a reference library is; the code itself if unknown."""
-    return LIBRARIES.get(library, library.replace("_", " "))
-
-
-def found_text(library: str) -> str:
-    """Say when a realisation counts as a detection, for a reference library."""
-    blind = "the blind search finds the planet"
-    return "the planet is significant at its known place (two rolls show it twice)" if library == "roll" else blind
-
-
-def searched_text(library: str) -> str:
-    """Say what is done with images after the reduction, for a reference library."""
-    return "measured at the known place" if library == "roll" else "searched blind and measured"
-
-
 def flag_text(flag: str) -> str:
     """Return a flag as words; unknown flags with spaces for underscores."""
-    return FLAGS.get(flag) or ADDED_FLAGS.get(flag) or _catalogue_flags().get(flag, flag.replace("_", " "))
+    of_library = next((item.caveats[flag] for item in LIBRARIES.values() if flag in item.caveats), "")
+    return (
+        of_library or FLAGS.get(flag) or ADDED_FLAGS.get(flag) or _catalogue_flags().get(flag, flag.replace("_", " "))
+    )
 
 
 def plus_minus(text: str) -> str:
