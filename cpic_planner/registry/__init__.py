@@ -99,9 +99,9 @@ class Registry(Mapping[str, E]):
         return entry
 
     @contextmanager
-    def holding(self, entry: E) -> Iterator[E]:
-        """Hold an entry for the length of a ``with`` block."""
-        self.register(entry)
+    def holding(self, entry: E, *, after: str = "") -> Iterator[E]:
+        """Hold an entry for the length of a ``with`` block; ``after`` as in `register`."""
+        self.register(entry, after=after)
         try:
             yield entry
         finally:

@@ -19,16 +19,6 @@ from catalogs.errors import InputError
 from cpic_planner.registry import Registry
 from simulator.config import FrozenModel, Scene, SceneStar
 
-__all__ = [
-    "DEFAULT_LIBRARY",
-    "LIBRARIES",
-    "Library",
-    "LibraryName",
-    "LibraryNoise",
-    "LibrarySettings",
-    "ReferenceStar",
-]
-
 FloatArray = NDArray[np.float64]
 
 

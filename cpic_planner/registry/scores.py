@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 
 from cpic_planner.registry import Registry
 
-__all__ = ["DEFAULT_SCORE", "SCORES", "Score", "ScoreName", "StarNumbers"]
-
 FloatArray = NDArray[np.float64]
 
 

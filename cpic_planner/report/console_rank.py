@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 from cpic_planner.models import Explanation, RankedTarget, RankResult, SensitivityResult
 from cpic_planner.registry.libraries import LIBRARIES
 from cpic_planner.registry.scores import SCORES
-from cpic_planner.report.etc_words import cap_sentence, limit_text, remedy_text, score_number, term_text
 from cpic_planner.report.names import full_name
 from cpic_planner.report.numbers import MISSING, count_text, decimals, duration_text, share_text, significant
 from cpic_planner.report.summary import limits_text, population_text
@@ -22,7 +21,7 @@ from cpic_planner.report.terminal import (
     text_table,
     verdict_cell,
 )
-from cpic_planner.report.words import tau_text
+from cpic_planner.report.words import cap_sentence, limit_text, remedy_text, score_number, tau_text, term_text
 
 if TYPE_CHECKING:
     from rich.console import Console

@@ -20,8 +20,8 @@ def write_whatif(folder: RunFolder, result: WhatIfResult) -> None:
     folder : RunFolder
     result : WhatIfResult
     """
+    from cpic_planner.report.html import render_whatif
     from cpic_planner.report.whatif_figures import whatif_figures
-    from cpic_planner.report.whatif_html import render_whatif
 
     folder.write("targets.csv", targets_csv(result))
     folder.write("report.html", render_whatif(result, whatif_figures(result)))

@@ -4,18 +4,20 @@ import pytest
 from cpic_planner.etc import budget
 from cpic_planner.etc.model import build_model
 from cpic_planner.etc.questions import signal_to_noise
-from cpic_planner.report.etc_words import (
+from cpic_planner.report.words import (
+    FLAGS,
     LIMITS,
     REMEDIES,
     TERMS,
     cap_sentence,
+    flag_text,
     limit_text,
+    reason_text,
     remedy_text,
     score_number,
     short_limit,
     term_text,
 )
-from cpic_planner.report.words import FLAGS, flag_text, reason_text
 from cpic_planner.targets import find_target
 from simulator.config import load_instrument
 from simulator.outcome import Reason
