@@ -6,8 +6,8 @@
 from __future__ import annotations
 
 from cpic_planner.models.answers import (
+    EtcAnswer,
     EtcResult,
-    EtcRow,
 )
 from cpic_planner.models.base import (
     LimitText,
@@ -109,9 +109,9 @@ __all__ = [
     "DifferenceRecord",
     "EffectRecord",
     "EstimateRecord",
+    "EtcAnswer",
     "EtcFidelity",
     "EtcResult",
-    "EtcRow",
     "Explanation",
     "FindingRecord",
     "ImageCheck",

@@ -6,21 +6,14 @@ from typing import Any, Literal
 
 from pydantic import Field
 
-from cpic_planner.models.base import (
-    DETECTION_PROBABILITY,
-    DETECTION_PROBABILITY_KNOWN_PLACE,
-    Result,
-    StatusText,
-    VerdictText,
-)
+from cpic_planner.models.base import Result, Row, StatusText, VerdictText
+from cpic_planner.models.columns import column
 from cpic_planner.models.modelled import ModellingRecord
 from cpic_planner.models.ranked import RankedTarget, ReferencePlanetRecord
 from simulator.knobs import Quantity
 
-__all__ = ["AuditRecord", "BandConfirmation", "ConfirmedTarget", "PlanResult", "RunRecord"]
 
-
-class AuditRecord(Result):
+class AuditRecord(Row):
     """One realisation run frame by frame with every effect of the camera, calibrated, particles taken out."""
 
     n_frames: int = Field(description="science frames; reference frames are as many times the strategy's ratio")
@@ -38,7 +31,7 @@ class AuditRecord(Result):
     saturated_outside: float = Field(description="mean per frame")
 
 
-class BandConfirmation(Result):
+class BandConfirmation(Row):
     """One band of one target: prediction beside the measurement in simulated images.
 
     Recovered numbers are those of one observation, averaged over the realisations: mean contrast over the quadratic
@@ -61,9 +54,9 @@ class BandConfirmation(Result):
     drawn_as: Literal["sums", "frames"] | None = Field(
         default=None, description="sums of frames over the hole, or every frame, where sums cannot stand for them"
     )
-    predicted_snr: float | None = None
+    predicted_snr: float | None = column(short="SNR pred", format=".3g", default=None)
     predicted_significance: float | None = None
-    recovered_snr: float | None = None
+    recovered_snr: float | None = column(short="SNR rec", format=".3g ± .2g", default=None)
     recovered_snr_error: float | None = Field(default=None, description="1 sigma of this mean")
     recovered_significance: float | None = None
     threshold: float | None = Field(default=None, description="small-sample threshold for significance")
@@ -72,14 +65,16 @@ class BandConfirmation(Result):
         description="what the calculator expects of these frames at the planet's known place: detected or "
         "measured_not_detected; detected and verdict are what the images say; null without frames",
     )
-    predicted_detection_probability: float | None = DETECTION_PROBABILITY
-    predicted_detection_probability_known_place: float | None = DETECTION_PROBABILITY_KNOWN_PLACE
-    etc_ratio: float | None = Field(default=None, description="predicted over recovered SNR: above 1 is optimistic")
+    predicted_detection_probability: float | None = None
+    predicted_detection_probability_known_place: float | None = None
+    etc_ratio: float | None = column(
+        "predicted over recovered SNR: above 1 is optimistic", short="pred/rec", format=".2f ± .2f", default=None
+    )
     etc_ratio_error: float | None = Field(
         default=None, description="1 sigma, with the accuracy of the prediction itself"
     )
-    true_contrast: float | None = None
-    recovered_contrast: float | None = None
+    true_contrast: float | None = column(short="contrast true", format=".2e", default=None)
+    recovered_contrast: float | None = column(short="recovered", format=".2e", default=None)
     contrast_error: float | None = Field(
         default=None, description="1 sigma of one observation, from aperture-sized samples in the hole"
     )
@@ -100,7 +95,9 @@ class BandConfirmation(Result):
         default=None,
         description="pixels around the hole that a limit cut off, mean per frame; they do not reach the hole",
     )
-    n_detected: int | None = Field(default=None, description="realisations in which the blind search finds the planet")
+    n_detected: int | None = column(
+        "realisations in which the blind search finds the planet", short="found", default=None
+    )
     search_snr: float | None = Field(
         default=None, description="matched-filter SNR there, mean of the realisations in which the search has a peak"
     )
@@ -140,11 +137,11 @@ class ConfirmedTarget(Result):
     bands: list[BandConfirmation]
 
 
-class PlanResult(Result):
-    """The plan: reproducible from configuration and seed."""
+class ImagedResult(Result):
+    """What a plan and a confirmed scene say of their images: reproducible from configuration and seed."""
 
     schema_version: Literal[1] = 1
-    kind: Literal["plan"] = "plan"
+    kind: str
     version: str
     config_hash: str
     seed: int
@@ -153,7 +150,6 @@ class PlanResult(Result):
         default_factory=dict, description="largest relative error that may be traded for speed"
     )
     instrument: str
-    time_s: float
     sigma: float
     reference_library: str
     rdi_modes: int
@@ -161,6 +157,22 @@ class PlanResult(Result):
     simulator_overrides: dict[str, Any] = Field(
         default_factory=dict, description="what is altered in the images alone; predictions keep the nominal instrument"
     )
+    calibration: dict[str, float | int | None] = Field(
+        description="mean of recovered / predicted SNR over confirmed bands, its standard error, number of bands"
+    )
+    calibration_text: str = Field(
+        default="", description="the same in words: whether the ETC is optimistic, by how much"
+    )
+    not_modelled: list[str] = Field(
+        description="effects that neither the prediction nor the images contain, but for an audited realisation"
+    )
+
+
+class PlanResult(ImagedResult):
+    """The plan: reproducible from configuration and seed."""
+
+    kind: Literal["plan"] = "plan"
+    time_s: float
     companions: Literal["on", "off"] = Field(default="on", description="whether the light of known companions counts")
     reference_planet: ReferencePlanetRecord
     catalogue: str
@@ -170,13 +182,6 @@ class PlanResult(Result):
     counts_limited_by: dict[str, int] = Field(
         default_factory=dict, description="ranked stars by limited_by; empty in older results"
     )
-    calibration: dict[str, float | int | None] = Field(
-        description="mean of recovered / predicted SNR over confirmed bands, its standard error, number of bands"
-    )
-    calibration_text: str = Field(
-        default="", description="the same in words: whether the ETC is optimistic, by how much"
-    )
-    not_modelled: list[str] = Field(description="effects that neither the prediction nor the images contain")
     targets: list[ConfirmedTarget]
 
 

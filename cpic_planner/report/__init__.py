@@ -15,10 +15,9 @@ if TYPE_CHECKING:
     from cpic_planner.report.console_rank import print_explanation, print_rank, print_sensitivity
     from cpic_planner.report.contrast_figure import HoleEdges, LimitCurve
     from cpic_planner.report.html import plan_html, render_confirm, render_plan
-    from cpic_planner.report.measured_table import measurements_csv
     from cpic_planner.report.names import pretty_name
     from cpic_planner.report.panels import Panels
-    from cpic_planner.report.tables import ranking_csv, ranking_ecsv
+    from cpic_planner.report.tables import measurements_csv, ranking_csv, ranking_ecsv
     from cpic_planner.report.write import write_report
     from cpic_planner.report.write_confirm import write_confirm_report
 
@@ -47,7 +46,7 @@ _HOME = {
     "HoleEdges": "contrast_figure",
     "LimitCurve": "contrast_figure",
     "Panels": "panels",
-    "measurements_csv": "measured_table",
+    "measurements_csv": "tables",
     "plan_html": "html",
     "pretty_name": "names",
     "print_confirm": "console_confirm",

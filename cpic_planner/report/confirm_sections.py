@@ -16,6 +16,7 @@ from cpic_planner.models import (
 from cpic_planner.registry import Registry
 from cpic_planner.registry.libraries import LIBRARIES
 from cpic_planner.report import document as doc
+from cpic_planner.report.cells import frames_text
 from cpic_planner.report.drawing import Picture
 from cpic_planner.report.glossary import METHOD_CREDITS, glossary_of
 from cpic_planner.report.image_blocks import (
@@ -29,7 +30,6 @@ from cpic_planner.report.image_blocks import (
 )
 from cpic_planner.report.numbers import MISSING, count_text, decimals, significant
 from cpic_planner.report.summary import calibration_sentence, confirm_sentences, overrides_sentence
-from cpic_planner.report.terminal import frames_text
 from cpic_planner.report.words import ALBEDO_STATUS
 
 CONFIRM_FIGURES = {

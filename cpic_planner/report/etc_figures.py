@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from catalogs.errors import InputError
-from cpic_planner.models import EtcResult, EtcRow
+from cpic_planner.models import EtcAnswer, EtcResult
 from cpic_planner.report.drawing import BAND_STYLE, IMAGE_DPI, band_style, literal, new_figure, style
 from cpic_planner.report.etc_curves import EtcCurves, TimeCurve
 from cpic_planner.report.names import pretty_name
@@ -187,7 +187,7 @@ def _limits(axes: Axes, curves: EtcCurves, looks: dict[str, tuple[str, str]]) ->
     axes.legend(ncols=2, **_BELOW)
 
 
-def _budgets(axes: Axes, rows: Sequence[EtcRow]) -> None:
+def _budgets(axes: Axes, rows: Sequence[EtcAnswer]) -> None:
     """One stacked bar an answer; small terms are one piece."""
     shares = []
     for row in rows:

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from cpic_planner.models import AuditRecord, BandConfirmation, ConfirmResult, ModellingRecord, PlanResult
 from cpic_planner.report import document as doc
+from cpic_planner.report.cells import frames_text
 from cpic_planner.report.drawing import Picture
 from cpic_planner.report.modelled import ModelledRow, dial_text, error_text, modelled_groups
 from cpic_planner.report.numbers import (
@@ -18,7 +19,6 @@ from cpic_planner.report.numbers import (
     significant,
 )
 from cpic_planner.report.panel_figure import PANEL_NOTE
-from cpic_planner.report.terminal import frames_text
 from cpic_planner.report.words import DRAWN_AS, STAR_FLUX, plus_minus, reason_text, status_text
 
 MEASURED_NOTE = "measurements as a table: `measurements.csv`. Times, host and package versions of the run: `run.json`."

@@ -20,6 +20,7 @@ from cpic_planner.registry.libraries import LIBRARIES
 from cpic_planner.registry.scores import SCORES
 from cpic_planner.report import document as doc
 from cpic_planner.report import summary, words
+from cpic_planner.report.cells import frames_text
 from cpic_planner.report.drawing import Picture
 from cpic_planner.report.figures import PLAN_FIGURES
 from cpic_planner.report.glossary import GLOSSARY, METHOD_CREDITS
@@ -43,7 +44,6 @@ from cpic_planner.report.numbers import (
     share_text,
     significant,
 )
-from cpic_planner.report.terminal import frames_text
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.models import ConfirmResult
-from cpic_planner.report.measured_table import measurements_csv
+from cpic_planner.report.tables import measurements_csv
 from cpic_planner.report.write import panels_of
 from cpic_planner.runfolder import RunFolder
 from cpic_planner.validation.findings import FittedAlbedo, albedo_fits

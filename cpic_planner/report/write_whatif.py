@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from cpic_planner.models.surveyed import WhatIfResult
-from cpic_planner.report.whatif_table import targets_csv
+from cpic_planner.report.tables import targets_csv
 from cpic_planner.runfolder import RunFolder
 
 __all__ = ["PRODUCTS", "write_whatif"]

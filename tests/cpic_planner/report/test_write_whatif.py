@@ -1,4 +1,4 @@
-from cpic_planner.report.whatif_table import targets_csv
+from cpic_planner.report.tables import targets_csv
 from cpic_planner.report.write_whatif import write_whatif
 from cpic_planner.runfolder import open_run_folder
 
