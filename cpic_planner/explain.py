@@ -19,14 +19,12 @@ from cpic_planner.etc.place import check_range
 from cpic_planner.etc.planet import ReferencePlanet
 from cpic_planner.models import BandStanding, Explanation, RankedTarget
 from cpic_planner.optimiser import Best, best_in_band
-from cpic_planner.population import Planets
-from cpic_planner.ranking import PopulationChoice, finite, judge, limits_of, rank_targets
+from cpic_planner.population import Planets, PopulationChoice
+from cpic_planner.ranking import finite, judge, limits_of, rank_targets
 from cpic_planner.registry.scores import DEFAULT_SCORE, SCORES, ScoreName
 from cpic_planner.sensitivity import ASSUMPTIONS, N_TOP, Setting, in_order, in_turn, near_top
 from cpic_planner.targets import Targets
 from simulator.config import content_hash
-
-__all__ = ["explain_star"]
 
 
 def explain_star(

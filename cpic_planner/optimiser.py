@@ -31,8 +31,6 @@ from simulator.imaging.metrics import PsfMetrics
 from simulator.outcome import Reason, Status
 from simulator.target.albedo import albedo_source
 
-__all__ = ["Best", "best_in_band", "best_of", "optimise", "separation_grid"]
-
 FloatArray = NDArray[np.float64]
 N_SEPARATIONS = 41
 _ENDLESS_S = np.asarray(1e12)

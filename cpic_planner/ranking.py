@@ -24,30 +24,13 @@ from cpic_planner.etc.rates import companion_saturates
 from cpic_planner.known_completeness import KnownChoice, KnownSample, known_completeness
 from cpic_planner.models import LimitText, RankedTarget, RankResult, ReferencePlanetRecord
 from cpic_planner.optimiser import Best, best_in_band, best_of, optimise
-from cpic_planner.population import N_PLANETS, Planets, PopulationChoice
+from cpic_planner.population import Planets, PopulationChoice
 from cpic_planner.registry.scores import DEFAULT_SCORE, SCORES, ScoreName, StarNumbers
 from cpic_planner.targets import Targets
 from cpic_planner.version import __version__
 from simulator.config import content_hash
 from simulator.outcome import Reason, Status
 from simulator.work import announce
-
-__all__ = [
-    "DEFAULT_SCORE",
-    "N_PLANETS",
-    "PopulationChoice",
-    "Ranked",
-    "drawn_planets",
-    "finite",
-    "judge",
-    "limits_of",
-    "no_frame",
-    "order_of",
-    "planet_record",
-    "rank_hash",
-    "rank_targets",
-    "ranked",
-]
 
 FloatArray = NDArray[np.float64]
 

@@ -16,7 +16,7 @@ from simulator.config.base import validate
 
 if TYPE_CHECKING:
     from cpic_planner.known_completeness import KnownChoice
-    from cpic_planner.ranking import PopulationChoice
+    from cpic_planner.population import PopulationChoice
     from simulator.config import Instrument
 
     ScoreText: TypeAlias = str
@@ -249,9 +249,8 @@ def planet_from(radius_rjup: float, phase_deg: float, albedo: AlbedoSpec) -> Ref
 
 def population_from(source: str | None, n_planets: int | None, seed: int) -> PopulationChoice:
     """Population, number of planets and seed from options."""
-    from cpic_planner.population import MAX_PLANETS
+    from cpic_planner.population import MAX_PLANETS, N_PLANETS, PopulationChoice
     from cpic_planner.population_config import load_population
-    from cpic_planner.ranking import N_PLANETS, PopulationChoice
     from simulator.quantities import check_whole
 
     drawn = check_whole("--planets", N_PLANETS if n_planets is None else n_planets, 1, MAX_PLANETS)

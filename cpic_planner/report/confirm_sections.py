@@ -18,7 +18,7 @@ from cpic_planner.registry.libraries import LIBRARIES
 from cpic_planner.report import document as doc
 from cpic_planner.report.cells import frames_text
 from cpic_planner.report.drawing import Picture
-from cpic_planner.report.glossary import METHOD_CREDITS, glossary_of
+from cpic_planner.report.glossary import method_credits, terms
 from cpic_planner.report.image_blocks import (
     MEASURED_NOTE,
     audit_blocks,
@@ -38,22 +38,10 @@ CONFIRM_FIGURES = {
 }
 """Figures that have a title of their own; others are shown under their keys."""
 _WORDS = (
-    "contrast",
-    "SNR",
-    "significance",
-    "threshold",
-    "speckle floor",
-    "predicted, recovered",
-    "realisation",
-    "blind search",
-    "optimistic, pessimistic",
-    "separation",
-    "dark hole",
-    "core throughput",
-    "RDI",
-    "integration, wall time",
-    "EM gain",
+    "contrast; SNR; significance; threshold; speckle floor; predicted, recovered; realisation; blind search; "
+    "optimistic, pessimistic; separation; dark hole; core throughput; RDI; integration, wall time; EM gain"
 )
+"""Terms of the glossary that this report uses."""
 
 
 @dataclass(frozen=True)
@@ -264,11 +252,11 @@ def _missing(report: ConfirmReport) -> Iterator[doc.Block]:
 
 @doc.section_of(CONFIRM_SECTIONS, "glossary", "Glossary")
 def _glossary(report: ConfirmReport) -> Iterator[doc.Block]:
-    yield doc.Facts(glossary_of(*_WORDS))
+    yield doc.Facts(terms(_WORDS))
 
 
 @doc.section_of(CONFIRM_SECTIONS, "reproduce", "Reproducing this")
 def _reproduce(report: ConfirmReport) -> Iterator[doc.Block]:
     note = doc.marked(f"Numbers in full: `confirm.json`; {MEASURED_NOTE}")
     yield from doc.reproduced_blocks(report.result, note)
-    yield doc.Items(METHOD_CREDITS)
+    yield doc.Items(method_credits())

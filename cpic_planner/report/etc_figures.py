@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
-__all__ = ["FIGURE_FORMATS", "check_figure_name", "etc_figure", "write_figure"]
-
 FIGURE_FORMATS = ("png", "pdf", "svg")
 _UNDATED: dict[str, dict[str, Any]] = {
     "png": {"Software": None},

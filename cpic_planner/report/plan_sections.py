@@ -23,7 +23,7 @@ from cpic_planner.report import summary, words
 from cpic_planner.report.cells import frames_text
 from cpic_planner.report.drawing import Picture
 from cpic_planner.report.figures import PLAN_FIGURES
-from cpic_planner.report.glossary import GLOSSARY, METHOD_CREDITS
+from cpic_planner.report.glossary import method_credits, terms
 from cpic_planner.report.image_blocks import (
     MEASURED_NOTE,
     audit_blocks,
@@ -361,7 +361,7 @@ def _ranking(report: PlanReport) -> Iterator[doc.Block]:
 
 @doc.section_of(PLAN_SECTIONS, "glossary", "Glossary")
 def _glossary(report: PlanReport) -> Iterator[doc.Block]:
-    yield doc.Facts(GLOSSARY)
+    yield doc.Facts(terms())
 
 
 @doc.section_of(PLAN_SECTIONS, "reproduce", "Reproducing this")
@@ -373,4 +373,4 @@ def _reproduce(report: PlanReport) -> Iterator[doc.Block]:
 
 @doc.section_of(PLAN_SECTIONS, "credits", "Credits")
 def _credits(report: PlanReport) -> Iterator[doc.Block]:
-    yield doc.Items((*data_credits(report.plan.catalogue), *METHOD_CREDITS))
+    yield doc.Items((*data_credits(report.plan.catalogue), *method_credits()))

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["MOST_STARS", "rank_figure"]
-
 N_STARS = 20
 MOST_STARS = 100
 """Stars whose names can still be read in one figure, which is then 27 inches high."""

@@ -20,17 +20,6 @@ from cpic_planner.report.names import pretty_name
 from cpic_planner.report.numbers import count_text, duration_text, significant
 from cpic_planner.report.words import LIMITED_BY, overrides_text, sentence
 
-__all__ = [
-    "calibration_sentence",
-    "chosen",
-    "confirm_sentences",
-    "limits_text",
-    "overrides_sentence",
-    "planet_text",
-    "population_text",
-    "summary_sentences",
-]
-
 
 def chosen(target: ConfirmedTarget) -> BandConfirmation | None:
     """Return the confirmation of the chosen band, if any."""

@@ -13,7 +13,7 @@ from cpic_planner.models.surveyed import RankChange, StrategyOutcome, WhatIfResu
 from cpic_planner.registry import Registry
 from cpic_planner.report import document as doc
 from cpic_planner.report.drawing import Picture
-from cpic_planner.report.glossary import METHOD_CREDITS, READING, WHATIF_GLOSSARY, glossary_of
+from cpic_planner.report.glossary import method_credits, reading, terms, whatif_terms
 from cpic_planner.report.names import pretty_name
 from cpic_planner.report.numbers import MISSING, count_text, decimals, share_text, significant
 from cpic_planner.report.whatif_blocks import (
@@ -38,7 +38,8 @@ _OPEN_CHANGES = 5
 """Strategies whose changes of rank are shown without a click."""
 _DESCRIBED = 12
 """Strategies whose descriptions stand in the table of yields."""
-_WORDS = ("contrast", "SNR", "significance", "threshold", "blind search", "separation", "dark hole", "RDI")
+_WORDS = "contrast; SNR; significance; threshold; blind search; separation; dark hole; RDI"
+"""Terms of the glossary that this report uses."""
 
 
 @dataclass(frozen=True)
@@ -258,7 +259,7 @@ def _details(report: WhatIfReport) -> Iterator[doc.Block]:
 
 @doc.section_of(WHATIF_SECTIONS, "reading", "How to read this")
 def _reading(report: WhatIfReport) -> Iterator[doc.Block]:
-    yield doc.Items(READING)
+    yield doc.Items(reading())
 
 
 @doc.section_of(WHATIF_SECTIONS, "assumptions", "Assumptions")
@@ -283,7 +284,7 @@ def _missing(report: WhatIfReport) -> Iterator[doc.Block]:
 
 @doc.section_of(WHATIF_SECTIONS, "glossary", "Glossary")
 def _glossary(report: WhatIfReport) -> Iterator[doc.Block]:
-    yield doc.Facts([*WHATIF_GLOSSARY, *glossary_of(*_WORDS)])
+    yield doc.Facts([*whatif_terms(), *terms(_WORDS)])
 
 
 @doc.section_of(WHATIF_SECTIONS, "reproduce", "Reproducing this")
@@ -296,4 +297,4 @@ def _reproduce(report: WhatIfReport) -> Iterator[doc.Block]:
     )
     yield from doc.reproduced_blocks(result, doc.marked(note), seed=result.universe["seed"])
     shipped = bool(result.known_planets) and split_source(str(result.universe["known_planets"]))[0] != "none"
-    yield doc.Items((*data_credits(result.catalogue), *(PLANET_CREDITS if shipped else ()), *METHOD_CREDITS))
+    yield doc.Items((*data_credits(result.catalogue), *(PLANET_CREDITS if shipped else ()), *method_credits()))

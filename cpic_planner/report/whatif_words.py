@@ -8,17 +8,6 @@ from typing import Literal
 from cpic_planner.models.surveyed import DifferenceRecord, StrategyOutcome, WhatIfResult
 from cpic_planner.report.numbers import count_text, decimals, percent_text, significant
 
-__all__ = [
-    "best_by_value",
-    "between",
-    "empty_text",
-    "extent_text",
-    "hanging_text",
-    "interval_text",
-    "lead_sentences",
-    "planets_text",
-]
-
 _SPENT = 0.95
 """Share of the budget above which it is what limits the yield."""
 _HANGS = 0.3

@@ -20,8 +20,6 @@ from cpic_planner.validation.confirm import decode_arrays
 from simulator.config import Scene
 from simulator.target.sources import scene_sources
 
-__all__ = ["PRODUCTS", "hole_edges", "limit_curves", "panels_of", "write_report"]
-
 PRODUCTS = ("ranking.csv", "ranking.ecsv", "measurements.csv", "report.html")
 """Names of the files of a report."""
 

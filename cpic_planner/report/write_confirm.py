@@ -18,8 +18,6 @@ from simulator.config.albedo import ParametricAlbedo
 if TYPE_CHECKING:
     from cpic_planner.report.drawing import Picture
 
-__all__ = ["PANELS", "products_of", "write_confirm_report"]
-
 PANELS = "panels-{band}.png"
 """Name of the images of a band."""
 

@@ -6,8 +6,6 @@ from cpic_planner.models.surveyed import WhatIfResult
 from cpic_planner.report.tables import targets_csv
 from cpic_planner.runfolder import RunFolder
 
-__all__ = ["PRODUCTS", "write_whatif"]
-
 PRODUCTS = ("targets.csv", "report.html")
 """Names of the files of a report."""
 

@@ -18,8 +18,6 @@ from simulator.observation import Role
 from simulator.quantities import check_finite, check_number, check_whole
 from simulator.sequence import MAX_FRAMES
 
-__all__ = ["HaloScale", "LibraryPlan", "VisitSettings", "halo_scale", "library_plan", "scale_library"]
-
 FloatArray = npt.NDArray[np.float64]
 BLOCK_PIXELS = 8
 """Side of the squares whose sums count as independent in the error of `halo_scale`: about two speckles."""
