@@ -7,12 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from catalogs.companion_updates import with_companion_updates
 from catalogs.errors import InputError
 from catalogs.info import MODEL_CREDITS, STAR_CREDITS, snapshot_vintage
-from catalogs.stars import StarTable, load_stars
-
-__all__ = ["NAMED_TABLES", "RANKED_V_MAG", "Catalogue", "data_credits", "open_catalogue"]
+from catalogs.stars import StarTable, load_stars, with_companion_updates
 
 RANKED_V_MAG = 7.0
 """Faintest V of a ranking of the snapshot or a refreshed table, mag; they reach a little deeper."""
@@ -57,7 +54,7 @@ def open_catalogue(source: str | Path = "snapshot") -> Catalogue:
     ----------
     source : str or Path
         ``"snapshot"`` (embedded), ``"simbad_2012"`` (the same with companions where they were first listed, without the
-        updates of `catalogs.companion_updates`), ``"latest"`` (the newest that ``cpic catalog refresh`` left in the
+        updates of `catalogs.stars`), ``"latest"`` (the newest that ``cpic catalog refresh`` left in the
         data folder), or a file: CSV, ECSV, VOTable or FITS of a user's own, or a refreshed table. A file of one of
         these three names is written with its folder: ``./latest``.
 

@@ -14,8 +14,6 @@ from catalogs.simbad_answer import read_measurements, read_stars
 from catalogs.simbad_rows import Assembled, assemble
 from catalogs.stars import StarTable, load_stars
 
-__all__ = ["PARALLAX_CHANGE", "V_CHANGE_MAG", "Changes", "Refreshed", "compare", "refresh"]
-
 V_CHANGE_MAG = 0.05
 """A V that differs by at least this from the snapshot's counts as changed."""
 PARALLAX_CHANGE = 0.01

@@ -24,8 +24,6 @@ from catalogs.refresh import Refreshed
 from catalogs.star_columns import COLUMNS
 from catalogs.stars import StarTable, star_table
 
-__all__ = ["FORMAT_KEY", "StoredTable", "data_dir", "ecsv_text", "file_name", "parse_refreshed", "stored_tables"]
-
 FORMAT_KEY = "cpic_star_table"
 _FORMAT_VERSION = 1
 _PREFIX, _SUFFIX = "simbad_", ".ecsv"

@@ -13,7 +13,7 @@ from catalogs.errors import InputError
 from catalogs.info import snapshot_vintage
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.place import check_range
-from cpic_planner.etc.reflected import reflected_contrast
+from cpic_planner.etc.planet import reflected_contrast
 from cpic_planner.known_completeness import KnownChoice
 from cpic_planner.known_planets import Ephemeris, draw_known, ephemeris, known_uniforms, planets_of, quantiles
 from cpic_planner.models import KnownBand, KnownHole, KnownPlanetRow, KnownResult, KnownTrack, KnownWindow, Quantiles

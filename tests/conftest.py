@@ -45,6 +45,13 @@ def _load(name):
     return module
 
 
+def pytest_generate_tests(metafunc):
+    """A test with the fixture ``refusal`` runs for each case of the table of refusals beside it."""
+    if "refusal" in metafunc.fixturenames:
+        cases = list(_load("refusals").refusals(metafunc.definition.path.with_name("refusals.yaml")))
+        metafunc.parametrize("refusal", cases, ids=[f"{case.reader}-{case.given}"[:60] for case in cases])
+
+
 @pytest.fixture(scope="session", autouse=True)
 def _own_data_folder(tmp_path_factory):
     """No test sees the refreshed tables of the person who runs it, or leaves one there."""

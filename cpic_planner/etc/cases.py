@@ -76,16 +76,7 @@ class BandCases:
         camera = self.model.camera(self.band)
         if self.wish.exposure_s is not None:
             camera = replace(camera, exposure_min_s=self.wish.exposure_s, exposure_max_s=self.wish.exposure_s)
-        strategy = self.model.strategy
-        return frame_problem(
-            rates,
-            camera,
-            reference_ratio=strategy.reference_ratio,
-            objective=objective,
-            em_gain=self.wish.em_gain,
-            mode=strategy.mode,
-            counting_sigma=strategy.counting_sigma,
-        )
+        return frame_problem(rates, camera, self.model.strategy, objective=objective, em_gain=self.wish.em_gain)
 
     def rates_at(self, contrast: FloatArray) -> ApertureRates:
         """The rates with other contrasts: only the planet's own light follows them."""
@@ -113,16 +104,8 @@ class BandCases:
     ) -> StackNoise:
         """The same for other rates, another camera, or ``ratio`` times the reference frames."""
         strategy = self.model.strategy
-        return stack_noise(
-            rates,
-            exposure_s,
-            n_frames,
-            em_gain,
-            camera,
-            reference_ratio=ratio * strategy.reference_ratio,
-            mode=strategy.mode,
-            counting_sigma=strategy.counting_sigma,
-        )
+        strategy = strategy.model_copy(update={"reference_ratio": ratio * strategy.reference_ratio})
+        return stack_noise(rates, exposure_s, n_frames, em_gain, camera, strategy)
 
     def head(self, star: int, planet: int) -> dict[str, Any]:
         """Fields of an answer that do not depend on the question."""

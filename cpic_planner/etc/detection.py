@@ -13,13 +13,13 @@ from pydantic import Field
 from catalogs.strict_yaml import load_yaml, split_sourced
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.noise import StackNoise
-from cpic_planner.etc.speckles import error_light_share
 from cpic_planner.models.base import VerdictText
 from simulator.config import FrozenModel
 from simulator.config.base import validate
 from simulator.config.light import Real
 from simulator.config.presets import preset_path
 from simulator.outcome import Status
+from simulator.signal.speckles import error_light_share
 
 __all__ = [
     "INWARD",

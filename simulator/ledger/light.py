@@ -13,16 +13,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from simulator.camera.noise import aperture_noise_pixels
 from simulator.config import Instrument
 from simulator.imaging.aperture import overlap_weights
 from simulator.imaging.imager import centred_axis
 from simulator.imaging.metrics import PsfMetrics
 from simulator.imaging.quadrature import pixel_axis
-from simulator.ledger.wings import MOST, MOST_BEYOND, FarLights, Surroundings, beyond, frame_reach, spot, wing
+from simulator.ledger.wings import MOST, MOST_BEYOND, FarLights, Surroundings, beyond, frame_reach
+from simulator.signal.light import sky_pixel_e_s
+from simulator.signal.variance import aperture_noise_pixels
+from simulator.signal.wings import spot, wing
 from simulator.target.sources import Source
-
-__all__ = ["PlanetPlace", "Sketch", "SourceLight", "drift_halo", "sketch_of"]
 
 FloatArray = NDArray[np.float64]
 # Mean light of a wavefront error of 1 nm rms at 662 nm that falls as f^-2.5, relative to the peak, times u^2.5 with u
@@ -217,7 +217,7 @@ def sketch_of(
         halo = drift_halo(metrics, radius, drift_nm, instrument.drift.psd_slope, instrument.band(band).center_nm)
         scattered = star.rate_e_s * metrics.peak_off_axis * halo * open_map
         star_map = star.rate_e_s * metrics.peak_off_axis * metrics.raw_contrast + scattered
-    sky = sky_e_s_arcsec2 * pixel**2 * metrics.apodizer_energy + stray_e_s
+    sky = float(sky_pixel_e_s(metrics, sky_e_s_arcsec2)) + stray_e_s
     places = [(s.x_arcsec + star_offset_arcsec[0], s.y_arcsec + star_offset_arcsec[1]) for s in sources]
     chosen = [i for i, source in enumerate(sources) if source.kind == "planet" and source.name in measured]
     apertures = {i: _aperture(metrics, n, *places[i]) for i in chosen}

@@ -10,15 +10,15 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Sequence
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from simulator.imaging.imager import centred_axis
-from simulator.ledger.case import CameraCase
 
-__all__ = ["Spill"]
+if TYPE_CHECKING:
+    from simulator.ledger.case import CameraCase
 
 FloatArray = NDArray[np.float64]
 _SIGMA = 5.0

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from simulator.config import Instrument
 from simulator.imaging.metrics import PsfMetrics
-
-__all__ = ["MOST", "MOST_BEYOND", "FarLights", "Surroundings", "beyond", "frame_reach", "spot", "wing"]
+from simulator.signal.wings import wing
 
 FloatArray = NDArray[np.float64]
 MOST, MOST_BEYOND = 5.0, 20.0
@@ -70,17 +69,6 @@ class FarLights:
     @property
     def _cell(self) -> NDArray[np.intp]:
         return np.rint(np.linspace(0, _FAR_POINTS - 1, len(self.open_map))).astype(np.intp)
-
-
-def wing(metrics: PsfMetrics, x: FloatArray | float, y: FloatArray | float) -> FloatArray:
-    """Unmasked light per pixel at an offset from a source: its ring mean near the core, then the wing map."""
-    distance = np.hypot(x, y)
-    return np.where(distance < 2.0 * metrics.wing_map_step_arcsec, metrics.wing(distance), metrics.wing_at(x, y))
-
-
-def spot(metrics: PsfMetrics, offset: FloatArray, x: float, y: float) -> FloatArray:
-    """Unit source off the axis on the stamp, no mask."""
-    return wing(metrics, (offset - x)[None, :], (offset - y)[:, None])
 
 
 def frame_reach(instrument: Instrument, band: str, pixel: float) -> tuple[float, float]:

@@ -2,7 +2,7 @@
 
 Not the models of Batalha et al. 2018, but a model with a few physical parameters at each node of their grid
 (metallicity, sedimentation efficiency of the clouds f_sed, insolation), fitted to the six band albedos that are
-public for it; `simulator.target.calibrate` makes the table and says how well it does.
+public for it; ``tools/calibrate_albedo`` makes the table and says how well it does.
 
 At a node the albedo is ``h + (1 - h)^2 A(t_s, t_a, d)`` with `simulator.target.reflection.layer_albedo` and
 

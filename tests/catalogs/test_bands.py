@@ -1,7 +1,5 @@
 """The eight bands: their numbers, their provenance, and curves from files."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

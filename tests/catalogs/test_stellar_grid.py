@@ -1,7 +1,5 @@
 """The stellar grid: nodes, trilinear weights, metallicity trend, surface fluxes."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The relations that fill star tables, against published values and their own definitions."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,7 +1,5 @@
 """Refreshing end to end: one whole file or none, and the snapshot and earlier files as they were."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import signal

@@ -5,7 +5,6 @@ import pytest
 
 from catalogs.errors import InputError
 from simulator.camera import MaskBit, VisibleCamera, excess_noise_factor2
-from simulator.camera.sections import sections_of
 from simulator.config import load_instrument
 from simulator.config.detector import CameraSwitches
 from simulator.effects.cosmic_rays import draw_cosmic_rays
@@ -173,7 +172,7 @@ def test_cosmic_rays_of_a_frame_are_those_of_their_stream(bare):
     ).switched(on=("cosmic_rays",))
     camera = VisibleCamera(det, cosmic_rays=RAYS, cosmic_ray_rate_per_s_cm2=1.0)
     frame = camera.expose(camera.prepare(np.zeros(SHAPE), 30.0, 1.0), seed=7, path=("rays",))
-    image = sections_of(det)["image"]
+    image = det.sections["image"]
     shape = (1032, 1056)
     hits = draw_cosmic_rays(RAYS, shape, det.pixel_um, 30.0, 1.0, stream(7, "rays", "cosmic_rays"))
     assert np.array_equal(frame.adu[image].astype(int) - 200, hits.image())
@@ -187,7 +186,7 @@ def test_borders_of_the_frame_see_no_light(detector):
     still = detector.switched(off=("read_noise", "interference", "bias_drift", "stripes", "clock_charge"))
     camera = VisibleCamera(still)
     frame = camera.expose(camera.prepare(np.full(SHAPE, 100.0), 10.0, 1.0), seed=1, path=("edge",))
-    parts = sections_of(still)
+    parts = still.sections
     lit = frame.adu[parts["active"]]
     assert np.median(lit) == pytest.approx(1000 / 59 + 200, abs=1)
     for name in ("dark_left", "dark_right", "dark_bottom", "dark_top", "prescan"):
@@ -245,7 +244,7 @@ def test_photon_transfer_of_the_whole_camera(detector, gain):
     """Pairs of flats, as at the bench: conversion to 1 %, read noise and excess noise to 2 %."""
     camera = VisibleCamera(detector.switched(off=("nonlinearity", "bad_pixels", "bad_columns", "interference")))
     # Charge moved by transfer correlates neighbours; F^2 and K come from temporal differences at low losses.
-    part = sections_of(detector)["active"]
+    part = detector.sections["active"]
     levels = np.array([0.0, 4000.0, 9000.0, 20000.0]) / (1 if gain == 1 else gain / 2)
     mean, variance = [], []
     for number, level in enumerate(levels):
@@ -267,8 +266,8 @@ def test_photon_transfer_of_the_whole_camera(detector, gain):
 def test_flat_field_shows_the_response(detector):
     camera = VisibleCamera(detector.switched(off=("all",), on=("flat", "bad_pixels", "bad_columns")))
     frame = camera.expose(camera.prepare(np.full(SHAPE, 3e4), 1.0, 1.0), seed=1, path=("flat",))
-    lit = frame.adu[sections_of(detector)["active"]].astype(float) - 200
-    good = (frame.mask[sections_of(detector)["active"]] & MaskBit.BAD) == 0
+    lit = frame.adu[detector.sections["active"]].astype(float) - 200
+    good = (frame.mask[detector.sections["active"]] & MaskBit.BAD) == 0
     assert lit[good].std() / lit[good].mean() == pytest.approx(detector.flaws.prnu_rms, rel=0.01)
     assert lit[good].mean() == pytest.approx(3e4 / 59, rel=1e-3)
     assert lit[~good].max() == 0

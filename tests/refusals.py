@@ -1,0 +1,57 @@
+"""Tables of what a reader refuses: ``refusals.yaml`` beside the tests of a package, one case a line.
+
+A test with the fixture ``refusal`` runs once for each case of the table beside it. Whatever is refused is refused by
+`InputError`, in one line, and the message holds every word of the case.
+"""
+
+import copy
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from catalogs.errors import InputError
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """One case: who reads (a key of the table), what is given, and what the message must say."""
+
+    reader: str
+    given: Any
+    words: tuple[str, ...]
+
+    def by(self, readers: dict[str, Callable[[Any], Any]]) -> None:
+        """Give the case to its reader and check the refusal."""
+        with pytest.raises(InputError) as caught:
+            readers[self.reader](copy.deepcopy(self.given))
+        message = str(caught.value)
+        assert "\n" not in message
+        for word in self.words:
+            assert word in message, message
+
+
+def refusals(path: Path) -> Iterator[Refusal]:
+    """Yield the cases of a table, whose first lines say how they are written."""
+    for reader, cases in yaml.safe_load(path.read_text(encoding="utf-8")).items():
+        for case in cases:
+            if isinstance(case, list):
+                yield Refusal(reader, case[0], tuple(case[1:]))
+            elif "each" in case:
+                yield from (Refusal(reader, given, tuple(case["says"])) for given in case["each"])
+            else:
+                yield from (
+                    Refusal(reader, nested(key, value), (key,))
+                    for key, values in case["keys"].items()
+                    for value in values
+                )
+
+
+def nested(key: str, value: Any) -> Any:
+    """Mapping that holds a value at a dotted key."""
+    for name in reversed(key.split(".")):
+        value = {name: value}
+    return value
