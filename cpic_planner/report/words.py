@@ -15,13 +15,7 @@ from cpic_planner.registry.scores import SCORES
 from cpic_planner.report.numbers import MISSING, decimals, significant
 
 #: Symbol of each status, so that badges do not rely on colour.
-STATUS_SYMBOLS: dict[str, str] = {
-    "ok": "✓",
-    "unreachable": "○",
-    "saturated": "▲",
-    "outside_field": "□",
-    "invalid": "✕",
-}
+STATUS_SYMBOLS: dict[str, str] = {"ok": "✓", "unreachable": "○", "saturated": "▲", "outside_field": "□", "invalid": "✕"}
 
 STATUS_WORDS: dict[str, str] = {
     "ok": "ok",
