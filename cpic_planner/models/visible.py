@@ -6,9 +6,8 @@ from typing import Literal
 
 from pydantic import Field
 
-from cpic_planner.models.base import Result
-
-__all__ = ["PointingRecord", "SeasonRecord", "VisibilityResult", "VisibleDays", "VisibleTarget"]
+from cpic_planner.models.base import Result, Row
+from cpic_planner.models.columns import column
 
 
 class PointingRecord(Result):
@@ -50,24 +49,28 @@ class VisibleDays(Result):
     )
 
 
-class VisibleTarget(Result):
+class VisibleTarget(Row):
     """When one star can be seen. Medians are over the steps on which it can."""
 
-    name: str
-    hip: int | None = Field(description="Hipparcos number")
+    name: str = column("name of the star in the catalogue", label="star", format="star")
+    hip: int | None
     ra_deg: float
     dec_deg: float
-    ecliptic_latitude_deg: float
+    ecliptic_latitude_deg: float = column(short="ecl. lat", format=".1f")
     seasons: list[SeasonRecord]
-    observable_days: float
+    observable_days: float = column("days on which the star can be seen", short="days", format="g")
     blocked_days: dict[str, float] = Field(description="days by what blocks them: sun, moon, panel, limb")
-    visible_s: float | None = Field(description="time per orbit that can be used, median, s; null: never seen")
-    best_visible_s: float | None = Field(description="the same on the best day")
-    best_utc: str | None = Field(description="middle of the first of the best steps")
-    longest_window_s: float | None = Field(
-        description="longest piece of an orbit between Earth limbs, s; the period: the star never sets on some day"
+    visible_s: float | None = column(
+        "time per orbit that can be used, median, s; null: never seen", short="min/orbit", format="min"
     )
-    roll_half_range_deg: float | None = Field(description="roll allowed either way, median, deg")
+    best_visible_s: float | None = column("the same on the best day", short="best", format="min")
+    best_utc: str | None = column("middle of the first of the best steps", short="best day")
+    longest_window_s: float | None = column(
+        "longest piece of an orbit between Earth limbs, s; the period: the star never sets on some day",
+        short="window",
+        format="min",
+    )
+    roll_half_range_deg: float | None = column("roll allowed either way, median", short="roll ±", format=".0f")
     days: VisibleDays
 
 
@@ -77,7 +80,7 @@ class VisibilityResult(Result):
     schema_version: Literal[1] = 1
     kind: Literal["visibility"] = "visibility"
     config_hash: str
-    catalogue: str = Field(description="what the star table is, its vintage or file name, and its checksum")
+    catalogue: str
     start_utc: str
     n_days: int
     step_days: float = Field(description="one orbit in the middle of each step stands for it")
