@@ -145,16 +145,7 @@ def _result(
 
 
 def _described(case: FixedScene) -> TradeoffScene:
-    return TradeoffScene(
-        name=case.name,
-        title=case.title,
-        why=case.why,
-        band=case.band,
-        exposure_s=case.exposure_s,
-        n_frames=case.n_frames,
-        em_gain=case.em_gain,
-        scene_model=case.scene_model,
-    )
+    return TradeoffScene.of(case)
 
 
 def _measured(
