@@ -16,15 +16,14 @@ from cpic_planner.etc.frames import FrameChoice
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.place import check_range
 from cpic_planner.etc.planet import ReferencePlanet
-from cpic_planner.models import BandStanding, Explanation, RankedTarget, ScoreName
+from cpic_planner.models import BandStanding, Explanation, RankedTarget
 from cpic_planner.optimiser import Best, best_in_band
-from cpic_planner.population import Planets
-from cpic_planner.ranking import DEFAULT_SCORE, PopulationChoice, finite, judge, limits_of, rank_targets
+from cpic_planner.population import Planets, PopulationChoice
+from cpic_planner.ranking import finite, judge, limits_of, rank_targets
+from cpic_planner.registry.scores import DEFAULT_SCORE, SCORES, ScoreName
 from cpic_planner.sensitivity import ASSUMPTIONS, N_TOP, Setting, in_order, in_turn, near_top
 from cpic_planner.targets import Targets
 from simulator.config import content_hash
-
-__all__ = ["explain_star"]
 
 
 def explain_star(
@@ -159,7 +158,7 @@ def _sentences(
     """The explanation in words: score, geometry, noise, and how firm the rank is."""
     chosen = next(item for item in bands if item.band == star.band)
     geometry = next(item for item in bands if item.band == star.completeness_band)
-    words = [f"Rank {star.rank} of {n_ranked} by {score.replace('_', ' ')}: {star.score:.3g}."]
+    words = [f"Rank {star.rank} of {n_ranked} by {SCORES[score].title}: {star.score:.3g}."]
     words.append(
         f"At {star.distance_pc:.2f} pc, {geometry.in_zone:.1%} of the population lie in the dark quadrants of "
         f"{geometry.band}, {geometry.observable:.1%} with their whole aperture, and {star.completeness:.1%} are "

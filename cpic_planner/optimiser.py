@@ -31,8 +31,6 @@ from simulator.imaging.metrics import PsfMetrics
 from simulator.outcome import Reason, Status
 from simulator.target.albedo import albedo_source
 
-__all__ = ["Best", "best_in_band", "best_of", "optimise", "separation_grid"]
-
 FloatArray = NDArray[np.float64]
 N_SEPARATIONS = 41
 _ENDLESS_S = np.asarray(1e12)
@@ -92,7 +90,7 @@ def separation_grid(model: EtcModel, band: str) -> FloatArray:
     """Diagonal separations with the aperture inside a band's zone, a defined threshold and room to measure noise."""
     inner, outer = usable_range_arcsec(model.instrument, band)
     grid = _roomy(model.metrics[band], inner, outer, model.strategy.annulus_lambda_d)
-    if model.strategy.library == "roll":  # a planet that is seen at two rolls stands beside the diagonal
+    if len(model.strategy.rolls_deg) > 1:  # a planet that is seen at two rolls stands beside the diagonal
         grid = grid[np.array([locate(model, band, float(place))[0] is Status.OK for place in grid], bool)]
     if grid.size == 0:
         raise InputError(

@@ -32,8 +32,10 @@ from cpic_planner.models import (
     ScoreName,
     SensitivityResult,
 )
+from cpic_planner.population import N_PLANETS, PopulationChoice
 from cpic_planner.population_config import PopulationConfig, load_population
-from cpic_planner.ranking import DEFAULT_SCORE, N_PLANETS, PopulationChoice, planet_record, rank_targets
+from cpic_planner.ranking import planet_record, rank_targets
+from cpic_planner.registry.scores import DEFAULT_SCORE
 from cpic_planner.runfolder import RunFolder, open_run_folder
 from cpic_planner.sensitivity import sensitivity
 from cpic_planner.targets import CatalogSource, Targets, as_catalogue, rank_sample, sample_text

@@ -369,8 +369,9 @@ def _ranked_by(
     population: PopulationSource, n_planets: int | None, seed: int, score: ScoreName | None
 ) -> dict[str, Any]:
     """Population and score of a ranking."""
+    from cpic_planner.population import N_PLANETS, PopulationChoice
     from cpic_planner.population_config import load_population
-    from cpic_planner.ranking import DEFAULT_SCORE, N_PLANETS, PopulationChoice
+    from cpic_planner.registry.scores import DEFAULT_SCORE
 
     chosen = PopulationChoice(load_population(population), N_PLANETS if n_planets is None else n_planets, seed)
     return {"population": chosen, "score": score or DEFAULT_SCORE}

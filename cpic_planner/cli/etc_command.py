@@ -37,7 +37,6 @@ from cpic_planner.cli.strategy_options import (
     CountingOption,
     CountingSigmaOption,
     ExozodiOption,
-    LibraryChoice,
     LibraryOption,
     ReferenceRatioOption,
     ReferenceTeffOption,
@@ -47,6 +46,7 @@ from cpic_planner.cli.strategy_options import (
     refuse_together,
     strategy_from,
 )
+from cpic_planner.registry.libraries import DEFAULT_LIBRARY
 
 if TYPE_CHECKING:
     from catalogs.catalogue import Catalogue
@@ -163,7 +163,7 @@ def etc(
         int | None, typer.Option("--frames", min=1, help="Science frames of --exposure-s; sets the time.")
     ] = None,
     em_gain: Annotated[float | None, typer.Option("--em-gain", help="EM gain, instead of the best.")] = None,
-    library: LibraryOption = LibraryChoice.SAME_STAR,
+    library: LibraryOption = DEFAULT_LIBRARY,
     reference_v_mag: ReferenceVMagOption = None,
     reference_teff_k: ReferenceTeffOption = None,
     reference_ratio: ReferenceRatioOption = None,

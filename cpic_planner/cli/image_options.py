@@ -29,7 +29,6 @@ from cpic_planner.cli.options import (
 from cpic_planner.cli.override_option import SimulatorOverridesOption, overrides_from
 from cpic_planner.cli.strategy_options import (
     HiddenCountingOption,
-    LibraryChoice,
     LibraryOption,
     ReferenceRatioOption,
     ReferenceTeffOption,
@@ -39,6 +38,7 @@ from cpic_planner.cli.strategy_options import (
     refuse_together,
 )
 from cpic_planner.engine import check_address
+from cpic_planner.registry.libraries import DEFAULT_LIBRARY
 
 if TYPE_CHECKING:
     from simulator.config import Instrument
@@ -65,7 +65,7 @@ class ImageOptions:
     """What decides images and how they are run, as options; one field each."""
 
     bands: BandOption = None
-    library: LibraryOption = LibraryChoice.SAME_STAR
+    library: LibraryOption = DEFAULT_LIBRARY
     reference_v_mag: ReferenceVMagOption = None
     reference_teff_k: ReferenceTeffOption = None
     reference_ratio: ReferenceRatioOption = None

@@ -10,13 +10,18 @@ import typer
 
 from catalogs.errors import InputError
 from cpic_planner.etc.planet import ReferencePlanet
+from cpic_planner.registry.scores import SCORES
 from simulator.config.albedo import AlbedoSpec, albedo_spec, names_file
 from simulator.config.base import validate
 
 if TYPE_CHECKING:
     from cpic_planner.known_completeness import KnownChoice
-    from cpic_planner.ranking import PopulationChoice
+    from cpic_planner.population import PopulationChoice
     from simulator.config import Instrument
+
+    ScoreText: TypeAlias = str
+else:
+    ScoreText = SCORES.literal()
 
 __all__ = [
     "AlbedoOption",
@@ -41,7 +46,6 @@ __all__ = [
     "PopulationOption",
     "RadiusOption",
     "RealisationsOption",
-    "Score",
     "ScoreOption",
     "SeedOption",
     "SinglesOption",
@@ -79,16 +83,6 @@ class PhaseFunction(StrEnum):
 
     LAMBERT = "lambert"
     GRID = "grid"
-
-
-class Score(StrEnum):
-    """What a ranking is by."""
-
-    COMPLETENESS_PER_HOUR = "completeness_per_hour"
-    COMPLETENESS = "completeness"
-    DETECTION_MARGIN = "detection_margin"
-    DETECTION_TIME = "detection_time"
-    CONTRAST_LIMIT = "contrast_limit"
 
 
 ForceOption: TypeAlias = Annotated[
@@ -161,7 +155,7 @@ CatalogOption: TypeAlias = Annotated[
         "where they were first listed), or a CSV, ECSV, VOTable or FITS file.",
     ),
 ]
-ScoreOption: TypeAlias = Annotated[Score, typer.Option("--score", help="What the ranking is by.")]
+ScoreOption: TypeAlias = Annotated[ScoreText, typer.Option("--score", help="What the ranking is by.")]
 PopulationOption: TypeAlias = Annotated[
     str | None,
     typer.Option(
@@ -255,9 +249,8 @@ def planet_from(radius_rjup: float, phase_deg: float, albedo: AlbedoSpec) -> Ref
 
 def population_from(source: str | None, n_planets: int | None, seed: int) -> PopulationChoice:
     """Population, number of planets and seed from options."""
-    from cpic_planner.population import MAX_PLANETS
+    from cpic_planner.population import MAX_PLANETS, N_PLANETS, PopulationChoice
     from cpic_planner.population_config import load_population
-    from cpic_planner.ranking import N_PLANETS, PopulationChoice
     from simulator.quantities import check_whole
 
     drawn = check_whole("--planets", N_PLANETS if n_planets is None else n_planets, 1, MAX_PLANETS)

@@ -27,7 +27,6 @@ from cpic_planner.cli.options import (
     PlanetsOption,
     PopulationOption,
     RadiusOption,
-    Score,
     ScoreOption,
     SinglesOption,
     TimeOption,
@@ -41,6 +40,7 @@ from cpic_planner.cli.options import (
 from cpic_planner.cli.output import console, note, print_cost, print_json, progress
 from cpic_planner.cli.override_option import OVERRIDES_HELP
 from cpic_planner.cli.strategy_options import refuse_together
+from cpic_planner.registry.scores import DEFAULT_SCORE
 
 __all__ = ["HELP", "plan"]
 
@@ -87,7 +87,7 @@ _OPTIONS = {"tolerance": "--tolerance"}
 def plan(
     top: Annotated[int, typer.Option("--top", min=1, max=1000, help="How many targets to confirm with images.")] = 5,
     time_s: TimeOption = DEFAULT_TIME_S,
-    score: ScoreOption = Score.COMPLETENESS_PER_HOUR,
+    score: ScoreOption = DEFAULT_SCORE,
     dwarfs: DwarfsOption = False,
     singles: SinglesOption = False,
     v_mag_max: VMaxOption = None,
@@ -131,7 +131,7 @@ def plan(
             radius_rjup, phase_deg, albedo_from(albedo, log10_mh, log10_fsed, insolation_au, phase_function)
         ),
         "n_planets": chosen.n_planets,
-        "score": score.value,
+        "score": score,
     }
     if known_planets is None:
         tree["population"] = chosen.config

@@ -27,7 +27,6 @@ from cpic_planner.cli.options import (
     PlanetsOption,
     PopulationOption,
     RadiusOption,
-    Score,
     ScoreOption,
     SeedOption,
     SinglesOption,
@@ -44,7 +43,6 @@ from cpic_planner.cli.strategy_options import (
     CountingOption,
     CountingSigmaOption,
     ExozodiOption,
-    LibraryChoice,
     LibraryOption,
     ReferenceRatioOption,
     ReferenceTeffOption,
@@ -54,6 +52,8 @@ from cpic_planner.cli.strategy_options import (
     refuse_together,
     strategy_from,
 )
+from cpic_planner.registry.libraries import DEFAULT_LIBRARY
+from cpic_planner.registry.scores import DEFAULT_SCORE
 
 if TYPE_CHECKING:
     from cpic_planner.etc.model import EtcModel
@@ -100,7 +100,7 @@ least one of them, the errors of their orbits included; --planets is then the nu
 def rank(
     bands: BandOption = None,
     time_s: TimeOption = DEFAULT_TIME_S,
-    score: ScoreOption = Score.COMPLETENESS_PER_HOUR,
+    score: ScoreOption = DEFAULT_SCORE,
     limit: Annotated[
         int, typer.Option("--limit", min=1, help="Stars to print and to draw (--json and --out hold all).")
     ] = 20,
@@ -121,7 +121,7 @@ def rank(
     log10_fsed: CloudsOption = None,
     insolation_au: InsolationOption = None,
     phase_function: PhaseFunctionOption = None,
-    library: LibraryOption = LibraryChoice.SAME_STAR,
+    library: LibraryOption = DEFAULT_LIBRARY,
     reference_v_mag: ReferenceVMagOption = None,
     reference_teff_k: ReferenceTeffOption = None,
     reference_ratio: ReferenceRatioOption = None,
@@ -193,7 +193,7 @@ def rank(
         "time_s": time_s,
         "planet": planet_from(radius_rjup, phase_deg, reflects),
         "population": chosen,
-        "score": score.value,
+        "score": score,
     }
     if explain is not None:
         from cpic_planner.targets import find_target

@@ -3,24 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from enum import StrEnum
 from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
 import typer
 
 from catalogs.errors import InputError
 from cpic_planner.etc.model import EtcModel, Strategy, build_model
+from cpic_planner.registry.libraries import LIBRARIES
 from simulator.config.base import validate
 
 if TYPE_CHECKING:
-    pass
+    LibraryText: TypeAlias = str
+else:
+    LibraryText = LIBRARIES.literal()
 
 __all__ = [
     "CountingOption",
     "CountingSigmaOption",
     "ExozodiOption",
     "HiddenCountingOption",
-    "LibraryChoice",
     "LibraryOption",
     "ReferenceRatioOption",
     "ReferenceTeffOption",
@@ -33,17 +34,8 @@ __all__ = [
 ]
 
 
-class LibraryChoice(StrEnum):
-    """Reference library of the subtraction."""
-
-    SAME_STAR = "same_star_planet_free"
-    REFERENCE_STAR = "reference_star"
-    ROLL = "roll"
-    IDEALISED = "idealised"
-
-
 LibraryOption: TypeAlias = Annotated[
-    LibraryChoice, typer.Option("--library", help="Where the reference frames of the subtraction come from.")
+    LibraryText, typer.Option("--library", help="Where the reference frames of the subtraction come from.")
 ]
 ReferenceVMagOption: TypeAlias = Annotated[
     float | None, typer.Option("--reference-v-mag", help="V magnitude of the star of --library reference_star.")
@@ -80,7 +72,7 @@ def refuse_together(options: dict[str, object], why: str) -> None:
 
 
 def strategy_from(
-    library: LibraryChoice,
+    library: str,
     *,
     reference_v_mag: float | None = None,
     reference_teff_k: float | None = None,
@@ -90,16 +82,17 @@ def strategy_from(
     counting_sigma: float | None = None,
 ) -> Strategy:
     """Strategy from options; those that have no meaning with the others are refused."""
+    own = LIBRARIES[library].parameters
     for name, value, needs, there in (
-        ("--reference-v-mag", reference_v_mag, "--library reference_star", library is LibraryChoice.REFERENCE_STAR),
-        ("--reference-teff-k", reference_teff_k, "--library reference_star", library is LibraryChoice.REFERENCE_STAR),
-        ("--roll-deg", roll_deg, "--library roll", library is LibraryChoice.ROLL),
+        ("--reference-v-mag", reference_v_mag, _of("reference_star"), "reference_star" in own),
+        ("--reference-teff-k", reference_teff_k, _of("reference_star"), "reference_star" in own),
+        ("--roll-deg", roll_deg, _of("roll_deg"), "roll_deg" in own),
         ("--counting-sigma", counting_sigma, "--photon-counting", photon_counting),
     ):
         if value is not None and not there:
             raise InputError(name, value, allowed=f"together with {needs}")
-    tree: dict[str, Any] = {"library": library.value}
-    if library is LibraryChoice.REFERENCE_STAR:
+    tree: dict[str, Any] = {"library": library}
+    if "reference_star" in own:
         if reference_v_mag is None:
             raise InputError(
                 "--reference-v-mag",
@@ -115,7 +108,7 @@ def strategy_from(
 
 
 def imaged_strategy(
-    library: LibraryChoice,
+    library: str,
     *,
     reference_v_mag: float | None,
     reference_teff_k: float | None,
@@ -159,6 +152,11 @@ def model_from(
                 hint="the near-infrared camera has no gain register",
             )
     return build_model(built, bands, strategy)
+
+
+def _of(parameter: str) -> str:
+    """The choice of library that a parameter belongs to."""
+    return f"--library {next(item.name for item in LIBRARIES.values() if parameter in item.parameters)}"
 
 
 def _given(**values: Any) -> dict[str, Any]:

@@ -7,7 +7,7 @@ import functools
 import numpy as np
 from numpy.typing import NDArray
 
-from cpic_planner.etc.model import EtcModel, Strategy
+from cpic_planner.etc.model import EtcModel
 from cpic_planner.targets import Targets
 from simulator.imaging.metrics import PsfMetrics
 from simulator.target.positions import sky_to_detector
@@ -47,13 +47,17 @@ def wings_variance(model: EtcModel, band: str, companions: Targets, separation_a
     ``var(W - R) + 0.4^2 mean(W^2 + R^2)``: the course over the annulus, and the fine structure about it.
     """
     shape = np.broadcast_shapes((len(companions), *(1,) * (separation_arcsec.ndim - 1)), separation_arcsec.shape)
-    if model.strategy.library not in ("roll", "reference_star"):
+    strategy = model.strategy
+    rolls = strategy.reference_library.wings_deg(strategy)
+    if not rolls:
         return np.zeros(shape)
     places = tuple(
         np.asarray(part, np.float64).tobytes()
         for part in (companions.companion_separation_arcsec, companions.companion_pa_deg)
     )
-    place, table = _table(model.metrics[band], model.strategy, model.instrument.detector.parity, *places)
+    place, table = _table(
+        model.metrics[band], rolls, strategy.annulus_lambda_d, model.instrument.detector.parity, *places
+    )
     at = np.broadcast_to(np.interp(separation_arcsec, place, np.arange(place.size)), shape)
     low = np.minimum(at.astype(np.intp), place.size - 2)
     rows = np.arange(len(companions)).reshape((-1,) + (1,) * (len(shape) - 1))
@@ -62,16 +66,20 @@ def wings_variance(model: EtcModel, band: str, companions: Targets, separation_a
 
 @functools.lru_cache(maxsize=16)
 def _table(
-    metrics: PsfMetrics, strategy: Strategy, parity: int, separation_arcsec: bytes, pa_deg: bytes
+    metrics: PsfMetrics,
+    rolls_deg: tuple[float, ...],
+    annulus_lambda_d: float,
+    parity: int,
+    separation_arcsec: bytes,
+    pa_deg: bytes,
 ) -> tuple[FloatArray, FloatArray]:
     """Separations of planets, and the variance there for each companion, ``(k, s)``; kept for stars that come again."""
-    x, y, place, share = _apertures(metrics, strategy.annulus_lambda_d)
-    half = strategy.roll_deg / 2.0
+    x, y, place, share = _apertures(metrics, annulus_lambda_d)
     found = []
-    for roll in (-half, half) if strategy.library == "roll" else (0.0,):
+    for roll in rolls_deg:
         there = sky_to_detector(np.frombuffer(separation_arcsec), np.frombuffer(pa_deg), roll_deg=roll, parity=parity)
         found.append(metrics.wing_at(x - there[0][:, None], y - there[1][:, None]) * metrics.aperture_pixels)
-    course = found[0] - found[1] if strategy.library == "roll" else found[0]
+    course = found[0] - found[1] if len(found) > 1 else found[0]
     variance = _mean(course**2, share) - _mean(course, share) ** 2
     table = np.maximum(variance, 0.0) + _STRUCTURE**2 * _mean(np.square(found).sum(axis=0), share)
     table.flags.writeable = False

@@ -9,7 +9,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from cpic_planner.etc.companion_wings import wings_variance
 from cpic_planner.etc.exozodi import aperture_exozodi
-from cpic_planner.etc.library import library_noise
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.sky import aperture_sky_e_s
 from cpic_planner.etc.smear import aperture_smear, companion_column
@@ -158,7 +157,7 @@ def aperture_rates(
     exozodi = star * aperture_exozodi(model, band, x, y)
     dark = np.full((1,) * len(shape), camera.dark_e_s * metrics.aperture_pixels)
     law = speckle_law(metrics, instrument.drift, np.hypot(x, y), strategy.annulus_lambda_d, strategy.reference_ratio)
-    reference = library_noise(model, targets, band, star)
+    reference = model.library_noise(band, star)
     smear = aperture_smear(model, band, x, star_e_s=star, companion_column_e_s=companion_columns, sky_e_s=sky)
     region_pixels = float(np.count_nonzero(metrics.hole))
     return ApertureRates(

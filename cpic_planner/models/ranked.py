@@ -8,8 +8,8 @@ from pydantic import Field
 
 from cpic_planner.models.base import DetectionMode, LimitText, Result, Row, StatusText, VerdictText
 from cpic_planner.models.columns import column
+from cpic_planner.registry.scores import ScoreName
 
-ScoreName = Literal["completeness_per_hour", "completeness", "detection_margin", "detection_time", "contrast_limit"]
 KNOWN_PLANETS = "known planets"
 """Name of the population where completeness refers to the stars' own planets."""
 

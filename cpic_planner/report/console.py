@@ -7,13 +7,14 @@ from operator import itemgetter
 from typing import TYPE_CHECKING
 
 from cpic_planner.models import BandConfirmation, ConfirmResult, PlanResult
+from cpic_planner.registry.libraries import LIBRARIES
 from cpic_planner.report.cells import Cells, row_cells, status_cell
 from cpic_planner.report.modelled import dial_text, modelled_sentence
 from cpic_planner.report.names import pretty_name, short_name
 from cpic_planner.report.numbers import MISSING, count_text
 from cpic_planner.report.summary import calibration_sentence, overrides_sentence
 from cpic_planner.report.terminal import explain_symbols, print_note, print_plain, print_table
-from cpic_planner.report.words import STATUS_SYMBOLS, found_text, plus_minus
+from cpic_planner.report.words import STATUS_SYMBOLS, plus_minus
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -54,10 +55,11 @@ def print_plan(plan: PlanResult, console: Console) -> None:
         print_plain(console, f"{pretty_name(target.name)}: {plus_minus(target.verdict)}")
     print_comparison(plan, console)
     print_modelled([band for target in plan.targets for band in target.bands], console)
+    found = LIBRARIES[plan.reference_library].found
     print_note(
         console,
         "→ marks the band to observe in. SNR of one observation, planet noise included: predicted, and recovered with "
-        f"the error of its mean; found: realisations in which {found_text(plan.reference_library)}; seen at its place: "
+        f"the error of its mean; found: realisations in which {found}; seen at its place: "
         "significant at the known place, but not found blind.",
     )
     print_note(

@@ -12,12 +12,13 @@ from cpic_planner.models import (
     PositionRecord,
     SearchRecord,
 )
+from cpic_planner.registry.libraries import LIBRARIES
 from cpic_planner.report.cells import Cells, row_cells
 from cpic_planner.report.console import MEASURED, found_cell, outcome_cell, print_comparison, print_modelled
 from cpic_planner.report.modelled import dial_text
 from cpic_planner.report.numbers import MISSING, decimals, significant
 from cpic_planner.report.terminal import print_note, print_plain, print_table
-from cpic_planner.report.words import ALBEDO_STATUS, searched_text
+from cpic_planner.report.words import ALBEDO_STATUS
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -39,7 +40,7 @@ def print_confirm(result: ConfirmResult, console: Console) -> None:
     count = result.realisations
     title = f"{result.scene}: confirmed by simulated images, {count} realisation{'s' * (count != 1)} a band"
     if not rows:
-        print_plain(console, f"{result.scene}: no planet, {searched_text(result.reference_library)}", bold=True)
+        print_plain(console, f"{result.scene}: no planet, {LIBRARIES[result.reference_library].searched}", bold=True)
     else:
         print_table(console, title, cells, rows, explained=True)
     for item in result.bands:

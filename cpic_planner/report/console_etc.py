@@ -7,11 +7,18 @@ from typing import TYPE_CHECKING
 from cpic_planner.etc.detection import default_law
 from cpic_planner.models import EtcAnswer, EtcResult
 from cpic_planner.report.cells import Cells, row_cells
-from cpic_planner.report.etc_words import cap_sentence, limit_text, remedy_text, short_limit, term_text
 from cpic_planner.report.names import full_name
 from cpic_planner.report.numbers import MISSING, duration_text, ratio_text, share_text, significant
 from cpic_planner.report.terminal import print_note, print_table
-from cpic_planner.report.words import LIMITED_BY, flag_text
+from cpic_planner.report.words import (
+    LIMITED_BY,
+    cap_sentence,
+    flag_text,
+    limit_text,
+    remedy_text,
+    short_limit,
+    term_text,
+)
 
 if TYPE_CHECKING:
     from rich.console import Console

@@ -12,21 +12,14 @@ from cpic_planner.models import (
     SensitivityResult,
     SensitivityRow,
 )
+from cpic_planner.registry.libraries import LIBRARIES
+from cpic_planner.registry.scores import SCORES
 from cpic_planner.report.cells import Cells, row_cells
-from cpic_planner.report.etc_words import (
-    SCORES,
-    cap_sentence,
-    limit_text,
-    remedy_text,
-    score_number,
-    score_text,
-    term_text,
-)
 from cpic_planner.report.names import full_name, short_name
 from cpic_planner.report.numbers import MISSING, count_text, duration_text, significant
 from cpic_planner.report.summary import limits_text, population_text
 from cpic_planner.report.terminal import print_note, print_plain, print_table
-from cpic_planner.report.words import library_text, tau_text
+from cpic_planner.report.words import cap_sentence, limit_text, remedy_text, score_number, tau_text, term_text
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -37,8 +30,8 @@ _SMALLEST_GAIN = 1.005
 def print_rank(rank: RankResult, console: Console, limit: int = 20) -> None:
     """Print the first ``limit`` rows of a ranking, and what its numbers refer to."""
     shown = rank.targets[:limit]
-    title = f"Ranking: first {len(shown)} of {count_text(len(rank.targets))} stars, by {_name_of(rank.score_name)}"
-    own = {"detection_margin": "", "completeness": ""}.get(rank.score_name, "score ")  # a column shows it already
+    title = f"Ranking: first {len(shown)} of {count_text(len(rank.targets))} stars, by {SCORES[rank.score_name].title}"
+    own = "" if SCORES[rank.score_name].column else "score "  # a column shows it already
     cells = row_cells(
         RankedTarget,
         f"rank name v_mag/3 distance_pc/2 {own}completeness completeness_band/7 band/1 separation_arcsec/4 contrast/5 "
@@ -50,7 +43,7 @@ def print_rank(rank: RankResult, console: Console, limit: int = 20) -> None:
     if rank.counts_limited_by:
         limits = limits_text(rank.counts_limited_by)
         print_note(console, f"Reference planets in {duration_text(rank.time_s)}: {limits}.")
-    print_note(console, f"Score: {score_text(rank.score_name)}.{_zeros(rank)}")
+    print_note(console, f"Score: {SCORES[rank.score_name].meaning}.{_zeros(rank)}")
     print_note(console, f"Population (compl %): {population_text(rank.population)}.")
     print_note(
         console,
@@ -62,7 +55,7 @@ def print_rank(rank: RankResult, console: Console, limit: int = 20) -> None:
         f"Margin = significance / threshold; threshold keeps the false-alarm probability of {rank.sigma:g} sigma. "
         "Detected: at least half of the visits show the planet if its place is known; blind %: probability that a "
         "search finds it that does not know the place. "
-        f"Reference frames: {library_text(rank.reference_library)}.",
+        f"Reference frames: {LIBRARIES[rank.reference_library].meaning}.",
     )
     print_note(console, f"Stars: {rank.sample}. {rank.catalogue}")
 
@@ -70,18 +63,14 @@ def print_rank(rank: RankResult, console: Console, limit: int = 20) -> None:
 def _zeros(rank: RankResult) -> str:
     """A sentence about stars of score 0, which the score does not order; empty if there are none."""
     above = sum(row.score > 0.0 for row in rank.targets)
-    if rank.score_name == "contrast_limit" or above == len(rank.targets):
+    if not SCORES[rank.score_name].from_zero or above == len(rank.targets):
         return ""
     stars = "1 star has a score" if above == 1 else f"{count_text(above)} stars have a score"
     return f" {stars} above zero; the others follow by the margin of the reference planet, not by the score."
 
 
-def _name_of(score: str) -> str:
-    return score.replace("_", " ")
-
-
 def _score(name: str) -> Cells:
-    return Cells(SCORES[name][0], lambda row: score_number(row.score, name))
+    return Cells(SCORES[name].label, lambda row: score_number(row.score, name))
 
 
 def print_sensitivity(result: SensitivityResult, console: Console) -> None:
@@ -94,7 +83,7 @@ def print_sensitivity(result: SensitivityResult, console: Console) -> None:
             f"{short_name(row.largest_fall)} −{row.largest_fall_ranks}" if row.largest_fall_ranks > 0 else MISSING
         ),
     )
-    title = f"What the first {result.top} stars by {_name_of(result.score_name)} become under other assumptions"
+    title = f"What the first {result.top} stars by {SCORES[result.score_name].title} become under other assumptions"
     print_table(console, title, cells, result.rows, last_width=44)
     print_plain(console, result.statement)
     print_note(
@@ -108,7 +97,7 @@ def print_explanation(told: Explanation, console: Console) -> None:
     """Print why a star stands where it stands."""
     star = told.star
     head = f"{full_name(star.name, star.hip)}: rank {star.rank} of {count_text(told.n_ranked)}"
-    print_plain(console, f"{head} by {_name_of(told.score_name)}", bold=True)
+    print_plain(console, f"{head} by {SCORES[told.score_name].title}", bold=True)
     for sentence in told.sentences:
         print_plain(console, sentence)
     console.print()

@@ -13,16 +13,14 @@ from catalogs.errors import InputError
 from cpic_planner.models import EtcAnswer, EtcResult
 from cpic_planner.report.drawing import BAND_STYLE, IMAGE_DPI, band_style, literal, new_figure, style
 from cpic_planner.report.etc_curves import EtcCurves, TimeCurve
-from cpic_planner.report.etc_words import term_text
 from cpic_planner.report.names import pretty_name
 from cpic_planner.report.numbers import duration_text
+from cpic_planner.report.words import term_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.axis import Axis
     from matplotlib.figure import Figure
-
-__all__ = ["FIGURE_FORMATS", "check_figure_name", "etc_figure", "write_figure"]
 
 FIGURE_FORMATS = ("png", "pdf", "svg")
 _UNDATED: dict[str, dict[str, Any]] = {

@@ -24,8 +24,6 @@ from cpic_planner.report.whatif_looks import FEW, MOST_ROWS, looks_of, row_label
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["calendar_figure", "stars_figure", "visited"]
-
 _RING_AREA = 75.0
 _LABELLED = 14
 _SPREAD = 0.76

@@ -20,8 +20,6 @@ from cpic_planner.validation.confirm import decode_arrays
 from simulator.config import Scene
 from simulator.target.sources import scene_sources
 
-__all__ = ["PRODUCTS", "hole_edges", "limit_curves", "panels_of", "write_report"]
-
 PRODUCTS = ("ranking.csv", "ranking.ecsv", "measurements.csv", "report.html")
 """Names of the files of a report."""
 
@@ -77,7 +75,7 @@ def panels_of(model: EtcModel, band: str, body: Mapping[str, Any], *, scene: Sce
     images = decode_arrays(body["panels"])
     nowhere = (images["science"] == 0) & (images["reference"] == 0)  # sums are drawn over the hole alone
     offsets: list[tuple[float | None, float | None]] = [(x, y) for x, y in body["planet_offsets_arcsec"]]
-    roll_deg = -0.5 * model.strategy.roll_deg if model.strategy.library == "roll" else 0.0
+    roll_deg = model.strategy.rolls_deg[0]
     marks = [
         Mark(item["x_arcsec"], item["y_arcsec"], "candidate")
         for item in (body["search"] or {"candidates": ()})["candidates"]

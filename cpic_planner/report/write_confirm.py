@@ -18,8 +18,6 @@ from simulator.config.albedo import ParametricAlbedo
 if TYPE_CHECKING:
     from cpic_planner.report.drawing import Picture
 
-__all__ = ["PANELS", "products_of", "write_confirm_report"]
-
 PANELS = "panels-{band}.png"
 """Name of the images of a band."""
 
@@ -49,7 +47,7 @@ def write_confirm_report(
     bodies : mapping
         What `cpic_planner.scene_confirmation.confirm_scene` returned beside the result, by band.
     """
-    from cpic_planner.report.confirm_html import render_confirm
+    from cpic_planner.report.html import render_confirm
     from cpic_planner.report.panel_figure import PanelSheet
     from cpic_planner.report.snr_figure import snr_figure
     from cpic_planner.report.spectrum_figure import spectrum_figure

@@ -27,7 +27,7 @@ SIMULATOR = [
     {"hole_stack"},
 ]
 PLANNER = [
-    {"version"},
+    {"version", "registry"},
     {"models", "engine", "cluster", "environment", "runfolder", "written_files"},
     {"schemas"},
     {"targets", "refresh"},

@@ -1,12 +1,16 @@
 import base64
 import re
+from dataclasses import replace
 
 import pytest
 
 from cpic_planner.models import PlanResult
+from cpic_planner.registry.libraries import LIBRARIES, Library
+from cpic_planner.registry.scores import SCORES
 from cpic_planner.report.drawing import Picture
-from cpic_planner.report.html import dec_text, plan_html, ra_text, render_plan
+from cpic_planner.report.html import plan_html, render_plan
 from cpic_planner.report.summary import calibration_sentence, summary_sentences
+from cpic_planner.report.words import dec_text, ra_text
 
 HOSTILE = "<script>alert('x')</script>"
 
@@ -254,3 +258,16 @@ def test_coordinates_as_text():
     assert dec_text(-60.837) == "−60° 50′"
     assert ra_text(359.9999) == "00 h 00 m 00 s"
     assert dec_text(0.999) == "+01° 00′"
+
+
+def test_scores_and_libraries_bring_their_words(plan, rank, read):
+    score = replace(
+        SCORES["completeness"], name="toy_score", meaning="toys seen", aim="how many toys are seen", unit="m"
+    )
+    words = {"name": "toy_library", "meaning": "a toy box", "found": "a toy squeaks", "searched": "searched for toys"}
+    with SCORES.holding(score), LIBRARIES.holding(type("Toy", (Library,), words)()):
+        other = plan.model_copy(update={"reference_library": "toy_library"})
+        text = read(render_plan(other, rank.model_copy(update={"score_name": "toy_score"}), {}, {})).words
+    for said in ("ranked by how many toys are seen", "by toy score: toys seen", "a toy box", "if a toy squeaks"):
+        assert said in text
+    assert "reduced, searched for toys: the planet" in text

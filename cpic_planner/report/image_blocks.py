@@ -1,0 +1,262 @@
+"""What the reports of a plan and of a confirmed scene show of images: measurements, pictures, how they were made."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+from cpic_planner.models import AuditRecord, BandConfirmation, ConfirmResult, ModellingRecord, PlanResult
+from cpic_planner.report import document as doc
+from cpic_planner.report.cells import frames_text
+from cpic_planner.report.drawing import Picture
+from cpic_planner.report.modelled import ModelledRow, dial_text, error_text, modelled_groups
+from cpic_planner.report.numbers import (
+    MISSING,
+    contrast_text,
+    count_text,
+    decimals,
+    duration_text,
+    percent_text,
+    significant,
+)
+from cpic_planner.report.panel_figure import PANEL_NOTE
+from cpic_planner.report.words import DRAWN_AS, STAR_FLUX, plus_minus, reason_text, status_text
+
+MEASURED_NOTE = "measurements as a table: `measurements.csv`. Times, host and package versions of the run: `run.json`."
+"""Which files have the measurements and the story of a run."""
+
+
+def instrument_fact(result: PlanResult | ConfirmResult) -> doc.Inline:
+    """Return which instrument images and predictions are of, and how the images are made."""
+    more = f", {dial_text(result)}. Every default value has its source and confidence in the instrument preset."
+    return [doc.code(result.instrument), more]
+
+
+def outcome(band: BandConfirmation) -> doc.Mark:
+    """Return the badge of what became of a planet in the images of a band."""
+    if band.status != "ok":
+        return doc.badge(band.status, status_text(band.status))
+    return doc.badge("ok", "detected") if band.detected else doc.badge("unreachable", "not detected")
+
+
+def _if(value: object, text: doc.Inline) -> doc.Inline:
+    return MISSING if value is None else text
+
+
+def _pair(value: float | None, error: float | None) -> str:
+    return significant(value) + (f" ± {significant(error, 2)}" if error is not None else "")
+
+
+def _found_at(band: BandConfirmation) -> doc.Inline:
+    if band.found_separation_arcsec is None:
+        return MISSING
+    return doc.lines(
+        f"{decimals(band.found_separation_arcsec, 4)} ± {decimals(band.found_separation_error_arcsec, 4)}″",
+        f"PA {decimals(band.found_pa_deg, 2)} ± {decimals(band.found_pa_error_deg, 2)}°",
+    )
+
+
+def _star_flux(band: BandConfirmation) -> str:
+    error = "" if band.star_flux_error is None else f" ({percent_text(band.star_flux_error)})"
+    return STAR_FLUX.get(band.star_flux, band.star_flux) + error if band.star_flux else MISSING
+
+
+def _saturated(band: BandConfirmation) -> str:
+    outside = "" if band.saturated_outside is None else f"; {count_text(round(band.saturated_outside))}"
+    return count_text(band.saturated_in_hole) + outside
+
+
+def _verdict(band: BandConfirmation) -> str:
+    why = band.message or reason_text(band.reason)
+    return plus_minus(band.verdict) + (f": {why}" if why else "")
+
+
+_MEASURED: tuple[doc.Column[BandConfirmation], ...] = (
+    doc.Column("Outcome", outcome),
+    doc.Column("Separation", lambda band: decimals(band.separation_arcsec, 3), "arcsec"),
+    doc.Column("Position angle", lambda band: decimals(band.pa_deg, 1), "deg"),
+    doc.Column("Frames × exposure", frames_text, "s"),
+    doc.Column("EM gain", lambda band: significant(band.em_gain)),
+    doc.Column("Integration", lambda band: duration_text(band.integration_s)),
+    doc.Column("Wall time", lambda band: duration_text(band.time_s)),
+    doc.Column(
+        "Realisations",
+        lambda band: doc.lines(
+            count_text(band.realisations),
+            doc.small(DRAWN_AS.get(band.drawn_as, band.drawn_as)) if band.drawn_as else "",
+        ),
+    ),
+    doc.Column(
+        "Predicted error of the images",
+        lambda band: error_text(band.modelled.predicted_error) if band.modelled else MISSING,
+        "beside the reference",
+    ),
+    doc.Column("Predicted SNR", lambda band: significant(band.predicted_snr)),
+    doc.Column(
+        "Recovered SNR", lambda band: _pair(band.recovered_snr, band.recovered_snr_error), "± error of the mean"
+    ),
+    doc.Column(
+        "Predicted / recovered SNR",
+        lambda band: _if(band.etc_ratio, f"{decimals(band.etc_ratio, 2)} ± {decimals(band.etc_ratio_error, 2)}"),
+    ),
+    doc.Column("Predicted significance", lambda band: significant(band.predicted_significance)),
+    doc.Column("Recovered significance", lambda band: significant(band.recovered_significance)),
+    doc.Column("Threshold for significance", lambda band: significant(band.threshold)),
+    doc.Column(
+        "Found by the blind search", lambda band: _if(band.n_detected, f"{band.n_detected} of {band.realisations}")
+    ),
+    doc.Column(
+        "Search SNR; threshold",
+        lambda band: _if(
+            band.search_threshold, f"{significant(band.search_snr)}; {significant(band.search_threshold)}"
+        ),
+        "matched filter",
+    ),
+    doc.Column(
+        "Significant at the known place",
+        lambda band: _if(band.n_significant, f"{band.n_significant} of {band.realisations}"),
+    ),
+    doc.Column("Detections elsewhere", lambda band: count_text(band.false_detections), "all realisations"),
+    doc.Column("Found at", _found_at, "first realisation that finds it"),
+    doc.Column("True contrast", lambda band: contrast_text(band.true_contrast)),
+    doc.Column("Recovered contrast", lambda band: contrast_text(band.recovered_contrast)),
+    doc.Column(
+        "Its error",
+        lambda band: _if(
+            band.contrast_error,
+            doc.lines(f"± {contrast_text(band.contrast_error, 2)}", f"± {contrast_text(band.contrast_mean_error, 2)}"),
+        ),
+        "one observation; mean",
+    ),
+    doc.Column("The star's light, from", _star_flux),
+    doc.Column(
+        "RDI throughput",
+        lambda band: (
+            percent_text(band.rdi_throughput) + ("" if band.rdi_modes_used is None else f" ({band.rdi_modes_used})")
+        ),
+        "modes",
+    ),
+    doc.Column("Core throughput", lambda band: percent_text(band.core_throughput)),
+    doc.Column("Background apertures", lambda band: count_text(band.n_background_apertures)),
+    doc.Column("Saturated pixels", _saturated, "in the hole, all frames; around it, per frame"),
+    doc.Column("Verdict", _verdict),
+)
+"""Rows of the table of measurements, one a quantity."""
+
+
+def measure_table(name: str, bands: Sequence[BandConfirmation], caption: str, chosen: str | None = None) -> doc.Table:
+    """Return what was predicted and measured, a row a quantity and a column a band.
+
+    Parameters
+    ----------
+    name : str
+        Target or planet.
+    bands : sequence of BandConfirmation
+    caption : str
+        What the table is of.
+    chosen : str, optional
+        Band whose column is shaded.
+    """
+
+    def column(band: BandConfirmation) -> doc.Column[doc.Column[BandConfirmation]]:
+        picked = band.band == chosen
+        heading: doc.Inline = [band.band, " ", doc.small("(chosen)")] if picked else band.band
+        return doc.Column(heading, lambda quantity: quantity.value(band), look="pick" if picked else "")
+
+    def named(quantity: doc.Column[BandConfirmation]) -> doc.Inline:
+        return [quantity.heading, " ", doc.small(f"({quantity.unit})")] if quantity.unit else quantity.heading
+
+    first: doc.Column[doc.Column[BandConfirmation]] = doc.Column("Quantity", named, look="row left")
+    text = f"{caption} Recovered numbers are those of one observation, averaged over the realisations."
+    return doc.table(f"Bands of {name}", text, [first, *map(column, bands)], _MEASURED, look="bands")
+
+
+_AUDITED: tuple[doc.Column[tuple[BandConfirmation, AuditRecord]], ...] = (
+    doc.Column("Band", lambda case: case[0].band, look="row left"),
+    doc.Column("Science frames", lambda case: count_text(case[1].n_frames)),
+    doc.Column("SNR", lambda case: significant(case[1].predicted_snr), "predicted"),
+    doc.Column("SNR", lambda case: significant(case[1].recovered_snr), "measured"),
+    doc.Column("Contrast", lambda case: contrast_text(case[0].true_contrast), "true"),
+    doc.Column(
+        "Contrast",
+        lambda case: doc.lines(contrast_text(case[1].contrast), f"± {contrast_text(case[1].contrast_error, 2)}"),
+        "measured",
+    ),
+    doc.Column("Deviation", lambda case: decimals(case[1].deviation_sigma, 1), "σ"),
+    doc.Column(
+        "Blind search",
+        lambda case: doc.badge("ok", "found") if case[1].detected else doc.badge("unreachable", "not found"),
+        look="left",
+    ),
+    doc.Column(doc.lines("Detections", "elsewhere"), lambda case: count_text(case[1].false_detections)),
+    doc.Column("Particles", lambda case: count_text(case[1].hits), "pixel-frames"),
+    doc.Column("Left out", lambda case: percent_text(case[1].rejected_fraction), "of the hole"),
+    doc.Column(
+        "Saturated",
+        lambda case: f"{count_text(case[1].saturated_in_hole)}; {count_text(round(case[1].saturated_outside))}",
+        "hole; outside per frame",
+    ),
+)
+
+
+def audit_blocks(name: str, bands: Iterable[BandConfirmation]) -> Iterator[doc.Block]:
+    """Yield the table of the realisations that were run frame by frame, if there are any."""
+    audited = [(band, band.audit) for band in bands if band.audit is not None]
+    if audited:
+        caption = (
+            "Audited: one more realisation, run frame by frame with every effect of the camera, calibrated and cleaned "
+            "of particles. Deviation: measured less true contrast, in units of its error."
+        )
+        yield doc.table(f"Frame by frame, {name}", caption, _AUDITED, audited)
+
+
+def picture_blocks(images: Mapping[str, Picture], keys: Iterable[str], name: str) -> Iterator[doc.Block]:
+    """Yield image panels, those that there are of some keys, and before them how to read them."""
+    shown = [images[key] for key in keys if key in images]
+    if shown:
+        yield doc.Paragraph(PANEL_NOTE, "note")
+    yield from (doc.Figure(picture, before=name) for picture in shown)
+
+
+_EFFECTS: tuple[doc.Column[ModelledRow], ...] = (
+    doc.Column("Effect", lambda row: row.effect.effect, look="row left"),
+    doc.Column("Predicted size", lambda row: row.size or MISSING, "largest of flux and SNR"),
+    doc.Column("Largest in", lambda row: row.where, look="left"),
+    doc.Column(
+        "Modelled",
+        lambda row: doc.badge("ok" if row.effect.decision == "kept" else "unreachable", row.word),
+        look="left",
+    ),
+    doc.Column("How, or why not", lambda row: row.effect.reason, look="left wide"),
+)
+
+
+def modelled_blocks(named: Sequence[tuple[str, ModellingRecord]]) -> Iterator[doc.Block]:
+    """Yield one table for every distinct way in which images were made; see `modelled_groups`."""
+    groups = modelled_groups(named)
+    for group in groups:
+        caption: doc.Inline = [
+            doc.strong(group.title),
+            f": {group.members}. {group.knobs[:1].upper()}{group.knobs[1:]}. Predicted error beside the reference: "
+            f"{group.errors}.",
+        ]
+        yield doc.table(f"Modelled: {group.members}", caption, _EFFECTS, group.rows)
+    if not groups:
+        yield doc.Paragraph("No image was made.")
+        return
+    yield doc.Paragraph(
+        "Sizes are closed-form predictions of the relative change of what is measured if the effect is left out or "
+        "done more coarsely, after the reduction; a dash where none can be given. What is left out is left out because "
+        "the sum of such sizes stays within what was asked for, or because it is not there.",
+        "note",
+    )
+
+
+def not_modelled_blocks(items: Sequence[str]) -> Iterator[doc.Block]:
+    """Yield what neither images drawn as sums nor predictions hold."""
+    yield doc.Items(items) if items else doc.Paragraph("Nothing is listed.")
+    yield doc.Paragraph(
+        "Realisations that are drawn as sums of frames leave these out, and so does the prediction. The audited ones, "
+        "frame by frame, hold whatever the camera of the instrument has switched on. An effect that is missing from "
+        "both sides does not show in their comparison.",
+        "note",
+    )
