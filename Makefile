@@ -13,7 +13,7 @@ SEED ?= 1
 MUTANTS ?= 300
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: help plan test test-long lint mutants bench bench-baseline data reports wheel clean check-python
+.PHONY: help plan test test-long lint mutants bench bench-baseline data reports readme wheel clean check-python
 help:  ## show this list
 	@awk -F':.*## ' '/^[a-z-]+:.*## /{printf "  make %-14s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
@@ -38,13 +38,15 @@ plan: $(VENV)/installed  ## rank the catalogue, confirm the best targets with im
 test: $(VENV)/installed  ## run the test suite
 	$(BIN)/python -m pytest -q --numprocesses 2 --dist worksteal
 
-test-long: $(VENV)/installed  ## run the long proofs, killed workers and all notebooks
-	$(BIN)/python -m pytest -q --numprocesses 2 --dist worksteal -m long
+test-long: $(VENV)/installed  ## run the long proofs whose evidence is older than the code, and keep what they find
+	$(BIN)/python -m tools.proofs --workers $(WORKERS)
 
-lint: $(VENV)/installed  ## check style and types
+lint: $(VENV)/installed  ## check style, types, who imports whom, and the figures of the README
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/lint-imports --no-cache
+	$(BIN)/python -m tools.readme --check
 
 mutants: $(VENV)/installed  ## change the code in one place at a time; fails where no test sees it (SEED, MUTANTS, WORKERS)
 	$(BIN)/python tests/mutants/run.py --seed $(SEED) --count $(MUTANTS) --workers $(WORKERS)
@@ -58,12 +60,15 @@ bench-baseline: $(VENV)/installed  ## the same, and keep its figures as the base
 	$(BIN)/python reports/benchmarks/make.py
 
 data: $(VENV)/installed  ## rebuild catalogs/data from the pinned packages and compare
-	$(BIN)/python -m catalogs.build --check
+	$(BIN)/python -m tools.build_catalogue.build --check
 
 # The comparison with other simulators installs them and wants a quiet machine: reports/camera_speed/make.py --install
 reports: $(VENV)/installed  ## regenerate every committed report but the comparison of speeds
 	@for make in $(filter-out reports/camera_speed/make.py reports/benchmarks/make.py,$(wildcard reports/*/make.py)); do \
 		echo "$$make"; $(BIN)/python $$make || exit 1; done
+
+readme: $(VENV)/installed  ## fill README.md with the figures of the reports
+	$(BIN)/python -m tools.readme
 
 wheel: $(VENV)/installed  ## build the wheel
 	$(BIN)/python -m build --wheel --outdir dist

@@ -7,12 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from catalogs.companion_updates import with_companion_updates
 from catalogs.errors import InputError
 from catalogs.info import MODEL_CREDITS, STAR_CREDITS, snapshot_vintage
-from catalogs.stars import StarTable, load_stars
-
-__all__ = ["NAMED_TABLES", "RANKED_V_MAG", "Catalogue", "data_credits", "open_catalogue"]
+from catalogs.stars import StarTable, load_stars, with_companion_updates
 
 RANKED_V_MAG = 7.0
 """Faintest V of a ranking of the snapshot or a refreshed table, mag; they reach a little deeper."""
@@ -57,7 +54,7 @@ def open_catalogue(source: str | Path = "snapshot") -> Catalogue:
     ----------
     source : str or Path
         ``"snapshot"`` (embedded), ``"simbad_2012"`` (the same with companions where they were first listed, without the
-        updates of `catalogs.companion_updates`), ``"latest"`` (the newest that ``cpic catalog refresh`` left in the
+        updates of `catalogs.stars`), ``"latest"`` (the newest that ``cpic catalog refresh`` left in the
         data folder), or a file: CSV, ECSV, VOTable or FITS of a user's own, or a refreshed table. A file of one of
         these three names is written with its folder: ``./latest``.
 
@@ -86,7 +83,7 @@ def data_credits(provenance: str) -> tuple[str, ...]:
 
 
 def _latest() -> Path:
-    from catalogs.refreshed import data_dir, stored_tables
+    from catalogs.refresh import data_dir, stored_tables
 
     found = stored_tables()
     if not found:
@@ -101,7 +98,7 @@ def _from_file(path: str | Path) -> Catalogue:
     file = read_bytes(path)
     digest = f"{file.name} {file.sha256[:_DIGITS]}"
     if file.data.startswith(b"# %ECSV") and _is_refreshed(file.data):
-        from catalogs.refreshed import parse_refreshed
+        from catalogs.refresh import parse_refreshed
 
         table, meta = parse_refreshed(file.data.decode("utf-8", "replace"), file.name)
         whole = int(meta["counts"]["stars"])
@@ -136,7 +133,7 @@ def _elsewhere(service: str) -> str:
 
 
 def _is_refreshed(data: bytes) -> bool:
-    from catalogs.refreshed import FORMAT_KEY
+    from catalogs.refresh import FORMAT_KEY
 
     header = [line for line in data.splitlines() if line.startswith(b"#")]
     return any(line.lstrip(b"# -{").startswith(FORMAT_KEY.encode()) for line in header)

@@ -12,8 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from catalogs.errors import InputError
 
-__all__ = ["Propagated", "ecliptic", "position_angle", "propagate", "separation_arcsec", "tangent_offset"]
-
 FloatArray = NDArray[np.float64]
 
 #: km/s of one au per Julian year (IAU 2012 au, 365.25 d).

@@ -9,10 +9,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from catalogs.companion_updates import companion_updates, updates_vintage
 from catalogs.known_planet_columns import STATUSES
-
-__all__ = ["MODEL_CREDITS", "PLANET_CREDITS", "STAR_CREDITS", "catalogue_info", "snapshot_vintage"]
+from catalogs.stars import companion_updates, updates_vintage
 
 _DATA = Path(__file__).resolve().parent / "data"
 
@@ -52,7 +50,7 @@ def snapshot_vintage(*, updates: bool = True) -> str:
     Parameters
     ----------
     updates : bool
-        Whether companions are those of `catalogs.companion_updates`.
+        Whether companions are those of `catalogs.stars`.
     """
     entry = next(item for item in _provenance() if item["data_file"] == "stars.csv")
     laid_over = f"; {updates_vintage()}" if updates else ""

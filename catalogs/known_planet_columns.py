@@ -5,133 +5,122 @@ The shipped tables and a user's own have the same columns. Names of the NASA Exo
 
 from __future__ import annotations
 
+import html
 import math
+import re
 from collections.abc import Mapping
 
-from catalogs.user_columns import Quantity, heading, quantity_among
-
-__all__ = [
-    "COLUMNS",
-    "COUNTED",
-    "DESCRIPTIONS",
-    "FLAGS",
-    "GIVEN_FLAGS",
-    "INPUT_ONLY",
-    "STANDING",
-    "STATUSES",
-    "flags_of",
-    "planet_quantity_of",
-]
+from catalogs.columns import Column, Columns
+from catalogs.errors import InputError
 
 _JD = (2.4e6, 2.5e6)
+_ANGLE_DEG = (-360.0, 720.0)
 
 
-def _text(name: str, *aliases: str) -> Quantity:
-    return Quantity(name, aliases, "text")
+def _text(name: str, aliases: str, description: str) -> Column:
+    return Column(name, description, aliases=aliases)
 
 
-def _error(name: str, unit: str, high: float, *aliases: str) -> Quantity:
-    return Quantity(name, aliases, unit=unit, low=0.0, high=high)
+def _float(name: str, unit: str, believed: tuple[float, float], aliases: str, description: str) -> Column:
+    return Column(name, description, "float", unit, aliases, *believed)
 
 
-_ALL: tuple[tuple[Quantity, str], ...] = (
-    (_text("star", "hostname", "plhostname", "host", "starname"), "name of the star"),
-    (_text("planet", "planetname", "plname", "name"), "name of the planet, unique"),
-    (_text("discovery_method", "discoverymethod", "pldiscmethod", "method"), "how it was found"),
+def _error(name: str, unit: str, high: float, aliases: str) -> Column:
+    return _float(name, unit, (0.0, high), aliases, "its error")
+
+
+COLUMNS = Columns(
     (
-        Quantity("period_days", ("period", "plorbper", "per", "p"), unit="d", low=0.01, high=1e8),
-        "orbital period",
-    ),
-    (_error("period_err_days", "d", 1e8, "perr", "perioderr", "perioderror", "plorbpererr1"), "its error"),
-    (
-        Quantity(
+        _text("star", "hostname plhostname host starname", "name of the star"),
+        _text("planet", "planetname plname name", "name of the planet, unique"),
+        _text("discovery_method", "discoverymethod pldiscmethod method", "how it was found"),
+        _float("period_days", "d", (0.01, 1e8), "period plorbper per p", "orbital period"),
+        _error("period_err_days", "d", 1e8, "perr perioderr perioderror plorbpererr1"),
+        _float(
             "periastron_jd",
-            ("tperiastron", "timeperiastron", "plorbtper", "tp", "tperi"),
-            unit="d",
-            low=_JD[0],
-            high=_JD[1],
+            "d",
+            _JD,
+            "tperiastron timeperiastron plorbtper tp tperi",
+            "Julian date of a passage of the periastron",
         ),
-        "Julian date of a passage of the periastron",
-    ),
-    (_error("periastron_err_days", "d", 1e6, "plorbtpererr1", "tperr", "periastronerr"), "its error"),
-    (
-        Quantity(
+        _error("periastron_err_days", "d", 1e6, "plorbtpererr1 tperr periastronerr"),
+        _float(
             "conjunction_jd",
-            ("tconj", "tc", "pltranmid", "timeconjunction", "t0transit"),
-            unit="d",
-            low=_JD[0],
-            high=_JD[1],
+            "d",
+            _JD,
+            "tconj tc pltranmid timeconjunction t0transit",
+            "Julian date of an inferior conjunction, the planet between star and observer",
         ),
-        "Julian date of an inferior conjunction, the planet between star and observer",
-    ),
-    (_error("conjunction_err_days", "d", 1e6, "pltranmiderr1", "tcerr", "tconjerr", "conjunctionerr"), "its error"),
-    (Quantity("eccentricity", ("ecc", "e", "plorbeccen"), low=0.0, high=0.99), "eccentricity"),
-    (_error("eccentricity_err", "", 1.0, "eerr", "eccerr", "plorbeccenerr1"), "its error"),
-    (
-        Quantity("omega_star_deg", ("omega", "plorblper", "omegastar", "argperi"), unit="deg", low=-360.0, high=720.0),
-        "argument of periastron of the STAR's orbit, as radial velocities have it; the planet's is 180 deg more",
-    ),
-    (
-        Quantity("omega_planet_deg", ("omegaplanet",), unit="deg", low=-360.0, high=720.0),
-        "the planet's own argument of periastron, instead of omega_star_deg",
-    ),
-    (_error("omega_err_deg", "deg", 360.0, "omegaerr", "omegastarerr", "plorblpererr1"), "its error"),
-    (
-        Quantity("semi_major_axis_au", ("a", "sma", "semimajoraxis", "plorbsmax"), unit="AU", low=1e-3, high=1e5),
-        "semi-major axis",
-    ),
-    (_error("semi_major_axis_err_au", "AU", 1e5, "aerr", "semimajoraxiserr", "plorbsmaxerr1"), "its error"),
-    (
-        Quantity("mass_mjup", ("mass", "plmassj", "m"), unit="jupiterMass", low=1e-5, high=1e3),
-        "true mass",
-    ),
-    (_error("mass_err_mjup", "jupiterMass", 1e3, "masserr", "plmassjerr1"), "its error"),
-    (
-        Quantity("msini_mjup", ("msini", "plmsinij", "minimummass"), unit="jupiterMass", low=1e-5, high=1e3),
-        "minimum mass m sin i",
-    ),
-    (_error("msini_err_mjup", "jupiterMass", 1e3, "msinierr", "plmsinijerr1"), "its error"),
-    (
-        Quantity("inclination_deg", ("inclination", "inc", "i", "plorbincl"), unit="deg", low=0.0, high=180.0),
-        "inclination of the orbit, 90 deg edge-on",
-    ),
-    (_error("inclination_err_deg", "deg", 180.0, "ierr", "incerr", "inclinationerr", "plorbinclerr1"), "its error"),
-    (
-        Quantity("node_deg", ("node", "bigomega", "ascendingnode"), unit="deg", low=-360.0, high=720.0),
-        "position angle of the node where the planet moves away from the observer, east of north",
-    ),
-    (_error("node_err_deg", "deg", 360.0, "nodeerr"), "its error"),
-    (
-        Quantity("radius_rjup", ("radius", "plradj", "rp"), unit="jupiterRad", low=1e-3, high=10.0),
-        "radius",
-    ),
-    (_error("radius_err_rjup", "jupiterRad", 10.0, "radiuserr", "plradjerr1"), "its error"),
-    (
-        Quantity("star_mass_msun", ("starmass", "stmass"), unit="solMass", low=0.01, high=100.0),
-        "mass of the star that the reference takes",
-    ),
-    (_error("star_mass_err_msun", "solMass", 100.0, "starmasserr", "stmasserr1"), "its error"),
-    (_text("reference", "plrefname", "plorbitreference"), "where the orbit was published"),
-    (
-        Quantity("best_mass_mjup", ("plbmassj",), unit="jupiterMass", low=1e-5, high=1e3),
-        "the archive's best mass, instead of mass_mjup and msini_mjup",
-    ),
-    (_error("best_mass_err_mjup", "jupiterMass", 1e3, "plbmassjerr1"), "its error"),
-    (_text("best_mass_kind", "plbmassprov"), "what it is: Mass, Msini, Msin(i)/sin(i) or M-R relationship"),
-    (Quantity("best_mass_limit", ("plbmassjlim",), low=-1.0, high=1.0), "1 upper limit, -1 lower limit, 0 a value"),
-    (Quantity("eccentricity_limit", ("plorbeccenlim",), low=-1.0, high=1.0), "the same of the eccentricity"),
-    (Quantity("controversial", ("plcontrovflag",), low=0.0, high=1.0), "1 where the archive says so"),
-    (_text("flags", "remarks"), "words joined by ';': what is missing, see the list of flags"),
-    (
-        _text("status", "planetstatus"),
-        "confirmed, controversial, candidate or refuted; the last two are listed and never counted",
-    ),
-    (_text("status_reference"), "where the status was published, if not where the orbit was"),
-    (_text("updated"), "date on which the row was last changed"),
-    (_text("note"), "a remark on the planet"),
+        _error("conjunction_err_days", "d", 1e6, "pltranmiderr1 tcerr tconjerr conjunctionerr"),
+        _float("eccentricity", "", (0.0, 0.99), "ecc e plorbeccen", "eccentricity"),
+        _error("eccentricity_err", "", 1.0, "eerr eccerr plorbeccenerr1"),
+        _float(
+            "omega_star_deg",
+            "deg",
+            _ANGLE_DEG,
+            "omega plorblper omegastar argperi",
+            "argument of periastron of the STAR's orbit, as radial velocities have it; the planet's is 180 deg more",
+        ),
+        _float(
+            "omega_planet_deg",
+            "deg",
+            _ANGLE_DEG,
+            "omegaplanet",
+            "the planet's own argument of periastron, instead of omega_star_deg",
+        ),
+        _error("omega_err_deg", "deg", 360.0, "omegaerr omegastarerr plorblpererr1"),
+        _float("semi_major_axis_au", "AU", (0.001, 1e5), "a sma semimajoraxis plorbsmax", "semi-major axis"),
+        _error("semi_major_axis_err_au", "AU", 1e5, "aerr semimajoraxiserr plorbsmaxerr1"),
+        _float("mass_mjup", "jupiterMass", (1e-5, 1000.0), "mass plmassj m", "true mass"),
+        _error("mass_err_mjup", "jupiterMass", 1000.0, "masserr plmassjerr1"),
+        _float("msini_mjup", "jupiterMass", (1e-5, 1000.0), "msini plmsinij minimummass", "minimum mass m sin i"),
+        _error("msini_err_mjup", "jupiterMass", 1000.0, "msinierr plmsinijerr1"),
+        _float(
+            "inclination_deg",
+            "deg",
+            (0.0, 180.0),
+            "inclination inc i plorbincl",
+            "inclination of the orbit, 90 deg edge-on",
+        ),
+        _error("inclination_err_deg", "deg", 180.0, "ierr incerr inclinationerr plorbinclerr1"),
+        _float(
+            "node_deg",
+            "deg",
+            _ANGLE_DEG,
+            "node bigomega ascendingnode",
+            "position angle of the node where the planet moves away from the observer, east of north",
+        ),
+        _error("node_err_deg", "deg", 360.0, "nodeerr"),
+        _float("radius_rjup", "jupiterRad", (0.001, 10.0), "radius plradj rp", "radius"),
+        _error("radius_err_rjup", "jupiterRad", 10.0, "radiuserr plradjerr1"),
+        _float(
+            "star_mass_msun", "solMass", (0.01, 100.0), "starmass stmass", "mass of the star that the reference takes"
+        ),
+        _error("star_mass_err_msun", "solMass", 100.0, "starmasserr stmasserr1"),
+        _text("reference", "plrefname plorbitreference", "where the orbit was published"),
+        _float(
+            "best_mass_mjup",
+            "jupiterMass",
+            (1e-5, 1000.0),
+            "plbmassj",
+            "the archive's best mass, instead of mass_mjup and msini_mjup",
+        ),
+        _error("best_mass_err_mjup", "jupiterMass", 1000.0, "plbmassjerr1"),
+        _text("best_mass_kind", "plbmassprov", "what it is: Mass, Msini, Msin(i)/sin(i) or M-R relationship"),
+        _float("best_mass_limit", "", (-1.0, 1.0), "plbmassjlim", "1 upper limit, -1 lower limit, 0 a value"),
+        _float("eccentricity_limit", "", (-1.0, 1.0), "plorbeccenlim", "the same of the eccentricity"),
+        _float("controversial", "", (0.0, 1.0), "plcontrovflag", "1 where the archive says so"),
+        _text("flags", "remarks", "words joined by ';': what is missing, see the list of flags"),
+        _text(
+            "status",
+            "planetstatus",
+            "confirmed, controversial, candidate or refuted; the last two are listed and never counted",
+        ),
+        _text("status_reference", "", "where the status was published, if not where the orbit was"),
+        _text("updated", "", "date on which the row was last changed"),
+        _text("note", "", "a remark on the planet"),
+    )
 )
-
-COLUMNS: dict[str, Quantity] = {item.name: item for item, _ in _ALL}
 """Every column by its name, in the order of the shipped file."""
 STANDING = ("status", "status_reference", "updated", "note")
 """Columns that say how sure a planet is; the table of 2019 has none of them, and what is laid over it may."""
@@ -145,11 +134,6 @@ INPUT_ONLY = (
     "controversial",
 )
 """Columns that a table of a user's own may have; reading turns them into the others."""
-DESCRIPTIONS: dict[str, str] = {item.name: text for item, text in _ALL}
-"""One line on each column."""
-
-_BY_HEADING = {form: item for item in COLUMNS.values() for form in (heading(item.name), *item.aliases)}
-
 STATUSES: dict[str, str] = {
     "confirmed": "a planet that nobody disputes: counted",
     "controversial": "a published planet that later work doubts and does not exclude: counted",
@@ -196,11 +180,6 @@ GIVEN_FLAGS = (
 """Flags that a table states; the others follow from what is missing."""
 
 
-def planet_quantity_of(text: str) -> tuple[Quantity | None, str]:
-    """Return the column that a heading means and the unit written in it, None if unknown."""
-    return quantity_among(text, _BY_HEADING)
-
-
 def flags_of(row: Mapping[str, float], given: tuple[str, ...] = ()) -> tuple[str, ...]:
     """Return the flags of one planet, in the order of `FLAGS`.
 
@@ -241,3 +220,71 @@ def flags_of(row: Mapping[str, float], given: tuple[str, ...] = ()) -> tuple[str
         "inclination_err_unknown": lacks_error("inclination_deg", "inclination_err_deg"),
     }
     return tuple(name for name in FLAGS if name in given or found.get(name, False))
+
+
+# How the archive says what a planet's numbers are: best masses, limits, assumed inclinations.
+_KINDS = {"Mass": "mass", "Msin(i)/sin(i)": "mass", "Msini": "msini", "M-R relationship": ""}
+
+
+def settle(numbers: dict[str, float], kind: str, where: str) -> tuple[dict[str, float], tuple[str, ...]]:
+    """Turn the archive's best mass and its limits into columns of ours.
+
+    Parameters
+    ----------
+    numbers : dict of str to float
+        What a row gives, by column of `COLUMNS`; errors above 0.
+    kind : str
+        The archive's provenance of the best mass; ``""`` if the table has none.
+    where : str
+        The row, for messages.
+
+    Returns
+    -------
+    dict, tuple of str
+        Numbers without the archive's own columns, and the flags that follow.
+
+    Raises
+    ------
+    InputError
+        For an unknown kind of mass.
+
+    Notes
+    -----
+    An inclination of exactly 90 degrees without an error is an assumption of the fit: it is left out, and the mass
+    taken as m sin i, as is a mass that is a lower limit. A mass that the archive has from a radius is left out.
+    """
+    found, flags = dict(numbers), []
+    best, error = found.pop("best_mass_mjup", None), found.pop("best_mass_err_mjup", None)
+    limit, eccentric = found.pop("best_mass_limit", 0.0), found.pop("eccentricity_limit", 0.0)
+    if found.pop("controversial", 0.0):
+        flags.append("controversial")
+    if eccentric > 0.0:
+        flags.append("eccentricity_upper_limit")
+    if best is None:
+        return found, tuple(flags)
+    if kind not in _KINDS:
+        raise InputError(f"{where} best_mass_kind", kind or "missing", allowed=", ".join(_KINDS))
+    name = _KINDS[kind]
+    if found.get("inclination_deg") == 90.0 and "inclination_err_deg" not in found:
+        del found["inclination_deg"]
+        flags.append("edge_on_assumed")
+        name = name and "msini"
+    if limit:
+        flags.append("mass_upper_limit" if limit > 0.0 else "mass_lower_limit")
+        name = name if limit > 0.0 else name and "msini"
+    if name:
+        found.pop(f"{name}_err_mjup", None)
+        found[f"{name}_mjup"] = best
+        if error is not None:
+            found[f"{name}_err_mjup"] = error
+        if name == "msini":
+            found = {key: value for key, value in found.items() if key not in ("mass_mjup", "mass_err_mjup")}
+    return found, tuple(flags)
+
+
+def reference_text(link: str) -> str:
+    """Return ``Benedict et al. 2006 (2006AJ....132.2206B)`` of a link to a bibliography; other text as it is."""
+    words = " ".join(html.unescape(re.sub(r"<[^>]*>", " ", link)).split())
+    bibcode = re.search(r"(?:bibcode=|abs/)([^\s>\"/]+)", link)
+    code = html.unescape(bibcode[1]).replace("%26", "&") if bibcode else ""
+    return f"{words} ({code})" if code else words

@@ -15,8 +15,6 @@ from catalogs.known_planet_columns import COLUMNS, COUNTED, INPUT_ONLY
 from catalogs.names import snapshot_aliases
 from catalogs.nomenclature import designation_key
 
-__all__ = ["NUMBERS", "PLACE_DEG", "TABLE_COLUMNS", "TEXTS", "KnownPlanetTable", "planet_key", "star_key", "table_of"]
-
 TABLE_COLUMNS = tuple(name for name in COLUMNS if name not in INPUT_ONLY)
 TEXTS = tuple(name for name in TABLE_COLUMNS if COLUMNS[name].kind == "text")
 NUMBERS = tuple(name for name in TABLE_COLUMNS if name not in TEXTS)
@@ -112,7 +110,7 @@ class KnownPlanetTable:
         ]
         error_deg = np.sqrt(np.sum(np.square(np.nan_to_num(angles_deg, nan=0.0)), axis=0))
         known = np.isfinite(self.number("inclination_deg")) & np.isfinite(self.number("node_deg"))
-        return dated & known & (error_deg <= PLACE_DEG)
+        return np.asarray(dated & known & (error_deg <= PLACE_DEG))
 
     def rows_of(self, star: str) -> tuple[int, ...]:
         """Return the rows of a star's counted planets, by any of its names; empty if it has none."""

@@ -16,14 +16,12 @@ import csv
 import functools
 import hashlib
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.archive_planets import reference_text, settle
 from catalogs.errors import InputError
 from catalogs.known_planet_columns import (
     COLUMNS,
@@ -32,30 +30,14 @@ from catalogs.known_planet_columns import (
     STANDING,
     STATUSES,
     flags_of,
-    planet_quantity_of,
+    reference_text,
+    settle,
 )
-from catalogs.known_planet_table import (
-    NUMBERS,
-    TABLE_COLUMNS,
-    TEXTS,
-    KnownPlanetTable,
-    planet_key,
-    star_key,
-    table_of,
-)
-from catalogs.table_cells import allowed_text, choose_columns, read_cells
+from catalogs.known_planet_table import NUMBERS, TABLE_COLUMNS, TEXTS, planet_key, table_of
+from catalogs.known_planet_table import KnownPlanetTable as KnownPlanetTable
+from catalogs.known_planet_table import star_key as star_key
+from catalogs.table_cells import Row, Rows, read_rows
 from catalogs.table_files import RawTable, parse_table, read_bytes
-
-__all__ = [
-    "DATA_FILE",
-    "SOURCES",
-    "UPDATES_FILE",
-    "KnownPlanetTable",
-    "load_known_planets",
-    "planets_updated",
-    "split_source",
-    "star_key",
-]
 
 DATA_FILE = "known_planets.csv"
 UPDATES_FILE = "known_planets_updates.csv"
@@ -69,13 +51,11 @@ _DATA = Path(__file__).resolve().parent / "data"
 _DIGITS = 12
 _SHOWN = 6
 _LABEL = "the table of known planets"
+_NAMED = (("star",), ("planet",))
 _REQUIRED = (
     ("period_days", "semi_major_axis_au"),
     ("mass_mjup", "msini_mjup", "radius_rjup", "best_mass_mjup"),
 )
-
-Row = dict[str, Any]
-"""One planet by the columns of a table; what is missing is left out."""
 
 
 def load_known_planets(source: str | Path = "snapshot") -> KnownPlanetTable:
@@ -250,34 +230,16 @@ def _rows_of_file(raw: RawTable) -> tuple[list[Row], tuple[str, ...]]:
     InputError
         If a column or cell is missing or out of range, or a planet is there twice.
     """
-    needed = [[COLUMNS[name]] for name in ("star", "planet")]
-    with_status = any(_is_status(column.heading) for column in raw.columns)
-    needed += [] if with_status else [[COLUMNS[name] for name in names] for names in _REQUIRED]
-    chosen, notes = choose_columns(raw, planet_quantity_of, needed)
-    if "omega_star_deg" in chosen and "omega_planet_deg" in chosen:
+    with_status = any(column.name == "status" for item in raw.columns if (column := COLUMNS.meant_by(item.heading)[0]))
+    given = read_rows(raw, COLUMNS, _NAMED if with_status else (*_NAMED, *_REQUIRED), about="planet")
+    if "omega_star_deg" in given.headings and "omega_planet_deg" in given.headings:
         raise InputError(f"{raw.name} columns", "omega_star_deg and omega_planet_deg", allowed="one of the two")
-    names = chosen["planet"].cells
-    cells = {name: read_cells(raw, COLUMNS[name], column, names) for name, column in chosen.items()}
-    headings = {name: column.heading for name, column in chosen.items()}
-    rows: list[Row] = []
-    seen: dict[tuple[str, str], int] = {}
-    for number in range(len(raw)):
-        given = {name: values[number] for name, values in cells.items() if values[number] is not None}
-        where = f"{raw.name} row {number + 1}" + (f" ({given['planet']})" if "planet" in given else "")
-        rows.append(_user_row(given, where, headings))
-        first = seen.setdefault(_key(given), number)
-        if first != number:
-            hint = f"rows {first + 1} and {number + 1} are of one name; of an archive's solutions keep the default ones"
-            raise InputError(f"{where} column planet", given["planet"], allowed="every planet once", hint=hint)
-    return rows, notes
+    rows = [_user_row(row, where, given) for where, row in given]
+    given.refuse_twins(_key, remedy="of an archive's solutions keep the default ones")
+    return rows, given.notes
 
 
-def _is_status(heading: str) -> bool:
-    quantity, _ = planet_quantity_of(heading)
-    return quantity is not None and quantity.name == "status"
-
-
-def _user_row(given: Row, where: str, headings: Mapping[str, str]) -> Row:
+def _user_row(given: Row, where: str, table: Rows) -> Row:
     """Return one row by the columns of a table, its flags included.
 
     Raises
@@ -289,14 +251,9 @@ def _user_row(given: Row, where: str, headings: Mapping[str, str]) -> Row:
     if "status" in texts:
         texts["status"] = texts["status"].lower()
         if texts["status"] not in STATUSES:
-            raise InputError(f"{where} column {headings['status']}", given["status"], allowed=", ".join(STATUSES))
+            raise InputError(f"{where} column {table.headings['status']}", given["status"], allowed=", ".join(STATUSES))
     alone = "status" in texts and len(texts) == len(given)
-    for names in (("star",), ("planet",), *(() if alone else _REQUIRED)):
-        if not any(name in given for name in names):
-            own = [name for name in names if name in headings] or list(names)
-            allowed = " or ".join(allowed_text(COLUMNS[name]) for name in own)
-            column = " or ".join(headings.get(name, name) for name in own)
-            raise InputError(f"{where} column {column}", "missing", allowed=allowed)
+    table.refuse_missing(where, given, _NAMED if alone else (*_NAMED, *_REQUIRED))
     stated = tuple(filter(None, texts.pop("flags", "").replace(" ", "").split(";")))
     for word in stated:
         if word not in FLAGS:

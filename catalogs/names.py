@@ -22,8 +22,6 @@ from catalogs.errors import InputError
 from catalogs.nomenclature import GREEK, designation_key, split_component
 from catalogs.stars import StarTable, load_stars
 
-__all__ = ["StarMatch", "resolve_star", "snapshot_aliases"]
-
 _DATA = Path(__file__).resolve().parent / "data"
 _ALLOWED = "HIP, HD, HR or GJ number, Bayer or Flamsteed designation, proper name or SIMBAD identifier"
 _SUGGESTIONS = 4

@@ -20,8 +20,6 @@ from typing import Any
 
 from catalogs.errors import InputError
 
-__all__ = ["Cuts", "RefreshError", "TapService", "ask", "queries", "service_url"]
-
 URL_VARIABLE = "CPIC_SIMBAD_URL"
 """Environment variable with the address of the TAP service to ask, where none is given."""
 _PAUSE_FACTOR = 2.0

@@ -1,55 +1,53 @@
-"""SIMBAD's answers as checked columns: one table of names, old and new, and refusal of what cannot be right."""
+"""SIMBAD's answers as checked columns, under names old and new; what cannot be right is refused."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from catalogs.columns import Column, Columns
+from catalogs.errors import InputError
 from catalogs.simbad import RefreshError
-
-__all__ = ["ALIASES", "Answer", "Measurements", "read_measurements", "read_stars"]
+from catalogs.table_cells import Row, Rows, read_rows
+from catalogs.table_files import RawColumn, RawTable, raw_column
 
 FloatArray = NDArray[np.float64]
 
-ALIASES: dict[str, tuple[str, ...]] = {
-    "oid": ("oid", "oidref"),
-    "main_id": ("main_id", "main id"),
-    "ra": ("ra", "ra_d", "ra(d)"),
-    "dec": ("dec", "dec_d", "dec(d)"),
-    "plx_value": ("plx_value", "plx"),
-    "plx_err": ("plx_err", "plx_error"),
-    "pmra": ("pmra",),
-    "pmdec": ("pmdec",),
-    "rvz_radvel": ("rvz_radvel", "rv_value", "radvel"),
-    "sp_type": ("sp_type", "sptype", "sp"),
-    "otype": ("otype", "otype(s)", "otype_s", "otype(v)"),
-    "b": ("b", "flux_b", "flux(b)"),
-    "v": ("v", "flux_v", "flux(v)"),
-    "ids": ("ids",),
-    "oidref": ("oidref", "oid"),
-    "teff": ("teff", "mesfe_h.teff", "fe_h_teff"),
-    "log_g": ("log_g", "mesfe_h.log_g", "fe_h_log_g", "logg"),
-    "fe_h": ("fe_h", "mesfe_h.fe_h", "fe_h_fe_h", "feh"),
-    "bibcode": ("bibcode", "mesfe_h.bibcode", "fe_h_bibcode"),
-    "mespos": ("mespos", "mesfe_h.mespos", "fe_h_mespos"),
-}
-"""Column asked for -> names that the answer may give it, in lower case: of TAP, of ``add_votable_fields``, and of
-astroquery before 0.4.8."""
-
-_UNITS = {
-    "ra": "deg",
-    "dec": "deg",
-    "plx_value": "mas",
-    "plx_err": "mas",
-    "pmra": "mas / yr",
-    "pmdec": "mas / yr",
-    "rvz_radvel": "km / s",
-    "teff": "K",
-}
-_MISSING_TEXTS = frozenset(("", "nan", "--", "~", "null", "none"))
+_ANY = (-np.inf, np.inf)
+# Headings are those of TAP, of ``add_votable_fields``, and of astroquery before 0.4.8.
+STARS = Columns(
+    (
+        Column("oid", "number of the object", "float", "", "oidref", 0.0, 1e15),
+        Column("main_id", "main identifier"),
+        Column("ra_deg", "right ascension", "float", "deg", "ra rad", 0.0, 360.0),
+        Column("dec_deg", "declination", "float", "deg", "dec decd", -90.0, 90.0),
+        Column("parallax_mas", "parallax", "float", "mas", "plxvalue plx", 1e-3, 1e3),
+        Column("parallax_err_mas", "its standard error", "float", "mas", "plxerr plxerror", *_ANY),
+        Column("pm_ra_mas_yr", "proper motion, with cos(dec)", "float", "mas / yr", "pmra", *_ANY),
+        Column("pm_dec_mas_yr", "proper motion", "float", "mas / yr", "pmdec", *_ANY),
+        Column("rv_km_s", "radial velocity", "float", "km / s", "rvzradvel rvvalue radvel", *_ANY),
+        Column("sp_type", "spectral type", aliases="sp"),
+        Column("object_type", "type of the object", aliases="otype otypes otypev"),
+        Column("b_mag", "B magnitude", "float", "mag", "b fluxb", *_ANY),
+        Column("v_mag", "V magnitude", "float", "mag", "v fluxv", -30.0, 30.0),
+        Column("ids", "all identifiers"),
+    )
+)
+MEASUREMENTS = Columns(
+    (
+        Column("oid", "number of the object", "float", "", "oidref", 0.0, 1e15),
+        Column("teff_k", "temperature", "float", "K", "teff mesfehteff fehteff", *_ANY),
+        Column("log_g", "gravity", "float", "", "mesfehlogg fehlogg", *_ANY),
+        Column("fe_h", "metallicity", "float", "", "mesfehfeh fehfeh", *_ANY),
+        Column("bibcode", "reference", aliases="mesfehbibcode fehbibcode"),
+    )
+)
+_NEEDED = tuple((name,) for name in ("oid", "main_id", "ra_deg", "dec_deg", "parallax_mas", "v_mag"))
+_BELIEVED = {"teff_k": (2000.0, 50000.0), "log_g": (-2.0, 7.0), "fe_h": (-5.0, 1.5)}
 _REMEDY = "SIMBAD may have changed or the service is not SIMBAD; catalogues already here stay as they are"
 
 
@@ -96,7 +94,7 @@ def read_stars(table: Any) -> Answer:
     Parameters
     ----------
     table : astropy.table.Table
-        Columns under any name of :data:`ALIASES`.
+        Columns under any name of :data:`STARS`.
 
     Raises
     ------
@@ -105,43 +103,16 @@ def read_stars(table: Any) -> Answer:
     """
     if len(table) == 0:
         raise RefreshError("the answer holds no star", "check --v-mag-max and --parallax-min-mas, or the service")
-    answer = Answer(
-        oid=_whole(table, "oid"),
-        main_id=_texts(table, "main_id"),
-        ra_deg=_angles(table, "ra"),
-        dec_deg=_angles(table, "dec"),
-        parallax_mas=_numbers(table, "plx_value"),
-        parallax_err_mas=_numbers(table, "plx_err"),
-        pm_ra_mas_yr=_numbers(table, "pmra"),
-        pm_dec_mas_yr=_numbers(table, "pmdec"),
-        rv_km_s=_numbers(table, "rvz_radvel"),
-        sp_type=_texts(table, "sp_type"),
-        object_type=_texts(table, "otype"),
-        b_mag=_numbers(table, "b"),
-        v_mag=_numbers(table, "v"),
-        ids=[
-            tuple(filter(None, (" ".join(name.split()) for name in text.split("|")))) for text in _texts(table, "ids")
-        ],
-    )
-    for what, values in (("oid", answer.oid.tolist()), ("main_id", answer.main_id)):
-        seen: set[object] = set()
-        for value, name in zip(values, answer.main_id, strict=True):
-            if value in seen or value == "":
-                raise RefreshError(f"the answer lists {name or 'a star without a name'} twice (same {what})", _REMEDY)
-            seen.add(value)
-    checks = (
-        ("parallax", answer.parallax_mas, 1e-3, 1e3),
-        ("V magnitude", answer.v_mag, -30.0, 30.0),
-        ("right ascension", answer.ra_deg, 0.0, 360.0),
-        ("declination", answer.dec_deg, -90.0, 90.0),
-    )
-    for what, numbers, low, high in checks:
-        wrong = np.flatnonzero(~((numbers >= low) & (numbers <= high)))
-        if wrong.size:
-            i = int(wrong[0])
-            shown = "no" if np.isnan(numbers[i]) else f"an impossible ({numbers[i]:g})"
-            raise RefreshError(f"the answer has {shown} {what} for {answer.main_id[i]}", _REMEDY)
-    return answer
+
+    def check(rows: Rows) -> None:
+        for where, row in rows:
+            rows.refuse_missing(where, row, _NEEDED)
+        for name in ("oid", "main_id"):
+            rows.refuse_twins(_cell_of(name), remedy=f"same {name}")
+
+    columns = _columns(table, STARS, check)
+    names = [tuple(filter(None, (" ".join(name.split()) for name in text.split("|")))) for text in columns.pop("ids")]
+    return Answer(**columns, ids=names)
 
 
 def read_measurements(table: Any) -> Measurements:
@@ -155,86 +126,55 @@ def read_measurements(table: Any) -> Measurements:
     RefreshError
         If it lacks a column.
     """
-    return Measurements(
-        oid=_whole(table, "oidref"),
-        teff_k=_within(_numbers(table, "teff"), 2000.0, 50000.0),
-        log_g=_within(_numbers(table, "log_g"), -2.0, 7.0),
-        fe_h=_within(_numbers(table, "fe_h"), -5.0, 1.5),
-        bibcode=_texts(table, "bibcode"),
-    )
+
+    def check(rows: Rows) -> None:
+        for where, row in rows:
+            rows.refuse_missing(where, row, (("oid",),))
+
+    columns = _columns(table, MEASUREMENTS, check)
+    for name, (low, high) in _BELIEVED.items():
+        columns[name] = np.where((columns[name] >= low) & (columns[name] <= high), columns[name], np.nan)
+    return Measurements(**columns)
 
 
-def _within(values: FloatArray, low: float, high: float) -> FloatArray:
-    return np.where((values >= low) & (values <= high), values, np.nan)
+def _cell_of(name: str) -> Callable[[Row], Any]:
+    return lambda row: row[name]
 
 
-def _column(table: Any, name: str) -> Any:
-    names = {str(given).lower(): given for given in reversed(table.colnames)}
-    for alias in ALIASES[name]:
-        if alias in names:
-            return table[names[alias]]
-    raise RefreshError(f"the answer lacks the column {name} (it has: {', '.join(table.colnames)})", _REMEDY)
+def _columns(table: Any, columns: Columns, check: Callable[[Rows], None]) -> dict[str, Any]:
+    """Return the columns of an answer by our names; numbers as arrays, nan where missing."""
+    try:
+        raw = RawTable("the answer", [_raw(table, name, columns) for name in table.colnames])
+        rows = read_rows(raw, columns, [(name,) for name in columns], about="main_id" if columns is STARS else "oid")
+        check(rows)
+    except InputError as error:
+        raise RefreshError(str(error), _REMEDY) from None
+    found: dict[str, Any] = {}
+    for name, column in columns.items():
+        if column.kind == "text":
+            found[name] = [row.get(name, "") for row in rows.rows]
+        else:
+            found[name] = np.array([row.get(name, np.nan) for row in rows.rows], dtype=np.float64)
+    return found | {"oid": found["oid"].astype(np.int64)}
 
 
-def _cells(column: Any) -> list[object]:
-    """Return the cells, None where masked."""
-    masked = np.ma.getmaskarray(column)
+def _raw(table: Any, name: str, columns: Columns) -> RawColumn:
+    """Return one column of the answer with its cells as people write them; a pure number has no unit."""
+    column, meant = table[name], columns.meant_by(name)[0]
+    raw = raw_column("the answer", name, column)
+    cells = [None if cell == "~" else cell for cell in raw.cells]
     if column.dtype == np.float32:  # 7.3 shall be 7.3, not 7.300000190734863
-        column = column.astype(str)
-    return [None if gone else cell for cell, gone in zip(column.tolist(), masked.tolist(), strict=True)]
+        cells = [None if cell is None else str(np.float32(cell)) for cell in cells]
+    if meant is not None and meant.name in ("ra_deg", "dec_deg") and any(map(_is_sexagesimal, cells)):
+        from astropy.coordinates import Angle
+
+        unit = "hourangle" if meant.name == "ra_deg" else "deg"  # what SIMBAD gave before TAP
+        try:
+            return RawColumn(name, "deg", [Angle(str(cell), unit=unit).deg for cell in cells])
+        except ValueError as error:
+            raise InputError(f"the answer column {name}", "unreadable", allowed="angles", hint=str(error)) from None
+    return RawColumn(name, raw.unit if meant is not None and meant.unit else "", cells)
 
 
-def _text(cell: object) -> str:
-    text = cell.decode("utf-8", "replace") if isinstance(cell, bytes) else str(cell if cell is not None else "")
-    return " ".join(text.split())
-
-
-def _texts(table: Any, name: str) -> list[str]:
-    return [_text(cell) for cell in _cells(_column(table, name))]
-
-
-def _numbers(table: Any, name: str) -> FloatArray:
-    column = _column(table, name)
-    values = np.array([_number(cell, name) for cell in _cells(column)], dtype=np.float64)
-    wanted, unit = _UNITS.get(name), getattr(column, "unit", None)
-    if wanted is None or unit is None or str(unit) == "":
-        return values
-    from astropy import units
-
-    try:
-        return np.asarray(units.Quantity(values, unit).to_value(wanted), dtype=np.float64)
-    except (units.UnitConversionError, TypeError, ValueError):
-        raise RefreshError(f"the answer gives {name} in {unit}, not in {wanted}", _REMEDY) from None
-
-
-def _number(cell: object, name: str) -> float:
-    if isinstance(cell, int | float | np.number):
-        return float(cell)
-    text = _text(cell)
-    if text.lower() in _MISSING_TEXTS:
-        return float("nan")
-    try:
-        return float(text)
-    except ValueError:
-        raise RefreshError(f"the answer has {text[:40]!r} for {name}, which is no number", _REMEDY) from None
-
-
-def _angles(table: Any, name: str) -> FloatArray:
-    """Return degrees; text in hours or degrees, minutes and seconds is what SIMBAD gave before TAP."""
-    cells = _cells(_column(table, name))
-    if not any(isinstance(cell, str | bytes) and len(_text(cell).split()) > 1 for cell in cells):
-        return _numbers(table, name)
-    from astropy.coordinates import Angle
-
-    unit = "hourangle" if name == "ra" else "deg"
-    try:
-        return np.array([Angle(_text(cell), unit=unit).deg for cell in cells], dtype=np.float64)
-    except ValueError as error:
-        raise RefreshError(f"the answer has an unreadable {name}: {error}", _REMEDY) from None
-
-
-def _whole(table: Any, name: str) -> NDArray[np.int64]:
-    values = _numbers(table, name)
-    if not np.all(np.isfinite(values)):
-        raise RefreshError(f"the answer has rows without {name}", _REMEDY)
-    return values.astype(np.int64)
+def _is_sexagesimal(cell: object) -> bool:
+    return isinstance(cell, str) and len(cell.split()) > 1

@@ -20,8 +20,6 @@ from catalogs.simbad_answer import Answer
 from catalogs.star_systems import is_blend_id
 from catalogs.stars import StarTable
 
-__all__ = ["Names", "blends", "match_snapshot", "own_names", "row_name"]
-
 _NAMED_PART_ARCSEC = 300.0
 _UNNAMED_PART_ARCSEC = 30.0
 _TELLING = re.compile(r"(?:\*|V\*|NAME|HIP|HD|HR|GJ|Gl|LHS|LTT|NLTT|BD|CD|CPD|SAO|Wo|NN)[ +-]")

@@ -13,29 +13,59 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from statistics import median
 
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.coordinates import ecliptic
+from catalogs.coordinates import position_angle, separation_arcsec, tangent_offset
 from catalogs.nomenclature import designation_key
 from catalogs.simbad import Cuts, RefreshError
 from catalogs.simbad_answer import Answer, Measurements
-from catalogs.simbad_fill import companion, fill, snapshot_medians, spectroscopy
 from catalogs.simbad_names import Names, blends, match_snapshot, own_names, row_name
+from catalogs.spectral_types import PARAMETERS_SOURCE, stellar_parameters
 from catalogs.star_flags import parallax_flags, type_flags
-from catalogs.star_systems import Adopted, Member, adopt_parallaxes, group_systems
+from catalogs.star_systems import CLOSE_COMPANION_ARCSEC, Adopted, Member, adopt_parallaxes, group_systems
 from catalogs.stars import StarTable, star_table
-from catalogs.stellar_physics import luminosity_class, spectral_letter
-
-__all__ = ["Assembled", "assemble"]
+from catalogs.stellar_physics import (
+    GRAVITY_SOURCE,
+    LUMINOSITY_SOURCE,
+    RADIUS_SOURCE,
+    TEFF_TOLERANCE_K,
+    colour_temperature,
+    gravity,
+    light_columns,
+    luminosity_from_v,
+    mass_of,
+    nearest_subtype,
+    place_columns,
+    radius_from_luminosity,
+    spectral_letter,
+    subtype_medians,
+)
 
 _KEPT_LETTERS = ("F", "G", "K")
 _OTHER_CLASS = "not of class F, G or K"
 
+_NEIGHBOUR_ARCSEC = 60.0
+_LEAST_SEPARATION_ARCSEC = 0.1
+_PARALLAX_TOLERANCE = 0.2
+_SAME_V_MAG = 0.05
+_BINARY_TYPES = ("**", "SB*", "El*", "EB*")
+_TAKEN_OVER = "; from the snapshot"
+_COMPANION_COLUMNS = (
+    "companion_name",
+    "companion_sep_arcsec",
+    "companion_pa_deg",
+    "companion_epoch_yr",
+    "companion_delta_v_mag",
+)
+_COMPANION_SOURCES = ("companion_src", "companion_pa_src", "companion_delta_v_src")
+
 Row = dict[str, object]
+Medians = dict[tuple[bool, int], tuple[float, float]]
 
 
 @dataclass(frozen=True)
@@ -99,17 +129,20 @@ def assemble(answer: Answer, measurements: Measurements, snapshot: StarTable, cu
     counts.update(f"left out: {kind}" for kind, _ in reasons.values())
     if not kept:
         raise RefreshError("no star of class F, G or K is left in the answer", "check --v-mag-max and the service")
-    measured = spectroscopy(measurements)
+    measured = _spectroscopy(measurements)
     known = {i: snapshot.row(matched[i]) if matched[i] >= 0 else None for i in kept}
     shown = _shown_names(names, known, kept)
-    medians = snapshot_medians(snapshot)
+    medians = _snapshot_medians(snapshot)
     rows = []
     for i in kept:
         row: Row = {"name": shown[i], **_identity(names[i], known[i])}
-        row |= _astrometry(answer, i, adopted[i], shown)
-        row |= _light(answer, i)
-        flags = fill(row, measured.get(int(answer.oid[i]), {}), known[i], medians)
-        flags |= companion(row, answer, i, known[i], shown, listed)
+        row |= _parallax(answer, i, adopted[i], shown)
+        motion = (float(answer.pm_ra_mas_yr[i]), float(answer.pm_dec_mas_yr[i]))
+        row |= place_columns(answer.ra_deg[i], answer.dec_deg[i], motion, float(answer.rv_km_s[i]), "measured")
+        v_mag, b_mag = float(answer.v_mag[i]), float(answer.b_mag[i])
+        row |= light_columns(v_mag, b_mag - v_mag, answer.sp_type[i], "measured")
+        flags = _fill(row, measured.get(int(answer.oid[i]), {}), known[i], medians)
+        flags |= _companion(row, answer, i, known[i], shown, listed)
         flags |= type_flags(answer.sp_type[i], answer.object_type[i], answer.main_id[i])
         flags |= parallax_flags(adopted[i].parallax_mas, adopted[i].parallax_err_mas)
         flags |= {"shared_parallax"} if adopted[i].shared else set()
@@ -188,41 +221,146 @@ def _identity(names: Names, known: Mapping[str, object] | None) -> Row:
     }
 
 
-def _astrometry(answer: Answer, i: int, adopted: Adopted, shown: Mapping[int, str]) -> Row:
-    lon, lat = ecliptic(answer.ra_deg[i], answer.dec_deg[i])
-    moves = math.isfinite(answer.pm_ra_mas_yr[i] + answer.pm_dec_mas_yr[i])
-    rv_known = math.isfinite(answer.rv_km_s[i])
-    lent = f"derived:shared with {shown.get(adopted.lender, '')}"
+def _parallax(answer: Answer, i: int, adopted: Adopted, shown: Mapping[int, str]) -> Row:
     return {
-        "ra_deg": float(answer.ra_deg[i]) % 360.0,
-        "dec_deg": float(answer.dec_deg[i]),
-        "epoch_yr": 2000.0,
-        "pm_ra_mas_yr": float(answer.pm_ra_mas_yr[i]) if moves else 0.0,
-        "pm_dec_mas_yr": float(answer.pm_dec_mas_yr[i]) if moves else 0.0,
-        "pm_src": "measured" if moves else "assumed:0",
         "parallax_mas": adopted.parallax_mas,
         "parallax_err_mas": adopted.parallax_err_mas,
-        "parallax_src": adopted.src or lent,
+        "parallax_src": adopted.src or f"derived:shared with {shown.get(adopted.lender, '')}",
         "parallax_err_src": adopted.err_src,
         "parallax_own_mas": float(answer.parallax_mas[i]),
         "distance_pc": 1000.0 / adopted.parallax_mas,
         "distance_pc_src": "derived:parallax",
-        "rv_km_s": float(answer.rv_km_s[i]) if rv_known else 0.0,
-        "rv_km_s_src": "measured" if rv_known else "assumed:0",
-        "ecliptic_lon_deg": float(lon),
-        "ecliptic_lat_deg": float(lat),
-        "ecliptic_src": "derived:position",
     }
 
 
-def _light(answer: Answer, i: int) -> Row:
-    b_v = float(answer.b_mag[i] - answer.v_mag[i])
-    return {
-        "v_mag": float(answer.v_mag[i]),
-        "v_mag_src": "measured",
-        "b_v_mag": b_v,
-        "b_v_mag_src": "measured" if math.isfinite(b_v) else "missing",
-        "sp_type": answer.sp_type[i],
-        "spectral_class": spectral_letter(answer.sp_type[i]),
-        "luminosity_class": luminosity_class(answer.sp_type[i]),
+def _spectroscopy(measurements: Measurements) -> dict[int, dict[str, tuple[float, str]]]:
+    """Return star -> quantity -> (median, how many, and the newest reference)."""
+    groups: dict[tuple[int, str], list[tuple[float, str]]] = {}
+    columns = {"teff_k": measurements.teff_k, "log_g": measurements.log_g, "metallicity": measurements.fe_h}
+    for name, values in columns.items():
+        for oid, value, bibcode in zip(measurements.oid.tolist(), values.tolist(), measurements.bibcode, strict=True):
+            if math.isfinite(value):
+                groups.setdefault((oid, name), []).append((value, bibcode))
+    found: dict[int, dict[str, tuple[float, str]]] = {}
+    for (oid, name), pairs in groups.items():
+        newest = max((bibcode for _, bibcode in pairs), default="")
+        src = f"measured:median of {len(pairs)} (SIMBAD mesFe_h, newest {newest or 'without reference'})"
+        found.setdefault(oid, {})[name] = (median(value for value, _ in pairs), src)
+    return found
+
+
+def _snapshot_medians(snapshot: StarTable) -> Medians:
+    """Return the median (Teff, B-V) of each subtype, of the snapshot's stars with a measured temperature."""
+    names = ("sp_type", "teff_k", "b_v_mag", "teff_k_src")
+    cells = zip(*(snapshot.column(name).tolist() for name in names), strict=True)
+    return subtype_medians((sp_type, teff, b_v) for sp_type, teff, b_v, src in cells if src == "measured")
+
+
+def _fill(
+    row: Row,
+    measured: Mapping[str, tuple[float, str]],
+    known: Mapping[str, object] | None,
+    medians: Medians,
+) -> set[str]:
+    """Fill temperature, gravity, metallicity, luminosity, radius and mass; return the flags."""
+    flags: set[str] = set()
+
+    def old(name: str, least: tuple[str, ...]) -> tuple[float, str] | None:
+        """Return the snapshot's value where its source is one of the better kinds."""
+        if known is None or not any(kind in str(known[f"{name}_src"]) for kind in least):
+            return None
+        return float(str(known[name])), f"{known[f'{name}_src']}{_TAKEN_OVER}"
+
+    def best(name: str) -> tuple[float, str] | None:
+        """Return SIMBAD's median, else the snapshot's value if it comes from the literature."""
+        return measured.get(name) or old(name, ("measured", "ExoCat-1"))
+
+    sp_type, b_v = str(row["sp_type"]), float(str(row["b_v_mag"]))
+    expected_teff, expected_b_v = nearest_subtype(sp_type, medians)
+    row["metallicity"], row["metallicity_src"] = best("metallicity") or (0.0, "assumed:0")
+    off = (
+        math.isfinite(b_v + expected_teff)
+        and abs(colour_temperature(b_v, 0.0)[0] - expected_teff) > 2 * TEFF_TOLERANCE_K
+    )
+    if off:
+        flags.add("colour_outlier")
+    if (off or not math.isfinite(b_v)) and math.isfinite(expected_b_v):
+        b_v = expected_b_v
+        row["b_v_mag"], row["b_v_mag_src"] = b_v, "derived:median of the spectral subtype in the snapshot"
+    found = best("teff_k")
+    if found is None and math.isfinite(b_v):
+        found = colour_temperature(b_v, float(str(row["metallicity"])))
+    if found is None:
+        found = stellar_parameters(sp_type).teff_k, PARAMETERS_SOURCE
+    teff = found[0]
+    if math.isfinite(expected_teff) and abs(teff - expected_teff) > TEFF_TOLERANCE_K:
+        flags.add("teff_outlier")
+    v_mag, distance_pc = float(str(row["v_mag"])), float(str(row["distance_pc"]))
+    luminosity, luminosity_src = luminosity_from_v(v_mag, distance_pc, teff), LUMINOSITY_SOURCE
+    mass_found = None
+    listed = old("luminosity_lsun", ("ExoCat-1",))
+    if listed is not None and known is not None and abs(v_mag - float(str(known["v_mag"]))) < _SAME_V_MAG:
+        luminosity = listed[0] * (distance_pc / float(str(known["distance_pc"]))) ** 2
+        luminosity_src = listed[1]
+        mass_found = old("mass_msun", ("ExoCat-1", "Takeda"))
+    radius = radius_from_luminosity(luminosity, teff)
+    mass, mass_src = mass_found or mass_of(sp_type, luminosity)
+    row |= {
+        "teff_k": teff,
+        "teff_k_src": found[1],
+        "luminosity_lsun": luminosity,
+        "luminosity_lsun_src": luminosity_src,
+        "radius_rsun": radius,
+        "radius_rsun_src": RADIUS_SOURCE,
+        "mass_msun": mass,
+        "mass_msun_src": mass_src,
     }
+    row["log_g"], row["log_g_src"] = best("log_g") or (gravity(mass, radius), GRAVITY_SOURCE)
+    return flags
+
+
+def _companion(
+    row: Row,
+    answer: Answer,
+    i: int,
+    known: Mapping[str, object] | None,
+    shown: Mapping[int, str],
+    not_stars: Collection[int],
+) -> set[str]:
+    """Fill the companion columns: the snapshot's, else the neighbour in the answer with most light; return the flags.
+
+    `not_stars` are the objects that are blends of others.
+
+    The neighbour's position is good to about an arcsecond, and orbital motion is not modelled, as in the snapshot.
+    """
+    if known is not None:
+        row |= {name: known[name] for name in ("close_companion", *_COMPANION_COLUMNS)}
+        row |= {
+            name: known[name] if known[name] == "missing" else f"{known[name]}{_TAKEN_OVER}"
+            for name in _COMPANION_SOURCES
+        }
+        return set()
+    sep = separation_arcsec(answer.ra_deg[i], answer.dec_deg[i], answer.ra_deg, answer.dec_deg)
+    near = (sep > _LEAST_SEPARATION_ARCSEC) & (sep < _NEIGHBOUR_ARCSEC)
+    near &= np.abs(answer.parallax_mas - answer.parallax_mas[i]) < _PARALLAX_TOLERANCE * answer.parallax_mas[i]
+    near[list(not_stars)] = False
+    candidates = np.flatnonzero(near)
+    row |= dict.fromkeys(_COMPANION_COLUMNS, float("nan")) | {"companion_name": ""}
+    row |= dict.fromkeys(_COMPANION_SOURCES, "missing")
+    row["close_companion"] = answer.object_type[i] in _BINARY_TYPES
+    if candidates.size:
+        light = 10.0 ** (-0.4 * answer.v_mag[candidates]) / sep[candidates] ** 2
+        j = int(candidates[np.argmax(light)])
+        east, north = tangent_offset(answer.ra_deg[j], answer.dec_deg[j], answer.ra_deg[i], answer.dec_deg[i])
+        row |= {
+            "companion_name": shown.get(j, answer.main_id[j]),
+            "companion_sep_arcsec": float(np.hypot(east, north)),
+            "companion_pa_deg": float(position_angle(east, north)),
+            "companion_epoch_yr": 2000.0,
+            "companion_delta_v_mag": float(answer.v_mag[j] - answer.v_mag[i]),
+            "companion_src": "derived:positions of the entries",
+            "companion_pa_src": "derived:positions of the entries",
+            "companion_delta_v_src": "derived:V of both entries",
+        }
+        row["close_companion"] = bool(row["close_companion"]) or float(sep[j]) < CLOSE_COMPANION_ARCSEC
+    return {"companions_not_searched"}

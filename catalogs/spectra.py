@@ -12,23 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from catalogs.errors import InputError
-from catalogs.stellar_grid import HC_ERG_ANGSTROM, StellarGrid
-
-__all__ = [
-    "HC_ERG_ANGSTROM",
-    "PLANETS",
-    "Albedo",
-    "Curve",
-    "SpectralLibrary",
-    "Spectrum",
-    "ZodiacalLight",
-    "load_albedo",
-    "load_johnson_v",
-    "load_pickles",
-    "load_reference_spectrum",
-    "load_stellar_grid",
-    "load_zodi_table",
-]
+from catalogs.stellar_grid import HC_ERG_ANGSTROM as HC_ERG_ANGSTROM
+from catalogs.stellar_grid import StellarGrid
 
 #: Planets with a measured albedo.
 PLANETS = ("jupiter", "saturn", "uranus", "neptune")

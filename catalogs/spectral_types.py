@@ -14,8 +14,6 @@ import numpy as np
 from catalogs.errors import InputError
 from catalogs.strict_yaml import load_yaml, split_sourced
 
-__all__ = ["PARAMETERS_SOURCE", "SpectralType", "StellarParameters", "parse_spectral_type", "stellar_parameters"]
-
 PARAMETERS_SOURCE = "derived:spectral type (Pecaut & Mamajek 2013; Cox 2000)"
 _FILE = Path(__file__).resolve().parent / "data" / "spectral_types.yaml"
 _LETTERS = "OBAFGKM"

@@ -7,8 +7,6 @@ import re
 
 from catalogs.stellar_physics import is_giant, luminosity_class
 
-__all__ = ["ADDED_FLAGS", "FLAGS", "parallax_flags", "type_flags"]
-
 #: Words of the column quality_flags in the shipped table.
 FLAGS: dict[str, str] = {
     "colour_outlier": "B-V of the extract contradicts the spectral type; the subtype's median is used",
@@ -42,30 +40,9 @@ ADDED_FLAGS: dict[str, str] = {
 }
 
 _LOW_PARALLAX_SNR = 50.0
-_VARIABLE_TYPES = frozenset(
-    (
-        "V*",
-        "V*?",
-        "BY*",
-        "RS*",
-        "dS*",
-        "gD*",
-        "Fl*",
-        "Er*",
-        "Pu*",
-        "TT*",
-        "BS*",
-        "a2*",
-        "Ce*",
-        "LP*",
-        "El*",
-        "Ro*",
-        "WU*",
-        "Al*",
-        "EB*",
-    )
-)
-_BINARY_TYPES = frozenset(("SB*", "El*", "WU*", "EB*"))
+# SIMBAD's codes of object types.
+_VARIABLE_TYPES = "V* V*? BY* RS* dS* gD* Fl* Er* Pu* TT* BS* a2* Ce* LP* El* Ro* WU* Al* EB*"
+_BINARY_TYPES = "SB* El* WU* EB*"
 
 
 def type_flags(sp_type: str, object_type: str, simbad_id: str) -> set[str]:
@@ -75,8 +52,8 @@ def type_flags(sp_type: str, object_type: str, simbad_id: str) -> set[str]:
         "no_class": not luminosity_class(sp_type),
         "composite_spectrum": "+" in sp_type[1:] and not re.search(r"\+\d", sp_type),
         "peculiar": bool(re.search(r"p|m", sp_type[1:])),
-        "variable": object_type in _VARIABLE_TYPES or simbad_id.startswith("V*"),
-        "spectroscopic_binary": object_type in _BINARY_TYPES,
+        "variable": object_type in _VARIABLE_TYPES.split() or simbad_id.startswith("V*"),
+        "spectroscopic_binary": object_type in _BINARY_TYPES.split(),
         "double_entry": object_type == "**",
     }
     return {name for name, applies in checks.items() if applies}

@@ -14,16 +14,6 @@ import numpy as np
 
 from catalogs.coordinates import separation_arcsec
 
-__all__ = [
-    "CLOSE_ARCSEC",
-    "CLOSE_COMPANION_ARCSEC",
-    "Adopted",
-    "Member",
-    "adopt_parallaxes",
-    "group_systems",
-    "is_blend_id",
-]
-
 CLOSE_ARCSEC = 30.0
 """Rows of consistent parallax this close are one system whatever their proper motions say."""
 CLOSE_COMPANION_ARCSEC = 10.0

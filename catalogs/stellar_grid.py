@@ -14,12 +14,31 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catalogs.errors import InputError
-from catalogs.interpolation import bracket
-
-__all__ = ["HC_ERG_ANGSTROM", "GridFlags", "StellarGrid"]
 
 #: Planck constant times speed of light (exact SI values), erg A.
 HC_ERG_ANGSTROM = 6.62607015e-27 * 2.99792458e18
+
+
+def bracket(nodes: np.ndarray, values: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+    """Return the two nodes around each value and their weights.
+
+    Parameters
+    ----------
+    nodes : ndarray, shape (n,)
+        Increasing, at least two.
+    values : array_like, shape (...)
+        Finite; outside the nodes the end is taken.
+
+    Returns
+    -------
+    index : ndarray of int, shape (..., 2)
+    weight : ndarray, shape (..., 2)
+        Non-negative, sum 1.
+    """
+    inside = np.clip(values, nodes[0], nodes[-1])
+    left = np.clip(np.searchsorted(nodes, inside, side="right") - 1, 0, nodes.size - 2)
+    fraction = (inside - nodes[left]) / (nodes[left + 1] - nodes[left])
+    return np.stack([left, left + 1], axis=-1), np.stack([1.0 - fraction, fraction], axis=-1)
 
 
 class GridFlags(NamedTuple):
@@ -32,7 +51,8 @@ class GridFlags(NamedTuple):
     @property
     def any(self) -> np.ndarray:
         """True where at least one of the three is clamped."""
-        return self.teff_k | self.log_g | self.metallicity
+        result: np.ndarray = self.teff_k | self.log_g | self.metallicity
+        return result
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,12 +96,12 @@ class StellarGrid:
     def _lowest(self) -> np.ndarray:
         """Lowest gravity that exists at each temperature node, shape (teff,)."""
         exists = self.ratio.any(axis=-1).all(axis=-1)
-        return self.log_g[np.argmax(exists, axis=1)]
+        return np.asarray(self.log_g[np.argmax(exists, axis=1)])
 
     @cached_property
     def _line(self) -> np.ndarray:
         """Index of the line structure of each node's gravity, shape (log g,)."""
-        return np.searchsorted(self.line_log_g, np.maximum(self.log_g, self.line_log_g[0]))
+        return np.asarray(np.searchsorted(self.line_log_g, np.maximum(self.log_g, self.line_log_g[0])))
 
     def log_g_floor(self, teff_k: ArrayLike) -> np.ndarray:
         """Return the lowest gravity between whose nodes one can interpolate at each temperature (dex).
@@ -93,7 +113,8 @@ class StellarGrid:
         """
         (teff,) = _finite(("teff_k",), ("K",), teff_k)
         index, weight = bracket(self.teff_k, teff)
-        return np.where(weight > 0.0, self._lowest[index], self.log_g[0]).max(axis=-1)
+        result: np.ndarray = np.where(weight > 0.0, self._lowest[index], self.log_g[0]).max(axis=-1)
+        return result
 
     def flags(self, teff_k: ArrayLike, log_g: ArrayLike, metallicity: ArrayLike) -> GridFlags:
         """Return which values lie outside the grid, arrays of the broadcast shape.
@@ -179,7 +200,7 @@ class StellarGrid:
         weights = self._hats(samples).T[:, :, None] * used[:, None, :]
         moments = (photlam @ weights.reshape(samples.size, -1)).reshape(*shape, -1, used.shape[1])
         integrals = self.ratio.astype(np.float64) @ moments[:, self._line]
-        return integrals.reshape(self.n_nodes, used.shape[1])
+        return np.asarray(integrals.reshape(self.n_nodes, used.shape[1]))
 
     def _line_photlam(self, models: np.ndarray, samples: np.ndarray) -> np.ndarray:
         log10_flam = self.log10_flam.reshape(-1, self.wavelength_nm.size)[np.ix_(models, samples)]

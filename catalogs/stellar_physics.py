@@ -1,4 +1,4 @@
-"""Relations that fill what a star table does not list: temperature, luminosity, radius, mass and gravity.
+"""What fills a star table where it lists nothing: temperature, luminosity, radius, mass, gravity, and where from.
 
 The shipped table is built with them, a refreshed one and a user's own table are filled with them.
 
@@ -21,31 +21,9 @@ from statistics import median
 
 import numpy as np
 
+from catalogs.coordinates import ecliptic
 from catalogs.errors import InputError
 from catalogs.spectral_types import parse_spectral_type
-
-__all__ = [
-    "COOLEST_BC_K",
-    "GIANT_MASS_MSUN",
-    "GRAVITY_SOURCE",
-    "LUMINOSITY_SOURCE",
-    "RADIUS_SOURCE",
-    "TEFF_TOLERANCE_K",
-    "bolometric_correction",
-    "colour_temperature",
-    "gravity",
-    "has_giant_scale",
-    "is_giant",
-    "luminosity_class",
-    "luminosity_from_v",
-    "mass_from_luminosity",
-    "mass_of",
-    "nearest_subtype",
-    "radius_from_luminosity",
-    "spectral_letter",
-    "spectral_subtype",
-    "subtype_medians",
-]
 
 GIANT_MASS_MSUN = 1.5
 """Mass given to every giant, solar masses (assumed)."""
@@ -226,3 +204,59 @@ def _positive(name: str, value: float, unit: str) -> float:
     if value <= 0.0:
         raise InputError(name, value, unit=unit, allowed="above 0")
     return value
+
+
+def place_columns(
+    ra_deg: float, dec_deg: float, motion_mas_yr: tuple[float, float], rv_km_s: float, src: str
+) -> dict[str, object]:
+    """Return the columns of place and motion.
+
+    Parameters
+    ----------
+    ra_deg, dec_deg : float
+        ICRS position at J2000.0, degrees; both nan if unknown.
+    motion_mas_yr : (float, float)
+        Proper motion in right ascension (with cos(dec)) and declination; 0 is assumed where one of them is nan.
+    rv_km_s : float
+        Radial velocity, positive when receding; 0 is assumed where it is nan.
+    src : str
+        Where the numbers come from.
+    """
+    placed, moves, rv_known = (math.isfinite(value) for value in (ra_deg + dec_deg, sum(motion_mas_yr), rv_km_s))
+    lon, lat = ecliptic(ra_deg, dec_deg) if placed else (math.nan, math.nan)
+    return {
+        "ra_deg": float(ra_deg) % 360.0,
+        "dec_deg": float(dec_deg),
+        "epoch_yr": 2000.0,
+        "pm_ra_mas_yr": motion_mas_yr[0] if moves else 0.0,
+        "pm_dec_mas_yr": motion_mas_yr[1] if moves else 0.0,
+        "pm_src": src if moves else "assumed:0",
+        "rv_km_s": rv_km_s if rv_known else 0.0,
+        "rv_km_s_src": src if rv_known else "assumed:0",
+        "ecliptic_lon_deg": float(lon),
+        "ecliptic_lat_deg": float(lat),
+        "ecliptic_src": "derived:position" if placed else "missing",
+    }
+
+
+def light_columns(v_mag: float, b_v_mag: float, sp_type: str, src: str) -> dict[str, object]:
+    """Return the columns of magnitude, colour and type.
+
+    Parameters
+    ----------
+    v_mag, b_v_mag : float
+        Johnson V and B-V, mag; B-V is nan if unknown.
+    sp_type : str
+        Spectral type, ``""`` if unknown.
+    src : str
+        Where the numbers come from.
+    """
+    return {
+        "v_mag": v_mag,
+        "v_mag_src": src,
+        "b_v_mag": b_v_mag,
+        "b_v_mag_src": src if math.isfinite(b_v_mag) else "missing",
+        "sp_type": sp_type,
+        "spectral_class": spectral_letter(sp_type),
+        "luminosity_class": luminosity_class(sp_type),
+    }

@@ -17,8 +17,6 @@ import yaml
 from catalogs.errors import InputError
 from catalogs.user_files import read_text
 
-__all__ = ["Provenance", "load_mapping", "load_yaml", "parse_yaml", "split_sourced"]
-
 MAX_BYTES = 4_000_000
 KINDS = (
     "instrument",
@@ -56,7 +54,7 @@ class _StrictLoader(yaml.SafeLoader):
 
     def compose_node(self, parent: Any, index: Any) -> Any:
         if self.check_event(yaml.AliasEvent):
-            event = self.peek_event()
+            event: Any = self.peek_event()  # type: ignore[no-untyped-call]
             raise yaml.constructor.ConstructorError(
                 None, None, "aliases (*name) are not accepted: write the value out", event.start_mark
             )

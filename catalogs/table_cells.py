@@ -1,128 +1,197 @@
-"""What every table of a user's own shares: which column is which quantity, and cells read in its unit and range."""
+"""The one reader of users' tables: which column is which, cells in their unit and range, and what a row must have."""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any
 
+from catalogs.columns import Column, Columns
 from catalogs.errors import InputError
 from catalogs.table_files import RawColumn, RawTable
-from catalogs.user_columns import Quantity
 
-__all__ = ["allowed_text", "choose_columns", "read_cells"]
+Row = dict[str, Any]
+"""One row by the names of columns; what is missing is left out."""
+Groups = Sequence[Sequence[str]]
+"""Names of columns; of each group a table, or a row, must have one."""
 
 _YES, _NO = ("1", "1.0", "true", "t", "yes", "y"), ("0", "0.0", "false", "f", "no", "n")
 _HOURS = ("h", "hour", "hours", "hourangle")
 _PLURALS = {"days": "d", "degrees": "deg", "years": "yr", "hours": "h"}
+_WORDS = {"name": "a unique name", "sp_type": "a spectral type such as G2V"}
 _SHOWN = 40
 _MANY = 12
 
 
-def choose_columns(
-    raw: RawTable,
-    quantity_of: Callable[[str], tuple[Quantity | None, str]],
-    required: Sequence[Sequence[Quantity]],
-) -> tuple[dict[str, RawColumn], tuple[str, ...]]:
-    """Return the column of each quantity by its name, and remarks.
+@dataclass(frozen=True)
+class Rows:
+    """The rows of a table whose columns were understood.
+
+    Parameters
+    ----------
+    label : str
+        Name of the file.
+    columns : Columns
+        What the table may have.
+    headings : dict of str to str
+        What the file calls each column that it has.
+    rows : list of Row
+    about : str
+        Name of the column that says what a row is about.
+    notes : tuple of str
+        Remarks on the reading.
+    """
+
+    label: str
+    columns: Columns
+    headings: dict[str, str]
+    rows: list[Row]
+    about: str
+    notes: tuple[str, ...]
+
+    def __iter__(self) -> Iterator[tuple[str, Row]]:
+        """Return each row after the words by which messages name it."""
+        for number, row in enumerate(self.rows, start=1):
+            yield f"{self.label} row {number}" + (f" ({row[self.about]})" if self.about in row else ""), row
+
+    def refuse_missing(self, where: str, row: Row, groups: Groups) -> None:
+        """Refuse a row that has nothing of one of the groups.
+
+        Parameters
+        ----------
+        where : str
+            Words for the row.
+        row : Row
+        groups : sequence of sequence of str
+
+        Raises
+        ------
+        InputError
+            Naming the columns and what they may hold.
+        """
+        for names in groups:
+            if not any(name in row for name in names):
+                own = [name for name in names if name in self.headings] or list(names)
+                allowed = " or ".join(_WORDS.get(name) or self.columns[name].allowed for name in own)
+                column = " or ".join(self.headings.get(name, name) for name in own)
+                raise InputError(f"{where} column {column}", "missing", allowed=allowed)
+
+    def refuse_twins(self, key: Callable[[Row], Hashable], *, remedy: str = "") -> None:
+        """Refuse a table in which two rows are about one thing.
+
+        Parameters
+        ----------
+        key : callable
+            What is the same for all names of one thing.
+        remedy : str
+            What to do about it.
+
+        Raises
+        ------
+        InputError
+            Naming both rows.
+        """
+        first: dict[Hashable, int] = {}
+        for number, (where, row) in enumerate(self, start=1):
+            before = first.setdefault(key(row), number)
+            if before != number:
+                raise InputError(
+                    f"{where} column {self.about}",
+                    row[self.about],
+                    allowed=f"every {self.about} once",
+                    hint="; ".join(filter(None, (f"rows {before} and {number} are of one name", remedy))),
+                )
+
+
+def read_rows(raw: RawTable, columns: Columns, required: Groups, *, about: str) -> Rows:
+    """Return the rows of a table, every cell in the unit of its column and checked.
 
     Parameters
     ----------
     raw : RawTable
-    quantity_of : callable
-        What a heading means, and the unit written in it.
-    required : sequence of sequence of Quantity
-        Of each of these the table must have one.
+        What :func:`catalogs.table_files.parse_table` read.
+    columns : Columns
+        What it may have.
+    required : sequence of sequence of str
+        Of each of these groups the table must have a column.
+    about : str
+        Name of the column that says what a row is about.
 
     Raises
     ------
     InputError
-        If a required column is missing, or two columns claim to be one quantity.
+        Naming file, row, column, value, unit and range: a required column is missing, two columns claim to be one, a
+        unit is not understood, or a cell is not what its column holds.
     """
+    chosen, notes = _chosen(raw, columns, required)
+    names = chosen[about].cells if about in chosen else [None] * len(raw)
+    cells = {name: _read(raw.name, columns[name], column, names) for name, column in chosen.items()}
+    rows = [{name: values[i] for name, values in cells.items() if values[i] is not None} for i in range(len(raw))]
+    return Rows(raw.name, columns, {name: column.heading for name, column in chosen.items()}, rows, about, notes)
+
+
+def _chosen(raw: RawTable, columns: Columns, required: Groups) -> tuple[dict[str, RawColumn], tuple[str, ...]]:
+    """Return the column of the file for each of ours, and remarks."""
     candidates: dict[str, list[RawColumn]] = {}
-    unknown = []
+    ignored = []
     for column in raw.columns:
-        quantity, unit = quantity_of(column.heading)
-        if quantity is None:
-            unknown.append(column.heading or "(no heading)")
+        meant, unit = columns.meant_by(column.heading)
+        if meant is None:
+            ignored.append(column.heading or "(no heading)")
         else:
-            candidates.setdefault(quantity.name, []).append(
-                RawColumn(column.heading, column.unit or unit, column.cells)
-            )
-    chosen, spare = {}, []
-    for name, columns in candidates.items():
-        exact = [column for column in columns if column.heading == name]
-        if len(columns) > 1 and len(exact) != 1:
-            both = " and ".join(column.heading for column in columns)
+            own = RawColumn(column.heading, column.unit or unit, column.cells)
+            candidates.setdefault(meant.name, []).append(own)
+    chosen = {}
+    for name, found in candidates.items():
+        exact = [column for column in found if column.heading == name]
+        if len(found) > 1 and len(exact) != 1:
+            both = " and ".join(column.heading for column in found)
             raise InputError(f"{raw.name} columns", both, allowed=f"one column for {name}", hint=f"name it {name}")
-        chosen[name] = exact[0] if exact else columns[0]
-        spare += [column.heading for column in columns if column is not chosen[name]]
-    lacking = [group for group in required if not any(item.name in chosen for item in group)]
+        chosen[name] = exact[0] if exact else found[0]
+        ignored += [column.heading for column in found if column is not chosen[name]]
+    lacking = [group for group in required if not any(name in chosen for name in group)]
     if lacking:
-        forms = "; ".join(f"{item.name} ({', '.join(item.aliases[:6])}, ...)" for group in lacking for item in group)
-        listed = ", ".join(column.heading for column in raw.columns[:_MANY]) + (", ..." if raw.columns[_MANY:] else "")
-        wanted = ", ".join(" or ".join(item.name for item in group) for group in lacking)
+        forms = "; ".join(
+            f"{name} ({', '.join(columns[name].headings[:6])}, ...)" for group in lacking for name in group
+        )
+        wanted = ", ".join(" or ".join(group) for group in lacking)
         # With one known column or none it may be any file at all, and is not quoted.
-        hint = f"the file has: {listed}" if len(chosen) > 1 else f"the file has {len(raw.columns)} columns"
+        listed = f": {_listed([column.heading for column in raw.columns], ', ...')}"
+        hint = f"the file has{listed if len(chosen) > 1 else f' {len(raw.columns)} columns'}"
         raise InputError(f"{raw.name} column {wanted}", "missing", allowed=forms, hint=hint)
-    ignored = unknown + spare
-    shown = ", ".join(ignored[:_MANY]) + (f" and {len(ignored) - _MANY} more" if ignored[_MANY:] else "")
+    shown = _listed(ignored, f" and {len(ignored) - _MANY} more")
     return chosen, raw.notes + ((f"{raw.name}: columns not used: {shown}",) if ignored else ())
 
 
-def read_cells(raw: RawTable, quantity: Quantity, column: RawColumn, names: Sequence[Any] | None) -> list[Any]:
-    """Return the cells in the quantity's unit, checked; None where missing.
+def _listed(words: Sequence[str], more: str) -> str:
+    return ", ".join(words[:_MANY]) + (more if words[_MANY:] else "")
 
-    Parameters
-    ----------
-    raw : RawTable
-    quantity : Quantity
-    column : RawColumn
-        The column of `raw` that holds the quantity.
-    names : sequence or None
-        What the rows are about, for messages.
 
-    Raises
-    ------
-    InputError
-        Naming file, row, column, value, unit and range.
-    """
-    readers: dict[str, Callable[[Any], Any]] = {"text": _text, "flag": _flag, "hip": _hip, "number": _number}
-    convert = _converter(raw.name, quantity, column) if quantity.kind == "number" else None
-    unit = column.unit or quantity.unit
+def _read(label: str, column: Column, given: RawColumn, names: Sequence[Any]) -> list[Any]:
+    """Return the cells in the unit of the column, checked; None where missing."""
+    number = column.kind == "float"
+    convert = _converter(label, column, given) if number else None
     values = []
-    for i, cell in enumerate(column.cells):
+    for i, cell in enumerate(given.cells):
         try:
-            value = None if cell is None else readers[quantity.kind](cell)
+            value = None if cell is None else _READERS[column.kind](cell)
             if value is not None and convert is not None:
                 value = convert(value)
-                if not quantity.low <= value <= quantity.high:
+                if not column.low <= value <= column.high:
                     raise ValueError
         except (ValueError, OverflowError):
-            who = f" ({names[i]})" if names is not None and names[i] is not None else ""
+            who = "" if names[i] is None else f" ({names[i]})"
             raise InputError(
-                f"{raw.name} row {i + 1}{who} column {column.heading}",
+                f"{label} row {i + 1}{who} column {given.heading}",
                 str(cell)[:_SHOWN],
-                unit=unit if quantity.kind == "number" else "",
-                allowed=_range(quantity),
+                unit=(given.unit or column.unit) if number else "",
+                allowed=column.allowed,
                 hint="write a decimal point" if isinstance(cell, str) and "," in cell else "",
             ) from None
         values.append(value)
     return values
-
-
-def allowed_text(quantity: Quantity) -> str:
-    """Return what a cell may hold, in words."""
-    return quantity.allowed if quantity.kind == "number" else "text"
-
-
-def _range(quantity: Quantity) -> str:
-    if quantity.kind == "flag":
-        return "yes or no, true or false, 1 or 0"
-    if quantity.kind == "hip":
-        return "a Hipparcos number, 1 to 120404"
-    return f"a number, {quantity.allowed}"
 
 
 def _text(cell: Any) -> str | None:
@@ -130,9 +199,7 @@ def _text(cell: Any) -> str | None:
 
 
 def _number(cell: Any) -> float:
-    if isinstance(cell, bool):
-        raise ValueError
-    if isinstance(cell, str) and "_" in cell:  # Python reads 1_000, people do not
+    if isinstance(cell, bool) or (isinstance(cell, str) and "_" in cell):  # Python reads 1_000, people do not
         raise ValueError
     value = float(cell)
     if not math.isfinite(value):
@@ -154,30 +221,30 @@ def _hip(cell: Any) -> int | None:
     return int(found[1]) or None
 
 
-def _converter(name: str, quantity: Quantity, column: RawColumn) -> Callable[[float], float] | None:
-    """Return the conversion from the column's unit, the identity where it names none or the same."""
-    if column.unit.replace(" ", "") in ("", quantity.unit.replace(" ", ""), "---", "-", "none"):
+_READERS: dict[str, Callable[[Any], Any]] = {"text": _text, "bool": _flag, "int": _hip, "float": _number}
+
+
+def _converter(label: str, column: Column, given: RawColumn) -> Callable[[float], float]:
+    """Return the conversion from the unit of the file, the identity where it names none or the same."""
+    if given.unit.replace(" ", "") in ("", column.unit.replace(" ", ""), "---", "-", "none"):
         return float
     from astropy import units
 
-    problem = InputError(
-        f"{name} column {column.heading}", f"unit {column.unit}", allowed=f"a unit like {quantity.unit or 'none'}"
-    )
-    text = _PLURALS.get(column.unit.strip().lower(), column.unit)  # as archives write them
-    if quantity.name == "log_g":  # dex(cm/s2), [cm/s2] and log(cm.s**-2) are all in use
+    text = _PLURALS.get(given.unit.strip().lower(), given.unit)  # as archives write them
+    logarithmic = column.name in ("log_g", "metallicity")
+    if column.name == "log_g":  # dex(cm/s2), [cm/s2] and log(cm.s**-2) are all in use
         text = re.sub(r"^(?:\[(.*)\]|(?:dex|log|log10)\((.*)\))$", r"\1\2", text.strip())
     try:
-        clock = quantity.name == "ra_deg" and text.lower() in _HOURS
+        clock = column.name == "ra_deg" and text.lower() in _HOURS
         unit = units.hourangle if clock else units.Unit(text)
-        if quantity.name == "metallicity" or text == "dex":
+        if column.name == "metallicity" or text == "dex":
             factor = (1.0 * unit).to_value(units.dex)
-            shift = 0.0
         else:
-            wanted = units.cm / units.s**2 if quantity.name == "log_g" else units.Unit(quantity.unit)
-            factor = (1.0 * unit).to_value(wanted)
-            shift = math.log10(factor) if quantity.name == "log_g" else 0.0
+            factor = (1.0 * unit).to_value("cm / s2" if logarithmic else column.unit)
+        shift = math.log10(factor) if column.name == "log_g" and text != "dex" else 0.0
     except (ValueError, TypeError):
-        raise problem from None
-    if quantity.name in ("log_g", "metallicity"):
+        allowed = f"a unit like {column.unit or 'none'}"
+        raise InputError(f"{label} column {given.heading}", f"unit {given.unit}", allowed=allowed) from None
+    if logarithmic:
         return lambda value: value + shift
     return lambda value: value * factor

@@ -20,8 +20,6 @@ import numpy as np
 from catalogs.errors import InputError
 from catalogs.user_files import read_file
 
-__all__ = ["RawColumn", "RawTable", "TableBytes", "astropy_table", "parse_table", "read_bytes", "reference_in"]
-
 _MAX_BYTES = 1_000_000_000
 _FORMATS = "CSV, ECSV, VOTable or FITS"
 _PACKED = (b"\x1f\x8b", b"\x1f\x9d", b"BZh", b"\xfd7zXZ")  # what astropy unpacks unasked
@@ -167,7 +165,7 @@ def _cell(text: str) -> str | None:
 def _astropy(file: TableBytes, kind: str) -> RawTable:
     try:
         table, notes = astropy_table(file, kind)
-        columns = [_astropy_column(file.name, name, table[name]) for name in table.colnames]
+        columns = [raw_column(file.name, name, table[name]) for name in table.colnames]
     except InputError:
         raise
     except Exception as error:
@@ -259,7 +257,23 @@ def reference_in(xml: bytes) -> str:
     return ""
 
 
-def _astropy_column(name: str, heading: str, column: Any) -> RawColumn:
+def raw_column(name: str, heading: str, column: Any) -> RawColumn:
+    """Return a column of an astropy table as plain cells.
+
+    Parameters
+    ----------
+    name : str
+        Name of the file, for messages.
+    heading : str
+        Name of the column.
+    column : astropy.table.Column
+        Masked cells and nan are missing.
+
+    Raises
+    ------
+    InputError
+        If it has more than one value per row.
+    """
     values = getattr(column, "value", column)  # a Quantity column has its numbers there
     if getattr(values, "ndim", 1) != 1:
         raise InputError(f"{name} column {heading}", f"{values.ndim}-dimensional", allowed="one value per row")

@@ -23,8 +23,6 @@ from urllib3.response import HTTPResponse
 
 from catalogs.table_files import reference_in
 
-__all__ = ["PatientSession", "Problem"]
-
 MAX_ANSWER_BYTES = 256 * 2**20
 _CHUNK_BYTES = 2**16
 _LOOPBACK = frozenset(("localhost", "127.0.0.1", "::1"))

@@ -17,8 +17,6 @@ from pathlib import Path
 
 from catalogs.errors import InputError
 
-__all__ = ["digest_of", "open_file", "read_file", "read_text"]
-
 _KINDS = (
     (stat.S_ISDIR, "this is a folder"),
     (stat.S_ISFIFO, "this is a pipe"),

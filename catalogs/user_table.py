@@ -2,27 +2,45 @@
 
 Required per star: ``name``; ``distance_pc`` or ``parallax_mas``; ``v_mag``; ``sp_type`` or ``teff_k``. Everything else
 may be missing and is then filled as in the shipped table, with ``*_src`` columns that say how. Headings may be what
-people use (:mod:`catalogs.user_columns`), units those of an ECSV or VOTable, or written in the heading: ``plx [mas]``.
+people use (:mod:`catalogs.star_columns`), units those of an ECSV or VOTable, or written in the heading: ``plx [mas]``.
 """
 
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
 
 from catalogs.errors import InputError
 from catalogs.names import snapshot_aliases
-from catalogs.nomenclature import designation_key
+from catalogs.nomenclature import designation_key, split_component
+from catalogs.spectra import load_stellar_grid
+from catalogs.spectral_types import PARAMETERS_SOURCE, stellar_parameters
+from catalogs.star_columns import QUANTITIES
+from catalogs.star_flags import parallax_flags, type_flags
+from catalogs.star_systems import CLOSE_COMPANION_ARCSEC
 from catalogs.stars import StarTable, load_stars, star_table
-from catalogs.table_cells import allowed_text, choose_columns, read_cells
+from catalogs.stellar_physics import (
+    COOLEST_BC_K,
+    GRAVITY_SOURCE,
+    LUMINOSITY_SOURCE,
+    RADIUS_SOURCE,
+    gravity,
+    light_columns,
+    luminosity_from_v,
+    mass_of,
+    place_columns,
+    radius_from_luminosity,
+)
+from catalogs.table_cells import Row, read_rows
 from catalogs.table_files import RawTable
-from catalogs.user_columns import QUANTITIES, Quantity, quantity_of
-from catalogs.user_fill import fill_row
-
-__all__ = ["UserTable", "user_table"]
 
 _ONE_OF = (("name",), ("v_mag",), ("distance_pc", "parallax_mas"), ("sp_type", "teff_k"))
 _MANY = 12
+_NAN = float("nan")
+_DISTANCE_TOLERANCE = 0.05
+#: dex; as much as 3.75 mag in V. A parallax in arcsec that is read as mas is off by six.
+_GRAVITY_TOLERANCE = 1.5
 
 
 @dataclass(frozen=True)
@@ -47,27 +65,14 @@ def user_table(raw: RawTable) -> UserTable:
         Naming file, row, column, value, unit and range, if a column is missing or ambiguous, a unit is not
         understood, a cell is not what its column holds or out of range, or a name occurs twice.
     """
-    chosen, notes = choose_columns(raw, quantity_of, [[QUANTITIES[name] for name in names] for names in _ONE_OF])
-    names = chosen["name"].cells
-    given = {name: read_cells(raw, QUANTITIES[name], column, names) for name, column in chosen.items()}
+    given = read_rows(raw, QUANTITIES, _ONE_OF, about="name")
     rows = []
-    for i in range(len(raw)):
-        row = {name: values[i] for name, values in given.items() if values[i] is not None}
-        where = f"{raw.name} row {i + 1}" + (f" ({row['name']})" if "name" in row else "")
-        for either in _ONE_OF:
-            if not any(name in row for name in either):
-                column = " or ".join(chosen[name].heading for name in either if name in chosen)
-                allowed = " or ".join(_allowed(QUANTITIES[name]) for name in either if name in chosen)
-                raise InputError(f"{where} column {column}", "missing", allowed=allowed)
-        rows.append(fill_row(row, where, raw.name))
-    _refuse_twins(raw.name, [str(row["name"]) for row in rows])
+    for where, row in given:
+        given.refuse_missing(where, row, _ONE_OF)
+        rows.append(_filled(row, where, raw.name))
+    given.refuse_twins(lambda row: designation_key(row["name"]))
     table = star_table({name: [row[name] for row in rows] for name in rows[0]}, raw.name)
-    return UserTable(table, notes + _companions_left_out(table))
-
-
-def _allowed(quantity: Quantity) -> str:
-    words = {"name": "a unique name", "sp_type": "a spectral type such as G2V"}
-    return words.get(quantity.name) or allowed_text(quantity)
+    return UserTable(table, given.notes + _companions_left_out(table))
 
 
 def _companions_left_out(table: StarTable) -> tuple[str, ...]:
@@ -88,11 +93,138 @@ def _companions_left_out(table: StarTable) -> tuple[str, ...]:
     return (f"{table.label}: light of companions that the snapshot knows is left out, no companion column: {shown}",)
 
 
-def _refuse_twins(name: str, stars: list[str]) -> None:
-    first: dict[str, int] = {}
-    for number, star in enumerate(stars, start=1):
-        key = designation_key(star)
-        if key in first:
-            hint = f"rows {first[key]} and {number} are of one name"
-            raise InputError(f"{name} row {number} column name", star, allowed="every name once", hint=hint)
-        first[key] = number
+def _filled(given: Row, where: str, source: str) -> Row:
+    """Return all columns of one star.
+
+    Parameters
+    ----------
+    given : dict
+        Checked values by quantity (:data:`catalogs.star_columns.QUANTITIES`), missing ones left out.
+    where : str
+        File, row and star, for messages.
+    source : str
+        File name, for the ``*_src`` columns.
+
+    Raises
+    ------
+    InputError
+        If there is no temperature and the spectral type gives none.
+    """
+    listed = f"measured:as listed in {source}"
+    flags: set[str] = set()
+    row: Row = {name: given.get(name, "") for name in ("hd", "gj", "bayer", "flamsteed", "common_name")}
+    row |= {"name": given["name"], "simbad_id": given.get("simbad_id", ""), "hip": given.get("hip", 0)}
+    if not row["hip"] and (found := re.fullmatch(r"hip (\d+)", designation_key(given["name"]))):
+        row["hip"] = int(found[1])
+    row["hd"], row["gj"] = _numbered("HD", row["hd"]), _numbered("GJ", row["gj"])
+    component = split_component(designation_key(given["name"]))[1].upper()
+    row |= {"component": component, "component_src": listed if component else "missing"}
+    flags |= _astrometry_and_light(row, given, listed)
+    flags |= _physics(row, given, listed, where)
+    flags |= _companion(row, given, listed)
+    flags |= type_flags(row["sp_type"], "", "") if row["sp_type"] else {"no_class"}
+    if bool(load_stellar_grid().flags(row["teff_k"], row["log_g"], row["metallicity"]).any):
+        flags.add("stellar_grid_clamped")
+    return row | {"quality_flags": ";".join(sorted(flags))}
+
+
+def _numbered(prefix: str, text: str) -> str:
+    return f"{prefix} {text}" if text[:1].isdigit() else text
+
+
+def _astrometry_and_light(row: Row, given: Row, listed: str) -> set[str]:
+    flags: set[str] = set()
+    if "distance_pc" in given:
+        row["distance_pc"], row["distance_pc_src"] = given["distance_pc"], listed
+        parallax, parallax_src = 1000.0 / given["distance_pc"], "derived:distance"
+        own = given.get("parallax_mas", parallax)
+        if abs(own / parallax - 1.0) > _DISTANCE_TOLERANCE:
+            flags.add("distance_conflict")
+    else:
+        parallax, parallax_src = given["parallax_mas"], listed
+        own = parallax
+        row["distance_pc"], row["distance_pc_src"] = 1000.0 / parallax, "derived:parallax"
+    error = given.get("parallax_err_mas", _NAN)
+    if math.isfinite(error):
+        flags |= parallax_flags(own, error)
+    row |= {
+        "parallax_mas": parallax,
+        "parallax_src": parallax_src,
+        "parallax_err_mas": error,
+        "parallax_err_src": listed if math.isfinite(error) else "missing",
+        "parallax_own_mas": own,
+    }
+    ra, dec = given.get("ra_deg", _NAN), given.get("dec_deg", _NAN)
+    if not math.isfinite(ra + dec):
+        flags.add("position_unknown")
+        ra = dec = _NAN
+    motion = (given.get("pm_ra_mas_yr", _NAN), given.get("pm_dec_mas_yr", _NAN))
+    row |= place_columns(ra, dec, motion, given.get("rv_km_s", _NAN), listed)
+    row |= light_columns(given["v_mag"], given.get("b_v_mag", _NAN), given.get("sp_type", ""), listed)
+    return flags
+
+
+def _physics(row: Row, given: Row, listed: str, where: str) -> set[str]:
+    flags: set[str] = set()
+    sp_type = row["sp_type"]
+    if "teff_k" in given:
+        row["teff_k"], row["teff_k_src"] = given["teff_k"], listed
+    else:
+        try:
+            row["teff_k"], row["teff_k_src"] = stellar_parameters(sp_type).teff_k, PARAMETERS_SOURCE
+        except InputError as error:
+            hint = "or give a temperature in a column teff_k"
+            allowed = "; ".join(filter(None, (error.allowed, error.hint)))
+            raise InputError(f"{where} column sp_type", sp_type, allowed=allowed, hint=hint) from None
+    row["metallicity"] = given.get("metallicity", 0.0)
+    row["metallicity_src"] = listed if "metallicity" in given else "assumed:0"
+    luminosity = given.get("luminosity_lsun")
+    if not luminosity and row["teff_k"] < COOLEST_BC_K:
+        flags.add("luminosity_extrapolated")
+    row["luminosity_lsun_src"] = listed if luminosity else LUMINOSITY_SOURCE
+    row["luminosity_lsun"] = luminosity or luminosity_from_v(row["v_mag"], row["distance_pc"], row["teff_k"])
+    row["radius_rsun"] = radius_from_luminosity(row["luminosity_lsun"], row["teff_k"])
+    row["radius_rsun_src"] = RADIUS_SOURCE
+    row["mass_msun"], row["mass_msun_src"] = mass_of(sp_type, row["luminosity_lsun"])
+    implied, typical = gravity(row["mass_msun"], row["radius_rsun"]), _typical_gravity(row["luminosity_class"], sp_type)
+    if "log_g" in given:
+        row["log_g"], row["log_g_src"] = given["log_g"], listed
+    elif typical is not None:
+        row["log_g"], row["log_g_src"] = typical, PARAMETERS_SOURCE
+    else:
+        row["log_g"], row["log_g_src"] = implied, GRAVITY_SOURCE
+    expected = given.get("log_g", typical)
+    if expected is not None and abs(implied - expected) > _GRAVITY_TOLERANCE:
+        flags.add("luminosity_conflict")
+    return flags
+
+
+def _typical_gravity(luminosity_class: str, sp_type: str) -> float | None:
+    """Return log g of a spectral type, None if it has no class or is beyond the tables (M8V with a temperature)."""
+    if not luminosity_class:
+        return None
+    try:
+        return stellar_parameters(sp_type).log_g
+    except InputError:
+        return None
+
+
+def _companion(row: Row, given: Row, listed: str) -> set[str]:
+    separation = given.get("companion_sep_arcsec", _NAN)
+    apart = math.isfinite(separation)
+    angle = given.get("companion_pa_deg", _NAN) % 360.0 if apart else _NAN
+    delta = given.get("companion_delta_v_mag", given.get("companion_v_mag", _NAN) - given["v_mag"])
+    delta = delta if apart else _NAN
+    close = given.get("close_companion", apart and separation < CLOSE_COMPANION_ARCSEC)
+    row |= {
+        "close_companion": bool(close),
+        "companion_name": given.get("companion_name", "companion" if apart else ""),
+        "companion_sep_arcsec": separation,
+        "companion_pa_deg": angle,
+        "companion_epoch_yr": given.get("companion_epoch_yr", _NAN),
+        "companion_delta_v_mag": delta,
+        "companion_src": listed if apart else "missing",
+        "companion_pa_src": listed if math.isfinite(angle) else "missing",
+        "companion_delta_v_src": listed if math.isfinite(delta) else "missing",
+    }
+    return set() if apart or "close_companion" in given else {"companions_not_listed"}

@@ -12,8 +12,8 @@ from catalogs.errors import InputError
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.noise import frame_problem, stack_noise
 from cpic_planner.etc.place import hole_notes
+from cpic_planner.etc.planet import insolation_distance_au, kinds_by_albedo, mixture_contrast
 from cpic_planner.etc.rates import ApertureRates, aperture_rates
-from cpic_planner.etc.reflected import insolation_distance_au, kinds_by_albedo, mixture_contrast
 from cpic_planner.etc.significance import threshold_array
 from cpic_planner.population import Planets
 from cpic_planner.targets import Targets
@@ -239,18 +239,8 @@ def _significance(
     """Signal over noise without the planet's own, of charge measured or photons counted."""
     strategy, camera = model.strategy, model.camera(band)
     if strategy.mode == "analogue":
-        return stack_noise(
-            rates, exposure_s, n_frames, em_gain, camera, reference_ratio=strategy.reference_ratio
-        ).significance
-    problem = frame_problem(
-        rates,
-        camera,
-        reference_ratio=strategy.reference_ratio,
-        objective="significance",
-        em_gain=float(em_gain.flat[0]),
-        mode=strategy.mode,
-        counting_sigma=strategy.counting_sigma,
-    )
+        return stack_noise(rates, exposure_s, n_frames, em_gain, camera, strategy).significance
+    problem = frame_problem(rates, camera, strategy, objective="significance", em_gain=float(em_gain.flat[0]))
     with np.errstate(divide="ignore"):
         return np.asarray(1.0 / np.sqrt(problem.inverse_snr2(exposure_s, n_frames)))
 

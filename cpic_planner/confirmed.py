@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Annotated, Any, Literal
 
@@ -10,32 +10,22 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from catalogs.errors import InputError
-from cpic_planner.engine import run_tasks
 from cpic_planner.etc.model import EtcModel, Strategy
 from cpic_planner.etc.planet import ReferencePlanet
+from cpic_planner.jobs.job import Cost, Runner, Task
 from cpic_planner.models import BandConfirmation, ConfirmedTarget, RankedTarget
 from cpic_planner.overrides import SimulatorOverrides
 from cpic_planner.ranking import rank_targets
 from cpic_planner.targets import Targets
+from cpic_planner.validation.calibration import calibrate
 from cpic_planner.validation.confirm import confirm_task
 from cpic_planner.validation.cost import task_cost
-from cpic_planner.validation.task import ConfirmTask, prepare_task
+from cpic_planner.validation.task import ConfirmTask, images_of, prepare_task
 from cpic_planner.validation.verdict import refusals_of, seen_at_place, target_verdict
+from cpic_planner.version import __version__
 from simulator.config import FrozenModel, Instrument
 from simulator.knobs import Dial, dial_of
-
-__all__ = [
-    "REALISATIONS",
-    "RESULT_VERSION",
-    "ImageConfig",
-    "audited",
-    "confirm_stars",
-    "confirmed_target",
-    "images_cost",
-    "plan_tasks",
-    "refuse_counting",
-    "refuse_infrared",
-]
+from simulator.ledger import not_modelled
 
 REALISATIONS = 8
 """Draws of drift and noise of every target and band: an SNR of 10 from 12 apertures is then known to 9 %."""
@@ -86,6 +76,34 @@ class ImageConfig(FrozenModel):
             "tolerance": self.tolerance,
             "realisations": self.realisations,
             "overrides": self.simulator_overrides,
+        }
+
+    def told(self, digest: str, measured: Sequence[BandConfirmation]) -> dict[str, Any]:
+        """Return what every result of images says of itself.
+
+        Parameters
+        ----------
+        digest : str
+            Hash of everything that decides the result.
+        measured : sequence of BandConfirmation
+            What the ratio of recovered and predicted SNR is taken over.
+        """
+        mean = calibrate(measured)
+        return {
+            "version": __version__,
+            "config_hash": digest,
+            "seed": self.seed,
+            "fidelity": self.dial.fidelity,
+            "tolerance": self.dial.tolerance,
+            "instrument": self.instrument.name,
+            "sigma": self.strategy.sigma,
+            "reference_library": self.strategy.library,
+            "rdi_modes": self.strategy.n_modes,
+            "realisations": self.realisations,
+            "simulator_overrides": self.simulator_overrides.as_mapping(),
+            "calibration": {"ratio": mean.ratio, "error": mean.error, "n_bands": mean.n_bands},
+            "calibration_text": mean.text,
+            "not_modelled": not_modelled(images_of(self.instrument)),
         }
 
 
@@ -140,13 +158,13 @@ def refuse_infrared(instrument: Instrument, bands: Sequence[str] | None) -> None
 
 def plan_tasks(
     model: EtcModel, stars: Sequence[Targets], rows: Sequence[RankedTarget], **settings: Any
-) -> tuple[list[ConfirmTask], dict[tuple[str, str], BandConfirmation]]:
-    """Work to do, and the bands that need none because the answer is already a refusal.
+) -> tuple[list[ConfirmTask], dict[str, BandConfirmation]]:
+    """Return work to do, and the bands that need none because the answer is already a refusal, by their keys.
 
     Where the dial has audits, the band of each target that promises most gets one: a realisation frame by frame.
     """
     tasks: list[ConfirmTask] = []
-    refused: dict[tuple[str, str], BandConfirmation] = {}
+    refused: dict[str, BandConfirmation] = {}
     for star, row in zip(stars, rows, strict=True):
         own = []
         for band in model.bands:
@@ -155,7 +173,7 @@ def plan_tasks(
             if isinstance(ready, ConfirmTask) and not answers:
                 own.append(ready)
             else:
-                (refused[(row.name, band)],) = answers
+                (refused[f"{row.name} {band}"],) = answers
         best = max(own, key=_margin, default=None)
         tasks.extend(replace(task, audit=task is best and audited(task.dial)) for task in own)
     return tasks, refused
@@ -166,19 +184,26 @@ def _margin(task: ConfirmTask) -> float:
     return float(expected["significance"] / expected["threshold"])
 
 
-def images_cost(tasks: Sequence[ConfirmTask], workers: int) -> dict[str, float]:
-    """Expected wall time, memory and disk of simulating and measuring tasks, see `cpic_planner.validation.cost`."""
+def image_tasks(tasks: Sequence[ConfirmTask]) -> list[Task]:
+    """Return tasks of `cpic_planner.validation.confirm.confirm_task`."""
+    return [Task(task.key, (task.to_dict(),)) for task in tasks]
+
+
+def images_cost(tasks: Sequence[ConfirmTask], **counts: float) -> Cost:
+    """Return the expected cost of simulating and measuring tasks, see `cpic_planner.validation.cost`."""
     costs = [task_cost(task) for task in tasks]
-    work = [cost.work_s for cost in costs]
-    at_once = min(workers, max(len(tasks), 1))
-    return {
+    own = {
         "n_tasks": len(tasks),
         "n_realisations": sum(cost.realisations for cost in costs),
         "n_frames": sum(cost.frames for cost in costs),
-        "wall_s": 4.0 + max(sum(work) / at_once, max(work, default=0.0)),
-        "memory_mb": max((cost.memory_mb for cost in costs), default=0.0),
-        "disk_mb": 1.0 + 0.35 * len(tasks),
     }
+    return Cost(
+        counts=counts | own,
+        times_s=[cost.work_s for cost in costs],
+        start_s=4.0,
+        memory_mb=max((cost.memory_mb for cost in costs), default=0.0),
+        disk_mb=1.0 + 0.35 * len(tasks),
+    )
 
 
 def confirm_stars(
@@ -198,24 +223,22 @@ def confirm_stars(
     refuse_infrared(model.instrument, model.bands)
     rows = [rank_targets(model, star, time_s=time_s, planet=planet).targets[0] for star in stars]
     tasks, refused = plan_tasks(model, stars, rows, time_s=time_s, planet=planet, **settings)
-    done = run_tasks(confirm_task, [(task.to_dict(),) for task in tasks], workers=workers)
-    bodies = {(tasks[i].name, tasks[i].band): body for i, body in done}
+    bodies = Runner(workers=workers).finish(confirm_task, image_tasks(tasks))
     return [confirmed_target(model, row, refused, bodies) for row in rows]
 
 
 def confirmed_target(
     model: EtcModel,
     row: RankedTarget,
-    refused: dict[tuple[str, str], BandConfirmation],
-    bodies: dict[tuple[str, str], dict[str, Any]],
+    refused: Mapping[str, BandConfirmation],
+    bodies: Mapping[str, Mapping[str, Any]],
 ) -> ConfirmedTarget:
-    """One target's bands in order, and the best of them."""
-    bands = []
-    for band in model.bands:
-        body = bodies.get((row.name, band))
-        bands.append(
-            refused[(row.name, band)] if body is None else BandConfirmation.model_validate(body["confirmations"][0])
-        )
+    """Return one target's bands in order, and the best of them, from refusals and bodies by the keys of tasks."""
+    keys = [f"{row.name} {band}" for band in model.bands]
+    bands = [
+        BandConfirmation.model_validate(bodies[key]["confirmations"][0]) if key in bodies else refused[key]
+        for key in keys
+    ]
 
     def margin(band: BandConfirmation) -> float:
         return (band.predicted_significance or 0.0) / (band.threshold or np.inf)

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from catalogs.errors import InputError
 from catalogs.known_planets import KnownPlanetTable
 from cpic_planner.known_rows import QUANTITIES, DrawnRows
-from cpic_planner.orbits import OrbitPlaces, orbit_places
+from cpic_planner.orbits import ORBIT, OrbitingPlanets, OrbitPlaces
 from cpic_planner.population import Planets
 from simulator.config.albedo import AlbedoSpec
 from simulator.quantities import check_finite
@@ -32,33 +32,23 @@ __all__ = [
 FloatArray = NDArray[np.float64]
 _AT_ONCE = 500_000
 """Draws times dates whose places are held at a time."""
-_ORBIT = ("semi_major_axis_au", "eccentricity", "inclination_deg", "argument_of_pericentre_deg", "node_deg")
 
 
-@dataclass(frozen=True, eq=False)
-class KnownDraws:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class KnownDraws(OrbitingPlanets):
     """Draws of known planets, arrays of shape ``(n_rows, n_draws)``.
 
     Attributes
     ----------
     epoch_mjd : float
         Date of ``mean_anomaly_deg``.
-    radius_rjup, mass_mjup, semi_major_axis_au, eccentricity, period_days : ndarray
-        ``mass_mjup`` is the true mass, nan where neither mass nor m sin i is known.
-    inclination_deg, node_deg, mean_anomaly_deg : ndarray
-    argument_of_pericentre_deg : ndarray
-        Of the planet's own orbit.
+    mass_mjup : ndarray
+        True mass, nan where neither mass nor m sin i is known.
+    period_days : ndarray
     """
 
     epoch_mjd: float
-    radius_rjup: FloatArray
     mass_mjup: FloatArray
-    semi_major_axis_au: FloatArray
-    eccentricity: FloatArray
-    inclination_deg: FloatArray
-    argument_of_pericentre_deg: FloatArray
-    node_deg: FloatArray
-    mean_anomaly_deg: FloatArray
     period_days: FloatArray
 
 
@@ -195,9 +185,10 @@ def _star_masses(given: ArrayLike | None, index: NDArray[np.int64]) -> FloatArra
 def places_at(draws: KnownDraws, row: int, mjd: ArrayLike) -> OrbitPlaces:
     """Places of one planet's draws at some dates, arrays of shape ``(n_draws, n_dates)``."""
     days = check_finite("mjd", mjd, "d").reshape(1, -1) - draws.epoch_mjd
-    anomaly = draws.mean_anomaly_deg[row][:, None] + 360.0 * days / draws.period_days[row][:, None]
-    orbit = (getattr(draws, name)[row][:, None] for name in _ORBIT)
-    return orbit_places(*(*orbit, anomaly))
+    one = OrbitingPlanets(
+        radius_rjup=draws.radius_rjup[row][:, None], **{name: getattr(draws, name)[row][:, None] for name in ORBIT}
+    )
+    return one.places_after(days, draws.period_days[row][:, None])
 
 
 def planets_of(draws: KnownDraws, row: int, albedo: AlbedoSpec) -> Planets:
@@ -208,11 +199,8 @@ def planets_of(draws: KnownDraws, row: int, albedo: AlbedoSpec) -> Planets:
         population="known planets",
         kind=np.zeros(n, np.int64),
         radius_rjup=np.minimum(draws.radius_rjup[row], 10.0),
-        **{name: getattr(draws, name)[row] for name in (*_ORBIT, "mean_anomaly_deg")},
-        east_au=places.east_au[:, 0],
-        north_au=places.north_au[:, 0],
-        distance_au=places.distance_au[:, 0],
-        phase_deg=places.phase_deg[:, 0],
+        **{name: getattr(draws, name)[row] for name in ORBIT},
+        **{name: values[:, 0] for name, values in vars(places).items()},
         kind_names=("known planet",),
         albedos=(albedo,),
         semi_major_axis_scale="none",

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from catalogs.errors import InputError
+from cpic_planner.etc.budget import reached, without_background, without_speckles
 from cpic_planner.etc.detection import needed_margin, visit_chances
 from cpic_planner.etc.frames import (
     FrameChoice,
@@ -19,7 +20,6 @@ from cpic_planner.etc.frames import (
     smooth_in_visit,
     smooth_least_visit_s,
 )
-from cpic_planner.etc.limiting import reached, without_background, without_speckles
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.noise import Objective, frame_problem, own_noise, stack_noise
 from cpic_planner.etc.place import check_range, locate, stand, usable_range_arcsec
@@ -50,7 +50,7 @@ class Best:
     visits detect the planet there, and ``chance_blind`` and ``chance_known_place`` are the probabilities of a detection
     (NaN where no law was measured). ``floor_margin`` is what no length of visit can pass, at any separation (with the
     noise of light where that decides). ``without_speckles`` and ``without_background`` say whether the planet would be
-    detected in the given time under the changes of `cpic_planner.etc.limiting`; False where no time was given.
+    detected in the given time under the changes of `cpic_planner.etc.budget`; False where no time was given.
     ``contrast_limit`` is the faintest contrast that this observation detects at the chosen separation,
     ``deepest_limit`` that of the best separation for it. ``n_frames`` is 0 where every frame saturates or the time is
     too short. ``extrapolated`` says that the planet's albedo is beyond its data in this band, ``outside`` why a given
@@ -187,12 +187,8 @@ def best_in_band(
     """Best separation, length of visit and settings of each target in one band within a time; see `optimise`."""
     visit = model.visit_s(time_s)
 
-    def cost(places: _Places) -> FloatArray:
-        with np.errstate(divide="ignore"):
-            return np.sqrt(smooth_in_visit(places.problem("significance"), visit)) * places.threshold
-
     search = _Search(model, targets, band, planet, separation_arcsec)
-    chosen = search.lowest(cost)
+    chosen = search.lowest(lambda places: places.cost(places.problem("significance"), visit))
     return search.best(chosen, best_in_visit(chosen.problem("significance"), visit), visit)
 
 
@@ -228,15 +224,12 @@ class _Places:
 
     def problem(self, objective: Objective) -> FrameProblem:
         """What the solver needs."""
-        strategy = self.model.strategy
-        return frame_problem(
-            self.rates,
-            self.model.camera(self.band),
-            reference_ratio=strategy.reference_ratio,
-            objective=objective,
-            mode=strategy.mode,
-            counting_sigma=strategy.counting_sigma,
-        )
+        return frame_problem(self.rates, self.model.camera(self.band), self.model.strategy, objective=objective)
+
+    def cost(self, problem: FrameProblem, visit_s: FloatArray) -> FloatArray:
+        """Threshold over the significance of the best frames in a visit."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.sqrt(smooth_in_visit(problem, visit_s)) * self.threshold
 
 
 @dataclass(frozen=True)
@@ -292,9 +285,8 @@ class _Search:
             return bound
 
         def cost(places: _Places) -> FloatArray:
-            with np.errstate(divide="ignore"):
-                found = np.sqrt(smooth_in_visit(places.problem("significance"), _ENDLESS_S))
-            return np.where(np.isfinite(places.threshold), found * places.threshold, np.inf)
+            found = places.cost(places.problem("significance"), _ENDLESS_S)
+            return np.where(np.isfinite(places.threshold), found, np.inf)
 
         least = cost(replace(self, targets=self.targets.select(doubtful)).lowest(cost))[:, 0]
         bound[doubtful] = np.minimum(bound[doubtful], 1.0 / least)
@@ -307,13 +299,11 @@ class _Search:
         def changed(places: _Places) -> FrameProblem:
             return change(places.problem("significance"), own_noise(places.rates, camera))
 
-        def cost(places: _Places) -> FloatArray:
-            with np.errstate(divide="ignore"):
-                return np.sqrt(smooth_in_visit(changed(places), visit_s)) * places.threshold
-
         found = np.zeros(len(self.targets), bool)
         if possible.any():
-            places = replace(self, targets=self.targets.select(possible)).lowest(cost)
+            places = replace(self, targets=self.targets.select(possible)).lowest(
+                lambda places: places.cost(changed(places), visit_s)
+            )
             found[possible] = reached(changed(places), visit_s, needed * places.threshold)[:, 0]
         return found
 
@@ -327,9 +317,7 @@ class _Search:
             n_frames=choice.n_frames,
             em_gain=choice.em_gain,
             camera=camera,
-            reference_ratio=strategy.reference_ratio,
-            mode=strategy.mode,
-            counting_sigma=strategy.counting_sigma,
+            strategy=strategy,
         )
         noise = noise_of(chosen.rates)
         if (refused := self.refusal) is not Reason.NONE:

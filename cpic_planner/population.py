@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from catalogs.errors import InputError
 from cpic_planner.distributions import chosen_entry
 from cpic_planner.models import PopulationRecord
-from cpic_planner.orbits import orbit_places
+from cpic_planner.orbits import ORBIT, OrbitingPlanets, orbit_places
 from cpic_planner.population_config import (
     QUANTITIES,
     PopulationConfig,
@@ -41,8 +41,8 @@ N_PLANETS = 4000
 """Planets that a ranking draws."""
 
 
-@dataclass(frozen=True, eq=False)
-class Planets:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Planets(OrbitingPlanets):
     """Drawn planets, arrays of one length.
 
     Attributes
@@ -51,9 +51,6 @@ class Planets:
         Name of the population.
     kind : ndarray of int
         Number of the planet's kind, into ``kind_names`` and ``albedos``.
-    radius_rjup, semi_major_axis_au, eccentricity, inclination_deg, argument_of_pericentre_deg, node_deg, \
-mean_anomaly_deg : ndarray
-        As drawn.
     east_au, north_au, distance_au, phase_deg : ndarray
         Offset from the star on the sky, true distance, and phase angle, before `scale`.
     kind_names : tuple of str
@@ -64,13 +61,6 @@ mean_anomaly_deg : ndarray
 
     population: str
     kind: NDArray[np.int64]
-    radius_rjup: FloatArray
-    semi_major_axis_au: FloatArray
-    eccentricity: FloatArray
-    inclination_deg: FloatArray
-    argument_of_pericentre_deg: FloatArray
-    node_deg: FloatArray
-    mean_anomaly_deg: FloatArray
     east_au: FloatArray
     north_au: FloatArray
     distance_au: FloatArray
@@ -102,7 +92,8 @@ mean_anomaly_deg : ndarray
                 unit="L_sun",
                 allowed="above 0: the population's orbits follow insolation",
             )
-        return np.sqrt(luminosity)
+        result: FloatArray = np.sqrt(luminosity)
+        return result
 
 
 def draw_population(config: PopulationConfig, n_planets: int, seed: int) -> Planets:
@@ -134,22 +125,13 @@ def draw_population(config: PopulationConfig, n_planets: int, seed: int) -> Plan
         return stream(seed, "population", quantity).random(n)
 
     kind = chosen_entry(shares("kind"), tuple(item.weight for item in mixture))
-    drawn: dict[str, FloatArray] = {}
-    for quantity in QUANTITIES:
-        share, values = shares(quantity), np.empty(n)
-        for number, item in enumerate(mixture):
-            mine = kind == number
-            values[mine] = getattr(item, quantity).quantile(share[mine])
-        drawn[quantity] = values
-    places = orbit_places(*(drawn[quantity] for quantity in QUANTITIES[1:]))
+    drawn = config.quantiles(kind, [shares(quantity) for quantity in QUANTITIES])
+    places = orbit_places(*(drawn[name] for name in ORBIT))
     return Planets(
         population=config.name,
         kind=kind,
         **drawn,
-        east_au=places.east_au,
-        north_au=places.north_au,
-        distance_au=places.distance_au,
-        phase_deg=places.phase_deg,
+        **vars(places),
         kind_names=tuple(item.name for item in mixture),
         albedos=tuple(item.albedo for item in mixture if item.albedo is not None),
         semi_major_axis_scale=config.semi_major_axis_scale,

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import BeforeValidator, Field, PrivateAttr, ValidationInfo, model_validator
 
 from catalogs.errors import InputError
 from catalogs.strict_yaml import Provenance, split_sourced
-from cpic_planner.distributions import Law, read_law
+from cpic_planner.distributions import FloatArray, Law, read_law
 from cpic_planner.etc.planet import ReferencePlanet
 from cpic_planner.orbits import ECCENTRICITY_MAX
 from simulator.config.albedo import AlbedoSpec, albedo_spec
@@ -176,6 +178,29 @@ mean_anomaly_deg : Law
             kind.model_copy(update={key: shared[key] for key in _LAWS if getattr(kind, key) is None})
             for kind in self.kinds
         )
+
+    def quantiles(self, kind: NDArray[np.int64], shares: Sequence[FloatArray]) -> dict[str, FloatArray]:
+        """Return what each planet is, from its kind and uniform numbers.
+
+        Parameters
+        ----------
+        kind : ndarray of int
+            Number of each planet's kind in `mixture`, shape ``(n,)``.
+        shares : sequence of ndarray
+            Uniform numbers in [0, 1), one array of shape ``(n,)`` for each of `QUANTITIES`.
+
+        Returns
+        -------
+        dict of ndarray
+            By quantity, shape ``(n,)``.
+        """
+        drawn = {}
+        for quantity, share in zip(QUANTITIES, shares, strict=True):
+            values = drawn[quantity] = np.empty(len(kind))
+            for number, item in enumerate(self.mixture):
+                mine = kind == number
+                values[mine] = getattr(item, quantity).quantile(share[mine])
+        return drawn
 
     def content(self) -> dict[str, Any]:
         """Everything that decides a draw, for content hashes: a file counts by what is in it."""

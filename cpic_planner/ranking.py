@@ -13,10 +13,9 @@ from numpy.typing import NDArray
 from catalogs.errors import InputError
 from catalogs.info import snapshot_vintage
 from cpic_planner.completeness import BandCompleteness, completeness
+from cpic_planner.etc.budget import limit_of
 from cpic_planner.etc.camera import FrameCamera
 from cpic_planner.etc.detection import default_law, verdict_of
-from cpic_planner.etc.limiting import limit_of
-from cpic_planner.etc.limits import frame_limit
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.place import check_range, hole_notes
 from cpic_planner.etc.planet import ReferencePlanet, reference_distance_au, reference_notes
@@ -30,6 +29,7 @@ from cpic_planner.targets import Targets
 from cpic_planner.version import __version__
 from simulator.config import content_hash
 from simulator.outcome import Reason, Status
+from simulator.signal.saturation import frame_limit
 from simulator.work import announce
 
 FloatArray = NDArray[np.float64]

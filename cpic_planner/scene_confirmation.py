@@ -2,38 +2,36 @@
 
 from __future__ import annotations
 
+import functools
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, Any
+from pathlib import Path
+from typing import Annotated, Any, Unpack
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from catalogs.errors import InputError
-from cpic_planner.confirmed import RESULT_VERSION, ImageConfig, audited, images_cost, refuse_infrared
-from cpic_planner.engine import run_tasks
+from cpic_planner.confirmed import RESULT_VERSION, ImageConfig, audited, image_tasks, images_cost, refuse_infrared
 from cpic_planner.etc.frames import best_in_visit
 from cpic_planner.etc.model import EtcModel, build_model
 from cpic_planner.etc.noise import frame_problem
 from cpic_planner.etc.rates import aperture_rates
+from cpic_planner.jobs.folder import RunFolder
+from cpic_planner.jobs.job import Finished, Job, Runner, RunSettings, run
 from cpic_planner.models import BandConfirmation, ConfirmResult
 from cpic_planner.targets import Targets
-from cpic_planner.validation.calibration import calibrate
 from cpic_planner.validation.confirm import confirm_task
 from cpic_planner.validation.findings import albedo_fits, albedo_records, position_records
-from cpic_planner.validation.task import MAX_FRAMES, ConfirmTask, Frames, expected_of, images_of, task_of
+from cpic_planner.validation.task import MAX_FRAMES, ConfirmTask, Frames, expected_of, task_of
 from cpic_planner.validation.verdict import refusals_of
-from cpic_planner.version import __version__
-from simulator.config import Scene, content_hash
+from simulator.config import Scene
 from simulator.imaging.metrics import PsfMetrics
-from simulator.ledger import not_modelled
 from simulator.outcome import Reason, Status
 from simulator.target.lights import LitStar
 from simulator.target.positions import detector_to_sky
 from simulator.target.sources import Source, scene_sources
-
-__all__ = ["ConfirmConfig", "confirm_hash", "confirm_scene", "estimate_cost", "prepared_tasks", "scene_target"]
 
 DEFAULT_TIME_S = 36000.0
 
@@ -67,120 +65,77 @@ class ConfirmConfig(ImageConfig):
 
 @dataclass(frozen=True)
 class _Work:
-    """Tasks of the bands, and what needs none."""
+    """Prediction, tasks of the bands, and what needs no images."""
 
+    model: EtcModel
     tasks: list[ConfirmTask]
     refused: list[BandConfirmation]
 
 
+def confirm_job(config: ConfirmConfig) -> Job[ConfirmResult]:
+    """Return the job that simulates a scene and measures it blind."""
+    from cpic_planner.report.write_confirm import products_of, write_confirm_report
+
+    prepared = functools.cache(lambda: _work(config))
+
+    def work(runner: Runner) -> ConfirmResult:
+        bodies = runner.finish(confirm_task, image_tasks(prepared().tasks))
+        return _result(config, prepared(), runner.digest, list(bodies.values()))
+
+    def write(folder: RunFolder, result: ConfirmResult, bodies: Mapping[str, Any]) -> None:
+        images = {task.band: bodies[task.key] for task in prepared().tasks}
+        shown = config.simulator_overrides.scene(config.scene)
+        write_confirm_report(folder, result, prepared().model, shown, images)
+
+    return Job(
+        kind="confirm",
+        results=RESULT_VERSION,
+        decides=lambda: {"config": config.hashed() | {"audit": audited(config.dial, config.audit)}},
+        work=work,
+        write=write,
+        products=products_of(config.bands or config.instrument.visible_bands()),
+        cost=lambda: images_cost(prepared().tasks),
+    )
+
+
 def confirm_scene(
-    config: ConfirmConfig,
-    *,
-    workers: int = 1,
-    scheduler: str | None = None,
-    advance: Callable[[str], None] = lambda text: None,
-    stored: Callable[[str], dict[str, Any] | None] = lambda key: None,
-    keep: Callable[[str, dict[str, Any]], dict[str, Any]] = lambda key, body: body,
-) -> tuple[ConfirmResult, dict[str, dict[str, Any]]]:
-    """Simulate a scene and measure it blind.
+    config: ConfirmConfig, out: str | Path | None = None, **how: Unpack[RunSettings]
+) -> Finished[ConfirmResult]:
+    """Confirm a scene.
 
     Parameters
     ----------
     config : ConfirmConfig
-    workers : int
-        Local worker processes; the result does not depend on it.
-    scheduler : str, optional
-        Dask scheduler to use instead.
-    advance : callable
-        Called with a text after each band.
-    stored, keep : callable
-        Give what an earlier run finished under a key, or None, and store what this one finishes.
-
-    Returns
-    -------
-    result : ConfirmResult
-    bodies : dict
-        What `cpic_planner.validation.confirm.confirm_task` returned, by band: panels and more.
+    out : str or Path, optional
+        Output folder of ``confirm.json``, ``measurements.csv``, ``report.html``, panels and ``run.json``; nothing is
+        written without.
+    **how
+        As of `cpic_planner.jobs.job.run`.
 
     Raises
     ------
     InputError
-        For bands of the near-infrared camera, and anything out of range.
+        For bands of the near-infrared camera, anything out of range, or a folder that cannot be used.
     """
-    model, work = _prepared(config)
-    bodies: dict[str, dict[str, Any]] = {}
-    waiting = []
-    for task in work.tasks:
-        body = stored(task.key)
-        if body is None:
-            waiting.append(task)
-        else:
-            bodies[task.band] = body
-            advance(f"{task.key} (kept)")
-    arguments = [(task.to_dict(),) for task in waiting]
-    for index, body in run_tasks(confirm_task, arguments, workers=workers, scheduler=scheduler):
-        task = waiting[index]
-        bodies[task.band] = keep(task.key, body)
-        advance(task.key)
-    bodies = {task.band: bodies[task.band] for task in work.tasks}
-    return _assembled(config, model, work, bodies), bodies
-
-
-def estimate_cost(config: ConfirmConfig, *, workers: int = 1) -> dict[str, float]:
-    """Expected wall time, memory and disk of a confirmation, see `cpic_planner.confirmed.images_cost`."""
-    return images_cost(prepared_tasks(config), workers)
+    return run(confirm_job(config), out, **how)
 
 
 def prepared_tasks(config: ConfirmConfig) -> list[ConfirmTask]:
     """Work of a confirmation, one task a band; bands without an image to make are left out."""
-    return _prepared(config)[1].tasks
+    return _work(config).tasks
 
 
-def _prepared(config: ConfirmConfig) -> tuple[EtcModel, _Work]:
-    refuse_infrared(config.instrument, config.bands)
-    model = build_model(config.instrument, config.bands, config.strategy)
-    return model, _work(config, model)
-
-
-def _assembled(
-    config: ConfirmConfig, model: EtcModel, work: _Work, bodies: Mapping[str, dict[str, Any]]
-) -> ConfirmResult:
-    order = {name: i for i, name in enumerate(model.bands)}
-    seen = [BandConfirmation.model_validate(item) for body in bodies.values() for item in body["confirmations"]]
+def _result(config: ConfirmConfig, work: _Work, digest: str, bodies: Sequence[Mapping[str, Any]]) -> ConfirmResult:
+    order = {name: i for i, name in enumerate(work.model.bands)}
+    seen = [BandConfirmation.model_validate(item) for body in bodies for item in body["confirmations"]]
     bands = sorted([*seen, *work.refused], key=lambda item: order[item.band])
-    mean = calibrate(seen)
     return ConfirmResult(
-        version=__version__,
-        config_hash=confirm_hash(config),
+        **config.told(digest, seen),
         scene=config.scene.name,
-        instrument=config.instrument.name,
-        seed=config.seed,
-        fidelity=config.dial.fidelity,
-        tolerance=config.dial.tolerance,
-        realisations=config.realisations,
-        sigma=config.strategy.sigma,
-        reference_library=config.strategy.library,
-        rdi_modes=config.strategy.n_modes,
-        simulator_overrides=config.simulator_overrides.as_mapping(),
-        calibration={"ratio": mean.ratio, "error": mean.error, "n_bands": mean.n_bands},
-        calibration_text=mean.text,
-        not_modelled=not_modelled(images_of(config.instrument)),
         bands=bands,
-        searches=[body["search"] for body in bodies.values() if body["search"] is not None],
+        searches=[body["search"] for body in bodies if body["search"] is not None],
         positions=position_records(config.scene, bands),
         albedos=albedo_records(albedo_fits(config.scene, config.instrument, bands)),
-    )
-
-
-def confirm_hash(config: ConfirmConfig) -> str:
-    """Hash of everything that decides the result."""
-    return content_hash(
-        {
-            "kind": "confirm",
-            "results": RESULT_VERSION,
-            "version": __version__,
-            "config": config.hashed() | {"audit": audited(config.dial, config.audit)},
-        }
     )
 
 
@@ -226,7 +181,9 @@ def scene_target(scene: Scene) -> Targets:
     )
 
 
-def _work(config: ConfirmConfig, model: EtcModel) -> _Work:
+def _work(config: ConfirmConfig) -> _Work:
+    refuse_infrared(config.instrument, config.bands)
+    model = build_model(config.instrument, config.bands, config.strategy)
     target, tasks, refused = scene_target(config.scene), [], []
     for band in model.bands:
         every = scene_sources(config.scene, config.instrument, band)
@@ -256,7 +213,7 @@ def _work(config: ConfirmConfig, model: EtcModel) -> _Work:
         refused += answers
         if not answers:
             tasks.append(task)
-    return _Work(tasks, refused)
+    return _Work(model, tasks, refused)
 
 
 def _frames(config: ConfirmConfig, model: EtcModel, target: Targets, band: str, planets: list[Source]) -> Frames | None:
@@ -273,9 +230,7 @@ def _frames(config: ConfirmConfig, model: EtcModel, target: Targets, band: str, 
         camera = replace(camera, exposure_min_s=config.exposure_s, exposure_max_s=config.exposure_s)
     x, y = (np.full((1, 1), part) for part in place)
     rates = aperture_rates(model, target, band, x, y, np.full((1, 1), max(contrast, 1e-30)))
-    problem = frame_problem(
-        rates, camera, reference_ratio=strategy.reference_ratio, objective="significance", em_gain=config.em_gain
-    )
+    problem = frame_problem(rates, camera, strategy, objective="significance", em_gain=config.em_gain)
     visit = model.visit_s(DEFAULT_TIME_S if config.time_s is None else config.time_s)
     if config.n_frames is not None and config.exposure_s is not None:
         visit = np.asarray(config.n_frames * (config.exposure_s + camera.readout_s))
@@ -293,46 +248,30 @@ def _inside(metrics: PsfMetrics, planet: Source) -> bool:
 
 
 def _outside(model: EtcModel, band: str, planet: Source) -> BandConfirmation:
-    separation, pa_deg = detector_to_sky(planet.x_arcsec, planet.y_arcsec, parity=model.instrument.detector.parity)
     metrics, near, far = model.metrics[band], *sorted((abs(planet.x_arcsec), abs(planet.y_arcsec)))
     radius = metrics.aperture_radius_arcsec
     inner = near - radius < metrics.hole_inner_arcsec and far + radius <= metrics.hole_outer_arcsec
     reason = Reason.INSIDE_INNER_EDGE if inner else Reason.OUTSIDE_OUTER_EDGE
-    return _refusal(
-        band,
-        planet,
-        Status.OUTSIDE_FIELD,
-        reason,
-        f"its aperture leaves the dark hole of {band}",
-        float(separation),
-        float(pa_deg),
-    )
+    return _refusal(model, band, planet, Status.OUTSIDE_FIELD, reason, f"its aperture leaves the dark hole of {band}")
 
 
 def _no_frame(model: EtcModel, band: str, planet: Source) -> BandConfirmation:
-    separation, pa_deg = detector_to_sky(planet.x_arcsec, planet.y_arcsec, parity=model.instrument.detector.parity)
-    return _refusal(
-        band,
-        planet,
-        Status.UNREACHABLE,
-        Reason.NO_TIME,
-        "no frame is possible: the time is too short, or every frame saturates",
-        float(separation),
-        float(pa_deg),
-    )
+    message = "no frame is possible: the time is too short, or every frame saturates"
+    return _refusal(model, band, planet, Status.UNREACHABLE, Reason.NO_TIME, message)
 
 
 def _refusal(
-    band: str, planet: Source, status: Status, reason: Reason, message: str, separation: float, pa_deg: float
+    model: EtcModel, band: str, planet: Source, status: Status, reason: Reason, message: str
 ) -> BandConfirmation:
+    separation, pa_deg = detector_to_sky(planet.x_arcsec, planet.y_arcsec, parity=model.instrument.detector.parity)
     return BandConfirmation(
         band=band,
         planet=planet.name,
         status=status.value,
         reason=reason.value,
         message=message,
-        separation_arcsec=separation,
-        pa_deg=pa_deg,
+        separation_arcsec=float(separation),
+        pa_deg=float(pa_deg),
         true_contrast=planet.contrast,
         verdict="not observed",
     )

@@ -9,9 +9,9 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from catalogs.errors import InputError
-from simulator.camera.switched import switched_for
 from simulator.config import Instrument, load_instrument
 from simulator.config.angles import declination_deg, right_ascension_deg
+from simulator.config.channel import CameraName
 from simulator.config.mission import checked_utc
 from simulator.effects.sky import sky_rate_e_s_arcsec2
 from simulator.effects.stray_light import stray_light_parts
@@ -21,12 +21,11 @@ from simulator.knobs import Knobs
 from simulator.ledger import EffectRow, camera_ledger, sky_ledger
 from simulator.numeric import numeric_context
 from simulator.quantities import check_number, check_pair, check_whole
-from simulator.sequence import MAX_FRAMES, MAX_REALISATION, FloatArray, Light, Sequence
+from simulator.sequence import MAX_FRAMES, MAX_REALISATION, FloatArray, Light, Sequence, checked_exposure
 
 __all__ = ["Calibration", "calibrate"]
 
 CalibrationKind = Literal["BIAS", "DARK", "FLAT", "BKG", "LASER"]
-CameraName = Literal["VIS", "NIR"]
 _NEEDS_BAND = ("FLAT", "BKG", "LASER")
 _LASER_ARCSEC = (0.5, 0.5)
 
@@ -116,14 +115,12 @@ def calibrate(
         if value is not None and kind not in kinds:
             raise InputError(key, value, unit=unit, allowed=f"for {' and '.join(kinds)} only, not for {kind}")
     name = _camera(config, kind, band, camera)
-    config = switched_for(config, name, switches)
-    detector = config.detector if name == "VIS" else config.near_infrared.detector
+    config = config.switched(switches, camera=name)
+    detector = config.channel(name).detector
     exposure = _exposure(kind, exposure_s)
     frames = check_whole("n_frames", n_frames, 1, MAX_FRAMES)
     number = check_whole("realisation", realisation, 0, MAX_REALISATION)
-    most = config.detector.em_gain_max if name == "VIS" else 1.0
-    if not 1 <= check_number("em_gain", em_gain) <= most:
-        raise InputError("em_gain", em_gain, allowed=f"1 to {most:g}")
+    config.channel(name).check_gain(em_gain)
     start = checked_utc("start_utc", config.mission.start_utc if start_utc is None else start_utc)
     rates = np.zeros((detector.n_rows, detector.n_columns))
     sky_rows: tuple[EffectRow, ...] = ()
@@ -181,9 +178,7 @@ def _exposure(kind: str, exposure_s: float | None) -> float:
         return 0.0
     if exposure_s is None:
         raise InputError("exposure_s", "missing", unit="s", allowed=f"a value is required for {kind}")
-    if not 1e-6 <= check_number("exposure_s", exposure_s, "s") <= 1e6:
-        raise InputError("exposure_s", exposure_s, unit="s", allowed="1e-06 to 1e+06")
-    return float(exposure_s)
+    return checked_exposure(exposure_s)
 
 
 def _level(level_e: float) -> float:

@@ -19,11 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalogs.errors import InputError
-from simulator.camera.collection import Blooming
 from simulator.camera.gain import excess_noise_factor2
 from simulator.camera.stacking import stack_electrons, stackable
-from simulator.camera.stage import Exposure
 from simulator.camera.visible import VisibleCamera
+from simulator.detectors.collection import Blooming
+from simulator.detectors.effect import Exposure
 from simulator.imaging.drift import visit_frames
 from simulator.imaging.external import ExternalPsf
 from simulator.imaging.imager import FocalGrid, centred_axis
@@ -34,13 +34,9 @@ from simulator.quantities import check_whole
 from simulator.rng import PathPart, stream
 from simulator.sequence import MAX_REALISATION
 
-__all__ = ["HoleStacks", "hole_stackable", "hole_stacks"]
-
 FloatArray = NDArray[np.float64]
 # A pixel beyond the hole overflows by chance: once in 3e6 pixel-frames at the margin, by a fraction of its noise.
 _MARGIN_SIGMA = 5.0
-# Charge that moves between pixels: an image of the hole alone cannot hold it.
-_MOVING = ("parallel_cti", "serial_cti")
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,7 +132,7 @@ class HoleStacks:
         place = np.ix_(self._rows, self._columns)
         cut: dict[str, Any] = {
             name: np.ascontiguousarray(array[place])
-            for name in ("mean_e", "zero", "cic_e", "bias_adu", "flaws", "smear_e")
+            for name in ("mean_e", "cic_e", "bias_adu", "flaws", "smear_e")
             if (array := getattr(exposure, name)) is not None
         }
         stripes = None if exposure.stripe_adu is None else exposure.stripe_adu[self._columns]
@@ -198,11 +194,12 @@ def hole_stackable(observation: Observation) -> Outcome[float]:
         reach there, or whose overflow enters it; ``invalid`` where an effect is on that does not add up or moves
         charge.
     """
-    if observation.camera != "VIS":
+    if not observation.channel.multiplies:
         return Outcome.refuse(Status.INVALID, Reason.NOT_ADDITIVE, f"{observation.band} is read by the infrared camera")
     camera = observation.visible_camera
     for effect in camera.charge:
-        if effect.switch in _MOVING:
+        # An image of the hole alone cannot hold what other pixels leave behind.
+        if effect.in_sums == "moves_charge":
             return Outcome.refuse(
                 Status.INVALID, Reason.NOT_ADDITIVE, f"{effect.switch} moves charge between pixels: switch it off"
             )

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalogs.errors import InputError
-from simulator.camera.switched import switched_for
 from simulator.config import Instrument, Scene, load_instrument, load_scene
 from simulator.config.mission import checked_utc
 from simulator.effects.sky import sky_rate_e_s_arcsec2
@@ -29,7 +28,7 @@ from simulator.numeric import numeric_context
 from simulator.quantities import check_number, check_pair, check_whole
 from simulator.rng import PathPart, stream
 from simulator.scene_light import static_light
-from simulator.sequence import MAX_FRAMES, MAX_REALISATION, Light, Sequence, Stamps
+from simulator.sequence import MAX_FRAMES, MAX_REALISATION, Light, Sequence, Stamps, checked_exposure
 from simulator.target.positions import wcs_keywords
 from simulator.target.sources import Source, extended_rates, scene_sources
 
@@ -200,13 +199,21 @@ def observe(
     """
     scene = load_scene(scene)
     instrument = instrument if isinstance(instrument, Instrument) else load_instrument(instrument)
-    _check(instrument, band, exposure_s, em_gain, tolerance, window, role, roll_deg)
+    channel, exposure = instrument.channel_of(band), checked_exposure(exposure_s)
+    channel.check_gain(em_gain)
+    checked_tolerance(tolerance)
+    check_number("roll_deg", roll_deg, "deg")
+    for name, value, allowed in (
+        ("role", role, Role),
+        ("window", window, WindowName),
+        ("scene_model", scene_model, SceneModel),
+        ("kind", kind, SkyKind),
+    ):
+        if value not in get_args(allowed):
+            raise InputError(name, value, allowed=", ".join(get_args(allowed)))
     frames = check_whole("n_frames", n_frames, 1, MAX_FRAMES)
     number = check_whole("realisation", realisation, 0, MAX_REALISATION)
     star = check_pair("star_offset_arcsec", star_offset_arcsec, MAX_OFFSET_ARCSEC, "arcsec")
-    for name, value, allowed in (("scene_model", scene_model, SceneModel), ("kind", kind, SkyKind)):
-        if value not in get_args(allowed):
-            raise InputError(name, value, allowed=", ".join(get_args(allowed)))
     start = checked_utc("start_utc", instrument.mission.start_utc if start_utc is None else start_utc)
     if psf is not None:
         _check_psf(psf, band, instrument, tolerance)
@@ -223,7 +230,7 @@ def observe(
             finest=knobs,
             full=window == "full",
             band=band,
-            exposure_s=float(exposure_s),
+            exposure_s=exposure,
             n_frames=frames,
             em_gain=float(em_gain),
             roll_deg=roll_deg,
@@ -236,14 +243,14 @@ def observe(
         switches = {**(switches or {}), **choice.switches}
         epochs, knobs = min(epochs, choice.epochs), choice.knobs
     left_out = () if choice is None else choice.left_out
-    switched = switched_for(instrument, instrument.band(band).camera, switches)
+    switched = instrument.switched(switches, camera=channel.name)
     optics = psf or single_band_psf(band, fidelity=knobs, instrument=instrument)
     sources = scene_sources(scene, instrument, band, roll_deg=roll_deg)
     area = window_of(optics, instrument, full=window == "full")
     path = (scene.name, kind, role, band, number)
-    detector = instrument.detector_of(band)
+    detector = channel.detector
     corner = (detector.star_row - area.centre[0], detector.star_column - area.centre[1])
-    stamps = _star_stamps(optics, instrument, exposure_s, detector.readout_s, frames, star, seed, path, epochs)
+    stamps = _star_stamps(optics, instrument, exposure, detector.readout_s, frames, star, seed, path, epochs)
     sky = sky_rate_e_s_arcsec2(
         instrument, band, ra_deg=scene.cstar.ra_deg, dec_deg=scene.cstar.dec_deg, start_utc=start
     )
@@ -271,9 +278,9 @@ def observe(
         kind=kind,
         name=scene.name,
         instrument=switched,
-        camera=instrument.band(band).camera,
+        camera=channel.name,
         band=band,
-        exposure_s=float(exposure_s),
+        exposure_s=exposure,
         n_frames=frames,
         em_gain=float(em_gain),
         seed=seed,
@@ -384,25 +391,3 @@ def _check_psf(psf: ExternalPsf, band: str, instrument: Instrument, tolerance: f
         raise InputError("psf", psf.instrument.name, allowed=f"a PSF of {instrument.name}: load_psf(..., instrument=)")
     if tolerance > 0:
         raise InputError("tolerance", tolerance, allowed="0 with a PSF from a file", hint="sizes are of the own optics")
-
-
-def _check(
-    instrument: Instrument,
-    band: str,
-    exposure_s: Any,
-    em_gain: Any,
-    tolerance: Any,
-    window: str,
-    role: str,
-    roll_deg: Any,
-) -> None:
-    most = instrument.detector.em_gain_max if instrument.band(band).camera == "VIS" else 1.0
-    for name, value, low, high, unit in (("exposure_s", exposure_s, 1e-6, 1e6, "s"), ("em_gain", em_gain, 1, most, "")):
-        if not low <= check_number(name, value, unit) <= high:
-            raise InputError(name, value, unit=unit, allowed=f"{low:g} to {high:g}")
-    checked_tolerance(tolerance)
-    if role not in get_args(Role):
-        raise InputError("role", role, allowed=", ".join(get_args(Role)))
-    check_number("roll_deg", roll_deg, "deg")
-    if window not in get_args(WindowName):
-        raise InputError("window", window, allowed=", ".join(get_args(WindowName)))

@@ -5,11 +5,21 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from catalogs.errors import InputError
 
-__all__ = ["check_finite", "check_number", "check_pair", "check_whole", "in_unit", "real_array"]
+__all__ = [
+    "check_finite",
+    "check_number",
+    "check_pair",
+    "check_whole",
+    "checked_array",
+    "checked_scalar",
+    "element_name",
+    "in_unit",
+    "real_array",
+]
 
 _ASTROPY_UNITS = {"R_Jup": "jupiterRad", "au": "AU", "L_sun": "solLum"}
 
@@ -102,3 +112,45 @@ def check_pair(name: str, value: Any, limit: float, unit: str = "", *, why: str 
     if values.shape != (2,) or not np.isfinite(values).all() or np.abs(values).max() > limit:
         raise InputError(name, value, unit=unit, allowed=allowed)
     return float(values[0]), float(values[1])
+
+
+def element_name(key: str, bad: NDArray[np.bool_]) -> tuple[str, tuple[int, ...]]:
+    """Name and index of the first ``True`` of ``bad``: ``("rate_map_e_s[y=3, x=7]", (3, 7))`` for images."""
+    index = tuple(int(i) for i in np.unravel_index(int(np.argmax(bad)), bad.shape))
+    if not index:
+        return key, index
+    labels = [f"y={index[0]}", f"x={index[1]}"] if len(index) == 2 else [str(i) for i in index]
+    return f"{key}[{', '.join(labels)}]", index
+
+
+def checked_array(
+    key: str, value: ArrayLike, *, low: float, high: float = np.inf, unit: str = "", allowed: str = ""
+) -> NDArray[np.float64]:
+    """``value`` as float64, every element finite and within ``[low, high]``.
+
+    Raises
+    ------
+    InputError
+        Naming the first element that is not a finite number in range.
+    """
+    allowed = allowed or (f"{low:g} to {high:g}" if np.isfinite(high) else f"finite and at least {low:g}")
+    try:
+        array = np.asarray(value)
+        if array.dtype.kind not in "iuf":
+            raise TypeError
+        array = array.astype(np.float64)
+    except (TypeError, ValueError):
+        raise InputError(key, value, unit=unit, allowed=f"numbers, {allowed}") from None
+    bad = ~((array >= low) & (array <= high) & np.isfinite(array))
+    if bad.any():
+        name, index = element_name(key, bad)
+        raise InputError(name, float(array[index]), unit=unit, allowed=allowed)
+    return array
+
+
+def checked_scalar(key: str, value: ArrayLike, *, low: float, high: float, unit: str = "") -> float:
+    """One finite number within ``[low, high]``, refused by name otherwise."""
+    array = checked_array(key, value, low=low, high=high, unit=unit)
+    if array.ndim:
+        raise InputError(key, value, unit=unit, allowed="one number")
+    return float(array)

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from simulator.camera.sections import sections_of
 from simulator.config import Instrument
 from simulator.effects.stray_light import stray_light_parts
 from simulator.imaging.frame import (
@@ -114,15 +113,13 @@ def static_light(
 
 
 def _smears(instrument: Instrument, band: str) -> bool:
-    detector = instrument.detector
-    visible = instrument.band(band).camera == "VIS"
-    return visible and detector.switches.smear and detector.transfer.line_shift_s > 0
+    return instrument.detector_of(band).line_shift_s > 0
 
 
 def _columns_of(instrument: Instrument, band: str, area: Window) -> tuple[Window, slice, NDArray[np.bool_]]:
     """The columns of a window over all active rows, where the window lies in them, and the active rows beyond it."""
     detector = instrument.detector_of(band)
-    active = sections_of(detector)["active"][0]
+    active = detector.sections["active"][0]
     low = detector.star_row - area.centre[0]
     first, stop = min(low, active.start), max(low + area.rows.size, active.stop)
     pixel = instrument.pixel_scale_arcsec(band)

@@ -14,23 +14,20 @@ from catalogs.errors import InputError
 from simulator.camera.calibration_set import bias_level_adu
 from simulator.camera.frame import Frame
 from simulator.camera.gain_voltage import em_voltage_of
-from simulator.camera.infrared import InfraredCamera, InfraredExposure
-from simulator.camera.infrared_effects import PastExposure
+from simulator.camera.infrared import InfraredCamera
 from simulator.camera.infrared_past import earlier_frames
-from simulator.camera.sections import Section, sections_of
 from simulator.camera.stacking import stack_electrons
-from simulator.camera.stage import Exposure
 from simulator.camera.visible import VisibleCamera
 from simulator.config import Instrument
-from simulator.config.detector import Detector
-from simulator.config.infrared import InfraredDetector
+from simulator.config.channel import CameraName, Channel
+from simulator.config.detector import Detector, Section
+from simulator.detectors.effect import Exposure
+from simulator.detectors.infrared import PastExposure
 from simulator.effects.cosmic_ray_rate import cosmic_ray_rate
 from simulator.effects.stray_light import effect_files
 from simulator.numeric import numeric_context
-from simulator.quantities import check_whole
+from simulator.quantities import check_number, check_whole
 from simulator.rng import PathPart
-
-__all__ = ["MAX_FRAMES", "MAX_REALISATION", "Kind", "Light", "Sequence", "Stamps"]
 
 FloatArray = NDArray[np.float64]
 Kind = Literal["SCI", "DSF", "CALS", "BIAS", "DARK", "FLAT", "BKG", "LASER"]
@@ -38,6 +35,13 @@ Camera: TypeAlias = VisibleCamera | InfraredCamera
 MAX_STACK_BYTES = 2_000_000_000
 MAX_FRAMES = 1_000_000
 MAX_REALISATION = 2**31 - 1
+
+
+def checked_exposure(exposure_s: float) -> float:
+    """Return an exposure in seconds, refused unless it is from 1e-6 to 1e6."""
+    if not 1e-6 <= check_number("exposure_s", exposure_s, "s") <= 1e6:
+        raise InputError("exposure_s", exposure_s, unit="s", allowed="1e-06 to 1e+06")
+    return float(exposure_s)
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +122,7 @@ class Sequence:
     kind: Kind
     name: str
     instrument: Instrument
-    camera: Literal["VIS", "NIR"]
+    camera: CameraName
     band: str
     exposure_s: float
     n_frames: int
@@ -130,7 +134,7 @@ class Sequence:
     first_pixel: tuple[int, int] | None
     realisation: int = field(default=0, kw_only=True)
     keywords: dict[str, Any] = field(default_factory=dict)
-    _prepared: dict[int, Exposure | InfraredExposure] = field(default_factory=dict, init=False, repr=False)
+    _prepared: dict[int, Exposure] = field(default_factory=dict, init=False, repr=False)
     _held_e: dict[int, FloatArray] = field(default_factory=dict, init=False, repr=False)
 
     @property
@@ -142,7 +146,7 @@ class Sequence:
     @property
     def readout_s(self) -> float:
         """Dead time after each frame."""
-        return self._detector.readout_s
+        return self.channel.detector.readout_s
 
     @property
     def sections(self) -> dict[str, Section]:
@@ -150,16 +154,17 @@ class Sequence:
         if self.first_pixel is not None:
             whole = (slice(0, self.shape[0]), slice(0, self.shape[1]))
             return {"active": whole, "image": whole}
-        return sections_of(self._detector)
+        return self.channel.detector.sections
 
     @property
-    def _detector(self) -> Detector | InfraredDetector:
-        return self.instrument.detector if self.camera == "VIS" else self.instrument.near_infrared.detector
+    def channel(self) -> Channel:
+        """Camera of the sequence, as configured."""
+        return self.instrument.channel(self.camera)
 
     @property
     def camera_keywords(self) -> dict[str, Any]:
         """Header keywords of camera and sequence."""
-        detector, visible = self._detector, self.camera == "VIS"
+        detector = self.channel.detector
         keywords: dict[str, Any] = {
             "TELESCOP": "CSST",
             "INSTRUME": "CPIC",
@@ -172,33 +177,31 @@ class Sequence:
             "EMGAIN": self.em_gain,
             "GAIN": detector.gain_e_adu,
             "RDNOISE": detector.read_noise_e,
-            "BIASLEV": bias_level_adu(detector) if isinstance(detector, Detector) else detector.bias_adu,
+            "BIASLEV": bias_level_adu(detector),
             "FULLWELL": detector.full_well_e,
             "PIXSCALE": self.pixel_scale_arcsec,
             "SEED": self.seed,
             "REALISAT": self.realisation,
             "CONFHASH": self.instrument.content_hash,
         }
-        if visible:
-            config = self.instrument.detector
-            keywords["CCDTEMP"] = config.temperature_k
-            keywords["EMVOLT"] = float(em_voltage_of(self.em_gain, config.temperature_k).voltage_v)
+        if isinstance(detector, Detector):
+            keywords["CCDTEMP"] = detector.temperature_k
+            keywords["EMVOLT"] = float(em_voltage_of(self.em_gain, detector.temperature_k).voltage_v)
         return keywords
 
     @property
     def pixel_scale_arcsec(self) -> float:
         """Pixel of the camera."""
-        config = self.instrument
-        return (config.detector if self.camera == "VIS" else config.near_infrared).pixel_scale_arcsec
+        return self.channel.pixel_scale_arcsec
 
     @functools.cached_property
     def _camera(self) -> Camera:
-        config, rays = self.instrument, self.instrument.cosmic_rays
-        struck = self._detector.switches.cosmic_rays and self.exposure_s > 0
+        detector, rays = self.channel.detector, self.instrument.cosmic_rays
+        struck = detector.switches.cosmic_rays and self.exposure_s > 0
         rate = cosmic_ray_rate(rays, self.start_utc) if struck else 0.0
-        if self.camera == "VIS":
-            return VisibleCamera(config.detector, cosmic_rays=rays, cosmic_ray_rate_per_s_cm2=rate)
-        return InfraredCamera(config.near_infrared.detector, cosmic_rays=rays, cosmic_ray_rate_per_s_cm2=rate)
+        if isinstance(detector, Detector):
+            return VisibleCamera(detector, cosmic_rays=rays, cosmic_ray_rate_per_s_cm2=rate)
+        return InfraredCamera(detector, cosmic_rays=rays, cosmic_ray_rate_per_s_cm2=rate)
 
     @property
     def visible_camera(self) -> VisibleCamera:
@@ -213,7 +216,7 @@ class Sequence:
             raise InputError("band", self.band, allowed="a band of the visible camera")
         return self._camera
 
-    def _prepare(self, rates: FloatArray) -> Exposure | InfraredExposure:
+    def _prepare(self, rates: FloatArray) -> Exposure:
         if isinstance(self._camera, VisibleCamera):
             return self._camera.prepare(
                 rates, self.exposure_s, self.em_gain, first_pixel=self.first_pixel, beyond_e_s=self.light.beyond_e_s
@@ -245,8 +248,7 @@ class Sequence:
     @numeric_context()
     def smear_e(self) -> FloatArray:
         """Mean electrons of a frame that the light of other rows leaves in its pixels while it is transferred."""
-        exposure = self._prepare(self.mean_rate_map)
-        known = exposure.smear_e if isinstance(exposure, Exposure) else None
+        known = self._prepare(self.mean_rate_map).smear_e
         return np.zeros(self.shape) if known is None else known
 
     @functools.cached_property
@@ -259,9 +261,8 @@ class Sequence:
     @property
     def calibration_files(self) -> list[str]:
         """Names of the files that sky, particles and camera were read from."""
-        files = self.instrument.detector.calibration_files.model_dump() if self.camera == "VIS" else {}
         light = effect_files(self.instrument, self.band) if self.band else []
-        return [*(str(name) for name in files.values() if name), *light]
+        return [*self.channel.detector.maps.values(), *light]
 
     @numeric_context()
     def frame(self, index: int) -> Frame:
@@ -286,8 +287,9 @@ class Sequence:
         if epoch not in self._prepared:
             self._prepared.clear()
             self._prepared[epoch] = self._prepare(self.light.map(epoch))
-        more: dict[str, Any] = {"past": self._past(index)} if self.camera == "NIR" else {}
         camera: Any = self._camera
+        past = self._past(index)
+        more: dict[str, Any] = {"past": past} if past else {}
         frame: Frame = camera.expose(self._prepared[epoch], seed=self.seed, path=(*self.path, int(index)), **more)
         return frame
 
@@ -300,8 +302,8 @@ class Sequence:
 
     def _past(self, index: int) -> list[PastExposure]:
         """Charge of the frames before one, where the near-infrared camera remembers it."""
-        detector = self.instrument.near_infrared.detector
-        if not detector.switches.persistence or detector.persistence.fraction == 0:
+        detector = self.channel.detector
+        if isinstance(detector, Detector) or not detector.switches.persistence or detector.persistence.fraction == 0:
             return []
         runs = (
             (first, min(self._first_frame(epoch + 1), int(index)))
@@ -373,6 +375,5 @@ class Sequence:
         for epoch in range(self.light.epochs):
             count = self._first_frame(epoch + 1) - self._first_frame(epoch)
             exposure = self._prepare(self.light.map(epoch))
-            assert isinstance(exposure, Exposure)
             total += stack_electrons(camera, exposure, count, seed=self.seed, path=(*self.path, "stack", epoch))
         return total

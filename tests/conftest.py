@@ -45,6 +45,14 @@ def _load(name):
     return module
 
 
+def pytest_generate_tests(metafunc):
+    """A test with the fixture ``refusal`` or ``reading`` runs for each case of the table of that name beside it."""
+    for name in {"refusal", "reading"} & set(metafunc.fixturenames):
+        table = getattr(_load("refusals"), f"{name}s")
+        cases = list(table(metafunc.definition.path.with_name(f"{name}s.yaml")))
+        metafunc.parametrize(name, cases, ids=[f"{case.reader}-{case.given}"[:60] for case in cases])
+
+
 @pytest.fixture(scope="session", autouse=True)
 def _own_data_folder(tmp_path_factory):
     """No test sees the refreshed tables of the person who runs it, or leaves one there."""

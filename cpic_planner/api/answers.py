@@ -242,7 +242,7 @@ def optimise(
     pandas.DataFrame
         One row per target; columns of `cpic_planner.optimiser.Best`, units in their names, and ``verdict`` of the
         planet at its known place (``detected``, ``measured_not_detected``, ``unreachable``); with ``time_s`` also
-        ``limited_by`` (`cpic_planner.etc.limiting`).
+        ``limited_by`` (`cpic_planner.etc.budget`).
 
     Raises
     ------

@@ -40,7 +40,7 @@ def make_plan(
     catalog : str or Path
         Star table, as in `signal_to_noise`.
     workers, scheduler, force
-        As `cpic_planner.plan.make_plan`.
+        As `cpic_planner.jobs.job.run`.
     instrument : Instrument, mapping, str or Path, optional
     **settings
         Fields of `cpic_planner.plan.PlanConfig`: ``top``, ``bands``, ``time_s``, ``planet``, ``strategy``,
@@ -59,7 +59,7 @@ def make_plan(
     if "simulator_overrides" in given:
         given["simulator_overrides"] = SimulatorOverrides.of(given["simulator_overrides"])
     config = validate(PlanConfig, {"instrument": _instrument(instrument)} | given, where="plan")
-    return run(config, out, catalog=catalog, workers=workers, scheduler=scheduler, force=force).plan
+    return run(config, out, catalog=catalog, workers=workers, scheduler=scheduler, force=force).result
 
 
 @numeric_context()
@@ -185,7 +185,6 @@ def confirm_scene(
     InputError
         For bad input, or if ``out`` is in use or holds another configuration.
     """
-    from cpic_planner.confirm_run import run_confirmation
     from cpic_planner.confirmed import REALISATIONS
     from cpic_planner.overrides import SimulatorOverrides
     from cpic_planner.scene_confirmation import ConfirmConfig
@@ -207,9 +206,7 @@ def confirm_scene(
         "seed": seed,
     }
     config = validate(ConfirmConfig, tree if strategy is None else tree | {"strategy": strategy}, where="confirm")
-    if out is None:
-        return run(config, workers=workers, scheduler=scheduler)[0]
-    return run_confirmation(config, out, workers=workers, scheduler=scheduler, force=force).result
+    return run(config, out, workers=workers, scheduler=scheduler, force=force).result
 
 
 def _instrument(source: InstrumentSource) -> Instrument:
@@ -244,7 +241,7 @@ def simulate_products(
     out : str or Path
         Root of the tree of products; an interrupted run continues there.
     workers, scheduler, force, truth
-        As `cpic_planner.simulation.run.simulate`.
+        As `cpic_planner.jobs.job.run` and `cpic_planner.simulation.run.simulate`.
     instrument : Instrument, mapping, str or Path, optional
     frames, seed, fidelity, tolerance, switches, start_utc : optional
         For all sequences that have a use for them; those of a simulation are replaced. Above a ``tolerance`` of 0 the

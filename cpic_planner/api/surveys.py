@@ -99,7 +99,7 @@ def compare_strategies(
     images : int
         Detections of each strategy that are simulated as images.
     workers, scheduler, force
-        As `cpic_planner.survey.whatif.run_whatif`.
+        As `cpic_planner.jobs.job.run`.
     **universe
         Fields of `cpic_planner.survey.strategy_file.UniverseConfig`: ``universes``, ``seed``, ``start_utc``,
         ``duration_days``, ``slot_days``, ``catalog``, ``instrument``, ``known_planets``, ``observed`` ...

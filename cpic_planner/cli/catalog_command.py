@@ -15,7 +15,7 @@ from cpic_planner.cli.output import console, error_line, note, progress
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from catalogs.user_columns import Quantity
+    from catalogs.columns import Column
     from cpic_planner.refresh import Written
 
 __all__ = ["app"]
@@ -58,7 +58,7 @@ def info(as_json: JsonOption = False) -> None:
     Example: cpic catalog info
     """
     from catalogs.info import catalogue_info
-    from catalogs.refreshed import data_dir, stored_tables
+    from catalogs.refresh import data_dir, stored_tables
     from simulator.files import dump_json
 
     found = catalogue_info()
@@ -120,7 +120,7 @@ def columns(as_json: JsonOption = False) -> None:
     Example: cpic catalog columns
     """
     from catalogs.known_planet_columns import COLUMNS
-    from catalogs.user_columns import QUANTITIES
+    from catalogs.star_columns import QUANTITIES
     from simulator.files import dump_json
 
     needed = {"name": "yes", "v_mag": "yes", "distance_pc": "one of two", "parallax_mas": "one of two"}
@@ -144,16 +144,16 @@ def columns(as_json: JsonOption = False) -> None:
     )
 
 
-def _column_rows(columns: Mapping[str, Quantity], needed: Mapping[str, str]) -> list[dict[str, Any]]:
+def _column_rows(columns: Mapping[str, Column], needed: Mapping[str, str]) -> list[dict[str, Any]]:
     """What is said of each column."""
-    kinds = {"text": "text", "flag": "yes or no", "hip": "Hipparcos number"}
+    kinds = {"text": "text", "bool": "yes or no", "int": "Hipparcos number"}
     return [
         {
             "name": item.name,
             "required": needed.get(item.name, ""),
-            "also_called": list(item.aliases),
+            "also_called": list(item.headings),
             "unit": item.unit,
-            "allowed": kinds.get(item.kind, item.allowed),
+            "allowed": kinds.get(item.kind, item.range),
         }
         for item in columns.values()
     ]

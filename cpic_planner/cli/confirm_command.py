@@ -94,8 +94,8 @@ def confirm(
     images: ImageOptions,
 ) -> None:
     """Confirm and print."""
-    from cpic_planner.confirm_run import run_confirmation
-    from cpic_planner.scene_confirmation import ConfirmConfig, confirm_scene, estimate_cost
+    from cpic_planner.jobs.job import estimate
+    from cpic_planner.scene_confirmation import ConfirmConfig, confirm_job, confirm_scene
     from simulator.config import load_instrument
     from simulator.config.base import validate
 
@@ -121,33 +121,29 @@ def confirm(
     except InputError as error:
         raise renamed(error, "confirm", _OPTIONS) from None
     if images.dry_run:
-        cost = estimate_cost(config, workers=images.workers)
+        cost = estimate(confirm_job(config), workers=images.workers)
         what = f"{cost['n_tasks']} band{'s' * (cost['n_tasks'] != 1)} of {config.scene.name}"
         print_cost(cost, what, images.workers, images.as_json)
         return
     total = len(config.bands or nominal.visible_bands())
     with progress("confirming", total=total) as advance:
-        if out is None:
-            result = confirm_scene(config, workers=images.workers, scheduler=images.scheduler, advance=advance)[0]
-        else:
-            done = run_confirmation(
-                config,
-                out,
-                workers=images.workers,
-                scheduler=images.scheduler,
-                force=images.force,
-                advance=advance,
-                command=sys.argv[1:],
-            )
-            result = done.result
-            if done.resumed_parts:
-                note(f"reused {done.resumed_parts} finished band{'s' * (done.resumed_parts != 1)} of an earlier run")
+        done = confirm_scene(
+            config,
+            out,
+            workers=images.workers,
+            scheduler=images.scheduler,
+            force=images.force,
+            advance=advance,
+            command=sys.argv[1:],
+        )
+    if done.resumed_parts:
+        note(f"reused {done.resumed_parts} finished band{'s' * (done.resumed_parts != 1)} of an earlier run")
     if images.as_json:
-        print_json(result)
+        print_json(done.result)
         return
     from cpic_planner.report.console_confirm import print_confirm
 
-    print_confirm(result, console())
+    print_confirm(done.result, console())
     if out is None:
         note("--out DIR writes a report with the images")
     else:

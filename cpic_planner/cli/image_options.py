@@ -37,7 +37,7 @@ from cpic_planner.cli.strategy_options import (
     imaged_strategy,
     refuse_together,
 )
-from cpic_planner.engine import check_address
+from cpic_planner.jobs.engine import check_address
 from cpic_planner.registry.libraries import DEFAULT_LIBRARY
 
 if TYPE_CHECKING:

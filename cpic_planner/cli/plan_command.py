@@ -110,7 +110,8 @@ def plan(
 ) -> None:
     """Plan and print."""
     from catalogs.catalogue import open_catalogue
-    from cpic_planner.plan import PlanConfig, estimate_cost, make_plan
+    from cpic_planner.jobs.job import estimate
+    from cpic_planner.plan import PlanConfig, make_plan, plan_job
     from simulator.config import load_instrument
     from simulator.config.base import validate
 
@@ -148,7 +149,7 @@ def plan(
     for remark in table.notes:
         note(remark)
     if images.dry_run:
-        cost = estimate_cost(config, workers=images.workers, catalog=table)
+        cost = estimate(plan_job(config, table), workers=images.workers)
         what = f"{cost['n_tasks']} image sets ({cost['n_targets']} targets x bands)"
         print_cost(cost, what, images.workers, images.as_json)
         return
@@ -166,9 +167,9 @@ def plan(
     if done.resumed_parts:
         note(f"reused {done.resumed_parts} finished pieces of an earlier run")
     if images.as_json:
-        print_json(done.plan)
+        print_json(done.result)
         return
     from cpic_planner.report.console import print_plan
 
-    print_plan(done.plan, console())
+    print_plan(done.result, console())
     typer.echo(f"report: {out / 'report.html'}")

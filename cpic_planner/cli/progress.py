@@ -15,12 +15,12 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
-from simulator.work import LOGGER
+from simulator.work import LOGGER, Advance, untold
 
 if TYPE_CHECKING:
     from rich.progress import Progress as RichProgress
 
-__all__ = ["Advance", "Bar", "Lines", "Reporter", "Work", "is_quiet", "progress", "rest", "watch"]
+__all__ = ["Bar", "Lines", "Reporter", "Work", "is_quiet", "progress", "rest", "watch"]
 
 SHOW_AFTER_S = 2.0
 LINE_EVERY_S = 10.0
@@ -230,13 +230,6 @@ class Reporter(logging.Handler):
                 self._stack[-1].restart(self._clock())
 
 
-class Advance(Protocol):
-    """Told about finished pieces of work."""
-
-    def __call__(self, text: str, steps: int = 1, /) -> None:
-        """Note ``steps`` more pieces, the last of which ``text`` names."""
-
-
 _active: list[Reporter] = []
 
 
@@ -284,7 +277,7 @@ def _write_line(text: str) -> None:
 def progress(title: str, total: int, *, enabled: bool = True) -> Iterator[Advance]:
     """Work in ``total`` pieces, shown on stderr unless quiet; yields ``advance(text, steps)``."""
     if not enabled or is_quiet():
-        yield lambda text, steps=1, /: None
+        yield untold
         return
     with contextlib.ExitStack() as stack:
         reporter = _active[-1] if _active else stack.enter_context(watch(title))

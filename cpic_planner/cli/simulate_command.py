@@ -13,7 +13,7 @@ import typer
 
 from cpic_planner.cli.options import ForceOption, InstrumentOption, JsonOption, Tier
 from cpic_planner.cli.output import console, note, print_json, progress
-from cpic_planner.engine import check_address
+from cpic_planner.jobs.engine import check_address
 
 __all__ = ["HELP", "simulate"]
 
@@ -237,8 +237,8 @@ def simulate(
             advance=advance,
             command=sys.argv[1:],
         )
-    if done.resumed:
-        note(f"kept {done.resumed} finished sequences of an earlier run")
+    if done.resumed_parts:
+        note(f"kept {done.resumed_parts} finished sequences of an earlier run")
     if as_json:
         print_json(done.result)
         return

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cpic_planner.cli.options import JsonOption
+from cpic_planner.cli.options import ForceOption, JsonOption
 from cpic_planner.cli.output import console, note, print_json, progress
 
 if TYPE_CHECKING:
@@ -22,7 +22,8 @@ HELP = """Measure speed against accuracy on this machine: time, memory and error
 
 Seven fixed scenes are observed in every way there is: closed forms, sums of frames, frames, and the reference with one
 knob changed or one effect left out. Errors of the planet's flux and SNR are against the reference of the scene. Writes
-results.csv, results.json, report.md and pareto.png into --out. All scenes take half an hour on one core.
+results.csv, results.json, report.md, pareto.png and run.json into --out. All scenes take half an hour on one core;
+stopped half way, it continues when started again on the same folder.
 
 Examples:
 
@@ -53,35 +54,23 @@ def tradeoff(
     ] = 1,
     out: Annotated[Path, typer.Option("--out", help="Folder of the results.")] = Path("out/tradeoff"),
     listed: Annotated[bool, typer.Option("--list", help="Say which scenes and ways there are, and stop.")] = False,
+    force: ForceOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Measure and write."""
-    from catalogs.errors import InputError
-    from cpic_planner.tradeoff.run import chosen, n_rows
-    from cpic_planner.tradeoff.run import tradeoff as run
-    from cpic_planner.tradeoff.write import FILES, read_result, write_numbers, write_result
+    from cpic_planner.jobs.job import run
+    from cpic_planner.tradeoff.run import chosen, n_rows, tradeoff_job
+    from cpic_planner.tradeoff.write import FILES, RESULT, read_result
 
     work = chosen(scenes or (), only or (), quick_look=quick_look)
     if listed:
         _print_list(work, as_json)
         return
-    written = read_result(out)  # which refuses somebody else's
-    foreign = out.is_dir() and written is None and any(out.iterdir())
-    if foreign or (out.exists() and not out.is_dir()):
-        raise InputError("--out", str(out), allowed="an empty folder or one of an earlier tradeoff")
-    earlier = written if only or scenes else None
-    out.mkdir(parents=True, exist_ok=True)
+    earlier = read_result(out) if only or scenes else None
+    job = tradeoff_job(work, earlier=earlier, quick_look=quick_look, at_once=workers)
     with progress("rows", total=n_rows(work)) as advance:
-        result = run(
-            work,
-            earlier=earlier,
-            quick_look=quick_look,
-            workers=workers,
-            advance=advance,
-            keep=lambda so_far: write_numbers(so_far, out),
-        )
-    write_result(result, out)
-    note(f"{', '.join(FILES)} written to {out}")
+        result = run(job, out, force=force, advance=advance, command=sys.argv[1:]).result
+    note(f"{', '.join((RESULT, *FILES))} written to {out}")
     if as_json:
         print_json(result)
         return

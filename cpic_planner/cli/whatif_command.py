@@ -11,7 +11,7 @@ import typer
 from catalogs.errors import InputError
 from cpic_planner.cli.options import ForceOption, JsonOption, KnownPlanetsOption
 from cpic_planner.cli.output import console, note, print_json, progress
-from cpic_planner.engine import check_address
+from cpic_planner.jobs.engine import check_address
 
 if TYPE_CHECKING:
     from cpic_planner.survey.strategy_file import StrategiesConfig
@@ -106,7 +106,7 @@ def whatif(
     from cpic_planner.survey.prepare import known_table
     from cpic_planner.survey.strategy_file import load_strategies, with_universe
     from cpic_planner.survey.sweeps import told, varied
-    from cpic_planner.survey.whatif import cost_of, run_whatif
+    from cpic_planner.survey.whatif import run_whatif, whatif_cost
 
     config = _chosen(load_strategies(strategies), strategy)
     shared = {
@@ -126,11 +126,11 @@ def whatif(
     table = known_table(config.universe)
     for remark in () if table is None else table.notes:
         note(remark)
+    cost = whatif_cost(config, images).at(workers)
     if dry_run:
-        _print_cost(cost_of(config, workers=workers, n_images=images), workers, as_json)
+        _print_cost(cost, workers, as_json)
         return
-    steps = int(cost_of(config, workers=workers, n_images=images)["n_steps"])
-    with progress("what if", total=steps) as advance:
+    with progress("what if", total=int(cost["n_steps"])) as advance:
         done = run_whatif(
             config,
             out,

@@ -1,4 +1,14 @@
-"""Where the noise of an answer comes from, what binds its frames, and what would help."""
+"""Where the noise of an answer comes from, what binds its frames, what would help, and what limits it.
+
+An answer is limited by the single change of the model that would make the planet detected in the given time:
+``none`` where it is detected. ``geometry`` where the dark hole does not cover its place, ``saturation`` where no frame
+is possible. ``speckles`` where it is detected once the wavefront does not drift: everything that no time averages is
+taken away, wings of a companion included. Otherwise ``background`` where it is detected with its own photon noise and
+the speckles alone: no starlight, sky, dust, companion, dark current, smear, clock-induced charge or read noise, in
+science and in reference frames. Otherwise ``photons``: neither change alone is enough, the planet is too faint for the
+time. Exposure, gain and number of frames are the best ones under each change, as are band and separation where the
+question leaves them open. A question for a time that has no answer gets 1e9 s, the longest time that can be given.
+"""
 
 from __future__ import annotations
 
@@ -9,14 +19,13 @@ from numpy.typing import NDArray
 
 from cpic_planner.etc.camera import FrameCamera
 from cpic_planner.etc.cases import BandCases
-from cpic_planner.etc.frames import FrameChoice, FrameProblem
-from cpic_planner.etc.limits import gain_caps, largest_gain, longest_exposure_s
+from cpic_planner.etc.frames import FrameChoice, FrameProblem, best_in_visit
 from cpic_planner.etc.noise import StackNoise
 from cpic_planner.etc.rates import ApertureRates
-from cpic_planner.etc.speckles import speckle_law
-from simulator.outcome import Reason
-
-__all__ = ["Binding", "binding_limits", "largest_term", "remedies"]
+from cpic_planner.models.base import LimitText
+from simulator.outcome import Reason, Status
+from simulator.signal.saturation import gain_caps, largest_gain, longest_exposure_s
+from simulator.signal.speckles import speckle_law
 
 FloatArray = NDArray[np.float64]
 _EDGE = 1e-6
@@ -33,7 +42,16 @@ class Binding:
 
 
 def binding_limits(problem: FrameProblem, rates: ApertureRates, choice: FrameChoice, index: tuple[int, ...]) -> Binding:
-    """Limits of one chosen setting.
+    """Return the limits of one chosen setting.
+
+    Parameters
+    ----------
+    problem : FrameProblem
+    rates : ApertureRates
+    choice : FrameChoice
+        Chosen frames of every case.
+    index : tuple of int
+        The case.
 
     Returns
     -------
@@ -92,14 +110,29 @@ def _output_limit(hole: float, tail: float, exposure_s: float, camera: FrameCame
 
 
 def largest_term(noise: StackNoise, index: tuple[int, ...]) -> str:
-    """Name of the largest term of the variance; empty without frames."""
+    """Return the name of the largest term of the variance; empty without frames.
+
+    Parameters
+    ----------
+    noise : StackNoise
+    index : tuple of int
+        The case.
+    """
     values = {name: float(np.broadcast_to(term, noise.snr.shape)[index]) for name, term in noise.terms.items()}
     name = max(values, key=lambda key: values[key])
     return name if values[name] > 0 else ""
 
 
 def remedies(cases: BandCases, choice: FrameChoice, noise: StackNoise) -> dict[str, FloatArray]:
-    """Factors by which the SNR of the chosen setting grows if one thing is changed.
+    """Return the factors by which the SNR of the chosen setting grows if one thing is changed.
+
+    Parameters
+    ----------
+    cases : BandCases
+    choice : FrameChoice
+        Frames of every case.
+    noise : StackNoise
+        Of these frames.
 
     Returns
     -------
@@ -149,3 +182,69 @@ def remedies(cases: BandCases, choice: FrameChoice, noise: StackNoise) -> dict[s
     }
     with np.errstate(divide="ignore", invalid="ignore"):
         return {name: np.where(noise.snr > 0, value / noise.snr, 1.0) for name, value in changed.items()}
+
+
+LONGEST_TIME_S = 1e9
+"""Longest wall time that can be given, s: what a question for a time may take at most."""
+_OF_PLACE = (Reason.TOO_FEW_ELEMENTS, Reason.SMALL_ROLL)
+
+
+def without_speckles(problem: FrameProblem) -> FrameProblem:
+    """Return the problem without what no time averages: speckles of the drift, and a companion's wings."""
+    nothing = np.zeros_like(problem.z0)
+    return replace(problem, z0=nothing, z1=nothing, z2=nothing)
+
+
+def without_background(problem: FrameProblem, own_e_s: FloatArray) -> FrameProblem:
+    """Return the problem with no white noise but the planet's own (`cpic_planner.etc.noise.own_noise`).
+
+    Parameters
+    ----------
+    problem : FrameProblem
+    own_e_s : ndarray
+        Variance of the planet's own light, e-^2/s.
+    """
+    nothing = np.zeros_like(problem.alpha_e_s)
+    own = np.array(np.broadcast_to(own_e_s, nothing.shape))
+    return replace(problem, alpha_e_s=own, beta_e=nothing, gamma_e2=nothing, counting=None)
+
+
+def reached(problem: FrameProblem, visit_s: FloatArray, level: FloatArray) -> NDArray[np.bool_]:
+    """Return whether visits of at most ``visit_s`` reach a level; ``inf`` is reached by none.
+
+    Parameters
+    ----------
+    problem : FrameProblem
+    visit_s : ndarray
+        Longest visit, s.
+    level : ndarray
+        SNR or significance to reach.
+    """
+    choice = best_in_visit(problem, visit_s, quickest=False)
+    with np.errstate(divide="ignore"):
+        return (choice.n_frames >= 1) & (np.sqrt(choice.inverse_snr2) * level <= 1.0 + 1e-9)
+
+
+def limit_of(
+    status: Status, reason: Reason, *, detected: bool, without_speckles: bool, without_background: bool
+) -> LimitText:
+    """Return what limits an answer, as the module defines it.
+
+    Parameters
+    ----------
+    status, reason
+        Of the answer. A time that does not hold one frame counts as ``photons``.
+    detected : bool
+        Whether the planet is detected as things are.
+    without_speckles, without_background : bool
+        Whether it is under each change.
+    """
+    if status is Status.OUTSIDE_FIELD or reason in _OF_PLACE:
+        return "geometry"
+    if status is Status.SATURATED:
+        return "saturation"
+    if status is Status.OK and detected:
+        return "none"
+    if without_speckles:
+        return "speckles"
+    return "background" if without_background else "photons"

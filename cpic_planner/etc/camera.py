@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
-from simulator.camera.dark_current import dark_rate_e_s
 from simulator.config import Instrument
-from simulator.config.detector import Detector
-from simulator.config.infrared import InfraredDetector
-
-__all__ = ["FrameCamera"]
+from simulator.detectors.chains import added_variance
+from simulator.signal.variance import FrameTerm
 
 
 @dataclass(frozen=True)
@@ -41,6 +39,8 @@ class FrameCamera:
         Dead time after a frame, shortest and longest exposure.
     blooms : bool
         Whether overfull pixels spill along columns and rows into the hole.
+    added : tuple of (str, FrameTerm)
+        Variance of a pixel and frame that further effects of the detector add, by term of the budget of noise.
     """
 
     full_well_e: float
@@ -58,11 +58,31 @@ class FrameCamera:
     light_factor: float = 1.0
     blooms: bool = True
     line_shift_s: float = 0.0
+    added: tuple[tuple[str, FrameTerm], ...] = ()
+
+    @property
+    def _rest(self) -> FrameTerm:
+        return FrameTerm.total([FrameTerm(), *(term for _, term in self.added)])
 
     @property
     def read_variance_e2(self) -> float:
-        """Variance of read noise and rounding together, per pixel and frame, at the register output."""
-        return self.read_noise_e**2 + self.rounding_e**2
+        """Variance of a pixel and frame at the register output: read noise, rounding and what other effects add."""
+        return self.read_noise_e**2 + self.rounding_e**2 + float(self._rest.output_e2)
+
+    @property
+    def charge_e(self) -> float:
+        """Electrons of a pixel and frame that come without light, before the register: clock-induced and other."""
+        return self.cic_e + float(self._rest.charge_e)
+
+    @property
+    def rate_e_s(self) -> float:
+        """Electrons of a pixel that come with time besides light and dark current."""
+        return float(self._rest.rate_e_s)
+
+    @property
+    def amplifier_e(self) -> float:
+        """Rms of read noise and of what else comes behind the register but the rounding, at the register output."""
+        return math.hypot(self.read_noise_e, math.sqrt(float(self._rest.output_e2)))
 
     @property
     def output_well_e(self) -> float:
@@ -72,62 +92,27 @@ class FrameCamera:
     @classmethod
     def of(cls, instrument: Instrument, band: str) -> FrameCamera:
         """Camera of a band; effects that are switched off count nothing."""
-        detector = instrument.detector_of(band)
-        if isinstance(detector, Detector):
-            return _electron_multiplying(detector)
-        return _infrared(detector, instrument.detector.exposure_max_s)
-
-
-def _electron_multiplying(detector: Detector) -> FrameCamera:
-    on = detector.switches
-    read_noise = detector.read_noise_e if on.read_noise else 0.0
-    headroom = (detector.adc_max_adu - detector.bias_adu) * detector.gain_e_adu - 5.0 * read_noise
-    return FrameCamera(
-        full_well_e=detector.full_well_e,
-        register_full_well_e=detector.register_full_well_e,
-        converter_e=max(headroom, 0.0),
-        em_gain_max=detector.em_gain_max if on.em_register else 1.0,
-        register_stages=detector.register_stages if on.em_register else 0,
-        read_noise_e=read_noise,
-        rounding_e=detector.gain_e_adu / 12.0**0.5,
-        cic_e=detector.cic_e if on.clock_charge else 0.0,
-        dark_e_s=dark_rate_e_s(detector) if on.dark else 0.0,
-        readout_s=detector.readout_s,
-        exposure_min_s=detector.exposure_min_s,
-        exposure_max_s=detector.exposure_max_s,
-        line_shift_s=detector.transfer.line_shift_s if on.smear else 0.0,
-    )
-
-
-def _infrared(detector: InfraredDetector, exposure_max_s: float) -> FrameCamera:
-    """Hybrid array: no register, no blooming.
-
-    Double sampling has twice the variance of a read; a line through ``n`` equally spaced reads has
-    ``12 (n - 1) / (n (n + 1))`` of it, and ``6 (n^2 + 1) / (5 n (n + 1))`` times the variance of the light (Garnett &
-    Forrest 1993, SPIE 1946, 395).
-    """
-    on, n = detector.switches, detector.n_reads
-    one = detector.read_noise_e if on.read_noise else 0.0
-    reads, light = 2.0, 1.0
-    extra = 0.0
-    if detector.readout_mode == "single":
-        reads, extra = 1.0, detector.reset_noise_e**2 if on.reset_noise else 0.0
-    elif detector.readout_mode == "up_the_ramp":
-        reads, light = 12.0 * (n - 1) / (n * (n + 1)), 6.0 * (n**2 + 1) / (5.0 * n * (n + 1))
-    first = n if detector.readout_mode == "up_the_ramp" else 1
-    return FrameCamera(
-        full_well_e=detector.full_well_e,
-        register_full_well_e=float("inf"),
-        converter_e=max((detector.adc_max_adu - detector.bias_adu) * detector.gain_e_adu - 5.0 * one, 0.0),
-        em_gain_max=1.0,
-        register_stages=0,
-        read_noise_e=(reads * one**2 + extra) ** 0.5,
-        rounding_e=detector.gain_e_adu * (reads / 12.0) ** 0.5,
-        cic_e=0.0,
-        dark_e_s=detector.dark_e_s if on.dark else 0.0,
-        readout_s=detector.readout_s,
-        exposure_min_s=first * detector.frame_time_s,
-        exposure_max_s=exposure_max_s,
-        light_factor=light,
-        blooms=False,
-    )
+        channel = instrument.channel_of(band)
+        detector, terms = channel.detector, added_variance(channel.detector)
+        read, rounding, cic, dark = (terms.pop(name, FrameTerm()) for name in ("read_noise", "rounding", "cic", "dark"))
+        rest = FrameTerm.total([FrameTerm(), *terms.values()])
+        one_read_e = detector.read_noise_e if detector.switches.read_noise else 0.0
+        swing_e = math.hypot(one_read_e, math.sqrt(float(rest.output_e2)))
+        return cls(
+            full_well_e=detector.full_well_e,
+            register_full_well_e=detector.register_full_well_e,
+            converter_e=max(detector.converter_e - 5.0 * swing_e, 0.0),
+            em_gain_max=detector.em_gain_max if detector.multiplies else 1.0,
+            register_stages=detector.register_stages if detector.multiplies else 0,
+            read_noise_e=math.sqrt(float(read.output_e2)),
+            rounding_e=math.sqrt(float(rounding.output_e2)),
+            cic_e=float(cic.charge_e),
+            dark_e_s=float(dark.rate_e_s),
+            readout_s=detector.readout_s,
+            exposure_min_s=detector.exposure_min_s,
+            exposure_max_s=channel.exposure_max_s,
+            light_factor=detector.ramp()[1],
+            blooms=channel.multiplies,
+            line_shift_s=detector.line_shift_s,
+            added=tuple(terms.items()),
+        )

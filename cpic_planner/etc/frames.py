@@ -12,31 +12,17 @@ to ``v / (t + readout)`` then follow exactly. Time for an SNR and SNR for a time
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cpic_planner.etc.camera import FrameCamera
-from cpic_planner.etc.cosmic_loss import frames_per_clean
-from cpic_planner.etc.counting_light import CountingLight
-from cpic_planner.etc.gain_choice import best_gain
-from cpic_planner.etc.limits import largest_gain, longest_exposure_s
-from cpic_planner.etc.searches import first_root, lowest
+from cpic_planner.etc.photon_counting import CountingLight
+from cpic_planner.etc.searches import CaseArrays, best_gain, first_root, lowest
 from simulator.camera.gain import noise_factor2
-
-__all__ = [
-    "PROBLEM_ARRAYS",
-    "FrameChoice",
-    "FrameProblem",
-    "best_exposure_s",
-    "best_in_visit",
-    "least_time",
-    "smooth_in_visit",
-    "smooth_least_visit_s",
-    "solve_together",
-]
+from simulator.signal.saturation import largest_gain, longest_exposure_s
+from simulator.signal.variance import frame_variance_e2, frames_per_clean
 
 FloatArray = NDArray[np.float64]
 _NEIGHBOURS = np.array([-1.0, 0.0, 1.0, 2.0])
@@ -49,7 +35,7 @@ _NEWTON_STEPS = 60
 
 
 @dataclass(frozen=True)
-class FrameProblem:
+class FrameProblem(CaseArrays):
     """What decides the frames of any number of cases; arrays of one shape.
 
     Attributes
@@ -63,7 +49,7 @@ class FrameProblem:
     loss_per_s : ndarray
         Rate of particles that void an aperture: a frame of ``t`` s counts with probability ``exp(-loss t)``.
     peak_columns_e_s, peak_hole_e_s, tail_e_s : ndarray
-        Light that must not saturate; see `cpic_planner.etc.limits`.
+        Light that must not saturate; see `simulator.signal.saturation`.
     camera : FrameCamera
     em_gain : float, optional
         Fixed gain.
@@ -86,24 +72,6 @@ class FrameProblem:
     em_gain: float | None = None
     counting: CountingLight | None = None
 
-    def at(self, mask: NDArray[np.bool_]) -> FrameProblem:
-        """The cases of a mask, as flat arrays."""
-        parts = {name: getattr(self, name)[mask] for name in PROBLEM_ARRAYS}
-        counting = None if self.counting is None else self.counting.at(mask)
-        return replace(self, **parts, counting=counting)
-
-    @classmethod
-    def stacked(cls, problems: Sequence[FrameProblem]) -> FrameProblem:
-        """Problems of one camera and one shape on a new first axis: solved together they cost little more than one."""
-        parts: dict[str, Any] = {
-            name: np.stack([getattr(problem, name) for problem in problems]) for name in PROBLEM_ARRAYS
-        }
-        first = problems[0]
-        counting = None
-        if first.counting is not None:
-            counting = CountingLight.stacked([problem.counting for problem in problems if problem.counting is not None])
-        return replace(first, **parts, counting=counting)
-
     def fixed_gain(self) -> float | None:
         """Gain that is not to be chosen; counting uses the largest one."""
         return self.camera.em_gain_max if self.em_gain is None and self.counting is not None else self.em_gain
@@ -125,7 +93,7 @@ class FrameProblem:
             gain = np.full(t.shape, fixed)
             stages = self.camera.register_stages
             factor2 = noise_factor2(np.asarray(fixed, float), stages) if stages else 1.0
-            variance = factor2 * light + self.gamma_e2 / fixed**2
+            variance = frame_variance_e2(light, factor2, self.gamma_e2, fixed)
         else:
             cap = largest_gain(self.peak_hole_e_s, self.tail_e_s, t, self.camera)
             camera = self.camera
@@ -139,28 +107,21 @@ class FrameProblem:
         return self.z0 + visit_s * (self.z1 + visit_s * self.z2)
 
     def inverse_snr2(self, exposure_s: FloatArray, n_frames: FloatArray) -> FloatArray:
-        """``1 / SNR^2`` of a stack."""
+        """Return ``1 / SNR^2`` of a stack.
+
+        Parameters
+        ----------
+        exposure_s : ndarray
+            Of one frame.
+        n_frames : ndarray
+            Of the stack.
+        """
         visit = n_frames * (exposure_s + self.camera.readout_s)
         return self.frame_noise(exposure_s)[0] / n_frames + self.residual(visit)
 
 
-PROBLEM_ARRAYS = (
-    "alpha_e_s",
-    "beta_e",
-    "gamma_e2",
-    "signal_e_s",
-    "z0",
-    "z1",
-    "z2",
-    "loss_per_s",
-    "peak_columns_e_s",
-    "peak_hole_e_s",
-    "tail_e_s",
-)
-
-
 @dataclass(frozen=True)
-class FrameChoice:
+class FrameChoice(CaseArrays):
     """Chosen frames; arrays of the problem's shape. ``n_frames`` is 0 where there are none.
 
     ``inverse_snr2`` is ``1 / SNR^2`` of the stack (``inf`` without frames), ``visit_s`` its length.
@@ -171,16 +132,6 @@ class FrameChoice:
     em_gain: FloatArray
     visit_s: FloatArray
     inverse_snr2: FloatArray
-
-    def part(self, index: int) -> FrameChoice:
-        """One element of the first axis."""
-        return FrameChoice(*(getattr(self, name)[index] for name in FrameChoice.__dataclass_fields__))
-
-    def where(self, mask: NDArray[np.bool_], other: FrameChoice) -> FrameChoice:
-        """These frames where the mask holds, others elsewhere."""
-        return FrameChoice(
-            *(np.where(mask, getattr(self, name), getattr(other, name)) for name in FrameChoice.__dataclass_fields__)
-        )
 
 
 def best_exposure_s(problem: FrameProblem) -> tuple[FloatArray, FloatArray]:
@@ -286,7 +237,7 @@ def best_in_visit(
     shortest = camera.exposure_min_s
     feasible = (top >= shortest * (1.0 - 1e-12)) & np.isfinite(cost)
     top = np.maximum(top, shortest)
-    wide = _spread(problem, top.shape)
+    wide = problem.spread(top.shape)
     t = top
     if whole:
         filled = np.where(feasible, frames * (top + camera.readout_s), 0.0)
@@ -308,7 +259,13 @@ def best_in_visit(
 
 
 def least_time(problem: FrameProblem, level: FloatArray | float) -> FrameChoice:
-    """Frames of least time that reach an SNR of ``level``; none where no visit does.
+    """Return the frames of least time that reach an SNR of ``level``; none where no visit does.
+
+    Parameters
+    ----------
+    problem : FrameProblem
+    level : ndarray or float
+        SNR to reach.
 
     Notes
     -----
@@ -322,7 +279,7 @@ def least_time(problem: FrameProblem, level: FloatArray | float) -> FrameChoice:
     frames = _candidates(np.where(np.isfinite(lower), lower, 0.0), t_best + camera.readout_s)
     possible = np.isfinite(lower)
     shortest, longest = camera.exposure_min_s, np.maximum(problem.longest_s(), camera.exposure_min_s)
-    wide = _spread(problem, frames.shape)
+    wide = problem.spread(frames.shape)
     low = np.clip(np.where(possible, lower, 0.0) * (1.0 - 1e-9) / frames - camera.readout_s, shortest, longest)
     low = np.where(frames > 1.0, low, shortest)
     top, least = lowest(wide, _stack, low, np.broadcast_to(longest, frames.shape), frames, coarse=False)
@@ -334,7 +291,14 @@ def least_time(problem: FrameProblem, level: FloatArray | float) -> FrameChoice:
 
 
 def smooth_in_visit(problem: FrameProblem, visit_s: FloatArray) -> FloatArray:
-    """``1 / SNR^2`` of the best visit of at most ``visit_s`` if frames need not be whole: a fast bound from below."""
+    """Return ``1 / SNR^2`` of the best visit if frames need not be whole: a fast bound from below.
+
+    Parameters
+    ----------
+    problem : FrameProblem
+    visit_s : ndarray
+        Longest visit, s.
+    """
     _, cost = best_exposure_s(problem)
     visit = np.minimum(visit_s, _peak_visit_s(problem, cost))
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -342,7 +306,14 @@ def smooth_in_visit(problem: FrameProblem, visit_s: FloatArray) -> FloatArray:
 
 
 def smooth_least_visit_s(problem: FrameProblem, level: FloatArray | float) -> FloatArray:
-    """Shortest visit that reaches an SNR if frames need not be whole; ``inf`` where none does."""
+    """Return the shortest visit that reaches an SNR if frames need not be whole; ``inf`` where none does.
+
+    Parameters
+    ----------
+    problem : FrameProblem
+    level : ndarray or float
+        SNR to reach.
+    """
     aim = 1.0 / np.broadcast_to(np.asarray(level, float), problem.signal_e_s.shape) ** 2
     return _smooth_visit_s(problem, best_exposure_s(problem)[1], aim)
 
@@ -384,15 +355,8 @@ def solve_together(
     for camera in dict.fromkeys(problem.camera for problem in problems):
         own = [i for i, problem in enumerate(problems) if problem.camera == camera]
         choice = solver(FrameProblem.stacked([problems[i] for i in own]), given[own])
-        found |= {i: choice.part(k) for k, i in enumerate(own)}
+        found |= {i: choice.at(k) for k, i in enumerate(own)}
     return [found[i] for i in range(len(problems))]
-
-
-def _spread(problem: FrameProblem, shape: tuple[int, ...]) -> FrameProblem:
-    """The problem with its arrays repeated along new first axes."""
-    parts: dict[str, Any] = {name: np.broadcast_to(getattr(problem, name), shape) for name in PROBLEM_ARRAYS}
-    counting = None if problem.counting is None else problem.counting.spread(shape)
-    return replace(problem, **parts, counting=counting)
 
 
 def _pick(

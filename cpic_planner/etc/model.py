@@ -15,7 +15,6 @@ from pydantic import Field, model_validator
 from catalogs.errors import InputError
 from catalogs.user_files import digest_of
 from cpic_planner.etc.camera import FrameCamera
-from cpic_planner.etc.cosmic_loss import aperture_loss_per_s
 from cpic_planner.registry.libraries import (
     DEFAULT_LIBRARY,
     LIBRARIES,
@@ -24,6 +23,7 @@ from cpic_planner.registry.libraries import (
     LibraryNoise,
     ReferenceStar,
 )
+from simulator.camera.track_loss import aperture_loss_per_s
 from simulator.config import FrozenModel, Instrument, content_hash
 from simulator.imaging.metrics import PsfMetrics
 from simulator.imaging.store import metrics_key, psf_metrics

@@ -9,18 +9,19 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cpic_planner.etc.camera import FrameCamera
-from cpic_planner.etc.cosmic_loss import frames_per_clean
-from cpic_planner.etc.counting_light import LIGHT_ARRAYS, CountingLight, counted
-from cpic_planner.etc.frames import PROBLEM_ARRAYS, FrameProblem
-from cpic_planner.etc.photon_counting import counting_law
+from cpic_planner.etc.frames import FrameProblem
+from cpic_planner.etc.model import Strategy
+from cpic_planner.etc.photon_counting import CountingLaw, CountingLight, counted, counting_law
 from cpic_planner.etc.rates import ApertureRates
 from simulator.camera.gain import noise_factor2
-
-__all__ = ["Objective", "ReadMode", "StackNoise", "frame_problem", "own_noise", "stack_noise"]
+from simulator.signal.variance import FrameTerm, frames_per_clean
 
 FloatArray = NDArray[np.float64]
 Objective = Literal["snr", "significance"]
-ReadMode = Literal["analogue", "photon_counting"]
+PLAIN = Strategy()
+"""References of the same star, as many as science frames; charge is measured."""
+# Light and dark charge of the science frames, by origin.
+_LIGHT = ("halo", "companion", "sky", "exozodi", "dark")
 
 
 @dataclass(frozen=True)
@@ -30,11 +31,13 @@ class StackNoise:
     ``snr`` = S / sqrt(Var S) with the source's own noise; ``significance`` = S / sigma without the planet. ``terms``
     are the parts of Var S: light of the science frames by origin, smear, clock-induced charge, read noise and rounding,
     then ``reference`` (all of that in the reference frames), ``background_mean`` (error of the mean background) and
-    ``speckle`` and ``companion_wings`` (what does not average).
+    ``speckle`` and ``companion_wings`` (what does not average). ``quiet`` is the variance that a significance is
+    measured by: without the planet's own light and the mean's error.
     """
 
     signal_e: FloatArray
     terms: dict[str, FloatArray]
+    quiet: FloatArray
     snr: FloatArray
     significance: FloatArray
 
@@ -43,29 +46,24 @@ class StackNoise:
         """What of `quiet` averages with time."""
         return self.quiet - self.terms["speckle"] - self.terms["companion_wings"]
 
-    @property
-    def quiet(self) -> FloatArray:
-        """Variance that a significance is measured by: without the planet's own light and the mean's error."""
-        return np.asarray(sum(part for name, part in self.terms.items() if name not in ("planet", "background_mean")))
 
+def light_factor2(camera: FrameCamera, em_gain: ArrayLike) -> FloatArray:
+    """Return the variance over the mean of the electrons that a camera counts; no checks.
 
-def _factor2(em_gain: FloatArray, camera: FrameCamera) -> FloatArray:
+    Parameters
+    ----------
+    camera : FrameCamera
+    em_gain : array_like
+        Gains of at least 1.
+    """
+    gain = np.asarray(em_gain, float)
     if camera.register_stages == 0:
-        return np.full(em_gain.shape, camera.light_factor)
-    return noise_factor2(em_gain, camera.register_stages)
+        return np.full(gain.shape, camera.light_factor)
+    return noise_factor2(gain, camera.register_stages)
 
 
-def frame_problem(
-    rates: ApertureRates,
-    camera: FrameCamera,
-    *,
-    reference_ratio: float = 1.0,
-    objective: Objective = "snr",
-    em_gain: float | None = None,
-    mode: ReadMode = "analogue",
-    counting_sigma: float = 5.0,
-) -> FrameProblem:
-    """What the solver of frames needs of an aperture's rates.
+def white_terms(rates: ApertureRates, camera: FrameCamera, reference_ratio: float) -> dict[str, FrameTerm]:
+    """Return what averages with time, by origin, but the planet's own light: of one science frame with its references.
 
     Parameters
     ----------
@@ -73,13 +71,49 @@ def frame_problem(
     camera : FrameCamera
     reference_ratio : float
         Reference frames per science frame.
+
+    Returns
+    -------
+    dict of str to FrameTerm
+        Of a sum over the area of the aperture, before the weights of its pixels and what the subtraction leaves of a
+        planet. ``reference`` is everything that the reference frames add, scaled to the science frames.
+    """
+    area, scale = rates.aperture_pixels, rates.reference_scale
+    terms = {name: FrameTerm(rate_e_s=getattr(rates, f"{name}_e_s")) for name in _LIGHT} | {
+        "smear": FrameTerm(charge_e=rates.smear_e),
+        "cic": FrameTerm(charge_e=area * camera.cic_e),
+        "read_noise": FrameTerm(output_e2=area * camera.read_noise_e**2),
+        "rounding": FrameTerm(output_e2=area * camera.rounding_e**2),
+    }
+    terms |= {name: FrameTerm(*(area * part for part in added)) for name, added in camera.added}
+    terms["reference"] = FrameTerm(
+        rate_e_s=(rates.reference_light_e_s + scale * area * camera.rate_e_s) / reference_ratio,
+        charge_e=(rates.reference_smear_e + scale * area * camera.charge_e) / reference_ratio,
+        output_e2=scale * area * camera.read_variance_e2 / reference_ratio,
+    )
+    return terms
+
+
+def frame_problem(
+    rates: ApertureRates,
+    camera: FrameCamera,
+    strategy: Strategy = PLAIN,
+    *,
+    objective: Objective = "snr",
+    em_gain: float | None = None,
+) -> FrameProblem:
+    """Return what the solver of frames needs of an aperture's rates.
+
+    Parameters
+    ----------
+    rates : ApertureRates
+    camera : FrameCamera
+    strategy : Strategy
+        Says how many references there are, and whether photons are counted above which threshold.
     objective : {"snr", "significance"}
         With or without the planet's own noise and the error of the mean background.
     em_gain : float, optional
         Fixed gain.
-    mode : {"analogue", "photon_counting"}
-    counting_sigma : float
-        Threshold of photon counting, in units of the read noise.
 
     Notes
     -----
@@ -88,68 +122,112 @@ def frame_problem(
     """
     with_planet = objective == "snr"
     level = 1.0 + 1.0 / rates.background_apertures if with_planet else 1.0
-    share = rates.noise_fraction * rates.variance_factor / rates.rdi_throughput**2
-    pixels = share * rates.aperture_pixels
-    quiet, reference = rates.background_e_s, rates.reference_light_e_s / reference_ratio
-    twice = 1.0 + rates.reference_scale / reference_ratio
-    light = camera.light_factor
-    smear = rates.smear_e + rates.reference_smear_e / reference_ratio
-    alpha = light * (level * share * (quiet + reference) + (_own(rates) if with_planet else 0.0))
-    arrays: dict[str, Any] = dict(
-        zip(
-            PROBLEM_ARRAYS,
-            np.broadcast_arrays(
-                alpha,
-                level * (pixels * camera.cic_e * twice + light * share * smear),
-                level * pixels * camera.read_variance_e2 * twice,
-                rates.planet_e_s,
-                *_residual(rates, level),
-                np.asarray(rates.loss_per_s, float),
-                rates.peak_columns_e_s,
-                rates.peak_hole_e_s,
-                rates.tail_e_s,
-            ),
-            strict=True,
-        )
+    share = level * rates.noise_fraction * _throughput_loss(rates)
+    white = FrameTerm.total(white_terms(rates, camera, strategy.reference_ratio).values())
+    own = own_noise(rates, camera) if with_planet else 0.0
+    z0, z1, z2 = _residual(rates, level)
+    arrays = _broadcast(
+        alpha_e_s=camera.light_factor * share * white.rate_e_s + own,
+        beta_e=camera.light_factor * share * white.charge_e,
+        gamma_e2=share * white.output_e2,
+        signal_e_s=rates.planet_e_s,
+        z0=z0,
+        z1=z1,
+        z2=z2,
+        loss_per_s=rates.loss_per_s,
+        peak_columns_e_s=rates.peak_columns_e_s,
+        peak_hole_e_s=rates.peak_hole_e_s,
+        tail_e_s=rates.tail_e_s,
     )
     counting = None
-    if mode == "photon_counting":
-        gain = camera.em_gain_max if em_gain is None else em_gain
-        law = counting_law(gain, camera.register_stages, camera.read_noise_e, counting_sigma * camera.read_noise_e)
-        parts: dict[str, Any] = dict(
-            zip(
-                LIGHT_ARRAYS,
-                np.broadcast_arrays(
-                    rates.planet_e_s / rates.aperture_pixels,
-                    quiet / rates.aperture_pixels,
-                    _reference_pixel(rates.reference_light_e_s, rates),
-                    rates.smear_e / rates.aperture_pixels + camera.cic_e,
-                    _reference_pixel(rates.reference_smear_e, rates) + camera.cic_e,
-                    np.asarray(pixels, float),
-                    pixels * (level - 1.0),
-                    level * pixels * rates.reference_scale / reference_ratio,
-                    arrays["alpha_e_s"],
-                )[:-1],
-                strict=True,
-            )
+    if strategy.mode == "photon_counting":
+        pixels = rates.noise_fraction * _throughput_loss(rates) * rates.aperture_pixels
+        law = _law(camera, camera.em_gain_max if em_gain is None else em_gain, strategy)
+        parts = _broadcast(
+            arrays["alpha_e_s"].shape,
+            planet_e_s=rates.planet_e_s / rates.aperture_pixels,
+            quiet_e_s=rates.background_e_s / rates.aperture_pixels + camera.rate_e_s,
+            reference_e_s=_reference_pixel(rates.reference_light_e_s, rates) + camera.rate_e_s,
+            quiet_e=rates.smear_e / rates.aperture_pixels + camera.charge_e,
+            reference_e=_reference_pixel(rates.reference_smear_e, rates) + camera.charge_e,
+            science_pixels=pixels,
+            mean_pixels=pixels * (level - 1.0),
+            reference_pixels=level * pixels * rates.reference_scale / strategy.reference_ratio,
         )
         counting = CountingLight(**parts, law=law, own_noise=with_planet)
     return FrameProblem(**arrays, camera=camera, em_gain=em_gain, counting=counting)
 
 
 def own_noise(rates: ApertureRates, camera: FrameCamera) -> FloatArray:
-    """Return the variance of the planet's own light per second, before the gain register's excess noise, e-^2/s."""
-    return camera.light_factor * _own(rates)
+    """Return the variance of the planet's own light per second, before the gain register's excess noise, e-^2/s.
+
+    Parameters
+    ----------
+    rates : ApertureRates
+    camera : FrameCamera
+    """
+    return camera.light_factor * rates.source_noise_fraction * _throughput_loss(rates) * rates.planet_e_s
 
 
-def _own(rates: ApertureRates) -> FloatArray:
-    return rates.source_noise_fraction * rates.variance_factor / rates.rdi_throughput**2 * rates.planet_e_s
+def stack_noise(
+    rates: ApertureRates,
+    exposure_s: ArrayLike,
+    n_frames: ArrayLike,
+    em_gain: ArrayLike,
+    camera: FrameCamera,
+    strategy: Strategy = PLAIN,
+) -> StackNoise:
+    """Return signal and noise of ``n_frames`` frames.
+
+    Parameters
+    ----------
+    rates : ApertureRates
+    exposure_s, n_frames, em_gain : array_like
+        One frame (s), number of science frames, gain of the register; broadcast with the rates.
+    camera : FrameCamera
+    strategy : Strategy
+        Says how many references there are, and whether photons are counted above which threshold.
+
+    Notes
+    -----
+    ``Var = {F^2(g) [S + (1 + N/M) (B + smear + a0 cic)] + (1 + N/M) a0 (RN^2 + K^2/12) / g^2} / P``, summed over
+    frames, with the weights of cut pixels squared, divided by the square of the RDI throughput and by the fraction
+    ``P`` of frames that no particle voids; plus ``(N t sigma)^2`` of the residual light, which does not average.
+    ``snr`` adds the error of the mean background. Where photons are counted, the terms of the white noise are
+    ``counting`` (science frames) and ``reference``.
+    """
+    exposure, frames, gain = (np.asarray(item, float) for item in (exposure_s, n_frames, em_gain))
+    stack = frames * frames_per_clean(rates.loss_per_s, exposure) * _throughput_loss(rates)
+    if strategy.mode == "photon_counting":
+        terms, planet = _counted(rates, exposure, stack, _law(camera, float(gain.flat[0]), strategy), camera, strategy)
+    else:
+        factor2, share = light_factor2(camera, gain), stack * rates.noise_fraction
+        terms = {
+            name: share * term.variance_e2(exposure, factor2, gain)
+            for name, term in white_terms(rates, camera, strategy.reference_ratio).items()
+        }
+        planet = stack * factor2 * rates.source_noise_fraction * rates.planet_e_s * exposure
+    integrated = (frames * exposure) ** 2 * rates.variance_factor
+    terms["companion_wings"] = integrated * rates.wings_e2_s2
+    speckle = integrated * rates.speckle.variance(frames * (exposure + camera.readout_s))
+    quiet = np.asarray(sum(terms.values()) + speckle)
+    terms |= {"background_mean": quiet / rates.background_apertures, "speckle": speckle, "planet": planet}
+    signal = frames * exposure * rates.planet_e_s
+    with np.errstate(divide="ignore", invalid="ignore"):
+        snr = np.where(signal > 0, signal / np.sqrt(quiet + terms["background_mean"] + planet), 0.0)
+        significance = np.where(signal > 0, signal / np.sqrt(quiet), 0.0)
+    return StackNoise(signal, terms, quiet, snr, significance)
 
 
-def _reference_pixel(scaled: FloatArray, rates: ApertureRates) -> FloatArray:
-    """What a pixel of a reference frame holds of some light before it is scaled to the science frames."""
-    scale = np.asarray(rates.reference_scale, float)
-    return np.where(scale > 0, scaled / np.where(scale > 0, scale, 1.0) / rates.aperture_pixels, 0.0)
+def _throughput_loss(rates: ApertureRates) -> float:
+    """Variance per variance of the difference: the subtraction takes part of the planet, two rolls show it twice."""
+    return rates.variance_factor / rates.rdi_throughput**2
+
+
+def _broadcast(shape: tuple[int, ...] = (), /, **values: Any) -> dict[str, Any]:
+    """Named arrays of one shape, that of all of them and of the given one."""
+    whole = np.broadcast_shapes(shape, *map(np.shape, values.values()))
+    return {name: np.broadcast_to(np.asarray(value, float), whole) for name, value in values.items()}
 
 
 def _residual(rates: ApertureRates, level: FloatArray | float) -> list[FloatArray]:
@@ -159,76 +237,35 @@ def _residual(rates: ApertureRates, level: FloatArray | float) -> list[FloatArra
         return [np.where(part > 0, part * scale, 0.0) for part in rates.residual]
 
 
-def stack_noise(
-    rates: ApertureRates,
-    exposure_s: ArrayLike,
-    n_frames: ArrayLike,
-    em_gain: ArrayLike,
-    camera: FrameCamera,
-    *,
-    reference_ratio: float = 1.0,
-    mode: ReadMode = "analogue",
-    counting_sigma: float = 5.0,
-) -> StackNoise:
-    """Signal and noise of ``n_frames`` frames.
+def _law(camera: FrameCamera, em_gain: float, strategy: Strategy) -> CountingLaw:
+    """Probabilities of counts at the threshold of a strategy."""
+    noise_e = camera.amplifier_e
+    return counting_law(em_gain, camera.register_stages, noise_e, strategy.counting_sigma * noise_e)
 
-    ``Var = {F^2(g) [S + (1 + N/M) (B + smear + a0 cic)] + (1 + N/M) a0 (RN^2 + K^2/12) / g^2} / P``, summed over
-    frames, with the weights of cut pixels squared, divided by the square of the RDI throughput and by the fraction
-    ``P`` of frames that no particle voids; plus ``(N t sigma)^2`` of the residual light, which does not average.
-    ``snr`` adds the error of the mean background. Where photons are counted, the terms of the white noise are
-    ``counting`` (science frames) and ``reference``.
-    """
-    exposure, frames, gain = (np.asarray(item, float) for item in (exposure_s, n_frames, em_gain))
-    stack = frames * frames_per_clean(rates.loss_per_s, exposure) * rates.variance_factor / rates.rdi_throughput**2
-    scale = rates.reference_scale / reference_ratio
-    pixels = stack * rates.noise_fraction * rates.aperture_pixels
-    if mode == "photon_counting":
-        terms, planet = _counted(rates, exposure, pixels, scale, float(gain.flat[0]), camera, counting_sigma)
-    else:
-        factor2 = _factor2(gain, camera)
-        light = stack * factor2 * rates.noise_fraction
-        terms = {
-            name: light * getattr(rates, f"{name}_e_s") * exposure
-            for name in ("halo", "companion", "sky", "exozodi", "dark")
-        }
-        terms["smear"] = light * rates.smear_e
-        terms["cic"] = pixels * factor2 * camera.cic_e
-        terms["read_noise"] = pixels * camera.read_noise_e**2 / gain**2
-        terms["rounding"] = pixels * camera.rounding_e**2 / gain**2
-        electronic = terms["cic"] + terms["read_noise"] + terms["rounding"]
-        of_reference = rates.reference_light_e_s * exposure + rates.reference_smear_e
-        terms["reference"] = light * of_reference / reference_ratio + electronic * scale
-        planet = stack * factor2 * rates.source_noise_fraction * rates.planet_e_s * exposure
-    visit = frames * (exposure + camera.readout_s)
-    speckle = (frames * exposure) ** 2 * rates.speckle.variance(visit) * rates.variance_factor
-    terms["companion_wings"] = (frames * exposure) ** 2 * rates.wings_e2_s2 * rates.variance_factor
-    quiet = sum(terms.values()) + speckle
-    terms["background_mean"] = quiet / rates.background_apertures
-    terms["speckle"] = speckle
-    terms["planet"] = planet
-    signal = frames * exposure * rates.planet_e_s
-    with np.errstate(divide="ignore", invalid="ignore"):
-        snr = np.where(signal > 0, signal / np.sqrt(quiet + terms["background_mean"] + terms["planet"]), 0.0)
-        significance = np.where(signal > 0, signal / np.sqrt(quiet), 0.0)
-    return StackNoise(signal, terms, snr, significance)
+
+def _reference_pixel(scaled: FloatArray, rates: ApertureRates) -> FloatArray:
+    """What a pixel of a reference frame holds of some light before it is scaled to the science frames."""
+    scale = np.asarray(rates.reference_scale, float)
+    return np.where(scale > 0, scaled / np.where(scale > 0, scale, 1.0) / rates.aperture_pixels, 0.0)
 
 
 def _counted(
     rates: ApertureRates,
     exposure_s: FloatArray,
-    pixels: FloatArray,
-    scale: FloatArray,
-    em_gain: float,
+    stack: FloatArray,
+    law: CountingLaw,
     camera: FrameCamera,
-    counting_sigma: float,
+    strategy: Strategy,
 ) -> tuple[dict[str, FloatArray], FloatArray]:
     """Terms of white noise where photons are counted, and what the planet's light adds to them."""
-    law = counting_law(em_gain, camera.register_stages, camera.read_noise_e, counting_sigma * camera.read_noise_e)
-    quiet = (rates.background_e_s * exposure_s + rates.smear_e) / rates.aperture_pixels + camera.cic_e
+    pixels = stack * rates.noise_fraction * rates.aperture_pixels
+    own = camera.charge_e + camera.rate_e_s * exposure_s
+    quiet = (rates.background_e_s * exposure_s + rates.smear_e) / rates.aperture_pixels + own
     held = rates.reference_light_e_s * exposure_s + rates.reference_smear_e
-    reference = _reference_pixel(held, rates) + camera.cic_e
+    reference = _reference_pixel(held, rates) + own
     alone = counted(pixels, quiet, law)
     both = counted(pixels, quiet + rates.planet_e_s / rates.aperture_pixels * exposure_s, law)
     with np.errstate(invalid="ignore"):
         planet = np.where(np.isfinite(alone), both - alone, 0.0)
+    scale = rates.reference_scale / strategy.reference_ratio
     return {"counting": alone, "reference": counted(pixels * scale, reference, law)}, planet

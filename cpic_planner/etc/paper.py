@@ -6,12 +6,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cpic_planner.etc.camera import FrameCamera
-from cpic_planner.etc.cosmic_loss import clean_fraction
+from cpic_planner.etc.noise import light_factor2, white_terms
 from cpic_planner.etc.rates import ApertureRates
-from simulator.camera.checks import checked_array, checked_scalar
-from simulator.camera.gain import excess_noise_factor2
-
-__all__ = ["SPECKLE_COHERENCE", "snr_paper"]
+from simulator.camera.gain import GAIN_LIMIT
+from simulator.quantities import checked_array, checked_scalar
+from simulator.signal.variance import FrameTerm, clean_fraction
 
 FloatArray = NDArray[np.float64]
 
@@ -77,14 +76,11 @@ def snr_paper(
         region = rates.background_apertures * area
     else:
         region = checked_array("background_pixels", background_pixels, low=1e-6, unit="px")
-    gain = checked_array("em_gain", em_gain, low=1.0)
-    factor2 = excess_noise_factor2(gain, camera.register_stages) if camera.register_stages else camera.light_factor
+    gain = checked_array("em_gain", em_gain, low=1.0, high=GAIN_LIMIT)
     kept = frames * clean_fraction(rates.loss_per_s, exposure)
     own = rates.rdi_throughput * rates.planet_e_s * exposure * kept
-    quiet = (rates.background_e_s + rates.reference_light_e_s / ratio) * exposure / area
-    quiet = quiet + (rates.smear_e + rates.reference_smear_e / ratio) / area
-    every_frame = factor2 * camera.cic_e + camera.read_variance_e2 / gain**2
-    white = kept * (factor2 * quiet + (1.0 + rates.reference_scale / ratio) * every_frame)
+    frame = FrameTerm.total(white_terms(rates, camera, ratio).values())
+    white = kept * frame.variance_e2(exposure, light_factor2(camera, gain), gain) / area
     together = rates.residual.variance(frames * (exposure + camera.readout_s)) / area**2
     pixel_variance = white + (kept * exposure) ** 2 * together / SPECKLE_COHERENCE
     variance = (own + pixel_variance * area * (1.0 + area / region)) * rates.variance_factor

@@ -15,11 +15,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from catalogs.errors import InputError
-from simulator.camera.checks import checked_array, checked_scalar
+from cpic_planner.etc.searches import CaseArrays
 from simulator.camera.gain import GAIN_LIMIT, stage_probability
 from simulator.camera.register_law import generating_function
-
-__all__ = ["MAX_MEAN_E", "CountingLaw", "counting_law", "counting_variance"]
+from simulator.quantities import checked_array, checked_scalar
 
 FloatArray = NDArray[np.float64]
 
@@ -183,6 +182,55 @@ def counting_variance(mean_e: ArrayLike, law: CountingLaw) -> FloatArray:
     slope = _poisson_mean(np.diff(law.e), near)
     variance = counts * dark / np.maximum(slope, _LEAST_SLOPE) ** 2
     return np.asarray(np.where((mean <= MAX_MEAN_E) & (slope > _LEAST_SLOPE), variance, np.inf))
+
+
+@dataclass(frozen=True)
+class CountingLight(CaseArrays):
+    """Light per pixel in the aperture and how often it enters the variance.
+
+    ``planet_e_s`` and ``quiet_e_s``, everything else, count in ``science_pixels``; ``quiet_e_s`` alone in
+    ``mean_pixels`` (of the mean background); ``reference_e_s``, what a reference frame really holds, in
+    ``reference_pixels``. ``quiet_e`` and ``reference_e`` are in every frame, whatever its exposure: smear and
+    clock-induced charge. The planet's light is spread evenly over the aperture. Without ``own_noise`` it adds none, but
+    may still be too much to be counted: the variance is then infinite.
+    """
+
+    planet_e_s: FloatArray
+    quiet_e_s: FloatArray
+    reference_e_s: FloatArray
+    quiet_e: FloatArray
+    reference_e: FloatArray
+    science_pixels: FloatArray
+    mean_pixels: FloatArray
+    reference_pixels: FloatArray
+    law: CountingLaw
+    own_noise: bool
+
+    def frame_variance(self, exposure_s: FloatArray) -> FloatArray:
+        """Variance of one science frame's aperture sum with its share of reference frames."""
+        quiet = self.quiet_e_s * exposure_s + self.quiet_e
+        both = quiet + self.planet_e_s * exposure_s
+        reference = self.reference_e_s * exposure_s + self.reference_e
+        science = counted(self.science_pixels, both, self.law)
+        if not self.own_noise:
+            science = np.where(np.isfinite(science), counted(self.science_pixels, quiet, self.law), np.inf)
+        mean = counted(self.mean_pixels, quiet, self.law)
+        return science + mean + counted(self.reference_pixels, reference, self.law)
+
+
+def counted(pixels: FloatArray, mean_e: FloatArray, law: CountingLaw) -> FloatArray:
+    """Return the variance of a sum over pixels; 0 over none, however bright they are.
+
+    Parameters
+    ----------
+    pixels : ndarray
+        How many pixels.
+    mean_e : ndarray
+        Mean electrons of each.
+    law : CountingLaw
+    """
+    with np.errstate(invalid="ignore"):
+        return np.where(pixels > 0, pixels * counting_variance(mean_e, law), 0.0)
 
 
 @functools.lru_cache(maxsize=64)

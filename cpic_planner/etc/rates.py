@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cpic_planner.etc.companion_wings import wings_variance
-from cpic_planner.etc.exozodi import aperture_exozodi
 from cpic_planner.etc.model import EtcModel
-from cpic_planner.etc.sky import aperture_sky_e_s
-from cpic_planner.etc.smear import aperture_smear, companion_column
-from cpic_planner.etc.speckles import SpeckleLaw, speckle_law
 from cpic_planner.targets import Targets
-from simulator.camera.noise import aperture_noise_pixels
+from simulator.config import Instrument
+from simulator.effects.sky import sky_rate_e_s_arcsec2
+from simulator.effects.stray_light import stray_light_map
+from simulator.signal.light import annulus_apertures, aperture_exozodi, companion_column, lit_rows, sky_pixel_e_s
+from simulator.signal.speckles import SpeckleLaw, speckle_law
+from simulator.signal.variance import aperture_noise_pixels
+from simulator.signal.wings import aperture_wing, wings_variance
 from simulator.target.positions import sky_to_detector
-
-__all__ = ["ApertureRates", "aperture_rates", "companion_saturates"]
 
 FloatArray = NDArray[np.float64]
 
@@ -115,7 +115,7 @@ def aperture_rates(
     y_arcsec: ArrayLike,
     contrast: ArrayLike,
 ) -> ApertureRates:
-    """Rates for every target at the given positions.
+    """Return the rates for every target at the given positions.
 
     Parameters
     ----------
@@ -139,75 +139,121 @@ def aperture_rates(
     every loss is counted once. A companion leaves the light of its PSF wings, smoothed over
     0.15 arcsec, at roll angle 0.
     """
-    instrument, metrics = model.instrument, model.metrics[band]
-    column = model.passbands.names.index(band)
-    star = model.passbands.star_rate_e_s(
-        targets.v_mag, targets.teff_k, targets.log_g, targets.metallicity, instrument.telescope.area_cm2
-    )[:, column]
+    instrument, metrics, strategy = model.instrument, model.metrics[band], model.strategy
+    star = _star_e_s(model, band, targets, targets.v_mag, targets.teff_k)
     x, y = np.broadcast_arrays(np.asarray(x_arcsec, float), np.asarray(y_arcsec, float))
-    ratio = np.asarray(contrast, float)
+    ratio, separation = np.asarray(contrast, float), np.hypot(x, y)
     star = star.reshape(star.shape + (1,) * max(0, x.ndim - 1, ratio.ndim - 1))
     planet_total = star * ratio
-    strategy, camera = model.strategy, model.camera(band)
-    shape = np.broadcast_shapes(star.shape, x.shape)
+    dims = max(star.ndim, x.ndim)
     sky = aperture_sky_e_s(model, targets, band)
-    sky = sky.reshape(sky.shape + (1,) * (len(shape) - 1))
-    companion, companion_columns, wings = _companions(model, targets, band, x, y)
+    sky = sky.reshape(sky.shape + (1,) * (dims - 1))
+    companion = _companions(model, targets, band, x, y)
     halo = star * metrics.halo_aperture(x, y)
-    exozodi = star * aperture_exozodi(model, band, x, y)
-    dark = np.full((1,) * len(shape), camera.dark_e_s * metrics.aperture_pixels)
-    law = speckle_law(metrics, instrument.drift, np.hypot(x, y), strategy.annulus_lambda_d, strategy.reference_ratio)
+    exozodi = star * aperture_exozodi(metrics, instrument.sky.exozodi_zodis, x, y)
+    dark = np.full((1,) * dims, model.camera(band).dark_e_s * metrics.aperture_pixels)
+    law = speckle_law(metrics, instrument.drift, separation, strategy.annulus_lambda_d, strategy.reference_ratio)
     reference = model.library_noise(band, star)
-    smear = aperture_smear(model, band, x, star_e_s=star, companion_column_e_s=companion_columns, sky_e_s=sky)
-    region_pixels = float(np.count_nonzero(metrics.hole))
+    smear = _smear(model, band, x, star, companion.column_e_s, sky)
+    brightest, peak_planet = star * reference.peak, planet_total * metrics.peak_off_axis
+    peak_companion = companion.aperture_e_s / metrics.aperture_pixels
+    noise_pixels = float(aperture_noise_pixels(metrics.aperture_radius_arcsec / metrics.pixel_scale_arcsec))
     return ApertureRates(
         planet_e_s=planet_total * metrics.core_throughput(x, y),
         halo_e_s=halo,
-        companion_e_s=companion,
+        companion_e_s=companion.aperture_e_s,
         sky_e_s=sky,
         exozodi_e_s=exozodi,
         dark_e_s=dark,
         speckle=law.scaled(star**2 * reference.speckle),
-        wings_e2_s2=wings,
-        peak_hole_e_s=star * reference.peak * metrics.peak_on_axis_hole
-        + planet_total * metrics.peak_off_axis
-        + companion / metrics.aperture_pixels,
-        peak_planet_e_s=planet_total * metrics.peak_off_axis,
-        peak_frame_e_s=star * reference.peak * metrics.peak_on_axis_frame,
-        peak_columns_e_s=star * reference.peak * metrics.peak_on_axis_columns,
-        tail_e_s=star * reference.peak * metrics.register_tail,
+        wings_e2_s2=companion.left_e2_s2,
+        peak_hole_e_s=brightest * metrics.peak_on_axis_hole + peak_planet + peak_companion,
+        peak_planet_e_s=peak_planet,
+        peak_frame_e_s=brightest * metrics.peak_on_axis_frame,
+        peak_columns_e_s=brightest * metrics.peak_on_axis_columns,
+        tail_e_s=brightest * metrics.register_tail,
         aperture_pixels=metrics.aperture_pixels,
-        noise_fraction=float(aperture_noise_pixels(metrics.aperture_radius_arcsec / metrics.pixel_scale_arcsec))
-        / metrics.aperture_pixels,
+        noise_fraction=noise_pixels / metrics.aperture_pixels,
         source_noise_fraction=metrics.source_noise_fraction,
-        background_apertures=np.maximum(_annulus_apertures(model, band, np.hypot(x, y)), 1.0),
-        rdi_throughput=1.0 - strategy.n_modes / region_pixels,
+        background_apertures=annulus_apertures(metrics, strategy.annulus_lambda_d, separation),
+        rdi_throughput=1.0 - strategy.n_modes / float(np.count_nonzero(metrics.hole)),
         loss_per_s=model.loss_per_s(band),
-        reference_light_e_s=reference.light(halo + exozodi, companion, sky + dark),
+        reference_light_e_s=reference.light(halo + exozodi, companion.aperture_e_s, sky + dark),
         reference_halo_e_s=reference.halo * halo,
         reference_scale=reference.scale,
-        smear_e=smear.total_e,
-        reference_smear_e=reference.light(smear.star_e, smear.companion_e, smear.even_e),
+        smear_e=smear.star_e + smear.companion_e + smear.even_e,
+        reference_smear_e=reference.light(*smear),
         variance_factor=reference.variance_factor,
     )
 
 
-def companion_saturates(model: EtcModel, targets: Targets, band: str, exposure_s: ArrayLike) -> NDArray[np.bool_]:
-    """Whether a companion that falls on the frame overflows its pixels in one exposure; shape ``(n,)``.
+def aperture_sky_e_s(model: EtcModel, targets: Targets, band: str) -> FloatArray:
+    """Return the electrons per second of sky, earthshine and stray light in an aperture of the hole.
 
-    Its blooming column and register tail are not followed; the flag says that they exist.
+    Parameters
+    ----------
+    model : EtcModel
+    targets : Targets
+    band : str
+
+    Returns
+    -------
+    ndarray, shape (n_targets,) or (1,)
+        One value for all targets where the sky is the same everywhere. A map of stray light counts with its mean over
+        the hole.
+
+    Raises
+    ------
+    InputError
+        If the sky depends on the target's place and a target has none.
     """
     instrument, metrics = model.instrument, model.metrics[band]
+    if instrument.sky.model == "uniform":
+        levels = [sky_rate_e_s_arcsec2(instrument, band)]
+    else:
+        start = instrument.mission.start_utc
+        levels = [
+            sky_rate_e_s_arcsec2(instrument, band, ra_deg=float(ra), dec_deg=float(dec), start_utc=start)
+            for ra, dec in zip(targets.ra_deg, targets.dec_deg, strict=True)
+        ]
+    sky = sky_pixel_e_s(metrics, [level.rate_e_s_arcsec2 for level in levels])
+    return np.asarray((sky + _stray_e_s_pixel(instrument, band, metrics.hole)) * metrics.aperture_pixels)
+
+
+def _stray_e_s_pixel(instrument: Instrument, band: str, hole: NDArray[np.bool_]) -> float:
+    """Mean stray light on the pixels of the hole that lie on the detector."""
     detector = instrument.detector_of(band)
-    known = np.isfinite(targets.companion_v_mag) & np.isfinite(targets.companion_separation_arcsec)
+    stray = stray_light_map(instrument, band, (detector.n_rows, detector.n_columns))
+    if stray is None:
+        return 0.0
+    rows, columns = np.nonzero(hole)
+    row = rows - hole.shape[0] // 2 + detector.star_row
+    column = columns - hole.shape[1] // 2 + detector.star_column
+    inside = (row >= 0) & (row < stray.shape[0]) & (column >= 0) & (column < stray.shape[1])
+    return float(stray[row[inside], column[inside]].mean()) if inside.any() else 0.0
+
+
+def companion_saturates(model: EtcModel, targets: Targets, band: str, exposure_s: ArrayLike) -> NDArray[np.bool_]:
+    """Return whether a companion that falls on the frame overflows its pixels in one exposure; shape ``(n,)``.
+
+    Its blooming column and register tail are not followed; the flag says that they exist.
+
+    Parameters
+    ----------
+    model : EtcModel
+    targets : Targets
+        ``n`` stars.
+    band : str
+    exposure_s : array_like
+        Of one frame; broadcasts to ``(n,)``.
+    """
+    metrics, detector = model.metrics[band], model.instrument.detector_of(band)
+    known = _with_companion(targets)
     over = np.zeros(len(targets), bool)
-    if targets.companions == "off" or not known.any():
+    if not known.any():
         return over
     near = targets.select(known)
-    rate = model.passbands.star_rate_e_s(
-        near.companion_v_mag, near.companion_teff_k, near.log_g, near.metallicity, instrument.telescope.area_cm2
-    )[:, model.passbands.names.index(band)]
-    x, y = sky_to_detector(near.companion_separation_arcsec, near.companion_pa_deg, parity=instrument.detector.parity)
+    rate, (x, y) = _companion_e_s(model, band, near), _companion_place(model, near)
     column, row = (part / metrics.pixel_scale_arcsec for part in (x, y))
     on_frame = (detector.star_column + column >= 0) & (detector.star_column + column < detector.n_columns)
     on_frame &= (detector.star_row + row >= 0) & (detector.star_row + row < detector.n_rows)
@@ -216,38 +262,87 @@ def companion_saturates(model: EtcModel, targets: Targets, band: str, exposure_s
     return over
 
 
-def _annulus_apertures(model: EtcModel, band: str, separation_arcsec: FloatArray) -> FloatArray:
-    """Area of the background annulus inside the quadrants, in apertures."""
-    metrics = model.metrics[band]
-    width = 2.0 * model.strategy.annulus_lambda_d * metrics.lambda_d_arcsec
-    length = 2.0 * np.pi * separation_arcsec * metrics.azimuth_fraction(separation_arcsec)
-    return length * width / (np.pi * metrics.aperture_radius_arcsec**2)
+def _star_e_s(model: EtcModel, band: str, targets: Targets, v_mag: FloatArray, teff_k: FloatArray) -> FloatArray:
+    """Light of stars on the clear disc, with the surface gravity and metallicity of the targets; shape ``(n,)``."""
+    area = model.instrument.telescope.area_cm2
+    rate = model.passbands.star_rate_e_s(v_mag, teff_k, targets.log_g, targets.metallicity, area)
+    return np.asarray(rate[:, model.passbands.names.index(band)])
 
 
-def _companions(
-    model: EtcModel, targets: Targets, band: str, x: FloatArray, y: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Light of a bound companion's wings in an aperture at (x, y), roll 0, and in its columns; what references leave.
+def _with_companion(targets: Targets) -> NDArray[np.bool_]:
+    """Stars whose companion's light and place are known and count."""
+    known = np.isfinite(targets.companion_v_mag) & np.isfinite(targets.companion_separation_arcsec)
+    return known & (targets.companions != "off")
 
-    Shapes ``(n, ...)``; electrons per second, the last squared.
-    """
-    instrument, metrics = model.instrument, model.metrics[band]
+
+def _companion_e_s(model: EtcModel, band: str, near: Targets) -> FloatArray:
+    return _star_e_s(model, band, near, near.companion_v_mag, near.companion_teff_k)
+
+
+def _companion_place(model: EtcModel, near: Targets, roll_deg: float = 0.0) -> tuple[FloatArray, FloatArray]:
+    """Offsets x and y of companions on the detector, ``(k,)``."""
+    parity = model.instrument.detector.parity
+    return sky_to_detector(near.companion_separation_arcsec, near.companion_pa_deg, roll_deg=roll_deg, parity=parity)
+
+
+class _Companion(NamedTuple):
+    """Light of bound companions, ``(n, ...)``: in apertures, in the columns under them, and what references leave."""
+
+    aperture_e_s: FloatArray
+    column_e_s: FloatArray
+    left_e2_s2: FloatArray
+
+
+def _companions(model: EtcModel, targets: Targets, band: str, x: FloatArray, y: FloatArray) -> _Companion:
+    """Light of companions for apertures at (x, y), at roll 0."""
+    metrics, strategy, detector = model.metrics[band], model.strategy, model.instrument.detector_of(band)
     upright = (-1,) + (1,) * max(0, x.ndim - 1)
     shape = np.broadcast_shapes((len(targets), *upright[1:]), x.shape)
-    rate, columns, left = np.zeros((3, *shape))
-    known = np.isfinite(targets.companion_v_mag) & np.isfinite(targets.companion_separation_arcsec)
-    if targets.companions == "off" or not known.any():
-        return rate, columns, left
+    found = _Companion(*np.zeros((3, *shape)))
+    known = _with_companion(targets)
+    if not known.any():
+        return found
     near = targets.select(known)
-    star = model.passbands.star_rate_e_s(
-        near.companion_v_mag, near.companion_teff_k, near.log_g, near.metallicity, instrument.telescope.area_cm2
-    )[:, model.passbands.names.index(band)].reshape(upright)
-    parity = instrument.detector.parity
-    places = sky_to_detector(near.companion_separation_arcsec, near.companion_pa_deg, parity=parity)
-    there = places[0].reshape(upright), places[1].reshape(upright)
+    star = _companion_e_s(model, band, near).reshape(upright)
+    there = [part.reshape(upright) for part in _companion_place(model, near)]
     here = [np.broadcast_to(part, shape)[known] for part in (x, y)]
-    wing = metrics.wing_at(here[0] - there[0], here[1] - there[1]) * metrics.aperture_pixels
-    rate[known] = star * wing
-    columns[known] = star * companion_column(model, band, there, here[0], wing)
-    left[known] = star**2 * wings_variance(model, band, near, np.hypot(*here))
-    return rate, columns, left
+    wing = aperture_wing(metrics, here[0] - there[0], here[1] - there[1])
+    active = detector.sections["active"][0]
+    column = companion_column(metrics, here[0] - there[0], there[1], wing, star_row=detector.star_row, rows=active)
+    places = [_companion_place(model, near, turn) for turn in strategy.reference_library.wings_deg(strategy)]
+    found.aperture_e_s[known], found.column_e_s[known] = star * wing, star * column
+    found.left_e2_s2[known] = star**2 * wings_variance(metrics, places, strategy.annulus_lambda_d, np.hypot(*here))
+    return found
+
+
+class _Smear(NamedTuple):
+    """Electrons per frame that smear into an aperture, whatever the exposure: from the star, companions, the sky."""
+
+    star_e: FloatArray
+    companion_e: FloatArray
+    even_e: FloatArray
+
+
+def _smear(
+    model: EtcModel,
+    band: str,
+    x: FloatArray,
+    star_e_s: FloatArray,
+    companion_column_e_s: FloatArray,
+    sky_e_s: FloatArray,
+) -> _Smear:
+    """Light that smears into apertures while the frame is shifted into the store: there is no shutter.
+
+    Every pixel passes under the light of its column for ``line_shift_s`` a row: it collects ``line_shift_s`` times the
+    light of all other rows, once a frame (`simulator.camera.visible`). Calibration takes the mean off; the noise stays.
+    The planet, dust around the star and dark current are left out: they add less than 2e-3 s of their own light.
+    """
+    shift, metrics = model.camera(band).line_shift_s, model.metrics[band]
+    if shift == 0.0:
+        return _Smear(*np.zeros((3,)))
+    rows = model.instrument.detector_of(band).sections["active"][0]
+    return _Smear(
+        star_e=shift * star_e_s * metrics.column_aperture(x),
+        companion_e=shift * companion_column_e_s,
+        even_e=shift * lit_rows(metrics, rows) * sky_e_s,
+    )

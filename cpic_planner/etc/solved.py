@@ -10,9 +10,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cpic_planner.etc.answer import EtcAnswer, Question
-from cpic_planner.etc.budget import binding_limits, largest_term, remedies
+from cpic_planner.etc.budget import (
+    LONGEST_TIME_S,
+    binding_limits,
+    largest_term,
+    limit_of,
+    reached,
+    remedies,
+    without_background,
+    without_speckles,
+)
 from cpic_planner.etc.cases import BandCases
 from cpic_planner.etc.detection import Chances, needed_margin, verdict_of, visit_chances
+from cpic_planner.etc.fidelity import speckle_error_extrapolated
 from cpic_planner.etc.frames import (
     FrameChoice,
     FrameProblem,
@@ -20,12 +30,10 @@ from cpic_planner.etc.frames import (
     best_in_visit,
     smooth_least_visit_s,
 )
-from cpic_planner.etc.limiting import LONGEST_TIME_S, limit_of, reached, without_background, without_speckles
-from cpic_planner.etc.limits import frame_limit
 from cpic_planner.etc.noise import StackNoise, own_noise
 from cpic_planner.etc.paper import snr_paper
-from cpic_planner.etc.stated_error import speckle_error_extrapolated
 from simulator.outcome import Reason, Status
+from simulator.signal.saturation import frame_limit
 
 __all__ = ["answers_of"]
 
@@ -66,14 +74,8 @@ def answers_of(
     camera = model.camera(cases.band)
     noise = cases.noise(choice)
     helps = remedies(cases, choice, noise)
-    paper = snr_paper(
-        cases.rates,
-        choice.exposure_s,
-        choice.n_frames,
-        choice.em_gain,
-        camera,
-        reference_ratio=strategy.reference_ratio,
-    )
+    setting = choice.exposure_s, choice.n_frames, choice.em_gain
+    paper = snr_paper(cases.rates, *setting, camera, reference_ratio=strategy.reference_ratio)
     wall = model.time_s(choice.visit_s)
     if time_s is not None:  # never more than what was given, not even by rounding
         wall = np.minimum(wall, time_s)

@@ -55,7 +55,6 @@ from cpic_planner.models.ranked import (
     RankedTarget,
     RankResult,
     ReferencePlanetRecord,
-    ScoreName,
     SensitivityResult,
     SensitivityRow,
 )
@@ -92,6 +91,7 @@ from cpic_planner.models.visible import (
     VisibleDays,
     VisibleTarget,
 )
+from cpic_planner.registry.scores import ScoreName
 
 __all__ = [
     "KNOWN_PLANETS",

@@ -17,18 +17,22 @@ class AuditRecord(Row):
     """One realisation run frame by frame with every effect of the camera, calibrated, particles taken out."""
 
     n_frames: int = Field(description="science frames; reference frames are as many times the strategy's ratio")
-    predicted_snr: float = Field(description="frames that particles void are counted")
-    recovered_snr: float
+    predicted_snr: float = column("frames that particles void are counted", label="predicted SNR")
+    recovered_snr: float = column(label="measured SNR")
     recovered_significance: float
-    contrast: float
-    contrast_error: float = Field(description="1 sigma")
-    deviation_sigma: float = Field(description="measured less true contrast over its error")
-    detected: bool = Field(description="the blind search finds the planet at its place")
-    false_detections: int = Field(description="what the search finds elsewhere")
-    hits: int = Field(description="pixel-frames of particles that were found, science and reference")
-    rejected_fraction: float = Field(description="share of the pixel-frames of the hole that were left out")
-    saturated_in_hole: int
-    saturated_outside: float = Field(description="mean per frame")
+    contrast: float = column(label="measured contrast", format=".2e ± .1e")
+    contrast_error: float = column("1 sigma")
+    deviation_sigma: float = column("measured less true contrast over its error", label="deviation in σ", format=".1f")
+    detected: bool = column("the blind search finds the planet at its place", label="blind search")
+    false_detections: int = column("what the search finds elsewhere", label="detections elsewhere", format="d")
+    hits: int = column(
+        "pixel-frames of particles that were found, science and reference", label="hits of particles", format="d"
+    )
+    rejected_fraction: float = column(
+        "share of the pixel-frames of the hole that were left out", label="left out of the hole", format="%"
+    )
+    saturated_in_hole: int = column(label="saturated in the hole", format="d")
+    saturated_outside: float = column("mean per frame", label="saturated around it, per frame", format=".0f")
 
 
 class BandConfirmation(Row):
@@ -44,7 +48,7 @@ class BandConfirmation(Row):
     reason: str
     message: str
     separation_arcsec: float
-    pa_deg: float
+    pa_deg: float = column(label="position angle", format=".1f")
     exposure_s: float | None = None
     n_frames: int | None = None
     em_gain: float | None = None
@@ -54,9 +58,11 @@ class BandConfirmation(Row):
     drawn_as: Literal["sums", "frames"] | None = Field(
         default=None, description="sums of frames over the hole, or every frame, where sums cannot stand for them"
     )
-    predicted_snr: float | None = column(short="SNR pred", format=".3g", default=None)
+    predicted_snr: float | None = column(label="predicted SNR", short="SNR pred", format=".3g", default=None)
     predicted_significance: float | None = None
-    recovered_snr: float | None = column(short="SNR rec", format=".3g ± .2g", default=None)
+    recovered_snr: float | None = column(
+        label="recovered SNR ± error of the mean", short="SNR rec", format=".3g ± .2g", default=None
+    )
     recovered_snr_error: float | None = Field(default=None, description="1 sigma of this mean")
     recovered_significance: float | None = None
     threshold: float | None = Field(default=None, description="small-sample threshold for significance")
@@ -68,7 +74,11 @@ class BandConfirmation(Row):
     predicted_detection_probability: float | None = None
     predicted_detection_probability_known_place: float | None = None
     etc_ratio: float | None = column(
-        "predicted over recovered SNR: above 1 is optimistic", short="pred/rec", format=".2f ± .2f", default=None
+        "predicted over recovered SNR: above 1 is optimistic",
+        label="predicted / recovered SNR",
+        short="pred/rec",
+        format=".2f ± .2f",
+        default=None,
     )
     etc_ratio_error: float | None = Field(
         default=None, description="1 sigma, with the accuracy of the prediction itself"
@@ -79,36 +89,52 @@ class BandConfirmation(Row):
         default=None, description="1 sigma of one observation, from aperture-sized samples in the hole"
     )
     contrast_mean_error: float | None = Field(default=None, description="1 sigma of recovered_contrast")
-    star_flux: Literal["off_mask", "field_star", "known"] | None = Field(
+    star_flux: Literal["off_mask", "field_star", "known"] | None = column(
+        "what contrasts refer to: a series off the mask, a field star, or the scene's own rate",
+        label="the star's light, from",
         default=None,
-        description="what contrasts refer to: a series off the mask, a field star, or the scene's own rate",
     )
     star_flux_error: float | None = Field(default=None, description="relative, common to all realisations")
-    rdi_throughput: float | None = None
-    rdi_modes_used: int | None = None
-    core_throughput: float | None = None
-    n_background_apertures: int | None = None
-    saturated_in_hole: int | None = Field(
-        default=None, description="pixels of the hole that a limit cut off, in all frames"
-    )
-    saturated_outside: float | None = Field(
+    rdi_throughput: float | None = column(label="RDI throughput", format="%", default=None)
+    rdi_modes_used: int | None = column(label="RDI modes", default=None)
+    core_throughput: float | None = column(format="%", default=None)
+    n_background_apertures: int | None = column(label="background apertures", default=None)
+    saturated_in_hole: int | None = column(
+        "pixels of the hole that a limit cut off, in all frames",
+        label="saturated in the hole, all frames",
+        format="d",
         default=None,
-        description="pixels around the hole that a limit cut off, mean per frame; they do not reach the hole",
+    )
+    saturated_outside: float | None = column(
+        "pixels around the hole that a limit cut off, mean per frame; they do not reach the hole",
+        label="saturated around it, per frame",
+        format=".0f",
+        default=None,
     )
     n_detected: int | None = column(
-        "realisations in which the blind search finds the planet", short="found", default=None
-    )
-    search_snr: float | None = Field(
-        default=None, description="matched-filter SNR there, mean of the realisations in which the search has a peak"
-    )
-    search_threshold: float | None = Field(
+        "realisations in which the blind search finds the planet",
+        label="found by the blind search",
+        short="found",
         default=None,
-        description="SNR that the search asks for there: heavy tails of the speckles and all positions are in it",
     )
-    n_significant: int | None = Field(
-        default=None, description="realisations whose significance at the known place reaches the threshold"
+    search_snr: float | None = column(
+        "matched-filter SNR there, mean of the realisations in which the search has a peak",
+        label="SNR of the search",
+        default=None,
     )
-    false_detections: int | None = Field(default=None, description="what it finds elsewhere, all realisations")
+    search_threshold: float | None = column(
+        "SNR that the search asks for there: heavy tails of the speckles and all positions are in it",
+        label="threshold of the search",
+        default=None,
+    )
+    n_significant: int | None = column(
+        "realisations whose significance at the known place reaches the threshold",
+        label="significant at the known place",
+        default=None,
+    )
+    false_detections: int | None = column(
+        "what it finds elsewhere, all realisations", label="detections elsewhere, all realisations", default=None
+    )
     detected: bool | None = Field(default=None, description="found in at least half of the realisations")
     found_separation_arcsec: float | None = Field(default=None, description="fitted, first realisation that shows it")
     found_separation_error_arcsec: float | None = None

@@ -63,17 +63,24 @@ class SurveyTarget(Row):
     dec_deg: float
     known_planets: list[str] = Field(description="names in the table of known planets")
     bands: list[str] = column("of its planned visits")
-    visit_time_s: float = column("wall time of a visit, mean of those planned", short="wall", format="time")
-    visit_h: float = Field(description="telescope time of a visit, mean of those planned")
+    visit_time_s: float = column(
+        "wall time of a visit, mean of those planned", label="wall time", short="wall", format="time"
+    )
+    visit_h: float = column("telescope time of a visit, mean of those planned", label="telescope", format=".1f")
     planned_visits: int
     slots: list[int] = Field(description="of the planned visits, those of the reserve included")
-    first_utc: str = column("middle of the days of the first planned visit", short="first")
-    visits: float = column("made, mean over universes", format=".1f")
-    search_h: float
-    follow_up_h: float
-    new_planets: float = Field(description="found, mean over universes")
-    known_seen: float
-    planets_per_100h: float = column("planets found in 100 hours of telescope time", short="per 100 h", format=".2g")
+    first_utc: str = column("middle of the days of the first planned visit", label="first visit", short="first")
+    visits: float = column("made, mean over universes", label="visits made", short="visits", format=".1f")
+    search_h: float = column(label="search", format=".1f")
+    follow_up_h: float = column(label="follow-up", format=".1f")
+    new_planets: float = column("found, mean over universes")
+    known_seen: float = column(label="known planets")
+    planets_per_100h: float = column(
+        "planets found in 100 hours of telescope time",
+        label="planets per 100 h",
+        short="per 100 h",
+        format=".2g",
+    )
 
 
 class ImageSample(Result):

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 _SOON = 9
 _NEUTRAL = "·"
+_WITH_UNIT = ("time", "bytes")
+"""Formats that write the unit themselves."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +39,7 @@ class Cells:
     """
 
     header: str
-    text: Callable[[Any], str]
+    text: Callable[[Any], Any]
     right: bool = True
     gives_way: int = 0
     label: str = ""
@@ -51,7 +53,7 @@ def row_cells(
     *,
     of: Callable[[Any], Result | None] = lambda row: row,
     page: bool = False,
-    **special: Callable[[Any], str] | Cells,
+    **special: Callable[[Any], Any] | Cells,
 ) -> list[Cells]:
     """Return the columns of a table from those of its rows.
 
@@ -90,12 +92,14 @@ def row_cells(
     return found
 
 
-def _column_cells(column: Column, own: Callable[[Any], str] | None, of: Callable[[Any], Any], page: bool) -> Cells:
+def _column_cells(column: Column, own: Callable[[Any], Any] | None, of: Callable[[Any], Any], page: bool) -> Cells:
     text = own or _through(of, _cell_text(column, page))
-    return Cells(column.heading, text, column.right, label=column.label, unit=column.unit)
+    form = column.look.format
+    unit = "%" if form == "%" else "" if form in _WITH_UNIT else column.unit
+    return Cells(column.heading, text, column.right, label=column.label, unit=unit)
 
 
-def _through(of: Callable[[Any], Any], text: Callable[[Any], str]) -> Callable[[Any], str]:
+def _through(of: Callable[[Any], Any], text: Callable[[Any], Any]) -> Callable[[Any], Any]:
     return lambda entry: MISSING if of(entry) is None else text(of(entry))
 
 
@@ -103,11 +107,14 @@ def _cell_text(column: Column, page: bool) -> Callable[[Any], str]:
     """Value of a column, with its error behind it where the format has one."""
     form, _, error = column.look.format.partition(" ± ")
 
+    def written(value: Any, form: str) -> str:
+        power = page and form.startswith(".") and form.endswith("e")
+        return contrast_text(value, int(form[1:-1]) + 1) if power else formatted(value, form)
+
     def text(row: Any) -> str:
         spread = getattr(row, f"{column.name}_error") if error else None
-        number = getattr(row, column.name)
-        value = contrast_text(number) if page and form.endswith("e") else formatted(number, form)
-        return value if spread is None else f"{value} ± {formatted(spread, error)}"
+        value = written(getattr(row, column.name), form)
+        return value if spread is None else f"{value} ± {written(spread, error)}"
 
     return text
 

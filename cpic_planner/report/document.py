@@ -11,7 +11,9 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Generic, Literal, TypeAlias, TypeVar, Union
 
+from cpic_planner.models.base import Result
 from cpic_planner.registry import Registry
+from cpic_planner.report.cells import Cells, row_cells
 from cpic_planner.report.drawing import Picture
 from cpic_planner.report.words import STATUS_SYMBOLS
 
@@ -60,7 +62,7 @@ def link(anchor: str, text: str) -> Mark:
 
 def lines(*parts: Inline) -> Inline:
     """Return parts below each other; empty ones are left out."""
-    kept = [part for part in parts if part]
+    kept = [part for part in parts if part and (not isinstance(part, Mark) or part.text)]
     return [item for part in kept for item in (Mark("break"), part)][1:]
 
 
@@ -166,6 +168,46 @@ def table(
     )
     marked = frozenset(i for i, item in enumerate(rows) if picked(item))
     return Table(label, caption, heads, tuple(tuple(_cells(columns, item)) for item in rows), look, marked)
+
+
+def row_columns(
+    kind: type[Result],
+    layout: str,
+    /,
+    *,
+    of: Callable[[Any], Any] = lambda row: row,
+    **special: Callable[[Any], Any] | Cells,
+) -> list[Column[Any]]:
+    """Return columns of a table from those of its rows: headings, units, formats and sides are said there.
+
+    Parameters
+    ----------
+    kind : type
+        Kind of the rows.
+    layout : str
+        Names of the columns, in order, as `row_cells`; looks of cells follow a colon: ``name:row,star``.
+    of : callable
+        The row of an item.
+    **special
+        What is shown in a column instead, from the item; a `Cells` where the row has no such field.
+    """
+    named = [word.partition(":") for word in layout.split()]
+    looks = [look.replace(",", " ") for _, _, look in named]
+    cells = row_cells(kind, " ".join(name for name, _, _ in named), of=of, page=True, **special)
+    looks[-1:-1] = [""] * (len(cells) - len(named))  # columns that ask for it stand before the last one
+    return [
+        Column(
+            cell.label[:1].upper() + cell.label[1:],
+            cell.text,
+            _UNITS.get(cell.unit, cell.unit),
+            look if cell.right else f"left {look}",
+        )
+        for cell, look in zip(cells, looks, strict=True)
+    ]
+
+
+_UNITS = {"AU": "au", "solLum": "L☉"}
+"""Units as people write them, where astropy has another way."""
 
 
 def _of_heading(look: str) -> str:

@@ -45,7 +45,7 @@ BAND_STYLE: tuple[tuple[str, str], ...] = (
     ("#9A8700", "*"),
 )
 
-_RC: dict[str, Any] = {
+_RC: dict[Any, Any] = {  # Matplotlib's own keys are a Literal
     "font.family": ["DejaVu Sans"],
     "font.size": 10.5,
     "axes.titlesize": 11,

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from operator import itemgetter
 
 from cpic_planner.models import AuditRecord, BandConfirmation, ConfirmResult, ModellingRecord, PlanResult
 from cpic_planner.report import document as doc
-from cpic_planner.report.cells import frames_text
+from cpic_planner.report.cells import Cells
 from cpic_planner.report.drawing import Picture
 from cpic_planner.report.modelled import ModelledRow, dial_text, error_text, modelled_groups
 from cpic_planner.report.numbers import (
@@ -14,9 +15,7 @@ from cpic_planner.report.numbers import (
     contrast_text,
     count_text,
     decimals,
-    duration_text,
     percent_text,
-    significant,
 )
 from cpic_planner.report.panel_figure import PANEL_NOTE
 from cpic_planner.report.words import DRAWN_AS, STAR_FLUX, plus_minus, reason_text, status_text
@@ -38,12 +37,14 @@ def outcome(band: BandConfirmation) -> doc.Mark:
     return doc.badge("ok", "detected") if band.detected else doc.badge("unreachable", "not detected")
 
 
-def _if(value: object, text: doc.Inline) -> doc.Inline:
-    return MISSING if value is None else text
+def _of(count: int | None, n: int | None) -> str:
+    return MISSING if count is None else f"{count} of {n}"
 
 
-def _pair(value: float | None, error: float | None) -> str:
-    return significant(value) + (f" ± {significant(error, 2)}" if error is not None else "")
+def _contrast_error(band: BandConfirmation) -> doc.Inline:
+    if band.contrast_error is None:
+        return MISSING
+    return doc.lines(f"± {contrast_text(band.contrast_error, 2)}", f"± {contrast_text(band.contrast_mean_error, 2)}")
 
 
 def _found_at(band: BandConfirmation) -> doc.Inline:
@@ -60,87 +61,37 @@ def _star_flux(band: BandConfirmation) -> str:
     return STAR_FLUX.get(band.star_flux, band.star_flux) + error if band.star_flux else MISSING
 
 
-def _saturated(band: BandConfirmation) -> str:
-    outside = "" if band.saturated_outside is None else f"; {count_text(round(band.saturated_outside))}"
-    return count_text(band.saturated_in_hole) + outside
-
-
 def _verdict(band: BandConfirmation) -> str:
     why = band.message or reason_text(band.reason)
     return plus_minus(band.verdict) + (f": {why}" if why else "")
 
 
-_MEASURED: tuple[doc.Column[BandConfirmation], ...] = (
-    doc.Column("Outcome", outcome),
-    doc.Column("Separation", lambda band: decimals(band.separation_arcsec, 3), "arcsec"),
-    doc.Column("Position angle", lambda band: decimals(band.pa_deg, 1), "deg"),
-    doc.Column("Frames × exposure", frames_text, "s"),
-    doc.Column("EM gain", lambda band: significant(band.em_gain)),
-    doc.Column("Integration", lambda band: duration_text(band.integration_s)),
-    doc.Column("Wall time", lambda band: duration_text(band.time_s)),
-    doc.Column(
-        "Realisations",
-        lambda band: doc.lines(
-            count_text(band.realisations),
-            doc.small(DRAWN_AS.get(band.drawn_as, band.drawn_as)) if band.drawn_as else "",
+def _quantities() -> list[doc.Column[BandConfirmation]]:
+    """Rows of the table of measurements, one a quantity."""
+    return doc.row_columns(
+        BandConfirmation,
+        "outcome separation_arcsec pa_deg frames em_gain integration_s time_s realisations predicted_error "
+        "predicted_snr recovered_snr etc_ratio predicted_significance recovered_significance threshold n_detected "
+        "search_snr search_threshold n_significant false_detections found true_contrast recovered_contrast "
+        "contrast_error star_flux rdi_throughput rdi_modes_used core_throughput n_background_apertures "
+        "saturated_in_hole saturated_outside verdict",
+        outcome=Cells("", outcome, label="outcome"),
+        realisations=lambda band: doc.lines(
+            count_text(band.realisations), doc.small(DRAWN_AS[band.drawn_as] if band.drawn_as else "")
         ),
-    ),
-    doc.Column(
-        "Predicted error of the images",
-        lambda band: error_text(band.modelled.predicted_error) if band.modelled else MISSING,
-        "beside the reference",
-    ),
-    doc.Column("Predicted SNR", lambda band: significant(band.predicted_snr)),
-    doc.Column(
-        "Recovered SNR", lambda band: _pair(band.recovered_snr, band.recovered_snr_error), "± error of the mean"
-    ),
-    doc.Column(
-        "Predicted / recovered SNR",
-        lambda band: _if(band.etc_ratio, f"{decimals(band.etc_ratio, 2)} ± {decimals(band.etc_ratio_error, 2)}"),
-    ),
-    doc.Column("Predicted significance", lambda band: significant(band.predicted_significance)),
-    doc.Column("Recovered significance", lambda band: significant(band.recovered_significance)),
-    doc.Column("Threshold for significance", lambda band: significant(band.threshold)),
-    doc.Column(
-        "Found by the blind search", lambda band: _if(band.n_detected, f"{band.n_detected} of {band.realisations}")
-    ),
-    doc.Column(
-        "Search SNR; threshold",
-        lambda band: _if(
-            band.search_threshold, f"{significant(band.search_snr)}; {significant(band.search_threshold)}"
+        predicted_error=Cells(
+            "",
+            lambda band: error_text(band.modelled.predicted_error) if band.modelled else MISSING,
+            label="predicted error of the images",
+            unit="beside the reference",
         ),
-        "matched filter",
-    ),
-    doc.Column(
-        "Significant at the known place",
-        lambda band: _if(band.n_significant, f"{band.n_significant} of {band.realisations}"),
-    ),
-    doc.Column("Detections elsewhere", lambda band: count_text(band.false_detections), "all realisations"),
-    doc.Column("Found at", _found_at, "first realisation that finds it"),
-    doc.Column("True contrast", lambda band: contrast_text(band.true_contrast)),
-    doc.Column("Recovered contrast", lambda band: contrast_text(band.recovered_contrast)),
-    doc.Column(
-        "Its error",
-        lambda band: _if(
-            band.contrast_error,
-            doc.lines(f"± {contrast_text(band.contrast_error, 2)}", f"± {contrast_text(band.contrast_mean_error, 2)}"),
-        ),
-        "one observation; mean",
-    ),
-    doc.Column("The star's light, from", _star_flux),
-    doc.Column(
-        "RDI throughput",
-        lambda band: (
-            percent_text(band.rdi_throughput) + ("" if band.rdi_modes_used is None else f" ({band.rdi_modes_used})")
-        ),
-        "modes",
-    ),
-    doc.Column("Core throughput", lambda band: percent_text(band.core_throughput)),
-    doc.Column("Background apertures", lambda band: count_text(band.n_background_apertures)),
-    doc.Column("Saturated pixels", _saturated, "in the hole, all frames; around it, per frame"),
-    doc.Column("Verdict", _verdict),
-)
-"""Rows of the table of measurements, one a quantity."""
+        n_detected=lambda band: _of(band.n_detected, band.realisations),
+        n_significant=lambda band: _of(band.n_significant, band.realisations),
+        found=Cells("", _found_at, label="found at", unit="first realisation that finds it"),
+        contrast_error=Cells("", _contrast_error, label="its error", unit="one observation; mean"),
+        star_flux=_star_flux,
+        verdict=_verdict,
+    )
 
 
 def measure_table(name: str, bands: Sequence[BandConfirmation], caption: str, chosen: str | None = None) -> doc.Table:
@@ -167,35 +118,19 @@ def measure_table(name: str, bands: Sequence[BandConfirmation], caption: str, ch
 
     first: doc.Column[doc.Column[BandConfirmation]] = doc.Column("Quantity", named, look="row left")
     text = f"{caption} Recovered numbers are those of one observation, averaged over the realisations."
-    return doc.table(f"Bands of {name}", text, [first, *map(column, bands)], _MEASURED, look="bands")
+    return doc.table(f"Bands of {name}", text, [first, *map(column, bands)], _quantities(), look="bands")
 
 
-_AUDITED: tuple[doc.Column[tuple[BandConfirmation, AuditRecord]], ...] = (
-    doc.Column("Band", lambda case: case[0].band, look="row left"),
-    doc.Column("Science frames", lambda case: count_text(case[1].n_frames)),
-    doc.Column("SNR", lambda case: significant(case[1].predicted_snr), "predicted"),
-    doc.Column("SNR", lambda case: significant(case[1].recovered_snr), "measured"),
-    doc.Column("Contrast", lambda case: contrast_text(case[0].true_contrast), "true"),
-    doc.Column(
-        "Contrast",
-        lambda case: doc.lines(contrast_text(case[1].contrast), f"± {contrast_text(case[1].contrast_error, 2)}"),
-        "measured",
-    ),
-    doc.Column("Deviation", lambda case: decimals(case[1].deviation_sigma, 1), "σ"),
-    doc.Column(
-        "Blind search",
-        lambda case: doc.badge("ok", "found") if case[1].detected else doc.badge("unreachable", "not found"),
-        look="left",
-    ),
-    doc.Column(doc.lines("Detections", "elsewhere"), lambda case: count_text(case[1].false_detections)),
-    doc.Column("Particles", lambda case: count_text(case[1].hits), "pixel-frames"),
-    doc.Column("Left out", lambda case: percent_text(case[1].rejected_fraction), "of the hole"),
-    doc.Column(
-        "Saturated",
-        lambda case: f"{count_text(case[1].saturated_in_hole)}; {count_text(round(case[1].saturated_outside))}",
-        "hole; outside per frame",
-    ),
-)
+def _audited() -> list[doc.Column[tuple[BandConfirmation, AuditRecord]]]:
+    return doc.row_columns(
+        AuditRecord,
+        "band:row n_frames predicted_snr recovered_snr true_contrast contrast deviation_sigma detected "
+        "false_detections hits rejected_fraction saturated_in_hole saturated_outside",
+        of=itemgetter(1),
+        band=Cells("", lambda case: case[0].band, right=False, label="band"),
+        true_contrast=Cells("", lambda case: contrast_text(case[0].true_contrast), label="true contrast"),
+        detected=lambda case: doc.badge("ok", "found") if case[1].detected else doc.badge("unreachable", "not found"),
+    )
 
 
 def audit_blocks(name: str, bands: Iterable[BandConfirmation]) -> Iterator[doc.Block]:
@@ -206,7 +141,7 @@ def audit_blocks(name: str, bands: Iterable[BandConfirmation]) -> Iterator[doc.B
             "Audited: one more realisation, run frame by frame with every effect of the camera, calibrated and cleaned "
             "of particles. Deviation: measured less true contrast, in units of its error."
         )
-        yield doc.table(f"Frame by frame, {name}", caption, _AUDITED, audited)
+        yield doc.table(f"Frame by frame, {name}", caption, _audited(), audited)
 
 
 def picture_blocks(images: Mapping[str, Picture], keys: Iterable[str], name: str) -> Iterator[doc.Block]:

@@ -20,7 +20,7 @@ from cpic_planner.registry.libraries import LIBRARIES
 from cpic_planner.registry.scores import SCORES
 from cpic_planner.report import document as doc
 from cpic_planner.report import summary, words
-from cpic_planner.report.cells import frames_text
+from cpic_planner.report.cells import Cells, frames_text
 from cpic_planner.report.drawing import Picture
 from cpic_planner.report.figures import PLAN_FIGURES
 from cpic_planner.report.glossary import method_credits, terms
@@ -178,26 +178,17 @@ def _sensitivity(report: PlanReport) -> Iterator[doc.Block]:
     found = report.sensitivity
     if found is None:
         return
-    columns: tuple[doc.Column[SensitivityRow], ...] = (
-        doc.Column("Assumption", lambda row: row.text, look="row left text"),
-        doc.Column(
-            doc.lines("Reference planets", "detected"),
-            lambda row: doc.lines(
-                count_text(row.n_ok), doc.badge("unreachable", "decides") if row.assumption in found.decides else ""
-            ),
+    columns = doc.row_columns(
+        SensitivityRow,
+        "text:row,text n_ok kendall_tau_b n_compared kept largest_fall best",
+        n_ok=lambda row: doc.lines(
+            count_text(row.n_ok), doc.badge("unreachable", "decides") if row.assumption in found.decides else ""
         ),
-        doc.Column("Tau", lambda row: decimals(row.kendall_tau_b, 2)),
-        doc.Column(doc.lines("Stars", "compared"), lambda row: count_text(row.n_compared)),
-        doc.Column(doc.lines("Kept of", f"first {found.top}"), lambda row: str(row.kept)),
-        doc.Column(
-            "Biggest fall",
-            lambda row: (
-                f"{pretty_name(row.largest_fall)}, {row.largest_fall_ranks}" if row.largest_fall_ranks > 0 else MISSING
-            ),
-            "ranks",
-            look="left",
+        kept=Cells("", lambda row: str(row.kept), label=f"kept of first {found.top}"),
+        largest_fall=lambda row: (
+            f"{pretty_name(row.largest_fall)}, {row.largest_fall_ranks}" if row.largest_fall_ranks > 0 else MISSING
         ),
-        doc.Column("First star", lambda row: pretty_name(row.best), look="left"),
+        best=lambda row: pretty_name(row.best),
     )
     caption = (
         f"The same {count_text(found.n_ranked)} stars ranked under other assumptions, one at a time. Nominally "
@@ -324,25 +315,16 @@ def _standing(row: RankedTarget) -> doc.Inline:
 @doc.section_of(PLAN_SECTIONS, "ranking", "Ranking")
 def _ranking(report: PlanReport) -> Iterator[doc.Block]:
     rank, rows, score = report.rank, report.rows, SCORES[report.rank.score_name]
-    columns: tuple[doc.Column[RankedTarget], ...] = (
-        doc.Column("#", lambda row: str(row.rank)),
-        doc.Column("Star", lambda row: _star(pretty_name(row.name), row.hip), look="row left star"),
-        doc.Column("V", lambda row: decimals(row.v_mag, 2), "mag"),
-        doc.Column("Type", lambda row: row.sp_type, look="left"),
-        doc.Column("Distance", lambda row: significant(row.distance_pc, 4), "pc"),
-        doc.Column("Score", lambda row: words.score_number(row.score, score.name), score.unit),
-        doc.Column("Completeness", _completeness, "%"),
-        doc.Column("Band", lambda row: row.band, look="left"),
-        doc.Column("Separation", lambda row: decimals(row.separation_arcsec, 3), "arcsec"),
-        doc.Column("Contrast", lambda row: contrast_text(row.contrast)),
-        doc.Column("Frames × exposure", frames_text, "s"),
-        doc.Column("EM gain", lambda row: significant(row.em_gain)),
-        doc.Column("SNR", lambda row: significant(row.snr)),
-        doc.Column("Margin", lambda row: significant(row.detection_margin)),
-        doc.Column("Status", _standing, look="left wide"),
-        doc.Column(
-            "Flags", lambda row: [item for flag in row.flags for item in (doc.code(flag), " ")], look="left flags"
-        ),
+    columns = doc.row_columns(
+        RankedTarget,
+        "rank name:row,star v_mag sp_type distance_pc score completeness band separation_arcsec contrast frames "
+        "em_gain snr detection_margin status:wide flags:flags",
+        name=lambda row: _star(pretty_name(row.name), row.hip),
+        distance_pc=lambda row: significant(row.distance_pc, 4),
+        score=Cells("", lambda row: words.score_number(row.score, score.name), label="score", unit=score.unit),
+        completeness=_completeness,
+        status=_standing,
+        flags=lambda row: doc.marked(" ".join(f"`{flag}`" for flag in row.flags)),
     )
     caption = (
         f"First {len(rows)} of {count_text(len(rank.targets))} ranked stars, by {score.title}: {score.meaning}. "

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from cpic_planner.models.surveyed import DifferenceRecord, ImageSample, SettingSource, StrategyOutcome, SurveyTarget
 from cpic_planner.report import document as doc
 from cpic_planner.report.names import pretty_name
-from cpic_planner.report.numbers import MISSING, count_text, decimals, duration_text, significant
+from cpic_planner.report.numbers import MISSING, count_text, decimals, significant
 from cpic_planner.report.whatif_settings import changed_settings, setting_text
 from cpic_planner.report.whatif_words import interval_text, planets_text
 
@@ -113,30 +113,17 @@ def image_table(named: Callable[[StrategyOutcome], doc.Inline], confirmed: Seque
     return doc.table("Confirmed by images", caption, columns, confirmed)
 
 
-_STARS: tuple[doc.Column[SurveyTarget], ...] = (
-    doc.Column("#", lambda star: str(star.rank)),
-    doc.Column(
-        "Star",
-        lambda star: doc.lines(
-            pretty_name(star.name),
-            doc.small(", ".join(map(pretty_name, star.known_planets))) if star.known_planets else "",
-        ),
-        look="row left star",
-    ),
-    doc.Column("V", lambda star: decimals(star.v_mag, 2), "mag"),
-    doc.Column("Distance", lambda star: significant(star.distance_pc, 4), "pc"),
-    doc.Column("Bands", lambda star: ", ".join(star.bands), look="left"),
-    doc.Column("A visit", lambda star: duration_text(star.visit_time_s), "wall time"),
-    doc.Column("A visit", lambda star: decimals(star.visit_h, 1), "telescope, h"),
-    doc.Column("Visits", lambda star: str(star.planned_visits), "planned"),
-    doc.Column("Visits", lambda star: decimals(star.visits, 1), "made"),
-    doc.Column("First visit", lambda star: star.first_utc or MISSING, "UTC", look="left"),
-    doc.Column("Search", lambda star: decimals(star.search_h, 1), "h"),
-    doc.Column("Follow-up", lambda star: decimals(star.follow_up_h, 1), "h"),
-    doc.Column("New", lambda star: planets_text(star.new_planets), "planets"),
-    doc.Column("Known", lambda star: planets_text(star.known_seen) if star.known_planets else MISSING, "planets"),
-    doc.Column("Planets", lambda star: significant(star.planets_per_100h, 2), "per 100 h"),
-)
+def _star_columns() -> list[doc.Column[SurveyTarget]]:
+    return doc.row_columns(
+        SurveyTarget,
+        "rank name:row,star v_mag distance_pc bands visit_time_s visit_h planned_visits visits first_utc search_h "
+        "follow_up_h new_planets known_seen planets_per_100h",
+        name=lambda star: doc.lines(pretty_name(star.name), doc.small(", ".join(map(pretty_name, star.known_planets)))),
+        distance_pc=lambda star: significant(star.distance_pc, 4),
+        first_utc=lambda star: star.first_utc or MISSING,
+        new_planets=lambda star: planets_text(star.new_planets),
+        known_seen=lambda star: planets_text(star.known_seen) if star.known_planets else MISSING,
+    )
 
 
 def strategy_blocks(item: StrategyOutcome, reference: StrategyOutcome) -> Iterator[doc.Block]:
@@ -157,7 +144,7 @@ def strategy_blocks(item: StrategyOutcome, reference: StrategyOutcome) -> Iterat
         f"Stars of {item.name} by planets found per hour of telescope time. A visit: mean of those planned. Visits "
         "made, times and planets: mean of a survey."
     )
-    stars = doc.table(f"Stars of {item.name}", caption, _STARS, item.targets, look="compact")
+    stars = doc.table(f"Stars of {item.name}", caption, _star_columns(), item.targets, look="compact")
     yield doc.Fold(f"Stars ({len(item.targets)})", [stars])
 
 

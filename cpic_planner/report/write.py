@@ -9,12 +9,12 @@ import numpy as np
 
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.questions import contrast_limit
+from cpic_planner.jobs.folder import RunFolder
 from cpic_planner.models import PlanResult, RankResult, SensitivityResult
 from cpic_planner.report.contrast_figure import HoleEdges, LimitCurve
 from cpic_planner.report.names import pretty_name
 from cpic_planner.report.panels import Mark, Panels
 from cpic_planner.report.tables import measurements_csv, ranking_csv, ranking_ecsv
-from cpic_planner.runfolder import RunFolder
 from cpic_planner.targets import Targets, find_target
 from cpic_planner.validation.confirm import decode_arrays
 from simulator.config import Scene

@@ -7,10 +7,10 @@ from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from cpic_planner.etc.model import EtcModel
+from cpic_planner.jobs.folder import RunFolder
 from cpic_planner.models import ConfirmResult
 from cpic_planner.report.tables import measurements_csv
 from cpic_planner.report.write import panels_of
-from cpic_planner.runfolder import RunFolder
 from cpic_planner.validation.findings import FittedAlbedo, albedo_fits
 from simulator.config import Scene
 from simulator.config.albedo import ParametricAlbedo

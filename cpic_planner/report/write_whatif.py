@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from cpic_planner.jobs.folder import RunFolder
 from cpic_planner.models.surveyed import WhatIfResult
 from cpic_planner.report.tables import targets_csv
-from cpic_planner.runfolder import RunFolder
 
 PRODUCTS = ("targets.csv", "report.html")
 """Names of the files of a report."""

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
+from cpic_planner.jobs.job import Cost
 from cpic_planner.models import ModellingRecord, PlannedSequenceRow, SimulationEstimate
 from cpic_planner.simulation.modelled import modelled
 from cpic_planner.simulation.sequences import PlannedSequence, check_light, plan_sequences
 from simulator.config.simulation import SimulationConfig
-
-__all__ = ["disk_bytes", "estimate"]
 
 _BLOCK = 2880
 _START_S = 1.0  # libraries and compiled kernels, once in each process
@@ -36,21 +36,38 @@ def estimate(simulation: SimulationConfig, *, truth: bool = True, workers: int =
     planned = plan_sequences(simulation)
     check_light(planned)
     records = [modelled(item) for item in planned]
-    times = [_time_s(item, record) for item, record in zip(planned, records, strict=True)]
-    busy = min(workers, len(planned))
-    # No worker ends before the longest sequence.
-    wall = max(sum(times) / busy, *times)
     return SimulationEstimate(
         name=simulation.name,
         n_sequences=len(planned),
         n_frames=sum(item.n_frames for item in planned),
         workers=workers,
-        wall_s=_START_S * (1 if busy == 1 else 3) + wall,
-        memory_mb=_MEMORY_MB + _MEMORY_MB_MPX * max(map(_n_pixels, planned)) / 1e6,
-        disk_mb=sum(disk_bytes(item, truth=truth) for item in planned) / 1e6,
+        **sequences_cost(planned, records, truth=truth).at(workers),
         sequences=[
             PlannedSequenceRow(**item.row(), modelled=record) for item, record in zip(planned, records, strict=True)
         ],
+    )
+
+
+def sequences_cost(
+    planned: Sequence[PlannedSequence], records: Sequence[ModellingRecord | None], *, truth: bool
+) -> Cost:
+    """Return the expected cost of sequences.
+
+    Parameters
+    ----------
+    planned : sequence of PlannedSequence
+    records : sequence of ModellingRecord or None
+        What each models, see `cpic_planner.simulation.modelled.modelled`.
+    truth : bool
+        Whether the truth is written beside the products.
+    """
+    return Cost(
+        counts={},
+        times_s=[_time_s(item, record) for item, record in zip(planned, records, strict=True)],
+        start_s=_START_S,
+        pool_s=2.0 * _START_S,
+        memory_mb=_MEMORY_MB + _MEMORY_MB_MPX * max(map(_n_pixels, planned)) / 1e6,
+        disk_mb=sum(disk_bytes(item, truth=truth) for item in planned) / 1e6,
     )
 
 
@@ -68,8 +85,7 @@ def _padded(size: float) -> int:
 
 
 def _n_pixels(item: PlannedSequence) -> int:
-    instrument = item.entry.instrument
-    detector = instrument.detector if item.camera == "VIS" else instrument.near_infrared.detector
+    detector = item.entry.instrument.channel(item.camera).detector
     return detector.n_rows * detector.n_columns
 
 
@@ -84,7 +100,7 @@ def _n_sources(item: PlannedSequence) -> int:
 def _time_s(item: PlannedSequence, record: ModellingRecord | None) -> float:
     gone = {row.key for row in record.effects if row.decision == "skipped"} if record else set()
     instrument = item.entry.instrument
-    detector = instrument.detector if item.camera == "VIS" else instrument.near_infrared.detector
+    detector = instrument.channel(item.camera).detector
     setup = _SETUP_S["sky" if item.on_sky else "light" if item.band else "dark"]
     if item.on_sky:
         sources = _n_sources(item) - sum(key.startswith("star:") for key in gone)

@@ -17,8 +17,6 @@ from simulator.config.scene import SCENE_KEYS
 from simulator.config.simulation import SKY_KINDS, SequenceConfig, SimulationConfig, meaningful_keys, of_no_use
 from simulator.config.simulation_file import SIMULATION_KEYS, load_simulation, simulation_of
 
-__all__ = ["SimulationInput", "simulation_from"]
-
 SimulationInput = SimulationConfig | Scene | Mapping[str, Any] | str | Path
 _YAML = (".yaml", ".yml", ".json")
 

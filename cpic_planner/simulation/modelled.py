@@ -5,26 +5,18 @@ from __future__ import annotations
 from cpic_planner.models import ModellingRecord
 from cpic_planner.simulation.sequences import PlannedSequence
 from cpic_planner.validation.modelling import modelling_record
-from simulator.config import Scene
 from simulator.knobs import FIDELITIES
 from simulator.ledger.choice import Choice
 from simulator.ledger.observed import observation_choice
 
-__all__ = ["modelled", "sequence_choice"]
-
 
 def sequence_choice(item: PlannedSequence) -> Choice | None:
     """What `simulator.observe` decides for a sequence; None where nothing may be left out."""
-    scene = item.entry.scene
-    if scene is None or item.entry.tolerance == 0:
-        return None
-    return _choice(item, scene)
-
-
-def _choice(item: PlannedSequence, scene: Scene) -> Choice:
     entry = item.entry
+    if entry.scene is None or entry.tolerance == 0:
+        return None
     return observation_choice(
-        scene,
+        entry.scene,
         entry.instrument,
         tolerance=entry.tolerance,
         quantity=None,

@@ -2,65 +2,71 @@
 
 from __future__ import annotations
 
-import functools
 import shutil
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol, cast
+from typing import Any, Unpack, cast
 
 from catalogs.errors import InputError
 from catalogs.user_files import digest_of
-from cpic_planner.engine import run_tasks
-from cpic_planner.environment import RunClock
+from cpic_planner.jobs.folder import RunFolder
+from cpic_planner.jobs.job import Finished, Job, Runner, RunSettings, Task, run
 from cpic_planner.models import SimulatedSequence, SimulationResult
-from cpic_planner.runfolder import RunFolder, open_run_folder
-from cpic_planner.simulation.cost import disk_bytes
+from cpic_planner.simulation.cost import disk_bytes, sequences_cost
 from cpic_planner.simulation.modelled import modelled
 from cpic_planner.simulation.sequences import PlannedSequence, check_light, located, plan_sequences
 from cpic_planner.version import __version__
 from simulator.camera.frame import Frame
 from simulator.config import FrozenModel, content_hash
 from simulator.config.simulation import SimulationConfig
-from simulator.files import dump_json
 from simulator.products import FrameSequence, write_level0
 from simulator.products.naming import ProductName
 from simulator.products.params import PARAMS_FILES
 from simulator.products.write import refuse_taken
 
-__all__ = ["Advance", "FinishedSimulation", "simulate"]
-
 RESULT_VERSION = 1
 """Raised when the same configuration gives other frames, so that old folders are not continued."""
 
 
-class Advance(Protocol):
-    """Told about finished frames."""
+def simulation_job(
+    planned: Sequence[PlannedSequence], simulation: SimulationConfig, *, truth: bool
+) -> Job[SimulationResult]:
+    """Return the job that makes the Level-0 products of a simulation.
 
-    def __call__(self, text: str, steps: int = 1, /) -> None:
-        """Note ``steps`` more frames of what ``text`` names."""
+    Parameters
+    ----------
+    planned : sequence of PlannedSequence
+        Its sequences, see `cpic_planner.simulation.sequences.plan_sequences`.
+    simulation : SimulationConfig
+    truth : bool
+        Write the truth beside the products.
+    """
+    digests = _Digests()
+    settings = [item.settings(digests) for item in planned]
 
+    def work(runner: Runner) -> SimulationResult:
+        folder = runner.folder
+        for item in planned:
+            refuse_taken(folder.path, item.name, overwrite=True)
+        root = str(folder.temporary.resolve())
+        tasks = [Task(item.obsid, (item, root, truth), steps=item.n_frames) for item in planned]
+        bodies = runner.finish(make_sequence, tasks, store=_Products(folder), tells=True)
+        return _result(simulation, planned, settings, runner.digest, bodies, truth=truth)
 
-@dataclass(frozen=True)
-class FinishedSimulation:
-    """The products of a simulation, and how many sequences were already there."""
-
-    result: SimulationResult
-    resumed: int
-    computed: int
+    return Job(
+        kind="simulation",
+        results=RESULT_VERSION,
+        decides=lambda: {"truth": truth, "sequences": settings, "files": digests.files},
+        work=work,
+        products=[name for item in planned for name in _files(item.name, truth=truth)],
+        cost=lambda: sequences_cost(planned, [modelled(item) for item in planned], truth=truth),
+    )
 
 
 def simulate(
-    simulation: SimulationConfig,
-    out: str | Path,
-    *,
-    workers: int = 1,
-    scheduler: str | None = None,
-    force: bool = False,
-    truth: bool = True,
-    advance: Advance = lambda text, steps=1, /: None,
-    command: list[str] | None = None,
-) -> FinishedSimulation:
+    simulation: SimulationConfig, out: str | Path, *, truth: bool = True, **how: Unpack[RunSettings]
+) -> Finished[SimulationResult]:
     """Make the Level-0 products of a simulation.
 
     Parameters
@@ -69,52 +75,38 @@ def simulate(
         See `simulator.config.simulation_file.load_simulation`.
     out : str or Path
         Root of the tree of products; continued when it holds part of the same simulation.
-    workers : int
-        Local worker processes; the files do not depend on it.
-    scheduler : str, optional
-        Dask scheduler to use instead; its workers see ``out`` under the same name.
-    force : bool
-        Remove what a run of another configuration wrote into ``out``, and nothing else.
     truth : bool
         Write the truth beside the products.
-    advance : callable
-        Told about finished frames: one by one in this process, a sequence at a time with several workers.
-    command : list of str, optional
-        Command line, kept in ``run.json``.
-
-    Returns
-    -------
-    FinishedSimulation
+    **how
+        As of `cpic_planner.jobs.job.run`. Workers of another ``scheduler`` see ``out`` under the same name.
+        ``advance`` is told about frames: one by one in this process, a sequence at a time with several workers.
 
     Raises
     ------
     InputError
         For bad input, too small a disk, or if ``out`` is in use or holds another configuration.
     """
-    clock = RunClock()
     planned = plan_sequences(simulation)
     check_light(planned)
-    digests = _Digests()
-    settings = [item.settings(digests) for item in planned]
-    digest = _configuration_hash(settings, digests.files, truth=truth)
+    job = simulation_job(planned, simulation, truth=truth)
     _check_room(Path(out), planned, truth=truth)
-    products = ["simulation.json", "run.json", *(name for item in planned for name in _files(item.name, truth=truth))]
-    with open_run_folder(out, kind="simulation", config_hash=digest, products=products, force=force) as folder:
-        for item in planned:
-            refuse_taken(folder.path, item.name, overwrite=True)
-        bodies, resumed = _make_all(planned, folder, workers, scheduler, truth, advance)
-        result = _result(simulation, planned, settings, digest, bodies, truth=truth)
-        folder.write("simulation.json", dump_json(result.model_dump(mode="json")))
-        record = clock.record(
-            command=command,
-            config_hash=digest,
-            workers=workers,
-            scheduler=scheduler,
-            resumed_parts=resumed,
-            computed_parts=len(planned) - resumed,
-        )
-        folder.write("run.json", dump_json(record.model_dump(mode="json")))
-    return FinishedSimulation(result, resumed, len(planned) - resumed)
+    return run(job, out, **how)
+
+
+@dataclass(frozen=True)
+class _Products:
+    """Sequences in the folder of a run: on record when all of their files are on disk."""
+
+    folder: RunFolder
+
+    def part(self, key: str) -> dict[str, Any] | None:
+        stored = self.folder.part(key)
+        return stored if stored is not None and _whole(self.folder.path, stored) else None
+
+    def save_part(self, key: str, body: dict[str, Any]) -> dict[str, Any]:
+        for name in reversed(body["files"]):  # the Level-0 file last: where it is, the others are
+            self.folder.adopt(self.folder.temporary / key / name, name, **body["files"][name])
+        return self.folder.save_part(key, body)
 
 
 @dataclass
@@ -132,12 +124,6 @@ class _Digests:
         return self._known[id(part)]
 
 
-def _configuration_hash(settings: list[dict[str, Any]], files: dict[str, str], *, truth: bool) -> str:
-    """Hash of everything that decides the products: settings, content of the files that they name, versions."""
-    versions_of = {"kind": "simulation", "results": RESULT_VERSION, "version": __version__}
-    return content_hash(versions_of | {"truth": truth, "sequences": settings, "files": files})
-
-
 def _named_files(tree: Any) -> Iterator[str]:
     """Texts of a configuration that are names of files."""
     if isinstance(tree, dict):
@@ -148,39 +134,6 @@ def _named_files(tree: Any) -> Iterator[str]:
             yield from _named_files(item)
     elif isinstance(tree, str) and 0 < len(tree) < 4096 and "\0" not in tree and Path(tree).is_file():
         yield tree
-
-
-def _make_all(
-    planned: Sequence[PlannedSequence],
-    folder: RunFolder,
-    workers: int,
-    scheduler: str | None,
-    truth: bool,
-    advance: Advance,
-) -> tuple[dict[str, dict[str, Any]], int]:
-    """Make what is not there yet; a sequence is on record when all of its files are on disk."""
-    bodies: dict[str, dict[str, Any]] = {}
-    waiting = []
-    for item in planned:
-        stored = folder.part(item.obsid)
-        if stored is not None and _whole(folder.path, stored):
-            bodies[item.obsid] = stored
-            advance(f"{item.obsid} (kept)", item.n_frames)
-        else:
-            waiting.append(item)
-    resumed = len(bodies)
-    root = str(folder.temporary.resolve())
-    alone = scheduler is None and (workers == 1 or len(waiting) <= 1)
-    function = functools.partial(make_sequence, progress=advance) if alone else make_sequence
-    arguments = [(item, root, truth) for item in waiting]
-    for position, body in run_tasks(function, arguments, workers=workers, scheduler=scheduler):
-        item = waiting[position]
-        for name in reversed(body["files"]):  # the Level-0 file last: where it is, the others are
-            folder.adopt(folder.temporary / item.obsid / name, name, **body["files"][name])
-        bodies[item.obsid] = folder.save_part(item.obsid, body)
-        if not alone:
-            advance(item.obsid, item.n_frames)
-    return bodies, resumed
 
 
 @dataclass
@@ -262,7 +215,7 @@ def _result(
     planned: Sequence[PlannedSequence],
     settings: Sequence[dict[str, Any]],
     digest: str,
-    bodies: dict[str, dict[str, Any]],
+    bodies: Mapping[str, Mapping[str, Any]],
     *,
     truth: bool,
 ) -> SimulationResult:

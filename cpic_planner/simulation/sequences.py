@@ -15,8 +15,6 @@ from simulator.products.naming import OBSID_DIGITS, ProductName, checked_obsid, 
 from simulator.products.sequence import FrameSequence
 from simulator.products.times import sequence_times
 
-__all__ = ["PlannedSequence", "check_light", "located", "plan_sequences"]
-
 
 @dataclass(frozen=True)
 class PlannedSequence:
@@ -205,7 +203,7 @@ class _Named:
 
 
 def _readout_s(entry: SequenceConfig, camera: str) -> float:
-    return (entry.instrument.detector if camera == "VIS" else entry.instrument.near_infrared.detector).readout_s
+    return entry.instrument.channel(camera).detector.readout_s
 
 
 def _stream(entry: SequenceConfig, band: str) -> Hashable:

@@ -96,14 +96,8 @@ def background_alarms(model: EtcModel, star: Targets, setting: Setting, rule: De
     if not x.size:
         return 0.0
     rates = aperture_rates(model, star, band, x[None], y[None], np.full((1, x.size), _PROBE))
-    noise = stack_noise(
-        rates,
-        setting.exposure_s,
-        setting.n_frames,
-        setting.em_gain,
-        model.camera(band),
-        reference_ratio=model.strategy.reference_ratio,
-    )
+    frames = setting.exposure_s, setting.n_frames, setting.em_gain
+    noise = stack_noise(rates, *frames, model.camera(band), model.strategy)
     separation = np.hypot(x, y)
     threshold = threshold_array(metrics.resolution_elements(separation), model.strategy.sigma)
     middle = half_margin(

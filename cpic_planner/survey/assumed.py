@@ -12,7 +12,6 @@ import numpy as np
 from scipy.optimize import brentq
 
 from cpic_planner.etc.model import EtcModel, Strategy, build_model
-from cpic_planner.etc.speckles import floor_law
 from cpic_planner.survey.strategy import Assumptions, SurveyStrategy
 from simulator.cache import compute_once
 from simulator.config import Instrument, content_hash
@@ -21,6 +20,7 @@ from simulator.imaging.imager import centred_axis
 from simulator.imaging.metrics import PsfMetrics
 from simulator.imaging.store import metrics_key, psf_metrics
 from simulator.passbands import Passbands
+from simulator.signal.speckles import floor_law
 from simulator.work import announce
 
 __all__ = ["assumed_model", "imaged_model", "mirror_noise_nm", "raw_contrast_median", "with_contrast"]

@@ -154,9 +154,7 @@ def _fixed(
         camera = replace(camera, exposure_min_s=visit.exposure_s, exposure_max_s=visit.exposure_s)
     x, y = stand(model, band, best.separation_arcsec[:, None])
     rates = aperture_rates(model, targets, band, x, y, best.contrast[:, None])
-    problem = frame_problem(
-        rates, camera, reference_ratio=model.strategy.reference_ratio, objective="significance", em_gain=visit.em_gain
-    )
+    problem = frame_problem(rates, camera, model.strategy, objective="significance", em_gain=visit.em_gain)
     choice = best_in_visit(problem, model.visit_s(time_s)[:, None])
     return [choice.exposure_s[:, 0], choice.n_frames[:, 0], choice.em_gain[:, 0], model.time_s(choice.visit_s)[:, 0]]
 

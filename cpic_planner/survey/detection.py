@@ -12,8 +12,8 @@ from cpic_planner.completeness import inside_zone
 from cpic_planner.etc import detection
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.noise import StackNoise, stack_noise
+from cpic_planner.etc.planet import mixture_contrast
 from cpic_planner.etc.rates import aperture_rates
-from cpic_planner.etc.reflected import mixture_contrast
 from cpic_planner.etc.significance import threshold_array
 from cpic_planner.orbits import OrbitPlaces
 from cpic_planner.survey.strategy import DetectionRule
@@ -136,14 +136,8 @@ def see(
             here = turns == angle
             put = (visit[here], planet[here])
             rates = aperture_rates(model, rolled(star, angle), band, x[put][None], y[put][None], light[here][None])
-            noise = stack_noise(
-                rates,
-                setting.exposure_s,
-                setting.n_frames,
-                setting.em_gain,
-                model.camera(band),
-                reference_ratio=model.strategy.reference_ratio,
-            )
+            frames = setting.exposure_s, setting.n_frames, setting.em_gain
+            noise = stack_noise(rates, *frames, model.camera(band), model.strategy)
             elements = metrics.resolution_elements(separation[put])
             margin[put] = noise.significance[0] / threshold_array(elements, model.strategy.sigma)
             tails[put] = tail_share(model, setting, separation[put][None], noise)[0]

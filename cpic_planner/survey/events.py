@@ -1,22 +1,23 @@
-"""What a survey finds, event after event."""
+"""What a survey spends and finds, event after event."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cpic_planner.survey.schedule import PlannedVisit
-from cpic_planner.survey.universe import Bodies
+from cpic_planner.survey.universe import NEW, Bodies
 
 if TYPE_CHECKING:
-    from cpic_planner.survey.play import Survey
-
-__all__ = ["Events"]
+    from cpic_planner.survey.play import StarPlayed, Survey
 
 FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+ROUNDING_H = 1e-9
 _OF_BODY = ("radius_rjup", "semi_major_axis_au", "eccentricity", "inclination_deg")
 _OF_VISIT = (
     "margin",
@@ -29,6 +30,51 @@ _OF_VISIT = (
     "distance_au",
     "phase_deg",
 )
+
+
+@dataclass(eq=False)
+class Clock:
+    """Time of ``n`` universes, hours."""
+
+    left: FloatArray
+    slot: FloatArray
+    promised: FloatArray
+    search: FloatArray
+    follow: FloatArray
+    visits: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, n: int, budget_h: float, promised_h: float) -> Clock:
+        """Return the start of ``n`` universes: whole budget, and what planned visits will take of it."""
+        zero = np.zeros(n)
+        return cls(
+            np.full(n, budget_h), zero.copy(), np.full(n, promised_h), zero.copy(), zero.copy(), np.zeros(n, np.int64)
+        )
+
+    def affords(self, cost_h: float) -> BoolArray:
+        """Return the universes whose slot and budget hold a cost."""
+        return np.asarray((self.slot >= cost_h - ROUNDING_H) & (self.left >= cost_h - ROUNDING_H))
+
+    def spend(self, go: BoolArray, cost_h: float, on: FloatArray) -> None:
+        """Take the cost of one visit in the universes ``go`` from slot and budget, and note what it was spent on."""
+        for account in (self.left, self.slot):
+            account[go] -= cost_h
+        on[go] += cost_h
+        self.visits[go] += 1
+
+    @property
+    def used(self) -> FloatArray:
+        """Time of search and follow-up so far."""
+        return self.search + self.follow
+
+
+@dataclass(frozen=True, eq=False)
+class Played:
+    """What happened in ``n`` universes; ``universes``, ``detections`` and ``stars`` are columns of tables."""
+
+    universes: dict[str, NDArray[Any]]
+    detections: dict[str, NDArray[Any]]
+    stars: dict[str, NDArray[Any]]
 
 
 class Events:
@@ -94,3 +140,54 @@ class Events:
         joined["star"] = np.array([str(survey.targets.name[i]) for i in star], object)
         joined["band"] = np.array([survey.options[i][o].band for i, o in zip(star, option, strict=True)], object)
         return joined
+
+    def outcome(self, survey: Survey, stars: Mapping[int, StarPlayed], clock: Clock, block: int) -> Played:
+        """Return the columns of the three tables.
+
+        Parameters
+        ----------
+        survey : Survey
+        stars : mapping of int to StarPlayed
+            By position among the candidates.
+        clock : Clock
+        block : int
+            Number of the block of universes.
+        """
+        n = len(clock.left)
+        new, known, characterised, with_planet = np.zeros((4, n), np.int64)
+        rows = sorted(stars)
+        of_star = np.zeros((2, len(rows)), np.int64)
+        for row, i in enumerate(rows):
+            star = stars[i]
+            universe, fresh = star.bodies.universe, star.bodies.known == NEW
+            kinds = zip((new, known), of_star, (star.found & fresh, star.found & ~fresh), strict=True)
+            for count, total, found in kinds:
+                np.add.at(count, universe[found], 1)
+                total[row] = found.sum()
+            if survey.strategy.follow_up.wanted:
+                np.add.at(characterised, universe[star.found & star.shown.all(axis=0)], 1)
+            some = np.zeros(n, bool)
+            some[universe[star.found]] = True
+            with_planet += some
+        universes = {
+            "new_planets": new,
+            "known_planets": known,
+            "stars_with_planet": with_planet,
+            "characterised_planets": characterised,
+            "noise_alarms": self.noise_alarms,
+            "background_alarms": self.background_alarms,
+            "visits": clock.visits,
+            "search_h": clock.search,
+            "follow_up_h": clock.follow,
+        }
+        per_star: dict[str, NDArray[Any]] = {
+            "star": np.array([str(survey.targets.name[i]) for i in rows], object),
+            "block": np.full(len(rows), block, np.int64),
+            "universes": np.full(len(rows), n, np.int64),
+            "visits": np.array([stars[i].visits for i in rows], np.int64),
+            "search_h": np.array([stars[i].hours for i in rows]),
+            "follow_up_h": np.array([stars[i].follow_h for i in rows]),
+            "new_planets": of_star[0],
+            "known_planets": of_star[1],
+        }
+        return Played(universes, self.columns(survey), per_star)

@@ -22,8 +22,6 @@ from cpic_planner.validation.verdict import refusals_of
 from simulator.config import Planet
 from simulator.target.positions import sky_to_detector
 
-__all__ = ["REALISATIONS", "SampledDetection", "image_sample", "image_task", "sampled_detections"]
-
 REALISATIONS = 4
 _LEVEL = 0.90
 
@@ -133,7 +131,7 @@ def _task(survey: Survey, row: Mapping[str, Any], number: int, seed: int) -> Con
 def image_task(task: Mapping[str, Any]) -> dict[str, Any]:
     """Simulate and measure one detection; no confirmations where its place leaves no room to measure the noise in."""
     try:
-        return confirm_task(dict(task))
+        return {"confirmations": confirm_task(dict(task))["confirmations"]}
     except InputError:
         return {"confirmations": []}
 

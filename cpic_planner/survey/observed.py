@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from catalogs.columns import Column, Columns
 from catalogs.errors import InputError
 from catalogs.known_planets import star_key
-from catalogs.table_cells import choose_columns, read_cells
+from catalogs.table_cells import read_rows
 from catalogs.table_files import parse_table, read_bytes
-from catalogs.user_columns import Quantity, heading, quantity_among
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.survey.detection import Setting, detection_chance, see
 from cpic_planner.survey.strategy import DetectionRule
@@ -29,23 +29,29 @@ __all__ = ["COLUMNS", "ObservationLog", "ObservedVisit", "missed", "read_log", "
 
 FloatArray = NDArray[np.float64]
 
-COLUMNS: tuple[tuple[Quantity, str], ...] = (
-    (Quantity("star", ("target", "object", "name"), "text"), "any name of a star of the catalogue"),
-    (Quantity("start_utc", ("date", "utc", "dateobs", "begin"), "text"), "when the visit began, ISO 8601"),
-    (Quantity("band", ("filter",), "text"), "band of the visit"),
-    (Quantity("exposure_s", ("exposure", "exptime"), unit="s", low=1e-6, high=1e6), "of one frame"),
-    (Quantity("n_frames", ("frames", "nframes"), low=1.0, high=1e9), "science frames"),
-    (Quantity("em_gain", ("gain", "emgain"), low=1.0, high=1e4), "EM gain"),
-    (Quantity("telescope_h", ("hours", "telescopehours"), unit="h", low=0.0, high=1e5), "telescope time that it took"),
+COLUMNS = Columns(
     (
-        Quantity("roll_deg", ("roll",), unit="deg", low=-360.0, high=360.0),
-        "position angle of the detector's +y axis; without it that of the panels on that day",
-    ),
-    (Quantity("planets", ("detections", "found"), low=0.0, high=1000.0), "planets that it showed; without it none"),
+        Column("star", "any name of a star of the catalogue", aliases="target object name"),
+        Column("start_utc", "when the visit began, ISO 8601", aliases="date utc dateobs begin"),
+        Column("band", "band of the visit", aliases="filter"),
+        Column("exposure_s", "of one frame", "float", "s", "exposure exptime", 1e-6, 1e6),
+        Column("n_frames", "science frames", "float", "", "frames nframes", 1.0, 1e9),
+        Column("em_gain", "EM gain", "float", "", "gain emgain", 1.0, 1e4),
+        Column("telescope_h", "telescope time that it took", "float", "h", "hours telescopehours", 0.0, 1e5),
+        Column(
+            "roll_deg",
+            "position angle of the detector's +y axis; without it that of the panels on that day",
+            "float",
+            "deg",
+            "roll",
+            -360.0,
+            360.0,
+        ),
+        Column("planets", "planets that it showed; without it none", "float", "", "detections found", 0.0, 1000.0),
+    )
 )
-"""Columns of a log and what they hold; star, start_utc, band, exposure_s, n_frames and em_gain are needed."""
-_NEEDED = ("star", "start_utc", "band", "exposure_s", "n_frames", "em_gain")
-_BY_HEADING = {heading(name): item for item, _ in COLUMNS for name in (item.name, *item.aliases)}
+"""Columns of a log; star, start_utc, band, exposure_s, n_frames and em_gain are needed."""
+_NEEDED = (("star",), ("start_utc",), ("band",), ("exposure_s",), ("n_frames",), ("em_gain",))
 
 
 @dataclass(frozen=True)
@@ -98,28 +104,14 @@ def read_log(source: str | Path) -> ObservationLog:
         Naming file, row, column, value, unit and range of the first fault.
     """
     file = read_bytes(source, key="observed", presets="")
-    raw = parse_table(file)
-    by_name = {item.name: item for item, _ in COLUMNS}
-    chosen, _ = choose_columns(
-        raw, lambda text: quantity_among(text, _BY_HEADING), [[by_name[name]] for name in _NEEDED]
-    )
-    names = chosen["star"].cells
-    cells = {name: read_cells(raw, by_name[name], column, names) for name, column in chosen.items()}
+    log = read_rows(parse_table(file), COLUMNS, _NEEDED, about="star")
     visits = []
-    for number in range(len(raw)):
-        row = {name: values[number] for name, values in cells.items()}
-        for name in _NEEDED:
-            if row[name] is None:
-                raise InputError(
-                    f"{raw.name} row {number + 1} column {chosen[name].heading}",
-                    "missing",
-                    unit=by_name[name].unit,
-                    allowed="a value",
-                )
-        visits.append(_visit(row, f"{raw.name} row {number + 1}"))
+    for where, row in log:
+        log.refuse_missing(where, row, _NEEDED)
+        visits.append(_visit(row, where))
     visits.sort(key=lambda visit: (visit.mjd, visit.star))
     hours, planets = sum(visit.telescope_h for visit in visits), sum(visit.planets for visit in visits)
-    about = f"{len(visits)} visits, {hours:g} h, {planets} planets ({raw.name} {file.sha256[:12]})"
+    about = f"{len(visits)} visits, {hours:g} h, {planets} planets ({file.name} {file.sha256[:12]})"
     return ObservationLog(tuple(visits), about)
 
 

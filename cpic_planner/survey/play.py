@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,19 +12,24 @@ from catalogs.known_planets import KnownPlanetTable
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.survey.calendar import Calendar, sun_position_angle_deg
 from cpic_planner.survey.candidates import albedos_of
-from cpic_planner.survey.detection import Setting, detection_chance, reach_au, see
-from cpic_planner.survey.events import Events
+from cpic_planner.survey.detection import Seen, Setting, detection_chance, reach_au, see
+from cpic_planner.survey.events import ROUNDING_H, Clock, Events, Played
 from cpic_planner.survey.observed import ObservationLog, missed, resampled
 from cpic_planner.survey.schedule import PlannedVisit, Schedule
 from cpic_planner.survey.strategy import DetectionRule, SurveyStrategy
-from cpic_planner.survey.universe import NEW, Bodies, at_known_place, chance, draw_bodies, star_mass_msun
+from cpic_planner.survey.universe import (
+    Bodies,
+    at_known_place,
+    chance,
+    draw_bodies,
+    poisson_quantile,
+    star_mass_msun,
+    uniform_draws,
+)
 from cpic_planner.targets import Targets
-
-__all__ = ["Played", "Survey", "play"]
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
-_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,17 +72,8 @@ class Survey:
     log: ObservationLog | None = None
 
 
-@dataclass(frozen=True, eq=False)
-class Played:
-    """What happened in ``n`` universes; ``universes``, ``detections`` and ``stars`` are columns of tables."""
-
-    universes: dict[str, NDArray[Any]]
-    detections: dict[str, NDArray[Any]]
-    stars: dict[str, NDArray[Any]]
-
-
 @dataclass(eq=False)
-class _Star:
+class StarPlayed:
     """One star in all universes of a block."""
 
     bodies: Bodies
@@ -95,38 +90,6 @@ class _Star:
     visits: int = 0
     hours: float = 0.0
     follow_h: float = 0.0
-
-
-@dataclass(eq=False)
-class _Clock:
-    """Time of ``n`` universes, hours."""
-
-    left: FloatArray
-    slot: FloatArray
-    promised: FloatArray
-    search: FloatArray
-    follow: FloatArray
-    visits: NDArray[np.int64]
-
-    @classmethod
-    def of(cls, n: int, budget_h: float, promised_h: float) -> _Clock:
-        zero = np.zeros(n)
-        return cls(
-            np.full(n, budget_h), zero.copy(), np.full(n, promised_h), zero.copy(), zero.copy(), np.zeros(n, np.int64)
-        )
-
-    def affords(self, cost_h: float) -> BoolArray:
-        return np.asarray((self.slot >= cost_h - _ROUNDING) & (self.left >= cost_h - _ROUNDING))
-
-    def spend(self, go: BoolArray, cost_h: float, on: FloatArray) -> None:
-        for account in (self.left, self.slot):
-            account[go] -= cost_h
-        on[go] += cost_h
-        self.visits[go] += 1
-
-    @property
-    def used(self) -> FloatArray:
-        return self.search + self.follow
 
 
 def play(survey: Survey, *, block: int, n: int, seed: int) -> Played:
@@ -154,7 +117,7 @@ def play(survey: Survey, *, block: int, n: int, seed: int) -> Played:
     """
     strategy, stars = survey.strategy, _stars(survey, block, n, seed)
     planned = [visit for visit in survey.schedule.visits if not visit.reserve]
-    clock = _Clock.of(n, strategy.time_budget_h, sum(visit.cost_h for visit in planned))
+    clock = Clock.of(n, strategy.time_budget_h, sum(visit.cost_h for visit in planned))
     log, total = Events(n), np.zeros(n, np.int64)
     slots: dict[int, list[tuple[int, PlannedVisit]]] = {}
     for k, visit in enumerate(survey.schedule.visits):
@@ -168,7 +131,7 @@ def play(survey: Survey, *, block: int, n: int, seed: int) -> Played:
                     _follow(survey, i, star, b, clock, block, seed)
         for k, visit in slots.get(b, ()):
             _search(survey, stars[visit.star], k, visit, clock, log, total)
-    return _tables(survey, stars, clock, log, block, n)
+    return log.outcome(survey, stars, clock, block)
 
 
 def _systematic(rule: DetectionRule, block: int, n: int, seed: int) -> tuple[FloatArray, FloatArray]:
@@ -179,7 +142,7 @@ def _systematic(rule: DetectionRule, block: int, n: int, seed: int) -> tuple[Flo
     return np.maximum(rule.calibration + rule.calibration_error * drawn[0], 0.0), drawn[1]
 
 
-def _stars(survey: Survey, block: int, n: int, seed: int) -> dict[int, _Star]:
+def _stars(survey: Survey, block: int, n: int, seed: int) -> dict[int, StarPlayed]:
     """Planets of all visited stars, and what every visit would detect of them."""
     by_star: dict[int, list[tuple[int, PlannedVisit]]] = {}
     for k, visit in enumerate(survey.schedule.visits):
@@ -201,7 +164,7 @@ def _star(
     block: int,
     n: int,
     seed: int,
-) -> _Star:
+) -> StarPlayed:
     strategy, target, name = survey.strategy, survey.targets.select([i]), str(survey.targets.name[i])
     bodies = draw_bodies(
         name,
@@ -229,7 +192,7 @@ def _star(
             sun_pa_deg=sun,
             placed=at_known_place(bodies, survey.known),
         )
-        bodies = resampled(bodies, left, _luck(bodies, seed, name, block, "log", n))
+        bodies = resampled(bodies, left, uniform_draws(bodies, seed, name, block, "log", n))
     bodies = bodies.select(bodies.within(*reach_au(survey.model, float(target.distance_pc[0]))))
     hits: dict[int, BoolArray] = {}
     seen: dict[int, dict[str, FloatArray]] = {}
@@ -239,30 +202,20 @@ def _star(
         own = [(k, visit) for k, visit in visits if visit.option == option]
         slots = np.array([visit.slot for _, visit in own])
         ordinals = np.array([visit.ordinal for _, visit in own])
-        roll = survey.calendar.roll_deg(strategy.revisits, i, slots, ordinals)
-        found = see(
-            survey.model,
-            target,
-            survey.options[i][option],
-            bodies,
-            albedos_of(strategy.population),
-            bodies.places(survey.calendar.day[i, slots]),
-            roll,
-        )
-        odds = detection_chance(
-            found, strategy.detection, placed, systematic[1][bodies.universe], systematic[0][bodies.universe]
+        found, odds, roll = _visited(
+            survey, i, survey.options[i][option], bodies, (slots, ordinals), placed, systematic
         )
         for row, (k, visit) in enumerate(own):
-            hits[k] = _luck(bodies, seed, name, block, visit.ordinal, n) < odds[row]
+            hits[k] = uniform_draws(bodies, seed, name, block, visit.ordinal, n) < odds[row]
             seen[k] = {key: getattr(found, key)[row] for key in found.__dataclass_fields__}
             seen[k] |= {"chance": odds[row], "roll_deg": np.full(len(bodies), roll[row])}
             drawn = chance(seed, "alarm", name, block, visit.ordinal, shape=(2, n))
             alarms[k] = (
-                _rare(survey.noise_alarms[i][option], drawn[0]),
-                _rare(survey.background_alarms[i][option], drawn[1]),
+                poisson_quantile(survey.noise_alarms[i][option], drawn[0]),
+                poisson_quantile(survey.background_alarms[i][option], drawn[1]),
             )
     bands = len(strategy.follow_up.bands)
-    return _Star(
+    return StarPlayed(
         bodies=bodies,
         hits=hits,
         seen=seen,
@@ -277,28 +230,37 @@ def _star(
     )
 
 
-def _luck(bodies: Bodies, seed: int, name: str, block: int, visit: int | str, n: int) -> FloatArray:
-    """Uniform number of each planet in one visit."""
-    if not len(bodies):
-        return np.zeros(0)
-    return chance(seed, "visit", name, block, visit, shape=(int(bodies.number.max()) + 1, n))[
-        bodies.number, bodies.universe
-    ]
+def _visited(
+    survey: Survey,
+    i: int,
+    setting: Setting,
+    bodies: Bodies,
+    when: tuple[NDArray[np.int64], NDArray[np.int64]],
+    placed: BoolArray,
+    systematic: tuple[FloatArray, FloatArray],
+) -> tuple[Seen, FloatArray, FloatArray]:
+    """Return what visits of a star show of planets, the odds that each detects each, and the rolls.
 
-
-def _rare(rate: float, share: FloatArray) -> NDArray[np.int64]:
-    """Poisson numbers at given shares of their law, of a small rate."""
-    from scipy.special import pdtr
-
-    return (
-        np.searchsorted(pdtr(np.arange(50), rate), share, side="right").astype(np.int64)
-        if rate > 0
-        else np.zeros(share.shape, np.int64)
+    ``when`` holds slots and ordinals of the visits, ``placed`` says which planets are searched at a known place,
+    ``systematic`` is that of `_systematic`.
+    """
+    strategy, (calibration, shift) = survey.strategy, systematic
+    roll = survey.calendar.roll_deg(strategy.revisits, i, *when)
+    found = see(
+        survey.model,
+        survey.targets.select([i]),
+        setting,
+        bodies,
+        albedos_of(strategy.population),
+        bodies.places(survey.calendar.day[i, when[0]]),
+        roll,
     )
+    odds = detection_chance(found, strategy.detection, placed, shift[bodies.universe], calibration[bodies.universe])
+    return found, odds, roll
 
 
 def _search(
-    survey: Survey, star: _Star, k: int, visit: PlannedVisit, clock: _Clock, log: Events, total: NDArray[np.int64]
+    survey: Survey, star: StarPlayed, k: int, visit: PlannedVisit, clock: Clock, log: Events, total: NDArray[np.int64]
 ) -> None:
     """One planned visit in all universes."""
     strategy, cost = survey.strategy, visit.cost_h
@@ -308,7 +270,7 @@ def _search(
         wanted &= total < stop.after_planets
     go = wanted & clock.affords(cost)
     if visit.reserve:
-        go &= clock.left - clock.promised >= cost - _ROUNDING
+        go &= clock.left - clock.promised >= cost - ROUNDING_H
     else:
         clock.promised[~star.stopped] -= cost
         star.left_h -= cost
@@ -337,17 +299,16 @@ def _search(
     star.stopped |= ends
 
 
-def _any(star: _Star, n: int) -> BoolArray:
+def _any(star: StarPlayed, n: int) -> BoolArray:
     """Universes in which the star has shown a planet in any visit."""
     shown = np.zeros(n, bool)
     shown[star.bodies.universe[star.counts > 0]] = True
     return shown
 
 
-def _follow(survey: Survey, i: int, star: _Star, b: int, clock: _Clock, block: int, seed: int) -> None:
+def _follow(survey: Survey, i: int, star: StarPlayed, b: int, clock: Clock, block: int, seed: int) -> None:
     """Follow-up of one star in one slot: every band that a found planet still lacks."""
     strategy, n = survey.strategy, len(clock.left)
-    rule, target = strategy.follow_up, survey.targets.select([i])
     for f, setting in enumerate(survey.follow[i]):
         cost = float(survey.calendar.cost_h(survey.model, i, setting, strategy.visit.settlings)[b])
         if not np.isfinite(cost):
@@ -355,65 +316,15 @@ def _follow(survey: Survey, i: int, star: _Star, b: int, clock: _Clock, block: i
         lacking = star.found & ~star.shown[f]
         need = np.zeros(n, bool)
         need[star.bodies.universe[lacking]] = True
-        go = need & (star.tried[f] < rule.attempts) & clock.affords(cost)
+        go = need & (star.tried[f] < strategy.follow_up.attempts) & clock.affords(cost)
         if not go.any():
             continue
         clock.spend(go, cost, clock.follow)
         star.follow_h += cost * float(go.sum())
         star.tried[f, go] += 1
-        roll = survey.calendar.roll_deg(strategy.revisits, i, np.array([b]), np.array([b]))
-        seen = see(
-            survey.model,
-            target,
-            setting,
-            star.bodies,
-            albedos_of(strategy.population),
-            star.bodies.places(survey.calendar.day[i, [b]]),
-            roll,
-        )
-        calibration, shift = _systematic(strategy.detection, block, n, seed)
         at_place = np.ones(len(star.bodies), bool)
-        odds = detection_chance(
-            seen, strategy.detection, at_place, shift[star.bodies.universe], calibration[star.bodies.universe]
-        )[0]
-        luck = _luck(star.bodies, seed, str(target.name[0]), block, f"follow {setting.band} {b}", n)
-        star.shown[f] |= lacking & go[star.bodies.universe] & (luck < odds)
-
-
-def _tables(survey: Survey, stars: dict[int, _Star], clock: _Clock, log: Events, block: int, n: int) -> Played:
-    """Columns of the three tables."""
-    new, known, characterised, with_planet = np.zeros((4, n), np.int64)
-    for star in stars.values():
-        universe, fresh = star.bodies.universe, star.bodies.known == NEW
-        np.add.at(new, universe[star.found & fresh], 1)
-        np.add.at(known, universe[star.found & ~fresh], 1)
-        if survey.strategy.follow_up.wanted:
-            np.add.at(characterised, universe[star.found & star.shown.all(axis=0)], 1)
-        some = np.zeros(n, bool)
-        some[universe[star.found]] = True
-        with_planet += some
-    universes = {
-        "new_planets": new,
-        "known_planets": known,
-        "stars_with_planet": with_planet,
-        "characterised_planets": characterised,
-        "noise_alarms": log.noise_alarms,
-        "background_alarms": log.background_alarms,
-        "visits": clock.visits,
-        "search_h": clock.search,
-        "follow_up_h": clock.follow,
-    }
-    rows = sorted(stars)
-    per_star: dict[str, NDArray[Any]] = {
-        "star": np.array([str(survey.targets.name[i]) for i in rows], object),
-        "block": np.full(len(rows), block, np.int64),
-        "universes": np.full(len(rows), n, np.int64),
-        "visits": np.array([stars[i].visits for i in rows], np.int64),
-        "search_h": np.array([stars[i].hours for i in rows]),
-        "follow_up_h": np.array([stars[i].follow_h for i in rows]),
-        "new_planets": np.array([int((stars[i].found & (stars[i].bodies.known == NEW)).sum()) for i in rows], np.int64),
-        "known_planets": np.array(
-            [int((stars[i].found & (stars[i].bodies.known != NEW)).sum()) for i in rows], np.int64
-        ),
-    }
-    return Played(universes, log.columns(survey), per_star)
+        systematic = _systematic(strategy.detection, block, n, seed)
+        slot = np.array([b])
+        _, odds, _ = _visited(survey, i, setting, star.bodies, (slot, slot), at_place, systematic)
+        luck = uniform_draws(star.bodies, seed, str(survey.targets.name[i]), block, f"follow {setting.band} {b}", n)
+        star.shown[f] |= lacking & go[star.bodies.universe] & (luck < odds[0])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,8 +24,7 @@ from cpic_planner.survey.strategy_file import StrategiesConfig, UniverseConfig
 from cpic_planner.survey.visibility import VisibilityConfig, load_visibility
 from cpic_planner.targets import Targets, as_catalogue, find_target, rank_sample
 from simulator.config import Instrument, load_instrument
-
-__all__ = ["Prepared", "prepare"]
+from simulator.work import Advance, untold
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,13 +53,13 @@ class _Looked:
     screened: Screened
 
 
-def prepare(config: StrategiesConfig, *, advance: Callable[[str], None] = lambda text: None) -> Prepared:
+def prepare(config: StrategiesConfig, *, advance: Advance = untold) -> Prepared:
     """Screen the catalogue, make the calendar, and schedule every strategy.
 
     Parameters
     ----------
     config : StrategiesConfig
-    advance : callable
+    advance : Advance
         Told about every finished step: one for each strategy's screening and schedule, one for the calendar.
 
     Raises

@@ -1,7 +1,7 @@
 """Tables of a survey's results: written part by part, joined into one Parquet file each.
 
 A part is what one task found, rows for several tables in one file that is there whole or not at all
-(`cpic_planner.runfolder`). The joined tables hold no clock, path or order of arrival: the same parts give the same
+(`cpic_planner.jobs.folder`). The joined tables hold no clock, path or order of arrival: the same parts give the same
 bytes, whoever made them and however often the run was broken off.
 """
 
@@ -21,11 +21,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from catalogs.errors import InputError
 from catalogs.user_files import read_file
+from cpic_planner.jobs.folder import DamagedPartError, RunFolder
 from cpic_planner.models.columns import Column
 from cpic_planner.models.table import arrow_schema
-from cpic_planner.runfolder import DamagedPartError, RunFolder
-
-__all__ = ["Column", "ResultStore", "StoredTable", "Table", "read_table", "table_files"]
 
 _LOG = logging.getLogger(__name__)
 SCHEMA_VERSION = 1
@@ -86,13 +84,13 @@ class ResultStore:
     Examples
     --------
     >>> import tempfile
-    >>> from cpic_planner.runfolder import open_run_folder
+    >>> from cpic_planner.jobs.folder import open_run_folder
     >>> yields = Table("yields", (Column("draw", "int64", "number of the universe"),
     ...                           Column("found", "float64", "planets found")), key=("draw",))
     >>> with tempfile.TemporaryDirectory() as place, open_run_folder(place, kind="whatif", config_hash="1") as folder:
     ...     store = ResultStore(folder, [yields])
-    ...     store.save("b", {"yields": {"draw": [2], "found": [0.5]}})
-    ...     store.save("a", {"yields": {"draw": [0, 1], "found": [1.5, 2.5]}})
+    ...     _ = store.save_part("b", {"yields": {"draw": [2], "found": [0.5]}})
+    ...     _ = store.save_part("a", {"yields": {"draw": [0, 1], "found": [1.5, 2.5]}})
     ...     path = store.merge()["yields"]
     ...     read_table(path).columns["found"]
     array([1.5, 2.5, 0.5])
@@ -114,14 +112,22 @@ class ResultStore:
                 _LOG.warning("%s: doing it again", error)
         return frozenset(keys)
 
-    def save(self, part: str, columns: Mapping[str, Mapping[str, ArrayLike]]) -> None:
-        """Store one part whole; one of the same key is replaced.
+    @cached_property
+    def _kept(self) -> frozenset[str]:
+        return self.finished()
+
+    def part(self, key: str) -> dict[str, Any] | None:
+        """Return nothing but that the part was whole when this store was first asked; None if it was not."""
+        return {} if key in self._kept else None
+
+    def save_part(self, key: str, body: Mapping[str, Mapping[str, ArrayLike]]) -> dict[str, Any]:
+        """Store one part whole; one of the same key is replaced. Rows stay on disk: returns nothing of them.
 
         Parameters
         ----------
-        part : str
+        key : str
             Key of the part.
-        columns : mapping
+        body : mapping
             For every table its columns, arrays of one length (which may be 0).
 
         Raises
@@ -132,15 +138,16 @@ class ResultStore:
         """
         import pyarrow as pa
 
-        if set(columns) != set(self._tables):
-            raise InputError(f"part {part}: tables", sorted(columns), allowed=", ".join(sorted(self._tables)))
+        if set(body) != set(self._tables):
+            raise InputError(f"part {key}: tables", sorted(body), allowed=", ".join(sorted(self._tables)))
         sink = io.BytesIO()
         for name, table in self._tables.items():
-            rows = _arrow_table(table, columns[name], f"part {part}: {name}")
-            _refuse_repeats(_sorted_rows(table, rows), table, f"part {part}: {name}")
+            rows = _arrow_table(table, body[name], f"part {key}: {name}")
+            _refuse_repeats(_sorted_rows(table, rows), table, f"part {key}: {name}")
             with pa.ipc.new_stream(sink, table.schema, options=pa.ipc.IpcWriteOptions(compression="zstd")) as stream:
                 stream.write_table(rows)
-        self._folder.save_blob(part, sink.getvalue())
+        self._folder.save_blob(key, sink.getvalue())
+        return {}
 
     def read(self, table: str) -> dict[str, NDArray[Any]]:
         """All parts of one table joined, sorted by its key.

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cpic_planner.models.base import Row
 from cpic_planner.models.columns import column, columns_of
-from cpic_planner.survey.play import Played
+from cpic_planner.survey.events import Played
 from cpic_planner.survey.store import Table
 
 

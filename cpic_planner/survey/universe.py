@@ -13,12 +13,23 @@ from catalogs.known_planets import KnownPlanetTable
 from cpic_planner.distributions import chosen_entry
 from cpic_planner.known_planets import QUANTITIES as KNOWN_QUANTITIES
 from cpic_planner.known_planets import draw_known
-from cpic_planner.orbits import OrbitPlaces, orbit_places
+from cpic_planner.orbits import OrbitingPlanets, OrbitPlaces
 from cpic_planner.population_config import QUANTITIES, PopulationConfig
 from cpic_planner.targets import Targets
 from simulator.rng import stream
 
-__all__ = ["BLOCK", "NEW", "Bodies", "at_known_place", "chance", "draw_bodies", "occurrence", "star_mass_msun"]
+__all__ = [
+    "BLOCK",
+    "NEW",
+    "Bodies",
+    "at_known_place",
+    "chance",
+    "draw_bodies",
+    "occurrence",
+    "poisson_quantile",
+    "star_mass_msun",
+    "uniform_draws",
+]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -30,8 +41,8 @@ _YEAR_DAYS = 365.25
 _MOST = 10_000
 
 
-@dataclass(frozen=True, eq=False)
-class Bodies:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Bodies(OrbitingPlanets):
     """Planets of one star in some universes, arrays of one length.
 
     Attributes
@@ -44,9 +55,6 @@ class Bodies:
         Row in the table of known planets, or `NEW`.
     kind : ndarray of int
         Number of the planet's kind in the population; that of a known planet lies behind them all.
-    radius_rjup, semi_major_axis_au, eccentricity, inclination_deg, argument_of_pericentre_deg, node_deg : ndarray
-    mean_anomaly_deg : ndarray
-        At the epoch.
     period_days : ndarray
     """
 
@@ -54,13 +62,6 @@ class Bodies:
     number: IntArray
     known: IntArray
     kind: IntArray
-    radius_rjup: FloatArray
-    semi_major_axis_au: FloatArray
-    eccentricity: FloatArray
-    inclination_deg: FloatArray
-    argument_of_pericentre_deg: FloatArray
-    node_deg: FloatArray
-    mean_anomaly_deg: FloatArray
     period_days: FloatArray
 
     def __len__(self) -> int:
@@ -90,15 +91,7 @@ class Bodies:
 
     def places(self, days: ArrayLike) -> OrbitPlaces:
         """Places so many days after the epoch, shape ``(len(days), n_planets)``."""
-        anomaly = self.mean_anomaly_deg + 360.0 * np.asarray(days, float)[:, None] / self.period_days
-        return orbit_places(
-            self.semi_major_axis_au,
-            self.eccentricity,
-            self.inclination_deg,
-            self.argument_of_pericentre_deg,
-            self.node_deg,
-            anomaly,
-        )
+        return self.places_after(np.asarray(days, float)[:, None], self.period_days)
 
 
 def star_mass_msun(targets: Targets) -> FloatArray:
@@ -202,7 +195,7 @@ def draw_bodies(
         path = (star, stage, block)
         numbers = np.ones(n, np.int64)
         if not one_each:
-            numbers = _poisson(occurrence(population), chance(seed, "number", *path, shape=(n,)))
+            numbers = poisson_quantile(occurrence(population), chance(seed, "number", *path, shape=(n,)))
         parts.append(_new(path, mass_msun, luminosity_lsun, population, numbers, seed, len(known_rows)))
     return Bodies.joined(parts or [_bodies({}, np.zeros(0, np.int64), 0, NEW, 0)])
 
@@ -222,23 +215,13 @@ def _known(
         [chance(seed, "known", *path, planets[row], shape=(len(KNOWN_QUANTITIES), n)).T for row in rows]
     )
     drawn = draw_known(table, [int(row) for row in rows], uniforms, epoch_mjd=epoch_mjd, star_mass_msun=mass)
-    names = (
-        "radius_rjup",
-        "semi_major_axis_au",
-        "eccentricity",
-        "inclination_deg",
-        "argument_of_pericentre_deg",
-        "node_deg",
-        "mean_anomaly_deg",
-        "period_days",
-    )
     number = np.repeat(np.arange(len(rows)), n)
     return Bodies(
         universe=np.tile(np.arange(n), len(rows)),
         number=number,
         known=np.asarray(rows, np.int64)[number],
         kind=np.full(number.size, kind),
-        **{name: np.asarray(getattr(drawn, name), float).ravel() for name in names},
+        **{name: np.asarray(getattr(drawn, name), float).ravel() for name in (*QUANTITIES, "period_days")},
     )
 
 
@@ -256,13 +239,7 @@ def _new(
         mine = np.flatnonzero(numbers > j)
         shares = chance(seed, "planet", *path, j, shape=(1 + len(QUANTITIES), n))[:, mine]
         kind = chosen_entry(shares[0], tuple(item.weight for item in mixture))
-        drawn = {}
-        for quantity, share in zip(QUANTITIES, shares[1:], strict=True):
-            values = np.empty(mine.size)
-            for k, item in enumerate(mixture):
-                here = kind == k
-                values[here] = getattr(item, quantity).quantile(share[here])
-            drawn[quantity] = values
+        drawn = population.quantiles(kind, list(shares[1:]))
         if population.semi_major_axis_scale == "insolation":
             drawn["semi_major_axis_au"] = drawn["semi_major_axis_au"] * np.sqrt(luminosity)
         drawn["period_days"] = _YEAR_DAYS * np.sqrt(drawn["semi_major_axis_au"] ** 3 / mass)
@@ -281,8 +258,48 @@ def _bodies(drawn: dict[str, FloatArray], universe: IntArray, number: int, known
     )
 
 
-def _poisson(rate: float, share: FloatArray) -> IntArray:
-    """Poisson numbers at given shares of their law."""
+def uniform_draws(bodies: Bodies, seed: int, name: str, block: int, visit: int | str, n: int) -> FloatArray:
+    """Return a uniform number of each planet in one visit.
+
+    Parameters
+    ----------
+    bodies : Bodies
+        Planets of one star.
+    seed : int
+    name : str
+        Of the star; with ``block`` and ``visit`` it names the random stream.
+    block : int
+    visit : int or str
+        Number or name of the visit.
+    n : int
+        Universes.
+
+    Returns
+    -------
+    ndarray
+        In [0, 1), one for each planet.
+    """
+    if not len(bodies):
+        return np.zeros(0)
+    drawn = chance(seed, "visit", name, block, visit, shape=(int(bodies.number.max()) + 1, n))
+    return drawn[bodies.number, bodies.universe]
+
+
+def poisson_quantile(rate: float, share: FloatArray) -> IntArray:
+    """Return Poisson numbers at given shares of their law.
+
+    Parameters
+    ----------
+    rate : float
+        Mean of the law, at least 0.
+    share : ndarray
+        In [0, 1).
+
+    Raises
+    ------
+    InputError
+        If the rate is too large for a table of the law.
+    """
     length = int(rate + 40.0 * np.sqrt(rate) + 60.0)
     if length > _MOST:
         raise InputError("population.planets_per_star", rate, allowed=f"at most {_MOST / 2:g} in a survey")

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+import functools
+import itertools
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cpic_planner.engine import run_tasks
-from cpic_planner.environment import RunClock
+from cpic_planner.jobs.folder import RunFolder
+from cpic_planner.jobs.job import Cost, Finished, Job, Runner, RunSettings, Task, run
 from cpic_planner.models.surveyed import ImageSample, StrategyOutcome, WhatIfResult
 from cpic_planner.report.whatif_words import best_by_value, hanging_text
 from cpic_planner.report.write_whatif import PRODUCTS, write_whatif
-from cpic_planner.runfolder import RunFolder, open_run_folder
-from cpic_planner.survey.image_check import image_sample, image_task, sampled_detections
+from cpic_planner.survey.image_check import SampledDetection, image_sample, image_task, sampled_detections
 from cpic_planner.survey.outcome import differences, outcome, rank_changes
 from cpic_planner.survey.play import Survey, play
 from cpic_planner.survey.prepare import Prepared, prepare
@@ -27,10 +27,7 @@ from cpic_planner.survey.universe import BLOCK
 from cpic_planner.survey.visibility import load_visibility
 from cpic_planner.version import __version__
 from simulator.config import content_hash
-from simulator.files import dump_json
-from simulator.work import announce
-
-__all__ = ["BLOCK", "FinishedWhatIf", "cost_of", "run_whatif", "whatif_hash"]
+from simulator.work import Advance, announce, untold
 
 _START_S, _PREPARE_S, _OPTICS_S, _PLAY_S, _IMAGE_S = 6.0, 1.8, 5.0, 0.0015, 2.2
 RESULT_VERSION = 2
@@ -44,42 +41,26 @@ NOT_MODELLED = (
 )
 
 
-@dataclass(frozen=True)
-class FinishedWhatIf:
-    """The result, and how much of it was already there."""
-
-    result: WhatIfResult
-    resumed_parts: int
-    computed_parts: int
-
-
-def whatif_hash(prepared: Prepared, n_images: int) -> str:
-    """Hash of everything that decides the result: configuration, stars, known planets, instrument."""
+def decided_by(prepared: Prepared, n_images: int) -> dict[str, Any]:
+    """Return what decides the result: configuration, stars, known planets, instrument; files by what is in them."""
     config = prepared.config
-    return content_hash(
-        {
-            "kind": "whatif",
-            "results": RESULT_VERSION,
-            "version": __version__,
-            "config": config.model_dump(mode="json", exclude={"universe": set(FILES)}),
-            "populations": [
-                None if item.population is None else item.population.content() for item in config.strategies
-            ],
-            "models": [survey.model.content() for survey in prepared.surveys],
-            "stars": prepared.stars.content(),
-            "catalogue": prepared.catalogue.provenance,
-            "known": "" if prepared.known is None else prepared.known.provenance,
-            "observed": "" if prepared.log is None else prepared.log.provenance,
-            "visibility": load_visibility(config.universe.visibility).content(),
-            "images": n_images,
-        }
-    )
+    return {
+        "config": config.model_dump(mode="json", exclude={"universe": set(FILES)}),
+        "populations": [None if item.population is None else item.population.content() for item in config.strategies],
+        "models": [survey.model.content() for survey in prepared.surveys],
+        "stars": prepared.stars.content(),
+        "catalogue": prepared.catalogue.provenance,
+        "known": "" if prepared.known is None else prepared.known.provenance,
+        "observed": "" if prepared.log is None else prepared.log.provenance,
+        "visibility": load_visibility(config.universe.visibility).content(),
+        "images": n_images,
+    }
 
 
-def cost_of(config: StrategiesConfig, *, workers: int = 1, n_images: int = 0) -> dict[str, float]:
-    """Expected wall time, memory and disk; times are those of ``reports/whatif`` on one core, nothing in the cache."""
+def whatif_cost(config: StrategiesConfig, n_images: int = 0) -> Cost:
+    """Return the expected cost; times are those of ``reports/whatif`` on one core, nothing in the cache."""
     n, universes = len(config.strategies), config.universe.universes
-    blocks = -(-universes // BLOCK)
+    blocks = n * -(-universes // BLOCK)
     bands = sum(len(item.visit.bands) * len(item.visit.time_s) for item in config.strategies)
     assumed = {
         (item.assumptions.contrast, band)
@@ -87,20 +68,20 @@ def cost_of(config: StrategiesConfig, *, workers: int = 1, n_images: int = 0) ->
         for band in item.visit.bands
         if item.assumptions.contrast is not None
     }
-    play_s, image_s = _PLAY_S * n * universes, _IMAGE_S * n * n_images
-    return {
-        "n_strategies": n,
-        "n_universes": universes,
-        "n_blocks": n * blocks,
-        "n_images": n * n_images,
-        "n_steps": 1 + 2 * n + n * blocks + n * n_images,
-        "wall_s": _START_S
-        + _PREPARE_S * bands
-        + _OPTICS_S * len(assumed)
-        + (play_s + image_s) / min(workers, n * blocks),
-        "memory_mb": 400.0 + 120.0 * workers,
-        "disk_mb": 0.5 + 0.00035 * n * universes,
-    }
+    return Cost(
+        counts={
+            "n_strategies": n,
+            "n_universes": universes,
+            "n_blocks": blocks,
+            "n_images": n * n_images,
+            "n_steps": 1 + 2 * n + blocks + n * n_images,
+        },
+        times_s=[(_PLAY_S * n * universes + _IMAGE_S * n * n_images) / blocks] * blocks,
+        start_s=_START_S + _PREPARE_S * bands + _OPTICS_S * len(assumed),
+        memory_mb=400.0,
+        worker_mb=120.0,
+        disk_mb=0.5 + 0.00035 * n * universes,
+    )
 
 
 def play_block(surveys: tuple[Survey, ...], which: int, block: int, n: int, seed: int) -> dict[str, Mapping[str, Any]]:
@@ -109,98 +90,87 @@ def play_block(surveys: tuple[Survey, ...], which: int, block: int, n: int, seed
     return rows_of(play(survey, block=block, n=n, seed=seed), survey.strategy.name, block * BLOCK)
 
 
-def run_whatif(
-    config: StrategiesConfig,
-    out: str | Path,
-    *,
-    workers: int = 1,
-    scheduler: str | None = None,
-    force: bool = False,
-    n_images: int = 0,
-    pages: bool = True,
-    advance: Callable[[str], None] = lambda text: None,
-    command: list[str] | None = None,
-) -> FinishedWhatIf:
-    """Compare strategies.
+def whatif_job(
+    config: StrategiesConfig, *, n_images: int = 0, pages: bool = True, advance: Advance = untold
+) -> Job[WhatIfResult]:
+    """Return the job that compares strategies.
 
     Parameters
     ----------
     config : StrategiesConfig
-    out : str or Path
-        Output folder; resumed when it holds work of the same configuration.
-    workers, scheduler, force, advance, command
-        As of `cpic_planner.plan.make_plan`.
     n_images : int
         Detections of each strategy that are confirmed at image level.
     pages : bool
         Whether to write the report for people; its figures take as long as a small survey.
+    advance : Advance
+        Told about every finished step of the preparation.
+    """
+    prepared = functools.cache(lambda: prepare(config, advance=advance))
+
+    def work(runner: Runner) -> WhatIfResult:
+        ready, store = prepared(), ResultStore(runner.folder, TABLES)
+        blocks = runner.finish(play_block, _blocks(ready), common=(ready.surveys,), store=store)
+        store.merge(list(blocks))
+        tables = {table.name: store.read(table.name) for table in TABLES}
+        images = _images(ready, tables["detections"], runner, n_images)
+        return assemble(ready, tables, images, runner.digest)
+
+    def write(folder: RunFolder, result: WhatIfResult, bodies: Mapping[str, Any]) -> None:
+        if pages:
+            announce("writing the report")
+            write_whatif(folder, result)
+
+    return Job(
+        kind="whatif",
+        results=RESULT_VERSION,
+        decides=lambda: decided_by(prepared(), n_images),
+        work=work,
+        write=write,
+        products=(*table_files(TABLES), *(PRODUCTS if pages else ())),
+        cost=lambda: whatif_cost(config, n_images),
+    )
+
+
+def run_whatif(
+    config: StrategiesConfig,
+    out: str | Path,
+    *,
+    n_images: int = 0,
+    pages: bool = True,
+    **how: Unpack[RunSettings],
+) -> Finished[WhatIfResult]:
+    """Compare strategies.
+
+    Parameters
+    ----------
+    config, n_images, pages
+        As of `whatif_job`.
+    out : str or Path
+        Output folder; resumed when it holds work of the same configuration.
+    **how
+        As of `cpic_planner.jobs.job.run`.
 
     Raises
     ------
     InputError
         For bad input, or if ``out`` is in use or holds another configuration.
     """
-    clock = RunClock()
-    prepared = prepare(config, advance=advance)
-    digest = whatif_hash(prepared, n_images)
-    products = (*table_files(TABLES), "whatif.json", "run.json", *(PRODUCTS if pages else ()))
-    with open_run_folder(out, kind="whatif", config_hash=digest, products=products, force=force) as folder:
-        store = ResultStore(folder, TABLES)
-        keys, resumed = _play_all(prepared, store, workers, scheduler, advance)
-        store.merge(keys)
-        tables = {table.name: store.read(table.name) for table in TABLES}
-        images = _images(prepared, tables["detections"], folder, n_images, (workers, scheduler), advance)
-        result = assemble(prepared, tables, images, digest)
-        folder.write("whatif.json", dump_json(result.model_dump(mode="json")))
-        if pages:
-            announce("writing the report")
-            write_whatif(folder, result)
-        record = clock.record(
-            command=command,
-            config_hash=digest,
-            workers=workers,
-            scheduler=scheduler,
-            resumed_parts=resumed,
-            computed_parts=len(keys) - resumed,
-        )
-        folder.write("run.json", dump_json(record.model_dump(mode="json")))
-    return FinishedWhatIf(result, resumed, len(keys) - resumed)
+    advance = how.get("advance", untold)
+    return run(whatif_job(config, n_images=n_images, pages=pages, advance=advance), out, **how)
 
 
-def _play_all(
-    prepared: Prepared, store: ResultStore, workers: int, scheduler: str | None, advance: Callable[[str], None]
-) -> tuple[list[str], int]:
-    """Play what is not there yet; every block is on disk before the next is counted."""
-    universe, done = prepared.config.universe, store.finished()
-    work = []
+def _blocks(prepared: Prepared) -> list[Task]:
+    """Return a task for each strategy and block of universes."""
+    universe, tasks = prepared.config.universe, []
     for which, survey in enumerate(prepared.surveys):
         for block, first in enumerate(range(0, universe.universes, BLOCK)):
             n = min(BLOCK, universe.universes - first)
-            work.append((f"{survey.strategy.name} {block:06d}", (which, block, n, universe.seed)))
-    waiting = [(key, arguments) for key, arguments in work if key not in done]
-    for key, _ in work:
-        if key in done:
-            advance(f"{key} (kept)")
-    tasks = run_tasks(
-        play_block,
-        [arguments for _, arguments in waiting],
-        common=(prepared.surveys,),
-        workers=workers,
-        scheduler=scheduler,
-    )
-    for position, rows in tasks:
-        store.save(waiting[position][0], rows)
-        advance(waiting[position][0])
-    return [key for key, _ in work], len(work) - len(waiting)
+            tasks.append(Task(f"{survey.strategy.name} {block:06d}", (which, block, n, universe.seed)))
+    return tasks
 
 
 def _images(
-    prepared: Prepared,
-    detections: Mapping[str, NDArray[Any]],
-    folder: RunFolder,
-    n: int,
-    cluster: tuple[int, str | None],
-    advance: Callable[[str], None],
+    prepared: Prepared, detections: Mapping[str, NDArray[Any]], runner: Runner, n: int
 ) -> list[ImageSample | None]:
     """Simulate and measure a sample of each strategy's detections; equal images are made once."""
     if n < 1:
@@ -209,22 +179,17 @@ def _images(
         sampled_detections(survey, _rows(detections, survey.strategy.name), n, prepared.config.universe.seed)
         for survey in prepared.surveys
     ]
-    tasks = {f"image {content_hash(item.task.to_dict())}": item.task for sampled, _ in samples for item in sampled}
-    bodies = {key: folder.part(key) for key in tasks}
-    waiting = [key for key, body in bodies.items() if body is None]
-    for key, body in bodies.items():
-        if body is not None:
-            advance(f"{tasks[key].name} {tasks[key].band} (kept)")
-    done = run_tasks(image_task, [(tasks[key].to_dict(),) for key in waiting], workers=cluster[0], scheduler=cluster[1])
-    for position, body in done:
-        key = waiting[position]
-        bodies[key] = folder.save_part(key, {"confirmations": body["confirmations"]})
-        advance(f"{tasks[key].name} {tasks[key].band}")
-    found: list[ImageSample | None] = []
-    for sampled, note in samples:
-        own = [bodies[f"image {content_hash(item.task.to_dict())}"] for item in sampled]
-        found.append(image_sample(sampled, [body for body in own if body is not None], note))
-    return found
+    tasks = [[_image_task(item) for item in sampled] for sampled, _ in samples]
+    bodies = runner.finish(image_task, itertools.chain(*tasks))
+    return [
+        image_sample(sampled, [bodies[task.key] for task in own], note)
+        for (sampled, note), own in zip(samples, tasks, strict=True)
+    ]
+
+
+def _image_task(item: SampledDetection) -> Task:
+    tree = item.task.to_dict()
+    return Task(f"image {content_hash(tree)}", (tree,), f"{item.task.name} {item.task.band}")
 
 
 def assemble(

@@ -11,14 +11,13 @@ from catalogs.errors import InputError
 from cpic_planner.tradeoff.scenes import FixedScene
 from cpic_planner.tradeoff.setup import Setup, visit
 from cpic_planner.validation.frames import calibrated_frames
-from cpic_planner.validation.rejection import filled, reject_cosmic_rays
+from cpic_planner.validation.realise import cleaned
+from cpic_planner.validation.rejection import filled
 from simulator.camera.frame import MaskBit
 from simulator.hole_stack import hole_stacks
 from simulator.imaging.aperture import overlap_weights
 from simulator.imaging.frame import forget_starlight
 from simulator.observation import Observation
-
-__all__ = ["Drawn", "NotApplicable", "Work", "aperture_flux_e", "both_visits", "drawn_frames", "stamp_of", "worked"]
 
 FloatArray = NDArray[np.float64]
 
@@ -90,20 +89,8 @@ def drawn_frames(observation: Observation) -> Drawn:
     if observation.camera == "NIR":
         return _infrared(observation)
     frames = calibrated_frames(observation, cropped=True)
-    usable, detector = frames.usable, frames.detector
-    if detector.switches.cosmic_rays:
-        found = reject_cosmic_rays(
-            frames.electrons,
-            usable,
-            em_gain=frames.em_gain,
-            read_noise_e=detector.read_noise_e * detector.switches.read_noise,
-            pedestal_e=frames.pedestal_e,
-            stages=detector.register_stages,
-            gain_e_adu=detector.gain_e_adu,
-        )
-        usable = usable & ~found.rejected
-    whole, _ = filled(frames.electrons, usable)
-    return Drawn(whole, usable)
+    usable = cleaned(frames)[1] if frames.detector.switches.cosmic_rays else frames.usable
+    return Drawn(filled(frames.electrons, usable)[0], usable)
 
 
 def _infrared(observation: Observation) -> Drawn:

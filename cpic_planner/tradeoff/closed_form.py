@@ -16,8 +16,6 @@ from cpic_planner.tradeoff.places import ANNULUS_LAMBDA_D
 from cpic_planner.tradeoff.scenes import FixedScene
 from simulator.target.sources import scene_sources
 
-__all__ = ["ClosedForm", "closed_form"]
-
 FloatArray = NDArray[np.float64]
 _NOT_PLACE = ("background_mean",)
 

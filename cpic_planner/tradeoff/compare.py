@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 from cpic_planner.models.tradeoff import TradeoffRow
 from cpic_planner.tradeoff.points import REFERENCE
 
-__all__ = ["compared", "speed_ups"]
-
 FloatArray = NDArray[np.float64]
 FLUX_LIMIT = 1e-9
 """Rounding of the difference of two expected images, relative to a planet."""

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["LOOKS", "SMALLEST", "pareto_figure", "pareto_png"]
-
 # Okabe-Ito colours, and a symbol each.
 LOOKS: dict[str, tuple[str, str, str]] = {
     "closed_form": ("#D55E00", "*", "closed forms"),

@@ -10,8 +10,6 @@ from pathlib import Path
 from cpic_planner.models.tradeoff import MachineRecord
 from simulator.config.base import content_hash
 
-__all__ = ["this_machine"]
-
 
 def this_machine() -> MachineRecord:
     """Processor, memory and software of this machine; nothing that names it."""

@@ -9,14 +9,12 @@ from numpy.typing import NDArray
 
 from cpic_planner.tradeoff.scenes import FixedScene
 from cpic_planner.tradeoff.setup import Setup, visit
-from simulator.camera.noise import pixel_variance_e2
+from simulator.camera.noise import FrameNoise
 from simulator.imaging.aperture import aperture_sums, overlap_weights
 from simulator.imaging.imager import centred_axis
 from simulator.imaging.store import psf_metrics
 from simulator.knobs import FIDELITIES
 from simulator.target.sources import scene_sources
-
-__all__ = ["ANNULUS_LAMBDA_D", "Places"]
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -85,11 +83,6 @@ def _level(case: FixedScene, weights: FloatArray, at: tuple[int, int]) -> FloatA
     seen = visit(
         case, Setup("frames", "hole", FIDELITIES["quick"], 1, scene_model=case.scene_model), planets=False, n_frames=1
     )
-    if seen.camera == "NIR":
-        infrared = seen.instrument.near_infrared.detector
-        variance = seen.expected_e + infrared.read_noise_e**2
-    else:
-        detector = seen.instrument.detector
-        variance = pixel_variance_e2(seen.expected_e, detector.cic_e, case.em_gain, detector)
-    sums = aperture_sums(variance, weights**2)
+    noise = FrameNoise.of(seen.instrument.detector_of(case.band), case.em_gain, case.exposure_s)
+    sums = aperture_sums(noise.charge_variance_e2(seen.expected_e + noise.clock_e), weights**2)
     return np.where(sums > 0, sums[at] / np.where(sums > 0, sums, 1.0), 1.0)

@@ -11,8 +11,6 @@ from cpic_planner.tradeoff.setup import REFERENCE_EPOCHS, Setup, reference_setup
 from simulator.knobs import FIDELITIES
 from simulator.ledger import MAX_EPOCHS, SUM_EPOCHS
 
-__all__ = ["REFERENCE", "TOLERANCES_MEASURED", "Group", "Point", "named_points", "points_of"]
-
 Group = Literal["closed_form", "images", "tier", "tolerance", "knob", "effect"]
 REFERENCE = "reference"
 TOLERANCES_MEASURED = (0.003, 0.01, 0.03, 0.1, 0.3)
@@ -60,48 +58,37 @@ def points_of(case: FixedScene) -> tuple[Point, ...]:
     return (*_main(case), *_knobs(case), *_effects(case))
 
 
-def _main(case: FixedScene) -> list[Point]:
-    def images(draw: Any, region: Any, fidelity: str, epochs: int) -> Setup:
-        return Setup(draw, region, FIDELITIES[fidelity], epochs, scene_model=case.scene_model)
+_STATED: tuple[tuple[Literal["sums", "frames"], Literal["hole", "full"], str, int], ...] = (
+    ("sums", "hole", "quick", QUICK_EPOCHS),
+    ("sums", "hole", "standard", SUM_EPOCHS),
+    ("frames", "hole", "quick", QUICK_EPOCHS),
+    ("frames", "hole", "standard", MAX_EPOCHS),
+    ("frames", "full", "standard", MAX_EPOCHS),
+)
+"""Images that are made in a stated way: what is drawn, of which pixels, by whose knobs, with how many wavefronts."""
+_STATED_NAMES = {
+    ("sums", "hole"): ("sums", "sums of frames"),
+    ("frames", "hole"): ("hole", "frames over the hole"),
+    ("frames", "full"): ("full", "whole frames"),
+}
 
-    return [
+
+def _main(case: FixedScene) -> list[Point]:
+    points = [
         Point(REFERENCE, "reference: whole frames, all effects, finest knobs", "tier", setup=reference_setup(case)),
         Point("etc", "closed form, one call", "closed_form"),
         Point("etc_many", "closed form, per case of 10 000 in one call", "closed_form", n_cases=10_000),
-        Point(
-            "sums_quick", "sums of frames, quick knobs", "images", setup=images("sums", "hole", "quick", QUICK_EPOCHS)
-        ),
-        Point(
-            "sums_standard",
-            "sums of frames, standard knobs",
-            "images",
-            setup=images("sums", "hole", "standard", SUM_EPOCHS),
-        ),
-        Point(
-            "hole_quick",
-            "frames over the hole, quick knobs",
-            "images",
-            setup=images("frames", "hole", "quick", QUICK_EPOCHS),
-        ),
-        Point(
-            "hole_standard",
-            "frames over the hole, standard knobs",
-            "images",
-            setup=images("frames", "hole", "standard", MAX_EPOCHS),
-        ),
-        Point(
-            "full_standard",
-            "whole frames, standard knobs",
-            "images",
-            setup=images("frames", "full", "standard", MAX_EPOCHS),
-        ),
-        Point("quick", "--fidelity quick", "tier", fidelity="quick"),
-        Point("standard", "--fidelity standard", "tier", fidelity="standard"),
-        *(
-            Point(f"tolerance_{value:g}", f"--tolerance {value:g}", "tolerance", tolerance=value)
-            for value in TOLERANCES_MEASURED
-        ),
     ]
+    for draw, region, fidelity, epochs in _STATED:
+        name, title = _STATED_NAMES[draw, region]
+        setup = Setup(draw, region, FIDELITIES[fidelity], epochs, scene_model=case.scene_model)
+        points.append(Point(f"{name}_{fidelity}", f"{title}, {fidelity} knobs", "images", setup=setup))
+    points += [Point(name, f"--fidelity {name}", "tier", fidelity=name) for name in ("quick", "standard")]
+    points += [
+        Point(f"tolerance_{value:g}", f"--tolerance {value:g}", "tolerance", tolerance=value)
+        for value in TOLERANCES_MEASURED
+    ]
+    return points
 
 
 def _knobs(case: FixedScene) -> list[Point]:

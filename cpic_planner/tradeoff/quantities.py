@@ -16,7 +16,7 @@ from cpic_planner.tradeoff.setup import SEED, Setup, visit
 from cpic_planner.validation.frames import calibrated_frames
 from cpic_planner.validation.reduced import pedestal_e
 from simulator.camera.frame import Frame
-from simulator.camera.gain import excess_noise_factor2
+from simulator.camera.noise import FrameNoise
 from simulator.hole_stack import hole_stacks
 from simulator.imaging.aperture import aperture_sums
 from simulator.imaging.drift import visit_frames
@@ -25,16 +25,6 @@ from simulator.imaging.psf import Psf, single_band_psf
 from simulator.knobs import FIDELITIES, Knobs
 from simulator.observation import Observation
 from simulator.rng import stream
-
-__all__ = [
-    "expected_flux_e",
-    "light_without",
-    "own_noise_e2",
-    "speckle_samples",
-    "walk_samples",
-    "white_of_frames",
-    "white_of_sums",
-]
 
 FloatArray = NDArray[np.float64]
 _LEAST_COVERED = 0.4
@@ -119,15 +109,8 @@ def white_of_sums(case: FixedScene, setup: Setup, places: Places, n_draws: int) 
 
 def own_noise_e2(case: FixedScene, setup: Setup, places: Places, flux_e: float) -> float:
     """Variance that the planet's own light adds to its aperture in the visit, e-^2."""
-    instrument = setup.instrument(case)
-    light_e = places.source_noise_fraction * flux_e
-    detector = instrument.detector
-    if not instrument.detector_of(case.band).switches.photon_noise:
-        return 0.0
-    if instrument.band(case.band).camera == "NIR":
-        return light_e
-    multiplied = detector.switches.em_register
-    return light_e * (float(excess_noise_factor2(case.em_gain, detector.register_stages)) if multiplied else 1.0)
+    noise = FrameNoise.of(setup.instrument(case).detector_of(case.band), case.em_gain, case.exposure_s)
+    return noise.factor2 * noise.photons * places.source_noise_fraction * flux_e
 
 
 def speckle_samples(case: FixedScene, setup: Setup, places: Places, n_pairs: int) -> FloatArray:

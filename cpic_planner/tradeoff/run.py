@@ -3,27 +3,32 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import multiprocessing
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from multiprocessing.connection import Connection
 from typing import Any
 
 from catalogs.errors import InputError
+from cpic_planner.jobs.folder import RunFolder
+from cpic_planner.jobs.job import Job, Runner, Task
 from cpic_planner.models.tradeoff import MachineRecord, TradeoffResult, TradeoffRow, TradeoffScene
 from cpic_planner.tradeoff.compare import compared, speed_ups
 from cpic_planner.tradeoff.machine import this_machine
 from cpic_planner.tradeoff.points import REFERENCE, Point, named_points, points_of
 from cpic_planner.tradeoff.scenes import SCENES, FixedScene, fixed_scene
-from cpic_planner.tradeoff.worker import FULL_EFFORT, GLANCE, Effort, measure_point, measure_shared
+from cpic_planner.tradeoff.worker import FULL_EFFORT, GLANCE, Effort, measured_rows
+from cpic_planner.tradeoff.write import FILES, RESULT, products_of
 from cpic_planner.version import __version__
+from simulator.config import content_hash
 from simulator.numeric import numeric_context
+from simulator.work import Advance, untold
 
-__all__ = ["chosen", "n_rows", "tradeoff"]
-
+RESULT_VERSION = 1
+"""Raised when rows of the same name are measured in another way, so that old folders are not continued."""
 GLANCE_FRAMES = 2
-Advance = Callable[[str], None]
 
 
 def chosen(
@@ -57,16 +62,17 @@ def n_rows(work: Iterable[tuple[FixedScene, tuple[Point, ...]]]) -> int:
     return sum(len(points) for _, points in work)
 
 
-def tradeoff(
+def tradeoff_job(
     work: Sequence[tuple[FixedScene, tuple[Point, ...]]],
     *,
     earlier: TradeoffResult | None = None,
     quick_look: bool = False,
-    workers: int = 1,
-    advance: Advance = lambda text: None,
-    keep: Callable[[TradeoffResult], None] = lambda result: None,
-) -> TradeoffResult:
-    """Measure, and lay the new rows over those of an earlier run.
+    at_once: int = 1,
+) -> Job[TradeoffResult]:
+    """Return the job that measures, and lays the new rows over those of an earlier result.
+
+    It is to be run by one worker: every row is timed in a process of its own. In a folder that holds a result all is
+    measured again; one without is of a run that was broken off, which goes on.
 
     Parameters
     ----------
@@ -76,12 +82,8 @@ def tradeoff(
         Rows that are kept where nothing new is measured: those of the same version and frames.
     quick_look : bool
         Few samples.
-    workers : int
+    at_once : int
         Processes at once for rows that change one thing of the reference; all others are measured alone.
-    advance : callable
-        Called with a text after each row.
-    keep : callable
-        Called with the result so far after each scene.
 
     Raises
     ------
@@ -94,13 +96,46 @@ def tradeoff(
         wanted = {point.name for point in points}
         if REFERENCE not in wanted and (case.name, REFERENCE) not in rows:
             raise InputError("--only", ", ".join(sorted(wanted)), allowed=f"{REFERENCE} too: {case.name} has none yet")
-    result = _result(rows, machine, machines, quick_look)
-    for case, points in work:
-        for row in _measured(case, points, effort, machine.key, workers, advance):
-            rows[case.name, row.point] = row
-        result = _result(rows, machine, machines, quick_look)
-        keep(result)
-    return result
+    tasks = [
+        Task(f"{case.name}, {_names(together)}", (case, together, effort, machine, at_once), steps=len(together))
+        for case, points in work
+        for together in _together(points)
+    ]
+
+    def measure(runner: Runner) -> TradeoffResult:
+        ended = runner.output is not None and (runner.output.path / RESULT).exists()
+        for body in runner.finish(measured, tasks, tells=True, again=ended).values():
+            where = MachineRecord.model_validate(body["machine"])
+            machines[where.key] = where
+            for row in map(TradeoffRow.model_validate, body["rows"]):
+                rows[row.scene, row.point] = row
+        return _result(rows, machine, machines, quick_look)
+
+    def write(folder: RunFolder, result: TradeoffResult, bodies: Mapping[str, Any]) -> None:
+        for name, content in products_of(result).items():
+            folder.write_bytes(name, content)
+
+    return Job(
+        kind="tradeoff",
+        results=RESULT_VERSION,
+        decides=lambda: {"quick_look": quick_look},
+        work=measure,
+        write=write,
+        products=FILES,
+        result_file=RESULT,
+    )
+
+
+def _together(points: Sequence[Point]) -> list[tuple[Point, ...]]:
+    """Return points that are measured one by one, and at the end those that share their processes."""
+    shared = tuple(point for point in points if point.shares_process)
+    return [*((point,) for point in points if not point.shares_process), *([shared] if shared else [])]
+
+
+def _names(points: Sequence[Point]) -> str:
+    if len(points) == 1:
+        return points[0].name
+    return f"{len(points)} changes {content_hash([point.name for point in points])}"
 
 
 def _kept(
@@ -131,7 +166,7 @@ def _result(
         own = [rows[case.name, point.name] for point in points_of(case) if (case.name, point.name) in rows]
         if own:
             ordered += compared(own, exposure_s=case.exposure_s)
-            shown.append(_described(dataclasses.replace(case, n_frames=own[0].n_frames)))
+            shown.append(TradeoffScene.of(case, n_frames=own[0].n_frames))
     used = {row.machine for row in ordered} - {machine.key}
     return TradeoffResult(
         version=__version__,
@@ -144,61 +179,40 @@ def _result(
     )
 
 
-def _described(case: FixedScene) -> TradeoffScene:
-    return TradeoffScene.of(case)
+def measured(
+    case: FixedScene,
+    points: tuple[Point, ...],
+    effort: Effort,
+    machine: MachineRecord,
+    at_once: int,
+    progress: Advance = untold,
+) -> dict[str, Any]:
+    """Measure points of a scene, each or each kind of them in a new process; returns plain rows and the machine."""
+    groups = [tuple(group) for _, group in itertools.groupby(points, key=lambda point: point.group)]
+    with ThreadPoolExecutor(max_workers=min(at_once, len(groups))) as pool:
+        waiting = [pool.submit(_in_own_process, case, group, effort, machine.key, progress) for group in groups]
+        rows = [row for one in waiting for row in one.result()]
+    return {"machine": machine.model_dump(mode="json"), "rows": [row.model_dump(mode="json") for row in rows]}
 
 
-def _measured(
-    case: FixedScene, points: tuple[Point, ...], effort: Effort, machine: str, workers: int, advance: Advance
+def _in_own_process(
+    case: FixedScene, points: tuple[Point, ...], effort: Effort, machine: str, progress: Advance
 ) -> list[TradeoffRow]:
-    rows = []
-    for point in points:
-        if not point.shares_process:
-            rows.append(_in_own_process(_one, case, point, effort, machine, advance=advance))
-    batches = [tuple(point for point in points if point.group == group) for group in ("knob", "effect")]
-    batches = [batch for batch in batches if batch]
-    if batches:
-        with ThreadPoolExecutor(max_workers=min(workers, len(batches))) as pool:
-            waiting = [
-                pool.submit(_in_own_process, _several, case, batch, effort, machine, advance=advance)
-                for batch in batches
-            ]
-            for one in waiting:
-                rows += one.result()
-    return rows
-
-
-def _one(
-    tell: Connection, launched_s: float, case: FixedScene, point: Point, effort: Effort, machine: str
-) -> TradeoffRow:
-    row = measure_point(case, point, effort, machine, launched_s)
-    tell.send(("step", f"{case.name}, {point.name}"))
-    return row
-
-
-def _several(
-    tell: Connection, launched_s: float, case: FixedScene, points: tuple[Point, ...], effort: Effort, machine: str
-) -> list[TradeoffRow]:
-    del launched_s  # no first calls are timed here
-    return measure_shared(case, points, effort, machine, lambda text: tell.send(("step", f"{case.name}, {text}")))
-
-
-def _in_own_process(function: Callable[..., Any], *arguments: Any, advance: Advance) -> Any:
-    """Answer of a function that a new process computes on one thread, starting from nothing."""
+    """Return the rows of points that a new process measures on one thread, starting from nothing."""
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe(duplex=False)
-    process = context.Process(target=_serve, args=(theirs, function, time.monotonic(), arguments))
+    process = context.Process(target=_serve, args=(theirs, time.monotonic(), case, points, effort, machine))
     process.start()
     theirs.close()
     try:
         while True:
             kind, content = ours.recv()
             if kind == "step":
-                advance(content)
+                progress(f"{case.name}, {content}")
             elif kind == "error":
                 raise content
             else:
-                return content
+                return list(content)
     except EOFError:
         process.join()
         raise RuntimeError(f"a measuring process ended with status {process.exitcode}") from None
@@ -210,12 +224,14 @@ def _in_own_process(function: Callable[..., Any], *arguments: Any, advance: Adva
         ours.close()
 
 
-def _serve(tell: Connection, function: Callable[..., Any], launched_s: float, arguments: tuple[Any, ...]) -> None:
+def _serve(
+    tell: Connection, launched_s: float, case: FixedScene, points: tuple[Point, ...], effort: Effort, machine: str
+) -> None:
     try:
         with numeric_context():
-            answer = function(tell, launched_s, *arguments)
+            rows = measured_rows(case, points, effort, machine, launched_s, lambda name: tell.send(("step", name)))
     except Exception as error:
         tell.send(("error", error))
     else:
-        tell.send(("done", answer))
+        tell.send(("done", rows))
     tell.close()

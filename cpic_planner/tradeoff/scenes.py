@@ -6,17 +6,18 @@ import functools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 from catalogs.errors import InputError
+from catalogs.strict_yaml import load_yaml
 from simulator.config import Instrument, Scene, load_instrument, load_scene
 from simulator.config.base import validate
 from simulator.config.scene import Planet
 from simulator.imaging.frame import SceneModel
 
-__all__ = ["PLANET", "SCENES", "FixedScene", "fixed_scene"]
-
 PLANET = "planet"
+_LIST = Path(__file__).resolve().parents[1] / "presets" / "tradeoff" / "scenes.yaml"
 _ALBEDO, _RADIUS_AU = 0.5, 71492.0 / 149597870.7
 
 
@@ -72,113 +73,20 @@ class FixedScene:
         return instrument.changed({"detector": own} if visible else {"near_infrared": {"detector": own}})
 
 
-def _planet(contrast: float, separation_arcsec: float, pa_deg: float = 315.0) -> dict[str, Any]:
-    """A Jupiter of grey albedo so far from its star that it has this contrast at quadrature."""
-    return {
+def _read(name: str, entry: dict[str, Any]) -> FixedScene:
+    """Return a scene of the list, its planet as a body that has the contrast it is given."""
+    body = entry.pop("planet")
+    planet = {
         "name": PLANET,
         "radius_rjup": 1.0,
         "phase_deg": 90.0,
         "albedo": _ALBEDO,
-        "distance_au": _RADIUS_AU * math.sqrt(_ALBEDO / (math.pi * contrast)),
-        "separation_arcsec": separation_arcsec,
-        "pa_deg": pa_deg,
+        "distance_au": _RADIUS_AU * math.sqrt(_ALBEDO / (math.pi * body.pop("contrast"))),
     }
+    return FixedScene(name=name, **entry | {"tree": entry["tree"] | {"planets": [planet | body]}})
 
 
-def _star(v_mag: float, spectral_type: str) -> dict[str, Any]:
-    return {"magnitude": v_mag, "spectral_type": spectral_type, "ra_deg": 100.0, "dec_deg": 20.0}
-
-
-SCENES: dict[str, FixedScene] = {
-    scene.name: scene
-    for scene in (
-        FixedScene(
-            name="faint",
-            title="Faint planet",
-            why="few electrons a frame and long exposures: sky, dark current, read noise and lost frames "
-            "make the noise",
-            band="F662",
-            exposure_s=300.0,
-            n_frames=6,
-            em_gain=50.0,
-            tree={"name": "faint planet", "cstar": _star(5.5, "G2V"), "planets": [_planet(4e-8, 0.65)]},
-        ),
-        FixedScene(
-            name="saturating",
-            title="Bright star that saturates",
-            why="the star overflows its pixels and the register beside the mask: tails of charge enter the dark hole, "
-            "and frames no longer add up",
-            band="F662",
-            exposure_s=60.0,
-            n_frames=6,
-            em_gain=50.0,
-            tree={"name": "bright star", "cstar": _star(1.35, "K1V"), "planets": [_planet(1e-8, 0.65)]},
-        ),
-        FixedScene(
-            name="binary",
-            title="Close binary",
-            why="a companion 2 arcsec away and 4 mag fainter lays its wings over the hole: they need "
-            "more wavelengths than the planet does",
-            band="F720",
-            exposure_s=60.0,
-            n_frames=6,
-            em_gain=50.0,
-            tree={
-                "name": "close binary",
-                "cstar": _star(3.0, "G2V"),
-                "planets": [_planet(1e-7, 0.6)],
-                "stars": [
-                    {"name": "B", "magnitude": 7.0, "spectral_type": "K5V", "separation_arcsec": 2.0, "pa_deg": 60.0}
-                ],
-            },
-        ),
-        FixedScene(
-            name="edge",
-            title="Planet at the edge of the mask",
-            why="its aperture touches the inner edge of the hole, where speckles are brightest and change fastest with "
-            "wavelength, and the cross cuts its light",
-            band="F662",
-            exposure_s=60.0,
-            n_frames=6,
-            em_gain=30.0,
-            tree={"name": "planet at the edge", "cstar": _star(3.0, "G2V"), "planets": [_planet(4e-8, 0.37, 45.0)]},
-        ),
-        FixedScene(
-            name="field",
-            title="Dense field",
-            why="300 stars of 13 to 20 mag on the detector (the preset star_field) around a star of 6 mag: each is a "
-            "source to be rendered, and few matter in the hole",
-            band="F662",
-            exposure_s=100.0,
-            n_frames=6,
-            em_gain=200.0,
-            tree={"preset": "star_field", "v_mag": 6.0, "planets": [_planet(5e-8, 0.65)]},
-        ),
-        FixedScene(
-            name="infrared",
-            title="Near infrared",
-            why="another camera with larger pixels, no register, reads up the ramp and no sums of frames; the planet "
-            "is bright, since dark current and read noise hide all others",
-            band="F1265",
-            exposure_s=300.0,
-            n_frames=6,
-            em_gain=1.0,
-            tree={"name": "infrared planet", "cstar": _star(3.0, "K0V"), "planets": [_planet(2e-7, 0.9)]},
-        ),
-        FixedScene(
-            name="paper",
-            title="Scene model of the paper",
-            why="the example of Zhu et al. 2025 made by their shortcut: nearest of 4 x 4 cells of a pixel, no mask in "
-            "front of the planet; its reference is made so too",
-            band="F520",
-            exposure_s=17.0,
-            n_frames=6,
-            em_gain=30.0,
-            tree={"name": "paper shortcut", "cstar": _star(1.35, "K1V"), "planets": [_planet(2e-8, 0.65)]},
-            scene_model="paper",
-        ),
-    )
-}
+SCENES = {name: _read(name, entry) for name, entry in load_yaml(_LIST).items()}
 
 
 def fixed_scene(name: str) -> FixedScene:

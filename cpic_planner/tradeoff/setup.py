@@ -15,8 +15,6 @@ from simulator.knobs import FIDELITIES, Dial, Knobs
 from simulator.ledger import Choice, choose, forecast
 from simulator.observation import Observation, Role, observe
 
-__all__ = ["REFERENCE_EPOCHS", "SEED", "Setup", "choice_of", "chosen_by", "reference_setup", "visit"]
-
 SEED = 1
 REFERENCE_EPOCHS = 1000
 """More than any visit has frames: one wavefront a frame."""

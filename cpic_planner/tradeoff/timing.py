@@ -11,8 +11,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-__all__ = ["Timing", "peak_memory_mb", "reset_peak_memory", "timed"]
-
 MOST_REPEATS = 5
 _BLOCK_S = 0.02
 

@@ -34,8 +34,6 @@ from simulator.knobs import dial_of
 from simulator.observation import Observation
 from simulator.outcome import Status
 
-__all__ = ["FULL_EFFORT", "GLANCE", "Effort", "measure_point", "measure_shared"]
-
 FloatArray = NDArray[np.float64]
 
 
@@ -119,6 +117,37 @@ class _Row:
         )
 
 
+def measured_rows(
+    case: FixedScene,
+    points: tuple[Point, ...],
+    effort: Effort,
+    machine: str,
+    launched_s: float,
+    advance: Callable[[str], None] = lambda name: None,
+) -> list[TradeoffRow]:
+    """Measure points of one group on a scene: `measure_point`, or `measure_shared` where they share a process.
+
+    Parameters
+    ----------
+    case : FixedScene
+    points : tuple of Point
+    effort : Effort
+    machine : str
+        Key of the machine.
+    launched_s : float
+        ``time.monotonic()`` when the process was started.
+    advance : callable
+        Told the name of each point that is done.
+    """
+    if points[0].shares_process:
+        return measure_shared(case, points, effort, machine, advance)
+    rows = []
+    for point in points:
+        rows.append(measure_point(case, point, effort, machine, launched_s))
+        advance(point.name)
+    return rows
+
+
 def measure_point(case: FixedScene, point: Point, effort: Effort, machine: str, launched_s: float) -> TradeoffRow:
     """Time a way after its first call, and measure its flux and noise.
 
@@ -147,15 +176,8 @@ def measure_point(case: FixedScene, point: Point, effort: Effort, machine: str, 
         timing = timed(job, budget_s=effort.budget_s)
     except NotApplicable as error:
         return row.made(status="invalid", reason=row.reason, message=str(error))
-    setup, work = held[0]
-    # Windows and whole frames have different random numbers, and sums others again: more of them where they differ.
-    more = effort.more_frames if point.name == REFERENCE or setup.region == "hole" else 0
-    places = row.places = Places.of(case)
-    samples = _white(row, setup, places, work, effort, more)
-    samples |= _residual(row, setup, places, effort, reference_setup(case))
-    return row.ok(
-        setup, timing, expected_flux_e(case, setup, work.science, light_without(case, setup)), samples, cold_s
-    )
+    row.places = Places.of(case)
+    return _imaged(row, *held[0], timing, effort, cold_s)
 
 
 def measure_shared(
@@ -163,7 +185,7 @@ def measure_shared(
     points: tuple[Point, ...],
     effort: Effort,
     machine: str,
-    advance: Callable[[str], None] = lambda text: None,
+    advance: Callable[[str], None] = lambda name: None,
 ) -> list[TradeoffRow]:
     """The same for ways that change one thing of the reference, one after the other in one process.
 
@@ -177,7 +199,7 @@ def measure_shared(
         assert point.setup is not None  # of knobs and effects
         row = _Row(case, point, machine, places)
         if point.light_changes:
-            rows.append(_changed(row, point.setup, places, effort, base))
+            rows.append(_changed(row, point.setup, effort))
         else:
             light = light or _Light.of(case, base)
             rows.append(_recast(row, point.setup, places, light))
@@ -202,13 +224,24 @@ class _Light:
         return cls(*took, visits, light_without(case, base))
 
 
-def _changed(row: _Row, setup: Setup, places: Places, effort: Effort, base: Setup) -> TradeoffRow:
+def _changed(row: _Row, setup: Setup, effort: Effort) -> TradeoffRow:
     held: list[Work] = []
     timing = timed(lambda: held.append(worked(row.case, setup)), budget_s=0.0)
-    more = effort.more_frames if setup.region == "hole" else 0
-    samples = _white(row, setup, places, held[0], effort, more) | _residual(row, setup, places, effort, base)
-    flux_e = expected_flux_e(row.case, setup, held[0].science, light_without(row.case, setup))
-    return row.ok(setup, timing, flux_e, samples)
+    return _imaged(row, setup, held[0], timing, effort)
+
+
+def _imaged(
+    row: _Row, setup: Setup, work: Work, timing: Timing, effort: Effort, cold_s: float | None = None
+) -> TradeoffRow:
+    """Return the row of images that were timed, with what their noise is measured from."""
+    assert row.places is not None  # images have places
+    case, places = row.case, row.places
+    # Windows and whole frames have different random numbers, and sums others again: more of them where they differ.
+    more = effort.more_frames if row.point.name == REFERENCE or setup.region == "hole" else 0
+    samples = _white(row, setup, places, work, effort, more)
+    samples |= _residual(row, setup, places, effort, reference_setup(case))
+    flux_e = expected_flux_e(case, setup, work.science, light_without(case, setup))
+    return row.ok(setup, timing, flux_e, samples, cold_s)
 
 
 def _recast(row: _Row, setup: Setup, places: Places, light: _Light) -> TradeoffRow:

@@ -1,4 +1,4 @@
-"""The four files of a tradeoff, and reading them back."""
+"""The files of a tradeoff, and reading the result back."""
 
 from __future__ import annotations
 
@@ -11,28 +11,19 @@ from catalogs.errors import InputError
 from catalogs.user_files import read_text
 from cpic_planner.models.tradeoff import TradeoffResult
 from cpic_planner.tradeoff.tables import csv_text, report_text
-from simulator.files import dump_json, write_bytes, write_text
-
-__all__ = ["FILES", "read_result", "write_numbers", "write_result"]
 
 _MAX_BYTES = 100_000_000
-FILES = ("results.csv", "results.json", "report.md", "pareto.png")
+RESULT = "results.json"
+FILES = ("results.csv", "report.md", "pareto.png")
+"""Names of the files beside the result."""
 
 
-def write_numbers(result: TradeoffResult, folder: Path) -> None:
-    """The numbers alone: results.json and results.csv."""
-    write_text(folder / "results.json", dump_json(result.model_dump(mode="json")))
-    write_text(folder / "results.csv", csv_text(result))
-
-
-def write_result(result: TradeoffResult, folder: Path, *, head: str = "") -> list[Path]:
-    """Write numbers, report and figure; returns their paths."""
+def products_of(result: TradeoffResult, *, head: str = "") -> dict[str, bytes]:
+    """Return the files beside the result by their names; ``head`` stands between title and tables of the report."""
     from cpic_planner.tradeoff.figure import pareto_png
 
-    write_numbers(result, folder)
-    write_text(folder / "report.md", report_text(result, head=head))
-    write_bytes(folder / "pareto.png", pareto_png(result))
-    return [folder / name for name in FILES]
+    contents = csv_text(result).encode(), report_text(result, head=head).encode(), pareto_png(result)
+    return dict(zip(FILES, contents, strict=True))
 
 
 def read_result(folder: Path) -> TradeoffResult | None:
@@ -43,7 +34,7 @@ def read_result(folder: Path) -> TradeoffResult | None:
     InputError
         If the file there is not such a result.
     """
-    path = folder / "results.json"
+    path = folder / RESULT
     if not path.exists():
         return None
     try:
@@ -54,5 +45,5 @@ def read_result(folder: Path) -> TradeoffResult | None:
             "--out",
             str(folder),
             allowed="a folder of an earlier tradeoff, or a new one",
-            hint="its results.json is something else",
+            hint=f"its {RESULT} is something else",
         ) from None

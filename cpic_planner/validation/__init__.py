@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from cpic_planner.etc.significance import detection_threshold, threshold_array
 from cpic_planner.validation.albedo_fit import AlbedoFit, fit_albedo
 from cpic_planner.validation.albedo_model import AlbedoModel, planet_albedo_model
 from cpic_planner.validation.apertures import aperture_sum, aperture_weights
@@ -14,7 +15,6 @@ from cpic_planner.validation.rdi import RdiResult, rdi_subtract
 from cpic_planner.validation.reduced import ReducedStack, reduce_stack
 from cpic_planner.validation.rejection import combine, filled, reject_cosmic_rays
 from cpic_planner.validation.roll import RollResult, roll_photometry, roll_subtract
-from cpic_planner.validation.significance import detection_threshold, threshold_array
 from cpic_planner.validation.speckle_maps import SpeckleMaps
 from cpic_planner.validation.star_flux import (
     StarFlux,

@@ -10,9 +10,9 @@ import numpy.typing as npt
 
 from catalogs.errors import InputError
 from cpic_planner.etc.place import diagonal
+from cpic_planner.etc.significance import threshold_array
 from cpic_planner.validation.apertures import aperture_weights, checked_image, sample_scatter
 from cpic_planner.validation.reduced import ReducedStack
-from cpic_planner.validation.significance import threshold_array
 from simulator.imaging.psf import Psf
 
 __all__ = ["ANNULUS_LAMBDA_D", "ContrastCurve", "contrast_curve"]

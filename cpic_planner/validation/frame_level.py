@@ -16,10 +16,9 @@ import numpy.typing as npt
 from catalogs.errors import InputError
 from cpic_planner.validation.clean_law import limit_of_mean
 from simulator.camera.frame import MaskBit
-from simulator.camera.sections import sections_of
+from simulator.camera.noise import FrameNoise
+from simulator.detectors.readout import wave_angles
 from simulator.observation import Observation
-
-__all__ = ["FrameLevel", "dark_bar", "frame_level"]
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -79,7 +78,7 @@ def dark_bar(observation: Observation) -> BoolArray:
     half, pixel = geometry.mask_half_width_arcsec, geometry.pixel_scale_arcsec
     inside = (area.columns > -half + _TRAIL_PIXELS * pixel) & (area.columns < half - pixel)
     bar = np.zeros(observation.shape, dtype=np.bool_)
-    rows = slice(None) if observation.first_pixel else sections_of(observation.instrument.detector)["active"][0]
+    rows = slice(None) if observation.first_pixel else observation.instrument.detector.sections["active"][0]
     bar[rows, inside] = True
     return bar
 
@@ -131,14 +130,13 @@ def frame_level(
             allowed=f"at least {_LEAST_PIXELS} pixels",
             hint="name pixels without light, or switch off bias_drift and interference",
         )
-    row, column = observation.first_pixel or (0, 0)
-    rows, columns = (np.arange(size) for size in observation.shape)
-    turn = 2.0 * np.pi / structure.interference_period_columns
-    angle = turn * (detector.n_columns * (row + rows)[:, None] + column + columns)
+    along_rows, along_columns = wave_angles(detector, observation.shape, *(observation.first_pixel or (0, 0)))
+    angle = along_rows[:, None] + along_columns
     shapes = [np.ones(observation.shape)] + ([np.sin(angle), np.cos(angle)] if waves else [])
     wave = np.stack(shapes)
     mean = mean_e.reshape(-1)[pixels]
-    sigma = math.hypot(detector.read_noise_e, detector.gain_e_adu) / gain
+    rest_e2 = FrameNoise.of(detector, gain, observation.exposure_s).rest_e2
+    sigma = math.hypot(math.hypot(detector.read_noise_e, detector.gain_e_adu) / gain, math.sqrt(rest_e2))
     limit = (
         limit_of_mean(mean, em_gain=gain, stages=detector.register_stages, sigma_e=sigma, false_alarm=_FALSE_ALARM)
         - mean

@@ -22,11 +22,12 @@ from cpic_planner.validation.clean_law import limit_of_mean
 from cpic_planner.validation.frame_level import FrameLevel, frame_level
 from simulator.camera.calibration_set import CalibrationSet, bias_level_adu, load_calibration_set
 from simulator.camera.frame import MaskBit
-from simulator.camera.gain import stage_probability
-from simulator.camera.noise import pixel_variance_e2
-from simulator.camera.stage import Exposure, Place
-from simulator.camera.transfer import ParallelTransfer, SerialTransfer
+from simulator.camera.noise import FrameNoise, pixel_variance_e2
 from simulator.config.detector import Detector
+from simulator.detectors.collection import output_curve, pixel_curve
+from simulator.detectors.effect import Exposure, Place
+from simulator.detectors.register import RegisterClockCharge
+from simulator.detectors.transfer import ParallelTransfer, SerialTransfer
 from simulator.numeric import numeric_context
 from simulator.observation import Observation
 from simulator.sequence import MAX_STACK_BYTES
@@ -133,7 +134,7 @@ def calibrated_frames(
 
     Uniform light that reaches the pixels of the level (stray light) is taken off with it.
     """
-    if observation.camera != "VIS":
+    if not observation.channel.multiplies:
         raise InputError("band", observation.band, allowed="a band of the visible camera")
     place = _stamp(observation) if cropped else (slice(None), slice(None))
     rows, columns = np.empty(observation.shape, dtype=np.bool_)[place].shape
@@ -193,9 +194,9 @@ def transferred(image_e: npt.ArrayLike, detector: Detector, first_pixel: tuple[i
     row, column = (0, 0) if first_pixel is None else first_pixel
     everything = slice(0, image.shape[0]), slice(0, image.shape[1])
     place = Place(*everything, row, column, first_pixel is None)
-    exposure = Exposure(detector, place, 0.0, 1.0, image, image)
+    exposure = Exposure(detector, place, 0.0, 1.0, image)
     for effect in (ParallelTransfer(), SerialTransfer()):
-        if getattr(detector.switches, effect.switch):
+        if effect.on(detector):
             effect.expect(image, exposure)
     return image
 
@@ -221,22 +222,20 @@ class _Steps:
     @classmethod
     def of(cls, observation: Observation, level_pixels: npt.ArrayLike | None) -> _Steps:
         detector, gain = observation.instrument.detector, observation.em_gain
-        switches, curve = detector.switches, detector.nonlinearity
+        switches = detector.switches
         maps = _window(observation, detector)
         bias = np.full(observation.shape, detector.bias_adu) if maps.bias_adu is None else maps.bias_adu
         if switches.stripes:
             bias = bias + maps.stripe_adu
         cic = maps.cic_e if switches.clock_charge else np.zeros(observation.shape)
         if switches.register_clock_charge:
-            p = float(stage_probability(gain, detector.register_stages))
-            grown = (gain - 1.0) / p if p > 0 else float(detector.register_stages)
-            cic = cic + detector.register_cic_e * grown / gain
+            cic = cic + RegisterClockCharge.mean_output_e(detector, gain) / gain
+        cic = cic + FrameNoise.of(detector, gain, observation.exposure_s).rest_e
         dark = transferred(maps.dark_of(switches) * observation.exposure_s, detector, observation.first_pixel)
         response, flaws = maps.response_of(switches), maps.mask_of(switches)
         output_b = pixel_b = 0.0
         if switches.nonlinearity:
-            output_b = curve.register_loss / ((1.0 - curve.register_loss) * curve.register_loss_at_e)
-            pixel_b = curve.pixel_loss_at_full_well / ((1.0 - curve.pixel_loss_at_full_well) * detector.full_well_e)
+            output_b, pixel_b = output_curve(detector), pixel_curve(detector)
         smeared, outside = switches.smear and observation.exposure_s > 0, observation.light.beyond_e_s
         return cls(
             bias_adu=bias,
@@ -283,8 +282,7 @@ class _Steps:
 
 
 def _gaussian_e(detector: Detector, em_gain: float) -> float:
-    read = detector.read_noise_e if detector.switches.read_noise else 0.0
-    return math.sqrt(read**2 + detector.gain_e_adu**2 / 12.0) / em_gain
+    return math.sqrt(FrameNoise.of(detector, em_gain, 0.0).gaussian_e2)
 
 
 def _at_limit(electrons: FloatArray, usable: BoolArray, pedestal: FloatArray, observation: Observation) -> BoolArray:

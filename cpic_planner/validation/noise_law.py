@@ -1,13 +1,16 @@
-"""Law of one position of a matched-filtered residual: Gaussian noise and speckles, with a scale that is estimated."""
+"""Noise of a matched-filtered residual: the law of one position, and the level and strength that the residual tells.
+
+Gaussian noise and speckles follow the law, with a scale that is estimated; the fit finds the level of the white noise
+and the strength of the speckles.
+"""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-
-__all__ = ["equivalent_sigma", "log_tail", "snr_at"]
 
 FloatArray = npt.NDArray[np.float64]
 _LEAST_SHARE, _MOST_SHARE = 1e-3, 0.98
@@ -43,7 +46,15 @@ def log_tail(snr: npt.ArrayLike, laplace: npt.ArrayLike, dof: npt.ArrayLike = np
 
 
 def equivalent_sigma(snr: npt.ArrayLike, laplace: npt.ArrayLike, dof: npt.ArrayLike = np.inf) -> FloatArray:
-    """Level of a standard normal variate that noise reaches as rarely; as `log_tail`, with ``snr`` of any sign."""
+    """Return the level of a standard normal variate that noise reaches as rarely.
+
+    Parameters
+    ----------
+    snr : array_like
+        Signal over estimated standard deviation, of any sign.
+    laplace, dof : array_like
+        As of `log_tail`.
+    """
     from scipy.special import ndtri_exp
 
     level = np.asarray(snr, np.float64)
@@ -51,7 +62,15 @@ def equivalent_sigma(snr: npt.ArrayLike, laplace: npt.ArrayLike, dof: npt.ArrayL
 
 
 def snr_at(sigma: float, laplace: npt.ArrayLike, dof: npt.ArrayLike = np.inf) -> FloatArray:
-    """Signal over estimated noise whose `equivalent_sigma` is ``sigma``, to 1e-6; bisection."""
+    """Return the signal over estimated noise whose `equivalent_sigma` is ``sigma``, to 1e-6; bisection.
+
+    Parameters
+    ----------
+    sigma : float
+        Level of a standard normal variate, above 0.
+    laplace, dof : array_like
+        As of `log_tail`.
+    """
     from scipy.special import log_ndtr
 
     share, free = np.broadcast_arrays(np.atleast_1d(np.asarray(laplace, float)), np.asarray(dof, float))
@@ -114,3 +133,119 @@ def _known_scale(level: FloatArray, share: FloatArray) -> FloatArray:
     top = np.maximum(gauss, right)
     total = np.exp(gauss - top) + 0.5 * (np.exp(right - top) - np.exp(left - top))
     return np.where(share > _LEAST_SHARE, top + np.log(np.maximum(total, 1e-300)), log_ndtr(-level))
+
+
+BoolArray = npt.NDArray[np.bool_]
+# What is believed before the residual is seen, as standard deviations of natural logarithms: white noise is computed
+# from known numbers, the drift of a visit from an assumed one (A).
+PRIOR_WHITE, PRIOR_DRIFT = 0.25, 1.0
+_MAX_STEPS, _MAX_CHANGE, _DONE = 15, 2.0, 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class NoiseTerms:
+    """Terms of the variance per position, shape (p,): ``level white + drift linear + drift^2 square``."""
+
+    white: FloatArray
+    linear: FloatArray
+    square: FloatArray
+
+    def variance(self, logs: FloatArray) -> FloatArray:
+        """Sum of the terms at the logarithms of ``level`` and ``drift``."""
+        level, drift = np.exp(logs)
+        return np.asarray(level * self.white + drift * self.linear + drift**2 * self.square)
+
+    def slopes(self, logs: FloatArray, variance: FloatArray) -> FloatArray:
+        """Return the derivatives of the logarithm of the variance, shape (2, p).
+
+        Parameters
+        ----------
+        logs : ndarray, shape (2,)
+            Of ``level`` and ``drift``.
+        variance : ndarray, shape (p,)
+            There.
+        """
+        level, drift = np.exp(logs)
+        return np.stack([level * self.white, drift * self.linear + 2.0 * drift**2 * self.square]) / variance
+
+
+@dataclass(frozen=True, eq=False)
+class NoiseFit:
+    """Logarithms of ``level`` and ``drift``, the inverse of their covariance, and the variance per position."""
+
+    logs: FloatArray
+    information: FloatArray
+    variance: FloatArray
+
+
+def fit_noise(
+    ratio: FloatArray, before: FloatArray, terms: NoiseTerms, weight: FloatArray, start: FloatArray
+) -> NoiseFit:
+    """Most probable level and drift, given squared significances.
+
+    Parameters
+    ----------
+    ratio : ndarray, shape (p,)
+        Squares of the residual over its standard deviation, with the variances ``before``.
+    before : ndarray, shape (p,)
+        Variance that was assumed.
+    terms : NoiseTerms
+    weight : ndarray, shape (p,)
+        Independent samples per position: neighbours share their noise.
+    start : ndarray, shape (2,)
+        First guess of the logarithms.
+
+    Notes
+    -----
+    Minimises ``sum weight [ln V + ratio before / V] / 2`` plus the priors, by Fisher scoring with damping.
+    """
+    prior = np.diag([PRIOR_WHITE**-2, PRIOR_DRIFT**-2])
+
+    def cost(logs: FloatArray) -> tuple[float, FloatArray]:
+        variance = terms.variance(logs)
+        relative = variance / before
+        return 0.5 * float(np.sum(weight * (np.log(relative) + ratio / relative)) + logs @ prior @ logs), variance
+
+    logs = np.array(start, float)
+    value, variance = cost(logs)
+    damping = 1e-4
+    for _ in range(_MAX_STEPS):
+        slopes = terms.slopes(logs, variance)
+        gradient = 0.5 * (slopes * weight) @ (1.0 - ratio * before / variance) + prior @ logs
+        information = 0.5 * (slopes * weight) @ slopes.T + prior
+        while True:
+            change = np.linalg.solve(information + damping * np.diag(np.diag(information)), -gradient)
+            trial = logs + np.clip(change, -_MAX_CHANGE, _MAX_CHANGE)
+            lower, there = cost(trial)
+            if lower <= value or damping > 1e6:
+                break
+            damping *= 10.0
+        if lower > value:
+            break
+        gained, logs, value, variance, damping = value - lower, trial, lower, there, 0.1 * damping
+        if gained < _DONE:
+            break
+    slopes = terms.slopes(logs, variance)
+    return NoiseFit(logs, 0.5 * (slopes * weight) @ slopes.T + prior, variance)
+
+
+def smooth_white(measured: FloatArray, patterns: FloatArray) -> FloatArray:
+    """Variance without the noise of its own measurement: least squares on smooth patterns.
+
+    Parameters
+    ----------
+    measured : ndarray, shape (p,)
+        Variance per position, from frames that hold the same noise as the residual: where they happen to be dark the
+        residual is bright and its variance is understated.
+    patterns : ndarray, shape (k, p)
+        Images of the light, at least 0.
+
+    Returns
+    -------
+    ndarray, shape (p,)
+        Not below a quarter of the median of ``measured``.
+    """
+    scales = patterns.mean(axis=1)
+    used = patterns[scales > 0] / scales[scales > 0][:, None]
+    weights, *_ = np.linalg.lstsq(used.T, measured, rcond=None)
+    return np.asarray(np.maximum(weights @ used, 0.25 * math.fabs(float(np.median(measured)))))

@@ -231,7 +231,7 @@ def realised_frames(visits: Visits) -> tuple[Realised, FrameStory]:
     kept, stories = [], []
     for observation in (visits.science, visits.reference):
         frames = calibrated_frames(observation, cropped=observation.window == "full")
-        electrons, usable, hits = _cleaned(frames)
+        electrons, usable, hits = cleaned(frames)
         whole, covered = filled(electrons, usable)
         region &= covered
         stories.append((frames, usable, hits))
@@ -255,7 +255,8 @@ def _by_light(frames: CalibratedFrames, hole: BoolArray) -> int:
     return int(lost[lost > most].sum())
 
 
-def _cleaned(frames: CalibratedFrames) -> tuple[FloatArray, BoolArray, int]:
+def cleaned(frames: CalibratedFrames) -> tuple[FloatArray, BoolArray, int]:
+    """Return frames in electrons, the pixel-frames that no particle voids either, and how many were hit."""
     detector = frames.detector
     found = reject_cosmic_rays(
         frames.electrons,

@@ -9,12 +9,9 @@ import numpy.typing as npt
 
 from catalogs.errors import InputError
 from cpic_planner.validation.rdi import RdiResult, rdi_subtract
-from simulator.camera.dark_current import dark_rate_e_s
-from simulator.camera.gain import excess_noise_factor2
+from simulator.camera.noise import FrameNoise
 from simulator.config.detector import Detector
 from simulator.numeric import numeric_context
-
-__all__ = ["ReducedStack", "pedestal_e", "reduce_stack"]
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
@@ -115,20 +112,18 @@ def reduce_stack(
     reference_n = _counts("reference_frames", reference_frames, reference)
     if not reference_scale > 0:
         raise InputError("reference_scale", reference_scale, allowed="above 0")
-    dark_e = pedestal_e(detector, exposure_s)
+    noise = FrameNoise.of(detector, em_gain, exposure_s)
+    dark_e = noise.pedestal_e
     library = (reference / reference_n[:, None, None] - dark_e) * reference_scale + dark_e
     cut = rdi_subtract(science / science_n[:, None, None], library, n_modes, region=region, centering="temporal")
     total, library_total = float(science_n.sum()), float(reference_n.sum())
     light = _smoothed((library * reference_n[:, None, None]).sum(axis=0) / library_total - dark_e, region)
-    factor2 = float(excess_noise_factor2(em_gain, detector.register_stages)) if detector.switches.em_register else 1.0
-    read_e2 = (detector.read_noise_e**2 * detector.switches.read_noise + detector.gain_e_adu**2 / 12.0) / em_gain**2
-    frame = factor2 * (np.maximum(light, 0.0) + dark_e + smear_e[0]) + read_e2
-    reference_frame = reference_scale * factor2 * np.maximum(light, 0.0) + reference_scale**2 * (
-        factor2 * (dark_e + smear_e[1]) + read_e2
-    )
-    variance = total * frame
+    seen = np.maximum(light, 0.0)
+    variance = total * noise.charge_variance_e2(seen + dark_e + smear_e[0])
     if not noise_free_reference:
-        variance += total**2 / library_total * reference_frame
+        # Held in a frame of the reference: its light before it was scaled, and the rest as it is.
+        held = seen / reference_scale + dark_e + smear_e[1]
+        variance += total**2 / library_total * reference_scale**2 * noise.charge_variance_e2(held)
     image = np.tensordot(science_n, cut.residuals, axes=1)
     if reference_scale != 1.0:
         image[cut.region] -= image[cut.region].mean()
@@ -145,9 +140,15 @@ def reduce_stack(
 
 
 def pedestal_e(detector: Detector, exposure_s: float) -> float:
-    """Mean electrons of dark current and clock-induced charge in a pixel of one frame."""
-    dark = dark_rate_e_s(detector) * exposure_s if detector.switches.dark else 0.0
-    return dark + (detector.cic_e if detector.switches.clock_charge else 0.0)
+    """Return the mean electrons of dark current and clock-induced charge in a pixel of one frame.
+
+    Parameters
+    ----------
+    detector : Detector
+    exposure_s : float
+        Of the frame.
+    """
+    return FrameNoise.of(detector, 1.0, exposure_s).pedestal_e
 
 
 def _counts(key: str, value: npt.ArrayLike, images: FloatArray) -> FloatArray:

@@ -9,8 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from cpic_planner.validation.noise_fit import NoiseFit, NoiseTerms, fit_noise, smooth_white
-from cpic_planner.validation.noise_law import equivalent_sigma
+from cpic_planner.validation.noise_law import NoiseFit, NoiseTerms, equivalent_sigma, fit_noise, smooth_white
 from cpic_planner.validation.reduced import ReducedStack
 from cpic_planner.validation.search import searched_region
 from cpic_planner.validation.speckle_maps import SpeckleMaps, matched_sum

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from cpic_planner.etc.detection import needed_margin, verdict_of, visit_chances
-from cpic_planner.etc.exozodi import exozodi_disc
 from cpic_planner.etc.model import EtcModel, build_model
 from cpic_planner.etc.noise import StackNoise, stack_noise
 from cpic_planner.etc.place import diagonal_pa_deg, stand
@@ -27,6 +26,7 @@ from simulator.config.scene_table import companion_of
 from simulator.knobs import Dial, dial_of
 from simulator.ledger.sums import NOT_IN_SUMS
 from simulator.outcome import Reason, Status
+from simulator.signal.light import exozodi_disc
 from simulator.target.positions import detector_to_sky
 
 __all__ = [
@@ -146,7 +146,7 @@ def star_scene(target: Targets, planets: tuple[Planet, ...], *, name: str = "", 
     """Scene of one star with planets, and its nearest known companion if that is near and located.
 
     ``name`` is that of the scene, the star's by default; ``exozodi_zodis`` adds a face-on disc of dust
-    (`cpic_planner.etc.exozodi`).
+    (`simulator.signal.light`).
     """
     star = SceneStar(
         name=str(target.name[0]),
@@ -238,18 +238,9 @@ def _wall_s(model: EtcModel, band: str, frames: Frames) -> float:
 def _noise(
     model: EtcModel, target: Targets, band: str, place_arcsec: tuple[Any, Any], contrast: float, frames: Frames
 ) -> StackNoise:
-    strategy = model.strategy
     rates = aperture_rates(model, target, band, *place_arcsec, np.full((1, 1), contrast))
-    return stack_noise(
-        rates,
-        frames.exposure_s,
-        frames.n_frames,
-        frames.em_gain,
-        model.camera(band),
-        reference_ratio=strategy.reference_ratio,
-        mode=strategy.mode,
-        counting_sigma=strategy.counting_sigma,
-    )
+    setting = frames.exposure_s, frames.n_frames, frames.em_gain
+    return stack_noise(rates, *setting, model.camera(band), model.strategy)
 
 
 def prepare_task(

@@ -7,9 +7,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
-from cpic_planner.engine import run_tasks
 from cpic_planner.etc.model import EtcModel, build_model
 from cpic_planner.etc.planet import ReferencePlanet
+from cpic_planner.jobs.engine import run_tasks
 from cpic_planner.overrides import SimulatorOverrides
 from cpic_planner.targets import find_target
 from cpic_planner.validation.realise import Visits, visits_of

@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 from simulator import Observation, load_instrument
 from simulator.camera import VisibleCamera, excess_noise_factor2, multiply
 from simulator.camera.calibration_set import load_calibration_set
-from simulator.camera.sections import sections_of
 from simulator.effects import cosmic_ray_rate
 
 HERE = Path(__file__).resolve().parent
@@ -35,7 +34,7 @@ THREADS = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THR
 FloatArray = NDArray[np.float64]
 INSTRUMENT = load_instrument()
 DETECTOR = INSTRUMENT.detector
-ACTIVE = sections_of(DETECTOR)["active"]
+ACTIVE = DETECTOR.sections["active"]
 
 
 @dataclass(frozen=True, eq=False)

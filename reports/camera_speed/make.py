@@ -48,7 +48,7 @@ from threadpoolctl import threadpool_limits
 
 from simulator import Observation, observe
 from simulator.camera import VisibleCamera, stack_electrons
-from simulator.camera.stage import Exposure
+from simulator.detectors.effect import Exposure
 from simulator.effects import draw_cosmic_rays
 from simulator.files import write_text
 from simulator.products import write_level0

@@ -21,10 +21,11 @@ from simulator.imaging.drift import screen_model
 from simulator.imaging.imager import Imager, centred_axis
 from simulator.imaging.store import psf_metrics
 from simulator.knobs import Knobs
-from simulator.ledger.numerics import Optics
-from simulator.ledger.wings import MOST, wing
+from simulator.ledger.optics_sizes import Optics
+from simulator.ledger.wings import MOST
 from simulator.passbands import Passbands
 from simulator.rng import stream
+from simulator.signal.wings import wing
 
 __all__ = ["BANDS", "settings_rows", "wing_rows"]
 

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from scenes import RandomCase
 
 from simulator import observe
-from simulator.camera.stage import Exposure
 from simulator.config.effects import CosmicRayConfig
+from simulator.detectors.effect import Exposure
 from simulator.effects.cosmic_ray_rate import cosmic_ray_rate
 from simulator.effects.cosmic_rays import draw_cosmic_rays
 from simulator.imaging.drift import screen_model

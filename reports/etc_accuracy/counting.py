@@ -15,6 +15,7 @@ from monte_carlo import Aperture, Readout, Recovered, Stack
 from numpy.typing import NDArray
 from regimes import RADIUS_PIXELS, camera_of, rates_of
 
+from cpic_planner.etc.model import Strategy
 from cpic_planner.etc.noise import StackNoise, stack_noise
 from simulator.camera import multiply
 
@@ -97,7 +98,5 @@ def predicted_counting(stack: Stack, places: Sequence[Aperture], readout: Readou
         stack.n_frames,
         stack.em_gain,
         camera_of(readout),
-        reference_ratio=stack.reference_ratio,
-        mode="photon_counting",
-        counting_sigma=sigma,
+        Strategy(reference_ratio=stack.reference_ratio, mode="photon_counting", counting_sigma=sigma),
     )

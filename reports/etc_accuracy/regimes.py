@@ -10,9 +10,10 @@ import numpy as np
 from monte_carlo import Aperture, Readout, Stack, aperture_on
 
 from cpic_planner.etc.camera import FrameCamera
+from cpic_planner.etc.model import Strategy
 from cpic_planner.etc.noise import StackNoise, stack_noise
 from cpic_planner.etc.rates import ApertureRates
-from cpic_planner.etc.speckles import SpeckleLaw
+from simulator.signal.speckles import SpeckleLaw
 
 __all__ = [
     "GAINS",
@@ -154,5 +155,5 @@ def predicted(case: Case, places: Sequence[Aperture]) -> StackNoise:
         stack.n_frames,
         stack.em_gain,
         camera_of(case.readout),
-        reference_ratio=stack.reference_ratio,
+        Strategy(reference_ratio=stack.reference_ratio),
     )

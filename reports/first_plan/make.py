@@ -17,8 +17,9 @@ import time
 from pathlib import Path
 
 from cpic_planner.etc.model import build_model
+from cpic_planner.jobs.folder import open_run_folder
 from cpic_planner.models import PlanResult, RankResult, SensitivityResult
-from cpic_planner.plan import PlanConfig, make_plan
+from cpic_planner.plan import PlanConfig, make_plan, prepare_plan
 from cpic_planner.report.contrast_figure import contrast_diagram
 from cpic_planner.report.drawing import Picture
 from cpic_planner.report.names import pretty_name
@@ -26,7 +27,6 @@ from cpic_planner.report.panel_figure import panel_picture
 from cpic_planner.report.snr_figure import snr_figure
 from cpic_planner.report.words import tau_text
 from cpic_planner.report.write import hole_edges, limit_curves, panels_of
-from cpic_planner.runfolder import open_run_folder
 from simulator.config import load_instrument
 from simulator.files import write_bytes, write_text
 
@@ -149,7 +149,7 @@ def main() -> None:
         began = time.perf_counter()
         done = make_plan(config, out, workers=options.workers)
         wall_s = time.perf_counter() - began
-        plan, rank = done.plan, done.rank
+        plan, rank = done.result, prepare_plan(config, "snapshot").rank
         write_bytes(HERE / "plan.json", (out / "plan.json").read_bytes())
         firm = SensitivityResult.model_validate_json((out / "sensitivity.json").read_text(encoding="utf-8"))
         with open_run_folder(out, kind="plan", config_hash=plan.config_hash) as folder:

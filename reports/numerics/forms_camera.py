@@ -23,11 +23,11 @@ from simulator.camera import (
     stage_probability,
     to_electrons,
 )
-from simulator.camera.collection import compressed
-from simulator.camera.dark_current import dark_law_e_s
 from simulator.camera.register_law import output_cumulants
-from simulator.camera.transfer import chances_of_loss
 from simulator.config import load_instrument
+from simulator.detectors.collection import compressed
+from simulator.detectors.pixels import dark_law_e_s
+from simulator.detectors.transfer import chances_of_loss
 
 DETECTOR = load_instrument().detector
 IDEAL = DETECTOR.model_copy(
@@ -251,14 +251,14 @@ FORMS = [
         adu,
     ),
     ClosedForm(
-        "simulator.camera.dark_current.dark_law_e_s",
+        "simulator.detectors.pixels.dark_law_e_s",
         "120 to 320 K",
         list(itertools.product((120.0, 165.0, 203.0, 293.0, 320.0), (0.0, 1e-6, 150.0, 1e6))),
         dark_law_e_s,
         lambda t, d: d * mpf("1.14e6") * t**3 * mp.exp(-9080 / t),
     ),
     ClosedForm(
-        "simulator.camera.collection.compressed",
+        "simulator.detectors.collection.compressed",
         "0 to 1e12 e-",
         list(itertools.product(CHARGES, (1e-6, 0.02), (9e4,))),
         lambda x, b, at: compressed(np.float64(x), b, at),
@@ -277,7 +277,7 @@ FORMS = [
     ),
     *(
         ClosedForm(
-            f"simulator.camera.transfer.chances_of_loss, {k + 1}",
+            f"simulator.detectors.transfer.chances_of_loss, {k + 1}",
             "1 to 3000 transfers, inefficiency 1e-12 to 0.01",
             list(itertools.product((1, 2, 3, 100, 3000), (1e-12, 1e-7, 3e-7, 1e-5, 1e-3, 0.01))),
             *loss(k),

@@ -13,14 +13,15 @@ from oracle import ClosedForm
 
 from cpic_planner.distributions import read_law
 from cpic_planner.etc.camera import FrameCamera
-from cpic_planner.etc.cosmic_loss import clean_fraction, mean_projection_um
 from cpic_planner.etc.noise import stack_noise
 from cpic_planner.etc.paper import SPECKLE_COHERENCE, snr_paper
 from cpic_planner.etc.rates import ApertureRates
 from cpic_planner.etc.significance import detection_threshold
-from cpic_planner.etc.speckles import SpeckleLaw
 from cpic_planner.orbits import eccentric_anomaly, orbit_places
+from simulator.camera.track_loss import mean_projection_um
 from simulator.config import load_instrument
+from simulator.signal.speckles import SpeckleLaw
+from simulator.signal.variance import clean_fraction
 
 CAMERA = FrameCamera.of(load_instrument(), "F520")
 
@@ -292,14 +293,14 @@ FORMS = [
         student,
     ),
     ClosedForm(
-        "cpic_planner.etc.cosmic_loss.clean_fraction",
+        "simulator.signal.variance.clean_fraction",
         "0 to 1 track/s, 1e-6 to 1e6 s",
         list(itertools.product((0.0, 1e-9, 1e-4, 1e-2), (0.0, 1e-6, 1.0, 1e6)))[:15],
         clean_fraction,
         lambda loss, t: mp.exp(-loss * t),
     ),
     ClosedForm(
-        "cpic_planner.etc.cosmic_loss.mean_projection_um",
+        "simulator.camera.track_loss.mean_projection_um",
         "layers 1 to 1e4 um, chords to 1e-6 of the depth and 1e9 um",
         [(d, d * f) for d in (1.0, 38.0, 1e4) for f in (1.0 + 2e-6, 1.001, 2.0, 1e3, 1e5)],
         mean_projection_um,

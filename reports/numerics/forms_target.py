@@ -12,12 +12,12 @@ from oracle import ClosedForm
 
 import simulator
 from catalogs.coordinates import separation_arcsec, tangent_offset
-from cpic_planner.etc.exozodi import exozodi_fraction_arcsec2
 from cpic_planner.etc.planet import ReferencePlanet, reference_distance_au
 from cpic_planner.targets import Targets, find_target
 from simulator.config import load_instrument
 from simulator.effects import cosmic_ray_rate
 from simulator.effects.sun_position import ecliptic_deg, elongation_deg
+from simulator.signal.light import exozodi_fraction_arcsec2
 from simulator.target import contrast_at, detector_to_sky, sky_to_detector
 from simulator.target.contrast import AU_KM, JUPITER_RADIUS_KM
 from simulator.target.thermal import photon_surface, thermal_photlam
@@ -239,7 +239,7 @@ FORMS = [
         lambda d, rho, a: d * rho / mp.sin(rad(a)),
     ),
     ClosedForm(
-        "cpic_planner.etc.exozodi.exozodi_fraction_arcsec2",
+        "simulator.signal.light.exozodi_fraction_arcsec2",
         "1e-6 to 120 arcsec, 1e-6 to 1e5 zodis",
         list(itertools.product((1e-6, 0.3, 120.0), (1e-6, 1.0, 1e5))),
         exozodi_fraction_arcsec2,

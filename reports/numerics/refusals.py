@@ -13,8 +13,6 @@ import simulator
 from catalogs.coordinates import position_angle, propagate, separation_arcsec, tangent_offset
 from catalogs.stellar_physics import bolometric_correction, gravity, mass_from_luminosity, radius_from_luminosity
 from cpic_planner.distributions import read_law
-from cpic_planner.etc.cosmic_loss import clean_fraction, mean_projection_um
-from cpic_planner.etc.exozodi import exozodi_fraction_arcsec2
 from cpic_planner.orbits import eccentric_anomaly, orbit_places
 from cpic_planner.validation import (
     aperture_sum,
@@ -25,9 +23,12 @@ from cpic_planner.validation import (
     filled,
     scale_library,
 )
+from simulator.camera.track_loss import mean_projection_um
 from simulator.effects import cosmic_ray_rate
 from simulator.knobs import dial_of
 from simulator.passbands import Passbands
+from simulator.signal.light import exozodi_fraction_arcsec2
+from simulator.signal.variance import clean_fraction
 from simulator.target import contrast_at, detector_to_sky, sky_to_detector
 
 NAN, INF = math.nan, math.inf
@@ -189,7 +190,7 @@ REFUSALS = [
         )
     ),
     *(
-        Refusal("cpic_planner.etc.exozodi.exozodi_fraction_arcsec2", exozodi_fraction_arcsec2, given, says)
+        Refusal("simulator.signal.light.exozodi_fraction_arcsec2", exozodi_fraction_arcsec2, given, says)
         for given, says in (
             ((0.0, 1.0), "separation_arcsec = 0.0 arcsec: not accepted; allowed: above 0"),
             (
@@ -199,13 +200,13 @@ REFUSALS = [
         )
     ),
     Refusal(
-        "cpic_planner.etc.cosmic_loss.clean_fraction",
+        "simulator.signal.variance.clean_fraction",
         clean_fraction,
         (-1.0, 1.0),
         "loss_per_s = -1.0 1/s: not accepted; allowed: finite and at least 0",
     ),
     Refusal(
-        "cpic_planner.etc.cosmic_loss.mean_projection_um",
+        "simulator.camera.track_loss.mean_projection_um",
         mean_projection_um,
         (NAN, 1.0),
         "depth_um = nan um: not accepted; allowed: 1e-06 to 1e+09",

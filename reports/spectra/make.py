@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import csv
 import io
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -27,11 +28,12 @@ from simulator.config import load_instrument
 from simulator.files import write_bytes, write_text
 from simulator.passbands import Passbands
 from simulator.target import contrast_at, planet_albedo, stellar_parameters, stellar_spectrum
-from simulator.target.calibrate.grid_fit import BANDS_NM, Measured, band_albedo, fit_parameters, read_table
-from simulator.target.calibrate.methane import ANCHORS_PER_KM_AM, Methane, invert_methane
 from simulator.target.parametric import load_parametric_grid, parametric_family, phase_curve
 
 HERE = Path(__file__).resolve().parent
+sys.path.insert(0, str(HERE.parents[1]))  # the programs of developers are not installed
+from tools.calibrate_albedo.grid_fit import BANDS_NM, Measured, band_albedo, fit_parameters, read_table  # noqa: E402
+from tools.calibrate_albedo.methane import ANCHORS_PER_KM_AM, Methane, invert_methane  # noqa: E402
 
 # Okabe-Ito colours, told apart with any colour vision; the ordered series run through viridis.
 BLUE, ORANGE, GREEN, GREY = "#0072B2", "#E69F00", "#009E73", "#999999"

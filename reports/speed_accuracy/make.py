@@ -10,14 +10,18 @@ import sys
 import time
 from pathlib import Path
 
+from cpic_planner.jobs.job import run
 from cpic_planner.models.tradeoff import TradeoffResult, TradeoffRow
-from cpic_planner.tradeoff.run import chosen, n_rows, tradeoff
-from cpic_planner.tradeoff.write import read_result, write_numbers, write_result
+from cpic_planner.tradeoff.run import chosen, n_rows, tradeoff_job
+from cpic_planner.tradeoff.write import RESULT, products_of, read_result
+from simulator.files import dump_json, write_bytes, write_text
 
 HERE = Path(__file__).resolve().parent
 ORDERS = 1000.0
 ASKED = {"standard": (0.01, 0.03), "quick": (0.05, 0.05)}
 WORKERS = 2
+SCRATCH = HERE.parents[1] / "out" / "speed_accuracy"
+"""A run that is stopped goes on here."""
 
 
 def rows_of(result: TradeoffResult, point: str) -> list[TradeoffRow]:
@@ -89,16 +93,16 @@ def main() -> int:
     work = chosen(given.scene, given.only)
     began, done, total = time.monotonic(), 0, n_rows(work)
 
-    def advance(text: str) -> None:
+    def advance(text: str, steps: int = 1, /) -> None:
         nonlocal done
-        done += 1
+        done += steps
         print(f"{done}/{total} {text} ({time.monotonic() - began:.0f} s)", flush=True)
 
     earlier = read_result(HERE) if given.scene or given.only else None
-    result = tradeoff(
-        work, earlier=earlier, workers=WORKERS, advance=advance, keep=lambda so_far: write_numbers(so_far, HERE)
-    )
-    write_result(result, HERE, head=head(result))
+    result = run(tradeoff_job(work, earlier=earlier, at_once=WORKERS), SCRATCH, advance=advance).result
+    write_text(HERE / RESULT, dump_json(result.model_dump(mode="json")))
+    for name, content in products_of(result, head=head(result)).items():
+        write_bytes(HERE / name, content)
     for name, asked, found, met in check(result):
         print(f"{'met' if met else 'MISSED'}: {name}: asked {asked}, found {found}")
     print(HERE / "report.md")

@@ -24,7 +24,6 @@ from cpic_planner.report.drawing import style
 from cpic_planner.validation.task import images_of
 from simulator import Observation, load_instrument, observe, single_band_psf
 from simulator.camera import to_electrons
-from simulator.camera.dark_current import dark_rate_e_s
 from simulator.files import write_bytes, write_text
 from simulator.imaging.aperture import overlap_weights
 from simulator.imaging.psf import Psf
@@ -71,9 +70,7 @@ class Shifted:
         total_s = seen.exposure_s * seen.n_frames
         mean = seen.mean_rate_map[part] * total_s
         pixels = (
-            detector.read_noise_e**2 * seen.n_frames
-            + dark_rate_e_s(detector) * total_s
-            + detector.cic_e * seen.n_frames
+            detector.read_noise_e**2 * seen.n_frames + detector.dark_rate_e_s * total_s + detector.cic_e * seen.n_frames
         )
         variance = float((weights**2 * (mean + pixels)).sum())
         return float((weights * self.electrons[part]).sum()), float((weights * mean).sum()), variance
@@ -99,7 +96,7 @@ def shifted(band: str, direction: str, shift_arcsec: float, realisation: int = 0
         frame = seen.frame(index)
         total += to_electrons(frame.adu, detector, seen.em_gain)
         lost, brightest = max(lost, int(frame.lost.sum())), max(brightest, int(frame.adu.max()))
-    total -= FRAMES * (detector.cic_e + dark_rate_e_s(detector) * EXPOSURE_S)
+    total -= FRAMES * (detector.cic_e + detector.dark_rate_e_s * EXPOSURE_S)
     return Shifted(direction, shift_arcsec, seen, total, lost, brightest)
 
 

@@ -99,7 +99,7 @@ def detected(
                 setting.n_frames,
                 setting.em_gain,
                 model.camera(setting.band),
-                reference_ratio=model.strategy.reference_ratio,
+                model.strategy,
             )
             elements = metrics.resolution_elements(np.hypot(x[inside], y[inside]))
             hits[k, inside] = noise.significance[0] >= threshold_array(elements, model.strategy.sigma)

@@ -28,7 +28,7 @@ def worker_pids(parent: int | None = None) -> list[int]:
     with contextlib.suppress(psutil.Error):
         for child in psutil.Process(parent).children(recursive=True):
             with contextlib.suppress(psutil.Error):
-                if "cpic_planner.cluster.worker" in child.cmdline():
+                if "cpic_planner.jobs.worker" in child.cmdline():
                     found.append(child.pid)
     return sorted(found)
 

@@ -10,10 +10,10 @@ from scipy.optimize import minimize
 from scipy.special import log_ndtr, ndtr
 
 from catalogs.strict_yaml import load_yaml, split_sourced
-from cpic_planner.engine import run_tasks
 from cpic_planner.etc.detection import INWARD
 from cpic_planner.etc.noise import stack_noise
 from cpic_planner.etc.rates import aperture_rates
+from cpic_planner.jobs.engine import run_tasks
 from cpic_planner.survey.assumed import imaged_model
 from cpic_planner.survey.detection import Setting, rolled, tail_share
 from cpic_planner.survey.image_check import image_task
@@ -127,7 +127,7 @@ def _sequence(
         frames.n_frames,
         frames.em_gain,
         model.camera(setting.band),
-        reference_ratio=model.strategy.reference_ratio,
+        model.strategy,
     )
     return {
         "star": str(star.name[0]),

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from cpic_planner.engine import run_tasks
 from cpic_planner.etc.model import build_model
+from cpic_planner.jobs.engine import run_tasks
 from cpic_planner.survey.assumed import assumed_model, imaged_model, mirror_noise_nm, raw_contrast_median, with_contrast
 from cpic_planner.survey.strategy import SurveyStrategy
 from cpic_planner.targets import find_target

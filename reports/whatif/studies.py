@@ -11,7 +11,7 @@ import brute_force
 import numpy as np
 
 from cpic_planner.completeness import completeness
-from cpic_planner.engine import run_tasks
+from cpic_planner.jobs.engine import run_tasks
 from cpic_planner.population import Planets
 from cpic_planner.survey.candidates import albedos_of
 from cpic_planner.survey.detection import detection_chance, see

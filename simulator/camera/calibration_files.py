@@ -14,18 +14,15 @@ import numpy as np
 import numpy.typing as npt
 
 from catalogs.errors import InputError
-from simulator.camera.checks import element_name
 from simulator.camera.frame import MaskBit
-from simulator.camera.sections import sections_of
-from simulator.config.detector import Detector
+from simulator.config.detector import AnyDetector
 from simulator.effects.map_units import unit_factor
 from simulator.files import write_bytes
 from simulator.imaging.map_files import read_maps
+from simulator.quantities import element_name
 
 if TYPE_CHECKING:
     from simulator.camera.calibration_set import CalibrationSet
-
-__all__ = ["file_print", "named_files", "read_calibration_map", "write_calibration_set"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -49,11 +46,6 @@ _KINDS = {
 FLAT_MEAN_RANGE = (0.5, 2.0)
 
 
-def named_files(detector: Detector) -> dict[str, str]:
-    """Files of calibration maps that a detector names, by what they hold."""
-    return {kind: path for kind, path in detector.calibration_files.model_dump().items() if path is not None}
-
-
 def file_print(kind: str, path: str) -> tuple[int, ...]:
     """Size, time and number of a file on disk: what changes when it is written anew.
 
@@ -69,7 +61,7 @@ def file_print(kind: str, path: str) -> tuple[int, ...]:
     return found.st_size, found.st_mtime_ns, found.st_ino
 
 
-def read_calibration_map(kind: str, path: str, detector: Detector) -> FloatArray:
+def read_calibration_map(kind: str, path: str, detector: AnyDetector) -> FloatArray:
     """Read the first two-dimensional image of a FITS file as a map over the whole frame.
 
     Parameters
@@ -108,7 +100,7 @@ def read_calibration_map(kind: str, path: str, detector: Detector) -> FloatArray
         )
     values = _checked_values(rule, key, path, image.data, factor)
     if kind == "flat":
-        _check_flat(key, path, values if values.shape == active else values[sections_of(detector)["active"]])
+        _check_flat(key, path, values if values.shape == active else values[detector.sections["active"]])
     if kind == "bias" and not float(np.median(values)) < detector.adc_max_adu:
         raise InputError(
             f"{key} median",
@@ -120,7 +112,7 @@ def read_calibration_map(kind: str, path: str, detector: Detector) -> FloatArray
     if values.shape == frame:
         return values
     whole = np.full(frame, 0.0 if rule.fill_zero else float(np.median(values)))
-    whole[sections_of(detector)["active"]] = values
+    whole[detector.sections["active"]] = values
     return whole
 
 

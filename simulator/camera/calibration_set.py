@@ -9,44 +9,21 @@ import functools
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from types import MappingProxyType
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from catalogs.errors import InputError
-from simulator.camera.calibration_files import file_print, named_files, read_calibration_map
-from simulator.camera.dark_current import dark_rate_e_s
+from simulator.camera.calibration_files import file_print, read_calibration_map
 from simulator.camera.flaws import chosen_places, excess_map, flaw_mask, response_map, scatter_map, warm_from_e_s
 from simulator.camera.frame import MaskBit
-from simulator.camera.sections import Section, sections_of
-from simulator.config.detector import Detector
+from simulator.config.detector import AnyDetector, Section
+from simulator.detectors.chains import Switches
 from simulator.rng import stream
-
-__all__ = ["CalibrationSet", "FlawSwitches", "bias_level_adu", "load_calibration_set"]
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
-
-
-class FlawSwitches(Protocol):
-    """Switches of the flaws of pixels that every camera has."""
-
-    @property
-    def flat(self) -> bool:
-        """Scatter of the response."""
-
-    @property
-    def dark(self) -> bool:
-        """Dark current at all."""
-
-    @property
-    def dark_structure(self) -> bool:
-        """Scatter of the dark current."""
-
-    @property
-    def bad_pixels(self) -> bool:
-        """Dead and hot pixels."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +107,7 @@ class CalibrationSet:
                 cut[item.name] = value[rows, columns] if value.ndim == 2 else value[columns]
         return replace(self, **cut)
 
-    def response_of(self, switches: FlawSwitches) -> FloatArray:
+    def response_of(self, switches: Switches) -> FloatArray:
         """Response with the flaws that are switched on (``flat``, ``bad_pixels``, ``bad_columns``)."""
         columns = _columns_on(switches)
         if switches.flat and switches.bad_pixels and columns:
@@ -142,7 +119,7 @@ class CalibrationSet:
             response[self.bad_column] = 0.0
         return response
 
-    def dark_of(self, switches: FlawSwitches) -> FloatArray:
+    def dark_of(self, switches: Switches) -> FloatArray:
         """Dark current with the flaws that are switched on.
 
         ``dark_structure`` is the scatter from pixel to pixel, ``bad_pixels`` holds hot pixels, ``bad_columns`` theirs,
@@ -160,7 +137,7 @@ class CalibrationSet:
         dark[raised] += self.dark_e_s[raised] - self.dark_smooth_e_s[raised]
         return dark
 
-    def mask_of(self, switches: FlawSwitches) -> npt.NDArray[np.uint8]:
+    def mask_of(self, switches: Switches) -> npt.NDArray[np.uint8]:
         """Mask with the flaws that are switched on."""
         columns = _columns_on(switches)
         if switches.dark and switches.dark_structure and switches.bad_pixels and columns:
@@ -174,12 +151,12 @@ class CalibrationSet:
         return mask
 
 
-def _columns_on(switches: FlawSwitches) -> bool:
+def _columns_on(switches: Switches) -> bool:
     """Bad columns belong to the visible camera alone."""
     return bool(getattr(switches, "bad_columns", True))
 
 
-def load_calibration_set(detector: Detector) -> CalibrationSet:
+def load_calibration_set(detector: AnyDetector) -> CalibrationSet:
     """Calibration set of the visible camera, over its whole frame.
 
     Parameters
@@ -203,22 +180,20 @@ def load_calibration_set(detector: Detector) -> CalibrationSet:
         For a file that is missing, no FITS image, of another shape or unit, or holds NaN, infinity or a value out of
         range (naming file and pixel); for more bad columns than there are active ones.
     """
-    prints = tuple(file_print(kind, path) for kind, path in named_files(detector).items())
+    prints = tuple(file_print(kind, path) for kind, path in detector.maps.items())
     return _cached_set(detector, prints)
 
 
-def bias_level_adu(detector: Detector) -> float:
+def bias_level_adu(detector: AnyDetector) -> float:
     """Level of the bias: the median of its map where a file is named, else that of the configuration."""
-    if detector.calibration_files.bias is None:
-        return detector.bias_adu
-    return load_calibration_set(detector).bias_level_adu
+    return load_calibration_set(detector).bias_level_adu if "bias" in detector.maps else detector.bias_adu
 
 
-# One set of the default camera takes 60 MB.
-@functools.lru_cache(maxsize=2)
-def _cached_set(detector: Detector, prints: tuple[tuple[int, ...], ...]) -> CalibrationSet:
+# One set of the default visible camera takes 60 MB, of the near-infrared one 15 MB.
+@functools.lru_cache(maxsize=4)
+def _cached_set(detector: AnyDetector, prints: tuple[tuple[int, ...], ...]) -> CalibrationSet:
     """Build a set; ``prints`` of the files keep a changed file from being taken for its former self."""
-    parts, files = sections_of(detector), named_files(detector)
+    parts, files = detector.sections, detector.maps
     maps = {kind: read_calibration_map(kind, path, detector) for kind, path in files.items()}
     shape, active = (detector.n_rows, detector.n_columns), parts["active"]
     seen = _inside(shape, active)
@@ -248,8 +223,8 @@ def _cached_set(detector: Detector, prints: tuple[tuple[int, ...], ...]) -> Cali
     )
 
 
-def _rng(detector: Detector, flaw: str) -> np.random.Generator:
-    return stream(detector.flaws.seed, "calibration", "visible", flaw)
+def _rng(detector: AnyDetector, flaw: str) -> np.random.Generator:
+    return stream(detector.flaws.seed, "calibration", detector.set_name, flaw)
 
 
 def _inside(shape: tuple[int, int], section: Section) -> BoolArray:
@@ -263,7 +238,7 @@ def _size(section: Section) -> tuple[int, int]:
     return rows.stop - rows.start, columns.stop - columns.start
 
 
-def _bad_columns(detector: Detector, shape: tuple[int, int], parts: dict[str, Section]) -> BoolArray:
+def _bad_columns(detector: AnyDetector, shape: tuple[int, int], parts: dict[str, Section]) -> BoolArray:
     bad = np.zeros(shape, dtype=np.bool_)
     number, columns = detector.flaws.bad_columns, parts["active"][1]
     available = columns.stop - columns.start
@@ -275,7 +250,7 @@ def _bad_columns(detector: Detector, shape: tuple[int, int], parts: dict[str, Se
 
 
 def _sensitivity(
-    detector: Detector, flat: FloatArray | None, shape: tuple[int, int], seen: BoolArray, active: Section
+    detector: AnyDetector, flat: FloatArray | None, shape: tuple[int, int], seen: BoolArray, active: Section
 ) -> tuple[FloatArray, BoolArray]:
     """Response before dead pixels and bad columns, and the dead pixels."""
     if flat is not None:
@@ -288,7 +263,7 @@ def _sensitivity(
 
 
 def _dark(
-    detector: Detector,
+    detector: AnyDetector,
     given: FloatArray | None,
     shape: tuple[int, int],
     parts: dict[str, Section],
@@ -305,7 +280,7 @@ def _dark(
         uniform[image] = level
         smooth = np.where(hot | bad_column, uniform, dark)
         return uniform, smooth, dark, hot
-    level = dark_rate_e_s(detector)
+    level = detector.dark_rate_e_s
     size = _size(image)
     uniform[image] = level
     smooth[image] = level * scatter_map(size, flaws.dsnu_rms, _rng(detector, "dark"))
@@ -316,7 +291,7 @@ def _dark(
 
 
 def _clock_charge(
-    detector: Detector, given: FloatArray | None, shape: tuple[int, int], columns: slice
+    detector: AnyDetector, given: FloatArray | None, shape: tuple[int, int], columns: slice
 ) -> tuple[FloatArray, bool]:
     """Clock-induced charge of all rows of the image's columns, and whether it varies."""
     cic, section = np.zeros(shape), (slice(0, shape[0]), columns)
@@ -327,7 +302,7 @@ def _clock_charge(
     return cic, detector.flaws.cic_rms > 0
 
 
-def _stripes(detector: Detector) -> FloatArray:
+def _stripes(detector: AnyDetector) -> FloatArray:
     stripes = _rng(detector, "stripes").standard_normal(detector.n_columns)
     stripes -= stripes.mean()
-    return np.asarray(stripes * detector.bias_structure.stripe_rms_adu)
+    return np.asarray(stripes * detector.stripe_rms_adu)

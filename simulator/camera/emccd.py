@@ -7,13 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from simulator.camera.checks import checked_array, checked_scalar
 from simulator.camera.frame import Frame
 from simulator.camera.visible import VisibleCamera
 from simulator.config.detector import Detector
+from simulator.quantities import checked_array, checked_scalar
 from simulator.rng import PathPart
-
-__all__ = ["expected_adu_map", "expose_frame", "to_electrons"]
 
 FloatArray = npt.NDArray[np.float64]
 _MOST_ADU = 1e100

@@ -9,8 +9,6 @@ import numpy.typing as npt
 
 from simulator.camera.frame import MaskBit
 
-__all__ = ["chosen_places", "excess_map", "flaw_mask", "response_map", "scatter_map", "warm_from_e_s"]
-
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 

@@ -9,8 +9,6 @@ from enum import IntFlag
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["Frame", "MaskBit"]
-
 
 class MaskBit(IntFlag):
     """Bits of the truth mask: those of the Level-1 data model."""

@@ -11,22 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from catalogs.errors import InputError
-from simulator.camera.checks import checked_array, element_name
 from simulator.camera.register_law import output_cumulants, register_table
 from simulator.lazy import load_kernels
-
-__all__ = [
-    "GAIN_LIMIT",
-    "MAX_ELECTRONS",
-    "added_shape",
-    "amplify",
-    "excess_noise_factor2",
-    "gain_variance",
-    "multiply",
-    "noise_factor2",
-    "pixel_keys",
-    "stage_probability",
-]
+from simulator.quantities import checked_array, element_name
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -7,11 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from simulator.camera.checks import checked_array
 from simulator.camera.gain import GAIN_LIMIT
 from simulator.outcome import Outcome
-
-__all__ = ["GainSetting", "em_gain_of", "em_voltage_of"]
+from simulator.quantities import checked_array
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]

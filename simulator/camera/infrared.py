@@ -8,47 +8,53 @@ converter. Reads are reduced before they are rounded to whole ADU.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from catalogs.errors import InputError
-from simulator.camera.calibration_set import CalibrationSet
-from simulator.camera.checks import checked_array, checked_rates, checked_scalar, element_name
+from simulator.camera.camera import MAX_EXPOSURE_S, MAX_MEAN_E, Camera, begun, corner_of, flaws_of, means, run
+from simulator.camera.checks import checked_rates
 from simulator.camera.frame import Frame, MaskBit
-from simulator.camera.gain import pixel_keys
-from simulator.camera.infrared_effects import (
+from simulator.camera.infrared_reads import ReadStack, read_times
+from simulator.config.detector import InfraredDetector
+from simulator.config.effects import CosmicRayConfig
+from simulator.detectors.effect import Exposure, FloatArray, Place, Work
+from simulator.detectors.infrared import (
+    ARRIVAL,
+    HITS,
     Coupling,
-    ExponentialPersistence,
+    Hits,
+    InterpixelCapacitance,
+    LateCharge,
     PastExposure,
     Persistence,
-    neighbour_kernel,
+    checked_hits,
+    tracks_of,
 )
-from simulator.camera.infrared_hits import Hits, checked_hits, hit_times, tracks_of
-from simulator.camera.infrared_reads import ReadStack, read_times, well_signal
-from simulator.camera.infrared_set import load_infrared_set
-from simulator.camera.stage import KERNELS
-from simulator.config.effects import CosmicRayConfig
-from simulator.config.infrared import InfraredDetector
-from simulator.effects.cosmic_rays import draw_cosmic_rays
-from simulator.lazy import load_kernels
-from simulator.rng import PathPart, stream
+from simulator.quantities import checked_scalar
+from simulator.rng import PathPart
 
-__all__ = ["InfraredCamera", "InfraredExposure"]
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
-
-# Keeps sums over a frame inside 64-bit integers; any full well is far below.
-MAX_MEAN_E = 1e12
 MAX_RATE_E_S = 1e300
-MAX_EXPOSURE_S = 1e6
 
 
-@dataclass(frozen=True, eq=False)
-class InfraredExposure:
+class _GivenHits(NamedTuple):
+    """Particles that the caller gives instead of those that the camera draws."""
+
+    map_e: FloatArray
+    n_events: int
+
+    def image(self) -> FloatArray:
+        """Electrons per pixel."""
+        return self.map_e
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class InfraredExposure(Exposure):
     """The noise-free part of a frame: made once, exposed many times.
 
     Attributes
@@ -58,31 +64,17 @@ class InfraredExposure:
     expected_adu : ndarray
         Mean ADU of every pixel, without noise, rounding, cosmic rays and persistence. Where a limit cuts off only the
         upper tail of the counts (within a few sigma of full well) the mean of noisy frames differs.
-    exposure_s : float
-        Time from the first read (the reset, for a single read) to the last.
     n_reads : int
-        Reads that are taken.
-    mask : ndarray of uint8
-        Bits of `MaskBit` that belong to the pixels themselves.
-    n_negative_rates : int
-        Pixels whose rate was a rounding-error negative and was taken as 0.
+        Reads that are taken between the first (the reset, for a single read) and the end of the exposure.
     """
 
     light_e: FloatArray
     dark_e: FloatArray
     expected_adu: FloatArray
-    exposure_s: float
-    n_reads: int
-    mask: npt.NDArray[np.uint8]
-    n_negative_rates: int = 0
-
-    @property
-    def mean_e(self) -> FloatArray:
-        """Mean electrons that every pixel collects."""
-        return self.light_e + self.dark_e
+    n_reads: int  # type: ignore[misc]
 
 
-class InfraredCamera:
+class InfraredCamera(Camera):
     """The near-infrared camera.
 
     Parameters
@@ -93,7 +85,7 @@ class InfraredCamera:
         Particles; none without it.
     cosmic_ray_rate_per_s_cm2 : float
         Their rate at the date of the observation.
-    persistence : Persistence, optional
+    persistence : LateCharge, optional
         What earlier frames leave; `ExponentialPersistence` of the configuration if not given.
     coupling : Coupling, optional
         Inter-pixel capacitance; the four nearest neighbours with ``interpixel_coupling`` if not given.
@@ -110,22 +102,21 @@ class InfraredCamera:
         *,
         cosmic_rays: CosmicRayConfig | None = None,
         cosmic_ray_rate_per_s_cm2: float = 0.0,
-        persistence: Persistence | None = None,
+        persistence: LateCharge | None = None,
         coupling: Coupling | None = None,
     ) -> None:
-        self.detector = detector
-        self._particles = cosmic_rays
-        self._particle_rate = checked_scalar("cosmic_ray_rate_per_s_cm2", cosmic_ray_rate_per_s_cm2, low=0.0, high=1e12)
-        switches = detector.switches
-        for key, given, on in (
-            ("persistence", persistence, switches.persistence),
-            ("interpixel_capacitance", coupling, switches.interpixel_capacitance),
-        ):
-            if given is not None and not on:
+        rate = checked_scalar("cosmic_ray_rate_per_s_cm2", cosmic_ray_rate_per_s_cm2, low=0.0, high=1e12)
+        own = {"persistence": persistence, "interpixel_capacitance": coupling}
+        for key, given in own.items():
+            if given is not None and not getattr(detector.switches, key):
                 raise InputError(f"near_infrared.detector.switches.{key}", False, allowed="true with a plug-in for it")
-        late = detector.persistence
-        self._persistence = persistence or ExponentialPersistence(late.fraction, late.decay_s)
-        self._coupling = coupling or neighbour_kernel(detector.interpixel_coupling)
+        instead = {"persistence": Persistence(persistence), "interpixel_capacitance": InterpixelCapacitance(coupling)}
+        chain = tuple(instead.get(effect.switch, effect) for effect in detector.chain)
+        super().__init__(detector, cosmic_rays=cosmic_rays, cosmic_ray_rate_per_s_cm2=rate, chain=chain)
+        self.detector = detector
+
+    def _there(self, effect: Any) -> bool:
+        return True  # particles can be given frame by frame
 
     def prepare(
         self, rate_map_e_s: npt.ArrayLike, exposure_s: float, *, first_pixel: tuple[int, int] | None = None
@@ -150,32 +141,38 @@ class InfraredCamera:
         detector, switches = self.detector, self.detector.switches
         rates, n_negative = checked_rates(rate_map_e_s)
         time = checked_scalar("exposure_s", exposure_s, low=0.0, high=MAX_EXPOSURE_S, unit="s")
-        flaws = self._flaws(rates.shape, first_pixel)
+        corner = corner_of(detector, rates.shape, first_pixel)
+        flaws = flaws_of(detector, rates.shape, corner)
         # The cap keeps products of the largest rates finite.
         light = np.minimum(rates, MAX_RATE_E_S)
         if flaws is not None:
             light = light * flaws.response_of(switches)
-        if flaws is not None:
             dark, mask = flaws.dark_of(switches), flaws.mask_of(switches)
         else:
             dark = np.full(rates.shape, detector.dark_e_s if switches.dark else 0.0)
             mask = np.zeros(rates.shape, dtype=np.uint8)
         light_e, dark_e = np.minimum(light * time, MAX_MEAN_E), np.minimum(dark * time, MAX_MEAN_E)
-        n_reads = detector.reads_of(time)
-        mean = light_e + dark_e
-        stack = ReadStack(detector.readout_mode, mean.shape, detector.bias_adu, detector.adc_max_adu)
-        for fraction in read_times(detector.readout_mode, n_reads):
-            signal, full = self._signal(fraction * mean)
-            stack.add(float(fraction), signal / detector.gain_e_adu + detector.bias_adu, full)
-        return InfraredExposure(
+        whole = slice(0, rates.shape[0]), slice(0, rates.shape[1])
+        exposure = InfraredExposure(
+            detector,
+            Place(*whole, *(corner or (0, 0)), corner is None),
+            time,
+            1.0,
+            light_e + dark_e,
+            flaws=mask,
+            n_negative_rates=n_negative,
+            tracks=self._tracks(detector, time) if time > 0 else None,
             light_e=light_e,
             dark_e=dark_e,
-            expected_adu=stack.result()[0],
-            exposure_s=time,
-            n_reads=n_reads,
-            mask=mask,
-            n_negative_rates=n_negative,
+            expected_adu=light_e,
+            n_reads=detector.reads_of(time),
         )
+        stack = self._stack(rates.shape)
+        for fraction in read_times(detector.readout_mode, exposure.n_reads):
+            charge = fraction * exposure.mean_e
+            full = charge >= detector.full_well_e
+            stack.add(float(fraction), self._adu(means(self.voltage, charge, exposure)), full)
+        return dataclasses.replace(exposure, expected_adu=stack.result()[0])
 
     def expected_adu(self, exposure: InfraredExposure) -> FloatArray:
         """Mean ADU of every pixel; see `InfraredExposure`."""
@@ -199,9 +196,8 @@ class InfraredCamera:
         seed : int
             Seed of the run.
         path : sequence of str or int
-            Names of target, role, band, realisation, frame. Each stage draws from ``stream(seed, *path, stage)``
-            (``photon_noise``, ``dark``, ``persistence``, ``arrivals``, ``cosmic_rays``, ``cosmic_ray_times``,
-            ``reset_noise``, ``read_noise``).
+            Names of target, role, band, realisation, frame. Each effect draws from ``stream(seed, *path, switch)``;
+            ``arrivals`` and ``cosmic_ray_times`` are the streams of what arrives when.
         cosmic_rays : tuple of array_like, optional
             Flat pixel indices and electrons of what particles left during the exposure, instead of those that the
             camera draws. Left out where their switch is off. In a ramp, pixels that touch were hit at one time.
@@ -219,50 +215,35 @@ class InfraredCamera:
         InputError
             For a path that is a string, hits outside the array, or charges of past frames that do not fit.
         """
-        if isinstance(path, str):
-            raise InputError("path", path, allowed="a sequence of names, not one string")
-        detector, switches, shape = self.detector, self.detector.switches, exposure.light_e.shape
-        sources = {"photon_noise": exposure.light_e, "dark": exposure.dark_e}
-        if switches.persistence and len(past):
-            sources["persistence"] = self._late_charge(past, exposure)
-        counts = {name: self._counts(mean, stream(seed, *path, name)) for name, mean in sources.items()}
-        hits, n_particles = self._hits(cosmic_rays, exposure, stream(seed, *path, "cosmic_rays"))
-        arrival = None
-        if hits is not None and exposure.n_reads > 2:
-            arrival = hit_times(hits > 0, stream(seed, *path, "cosmic_ray_times"))
-        noise = stream(seed, *path, "read_noise") if switches.read_noise and detector.read_noise_e > 0 else None
-        reset: FloatArray | float = 0.0
-        if switches.reset_noise and detector.reset_noise_e > 0:
-            reset = detector.reset_noise_e * stream(seed, *path, "reset_noise").standard_normal(shape)
-        stack = ReadStack(detector.readout_mode, shape, detector.bias_adu, detector.adc_max_adu)
-        full: BoolArray = np.zeros(shape, dtype=np.bool_)
-        collected: FloatArray = sum(counts.values(), np.zeros(shape))
-        for fraction, charge in self._collect(collected, exposure, stream(seed, *path, "arrivals")):
-            if hits is None or fraction == 0.0:
-                struck: FloatArray | float = 0.0
-            else:
-                struck = hits if arrival is None else np.where(arrival <= fraction, hits, 0.0)
-            signal, full = self._signal(charge + struck)
-            signal += reset
-            if noise is not None:
-                signal += detector.read_noise_e * noise.standard_normal(shape)
-            stack.add(fraction, signal / detector.gain_e_adu + detector.bias_adu, full)
+        detector = self.detector
+        work = begun(exposure, seed, path, past)
+        if cosmic_rays is not None:
+            hits = checked_hits(cosmic_rays, work.image.shape)
+            given = _GivenHits(hits, tracks_of(hits > 0)[1])
+            exposure = dataclasses.replace(exposure, tracks=lambda shape, rng: given)
+        run(self.charge, work, exposure)
+        collected, stack = work.image, self._stack(work.image.shape)
+        streams = {effect.switch: work.stream(effect.switch) for effect in self.voltage}
+        for fraction, charge in self._collect(collected, exposure, work.stream("arrivals")):
+            work.image = charge + self._struck(work, fraction)
+            work.saturated = work.image >= detector.full_well_e
+            for effect in self.voltage:
+                effect.draw(work, exposure, streams[effect.switch])
+            stack.add(fraction, self._adu(work.image), work.saturated)
         adu, lost, clipped = stack.result()
-        mask = exposure.mask | np.where(lost, np.uint8(MaskBit.SATURATED), np.uint8(0))
-        book = {"photons" if name == "photon_noise" else name: float(n.sum()) for name, n in counts.items()}
-        if hits is not None:
-            mask[hits > 0] |= np.uint8(MaskBit.COSMIC_RAY)
-            collected = collected + hits
-            book["cosmic_rays"] = float(hits.sum())
-        book["lost_full_well"] = float(np.maximum(collected - detector.full_well_e, 0.0).sum())
-        book["stored"] = float(np.minimum(collected, detector.full_well_e).sum())
+        mask = exposure.flaws | np.where(lost, np.uint8(MaskBit.SATURATED), np.uint8(0))
+        if work.cosmic is not None:
+            mask[work.cosmic] |= np.uint8(MaskBit.COSMIC_RAY)
+            collected = collected + work.held[HITS]
+        work.book("lost_full_well", np.maximum(collected - detector.full_well_e, 0.0).sum())
+        work.book("stored", np.minimum(collected, detector.full_well_e).sum())
         return Frame(
             adu=np.rint(adu).astype(np.uint16),
             mask=mask,
-            charge=book,
+            charge=work.charge,
             n_clipped=int(np.count_nonzero(clipped)),
-            n_saturated_pixels=int(np.count_nonzero(full)),
-            n_cosmic_rays=n_particles,
+            n_saturated_pixels=int(np.count_nonzero(work.saturated)),
+            n_cosmic_rays=work.counts.get("n_cosmic_rays", 0),
             n_negative_rates=exposure.n_negative_rates,
         )
 
@@ -270,57 +251,19 @@ class InfraredCamera:
         """Electrons collected, as far as ADU tell: ``(adu - bias) gain_e_adu``, dark current included."""
         return (np.asarray(adu, dtype=np.float64) - self.detector.bias_adu) * self.detector.gain_e_adu
 
-    def _flaws(self, shape: tuple[int, ...], first_pixel: tuple[int, int] | None) -> CalibrationSet | None:
-        detector, switches = self.detector, self.detector.switches
-        if not (switches.flat or switches.dark_structure or switches.bad_pixels):
-            return None
-        whole = load_infrared_set(detector)
-        if shape == detector.shape and first_pixel is None:
-            return whole
-        if first_pixel is None:
-            first_pixel = detector.star_row - shape[0] // 2, detector.star_column - shape[1] // 2
-        row, column = first_pixel
-        inside = 0 <= row <= detector.n_rows - shape[0] and 0 <= column <= detector.n_columns - shape[1]
-        if not inside:
-            raise InputError(
-                "rate_map_e_s",
-                f"window of {shape[0]} x {shape[1]} from row {row}, column {column}",
-                allowed=f"a window of the frame of {detector.n_rows} x {detector.n_columns}",
-                hint="or switch off flat, dark_structure and bad_pixels",
-            )
-        return whole.window(slice(row, row + shape[0]), slice(column, column + shape[1]))
+    def _stack(self, shape: tuple[int, ...]) -> ReadStack:
+        return ReadStack(self.detector.readout_mode, shape, self.detector.bias_adu, self.detector.adc_max_adu)
 
-    def _hits(
-        self, given: Hits | None, exposure: InfraredExposure, rng: np.random.Generator
-    ) -> tuple[FloatArray | None, int]:
-        """Electrons of cosmic rays as a map (None for none), and the number of particles."""
-        shape = exposure.light_e.shape
-        if not self.detector.switches.cosmic_rays:
-            return None, 0
-        if given is not None:
-            hits = checked_hits(given, shape)
-            return hits, tracks_of(hits > 0)[1]
-        if self._particles is None or self._particle_rate == 0.0 or exposure.exposure_s == 0.0:
-            return None, 0
-        rays = draw_cosmic_rays(
-            self._particles, (shape[0], shape[1]), self.detector.pixel_um, exposure.exposure_s, self._particle_rate, rng
-        )
-        return rays.image().astype(np.float64), rays.n_events
+    def _adu(self, signal_e: FloatArray) -> FloatArray:
+        return signal_e / self.detector.gain_e_adu + self.detector.bias_adu
 
-    def _late_charge(self, past: Sequence[PastExposure], exposure: InfraredExposure) -> FloatArray:
-        rate = checked_array("persistence", self._persistence(past, exposure.exposure_s), low=0.0, unit="e-/s")
-        if rate.shape != exposure.light_e.shape:
-            raise InputError("persistence", f"shape {rate.shape}", allowed=f"shape {exposure.light_e.shape}")
-        return np.minimum(rate * exposure.exposure_s, MAX_MEAN_E)
-
-    def _counts(self, mean: FloatArray, rng: np.random.Generator) -> FloatArray:
-        if not self.detector.switches.photon_noise:
-            return mean
-        counts = np.empty(mean.shape)
-        load_kernels(KERNELS).draw_poisson(
-            mean.reshape(-1), np.exp(-mean).reshape(-1), pixel_keys(rng), counts.reshape(-1)
-        )
-        return counts
+    @staticmethod
+    def _struck(work: Work, fraction: float) -> FloatArray | float:
+        """Charge of particles at a read."""
+        if HITS not in work.held or fraction == 0.0:
+            return 0.0
+        hits, arrival = work.held[HITS], work.held.get(ARRIVAL)
+        return hits if arrival is None else np.where(arrival <= fraction, hits, 0.0)
 
     def _collect(
         self, total: FloatArray, exposure: InfraredExposure, rng: np.random.Generator
@@ -339,16 +282,3 @@ class InfraredCamera:
                 here, left = here + step, left - step
             before = float(fraction)
             yield before, here.astype(np.float64)
-
-    def _signal(self, charge: FloatArray) -> tuple[FloatArray, BoolArray]:
-        """Signal of a charge, and where the pixel is full."""
-        detector, switches = self.detector, self.detector.switches
-        loss = detector.nonlinearity_at_full_well if switches.nonlinearity else 0.0
-        signal = well_signal(charge, detector.full_well_e, loss)
-        if switches.interpixel_capacitance:
-            coupled = np.asarray(self._coupling(signal), dtype=np.float64)
-            if coupled.shape != signal.shape or not np.isfinite(coupled).all():
-                wrong = coupled.shape if coupled.shape != signal.shape else element_name("", ~np.isfinite(coupled))[0]
-                raise InputError("coupling", str(wrong), allowed=f"finite signals of shape {signal.shape}")
-            signal = np.array(coupled)
-        return signal, charge >= detector.full_well_e

@@ -8,9 +8,7 @@ from collections.abc import Callable, Iterable, Iterator
 import numpy as np
 import numpy.typing as npt
 
-from simulator.camera.infrared_effects import PastExposure
-
-__all__ = ["earlier_frames"]
+from simulator.detectors.infrared import PastExposure
 
 FloatArray = npt.NDArray[np.float64]
 # A charge this many decay times old has left 2e-22 of what it leaves at once.

@@ -5,15 +5,10 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from simulator.config.infrared import ReadoutMode
-
-__all__ = ["ReadStack", "read_times", "well_signal"]
+from simulator.config.detector import ReadoutMode
 
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
-
-# Width of the bend into saturation, as a fraction of the full well.
-KNEE = 0.02
 
 
 def read_times(mode: ReadoutMode, n_reads: int) -> FloatArray:
@@ -21,36 +16,6 @@ def read_times(mode: ReadoutMode, n_reads: int) -> FloatArray:
     if mode == "single":
         return np.ones(1)
     return np.linspace(0.0, 1.0, n_reads)
-
-
-def well_signal(charge_e: npt.ArrayLike, full_well_e: float, loss: float) -> FloatArray:
-    """Signal of collected charge, in electrons: a quadratic that bends smoothly into saturation.
-
-    Parameters
-    ----------
-    charge_e : array_like
-        Electrons collected, at least 0.
-    full_well_e : float
-        Charge at which the pixel is full.
-    loss : float
-        Fraction of the signal missing at full well, 0 to below 0.5; 0 is a straight line that ends at full well.
-
-    Returns
-    -------
-    ndarray
-        With ``x = charge / full_well``: ``full_well (x - loss x^2)`` up to ``x = 1``, beyond it
-        ``full_well (1 - loss + (1 - 2 loss) k (1 - exp(-(x - 1) / k)))`` with ``k = 0.02``, of the same slope at 1.
-        Never falls as the charge rises.
-    """
-    x = np.asarray(charge_e, dtype=np.float64) / full_well_e
-    below = np.minimum(x, 1.0)
-    if loss == 0.0:
-        return np.asarray(below * full_well_e)
-    signal = below * (1.0 - loss * below)
-    over = x > 1.0
-    if over.any():
-        signal[over] -= (1.0 - 2.0 * loss) * KNEE * np.expm1((1.0 - x[over]) / KNEE)
-    return np.asarray(signal * full_well_e)
 
 
 class ReadStack:

@@ -16,15 +16,6 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-__all__ = [
-    "add_normal",
-    "compress_counts",
-    "draw_poisson",
-    "multiply_charge",
-    "round_stochastic",
-    "shift_back",
-]
-
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 Keys = npt.NDArray[np.uint64]

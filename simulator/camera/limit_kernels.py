@@ -12,8 +12,6 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-__all__ = ["compress", "digitise", "serial_spill", "vertical_spill"]
-
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 

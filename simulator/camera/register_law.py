@@ -14,14 +14,6 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-__all__ = [
-    "RegisterTable",
-    "generating_function",
-    "output_cumulants",
-    "output_pmf",
-    "register_table",
-]
-
 FloatArray = npt.NDArray[np.float64]
 
 # Exponent of the probability left out at the upper end of a table, exp(-36) = 2e-16: half a step of a uniform number.

@@ -8,11 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from catalogs.errors import InputError
-from simulator.camera.checks import checked_array
 from simulator.config.detector import Detector
 from simulator.outcome import Outcome, Reason, Status
-
-__all__ = ["GainCap", "binding_limit", "gain_cap", "pixel_saturated"]
+from simulator.quantities import checked_array
+from simulator.signal.saturation import crest_e
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -134,10 +133,9 @@ def _fills(peak_e: npt.ArrayLike, em_gain: npt.ArrayLike, detector: Detector, n_
     peak = np.minimum(checked_array("peak_e_per_frame", peak_e, low=0.0, unit="e-"), 1e300)
     gain = checked_array("em_gain", em_gain, low=1.0, high=1e4)
     margin = float(checked_array("n_sigma", n_sigma, low=0.0, high=100.0))
-    level = peak + margin * np.sqrt(2.0 * peak)
-    output = gain * level
+    output = gain * crest_e(peak, 2.0, margin)
     adc_e = (detector.adc_max_adu - detector.bias_adu) * detector.gain_e_adu - margin * detector.read_noise_e
-    pixel = (peak + margin * np.sqrt(peak)) / detector.full_well_e
+    pixel = crest_e(peak, 1.0, margin) / detector.full_well_e
     # A converter whose range is used up by bias and read noise alone is over-full whatever the charge.
     adc = output / adc_e if adc_e > 0 else np.full(output.shape, np.inf)
     return np.stack(np.broadcast_arrays(pixel, output / detector.register_full_well_e, adc)).astype(np.float64)

@@ -7,7 +7,6 @@ drawn one by one.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Sequence
 
@@ -15,21 +14,17 @@ import numpy as np
 import numpy.typing as npt
 
 from catalogs.errors import InputError
+from simulator.camera.camera import begun, scaled
 from simulator.camera.gain import excess_noise_factor2
-from simulator.camera.readout import BiasDrift, Interference
-from simulator.camera.stage import Exposure, Work
+from simulator.camera.noise import FrameNoise
 from simulator.camera.visible import VisibleCamera
+from simulator.detectors.effect import Exposure
 from simulator.outcome import Outcome, Reason, Status
-from simulator.rng import PathPart, stream
-
-__all__ = ["stack_electrons", "stackable"]
+from simulator.rng import PathPart
 
 FloatArray = npt.NDArray[np.float64]
 # Chance of a Gaussian beyond: 1e-15, once in 1e9 frames of a million pixels.
 _MARGIN_SIGMA = 8.0
-_NOT_ADDITIVE = ("nonlinearity", "cosmic_rays")
-# Limits that no frame reaches have no place in their sum.
-_LIMITS = ("blooming", "register_full_well")
 MAX_FRAMES = 1_000_000
 
 
@@ -44,7 +39,7 @@ def stackable(camera: VisibleCamera, exposure: Exposure) -> Outcome[float]:
     """
     detector, structure = exposure.detector, exposure.detector.bias_structure
     for effect in camera.charge:
-        if effect.switch in _NOT_ADDITIVE:
+        if effect.in_sums == "not_additive":
             return Outcome.refuse(
                 Status.INVALID, Reason.NOT_ADDITIVE, f"{effect.switch} does not add up over frames: switch it off"
             )
@@ -57,7 +52,10 @@ def stackable(camera: VisibleCamera, exposure: Exposure) -> Outcome[float]:
     output = exposure.em_gain * (peak + _MARGIN_SIGMA * math.sqrt(factor2 * peak + _MARGIN_SIGMA))
     level = np.array(detector.bias_adu) if exposure.bias_adu is None else exposure.bias_adu
     stripes = np.zeros(1) if exposure.stripe_adu is None else exposure.stripe_adu
-    swing = _MARGIN_SIGMA * math.hypot(detector.read_noise_e / detector.gain_e_adu, structure.drift_adu)
+    rest_e = math.sqrt(FrameNoise.of(detector, 1.0, exposure.exposure_s).rest_e2)
+    swing = _MARGIN_SIGMA * math.hypot(
+        math.hypot(detector.read_noise_e, rest_e) / detector.gain_e_adu, structure.drift_adu
+    )
     swing += structure.interference_adu
     room = detector.adc_max_adu - float(level.max() + stripes.max()) - swing
     low = float(level.min() + stripes.min()) - swing
@@ -111,28 +109,12 @@ def stack_electrons(
             hint=answer.message,
         )
     n, detector = int(n_frames), exposure.detector
-    scaled = detector.model_copy(update={"cic_e": n * detector.cic_e, "register_cic_e": n * detector.register_cic_e})
-    mean = n * exposure.mean_e
-    whole = dataclasses.replace(
-        exposure,
-        detector=scaled,
-        mean_e=mean,
-        zero=np.exp(-mean),
-        cic_e=None if exposure.cic_e is None else n * exposure.cic_e,
-    )
-    work = Work(mean.copy(), np.zeros(mean.shape, dtype=np.bool_))
-    for effect in camera.charge:
-        if effect.switch not in _LIMITS:
-            effect.draw(work, whole, stream(seed, *path, effect.switch))
-    work.image /= detector.gain_e_adu
-    noise = detector.read_noise_e / detector.gain_e_adu if detector.switches.read_noise else 0.0
-    rounding = stream(seed, *path, "read_noise").standard_normal(mean.shape)
-    work.image += math.sqrt(n * (noise**2 + 1.0 / 12.0)) * rounding
-    for effect in camera.voltage:
-        common = stream(seed, *path, effect.switch)
-        if isinstance(effect, Interference):
-            effect.add_wave(work.image, whole, np.exp(2j * np.pi * common.random(n)).sum())
-        elif isinstance(effect, BiasDrift):
-            work.image += math.sqrt(n) * detector.bias_structure.drift_adu * common.standard_normal()
+    whole = scaled(exposure, n)
+    work = begun(whole, seed, path)
+    for effects in (camera.charge, camera.voltage):
+        for effect in effects:
+            effect.draw_sum(work, whole, n, work.stream(effect.switch))
+        if effects is camera.charge:
+            work.image /= detector.gain_e_adu
     work.image *= detector.gain_e_adu / exposure.em_gain
     return work.image

@@ -6,13 +6,11 @@ import math
 
 import numpy as np
 
-from simulator.camera.checks import checked_scalar
 from simulator.config import Instrument
 from simulator.config.effects import CosmicRayConfig
 from simulator.effects.cosmic_ray_rate import cosmic_ray_rate
 from simulator.effects.templates import TemplateSet, generated_projection_um, read_templates
-
-__all__ = ["aperture_loss_per_s", "mean_projection_um"]
+from simulator.quantities import checked_scalar
 
 _CM_PER_UM = 1e-4
 # Pixels that the circle cuts bring in charge from beyond it: on average the mean distance from the middle of a pixel.

@@ -9,85 +9,30 @@ read noise, bias and converter. Every step is an `Effect` with its own switch an
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from catalogs.errors import InputError
-from simulator.camera.calibration_set import CalibrationSet, load_calibration_set
-from simulator.camera.checks import MOST_E_S, checked_array, checked_rates, checked_scalar
-from simulator.camera.collection import Blooming, CosmicRayHits, PhotonNoise, PixelNonlinearity
-from simulator.camera.dark_current import dark_rate_e_s
+from simulator.camera.calibration_set import CalibrationSet
+from simulator.camera.camera import MAX_EXPOSURE_S, MAX_MEAN_E, Camera, begun, corner_of, flaws_of, means, run
+from simulator.camera.checks import MOST_E_S, checked_rates
 from simulator.camera.frame import Frame, MaskBit
-from simulator.camera.multiplication import OutputNonlinearity, Register, RegisterClockCharge, RegisterFullWell
-from simulator.camera.readout import BiasDrift, Interference, ReadNoise, Stripes
-from simulator.camera.sections import sections_of
-from simulator.camera.stage import LIMIT_KERNELS, Effect, Exposure, FloatArray, Place, Work
-from simulator.camera.transfer import ClockCharge, ParallelTransfer, SerialTransfer
 from simulator.config.detector import Detector
-from simulator.config.effects import CosmicRayConfig
+from simulator.detectors.effect import LIMIT_KERNELS, Exposure, FloatArray, Place, Work
+from simulator.detectors.transfer import Smear
 from simulator.lazy import load_kernels
-from simulator.rng import PathPart, stream
-
-__all__ = ["CHARGE", "VOLTAGE", "VisibleCamera"]
-
-# Keeps sums over a column inside the whole numbers of float64; any full well is far below.
-MAX_MEAN_E = 1e12
-MAX_EXPOSURE_S = 1e6
-
-CHARGE: tuple[Effect, ...] = (
-    PhotonNoise(),
-    PixelNonlinearity(),
-    Blooming(),
-    ParallelTransfer(),
-    ClockCharge(),
-    SerialTransfer(),
-    Register(),
-    RegisterClockCharge(),
-    RegisterFullWell(),
-    OutputNonlinearity(),
-)
-VOLTAGE: tuple[Effect, ...] = (ReadNoise(), Stripes(), Interference(), BiasDrift())
+from simulator.quantities import checked_array, checked_scalar
+from simulator.rng import PathPart
 
 
-class VisibleCamera:
-    """The EMCCD camera.
+class VisibleCamera(Camera):
+    """The EMCCD camera; parameters as `simulator.camera.camera.Camera`."""
 
-    Parameters
-    ----------
-    detector : Detector
-        Everything about the camera, switches included.
-    cosmic_rays : CosmicRayConfig, optional
-        Particles; none without it.
-    cosmic_ray_rate_per_s_cm2 : float
-        Their rate at the date of the observation.
-    charge, voltage : sequence of Effect, optional
-        Effects in their order before and after the conversion from electrons to ADU.
-
-    Notes
-    -----
-    Effects whose switch is off are not run, and leave the random numbers of the others as they are.
-    """
-
-    def __init__(
-        self,
-        detector: Detector,
-        *,
-        cosmic_rays: CosmicRayConfig | None = None,
-        cosmic_ray_rate_per_s_cm2: float = 0.0,
-        charge: Sequence[Effect] = CHARGE,
-        voltage: Sequence[Effect] = VOLTAGE,
-    ) -> None:
+    def __init__(self, detector: Detector, **more: Any) -> None:
+        super().__init__(detector, **more)
         self.detector = detector
-        chain = list(charge)
-        if cosmic_rays is not None and cosmic_ray_rate_per_s_cm2 > 0:
-            chain.insert(1, CosmicRayHits(cosmic_rays, cosmic_ray_rate_per_s_cm2))
-        self.charge = tuple(effect for effect in chain if self._runs(effect))
-        self.voltage = tuple(effect for effect in voltage if self._runs(effect))
-
-    def _runs(self, effect: Effect) -> bool:
-        # The register multiplies whether or not it does so at random.
-        return isinstance(effect, Register) or bool(getattr(self.detector.switches, effect.switch, True))
 
     def prepare(
         self,
@@ -124,23 +69,19 @@ class VisibleCamera:
         rates, n_negative = checked_rates(rate_map_e_s)
         checked_scalar("exposure_s", exposure_s, low=0.0, high=MAX_EXPOSURE_S, unit="s")
         checked_scalar("em_gain", em_gain, low=1.0, high=detector.em_gain_max)
-        place = _place(detector, rates.shape, first_pixel)
-        flaws = self._flaws(rates.shape, place)
+        corner = corner_of(detector, rates.shape, first_pixel)
+        place = _place(detector, rates.shape, corner)
+        flaws = flaws_of(detector, rates.shape, corner)
         light = self._light(rates, flaws, place)
         mean = light * exposure_s
         switches, smear = detector.switches, None
-        if switches.smear and exposure_s > 0:
-            # Lines pass under the light of their column on the way in and on the way out.
-            passed = light[place.rows] * detector.transfer.line_shift_s
-            others = passed.sum(axis=0)
-            if beyond_e_s is not None:
-                others += _beyond(beyond_e_s, place, rates.shape) * detector.transfer.line_shift_s
-            smear = np.zeros_like(mean)
-            smear[place.rows] = others - passed
+        if detector.line_shift_s and exposure_s > 0:
+            beyond = 0.0 if beyond_e_s is None else _beyond(beyond_e_s, place, rates.shape)
+            smear = Smear.smear_e(light, place.rows, detector.line_shift_s, beyond)
             mean += smear
         if switches.dark:
             # Without flaws of the dark current `dark_of` is the same number everywhere.
-            dark = dark_rate_e_s(detector) if flaws is None else flaws.dark_of(switches)
+            dark = detector.dark_rate_e_s if flaws is None else flaws.dark_of(switches)
             pixels = mean[place.rows, place.columns]
             pixels += (dark[place.rows, place.columns] if isinstance(dark, np.ndarray) else dark) * exposure_s
         np.minimum(mean, MAX_MEAN_E, out=mean)
@@ -150,35 +91,14 @@ class VisibleCamera:
             exposure_s=float(exposure_s),
             em_gain=float(em_gain),
             mean_e=mean,
-            zero=np.exp(-mean),
             cic_e=flaws.cic_e if flaws is not None and flaws.cic_varies else None,
             stripe_adu=flaws.stripe_adu if flaws is not None else None,
             bias_adu=flaws.bias_adu if flaws is not None else None,
             flaws=flaws.mask_of(switches) if flaws is not None else None,
             smear_e=smear,
             n_negative_rates=n_negative,
+            tracks=self._tracks(detector, float(exposure_s)),
         )
-
-    def _flaws(self, shape: tuple[int, ...], place: Place) -> CalibrationSet | None:
-        switches, files = self.detector.switches, self.detector.calibration_files
-        named = any((files.flat, files.dark, files.cic, files.bad_columns, files.bias))
-        wanted = (switches.flat, switches.dark_structure, switches.bad_pixels, switches.bad_columns, switches.stripes)
-        if not named and not any(wanted):
-            return None
-        whole = load_calibration_set(self.detector)
-        if place.whole:
-            return whole
-        rows, columns = place.first_row, place.first_column
-        active = sections_of(self.detector)["active"]
-        inside = active[0].start <= rows and rows + shape[0] <= active[0].stop
-        if not (inside and active[1].start <= columns and columns + shape[1] <= active[1].stop):
-            raise InputError(
-                "rate_map_e_s",
-                f"window of {shape[0]} x {shape[1]} from row {rows}, column {columns}",
-                allowed="a window of the active pixels, or the whole frame",
-                hint="or switch off flat, dark_structure, bad_pixels, bad_columns, stripes",
-            )
-        return whole.window(slice(rows, rows + shape[0]), slice(columns, columns + shape[1]))
 
     def _light(self, rates: FloatArray, flaws: CalibrationSet | None, place: Place) -> FloatArray:
         """Rates as the pixels respond to them; borders see no light."""
@@ -187,7 +107,7 @@ class VisibleCamera:
         if not place.whole:
             return rates.copy()
         light = np.zeros_like(rates)
-        active = sections_of(self.detector)["active"]
+        active = self.detector.sections["active"]
         light[active] = rates[active]
         return light
 
@@ -198,13 +118,10 @@ class VisibleCamera:
         of a full well) the mean of noisy frames is lower. Cosmic rays are not in it; interference and drift of the
         bias average out.
         """
-        image = exposure.mean_e.copy()
-        for effect in self.charge:
-            effect.expect(image, exposure)
+        image = means(self.charge, exposure.mean_e.copy(), exposure)
         image /= self.detector.gain_e_adu
         image += self.detector.bias_adu if exposure.bias_adu is None else exposure.bias_adu
-        for effect in self.voltage:
-            effect.expect(image, exposure)
+        means(self.voltage, image, exposure)
         return np.clip(image, 0.0, float(self.detector.adc_max_adu), out=image)
 
     def expose(self, exposure: Exposure, *, seed: int, path: Sequence[PathPart]) -> Frame:
@@ -219,21 +136,13 @@ class VisibleCamera:
         path : sequence of str or int
             Names of target, role, band, realisation, frame. Each effect draws from ``stream(seed, *path, switch)``.
         """
-        if isinstance(path, str):
-            raise InputError("path", path, allowed="a sequence of names, not one string")
-        kernels = load_kernels(LIMIT_KERNELS)
-        detector, shape = self.detector, exposure.mean_e.shape
-        work = Work(np.empty(shape), np.zeros(shape, dtype=np.bool_))
-        if not detector.switches.photon_noise:
-            work.image[...] = exposure.mean_e
-            work.charge["collected"] = float(work.image.sum())
-        for effect in self.charge:
-            effect.draw(work, exposure, stream(seed, *path, effect.switch))
+        work, detector = begun(exposure, seed, path), self.detector
+        run(self.charge, work, exposure)
         work.image *= 1.0 / detector.gain_e_adu
         work.image += detector.bias_adu if exposure.bias_adu is None else exposure.bias_adu
-        for effect in self.voltage:
-            effect.draw(work, exposure, stream(seed, *path, effect.switch))
-        adu = np.empty(shape, dtype=np.uint16)
+        run(self.voltage, work, exposure)
+        kernels = load_kernels(LIMIT_KERNELS)
+        adu = np.empty(work.image.shape, dtype=np.uint16)
         clipped = kernels.digitise(
             work.image.reshape(-1), float(detector.adc_max_adu), adu.reshape(-1), work.saturated.reshape(-1)
         )
@@ -265,14 +174,7 @@ def _beyond(beyond_e_s: npt.ArrayLike, place: Place, shape: tuple[int, ...]) -> 
     return checked_array("beyond_e_s", beyond_e_s, low=0.0, high=MOST_E_S, unit="e-/s")
 
 
-def _place(detector: Detector, shape: tuple[int, ...], first_pixel: tuple[int, int] | None) -> Place:
-    if first_pixel is None and shape == (detector.n_rows, detector.n_columns):
-        rows, columns = sections_of(detector)["image"]
-        return Place(rows, columns, 0, 0, True)
-    corner = (detector.star_row - shape[0] // 2, detector.star_column - shape[1] // 2)
-    if first_pixel is not None:
-        whole = isinstance(first_pixel, tuple | list) and all(isinstance(i, int | np.integer) for i in first_pixel)
-        if not whole or len(first_pixel) != 2:
-            raise InputError("first_pixel", first_pixel, unit="px", allowed="row and column of the frame, integers")
-        corner = int(first_pixel[0]), int(first_pixel[1])
+def _place(detector: Detector, shape: tuple[int, ...], corner: tuple[int, int] | None) -> Place:
+    if corner is None:
+        return Place(*detector.sections["image"], 0, 0, True)
     return Place(slice(0, shape[0]), slice(0, shape[1]), *corner, False)

@@ -1,30 +1,44 @@
-"""The visible camera as configuration: frame, charge limits, register, converter, flaws, and what is switched on."""
+"""Detectors as configuration: frame, charge limits, readout, flaws, and what is switched on.
+
+Switches and numbers of the effects stand with the effects (`simulator.detectors`); here is what a detector is besides.
+"""
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, Self, TypeAlias
 
 from pydantic import Field, model_validator
 
 from catalogs.errors import InputError
 from simulator.config.base import FrozenModel, flipped
-
-__all__ = [
-    "BiasStructure",
-    "CalibrationFiles",
-    "CameraSwitches",
-    "ChargeTransfer",
-    "Detector",
-    "FrameLayout",
-    "Nonlinearity",
-    "PixelFlaws",
-]
+from simulator.detectors.chains import INFRARED, VISIBLE, Chain, Switches, numbers_model, switches_model
+from simulator.detectors.collection import FullWell, Nonlinearity
+from simulator.detectors.infrared import Coupled, InfraredPersistence, LossAtFullWell, ResetElectrons
+from simulator.detectors.pixels import DarkCurrent, InfraredFlaws, PixelFlaws, dark_law_e_s
+from simulator.detectors.readout import BiasStructure, ReadNoiseElectrons
+from simulator.detectors.register import LargestGain, StageCharge, Stages
+from simulator.detectors.transfer import ChargeTransfer, ClockInduced
+from simulator.signal.variance import ramp_factors
 
 # Expected losses of an electron on its whole way. Three are followed; more happen to (n c)^4 / 24, 3e-4 of them here.
 MAX_LOSSES = 0.3
 
 Border = Annotated[int, Field(ge=0, le=4096)]
-Fraction = Annotated[float, Field(ge=0, le=1)]
+ReadoutMode = Literal["single", "cds", "up_the_ramp"]
+Section = tuple[slice, slice]
+
+if TYPE_CHECKING:
+    CameraSwitches: TypeAlias = Switches
+    InfraredSwitches: TypeAlias = Switches
+    OwnVisible: TypeAlias = FrozenModel
+    OwnInfrared: TypeAlias = FrozenModel
+else:
+    CameraSwitches = switches_model("CameraSwitches", VISIBLE)
+    InfraredSwitches = switches_model("InfraredSwitches", INFRARED)
+    OwnVisible = numbers_model("OwnVisible", VISIBLE)
+    OwnInfrared = numbers_model("OwnInfrared", INFRARED)
 
 
 class FrameLayout(FrozenModel):
@@ -43,25 +57,6 @@ class FrameLayout(FrozenModel):
     overscan_rows: Border
 
 
-class PixelFlaws(FrozenModel):
-    """The seeded calibration set: what makes pixels differ.
-
-    ``prnu_rms`` is the relative scatter of the response, ``dsnu_rms`` that of the dark current, ``cic_rms`` that of the
-    clock-induced charge. Hot pixels have ``hot_factor`` times the dark current on average. Dead pixels and bad columns
-    have no response to light; bad columns collect ``bad_column_e_s`` more than the dark current.
-    """
-
-    seed: Annotated[int, Field(ge=0)]
-    prnu_rms: Annotated[float, Field(ge=0, le=0.3)]
-    dsnu_rms: Annotated[float, Field(ge=0, le=3)]
-    cic_rms: Annotated[float, Field(ge=0, le=3)]
-    hot_fraction: Annotated[float, Field(ge=0, le=0.5)]
-    hot_factor: Annotated[float, Field(ge=1, le=1e7)]
-    dead_fraction: Annotated[float, Field(ge=0, le=0.5)]
-    bad_columns: Annotated[int, Field(ge=0, le=1000)]
-    bad_column_e_s: Annotated[float, Field(ge=0, le=1e6)]
-
-
 class CalibrationFiles(FrozenModel):
     """FITS maps over the whole frame that replace parts of the seeded set.
 
@@ -76,88 +71,123 @@ class CalibrationFiles(FrozenModel):
     bias: str | None
 
 
-class ChargeTransfer(FrozenModel):
-    """Losses of charge transfer and the clocks of frame transfer.
+class _AnyDetector(FrozenModel):
+    """What every detector has. Charge in electrons, images in ADU.
 
-    A transfer leaves the fraction ``parallel_cti`` (image) or ``serial_cti`` (line and multiplication register) of the
-    charge behind; ``store_rows`` (the frame store) lie between the first row and the register, ``serial_elements``
-    between the first column and the output. Light falls on the pixels during
-    frame transfer: there is no shutter.
+    ``sections`` are the row and column slices of the named parts of the frame: ``active`` (pixels that see light),
+    ``image`` (active and shielded pixels), ``prescan`` and ``overscan_columns`` (every row), ``overscan_rows`` (columns
+    of the image), ``dark_left`` and ``dark_right`` (rows of the image), ``dark_bottom`` and ``dark_top`` (active
+    columns). All but ``image`` are disjoint and cover the frame; a part of no pixels has an empty slice. A hybrid array
+    has active pixels only.
     """
 
-    parallel_cti: Annotated[float, Field(ge=0, le=0.01)]
-    serial_cti: Annotated[float, Field(ge=0, le=0.001)]
-    store_rows: Annotated[int, Field(ge=0, le=100_000)]
-    serial_elements: Annotated[int, Field(ge=0, le=100_000)]
-    line_shift_s: Annotated[float, Field(ge=0, le=0.1)]
-
-
-class Nonlinearity(FrozenModel):
-    """Fractions of the charge missing at two levels: in a pixel at full well, and at the output of the register."""
-
-    pixel_loss_at_full_well: Annotated[float, Field(ge=0, le=0.5)]
-    register_loss: Annotated[float, Field(ge=0, le=0.5)]
-    register_loss_at_e: Annotated[float, Field(gt=0, le=1e9)]
-
-
-class BiasStructure(FrozenModel):
-    """Structure of the bias: fixed vertical stripes, horizontal interference, drift of the level."""
-
-    stripe_rms_adu: Annotated[float, Field(ge=0, le=1000)]
-    interference_adu: Annotated[float, Field(ge=0, le=1000)]
-    interference_period_columns: Annotated[float, Field(ge=2, le=1e5)]
-    drift_adu: Annotated[float, Field(ge=0, le=1000)]
-
-
-class CameraSwitches(FrozenModel):
-    """Every effect of the camera can be left out; what is left out leaves the numbers of the others as they are."""
-
-    photon_noise: bool
-    flat: bool
-    dark: bool
-    dark_structure: bool
-    bad_pixels: bool
-    bad_columns: bool
-    smear: bool
-    cosmic_rays: bool
-    nonlinearity: bool
-    blooming: bool
-    parallel_cti: bool
-    clock_charge: bool
-    serial_cti: bool
-    em_register: bool
-    register_clock_charge: bool
-    register_full_well: bool
-    read_noise: bool
-    stripes: bool
-    interference: bool
-    bias_drift: bool
-
-
-class Detector(FrozenModel):
-    """EMCCD and its frame. Charge in electrons, images in ADU; read noise at the register output."""
+    chain: ClassVar[Chain]
+    set_name: ClassVar[str]
+    """Name of the random streams of its calibration set."""
 
     n_columns: Annotated[int, Field(ge=16, le=20000)]
     n_rows: Annotated[int, Field(ge=16, le=20000)]
     star_column: Annotated[int, Field(ge=0)]
     star_row: Annotated[int, Field(ge=0)]
-    pixel_scale_arcsec: Annotated[float, Field(gt=0, le=1)]
     pixel_um: Annotated[float, Field(ge=1, le=100)]
-    parity: Literal[-1, 1]
-    layout: FrameLayout
-    full_well_e: Annotated[float, Field(ge=100, le=1e9)]
-    register_full_well_e: Annotated[float, Field(ge=100, le=1e9)]
-    register_stages: Annotated[int, Field(ge=1, le=10000)]
-    em_gain_max: Annotated[float, Field(ge=1, le=10000)]
-    read_noise_e: Annotated[float, Field(ge=0, le=1e5)]
+    full_well_e: FullWell
+    dark_e_s: DarkCurrent
+    read_noise_e: ReadNoiseElectrons
     gain_e_adu: Annotated[float, Field(gt=0, le=1e5)]
     adc_bits: Annotated[int, Field(ge=8, le=16)]
     bias_adu: Annotated[float, Field(ge=0, le=60000)]
+    switches: Switches
+
+    @model_validator(mode="after")
+    def _star_and_bias_fit(self) -> Self:
+        if self.star_column >= self.n_columns or self.star_row >= self.n_rows:
+            raise InputError(
+                "star_column, star_row",
+                (self.star_column, self.star_row),
+                unit="px",
+                allowed=f"inside the frame of {self.n_columns} x {self.n_rows}",
+            )
+        if self.bias_adu >= self.adc_max_adu:
+            raise InputError("bias_adu", self.bias_adu, unit="ADU", allowed=f"below the ADC maximum {self.adc_max_adu}")
+        return self
+
+    @property
+    def multiplies(self) -> bool:
+        """Whether charge goes through a multiplication register that is switched on."""
+        return bool(getattr(self.switches, "em_register", False))
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns of the frame."""
+        return self.n_rows, self.n_columns
+
+    @property
+    def active_shape(self) -> tuple[int, int]:
+        """Rows and columns of the active pixels."""
+        return self.shape
+
+    @property
+    def adc_max_adu(self) -> int:
+        """Largest number the converter writes."""
+        return 2**self.adc_bits - 1
+
+    @property
+    def converter_e(self) -> float:
+        """Charge at the output that the converter holds above the bias."""
+        return (self.adc_max_adu - self.bias_adu) * self.gain_e_adu
+
+    @property
+    def maps(self) -> dict[str, str]:
+        """Files of calibration maps, by what they hold."""
+        return {}
+
+    @property
+    def sections(self) -> dict[str, Section]:
+        """Row and column slices of the named parts of the frame."""
+        whole = (slice(0, self.n_rows), slice(0, self.n_columns))
+        return {"active": whole, "image": whole}
+
+    def ramp(self, exposure_s: float | None = None) -> tuple[float, float]:
+        """Return what several reads make of the variance of one read and of the mean of the light: nothing."""
+        return 1.0, 1.0
+
+    def with_switches(self, switches: Mapping[str, bool]) -> Self:
+        """Return the same camera with effects switched by name; names of no switch of its own are passed over."""
+        own = {name: on for name, on in switches.items() if name in type(self.switches).model_fields}
+        return self.model_copy(update={"switches": self.switches.model_copy(update=own)})
+
+    def switched(self, *, off: tuple[str, ...] = (), on: tuple[str, ...] = ()) -> Self:
+        """Return the same camera with effects switched off or on, by name of the switch; ``("all",)`` means every one.
+
+        Parameters
+        ----------
+        off, on : tuple of str
+            Names of switches; those of ``on`` count after those of ``off``.
+
+        Raises
+        ------
+        InputError
+            For a name that is no switch.
+        """
+        return self.model_copy(update={"switches": flipped(self.switches, off=off, on=on)})
+
+
+class Detector(_AnyDetector, OwnVisible):
+    """EMCCD and its frame; read noise at the register output."""
+
+    chain: ClassVar[Chain] = VISIBLE
+    set_name: ClassVar[str] = "visible"
+
+    pixel_scale_arcsec: Annotated[float, Field(gt=0, le=1)]
+    parity: Literal[-1, 1]
+    layout: FrameLayout
+    register_full_well_e: FullWell
+    register_stages: Stages
+    em_gain_max: LargestGain
     temperature_k: Annotated[float, Field(ge=120, le=320)]
-    dark_e_s: Annotated[float, Field(ge=0, le=1e6)]
-    dark_293k_e_s: Annotated[float, Field(ge=0, le=1e6)]
-    cic_e: Annotated[float, Field(ge=0, le=1e3)]
-    register_cic_e: Annotated[float, Field(ge=0, le=1)]
+    dark_293k_e_s: DarkCurrent
+    cic_e: ClockInduced
+    register_cic_e: StageCharge
     readout_s: Annotated[float, Field(ge=0, le=1e4)]
     exposure_min_s: Annotated[float, Field(gt=0, le=1e6)]
     exposure_max_s: Annotated[float, Field(gt=0, le=1e6)]
@@ -169,14 +199,7 @@ class Detector(FrozenModel):
     switches: CameraSwitches
 
     @model_validator(mode="after")
-    def _consistent(self) -> Detector:
-        if self.star_column >= self.n_columns or self.star_row >= self.n_rows:
-            raise InputError(
-                "star_column, star_row",
-                (self.star_column, self.star_row),
-                unit="px",
-                allowed=f"inside the frame of {self.n_columns} x {self.n_rows}",
-            )
+    def _consistent(self) -> Self:
         if min(self.active_shape) < 1:
             raise InputError(
                 "layout",
@@ -206,8 +229,6 @@ class Detector(FrozenModel):
                     loss,
                     allowed=f"at most {MAX_LOSSES / elements:.3g}, {MAX_LOSSES:g} over {elements} transfers",
                 )
-        if self.bias_adu >= self.adc_max_adu:
-            raise InputError("bias_adu", self.bias_adu, unit="ADU", allowed=f"below the ADC maximum {self.adc_max_adu}")
         return self
 
     @property
@@ -219,16 +240,101 @@ class Detector(FrozenModel):
         return rows, self.n_columns - edge.prescan_columns - dark - edge.overscan_columns
 
     @property
-    def adc_max_adu(self) -> int:
-        """Largest number the converter writes."""
-        return 2**self.adc_bits - 1
+    def maps(self) -> dict[str, str]:
+        """Files of calibration maps, by what they hold."""
+        return {kind: path for kind, path in self.calibration_files if path is not None}
 
-    def switched(self, *, off: tuple[str, ...] = (), on: tuple[str, ...] = ()) -> Detector:
-        """The same camera with effects switched off or on, by name of the switch; ``("all",)`` means every one.
+    @property
+    def sections(self) -> dict[str, Section]:
+        """Row and column slices of the named parts of the frame."""
+        edge, (rows, columns) = self.layout, self.active_shape
+        left = edge.prescan_columns
+        first, bottom = left + edge.dark_columns_left, edge.dark_rows_bottom
+        last, top = first + columns, bottom + rows
+        right, above = last + edge.dark_columns_right, top + edge.dark_rows_top
+        every_row, image_rows, image_columns = slice(0, self.n_rows), slice(0, above), slice(left, right)
+        return {
+            "active": (slice(bottom, top), slice(first, last)),
+            "image": (image_rows, image_columns),
+            "prescan": (every_row, slice(0, left)),
+            "overscan_columns": (every_row, slice(right, self.n_columns)),
+            "overscan_rows": (slice(above, self.n_rows), image_columns),
+            "dark_left": (image_rows, slice(left, first)),
+            "dark_right": (image_rows, slice(last, right)),
+            "dark_bottom": (slice(0, bottom), slice(first, last)),
+            "dark_top": (slice(top, above), slice(first, last)),
+        }
 
-        Raises
-        ------
-        InputError
-            For a name that is no switch.
-        """
-        return self.model_copy(update={"switches": flipped(self.switches, off=off, on=on)})
+    @property
+    def dark_rate_e_s(self) -> float:
+        """Mean dark current of a pixel: what cooling does not remove, and the law at the detector's temperature."""
+        return self.dark_e_s + float(dark_law_e_s(self.temperature_k, self.dark_293k_e_s))
+
+    @property
+    def line_shift_s(self) -> float:
+        """Time that a line of the frame stands in the light of each other during the transfer; 0 without smear."""
+        return self.transfer.line_shift_s if self.switches.smear else 0.0
+
+    @property
+    def stripe_rms_adu(self) -> float:
+        """Scatter of the fixed stripes of the bias."""
+        return self.bias_structure.stripe_rms_adu
+
+
+class InfraredDetector(_AnyDetector, OwnInfrared):
+    """Hybrid detector read without destroying the charge.
+
+    ``read_noise_e`` is that of one read. ``readout_mode`` is ``single`` (one read after the exposure), ``cds`` (last
+    read minus first: correlated double sampling) or ``up_the_ramp`` (``n_reads`` reads evenly spread over the exposure,
+    the first right after the reset, fitted by a straight line). A read takes ``frame_time_s``; where an exposure has no
+    room for ``n_reads``, fewer are taken. ``nonlinearity_at_full_well`` is the fraction of the signal missing there.
+    ``interpixel_coupling`` is the part of a pixel's signal that appears in each of its four neighbours.
+    """
+
+    chain: ClassVar[Chain] = INFRARED
+    set_name: ClassVar[str] = "infrared"
+    cic_e: ClassVar[float] = 0.0
+    stripe_rms_adu: ClassVar[float] = 0.0
+    em_gain_max: ClassVar[float] = 1.0
+    register_stages: ClassVar[int] = 0
+    register_full_well_e: ClassVar[float] = math.inf
+    line_shift_s: ClassVar[float] = 0.0
+
+    nonlinearity_at_full_well: LossAtFullWell
+    reset_noise_e: ResetElectrons
+    readout_mode: ReadoutMode
+    n_reads: Annotated[int, Field(ge=2, le=1000)]
+    frame_time_s: Annotated[float, Field(gt=0, le=1e3)]
+    interpixel_coupling: Coupled
+    flaws: InfraredFlaws
+    persistence: InfraredPersistence
+    switches: InfraredSwitches
+
+    @property
+    def readout_s(self) -> float:
+        """Dead time after an exposure: one read of the frame for the reset."""
+        return self.frame_time_s
+
+    @property
+    def dark_rate_e_s(self) -> float:
+        """Mean dark current of a pixel."""
+        return self.dark_e_s
+
+    def ramp(self, exposure_s: float | None = None) -> tuple[float, float]:
+        """Return `simulator.signal.variance.ramp_factors` of the reads of an exposure, or of all reads."""
+        return ramp_factors(self.readout_mode, self.n_reads if exposure_s is None else self.reads_of(exposure_s))
+
+    @property
+    def exposure_min_s(self) -> float:
+        """Shortest exposure: that of all reads of a ramp, or of one read."""
+        return (self.n_reads if self.readout_mode == "up_the_ramp" else 1) * self.frame_time_s
+
+    def reads_of(self, exposure_s: float) -> int:
+        """Return the number of reads of an exposure in the chosen mode."""
+        if self.readout_mode != "up_the_ramp":
+            return 1 if self.readout_mode == "single" else 2
+        # The margin keeps an exposure of whole frame times from losing a read to rounding.
+        return max(2, min(self.n_reads, int(exposure_s / self.frame_time_s + 1e-9) + 1))
+
+
+AnyDetector = Detector | InfraredDetector

@@ -6,7 +6,7 @@ import functools
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from pydantic import Field, PrivateAttr, model_validator
 
@@ -14,12 +14,13 @@ from catalogs.bands import band_provenance, load_bands
 from catalogs.errors import InputError
 from catalogs.strict_yaml import Provenance, load_mapping, load_yaml, split_sourced
 from simulator.config.base import FrozenModel, deep_merge, validate
-from simulator.config.detector import Detector
+from simulator.config.channel import CameraName, Channel
+from simulator.config.detector import AnyDetector, Detector
 from simulator.config.effects import CosmicRayConfig, SkyConfig
-from simulator.config.infrared import InfraredDetector
 from simulator.config.mission import MissionConfig
 from simulator.config.optics import Coronagraph, DarkHoleConfig, Drift, MirrorConfig, NearInfrared, WavefrontConfig
 from simulator.config.presets import preset_names, preset_path
+from simulator.detectors.chains import INFRARED, VISIBLE, chain_preset
 
 __all__ = [
     "BandConfig",
@@ -51,7 +52,7 @@ class Telescope(FrozenModel):
 class BandConfig(FrozenModel):
     """One band: top-hat of ``width_nm`` around ``center_nm``, or a two-column transmittance file."""
 
-    camera: Literal["VIS", "NIR"]
+    camera: CameraName
     center_nm: Annotated[float, Field(ge=300, le=1750)]
     width_nm: Annotated[float, Field(gt=0, le=1000)]
     t_opt: Annotated[float, Field(gt=0, le=1)]
@@ -88,7 +89,7 @@ class Instrument(FrozenModel):
                 if name not in self.bands:
                     raise InputError(key, name, allowed=f"names of bands: {', '.join(self.bands)}")
         for name, band in self.bands.items():
-            section = "near_infrared" if band.camera == "NIR" else "coronagraph"
+            section = self.channel(band.camera).section
             aperture, pixel = self.aperture_radius_arcsec(name), self.pixel_scale_arcsec(name)
             if not 1.0 <= aperture / pixel <= 20.0:
                 raise InputError(
@@ -126,8 +127,27 @@ class Instrument(FrozenModel):
             raise InputError("band", name, allowed=", ".join(self.bands))
         return self.bands[name]
 
-    def switched(self, switches: Mapping[str, bool] | None) -> Instrument:
+    def channel(self, camera: str) -> Channel:
+        """Return one camera, ``VIS`` or ``NIR``, with its optics."""
+        own, optics, longest = self.detector, self.near_infrared, self.detector.exposure_max_s
+        if camera == "VIS":
+            return Channel("VIS", "visible", "coronagraph", own, self.coronagraph, own.pixel_scale_arcsec, longest)
+        scale = optics.pixel_scale_arcsec
+        return Channel("NIR", "near-infrared", "near_infrared", optics.detector, optics, scale, longest)
+
+    def channel_of(self, band: str) -> Channel:
+        """Return the camera of a band with its optics."""
+        return self.channel(self.band(band).camera)
+
+    def switched(self, switches: Mapping[str, bool] | None, *, camera: str | None = None) -> Instrument:
         """Return this instrument with effects of its cameras switched on or off, by name, in each camera that has them.
+
+        Parameters
+        ----------
+        switches : mapping of str to bool, optional
+            Effects by the name of their switch.
+        camera : {"VIS", "NIR"}, optional
+            Camera that has to have them; either if not given.
 
         Raises
         ------
@@ -136,18 +156,17 @@ class Instrument(FrozenModel):
         """
         if not switches:
             return self
+        wanted = [self.channel("VIS"), self.channel("NIR")] if camera is None else [self.channel(camera)]
+        known = sorted({name for channel in wanted for name in channel.switches})
+        for name in switches if isinstance(switches, Mapping) else ():
+            if name not in known:
+                hint = "" if camera is None else f"the switches of the {wanted[0].words} camera"
+                raise InputError("switches", name, allowed=", ".join(known), hint=hint)
         if not isinstance(switches, Mapping) or not all(isinstance(value, bool) for value in switches.values()):
             raise InputError("switches", switches, allowed="a mapping of effects to true or false")
-        visible, infrared = self.detector, self.near_infrared.detector
-        ours, theirs = type(visible.switches).model_fields, type(infrared.switches).model_fields
-        for name, value in switches.items():
-            if name not in ours and name not in theirs:
-                raise InputError("switches", name, allowed=", ".join(sorted({*ours, *theirs})))
-            chosen: dict[str, tuple[str, ...]] = {"on" if value else "off": (name,)}
-            visible = visible.switched(**chosen) if name in ours else visible
-            infrared = infrared.switched(**chosen) if name in theirs else infrared
-        channel = self.near_infrared.model_copy(update={"detector": infrared})
-        return self.model_copy(update={"detector": visible, "near_infrared": channel})
+        infrared = self.near_infrared.detector.with_switches(switches)
+        optics = self.near_infrared.model_copy(update={"detector": infrared})
+        return self.model_copy(update={"detector": self.detector.with_switches(switches), "near_infrared": optics})
 
     def changed(self, own: Mapping[str, Any]) -> Instrument:
         """Return the instrument with a mapping of what differs, as in an instrument's file, laid over it.
@@ -182,23 +201,19 @@ class Instrument(FrozenModel):
 
     def hole_outer_arcsec(self, band: str) -> float:
         """Outer edge ``b`` of the square zone, per axis."""
-        return self._channel(band).outer_half_side_arcsec
+        return self.channel_of(band).optics.outer_half_side_arcsec
 
     def mask_half_width_arcsec(self, band: str) -> float:
         """Half width of the bars of the cross."""
-        return self._channel(band).mask_half_width_arcsec
+        return self.channel_of(band).optics.mask_half_width_arcsec
 
     def pixel_scale_arcsec(self, band: str) -> float:
         """Pixel of the band's camera."""
-        visible = self.band(band).camera == "VIS"
-        return self.detector.pixel_scale_arcsec if visible else self.near_infrared.pixel_scale_arcsec
+        return self.channel_of(band).pixel_scale_arcsec
 
-    def detector_of(self, band: str) -> Detector | InfraredDetector:
+    def detector_of(self, band: str) -> AnyDetector:
         """Detector of the band's camera."""
-        return self.detector if self.band(band).camera == "VIS" else self.near_infrared.detector
-
-    def _channel(self, band: str) -> Coronagraph | NearInfrared:
-        return self.coronagraph if self.band(band).camera == "VIS" else self.near_infrared
+        return self.channel_of(band).detector
 
     def aperture_radius_arcsec(self, band: str) -> float:
         """Radius of the photometric aperture."""
@@ -273,7 +288,9 @@ def _tree(source: str | Path | Mapping[str, Any] | None) -> dict[str, Any]:
         merged = deep_merge(shipped, _plain_over_sourced(shipped, own))
         merged["name"] = own.get("name", f"{base}+changes" if own else base)
         return merged
-    return own
+    # Effects may bring defaults of their own.
+    brought = {"detector": chain_preset(VISIBLE), "near_infrared": {"detector": chain_preset(INFRARED)}}
+    return deep_merge(brought, own)
 
 
 @functools.lru_cache(maxsize=16)

@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 
 from catalogs.errors import InputError
 from simulator.config.base import FrozenModel
-from simulator.config.infrared import InfraredDetector
+from simulator.config.detector import InfraredDetector
 
 __all__ = ["Coronagraph", "DarkHoleConfig", "Drift", "MirrorConfig", "NearInfrared", "WavefrontConfig"]
 

@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 
 from catalogs.errors import InputError
 from simulator.config.base import FrozenModel
+from simulator.config.channel import CameraName
 from simulator.config.instrument import Instrument
 from simulator.config.keys import canonical_keys, required
 from simulator.config.light import Real
@@ -113,7 +114,7 @@ class SequenceConfig(FrozenModel):
     scene: Scene | None = None
     instrument: Instrument
     band: tuple[str, ...] = ()
-    camera: Literal["VIS", "NIR"] = "VIS"
+    camera: CameraName = "VIS"
     exposure_s: tuple[Exposure, ...] = (DEFAULT_EXPOSURE_S,)
     em_gain: tuple[Gain, ...] = (1.0,)
     frames: Annotated[Whole, Field(ge=1, le=1_000_000)] = 1
@@ -169,38 +170,31 @@ class SequenceConfig(FrozenModel):
         for band in self.band:
             self.instrument.band(band)
         for camera in self.cameras:
-            most = self.instrument.detector.em_gain_max if camera == "VIS" else 1.0
             for gain in self.em_gain:
-                if gain > most:
-                    allowed = f"1 to {most:g}" if camera == "VIS" else "1 in the near infrared"
-                    raise InputError("em_gain", gain, allowed=allowed)
+                self.instrument.channel(camera).check_gain(gain)
         for name in self.switches:
             if name not in self.known_switches:
                 raise InputError("switches", name, allowed=", ".join(self.known_switches))
         return self
 
     @property
-    def cameras(self) -> tuple[str, ...]:
+    def cameras(self) -> tuple[CameraName, ...]:
         """Cameras that the sequences are taken with."""
         return tuple(dict.fromkeys(self.camera_of(band) for band in self.band)) or (self.camera,)
 
-    def camera_of(self, band: str) -> Literal["VIS", "NIR"]:
+    def camera_of(self, band: str) -> CameraName:
         """Camera of a band, or that of the entry where the band is empty."""
         return self.instrument.band(band).camera if band else self.camera
 
     @property
     def known_switches(self) -> tuple[str, ...]:
         """Names of the switches of its cameras, and ``all``."""
-        names = {name for camera in self.cameras for name in self._switches_of(camera)}
+        names = {name for camera in self.cameras for name in self.instrument.channel(camera).switches}
         return ("all", *sorted(names))
-
-    def _switches_of(self, camera: str) -> tuple[str, ...]:
-        detector = self.instrument.detector if camera == "VIS" else self.instrument.near_infrared.detector
-        return tuple(type(detector.switches).model_fields)
 
     def switches_for(self, camera: str) -> dict[str, bool]:
         """Switches of one camera by name."""
-        names = self._switches_of(camera)
+        names = self.instrument.channel(camera).switches
         every = dict.fromkeys(names, self.switches["all"]) if "all" in self.switches else {}
         return every | {name: value for name, value in self.switches.items() if name in names}
 

@@ -7,8 +7,6 @@ import math
 from simulator.config.effects import CosmicRayConfig
 from simulator.effects.dates import decimal_year
 
-__all__ = ["cosmic_ray_rate"]
-
 
 def cosmic_ray_rate(config: CosmicRayConfig, when: str | float) -> float:
     """Rate of cosmic rays through the detector outside the South Atlantic Anomaly, where nothing is observed.

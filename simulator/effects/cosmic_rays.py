@@ -17,8 +17,6 @@ from simulator.effects.templates import TemplateModel, generated_templates, read
 from simulator.effects.tracks import REACH_SIGMA, PaperModel, PhysicalModel, TrackModel, Tracks
 from simulator.quantities import check_number
 
-__all__ = ["CosmicRays", "draw_cosmic_rays", "track_model"]
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 MAX_EVENTS = 1e7

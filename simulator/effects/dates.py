@@ -9,8 +9,6 @@ from catalogs.errors import InputError
 from simulator.config.mission import FIRST_YEAR, LAST_YEAR, checked_utc
 from simulator.quantities import check_number
 
-__all__ = ["days_since_j2000", "decimal_year", "parse_utc"]
-
 _J2000 = datetime(2000, 1, 1, 12, tzinfo=UTC)
 _ALLOWED = f"{FIRST_YEAR} to {LAST_YEAR}, as 2028-01-01T00:00:00"
 

@@ -11,8 +11,6 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-__all__ = ["deposit"]
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 

@@ -13,8 +13,6 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["cut_landau", "cut_landau_mean"]
-
 _BEYOND = 20.0
 
 

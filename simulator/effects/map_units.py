@@ -9,8 +9,6 @@ from typing import Any
 
 from catalogs.errors import InputError
 
-__all__ = ["unit_factor"]
-
 _WORDS = {
     "electrons": "electron",
     "pixel": "pix",

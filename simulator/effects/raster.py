@@ -8,8 +8,6 @@ from numpy.typing import NDArray
 from simulator.effects.tracks import REACH_SIGMA, Points, Tracks
 from simulator.lazy import load_kernels
 
-__all__ = ["Canvas"]
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 

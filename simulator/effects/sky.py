@@ -15,8 +15,6 @@ from simulator.effects.sun_position import ecliptic_deg, elongation_deg, sun_lon
 from simulator.effects.zodiacal import zodiacal_photlam_arcsec2, zodiacal_radiance
 from simulator.passbands import Passbands
 
-__all__ = ["SOLAR_AVOIDANCE", "SkyLevel", "sky_rate_e_s_arcsec2"]
-
 SOLAR_AVOIDANCE = "solar_avoidance"
 
 

@@ -13,8 +13,6 @@ from simulator.config.effects import ExtraLight
 from simulator.effects.map_units import unit_factor
 from simulator.imaging.map_files import read_maps, real_map
 
-__all__ = ["effect_files", "extra_lights", "stray_light_map", "stray_light_parts"]
-
 FloatArray = NDArray[np.float64]
 _UNIT = "electron/s"
 

@@ -7,8 +7,6 @@ from datetime import datetime
 
 from simulator.effects.dates import days_since_j2000
 
-__all__ = ["ecliptic_deg", "elongation_deg", "sun_longitude_deg"]
-
 _OBLIQUITY_DEG = 23.4392911  # J2000
 _PRECESSION_DEG_PER_DAY = 1.396971 / 36525.0
 

@@ -25,8 +25,6 @@ from simulator.effects.tracks import REACH_SIGMA, PhysicalModel, Points, Tracks,
 from simulator.imaging.map_files import FileMap, header_number, read_maps
 from simulator.rng import stream
 
-__all__ = ["TemplateModel", "TemplateSet", "generated_projection_um", "generated_templates", "read_templates"]
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 _KEY = "template_file"

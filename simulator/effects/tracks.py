@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 from simulator.config.effects import PaperTracks, PhysicalTracks
 from simulator.effects.landau import cut_landau, cut_landau_mean
 
-__all__ = ["PaperModel", "PhysicalModel", "Points", "TrackModel", "Tracks", "paper_charges", "whole_electrons"]
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 REACH_SIGMA = 4.0  # a Gaussian holds all but 6e-5 of its charge within

@@ -14,8 +14,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from catalogs.spectra import HC_ERG_ANGSTROM, Spectrum, load_reference_spectrum, load_zodi_table
 
-__all__ = ["ZodiacalRadiance", "colour_factor", "zodiacal_photlam_arcsec2", "zodiacal_radiance"]
-
 FloatArray = NDArray[np.float64]
 _ARCSEC2_PER_SR = (180.0 * 3600.0 / np.pi) ** 2
 _ERG_S_CM2_A_PER_W_M2_UM = 0.1

@@ -7,10 +7,20 @@ position of the circle within a pixel, a photon at distance s from its centre th
 
 from __future__ import annotations
 
+import math
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["aperture_sums", "core_from_table", "cumulative_table", "overlap_weights", "photon_weights"]
+__all__ = [
+    "aperture_sums",
+    "core_from_table",
+    "cumulative_table",
+    "figures_of_stamps",
+    "overlap_weights",
+    "photon_weights",
+]
 
 FloatArray = NDArray[np.float64]
 STRIPS = 256
@@ -129,3 +139,52 @@ def core_from_table(
         return below(row, full) - below(row, x_high) + below(row, x_low)
 
     return np.maximum(open_columns(full) - open_columns(y_high) + open_columns(y_low), 0.0)
+
+
+def figures_of_stamps(
+    on_axis: FloatArray,
+    off_axis: FloatArray,
+    table: FloatArray,
+    table_half_arcsec: float,
+    pixel_arcsec: float,
+    radius_arcsec: float,
+    mask_half_width_arcsec: float,
+    *,
+    diagonal: tuple[int, int] = (1, 1),
+) -> dict[str, Any]:
+    """Return the figures of `simulator.imaging.metrics.StampMetrics` that two stamps and the core's table give.
+
+    Parameters
+    ----------
+    on_axis, off_axis : ndarray
+        Star behind the mask and unmasked source, shape (n, n): fraction of the energy on the clear disc in each pixel.
+    table : ndarray
+        Of `cumulative_table`.
+    table_half_arcsec : float
+        Half side of the table, arcsec.
+    pixel_arcsec, radius_arcsec, mask_half_width_arcsec : float
+        Side of a pixel, radius of the aperture, half width of the bars of the cross, arcsec.
+    diagonal : tuple of int
+        Signs (x, y) of the diagonal along which the inner working angle is measured.
+
+    Returns
+    -------
+    dict
+        By name of the field.
+    """
+    far = 10.0 * (table_half_arcsec + mask_half_width_arcsec)
+    core_open = float(core_from_table(table, table_half_arcsec, mask_half_width_arcsec, far, far))
+    offset = np.arange(0.0, mask_half_width_arcsec + 2 * table_half_arcsec, pixel_arcsec / 50)
+    x, y = (sign * offset for sign in diagonal)
+    curve = core_from_table(table, table_half_arcsec, mask_half_width_arcsec, x, y)
+    half_way = float(np.interp(0.5 * core_open, curve, offset)) if curve[0] < 0.5 * core_open else 0.0
+    peak = float(off_axis.max())
+    return {
+        "core_open": core_open,
+        "peak_off_axis": peak,
+        "iwa_arcsec": math.sqrt(2.0) * half_way,
+        "raw_contrast": on_axis / peak,
+        "halo_map": aperture_sums(on_axis, overlap_weights(radius_arcsec / pixel_arcsec)),
+        "core_table": table,
+        "core_table_half_arcsec": table_half_arcsec,
+    }

@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 from catalogs.errors import InputError
 from simulator.config.base import content_hash
 from simulator.config.instrument import Instrument, load_instrument
-from simulator.imaging.external_metrics import ExternalMetrics, stamp_metrics
+from simulator.imaging.external_metrics import stamp_metrics
 from simulator.imaging.geometry import BandGeometry
 from simulator.imaging.kernel import open_pixels, placed
 from simulator.imaging.map_files import real_map
+from simulator.imaging.metrics import StampMetrics
 from simulator.imaging.psf_files import StampFile, read_stamps, write_stamps
 from simulator.numeric import numeric_context
 
@@ -124,8 +125,8 @@ class ExternalPsf:
         return self.band
 
     @functools.cached_property
-    def metrics(self) -> ExternalMetrics:
-        """Figures of merit that follow from the stamps; see `ExternalMetrics`.
+    def metrics(self) -> StampMetrics:
+        """Figures of merit that follow from the stamps; see `StampMetrics`.
 
         Raises
         ------

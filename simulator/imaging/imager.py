@@ -24,6 +24,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from catalogs.errors import InputError
 from simulator.config.instrument import ARCSEC_PER_RAD
 from simulator.imaging.aberrations import Aberrations
 from simulator.imaging.hole_zone import HoleZone
@@ -235,7 +236,11 @@ class Imager:
         return self._grid(y_arcsec, x_arcsec).field(index, opd_nm)
 
     def _hcipy_field(self, pupil: Any, wavelength: float, y_arcsec: FloatArray, x_arcsec: FloatArray) -> ComplexArray:
-        hcipy = load_quietly("hcipy")
+        try:
+            hcipy = load_quietly("hcipy")
+        except ImportError:
+            hint = "HCIPy is not installed, and only this cross-check needs it: pip install hcipy"
+            raise InputError("engine", "hcipy", allowed="matrix", hint=hint) from None
         n = len(self.transmission)
         grid = hcipy.make_pupil_grid(n, self.diameter_m)
         x, y = x_arcsec / ARCSEC_PER_RAD, y_arcsec / ARCSEC_PER_RAD

@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from simulator.imaging.aperture import (
-    aperture_sums,
-    core_from_table,
     cumulative_table,
+    figures_of_stamps,
     overlap_weights,
     photon_weights,
 )
@@ -35,24 +34,12 @@ def stamp_figures(imager: Imager, on_axis: FloatArray, off_axis: FloatArray) -> 
     """Figures that follow from the two stamps and the core of the PSF: milliseconds."""
     pixel, radius = imager.pixel_scale_arcsec, imager.aperture_radius_arcsec
     table, half, continuous = _core_table(imager)
-    far = 10.0 * (half + imager.mask_half_width_arcsec)
-    open_value = float(core_from_table(table, half, imager.mask_half_width_arcsec, far, far))
-    diagonal = np.arange(0.0, imager.mask_half_width_arcsec + 2 * half, pixel / 50)
-    curve = core_from_table(table, half, imager.mask_half_width_arcsec, diagonal, diagonal)
-    half_way = float(np.interp(0.5 * open_value, curve, diagonal)) if curve[0] < 0.5 * open_value else 0.0
+    figures = figures_of_stamps(on_axis, off_axis, table, half, pixel, radius, imager.mask_half_width_arcsec)
     offset = centred_axis(len(on_axis), pixel)
     hole = imager.zone.covers(offset, offset, pixel / 2)
-    peak = float(off_axis.max())
-    return {
-        "core_open": open_value,
+    return figures | {
         "core_continuous": continuous,
-        "peak_off_axis": peak,
         "peak_on_axis_hole": float(on_axis[hole].max(initial=0.0)),
-        "iwa_arcsec": half_way * np.sqrt(2.0),
-        "raw_contrast": on_axis / peak,
-        "halo_map": aperture_sums(on_axis, overlap_weights(radius / pixel)),
-        "core_table": table,
-        "core_table_half_arcsec": half,
     }
 
 

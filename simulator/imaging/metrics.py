@@ -15,15 +15,15 @@ from simulator.imaging.aperture import core_from_table, overlap_weights
 from simulator.imaging.geometry import BandGeometry
 from simulator.imaging.hole_zone import HoleMode, HoleSide, HoleStatus, HoleZone
 
-__all__ = ["PsfMetrics"]
+__all__ = ["PsfMetrics", "StampMetrics"]
 
 FloatArray = NDArray[np.float64]
 TINY = 1e-300  # light behind the mask, for logarithms
 
 
-@dataclass(frozen=True, eq=False)
-class PsfMetrics:
-    """Figures of merit of one band.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class StampMetrics:
+    """Figures of merit of one band that follow from two stamps: the star behind the mask, and an unmasked source.
 
     Every fraction is of the energy that the clear pupil disc collects. Positions are arcsec from the star on the
     detector; maps are indexed ``[y, x]`` on the star-centred stamp, centre pixel ``n // 2``.
@@ -42,57 +42,27 @@ class PsfMetrics:
         All four quadrants, or the two on ``hole_side``.
     hole_side : {"right", "left", "top", "bottom"}
         Side of the star on the detector for ``2q``.
-    hole_state : {"reached", "not_reached", "none"}
-        Whether the hole is as dark as asked; none where no search sets the mirror.
-    strehl : float
-        Peak relative to the same apodizer with a flat wavefront and no jitter.
+    strehl : float or None
+        Peak relative to the same apodizer with a flat wavefront and no jitter; None where only stamps are known.
     apodizer_energy : float
         Energy behind the apodizer.
     core_open : float
         Core throughput far from the mask, in an aperture laid on pixels (phase average).
-    core_continuous : float
-        The same for an ideal circle on the continuous image; pixels cost the difference.
     peak_off_axis : float
         Peak pixel of a source centred on a pixel, no mask.
-    peak_on_axis_hole : float
-        Brightest pixel of the masked star that overlaps the hole.
-    peak_on_axis_frame : float
-        Brightest pixel of the masked star anywhere on the frame.
-    peak_on_axis_columns : float
-        Brightest pixel of the masked star in the columns that cross the hole: the one that blooms into it first.
-    register_tail : float
-        Largest mean over any run of pixels that ends at the hole, along its rows, from either side: a register that
-        holds this many electrons a pixel has no charge left over that trails into the hole.
-    column_light : ndarray, shape (n,)
-        Masked star in every column of the stamp, summed over the rows of the frame (those within 8.75 arcsec): what a
-        frame transfer without a shutter smears along the column.
-    column_profile : ndarray, shape (2 w - 1,)
-        Unmasked PSF summed over all rows, at offsets of ... -1, 0, 1 ... columns from the source.
-    source_noise_fraction : float
-        ``sum(w^2 mu) / sum(w mu)`` of a source in its aperture: cut pixels weigh less in the variance of a sum.
     iwa_arcsec : float
         Diagonal separation where core throughput is half its maximum.
     raw_contrast : ndarray, shape (n, n)
         Masked on-axis image over ``peak_off_axis``.
     halo_map : ndarray, shape (n, n)
         Starlight in the aperture centred on every pixel.
+    column_light : ndarray, shape (n,)
+        Masked star in every column of the stamp, summed over the rows: of the stamp where no more is known, else of
+        the frame (those within 8.75 arcsec), what a frame transfer without a shutter smears along the column.
     core_table : ndarray, shape (k, k)
         Cumulative aperture-weighted PSF, over offsets up to ``core_table_half_arcsec``.
     core_table_half_arcsec : float
         Half side of that table.
-    wing_profile : ndarray, shape (w,)
-        Azimuthal mean of the unmasked PSF per pixel at separations of 0, 1, 2 ... pixels.
-    wing_map : ndarray, shape (q, q), q odd
-        Unmasked PSF per pixel at offsets ``y, x`` of ... -1, 0, 1 ... steps, each the mean over a box one step wide;
-        the source stands in the middle.
-    wing_map_step_arcsec : float
-        Step of that map.
-    floor_visit_nm : ndarray, shape (g,)
-        Visit offsets at which the speckle floor was measured.
-    floor_separation_arcsec : ndarray, shape (s,)
-        Mean separations of the annular bins.
-    floor_sigma : ndarray, shape (1 + s, g)
-        Rms of aperture sums after subtraction of the reference mean: whole hole, then each bin.
     """
 
     band: str
@@ -104,30 +74,16 @@ class PsfMetrics:
     hole_outer_arcsec: float
     hole_mode: HoleMode
     hole_side: HoleSide
-    hole_state: HoleStatus
-    strehl: float
+    strehl: float | None
     apodizer_energy: float
     core_open: float
-    core_continuous: float
     peak_off_axis: float
-    peak_on_axis_hole: float
-    peak_on_axis_frame: float
-    peak_on_axis_columns: float
-    register_tail: float
-    column_light: FloatArray
-    column_profile: FloatArray
-    source_noise_fraction: float
     iwa_arcsec: float
     raw_contrast: FloatArray
     halo_map: FloatArray
+    column_light: FloatArray
     core_table: FloatArray
     core_table_half_arcsec: float
-    wing_profile: FloatArray
-    wing_map: FloatArray
-    wing_map_step_arcsec: float
-    floor_visit_nm: FloatArray
-    floor_separation_arcsec: FloatArray
-    floor_sigma: FloatArray
 
     @property
     def geometry(self) -> BandGeometry:
@@ -166,6 +122,77 @@ class PsfMetrics:
         """Area of the photometric aperture in pixels."""
         return self.geometry.aperture_pixels
 
+    def core_throughput(self, x_arcsec: ArrayLike, y_arcsec: ArrayLike) -> FloatArray:
+        """Return the energy of a unit source at (x, y) in its aperture behind the mask.
+
+        Parameters
+        ----------
+        x_arcsec, y_arcsec : array_like
+            Offset from the star on the detector, arcsec; they broadcast.
+
+        Returns
+        -------
+        ndarray
+            0 to 1.
+        """
+        return core_from_table(
+            self.core_table, self.core_table_half_arcsec, self.mask_half_width_arcsec, x_arcsec, y_arcsec
+        )
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PsfMetrics(StampMetrics):
+    """Figures of merit of one band whose optics are known.
+
+    Attributes
+    ----------
+    hole_state : {"reached", "not_reached", "none"}
+        Whether the hole is as dark as asked; none where no search sets the mirror.
+    core_continuous : float
+        ``core_open`` for an ideal circle on the continuous image; pixels cost the difference.
+    peak_on_axis_hole : float
+        Brightest pixel of the masked star that overlaps the hole.
+    peak_on_axis_frame : float
+        Brightest pixel of the masked star anywhere on the frame.
+    peak_on_axis_columns : float
+        Brightest pixel of the masked star in the columns that cross the hole: the one that blooms into it first.
+    register_tail : float
+        Largest mean over any run of pixels that ends at the hole, along its rows, from either side: a register that
+        holds this many electrons a pixel has no charge left over that trails into the hole.
+    column_profile : ndarray, shape (2 w - 1,)
+        Unmasked PSF summed over all rows, at offsets of ... -1, 0, 1 ... columns from the source.
+    source_noise_fraction : float
+        ``sum(w^2 mu) / sum(w mu)`` of a source in its aperture: cut pixels weigh less in the variance of a sum.
+    wing_profile : ndarray, shape (w,)
+        Azimuthal mean of the unmasked PSF per pixel at separations of 0, 1, 2 ... pixels.
+    wing_map : ndarray, shape (q, q), q odd
+        Unmasked PSF per pixel at offsets ``y, x`` of ... -1, 0, 1 ... steps, each the mean over a box one step wide;
+        the source stands in the middle.
+    wing_map_step_arcsec : float
+        Step of that map.
+    floor_visit_nm : ndarray, shape (g,)
+        Visit offsets at which the speckle floor was measured.
+    floor_separation_arcsec : ndarray, shape (s,)
+        Mean separations of the annular bins.
+    floor_sigma : ndarray, shape (1 + s, g)
+        Rms of aperture sums after subtraction of the reference mean: whole hole, then each bin.
+    """
+
+    hole_state: HoleStatus
+    core_continuous: float
+    peak_on_axis_hole: float
+    peak_on_axis_frame: float
+    peak_on_axis_columns: float
+    register_tail: float
+    column_profile: FloatArray
+    source_noise_fraction: float
+    wing_profile: FloatArray
+    wing_map: FloatArray
+    wing_map_step_arcsec: float
+    floor_visit_nm: FloatArray
+    floor_separation_arcsec: FloatArray
+    floor_sigma: FloatArray
+
     @property
     def field_radius_arcsec(self) -> float:
         """Separation out to which the PSF was computed."""
@@ -178,8 +205,7 @@ class PsfMetrics:
         `field_radius_arcsec` it is 0.
         """
         x, y = np.broadcast_arrays(np.asarray(x_arcsec, dtype=np.float64), np.asarray(y_arcsec, dtype=np.float64))
-        core = core_from_table(self.core_table, self.core_table_half_arcsec, self.mask_half_width_arcsec, x, y)
-        return np.where(np.hypot(x, y) <= self.field_radius_arcsec, core, 0.0)
+        return np.where(np.hypot(x, y) <= self.field_radius_arcsec, super().core_throughput(x, y), 0.0)
 
     def halo_aperture(self, x_arcsec: ArrayLike, y_arcsec: ArrayLike) -> FloatArray:
         """Starlight in the aperture at (x, y), bilinear in the logarithm; wings x aperture area beyond the stamp."""
@@ -245,7 +271,8 @@ class PsfMetrics:
         along = np.abs(x) > np.abs(y)
         x, y = np.where(along, x / far, x), np.where(along, y, y / far)
         column, row = (np.clip(part, -edge, edge) / step + last // 2 for part in (x, y))
-        return np.exp(_bilinear(np.log(self.wing_map), row, column)) / far**2
+        result: FloatArray = np.exp(_bilinear(np.log(self.wing_map), row, column)) / far**2
+        return result
 
     def azimuth_fraction(self, separation_arcsec: ArrayLike) -> FloatArray:
         """Fraction of the circle of that radius that lies inside the dark quadrants."""
@@ -304,7 +331,8 @@ class PsfMetrics:
             bins = self.floor_separation_arcsec
             row = np.interp(np.asarray(separation_arcsec, dtype=np.float64), bins, np.arange(bins.size))
             middle = np.exp(_bilinear(logs[1:], row, column))
-        return middle * np.minimum(offset / grid[0], 1.0) * np.maximum(offset / grid[-1], 1.0) ** 2
+        result: FloatArray = middle * np.minimum(offset / grid[0], 1.0) * np.maximum(offset / grid[-1], 1.0) ** 2
+        return result
 
     def annulus(self, separation_arcsec: float, half_width_lambda_d: float) -> NDArray[np.bool_]:
         """Pixels of the hole whose separation is within ``half_width_lambda_d`` of the given one."""

@@ -203,7 +203,7 @@ def single_band_psf(
         Spectral type (``"K1V"``) or photon spectrum that weights the wavelengths with filter and quantum efficiency;
         the Sun's if omitted.
     engine : {"matrix", "hcipy"}
-        Propagator: the project's own matrix products, or HCIPy as a cross-check.
+        Propagator: the project's own matrix products, or HCIPy, if it is installed, as a cross-check.
 
     Returns
     -------

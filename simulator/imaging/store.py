@@ -1,7 +1,6 @@
 """Where `PsfMetrics` come from: shipped files for every instrument preset, a cache for any other instrument.
 
-``python -m simulator.imaging.store --rebuild`` digs the shipped dark holes and measures the shipped metrics anew. A
-file is valid for the content key in its name: the apodizer's values, telescope, geometry of mask and hole, static
+A file is valid for the content key in its name: the apodizer's values, telescope, geometry of mask and hole, static
 wavefront, mirror and its control, jitter, pixel scale, band edges and spectral slope of the drift; not detector noise,
 optical transmission or the size of the drift. Presets whose optics are the same share a file.
 
@@ -12,10 +11,8 @@ between this optical model and any real instrument.
 
 from __future__ import annotations
 
-import argparse
 import hashlib
-import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import fields
 from importlib.resources import files
 from pathlib import Path
@@ -24,20 +21,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from simulator.arrays import read_npz, write_npz
+from simulator.arrays import read_npz
 from simulator.cache import compute_once
-from simulator.config import Instrument, content_hash, load_instrument
-from simulator.config.presets import preset_names
+from simulator.config import Instrument, content_hash
 from simulator.imaging.aperture import aperture_sums, overlap_weights
 from simulator.imaging.deformable_mirror import load_dm_surface
 from simulator.imaging.hole_store import SCHEMA as HOLE_SCHEMA
-from simulator.imaging.hole_store import configured_apodizer, rounded, shipped_hole, to_arrays
+from simulator.imaging.hole_store import configured_apodizer, rounded
 from simulator.imaging.metrics import PsfMetrics
 from simulator.knobs import Knobs
 from simulator.numeric import numeric_context
 from simulator.work import announce
-
-__all__ = ["main", "metrics_key", "psf_metrics", "rebuild", "shipped_metrics"]
 
 WING_NODES = 12  # wavelengths that far wings need
 SCHEMA = 6  # raise when the meaning of a stored number or the optical model changes
@@ -59,7 +53,7 @@ def metrics_key(instrument: Instrument, band: str) -> str:
     return content_hash(
         {
             "schema": [SCHEMA, HOLE_SCHEMA],
-            "fields": [field.name for field in fields(PsfMetrics)],
+            "fields": sorted(field.name for field in fields(PsfMetrics)),
             "band": band,
             "edges": edges,
             "apodizer": hashlib.sha256(mask.astype("<f8").tobytes()).hexdigest(),
@@ -99,10 +93,11 @@ def psf_metrics(instrument: Instrument, band: str) -> PsfMetrics:
     path = shipped_metrics(key, band) if band.isalnum() else None
     if path is not None and path.is_file():
         return PsfMetrics.from_arrays(_unpacked(read_npz(path)))
-    return PsfMetrics.from_arrays(compute_once(f"metrics-{key}", lambda: _measure(instrument, band)))
+    return PsfMetrics.from_arrays(compute_once(f"metrics-{key}", lambda: measure(instrument, band)))
 
 
-def _measure(instrument: Instrument, band: str) -> dict[str, NDArray[Any]]:
+def measure(instrument: Instrument, band: str) -> dict[str, NDArray[Any]]:
+    """Arrays of the metrics of a band, measured anew, with the state of its dark hole."""
     from simulator.imaging.build import build_imager, hole_state_of
     from simulator.imaging.measure import measure_metrics
 
@@ -111,16 +106,6 @@ def _measure(instrument: Instrument, band: str) -> dict[str, NDArray[Any]]:
     metrics = measure_metrics(imager, instrument.drift.psd_slope, wide)
     state = hole_state_of(instrument, band, float(metrics.raw_contrast[metrics.hole].mean()))
     return metrics.to_arrays() | {"hole_state": np.asarray(state)}
-
-
-def _packed(arrays: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-    """Arrays as a rounded file holds them: bytes of equal weight side by side, which compress; no halo map."""
-    packed = {name: array for name, array in arrays.items() if name != "halo_map"}
-    for name, digits in DIGITS.items():
-        fraction, exponent = np.frexp(arrays[name])
-        short = np.ldexp(np.round(np.ldexp(fraction, digits)), exponent - digits).astype("<f4")
-        packed[name] = np.moveaxis(short.view(np.uint8).reshape(*short.shape, 4), -1, 0)
-    return packed
 
 
 def _unpacked(stored: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
@@ -133,56 +118,3 @@ def _unpacked(stored: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
         weights = overlap_weights(float(arrays["aperture_radius_arcsec"] / arrays["pixel_scale_arcsec"]))
         arrays["halo_map"] = aperture_sums(arrays["raw_contrast"] * arrays["peak_off_axis"], weights)
     return arrays
-
-
-def _shipped_bands() -> Iterator[tuple[Instrument, str]]:
-    """Every band of every instrument preset, optics that are the same once, the default instrument first."""
-    seen = set()
-    for preset in ("cpic_default", *preset_names("instrument")):
-        instrument = load_instrument(preset)
-        for band in instrument.bands:
-            if (key := metrics_key(instrument, band)) not in seen:
-                seen.add(key)
-                yield instrument, band
-
-
-def rebuild(folder: str | Path, *, holes: bool = True) -> list[Path]:
-    """Dig and write the dark holes of the instrument presets, and measure and write their metrics.
-
-    Parameters
-    ----------
-    folder : str or Path
-        Where to write.
-    holes : bool
-        Dig the holes anew; False keeps the shipped ones.
-    """
-    from simulator.imaging.build import dig
-
-    written = []
-    for instrument, band in _shipped_bands():
-        if holes:
-            state, hole = dig(instrument, band)
-            written.append(Path(folder) / shipped_hole(hole, band).name)
-            write_npz(written[-1], to_arrays(state) | {"key": np.asarray(hole)})
-        key, arrays = metrics_key(instrument, band), _measure(instrument, band)
-        exact = instrument.name == "cpic_default" and band in instrument.visible_bands()
-        written.append(Path(folder) / shipped_metrics(key, band).name)
-        write_npz(written[-1], (arrays if exact else _packed(arrays)) | {"key": np.asarray(key)})
-    return written
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Rebuild the shipped files."""
-    parser = argparse.ArgumentParser(prog="python -m simulator.imaging.store", description=__doc__)
-    parser.add_argument("--rebuild", action="store_true", required=True, help="measure and write every band")
-    parser.add_argument("--keep-holes", action="store_true", help="measure the metrics only")
-    parser.add_argument("--out", type=Path, default=shipped_metrics("", "").parent, help="folder (the package's data)")
-    options = parser.parse_args(argv)
-    began = time.perf_counter()
-    for path in rebuild(options.out, holes=not options.keep_holes):
-        print(f"{path.name}: {path.stat().st_size / 1e3:.0f} kB, {time.perf_counter() - began:.1f} s")
-    return 0
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

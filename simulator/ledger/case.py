@@ -1,4 +1,4 @@
-"""What the sizes of the effects of the camera are worked out for: pixels, planets and their noise."""
+"""What the sizes of the effects of the camera are worked out for: pixels, planets, their noise, hits by particles."""
 
 from __future__ import annotations
 
@@ -12,18 +12,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from simulator.camera.calibration_set import load_calibration_set
+from simulator.camera.noise import FrameNoise
 from simulator.config.detector import Detector
+from simulator.config.effects import CosmicRayConfig
+from simulator.effects.cosmic_rays import draw_cosmic_rays
 from simulator.ledger.light import PlanetPlace, Sketch
-from simulator.ledger.noise import FrameNoise
-from simulator.ledger.particles import PixelHits
-
-__all__ = ["CameraCase", "Flaw", "largest_speckles", "overflow", "stamp_flaws"]
+from simulator.ledger.spill import Spill
+from simulator.rng import stream
+from simulator.signal.saturation import overflow
 
 FloatArray = NDArray[np.float64]
 # Radius of the Gaussian that stands for the core of a planet, lambda/D.
 _CORE_SIGMA = 0.66
 _SPILLED = 1e-6  # of the noise of a pixel, from which on what it passes on counts
-_ALL = 1.0
 # Speckles of a drifting wavefront scatter by this much more than their two parts would alone, and the largest of a
 # stamp by so many times that.
 _SPECKLE_SCATTER, _SPECKLE_MOST = 1.4, 3.5
@@ -40,7 +41,16 @@ class Flaw(NamedTuple):
 
 @functools.lru_cache(maxsize=8)
 def stamp_flaws(detector: Detector, corner: tuple[int, int], side: int) -> tuple[dict[str, Flaw], FloatArray]:
-    """Flaws of the calibration set, by switch, and the stripes of the stamp (those of the frame behind them)."""
+    """Return the flaws of the calibration set, by switch, and the stripes of the stamp and of the frame.
+
+    Parameters
+    ----------
+    detector : Detector
+    corner : tuple of int
+        First row and column of the stamp on the frame.
+    side : int
+        Of the stamp, pixels.
+    """
     maps = load_calibration_set(detector)
     hot = maps.hot & ~maps.bad_column
     raised, nothing = maps.dark_e_s - maps.dark_smooth_e_s, np.zeros(maps.shape)
@@ -90,9 +100,8 @@ class CameraCase:
     lost_per_s : float
         Rate of tracks that touch an aperture.
     variances : tuple of dict
-        Of every measured planet, by origin (`simulator.ledger.noise.visit_variance_e2`).
-    other_most : tuple of float
-        Of every measured planet, the variance by the light of other sources at most; ``variances`` have the least.
+        Of every measured planet, by origin (`simulator.ledger.noise.visit_variance_e2`), with the least light of other
+        sources.
     column_peak_e_s : float
         Brightest pixel in the columns of the hole or of a source on the frame.
     radius_pixels, lambda_d_pixels : float
@@ -114,7 +123,6 @@ class CameraCase:
     hits: PixelHits
     lost_per_s: float
     variances: tuple[dict[str, float], ...]
-    other_most: tuple[float, ...]
     column_peak_e_s: float
     radius_pixels: float
     lambda_d_pixels: float
@@ -145,6 +153,44 @@ class CameraCase:
                 flaw = self.flaws[key]
                 charge = np.where(flaw.response > 0, 0.0, charge) + flaw.dark_e_s * (self.exposure_s * switches.dark)
         return charge
+
+    @functools.cached_property
+    def spill(self) -> Spill:
+        """Where charge beyond the limits flows."""
+        return Spill(self)
+
+    def overflow(self, mean_e: FloatArray | float, well_e: float, factor2: float) -> FloatArray:
+        """What a limit cuts off; see `overflow`."""
+        return overflow(mean_e, well_e, factor2)
+
+    def behind_e_s(self, planet: PlanetPlace) -> float:
+        """Light of others on a pixel of the aperture of a planet, at most, e-/s."""
+        return (planet.halo_e_s + planet.other_most_e_s + planet.sky_e_s) / self.sketch.aperture_pixels
+
+    def spilled_on(
+        self, planet: PlanetPlace, well_e: float, factor2: float, flows_into: Callable[[slice, slice], object]
+    ) -> float:
+        """Whether charge beyond a limit may reach a planet: 1, or what of its own is cut off.
+
+        Parameters
+        ----------
+        planet : PlanetPlace
+        well_e : float
+            The limit, e- at the register input.
+        factor2 : float
+            Squared excess noise factor of what it cuts off.
+        flows_into : callable
+            Whether charge of others flows into rows and columns of the stamp.
+        """
+        if not planet.weights.size:  # off the stamp: from the brightest pixel of all
+            return float(overflow(self.column_peak_e_s * self.exposure_s, well_e, factor2) > 1e-9)
+        level = (self.behind_e_s(planet) + planet.peak_e_s) * self.exposure_s
+        return max(float(bool(flows_into(*planet.place))), float(overflow(level, well_e, factor2)))
+
+    @property
+    def largest_stripe_adu(self) -> float:
+        """Largest stripe of the bias in what is read."""
+        return float(stamp_flaws(self.detector, self.first_pixel, len(self.sketch.total_e_s))[1][1 if self.full else 0])
 
     @property
     def flaws(self) -> dict[str, Flaw]:
@@ -191,13 +237,19 @@ class CameraCase:
         whole = self.sigma_e**2 if inside else self.sigma_e**2 + part
         return 0.5 * min(float(np.max(part / whole, initial=0.0)), 1.0)
 
+    def light_variance_e2(self, aperture_e_s: float) -> float:
+        """Variance over the visit of an aperture sum of even light."""
+        noise, fraction = self.noise, self.sketch.noise_pixels / self.sketch.aperture_pixels
+        return self.n_frames * noise.factor2 * noise.photons * self.exposure_s * fraction * aperture_e_s
+
     def snr_share(self, *origins: str, factor: float = 1.0) -> float:
         """Half of the share of some origins in the variance of an aperture sum, the largest of all planets.
 
         Light of other sources counts as much as it may be.
         """
         most = 0.0
-        for variances, other in zip(self.variances, self.other_most, strict=True):
+        for variances, planet in zip(self.variances, self.sketch.planets, strict=True):
+            other = self.light_variance_e2(planet.other_most_e_s)
             more = other - variances["other"] if "other" in origins else 0.0
             part = sum(variances[name] for name in origins) + more
             most = max(most, 0.5 * factor * part / max(sum(variances.values()) + more, 1e-300))
@@ -234,22 +286,65 @@ class CameraCase:
 
 
 def largest_speckles(light: FloatArray, scattered: FloatArray) -> FloatArray:
-    """Largest change of pixels by a wavefront error: ``|dE|^2`` and its beat with the light that is there."""
+    """Return the largest change of pixels by a wavefront error: ``|dE|^2`` and its beat with the light that is there.
+
+    Parameters
+    ----------
+    light : ndarray
+        That is there without the error.
+    scattered : ndarray
+        Mean light that the error scatters, in the same units.
+    """
     return _SPECKLE_MOST * _SPECKLE_SCATTER * np.sqrt(2.0 * light * scattered + scattered**2)
 
 
-def overflow(mean_e: FloatArray | float, well_e: float, factor2: float) -> FloatArray:
-    """What a limit cuts off, in standard deviations of the pixel or of its darkest neighbour.
+_SIDE, _TRACKS = 700, 1500.0
+_CM_PER_UM = 1e-4
 
-    Counts of excess noise F^2 exceed a level q with the chance of a Gaussian beyond ``z = 2 (sqrt q - sqrt m) / F``
-    (Poisson, and Poisson electrons multiplied by an exponential law, both to leading order in the exponent). Mean and
-    second moment beyond it are ``phi - z Q`` and ``(1 + z^2) Q - z phi``; beyond the limit itself it is the excess.
+
+class PixelHits(NamedTuple):
+    """Charge of a track by pixels.
+
+    Attributes
+    ----------
+    mean_e : float
+        Electrons a track.
+    square_e2 : float
+        Sum over its pixels of the squared charge.
+    charge_e : ndarray
+        Charge of pixels that were hit, ascending.
     """
-    mean = np.maximum(np.asarray(mean_e, dtype=np.float64), 0.0)
-    z = 2.0 * (math.sqrt(well_e) - np.sqrt(mean)) / math.sqrt(factor2)
-    density = np.exp(-0.5 * np.clip(z, -38.0, 38.0) ** 2) / math.sqrt(2.0 * math.pi)
-    # The chance beyond z is below phi / z.
-    chance = np.where(z > 0.5, density / np.maximum(z, 0.5), 1.0)
-    # The overflow goes to neighbours, whose own noise can be as small as that of an empty pixel.
-    contrast = np.sqrt(np.maximum(mean, 1.0))
-    return np.where(z > 12.0, 0.0, np.where(z > 0.5, (density + chance) * contrast, _ALL + contrast))
+
+    mean_e: float
+    square_e2: float
+    charge_e: NDArray[np.float64]
+
+    def share_above(self, level_e: float) -> float:
+        """Share of the squared charge in pixels of more than a level."""
+        squares = self.charge_e**2
+        return float(squares[np.searchsorted(self.charge_e, level_e) :].sum() / max(squares.sum(), 1e-300))
+
+    @property
+    def typical_e(self) -> float:
+        """Mean charge weighted by its square."""
+        squares = self.charge_e**2
+        return float((squares * self.charge_e).sum() / max(squares.sum(), 1e-300))
+
+
+@functools.lru_cache(maxsize=8)
+def pixel_hits(config: CosmicRayConfig, pixel_um: float) -> PixelHits:
+    """Return the moments of a configured model of tracks, from 1500 of them drawn from a fixed stream.
+
+    The moments of a track that crosses pixels at random have no closed form; those drawn are good to 5 %.
+
+    Parameters
+    ----------
+    config : CosmicRayConfig
+    pixel_um : float
+        Side of a pixel.
+    """
+    area_cm2 = (_SIDE * pixel_um * _CM_PER_UM) ** 2
+    found = draw_cosmic_rays(config, (_SIDE, _SIDE), pixel_um, 1.0, _TRACKS / area_cm2, stream(1, "ledger", "hits"))
+    charge = np.sort(found.electrons.astype(np.float64))
+    tracks = max(found.n_events, 1)
+    return PixelHits(float(charge.sum()) / tracks, float((charge**2).sum()) / tracks, charge)

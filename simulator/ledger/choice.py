@@ -7,6 +7,7 @@ from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from simulator.detectors.chains import VISIBLE, rows_of
 from simulator.knobs import FIDELITIES, Dial, Knobs, Quantity
 from simulator.ledger.choice_rows import WORDS, Chosen, choice_rows
 from simulator.ledger.costs import (
@@ -24,13 +25,11 @@ from simulator.ledger.rows import EffectRow
 from simulator.ledger.sums import NOT_IN_SUMS
 from simulator.outcome import Outcome, Reason, Status
 
-__all__ = ["SUM_EPOCHS", "Choice", "budget_of", "choose", "error_of"]
-
 Sizes = dict[Quantity, float]
 SUM_EPOCHS = 6
 """Epochs of a visit drawn as sums: the variance of the mean of a walk is 1/(2 epochs^2), 1.4 %, too large."""
 # Hidden by others: dark current takes its structure and the charge of hot pixels and bad columns with it.
-_NEEDS = {"dark": ("dark_structure", "bad_pixels", "bad_columns")}
+_NEEDS = {effect.switch: effect.hides for effect in rows_of(VISIBLE)}
 
 
 @dataclass(frozen=True)

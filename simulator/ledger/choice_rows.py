@@ -11,8 +11,6 @@ from simulator.knobs import Knobs, Quantity
 from simulator.ledger.prediction import Forecast
 from simulator.ledger.rows import EffectRow
 
-__all__ = ["WORDS", "Chosen", "choice_rows"]
-
 Sizes = Mapping[Quantity, float]
 WORDS: dict[Quantity, str] = {"planet_flux": "planet flux", "snr": "SNR", "pixel_map": "pixel map"}
 _SOURCES = {"star": "star", "planet": "planet", "extended": "extended source"}

@@ -5,37 +5,12 @@ Rough times of one core; only their ratios matter, which decide what is left out
 
 from __future__ import annotations
 
+from simulator.detectors.chains import VISIBLE, rows_of
 from simulator.knobs import Knobs
 
-__all__ = ["FRAME_S", "FULL_PIXELS", "SOURCE_S", "stamp_s"]
-
-# A frame of the window around the hole (137 x 137), seconds an effect; all other steps together; the same of a sum.
-FRAME_S = {
-    "photon_noise": 4e-4,
-    "em_register": 4e-4,
-    "cosmic_rays": 6e-4,
-    "read_noise": 3e-4,
-    "clock_charge": 2e-4,
-    "interference": 2e-4,
-    "serial_cti": 2e-4,
-    "parallel_cti": 2e-4,
-    "nonlinearity": 1e-4,
-    "blooming": 5e-5,
-    "register_full_well": 1e-4,
-    "register_clock_charge": 2e-4,
-    "bias_drift": 1e-4,
-    "stripes": 5e-5,
-}
-"""Seconds a frame of each effect on the window around the hole."""
-SET_UP_S = {
-    "flat": 2e-4,
-    "dark": 5e-5,
-    "dark_structure": 2e-4,
-    "bad_pixels": 1e-4,
-    "bad_columns": 1e-4,
-    "smear": 5e-5,
-    "sky": 1e-3,
-}
+FRAME_S = {effect.switch: effect.frame_s for effect in rows_of(VISIBLE) if effect.frame_s}
+"""Seconds a frame of each effect on the window around the hole (137 x 137)."""
+SET_UP_S = {effect.switch: effect.set_up_s for effect in rows_of(VISIBLE) if effect.set_up_s} | {"sky": 1e-3}
 """Seconds a sequence of what is worked out once."""
 WHOLE_FRAME_S = 3e-3
 """Seconds a frame with everything."""

@@ -4,21 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from simulator.config import Instrument, Scene
-from simulator.config.detector import Detector
-from simulator.config.infrared import InfraredDetector
+from simulator.detectors.chains import rows_of
+from simulator.detectors.effect import Effect, Setting
 from simulator.effects.cosmic_ray_rate import cosmic_ray_rate
 from simulator.effects.sky import SOLAR_AVOIDANCE, SkyLevel
 from simulator.effects.stray_light import extra_lights
 from simulator.ledger.rows import EffectRow
-
-__all__ = ["camera_ledger", "effect_ledger", "not_modelled", "sky_ledger"]
-
 
 _OPTICS = "apodizer, cross mask, pixel integration"
 _STATIC = "static wavefront error and deformable mirror"
@@ -28,72 +24,7 @@ _KEPT = (
     (_STATIC, "one dark hole per band, its field known perfectly", "static"),
     ("pointing jitter", "incoherent sum over a Gaussian", "jitter"),
 )
-_VISIBLE = {
-    "photon_noise": ("photon noise", "Poisson"),
-    "flat": ("flat field", "response of every pixel"),
-    "dark": ("dark current", "plateau and law of temperature"),
-    "dark_structure": ("structure of the dark current", "every pixel its own"),
-    "bad_pixels": ("hot and dead pixels", "from the calibration set"),
-    "bad_columns": ("bad columns", "from the calibration set"),
-    "smear": ("frame-transfer smear", "light during the line shifts, no shutter"),
-    "cosmic_rays": ("cosmic rays", "tracks at the rate of the date"),
-    "nonlinearity": ("non-linearity", "pixels and output of the register"),
-    "blooming": ("pixel full well", "the excess blooms along the column"),
-    "parallel_cti": ("parallel transfer losses", "charge left behind, electron by electron"),
-    "clock_charge": ("clock-induced charge", "Poisson, once a frame"),
-    "serial_cti": ("serial transfer losses", "charge left behind, electron by electron"),
-    "em_register": ("noise of the EM register", "law of the stage-by-stage cascade"),
-    "register_clock_charge": ("clock-induced charge of the register", "electrons made between the stages"),
-    "register_full_well": ("register full well", "the excess trails along the row"),
-    "read_noise": ("read noise", "Gaussian"),
-    "stripes": ("stripes of the bias", "one offset a column"),
-    "interference": ("interference of the bias", "a wave in the order of readout"),
-    "bias_drift": ("drift of the bias", "one offset a frame"),
-}
-_INFRARED = {
-    "photon_noise": ("photon noise", "Poisson"),
-    "flat": ("flat field", "response of every pixel"),
-    "dark": ("dark current", "constant"),
-    "dark_structure": ("structure of the dark current", "every pixel its own"),
-    "bad_pixels": ("hot and dead pixels", "from the calibration set"),
-    "cosmic_rays": ("cosmic rays", "tracks at the rate of the date"),
-    "persistence": ("persistence", "mean charge of the earlier frames of the sequence"),
-    "nonlinearity": ("non-linearity", "one curve for all pixels"),
-    "interpixel_capacitance": ("inter-pixel capacitance", "coupling to four neighbours"),
-    "reset_noise": ("reset noise", "one level per pixel and reset"),
-    "read_noise": ("read noise", "Gaussian in every read"),
-}
 _ZODIACAL = "position-dependent zodiacal light"
-# What needs light, and what needs time only.
-_LIGHT = ("flat", "smear")
-_TIME = ("photon_noise", "dark", "dark_structure", "cosmic_rays", "persistence")
-# The number of the configuration that an effect grows with: at 0 there is none of it.
-_SIZES = {
-    "flat": "flaws.prnu_rms",
-    "dark_structure": "flaws.dsnu_rms",
-    "bad_columns": "flaws.bad_columns",
-    "smear": "transfer.line_shift_s",
-    "parallel_cti": "transfer.parallel_cti",
-    "clock_charge": "cic_e",
-    "serial_cti": "transfer.serial_cti",
-    "register_clock_charge": "register_cic_e",
-    "read_noise": "read_noise_e",
-    "stripes": "bias_structure.stripe_rms_adu",
-    "interference": "bias_structure.interference_adu",
-    "bias_drift": "bias_structure.drift_adu",
-    "persistence": "persistence.fraction",
-    "interpixel_capacitance": "interpixel_coupling",
-    "reset_noise": "reset_noise_e",
-}
-# The calibration map that replaces an effect's numbers.
-_FILES = {
-    "flat": "flat",
-    "dark": "dark",
-    "dark_structure": "dark",
-    "clock_charge": "cic",
-    "bad_columns": "bad_columns",
-    "stripes": "bias",
-}
 
 
 def camera_ledger(
@@ -117,59 +48,15 @@ def camera_ledger(
     start_utc : str, optional
         Date of the cosmic rays.
     """
-    visible = camera == "VIS"
-    detector: Detector | InfraredDetector = instrument.detector if visible else instrument.near_infrared.detector
-    rows = []
-    for name, (effect, law) in (_VISIBLE if visible else _INFRARED).items():
-        file = _file_of(detector, name)
-        reason = f"from the map {file}" if file else law
-        why_not = _why_not(detector, name, lit=lit, exposed=exposure_s != 0)
-        if name == "cosmic_rays" and not why_not:
-            reason, why_not = _particles(instrument, law, start_utc)
-        if name == "stripes" and file:
-            # The map holds whatever structure the bias has, and no switch takes it off.
-            reason, why_not = f"replaced by the map {file}, level and structure", ""
-        rows.append(
-            EffectRow(effect, "skipped", why_not, key=name) if why_not else EffectRow(effect, "kept", reason, key=name)
-        )
-    last = EffectRow("bias level, quantisation, range of the converter", "kept", "cut off and counted", "quantisation")
-    return (*rows, last)
+    detector, rays = instrument.channel(camera).detector, instrument.cosmic_rays
+    peak = rays.peak_rate_per_s_cm2 * rays.orbit_factor
+    rate = peak if start_utc is None else cosmic_ray_rate(rays, start_utc)
+    setting = Setting(detector, lit, exposure_s != 0, rate, start_utc is not None)
+    return tuple(_row(effect, *effect.row(setting)) for effect in rows_of(detector.chain))
 
 
-def _why_not(detector: Detector | InfraredDetector, name: str, *, lit: bool, exposed: bool) -> str:
-    """Why an effect of the camera is left out, empty if it is not."""
-    switches = detector.switches
-    if not getattr(switches, name):
-        return "switched off"
-    if not exposed and name in (*_LIGHT, *_TIME):
-        return "frames without exposure"
-    if not lit and name in _LIGHT:
-        return "no light on the detector"
-    if name == "dark_structure" and not switches.dark:
-        return "the dark current is switched off"
-    key = _SIZES.get(name, "")
-    size: Any = None if _file_of(detector, name) else detector
-    for part in key.split("."):
-        size = getattr(size, part, None)
-    return f"{key} is 0" if size == 0 else ""
-
-
-def _file_of(detector: Detector | InfraredDetector, name: str) -> str:
-    """Name of the calibration map that an effect is read from."""
-    if not isinstance(detector, Detector):
-        return ""
-    kind = _FILES.get(name)
-    path = None if kind is None else getattr(detector.calibration_files, kind)
-    return "" if path is None else Path(path).name
-
-
-def _particles(instrument: Instrument, reason: str, start_utc: str | None) -> tuple[str, str]:
-    """Why cosmic rays are kept, or why not."""
-    rays = instrument.cosmic_rays
-    if start_utc is None:
-        return reason, "their rate is zero" if rays.peak_rate_per_s_cm2 * rays.orbit_factor == 0 else ""
-    rate = cosmic_ray_rate(rays, start_utc)
-    return f"{reason}, {rate:.3g} /s/cm2", "" if rate > 0 else "their rate is zero"
+def _row(effect: Effect, law: str, why_not: str) -> EffectRow:
+    return EffectRow(effect.label, "skipped" if why_not else "kept", why_not or law, effect.switch)
 
 
 def not_modelled(instrument: Instrument) -> list[str]:

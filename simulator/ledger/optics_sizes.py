@@ -1,4 +1,16 @@
-"""Sizes of the numerical settings of the optics, of the drift and its sampling, and of sources left out."""
+"""Sizes of the numerical settings of the optics, of the drift and its sampling, and of sources left out.
+
+What the settings cost are remainders of the quadratures, and rounding. A Gauss-Legendre rule of n nodes misses of a
+wave ``cos(phi s)``, -1 <= s <= 1, at most
+
+    E_n(phi) = 2^(2n) (n!)^4 / ((2n + 1) ((2n)!)^3) phi^(2n)
+
+of its amplitude (remainder of the rule, its highest derivative at its largest). Over a band the image at u lambda/D
+holds waves up to ``phi = pi u Delta`` with Delta the relative width of the band; over a pixel waves up to
+``phi = pi (pixel / (lambda/D))``, widened by the jitter. Few waves are that fast: the factors below lower the phase so
+that the remainder follows the differences that were measured between the images of each rule and those of nine
+wavelengths and six nodes a pixel, in the four visible bands (`reports/effect_ledger`).
+"""
 
 from __future__ import annotations
 
@@ -14,10 +26,8 @@ from simulator.config.optics import Drift
 from simulator.imaging.metrics import PsfMetrics
 from simulator.knobs import Quantity
 from simulator.ledger.case import CameraCase, largest_speckles
-from simulator.ledger.light import PlanetPlace, SourceLight, drift_halo
-from simulator.ledger.numerics import LARGEST, Optics, precision_error_e_s
-
-__all__ = ["OpticsCase"]
+from simulator.ledger.light import PlanetPlace, SourceLight
+from simulator.signal.speckles import drift_halo
 
 FloatArray = NDArray[np.float64]
 Sizes = dict[Quantity, float]
@@ -165,7 +175,14 @@ class OpticsCase:
         return case.mean_change(self._padded(change))
 
     def source(self, source: SourceLight, *, measured: bool) -> Sizes:
-        """Of a source left out."""
+        """Return the size of a source left out.
+
+        Parameters
+        ----------
+        source : SourceLight
+        measured : bool
+            Whether it is one of the planets that are measured.
+        """
         case = self.camera
         pixel = case.mean_change(source.peak_e_s * case.exposure_s)
         if measured:
@@ -173,7 +190,13 @@ class OpticsCase:
         return {"planet_flux": 0.0, "snr": case.snr_added(self._white(source.aperture_e_s)), "pixel_map": pixel}
 
     def spread_light(self, pixel_e_s: float, aperture_e_s: float) -> Sizes:
-        """Of light spread over many pixels."""
+        """Return the size of light spread over many pixels.
+
+        Parameters
+        ----------
+        pixel_e_s, aperture_e_s : float
+            On a pixel and in an aperture.
+        """
         case = self.camera
         added = self._white(np.full(len(case.variances), aperture_e_s))
         return {
@@ -183,10 +206,7 @@ class OpticsCase:
         }
 
     def _white(self, aperture_e_s: FloatArray) -> list[float]:
-        case = self.camera
-        fraction = case.sketch.noise_pixels / case.sketch.aperture_pixels
-        counts = case.n_frames * case.noise.factor2 * case.noise.photons * case.exposure_s * fraction
-        return [counts * float(light) for light in aperture_e_s]
+        return [self.camera.light_variance_e2(float(light)) for light in aperture_e_s]
 
     def _padded(self, change: FloatArray) -> FloatArray:
         """A change on the stamp, nothing on the pixels around it."""
@@ -217,3 +237,142 @@ def _box(image: FloatArray, reach: int, *, largest: bool) -> FloatArray:
         parts = [padded.take(range(shift, shift + n), axis=axis) for shift in range(2 * reach + 1)]
         image = np.maximum.reduce(parts) if largest else np.add.reduce(parts) / len(parts)
     return image
+
+
+LARGEST = 1.7  # of a remainder, in units of the light around: measured for one node
+# Share of the fastest wave's phase that the remainder acts as if it had: 1 - 0.44 exp(-0.42 (n - 1)).
+_SLOWER, _FADING = 0.44, 0.42
+# Of starlight in an aperture, over the remainder and the light around: in the dark hole and elsewhere. Light of the
+# arms beside the hole reaches into it, so that the wave is never slower than at ten lambda/D.
+_HALO_WAVES, _LEAST_WAVES = (2.0, 4.0), 10.0
+_HALO_PIXEL = {1: (0.16, 0.75), 2: (0.65, 5.5), 3: (6.0, 24.0), 4: (60.0, 60.0)}
+_MOST_HALO_PIXEL = 600.0
+# Of the rms of speckles that drift leaves, over the remainder: errors of single speckles average out.
+_SPECKLE_WAVES, _SPECKLE_MORE_WAVES, _SPECKLE_PIXEL = {1: (0.5, 1.1), 2: (0.15, 0.3)}, (0.07, 0.1), 0.5
+# Relative change of a planet's aperture sum by the number of wavelengths, over Delta^(2n); that of its brightest pixel.
+_FLUX = {1: 0.11, 2: 5e-3}
+_PEAK = {1: 0.26, 2: 8.0, 3: 100.0}
+# Rounding of a field in single precision: intensity of its noise over the peak, and relative error of bright light.
+SINGLE_NOISE, SINGLE_RELATIVE = 3e-17, 6e-7
+
+
+def gauss_remainder(n_nodes: int, phase: FloatArray | float) -> FloatArray:
+    """Return the largest error of a Gauss-Legendre mean of a wave, at most 1.7 of its amplitude.
+
+    Parameters
+    ----------
+    n_nodes : int
+        Of the rule.
+    phase : ndarray or float
+        Half-range of the wave, rad.
+    """
+    n = int(n_nodes)
+    log = 2 * n * math.log(2.0) + 4 * math.lgamma(n + 1) - math.log(2 * n + 1) - 3 * math.lgamma(2 * n + 1)
+    with np.errstate(divide="ignore"):
+        power = np.exp(np.minimum(log + 2 * n * np.log(np.asarray(phase, dtype=np.float64)), 1.0))
+    return np.minimum(power, LARGEST)
+
+
+@dataclass(frozen=True)
+class Optics:
+    """What the quadratures of a band depend on.
+
+    Attributes
+    ----------
+    relative_width : float
+        Of the band.
+    lambda_d_arcsec, pixel_arcsec, jitter_arcsec : float
+    """
+
+    relative_width: float
+    lambda_d_arcsec: float
+    pixel_arcsec: float
+    jitter_arcsec: float
+
+    def wavelength_error(self, n_nodes: int, separation_arcsec: FloatArray | float) -> FloatArray:
+        """Return the relative error of the light of a source at a distance from it.
+
+        Parameters
+        ----------
+        n_nodes : int
+            Wavelengths of the band.
+        separation_arcsec : ndarray or float
+            From the source.
+        """
+        slower = 1.0 - _SLOWER * math.exp(-_FADING * (n_nodes - 1))
+        u = np.asarray(separation_arcsec, dtype=np.float64) / self.lambda_d_arcsec
+        return gauss_remainder(n_nodes, slower * math.pi * self.relative_width * u)
+
+    def wavelength_flux_error(self, n_nodes: int) -> float:
+        """Relative error of the aperture sum of a planet: ``0.11 Delta^2`` with one wavelength."""
+        return _FLUX.get(n_nodes, 1e-3) * self.relative_width ** (2 * n_nodes)
+
+    def wavelength_peak_error(self, n_nodes: int) -> float:
+        """Largest error of a pixel in the image of a source off the axis, relative to its peak."""
+        return _PEAK.get(n_nodes, 1e3) * self.relative_width ** (2 * n_nodes)
+
+    def pixel_error(self, n_nodes: int) -> float:
+        """Error of a pixel of the star relative to the light around it, both axes together."""
+        # A box of half width 1/2 and a normal law of width j have the second moment of a box sqrt(1 + 12 j^2) wider.
+        wider = math.sqrt(1.0 + 12.0 * (self.jitter_arcsec / self.pixel_arcsec) ** 2)
+        return 2.0 * float(gauss_remainder(n_nodes, math.pi * self.pixel_arcsec / self.lambda_d_arcsec * wider))
+
+    def wavelength_halo_error(self, n_nodes: int, separation_arcsec: float, inside: bool) -> float:
+        """Return the error of the starlight in an aperture, relative to the light around it.
+
+        Parameters
+        ----------
+        n_nodes : int
+            Wavelengths of the band.
+        separation_arcsec : float
+            Of the aperture from the star.
+        inside : bool
+            Whether it lies in the dark hole.
+        """
+        return _HALO_WAVES[not inside] * self._fast_waves(n_nodes, separation_arcsec)
+
+    def wavelength_speckle_error(self, n_nodes: int, separation_arcsec: float, inside: bool) -> float:
+        """Return the relative error of the rms of aperture sums that a drifting wavefront leaves.
+
+        Parameters
+        ----------
+        n_nodes, separation_arcsec, inside
+            As of `wavelength_halo_error`.
+        """
+        factor = _SPECKLE_WAVES.get(n_nodes, _SPECKLE_MORE_WAVES)[not inside]
+        return factor * self._fast_waves(n_nodes, separation_arcsec)
+
+    def _fast_waves(self, n_nodes: int, separation_arcsec: float) -> float:
+        return float(self.wavelength_error(n_nodes, max(separation_arcsec, _LEAST_WAVES * self.lambda_d_arcsec)))
+
+    def pixel_halo_error(self, n_nodes: int, inside: bool) -> float:
+        """Return the error of the starlight in an aperture, relative to the light around it.
+
+        Parameters
+        ----------
+        n_nodes : int
+            A pixel and axis.
+        inside : bool
+            Whether the aperture lies in the dark hole.
+        """
+        factor = _HALO_PIXEL[n_nodes][not inside] if n_nodes in _HALO_PIXEL else _MOST_HALO_PIXEL
+        return factor * self.pixel_error(n_nodes)
+
+    def pixel_speckle_error(self, n_nodes: int) -> float:
+        """Relative error of the rms of aperture sums that a drifting wavefront leaves."""
+        return _SPECKLE_PIXEL * self.pixel_error(n_nodes)
+
+
+def precision_error_e_s(light_e_s: FloatArray | float, peak_e_s: float) -> FloatArray:
+    """Return the error of starlight by fields in single precision, whose noise beats with the light that is there.
+
+    Parameters
+    ----------
+    light_e_s : ndarray or float
+        That is there, e-/s.
+    peak_e_s : float
+        Of the unmasked star.
+    """
+    light = np.asarray(light_e_s, dtype=np.float64)
+    noise = SINGLE_NOISE * peak_e_s
+    return 2.0 * np.sqrt(light * noise) + noise + SINGLE_RELATIVE * light

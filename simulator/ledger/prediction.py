@@ -11,7 +11,7 @@ from simulator.config import Instrument, Scene
 from simulator.imaging.metrics import PsfMetrics
 from simulator.knobs import QUANTITIES, Knobs, Quantity
 from simulator.ledger.camera_sizes import camera_sizes
-from simulator.ledger.case import CameraCase, overflow
+from simulator.ledger.case import CameraCase
 from simulator.ledger.inventory import effect_ledger
 from simulator.ledger.light import Sketch
 from simulator.ledger.optics_sizes import OpticsCase
@@ -20,9 +20,9 @@ from simulator.ledger.spill import Spill
 from simulator.ledger.sums import sums_possible
 from simulator.ledger.visit import visit_of
 from simulator.outcome import Outcome
+from simulator.signal.light import sky_pixel_e_s
+from simulator.signal.saturation import overflow
 from simulator.target.sources import extended_rates
-
-__all__ = ["MAX_EPOCHS", "Forecast", "forecast"]
 
 Sizes = dict[Quantity, float]
 MAX_EPOCHS = 12
@@ -138,7 +138,7 @@ def forecast(
         max_epochs=max_epochs,
     )
     case, optics, figures = visit.camera, visit.optics, visit.metrics
-    visible = instrument.band(band).camera == "VIS"
+    visible = instrument.channel_of(band).multiplies
     sizes: dict[str, Sizes] = camera_sizes(case) if visible else {}
     sizes |= _light_sizes(optics, case.sketch, visit.sky.rate_e_s_arcsec2, visit.stray_e_s, figures)
     for item in extended_rates(scene, instrument, band):
@@ -194,7 +194,7 @@ def _forbid(sizes: dict[str, Sizes], knobs: dict[str, dict[Any, Sizes]]) -> None
 def _light_sizes(
     optics: OpticsCase, sketch: Sketch, sky_e_s_arcsec2: float, stray_e_s: float, metrics: PsfMetrics
 ) -> dict[str, Sizes]:
-    front = sky_e_s_arcsec2 * metrics.pixel_scale_arcsec**2 * metrics.apodizer_energy
+    front = float(sky_pixel_e_s(metrics, sky_e_s_arcsec2))
     sizes = {
         "sky": optics.spread_light(front, front * sketch.aperture_pixels),
         "stray_light": optics.spread_light(stray_e_s, stray_e_s * sketch.aperture_pixels),

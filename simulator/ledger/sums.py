@@ -8,27 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from simulator.camera.saturation import pixel_saturated
+from simulator.detectors.chains import VISIBLE, in_sums
 from simulator.imaging.metrics import PsfMetrics
 from simulator.ledger.case import CameraCase
-from simulator.ledger.spill import Spill
 from simulator.outcome import Outcome, Reason, Status
 
-__all__ = ["NOT_IN_SUMS", "sums_possible"]
-
 # What a reduction takes out (flaws, bias, particles) or what moves charge between pixels: sums of frames leave it out.
-NOT_IN_SUMS = (
-    "flat",
-    "dark_structure",
-    "bad_pixels",
-    "bad_columns",
-    "cosmic_rays",
-    "nonlinearity",
-    "parallel_cti",
-    "serial_cti",
-    "stripes",
-    "interference",
-    "bias_drift",
-)
+NOT_IN_SUMS = in_sums(VISIBLE, "left_out", "moves_charge", "not_additive")
 _SIGMA = 8.0
 
 
@@ -50,12 +36,11 @@ def sums_possible(
     inside = pixel_saturated(light * t + case.noise.dark_e + case.noise.clock_e, gain, detector, _SIGMA)
     if inside.status is not Status.OK:
         return inside
-    spill = Spill(case)
     rows, columns = (_runs(np.asarray(metrics.hole.any(axis=axis))) for axis in (1, 0))
     places = list(itertools.product(rows, columns))
-    if any(spill.blooms_into(*place) for place in places):
+    if any(case.spill.blooms_into(*place) for place in places):
         return Outcome.refuse(Status.SATURATED, Reason.PIXEL_FULL_WELL, "bloomed columns may enter the hole")
-    if any(spill.trails_into(*place) for place in places):
+    if any(case.spill.trails_into(*place) for place in places):
         return Outcome.refuse(Status.SATURATED, Reason.REGISTER_FULL_WELL, "tails of the register may enter the hole")
     return inside
 

@@ -10,8 +10,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from catalogs.errors import InputError
-from simulator.camera.dark_current import dark_rate_e_s
-from simulator.camera.switched import switched_for
+from simulator.camera.noise import FrameNoise
 from simulator.camera.track_loss import aperture_loss_per_s
 from simulator.config import Instrument, Scene
 from simulator.config.detector import Detector
@@ -21,16 +20,12 @@ from simulator.effects.sky import SkyLevel, sky_rate_e_s_arcsec2
 from simulator.effects.stray_light import stray_light_parts
 from simulator.imaging.metrics import PsfMetrics
 from simulator.imaging.store import psf_metrics
-from simulator.ledger.case import CameraCase, stamp_flaws
+from simulator.ledger.case import CameraCase, pixel_hits, stamp_flaws
 from simulator.ledger.light import PlanetPlace, Sketch, sketch_of
-from simulator.ledger.noise import FrameNoise, visit_variance_e2
-from simulator.ledger.numerics import Optics
-from simulator.ledger.optics_sizes import OpticsCase
-from simulator.ledger.particles import pixel_hits
+from simulator.ledger.noise import visit_variance_e2
+from simulator.ledger.optics_sizes import Optics, OpticsCase
 from simulator.passbands import Passbands
 from simulator.target.sources import Source, scene_sources
-
-__all__ = ["Visit", "visit_of"]
 
 _CM_PER_UM = 1e-4
 # A single place in the hole against the rms of its separation.
@@ -93,7 +88,7 @@ def visit_of(
     max_epochs: int,
 ) -> Visit:
     """Light, noise and optics of an observation; parameters and errors as `simulator.ledger.forecast`."""
-    switched = switched_for(instrument, instrument.band(band).camera, switches)
+    switched = instrument.switched(switches, camera=instrument.band(band).camera)
     start = instrument.mission.start_utc if start_utc is None else start_utc
     sources = scene_sources(scene, instrument, band, roll_deg=roll_deg)
     measured = _measured(sources, planets)
@@ -122,10 +117,8 @@ def visit_of(
         stray_e_s=_mean_stray(stray),
         drift_nm=rms_nm,
     )
-    dark_e_s = dark_rate_e_s(detector) if isinstance(detector, Detector) else detector.dark_e_s
-    noise = FrameNoise.of(detector, em_gain, dark_e_s * exposure_s)
-    smeared = isinstance(detector, Detector) and detector.switches.smear and exposure_s > 0
-    line_shift_s = instrument.detector.transfer.line_shift_s * smeared
+    noise = FrameNoise.of(detector, em_gain, exposure_s)
+    line_shift_s = detector.line_shift_s if exposure_s > 0 else 0.0
     star_e_s, moved = sources[0].rate_e_s, any(star_offset_arcsec)
     speckles = [_speckles(figures, drift, planet, star_e_s, visit_s, still=moved) for planet in sketch.planets]
     variances = tuple(
@@ -145,7 +138,6 @@ def visit_of(
     shares = [
         _shares(variance, speckle, n_frames * exposure_s) for variance, speckle in zip(variances, speckles, strict=True)
     ]
-    counts = n_frames * noise.factor2 * noise.photons * exposure_s * sketch.noise_pixels / sketch.aperture_pixels
     rays = instrument.cosmic_rays
     rate = cosmic_ray_rate(rays, start) if detector.switches.cosmic_rays else 0.0
     case = CameraCase(
@@ -162,7 +154,6 @@ def visit_of(
         hits=pixel_hits(rays, detector.pixel_um),
         lost_per_s=aperture_loss_per_s(switched, band, start_utc=start),
         variances=variances,
-        other_most=tuple(counts * planet.other_most_e_s for planet in sketch.planets),
         column_peak_e_s=_column_peak(figures, sketch, star_e_s, moved=moved),
         radius_pixels=figures.aperture_radius_arcsec / figures.pixel_scale_arcsec,
         lambda_d_pixels=figures.lambda_d_arcsec / figures.pixel_scale_arcsec,

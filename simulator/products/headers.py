@@ -10,8 +10,7 @@ from catalogs.errors import InputError
 from simulator.camera.calibration_set import bias_level_adu
 from simulator.camera.frame import Frame
 from simulator.camera.gain_voltage import em_voltage_of
-from simulator.camera.sections import fits_section
-from simulator.config.detector import Detector
+from simulator.config.detector import Detector, Section
 from simulator.products.ephemeris import Ephemeris
 from simulator.products.keywords import KeywordTable, Value, checked_value, load_keywords
 from simulator.products.naming import ProductName
@@ -19,7 +18,7 @@ from simulator.products.places import pointing_deg, star_deg
 from simulator.products.sequence import SCIENCE_KINDS, FrameSequence, camera_of
 from simulator.products.times import SequenceTimes
 
-__all__ = ["frame_values", "ledger_cards", "sequence_values", "software_version"]
+__all__ = ["fits_section", "frame_values", "ledger_cards", "sequence_values", "software_version"]
 
 DISTRIBUTION = "cpic-planner"
 MAX_ROWS = 999
@@ -105,7 +104,7 @@ def _configured(sequence: FrameSequence) -> dict[str, Any]:
         "DETNAM": sequence.camera,
         "GAIN": camera.gain_e_adu,
         "RDNOISE": camera.read_noise_e,
-        "BIASLEV": bias_level_adu(camera) if isinstance(camera, Detector) else camera.bias_adu,
+        "BIASLEV": bias_level_adu(camera),
         "ADCBITS": camera.adc_bits,
         "FULLWELL": camera.full_well_e,
         "PIXSIZE": camera.pixel_um,
@@ -183,3 +182,11 @@ def ledger_cards(sequence: FrameSequence) -> Iterator[tuple[str, Value, str]]:
             raise InputError(what, len(rows), allowed=f"at most {MAX_ROWS} rows")
         for number, text in enumerate(rows, start=1):
             yield f"{key}{number:03d}", checked_value(table, "OBJECT", text), ""
+
+
+def fits_section(section: Section) -> str:
+    """Return ``"[c1:c2,r1:r2]"``, one-based and inclusive as in FITS headers; ``""`` for a section of no pixels."""
+    rows, columns = section
+    if rows.stop <= rows.start or columns.stop <= columns.start:
+        return ""
+    return f"[{columns.start + 1}:{columns.stop},{rows.start + 1}:{rows.stop}]"

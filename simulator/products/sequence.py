@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from catalogs.errors import InputError
 from simulator.camera.frame import Frame
 from simulator.config import Instrument, Scene
-from simulator.config.detector import Detector
-from simulator.config.infrared import InfraredDetector
+from simulator.config.detector import AnyDetector
 from simulator.config.mission import checked_utc
 from simulator.quantities import check_number
 from simulator.target.sources import Source
@@ -162,10 +161,9 @@ class FrameSequence(Protocol):
         """Yield the frames one at a time."""
 
 
-def camera_of(sequence: FrameSequence) -> Detector | InfraredDetector:
+def camera_of(sequence: FrameSequence) -> AnyDetector:
     """Configuration of the camera that took a sequence."""
-    instrument = sequence.instrument
-    return instrument.detector if sequence.camera == "VIS" else instrument.near_infrared.detector
+    return sequence.instrument.channel(sequence.camera).detector
 
 
 def check_sequence(sequence: FrameSequence) -> None:

@@ -2,7 +2,7 @@
 
 Not the models of Batalha et al. 2018, but a model with a few physical parameters at each node of their grid
 (metallicity, sedimentation efficiency of the clouds f_sed, insolation), fitted to the six band albedos that are
-public for it; `simulator.target.calibrate` makes the table and says how well it does.
+public for it; ``tools/calibrate_albedo`` makes the table and says how well it does.
 
 At a node the albedo is ``h + (1 - h)^2 A(t_s, t_a, d)`` with `simulator.target.reflection.layer_albedo` and
 
@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catalogs.errors import InputError
-from catalogs.interpolation import bracket
+from catalogs.stellar_grid import bracket
 from simulator.albedo_family import AlbedoFamily
 from simulator.arrays import read_npz
 from simulator.target.phase import checked_phase, lambert_phase

@@ -37,7 +37,7 @@ def test_a_plan_of_one_target(timed, stars, tmp_path):
         lambda: make_plan(config, tmp_path / "plan", catalog=stars, force=True),
         rounds=1,
     )
-    (target,) = finished.plan.targets
+    (target,) = finished.result.targets
     assert target.bands[0].status == "ok"
 
 

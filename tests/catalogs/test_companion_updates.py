@@ -1,7 +1,5 @@
 """Places of companions that have moved: those of published orbits at 2028.5, in every table that shares them."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 
@@ -9,9 +7,8 @@ import numpy as np
 import pytest
 
 from catalogs.catalogue import open_catalogue
-from catalogs.companion_updates import companion_updates
 from catalogs.info import catalogue_info, snapshot_vintage
-from catalogs.stars import StarTable, load_stars
+from catalogs.stars import StarTable, companion_updates, load_stars
 
 EPOCH_YR = 2028.5
 # Period (yr), periastron (yr), semi-major axis (arcsec), eccentricity, inclination, node, argument of periastron (deg).

@@ -1,7 +1,5 @@
 """Space motion, tangent plane and ecliptic coordinates against astropy and hand-made pictures."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from astropy import units as u
@@ -60,27 +58,6 @@ def test_propagation_there_and_back() -> None:
     back = propagate(*there, 2100.0, 2000.0)
     for before, after in zip(start, back, strict=True):
         np.testing.assert_allclose(after, before, rtol=1e-9, atol=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("change", "key"),
-    [
-        ({"parallax_mas": 0.0}, "parallax_mas"),
-        ({"dec_deg": 91.0}, "dec_deg"),
-        ({"rv_km_s": np.nan}, "rv_km_s"),
-    ],
-)
-def test_propagation_refuses(change: dict[str, float], key: str) -> None:
-    good = {
-        "ra_deg": 1.0,
-        "dec_deg": 2.0,
-        "pm_ra_mas_yr": 0.0,
-        "pm_dec_mas_yr": 0.0,
-        "parallax_mas": 50.0,
-        "rv_km_s": 0.0,
-    }
-    with pytest.raises(InputError, match=key):
-        propagate(**{**good, **change}, epoch_yr=2000.0, to_epoch_yr=2020.0)
 
 
 def test_tangent_offset_picture() -> None:

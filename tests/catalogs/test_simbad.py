@@ -1,7 +1,5 @@
 """Asking SIMBAD: the queries mean what they say, and an answer counts only when it is whole."""
 
-from __future__ import annotations
-
 import pickle
 import time
 

@@ -1,7 +1,5 @@
 """From the answers to a table: names, blends, shared parallaxes, filled values and their labels."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -374,15 +372,7 @@ def test_the_snapshots_own_sky_gives_the_snapshot(same_sky):
         np.testing.assert_allclose(
             new.column(name), old.column(name), rtol=tolerance.get(name, 1e-9), atol=1e-9, err_msg=name
         )
-    for name in (
-        "hip",
-        "hd",
-        "gj",
-        "bayer",
-        "flamsteed",
-        "sp_type",
-        "luminosity_class",
-        "close_companion",
-        "companion_name",
-    ):
+    for name in """
+        hip hd gj bayer flamsteed sp_type luminosity_class close_companion companion_name
+    """.split():
         np.testing.assert_array_equal(new.column(name), old.column(name), err_msg=name)

@@ -1,7 +1,5 @@
 """Shipped spectra: known absolute values, read-only arrays, deterministic files."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from pathlib import Path
@@ -127,7 +125,7 @@ def test_unknown_names_are_refused() -> None:
 
 
 def test_npz_bytes_depend_on_the_arrays_alone(tmp_path) -> None:
-    from catalogs.builders._npz import write_npz
+    from tools.build_catalogue.npz import write_npz
 
     arrays = {"a": np.arange(6.0).reshape(2, 3), "b": np.array(3.5)}
     write_npz(tmp_path / "one.npz", arrays)

@@ -1,7 +1,5 @@
 """Bound systems and the parallax that they share, against a brute-force reading of the rule."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

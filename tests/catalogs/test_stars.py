@@ -1,7 +1,5 @@
 """The embedded star catalogue: known stars, completeness of labels, plausibility, counts."""
 
-from __future__ import annotations
-
 import csv
 import pickle
 import subprocess
@@ -149,17 +147,9 @@ def test_every_number_has_a_label_and_nan_only_where_missing(stars: StarTable) -
 
 
 def test_physical_columns_are_never_missing(stars: StarTable) -> None:
-    for name in (
-        "v_mag",
-        "b_v_mag",
-        "teff_k",
-        "log_g",
-        "metallicity",
-        "luminosity_lsun",
-        "radius_rsun",
-        "mass_msun",
-        "rv_km_s",
-    ):
+    for name in """
+        v_mag b_v_mag teff_k log_g metallicity luminosity_lsun radius_rsun mass_msun rv_km_s
+    """.split():
         assert np.all(np.isfinite(stars.column(name))), name
 
 

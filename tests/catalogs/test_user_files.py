@@ -3,7 +3,6 @@
 import hashlib
 import os
 import threading
-import time
 
 import pytest
 
@@ -28,14 +27,12 @@ def test_a_file_is_read_also_through_a_link_and_from_home(tmp_path, monkeypatch)
 
 
 @pytest.mark.parametrize("name", ["pipe", "link", "folder", "", "no", "\0", "/dev/zero", "/dev/random", "/dev/full"])
-def test_what_is_no_regular_file_is_refused_at_once(tmp_path, name):
+def test_what_is_no_regular_file_is_refused(tmp_path, name):
     (tmp_path / "folder").mkdir()
     os.mkfifo(tmp_path / "pipe")
     (tmp_path / "link").symlink_to("/dev/zero")
-    began = time.monotonic()
     with pytest.raises(InputError, match="a file"):
         read(name if name.startswith("/") else tmp_path / name)
-    assert time.monotonic() - began < 5.0
 
 
 def test_what_is_too_large_is_refused_before_it_is_read(tmp_path):

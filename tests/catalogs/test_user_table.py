@@ -1,7 +1,5 @@
 """Tables of a user's own: what is read, converted and filled."""
 
-from __future__ import annotations
-
 import csv
 import io
 import math
@@ -345,21 +343,10 @@ def test_the_shipped_table_itself_is_a_valid_table(tmp_path):
         row = stars.row(i)
         writer.writerow(["" if isinstance(row[name], float) and math.isnan(row[name]) else row[name] for name in names])
     made = opened(tmp_path, text.getvalue())
-    for name in (
-        "name",
-        "hip",
-        "distance_pc",
-        "v_mag",
-        "teff_k",
-        "log_g",
-        "metallicity",
-        "luminosity_lsun",
-        "sp_type",
-        "companion_sep_arcsec",
-        "companion_pa_deg",
-        "companion_delta_v_mag",
-        "close_companion",
-    ):
+    for name in """
+        name hip distance_pc v_mag teff_k log_g metallicity luminosity_lsun sp_type companion_sep_arcsec
+        companion_pa_deg companion_delta_v_mag close_companion
+    """.split():
         np.testing.assert_array_equal(made.table.column(name), stars.column(name), err_msg=name)
 
 

@@ -7,7 +7,7 @@ import pytest
 import cpic_planner
 from catalogs.errors import InputError
 from cpic_planner.cli.main import main
-from cpic_planner.engine import run_tasks
+from cpic_planner.jobs.engine import run_tasks
 from cpic_planner.models import BandConfirmation, ConfirmResult
 from cpic_planner.scene_confirmation import ConfirmConfig, prepared_tasks
 from cpic_planner.validation.confirm import confirm_task

@@ -26,21 +26,10 @@ def test_numbers_are_those_of_the_ranking(place):
     assert told.worse == (RANK.targets[place + 1] if place + 1 < len(RANK.targets) else None)
     assert (told.n_ranked, told.ranks) == (len(RANK.targets), {})
     band = next(item for item in told.bands if item.band == row.band)
-    for name in (
-        "separation_arcsec",
-        "contrast",
-        "snr",
-        "significance",
-        "threshold",
-        "detection_margin",
-        "time_s",
-        "exposure_s",
-        "n_frames",
-        "em_gain",
-        "status",
-        "reason",
-        "contrast_limit",
-    ):
+    for name in """
+        separation_arcsec contrast snr significance threshold detection_margin time_s exposure_s n_frames
+        em_gain status reason contrast_limit
+    """.split():
         assert getattr(band, name) == getattr(row, name), name
     counted = next(item for item in told.bands if item.band == row.completeness_band)
     assert counted.completeness == row.completeness

@@ -9,7 +9,7 @@ from catalogs.errors import InputError
 from cpic_planner.etc.model import Strategy, build_model
 from cpic_planner.etc.place import stand
 from cpic_planner.etc.planet import ReferencePlanet, reference_distance_au
-from cpic_planner.scene_confirmation import ConfirmConfig, confirm_hash, confirm_scene, scene_target
+from cpic_planner.scene_confirmation import ConfirmConfig, confirm_job, confirm_scene, scene_target
 from cpic_planner.targets import find_target
 from cpic_planner.validation.task import Frames, expected_of, target_scene
 from simulator import load_instrument, load_scene
@@ -55,7 +55,7 @@ def system():
             }
         ],
     }
-    return confirm_scene(config(scene))[0]
+    return confirm_scene(config(scene)).result
 
 
 def test_every_planet_has_its_answer():
@@ -86,21 +86,22 @@ def test_the_blind_search_names_what_it_finds():
 
 
 def test_a_scene_without_planets_is_searched():
-    result, bodies = confirm_scene(config({"name": "alone", "cstar": STAR}))
+    done = confirm_scene(config({"name": "alone", "cstar": STAR}))
+    result = done.result
     assert result.bands == result.positions == result.albedos == []
     assert result.calibration["n_bands"] == 0
     assert result.searches[0].resolution_elements > 100
     assert not any(candidate.detected for candidate in result.searches[0].candidates)
-    assert list(bodies) == ["F520"]
+    assert list(done.bodies) == ["alone F520"]
 
 
 def test_frames_may_be_left_to_the_calculator():
     scene = {"name": "left", "cstar": STAR, "planets": [planet("b", 0.6, 315)]}
     free = config(scene, exposure_s=None, n_frames=None, em_gain=None, time_s=1200.0, realisations=1)
-    (band,) = confirm_scene(free)[0].bands
+    (band,) = confirm_scene(free).result.bands
     assert 0.5 * 1200 < band.time_s <= 1200.0 * (1 + 1e-9)
     gain_only = config(scene, em_gain=None, realisations=1)
-    (chosen,) = confirm_scene(gain_only)[0].bands
+    (chosen,) = confirm_scene(gain_only).result.bands
     assert (chosen.exposure_s, chosen.n_frames) == (4.0, 40)
     model = build_model(free.instrument, ["F520"])
     place = scene_sources(free.scene, free.instrument, "F520")[1]
@@ -115,7 +116,7 @@ def test_frames_may_be_left_to_the_calculator():
     tail = model.metrics["F520"].register_tail * star * 4.0 * chosen.em_gain
     assert tail == pytest.approx(free.instrument.detector.register_full_well_e, rel=0.15)
     late = config(scene, exposure_s=None, n_frames=None, em_gain=None, time_s=1.0)
-    (refused,) = confirm_scene(late)[0].bands
+    (refused,) = confirm_scene(late).result.bands
     assert refused.status == "unreachable"
 
 
@@ -166,9 +167,9 @@ def test_the_calculator_knows_the_light_of_a_scene(star):
 
 def test_the_hash_is_that_of_what_decides():
     scene = {"name": "s", "cstar": STAR}
-    assert confirm_hash(config(scene)) == confirm_hash(config(scene))
-    assert confirm_hash(config(scene)) != confirm_hash(config(scene, seed=2))
+    assert confirm_job(config(scene)).digest == confirm_job(config(scene)).digest
+    assert confirm_job(config(scene)).digest != confirm_job(config(scene, seed=2)).digest
     altered = config(
         scene, simulator_overrides={"entries": [{"key": "detector.read_noise_e", "action": "scale", "value": 2}]}
     )
-    assert confirm_hash(config(scene)) != confirm_hash(altered)
+    assert confirm_job(config(scene)).digest != confirm_job(altered).digest

@@ -92,9 +92,3 @@ def test_a_catalogue_is_read_once_for_many_names(mine, monkeypatch):
     answers = signal_to_noise(["near", "wide"], time_s=3000, separation_arcsec=0.5, bands=["F520"], catalog=mine)
     assert len(answers) == 2
     assert opened == [mine]
-
-
-@pytest.mark.parametrize("source", [7, None, "", "missing.csv"])
-def test_sources_that_are_none(source):
-    with pytest.raises(InputError, match="catalog"):
-        load_targets(source)

@@ -130,7 +130,7 @@ def law(x):
     return -x
 """
 LISTED = """\
-- module: cpic_planner/etc/limits.py
+- module: simulator/signal/saturation.py
   function: law
   line: "if x >= 0:"
   change: ">= -> >"
@@ -141,11 +141,11 @@ import sys
 import tempfile
 from pathlib import Path
 
-from cpic_planner.etc.limits import law
+from simulator.signal.saturation import law
 
 
 def test_it_is_the_copy():
-    assert Path(sys.modules["cpic_planner.etc.limits"].__file__).is_relative_to(tempfile.gettempdir())
+    assert Path(sys.modules["simulator.signal.saturation"].__file__).is_relative_to(tempfile.gettempdir())
 
 
 def test_values():
@@ -155,9 +155,9 @@ def test_values():
 
 def test_runner_finds_the_survivor_and_leaves_the_sources_alone(tmp_path):
     """A small project whose tests see two changes of four; one of the others is listed."""
-    limits = "cpic_planner/etc/limits.py"
-    files = {limits: LAW, "tests/cpic_planner/etc/test_limits.py": CHECK, "pyproject.toml": ""}
-    for name, content in (files | {"cpic_planner/__init__.py": "", "cpic_planner/etc/__init__.py": ""}).items():
+    limits = "simulator/signal/saturation.py"
+    files = {limits: LAW, "tests/simulator/signal/test_saturation.py": CHECK, "pyproject.toml": ""}
+    for name, content in (files | {"simulator/__init__.py": "", "simulator/signal/__init__.py": ""}).items():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text(content, encoding="utf-8")
     shutil.copytree(ROOT / "tests" / "mutants", tmp_path / "tests" / "mutants")
@@ -165,7 +165,7 @@ def test_runner_finds_the_survivor_and_leaves_the_sources_alone(tmp_path):
     listed.write_text(LISTED, encoding="utf-8")
 
     before = sorted(file for file in tmp_path.rglob("*") if "__pycache__" not in file.parts)
-    command = [sys.executable, tmp_path / "tests/mutants/run.py", "--all", "--module", "etc/limits"]
+    command = [sys.executable, tmp_path / "tests/mutants/run.py", "--all", "--module", "signal/saturation"]
     found = subprocess.run(command, capture_output=True, text=True)
     assert found.returncode == 1, found.stderr
     assert re.search(r"^all +4 +4 +2 +1 +1$", found.stdout, re.M), found.stdout

@@ -1,9 +1,7 @@
 """Albedos over insolation: linear between nodes in ln distance, clamped and flagged outside."""
 
 import numpy as np
-import pytest
 
-from catalogs.errors import InputError
 from simulator.albedo_family import AlbedoFamily
 
 FAMILY = AlbedoFamily(
@@ -27,9 +25,3 @@ def test_weights_are_a_partition():
     assert nodes.shape == weights.shape == (50, 2)
     np.testing.assert_allclose(weights.sum(axis=-1), 1.0, rtol=1e-15)
     assert weights.min() >= 0.0
-
-
-@pytest.mark.parametrize("distance", [0.0, -1.0, np.nan, np.inf])
-def test_distances_must_be_finite_and_positive(distance):
-    with pytest.raises(InputError, match="insolation_au"):
-        FAMILY.at(distance)

@@ -3,9 +3,7 @@
 import numpy as np
 import pytest
 
-from catalogs.errors import InputError
 from simulator import calibrate
-from simulator.camera.dark_current import dark_rate_e_s
 from simulator.effects import sky_rate_e_s_arcsec2
 
 PLAIN = {"cosmic_rays": False, "interference": False, "bias_drift": False, "nonlinearity": False}
@@ -37,8 +35,8 @@ def test_dark_frames_hold_the_dark_current():
     )
     detector = seen.instrument.detector
     electrons = (active(seen, seen.frame(0).adu).astype(float) - detector.bias_adu) * detector.gain_e_adu / 100
-    mean = dark_rate_e_s(detector) * 2000 + detector.cic_e
-    assert np.median(seen.expected_e) == pytest.approx(dark_rate_e_s(detector) * 2000, rel=0.1)
+    mean = detector.dark_rate_e_s * 2000 + detector.cic_e
+    assert np.median(seen.expected_e) == pytest.approx(detector.dark_rate_e_s * 2000, rel=0.1)
     assert electrons.mean() == pytest.approx(mean, rel=0.01)
 
 
@@ -81,46 +79,6 @@ def test_infrared_calibrations():
     assert np.median(flat.frame(0).adu) == pytest.approx(
         detector.bias_adu + (20_000 + 10 * detector.dark_e_s) / detector.gain_e_adu, rel=0.02
     )
-
-
-@pytest.mark.parametrize(
-    ("kind", "settings", "word"),
-    [
-        ("SCI", {}, "kind"),
-        ("BIAS", {"exposure_s": 1.0}, "exposure_s"),
-        ("DARK", {}, "exposure_s"),
-        ("FLAT", {"exposure_s": 1.0}, "band"),
-        ("DARK", {"exposure_s": 1.0, "band": "F520"}, "band"),
-        ("DARK", {"exposure_s": 1.0, "level_e": 5.0}, "level_e"),
-        ("FLAT", {"exposure_s": 1.0, "band": "F520", "level_e": -1.0}, "level_e"),
-        ("BIAS", {"n_frames": 0}, "n_frames"),
-        ("BIAS", {"camera": "UV"}, "camera"),
-        ("BIAS", {"camera": "NIR", "em_gain": 2.0}, "em_gain"),
-        ("LASER", {"exposure_s": 1.0, "band": "F520", "offset_arcsec": (9, 0)}, "offset_arcsec"),
-        (
-            "LASER",
-            {"exposure_s": 1.0, "band": "F520", "offset_arcsec": (0, 1.2)},
-            r"offset_arcsec.*1\.0984.*stamp of F520",
-        ),
-        ("LASER", {"exposure_s": 1.0, "band": "F520", "offset_arcsec": "ab"}, "offset_arcsec"),
-        ("BIAS", {"offset_arcsec": (0.5, 0.5)}, "offset_arcsec.*for LASER only, not for BIAS"),
-        ("FLAT", {"exposure_s": 1.0, "band": "F520", "camera": "NIR"}, "camera = NIR.*VIS, the camera of F520"),
-        ("FLAT", {"exposure_s": 1.0, "band": "F520", "camera": "UV"}, "camera"),
-        ("BIAS", {"realisation": 0.5}, "realisation"),
-        ("BIAS", {"realisation": -1}, "realisation"),
-        ("BIAS", {"realisation": 2**31}, "realisation"),
-        ("BIAS", {"switches": {"persistence": True}}, "persistence.*the visible camera"),
-        ("BIAS", {"camera": "NIR", "switches": {"smear": True}}, "smear.*the near-infrared camera"),
-        ("FLAT", {"exposure_s": 1.0, "band": "F520", "ra_deg": 5.0}, "ra_deg.*for BKG only, not for FLAT"),
-        ("DARK", {"exposure_s": 1.0, "dec_deg": 5.0}, "dec_deg"),
-        ("BKG", {"exposure_s": 1.0, "band": "F520", "ra_deg": 5.0}, "dec_deg = missing"),
-        ("BKG", {"exposure_s": 1.0, "band": "F520", "ra_deg": 500.0, "dec_deg": 0.0}, "ra_deg = 500"),
-        ("BKG", {"exposure_s": 1.0, "band": "F520", "instrument": {"sky": {"model": "zodiacal"}}}, "ra_deg = missing"),
-    ],
-)
-def test_bad_settings_are_refused_by_name(kind, settings, word):
-    with pytest.raises(InputError, match=word):
-        calibrate(kind, **settings)
 
 
 def test_the_camera_of_a_band_may_be_said_too():

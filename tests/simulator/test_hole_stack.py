@@ -12,19 +12,11 @@ from simulator.ledger import SUM_EPOCHS
 from simulator.outcome import Reason, Status
 
 STILL = {"drift": {"visit_nm": 0.0, "walk_nm_per_sqrt_hour": 0.0}}
-MOVING = (
-    "parallel_cti",
-    "serial_cti",
-    "smear",
-    "cosmic_rays",
-    "nonlinearity",
-    "flat",
-    "dark_structure",
-    "bad_pixels",
-    "bad_columns",
-    "stripes",
-    "interference",
-    "bias_drift",
+MOVING = tuple(
+    """
+    parallel_cti serial_cti smear cosmic_rays nonlinearity flat dark_structure bad_pixels bad_columns stripes
+    interference bias_drift
+""".split()
 )
 
 

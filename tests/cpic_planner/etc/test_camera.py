@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from cpic_planner.etc.camera import FrameCamera
-from simulator.camera.dark_current import dark_rate_e_s
 from simulator.config import load_instrument
 
 INFRARED = "F1265"
@@ -34,7 +33,7 @@ def test_the_visible_camera_is_the_detector():
         "exposure_max_s",
     ):
         assert getattr(camera, name) == getattr(detector, name), name
-    assert camera.dark_e_s == dark_rate_e_s(detector) == pytest.approx(5e-4, rel=0.05)
+    assert camera.dark_e_s == detector.dark_rate_e_s == pytest.approx(5e-4, rel=0.05)
     assert camera.rounding_e == pytest.approx(detector.gain_e_adu / 12**0.5)
     assert camera.read_variance_e2 == pytest.approx(detector.read_noise_e**2 + detector.gain_e_adu**2 / 12)
     room = (2**14 - 1 - detector.bias_adu) * detector.gain_e_adu - 5 * detector.read_noise_e

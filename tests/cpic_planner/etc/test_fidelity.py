@@ -1,14 +1,36 @@
-"""The dial of the exposure-time calculator and the records of closed forms."""
+"""The dial, the records of closed forms, and their stated errors: where the numbers come from, and that they hold."""
 
+import csv
+import re
+from pathlib import Path
+
+import numpy as np
 import pytest
 
 from catalogs.errors import InputError
-from cpic_planner.etc.fidelity import closed_form_fidelity, etc_dial, etc_fidelity
+from cpic_planner.etc.fidelity import (
+    PLACE_ERROR,
+    PLANET_FLUX_ERROR,
+    SPECKLE_RATIO,
+    SPECKLE_SEPARATION_ARCSEC,
+    WHITE_SNR_ERROR,
+    WINGS_ERROR,
+    closed_form_fidelity,
+    etc_dial,
+    etc_fidelity,
+    speckle_error,
+    speckle_error_extrapolated,
+    stated_error,
+)
 from cpic_planner.etc.model import build_model
+from cpic_planner.etc.place import stand, usable_range_arcsec
+from cpic_planner.etc.planet import ReferencePlanet
 from cpic_planner.etc.questions import exposure_time, signal_to_noise
-from cpic_planner.etc.stated_error import stated_error
+from cpic_planner.optimiser import best_in_band
 from cpic_planner.targets import find_target
+from cpic_planner.validation.apertures import aperture_weights
 from simulator.config import load_instrument
+from simulator.imaging.psf import single_band_psf
 
 
 @pytest.fixture(scope="module")
@@ -62,3 +84,115 @@ def test_the_infrared_has_no_stated_error():
 def test_plain_answers_have_no_fidelity_in_their_json(answers):
     assert answers[1].fidelity is None
     assert "fidelity" not in answers[1].to_dict()
+
+
+REPORTS = Path(__file__).resolve().parents[3] / "reports"
+
+
+def test_without_speckles_the_snr_is_as_good_as_white_noise():
+    assert stated_error("F520", 0.6, {"signal_e": 5.0, "planet_e2": 9.0, "speckle_e2": 0.0}) == {
+        "planet_flux": PLANET_FLUX_ERROR,
+        "snr": WHITE_SNR_ERROR,
+    }
+
+
+def test_speckles_alone_carry_their_whole_error():
+    error = stated_error("F850", 0.9, {"speckle_e2": 4.0})
+    off = speckle_error("F850", 0.9)
+    assert off == pytest.approx(0.181 + 0.041)
+    assert error["snr"] == pytest.approx(WHITE_SNR_ERROR + off)  # SNR goes as 1 over the speckles
+
+
+def test_more_speckles_never_lower_the_error():
+    shares = np.linspace(0.0, 1.0, 41)
+    errors = [stated_error("F662", 0.7, {"read_noise_e2": 1 - s, "speckle_e2": s})["snr"] for s in shares]
+    assert np.all(np.diff(errors) > 0)
+    # To first order half the share of the variance times the error.
+    assert errors[1] - errors[0] == pytest.approx(0.5 * shares[1] * 2 * speckle_error("F662", 0.7), rel=0.2)
+
+
+def test_bands_without_a_measurement_have_no_stated_error():
+    assert stated_error("F1265", 0.6, {"planet_e2": 1.0}) is None
+    assert speckle_error("F1265", 0.6) is None
+
+
+def test_between_and_beyond_the_measured_separations():
+    assert speckle_error("F520", 0.2) == speckle_error("F520", 0.4) == PLACE_ERROR
+    assert speckle_error("F520", 2.0) == speckle_error("F520", 0.9) == pytest.approx(0.118 + 0.023)
+    middle = speckle_error("F850", 0.85)
+    assert middle == pytest.approx((0.077 + 0.029 + 0.181 + 0.041) / 2)
+
+
+@pytest.mark.parametrize(
+    ("band", "low", "high"), [("F520", 0.4, 0.9), ("F662", 0.5, 0.9), ("F720", 0.5, 0.9), ("F850", 0.5, 0.9)]
+)
+def test_answers_outside_the_measured_separations_say_so(band, low, high):
+    for place in (low, 0.65, high):
+        assert not speckle_error_extrapolated(band, place)
+    for place in (low - 1e-3, high + 1e-3):
+        assert speckle_error_extrapolated(band, place)
+    assert not speckle_error_extrapolated("F1265", 2.0)  # no error is stated there at all
+    model, star = build_model(load_instrument(), [band]), find_target("tau Cet")[0]
+    ends = usable_range_arcsec(model.instrument, band)
+    for place in (0.65, *(end for end in ends if not low <= end <= high)):
+        (answer,) = signal_to_noise(model, star, time_s=3600.0, separation_arcsec=place, contrast=1e-7)
+        assert ("speckle_error_extrapolated" in answer.flags) is (place != 0.65)
+        assert answer.status == "ok"
+
+
+def test_speckles_are_those_of_the_report():
+    text = (REPORTS / "etc_accuracy" / "report.md").read_text(encoding="utf-8")
+    rows = re.findall(r"\| (F\d+) \| (0\.\d) \| 0\.05 \| 0 \| \S+ \| \S+ \| (\S+) ± (\S+) \|", text)
+    assert len(rows) > 20
+    for band, place, ratio, error in rows:
+        known = SPECKLE_RATIO[band][SPECKLE_SEPARATION_ARCSEC.index(float(place))]
+        assert known == (float(ratio), float(error)), (band, place)
+
+
+def test_white_noise_is_that_of_the_report():
+    with (REPORTS / "etc_accuracy" / "monte_carlo.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    columns = ("snr_etc_over_mc", "significance_etc_over_mc")
+    worst = max(abs(float(row[name]) - 1.0) for row in rows for name in columns)
+    assert 0.8 * WHITE_SNR_ERROR < worst <= WHITE_SNR_ERROR
+
+
+@pytest.mark.parametrize("band", ["F520", "F662", "F720", "F850"])
+def test_planet_light_is_that_of_images(band):
+    instrument = load_instrument()
+    metrics = build_model(instrument).metrics[band]
+    psf, pixel = single_band_psf(band, instrument=instrument), metrics.pixel_scale_arcsec
+    middle, radius = len(metrics.hole) // 2, metrics.aperture_radius_arcsec / pixel
+    inner, outer = usable_range_arcsec(instrument, band)
+    for place in np.linspace(inner, outer, 7):
+        x, y = (float(part) for part in stand(build_model(instrument), band, place))
+        image = psf.at(x, y)
+        light = np.sum(image * aperture_weights(image.shape, middle + x / pixel, middle + y / pixel, radius))
+        known = metrics.core_throughput(np.array([x]), np.array([y]))[0]
+        assert known == pytest.approx(light, rel=PLANET_FLUX_ERROR)
+
+
+def test_planets_of_the_blind_validator_lie_within_it():
+    """SNR of images over that of the ETC, 400 realisations each, against the error that is stated beforehand."""
+    model = build_model(load_instrument())
+    with (REPORTS / "blind_validator" / "chain.csv").open(encoding="utf-8") as file:
+        rows = [row for row in csv.DictReader(file) if row["chain"] == "sums of frames"]
+    assert len(rows) == 20
+    for row in rows:
+        star, band = find_target(row["star"])[0], row["band"]
+        best = best_in_band(model, star, band, 36000.0, ReferencePlanet())
+        answer = signal_to_noise(
+            model, star, bands=[band], time_s=36000.0, separation_arcsec=float(best.separation_arcsec[0])
+        )[0]
+        chance = (float(row["high"]) - float(row["low"])) / 3.92
+        allowed = stated_error(band, answer.separation_arcsec, answer.budget)["snr"]
+        assert abs(float(row["ratio"]) - 1.0) <= allowed + 2.0 * chance, (row["star"], band)
+
+
+def test_the_wings_of_a_companion_carry_their_own_error():
+    alone = stated_error("F662", 0.6, {"companion_wings_e2": 4.0})["snr"]
+    assert alone == pytest.approx(WHITE_SNR_ERROR + WINGS_ERROR)
+    shares = np.linspace(0.0, 1.0, 21)
+    errors = [stated_error("F662", 0.6, {"speckle_e2": 1 - s, "companion_wings_e2": s})["snr"] for s in shares]
+    assert np.all(np.diff(errors) > 0)
+    assert errors[0] == pytest.approx(stated_error("F662", 0.6, {"speckle_e2": 1.0})["snr"])

@@ -17,10 +17,10 @@ from cpic_planner.etc.frames import (
     smooth_least_visit_s,
     solve_together,
 )
-from cpic_planner.etc.limits import frame_limit, longest_exposure_s
 from simulator.camera.gain import excess_noise_factor2
 from simulator.config import load_instrument
 from simulator.outcome import Reason
+from simulator.signal.saturation import frame_limit, longest_exposure_s
 
 CAMERA = FrameCamera.of(load_instrument(), "F520")
 ONE = {

@@ -32,9 +32,7 @@ def noise(target, **strategy):
     setup = model(**strategy)
     x = y = np.array([[0.6 / 2**0.5]])
     rates = aperture_rates(setup, target, "F520", x, y, np.array([[1e-8]]))
-    return stack_noise(
-        rates, 10.0, 50.0, 100.0, setup.camera("F520"), reference_ratio=setup.strategy.reference_ratio
-    ), rates
+    return stack_noise(rates, 10.0, 50.0, 100.0, setup.camera("F520"), setup.strategy), rates
 
 
 def test_a_twin_is_the_star_itself():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cpic_planner.etc import noise as noise_module
-from cpic_planner.etc.model import build_model
+from cpic_planner.etc.model import Strategy, build_model
 from cpic_planner.etc.noise import stack_noise
 from simulator.config import load_instrument
 
@@ -147,7 +147,12 @@ def said_with(oracles, case, camera=None, **changes):
     rates = replace(oracles.regimes.rates_of(stack, places, case.light), **changes)
     camera = camera or oracles.regimes.camera_of(case.readout)
     return stack_noise(
-        rates, stack.exposure_s, stack.n_frames, stack.em_gain, camera, reference_ratio=stack.reference_ratio
+        rates,
+        stack.exposure_s,
+        stack.n_frames,
+        stack.em_gain,
+        camera,
+        Strategy(reference_ratio=stack.reference_ratio),
     )
 
 

@@ -10,10 +10,10 @@ from cpic_planner.etc.model import Strategy, build_model
 from cpic_planner.etc.noise import frame_problem, own_noise, stack_noise
 from cpic_planner.etc.photon_counting import counting_law, counting_variance
 from cpic_planner.etc.rates import aperture_rates
-from cpic_planner.etc.speckles import SpeckleLaw
 from cpic_planner.targets import rank_sample
 from simulator.camera.gain import excess_noise_factor2
 from simulator.config import load_instrument
+from simulator.signal.speckles import SpeckleLaw
 
 INSTRUMENT = load_instrument({"sky": {"exozodi_zodis": 3.0}})
 STARS = rank_sample(v_mag_max=4.0)
@@ -53,11 +53,9 @@ def test_the_solver_sees_the_noise_of_the_stack(library, mode):
     rates, model = rates_of(strategy)
     camera, exposure, frames = model.camera("F520"), 0.2, 40.0
     gain = camera.em_gain_max if mode == "photon_counting" else 123.0
-    noise = stack_noise(rates, exposure, frames, gain, camera, reference_ratio=strategy.reference_ratio, mode=mode)
+    noise = stack_noise(rates, exposure, frames, gain, camera, strategy)
     for objective in ("snr", "significance"):
-        problem = frame_problem(
-            rates, camera, reference_ratio=strategy.reference_ratio, objective=objective, em_gain=gain, mode=mode
-        )
+        problem = frame_problem(rates, camera, strategy, objective=objective, em_gain=gain)
         seen = problem.inverse_snr2(np.full(problem.z0.shape, exposure), np.full(problem.z0.shape, frames)) ** -0.5
         np.testing.assert_allclose(seen, getattr(noise, objective), rtol=1e-12)
 
@@ -67,9 +65,7 @@ def test_the_solver_sees_the_noise_of_the_stack(library, mode):
 def test_terms_add_up(library, mode):
     strategy = Strategy(**LIBRARIES[library], mode=mode)
     rates, model = rates_of(strategy)
-    noise = stack_noise(
-        rates, 0.2, 90.0, 1000.0, model.camera("F520"), reference_ratio=strategy.reference_ratio, mode=mode
-    )
+    noise = stack_noise(rates, 0.2, 90.0, 1000.0, model.camera("F520"), strategy)
     quiet = sum(part for name, part in noise.terms.items() if name not in ("planet", "background_mean"))
     quiet = np.broadcast_to(quiet, noise.snr.shape)
     np.testing.assert_allclose(np.broadcast_to(noise.quiet, quiet.shape), quiet, rtol=1e-12)
@@ -212,7 +208,7 @@ def test_counting_uses_the_light_that_a_reference_frame_really_holds():
     )
     rates, model = rates_of(strategy, stars=stars)
     camera, t, n = model.camera("F520"), 1.0, 100.0
-    noise = stack_noise(rates, t, n, 1000.0, camera, mode="photon_counting")
+    noise = stack_noise(rates, t, n, 1000.0, camera, strategy)
     law = counting_law(1000.0, camera.register_stages, camera.read_noise_e, 5.0 * camera.read_noise_e)
     mean = (10.0 * (rates.halo_e_s + rates.exozodi_e_s) + rates.sky_e_s + rates.dark_e_s) / rates.aperture_pixels * t
     # Its own smear: ten times the star's light in the columns, the same sky.
@@ -229,10 +225,10 @@ def test_too_much_light_to_count_is_infinite_noise_and_never_nan():
     rates, model = rates_of(strategy, contrast=0.5)
     camera = model.camera("F520")
     for objective in ("snr", "significance"):
-        problem = frame_problem(rates, camera, objective=objective, mode="photon_counting")
+        problem = frame_problem(rates, camera, strategy, objective=objective)
         value = problem.inverse_snr2(np.full(problem.z0.shape, 100.0), np.ones(problem.z0.shape))
         assert np.all(np.isinf(value))
-    noise = stack_noise(rates, 100.0, 1.0, 1000.0, camera, mode="photon_counting")
+    noise = stack_noise(rates, 100.0, 1.0, 1000.0, camera, strategy)
     assert np.all(noise.snr == 0.0)
     assert not any(np.isnan(part).any() for part in noise.terms.values())
     over = np.isinf(noise.terms["counting"])
@@ -251,7 +247,8 @@ def test_counting_photons_beats_measuring_charge_in_faint_light_only(light, wins
         reference_light_e_s=light * rates.aperture_pixels + 0.0 * rates.planet_e_s,
     )
     analogue, counted = (
-        stack_noise(lit, 1.0, 100.0, 1000.0, camera, mode=mode).significance for mode in ("analogue", "photon_counting")
+        stack_noise(lit, 1.0, 100.0, 1000.0, camera, Strategy(mode=mode)).significance
+        for mode in ("analogue", "photon_counting")
     )
     assert np.all((counted > analogue) == wins)
     if light == 0.01:

@@ -6,7 +6,7 @@ from astropy.io import fits
 
 from catalogs.errors import InputError
 from cpic_planner.etc.model import Strategy, build_model
-from cpic_planner.etc.sky import aperture_sky_e_s
+from cpic_planner.etc.rates import aperture_sky_e_s
 from cpic_planner.targets import as_catalogue, find_target, targets_from_table
 from simulator import load_instrument, observe
 

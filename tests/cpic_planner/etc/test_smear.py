@@ -113,6 +113,6 @@ def test_counted_photons_share_their_pixels_with_the_smear():
         reference_light_e_s=rates.reference_light_e_s + rates.reference_smear_e / exposure,
     )
     smeared, plain = (
-        stack_noise(one, exposure, 100.0, 1000.0, model.camera("F850"), mode="photon_counting") for one in (rates, lit)
+        stack_noise(one, exposure, 100.0, 1000.0, model.camera("F850"), model.strategy) for one in (rates, lit)
     )
     np.testing.assert_allclose(smeared.snr, plain.snr, rtol=1e-12)

@@ -72,7 +72,7 @@ def whole(tmp_path_factory):
 
 def test_the_result_says_what_the_files_hold(whole):
     out, done = whole
-    assert (done.resumed, done.computed) == (0, 5)
+    assert (done.resumed_parts, done.computed_parts) == (0, 5)
     assert json.loads((out / "simulation.json").read_text()) == done.result.model_dump(mode="json")
     for item in done.result.sequences:
         path = out / item.file
@@ -144,7 +144,7 @@ def test_what_was_damaged_is_made_again(tmp_path, damage):
     else:
         next(tmp_path.glob("parts/40000000002*")).unlink()
     again = simulate(made_of(*BIAS_AND_DARK), tmp_path)
-    assert (again.resumed, again.computed) == (1, 1)
+    assert (again.resumed_parts, again.computed_parts) == (1, 1)
     after = content(tmp_path)
     kept = after.pop(f"{first.result.sequences[1].file}.changed-1", None)  # never removed: it may be somebody's work
     assert (kept is not None) == (damage in ("shorter", "one bit"))
@@ -178,7 +178,7 @@ def test_a_file_that_the_configuration_names_counts_by_its_content(tmp_path):
     scene = {"name": "s", "cstar": {"v_mag": 3, "spectrum": str(spectrum)}}
     sequence = {"scene": scene, "band": "F520", "fidelity": "quick"}
     first = simulate(made_of(sequence), tmp_path / "o")
-    assert simulate(made_of(sequence), tmp_path / "o").resumed == 1
+    assert simulate(made_of(sequence), tmp_path / "o").resumed_parts == 1
     spectrum.write_text("wavelength_nm photlam\n400 2\n1000 1\n")
     with pytest.raises(InputError, match="--force"):
         simulate(made_of(sequence), tmp_path / "o")
@@ -210,17 +210,3 @@ def test_a_disk_without_room_is_refused_before_anything_is_written(tmp_path):
     with pytest.raises(InputError, match="GB to spare"):
         simulate(large, tmp_path / "o")
     assert not (tmp_path / "o").exists()
-
-
-def test_second_run_on_a_live_folder_is_refused(tmp_path):
-    out = tmp_path / "live"
-    process = started(tmp_path, out)
-    try:
-        deadline = time.monotonic() + 60
-        while not list(out.glob(".cpic-*/*/*/*/.*.part")) and time.monotonic() < deadline:
-            time.sleep(0.01)
-        with pytest.raises(InputError, match=f"in use by pid {process.pid}"):
-            simulate(load_simulation(TREE), out)
-    finally:
-        process.kill()
-        process.wait()

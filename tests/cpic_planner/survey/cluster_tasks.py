@@ -4,8 +4,8 @@ import time
 
 import numpy as np
 
-from cpic_planner.engine import run_tasks
-from cpic_planner.runfolder import open_run_folder
+from cpic_planner.jobs.engine import run_tasks
+from cpic_planner.jobs.folder import open_run_folder
 from cpic_planner.survey.store import Column, ResultStore, Table
 from simulator.rng import stream
 
@@ -42,7 +42,7 @@ def survey(out, *, advance=lambda done: None, **cluster):
         waiting = [index for index in range(N_TASKS) if str(index) not in kept]
         done = []
         for position, tables in run_tasks(observe, [(index,) for index in waiting], common=COMMON, **cluster):
-            store.save(str(waiting[position]), tables)
+            store.save_part(str(waiting[position]), tables)
             done.append(waiting[position])
             advance(len(done))
         files = store.merge(expected=[str(index) for index in range(N_TASKS)])

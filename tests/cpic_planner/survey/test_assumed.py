@@ -9,7 +9,6 @@ from catalogs.errors import InputError
 from cpic_planner.etc.model import build_model
 from cpic_planner.etc.noise import stack_noise
 from cpic_planner.etc.rates import aperture_rates
-from cpic_planner.etc.speckles import floor_law, speckle_law
 from cpic_planner.survey.assumed import (
     assumed_model,
     imaged_model,
@@ -25,6 +24,7 @@ from simulator import load_instrument
 from simulator.config import Planet
 from simulator.config.albedo import ConstantAlbedo
 from simulator.imaging.psf import single_band_psf
+from simulator.signal.speckles import floor_law, speckle_law
 from simulator.target.contrast import contrast_at
 from simulator.target.positions import sky_to_detector
 

@@ -12,11 +12,12 @@ from pathlib import Path
 
 import pytest
 
-from cpic_planner.engine import ClusterError
-from cpic_planner.runfolder import open_run_folder
+from cpic_planner.jobs.engine import ClusterError
+from cpic_planner.jobs.folder import open_run_folder
 from cpic_planner.survey.store import ResultStore
 
 pytestmark = pytest.mark.long
+PROVES = ("cpic_planner.cluster", "cpic_planner.engine", "cpic_planner.runfolder", "cpic_planner.survey.store")
 HERE = Path(__file__).resolve().parent
 PATHS = os.pathsep.join([str(HERE), str(HERE.parents[2]), os.environ.get("PYTHONPATH", "")])
 EVERY_PART = list(range(40))
@@ -145,7 +146,7 @@ def test_the_scheduler_dies_and_its_workers_with_it(tasks, undisturbed, cluster,
             "no workers": lambda: killed and cluster.start_workers(2),
         }
     )
-    logger = logging.getLogger("cpic_planner.cluster.dispatch")
+    logger = logging.getLogger("cpic_planner.jobs.cluster")
     logger.addHandler(told)
     try:
         done, files = tasks.survey(tmp_path / "out", scheduler=cluster.address, advance=advance)

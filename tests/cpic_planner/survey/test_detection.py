@@ -12,8 +12,9 @@ from cpic_planner.etc.noise import stack_noise
 from cpic_planner.etc.questions import signal_to_noise
 from cpic_planner.etc.rates import aperture_rates
 from cpic_planner.etc.significance import detection_threshold
-from cpic_planner.orbits import OrbitPlaces
+from cpic_planner.orbits import ORBIT, OrbitPlaces
 from cpic_planner.population import draw_population, load_population
+from cpic_planner.population_config import QUANTITIES
 from cpic_planner.survey.detection import (
     Seen,
     Setting,
@@ -46,21 +47,12 @@ def star(name):
 
 def bodies_of(planets):
     n = len(planets)
-    names = (
-        "radius_rjup",
-        "semi_major_axis_au",
-        "eccentricity",
-        "inclination_deg",
-        "argument_of_pericentre_deg",
-        "node_deg",
-        "mean_anomaly_deg",
-    )
     return Bodies(
         universe=np.arange(n),
         number=np.zeros(n, np.int64),
         known=np.full(n, NEW),
         kind=planets.kind,
-        **{name: getattr(planets, name) for name in names},
+        **{name: getattr(planets, name) for name in QUANTITIES},
         period_days=np.full(n, 400.0),
     )
 
@@ -126,16 +118,15 @@ def _source():
 def face_on(n, au, radius_rjup=1.0):
     zero, whole = np.zeros(n), np.zeros(n, np.int64)
     around = (np.arange(n) + 0.5) * 360.0 / n
+    elements = dict.fromkeys(ORBIT, zero) | {"semi_major_axis_au": np.full(n, au), "mean_anomaly_deg": around}
     return Bodies(
-        np.arange(n),
-        whole,
-        np.full(n, NEW),
-        whole,
-        np.full(n, radius_rjup),
-        np.full(n, au),
-        *(zero for _ in range(4)),
-        around,
-        np.full(n, 1000.0),
+        universe=np.arange(n),
+        number=whole,
+        known=np.full(n, NEW),
+        kind=whole,
+        radius_rjup=np.full(n, radius_rjup),
+        **elements,
+        period_days=np.full(n, 1000.0),
     )
 
 
@@ -221,9 +212,7 @@ def test_two_rolls_show_what_both_show(model, angle):
     assert (each[0] & each[1] & ~apart).any() == (angle < 10.0)
     # Noise is that of the first roll: of a planet there, with a companion turned as far.
     rates = aperture_rates(two, rolled(one, rolls[1]), "F520", x[:, shown], y[:, shown], seen.contrast[:, shown])
-    noise = stack_noise(
-        rates, SETTING.exposure_s, SETTING.n_frames, SETTING.em_gain, two.camera("F520"), reference_ratio=1.0
-    )
+    noise = stack_noise(rates, SETTING.exposure_s, SETTING.n_frames, SETTING.em_gain, two.camera("F520"))
     np.testing.assert_allclose(seen.snr[:, shown], noise.snr, rtol=1e-9)
 
 

@@ -149,12 +149,6 @@ def test_constants_leave_what_was_not_met(value):
     assert value - found.low == pytest.approx(np.log(10.0) / 400, rel=1e-6)
 
 
-@pytest.mark.parametrize("values", [[], [1.0], [1.0, np.nan], [1.0, np.inf], [[1.0, 2.0]]])
-def test_samples_without_an_interval_are_refused(values):
-    with pytest.raises(InputError, match="at least two finite numbers"):
-        mean_interval(values)
-
-
 def test_levels_are_refused():
     with pytest.raises(InputError, match="level = 0.3"):
         mean_interval([1.0, 2.0], 0.3)

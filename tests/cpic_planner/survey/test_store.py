@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from catalogs.errors import InputError
-from cpic_planner.runfolder import DamagedPartError, open_run_folder
+from cpic_planner.jobs.folder import DamagedPartError, open_run_folder
 from cpic_planner.survey.store import Column, ResultStore, Table, read_table
 from simulator.rng import stream
 
@@ -55,7 +55,7 @@ def part(index):
 def merged(folder, indices=range(N_PARTS), expected=None):
     store = ResultStore(folder, TABLES)
     for index in indices:
-        store.save(f"part {index}", part(index))
+        store.save_part(f"part {index}", part(index))
     return {name: path.read_bytes() for name, path in store.merge(expected).items()}
 
 
@@ -95,7 +95,7 @@ def test_any_history_ends_in_the_same_bytes(undisturbed, steps):
             store = ResultStore(folder, TABLES)
             for index, damage in steps:
                 before = set(folder.blob_paths())
-                store.save(f"part {index}", part(index))
+                store.save_part(f"part {index}", part(index))
                 whole.add(index)
                 if damage is not None and (new := set(folder.blob_paths()) - before):
                     path = new.pop()
@@ -171,10 +171,10 @@ def test_a_key_that_occurs_twice_is_refused(folder):
     rows = part(1)
     twice = rows | {"stars": {"hip": [7, 8, 7], "visits": [1, 2, 3]}}
     with pytest.raises(InputError, match=r"part a: stars key = \{'hip': 7\}"):
-        store.save("a", twice)
+        store.save_part("a", twice)
     assert store.finished() == frozenset()
-    store.save("a", rows)
-    store.save("b", part(2) | {"stars": rows["stars"]})
+    store.save_part("a", rows)
+    store.save_part("b", part(2) | {"stars": rows["stars"]})
     with pytest.raises(InputError, match="stars key"):
         store.read("stars")
     with pytest.raises(InputError, match="stars key"):
@@ -217,14 +217,14 @@ N_STARS = len(part(1)["stars"]["hip"])
 def test_what_does_not_fit_is_refused(folder, columns, match):
     store = ResultStore(folder, TABLES)
     with pytest.raises(InputError, match=match):
-        store.save("a", columns)
+        store.save_part("a", columns)
     assert store.finished() == frozenset()
 
 
 def test_a_key_is_a_number(folder):
     store = ResultStore(folder, [Table("t", (Column("x", "float64", "place"),), key=("x",))])
     with pytest.raises(InputError, match="numbers in a key"):
-        store.save("a", {"t": {"x": [0.0, np.nan]}})
+        store.save_part("a", {"t": {"x": [0.0, np.nan]}})
 
 
 @pytest.mark.parametrize(
@@ -244,7 +244,7 @@ def test_senseless_declarations_are_refused(build):
 
 
 def test_a_part_of_an_older_table_is_not_mixed_in(folder):
-    ResultStore(folder, [STARS]).save("a", {"stars": part(1)["stars"]})
+    ResultStore(folder, [STARS]).save_part("a", {"stars": part(1)["stars"]})
     wider = Table("stars", (*STARS.columns, Column("score", "float64", "score")), key=("hip",))
     with pytest.raises(DamagedPartError, match="other columns"):
         ResultStore(folder, [wider]).read("stars")
@@ -275,14 +275,14 @@ def test_another_configuration_takes_nothing_over(tmp_path):
 
 def test_parts_alone_keep_a_folder_from_being_taken_over(tmp_path):
     with open_run_folder(tmp_path, kind="whatif", config_hash="aaaa") as folder:
-        ResultStore(folder, TABLES).save("a", part(0))
+        ResultStore(folder, TABLES).save_part("a", part(0))
     with pytest.raises(InputError, match="aaaa"), open_run_folder(tmp_path, kind="plan", config_hash="bbbb"):
         pass
 
 
 def test_a_blob_of_somebody_else_is_no_part(tmp_path):
     with open_run_folder(tmp_path, kind="whatif", config_hash="aaaa") as folder:
-        ResultStore(folder, TABLES).save("a", part(0))
+        ResultStore(folder, TABLES).save_part("a", part(0))
         (tmp_path / "parts" / "mine.blob").write_text("precious")
         assert ResultStore(folder, TABLES).finished() == {"a"}
         ResultStore(folder, TABLES).merge(["a"])

@@ -103,41 +103,6 @@ def test_files_beside_the_strategies(tmp_path):
     assert [item.population.planets_per_star for item in config.strategies] == [0.05, 0.21]
 
 
-FAULTS = [
-    ({"strategies": []}, "strategies.strategies"),
-    ({"strategies": 3}, "a list of mappings"),
-    ({"strategies": [3]}, "a list of mappings"),
-    ({"strategies": [{}]}, "strategies.strategies.0.name = missing"),
-    ({"strategies": [{"name": "a"}, {"name": "a"}]}, "name = a: not accepted; allowed: each name once"),
-    ({"strategies": [{"name": "a"}, {"name": "b", "visit": {"bandz": 1}}]}, "strategies.1.visit.bandz"),
-    ({"defaults": 3}, "strategies.defaults = 3"),
-    ({"defaults": {"foo": 3}}, "foo = 3"),
-    ({"universe": 3}, "strategies.universe = 3"),
-    ({"universe": {"foo": 3}}, "universe.foo = 3"),
-    ({"universe": {"universes": 1}}, "universe.universes = 1"),
-    ({"universe": {"slot_days": 100, "duration_days": 50}}, "universe.slot_days = 100"),
-    ({"universe": {"start_utc": "yesterday"}}, "universe.start_utc = yesterday"),
-    ({"universe": {"seed": -1}}, "universe.seed = -1"),
-    ({"universe": {"background": "maybe"}}, "universe.background = maybe"),
-    ({"kind": "plan"}, "strategies.kind"),
-    ({"foo": 1}, "strategies.foo = 1"),
-]
-
-
-@pytest.mark.parametrize(("tree", "text"), FAULTS, ids=[text for _, text in FAULTS])
-def test_one_clear_line(tree, text):
-    with pytest.raises(InputError) as fault:
-        load(**tree)
-    assert text in str(fault.value)
-    assert "\n" not in str(fault.value)
-
-
-@pytest.mark.parametrize("source", ["nowhere.yaml", "nothing", [1], 3, None])
-def test_no_strategies_at_all(source):
-    with pytest.raises(InputError, match="strategies"):
-        load_strategies(source)
-
-
 def test_slots_of_a_survey():
     for days, slot, n in ((3652.0, 30.0, 122), (60.0, 60.0, 1), (61.0, 60.0, 2), (91.0, 30.5, 3), (1.0, 1.0, 1)):
         assert UniverseConfig(duration_days=days, slot_days=slot).n_slots == n

@@ -128,68 +128,6 @@ def test_sweeps_multiply():
     ]
 
 
-REFUSED = [
-    ("contrast", "KEY=VALUE"),
-    ("contrast=", "KEY=VALUE"),
-    ("=3", "KEY=VALUE"),
-    ("contrast=1e-8,", "between commas"),
-    ("contrast=1e-8,,1e-9", "between commas"),
-    ("contrast=abc", "assumptions.contrast = abc"),
-    ("contrast=2", "assumptions.contrast = 2"),
-    ("foo=1", "= foo"),
-    ("visit=3", "= visit"),
-    ("name=a,b", "= name"),
-    ("description=a", "= description"),
-    ("contrast=1e-8,1e-8", "each value once"),
-    ("max_visits=1.5", "max_visits = 1.5"),
-    ("rule=guess", "detection.rule = guess"),
-    ("population=unicorns", "population = unicorns"),
-    ("visit.bands=[F520,F662", "--vary"),
-    ("detection.visits_needed=9", "revisits.max_visits = 4"),
-    ("known_planets=first", "targets.known_planets"),
-    ("reduction.sigma=3,4", "give detection.sigma"),
-    ("contrast=.nan", "contrast = nan"),
-    ("targets.max_targets=null", "targets.max_targets"),
-    (
-        "drift=0.1",
-        "--vary drift = 0.1: not accepted; allowed: a unit (nm), or an x before a factor (drift=x0.1 is 0.1 "
-        "times the instrument's 0.05 nm: 0.005 nm; drift=0.1nm is 0.1 nm)",
-    ),
-    ("assumptions.drift=2", "assumptions.drift=x2 is 2 times the instrument's 0.05 nm: 0.1 nm"),
-    (
-        "throughput=0.7",
-        "--vary throughput = 0.7: not accepted; allowed: an x before a factor (throughput=x0.7 is 0.7 "
-        "times the instrument's 0.19: 0.133)",
-    ),
-    ("throughput=70%", "a factor with an x"),
-    ("exozodi=3", "exozodi=3zodi is 3 zodi"),
-    ("exozodi=x3", "this one has 0 zodi"),
-    ("drift=0.1mas", "--vary drift = 0.1mas: not accepted; allowed: a number with a unit: pm, nm, um"),
-    ("drift=fast", "a factor with an x, as x0.7, or a number with a unit (nm)"),
-    ("drift=x-1", "finite, at least 0"),
-    ("drift=-1nm", "drift = -20"),
-    ("drift=0.1nm,x2", "each value once (0.1 nm is the same)"),
-    ("contrast=x2", "assumptions.contrast of one is not set"),
-    ("rule=x2", "detection.rule of one is blind"),
-    ("drift.visit_nm=0.1nm", "drift=0.1nm sets the offset of a visit"),
-    (
-        "share=0.05",
-        "--vary = share: not accepted; allowed: slot_share or budget_h (slot_share is the most of any slot "
-        "of 30 days that the coronagraph may take; budget_h is all its telescope time in the 3652 days, 876 "
-        "h for 1 % of them)",
-    ),
-]
-
-
-@pytest.mark.parametrize(("sweep", "text"), REFUSED, ids=[item[0] for item in REFUSED])
-def test_sweeps_that_are_refused_in_one_line(sweep, text):
-    with pytest.raises(InputError) as fault:
-        varied(load(), [sweep])
-    assert str(fault.value).startswith("--vary")
-    assert text in str(fault.value)
-    assert "\n" not in str(fault.value)
-
-
 def test_nothing_is_a_multiple_of_an_instrument_without_drift(tmp_path):
     path = tmp_path / "steady.yaml"
     path.write_text("name: steady\nbase: cpic_default\ndrift: {visit_nm: 0}\n")

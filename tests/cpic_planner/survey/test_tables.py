@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cpic_planner.runfolder import open_run_folder
+from cpic_planner.jobs.folder import open_run_folder
 from cpic_planner.survey.play import play
 from cpic_planner.survey.store import ResultStore, read_table
 from cpic_planner.survey.tables import TABLES, rows_of
@@ -22,7 +22,7 @@ def test_columns_are_those_declared(plain, tmp_path):
     with open_run_folder(tmp_path, kind="whatif", config_hash="1") as folder:
         store = ResultStore(folder, TABLES)
         for number, part in enumerate(parts):
-            store.save(f"part {number}", part)
+            store.save_part(f"part {number}", part)
         paths = store.merge()
         universes, detections = store.read("universes"), store.read("detections")
     assert len(universes["universe"]) == 240

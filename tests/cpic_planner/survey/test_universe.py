@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 
 from catalogs.errors import InputError
 from catalogs.known_planets import load_known_planets, star_key
-from cpic_planner.orbits import orbit_places
+from cpic_planner.orbits import ORBIT, orbit_places
 from cpic_planner.population import load_population
 from cpic_planner.survey.universe import (
     BLOCK,
@@ -149,13 +149,15 @@ def mpmath_place(a, e, inclination, pericentre, node, mean):
 def bodies_of(a, e, inclination, pericentre, node, mean, period):
     n = len(a)
     zero = np.zeros(n, np.int64)
+    elements = (np.asarray(part, float) for part in (a, e, inclination, pericentre, node, mean))
     return Bodies(
-        np.arange(n),
-        zero,
-        np.full(n, NEW),
-        zero,
-        np.ones(n),
-        *(np.asarray(part, float) for part in (a, e, inclination, pericentre, node, mean, period)),
+        universe=np.arange(n),
+        number=zero,
+        known=np.full(n, NEW),
+        kind=zero,
+        radius_rjup=np.ones(n),
+        **dict(zip(ORBIT, elements, strict=True)),
+        period_days=np.asarray(period, float),
     )
 
 

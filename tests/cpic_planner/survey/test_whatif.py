@@ -15,7 +15,8 @@ from cpic_planner.survey.observed import read_log
 from cpic_planner.survey.prepare import prepare
 from cpic_planner.survey.store import read_table
 from cpic_planner.survey.sweeps import varied
-from cpic_planner.survey.whatif import BLOCK, cost_of, run_whatif, whatif_hash
+from cpic_planner.survey.whatif import BLOCK, decided_by, run_whatif, whatif_cost
+from simulator.config import content_hash
 
 PRODUCTS = ("universes.parquet", "detections.parquet", "stars.parquet", "whatif.json", "report.html", "targets.csv")
 STRATEGIES = (
@@ -26,6 +27,17 @@ STRATEGIES = (
 UNIVERSE = {"universes": 130}
 
 
+class Told(list):
+    """What progress was told."""
+
+    def __call__(self, text, steps=1, /):
+        self.append(text)
+
+
+def digest_of(prepared, n_images):
+    return content_hash(decided_by(prepared, n_images))
+
+
 def digests(folder):
     return {name: hashlib.sha256((folder / name).read_bytes()).hexdigest() for name in PRODUCTS}
 
@@ -34,15 +46,15 @@ def digests(folder):
 def run(small, tmp_path_factory):
     """An undisturbed run in this process."""
     folder = tmp_path_factory.mktemp("whatif") / "serial"
-    told = []
-    done = run_whatif(small(*STRATEGIES, universe=UNIVERSE), folder, advance=told.append)
+    told = Told()
+    done = run_whatif(small(*STRATEGIES, universe=UNIVERSE), folder, advance=told)
     return folder, done, told
 
 
 def test_every_block_is_told_and_counted(run, small):
     _, done, told = run
     assert (done.computed_parts, done.resumed_parts) == (6, 0)
-    assert len(told) == cost_of(small(*STRATEGIES, universe=UNIVERSE))["n_steps"]
+    assert len(told) == whatif_cost(small(*STRATEGIES, universe=UNIVERSE)).counts["n_steps"]
 
 
 def test_the_result_is_that_of_its_tables(run):
@@ -87,8 +99,8 @@ def test_what_is_lost_is_done_again(run, small, tmp_path):
     parts[4].write_bytes(parts[4].read_bytes()[:-20])  # cut short
     for name in PRODUCTS:
         (folder / name).unlink()
-    told = []
-    done = run_whatif(small(*STRATEGIES, universe=UNIVERSE), folder, advance=told.append)
+    told = Told()
+    done = run_whatif(small(*STRATEGIES, universe=UNIVERSE), folder, advance=told)
     assert (done.resumed_parts, done.computed_parts) == (4, 2)
     assert sum("(kept)" in text for text in told) == 4
     assert digests(folder) == digests(run[0])
@@ -158,24 +170,24 @@ CHANGES = {
 @pytest.mark.parametrize("change", CHANGES)
 def test_the_hash_tells_what_decides_results(plain, small, change):
     strategy, universe = CHANGES[change]
-    assert whatif_hash(replace(plain, config=small(strategy, universe=universe)), 0) != whatif_hash(plain, 0)
-    assert whatif_hash(replace(plain, config=small()), 0) == whatif_hash(plain, 0)
+    assert digest_of(replace(plain, config=small(strategy, universe=universe)), 0) != digest_of(plain, 0)
+    assert digest_of(replace(plain, config=small()), 0) == digest_of(plain, 0)
 
 
 def test_the_hash_counts_the_table_of_known_planets(plain):
-    assert whatif_hash(replace(plain, known=None), 0) != whatif_hash(plain, 0)
+    assert digest_of(replace(plain, known=None), 0) != digest_of(plain, 0)
 
 
 def test_the_hash_counts_files_by_what_is_in_them(plain, small, tmp_path):
-    digest = whatif_hash(plain, 0)
-    assert whatif_hash(prepare(small()), 0) == digest
-    assert whatif_hash(plain, 3) != digest
+    digest = digest_of(plain, 0)
+    assert digest_of(prepare(small()), 0) == digest
+    assert digest_of(plain, 3) != digest
     for name in ("a", "b"):  # another place of the same limits
         (tmp_path / name).mkdir()
         (tmp_path / name / "mine.yaml").write_text("moon_deg: 25\n")
     (tmp_path / "c.yaml").write_text("moon_deg: 26\n")
     found = [
-        whatif_hash(replace(plain, config=small(universe={"visibility": str(path)})), 0)
+        digest_of(replace(plain, config=small(universe={"visibility": str(path)})), 0)
         for path in (tmp_path / "a/mine.yaml", tmp_path / "b/mine.yaml", tmp_path / "c.yaml")
     ]
     assert found[0] == found[1]
@@ -187,14 +199,14 @@ def test_the_hash_counts_files_by_what_is_in_them(plain, small, tmp_path):
             "star,start_utc,band,exposure_s,n_frames,em_gain,telescope_h\n"
             f"tau Cet,2028-02-01T00:00:00,F520,20,100,400,{hours}\n"
         )
-        logged.append(whatif_hash(replace(plain, log=read_log(log)), 0))
+        logged.append(digest_of(replace(plain, log=read_log(log)), 0))
     assert len({digest, *logged}) == 3
 
 
 def test_the_hash_of_another_instrument(plain, small, tmp_path):
     high = tmp_path / "high.yaml"
     high.write_text("mission: {orbit: {altitude_km: 500}}\n")
-    assert whatif_hash(prepare(small(universe={"instrument": str(high)})), 0) != whatif_hash(plain, 0)
+    assert digest_of(prepare(small(universe={"instrument": str(high)})), 0) != digest_of(plain, 0)
 
 
 def test_nothing_to_find_is_an_answer(small, tmp_path, no_report):
@@ -207,10 +219,10 @@ def test_nothing_to_find_is_an_answer(small, tmp_path, no_report):
 
 def test_the_cost_grows_with_the_work(small):
     config = small(*STRATEGIES, universe={"universes": 1000})
-    one = cost_of(config)
+    one = whatif_cost(config).at(1)
     assert one["n_blocks"] == 3 * 1000 / BLOCK
-    assert cost_of(config, workers=2)["wall_s"] < one["wall_s"] < cost_of(config, n_images=5)["wall_s"]
-    assert cost_of(replace_universes(config, 2000))["disk_mb"] > one["disk_mb"]
+    assert whatif_cost(config).at(2)["wall_s"] < one["wall_s"] < whatif_cost(config, 5).at(1)["wall_s"]
+    assert whatif_cost(replace_universes(config, 2000)).disk_mb > one["disk_mb"]
 
 
 def replace_universes(config, n):

@@ -3,8 +3,10 @@ import dataclasses
 import pytest
 
 from catalogs.errors import InputError
+from cpic_planner.jobs.job import run
+from cpic_planner.tradeoff import run as module
 from cpic_planner.tradeoff.points import points_of
-from cpic_planner.tradeoff.run import tradeoff
+from cpic_planner.tradeoff.run import tradeoff_job
 from cpic_planner.tradeoff.worker import GLANCE, measure_point, measure_shared
 from cpic_planner.version import __version__
 from simulator.knobs import FIDELITIES, Knobs
@@ -45,6 +47,13 @@ def test_a_row_that_does_not_apply_has_a_reason(small_case):
     assert row.wall_s is None
 
 
+class Told(list):
+    """What progress was told."""
+
+    def __call__(self, text, steps=1, /):
+        self.append(text)
+
+
 def test_only_keeps_the_other_rows(small_case, make):
     pairs = {key: [1e-6, 2e-6] for key in ("speckle_e2_s2", "walk_e2_s2", "one_epoch_e2_s2")}
     white = {"white_e2": [10.0] * 4, "own_e2": [5.0]}
@@ -55,16 +64,10 @@ def test_only_keeps_the_other_rows(small_case, make):
         make.row("full_standard", version=__version__, n_frames=3),
     ]
     earlier = make.result(kept, version=__version__, quick_look=True, machine=make.machine("elsewhere"))
-    told, stored = [], []
-    result = tradeoff(
-        [(small_case, points(small_case, "etc"))],
-        earlier=earlier,
-        quick_look=True,
-        advance=told.append,
-        keep=stored.append,
-    )
+    told = Told()
+    job = tradeoff_job([(small_case, points(small_case, "etc"))], earlier=earlier, quick_look=True)
+    result = run(job, advance=told).result
     assert told == ["faint, etc"]
-    assert stored == [result]
     rows = {row.point: row for row in result.rows}
     assert set(rows) == {"reference", "hole_quick", "etc"}
     assert rows["etc"].machine == result.machine.key
@@ -75,13 +78,40 @@ def test_only_keeps_the_other_rows(small_case, make):
     assert result.speed_ups == {}  # times of two machines are not compared
 
 
+def test_broken_off_it_goes_on_and_ended_it_measures_again(small_case, make, monkeypatch, tmp_path):
+    asked = []
+
+    def measured(case, points, effort, machine, at_once, progress):
+        asked.append([point.name for point in points])
+        if len(asked) == 3:
+            raise KeyboardInterrupt
+        rows = [make.row(point.name, version=__version__, n_frames=case.n_frames, group="knob") for point in points]
+        return {"machine": machine.model_dump(), "rows": [row.model_dump() for row in rows]}
+
+    monkeypatch.setattr(module, "measured", measured)
+    monkeypatch.setattr(module, "compared", lambda rows, exposure_s: rows)
+    names = ["reference", "quick", "wavelengths_1", "no_flat"]
+    job = tradeoff_job([(small_case, points(small_case, *names))], quick_look=True)
+    with pytest.raises(KeyboardInterrupt):
+        run(job, tmp_path)
+    together = [["reference"], ["quick"], ["wavelengths_1", "no_flat"]]  # those that share their processes at the end
+    assert asked == together
+    told = Told()
+    done = run(job, tmp_path, advance=told)
+    assert asked == [*together, together[2]]
+    assert (done.resumed_parts, done.computed_parts) == (2, 1)
+    assert told == ["faint, reference (kept)", "faint, quick (kept)"]
+    assert [row.point for row in done.result.rows] == names
+    assert run(job, tmp_path).computed_parts == 3
+
+
 def test_refusals(small_case, make):
     work = [(small_case, points(small_case, "etc"))]
     with pytest.raises(InputError, match=r"--only = etc: not accepted; allowed: reference too: faint has none yet"):
-        tradeoff(work, quick_look=True)
+        tradeoff_job(work, quick_look=True)
     old = make.result([make.row("reference", group="tier")], version="0.0.1", quick_look=True)
     with pytest.raises(InputError, match=r"results of version 0.0.1 with --quick-look"):
-        tradeoff(work, earlier=old, quick_look=True)
+        tradeoff_job(work, earlier=old, quick_look=True)
     other = make.result([make.row("reference", group="tier")], version=__version__, quick_look=True)
     with pytest.raises(InputError, match="a new one"):
-        tradeoff(work, earlier=other)
+        tradeoff_job(work, earlier=other)

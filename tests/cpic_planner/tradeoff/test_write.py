@@ -1,13 +1,11 @@
-import json
-
 import pytest
 
 from catalogs.errors import InputError
-from cpic_planner.models import TradeoffResult
 from cpic_planner.tradeoff.figure import LOOKS, SMALLEST, pareto_figure
 from cpic_planner.tradeoff.scenes import SCENES
 from cpic_planner.tradeoff.tables import COLUMNS, read_csv, report_text, tier_table
-from cpic_planner.tradeoff.write import FILES, read_result, write_result
+from cpic_planner.tradeoff.write import FILES, products_of, read_result
+from simulator.files import dump_json
 
 
 @pytest.fixture
@@ -77,19 +75,19 @@ def result(make):
 
 
 def test_files_come_back_as_they_were(result, tmp_path):
-    paths = write_result(result, tmp_path, head="measured today")
-    assert [path.name for path in paths] == list(FILES) == sorted(FILES, key=list(FILES).index)
+    (tmp_path / "results.json").write_text(dump_json(result.model_dump(mode="json")))
     assert read_result(tmp_path) == result
-    assert TradeoffResult.model_validate(json.loads((tmp_path / "results.json").read_text())) == result
-    lines = read_csv((tmp_path / "results.csv").read_text())
+    files = products_of(result, head="measured today")
+    assert tuple(files) == FILES
+    lines = read_csv(files["results.csv"].decode())
     assert tuple(lines[0]) == COLUMNS
     assert [(line["scene"], line["point"]) for line in lines] == [(row.scene, row.point) for row in result.rows]
     assert float(lines[1]["snr_error"]) == -0.02
     assert float(lines[1]["predicted_flux_error"]) == 0.01
     assert lines[3]["wall_s"] == ""
     assert lines[3]["message"] == "quick misses it"
-    assert (tmp_path / "pareto.png").read_bytes().startswith(b"\x89PNG")
-    assert "measured today" in (tmp_path / "report.md").read_text()
+    assert files["pareto.png"].startswith(b"\x89PNG")
+    assert "measured today" in files["report.md"].decode()
 
 
 def test_the_report_says_what_was_found(result):

@@ -1,6 +1,5 @@
-from __future__ import annotations
-
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -48,7 +47,9 @@ def test_without_noise_the_truth_comes_back(
 
 @pytest.mark.long
 @pytest.mark.parametrize(("relative", "grey_error"), [(0.03, 0.0), (0.1, 0.3)])
-def test_regions_hold_the_truth_as_often_as_they_say(model: AlbedoModel, relative: float, grey_error: float) -> None:
+def test_regions_hold_the_truth_as_often_as_they_say(
+    model: AlbedoModel, relative: float, grey_error: float, record_property: Callable[[str, object], None]
+) -> None:
     rng = np.random.default_rng(5)
     inside, chances, n_draws = [], [], 300
     for _ in range(n_draws):
@@ -60,6 +61,7 @@ def test_regions_hold_the_truth_as_often_as_they_say(model: AlbedoModel, relativ
         inside.append([fit.contains(*truth), fit.contains(*truth, 0.95)])
         chances.append(fit.p_value)
     for share, nominal in zip(np.mean(inside, axis=0), (0.68, 0.95), strict=True):
+        record_property(f"of {n_draws} truths in {100 * nominal:.0f} % regions", f"{100 * share:.1f} %")
         assert abs(share - nominal) < 3 * math.sqrt(nominal * (1 - nominal) / n_draws)
     assert np.mean(np.array(chances) < 0.01) < 0.05
 

@@ -1,7 +1,5 @@
 """Limits of clean pixels, against the exact law of compound counts by Fourier inversion, and against draws."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.special import ndtr

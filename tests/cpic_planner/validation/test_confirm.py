@@ -8,7 +8,6 @@ import pytest
 
 from cpic_planner.etc.model import ReferenceStar, Strategy, build_model
 from cpic_planner.etc.planet import ReferencePlanet
-from cpic_planner.etc.speckles import speckle_law
 from cpic_planner.models import BandConfirmation
 from cpic_planner.overrides import SimulatorOverrides
 from cpic_planner.targets import find_target
@@ -19,6 +18,7 @@ from cpic_planner.validation.task import ConfirmTask, images_of, prepare_task
 from simulator import load_instrument, observe
 from simulator.hole_stack import hole_stacks
 from simulator.numeric import numeric_context
+from simulator.signal.speckles import speckle_law
 
 REALISATIONS = 24
 STILL = {"drift": {"visit_nm": 0, "walk_nm_per_sqrt_hour": 0}}

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from catalogs.errors import InputError
+from cpic_planner.etc.significance import detection_threshold
 from cpic_planner.validation.apertures import aperture_weights
 from cpic_planner.validation.contrast_curve import contrast_curve
 from cpic_planner.validation.rdi import RdiResult
 from cpic_planner.validation.reduced import ReducedStack
-from cpic_planner.validation.significance import detection_threshold
 from simulator import single_band_psf
 
 SIGMA_E, STAR_E_S, TIME_S = 10.0, 1.0e9, 100.0

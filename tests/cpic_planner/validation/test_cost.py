@@ -49,8 +49,8 @@ def test_more_work_takes_longer(task):
 
 
 def test_workers_share_pieces_and_no_piece_is_shared(task):
-    one, two, many = (images_cost([task, task], workers)["wall_s"] for workers in (1, 2, 8))
+    one, two, many = (images_cost([task, task]).at(workers)["wall_s"] for workers in (1, 2, 8))
     assert one > two == many
-    assert images_cost([task], 8)["wall_s"] == images_cost([task], 1)["wall_s"]
-    empty = images_cost([], 2)
+    assert images_cost([task]).at(8)["wall_s"] == images_cost([task]).at(1)["wall_s"]
+    empty = images_cost([]).at(2)
     assert (empty["n_tasks"], empty["n_frames"], empty["memory_mb"]) == (0, 0, 0.0)

@@ -1,7 +1,5 @@
 """Calibrated frames of the whole camera, against the light that went in."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Named libraries: what the reference frames show, and the scale of those of another star."""
 
-from __future__ import annotations
-
 import functools
 import math
 

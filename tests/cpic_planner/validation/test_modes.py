@@ -1,7 +1,5 @@
 """Principal modes against a decomposition in extended precision."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Cosmic rays: found where they are, none where they are not, and no light lost."""
 
-from __future__ import annotations
-
 import functools
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Two rolls against injection into simulated frames, and the variance that the ETC takes for them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -10,8 +10,8 @@ from scipy.stats import norm
 from scipy.stats import t as student
 
 from catalogs.errors import InputError
+from cpic_planner.etc.significance import detection_threshold
 from cpic_planner.validation.search import SearchedRegion, false_alarms, search_threshold, searched_region
-from cpic_planner.validation.significance import detection_threshold
 from simulator.outcome import Reason, Status
 
 SQUARE = searched_region(np.ones((40, 40), bool), 3.3)

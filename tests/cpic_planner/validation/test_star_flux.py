@@ -1,7 +1,5 @@
 """The star's rate from its frames off the mask and from a star in the field; and contrasts that refer to it."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 

@@ -5,7 +5,6 @@ import math
 import numpy as np
 import pytest
 
-from cpic_planner.etc.exozodi import exozodi_disc
 from cpic_planner.etc.model import ReferenceStar, Strategy, build_model
 from cpic_planner.etc.place import stand
 from cpic_planner.etc.planet import ReferencePlanet, reference_distance_au
@@ -25,6 +24,7 @@ from cpic_planner.validation.task import (
 from simulator import load_instrument
 from simulator.config import Instrument, Scene
 from simulator.config.base import validate
+from simulator.signal.light import exozodi_disc
 from simulator.target.sources import scene_sources
 
 PLANET = ReferencePlanet()

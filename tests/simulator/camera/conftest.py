@@ -41,18 +41,6 @@ def exact():
 
 
 @pytest.fixture(scope="session")
-def detector() -> Detector:
-    """Default detector."""
-    return load_instrument().detector
-
-
-@pytest.fixture(scope="session")
-def changed(detector: Detector):
-    """Default detector with changed values."""
-    return lambda **values: Detector(**{**detector.model_dump(), **values})
-
-
-@pytest.fixture(scope="session")
 def bare():
     """Identical, linear pixels without transfer losses and without structure of the bias; with changed values."""
     plain = load_instrument().detector.switched(off=("all",), on=BARE)
@@ -64,9 +52,3 @@ def bare():
 def bare_detector(bare) -> Detector:
     """The same with the default's values."""
     return bare()
-
-
-@pytest.fixture(scope="session")
-def infrared():
-    """Default near-infrared detector."""
-    return load_instrument().near_infrared.detector

@@ -10,7 +10,6 @@ from catalogs.errors import InputError
 from simulator.camera.calibration_files import write_calibration_set
 from simulator.camera.calibration_set import bias_level_adu, load_calibration_set
 from simulator.camera.frame import MaskBit
-from simulator.camera.sections import sections_of
 from simulator.config import load_instrument
 from simulator.config.detector import Detector
 
@@ -76,7 +75,7 @@ def test_a_map_replaces_its_part_of_the_set(kind, whole, small, with_files, save
     data = a_map(kind, frame if whole else small.active_shape)
     path = save(data, UNITS[kind], extension=not whole)
     changed = load_calibration_set(with_files(**{kind: path}))
-    base, parts = load_calibration_set(small), sections_of(small)
+    base, parts = load_calibration_set(small), small.sections
     active, image = parts["active"], parts["image"]
     placed = np.zeros(frame)
     placed[active] = data[active] if whole else data
@@ -120,7 +119,7 @@ def test_zeros_of_a_flat_are_dead_pixels(small, with_files, save) -> None:
     flat = a_map("flat", small.active_shape)
     flat[3, 4] = 0
     changed = load_calibration_set(with_files(flat=save(flat)))
-    row, column = (part.start for part in sections_of(small)["active"])
+    row, column = (part.start for part in small.sections["active"])
     assert changed.mask[row + 3, column + 4] & MaskBit.BAD
     switches = small.switched(off=("bad_pixels",)).switches
     assert changed.response_of(switches)[row + 3, column + 4] == 1
@@ -130,7 +129,7 @@ def test_hot_pixels_of_a_dark_follow_their_switch(small, with_files, save) -> No
     dark = np.full(small.active_shape, 0.01)
     dark[5, 6], dark[7, 8] = 3.0, 0.2
     changed = load_calibration_set(with_files(dark=save(dark, "e-/s")))
-    row, column = (part.start for part in sections_of(small)["active"])
+    row, column = (part.start for part in small.sections["active"])
     assert changed.mask[row + 5, column + 6] & MaskBit.HOT
     assert changed.mask[row + 7, column + 8] & MaskBit.WARM
     smooth = changed.dark_of(small.switched(off=("bad_pixels",)).switches)

@@ -7,9 +7,7 @@ import pytest
 
 from catalogs.errors import InputError
 from simulator.camera.calibration_set import _cached_set, load_calibration_set
-from simulator.camera.dark_current import dark_rate_e_s
 from simulator.camera.frame import MaskBit
-from simulator.camera.sections import sections_of
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +29,7 @@ def test_shapes_and_read_only(default_set, detector) -> None:
 
 
 def test_response(default_set, detector) -> None:
-    active = sections_of(detector)["active"]
+    active = detector.sections["active"]
     outside = default_set.response.copy()
     outside[active] = 0
     assert (outside == 0).all()
@@ -45,7 +43,7 @@ def test_response(default_set, detector) -> None:
 
 
 def test_dark_current(default_set, detector) -> None:
-    parts, level = sections_of(detector), dark_rate_e_s(detector)
+    parts, level = detector.sections, detector.dark_rate_e_s
     image = parts["image"]
     for name in ("prescan", "overscan_columns", "overscan_rows"):
         assert (default_set.dark_e_s[parts[name]] == 0).all()
@@ -66,7 +64,7 @@ def test_dark_current(default_set, detector) -> None:
 
 
 def test_clock_charge_and_stripes(default_set, detector) -> None:
-    parts = sections_of(detector)
+    parts = detector.sections
     rows = default_set.cic_e[:, parts["image"][1]]
     assert (rows == detector.cic_e).all()
     assert default_set.cic_e.sum() == pytest.approx(rows.sum())
@@ -78,7 +76,7 @@ def test_clock_charge_and_stripes(default_set, detector) -> None:
 def test_varying_clock_charge(changed, detector) -> None:
     flaws = {**detector.flaws.model_dump(), "cic_rms": 0.5}
     varied = load_calibration_set(changed(flaws=flaws))
-    rows = varied.cic_e[:, sections_of(detector)["image"][1]]
+    rows = varied.cic_e[:, detector.sections["image"][1]]
     assert varied.cic_varies
     assert rows.mean() == pytest.approx(detector.cic_e, rel=0.01)
     assert rows.std() == pytest.approx(0.5 * detector.cic_e, rel=0.02)
@@ -113,7 +111,7 @@ def test_one_flaw_leaves_the_numbers_of_the_others(detector, changed) -> None:
             assert np.array_equal(getattr(base, name), getattr(other, name)), (key, name)
     # The noise itself is the same, only its size changes.
     wide = load_calibration_set(changed(flaws={**flaws, "prnu_rms": 0.02}))
-    active = sections_of(detector)["active"]
+    active = detector.sections["active"]
     one, two = base.sensitivity[active] - 1, wide.sensitivity[active] - 1
     assert np.corrcoef(one.ravel(), two.ravel())[0, 1] > 0.9999
     reseeded = load_calibration_set(changed(flaws={**flaws, "seed": 2}))
@@ -122,7 +120,7 @@ def test_one_flaw_leaves_the_numbers_of_the_others(detector, changed) -> None:
 
 
 def test_switches_take_their_flaw_away(default_set, detector) -> None:
-    parts, level = sections_of(detector), dark_rate_e_s(detector)
+    parts, level = detector.sections, detector.dark_rate_e_s
     active, image = parts["active"], parts["image"]
 
     def off(*names):

@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 
 from catalogs.errors import InputError
 from simulator.camera import excess_noise_factor2, expected_adu_map, expose_frame, to_electrons
-from simulator.camera.dark_current import dark_rate_e_s
 
 PATH = ("target", "science", "F520", 0, 3)
 
@@ -199,7 +198,7 @@ def test_refusals(values: dict[str, object], named: str, bare_detector) -> None:
 def test_to_electrons_inverts_the_expected_map(bare_detector) -> None:
     rates = np.linspace(0, 10, 20).reshape(4, 5)
     adu = expected_adu_map(rates, 30.0, 20.0, bare_detector)
-    expected = (rates + dark_rate_e_s(bare_detector)) * 30 + bare_detector.cic_e
+    expected = (rates + bare_detector.dark_rate_e_s) * 30 + bare_detector.cic_e
     assert to_electrons(adu, bare_detector, 20.0) == pytest.approx(expected, rel=1e-12)
     with pytest.raises(InputError, match="em_gain"):
         to_electrons(adu, bare_detector, 0.0)

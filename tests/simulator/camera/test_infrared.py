@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 
 from catalogs.errors import InputError
 from simulator.camera import MaskBit
+from simulator.camera.calibration_set import load_calibration_set
 from simulator.camera.infrared import InfraredCamera
-from simulator.camera.infrared_effects import ExponentialPersistence, InterpixelKernel, PastExposure
-from simulator.camera.infrared_set import load_infrared_set
 from simulator.config import load_instrument
-from simulator.config.infrared import InfraredDetector
+from simulator.config.detector import InfraredDetector
+from simulator.detectors.infrared import ExponentialPersistence, InterpixelKernel, PastExposure
 
 MODES = ("single", "cds", "up_the_ramp")
 PATH = ("target", "science", "F1265", 0, 3)
@@ -105,7 +105,7 @@ def test_charge_is_conserved(varied, mode) -> None:
     assert book["lost_full_well"] > 0
     assert book["cosmic_rays"] == 80_000
     assert all(value == int(value) for value in book.values())
-    light = load_infrared_set(det).window(slice(226, 286), slice(285, 355)).response * rates * 15.0
+    light = load_calibration_set(det).window(slice(226, 286), slice(285, 355)).response * rates * 15.0
     assert abs(book["photons"] - light.sum()) < 4.5 * np.sqrt(light.sum())
 
 
@@ -256,7 +256,7 @@ def test_any_window(rows, columns, rate, exposure_s, mode) -> None:
 
 
 def test_flaws_reach_frame_and_mask(infrared) -> None:
-    camera, flaws = InfraredCamera(infrared), load_infrared_set(infrared)
+    camera, flaws = InfraredCamera(infrared), load_calibration_set(infrared)
     exposure = camera.prepare(np.full(infrared.shape, 100.0), 100.0)
     np.testing.assert_allclose(exposure.light_e, 1e4 * flaws.response)
     np.testing.assert_allclose(exposure.dark_e, 100 * flaws.dark_e_s)

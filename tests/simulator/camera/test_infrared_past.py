@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from simulator.camera.infrared_effects import ExponentialPersistence, PastExposure
 from simulator.camera.infrared_past import earlier_frames
+from simulator.detectors.infrared import ExponentialPersistence, PastExposure
 
 WELL = 1e5
 

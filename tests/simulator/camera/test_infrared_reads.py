@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from simulator.camera.infrared_reads import ReadStack, read_times, well_signal
+from simulator.camera.infrared_reads import ReadStack, read_times
+from simulator.detectors.infrared import well_signal
 
 WELL = 1e5
 

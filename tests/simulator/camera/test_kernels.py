@@ -8,7 +8,7 @@ from scipy import stats
 
 from simulator.camera import kernels, limit_kernels
 from simulator.camera.gain import pixel_keys
-from simulator.camera.transfer import chances_of_loss
+from simulator.detectors.transfer import chances_of_loss
 from simulator.rng import stream
 
 

@@ -1,10 +1,17 @@
+"""Noise of pixels against a register followed stage by stage, and against frames of both cameras."""
+
 from __future__ import annotations
+
+import itertools
 
 import numpy as np
 import pytest
 
 from catalogs.errors import InputError
-from simulator.camera import aperture_noise_pixels, excess_noise_factor2, expose_frame, pixel_variance_e2, to_electrons
+from simulator import load_instrument
+from simulator.camera import excess_noise_factor2, expose_frame, pixel_variance_e2, to_electrons
+from simulator.camera.infrared import InfraredCamera
+from simulator.camera.noise import FrameNoise
 
 
 def test_terms_by_hand(bare) -> None:
@@ -31,16 +38,14 @@ def test_refusals(arguments: tuple[float, float, float], named: str, bare_detect
 
 
 def test_a_googol_is_the_most(bare_detector) -> None:
-    """1e100 electrons and pixels are taken, and give finite figures; any number above is not."""
+    """1e100 electrons are taken, and give finite figures; any number above is not."""
     most, more = 1e100, float(np.nextafter(1e100, 1e101))
     factor2 = float(excess_noise_factor2(20.0))
     assert float(pixel_variance_e2(most, 0.0, 20.0, bare_detector)) == pytest.approx(factor2 * most, rel=1e-14)
     assert float(pixel_variance_e2(0.0, most, 20.0, bare_detector)) == pytest.approx(factor2 * most, rel=1e-14)
-    assert float(aperture_noise_pixels(most)) == pytest.approx(np.pi * 1e200, rel=1e-14)
     for call in (
         lambda: pixel_variance_e2(more, 0.0, 20.0, bare_detector),
         lambda: pixel_variance_e2(0.0, more, 20.0, bare_detector),
-        lambda: aperture_noise_pixels(more),
     ):
         with pytest.raises(InputError, match="to 1e\\+100"):
             call()
@@ -60,18 +65,57 @@ def test_frames_have_this_mean_and_variance(gain: float, bare) -> None:
     assert electrons.var() == pytest.approx(variance, rel=4 * np.sqrt((2 + 9 / mean) / side**2))
 
 
-@pytest.mark.parametrize("radius", [1.0, 1.5, 2.32, 3.8, 8.0])
-def test_aperture_noise_pixels_against_exact_weights(radius: float) -> None:
-    from photutils.aperture import CircularAperture
-
-    rng = np.random.default_rng(1)
-    sums = [
-        np.sum(CircularAperture(centre, radius).to_mask(method="exact").data ** 2) for centre in rng.random((400, 2))
-    ]
-    error = np.std(sums) / np.sqrt(400)
-    assert float(aperture_noise_pixels(radius)) == pytest.approx(np.mean(sums), rel=0.02 / radius**3, abs=4 * error)
+SWITCHES = ("photon_noise", "dark", "clock_charge", "em_register", "read_noise")
+LIGHT = np.array([0.0, 1e-4, 0.3, 50.0, 1e6])
 
 
-def test_aperture_noise_pixels_needs_a_resolved_circle() -> None:
-    with pytest.raises(InputError, match="radius_pixel"):
-        aperture_noise_pixels([2.0, 0.9])
+def through_register(mean_e, variance_e2, gain, stages):
+    """Return the variance at the output over gain^2: a stage doubles each electron with the probability ``p``."""
+    p, mean, variance = gain ** (1.0 / stages) - 1.0, mean_e, variance_e2
+    for _ in range(stages):
+        mean, variance = mean * (1.0 + p), variance * (1.0 + p) ** 2 + mean * p * (1.0 - p)
+    return variance / gain**2
+
+
+# Without photon noise the register's own noise on light that does not fluctuate is outside what is asked here.
+@pytest.mark.parametrize("on", [on for on in itertools.product((True, False), repeat=5) if on[0] or not on[3]])
+def test_a_pixel_has_the_variance_of_its_electrons_stage_by_stage(on):
+    switched = dict(zip(SWITCHES, on, strict=True))
+    own = {"cic_e": 0.07, "read_noise_e": 83.0, "gain_e_adu": 47.0, "dark_293k_e_s": 0.0, "switches": switched}
+    for gain, dark_e in itertools.product((1.0, 1.7, 40.0, 1000.0), (0.0, 0.2, 30.0)):
+        detector = load_instrument({"detector": own | {"dark_e_s": dark_e / 4.0}}).detector
+        drawn = (LIGHT + dark_e * switched["dark"]) * switched["photon_noise"] + 0.07 * switched["clock_charge"]
+        charge = drawn  # of Poisson counts and a gain without noise
+        if switched["em_register"]:
+            charge = through_register(drawn, drawn, gain, detector.register_stages)
+        # A uniform error of one step, and the amplifier behind the register.
+        behind = ((83.0**2 if switched["read_noise"] else 0.0) + 47.0**2 / 12.0) / gain**2
+        noise = FrameNoise.of(detector, gain, 4.0)
+        np.testing.assert_allclose(noise.variance_e2(LIGHT), charge + behind, rtol=1e-10, atol=1e-300)
+        assert noise.gaussian_e2 == pytest.approx(behind, rel=1e-14)
+        assert noise.pedestal_e == pytest.approx(dark_e * switched["dark"] + 0.07 * switched["clock_charge"])
+
+
+@pytest.mark.parametrize("mode", ["single", "cds", "up_the_ramp"])
+@pytest.mark.parametrize("off", [(), ("read_noise",), ("dark",)], ids=str)
+def test_a_pixel_of_a_hybrid_array_has_the_variance_of_its_frames(mode, off):
+    """Several reads of one charge, rounded once: frames of even light with few electrons and with many."""
+    flaws = ("flat", "dark_structure", "bad_pixels", "cosmic_rays", "persistence", "nonlinearity")
+    own = {"read_noise_e": 12.0, "gain_e_adu": 3.0, "reset_noise_e": 20.0, "dark_e_s": 4.0, "readout_mode": mode}
+    tree = {"near_infrared": {"detector": own | {"n_reads": 7, "frame_time_s": 1.0}}}
+    detector = load_instrument(tree).near_infrared.detector.switched(off=(*flaws, "interpixel_capacitance", *off))
+    camera = InfraredCamera(detector)
+    for rate_e_s in (0.0, 200.0):
+        exposure = camera.prepare(np.full((300, 300), rate_e_s), 10.0)
+        electrons = camera.expose(exposure, seed=4, path=("noise", mode)).adu * detector.gain_e_adu
+        said = float(FrameNoise.of(detector, 1.0, 10.0).variance_e2(10.0 * rate_e_s))
+        assert electrons.var() == pytest.approx(said, rel=4.5 * np.sqrt(2.0 / electrons.size))
+
+
+def test_a_register_that_is_off_adds_no_noise(bare) -> None:
+    """Charge is multiplied exactly then, and what is behind the register is divided by the gain as ever."""
+    off = bare(read_noise_e=110, gain_e_adu=59).switched(off=("em_register",))
+    frame = expose_frame(np.full((400, 400), 50.0), 1.0, 300.0, off, seed=5, path=("exact",))
+    said = float(pixel_variance_e2(50.0, 0.0, 300.0, off))
+    assert said == pytest.approx(50.0 + (110**2 + 59**2 / 12) / 300.0**2)
+    assert to_electrons(frame.adu, off, 300.0).var() == pytest.approx(said, rel=4.5 * np.sqrt(2.0 / 400**2))

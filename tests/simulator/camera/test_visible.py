@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from catalogs.errors import InputError
-from simulator.camera import MaskBit, VisibleCamera, excess_noise_factor2
-from simulator.camera.sections import sections_of
+from simulator.camera import Effect, MaskBit, VisibleCamera, excess_noise_factor2
 from simulator.config import load_instrument
 from simulator.config.detector import CameraSwitches
+from simulator.detectors.chains import VISIBLE
 from simulator.effects.cosmic_rays import draw_cosmic_rays
 from simulator.rng import stream
 
@@ -173,7 +173,7 @@ def test_cosmic_rays_of_a_frame_are_those_of_their_stream(bare):
     ).switched(on=("cosmic_rays",))
     camera = VisibleCamera(det, cosmic_rays=RAYS, cosmic_ray_rate_per_s_cm2=1.0)
     frame = camera.expose(camera.prepare(np.zeros(SHAPE), 30.0, 1.0), seed=7, path=("rays",))
-    image = sections_of(det)["image"]
+    image = det.sections["image"]
     shape = (1032, 1056)
     hits = draw_cosmic_rays(RAYS, shape, det.pixel_um, 30.0, 1.0, stream(7, "rays", "cosmic_rays"))
     assert np.array_equal(frame.adu[image].astype(int) - 200, hits.image())
@@ -187,7 +187,7 @@ def test_borders_of_the_frame_see_no_light(detector):
     still = detector.switched(off=("read_noise", "interference", "bias_drift", "stripes", "clock_charge"))
     camera = VisibleCamera(still)
     frame = camera.expose(camera.prepare(np.full(SHAPE, 100.0), 10.0, 1.0), seed=1, path=("edge",))
-    parts = sections_of(still)
+    parts = still.sections
     lit = frame.adu[parts["active"]]
     assert np.median(lit) == pytest.approx(1000 / 59 + 200, abs=1)
     for name in ("dark_left", "dark_right", "dark_bottom", "dark_top", "prescan"):
@@ -245,7 +245,7 @@ def test_photon_transfer_of_the_whole_camera(detector, gain):
     """Pairs of flats, as at the bench: conversion to 1 %, read noise and excess noise to 2 %."""
     camera = VisibleCamera(detector.switched(off=("nonlinearity", "bad_pixels", "bad_columns", "interference")))
     # Charge moved by transfer correlates neighbours; F^2 and K come from temporal differences at low losses.
-    part = sections_of(detector)["active"]
+    part = detector.sections["active"]
     levels = np.array([0.0, 4000.0, 9000.0, 20000.0]) / (1 if gain == 1 else gain / 2)
     mean, variance = [], []
     for number, level in enumerate(levels):
@@ -267,8 +267,8 @@ def test_photon_transfer_of_the_whole_camera(detector, gain):
 def test_flat_field_shows_the_response(detector):
     camera = VisibleCamera(detector.switched(off=("all",), on=("flat", "bad_pixels", "bad_columns")))
     frame = camera.expose(camera.prepare(np.full(SHAPE, 3e4), 1.0, 1.0), seed=1, path=("flat",))
-    lit = frame.adu[sections_of(detector)["active"]].astype(float) - 200
-    good = (frame.mask[sections_of(detector)["active"]] & MaskBit.BAD) == 0
+    lit = frame.adu[detector.sections["active"]].astype(float) - 200
+    good = (frame.mask[detector.sections["active"]] & MaskBit.BAD) == 0
     assert lit[good].std() / lit[good].mean() == pytest.approx(detector.flaws.prnu_rms, rel=0.01)
     assert lit[good].mean() == pytest.approx(3e4 / 59, rel=1e-3)
     assert lit[~good].max() == 0
@@ -309,8 +309,9 @@ def test_frames_do_not_depend_on_order_or_company(detector):
 
 
 def test_an_effect_of_ones_own_is_one_class(bare):
-    class Glow:
+    class Glow(Effect):
         switch = "glow"
+        stage = "charge"
 
         def expect(self, image, exposure):
             image += 7.0
@@ -318,9 +319,7 @@ def test_an_effect_of_ones_own_is_one_class(bare):
         def draw(self, work, exposure, rng):
             work.image += rng.poisson(7.0, work.image.shape)
 
-    from simulator.camera.visible import CHARGE
-
-    camera = VisibleCamera(bare(), charge=(*CHARGE[:1], Glow(), *CHARGE[1:]))
+    camera = VisibleCamera(bare(), chain=(*VISIBLE[:1], Glow(), *VISIBLE[1:]))
     exposure = camera.prepare(np.zeros((200, 200)), 1.0, 1.0)
     frame = camera.expose(exposure, seed=1, path=("glow",))
     expected = camera.expected_adu(exposure)

@@ -2,7 +2,7 @@ import pytest
 
 from catalogs.errors import InputError
 from simulator.config import load_instrument
-from simulator.config.infrared import InfraredSwitches
+from simulator.config.detector import InfraredSwitches
 
 
 def test_shipped_camera_is_labelled_assumed():
@@ -19,61 +19,6 @@ def test_shipped_camera_is_labelled_assumed():
     assert set(known) == numbers
     assert {item.confidence for item in known.values()} == {"A"}
     assert all(item.source for item in known.values())
-
-
-@pytest.mark.parametrize(
-    ("key", "value"),
-    [
-        ("n_columns", 8),
-        ("n_rows", 1.5),
-        ("star_column", 640),
-        ("star_row", 512),
-        ("pixel_um", 0.5),
-        ("full_well_e", 10),
-        ("nonlinearity_at_full_well", 0.5),
-        ("dark_e_s", -1),
-        ("read_noise_e", -1),
-        ("reset_noise_e", float("nan")),
-        ("gain_e_adu", 0),
-        ("adc_bits", 17),
-        ("bias_adu", 65535),
-        ("bias_adu", 6e4 + 1),
-        ("readout_mode", "fowler"),
-        ("n_reads", 1),
-        ("n_reads", 1001),
-        ("frame_time_s", 0),
-        ("interpixel_coupling", 0.3),
-    ],
-)
-def test_bad_values_are_named_in_one_line(key, value):
-    with pytest.raises(InputError) as caught:
-        load_instrument({"near_infrared": {"detector": {key: value}}})
-    assert "near_infrared.detector" in str(caught.value)
-    assert key in str(caught.value)
-    assert "\n" not in str(caught.value)
-
-
-@pytest.mark.parametrize(
-    ("section", "key", "value"),
-    [
-        ("flaws", "prnu_rms", 0.4),
-        ("flaws", "seed", -1),
-        ("flaws", "hot_fraction", 0.6),
-        ("flaws", "columns", 1),
-        ("persistence", "fraction", 1),
-        ("persistence", "decay_s", 0),
-        ("switches", "cic", True),
-        ("switches", "flat", "perhaps"),
-    ],
-)
-def test_bad_values_of_sections(section, key, value):
-    with pytest.raises(InputError, match=rf"near_infrared\.detector\.{section}\.{key}"):
-        load_instrument({"near_infrared": {"detector": {section: {key: value}}}})
-
-
-def test_bias_below_the_top_of_the_converter():
-    with pytest.raises(InputError, match="bias_adu.*below the ADC maximum 4095"):
-        load_instrument({"near_infrared": {"detector": {"bias_adu": 5000, "adc_bits": 12}}})
 
 
 def test_switched():

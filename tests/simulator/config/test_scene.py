@@ -1,12 +1,11 @@
 """Scenes as people write them: the paper's dictionary, YAML, objects; every fault by its name."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np
 import pytest
 from pydantic import ValidationError
+from scipy import stats
 
 from catalogs.errors import InputError
 from catalogs.spectra import Spectrum
@@ -14,8 +13,10 @@ from simulator.config import Planet, Scene, SceneStar, load_scene
 from simulator.config.albedo import ConstantAlbedo, MeasuredAlbedo, ParametricAlbedo
 from simulator.config.light import SpectrumTable
 from simulator.config.presets import preset_names
+from simulator.config.star_field import star_field
 
 STAR = {"name": "star", "v_mag": 1.35, "teff_k": 5230}
+
 PLANET = {
     "name": "b",
     "radius_rjup": 1,
@@ -24,16 +25,14 @@ PLANET = {
     "separation_arcsec": 0.65,
     "pa_deg": 315,
 }
+
 PAPER_STAR = {"magnitude": 1.35, "sptype": "K1V", "distance": 1.35, "ra": "14:39:35.06", "dec": "-60:50:15.1"}
+
 PAPER_PLANET = {"radius": 1, "phase_angle": 90, "separation": 0.65, "pangle": 315, "coe_metal": 1, "coe_cloud": 1}
 
 
 def scene(**change):
     return {"name": "s", "cstar": STAR} | change
-
-
-def without(tree, *keys):
-    return {key: value for key, value in tree.items() if key not in keys}
 
 
 def test_planet_and_planets_mean_the_same():
@@ -272,138 +271,6 @@ def test_the_central_star_is_no_companion_of_itself():
         load_scene({"name": "s", "cstar": STAR | {"companion": False}})
 
 
-BAD_TABLE = {"wavelength_nm": [300, 900, 1800], "photlam": [1, 2, 1]}
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"planet": PLANET | {"phase_deg": 181}}, ("scene.planets.0.phase_deg = 181 deg", "0 to 180")),
-        ({"planet": PLANET | {"phase_deg": float("nan")}}, ("scene.planets.0.phase_deg = nan deg", "0 to 180")),
-        ({"planet": PLANET | {"radius_rjup": 0}}, ("scene.planets.0.radius_rjup = 0 R_Jup", "above 0, at most 10")),
-        ({"planet": PLANET | {"radius_rjup": "big"}}, ("scene.planets.0.radius_rjup = big R_Jup", "a valid number")),
-        ({"planet": PLANET | {"radius_rjup": "1"}}, ("radius_rjup", "a valid number")),
-        ({"planet": PLANET | {"radius_rjup": True}}, ("radius_rjup = True", "a valid number")),
-        ({"planet": PLANET | {"separation_arcsec": -1}}, ("separation_arcsec = -1 arcsec", "0 to 120")),
-        ({"planet": PLANET | {"separation_arcsec": 121}}, ("separation_arcsec = 121 arcsec", "0 to 120")),
-        ({"planet": PLANET | {"pa_deg": 361}}, ("pa_deg = 361 deg", "-360 to 360")),
-        ({"planet": PLANET | {"mass": 1}}, ("scene.planets.0.mass = 1", "no such key", "known keys", "radius_rjup")),
-        ({"planet": PLANET | {"s": 1}}, ("scene.planets.0.s = 1", "no such key")),
-        ({"planet": without(PLANET, "pa_deg") | {"postion_angle": 3}}, ("postion_angle", "mean position_angle")),
-        ({"planet": PLANET | {"distance": 3}}, ("scene.planets.0.distance", "distance_au", "cstar.distance_pc")),
-        ({"planet": PLANET, "planets": [PLANET]}, ("scene.planet = given with planets",)),
-        ({"planet": PLANET | {"radius": 1}}, ("scene.planets.0.radius = given with radius_rjup", "one of the two")),
-        ({"planet": without(PLANET, "radius_rjup")}, ("scene.planets.0.radius_rjup = missing", "R_Jup")),
-        ({"planet": without(PLANET, "phase_deg")}, ("scene.planets.0.phase_deg = missing", "0 to 180 deg")),
-        ({"planet": without(PLANET, "pa_deg")}, ("scene.planets.0.pa_deg = missing", "separation_arcsec is given")),
-        ({"planet": without(PLANET, "separation_arcsec")}, ("separation_arcsec = missing", "pa_deg is given")),
-        (
-            {"planet": without(PLANET, "separation_arcsec", "pa_deg")},
-            ("scene.planets.0.separation_arcsec = missing", "or ra_deg and dec_deg"),
-        ),
-        ({"planet": PLANET | {"ra": 1, "dec": 1}}, ("scene.planets.0.ra_deg = given with separation_arcsec", "either")),
-        (
-            {"planet": without(PLANET, "separation_arcsec", "pa_deg") | {"ra": 1, "dec": 1}},
-            ("scene.planets.0.ra_deg = 1.0 deg", "cstar has them too"),
-        ),
-        ({"planet": PLANET | {"ra": 1}}, ("scene.planets.0.dec_deg = missing", "ra_deg is given")),
-        ({"planet": without(PLANET, "distance_au")}, ("scene.planets.0.distance_au = missing", "cstar.distance_pc")),
-        (
-            {"cstar": STAR | {"distance_pc": 1.35}, "planet": PLANET | {"distance_au": 0.5}},
-            ("scene.planets.0.distance_au = 0.5 au", "0.8775 au"),
-        ),
-        ({"planet": PLANET | {"albedo": "earth"}}, ("scene.planets.0.albedo = earth", "jupiter")),
-        ({"planet": PLANET | {"albedo": {"log10_mh": 3, "log10_fsed": 0}}}, ("albedo.log10_mh = 3", "0 to 2")),
-        ({"planet": PLANET | {"log10_mh": 3}}, ("scene.planets.0.albedo.log10_mh = 3",)),
-        ({"planet": PLANET | {"albedo": "jupiter", "log10_mh": 1}}, ("scene.planets.0.albedo = jupiter", "parametric")),
-        (
-            {"planet": PLANET | {"albedo": {"wavelength_nm": [300, 200], "albedo": [1, 1]}}},
-            ("scene.planets.0.albedo.wavelength_nm.1 = 200", "above 300"),
-        ),
-        (
-            {"planet": PLANET | {"albedo": {"wavelength_nm": [300, 400], "albedo": [1, -1]}}},
-            ("scene.planets.0.albedo.albedo.1 = -1", "at least 0"),
-        ),
-        ({"planet": PLANET | {"albedo": {"wavelength_nm": [300], "albedo": [1]}}}, ("wavelength_nm = 1 values",)),
-        ({"planet": PLANET | {"albedo": {"file": "no.txt"}}}, ("scene.planets.0.albedo.file = no.txt", "file")),
-        ({"planet": PLANET | {"albedo": {"model": [1]}}}, ("scene.planets.0.albedo = [1]",)),
-        ({"planet": PLANET | {"teff_k": 1000}}, ("scene.planets.0.teff_k", "reflected")),
-        ({"planet": PLANET | {"spectrum": "blackbody"}}, ("scene.planets.0.teff_k = missing", "in K")),
-        (
-            {"planet": PLANET | {"spectrum": "blackbody", "teff_k": 1000, "albedo": 0.5}},
-            ("scene.planets.0.albedo", "reflected light"),
-        ),
-        (
-            {"planet": without(PLANET, "radius_rjup") | {"spectrum": "blackbody", "teff_k": 1000}},
-            ("radius_rjup = missing", "v_mag"),
-        ),
-        ({"planet": PLANET | {"spectrum": "jupiter"}}, ("scene.planets.0.spectrum = jupiter", "reflected, blackbody")),
-        ({"planets": [PLANET, PLANET]}, ("scene.planets.1.name = b", "planets.0")),
-        ({"planets": [PLANET | {"name": "star"}]}, ("scene.planets.0.name = star", "cstar")),
-        ({"stars": [STAR | {"separation": 1, "pa": 0}]}, ("scene.stars.0.name = star", "cstar")),
-        ({"planets": 5}, ("scene.planets.0 = 5",)),
-        ({"stars": ["x"]}, ("scene.stars.0 = x",)),
-        ({"stars": [{"v_mag": 3, "teff_k": 4000}]}, ("scene.stars.0.separation_arcsec = missing",)),
-        ({"cstar": {"name": "x", "teff_k": 5000}}, ("scene.cstar.v_mag = missing", "-30 to 40 mag")),
-        ({"cstar": STAR | {"v_mag": None}}, ("scene.cstar.v_mag = None mag", "-30 to 40")),
-        ({"cstar": {"v_mag": 3}}, ("scene.cstar.spectral_type = missing", "teff_k")),
-        ({"cstar": {"v_mag": 3, "teff_k": 5000, "spectrum": "pickles"}}, ("spectral_type = missing", "pickles")),
-        ({"cstar": {"v_mag": 3, "spectrum": "."}}, ("scene.cstar.spectral_type = missing",)),
-        ({"cstar": {"v_mag": 3, "sp_type": "Q5"}}, ("scene.cstar.spectral_type = Q5",)),
-        ({"cstar": STAR | {"separation": 1, "pa": 0}}, ("scene.cstar.separation_arcsec", "origin")),
-        ({"cstar": STAR | {"ra": 3}}, ("scene.cstar.dec_deg = missing",)),
-        ({"cstar": STAR | {"ra": "25:00:00", "dec": 0}}, ("scene.cstar.ra_deg = 25:00:00", "0 to 360")),
-        ({"cstar": STAR | {"distance": 0}}, ("scene.cstar.distance_pc = 0 pc", "above 0")),
-        ({"cstar": STAR | {"model": "gird"}}, ("scene.cstar.spectrum = gird", "did you mean grid")),
-        ({"cstar": STAR | {"spectrum": 5}}, ("scene.cstar.spectrum = 5", "a file, or a table")),
-        ({"cstar": STAR | {"spectrum": BAD_TABLE | {"photlam": [1, 2]}}}, ("cstar.spectrum.photlam = 2 values", "3")),
-        ({"cstar": STAR | {"spectrum": BAD_TABLE | {"photlam": [1, -2, 1]}}}, ("photlam.1 = -2", "at least 0")),
-        ({"cstar": STAR | {"spectrum": BAD_TABLE | {"photlam": [0, 0, 0]}}}, ("spectrum.photlam = all zero",)),
-        ({"cstar": STAR | {"spectrum": BAD_TABLE | {"photlam": [1, float("nan"), 1]}}}, ("spectrum.photlam.1 = nan",)),
-        ({"cstar": STAR | {"spectrum": BAD_TABLE | {"photlam": [1, "x", 1]}}}, ("spectrum.photlam.1 = x",)),
-        (
-            {"cstar": STAR | {"spectrum": BAD_TABLE | {"wavelength_nm": [300, 1800, 900]}}},
-            ("spectrum.wavelength_nm.2 = 900", "above 1800"),
-        ),
-        ({"cstar": STAR | {"spectrum": BAD_TABLE | {"wavelength_nm": [0, 900, 1800]}}}, ("nm.0 = 0", "above 0")),
-        ({"cstar": STAR | {"spectrum": {"wavelength_nm": [300], "photlam": [1]}}}, ("wavelength_nm = 1 values",)),
-        ({"cstar": STAR | {"spectrum": {"wavelength_nm": [300, 1800]}}}, ("spectrum.photlam = missing", "flam")),
-        ({"cstar": STAR | {"spectrum": {"wavelength": [300, 1800], "flux": [1, 1]}}}, ("wavelength", "wavelength_nm")),
-        ({"cstar": 5}, ("scene.cstar = 5",)),
-        ({"cstar": None}, ("scene.cstar = missing",)),
-        ({"companions": "maybe"}, ("scene.companions = maybe", "on", "off")),
-        ({"name": 5}, ("scene.name = 5",)),
-        ({"name": ""}, ("scene.name",)),
-        ({"host": STAR}, ("scene.host", "cstar")),
-        ({"kind": "instrument"}, ("scene.kind",)),
-    ],
-)
-def test_bad_scenes_are_refused_by_name(change, words):
-    with pytest.raises(InputError) as caught:
-        load_scene(scene(**change))
-    for word in words:
-        assert word in str(caught.value)
-    assert "\n" not in str(caught.value)
-
-
-@pytest.mark.parametrize(
-    ("source", "words"),
-    [
-        ("paper_exmple", ("did you mean paper_example",)),
-        ("nowhere.yaml", ("nowhere.yaml", "presets: ", "paper_example")),
-        (5, ("scene = 5",)),
-        ([], ("scene = []",)),
-        ({"cstar": STAR}, ("scene.name = missing",)),
-        ({"name": "s"}, ("scene.cstar = missing",)),
-    ],
-)
-def test_what_is_no_scene_is_refused(source, words):
-    with pytest.raises(InputError) as caught:
-        load_scene(source)
-    for word in words:
-        assert word in str(caught.value)
-
-
 def test_a_folder_is_no_scene(tmp_path):
     with pytest.raises(InputError, match="a YAML file or a preset"):
         load_scene(tmp_path)
@@ -427,3 +294,44 @@ def test_an_albedo_file_beside_the_scene_is_found(tmp_path):
         path = tmp_path / "scene.yaml"
         path.write_text(f"name: s\ncstar: {{magnitude: 5, sptype: G2V}}\nplanet: {body % word}\n")
         assert getattr(load_scene(path).planets[0].albedo, "file", None) == file
+
+
+def test_the_preset_is_what_its_comment_says():
+    scene = load_scene("star_field")
+    star = scene.cstar
+    centre = {"v_mag": star.v_mag, "teff_k": star.teff_k, "ra_deg": star.ra_deg, "dec_deg": star.dec_deg}
+    assert star_field(300, seed=1, centre=centre) == scene
+
+
+def test_counts_rise_by_the_slope_between_the_limits():
+    slope, low, high = 0.3, 13.0, 20.0
+    v_mag = np.array([star.v_mag for star in star_field(4000, seed=5, counts_per_mag=slope).stars])
+    assert v_mag.min() >= low
+    assert v_mag.max() <= high
+
+    def below(limit):
+        return (10 ** (slope * limit) - 10 ** (slope * low)) / (10 ** (slope * high) - 10 ** (slope * low))
+
+    assert stats.kstest(v_mag, below).pvalue > 1e-4
+
+
+def test_places_are_even_over_the_square():
+    stars = star_field(4000, seed=5, half_width_arcsec=8.0).stars
+    angle = np.radians([star.pa_deg for star in stars])
+    distance = np.array([star.separation_arcsec for star in stars])
+    for axis in (distance * np.sin(angle), distance * np.cos(angle)):
+        assert stats_even(axis, 8.0) > 1e-4
+
+
+def stats_even(values, half):
+    return stats.kstest(values, stats.uniform(-half, 2 * half).cdf).pvalue
+
+
+def test_equal_seeds_give_equal_fields_and_others_do_not():
+    assert star_field(20, seed=3) == star_field(20, seed=3)
+    assert star_field(20, seed=3) != star_field(20, seed=4)
+
+
+def test_a_bad_centre_is_refused():
+    with pytest.raises(InputError, match="v_mag"):
+        star_field(3, centre={"teff_k": 5000})

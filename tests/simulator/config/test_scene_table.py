@@ -1,7 +1,5 @@
 """One scene for each star of a table, whatever library the table is of."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

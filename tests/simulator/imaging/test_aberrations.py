@@ -97,22 +97,6 @@ def test_pupil_field_is_amplitude_and_phase():
     np.testing.assert_array_equal(flat, np.ones((64, 64)))
 
 
-@pytest.mark.parametrize(
-    ("key", "change"),
-    [
-        ("opd_rms_nm", {"opd_rms_nm": -1.0}),
-        ("opd_rms_nm", {"opd_rms_nm": float("nan")}),
-        ("amplitude_rms", {"amplitude_rms": 0.2}),
-        ("psd_slope", {"psd_slope": 7.0}),
-        ("samples", {"samples": 65}),
-        ("seed", {"seed": -1}),
-    ],
-)
-def test_bad_input_is_named(key, change):
-    with pytest.raises(InputError, match=key):
-        draw_aberrations(**({"seed": 1} | change))
-
-
 def test_only_a_multiple_is_finer():
     with pytest.raises(InputError, match="a multiple of 64"):
         flat_aberrations(64).upsampled(96)

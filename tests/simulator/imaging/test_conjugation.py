@@ -138,25 +138,6 @@ def test_perfect_optics_stay_as_good_as_the_apodizer():
     assert min(found.history) <= found.history[0]
 
 
-@pytest.mark.parametrize(
-    ("key", "change"),
-    [
-        ("method", {"method": "linear"}),
-        ("bandwidth", {"bandwidth": 0.9}),
-        ("n_wavelengths", {"n_wavelengths": 0}),
-        ("step_lambda_d", {"step_lambda_d": 0.0}),
-        ("max_iterations", {"max_iterations": 0}),
-        ("exponents", {"exponents": ()}),
-        ("exponents", {"strong_exponent": 5.0}),
-        ("goal_contrast", {"goal_contrast": 0.0}),
-        ("tolerance", {"tolerance": float("nan")}),
-    ],
-)
-def test_bad_settings_are_named(key, change):
-    with pytest.raises(InputError, match=key):
-        ControlSettings(**change)
-
-
 def test_grids_must_agree():
     with pytest.raises(InputError, match="aberrations"):
         problem(aberrations=flat_aberrations(128))

@@ -72,23 +72,6 @@ def test_quantised_range_never_passes_the_stroke():
     assert DeformableMirror(bits=8, stroke_nm=10.0).realise(np.full((32, 32), -9.0)).min() == -5.0
 
 
-@pytest.mark.parametrize(
-    ("key", "change"),
-    [
-        ("n_actuators", {"n_actuators": 3}),
-        ("span_diameters", {"span_diameters": 0.2}),
-        ("coupling", {"coupling": 0.0}),
-        ("stroke_nm", {"stroke_nm": float("nan")}),
-        ("bits", {"bits": 4}),
-        ("noise_nm", {"noise_nm": -0.1}),
-        ("dead", {"dead": ((0, 32),)}),
-    ],
-)
-def test_bad_mirror_is_named(key, change):
-    with pytest.raises(InputError, match=key):
-        DeformableMirror(**change)
-
-
 def test_bad_commands_are_named():
     mirror = DeformableMirror(noise_nm=1.0)
     with pytest.raises(InputError, match="shape"):

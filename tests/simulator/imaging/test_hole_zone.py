@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 
-from catalogs.errors import InputError
 from simulator.imaging.hole_zone import HoleZone
 
 
@@ -80,18 +79,3 @@ def test_covering_is_inclusive_and_may_be_widened_or_narrowed():
     assert points[zone.covers(points, middle, 0.06)[:, 0]].size == 9
     assert points[zone.covers(points, middle, -0.1)[:, 0]].tolist() == [0.5]
     assert not zone.covers(points, np.zeros(1)).any()
-
-
-@pytest.mark.parametrize(
-    ("key", "values"),
-    [
-        ("hole edges", (0.7, 0.2)),
-        ("hole edges", (0.0, 0.2)),
-        ("hole edges", (0.1, float("nan"))),
-        ("mode", (0.1, 0.2, "3q")),
-        ("side", (0.1, 0.2, "2q", "west")),
-    ],
-)
-def test_bad_zone_is_named(key, values):
-    with pytest.raises(InputError, match=key):
-        HoleZone(*values)

@@ -1,3 +1,5 @@
+import sys
+
 import numpy as np
 import pytest
 from photutils.aperture import CircularAperture, aperture_photometry
@@ -272,6 +274,12 @@ def test_engines_give_the_same_stamps(psfs, engine):
     psf = single_band_psf("F850", instrument=INSTRUMENT, engine=engine)
     assert np.abs(psf.on_axis - psfs["F850"].on_axis).max() < 1e-12 * psf.off_axis.max()
     assert np.abs(psf.off_axis - psfs["F850"].off_axis).max() < 1e-12 * psf.off_axis.max()
+
+
+def test_an_engine_that_is_not_installed_is_refused_by_name(monkeypatch):
+    monkeypatch.setitem(sys.modules, "hcipy", None)
+    with pytest.raises(InputError, match=r"engine = hcipy: .*allowed: matrix .*pip install hcipy"):
+        single_band_psf("F850", fidelity=Knobs(stamp_pixels=35), instrument=INSTRUMENT, engine="hcipy")
 
 
 @pytest.mark.parametrize("kind", ["F5V", "G2V", "K1V"])

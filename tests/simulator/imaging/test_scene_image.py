@@ -258,26 +258,6 @@ def test_a_kernel_of_another_pixel_is_refused():
 
 
 @pytest.mark.parametrize(
-    ("change", "named"),
-    [
-        ({"y_centres_arcsec": [0.1, 0.0]}, "y_centres_arcsec"),
-        ({"x_centres_arcsec": [0.0, 0.0]}, "x_centres_arcsec"),
-        ({"x_centres_arcsec": []}, "x_centres_arcsec"),
-        ({"y_centres_arcsec": [0.0, np.nan]}, "y_centres_arcsec"),
-        ({"y_centres_arcsec": [[0.0]]}, "y_centres_arcsec"),
-        ({"pixel_arcsec": 0.0}, "pixel_arcsec"),
-        ({"pixel_arcsec": np.nan}, "pixel_arcsec"),
-        ({"mask_half_width_arcsec": -0.1}, "mask_half_width_arcsec"),
-        ({"mask_half_width_arcsec": np.inf}, "mask_half_width_arcsec"),
-    ],
-)
-def test_unusable_windows_are_refused_by_name(change, named):
-    good = {"y_centres_arcsec": [0.0], "x_centres_arcsec": [0.0], "pixel_arcsec": PIXEL}
-    with pytest.raises(InputError, match=named):
-        scene_image(TRANSFER, sources=PointSources([0.0], [0.0], [1.0]), **(good | change))
-
-
-@pytest.mark.parametrize(
     ("sources", "named"),
     [
         (lambda: PointSources([0.0], [0.0, 1.0], [1.0]), "sources = 1 x, 2 y, 1 flux"),

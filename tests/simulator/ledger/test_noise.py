@@ -1,55 +1,12 @@
-"""Noise of the ledger against a register followed stage by stage, and against sums over the pixels of an aperture."""
+"""Noise of a visit against sums over the pixels of an aperture."""
 
-import itertools
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from simulator import load_instrument
-from simulator.ledger.noise import FrameNoise, visit_variance_e2
-
-INSTRUMENT = load_instrument()
-SWITCHES = ("photon_noise", "dark", "clock_charge", "em_register", "read_noise")
-LIGHT = np.array([0.0, 1e-4, 0.3, 50.0, 1e6])
-
-
-def through_register(mean_e, variance_e2, gain, stages):
-    """Return the variance at the output over gain^2: a stage doubles each electron with the probability ``p``."""
-    p, mean, variance = gain ** (1.0 / stages) - 1.0, mean_e, variance_e2
-    for _ in range(stages):
-        mean, variance = mean * (1.0 + p), variance * (1.0 + p) ** 2 + mean * p * (1.0 - p)
-    return variance / gain**2
-
-
-# Without photon noise the register's own noise on light that does not fluctuate is outside what is asked here.
-@pytest.mark.parametrize("on", [on for on in itertools.product((True, False), repeat=5) if on[0] or not on[3]])
-def test_a_pixel_has_the_variance_of_its_electrons_stage_by_stage(on):
-    switched = dict(zip(SWITCHES, on, strict=True))
-    own = {"cic_e": 0.07, "read_noise_e": 83.0, "gain_e_adu": 47.0, "switches": switched}
-    detector = load_instrument({"detector": own}).detector
-    for gain, dark_e in itertools.product((1.0, 1.7, 40.0, 1000.0), (0.0, 0.2, 30.0)):
-        drawn = (LIGHT + dark_e * switched["dark"]) * switched["photon_noise"] + 0.07 * switched["clock_charge"]
-        charge = drawn  # of Poisson counts and a gain without noise
-        if switched["em_register"]:
-            charge = through_register(drawn, drawn, gain, detector.register_stages)
-        # A uniform error of one step, and the amplifier behind the register.
-        behind = ((83.0**2 if switched["read_noise"] else 0.0) + 47.0**2 / 12.0) / gain**2
-        found = FrameNoise.of(detector, gain, dark_e).variance_e2(LIGHT)
-        np.testing.assert_allclose(found, charge + behind, rtol=1e-10, atol=1e-300)
-
-
-@pytest.mark.parametrize("on", list(itertools.product((True, False), repeat=3)))
-def test_a_pixel_of_a_hybrid_array_has_neither_register_nor_clocks(on):
-    photons, dark, read = on
-    own = {
-        "read_noise_e": 21.0,
-        "gain_e_adu": 3.0,
-        "switches": {"photon_noise": photons, "dark": dark, "read_noise": read},
-    }
-    detector = load_instrument({"near_infrared": {"detector": own}}).near_infrared.detector
-    expected = (LIGHT + 5.0 * dark) * photons + 441.0 * read + 0.75
-    np.testing.assert_allclose(FrameNoise.of(detector, 1.0, 5.0).variance_e2(LIGHT), expected, rtol=1e-14)
+from simulator.camera.noise import FrameNoise
+from simulator.ledger.noise import visit_variance_e2
 
 
 def random_visit(rng):

@@ -9,7 +9,7 @@ from simulator import load_instrument, observe
 from simulator.camera.track_loss import aperture_loss_per_s
 from simulator.effects.cosmic_rays import draw_cosmic_rays
 from simulator.ledger import forecast
-from simulator.ledger.particles import pixel_hits
+from simulator.ledger.case import pixel_hits
 from simulator.rng import stream
 
 SETTINGS = {"band": "F662", "exposure_s": 2.0, "n_frames": 4, "em_gain": 20.0}
@@ -26,25 +26,10 @@ def bright(make, calm, report):
 
 @pytest.mark.parametrize(
     "key",
-    [
-        "flat",
-        "dark",
-        "dark_structure",
-        "bad_pixels",
-        "bad_columns",
-        "smear",
-        "cosmic_rays",
-        "nonlinearity",
-        "parallel_cti",
-        "serial_cti",
-        "clock_charge",
-        "photon_noise",
-        "em_register",
-        "read_noise",
-        "stripes",
-        "interference",
-        "bias_drift",
-    ],
+    """
+        flat dark dark_structure bad_pixels bad_columns smear cosmic_rays nonlinearity parallel_cti serial_cti
+        clock_charge photon_noise em_register read_noise stripes interference bias_drift
+    """.split(),
 )
 def test_size_of_a_switch_bounds_what_it_changes(key, bright, calm):
     scene, whole, said, truth = bright
@@ -83,16 +68,9 @@ def test_saturation_is_seen_where_it_is(make, calm):
 
 def test_reduced_sizes_leave_what_is_calibrated(make, calm):
     said = forecast(make(), calm, **SETTINGS, reduced=True).sizes
-    for key in (
-        "flat",
-        "dark_structure",
-        "bad_pixels",
-        "bad_columns",
-        "stripes",
-        "interference",
-        "bias_drift",
-        "nonlinearity",
-    ):
+    for key in """
+        flat dark_structure bad_pixels bad_columns stripes interference bias_drift nonlinearity
+    """.split():
         assert said[key]["planet_flux"] == said[key]["snr"] == said[key]["pixel_map"] == 0.0
     assert said["parallel_cti"]["planet_flux"] > 0
     assert said["cosmic_rays"]["snr"] > 0

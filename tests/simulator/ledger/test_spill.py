@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from simulator import observe
-from simulator.camera.collection import Blooming
+from simulator.detectors.collection import Blooming
 from simulator.imaging.store import psf_metrics
 from simulator.ledger import forecast
 from simulator.ledger.spill import _arrives

@@ -1,7 +1,5 @@
 """A sequence that is quick to make: small frames of both cameras, of every kind."""
 
-from __future__ import annotations
-
 import shutil
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -12,7 +10,6 @@ import pytest
 
 from simulator import load_instrument, load_scene
 from simulator.camera.frame import Frame, MaskBit
-from simulator.camera.sections import sections_of
 from simulator.config import Instrument, Scene
 from simulator.ledger import EffectRow
 from simulator.products import write_level0
@@ -75,7 +72,7 @@ class FakeSequence:
     @property
     def sections(self):
         if self.shape == (1050, 1080):
-            return sections_of(self.instrument.detector)
+            return self.instrument.detector.sections
         rows, columns = self.shape
         return {
             "active": (slice(2, rows - 2), slice(4, columns - 4)),

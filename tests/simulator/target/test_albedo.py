@@ -1,7 +1,5 @@
 """One door to all albedos: measured against tabulated values, parametric, constant and user tables."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -52,21 +50,6 @@ def test_undocumented_wavelengths_are_flagged() -> None:
 def test_no_silent_extrapolation(wavelength, model) -> None:
     with pytest.raises(InputError, match="wavelength_nm"):
         planet_albedo(wavelength, model=model)
-
-
-@pytest.mark.parametrize(
-    ("key", "arguments"),
-    [
-        ("jupiter", {"model": "earth"}),
-        ("log10_mh", {"log10_mh": 2.5}),
-        ("log10_fsed", {"log10_fsed": -3.0}),
-        ("log10_mh", {"log10_mh": np.nan}),
-        ("insolation_au", {"insolation_au": 0.0}),
-    ],
-)
-def test_bad_input_names_the_key(key, arguments) -> None:
-    with pytest.raises(InputError, match=key):
-        planet_albedo(500.0, **arguments)
 
 
 def test_clamps_are_said() -> None:

@@ -1,7 +1,5 @@
 """Tables of wavelength and albedo: every format, unit and way to be wrong."""
 
-from __future__ import annotations
-
 import sqlite3
 import warnings
 

@@ -1,7 +1,5 @@
 """A user's grid of models: both layouts, interpolation against scipy's, everything that can be missing."""
 
-from __future__ import annotations
-
 import os
 import pickle
 import sqlite3

@@ -1,7 +1,5 @@
 """Measured spectra by type: templates, means of neighbours, refusals."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -46,23 +44,6 @@ def test_between_templates_it_is_their_mean() -> None:
     _, found, flags = library_photlam("K0IV-V")
     np.testing.assert_allclose(found, 0.5 * (photlam[_row(50, 5)] + photlam[_row(50, 4)]), rtol=1e-14)
     assert flags == ("template_interpolated",)
-
-
-@pytest.mark.parametrize(
-    ("spectral_type", "allowed"),
-    [
-        ("B5V", "A0V to M6V"),
-        ("K5IV", "A0IV to K3IV"),
-        ("K5IV-V", "A0IV to K3IV"),
-        ("F8II", "between F2II and G5II"),
-        ("M3I", "A0I to M2I"),
-    ],
-)
-def test_types_without_a_template_are_refused(spectral_type: str, allowed: str) -> None:
-    with pytest.raises(InputError) as caught:
-        stellar_spectrum(3.0, spectral_type, model="pickles")
-    assert caught.value.key == "spectral_type"
-    assert allowed in caught.value.allowed
 
 
 def test_a_temperature_is_no_type() -> None:

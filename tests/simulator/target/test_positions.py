@@ -1,7 +1,5 @@
 """Sky and detector: absolute pictures, because a round trip cannot see a mirror."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -1,7 +1,5 @@
 """Sampling of a product: against the exact product, and its integrals against the exact ones."""
 
-from __future__ import annotations
-
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st

@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from scipy.integrate import quad, solve_bvp
 from scipy.special import expn
 
-from catalogs.errors import InputError
 from simulator.target.reflection import layer_albedo, rayleigh_slope
 
 POINTS, WEIGHTS = np.polynomial.legendre.leggauss(8)
@@ -131,16 +130,3 @@ def test_rayleigh_slope_is_near_the_inverse_fourth_power():
     # The leading term alone at long wavelengths.
     assert rayleigh_slope(5000.0) / rayleigh_slope(10000.0) == pytest.approx(16.0, rel=2e-3)
     assert rayleigh_slope(400.0) == pytest.approx((550.0 / 400.0) ** 4.09, rel=0.03)
-
-
-@pytest.mark.parametrize(
-    ("values", "key"),
-    [
-        ((-1.0, 0.0, 0.5), "scattering_depth"),
-        ((1.0, np.nan, 0.5), "absorption_depth"),
-        ((1.0, 0.0, 1.2), "deck_albedo"),
-    ],
-)
-def test_bad_numbers_are_refused(values, key):
-    with pytest.raises(InputError, match=key):
-        layer_albedo(*values)

@@ -73,20 +73,6 @@ def test_a_batch_is_its_scenes_one_by_one():
         batch["s9"]
 
 
-@pytest.mark.parametrize(
-    ("scenes", "word"),
-    [
-        ([{"name": "a", "cstar": STAR}, {"name": "b"}], "scenes.1.cstar = missing"),
-        (5, "a sequence of scenes"),
-        (None, "a sequence of scenes"),
-        ("nothing_like_it", "a YAML file or a preset"),
-    ],
-)
-def test_bad_batches_are_refused(scenes, word):
-    with pytest.raises(InputError, match=word):
-        spectrum_generator(scenes)
-
-
 def test_faults_found_late_name_the_scene_of_the_batch():
     cold = {"name": "cold", "cstar": {"v_mag": 3, "teff_k": 2500}}
     batch = spectrum_generator([{"name": "a", "cstar": STAR}, cold])

@@ -1,7 +1,5 @@
 """Spectra from files: units, formats, refusals; against synphot's unit conversions."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Trees of stellar models: a small one made here, against scipy's interpolator and stsynphot."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

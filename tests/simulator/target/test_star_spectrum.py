@@ -1,14 +1,11 @@
 """Stellar spectra: V magnitudes by synphot, Planck's law, flags and bad input."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from catalogs.bands import Band
-from catalogs.errors import InputError
 from catalogs.spectra import Spectrum, load_reference_spectrum, load_stellar_grid
 from simulator.band_integrals import band_integral, v_photon_rate, vega_v_photon_rate
 from simulator.target import STAR_FLAGS, star_photlam, stellar_spectrum
@@ -126,26 +123,6 @@ def test_measured_stars_in_bands_of_50_nm(spectral_type: str, tolerance: float) 
     np.testing.assert_allclose(ratio, 1.0, atol=tolerance)
 
 
-@pytest.mark.parametrize(
-    ("options", "key", "allowed"),
-    [
-        ({"teff_k": 3499.0}, "teff_k", "3500 to 8000"),
-        ({"teff_k": 8001.0}, "teff_k", "3500 to 8000"),
-        ({"teff_k": 5800.0, "log_g": 5.01}, "log_g", "0 to 5 at 5800 K"),
-        ({"teff_k": 5800.0, "log_g": -0.1}, "log_g", "0 to 5 at 5800 K"),
-        ({"teff_k": 6050.0, "log_g": 0.4}, "log_g", "0.5 to 5 at 6050 K"),
-        ({"teff_k": 7900.0, "log_g": 0.9}, "log_g", "1 to 5 at 7900 K"),
-        ({"teff_k": 5800.0, "metallicity": -2.6}, "metallicity", "-2.5 to 0.5"),
-        ({"teff_k": 5800.0, "metallicity": 0.51}, "metallicity", "-2.5 to 0.5"),
-    ],
-)
-def test_outside_the_grid_is_refused_with_the_range(options, key: str, allowed: str) -> None:
-    with pytest.raises(InputError) as caught:
-        star_photlam(4.0, **options)
-    assert (caught.value.key, caught.value.allowed) == (key, allowed)
-    assert caught.value.value == options[key]
-
-
 @pytest.mark.parametrize("options", [{"teff_k": 6000.0, "log_g": 0.0}, {"teff_k": 7400.0, "log_g": 0.5}])
 def test_a_node_of_the_temperature_axis_needs_no_neighbour(options) -> None:
     assert stellar_spectrum(4.0, **options).flags == ("low_gravity_lines",)
@@ -193,34 +170,3 @@ def test_explicit_parameters_override_the_type() -> None:
     assert stellar_spectrum(1.35, "K1V", teff_k=5260.0).log_g == pytest.approx(4.5)
     with pytest.raises(ValueError, match="read-only"):
         star.photlam[0] = 0.0
-
-
-@pytest.mark.parametrize(
-    ("arguments", "options", "key"),
-    [
-        ((np.nan, "G2V"), {}, "magnitude_v"),
-        ((99.0, "G2V"), {}, "magnitude_v"),
-        ((1.0,), {}, "spectral_type"),
-        ((1.0, "banana"), {}, "spectral_type"),
-        ((1.0, "A0V"), {}, "teff_k"),
-        ((1.0, "M4V"), {}, "teff_k"),
-        ((1.0,), {"teff_k": np.nan}, "teff_k"),
-        ((1.0,), {"teff_k": 5800.0, "log_g": np.nan}, "log_g"),
-        ((1.0, "G2V"), {"metallicity": np.inf}, "metallicity"),
-        ((1.0, "G2V"), {"model": "ck04"}, "model"),
-        ((1.0, "G2V"), {"model": ""}, "model"),
-        ((1.0, "G2V"), {"model": 4}, "model"),
-        ((1.0, "DA2"), {}, "spectral_type"),
-        ((1.0, ""), {}, "spectral_type"),
-        ((1.0, 5), {}, "spectral_type"),
-        (("bright", "G2V"), {}, "magnitude_v"),
-        ((1.0, "G2V"), {"log_g": "high"}, "log_g"),
-        ((1.0, "M2I"), {}, "teff_k"),
-        ((1.0,), {"teff_k": 0.0, "model": "blackbody"}, "teff_k"),
-    ],
-)
-def test_bad_input_names_the_key(arguments, options, key: str) -> None:
-    for function in (stellar_spectrum, star_photlam):
-        with pytest.raises(InputError) as caught:
-            function(*arguments, **options)
-        assert caught.value.key == key

@@ -1,7 +1,5 @@
 """Thermal light against astropy's Planck law and a star seen from afar."""
 
-from __future__ import annotations
-
 import astropy.units as u
 import numpy as np
 import pytest

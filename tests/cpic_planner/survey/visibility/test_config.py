@@ -82,31 +82,6 @@ def test_changes_are_laid_over_the_base(tmp_path):
     assert load_visibility({}) == load_visibility().model_copy(update={"description": ""})
 
 
-@pytest.mark.parametrize(
-    ("source", "text"),
-    [
-        ({"sun_deg": -1}, "visibility.sun_deg = -1 deg: not accepted; allowed: 0 to 180"),
-        ({"panel_deg": 91}, "visibility.panel_deg = 91 deg: not accepted; allowed: 0 to 90"),
-        ({"panel": "two_axes"}, "visibility.panel = two_axes: not accepted; allowed: 'one_axis' or 'fixed'"),
-        ({"saa_fraction": 1}, "visibility.saa_fraction = 1: not accepted; allowed: at least 0, below 1"),
-        ({"slew_deg_s": 0}, "visibility.slew_deg_s = 0 deg/s: not accepted; allowed: above 0, at most 100"),
-        ({"settle_s": "long"}, "visibility.settle_s = long s: not accepted"),
-        ({"moon_deg": True}, "visibility.moon_deg = True deg: not accepted"),
-        ({"moon_deg": float("nan")}, "visibility.moon_deg = nan deg: not accepted"),
-        ({"moom_deg": 3}, "visibility.moom_deg = 3: not accepted; allowed: no such key (did you mean moon_deg"),
-        ({"base": "elsewhere"}, "visibility.base = elsewhere: not accepted; allowed: default"),
-        ({"kind": "scene"}, "visibility.kind = scene: not accepted; allowed: visibility"),
-        ("defualt", "visibility = defualt: not accepted; allowed: a YAML file or a preset (did you mean default?)"),
-        ([1], "visibility = [1]: not accepted; allowed: a mapping, a YAML file or a preset"),
-    ],
-)
-def test_refusals(source, text):
-    with pytest.raises(InputError) as caught:
-        load_visibility(source)
-    assert str(caught.value).startswith(text)
-    assert "\n" not in str(caught.value)
-
-
 def test_a_file_that_is_no_mapping_is_refused(tmp_path):
     path = tmp_path / "list.yaml"
     path.write_text("- 1\n")

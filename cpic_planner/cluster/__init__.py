@@ -1,1 +1,0 @@
-"""Tasks on Dask clusters, local or given, that lose processes."""

@@ -1,0 +1,300 @@
+"""Tasks on a Dask cluster of which any process may die at any time.
+
+A worker that dies loses the tasks it held; Dask gives them to others. It gives a task up when several workers died
+with it, whether or not it was to blame, so here such a task is run once more with nothing else in flight: what ends
+its workers then as well is named in one error, after everything else has finished. A scheduler that goes takes all
+tasks with it (and, in Dask, its workers): the client waits for one at the same address and sends again what is not
+finished. A result is handed over when it has arrived here and never asked for again, so nothing is counted twice.
+
+Only a few tasks a worker are in flight, so that the scheduler never holds the arguments of a long run.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import time
+import uuid
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import CancelledError
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+from distributed import Client
+from distributed.protocol.pickle import dumps, loads
+from distributed.scheduler import KilledWorker, NoValidWorkerError, NoWorkerError
+
+from catalogs.errors import InputError
+from cpic_planner.jobs.engine import ClusterError
+from simulator.numeric import numeric_context
+
+_LOG = logging.getLogger(__name__)
+_ANSWER_S = 20.0  # for a scheduler that should be there
+_ATTEMPT_S = 5.0  # for one attempt to reach a scheduler that has gone: Dask's own attempts grow ever rarer
+_NOBODY = (NoWorkerError, NoValidWorkerError)
+_POLL_S = 0.01
+_FETCH_S = 2.0  # for a result at first
+_PULSE_S = 0.5  # between looks at which workers there are
+_IN_FLIGHT = 4  # tasks sent out for every thread of the cluster
+_FRUITLESS = 10  # losses of the scheduler in a row without a single result between them
+_DEATHS_ALONE = 4  # of workers with one and the same task alone in flight, after which the task is to blame
+_ENOUGH_BLAMED = 3  # such tasks, after which the run ends: it may be all of them
+
+
+@dataclass(frozen=True)
+class Work:
+    """What to run: ``function(*common, *arguments[i])`` for every ``i``."""
+
+    function: Callable[..., Any]
+    common: tuple[Any, ...]
+    arguments: Sequence[tuple[Any, ...]]
+
+
+class TaskQueue:
+    """Tasks that are not sent out: those that wait, and those that Dask gave up and that are to run alone."""
+
+    def __init__(self, total: int) -> None:
+        self._total = total
+        self._waiting = deque(range(total))
+        self._suspects: deque[int] = deque()
+        self._deaths_alone: dict[int, int] = {}
+        self._blamed: list[int] = []
+
+    @property
+    def left(self) -> int:
+        """How many they are."""
+        return len(self._waiting) + len(self._suspects)
+
+    def next(self, flying: int, room: int) -> int | None:
+        """Task to send out next, if any, with so many in flight and room for so many."""
+        if self._waiting:
+            return self._waiting[0] if flying < room else None
+        return self._suspects[0] if self._suspects and not flying else None
+
+    def sent(self, index: int) -> None:
+        """Note that the next task has gone."""
+        (self._suspects if index in self._deaths_alone else self._waiting).popleft()
+
+    def put_back(self, indices: Iterable[int]) -> None:
+        """Have tasks that were lost sent out again, before the others."""
+        for index in sorted(indices, reverse=True):
+            (self._suspects if index in self._deaths_alone else self._waiting).appendleft(index)
+
+    def judge(self, index: int, deaths: int) -> None:
+        """Put a task that Dask gave up aside, or blame it for the deaths that nothing else in flight explains."""
+        if index not in self._deaths_alone:
+            _LOG.warning(
+                "task %d of %d: %d workers died with it; it will run alone at the end", index + 1, self._total, deaths
+            )
+            self._deaths_alone[index] = 0
+        else:
+            self._deaths_alone[index] += deaths
+        if self._deaths_alone[index] < _DEATHS_ALONE:
+            self._suspects.append(index)
+            return
+        self._blamed.append(index)
+        if len(self._blamed) >= _ENOUGH_BLAMED:
+            self.tell_blamed()
+
+    def tell_blamed(self) -> None:
+        """Raise for the tasks to blame."""
+        if self._blamed:
+            numbers = ", ".join(str(index + 1) for index in sorted(self._blamed))
+            rest = f"{self.left} others are not finished" if self.left else "all others are done"
+            raise ClusterError(
+                f"task {numbers} of {self._total} ended its worker {_DEATHS_ALONE} times or more with "
+                f"nothing else running: short of memory, or a crash in native code; {rest}"
+            )
+
+
+class _LaterError(Exception):
+    """The result of a task is not to be had now."""
+
+
+class _LostError(Exception):
+    """The scheduler no longer knows our tasks."""
+
+
+class Workers(Protocol):
+    """Workers that belong to the run: somebody else looks after those of a given scheduler."""
+
+    def replace_dead(self) -> None:
+        """Start others for those that ended."""
+
+    def fruitful(self) -> None:
+        """Note that they bring results."""
+
+
+def run_on(address: str, work: Work, patience_s: float, own: Workers | None = None) -> Iterator[tuple[int, Any]]:
+    """Run all tasks on the cluster of the scheduler at ``address``; see `cpic_planner.jobs.engine.run_tasks`."""
+    queue = TaskQueue(len(work.arguments))
+    losses = 0
+    link = _Link(address, work, _first_client(address), own)
+    try:
+        while queue.left or link.flying:
+            try:
+                link.look_after()
+                while (index := queue.next(len(link.flying), link.room)) is not None:
+                    link.send(index)
+                    queue.sent(index)
+                for index in link.ready():
+                    try:
+                        value = link.take(index)
+                    except _LaterError:
+                        break
+                    except KilledWorker as error:
+                        queue.judge(index, error.allowed_failures + 1)
+                        continue
+                    except _NOBODY:  # a scheduler that is set to give up when it has no workers
+                        queue.put_back([index])
+                        continue
+                    losses = 0
+                    if own is not None:
+                        own.fruitful()
+                    yield index, value
+            except _LostError:
+                losses += 1
+                if losses > _FRUITLESS:
+                    raise ClusterError(f"the scheduler {address} lost all tasks {losses} times in a row") from None
+                queue.put_back(link.flying)
+                link.close()
+                _LOG.warning("the scheduler %s has gone: waiting up to %.0f s for it", address, patience_s)
+                link = _Link(address, work, _next_client(address, patience_s, queue.left), own)
+                _LOG.warning("the scheduler %s is back: sending %d unfinished tasks again", address, queue.left)
+        queue.tell_blamed()
+    finally:
+        link.close()
+
+
+def _first_client(address: str) -> Any:
+    try:
+        return _client(address, _ANSWER_S)
+    except (OSError, ValueError, RuntimeError) as error:
+        hint = (str(error).splitlines() or [type(error).__name__])[0]
+        raise InputError("--scheduler", address, allowed="the address of a live Dask scheduler", hint=hint) from None
+
+
+def _next_client(address: str, patience_s: float, left: int) -> Any:
+    end = time.monotonic() + patience_s
+    while (rest := end - time.monotonic()) > 0:
+        with contextlib.suppress(OSError):
+            return _client(address, min(_ATTEMPT_S, rest))
+        time.sleep(_POLL_S)
+    raise ClusterError(
+        f"the scheduler {address} has gone and did not come back in {patience_s:.0f} s; "
+        f"{left} tasks are not finished, the others are kept"
+    )
+
+
+def _client(address: str, timeout_s: float) -> Any:
+    return Client(address, timeout=timeout_s, set_as_default=False)
+
+
+@dataclass
+class _Link:
+    """Our tasks at one scheduler, from the connection to its loss."""
+
+    address: str
+    work: Work
+    client: Any
+    own: Workers | None
+    flying: dict[int, Any] = field(default_factory=dict)
+    room: int = _IN_FLIGHT
+    _fetch_s: float = _FETCH_S
+    _name: str = field(default_factory=lambda: f"cpic-{uuid.uuid4().hex}")
+    _sent: int = 0
+    _common: Any = None
+    _next_look_s: float = 0.0
+    _idle: bool = False
+
+    def look_after(self) -> None:
+        """Notice a lost scheduler at once, and now and then how many workers there are."""
+        if self.client.status != "running":
+            raise _LostError
+        if time.monotonic() < self._next_look_s:
+            return
+        if self.own is not None:
+            self.own.replace_dead()
+        with self._lossy():
+            threads = sum(self.client.nthreads(callback_timeout=_ANSWER_S).values())
+        self._next_look_s = time.monotonic() + _PULSE_S
+        self.room = _IN_FLIGHT * max(threads, 1)
+        if (threads == 0) != self._idle:
+            self._idle = threads == 0
+            if self.own is None:
+                _LOG.warning(
+                    "the scheduler %s %s",
+                    self.address,
+                    "has no workers: waiting for some" if self._idle else "has workers again",
+                )
+
+    def send(self, index: int) -> None:
+        """Send one task out."""
+        # Pickled here: Dask neither searches the arguments for names of tasks nor needs our modules to schedule them.
+        load = dumps((self.work.function, self.work.arguments[index]))
+        with self._lossy():
+            if self.work.common and self._common is None:
+                # A task of its own: workers take its result from one another, and what dies with one is made again.
+                self._common = self.client.submit(loads, dumps(self.work.common), key=self._key("common"))
+            common = () if self._common is None else self._common
+            self.flying[index] = self.client.submit(_call, load, common, key=self._key("task"))
+
+    def _key(self, kind: str) -> tuple[str, int]:
+        self._sent += 1
+        return f"{self._name}-{kind}", self._sent
+
+    def ready(self) -> list[int]:
+        """Tasks that ended in one way or other, after a short wait if there is none."""
+        found = [index for index, future in self.flying.items() if future.status not in ("pending", "lost")]
+        if not found and self.flying:
+            time.sleep(_POLL_S)
+        return found
+
+    def take(self, index: int) -> Any:
+        """Fetch the result of a task that ended, or raise what it raised."""
+        future = self.flying[index]
+        try:
+            # Not for ever: a result that died with its worker is made again only when there is another worker.
+            value = future.result(timeout=self._fetch_s)
+        except Exception as error:
+            if future.status != "error":
+                if isinstance(error, TimeoutError) and self.client.status == "running":
+                    self._fetch_s *= 2  # or it was on its way, but long
+                    raise _LaterError from error
+                if isinstance(error, (OSError, CancelledError)) or self.client.status != "running":
+                    raise _LostError from error
+                raise
+            del self.flying[index]
+            given_up = error.task if isinstance(error, (KilledWorker, *_NOBODY)) else None
+            if self._common is not None and given_up == self._common.key:
+                self._common = None  # to be made anew for the next task
+            raise
+        del self.flying[index]
+        self._fetch_s = _FETCH_S
+        return value
+
+    @contextlib.contextmanager
+    def _lossy(self) -> Iterator[None]:
+        """Tell the loss of the scheduler from other errors."""
+        try:
+            yield
+        except (OSError, CancelledError) as error:
+            raise _LostError from error
+        except RuntimeError as error:
+            if self.client.status != "running":
+                raise _LostError from error
+            raise
+
+    def close(self) -> None:
+        """Give all tasks up and leave."""
+        self.flying.clear()
+        self._common = None
+        with contextlib.suppress(OSError, RuntimeError, CancelledError):
+            self.client.close(timeout=_ATTEMPT_S)
+
+
+def _call(load: bytes, common: tuple[Any, ...]) -> Any:
+    function, args = loads(load)
+    with numeric_context():
+        return function(*common, *args)

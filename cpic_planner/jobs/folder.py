@@ -1,0 +1,258 @@
+"""The output folder of a run: locked, resumable, and never half written.
+
+Layout::
+
+    DIR/run.lock        operating-system lock; the holder writes pid and start time into it
+    DIR/cpic-run.jsonl  kind of run, configuration hash, and every file that the run wrote, by its checksum
+    DIR/parts/KEY.json  one finished piece of work each: a line of JSON (key, hash, checksum), then the piece, JSON too
+    DIR/parts/KEY.blob  the same for pieces that are bytes
+    DIR/plan.json ...   the products, written at the end
+
+A folder of the same configuration hash is resumed (finished parts are reused); of another one it is refused unless
+forced, and then what its list names is removed (`cpic_planner.jobs.written_files`). One in which nothing was finished
+is taken over. A part that fails its checksum is done again. Files that no list names are never touched.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import logging
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from catalogs.errors import InputError
+from catalogs.user_files import read_file
+from cpic_planner.jobs.written_files import LIST_NAME, DamagedListError, WrittenFiles, has_list, set_aside
+from simulator.files import LockHeld, dump_json, exclusive_lock, write_bytes
+
+_LOG = logging.getLogger(__name__)
+_MAX_PART_BYTES = 4_000_000_000
+_LOCK = "run.lock"
+_LOCK_TEXT = "in use by pid "
+_ANY_PART = "parts/-"  # is of no part: asks whether parts may be a folder of ours
+_OLD_LIST = "manifest.json"  # of versions that kept no list of their files
+
+
+class DamagedPartError(RuntimeError):
+    """A part is not as it was written, or belongs to another configuration."""
+
+
+@dataclass(frozen=True)
+class RunFolder:
+    """An open, locked output folder.
+
+    Attributes
+    ----------
+    path : Path
+    config_hash : str
+    resumed : bool
+        Whether it holds work of the same configuration.
+    temporary : Path
+        Folder for files that are not whole yet, in the same file system; `adopt` gives them their names.
+    """
+
+    path: Path
+    config_hash: str
+    resumed: bool
+    temporary: Path
+    _files: WrittenFiles
+
+    def part(self, key: str) -> dict[str, Any] | None:
+        """Finished piece of work ``key``, or ``None`` (also when its file is damaged)."""
+        path = self.path / self._part_name(key, ".json")
+        if not os.path.lexists(path):
+            return None
+        try:
+            return dict(json.loads(self.read_blob(path)[1]))
+        except DamagedPartError as error:
+            _LOG.warning("%s: doing it again", error)
+            return None
+
+    def save_part(self, key: str, body: dict[str, Any]) -> dict[str, Any]:
+        """Store a finished piece of work whole; returns it as it will be read back."""
+        text = dump_json(body)
+        self._save(key, ".json", text.encode())
+        return dict(json.loads(text))
+
+    def save_blob(self, key: str, content: bytes) -> None:
+        """Store a finished piece of work that is bytes whole."""
+        self._save(key, ".blob", content)
+
+    def _save(self, key: str, suffix: str, content: bytes) -> None:
+        head = {"key": key, "sha256": hashlib.sha256(content).hexdigest(), "config_hash": self.config_hash}
+        self.write_bytes(self._part_name(key, suffix), json.dumps(head).encode() + b"\n" + content)
+
+    def blob_paths(self) -> list[Path]:
+        """Files of all pieces that are bytes, whole or not, in the order of their names."""
+        return [self.path / name for name in self._files.names() if name.endswith(".blob")]
+
+    def read_blob(self, path: Path) -> tuple[str, bytes]:
+        """Key and content of a finished piece of work.
+
+        Raises
+        ------
+        DamagedPartError
+            If it is not what was stored there in a run of this configuration.
+        """
+        try:
+            line, _, content = _part_bytes(path).partition(b"\n")
+            head = json.loads(line)
+            good = (
+                head["sha256"] == hashlib.sha256(content).hexdigest()
+                and head["config_hash"] == self.config_hash
+                and self.path / self._part_name(head["key"], path.suffix) == path
+            )
+        except (ValueError, KeyError, TypeError, AttributeError, OSError) as error:
+            raise DamagedPartError(f"part {path.name} is damaged ({type(error).__name__}: {error})") from None
+        if not good:
+            raise DamagedPartError(f"part {path.name} is damaged (checksum, configuration or name differs)")
+        return head["key"], content
+
+    def write(self, name: str, text: str) -> Path:
+        """Write one product of the run whole."""
+        return self.write_bytes(name, text.encode())
+
+    def write_bytes(self, name: str, content: bytes) -> Path:
+        """Write one product that is no text whole.
+
+        Raises
+        ------
+        InputError
+            If a file of this name is there that the run did not write.
+        """
+        whole = write_bytes(self.temporary / "product", content)
+        return self.adopt(whole, name, size_bytes=len(content), sha256=hashlib.sha256(content).hexdigest())
+
+    def adopt(self, whole: Path, name: str, *, size_bytes: int, sha256: str) -> Path:
+        """Make a whole file in `temporary` a product of the run; errors are those of `write_bytes`."""
+        return self._files.install(whole, name, size_bytes=size_bytes, sha256=sha256)
+
+    def _part_name(self, key: str, suffix: str) -> str:
+        safe = "".join(char if char.isalnum() or char in "-_" else "_" for char in key)
+        return f"parts/{safe}-{hashlib.sha256(key.encode()).hexdigest()[:8]}{suffix}"
+
+
+def _part_bytes(path: Path) -> bytes:
+    return read_file(path, key="part", allowed="a readable file", max_bytes=_MAX_PART_BYTES)
+
+
+@contextlib.contextmanager
+def open_run_folder(
+    path: str | Path, *, kind: str, config_hash: str, products: Sequence[str] = (), force: bool = False
+) -> Iterator[RunFolder]:
+    """Open an output folder for one run.
+
+    Parameters
+    ----------
+    path : str or Path
+        Folder; created with its parents if absent.
+    kind : str
+        Kind of run (``plan``, ``confirm``, ``simulation``, ``whatif``).
+    config_hash : str
+        Hash of everything that decides the result.
+    products : sequence of str
+        Names below the folder that the run will write: refused now, not at the end, where somebody else's files stand.
+    force : bool
+        Remove what the list of another run names, and write beside files that no list names. These are never removed
+        or replaced; listed files that were changed since are renamed.
+
+    Raises
+    ------
+    InputError
+        If another live run holds the folder, if it holds another configuration or files that no run wrote (unless
+        ``force``), if such a file has the name of a product, or if it cannot be made.
+    """
+    folder = Path(path)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if not os.access(folder, os.W_OK):
+            raise PermissionError(13, "not writable")
+    except OSError as error:
+        raise InputError("--out", str(folder), allowed="a writable folder", hint=error.strerror or "") from None
+    if not has_list(folder):
+        _refuse_foreign(folder, products, force)  # before the lock: not even that is left in somebody's folder
+    with contextlib.ExitStack() as stack:
+        stack.enter_context(_locked(folder))
+        try:
+            files = WrittenFiles.read(folder)
+        except DamagedListError as error:
+            _LOG.warning(
+                "the list of the run, %s, is damaged (%s): kept as %s; nothing that it names is removed",
+                LIST_NAME,
+                error,
+                set_aside(folder / LIST_NAME, "damaged").name,
+            )
+            files = None
+        if files is None:
+            _refuse_foreign(folder, products, force)
+        resumed = files is not None and (files.kind, files.config_hash) == (kind, config_hash)
+        if files is not None and not resumed and files.names() and not force:
+            raise InputError(
+                "--out",
+                str(folder),
+                allowed=f"a folder of configuration {config_hash}",
+                hint=f"it holds a {files.kind} of configuration {files.config_hash}; "
+                "choose another folder, or --force to replace it",
+            )
+        if files is not None:
+            _refuse_names(files, products)
+        if files is None or not resumed:
+            if files is not None:
+                files.clear()
+            files = WrittenFiles.begin(folder, kind, config_hash)
+        files.sweep()
+        temporary = stack.enter_context(files.temporary_folder())
+        yield RunFolder(folder, config_hash, resumed, temporary, files)
+
+
+@contextlib.contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    """Hold the lock of a folder, and say in it who does."""
+    path = folder / _LOCK
+    foreign = InputError(
+        "--out",
+        str(path),
+        allowed="a folder without this file",
+        hint="it is no lock of a run: move it, or choose another folder",
+    )
+    with contextlib.ExitStack() as stack:
+        try:
+            lock = stack.enter_context(exclusive_lock(path, wait=False))
+        except LockHeld as held:
+            text = held.text if held.text.startswith(_LOCK_TEXT) else "another run holds it"
+            raise InputError("--out", str(folder), allowed="a folder that no other run is using", hint=text) from None
+        except OSError:
+            raise foreign from None
+        lock.seek(0)
+        if lock.read(len(_LOCK_TEXT)) not in ("", _LOCK_TEXT):
+            raise foreign
+        lock.truncate(0)
+        lock.write(f"{_LOCK_TEXT}{os.getpid()}, started {datetime.now(UTC):%Y-%m-%d %H:%M:%S} UTC\n")
+        lock.flush()
+        try:
+            yield
+        finally:
+            lock.truncate(0)
+
+
+def _refuse_foreign(folder: Path, products: Sequence[str], force: bool) -> None:
+    """Refuse a folder without a list that holds files, or, if forced, files with the names of products."""
+    held = sorted(p.name for p in folder.iterdir() if not p.name.startswith(".") and p.name != _LOCK)
+    held = [name for name in held if not name.startswith(LIST_NAME)]
+    if held and not force:
+        hint = f"it holds {held[0]}, which no list of a run names; --force writes beside it"
+        if _OLD_LIST in held and "parts" in held:
+            hint = f"it holds {_OLD_LIST} of a version that kept no list of its files, or somebody else's"
+        raise InputError("--out", str(folder), allowed="an empty folder or one of an earlier run", hint=hint)
+    _refuse_names(WrittenFiles(folder, "", ""), products)
+
+
+def _refuse_names(files: WrittenFiles, products: Sequence[str]) -> None:
+    for name in (*products, _ANY_PART):
+        files.refuse_foreign(name)

@@ -1,0 +1,400 @@
+"""One loop for all long work: hash, folder, resume, tasks, progress, result, products, record.
+
+A kind of job is one function that returns a `Job`: what decides its result, the tasks that it has done, and the result
+that it makes of their bodies. `run` does everything else, the same for every kind::
+
+    def squares(n: int) -> Job[Total]:
+        def work(runner: Runner) -> Total:
+            found = runner.finish(square, [Task(f"square {i}", (i,)) for i in range(n)])
+            return Total(config_hash=runner.digest, total=sum(body["square"] for body in found.values()))
+
+        return Job("squares", 1, lambda: {"n": n}, work)
+"""
+
+from __future__ import annotations
+
+import functools
+import os
+import platform
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from importlib import metadata
+from pathlib import Path
+from typing import Any, Generic, Protocol, TypedDict, TypeVar
+
+from pydantic import BaseModel
+
+from catalogs.errors import InputError
+from cpic_planner.jobs.engine import in_this_process, run_tasks
+from cpic_planner.jobs.folder import RunFolder, open_run_folder
+from cpic_planner.models import RunRecord
+from cpic_planner.version import __version__
+from simulator.config import content_hash
+from simulator.files import dump_json
+from simulator.work import Advance, untold
+
+R = TypeVar("R", bound=BaseModel)
+RECORD = "run.json"
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """One independent piece of work.
+
+    Attributes
+    ----------
+    key : str
+        Names its finished body on disk; equal keys mean equal bodies.
+    arguments : tuple
+        Of the function that does it, picklable.
+    text : str
+        What progress says of it; the key by default.
+    steps : int
+        How many steps of progress it is.
+    """
+
+    key: str
+    arguments: tuple[Any, ...]
+    text: str = ""
+    steps: int = 1
+
+
+class PartStore(Protocol):
+    """Keeps finished bodies; `cpic_planner.jobs.folder.RunFolder` is one, for bodies that are JSON objects."""
+
+    def part(self, key: str) -> Any | None:
+        """Return what an earlier run finished under ``key``; None if it is not there, or not whole."""
+
+    def save_part(self, key: str, body: Any) -> Any:
+        """Keep a finished body whole, and return it as `part` would."""
+
+
+class _Nowhere:
+    """Keeps nothing: for a run without a folder."""
+
+    def part(self, key: str) -> None:
+        return None
+
+    def save_part(self, key: str, body: Any) -> Any:
+        return body
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Expected cost of a job.
+
+    Attributes
+    ----------
+    counts : mapping
+        What there is to do, by name.
+    times_s : sequence of float
+        Processor time of each task.
+    start_s : float
+        Time that no worker shortens.
+    pool_s : float
+        Time that starting several workers adds.
+    memory_mb, worker_mb : float
+        Memory, and what each worker adds to it.
+    disk_mb : float
+    """
+
+    counts: Mapping[str, float]
+    times_s: Sequence[float]
+    start_s: float
+    memory_mb: float
+    disk_mb: float
+    pool_s: float = 0.0
+    worker_mb: float = 0.0
+
+    def at(self, workers: int) -> dict[str, float]:
+        """Return counts, wall time, memory and disk with so many workers; none ends before the longest task."""
+        busy = max(min(workers, len(self.times_s)), 1)
+        return {
+            **self.counts,
+            "wall_s": self.start_s
+            + (self.pool_s if busy > 1 else 0.0)
+            + max(sum(self.times_s) / busy, max(self.times_s, default=0.0)),
+            "memory_mb": self.memory_mb + self.worker_mb * workers,
+            "disk_mb": self.disk_mb,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Job(Generic[R]):
+    """Long work of one kind; `run` runs it, `estimate` says what it costs.
+
+    Attributes
+    ----------
+    kind : str
+        Kind of run, which the output folder names.
+    results : int
+        Raised when the same configuration gives other numbers, so that old folders are not resumed.
+    decides : callable
+        Returns plain data that decide the result; called once, when the hash is needed.
+    work : callable
+        Has the tasks done by the `Runner` that it gets, and returns the result.
+    write : callable
+        Writes the products beside the result into the folder, from the result and the bodies by key.
+    products : sequence of str
+        Names of the files that ``write`` and ``work`` write.
+    cost : callable
+        Returns the `Cost`, without working.
+    result_file : str
+        Name of the file of the result, ``KIND.json`` by default.
+    """
+
+    kind: str
+    results: int
+    decides: Callable[[], Mapping[str, Any]]
+    work: Callable[[Runner], R]
+    write: Callable[[RunFolder, R, Mapping[str, Any]], None] = lambda folder, result, bodies: None
+    products: Sequence[str] = ()
+    cost: Callable[[], Cost] | None = None
+    result_file: str = ""
+
+    @functools.cached_property
+    def digest(self) -> str:
+        """Hash of everything that decides the result."""
+        versions_of = {"kind": self.kind, "results": self.results, "version": __version__}
+        return content_hash(versions_of | dict(self.decides()))
+
+    @property
+    def result_name(self) -> str:
+        """Name of the file of the result."""
+        return self.result_file or f"{self.kind}.json"
+
+
+@dataclass(frozen=True)
+class Finished(Generic[R]):
+    """A finished job.
+
+    Attributes
+    ----------
+    result : model
+    bodies : dict
+        What its tasks returned, by key.
+    resumed_parts, computed_parts : int
+        Tasks that an earlier run had finished, and those that this one did.
+    """
+
+    result: R
+    bodies: Mapping[str, Any]
+    resumed_parts: int
+    computed_parts: int
+
+
+class RunSettings(TypedDict, total=False):
+    """Keywords of `run` that decide how a job runs, never what it gives."""
+
+    workers: int
+    scheduler: str | None
+    force: bool
+    advance: Advance
+    command: list[str] | None
+
+
+@dataclass(eq=False)
+class Runner:
+    """Does tasks: those that an earlier run finished are taken from its folder, the others are done and kept.
+
+    Attributes
+    ----------
+    digest : str
+        Hash of everything that decides the result.
+    workers, scheduler
+        As of `cpic_planner.jobs.engine.run_tasks`.
+    advance : Advance
+        Told about every finished task.
+    output : RunFolder or None
+        Open folder of the run.
+    bodies : dict
+        Bodies of all finished tasks, by key.
+    resumed_parts, computed_parts : int
+        How many of them were there, and how many were done.
+    """
+
+    digest: str = ""
+    workers: int = 1
+    scheduler: str | None = None
+    advance: Advance = untold
+    output: RunFolder | None = None
+    bodies: dict[str, Any] = field(default_factory=dict)
+    resumed_parts: int = 0
+    computed_parts: int = 0
+
+    @property
+    def folder(self) -> RunFolder:
+        """The folder of a run that cannot do without.
+
+        Raises
+        ------
+        InputError
+            If it has none.
+        """
+        if self.output is None:
+            raise InputError("--out", None, allowed="a folder", hint="this kind of run keeps its parts there")
+        return self.output
+
+    def finish(
+        self,
+        function: Callable[..., Any],
+        tasks: Iterable[Task],
+        *,
+        common: tuple[Any, ...] = (),
+        store: PartStore | None = None,
+        tells: bool = False,
+        again: bool = False,
+    ) -> dict[str, Any]:
+        """Have tasks done.
+
+        Parameters
+        ----------
+        function : callable
+            Does one; importable, without side effects.
+        tasks : iterable of Task
+            Those of equal keys are done once.
+        common : tuple
+            Leading arguments that all tasks share.
+        store : PartStore, optional
+            Where bodies are kept, the folder of the run by default. Each body is kept before it is told or counted.
+        tells : bool
+            Whether ``function`` takes ``progress``, and tells it every step itself where it runs in this process.
+        again : bool
+            Do them all, whatever an earlier run finished.
+
+        Returns
+        -------
+        dict
+            Bodies by key, in the order of the tasks.
+        """
+        keeper: PartStore = store or self.output or _Nowhere()
+        every = {task.key: task for task in tasks}
+        found: dict[str, Any] = {}
+        for task in () if again else every.values():
+            if (body := keeper.part(task.key)) is not None:
+                found[task.key] = body
+                self.advance(f"{task.text or task.key} (kept)", task.steps)
+        self.resumed_parts += len(found)
+        waiting = [task for key, task in every.items() if key not in found]
+        tells = tells and in_this_process(len(waiting), self.workers, self.scheduler)
+        done = run_tasks(
+            functools.partial(function, progress=self.advance) if tells else function,
+            [task.arguments for task in waiting],
+            common=common,
+            workers=self.workers,
+            scheduler=self.scheduler,
+        )
+        for position, body in done:
+            task = waiting[position]
+            found[task.key] = keeper.save_part(task.key, body)
+            self.computed_parts += 1
+            if not tells:
+                self.advance(task.text or task.key, task.steps)
+        ordered = {key: found[key] for key in every}
+        self.bodies |= ordered
+        return ordered
+
+
+def run(
+    job: Job[R],
+    out: str | Path | None = None,
+    *,
+    workers: int = 1,
+    scheduler: str | None = None,
+    force: bool = False,
+    advance: Advance = untold,
+    command: list[str] | None = None,
+) -> Finished[R]:
+    """Run a job.
+
+    Parameters
+    ----------
+    job : Job
+    out : str or Path, optional
+        Output folder; resumed when it holds work of the same configuration. Nothing is written without.
+    workers : int
+        Local worker processes, 1 to 256; the result does not depend on it.
+    scheduler : str, optional
+        Dask scheduler to use instead.
+    force : bool
+        Remove what a run of another configuration wrote into ``out``, and nothing else.
+    advance : Advance
+        Called with a text after each finished piece of work.
+    command : list of str, optional
+        Command line, kept in ``run.json``.
+
+    Returns
+    -------
+    Finished
+
+    Raises
+    ------
+    InputError
+        For bad input, or if ``out`` is in use or holds another configuration.
+    """
+    started, clock = datetime.now(UTC), time.monotonic()
+    runner = Runner(job.digest, workers, scheduler, advance)
+    if out is None:
+        return _finished(job.work(runner), runner)
+    products = (job.result_name, RECORD, *job.products)
+    with open_run_folder(out, kind=job.kind, config_hash=job.digest, products=products, force=force) as folder:
+        runner.output = folder
+        result = job.work(runner)
+        folder.write(job.result_name, dump_json(result.model_dump(mode="json")))
+        job.write(folder, result, runner.bodies)
+        record = RunRecord(
+            command=command or [],
+            config_hash=job.digest,
+            started_utc=started.isoformat(timespec="seconds"),
+            finished_utc=datetime.now(UTC).isoformat(timespec="seconds"),
+            wall_s=round(time.monotonic() - clock, 3),
+            workers=workers,
+            scheduler=scheduler,
+            resumed_parts=runner.resumed_parts,
+            computed_parts=runner.computed_parts,
+            host=host(),
+            versions=versions(),
+        )
+        folder.write(RECORD, dump_json(record.model_dump(mode="json")))
+    return _finished(result, runner)
+
+
+def _finished(result: R, runner: Runner) -> Finished[R]:
+    return Finished(result, runner.bodies, runner.resumed_parts, runner.computed_parts)
+
+
+def estimate(job: Job[Any], *, workers: int = 1) -> dict[str, float]:
+    """Return what a job would do, and its expected wall time (s), memory and disk (MB), without working.
+
+    Parameters
+    ----------
+    job : Job
+    workers : int
+        Local worker processes.
+    """
+    assert job.cost is not None, f"{job.kind} has no estimate"
+    return job.cost().at(workers)
+
+
+def host() -> dict[str, Any]:
+    """Return system, machine, Python, and number of cores: for the record of a run, never for its results."""
+    return {
+        "system": platform.system(),
+        "machine": platform.machine(),
+        "python": platform.python_version(),
+        "cpu_count": os.cpu_count(),
+    }
+
+
+def versions() -> dict[str, str]:
+    """Return versions of this package and of those that its results rest on."""
+    names = ("cpic-planner", "numpy", "scipy", "astropy", "photutils", "numba", "pydantic", "dask")
+    found = {}
+    for name in names:
+        try:
+            found[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            found[name] = "not installed"
+    return found

@@ -1,0 +1,31 @@
+"""What a worker process of this machine runs: ``python -m cpic_planner.jobs.worker PARENT SCRATCH ARGUMENT...``."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+import threading
+import time
+
+_WATCH_S = 0.5
+
+
+def _watch(parent: int, scratch: str) -> None:
+    while os.getppid() == parent:
+        time.sleep(_WATCH_S)
+    shutil.rmtree(scratch, ignore_errors=True)
+    os._exit(1)
+
+
+def main(arguments: list[str]) -> None:
+    """Run Dask's worker with ``ARGUMENT...``; when process ``PARENT`` has gone, busy or not, end and leave nothing."""
+    parent, scratch, *options = arguments
+    threading.Thread(target=_watch, args=(int(parent), scratch), name="parent", daemon=True).start()
+    from distributed.cli.dask_worker import main as worker
+
+    worker([*options, "--local-directory", scratch])
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

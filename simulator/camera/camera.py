@@ -1,0 +1,183 @@
+"""What both cameras are: a chain of effects on one detector, prepared once and exposed many times."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from catalogs.errors import InputError
+from simulator.camera.calibration_set import CalibrationSet, load_calibration_set
+from simulator.config.detector import AnyDetector
+from simulator.config.effects import CosmicRayConfig
+from simulator.detectors.chains import Chain
+from simulator.detectors.effect import Effect, Exposure, FloatArray, Work
+from simulator.effects.cosmic_rays import draw_cosmic_rays
+from simulator.rng import PathPart, stream
+
+# Keeps sums over a column or a frame inside the whole numbers of float64 and int64; any full well is far below.
+MAX_MEAN_E = 1e12
+MAX_EXPOSURE_S = 1e6
+
+
+class Camera:
+    """A chain of effects on a detector.
+
+    Parameters
+    ----------
+    detector : Detector or InfraredDetector
+        Everything about the camera, switches included.
+    cosmic_rays : CosmicRayConfig, optional
+        Particles; none without it.
+    cosmic_ray_rate_per_s_cm2 : float
+        Their rate at the date of the observation.
+    chain : sequence of Effect, optional
+        Effects in their order; those of the detector if not given.
+
+    Notes
+    -----
+    Effects whose switch is off are not run, and leave the random numbers of the others as they are.
+    """
+
+    def __init__(
+        self,
+        detector: AnyDetector,
+        *,
+        cosmic_rays: CosmicRayConfig | None = None,
+        cosmic_ray_rate_per_s_cm2: float = 0.0,
+        chain: Chain | None = None,
+    ) -> None:
+        self._rays, self._rate = cosmic_rays, cosmic_ray_rate_per_s_cm2
+        self.particles = cosmic_rays is not None and cosmic_ray_rate_per_s_cm2 > 0
+        runs = [effect for effect in (detector.chain if chain is None else chain) if effect.runs(detector)]
+        self.light, self.charge, self.voltage = (
+            tuple(effect for effect in runs if effect.stage == stage and self._there(effect))
+            for stage in ("light", "charge", "voltage")
+        )
+
+    def _there(self, effect: Effect) -> bool:
+        return self.particles or effect.switch != "cosmic_rays"
+
+    def _tracks(self, detector: AnyDetector, exposure_s: float) -> Any:
+        """What draws the particles of one frame."""
+        if not self.particles:
+            return None
+
+        def drawn(shape: tuple[int, int], rng: np.random.Generator) -> Any:
+            assert self._rays is not None
+            return draw_cosmic_rays(self._rays, shape, detector.pixel_um, exposure_s, self._rate, rng)
+
+        return drawn
+
+
+def flaws_of(detector: AnyDetector, shape: tuple[int, ...], corner: tuple[int, int] | None) -> CalibrationSet | None:
+    """Return the calibration set of a frame or of a window of it; None where all of it is switched off.
+
+    Parameters
+    ----------
+    detector : Detector or InfraredDetector
+    shape : tuple of int
+        Rows and columns.
+    corner : tuple of int or None
+        Row and column of the frame at which a window begins; None for the whole frame.
+
+    Raises
+    ------
+    InputError
+        For a window that reaches beyond the active pixels.
+    """
+    seeded = [effect.switch for effect in detector.chain if effect.seeded]
+    if not detector.maps and not any(getattr(detector.switches, name) for name in seeded):
+        return None
+    whole = load_calibration_set(detector)
+    if corner is None:
+        return whole
+    (rows, columns), (row, column) = detector.sections["active"], corner
+    inside, size = rows.start <= row and row + shape[0] <= rows.stop, detector.active_shape
+    if not (inside and columns.start <= column and column + shape[1] <= columns.stop):
+        raise InputError(
+            "rate_map_e_s",
+            f"window of {shape[0]} x {shape[1]} from row {row}, column {column}",
+            allowed=f"a window of the {size[0]} x {size[1]} active pixels, or the whole frame",
+            hint=f"or switch off {', '.join(seeded)}",
+        )
+    return whole.window(slice(row, row + shape[0]), slice(column, column + shape[1]))
+
+
+def corner_of(
+    detector: AnyDetector, shape: tuple[int, ...], first_pixel: tuple[int, int] | None
+) -> tuple[int, int] | None:
+    """Return the row and column of the frame at which a window begins, around the star by default; None for a frame.
+
+    Parameters
+    ----------
+    detector : Detector or InfraredDetector
+    shape : tuple of int
+        Rows and columns of the window.
+    first_pixel : tuple of int or None
+        Where it begins.
+
+    Raises
+    ------
+    InputError
+        For anything but two integers.
+    """
+    if first_pixel is None:
+        around = (detector.star_row - shape[0] // 2, detector.star_column - shape[1] // 2)
+        return None if shape == detector.shape else around
+    whole = isinstance(first_pixel, tuple | list) and all(isinstance(i, int | np.integer) for i in first_pixel)
+    if not whole or len(first_pixel) != 2:
+        raise InputError("first_pixel", first_pixel, unit="px", allowed="row and column of the frame, integers")
+    return int(first_pixel[0]), int(first_pixel[1])
+
+
+def begun(exposure: Exposure, seed: int, path: Sequence[PathPart], past: Sequence[Any] = ()) -> Work:
+    """Return an empty frame with its random streams.
+
+    Parameters
+    ----------
+    exposure : Exposure
+    seed : int
+        Seed of the run.
+    path : sequence of str or int
+        Names of target, role, band, realisation, frame.
+    past : sequence
+        Earlier frames and their age.
+
+    Raises
+    ------
+    InputError
+        For a path that is one string.
+    """
+    if isinstance(path, str):
+        raise InputError("path", path, allowed="a sequence of names, not one string")
+    shape = exposure.mean_e.shape
+    return Work(np.zeros(shape), np.zeros(shape, dtype=np.bool_), functools.partial(stream, seed, *path), past=past)
+
+
+def run(effects: Sequence[Effect], work: Work, exposure: Exposure) -> None:
+    """Draw effects on a frame in their order, each from the stream of its switch."""
+    for effect in effects:
+        effect.draw(work, exposure, work.stream(effect.switch))
+
+
+def scaled(exposure: Exposure, n_frames: int) -> Exposure:
+    """Return an exposure whose means are those of the sum of frames."""
+    detector = exposure.detector
+    brighter = {"cic_e": n_frames * detector.cic_e, "register_cic_e": n_frames * detector.register_cic_e}
+    return dataclasses.replace(
+        exposure,
+        detector=detector.model_copy(update=brighter),
+        mean_e=n_frames * exposure.mean_e,
+        cic_e=None if exposure.cic_e is None else n_frames * exposure.cic_e,
+    )
+
+
+def means(effects: Sequence[Effect], image: FloatArray, exposure: Exposure) -> FloatArray:
+    """Return a mean image after effects in their order; changed in place."""
+    for effect in effects:
+        effect.expect(image, exposure)
+    return image

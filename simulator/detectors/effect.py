@@ -1,0 +1,290 @@
+"""What an effect of a detector is: all that the program knows about it stands in one class.
+
+A new effect is a subclass of `Effect` in a file of its own and one line in `simulator.detectors.chains`. From there it
+has its switch and its numbers in the configuration of the camera, is drawn in frames, is part of the expected image,
+adds its variance to the noise of the exposure-time calculator and of the effect ledger, and has its words in both.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from simulator.config.base import FrozenModel
+from simulator.signal.variance import FrameTerm
+
+if TYPE_CHECKING:
+    from simulator.knobs import Quantity
+    from simulator.ledger.case import CameraCase
+
+    Sizes = dict[Quantity, float]
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+KERNELS = "simulator.camera.kernels"
+LIMIT_KERNELS = "simulator.camera.limit_kernels"
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where an array of pixels lies on the detector.
+
+    Attributes
+    ----------
+    rows, columns : slice
+        Part of the array that is made of pixels, light-sensitive or shielded; the rest is clocked out of none.
+    first_row, first_column : int
+        Row and column of the frame that the array begins with.
+    whole : bool
+        Whether the array is the whole frame.
+    """
+
+    rows: slice
+    columns: slice
+    first_row: int
+    first_column: int
+    whole: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Exposure:
+    """The noise-free part of a frame: made once, exposed many times.
+
+    Attributes
+    ----------
+    detector : Detector or InfraredDetector
+    place : Place
+    exposure_s, em_gain : float
+    mean_e : ndarray
+        Mean electrons that every pixel collects: light, smear and dark current.
+    cic_e : ndarray or None
+        Mean clock-induced electrons per pixel where they differ; else ``detector.cic_e`` everywhere.
+    stripe_adu, bias_adu : ndarray or None
+        Fixed structure of the bias: per column, and a whole map.
+    flaws : ndarray of uint8 or None
+        Bits of `simulator.camera.MaskBit` that belong to the pixels themselves.
+    smear_e : ndarray or None
+        Of ``mean_e``, what the light of the other rows leaves during the transfer; None without smear.
+    n_negative_rates : int
+        Pixels whose rate was a rounding-error negative and was taken as 0.
+    tracks : callable or None
+        Draws the particles of one frame on an array of a shape; None without particles.
+    """
+
+    detector: Any
+    place: Place
+    exposure_s: float
+    em_gain: float
+    mean_e: FloatArray
+    cic_e: FloatArray | None = None
+    stripe_adu: FloatArray | None = None
+    bias_adu: FloatArray | None = None
+    flaws: npt.NDArray[np.uint8] | None = None
+    smear_e: FloatArray | None = None
+    n_negative_rates: int = 0
+    tracks: Callable[[tuple[int, int], np.random.Generator], Any] | None = None
+
+    # Those of a camera that is read once; see `simulator.camera.infrared.InfraredExposure`.
+    n_reads: ClassVar[int] = 1
+
+    @functools.cached_property
+    def zero(self) -> FloatArray:
+        """``exp(-mean_e)``, the chance of none."""
+        return np.exp(-self.mean_e)
+
+
+@dataclass(eq=False)
+class Work:
+    """A frame in the making: electrons, then ADU, with its bookkeeping.
+
+    Attributes
+    ----------
+    image : ndarray
+    saturated : ndarray of bool
+        Pixels that a limit cut off.
+    stream : callable
+        Further random streams of the frame, by name.
+    cosmic : ndarray of bool or None
+        Pixels that particles hit.
+    charge : dict of str to float
+        Electrons of the whole frame by step.
+    counts : dict of str to int
+    held : dict of str to ndarray
+        What an effect keeps from one read of a frame to the next.
+    past : sequence
+        Earlier frames and their age (near infrared).
+    """
+
+    image: FloatArray
+    saturated: BoolArray
+    stream: Callable[[str], np.random.Generator]
+    cosmic: BoolArray | None = None
+    charge: dict[str, float] = field(default_factory=dict)
+    counts: dict[str, int] = field(default_factory=dict)
+    held: dict[str, FloatArray] = field(default_factory=dict)
+    past: Sequence[Any] = ()
+
+    def book(self, step: str, electrons: float) -> None:
+        """Enter electrons of the whole frame under the name of a step."""
+        self.charge[step] = self.charge.get(step, 0.0) + float(electrons)
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What decides whether an effect exists, for its row in the ledger.
+
+    Attributes
+    ----------
+    detector : Detector or InfraredDetector
+    lit, exposed : bool
+        Whether light falls on the detector, and whether frames have an exposure.
+    particles_per_s_cm2 : float
+        Rate of cosmic rays.
+    dated : bool
+        Whether that is the rate of a date.
+    """
+
+    detector: Any
+    lit: bool = True
+    exposed: bool = True
+    particles_per_s_cm2: float = 0.0
+    dated: bool = False
+
+
+class Effect:
+    """One effect of a detector; the methods of this class are those of an effect that changes nothing.
+
+    Attributes
+    ----------
+    switch : str
+        Name of its switch in the configuration, of its random stream and of its row in the ledger.
+    label, law : str
+        Its name for people, and how it is modelled.
+    stage : {"light", "charge", "voltage"}
+        Where in the chain it acts: on mean rates, on electrons before the output, on the signal at the output.
+    always : bool
+        Whether it runs (in a plain form) with its switch off.
+    settings : type of FrozenModel, optional
+        Model of numbers of its own: a key of the detector of the name of the switch.
+    preset : mapping
+        Defaults of these numbers and of the switch, as in the file of an instrument under ``detector``.
+    needs : {"", "light", "exposure"}
+        What there must be for it to exist.
+    number : str
+        Dotted key of the detector that it grows with: at 0 there is none of it.
+    map_kind : str
+        Calibration map that replaces its numbers.
+    hides : tuple of str
+        Switches of effects that disappear with it: it is left out after them.
+    in_sums : {"drawn", "left_out", "moves_charge", "not_additive"}
+        What becomes of it where sums of frames stand for frames: it is drawn; a reduction takes it out; it adds up but
+        moves charge between pixels; it does not add up.
+    seeded : bool
+        Whether it is read from the calibration set of the camera.
+    frame_s, set_up_s : float
+        Processor time of a frame of the window around the hole (137 x 137), and once a sequence, seconds.
+    term, term_label : str
+        Name of its variance in budgets of noise and its words there; those of the switch if empty.
+    colour : str
+        Colour of this term in figures.
+    """
+
+    switch: ClassVar[str] = ""
+    label: ClassVar[str] = ""
+    law: ClassVar[str] = ""
+    stage: ClassVar[Literal["light", "charge", "voltage"]] = "light"
+    always: ClassVar[bool] = False
+    settings: ClassVar[type[FrozenModel] | None] = None
+    preset: ClassVar[Mapping[str, Any]] = {}
+    needs: ClassVar[Literal["", "light", "exposure"]] = ""
+    number: ClassVar[str] = ""
+    map_kind: ClassVar[str] = ""
+    hides: ClassVar[tuple[str, ...]] = ()
+    in_sums: ClassVar[Literal["drawn", "left_out", "moves_charge", "not_additive"]] = "drawn"
+    seeded: ClassVar[bool] = False
+    frame_s: ClassVar[float] = 0.0
+    set_up_s: ClassVar[float] = 0.0
+    term: ClassVar[str] = ""
+    term_label: ClassVar[str] = ""
+    colour: ClassVar[str] = "#117733"
+
+    @property
+    def budget_term(self) -> str:
+        """Name of its variance in budgets of noise."""
+        return self.term or self.switch
+
+    def on(self, detector: Any) -> bool:
+        """Whether its switch is on; effects without a switch always are."""
+        return bool(getattr(detector.switches, self.switch, True))
+
+    def runs(self, detector: Any) -> bool:
+        """Whether it is part of the chain of a camera."""
+        return self.always or self.on(detector)
+
+    def expect(self, image: FloatArray, exposure: Exposure) -> None:
+        """Do to a mean image, in place, what the effect does on average."""
+
+    def draw(self, work: Work, exposure: Exposure, rng: np.random.Generator) -> None:
+        """Do to one frame, in place, what the effect does at random."""
+
+    def draw_sum(self, work: Work, exposure: Exposure, n_frames: int, rng: np.random.Generator) -> None:
+        """Do the same to the sum of frames, whose means ``exposure`` holds.
+
+        What acts on every electron for itself does to a sum what it does to one frame that is as bright.
+        """
+        self.draw(work, exposure, rng)
+
+    def added(self, detector: Any, exposure_s: float | None = None) -> FrameTerm:
+        """Return the variance that it adds to a pixel and frame where it is switched on.
+
+        Parameters
+        ----------
+        detector : Detector or InfraredDetector
+        exposure_s : float, optional
+            Exposure of the frame; one that has room for all reads if not given.
+        """
+        return FrameTerm()
+
+    def size(self, case: CameraCase) -> Sizes | None:
+        """Return its size on every quantity for the ledger; by default that of the variance that it adds."""
+        added = self.added(case.detector, case.exposure_s)
+        if added == FrameTerm():
+            return None
+        variance = float(added.variance_e2(case.exposure_s, case.noise.factor2, case.em_gain))
+        return sizes(case.variance_change(variance), snr=case.snr_share(self.budget_term))
+
+    def row(self, setting: Setting) -> tuple[str, str]:
+        """Return how it is modelled, and why it does not exist; empty if it does."""
+        file = self.file_of(setting.detector)
+        return f"from the map {file}" if file else self.law, self.why_not(setting)
+
+    def why_not(self, setting: Setting) -> str:
+        """Return why it does not exist; empty if it does."""
+        if not self.on(setting.detector):
+            return "switched off"
+        if self.needs and not setting.exposed:
+            return "frames without exposure"
+        if self.needs == "light" and not setting.lit:
+            return "no light on the detector"
+        if not self.number or self.file_of(setting.detector):
+            return ""
+        size = setting.detector
+        for part in self.number.split("."):
+            size = getattr(size, part)
+        return f"{self.number} is 0" if size == 0 else ""
+
+    def file_of(self, detector: Any) -> str:
+        """Return the name of the calibration map that it is read from; empty without one."""
+        path = detector.maps.get(self.map_kind)
+        return "" if path is None else Path(path).name
+
+
+def sizes(pixel: float, flux: float = 0.0, snr: float | None = None) -> Sizes:
+    """Return sizes by quantity; that on the SNR is that on the flux of the planet if not given."""
+    return {"pixel_map": pixel, "planet_flux": flux, "snr": flux if snr is None else snr}

@@ -1,0 +1,21 @@
+"""What strategies, sweeps and estimates refuse, each in one line."""
+
+from cpic_planner.survey.estimates import mean_interval
+from cpic_planner.survey.strategy import SurveyStrategy
+from cpic_planner.survey.strategy_file import load_strategies
+from cpic_planner.survey.sweeps import varied
+from simulator.config.base import validate
+
+ONE = {"strategies": [{"name": "one", "revisits": {"max_visits": 4}}]}
+
+READERS = {
+    "strategy": lambda tree: validate(SurveyStrategy, {"name": "x"} | tree, where="strategy"),
+    "strategies": lambda tree: load_strategies(ONE | tree),
+    "strategies_file": load_strategies,
+    "vary": lambda sweep: varied(load_strategies(ONE), [sweep]),
+    "mean_interval": mean_interval,
+}
+
+
+def test_bad_input_is_refused_in_one_line(refusal):
+    refusal.by(READERS)

@@ -1,0 +1,21 @@
+"""What populations, orbits and tables of targets refuse, each in one line."""
+
+from cpic_planner.distributions import read_law
+from cpic_planner.mass_radius import radius_from_mass
+from cpic_planner.orbits import orbit_places
+from cpic_planner.population import draw_population
+from cpic_planner.population_config import load_population
+from cpic_planner.targets import load_targets
+
+READERS = {
+    "population": load_population,
+    "n_planets": lambda n: draw_population(load_population(), n, 1),
+    "law": read_law,
+    "orbit": lambda elements: orbit_places(*elements),
+    "mass": lambda mass_mjup: radius_from_mass([1.0, mass_mjup]),
+    "catalog": load_targets,
+}
+
+
+def test_bad_input_is_refused_in_one_line(refusal):
+    refusal.by(READERS)

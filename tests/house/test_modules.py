@@ -1,0 +1,25 @@
+"""Modules stay few, short and formatted; who may import whom is in ``pyproject.toml`` (``make lint``)."""
+
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+MOST_MODULES, MOST_LINES, MOST_SKIPS = 480, 400, 20
+
+
+def sources():
+    return {
+        str(path.relative_to(ROOT)): path.read_text(encoding="utf-8")
+        for floor in ("catalogs", "simulator", "cpic_planner")
+        for path in (ROOT / floor).rglob("*.py")
+    }
+
+
+def test_one_concept_a_module():
+    found = sources()
+    large = {name: lines for name, text in found.items() if (lines := len(text.splitlines())) > MOST_LINES}
+    assert large == {}
+    assert 100 < len(found) <= MOST_MODULES
+
+
+def test_the_formatter_formats():
+    assert sum(text.count("# fmt: skip") for text in sources().values()) <= MOST_SKIPS

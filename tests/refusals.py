@@ -1,0 +1,81 @@
+"""Tables of what readers make of what they are given: ``refusals.yaml`` and ``readings.yaml`` beside the tests.
+
+A test with the fixture ``refusal`` or ``reading`` runs once for each case of the table beside it. Whatever is refused
+is refused by `InputError`, in one line, and the message holds every word of the case.
+"""
+
+import copy
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from catalogs.errors import InputError
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """One case: who reads (a key of the table), what is given, and what the message must say."""
+
+    reader: str
+    given: Any
+    words: tuple[str, ...]
+
+    def by(self, readers: dict[str, Callable[[Any], Any]]) -> None:
+        """Give the case to its reader and check the refusal."""
+        with pytest.raises(InputError) as caught:
+            readers[self.reader](copy.deepcopy(self.given))
+        message = str(caught.value)
+        assert "\n" not in message
+        for word in self.words:
+            assert word in message, message
+
+
+def refusals(path: Path) -> Iterator[Refusal]:
+    """Yield the cases of a table, whose first lines say how they are written."""
+    for reader, cases in yaml.safe_load(path.read_text(encoding="utf-8")).items():
+        for case in cases:
+            if isinstance(case, list):
+                yield Refusal(reader, case[0], tuple(case[1:]))
+            elif "each" in case:
+                yield from (Refusal(reader, given, tuple(case["says"])) for given in case["each"])
+            else:
+                yield from (
+                    Refusal(reader, nested(key, value), (key,))
+                    for key, values in case["keys"].items()
+                    for value in values
+                )
+
+
+def nested(key: str, value: Any) -> Any:
+    """Mapping that holds a value at a dotted key."""
+    for name in reversed(key.split(".")):
+        value = {name: value}
+    return value
+
+
+@dataclass(frozen=True)
+class Reading:
+    """One text and what it means to its reader (a key of the table)."""
+
+    reader: str
+    given: Any
+    meaning: Any
+
+    def by(self, readers: dict[str, Callable[[Any], Any]]) -> None:
+        """Give the text to its reader; the type of the answer counts too."""
+        found = readers[self.reader](self.given)
+        assert found == self.meaning
+        assert type(found) is type(self.meaning)
+
+
+def readings(path: Path) -> Iterator[Reading]:
+    """Yield the cases of a table, whose first line says how they are written."""
+    for reader, cases in yaml.safe_load(path.read_text(encoding="utf-8")).items():
+        if isinstance(cases, dict):
+            yield from (Reading(reader, text, meaning) for text, meaning in cases.items())
+        else:
+            yield from (Reading(reader, text, meaning) for meaning, texts in cases for text in texts)

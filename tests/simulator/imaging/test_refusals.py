@@ -1,0 +1,29 @@
+"""What the optics refuse, each in one line that names the setting."""
+
+import numpy as np
+
+from simulator.imaging.aberrations import draw_aberrations
+from simulator.imaging.conjugation import ControlSettings
+from simulator.imaging.deformable_mirror import DeformableMirror
+from simulator.imaging.hole_zone import HoleZone
+from simulator.imaging.map_files import pixel_scale, read_maps
+from simulator.imaging.scene_image import PointSources, scene_image
+from simulator.imaging.transfer import KernelTransfer
+
+TRANSFER = KernelTransfer(np.eye(3), 0.02)
+ONE = PointSources([0.0], [0.0], [1.0])
+WINDOW = {"y_centres_arcsec": [0.0], "x_centres_arcsec": [0.0], "pixel_arcsec": 0.02}
+
+READERS = {
+    "aberrations": lambda change: draw_aberrations(**({"seed": 1} | change)),
+    "control": lambda settings: ControlSettings(**settings),
+    "mirror": lambda settings: DeformableMirror(**settings),
+    "hole_zone": lambda zone: HoleZone(*zone),
+    "window": lambda change: scene_image(TRANSFER, sources=ONE, **(WINDOW | change)),
+    "pixel_scale": lambda header: pixel_scale("map", "file", header),
+    "map_path": lambda path: read_maps("psf", path),
+}
+
+
+def test_bad_input_is_refused_in_one_line(refusal):
+    refusal.by(READERS)

@@ -1,0 +1,206 @@
+"""Saturation: what the ETC forbids is what the camera of the images calls saturated."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from cpic_planner.etc.camera import FrameCamera
+from simulator.camera.saturation import binding_limit, gain_cap
+from simulator.config import load_instrument
+from simulator.outcome import Reason
+from simulator.signal.saturation import frame_limit, gain_caps, largest_gain, longest_exposure_s
+
+INSTRUMENT = load_instrument()
+COARSE = load_instrument({"detector": {"adc_bits": 12}})
+CAMERA = FrameCamera.of(INSTRUMENT, "F520")
+INFRARED = FrameCamera.of(INSTRUMENT, "F1265")
+PEAKS = np.geomspace(1e-4, 1e9, 40)
+
+
+@pytest.mark.parametrize("instrument", [INSTRUMENT, COARSE], ids=["default", "coarse converter"])
+@pytest.mark.parametrize("gain", [1.0, 20.0, 1000.0])
+def test_hole_pixels_saturate_as_in_the_images(instrument, gain):
+    camera = FrameCamera.of(instrument, "F520")
+    seen = binding_limit(PEAKS, gain, instrument.detector)
+    said = [frame_limit(0.0, float(peak), 0.0, 1.0, gain, camera).value for peak in PEAKS]
+    assert said == list(seen)
+    assert {"", "pixel_full_well"} & set(said)
+    assert len(set(said)) > 1
+
+
+@pytest.mark.parametrize("instrument", [INSTRUMENT, COARSE], ids=["default", "coarse converter"])
+def test_the_largest_gain_is_that_of_the_images(instrument):
+    camera = FrameCamera.of(instrument, "F520")
+    there = gain_cap(PEAKS, instrument.detector)
+    here = largest_gain(PEAKS, 0.0, 1.0, camera)
+    np.testing.assert_allclose(here[there.feasible], there.gain[there.feasible], rtol=1e-12)
+    caps = [gain_caps(float(peak), 0.0, float(peak), 1.0, camera) for peak in PEAKS]
+    np.testing.assert_allclose([cap["hole"] for cap in caps], there.gain, rtol=1e-12)
+    np.testing.assert_allclose([cap["frame"] for cap in caps], there.gain, rtol=1e-12)
+
+
+@pytest.mark.parametrize("camera", [CAMERA, INFRARED, FrameCamera.of(COARSE, "F520")], ids=["visible", "nir", "12 bit"])
+def test_three_functions_agree(camera):
+    """At the longest exposure the frame just fits, at the largest gain of any exposure too."""
+    rng = np.random.default_rng(3)
+    for _ in range(300):
+        column, hole, tail = 10 ** rng.uniform((0, -4, -4), (6, 4, 5))
+        gain = float(np.exp(rng.uniform(0, np.log(camera.em_gain_max)))) if camera.em_gain_max > 1 else 1.0
+        longest = float(longest_exposure_s(column, hole, tail, camera, gain))
+        assert frame_limit(column, hole, tail, longest * (1 - 1e-9), gain, camera) is Reason.NONE
+        assert frame_limit(column, hole, tail, longest * (1 + 1e-6), gain, camera) is not Reason.NONE
+        exposure = float(longest_exposure_s(column, hole, tail, camera)) * rng.uniform(0.01, 1.0)
+        cap = float(largest_gain(hole, tail, exposure, camera))
+        assert 1.0 - 1e-9 <= cap <= camera.em_gain_max
+        assert frame_limit(column, hole, tail, exposure, cap * (1 - 1e-9), camera) is Reason.NONE
+        if cap < camera.em_gain_max:
+            assert frame_limit(column, hole, tail, exposure, cap * (1 + 1e-6), camera) is not Reason.NONE
+
+
+def test_columns_count_their_own_well_and_no_gain():
+    longest = float(longest_exposure_s(1e3, 0.01, 0.0, CAMERA, 1000.0))
+    mean = 1e3 * longest
+    assert mean + 5 * mean**0.5 == pytest.approx(CAMERA.full_well_e, rel=1e-12)
+    assert frame_limit(1e3, 0.01, 0.0, longest * 1.001, 1000.0, CAMERA) is Reason.PIXEL_FULL_WELL
+
+
+def test_a_tail_needs_the_register_only():
+    mean = 20.0 * 300.0
+    gain = float(largest_gain(0.001, 20.0, 300.0, CAMERA))
+    assert gain * (mean + 5 * (2 * mean) ** 0.5) == pytest.approx(CAMERA.register_full_well_e, rel=1e-12)
+    assert frame_limit(1.0, 0.001, 20.0, 300.0, gain * 1.001, CAMERA) is Reason.REGISTER_FULL_WELL
+    narrow = replace(CAMERA, converter_e=CAMERA.converter_e / 100)
+    assert float(largest_gain(0.001, 20.0, 300.0, narrow)) == pytest.approx(gain, rel=1e-12)
+
+
+def test_hybrid_arrays_do_not_bloom():
+    assert longest_exposure_s(1e9, 0.0, 1e9, INFRARED) == np.inf
+    assert frame_limit(1e9, 1.0, 1e9, 10.0, 1.0, INFRARED) is Reason.NONE
+    assert frame_limit(0.0, 1e9, 0.0, 10.0, 1.0, INFRARED) is not Reason.NONE
+
+
+def test_dark_pixels_never_saturate():
+    assert longest_exposure_s(0.0, 0.0, 0.0, CAMERA, 1000.0) == np.inf
+    assert largest_gain(0.0, 0.0, 1e6, CAMERA) == CAMERA.em_gain_max
+    assert gain_caps(0.0, 0.0, 0.0, 300.0, CAMERA) == dict.fromkeys(("hole", "register_tail", "frame"), 1000.0)
+
+
+def test_a_converter_without_room_lets_no_frame_through():
+    full = replace(CAMERA, converter_e=0.0)
+    assert longest_exposure_s(0.0, 1.0, 0.0, full) == 0.0
+    assert frame_limit(0.0, 1.0, 0.0, 1.0, 1.0, full) is Reason.ADC_RANGE
+
+
+def test_caps_that_spare_more_are_smaller():
+    caps = gain_caps(0.05, 30.0, 400.0, 30.0, CAMERA)
+    assert caps["frame"] < caps["register_tail"] < caps["hole"]
+    assert gain_caps(1e5, 0.0, 1e5, 30.0, CAMERA)["hole"] == 0.0
+
+
+def crest(mean_e, factor):
+    """Mean and five standard deviations of a law whose variance is ``factor`` times its mean."""
+    return mean_e + 5.0 * (factor * mean_e) ** 0.5
+
+
+def cameras():
+    """Cameras of all kinds: wells of 0.1 to a million electrons, with and without blooming, register and converter."""
+    rng = np.random.default_rng(11)
+    for k in range(60):
+        pixel, register, converter = 10 ** rng.uniform(-1, 6, 3)
+        yield (
+            replace(
+                CAMERA,
+                full_well_e=pixel,
+                register_full_well_e=register,
+                converter_e=(np.inf, 0.0, converter)[k % 3],
+                em_gain_max=(1.0, 1e3, 1e9)[k // 3 % 3],
+                blooms=k % 2 == 0,
+            ),
+            10 ** rng.uniform(-3, 5, (12, 3)),
+            10 ** rng.uniform(-2, 2, 12),
+        )
+
+
+def fills_of(column, hole, tail, exposure_s, gain, camera):
+    """Say how full each well is, by its name: the definition of saturation, written out."""
+    column, tail = (max(column, hole), tail) if camera.blooms else (hole, 0.0)
+    output = gain * crest(hole * exposure_s, 2.0)
+    return {
+        Reason.PIXEL_FULL_WELL: crest(column * exposure_s, 1.0) / camera.full_well_e,
+        Reason.REGISTER_FULL_WELL: max(output, gain * crest(tail * exposure_s, 2.0)) / camera.register_full_well_e,
+        Reason.ADC_RANGE: output / camera.converter_e if camera.converter_e else np.inf,
+    }
+
+
+def test_the_limit_that_a_frame_breaks_furthest():
+    for camera, rates, exposures in cameras():
+        for (column, hole, tail), exposure_s in zip(rates, exposures, strict=True):
+            for gain in (1.0, 30.0):
+                fills = fills_of(column, hole, tail, exposure_s, gain, camera)
+                worst = max(fills, key=fills.get)
+                expected = worst if fills[worst] > 1.0 else Reason.NONE
+                assert frame_limit(column, hole, tail, exposure_s, gain, camera) is expected
+
+
+def test_the_longest_frame_by_bisection():
+    for camera, rates, _ in cameras():
+        for column, hole, tail in rates[:4]:
+            for gain in (1.0, 30.0):
+                found = float(longest_exposure_s(column, hole, tail, camera, gain))
+                if camera.converter_e == 0.0:
+                    assert found == 0.0
+                    continue
+
+                def excess(log_s, given=(column, hole, tail), gain=gain, camera=camera):
+                    return max(fills_of(*given, np.exp(log_s), gain, camera).values()) - 1.0
+
+                assert found == pytest.approx(np.exp(brentq(excess, -60, 60, xtol=1e-13)), rel=1e-9)
+            assert longest_exposure_s(column, hole, tail, camera) == longest_exposure_s(column, hole, tail, camera, 1.0)
+
+
+def test_the_largest_gains_by_definition():
+    for camera, rates, exposures in cameras():
+        for (_, hole, tail), exposure_s in zip(rates, exposures, strict=True):
+            out = min(camera.register_full_well_e, camera.converter_e) / crest(hole * exposure_s, 2.0)
+            beside = camera.register_full_well_e / crest(tail * exposure_s, 2.0) if camera.blooms else np.inf
+            found = largest_gain(hole, tail, exposure_s, camera)
+            assert found == pytest.approx(min(out, beside, camera.em_gain_max), rel=1e-12)
+
+
+def test_caps_by_definition():
+    """A cap is 0 where gain 1 is too much, or where a pixel that it is to spare overflows its own well at any gain."""
+    for camera, rates, exposures in cameras():
+        for (frame, hole, tail), exposure_s in zip(rates, exposures, strict=True):
+            out = min(camera.register_full_well_e, camera.converter_e)
+            beside = tail if camera.blooms else 0.0
+            wells = {"hole": (hole, out), "frame": (frame, out), "register_tail": (beside, camera.register_full_well_e)}
+            expected = {}
+            for name, (rate, well) in wells.items():
+                cap = min(well / crest(rate * exposure_s, 2.0) if rate else np.inf, camera.em_gain_max)
+                spilt = name != "register_tail" and crest(rate * exposure_s, 1.0) > camera.full_well_e
+                expected[name] = 0.0 if cap < 1.0 or spilt else cap
+            found = gain_caps(hole, tail, frame, exposure_s, camera)
+            assert found == pytest.approx(expected, rel=1e-12)
+
+
+def test_wells_of_no_electrons_bind_no_pixel_without_light():
+    """Nothing over nothing: a pixel without light never saturates, whatever the well."""
+    full = replace(CAMERA, converter_e=0.0)
+    well = float(longest_exposure_s(2.0, 0.0, 0.0, full)) * 2.0
+    assert crest(well, 1.0) == pytest.approx(CAMERA.full_well_e, rel=1e-12)
+    assert largest_gain(0.0, 0.0, 1.0, full) == CAMERA.em_gain_max
+    assert largest_gain(0.0, 0.0, 1.0, replace(CAMERA, register_full_well_e=0.0)) == CAMERA.em_gain_max
+
+
+def test_a_gain_of_one_that_just_fits_is_allowed():
+    mean = 50.0
+    camera = replace(CAMERA, register_full_well_e=crest(mean, 2.0), converter_e=np.inf)
+    assert gain_caps(mean, mean, mean, 1.0, camera) == dict.fromkeys(("hole", "register_tail", "frame"), 1.0)
+
+
+def test_a_converter_of_half_an_electron_takes_less_than_that():
+    narrow = replace(CAMERA, converter_e=0.5)
+    assert frame_limit(0.0, 1e-4, 0.0, 1.0, 1.0, narrow) is Reason.NONE
+    assert frame_limit(0.0, 1.0, 0.0, 1.0, 1.0, narrow) is Reason.ADC_RANGE

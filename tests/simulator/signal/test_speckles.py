@@ -1,0 +1,177 @@
+"""The law of the speckle residual against the table that the imaging model measured."""
+
+import numpy as np
+import pytest
+
+from cpic_planner.etc.model import build_model
+from simulator.config import load_instrument
+from simulator.signal.speckles import SpeckleLaw, error_light_share, floor_law, speckle_law
+
+MODEL = build_model(load_instrument())
+DRIFT = MODEL.instrument.drift
+BANDS = MODEL.bands
+
+
+def speckle_fraction(metrics, drift, visit_s, separation_arcsec, annulus_lambda_d):
+    """Rms of aperture sums over the star's light."""
+    return np.sqrt(speckle_law(metrics, drift, separation_arcsec, annulus_lambda_d).variance(visit_s))
+
+
+def drift(visit_nm, walk=0.0):
+    return DRIFT.model_copy(update={"visit_nm": visit_nm, "walk_nm_per_sqrt_hour": walk})
+
+
+@pytest.mark.parametrize("band", BANDS)
+def test_it_is_the_measured_floor(band):
+    """At every offset and separation of the table to 3 %."""
+    metrics = MODEL.metrics[band]
+    a, b = floor_law(metrics)
+    for i, offset in enumerate(metrics.floor_visit_nm):
+        np.testing.assert_allclose(np.sqrt(a * offset**2 + b * offset**4), metrics.floor_sigma[1:, i], rtol=0.03)
+
+
+@pytest.mark.parametrize("band", BANDS)
+def test_it_is_the_floor_of_the_images_at_a_place(band):
+    """Between offsets the table is joined by chords in logarithms, above a curve that bends upwards: up to 7 %."""
+    metrics = MODEL.metrics[band]
+    bins = metrics.floor_separation_arcsec
+    places = np.sort(np.concatenate([bins, (bins[1:] + bins[:-1]) / 2]))
+    for offset in metrics.floor_visit_nm:
+        said = speckle_fraction(metrics, drift(offset), 0.0, places, 0.0)
+        np.testing.assert_allclose(said, metrics.rdi_floor(offset, separation_arcsec=places), rtol=0.03)
+    for offset in np.geomspace(metrics.floor_visit_nm[0], metrics.floor_visit_nm[-1], 31):
+        said = speckle_fraction(metrics, drift(offset), 0.0, places, 0.0)
+        ratio = said / metrics.rdi_floor(offset, separation_arcsec=places)
+        assert np.all((ratio > 0.93) & (ratio < 1.03))
+
+
+@pytest.mark.parametrize("band", BANDS)
+@pytest.mark.parametrize("ratio", [1.0, 0.25, 4.0])
+def test_the_walk_adds_its_time_average(band, ratio):
+    """A walk of variance ``w s``: its mean over a visit has ``w v / 3``; the mean of its square 3/2 of that squared."""
+    metrics, place, visit_nm, walk = MODEL.metrics[band], np.array([0.5, 0.7, 0.9]), 0.04, 0.3
+    law = speckle_law(metrics, drift(visit_nm, walk), place, 1.5, ratio)
+    linear = speckle_law(metrics, drift(1e-6), place, 1.5).k0 / 1e-12
+    square = speckle_law(metrics, drift(1e6), place, 1.5).k0 / 1e24
+    for hours in (0.1, 3.0, 100.0):
+        own, other = walk**2 * hours / 3, walk**2 * hours * ratio / 3
+        expected = linear * (visit_nm**2 + (own + other) / 2)
+        expected = expected + square * (visit_nm**4 + visit_nm**2 * (own + other) + 1.5 * (own**2 + other**2) / 2)
+        np.testing.assert_allclose(law.variance(3600.0 * hours), expected, rtol=1e-6)
+
+
+def test_what_a_walk_leaves_by_drawing_walks():
+    """Mean and mean square of 20 000 walks of 200 steps, against the factors of the law."""
+    rng = np.random.default_rng(1)
+    walks = np.cumsum(rng.standard_normal((20_000, 200)) / 200**0.5, axis=1)
+    first, second = walks.mean(axis=1), (walks**2).mean(axis=1)
+    law = speckle_law(MODEL.metrics["F520"], drift(0.0, 60.0), 0.6, 1.5)  # 1 nm of variance a second
+    frozen = speckle_law(MODEL.metrics["F520"], drift(1.0), 0.6, 1.5)
+    small, large = (speckle_law(MODEL.metrics["F520"], drift(o), 0.6, 1.5).k0 for o in (1e-4, 1e4))
+    assert law.k1 / (small / 1e-8) == pytest.approx(first.var(), rel=4 * (2 / 20_000) ** 0.5 + 0.01)
+    error = 4 * (second - second.mean()).__pow__(4).mean() ** 0.5 / second.var() / 20_000**0.5
+    assert law.k2 / (large / 1e16) * 2 == pytest.approx(second.var(), rel=error + 0.01)
+    assert frozen.k1 == frozen.k2 == 0.0
+
+
+@pytest.mark.parametrize("band", BANDS)
+def test_without_squares_it_is_the_floor_of_a_longer_offset(band):
+    """While the beat with the hole's own field rules, ``v`` hours are an offset of ``sqrt(visit^2 + walk^2 v / 3)``."""
+    metrics, place = MODEL.metrics[band], np.array([0.5, 0.7, 0.85])
+    for visit_nm, walk, hours in ((0.01, 0.01, 4.0), (0.02, 0.05, 0.1)):
+        local = speckle_fraction(metrics, drift(visit_nm, walk), 3600.0 * hours, place, 0.0)
+        there = metrics.rdi_floor(visit_nm, walk_nm_per_sqrt_hour=walk, visit_hours=hours, separation_arcsec=place)
+        np.testing.assert_allclose(local, there, rtol=0.07)
+
+
+def test_no_drift_leaves_exactly_nothing():
+    law = speckle_law(MODEL.metrics["F520"], drift(0.0), np.array([0.5, 0.9]), 1.5)
+    for visit in (0.0, 1.0, 1e9):
+        np.testing.assert_array_equal(law.variance(visit), 0.0)
+
+
+@pytest.mark.parametrize("band", BANDS)
+def test_small_offsets_are_linear_and_large_ones_quadratic(band):
+    """The hole is not perfectly dark: its own field beats with small errors; large ones outshine it."""
+    metrics = MODEL.metrics[band]
+    one, ten = (speckle_fraction(metrics, drift(o), 0.0, 0.6, 0.0) for o in (1e-5, 1e-4))
+    assert ten / one == pytest.approx(10.0, rel=1e-3)
+    one, ten = (speckle_fraction(metrics, drift(o), 0.0, 0.6, 0.0) for o in (1e3, 1e4))
+    assert ten / one == pytest.approx(100.0, rel=0.01)
+
+
+def test_an_annulus_counts_with_the_mean_variance_of_its_whole_apertures():
+    """Apertures thrown at random on the annulus, kept where they lie in the square quadrants."""
+    metrics, place, half = MODEL.metrics["F662"], 0.66, 1.5
+    rng, margin = np.random.default_rng(5), metrics.aperture_radius_arcsec
+    reach = half * metrics.lambda_d_arcsec
+    x, y = rng.uniform(0.0, place + reach, (2, 400_000))
+    r = np.hypot(x, y)
+    low, high = metrics.zone.inner_arcsec + margin, metrics.zone.outer_arcsec - margin
+    kept = (np.abs(r - place) <= reach) & (np.minimum(x, y) >= low) & (np.maximum(x, y) <= high)
+    a, b = (np.interp(r[kept], metrics.floor_separation_arcsec, np.log(part)) for part in floor_law(metrics))
+    mean = (np.exp(a) * 0.05**2 + np.exp(b) * 0.05**4).mean() ** 0.5
+    assert speckle_fraction(metrics, drift(0.05), 0.0, place, half) == pytest.approx(mean, rel=0.03)
+    inner, outer = speckle_fraction(metrics, drift(0.05), 0.0, np.array([0.5, 0.8]), half)
+    assert inner > 1.3 * outer
+
+
+@pytest.mark.parametrize("half", [0.3, 1.5])
+@pytest.mark.parametrize("band", ["F520", "F850"])
+def test_the_mean_over_an_annulus_by_counting_angles(band, half):
+    """From inside the hole's corner to beyond its edge: circles of the annulus count by angles left to apertures."""
+    metrics = MODEL.metrics[band]
+    corner, edge, margin = metrics.hole_inner_corner_arcsec, metrics.owa_arcsec, metrics.aperture_radius_arcsec
+    low, high = metrics.zone.inner_arcsec + margin, metrics.zone.outer_arcsec - margin
+    first, last = np.hypot(low, low), np.hypot(high, high)
+    near = 0.98 * half * metrics.lambda_d_arcsec  # circles at the end of the annulus hold the only apertures
+    places = np.array([0.6 * corner, first - near, first, 0.5 * (first + last), high, last, last + near, edge])
+    angle = 2.0 * np.pi * (np.arange(20_000) + 0.5) / 20_000
+    cosine, sine = np.abs(np.cos(angle)), np.abs(np.sin(angle))
+    expected = []
+    for place in places:
+        circles = place + np.linspace(-1.0, 1.0, 25)[:, None] * half * metrics.lambda_d_arcsec
+        x, y = circles * cosine, circles * sine
+        free = (np.minimum(x, y) >= low) & (np.maximum(x, y) <= high)
+        weight = circles[:, 0] * free.mean(axis=1)
+        if weight.sum() == 0.0:
+            circles, weight = np.full((1, 1), place), np.ones(1)
+        a, b = (np.interp(circles[:, 0], metrics.floor_separation_arcsec, np.log(part)) for part in floor_law(metrics))
+        expected.append(((np.exp(a) * 0.05**2 + np.exp(b) * 0.05**4) @ weight / weight.sum()) ** 0.5)
+    found = speckle_fraction(metrics, drift(0.05), 0.0, places, half)
+    inner = np.isin(np.arange(places.size), [1, 6])  # a few angles there: the steps of the table show
+    np.testing.assert_allclose(found[~inner], np.array(expected)[~inner], rtol=3e-3)
+    np.testing.assert_allclose(found[inner], np.array(expected)[inner], rtol=0.03)
+
+
+def test_the_fit_is_never_negative():
+    for band in BANDS:
+        a, b = floor_law(MODEL.metrics[band])
+        assert np.all(a >= 0)
+        assert np.all(b > 0)
+
+
+def test_a_law_scales():
+    law = SpeckleLaw(np.array([1.0]), np.array([2.0]), np.array([3.0]))
+    np.testing.assert_array_equal(law.variance([0.0, 1.0, 10.0]), [1.0, 6.0, 321.0])
+    np.testing.assert_array_equal(law.scaled(0.5).variance(10.0), [160.5])
+
+
+@pytest.mark.parametrize("band", BANDS)
+@pytest.mark.parametrize(("walk", "ratio"), [(0.0, 1.0), (0.05, 1.0), (0.3, 0.4)])
+def test_light_of_the_errors_is_what_grows_with_the_fourth_power(band, walk, ratio):
+    """Twice the drift is four times the cross term with the static field, and sixteen times the light of the errors."""
+    metrics, places = MODEL.metrics[band], np.array([0.45, 0.6, 0.8])
+    for visit_s in (0.0, 3600.0, 40000.0):
+        once, twice = (
+            speckle_law(metrics, drift(0.05 * times, walk * times), places, 1.5, ratio).variance(visit_s)
+            for times in (1.0, 2.0)
+        )
+        share = error_light_share(metrics, drift(0.05, walk), places, 1.5, ratio, visit_s)
+        np.testing.assert_allclose(share, (twice - 4.0 * once) / 12.0 / once, rtol=1e-9)
+        assert np.all((share > 0.0) & (share < 1.0))
+
+
+def test_no_drift_has_no_light_of_errors():
+    assert error_light_share(MODEL.metrics["F520"], drift(0.0), 0.6, 1.5, 1.0, 3600.0) == 0.0
+    assert error_light_share(MODEL.metrics["F520"], drift(10.0), 0.6, 1.5, 1.0, 0.0) > 0.99

@@ -1,0 +1,1 @@
+"""Rebuild the shipped tables of ``catalogs/data``: ``python -m tools.build_catalogue.build``."""

@@ -1,0 +1,142 @@
+"""Fill temperature, gravity, metallicity, luminosity, radius and mass of each row, and say how.
+
+The relations are those of :mod:`catalogs.stellar_physics`, each checked against the ExoCat-1 values of this same table
+(figures in the provenance notes).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from catalogs.star_flags import parallax_flags, type_flags
+from catalogs.stellar_physics import (
+    GRAVITY_SOURCE,
+    LUMINOSITY_SOURCE,
+    RADIUS_SOURCE,
+    TEFF_TOLERANCE_K,
+    colour_temperature,
+    gravity,
+    is_giant,
+    luminosity_class,
+    luminosity_from_v,
+    mass_of,
+    nearest_subtype,
+    radius_from_luminosity,
+    subtype_medians,
+)
+from tools.build_catalogue.builders._star_identity import Identity
+
+_V_TOLERANCE_MAG = 0.15
+
+
+def fill_physics(people: Sequence[Identity]) -> None:
+    """Fill the physical columns and the quality flags of every row, in place."""
+    for person in people:
+        _colours(person)
+    expected = _expected_by_type(people)
+    for person in people:
+        _check_colour(person, expected)
+        _metallicity(person)
+        _temperature(person, expected)
+        _luminosity_radius_mass(person)
+        _flags(person)
+
+
+def _colours(person: Identity) -> None:
+    star, values = person.row.star, person.row.values
+    values["spectral_class"] = star.sp_type[0]
+    values["luminosity_class"] = luminosity_class(star.sp_type)
+    values["v_mag"], values["v_mag_src"] = star.v_mag, "measured"
+    values["b_v_mag"], values["b_v_mag_src"] = star.b_v_mag, "measured"
+    if person.exocat and abs(person.exocat.number("st_vmag") - star.v_mag) > _V_TOLERANCE_MAG:
+        person.row.flags.add("v_conflict")
+
+
+def _expected_by_type(people: Sequence[Identity]) -> dict[tuple[bool, int], tuple[float, float]]:
+    """Return the medians of the rows that ExoCat-1 lists without a conflict in V."""
+    listed = [person for person in people if person.exocat and not person.row.flags & {"v_conflict"}]
+    return subtype_medians(
+        [
+            (person.row.star.sp_type, person.exocat.number("st_teff"), person.row.star.b_v_mag)
+            for person in listed
+            if person.exocat
+        ]
+    )
+
+
+def _check_colour(person: Identity, table: dict[tuple[bool, int], tuple[float, float]]) -> None:
+    values = person.row.values
+    teff, b_v = nearest_subtype(person.row.star.sp_type, table)
+    found = float(values["b_v_mag"])  # type: ignore[arg-type]
+    if np.isfinite(teff) and abs(colour_temperature(found, 0.0)[0] - teff) > 2.0 * TEFF_TOLERANCE_K:
+        person.row.flags.add("colour_outlier")
+        values["b_v_mag"], values["b_v_mag_src"] = b_v, "derived:median of the spectral subtype in this table"
+
+
+def _metallicity(person: Identity) -> None:
+    values = person.row.values
+    found = person.exocat.number("st_metfe") if person.exocat else float("nan")
+    known = np.isfinite(found)
+    values["metallicity"] = found if known else 0.0
+    values["metallicity_src"] = "measured" if known else "assumed:0"
+
+
+def _temperature(person: Identity, table: dict[tuple[bool, int], tuple[float, float]]) -> None:
+    values = person.row.values
+    teff, src = colour_temperature(float(values["b_v_mag"]), float(values["metallicity"]))  # type: ignore[arg-type]
+    listed = person.exocat.number("st_teff") if person.exocat else float("nan")
+    expected = nearest_subtype(person.row.star.sp_type, table)[0]
+    if person.exocat and np.isfinite(listed):
+        if np.isfinite(expected) and abs(listed - expected) > max(TEFF_TOLERANCE_K, abs(teff - expected)):
+            person.row.flags.add("teff_conflict")
+        else:
+            method = person.exocat.values["st_teffsrc"]
+            spectroscopic = method not in ("V-K", "B-V", "")
+            teff, src = listed, "measured" if spectroscopic else f"derived:{method or 'unstated'} (ExoCat-1)"
+    if np.isfinite(expected) and abs(teff - expected) > TEFF_TOLERANCE_K:
+        person.row.flags.add("teff_outlier")
+    values["teff_k"], values["teff_k_src"] = teff, src
+
+
+def _luminosity_radius_mass(person: Identity) -> None:
+    row, values, exocat = person.row, person.row.values, person.exocat
+    teff = float(values["teff_k"])  # type: ignore[arg-type]
+    distance = 1000.0 / row.parallax_mas
+    trusted = exocat is not None and not row.flags & {"v_conflict", "teff_conflict"}
+    listed = exocat.number("st_lbol") if exocat and trusted else float("nan")
+    if exocat and np.isfinite(listed) and listed > 0.0:
+        luminosity = listed * (distance / exocat.number("st_dist")) ** 2
+        src = f"derived:{exocat.values['st_lbolsrc'] or 'unstated'} (ExoCat-1), scaled to distance_pc"
+    else:
+        luminosity, src = luminosity_from_v(row.star.v_mag, distance, teff), LUMINOSITY_SOURCE
+    radius = radius_from_luminosity(luminosity, teff)
+    values["luminosity_lsun"], values["luminosity_lsun_src"] = luminosity, src
+    values["radius_rsun"], values["radius_rsun_src"] = (
+        radius,
+        RADIUS_SOURCE,
+    )
+
+    mass = exocat.number("st_mass") if exocat and trusted else float("nan")
+    mass_src = "derived:ExoCat-1"
+    if exocat and np.isfinite(mass) and exocat.values["st_masssrc"] == "2007ApJS..168..297T":
+        mass_src = "derived:isochrones (Takeda et al. 2007)"
+    elif is_giant(row.star.sp_type) or not np.isfinite(mass):  # ExoCat-1 puts giants on a main-sequence relation
+        mass, mass_src = mass_of(row.star.sp_type, luminosity)
+    values["mass_msun"], values["mass_msun_src"] = mass, mass_src
+
+    log_g = exocat.number("st_logg") if exocat and trusted else float("nan")
+    if np.isfinite(log_g):
+        values["log_g"], values["log_g_src"] = log_g, "measured"
+    else:
+        values["log_g"] = gravity(mass, radius)
+        values["log_g_src"] = GRAVITY_SOURCE
+
+
+def _flags(person: Identity) -> None:
+    row, star = person.row, person.row.star
+    row.flags |= type_flags(star.sp_type, star.object_type, star.simbad_id)
+    row.flags |= parallax_flags(row.parallax_mas, row.parallax_err_mas)
+    if not row.hip:
+        row.flags.add("no_hip")

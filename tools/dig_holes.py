@@ -1,0 +1,82 @@
+"""Dig the shipped dark holes and measure the shipped metrics anew: ``python -m tools.dig_holes``.
+
+The files lie in ``simulator/imaging/data``; :mod:`simulator.imaging.store` says when one is valid.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from simulator.arrays import write_npz
+from simulator.config import Instrument, load_instrument
+from simulator.config.presets import preset_names
+from simulator.imaging.build import dig
+from simulator.imaging.hole_store import shipped_hole, to_arrays
+from simulator.imaging.store import DIGITS, measure, metrics_key, shipped_metrics
+
+
+def _packed(arrays: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    """Arrays as a rounded file holds them: bytes of equal weight side by side, which compress; no halo map."""
+    packed = {name: array for name, array in arrays.items() if name != "halo_map"}
+    for name, digits in DIGITS.items():
+        fraction, exponent = np.frexp(arrays[name])
+        short = np.ldexp(np.round(np.ldexp(fraction, digits)), exponent - digits).astype("<f4")
+        packed[name] = np.moveaxis(short.view(np.uint8).reshape(*short.shape, 4), -1, 0)
+    return packed
+
+
+def _shipped_bands() -> Iterator[tuple[Instrument, str]]:
+    """Every band of every instrument preset, optics that are the same once, the default instrument first."""
+    seen = set()
+    for preset in ("cpic_default", *preset_names("instrument")):
+        instrument = load_instrument(preset)
+        for band in instrument.bands:
+            if (key := metrics_key(instrument, band)) not in seen:
+                seen.add(key)
+                yield instrument, band
+
+
+def rebuild(folder: str | Path, *, holes: bool = True) -> list[Path]:
+    """Dig and write the dark holes of the instrument presets, and measure and write their metrics.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Where to write.
+    holes : bool
+        Dig the holes anew; False keeps the shipped ones.
+    """
+    written = []
+    for instrument, band in _shipped_bands():
+        if holes:
+            state, hole = dig(instrument, band)
+            written.append(Path(folder) / shipped_hole(hole, band).name)
+            write_npz(written[-1], to_arrays(state) | {"key": np.asarray(hole)})
+        key, arrays = metrics_key(instrument, band), measure(instrument, band)
+        exact = instrument.name == "cpic_default" and band in instrument.visible_bands()
+        written.append(Path(folder) / shipped_metrics(key, band).name)
+        write_npz(written[-1], (arrays if exact else _packed(arrays)) | {"key": np.asarray(key)})
+    return written
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Rebuild the shipped files."""
+    parser = argparse.ArgumentParser(prog="python -m tools.dig_holes", description=__doc__)
+    parser.add_argument("--keep-holes", action="store_true", help="measure the metrics only")
+    parser.add_argument("--out", type=Path, default=shipped_metrics("", "").parent, help="folder (the package's data)")
+    options = parser.parse_args(argv)
+    began = time.perf_counter()
+    for path in rebuild(options.out, holes=not options.keep_holes):
+        print(f"{path.name}: {path.stat().st_size / 1e3:.0f} kB, {time.perf_counter() - began:.1f} s")
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
