@@ -6,82 +6,23 @@ import functools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import Field, model_validator
 
 from catalogs.errors import InputError
 from catalogs.user_files import digest_of
 from cpic_planner.etc.camera import FrameCamera
-from cpic_planner.registry.libraries import (
-    DEFAULT_LIBRARY,
-    LIBRARIES,
-    Library,
-    LibraryName,
-    LibraryNoise,
-    ReferenceStar,
-)
+from cpic_planner.queries.strategy import ReferenceStar, Strategy
+from cpic_planner.registry.libraries import LibraryNoise, StarSettings
 from simulator.camera.track_loss import aperture_loss_per_s
-from simulator.config import FrozenModel, Instrument, content_hash
+from simulator.config import Instrument, content_hash
 from simulator.imaging.metrics import PsfMetrics
 from simulator.imaging.store import metrics_key, psf_metrics
 from simulator.passbands import Passbands
 
 __all__ = ["EtcModel", "ReferenceStar", "Strategy", "build_model"]
-
-
-class Strategy(FrozenModel):
-    """How an observation is made and reduced.
-
-    Attributes
-    ----------
-    n_modes : int
-        Modes of the reference library that RDI projects out.
-    reference_ratio : float
-        Reference frames per science frame (M/N); their time and noise are counted.
-    sigma : float
-        Detection level whose false-alarm probability a small-sample threshold keeps.
-    annulus_lambda_d : float
-        Half width of the annulus around the planet's separation whose apertures measure background and scatter:
-        the speckle residual changes too much across the hole for one value.
-    library : str
-        Name of the reference library, see `cpic_planner.registry.libraries`.
-    reference_star : ReferenceStar, optional
-        For the library of that name.
-    roll_deg : float
-        Angle between the two rolls of the library of that name.
-    mode : {"analogue", "photon_counting"}
-        Whether charge is measured or photons are counted.
-    counting_sigma : float
-        Threshold of photon counting over the read noise.
-    """
-
-    n_modes: Annotated[int, Field(ge=0, le=1000)] = 1
-    reference_ratio: Annotated[float, Field(gt=0, le=1000)] = 1.0
-    sigma: Annotated[float, Field(gt=0, le=20)] = 5.0
-    annulus_lambda_d: Annotated[float, Field(gt=0, le=20)] = 1.5
-    library: LibraryName = DEFAULT_LIBRARY
-    reference_star: ReferenceStar | None = None
-    roll_deg: Annotated[float, Field(gt=0, le=180)] = 30.0
-    mode: Literal["analogue", "photon_counting"] = "analogue"
-    counting_sigma: Annotated[float, Field(gt=0, le=20)] = 5.0
-
-    @model_validator(mode="after")
-    def _consistent(self) -> Strategy:
-        self.reference_library.check(self)
-        return self
-
-    @property
-    def reference_library(self) -> Library:
-        """What the package knows of the library."""
-        return LIBRARIES[self.library]
-
-    @property
-    def rolls_deg(self) -> tuple[float, ...]:
-        """Rolls at which frames show the planet, relative to that of the observation; one or two."""
-        return self.reference_library.rolls_deg(self)
 
 
 @dataclass(frozen=True)
@@ -159,7 +100,7 @@ class EtcModel:
         """Return the noise of the library that the strategy names, for science stars of these rates."""
         column = self.passbands.names.index(band)
 
-        def rate_e_s(star: ReferenceStar) -> NDArray[np.float64]:
+        def rate_e_s(star: StarSettings) -> NDArray[np.float64]:
             temperature = star.teff_k, star.log_g, star.metallicity
             rates = self.passbands.star_rate_e_s(star.v_mag, *temperature, self.instrument.telescope.area_cm2)
             return np.asarray(rates[..., column], float)

@@ -13,33 +13,43 @@ from typing import Annotated, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
 
 from catalogs.errors import InputError
 from cpic_planner.registry import Registry
-from simulator.config import FrozenModel, Scene, SceneStar
+from simulator.config import Scene, SceneStar
 
 FloatArray = NDArray[np.float64]
 
 
-class ReferenceStar(FrozenModel):
-    """Star of a reference library."""
+class StarSettings(Protocol):
+    """What a library reads of another star (`cpic_planner.queries.strategy.ReferenceStar`)."""
 
-    v_mag: Annotated[float, Field(ge=-30, le=40)]
-    teff_k: Annotated[float, Field(ge=1000, le=100_000)] = 5772.0
-    log_g: Annotated[float, Field(ge=-1, le=7)] = 4.4
-    metallicity: Annotated[float, Field(ge=-5, le=1)] = 0.0
+    @property
+    def v_mag(self) -> float:
+        """V magnitude."""
+
+    @property
+    def teff_k(self) -> float:
+        """Temperature."""
+
+    @property
+    def log_g(self) -> float:
+        """log10 of the surface gravity in cm/s2."""
+
+    @property
+    def metallicity(self) -> float:
+        """log10 of the metallicity over the Sun's."""
 
 
 class LibrarySettings(Protocol):
-    """What a library reads of the strategy that names it (`cpic_planner.etc.model.Strategy`)."""
+    """What a library reads of the strategy that names it (`cpic_planner.queries.strategy.Strategy`)."""
 
     @property
     def reference_ratio(self) -> float:
         """Reference frames per science frame."""
 
     @property
-    def reference_star(self) -> ReferenceStar | None:
+    def reference_star(self) -> StarSettings | None:
         """Star of a library of another star."""
 
     @property
@@ -93,8 +103,6 @@ class Library:
         When a realisation counts as a detection, and what is done with images after the reduction.
     caveats : mapping of str to str
         Flags of every answer with this library, with their words.
-    parameters : tuple of str
-        Fields of the strategy that mean something for this library alone.
     noise_free : bool
         Whether expectations stand for reference frames, without noise or drift between the visits.
     """
@@ -104,7 +112,6 @@ class Library:
     found = "the blind search finds the planet"
     searched = "searched blind and measured"
     caveats: Mapping[str, str] = MappingProxyType({})
-    parameters: tuple[str, ...] = ()
     noise_free = False
 
     @property
@@ -112,8 +119,14 @@ class Library:
         """Flags of every answer with this library."""
         return tuple(self.caveats)
 
-    def check(self, settings: LibrarySettings) -> None:
+    def check(self, settings: LibrarySettings, choice: str) -> None:
         """Refuse a strategy that the library cannot serve.
+
+        Parameters
+        ----------
+        settings : LibrarySettings
+        choice : str
+            How the user chose the library, for the message.
 
         Raises
         ------
@@ -140,7 +153,7 @@ class Library:
         self,
         settings: LibrarySettings,
         star_e_s: FloatArray,
-        rate_e_s: Callable[[ReferenceStar], FloatArray],
+        rate_e_s: Callable[[StarSettings], FloatArray],
     ) -> LibraryNoise:
         """Return the noise of the reference frames in the exposure-time calculator.
 
@@ -173,16 +186,15 @@ class OtherStar(Library):
     caveats = MappingProxyType(
         {"reference_colour_not_modelled": "speckles are subtracted as if the reference star had the colour of the star"}
     )
-    parameters = ("reference_star",)
 
-    def check(self, settings: LibrarySettings) -> None:
+    def check(self, settings: LibrarySettings, choice: str) -> None:
         """Refuse a strategy without a star."""
         if settings.reference_star is None:
             raise InputError(
                 "reference_star",
-                None,
-                allowed="magnitude (and temperature) of the reference star",
-                hint="the library reference_star needs it",
+                "missing",
+                allowed="magnitude (and temperature) of the reference star, -30 to 40 mag",
+                hint=f"the {choice} needs it",
             )
 
     def wings_deg(self, settings: LibrarySettings) -> tuple[float, ...]:
@@ -193,7 +205,7 @@ class OtherStar(Library):
         self,
         settings: LibrarySettings,
         star_e_s: FloatArray,
-        rate_e_s: Callable[[ReferenceStar], FloatArray],
+        rate_e_s: Callable[[StarSettings], FloatArray],
     ) -> LibraryNoise:
         """Return the noise scaled by the ratio of rates; see `Library.noise`."""
         ratio = rate_e_s(_star_of(settings)) / star_e_s
@@ -206,11 +218,13 @@ class OtherStar(Library):
             source.model_copy(update={"contrast": source.contrast_to(own.v_mag), "v_mag": None})
             for source in scene.extended
         )
-        other = SceneStar(name=name, ra_deg=own.ra_deg, dec_deg=own.dec_deg, **_star_of(settings).model_dump())
+        star = _star_of(settings)
+        looks = {key: getattr(star, key) for key in ("v_mag", "teff_k", "log_g", "metallicity")}
+        other = SceneStar(name=name, ra_deg=own.ra_deg, dec_deg=own.dec_deg, **looks)
         return Scene(name=name, cstar=other, extended=dust)
 
 
-def _star_of(settings: LibrarySettings) -> ReferenceStar:
+def _star_of(settings: LibrarySettings) -> StarSettings:
     star = settings.reference_star
     assert star is not None  # checked by the strategy
     return star
@@ -227,15 +241,14 @@ class TwoRolls(Library):
     meaning = "the same star at another roll angle"
     found = "the planet is significant at its known place (two rolls show it twice)"
     searched = "measured at the known place"
-    parameters = ("roll_deg",)
 
-    def check(self, settings: LibrarySettings) -> None:
+    def check(self, settings: LibrarySettings, choice: str) -> None:
         """Refuse halves of different length."""
         if settings.reference_ratio != 1.0:
             raise InputError(
                 "reference_ratio",
                 settings.reference_ratio,
-                allowed="1 for the library roll",
+                allowed=f"1 for the {choice}",
                 hint="each roll is the other's reference",
             )
 
@@ -264,7 +277,7 @@ class Idealised(Library):
         self,
         settings: LibrarySettings,
         star_e_s: FloatArray,
-        rate_e_s: Callable[[ReferenceStar], FloatArray],
+        rate_e_s: Callable[[StarSettings], FloatArray],
     ) -> LibraryNoise:
         """Return no noise at all; see `Library.noise`."""
         none, one = np.zeros(1), np.ones(1)

@@ -121,11 +121,6 @@ def test_every_entry_is_worded(registry):
     assert all(entry.found and entry.searched for entry in LIBRARIES.values())
 
 
-def test_every_parameter_of_a_library_is_a_field_of_the_strategy():
-    for entry in LIBRARIES.values():
-        assert set(entry.parameters) <= set(Strategy.model_fields)
-
-
 def test_completeness_of_a_band_that_must_not_win():
     """By hand: two bands, two stars; the second band counts for nothing."""
     nothing = np.zeros(2)
