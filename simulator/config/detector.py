@@ -34,8 +34,8 @@ if TYPE_CHECKING:
     OwnVisible: TypeAlias = FrozenModel
     OwnInfrared: TypeAlias = FrozenModel
 else:
-    CameraSwitches = switches_model("CameraSwitches", VISIBLE)
-    InfraredSwitches = switches_model("InfraredSwitches", INFRARED)
+    CameraSwitches = switches_model("CameraSwitches", VISIBLE, __name__)
+    InfraredSwitches = switches_model("InfraredSwitches", INFRARED, __name__)
     OwnVisible = numbers_model("OwnVisible", VISIBLE)
     OwnInfrared = numbers_model("OwnInfrared", INFRARED)
 

@@ -128,10 +128,17 @@ class Switches(FrozenModel):
         def __getattr__(self, name: str) -> bool: ...
 
 
-def switches_model(name: str, chain: Chain) -> type[Switches]:
-    """Return the model of the switches of a chain."""
+def switches_model(name: str, chain: Chain, module: str) -> type[Switches]:
+    """Return the model of the switches of a chain.
+
+    Parameters
+    ----------
+    name, module : str
+        Under which it can be imported: instruments travel to other processes.
+    chain : Chain
+    """
     fields: Any = dict.fromkeys(switched(chain), (bool, ...))
-    return create_model(name, __base__=Switches, __doc__=Switches.__doc__, **fields)
+    return create_model(name, __base__=Switches, __doc__=Switches.__doc__, __module__=module, **fields)
 
 
 def numbers_model(name: str, chain: Chain) -> type[FrozenModel]:
