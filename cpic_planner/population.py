@@ -92,7 +92,8 @@ class Planets(OrbitingPlanets):
                 unit="L_sun",
                 allowed="above 0: the population's orbits follow insolation",
             )
-        return np.sqrt(luminosity)
+        result: FloatArray = np.sqrt(luminosity)
+        return result
 
 
 def draw_population(config: PopulationConfig, n_planets: int, seed: int) -> Planets:

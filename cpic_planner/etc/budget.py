@@ -42,7 +42,16 @@ class Binding:
 
 
 def binding_limits(problem: FrameProblem, rates: ApertureRates, choice: FrameChoice, index: tuple[int, ...]) -> Binding:
-    """Limits of one chosen setting.
+    """Return the limits of one chosen setting.
+
+    Parameters
+    ----------
+    problem : FrameProblem
+    rates : ApertureRates
+    choice : FrameChoice
+        Chosen frames of every case.
+    index : tuple of int
+        The case.
 
     Returns
     -------
@@ -101,14 +110,29 @@ def _output_limit(hole: float, tail: float, exposure_s: float, camera: FrameCame
 
 
 def largest_term(noise: StackNoise, index: tuple[int, ...]) -> str:
-    """Name of the largest term of the variance; empty without frames."""
+    """Return the name of the largest term of the variance; empty without frames.
+
+    Parameters
+    ----------
+    noise : StackNoise
+    index : tuple of int
+        The case.
+    """
     values = {name: float(np.broadcast_to(term, noise.snr.shape)[index]) for name, term in noise.terms.items()}
     name = max(values, key=lambda key: values[key])
     return name if values[name] > 0 else ""
 
 
 def remedies(cases: BandCases, choice: FrameChoice, noise: StackNoise) -> dict[str, FloatArray]:
-    """Factors by which the SNR of the chosen setting grows if one thing is changed.
+    """Return the factors by which the SNR of the chosen setting grows if one thing is changed.
+
+    Parameters
+    ----------
+    cases : BandCases
+    choice : FrameChoice
+        Frames of every case.
+    noise : StackNoise
+        Of these frames.
 
     Returns
     -------
@@ -172,14 +196,30 @@ def without_speckles(problem: FrameProblem) -> FrameProblem:
 
 
 def without_background(problem: FrameProblem, own_e_s: FloatArray) -> FrameProblem:
-    """Return the problem with no white noise but the planet's own, ``own_e_s`` (`cpic_planner.etc.noise.own_noise`)."""
+    """Return the problem with no white noise but the planet's own (`cpic_planner.etc.noise.own_noise`).
+
+    Parameters
+    ----------
+    problem : FrameProblem
+    own_e_s : ndarray
+        Variance of the planet's own light, e-^2/s.
+    """
     nothing = np.zeros_like(problem.alpha_e_s)
     own = np.array(np.broadcast_to(own_e_s, nothing.shape))
     return replace(problem, alpha_e_s=own, beta_e=nothing, gamma_e2=nothing, counting=None)
 
 
 def reached(problem: FrameProblem, visit_s: FloatArray, level: FloatArray) -> NDArray[np.bool_]:
-    """Return whether visits of at most ``visit_s`` reach a level; ``inf`` is reached by none."""
+    """Return whether visits of at most ``visit_s`` reach a level; ``inf`` is reached by none.
+
+    Parameters
+    ----------
+    problem : FrameProblem
+    visit_s : ndarray
+        Longest visit, s.
+    level : ndarray
+        SNR or significance to reach.
+    """
     choice = best_in_visit(problem, visit_s, quickest=False)
     with np.errstate(divide="ignore"):
         return (choice.n_frames >= 1) & (np.sqrt(choice.inverse_snr2) * level <= 1.0 + 1e-9)

@@ -72,7 +72,14 @@ class BandCases:
         return np.broadcast_to(inside, self.contrast.shape)
 
     def problem(self, objective: Objective, contrast: FloatArray | None = None) -> FrameProblem:
-        """What the solver needs, for the cases' own contrasts or given ones."""
+        """Return what the solver needs, for the cases' own contrasts or given ones.
+
+        Parameters
+        ----------
+        objective : {"snr", "significance"}
+        contrast : ndarray, optional
+            Contrasts instead of the cases' own, ``(n_star, n_planet)``.
+        """
         rates = self.rates if contrast is None else self.rates_at(contrast)
         camera = self.model.camera(self.band)
         if self.wish.exposure_s is not None:
@@ -103,13 +110,29 @@ class BandCases:
         em_gain: FloatArray,
         ratio: float = 1.0,
     ) -> StackNoise:
-        """The same for other rates, another camera, or ``ratio`` times the reference frames."""
+        """Return signal and noise for other rates, another camera, or more reference frames.
+
+        Parameters
+        ----------
+        rates : ApertureRates
+        camera : FrameCamera
+        exposure_s, n_frames, em_gain : ndarray
+            Frames of every case.
+        ratio : float
+            Reference frames over those of the strategy.
+        """
         strategy = self.model.strategy
         strategy = strategy.model_copy(update={"reference_ratio": ratio * strategy.reference_ratio})
         return stack_noise(rates, exposure_s, n_frames, em_gain, camera, strategy)
 
     def head(self, star: int, planet: int) -> dict[str, Any]:
-        """Fields of an answer that do not depend on the question."""
+        """Return the fields of an answer that do not depend on the question.
+
+        Parameters
+        ----------
+        star, planet : int
+            The case.
+        """
         notes = [*self.targets.flags[star], *hole_notes(self.model, self.band), *library_flags(self.model)]
         threshold = float(self.threshold[planet])
         inside = self.places[planet][0] is Status.OK
@@ -123,7 +146,13 @@ class BandCases:
         }
 
     def planet_notes(self, star: int, planet: int) -> tuple[str, ...]:
-        """Flags of the planet's model."""
+        """Return the flags of the planet's model.
+
+        Parameters
+        ----------
+        star, planet : int
+            The case.
+        """
         if self.planets.contrast is not None:
             return ()
         place = float(self.planets.separation_arcsec[planet])
@@ -136,7 +165,15 @@ def planets_of(
     planet: ReferencePlanet | Sequence[ReferencePlanet] | None = None,
     contrast: float | Sequence[float] | None = None,
 ) -> Planets:
-    """Planets from one value or a sequence of each; sequences have one length.
+    """Return planets from one value or a sequence of each; sequences have one length.
+
+    Parameters
+    ----------
+    separation_arcsec : float or sequence of float
+        Projected, 0 to 120 arcsec.
+    planet : ReferencePlanet or sequence of it, optional
+    contrast : float or sequence of float, optional
+        Instead of a model, 0 to 1.
 
     Raises
     ------
@@ -159,7 +196,17 @@ def planets_of(
 
 
 def band_cases(model: EtcModel, targets: Targets, band: str, planets: Planets, wish: FrameWish) -> BandCases:
-    """Rates and places of all stars and planets in one band."""
+    """Return rates and places of all stars and planets in one band.
+
+    Parameters
+    ----------
+    model : EtcModel
+    targets : Targets
+    band : str
+    planets : Planets
+    wish : FrameWish
+        What is fixed of the frames.
+    """
     metrics, place = model.metrics[band], planets.separation_arcsec
     places = tuple(locate(model, band, float(value)) for value in place)
     inside = np.array([found[0] is Status.OK for found in places])

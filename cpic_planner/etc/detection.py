@@ -82,6 +82,11 @@ def default_law() -> DetectionLaw:
 def law_of(model: EtcModel, band: str) -> DetectionLaw | None:
     """Return the law that holds for a band of a model.
 
+    Parameters
+    ----------
+    model : EtcModel
+    band : str
+
     Returns
     -------
     DetectionLaw or None
@@ -93,6 +98,11 @@ def law_of(model: EtcModel, band: str) -> DetectionLaw | None:
 
 def needed_margin(model: EtcModel, band: str) -> float:
     """Return the significance over threshold at which half of the visits detect a planet at a known place.
+
+    Parameters
+    ----------
+    model : EtcModel
+    band : str
 
     Returns
     -------
@@ -178,7 +188,17 @@ def detection_probability(
 def tail_share(
     model: EtcModel, band: str, separation_arcsec: ArrayLike, visit_s: ArrayLike, noise: StackNoise
 ) -> FloatArray:
-    """Return the share of the noise, as rms, that is light of the wavefront's errors: its tails are exponential."""
+    """Return the share of the noise, as rms, that is light of the wavefront's errors: its tails are exponential.
+
+    Parameters
+    ----------
+    model : EtcModel
+    band : str
+    separation_arcsec, visit_s : array_like
+        Of the planets, and length of the science visits.
+    noise : StackNoise
+        Of the visits at the planets' places.
+    """
     share = error_light_share(
         model.metrics[band],
         model.instrument.drift,

@@ -15,10 +15,16 @@ from simulator.knobs import Dial, Quantity, dial_of
 
 
 def etc_dial(fidelity: str | None = None, tolerance: float | None = None) -> Dial:
-    """The dial of the exposure-time calculator: as `simulator.knobs.dial_of`, but ``quick`` without any.
+    """Return the dial of the exposure-time calculator: as `simulator.knobs.dial_of`, but ``quick`` without any.
 
     ``quick`` are the closed forms alone, ``standard`` checks every answer in sums of frames, ``reference`` frame by
     frame. A tolerance takes the closed forms where their stated error meets it, and images elsewhere.
+
+    Parameters
+    ----------
+    fidelity : {"quick", "standard", "reference"}, optional
+    tolerance : float, optional
+        Largest relative error, 0 to 0.5.
 
     Raises
     ------
@@ -29,7 +35,14 @@ def etc_dial(fidelity: str | None = None, tolerance: float | None = None) -> Dia
 
 
 def closed_form_fidelity(index: int, answer: EtcAnswer) -> AnswerFidelity:
-    """Record of one answer of the closed forms."""
+    """Return the record of one answer of the closed forms.
+
+    Parameters
+    ----------
+    index : int
+        Of the answer.
+    answer : EtcAnswer
+    """
     error = stated_error(answer.band, answer.separation_arcsec, answer.budget)
     return AnswerFidelity(
         answer=index,
@@ -44,7 +57,15 @@ def closed_form_fidelity(index: int, answer: EtcAnswer) -> AnswerFidelity:
 
 
 def etc_fidelity(answers: Sequence[EtcAnswer], dial: Dial, *, seed: int | None = None) -> EtcFidelity:
-    """Record of all answers that have frames; of those without one of their own, that of the closed forms."""
+    """Return the record of all answers that have frames; of those without one of their own, that of the closed forms.
+
+    Parameters
+    ----------
+    answers : sequence of EtcAnswer
+    dial : Dial
+    seed : int, optional
+        Of the images that check them.
+    """
     records = [
         answer.fidelity or closed_form_fidelity(index, answer)
         for index, answer in enumerate(answers)
@@ -104,7 +125,14 @@ def speckle_error(band: str, separation_arcsec: float) -> float | None:
 
 
 def speckle_error_extrapolated(band: str, separation_arcsec: float) -> bool:
-    """Whether a place lies outside the separations at which the error of the speckles was measured in a band."""
+    """Whether a place lies outside the separations at which the error of the speckles was measured in a band.
+
+    Parameters
+    ----------
+    band : str
+    separation_arcsec : float
+        Of the planet.
+    """
     if band not in SPECKLE_RATIO:
         return False
     # Where the first two values are one, the hole does not reach the first place.

@@ -107,7 +107,15 @@ class FrameProblem(CaseArrays):
         return self.z0 + visit_s * (self.z1 + visit_s * self.z2)
 
     def inverse_snr2(self, exposure_s: FloatArray, n_frames: FloatArray) -> FloatArray:
-        """``1 / SNR^2`` of a stack."""
+        """Return ``1 / SNR^2`` of a stack.
+
+        Parameters
+        ----------
+        exposure_s : ndarray
+            Of one frame.
+        n_frames : ndarray
+            Of the stack.
+        """
         visit = n_frames * (exposure_s + self.camera.readout_s)
         return self.frame_noise(exposure_s)[0] / n_frames + self.residual(visit)
 
@@ -251,7 +259,13 @@ def best_in_visit(
 
 
 def least_time(problem: FrameProblem, level: FloatArray | float) -> FrameChoice:
-    """Frames of least time that reach an SNR of ``level``; none where no visit does.
+    """Return the frames of least time that reach an SNR of ``level``; none where no visit does.
+
+    Parameters
+    ----------
+    problem : FrameProblem
+    level : ndarray or float
+        SNR to reach.
 
     Notes
     -----
@@ -277,7 +291,14 @@ def least_time(problem: FrameProblem, level: FloatArray | float) -> FrameChoice:
 
 
 def smooth_in_visit(problem: FrameProblem, visit_s: FloatArray) -> FloatArray:
-    """``1 / SNR^2`` of the best visit of at most ``visit_s`` if frames need not be whole: a fast bound from below."""
+    """Return ``1 / SNR^2`` of the best visit if frames need not be whole: a fast bound from below.
+
+    Parameters
+    ----------
+    problem : FrameProblem
+    visit_s : ndarray
+        Longest visit, s.
+    """
     _, cost = best_exposure_s(problem)
     visit = np.minimum(visit_s, _peak_visit_s(problem, cost))
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -285,7 +306,14 @@ def smooth_in_visit(problem: FrameProblem, visit_s: FloatArray) -> FloatArray:
 
 
 def smooth_least_visit_s(problem: FrameProblem, level: FloatArray | float) -> FloatArray:
-    """Shortest visit that reaches an SNR if frames need not be whole; ``inf`` where none does."""
+    """Return the shortest visit that reaches an SNR if frames need not be whole; ``inf`` where none does.
+
+    Parameters
+    ----------
+    problem : FrameProblem
+    level : ndarray or float
+        SNR to reach.
+    """
     aim = 1.0 / np.broadcast_to(np.asarray(level, float), problem.signal_e_s.shape) ** 2
     return _smooth_visit_s(problem, best_exposure_s(problem)[1], aim)
 

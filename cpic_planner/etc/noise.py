@@ -48,7 +48,14 @@ class StackNoise:
 
 
 def light_factor2(camera: FrameCamera, em_gain: ArrayLike) -> FloatArray:
-    """Return the variance over the mean of the electrons that a camera counts, at gains of at least 1; no checks."""
+    """Return the variance over the mean of the electrons that a camera counts; no checks.
+
+    Parameters
+    ----------
+    camera : FrameCamera
+    em_gain : array_like
+        Gains of at least 1.
+    """
     gain = np.asarray(em_gain, float)
     if camera.register_stages == 0:
         return np.full(gain.shape, camera.light_factor)

@@ -219,7 +219,16 @@ class CountingLight(CaseArrays):
 
 
 def counted(pixels: FloatArray, mean_e: FloatArray, law: CountingLaw) -> FloatArray:
-    """Variance of a sum over pixels; 0 over none, however bright they are."""
+    """Return the variance of a sum over pixels; 0 over none, however bright they are.
+
+    Parameters
+    ----------
+    pixels : ndarray
+        How many pixels.
+    mean_e : ndarray
+        Mean electrons of each.
+    law : CountingLaw
+    """
     with np.errstate(invalid="ignore"):
         return np.where(pixels > 0, pixels * counting_variance(mean_e, law), 0.0)
 

@@ -42,9 +42,16 @@ class ReferencePlanet(FrozenModel):
 
 
 def reference_distance_au(targets: Targets, separation_arcsec: FloatArray, planet: ReferencePlanet) -> FloatArray:
-    """True star-planet distance in au, shape ``(n_star, n_separation)``; 1 arcsec at 1 pc is 1 au.
+    """Return the true star-planet distance in au, shape ``(n_star, n_separation)``; 1 arcsec at 1 pc is 1 au.
 
     Separations are the same for all stars, ``(n_separation,)``, or one row for each.
+
+    Parameters
+    ----------
+    targets : Targets
+    separation_arcsec : ndarray
+        Projected.
+    planet : ReferencePlanet
     """
     projected = targets.distance_pc[:, None] * np.atleast_2d(separation_arcsec)
     return np.asarray(projected / sin_phase(planet.phase_deg))
@@ -72,7 +79,15 @@ IntArray = NDArray[np.int64]
 
 
 def insolation_distance_au(targets: Targets, distance_au: FloatArray) -> FloatArray:
-    """Distances from the Sun of the same insolation, ``r / sqrt(L)``, shape ``(n_star, k)``."""
+    """Return the distances from the Sun of the same insolation, ``r / sqrt(L)``, shape ``(n, k)``.
+
+    Parameters
+    ----------
+    targets : Targets
+        ``n`` stars.
+    distance_au : ndarray, shape (n, k)
+        From each star.
+    """
     return np.asarray(distance_au / np.sqrt(targets.luminosity_lsun)[:, None])
 
 
@@ -115,7 +130,15 @@ def reflected_contrast(
     distance_au: FloatArray,
     phase_deg: ArrayLike,
 ) -> FloatArray:
-    """Contrast of planets of one albedo, shape ``(n, k)``; parameters as of `reflected_share`."""
+    """Return the contrast of planets of one albedo, shape ``(n, k)``.
+
+    Parameters
+    ----------
+    model, targets, band, albedo, distance_au, phase_deg
+        As of `reflected_share`.
+    radius_rjup : array_like
+        Of the planets.
+    """
     share = reflected_share(model, targets, band, albedo, distance_au, phase_deg)
     return np.asarray(contrast_at(radius_rjup, distance_au, phase_deg, 1.0, phase_value=share))
 

@@ -48,7 +48,14 @@ class CaseArrays:
         return self._combined(lambda array: np.broadcast_to(array, shape))
 
     def where(self, mask: NDArray[np.bool_], other: Self) -> Self:
-        """Return these cases where the mask holds, others elsewhere."""
+        """Return these cases where the mask holds, others elsewhere.
+
+        Parameters
+        ----------
+        mask : ndarray of bool
+        other : CaseArrays
+            Of the same kind and shape.
+        """
         return self._combined(lambda one, two: np.where(mask, one, two), other)
 
     @classmethod
@@ -215,7 +222,15 @@ class GainTable:
 
 @functools.lru_cache(maxsize=16)
 def gain_table(gain_max: float, stages: int) -> GainTable:
-    """Tabulate the best gains up to ``gain_max`` of a register of ``stages`` stages."""
+    """Return a table of the best gains of a register.
+
+    Parameters
+    ----------
+    gain_max : float
+        Largest gain, above 1.
+    stages : int
+        Of the register.
+    """
     log_ratio = np.linspace(np.log(0.1), np.log(1e8), _N_RATIOS)
     ratio, top = np.exp(log_ratio), np.log(gain_max)
 

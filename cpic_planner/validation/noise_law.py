@@ -46,7 +46,15 @@ def log_tail(snr: npt.ArrayLike, laplace: npt.ArrayLike, dof: npt.ArrayLike = np
 
 
 def equivalent_sigma(snr: npt.ArrayLike, laplace: npt.ArrayLike, dof: npt.ArrayLike = np.inf) -> FloatArray:
-    """Level of a standard normal variate that noise reaches as rarely; as `log_tail`, with ``snr`` of any sign."""
+    """Return the level of a standard normal variate that noise reaches as rarely.
+
+    Parameters
+    ----------
+    snr : array_like
+        Signal over estimated standard deviation, of any sign.
+    laplace, dof : array_like
+        As of `log_tail`.
+    """
     from scipy.special import ndtri_exp
 
     level = np.asarray(snr, np.float64)
@@ -54,7 +62,15 @@ def equivalent_sigma(snr: npt.ArrayLike, laplace: npt.ArrayLike, dof: npt.ArrayL
 
 
 def snr_at(sigma: float, laplace: npt.ArrayLike, dof: npt.ArrayLike = np.inf) -> FloatArray:
-    """Signal over estimated noise whose `equivalent_sigma` is ``sigma``, to 1e-6; bisection."""
+    """Return the signal over estimated noise whose `equivalent_sigma` is ``sigma``, to 1e-6; bisection.
+
+    Parameters
+    ----------
+    sigma : float
+        Level of a standard normal variate, above 0.
+    laplace, dof : array_like
+        As of `log_tail`.
+    """
     from scipy.special import log_ndtr
 
     share, free = np.broadcast_arrays(np.atleast_1d(np.asarray(laplace, float)), np.asarray(dof, float))
@@ -140,7 +156,15 @@ class NoiseTerms:
         return np.asarray(level * self.white + drift * self.linear + drift**2 * self.square)
 
     def slopes(self, logs: FloatArray, variance: FloatArray) -> FloatArray:
-        """Derivatives of the logarithm of the variance, shape (2, p)."""
+        """Return the derivatives of the logarithm of the variance, shape (2, p).
+
+        Parameters
+        ----------
+        logs : ndarray, shape (2,)
+            Of ``level`` and ``drift``.
+        variance : ndarray, shape (p,)
+            There.
+        """
         level, drift = np.exp(logs)
         return np.stack([level * self.white, drift * self.linear + 2.0 * drift**2 * self.square]) / variance
 

@@ -140,7 +140,14 @@ def reduce_stack(
 
 
 def pedestal_e(detector: Detector, exposure_s: float) -> float:
-    """Return the mean electrons of dark current and clock-induced charge in a pixel of one frame."""
+    """Return the mean electrons of dark current and clock-induced charge in a pixel of one frame.
+
+    Parameters
+    ----------
+    detector : Detector
+    exposure_s : float
+        Of the frame.
+    """
     return FrameNoise.of(detector, 1.0, exposure_s).pedestal_e
 
 

@@ -41,7 +41,16 @@ class Flaw(NamedTuple):
 
 @functools.lru_cache(maxsize=8)
 def stamp_flaws(detector: Detector, corner: tuple[int, int], side: int) -> tuple[dict[str, Flaw], FloatArray]:
-    """Flaws of the calibration set, by switch, and the stripes of the stamp (those of the frame behind them)."""
+    """Return the flaws of the calibration set, by switch, and the stripes of the stamp and of the frame.
+
+    Parameters
+    ----------
+    detector : Detector
+    corner : tuple of int
+        First row and column of the stamp on the frame.
+    side : int
+        Of the stamp, pixels.
+    """
     maps = load_calibration_set(detector)
     hot = maps.hot & ~maps.bad_column
     raised, nothing = maps.dark_e_s - maps.dark_smooth_e_s, np.zeros(maps.shape)
@@ -277,7 +286,15 @@ class CameraCase:
 
 
 def largest_speckles(light: FloatArray, scattered: FloatArray) -> FloatArray:
-    """Largest change of pixels by a wavefront error: ``|dE|^2`` and its beat with the light that is there."""
+    """Return the largest change of pixels by a wavefront error: ``|dE|^2`` and its beat with the light that is there.
+
+    Parameters
+    ----------
+    light : ndarray
+        That is there without the error.
+    scattered : ndarray
+        Mean light that the error scatters, in the same units.
+    """
     return _SPECKLE_MOST * _SPECKLE_SCATTER * np.sqrt(2.0 * light * scattered + scattered**2)
 
 
@@ -316,9 +333,15 @@ class PixelHits(NamedTuple):
 
 @functools.lru_cache(maxsize=8)
 def pixel_hits(config: CosmicRayConfig, pixel_um: float) -> PixelHits:
-    """Moments of a configured model of tracks, from 1500 of them drawn from a fixed stream.
+    """Return the moments of a configured model of tracks, from 1500 of them drawn from a fixed stream.
 
     The moments of a track that crosses pixels at random have no closed form; those drawn are good to 5 %.
+
+    Parameters
+    ----------
+    config : CosmicRayConfig
+    pixel_um : float
+        Side of a pixel.
     """
     area_cm2 = (_SIDE * pixel_um * _CM_PER_UM) ** 2
     found = draw_cosmic_rays(config, (_SIDE, _SIDE), pixel_um, 1.0, _TRACKS / area_cm2, stream(1, "ledger", "hits"))

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,19 +19,18 @@ from simulator.imaging.aperture import overlap_weights
 from simulator.imaging.imager import centred_axis
 from simulator.imaging.metrics import PsfMetrics
 from simulator.imaging.quadrature import pixel_axis
-from simulator.ledger.wings import MOST, MOST_BEYOND, FarLights, Surroundings, beyond, frame_reach
+from simulator.ledger.wings import MOST, MOST_BEYOND, Surroundings, beyond, frame_reach
 from simulator.signal.light import sky_pixel_e_s
+from simulator.signal.speckles import drift_halo
 from simulator.signal.variance import aperture_noise_pixels
 from simulator.signal.wings import spot, wing
 from simulator.target.sources import Source
 
 FloatArray = NDArray[np.float64]
-# Mean light of a wavefront error of 1 nm rms at 662 nm that falls as f^-2.5, relative to the peak, times u^2.5 with u
-# in lambda/D: at most 1.7 times too large in the dark holes of the visible bands (60 screens each).
-_DRIFT_AT_1_NM = 2.4e-5
 # Light in a pixel or an aperture over that of the wing map at least, on it and beyond it (at most: `wings`).
 _LEAST, _LEAST_BEYOND = 0.02, 0.0
 _MOST_SPOTS = 12
+_FAR_POINTS = 16
 _NEAR_STEPS = 4.0  # of the wing map, beyond which the light of a source is even over a few pixels
 
 
@@ -159,18 +159,6 @@ class Sketch:
     surroundings: Surroundings
 
 
-def drift_halo(
-    metrics: PsfMetrics, separation_arcsec: FloatArray, rms_nm: float, slope: float, wavelength_nm: float
-) -> FloatArray:
-    """Mean light that a wavefront error scatters, relative to the peak of a source; at most 1.
-
-    ``2.4e-5 (rms / nm)^2 (662 nm / lambda)^2 u^-slope`` with u the separation in lambda/D, at least 1: the power
-    spectrum of the screens seen through the telescope, its scale measured in the dark holes of the visible bands.
-    """
-    u = np.maximum(separation_arcsec / metrics.lambda_d_arcsec, 1.0)
-    return np.minimum(_DRIFT_AT_1_NM * (rms_nm * 662.0 / wavelength_nm) ** 2 * u**-slope, 1.0)
-
-
 def sketch_of(
     instrument: Instrument,
     band: str,
@@ -184,7 +172,7 @@ def sketch_of(
     stray_e_s: float,
     drift_nm: float,
 ) -> Sketch:
-    """Light of a scene.
+    """Return the light of a scene.
 
     Parameters
     ----------
@@ -205,7 +193,7 @@ def sketch_of(
         Rms of the wavefront at the end of the visit.
     """
     n, pixel = len(metrics.raw_contrast), metrics.pixel_scale_arcsec
-    offset = centred_axis(n, pixel)
+    offset, half = centred_axis(n, pixel), n // 2 * pixel
     open_part = pixel_axis(offset, pixel, 1, metrics.mask_half_width_arcsec).open_fraction
     open_map = np.outer(open_part, open_part)
     radius = np.hypot(offset[:, None], offset)
@@ -220,58 +208,16 @@ def sketch_of(
     sky = float(sky_pixel_e_s(metrics, sky_e_s_arcsec2)) + stray_e_s
     places = [(s.x_arcsec + star_offset_arcsec[0], s.y_arcsec + star_offset_arcsec[1]) for s in sources]
     chosen = [i for i, source in enumerate(sources) if source.kind == "planet" and source.name in measured]
-    apertures = {i: _aperture(metrics, n, *places[i]) for i in chosen}
-    frame, half = frame_reach(instrument, band, pixel), n // 2 * pixel
-    window = frame if full else (half, half)
-    lights, total, least, most = [], *[star_map + sky * open_map] * 3
-    brightest = sorted(range(1, len(sources)), key=lambda i: -sources[i].rate_e_s)[:_MOST_SPOTS]
-    close = half + _NEAR_STEPS * metrics.wing_map_step_arcsec
-    near = {i for i in brightest if max(map(abs, places[i])) <= close}
-    far = [i for i in range(1, len(sources)) if i not in near]
-    x_far, y_far = np.array([places[i] for i in far]).reshape(-1, 2).T
-    outer = FarLights.of(metrics, np.array([sources[i].rate_e_s for i in far]), x_far, y_far, half, open_map)
-    total, least, most = (
-        part + factor * outer.total_e_s for part, factor in ((total, 1.0), (least, _LEAST), (most, MOST))
-    )
-    far_inside = {
-        j: outer.sums_e_s(place, weights)
-        if weights.size
-        else np.array([sources[i].rate_e_s for i in far])
-        * wing(metrics, places[j][0] - x_far, places[j][1] - y_far)
-        * metrics.aperture_pixels
-        for j, (place, weights) in apertures.items()
-    }
-    row_of = {i: row for row, i in enumerate(far)}
-    for i, source in enumerate(sources[1:], start=1):
-        x, y = places[i]
+    apertures = [_Aperture.of(metrics, n, *places[i]) for i in chosen]
+    frame = frame_reach(instrument, band, pixel)
+    peaks, inside, others, others_most = _other_lights(metrics, sources[1:], places[1:], apertures, offset, open_map)
+    window, lights = frame if full else (half, half), []
+    for source, (x, y), peak, light in zip(sources[1:], places[1:], peaks, inside, strict=True):
         away = math.hypot(max(abs(x) - window[0], 0.0), max(abs(y) - window[1], 0.0))
-        if i in near:
-            light = source.rate_e_s * spot(metrics, offset, x, y) * open_map
-            beside = np.hypot(offset - x, (offset - y)[:, None]) > 2.0 * metrics.wing_map_step_arcsec
-            peak = max(float(light.max()), MOST * float(light[beside].max(initial=0.0)))
-            total, least = total + light, least + _LEAST * light
-            most = most + np.minimum(MOST * light, source.rate_e_s * metrics.peak_off_axis * open_map)
-            inside = np.array(
-                [
-                    float((weights * light[place]).sum())
-                    if weights.size
-                    else source.rate_e_s
-                    * float(wing(metrics, places[j][0] - x, places[j][1] - y))
-                    * metrics.aperture_pixels
-                    for j, (place, weights) in apertures.items()
-                ]
-            )
-        else:
-            peak = float(outer.peak_e_s[row_of[i]])
-            inside = np.array([sums[row_of[i]] for sums in far_inside.values()])
-        stamp_peak = peak
-        if away == 0 and full:
-            peak = max(peak, source.rate_e_s * metrics.peak_off_axis)
-        off_map = max(abs(x), abs(y)) - half > len(metrics.wing_map) // 2 * metrics.wing_map_step_arcsec
-        high, low = (MOST_BEYOND, _LEAST_BEYOND) if off_map else (MOST, _LEAST)
-        lights.append(
-            SourceLight(source.name, source.kind, peak, stamp_peak, source.rate_e_s, away, high * inside, low * inside)
-        )
+        seen = max(peak, source.rate_e_s * metrics.peak_off_axis) if away == 0 and full else peak
+        high, low = (MOST_BEYOND, _LEAST_BEYOND) if _off_map(metrics, x, y, half) else (MOST, _LEAST)
+        figures = float(seen), float(peak), source.rate_e_s, away
+        lights.append(SourceLight(source.name, source.kind, *figures, high * light, low * light))
     rates, x_all = (np.array(values) for values in ([s.rate_e_s for s in sources], [place[0] for place in places]))
 
     def columns_e_s(x: float, own: int) -> float:
@@ -283,22 +229,21 @@ def sketch_of(
         return light + sky * 2.0 * frame[1] / pixel * metrics.aperture_pixels
 
     planets = []
-    for index, i in enumerate(chosen):
-        (x, y), (place, weights) = places[i], apertures[i]
+    for index, (i, aperture) in enumerate(zip(chosen, apertures, strict=True)):
+        (x, y), place, weights = places[i], aperture.place, aperture.weights
         core = float(metrics.core_throughput(x, y))
-        own = i - 1
-        behind = star.rate_e_s * float(wing(metrics, x - places[0][0], y - places[0][1])) * metrics.aperture_pixels
+        elsewhere = [light for j, light in enumerate(lights) if j != i - 1]
         planets.append(
             PlanetPlace(
                 name=sources[i].name,
                 x_arcsec=x,
                 y_arcsec=y,
                 signal_e_s=sources[i].rate_e_s * core,
-                peak_e_s=min(sources[i].rate_e_s * metrics.peak_off_axis, lights[own].peak_e_s),
+                peak_e_s=min(sources[i].rate_e_s * metrics.peak_off_axis, lights[i - 1].peak_e_s),
                 core=min(core / metrics.core_open, 1.0) if metrics.core_open > 0 else 1.0,
-                halo_e_s=float((weights * star_map[place]).sum()) if weights.size else behind,
-                other_e_s=sum(float(light.least_e_s[index]) for j, light in enumerate(lights) if j != own),
-                other_most_e_s=sum(float(light.aperture_e_s[index]) for j, light in enumerate(lights) if j != own),
+                halo_e_s=aperture.light_e_s(metrics, star_map, star.rate_e_s, *places[0]),
+                other_e_s=sum(float(light.least_e_s[index]) for light in elsewhere),
+                other_most_e_s=sum(float(light.aperture_e_s[index]) for light in elsewhere),
                 sky_e_s=sky * (float((weights * open_map[place]).sum()) if weights.size else metrics.aperture_pixels),
                 scattered_e_s=float((weights * scattered[place]).sum()),
                 column_e_s=columns_e_s(x, i),
@@ -317,12 +262,14 @@ def sketch_of(
         sky_e_s=sky,
     )
     outside, columns, crossing = beyond(metrics, star.rate_e_s, half, frame, sky, stars)
+    even = star_map + sky * open_map
+    total = even + others
     return Sketch(
         star_e_s=star_map,
         scattered_e_s=scattered,
         total_e_s=total,
-        least_e_s=least,
-        most_e_s=most,
+        least_e_s=even + _LEAST * others,
+        most_e_s=even + others_most,
         outside_e_s=outside if full else np.zeros(0),
         column_e_s=float(total.sum(axis=0).max()) + columns,
         beyond_peaks_e_s=(0.0, 0.0) if full else crossing,
@@ -336,13 +283,79 @@ def sketch_of(
     )
 
 
-def _aperture(metrics: PsfMetrics, n: int, x: float, y: float) -> tuple[tuple[slice, slice], FloatArray]:
-    """Part of the stamp under an aperture and the weights there; nothing where it reaches beyond the stamp."""
-    column, row = (part / metrics.pixel_scale_arcsec + n // 2 for part in (x, y))
-    middle = round(row), round(column)
-    radius = metrics.aperture_radius_arcsec / metrics.pixel_scale_arcsec
-    half = math.ceil(radius + 0.5)
-    if min(middle) < half or max(middle) >= n - half:
-        return (slice(0, 0), slice(0, 0)), np.zeros((0, 0))
-    weights = overlap_weights(radius, row - middle[0], column - middle[1])
-    return (slice(middle[0] - half, middle[0] + half + 1), slice(middle[1] - half, middle[1] + half + 1)), weights
+class _Aperture(NamedTuple):
+    """Aperture of a measured planet: its place, the part of the stamp under it and the weights there, none off it."""
+
+    x_arcsec: float
+    y_arcsec: float
+    place: tuple[slice, slice]
+    weights: FloatArray
+
+    @classmethod
+    def of(cls, metrics: PsfMetrics, n: int, x: float, y: float) -> _Aperture:
+        column, row = (part / metrics.pixel_scale_arcsec + n // 2 for part in (x, y))
+        middle = round(row), round(column)
+        radius = metrics.aperture_radius_arcsec / metrics.pixel_scale_arcsec
+        half = math.ceil(radius + 0.5)
+        if min(middle) < half or max(middle) >= n - half:
+            return cls(x, y, (slice(0, 0), slice(0, 0)), np.zeros((0, 0)))
+        rows, columns = (slice(part - half, part + half + 1) for part in middle)
+        return cls(x, y, (rows, columns), overlap_weights(radius, row - middle[0], column - middle[1]))
+
+    def light_e_s(self, metrics: PsfMetrics, image: FloatArray, rate_e_s: float, x: float, y: float) -> float:
+        """Light of a source at (x, y) with this image on the stamp; off the stamp that of its wings."""
+        if self.weights.size:
+            return float((self.weights * image[self.place]).sum())
+        return rate_e_s * float(wing(metrics, self.x_arcsec - x, self.y_arcsec - y)) * metrics.aperture_pixels
+
+
+def _other_lights(
+    metrics: PsfMetrics,
+    sources: Sequence[Source],
+    places: Sequence[tuple[float, float]],
+    apertures: Sequence[_Aperture],
+    offset: FloatArray,
+    open_map: FloatArray,
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Light of sources off the axis: brightest pixels (s,), light in apertures (s, k), the sum on the stamp, at most.
+
+    The brightest sources near the stamp have an image each; light of the others is even over cells as wide as those of
+    the wing map.
+    """
+    half, n = len(offset) // 2 * metrics.pixel_scale_arcsec, len(offset)
+    rates, (x, y) = np.array([source.rate_e_s for source in sources]), np.array(places).reshape(-1, 2).T
+    close = half + _NEAR_STEPS * metrics.wing_map_step_arcsec
+    brightest = np.argsort(-rates, kind="stable")[:_MOST_SPOTS]
+    near = sorted(int(i) for i in brightest if max(abs(x[i]), abs(y[i])) <= close)
+    far = np.setdiff1d(np.arange(len(sources)), near).astype(np.intp)
+    along, cell = np.linspace(-half, half, _FAR_POINTS), np.rint(np.linspace(0, _FAR_POINTS - 1, n)).astype(np.intp)
+    cells = wing(metrics, along - x[far, None, None], along[:, None] - y[far, None, None]) * rates[far, None, None]
+    peaks, inside = np.zeros(len(sources)), np.zeros((len(sources), len(apertures)))
+    peaks[far] = cells.max(axis=(1, 2), initial=0.0) * np.where(
+        _off_map(metrics, x[far], y[far], half), MOST_BEYOND, MOST
+    )
+    for j, aperture in enumerate(apertures):
+        if aperture.weights.size:
+            rows, columns = (cell[part] for part in aperture.place)
+            shares = np.zeros((_FAR_POINTS, _FAR_POINTS))
+            np.add.at(shares, (rows[:, None], columns), aperture.weights * open_map[aperture.place])
+            inside[far, j] = np.tensordot(cells, shares, axes=2)
+        else:
+            wings = wing(metrics, aperture.x_arcsec - x[far], aperture.y_arcsec - y[far])
+            inside[far, j] = rates[far] * wings * metrics.aperture_pixels
+    total = cells.sum(axis=0)[np.ix_(cell, cell)] * open_map
+    most = MOST * total
+    for i in near:
+        light = rates[i] * spot(metrics, offset, x[i], y[i]) * open_map
+        beside = np.hypot(offset - x[i], (offset - y[i])[:, None]) > 2.0 * metrics.wing_map_step_arcsec
+        peaks[i] = max(float(light.max()), MOST * float(light[beside].max(initial=0.0)))
+        total = total + light
+        most = most + np.minimum(MOST * light, rates[i] * metrics.peak_off_axis * open_map)
+        inside[i] = [aperture.light_e_s(metrics, light, rates[i], x[i], y[i]) for aperture in apertures]
+    return peaks, inside, total, most
+
+
+def _off_map(metrics: PsfMetrics, x: FloatArray | float, y: FloatArray | float, half: float) -> NDArray[np.bool_]:
+    """Whether a source is so far from the stamp that the wing map does not reach it."""
+    reach = len(metrics.wing_map) // 2 * metrics.wing_map_step_arcsec
+    return np.asarray(np.maximum(np.abs(x), np.abs(y)) - half > reach)

@@ -26,7 +26,8 @@ from simulator.config.optics import Drift
 from simulator.imaging.metrics import PsfMetrics
 from simulator.knobs import Quantity
 from simulator.ledger.case import CameraCase, largest_speckles
-from simulator.ledger.light import PlanetPlace, SourceLight, drift_halo
+from simulator.ledger.light import PlanetPlace, SourceLight
+from simulator.signal.speckles import drift_halo
 
 FloatArray = NDArray[np.float64]
 Sizes = dict[Quantity, float]
@@ -174,7 +175,14 @@ class OpticsCase:
         return case.mean_change(self._padded(change))
 
     def source(self, source: SourceLight, *, measured: bool) -> Sizes:
-        """Of a source left out."""
+        """Return the size of a source left out.
+
+        Parameters
+        ----------
+        source : SourceLight
+        measured : bool
+            Whether it is one of the planets that are measured.
+        """
         case = self.camera
         pixel = case.mean_change(source.peak_e_s * case.exposure_s)
         if measured:
@@ -182,7 +190,13 @@ class OpticsCase:
         return {"planet_flux": 0.0, "snr": case.snr_added(self._white(source.aperture_e_s)), "pixel_map": pixel}
 
     def spread_light(self, pixel_e_s: float, aperture_e_s: float) -> Sizes:
-        """Of light spread over many pixels."""
+        """Return the size of light spread over many pixels.
+
+        Parameters
+        ----------
+        pixel_e_s, aperture_e_s : float
+            On a pixel and in an aperture.
+        """
         case = self.camera
         added = self._white(np.full(len(case.variances), aperture_e_s))
         return {
@@ -243,7 +257,15 @@ SINGLE_NOISE, SINGLE_RELATIVE = 3e-17, 6e-7
 
 
 def gauss_remainder(n_nodes: int, phase: FloatArray | float) -> FloatArray:
-    """Largest error of a Gauss-Legendre mean of a wave of half-range ``phase`` (rad), at most 1.7."""
+    """Return the largest error of a Gauss-Legendre mean of a wave, at most 1.7 of its amplitude.
+
+    Parameters
+    ----------
+    n_nodes : int
+        Of the rule.
+    phase : ndarray or float
+        Half-range of the wave, rad.
+    """
     n = int(n_nodes)
     log = 2 * n * math.log(2.0) + 4 * math.lgamma(n + 1) - math.log(2 * n + 1) - 3 * math.lgamma(2 * n + 1)
     with np.errstate(divide="ignore"):
@@ -268,7 +290,15 @@ class Optics:
     jitter_arcsec: float
 
     def wavelength_error(self, n_nodes: int, separation_arcsec: FloatArray | float) -> FloatArray:
-        """Relative error of the light of a source at a distance from it, with so many wavelengths."""
+        """Return the relative error of the light of a source at a distance from it.
+
+        Parameters
+        ----------
+        n_nodes : int
+            Wavelengths of the band.
+        separation_arcsec : ndarray or float
+            From the source.
+        """
         slower = 1.0 - _SLOWER * math.exp(-_FADING * (n_nodes - 1))
         u = np.asarray(separation_arcsec, dtype=np.float64) / self.lambda_d_arcsec
         return gauss_remainder(n_nodes, slower * math.pi * self.relative_width * u)
@@ -288,11 +318,27 @@ class Optics:
         return 2.0 * float(gauss_remainder(n_nodes, math.pi * self.pixel_arcsec / self.lambda_d_arcsec * wider))
 
     def wavelength_halo_error(self, n_nodes: int, separation_arcsec: float, inside: bool) -> float:
-        """Error of the starlight in an aperture in or beyond the dark hole, relative to the light around it."""
+        """Return the error of the starlight in an aperture, relative to the light around it.
+
+        Parameters
+        ----------
+        n_nodes : int
+            Wavelengths of the band.
+        separation_arcsec : float
+            Of the aperture from the star.
+        inside : bool
+            Whether it lies in the dark hole.
+        """
         return _HALO_WAVES[not inside] * self._fast_waves(n_nodes, separation_arcsec)
 
     def wavelength_speckle_error(self, n_nodes: int, separation_arcsec: float, inside: bool) -> float:
-        """Relative error of the rms of aperture sums that a drifting wavefront leaves in or beyond the dark hole."""
+        """Return the relative error of the rms of aperture sums that a drifting wavefront leaves.
+
+        Parameters
+        ----------
+        n_nodes, separation_arcsec, inside
+            As of `wavelength_halo_error`.
+        """
         factor = _SPECKLE_WAVES.get(n_nodes, _SPECKLE_MORE_WAVES)[not inside]
         return factor * self._fast_waves(n_nodes, separation_arcsec)
 
@@ -300,7 +346,15 @@ class Optics:
         return float(self.wavelength_error(n_nodes, max(separation_arcsec, _LEAST_WAVES * self.lambda_d_arcsec)))
 
     def pixel_halo_error(self, n_nodes: int, inside: bool) -> float:
-        """Error of the starlight in an aperture in or beyond the dark hole, relative to the light around it."""
+        """Return the error of the starlight in an aperture, relative to the light around it.
+
+        Parameters
+        ----------
+        n_nodes : int
+            A pixel and axis.
+        inside : bool
+            Whether the aperture lies in the dark hole.
+        """
         factor = _HALO_PIXEL[n_nodes][not inside] if n_nodes in _HALO_PIXEL else _MOST_HALO_PIXEL
         return factor * self.pixel_error(n_nodes)
 
@@ -310,7 +364,15 @@ class Optics:
 
 
 def precision_error_e_s(light_e_s: FloatArray | float, peak_e_s: float) -> FloatArray:
-    """Error of starlight by fields in single precision: noise of the field beats with the light that is there."""
+    """Return the error of starlight by fields in single precision, whose noise beats with the light that is there.
+
+    Parameters
+    ----------
+    light_e_s : ndarray or float
+        That is there, e-/s.
+    peak_e_s : float
+        Of the unmasked star.
+    """
     light = np.asarray(light_e_s, dtype=np.float64)
     noise = SINGLE_NOISE * peak_e_s
     return 2.0 * np.sqrt(light * noise) + noise + SINGLE_RELATIVE * light

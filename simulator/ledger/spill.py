@@ -56,13 +56,25 @@ class Spill:
         return case.most_e[: side * side].reshape(side, side) + case.noise.dark_e + case.noise.clock_e
 
     def blooms_into(self, rows: slice, columns: slice) -> bool:
-        """Whether charge flows along the columns into a part of the stamp, or is too much there."""
+        """Return whether charge flows along the columns into a part of the stamp, or is too much there.
+
+        Parameters
+        ----------
+        rows, columns : slice
+            The part of the stamp.
+        """
         if not np.isfinite(self._pixel):
             return False
         return self._over(rows, columns, self._pixel, 1.0) or bool(self._blooming_columns(rows)[columns].any())
 
     def trails_into(self, rows: slice, columns: slice) -> bool:
-        """Whether charge of the register flows along the rows into a part of the stamp, or is too much there."""
+        """Return whether charge of the register flows along the rows into a part of the stamp, or is too much there.
+
+        Parameters
+        ----------
+        rows, columns : slice
+            The part of the stamp.
+        """
         if not np.isfinite(self._register):
             return False
         if self._over(rows, columns, self._register, self._factor2):

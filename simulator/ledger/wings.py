@@ -17,7 +17,6 @@ FloatArray = NDArray[np.float64]
 MOST, MOST_BEYOND = 5.0, 20.0
 """Light in a pixel or an aperture over that of the wing map, at most, on it and beyond it: 4.6 out to 4 arcsec in the
 four visible bands, where one pixel in a hundred has more than 3.8."""
-_FAR_POINTS = 16
 # Light that a core leaves in one row or column, in peak pixels, and how far from its middle.
 _CORE_PEAKS, _CORE_REACH_LD = 8.0, 3.0
 # Means over the boxes of the wing map, over single rows and columns of them.
@@ -25,54 +24,16 @@ _LANE = 2.0
 _BRIGHTEST = 12
 
 
-@dataclass(frozen=True, eq=False)
-class FarLights:
-    """Light of sources far away on the stamp, even over cells as wide as those of the wing map.
-
-    Attributes
-    ----------
-    cells_e_s : ndarray, shape (s, 16, 16)
-        Per pixel.
-    peak_e_s : ndarray, shape (s,)
-        Brightest pixel.
-    open_map : ndarray, shape (n, n)
-        Open part of every pixel.
-    """
-
-    cells_e_s: FloatArray
-    peak_e_s: FloatArray
-    open_map: FloatArray
-
-    @classmethod
-    def of(
-        cls, metrics: PsfMetrics, rates_e_s: FloatArray, x: FloatArray, y: FloatArray, half: float, open_map: FloatArray
-    ) -> FarLights:
-        """Light of sources at places (s,)."""
-        along = np.linspace(-half, half, _FAR_POINTS)
-        cells = wing(metrics, along - x[:, None, None], along[:, None] - y[:, None, None]) * rates_e_s[:, None, None]
-        reach = len(metrics.wing_map) // 2 * metrics.wing_map_step_arcsec
-        off_map = np.maximum(np.abs(x), np.abs(y)) - half > reach
-        return cls(cells, cells.max(axis=(1, 2), initial=0.0) * np.where(off_map, MOST_BEYOND, MOST), open_map)
-
-    @property
-    def total_e_s(self) -> FloatArray:
-        """Of all sources on the pixels."""
-        return np.asarray(self.cells_e_s.sum(axis=0)[np.ix_(self._cell, self._cell)] * self.open_map)
-
-    def sums_e_s(self, place: tuple[slice, slice], weights: FloatArray) -> FloatArray:
-        """Weighted sum over some pixels, of each source."""
-        rows, columns = (self._cell[part] for part in place)
-        shares = np.zeros(self.cells_e_s.shape[1:])
-        np.add.at(shares, (rows[:, None], columns), weights * self.open_map[place])
-        return np.asarray(np.tensordot(self.cells_e_s, shares, axes=2))
-
-    @property
-    def _cell(self) -> NDArray[np.intp]:
-        return np.rint(np.linspace(0, _FAR_POINTS - 1, len(self.open_map))).astype(np.intp)
-
-
 def frame_reach(instrument: Instrument, band: str, pixel: float) -> tuple[float, float]:
-    """Half sides of the frame, x and y."""
+    """Return the half sides of the frame, x and y, in arcsec.
+
+    Parameters
+    ----------
+    instrument : Instrument
+    band : str
+    pixel : float
+        Scale, arcsec.
+    """
     detector = instrument.detector_of(band)
     x, y = (
         max(star, size - 1 - star)
@@ -89,10 +50,24 @@ def beyond(
     sky_e_s: float,
     stars: Sequence[tuple[float, float, float]],
 ) -> tuple[FloatArray, float, tuple[float, float]]:
-    """Pixels of the frame beyond the stamp: levels, largest sum over a column, brightest in its columns and rows.
+    """Return levels of pixels beyond the stamp, their largest sum over a column, the brightest in its columns and rows.
 
-    ``stars`` are place and rate of the others. A core holds the light of eight of its peak
-    pixels in one column, the arm of a star beside the column some ten pixels of its wing.
+    A core holds the light of eight of its peak pixels in one column, the arm of a star beside the column some ten
+    pixels of its wing.
+
+    Parameters
+    ----------
+    metrics : PsfMetrics
+    rate_e_s : float
+        Of the central star.
+    half : float
+        Half side of the stamp, arcsec.
+    frame : tuple of float
+        Half sides of the frame, arcsec.
+    sky_e_s : float
+        On an open pixel.
+    stars : sequence of tuple of float
+        Place x and y, arcsec, and rate of the others.
     """
     step, pixel = metrics.wing_map_step_arcsec, metrics.pixel_scale_arcsec
     last = len(metrics.wing_map) // 2

@@ -103,7 +103,14 @@ def companion_column(
 
 
 def lit_rows(metrics: PsfMetrics, rows: slice) -> float:
-    """Return the number of active rows that the arm of the mask leaves open to the sky."""
+    """Return the number of active rows that the arm of the mask leaves open to the sky.
+
+    Parameters
+    ----------
+    metrics : PsfMetrics
+    rows : slice
+        Active rows of the frame.
+    """
     return rows.stop - rows.start - 2.0 * metrics.mask_half_width_arcsec / metrics.pixel_scale_arcsec
 
 

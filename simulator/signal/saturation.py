@@ -69,7 +69,15 @@ def crest_e(mean_e: ArrayLike, factor2: float, n_sigma: float = N_SIGMA) -> Floa
 
 
 def largest_mean_e(level_e: float, factor2: float) -> float:
-    """Return the mean whose `crest_e` is ``level_e``: 0 for a level below 0, infinite for an infinite one."""
+    """Return the mean whose `crest_e` is ``level_e``: 0 for a level below 0, infinite for an infinite one.
+
+    Parameters
+    ----------
+    level_e : float
+        Electrons that must not be passed.
+    factor2 : float
+        Variance over mean, as of `crest_e`.
+    """
     half = N_SIGMA * math.sqrt(factor2) / 2.0
     return (math.sqrt(half * half + max(level_e, 0.0)) - half) ** 2 if math.isfinite(level_e) else math.inf
 
@@ -210,7 +218,15 @@ def frame_limit(
     em_gain: float,
     camera: Wells,
 ) -> Reason:
-    """Return the limit that a frame breaks furthest, `Reason.NONE` if none; parameters as of `longest_exposure_s`."""
+    """Return the limit that a frame breaks furthest, `Reason.NONE` if none.
+
+    Parameters
+    ----------
+    peak_columns_e_s, peak_hole_e_s, tail_e_s, em_gain, camera
+        As of `longest_exposure_s`.
+    exposure_s : float
+        Of the frame.
+    """
     column = max(peak_columns_e_s, peak_hole_e_s) if camera.blooms else peak_hole_e_s
     output = em_gain * float(crest_e(peak_hole_e_s * exposure_s, 2.0))
     tail = em_gain * float(crest_e(tail_e_s * exposure_s, 2.0)) if camera.blooms else 0.0

@@ -62,7 +62,15 @@ class FrameTerm(NamedTuple):
     output_e2: FloatArray | float = 0.0
 
     def variance_e2(self, exposure_s: ArrayLike, factor2: ArrayLike, em_gain: ArrayLike) -> FloatArray:
-        """Return `frame_variance_e2` of an exposure; arguments as there."""
+        """Return the variance of an exposure, referred to the register input, e-^2.
+
+        Parameters
+        ----------
+        exposure_s : array_like
+            Of the frame.
+        factor2, em_gain : array_like
+            As of `frame_variance_e2`.
+        """
         charge = self.rate_e_s * np.asarray(exposure_s, float) + self.charge_e
         return frame_variance_e2(charge, factor2, self.output_e2, em_gain)
 

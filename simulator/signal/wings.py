@@ -34,12 +34,28 @@ def wing(metrics: PsfMetrics, x: FloatArray | float, y: FloatArray | float) -> F
 
 
 def spot(metrics: PsfMetrics, offset: FloatArray, x: float, y: float) -> FloatArray:
-    """Return the light of a unit source at (x, y) on a stamp without a mask, whose pixels lie at these offsets."""
+    """Return the light per pixel of a unit source on a stamp without a mask, shape (n, n).
+
+    Parameters
+    ----------
+    metrics : PsfMetrics
+    offset : ndarray, shape (n,)
+        Of the pixels of the stamp along an axis, arcsec.
+    x, y : float
+        Place of the source, arcsec.
+    """
     return wing(metrics, (offset - x)[None, :], (offset - y)[:, None])
 
 
 def aperture_wing(metrics: PsfMetrics, x: ArrayLike, y: ArrayLike) -> FloatArray:
-    """Return the smooth light of wings in a whole aperture at an offset of (x, y) arcsec from their source."""
+    """Return the smooth light of a source's wings in whole apertures.
+
+    Parameters
+    ----------
+    metrics : PsfMetrics
+    x, y : array_like
+        Offsets of the apertures from the source, arcsec; broadcast.
+    """
     return metrics.wing_at(x, y) * metrics.aperture_pixels
 
 

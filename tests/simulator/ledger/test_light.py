@@ -9,8 +9,9 @@ from simulator import load_instrument, observe
 from simulator.imaging.drift import screen_model
 from simulator.imaging.psf import single_band_psf
 from simulator.imaging.store import psf_metrics
-from simulator.ledger.light import drift_halo, sketch_of
+from simulator.ledger.light import sketch_of
 from simulator.rng import stream
+from simulator.signal.speckles import drift_halo
 from simulator.target.sources import scene_sources
 
 

@@ -11,8 +11,7 @@ from astropy.table import Table
 from catalogs.catalogue import open_catalogue
 from catalogs.errors import InputError
 from catalogs.info import snapshot_vintage
-from catalogs.refresh import refresh
-from catalogs.refreshed import data_dir, ecsv_text, file_name, parse_refreshed, stored_tables
+from catalogs.refresh import data_dir, ecsv_text, file_name, parse_refreshed, refresh, stored_tables
 from catalogs.simbad import Cuts, TapService, queries
 from catalogs.star_columns import COLUMNS
 from catalogs.stars import load_stars
