@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from cpic_planner.report.numbers import decimals, significant
+from simulator.detectors.chains import noise_terms
 
 __all__ = [
     "LIMITS",
@@ -25,17 +26,13 @@ TERMS: dict[str, str] = {
     "companion": "companion's light",
     "sky": "sky and zodiacal light",
     "exozodi": "dust around the star",
-    "dark": "dark current",
     "smear": "smear of the frame transfer",
-    "cic": "clock-induced charge",
-    "read_noise": "read noise",
-    "rounding": "rounding to whole ADU",
     "counting": "counted photons and false counts",
     "reference": "all noise of the reference frames",
     "background_mean": "error of the mean background",
     "speckle": "speckles that the subtraction leaves",
     "companion_wings": "companion's light that the subtraction leaves",
-}
+} | {term: effect.term_label or effect.label for term, effect in noise_terms().items()}
 
 #: Limits of exposure and gain: in one or two words, and in a sentence after "is held by".
 LIMITS: dict[str, tuple[str, str]] = {
