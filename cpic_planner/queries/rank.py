@@ -7,7 +7,6 @@ from typing import ClassVar
 from pydantic import model_validator
 
 from catalogs.errors import InputError
-from cpic_planner.models import ScoreName
 from cpic_planner.population_config import PopulationConfig, load_population
 from cpic_planner.queries.base import called
 from cpic_planner.queries.fields import asked
@@ -20,8 +19,8 @@ from cpic_planner.queries.shared import (
     Seed,
 )
 from cpic_planner.queries.strategy import Strategy
+from cpic_planner.registry.scores import DEFAULT_SCORE, ScoreName
 
-DEFAULT_SCORE: ScoreName = "completeness_per_hour"
 N_PLANETS = 4000
 """Planets that a ranking draws."""
 MAX_PLANETS = 1_000_000
