@@ -150,10 +150,7 @@ class Library:
         return ()
 
     def noise(
-        self,
-        settings: LibrarySettings,
-        star_e_s: FloatArray,
-        rate_e_s: Callable[[StarSettings], FloatArray],
+        self, settings: LibrarySettings, star_e_s: FloatArray, rate_e_s: Callable[[StarSettings], FloatArray]
     ) -> LibraryNoise:
         """Return the noise of the reference frames in the exposure-time calculator.
 
@@ -202,10 +199,7 @@ class OtherStar(Library):
         return (0.0,)
 
     def noise(
-        self,
-        settings: LibrarySettings,
-        star_e_s: FloatArray,
-        rate_e_s: Callable[[StarSettings], FloatArray],
+        self, settings: LibrarySettings, star_e_s: FloatArray, rate_e_s: Callable[[StarSettings], FloatArray]
     ) -> LibraryNoise:
         """Return the noise scaled by the ratio of rates; see `Library.noise`."""
         ratio = rate_e_s(_star_of(settings)) / star_e_s
@@ -274,10 +268,7 @@ class Idealised(Library):
     noise_free = True
 
     def noise(
-        self,
-        settings: LibrarySettings,
-        star_e_s: FloatArray,
-        rate_e_s: Callable[[StarSettings], FloatArray],
+        self, settings: LibrarySettings, star_e_s: FloatArray, rate_e_s: Callable[[StarSettings], FloatArray]
     ) -> LibraryNoise:
         """Return no noise at all; see `Library.noise`."""
         none, one = np.zeros(1), np.ones(1)

@@ -10,13 +10,7 @@ from cpic_planner.report import document as doc
 from cpic_planner.report.cells import Cells
 from cpic_planner.report.drawing import Picture
 from cpic_planner.report.modelled import ModelledRow, dial_text, error_text, modelled_groups
-from cpic_planner.report.numbers import (
-    MISSING,
-    contrast_text,
-    count_text,
-    decimals,
-    percent_text,
-)
+from cpic_planner.report.numbers import MISSING, contrast_text, count_text, decimals, percent_text
 from cpic_planner.report.panel_figure import PANEL_NOTE
 from cpic_planner.report.words import DRAWN_AS, STAR_FLUX, plus_minus, reason_text, status_text
 

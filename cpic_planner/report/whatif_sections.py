@@ -16,23 +16,11 @@ from cpic_planner.report.drawing import Picture
 from cpic_planner.report.glossary import method_credits, reading, terms, whatif_terms
 from cpic_planner.report.names import pretty_name
 from cpic_planner.report.numbers import MISSING, count_text, decimals, share_text, significant
-from cpic_planner.report.whatif_blocks import (
-    difference_table,
-    image_table,
-    pairs_of,
-    source_table,
-    strategy_blocks,
-)
+from cpic_planner.report.whatif_blocks import difference_table, image_table, pairs_of, source_table, strategy_blocks
 from cpic_planner.report.whatif_figures import WHATIF_FIGURES
 from cpic_planner.report.whatif_looks import shown_rows
 from cpic_planner.report.whatif_settings import shared_facts, universe_facts
-from cpic_planner.report.whatif_words import (
-    extent_text,
-    hanging_text,
-    interval_text,
-    lead_sentences,
-    planets_text,
-)
+from cpic_planner.report.whatif_words import extent_text, hanging_text, interval_text, lead_sentences, planets_text
 
 _OPEN_CHANGES = 5
 """Strategies whose changes of rank are shown without a click."""
@@ -116,9 +104,7 @@ def _strategies(report: WhatIfReport) -> Iterator[doc.Block]:
         doc.Column("Strategy", described, look="row left described"),
         doc.Column("Planets found", counted("planets"), "new and known"),
         doc.Column(
-            "One survey",
-            lambda item: f"{item.planets.survey_low:.3g} to {item.planets.survey_high:.3g}",
-            "5 to 95 %",
+            "One survey", lambda item: f"{item.planets.survey_low:.3g} to {item.planets.survey_high:.3g}", "5 to 95 %"
         ),
         doc.Column("New planets", counted("new_planets")),
         doc.Column("Known planets", counted("known_planets")),

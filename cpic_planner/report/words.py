@@ -16,13 +16,7 @@ from cpic_planner.report.numbers import MISSING, decimals, significant
 from simulator.detectors.chains import noise_terms
 
 #: Symbol of each status, so that badges do not rely on colour.
-STATUS_SYMBOLS: dict[str, str] = {
-    "ok": "✓",
-    "unreachable": "○",
-    "saturated": "▲",
-    "outside_field": "□",
-    "invalid": "✕",
-}
+STATUS_SYMBOLS: dict[str, str] = {"ok": "✓", "unreachable": "○", "saturated": "▲", "outside_field": "□", "invalid": "✕"}
 
 STATUS_WORDS: dict[str, str] = {
     "ok": "ok",

@@ -28,11 +28,7 @@ def products_of(bands: Iterable[str]) -> list[str]:
 
 
 def write_confirm_report(
-    folder: RunFolder,
-    result: ConfirmResult,
-    model: EtcModel,
-    scene: Scene,
-    bodies: Mapping[str, Mapping[str, Any]],
+    folder: RunFolder, result: ConfirmResult, model: EtcModel, scene: Scene, bodies: Mapping[str, Mapping[str, Any]]
 ) -> None:
     """Write ``measurements.csv``, the images of each band as PNG, and ``report.html``, each whole.
 
