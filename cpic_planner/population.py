@@ -156,13 +156,7 @@ class PopulationChoice:
 
     def record(self) -> PopulationRecord:
         """As written into results."""
-        return PopulationRecord(
-            name=self.config.name,
-            description=self.config.description,
-            n_planets=self.n_planets,
-            seed=self.seed,
-            planets_per_star=self.config.planets_per_star,
-        )
+        return PopulationRecord.of(self, self.config)
 
     def content(self) -> dict[str, object]:
         """For content hashes."""

@@ -54,12 +54,7 @@ def check(
         n_files=len(files),
         n_errors=errors,
         n_warnings=len(found) - errors,
-        findings=[
-            FindingRecord(
-                path=str(item.path), hdu=item.hdu, keyword=item.keyword, message=item.message, severity=item.severity
-            )
-            for item in found
-        ],
+        findings=[FindingRecord.of(item, path=str(item.path)) for item in found],
     )
     if as_json:
         print_json(result)

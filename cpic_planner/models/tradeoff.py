@@ -45,8 +45,8 @@ class TradeoffRow(Row):
 
     scene: str
     point: str
-    title: str
     group: Literal["closed_form", "images", "tier", "tolerance", "knob", "effect"]
+    title: str
     status: StatusText = Field(description="invalid: the way does not apply to this scene, as reason and message say")
     reason: str = ""
     message: str = ""

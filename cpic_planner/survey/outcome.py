@@ -111,31 +111,21 @@ def _leading(survey: Survey, detections: Columns, n: int) -> PlanetShare | None:
 
 def _estimate(values: FloatArray) -> EstimateRecord:
     found, (low, high) = mean_interval(values), spread(values)
-    return EstimateRecord(
-        mean=found.mean,
-        error=found.error,
-        low=max(found.low, min(0.0, found.mean)),
-        high=found.high,
-        survey_low=low,
-        survey_high=high,
-    )
+    return EstimateRecord.of(found, low=max(found.low, min(0.0, found.mean)), survey_low=low, survey_high=high)
 
 
 def _point(x: float, found: Any) -> CurvePoint:
-    return CurvePoint(x=x, mean=found.mean, low=max(found.low, 0.0), high=found.high)
+    return CurvePoint.of(found, x=x, low=max(found.low, 0.0))
 
 
 def _schedule(survey: Survey) -> ScheduleRecord:
     schedule = survey.schedule
     planned = [visit for visit in schedule.visits if not visit.reserve]
-    return ScheduleRecord(
-        method=schedule.method,
+    return ScheduleRecord.of(
+        schedule,
         visits=len(planned),
         reserve_visits=len(schedule.visits) - len(planned),
         hours=sum(visit.cost_h for visit in planned),
-        value=schedule.value,
-        bound=schedule.bound,
-        distance=schedule.distance,
     )
 
 
@@ -262,14 +252,11 @@ def _difference(first: str, second: str, quantity: Any, one: FloatArray, other: 
         verdict = f"{first}: {abs(found.mean):.3g}{unit} {word} than {second}"
     else:
         verdict = f"{first} and {second} do not differ by more than chance"
-    return DifferenceRecord(
+    return DifferenceRecord.of(
+        found,
         first=first,
         second=second,
         quantity=quantity,
-        mean=found.mean,
-        error=found.error,
-        low=found.low,
-        high=found.high,
         correlation=float(np.corrcoef(one, other)[0, 1]) if varies else None,
         verdict=verdict,
     )

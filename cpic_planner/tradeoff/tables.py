@@ -2,42 +2,22 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Iterable, Sequence
 
-from cpic_planner.models import table
+from cpic_planner.models.table import csv_text as table_text
+from cpic_planner.models.table import names_of
 from cpic_planner.models.tradeoff import MachineRecord, TradeoffResult, TradeoffRow
 from cpic_planner.tradeoff.scenes import SCENES
 from simulator.knobs import Quantity
 
-__all__ = ["COLUMNS", "csv_text", "read_csv", "report_text", "tier_table"]
-
+_COUNTED = [name for name in names_of(TradeoffRow) if name != "variance_e2"]
 COLUMNS = (
-    "scene",
-    "point",
-    "group",
-    "title",
-    "status",
-    "reason",
-    "message",
-    "wall_s",
-    "cpu_s",
-    "cold_s",
-    "peak_memory_mb",
-    "repeats",
-    "flux_e",
-    "snr",
-    "flux_error",
-    "flux_uncertainty",
-    "snr_error",
-    "snr_uncertainty",
+    *_COUNTED[: _COUNTED.index("n_frames")],
     "predicted_flux_error",
     "predicted_snr_error",
-    "n_frames",
-    "machine",
-    "version",
+    *_COUNTED[_COUNTED.index("n_frames") :],
 )
+"""Columns of the CSV file: those of `TradeoffRow`, and what the ledger predicts for flux and SNR."""
 _TIERS = ("etc", "quick", "standard", "reference")
 _HEADINGS = {
     "closed_form": "Closed forms",
@@ -53,12 +33,7 @@ def csv_text(result: TradeoffResult) -> str:
     """Return one line for each row, six digits; empty where there is no number."""
     errors: dict[str, Quantity] = {"predicted_flux_error": "planet_flux", "predicted_snr_error": "snr"}
     rows = (dict(row) | {name: row.predicted_error.get(of) for name, of in errors.items()} for row in result.rows)
-    return table.csv_text(COLUMNS, rows, digits=6)
-
-
-def read_csv(text: str) -> list[dict[str, str]]:
-    """Lines of such a file as dicts."""
-    return list(csv.DictReader(io.StringIO(text)))
+    return table_text(COLUMNS, rows, digits=6)
 
 
 def _table(head: Sequence[str], lines: Iterable[Sequence[str]]) -> str:

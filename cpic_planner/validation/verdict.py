@@ -219,18 +219,16 @@ def audit_of(
     """Record of the realisation that ran frame by frame with every effect on."""
     expected = task.predictions[number]
     frames = task.n_frames * (1.0 + task.strategy["reference_ratio"])
-    return AuditRecord(
-        n_frames=task.n_frames,
+    return AuditRecord.of(
+        task,
+        measured,
+        story,
         predicted_snr=expected["snr_full"],
         recovered_snr=measured.snr,
         recovered_significance=measured.significance,
-        contrast=measured.contrast,
-        contrast_error=measured.contrast_error,
         deviation_sigma=(measured.contrast - expected["contrast"]) / measured.contrast_error,
         detected=bool(measured.found and not story.lost_in),
         false_detections=false_detections,
-        hits=story.hits,
-        rejected_fraction=story.rejected_fraction,
         saturated_in_hole=story.lost_in,
         saturated_outside=story.lost_outside / frames,
     )

@@ -1,10 +1,6 @@
 import subprocess
 import sys
 
-import pytest
-
-import cpic_planner.report as report
-
 
 def test_importing_the_package_and_the_terminal_tables_is_light():
     code = (
@@ -16,12 +12,3 @@ def test_importing_the_package_and_the_terminal_tables_is_light():
         "assert not heavy & set(sys.modules), heavy & set(sys.modules)"
     )
     subprocess.run([sys.executable, "-W", "error", "-c", code], check=True)
-
-
-def test_public_names():
-    for name in report.__all__:
-        if name != "write_report":  # needs the imaging model; see test_products
-            assert getattr(report, name).__name__ == name
-    assert dir(report) == sorted(report.__all__)
-    with pytest.raises(AttributeError, match="nothing"):
-        _ = report.nothing

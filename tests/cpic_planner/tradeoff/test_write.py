@@ -1,9 +1,12 @@
+import csv
+import io
+
 import pytest
 
 from catalogs.errors import InputError
 from cpic_planner.tradeoff.figure import LOOKS, SMALLEST, pareto_figure
 from cpic_planner.tradeoff.scenes import SCENES
-from cpic_planner.tradeoff.tables import COLUMNS, read_csv, report_text, tier_table
+from cpic_planner.tradeoff.tables import COLUMNS, report_text, tier_table
 from cpic_planner.tradeoff.write import FILES, products_of, read_result
 from simulator.files import dump_json
 
@@ -79,7 +82,7 @@ def test_files_come_back_as_they_were(result, tmp_path):
     assert read_result(tmp_path) == result
     files = products_of(result, head="measured today")
     assert tuple(files) == FILES
-    lines = read_csv(files["results.csv"].decode())
+    lines = list(csv.DictReader(io.StringIO(files["results.csv"].decode())))
     assert tuple(lines[0]) == COLUMNS
     assert [(line["scene"], line["point"]) for line in lines] == [(row.scene, row.point) for row in result.rows]
     assert float(lines[1]["snr_error"]) == -0.02
