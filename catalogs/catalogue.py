@@ -83,7 +83,7 @@ def data_credits(provenance: str) -> tuple[str, ...]:
 
 
 def _latest() -> Path:
-    from catalogs.refreshed import data_dir, stored_tables
+    from catalogs.refresh import data_dir, stored_tables
 
     found = stored_tables()
     if not found:
@@ -98,7 +98,7 @@ def _from_file(path: str | Path) -> Catalogue:
     file = read_bytes(path)
     digest = f"{file.name} {file.sha256[:_DIGITS]}"
     if file.data.startswith(b"# %ECSV") and _is_refreshed(file.data):
-        from catalogs.refreshed import parse_refreshed
+        from catalogs.refresh import parse_refreshed
 
         table, meta = parse_refreshed(file.data.decode("utf-8", "replace"), file.name)
         whole = int(meta["counts"]["stars"])
@@ -133,7 +133,7 @@ def _elsewhere(service: str) -> str:
 
 
 def _is_refreshed(data: bytes) -> bool:
-    from catalogs.refreshed import FORMAT_KEY
+    from catalogs.refresh import FORMAT_KEY
 
     header = [line for line in data.splitlines() if line.startswith(b"#")]
     return any(line.lstrip(b"# -{").startswith(FORMAT_KEY.encode()) for line in header)

@@ -1,19 +1,36 @@
-"""Refresh the star table from SIMBAD: ask, check, assemble, and compare with the snapshot. Nothing is written here."""
+"""Refresh the star table from SIMBAD: ask, check, assemble, compare with the snapshot; and read what was kept back.
+
+Refreshed tables stand beside the snapshot, not in its place: in ``$CPIC_DATA_DIR``, or the user's data folder
+(platformdirs), one dated ECSV file each. Nothing is written here: whoever does writes the whole text at once.
+"""
 
 from __future__ import annotations
 
+import io
+import json
+import os
+import warnings
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from catalogs.errors import InputError
+from catalogs.info import STAR_CREDITS, snapshot_vintage
 from catalogs.simbad import Cuts, TapService, ask, queries, service_url
 from catalogs.simbad_answer import read_measurements, read_stars
 from catalogs.simbad_rows import Assembled, assemble
-from catalogs.stars import StarTable, load_stars
+from catalogs.star_columns import COLUMNS
+from catalogs.stars import StarTable, load_stars, star_table
 
+FORMAT_KEY = "cpic_star_table"
+_FORMAT_VERSION = 1
+_PREFIX, _SUFFIX = "simbad_", ".ecsv"
+_STAMP = "%Y-%m-%dT%H%M%SZ"
+_LICENCE = "Open Database License (ODbL) 1.0: a database derived from SIMBAD"
 V_CHANGE_MAG = 0.05
 """A V that differs by at least this from the snapshot's counts as changed."""
 PARALLAX_CHANGE = 0.01
@@ -108,7 +125,17 @@ def refresh(
 
 
 def compare(made: Assembled, snapshot: StarTable, cuts: Cuts) -> Changes:
-    """Return what differs from the snapshot's stars within the cuts."""
+    """Return what differs from the snapshot's stars within the cuts.
+
+    Parameters
+    ----------
+    made : Assembled
+        The refreshed table, with the row of the snapshot that each of its rows is.
+    snapshot : StarTable
+        The embedded table.
+    cuts : Cuts
+        What was asked for.
+    """
     names = made.table.column("name").tolist()
     rows = made.snapshot_rows
     old = {name: np.asarray(snapshot.column(name), float) for name in ("v_mag", "parallax_mas")}
@@ -129,3 +156,148 @@ def compare(made: Assembled, snapshot: StarTable, cuts: Cuts) -> Changes:
         same=int(np.sum(~(v_differs | parallax_differs))),
         before=int(inside.sum()),
     )
+
+
+@dataclass(frozen=True)
+class StoredTable:
+    """A refreshed table in the data folder, by its file name."""
+
+    path: Path
+    queried_utc: datetime
+
+
+def data_dir() -> Path:
+    """Folder of the refreshed tables (not created here)."""
+    chosen = os.environ.get("CPIC_DATA_DIR")
+    if chosen:
+        return Path(chosen)
+    from platformdirs import user_data_path
+
+    return user_data_path("cpic-planner", appauthor=False)
+
+
+def file_name(queried_utc: datetime) -> str:
+    """Name of the file of a table queried at that time."""
+    return f"{_PREFIX}{queried_utc:{_STAMP}}{_SUFFIX}"
+
+
+def stored_tables() -> list[StoredTable]:
+    """Refreshed tables in the data folder, newest first; files of other names are not looked at."""
+    found = []
+    for path in data_dir().glob(f"{_PREFIX}*{_SUFFIX}"):
+        try:
+            when = datetime.strptime(path.name, f"{_PREFIX}{_STAMP}{_SUFFIX}").replace(tzinfo=UTC)
+        except ValueError:
+            continue
+        found.append(StoredTable(path, when))
+    return sorted(found, key=lambda item: item.queried_utc, reverse=True)
+
+
+def ecsv_text(made: Refreshed, versions: Mapping[str, str]) -> str:
+    """Return a refreshed table as ECSV 1.0: units and descriptions of every column, and its story in the header.
+
+    Parameters
+    ----------
+    made : Refreshed
+        What to write; numbers are rounded as in the snapshot.
+    versions : mapping of str to str
+        Software that made it.
+    """
+    from astropy.table import Column, MaskedColumn, Table
+
+    table = Table()
+    for column in COLUMNS:
+        values = made.table.column(column.name)
+        described: dict[str, Any] = {"unit": column.unit or None, "description": made.table.descriptions[column.name]}
+        if column.kind == "float":
+            rounded = np.round(np.asarray(values, float), column.decimals)
+            gone = ~np.isfinite(rounded)
+            table[column.name] = (
+                MaskedColumn(rounded, mask=gone, **described) if gone.any() else Column(rounded, **described)
+            )
+        else:
+            table[column.name] = Column(values, **described)
+    changes = asdict(made.changes)
+    table.meta.update(
+        {
+            FORMAT_KEY: _FORMAT_VERSION,
+            "queried_utc": made.queried_utc.isoformat(),
+            "service": made.url,
+            "queries": list(made.queries),
+            "cuts": asdict(made.cuts),
+            "counts": dict(made.counts),
+            "left_out": dict(made.left_out),
+            "snapshot": snapshot_vintage(),
+            "changes_to_snapshot": {
+                name: len(part) if isinstance(part, tuple | dict) else part for name, part in changes.items()
+            },
+            "software": dict(versions),
+            "licence": _LICENCE,
+            "credit": STAR_CREDITS[0],
+        }
+    )
+    text = io.StringIO()
+    table.write(text, format="ascii.ecsv", delimiter=",")
+    return text.getvalue()
+
+
+def parse_refreshed(text: str, name: str) -> tuple[StarTable, dict[str, Any]]:
+    """Read the text of a refreshed table back.
+
+    Parameters
+    ----------
+    text : str
+        ECSV as :func:`ecsv_text` writes it.
+    name : str
+        File name, for messages and as the table's label.
+
+    Returns
+    -------
+    table, meta : StarTable, dict
+
+    Raises
+    ------
+    InputError
+        If it is damaged, of another version, or not a refreshed table.
+    """
+    from astropy.io import ascii as text_tables
+
+    hint = "damaged, or made by another version: make a new one with cpic catalog refresh"
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            table = text_tables.read(text.splitlines(), format="ecsv")
+    except Exception as error:
+        reason = " ".join(str(error).split())[:120]
+        raise InputError(name, "unreadable", allowed="a refreshed star table", hint=f"{hint}; {reason}") from None
+    meta = json.loads(json.dumps(dict(table.meta), default=str))
+    if meta.get(FORMAT_KEY) != _FORMAT_VERSION:
+        raise InputError(f"{name} {FORMAT_KEY}", str(meta.get(FORMAT_KEY)), allowed=str(_FORMAT_VERSION), hint=hint)
+    try:
+        datetime.fromisoformat(meta["queried_utc"])
+        float(meta["cuts"]["parallax_min_mas"])
+        int(meta["counts"]["stars"])
+    except (KeyError, TypeError, ValueError):
+        raise InputError(f"{name} header", "without date, cuts or counts", hint=hint) from None
+    lost = [column.name for column in COLUMNS if column.name not in table.colnames]
+    if lost or len(table) == 0:
+        raise InputError(f"{name} columns", f"without {', '.join(lost)}" if lost else "no rows", hint=hint)
+    values = {}
+    for column in COLUMNS:
+        cells = np.ma.asarray(table[column.name])
+        try:
+            values[column.name] = (
+                np.ma.filled(cells.astype(np.float64), np.nan).tolist()
+                if column.kind == "float"
+                else ["" if cell is None else cell for cell in cells.tolist()]
+            )
+        except (TypeError, ValueError):
+            raise InputError(f"{name} column {column.name}", "not numbers", hint=hint) from None
+    needed = ("v_mag", "distance_pc", "teff_k", "log_g", "metallicity", "luminosity_lsun", "ra_deg", "dec_deg")
+    for what in needed:
+        if not np.all(np.isfinite(values[what])):
+            raise InputError(f"{name} column {what}", "a missing value", allowed="numbers", hint=hint)
+    try:
+        return star_table(values, name), meta
+    except (InputError, TypeError, ValueError) as error:
+        raise InputError(name, "unreadable", hint=f"{hint}; {error}") from None

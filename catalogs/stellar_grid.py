@@ -14,10 +14,31 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catalogs.errors import InputError
-from catalogs.interpolation import bracket
 
 #: Planck constant times speed of light (exact SI values), erg A.
 HC_ERG_ANGSTROM = 6.62607015e-27 * 2.99792458e18
+
+
+def bracket(nodes: np.ndarray, values: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+    """Return the two nodes around each value and their weights.
+
+    Parameters
+    ----------
+    nodes : ndarray, shape (n,)
+        Increasing, at least two.
+    values : array_like, shape (...)
+        Finite; outside the nodes the end is taken.
+
+    Returns
+    -------
+    index : ndarray of int, shape (..., 2)
+    weight : ndarray, shape (..., 2)
+        Non-negative, sum 1.
+    """
+    inside = np.clip(values, nodes[0], nodes[-1])
+    left = np.clip(np.searchsorted(nodes, inside, side="right") - 1, 0, nodes.size - 2)
+    fraction = (inside - nodes[left]) / (nodes[left + 1] - nodes[left])
+    return np.stack([left, left + 1], axis=-1), np.stack([1.0 - fraction, fraction], axis=-1)
 
 
 class GridFlags(NamedTuple):
@@ -30,7 +51,8 @@ class GridFlags(NamedTuple):
     @property
     def any(self) -> np.ndarray:
         """True where at least one of the three is clamped."""
-        return np.asarray(self.teff_k | self.log_g | self.metallicity)
+        result: np.ndarray = self.teff_k | self.log_g | self.metallicity
+        return result
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,10 +113,16 @@ class StellarGrid:
         """
         (teff,) = _finite(("teff_k",), ("K",), teff_k)
         index, weight = bracket(self.teff_k, teff)
-        return np.asarray(np.where(weight > 0.0, self._lowest[index], self.log_g[0]).max(axis=-1))
+        result: np.ndarray = np.where(weight > 0.0, self._lowest[index], self.log_g[0]).max(axis=-1)
+        return result
 
     def flags(self, teff_k: ArrayLike, log_g: ArrayLike, metallicity: ArrayLike) -> GridFlags:
         """Return which values lie outside the grid, arrays of the broadcast shape.
+
+        Parameters
+        ----------
+        teff_k, log_g, metallicity : array_like
+            Temperature (K), gravity (dex of cm/s2) and [M/H] (dex); they broadcast.
 
         Raises
         ------
@@ -113,6 +141,11 @@ class StellarGrid:
 
         Trilinear over log g, [M/H] and Teff; the order of the three steps does not change the weights. A node that
         does not exist has weight 0.
+
+        Parameters
+        ----------
+        teff_k, log_g, metallicity : array_like
+            Temperature (K), gravity (dex of cm/s2) and [M/H] (dex); they broadcast.
 
         Returns
         -------

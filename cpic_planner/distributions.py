@@ -147,7 +147,8 @@ class Normal(_Between):
         sign = -1.0 if low > 0.0 else 1.0
         first, last = float(ndtr(sign * low)), float(ndtr(sign * high))
         z = sign * ndtri(first + share * (last - first))
-        return np.clip(self.mean + self.sd * z, self.low, self.high)
+        result: FloatArray = np.clip(self.mean + self.sd * z, self.low, self.high)
+        return result
 
 
 class Rayleigh(FrozenModel):
@@ -282,7 +283,7 @@ def chosen_entry(share: FloatArray, weights: tuple[float, ...]) -> NDArray[np.in
 def _power_integral(low: float, high: float, index: float) -> float:
     """Integral of ``x^index``."""
     width, power = math.log(high / low), index + 1.0
-    return low**power * (width if power == 0.0 else math.expm1(power * width) / power)
+    return float(low**power * (width if power == 0.0 else math.expm1(power * width) / power))
 
 
 def _power_quantile(share: FloatArray, low: float, high: float, index: float) -> FloatArray:

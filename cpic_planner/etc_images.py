@@ -223,14 +223,14 @@ def _wanted(task: ConfirmTask, dial: Dial, n_apertures: int) -> int:
     wanted = math.ceil((snr_scatter(snr, expected["significance"], n_apertures) / (snr * aim)) ** 2)
     if dial.fidelity == "reference":
         whole = math.floor(MOST_FRAMES / (task.n_frames * (1.0 + task.strategy["reference_ratio"])))
-        return max(FEWEST_BY_FRAMES, min(wanted, whole))
+        return int(max(FEWEST_BY_FRAMES, min(wanted, whole)))
     if dial.fidelity == "custom" and wanted > MOST_FOR_TOLERANCE:
         text = (
             f"it takes {wanted} realisations to know the SNR of images that well, at most {MOST_FOR_TOLERANCE}: "
             "give a larger tolerance, or fidelity standard"
         )
         raise _Refused(Status.INVALID, Reason.TOLERANCE_NOT_MET, text)
-    return max(wanted, FEWEST) if dial.fidelity == "custom" else min(max(wanted, FEWEST), MOST)
+    return int(max(wanted, FEWEST) if dial.fidelity == "custom" else min(max(wanted, FEWEST), MOST))
 
 
 def _light_ratio(model: EtcModel, star: Targets, answer: EtcAnswer, visits: Visits, subject: Subject) -> float:

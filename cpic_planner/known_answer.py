@@ -106,9 +106,10 @@ def known_answer(
 
 def planets_contrast(model: EtcModel, target: Targets, band: str, planets: Planets, albedo: AlbedoSpec) -> FloatArray:
     """Contrast of planets of one star in a band, where they are; one value for each."""
-    return reflected_contrast(
+    result: FloatArray = reflected_contrast(
         model, target.select([0]), band, albedo, planets.radius_rjup, planets.distance_au[None], planets.phase_deg
     )[0]
+    return result
 
 
 def _row(
@@ -161,7 +162,8 @@ def _row(
 def _days(length: float, period: float) -> list[float]:
     """Days from the date on: many in a period, but not without end."""
     step = max(min(length / _STEPS, period / _PER_PERIOD), length / _MOST_STEPS)
-    return np.linspace(0.0, length, math.ceil(length / step) + 1).tolist()
+    result: list[float] = np.linspace(0.0, length, math.ceil(length / step) + 1).tolist()
+    return result
 
 
 def _windows(band: str, mjd: FloatArray, share: FloatArray) -> list[KnownWindow]:

@@ -12,8 +12,7 @@ from typing import Any
 
 import catalogs
 from catalogs.errors import InputError
-from catalogs.refresh import Refreshed, refresh
-from catalogs.refreshed import data_dir, ecsv_text, file_name, parse_refreshed
+from catalogs.refresh import Refreshed, data_dir, ecsv_text, file_name, parse_refreshed, refresh
 from catalogs.simbad import Cuts, RefreshError, TapService
 from cpic_planner.version import DISTRIBUTION, __version__
 from simulator.files import write_text
@@ -90,7 +89,7 @@ def refresh_catalog(
     ----------
     out : str or Path, optional
         File to write, replaced when it is there; by default a dated file in the data folder
-        (`catalogs.refreshed.data_dir`), where ``--catalog latest`` finds it.
+        (`catalogs.refresh.data_dir`), where ``--catalog latest`` finds it.
     service : TapService, optional
         Where and how patiently to ask.
     cuts : Cuts, optional

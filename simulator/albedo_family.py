@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catalogs.errors import InputError
-from catalogs.interpolation import bracket
 from catalogs.spectra import Albedo
+from catalogs.stellar_grid import bracket
 from simulator.quantities import real_array
 
 __all__ = ["AlbedoFamily"]
@@ -49,7 +49,8 @@ class AlbedoFamily:
     def outside(self, insolation_au: ArrayLike) -> np.ndarray:
         """Return True where a distance lies beyond the nodes and the albedo of the end is used."""
         distance = _positive(insolation_au)
-        return (distance < self.insolation_au[0]) | (distance > self.insolation_au[-1])
+        result: np.ndarray = (distance < self.insolation_au[0]) | (distance > self.insolation_au[-1])
+        return result
 
     def at(self, insolation_au: float) -> Albedo:
         """Return the albedo at one insolation distance."""

@@ -139,7 +139,8 @@ class Passbands:
         electrons = np.einsum("...k,...kb->...b", weights, self.node_rates[nodes])
         v_photons = np.einsum("...k,...k->...", weights, self.node_v[nodes])
         scale = area * vega_v_photon_rate() * 10.0 ** (-0.4 * magnitude) / v_photons
-        return scale[..., None] * electrons
+        result: np.ndarray = scale[..., None] * electrons
+        return result
 
     def grid_flags(self, teff_k: ArrayLike, log_g: ArrayLike, metallicity: ArrayLike) -> GridFlags:
         """Return which parameters lie outside the stellar grid and are clamped; ``.any`` joins the three."""
@@ -177,7 +178,8 @@ class Passbands:
         """
         magnitude = _magnitude("mag_arcsec2", mag_arcsec2, "mag/arcsec2")
         area = _area(area_cm2)
-        return area * (10.0 ** (-0.4 * magnitude))[..., None] * self.sun_rates
+        result: np.ndarray = area * (10.0 ** (-0.4 * magnitude))[..., None] * self.sun_rates
+        return result
 
     def band_albedo(
         self,

@@ -46,10 +46,11 @@ def _load(name):
 
 
 def pytest_generate_tests(metafunc):
-    """A test with the fixture ``refusal`` runs for each case of the table of refusals beside it."""
-    if "refusal" in metafunc.fixturenames:
-        cases = list(_load("refusals").refusals(metafunc.definition.path.with_name("refusals.yaml")))
-        metafunc.parametrize("refusal", cases, ids=[f"{case.reader}-{case.given}"[:60] for case in cases])
+    """A test with the fixture ``refusal`` or ``reading`` runs for each case of the table of that name beside it."""
+    for name in {"refusal", "reading"} & set(metafunc.fixturenames):
+        table = getattr(_load("refusals"), f"{name}s")
+        cases = list(table(metafunc.definition.path.with_name(f"{name}s.yaml")))
+        metafunc.parametrize(name, cases, ids=[f"{case.reader}-{case.given}"[:60] for case in cases])
 
 
 @pytest.fixture(scope="session", autouse=True)

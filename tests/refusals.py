@@ -1,7 +1,7 @@
-"""Tables of what a reader refuses: ``refusals.yaml`` beside the tests of a package, one case a line.
+"""Tables of what readers make of what they are given: ``refusals.yaml`` and ``readings.yaml`` beside the tests.
 
-A test with the fixture ``refusal`` runs once for each case of the table beside it. Whatever is refused is refused by
-`InputError`, in one line, and the message holds every word of the case.
+A test with the fixture ``refusal`` or ``reading`` runs once for each case of the table beside it. Whatever is refused
+is refused by `InputError`, in one line, and the message holds every word of the case.
 """
 
 import copy
@@ -55,3 +55,27 @@ def nested(key: str, value: Any) -> Any:
     for name in reversed(key.split(".")):
         value = {name: value}
     return value
+
+
+@dataclass(frozen=True)
+class Reading:
+    """One text and what it means to its reader (a key of the table)."""
+
+    reader: str
+    given: Any
+    meaning: Any
+
+    def by(self, readers: dict[str, Callable[[Any], Any]]) -> None:
+        """Give the text to its reader; the type of the answer counts too."""
+        found = readers[self.reader](self.given)
+        assert found == self.meaning
+        assert type(found) is type(self.meaning)
+
+
+def readings(path: Path) -> Iterator[Reading]:
+    """Yield the cases of a table, whose first line says how they are written."""
+    for reader, cases in yaml.safe_load(path.read_text(encoding="utf-8")).items():
+        if isinstance(cases, dict):
+            yield from (Reading(reader, text, meaning) for text, meaning in cases.items())
+        else:
+            yield from (Reading(reader, text, meaning) for meaning, texts in cases for text in texts)

@@ -58,7 +58,7 @@ def info(as_json: JsonOption = False) -> None:
     Example: cpic catalog info
     """
     from catalogs.info import catalogue_info
-    from catalogs.refreshed import data_dir, stored_tables
+    from catalogs.refresh import data_dir, stored_tables
     from simulator.files import dump_json
 
     found = catalogue_info()

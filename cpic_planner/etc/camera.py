@@ -7,12 +7,9 @@ import math
 from dataclasses import dataclass
 
 from simulator.config import Instrument
-from simulator.config.detector import Detector
 from simulator.detectors.chains import added_variance
 from simulator.signal.saturation import Wells
 from simulator.signal.variance import FrameTerm
-
-_KNOWN = ("read_noise", "rounding", "cic", "dark")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,28 +78,26 @@ class FrameCamera(Wells):
     def of(cls, instrument: Instrument, band: str) -> FrameCamera:
         """Camera of a band; effects that are switched off count nothing."""
         channel = instrument.channel_of(band)
-        detector, on = channel.detector, channel.detector.switches
-        terms = added_variance(detector)
-        nothing = FrameTerm()
-        read_noise_e = float(terms.get("read_noise", nothing).output_e2) ** 0.5
-        register = isinstance(detector, Detector)
-        multiplies = register and on.em_register
-        one_read_e = detector.read_noise_e if on.read_noise else 0.0
+        detector, terms = channel.detector, added_variance(channel.detector)
+        read, rounding, cic, dark = (terms.pop(name, FrameTerm()) for name in ("read_noise", "rounding", "cic", "dark"))
+        rest = FrameTerm.total([FrameTerm(), *terms.values()])
+        one_read_e = detector.read_noise_e if detector.switches.read_noise else 0.0
+        swing_e = math.hypot(one_read_e, math.sqrt(float(rest.output_e2)))
         return cls(
             full_well_e=detector.full_well_e,
-            register_full_well_e=detector.register_full_well_e if isinstance(detector, Detector) else float("inf"),
-            converter_e=max(detector.converter_e - 5.0 * one_read_e, 0.0),
-            em_gain_max=detector.em_gain_max if multiplies else 1.0,
-            register_stages=detector.register_stages if isinstance(detector, Detector) and multiplies else 0,
-            read_noise_e=read_noise_e,
-            rounding_e=float(terms["rounding"].output_e2) ** 0.5,
-            cic_e=float(terms.get("cic", nothing).charge_e),
-            dark_e_s=float(terms.get("dark", nothing).rate_e_s),
+            register_full_well_e=detector.register_full_well_e,
+            converter_e=max(detector.converter_e - 5.0 * swing_e, 0.0),
+            em_gain_max=detector.em_gain_max if detector.multiplies else 1.0,
+            register_stages=detector.register_stages if detector.multiplies else 0,
+            read_noise_e=math.sqrt(float(read.output_e2)),
+            rounding_e=math.sqrt(float(rounding.output_e2)),
+            cic_e=float(cic.charge_e),
+            dark_e_s=float(dark.rate_e_s),
             readout_s=detector.readout_s,
             exposure_min_s=detector.exposure_min_s,
             exposure_max_s=channel.exposure_max_s,
             light_factor=detector.ramp()[1],
-            blooms=register,
+            blooms=channel.multiplies,
             line_shift_s=detector.line_shift_s,
-            added=tuple((name, term) for name, term in terms.items() if name not in _KNOWN),
+            added=tuple(terms.items()),
         )

@@ -4,8 +4,8 @@ Layout::
 
     DIR/run.lock        operating-system lock; the holder writes pid and start time into it
     DIR/cpic-run.jsonl  kind of run, configuration hash, and every file that the run wrote, by its checksum
-    DIR/parts/KEY.json  one finished piece of work each, with its own checksum
-    DIR/parts/KEY.blob  the same for pieces that are bytes: a line of JSON (key, hash, checksum), then they
+    DIR/parts/KEY.json  one finished piece of work each: a line of JSON (key, hash, checksum), then the piece, JSON too
+    DIR/parts/KEY.blob  the same for pieces that are bytes
     DIR/plan.json ...   the products, written at the end
 
 A folder of the same configuration hash is resumed (finished parts are reused); of another one it is refused unless
@@ -69,37 +69,36 @@ class RunFolder:
         if not os.path.lexists(path):
             return None
         try:
-            stored = json.loads(_part_bytes(path))
-            body = stored["body"]
-            if stored["sha256"] != _digest(body) or stored["config_hash"] != self.config_hash:
-                raise ValueError("checksum or configuration differs")
-        except (ValueError, KeyError, TypeError, OSError) as error:
-            _LOG.warning("part %s is damaged (%s): doing it again", path.name, error)
+            return dict(json.loads(self.read_blob(path)[1]))
+        except DamagedPartError as error:
+            _LOG.warning("%s: doing it again", error)
             return None
-        return dict(body)
 
     def save_part(self, key: str, body: dict[str, Any]) -> dict[str, Any]:
         """Store a finished piece of work whole; returns it as it will be read back."""
-        text = dump_json({"sha256": _digest(body), "config_hash": self.config_hash, "body": body})
-        self.write(self._part_name(key, ".json"), text)
-        return dict(json.loads(text)["body"])
+        text = dump_json(body)
+        self._save(key, ".json", text.encode())
+        return dict(json.loads(text))
 
     def save_blob(self, key: str, content: bytes) -> None:
         """Store a finished piece of work that is bytes whole."""
+        self._save(key, ".blob", content)
+
+    def _save(self, key: str, suffix: str, content: bytes) -> None:
         head = {"key": key, "sha256": hashlib.sha256(content).hexdigest(), "config_hash": self.config_hash}
-        self.write_bytes(self._part_name(key, ".blob"), json.dumps(head).encode() + b"\n" + content)
+        self.write_bytes(self._part_name(key, suffix), json.dumps(head).encode() + b"\n" + content)
 
     def blob_paths(self) -> list[Path]:
         """Files of all pieces that are bytes, whole or not, in the order of their names."""
         return [self.path / name for name in self._files.names() if name.endswith(".blob")]
 
     def read_blob(self, path: Path) -> tuple[str, bytes]:
-        """Key and content of one of `blob_paths`.
+        """Key and content of a finished piece of work.
 
         Raises
         ------
         DamagedPartError
-            If it is not what `save_blob` wrote there in a run of this configuration.
+            If it is not what was stored there in a run of this configuration.
         """
         try:
             line, _, content = _part_bytes(path).partition(b"\n")
@@ -107,7 +106,7 @@ class RunFolder:
             good = (
                 head["sha256"] == hashlib.sha256(content).hexdigest()
                 and head["config_hash"] == self.config_hash
-                and self.path / self._part_name(head["key"], ".blob") == path
+                and self.path / self._part_name(head["key"], path.suffix) == path
             )
         except (ValueError, KeyError, TypeError, AttributeError, OSError) as error:
             raise DamagedPartError(f"part {path.name} is damaged ({type(error).__name__}: {error})") from None
@@ -141,10 +140,6 @@ class RunFolder:
 
 def _part_bytes(path: Path) -> bytes:
     return read_file(path, key="part", allowed="a readable file", max_bytes=_MAX_PART_BYTES)
-
-
-def _digest(body: Any) -> str:
-    return hashlib.sha256(json.dumps(body, sort_keys=True, allow_nan=False).encode()).hexdigest()
 
 
 @contextlib.contextmanager

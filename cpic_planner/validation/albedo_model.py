@@ -11,8 +11,8 @@ import numpy.typing as npt
 
 from catalogs.bands import Band
 from catalogs.errors import InputError
-from catalogs.interpolation import bracket
 from catalogs.spectra import Spectrum
+from catalogs.stellar_grid import bracket
 from simulator.band_integrals import band_quadrature, check_covers, check_table
 from simulator.config.albedo import LOG10_FSED_MAX, ParametricAlbedo
 from simulator.numeric import numeric_context

@@ -87,7 +87,7 @@ def snr_scatter(snr: float, significance: float, n_apertures: int | None) -> flo
     dof = n_apertures - 1 if n_apertures and n_apertures > 1 else math.inf
     relative = 1.0 / math.sqrt(2.0 * dof)
     wider = math.sqrt(1.0 + 2.0 / (dof - 2.0)) if dof > 2.0 else 2.0
-    return math.hypot(1.0 - 0.5 * (1.0 - quiet), snr * relative * quiet) * wider**quiet
+    return float(math.hypot(1.0 - 0.5 * (1.0 - quiet), snr * relative * quiet) * wider**quiet)
 
 
 def mean_snr(flux: ArrayLike, error: ArrayLike, *, significance: float, n_apertures: int) -> tuple[float, float]:

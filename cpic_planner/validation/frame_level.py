@@ -16,6 +16,7 @@ import numpy.typing as npt
 from catalogs.errors import InputError
 from cpic_planner.validation.clean_law import limit_of_mean
 from simulator.camera.frame import MaskBit
+from simulator.camera.noise import FrameNoise
 from simulator.detectors.readout import wave_angles
 from simulator.observation import Observation
 
@@ -134,7 +135,8 @@ def frame_level(
     shapes = [np.ones(observation.shape)] + ([np.sin(angle), np.cos(angle)] if waves else [])
     wave = np.stack(shapes)
     mean = mean_e.reshape(-1)[pixels]
-    sigma = math.hypot(detector.read_noise_e, detector.gain_e_adu) / gain
+    rest_e2 = FrameNoise.of(detector, gain, observation.exposure_s).rest_e2
+    sigma = math.hypot(math.hypot(detector.read_noise_e, detector.gain_e_adu) / gain, math.sqrt(rest_e2))
     limit = (
         limit_of_mean(mean, em_gain=gain, stages=detector.register_stages, sigma_e=sigma, false_alarm=_FALSE_ALARM)
         - mean

@@ -199,7 +199,8 @@ def _measured(psf: Psf, slope: float, n_visits: int, name: FilterName) -> dict[s
         whole = np.zeros((len(images), *inside.shape))
         whole[(slice(None), *place)] = images
         sums = matched_sum(np.where(inside, whole, 0.0), kernel)[:, inside]
-        return sums - sums.mean(axis=0)
+        result: FloatArray = sums - sums.mean(axis=0)
+        return result
 
     def unfolded(values: FloatArray) -> FloatArray:
         image = empty.copy()

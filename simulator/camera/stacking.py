@@ -16,6 +16,7 @@ import numpy.typing as npt
 from catalogs.errors import InputError
 from simulator.camera.camera import begun, scaled
 from simulator.camera.gain import excess_noise_factor2
+from simulator.camera.noise import FrameNoise
 from simulator.camera.visible import VisibleCamera
 from simulator.detectors.effect import Exposure
 from simulator.outcome import Outcome, Reason, Status
@@ -51,7 +52,10 @@ def stackable(camera: VisibleCamera, exposure: Exposure) -> Outcome[float]:
     output = exposure.em_gain * (peak + _MARGIN_SIGMA * math.sqrt(factor2 * peak + _MARGIN_SIGMA))
     level = np.array(detector.bias_adu) if exposure.bias_adu is None else exposure.bias_adu
     stripes = np.zeros(1) if exposure.stripe_adu is None else exposure.stripe_adu
-    swing = _MARGIN_SIGMA * math.hypot(detector.read_noise_e / detector.gain_e_adu, structure.drift_adu)
+    rest_e = math.sqrt(FrameNoise.of(detector, 1.0, exposure.exposure_s).rest_e2)
+    swing = _MARGIN_SIGMA * math.hypot(
+        math.hypot(detector.read_noise_e, rest_e) / detector.gain_e_adu, structure.drift_adu
+    )
     swing += structure.interference_adu
     room = detector.adc_max_adu - float(level.max() + stripes.max()) - swing
     low = float(level.min() + stripes.min()) - swing

@@ -5,6 +5,7 @@ Switches and numbers of the effects stand with the effects (`simulator.detectors
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, Self, TypeAlias
 
@@ -34,10 +35,10 @@ if TYPE_CHECKING:
     OwnVisible: TypeAlias = FrozenModel
     OwnInfrared: TypeAlias = FrozenModel
 else:
-    CameraSwitches = switches_model("CameraSwitches", VISIBLE)
-    InfraredSwitches = switches_model("InfraredSwitches", INFRARED)
-    OwnVisible = numbers_model("OwnVisible", VISIBLE)
-    OwnInfrared = numbers_model("OwnInfrared", INFRARED)
+    CameraSwitches = switches_model("CameraSwitches", __name__, VISIBLE)
+    InfraredSwitches = switches_model("InfraredSwitches", __name__, INFRARED)
+    OwnVisible = numbers_model("OwnVisible", __name__, VISIBLE)
+    OwnInfrared = numbers_model("OwnInfrared", __name__, INFRARED)
 
 
 class FrameLayout(FrozenModel):
@@ -109,6 +110,11 @@ class _AnyDetector(FrozenModel):
         if self.bias_adu >= self.adc_max_adu:
             raise InputError("bias_adu", self.bias_adu, unit="ADU", allowed=f"below the ADC maximum {self.adc_max_adu}")
         return self
+
+    @property
+    def multiplies(self) -> bool:
+        """Whether charge goes through a multiplication register that is switched on."""
+        return bool(getattr(self.switches, "em_register", False))
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -290,6 +296,8 @@ class InfraredDetector(_AnyDetector, OwnInfrared):
     cic_e: ClassVar[float] = 0.0
     stripe_rms_adu: ClassVar[float] = 0.0
     em_gain_max: ClassVar[float] = 1.0
+    register_stages: ClassVar[int] = 0
+    register_full_well_e: ClassVar[float] = math.inf
     line_shift_s: ClassVar[float] = 0.0
 
     nonlinearity_at_full_well: LossAtFullWell

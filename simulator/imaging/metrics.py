@@ -271,7 +271,8 @@ class PsfMetrics(StampMetrics):
         along = np.abs(x) > np.abs(y)
         x, y = np.where(along, x / far, x), np.where(along, y, y / far)
         column, row = (np.clip(part, -edge, edge) / step + last // 2 for part in (x, y))
-        return np.exp(_bilinear(np.log(self.wing_map), row, column)) / far**2
+        result: FloatArray = np.exp(_bilinear(np.log(self.wing_map), row, column)) / far**2
+        return result
 
     def azimuth_fraction(self, separation_arcsec: ArrayLike) -> FloatArray:
         """Fraction of the circle of that radius that lies inside the dark quadrants."""
@@ -330,7 +331,8 @@ class PsfMetrics(StampMetrics):
             bins = self.floor_separation_arcsec
             row = np.interp(np.asarray(separation_arcsec, dtype=np.float64), bins, np.arange(bins.size))
             middle = np.exp(_bilinear(logs[1:], row, column))
-        return middle * np.minimum(offset / grid[0], 1.0) * np.maximum(offset / grid[-1], 1.0) ** 2
+        result: FloatArray = middle * np.minimum(offset / grid[0], 1.0) * np.maximum(offset / grid[-1], 1.0) ** 2
+        return result
 
     def annulus(self, separation_arcsec: float, half_width_lambda_d: float) -> NDArray[np.bool_]:
         """Pixels of the hole whose separation is within ``half_width_lambda_d`` of the given one."""

@@ -181,7 +181,8 @@ class _Window:
         for position, ends in ((y, self.y_ends), (x, self.x_ends)):
             side = larger * max(2.0 * (ends[1] - ends[0] + self.pixel_arcsec), SMALLEST_TILE_ARCSEC)
             tiles.append(np.floor((position - 0.5 * (ends[0] + ends[1])) / side + 0.5))
-        return np.clip(np.array(tiles), -1e18, 1e18).astype(np.int64)
+        result: NDArray[np.int64] = np.clip(np.array(tiles), -1e18, 1e18).astype(np.int64)
+        return result
 
 
 Component = tuple[FloatArray, FloatArray, FloatArray]  # x, y, flux; flux is (s,) or (k, m)
@@ -324,7 +325,8 @@ def _phases(frequencies: FloatArray, positions: FloatArray) -> ComplexArray:
     first = np.exp(np.multiply.outer(turns, np.arange(coarse) * float(fine)))
     second = np.exp(np.multiply.outer(turns, np.arange(fine, dtype=np.float64)))
     table = (first[:, :, None] * second[:, None, :]).reshape(positions.size, coarse * fine)
-    return table[:, : frequencies.size]
+    result: ComplexArray = table[:, : frequencies.size]
+    return result
 
 
 def _add_product(total: ComplexArray, real: FloatArray, values: ComplexArray) -> None:

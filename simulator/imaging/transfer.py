@@ -226,7 +226,7 @@ class KernelTransfer:
     @property
     def reach_arcsec(self) -> float:
         """Half the kernel and a pixel."""
-        return (self.kernel.shape[0] // 2 + 1) * self.pixel_scale_arcsec
+        return float((self.kernel.shape[0] // 2 + 1) * self.pixel_scale_arcsec)
 
     @property
     def cutoff_per_arcsec(self) -> float:

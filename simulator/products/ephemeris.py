@@ -96,4 +96,5 @@ def body_km(body: str, times: Any) -> FloatArray:
 def _angle_deg(vectors: FloatArray, direction: FloatArray) -> FloatArray:
     """Angle between vectors and a unit vector, exact near 0 and 180 degrees too."""
     across = np.linalg.norm(np.cross(vectors, direction), axis=-1)
-    return np.rad2deg(np.arctan2(across, vectors @ direction))
+    result: FloatArray = np.rad2deg(np.arctan2(across, vectors @ direction))
+    return result

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catalogs.errors import InputError
-from catalogs.interpolation import bracket
+from catalogs.stellar_grid import bracket
 from simulator.albedo_family import AlbedoFamily
 from simulator.target.albedo_grid_file import Axes, Model, Models, open_models
 from simulator.target.phase import checked_phase

@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catalogs.errors import InputError
-from catalogs.interpolation import bracket
+from catalogs.stellar_grid import bracket
 from simulator.albedo_family import AlbedoFamily
 from simulator.arrays import read_npz
 from simulator.target.phase import checked_phase, lambert_phase

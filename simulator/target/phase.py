@@ -76,7 +76,8 @@ def _series(d: np.ndarray) -> np.ndarray:
     for k in range(_SERIES_TERMS, 0, -1):
         # Horner from the smallest term; ratio of coefficients k+1 to k is -1 / (2k (2k+3)).
         total = 1.0 - total * square / (2.0 * k * (2.0 * k + 3.0))
-    return d * square * total / 3.0
+    result: np.ndarray = d * square * total / 3.0
+    return result
 
 
 def _plain(array: np.ndarray) -> np.ndarray | float:

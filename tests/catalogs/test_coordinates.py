@@ -60,27 +60,6 @@ def test_propagation_there_and_back() -> None:
         np.testing.assert_allclose(after, before, rtol=1e-9, atol=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("change", "key"),
-    [
-        ({"parallax_mas": 0.0}, "parallax_mas"),
-        ({"dec_deg": 91.0}, "dec_deg"),
-        ({"rv_km_s": np.nan}, "rv_km_s"),
-    ],
-)
-def test_propagation_refuses(change: dict[str, float], key: str) -> None:
-    good = {
-        "ra_deg": 1.0,
-        "dec_deg": 2.0,
-        "pm_ra_mas_yr": 0.0,
-        "pm_dec_mas_yr": 0.0,
-        "parallax_mas": 50.0,
-        "rv_km_s": 0.0,
-    }
-    with pytest.raises(InputError, match=key):
-        propagate(**{**good, **change}, epoch_yr=2000.0, to_epoch_yr=2020.0)
-
-
 def test_tangent_offset_picture() -> None:
     """A source with larger RA is east, one with larger Dec north."""
     east, north = tangent_offset([10.001, 10.0], [30.0, 30.001], 10.0, 30.0)

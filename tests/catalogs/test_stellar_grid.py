@@ -7,6 +7,7 @@ import pytest
 
 from catalogs.errors import InputError
 from catalogs.spectra import HC_ERG_ANGSTROM, load_stellar_grid
+from catalogs.stellar_grid import bracket
 
 
 def _node(grid, teff: float, log_g: float, metal: float) -> int:
@@ -168,3 +169,20 @@ def test_metal_poor_stars_are_bluer() -> None:
             for m in grid.metallicity[4:]
         ]
         assert np.all(np.diff(colours) < 0.0)
+
+
+NODES = np.array([1.0, 2.0, 4.0])
+
+
+@pytest.mark.parametrize("value", [0.0, 1.0, 1.25, 2.0, 3.0, 4.0, 9.0])
+def test_weights_make_the_straight_line(value):
+    index, weight = bracket(NODES, value)
+    assert index.shape == weight.shape == (2,)
+    assert np.all(weight >= 0.0)
+    assert weight.sum() == 1.0
+    assert weight @ (NODES**2)[index] == pytest.approx(np.interp(value, NODES, NODES**2), rel=1e-15)
+
+
+def test_shape_is_kept():
+    index, weight = bracket(NODES, np.ones((3, 4)))
+    assert index.shape == weight.shape == (3, 4, 2)

@@ -9,14 +9,11 @@ from catalogs.stellar_physics import (
     bolometric_correction,
     colour_temperature,
     gravity,
-    is_giant,
-    luminosity_class,
     luminosity_from_v,
     mass_from_luminosity,
     mass_of,
     nearest_subtype,
     radius_from_luminosity,
-    spectral_letter,
     spectral_subtype,
     subtype_medians,
 )
@@ -60,45 +57,6 @@ def test_mass_luminosity_relation_has_only_the_small_steps_of_its_pieces():
         level = slope * math.log10(mass) - (0.102 if mass < 1 else 0.007)
         below, above = (mass_from_luminosity(10 ** (level + shift)) for shift in (-1e-9, 1e-9))
         assert below == pytest.approx(above, rel=0.03)
-
-
-@pytest.mark.parametrize(
-    ("text", "letter"),
-    [
-        ("G2V", "G"),
-        ("sdF8", "F"),
-        ("(G2)V", "G"),
-        ("dK5", "K"),
-        ("kA5hF0mF2", "F"),
-        ("K1 III", "K"),
-        ("F9/G0V", "F"),
-        ("M2+V", "M"),
-        ("A0Va", "A"),
-        ("G2V+K1V", "G"),
-        ("DA2", ""),
-        ("", ""),
-        ("???", ""),
-    ],
-)
-def test_letter_is_read_through_prefixes_and_marks(text, letter):
-    assert spectral_letter(text) == letter
-
-
-@pytest.mark.parametrize(
-    ("text", "expected"),
-    [
-        ("G2V", "V"),
-        ("K1.5III", "III"),
-        ("F5IV-V", "IV-V"),
-        ("G8III/IV", "III-IV"),
-        ("G5", ""),
-        ("K0IIIb", "III"),
-        ("F2Ia", "I"),
-    ],
-)
-def test_luminosity_class(text, expected):
-    assert luminosity_class(text) == expected
-    assert is_giant(text) == (expected in ("III", "III-IV", "I", "II"))
 
 
 def test_mass_of_giants_is_assumed_and_says_so():

@@ -101,9 +101,9 @@ def put(column, value):
     ("question", "change", "words"),
     [
         ("stars", lambda headings, rows: (headings, []), "no star"),
-        ("stars", lambda headings, rows: (headings, [*rows, rows[0]]), "twice"),
-        ("stars", put("plx_value", "NaN"), "no parallax"),
-        ("stars", put("plx_value", None), "no parallax"),
+        ("stars", lambda headings, rows: (headings, [*rows, rows[0]]), "of one name; same oid"),
+        ("stars", put("plx_value", "NaN"), "plx_value = missing"),
+        ("stars", put("plx_value", None), "plx_value = missing"),
         (
             "stars",
             lambda headings, rows: (headings[:-2] + headings[-1:], [row[:-2] + row[-1:] for row in rows]),

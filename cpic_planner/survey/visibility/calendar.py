@@ -77,7 +77,8 @@ class Visibility:
     @property
     def observable(self) -> NDArray[np.bool_]:
         """Whether anything of the orbit can be used, shape (n, d)."""
-        return self.blocked_by == 0
+        result: NDArray[np.bool_] = self.blocked_by == 0
+        return result
 
     def days(self, target: int) -> dict[str, float]:
         """Days by what blocks them; under ``""`` those that can be used."""

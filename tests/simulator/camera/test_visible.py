@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from catalogs.errors import InputError
-from simulator.camera import MaskBit, VisibleCamera, excess_noise_factor2
+from simulator.camera import Effect, MaskBit, VisibleCamera, excess_noise_factor2
 from simulator.config import load_instrument
 from simulator.config.detector import CameraSwitches
+from simulator.detectors.chains import VISIBLE
 from simulator.effects.cosmic_rays import draw_cosmic_rays
 from simulator.rng import stream
 
@@ -308,8 +309,10 @@ def test_frames_do_not_depend_on_order_or_company(detector):
 
 
 def test_an_effect_of_ones_own_is_one_class(bare):
-    class Glow:
+    class Glow(Effect):
         switch = "glow"
+        stage = "charge"
+        fixed = True
 
         def expect(self, image, exposure):
             image += 7.0
@@ -317,9 +320,7 @@ def test_an_effect_of_ones_own_is_one_class(bare):
         def draw(self, work, exposure, rng):
             work.image += rng.poisson(7.0, work.image.shape)
 
-    from simulator.camera.visible import CHARGE
-
-    camera = VisibleCamera(bare(), charge=(*CHARGE[:1], Glow(), *CHARGE[1:]))
+    camera = VisibleCamera(bare(), chain=(*VISIBLE[:1], Glow(), *VISIBLE[1:]))
     exposure = camera.prepare(np.zeros((200, 200)), 1.0, 1.0)
     frame = camera.expose(exposure, seed=1, path=("glow",))
     expected = camera.expected_adu(exposure)

@@ -1,3 +1,5 @@
+"""What the check of Level-0 products finds: keywords, pixels, names, trees, damage."""
+
 import json
 import shutil
 
@@ -371,10 +373,6 @@ def test_frames_of_another_size_than_their_configuration_are_named(tree, good):
     assert "cannot be read" in finding.message
 
 
-def errors(path):
-    return [finding for finding in check_level0(path) if finding.severity == "error"]
-
-
 @pytest.mark.parametrize("place", ["data", "header"])
 def test_a_flipped_bit_is_found(good, tree, place):
     shutil.rmtree(tree / "Truth")
@@ -387,7 +385,7 @@ def test_a_flipped_bit_is_found(good, tree, place):
         spot = data.index(b"MYKEY", info["hdrLoc"])
         data[spot : spot + 5] = b"MYKEZ"
     good.write_bytes(bytes(data))
-    findings = errors(good)
+    findings = found(good)
     expected = {"CHECKSUM", "DATASUM"} if place == "data" else {"CHECKSUM"}
     assert {(f.hdu, f.keyword) for f in findings} == {(2, key) for key in expected}
 
@@ -396,7 +394,7 @@ def test_a_flipped_bit_is_found(good, tree, place):
 def test_truncated_files_are_named(good, keep):
     data = good.read_bytes()
     good.write_bytes(data[:keep])
-    findings = errors(good)
+    findings = found(good)
     assert findings
     texts = " ".join(f.message for f in findings)
     assert "truncated" in texts or "not readable as FITS" in texts or "images" in texts, texts
@@ -405,14 +403,14 @@ def test_truncated_files_are_named(good, keep):
 
 def test_surplus_bytes_are_named(good):
     good.write_bytes(good.read_bytes() + bytes(2880))
-    assert any("behind its last unit" in f.message for f in errors(good))
+    assert any("behind its last unit" in f.message for f in found(good))
 
 
 @pytest.mark.parametrize("content", [b"", b"hello", b"\x00" * 5760, b"SIMPLE  =                    T" + b" " * 2850])
 def test_what_is_not_fits_is_named(good, content):
     good.write_bytes(content)
-    assert errors(good)
-    assert all(f.path == good for f in errors(good))
+    assert found(good)
+    assert all(f.path == good for f in found(good))
 
 
 def test_damaged_truth_is_found(tree, good):
@@ -425,12 +423,12 @@ def test_damaged_truth_is_found(tree, good):
         damaged = bytearray(data)
         damaged[info["datLoc"] + 11] ^= 1
         truth.write_bytes(bytes(damaged))
-        assert {(f.path, f.hdu, f.keyword) for f in errors(good)} == {
+        assert {(f.path, f.hdu, f.keyword) for f in found(good)} == {
             (truth, hdu, "CHECKSUM"),
             (truth, hdu, "DATASUM"),
         }
     truth.write_bytes(data[:-2880])
-    assert any("truncated" in f.message or "FRAMES" in f.message for f in errors(good))
+    assert any("truncated" in f.message or "FRAMES" in f.message for f in found(good))
 
 
 @pytest.mark.parametrize("seed", range(25))
@@ -442,5 +440,5 @@ def test_no_damage_stops_the_check(tree, good, seed):
         for spot in rng.integers(0, len(data), 6):
             data[spot] = rng.integers(32, 127)
         path.write_bytes(bytes(data[: rng.integers(len(data) // 2, 2 * len(data))]))
-    assert errors(good)
-    assert errors(tree)
+    assert found(good)
+    assert found(tree)
