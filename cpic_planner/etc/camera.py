@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass
 
@@ -49,7 +50,7 @@ class FrameCamera(Wells):
     line_shift_s: float = 0.0
     added: tuple[tuple[str, FrameTerm], ...] = ()
 
-    @property
+    @functools.cached_property
     def _rest(self) -> FrameTerm:
         return FrameTerm.total([FrameTerm(), *(term for _, term in self.added)])
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -32,19 +34,20 @@ class StackNoise:
     are the parts of Var S: light of the science frames by origin, smear, clock-induced charge, read noise and rounding,
     then ``reference`` (all of that in the reference frames), ``background_mean`` (error of the mean background) and
     ``speckle`` and ``companion_wings`` (what does not average). ``quiet`` is the variance that a significance is
-    measured by: without the planet's own light and the mean's error.
+    measured by: without the planet's own light and the mean's error; ``white`` what of it averages with time.
     """
 
     signal_e: FloatArray
-    terms: dict[str, FloatArray]
     quiet: FloatArray
+    white: FloatArray
     snr: FloatArray
     significance: FloatArray
+    _terms: Callable[[], dict[str, FloatArray]]
 
-    @property
-    def white(self) -> FloatArray:
-        """What of `quiet` averages with time."""
-        return self.quiet - self.terms["speckle"] - self.terms["companion_wings"]
+    @functools.cached_property
+    def terms(self) -> dict[str, FloatArray]:
+        """Parts of the variance by origin, e-^2."""
+        return self._terms()
 
 
 def light_factor2(camera: FrameCamera, em_gain: ArrayLike) -> FloatArray:
@@ -199,24 +202,32 @@ def stack_noise(
     exposure, frames, gain = (np.asarray(item, float) for item in (exposure_s, n_frames, em_gain))
     stack = frames * frames_per_clean(rates.loss_per_s, exposure) * _throughput_loss(rates)
     if strategy.mode == "photon_counting":
-        terms, planet = _counted(rates, exposure, stack, _law(camera, float(gain.flat[0]), strategy), camera, strategy)
+        law = _law(camera, float(gain.flat[0]), strategy)
+        counts, planet = _counted(rates, exposure, stack, law, camera, strategy)
+        white = np.asarray(sum(counts.values()))
     else:
         factor2, share = light_factor2(camera, gain), stack * rates.noise_fraction
-        terms = {
-            name: share * term.variance_e2(exposure, factor2, gain)
-            for name, term in white_terms(rates, camera, strategy.reference_ratio).items()
-        }
+        origins = white_terms(rates, camera, strategy.reference_ratio)
+        white = share * FrameTerm.total(origins.values()).variance_e2(exposure, factor2, gain)
         planet = stack * factor2 * rates.source_noise_fraction * rates.planet_e_s * exposure
     integrated = (frames * exposure) ** 2 * rates.variance_factor
-    terms["companion_wings"] = integrated * rates.wings_e2_s2
+    wings = integrated * rates.wings_e2_s2
     speckle = integrated * rates.speckle.variance(frames * (exposure + camera.readout_s))
-    quiet = np.asarray(sum(terms.values()) + speckle)
-    terms |= {"background_mean": quiet / rates.background_apertures, "speckle": speckle, "planet": planet}
+    quiet = white + wings + speckle
+    mean = quiet / rates.background_apertures
+
+    def terms() -> dict[str, FloatArray]:
+        if strategy.mode == "photon_counting":
+            parts = counts
+        else:
+            parts = {name: share * term.variance_e2(exposure, factor2, gain) for name, term in origins.items()}
+        return parts | {"companion_wings": wings, "background_mean": mean, "speckle": speckle, "planet": planet}
+
     signal = frames * exposure * rates.planet_e_s
     with np.errstate(divide="ignore", invalid="ignore"):
-        snr = np.where(signal > 0, signal / np.sqrt(quiet + terms["background_mean"] + planet), 0.0)
+        snr = np.where(signal > 0, signal / np.sqrt(quiet + mean + planet), 0.0)
         significance = np.where(signal > 0, signal / np.sqrt(quiet), 0.0)
-    return StackNoise(signal, terms, quiet, snr, significance)
+    return StackNoise(signal, quiet, white, snr, significance, terms)
 
 
 def _throughput_loss(rates: ApertureRates) -> float:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
 from typing import Any, Protocol, Self, TypeVar
 
 import numpy as np
@@ -30,14 +30,13 @@ class CaseArrays:
 
     def _combined(self, function: Callable[..., Any], *others: CaseArrays) -> Any:
         """These cases with every array changed by a function of it and of those of others."""
-        parts = {}
-        for field in fields(self):  # type: ignore[arg-type]
-            own, *rest = (getattr(case, field.name) for case in (self, *others))
-            if isinstance(own, CaseArrays):
-                parts[field.name] = own._combined(function, *rest)
-            elif isinstance(own, np.ndarray | np.floating):
-                parts[field.name] = function(own, *rest)
-        return replace(self, **parts)  # type: ignore[type-var]
+        parts = dict(vars(self))
+        for name, own in parts.items():
+            if isinstance(own, (np.ndarray, np.floating)):
+                parts[name] = function(own, *(getattr(case, name) for case in others))
+            elif isinstance(own, CaseArrays):
+                parts[name] = own._combined(function, *(getattr(case, name) for case in others))
+        return type(self)(**parts)
 
     def at(self, index: Any) -> Self:
         """Return the cases of a mask, as flat arrays, or one element of the first axis."""

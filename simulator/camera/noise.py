@@ -99,7 +99,7 @@ class FrameNoise:
 
     def charge_variance_e2(self, charge_e: npt.ArrayLike) -> npt.NDArray[np.float64]:
         """Return the variance of pixels that hold so many electrons on average, with dark and clock-induced ones."""
-        return frame_variance_e2(charge_e, self.factor2, self.gaussian_e2, 1.0)
+        return np.asarray(frame_variance_e2(np.asarray(charge_e, float), self.factor2, self.gaussian_e2, 1.0))
 
 
 def register_factor2(
@@ -158,4 +158,5 @@ def pixel_variance_e2(
     photon = checked_array("photon_e", photon_e, low=0.0, high=MOST, unit="e-")
     cic = checked_array("cic_e", cic_e, low=0.0, high=MOST, unit="e-")
     behind = FrameNoise.of(detector, 1.0, 0.0).gaussian_e2
-    return frame_variance_e2(photon + cic, register_factor2(detector, em_gain), behind, em_gain)
+    factor2 = register_factor2(detector, em_gain)
+    return np.asarray(frame_variance_e2(photon + cic, factor2, behind, np.asarray(em_gain, float)))

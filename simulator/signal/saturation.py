@@ -16,8 +16,6 @@ from simulator.outcome import Reason
 
 FloatArray = NDArray[np.float64]
 N_SIGMA = 5.0
-# A limit that is reached for certain costs the whole standard deviation of the pixel.
-_ALL = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,12 +97,12 @@ def overflow(mean_e: FloatArray | float, well_e: float, factor2: float) -> Float
     """
     mean = np.maximum(np.asarray(mean_e, dtype=np.float64), 0.0)
     z = 2.0 * (math.sqrt(well_e) - np.sqrt(mean)) / math.sqrt(factor2)
-    density = np.exp(-0.5 * np.clip(z, -38.0, 38.0) ** 2) / math.sqrt(2.0 * math.pi)
-    # The chance beyond z is below phi / z.
-    chance = np.where(z > 0.5, density / np.maximum(z, 0.5), 1.0)
+    density = np.exp(-0.5 * np.square(z)) / math.sqrt(2.0 * math.pi)
+    # The chance beyond z is below phi / z; a limit that is reached for certain costs a standard deviation of the pixel.
+    excess = np.where(z > 0.5, density * (1.0 + 1.0 / np.maximum(z, 0.5)), 1.0)
     # The overflow goes to neighbours, whose own noise can be as small as that of an empty pixel.
     contrast = np.sqrt(np.maximum(mean, 1.0))
-    return np.where(z > 12.0, 0.0, np.where(z > 0.5, (density + chance) * contrast, _ALL + contrast))
+    return np.where(z > 12.0, 0.0, np.where(z > 0.5, excess * contrast, excess + contrast))
 
 
 def longest_exposure_s(

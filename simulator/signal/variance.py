@@ -8,7 +8,7 @@ register is divided by the gain: ``F^2 charge + output / g^2``, referred to the 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,26 +22,26 @@ MOST = 1e100
 _ALL_VOID = 600.0
 
 
-def frame_variance_e2(charge_e: ArrayLike, factor2: ArrayLike, output_e2: ArrayLike, em_gain: ArrayLike) -> FloatArray:
+def frame_variance_e2(charge_e: Any, factor2: Any, output_e2: Any, em_gain: Any) -> Any:
     """Return the variance of electrons of one frame, referred to the register input; no checks.
 
     Parameters
     ----------
-    charge_e : array_like
+    charge_e : ndarray or float
         Mean electrons at the register input, e-: of a pixel, or of a sum of pixels.
-    factor2 : array_like
+    factor2 : ndarray or float
         Squared excess noise factor.
-    output_e2 : array_like
+    output_e2 : ndarray or float
         Variance added behind the register, e-^2.
-    em_gain : array_like
+    em_gain : ndarray or float
         Gain of the register, at least 1.
 
     Returns
     -------
-    ndarray
+    ndarray or float
         ``F^2 charge + output / g^2``; arguments broadcast.
     """
-    return np.asarray(factor2 * np.asarray(charge_e, float) + output_e2 / np.square(np.asarray(em_gain, float)))
+    return factor2 * charge_e + output_e2 / em_gain**2
 
 
 class FrameTerm(NamedTuple):
@@ -72,7 +72,7 @@ class FrameTerm(NamedTuple):
             As of `frame_variance_e2`.
         """
         charge = self.rate_e_s * np.asarray(exposure_s, float) + self.charge_e
-        return frame_variance_e2(charge, factor2, self.output_e2, em_gain)
+        return np.asarray(frame_variance_e2(charge, factor2, self.output_e2, em_gain))
 
     @classmethod
     def total(cls, terms: Iterable[FrameTerm]) -> FrameTerm:

@@ -14,6 +14,7 @@ from cpic_planner.targets import rank_sample
 from simulator.camera.gain import excess_noise_factor2
 from simulator.config import load_instrument
 from simulator.signal.speckles import SpeckleLaw
+from simulator.signal.variance import FrameTerm
 
 INSTRUMENT = load_instrument({"sky": {"exozodi_zodis": 3.0}})
 STARS = rank_sample(v_mag_max=4.0)
@@ -254,3 +255,43 @@ def test_counting_photons_beats_measuring_charge_in_faint_light_only(light, wins
     if light == 0.01:
         # 1.34 by a first-order threshold law; the exact law of the register keeps a little more.
         assert counted[0, 0] / analogue[0, 0] == pytest.approx(1.34, rel=0.03)
+
+
+@pytest.mark.parametrize("ratio", [0.5, 3.0])
+def test_what_another_effect_adds_has_its_own_term(ratio):
+    """Electrons with time and of every frame, and variance behind the register: in science and reference frames."""
+    strategy = Strategy(library="reference_star", reference_star={"v_mag": 2.0, "teff_k": 5000}, reference_ratio=ratio)
+    rates, model = rates_of(strategy)
+    camera = replace(model.camera("F520"), added=(("pattern", FrameTerm(0.003, 0.2, 900.0)),))
+    t, n, gain = 12.0, 50.0, 80.0
+    terms = stack_noise(rates, t, n, gain, camera, strategy).terms
+    f2 = float(excess_noise_factor2(gain, camera.register_stages))
+    area, scale = rates.aperture_pixels, rates.reference_scale
+    share = n * np.exp(model.loss_per_s("F520") * t) / rates.rdi_throughput**2 * rates.noise_fraction
+    np.testing.assert_allclose(terms["pattern"], share * area * (f2 * (0.003 * t + 0.2) + 900.0 / gain**2), rtol=1e-12)
+    light = f2 * (
+        rates.reference_light_e_s * t + rates.reference_smear_e + scale * area * (0.003 * t + 0.2 + camera.cic_e)
+    )
+    behind = scale * area * (camera.read_noise_e**2 + camera.rounding_e**2 + 900.0) / gain**2
+    np.testing.assert_allclose(terms["reference"], share * (light + behind) / ratio, rtol=1e-12)
+
+
+@pytest.mark.parametrize("mode", ["analogue", "photon_counting"])
+def test_electrons_that_an_effect_adds_are_as_more_dark_current(mode):
+    strategy = Strategy(library="reference_star", reference_star={"v_mag": 2.0, "teff_k": 5000}, mode=mode)
+    rates, model = rates_of(strategy)
+    plain = model.camera("F520")
+    more = 0.004 * rates.aperture_pixels
+    darker = replace(
+        rates,
+        dark_e_s=rates.dark_e_s + more,
+        reference_light_e_s=rates.reference_light_e_s + rates.reference_scale * more,
+    )
+    added = replace(plain, added=(("pattern", FrameTerm(rate_e_s=0.004)),))
+    t, gain = np.full((3, 1), 2.0), plain.em_gain_max
+    cases = (rates, added), (darker, plain)
+    one, other = (stack_noise(light, t, 30.0, gain, camera, strategy) for light, camera in cases)
+    np.testing.assert_allclose(one.snr, other.snr, rtol=1e-12)
+    np.testing.assert_allclose(one.quiet, other.quiet, rtol=1e-12)
+    solved = [frame_problem(light, camera, strategy, em_gain=gain) for light, camera in cases]
+    np.testing.assert_allclose(*(problem.inverse_snr2(t, np.full((3, 1), 30.0)) for problem in solved), rtol=1e-12)

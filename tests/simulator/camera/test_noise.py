@@ -10,8 +10,10 @@ import pytest
 from catalogs.errors import InputError
 from simulator import load_instrument
 from simulator.camera import excess_noise_factor2, expose_frame, pixel_variance_e2, to_electrons
+from simulator.camera import noise as noise_module
 from simulator.camera.infrared import InfraredCamera
 from simulator.camera.noise import FrameNoise
+from simulator.signal.variance import FrameTerm
 
 
 def test_terms_by_hand(bare) -> None:
@@ -119,3 +121,20 @@ def test_a_register_that_is_off_adds_no_noise(bare) -> None:
     said = float(pixel_variance_e2(50.0, 0.0, 300.0, off))
     assert said == pytest.approx(50.0 + (110**2 + 59**2 / 12) / 300.0**2)
     assert to_electrons(frame.adu, off, 300.0).var() == pytest.approx(said, rel=4.5 * np.sqrt(2.0 / 400**2))
+
+
+def test_what_another_effect_adds(monkeypatch):
+    """Electrons with time and of every frame are counted, what comes behind the register is divided by the gain."""
+    detector, terms = load_instrument().detector, {"pattern": FrameTerm(0.01, 0.2, 900.0)}
+    plain = FrameNoise.of(detector, 30.0, 5.0)
+    real = noise_module.added_variance
+    monkeypatch.setattr(noise_module, "added_variance", lambda *given: real(*given) | terms)
+    noise = FrameNoise.of(detector, 30.0, 5.0)
+    assert noise.gaussian_e2 == pytest.approx(plain.gaussian_e2 + 1.0, rel=1e-12)
+    assert noise.pedestal_e == pytest.approx(plain.pedestal_e + 0.25, rel=1e-12)
+    more = noise.variance_e2(LIGHT) - plain.variance_e2(LIGHT)
+    np.testing.assert_allclose(more, plain.factor2 * 0.25 + 1.0, rtol=1e-6)
+    assert noise.added_e2 == pytest.approx({"pattern": plain.factor2 * 0.25 + 1.0}, rel=1e-12)
+    bare = FrameNoise(1.5, 0.1, 2.0, 3.0, 0.4, True)
+    assert (bare.gaussian_e2, bare.pedestal_e) == (5.0, 0.5)
+    assert float(bare.variance_e2(10.0)) == pytest.approx(1.5 * 10.5 + 5.0, rel=1e-14)

@@ -6,12 +6,8 @@ import numpy as np
 import pytest
 
 from simulator import load_instrument, observe
-from simulator.imaging.drift import screen_model
-from simulator.imaging.psf import single_band_psf
 from simulator.imaging.store import psf_metrics
 from simulator.ledger.light import sketch_of
-from simulator.rng import stream
-from simulator.signal.speckles import drift_halo
 from simulator.target.sources import scene_sources
 
 
@@ -63,27 +59,6 @@ def test_wings_of_a_companion_lie_within_the_bounds(place, make, calm):
     inside = float((planet.weights * light[planet.place]).sum())
     assert source.least_e_s[0] <= inside <= source.aperture_e_s[0]
     assert light.max() <= source.peak_e_s < 50 * light.max()
-
-
-@pytest.mark.parametrize("band", ["F520", "F850"])
-def test_scattered_light_of_a_wavefront_error(band, calm):
-    psf, figures = single_band_psf(band, instrument=calm, fidelity="quick"), psf_metrics(calm, band)
-    grid = psf.imager.focal_grid(psf.imager.stamp_axis(masked=True), psf.imager.stamp_axis(masked=True))
-    screens, rng, still = (
-        screen_model(len(psf.imager.transmission), calm.drift.psd_slope),
-        stream(3, "halo"),
-        grid.image(),
-    )
-    scattered = np.mean([grid.image(screens.draw(rng, 1.0)) - still for _ in range(25)], axis=0) / psf.off_axis.max()
-    offset = (np.arange(137) - 68) * figures.pixel_scale_arcsec
-    radius = np.hypot(offset[:, None], offset)
-    said = drift_halo(figures, radius, 1.0, calm.drift.psd_slope, calm.band(band).center_nm)
-    for low, high in ((0.35, 0.55), (0.55, 0.8), (0.8, 1.0)):
-        ring = figures.hole & (radius >= low) & (radius < high)
-        assert 0.6 < said[ring].mean() / scattered[ring].mean() < 2.0
-    assert float(drift_halo(figures, np.array(0.5), 2.0, 2.5, 662.0)) == pytest.approx(
-        4.0 * float(drift_halo(figures, np.array(0.5), 1.0, 2.5, 662.0)), rel=1e-12
-    )
 
 
 def test_whole_frames_know_what_lies_beyond(make):

@@ -1,5 +1,6 @@
 """Noise of a visit against sums over the pixels of an aperture."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -15,6 +16,7 @@ def random_visit(rng):
     spread = 10.0 ** rng.uniform(-4, 4, 6)
     light = dict(zip(("planet", "halo", "other", "sky", "column", "speckle"), spread, strict=True))
     frame = FrameNoise(rng.uniform(1.0, 2.0), *10.0 ** rng.uniform(-3, 3, 4), bool(rng.random() < 0.8))
+    frame = replace(frame, added_e2={"pattern": float(10.0 ** rng.uniform(-3, 3))})
     settings = {
         "exposure_s": 10.0 ** rng.uniform(-2, 2.5),
         "n_frames": int(10 ** rng.uniform(0, 4)),
@@ -65,6 +67,7 @@ def test_a_visit_has_the_variance_of_its_pixels_and_frames(seed):
         "clock": over_pixels(mean, frame.clock_e, frame.factor2),
         "read": over_pixels(mean, frame.read_e2, 1.0),
         "rounding": over_pixels(mean, frame.rounding_e2, 1.0),
+        "pattern": over_pixels(mean, frame.added_e2["pattern"], 1.0),
         "speckle": systematic * systematic,
     }
     assert visit_variance_e2(planet, sketch, frame, **settings) == pytest.approx(expected, rel=1e-9, abs=0.0)

@@ -5,12 +5,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.optimize import brentq
+from scipy.stats import nbinom, norm, poisson
 
 from cpic_planner.etc.camera import FrameCamera
 from simulator.camera.saturation import binding_limit, gain_cap
 from simulator.config import load_instrument
 from simulator.outcome import Reason
-from simulator.signal.saturation import frame_limit, gain_caps, largest_gain, longest_exposure_s
+from simulator.signal.saturation import (
+    Wells,
+    crest_e,
+    frame_limit,
+    gain_caps,
+    largest_gain,
+    largest_mean_e,
+    longest_exposure_s,
+    overflow,
+)
 
 INSTRUMENT = load_instrument()
 COARSE = load_instrument({"detector": {"adc_bits": 12}})
@@ -204,3 +214,47 @@ def test_a_converter_of_half_an_electron_takes_less_than_that():
     narrow = replace(CAMERA, converter_e=0.5)
     assert frame_limit(0.0, 1e-4, 0.0, 1.0, 1.0, narrow) is Reason.NONE
     assert frame_limit(0.0, 1.0, 0.0, 1.0, 1.0, narrow) is Reason.ADC_RANGE
+
+
+@pytest.mark.parametrize("factor2", [1.0, 2.0])
+def test_a_margin_and_the_mean_that_has_it(factor2):
+    mean = np.array([0.0, 0.5, 4.0, 1e6])
+    np.testing.assert_allclose(crest_e(mean, factor2), mean + 5.0 * np.sqrt(factor2 * mean), rtol=1e-15)
+    np.testing.assert_allclose(crest_e(mean, factor2, 8.0), mean + 8.0 * np.sqrt(factor2 * mean), rtol=1e-15)
+    found = [largest_mean_e(float(level), factor2) for level in crest_e(mean, factor2)]
+    np.testing.assert_allclose(found, mean, rtol=1e-9)
+    assert largest_mean_e(-3.0, factor2) == 0.0
+    assert largest_mean_e(np.inf, factor2) == np.inf
+
+
+def test_pixels_bloom_unless_it_is_said():
+    wells = {"full_well_e": 8e4, "register_full_well_e": 7e5, "converter_e": 9e5, "em_gain_max": 1e3}
+    assert Wells(**wells).blooms
+    assert Wells(**wells).output_well_e == 7e5
+    assert Wells(**wells | {"converter_e": 6e5}).output_well_e == 6e5
+
+
+@pytest.mark.parametrize("factor2", [1.0, 1.7, 2.0])
+def test_overflow_is_that_of_a_normal_law_of_the_square_root(factor2):
+    """Mean excess and chance beyond the limit, both by the density there; over 12 sigma there is none."""
+    well = 5e4
+    edges = np.sqrt(well) - 0.5 * np.sqrt(factor2) * np.array([12.0001, 11.9999, 0.5001, 0.4999])
+    mean = np.concatenate([[-2.0, 0.0, 0.3, 4.7e4, 4.9e4, 4.96e4, 5e4, 6e4], edges**2])
+    z = 2.0 * (np.sqrt(well) - np.sqrt(np.maximum(mean, 0.0))) / np.sqrt(factor2)
+    around = np.sqrt(np.maximum(mean, 1.0))
+    near = around * norm.pdf(z) * (1.0 + 1.0 / np.maximum(z, 1e-9))
+    expected = np.where(z > 12.0, 0.0, np.where(z > 0.5, near, 1.0 + around))
+    np.testing.assert_allclose(overflow(mean, well, factor2), expected, rtol=1e-12)
+    assert overflow(1.0, 1.5625, 1.0) == 2.0  # half a sigma below
+    z = 2.0 * (1.5 - np.sqrt(0.25))
+    assert overflow(0.25, 2.25, 1.0) == pytest.approx(norm.pdf(z) * (1.0 + 1.0 / z), rel=1e-12)
+
+
+@pytest.mark.parametrize("mean", [20.0, 300.0])
+def test_no_counts_overflow_by_more(mean):
+    """Mean charge beyond a limit, of Poisson counts and of counts with twice their variance, in electrons."""
+    level = np.arange(int(mean + 40 * np.sqrt(2 * mean)) + 60)
+    for law, factor2 in ((poisson(mean), 1.0), (nbinom(mean, 0.5), 2.0)):
+        for well in (mean + 3 * np.sqrt(mean), mean + 6 * np.sqrt(mean)):
+            lost = float(np.maximum(level - well, 0.0) @ law.pmf(level))
+            assert 0.0 < lost < float(overflow(mean, well, factor2)) * np.sqrt(factor2)

@@ -5,7 +5,11 @@ import pytest
 
 from cpic_planner.etc.model import build_model
 from simulator.config import load_instrument
-from simulator.signal.speckles import SpeckleLaw, error_light_share, floor_law, speckle_law
+from simulator.imaging.drift import screen_model
+from simulator.imaging.psf import single_band_psf
+from simulator.imaging.store import psf_metrics
+from simulator.rng import stream
+from simulator.signal.speckles import SpeckleLaw, drift_halo, error_light_share, floor_law, speckle_law
 
 MODEL = build_model(load_instrument())
 DRIFT = MODEL.instrument.drift
@@ -175,3 +179,34 @@ def test_light_of_the_errors_is_what_grows_with_the_fourth_power(band, walk, rat
 def test_no_drift_has_no_light_of_errors():
     assert error_light_share(MODEL.metrics["F520"], drift(0.0), 0.6, 1.5, 1.0, 3600.0) == 0.0
     assert error_light_share(MODEL.metrics["F520"], drift(10.0), 0.6, 1.5, 1.0, 0.0) > 0.99
+
+
+@pytest.mark.parametrize("band", ["F520", "F850"])
+def test_scattered_light_of_a_wavefront_error(band):
+    calm = load_instrument({"drift": {"visit_nm": 0, "walk_nm_per_sqrt_hour": 0}})
+    psf, figures = single_band_psf(band, instrument=calm, fidelity="quick"), psf_metrics(calm, band)
+    grid = psf.imager.focal_grid(psf.imager.stamp_axis(masked=True), psf.imager.stamp_axis(masked=True))
+    screens, rng, still = (
+        screen_model(len(psf.imager.transmission), calm.drift.psd_slope),
+        stream(3, "halo"),
+        grid.image(),
+    )
+    scattered = np.mean([grid.image(screens.draw(rng, 1.0)) - still for _ in range(25)], axis=0) / psf.off_axis.max()
+    offset = (np.arange(137) - 68) * figures.pixel_scale_arcsec
+    radius = np.hypot(offset[:, None], offset)
+    said = drift_halo(figures, radius, 1.0, calm.drift.psd_slope, calm.band(band).center_nm)
+    for low, high in ((0.35, 0.55), (0.55, 0.8), (0.8, 1.0)):
+        ring = figures.hole & (radius >= low) & (radius < high)
+        assert 0.6 < said[ring].mean() / scattered[ring].mean() < 2.0
+    assert float(drift_halo(figures, np.array(0.5), 2.0, 2.5, 662.0)) == pytest.approx(
+        4.0 * float(drift_halo(figures, np.array(0.5), 1.0, 2.5, 662.0)), rel=1e-12
+    )
+
+
+def test_scattered_light_in_numbers():
+    """As the square of the phase and the power of the screens; never more than the source, nor within lambda/D."""
+    figures = MODEL.metrics["F520"]
+    u = np.array([0.0, 0.5, 1.0, 10.0])
+    said = drift_halo(figures, u * figures.lambda_d_arcsec, 2.0, 2.5, 331.0)
+    np.testing.assert_allclose(said, 2.4e-5 * 16.0 * np.array([1.0, 1.0, 1.0, 10.0**-2.5]), rtol=1e-12)
+    np.testing.assert_array_equal(drift_halo(figures, u, 1e4, 2.5, 662.0)[:2], 1.0)
