@@ -1,33 +1,14 @@
-"""Dotted keys of an instrument: which values a key with ``*`` means, and which of them its optics are made of."""
+"""Dotted keys of models and nested mappings: which values a key with ``*`` means, and trees with other values."""
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterator, Mapping
 from fnmatch import fnmatchcase
 from typing import Any
 
 from simulator.config import FrozenModel, Instrument
 from simulator.config.keys import nearest
-
-__all__ = ["advice", "children", "is_optical", "matching", "sections"]
-
-# What `simulator.imaging.store.metrics_key` is made of.
-_OPTICS = (
-    "telescope",
-    "coronagraph",
-    "near_infrared.pixel_scale_arcsec",
-    "near_infrared.mask_half_width_arcsec",
-    "near_infrared.outer_half_side_arcsec",
-    "wavefront",
-    "mirror",
-    "dark_hole",
-    "drift.psd_slope",
-    "bands.*.camera",
-    "bands.*.center_nm",
-    "bands.*.width_nm",
-    "bands.*.transmission_file",
-    "detector.pixel_scale_arcsec",
-)
 
 
 def children(node: Any) -> Mapping[str, Any] | None:
@@ -95,14 +76,58 @@ def advice(root: Mapping[str, Any], key: str, short: tuple[str, ...]) -> str:
     return words if path else f"{words}; short ones: {', '.join(short)}"
 
 
-def is_optical(key: str) -> bool:
-    """Whether a key, which may hold ``*``, can mean something that point-spread functions depend on."""
-    return any(_meets(key, pattern) for pattern in _OPTICS)
+def get(tree: Mapping[str, Any], key: str) -> Any:
+    """Return the value of a dotted key of nested mappings.
+
+    Raises
+    ------
+    KeyError
+        If there is none.
+    """
+    return functools.reduce(lambda part, name: part[name], key.split("."), tree)
 
 
-def _meets(key: str, pattern: str) -> bool:
-    """Whether a key, which may hold ``*``, can mean what a pattern names or something below it."""
-    ours, theirs = key.split("."), pattern.split(".")
-    if len(ours) < len(theirs):
-        return False
-    return all(fnmatchcase(a, b) or fnmatchcase(b, a) for a, b in zip(ours, theirs, strict=False))
+def put(tree: Mapping[str, Any], key: str, value: Any) -> dict[str, Any]:
+    """Return a copy of nested mappings with the value of a dotted key; what is above it is made.
+
+    Parameters
+    ----------
+    tree : mapping
+    key : str
+    value : object
+    """
+    head, _, rest = key.partition(".")
+    return dict(tree) | {head: put(tree.get(head, {}), rest, value) if rest else value}
+
+
+def keys_of(model: type[FrozenModel], above: str = "") -> tuple[str, ...]:
+    """Return the dotted keys of a model whose values are plain.
+
+    Parameters
+    ----------
+    model : type of FrozenModel
+    above : str
+        What every key begins with.
+    """
+    found: list[str] = []
+    for name, field in model.model_fields.items():
+        below = field.annotation
+        if isinstance(below, type) and issubclass(below, FrozenModel):
+            found += keys_of(below, f"{above}{name}.")
+        else:
+            found.append(f"{above}{name}")
+    return tuple(found)
+
+
+def scaled(present: Any, factor: float) -> Any:
+    """Return a number, or each of several, times a factor; None for what is no number.
+
+    Whole numbers stay whole where the product is.
+    """
+    if isinstance(present, tuple) and present:
+        found = tuple(scaled(item, factor) for item in present)
+        return None if None in found else found
+    if not isinstance(present, int | float) or isinstance(present, bool):
+        return None
+    value = present * factor
+    return int(value) if isinstance(present, int) and value == int(value) else value
