@@ -167,9 +167,9 @@ class InfraredCamera(Camera):
             expected_adu=light_e,
             n_reads=detector.reads_of(time),
         )
-        stack = self._stack(rates.shape)
+        stack, collected = self._stack(rates.shape), means(self.charge, exposure.mean_e.copy(), exposure)
         for fraction in read_times(detector.readout_mode, exposure.n_reads):
-            charge = fraction * exposure.mean_e
+            charge = fraction * collected
             full = charge >= detector.full_well_e
             stack.add(float(fraction), self._adu(means(self.voltage, charge, exposure)), full)
         return dataclasses.replace(exposure, expected_adu=stack.result()[0])

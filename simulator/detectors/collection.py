@@ -89,7 +89,7 @@ class CosmicRayHits(Effect):
             return
         part = exposure.place.rows, exposure.place.columns
         pixels = work.image[part]
-        hits = exposure.tracks(pixels.shape, rng)
+        hits = exposure.tracks(pixels.shape, rng=rng)
         rows, columns = np.divmod(hits.pixels, pixels.shape[1])
         pixels[rows, columns] += hits.electrons
         work.cosmic = np.zeros(work.image.shape, dtype=np.bool_)

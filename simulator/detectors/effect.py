@@ -74,7 +74,7 @@ class Exposure:
     n_negative_rates : int
         Pixels whose rate was a rounding-error negative and was taken as 0.
     tracks : callable or None
-        Draws the particles of one frame on an array of a shape; None without particles.
+        Draws the particles of one frame on an array of a ``shape`` by ``rng``; None without particles.
     """
 
     detector: Any
@@ -88,7 +88,7 @@ class Exposure:
     flaws: npt.NDArray[np.uint8] | None = None
     smear_e: FloatArray | None = None
     n_negative_rates: int = 0
-    tracks: Callable[[tuple[int, int], np.random.Generator], Any] | None = None
+    tracks: Callable[..., Any] | None = None
 
     # Those of a camera that is read once; see `simulator.camera.infrared.InfraredExposure`.
     n_reads: ClassVar[int] = 1

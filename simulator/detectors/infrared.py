@@ -153,7 +153,7 @@ class InfraredHits(CosmicRayHits):
         """Draw the tracks of one exposure; the reads after a hit see its charge."""
         if exposure.tracks is None:
             return
-        found = exposure.tracks((work.image.shape[0], work.image.shape[1]), rng)
+        found = exposure.tracks(work.image.shape, rng=rng)
         hits = found.image().astype(np.float64)
         work.cosmic = hits > 0
         work.held[HITS] = hits
