@@ -23,8 +23,9 @@ from cpic_planner.jobs.folder import RunFolder
 from cpic_planner.jobs.job import Finished, Job, Runner, RunSettings, run
 from cpic_planner.known_completeness import KNOWN_ONLY, KnownChoice, counted_planets
 from cpic_planner.models import BandConfirmation, PlanResult, RankedTarget, RankResult
+from cpic_planner.population import PopulationChoice
 from cpic_planner.queries.plan import PlanConfig
-from cpic_planner.ranking import PopulationChoice, planet_record, rank_targets
+from cpic_planner.ranking import planet_record, rank_targets
 from cpic_planner.sensitivity import sensitivity
 from cpic_planner.targets import CatalogSource, Targets, as_catalogue, rank_sample, sample_text
 from cpic_planner.validation.confirm import confirm_task

@@ -14,28 +14,16 @@ from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.place import check_range
 from cpic_planner.etc.planet import ReferencePlanet
 from cpic_planner.known_completeness import KnownChoice
-from cpic_planner.models import ScoreName, SensitivityResult, SensitivityRow
+from cpic_planner.models import SensitivityResult, SensitivityRow
+from cpic_planner.population import PopulationChoice
 from cpic_planner.queries.changes import Change, changed
-from cpic_planner.ranking import DEFAULT_SCORE, PopulationChoice, drawn_planets, order_of, rank_hash, ranked
+from cpic_planner.ranking import drawn_planets, order_of, rank_hash, ranked
+from cpic_planner.registry.scores import DEFAULT_SCORE, ScoreName
 from cpic_planner.targets import Targets
 from simulator.config import content_hash
 from simulator.config.albedo import ParametricAlbedo
 from simulator.passbands import Passbands
 from simulator.work import announce
-
-__all__ = [
-    "ASSUMPTIONS",
-    "DECIDING_SHARE",
-    "DECIDING_TAU",
-    "N_TOP",
-    "Assumption",
-    "Order",
-    "Setting",
-    "in_order",
-    "in_turn",
-    "near_top",
-    "sensitivity",
-]
 
 FloatArray = NDArray[np.float64]
 N_TOP = 50

@@ -14,14 +14,15 @@ from numpy.typing import ArrayLike, NDArray
 from catalogs.errors import InputError
 from catalogs.user_files import digest_of
 from cpic_planner.etc.camera import FrameCamera
-from cpic_planner.queries.strategy import Library, ReferenceStar, Strategy
+from cpic_planner.queries.strategy import ReferenceStar, Strategy
+from cpic_planner.registry.libraries import LibraryNoise, StarSettings
 from simulator.camera.track_loss import aperture_loss_per_s
 from simulator.config import Instrument, content_hash
 from simulator.imaging.metrics import PsfMetrics
 from simulator.imaging.store import metrics_key, psf_metrics
 from simulator.passbands import Passbands
 
-__all__ = ["EtcModel", "Library", "ReferenceStar", "Strategy", "build_model"]
+__all__ = ["EtcModel", "ReferenceStar", "Strategy", "build_model"]
 
 
 @dataclass(frozen=True)
@@ -85,13 +86,26 @@ class EtcModel:
     def time_s(self, visit_s: ArrayLike) -> NDArray[np.float64]:
         """Wall time of an observation whose science visit takes ``visit_s``; 0 for none."""
         visit = np.asarray(visit_s, float)
-        return np.where(visit > 0, self.instrument.overhead_s + (1.0 + self.strategy.reference_ratio) * visit, 0.0)
+        return np.where(visit > 0, self.instrument.overhead_s + self._time_factor * visit, 0.0)
 
     def visit_s(self, time_s: ArrayLike) -> NDArray[np.float64]:
         """Length of the science visit in an observation of ``time_s`` of wall time."""
-        return np.maximum(np.asarray(time_s, float) - self.instrument.overhead_s, 0.0) / (
-            1.0 + self.strategy.reference_ratio
-        )
+        return np.maximum(np.asarray(time_s, float) - self.instrument.overhead_s, 0.0) / self._time_factor
+
+    @property
+    def _time_factor(self) -> float:
+        return self.strategy.reference_library.time_factor(self.strategy)
+
+    def library_noise(self, band: str, star_e_s: NDArray[np.float64]) -> LibraryNoise:
+        """Return the noise of the library that the strategy names, for science stars of these rates."""
+        column = self.passbands.names.index(band)
+
+        def rate_e_s(star: StarSettings) -> NDArray[np.float64]:
+            temperature = star.teff_k, star.log_g, star.metallicity
+            rates = self.passbands.star_rate_e_s(star.v_mag, *temperature, self.instrument.telescope.area_cm2)
+            return np.asarray(rates[..., column], float)
+
+        return self.strategy.reference_library.noise(self.strategy, star_e_s, rate_e_s)
 
 
 def build_model(

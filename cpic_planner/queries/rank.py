@@ -6,7 +6,6 @@ from typing import ClassVar
 
 from pydantic import model_validator
 
-from cpic_planner.models import ScoreName
 from cpic_planner.queries.fields import asked
 from cpic_planner.queries.shared import (
     DEFAULT_TIME_S,
@@ -16,8 +15,7 @@ from cpic_planner.queries.shared import (
     Seed,
 )
 from cpic_planner.queries.strategy import Strategy
-
-DEFAULT_SCORE: ScoreName = "completeness_per_hour"
+from cpic_planner.registry.scores import DEFAULT_SCORE, ScoreName
 
 
 class RankedQuestion(InstrumentQuestion, CutsQuestion, CountedPlanetsQuestion):

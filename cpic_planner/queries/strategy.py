@@ -6,12 +6,11 @@ from typing import Literal
 
 from pydantic import model_validator
 
-from catalogs.errors import InputError
 from cpic_planner.queries.base import called
 from cpic_planner.queries.fields import asked
+from cpic_planner.registry.libraries import DEFAULT_LIBRARY, LIBRARIES, Library, LibraryName
 from simulator.config.base import FrozenModel
 
-Library = Literal["same_star_planet_free", "reference_star", "roll", "idealised"]
 _OF_STAR = ("library", "reference_star")
 _OF_ROLL = ("library", "roll")
 _COUNTED = ("mode", "photon_counting")
@@ -66,27 +65,24 @@ class Reduction(FrozenModel):
         gt=0,
         le=20,
     )
-    library: Library = asked("same_star_planet_free", "Where the reference frames of the subtraction come from.")
+    library: LibraryName = asked(DEFAULT_LIBRARY, "Where the reference frames of the subtraction come from.")
     reference_star: ReferenceStar | None = asked(None, "Star of the library of that name.")
     roll_deg: float = asked(30.0, "Angle between the two rolls of {library} roll.", gt=0, le=180, only_with=_OF_ROLL)
 
     @model_validator(mode="after")
     def _consistent(self) -> Reduction:
-        if self.library == "reference_star" and self.reference_star is None:
-            raise InputError(
-                "reference_star",
-                "missing",
-                allowed="magnitude (and temperature) of the reference star, -30 to 40 mag",
-                hint=f"the {called('library')} reference_star needs it",
-            )
-        if self.library == "roll" and self.reference_ratio != 1.0:
-            raise InputError(
-                "reference_ratio",
-                self.reference_ratio,
-                allowed=f"1 for the {called('library')} roll",
-                hint="each roll is the other's reference",
-            )
+        self.reference_library.check(self, f"{called('library')} {self.library}")
         return self
+
+    @property
+    def reference_library(self) -> Library:
+        """What the package knows of the library."""
+        return LIBRARIES[self.library]
+
+    @property
+    def rolls_deg(self) -> tuple[float, ...]:
+        """Rolls at which frames show the planet, relative to that of the observation; one or two."""
+        return self.reference_library.rolls_deg(self)
 
 
 class Strategy(Reduction):
@@ -104,7 +100,7 @@ class Strategy(Reduction):
         Half width of the annulus around the planet's separation whose apertures measure background and scatter:
         the speckle residual changes too much across the hole for one value.
     library : str
-        Name of the reference library, see `cpic_planner.etc.library`.
+        Name of the reference library, see `cpic_planner.registry.libraries`.
     reference_star : ReferenceStar, optional
         For the library of that name.
     roll_deg : float

@@ -10,20 +10,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from catalogs.errors import InputError
-from cpic_planner.models import EtcResult, EtcRow
+from cpic_planner.models import EtcAnswer, EtcResult
 from cpic_planner.report.drawing import BAND_STYLE, IMAGE_DPI, band_style, literal, new_figure, style
 from cpic_planner.report.etc_curves import EtcCurves, TimeCurve
-from cpic_planner.report.etc_words import term_text
 from cpic_planner.report.names import pretty_name
 from cpic_planner.report.numbers import duration_text
+from cpic_planner.report.words import term_text
 from simulator.detectors.chains import noise_terms
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.axis import Axis
     from matplotlib.figure import Figure
-
-__all__ = ["FIGURE_FORMATS", "check_figure_name", "etc_figure", "write_figure"]
 
 FIGURE_FORMATS = ("png", "pdf", "svg")
 _UNDATED: dict[str, dict[str, Any]] = {
@@ -184,7 +182,7 @@ def _limits(axes: Axes, curves: EtcCurves, looks: dict[str, tuple[str, str]]) ->
     axes.legend(ncols=2, **_BELOW)
 
 
-def _budgets(axes: Axes, rows: Sequence[EtcRow]) -> None:
+def _budgets(axes: Axes, rows: Sequence[EtcAnswer]) -> None:
     """One stacked bar an answer; small terms are one piece."""
     shares = []
     for row in rows:

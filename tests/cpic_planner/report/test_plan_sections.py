@@ -1,12 +1,16 @@
 import base64
 import re
+from dataclasses import replace
 
 import pytest
 
 from cpic_planner.models import PlanResult
+from cpic_planner.registry.libraries import LIBRARIES, Library
+from cpic_planner.registry.scores import SCORES
 from cpic_planner.report.drawing import Picture
-from cpic_planner.report.html import dec_text, plan_html, ra_text, render_plan
+from cpic_planner.report.html import plan_html, render_plan
 from cpic_planner.report.summary import calibration_sentence, summary_sentences
+from cpic_planner.report.words import dec_text, ra_text
 
 HOSTILE = "<script>alert('x')</script>"
 
@@ -220,9 +224,10 @@ def test_the_verdict_of_every_target_and_what_was_recovered(words):
         "Confirmed in F662, F720; ETC agrees, 0.97 ± 0.04.",
         "8 as sums of frames",
         "Found by the blind search 8 of 8 8 of 8 8 of 8 –",
-        "Search SNR; threshold (matched filter) 21.6; 7.25",
+        "SNR of the search 21.6",
+        "Threshold of the search 7.25",
         "Significant at the known place 8 of 8",
-        "Recovered SNR (± error of the mean) 26.0 ± 1.0",
+        "Recovered SNR ± error of the mean 26.0 ± 1.0",
         "0.3310 ± 0.0021″ PA 314.60 ± 0.35°",
         "series of the star off the mask (0.020 %)",
         "the scene's own rate: the shortest exposure off the mask saturates",
@@ -233,7 +238,7 @@ def test_the_verdict_of_every_target_and_what_was_recovered(words):
 
 def test_the_audited_case_stands_beside(words):
     assert re.search(
-        r"F662 118 30\.7 31\.3 \S+ × 10\S+ \S+ × 10\S+ ± \S+ × 10\S+ 1\.3 ✓ found 0 444 1\.6 % 0; 259", words
+        r"F662 118 30\.7 31\.3 \S+ × 10\S+ \S+ × 10\S+ ± \S+ × 10\S+ 1\.3 ✓ found 0 444 1\.5\d 0 259", words
     )
 
 
@@ -254,3 +259,16 @@ def test_coordinates_as_text():
     assert dec_text(-60.837) == "−60° 50′"
     assert ra_text(359.9999) == "00 h 00 m 00 s"
     assert dec_text(0.999) == "+01° 00′"
+
+
+def test_scores_and_libraries_bring_their_words(plan, rank, read):
+    score = replace(
+        SCORES["completeness"], name="toy_score", meaning="toys seen", aim="how many toys are seen", unit="m"
+    )
+    words = {"name": "toy_library", "meaning": "a toy box", "found": "a toy squeaks", "searched": "searched for toys"}
+    with SCORES.holding(score), LIBRARIES.holding(type("Toy", (Library,), words)()):
+        other = plan.model_copy(update={"reference_library": "toy_library"})
+        text = read(render_plan(other, rank.model_copy(update={"score_name": "toy_score"}), {}, {})).words
+    for said in ("ranked by how many toys are seen", "by toy score: toys seen", "a toy box", "if a toy squeaks"):
+        assert said in text
+    assert "reduced, searched for toys: the planet" in text

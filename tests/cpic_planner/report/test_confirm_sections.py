@@ -1,7 +1,7 @@
 import pytest
 
-from cpic_planner.report.confirm_html import render_confirm
 from cpic_planner.report.drawing import Picture
+from cpic_planner.report.html import render_confirm
 from cpic_planner.report.snr_figure import snr_figure
 
 HOSTILE = "<script>alert('x')</script>"
