@@ -26,14 +26,7 @@ def make_plan(question: PlanQuestion) -> PlanResult:
     """
     from cpic_planner.plan import make_plan as run
 
-    return run(
-        question,
-        question.out,
-        catalog=question.catalog,
-        workers=question.workers,
-        scheduler=question.scheduler,
-        force=question.force,
-    ).result
+    return run(question, question.out, catalog=question.catalog, **question.how).result
 
 
 @takes(StarImagesQuestion, first=("target",), without=("force", "scheduler"))
@@ -77,9 +70,7 @@ def confirm_scene(question: ConfirmQuestion) -> ConfirmResult:
     """
     from cpic_planner.scene_confirmation import confirm_scene as run
 
-    return run(
-        question, question.out, workers=question.workers, scheduler=question.scheduler, force=question.force
-    ).result
+    return run(question, question.out, **question.how).result
 
 
 @takes(SimulateQuestion, first=("what", "out"))
@@ -102,11 +93,4 @@ def simulate_products(question: SimulateQuestion) -> SimulationResult:
     simulation, _ = simulation_from(
         question.what, settings=question.settings, changes=question.changes, instrument=question.instrument
     )
-    return simulate(
-        simulation,
-        question.out,
-        workers=question.workers,
-        scheduler=question.scheduler,
-        force=question.force,
-        truth=question.truth,
-    ).result
+    return simulate(simulation, question.out, truth=question.truth, **question.how).result

@@ -107,12 +107,5 @@ def compare_strategies(question: WhatIfQuestion) -> WhatIfResult:
     config = varied(config, question.vary) if question.vary else config
     with contextlib.ExitStack() as stack:
         folder = question.out or stack.enter_context(tempfile.TemporaryDirectory())
-        return run_whatif(
-            config,
-            folder,
-            workers=question.workers,
-            scheduler=question.scheduler,
-            force=question.force,
-            n_images=question.images,
-            pages=question.out is not None,
-        ).result
+        pages = question.out is not None
+        return run_whatif(config, folder, n_images=question.images, pages=pages, **question.how).result

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import sys
+import functools
 from typing import TYPE_CHECKING
 
 import typer
 
 from cpic_planner.cli.options import DIAL_HELP, OVERRIDES_HELP, DryRunOption, JsonOption, tell_overrides
-from cpic_planner.cli.output import console, note, print_cost, print_json, progress
+from cpic_planner.cli.output import console, note, print_cost, print_json, shown
 
 if TYPE_CHECKING:
     from cpic_planner.queries.confirm import ConfirmQuestion
@@ -58,18 +58,8 @@ def confirm(question: ConfirmQuestion, dry_run: DryRunOption = False, as_json: J
         what = f"{cost['n_tasks']} band{'s' * (cost['n_tasks'] != 1)} of {question.scene.name}"
         print_cost(cost, what, question.workers, as_json)
         return
-    with progress("confirming", total=len(question.band_names())) as advance:
-        done = confirm_scene(
-            question,
-            question.out,
-            workers=question.workers,
-            scheduler=question.scheduler,
-            force=question.force,
-            advance=advance,
-            command=sys.argv[1:],
-        )
-    if done.resumed_parts:
-        note(f"reused {done.resumed_parts} finished band{'s' * (done.resumed_parts != 1)} of an earlier run")
+    start = functools.partial(confirm_scene, question, question.out, **question.how)
+    done = shown("confirming", len(question.band_names()), start, "band")
     if as_json:
         print_json(done.result)
         return

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import sys
-from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, TypeVar
 
 from pydantic import BaseModel
 
@@ -14,6 +14,10 @@ from cpic_planner.version import DISTRIBUTION, PACKAGES, __version__
 
 if TYPE_CHECKING:
     from rich.console import Console
+
+    from cpic_planner.jobs.job import Finished
+
+R = TypeVar("R", bound=BaseModel)
 
 __all__ = ["console", "error_line", "is_quiet", "note", "print_cost", "print_json", "progress", "version_text"]
 
@@ -51,6 +55,27 @@ def print_cost(cost: Mapping[str, float], what: str, workers: int, as_json: bool
     )
     rest()
     sys.stdout.write(dump_json(dict(cost)) if as_json else line)
+
+
+def shown(title: str, total: int, start: Callable[..., Finished[R]], piece: str = "piece") -> Finished[R]:
+    """Run a job with progress on stderr, and say how much of it was there already.
+
+    Parameters
+    ----------
+    title : str
+        What is done.
+    total : int
+        Steps of progress.
+    start : callable
+        Runs the job, given ``advance`` and ``command`` as `cpic_planner.jobs.job.run` takes them.
+    piece : str
+        What its tasks are called.
+    """
+    with progress(title, total=total) as advance:
+        done = start(advance=advance, command=sys.argv[1:])
+    if done.resumed_parts:
+        note(f"reused {done.resumed_parts} finished {piece}{'s' * (done.resumed_parts != 1)} of an earlier run")
+    return done
 
 
 def console() -> Console:

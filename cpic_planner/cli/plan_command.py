@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import sys
+import functools
 from typing import TYPE_CHECKING
 
 import typer
 
 from cpic_planner.cli.options import DIAL_HELP, OVERRIDES_HELP, DryRunOption, JsonOption, tell_overrides
-from cpic_planner.cli.output import console, note, print_cost, print_json, progress
+from cpic_planner.cli.output import console, note, print_cost, print_json, shown
 
 if TYPE_CHECKING:
     from cpic_planner.queries.plan import PlanQuestion
@@ -67,19 +67,8 @@ def plan(question: PlanQuestion, dry_run: DryRunOption = False, as_json: JsonOpt
         what = f"{cost['n_tasks']} image sets ({cost['n_targets']} targets x bands)"
         print_cost(cost, what, question.workers, as_json)
         return
-    with progress("confirming", total=question.top * len(question.band_names())) as advance:
-        done = make_plan(
-            question,
-            question.out,
-            catalog=table,
-            workers=question.workers,
-            scheduler=question.scheduler,
-            force=question.force,
-            advance=advance,
-            command=sys.argv[1:],
-        )
-    if done.resumed_parts:
-        note(f"reused {done.resumed_parts} finished pieces of an earlier run")
+    start = functools.partial(make_plan, question, question.out, catalog=table, **question.how)
+    done = shown("confirming", question.top * len(question.band_names()), start)
     if as_json:
         print_json(done.result)
         return

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import functools
 import sys
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from cpic_planner.cli.options import JsonOption
-from cpic_planner.cli.output import console, note, print_json, progress
+from cpic_planner.cli.output import console, note, print_json, shown
 
 if TYPE_CHECKING:
     from cpic_planner.queries.simulate import SimulateQuestion
@@ -80,19 +81,8 @@ def simulate(
     from cpic_planner.simulation.run import simulate as run
 
     total = sum(len(list(entry.grid())) * entry.frames for entry in simulation.sequences)
-    with progress("frames", total=total) as advance:
-        done = run(
-            simulation,
-            question.out,
-            workers=question.workers,
-            scheduler=question.scheduler,
-            force=question.force,
-            truth=question.truth,
-            advance=advance,
-            command=sys.argv[1:],
-        )
-    if done.resumed_parts:
-        note(f"kept {done.resumed_parts} finished sequences of an earlier run")
+    start = functools.partial(run, simulation, question.out, truth=question.truth, **question.how)
+    done = shown("frames", total, start, "sequence")
     if as_json:
         print_json(done.result)
         return

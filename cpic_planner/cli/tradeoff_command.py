@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cpic_planner.cli.options import JsonOption
-from cpic_planner.cli.output import console, note, print_json, progress
+from cpic_planner.cli.output import console, note, print_json, shown
 
 if TYPE_CHECKING:
     from cpic_planner.queries.tradeoff import TradeoffQuestion
@@ -52,8 +53,7 @@ def tradeoff(
         return
     earlier = read_result(question.out) if question.only or question.scenes else None
     job = tradeoff_job(work, earlier=earlier, quick_look=question.quick_look, at_once=question.workers)
-    with progress("rows", total=n_rows(work)) as advance:
-        result = run(job, question.out, force=question.force, advance=advance, command=sys.argv[1:]).result
+    result = shown("rows", n_rows(work), functools.partial(run, job, question.out, force=question.force)).result
     note(f"{', '.join((RESULT, *FILES))} written to {question.out}")
     if as_json:
         print_json(result)

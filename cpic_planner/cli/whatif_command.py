@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -10,7 +11,7 @@ import typer
 
 from catalogs.errors import InputError
 from cpic_planner.cli.options import JsonOption
-from cpic_planner.cli.output import console, note, print_json, progress
+from cpic_planner.cli.output import console, note, print_json, shown
 
 if TYPE_CHECKING:
     from cpic_planner.queries.whatif import WhatIfQuestion
@@ -67,10 +68,11 @@ def whatif(
     as_json: JsonOption = False,
 ) -> None:
     """Compare and print."""
+    from cpic_planner.jobs.job import estimate
     from cpic_planner.survey.prepare import known_table
     from cpic_planner.survey.strategy_file import load_strategies, with_universe
     from cpic_planner.survey.sweeps import told, varied
-    from cpic_planner.survey.whatif import run_whatif, whatif_cost
+    from cpic_planner.survey.whatif import run_whatif, whatif_job
 
     config = with_universe(_chosen(load_strategies(question.strategies), question.strategy), question.shared())
     config = varied(config, question.vary) if question.vary else config
@@ -79,24 +81,13 @@ def whatif(
     table = known_table(config.universe)
     for remark in () if table is None else table.notes:
         note(remark)
-    cost = whatif_cost(config, question.images).at(question.workers)
+    cost = estimate(whatif_job(config, n_images=question.images), workers=question.workers)
     if dry_run:
         _print_cost(cost, question.workers, as_json)
         return
     out = question.out or Path("cpic-whatif")
-    with progress("what if", total=int(cost["n_steps"])) as advance:
-        done = run_whatif(
-            config,
-            out,
-            workers=question.workers,
-            scheduler=question.scheduler,
-            force=question.force,
-            n_images=question.images,
-            advance=advance,
-            command=sys.argv[1:],
-        )
-    if done.resumed_parts:
-        note(f"reused {done.resumed_parts} finished pieces of an earlier run")
+    start = functools.partial(run_whatif, config, out, n_images=question.images, **question.how)
+    done = shown("what if", int(cost["n_steps"]), start)
     if as_json:
         print_json(done.result)
         return

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
@@ -13,6 +13,9 @@ from cpic_planner.queries.changes import Change, changed
 from cpic_planner.queries.fields import asked
 from simulator.config import Instrument, load_instrument
 from simulator.config.mission import Utc
+
+if TYPE_CHECKING:
+    from cpic_planner.jobs.job import RunSettings
 
 DEFAULT_TIME_S = 36000.0
 MAX_REALISATIONS = 100_000
@@ -153,3 +156,8 @@ class RunQuestion(Question):
         "Remove what a run of another configuration wrote into {out}, and nothing else.",
         physics=False,
     )
+
+    @property
+    def how(self) -> RunSettings:
+        """Settings of `cpic_planner.jobs.job.run`."""
+        return {"workers": self.workers, "scheduler": self.scheduler, "force": self.force}

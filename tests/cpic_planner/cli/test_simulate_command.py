@@ -66,7 +66,7 @@ def test_a_table_of_stars_prints_a_row_each_and_continues(capsys, here):
     assert "earlier run" not in err
     status, again, err = call(capsys, *asked)
     assert (status, again) == (0, out)
-    assert "kept 2 finished sequences" in err
+    assert "reused 2 finished sequences" in err
 
 
 def test_calibration_frames_without_a_scene(capsys, here):
