@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from shlex import split
 
 import pytest
 
@@ -188,13 +189,7 @@ def test_same_star_gives_the_same_answer_from_any_table(capsys, tmp_path):
         "my own",
         "--catalog",
         str(tmp_path / "own.csv"),
-        "--time-s",
-        "7200",
-        "--separation-arcsec",
-        "0.5",
-        "--band",
-        "F520",
-        "--json",
+        *split("--time-s 7200 --separation-arcsec 0.5 --band F520 --json"),
     )
     found = json.loads(out)
     assert status == 0
