@@ -236,8 +236,8 @@ def test_a_missing_table_is_bad_input(capsys, data_folder, arguments, words):
         (["etc", "Vega", "--catalog"], ["Vega", "a star of mine.csv"]),
         (["etc", "mino", "--catalog"], ["nearest: mine"]),
         (["etc", "tau Cet", "--catalog"], ["tau Cet is in the embedded catalogue, but not in this table"]),
-        (["rank", "--v-mag-max", "1", "--catalog"], ["v_mag_max", "leaves a star"]),
-        (["rank", "--v-mag-max", "3.9", "--singles", "--dwarfs", "--v-mag-max", "nan", "--catalog"], ["v_mag_max"]),
+        (["rank", "--v-mag-max", "1", "--catalog"], ["--v-mag-max", "leaves a star"]),
+        (["rank", "--v-mag-max", "3.9", "--singles", "--dwarfs", "--v-mag-max", "nan", "--catalog"], ["--v-mag-max"]),
     ],
 )
 def test_stars_that_a_table_has_not(capsys, stars, arguments, words):
