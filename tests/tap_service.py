@@ -14,30 +14,15 @@ from xml.sax.saxutils import escape
 
 # columns of each table, with VOTable type and unit
 COLUMNS = {
-    "basic": {
-        "oid": ("long", ""),
-        "main_id": ("char", ""),
-        "ra": ("double", "deg"),
-        "dec": ("double", "deg"),
-        "plx_value": ("double", "mas"),
-        "plx_err": ("float", "mas"),
-        "pmra": ("double", "mas.yr-1"),
-        "pmdec": ("double", "mas.yr-1"),
-        "rvz_radvel": ("double", "km.s-1"),
-        "sp_type": ("char", ""),
-        "otype": ("char", ""),
-        "nbref": ("int", ""),
-    },
-    "allfluxes": {"oidref": ("long", ""), "b": ("float", "mag"), "v": ("float", "mag"), "k": ("float", "mag")},
-    "ids": {"oidref": ("long", ""), "ids": ("char", "")},
-    "mesfe_h": {
-        "oidref": ("long", ""),
-        "teff": ("int", "K"),
-        "log_g": ("float", ""),
-        "fe_h": ("float", ""),
-        "bibcode": ("char", ""),
-        "mespos": ("short", ""),
-    },
+    "basic": """oid long; main_id char; ra double deg; dec double deg; plx_value double mas; plx_err float mas;
+        pmra double mas.yr-1; pmdec double mas.yr-1; rvz_radvel double km.s-1; sp_type char; otype char; nbref int""",
+    "allfluxes": "oidref long; b float mag; v float mag; k float mag",
+    "ids": "oidref long; ids char",
+    "mesfe_h": "oidref long; teff int K; log_g float; fe_h float; bibcode char; mespos short",
+}
+COLUMNS = {
+    table: {name: (kind, *unit, "")[:2] for name, kind, *unit in (column.split() for column in columns.split(";"))}
+    for table, columns in COLUMNS.items()
 }
 
 
@@ -161,38 +146,17 @@ def error_document(text):
     ).encode()
 
 
-OLD_NAMES = {
-    "oid": "OID",
-    "main_id": "MAIN_ID",
-    "ra": "RA_d",
-    "dec": "DEC_d",
-    "plx_value": "PLX_VALUE",
-    "plx_err": "PLX_ERROR",
-    "pmra": "PMRA",
-    "pmdec": "PMDEC",
-    "rvz_radvel": "RV_VALUE",
-    "sp_type": "SP_TYPE",
-    "otype": "OTYPE",
-    "b": "FLUX_B",
-    "v": "FLUX_V",
-    "ids": "IDS",
-    "oidref": "OIDREF",
-    "teff": "Fe_H_Teff",
-    "log_g": "Fe_H_log_g",
-    "fe_h": "Fe_H_Fe_H",
-    "bibcode": "Fe_H_bibcode",
-    "mespos": "mespos",
-}
-PARENTHESES = {
-    "v": "flux(V)",
-    "b": "flux(B)",
-    "teff": "mesfe_h.teff",
-    "log_g": "mesfe_h.log_g",
-    "fe_h": "mesfe_h.fe_h",
-    "bibcode": "mesfe_h.bibcode",
-    "sp_type": "sptype",
-    "plx_value": "plx",
-}
+OLD_NAMES = """
+oid OID main_id MAIN_ID ra RA_d dec DEC_d plx_value PLX_VALUE plx_err PLX_ERROR pmra PMRA pmdec PMDEC
+rvz_radvel RV_VALUE sp_type SP_TYPE otype OTYPE b FLUX_B v FLUX_V ids IDS oidref OIDREF teff Fe_H_Teff
+log_g Fe_H_log_g fe_h Fe_H_Fe_H bibcode Fe_H_bibcode mespos mespos
+""".split()
+OLD_NAMES = dict(zip(OLD_NAMES[::2], OLD_NAMES[1::2], strict=True))
+PARENTHESES = """
+v flux(V) b flux(B) teff mesfe_h.teff log_g mesfe_h.log_g fe_h mesfe_h.fe_h bibcode mesfe_h.bibcode
+sp_type sptype plx_value plx
+""".split()
+PARENTHESES = dict(zip(PARENTHESES[::2], PARENTHESES[1::2], strict=True))
 
 
 class TapService:

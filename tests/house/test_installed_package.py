@@ -7,6 +7,7 @@ import subprocess
 import sys
 import zipfile
 from pathlib import Path
+from shlex import split
 
 import pytest
 
@@ -106,20 +107,7 @@ def test_plan_from_another_folder(installed, tmp_path):
     done = run(
         installed,
         tmp_path,
-        "plan",
-        "--top",
-        "1",
-        "--band",
-        "F520",
-        "--time-s",
-        "300",
-        "--realisations",
-        "1",
-        "--planets",
-        "200",
-        "--out",
-        "here",
-        "--json",
+        *split("plan --top 1 --band F520 --time-s 300 --realisations 1 --planets 200 --out here --json"),
     )
     assert done.returncode == 0, done.stderr
     plan = json.loads(done.stdout)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from shlex import split
 
 import pytest
 
@@ -188,13 +189,7 @@ def test_same_star_gives_the_same_answer_from_any_table(capsys, tmp_path):
         "my own",
         "--catalog",
         str(tmp_path / "own.csv"),
-        "--time-s",
-        "7200",
-        "--separation-arcsec",
-        "0.5",
-        "--band",
-        "F520",
-        "--json",
+        *split("--time-s 7200 --separation-arcsec 0.5 --band F520 --json"),
     )
     found = json.loads(out)
     assert status == 0
@@ -241,8 +236,8 @@ def test_a_missing_table_is_bad_input(capsys, data_folder, arguments, words):
         (["etc", "Vega", "--catalog"], ["Vega", "a star of mine.csv"]),
         (["etc", "mino", "--catalog"], ["nearest: mine"]),
         (["etc", "tau Cet", "--catalog"], ["tau Cet is in the embedded catalogue, but not in this table"]),
-        (["rank", "--v-mag-max", "1", "--catalog"], ["v_mag_max", "leaves a star"]),
-        (["rank", "--v-mag-max", "3.9", "--singles", "--dwarfs", "--v-mag-max", "nan", "--catalog"], ["v_mag_max"]),
+        (["rank", "--v-mag-max", "1", "--catalog"], ["--v-mag-max", "leaves a star"]),
+        (["rank", "--v-mag-max", "3.9", "--singles", "--dwarfs", "--v-mag-max", "nan", "--catalog"], ["--v-mag-max"]),
     ],
 )
 def test_stars_that_a_table_has_not(capsys, stars, arguments, words):

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from shlex import split
 
 import pytest
 
@@ -132,19 +133,7 @@ def test_bad_input_is_one_clear_line_with_status_2(capsys, arguments, words):
 def test_frames_and_exposure_set_the_time(capsys):
     status, out, _ = call(
         capsys,
-        "etc",
-        "tau Cet",
-        "--exposure-s",
-        "17",
-        "--frames",
-        "30",
-        "--em-gain",
-        "20",
-        "--band",
-        "F520",
-        "--separation-arcsec",
-        "0.5",
-        "--json",
+        *split("etc 'tau Cet' --exposure-s 17 --frames 30 --em-gain 20 --band F520 --separation-arcsec 0.5 --json"),
     )
     assert status == 0
     (answer,) = json.loads(out)["answers"]
@@ -215,20 +204,9 @@ def test_interrupted_plan_says_how_to_go_on(tmp_path):
             "plan",
             "--catalog",
             str(stars),
-            "--planets",
-            "500",
-            "--top",
-            "3",
-            "--workers",
-            "2",
-            "--out",
+            *split("--planets 500 --top 3 --workers 2 --out"),
             out,
-            "--time-s",
-            "400",
-            "--band",
-            "F520",
-            "--realisations",
-            "1",
+            *split("--time-s 400 --band F520 --realisations 1"),
         ],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,

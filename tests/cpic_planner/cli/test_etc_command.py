@@ -2,6 +2,7 @@ import json
 import re
 import subprocess
 import sys
+from shlex import split
 
 import pytest
 
@@ -81,19 +82,10 @@ def test_a_limit_and_a_time_are_inverse(capsys):
 def test_several_separations_and_contrasts_pair_up(capsys):
     rows = answers(
         capsys,
-        "tau Cet",
-        "--band",
-        "F520",
-        "--band",
-        "F662",
-        "--separation-arcsec",
-        "0.5",
-        "--separation-arcsec",
-        "0.7",
-        "--contrast",
-        "1e-8",
-        "--contrast",
-        "2e-8",
+        *split(
+            "'tau Cet' --band F520 --band F662 --separation-arcsec 0.5 --separation-arcsec 0.7 --contrast "
+            "1e-8 --contrast 2e-8"
+        ),
     )
     assert [(row["band"], row["separation_arcsec"], row["contrast"]) for row in rows] == [
         ("F520", 0.5, 1e-8),
@@ -151,15 +143,7 @@ def test_out_of_reach_the_place_is_where_most_is_reached(model, star):
 def test_frames_set_the_time_in_every_band(capsys):
     rows = answers(
         capsys,
-        "tau Cet",
-        "--exposure-s",
-        "17",
-        "--frames",
-        "30",
-        "--separation-arcsec",
-        "0.6",
-        "--reference-ratio",
-        "2",
+        *split("'tau Cet' --exposure-s 17 --frames 30 --separation-arcsec 0.6 --reference-ratio 2"),
     )
     model = build_model(load_instrument())
     for row in rows:
@@ -211,16 +195,9 @@ def test_strategies_reach_the_calculator(capsys, star):
         (["--separation-arcsec", "0.5", "--semi-major-axis-au", "2"], ["--separation-arcsec", "--semi-major-axis-au"]),
         (
             [
-                "--separation-arcsec",
-                "0.5",
-                "--separation-arcsec",
-                "0.6",
-                "--contrast",
-                "1e-9",
-                "--contrast",
-                "1e-9",
-                "--contrast",
-                "1e-9",
+                *split(
+                    "--separation-arcsec 0.5 --separation-arcsec 0.6 --contrast 1e-9 --contrast 1e-9 --contrast 1e-9"
+                ),
             ],
             ["--contrast", "3 times", "2 times"],
         ),

@@ -1,4 +1,5 @@
 import json
+from shlex import split
 
 import pytest
 
@@ -24,20 +25,10 @@ def here(tmp_path, monkeypatch):
 def test_a_scene_on_a_grid(capsys, here):
     grid = ("--band", "F520,F662", "--exposure-s", "1", "--exposure-s", "2", "--em-gain", "1,20", "--frames", "2")
     rest = (
-        "--instrument",
-        "small.yaml",
-        "--fidelity",
-        "quick",
-        "--off",
-        "cosmic_rays,smear",
-        "--roll-deg",
-        "-20",
-        "--star-offset-arcsec",
-        "-0.3,0.3",
-        "--seed",
-        "4",
-        "--role",
-        "reference",
+        *split(
+            "--instrument small.yaml --fidelity quick --off cosmic_rays,smear --roll-deg -20 "
+            "--star-offset-arcsec -0.3,0.3 --seed 4 --role reference"
+        ),
     )
     status, out, err = call(capsys, "paper_example", *grid, *rest, "--json", "--start-utc", "2029-02-03T04:05")
     assert (status, err) == (0, "")

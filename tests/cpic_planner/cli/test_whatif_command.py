@@ -1,5 +1,6 @@
 import json
 import textwrap
+from shlex import split
 
 import pytest
 
@@ -65,22 +66,10 @@ def test_a_comparison_in_words_and_files(capsys, mine, tmp_path):
 
 def test_options_reach_the_answer(capsys, mine, tmp_path):
     arguments = (
-        "--strategy",
-        "twice",
-        "--vary",
-        "max_visits=1,2",
-        "--universes",
-        "12",
-        "--seed",
-        "9",
-        "--start",
-        "2030-01-01",
-        "--days",
-        "40",
-        "--images",
-        "0",
-        "--workers",
-        "1",
+        *split(
+            "--strategy twice --vary max_visits=1,2 --universes 12 --seed 9 --start 2030-01-01 --days 40 "
+            "--images 0 --workers 1"
+        ),
     )
     status, out, err = call(capsys, mine, *arguments, "--out", str(tmp_path / "o"), "--json")
     assert status == 0, err
@@ -106,13 +95,7 @@ def test_known_planets_are_those_of_the_option(capsys, tmp_path):
             str(path),
             "--known-planets",
             source,
-            "--strategy",
-            "once",
-            "--images",
-            "0",
-            "--workers",
-            "1",
-            "--out",
+            *split("--strategy once --images 0 --workers 1 --out"),
             str(tmp_path / "o"),
             "--force",
             "--json",

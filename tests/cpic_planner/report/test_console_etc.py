@@ -1,5 +1,7 @@
 """What the terminal says of answers that are, and that are not, a detection."""
 
+from shlex import split
+
 import pytest
 
 from cpic_planner.cli.main import main
@@ -33,16 +35,7 @@ def test_an_snr_of_a_tenth_has_no_mark_and_no_law(capsys, monkeypatch):
     """A faint planet; a near-infrared band would have to measure its optics first."""
     text = told(
         capsys,
-        "etc",
-        "tau Cet",
-        "--band",
-        "F850",
-        "--time-s",
-        "36000",
-        "--contrast",
-        "1e-10",
-        "--separation-arcsec",
-        "0.65",
+        *split("etc 'tau Cet' --band F850 --time-s 36000 --contrast 1e-10 --separation-arcsec 0.65"),
     )
     assert "✓" not in text
     assert "· measured, not detected" in text

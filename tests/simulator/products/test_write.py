@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from astropy.io import fits
 from astropy.wcs import WCS
 
@@ -16,6 +17,7 @@ from simulator.camera.frame import Frame
 from simulator.products import check_level0, write_level0
 from simulator.products.keywords import KEYWORD_FILE, load_keywords
 
+HEADERS = yaml.safe_load(Path(__file__).with_name("headers.yaml").read_text(encoding="utf-8"))
 SCENE = load_scene("paper_example")
 VIS_KINDS = ("SCI", "DSF", "CALS", "BIAS", "DARK", "FLAT", "BKG", "LASER")
 
@@ -87,37 +89,11 @@ def test_headers_say_what_the_sequence_is(sequence, tmp_path):
     path = write_level0(one, tmp_path, obsid="40000000012")
     with opened(path) as units:
         primary, image = units[0].header, units[3].header
-    expected = {
+    expected = HEADERS["primary"] | {
         "FILENAME": path.name,
-        "TELESCOP": "CSST",
-        "INSTRUME": "CPIC",
-        "CAMERA": "VIS",
-        "OBSID": "40000000012",
-        "OBSTYPE": "SCI",
-        "FILETYPE": "SCI",
-        "OBJECT": "alpha Cen B",
-        "TARGET": "alpha Cen B",
-        "FILTER": "F662",
-        "ROLE": "science",
-        "NFRAME": 3,
-        "NEXTEND": 3,
-        "TIMESYS": "UTC",
-        "DATE-OBS": "2028-03-04T05:06:07.250000",
-        "DATE-END": "2028-03-04T05:06:39.450000",
-        "EXPTIME": 10.0,
-        "READTIME": 1.1,
-        "INTTIME": 30.0,
-        "POS_ANG1": 30.0,
-        "SWNAME": "cpic-planner",
         "CONFHASH": one.instrument.content_hash,
         "SCENHASH": one.scene.content_hash,
-        "SEED": 7,
-        "EFF001": "kept | photon noise | Poisson",
-        "NEFFECT": 2,
-        "NCALFILE": 2,
-        "CALF001": "flat.fits",
         "CALF002": one.calibration_files[1],
-        "HOLEMODE": "4q",
     }
     assert {key: primary[key] for key in expected} == expected
     assert primary["EFF002"] == f"skipped | a long one | {one.ledger[1].reason}"
@@ -129,33 +105,7 @@ def test_headers_say_what_the_sequence_is(sequence, tmp_path):
     )
     assert all(0 <= primary[f"{key}{end}"] <= 180 for key in ("SUNANGL", "MOONANG") for end in "01")
     assert "modelled" in primary.comments["TEL_ALT0"]
-    expected = {
-        "FRAMEID": 3,
-        "NFRAME": 3,
-        "CAMERA": "VIS",
-        "DETNAM": "VIS",
-        "FILTER": "F662",
-        "EXPTIME": 10.0,
-        "EMGAIN": 20.0,
-        "GAIN": 59.0,
-        "RDNOISE": 110.0,
-        "BIASLEV": 200.0,
-        "ADCBITS": 14,
-        "CCDTEMP": 193.0,
-        "FULLWELL": 80000.0,
-        "PIXSCALE": 0.016153,
-        "MASKROT": 0.0,
-        "BUNIT": "adu",
-        "DATASEC": "[5:36,3:22]",
-        "NSAT": 1,
-        "NREGSAT": 0,
-        "NCLIP": 0,
-        "NCR": 2,
-        "CTYPE1": "RA---TAN",
-        "RADESYS": "ICRS",
-        "EQUINOX": 2000.0,
-        "MYKEY": 3.5,
-    }
+    expected = HEADERS["image"]
     assert {key: image[key] for key in expected} == expected
     assert (image["EXPEND"] - image["EXPBEG"]) * 86400 == pytest.approx(10.0, abs=1e-5)
     assert (image["EXPBEG"] - primary["EXPSTART"]) * 86400 == pytest.approx(22.2, abs=1e-5)
