@@ -156,6 +156,11 @@ def tangent_offset(
 def position_angle(east: ArrayLike, north: ArrayLike) -> FloatArray:
     """Return the position angle in degrees, east of north, in [0, 360), of an offset (any common unit).
 
+    Parameters
+    ----------
+    east, north : array_like
+        Offset towards east and north, in one unit.
+
     Raises
     ------
     InputError
@@ -171,6 +176,11 @@ def separation_arcsec(ra_deg: ArrayLike, dec_deg: ArrayLike, ra0_deg: ArrayLike,
 
     The haversine formula gives the squared sine of half the angle, and one like it the squared cosine: between them the
     arc tangent keeps its digits from micro-arcseconds to the antipode.
+
+    Parameters
+    ----------
+    ra_deg, dec_deg, ra0_deg, dec0_deg : array_like
+        Two positions, degrees; they broadcast.
     """
     dec, dec0, east, north = _differences(ra_deg, dec_deg, ra0_deg, dec0_deg)
     wide = np.cos(dec) * np.cos(dec0)

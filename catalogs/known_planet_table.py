@@ -154,6 +154,11 @@ def star_key(name: str) -> str:
 def planet_key(star: str, planet: str) -> tuple[str, str]:
     """Return one key for all names of a planet: that of its star, and the last word of its own name.
 
+    Parameters
+    ----------
+    star, planet : str
+        Any name of the star, and any of the planet; the last word of the latter is its letter.
+
     Examples
     --------
     >>> from catalogs.known_planet_table import planet_key
@@ -166,7 +171,17 @@ def planet_key(star: str, planet: str) -> tuple[str, str]:
 def table_of(
     columns: Mapping[str, NDArray[np.generic]], label: str, provenance: str, notes: tuple[str, ...] = ()
 ) -> KnownPlanetTable:
-    """Return a table whose columns nobody can change."""
+    """Return a table whose columns nobody can change.
+
+    Parameters
+    ----------
+    columns : mapping of str to ndarray
+        Arrays of equal length; they become read-only.
+    label, provenance : str
+        What messages call the table, and the line that results quote.
+    notes : tuple of str
+        Remarks on the reading.
+    """
     for cells in columns.values():
         cells.flags.writeable = False
     return KnownPlanetTable(MappingProxyType(dict(columns)), label, provenance, notes)

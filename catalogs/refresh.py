@@ -125,7 +125,17 @@ def refresh(
 
 
 def compare(made: Assembled, snapshot: StarTable, cuts: Cuts) -> Changes:
-    """Return what differs from the snapshot's stars within the cuts."""
+    """Return what differs from the snapshot's stars within the cuts.
+
+    Parameters
+    ----------
+    made : Assembled
+        The refreshed table, with the row of the snapshot that each of its rows is.
+    snapshot : StarTable
+        The embedded table.
+    cuts : Cuts
+        What was asked for.
+    """
     names = made.table.column("name").tolist()
     rows = made.snapshot_rows
     old = {name: np.asarray(snapshot.column(name), float) for name in ("v_mag", "parallax_mas")}

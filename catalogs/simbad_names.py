@@ -42,7 +42,15 @@ class Names:
 
 
 def own_names(main_id: str, ids: Iterable[str]) -> Names:
-    """Return the designations among the identifiers of one object."""
+    """Return the designations among the identifiers of one object.
+
+    Parameters
+    ----------
+    main_id : str
+        SIMBAD's main identifier.
+    ids : iterable of str
+        All its identifiers.
+    """
     found: dict[str, str] = {}
     hip = 0
     for text in (main_id, *ids):
@@ -74,7 +82,15 @@ def _spaced(text: str) -> str:
 
 
 def row_name(names: Names, taken: set[str]) -> str:
-    """Return the name to show: the first of the usual kinds that is not taken, and take it."""
+    """Return the name to show: the first of the usual kinds that is not taken, and take it.
+
+    Parameters
+    ----------
+    names : Names
+        Designations of the row.
+    taken : set of str
+        Keys of names that other rows have; that of the name is added.
+    """
     letter = f" {names.component}" if names.component else ""
     greek = names.bayer if _GREEK_BAYER.match(names.bayer) else ""
     hip = f"HIP {names.hip}" if names.hip else ""
@@ -93,6 +109,13 @@ def match_snapshot(answer: Answer, snapshot: StarTable) -> list[int]:
 
     The row with most names in common wins; of two objects that claim one row, the one with more, then the one
     nearer in V.
+
+    Parameters
+    ----------
+    answer : Answer
+        SIMBAD's stars.
+    snapshot : StarTable
+        The embedded table.
     """
     aliases = snapshot_aliases()
     rows = {name: row for row, name in enumerate(snapshot.column("name").tolist())}

@@ -46,7 +46,17 @@ _BINARY_TYPES = "SB* El* WU* EB*"
 
 
 def type_flags(sp_type: str, object_type: str, simbad_id: str) -> set[str]:
-    """Return the flags that spectral type, SIMBAD object type (old or new code) and identifier call for."""
+    """Return the flags that spectral type, SIMBAD object type (old or new code) and identifier call for.
+
+    Parameters
+    ----------
+    sp_type : str
+        Spectral type.
+    object_type : str
+        SIMBAD's code of the type of object, "" if unknown.
+    simbad_id : str
+        SIMBAD's main identifier.
+    """
     checks = {
         "giant": is_giant(sp_type),
         "no_class": not luminosity_class(sp_type),
@@ -60,7 +70,13 @@ def type_flags(sp_type: str, object_type: str, simbad_id: str) -> set[str]:
 
 
 def parallax_flags(parallax_mas: float, parallax_err_mas: float) -> set[str]:
-    """Return the flags that a parallax and its error (nan if unknown) call for."""
+    """Return the flags that a parallax and its error (nan if unknown) call for.
+
+    Parameters
+    ----------
+    parallax_mas, parallax_err_mas : float
+        Parallax and its standard error, mas; nan if unknown.
+    """
     if not math.isfinite(parallax_err_mas):
         return {"parallax_unknown_error"}
     low = parallax_err_mas > 0.0 and parallax_mas / parallax_err_mas < _LOW_PARALLAX_SNR

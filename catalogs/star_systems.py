@@ -84,7 +84,15 @@ def _bound(a: Member, b: Member) -> bool:
 
 
 def adopt_parallaxes(members: Sequence[Member], systems: Sequence[int]) -> list[Adopted]:
-    """Return the parallax of each row: that of its system's best member, or the mean where none has an error."""
+    """Return the parallax of each row: that of its system's best member, or the mean where none has an error.
+
+    Parameters
+    ----------
+    members : sequence of Member
+        The rows of a table.
+    systems : sequence of int
+        System of each, as `group_systems` numbers them.
+    """
     rows_of: dict[int, list[int]] = {}
     for row, system in enumerate(systems):
         rows_of.setdefault(system, []).append(row)

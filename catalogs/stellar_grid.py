@@ -119,6 +119,11 @@ class StellarGrid:
     def flags(self, teff_k: ArrayLike, log_g: ArrayLike, metallicity: ArrayLike) -> GridFlags:
         """Return which values lie outside the grid, arrays of the broadcast shape.
 
+        Parameters
+        ----------
+        teff_k, log_g, metallicity : array_like
+            Temperature (K), gravity (dex of cm/s2) and [M/H] (dex); they broadcast.
+
         Raises
         ------
         InputError
@@ -136,6 +141,11 @@ class StellarGrid:
 
         Trilinear over log g, [M/H] and Teff; the order of the three steps does not change the weights. A node that
         does not exist has weight 0.
+
+        Parameters
+        ----------
+        teff_k, log_g, metallicity : array_like
+            Temperature (K), gravity (dex of cm/s2) and [M/H] (dex); they broadcast.
 
         Returns
         -------

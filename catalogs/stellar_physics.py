@@ -133,7 +133,15 @@ def nearest_subtype(sp_type: str, table: dict[tuple[bool, int], tuple[float, flo
 
 
 def colour_temperature(b_v_mag: float, metallicity: float) -> tuple[float, str]:
-    """Return effective temperature from B-V and [Fe/H], and the name of the relation used."""
+    """Return effective temperature from B-V and [Fe/H], and the name of the relation used.
+
+    Parameters
+    ----------
+    b_v_mag : float
+        Johnson B-V, mag.
+    metallicity : float
+        [Fe/H], dex.
+    """
     x, z = b_v_mag, metallicity
     if 0.18 < x < 1.29:
         theta = 0.5665 + 0.4809 * x - 0.0060 * x**2 - 0.0613 * x * z - 0.0042 * z - 0.0055 * z**2
@@ -166,13 +174,31 @@ def _about(series: tuple[float, ...], middle: float) -> tuple[float, ...]:
 
 
 def luminosity_from_v(v_mag: float, distance_pc: float, teff_k: float) -> float:
-    """Return the bolometric luminosity (Lsun) of a star of apparent V (mag), distance (pc) and temperature (K)."""
+    """Return the bolometric luminosity (Lsun) of a star of apparent V (mag), distance (pc) and temperature (K).
+
+    Parameters
+    ----------
+    v_mag : float
+        Apparent Johnson V, mag.
+    distance_pc : float
+        Distance, pc, above 0.
+    teff_k : float
+        Effective temperature, K, above 0; the bolometric correction is that of Flower 1996 and Torres 2010.
+    """
     m_bol = v_mag - 5.0 * np.log10(_positive("distance_pc", distance_pc, "pc") / 10.0) + bolometric_correction(teff_k)
     return float(10.0 ** (-0.4 * (m_bol - _M_BOL_SUN)))
 
 
 def radius_from_luminosity(luminosity_lsun: float, teff_k: float) -> float:
-    """Return the radius (Rsun) by Stefan-Boltzmann."""
+    """Return the radius (Rsun) by Stefan-Boltzmann.
+
+    Parameters
+    ----------
+    luminosity_lsun : float
+        Bolometric luminosity, above 0.
+    teff_k : float
+        Effective temperature, K.
+    """
     return float(np.sqrt(_positive("luminosity_lsun", luminosity_lsun, "L_sun")) * (_TEFF_SUN_K / teff_k) ** 2)
 
 
@@ -187,14 +213,28 @@ def mass_from_luminosity(luminosity_lsun: float) -> float:
 
 
 def mass_of(sp_type: str, luminosity_lsun: float) -> tuple[float, str]:
-    """Return the mass (Msun) that luminosity and class suggest, and how it was found."""
+    """Return the mass (Msun) that luminosity and class suggest, and how it was found.
+
+    Parameters
+    ----------
+    sp_type : str
+        Spectral type.
+    luminosity_lsun : float
+        Bolometric luminosity, above 0.
+    """
     if is_giant(sp_type):
         return GIANT_MASS_MSUN, f"assumed:{GIANT_MASS_MSUN} Msun, giant"
     return mass_from_luminosity(luminosity_lsun), "derived:luminosity (Eker et al. 2018)"
 
 
 def gravity(mass_msun: float, radius_rsun: float) -> float:
-    """Return log10 of the surface gravity (cm/s2) of mass and radius in solar units."""
+    """Return log10 of the surface gravity (cm/s2) of mass and radius in solar units.
+
+    Parameters
+    ----------
+    mass_msun, radius_rsun : float
+        Mass and radius, above 0.
+    """
     mass, radius = _positive("mass_msun", mass_msun, "M_sun"), _positive("radius_rsun", radius_rsun, "R_sun")
     return float(_LOG_G_SUN + np.log10(mass) - 2.0 * np.log10(radius))
 

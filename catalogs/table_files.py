@@ -60,6 +60,15 @@ class RawTable:
 def read_bytes(path: str | Path, *, key: str = "catalog", presets: str = "snapshot, latest, simbad_2012") -> TableBytes:
     """Read a file whole; `key` is what it is asked for as, `presets` what may be given instead of a file.
 
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    key : str
+        What it is asked for as, for messages.
+    presets : str
+        What may be given instead of a file, for messages; "" if nothing.
+
     Raises
     ------
     InputError

@@ -72,7 +72,19 @@ def open_file(
 
 
 def read_file(path: str | Path, *, key: str, allowed: str, max_bytes: int, too_large: str = "") -> bytes:
-    """Read a file that somebody named whole; parameters and errors are those of `open_file`."""
+    """Read a file that somebody named whole; parameters and errors are those of `open_file`.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file; ``~`` is the user's home.
+    key, allowed : str
+        What it is asked for as, and what may be given, for messages.
+    max_bytes : int
+        Largest size that is accepted.
+    too_large : str
+        What to do about a file that is larger, for messages.
+    """
     with open_file(path, key=key, allowed=allowed, max_bytes=max_bytes, too_large=too_large) as file:
         try:
             data = file.read(max_bytes + 1) or b""
@@ -83,7 +95,17 @@ def read_file(path: str | Path, *, key: str, allowed: str, max_bytes: int, too_l
 
 
 def read_text(path: str | Path, *, key: str, allowed: str, max_bytes: int) -> str:
-    """Read a file of UTF-8 text, with or without a byte-order mark; otherwise as `read_file`."""
+    """Read a file of UTF-8 text, with or without a byte-order mark; otherwise as `read_file`.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file; ``~`` is the user's home.
+    key, allowed : str
+        What it is asked for as, and what may be given, for messages.
+    max_bytes : int
+        Largest size that is accepted.
+    """
     try:
         return read_file(path, key=key, allowed=allowed, max_bytes=max_bytes).decode("utf-8-sig")
     except UnicodeDecodeError:

@@ -229,6 +229,13 @@ def _outer_points(inner: float, outer: float, extent: float, spacing: float) -> 
 def mask_figures(mask: FloatArray, radius_lambda_d: float = 0.7) -> dict[str, float]:
     """Throughput figures of a mask, relative to the clear disc.
 
+    Parameters
+    ----------
+    mask : ndarray, shape (n, n)
+        Amplitude transmission, 0 to 1.
+    radius_lambda_d : float
+        Radius of the core.
+
     Returns
     -------
     dict

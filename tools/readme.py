@@ -77,7 +77,15 @@ def tables() -> Figures:
 
 
 def table_of(text: str, heading: str) -> str:
-    """Return the table of a report that begins with a heading, without rows that nothing was asked of."""
+    """Return the table of a report that begins with a heading, without rows that nothing was asked of.
+
+    Parameters
+    ----------
+    text : str
+        Text of a report.
+    heading : str
+        Start of the table's first line.
+    """
     lines = text.splitlines()
     start = next(number for number, line in enumerate(lines) if line.startswith(heading))
     table = itertools.takewhile(lambda line: line.startswith("|"), lines[start:])

@@ -16,6 +16,7 @@ from cpic_planner.report.etc_curves import EtcCurves, TimeCurve
 from cpic_planner.report.names import pretty_name
 from cpic_planner.report.numbers import duration_text
 from cpic_planner.report.words import term_text
+from simulator.detectors.chains import noise_terms
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -37,17 +38,13 @@ _TERM_COLOURS = {
     "planet": "#009E73",
     "halo": "#CC79A7",
     "sky": "#56B4E9",
-    "cic": "#D55E00",
-    "read_noise": "#444444",
-    "dark": "#9A8700",
     "companion": "#882255",
     "exozodi": "#AA9988",
     "background_mean": "#8C8C8C",
     "counting": "#332288",
     "smear": "#44AA99",
     "companion_wings": "#661100",
-    "rounding": "#BBBBBB",
-}
+} | {term: effect.colour for term, effect in noise_terms().items()}
 
 
 def check_figure_name(path: Path) -> str:

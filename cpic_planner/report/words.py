@@ -13,6 +13,7 @@ from cpic_planner.overrides import SimulatorOverrides
 from cpic_planner.registry.libraries import LIBRARIES
 from cpic_planner.registry.scores import SCORES
 from cpic_planner.report.numbers import MISSING, decimals, significant
+from simulator.detectors.chains import noise_terms
 
 #: Symbol of each status, so that badges do not rely on colour.
 STATUS_SYMBOLS: dict[str, str] = {"ok": "✓", "unreachable": "○", "saturated": "▲", "outside_field": "□", "invalid": "✕"}
@@ -86,17 +87,13 @@ TERMS: dict[str, str] = {
     "companion": "companion's light",
     "sky": "sky and zodiacal light",
     "exozodi": "dust around the star",
-    "dark": "dark current",
     "smear": "smear of the frame transfer",
-    "cic": "clock-induced charge",
-    "read_noise": "read noise",
-    "rounding": "rounding to whole ADU",
     "counting": "counted photons and false counts",
     "reference": "all noise of the reference frames",
     "background_mean": "error of the mean background",
     "speckle": "speckles that the subtraction leaves",
     "companion_wings": "companion's light that the subtraction leaves",
-}
+} | {term: effect.term_label or effect.label for term, effect in noise_terms().items()}
 
 #: Limits of exposure and gain: in one or two words, and in a sentence after "is held by".
 LIMITS: dict[str, tuple[str, str]] = {

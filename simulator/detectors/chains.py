@@ -76,7 +76,7 @@ def rows_of(chain: Chain) -> Iterator[Effect]:
 
 def switched(chain: Chain) -> tuple[str, ...]:
     """Return the names of the switches of a chain."""
-    return tuple(effect.switch for effect in rows_of(chain) if effect.switch != "quantisation")
+    return tuple(effect.switch for effect in rows_of(chain) if not effect.fixed)
 
 
 def in_sums(chain: Chain, *fates: str) -> tuple[str, ...]:

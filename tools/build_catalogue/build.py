@@ -100,7 +100,15 @@ def build_all(archives: Path, out_dir: Path, only: Sequence[str] = ()) -> list[s
 
 
 def compare(fresh: Path, shipped: Path, names: Sequence[str]) -> list[str]:
-    """Return one line for each of `names` that is missing from `shipped` or differs from `fresh`."""
+    """Return one line for each of `names` that is missing from `shipped` or differs from `fresh`.
+
+    Parameters
+    ----------
+    fresh, shipped : Path
+        Folders of a rebuild and of the shipped files.
+    names : sequence of str
+        Names of files.
+    """
     lines = []
     for name in names:
         if not (shipped / name).is_file():

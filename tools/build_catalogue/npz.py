@@ -17,6 +17,13 @@ def write_npz(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
 
     `numpy.savez` stamps the time of writing into the archive, and deflate streams differ between zlib
     versions; stored members with a fixed date do neither. The wheel compresses the file anyway.
+
+    Parameters
+    ----------
+    path : Path
+        File to write.
+    arrays : mapping of str to ndarray
+        What it holds.
     """
     with zipfile.ZipFile(path, "w", zipfile.ZIP_STORED) as archive:
         for name, array in arrays.items():

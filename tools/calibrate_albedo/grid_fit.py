@@ -103,7 +103,17 @@ def read_table(path: str | Path) -> Measured:
 def band_albedo(
     parameters: np.ndarray, log10_mh: np.ndarray, wavelength_nm: np.ndarray, methane_per_km_am: np.ndarray
 ) -> np.ndarray:
-    """Return the mean albedo over each band, shape (n, 6)."""
+    """Return the mean albedo over each band, shape (n, 6).
+
+    Parameters
+    ----------
+    parameters : ndarray, shape (n, 7)
+        Parameters of `simulator.target.parametric.node_albedo`.
+    log10_mh : ndarray, shape (n,)
+        Metallicity of each.
+    wavelength_nm, methane_per_km_am : ndarray
+        Absorption of methane, 1/(km amagat).
+    """
     samples = [np.arange(low + 0.5 * _STEP_NM, high, _STEP_NM) for low, high in BANDS_NM.values()]
     places = np.concatenate(samples)
     spectra = node_albedo(parameters, log10_mh, places, np.interp(places, wavelength_nm, methane_per_km_am))

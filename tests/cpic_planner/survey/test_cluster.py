@@ -17,7 +17,7 @@ from cpic_planner.jobs.folder import open_run_folder
 from cpic_planner.survey.store import ResultStore
 
 pytestmark = pytest.mark.long
-PROVES = ("cpic_planner.cluster", "cpic_planner.engine", "cpic_planner.runfolder", "cpic_planner.survey.store")
+PROVES = ("cpic_planner.jobs", "cpic_planner.survey.store")
 HERE = Path(__file__).resolve().parent
 PATHS = os.pathsep.join([str(HERE), str(HERE.parents[2]), os.environ.get("PYTHONPATH", "")])
 EVERY_PART = list(range(40))
