@@ -18,8 +18,7 @@ if TYPE_CHECKING:
     from cpic_planner.report.names import pretty_name
     from cpic_planner.report.panels import Panels
     from cpic_planner.report.tables import measurements_csv, ranking_csv, ranking_ecsv
-    from cpic_planner.report.write import write_report
-    from cpic_planner.report.write_confirm import write_confirm_report
+    from cpic_planner.report.write import write_confirm_report, write_report
 
 __all__ = [
     "HoleEdges",
@@ -59,7 +58,7 @@ _HOME = {
     "ranking_ecsv": "tables",
     "render_confirm": "html",
     "render_plan": "html",
-    "write_confirm_report": "write_confirm",
+    "write_confirm_report": "write",
     "write_report": "write",
 }
 
