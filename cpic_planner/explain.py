@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -117,8 +116,10 @@ def _standing(
     noise = cases.noise(choice)
     possible = best.n_frames[0] >= 1
     binding = binding_limits(cases.problem("significance"), cases.rates, choice, (0, 0))
-    return BandStanding(
-        band=band,
+    return BandStanding.of(
+        best,
+        counted,
+        at=0,
         status=status.value,
         reason=reason.value,
         verdict=verdict_of(status, detected=True),
@@ -126,17 +127,8 @@ def _standing(
         detection_probability=finite(best.chance_blind[0]),
         detection_probability_known_place=finite(best.chance_known_place[0]),
         limited_by=limits_of([(status, reason)], best)[0],
-        separation_arcsec=float(best.separation_arcsec[0]),
-        contrast=float(best.contrast[0]),
-        contrast_limit=float(best.contrast_limit[0]) if math.isfinite(best.contrast_limit[0]) else None,
-        snr=float(best.snr[0]),
-        significance=float(best.significance[0]),
-        threshold=float(best.threshold[0]),
         detection_margin=float(best.margin[0]),
         floor_margin=min(float(best.floor_margin[0]), 1e300),
-        completeness=float(counted.completeness[0]),
-        in_zone=float(counted.in_zone[0]),
-        observable=float(counted.observable[0]),
         time_s=float(best.time_s[0]) if possible else None,
         exposure_s=float(best.exposure_s[0]) if possible else None,
         n_frames=int(best.n_frames[0]) if possible else None,

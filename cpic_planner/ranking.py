@@ -306,22 +306,13 @@ def _row(
         flags.append("companion_saturates")
     counted, time_s = found.counted[found.picked[i]], float(found.completeness_time_s[i])
     share = float(counted.completeness[i])
-    return RankedTarget(
+    return RankedTarget.of(
+        best,
+        targets,
+        at=i,
         rank=rank,
         score=float(found.score[i]),
-        name=str(targets.name[i]),
         hip=int(targets.hip[i]) if targets.hip[i] else None,
-        v_mag=float(targets.v_mag[i]),
-        sp_type=str(targets.sp_type[i]),
-        distance_pc=float(targets.distance_pc[i]),
-        ra_deg=finite(targets.ra_deg[i]),
-        dec_deg=finite(targets.dec_deg[i]),
-        separation_arcsec=float(best.separation_arcsec[i]),
-        contrast=float(best.contrast[i]),
-        band=str(best.band[i]),
-        snr=float(best.snr[i]),
-        significance=float(best.significance[i]),
-        threshold=float(best.threshold[i]),
         detection_margin=float(best.margin[i]),
         status=standing[0].value,
         reason=standing[1].value,
@@ -330,9 +321,6 @@ def _row(
         detection_probability=finite(best.chance_blind[i]),
         detection_probability_known_place=finite(best.chance_known_place[i]),
         limited_by=limited_by,
-        contrast_limit=finite(best.contrast_limit[i]),
-        deepest_limit=finite(best.deepest_limit[i]),
-        deepest_separation_arcsec=float(best.deepest_separation_arcsec[i]),
         detection_time_s=float(quickest.time_s[i]) if quickest is not None and quickest.n_frames[i] >= 1 else None,
         completeness=share,
         completeness_error=float(counted.standard_error[i]),
@@ -347,8 +335,6 @@ def _row(
         time_s=float(best.time_s[i]) if possible else None,
         ref_planet_distance_au=distance,
         ref_planet_insolation_au=None if luminosity is None or luminosity <= 0 else distance / math.sqrt(luminosity),
-        luminosity_lsun=luminosity,
-        companion_separation_arcsec=finite(targets.companion_separation_arcsec[i]),
         flags=flags,
     )
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+import math
+from typing import Any, Literal, Self, get_args
 
 from pydantic import BaseModel, ConfigDict, GetJsonSchemaHandler
 from pydantic_core import CoreSchema
@@ -13,6 +14,9 @@ StatusText = Literal["ok", "unreachable", "saturated", "outside_field", "invalid
 VerdictText = Literal["detected", "measured_not_detected", "unreachable"]
 DetectionMode = Literal["known_place"]
 LimitText = Literal["geometry", "photons", "background", "speckles", "saturation", "none"]
+
+
+_ABSENT = object()
 
 
 class Result(BaseModel):
@@ -30,6 +34,41 @@ class Result(BaseModel):
             said = {"title": look.label, "unit": look.unit, "description": look.meaning}
             part.update({key: value for key, value in said.items() if value})
         return schema
+
+    @classmethod
+    def of(cls, *sources: Any, at: int | None = None, **given: Any) -> Self:
+        """Return a result made of the attributes of other objects that bear the names of its fields.
+
+        Parameters
+        ----------
+        *sources
+            Objects; the first one that has an attribute counts. Arrays become lists.
+        at : int, optional
+            Place in their arrays, along the first axis: for one star of columns of many.
+        **given
+            Values of fields that no source has, or has otherwise.
+
+        Returns
+        -------
+        Result
+            Numbers that are not finite are null where the field may be.
+        """
+        found = dict(given)
+        for name, field in cls.model_fields.items():
+            for source in () if name in given else sources:
+                value = getattr(source, name, _ABSENT)
+                if value is not _ABSENT:
+                    found[name] = _plain(value, at, field.annotation)
+                    break
+        return cls(**found)
+
+
+def _plain(value: Any, at: int | None, annotation: Any) -> Any:
+    if hasattr(value, "tolist"):
+        value = (value if at is None else value[at]).tolist()
+    if isinstance(value, float) and not math.isfinite(value) and type(None) in get_args(annotation):
+        return None
+    return value
 
 
 class Row(Result):

@@ -2,30 +2,44 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
 from cpic_planner.models.base import Result, Row
 from cpic_planner.models.columns import column
+from simulator.config.light import Real
+
+Angle = Annotated[Real, Field(ge=0, le=180)]
+QuarterTurn = Annotated[Real, Field(ge=0, le=90)]
 
 
 class PointingRecord(Result):
-    """The limits of pointing that were applied."""
+    """The limits of pointing that are applied, and what a slew costs."""
 
-    name: str
-    sun_deg: float = Field(description="least angle from the Sun, deg")
-    moon_deg: float = Field(description="least angle from the Moon, its parallax added, deg")
-    dark_limb_deg: float = Field(description="least angle from a dark limb of the Earth, deg")
-    bright_limb_deg: float = Field(description="least angle from a sunlit limb of the Earth, deg")
-    panel: Literal["one_axis", "fixed"] = Field(description="solar panels")
-    panel_deg: float = Field(description="largest angle between the panels' normal and the Sun, deg")
-    panel_turn_deg: float = Field(description="panels of one_axis turn by at most this either way, deg")
-    roll_deg: float = Field(description="freedom of roll either side of the best one, deg")
-    saa_fraction: float = Field(description="share of all time lost to the South Atlantic Anomaly")
-    slew_deg_s: float = Field(description="rate of slews, deg/s")
-    settle_s: float = Field(description="settling after a slew, s")
-    thermal_settle_orbits: float = Field(description="orbits until the dark hole has settled after a slew")
+    name: str = ""
+    sun_deg: Angle = column("least angle between the target and the centre of the Sun, deg")
+    moon_deg: Angle = column("least angle between the target and the Moon, its parallax added, deg")
+    dark_limb_deg: Angle = column("least angle from the limb of the solid Earth where its nearest point is dark, deg")
+    bright_limb_deg: Angle = column("the same where it is sunlit, deg")
+    panel: Literal["one_axis", "fixed"] = column(
+        "whether the solar panels turn about the axis across the boresight and their normal"
+    )
+    panel_deg: QuarterTurn = column(
+        "largest angle between the panels' normal and the Sun, deg; 90 with panels that turn by 90: no limit"
+    )
+    panel_turn_deg: QuarterTurn = column(
+        "panels of one_axis turn by at most this either way from across the boresight, deg"
+    )
+    roll_deg: QuarterTurn = column("freedom of roll either side of the best one, whatever the panels allow, deg")
+    saa_fraction: Annotated[Real, Field(ge=0, lt=1)] = column(
+        "share of all time lost to the South Atlantic Anomaly: one number, no map"
+    )
+    slew_deg_s: Annotated[Real, Field(gt=0, le=100)] = column("rate of slews, deg/s")
+    settle_s: Annotated[Real, Field(ge=0, le=1e5)] = column("settling after a slew, s")
+    thermal_settle_orbits: Annotated[Real, Field(ge=0, le=1000)] = column(
+        "orbits until the dark hole has settled after a slew"
+    )
 
 
 class SeasonRecord(Result):

@@ -167,7 +167,8 @@ class Effect:
     label, law : str
         Its name for people, and how it is modelled.
     stage : {"light", "charge", "voltage"}
-        Where in the chain it acts: on mean rates, on electrons before the output, on the signal at the output.
+        Where in the chain it acts: on mean rates; on electrons, those behind the register multiplied already; on the
+        signal at the output, in ADU in the visible camera and in electrons in every read of the near-infrared one.
     always, fixed : bool
         Whether it runs (in a plain form) with its switch off; whether it has none.
     settings : type of FrozenModel, optional

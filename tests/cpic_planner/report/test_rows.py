@@ -3,8 +3,10 @@
 import csv
 import io
 import json
+from types import SimpleNamespace
 
 import astropy.units as u
+import numpy as np
 import pytest
 from astropy.table import Table
 from rich.console import Console
@@ -137,3 +139,28 @@ def test_results_are_frozen_and_strict():
     assert base.Result.model_config["frozen"]
     with pytest.raises(ValueError, match="extra"):
         planned.AuditRecord(unknown=1)
+
+
+def test_a_row_is_made_of_the_attributes_of_others():
+    """First source first; places in arrays; what is not finite is null where it may be."""
+
+    class Made(Row):
+        name: str
+        share: float
+        limit: float | None
+        counts: list[int]
+        said: str = "as it was"
+
+    columns = SimpleNamespace(name=np.array(["a", "b"]), share=np.array([0.1, 0.2]), limit=np.array([1.0, np.inf]))
+    other = SimpleNamespace(share=0.9, counts=np.array([[1], [2]]))
+    assert Made.of(columns, other, at=1) == Made(name="b", share=0.2, limit=None, counts=[2])
+    assert Made.of(columns, other, at=0, share=0.5, said="new").model_dump() == {
+        "name": "a",
+        "share": 0.5,
+        "limit": 1.0,
+        "counts": [1],
+        "said": "new",
+    }
+    endless = SimpleNamespace(name="a", share=np.inf, limit=1.0, counts=[])
+    with pytest.raises(ValueError, match="finite"):
+        Made.of(endless)
