@@ -46,7 +46,7 @@ class _Work:
 
 def confirm_job(config: ConfirmConfig) -> Job[ConfirmResult]:
     """Return the job that simulates a scene and measures it blind."""
-    from cpic_planner.report.write_confirm import products_of, write_confirm_report
+    from cpic_planner.report.write import products_of, write_confirm_report
 
     prepared = functools.cache(lambda: _work(config))
 

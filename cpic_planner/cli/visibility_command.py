@@ -54,7 +54,7 @@ def visibility(
         check_figure_name(plot)
     result = visibility_of(question, note)
     if out is not None:
-        from cpic_planner.report.visibility_words import visibility_csv
+        from cpic_planner.report.tables import visibility_csv
 
         write_out(out, lambda: visibility_csv(result), len(result.targets) * len(result.mjd))
     if plot is not None:

@@ -18,7 +18,6 @@ from cpic_planner.registry.libraries import LIBRARIES
 from cpic_planner.report import document as doc
 from cpic_planner.report.cells import frames_text
 from cpic_planner.report.drawing import Picture
-from cpic_planner.report.glossary import method_credits, terms
 from cpic_planner.report.image_blocks import (
     MEASURED_NOTE,
     audit_blocks,
@@ -30,7 +29,7 @@ from cpic_planner.report.image_blocks import (
 )
 from cpic_planner.report.numbers import MISSING, count_text, decimals, significant
 from cpic_planner.report.summary import calibration_sentence, confirm_sentences, overrides_sentence
-from cpic_planner.report.words import ALBEDO_STATUS
+from cpic_planner.report.words import ALBEDO_STATUS, method_credits, terms
 
 CONFIRM_FIGURES = {
     "spectrum": "Recovered contrasts on the spectrum of the scene",

@@ -9,8 +9,9 @@ from cpic_planner.models import VisibilityResult, VisibleTarget
 from cpic_planner.report.cells import Cells, row_cells
 from cpic_planner.report.names import full_name
 from cpic_planner.report.numbers import MISSING, decimals, formatted
+from cpic_planner.report.summary import day_text, pointing_sentence
 from cpic_planner.report.terminal import print_note, print_plain, print_table
-from cpic_planner.report.visibility_words import BLOCK_WORDS, day_text, pointing_sentence
+from cpic_planner.report.words import BLOCK_WORDS
 
 if TYPE_CHECKING:
     from rich.console import Console

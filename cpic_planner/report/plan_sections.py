@@ -23,7 +23,6 @@ from cpic_planner.report import summary, words
 from cpic_planner.report.cells import Cells, frames_text
 from cpic_planner.report.drawing import Picture
 from cpic_planner.report.figures import PLAN_FIGURES
-from cpic_planner.report.glossary import method_credits, terms
 from cpic_planner.report.image_blocks import (
     MEASURED_NOTE,
     audit_blocks,
@@ -44,6 +43,7 @@ from cpic_planner.report.numbers import (
     share_text,
     significant,
 )
+from cpic_planner.report.words import method_credits, terms
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from cpic_planner.models import (
     ConfirmedTarget,
     ConfirmResult,
     PlanResult,
+    PointingRecord,
     PopulationRecord,
     RankResult,
 )
@@ -131,3 +132,19 @@ def _score_words(rank: RankResult) -> str:
 
 def _plural(count: float, noun: str) -> str:
     return f"{count_text(int(count))} {noun}{'' if count == 1 else 's'}"
+
+
+def day_text(utc: str) -> str:
+    """Return the day of a time of UTC."""
+    return utc[:10]
+
+
+def pointing_sentence(pointing: PointingRecord) -> str:
+    """Return the limits of pointing in one sentence."""
+    turned = f"turning by up to {pointing.panel_turn_deg:g}" if pointing.panel == "one_axis" else "fixed"
+    return (
+        f"Limits {pointing.name}: {pointing.sun_deg:g} deg from the Sun, {pointing.moon_deg:g} from the Moon, "
+        f"{pointing.dark_limb_deg:g} from a dark limb of the Earth, {pointing.bright_limb_deg:g} from a sunlit one; "
+        f"panels {turned} deg, within {pointing.panel_deg:g} of the Sun; {100 * pointing.saa_fraction:g} % of all time "
+        "lost to the South Atlantic Anomaly."
+    ).replace("fixed deg", "fixed")

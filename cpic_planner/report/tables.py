@@ -1,10 +1,18 @@
-"""Results as files: the ranking, every measurement of images, and the targets of survey strategies."""
+"""Results as files: the ranking, every measurement of images, targets of survey strategies, visibility."""
 
 from __future__ import annotations
 
 from typing import Any
 
-from cpic_planner.models import AuditRecord, BandConfirmation, ConfirmResult, PlanResult, RankedTarget, RankResult
+from cpic_planner.models import (
+    AuditRecord,
+    BandConfirmation,
+    ConfirmResult,
+    PlanResult,
+    RankedTarget,
+    RankResult,
+    VisibilityResult,
+)
 from cpic_planner.models.surveyed import SurveyTarget, WhatIfResult
 from cpic_planner.models.table import csv_text, ecsv_text, names_of, values_of
 from simulator.knobs import Quantity
@@ -82,3 +90,15 @@ def targets_csv(result: WhatIfResult) -> str:
     """Return one line for each strategy and star; units stand in the names, lists are joined with semicolons."""
     rows = ({"strategy": item.name} | values_of(target) for item in result.strategies for target in item.targets)
     return csv_text(("strategy", *names_of(SurveyTarget)), rows)
+
+
+def visibility_csv(result: VisibilityResult) -> str:
+    """Return visibility as CSV: one line a target and step."""
+    days = ("blocked_by", "visible_s", "window_s", "roll_half_range_deg", "sun_deg", "moon_deg")
+    names = ("name", "mjd", *days)
+    rows = (
+        dict(zip(names, (target.name, *step), strict=True))
+        for target in result.targets
+        for step in zip(result.mjd, *(getattr(target.days, name) for name in days), strict=True)
+    )
+    return csv_text(names, rows)

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from cpic_planner.models import VisibilityResult, VisibleDays, VisibleTarget
 from cpic_planner.report.drawing import literal, new_figure, style
 from cpic_planner.report.names import full_name, pretty_name
-from cpic_planner.report.visibility_words import BLOCK_WORDS, day_text
+from cpic_planner.report.summary import day_text
+from cpic_planner.report.words import BLOCK_WORDS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -9,8 +9,7 @@ from cpic_planner.models.surveyed import DifferenceRecord, ImageSample, SettingS
 from cpic_planner.report import document as doc
 from cpic_planner.report.names import pretty_name
 from cpic_planner.report.numbers import MISSING, count_text, decimals, significant
-from cpic_planner.report.whatif_settings import changed_settings, setting_text
-from cpic_planner.report.whatif_words import interval_text, planets_text
+from cpic_planner.report.whatif_words import changed_settings, interval_text, planets_text, setting_text
 
 
 @dataclass(frozen=True)

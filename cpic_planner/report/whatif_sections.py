@@ -13,14 +13,21 @@ from cpic_planner.models.surveyed import RankChange, StrategyOutcome, WhatIfResu
 from cpic_planner.registry import Registry
 from cpic_planner.report import document as doc
 from cpic_planner.report.drawing import Picture
-from cpic_planner.report.glossary import method_credits, reading, terms, whatif_terms
+from cpic_planner.report.figures import WHATIF_FIGURES
 from cpic_planner.report.names import pretty_name
 from cpic_planner.report.numbers import MISSING, count_text, decimals, share_text, significant
 from cpic_planner.report.whatif_blocks import difference_table, image_table, pairs_of, source_table, strategy_blocks
-from cpic_planner.report.whatif_figures import WHATIF_FIGURES
 from cpic_planner.report.whatif_looks import shown_rows
-from cpic_planner.report.whatif_settings import shared_facts, universe_facts
-from cpic_planner.report.whatif_words import extent_text, hanging_text, interval_text, lead_sentences, planets_text
+from cpic_planner.report.whatif_words import (
+    extent_text,
+    hanging_text,
+    interval_text,
+    lead_sentences,
+    planets_text,
+    shared_facts,
+    universe_facts,
+)
+from cpic_planner.report.words import method_credits, reading, terms, whatif_terms
 
 _OPEN_CHANGES = 5
 """Strategies whose changes of rank are shown without a click."""

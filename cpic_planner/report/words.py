@@ -1,4 +1,4 @@
-"""What codes mean, in words: statuses, reasons, flags, terms of the noise, limits, remedies."""
+"""What codes mean, in words: statuses, reasons, flags, terms of the noise, limits, remedies; and the glossary."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from importlib import resources
 from typing import Any
 
 from catalogs.star_flags import ADDED_FLAGS
+from catalogs.strict_yaml import parse_yaml
 from cpic_planner.overrides import SimulatorOverrides
 from cpic_planner.registry.libraries import LIBRARIES
 from cpic_planner.registry.scores import SCORES
@@ -112,6 +113,14 @@ REMEDIES: dict[str, str] = {
     "half_the_clock_charge": "half the clock-induced charge",
     "half_the_star_light": "half the starlight in the hole",
     "four_times_the_reference": "four times the reference frames (their time not counted)",
+}
+
+#: What keeps a star from being seen.
+BLOCK_WORDS: dict[str, str] = {
+    "sun": "too near the Sun",
+    "moon": "too near the Moon",
+    "panel": "panels out of the Sun",
+    "limb": "behind the Earth",
 }
 
 #: Flags that the planner adds; those of the catalogue are described beside its data.
@@ -251,3 +260,30 @@ def dec_text(dec_deg: float | None) -> str:
         return MISSING
     total = round(abs(dec_deg) * 60.0)
     return f"{'−' if dec_deg < 0 else '+'}{total // 60:02d}° {total % 60:02d}′"
+
+
+@functools.cache
+def _prose() -> dict[str, Any]:
+    text = resources.files("cpic_planner.report").joinpath("templates/prose.yaml").read_text(encoding="utf-8")
+    return dict(parse_yaml(text, where="prose.yaml"))
+
+
+def terms(words: str = "") -> list[tuple[str, str]]:
+    """Return terms and their meanings in the order of the glossary: all, or those named, with ``; `` between them."""
+    named = words.split("; ") if words else _prose()["terms"]
+    return [(word, text) for word, text in _prose()["terms"].items() if word in named]
+
+
+def whatif_terms() -> list[tuple[str, str]]:
+    """Return the terms of comparisons of survey strategies, besides those of all reports."""
+    return list(_prose()["whatif_terms"].items())
+
+
+def reading() -> list[str]:
+    """Return how to read the intervals of a comparison of survey strategies."""
+    return list(_prose()["reading"])
+
+
+def method_credits() -> list[str]:
+    """Return what to cite besides the data."""
+    return list(_prose()["credits"])

@@ -1,27 +1,37 @@
-"""Write the products of a plan into its folder."""
+"""Write the products of plans, confirmed scenes and comparisons of strategies into their folders."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+import base64
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.questions import contrast_limit
 from cpic_planner.jobs.folder import RunFolder
-from cpic_planner.models import PlanResult, RankResult, SensitivityResult
+from cpic_planner.models import ConfirmResult, PlanResult, RankResult, SensitivityResult, WhatIfResult
 from cpic_planner.report.contrast_figure import HoleEdges, LimitCurve
 from cpic_planner.report.names import pretty_name
 from cpic_planner.report.panels import Mark, Panels
-from cpic_planner.report.tables import measurements_csv, ranking_csv, ranking_ecsv
+from cpic_planner.report.tables import measurements_csv, ranking_csv, ranking_ecsv, targets_csv
 from cpic_planner.targets import Targets, find_target
 from cpic_planner.validation.confirm import decode_arrays
+from cpic_planner.validation.findings import FittedAlbedo, albedo_fits
 from simulator.config import Scene
+from simulator.config.albedo import ParametricAlbedo
 from simulator.target.sources import scene_sources
 
+if TYPE_CHECKING:
+    from cpic_planner.report.drawing import Picture
+
 PRODUCTS = ("ranking.csv", "ranking.ecsv", "measurements.csv", "report.html")
-"""Names of the files of a report."""
+"""Names of the files of a report of a plan."""
+WHATIF_PRODUCTS = ("targets.csv", "report.html")
+"""Names of the files of a report of survey strategies."""
+PANELS = "panels-{band}.png"
+"""Name of the images of a band."""
 
 N_LIMIT_POINTS = 24
 MAX_LIMITS = 3
@@ -137,3 +147,70 @@ def write_report(
     limits = limit_curves(plan, model, targets)
     page = plan_html(plan, rank, panels=panels, limits=limits, holes=hole_edges(model), sensitivity=sensitivity)
     folder.write("report.html", page)
+
+
+def products_of(bands: Iterable[str]) -> list[str]:
+    """Names of the files of a report of images in these bands."""
+    return ["measurements.csv", "report.html", *(PANELS.format(band=band) for band in bands)]
+
+
+def write_confirm_report(
+    folder: RunFolder, result: ConfirmResult, model: EtcModel, scene: Scene, bodies: Mapping[str, Mapping[str, Any]]
+) -> None:
+    """Write ``measurements.csv``, the images of each band as PNG, and ``report.html``, each whole.
+
+    Parameters
+    ----------
+    folder : RunFolder
+    result : ConfirmResult
+    model : EtcModel
+        Of the prediction.
+    scene : Scene
+        What the images show.
+    bodies : mapping
+        What `cpic_planner.scene_confirmation.confirm_scene` returned beside the result, by band.
+    """
+    from cpic_planner.report.html import render_confirm
+    from cpic_planner.report.panel_figure import PanelSheet
+    from cpic_planner.report.snr_figure import snr_figure, spectrum_figure
+
+    folder.write("measurements.csv", measurements_csv(result))
+    sheet = PanelSheet()
+    images = {
+        band: sheet.picture(panels_of(model, band, body, scene=scene), result.scene) for band, body in bodies.items()
+    }
+    for band, picture in images.items():
+        folder.write_bytes(PANELS.format(band=band), base64.b64decode(picture.uri.split(",", 1)[1]))
+    figures = {}
+    spectrum = spectrum_figure(scene, model.instrument, result.bands)
+    if spectrum is not None:
+        figures = {"spectrum": spectrum, "calibration": snr_figure(result)}
+    for fitted in albedo_fits(scene, model.instrument, result.bands):
+        figures[f"Metallicity and clouds of {fitted.light.name}"] = _albedo_picture(fitted)
+    folder.write("report.html", render_confirm(result, figures, images))
+
+
+def _albedo_picture(fitted: FittedAlbedo) -> Picture:
+    """The posterior, with the planet of the scene where it is one of the model's."""
+    from cpic_planner.report.albedo_figure import albedo_picture
+
+    light, truth = fitted.light, None
+    albedo = light.planet.albedo
+    if isinstance(albedo, ParametricAlbedo) and albedo.clamped_log10_fsed is not None:
+        truth = albedo.log10_mh, albedo.clamped_log10_fsed
+    return albedo_picture(fitted.fit, fitted.model, spectrum=(light.wavelength_nm, light.contrast), truth=truth)
+
+
+def write_whatif(folder: RunFolder, result: WhatIfResult) -> None:
+    """Write ``targets.csv`` and ``report.html``, each whole; the same bytes for the same result.
+
+    Parameters
+    ----------
+    folder : RunFolder
+    result : WhatIfResult
+    """
+    from cpic_planner.report.figures import whatif_figures
+    from cpic_planner.report.html import render_whatif
+
+    folder.write("targets.csv", targets_csv(result))
+    folder.write("report.html", render_whatif(result, whatif_figures(result)))

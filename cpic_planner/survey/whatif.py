@@ -15,7 +15,7 @@ from cpic_planner.jobs.folder import RunFolder
 from cpic_planner.jobs.job import Cost, Finished, Job, Runner, RunSettings, Task, run
 from cpic_planner.models.surveyed import ImageSample, StrategyOutcome, WhatIfResult
 from cpic_planner.report.whatif_words import best_by_value, hanging_text
-from cpic_planner.report.write_whatif import PRODUCTS, write_whatif
+from cpic_planner.report.write import WHATIF_PRODUCTS, write_whatif
 from cpic_planner.survey.image_check import SampledDetection, image_sample, image_task, sampled_detections
 from cpic_planner.survey.outcome import differences, outcome, rank_changes
 from cpic_planner.survey.play import Survey, play
@@ -126,7 +126,7 @@ def whatif_job(
         decides=lambda: decided_by(prepared(), n_images),
         work=work,
         write=write,
-        products=(*table_files(TABLES), *(PRODUCTS if pages else ())),
+        products=(*table_files(TABLES), *(WHATIF_PRODUCTS if pages else ())),
         cost=lambda: whatif_cost(config, n_images),
     )
 

@@ -71,7 +71,7 @@ def default_result(folder: Path) -> WhatIfResult:
 
 def pictures(folder: Path, found: dict[str, Any]) -> dict[str, Picture]:
     """Figures of the default run that the report shows."""
-    from cpic_planner.report.whatif_figures import whatif_figures
+    from cpic_planner.report.figures import whatif_figures
 
     drawn = whatif_figures(default_result(folder))
     return {name: drawn[name] for name in ("yields", "curves", "time", "calendar") if name in drawn}

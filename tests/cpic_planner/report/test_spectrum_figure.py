@@ -2,7 +2,7 @@ import base64
 import re
 
 from cpic_planner.models import BandConfirmation
-from cpic_planner.report.spectrum_figure import spectrum_figure
+from cpic_planner.report.snr_figure import spectrum_figure
 from simulator.config import load_instrument, load_scene
 
 SCENE = {
