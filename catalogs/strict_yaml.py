@@ -27,6 +27,7 @@ KINDS = (
     "population",
     "visibility",
     "simulator_overrides",
+    "question",
 )
 """Kinds by which our files name themselves."""
 _KIND_LINE = re.compile(rf"^kind:[ \t]*(?:{'|'.join(KINDS)})[ \t]*(?:#.*)?$", re.MULTILINE)

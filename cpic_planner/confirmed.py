@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Annotated, Any, Literal
+from typing import Any
 
 import numpy as np
-from pydantic import Field, model_validator
 
 from catalogs.errors import InputError
-from cpic_planner.etc.model import EtcModel, Strategy
+from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.planet import ReferencePlanet
 from cpic_planner.jobs.job import Cost, Runner, Task
 from cpic_planner.models import BandConfirmation, ConfirmedTarget, RankedTarget
-from cpic_planner.overrides import SimulatorOverrides
+from cpic_planner.queries.images import ImageQuestion, audited, refuse_counting
 from cpic_planner.ranking import rank_targets
 from cpic_planner.targets import Targets
 from cpic_planner.validation.calibration import calibrate
@@ -23,123 +22,41 @@ from cpic_planner.validation.cost import task_cost
 from cpic_planner.validation.task import ConfirmTask, images_of, prepare_task
 from cpic_planner.validation.verdict import refusals_of, seen_at_place, target_verdict
 from cpic_planner.version import __version__
-from simulator.config import FrozenModel, Instrument
-from simulator.knobs import Dial, dial_of
+from simulator.config import Instrument
 from simulator.ledger import not_modelled
-
-REALISATIONS = 8
-"""Draws of drift and noise of every target and band: an SNR of 10 from 12 apertures is then known to 9 %."""
 
 RESULT_VERSION = 5
 """Raised when the same configuration gives other numbers, so that old folders are not resumed."""
 
 
-class ImageConfig(FrozenModel):
-    """What decides images that are measured; the part that a plan and a scene share.
-
-    ``fidelity`` or ``tolerance`` set the dial of speed against accuracy, ``standard`` without any.
-    ``simulator_overrides`` alter the images alone.
-    """
-
-    instrument: Instrument
-    bands: tuple[str, ...] | None = None
-    strategy: Strategy = Strategy()
-    realisations: Annotated[int, Field(ge=1, le=100_000)] = REALISATIONS
-    simulator_overrides: SimulatorOverrides = SimulatorOverrides()
-    fidelity: Literal["quick", "standard", "reference"] | None = None
-    tolerance: float | None = None
-    seed: Annotated[int, Field(ge=0, lt=2**63)] = 1
-
-    @model_validator(mode="after")
-    def _imaged(self) -> ImageConfig:
-        refuse_counting(self.strategy)
-        self.simulator_overrides.instrument(self.instrument)  # refuses unknown keys
-        dial_of(self.fidelity, self.tolerance)
-        return self
-
-    @property
-    def dial(self) -> Dial:
-        """Speed against accuracy."""
-        return dial_of(self.fidelity, self.tolerance)
-
-    def hashed(self) -> dict[str, Any]:
-        """Plain data of everything here; the dial by what it does, not by the name that it was given."""
-        tree = self.model_dump(mode="json", exclude={"fidelity", "tolerance"})
-        return tree | {"dial": self.dial.model_dump(mode="json")}
-
-    @property
-    def image_settings(self) -> dict[str, Any]:
-        """Settings of `cpic_planner.validation.task.task_of`."""
-        return {
-            "seed": self.seed,
-            "fidelity": self.fidelity,
-            "tolerance": self.tolerance,
-            "realisations": self.realisations,
-            "overrides": self.simulator_overrides,
-        }
-
-    def told(self, digest: str, measured: Sequence[BandConfirmation]) -> dict[str, Any]:
-        """Return what every result of images says of itself.
-
-        Parameters
-        ----------
-        digest : str
-            Hash of everything that decides the result.
-        measured : sequence of BandConfirmation
-            What the ratio of recovered and predicted SNR is taken over.
-        """
-        mean = calibrate(measured)
-        return {
-            "version": __version__,
-            "config_hash": digest,
-            "seed": self.seed,
-            "fidelity": self.dial.fidelity,
-            "tolerance": self.dial.tolerance,
-            "instrument": self.instrument.name,
-            "sigma": self.strategy.sigma,
-            "reference_library": self.strategy.library,
-            "rdi_modes": self.strategy.n_modes,
-            "realisations": self.realisations,
-            "simulator_overrides": self.simulator_overrides.as_mapping(),
-            "calibration": {"ratio": mean.ratio, "error": mean.error, "n_bands": mean.n_bands},
-            "calibration_text": mean.text,
-            "not_modelled": not_modelled(images_of(self.instrument)),
-        }
-
-
-def audited(dial: Dial, asked: bool | None = None) -> bool:
-    """Whether one more realisation runs frame by frame beside those that are drawn as sums.
+def told(config: ImageQuestion, digest: str, measured: Sequence[BandConfirmation]) -> dict[str, Any]:
+    """Return what every result of images says of itconfig.
 
     Parameters
     ----------
-    dial : Dial
-    asked : bool, optional
-        What was asked for; ``standard`` has an audit and no other setting without.
-
-    Raises
-    ------
-    InputError
-        Where one is asked of the reference.
+    config : ImageQuestion
+    digest : str
+        Hash of everything that decides the result.
+    measured : sequence of BandConfirmation
+        What the ratio of recovered and predicted SNR is taken over.
     """
-    if asked and dial.fidelity == "reference":
-        raise InputError(
-            "audit",
-            "given",
-            allowed="quick, standard or a tolerance",
-            hint="the reference runs every realisation frame by frame",
-        )
-    return dial.fidelity == "standard" if asked is None else asked
-
-
-def refuse_counting(strategy: Strategy) -> None:
-    """Refuse photon counting, which is predicted but not measured in images."""
-    if strategy.mode != "analogue":
-        raise InputError(
-            "strategy.mode",
-            strategy.mode,
-            allowed="analogue",
-            hint="photon counting is predicted, not yet measured in images",
-        )
+    mean = calibrate(measured)
+    return {
+        "version": __version__,
+        "config_hash": digest,
+        "seed": config.seed,
+        "fidelity": config.dial.fidelity,
+        "tolerance": config.dial.tolerance,
+        "instrument": config.instrument.name,
+        "sigma": config.strategy.sigma,
+        "reference_library": config.strategy.library,
+        "rdi_modes": config.strategy.n_modes,
+        "realisations": config.realisations,
+        "simulator_overrides": config.simulator_overrides.as_mapping(),
+        "calibration": {"ratio": mean.ratio, "error": mean.error, "n_bands": mean.n_bands},
+        "calibration_text": mean.text,
+        "not_modelled": not_modelled(images_of(config.instrument)),
+    }
 
 
 def refuse_infrared(instrument: Instrument, bands: Sequence[str] | None) -> None:

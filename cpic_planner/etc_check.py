@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 
 from catalogs.errors import InputError
 from cpic_planner.etc.answer import EtcAnswer
@@ -93,7 +92,7 @@ def checked_answers(
         record = closed_form_fidelity(index, answer)
         if needs_images(answer, dial):
             record = _imaged(model, star, answer, planet, dial, record, seed, realisations, advance)
-        found.append(replace(answer, fidelity=record))
+        found.append(answer.checked(record))
     return found
 
 

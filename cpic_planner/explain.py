@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -17,15 +16,14 @@ from cpic_planner.etc.frames import FrameChoice
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.place import check_range
 from cpic_planner.etc.planet import ReferencePlanet
-from cpic_planner.models import BandStanding, Explanation, RankedTarget, ScoreName
+from cpic_planner.models import BandStanding, Explanation, RankedTarget
 from cpic_planner.optimiser import Best, best_in_band
-from cpic_planner.population import Planets
-from cpic_planner.ranking import DEFAULT_SCORE, PopulationChoice, finite, judge, limits_of, rank_targets
+from cpic_planner.population import Planets, PopulationChoice
+from cpic_planner.ranking import finite, judge, limits_of, rank_targets
+from cpic_planner.registry.scores import DEFAULT_SCORE, SCORES, ScoreName
 from cpic_planner.sensitivity import ASSUMPTIONS, N_TOP, Setting, in_order, in_turn, near_top
 from cpic_planner.targets import Targets
 from simulator.config import content_hash
-
-__all__ = ["explain_star"]
 
 
 def explain_star(
@@ -118,8 +116,10 @@ def _standing(
     noise = cases.noise(choice)
     possible = best.n_frames[0] >= 1
     binding = binding_limits(cases.problem("significance"), cases.rates, choice, (0, 0))
-    return BandStanding(
-        band=band,
+    return BandStanding.of(
+        best,
+        counted,
+        at=0,
         status=status.value,
         reason=reason.value,
         verdict=verdict_of(status, detected=True),
@@ -127,17 +127,8 @@ def _standing(
         detection_probability=finite(best.chance_blind[0]),
         detection_probability_known_place=finite(best.chance_known_place[0]),
         limited_by=limits_of([(status, reason)], best)[0],
-        separation_arcsec=float(best.separation_arcsec[0]),
-        contrast=float(best.contrast[0]),
-        contrast_limit=float(best.contrast_limit[0]) if math.isfinite(best.contrast_limit[0]) else None,
-        snr=float(best.snr[0]),
-        significance=float(best.significance[0]),
-        threshold=float(best.threshold[0]),
         detection_margin=float(best.margin[0]),
         floor_margin=min(float(best.floor_margin[0]), 1e300),
-        completeness=float(counted.completeness[0]),
-        in_zone=float(counted.in_zone[0]),
-        observable=float(counted.observable[0]),
         time_s=float(best.time_s[0]) if possible else None,
         exposure_s=float(best.exposure_s[0]) if possible else None,
         n_frames=int(best.n_frames[0]) if possible else None,
@@ -167,7 +158,7 @@ def _sentences(
     """The explanation in words: score, geometry, noise, and how firm the rank is."""
     chosen = next(item for item in bands if item.band == star.band)
     geometry = next(item for item in bands if item.band == star.completeness_band)
-    words = [f"Rank {star.rank} of {n_ranked} by {score.replace('_', ' ')}: {star.score:.3g}."]
+    words = [f"Rank {star.rank} of {n_ranked} by {SCORES[score].title}: {star.score:.3g}."]
     words.append(
         f"At {star.distance_pc:.2f} pc, {geometry.in_zone:.1%} of the population lie in the dark quadrants of "
         f"{geometry.band}, {geometry.observable:.1%} with their whole aperture, and {star.completeness:.1%} are "

@@ -18,7 +18,8 @@ from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.planet import ReferencePlanet
 from cpic_planner.known_planets import draw_known, known_uniforms, planets_of
 from cpic_planner.models import KNOWN_PLANETS, PopulationRecord
-from cpic_planner.population import Planets
+from cpic_planner.population import Planets, PopulationChoice
+from cpic_planner.queries.rank import RankedQuestion
 from cpic_planner.targets import Targets
 from simulator.config import Instrument
 from simulator.config.albedo import AlbedoSpec
@@ -26,7 +27,16 @@ from simulator.config.mission import checked_utc
 from simulator.products.times import mjd_of
 from simulator.quantities import check_finite, check_whole
 
-__all__ = ["KNOWN_ONLY", "MAX_DRAWS", "N_DRAWS", "KnownChoice", "KnownSample", "known_completeness", "known_rows"]
+__all__ = [
+    "KNOWN_ONLY",
+    "MAX_DRAWS",
+    "N_DRAWS",
+    "KnownChoice",
+    "KnownSample",
+    "counted_planets",
+    "known_completeness",
+    "known_rows",
+]
 
 FloatArray = NDArray[np.float64]
 MAX_DRAWS = 100_000
@@ -153,6 +163,26 @@ class KnownChoice:
             "seed": self.seed,
             "albedo": ReferencePlanet(albedo=self.albedo).content()["albedo"],
         }
+
+
+def counted_planets(question: RankedQuestion) -> PopulationChoice | KnownChoice:
+    """Return the population, or the known planets, that the completeness of a ranking refers to.
+
+    Raises
+    ------
+    InputError
+        If there is no such table of known planets, or it cannot be used.
+    """
+    if question.known_planets is None:
+        return PopulationChoice(question.population, question.n_planets, question.seed)
+    return KnownChoice.at(
+        question.known_planets,
+        question.date_utc,
+        question.planet.albedo,
+        question.instrument,
+        n_draws=check_whole("n_planets", question.n_planets, 1, MAX_DRAWS),
+        seed=question.seed,
+    )
 
 
 def known_completeness(

@@ -31,8 +31,6 @@ from simulator.imaging.metrics import PsfMetrics
 from simulator.outcome import Reason, Status
 from simulator.target.albedo import albedo_source
 
-__all__ = ["Best", "best_in_band", "best_of", "optimise", "separation_grid"]
-
 FloatArray = NDArray[np.float64]
 N_SEPARATIONS = 41
 _ENDLESS_S = np.asarray(1e12)
@@ -92,7 +90,7 @@ def separation_grid(model: EtcModel, band: str) -> FloatArray:
     """Diagonal separations with the aperture inside a band's zone, a defined threshold and room to measure noise."""
     inner, outer = usable_range_arcsec(model.instrument, band)
     grid = _roomy(model.metrics[band], inner, outer, model.strategy.annulus_lambda_d)
-    if model.strategy.library == "roll":  # a planet that is seen at two rolls stands beside the diagonal
+    if len(model.strategy.rolls_deg) > 1:  # a planet that is seen at two rolls stands beside the diagonal
         grid = grid[np.array([locate(model, band, float(place))[0] is Status.OK for place in grid], bool)]
     if grid.size == 0:
         raise InputError(
@@ -189,12 +187,8 @@ def best_in_band(
     """Best separation, length of visit and settings of each target in one band within a time; see `optimise`."""
     visit = model.visit_s(time_s)
 
-    def cost(places: _Places) -> FloatArray:
-        with np.errstate(divide="ignore"):
-            return np.sqrt(smooth_in_visit(places.problem("significance"), visit)) * places.threshold
-
     search = _Search(model, targets, band, planet, separation_arcsec)
-    chosen = search.lowest(cost)
+    chosen = search.lowest(lambda places: places.cost(places.problem("significance"), visit))
     return search.best(chosen, best_in_visit(chosen.problem("significance"), visit), visit)
 
 
@@ -231,6 +225,11 @@ class _Places:
     def problem(self, objective: Objective) -> FrameProblem:
         """What the solver needs."""
         return frame_problem(self.rates, self.model.camera(self.band), self.model.strategy, objective=objective)
+
+    def cost(self, problem: FrameProblem, visit_s: FloatArray) -> FloatArray:
+        """Threshold over the significance of the best frames in a visit."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.sqrt(smooth_in_visit(problem, visit_s)) * self.threshold
 
 
 @dataclass(frozen=True)
@@ -286,9 +285,8 @@ class _Search:
             return bound
 
         def cost(places: _Places) -> FloatArray:
-            with np.errstate(divide="ignore"):
-                found = np.sqrt(smooth_in_visit(places.problem("significance"), _ENDLESS_S))
-            return np.where(np.isfinite(places.threshold), found * places.threshold, np.inf)
+            found = places.cost(places.problem("significance"), _ENDLESS_S)
+            return np.where(np.isfinite(places.threshold), found, np.inf)
 
         least = cost(replace(self, targets=self.targets.select(doubtful)).lowest(cost))[:, 0]
         bound[doubtful] = np.minimum(bound[doubtful], 1.0 / least)
@@ -301,13 +299,11 @@ class _Search:
         def changed(places: _Places) -> FrameProblem:
             return change(places.problem("significance"), own_noise(places.rates, camera))
 
-        def cost(places: _Places) -> FloatArray:
-            with np.errstate(divide="ignore"):
-                return np.sqrt(smooth_in_visit(changed(places), visit_s)) * places.threshold
-
         found = np.zeros(len(self.targets), bool)
         if possible.any():
-            places = replace(self, targets=self.targets.select(possible)).lowest(cost)
+            places = replace(self, targets=self.targets.select(possible)).lowest(
+                lambda places: places.cost(changed(places), visit_s)
+            )
             found[possible] = reached(changed(places), visit_s, needed * places.threshold)[:, 0]
         return found
 

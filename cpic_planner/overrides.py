@@ -13,100 +13,41 @@ An override is a key and what becomes of its value::
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, TypeAlias, cast
 
-from pydantic import StrictBool, StrictFloat, StrictInt, StrictStr, field_validator, model_validator
+from pydantic import field_validator
 
 from catalogs.errors import InputError
 from catalogs.strict_yaml import load_mapping
-from cpic_planner.override_keys import advice, children, is_optical, matching, sections
-from cpic_planner.written_values import read_value, two_spellings, with_unit
-from simulator.config import FrozenModel, Instrument, Scene, canonical_json
+from cpic_planner.queries.changes import (
+    ALIASES,
+    COMPANIONS,
+    DRIFT,
+    NAMES,
+    Alteration,
+    Change,
+    alterations,
+    long_key,
+    tree_of,
+)
+from simulator.config import FrozenModel, Instrument, Scene
 from simulator.config.base import unit_of
-from simulator.config.keys import to_unit
-from simulator.config.optics import Drift
-
-__all__ = ["ALIASES", "Change", "Override", "OverrideSource", "SimulatorOverrides"]
-
-ALIASES = {
-    "throughput": "bands.*.t_opt",
-    "quantum_efficiency": "bands.*.qe",
-    "read_noise": "detector.read_noise_e",
-    "dark_current": "detector.dark_e_s",
-    "clock_charge": "detector.cic_e",
-    "visit_drift": "drift.visit_nm",
-    "walk": "drift.walk_nm_per_sqrt_hour",
-    "jitter": "wavefront.jitter_mas",
-    "exozodi": "sky.exozodi_zodis",
-}
-"""Short names of keys of the instrument; those of the detector are the visible camera's.
-
-Their names have no units: numbers are given with one, or with an x as factors. `_DRIFT` is short for two keys.
-"""
-_DRIFT, _VISIT, _WALK = "drift", "drift.visit_nm", "drift.walk_nm_per_sqrt_hour"
+from simulator.config.keys import at, to_unit
 
 _WHERE = "simulator_overrides"
-_COMPANIONS = "companions"
-_NAMES = {key: name for name, key in ALIASES.items()}
-Plain: TypeAlias = StrictBool | StrictInt | StrictFloat | StrictStr | None
 OnOff: TypeAlias = Literal["on", "off"]
-
-
-class Override(FrozenModel):
-    """One alteration: ``set`` a key of the instrument to a value, or ``scale`` its number by a factor.
-
-    ``key`` is dotted and may hold ``*``; the key ``companions``, set to ``on`` or ``off``, is the scene's.
-    """
-
-    key: str
-    action: Literal["set", "scale"] = "set"
-    value: Plain
-
-    @model_validator(mode="after")
-    def _possible(self) -> Override:
-        if self.action == "scale" and not (_is_number(self.value) and cast(float, self.value) >= 0):
-            raise InputError(self.key, self.value_text, allowed="a finite factor, at least 0")
-        if self.key == _COMPANIONS and (self.action == "scale" or self.value not in ("on", "off")):
-            raise InputError(self.key, self.value_text, allowed="on, off")
-        return self
-
-    @property
-    def value_text(self) -> str:
-        """What becomes of the value, as it is written: ``x0.7``, ``160``; that of drift has its unit, ``0.1 nm``."""
-        text = f"{'x' if self.action == 'scale' else ''}{canonical_json(self.value).strip(chr(34))}"
-        return with_unit(text, unit_of(_VISIT)) if self.key == _DRIFT and self.action == "set" else text
-
-    @property
-    def text(self) -> str:
-        """In words: ``throughput x0.7``, ``detector.cic_e = 0.05 e-``, ``companions on``."""
-        name = _NAMES.get(self.key, self.key)
-        if self.action == "scale" or self.key == _COMPANIONS:
-            return f"{name} {self.value_text}"
-        return f"{name} = {with_unit(self.value_text, unit_of(self.key) if _is_number(self.value) else '')}"
-
-
-@dataclass(frozen=True)
-class Change:
-    """A number or word of the instrument before and after, and the override that changes it."""
-
-    key: str
-    nominal: Any
-    altered: Any
-    override: Override
 
 
 class SimulatorOverrides(FrozenModel):
     """Alterations of the simulator alone. Equal content has an equal `content_hash`, however it was written."""
 
-    entries: tuple[Override, ...] = ()
+    entries: tuple[Change, ...] = ()
 
     @field_validator("entries")
     @classmethod
-    def _each_once(cls, entries: tuple[Override, ...]) -> tuple[Override, ...]:
+    def _each_once(cls, entries: tuple[Change, ...]) -> tuple[Change, ...]:
         keys = [entry.key for entry in entries]
         for key in keys:
             if keys.count(key) > 1:
@@ -114,7 +55,7 @@ class SimulatorOverrides(FrozenModel):
                     key,
                     "given twice",
                     allowed="each key once",
-                    hint=f"{_NAMES[key]} is the same key" if key in _NAMES else "",
+                    hint=f"{NAMES[key]} is the same key" if key in NAMES else "",
                 )
         return tuple(sorted(entries, key=lambda entry: entry.key))
 
@@ -147,12 +88,11 @@ class SimulatorOverrides(FrozenModel):
         if isinstance(source, SimulatorOverrides):
             return source
         try:
-            return cls(entries=tuple(_override(key, value, nominal) for key, value in _pairs(source)))
+            return cls(entries=tuple(Change.read(key, value, nominal) for key, value in _pairs(source)))
         except InputError as error:
-            raise _named(error.key, error) from None
+            raise _named(error) from None
         except ValueError as error:  # pydantic's, around a refusal of ours
-            inner = _inner(error)
-            raise _named(inner.key, inner) from None
+            raise _named(_inner(error)) from None
 
     @property
     def is_none(self) -> bool:
@@ -162,7 +102,7 @@ class SimulatorOverrides(FrozenModel):
     @property
     def alters_optics(self) -> bool:
         """Whether point-spread functions differ: they are computed anew, which takes up to a minute a band once."""
-        return any(is_optical(entry.key) for entry in self.entries)
+        return any(entry.is_optical for entry in self.entries)
 
     def text(self) -> str:
         """In one line, for reports."""
@@ -171,14 +111,14 @@ class SimulatorOverrides(FrozenModel):
     def as_mapping(self) -> dict[str, Any]:
         """As a mapping of keys to values, which `of` reads."""
         return {
-            entry.key: entry.value_text if entry.action == "scale" or entry.key == _DRIFT else entry.value
+            entry.key: entry.value_text if entry.action == "scale" or entry.key == DRIFT else entry.value
             for entry in self.entries
         }
 
     def companions(self, nominal: OnOff) -> OnOff:
         """Whether the light of companions is in the images, given whether the prediction counts it."""
         for entry in self.entries:
-            if entry.key == _COMPANIONS:
+            if entry.key == COMPANIONS:
                 return cast(OnOff, entry.value)
         return nominal
 
@@ -187,7 +127,7 @@ class SimulatorOverrides(FrozenModel):
         chosen = self.companions(nominal.companions)
         return nominal if chosen == nominal.companions else nominal.model_copy(update={"companions": chosen})
 
-    def changes(self, nominal: Instrument) -> tuple[Change, ...]:
+    def changes(self, nominal: Instrument) -> tuple[Alteration, ...]:
         """Every number and word of an instrument that is altered, by key.
 
         Raises
@@ -195,20 +135,10 @@ class SimulatorOverrides(FrozenModel):
         InputError
             For a key that the instrument does not have, a factor on what is no number, and a value altered twice.
         """
-        found: dict[str, Change] = {}
-        for entry in self.entries:
-            if entry.key == _COMPANIONS:
-                continue
-            for key, value in _leaves(nominal, entry):
-                if key in found:
-                    raise InputError(
-                        f"{_WHERE}.{entry.key}",
-                        entry.value_text,
-                        allowed="each value altered once",
-                        hint=f"{key} is altered by {found[key].override.key} too",
-                    )
-                found[key] = Change(key, value, _altered(entry, key, value, nominal), entry)
-        return tuple(found[key] for key in sorted(found))
+        try:
+            return alterations(nominal, (entry for entry in self.entries if entry.key != COMPANIONS))
+        except InputError as error:
+            raise _named(error) from None
 
     def instrument(self, nominal: Instrument) -> Instrument:
         """The instrument that is simulated, given the one of the prediction.
@@ -221,17 +151,7 @@ class SimulatorOverrides(FrozenModel):
         changes = self.changes(nominal)
         if not changes:
             return nominal
-        tree: dict[str, Any] = {"name": f"{nominal.name}+overrides"}
-        for change in changes:
-            *sections, last = change.key.split(".")
-            place = tree
-            for section in sections:
-                place = place.setdefault(section, {})
-            place[last] = {
-                "value": change.altered,
-                "source": f"override of the simulator, {change.override.text}; nominal {change.nominal}",
-                "confidence": "A",
-            }
+        tree = {"name": f"{nominal.name}+overrides"} | tree_of(changes, _sourced)
         try:
             return nominal.changed(tree)
         except InputError as error:
@@ -255,7 +175,7 @@ def _pairs(source: OverrideSource) -> Iterator[tuple[str, Any]]:
     elif isinstance(source, str | Path):
         if not Path(source).is_file():
             raise InputError("", str(source), allowed="KEY=VALUE, as throughput=x0.7, or a YAML file that exists")
-        tree = load_mapping(source, _WHERE, (*ALIASES, _COMPANIONS, *Instrument.model_fields))
+        tree = load_mapping(source, _WHERE, (*ALIASES, COMPANIONS, *Instrument.model_fields))
         if tree.pop("kind", _WHERE) != _WHERE:
             raise InputError("kind", str(source), allowed=f"a file of kind: {_WHERE}")
         yield from _flat(tree)
@@ -281,60 +201,22 @@ def _stated(key: str, value: Any) -> Any:
     """A value of a mapping, one of `astropy.units` as a text with the unit of its key."""
     if not hasattr(value, "to_value"):
         return value
-    unit = unit_of(_long(key))
-    number = to_unit(_long(key), value)
+    unit = unit_of(long_key(key))
+    number = to_unit(long_key(key), value)
     return f"{number!r} {unit}" if unit else number
 
 
-def _long(key: str) -> str:
-    """The key that has the unit: that of a short name, of drift the offset of a visit."""
-    return _VISIT if key == _DRIFT else ALIASES.get(key, key)
+def _sourced(item: Alteration) -> dict[str, Any]:
+    """An altered value with its standing, as an instrument's file has it."""
+    told = f"override of the simulator, {item.change.text}; nominal {item.nominal}"
+    return {"value": item.altered, "source": told, "confidence": "A"}
 
 
-def _override(given: str, value: Any, nominal: Instrument | None) -> Override:
-    key, unit = ALIASES.get(given, given), unit_of(_long(given))
-    if not isinstance(value, bool | int | float | str | None):
-        raise InputError(key, value, allowed="a number, a word, or a factor as x0.7")
-    bare, text = _is_number(value), str(value)
-    if isinstance(value, str):
-        written = read_value(key, value, unit)
-        if written.action == "scale":
-            return Override(key=key, action="scale", value=written.value)
-        bare = written.bare
-        value = written.value if isinstance(written.value, bool | int | float | None) else value
-    if isinstance(value, float) and not math.isfinite(value):
-        raise InputError(key, str(value), allowed="a finite number")
-    if bare and given in (*ALIASES, _DRIFT):
-        raise two_spellings(
-            given,
-            given,
-            text.strip(),
-            unit=unit,
-            present=_present(_long(given), nominal),
-            value_key="" if unit else key,
-        )
-    if key == _DRIFT and not (_is_number(value) and value >= 0):
-        raise InputError(
-            key,
-            text,
-            allowed="a factor as x2, or a number with a unit as 0.1nm, at least 0",
-            hint=f"its keys: {', '.join(Drift.model_fields)}",
-        )
-    if key == _COMPANIONS and isinstance(value, bool):
-        value = "on" if value else "off"
-    return Override(key=key, value=value)
-
-
-def _present(key: str, nominal: Instrument | None) -> float | None:
-    """The number of an instrument that a key means, if it means one."""
-    found = {} if nominal is None else dict(matching(sections(nominal), key))
-    values = {value for value in found.values() if _is_number(value)}
-    return values.pop() if len(values) == 1 else None
-
-
-def _named(key: str, error: InputError) -> InputError:
-    path = f"{_WHERE}.{key}" if key else _WHERE
-    return InputError(path, error.value, unit=error.unit, allowed=error.allowed, hint=error.hint)
+def _named(error: InputError) -> InputError:
+    """The refusal with the name of the overrides before its key."""
+    if error.key:
+        return at(_WHERE, error)
+    return InputError(_WHERE, error.value, unit=error.unit, allowed=error.allowed, hint=error.hint)
 
 
 def _inner(error: ValueError) -> InputError:
@@ -346,75 +228,16 @@ def _inner(error: ValueError) -> InputError:
     raise error
 
 
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
-
-
-def _leaves(nominal: Instrument, entry: Override) -> list[tuple[str, Any]]:
-    """Keys and values of an instrument that a key means."""
-    root = sections(nominal)
-    if entry.key == _DRIFT:
-        return [found for key in (_VISIT, _WALK) for found in matching(root, key)]
-    found = list(matching(root, entry.key))
-    if not found:
-        raise InputError(
-            f"{_WHERE}.{entry.key}",
-            entry.value_text,
-            allowed="a key of the instrument",
-            hint=advice(root, entry.key, (*ALIASES, _COMPANIONS)),
-        )
-    for key, value in found:
-        below = children(value)
-        if below is not None:
-            raise InputError(
-                f"{_WHERE}.{entry.key}",
-                entry.value_text,
-                allowed=f"a single value, not all of {key}",
-                hint=f"its keys: {', '.join(below)}",
-            )
-    return found
-
-
-def _altered(entry: Override, key: str, nominal: Any, instrument: Instrument) -> Any:
-    if entry.key == _DRIFT and entry.action == "set" and key == _WALK:
-        offset = instrument.drift.visit_nm
-        if not offset:
-            raise InputError(
-                f"{_WHERE}.{entry.key}",
-                entry.value_text,
-                allowed="an instrument with drift",
-                hint=f"its {_VISIT} is 0: the walk cannot be scaled in the same ratio",
-            )
-        return nominal * cast(float, entry.value) / offset
-    if entry.action == "scale":
-        if not _is_number(nominal):
-            shown = "not set" if nominal is None else str(nominal).lower()
-            raise InputError(
-                f"{_WHERE}.{entry.key}",
-                entry.value_text,
-                allowed="a value: only numbers take a factor",
-                hint=f"{key} is {shown}",
-            )
-        return nominal * cast(float, entry.value)
-    if isinstance(nominal, bool) and entry.value in ("on", "off"):
-        return entry.value == "on"
-    return entry.value_text if isinstance(nominal, str) and _is_number(entry.value) else entry.value
-
-
-def _refused(error: InputError, changes: tuple[Change, ...], text: str) -> InputError:
+def _refused(error: InputError, changes: tuple[Alteration, ...], text: str) -> InputError:
     """The instrument's refusal in the words of the overrides."""
     key = error.key.removeprefix("instrument.")
-    for change in changes:
-        if key == change.key or key.startswith(f"{change.key}."):
-            scaled = f"{key} is {_short(change.nominal)}, and would be {_short(error.value)}"
-            hint = scaled if change.override.action == "scale" else error.hint
-            return InputError(
-                f"{_WHERE}.{change.override.key}",
-                change.override.value_text,
-                unit=error.unit,
-                allowed=error.allowed,
-                hint=hint,
-            )
+    for item in changes:
+        if key == item.key or key.startswith(f"{item.key}."):
+            change = item.change
+            scaled = f"{key} is {_short(item.nominal)}, and would be {_short(error.value)}"
+            hint = scaled if change.action == "scale" else error.hint
+            refusal = InputError(change.key, change.value_text, unit=error.unit, allowed=error.allowed, hint=hint)
+            return at(_WHERE, refusal)
     return InputError(_WHERE, text, allowed=error.allowed, hint=f"{key} would be {_short(error.value)}")
 
 

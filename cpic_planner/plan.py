@@ -6,96 +6,32 @@ import functools
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal, Unpack
-
-from pydantic import Field, model_validator
+from typing import Any, Unpack
 
 from catalogs.catalogue import Catalogue
-from catalogs.errors import InputError
 from cpic_planner.confirmed import (
     RESULT_VERSION,
-    ImageConfig,
     confirmed_target,
     image_tasks,
     images_cost,
     plan_tasks,
     refuse_infrared,
+    told,
 )
 from cpic_planner.etc.model import EtcModel, build_model
-from cpic_planner.etc.planet import ReferencePlanet
 from cpic_planner.jobs.folder import RunFolder
 from cpic_planner.jobs.job import Finished, Job, Runner, RunSettings, run
-from cpic_planner.known_completeness import KNOWN_ONLY, KnownChoice
-from cpic_planner.models import BandConfirmation, PlanResult, RankedTarget, RankResult, ScoreName
-from cpic_planner.population_config import PopulationConfig, load_population
-from cpic_planner.ranking import DEFAULT_SCORE, N_PLANETS, PopulationChoice, planet_record, rank_targets
+from cpic_planner.known_completeness import KNOWN_ONLY, KnownChoice, counted_planets
+from cpic_planner.models import BandConfirmation, PlanResult, RankedTarget, RankResult
+from cpic_planner.population import PopulationChoice
+from cpic_planner.queries.plan import PlanConfig
+from cpic_planner.ranking import planet_record, rank_targets
 from cpic_planner.sensitivity import sensitivity
 from cpic_planner.targets import CatalogSource, Targets, as_catalogue, rank_sample, sample_text
 from cpic_planner.validation.confirm import confirm_task
 from cpic_planner.validation.task import ConfirmTask
-from simulator.config.mission import Utc
 from simulator.files import dump_json
 from simulator.work import announce
-
-
-class PlanConfig(ImageConfig):
-    """Everything that decides a plan, but for the star table.
-
-    ``v_mag_max`` None: 7, or all of a table of one's own. ``known_planets``
-    (`catalogs.known_planets.load_known_planets`) stands instead of ``population``, with ``n_planets`` draws of each at
-    ``date_utc``, the start of the mission by default.
-    """
-
-    top: Annotated[int, Field(ge=1, le=1000)] = 5
-    time_s: Annotated[float, Field(ge=1e-3, le=1e9)] = 36000.0
-    dwarfs_only: bool = False
-    singles_only: bool = False
-    v_mag_max: float | None = None
-    companions: Literal["on", "off"] = "on"
-    planet: ReferencePlanet = ReferencePlanet()
-    population: PopulationConfig = Field(default_factory=load_population)
-    n_planets: Annotated[int, Field(ge=1, le=1_000_000)] = N_PLANETS
-    score: ScoreName = DEFAULT_SCORE
-    known_planets: str | None = None
-    date_utc: Utc | None = None
-
-    @model_validator(mode="after")
-    def _one_kind_of_planets(self) -> PlanConfig:
-        if self.known_planets is not None and "population" in self.model_fields_set:
-            raise InputError(
-                "population",
-                self.population.name,
-                allowed="without known_planets",
-                hint="known planets stand instead of a population",
-            )
-        if self.known_planets is None and self.date_utc is not None:
-            raise InputError(
-                "date_utc", self.date_utc, allowed="only with known_planets", hint="nothing else depends on a date"
-            )
-        return self
-
-    def drawn(self) -> PopulationChoice | KnownChoice:
-        """Return the population, or the known planets, that completeness refers to.
-
-        Raises
-        ------
-        InputError
-            If there is no such table of known planets, or it cannot be used.
-        """
-        if self.known_planets is None:
-            return PopulationChoice(self.population, self.n_planets, self.seed)
-        return KnownChoice.at(
-            self.known_planets,
-            self.date_utc,
-            self.planet.albedo,
-            self.instrument,
-            n_draws=self.n_planets,
-            seed=self.seed,
-        )
-
-    def band_names(self) -> tuple[str, ...]:
-        """Bands of the plan."""
-        return self.bands or self.instrument.visible_bands()
 
 
 @dataclass(frozen=True)
@@ -124,7 +60,8 @@ def prepare_plan(config: PlanConfig, catalog: CatalogSource) -> _Prepared:
         singles_only=config.singles_only,
         companions=config.companions,
     )
-    drawn, sample = config.drawn(), sample_text(catalogue, config.v_mag_max, config.dwarfs_only, config.singles_only)
+    drawn = counted_planets(config)
+    sample = sample_text(catalogue, config.v_mag_max, config.dwarfs_only, config.singles_only)
     if isinstance(drawn, KnownChoice):
         targets, sample = drawn.stars(targets), f"{sample}; {KNOWN_ONLY}"
     rank = rank_targets(
@@ -217,10 +154,9 @@ def _decides(config: PlanConfig, prepared: _Prepared) -> dict[str, Any]:
     A table from a file counts by its content, which is in the hash of the ranking, not by its name.
     """
     rank, catalogue = prepared.rank, prepared.catalogue
-    own = {key: value for key, value in config.hashed().items() if key not in ("known_planets", "date_utc")}
     limit = catalogue.ranked_v_mag if config.v_mag_max is None else config.v_mag_max
     return {
-        "config": own | {"v_mag_max": limit},
+        "config": config.hashed() | {"v_mag_max": limit},
         "rank": rank.config_hash,
         "catalogue": rank.catalogue if catalogue.kind == "snapshot" else catalogue.kind,
     }
@@ -230,7 +166,7 @@ def _result(config: PlanConfig, prepared: _Prepared, digest: str, bodies: Mappin
     rank = prepared.rank
     targets = [confirmed_target(prepared.model, row, prepared.refused, bodies) for row in prepared.chosen]
     return PlanResult(
-        **config.told(digest, [band for target in targets for band in target.bands]),
+        **told(config, digest, [band for target in targets for band in target.bands]),
         time_s=config.time_s,
         companions=config.companions,
         reference_planet=planet_record(config.planet),

@@ -19,6 +19,7 @@ from cpic_planner.population_config import (
     load_population,
     population_names,
 )
+from cpic_planner.queries.shared import MAX_PLANETS, N_PLANETS
 from simulator.config.albedo import AlbedoSpec
 from simulator.quantities import check_whole
 from simulator.rng import stream
@@ -36,9 +37,6 @@ __all__ = [
 ]
 
 FloatArray = NDArray[np.float64]
-MAX_PLANETS = 1_000_000
-N_PLANETS = 4000
-"""Planets that a ranking draws."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

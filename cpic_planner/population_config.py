@@ -13,8 +13,8 @@ from pydantic import BeforeValidator, Field, PrivateAttr, ValidationInfo, model_
 from catalogs.errors import InputError
 from catalogs.strict_yaml import Provenance, split_sourced
 from cpic_planner.distributions import FloatArray, Law, read_law
-from cpic_planner.etc.planet import ReferencePlanet
 from cpic_planner.orbits import ECCENTRICITY_MAX
+from cpic_planner.queries.planet import ReferencePlanet
 from simulator.config.albedo import AlbedoSpec, albedo_spec
 from simulator.config.base import FrozenModel, unit_of, validate
 from simulator.config.keys import at, canonical_keys

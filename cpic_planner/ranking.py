@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import get_args
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,15 +16,15 @@ from cpic_planner.completeness import BandCompleteness, completeness
 from cpic_planner.etc.budget import limit_of
 from cpic_planner.etc.camera import FrameCamera
 from cpic_planner.etc.detection import default_law, verdict_of
-from cpic_planner.etc.library import library_flags
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.place import check_range, hole_notes
 from cpic_planner.etc.planet import ReferencePlanet, reference_distance_au, reference_notes
 from cpic_planner.etc.rates import companion_saturates
 from cpic_planner.known_completeness import KnownChoice, KnownSample, known_completeness
-from cpic_planner.models import LimitText, RankedTarget, RankResult, ReferencePlanetRecord, ScoreName
+from cpic_planner.models import LimitText, RankedTarget, RankResult, ReferencePlanetRecord
 from cpic_planner.optimiser import Best, best_in_band, best_of, optimise
-from cpic_planner.population import N_PLANETS, Planets, PopulationChoice
+from cpic_planner.population import Planets, PopulationChoice
+from cpic_planner.registry.scores import DEFAULT_SCORE, SCORES, ScoreName, StarNumbers
 from cpic_planner.targets import Targets
 from cpic_planner.version import __version__
 from simulator.config import content_hash
@@ -33,25 +32,7 @@ from simulator.outcome import Reason, Status
 from simulator.signal.saturation import frame_limit
 from simulator.work import announce
 
-__all__ = [
-    "DEFAULT_SCORE",
-    "N_PLANETS",
-    "PopulationChoice",
-    "Ranked",
-    "drawn_planets",
-    "finite",
-    "judge",
-    "limits_of",
-    "no_frame",
-    "order_of",
-    "planet_record",
-    "rank_hash",
-    "rank_targets",
-    "ranked",
-]
-
 FloatArray = NDArray[np.float64]
-DEFAULT_SCORE: ScoreName = "completeness_per_hour"
 
 
 @dataclass(frozen=True)
@@ -178,39 +159,36 @@ def ranked(
     with_times: bool = True,
 ) -> Ranked:
     """Best settings, completeness and score of every star; least times of detection only ``with_times``."""
-    if score not in get_args(ScoreName):
-        raise InputError("score", score, allowed=", ".join(get_args(ScoreName)))
+    chosen = SCORES[score]
     if len(targets) < 1:
         raise InputError("targets", len(targets), allowed="at least one star")
     by_band = tuple(best_in_band(model, targets, band, time_s, planet) for band in bands)
     best = best_of(by_band)
-    timed = with_times or score == "detection_time"
-    quickest = optimise(model, targets, detect=True, planet=planet, bands=bands) if timed else None
+    quickest = None
+    if with_times or chosen.timed:
+        quickest = optimise(model, targets, detect=True, planet=planet, bands=bands)
     counted = tuple(_counted(model, targets, band, planets, item) for band, item in zip(bands, by_band, strict=True))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        rates = np.stack(
-            [
-                np.where(item.time_s > 0, part.completeness / item.time_s * 3600.0, 0.0)
-                for part, item in zip(counted, by_band, strict=True)
-            ]
-        )
+    numbers = _numbers(best, by_band, quickest, counted)
+    picked = np.argmax(chosen.by_band(numbers), axis=0)
+    return Ranked(best, by_band, quickest, counted, picked, np.asarray(chosen.value(numbers), float))
+
+
+def _numbers(
+    best: Best, by_band: Sequence[Best], quickest: Best | None, counted: Sequence[BandCompleteness]
+) -> StarNumbers:
+    """What scores are made of; completeness is -1 where albedos are extrapolated, if they are known in another band."""
+    shares, times = np.stack([part.completeness for part in counted]), np.stack([item.time_s for item in by_band])
     known = np.array(["extrapolated" not in part.flags for part in counted])
     counts = known[:, None] | ~known.any()
-    shares = np.where(counts, np.stack([part.completeness for part in counted]), -1.0)
-    picked = np.argmax(shares if score == "completeness" else np.where(counts, rates, -1.0), axis=0)
-    rows = np.arange(len(targets))
-    with np.errstate(divide="ignore"):
-        speed = np.zeros(len(targets))
-        if quickest is not None:
-            speed = np.where(quickest.n_frames > 0, 3600.0 / np.maximum(quickest.time_s, 1e-9), 0.0)
-        scores = {
-            "completeness_per_hour": rates[picked, rows],
-            "completeness": shares.max(axis=0),
-            "detection_margin": best.margin,
-            "detection_time": speed,
-            "contrast_limit": np.where(np.isfinite(best.deepest_limit), -np.log10(best.deepest_limit), -99.0),
-        }
-    return Ranked(best, by_band, quickest, counted, picked, np.asarray(scores[score], float))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        rates = np.where(times > 0, shares / times * 3600.0, 0.0)
+    speed = np.zeros(shares.shape[1])
+    if quickest is not None:
+        speed = np.where(quickest.n_frames > 0, 3600.0 / np.maximum(quickest.time_s, 1e-9), 0.0)
+    made = {"detections_per_hour": speed, "completeness": np.where(counts, shares, -1.0)}
+    made["completeness_per_hour"] = np.where(counts, rates, -1.0)
+    columns = {item.name: getattr(best, item.name) for item in fields(StarNumbers) if item.name not in made}
+    return StarNumbers(**made, **columns)
 
 
 def _counted(
@@ -256,10 +234,8 @@ def rank_targets(
         What completeness refers to; giant planets by default. With known planets it is the probability that the
         observation detects at least one of the star's own at the given date; stars without any have 0.
     score : str
-        What the ranking is by: ``completeness_per_hour`` (planets of the population detected by one observation, over
-        its wall time, in the band where that is most), ``completeness``, ``detection_margin`` (significance of the
-        reference planet over the small-sample threshold), ``detection_time`` (reference planets detected per hour of
-        the least time that does), or ``contrast_limit`` (``-log10`` of the faintest contrast detected anywhere).
+        What the ranking is by, a name of `cpic_planner.registry.scores.SCORES`: ``completeness_per_hour``,
+        ``completeness``, ``detection_margin``, ``detection_time`` or ``contrast_limit``.
     sample : str
         Which stars these are, in words.
     catalogue : str, optional
@@ -320,7 +296,7 @@ def _row(
     exposure, frames = float(best.exposure_s[i]), int(best.n_frames[i])
     distance = float(reference_distance_au(targets.select([i]), best.separation_arcsec[i : i + 1], planet)[0, 0])
     luminosity = finite(targets.luminosity_lsun[i])
-    flags = [*targets.flags[i], *library_flags(model)]
+    flags = [*targets.flags[i], *model.strategy.reference_library.flags]
     flags += reference_notes(model, targets.select([i]), str(best.band[i]), float(best.separation_arcsec[i]), planet)
     flags += hole_notes(model, str(best.band[i]))
     clamped = model.passbands.grid_flags(targets.teff_k[i], targets.log_g[i], targets.metallicity[i]).any
@@ -330,22 +306,13 @@ def _row(
         flags.append("companion_saturates")
     counted, time_s = found.counted[found.picked[i]], float(found.completeness_time_s[i])
     share = float(counted.completeness[i])
-    return RankedTarget(
+    return RankedTarget.of(
+        best,
+        targets,
+        at=i,
         rank=rank,
         score=float(found.score[i]),
-        name=str(targets.name[i]),
         hip=int(targets.hip[i]) if targets.hip[i] else None,
-        v_mag=float(targets.v_mag[i]),
-        sp_type=str(targets.sp_type[i]),
-        distance_pc=float(targets.distance_pc[i]),
-        ra_deg=finite(targets.ra_deg[i]),
-        dec_deg=finite(targets.dec_deg[i]),
-        separation_arcsec=float(best.separation_arcsec[i]),
-        contrast=float(best.contrast[i]),
-        band=str(best.band[i]),
-        snr=float(best.snr[i]),
-        significance=float(best.significance[i]),
-        threshold=float(best.threshold[i]),
         detection_margin=float(best.margin[i]),
         status=standing[0].value,
         reason=standing[1].value,
@@ -354,9 +321,6 @@ def _row(
         detection_probability=finite(best.chance_blind[i]),
         detection_probability_known_place=finite(best.chance_known_place[i]),
         limited_by=limited_by,
-        contrast_limit=finite(best.contrast_limit[i]),
-        deepest_limit=finite(best.deepest_limit[i]),
-        deepest_separation_arcsec=float(best.deepest_separation_arcsec[i]),
         detection_time_s=float(quickest.time_s[i]) if quickest is not None and quickest.n_frames[i] >= 1 else None,
         completeness=share,
         completeness_error=float(counted.standard_error[i]),
@@ -371,8 +335,6 @@ def _row(
         time_s=float(best.time_s[i]) if possible else None,
         ref_planet_distance_au=distance,
         ref_planet_insolation_au=None if luminosity is None or luminosity <= 0 else distance / math.sqrt(luminosity),
-        luminosity_lsun=luminosity,
-        companion_separation_arcsec=finite(targets.companion_separation_arcsec[i]),
         flags=flags,
     )
 

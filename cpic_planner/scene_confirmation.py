@@ -7,13 +7,11 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, Unpack
+from typing import Any, Unpack
 
 import numpy as np
-from pydantic import Field, model_validator
 
-from catalogs.errors import InputError
-from cpic_planner.confirmed import RESULT_VERSION, ImageConfig, audited, image_tasks, images_cost, refuse_infrared
+from cpic_planner.confirmed import RESULT_VERSION, image_tasks, images_cost, refuse_infrared, told
 from cpic_planner.etc.frames import best_in_visit
 from cpic_planner.etc.model import EtcModel, build_model
 from cpic_planner.etc.noise import frame_problem
@@ -21,10 +19,13 @@ from cpic_planner.etc.rates import aperture_rates
 from cpic_planner.jobs.folder import RunFolder
 from cpic_planner.jobs.job import Finished, Job, Runner, RunSettings, run
 from cpic_planner.models import BandConfirmation, ConfirmResult
+from cpic_planner.queries.confirm import MAX_FRAMES, ConfirmConfig
+from cpic_planner.queries.images import audited
+from cpic_planner.queries.shared import DEFAULT_TIME_S
 from cpic_planner.targets import Targets
 from cpic_planner.validation.confirm import confirm_task
 from cpic_planner.validation.findings import albedo_fits, albedo_records, position_records
-from cpic_planner.validation.task import MAX_FRAMES, ConfirmTask, Frames, expected_of, task_of
+from cpic_planner.validation.task import ConfirmTask, Frames, expected_of, task_of
 from cpic_planner.validation.verdict import refusals_of
 from simulator.config import Scene
 from simulator.imaging.metrics import PsfMetrics
@@ -32,35 +33,6 @@ from simulator.outcome import Reason, Status
 from simulator.target.lights import LitStar
 from simulator.target.positions import detector_to_sky
 from simulator.target.sources import Source, scene_sources
-
-DEFAULT_TIME_S = 36000.0
-
-
-class ConfirmConfig(ImageConfig):
-    """Everything that decides the confirmation of a scene.
-
-    Frames are given by ``exposure_s`` and ``n_frames``, or are the best within ``time_s`` of wall time for the first
-    planet of the scene (of 1e-8 at the middle of the hole where it has none). A gain that is not given is the best one.
-    ``audit`` None: as `cpic_planner.confirmed.audited` says.
-    """
-
-    scene: Scene
-    time_s: Annotated[float, Field(ge=1e-3, le=1e9)] | None = None
-    exposure_s: Annotated[float, Field(ge=1e-6, le=1e6)] | None = None
-    n_frames: Annotated[int, Field(ge=1, le=MAX_FRAMES)] | None = None
-    em_gain: Annotated[float, Field(ge=1, le=1e4)] | None = None
-    audit: bool | None = None
-
-    @model_validator(mode="after")
-    def _frames(self) -> ConfirmConfig:
-        if self.time_s is not None and self.n_frames is not None:
-            raise InputError("n_frames", self.n_frames, allowed="without time_s", hint="the time sets their number")
-        if self.n_frames is not None and self.exposure_s is None:
-            raise InputError("exposure_s", None, unit="s", allowed="a value where n_frames is given")
-        if self.exposure_s is not None and self.n_frames is None and self.time_s is None:
-            raise InputError("n_frames", None, allowed="a value where exposure_s is given without time_s")
-        audited(self.dial, self.audit)
-        return self
 
 
 @dataclass(frozen=True)
@@ -130,7 +102,7 @@ def _result(config: ConfirmConfig, work: _Work, digest: str, bodies: Sequence[Ma
     seen = [BandConfirmation.model_validate(item) for body in bodies for item in body["confirmations"]]
     bands = sorted([*seen, *work.refused], key=lambda item: order[item.band])
     return ConfirmResult(
-        **config.told(digest, seen),
+        **told(config, digest, seen),
         scene=config.scene.name,
         bands=bands,
         searches=[body["search"] for body in bodies if body["search"] is not None],

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,27 +14,16 @@ from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.place import check_range
 from cpic_planner.etc.planet import ReferencePlanet
 from cpic_planner.known_completeness import KnownChoice
-from cpic_planner.models import ScoreName, SensitivityResult, SensitivityRow
-from cpic_planner.ranking import DEFAULT_SCORE, PopulationChoice, drawn_planets, order_of, rank_hash, ranked
+from cpic_planner.models import SensitivityResult, SensitivityRow
+from cpic_planner.population import PopulationChoice
+from cpic_planner.queries.changes import Change, changed
+from cpic_planner.ranking import drawn_planets, order_of, rank_hash, ranked
+from cpic_planner.registry.scores import DEFAULT_SCORE, ScoreName
 from cpic_planner.targets import Targets
 from simulator.config import content_hash
 from simulator.config.albedo import ParametricAlbedo
 from simulator.passbands import Passbands
 from simulator.work import announce
-
-__all__ = [
-    "ASSUMPTIONS",
-    "DECIDING_SHARE",
-    "DECIDING_TAU",
-    "N_TOP",
-    "Assumption",
-    "Order",
-    "Setting",
-    "in_order",
-    "in_turn",
-    "near_top",
-    "sensitivity",
-]
 
 FloatArray = NDArray[np.float64]
 N_TOP = 50
@@ -77,28 +66,20 @@ class Assumption:
     change: Callable[[Setting], Setting]
 
 
-def _with_drift(factor: float) -> Callable[[Setting], Setting]:
+def _with(one: Change) -> Callable[[Setting], Setting]:
+    """An assumption that changes numbers of the instrument, but not its optics: only rates of light and drift.
+
+    A ``*`` in the key stands for the bands of the ranking.
+    """
+
     def change(setting: Setting) -> Setting:
-        drift = setting.model.instrument.drift
-        size = {"visit_nm": drift.visit_nm * factor, "walk_nm_per_sqrt_hour": drift.walk_nm_per_sqrt_hour * factor}
-        return replace(setting, model=_changed(setting.model, {"drift": size}))
+        model = setting.model
+        keys = {one.key.replace("*", band): None for band in model.bands}
+        instrument = changed(model.instrument, (one.model_copy(update={"key": key}) for key in keys))
+        other = EtcModel(instrument, Passbands.from_instrument(instrument), model.metrics, model.strategy)
+        return replace(setting, model=other)
 
     return change
-
-
-def _with_bands(key: str, value: Callable[[float], float]) -> Callable[[Setting], Setting]:
-    def change(setting: Setting) -> Setting:
-        bands = setting.model.instrument.bands
-        other = {name: {key: value(getattr(bands[name], key))} for name in setting.model.bands}
-        return replace(setting, model=_changed(setting.model, {"bands": other}))
-
-    return change
-
-
-def _changed(model: EtcModel, own: Mapping[str, Any]) -> EtcModel:
-    """The model with another instrument but the optics of the nominal one: only rates of light and drift change."""
-    instrument = model.instrument.changed(own)
-    return EtcModel(instrument, Passbands.from_instrument(instrument), model.metrics, model.strategy)
 
 
 def _at_two_au(setting: Setting) -> Setting:
@@ -114,20 +95,20 @@ def _at_two_au(setting: Setting) -> Setting:
 
 
 ASSUMPTIONS: tuple[Assumption, ...] = (
-    Assumption("drift_x2", "wavefront drift twice as large", _with_drift(2.0)),
-    Assumption("drift_x0.5", "wavefront drift half as large", _with_drift(0.5)),
-    Assumption("drift_x0.1", "wavefront drift a tenth as large", _with_drift(0.1)),
+    Assumption("drift_x2", "wavefront drift twice as large", _with(Change.scaling("drift", 2.0))),
+    Assumption("drift_x0.5", "wavefront drift half as large", _with(Change.scaling("drift", 0.5))),
+    Assumption("drift_x0.1", "wavefront drift a tenth as large", _with(Change.scaling("drift", 0.1))),
     Assumption("albedo_2au", "albedo of cloudy giants at 2 au from the Sun, whatever the insolation", _at_two_au),
-    Assumption("t_opt_0.46", "optical throughput 0.46 in every band", _with_bands("t_opt", lambda value: 0.46)),
+    Assumption("t_opt_0.46", "optical throughput 0.46 in every band", _with(Change(key="bands.*.t_opt", value=0.46))),
     Assumption(
         "width_+50%",
         "bands half as wide again, with the optics of the nominal width",
-        _with_bands("width_nm", lambda value: 1.5 * value),
+        _with(Change.scaling("bands.*.width_nm", 1.5)),
     ),
     Assumption(
         "width_-50%",
         "bands half as wide, with the optics of the nominal width",
-        _with_bands("width_nm", lambda value: 0.5 * value),
+        _with(Change.scaling("bands.*.width_nm", 0.5)),
     ),
 )
 

@@ -2,179 +2,69 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-from cpic_planner.api.inputs import InstrumentSource, OnOff, StrategySource, model_of, planet_of, stars_named
-from cpic_planner.etc.planet import ReferencePlanet
+from cpic_planner.api.inputs import model_of, stars_named
+from cpic_planner.api.keywords import takes
 from cpic_planner.models import ConfirmedTarget, ConfirmResult, PlanResult, SimulationResult
-from simulator.config import Instrument, Scene, load_instrument, load_scene
-from simulator.config.base import validate
-from simulator.numeric import numeric_context
-
-if TYPE_CHECKING:
-    from cpic_planner.overrides import OverrideSource
-    from cpic_planner.simulation.inputs import SimulationInput
-
-__all__ = ["confirm_scene", "confirm_targets", "make_plan", "simulate_products"]
+from cpic_planner.queries.confirm import ConfirmQuestion
+from cpic_planner.queries.images import StarImagesQuestion
+from cpic_planner.queries.plan import PlanQuestion
+from cpic_planner.queries.simulate import SimulateQuestion
 
 
-@numeric_context()
-def make_plan(
-    out: str | Path,
-    *,
-    catalog: str | Path = "snapshot",
-    workers: int = 1,
-    scheduler: str | None = None,
-    force: bool = False,
-    instrument: InstrumentSource = None,
-    **settings: Any,
-) -> PlanResult:
-    """Run the main job and write its products into ``out``.
-
-    Parameters
-    ----------
-    out : str or Path
-        Output folder; an interrupted run continues there.
-    catalog : str or Path
-        Star table, as in `signal_to_noise`.
-    workers, scheduler, force
-        As `cpic_planner.jobs.job.run`.
-    instrument : Instrument, mapping, str or Path, optional
-    **settings
-        Fields of `cpic_planner.plan.PlanConfig`: ``top``, ``bands``, ``time_s``, ``planet``, ``strategy``,
-        ``fidelity`` or ``tolerance``, ``realisations``, ``simulator_overrides`` (as
-        `cpic_planner.overrides.SimulatorOverrides.of` reads them), ``seed``, ``known_planets`` and ``date_utc`` ...
+@takes(PlanQuestion, first=("out",), needs=("out",))
+def make_plan(question: PlanQuestion) -> PlanResult:
+    """Run the main job and write its products into ``out``; an interrupted run continues there.
 
     Returns
     -------
     PlanResult
+
+    Raises
+    ------
+    InputError
+        For bad input, or if ``out`` is in use or holds another configuration.
     """
-    from cpic_planner.overrides import SimulatorOverrides
-    from cpic_planner.plan import PlanConfig
     from cpic_planner.plan import make_plan as run
 
-    given = {name: value for name, value in settings.items() if value is not None}
-    if "simulator_overrides" in given:
-        given["simulator_overrides"] = SimulatorOverrides.of(given["simulator_overrides"])
-    config = validate(PlanConfig, {"instrument": _instrument(instrument)} | given, where="plan")
-    return run(config, out, catalog=catalog, workers=workers, scheduler=scheduler, force=force).result
+    return run(
+        question,
+        question.out,
+        catalog=question.catalog,
+        workers=question.workers,
+        scheduler=question.scheduler,
+        force=question.force,
+    ).result
 
 
-@numeric_context()
-def confirm_targets(
-    target: str | Sequence[str],
-    *,
-    time_s: float = 36000.0,
-    bands: Sequence[str] | None = None,
-    planet: ReferencePlanet | Mapping[str, Any] | None = None,
-    companions: OnOff = "on",
-    catalog: str | Path = "snapshot",
-    instrument: InstrumentSource = None,
-    seed: int = 1,
-    fidelity: str | None = None,
-    tolerance: float | None = None,
-    strategy: StrategySource = None,
-    realisations: int | None = None,
-    simulator_overrides: OverrideSource = None,
-    workers: int = 1,
-) -> list[ConfirmedTarget]:
+@takes(StarImagesQuestion, first=("target",), without=("force", "scheduler"))
+def confirm_targets(question: StarImagesQuestion) -> list[ConfirmedTarget]:
     """Simulate and measure the named stars, each with its reference planet at the best separation.
-
-    Parameters
-    ----------
-    target : str or sequence of str
-    time_s, bands, planet, companions, catalog, instrument, strategy
-        As `signal_to_noise`.
-    seed : int
-        Of the images.
-    fidelity, tolerance : optional
-        Speed against accuracy of the images: ``quick``, ``standard`` (the default) or ``reference``, or the largest
-        relative error of planet flux and SNR that may be traded for speed, 0 to 0.5.
-    realisations : int, optional
-        Draws of drift and noise of every star and band, 8 by default.
-    simulator_overrides : mapping, str, Path or sequence, optional
-        What is altered in the images alone, as ``"throughput=x0.7"``; see `cpic_planner.overrides`.
-    workers : int
-        Local worker processes; the result does not depend on it.
 
     Returns
     -------
     list of ConfirmedTarget
         In the given order.
-    """
-    from cpic_planner.confirmed import REALISATIONS, confirm_stars
-    from cpic_planner.overrides import SimulatorOverrides
 
-    model = model_of(instrument, bands, strategy)
+    Raises
+    ------
+    InputError
+        For an unknown star or band, or a value out of range.
+    """
+    from cpic_planner.confirmed import confirm_stars
+
     return confirm_stars(
-        model,
-        stars_named(target, companions, catalog),
-        time_s=time_s,
-        planet=ReferencePlanet() if planet is None else planet_of(planet),
-        seed=seed,
-        fidelity=fidelity,
-        tolerance=tolerance,
-        realisations=REALISATIONS if realisations is None else realisations,
-        overrides=SimulatorOverrides.of(simulator_overrides),
-        workers=workers,
+        model_of(question),
+        stars_named(question.target, question.companions, question.catalog),
+        time_s=question.time_s,
+        planet=question.planet,
+        workers=question.workers,
+        **question.image_settings,
     )
 
 
-@numeric_context()
-def confirm_scene(
-    scene: Scene | Mapping[str, Any] | str | Path,
-    *,
-    bands: Sequence[str] | None = None,
-    time_s: float | None = None,
-    exposure_s: float | None = None,
-    n_frames: int | None = None,
-    em_gain: float | None = None,
-    instrument: InstrumentSource = None,
-    strategy: StrategySource = None,
-    realisations: int | None = None,
-    audit: bool | None = None,
-    simulator_overrides: OverrideSource = None,
-    fidelity: str | None = None,
-    tolerance: float | None = None,
-    seed: int = 1,
-    workers: int = 1,
-    scheduler: str | None = None,
-    out: str | Path | None = None,
-    force: bool = False,
-) -> ConfirmResult:
+@takes(ConfirmQuestion, first=("scene",))
+def confirm_scene(question: ConfirmQuestion) -> ConfirmResult:
     """Observe one scene in simulated images and measure it blind, beside what the ETC expects, as ``cpic confirm``.
-
-    Parameters
-    ----------
-    scene : Scene, mapping, str or Path
-        What `simulator.load_scene` reads; with any number of planets and other stars.
-    bands : sequence of str, optional
-        All visible bands by default.
-    time_s : float, optional
-        Wall time a band in s, for the best frames; 36000 by default.
-    exposure_s, n_frames, em_gain : optional
-        Frames of the science visit instead; what is not given is the best one.
-    instrument, strategy
-        As `signal_to_noise`; photon counting is refused.
-    realisations : int, optional
-        Draws of drift and noise a band, 8 by default.
-    audit : bool, optional
-        Whether one more realisation a band runs frame by frame with every effect of the camera; by default with
-        ``fidelity="standard"``.
-    simulator_overrides : mapping, str, Path or sequence, optional
-        What is altered in the images alone, as ``"throughput=x0.7"``; see `cpic_planner.overrides`.
-    fidelity, tolerance
-        As `confirm_targets`.
-    seed : int
-        Of the images.
-    workers, scheduler
-        As `make_plan`; the result does not depend on them.
-    out : str or Path, optional
-        Folder for ``confirm.json``, ``measurements.csv``, ``report.html`` and panels; nothing is written without.
-    force : bool
-        Remove what a run of another configuration wrote into ``out``, and nothing else.
 
     Returns
     -------
@@ -185,70 +75,16 @@ def confirm_scene(
     InputError
         For bad input, or if ``out`` is in use or holds another configuration.
     """
-    from cpic_planner.confirmed import REALISATIONS
-    from cpic_planner.overrides import SimulatorOverrides
-    from cpic_planner.scene_confirmation import ConfirmConfig
     from cpic_planner.scene_confirmation import confirm_scene as run
 
-    tree: dict[str, Any] = {
-        "instrument": _instrument(instrument),
-        "scene": load_scene(scene),
-        "bands": (bands,) if isinstance(bands, str) else bands,
-        "time_s": time_s,
-        "exposure_s": exposure_s,
-        "n_frames": n_frames,
-        "em_gain": em_gain,
-        "realisations": REALISATIONS if realisations is None else realisations,
-        "audit": audit,
-        "simulator_overrides": SimulatorOverrides.of(simulator_overrides),
-        "fidelity": fidelity,
-        "tolerance": tolerance,
-        "seed": seed,
-    }
-    config = validate(ConfirmConfig, tree if strategy is None else tree | {"strategy": strategy}, where="confirm")
-    return run(config, out, workers=workers, scheduler=scheduler, force=force).result
+    return run(
+        question, question.out, workers=question.workers, scheduler=question.scheduler, force=question.force
+    ).result
 
 
-def _instrument(source: InstrumentSource) -> Instrument:
-    return source if isinstance(source, Instrument) else load_instrument(source)
-
-
-@numeric_context()
-def simulate_products(
-    what: SimulationInput | list[SimulationInput] | tuple[SimulationInput, ...] = (),
-    out: str | Path = "out/simulate",
-    *,
-    workers: int = 1,
-    scheduler: str | None = None,
-    force: bool = False,
-    truth: bool = True,
-    instrument: InstrumentSource = None,
-    frames: int | None = None,
-    seed: int | None = None,
-    fidelity: str | None = None,
-    tolerance: float | None = None,
-    switches: Mapping[str, bool] | None = None,
-    start_utc: str | None = None,
-    **settings: Any,
-) -> SimulationResult:
+@takes(SimulateQuestion, first=("what", "out"))
+def simulate_products(question: SimulateQuestion) -> SimulationResult:
     """Make Level-0 products with truth, as ``cpic simulate`` does.
-
-    Parameters
-    ----------
-    what : simulation, scene, mapping, str, Path, or a list of them
-        Simulations, scenes (presets, YAML files, mappings, objects) and tables of stars (files), each row of which is a
-        scene; nothing for a calibration ``kind``.
-    out : str or Path
-        Root of the tree of products; an interrupted run continues there.
-    workers, scheduler, force, truth
-        As `cpic_planner.jobs.job.run` and `cpic_planner.simulation.run.simulate`.
-    instrument : Instrument, mapping, str or Path, optional
-    frames, seed, fidelity, tolerance, switches, start_utc : optional
-        For all sequences that have a use for them; those of a simulation are replaced. Above a ``tolerance`` of 0 the
-        effect ledger leaves out what is predicted to matter less (`simulator.observe`).
-    **settings
-        Keys of `simulator.config.simulation.SequenceConfig` for scenes and calibration kinds: ``kind``, ``band``,
-        ``exposure_s``, ``em_gain``, ``roll_deg``, ``star_offset_arcsec`` ...
 
     Returns
     -------
@@ -263,18 +99,14 @@ def simulate_products(
     from cpic_planner.simulation.inputs import simulation_from
     from cpic_planner.simulation.run import simulate
 
-    changes = {
-        "frames": frames,
-        "seed": seed,
-        "fidelity": fidelity,
-        "tolerance": tolerance,
-        "switches": switches,
-        "start_utc": start_utc,
-    }
     simulation, _ = simulation_from(
-        what if isinstance(what, list | tuple) else [what],
-        settings=settings,
-        changes={key: value for key, value in changes.items() if value is not None},
-        instrument=instrument,
+        question.what, settings=question.settings, changes=question.changes, instrument=question.instrument
     )
-    return simulate(simulation, out, workers=workers, scheduler=scheduler, force=force, truth=truth).result
+    return simulate(
+        simulation,
+        question.out,
+        workers=question.workers,
+        scheduler=question.scheduler,
+        force=question.force,
+        truth=question.truth,
+    ).result

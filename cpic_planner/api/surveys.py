@@ -4,48 +4,59 @@ from __future__ import annotations
 
 import contextlib
 import tempfile
-from collections.abc import Mapping, Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
 
-from cpic_planner.api.inputs import InstrumentSource, stars_named
+from cpic_planner.api.keywords import takes
 from cpic_planner.models import VisibilityResult, WhatIfResult
-from cpic_planner.targets import Targets, as_catalogue
-from simulator.config import Instrument, load_instrument
-from simulator.numeric import numeric_context
-
-if TYPE_CHECKING:
-    from cpic_planner.survey.visibility import VisibilitySource
-
-__all__ = ["compare_strategies", "star_visibility"]
+from cpic_planner.queries.visibility import VisibilityQuestion
+from cpic_planner.queries.whatif import WhatIfQuestion
+from cpic_planner.targets import Targets, as_catalogue, find_target
 
 
-@numeric_context()
-def star_visibility(
-    target: str | Sequence[str],
-    *,
-    start_utc: str | None = None,
-    n_days: int = 366,
-    step_days: float = 1.0,
-    limits: VisibilitySource = None,
-    catalog: str | Path = "snapshot",
-    instrument: InstrumentSource = None,
-) -> VisibilityResult:
-    """When stars can be seen from the orbit, for how long, and at which roll.
+def visibility_of(question: VisibilityQuestion, tell: Callable[[str], None] = lambda text: None) -> VisibilityResult:
+    """Return when stars can be seen, each star once.
 
     Parameters
     ----------
-    target : str or sequence of str
-    start_utc : str, optional
-        That of the instrument's mission by default.
-    n_days : int
-    step_days : float
-        One orbit in the middle of each step stands for it.
-    limits : VisibilityConfig, mapping, str or Path, optional
-        Avoidance angles, panels and slews; see `cpic_planner.survey.visibility.load_visibility`.
-    catalog : str or Path
-    instrument : Instrument, mapping, str or Path, optional
-        Its mission has the orbit.
+    question : VisibilityQuestion
+    tell : callable
+        Gets remarks on what was read.
+
+    Raises
+    ------
+    InputError
+        For an unknown star, one without coordinates, or a time out of range.
+    """
+    from cpic_planner.survey.visibility import load_visibility
+    from cpic_planner.survey.visibility.result import visibility_result
+
+    config, mission, table = (
+        load_visibility(question.limits),
+        question.instrument.mission,
+        as_catalogue(question.catalog),
+    )
+    stars: dict[str, Targets] = {}
+    found = [find_target(name, catalog=table) for name in question.target]
+    for remark in (*table.notes, *(remark for _, remark in found if remark)):
+        tell(remark)
+    for star, _ in found:
+        stars.setdefault(str(star.name[0]), star)
+    return visibility_result(
+        Targets.joined(list(stars.values())),
+        config,
+        mission.orbit,
+        start_utc=question.start_utc or mission.start_utc,
+        n_days=question.n_days,
+        step_days=question.step_days,
+        catalogue=table.provenance,
+    )
+
+
+@takes(VisibilityQuestion, first=("target",))
+def star_visibility(question: VisibilityQuestion) -> VisibilityResult:
+    """Say when stars can be seen from the orbit, for how long, and at which roll.
+
+    One orbit in the middle of each step stands for it.
 
     Returns
     -------
@@ -56,53 +67,19 @@ def star_visibility(
     InputError
         For an unknown star, one without coordinates, or a time out of range.
     """
-    from cpic_planner.survey.visibility import load_visibility
-    from cpic_planner.survey.visibility.result import visibility_result
-
-    mission = (instrument if isinstance(instrument, Instrument) else load_instrument(instrument)).mission
-    table = as_catalogue(catalog)
-    stars = Targets.joined(stars_named(target, "on", table))
-    return visibility_result(
-        stars,
-        load_visibility(limits),
-        mission.orbit,
-        start_utc=start_utc or mission.start_utc,
-        n_days=n_days,
-        step_days=step_days,
-        catalogue=table.provenance,
-    )
+    return visibility_of(question)
 
 
-@numeric_context()
-def compare_strategies(
-    strategies: Mapping[str, Any] | str | Path = "survey_default",
-    *,
-    out: str | Path | None = None,
-    vary: Sequence[str] = (),
-    images: int = 0,
-    workers: int = 1,
-    scheduler: str | None = None,
-    force: bool = False,
-    **universe: Any,
-) -> WhatIfResult:
+@takes(
+    WhatIfQuestion,
+    first=("strategies",),
+    without=("strategy",),
+    defaults={"out": None, "images": 0, "workers": 1},
+)
+def compare_strategies(question: WhatIfQuestion) -> WhatIfResult:
     """Compare survey strategies over the same synthetic universes.
 
-    Parameters
-    ----------
-    strategies : mapping, str or Path
-        As `cpic_planner.survey.strategy_file.load_strategies` reads them.
-    out : str or Path, optional
-        Folder for tables and report; an interrupted run continues there. Without it nothing is kept.
-    vary : sequence of str
-        ``"KEY=VALUE,VALUE..."``: every strategy with each value, as ``"drift=0.1nm,x3"``; values carry a unit or an
-        x, see `cpic_planner.survey.sweeps.varied`.
-    images : int
-        Detections of each strategy that are simulated as images.
-    workers, scheduler, force
-        As `cpic_planner.jobs.job.run`.
-    **universe
-        Fields of `cpic_planner.survey.strategy_file.UniverseConfig`: ``universes``, ``seed``, ``start_utc``,
-        ``duration_days``, ``slot_days``, ``catalog``, ``instrument``, ``known_planets``, ``observed`` ...
+    Without ``out`` nothing is kept. Values of ``vary`` carry a unit or an x, see `cpic_planner.survey.sweeps.varied`.
 
     Returns
     -------
@@ -126,10 +103,16 @@ def compare_strategies(
     from cpic_planner.survey.sweeps import varied
     from cpic_planner.survey.whatif import run_whatif
 
-    config = with_universe(load_strategies(strategies), universe)
-    config = varied(config, vary) if vary else config
+    config = with_universe(load_strategies(question.strategies), question.shared())
+    config = varied(config, question.vary) if question.vary else config
     with contextlib.ExitStack() as stack:
-        folder = stack.enter_context(tempfile.TemporaryDirectory()) if out is None else out
+        folder = question.out or stack.enter_context(tempfile.TemporaryDirectory())
         return run_whatif(
-            config, folder, workers=workers, scheduler=scheduler, force=force, n_images=images, pages=out is not None
+            config,
+            folder,
+            workers=question.workers,
+            scheduler=question.scheduler,
+            force=question.force,
+            n_images=question.images,
+            pages=question.out is not None,
         ).result

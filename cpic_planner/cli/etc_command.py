@@ -2,57 +2,22 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from cpic_planner.cli.etc_dial import (
-    EtcCheck,
-    EtcFidelityOption,
-    EtcRealisationsOption,
-    EtcSeedOption,
-    EtcToleranceOption,
-)
-from cpic_planner.cli.options import (
-    DEFAULT_TIME_S,
-    AlbedoOption,
-    BandOption,
-    CatalogOption,
-    CloudsOption,
-    CompanionsOption,
-    InsolationOption,
-    InstrumentOption,
-    JsonOption,
-    MetallicityOption,
-    OnOff,
-    PhaseFunctionOption,
-    albedo_from,
-    planet_from,
-)
-from cpic_planner.cli.output import console, print_json
-from cpic_planner.cli.output import note as tell
-from cpic_planner.cli.strategy_options import (
-    CountingOption,
-    CountingSigmaOption,
-    ExozodiOption,
-    LibraryChoice,
-    LibraryOption,
-    ReferenceRatioOption,
-    ReferenceTeffOption,
-    ReferenceVMagOption,
-    RollOption,
-    model_from,
-    refuse_together,
-    strategy_from,
-)
+from cpic_planner.cli.options import JsonOption, refuse_together
+from cpic_planner.cli.output import console, note, print_json, progress
 
 if TYPE_CHECKING:
-    from catalogs.catalogue import Catalogue
-    from cpic_planner.targets import Targets
+    from collections.abc import Sequence
 
-__all__ = ["HELP", "etc"]
+    from cpic_planner.etc.answer import EtcAnswer
+    from cpic_planner.etc.model import EtcModel
+    from cpic_planner.models import EtcResult
+    from cpic_planner.queries.etc import EtcQuestion
+    from cpic_planner.targets import Targets
 
 HELP = """Ask the exposure-time calculator about one star: time for a level, SNR for a time, or the contrast limit.
 
@@ -93,7 +58,7 @@ Examples:
 
   cpic etc "eps Eri" --contrast 5e-9 --separation-arcsec 0.6 --snr 5 --json
 
-  cpic etc "eps Eri" --library reference_star --reference-v-mag 2.5 --exozodi 3 --photon-counting
+  cpic etc "eps Eri" --library reference_star --reference-v-mag 2.5 --exozodi 3 --mode photon_counting
 
   cpic etc "my star" --catalog my_stars.csv --snr 10
 
@@ -103,80 +68,7 @@ Examples:
 
 
 def etc(
-    target: Annotated[
-        str, typer.Argument(help='Star: "HIP 8102", "tau Cet", "alpha Cen B", "HD 10700", "61 Cyg A" ...')
-    ],
-    snr: Annotated[float | None, typer.Option("--snr", help="Level: photometric SNR.")] = None,
-    sigma: Annotated[
-        float | None, typer.Option("--sigma", help="Level: plain significance, of noise without the planet.")
-    ] = None,
-    detect: Annotated[
-        bool, typer.Option("--detect", help="Level: a detection, by the small-sample threshold at that separation.")
-    ] = False,
-    time_s: Annotated[
-        float | None,
-        typer.Option(
-            "--time-s",
-            help=f"Wall time in s, readouts and reference frames included [default: {DEFAULT_TIME_S:g}].",
-        ),
-    ] = None,
-    contrast_limit: Annotated[
-        bool, typer.Option("--contrast-limit", help="Ask for the faintest contrast that reaches the level in --time-s.")
-    ] = False,
-    bands: BandOption = None,
-    separations: Annotated[
-        list[float] | None,
-        typer.Option(
-            "--separation-arcsec", help="Projected separation, on the diagonal of a quadrant; repeat for several."
-        ),
-    ] = None,
-    semi_major_axis_au: Annotated[
-        float | None,
-        typer.Option(
-            "--semi-major-axis-au",
-            help="Radius of a circular orbit; gives separation and distance at --phase-deg.",
-        ),
-    ] = None,
-    contrasts: Annotated[
-        list[float] | None,
-        typer.Option(
-            "--contrast",
-            help="Planet-to-star ratio instead of a planet model; repeat for several (as many as separations, or one "
-            "of them).",
-        ),
-    ] = None,
-    radius_rjup: Annotated[
-        float | None, typer.Option("--planet-radius-rjup", help="Planet radius in R_J = 71 492 km [default: 1].")
-    ] = None,
-    phase_deg: Annotated[
-        float | None, typer.Option("--phase-deg", help="Phase angle, above 0 and below 180 deg [default: 90].")
-    ] = None,
-    albedo: AlbedoOption = None,
-    log10_mh: MetallicityOption = None,
-    log10_fsed: CloudsOption = None,
-    insolation_au: InsolationOption = None,
-    phase_function: PhaseFunctionOption = None,
-    exposure_s: Annotated[
-        float | None, typer.Option("--exposure-s", help="Frame exposure, instead of the best.")
-    ] = None,
-    frames: Annotated[
-        int | None, typer.Option("--frames", min=1, help="Science frames of --exposure-s; sets the time.")
-    ] = None,
-    em_gain: Annotated[float | None, typer.Option("--em-gain", help="EM gain, instead of the best.")] = None,
-    library: LibraryOption = LibraryChoice.SAME_STAR,
-    reference_v_mag: ReferenceVMagOption = None,
-    reference_teff_k: ReferenceTeffOption = None,
-    reference_ratio: ReferenceRatioOption = None,
-    roll_deg: RollOption = None,
-    photon_counting: CountingOption = False,
-    counting_sigma: CountingSigmaOption = None,
-    exozodi: ExozodiOption = None,
-    distance_pc: Annotated[
-        float | None, typer.Option("--distance-pc", help="Distance, instead of the catalogue's.")
-    ] = None,
-    companions: CompanionsOption = OnOff.ON,
-    catalog: CatalogOption = "snapshot",
-    instrument: InstrumentOption = None,
+    question: EtcQuestion,
     budget: Annotated[
         bool, typer.Option("--budget", help="Print the noise budget of every answer [default: of the best].")
     ] = False,
@@ -184,152 +76,100 @@ def etc(
     plot: Annotated[
         Path | None, typer.Option("--plot", help="Draw the answer into FILE.png, .pdf or .svg as well.")
     ] = None,
-    fidelity: EtcFidelityOption = None,
-    tolerance: EtcToleranceOption = None,
-    realisations: EtcRealisationsOption = None,
-    seed: EtcSeedOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Answer and print."""
     from catalogs.catalogue import open_catalogue
-    from catalogs.errors import InputError
-    from cpic_planner.cli.etc_question import EtcQuestion
-    from cpic_planner.etc.place import check_range
+    from cpic_planner.api.etc import at_distance, closed_forms
+    from cpic_planner.api.inputs import model_of
     from cpic_planner.etc.result import etc_result
+    from cpic_planner.targets import find_target
 
-    check = EtcCheck.of(fidelity, tolerance, realisations, seed)
-    level: dict[str, object] = {"--snr": snr, "--sigma": sigma, "--detect": detect or None}
-    refuse_together(level, "one level at a time")
-    if not contrast_limit:
-        for name, value in level.items():
-            refuse_together({name: value, "--time-s": time_s}, "one asks for a time, the other gives it")
-            refuse_together({name: value, "--frames": frames}, f"--frames sets the time that {name} asks for")
-    refuse_together({"--time-s": time_s, "--frames": frames}, "both set the time")
-    refuse_together(
-        {"--separation-arcsec": separations, "--semi-major-axis-au": semi_major_axis_au}, "both place the planet"
-    )
-    refuse_together({"--contrast-limit": contrast_limit, "--contrast": contrasts}, "the limit is the answer")
     refuse_together({"--budget": budget, "--json": as_json}, "JSON holds every budget")
     refuse_together({"--explain": explain, "--json": as_json}, "JSON holds all gains")
-    planet_options: dict[str, object] = {
-        "--planet-radius-rjup": radius_rjup,
-        "--albedo": albedo,
-        "--log10-mh": log10_mh,
-        "--log10-fsed": log10_fsed,
-        "--insolation-au": insolation_au,
-        "--phase-function": phase_function,
-    }
-    if semi_major_axis_au is None:
-        planet_options["--phase-deg"] = phase_deg
-    for name, value in planet_options.items():
-        refuse_together({name: value, "--contrast": contrasts}, "a given contrast needs no planet")
-        refuse_together({name: value, "--contrast-limit": contrast_limit}, "the limit holds for any planet")
-    if frames is not None and exposure_s is None:
-        raise InputError("--frames", frames, allowed="together with --exposure-s")
-    if separations and contrasts and len(separations) != len(contrasts) and min(len(separations), len(contrasts)) > 1:
-        raise InputError(
-            "--contrast", f"{len(contrasts)} times", allowed=f"once, or {len(separations)} times as --separation-arcsec"
-        )
     if plot is not None:
         from cpic_planner.report.etc_figures import check_figure_name
 
         check_figure_name(plot)
-    strategy = strategy_from(
-        library,
-        reference_v_mag=reference_v_mag,
-        reference_teff_k=reference_teff_k,
-        reference_ratio=reference_ratio,
-        roll_deg=roll_deg,
-        photon_counting=photon_counting,
-        counting_sigma=counting_sigma,
-    )
-    table = open_catalogue(catalog)
+    table = open_catalogue(question.catalog)
     for remark in table.notes:
-        tell(remark)
-    star, note = _star(target, companions, table, distance_pc)
-    model = model_from(instrument, bands, strategy, exozodi_zodis=exozodi)
-    phase = 90.0 if phase_deg is None else phase_deg
-    reflects = albedo_from(albedo, log10_mh, log10_fsed, insolation_au, phase_function)
-    planet = planet_from(1.0 if radius_rjup is None else radius_rjup, phase, reflects)
-    if semi_major_axis_au is not None:
-        check_range("--semi-major-axis-au", semi_major_axis_au, 1e-3, 1e5, "au")
-        separations = [semi_major_axis_au * math.sin(math.radians(phase)) / float(star.distance_pc[0])]
-    wall = DEFAULT_TIME_S if time_s is None else time_s
-    question = EtcQuestion(
-        wall,
-        planet,
-        snr,
-        sigma,
-        detect,
-        contrast_limit,
-        tuple(contrasts) if contrasts else None,
-        exposure_s,
-        em_gain,
-        frames,
-    )
-    answers = question.ask(model, star, separations) if separations else question.ask_at_best(model, star)
-    known = None if contrasts or contrast_limit else planet
-    answers = check.checked(model, star, answers, known)
+        note(remark)
+    star, about = find_target(question.target[0], companions=question.companions, catalog=table)
+    if table.kind != "snapshot":
+        about = "; ".join(filter(None, (about, f"star data: {table.provenance}")))
+    star, model = at_distance(star, question.distance_pc), model_of(question)
+    answers = _checked(question, model, star, closed_forms(question, model, star))
+    limit_or_contrast = question.contrast_limit or question.contrast is not None
+    planet = question.planet[0] if isinstance(question.planet, tuple) else question.planet
     result = etc_result(
         model,
         star,
         answers,
-        note=note,
+        note=about,
         catalogue=table.provenance,
-        planet=known,
-        asked={"snr": snr, "sigma": sigma, "detect": detect, "time_s": None if question.asks_time else wall}
-        | {"limit": contrast_limit, "contrast": contrasts, "places": [one.separation_arcsec for one in answers]}
-        | {"phase_deg": phase, "exposure_s": exposure_s, "em_gain": em_gain, "n_frames": frames}
-        | check.asked,
-        dial=check.dial,
-        seed=check.seed,
+        planet=None if limit_or_contrast else planet,
+        asked=question.hashed(),
+        dial=question.dial,
+        seed=1 if question.seed is None else question.seed,
     )
     if plot is not None:
-        from cpic_planner.report.console_etc import best_row
-        from cpic_planner.report.etc_curves import etc_curves
-        from cpic_planner.report.etc_figures import etc_figure, write_figure
-
-        best, allowed = best_row(result), wall
-        if best is not None and best.time_s is not None and (question.asks_time or frames is not None):
-            allowed = best.time_s
-        curves = etc_curves(
-            model,
-            star,
-            answers,
-            time_s=allowed,
-            best_band=result.best_band,
-            snr=snr,
-            sigma=sigma,
-            exposure_s=exposure_s,
-            em_gain=em_gain,
-        )
-        write_figure(etc_figure(result, curves), plot)
-        tell(f"wrote {plot}")
+        _draw(question, model, star, answers, result, plot)
     if as_json:
         print_json(result)
         return
     from cpic_planner.report.console_etc import print_etc
     from cpic_planner.report.console_etc_fidelity import print_fidelity
 
-    print_etc(result, console(), asked=question.words, placed=bool(separations), every_budget=budget, explain=explain)
+    placed = question.separation_arcsec is not None or question.semi_major_axis_au is not None
+    print_etc(result, console(), asked=in_words(question), placed=placed, every_budget=budget, explain=explain)
     print_fidelity(result, console())
 
 
-def _star(target: str, companions: OnOff, table: Catalogue, distance_pc: float | None) -> tuple[Targets, str]:
-    """The star, perhaps at another distance, and remarks about it."""
-    from dataclasses import replace
+def in_words(question: EtcQuestion) -> str:
+    """Return what is asked, in words."""
+    from cpic_planner.report.numbers import duration_text
 
-    import numpy as np
+    level = "a detection"
+    if question.snr is not None or question.sigma is not None:
+        level = f"SNR {question.snr:g}" if question.snr is not None else f"{question.sigma:g} sigma"
+    if question.asks_time:
+        return f"wall time for {level}"
+    time = duration_text(question.wall_s)
+    if question.n_frames is not None and question.exposure_s is not None:
+        time = f"{question.n_frames} × {question.exposure_s:g} s"
+    return f"contrast limit for {level} in {time}" if question.contrast_limit else f"SNR in {time}"
 
-    from cpic_planner.etc.place import check_range
-    from cpic_planner.targets import find_target
 
-    star, note = find_target(target, companions=companions.value, catalog=table)
-    if table.kind != "snapshot":
-        note = "; ".join(filter(None, (note, f"star data: {table.provenance}")))
-    if distance_pc is None:
-        return star, note
-    there = check_range("--distance-pc", distance_pc, 0.01, 1e5, "pc")
-    # The same star in the sky from elsewhere: its luminosity follows the square of the distance.
-    brighter = (there / star.distance_pc) ** 2
-    return replace(star, distance_pc=np.array([there]), luminosity_lsun=star.luminosity_lsun * brighter), note
+def _checked(
+    question: EtcQuestion, model: EtcModel, star: Targets, answers: Sequence[EtcAnswer]
+) -> Sequence[EtcAnswer]:
+    """The answers about one star, checked in images where the dial asks for it, with a bar of progress."""
+    if question.dial.fidelity == "quick":
+        return answers
+    from cpic_planner.api.etc import checked
+    from cpic_planner.etc_check import needs_images
+
+    total = 100 * sum(needs_images(answer, question.dial) for answer in answers)
+    with progress("images, per cent", total=total, enabled=total > 0) as advance:
+        return checked(question, model, [star], answers, advance=advance)
+
+
+def _draw(
+    question: EtcQuestion,
+    model: EtcModel,
+    star: Targets,
+    answers: Sequence[EtcAnswer],
+    result: EtcResult,
+    plot: Path,
+) -> None:
+    from cpic_planner.report.console_etc import best_row
+    from cpic_planner.report.etc_curves import etc_curves
+    from cpic_planner.report.etc_figures import etc_figure, write_figure
+
+    best, allowed = best_row(result), question.wall_s
+    if best is not None and best.time_s is not None and (question.asks_time or question.n_frames is not None):
+        allowed = best.time_s
+    settings: dict[str, Any] = {name: getattr(question, name) for name in ("snr", "sigma", "exposure_s", "em_gain")}
+    curves = etc_curves(model, star, answers, time_s=allowed, best_band=result.best_band, **settings)
+    write_figure(etc_figure(result, curves), plot)
+    note(f"wrote {plot}")

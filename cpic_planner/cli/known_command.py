@@ -7,26 +7,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cpic_planner.cli.options import (
-    AlbedoOption,
-    BandOption,
-    CatalogOption,
-    DateOption,
-    InstrumentOption,
-    JsonOption,
-    KnownPlanetsOption,
-    SeedOption,
-    VMaxOption,
-    albedo_from,
-    known_from,
-)
+from cpic_planner.cli.options import JsonOption, check_file
 from cpic_planner.cli.output import console, note, print_json
 
 if TYPE_CHECKING:
     from catalogs.catalogue import Catalogue
     from cpic_planner.known_completeness import KnownChoice
-
-__all__ = ["HELP", "known"]
+    from cpic_planner.queries.known import KnownQuestion
 
 HELP = """Say where the known planets are at a date, how bright, and when the dark hole covers them.
 
@@ -56,23 +43,9 @@ table of your own (cpic catalog columns lists its columns) is laid over it: a pl
 others stay. It may be one of the archive (default solutions, CSV). A row with a star, a planet and a status changes
 the status alone. --known-planets none+my_planets.csv takes the file alone, archive_2019 the table without updates."""
 
-DEFAULT_YEARS = 5.0
-
 
 def known(
-    star: Annotated[str | None, typer.Argument(metavar="[STAR]", help='Star: "eps Eri", "HIP 16537" ...')] = None,
-    date: DateOption = None,
-    years: Annotated[
-        float | None, typer.Option("--years", help="How long the star's planets are followed [default: 5].")
-    ] = None,
-    known_planets: KnownPlanetsOption = None,
-    bands: BandOption = None,
-    albedo: AlbedoOption = None,
-    v_mag_max: VMaxOption = None,
-    catalog: CatalogOption = "snapshot",
-    instrument: InstrumentOption = None,
-    draws: Annotated[int | None, typer.Option("--draws", help="Draws of each planet [default: 4000].")] = None,
-    seed: SeedOption = 1,
+    question: KnownQuestion,
     limit: Annotated[int, typer.Option("--limit", min=1, help="Rows to print (--json holds all).")] = 40,
     plot: Annotated[
         Path | None, typer.Option("--plot", help="Draw separation against time into FILE.png, .pdf or .svg as well.")
@@ -88,33 +61,35 @@ def known(
     """Find out and print."""
     from catalogs.catalogue import open_catalogue
     from catalogs.errors import InputError
-    from cpic_planner.cli.strategy_options import model_from
-    from cpic_planner.etc.model import Strategy
+    from cpic_planner.etc.model import build_model
     from cpic_planner.known_answer import known_answer
+    from cpic_planner.known_completeness import KnownChoice
+    from cpic_planner.queries.known import DEFAULT_YEARS
     from cpic_planner.targets import find_target, rank_sample
 
-    if star is None:
-        for name, value in (("--plot", plot), ("--years", years), ("--scene", scene)):
-            if value is not None:
-                raise InputError(name, str(value), allowed="only with a STAR")
-    elif v_mag_max is not None:
-        raise InputError("--v-mag-max", v_mag_max, allowed="only without a STAR")
-    if scene is not None and scene.suffix not in (".yaml", ".yml"):
-        raise InputError("--scene", str(scene), allowed="a name that ends in .yaml")
+    star = question.star
+    for name, value in (("--plot", plot), ("--scene", scene)):
+        if star is None and value is not None:
+            raise InputError(name, str(value), allowed="only with a STAR")
+    check_file(scene, (".yaml", ".yml"), "--scene")
     if plot is not None:
         from cpic_planner.report.etc_figures import check_figure_name
 
         check_figure_name(plot)
-    table = open_catalogue(catalog)
-    for remark in table.notes:
-        note(remark)
-    model = model_from(instrument, bands, Strategy())
-    reflects = albedo_from(albedo, None, None, None, None)
-    choice = known_from(known_planets, date, draws, seed, reflects, model.instrument, draws_option="--draws")
-    for remark in choice.table.notes:
+    table = open_catalogue(question.catalog)
+    model = build_model(question.instrument, question.bands)
+    choice = KnownChoice.at(
+        question.known_planets or "snapshot",
+        question.date_utc,
+        question.albedo,
+        question.instrument,
+        n_draws=question.n_draws,
+        seed=question.seed,
+    )
+    for remark in (*table.notes, *choice.table.notes):
         note(remark)
     if star is None:
-        targets = rank_sample(catalog=table, v_mag_max=v_mag_max)
+        targets = rank_sample(catalog=table, v_mag_max=question.v_mag_max)
     else:
         targets, remark = find_target(star, catalog=table)
         if remark:
@@ -129,8 +104,8 @@ def known(
                 hint="its planets are only listed",
                 allowed="a star with a confirmed or controversial planet",
             )
-    span = None if star is None else DEFAULT_YEARS if years is None else years
-    result = known_answer(model, targets, choice, years=span, catalogue=table.provenance, bands=bands)
+    span = None if star is None else DEFAULT_YEARS if question.years is None else question.years
+    result = known_answer(model, targets, choice, years=span, catalogue=table.provenance, bands=question.bands)
     if plot is not None:
         from cpic_planner.report.etc_figures import write_figure
         from cpic_planner.report.known_figure import known_figure

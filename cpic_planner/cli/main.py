@@ -29,8 +29,10 @@ from cpic_planner.cli import (
     visibility_command,
     whatif_command,
 )
+from cpic_planner.cli.asking import late
 from cpic_planner.cli.output import error_line, version_text
 from cpic_planner.cli.progress import watch
+from cpic_planner.queries import QUESTIONS
 from simulator.numeric import numeric_context
 
 __all__ = ["app", "main"]
@@ -71,15 +73,19 @@ def root(
         context.with_resource(watch(context.invoked_subcommand or "working"))
 
 
-app.command("plan", help=plan_command.HELP)(plan_command.plan)
-app.command("rank", help=rank_command.HELP)(rank_command.rank)
-app.command("etc", help=etc_command.HELP)(etc_command.etc)
-app.command("known", help=known_command.HELP)(known_command.known)
-app.command("confirm", help=confirm_command.HELP)(confirm_command.confirm)
-app.command("simulate", help=simulate_command.HELP)(simulate_command.simulate)
-app.command("visibility", help=visibility_command.HELP)(visibility_command.visibility)
-app.command("whatif", help=whatif_command.HELP)(whatif_command.whatif)
-app.command("tradeoff", help=tradeoff_command.HELP)(tradeoff_command.tradeoff)
+for _run, _help in (
+    (plan_command.plan, plan_command.HELP),
+    (rank_command.rank, rank_command.HELP),
+    (etc_command.etc, etc_command.HELP),
+    (known_command.known, known_command.HELP),
+    (confirm_command.confirm, confirm_command.HELP),
+    (simulate_command.simulate, simulate_command.HELP),
+    (visibility_command.visibility, visibility_command.HELP),
+    (whatif_command.whatif, whatif_command.HELP),
+    (tradeoff_command.tradeoff, tradeoff_command.HELP),
+):
+    # The options of a question are those of its model, which is imported when the command is called.
+    app.command(_run.__name__, help=_help, cls=late(_run, QUESTIONS[_run.__name__]))(lambda: None)
 app.command("check", help=check_command.HELP)(check_command.check)
 app.add_typer(catalog_command.app, name="catalog")
 app.add_typer(cache_command.app, name="cache")

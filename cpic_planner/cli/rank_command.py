@@ -7,60 +7,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from cpic_planner.cli.options import (
-    DEFAULT_TIME_S,
-    AlbedoOption,
-    BandOption,
-    CatalogOption,
-    CloudsOption,
-    CompanionsOption,
-    DateOption,
-    DwarfsOption,
-    InsolationOption,
-    InstrumentOption,
-    JsonOption,
-    KnownPlanetsOption,
-    MetallicityOption,
-    OnOff,
-    PhaseFunctionOption,
-    PhaseOption,
-    PlanetsOption,
-    PopulationOption,
-    RadiusOption,
-    Score,
-    ScoreOption,
-    SeedOption,
-    SinglesOption,
-    TimeOption,
-    VMaxOption,
-    albedo_from,
-    known_from,
-    planet_from,
-    population_from,
-    refuse_date_alone,
-)
+from cpic_planner.cli.options import JsonOption, check_file, refuse_together, write_out
 from cpic_planner.cli.output import console, note, print_json
-from cpic_planner.cli.strategy_options import (
-    CountingOption,
-    CountingSigmaOption,
-    ExozodiOption,
-    LibraryChoice,
-    LibraryOption,
-    ReferenceRatioOption,
-    ReferenceTeffOption,
-    ReferenceVMagOption,
-    RollOption,
-    model_from,
-    refuse_together,
-    strategy_from,
-)
 
 if TYPE_CHECKING:
     from cpic_planner.etc.model import EtcModel
     from cpic_planner.models import RankResult
+    from cpic_planner.queries.rank import RankQuestion
     from cpic_planner.targets import Targets
-
-__all__ = ["HELP", "rank"]
 
 HELP = """Rank the whole catalogue (analytic, a few seconds; --explain and --sensitivity rank it several times).
 
@@ -98,38 +52,10 @@ least one of them, the errors of their orbits included; --planets is then the nu
 
 
 def rank(
-    bands: BandOption = None,
-    time_s: TimeOption = DEFAULT_TIME_S,
-    score: ScoreOption = Score.COMPLETENESS_PER_HOUR,
+    question: RankQuestion,
     limit: Annotated[
         int, typer.Option("--limit", min=1, help="Stars to print and to draw (--json and --out hold all).")
     ] = 20,
-    dwarfs: DwarfsOption = False,
-    singles: SinglesOption = False,
-    v_mag_max: VMaxOption = None,
-    catalog: CatalogOption = "snapshot",
-    companions: CompanionsOption = OnOff.ON,
-    population: PopulationOption = None,
-    planets: PlanetsOption = None,
-    seed: SeedOption = 1,
-    known_planets: KnownPlanetsOption = None,
-    date: DateOption = None,
-    radius_rjup: RadiusOption = 1.0,
-    phase_deg: PhaseOption = 90.0,
-    albedo: AlbedoOption = None,
-    log10_mh: MetallicityOption = None,
-    log10_fsed: CloudsOption = None,
-    insolation_au: InsolationOption = None,
-    phase_function: PhaseFunctionOption = None,
-    library: LibraryOption = LibraryChoice.SAME_STAR,
-    reference_v_mag: ReferenceVMagOption = None,
-    reference_teff_k: ReferenceTeffOption = None,
-    reference_ratio: ReferenceRatioOption = None,
-    roll_deg: RollOption = None,
-    photon_counting: CountingOption = False,
-    counting_sigma: CountingSigmaOption = None,
-    exozodi: ExozodiOption = None,
-    instrument: InstrumentOption = None,
     explain: Annotated[
         str | None, typer.Option("--explain", help="Say why this star stands where it stands, instead of the table.")
     ] = None,
@@ -144,69 +70,36 @@ def rank(
     as_json: JsonOption = False,
 ) -> None:
     """Rank and print."""
-    from catalogs.catalogue import open_catalogue
-    from catalogs.errors import InputError
-    from cpic_planner.known_completeness import KNOWN_ONLY
+    from cpic_planner.api.ranking import prepared
     from cpic_planner.ranking import rank_targets
-    from cpic_planner.targets import rank_sample, sample_text
+    from cpic_planner.targets import find_target
 
     refuse_together({"--explain": explain, "--sensitivity": sensitivity}, "two answers")
     for name, value in (("--explain", explain), ("--sensitivity", sensitivity)):
         refuse_together({name: value, "--out": out}, "it holds no ranking")
         refuse_together({name: value, "--plot": plot}, "it has no figure")
-    for name, value in (("--explain", explain), ("--sensitivity", sensitivity), ("--population", population)):
-        refuse_together({name: value, "--known-planets": known_planets}, "it is about a hypothetical population")
-    refuse_date_alone(date, known_planets)
-    if out is not None and out.suffix not in (".csv", ".ecsv"):
-        raise InputError("--out", str(out), allowed="a name that ends in .csv or .ecsv")
+        known = question.known_planets
+        refuse_together({name: value, "--known-planets": known}, "it is about a hypothetical population")
+    check_file(out, (".csv", ".ecsv"), "--out")
     if plot is not None:
         from cpic_planner.report.etc_figures import check_figure_name
 
         check_figure_name(plot)
-    strategy = strategy_from(
-        library,
-        reference_v_mag=reference_v_mag,
-        reference_teff_k=reference_teff_k,
-        reference_ratio=reference_ratio,
-        roll_deg=roll_deg,
-        photon_counting=photon_counting,
-        counting_sigma=counting_sigma,
-    )
-    table = open_catalogue(catalog)
-    for remark in table.notes:
+    ready = prepared(question)
+    for remark in ready.notes:
         note(remark)
-    targets = rank_sample(
-        catalog=table, v_mag_max=v_mag_max, dwarfs_only=dwarfs, singles_only=singles, companions=companions.value
-    )
-    model = model_from(instrument, bands, strategy, exozodi_zodis=exozodi)
-    reflects = albedo_from(albedo, log10_mh, log10_fsed, insolation_au, phase_function)
-    sample = sample_text(table, v_mag_max, dwarfs, singles)
-    if known_planets is None:
-        chosen: Any = population_from(population, planets, seed)
-    else:
-        chosen = known_from(known_planets, date, planets, seed, reflects, model.instrument)
-        for remark in chosen.table.notes:
-            note(remark)
-        targets = chosen.stars(targets)
-        sample = f"{sample}; {KNOWN_ONLY}"
-    asked: dict[str, Any] = {
-        "time_s": time_s,
-        "planet": planet_from(radius_rjup, phase_deg, reflects),
-        "population": chosen,
-        "score": score.value,
-    }
     if explain is not None:
-        from cpic_planner.targets import find_target
-
-        star, remark = find_target(explain, companions=companions.value, catalog=table)
+        star, remark = find_target(explain, companions=question.companions, catalog=ready.catalogue)
         if remark:
             note(remark)
-        _explain(model, targets, str(star.name[0]), explain, asked, as_json)
+        _explain(ready.model, ready.targets, str(star.name[0]), explain, ready.asked, as_json)
         return
     if sensitivity:
-        _sensitivity(model, targets, asked, as_json)
+        _sensitivity(ready.model, ready.targets, ready.asked, as_json)
         return
-    result = rank_targets(model, targets, sample=sample, catalogue=table.provenance, **asked)
+    result = rank_targets(
+        ready.model, ready.targets, sample=ready.sample, catalogue=ready.catalogue.provenance, **ready.asked
+    )
     _write(result, out, plot, limit)
     if as_json:
         print_json(result)
@@ -253,15 +146,9 @@ def _sensitivity(model: EtcModel, targets: Targets, asked: dict[str, Any], as_js
 def _write(result: RankResult, out: Path | None, plot: Path | None, limit: int) -> None:
     """Write the table and the figure that were asked for."""
     if out is not None:
-        from catalogs.errors import InputError
         from cpic_planner.report.tables import ranking_csv, ranking_ecsv
-        from simulator.files import write_text
 
-        try:
-            write_text(out, ranking_csv(result) if out.suffix == ".csv" else ranking_ecsv(result))
-        except OSError as error:
-            raise InputError("--out", str(out), allowed="a writable file", hint=error.strerror or "") from None
-        note(f"wrote {len(result.targets)} rows to {out}")
+        write_out(out, lambda: (ranking_csv if out.suffix == ".csv" else ranking_ecsv)(result), len(result.targets))
     if plot is not None:
         from cpic_planner.report.etc_figures import write_figure
         from cpic_planner.report.rank_figure import MOST_STARS, rank_figure

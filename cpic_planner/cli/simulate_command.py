@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-import contextlib
 import sys
-from collections.abc import Iterator
-from enum import StrEnum
-from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cpic_planner.cli.options import ForceOption, InstrumentOption, JsonOption, Tier
+from cpic_planner.cli.options import JsonOption
 from cpic_planner.cli.output import console, note, print_json, progress
-from cpic_planner.jobs.engine import check_address
 
-__all__ = ["HELP", "simulate"]
+if TYPE_CHECKING:
+    from cpic_planner.queries.simulate import SimulateQuestion
 
 HELP = """Make Level-0 data with truth: scenes, whole simulations, every star of a table, or calibration frames.
 
@@ -51,127 +47,8 @@ Examples:
   cpic simulate --list-presets"""
 
 
-class Kind(StrEnum):
-    """What is observed."""
-
-    SCI = "SCI"
-    DSF = "DSF"
-    CALS = "CALS"
-    BIAS = "BIAS"
-    DARK = "DARK"
-    FLAT = "FLAT"
-    BKG = "BKG"
-    LASER = "LASER"
-
-
-class Role(StrEnum):
-    """Which visit: each has a wavefront of its own."""
-
-    SCIENCE = "science"
-    REFERENCE = "reference"
-    CALIBRATION = "calibration"
-
-
-class Camera(StrEnum):
-    """Camera of BIAS and DARK."""
-
-    VIS = "VIS"
-    NIR = "NIR"
-
-
-_OPTIONS = {"what": "WHAT", "switches": "--off"} | {
-    key: f"--{key.replace('_', '-')}"
-    for key in (
-        "kind",
-        "band",
-        "exposure_s",
-        "em_gain",
-        "frames",
-        "roll_deg",
-        "star_offset_arcsec",
-        "role",
-        "camera",
-        "level_e",
-        "seed",
-        "start_utc",
-        "fidelity",
-        "tolerance",
-    )
-}
-
-
 def simulate(
-    what: Annotated[
-        list[str] | None, typer.Argument(metavar="WHAT...", help="Scenes, simulations, or tables of stars.")
-    ] = None,
-    kind: Annotated[
-        Kind | None, typer.Option("--kind", help="Type of the sequence [default: SCI]; BIAS to LASER need no WHAT.")
-    ] = None,
-    bands: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--band",
-            metavar="BAND",
-            help="Band, e.g. F662; repeat, or F520,F662, for several [default: all visible bands].",
-        ),
-    ] = None,
-    exposures: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--exposure-s", metavar="S", help="Exposure of a frame; repeat, or 30,300, for several [default: 10]."
-        ),
-    ] = None,
-    frames: Annotated[int | None, typer.Option("--frames", min=1, help="Frames of a sequence [default: 1].")] = None,
-    gains: Annotated[
-        list[str] | None,
-        typer.Option("--em-gain", metavar="GAIN", help="Actual EM gain; repeat, or 1,20, for several [default: 1]."),
-    ] = None,
-    roll_deg: Annotated[float | None, typer.Option("--roll-deg", help="Roll of the telescope [default: 0].")] = None,
-    star_offset: Annotated[
-        str | None,
-        typer.Option(
-            "--star-offset-arcsec",
-            metavar="X,Y",
-            help="Place of the star relative to the centre of the mask [default: 0,0].",
-        ),
-    ] = None,
-    role: Annotated[
-        Role | None, typer.Option("--role", help="Which visit: each has a wavefront of its own [default: science].")
-    ] = None,
-    camera: Annotated[Camera | None, typer.Option("--camera", help="Of BIAS and DARK [default: VIS].")] = None,
-    level_e: Annotated[
-        float | None, typer.Option("--level-e", help="Electrons of a pixel of FLAT, of the whole spot of LASER.")
-    ] = None,
-    seed: Annotated[int | None, typer.Option("--seed", min=0, help="Seed of every random number [default: 1].")] = None,
-    start_utc: Annotated[
-        str | None, typer.Option("--start-utc", help="Begin of the first frame [default: that of the mission].")
-    ] = None,
-    instrument: InstrumentOption = None,
-    fidelity: Annotated[
-        Tier | None, typer.Option("--fidelity", help="Speed against accuracy of the optics [default: standard].")
-    ] = None,
-    tolerance: Annotated[
-        float | None,
-        typer.Option(
-            "--tolerance",
-            help="Leave out what is predicted to change planet flux, SNR and pixels by less than this, 0 to 0.5 "
-            "[default: 0, nothing].",
-        ),
-    ] = None,
-    off: Annotated[
-        list[str] | None,
-        typer.Option("--off", metavar="EFFECT", help="Leave an effect of the camera out, or all; repeat for several."),
-    ] = None,
-    workers: Annotated[int, typer.Option("--workers", min=1, max=256, help="Local worker processes.")] = 1,
-    scheduler: Annotated[
-        str | None,
-        typer.Option(
-            "--scheduler", callback=check_address, help="Dask scheduler, tcp://host:port; it sees --out as we do."
-        ),
-    ] = None,
-    out: Annotated[Path, typer.Option("--out", help="Output folder.")] = Path("out/simulate"),
-    force: ForceOption = False,
-    truth: Annotated[bool, typer.Option("--truth/--no-truth", help="Write the truth beside the products.")] = True,
+    question: SimulateQuestion,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Show sequences, time, memory and disk, then stop.")
     ] = False,
@@ -184,38 +61,15 @@ def simulate(
         return
     from cpic_planner.simulation.inputs import simulation_from
 
-    settings: dict[str, Any] = {
-        "kind": kind and kind.value,
-        "band": _split(bands),
-        "exposure_s": _numbers("--exposure-s", exposures),
-        "em_gain": _numbers("--em-gain", gains),
-        "roll_deg": roll_deg,
-        "star_offset_arcsec": _pair("--star-offset-arcsec", star_offset),
-        "role": role and role.value,
-        "camera": camera and camera.value,
-        "level_e": level_e,
-    }
-    changes: dict[str, Any] = {
-        "frames": frames,
-        "seed": seed,
-        "fidelity": fidelity and fidelity.value,
-        "tolerance": tolerance,
-        "switches": dict.fromkeys(_split(off) or (), False) or None,
-        "start_utc": start_utc,
-    }
-    with _options_named():
-        simulation, remarks = simulation_from(
-            what or (),
-            settings={key: value for key, value in settings.items() if value is not None},
-            changes={key: value for key, value in changes.items() if value is not None},
-            instrument=instrument,
-        )
+    simulation, remarks = simulation_from(
+        question.what, settings=question.settings, changes=question.changes, instrument=question.instrument
+    )
     for remark in remarks:
         note(remark)
     if dry_run:
         from cpic_planner.simulation.cost import estimate
 
-        plan = estimate(simulation, truth=truth, workers=workers)
+        plan = estimate(simulation, truth=question.truth, workers=question.workers)
         if as_json:
             print_json(plan)
         else:
@@ -229,11 +83,11 @@ def simulate(
     with progress("frames", total=total) as advance:
         done = run(
             simulation,
-            out,
-            workers=workers,
-            scheduler=scheduler,
-            force=force,
-            truth=truth,
+            question.out,
+            workers=question.workers,
+            scheduler=question.scheduler,
+            force=question.force,
+            truth=question.truth,
             advance=advance,
             command=sys.argv[1:],
         )
@@ -244,54 +98,7 @@ def simulate(
         return
     from cpic_planner.report.products import print_simulation
 
-    print_simulation(done.result, out, console())
-
-
-@contextlib.contextmanager
-def _options_named() -> Iterator[None]:
-    """Refusals that name the option where one gave the value."""
-    from catalogs.errors import InputError
-
-    try:
-        yield
-    except InputError as error:
-        key = error.key.split(".")[0]
-        if key not in _OPTIONS:
-            raise
-        value = ",".join(map(str, error.value)) if isinstance(error.value, tuple) else error.value
-        raise InputError(_OPTIONS[key], value, unit=error.unit, allowed=error.allowed, hint=error.hint) from None
-
-
-def _split(texts: list[str] | None) -> tuple[str, ...] | None:
-    """Items of an option that is repeated, or holds several with commas between."""
-    if not texts:
-        return None
-    return tuple(part.strip() for text in texts for part in text.split(","))
-
-
-def _numbers(option: str, texts: list[str] | None) -> tuple[float, ...] | None:
-    parts = _split(texts)
-    return None if parts is None else tuple(_number(option, part) for part in parts)
-
-
-def _number(option: str, text: str) -> float:
-    from catalogs.errors import InputError
-
-    try:
-        return float(text)
-    except ValueError:
-        raise InputError(option, text, allowed="a number, or several with commas between") from None
-
-
-def _pair(option: str, text: str | None) -> tuple[float, ...] | None:
-    from catalogs.errors import InputError
-
-    if text is None:
-        return None
-    pair = _numbers(option, [text])
-    if pair is None or len(pair) != 2:
-        raise InputError(option, text, unit="arcsec", allowed="two numbers with a comma between, as 0.35,-0.35")
-    return pair
+    print_simulation(done.result, question.out, console())
 
 
 def _print_presets(as_json: bool) -> None:

@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cpic_planner.cli.options import ForceOption, JsonOption
+from cpic_planner.cli.options import JsonOption
 from cpic_planner.cli.output import console, note, print_json, progress
 
 if TYPE_CHECKING:
+    from cpic_planner.queries.tradeoff import TradeoffQuestion
     from cpic_planner.tradeoff.points import Point
     from cpic_planner.tradeoff.scenes import FixedScene
-
-__all__ = ["HELP", "tradeoff"]
 
 HELP = """Measure speed against accuracy on this machine: time, memory and error of every tier, tolerance and knob.
 
@@ -39,22 +37,8 @@ Examples:
 
 
 def tradeoff(
-    scenes: Annotated[
-        list[str] | None, typer.Option("--scene", help="Fixed scene; repeat for several [default: all].")
-    ] = None,
-    only: Annotated[
-        list[str] | None,
-        typer.Option("--only", help="Way to measure again; the other rows in --out are kept. Repeat for several."),
-    ] = None,
-    quick_look: Annotated[
-        bool, typer.Option("--quick-look", help="Two frames and few samples: a minute a scene, for a look.")
-    ] = False,
-    workers: Annotated[
-        int, typer.Option("--workers", min=1, max=2, help="2: knobs and effects of a scene are measured at once.")
-    ] = 1,
-    out: Annotated[Path, typer.Option("--out", help="Folder of the results.")] = Path("out/tradeoff"),
+    question: TradeoffQuestion,
     listed: Annotated[bool, typer.Option("--list", help="Say which scenes and ways there are, and stop.")] = False,
-    force: ForceOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Measure and write."""
@@ -62,15 +46,15 @@ def tradeoff(
     from cpic_planner.tradeoff.run import chosen, n_rows, tradeoff_job
     from cpic_planner.tradeoff.write import FILES, RESULT, read_result
 
-    work = chosen(scenes or (), only or (), quick_look=quick_look)
+    work = chosen(question.scenes, question.only, quick_look=question.quick_look)
     if listed:
         _print_list(work, as_json)
         return
-    earlier = read_result(out) if only or scenes else None
-    job = tradeoff_job(work, earlier=earlier, quick_look=quick_look, at_once=workers)
+    earlier = read_result(question.out) if question.only or question.scenes else None
+    job = tradeoff_job(work, earlier=earlier, quick_look=question.quick_look, at_once=question.workers)
     with progress("rows", total=n_rows(work)) as advance:
-        result = run(job, out, force=force, advance=advance, command=sys.argv[1:]).result
-    note(f"{', '.join((RESULT, *FILES))} written to {out}")
+        result = run(job, question.out, force=question.force, advance=advance, command=sys.argv[1:]).result
+    note(f"{', '.join((RESULT, *FILES))} written to {question.out}")
     if as_json:
         print_json(result)
         return

@@ -9,14 +9,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from catalogs.errors import InputError
-from cpic_planner.cli.options import ForceOption, JsonOption, KnownPlanetsOption
+from cpic_planner.cli.options import JsonOption
 from cpic_planner.cli.output import console, note, print_json, progress
-from cpic_planner.jobs.engine import check_address
 
 if TYPE_CHECKING:
+    from cpic_planner.queries.whatif import WhatIfQuestion
     from cpic_planner.survey.strategy_file import StrategiesConfig
-
-__all__ = ["HELP", "whatif"]
 
 HELP = """Compare survey strategies over the same synthetic universes: planets found, time used, and how sure that is.
 
@@ -64,41 +62,7 @@ planned."""
 
 
 def whatif(
-    strategies: Annotated[str, typer.Argument(help="Preset (survey_default) or YAML file.")],
-    strategy: Annotated[
-        list[str] | None, typer.Option("--strategy", help="Only this strategy of them; repeat for several.")
-    ] = None,
-    vary: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--vary",
-            help="KEY=VALUE,VALUE...: every strategy with each value, as drift=0.1nm,x3; repeat for several keys.",
-        ),
-    ] = None,
-    universes: Annotated[
-        int | None, typer.Option("--universes", min=2, help="Synthetic universes [default: 1000].")
-    ] = None,
-    seed: Annotated[int | None, typer.Option("--seed", min=0, help="Seed of every random number.")] = None,
-    start: Annotated[str | None, typer.Option("--start", help="Begin of the survey, UTC.")] = None,
-    days: Annotated[float | None, typer.Option("--days", help="Length of the survey in days.")] = None,
-    images: Annotated[
-        int, typer.Option("--images", min=0, help="Detections of each strategy that are simulated as images.")
-    ] = 6,
-    observed: Annotated[
-        str | None, typer.Option("--observed", help="Observation log (CSV): plan what is left of the survey.")
-    ] = None,
-    catalog: Annotated[
-        str | None, typer.Option("--catalog", help="Star table: snapshot, latest, simbad_2012, or a file.")
-    ] = None,
-    instrument: Annotated[str | None, typer.Option("--instrument", help="Preset name or YAML file.")] = None,
-    known_planets: KnownPlanetsOption = None,
-    workers: Annotated[int, typer.Option("--workers", min=1, max=256, help="Local worker processes.")] = 2,
-    scheduler: Annotated[
-        str | None,
-        typer.Option("--scheduler", callback=check_address, help="Dask scheduler to use instead, tcp://host:port."),
-    ] = None,
-    out: Annotated[Path, typer.Option("--out", help="Output folder.")] = Path("cpic-whatif"),
-    force: ForceOption = False,
+    question: WhatIfQuestion,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Say what would be done and how long it takes.")] = False,
     as_json: JsonOption = False,
 ) -> None:
@@ -108,36 +72,26 @@ def whatif(
     from cpic_planner.survey.sweeps import told, varied
     from cpic_planner.survey.whatif import run_whatif, whatif_cost
 
-    config = _chosen(load_strategies(strategies), strategy)
-    shared = {
-        "universes": universes,
-        "seed": seed,
-        "start_utc": start,
-        "duration_days": days,
-        "observed": observed,
-        "catalog": catalog,
-        "instrument": instrument,
-        "known_planets": known_planets,
-    }
-    config = with_universe(config, {key: value for key, value in shared.items() if value is not None})
-    config = varied(config, vary) if vary else config
+    config = with_universe(_chosen(load_strategies(question.strategies), question.strategy), question.shared())
+    config = varied(config, question.vary) if question.vary else config
     for line in told(config):
         note(f"varied: {line}")
     table = known_table(config.universe)
     for remark in () if table is None else table.notes:
         note(remark)
-    cost = whatif_cost(config, images).at(workers)
+    cost = whatif_cost(config, question.images).at(question.workers)
     if dry_run:
-        _print_cost(cost, workers, as_json)
+        _print_cost(cost, question.workers, as_json)
         return
+    out = question.out or Path("cpic-whatif")
     with progress("what if", total=int(cost["n_steps"])) as advance:
         done = run_whatif(
             config,
             out,
-            workers=workers,
-            scheduler=scheduler,
-            force=force,
-            n_images=images,
+            workers=question.workers,
+            scheduler=question.scheduler,
+            force=question.force,
+            n_images=question.images,
             advance=advance,
             command=sys.argv[1:],
         )
@@ -152,14 +106,14 @@ def whatif(
     typer.echo(f"report: {out / 'report.html'}")
 
 
-def _chosen(config: StrategiesConfig, names: list[str] | None) -> StrategiesConfig:
+def _chosen(config: StrategiesConfig, names: tuple[str, ...]) -> StrategiesConfig:
     """The strategies that are asked for, in the order of the file."""
     if not names:
         return config
     known = [item.name for item in config.strategies]
     for name in names:
         if name not in known:
-            raise InputError("--strategy", name, allowed=", ".join(known))
+            raise InputError("strategy", name, allowed=", ".join(known))
     return config.model_copy(update={"strategies": tuple(item for item in config.strategies if item.name in names)})
 
 

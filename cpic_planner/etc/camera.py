@@ -7,22 +7,18 @@ from dataclasses import dataclass
 
 from simulator.config import Instrument
 from simulator.detectors.chains import added_variance
+from simulator.signal.saturation import Wells
 from simulator.signal.variance import FrameTerm
 
 
-@dataclass(frozen=True)
-class FrameCamera:
+@dataclass(frozen=True, kw_only=True)
+class FrameCamera(Wells):
     """Noise, limits and times of one frame; electrons at the register input unless said.
 
     Attributes
     ----------
-    full_well_e : float
-        Charge that a pixel holds.
-    register_full_well_e, converter_e : float
-        Charge at the register output that the register and the converter hold (the converter after five sigma of read
-        noise); infinite where there is none.
-    em_gain_max : float
-        Largest EM gain, 1 without a register.
+    full_well_e, register_full_well_e, converter_e, em_gain_max, blooms
+        As of `simulator.signal.saturation.Wells`.
     register_stages : int
         Stages of the register, 0 without one: then ``F^2`` is 1.
     read_noise_e, rounding_e : float
@@ -37,16 +33,10 @@ class FrameCamera:
         Time that a line of the frame stands in the light of each other during the transfer; 0 without smear.
     readout_s, exposure_min_s, exposure_max_s : float
         Dead time after a frame, shortest and longest exposure.
-    blooms : bool
-        Whether overfull pixels spill along columns and rows into the hole.
     added : tuple of (str, FrameTerm)
         Variance of a pixel and frame that further effects of the detector add, by term of the budget of noise.
     """
 
-    full_well_e: float
-    register_full_well_e: float
-    converter_e: float
-    em_gain_max: float
     register_stages: int
     read_noise_e: float
     rounding_e: float
@@ -56,7 +46,6 @@ class FrameCamera:
     exposure_min_s: float
     exposure_max_s: float
     light_factor: float = 1.0
-    blooms: bool = True
     line_shift_s: float = 0.0
     added: tuple[tuple[str, FrameTerm], ...] = ()
 
@@ -83,11 +72,6 @@ class FrameCamera:
     def amplifier_e(self) -> float:
         """Rms of read noise and of what else comes behind the register but the rounding, at the register output."""
         return math.hypot(self.read_noise_e, math.sqrt(float(self._rest.output_e2)))
-
-    @property
-    def output_well_e(self) -> float:
-        """Charge at the output that register and converter hold."""
-        return min(self.register_full_well_e, self.converter_e)
 
     @classmethod
     def of(cls, instrument: Instrument, band: str) -> FrameCamera:

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from catalogs.errors import InputError
 from cpic_planner.etc.camera import FrameCamera
 from cpic_planner.etc.frames import FrameChoice, FrameProblem
-from cpic_planner.etc.library import library_flags
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.noise import Objective, StackNoise, frame_problem, stack_noise
 from cpic_planner.etc.place import check_range, hole_notes, locate, stand, usable_range_arcsec
@@ -133,7 +132,8 @@ class BandCases:
         star, planet : int
             The case.
         """
-        notes = [*self.targets.flags[star], *hole_notes(self.model, self.band), *library_flags(self.model)]
+        library = self.model.strategy.reference_library
+        notes = [*self.targets.flags[star], *hole_notes(self.model, self.band), *library.flags]
         threshold = float(self.threshold[planet])
         inside = self.places[planet][0] is Status.OK
         return {

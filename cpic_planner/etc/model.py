@@ -6,89 +6,23 @@ import functools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import Field, model_validator
 
 from catalogs.errors import InputError
 from catalogs.user_files import digest_of
 from cpic_planner.etc.camera import FrameCamera
+from cpic_planner.queries.strategy import ReferenceStar, Strategy
+from cpic_planner.registry.libraries import LibraryNoise, StarSettings
 from simulator.camera.track_loss import aperture_loss_per_s
-from simulator.config import FrozenModel, Instrument, content_hash
+from simulator.config import Instrument, content_hash
 from simulator.imaging.metrics import PsfMetrics
 from simulator.imaging.store import metrics_key, psf_metrics
 from simulator.passbands import Passbands
 
-__all__ = ["EtcModel", "Library", "ReferenceStar", "Strategy", "build_model"]
-
-
-Library = Literal["same_star_planet_free", "reference_star", "roll", "idealised"]
-
-
-class ReferenceStar(FrozenModel):
-    """Star of a reference library."""
-
-    v_mag: Annotated[float, Field(ge=-30, le=40)]
-    teff_k: Annotated[float, Field(ge=1000, le=100_000)] = 5772.0
-    log_g: Annotated[float, Field(ge=-1, le=7)] = 4.4
-    metallicity: Annotated[float, Field(ge=-5, le=1)] = 0.0
-
-
-class Strategy(FrozenModel):
-    """How an observation is made and reduced.
-
-    Attributes
-    ----------
-    n_modes : int
-        Modes of the reference library that RDI projects out.
-    reference_ratio : float
-        Reference frames per science frame (M/N); their time and noise are counted.
-    sigma : float
-        Detection level whose false-alarm probability a small-sample threshold keeps.
-    annulus_lambda_d : float
-        Half width of the annulus around the planet's separation whose apertures measure background and scatter:
-        the speckle residual changes too much across the hole for one value.
-    library : str
-        Name of the reference library, see `cpic_planner.etc.library`.
-    reference_star : ReferenceStar, optional
-        For the library of that name.
-    roll_deg : float
-        Angle between the two rolls of the library of that name.
-    mode : {"analogue", "photon_counting"}
-        Whether charge is measured or photons are counted.
-    counting_sigma : float
-        Threshold of photon counting over the read noise.
-    """
-
-    n_modes: Annotated[int, Field(ge=0, le=1000)] = 1
-    reference_ratio: Annotated[float, Field(gt=0, le=1000)] = 1.0
-    sigma: Annotated[float, Field(gt=0, le=20)] = 5.0
-    annulus_lambda_d: Annotated[float, Field(gt=0, le=20)] = 1.5
-    library: Library = "same_star_planet_free"
-    reference_star: ReferenceStar | None = None
-    roll_deg: Annotated[float, Field(gt=0, le=180)] = 30.0
-    mode: Literal["analogue", "photon_counting"] = "analogue"
-    counting_sigma: Annotated[float, Field(gt=0, le=20)] = 5.0
-
-    @model_validator(mode="after")
-    def _consistent(self) -> Strategy:
-        if self.library == "reference_star" and self.reference_star is None:
-            raise InputError(
-                "reference_star",
-                None,
-                allowed="magnitude (and temperature) of the reference star",
-                hint="the library reference_star needs it",
-            )
-        if self.library == "roll" and self.reference_ratio != 1.0:
-            raise InputError(
-                "reference_ratio",
-                self.reference_ratio,
-                allowed="1 for the library roll",
-                hint="each roll is the other's reference",
-            )
-        return self
+__all__ = ["EtcModel", "ReferenceStar", "Strategy", "build_model"]
 
 
 @dataclass(frozen=True)
@@ -152,13 +86,26 @@ class EtcModel:
     def time_s(self, visit_s: ArrayLike) -> NDArray[np.float64]:
         """Wall time of an observation whose science visit takes ``visit_s``; 0 for none."""
         visit = np.asarray(visit_s, float)
-        return np.where(visit > 0, self.instrument.overhead_s + (1.0 + self.strategy.reference_ratio) * visit, 0.0)
+        return np.where(visit > 0, self.instrument.overhead_s + self._time_factor * visit, 0.0)
 
     def visit_s(self, time_s: ArrayLike) -> NDArray[np.float64]:
         """Length of the science visit in an observation of ``time_s`` of wall time."""
-        return np.maximum(np.asarray(time_s, float) - self.instrument.overhead_s, 0.0) / (
-            1.0 + self.strategy.reference_ratio
-        )
+        return np.maximum(np.asarray(time_s, float) - self.instrument.overhead_s, 0.0) / self._time_factor
+
+    @property
+    def _time_factor(self) -> float:
+        return self.strategy.reference_library.time_factor(self.strategy)
+
+    def library_noise(self, band: str, star_e_s: NDArray[np.float64]) -> LibraryNoise:
+        """Return the noise of the library that the strategy names, for science stars of these rates."""
+        column = self.passbands.names.index(band)
+
+        def rate_e_s(star: StarSettings) -> NDArray[np.float64]:
+            temperature = star.teff_k, star.log_g, star.metallicity
+            rates = self.passbands.star_rate_e_s(star.v_mag, *temperature, self.instrument.telescope.area_cm2)
+            return np.asarray(rates[..., column], float)
+
+        return self.strategy.reference_library.noise(self.strategy, star_e_s, rate_e_s)
 
 
 def build_model(

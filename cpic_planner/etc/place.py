@@ -45,16 +45,16 @@ def hole_notes(model: EtcModel, band: str) -> tuple[str, ...]:
 
 def locate(model: EtcModel, band: str, separation_arcsec: float) -> tuple[Status, Reason, str]:
     """Whether the aperture of a planet on the diagonal lies in the controlled zone of a band, at both rolls."""
-    instrument, strategy = model.instrument, model.strategy
+    instrument, rolls = model.instrument, model.strategy.rolls_deg
     inner, outer = usable_range_arcsec(instrument, band)
     where = "diagonal"
-    if strategy.library == "roll":
-        half = math.radians(strategy.roll_deg / 2.0)
+    if len(rolls) > 1:
+        half = math.radians(rolls[1])
         # The planet stands half the roll beside the diagonal, before and after.
         near, far = math.cos(math.pi / 4 + half), math.sin(math.pi / 4 + half)
         inner = inner / math.sqrt(2.0) / near if near > 0 else math.inf
         outer = outer / math.sqrt(2.0) / far
-        where = f"{strategy.roll_deg / 2.0:g} deg beside the diagonal"
+        where = f"{rolls[1]:g} deg beside the diagonal"
     place = f"{separation_arcsec:.3f} arcsec"
     if separation_arcsec < inner * (1.0 - 1e-9):
         text = f"{place}: the aperture leaves the dark hole of {band} inside {inner:.3f} arcsec ({where})"
@@ -62,12 +62,12 @@ def locate(model: EtcModel, band: str, separation_arcsec: float) -> tuple[Status
     if separation_arcsec > outer * (1.0 + 1e-9):
         text = f"{place}: the aperture leaves the dark hole of {band} outside {outer:.3f} arcsec ({where})"
         return Status.OUTSIDE_FIELD, Reason.OUTSIDE_OUTER_EDGE, text
-    if strategy.library == "roll":
+    if len(rolls) > 1:
         least = 2.0 * instrument.aperture_radius_arcsec(band)
-        moved = 2.0 * separation_arcsec * math.sin(math.radians(strategy.roll_deg / 2.0))
+        moved = 2.0 * separation_arcsec * math.sin(math.radians(rolls[1]))
         if moved < least:
             text = (
-                f"{place}: a roll of {strategy.roll_deg:g} deg moves the planet by {moved:.3f} arcsec, less than its "
+                f"{place}: a roll of {rolls[1] - rolls[0]:g} deg moves the planet by {moved:.3f} arcsec, less than its "
                 f"aperture of {least:.3f}"
             )
             return Status.UNREACHABLE, Reason.SMALL_ROLL, text
@@ -77,9 +77,10 @@ def locate(model: EtcModel, band: str, separation_arcsec: float) -> tuple[Status
 def stand(model: EtcModel, band: str, separation_arcsec: Any) -> tuple[Any, Any]:
     """Detector offsets of a planet: on the diagonal, or half the roll beside it for a library of two rolls."""
     x, y = diagonal(model.metrics[band].zone, separation_arcsec)
-    if model.strategy.library != "roll":
+    rolls = model.strategy.rolls_deg
+    if len(rolls) == 1:
         return x, y
-    half = math.radians(model.strategy.roll_deg / 2.0)
+    half = math.radians(rolls[1])
     return x * math.cos(half) - y * math.sin(half), x * math.sin(half) + y * math.cos(half)
 
 

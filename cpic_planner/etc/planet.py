@@ -3,42 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import Field
 
-from catalogs.user_files import digest_of
 from cpic_planner.etc.model import EtcModel
+from cpic_planner.queries.planet import ReferencePlanet as ReferencePlanet
 from cpic_planner.targets import Targets
-from simulator.config import FrozenModel
-from simulator.config.albedo import AlbedoSpec, AlbedoValue, MeasuredAlbedo
+from simulator.config.albedo import AlbedoSpec
 from simulator.target.albedo import albedo_notes, albedo_source, needs_insolation, phase_value
 from simulator.target.contrast import contrast_at
 from simulator.target.phase import sin_phase
 
 FloatArray = NDArray[np.float64]
-
-
-class ReferencePlanet(FrozenModel):
-    """1 R_J at phase 90 deg on a hole diagonal, with the measured albedo of Jupiter.
-
-    At phase 90 deg the true distance equals the projected one; at other phases it is ``rho / sin(phase)``. An albedo
-    that follows the insolation takes it as ``r / sqrt(L)``.
-    """
-
-    radius_rjup: Annotated[float, Field(gt=0, le=10)] = 1.0
-    phase_deg: Annotated[float, Field(gt=0, lt=180)] = 90.0
-    albedo: AlbedoValue = MeasuredAlbedo(model="jupiter")
-
-    def content(self) -> dict[str, Any]:
-        """Everything that decides its light, for content hashes: a file counts by what is in it."""
-        tree = self.model_dump(mode="json")
-        file = getattr(self.albedo, "file", None)
-        if file is not None:
-            tree["albedo"]["file"] = digest_of(file)
-        return tree
 
 
 def reference_distance_au(targets: Targets, separation_arcsec: FloatArray, planet: ReferencePlanet) -> FloatArray:

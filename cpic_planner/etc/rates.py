@@ -8,7 +8,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cpic_planner.etc.library import library_noise
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.targets import Targets
 from simulator.config import Instrument
@@ -154,7 +153,7 @@ def aperture_rates(
     exozodi = star * aperture_exozodi(metrics, instrument.sky.exozodi_zodis, x, y)
     dark = np.full((1,) * dims, model.camera(band).dark_e_s * metrics.aperture_pixels)
     law = speckle_law(metrics, instrument.drift, separation, strategy.annulus_lambda_d, strategy.reference_ratio)
-    reference = library_noise(model, targets, band, star)
+    reference = model.library_noise(band, star)
     smear = _smear(model, band, x, star, companion.column_e_s, sky)
     brightest, peak_planet = star * reference.peak, planet_total * metrics.peak_off_axis
     peak_companion = companion.aperture_e_s / metrics.aperture_pixels
@@ -310,8 +309,7 @@ def _companions(model: EtcModel, targets: Targets, band: str, x: FloatArray, y: 
     wing = aperture_wing(metrics, here[0] - there[0], here[1] - there[1])
     active = detector.sections["active"][0]
     column = companion_column(metrics, here[0] - there[0], there[1], wing, star_row=detector.star_row, rows=active)
-    turns = {"roll": (-strategy.roll_deg / 2.0, strategy.roll_deg / 2.0), "reference_star": (0.0,)}
-    places = [_companion_place(model, near, turn) for turn in turns.get(strategy.library, ())]
+    places = [_companion_place(model, near, turn) for turn in strategy.reference_library.wings_deg(strategy)]
     found.aperture_e_s[known], found.column_e_s[known] = star * wing, star * column
     found.left_e2_s2[known] = star**2 * wings_variance(metrics, places, strategy.annulus_lambda_d, np.hypot(*here))
     return found

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,7 @@ from cpic_planner.etc.detection import default_law
 from cpic_planner.etc.fidelity import etc_dial, etc_fidelity
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.planet import ReferencePlanet
-from cpic_planner.models import EtcResult, EtcRow, ReferencePlanetRecord
+from cpic_planner.models import EtcResult, ReferencePlanetRecord
 from cpic_planner.targets import Targets
 from cpic_planner.version import __version__
 from simulator.config import content_hash
@@ -73,6 +72,6 @@ def etc_result(
         note=note,
         reference_planet=record,
         best_band=best_band(answers),
-        answers=[EtcRow.model_validate(replace(answer, fidelity=None).to_dict()) for answer in answers],
+        answers=list(answers),
         fidelity=etc_fidelity(answers, dial or etc_dial(), seed=seed),
     )

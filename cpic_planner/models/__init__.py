@@ -6,8 +6,8 @@
 from __future__ import annotations
 
 from cpic_planner.models.answers import (
+    EtcAnswer,
     EtcResult,
-    EtcRow,
 )
 from cpic_planner.models.base import (
     LimitText,
@@ -55,7 +55,6 @@ from cpic_planner.models.ranked import (
     RankedTarget,
     RankResult,
     ReferencePlanetRecord,
-    ScoreName,
     SensitivityResult,
     SensitivityRow,
 )
@@ -92,6 +91,7 @@ from cpic_planner.models.visible import (
     VisibleDays,
     VisibleTarget,
 )
+from cpic_planner.registry.scores import ScoreName
 
 __all__ = [
     "KNOWN_PLANETS",
@@ -109,9 +109,9 @@ __all__ = [
     "DifferenceRecord",
     "EffectRecord",
     "EstimateRecord",
+    "EtcAnswer",
     "EtcFidelity",
     "EtcResult",
-    "EtcRow",
     "Explanation",
     "FindingRecord",
     "ImageCheck",

@@ -2,67 +2,81 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal
 
-from pydantic import Field
+from pydantic import Field, PrivateAttr
 
-from cpic_planner.models.base import (
-    DETECTION_PROBABILITY,
-    DETECTION_PROBABILITY_KNOWN_PLACE,
-    LIMITED_BY,
-    VERDICT_MODE,
-    DetectionMode,
-    LimitText,
-    Result,
-    StatusText,
-    VerdictText,
-)
-from cpic_planner.models.checked import EtcFidelity
+from cpic_planner.models.base import DetectionMode, LimitText, Result, Row, VerdictText
+from cpic_planner.models.checked import AnswerFidelity, EtcFidelity
+from cpic_planner.models.columns import column
 from cpic_planner.models.ranked import ReferencePlanetRecord
+from simulator.outcome import Reason, Status
 
-__all__ = ["EtcResult", "EtcRow"]
+Question = Literal["exposure_time", "signal_to_noise", "contrast_limit"]
 
 
-class EtcRow(Result):
-    """One answer of the exposure-time calculator; see `cpic_planner.etc.questions.EtcAnswer`."""
+class EtcAnswer(Row):
+    """One answer of the exposure-time calculator for one target, band and planet.
+
+    ``value`` (in ``unit``) is null unless ``status`` is ``ok``; the other numbers describe the chosen setting and are
+    null where there is none. SNR by Eqs. 3 and 4 of Zhu et al. 2025 is that of `cpic_planner.etc.paper`, the
+    probabilities are those of `cpic_planner.etc.detection`, ``limited_by`` is that of `cpic_planner.etc.limiting`.
+    """
 
     target: str
     band: str
-    question: Literal["exposure_time", "signal_to_noise", "contrast_limit"]
-    value: float | None
+    question: Question
+    value: float | None = column(label="answer")
     unit: str
-    status: StatusText = Field(description="ok: there is a number; verdict says whether the planet is detected")
-    reason: str
+    status: Status = column("ok: there is a number; verdict says whether the planet is detected")
+    reason: Reason
     message: str
     separation_arcsec: float
     contrast: float | None
-    exposure_s: float | None
-    n_frames: int | None
-    em_gain: float | None
-    integration_s: float | None
-    time_s: float | None
-    snr: float | None
-    significance: float | None
-    threshold: float | None
-    snr_paper: float | None = Field(description="SNR by Eqs. 3 and 4 of Zhu et al. 2025, for comparison")
-    level: float | None = Field(description="SNR or significance that the answer reaches or refers to")
-    core_throughput: float | None
-    exposure_limited_by: str = Field(description="limit that binds the exposure; empty: the optimum")
-    gain_limited_by: str = Field(description="limit that binds the EM gain; empty: the optimum")
-    gain_caps: dict[str, float] = Field(description="largest EM gains by what they spare: hole, register_tail, frame")
-    budget: dict[str, float] = Field(description="signal in electrons and terms of its variance in electrons^2")
-    dominant: str = Field(description="largest term of the variance")
-    remedies: dict[str, float] = Field(description="factors of SNR if one thing is changed")
-    flags: list[str]
-    verdict: VerdictText | None = Field(
+    exposure_s: float | None = None
+    n_frames: int | None = None
+    em_gain: float | None = None
+    integration_s: float | None = None
+    time_s: float | None = None
+    snr: float | None = None
+    significance: float | None = None
+    threshold: float | None = None
+    snr_paper: float | None = column("SNR by Eqs. 3 and 4 of Zhu et al. 2025, for comparison", default=None)
+    level: float | None = column("SNR or significance that the answer reaches or refers to", default=None)
+    core_throughput: float | None = None
+    exposure_limited_by: str = ""
+    gain_limited_by: str = ""
+    gain_caps: dict[str, float] = column(default={})
+    budget: dict[str, float] = column("signal in electrons and terms of its variance in electrons^2", default={})
+    dominant: str = ""
+    remedies: dict[str, float] = column(default={})
+    flags: tuple[str, ...] = ()
+    verdict: VerdictText | None = column(
+        "of the planet: detected (half of the visits show it at its known place), measured_not_detected, unreachable "
+        "(every status but ok); null for a contrast limit, which is about no planet, and in older results",
         default=None,
-        description="of the planet: detected (half of the visits show it at its known place), measured_not_detected, "
-        "unreachable (every status but ok); null for a contrast limit, which is about no planet, and in older results",
     )
-    verdict_mode: DetectionMode | None = VERDICT_MODE
-    detection_probability: float | None = DETECTION_PROBABILITY
-    detection_probability_known_place: float | None = DETECTION_PROBABILITY_KNOWN_PLACE
-    limited_by: LimitText | None = LIMITED_BY
+    verdict_mode: DetectionMode | None = None
+    detection_probability: float | None = None
+    detection_probability_known_place: float | None = None
+    limited_by: LimitText | None = None
+    _fidelity: AnswerFidelity | None = PrivateAttr(default=None)
+
+    @property
+    def fidelity(self) -> AnswerFidelity | None:
+        """Stated error and check in images, where a fidelity or a tolerance was asked for."""
+        return self._fidelity
+
+    def checked(self, fidelity: AnswerFidelity) -> EtcAnswer:
+        """Return the same answer with its stated error and its check in images."""
+        answer = self.model_copy()
+        answer._fidelity = fidelity
+        return answer
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return a plain dict for JSON; ``fidelity`` is in it where it was asked for."""
+        tree = self.model_dump(mode="json")
+        return tree if self.fidelity is None else tree | {"fidelity": self.fidelity.model_dump(mode="json")}
 
 
 class EtcResult(Result):
@@ -75,9 +89,9 @@ class EtcResult(Result):
     hip: int | None
     v_mag: float
     distance_pc: float
-    catalogue: str = Field(description="what the star table is, its vintage or file name, and its checksum")
+    catalogue: str
     note: str
     reference_planet: ReferencePlanetRecord | None
     best_band: str | None
-    answers: list[EtcRow]
+    answers: list[EtcAnswer]
     fidelity: EtcFidelity | None = Field(default=None, description="how firm the answers are; null in older results")

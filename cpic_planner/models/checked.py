@@ -6,25 +6,30 @@ from typing import Literal
 
 from pydantic import Field
 
-from cpic_planner.models.base import Result, StatusText
+from cpic_planner.models.base import Result, Row, StatusText
+from cpic_planner.models.columns import column
 from cpic_planner.models.modelled import ModellingRecord
 from simulator.knobs import Quantity
 
-__all__ = ["AnswerFidelity", "EtcFidelity", "ImageCheck"]
 
-
-class ImageCheck(Result):
+class ImageCheck(Row):
     """One answer, observed in simulated images with its own frames; ratios are images over closed form."""
 
     draw: Literal["sums", "frames"] = Field(description="sums of frames over the dark hole, or every frame")
-    realisations: int = Field(description="draws of drift and noise, each reduced and measured by itself")
-    light_ratio: float = Field(description="planet's light in its aperture, in images without noise")
-    flux_ratio: float = Field(description="mean measured flux of the planet, after the reduction")
+    realisations: int = column("draws of drift and noise, each reduced and measured by itself", short="runs")
+    light_ratio: float = column("planet's light in its aperture, in images without noise", short="light", format=".4f")
+    flux_ratio: float = column(
+        "mean measured flux of the planet, after the reduction", short="flux / true", format=".3f ± .3f"
+    )
     flux_ratio_error: float = Field(description="1 sigma")
-    predicted_snr: float = Field(description="closed form, of what the images hold: sums have no hits of particles")
-    snr: float = Field(description="mean measured flux over the quadratic mean of its measured errors")
+    predicted_snr: float = column(
+        "closed form, of what the images hold: sums have no hits of particles", short="SNR", format=".3g"
+    )
+    snr: float = column(
+        "mean measured flux over the quadratic mean of its measured errors", short="of images", format=".3g ± .2g"
+    )
     snr_error: float = Field(description="1 sigma")
-    snr_ratio: float
+    snr_ratio: float = column("SNR over predicted_snr", short="images / SNR", format=".2f ± .2f")
     snr_ratio_error: float = Field(
         description="1 sigma, of the images alone; at least what is expected of so many draws"
     )
@@ -33,7 +38,7 @@ class ImageCheck(Result):
     agrees: bool = Field(
         description="whether the SNR of images is within two of its errors and the stated one of the closed form"
     )
-    n_found: int = Field(description="realisations in which a blind search finds the planet")
+    n_found: int = column("realisations in which a blind search finds the planet", short="found")
     modelled: ModellingRecord
 
 

@@ -2,31 +2,29 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Literal
 
 from pydantic import Field
 
-from cpic_planner.models.base import Result
-from cpic_planner.models.planned import BandConfirmation
-from simulator.knobs import Quantity
-
-__all__ = ["AlbedoRecord", "CandidateRecord", "ConfirmResult", "PositionRecord", "SearchRecord"]
+from cpic_planner.models.base import Row
+from cpic_planner.models.columns import column
+from cpic_planner.models.planned import BandConfirmation, ImagedResult
 
 
-class CandidateRecord(Result):
+class CandidateRecord(Row):
     """One place that a blind search names."""
 
     x_arcsec: float = Field(description="offset on the detector, right")
     y_arcsec: float = Field(description="offset on the detector, up")
     separation_arcsec: float
-    pa_deg: float = Field(description="position angle on the sky")
-    snr: float = Field(description="of the matched filter")
-    threshold: float
+    pa_deg: float = column("position angle on the sky", short="PA °", format=".1f")
+    snr: float = column("of the matched filter")
+    threshold: float = column("SNR that the search asks for", short="threshold")
     detected: bool
     planet: str = Field(description="planet of the scene that stands there; empty for none")
 
 
-class SearchRecord(Result):
+class SearchRecord(Row):
     """The blind search of the first realisation in one band."""
 
     band: str
@@ -40,7 +38,7 @@ class SearchRecord(Result):
     candidates: list[CandidateRecord]
 
 
-class PositionRecord(Result):
+class PositionRecord(Row):
     """Position of a planet, mean of the bands that show it, first realisation of each."""
 
     planet: str
@@ -53,7 +51,7 @@ class PositionRecord(Result):
     true_pa_deg: float
 
 
-class AlbedoRecord(Result):
+class AlbedoRecord(Row):
     """What band contrasts say of metallicity and clouds: mean contrasts, errors of one observation a band."""
 
     planet: str
@@ -73,28 +71,11 @@ class AlbedoRecord(Result):
     flags: list[str]
 
 
-class ConfirmResult(Result):
+class ConfirmResult(ImagedResult):
     """A scene, observed and measured: reproducible from configuration and seed."""
 
-    schema_version: Literal[1] = 1
     kind: Literal["confirm"] = "confirm"
-    version: str
-    config_hash: str
     scene: str
-    instrument: str
-    seed: int
-    fidelity: str = Field(description="quick, standard, reference; custom where a tolerance was given")
-    tolerance: dict[Quantity, float] = Field(
-        default_factory=dict, description="largest relative error that may be traded for speed"
-    )
-    realisations: int
-    sigma: float
-    reference_library: str
-    rdi_modes: int
-    simulator_overrides: dict[str, Any]
-    calibration: dict[str, float | int | None]
-    calibration_text: str
-    not_modelled: list[str] = Field(description="effects that the realisations leave out, but for the audited one")
     bands: list[BandConfirmation] = Field(description="one a band and planet")
     searches: list[SearchRecord]
     positions: list[PositionRecord]

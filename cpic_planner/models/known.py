@@ -6,9 +6,8 @@ from typing import Literal
 
 from pydantic import Field
 
-from cpic_planner.models.base import Result
-
-__all__ = ["KnownBand", "KnownHole", "KnownPlanetRow", "KnownResult", "KnownTrack", "KnownWindow", "Quantiles"]
+from cpic_planner.models.base import Result, Row
+from cpic_planner.models.columns import column
 
 
 class Quantiles(Result):
@@ -48,13 +47,13 @@ class KnownTrack(Result):
     separation_high_arcsec: list[float] = Field(description="84 % of the draws lie below")
 
 
-class KnownPlanetRow(Result):
+class KnownPlanetRow(Row):
     """One known planet at the date."""
 
     planet: str
     star: str
-    hip: int | None = Field(description="Hipparcos number of the star")
-    v_mag: float = Field(description="Johnson V of the star, mag")
+    hip: int | None
+    v_mag: float
     distance_pc: float
     discovery_method: str
     status: Literal["confirmed", "controversial", "candidate", "refuted"] = Field(
@@ -65,14 +64,16 @@ class KnownPlanetRow(Result):
     updated: str = Field(description="date of the row in the table's updates; empty: as in the table of 2019")
     note: str = Field(description="remark of the table on the planet")
     flags: list[str] = Field(description="what the table lacks or marks, see catalogs.known_planet_columns.FLAGS")
-    period_days: Quantiles
-    semi_major_axis_au: Quantiles
-    eccentricity: Quantiles
-    mass_mjup: Quantiles | None = Field(description="true mass; null where neither it nor m sin i is known")
-    radius_rjup: Quantiles
+    period_days: Quantiles = column(short="P d", format=".4g")
+    semi_major_axis_au: Quantiles = column(short="a au", format=".3g")
+    eccentricity: Quantiles = column(short="e", format=".2f")
+    mass_mjup: Quantiles | None = column(
+        "true mass; null where neither it nor m sin i is known", short="M_J", format=".2g"
+    )
+    radius_rjup: Quantiles = column(short="R_J", format=".2g")
     separation_arcsec: Quantiles = Field(description="projected separation")
     distance_au: Quantiles = Field(description="true distance from the star")
-    phase_deg: Quantiles = Field(description="phase angle, 0 full to 180 new")
+    phase_deg: Quantiles = column("phase angle, 0 full to 180 new", label="phase", format=".0f")
     pa_deg: Quantiles | None = Field(description="position angle east of north; null without a known node")
     bands: list[KnownBand]
     windows: list[KnownWindow] = Field(description="empty where no track was asked for, or the planet is not counted")
@@ -93,8 +94,8 @@ class KnownResult(Result):
     schema_version: Literal[1] = 1
     kind: Literal["known"] = "known"
     config_hash: str
-    catalogue: str = Field(description="what the star table is, its vintage or file name, and its checksum")
-    planets_table: str = Field(description="the same of the table of planets")
+    catalogue: str
+    planets_table: str = Field(description="as catalogue, of the table of planets")
     date_utc: str
     mjd: float
     years: float | None = Field(description="length of the tracks from the date on; null without tracks")

@@ -9,8 +9,6 @@ from pydantic import Field
 from cpic_planner.models.base import Result
 from simulator.knobs import Knobs, Quantity
 
-__all__ = ["EffectRecord", "ModellingRecord"]
-
 
 class EffectRecord(Result):
     """One row of the effect ledger."""

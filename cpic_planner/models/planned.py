@@ -6,39 +6,36 @@ from typing import Any, Literal
 
 from pydantic import Field
 
-from cpic_planner.models.base import (
-    DETECTION_PROBABILITY,
-    DETECTION_PROBABILITY_KNOWN_PLACE,
-    Result,
-    StatusText,
-    VerdictText,
-)
+from cpic_planner.models.base import Result, Row, StatusText, VerdictText
+from cpic_planner.models.columns import column
 from cpic_planner.models.modelled import ModellingRecord
 from cpic_planner.models.ranked import RankedTarget, ReferencePlanetRecord
 from simulator.knobs import Quantity
 
-__all__ = ["AuditRecord", "BandConfirmation", "ConfirmedTarget", "PlanResult", "RunRecord"]
 
-
-class AuditRecord(Result):
+class AuditRecord(Row):
     """One realisation run frame by frame with every effect of the camera, calibrated, particles taken out."""
 
     n_frames: int = Field(description="science frames; reference frames are as many times the strategy's ratio")
-    predicted_snr: float = Field(description="frames that particles void are counted")
-    recovered_snr: float
+    predicted_snr: float = column("frames that particles void are counted", label="predicted SNR")
+    recovered_snr: float = column(label="measured SNR")
     recovered_significance: float
-    contrast: float
-    contrast_error: float = Field(description="1 sigma")
-    deviation_sigma: float = Field(description="measured less true contrast over its error")
-    detected: bool = Field(description="the blind search finds the planet at its place")
-    false_detections: int = Field(description="what the search finds elsewhere")
-    hits: int = Field(description="pixel-frames of particles that were found, science and reference")
-    rejected_fraction: float = Field(description="share of the pixel-frames of the hole that were left out")
-    saturated_in_hole: int
-    saturated_outside: float = Field(description="mean per frame")
+    contrast: float = column(label="measured contrast", format=".2e ± .1e")
+    contrast_error: float = column("1 sigma")
+    deviation_sigma: float = column("measured less true contrast over its error", label="deviation in σ", format=".1f")
+    detected: bool = column("the blind search finds the planet at its place", label="blind search")
+    false_detections: int = column("what the search finds elsewhere", label="detections elsewhere", format="d")
+    hits: int = column(
+        "pixel-frames of particles that were found, science and reference", label="hits of particles", format="d"
+    )
+    rejected_fraction: float = column(
+        "share of the pixel-frames of the hole that were left out", label="left out of the hole", format="%"
+    )
+    saturated_in_hole: int = column(label="saturated in the hole", format="d")
+    saturated_outside: float = column("mean per frame", label="saturated around it, per frame", format=".0f")
 
 
-class BandConfirmation(Result):
+class BandConfirmation(Row):
     """One band of one target: prediction beside the measurement in simulated images.
 
     Recovered numbers are those of one observation, averaged over the realisations: mean contrast over the quadratic
@@ -51,7 +48,7 @@ class BandConfirmation(Result):
     reason: str
     message: str
     separation_arcsec: float
-    pa_deg: float
+    pa_deg: float = column(label="position angle", format=".1f")
     exposure_s: float | None = None
     n_frames: int | None = None
     em_gain: float | None = None
@@ -61,9 +58,11 @@ class BandConfirmation(Result):
     drawn_as: Literal["sums", "frames"] | None = Field(
         default=None, description="sums of frames over the hole, or every frame, where sums cannot stand for them"
     )
-    predicted_snr: float | None = None
+    predicted_snr: float | None = column(label="predicted SNR", short="SNR pred", format=".3g", default=None)
     predicted_significance: float | None = None
-    recovered_snr: float | None = None
+    recovered_snr: float | None = column(
+        label="recovered SNR ± error of the mean", short="SNR rec", format=".3g ± .2g", default=None
+    )
     recovered_snr_error: float | None = Field(default=None, description="1 sigma of this mean")
     recovered_significance: float | None = None
     threshold: float | None = Field(default=None, description="small-sample threshold for significance")
@@ -72,46 +71,70 @@ class BandConfirmation(Result):
         description="what the calculator expects of these frames at the planet's known place: detected or "
         "measured_not_detected; detected and verdict are what the images say; null without frames",
     )
-    predicted_detection_probability: float | None = DETECTION_PROBABILITY
-    predicted_detection_probability_known_place: float | None = DETECTION_PROBABILITY_KNOWN_PLACE
-    etc_ratio: float | None = Field(default=None, description="predicted over recovered SNR: above 1 is optimistic")
+    predicted_detection_probability: float | None = None
+    predicted_detection_probability_known_place: float | None = None
+    etc_ratio: float | None = column(
+        "predicted over recovered SNR: above 1 is optimistic",
+        label="predicted / recovered SNR",
+        short="pred/rec",
+        format=".2f ± .2f",
+        default=None,
+    )
     etc_ratio_error: float | None = Field(
         default=None, description="1 sigma, with the accuracy of the prediction itself"
     )
-    true_contrast: float | None = None
-    recovered_contrast: float | None = None
+    true_contrast: float | None = column(short="contrast true", format=".2e", default=None)
+    recovered_contrast: float | None = column(short="recovered", format=".2e", default=None)
     contrast_error: float | None = Field(
         default=None, description="1 sigma of one observation, from aperture-sized samples in the hole"
     )
     contrast_mean_error: float | None = Field(default=None, description="1 sigma of recovered_contrast")
-    star_flux: Literal["off_mask", "field_star", "known"] | None = Field(
+    star_flux: Literal["off_mask", "field_star", "known"] | None = column(
+        "what contrasts refer to: a series off the mask, a field star, or the scene's own rate",
+        label="the star's light, from",
         default=None,
-        description="what contrasts refer to: a series off the mask, a field star, or the scene's own rate",
     )
     star_flux_error: float | None = Field(default=None, description="relative, common to all realisations")
-    rdi_throughput: float | None = None
-    rdi_modes_used: int | None = None
-    core_throughput: float | None = None
-    n_background_apertures: int | None = None
-    saturated_in_hole: int | None = Field(
-        default=None, description="pixels of the hole that a limit cut off, in all frames"
-    )
-    saturated_outside: float | None = Field(
+    rdi_throughput: float | None = column(label="RDI throughput", format="%", default=None)
+    rdi_modes_used: int | None = column(label="RDI modes", default=None)
+    core_throughput: float | None = column(format="%", default=None)
+    n_background_apertures: int | None = column(label="background apertures", default=None)
+    saturated_in_hole: int | None = column(
+        "pixels of the hole that a limit cut off, in all frames",
+        label="saturated in the hole, all frames",
+        format="d",
         default=None,
-        description="pixels around the hole that a limit cut off, mean per frame; they do not reach the hole",
     )
-    n_detected: int | None = Field(default=None, description="realisations in which the blind search finds the planet")
-    search_snr: float | None = Field(
-        default=None, description="matched-filter SNR there, mean of the realisations in which the search has a peak"
-    )
-    search_threshold: float | None = Field(
+    saturated_outside: float | None = column(
+        "pixels around the hole that a limit cut off, mean per frame; they do not reach the hole",
+        label="saturated around it, per frame",
+        format=".0f",
         default=None,
-        description="SNR that the search asks for there: heavy tails of the speckles and all positions are in it",
     )
-    n_significant: int | None = Field(
-        default=None, description="realisations whose significance at the known place reaches the threshold"
+    n_detected: int | None = column(
+        "realisations in which the blind search finds the planet",
+        label="found by the blind search",
+        short="found",
+        default=None,
     )
-    false_detections: int | None = Field(default=None, description="what it finds elsewhere, all realisations")
+    search_snr: float | None = column(
+        "matched-filter SNR there, mean of the realisations in which the search has a peak",
+        label="SNR of the search",
+        default=None,
+    )
+    search_threshold: float | None = column(
+        "SNR that the search asks for there: heavy tails of the speckles and all positions are in it",
+        label="threshold of the search",
+        default=None,
+    )
+    n_significant: int | None = column(
+        "realisations whose significance at the known place reaches the threshold",
+        label="significant at the known place",
+        default=None,
+    )
+    false_detections: int | None = column(
+        "what it finds elsewhere, all realisations", label="detections elsewhere, all realisations", default=None
+    )
     detected: bool | None = Field(default=None, description="found in at least half of the realisations")
     found_separation_arcsec: float | None = Field(default=None, description="fitted, first realisation that shows it")
     found_separation_error_arcsec: float | None = None
@@ -140,11 +163,11 @@ class ConfirmedTarget(Result):
     bands: list[BandConfirmation]
 
 
-class PlanResult(Result):
-    """The plan: reproducible from configuration and seed."""
+class ImagedResult(Result):
+    """What a plan and a confirmed scene say of their images: reproducible from configuration and seed."""
 
     schema_version: Literal[1] = 1
-    kind: Literal["plan"] = "plan"
+    kind: str
     version: str
     config_hash: str
     seed: int
@@ -153,7 +176,6 @@ class PlanResult(Result):
         default_factory=dict, description="largest relative error that may be traded for speed"
     )
     instrument: str
-    time_s: float
     sigma: float
     reference_library: str
     rdi_modes: int
@@ -161,6 +183,22 @@ class PlanResult(Result):
     simulator_overrides: dict[str, Any] = Field(
         default_factory=dict, description="what is altered in the images alone; predictions keep the nominal instrument"
     )
+    calibration: dict[str, float | int | None] = Field(
+        description="mean of recovered / predicted SNR over confirmed bands, its standard error, number of bands"
+    )
+    calibration_text: str = Field(
+        default="", description="the same in words: whether the ETC is optimistic, by how much"
+    )
+    not_modelled: list[str] = Field(
+        description="effects that neither the prediction nor the images contain, but for an audited realisation"
+    )
+
+
+class PlanResult(ImagedResult):
+    """The plan: reproducible from configuration and seed."""
+
+    kind: Literal["plan"] = "plan"
+    time_s: float
     companions: Literal["on", "off"] = Field(default="on", description="whether the light of known companions counts")
     reference_planet: ReferencePlanetRecord
     catalogue: str
@@ -170,13 +208,6 @@ class PlanResult(Result):
     counts_limited_by: dict[str, int] = Field(
         default_factory=dict, description="ranked stars by limited_by; empty in older results"
     )
-    calibration: dict[str, float | int | None] = Field(
-        description="mean of recovered / predicted SNR over confirmed bands, its standard error, number of bands"
-    )
-    calibration_text: str = Field(
-        default="", description="the same in words: whether the ETC is optimistic, by how much"
-    )
-    not_modelled: list[str] = Field(description="effects that neither the prediction nor the images contain")
     targets: list[ConfirmedTarget]
 
 

@@ -6,33 +6,10 @@ from typing import Literal
 
 from pydantic import Field
 
-from cpic_planner.models.base import (
-    DETECTION_PROBABILITY,
-    DETECTION_PROBABILITY_KNOWN_PLACE,
-    LIMITED_BY,
-    VERDICT_MODE,
-    DetectionMode,
-    LimitText,
-    Result,
-    StatusText,
-    VerdictText,
-)
+from cpic_planner.models.base import DetectionMode, LimitText, Result, Row, StatusText, VerdictText
+from cpic_planner.models.columns import column
+from cpic_planner.registry.scores import ScoreName
 
-__all__ = [
-    "KNOWN_PLANETS",
-    "BandStanding",
-    "Explanation",
-    "PopulationRecord",
-    "RankResult",
-    "RankedTarget",
-    "ReferencePlanetRecord",
-    "ScoreName",
-    "SensitivityResult",
-    "SensitivityRow",
-]
-
-
-ScoreName = Literal["completeness_per_hour", "completeness", "detection_margin", "detection_time", "contrast_limit"]
 KNOWN_PLANETS = "known planets"
 """Name of the population where completeness refers to the stars' own planets."""
 
@@ -56,68 +33,64 @@ class PopulationRecord(Result):
     planets_per_star: float | None = Field(description="occurrence, if the population states it")
 
 
-class RankedTarget(Result):
+class RankedTarget(Row):
     """One star of the ranking. Numbers refer to the stated reference planet in the best band and separation."""
 
-    rank: int = Field(description="1 is best: highest score")
-    score: float = Field(
-        description="what the ranking is by, see score_name; more is better; stars of equal score, such as all "
-        "those of score 0, follow each other by detection_margin, then name"
+    rank: int = column("1 is best: highest score", label="#")
+    score: float = column(
+        "what the ranking is by, see score_name; more is better; stars of equal score, such as all those of score 0, "
+        "follow each other by detection_margin, then name"
     )
-    name: str = Field(description="name of the star in the catalogue")
-    hip: int | None = Field(description="Hipparcos number")
-    v_mag: float = Field(description="Johnson V (Vega), mag")
-    sp_type: str = Field(description="spectral type as catalogued")
-    distance_pc: float = Field(description="distance, pc")
-    ra_deg: float | None = Field(description="ICRS right ascension at the catalogue epoch, deg; null if not listed")
-    dec_deg: float | None = Field(description="ICRS declination at the catalogue epoch, deg; null if not listed")
-    separation_arcsec: float = Field(description="projected separation of the reference planet, arcsec")
-    contrast: float = Field(description="true planet-to-star ratio of detected rates in the band")
-    band: str = Field(description="best band")
-    snr: float = Field(description="predicted photometric SNR of the stack; 0 where no frame is possible")
-    significance: float = Field(description="predicted S / sigma without the planet")
-    threshold: float = Field(description="small-sample detection threshold for significance, 5 sigma-equivalent")
-    detection_margin: float = Field(description="significance / threshold")
-    status: StatusText = Field(description="ok when the reference planet is detected in the given time")
-    reason: str = Field(
-        description="why not, empty when ok; speckle_floor: no length of visit is enough; limited_by says why"
-    )
-    verdict: VerdictText | None = Field(
+    name: str = column("name of the star in the catalogue", label="star", format="star")
+    hip: int | None
+    v_mag: float
+    sp_type: str = column("spectral type as catalogued", label="type")
+    distance_pc: float
+    ra_deg: float | None = column("ICRS right ascension at the catalogue epoch, deg; null if not listed")
+    dec_deg: float | None = column("ICRS declination at the catalogue epoch, deg; null if not listed")
+    separation_arcsec: float = column("projected separation of the reference planet, arcsec")
+    contrast: float
+    band: str = column("best band")
+    snr: float = column("predicted photometric SNR of the stack; 0 where no frame is possible")
+    significance: float
+    threshold: float = column("small-sample detection threshold for significance, 5 sigma-equivalent")
+    detection_margin: float
+    status: StatusText = column("ok when the reference planet is detected in the given time")
+    reason: str = column("why not, empty when ok; speckle_floor: no length of visit is enough; limited_by says why")
+    verdict: VerdictText | None = column(
+        "of the reference planet in the given time: detected with status ok, else unreachable; null in older results",
         default=None,
-        description="of the reference planet in the given time: detected with status ok, else unreachable; "
-        "null in older results",
     )
-    verdict_mode: DetectionMode | None = VERDICT_MODE
-    detection_probability: float | None = DETECTION_PROBABILITY
-    detection_probability_known_place: float | None = DETECTION_PROBABILITY_KNOWN_PLACE
-    limited_by: LimitText | None = LIMITED_BY
-    contrast_limit: float | None = Field(description="faintest contrast detected there by this observation")
-    deepest_limit: float | None = Field(description="the same at the separation where it is faintest")
-    deepest_separation_arcsec: float = Field(description="that separation, arcsec")
-    detection_time_s: float | None = Field(
-        description="least wall time that detects the reference planet, in any band and at any separation; null: none"
+    verdict_mode: DetectionMode | None = None
+    detection_probability: float | None = None
+    detection_probability_known_place: float | None = None
+    limited_by: LimitText | None = None
+    contrast_limit: float | None
+    deepest_limit: float | None = column("the same at the separation where it is faintest", format=".2e")
+    deepest_separation_arcsec: float = column("that separation, arcsec", format=".3f")
+    detection_time_s: float | None = column(
+        "least wall time that detects the reference planet, in any band and at any separation; null: none",
+        format="time",
     )
-    completeness: float = Field(
-        description="fraction of the population that one observation detects in the best band, each planet looked for "
-        "at its known place: its significance reaches the threshold there"
+    completeness: float = column(
+        "fraction of the population that one observation detects in the best band, each planet looked for at its "
+        "known place: its significance reaches the threshold there"
     )
-    completeness_error: float = Field(description="its binomial standard error")
-    completeness_band: str = Field(description="band of that observation")
-    completeness_time_s: float | None = Field(description="its wall time, s")
-    completeness_per_hour: float = Field(description="completeness over that time in hours")
-    expected_detections: float | None = Field(description="completeness times planets per star of the population")
-    exposure_s: float | None = Field(description="frame exposure, s")
-    n_frames: int | None = Field(description="science frames; as many reference frames are taken")
-    em_gain: float | None = Field(description="EM gain")
-    integration_s: float | None = Field(description="time on source, s")
-    time_s: float | None = Field(description="wall time with readouts, reference frames and overhead, s")
-    ref_planet_distance_au: float = Field(description="true star-planet distance, au")
-    ref_planet_insolation_au: float | None = Field(
-        description="distance from the Sun of equal insolation, r / sqrt(L), au"
-    )
-    luminosity_lsun: float | None = Field(description="bolometric luminosity, solar units")
-    companion_separation_arcsec: float | None = Field(description="nearest known companion, arcsec")
-    flags: list[str] = Field(description="caveats, see the documentation of flags")
+    completeness_error: float = column("its binomial standard error", format="%")
+    completeness_band: str = column("band of that observation", label="in")
+    completeness_time_s: float | None = column("its wall time, s", format="time")
+    completeness_per_hour: float = column("completeness over that time in hours")
+    expected_detections: float | None = column("completeness times planets per star of the population")
+    exposure_s: float | None
+    n_frames: int | None = column("science frames; as many reference frames are taken")
+    em_gain: float | None
+    integration_s: float | None
+    time_s: float | None
+    ref_planet_distance_au: float = column("true star-planet distance, au")
+    ref_planet_insolation_au: float | None = column("distance from the Sun of equal insolation, r / sqrt(L), au")
+    luminosity_lsun: float | None = column("bolometric luminosity, solar units")
+    companion_separation_arcsec: float | None = column("nearest known companion, arcsec")
+    flags: list[str] = column("caveats, see the documentation of flags")
 
 
 class RankResult(Result):
@@ -126,7 +99,7 @@ class RankResult(Result):
     schema_version: Literal[1] = 1
     kind: Literal["rank"] = "rank"
     config_hash: str
-    catalogue: str = Field(description="what the star table is, its vintage or file name, and its checksum")
+    catalogue: str
     sample: str = Field(description="which rows of the catalogue are returned")
     time_s: float = Field(description="wall time per target and band, s")
     sigma: float = Field(description="detection level whose false-alarm probability the thresholds keep")
@@ -141,27 +114,34 @@ class RankResult(Result):
     targets: list[RankedTarget]
 
 
-class SensitivityRow(Result):
+class SensitivityRow(Row):
     """The ranking under one other assumption."""
 
-    assumption: str = Field(description="key of the assumption")
-    text: str = Field(description="what is assumed instead")
-    n_ok: int = Field(description="stars whose reference planet is detected")
-    kendall_tau_b: float | None = Field(
-        description="Kendall's tau-b of the nominal scores and those under the assumption, over the compared stars; "
-        "ties count as no order; null where no order can be compared"
+    assumption: str = column("key of the assumption")
+    text: str = column("what is assumed instead", label="assumption")
+    n_ok: int = column("stars whose reference planet is detected", label="detected")
+    kendall_tau_b: float | None = column(
+        "Kendall's tau-b of the nominal scores and those under the assumption, over the compared stars; ties count as "
+        "no order; null where no order can be compared",
+        label="tau",
+        format=".2f",
     )
-    n_compared: int = Field(
-        description="stars among the first, nominally or under the assumption, that have a score above zero in either"
+    n_compared: int = column(
+        "stars among the first, nominally or under the assumption, that have a score above zero in either",
+        label="stars compared",
+        short="of",
     )
-    kendall_tau: float | None = Field(
-        description="Kendall's tau of the ranks of the nominal first stars, those without a score included, whose "
-        "ranks are by margin and name; null for one star"
+    kendall_tau: float | None = column(
+        "Kendall's tau of the ranks of the nominal first stars, those without a score included, whose ranks are by "
+        "margin and name; null for one star",
+        format=".2f",
     )
-    kept: int = Field(description="stars of the nominal top that are in the top under this assumption too")
-    largest_fall: str = Field(description="star of the nominal top that loses most ranks; empty if none")
+    kept: int = column("stars of the nominal top that are in the top under this assumption too")
+    largest_fall: str = column(
+        "star of the nominal top that loses most ranks; empty if none", label="biggest fall", format="star"
+    )
     largest_fall_ranks: int
-    best: str = Field(description="first star under this assumption")
+    best: str = column("first star under this assumption", label="first star", short="first", format="star")
 
 
 class SensitivityResult(Result):
@@ -183,17 +163,17 @@ class SensitivityResult(Result):
     statement: str = Field(description="the same in words")
 
 
-class BandStanding(Result):
+class BandStanding(Row):
     """One band of a star's explanation."""
 
     band: str
     status: StatusText
     reason: str
-    verdict: VerdictText | None = Field(default=None, description="as of the ranked star, in this band alone")
-    verdict_mode: DetectionMode | None = VERDICT_MODE
-    detection_probability: float | None = DETECTION_PROBABILITY
-    detection_probability_known_place: float | None = DETECTION_PROBABILITY_KNOWN_PLACE
-    limited_by: LimitText | None = LIMITED_BY
+    verdict: VerdictText | None = column("as of the ranked star, in this band alone", default=None)
+    verdict_mode: DetectionMode | None = None
+    detection_probability: float | None = None
+    detection_probability_known_place: float | None = None
+    limited_by: LimitText | None = None
     separation_arcsec: float
     contrast: float
     contrast_limit: float | None
@@ -201,20 +181,22 @@ class BandStanding(Result):
     significance: float
     threshold: float
     detection_margin: float
-    floor_margin: float = Field(description="margin that no length of visit can pass")
-    completeness: float
-    in_zone: float = Field(description="fraction of the population in the dark quadrants")
-    observable: float = Field(description="fraction whose whole aperture lies there")
+    floor_margin: float = column(
+        "margin that no length of visit can pass", label="margin at most", short="at most", format=".3g"
+    )
+    completeness: float = column("fraction of the population that one observation in this band detects")
+    in_zone: float = column("fraction of the population in the dark quadrants", short="in zone %", format="%")
+    observable: float = column("fraction whose whole aperture lies there", short="whole %", format="%")
     time_s: float | None
     exposure_s: float | None
     n_frames: int | None
     em_gain: float | None
     exposure_limited_by: str
     gain_limited_by: str
-    gain_caps: dict[str, float] = Field(description="largest EM gains by what they spare: hole, register_tail, frame")
-    dominant: str = Field(description="largest term of the noise")
-    budget: dict[str, float] = Field(description="terms of the variance, electrons^2")
-    remedies: dict[str, float] = Field(description="factors of SNR if one thing is changed")
+    gain_caps: dict[str, float]
+    dominant: str = column("largest term of the noise")
+    budget: dict[str, float] = column("terms of the variance, electrons^2")
+    remedies: dict[str, float]
 
 
 class Explanation(Result):

@@ -6,32 +6,24 @@ from typing import Any, Literal
 
 from pydantic import Field
 
-from cpic_planner.models.base import Result
+from cpic_planner.models.base import Result, Row
+from cpic_planner.models.columns import column
 from cpic_planner.models.modelled import ModellingRecord
 
-__all__ = [
-    "CheckResult",
-    "FindingRecord",
-    "PlannedSequenceRow",
-    "SimulatedSequence",
-    "SimulationEstimate",
-    "SimulationResult",
-]
 
-
-class PlannedSequenceRow(Result):
+class PlannedSequenceRow(Row):
     """One sequence of a simulation: what it is, and its file."""
 
-    obsid: str = Field(description="number of the observation, eleven digits")
+    obsid: str = column("number of the observation, eleven digits", label="OBSID")
     kind: str = Field(description="SCI, DSF, CALS, BIAS, DARK, FLAT, BKG or LASER")
-    target: str = Field(description="name of the scene, or the kind where there is none")
+    target: str = column("name of the scene, or the kind where there is none")
     role: str = Field(description="science, reference or calibration; empty where there is no scene")
     camera: Literal["VIS", "NIR"]
     band: str = Field(description="empty for BIAS and DARK")
     exposure_s: float = Field(description="exposure of a frame, s")
     n_frames: int
-    em_gain: float
-    start_utc: str = Field(description="begin of the first exposure")
+    em_gain: float = column(short="gain", format="g")
+    start_utc: str = column("begin of the first exposure", short="begins (UTC)")
     file: str = Field(description="Level-0 file below the folder of the run")
     modelled: ModellingRecord | None = Field(
         default=None, description="what its tolerance leaves out, and the predicted error; null without a tolerance"
@@ -46,10 +38,10 @@ class SimulatedSequence(PlannedSequenceRow):
     params: str = Field(description="folder of configuration, keyword table and logs")
     adu_min: int = Field(description="smallest pixel value of all frames")
     adu_max: int = Field(description="largest pixel value of all frames")
-    saturated_pixels: int = Field(description="most pixels of one frame that a limit cut off")
+    saturated_pixels: int = column("most pixels of one frame that a limit cut off", short="sat. px", format="d")
     clipped_pixels: int = Field(description="most pixels of one frame that left the range of the converter")
-    cosmic_rays: int = Field(description="particles that crossed the detector, all frames together")
-    size_bytes: int = Field(description="Level-0 file, truth and parameters together")
+    cosmic_rays: int = column("particles that crossed the detector, all frames together", short="cosmics", format="d")
+    size_bytes: int = column("Level-0 file, truth and parameters together", label="size", format="bytes")
     sha256: str = Field(description="of the Level-0 file")
 
 
@@ -82,13 +74,13 @@ class SimulationResult(Result):
     sequences: list[SimulatedSequence]
 
 
-class FindingRecord(Result):
+class FindingRecord(Row):
     """One thing that is wrong with a product."""
 
     path: str
-    hdu: int | None = Field(description="number of the unit, 0 for the primary one; null for the file as a whole")
+    hdu: int | None = column("number of the unit, 0 for the primary one; null for the file as a whole", label="HDU")
     keyword: str = Field(description="empty if the finding is about none")
-    message: str
+    message: str = column(label="finding")
     severity: Literal["error", "warning"] = Field(
         description="error: against the specification; warning: unusual, or missing where that is left open"
     )

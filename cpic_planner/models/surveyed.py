@@ -6,23 +6,8 @@ from typing import Any, Literal
 
 from pydantic import Field
 
-from cpic_planner.models.base import Result
-
-__all__ = [
-    "AssumedInstrument",
-    "CurvePoint",
-    "DifferenceRecord",
-    "EstimateRecord",
-    "ImageSample",
-    "PlanetShare",
-    "RankChange",
-    "ScheduleRecord",
-    "StrategyOutcome",
-    "SurveyTarget",
-    "TimeUse",
-    "VariedSetting",
-    "WhatIfResult",
-]
+from cpic_planner.models.base import Result, Row
+from cpic_planner.models.columns import column
 
 
 class EstimateRecord(Result):
@@ -67,28 +52,35 @@ class ScheduleRecord(Result):
     distance: float = Field(description="1 - value / bound")
 
 
-class SurveyTarget(Result):
+class SurveyTarget(Row):
     """One star of a strategy."""
 
-    name: str
-    rank: int = Field(description="by planets found per hour")
+    name: str = column("name of the star in the catalogue", label="star", format="star")
+    rank: int = column("by planets found per hour", label="#")
     v_mag: float
     distance_pc: float
     ra_deg: float
     dec_deg: float
     known_planets: list[str] = Field(description="names in the table of known planets")
-    bands: list[str] = Field(description="of its planned visits")
-    visit_time_s: float = Field(description="wall time of a visit, mean of those planned")
-    visit_h: float = Field(description="telescope time of a visit, mean of those planned")
+    bands: list[str] = column("of its planned visits")
+    visit_time_s: float = column(
+        "wall time of a visit, mean of those planned", label="wall time", short="wall", format="time"
+    )
+    visit_h: float = column("telescope time of a visit, mean of those planned", label="telescope", format=".1f")
     planned_visits: int
     slots: list[int] = Field(description="of the planned visits, those of the reserve included")
-    first_utc: str = Field(description="middle of the days of the first planned visit")
-    visits: float = Field(description="made, mean over universes")
-    search_h: float
-    follow_up_h: float
-    new_planets: float = Field(description="found, mean over universes")
-    known_seen: float
-    planets_per_100h: float
+    first_utc: str = column("middle of the days of the first planned visit", label="first visit", short="first")
+    visits: float = column("made, mean over universes", label="visits made", short="visits", format=".1f")
+    search_h: float = column(label="search", format=".1f")
+    follow_up_h: float = column(label="follow-up", format=".1f")
+    new_planets: float = column("found, mean over universes")
+    known_seen: float = column(label="known planets")
+    planets_per_100h: float = column(
+        "planets found in 100 hours of telescope time",
+        label="planets per 100 h",
+        short="per 100 h",
+        format=".2g",
+    )
 
 
 class ImageSample(Result):
@@ -137,10 +129,10 @@ class AssumedInstrument(Result):
     throughput: dict[str, float] = Field(description="of the optics, by band of the search")
 
 
-class StrategyOutcome(Result):
+class StrategyOutcome(Row):
     """What one strategy yields."""
 
-    name: str
+    name: str = column(label="strategy")
     description: str
     varied: list[VariedSetting] = Field(default_factory=list, description="values of --vary; empty: none")
     instrument: AssumedInstrument | None = None
@@ -155,7 +147,7 @@ class StrategyOutcome(Result):
     noise_alarms: EstimateRecord
     background_alarms: EstimateRecord
     hours: EstimateRecord = Field(description="telescope time used")
-    any_planet: float = Field(description="share of the universes in which it finds any planet")
+    any_planet: float = column("share of the universes in which it finds any planet", short="any %", format="%")
     any_new_planet: float
     time_use: TimeUse
     curve: list[CurvePoint] = Field(description="planets found against telescope time used")
@@ -175,7 +167,7 @@ class StrategyOutcome(Result):
         return " ".join(item.label for item in self.varied)
 
 
-class DifferenceRecord(Result):
+class DifferenceRecord(Row):
     """Paired difference of two strategies: the same universes, the same noise where they make the same visit."""
 
     first: str
@@ -189,7 +181,7 @@ class DifferenceRecord(Result):
     verdict: str
 
 
-class RankChange(Result):
+class RankChange(Row):
     """A star that one strategy ranks elsewhere than the first one."""
 
     strategy: str

@@ -6,10 +6,9 @@ from typing import Any, Literal
 
 from pydantic import Field
 
-from cpic_planner.models.base import Result, StatusText
+from cpic_planner.models.base import Result, Row, StatusText
+from cpic_planner.models.columns import column
 from simulator.knobs import Quantity
-
-__all__ = ["MachineRecord", "TradeoffResult", "TradeoffRow", "TradeoffScene"]
 
 
 class MachineRecord(Result):
@@ -41,7 +40,7 @@ class TradeoffScene(Result):
     scene_model: Literal["exact", "paper"]
 
 
-class TradeoffRow(Result):
+class TradeoffRow(Row):
     """One way to an answer on one scene: time, memory, and error against the reference of that scene."""
 
     scene: str
@@ -51,19 +50,23 @@ class TradeoffRow(Result):
     status: StatusText = Field(description="invalid: the way does not apply to this scene, as reason and message say")
     reason: str = ""
     message: str = ""
-    wall_s: float | None = Field(default=None, description="least wall clock of a warm call, for one case")
-    cpu_s: float | None = Field(default=None, description="processor time of that call")
+    wall_s: float | None = column(
+        "least wall clock of a warm call, for one case", short="wall s", format=".3g", default=None
+    )
+    cpu_s: float | None = column("processor time of that call", short="CPU s", format=".3g", default=None)
     cold_s: float | None = Field(
         default=None, description="from the start of a new process to its first answer; null where none was started"
     )
-    peak_memory_mb: float | None = Field(default=None, description="peak resident set during the warm calls")
+    peak_memory_mb: float | None = column(
+        "peak resident set during the warm calls", short="MB", format=".0f", default=None
+    )
     repeats: int = Field(default=0, description="calls that were timed")
     flux_e: float | None = Field(default=None, description="expected electrons of the planet in its aperture, visit")
     variance_e2: float | None = Field(default=None, description="of that sum, science and reference visit together")
     snr: float | None = None
-    flux_error: float | None = Field(default=None, description="relative to the reference; free of noise")
+    flux_error: float | None = column("relative to the reference; free of noise", short="flux", default=None)
     flux_uncertainty: float | None = None
-    snr_error: float | None = Field(default=None, description="relative to the reference")
+    snr_error: float | None = column("relative to the reference", short="SNR", default=None)
     snr_uncertainty: float | None = Field(default=None, description="one standard error of that")
     predicted_error: dict[Quantity, float] = Field(default_factory=dict, description="what the effect ledger says")
     settings: dict[str, Any] = Field(default_factory=dict, description="what is modelled")

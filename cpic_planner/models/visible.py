@@ -2,31 +2,44 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
-from cpic_planner.models.base import Result
+from cpic_planner.models.base import Result, Row
+from cpic_planner.models.columns import column
+from simulator.config.light import Real
 
-__all__ = ["PointingRecord", "SeasonRecord", "VisibilityResult", "VisibleDays", "VisibleTarget"]
+Angle = Annotated[Real, Field(ge=0, le=180)]
+QuarterTurn = Annotated[Real, Field(ge=0, le=90)]
 
 
 class PointingRecord(Result):
-    """The limits of pointing that were applied."""
+    """The limits of pointing that are applied, and what a slew costs."""
 
-    name: str
-    sun_deg: float = Field(description="least angle from the Sun, deg")
-    moon_deg: float = Field(description="least angle from the Moon, its parallax added, deg")
-    dark_limb_deg: float = Field(description="least angle from a dark limb of the Earth, deg")
-    bright_limb_deg: float = Field(description="least angle from a sunlit limb of the Earth, deg")
-    panel: Literal["one_axis", "fixed"] = Field(description="solar panels")
-    panel_deg: float = Field(description="largest angle between the panels' normal and the Sun, deg")
-    panel_turn_deg: float = Field(description="panels of one_axis turn by at most this either way, deg")
-    roll_deg: float = Field(description="freedom of roll either side of the best one, deg")
-    saa_fraction: float = Field(description="share of all time lost to the South Atlantic Anomaly")
-    slew_deg_s: float = Field(description="rate of slews, deg/s")
-    settle_s: float = Field(description="settling after a slew, s")
-    thermal_settle_orbits: float = Field(description="orbits until the dark hole has settled after a slew")
+    name: str = ""
+    sun_deg: Angle = column("least angle between the target and the centre of the Sun, deg")
+    moon_deg: Angle = column("least angle between the target and the Moon, its parallax added, deg")
+    dark_limb_deg: Angle = column("least angle from the limb of the solid Earth where its nearest point is dark, deg")
+    bright_limb_deg: Angle = column("the same where it is sunlit, deg")
+    panel: Literal["one_axis", "fixed"] = column(
+        "whether the solar panels turn about the axis across the boresight and their normal"
+    )
+    panel_deg: QuarterTurn = column(
+        "largest angle between the panels' normal and the Sun, deg; 90 with panels that turn by 90: no limit"
+    )
+    panel_turn_deg: QuarterTurn = column(
+        "panels of one_axis turn by at most this either way from across the boresight, deg"
+    )
+    roll_deg: QuarterTurn = column("freedom of roll either side of the best one, whatever the panels allow, deg")
+    saa_fraction: Annotated[Real, Field(ge=0, lt=1)] = column(
+        "share of all time lost to the South Atlantic Anomaly: one number, no map"
+    )
+    slew_deg_s: Annotated[Real, Field(gt=0, le=100)] = column("rate of slews, deg/s")
+    settle_s: Annotated[Real, Field(ge=0, le=1e5)] = column("settling after a slew, s")
+    thermal_settle_orbits: Annotated[Real, Field(ge=0, le=1000)] = column(
+        "orbits until the dark hole has settled after a slew"
+    )
 
 
 class SeasonRecord(Result):
@@ -50,24 +63,28 @@ class VisibleDays(Result):
     )
 
 
-class VisibleTarget(Result):
+class VisibleTarget(Row):
     """When one star can be seen. Medians are over the steps on which it can."""
 
-    name: str
-    hip: int | None = Field(description="Hipparcos number")
+    name: str = column("name of the star in the catalogue", label="star", format="star")
+    hip: int | None
     ra_deg: float
     dec_deg: float
-    ecliptic_latitude_deg: float
+    ecliptic_latitude_deg: float = column(short="ecl. lat", format=".1f")
     seasons: list[SeasonRecord]
-    observable_days: float
+    observable_days: float = column("days on which the star can be seen", short="days", format="g")
     blocked_days: dict[str, float] = Field(description="days by what blocks them: sun, moon, panel, limb")
-    visible_s: float | None = Field(description="time per orbit that can be used, median, s; null: never seen")
-    best_visible_s: float | None = Field(description="the same on the best day")
-    best_utc: str | None = Field(description="middle of the first of the best steps")
-    longest_window_s: float | None = Field(
-        description="longest piece of an orbit between Earth limbs, s; the period: the star never sets on some day"
+    visible_s: float | None = column(
+        "time per orbit that can be used, median, s; null: never seen", short="min/orbit", format="min"
     )
-    roll_half_range_deg: float | None = Field(description="roll allowed either way, median, deg")
+    best_visible_s: float | None = column("the same on the best day", short="best", format="min")
+    best_utc: str | None = column("middle of the first of the best steps", short="best day")
+    longest_window_s: float | None = column(
+        "longest piece of an orbit between Earth limbs, s; the period: the star never sets on some day",
+        short="window",
+        format="min",
+    )
+    roll_half_range_deg: float | None = column("roll allowed either way, median", short="roll ±", format=".0f")
     days: VisibleDays
 
 
@@ -77,7 +94,7 @@ class VisibilityResult(Result):
     schema_version: Literal[1] = 1
     kind: Literal["visibility"] = "visibility"
     config_hash: str
-    catalogue: str = Field(description="what the star table is, its vintage or file name, and its checksum")
+    catalogue: str
     start_utc: str
     n_days: int
     step_days: float = Field(description="one orbit in the middle of each step stands for it")

@@ -9,17 +9,15 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from cpic_planner.report.confirm_html import render_confirm
     from cpic_planner.report.console import print_plan
     from cpic_planner.report.console_confirm import print_confirm
     from cpic_planner.report.console_etc import print_etc
     from cpic_planner.report.console_rank import print_explanation, print_rank, print_sensitivity
     from cpic_planner.report.contrast_figure import HoleEdges, LimitCurve
-    from cpic_planner.report.html import plan_html, render_plan
-    from cpic_planner.report.measured_table import measurements_csv
+    from cpic_planner.report.html import plan_html, render_confirm, render_plan
     from cpic_planner.report.names import pretty_name
     from cpic_planner.report.panels import Panels
-    from cpic_planner.report.tables import ranking_csv, ranking_ecsv
+    from cpic_planner.report.tables import measurements_csv, ranking_csv, ranking_ecsv
     from cpic_planner.report.write import write_report
     from cpic_planner.report.write_confirm import write_confirm_report
 
@@ -48,7 +46,7 @@ _HOME = {
     "HoleEdges": "contrast_figure",
     "LimitCurve": "contrast_figure",
     "Panels": "panels",
-    "measurements_csv": "measured_table",
+    "measurements_csv": "tables",
     "plan_html": "html",
     "pretty_name": "names",
     "print_confirm": "console_confirm",
@@ -59,7 +57,7 @@ _HOME = {
     "print_sensitivity": "console_rank",
     "ranking_csv": "tables",
     "ranking_ecsv": "tables",
-    "render_confirm": "confirm_html",
+    "render_confirm": "html",
     "render_plan": "html",
     "write_confirm_report": "write_confirm",
     "write_report": "write",

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["albedo_figure", "albedo_picture"]
-
 FloatArray = npt.NDArray[np.float64]
 
 _REGION, _INNER, _OUTER = "#0072B2", "#5B9FD0", "#C4DDEF"

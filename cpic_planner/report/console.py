@@ -3,64 +3,63 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from operator import itemgetter
 from typing import TYPE_CHECKING
 
 from cpic_planner.models import BandConfirmation, ConfirmResult, PlanResult
+from cpic_planner.registry.libraries import LIBRARIES
+from cpic_planner.report.cells import Cells, row_cells, status_cell
 from cpic_planner.report.modelled import dial_text, modelled_sentence
-from cpic_planner.report.names import pretty_name
-from cpic_planner.report.numbers import MISSING, count_text, decimals, duration_text, significant
+from cpic_planner.report.names import pretty_name, short_name
+from cpic_planner.report.numbers import MISSING, count_text
 from cpic_planner.report.summary import calibration_sentence, overrides_sentence
-from cpic_planner.report.terminal import (
-    Column,
-    explain_symbols,
-    frames_text,
-    print_note,
-    print_plain,
-    short_name,
-    status_cell,
-    text_table,
-)
-from cpic_planner.report.words import STATUS_SYMBOLS, found_text, plus_minus
+from cpic_planner.report.terminal import explain_symbols, print_note, print_plain, print_table
+from cpic_planner.report.words import STATUS_SYMBOLS, plus_minus
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-__all__ = ["MEASURED_COLUMNS", "measured_cells", "print_comparison", "print_modelled", "print_plan"]
-
-MEASURED_COLUMNS = [
-    Column("sep ″", True, 3),
-    Column("frames × s", True, 4),
-    Column("gain", True, 6),
-    Column("wall", True, 5),
-    Column("SNR pred", True, 1),
-    Column("SNR rec", True, 1),
-    Column("pred/rec"),
-    Column("found"),
-    Column("outcome", False),
-]
+MEASURED = (
+    "separation_arcsec/3 frames/4 em_gain/6 time_s/5 predicted_snr/1 recovered_snr/1 etc_ratio n_detected{more} outcome"
+)
 """What is shown of each measurement; the rest is in the files."""
 
 
 def print_plan(plan: PlanResult, console: Console) -> None:
     """Print the confirmed targets of a plan, band by band, their verdicts, and how the ETC stands."""
-    rows = []
-    for target in plan.targets:
-        for number, item in enumerate(target.bands):
-            name = short_name(target.name) if number == 0 else ""
-            chosen = "→ " if item.band == target.chosen_band else "  "
-            rows.append([name, chosen + item.band, *measured_cells(item)])
+    rows = [
+        (
+            short_name(target.name) if number == 0 else "",
+            ("→ " if item.band == target.chosen_band else "  ") + item.band,
+            item,
+        )
+        for target in plan.targets
+        for number, item in enumerate(target.bands)
+    ]
+    cells = [
+        Cells("target", itemgetter(0), right=False),
+        Cells("band", itemgetter(1), right=False),
+        *row_cells(
+            BandConfirmation,
+            MEASURED.format(more=""),
+            of=itemgetter(2),
+            n_detected=lambda row: found_cell(row[2]),
+            outcome=Cells("outcome", lambda row: outcome_cell(row[2]), right=False),
+        ),
+    ]
     count = len(plan.targets)
     title = f"Confirmed by simulated images: {count} target{'s' * (count != 1)}, {plan.realisations} realisations each"
-    console.print(text_table(console, title, [Column("target", False), Column("band", False), *MEASURED_COLUMNS], rows))
+    print_table(console, title, cells, rows)
     explain_symbols(console, [item.status for target in plan.targets for item in target.bands if item.status != "ok"])
     for target in plan.targets:
         print_plain(console, f"{pretty_name(target.name)}: {plus_minus(target.verdict)}")
     print_comparison(plan, console)
     print_modelled([band for target in plan.targets for band in target.bands], console)
+    found = LIBRARIES[plan.reference_library].found
     print_note(
         console,
         "→ marks the band to observe in. SNR of one observation, planet noise included: predicted, and recovered with "
-        f"the error of its mean; found: realisations in which {found_text(plan.reference_library)}; seen at its place: "
+        f"the error of its mean; found: realisations in which {found}; seen at its place: "
         "significant at the known place, but not found blind.",
     )
     print_note(
@@ -70,21 +69,9 @@ def print_plan(plan: PlanResult, console: Console) -> None:
     )
 
 
-def measured_cells(item: BandConfirmation) -> list[str]:
-    """Cells of one measurement under `MEASURED_COLUMNS`."""
-    ratio = MISSING if item.etc_ratio is None else f"{item.etc_ratio:.2f} ± {item.etc_ratio_error or 0.0:.2f}"
-    error = "" if item.recovered_snr_error is None else f" ± {significant(item.recovered_snr_error, 2)}"
-    return [
-        decimals(item.separation_arcsec, 3),
-        frames_text(item),
-        significant(item.em_gain),
-        duration_text(item.time_s),
-        significant(item.predicted_snr),
-        significant(item.recovered_snr) + error,
-        ratio,
-        MISSING if item.n_detected is None else f"{item.n_detected}/{item.realisations}",
-        _outcome(item),
-    ]
+def found_cell(item: BandConfirmation) -> str:
+    """Return in how many of the realisations the planet is found."""
+    return MISSING if item.n_detected is None else f"{item.n_detected}/{item.realisations}"
 
 
 def print_comparison(result: PlanResult | ConfirmResult, console: Console, *, measured: bool = True) -> None:
@@ -105,7 +92,8 @@ def print_modelled(bands: Sequence[BandConfirmation], console: Console) -> None:
         print_note(console, made)
 
 
-def _outcome(item: BandConfirmation) -> str:
+def outcome_cell(item: BandConfirmation) -> str:
+    """Return what the images say of a planet, with the symbol of its status."""
     if item.status != "ok":
         return status_cell(item.status, item.reason)
     if item.detected:

@@ -4,25 +4,24 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from cpic_planner.models import AlbedoRecord, BandConfirmation, ConfirmResult, PositionRecord, SearchRecord
-from cpic_planner.report.console import MEASURED_COLUMNS, measured_cells, print_comparison, print_modelled
+from cpic_planner.models import (
+    AlbedoRecord,
+    BandConfirmation,
+    CandidateRecord,
+    ConfirmResult,
+    PositionRecord,
+    SearchRecord,
+)
+from cpic_planner.registry.libraries import LIBRARIES
+from cpic_planner.report.cells import Cells, row_cells
+from cpic_planner.report.console import MEASURED, found_cell, outcome_cell, print_comparison, print_modelled
 from cpic_planner.report.modelled import dial_text
 from cpic_planner.report.numbers import MISSING, decimals, significant
-from cpic_planner.report.terminal import (
-    Column,
-    explain_symbols,
-    frames_text,
-    print_note,
-    print_plain,
-    ratio_text,
-    text_table,
-)
-from cpic_planner.report.words import ALBEDO_STATUS, searched_text
+from cpic_planner.report.terminal import print_note, print_plain, print_table
+from cpic_planner.report.words import ALBEDO_STATUS
 
 if TYPE_CHECKING:
     from rich.console import Console
-
-__all__ = ["albedo_text", "position_text", "print_confirm"]
 
 _SHOWN = 5
 
@@ -30,27 +29,20 @@ _SHOWN = 5
 def print_confirm(result: ConfirmResult, console: Console) -> None:
     """Print measurements, blind candidates, positions and albedo fits of a scene, and how the ETC stands."""
     several = len({item.planet for item in result.bands}) > 1
-    columns = [
-        *([Column("planet", False)] if several else []),
-        Column("band", False),
-        *MEASURED_COLUMNS[:-1],
-        Column("contrast true", True, 7),
-        Column("recovered", True, 2),
-        MEASURED_COLUMNS[-1],
-    ]
-    ordered = sorted(result.bands, key=lambda item: item.planet) if several else result.bands
-    rows = []
-    for item in ordered:
-        first, last = measured_cells(item)[:-1], measured_cells(item)[-1]
-        contrasts = [ratio_text(item.true_contrast), _recovered(item)]
-        rows.append([*([item.planet] if several else []), item.band, *first, *contrasts, last])
+    cells = row_cells(
+        BandConfirmation,
+        ("planet " if several else "") + "band " + MEASURED.format(more=" true_contrast/7 recovered_contrast/2"),
+        n_detected=found_cell,
+        recovered_contrast=_recovered,
+        outcome=Cells("outcome", outcome_cell, right=False),
+    )
+    rows = sorted(result.bands, key=lambda item: item.planet) if several else result.bands
     count = result.realisations
     title = f"{result.scene}: confirmed by simulated images, {count} realisation{'s' * (count != 1)} a band"
     if not rows:
-        print_plain(console, f"{result.scene}: no planet, {searched_text(result.reference_library)}", bold=True)
+        print_plain(console, f"{result.scene}: no planet, {LIBRARIES[result.reference_library].searched}", bold=True)
     else:
-        console.print(text_table(console, title, columns, rows))
-        explain_symbols(console, [item.status for item in result.bands if item.status != "ok"])
+        print_table(console, title, cells, rows, explained=True)
     for item in result.bands:
         if item.audit is not None:
             print_plain(
@@ -78,41 +70,27 @@ def _recovered(item: BandConfirmation) -> str:
 
 
 def _print_searches(searches: list[SearchRecord], console: Console) -> None:
-    columns = [
-        Column("band", False),
-        Column("frames × s", True, 2),
-        Column("gain", True, 2),
-        Column("sep ″"),
-        Column("PA °"),
-        Column("SNR"),
-        Column("threshold", True, 1),
-        Column("is", False),
-    ]
-    rows = []
+    rows: list[tuple[SearchRecord, CandidateRecord | None]] = []
     for search in searches:
         named = sorted(search.candidates, key=lambda item: -item.snr)
         shown = [item for number, item in enumerate(named) if item.detected or item.planet or number == 0][:_SHOWN]
-        for item in shown:
-            kind = item.planet or ("no planet of the scene" if item.detected else "below the threshold")
-            rows.append(
-                [
-                    search.band,
-                    frames_text(search),
-                    significant(search.em_gain),
-                    decimals(item.separation_arcsec, 3),
-                    decimals(item.pa_deg, 1),
-                    significant(item.snr),
-                    significant(item.threshold),
-                    kind,
-                ]
-            )
-        if not shown:
-            rows.append([search.band, frames_text(search), significant(search.em_gain), *[MISSING] * 4, "nothing"])
+        rows += [(search, item) for item in shown] or [(search, None)]
+    cells = [
+        *row_cells(SearchRecord, "band frames/2 em_gain/2", of=lambda row: row[0]),
+        *row_cells(CandidateRecord, "separation_arcsec pa_deg snr threshold/1", of=lambda row: row[1]),
+        Cells("is", lambda row: _kind(row[1]), right=False),
+    ]
     elsewhere = sum(search.false_detections for search in searches)
     total = sum(search.realisations for search in searches)
-    console.print(text_table(console, "What the blind search names, first realisation", columns, rows, last_width=30))
+    print_table(console, "What the blind search names, first realisation", cells, rows, last_width=30)
     word = "detection that is" if elsewhere == 1 else "detections that are"
     print_note(console, f"{elsewhere} {word} no planet of the scene, in {total} searches.")
+
+
+def _kind(item: CandidateRecord | None) -> str:
+    if item is None:
+        return "nothing"
+    return item.planet or ("no planet of the scene" if item.detected else "below the threshold")
 
 
 def position_text(position: PositionRecord) -> str:

@@ -5,25 +5,23 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from cpic_planner.etc.detection import default_law
-from cpic_planner.models import EtcResult, EtcRow
-from cpic_planner.report.etc_words import cap_sentence, limit_text, remedy_text, short_limit, term_text
+from cpic_planner.models import EtcAnswer, EtcResult
+from cpic_planner.report.cells import Cells, row_cells
 from cpic_planner.report.names import full_name
-from cpic_planner.report.numbers import MISSING, decimals, duration_text, share_text, significant
-from cpic_planner.report.terminal import (
-    Column,
-    explain_symbols,
-    frames_text,
-    print_note,
-    ratio_text,
-    text_table,
-    verdict_cell,
+from cpic_planner.report.numbers import MISSING, duration_text, ratio_text, share_text, significant
+from cpic_planner.report.terminal import print_note, print_table
+from cpic_planner.report.words import (
+    LIMITED_BY,
+    cap_sentence,
+    flag_text,
+    limit_text,
+    remedy_text,
+    short_limit,
+    term_text,
 )
-from cpic_planner.report.words import LIMITED_BY, flag_text
 
 if TYPE_CHECKING:
     from rich.console import Console
-
-__all__ = ["best_row", "print_etc"]
 
 _QUESTION = {
     "exposure_time": "wall time",
@@ -35,7 +33,7 @@ _SMALLEST_SHARE = 5e-4
 _SMALLEST_GAIN = 1.005
 
 
-def best_row(result: EtcResult) -> EtcRow | None:
+def best_row(result: EtcResult) -> EtcAnswer | None:
     """Row of the best answer in the best band: least time, clearest detection, or faintest limit."""
     rows = [row for row in result.answers if row.band == result.best_band and row.value is not None]
     if not rows:
@@ -81,55 +79,31 @@ def print_etc(
     _print_remarks(result, console)
 
 
-def _print_answers(result: EtcResult, console: Console, best: EtcRow | None, asked: str) -> None:
-    columns = [
-        Column("band", False),
-        Column("answer"),
-        Column("sep ″", True, 1),
-        Column("contrast", True, 4),
-        Column("frames × s", True, 2),
-        Column("gain", True, 3),
-        Column("wall", True, 7),
-        Column("SNR", True, 4),
-        Column("signif", True, 5),
-        Column("thresh", True, 6),
-        Column("held by", False, 8),
-        Column("status", False),
-    ]
-    rows = [
-        [
-            ("→ " if row is best else "  ") + row.band,
-            _answer(row),
-            decimals(row.separation_arcsec, 3),
-            ratio_text(row.contrast),
-            frames_text(row),
-            significant(row.em_gain),
-            duration_text(row.time_s),
-            significant(row.snr),
-            significant(row.significance),
-            significant(row.threshold),
-            _held(row),
-            verdict_cell(row),
-        ]
-        for row in result.answers
-    ]
+def _print_answers(result: EtcResult, console: Console, best: EtcAnswer | None, asked: str) -> None:
+    cells = row_cells(
+        EtcAnswer,
+        "band value separation_arcsec/1 contrast/4 frames/2 em_gain/3 time_s/7 snr/4 significance/5 threshold/6 held/8 "
+        "status",
+        band=lambda row: ("→ " if row is best else "  ") + row.band,
+        value=Cells("answer", _answer),
+        held=Cells("held by", _held, right=False),
+    )
     question = asked or " / ".join(dict.fromkeys(_QUESTION[row.question] for row in result.answers))
     star = f"{full_name(result.target, result.hip)}: V {result.v_mag:.2f} mag, {significant(result.distance_pc, 4)} pc"
-    console.print(text_table(console, f"{star}; {question}", columns, rows))
-    explain_symbols(console, [row.status for row in result.answers if row.status != "ok"])
+    print_table(console, f"{star}; {question}", cells, result.answers, explained=True)
     for text in dict.fromkeys(row.message for row in result.answers if row.message):
         bands = ", ".join(dict.fromkeys(row.band for row in result.answers if row.message == text))
         print_note(console, f"{bands}: {text}.")
 
 
-def _print_verdicts(result: EtcResult, console: Console, best: EtcRow | None, placed: bool) -> None:
+def _print_verdicts(result: EtcResult, console: Console, best: EtcAnswer | None, placed: bool) -> None:
     """Say what of the answers is a detection, how likely it is, and what is missing."""
     told = [row for row in result.answers if row.status == "ok" and row.verdict is not None]
     if not told:
         return
     many = len({row.band for row in told}) < len(told)
 
-    def name(row: EtcRow) -> str:
+    def name(row: EtcAnswer) -> str:
         return f"{row.band} at {row.separation_arcsec:.3f}″" if many else row.band
 
     if best is not None and best.verdict == "measured_not_detected":
@@ -164,7 +138,7 @@ def _print_verdicts(result: EtcResult, console: Console, best: EtcRow | None, pl
         )
 
 
-def _held(row: EtcRow) -> str:
+def _held(row: EtcAnswer) -> str:
     """What binds exposure and gain, in few words."""
     parts = [
         f"{name}: {short_limit(limit)}"
@@ -174,26 +148,28 @@ def _held(row: EtcRow) -> str:
     return ", ".join(parts) or MISSING
 
 
-def _print_budget(row: EtcRow, console: Console) -> None:
+def _print_budget(row: EtcAnswer, console: Console) -> None:
     terms = {name.removesuffix("_e2"): value for name, value in row.budget.items() if name.endswith("_e2")}
     total = sum(terms.values())
     if total <= 0:
         return
     shown = sorted((name for name in terms if terms[name] >= _SMALLEST_SHARE * total), key=lambda name: -terms[name])
     largest = max(terms.values())
-    columns = [Column("term", False), Column("e- rms"), Column("% of variance")]
-    cells = [[term_text(name), significant(terms[name] ** 0.5), f"{100.0 * terms[name] / total:.1f}"] for name in shown]
-    taken = sum(max(len(column.header), *(len(row[i]) for row in cells)) + 2 for i, column in enumerate(columns))
+    cells = [
+        Cells("term", term_text, right=False),
+        Cells("e- rms", lambda name: significant(terms[name] ** 0.5)),
+        Cells("% of variance", lambda name: f"{100.0 * terms[name] / total:.1f}"),
+    ]
+    taken = sum(max(len(cell.header), *(len(cell.text(name)) for name in shown)) + 2 for cell in cells)
     room = min(_BAR_CELLS, console.width - taken)
     if room >= _FEWEST_CELLS:
-        columns.append(Column("", False))
-        cells = [[*row, _bar(terms[name] / largest, room, console)] for row, name in zip(cells, shown, strict=True)]
+        cells.append(Cells("", lambda name: _bar(terms[name] / largest, room, console), right=False))
     signal = significant(row.budget.get("signal_e"))
     title = (
         f"Noise in {row.band} at {row.separation_arcsec:.3f}″: {significant(total**0.5)} e- rms under a signal of "
         f"{signal} e-"
     )
-    console.print(text_table(console, title, columns, cells, last_width=_BAR_CELLS))
+    print_table(console, title, cells, shown, last_width=_BAR_CELLS)
 
 
 def _bar(share: float, room: int, console: Console) -> str:
@@ -206,7 +182,7 @@ def _bar(share: float, room: int, console: Console) -> str:
     return "█" * (eighths // 8) + " ▏▎▍▌▋▊▉"[eighths % 8].strip()
 
 
-def _print_binding(row: EtcRow, console: Console, explain: bool) -> None:
+def _print_binding(row: EtcAnswer, console: Console, explain: bool) -> None:
     for name, limit in (("exposure", row.exposure_limited_by), ("EM gain", row.gain_limited_by)):
         if limit:
             print_note(console, f"The {name} is held by {limit_text(limit)}.")
@@ -242,7 +218,7 @@ def _print_remarks(result: EtcResult, console: Console) -> None:
     )
 
 
-def _answer(row: EtcRow) -> str:
+def _answer(row: EtcAnswer) -> str:
     if row.value is None:
         return MISSING
     if row.unit == "s":

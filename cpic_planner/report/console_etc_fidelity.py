@@ -2,24 +2,17 @@
 
 from __future__ import annotations
 
+from operator import itemgetter
 from typing import TYPE_CHECKING
 
-from cpic_planner.models import AnswerFidelity, EtcFidelity, EtcResult, EtcRow
+from cpic_planner.models import AnswerFidelity, EtcAnswer, EtcFidelity, EtcResult, ImageCheck
+from cpic_planner.report.cells import Cells, row_cells, status_cell
 from cpic_planner.report.modelled import error_text
 from cpic_planner.report.numbers import MISSING, significant
-from cpic_planner.report.terminal import (
-    Column,
-    explain_symbols,
-    print_note,
-    ratio_text,
-    status_cell,
-    text_table,
-)
+from cpic_planner.report.terminal import explain_symbols, print_note, print_table
 
 if TYPE_CHECKING:
     from rich.console import Console
-
-__all__ = ["print_fidelity"]
 
 _DRAWS = {"sums": "sums of frames", "frames": "every frame, every effect"}
 
@@ -48,27 +41,22 @@ def print_fidelity(result: EtcResult, console: Console) -> None:
         print_note(console, "No answer has frames that could be checked in images.")
 
 
-def _print_checks(record: EtcFidelity, rows: list[tuple[AnswerFidelity, EtcRow]], console: Console) -> None:
-    columns = [
-        Column("band", False),
-        Column("sep ″", True, 1),
-        Column("contrast", True, 4),
-        Column("SNR"),
-        Column("of images"),
-        Column("images / SNR"),
-        Column("flux / true", True, 2),
-        Column("light", True, 3),
-        Column("runs", True, 1),
-        Column("found", True, 5),
-        Column("", False),
-    ]
+def _print_checks(record: EtcFidelity, rows: list[tuple[AnswerFidelity, EtcAnswer]], console: Console) -> None:
     cells = [
-        [row.band, f"{row.separation_arcsec:.3f}", ratio_text(row.contrast), *_check(item, row)] for item, row in rows
+        *row_cells(EtcAnswer, "band separation_arcsec/1 contrast/4", of=itemgetter(1)),
+        *row_cells(
+            ImageCheck,
+            "predicted_snr snr snr_ratio flux_ratio/2 light_ratio/3 realisations/1 n_found/5 agrees",
+            of=lambda pair: pair[0].images,
+            predicted_snr=lambda pair: significant(pair[0].images.predicted_snr if pair[0].images else pair[1].snr),
+            n_found=_found,
+            agrees=Cells("", _agreement, right=False),
+        ),
     ]
     drawn = [item.images.draw for item, _ in rows if item.images is not None]
     how = " and ".join(_DRAWS[name] for name in dict.fromkeys(drawn))
     dial = f"tolerance {record.tolerance:g}" if record.tolerance else record.fidelity
-    console.print(text_table(console, f"Checked in images ({dial}{f': {how}' if how else ''})", columns, cells))
+    print_table(console, f"Checked in images ({dial}{f': {how}' if how else ''})", cells, rows)
     explain_symbols(console, [item.status for item, _ in rows])
     if not drawn:
         return
@@ -79,21 +67,17 @@ def _print_checks(record: EtcFidelity, rows: list[tuple[AnswerFidelity, EtcRow]]
     )
 
 
-def _check(item: AnswerFidelity, row: EtcRow) -> list[str]:
-    images = item.images
-    if images is None:
-        return [significant(row.snr), *[MISSING] * 6, status_cell(item.status, item.reason)]
-    return [
-        significant(images.predicted_snr),
-        f"{significant(images.snr)} ± {significant(images.snr_error, 2)}",
-        f"{images.snr_ratio:.2f} ± {images.snr_ratio_error:.2f}",
-        f"{images.flux_ratio:.3f} ± {images.flux_ratio_error:.3f}",
-        f"{images.light_ratio:.4f}",
-        str(images.realisations),
-        f"{images.n_found} of {images.realisations}",
-        "agrees" if images.agrees else "differs",
-    ]
+def _found(pair: tuple[AnswerFidelity, EtcAnswer]) -> str:
+    images = pair[0].images
+    return MISSING if images is None else f"{images.n_found} of {images.realisations}"
 
 
-def _name(row: EtcRow) -> str:
+def _agreement(pair: tuple[AnswerFidelity, EtcAnswer]) -> str:
+    item = pair[0]
+    if item.images is None:
+        return status_cell(item.status, item.reason)
+    return "agrees" if item.images.agrees else "differs"
+
+
+def _name(row: EtcAnswer) -> str:
     return f"{row.band} at {row.separation_arcsec:.3f}″"

@@ -6,30 +6,14 @@ from typing import TYPE_CHECKING
 
 from catalogs.known_planet_columns import FLAGS
 from cpic_planner.models import KnownPlanetRow, KnownResult, Quantiles
+from cpic_planner.report.cells import Cells, row_cells
 from cpic_planner.report.names import pretty_name
-from cpic_planner.report.numbers import MISSING, count_text, decimals, significant
-from cpic_planner.report.terminal import Column, print_note, print_plain, ratio_text, text_table
+from cpic_planner.report.numbers import count_text, ratio_text
+from cpic_planner.report.terminal import print_note, print_plain, print_table
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-__all__ = ["print_known"]
-
-_COLUMNS = [
-    Column("planet", False),
-    Column("dist pc", True, 5),
-    Column("P d", True, 4),
-    Column("a au", True, 3),
-    Column("e", True, 6),
-    Column("M_J", True, 7),
-    Column("R_J", True, 8),
-    Column("sep ″"),
-    Column("phase", True, 1),
-    Column("contrast"),
-    Column("in hole", True, 2),
-    Column("phase known", False, 2),
-    Column("status", False),
-]
 _LISTED = ("candidate", "refuted")
 """Statuses of planets that are listed and not counted."""
 
@@ -49,7 +33,7 @@ def print_known(result: KnownResult, console: Console, limit: int = 40) -> None:
         f"star{'s' * (stars != 1)}, {result.date_utc[:10]}, {band}"
         + (f"; {count_text(len(listed))} more listed and not counted" if listed else "")
     )
-    console.print(text_table(console, title, _COLUMNS, [_cells(row) for row in shown]))
+    print_table(console, title, _cells(), shown)
     if result.years is not None:
         for row in counted[:limit]:
             _print_windows(row, result, console)
@@ -76,23 +60,18 @@ def print_known(result: KnownResult, console: Console, limit: int = 40) -> None:
     )
 
 
-def _cells(row: KnownPlanetRow) -> list[str]:
-    band = row.bands[0]
-    return [
-        _name(row),
-        decimals(row.distance_pc, 2),
-        significant(row.period_days.median, 4),
-        significant(row.semi_major_axis_au.median, 3),
-        decimals(row.eccentricity.median, 2),
-        MISSING if row.mass_mjup is None else significant(row.mass_mjup.median, 2),
-        significant(row.radius_rjup.median, 2),
-        _with_width(row.separation_arcsec, 3),
-        _with_width(row.phase_deg, 0),
-        ratio_text(band.contrast.median),
-        f"{100.0 * band.hole_share:.0f} %",
-        "no" if "phase_unknown" in row.flags else "yes",
-        row.status,
-    ]
+def _cells() -> list[Cells]:
+    return row_cells(
+        KnownPlanetRow,
+        "planet distance_pc/5 period_days/4 semi_major_axis_au/3 eccentricity/6 mass_mjup/7 radius_rjup/8 "
+        "separation_arcsec phase_deg/1 contrast in_hole/2 phase_known/2 status",
+        planet=_name,
+        separation_arcsec=lambda row: _with_width(row.separation_arcsec, 3),
+        phase_deg=lambda row: _with_width(row.phase_deg, 0),
+        contrast=Cells("contrast", lambda row: ratio_text(row.bands[0].contrast.median)),
+        in_hole=Cells("in hole", lambda row: f"{100.0 * row.bands[0].hole_share:.0f} %"),
+        phase_known=Cells("phase known", lambda row: "no" if "phase_unknown" in row.flags else "yes", right=False),
+    )
 
 
 def _name(row: KnownPlanetRow) -> str:

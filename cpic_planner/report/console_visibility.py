@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
 from cpic_planner.models import VisibilityResult, VisibleTarget
+from cpic_planner.report.cells import Cells, row_cells
 from cpic_planner.report.names import full_name
-from cpic_planner.report.numbers import MISSING, decimals
-from cpic_planner.report.terminal import Column, print_note, print_plain, short_name, text_table
+from cpic_planner.report.numbers import MISSING, decimals, formatted
+from cpic_planner.report.terminal import print_note, print_plain, print_table
 from cpic_planner.report.visibility_words import BLOCK_WORDS, day_text, pointing_sentence
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-__all__ = ["print_visibility"]
-
 _SEASONS = 6
 _LAST_COLUMN = 36
 _YEAR_DAYS = 366.0
+_BLOCKED = {"sun": "Sun", "moon": "Moon", "panel": "panels", "limb": "limb"}
 
 
 def print_visibility(result: VisibilityResult, console: Console) -> None:
@@ -25,15 +26,7 @@ def print_visibility(result: VisibilityResult, console: Console) -> None:
     several = len(result.targets) > 1
     if several:
         years = result.mjd[-1] - result.mjd[0] > _YEAR_DAYS
-        console.print(
-            text_table(
-                console,
-                _title(result),
-                _COLUMNS,
-                [_row(target, years) for target in result.targets],
-                last_width=_LAST_COLUMN,
-            )
-        )
+        print_table(console, _title(result), _cells(years), result.targets, last_width=_LAST_COLUMN)
     else:
         _print_star(result, console)
     step = "day" if result.step_days == 1 else f"step of {result.step_days:g} days"
@@ -65,50 +58,32 @@ def _print_star(result: VisibilityResult, console: Console) -> None:
     if target.visible_s is None:
         print_plain(console, "  never seen in this time")
         return
-    best = f"{_minutes(target.best_visible_s)} min on the best day, {day_text(target.best_utc or '')}"
-    print_plain(console, f"  per orbit {_minutes(target.visible_s)} min (median), {best}")
+    best = f"{formatted(target.best_visible_s, 'min')} min on the best day, {day_text(target.best_utc or '')}"
+    print_plain(console, f"  per orbit {formatted(target.visible_s, 'min')} min (median), {best}")
     longest = target.longest_window_s or 0.0
     endless = longest >= result.period_s * (1 - 1e-9)
-    window = "without end: on some days it never sets" if endless else f"{_minutes(longest)} min"
+    window = "without end: on some days it never sets" if endless else f"{formatted(longest, 'min')} min"
     print_plain(console, f"  longest window {window}")
     print_plain(console, f"  roll free by {decimals(target.roll_half_range_deg, 1)} deg either way (median)")
 
 
-_COLUMNS = [
-    Column("star", False),
-    Column("ecl. lat", True, 3),
-    Column("days"),
-    Column("Sun", True, 2),
-    Column("Moon", True, 2),
-    Column("panels", True, 2),
-    Column("limb", True, 5),
-    Column("min/orbit"),
-    Column("best"),
-    Column("best day", False, 1),
-    Column("window", True, 4),
-    Column("roll ±", True, 6),
-    Column("seasons", False),
-]
+def _cells(years: bool) -> list[Cells]:
+    def blocked(name: str) -> Callable[[VisibleTarget], str]:
+        return lambda row: f"{row.blocked_days[name]:g}"
+
+    days: dict[str, Any] = {name: Cells(header, blocked(name)) for name, header in _BLOCKED.items()}
+    return row_cells(
+        VisibleTarget,
+        "name ecliptic_latitude_deg/3 observable_days sun/2 moon/2 panel/2 limb/5 visible_s best_visible_s best_utc/1 "
+        "longest_window_s/4 roll_half_range_deg/6 seasons",
+        best_utc=lambda row: MISSING if row.best_utc is None else day_text(row.best_utc),
+        seasons=Cells("seasons", lambda row: _seasons(row, years), right=False),
+        **days,
+    )
 
 
-def _row(target: VisibleTarget, years: bool) -> list[str]:
-    blocked = [f"{target.blocked_days[name]:g}" for name in BLOCK_WORDS]
+def _seasons(target: VisibleTarget, years: bool) -> str:
     cut = 0 if years else 5
     seasons = [f"{day_text(one.start_utc)[cut:]} to {day_text(one.end_utc)[cut:]}" for one in target.seasons]
     more = [f"and {len(seasons) - _SEASONS} more"] if len(seasons) > _SEASONS else []
-    return [
-        short_name(target.name),
-        decimals(target.ecliptic_latitude_deg, 1),
-        f"{target.observable_days:g}",
-        *blocked,
-        _minutes(target.visible_s),
-        _minutes(target.best_visible_s),
-        MISSING if target.best_utc is None else day_text(target.best_utc),
-        _minutes(target.longest_window_s),
-        decimals(target.roll_half_range_deg, 0),
-        ", ".join([*seasons[:_SEASONS], *more]) or MISSING,
-    ]
-
-
-def _minutes(value_s: float | None) -> str:
-    return decimals(None if value_s is None else value_s / 60.0, 1)
+    return ", ".join([*seasons[:_SEASONS], *more]) or MISSING

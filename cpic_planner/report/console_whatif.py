@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
+from operator import itemgetter
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from cpic_planner.models.surveyed import StrategyOutcome, WhatIfResult
-from cpic_planner.report.numbers import MISSING, count_text, decimals, duration_text, share_text, significant
-from cpic_planner.report.terminal import Column, print_note, print_plain, short_name, text_table
+from cpic_planner.models.surveyed import DifferenceRecord, StrategyOutcome, SurveyTarget, WhatIfResult
+from cpic_planner.report.cells import Cells, row_cells
+from cpic_planner.report.numbers import MISSING, count_text, decimals
+from cpic_planner.report.terminal import print_note, print_plain, print_table
 from cpic_planner.report.whatif_looks import shown_rows
 from cpic_planner.report.whatif_words import extent_text, interval_text, lead_sentences, planets_text
 
 if TYPE_CHECKING:
     from rich.console import Console
-
-__all__ = ["print_visits", "print_whatif"]
 
 _LAST_COLUMN = 24
 _MOST_STRATEGIES = 20
@@ -39,7 +39,7 @@ def print_whatif(result: WhatIfResult, console: Console, report: Path | None = N
     shown = [result.strategies[i] for i in rows]
     universes = f"{count_text(result.n_universes)} universes"
     title = f"{result.name or 'strategies'}: mean of {universes} and its 90 % interval"
-    console.print(text_table(console, title, _COLUMNS, [_row(item) for item in shown], last_width=_LAST_COLUMN))
+    print_table(console, title, _STRATEGIES, shown, last_width=_LAST_COLUMN)
     if len(shown) < len(result.strategies):
         print_note(console, f"The first and the {len(shown) - 1} of {len(result.strategies)} that find most.")
     print_note(
@@ -56,65 +56,45 @@ def print_whatif(result: WhatIfResult, console: Console, report: Path | None = N
         print_plain(console, f"report: {report}")
 
 
-_COLUMNS = [
-    Column("planets"),
-    Column("interval", True, 2),
-    Column("survey", True, 5),
-    Column("new", True, 1),
-    Column("any %", True, 4),
-    Column("hours"),
-    Column("visits", True, 6),
-    Column("bound %", True, 7),
-    Column("alarms", True, 8),
-    Column("strategy", False),
-]
-
-
-def _row(item: StrategyOutcome) -> list[str]:
-    return [
-        decimals(item.planets.mean, 2),
-        interval_text(item.planets.low, item.planets.high),
-        f"{item.planets.survey_low:.3g} to {item.planets.survey_high:.3g}",
-        decimals(item.new_planets.mean, 2),
-        share_text(item.any_planet),
-        decimals(item.hours.mean, 0),
-        decimals(sum(target.visits for target in item.targets), 1),
-        decimals(100.0 * item.schedule.distance, 1),
-        planets_text(item.noise_alarms.mean + item.background_alarms.mean),
-        item.name,
-    ]
+_STRATEGIES = row_cells(
+    StrategyOutcome,
+    "planets interval/2 survey/5 new/1 any_planet/4 hours visits/6 bound/7 alarms/8 name",
+    planets=lambda item: decimals(item.planets.mean, 2),
+    interval=Cells("interval", lambda item: interval_text(item.planets.low, item.planets.high)),
+    survey=Cells("survey", lambda item: f"{item.planets.survey_low:.3g} to {item.planets.survey_high:.3g}"),
+    new=Cells("new", lambda item: decimals(item.new_planets.mean, 2)),
+    hours=lambda item: decimals(item.hours.mean, 0),
+    visits=Cells("visits", lambda item: decimals(sum(target.visits for target in item.targets), 1)),
+    bound=Cells("bound %", lambda item: decimals(100.0 * item.schedule.distance, 1)),
+    alarms=Cells("alarms", lambda item: planets_text(item.noise_alarms.mean + item.background_alarms.mean)),
+)
 
 
 def _print_differences(result: WhatIfResult, names: set[str], console: Console) -> None:
     """Paired differences with the first strategy."""
     reference = result.strategies[0].name
     by = {(item.first, item.quantity): item for item in result.differences if item.second == reference}
-    columns = [
-        Column("planets"),
-        Column("interval", True, 2),
-        Column("new", True, 3),
-        Column("hours", True, 1),
-        Column("verdict", False, 4),
-        Column("strategy", False),
+    found = [(item.name, by.get((item.name, "planets"))) for item in result.strategies[1:] if item.name in names]
+    rows = [(name, item) for name, item in found if item is not None]
+
+    def mean(name: str, quantity: Any, places: int) -> str:
+        item = by.get((name, quantity))
+        return MISSING if item is None else _signed(item.mean, places)
+
+    cells = [
+        Cells("planets", lambda row: _signed(row[1].mean, 2)),
+        Cells("interval", lambda row: interval_text(row[1].low, row[1].high), gives_way=2),
+        Cells("new", lambda row: mean(row[0], "new_planets", 2), gives_way=3),
+        Cells("hours", lambda row: mean(row[0], "hours", 0), gives_way=1),
+        Cells("verdict", lambda row: _likely(row[1]), right=False, gives_way=4),
+        Cells("strategy", itemgetter(0), right=False),
     ]
-    rows = []
-    for item in result.strategies[1:]:
-        found = by.get((item.name, "planets"))
-        if item.name not in names or found is None:
-            continue
-        new, hours = by.get((item.name, "new_planets")), by.get((item.name, "hours"))
-        rows.append(
-            [
-                _signed(found.mean, 2),
-                interval_text(found.low, found.high),
-                MISSING if new is None else _signed(new.mean, 2),
-                MISSING if hours is None else _signed(hours.mean, 0),
-                "more" if found.low > 0 else "fewer" if found.high < 0 else "may be chance",
-                item.name,
-            ]
-        )
     title = f"Difference with {reference} in the same universes"
-    console.print(text_table(console, title, columns, rows, last_width=_LAST_COLUMN))
+    print_table(console, title, cells, rows, last_width=_LAST_COLUMN)
+
+
+def _likely(item: DifferenceRecord) -> str:
+    return "more" if item.low > 0 else "fewer" if item.high < 0 else "may be chance"
 
 
 def _signed(value: float, places: int) -> str:
@@ -151,34 +131,19 @@ def print_visits(result: WhatIfResult, console: Console, limit: int = _MOST_STAR
         How many stars.
     """
     best = max(result.strategies, key=lambda item: item.planets.mean)
-    columns = [
-        Column("#"),
-        Column("star", False),
-        Column("planets"),
-        Column("per 100 h"),
-        Column("visits"),
-        Column("wall", True, 3),
-        Column("hours", True, 1),
-        Column("first", False, 2),
-        Column("bands", False),
-    ]
-    rows = [
-        [
-            str(star.rank),
-            short_name(star.name),
-            planets_text(star.new_planets + star.known_seen),
-            significant(star.planets_per_100h, 2),
-            decimals(star.visits, 1),
-            duration_text(star.visit_time_s),
-            decimals(star.search_h + star.follow_up_h, 0),
-            star.first_utc or MISSING,
-            ", ".join(star.bands),
-        ]
-        for star in best.targets[:limit]
-    ]
+    rows = best.targets[:limit]
     if not rows:
         print_plain(console, f"{best.name} visits no star.")
         return
     title = f"{best.name}: first {len(rows)} of {count_text(len(best.targets))} stars by planets per hour"
-    console.print(text_table(console, title, columns, rows))
+    print_table(console, title, _VISITS, rows)
     print_note(console, "Visits and hours made, and planets found, are means of a survey; wall: of one visit.")
+
+
+_VISITS = row_cells(
+    SurveyTarget,
+    "rank name planets planets_per_100h visits visit_time_s/3 hours/1 first_utc/2 bands",
+    planets=Cells("planets", lambda star: planets_text(star.new_planets + star.known_seen)),
+    hours=Cells("hours", lambda star: decimals(star.search_h + star.follow_up_h, 0)),
+    first_utc=lambda star: star.first_utc or MISSING,
+)

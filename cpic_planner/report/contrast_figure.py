@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
 
-__all__ = ["HoleEdges", "LimitCurve", "contrast_diagram"]
-
 _LINE_STYLES = ("-", "--", "-.", ":")
 
 

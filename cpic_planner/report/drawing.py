@@ -16,20 +16,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = [
-    "BAND_STYLE",
-    "RESIDUAL_COLOURS",
-    "STACK_COLOURS",
-    "STATUS_STYLE",
-    "Picture",
-    "band_style",
-    "literal",
-    "new_figure",
-    "place_labels",
-    "save",
-    "style",
-]
-
 WIDTH_INCHES = 9.0
 SCREEN_DPI = 100
 IMAGE_DPI = 130

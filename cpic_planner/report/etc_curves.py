@@ -18,8 +18,6 @@ from cpic_planner.optimiser import separation_grid
 from cpic_planner.targets import Targets
 from simulator.outcome import Status
 
-__all__ = ["EtcCurves", "SeparationCurve", "TimeCurve", "etc_curves"]
-
 FloatArray = NDArray[np.float64]
 N_TIMES = 90
 TIME_SPAN = (1.0 / 300.0, 30.0)

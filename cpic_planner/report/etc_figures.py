@@ -10,19 +10,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from catalogs.errors import InputError
-from cpic_planner.models import EtcResult, EtcRow
+from cpic_planner.models import EtcAnswer, EtcResult
 from cpic_planner.report.drawing import BAND_STYLE, IMAGE_DPI, band_style, literal, new_figure, style
 from cpic_planner.report.etc_curves import EtcCurves, TimeCurve
-from cpic_planner.report.etc_words import term_text
 from cpic_planner.report.names import pretty_name
 from cpic_planner.report.numbers import duration_text
+from cpic_planner.report.words import term_text
+from simulator.detectors.chains import noise_terms
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.axis import Axis
     from matplotlib.figure import Figure
-
-__all__ = ["FIGURE_FORMATS", "check_figure_name", "etc_figure", "write_figure"]
 
 FIGURE_FORMATS = ("png", "pdf", "svg")
 _UNDATED: dict[str, dict[str, Any]] = {
@@ -39,17 +38,13 @@ _TERM_COLOURS = {
     "planet": "#009E73",
     "halo": "#CC79A7",
     "sky": "#56B4E9",
-    "cic": "#D55E00",
-    "read_noise": "#444444",
-    "dark": "#9A8700",
     "companion": "#882255",
     "exozodi": "#AA9988",
     "background_mean": "#8C8C8C",
     "counting": "#332288",
     "smear": "#44AA99",
     "companion_wings": "#661100",
-    "rounding": "#BBBBBB",
-}
+} | {term: effect.colour for term, effect in noise_terms().items()}
 
 
 def check_figure_name(path: Path) -> str:
@@ -187,7 +182,7 @@ def _limits(axes: Axes, curves: EtcCurves, looks: dict[str, tuple[str, str]]) ->
     axes.legend(ncols=2, **_BELOW)
 
 
-def _budgets(axes: Axes, rows: Sequence[EtcRow]) -> None:
+def _budgets(axes: Axes, rows: Sequence[EtcAnswer]) -> None:
     """One stacked bar an answer; small terms are one piece."""
     shares = []
     for row in rows:

@@ -1,66 +1,17 @@
-"""The prioritisation report: one HTML file that needs nothing else."""
+"""Reports as HTML: each one file that needs nothing else."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
 
-from catalogs.catalogue import data_credits
-from cpic_planner.models import PlanResult, RankResult, SensitivityResult
+from cpic_planner.models import ConfirmResult, PlanResult, RankResult, SensitivityResult, WhatIfResult
+from cpic_planner.report.confirm_sections import ConfirmReport, confirm_document
 from cpic_planner.report.contrast_figure import HoleEdges, LimitCurve
+from cpic_planner.report.document import Document
 from cpic_planner.report.drawing import Picture
-from cpic_planner.report.etc_words import score_number, score_text
-from cpic_planner.report.modelled import dial_text, error_text, modelled_groups
-from cpic_planner.report.names import full_name, pretty_name
-from cpic_planner.report.numbers import (
-    MISSING,
-    contrast_text,
-    count_text,
-    decimals,
-    duration_text,
-    percent_text,
-    share_text,
-    significant,
-)
-from cpic_planner.report.panel_figure import PANEL_NOTE
 from cpic_planner.report.panels import Panels
-from cpic_planner.report.summary import (
-    calibration_sentence,
-    chosen,
-    overrides_sentence,
-    planet_text,
-    population_text,
-    summary_sentences,
-)
-from cpic_planner.report.words import (
-    DRAWN_AS,
-    GLOSSARY,
-    LIMITED_BY,
-    METHOD_CREDITS,
-    STAR_FLUX,
-    STATUS_SYMBOLS,
-    flag_text,
-    found_text,
-    library_text,
-    plus_minus,
-    reason_text,
-    sentence,
-    status_text,
-    tau_text,
-    verdict_text,
-)
-
-if TYPE_CHECKING:
-    from jinja2 import Environment
-
-__all__ = ["page_environment", "plan_html", "render_plan"]
-
-_FIGURES = (
-    ("sky", "Ranked stars on the sky"),
-    ("contrast", "Reference planets and contrast limits"),
-    ("calibration", "Does the prediction hold?"),
-    ("margin", "The sample at a glance"),
-)
+from cpic_planner.report.plan_sections import PlanReport, plan_document
+from cpic_planner.report.whatif_sections import WhatIfReport, whatif_document
 
 
 def plan_html(
@@ -97,14 +48,8 @@ def plan_html(
     """
     from cpic_planner.report.figures import panel_pictures, plan_figures
 
-    return render_plan(
-        plan,
-        rank,
-        plan_figures(plan, rank, limits=limits, holes=holes),
-        panel_pictures(plan, panels),
-        sensitivity=sensitivity,
-        top_rows=top_rows,
-    )
+    figures = plan_figures(plan, rank, limits=limits, holes=holes)
+    return render_plan(plan, rank, figures, panel_pictures(plan, panels), sensitivity=sensitivity, top_rows=top_rows)
 
 
 def render_plan(
@@ -116,66 +61,40 @@ def render_plan(
     sensitivity: SensitivityResult | None = None,
     top_rows: int = 50,
 ) -> str:
-    """Render the report from finished pictures.
+    """Return the report of a plan from finished pictures.
 
     Parameters
     ----------
-    plan : PlanResult
-    rank : RankResult
-    figures : mapping of str to Picture
-        Any of ``sky``, ``contrast``, ``calibration``, ``margin``.
-    images : mapping of str to Picture
-        Image panels by ``BandConfirmation.image``.
-    sensitivity : SensitivityResult, optional
-    top_rows : int
-        Rows of the ranking to print.
-
-    Returns
-    -------
-    str
-        HTML with inline style and data-URI images: no script, nothing fetched.
+    plan, rank, figures, images, sensitivity, top_rows
+        As `cpic_planner.report.plan_sections.PlanReport`.
     """
-    rows = rank.targets[:top_rows]
-    flags = sorted({flag for row in [*rows, *(target.ranked for target in plan.targets)] for flag in row.flags})
-    return (
-        page_environment()
-        .get_template("plan.html.j2")
-        .render(
-            plan=plan,
-            rank=rank,
-            rows=rows,
-            flags=flags,
-            reasons=sorted({row.reason for row in rows if row.reason}),
-            images=images,
-            sensitivity=sensitivity,
-            found=found_text(plan.reference_library),
-            audited=any(band.audit for target in plan.targets for band in target.bands),
-            tau=tau_text(sensitivity.top) if sensitivity else "",
-            score=score_text(rank.score_name),
-            population=population_text(rank.population),
-            summary=" ".join(summary_sentences(plan, rank)),
-            calibration=calibration_sentence(plan),
-            overrides=overrides_sentence(plan),
-            dial=dial_text(plan),
-            modelled=modelled_groups(
-                [
-                    (f"{pretty_name(target.name)} {band.band}", band.modelled)
-                    for target in plan.targets
-                    for band in target.bands
-                    if band.modelled is not None
-                ]
-            ),
-            planet=planet_text(plan),
-            figures=[(key, title, figures[key]) for key, title in _FIGURES if key in figures],
-            panel_note=PANEL_NOTE,
-            glossary=GLOSSARY,
-            credits=(*data_credits(plan.catalogue), *METHOD_CREDITS),
-        )
-    )
+    return page_html(plan_document(PlanReport(plan, rank, figures, images, sensitivity, top_rows)))
 
 
-def page_environment() -> Environment:
-    """Templates of the pages, with the filters that they use."""
+def render_confirm(result: ConfirmResult, figures: Mapping[str, Picture], images: Mapping[str, Picture]) -> str:
+    """Return the report of a confirmed scene from finished pictures.
+
+    Parameters
+    ----------
+    result, figures, images
+        As `cpic_planner.report.confirm_sections.ConfirmReport`.
+    """
+    return page_html(confirm_document(ConfirmReport(result, figures, images)))
+
+
+def render_whatif(result: WhatIfResult, figures: Mapping[str, Picture]) -> str:
+    """Return the report of a comparison of survey strategies from finished pictures.
+
+    Parameters
+    ----------
+    result, figures
+        As `cpic_planner.report.whatif_sections.WhatIfReport`.
+    """
+    return page_html(whatif_document(WhatIfReport(result, figures)))
+
+
+def page_html(document: Document) -> str:
+    """Return a document as one HTML file with inline style and data-URI images: no script, nothing fetched."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     environment = Environment(
@@ -185,47 +104,4 @@ def page_environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    filters: dict[str, Any] = {
-        "pretty": pretty_name,
-        "contrast": contrast_text,
-        "duration": duration_text,
-        "sig": significant,
-        "dec": decimals,
-        "percent": percent_text,
-        "share": share_text,
-        "score": score_number,
-        "count": count_text,
-        "reason": reason_text,
-        "status": status_text,
-        "verdict": verdict_text,
-        "limited": lambda limit, reason: LIMITED_BY[limit][0] if limit else reason.replace("_", " "),
-        "flag": flag_text,
-        "library": library_text,
-        "pm": plus_minus,
-        "sentence": sentence,
-        "star_flux": lambda method: STAR_FLUX.get(method, method),
-        "errors": error_text,
-        "drawn": lambda way: DRAWN_AS.get(way, way),
-        "symbol": lambda status: STATUS_SYMBOLS.get(status, ""),
-        "ra": ra_text,
-        "decl": dec_text,
-    }
-    environment.filters.update(filters)
-    environment.globals.update(chosen=chosen, full_name=full_name, MISSING=MISSING)
-    return environment
-
-
-def ra_text(ra_deg: float | None) -> str:
-    """Return a right ascension as hours, minutes and seconds."""
-    if ra_deg is None:
-        return MISSING
-    total = round(ra_deg / 15.0 * 3600.0) % 86400
-    return f"{total // 3600:02d} h {total // 60 % 60:02d} m {total % 60:02d} s"
-
-
-def dec_text(dec_deg: float | None) -> str:
-    """Return a declination as degrees and minutes."""
-    if dec_deg is None:
-        return MISSING
-    total = round(abs(dec_deg) * 60.0)
-    return f"{'−' if dec_deg < 0 else '+'}{total // 60:02d}° {total % 60:02d}′"
+    return environment.get_template("page.html.j2").render(document=document)

@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["known_figure"]
-
 _UNIX_MJD = 40587.0
 _LINES = ("-", "--", ":", "-.")
 

@@ -13,8 +13,6 @@ from cpic_planner.report.words import LIMITED_BY, reason_text, status_text
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["margin_figure"]
-
 _N_BINS = 28
 _LOWEST_DECADES = 4.0
 

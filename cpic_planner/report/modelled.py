@@ -9,8 +9,6 @@ from cpic_planner.models import BandConfirmation, ConfirmResult, EffectRecord, M
 from cpic_planner.report.numbers import significant
 from simulator.knobs import Quantity
 
-__all__ = ["ModelledGroup", "ModelledRow", "dial_text", "error_text", "modelled_groups", "modelled_sentence"]
-
 QUANTITIES: dict[Quantity, str] = {"planet_flux": "planet flux", "snr": "SNR", "pixel_map": "pixels of a frame"}
 """Names of the quantities that errors refer to."""
 _REGIONS = {"hole": "pixels around the dark hole", "full": "whole frames, of which the dark hole is kept"}

@@ -6,9 +6,8 @@ import re
 
 from catalogs.nomenclature import CONSTELLATIONS, GREEK
 
-__all__ = ["full_name", "pretty_name"]
-
 _SUPERSCRIPT = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
+_NAME_LENGTH = 18
 _LEAD = re.compile(r"^(?:\*\*|\*|V\*|NAME|Cl\*|EM\*)\s+")
 _BAYER = re.compile(r"^([A-Za-z]{1,3})\.?(\d{0,2})\s+([A-Z][A-Za-z]{2})((?:\s+\S+)?)$")
 
@@ -42,3 +41,13 @@ def full_name(identifier: str, hip: int | None) -> str:
     """Return the readable name with the Hipparcos number, where there is one and the name is not that number."""
     name = pretty_name(identifier)
     return name if hip is None or name == f"HIP {hip}" else f"{name} (HIP {hip})"
+
+
+def short_name(identifier: str) -> str:
+    """Return the readable name of a star, cut to the width of a column."""
+    return shortened(pretty_name(identifier))
+
+
+def shortened(name: str) -> str:
+    """Return a name cut to the width of a column."""
+    return name if len(name) <= _NAME_LENGTH else f"{name[: _NAME_LENGTH - 1]}…"

@@ -3,18 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import Any
 
-__all__ = [
-    "MISSING",
-    "contrast_text",
-    "count_text",
-    "decimals",
-    "duration_text",
-    "percent_text",
-    "power_of_ten",
-    "share_text",
-    "significant",
-]
+from cpic_planner.report.names import short_name
 
 MISSING = "–"
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -75,3 +67,59 @@ def percent_text(value: float | None) -> str:
 def share_text(value: float) -> str:
     """Return a fraction in per cent without the sign, for columns that name the unit."""
     return "0" if value == 0.0 else significant(100.0 * value) if value >= 1e-4 else "<0.01"
+
+
+def ratio_text(value: float | None) -> str:
+    """Return a flux ratio in the compact form of terminals: ``5.16e-08``."""
+    return formatted(value, ".2e")
+
+
+def size_text(size_bytes: float) -> str:
+    """Return a size in the unit that people would use: kB, MB or GB."""
+    for unit, scale in (("GB", 1e9), ("MB", 1e6)):
+        if size_bytes >= scale:
+            return f"{significant(size_bytes / scale)} {unit}"
+    return f"{significant(size_bytes / 1e3)} kB"
+
+
+_TEXTS: dict[str, Callable[[Any], str]] = {
+    "d": count_text,
+    "%": share_text,
+    "time": duration_text,
+    "min": lambda value: decimals(value / _MINUTE_S, 1),
+    "bytes": size_text,
+    "star": short_name,
+}
+
+
+def formatted(value: Any, form: str = "") -> str:
+    """Return one value as a table shows it.
+
+    Parameters
+    ----------
+    value : number, str, bool, list or None
+        A dash where there is none, and for an empty list. Of `cpic_planner.models.Quantiles` the median is shown.
+    form : str
+        ``.3f`` (decimals), ``.3g`` (significant digits, no exponent), ``.2e``, ``g``, ``d`` (thin spaces between
+        thousands), ``%`` (per cent without the sign), ``time`` (s, min or h), ``min`` (minutes of a time in s),
+        ``bytes``, ``star`` (readable name, cut to the width of a column); empty: three significant digits of numbers,
+        everything else as it is.
+
+    Returns
+    -------
+    str
+    """
+    value = getattr(value, "median", value)
+    if value is None or value == []:
+        return MISSING
+    if form in _TEXTS:
+        return _TEXTS[form](value)
+    if form.startswith(".") and form[-1] in "fg":
+        return (decimals if form[-1] == "f" else significant)(value, int(form[1:-1]))
+    if form:
+        return f"{value:{form}}"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, (list, tuple)):
+        return ", ".join(map(str, value))
+    return significant(value) if isinstance(value, float) else str(value)

@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from matplotlib.colors import Colormap, Normalize
     from matplotlib.figure import Figure
 
-__all__ = ["PANEL_NOTE", "PanelSheet", "panel_picture", "residual_limit", "stack_scale", "tick_labels"]
-
 FloatArray = NDArray[np.float64]
 _VIEW_MARGIN = 1.06
 

@@ -12,8 +12,6 @@ from catalogs.errors import InputError
 from simulator.imaging.hole_zone import HoleMode, HoleSide, HoleZone
 from simulator.target.positions import sky_to_detector
 
-__all__ = ["Mark", "Panels", "compass"]
-
 FloatArray = NDArray[np.float64]
 _IMAGES = ("science", "reference", "residual")
 

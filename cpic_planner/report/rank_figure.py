@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from cpic_planner.models import RankedTarget, RankResult
+from cpic_planner.registry.scores import SCORES
 from cpic_planner.report.drawing import STATUS_STYLE, band_style, literal, new_figure, style
 from cpic_planner.report.names import pretty_name
 from cpic_planner.report.numbers import duration_text
@@ -13,8 +14,6 @@ from cpic_planner.report.words import status_text
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-__all__ = ["MOST_STARS", "rank_figure"]
 
 N_STARS = 20
 MOST_STARS = 100
@@ -37,7 +36,7 @@ def rank_figure(rank: RankResult, n_stars: int = N_STARS) -> Figure:
         looks = band_style(sorted({row.completeness_band for row in rows}))
         _completeness(left, rows, looks)
         _margins(right, rows)
-        title = f"first {len(rows)} of {len(rank.targets)} stars by {rank.score_name.replace('_', ' ')}"
+        title = f"first {len(rows)} of {len(rank.targets)} stars by {SCORES[rank.score_name].title}"
         under = f"population {rank.population.name}, up to {duration_text(rank.time_s)} per star and band"
         figure.suptitle(literal(f"{title}; {under}"), fontsize=11)
         figure.draw_without_rendering()

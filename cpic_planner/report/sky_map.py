@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["sky_axes", "sky_map"]
-
 RING_AREA = 70.0
 OBLIQUITY_DEG = 23.4392911
 """Mean obliquity of the ecliptic at J2000.0 (IAU 1976), drawn line only."""

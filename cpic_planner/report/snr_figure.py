@@ -8,8 +8,6 @@ from cpic_planner.models import BandConfirmation, ConfirmResult, PlanResult
 from cpic_planner.report.drawing import Picture, band_style, new_figure, save, style
 from cpic_planner.validation.calibration import PREDICTION_ERROR
 
-__all__ = ["measurements_of", "snr_figure"]
-
 _LOG_SPAN = 15.0
 
 

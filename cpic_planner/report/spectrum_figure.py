@@ -12,8 +12,6 @@ from simulator.config import Instrument, Scene
 from simulator.target.planet_light import LitPlanet
 from simulator.target.sources import spectrum_generator
 
-__all__ = ["spectrum_figure"]
-
 _MARGIN_NM = 40.0
 _SHIFT_NM = 4.0
 _LOG_SPAN = 5.0

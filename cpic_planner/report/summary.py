@@ -14,20 +14,11 @@ from cpic_planner.models import (
     PopulationRecord,
     RankResult,
 )
+from cpic_planner.registry.libraries import LIBRARIES
+from cpic_planner.registry.scores import SCORES
 from cpic_planner.report.names import pretty_name
 from cpic_planner.report.numbers import count_text, duration_text, significant
-from cpic_planner.report.words import LIMITED_BY, overrides_text, searched_text, sentence
-
-__all__ = [
-    "calibration_sentence",
-    "chosen",
-    "confirm_sentences",
-    "limits_text",
-    "overrides_sentence",
-    "planet_text",
-    "population_text",
-    "summary_sentences",
-]
+from cpic_planner.report.words import LIMITED_BY, overrides_text, sentence
 
 
 def chosen(target: ConfirmedTarget) -> BandConfirmation | None:
@@ -89,9 +80,10 @@ def summary_sentences(plan: PlanResult, rank: RankResult) -> list[str]:
     found = [(target, band) for target, band in picks if band is not None and band.detected]
     measured = [band for target in plan.targets for band in target.bands if band.recovered_snr is not None]
     detections = sum(bool(band.detected) for band in measured)
+    searched = LIBRARIES[plan.reference_library].searched
     sentences.append(
         f"The first {_plural(len(plan.targets), 'target')} were simulated as images, up to {plan.realisations} "
-        f"times in every band in reach, reduced, {searched_text(plan.reference_library)}: the planet is found around "
+        f"times in every band in reach, reduced, {searched}: the planet is found around "
         f"{len(found)} of {len(plan.targets)}, in {detections} of {_plural(len(measured), 'measurement')}."
     )
     if found:
@@ -113,7 +105,7 @@ def confirm_sentences(result: ConfirmResult) -> list[str]:
     sentences = [
         f"{_plural(len(planets), 'planet')} in {', '.join(bands) or 'no band'}, "
         f"{_plural(result.realisations, 'realisation')} each: simulated, reduced, "
-        f"{searched_text(result.reference_library)}."
+        f"{LIBRARIES[result.reference_library].searched}."
     ]
     for planet in planets:
         own = [band for band in result.bands if band.planet == planet]
@@ -134,13 +126,7 @@ def _score_words(rank: RankResult) -> str:
     if rank.population.name == KNOWN_PLANETS:
         share = "the probability that one observation detects at least one of the star's own planets"
         hourly = "divided by its hours"
-    return {
-        "completeness_per_hour": f"{share} {hourly}",
-        "completeness": share,
-        "detection_margin": "how clearly a reference planet is detected",
-        "detection_time": "how soon a reference planet is detected",
-        "contrast_limit": "the faintest contrast that is detected",
-    }[rank.score_name]
+    return SCORES[rank.score_name].aim.format(share=share, hourly=hourly)
 
 
 def _plural(count: float, noun: str) -> str:

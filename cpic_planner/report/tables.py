@@ -1,84 +1,30 @@
-"""The ranking as CSV and ECSV text."""
+"""Results as files: the ranking, every measurement of images, and the targets of survey strategies."""
 
 from __future__ import annotations
 
-import csv
-import io
 from typing import Any
 
-from cpic_planner.models import RankedTarget, RankResult
+from cpic_planner.models import AuditRecord, BandConfirmation, ConfirmResult, PlanResult, RankedTarget, RankResult
+from cpic_planner.models.surveyed import SurveyTarget, WhatIfResult
+from cpic_planner.models.table import csv_text, ecsv_text, names_of, values_of
+from simulator.knobs import Quantity
 
-__all__ = ["COLUMN_UNITS", "ranking_csv", "ranking_ecsv"]
-
-#: Unit of every column (VOUnit spelling; empty: none). The one place where the ranking's units are listed.
-COLUMN_UNITS: dict[str, str] = {
-    "rank": "",
-    "score": "",
-    "name": "",
-    "hip": "",
-    "v_mag": "mag",
-    "sp_type": "",
-    "distance_pc": "pc",
-    "ra_deg": "deg",
-    "dec_deg": "deg",
-    "separation_arcsec": "arcsec",
-    "contrast": "",
-    "band": "",
-    "snr": "",
-    "significance": "",
-    "threshold": "",
-    "detection_margin": "",
-    "status": "",
-    "reason": "",
-    "verdict": "",
-    "verdict_mode": "",
-    "detection_probability": "",
-    "detection_probability_known_place": "",
-    "limited_by": "",
-    "contrast_limit": "",
-    "deepest_limit": "",
-    "deepest_separation_arcsec": "arcsec",
-    "detection_time_s": "s",
-    "completeness": "",
-    "completeness_error": "",
-    "completeness_band": "",
-    "completeness_time_s": "s",
-    "completeness_per_hour": "1/h",
-    "expected_detections": "",
-    "exposure_s": "s",
-    "n_frames": "",
-    "em_gain": "",
-    "integration_s": "s",
-    "time_s": "s",
-    "ref_planet_distance_au": "AU",
-    "ref_planet_insolation_au": "AU",
-    "luminosity_lsun": "solLum",
-    "companion_separation_arcsec": "arcsec",
-    "flags": "",
-}
 FLAG_SEPARATOR = "|"
-_INTEGERS = frozenset({"rank", "hip", "n_frames"})
-_TEXTS = frozenset(
-    {
-        "name",
-        "sp_type",
-        "band",
-        "completeness_band",
-        "status",
-        "reason",
-        "verdict",
-        "verdict_mode",
-        "limited_by",
-        "flags",
-    }
+_MODEL_COLUMNS = ("fidelity", "region", "epochs")
+_KNOB_COLUMNS = ("pupil_samples", "wavelength_nodes", "pixel_nodes", "precision")
+_ERROR_COLUMNS: tuple[Quantity, ...] = ("planet_flux", "snr")
+MEASUREMENT_COLUMNS: tuple[str, ...] = (
+    "target",
+    "hip",
+    "chosen",
+    *(name for name in names_of(BandConfirmation) if name != "image"),
+    *_MODEL_COLUMNS,
+    *_KNOB_COLUMNS,
+    *(f"predicted_error_{name}" for name in _ERROR_COLUMNS),
+    *names_of(AuditRecord, before="audit_"),
 )
-
-
-def _cell(row: RankedTarget, column: str) -> Any:
-    value = getattr(row, column)
-    if value is None and column in _TEXTS:
-        return ""
-    return FLAG_SEPARATOR.join(value) if column == "flags" else value
+"""Columns, in order: those of `BandConfirmation`, of its `ModellingRecord`, and, with ``audit_`` before their names, of
+`AuditRecord`."""
 
 
 def ranking_csv(rank: RankResult) -> str:
@@ -86,13 +32,7 @@ def ranking_csv(rank: RankResult) -> str:
 
     Numbers keep full precision (shortest text that reads back to the same double); flags are joined with ``|``.
     """
-    buffer = io.StringIO()
-    writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerow(COLUMN_UNITS)
-    for row in rank.targets:
-        cells = (_cell(row, column) for column in COLUMN_UNITS)
-        writer.writerow(["" if cell is None else cell for cell in cells])
-    return buffer.getvalue()
+    return csv_text(names_of(RankedTarget), map(values_of, rank.targets), joined=FLAG_SEPARATOR)
 
 
 def ranking_ecsv(rank: RankResult) -> str:
@@ -100,30 +40,7 @@ def ranking_ecsv(rank: RankResult) -> str:
 
     Reads back with ``astropy.table.Table.read(..., format="ascii.ecsv")``; missing numbers are masked.
     """
-    import numpy as np
-    from astropy.table import Column, MaskedColumn, Table
-
-    table = Table()
-    for name, unit in COLUMN_UNITS.items():
-        cells = [_cell(row, name) for row in rank.targets]
-        described = {"name": name, "unit": unit or None, "description": RankedTarget.model_fields[name].description}
-        if name in _TEXTS:
-            table[name] = Column(np.array(cells, dtype=str), **described)
-            continue
-        missing = [cell is None for cell in cells]
-        filled = np.array(
-            [0 if cell is None else cell for cell in cells], dtype=np.int64 if name in _INTEGERS else np.float64
-        )
-        table[name] = MaskedColumn(filled, mask=missing, **described) if any(missing) else Column(filled, **described)
-    table.meta.update(_meta(rank))
-    buffer = io.StringIO()
-    table.write(buffer, format="ascii.ecsv", delimiter=",")
-    return buffer.getvalue()
-
-
-def _meta(rank: RankResult) -> dict[str, Any]:
-    """What the numbers refer to; plain values only."""
-    return {
+    meta = {
         "schema_version": rank.schema_version,
         "config_hash": rank.config_hash,
         "catalogue": rank.catalogue,
@@ -136,3 +53,32 @@ def _meta(rank: RankResult) -> dict[str, Any]:
         "score_name": rank.score_name,
         "flag_separator": FLAG_SEPARATOR,
     }
+    return ecsv_text(RankedTarget, rank.targets, meta, joined=FLAG_SEPARATOR)
+
+
+def measurements_csv(result: PlanResult | ConfirmResult) -> str:
+    """Return one line for each planet and band; units stand in the names, missing numbers are empty."""
+    if isinstance(result, ConfirmResult):
+        rows = [_measured(band) | {"target": result.scene} for band in result.bands]
+    else:
+        rows = [
+            _measured(band) | {"target": target.name, "hip": target.hip, "chosen": band.band == target.chosen_band}
+            for target in result.targets
+            for band in target.bands
+        ]
+    return csv_text(MEASUREMENT_COLUMNS, rows)
+
+
+def _measured(band: BandConfirmation) -> dict[str, Any]:
+    cells = values_of(band)
+    if (made := band.modelled) is not None:
+        cells |= {name: getattr(made, name) for name in _MODEL_COLUMNS}
+        cells |= {name: getattr(made.knobs, name) for name in _KNOB_COLUMNS}
+        cells |= {f"predicted_error_{name}": made.predicted_error.get(name) for name in _ERROR_COLUMNS}
+    return cells | ({} if band.audit is None else values_of(band.audit, before="audit_"))
+
+
+def targets_csv(result: WhatIfResult) -> str:
+    """Return one line for each strategy and star; units stand in the names, lists are joined with semicolons."""
+    rows = ({"strategy": item.name} | values_of(target) for item in result.strategies for target in item.targets)
+    return csv_text(("strategy", *names_of(SurveyTarget)), rows)

@@ -2,51 +2,52 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any
 
-from cpic_planner.report.names import pretty_name
-from cpic_planner.report.numbers import MISSING, significant
-from cpic_planner.report.words import LIMITED_BY, STATUS_SYMBOLS, VERDICTS, status_text
+from cpic_planner.report.cells import Cells
+from cpic_planner.report.words import STATUS_SYMBOLS, status_text
 
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text
 
-    from cpic_planner.models import BandConfirmation, BandStanding, EtcRow, RankedTarget, SearchRecord
-
-__all__ = [
-    "Column",
-    "explain_symbols",
-    "frames_text",
-    "print_note",
-    "print_plain",
-    "ratio_text",
-    "short_name",
-    "status_cell",
-    "text_table",
-    "verdict_cell",
-]
-
 _STYLE = {"ok": "green", "unreachable": "yellow", "saturated": "red", "outside_field": "magenta", "invalid": "red"}
-
-
-class Column(NamedTuple):
-    """Header, side, and how soon the column gives way on a narrow terminal (0: never; the highest goes first)."""
-
-    header: str
-    right: bool = True
-    gives_way: int = 0
-
-
 _GAP = 2
 _LAST_COLUMN = 18
 
 
-def text_table(
-    console: Console, title: str, columns: list[Column], rows: list[list[str]], *, last_width: int = _LAST_COLUMN
-) -> Table:
-    """Table of the columns that fit; the last one (status) always stays and may wrap beyond ``last_width``."""
+def print_table(
+    console: Console,
+    title: str,
+    cells: Sequence[Cells],
+    rows: Iterable[Any],
+    *,
+    last_width: int = _LAST_COLUMN,
+    explained: bool = False,
+) -> None:
+    """Print a table of the columns that fit; the last one (status) always stays and may wrap.
+
+    Parameters
+    ----------
+    console : Console
+    title : str
+    cells : sequence of Cells
+    rows : iterable
+        What `Cells.text` takes.
+    last_width : int
+        Width beyond which the last column wraps.
+    explained : bool
+        Explain the symbols of the rows' statuses below the table.
+    """
+    entries = list(rows)
+    console.print(_drawn(console, title, cells, [[cell.text(row) for cell in cells] for row in entries], last_width))
+    if explained:
+        explain_symbols(console, [row.status for row in entries if row.status != "ok"])
+
+
+def _drawn(console: Console, title: str, columns: Sequence[Cells], rows: list[list[str]], last_width: int) -> Table:
     from rich import box
     from rich.cells import cell_len
     from rich.table import Table
@@ -109,45 +110,8 @@ def print_plain(console: Console, text: str, *, bold: bool = False) -> None:
     console.print(Text(_fitting(console, text), style="bold" if bold else ""))
 
 
-_NAME_LENGTH, _NEUTRAL = 18, "·"
-
-
-def short_name(identifier: str) -> str:
-    """Readable name of a star, cut to the width of a column."""
-    name = pretty_name(identifier)
-    return name if len(name) <= _NAME_LENGTH else f"{name[: _NAME_LENGTH - 1]}…"
-
-
-def ratio_text(value: float | None) -> str:
-    """A flux ratio in the compact form of terminals."""
-    return MISSING if value is None else f"{value:.2e}"
-
-
-def status_cell(status: str, reason: str) -> str:
-    """Symbol and the short reason; `explain_symbols` explains the symbols below the table."""
-    return f"{STATUS_SYMBOLS.get(status, '')} {reason.replace('_', ' ') or status_text(status)}".strip()
-
-
-def verdict_cell(item: EtcRow | RankedTarget | BandStanding) -> str:
-    """Verdict of an answer in a cell; the mark of a success stands before a detection only."""
-    if item.status == "ok":
-        if item.verdict == "detected":
-            return f"{STATUS_SYMBOLS['ok']} {VERDICTS['detected']}"
-        return status_text("ok") if item.verdict is None else f"{_NEUTRAL} {VERDICTS[item.verdict]}"
-    if item.reason == "speckle_floor" and item.limited_by in ("photons", "background"):
-        return f"{STATUS_SYMBOLS[item.status]} {LIMITED_BY[item.limited_by][0]}"
-    return status_cell(item.status, item.reason)
-
-
 def explain_symbols(console: Console, statuses: list[str]) -> None:
     """Explain the symbols of a table."""
     used = [status for status in STATUS_SYMBOLS if status in statuses]
     if used and used != ["ok"]:
         print_note(console, "   ".join(f"{STATUS_SYMBOLS[status]} {status_text(status)}" for status in used))
-
-
-def frames_text(item: RankedTarget | BandConfirmation | EtcRow | SearchRecord) -> str:
-    """Number of frames and their exposure."""
-    if item.exposure_s is None or item.n_frames is None:
-        return MISSING
-    return f"{item.n_frames} × {significant(item.exposure_s)}"

@@ -16,8 +16,6 @@ from cpic_planner.validation.roc import RocCurve
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["completeness_figure", "contrast_curve_figure", "roc_figure"]
-
 FloatArray = npt.NDArray[np.float64]
 _LINES = ("-", "--", "-.", ":")
 _MARKED_SIGMA = (3.0, 4.0, 5.0)

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.patches import Patch
 
-__all__ = ["visibility_figure"]
-
 FloatArray = NDArray[np.float64]
 
 # Light tints of Okabe-Ito colours and hatches: told apart with any colour vision, and in grey by the hatch.

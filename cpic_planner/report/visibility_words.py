@@ -7,8 +7,6 @@ import io
 
 from cpic_planner.models import PointingRecord, VisibilityResult
 
-__all__ = ["BLOCK_WORDS", "day_text", "pointing_sentence", "visibility_csv"]
-
 BLOCK_WORDS = {
     "sun": "too near the Sun",
     "moon": "too near the Moon",

@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["convergence_figure", "curves_figure", "sweep_figure"]
-
 FloatArray = NDArray[np.float64]
 _What = Literal["curve", "convergence"]
 _BAND_ALPHA = 0.18

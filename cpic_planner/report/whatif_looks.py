@@ -13,8 +13,6 @@ from cpic_planner.report.drawing import BAND_STYLE, literal
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["FEW", "MOST_ROWS", "Sweep", "left_out", "looks_of", "plain_log_axis", "row_label", "shown_rows", "sweep_of"]
-
 FEW = 8
 """Strategies that can be told apart by colour and marker in one plot."""
 MOST_ROWS = 40

@@ -8,23 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cpic_planner.models.surveyed import SurveyTarget, WhatIfResult
-from cpic_planner.report.drawing import (
-    SCREEN_DPI,
-    Picture,
-    literal,
-    new_figure,
-    place_labels,
-    save,
-    style,
-)
+from cpic_planner.report.drawing import SCREEN_DPI, Picture, literal, new_figure, place_labels, save, style
 from cpic_planner.report.names import pretty_name
 from cpic_planner.report.sky_map import map_longitude, marker_area, sky_axes
 from cpic_planner.report.whatif_looks import FEW, MOST_ROWS, looks_of, row_label
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-__all__ = ["calendar_figure", "stars_figure", "visited"]
 
 _RING_AREA = 75.0
 _LABELLED = 14

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["detections_figure", "differences_figure", "time_figure", "yields_figure"]
-
 _PARTS: tuple[tuple[str, str, str, str], ...] = (
     ("exposing_h", "exposing", "#0072B2", ""),
     ("occulted_h", "target out of sight", "#8C8C8C", "//"),

@@ -1,4 +1,4 @@
-"""What codes mean, in words: statuses, reasons, flags, reference libraries, glossary, credits."""
+"""What codes mean, in words: statuses, reasons, flags, terms of the noise, limits, remedies."""
 
 from __future__ import annotations
 
@@ -10,40 +10,13 @@ from typing import Any
 
 from catalogs.star_flags import ADDED_FLAGS
 from cpic_planner.overrides import SimulatorOverrides
-
-__all__ = [
-    "ALBEDO_STATUS",
-    "DRAWN_AS",
-    "FLAGS",
-    "GLOSSARY",
-    "LIBRARIES",
-    "LIMITED_BY",
-    "METHOD_CREDITS",
-    "STAR_FLUX",
-    "STATUS_SYMBOLS",
-    "STATUS_WORDS",
-    "VERDICTS",
-    "flag_text",
-    "found_text",
-    "library_text",
-    "overrides_text",
-    "plus_minus",
-    "reason_text",
-    "searched_text",
-    "sentence",
-    "status_text",
-    "tau_text",
-    "verdict_text",
-]
+from cpic_planner.registry.libraries import LIBRARIES
+from cpic_planner.registry.scores import SCORES
+from cpic_planner.report.numbers import MISSING, decimals, significant
+from simulator.detectors.chains import noise_terms
 
 #: Symbol of each status, so that badges do not rely on colour.
-STATUS_SYMBOLS: dict[str, str] = {
-    "ok": "✓",
-    "unreachable": "○",
-    "saturated": "▲",
-    "outside_field": "□",
-    "invalid": "✕",
-}
+STATUS_SYMBOLS: dict[str, str] = {"ok": "✓", "unreachable": "○", "saturated": "▲", "outside_field": "□", "invalid": "✕"}
 
 STATUS_WORDS: dict[str, str] = {
     "ok": "ok",
@@ -107,12 +80,38 @@ ALBEDO_STATUS: dict[str, str] = {
 #: How realisations are made.
 DRAWN_AS: dict[str, str] = {"sums": "as sums of frames", "frames": "frame by frame"}
 
-LIBRARIES: dict[str, str] = {
-    "same_star_planet_free": "the same star without its planet, with its own noise and visit drift; as much time "
-    "as the science frames",
-    "reference_star": "another star, with its own magnitude and colour",
-    "roll": "the same star at another roll angle",
-    "idealised": "noise-free or drift-free: idealised",
+#: Terms of the variance.
+TERMS: dict[str, str] = {
+    "planet": "planet's own light",
+    "halo": "starlight in the hole",
+    "companion": "companion's light",
+    "sky": "sky and zodiacal light",
+    "exozodi": "dust around the star",
+    "smear": "smear of the frame transfer",
+    "counting": "counted photons and false counts",
+    "reference": "all noise of the reference frames",
+    "background_mean": "error of the mean background",
+    "speckle": "speckles that the subtraction leaves",
+    "companion_wings": "companion's light that the subtraction leaves",
+} | {term: effect.term_label or effect.label for term, effect in noise_terms().items()}
+
+#: Limits of exposure and gain: in one or two words, and in a sentence after "is held by".
+LIMITS: dict[str, tuple[str, str]] = {
+    "exposure_max": ("longest", "the longest frame of the camera"),
+    "exposure_min": ("shortest", "the shortest frame of the camera"),
+    "em_gain_max": ("largest", "the largest gain of the register"),
+    "pixel_full_well": ("pixel well", "the pixel's full well: a longer frame would overflow into the hole"),
+    "register_full_well": ("register", "the gain register's full well: more charge would trail into the hole"),
+    "adc_range": ("converter", "the converter's range"),
+}
+
+REMEDIES: dict[str, str] = {
+    "twice_the_time": "twice the time in one visit",
+    "half_the_drift": "half the drift of the wavefront",
+    "half_the_read_noise": "half the read noise",
+    "half_the_clock_charge": "half the clock-induced charge",
+    "half_the_star_light": "half the starlight in the hole",
+    "four_times_the_reference": "four times the reference frames (their time not counted)",
 }
 
 #: Flags that the planner adds; those of the catalogue are described beside its data.
@@ -130,119 +129,15 @@ FLAGS: dict[str, str] = {
     "insolation_clamped": "the planet's insolation is outside the models' 0.5-5 au: the nearer end is used",
     "extrapolated": "beyond the range of its input data",
     "clamped": "an input was clamped to the range of its model",
-    "idealised": "noise-free or drift-free reference library",
-    "reference_colour_not_modelled": "speckles are subtracted as if the reference star had the colour of the star",
     "speckle_error_extrapolated": "the error of the speckles is that of the nearest separation where it was measured",
     "exposure_beyond_max": "the exposure asked for is longer than the camera's longest",
 }
 
-GLOSSARY: tuple[tuple[str, str], ...] = (
-    (
-        "contrast",
-        "Planet-to-star ratio of detected photon rates in the band, before mask and aperture: a property of the planet "
-        "and the band.",
-    ),
-    (
-        "contrast limit",
-        "The planet-to-star ratio that would just be detected at a stated n-sigma level: a property of the "
-        "observation. It is never raw contrast, which is the brightness of starlight in the dark hole relative "
-        "to the unmasked peak.",
-    ),
-    (
-        "SNR",
-        "Planet signal over its photometric error, the planet's own noise included: how well the flux is measured.",
-    ),
-    (
-        "significance",
-        "Planet signal over the noise that would be there without a planet: how sure one is that there is one.",
-    ),
-    (
-        "threshold",
-        "The significance that keeps the false-alarm probability of the stated n sigma although the noise is estimated "
-        "from few resolution elements (small-sample statistics). It rises where there are few.",
-    ),
-    (
-        "margin",
-        "Significance divided by threshold. Somewhat more than half of the visits show a planet of margin 1 if its "
-        "place is known.",
-    ),
-    (
-        "detected",
-        "At least half of the visits show the planet at its known place, as simulated images have it. A blind search, "
-        "which does not know the place, finds it less often where speckles rule: its probability is stated beside.",
-    ),
-    (
-        "limited by",
-        "The single change that would make the planet detected in the given time. Speckles: a wavefront that does not "
-        "drift; background: no noise but the planet's own and the speckles; photons: neither of them is enough, the "
-        "planet is too faint.",
-    ),
-    (
-        "completeness",
-        "Fraction of the planets of a stated population, drawn the same for every star, that one observation detects. "
-        "Planets outside the dark quadrants or fainter than the limit at their place are missed.",
-    ),
-    ("score", "What the ranking is by; more is better. Its name stands above the ranking."),
-    (
-        "Kendall tau",
-        "Agreement of two orders: 1 where all pairs of stars stand in the same order, 0 for unrelated orders, −1 for "
-        "reversed ones. Equal scores are no order (tau-b).",
-    ),
-    (
-        "speckle floor",
-        "Scatter of the starlight that the subtraction leaves because the wavefront has drifted. It grows with the "
-        "signal and does not average away with more frames: no length of visit detects a planet below it.",
-    ),
-    (
-        "predicted, recovered",
-        "Predicted numbers come from the analytic model; recovered ones from simulated images after the star was "
-        "subtracted. A blind search decides whether the planet is found; aperture photometry at its true place gives "
-        "the flux, found or not. Recovered numbers are those of one observation, averaged over the realisations.",
-    ),
-    (
-        "realisation",
-        "One made-up observation: a drift of the wavefront between and during the visits, and every noise, drawn "
-        "anew. Most are drawn as sums of frames over the dark hole; the audited one is run frame by frame with every "
-        "effect of the camera, calibrated, and cleaned of particles.",
-    ),
-    (
-        "blind search",
-        "A matched filter over the whole dark hole that does not know where the planet is. Its threshold holds the "
-        "false-alarm probability per resolution element of the stated n sigma, and allows for the places between them.",
-    ),
-    (
-        "optimistic, pessimistic",
-        "The ETC is optimistic by predicted over recovered SNR if that is above 1, pessimistic if below, each by more "
-        "than two standard errors; closer to 1 it agrees.",
-    ),
-    ("separation", "Angle between planet and star on the sky, projected."),
-    (
-        "dark hole",
-        "The four square zones around the star in which starlight is suppressed; the mask's cross lies between them.",
-    ),
-    ("core throughput", "Light in the photometric aperture over light on the clear 2 m pupil."),
-    (
-        "RDI",
-        "Reference differential imaging: modes of reference frames (singular vectors) are fitted to the science "
-        "frames and subtracted.",
-    ),
-    (
-        "integration, wall time",
-        "Integration is frames × exposure on the planet. Wall time adds readouts, reference frames and "
-        "overhead; orbit and calendar are not in it.",
-    ),
-    (
-        "EM gain",
-        "Mean amplification of the electron-multiplying register. It lowers the effective read noise and nearly "
-        "doubles the photon-noise variance.",
-    ),
-)
-
-#: What to cite besides the data.
-METHOD_CREDITS: tuple[str, ...] = (
-    "Instrument concept: CPI-C on CSST, as published by Zhu et al. (2025, RAA, arXiv:2511.09862).",
-    "Small-sample detection thresholds: Mawet et al. (2014, ApJ 792, 97).",
-)
+_CAPS = {
+    "hole": "keeps the pixels inside the dark hole unsaturated",
+    "register_tail": "keeps bright starlight beside the hole from trailing into it through the register",
+    "frame": "leaves every pixel of the whole frame unsaturated",
+}
 
 
 @functools.cache
@@ -251,40 +146,52 @@ def _catalogue_flags() -> dict[str, str]:
     return dict(json.loads(text)["quality_flags"])
 
 
+def _spelled(words: Mapping[str, str], code: str) -> str:
+    """Return what a code means; an unknown one with spaces for underscores."""
+    return words.get(code, code.replace("_", " "))
+
+
 def status_text(status: str) -> str:
     """Return a status as words."""
-    return STATUS_WORDS.get(status, status.replace("_", " "))
+    return _spelled(STATUS_WORDS, status)
 
 
 def verdict_text(verdict: str | None, status: str) -> str:
     """Return a verdict as words; the status where there is none."""
-    return status_text(status) if verdict is None else VERDICTS.get(verdict, verdict.replace("_", " "))
+    return status_text(status) if verdict is None else _spelled(VERDICTS, verdict)
 
 
 def reason_text(reason: str) -> str:
-    """Return a reason code as words; unknown codes with spaces for underscores."""
-    return _REASONS.get(reason, reason.replace("_", " "))
+    """Return a reason code as words."""
+    return _spelled(_REASONS, reason)
 
 
-def library_text(library: str) -> str:
-    """Return what a reference library is; the code itself if unknown."""
-    return LIBRARIES.get(library, library.replace("_", " "))
+def term_text(term: str) -> str:
+    """Return a term of the noise as words."""
+    return _spelled(TERMS, term)
 
 
-def found_text(library: str) -> str:
-    """Say when a realisation counts as a detection, for a reference library."""
-    blind = "the blind search finds the planet"
-    return "the planet is significant at its known place (two rolls show it twice)" if library == "roll" else blind
+def remedy_text(remedy: str) -> str:
+    """Return a remedy as words."""
+    return _spelled(REMEDIES, remedy)
 
 
-def searched_text(library: str) -> str:
-    """Say what is done with images after the reduction, for a reference library."""
-    return "measured at the known place" if library == "roll" else "searched blind and measured"
+def short_limit(limit: str) -> str:
+    """Return a limit in one or two words; empty for none."""
+    return LIMITS[limit][0] if limit in LIMITS else _spelled({}, limit)
+
+
+def limit_text(limit: str) -> str:
+    """Return a limit as words that follow "is held by"."""
+    return LIMITS[limit][1] if limit in LIMITS else _spelled({}, limit)
 
 
 def flag_text(flag: str) -> str:
     """Return a flag as words; unknown flags with spaces for underscores."""
-    return FLAGS.get(flag) or ADDED_FLAGS.get(flag) or _catalogue_flags().get(flag, flag.replace("_", " "))
+    of_library = next((item.caveats[flag] for item in LIBRARIES.values() if flag in item.caveats), "")
+    return (
+        of_library or FLAGS.get(flag) or ADDED_FLAGS.get(flag) or _catalogue_flags().get(flag, flag.replace("_", " "))
+    )
 
 
 def plus_minus(text: str) -> str:
@@ -314,3 +221,33 @@ def overrides_text(overrides: Mapping[str, Any]) -> str:
         ``simulator_overrides`` of a result.
     """
     return SimulatorOverrides.of(overrides).text().replace(" x", " ×") if overrides else ""
+
+
+def score_number(value: float, score: str) -> str:
+    """Return a score as text with sensible digits."""
+    places = SCORES[score].decimals
+    if places is not None:
+        return decimals(value, places)
+    return "0" if value == 0.0 else significant(value) if value >= 1e-3 else f"{value:.1e}"
+
+
+def cap_sentence(name: str, gain: float) -> str:
+    """Return what a gain spares; 0 means that not even gain 1 does."""
+    what = _CAPS.get(name, name.replace("_", " "))
+    return f"EM gain up to {significant(gain)} {what}" if gain >= 1.0 else f"no EM gain {what}"
+
+
+def ra_text(ra_deg: float | None) -> str:
+    """Return a right ascension as hours, minutes and seconds."""
+    if ra_deg is None:
+        return MISSING
+    total = round(ra_deg / 15.0 * 3600.0) % 86400
+    return f"{total // 3600:02d} h {total // 60 % 60:02d} m {total % 60:02d} s"
+
+
+def dec_text(dec_deg: float | None) -> str:
+    """Return a declination as degrees and minutes."""
+    if dec_deg is None:
+        return MISSING
+    total = round(abs(dec_deg) * 60.0)
+    return f"{'−' if dec_deg < 0 else '+'}{total // 60:02d}° {total % 60:02d}′"

@@ -12,16 +12,13 @@ from cpic_planner.etc.questions import contrast_limit
 from cpic_planner.jobs.folder import RunFolder
 from cpic_planner.models import PlanResult, RankResult, SensitivityResult
 from cpic_planner.report.contrast_figure import HoleEdges, LimitCurve
-from cpic_planner.report.measured_table import measurements_csv
 from cpic_planner.report.names import pretty_name
 from cpic_planner.report.panels import Mark, Panels
-from cpic_planner.report.tables import ranking_csv, ranking_ecsv
+from cpic_planner.report.tables import measurements_csv, ranking_csv, ranking_ecsv
 from cpic_planner.targets import Targets, find_target
 from cpic_planner.validation.confirm import decode_arrays
 from simulator.config import Scene
 from simulator.target.sources import scene_sources
-
-__all__ = ["PRODUCTS", "hole_edges", "limit_curves", "panels_of", "write_report"]
 
 PRODUCTS = ("ranking.csv", "ranking.ecsv", "measurements.csv", "report.html")
 """Names of the files of a report."""
@@ -78,7 +75,7 @@ def panels_of(model: EtcModel, band: str, body: Mapping[str, Any], *, scene: Sce
     images = decode_arrays(body["panels"])
     nowhere = (images["science"] == 0) & (images["reference"] == 0)  # sums are drawn over the hole alone
     offsets: list[tuple[float | None, float | None]] = [(x, y) for x, y in body["planet_offsets_arcsec"]]
-    roll_deg = -0.5 * model.strategy.roll_deg if model.strategy.library == "roll" else 0.0
+    roll_deg = model.strategy.rolls_deg[0]
     marks = [
         Mark(item["x_arcsec"], item["y_arcsec"], "candidate")
         for item in (body["search"] or {"candidates": ()})["candidates"]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.jobs.folder import RunFolder
 from cpic_planner.models import ConfirmResult
-from cpic_planner.report.measured_table import measurements_csv
+from cpic_planner.report.tables import measurements_csv
 from cpic_planner.report.write import panels_of
 from cpic_planner.validation.findings import FittedAlbedo, albedo_fits
 from simulator.config import Scene
@@ -17,8 +17,6 @@ from simulator.config.albedo import ParametricAlbedo
 
 if TYPE_CHECKING:
     from cpic_planner.report.drawing import Picture
-
-__all__ = ["PANELS", "products_of", "write_confirm_report"]
 
 PANELS = "panels-{band}.png"
 """Name of the images of a band."""
@@ -30,11 +28,7 @@ def products_of(bands: Iterable[str]) -> list[str]:
 
 
 def write_confirm_report(
-    folder: RunFolder,
-    result: ConfirmResult,
-    model: EtcModel,
-    scene: Scene,
-    bodies: Mapping[str, Mapping[str, Any]],
+    folder: RunFolder, result: ConfirmResult, model: EtcModel, scene: Scene, bodies: Mapping[str, Mapping[str, Any]]
 ) -> None:
     """Write ``measurements.csv``, the images of each band as PNG, and ``report.html``, each whole.
 
@@ -49,7 +43,7 @@ def write_confirm_report(
     bodies : mapping
         What `cpic_planner.scene_confirmation.confirm_scene` returned beside the result, by band.
     """
-    from cpic_planner.report.confirm_html import render_confirm
+    from cpic_planner.report.html import render_confirm
     from cpic_planner.report.panel_figure import PanelSheet
     from cpic_planner.report.snr_figure import snr_figure
     from cpic_planner.report.spectrum_figure import spectrum_figure

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from cpic_planner.jobs.folder import RunFolder
 from cpic_planner.models.surveyed import WhatIfResult
-from cpic_planner.report.whatif_table import targets_csv
-
-__all__ = ["PRODUCTS", "write_whatif"]
+from cpic_planner.report.tables import targets_csv
 
 PRODUCTS = ("targets.csv", "report.html")
 """Names of the files of a report."""
@@ -20,8 +18,8 @@ def write_whatif(folder: RunFolder, result: WhatIfResult) -> None:
     folder : RunFolder
     result : WhatIfResult
     """
+    from cpic_planner.report.html import render_whatif
     from cpic_planner.report.whatif_figures import whatif_figures
-    from cpic_planner.report.whatif_html import render_whatif
 
     folder.write("targets.csv", targets_csv(result))
     folder.write("report.html", render_whatif(result, whatif_figures(result)))

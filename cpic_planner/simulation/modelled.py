@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from cpic_planner.models import EffectRecord, ModellingRecord
+from cpic_planner.models import ModellingRecord
 from cpic_planner.simulation.sequences import PlannedSequence
+from cpic_planner.validation.modelling import modelling_record
 from simulator.knobs import FIDELITIES
 from simulator.ledger.choice import Choice
 from simulator.ledger.observed import observation_choice
@@ -38,16 +39,5 @@ def modelled(item: PlannedSequence) -> ModellingRecord | None:
     choice = sequence_choice(item)
     if choice is None:
         return None
-    return ModellingRecord(
-        fidelity="custom",
-        tolerance=dict.fromkeys(choice.predicted_error, item.entry.tolerance),
-        predicted_error=dict(choice.predicted_error),
-        draw="frames",
-        region="full",
-        epochs=choice.epochs,
-        knobs=choice.knobs,
-        effects=[
-            EffectRecord(key=row.key, effect=row.effect, decision=row.decision, reason=row.reason, size=row.size)
-            for row in choice.rows
-        ],
-    )
+    tolerance = dict.fromkeys(choice.predicted_error, item.entry.tolerance)
+    return modelling_record(choice, fidelity="custom", tolerance=tolerance, draw="frames", region="full")

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from cpic_planner.etc.model import EtcModel, Strategy, build_model
+from cpic_planner.queries.changes import Change, changed
 from cpic_planner.survey.strategy import Assumptions, SurveyStrategy
 from simulator.cache import compute_once
 from simulator.config import Instrument, content_hash
@@ -44,29 +45,26 @@ def assumed_model(instrument: Instrument, strategy: SurveyStrategy, bands: Seque
     assumed = strategy.assumptions
     reduction = Strategy.model_validate(strategy.reduction.model_dump() | {"sigma": strategy.detection.sigma})
     nominal = build_model(instrument, bands, reduction)
-    own = _changes(instrument, assumed, nominal.bands)
+    own = _changes(assumed, nominal.bands)
     metrics = nominal.metrics
     if assumed.contrast is not None:
         metrics = {band: _assumed_metrics(instrument, band, item, assumed.contrast) for band, item in metrics.items()}
     if not own and metrics is nominal.metrics:
         return nominal
-    changed = instrument.changed(own) if own else instrument
-    return EtcModel(changed, Passbands.from_instrument(changed), metrics, reduction)
+    other = changed(instrument, own)
+    return EtcModel(other, Passbands.from_instrument(other), metrics, reduction)
 
 
-def _changes(instrument: Instrument, assumed: Assumptions, bands: Sequence[str]) -> dict[str, Any]:
-    own: dict[str, Any] = {}
+def _changes(assumed: Assumptions, bands: Sequence[str]) -> list[Change]:
+    """What a strategy takes of the instrument instead of what its file says."""
+    changes = []
     if assumed.drift != 1.0:
-        drift = instrument.drift
-        own["drift"] = {
-            "visit_nm": drift.visit_nm * assumed.drift,
-            "walk_nm_per_sqrt_hour": drift.walk_nm_per_sqrt_hour * assumed.drift,
-        }
+        changes.append(Change.scaling("drift", assumed.drift))
     if assumed.throughput != 1.0:
-        own["bands"] = {band: {"t_opt": instrument.bands[band].t_opt * assumed.throughput} for band in bands}
+        changes += [Change.scaling(f"bands.{band}.t_opt", assumed.throughput) for band in bands]
     if assumed.exozodi is not None:
-        own["sky"] = {"exozodi_zodis": assumed.exozodi}
-    return own
+        changes.append(Change(key="sky.exozodi_zodis", value=assumed.exozodi))
+    return changes
 
 
 def imaged_model(model: EtcModel, strategy: SurveyStrategy, band: str) -> EtcModel | None:

@@ -113,10 +113,9 @@ def see(
     x, y = sky_to_detector(separation, pa_deg - roll, parity=model.instrument.detector.parity)
     margin, tails, inward, snr, contrast = np.zeros((5, *shape))
     usable = inside_zone(metrics.zone, x, y, metrics.aperture_radius_arcsec)
-    first = 0.0
-    if model.strategy.library == "roll":
+    first = model.strategy.rolls_deg[-1]
+    if len(model.strategy.rolls_deg) > 1:
         x, y, usable = _at_two_rolls(model, metrics, separation, pa_deg - roll)
-        first = 0.5 * model.strategy.roll_deg
     if setting.possible and usable.any():
         visit, planet = np.nonzero(usable)
         light = mixture_contrast(
@@ -151,7 +150,7 @@ def _at_two_rolls(
     model: EtcModel, metrics: PsfMetrics, separation_arcsec: FloatArray, pa_deg: FloatArray
 ) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
     """Places at the first of two rolls, and whether planets can be told from themselves at the second."""
-    half, parity = 0.5 * model.strategy.roll_deg, model.instrument.detector.parity
+    half, parity = model.strategy.rolls_deg[-1], model.instrument.detector.parity
     first, second = (sky_to_detector(separation_arcsec, pa_deg + turn, parity=parity) for turn in (-half, half))
     radius = metrics.aperture_radius_arcsec
     usable = inside_zone(metrics.zone, *first, radius) & inside_zone(metrics.zone, *second, radius)

@@ -62,7 +62,7 @@ def sampled_detections(
     optics that would be darker are not known.
     """
     strategy = survey.strategy
-    if strategy.reduction.library == "roll":
+    if len(strategy.reduction.rolls_deg) > 1:
         return [], "images of two rolls are not sampled"
     if strategy.detection.rule == "expected":
         return [], "certain detections have no law that images could confirm"

@@ -123,7 +123,7 @@ def known_table(universe: UniverseConfig) -> KnownPlanetTable | None:
 def _check_rolls(config: StrategiesConfig, limits: VisibilityConfig) -> None:
     """Refuse rolls that the telescope cannot take."""
     for strategy in config.strategies:
-        half = 0.5 * strategy.reduction.roll_deg if strategy.reduction.library == "roll" else 0.0
+        half = strategy.reduction.rolls_deg[-1]
         reach = strategy.revisits.roll_dither_deg + half
         if reach > limits.roll_deg:
             what = "revisits.roll_dither_deg" if strategy.revisits.roll_dither_deg else "reduction.roll_deg"

@@ -22,6 +22,8 @@ from numpy.typing import ArrayLike, NDArray
 from catalogs.errors import InputError
 from catalogs.user_files import read_file
 from cpic_planner.jobs.folder import DamagedPartError, RunFolder
+from cpic_planner.models.columns import Column
+from cpic_planner.models.table import arrow_schema
 
 _LOG = logging.getLogger(__name__)
 SCHEMA_VERSION = 1
@@ -30,20 +32,6 @@ _ROW_GROUP = 1 << 18  # rows; fixed, as all that decides the bytes
 _WRITTEN = "a Parquet file written by this program"
 _MAX_BYTES = 4_000_000_000
 _KINDS = {"float64": "f", "int64": "i", "int32": "i", "bool": "b", "string": "OUT"}
-
-
-@dataclass(frozen=True)
-class Column:
-    """One column: numpy ``dtype`` (or ``string``), what it is, and its unit (empty for none)."""
-
-    name: str
-    dtype: str
-    description: str
-    unit: str = ""
-
-    def __post_init__(self) -> None:
-        if self.dtype not in _KINDS:
-            raise InputError(f"columns.{self.name}.dtype", self.dtype, allowed=", ".join(_KINDS))
 
 
 @dataclass(frozen=True)
@@ -56,6 +44,9 @@ class Table:
 
     def __post_init__(self) -> None:
         names = [column.name for column in self.columns]
+        for column in self.columns:
+            if column.dtype not in _KINDS:
+                raise InputError(f"columns.{column.name}.dtype", column.dtype, allowed=", ".join(_KINDS))
         if len(set(names)) < len(names):
             raise InputError(f"tables.{self.name}.columns", names, allowed="each name once")
         if not self.key or not set(self.key) <= set(names):
@@ -64,26 +55,7 @@ class Table:
     @cached_property
     def schema(self) -> Any:
         """Arrow schema: types, and unit and description of each column."""
-        import pyarrow as pa
-
-        types = {
-            "float64": pa.float64(),
-            "int64": pa.int64(),
-            "int32": pa.int32(),
-            "bool": pa.bool_(),
-            "string": pa.string(),
-        }
-        return pa.schema(
-            [
-                pa.field(
-                    column.name,
-                    types[column.dtype],
-                    nullable=False,
-                    metadata={"unit": column.unit, "description": column.description},
-                )
-                for column in self.columns
-            ]
-        )
+        return arrow_schema(self.columns)
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,10 +10,11 @@ from typing import Any
 
 from catalogs.errors import InputError
 from cpic_planner.models.surveyed import VariedSetting
+from cpic_planner.queries.dotted import get, keys_of, put, scaled
 from cpic_planner.survey.strategy import SurveyStrategy
 from cpic_planner.survey.strategy_file import MAX_STRATEGIES, StrategiesConfig
 from cpic_planner.written_values import Written, read_value, two_spellings, with_unit
-from simulator.config import FrozenModel, Instrument, load_instrument
+from simulator.config import Instrument, load_instrument
 from simulator.config.base import unit_of, validate
 from simulator.config.keys import nearest
 
@@ -90,7 +91,7 @@ def varied(config: StrategiesConfig, sweeps: Sequence[str]) -> StrategiesConfig:
         for chosen in itertools.product(*every):
             own = tree
             for setting, value in chosen:
-                own = _with(own, setting.key, value)
+                own = put(own, setting.key, value)
             given = tuple(setting for setting, _ in chosen)
             label = " ".join(setting.label for setting in given)
             about = f"{strategy.description}; here with {label}" if strategy.description else ""
@@ -133,7 +134,7 @@ def _sweep(text: str, config: StrategiesConfig) -> _Sweep:
             f"{0.24 * universe.duration_days:.0f} h for 1 % of them",
         )
     key = SHORT_NAMES.get(name, name)
-    known = tuple(key for key in _keys(SurveyStrategy) if key not in ("name", "description"))
+    known = tuple(key for key in keys_of(SurveyStrategy) if key not in ("name", "description"))
     if key not in known:
         drift = "drift=0.1nm sets the offset of a visit" if key.startswith("drift.") else ""
         raise InputError(
@@ -155,8 +156,8 @@ def _setting(
     unit = unit_of(sweep.key)
     value, text = written.value, written.text
     if written.action == "scale":
-        present = _at(tree, sweep.key)
-        value = _scaled(present, written.value)
+        present = get(tree, sweep.key)
+        value = scaled(present, written.value)
         if value is None:
             said = "not set" if present is None else str(present)
             raise InputError(
@@ -213,17 +214,6 @@ def _of_instrument(sweep: _Sweep, written: Written, instrument: Instrument) -> t
     return VariedSetting(name=sweep.name, key=key, text=text, value=value, unit=unit, meaning=said), given
 
 
-def _scaled(present: Any, factor: float) -> Any:
-    """A number of a strategy, or each of several, times a factor; None for what is no number."""
-    if isinstance(present, tuple) and present:
-        found = tuple(_scaled(item, factor) for item in present)
-        return None if None in found else found
-    if not isinstance(present, int | float) or isinstance(present, bool):
-        return None
-    value = present * factor
-    return int(value) if isinstance(present, int) and value == int(value) else value
-
-
 def _check_differ(sweep: _Sweep, settings: Sequence[tuple[VariedSetting, Any]]) -> None:
     """Refuse a value that is given twice, in two spellings or one."""
     for i, (setting, value) in enumerate(settings):
@@ -231,27 +221,3 @@ def _check_differ(sweep: _Sweep, settings: Sequence[tuple[VariedSetting, Any]]) 
         if same is not None:
             also = "" if same.text == setting.text else f"{same.text} is the same"
             raise InputError(sweep.where, setting.text, allowed="each value once", hint=also)
-
-
-def _keys(model: Any, above: str = "") -> tuple[str, ...]:
-    """Dotted keys of a model whose values are plain."""
-    found: list[str] = []
-    for name, field in model.model_fields.items():
-        below = field.annotation
-        if isinstance(below, type) and issubclass(below, FrozenModel):
-            found += _keys(below, f"{above}{name}.")
-        else:
-            found.append(f"{above}{name}")
-    return tuple(found)
-
-
-def _at(tree: Mapping[str, Any], key: str) -> Any:
-    """Value of a dotted key."""
-    head, _, rest = key.partition(".")
-    return _at(tree[head], rest) if rest else tree[head]
-
-
-def _with(tree: Mapping[str, Any], key: str, value: Any) -> dict[str, Any]:
-    """Copy of a tree with one value replaced."""
-    head, _, rest = key.partition(".")
-    return dict(tree) | {head: _with(tree[head], rest, value) if rest else value}

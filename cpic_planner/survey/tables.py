@@ -1,4 +1,4 @@
-"""Tables of a survey's results and their keys."""
+"""Tables of a survey's results and their keys: one kind of row each, its fields are the columns."""
 
 from __future__ import annotations
 
@@ -8,74 +8,76 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cpic_planner.models.base import Row
+from cpic_planner.models.columns import column, columns_of
 from cpic_planner.survey.events import Played
-from cpic_planner.survey.store import Column, Table
+from cpic_planner.survey.store import Table
 
-__all__ = ["TABLES", "rows_of"]
 
-UNIVERSES = Table(
-    "universes",
-    (
-        Column("strategy", "string", "name of the strategy"),
-        Column("universe", "int64", "number of the universe, the same sky for every strategy"),
-        Column("new_planets", "int64", "planets found that nobody knew"),
-        Column("known_planets", "int64", "known planets seen"),
-        Column("stars_with_planet", "int64", "stars with a planet found"),
-        Column("characterised_planets", "int64", "planets found and seen in every band of the follow-up"),
-        Column("noise_alarms", "int64", "noise taken for a planet"),
-        Column("background_alarms", "int64", "background stars taken for a planet"),
-        Column("visits", "int64", "visits made"),
-        Column("search_h", "float64", "telescope time of the search", "h"),
-        Column("follow_up_h", "float64", "telescope time of the follow-up", "h"),
-    ),
-    key=("strategy", "universe"),
+class UniverseRow(Row):
+    """One universe of a strategy."""
+
+    strategy: str = column("name of the strategy")
+    universe: int = column("number of the universe, the same sky for every strategy")
+    new_planets: int = column("planets found that nobody knew")
+    known_planets: int = column("known planets seen")
+    stars_with_planet: int = column("stars with a planet found")
+    characterised_planets: int = column("planets found and seen in every band of the follow-up")
+    noise_alarms: int = column("noise taken for a planet")
+    background_alarms: int = column("background stars taken for a planet")
+    visits: int = column("visits made")
+    search_h: float = column("telescope time of the search")
+    follow_up_h: float = column("telescope time of the follow-up")
+
+
+class DetectionRow(Row):
+    """One planet that a strategy finds in one universe."""
+
+    strategy: str = column("name of the strategy")
+    universe: int = column("number of the universe")
+    star: str = column("name in the catalogue")
+    planet: int = column("number of the planet around its star, known ones first")
+    known_row: int = column("row in the table of known planets, -1 for a new planet")
+    kind: int = column("number of the planet's kind in the population; the last one is that of known planets")
+    ordinal: int = column("number of the visit among those of its star")
+    option: int = column("way to visit the star: number of its frames")
+    band: str = column("band of the visit")
+    day: float = column("since the start of the survey", unit="d")
+    used_h: float = column("telescope time used by then")
+    radius_rjup: float = column("radius")
+    semi_major_axis_au: float = column("of the orbit")
+    eccentricity: float = column("of the orbit")
+    inclination_deg: float = column("of the orbit")
+    margin: float = column("predicted significance over threshold")
+    chance: float = column("probability that this visit detects it")
+    snr: float = column("predicted photometric SNR")
+    contrast: float = column("true planet-to-star ratio of detected rates")
+    separation_arcsec: float = column("projected")
+    pa_deg: float = column("position angle, east of north")
+    roll_deg: float = column("position angle of the detector's +y axis")
+    distance_au: float = column("true distance from the star")
+    phase_deg: float = column("star-planet-observer")
+
+
+class StarRow(Row):
+    """What a strategy does at one star in one block of universes."""
+
+    strategy: str = column("name of the strategy")
+    star: str = column("name in the catalogue")
+    block: int = column("block of universes that the sums run over")
+    universes: int = column("universes of the block")
+    visits: int = column("visits of the search, sum")
+    search_h: float = column("telescope time of the search, sum")
+    follow_up_h: float = column("telescope time of the follow-up, sum")
+    new_planets: int = column("planets found that nobody knew, sum")
+    known_planets: int = column("known planets seen, sum")
+
+
+TABLES = (
+    Table("universes", columns_of(UniverseRow), key=("strategy", "universe")),
+    Table("detections", columns_of(DetectionRow), key=("strategy", "universe", "star", "planet")),
+    Table("stars", columns_of(StarRow), key=("strategy", "star", "block")),
 )
-DETECTIONS = Table(
-    "detections",
-    (
-        Column("strategy", "string", "name of the strategy"),
-        Column("universe", "int64", "number of the universe"),
-        Column("star", "string", "name in the catalogue"),
-        Column("planet", "int64", "number of the planet around its star, known ones first"),
-        Column("known_row", "int64", "row in the table of known planets, -1 for a new planet"),
-        Column("kind", "int64", "number of the planet's kind in the population; the last one is that of known planets"),
-        Column("ordinal", "int64", "number of the visit among those of its star"),
-        Column("option", "int64", "way to visit the star: number of its frames"),
-        Column("band", "string", "band of the visit"),
-        Column("day", "float64", "since the start of the survey", "d"),
-        Column("used_h", "float64", "telescope time used by then", "h"),
-        Column("radius_rjup", "float64", "radius", "R_Jup"),
-        Column("semi_major_axis_au", "float64", "of the orbit", "au"),
-        Column("eccentricity", "float64", "of the orbit"),
-        Column("inclination_deg", "float64", "of the orbit", "deg"),
-        Column("margin", "float64", "predicted significance over threshold"),
-        Column("chance", "float64", "probability that this visit detects it"),
-        Column("snr", "float64", "predicted photometric SNR"),
-        Column("contrast", "float64", "true planet-to-star ratio of detected rates"),
-        Column("separation_arcsec", "float64", "projected", "arcsec"),
-        Column("pa_deg", "float64", "position angle, east of north", "deg"),
-        Column("roll_deg", "float64", "position angle of the detector's +y axis", "deg"),
-        Column("distance_au", "float64", "true distance from the star", "au"),
-        Column("phase_deg", "float64", "star-planet-observer", "deg"),
-    ),
-    key=("strategy", "universe", "star", "planet"),
-)
-STARS = Table(
-    "stars",
-    (
-        Column("strategy", "string", "name of the strategy"),
-        Column("star", "string", "name in the catalogue"),
-        Column("block", "int64", "block of universes that the sums run over"),
-        Column("universes", "int64", "universes of the block"),
-        Column("visits", "int64", "visits of the search, sum"),
-        Column("search_h", "float64", "telescope time of the search, sum", "h"),
-        Column("follow_up_h", "float64", "telescope time of the follow-up, sum", "h"),
-        Column("new_planets", "int64", "planets found that nobody knew, sum"),
-        Column("known_planets", "int64", "known planets seen, sum"),
-    ),
-    key=("strategy", "star", "block"),
-)
-TABLES = (UNIVERSES, DETECTIONS, STARS)
 
 
 def rows_of(played: Played, strategy: str, first_universe: int) -> dict[str, Mapping[str, NDArray[Any]]]:

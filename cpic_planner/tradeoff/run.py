@@ -166,8 +166,7 @@ def _result(
         own = [rows[case.name, point.name] for point in points_of(case) if (case.name, point.name) in rows]
         if own:
             ordered += compared(own, exposure_s=case.exposure_s)
-            about = {name: getattr(case, name) for name in TradeoffScene.model_fields}
-            shown.append(TradeoffScene(**about | {"n_frames": own[0].n_frames}))
+            shown.append(TradeoffScene.of(case, n_frames=own[0].n_frames))
     used = {row.machine for row in ordered} - {machine.key}
     return TradeoffResult(
         version=__version__,

@@ -6,8 +6,10 @@ import csv
 import io
 from collections.abc import Iterable, Sequence
 
+from cpic_planner.models import table
 from cpic_planner.models.tradeoff import MachineRecord, TradeoffResult, TradeoffRow
 from cpic_planner.tradeoff.scenes import SCENES
+from simulator.knobs import Quantity
 
 __all__ = ["COLUMNS", "csv_text", "read_csv", "report_text", "tier_table"]
 
@@ -48,21 +50,10 @@ _HEADINGS = {
 
 
 def csv_text(result: TradeoffResult) -> str:
-    """One line for each row, six digits; empty where there is no number."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(COLUMNS)
-    for row in result.rows:
-        values = row.model_dump() | {
-            "predicted_flux_error": row.predicted_error.get("planet_flux"),
-            "predicted_snr_error": row.predicted_error.get("snr"),
-        }
-        writer.writerow([_cell(values[name]) for name in COLUMNS])
-    return text.getvalue()
-
-
-def _cell(value: object) -> object:
-    return "" if value is None else f"{value:.6g}" if isinstance(value, float) else value
+    """Return one line for each row, six digits; empty where there is no number."""
+    errors: dict[str, Quantity] = {"predicted_flux_error": "planet_flux", "predicted_snr_error": "snr"}
+    rows = (dict(row) | {name: row.predicted_error.get(of) for name, of in errors.items()} for row in result.rows)
+    return table.csv_text(COLUMNS, rows, digits=6)
 
 
 def read_csv(text: str) -> list[dict[str, str]]:

@@ -56,23 +56,16 @@ def search_record(
     for item, name in zip(blind.candidates, names, strict=True):
         separation, pa_deg = detector_to_sky(item.x_arcsec, item.y_arcsec, roll_deg=roll_deg, parity=parity)
         records.append(
-            CandidateRecord(
-                x_arcsec=item.x_arcsec,
-                y_arcsec=item.y_arcsec,
+            CandidateRecord.of(
+                item,
                 separation_arcsec=float(separation),
                 pa_deg=float(pa_deg) % 360.0,
                 snr=item.snr_mf,
-                threshold=item.threshold,
-                detected=item.detected,
                 planet=name,
             )
         )
-    return SearchRecord(
-        band=task.band,
-        exposure_s=task.exposure_s,
-        n_frames=task.n_frames,
-        em_gain=task.em_gain,
-        realisations=task.realisations,
+    return SearchRecord.of(
+        task,
         false_detections=0,
         resolution_elements=blind.region.n_elements,
         sigma=task.strategy["sigma"],
@@ -152,22 +145,11 @@ def albedo_fits(scene: Scene, instrument: Instrument, bands: Sequence[BandConfir
 def albedo_records(fitted: Sequence[FittedAlbedo]) -> list[AlbedoRecord]:
     """Fits of metallicity and clouds for the record."""
     return [
-        AlbedoRecord(
+        AlbedoRecord.of(
+            item.fit,
             planet=item.light.name,
-            bands=list(item.fit.bands),
-            status=item.fit.status,
-            log10_mh=item.fit.log10_mh,
-            log10_fsed=item.fit.log10_fsed,
-            mean=item.fit.mean.tolist(),
-            covariance=item.fit.covariance.tolist(),
-            correlation=item.fit.correlation,
             log10_mh_interval=list(item.fit.interval("log10_mh")),
             log10_fsed_interval=list(item.fit.interval("log10_fsed")),
-            chi2=item.fit.chi2,
-            degrees_of_freedom=item.fit.degrees_of_freedom,
-            p_value=item.fit.p_value,
-            open_edges=list(item.fit.open_edges),
-            flags=list(item.fit.flags),
         )
         for item in fitted
     ]

@@ -10,16 +10,13 @@ import numpy as np
 import numpy.typing as npt
 
 from catalogs.errors import InputError
-from cpic_planner.etc.library import strategy_flags
-from cpic_planner.etc.model import Library, ReferenceStar, Strategy
+from cpic_planner.etc.model import Strategy
 from cpic_planner.validation.region import checked_frames, checked_region, region_rows
-from simulator.config import Scene, SceneStar
+from simulator.config import Scene
 from simulator.numeric import numeric_context
 from simulator.observation import Role
 from simulator.quantities import check_finite, check_number, check_whole
 from simulator.sequence import MAX_FRAMES
-
-__all__ = ["HaloScale", "LibraryPlan", "VisitSettings", "halo_scale", "library_plan", "scale_library"]
 
 FloatArray = npt.NDArray[np.float64]
 BLOCK_PIXELS = 8
@@ -41,7 +38,7 @@ class LibraryPlan:
     Attributes
     ----------
     name : str
-        ``same_star_planet_free``, ``reference_star``, ``roll`` or ``idealised``.
+        A name of `cpic_planner.registry.libraries.LIBRARIES`.
     science_scene, reference_scene : Scene
         What the frames of each visit show.
     science, reference : dict
@@ -57,7 +54,7 @@ class LibraryPlan:
         Caveats, the same as the ETC's.
     """
 
-    name: Library
+    name: str
     science_scene: Scene
     reference_scene: Scene
     science: VisitSettings
@@ -68,7 +65,7 @@ class LibraryPlan:
 
 
 def library_plan(strategy: Strategy, scene: Scene, n_frames: int, *, roll_deg: float = 0.0) -> LibraryPlan:
-    """What to simulate for the library that a strategy names.
+    """What to simulate for the library that a strategy names (`cpic_planner.registry.libraries`).
 
     Parameters
     ----------
@@ -85,52 +82,25 @@ def library_plan(strategy: Strategy, scene: Scene, n_frames: int, *, roll_deg: f
     -------
     LibraryPlan
         With ``round(n_frames * reference_ratio)`` reference frames, at least 1.
-
-    Notes
-    -----
-    ``same_star_planet_free`` (Zhu et al. 2025): the same scene without planets, in another visit.
-
-    ``reference_star``: another star alone, without companions, at the same place of the sky and so under the same sky
-    background; the dust around it is a copy of the science star's, scaled with its light, as in the ETC.
-
-    ``roll``: the whole scene half the roll to either side, on the detector to either side of the diagonal for a planet
-    on it. Companions turn with the sky, planets as well: only the star's own speckles stay.
-
-    ``idealised``: see ``LibraryPlan.noise_free``.
     """
     count = check_whole("n_frames", n_frames, 1, MAX_FRAMES)
     middle = check_number("roll_deg", roll_deg, "deg")
-    half = strategy.roll_deg / 2.0 if strategy.library == "roll" else 0.0
-    shown = scene if strategy.library == "roll" else scene.without_planets()
-    if strategy.library == "reference_star":
-        assert strategy.reference_star is not None  # checked by the strategy
-        shown = _reference_scene(scene, strategy.reference_star)
-    idealised = strategy.library == "idealised"
+    library, rolls = strategy.reference_library, strategy.rolls_deg
     references = max(round(count * strategy.reference_ratio), 1)
     return LibraryPlan(
-        name=strategy.library,
+        name=library.name,
         science_scene=scene,
-        reference_scene=shown,
-        science={"role": "science", "roll_deg": middle - half, "n_frames": count},
+        reference_scene=library.reference_scene(strategy, scene),
+        science={"role": "science", "roll_deg": middle + rolls[0], "n_frames": count},
         reference={
-            "role": "science" if idealised else "reference",
-            "roll_deg": middle + half,
-            "n_frames": count if idealised else references,
+            "role": "science" if library.noise_free else "reference",
+            "roll_deg": middle + rolls[-1],
+            "n_frames": count if library.noise_free else references,
         },
-        shows_planet=strategy.library == "roll",
-        noise_free=idealised,
-        flags=strategy_flags(strategy),
+        shows_planet=len(rolls) > 1,
+        noise_free=library.noise_free,
+        flags=library.flags,
     )
-
-
-def _reference_scene(scene: Scene, star: ReferenceStar) -> Scene:
-    own, name = scene.cstar, f"reference star of {scene.name}"
-    dust = tuple(
-        source.model_copy(update={"contrast": source.contrast_to(own.v_mag), "v_mag": None})
-        for source in scene.extended
-    )
-    other = SceneStar(name=name, ra_deg=own.ra_deg, dec_deg=own.dec_deg, **star.model_dump())
-    return Scene(name=name, cstar=other, extended=dust)
 
 
 @numeric_context()
@@ -152,7 +122,7 @@ def scale_library(reference_e: npt.ArrayLike, scale: float, *, pedestal_e: npt.A
     -------
     ndarray
         ``(reference_e - pedestal_e) scale + pedestal_e``: the variance of star light counts ``scale`` times that of the
-        science star's, all other variance ``scale^2`` times its own, as in `cpic_planner.etc.library`.
+        science star's, all other variance ``scale^2`` times its own, as in `cpic_planner.registry.libraries.OtherStar`.
 
     Raises
     ------

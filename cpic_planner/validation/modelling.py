@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any
 
 from cpic_planner.etc.model import Strategy
 from cpic_planner.models import EffectRecord, ModellingRecord
@@ -14,8 +14,9 @@ from cpic_planner.validation.task import ConfirmTask, images_of
 from simulator.config import Instrument, Planet, Scene
 from simulator.config.base import validate
 from simulator.imaging.store import psf_metrics
-from simulator.knobs import Dial, Knobs, Quantity
-from simulator.ledger import MAX_EPOCHS, SUM_EPOCHS, EffectRow, choose, forecast
+from simulator.knobs import Dial
+from simulator.ledger import MAX_EPOCHS, SUM_EPOCHS, choose, forecast
+from simulator.ledger.choice import Choice
 from simulator.outcome import Outcome
 from simulator.target.positions import detector_to_sky
 
@@ -44,43 +45,17 @@ MAX_RUNS_OF_FRAMES = 2
 """Realisations where every frame has to be run, but for the reference."""
 
 
-@dataclass(frozen=True)
-class Modelling:
-    """Settings of the images of a task, and what they are predicted to cost; made by `modelling_of`.
+@dataclass(frozen=True, kw_only=True)
+class Modelling(Choice):
+    """The choice of the ledger for the images of a task, with the dial that it follows; made by `modelling_of`.
 
     Attributes
     ----------
     dial : Dial
         With the tolerances of what is measured.
-    draw : {"sums", "frames"}
-        Sums of frames over the dark hole, or every frame.
-    region : {"hole", "full"}
-        Pixels of frames that are drawn one by one: around the hole, or whole frames of which the hole is kept.
-    knobs : Knobs
-    epochs : int
-        Of a visit.
-    switches : dict
-        Effects of the camera to switch off.
-    left_out : tuple of str
-        Names of sources.
-    rows : tuple of EffectRow
-        The ledger.
-    predicted_error : dict
-        Of each measured quantity.
-    outcome : Outcome
-        Whether that is within the tolerance.
     """
 
     dial: Dial
-    draw: Literal["sums", "frames"]
-    region: Literal["hole", "full"]
-    knobs: Knobs
-    epochs: int
-    switches: dict[str, bool]
-    left_out: tuple[str, ...]
-    rows: tuple[EffectRow, ...]
-    predicted_error: dict[Quantity, float]
-    outcome: Outcome[float]
 
     def instrument(self, instrument: Instrument) -> Instrument:
         """The camera with what is modelled of it."""
@@ -109,21 +84,14 @@ class Modelling:
 
     def record(self) -> ModellingRecord:
         """For the results."""
-        return ModellingRecord(
-            fidelity=self.dial.fidelity,
-            tolerance=self.dial.tolerance,
-            predicted_error={name: _bound(value) for name, value in self.predicted_error.items()},
-            draw=self.draw,
-            region=self.region,
-            epochs=self.epochs,
-            knobs=self.knobs,
-            effects=[
-                EffectRecord(
-                    key=row.key, effect=row.effect, decision=row.decision, reason=row.reason, size=_bound(row.size)
-                )
-                for row in self.rows
-            ],
-        )
+        return modelling_record(self, fidelity=self.dial.fidelity, tolerance=self.dial.tolerance)
+
+
+def modelling_record(choice: Choice, **given: Any) -> ModellingRecord:
+    """Return a choice of the ledger as results hold it, with the fields that it does not have, or has otherwise."""
+    errors = {name: _bound(value) for name, value in choice.predicted_error.items()}
+    effects = [EffectRecord.of(row) for row in choice.rows]
+    return ModellingRecord.of(choice, predicted_error=errors, effects=effects, **given)
 
 
 def _bound(value: float | None) -> float | None:
@@ -178,18 +146,9 @@ def modelling_of(task: ConfirmTask, *, by_frames: bool = False) -> Modelling:
         )
     # A tier that is too coarse is refused where images are asked for; who draws all the same gets what it stands for.
     draw = choice.draw if by_frames or choice.outcome.value is not None else "sums"
-    return Modelling(
-        dial=dial,
-        draw=draw,
-        region=choice.region,
-        knobs=choice.knobs,
-        epochs=min(choice.epochs, SUM_EPOCHS) if draw == "sums" else choice.epochs,
-        switches=choice.switches,
-        left_out=choice.left_out,
-        rows=tuple(rows.values()),
-        predicted_error=choice.predicted_error,
-        outcome=choice.outcome,
-    )
+    epochs = min(choice.epochs, SUM_EPOCHS) if draw == "sums" else choice.epochs
+    changed = {"draw": draw, "epochs": epochs, "rows": tuple(rows.values()), "dial": dial}
+    return Modelling(**vars(choice) | changed)
 
 
 def _with_planet(scene: Scene, instrument: Instrument, band: str) -> tuple[Scene, tuple[str, ...]]:

@@ -15,8 +15,6 @@ from cpic_planner.validation.rdi import Centering, RdiResult, rdi_subtract
 from cpic_planner.validation.region import as_images, checked_frames, checked_region, region_rows
 from simulator.numeric import numeric_context
 
-__all__ = ["RollResult", "roll_photometry", "roll_subtract"]
-
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 

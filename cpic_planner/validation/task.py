@@ -19,6 +19,7 @@ from cpic_planner.etc.significance import threshold_array
 from cpic_planner.models import BandConfirmation
 from cpic_planner.optimiser import best_in_band
 from cpic_planner.overrides import SimulatorOverrides
+from cpic_planner.queries.confirm import MAX_FRAMES
 from cpic_planner.ranking import no_frame
 from cpic_planner.targets import Targets
 from simulator.config import Instrument, Planet, Scene, SceneStar
@@ -40,8 +41,6 @@ __all__ = [
     "target_scene",
 ]
 
-MAX_FRAMES = 4000
-"""Frames of one sequence that are held in memory at once (0.6 GB of stamps)."""
 _REFUSALS = {
     Status.SATURATED: "every frame saturates",
     Status.UNREACHABLE: "the time holds no frame",

@@ -20,9 +20,11 @@ from cpic_planner.etc.model import build_model
 from cpic_planner.jobs.folder import open_run_folder
 from cpic_planner.models import PlanResult, RankResult, SensitivityResult
 from cpic_planner.plan import PlanConfig, make_plan, prepare_plan
+from cpic_planner.report.contrast_figure import contrast_diagram
 from cpic_planner.report.drawing import Picture
-from cpic_planner.report.figures import contrast_diagram, panel_picture, snr_figure
 from cpic_planner.report.names import pretty_name
+from cpic_planner.report.panel_figure import panel_picture
+from cpic_planner.report.snr_figure import snr_figure
 from cpic_planner.report.words import tau_text
 from cpic_planner.report.write import hole_edges, limit_curves, panels_of
 from simulator.config import load_instrument

@@ -15,7 +15,7 @@ from simulator.config.detector import AnyDetector
 from simulator.config.effects import CosmicRayConfig
 from simulator.detectors.chains import Chain
 from simulator.detectors.effect import Effect, Exposure, FloatArray, Work
-from simulator.effects.cosmic_rays import draw_cosmic_rays
+from simulator.effects.cosmic_rays import CosmicRays, draw_cosmic_rays
 from simulator.rng import PathPart, stream
 
 # Keeps sums over a column or a frame inside the whole numbers of float64 and int64; any full well is far below.
@@ -63,14 +63,20 @@ class Camera:
 
     def _tracks(self, detector: AnyDetector, exposure_s: float) -> Any:
         """What draws the particles of one frame."""
-        if not self.particles:
+        if self._rays is None or not self.particles:
             return None
+        return functools.partial(_tracks, self._rays, detector.pixel_um, exposure_s, self._rate)
 
-        def drawn(shape: tuple[int, int], rng: np.random.Generator) -> Any:
-            assert self._rays is not None
-            return draw_cosmic_rays(self._rays, shape, detector.pixel_um, exposure_s, self._rate, rng)
 
-        return drawn
+def _tracks(
+    rays: CosmicRayConfig,
+    pixel_um: float,
+    exposure_s: float,
+    rate_per_s_cm2: float,
+    shape: tuple[int, int],
+    rng: np.random.Generator,
+) -> CosmicRays:
+    return draw_cosmic_rays(rays, shape, pixel_um, exposure_s, rate_per_s_cm2, rng)
 
 
 def flaws_of(detector: AnyDetector, shape: tuple[int, ...], corner: tuple[int, int] | None) -> CalibrationSet | None:

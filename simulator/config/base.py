@@ -10,10 +10,11 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Annotated, Any, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic.fields import FieldInfo
 
 from catalogs.errors import InputError
 
-__all__ = ["FrozenModel", "canonical_json", "content_hash", "deep_merge", "flipped", "validate"]
+__all__ = ["FrozenModel", "canonical_json", "content_hash", "deep_merge", "flipped", "limits_of", "validate"]
 
 M = TypeVar("M", bound=BaseModel)
 
@@ -154,18 +155,24 @@ def _models(annotation: Any) -> Iterator[Any]:
         yield from _models(item)
 
 
+def limits_of(field: FieldInfo) -> str:
+    """Return the range that a field of a model states, in words, empty if it states none."""
+    return _limits(Annotated[(field.annotation, *field.metadata)] if field.metadata else field.annotation)
+
+
 def _limits(annotation: Any) -> str:
-    """Range that an annotation states, in words, empty if it states none."""
+    """Range that an annotation states, in words, empty if it states none; what no number reaches is left out."""
     bounds = {
         name: getattr(item, name)
         for item in _metadata(annotation)
         for name in ("ge", "gt", "le", "lt")
-        if getattr(item, name, None) is not None
+        if getattr(item, name, None) is not None and abs(getattr(item, name)) < 2**53
     }
-    if "ge" in bounds and "le" in bounds:
-        return f"{bounds['ge']:g} to {bounds['le']:g}"
+    said = {name: str(bound) if isinstance(bound, int) else f"{bound:g}" for name, bound in bounds.items()}
+    if "ge" in said and "le" in said:
+        return f"{said['ge']} to {said['le']}"
     words = {"ge": "at least", "gt": "above", "le": "at most", "lt": "below"}
-    return ", ".join(f"{word} {bounds[name]:g}" for name, word in words.items() if name in bounds)
+    return ", ".join(f"{word} {said[name]}" for name, word in words.items() if name in said)
 
 
 def _metadata(annotation: Any) -> Iterator[Any]:

@@ -35,10 +35,10 @@ if TYPE_CHECKING:
     OwnVisible: TypeAlias = FrozenModel
     OwnInfrared: TypeAlias = FrozenModel
 else:
-    CameraSwitches = switches_model("CameraSwitches", VISIBLE)
-    InfraredSwitches = switches_model("InfraredSwitches", INFRARED)
-    OwnVisible = numbers_model("OwnVisible", VISIBLE)
-    OwnInfrared = numbers_model("OwnInfrared", INFRARED)
+    CameraSwitches = switches_model("CameraSwitches", __name__, VISIBLE)
+    InfraredSwitches = switches_model("InfraredSwitches", __name__, INFRARED)
+    OwnVisible = numbers_model("OwnVisible", __name__, VISIBLE)
+    OwnInfrared = numbers_model("OwnInfrared", __name__, INFRARED)
 
 
 class FrameLayout(FrozenModel):

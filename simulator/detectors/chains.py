@@ -76,7 +76,7 @@ def rows_of(chain: Chain) -> Iterator[Effect]:
 
 def switched(chain: Chain) -> tuple[str, ...]:
     """Return the names of the switches of a chain."""
-    return tuple(effect.switch for effect in rows_of(chain) if effect.switch != "quantisation")
+    return tuple(effect.switch for effect in rows_of(chain) if not effect.fixed)
 
 
 def in_sums(chain: Chain, *fates: str) -> tuple[str, ...]:
@@ -128,13 +128,27 @@ class Switches(FrozenModel):
         def __getattr__(self, name: str) -> bool: ...
 
 
-def switches_model(name: str, chain: Chain) -> type[Switches]:
-    """Return the model of the switches of a chain."""
+def switches_model(name: str, module: str, chain: Chain) -> type[Switches]:
+    """Return the model of the switches of a chain.
+
+    Parameters
+    ----------
+    name, module : str
+        Name of the class, and of the module that holds it.
+    chain : tuple of Effect
+    """
     fields: Any = dict.fromkeys(switched(chain), (bool, ...))
-    return create_model(name, __base__=Switches, __doc__=Switches.__doc__, **fields)
+    return create_model(name, __base__=Switches, __module__=module, __doc__=Switches.__doc__, **fields)
 
 
-def numbers_model(name: str, chain: Chain) -> type[FrozenModel]:
-    """Return the model of the settings that effects of a chain bring with them, by the names of their switches."""
+def numbers_model(name: str, module: str, chain: Chain) -> type[FrozenModel]:
+    """Return the model of the settings that effects of a chain bring with them, by the names of their switches.
+
+    Parameters
+    ----------
+    name, module : str
+        Name of the class, and of the module that holds it.
+    chain : tuple of Effect
+    """
     own: Any = {effect.switch: (effect.settings, ...) for effect in chain if effect.settings is not None}
-    return create_model(name, __base__=FrozenModel, **own)
+    return create_model(name, __base__=FrozenModel, __module__=module, **own)

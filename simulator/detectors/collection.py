@@ -40,6 +40,7 @@ class PhotonNoise(Effect):
     label = "photon noise"
     law = "Poisson"
     stage = "charge"
+    in_sums = "per_electron"
     always = True
     needs = "exposure"
     frame_s = 4e-4
@@ -172,6 +173,7 @@ class Blooming(Effect):
     label = "pixel full well"
     law = "the excess blooms along the column"
     stage = "charge"
+    in_sums = "per_electron"
     frame_s = 5e-5
 
     def expect(self, image: FloatArray, exposure: Exposure) -> None:

@@ -167,9 +167,10 @@ class Effect:
     label, law : str
         Its name for people, and how it is modelled.
     stage : {"light", "charge", "voltage"}
-        Where in the chain it acts: on mean rates, on electrons before the output, on the signal at the output.
-    always : bool
-        Whether it runs (in a plain form) with its switch off.
+        Where in the chain it acts: on mean rates; on electrons, those behind the register multiplied already; on the
+        signal at the output, in ADU in the visible camera and in electrons in every read of the near-infrared one.
+    always, fixed : bool
+        Whether it runs (in a plain form) with its switch off; whether it has none.
     settings : type of FrozenModel, optional
         Model of numbers of its own: a key of the detector of the name of the switch.
     preset : mapping
@@ -182,9 +183,10 @@ class Effect:
         Calibration map that replaces its numbers.
     hides : tuple of str
         Switches of effects that disappear with it: it is left out after them.
-    in_sums : {"drawn", "left_out", "moves_charge", "not_additive"}
-        What becomes of it where sums of frames stand for frames: it is drawn; a reduction takes it out; it adds up but
-        moves charge between pixels; it does not add up.
+    in_sums : {"added", "per_electron", "left_out", "moves_charge", "not_additive"}
+        What becomes of it where sums of frames stand for frames: what it adds to each frame is drawn and added; it acts
+        on every electron for itself, so that a sum is drawn as one frame; a reduction takes it out; it acts on every
+        electron but moves charge between pixels; it does not add up.
     seeded : bool
         Whether it is read from the calibration set of the camera.
     frame_s, set_up_s : float
@@ -200,13 +202,14 @@ class Effect:
     law: ClassVar[str] = ""
     stage: ClassVar[Literal["light", "charge", "voltage"]] = "light"
     always: ClassVar[bool] = False
+    fixed: ClassVar[bool] = False
     settings: ClassVar[type[FrozenModel] | None] = None
     preset: ClassVar[Mapping[str, Any]] = {}
     needs: ClassVar[Literal["", "light", "exposure"]] = ""
     number: ClassVar[str] = ""
     map_kind: ClassVar[str] = ""
     hides: ClassVar[tuple[str, ...]] = ()
-    in_sums: ClassVar[Literal["drawn", "left_out", "moves_charge", "not_additive"]] = "drawn"
+    in_sums: ClassVar[Literal["added", "per_electron", "left_out", "moves_charge", "not_additive"]] = "added"
     seeded: ClassVar[bool] = False
     frame_s: ClassVar[float] = 0.0
     set_up_s: ClassVar[float] = 0.0
@@ -220,8 +223,8 @@ class Effect:
         return self.term or self.switch
 
     def on(self, detector: Any) -> bool:
-        """Whether its switch is on; effects without a switch always are."""
-        return bool(getattr(detector.switches, self.switch, True))
+        """Whether its switch is on, or it has none."""
+        return self.fixed or bool(getattr(detector.switches, self.switch))
 
     def runs(self, detector: Any) -> bool:
         """Whether it is part of the chain of a camera."""
@@ -234,11 +237,9 @@ class Effect:
         """Do to one frame, in place, what the effect does at random."""
 
     def draw_sum(self, work: Work, exposure: Exposure, n_frames: int, rng: np.random.Generator) -> None:
-        """Do the same to the sum of frames, whose means ``exposure`` holds.
-
-        What acts on every electron for itself does to a sum what it does to one frame that is as bright.
-        """
-        self.draw(work, exposure, rng)
+        """Do the same to the sum of frames, whose means ``exposure`` holds: frame by frame if it adds to each."""
+        for _ in range(n_frames if self.in_sums == "added" else 1):
+            self.draw(work, exposure, rng)
 
     def added(self, detector: Any, exposure_s: float | None = None) -> FrameTerm:
         """Return the variance that it adds to a pixel and frame where it is switched on.

@@ -193,7 +193,7 @@ class Quantisation(Effect):
     label = "bias level, quantisation, range of the converter"
     law = "cut off and counted"
     stage = "voltage"
-    always = True
+    fixed = True
     term = "rounding"
     term_label = "rounding to whole ADU"
     colour = "#BBBBBB"

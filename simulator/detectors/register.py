@@ -29,6 +29,7 @@ class Register(Effect):
     label = "noise of the EM register"
     law = "law of the stage-by-stage cascade"
     stage = "charge"
+    in_sums = "per_electron"
     always = True
     frame_s = 4e-4
 
@@ -66,6 +67,7 @@ class RegisterClockCharge(Effect):
     label = "clock-induced charge of the register"
     law = "electrons made between the stages"
     stage = "charge"
+    in_sums = "per_electron"
     number = "register_cic_e"
     frame_s = 2e-4
 
@@ -125,6 +127,7 @@ class RegisterFullWell(Effect):
     label = "register full well"
     law = "the excess trails along the row"
     stage = "charge"
+    in_sums = "per_electron"
     frame_s = 1e-4
 
     def expect(self, image: FloatArray, exposure: Exposure) -> None:

@@ -188,6 +188,7 @@ class ClockCharge(Effect):
     label = "clock-induced charge"
     law = "Poisson, once a frame"
     stage = "charge"
+    in_sums = "per_electron"
     number = "cic_e"
     map_kind = "cic"
     frame_s = 2e-4

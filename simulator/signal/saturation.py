@@ -7,7 +7,7 @@ saturate (its own cap is known as well, for those who want none of it to).
 from __future__ import annotations
 
 import math
-from typing import Protocol
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,36 +20,33 @@ N_SIGMA = 5.0
 _ALL = 1.0
 
 
-class Wells(Protocol):
-    """What a camera holds, in electrons: its pixels, its register, its converter, and both of these together.
+@dataclass(frozen=True, kw_only=True)
+class Wells:
+    """What a camera holds; electrons at the register input unless said.
 
-    ``em_gain_max`` is its largest gain, 1 without a register; ``blooms`` says whether what overflows runs along columns
-    and rows into the hole.
+    Attributes
+    ----------
+    full_well_e : float
+        Charge that a pixel holds.
+    register_full_well_e, converter_e : float
+        Charge at the register output that the register and the converter hold (the converter after five sigma of read
+        noise); infinite where there is none.
+    em_gain_max : float
+        Largest EM gain, 1 without a register.
+    blooms : bool
+        Whether overfull pixels spill along columns and rows into the hole.
     """
 
-    @property
-    def full_well_e(self) -> float:
-        """Charge that a pixel holds."""
-
-    @property
-    def register_full_well_e(self) -> float:
-        """Charge that the register holds at its output."""
-
-    @property
-    def converter_e(self) -> float:
-        """Charge at the output that the converter can count, noise allowed for."""
+    full_well_e: float
+    register_full_well_e: float
+    converter_e: float
+    em_gain_max: float
+    blooms: bool = True
 
     @property
     def output_well_e(self) -> float:
-        """The lesser of the two."""
-
-    @property
-    def em_gain_max(self) -> float:
-        """Largest EM gain."""
-
-    @property
-    def blooms(self) -> bool:
-        """Whether charge that a pixel cannot hold reaches others."""
+        """Charge at the output that register and converter hold."""
+        return min(self.register_full_well_e, self.converter_e)
 
 
 def crest_e(mean_e: ArrayLike, factor2: float, n_sigma: float = N_SIGMA) -> FloatArray:

@@ -8,9 +8,11 @@ import pytest
 from cpic_planner.etc.model import build_model
 from cpic_planner.plan import PlanConfig, make_plan
 from cpic_planner.ranking import rank_targets
-from cpic_planner.report.figures import contrast_diagram, margin_figure, sky_map
+from cpic_planner.report.contrast_figure import contrast_diagram
+from cpic_planner.report.margin_figure import margin_figure
 from cpic_planner.report.panel_figure import PanelSheet
 from cpic_planner.report.panels import Panels
+from cpic_planner.report.sky_map import sky_map
 from cpic_planner.targets import rank_sample
 from simulator import load_instrument
 

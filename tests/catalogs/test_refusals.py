@@ -9,6 +9,7 @@ from catalogs.bands import Band
 from catalogs.catalogue import open_catalogue
 from catalogs.coordinates import propagate
 from catalogs.errors import InputError
+from catalogs.known_planets import load_known_planets
 from catalogs.names import resolve_star
 from catalogs.spectral_types import parse_spectral_type, stellar_parameters
 from catalogs.strict_yaml import parse_yaml
@@ -28,6 +29,7 @@ READERS = {
     "yaml": parse_yaml,
     "band": lambda change: Band(**(BAND | change)),
     "catalogue": open_catalogue,
+    "planets_source": load_known_planets,
     "motion": lambda change: propagate(**(STILL | change), epoch_yr=2000.0, to_epoch_yr=2020.0),
 }
 
@@ -36,9 +38,12 @@ READERS = {
 def tables(tmp_path):
     """Readers of what stands in mine.csv."""
 
-    def opened(content):
+    def written(content):
         (tmp_path / "mine.csv").write_bytes(content if isinstance(content, bytes) else content.encode())
-        return open_catalogue(tmp_path / "mine.csv")
+        return tmp_path / "mine.csv"
+
+    def opened(content):
+        return open_catalogue(written(content))
 
     def with_column(change, unit=""):
         row = HEADER | change
@@ -48,6 +53,7 @@ def tables(tmp_path):
 
     return {
         "user_table": opened,
+        "known_planets": lambda text: load_known_planets(written(text)),
         "third_row": lambda line: opened(f"{SIMPLE}{line}\n"),
         "value_of_column": with_column,
         "unit_of_column": lambda units: with_column(dict.fromkeys(units, "1"), f" [{next(iter(units.values()))}]"),

@@ -5,7 +5,8 @@ import pytest
 from catalogs.errors import InputError
 from cpic_planner.etc.model import Strategy, build_model
 from cpic_planner.explain import explain_star
-from cpic_planner.ranking import PopulationChoice, rank_targets
+from cpic_planner.population import PopulationChoice
+from cpic_planner.ranking import rank_targets
 from cpic_planner.sensitivity import ASSUMPTIONS, sensitivity
 from cpic_planner.targets import rank_sample
 from simulator.config import load_instrument

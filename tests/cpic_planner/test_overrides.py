@@ -3,14 +3,11 @@ import json
 import math
 
 import pytest
-import typer
 from astropy import units as u
-from typer.testing import CliRunner
 
 from catalogs.errors import InputError
-from cpic_planner.cli.override_option import OVERRIDES_HELP, SimulatorOverridesOption, overrides_from
-from cpic_planner.override_keys import is_optical
-from cpic_planner.overrides import ALIASES, Override, SimulatorOverrides
+from cpic_planner.overrides import SimulatorOverrides
+from cpic_planner.queries.changes import ALIASES, Change, is_optical
 from simulator.config import load_instrument, load_scene
 from simulator.config.base import unit_of
 from simulator.imaging.store import metrics_key
@@ -280,9 +277,9 @@ def test_files_that_hold_no_overrides_are_refused(tmp_path, text):
 
 def test_models_are_as_strict_as_the_text():
     with pytest.raises(ValueError, match="at least 0"):
-        Override(key="detector.cic_e", action="scale", value="much")
+        Change(key="detector.cic_e", action="scale", value="much")
     with pytest.raises(ValueError, match="given twice"):
-        SimulatorOverrides(entries=(Override(key="a", value=1), Override(key="a", value=2)))
+        SimulatorOverrides(entries=(Change(key="a", value=1), Change(key="a", value=2)))
 
 
 def _probe(value):
@@ -330,24 +327,3 @@ def test_the_simulator_sees_them():
         assert after.rate_e_s == pytest.approx(0.7 * before.rate_e_s, rel=1e-12)
     shining = scene_sources(SimulatorOverrides.of("companions=on").scene(scene), NOMINAL, "F662")
     assert [one.name for one in shining] == [*(one.name for one in nominal), "alpha Cen A"]
-
-
-def _run(*arguments):
-    app = typer.Typer()
-
-    @app.command(help=OVERRIDES_HELP)
-    def main(overrides: SimulatorOverridesOption = None):
-        typer.echo(overrides_from(overrides, NOMINAL).text())
-
-    return CliRunner().invoke(app, arguments)
-
-
-def test_the_option():
-    assert _run().stdout == "none\n"
-    given = ("--simulator-overrides", "throughput=x0.7", "--simulator-overrides", "companions=on")
-    assert _run(*given).stdout == "throughput x0.7, companions on\n"
-    optical = _run("--simulator-overrides", "wavefront.jitter_mas=5")
-    assert "computed anew" in optical.stderr
-    assert isinstance(_run("--simulator-overrides", "throughput=x9").exception, InputError)
-    for name in ALIASES:
-        assert name in OVERRIDES_HELP

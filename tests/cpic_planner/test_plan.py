@@ -15,6 +15,7 @@ import pytest
 from catalogs.errors import InputError
 from cpic_planner.cli.main import main
 from cpic_planner.jobs.job import estimate
+from cpic_planner.known_completeness import counted_planets
 from cpic_planner.plan import PlanConfig, make_plan, plan_job
 from cpic_planner.population_config import load_population
 from simulator.config import load_instrument
@@ -72,10 +73,10 @@ def test_known_planets_stand_instead_of_a_population(tmp_path):
         for source in ("snapshot", "archive_2019", str(own), f"none+{own}")
     }
     assert list(counts.values()) == [1, 2, 2, 1]
-    choice = ranked(known_planets="snapshot", date_utc="2027-01-01")[1].drawn()
+    choice = counted_planets(ranked(known_planets="snapshot", date_utc="2027-01-01")[1])
     assert (choice.mjd, choice.n_draws) == (61406.0, 50)
     both = {"known_planets": "snapshot", "population": load_population()}
-    for known, words in (({"date_utc": "2027-01-01"}, "only with known_planets"), (both, "without known_planets")):
+    for known, words in (({"date_utc": "2027-01-01"}, "only with known_planets"), (both, "given with known_planets")):
         with pytest.raises(InputError, match=words):
             validate(PlanConfig, asked | known, where="plan")
 

@@ -12,8 +12,8 @@ from cpic_planner import load_targets
 from cpic_planner.etc.model import Strategy, build_model
 from cpic_planner.etc.questions import contrast_limit, exposure_time, signal_to_noise
 from cpic_planner.optimiser import optimise
-from cpic_planner.population import draw_population
-from cpic_planner.ranking import PopulationChoice, judge, rank_targets
+from cpic_planner.population import PopulationChoice, draw_population
+from cpic_planner.ranking import judge, rank_targets
 from cpic_planner.targets import find_target, rank_sample
 from simulator.config import load_instrument
 from simulator.outcome import Reason

@@ -11,7 +11,8 @@ from catalogs.errors import InputError
 from cpic_planner.etc.model import build_model
 from cpic_planner.etc.planet import ReferencePlanet
 from cpic_planner.known_completeness import KnownChoice
-from cpic_planner.ranking import PopulationChoice, rank_targets
+from cpic_planner.population import PopulationChoice
+from cpic_planner.ranking import rank_targets
 from cpic_planner.sensitivity import ASSUMPTIONS, Assumption, Setting, in_order, sensitivity
 from cpic_planner.targets import rank_sample
 from simulator.config import load_instrument

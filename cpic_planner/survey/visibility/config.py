@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any
 
-from pydantic import Field, PrivateAttr
+from pydantic import PrivateAttr
 
 from catalogs.errors import InputError
 from catalogs.strict_yaml import Provenance, split_sourced
-from simulator.config.base import FrozenModel, validate
+from cpic_planner.models.visible import PointingRecord
+from simulator.config.base import validate
 from simulator.config.keys import at, canonical_keys
-from simulator.config.light import Real
 from simulator.config.presets import preset_names, tree_over_preset
 
 __all__ = ["DEFAULT_VISIBILITY", "VisibilityConfig", "VisibilitySource", "load_visibility", "visibility_names"]
@@ -30,50 +30,11 @@ _ALIASES = {
     "settle": "settle_s",
 }
 
-Avoidance = Annotated[Real, Field(ge=0, le=180)]
 
+class VisibilityConfig(PointingRecord):
+    """Limits of pointing, and what a slew costs, as configuration; its fields are those of the result's record."""
 
-class VisibilityConfig(FrozenModel):
-    """Limits of pointing, and what a slew costs.
-
-    Attributes
-    ----------
-    sun_deg, moon_deg : float
-        Least angle between the target and the centre of the body.
-    dark_limb_deg, bright_limb_deg : float
-        Least angle between the target and the limb of the solid Earth, where the nearest point of the limb is dark or
-        sunlit.
-    panel : {"one_axis", "fixed"}
-        Whether the solar panels turn about the axis across the boresight and their normal, see
-        `cpic_planner.survey.visibility.panel`.
-    panel_deg : float
-        Largest angle between the normal of the panels and the Sun; 90 with panels that turn by 90: no limit.
-    panel_turn_deg : float
-        Panels of ``one_axis`` turn by at most this either way from across the boresight.
-    roll_deg : float
-        Freedom of roll either side of the best one, whatever the panels allow.
-    saa_fraction : float
-        Share of all time lost to the South Atlantic Anomaly: one number, no map.
-    slew_deg_s, settle_s : float
-        Rate of a slew, and what follows each.
-    thermal_settle_orbits : float
-        Orbits until the dark hole has settled after a slew.
-    """
-
-    name: str = ""
     description: str = ""
-    sun_deg: Avoidance
-    moon_deg: Avoidance
-    dark_limb_deg: Avoidance
-    bright_limb_deg: Avoidance
-    panel: Literal["one_axis", "fixed"]
-    panel_deg: Annotated[Real, Field(ge=0, le=90)]
-    panel_turn_deg: Annotated[Real, Field(ge=0, le=90)]
-    roll_deg: Annotated[Real, Field(ge=0, le=90)]
-    saa_fraction: Annotated[Real, Field(ge=0, lt=1)]
-    slew_deg_s: Annotated[Real, Field(gt=0, le=100)]
-    settle_s: Annotated[Real, Field(ge=0, le=1e5)]
-    thermal_settle_orbits: Annotated[Real, Field(ge=0, le=1000)]
 
     _provenance: dict[str, Provenance] = PrivateAttr(default_factory=dict)
 

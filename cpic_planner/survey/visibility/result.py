@@ -74,7 +74,6 @@ def visibility_result(
         "n_days": n_days,
         "step_days": step_days,
     }
-    limits = {key: value for key, value in config.model_dump().items() if key in PointingRecord.model_fields}
     return VisibilityResult(
         config_hash=content_hash(asked),
         catalogue=catalogue,
@@ -84,7 +83,7 @@ def visibility_result(
         period_s=seen.period_s,
         altitude_km=orbit.altitude_km,
         inclination_deg=orbit.inclination_deg,
-        pointing=PointingRecord(**limits),
+        pointing=PointingRecord.of(config),
         mjd=seen.mjd.tolist(),
         targets=[_target(targets, seen, row) for row in range(len(targets))],
     )
@@ -119,12 +118,5 @@ def _target(targets: Targets, seen: Visibility, row: int) -> VisibleTarget:
         best_utc=None if best is None else utc_of(seen.mjd[best])[0],
         longest_window_s=None if best is None else float(seen.window_s[row].max()),
         roll_half_range_deg=None if best is None else float(np.median(seen.roll_half_range_deg[row, usable])),
-        days=VisibleDays(
-            visible_s=visible.tolist(),
-            window_s=seen.window_s[row].tolist(),
-            roll_half_range_deg=seen.roll_half_range_deg[row].tolist(),
-            sun_deg=seen.sun_deg[row].tolist(),
-            moon_deg=seen.moon_deg[row].tolist(),
-            blocked_by=[BLOCKS[number] for number in seen.blocked_by[row]],
-        ),
+        days=VisibleDays.of(seen, at=row, blocked_by=[BLOCKS[number] for number in seen.blocked_by[row]]),
     )

@@ -33,8 +33,8 @@ def test_values_that_are_varied():
 @pytest.mark.parametrize(
     ("given", "text"),
     [
-        ({"universe": 3}, "universe.universe = 3"),
-        ({"universes": 1}, "universe.universes = 1"),
+        ({"slot_days": 0}, "universe.slot_days = 0"),
+        ({"universes": 1}, "universes = 1"),
         ({"vary": ["foo=1"]}, "--vary = foo"),
     ],
 )

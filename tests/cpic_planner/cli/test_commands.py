@@ -107,7 +107,7 @@ def test_unreachable_is_an_answer_and_bad_input_is_not(capsys):
         (["etc", "tau Cet", "--frames", "5"], ["--exposure-s"]),
         (["etc", "tau Cet", "--albedo", "cheese"], ["cheese", "jupiter"]),
         (["etc", "tau Cet", "--albedo", "-1"], ["value", "0 to 1.5"]),
-        (["etc", "tau Cet", "--phase-deg", "180"], ["phase_deg", "180"]),
+        (["etc", "tau Cet", "--phase-deg", "180"], ["--phase-deg", "180"]),
         (["etc"], ["target"]),
         (["etc", "tau Cet", "--snrr", "5"], ["--snrr"]),
         (["plan", "--top", "0"], ["--top"]),
@@ -116,7 +116,7 @@ def test_unreachable_is_an_answer_and_bad_input_is_not(capsys):
         (["plan", "--population", "unicorns"], ["unicorns", "giants"]),
         (["plan", "--planets", "0"], ["--planets"]),
         (["plan", "--score", "beauty"], ["--score"]),
-        (["rank", "--time-s", "0"], ["time_s"]),
+        (["rank", "--time-s", "0"], ["--time-s", "0.001"]),
         (["fly"], ["fly"]),
     ],
 )

@@ -5,12 +5,12 @@ import sys
 
 import pytest
 
-from cpic_planner.cli.etc_question import EtcQuestion
+from cpic_planner.api.etc import closed_forms
 from cpic_planner.cli.main import main
 from cpic_planner.etc.model import Strategy, build_model
-from cpic_planner.etc.planet import ReferencePlanet
 from cpic_planner.etc.questions import contrast_limit, exposure_time, signal_to_noise
 from cpic_planner.optimiser import optimise, separation_grid
+from cpic_planner.queries.etc import EtcQuestion
 from cpic_planner.targets import find_target
 from simulator.config import load_instrument
 
@@ -108,15 +108,23 @@ def test_several_separations_and_contrasts_pair_up(capsys):
 
 
 @pytest.mark.parametrize(
-    "level", [{}, {"snr": 7.0}, {"detect": True}, {"limit": True}, {"limit": True, "snr": 5.0}, {"sigma": 3.0}]
+    "level",
+    [
+        {"time_s": 20000.0},
+        {"snr": 7.0},
+        {"detect": True},
+        {"time_s": 20000.0, "contrast_limit": True},
+        {"time_s": 20000.0, "contrast_limit": True, "snr": 5.0},
+        {"sigma": 3.0},
+    ],
 )
 def test_the_best_place_has_no_better_neighbour(model, star, level):
-    question = EtcQuestion(20000.0, ReferencePlanet(), **level)
+    question = EtcQuestion.of(level | {"target": "tau Cet"})
     one = build_model(load_instrument(), ["F662"])
-    (best,) = question.ask_at_best(one, star)
+    (best,) = closed_forms(question, one, star)
     grid = separation_grid(one, "F662")
-    others = question.ask(one, star, grid.tolist())
-    if question.limit or question.asks_time:
+    others = closed_forms(question.model_copy(update={"separation_arcsec": tuple(grid)}), one, star)
+    if question.contrast_limit or question.asks_time:
         values = [other.value for other in others if other.value is not None]
         assert best.value <= min(values) * 1.01
     else:
@@ -125,17 +133,18 @@ def test_the_best_place_has_no_better_neighbour(model, star, level):
 
 
 def test_the_best_place_is_that_of_the_ranking(model, star):
-    for answer in EtcQuestion(36000.0, ReferencePlanet()).ask_at_best(model, star):
+    for answer in closed_forms(EtcQuestion.of({"target": "tau Cet"}), model, star):
         ranked = optimise(model, star, time_s=36000.0, bands=[answer.band])
         assert answer.separation_arcsec == pytest.approx(ranked.separation_arcsec[0], rel=0.03)
 
 
 def test_out_of_reach_the_place_is_where_most_is_reached(model, star):
     one = build_model(load_instrument(), ["F662"])
-    (answer,) = EtcQuestion(1.0, ReferencePlanet(), snr=1000.0).ask_at_best(one, star)
+    (answer,) = closed_forms(EtcQuestion.of({"target": "tau Cet", "snr": 1000.0}), one, star)
     assert answer.reason == "speckle_floor"
     most = float(re.search(r"the most is ([\d.]+)", answer.message)[1])
-    for other in EtcQuestion(1e9, ReferencePlanet()).ask(one, star, separation_grid(one, "F662").tolist()):
+    everywhere = {"target": "tau Cet", "time_s": 1e9, "separation_arcsec": separation_grid(one, "F662")}
+    for other in closed_forms(EtcQuestion.of(everywhere), one, star):
         assert other.snr <= most * 1.005
 
 
@@ -173,7 +182,7 @@ def test_strategies_reach_the_calculator(capsys, star):
     dusty = answers(capsys, *HERE, "--exozodi", "20")[0]
     assert dusty["budget"]["exozodi_e2"] > 0
     assert dusty["value"] < plain
-    counted = answers(capsys, *HERE, "--photon-counting", "--counting-sigma", "4")[0]
+    counted = answers(capsys, *HERE, "--mode", "photon_counting", "--counting-sigma", "4")[0]
     strategy = Strategy(mode="photon_counting", counting_sigma=4.0)
     (known,) = signal_to_noise(
         build_model(load_instrument(), ["F520"], strategy), star, time_s=36000.0, separation_arcsec=0.5
@@ -198,7 +207,7 @@ def test_strategies_reach_the_calculator(capsys, star):
         (["--contrast-limit", "--snr", "5", "--sigma", "5"], ["--snr", "--sigma"]),
         (["--contrast-limit", "--contrast", "1e-9"], ["--contrast"]),
         (["--contrast", "2"], ["contrast", "0 to 1"]),
-        (["--separation-arcsec", "-0.5"], ["separation_arcsec", "-0.5"]),
+        (["--separation-arcsec", "-0.5"], ["--separation-arcsec", "-0.5"]),
         (["--separation-arcsec", "0.5", "--semi-major-axis-au", "2"], ["--separation-arcsec", "--semi-major-axis-au"]),
         (
             [
@@ -216,27 +225,30 @@ def test_strategies_reach_the_calculator(capsys, star):
             ["--contrast", "3 times", "2 times"],
         ),
         (["--library", "reference_star"], ["--reference-v-mag", "missing"]),
-        (["--library", "reference_star", "--reference-v-mag", "60"], ["v_mag", "60", "-30 to 40"]),
-        (["--library", "reference_star", "--reference-v-mag", "3", "--reference-teff-k", "9"], ["teff_k", "1000"]),
+        (["--library", "reference_star", "--reference-v-mag", "60"], ["--reference-v-mag", "60", "-30 to 40"]),
+        (
+            ["--library", "reference_star", "--reference-v-mag", "3", "--reference-teff-k", "9"],
+            ["--reference-teff-k", "1000"],
+        ),
         (["--reference-v-mag", "3"], ["--reference-v-mag", "--library reference_star"]),
         (["--reference-teff-k", "5000"], ["--reference-teff-k", "--library reference_star"]),
         (["--roll-deg", "20"], ["--roll-deg", "--library roll"]),
-        (["--library", "roll", "--roll-deg", "0"], ["roll_deg", "0", "180"]),
-        (["--library", "roll", "--reference-ratio", "2"], ["reference_ratio", "roll"]),
-        (["--reference-ratio", "0"], ["reference_ratio", "0"]),
+        (["--library", "roll", "--roll-deg", "0"], ["--roll-deg", "0", "180"]),
+        (["--library", "roll", "--reference-ratio", "2"], ["--reference-ratio", "--library roll"]),
+        (["--reference-ratio", "0"], ["--reference-ratio", "0"]),
         (["--library", "nothing"], ["--library", "idealised"]),
-        (["--counting-sigma", "4"], ["--counting-sigma", "--photon-counting"]),
-        (["--photon-counting", "--counting-sigma", "-1"], ["counting_sigma", "-1"]),
-        (["--photon-counting", "--band", "F940"], ["--photon-counting", "F940", "visible"]),
+        (["--counting-sigma", "4"], ["--counting-sigma", "--mode photon_counting"]),
+        (["--mode", "photon_counting", "--counting-sigma", "-1"], ["--counting-sigma", "-1"]),
+        (["--mode", "photon_counting", "--band", "F940"], ["--mode", "photon_counting", "F940", "register"]),
         (["--exozodi", "-1"], ["exozodi_zodis", "-1"]),
-        (["--exozodi", "nan"], ["exozodi_zodis", "finite"]),
+        (["--exozodi", "nan"], ["--exozodi", "finite"]),
         (["--plot", "x.gif"], ["--plot", "x.gif", "png"]),
         (["--plot", "no/such/folder/x.png"], ["--plot", "writable"]),
         (["--json", "--explain"], ["--explain", "--json"]),
         (["--json", "--budget"], ["--budget", "--json"]),
-        (["--time-s", "inf"], ["time_s", "finite"]),
-        (["--exposure-s", "0"], ["exposure_s"]),
-        (["--em-gain", "0.5"], ["em_gain", "1 to"]),
+        (["--time-s", "inf"], ["--time-s", "finite"]),
+        (["--exposure-s", "0"], ["--exposure-s"]),
+        (["--em-gain", "0.5"], ["--em-gain", "1 to"]),
     ],
 )
 def test_contradictions_and_bad_numbers_are_one_line(capsys, options, words):

@@ -23,7 +23,7 @@ def call(capsys, *arguments):
         (["--band", "F1265"], ["F1265", "near-infrared"]),
         (["--date", "2030-01-01"], ["--date", "only with --known-planets"]),
         (["--known-planets", "snapshot", "--population", "giants"], ["--population", "--known-planets"]),
-        (["--known-planets", "nowhere.csv"], ["known_planets = nowhere.csv"]),
+        (["--known-planets", "nowhere.csv"], ["--known-planets = nowhere.csv"]),
         (["--known-planets", "snapshot", "--date", "soon"], ["--date = soon UTC"]),
     ],
 )
@@ -49,5 +49,5 @@ def test_dry_run_counts_realisations(capsys):
 def test_help_shows_examples_and_what_overrides_are(capsys):
     status, out, _ = call(capsys, "--help")
     assert status == 0
-    for text in ("cpic plan --top 20 --realisations 20 --dry-run", "--simulator-overrides", "[default: 8]"):
+    for text in ("cpic plan --top 20 --realisations 20 --dry-run", "--simulator-overrides", "[default: 8;"):
         assert text in " ".join(out.split())

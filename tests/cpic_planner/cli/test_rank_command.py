@@ -74,7 +74,7 @@ def test_strategies_reach_the_ranking(capsys, few):
     assert all(row.significance > plain[row.name] for row in ideal.targets)
     dusty = ranking(capsys, few, "--band", "F662", "--exozodi", "100")
     assert all(row.significance < plain[row.name] for row in dusty.targets)
-    counted = ranking(capsys, few, "--band", "F662", "--photon-counting")
+    counted = ranking(capsys, few, "--band", "F662", "--mode", "photon_counting")
     assert {row.name: row.significance for row in counted.targets} != plain
 
 
@@ -142,9 +142,9 @@ def test_figures(capsys, few, tmp_path):
         (["--explain", "faint star", "--v-mag-max", "5"], ["--explain", "faint star", "cut"]),
         (["--plot", "x.bmp"], ["--plot", "x.bmp", "svg"]),
         (["--library", "reference_star"], ["--reference-v-mag"]),
-        (["--counting-sigma", "3"], ["--counting-sigma", "--photon-counting"]),
-        (["--exozodi", "-3"], ["exozodi_zodis"]),
-        (["--reference-ratio", "-1"], ["reference_ratio"]),
+        (["--counting-sigma", "3"], ["--counting-sigma", "--mode photon_counting"]),
+        (["--exozodi", "-3"], ["exozodi_zodis", "-3"]),
+        (["--reference-ratio", "-1"], ["--reference-ratio", "above 0"]),
     ],
 )
 def test_contradictions_and_bad_input_are_one_line(capsys, few, options, words):

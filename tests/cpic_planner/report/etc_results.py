@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cpic_planner.models import EtcResult, EtcRow, ReferencePlanetRecord
+from cpic_planner.models import EtcAnswer, EtcResult, ReferencePlanetRecord
 
 
 def answers_about(planet: ReferencePlanetRecord) -> EtcResult:
@@ -28,7 +28,7 @@ def answers_about(planet: ReferencePlanetRecord) -> EtcResult:
         "budget": {},
     }
     rows = [
-        EtcRow(
+        EtcAnswer(
             band="F520",
             value=5120.3,
             status="ok",
@@ -60,7 +60,7 @@ def answers_about(planet: ReferencePlanetRecord) -> EtcResult:
             limited_by="none",
             **common,
         ),
-        EtcRow(
+        EtcAnswer(
             band="F662",
             status="unreachable",
             reason="speckle_floor",
@@ -71,7 +71,7 @@ def answers_about(planet: ReferencePlanetRecord) -> EtcResult:
             limited_by="speckles",
             **(common | none),
         ),
-        EtcRow(
+        EtcAnswer(
             band="F850",
             status="outside_field",
             reason="inside_inner_edge",

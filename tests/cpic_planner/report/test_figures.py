@@ -5,18 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cpic_planner.report.contrast_figure import contrast_diagram
 from cpic_planner.report.drawing import band_style, literal, new_figure, place_labels, style
-from cpic_planner.report.figures import (
-    contrast_diagram,
-    margin_figure,
-    panel_picture,
-    plan_figures,
-    sky_map,
-    snr_figure,
-)
-from cpic_planner.report.panel_figure import PanelSheet, tick_labels
+from cpic_planner.report.figures import plan_figures
+from cpic_planner.report.margin_figure import margin_figure
+from cpic_planner.report.panel_figure import PanelSheet, panel_picture, tick_labels
 from cpic_planner.report.panels import Mark
-from cpic_planner.report.sky_map import map_longitude, marker_area
+from cpic_planner.report.sky_map import map_longitude, marker_area, sky_map
+from cpic_planner.report.snr_figure import snr_figure
 
 
 def content(picture):

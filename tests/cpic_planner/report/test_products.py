@@ -5,7 +5,8 @@ import pytest
 from rich.console import Console
 
 from cpic_planner.models import CheckResult, FindingRecord, SimulatedSequence, SimulationResult
-from cpic_planner.report.products import print_check, print_planned, print_simulation, size_text
+from cpic_planner.report.numbers import size_text
+from cpic_planner.report.products import print_check, print_planned, print_simulation
 from cpic_planner.simulation.cost import estimate
 from simulator.config.simulation_file import load_simulation
 

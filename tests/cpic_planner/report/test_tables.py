@@ -4,32 +4,24 @@ import io
 import pytest
 
 from cpic_planner.models import RankedTarget
-from cpic_planner.report.tables import COLUMN_UNITS, ranking_csv, ranking_ecsv
+from cpic_planner.models.columns import columns_of
+from cpic_planner.report.tables import (
+    MEASUREMENT_COLUMNS,
+    measurements_csv,
+    ranking_csv,
+    ranking_ecsv,
+    targets_csv,
+)
 
 
-def test_every_column_has_a_unit_entry():
-    assert list(COLUMN_UNITS) == list(RankedTarget.model_fields)
-
-
-def test_units_agree_with_the_suffixes_of_the_names():
-    suffixes = {
-        "_arcsec": "arcsec",
-        "_pc": "pc",
-        "_s": "s",
-        "_au": "AU",
-        "_lsun": "solLum",
-        "_mag": "mag",
-        "_deg": "deg",
-        "_per_hour": "1/h",
-    }
-    for name, unit in COLUMN_UNITS.items():
-        expected = next((value for suffix, value in suffixes.items() if name.endswith(suffix)), "")
-        assert unit == expected, name
+def lines(text):
+    return list(csv.DictReader(io.StringIO(text)))
 
 
 def test_csv_holds_every_row_in_full_precision(rank):
-    rows = list(csv.DictReader(io.StringIO(ranking_csv(rank))))
+    rows = lines(ranking_csv(rank))
     assert len(rows) == len(rank.targets)
+    assert list(rows[0]) == list(RankedTarget.model_fields)
     for row, target in zip(rows, rank.targets, strict=True):
         assert float(row["contrast"]) == target.contrast
         assert row["name"] == target.name
@@ -46,10 +38,15 @@ def test_ecsv_round_trip_with_units_descriptions_and_masks(rank):
     text = ranking_ecsv(rank)
     assert text.startswith("# %ECSV 1.0")
     table = Table.read(text, format="ascii.ecsv")
-    assert table.colnames == list(COLUMN_UNITS)
-    for name, unit in COLUMN_UNITS.items():
-        assert (table[name].unit or u.dimensionless_unscaled) == u.Unit(unit), name
-        assert table[name].description == RankedTarget.model_fields[name].description
+    assert table.colnames == list(RankedTarget.model_fields)
+    units = {name: table[name].unit for name in table.colnames if table[name].unit}
+    assert len(units) == 16
+    assert units["v_mag"] == u.mag
+    assert units["ref_planet_distance_au"] == u.AU
+    assert units["completeness_per_hour"] == 1 / u.h
+    assert units["luminosity_lsun"] == u.L_sun
+    for column in columns_of(RankedTarget):
+        assert table[column.name].description == (column.description or None)
     assert table["contrast"].tolist() == [row.contrast for row in rank.targets]
     assert [str(name) for name in table["name"]] == [row.name for row in rank.targets]
     assert table["time_s"].mask.tolist() == [row.time_s is None for row in rank.targets]
@@ -58,15 +55,46 @@ def test_ecsv_round_trip_with_units_descriptions_and_masks(rank):
     assert table.meta["reference_planet"]["albedo"] == "jupiter"
     assert table.meta["score_name"] == "completeness_per_hour"
     assert table.meta["population"]["n_planets"] == 4000
-    assert table["detection_time_s"].mask.tolist() == [row.detection_time_s is None for row in rank.targets]
 
 
 @pytest.mark.parametrize("writer", [ranking_csv, ranking_ecsv])
-def test_same_text_twice(rank, writer):
+def test_the_same_text_twice_and_a_head_without_rows(rank, writer):
     assert writer(rank) == writer(rank)
-
-
-@pytest.mark.parametrize("writer", [ranking_csv, ranking_ecsv])
-def test_empty_ranking(rank, writer):
     text = writer(rank.model_copy(update={"targets": []}))
-    assert text.splitlines()[-1].split(",") == list(COLUMN_UNITS)
+    assert text.splitlines()[-1].split(",") == list(RankedTarget.model_fields)
+
+
+def test_a_measurement_for_each_target_and_band(plan):
+    table = lines(measurements_csv(plan))
+    assert [(row["target"], row["band"]) for row in table] == [
+        (target.name, band.band) for target in plan.targets for band in target.bands
+    ]
+    assert tuple(table[0]) == MEASUREMENT_COLUMNS
+    assert [row["band"] for row in table if row["chosen"] == "1"] == ["F662", "F662"]
+    first, outside = table[0], table[3]
+    assert float(first["recovered_snr_error"]) == plan.targets[0].bands[0].recovered_snr_error
+    assert first["detected"] == "1"
+    assert first["audit_hits"] == ""
+    assert table[1]["audit_hits"] == "444"
+    assert (outside["status"], outside["recovered_snr"]) == ("outside_field", "")
+
+
+def test_a_scene_has_its_planets_and_no_choice(confirmation):
+    table = lines(measurements_csv(confirmation))
+    assert len(table) == 5
+    assert {row["planet"] for row in table} == {"c", "<script>alert('x')</script>"}
+    assert {(row["target"], row["hip"], row["chosen"]) for row in table} == {("a scene", "", "")}
+
+
+def test_every_star_of_every_strategy_has_a_line(compared):
+    result = compared()
+    rows = lines(targets_csv(result))
+    pairs = [(item.name, target) for item in result.strategies for target in item.targets]
+    assert [(row["strategy"], row["name"]) for row in rows] == [(name, target.name) for name, target in pairs]
+    for row, (_, target) in zip(rows, pairs, strict=True):
+        assert float(row["new_planets"]) == target.new_planets
+        assert float(row["visit_time_s"]) == target.visit_time_s
+        assert row["slots"] == ";".join(map(str, target.slots))
+        assert row["bands"] == "F520;F662"
+        assert row["known_planets"] == ";".join(target.known_planets)
+    assert targets_csv(compared(empty=True)).splitlines() == [",".join(rows[0])]

@@ -1,5 +1,5 @@
 from cpic_planner.jobs.folder import open_run_folder
-from cpic_planner.report.whatif_table import targets_csv
+from cpic_planner.report.tables import targets_csv
 from cpic_planner.report.write_whatif import write_whatif
 
 

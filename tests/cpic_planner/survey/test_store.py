@@ -230,7 +230,7 @@ def test_a_key_is_a_number(folder):
 @pytest.mark.parametrize(
     "build",
     [
-        lambda: Column("x", "complex", "?"),
+        lambda: Table("x", (Column("x", "complex", "?"),), key=("x",)),
         lambda: Table("t", (Column("x", "bool", ""),), key=("y",)),
         lambda: Table("t", (Column("x", "bool", ""),), key=()),
         lambda: Table("t", (Column("x", "bool", ""), Column("x", "int64", "")), key=("x",)),

@@ -54,6 +54,7 @@ MODELLING = Modelling(
     epochs=6,
     switches={},
     left_out=(),
+    sky=True,
     rows=(EffectRow("sums", "skipped", "sums of frames", key="summed_frames", size=0.004),),
     predicted_error={"planet_flux": 0.001, "snr": 0.004},
     outcome=Outcome.ok(0.004),

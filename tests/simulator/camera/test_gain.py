@@ -55,12 +55,6 @@ def test_gains_out_of_range_are_refused_by_name(gain: object) -> None:
         multiply([1], gain, rng=stream(1, "x"))
 
 
-@pytest.mark.parametrize("stages", [0, -3, 2.5, True, None])
-def test_stages_out_of_range_are_refused(stages: object) -> None:
-    with pytest.raises(InputError, match="stages"):
-        multiply([1], 2.0, rng=stream(1, "x"), stages=stages)
-
-
 def test_more_gain_than_doubling_at_every_stage_is_refused() -> None:
     assert float(stage_probability(8.0, 3)) == pytest.approx(1.0)
     with pytest.raises(InputError, match="gain"):

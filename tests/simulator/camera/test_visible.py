@@ -312,6 +312,7 @@ def test_an_effect_of_ones_own_is_one_class(bare):
     class Glow(Effect):
         switch = "glow"
         stage = "charge"
+        fixed = True
 
         def expect(self, image, exposure):
             image += 7.0

@@ -1,8 +1,11 @@
 from __future__ import annotations
 
+import pickle
+
 import numpy as np
 import pytest
 
+from simulator.config import load_instrument
 from simulator.config.detector import Detector
 from simulator.products.headers import fits_section
 
@@ -57,3 +60,9 @@ def test_a_part_of_no_pixels_has_no_section(changed) -> None:
 
 def test_every_near_infrared_pixel_is_active(infrared) -> None:
     assert {fits_section(s) for s in infrared.sections.values()} == {"[1:640,1:512]"}
+
+
+def test_an_instrument_travels_to_other_processes() -> None:
+    """Workers get it by pickle; models that are made from the chains of effects have to be found there."""
+    instrument = load_instrument()
+    assert pickle.loads(pickle.dumps(instrument)) == instrument

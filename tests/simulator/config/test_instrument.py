@@ -1,4 +1,5 @@
 import math
+import pickle
 
 import pytest
 from pydantic import ValidationError
@@ -58,6 +59,13 @@ def test_configuration_is_frozen():
     instrument = load_instrument()
     with pytest.raises(ValidationError):
         instrument.detector.read_noise_e = 1.0
+
+
+def test_an_instrument_travels_to_another_process_as_it_is():
+    instrument = load_instrument()
+    arrived = pickle.loads(pickle.dumps(instrument))
+    assert arrived == instrument
+    assert type(arrived.detector.switches) is type(instrument.detector.switches)
 
 
 def test_hash_depends_on_content_only():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
@@ -37,12 +36,8 @@ class PatternNoise(Effect):
 
     def draw(self, work: Work, exposure: Exposure, rng: np.random.Generator) -> None:
         """Add the pattern of one frame."""
-        self.draw_sum(work, exposure, 1, rng)
-
-    def draw_sum(self, work: Work, exposure: Exposure, n_frames: int, rng: np.random.Generator) -> None:
-        """Add the patterns of all frames."""
         rms_adu = exposure.detector.pattern_noise.rms_e / exposure.detector.gain_e_adu
-        work.image += math.sqrt(n_frames) * rms_adu * rng.standard_normal(work.image.shape)
+        work.image += rms_adu * rng.standard_normal(work.image.shape)
 
     def added(self, detector: Any, exposure_s: float | None = None) -> FrameTerm:
         """Return its variance at the register output."""

@@ -14,7 +14,7 @@ import numpy as np  # noqa: E402
 
 from catalogs.errors import InputError  # noqa: E402
 from cpic_planner import signal_to_noise  # noqa: E402
-from cpic_planner.report.etc_words import term_text  # noqa: E402
+from cpic_planner.report.words import term_text  # noqa: E402
 from simulator import load_instrument, load_scene, observe  # noqa: E402
 from simulator.camera import VisibleCamera, stack_electrons, stackable  # noqa: E402
 from simulator.camera.noise import FrameNoise  # noqa: E402

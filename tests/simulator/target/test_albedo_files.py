@@ -173,40 +173,6 @@ def test_round_trip_through_any_unit_and_order(tmp_path, wavelengths, unit, data
     np.testing.assert_array_equal(found.albedo, albedo[order])
 
 
-@pytest.mark.parametrize(
-    ("text", "says"),
-    [
-        ("", "0 rows of numbers"),
-        ("wavelength_nm albedo\n", "0 rows"),
-        ("500 0.5\n", "1 rows"),
-        ("500\n600\n", "one of wavelengths and one of albedos"),
-        ("500 0.5\n600 O.5\n", "line 2 = something else"),
-        ("O00 0.5\n600 0.5\n", "line 1 = something else"),
-        ("wavelength_nm albedo\n500 0.5\n600\n", "line 3"),
-        ("500 0.5\n600 0.4 0.3\n", "line 2"),
-        ("500,0.5\n600,\n", "line 2"),
-        ("500 0.5\n600 nan\n", "line 2 albedo = nan"),
-        ("nan 0.5\n600 0.5\n", "line 1 wavelength = nan"),
-        ("-500 0.5\n600 0.5\n", "line 1 wavelength = -500"),
-        ("wavenumber albedo\n0 0.5\n16000 0.5\n", "line 2 wavelength = 0"),
-        ("500 0.5\n# remark\n600 -0.1\n", "line 3 albedo = -0.1"),
-        ("500 50\n600 40\n", "line 1 albedo = 50.0"),
-        ("500 0.5\n600 0.4\n500 0.3\n", "line 1 and line 3 = the same wavelength"),
-        ("500 0.5 0.1\n600 0.4 0.1\n", "unnamed, unnamed, unnamed"),
-        ("wavelength_nm albedo_a albedo_b\n500 0.5 0.1\n600 0.4 0.1\n", "albedo_a, albedo_b"),
-        ("wavelength_nm wavelength_um\n500 0.5\n600 0.6\n", "one of albedos"),
-        ("5000 0.5\n6000 0.4\n", "numbers from 5000 to 6000"),
-        ("wavelength albedo\n15000 0.5\n16000 0.4\n", "wavenumber_cm1"),
-        ("5 0.5\n600 0.4\n", "not stated"),
-        ("wavenumber_nm albedo\n500 0.5\n600 0.4\n", "wavenumber_nm"),
-        ("# wavelength in nm (was um)\n500 0.5\n600 0.4\n", "nm and um"),
-        ("<html><body>404: not found</body></html>", "0 rows of numbers"),
-    ],
-)
-def test_refusals_name_the_place(tmp_path, text, says):
-    assert says in refusal(written(tmp_path, text))
-
-
 @pytest.mark.parametrize("unit", ["kg", "parsnips", "nm2", "m / s"])
 def test_refuses_a_unit_that_is_none_of_light(tmp_path, unit):
     assert unit in refusal(written(tmp_path, rows(NM)), unit=unit)

@@ -7,7 +7,8 @@ import pytest
 from catalogs.errors import InputError
 from simulator import lambert_phase, planet_albedo, planet_contrast, spectrum_generator, star_photlam
 from simulator.config import load_instrument, load_scene
-from simulator.target import contrast_at, stellar_spectrum
+from simulator.target import contrast_at, read_spectrum, stellar_spectrum
+from simulator.target.albedo_files import read_albedo
 from simulator.target.parametric import parametric_family
 from simulator.target.reflection import layer_albedo
 from simulator.target.sources import scene_sources
@@ -36,5 +37,19 @@ READERS = {
 }
 
 
-def test_bad_input_is_refused_in_one_line(refusal):
-    refusal.by(READERS)
+@pytest.fixture
+def files(tmp_path):
+    """Readers of what stands in spectrum.txt."""
+
+    def written(text):
+        (tmp_path / "spectrum.txt").write_text(text, encoding="utf-8")
+        return tmp_path / "spectrum.txt"
+
+    return {
+        "albedo_file": lambda text: read_albedo(written(text)),
+        "spectrum_file": lambda text: read_spectrum(written(text)),
+    }
+
+
+def test_bad_input_is_refused_in_one_line(refusal, files):
+    refusal.by(READERS | files)

@@ -101,30 +101,6 @@ def test_a_file_written_by_synphot(tmp_path: Path) -> None:
     np.testing.assert_allclose(np.interp(NM, read.wavelength_nm, read.photlam), PHOTLAM, rtol=1e-5)
 
 
-@pytest.mark.parametrize(
-    ("text", "match"),
-    [
-        (rows(NM, PHOTLAM), "wavelength unit = not stated"),
-        ("wavelength_nm,flux\n" + rows(NM, PHOTLAM, ","), "flux unit = not stated"),
-        ("# nm or angstrom, photlam\n" + rows(NM, PHOTLAM), "nm and angstrom"),
-        ("# nm photlam\n" + rows(NM[::-1], PHOTLAM), "strictly increasing"),
-        ("# nm photlam\n" + rows(NM - 400.0, PHOTLAM), "above 0"),
-        ("# nm photlam\n" + rows(NM, -PHOTLAM), "not negative"),
-        ("# nm photlam\n400 1\n500 nan\n600 1\n", "finite"),
-        ("# nm photlam\n400 1 2\n500 1 2\n", "line 2.*two numbers"),
-        ("# nm photlam\n400 1\n500 one\n", "line 3.*two numbers"),
-        ("# nm photlam\n400 1\n", "at least two rows"),
-        ("", "0 rows"),
-        ("# %ECSV 1.0\n# nonsense", "a whole table"),
-        ("<?xml version='1.0'?><VOTABLE>", "a whole table"),
-        ("SIMPLE  =", "a whole table"),
-    ],
-)
-def test_what_cannot_be_read_is_refused(tmp_path: Path, text: str, match: str) -> None:
-    with pytest.raises(InputError, match=match):
-        read_spectrum(write(tmp_path / "s.txt", text))
-
-
 @pytest.mark.parametrize(("x", "y"), [("m / s", "Jy"), (None, "Jy"), ("nm", "m"), ("nm", None)])
 def test_units_of_other_kinds_are_refused(tmp_path: Path, x: str | None, y: str | None) -> None:
     from astropy.table import Table

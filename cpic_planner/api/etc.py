@@ -1,0 +1,332 @@
+"""Questions to the exposure-time calculator and the optimiser, by star names and plain numbers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import fields, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalogs.errors import InputError
+from cpic_planner.api.inputs import model_of, stars_named
+from cpic_planner.api.keywords import takes
+from cpic_planner.etc import questions
+from cpic_planner.etc.answer import EtcAnswer
+from cpic_planner.etc.cases import BandCases, FrameWish, band_cases, planets_of
+from cpic_planner.etc.frames import smooth_in_visit, smooth_least_visit_s
+from cpic_planner.etc.model import EtcModel
+from cpic_planner.etc.noise import Objective
+from cpic_planner.etc.place import check_range
+from cpic_planner.optimiser import separation_grid
+from cpic_planner.queries.etc import EtcQuestion, OptimiseQuestion
+from cpic_planner.queries.planet import ReferencePlanet
+from cpic_planner.queries.shared import DEFAULT_TIME_S
+from cpic_planner.targets import Targets
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+FloatArray = NDArray[np.float64]
+_ENDLESS_S = 1e12
+_TRIAL_CONTRAST = 1e-8
+
+
+def at_distance(star: Targets, distance_pc: float | None) -> Targets:
+    """Return a star as it is, or the same star in the sky from elsewhere.
+
+    Parameters
+    ----------
+    star : Targets
+        One star.
+    distance_pc : float, optional
+        Its luminosity follows the square of the distance.
+
+    Raises
+    ------
+    InputError
+        For a distance out of range.
+    """
+    if distance_pc is None:
+        return star
+    there = check_range("distance_pc", distance_pc, 0.01, 1e5, "pc")
+    brighter = (there / star.distance_pc) ** 2
+    return replace(star, distance_pc=np.array([there]), luminosity_lsun=star.luminosity_lsun * brighter)
+
+
+def closed_forms(question: EtcQuestion, model: EtcModel, star: Targets) -> list[EtcAnswer]:
+    """Return the answers of the closed forms about one star, or about several at given separations.
+
+    Parameters
+    ----------
+    question : EtcQuestion
+    model : EtcModel
+        Of the question's instrument, bands and strategy.
+    star : Targets
+
+    Returns
+    -------
+    list of EtcAnswer
+        Stars in order, bands within each, then separations and planets.
+    """
+    places = places_of(question, star)
+    if places is None:
+        return [
+            answer
+            for band in model.bands
+            for answer in _ask(question, model, star, [band], best_places(question, model, star, band))
+        ]
+    if question.n_frames is None:
+        return _ask(question, model, star, model.bands, places)
+    return [answer for band in model.bands for answer in _ask(question, model, star, [band], places)]
+
+
+def places_of(question: EtcQuestion, star: Targets) -> Sequence[float] | None:
+    """Return the separations that are asked for in arcsec, of a star at its distance; None for the best ones."""
+    if question.semi_major_axis_au is None:
+        return question.separation_arcsec
+    axis = check_range("semi_major_axis_au", question.semi_major_axis_au, 1e-3, 1e5, "au")
+    planet = question.planet[0] if isinstance(question.planet, tuple) else question.planet
+    return [axis * math.sin(math.radians(planet.phase_deg)) / float(star.distance_pc[0])]
+
+
+def wall_s(question: EtcQuestion, model: EtcModel, band: str) -> float:
+    """Return the wall time in a band: the given one, or that of the frames."""
+    if question.n_frames is None or question.exposure_s is None:
+        return question.wall_s
+    # A hair more, lest rounding lose a frame.
+    pace_s = (question.exposure_s + model.camera(band).readout_s) * (1.0 + 1e-12)
+    return float(model.time_s(question.n_frames * pace_s))
+
+
+def _ask(
+    question: EtcQuestion, model: EtcModel, star: Targets, bands: Sequence[str], places: Sequence[float]
+) -> list[EtcAnswer]:
+    common: dict[str, Any] = {
+        "bands": bands,
+        "separation_arcsec": list(places),
+        "exposure_s": question.exposure_s,
+        "em_gain": question.em_gain,
+    }
+    given: dict[str, Any] = {
+        "time_s": wall_s(question, model, bands[0]),
+        "exact": question.exact or question.n_frames is not None,
+    }
+    if question.contrast_limit:
+        return questions.contrast_limit(model, star, sigma=question.sigma, snr=question.snr, **given, **common)
+    planet = list(question.planet) if isinstance(question.planet, tuple) else question.planet
+    common |= {"planet": planet, "contrast": None if question.contrast is None else list(question.contrast)}
+    if question.asks_time:
+        level: dict[str, Any] = {"snr": question.snr, "sigma": question.sigma, "detect": question.detect}
+        return questions.exposure_time(model, star, **level, **common)
+    return questions.signal_to_noise(model, star, **given, **common)
+
+
+def best_places(question: EtcQuestion, model: EtcModel, star: Targets, band: str) -> list[float]:
+    """Return the separation of least time, of clearest detection or of faintest limit, for each contrast or planet.
+
+    Where the level is out of reach it is the separation that comes nearest to it. Frames need not be whole in this
+    search, which is on the grid of the ranking.
+    """
+    grid = separation_grid(model, band)
+    wish = FrameWish(question.exposure_s, question.em_gain)
+    planets = question.planet if isinstance(question.planet, tuple) else (question.planet,)
+    ratios = (_TRIAL_CONTRAST,) if question.contrast_limit else question.contrast
+    best = []
+    for planet, contrast in [(planets[0], ratio) for ratio in ratios] if ratios else [(one, None) for one in planets]:
+        cases = band_cases(model, star, band, planets_of(list(grid), planet, contrast), wish)
+        best.append(float(grid[int(np.argmin(_cost(question, model, cases)))]))
+    return best
+
+
+def _cost(question: EtcQuestion, model: EtcModel, cases: BandCases) -> FloatArray:
+    """What to make small, one number a separation; places outside the field cost ``inf``."""
+    objective: Objective = "significance" if question.snr is None else "snr"
+    wanted = question.snr or question.sigma
+    level = np.full(len(cases.planets), wanted) if wanted else cases.threshold
+    problem = cases.problem(objective)
+
+    def missed(visit_s: float) -> FloatArray:
+        with np.errstate(invalid="ignore"):
+            cost = np.sqrt(smooth_in_visit(problem, np.asarray(visit_s)))[0] * level
+        return np.where(cases.usable[0] & ~np.isnan(cost), cost, np.inf)
+
+    if not question.asks_time:
+        return missed(float(model.visit_s(wall_s(question, model, cases.band))))
+    visit = smooth_least_visit_s(problem, np.broadcast_to(level, cases.contrast.shape))[0]
+    visit = np.where(cases.usable[0], visit, np.inf)
+    return visit if np.isfinite(visit).any() else missed(_ENDLESS_S)
+
+
+def checked(
+    question: EtcQuestion,
+    model: EtcModel,
+    stars: Sequence[Targets],
+    answers: Sequence[EtcAnswer],
+    *,
+    advance: Callable[[str, int], None] = lambda text, steps: None,
+) -> list[EtcAnswer]:
+    """Return the answers with their stated errors, checked in images where the question asks for it.
+
+    Parameters
+    ----------
+    question : EtcQuestion
+    model : EtcModel
+    stars : sequence of Targets
+        One star each, as many answers for each as for the others.
+    answers : sequence of EtcAnswer
+    advance : callable
+        As of `cpic_planner.etc_check.checked_answers`.
+    """
+    from cpic_planner.etc_check import checked_answers
+
+    each = len(answers) // len(stars)
+    around = [star for star in stars for _ in range(each)]
+    bodies: list[ReferencePlanet | None] = [None] * len(answers)
+    if not question.contrast_limit and question.contrast is None:
+        planets = question.planet if isinstance(question.planet, tuple) else (question.planet,)
+        bodies = [planets[index % len(planets)] for index in range(len(answers))]
+    settings = {"seed": question.seed, "realisations": question.realisations}
+    given: dict[str, Any] = {name: value for name, value in settings.items() if value is not None}
+    return checked_answers(model, around, answers, bodies, question.dial, advance=advance, **given)
+
+
+def _answered(question: EtcQuestion) -> list[EtcAnswer]:
+    """The answers about all stars of a question."""
+    model = model_of(question)
+    stars = [
+        at_distance(star, question.distance_pc)
+        for star in stars_named(question.target, question.companions, question.catalog)
+    ]
+    if not stars:
+        return []
+    together = question.separation_arcsec is not None and question.n_frames is None
+    groups = [Targets.joined(stars)] if together else stars
+    answers = [answer for group in groups for answer in closed_forms(question, model, group)]
+    if question.fidelity is None and question.tolerance is None:
+        return answers
+    return checked(question, model, stars, answers)
+
+
+@takes(
+    EtcQuestion,
+    first=("target",),
+    needs=("time_s",),
+    without=("snr", "sigma", "detect", "contrast_limit", "n_frames"),
+)
+def signal_to_noise(question: EtcQuestion) -> list[EtcAnswer]:
+    """SNR of a planet in a given wall time.
+
+    How firm the answers have to be is said by ``fidelity``: ``quick`` closed forms alone (the default), ``standard``
+    each checked in sums of simulated frames, ``reference`` frame by frame; or by ``tolerance``, the largest error of
+    planet flux and SNR, for which images are made only where the stated error of the closed forms is larger.
+    ``answer.fidelity`` then holds errors and checks; values stay those of the closed forms.
+
+    Returns
+    -------
+    list of EtcAnswer
+        Targets in the given order, bands in theirs within each (by wavelength if none are given), then planets.
+
+    Raises
+    ------
+    InputError
+        For an unknown star, band or a value out of range.
+
+    Examples
+    --------
+    >>> from cpic_planner import signal_to_noise
+    >>> answer = signal_to_noise("tau Cet", time_s=36000, separation_arcsec=0.5, bands=["F520"])[0]
+    >>> answer.status.value
+    'ok'
+    """
+    return _answered(question)
+
+
+@takes(EtcQuestion, first=("target",), without=("time_s", "contrast_limit", "n_frames", "exact"))
+def exposure_time(question: EtcQuestion) -> list[EtcAnswer]:
+    """Least wall time of one visit that reaches a level: an SNR, a plain significance, or a detection.
+
+    Returns
+    -------
+    list of EtcAnswer
+        As `signal_to_noise`.
+
+    Raises
+    ------
+    InputError
+        As `signal_to_noise`; and where no level is given.
+    """
+    if not question.asks_time:
+        raise InputError("snr", "missing", allowed="one of snr, sigma, detect")
+    return _answered(question)
+
+
+@takes(
+    EtcQuestion,
+    first=("target",),
+    needs=("time_s",),
+    without=("detect", "contrast", "contrast_limit", "planet", "n_frames"),
+    defaults={"contrast_limit": True},
+)
+def contrast_limit(question: EtcQuestion) -> list[EtcAnswer]:
+    """Faintest contrast detected in a given wall time, or of a plain significance or a photometric SNR.
+
+    Returns
+    -------
+    list of EtcAnswer
+        As `signal_to_noise`.
+
+    Raises
+    ------
+    InputError
+        As `signal_to_noise`.
+    """
+    return _answered(question)
+
+
+@takes(OptimiseQuestion, first=("target",))
+def optimise(question: OptimiseQuestion) -> pd.DataFrame:
+    """Best band, separation, exposure, number of frames and EM gain per target.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row per target; columns of `cpic_planner.optimiser.Best`, units in their names, and ``verdict`` of the
+        planet at its known place (``detected``, ``measured_not_detected``, ``unreachable``); with ``time_s`` also
+        ``limited_by`` (`cpic_planner.etc.limiting`).
+
+    Raises
+    ------
+    InputError
+        For an unknown star or band, a value out of range, or more than one goal.
+    """
+    import pandas as pd
+
+    from cpic_planner.etc.detection import verdict_of
+    from cpic_planner.optimiser import optimise as best_of
+    from cpic_planner.ranking import judge, limits_of
+    from simulator.outcome import Status
+
+    time_s = question.time_s
+    if time_s is None and question.snr is None and not question.detect:
+        time_s = DEFAULT_TIME_S
+    model = model_of(question)
+    stars = Targets.joined(stars_named(question.target, question.companions, question.catalog))
+    best = best_of(
+        model,
+        stars,
+        time_s=time_s,
+        snr=question.snr,
+        detect=question.detect,
+        separation_arcsec=question.separation_arcsec,
+        planet=question.planet,
+    )
+    standings, detected = judge(best, model), best.margin >= best.needed_margin
+    statuses = [Status.OK if n >= 1 else status for (status, _), n in zip(standings, best.n_frames, strict=True)]
+    said: dict[str, Any] = {"verdict": [verdict_of(*pair) for pair in zip(statuses, detected.tolist(), strict=True)]}
+    if time_s is not None:
+        said["limited_by"] = limits_of(standings, best)
+    columns = {item.name: getattr(best, item.name) for item in fields(best) if not item.name.startswith("without_")}
+    return pd.DataFrame({"name": stars.name} | columns | said)

@@ -1,0 +1,110 @@
+"""Functions whose keywords are the fields of a question."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+import textwrap
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Literal, TypeVar, get_args, get_origin
+
+from pydantic.fields import FieldInfo
+
+from cpic_planner.queries.base import Question
+from cpic_planner.queries.fields import asked_of, kind_of, spelled
+from simulator.config.base import limits_of, unit_of
+from simulator.numeric import numeric_context
+
+R = TypeVar("R")
+Q = TypeVar("Q", bound=Question)
+
+
+def takes(
+    model: type[Q],
+    *,
+    first: Sequence[str] = (),
+    needs: Sequence[str] = (),
+    without: Sequence[str] = (),
+    defaults: Mapping[str, Any] | None = None,
+) -> Callable[[Callable[[Q], R]], Callable[..., R]]:
+    """Give a function of a question the fields of the question as its keywords, and document them.
+
+    Parameters
+    ----------
+    model : type of Question
+    first : sequence of str
+        Fields that may also be given by position, in this order.
+    needs : sequence of str
+        Fields that have to be given although the question has a default.
+    without : sequence of str
+        Fields that the function does not take.
+    defaults : mapping, optional
+        Values of fields that the function does not take, or other defaults of those that it takes.
+    """
+    fixed = dict(defaults or {})
+    names = [*first, *(name for name in model.model_fields if name not in (*first, *without))]
+
+    def made(function: Callable[[Q], R]) -> Callable[..., R]:
+        parameters = [_parameter(model, name, name in first, name in needs, fixed) for name in names]
+        parameters.sort(key=lambda item: (item.kind, item.kind is item.POSITIONAL_OR_KEYWORD and item.default is None))
+        signature = inspect.Signature(parameters, return_annotation=function.__annotations__.get("return"))
+
+        @functools.wraps(function)
+        @numeric_context()
+        def wrapped(*args: Any, **keywords: Any) -> R:
+            named = {model.ALIASES.get(name, name): value for name, value in keywords.items()}
+            given = signature.bind(*args, **named).arguments
+            return function(model.of(fixed | given))
+
+        wrapped.__signature__ = signature  # type: ignore[attr-defined]
+        wrapped.__doc__ = _documented(function.__doc__ or "", model, parameters)
+        return wrapped
+
+    return made
+
+
+def _parameter(
+    model: type[Question], name: str, first: bool, needed: bool, fixed: Mapping[str, Any]
+) -> inspect.Parameter:
+    info = model.model_fields[name]
+    default: Any = inspect.Parameter.empty
+    if name in fixed:
+        default = fixed[name]
+    elif not needed and not info.is_required():
+        plain = isinstance(info.default, str | int | float)
+        default = info.default if plain else None
+    kind = inspect.Parameter.POSITIONAL_OR_KEYWORD if first else inspect.Parameter.KEYWORD_ONLY
+    return inspect.Parameter(name, kind, default=default, annotation=_words(info))
+
+
+def _words(info: FieldInfo) -> str:
+    """Type of a keyword in words, as numpydoc has it."""
+    own = asked_of(info)
+    if own is not None and own.accepts:
+        return own.accepts
+    kind, several = kind_of(info)
+    if get_origin(kind) is Literal:
+        word = f"{{{', '.join(repr(item) for item in get_args(kind))}}}"
+    else:
+        word = f"sequence of {kind.__name__}" if several else kind.__name__
+    return word if info.is_required() else f"{word}, optional"
+
+
+def _documented(text: str, model: type[Question], parameters: Sequence[inspect.Parameter]) -> str:
+    """The docstring with a section on the keywords behind its first paragraphs."""
+    lines = ["Parameters", "----------"]
+    for parameter in parameters:
+        info = model.model_fields[parameter.name]
+        own = asked_of(info)
+        told = [spelled(info.description or "")]
+        limits, unit = limits_of(info), (own.unit if own else "") or unit_of(parameter.name)
+        if limits or unit:
+            told.append(f"{limits} {unit}".strip() + ("" if limits else ", as its unit"))
+        if own is not None and own.default_words:
+            told.append(f"default: {spelled(own.default_words)}")
+        lines.append(f"{parameter.name} : {parameter.annotation}")
+        said = f"{told[0].rstrip('.')} ({'; '.join(told[1:])})." if told[1:] else told[0]
+        lines += textwrap.wrap(said, 110, initial_indent="    ", subsequent_indent="    ")
+    body = inspect.cleandoc(text)
+    head, sign, rest = body.partition("\n\nReturns\n")
+    return "\n".join([head, "", *lines]) + sign + rest + "\n"

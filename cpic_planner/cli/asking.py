@@ -1,0 +1,201 @@
+"""Commands whose options are the fields of a question; built when a command is called, not when help lists it."""
+
+from __future__ import annotations
+
+import inspect
+import pkgutil
+from collections.abc import Callable, Mapping, Sequence
+from enum import Enum, StrEnum
+from pathlib import Path
+from typing import Annotated, Any, Literal, cast, get_args, get_origin
+
+import typer
+from typer.core import TyperCommand
+
+from catalogs.errors import InputError
+from cpic_planner.cli.output import note
+
+RENAMED = {"--photon-counting": ("--mode", "photon_counting")}
+"""Former options, and what each is now."""
+_FILE = "question_file"
+_FILE_HELP = (
+    "YAML file (kind: question) with answers by their keywords, see cpic schema; options on the command line stand "
+    "above it."
+)
+
+
+def late(run: Callable[..., None], name: str) -> type[TyperCommand]:
+    """Return the kind of command that takes its options from the question of a function, once it is called.
+
+    Parameters
+    ----------
+    run : callable
+        Its first parameter is the question; others have the annotations of `typer`.
+    name : str
+        Where its question is, as ``package.module:Model``.
+    """
+
+    class Late(TyperCommand):
+        def make_context(self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any) -> Any:
+            built = command_of(run, pkgutil.resolve_name(name))
+            self.params, self.callback = built.params, built.callback
+            return super().make_context(info_name, _present(args, self.params), parent, **extra)
+
+    return Late
+
+
+def command_of(run: Callable[..., None], model: Any) -> Any:
+    """Return the command that asks a question and hands it to a function.
+
+    Parameters
+    ----------
+    run : callable
+        As of `late`.
+    model : type of Question
+    """
+    app = typer.Typer(add_completion=False, rich_markup_mode=None)
+    app.command()(_asking(run, model))
+    return typer.main.get_command(app)
+
+
+def _present(args: Sequence[str], params: Sequence[Any]) -> list[str]:
+    """Arguments with the present names of options, each told once."""
+    found: list[str] = []
+    known = {name for param in params for name in param.opts}
+    for arg in args:
+        new = RENAMED.get(arg)
+        if new is None or arg in known:
+            found.append(arg)
+            continue
+        if new[0] not in known:
+            raise InputError(
+                arg,
+                "given",
+                allowed="only with cpic etc and cpic rank",
+                hint="it is predicted, not yet measured in images",
+            )
+        note(f"{arg} is now {' '.join(new)}")
+        found += new
+    return found
+
+
+def _asking(run: Callable[..., None], model: Any) -> Callable[..., None]:
+    """The function with an option for every field of the question in the place of its first parameter."""
+    from cpic_planner.queries.base import called_by_option, option_names
+    from cpic_planner.queries.fields import options_of, spelled
+
+    options, names = tuple(options_of(model)), option_names(model)
+    own = list(inspect.signature(run, locals={model.__name__: model}, eval_str=True).parameters.values())[1:]
+
+    def command(**given: Any) -> None:
+        shown = {parameter.name: given.pop(parameter.name) for parameter in own}
+        with called_by_option(model):
+            file = given.pop(_FILE)
+            tree = answers(options, given, {} if file is None else model.load(file), names)
+            run(model.of(tree), **shown)
+
+    parameters = [
+        inspect.Parameter(
+            option.name,
+            inspect.Parameter.KEYWORD_ONLY,
+            default=inspect.Parameter.empty if option.required and option.asked.argument else None,
+            annotation=_annotation(option, spelled(option.text, names)),
+        )
+        for option in options
+    ]
+    parameters.append(
+        inspect.Parameter(
+            _FILE,
+            inspect.Parameter.KEYWORD_ONLY,
+            default=None,
+            annotation=Annotated[Path | None, typer.Option("--question", help=_FILE_HELP)],
+        )
+    )
+    parameters += [parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY) for parameter in own]
+    command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    command.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+    command.__doc__ = run.__doc__
+    return command
+
+
+def _annotation(option: Any, text: str) -> Any:
+    """Annotation of `typer` for an option; a choice of words becomes an enumeration, which every version reads."""
+    kind: Any = option.kind
+    if get_origin(kind) is Literal:
+        words = [(f"WORD_{i}", word) for i, word in enumerate(get_args(kind))]
+        kind = cast(Any, StrEnum)(option.name.title(), words)
+    kind = list[kind] if option.several else kind
+    own = option.asked
+    if own.argument:
+        shown = typer.Argument(metavar=own.metavar or option.flag, help=text, show_default=False)
+        return Annotated[kind if option.required else kind | None, shown]
+    flag = f"{option.flag}/--no-{option.flag[2:]}" if option.switchable else option.flag
+    return Annotated[
+        kind | None,
+        typer.Option(flag, help=text, metavar=own.metavar or None, hidden=own.hidden, show_default=False),
+    ]
+
+
+def answers(
+    options: Sequence[Any], given: Mapping[str, Any], file: Mapping[str, Any], names: Mapping[str, str]
+) -> dict[str, Any]:
+    """Return what options and a file answer, as a tree of fields.
+
+    Parameters
+    ----------
+    options : sequence of Option
+    given : mapping
+        Values by the names of options; None and nothing for what was not given.
+    file : mapping
+        Answers of a file, which those of options stand above.
+    names : mapping
+        Option of each field, for refusals.
+
+    Raises
+    ------
+    InputError
+        For an option that has no meaning with the others.
+    """
+    from cpic_planner.queries.dotted import put
+    from simulator.config.base import deep_merge, validate
+
+    tree: dict[str, Any] = {}
+    parts: dict[tuple[str, ...], dict[str, Any]] = {}
+    told = {option.path: given[option.name] for option in options if given[option.name] not in (None, [], ())}
+    for option in options:
+        if option.path not in told:
+            continue
+        value = _value(told[option.path])
+        if option.parts is not None:
+            parts.setdefault(option.path[:-1], {})[option.path[-1]] = value
+        else:
+            tree = put(tree, ".".join(option.path), value)
+    for option in options:
+        if option.parts is not None and (below := parts.pop(option.path[:-1], None)) is not None:
+            made = validate(option.parts, below).made(_at(file, option.path[:-1]))
+            tree = put(tree, ".".join(option.path[:-1]), made)
+    merged = deep_merge(file, tree)
+    for option in options:
+        needed = option.asked.only_with
+        if option.path in told and needed is not None and not _has(merged, option.path, *needed):
+            value = _value(told[option.path])
+            raise InputError(option.flag, value, allowed=f"together with {names[needed[0]]} {needed[1]}")
+    return merged
+
+
+def _value(value: Any) -> Any:
+    """A value of the option parser as plain data."""
+    if isinstance(value, list | tuple):
+        return tuple(map(_value, value))
+    return value.value if isinstance(value, Enum) else value
+
+
+def _at(tree: Any, path: Sequence[str]) -> Any:
+    for name in path:
+        tree = tree.get(name) if isinstance(tree, Mapping) else None
+    return tree
+
+
+def _has(tree: Mapping[str, Any], path: Sequence[str], field: str, wanted: str) -> bool:
+    """Whether a field beside a path, or above it, has a value."""
+    return any(_at(tree, (*path[:depth], field)) == wanted for depth in range(len(path)))

@@ -1,0 +1,302 @@
+"""Changes of an instrument: a dotted key, and what becomes of its value.
+
+The one way in which simulator overrides, assumptions of rankings and surveys, and options alter a number::
+
+    throughput=x0.7                 every band loses 30 % of its light
+    drift=0.1nm                     offset of a visit 0.1 nm rms, and the walk within it in the same ratio
+    drift.visit_nm=0.1              any number or word of the instrument, by its dotted key, whose name has the unit
+    bands.F850.qe=x0.8              "*" stands for any name: bands.*.qe, bands.F5*.qe
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from typing import Any, Literal, TypeAlias, cast
+
+from pydantic import StrictBool, StrictFloat, StrictInt, StrictStr, model_validator
+
+from catalogs.errors import InputError
+from cpic_planner.queries.dotted import advice, children, matching, put, sections
+from cpic_planner.written_values import read_value, two_spellings, with_unit
+from simulator.config import FrozenModel, Instrument, canonical_json
+from simulator.config.base import unit_of
+from simulator.config.optics import Drift
+
+ALIASES = {
+    "throughput": "bands.*.t_opt",
+    "quantum_efficiency": "bands.*.qe",
+    "read_noise": "detector.read_noise_e",
+    "dark_current": "detector.dark_e_s",
+    "clock_charge": "detector.cic_e",
+    "visit_drift": "drift.visit_nm",
+    "walk": "drift.walk_nm_per_sqrt_hour",
+    "jitter": "wavefront.jitter_mas",
+    "exozodi": "sky.exozodi_zodis",
+}
+"""Short names of keys of the instrument; those of the detector are the visible camera's.
+
+Their names have no units: numbers are given with one, or with an x as factors. `DRIFT` is short for two keys.
+"""
+DRIFT, _VISIT, _WALK = "drift", "drift.visit_nm", "drift.walk_nm_per_sqrt_hour"
+COMPANIONS = "companions"
+"""The one key that is not of the instrument: whether the light of companions is in the scene."""
+NAMES = {key: name for name, key in ALIASES.items()}
+Plain: TypeAlias = StrictBool | StrictInt | StrictFloat | StrictStr | None
+
+# What `simulator.imaging.store.metrics_key` is made of.
+_OPTICS = (
+    "telescope",
+    "coronagraph",
+    "near_infrared.pixel_scale_arcsec",
+    "near_infrared.mask_half_width_arcsec",
+    "near_infrared.outer_half_side_arcsec",
+    "wavefront",
+    "mirror",
+    "dark_hole",
+    "drift.psd_slope",
+    "bands.*.camera",
+    "bands.*.center_nm",
+    "bands.*.width_nm",
+    "bands.*.transmission_file",
+    "detector.pixel_scale_arcsec",
+)
+
+
+class Change(FrozenModel):
+    """One change: ``set`` a key of the instrument to a value, or ``scale`` its number by a factor.
+
+    ``key`` is dotted and may hold ``*``; the key ``companions``, set to ``on`` or ``off``, is the scene's.
+    """
+
+    key: str
+    action: Literal["set", "scale"] = "set"
+    value: Plain
+
+    @model_validator(mode="after")
+    def _possible(self) -> Change:
+        if self.action == "scale" and not (_is_number(self.value) and cast(float, self.value) >= 0):
+            raise InputError(self.key, self.value_text, allowed="a finite factor, at least 0")
+        if self.key == COMPANIONS and (self.action == "scale" or self.value not in ("on", "off")):
+            raise InputError(self.key, self.value_text, allowed="on, off")
+        return self
+
+    @property
+    def value_text(self) -> str:
+        """What becomes of the value, as it is written: ``x0.7``, ``160``; that of drift has its unit, ``0.1 nm``."""
+        text = f"{'x' if self.action == 'scale' else ''}{canonical_json(self.value).strip(chr(34))}"
+        return with_unit(text, unit_of(_VISIT)) if self.key == DRIFT and self.action == "set" else text
+
+    @property
+    def text(self) -> str:
+        """In words: ``throughput x0.7``, ``detector.cic_e = 0.05 e-``, ``companions on``."""
+        name = NAMES.get(self.key, self.key)
+        if self.action == "scale" or self.key == COMPANIONS:
+            return f"{name} {self.value_text}"
+        return f"{name} = {with_unit(self.value_text, unit_of(self.key) if _is_number(self.value) else '')}"
+
+    @property
+    def is_optical(self) -> bool:
+        """Whether it can mean something that point-spread functions depend on."""
+        return is_optical(self.key)
+
+    @classmethod
+    def scaling(cls, key: str, factor: float) -> Change:
+        """Return the change of a number by a factor."""
+        return cls(key=key, action="scale", value=factor)
+
+    @classmethod
+    def read(cls, given: str, value: Any, nominal: Instrument | None = None) -> Change:
+        """Return the change that a key and a value mean, as people write them.
+
+        Parameters
+        ----------
+        given : str
+            A dotted key, or one of `ALIASES`, whose numbers need a unit or an x.
+        value : bool, int, float, str or None
+        nominal : Instrument, optional
+            Whose numbers are named where a value is refused.
+
+        Raises
+        ------
+        InputError
+            For what cannot be read, and a number that could be a value or a factor.
+        """
+        key, unit = ALIASES.get(given, given), unit_of(long_key(given))
+        if not isinstance(value, bool | int | float | str | None):
+            raise InputError(key, value, allowed="a number, a word, or a factor as x0.7")
+        bare, text = _is_number(value), str(value)
+        if isinstance(value, str):
+            written = read_value(key, value, unit)
+            if written.action == "scale":
+                return cls(key=key, action="scale", value=written.value)
+            bare = written.bare
+            value = written.value if isinstance(written.value, bool | int | float | None) else value
+        if isinstance(value, float) and not math.isfinite(value):
+            raise InputError(key, str(value), allowed="a finite number")
+        if bare and given in (*ALIASES, DRIFT):
+            raise two_spellings(
+                given,
+                given,
+                text.strip(),
+                unit=unit,
+                present=_present(long_key(given), nominal),
+                value_key="" if unit else key,
+            )
+        if key == DRIFT and not (_is_number(value) and value >= 0):
+            raise InputError(
+                key,
+                text,
+                allowed="a factor as x2, or a number with a unit as 0.1nm, at least 0",
+                hint=f"its keys: {', '.join(Drift.model_fields)}",
+            )
+        if key == COMPANIONS and isinstance(value, bool):
+            value = "on" if value else "off"
+        return cls(key=key, value=value)
+
+    def values(self, nominal: Instrument) -> list[tuple[str, Any, Any]]:
+        """Return the keys of an instrument that it means, with their values before and after.
+
+        Raises
+        ------
+        InputError
+            For a key that the instrument does not have, and a factor on what is no number.
+        """
+        return [(key, value, _altered(self, key, value, nominal)) for key, value in _leaves(nominal, self)]
+
+
+@dataclass(frozen=True)
+class Alteration:
+    """A number or word of the instrument before and after, and the change that alters it."""
+
+    key: str
+    nominal: Any
+    altered: Any
+    change: Change
+
+
+def alterations(nominal: Instrument, changes: Iterable[Change]) -> tuple[Alteration, ...]:
+    """Return every number and word of an instrument that some changes alter, by key.
+
+    Raises
+    ------
+    InputError
+        For a key that the instrument does not have, a factor on what is no number, and a value altered twice.
+    """
+    found: dict[str, Alteration] = {}
+    for change in changes:
+        for key, value, altered in change.values(nominal):
+            if key in found:
+                raise InputError(
+                    change.key,
+                    change.value_text,
+                    allowed="each value altered once",
+                    hint=f"{key} is altered by {found[key].change.key} too",
+                )
+            found[key] = Alteration(key, value, altered, change)
+    return tuple(found[key] for key in sorted(found))
+
+
+def tree_of(
+    items: Iterable[Alteration], leaf: Callable[[Alteration], Any] = lambda item: item.altered
+) -> dict[str, Any]:
+    """Return alterations as the mapping that `Instrument.changed` takes.
+
+    Parameters
+    ----------
+    items : iterable of Alteration
+    leaf : callable
+        What stands for an altered value.
+    """
+    tree: dict[str, Any] = {}
+    for item in items:
+        tree = put(tree, item.key, leaf(item))
+    return tree
+
+
+def changed(nominal: Instrument, changes: Iterable[Change]) -> Instrument:
+    """Return the instrument after some changes; the same object without any."""
+    tree = tree_of(alterations(nominal, changes))
+    return nominal.changed(tree) if tree else nominal
+
+
+def is_optical(key: str) -> bool:
+    """Whether a key, which may hold ``*``, can mean something that point-spread functions depend on."""
+    return any(_meets(key, pattern) for pattern in _OPTICS)
+
+
+def _meets(key: str, pattern: str) -> bool:
+    """Whether a key, which may hold ``*``, can mean what a pattern names or something below it."""
+    ours, theirs = key.split("."), pattern.split(".")
+    if len(ours) < len(theirs):
+        return False
+    return all(fnmatchcase(a, b) or fnmatchcase(b, a) for a, b in zip(ours, theirs, strict=False))
+
+
+def long_key(key: str) -> str:
+    """Return the key that has the unit: that of a short name, of drift the offset of a visit."""
+    return _VISIT if key == DRIFT else ALIASES.get(key, key)
+
+
+def _present(key: str, nominal: Instrument | None) -> float | None:
+    """The number of an instrument that a key means, if it means one."""
+    found = {} if nominal is None else dict(matching(sections(nominal), key))
+    values = {value for value in found.values() if _is_number(value)}
+    return values.pop() if len(values) == 1 else None
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _leaves(nominal: Instrument, change: Change) -> list[tuple[str, Any]]:
+    """Keys and values of an instrument that a key means."""
+    root = sections(nominal)
+    if change.key == DRIFT:
+        return [found for key in (_VISIT, _WALK) for found in matching(root, key)]
+    found = list(matching(root, change.key))
+    if not found:
+        raise InputError(
+            change.key,
+            change.value_text,
+            allowed="a key of the instrument",
+            hint=advice(root, change.key, (*ALIASES, COMPANIONS)),
+        )
+    for key, value in found:
+        below = children(value)
+        if below is not None:
+            raise InputError(
+                change.key,
+                change.value_text,
+                allowed=f"a single value, not all of {key}",
+                hint=f"its keys: {', '.join(below)}",
+            )
+    return found
+
+
+def _altered(change: Change, key: str, nominal: Any, instrument: Instrument) -> Any:
+    if change.key == DRIFT and change.action == "set" and key == _WALK:
+        offset = instrument.drift.visit_nm
+        if not offset:
+            raise InputError(
+                change.key,
+                change.value_text,
+                allowed="an instrument with drift",
+                hint=f"its {_VISIT} is 0: the walk cannot be scaled in the same ratio",
+            )
+        return nominal * cast(float, change.value) / offset
+    if change.action == "scale":
+        if not _is_number(nominal):
+            shown = "not set" if nominal is None else str(nominal).lower()
+            raise InputError(
+                change.key,
+                change.value_text,
+                allowed="a value: only numbers take a factor",
+                hint=f"{key} is {shown}",
+            )
+        return nominal * cast(float, change.value)
+    if isinstance(nominal, bool) and change.value in ("on", "off"):
+        return change.value == "on"
+    return change.value_text if isinstance(nominal, str) and _is_number(change.value) else change.value

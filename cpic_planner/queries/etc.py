@@ -1,0 +1,205 @@
+"""The question of ``cpic etc``: time for a level, SNR for a time, or the contrast limit of one star."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated, Any, ClassVar
+
+from pydantic import BeforeValidator, model_validator
+
+from catalogs.errors import InputError
+from cpic_planner.queries.base import called
+from cpic_planner.queries.fields import asked
+from cpic_planner.queries.planet import ReferencePlanet
+from cpic_planner.queries.shared import (
+    DEFAULT_TIME_S,
+    MAX_REALISATIONS,
+    Fidelity,
+    InstrumentQuestion,
+    Seed,
+    StarsQuestion,
+    Texts,
+    several,
+)
+from cpic_planner.queries.strategy import Strategy
+from simulator.config.base import validate
+from simulator.knobs import Dial, dial_of
+
+Numbers = Annotated[tuple[float, ...], BeforeValidator(several)]
+_LEVELS = ("snr", "sigma", "detect")
+
+
+def _planets(given: Any) -> Any:
+    """Planets from what people write: one or several, objects or mappings."""
+    if isinstance(given, Sequence) and not isinstance(given, str):
+        return tuple(_planets(body) for body in given)
+    return given if isinstance(given, ReferencePlanet) else validate(ReferencePlanet, given, where="planet")
+
+
+class EtcQuestion(InstrumentQuestion, StarsQuestion):
+    """Ask the exposure-time calculator.
+
+    With ``contrast_limit`` the answer is the faintest contrast that reaches the level, else with a level the least
+    time that reaches it, else the SNR in a time. Without a separation the planet stands where the answer is best.
+    """
+
+    KIND: ClassVar[str] = "etc"
+
+    target: Texts = asked(
+        ...,
+        'Star: "HIP 8102", "tau Cet", "alpha Cen B", "HD 10700", "61 Cyg A" ...',
+        argument=True,
+        command=str,
+        several=False,
+        accepts="str or sequence of str",
+    )
+    snr: float | None = asked(None, "Level: photometric SNR.")
+    sigma: float | None = asked(
+        None,
+        "Level: plain significance, of noise without the planet (the level that detection thresholds keep is "
+        "another number: --threshold-sigma, strategy.sigma).",
+    )
+    detect: bool = asked(False, "Level: a detection, by the small-sample threshold at that separation.")
+    time_s: float | None = asked(
+        None,
+        "Wall time of one visit, readouts and reference frames included.",
+        default_words=f"{DEFAULT_TIME_S:g}",
+    )
+    contrast_limit: bool = asked(False, "Ask for the faintest contrast that reaches the level in {time_s}.")
+    separation_arcsec: Numbers | None = asked(
+        None,
+        "Projected separation, on the diagonal of a quadrant; repeat for several.",
+        accepts="float or sequence of float, optional",
+        default_words="where the answer is best",
+    )
+    semi_major_axis_au: float | None = asked(
+        None, "Radius of a circular orbit; gives separation and distance at the phase angle."
+    )
+    contrast: Numbers | None = asked(
+        None,
+        "Planet-to-star ratio instead of a planet model; repeat for several (as many as separations, or one of them).",
+        accepts="float or sequence of float, optional",
+    )
+    planet: ReferencePlanet | tuple[ReferencePlanet, ...] = asked(
+        ReferencePlanet(),
+        "The planet whose light is asked for.",
+        read=_planets,
+        accepts="ReferencePlanet, mapping, or sequence of them, optional",
+    )
+    exposure_s: float | None = asked(None, "Frame exposure, instead of the best.")
+    n_frames: int | None = asked(None, "Science frames of {exposure_s}; sets the time.", ge=1, option="--frames")
+    em_gain: float | None = asked(None, "EM gain, instead of the best.")
+    exact: bool = asked(
+        False, "Use all of the time, although the walk of the wavefront can make a shorter visit better."
+    )
+    strategy: Strategy = asked(
+        Strategy(), "How the observation is made and reduced.", accepts="Strategy or mapping, optional"
+    )
+    distance_pc: float | None = asked(None, "Distance, instead of the catalogue's.")
+    fidelity: Fidelity | None = asked(None, "Closed forms alone, or checked in images.", default_words="quick")
+    tolerance: float | None = asked(
+        None,
+        "Instead of {fidelity}: images only where the stated error of planet flux or SNR exceeds this, 0 to 0.5.",
+    )
+    realisations: int | None = asked(
+        None,
+        "Draws of the images of each answer.",
+        ge=1,
+        le=MAX_REALISATIONS,
+        default_words="what tells the SNR to 5 %",
+    )
+    seed: Seed | None = asked(None, "Seed of the images.", default_words="1")
+
+    @model_validator(mode="after")
+    def _possible(self) -> EtcQuestion:
+        self._check_level()
+        self._check_planet()
+        self._check_images()
+        return self
+
+    def _check_level(self) -> None:
+        self.refuse_together(_LEVELS, "one level at a time")
+        if not self.contrast_limit:
+            for name in _LEVELS:
+                self.refuse_together((name, "time_s"), "one asks for a time, the other gives it")
+                self.refuse_together((name, "n_frames"), f"{called('n_frames')} sets the time that is asked for")
+        self.refuse_together(("time_s", "n_frames"), "both set the time")
+        if self.n_frames is not None and self.exposure_s is None:
+            raise InputError("n_frames", self.n_frames, allowed=f"together with {called('exposure_s')}")
+
+    def _check_planet(self) -> None:
+        self.refuse_together(("separation_arcsec", "semi_major_axis_au"), "both place the planet")
+        self.refuse_together(("contrast_limit", "contrast"), "the limit is the answer")
+        planet = self.planet
+        for path in (
+            ("planet",) if isinstance(planet, tuple) else (f"planet.{name}" for name in planet.model_fields_set)
+        ):
+            if path == "planet.phase_deg" and self.semi_major_axis_au is not None:
+                continue
+            self.refuse_together((path, "contrast"), "a given contrast needs no planet")
+            self.refuse_together((path, "contrast_limit"), "the limit holds for any planet")
+        places, ratios = len(self.separation_arcsec or ()), len(self.contrast or ())
+        if min(places, ratios) > 1 and places != ratios:
+            raise InputError(
+                "contrast",
+                f"{ratios} times",
+                allowed=f"once, or {places} times as {called('separation_arcsec')}",
+            )
+
+    def _check_images(self) -> None:
+        self.refuse_together(("tolerance", "fidelity"), "they are two names of one dial")
+        dial = self.dial.fidelity
+        tiers = f"{called('fidelity')} standard or reference"
+        for name, allowed, there in (
+            ("realisations", tiers, dial in ("standard", "reference")),
+            ("seed", f"{tiers}, or {called('tolerance')}", dial != "quick"),
+        ):
+            if self.is_given(name) and not there:
+                raise InputError(name, getattr(self, name), allowed=f"together with {allowed}")
+
+    @property
+    def dial(self) -> Dial:
+        """How firm answers have to be: ``quick`` without a fidelity or a tolerance."""
+        plain = self.fidelity is None and self.tolerance is None
+        return dial_of("quick" if plain else self.fidelity, self.tolerance)
+
+    @property
+    def asks_time(self) -> bool:
+        """Whether the answer is a time."""
+        return not self.contrast_limit and (self.snr is not None or self.sigma is not None or self.detect)
+
+    @property
+    def wall_s(self) -> float:
+        """The wall time that is given; of no meaning where it is asked for, or where frames set it."""
+        return DEFAULT_TIME_S if self.time_s is None else self.time_s
+
+    def hashed(self) -> dict[str, Any]:
+        """Return what decides numbers: the dial by what it does, and only what the answer depends on."""
+        tree = super().hashed()
+        del tree["fidelity"], tree["tolerance"]
+        tree["time_s"] = None if self.asks_time or self.n_frames is not None else self.wall_s
+        if self.dial.fidelity == "quick":
+            return tree
+        return tree | {"dial": self.dial.model_dump(mode="json"), "seed": 1 if self.seed is None else self.seed}
+
+
+class OptimiseQuestion(InstrumentQuestion, StarsQuestion):
+    """Ask for the best band, separation, exposure, number of frames and EM gain of stars."""
+
+    KIND: ClassVar[str] = "optimise"
+
+    target: Texts = asked(..., "Star names.", accepts="str or sequence of str")
+    time_s: float | None = asked(
+        None,
+        "Wall time: the clearest detection within it.",
+        default_words="36000 if no goal is given",
+    )
+    snr: float | None = asked(None, "Photometric SNR to reach in the least time.")
+    detect: bool = asked(False, "A detection to reach in the least time.")
+    separation_arcsec: float | None = asked(None, "Projected separation of the planet, instead of the best one.")
+    planet: ReferencePlanet = asked(
+        ReferencePlanet(), "The reference planet.", read=_planets, accepts="ReferencePlanet or mapping, optional"
+    )
+    strategy: Strategy = asked(
+        Strategy(), "How the observation is made and reduced.", accepts="Strategy or mapping, optional"
+    )

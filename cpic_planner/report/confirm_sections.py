@@ -1,0 +1,262 @@
+"""The report of a confirmed scene: its sections, each an entry of `CONFIRM_SECTIONS`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from cpic_planner.models import (
+    AlbedoRecord,
+    BandConfirmation,
+    CandidateRecord,
+    ConfirmResult,
+    PositionRecord,
+    SearchRecord,
+)
+from cpic_planner.registry import Registry
+from cpic_planner.registry.libraries import LIBRARIES
+from cpic_planner.report import document as doc
+from cpic_planner.report.cells import frames_text
+from cpic_planner.report.drawing import Picture
+from cpic_planner.report.glossary import method_credits, terms
+from cpic_planner.report.image_blocks import (
+    MEASURED_NOTE,
+    audit_blocks,
+    instrument_fact,
+    measure_table,
+    modelled_blocks,
+    not_modelled_blocks,
+    picture_blocks,
+)
+from cpic_planner.report.numbers import MISSING, count_text, decimals, significant
+from cpic_planner.report.summary import calibration_sentence, confirm_sentences, overrides_sentence
+from cpic_planner.report.words import ALBEDO_STATUS
+
+CONFIRM_FIGURES = {
+    "spectrum": "Recovered contrasts on the spectrum of the scene",
+    "calibration": "Does the prediction hold?",
+}
+"""Figures that have a title of their own; others are shown under their keys."""
+_WORDS = (
+    "contrast; SNR; significance; threshold; speckle floor; predicted, recovered; realisation; blind search; "
+    "optimistic, pessimistic; separation; dark hole; core throughput; RDI; integration, wall time; EM gain"
+)
+"""Terms of the glossary that this report uses."""
+
+
+@dataclass(frozen=True)
+class ConfirmReport:
+    """What the report of a confirmed scene is made of.
+
+    Attributes
+    ----------
+    result : ConfirmResult
+    figures : mapping of str to Picture
+        By the keys of `CONFIRM_FIGURES`, or by a title.
+    images : mapping of str to Picture
+        Image panels by band.
+    """
+
+    result: ConfirmResult
+    figures: Mapping[str, Picture]
+    images: Mapping[str, Picture]
+
+    @property
+    def planets(self) -> dict[str, list[BandConfirmation]]:
+        """Measurements by planet."""
+        found: dict[str, list[BandConfirmation]] = {}
+        for item in self.result.bands:
+            found.setdefault(item.planet, []).append(item)
+        return found
+
+    @property
+    def calibration(self) -> str:
+        """How the prediction holds; empty without planets."""
+        return calibration_sentence(self.result) if self.result.bands else ""
+
+
+CONFIRM_SECTIONS: Registry[doc.Section[ConfirmReport]] = Registry("section")
+"""Sections of the report, in their order."""
+
+
+def confirm_document(report: ConfirmReport) -> doc.Document:
+    """Return the report of a confirmed scene."""
+    result = report.result
+    searched = LIBRARIES[result.reference_library].searched
+    summary = [doc.Paragraph(" ".join(confirm_sentences(result)), "lead")]
+    if altered := overrides_sentence(result):
+        summary.insert(0, doc.Paragraph(doc.strong(altered), "altered"))
+    if report.calibration:
+        summary.append(doc.Paragraph(doc.strong(report.calibration), "lead"))
+    return doc.document_of(
+        CONFIRM_SECTIONS,
+        report,
+        title=f"CPI-C confirmation of {result.scene}, configuration {result.config_hash}",
+        heading=result.scene,
+        about=f"A scene for CPI-C: simulated as images, the star subtracted, {searched}, beside what the "
+        "exposure-time calculator predicts.",
+        summary=summary,
+    )
+
+
+@doc.section_of(CONFIRM_SECTIONS, "planets", "Planets")
+def _planets(report: ConfirmReport) -> Iterator[doc.Block]:
+    for number, (name, bands) in enumerate(report.planets.items(), 1):
+        blocks = [measure_table(name, bands, f"{name} by band."), *audit_blocks(name, bands)]
+        yield doc.Group(f"planet-{number}", name, blocks)
+
+
+_Candidate = tuple[SearchRecord, CandidateRecord | None]
+
+
+def _first(text: Callable[[SearchRecord], str]) -> Callable[[_Candidate], str]:
+    """Cell of a search, in its first row alone."""
+    return lambda row: text(row[0]) if row[1] is None or row[1] is row[0].candidates[0] else ""
+
+
+def _named(text: Callable[[CandidateRecord], doc.Inline]) -> Callable[[_Candidate], doc.Inline]:
+    return lambda row: MISSING if row[1] is None else text(row[1])
+
+
+_SEARCHED: tuple[doc.Column[_Candidate], ...] = (
+    doc.Column("Band", lambda row: row[0].band, look="row left"),
+    doc.Column("Frames × exposure", _first(frames_text), "s"),
+    doc.Column("EM gain", _first(lambda search: significant(search.em_gain))),
+    doc.Column("Resolution elements", _first(lambda search: count_text(round(search.resolution_elements)))),
+    doc.Column(
+        "Detections elsewhere",
+        _first(lambda search: f"{search.false_detections} of {search.realisations}"),
+        "of searches",
+    ),
+    doc.Column(
+        "Separation",
+        lambda row: doc.Span("nothing is named", 6) if row[1] is None else decimals(row[1].separation_arcsec, 3),
+        "arcsec",
+    ),
+    doc.Column("PA", _named(lambda item: decimals(item.pa_deg, 1)), "deg"),
+    doc.Column("SNR", _named(lambda item: significant(item.snr)), "matched filter"),
+    doc.Column("Threshold", _named(lambda item: significant(item.threshold))),
+    doc.Column(
+        "Detected",
+        _named(lambda item: doc.badge("ok", "detected") if item.detected else doc.badge("unreachable", "below")),
+        look="left",
+    ),
+    doc.Column("Planet", _named(lambda item: item.planet or MISSING), look="left"),
+)
+
+
+@doc.section_of(CONFIRM_SECTIONS, "search", "Blind search")
+def _search(report: ConfirmReport) -> Iterator[doc.Block]:
+    searches = report.result.searches
+    if not searches:
+        yield doc.Paragraph(
+            "Two rolls show every planet twice: there the threshold at the known place decides, and nothing is "
+            "searched blind."
+        )
+        return
+    caption = (
+        "What the search names in the first realisation of each band. The planets of the scene are told afterwards, by "
+        "their places; a detection that is none of them is a false one or another star. Detections elsewhere are those "
+        "of all realisations that are no planet of the scene."
+    )
+    rows: list[_Candidate] = []
+    for search in searches:
+        rows += [(search, item) for item in search.candidates] or [(search, None)]
+    yield doc.table("Blind search", caption, _SEARCHED, rows)
+
+
+def _either(value: float, error: float, places: int) -> str:
+    return f"{decimals(value, places)} ± {decimals(error, places)}"
+
+
+_POSITIONS: tuple[doc.Column[PositionRecord], ...] = (
+    doc.Column("Planet", lambda item: item.planet, look="row left"),
+    doc.Column("Bands", lambda item: ", ".join(item.bands), look="left"),
+    doc.Column("Separation", lambda item: _either(item.separation_arcsec, item.separation_error_arcsec, 4), "arcsec"),
+    doc.Column("true", lambda item: decimals(item.true_separation_arcsec, 4)),
+    doc.Column("PA", lambda item: _either(item.pa_deg, item.pa_error_deg, 2), "deg"),
+    doc.Column("true", lambda item: decimals(item.true_pa_deg, 2)),
+)
+
+
+def _interval(best: float, interval: Sequence[float]) -> str:
+    return f"{decimals(best, 2)}; {decimals(interval[0], 2)} to {decimals(interval[1], 2)}"
+
+
+_ALBEDOS: tuple[doc.Column[AlbedoRecord], ...] = (
+    doc.Column("Planet", lambda item: item.planet, look="row left"),
+    doc.Column("Bands", lambda item: ", ".join(item.bands), look="left"),
+    doc.Column("log10 M/H", lambda item: _interval(item.log10_mh, item.log10_mh_interval), "best; interval"),
+    doc.Column("log10 f_sed", lambda item: _interval(item.log10_fsed, item.log10_fsed_interval), "best; interval"),
+    doc.Column("Correlation", lambda item: decimals(item.correlation, 2)),
+    doc.Column("χ²", lambda item: f"{decimals(item.chi2, 2)} ({item.degrees_of_freedom})", "degrees of freedom"),
+    doc.Column("Standing", lambda item: ALBEDO_STATUS[item.status], look="left wide"),
+)
+
+
+@doc.section_of(CONFIRM_SECTIONS, "found", "Positions and albedos")
+def _found(report: ConfirmReport) -> Iterator[doc.Block]:
+    result = report.result
+    if result.positions:
+        caption = "Fitted positions, first realisation that shows the planet in each band, mean of the bands."
+        yield doc.table("Positions", caption, _POSITIONS, result.positions)
+    if result.albedos:
+        caption = (
+            "Metallicity and clouds that fit the mean contrasts, with the errors of one observation a band; size, "
+            "distance and phase of the planet are taken as known. Intervals hold 68 %."
+        )
+        yield doc.table("Albedo fits", caption, _ALBEDOS, result.albedos)
+
+
+@doc.section_of(CONFIRM_SECTIONS, "images", "Images")
+def _images(report: ConfirmReport) -> Iterator[doc.Block]:
+    if report.images:
+        return picture_blocks(report.images, report.images, report.result.scene)
+    return iter([doc.Paragraph("No band was observed.")])
+
+
+@doc.section_of(CONFIRM_SECTIONS, "figures", "Figures")
+def _figures(report: ConfirmReport) -> Iterator[doc.Block]:
+    for key, picture in report.figures.items():
+        yield doc.Figure(
+            picture, CONFIRM_FIGURES.get(key, key), more=report.calibration if key == "calibration" else ""
+        )
+
+
+@doc.section_of(CONFIRM_SECTIONS, "assumptions", "Assumptions")
+def _assumptions(report: ConfirmReport) -> Iterator[doc.Block]:
+    result, library = report.result, LIBRARIES[report.result.reference_library]
+    modes = f"{result.rdi_modes} mode{'s' * (result.rdi_modes != 1)} subtracted"
+    yield doc.Facts(
+        [
+            ("Instrument", instrument_fact(result)),
+            ("Reference library", [f"{library.meaning} (", doc.code(library.name), f"); {modes}."]),
+            (
+                "Detection threshold",
+                f"the false-alarm probability of {result.sigma:g}σ per resolution element. Predictions know the "
+                f"planet's place; a realisation is a detection if {library.found}.",
+            ),
+        ]
+    )
+
+
+@doc.section_of(CONFIRM_SECTIONS, "modelled", "What was modelled")
+def _modelled(report: ConfirmReport) -> Iterator[doc.Block]:
+    return modelled_blocks([(band.band, band.modelled) for band in report.result.bands if band.modelled])
+
+
+@doc.section_of(CONFIRM_SECTIONS, "missing", "What is not modelled")
+def _missing(report: ConfirmReport) -> Iterator[doc.Block]:
+    return not_modelled_blocks(report.result.not_modelled)
+
+
+@doc.section_of(CONFIRM_SECTIONS, "glossary", "Glossary")
+def _glossary(report: ConfirmReport) -> Iterator[doc.Block]:
+    yield doc.Facts(terms(_WORDS))
+
+
+@doc.section_of(CONFIRM_SECTIONS, "reproduce", "Reproducing this")
+def _reproduce(report: ConfirmReport) -> Iterator[doc.Block]:
+    note = doc.marked(f"Numbers in full: `confirm.json`; {MEASURED_NOTE}")
+    yield from doc.reproduced_blocks(report.result, note)
+    yield doc.Items(method_credits())

@@ -1,0 +1,375 @@
+"""A report as a document: sections of paragraphs, tables, figures and lists.
+
+A section is one entry of a page's registry: an anchor, a title, and a function that makes its blocks from the data of
+the page. One that makes no block is not shown. Texts are plain, or hold marks (`badge`, `small`, ...): nothing here is
+markup, so that names from outside stay text.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar, Generic, Literal, TypeAlias, TypeVar, Union
+
+from cpic_planner.models.base import Result
+from cpic_planner.registry import Registry
+from cpic_planner.report.cells import Cells, row_cells
+from cpic_planner.report.drawing import Picture
+from cpic_planner.report.words import STATUS_SYMBOLS
+
+D = TypeVar("D")
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Mark:
+    """Text with a meaning: a badge of a status, code, a unit or aside, something important, a link, a line's end."""
+
+    kind: Literal["badge", "code", "small", "strong", "link", "sub", "break"]
+    text: str = ""
+    target: str = ""
+    symbol: str = ""
+
+
+Inline: TypeAlias = Union[str, Mark, "Sequence[Inline]"]
+"""What a cell or a paragraph holds."""
+
+
+def badge(status: str, text: str) -> Mark:
+    """Return a badge in the colour and with the symbol of a status."""
+    return Mark("badge", text, status, STATUS_SYMBOLS.get(status, ""))
+
+
+def code(text: str) -> Mark:
+    """Return what a computer reads: a name of a file, a key, a hash."""
+    return Mark("code", text)
+
+
+def small(text: str) -> Mark:
+    """Return a unit or an aside."""
+    return Mark("small", text)
+
+
+def strong(text: str) -> Mark:
+    """Return what must not be missed."""
+    return Mark("strong", text)
+
+
+def link(anchor: str, text: str) -> Mark:
+    """Return a link to an anchor of the same document."""
+    return Mark("link", text, anchor)
+
+
+def lines(*parts: Inline) -> Inline:
+    """Return parts below each other; empty ones are left out."""
+    kept = [part for part in parts if part and (not isinstance(part, Mark) or part.text)]
+    return [item for part in kept for item in (Mark("break"), part)][1:]
+
+
+@dataclass(frozen=True)
+class Paragraph:
+    """Text; ``look`` is ``lead``, ``note`` or ``altered``."""
+
+    template: ClassVar[str] = "paragraph"
+    text: Inline
+    look: str = ""
+
+
+@dataclass(frozen=True)
+class Heading:
+    """A heading inside a section."""
+
+    template: ClassVar[str] = "heading"
+    text: Inline
+
+
+@dataclass(frozen=True)
+class Span:
+    """A cell that stands in the place of several."""
+
+    text: Inline
+    columns: int
+
+
+@dataclass(frozen=True)
+class Column(Generic[T]):
+    """One column of a table: heading, cells, and how they look.
+
+    Attributes
+    ----------
+    heading : Inline
+        Without the unit.
+    value : callable
+        Cell of an item.
+    unit : str
+        Unit or remark below the heading.
+    look : str
+        Classes of the cells: ``left``, ``wide``, ``star``, ...; with ``row`` the cell is the heading of its row.
+    """
+
+    heading: Inline
+    value: Callable[[T], Inline | Span]
+    unit: str = ""
+    look: str = ""
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One cell: text, classes, whether it heads its row, and over how many columns it goes."""
+
+    text: Inline
+    look: str = ""
+    heads: bool = False
+    span: int = 1
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table with a label and a caption; ``heads`` are its first row, ``picked`` the rows that are shaded."""
+
+    template: ClassVar[str] = "table"
+    label: str
+    caption: Inline
+    heads: tuple[Cell, ...]
+    rows: tuple[tuple[Cell, ...], ...]
+    look: str = ""
+    picked: frozenset[int] = frozenset()
+
+
+def table(
+    label: str,
+    caption: Inline,
+    columns: Sequence[Column[T]],
+    items: Iterable[T],
+    *,
+    look: str = "",
+    picked: Callable[[T], bool] = lambda _: False,
+) -> Table:
+    """Return the table of some items.
+
+    Parameters
+    ----------
+    label : str
+        Name for people who do not see it.
+    caption : Inline
+        What it shows.
+    columns : sequence of Column
+    items : iterable
+        One a row.
+    look : str
+        Class of the table.
+    picked : callable
+        Whether the row of an item is shaded.
+    """
+    rows = list(items)
+    heads = tuple(
+        Cell(lines(column.heading, small(column.unit) if column.unit else ""), _of_heading(column.look))
+        for column in columns
+    )
+    marked = frozenset(i for i, item in enumerate(rows) if picked(item))
+    return Table(label, caption, heads, tuple(tuple(_cells(columns, item)) for item in rows), look, marked)
+
+
+def row_columns(
+    kind: type[Result],
+    layout: str,
+    /,
+    *,
+    of: Callable[[Any], Any] = lambda row: row,
+    **special: Callable[[Any], Any] | Cells,
+) -> list[Column[Any]]:
+    """Return columns of a table from those of its rows: headings, units, formats and sides are said there.
+
+    Parameters
+    ----------
+    kind : type
+        Kind of the rows.
+    layout : str
+        Names of the columns, in order, as `row_cells`; looks of cells follow a colon: ``name:row,star``.
+    of : callable
+        The row of an item.
+    **special
+        What is shown in a column instead, from the item; a `Cells` where the row has no such field.
+    """
+    named = [word.partition(":") for word in layout.split()]
+    looks = [look.replace(",", " ") for _, _, look in named]
+    cells = row_cells(kind, " ".join(name for name, _, _ in named), of=of, page=True, **special)
+    looks[-1:-1] = [""] * (len(cells) - len(named))  # columns that ask for it stand before the last one
+    return [
+        Column(
+            cell.label[:1].upper() + cell.label[1:],
+            cell.text,
+            _UNITS.get(cell.unit, cell.unit),
+            look if cell.right else f"left {look}",
+        )
+        for cell, look in zip(cells, looks, strict=True)
+    ]
+
+
+_UNITS = {"AU": "au", "solLum": "L☉"}
+"""Units as people write them, where astropy has another way."""
+
+
+def _of_heading(look: str) -> str:
+    """Classes of a column that its heading shares."""
+    return " ".join(name for name in look.split() if name in ("left", "pick"))
+
+
+def _cells(columns: Sequence[Column[T]], item: T) -> Iterator[Cell]:
+    left = 0
+    for column in columns:
+        if left:
+            left -= 1
+            continue
+        value = column.value(item)
+        looks = column.look.split()
+        heads = "row" in looks
+        look = " ".join(name for name in looks if name != "row")
+        if isinstance(value, Span):
+            left = value.columns - 1
+            yield Cell(value.text, look, heads, value.columns)
+        else:
+            yield Cell(value, look, heads)
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A picture with its caption, after which ``more`` is said; the anchor is that of ``key``."""
+
+    template: ClassVar[str] = "figure"
+    picture: Picture
+    title: str = ""
+    key: str = ""
+    before: str = ""
+    more: str = ""
+
+
+@dataclass(frozen=True)
+class Facts:
+    """Terms and what there is to say of them; ``wide`` ones take a line each."""
+
+    template: ClassVar[str] = "facts"
+    items: Sequence[tuple[Inline, Inline]]
+    wide: bool = True
+
+
+@dataclass(frozen=True)
+class Items:
+    """A list."""
+
+    template: ClassVar[str] = "items"
+    texts: Sequence[Inline]
+
+
+@dataclass(frozen=True)
+class Group:
+    """Blocks that belong together, under a heading with an anchor."""
+
+    template: ClassVar[str] = "group"
+    anchor: str
+    title: str
+    blocks: Sequence[Block]
+
+
+@dataclass(frozen=True)
+class Fold:
+    """Blocks that show when asked for."""
+
+    template: ClassVar[str] = "fold"
+    summary: str
+    blocks: Sequence[Block]
+    open: bool = False
+
+
+Block: TypeAlias = Paragraph | Heading | Table | Figure | Facts | Items | Group | Fold
+
+
+@dataclass(frozen=True)
+class Section(Generic[D]):
+    """One entry of a page: anchor, title, and what it shows of the page's data; nothing where it is left out."""
+
+    name: str
+    title: str
+    blocks: Callable[[D], Iterable[Block]]
+
+
+def section_of(
+    page: Registry[Section[D]], name: str, title: str, *, after: str = ""
+) -> Callable[[Callable[[D], Iterable[Block]]], Callable[[D], Iterable[Block]]]:
+    """Register the decorated function as a section of a page.
+
+    Parameters
+    ----------
+    page : Registry
+    name : str
+        Anchor.
+    title : str
+        Heading.
+    after : str
+        Name of the section that it follows; the last so far by default.
+    """
+
+    def registered(blocks: Callable[[D], Iterable[Block]]) -> Callable[[D], Iterable[Block]]:
+        page.register(Section(name, title, blocks), after=after)
+        return blocks
+
+    return registered
+
+
+@dataclass(frozen=True)
+class Document:
+    """A report: title of the window, heading, what it is, its summary, and its sections as (anchor, title, blocks)."""
+
+    title: str
+    heading: str
+    about: str
+    summary: Sequence[Block]
+    sections: Sequence[tuple[str, str, Sequence[Block]]]
+
+
+def document_of(
+    page: Registry[Section[D]], data: D, *, title: str, heading: str, about: str, summary: Iterable[Block]
+) -> Document:
+    """Return the document that a page makes of its data.
+
+    Parameters
+    ----------
+    page : Registry
+        Sections, in order.
+    data
+        What they are made of.
+    title, heading, about : str
+        Title of the window, heading, and the line below it.
+    summary : iterable of Block
+        Shown before all sections.
+    """
+    made = ((entry.name, entry.title, list(entry.blocks(data))) for entry in page.values())
+    return Document(title, heading, about, list(summary), [section for section in made if section[2]])
+
+
+def reproduced_blocks(
+    result: Any, note: Inline, hashes: Sequence[tuple[str, str]] = (), *, seed: Any = None
+) -> list[Block]:
+    """Return what is needed to make the numbers of a result again.
+
+    Parameters
+    ----------
+    result : Result
+        With its version, hash and seed.
+    note : Inline
+        Which files have what.
+    hashes : sequence of (str, str)
+        Hashes of what it was made from, with their names.
+    seed : optional
+        Where the result has none of its own.
+    """
+    facts: list[tuple[Inline, Inline]] = [("Version", f"cpic-planner {result.version}")]
+    facts += [(name, code(text)) for name, text in (("Configuration", result.config_hash), *hashes)]
+    facts += [("Seed", str(result.seed if seed is None else seed)), ("Schema version", str(result.schema_version))]
+    same = "The same configuration and seed give the same numbers with any number of workers."
+    return [Paragraph(same), Facts(facts, wide=False), Paragraph(note, "note")]
+
+
+def marked(text: str) -> Inline:
+    """Return a text of ours in which backticks stand around what a computer reads."""
+    return [code(part) if number % 2 else part for number, part in enumerate(text.split("`"))]

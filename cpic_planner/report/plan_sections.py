@@ -1,0 +1,358 @@
+"""The prioritisation report of a plan: its sections, each an entry of `PLAN_SECTIONS`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+
+from catalogs.catalogue import data_credits
+from cpic_planner.models import (
+    BandConfirmation,
+    ConfirmedTarget,
+    PlanResult,
+    RankedTarget,
+    RankResult,
+    SensitivityResult,
+    SensitivityRow,
+)
+from cpic_planner.registry import Registry
+from cpic_planner.registry.libraries import LIBRARIES
+from cpic_planner.registry.scores import SCORES
+from cpic_planner.report import document as doc
+from cpic_planner.report import summary, words
+from cpic_planner.report.cells import Cells, frames_text
+from cpic_planner.report.drawing import Picture
+from cpic_planner.report.figures import PLAN_FIGURES
+from cpic_planner.report.glossary import method_credits, terms
+from cpic_planner.report.image_blocks import (
+    MEASURED_NOTE,
+    audit_blocks,
+    instrument_fact,
+    measure_table,
+    modelled_blocks,
+    not_modelled_blocks,
+    outcome,
+    picture_blocks,
+)
+from cpic_planner.report.names import full_name, pretty_name
+from cpic_planner.report.numbers import (
+    MISSING,
+    contrast_text,
+    count_text,
+    decimals,
+    duration_text,
+    share_text,
+    significant,
+)
+
+
+@dataclass(frozen=True)
+class PlanReport:
+    """What the report of a plan is made of.
+
+    Attributes
+    ----------
+    plan : PlanResult
+    rank : RankResult
+    figures : mapping of str to Picture
+        Any of `PLAN_FIGURES`.
+    images : mapping of str to Picture
+        Image panels by ``BandConfirmation.image``.
+    sensitivity : SensitivityResult, optional
+        How the ranking depends on assumptions.
+    top_rows : int
+        Rows of the ranking to print.
+    """
+
+    plan: PlanResult
+    rank: RankResult
+    figures: Mapping[str, Picture]
+    images: Mapping[str, Picture]
+    sensitivity: SensitivityResult | None = None
+    top_rows: int = 50
+
+    @property
+    def rows(self) -> list[RankedTarget]:
+        """Rows of the ranking that are printed."""
+        return self.rank.targets[: self.top_rows]
+
+
+PLAN_SECTIONS: Registry[doc.Section[PlanReport]] = Registry("section")
+"""Sections of the report, in their order."""
+
+
+def plan_document(report: PlanReport) -> doc.Document:
+    """Return the report of a plan."""
+    plan, rank = report.plan, report.rank
+    lead = [doc.Paragraph(" ".join(summary.summary_sentences(plan, rank)), "lead")]
+    lead.append(doc.Paragraph(doc.strong(summary.calibration_sentence(plan)), "lead"))
+    if altered := summary.overrides_sentence(plan):
+        lead.insert(0, doc.Paragraph(doc.strong(altered), "altered"))
+    return doc.document_of(
+        PLAN_SECTIONS,
+        report,
+        title=f"CPI-C target plan, configuration {plan.config_hash}",
+        heading="CPI-C target plan",
+        about="Which nearby stars to observe first, in which band and with which settings; predicted analytically, "
+        "confirmed with simulated images.",
+        summary=lead,
+    )
+
+
+_Pick = tuple[int, ConfirmedTarget, BandConfirmation | None]
+
+
+def _of_band(text: Callable[[BandConfirmation], doc.Inline]) -> Callable[[_Pick], doc.Inline]:
+    return lambda pick: MISSING if pick[2] is None else text(pick[2])
+
+
+def _star(name: doc.Inline, hip: int | None) -> doc.Inline:
+    return doc.lines(name, doc.small(f"HIP {hip}") if hip is not None else "")
+
+
+def _pick_verdict(pick: _Pick) -> doc.Inline:
+    _, target, best = pick
+    mark = doc.badge("unreachable", "not confirmed") if best is None else outcome(best)
+    return doc.lines(mark, words.plus_minus(target.verdict))
+
+
+_NOWHERE = doc.Span("the images show the planet in no band; see below", 8)
+_FIRST: tuple[doc.Column[_Pick], ...] = (
+    doc.Column("#", lambda pick: str(pick[1].ranked.rank)),
+    doc.Column(
+        "Star",
+        lambda pick: _star(doc.link(f"target-{pick[0]}", pretty_name(pick[1].name)), pick[1].hip),
+        look="row left",
+    ),
+    doc.Column("V", lambda pick: decimals(pick[1].ranked.v_mag, 2), "mag"),
+    doc.Column("Distance", lambda pick: significant(pick[1].ranked.distance_pc, 4), "pc"),
+    doc.Column("Band", _of_band(lambda best: best.band), look="left"),
+    doc.Column("Frames × exposure", lambda pick: _NOWHERE if pick[2] is None else frames_text(pick[2]), "s"),
+    doc.Column("EM gain", _of_band(lambda best: significant(best.em_gain))),
+    doc.Column("Wall time", _of_band(lambda best: duration_text(best.time_s))),
+    doc.Column("Separation", _of_band(lambda best: decimals(best.separation_arcsec, 3)), "arcsec"),
+    doc.Column("Contrast", _of_band(lambda best: contrast_text(best.true_contrast))),
+    doc.Column("SNR", _of_band(lambda best: significant(best.predicted_snr)), "predicted"),
+    doc.Column(
+        "SNR",
+        _of_band(
+            lambda best: doc.lines(
+                significant(best.recovered_snr),
+                "" if best.recovered_snr_error is None else doc.small(f"± {significant(best.recovered_snr_error, 2)}"),
+            )
+        ),
+        "recovered",
+    ),
+    doc.Column(
+        "Significance",
+        _of_band(lambda best: f"{significant(best.recovered_significance)} / {significant(best.threshold)}"),
+        "/ threshold",
+    ),
+    doc.Column("Verdict", _pick_verdict, look="left verdict"),
+)
+
+
+@doc.section_of(PLAN_SECTIONS, "first", "What to observe first")
+def _first(report: PlanReport) -> Iterator[doc.Block]:
+    plan = report.plan
+    if plan.targets:
+        caption = (
+            "Targets confirmed with simulated images, in order of the ranking; each in the band of highest predicted "
+            f"margin among those in which {LIBRARIES[plan.reference_library].found} in at least half of the "
+            f"{plan.realisations} realisations or, without any, among those that show it at its known place. "
+            "Separation and contrast are those of the reference planet; the verdict is of all bands."
+        )
+        picks = [(number, target, summary.chosen(target)) for number, target in enumerate(plan.targets, 1)]
+        yield doc.table("What to observe first", caption, _FIRST, picks)
+    else:
+        yield doc.Paragraph("No target was confirmed.")
+    yield doc.Paragraph(
+        "Wall time is one visit to one target in one band: science frames, reference frames, readouts. Orbits, "
+        "visibility and slews are not in it.",
+        "note",
+    )
+
+
+@doc.section_of(PLAN_SECTIONS, "sensitivity", "What the ranking depends on")
+def _sensitivity(report: PlanReport) -> Iterator[doc.Block]:
+    found = report.sensitivity
+    if found is None:
+        return
+    columns = doc.row_columns(
+        SensitivityRow,
+        "text:row,text n_ok kendall_tau_b n_compared kept largest_fall best",
+        n_ok=lambda row: doc.lines(
+            count_text(row.n_ok), doc.badge("unreachable", "decides") if row.assumption in found.decides else ""
+        ),
+        kept=Cells("", lambda row: str(row.kept), label=f"kept of first {found.top}"),
+        largest_fall=lambda row: (
+            f"{pretty_name(row.largest_fall)}, {row.largest_fall_ranks}" if row.largest_fall_ranks > 0 else MISSING
+        ),
+        best=lambda row: pretty_name(row.best),
+    )
+    caption = (
+        f"The same {count_text(found.n_ranked)} stars ranked under other assumptions, one at a time. Nominally "
+        f"{count_text(found.n_ok)} reference planets are detected. Tau: {words.tau_text(found.top)}. An assumption "
+        "decides the ranking if it changes the number of detected reference planets by "
+        f"{100 * found.deciding_share:g} % or more, or if tau is below {found.deciding_tau:g}. "
+        f"Kept: how many of the nominal first {found.top} stay there."
+    )
+    yield doc.Paragraph(found.statement, "lead" if found.decides else "")
+    yield doc.table("Sensitivity of the ranking", caption, columns, found.rows)
+
+
+@doc.section_of(PLAN_SECTIONS, "figures", "Figures")
+def _figures(report: PlanReport) -> Iterator[doc.Block]:
+    for key, (title, _) in PLAN_FIGURES.items():
+        if key in report.figures:
+            more = summary.calibration_sentence(report.plan) if key == "calibration" else ""
+            yield doc.Figure(report.figures[key], title, key, more=more)
+
+
+@doc.section_of(PLAN_SECTIONS, "targets", "Targets")
+def _targets(report: PlanReport) -> Iterator[doc.Block]:
+    for number, target in enumerate(report.plan.targets, 1):
+        title = f"{target.ranked.rank}. {full_name(target.name, target.hip)}"
+        yield doc.Group(f"target-{number}", title, list(_target(target, report.images)))
+
+
+def _target(target: ConfirmedTarget, images: Mapping[str, Picture]) -> Iterator[doc.Block]:
+    star, name = target.ranked, pretty_name(target.name)
+    facts: list[tuple[doc.Inline, doc.Inline]] = [
+        ("Catalogue name", target.name),
+        ("Position (ICRS)", f"{words.ra_text(star.ra_deg)}, {words.dec_text(star.dec_deg)}"),
+        ("Type, V", f"{star.sp_type}, {decimals(star.v_mag, 2)} mag"),
+        ("Distance", f"{significant(star.distance_pc, 4)} pc"),
+    ]
+    if star.luminosity_lsun is not None:
+        facts.append(("Luminosity", [f"{significant(star.luminosity_lsun)} L", doc.Mark("sub", "☉")]))
+    if star.companion_separation_arcsec is not None:
+        facts.append(("Nearest known companion", f"{significant(star.companion_separation_arcsec)} arcsec"))
+    sunlight = star.ref_planet_insolation_au
+    lit = "" if sunlight is None else f" (sunlight of {significant(sunlight)} au)"
+    facts += [
+        ("Reference planet", f"{significant(target.planet_distance_au)} au from the star{lit}"),
+        ("Completeness", f"{share_text(star.completeness)} % in {star.completeness_band}"),
+        ("Predicted margin", f"{significant(star.detection_margin)} in {star.band}"),
+    ]
+    yield doc.Facts(facts, wide=False)
+    if star.flags:
+        yield doc.Facts([("Caveats", "; ".join(words.flag_text(flag) for flag in star.flags))])
+    if target.verdict:
+        yield doc.Paragraph(doc.strong(words.sentence(target.verdict)))
+    picked = f"The chosen band is {target.chosen_band}." if target.chosen_band else "No band was chosen."
+    yield measure_table(name, target.bands, f"{name} by band. {picked}", target.chosen_band)
+    yield from audit_blocks(name, target.bands)
+    yield from picture_blocks(images, [band.image for band in target.bands if band.image], name)
+
+
+@doc.section_of(PLAN_SECTIONS, "assumptions", "Assumptions")
+def _assumptions(report: PlanReport) -> Iterator[doc.Block]:
+    plan, library = report.plan, LIBRARIES[report.plan.reference_library]
+    audited = any(band.audit for target in plan.targets for band in target.bands)
+    once = ", and one more frame by frame in the band of each target that promises most" if audited else ""
+    yield doc.Facts(
+        [
+            (
+                "Reference planet",
+                f"{summary.planet_text(plan)}. Its separation is where significance over threshold is highest. The "
+                "contrast, SNR and margin of ranked stars refer to this planet.",
+            ),
+            ("Population", f"{summary.population_text(report.rank.population)}."),
+            ("Score", f"{SCORES[report.rank.score_name].meaning}."),
+            (
+                "Wall time",
+                f"at most {duration_text(plan.time_s)} per target and band (less where more time would not help): "
+                "science frames, reference frames and readouts; no orbit duty cycle.",
+            ),
+            (
+                "Reference library",
+                [f"{library.meaning} (", doc.code(library.name), f"); {plan.rdi_modes} modes are subtracted."],
+            ),
+            (
+                "Detection threshold",
+                f"the false-alarm probability of {plan.sigma:g}σ per resolution element, corrected for the few of them "
+                "at each separation. Predictions know the planet's place; a realisation is a detection if "
+                f"{library.found}.",
+            ),
+            ("Realisations", f"{plan.realisations} of each target and band{once}."),
+            ("Sample", f"{plan.sample}."),
+            ("Catalogue", f"{plan.catalogue}."),
+            ("Instrument", instrument_fact(plan)),
+        ]
+    )
+
+
+@doc.section_of(PLAN_SECTIONS, "modelled", "What was modelled")
+def _modelled(report: PlanReport) -> Iterator[doc.Block]:
+    return modelled_blocks(
+        [
+            (f"{pretty_name(target.name)} {band.band}", band.modelled)
+            for target in report.plan.targets
+            for band in target.bands
+            if band.modelled is not None
+        ]
+    )
+
+
+@doc.section_of(PLAN_SECTIONS, "missing", "What is not modelled")
+def _missing(report: PlanReport) -> Iterator[doc.Block]:
+    return not_modelled_blocks(report.plan.not_modelled)
+
+
+def _completeness(row: RankedTarget) -> doc.Inline:
+    if not row.completeness > 0:
+        return share_text(row.completeness)
+    error = significant(100 * row.completeness_error, 1)
+    return doc.lines(f"{share_text(row.completeness)} ± {error}", doc.small(row.completeness_band))
+
+
+def _standing(row: RankedTarget) -> doc.Inline:
+    limit = words.LIMITED_BY[row.limited_by][0] if row.limited_by else row.reason.replace("_", " ")
+    return doc.lines(doc.badge(row.status, words.verdict_text(row.verdict, row.status)), limit if row.reason else "")
+
+
+@doc.section_of(PLAN_SECTIONS, "ranking", "Ranking")
+def _ranking(report: PlanReport) -> Iterator[doc.Block]:
+    rank, rows, score = report.rank, report.rows, SCORES[report.rank.score_name]
+    columns = doc.row_columns(
+        RankedTarget,
+        "rank name:row,star v_mag sp_type distance_pc score completeness band separation_arcsec contrast frames "
+        "em_gain snr detection_margin status:wide flags:flags",
+        name=lambda row: _star(pretty_name(row.name), row.hip),
+        distance_pc=lambda row: significant(row.distance_pc, 4),
+        score=Cells("", lambda row: words.score_number(row.score, score.name), label="score", unit=score.unit),
+        completeness=_completeness,
+        status=_standing,
+        flags=lambda row: doc.marked(" ".join(f"`{flag}`" for flag in row.flags)),
+    )
+    caption = (
+        f"First {len(rows)} of {count_text(len(rank.targets))} ranked stars, by {score.title}: {score.meaning}. "
+        "Completeness and the band it is for are about the population, the columns from Band to Margin about the "
+        "reference planet. All rows and columns are in `ranking.csv` and `ranking.ecsv`."
+    )
+    yield doc.table("Ranking", doc.marked(caption), columns, rows, look="compact")
+    if reasons := sorted({row.reason for row in rows if row.reason}):
+        yield doc.Heading("Reasons used here")
+        yield doc.Facts([(reason.replace("_", " "), words.reason_text(reason)) for reason in reasons])
+    shown = [*rows, *(target.ranked for target in report.plan.targets)]
+    if flags := sorted({flag for row in shown for flag in row.flags}):
+        yield doc.Heading("Flags used here")
+        yield doc.Facts([(doc.code(flag), words.flag_text(flag)) for flag in flags])
+
+
+@doc.section_of(PLAN_SECTIONS, "glossary", "Glossary")
+def _glossary(report: PlanReport) -> Iterator[doc.Block]:
+    yield doc.Facts(terms())
+
+
+@doc.section_of(PLAN_SECTIONS, "reproduce", "Reproducing this")
+def _reproduce(report: PlanReport) -> Iterator[doc.Block]:
+    more = "" if report.sensitivity is None else " and `sensitivity.json`"
+    note = doc.marked(f"Numbers in full: `plan.json`{more}; {MEASURED_NOTE}")
+    return iter(doc.reproduced_blocks(report.plan, note, [("Ranking configuration", report.rank.config_hash)]))
+
+
+@doc.section_of(PLAN_SECTIONS, "credits", "Credits")
+def _credits(report: PlanReport) -> Iterator[doc.Block]:
+    yield doc.Items((*data_credits(report.plan.catalogue), *method_credits()))

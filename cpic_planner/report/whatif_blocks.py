@@ -1,0 +1,170 @@
+"""Tables of the report of a comparison of survey strategies: differences, images, stars, sources of the settings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+from cpic_planner.models.surveyed import DifferenceRecord, ImageSample, SettingSource, StrategyOutcome, SurveyTarget
+from cpic_planner.report import document as doc
+from cpic_planner.report.names import pretty_name
+from cpic_planner.report.numbers import MISSING, count_text, decimals, significant
+from cpic_planner.report.whatif_settings import changed_settings, setting_text
+from cpic_planner.report.whatif_words import interval_text, planets_text
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Differences of two strategies by quantity."""
+
+    first: str
+    second: str
+    by: dict[str, DifferenceRecord]
+
+    def cell(self, quantity: str, places: int) -> doc.Inline:
+        """Return the mean of a difference and its interval."""
+        item = self.by.get(quantity)
+        if item is None:
+            return MISSING
+        sign = "+" if item.mean > 0 else ""
+        return doc.lines(f"{sign}{decimals(item.mean, places)}", doc.small(interval_text(item.low, item.high, places)))
+
+    @property
+    def correlation(self) -> str:
+        """How far the planets of both rise and fall together."""
+        return decimals(self.by["planets"].correlation, 2) if "planets" in self.by else MISSING
+
+    @property
+    def verdict(self) -> doc.Mark | str:
+        """Whether the first finds more planets than the second."""
+        item = self.by.get("planets")
+        if item is None:
+            return MISSING
+        if item.low > 0:
+            return doc.badge("ok", "finds more")
+        return doc.badge("invalid", "finds fewer") if item.high < 0 else doc.badge("unreachable", "may be chance")
+
+
+def pairs_of(differences: Iterable[DifferenceRecord]) -> list[Pair]:
+    """Return the pairs of strategies that differences are of, in their order."""
+    found: dict[tuple[str, str], Pair] = {}
+    for item in differences:
+        found.setdefault((item.first, item.second), Pair(item.first, item.second, {})).by[item.quantity] = item
+    return list(found.values())
+
+
+_DIFFERENCES: tuple[doc.Column[Pair], ...] = (
+    doc.Column("First", lambda pair: pair.first, look="row left star"),
+    doc.Column("Second", lambda pair: pair.second, look="left star"),
+    doc.Column("Planets found", lambda pair: pair.cell("planets", 3)),
+    doc.Column("New planets", lambda pair: pair.cell("new_planets", 3)),
+    doc.Column("Characterised", lambda pair: pair.cell("characterised_planets", 3)),
+    doc.Column("Telescope time", lambda pair: pair.cell("hours", 0), "h"),
+    doc.Column("Correlation", lambda pair: pair.correlation, "planets"),
+    doc.Column("Verdict", lambda pair: pair.verdict, look="left"),
+)
+
+
+def difference_table(pairs: Sequence[Pair]) -> doc.Table:
+    """Return the differences of some pairs."""
+    caption = (
+        "First less second strategy, mean a survey with its 90 % interval. Correlation: how far the two rise and fall "
+        "together from universe to universe; the nearer to 1, the surer the difference. The verdict is about planets "
+        "found, new and known."
+    )
+    return doc.table("Differences", caption, _DIFFERENCES, pairs)
+
+
+def _correction(item: StrategyOutcome) -> doc.Inline:
+    own = item.images
+    assert own is not None  # only such strategies are shown
+    if own.low is None or own.high is None:
+        return decimals(own.correction, 2)
+    return doc.lines(decimals(own.correction, 2), doc.small(interval_text(own.low, own.high)))
+
+
+def _corrected(item: StrategyOutcome) -> str:
+    assert item.images is not None  # only such strategies are shown
+    correction = item.images.correction
+    return MISSING if correction is None else decimals(correction * item.planets.mean, 2)
+
+
+def image_table(named: Callable[[StrategyOutcome], doc.Inline], confirmed: Sequence[StrategyOutcome]) -> doc.Table:
+    """Return what images say of the detections of strategies; ``named`` writes their names."""
+
+    def own(text: Callable[[ImageSample], str]) -> Callable[[StrategyOutcome], str]:
+        return lambda item: "" if item.images is None else text(item.images)
+
+    columns: tuple[doc.Column[StrategyOutcome], ...] = (
+        doc.Column("Strategy", named, look="row left star"),
+        doc.Column("Detections", own(lambda images: count_text(images.detections)), "sampled"),
+        doc.Column("Sequences", own(lambda images: count_text(images.images)), "simulated"),
+        doc.Column("Expected", own(lambda images: decimals(images.expected, 1))),
+        doc.Column("Found", own(lambda images: count_text(images.found))),
+        doc.Column("Correction", _correction),
+        doc.Column("Planets found", _corrected, "corrected"),
+        doc.Column("Note", own(lambda images: images.note), look="left wide"),
+    )
+    caption = (
+        "Detections of each strategy that were simulated as images, reduced and measured by the same rule, beside what "
+        "the law of the strategy expects of them. Correction: found over expected, with its 90 % interval; the yields "
+        "above are not multiplied with it, the last column is."
+    )
+    return doc.table("Confirmed by images", caption, columns, confirmed)
+
+
+def _star_columns() -> list[doc.Column[SurveyTarget]]:
+    return doc.row_columns(
+        SurveyTarget,
+        "rank name:row,star v_mag distance_pc bands visit_time_s visit_h planned_visits visits first_utc search_h "
+        "follow_up_h new_planets known_seen planets_per_100h",
+        name=lambda star: doc.lines(pretty_name(star.name), doc.small(", ".join(map(pretty_name, star.known_planets)))),
+        distance_pc=lambda star: significant(star.distance_pc, 4),
+        first_utc=lambda star: star.first_utc or MISSING,
+        new_planets=lambda star: planets_text(star.new_planets),
+        known_seen=lambda star: planets_text(star.known_seen) if star.known_planets else MISSING,
+    )
+
+
+def strategy_blocks(item: StrategyOutcome, reference: StrategyOutcome) -> Iterator[doc.Block]:
+    """Yield what there is to say of one strategy: how it differs from the reference, and its stars."""
+    if item.description:
+        yield doc.Paragraph(f"{item.description}.")
+    if item.name != reference.name:
+        said: list[doc.Inline] = [f"Set as {reference.name} is."]
+        if changed := changed_settings(item.settings, reference.settings):
+            said = [f"Set otherwise than in {reference.name}: "]
+            for number, (key, own, other) in enumerate(changed, 1):
+                said += [doc.code(key), f" {own} (there {other})", "; " if number < len(changed) else "."]
+        yield doc.Paragraph(said, "note")
+    if not item.targets:
+        yield doc.Paragraph("No star is visited.")
+        return
+    caption = (
+        f"Stars of {item.name} by planets found per hour of telescope time. A visit: mean of those planned. Visits "
+        "made, times and planets: mean of a survey."
+    )
+    stars = doc.table(f"Stars of {item.name}", caption, _star_columns(), item.targets, look="compact")
+    yield doc.Fold(f"Stars ({len(item.targets)})", [stars])
+
+
+def _value(item: SettingSource) -> doc.Inline:
+    text = setting_text(item.value, "" if item.unit else item.key)
+    return [text, " ", doc.small(item.unit)] if item.unit else text
+
+
+def source_table(sources: Sequence[SettingSource], n_strategies: int) -> doc.Table:
+    """Return where settings are from, each for the strategies that have it."""
+    columns: tuple[doc.Column[SettingSource], ...] = (
+        doc.Column("Setting", lambda item: doc.code(item.key), look="row left"),
+        doc.Column("Value", _value),
+        doc.Column("Standing", lambda item: item.confidence, look="left"),
+        doc.Column("Source", lambda item: item.source, look="left wide"),
+        doc.Column(
+            "Strategies",
+            lambda item: "all" if len(item.strategies) == n_strategies else ", ".join(item.strategies),
+            look="left wide",
+        ),
+    )
+    caption = "Settings that were stated with a source. P: published; I: inferred from published or measured numbers; "
+    return doc.table("Sources of the settings", f"{caption}A: assumed.", columns, sources, look="compact")

@@ -1,0 +1,274 @@
+import base64
+import re
+from dataclasses import replace
+
+import pytest
+
+from cpic_planner.models import PlanResult
+from cpic_planner.registry.libraries import LIBRARIES, Library
+from cpic_planner.registry.scores import SCORES
+from cpic_planner.report.drawing import Picture
+from cpic_planner.report.html import plan_html, render_plan
+from cpic_planner.report.summary import calibration_sentence, summary_sentences
+from cpic_planner.report.words import dec_text, ra_text
+
+HOSTILE = "<script>alert('x')</script>"
+
+
+@pytest.fixture(scope="module")
+def page(plan, rank, panels, limits, holes, sensitivity):
+    return plan_html(plan, rank, panels=panels, limits=limits, holes=holes, sensitivity=sensitivity)
+
+
+@pytest.fixture(scope="module")
+def reader(page, read):
+    return read(page)
+
+
+@pytest.fixture(scope="module")
+def words(reader):
+    return reader.words
+
+
+def test_nothing_is_loaded_from_outside(reader, page):
+    reader.check_alone()
+    assert "url(" not in page
+    assert "@import" not in page
+    assert "default-src 'none'" in page
+
+
+def test_drawings_load_nothing_either(reader):
+    for tag, attributes in reader.tags:
+        if tag == "img" and attributes["src"].startswith("data:image/svg"):
+            svg = base64.b64decode(attributes["src"].split(",", 1)[1]).decode()
+            assert not re.search(r'(?:href|src)="(?!#|data:)', svg)
+
+
+def test_hostile_name_is_text(page, words):
+    assert HOSTILE not in page
+    assert "&lt;script&gt;" in page
+    assert HOSTILE in words
+
+
+def test_hostile_name_of_a_confirmed_target(plan, rank):
+    target = plan.targets[0].model_copy(update={"name": '"><img src=x onerror=alert(1)>'})
+    page = render_plan(plan.model_copy(update={"targets": [target]}), rank, {}, {})
+    assert "<img" not in page
+
+
+def test_every_anchor_has_its_target_once(reader):
+    ids = [attributes["id"] for _, attributes in reader.tags if "id" in attributes]
+    assert len(ids) == len(set(ids))
+    for _, attributes in reader.tags:
+        for reference in [attributes.get("href", "#first"), "#" + attributes.get("aria-labelledby", "first")]:
+            assert reference[1:] in ids
+
+
+def test_language_and_alternative_texts(reader):
+    assert reader.tags[0] == ("html", {"lang": "en"})
+    images = [attributes for tag, attributes in reader.tags if tag == "img"]
+    assert len(images) == 4 + 6
+    assert all(attributes["alt"] for attributes in images)
+    assert sum(tag == "caption" for tag, _ in reader.tags) == sum(tag == "table" for tag, _ in reader.tags)
+
+
+def test_numbers_are_finite_and_no_object_leaks(words):
+    assert not re.search(r"\b(?:nan|inf|None|NaN|undefined|Undefined)\b", words)
+    assert "{{" not in words
+
+
+def test_content(words):
+    for text in (
+        "α Cen B",
+        "HIP 71681",
+        "τ Cet",
+        "F662",
+        "118 × 42.5",
+        "outside field",
+        "saturated",
+        "inside the inner edge of F850",
+        "What is not modelled",
+        "pointing jitter",
+        "SIMBAD",
+        "Open Database License",
+        "9d1c44ab01fe",
+        "Schema version",
+        "same_star_planet_free",
+        "Glossary",
+        "temperature, gravity or metallicity clamped",
+    ):
+        assert text in words, text
+
+
+def test_page_one_says_what_the_ranking_depends_on(words, page):
+    assert page.index('id="sensitivity"') < page.index('id="figures"')
+    assert "Wavefront drift decides the order of the first 20." in words
+    assert re.search(r"wavefront drift twice as large 3 ○ decides 0\.42 11 14 α Cen A, 6 τ Cet", words)
+    assert re.search(r"optical throughput 0\.46 9 0\.91 13 19 <script>alert\('x'\)</script>, 2 α Cen B", words)
+    assert "the same again 7 – 0 20 – α Cen B" in words
+    assert "reference planets by 30 % or more, or if tau is below 0.45" in words
+    assert "The same 1 077 stars" in words
+
+
+def test_sentences_follow_the_options_of_the_run(plan, rank, read):
+    page = render_plan(plan, rank, {}, {})
+    words = " ".join(read(page).text).split()
+    words = " ".join(words)
+    assert "the named template at any insolation" not in words  # a parametric albedo may follow the insolation
+    assert "as many reference frames" not in words  # their number is an option
+    assert "one more frame by frame" in words
+    assert "reduced, searched blind and measured" in words
+
+    plain = [
+        target.model_copy(update={"bands": [band.model_copy(update={"audit": None}) for band in target.bands]})
+        for target in plan.targets
+    ]
+    other = plan.model_copy(update={"targets": plain, "reference_library": "roll"})
+    words = " ".join(" ".join(read(render_plan(other, rank, {}, {})).text).split())
+    assert "one more frame by frame" not in words
+    assert "searched blind" not in words
+    assert "reduced, measured at the known place" in words
+    assert "a realisation is a detection if the planet is significant at its known place" in words
+
+
+def test_a_report_without_sensitivity_has_no_empty_section(plan, rank):
+    page = render_plan(plan, rank, {}, {})
+    assert 'id="sensitivity"' not in page
+    assert 'href="#sensitivity"' not in page
+
+
+def test_completeness_and_its_population(words):
+    assert "giants (Giant planets, 0.21 planets per star), 4 000 drawn with seed 1" in words
+    assert "by completeness per hour: fraction of the population that one observation detects" in words
+    assert re.search(r"α Cen B HIP 71681 1\.33 K1V 1\.255 0\.00800 8\.00 ± 0\.4 F520 F520", words)
+    assert "Completeness 6.80 % in F520 Predicted margin 5.69 in F662" in words
+    for word in ("completeness", "score", "Kendall tau", "speckle floor"):
+        assert f" {word} " in words
+
+
+@pytest.mark.parametrize(
+    ("score", "text"),
+    [
+        (
+            "completeness_per_hour",
+            "ranked by the fraction of the population giants that one observation detects per hour",
+        ),
+        ("completeness", "ranked by the fraction of the population giants that one observation detects, in at"),
+        ("detection_margin", "ranked by how clearly a reference planet is detected"),
+        ("detection_time", "ranked by how soon a reference planet is detected"),
+        ("contrast_limit", "ranked by the faintest contrast that is detected"),
+    ],
+)
+def test_the_summary_names_the_score(plan, rank, score, text):
+    assert text in summary_sentences(plan, rank.model_copy(update={"score_name": score}))[0]
+
+
+def test_status_badges_have_words_and_symbols(words):
+    for text in ("✓ detected", "▲ saturated", "□ outside field", "○ unreachable"):
+        assert text in words
+    assert "✓ ok" not in words
+
+
+def test_size_with_five_targets_in_four_bands(page, plan):
+    # The page grows by its images only: scale the measured ones to 5 x 4.
+    images = [len(part) for part in re.findall(r'src="data:image/png;base64,([^"]*)"', page)]
+    assert len(images) == 6
+    assert len(page) + 14 * max(images) < 5_000_000
+
+
+def test_same_text_twice(plan, rank):
+    figures = {"sky": Picture("data:image/png;base64,", "alt", "caption.")}
+    assert render_plan(plan, rank, figures, {}) == render_plan(plan, rank, figures, {})
+
+
+def test_top_rows(plan, rank):
+    page = render_plan(plan, rank, {}, {}, top_rows=3)
+    assert "First 3 of 20 ranked stars" in page
+    assert "ε Ind A" not in page
+
+
+def test_plan_without_targets(plan, rank, read):
+    empty = plan.model_copy(update={"targets": [], "calibration": {"ratio": None, "error": None, "n_bands": 0}})
+    text = " ".join(read(render_plan(empty, rank, {}, {})).text)
+    assert "No target was confirmed" in text
+
+
+def test_target_without_a_confirmed_band(plan, rank, read):
+    bands = [plan.targets[0].bands[3]]
+    target = plan.targets[0].model_copy(update={"chosen_band": None, "bands": bands})
+    text = " ".join(read(render_plan(plan.model_copy(update={"targets": [target]}), rank, {}, {})).text)
+    assert "the images show the planet in no band" in text
+
+
+def test_no_comparison_without_measurements(plan):
+    nothing = plan.model_copy(update={"calibration": {"ratio": None, "error": None, "n_bands": 0}})
+    assert "No band was measured" in calibration_sentence(nothing)
+
+
+def test_page_one_says_how_the_etc_stands(page, words):
+    sentence = "The ETC agrees with the images: predicted / recovered SNR 1.03 ± 0.04 over 6 measurements."
+    assert words.index(sentence) < words.index("What to observe first Targets")
+    assert "+-" not in words
+    assert "Images altered" not in words
+
+
+def test_what_is_altered_is_named_before_anything_else(plan, rank, read):
+    altered = plan.model_copy(update={"simulator_overrides": {"bands.*.t_opt": "x0.7", "detector.cic_e": 0.05}})
+    text = " ".join(" ".join(read(render_plan(altered, rank, {}, {})).text).split())
+    sentence = "Images altered: throughput ×0.7, clock_charge = 0.05 e-. Predictions are nominal."
+    assert text.index(sentence) < text.index("stars were ranked")
+
+
+def test_the_verdict_of_every_target_and_what_was_recovered(words):
+    for text in (
+        "Confirmed in F662, F720; ETC agrees, 0.97 ± 0.04.",
+        "8 as sums of frames",
+        "Found by the blind search 8 of 8 8 of 8 8 of 8 –",
+        "SNR of the search 21.6",
+        "Threshold of the search 7.25",
+        "Significant at the known place 8 of 8",
+        "Recovered SNR ± error of the mean 26.0 ± 1.0",
+        "0.3310 ± 0.0021″ PA 314.60 ± 0.35°",
+        "series of the star off the mask (0.020 %)",
+        "the scene's own rate: the shortest exposure off the mask saturates",
+        "a realisation is a detection if the blind search finds the planet",
+    ):
+        assert text in words, text
+
+
+def test_the_audited_case_stands_beside(words):
+    assert re.search(
+        r"F662 118 30\.7 31\.3 \S+ × 10\S+ \S+ × 10\S+ ± \S+ × 10\S+ 1\.3 ✓ found 0 444 1\.5\d 0 259", words
+    )
+
+
+def test_summary_counts(plan: PlanResult, rank):
+    text = " ".join(summary_sentences(plan, rank))
+    assert text.startswith("20 stars were ranked")
+    assert "around 7 of them" in text
+    assert "around 2 of 2, in 5 of 6 measurements" in text
+    assert "up to 8 times in every band in reach, reduced, searched blind" in text
+    assert "F662 (2)" in text
+
+
+def test_coordinates_as_text():
+    from astropy.coordinates import SkyCoord
+
+    place = SkyCoord(219.896, -60.837, unit="deg")
+    assert ra_text(219.896) == f"{int(place.ra.hms.h):02d} h {int(place.ra.hms.m):02d} m {round(place.ra.hms.s):02d} s"
+    assert dec_text(-60.837) == "−60° 50′"
+    assert ra_text(359.9999) == "00 h 00 m 00 s"
+    assert dec_text(0.999) == "+01° 00′"
+
+
+def test_scores_and_libraries_bring_their_words(plan, rank, read):
+    score = replace(
+        SCORES["completeness"], name="toy_score", meaning="toys seen", aim="how many toys are seen", unit="m"
+    )
+    words = {"name": "toy_library", "meaning": "a toy box", "found": "a toy squeaks", "searched": "searched for toys"}
+    with SCORES.holding(score), LIBRARIES.holding(type("Toy", (Library,), words)()):
+        other = plan.model_copy(update={"reference_library": "toy_library"})
+        text = read(render_plan(other, rank.model_copy(update={"score_name": "toy_score"}), {}, {})).words
+    for said in ("ranked by how many toys are seen", "by toy score: toys seen", "a toy box", "if a toy squeaks"):
+        assert said in text
+    assert "reduced, searched for toys: the planet" in text

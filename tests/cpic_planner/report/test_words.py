@@ -1,0 +1,87 @@
+import numpy as np
+import pytest
+
+from cpic_planner.etc import budget
+from cpic_planner.etc.model import build_model
+from cpic_planner.etc.questions import signal_to_noise
+from cpic_planner.report.words import (
+    FLAGS,
+    LIMITS,
+    REMEDIES,
+    TERMS,
+    cap_sentence,
+    flag_text,
+    limit_text,
+    reason_text,
+    remedy_text,
+    score_number,
+    short_limit,
+    term_text,
+)
+from cpic_planner.targets import find_target
+from simulator.config import load_instrument
+from simulator.outcome import Reason
+
+
+@pytest.fixture(scope="module")
+def answer():
+    star, _ = find_target("tau Cet")
+    model = build_model(load_instrument(), ["F520"])
+    return signal_to_noise(model, star, time_s=3600.0, separation_arcsec=0.5)[0]
+
+
+def test_every_term_and_remedy_of_an_answer_has_words(answer):
+    names = {name.removesuffix("_e2") for name in answer.budget} - {"signal_e"}
+    assert names == set(TERMS) - {"counting"}
+    assert set(answer.remedies) == set(REMEDIES)
+    assert term_text("read_noise") == "read noise"
+    assert term_text("dark") == "dark current"
+    assert remedy_text("half_the_drift") == "half the drift of the wavefront"
+
+
+def test_every_limit_has_words():
+    known = {budget.EXPOSURE_MAX, budget.EXPOSURE_MIN, budget.EM_GAIN_MAX}
+    known |= {reason.value for reason in (Reason.PIXEL_FULL_WELL, Reason.REGISTER_FULL_WELL, Reason.ADC_RANGE)}
+    assert set(LIMITS) == known
+    assert short_limit("adc_range") == "converter"
+    assert limit_text("em_gain_max") == "the largest gain of the register"
+
+
+def test_every_reason_has_words():
+    for reason in Reason:
+        if reason not in (Reason.NONE, Reason.NOT_ADDITIVE):
+            assert reason_text(reason.value) != reason.value.replace("_", " "), reason
+
+
+def test_every_flag_of_a_library_has_words():
+    assert {"exposure_beyond_max", "shorter_visit_is_better"} <= set(FLAGS)
+    for name in ("reference_colour_not_modelled", "idealised", "exposure_beyond_max", "shorter_visit_is_better"):
+        assert flag_text(name) != name.replace("_", " ")
+
+
+def test_unknown_codes_are_spelled_out():
+    assert term_text("some_new_term") == "some new term"
+    assert remedy_text("a_b") == "a b"
+    assert limit_text("a_b") == short_limit("a_b") == "a b"
+    assert short_limit("") == ""
+
+
+@pytest.mark.parametrize(
+    ("value", "score", "text"),
+    [
+        (0.0, "completeness", "0"),
+        (0.07251, "completeness", "0.0725"),
+        (2.5e-4, "completeness_per_hour", "2.5e-04"),
+        (8.7512, "contrast_limit", "8.75"),
+        (0.0, "contrast_limit", "0.00"),
+        (15.62, "detection_margin", "15.6"),
+    ],
+)
+def test_scores_as_text(value, score, text):
+    assert score_number(value, score) == text
+
+
+@pytest.mark.parametrize("name", ["hole", "register_tail", "frame"])
+def test_gains_that_spare_something(name):
+    assert cap_sentence(name, 482.2).startswith("EM gain up to 482 ")
+    assert cap_sentence(name, float(np.float64(0.0))).startswith("no EM gain ")
