@@ -208,7 +208,8 @@ def _candidates(visit_s: FloatArray, frame_s: FloatArray) -> FloatArray:
     with np.errstate(invalid="ignore", over="ignore"):
         middle = np.clip(np.floor(np.nan_to_num(visit_s / frame_s, posinf=_MAX_FRAMES)), 0.0, _MAX_FRAMES)
     offsets = _NEIGHBOURS.reshape((-1,) + (1,) * middle.ndim)
-    return np.maximum(middle + offsets, 1.0)
+    result: FloatArray = np.maximum(middle + offsets, 1.0)
+    return result
 
 
 def best_in_visit(
@@ -366,7 +367,8 @@ def _pick(
     best = np.argmin(rank, axis=0)[None]
 
     def take(array: FloatArray) -> FloatArray:
-        return np.take_along_axis(array, best, axis=0)[0]
+        result: FloatArray = np.take_along_axis(array, best, axis=0)[0]
+        return result
 
     t, n = take(exposure_s), np.where(np.isfinite(take(rank)), take(frames), 0.0)
     gain = problem.frame_noise(t)[1]

@@ -28,7 +28,7 @@ _MAX_STEPS = 200
 class CaseArrays:
     """Base of dataclasses whose arrays have one shape, a case each; what is no array is the same for all cases."""
 
-    def _combined(self, function: Callable[..., Any], *others: CaseArrays) -> Any:
+    def _combined(self, function: Callable[..., Any], *others: CaseArrays) -> Self:
         """These cases with every array changed by a function of it and of those of others."""
         parts = dict(vars(self))
         for name, own in parts.items():
@@ -234,7 +234,8 @@ def gain_table(gain_max: float, stages: int) -> GainTable:
     ratio, top = np.exp(log_ratio), np.log(gain_max)
 
     def variance(log_gain: FloatArray) -> FloatArray:
-        return noise_factor2(np.exp(log_gain), stages) + ratio * np.exp(-2.0 * log_gain)
+        result: FloatArray = noise_factor2(np.exp(log_gain), stages) + ratio * np.exp(-2.0 * log_gain)
+        return result
 
     def rises(log_gain: FloatArray) -> NDArray[np.bool_]:
         return variance(log_gain + _STEP) > variance(log_gain - _STEP)

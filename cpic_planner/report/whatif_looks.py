@@ -84,7 +84,7 @@ def sweep_of(strategies: Sequence[StrategyOutcome]) -> Sweep | None:
     found = [_number(item.value) for item in settings]
     if None in found or len(units) > 1:
         return Sweep(key, tuple(texts), None, "", lines)
-    ordered = sorted(zip(found, texts, strict=True))  # type: ignore[type-var]
+    ordered = sorted(zip(found, texts, strict=True))
     return Sweep(
         key,
         tuple(text for _, text in ordered),

@@ -106,7 +106,7 @@ def _marks(
             markeredgewidth=0,
             label=row_label(item.name),
         )
-    axes.figure.legend(loc="outside upper center", ncols=3, fontsize=9)  # type: ignore[union-attr]
+    axes.figure.legend(loc="outside upper center", ncols=3, fontsize=9)
 
 
 def _counts(

@@ -205,7 +205,7 @@ def _targets(survey: Survey, stars: Columns, first_utc: Sequence[str]) -> list[S
             }
         )
     rows.sort(key=lambda row: (-float(row["planets_per_100h"]), str(row["name"])))  # type: ignore[arg-type]
-    return [SurveyTarget(rank=rank, **row) for rank, row in enumerate(rows, 1)]  # type: ignore[arg-type]
+    return [SurveyTarget(rank=rank, **row) for rank, row in enumerate(rows, 1)]
 
 
 def differences(names: Sequence[str], universes: Sequence[Columns]) -> list[DifferenceRecord]:

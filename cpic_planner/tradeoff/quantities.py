@@ -64,7 +64,8 @@ def light_without(case: FixedScene, setup: Setup) -> FloatArray:
 def _calibrated(seen: Observation, setup: Setup) -> FloatArray:
     if setup.draw == "frames" and seen.camera == "VIS":
         values = {item.name: getattr(seen, item.name) for item in dataclasses.fields(seen) if item.init}
-        return calibrated_frames(_Noiseless(**values | {"n_frames": 1}), cropped=True).electrons[0]
+        result: FloatArray = calibrated_frames(_Noiseless(**values | {"n_frames": 1}), cropped=True).electrons[0]
+        return result
     rows, columns, _ = seen.area.stamp(seen.psf.on_axis.shape[0])
     visible = seen.camera == "VIS"
     gain = seen.instrument.detector.gain_e_adu if visible else seen.instrument.near_infrared.detector.gain_e_adu

@@ -97,7 +97,7 @@ def tier_table(result: TradeoffResult) -> str:
 
 def _worst(rows: Sequence[TradeoffRow], quantity: str) -> str:
     def size(row: TradeoffRow) -> float:
-        return abs(getattr(row, f"{quantity}_error") or 0.0)
+        return float(abs(getattr(row, f"{quantity}_error") or 0.0))
 
     worst = max(rows, key=size)
     text = _error(getattr(worst, f"{quantity}_error"), getattr(worst, f"{quantity}_uncertainty"))

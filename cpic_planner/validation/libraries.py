@@ -146,7 +146,7 @@ def scale_library(reference_e: npt.ArrayLike, scale: float, *, pedestal_e: npt.A
             "pedestal_e", pedestal.shape, unit="px", allowed=f"one number, or a map of {frames.shape[-2:]}"
         )
     with np.errstate(over="ignore"):
-        scaled = (frames - pedestal) * factor + pedestal
+        scaled: FloatArray = (frames - pedestal) * factor + pedestal
     if np.isinf(scaled).any():
         raise InputError("scale", scale, allowed="one at which the frames stay finite")
     return scaled

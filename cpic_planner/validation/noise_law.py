@@ -132,7 +132,8 @@ def _known_scale(level: FloatArray, share: FloatArray) -> FloatArray:
     # The terms of a Gaussian law with next to no Laplace share cancel: it is then better alone.
     top = np.maximum(gauss, right)
     total = np.exp(gauss - top) + 0.5 * (np.exp(right - top) - np.exp(left - top))
-    return np.where(share > _LEAST_SHARE, top + np.log(np.maximum(total, 1e-300)), log_ndtr(-level))
+    result: FloatArray = np.where(share > _LEAST_SHARE, top + np.log(np.maximum(total, 1e-300)), log_ndtr(-level))
+    return result
 
 
 BoolArray = npt.NDArray[np.bool_]

@@ -59,4 +59,5 @@ class Frame:
     @property
     def lost(self) -> npt.NDArray[np.bool_]:
         """Pixels whose number says nothing about their light: a limit cut them off."""
-        return (self.mask & MaskBit.SATURATED) != 0
+        result: npt.NDArray[np.bool_] = (self.mask & MaskBit.SATURATED) != 0
+        return result

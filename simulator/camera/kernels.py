@@ -61,7 +61,8 @@ def _bits(keys: Keys, pixel: int, draw: int) -> int:
     z = keys[0] + (np.uint64(pixel) + (np.uint64(draw) << _DRAW)) * _STEP
     z = ((z ^ (z >> _S30)) * _FIRST) ^ keys[1]
     z = (z ^ (z >> _S27)) * _SECOND
-    return z ^ (z >> _S31)
+    bits: int = z ^ (z >> _S31)
+    return bits
 
 
 @njit(cache=True, inline="always")
@@ -105,7 +106,8 @@ def _normal(z: int, keys: Keys, pixel: int) -> float:
             draw += 1
             inside = low + _uniform(keys, pixel, draw) * (high - low) < math.exp(-0.5 * x * x)
         if inside:
-            return -x if z & _SIGN else x
+            value: float = -x if z & _SIGN else x
+            return value
         draw += 1
         z = _bits(keys, pixel, draw)
 

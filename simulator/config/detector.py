@@ -129,7 +129,7 @@ class _AnyDetector(FrozenModel):
     @property
     def adc_max_adu(self) -> int:
         """Largest number the converter writes."""
-        return 2**self.adc_bits - 1
+        return int(2**self.adc_bits - 1)
 
     @property
     def converter_e(self) -> float:

@@ -111,7 +111,7 @@ def lit_rows(metrics: PsfMetrics, rows: slice) -> float:
     rows : slice
         Active rows of the frame.
     """
-    return rows.stop - rows.start - 2.0 * metrics.mask_half_width_arcsec / metrics.pixel_scale_arcsec
+    return float(rows.stop - rows.start - 2.0 * metrics.mask_half_width_arcsec / metrics.pixel_scale_arcsec)
 
 
 def exozodi_fraction_arcsec2(separation_arcsec: ArrayLike, n_zodis: ArrayLike) -> FloatArray:

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-MOST_MODULES, MOST_LINES, MOST_SKIPS = 460, 400, 20
+MOST_MODULES, MOST_LINES, MOST_SKIPS = 500, 400, 20
 
 
 def sources():

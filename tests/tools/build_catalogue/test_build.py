@@ -1,5 +1,6 @@
 """Rebuilding the data: verification of archives, provenance of every shipped file, reproducibility."""
 
+import importlib
 import io
 import json
 import os
@@ -111,6 +112,16 @@ def test_star_licence_stands_apart() -> None:
     stars = next(record for record in records() if record["data_file"] == "stars.csv")
     assert "ODbL" in str(stars["licence"])
     assert any("HIP" in note and "proper name" in note for note in stars["notes"])  # type: ignore[attr-defined]
+
+
+def test_every_builder_names_its_sources() -> None:
+    listed = {record["builder"] for record in records()}
+    assert listed == set(builder_names())
+    for name in builder_names():
+        builder = importlib.import_module(f"tools.build_catalogue.builders.{name}")
+        assert callable(builder.build)
+        assert all(isinstance(source, SourcePackage) for source in builder.SOURCES)
+        assert len(builder.SOURCES) > 0
 
 
 @pytest.mark.skipif("CPIC_ARCHIVES" not in os.environ, reason="CPIC_ARCHIVES names no folder of pinned archives")

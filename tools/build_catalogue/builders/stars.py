@@ -31,6 +31,7 @@ from tools.build_catalogue.builders._star_physics import fill_physics
 from tools.build_catalogue.builders._star_select import Removed, select
 from tools.build_catalogue.sources import ProvenanceEntry, SourcePackage, SourceStore
 
+SOURCES = src.SOURCES
 _VINTAGE = "SIMBAD extract of 2012-12-06 with Hipparcos-2 parallaxes; ExoCat-1 of 2015; archive aliases of 2022-11"
 
 
