@@ -44,7 +44,8 @@ def stackable(camera: VisibleCamera, exposure: Exposure) -> Outcome[float]:
                 Status.INVALID, Reason.NOT_ADDITIVE, f"{effect.switch} does not add up over frames: switch it off"
             )
     cic = exposure.detector.cic_e if exposure.cic_e is None else exposure.cic_e
-    peak = float((exposure.mean_e + cic).max())
+    rest = FrameNoise.of(detector, 1.0, exposure.exposure_s)
+    peak = float((exposure.mean_e + cic).max()) + rest.rest_e
     if detector.switches.register_clock_charge:
         peak += detector.register_cic_e * detector.register_stages
     pixel = peak + _MARGIN_SIGMA * math.sqrt(peak)
@@ -52,10 +53,8 @@ def stackable(camera: VisibleCamera, exposure: Exposure) -> Outcome[float]:
     output = exposure.em_gain * (peak + _MARGIN_SIGMA * math.sqrt(factor2 * peak + _MARGIN_SIGMA))
     level = np.array(detector.bias_adu) if exposure.bias_adu is None else exposure.bias_adu
     stripes = np.zeros(1) if exposure.stripe_adu is None else exposure.stripe_adu
-    rest_e = math.sqrt(FrameNoise.of(detector, 1.0, exposure.exposure_s).rest_e2)
-    swing = _MARGIN_SIGMA * math.hypot(
-        math.hypot(detector.read_noise_e, rest_e) / detector.gain_e_adu, structure.drift_adu
-    )
+    amplifier_e = math.hypot(detector.read_noise_e, math.sqrt(rest.rest_e2))
+    swing = _MARGIN_SIGMA * math.hypot(amplifier_e / detector.gain_e_adu, structure.drift_adu)
     swing += structure.interference_adu
     room = detector.adc_max_adu - float(level.max() + stripes.max()) - swing
     low = float(level.min() + stripes.min()) - swing
