@@ -9,7 +9,7 @@ from catalogs.errors import InputError
 from cpic_planner.cli.main import main
 from cpic_planner.jobs.engine import run_tasks
 from cpic_planner.models import BandConfirmation, ConfirmResult
-from cpic_planner.scene_confirmation import ConfirmConfig, prepared_tasks
+from cpic_planner.scene_confirmation import ConfirmQuestion, prepared_tasks
 from cpic_planner.validation.confirm import confirm_task
 from simulator import load_instrument, load_scene
 from simulator.files import dump_json
@@ -83,7 +83,7 @@ TIERS = ("quick", "standard", "reference")
 
 
 def tier_task(tier):
-    config = ConfirmConfig(
+    config = ConfirmQuestion(
         instrument=load_instrument(),
         scene=load_scene(FAINT),
         bands=("F850",),

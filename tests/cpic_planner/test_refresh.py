@@ -14,8 +14,7 @@ import catalogs
 from catalogs.catalogue import open_catalogue
 from catalogs.errors import InputError
 from catalogs.simbad import Cuts, RefreshError, TapService
-from cpic_planner import load_targets
-from cpic_planner import rank_targets, signal_to_noise
+from cpic_planner import load_targets, rank_targets, signal_to_noise
 from cpic_planner.refresh import refresh_catalog, target_path
 
 EMBEDDED = Path(catalogs.__file__).parent / "data"

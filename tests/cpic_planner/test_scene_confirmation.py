@@ -9,7 +9,7 @@ from catalogs.errors import InputError
 from cpic_planner.etc.model import Strategy, build_model
 from cpic_planner.etc.place import stand
 from cpic_planner.etc.planet import ReferencePlanet, reference_distance_au
-from cpic_planner.scene_confirmation import ConfirmConfig, confirm_job, confirm_scene, scene_target
+from cpic_planner.scene_confirmation import ConfirmQuestion, confirm_job, confirm_scene, scene_target
 from cpic_planner.targets import find_target
 from cpic_planner.validation.task import Frames, expected_of, target_scene
 from simulator import load_instrument, load_scene
@@ -32,7 +32,7 @@ def planet(name, separation, pa, contrast_scale=1.0):
 
 
 def config(scene, **changes):
-    return ConfirmConfig(
+    return ConfirmQuestion(
         instrument=load_instrument(), scene=load_scene(scene), **(FRAMES | {"bands": ("F520",)} | changes)
     )
 
