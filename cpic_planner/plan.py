@@ -24,7 +24,7 @@ from cpic_planner.jobs.job import Finished, Job, Runner, RunSettings, run
 from cpic_planner.known_completeness import KNOWN_ONLY, KnownChoice, counted_planets
 from cpic_planner.models import BandConfirmation, PlanResult, RankedTarget, RankResult
 from cpic_planner.population import PopulationChoice
-from cpic_planner.queries.plan import PlanConfig
+from cpic_planner.queries.plan import PlanQuestion
 from cpic_planner.ranking import planet_record, rank_targets
 from cpic_planner.sensitivity import sensitivity
 from cpic_planner.targets import CatalogSource, Targets, as_catalogue, rank_sample, sample_text
@@ -48,7 +48,7 @@ class _Prepared:
     refused: dict[str, BandConfirmation]
 
 
-def prepare_plan(config: PlanConfig, catalog: CatalogSource) -> _Prepared:
+def prepare_plan(config: PlanQuestion, catalog: CatalogSource) -> _Prepared:
     """Return the ranking and the work that is left to do, without any image."""
     refuse_infrared(config.instrument, config.bands)
     model = build_model(config.instrument, config.bands, config.strategy)
@@ -83,12 +83,12 @@ def prepare_plan(config: PlanConfig, catalog: CatalogSource) -> _Prepared:
     return _Prepared(model, catalogue, targets, drawn, rank, chosen, tasks, refused)
 
 
-def plan_job(config: PlanConfig, catalog: CatalogSource = "snapshot") -> Job[PlanResult]:
+def plan_job(config: PlanQuestion, catalog: CatalogSource = "snapshot") -> Job[PlanResult]:
     """Return the job that ranks, confirms and reports.
 
     Parameters
     ----------
-    config : PlanConfig
+    config : PlanQuestion
     catalog : Catalogue, str or Path
         Star table: ``"snapshot"``, ``"latest"``, ``"simbad_2012"``, or a file; see `catalogs.catalogue.open_catalogue`.
     """
@@ -127,7 +127,7 @@ def plan_job(config: PlanConfig, catalog: CatalogSource = "snapshot") -> Job[Pla
 
 
 def make_plan(
-    config: PlanConfig, out: str | Path, *, catalog: CatalogSource = "snapshot", **how: Unpack[RunSettings]
+    config: PlanQuestion, out: str | Path, *, catalog: CatalogSource = "snapshot", **how: Unpack[RunSettings]
 ) -> Finished[PlanResult]:
     """Rank, confirm and report.
 
@@ -148,7 +148,7 @@ def make_plan(
     return run(plan_job(config, catalog), out, **how)
 
 
-def _decides(config: PlanConfig, prepared: _Prepared) -> dict[str, Any]:
+def _decides(config: PlanQuestion, prepared: _Prepared) -> dict[str, Any]:
     """Return what decides the plan: configuration, ranking, catalogue.
 
     A table from a file counts by its content, which is in the hash of the ranking, not by its name.
@@ -162,7 +162,7 @@ def _decides(config: PlanConfig, prepared: _Prepared) -> dict[str, Any]:
     }
 
 
-def _result(config: PlanConfig, prepared: _Prepared, digest: str, bodies: Mapping[str, Any]) -> PlanResult:
+def _result(config: PlanQuestion, prepared: _Prepared, digest: str, bodies: Mapping[str, Any]) -> PlanResult:
     rank = prepared.rank
     targets = [confirmed_target(prepared.model, row, prepared.refused, bodies) for row in prepared.chosen]
     return PlanResult(

@@ -19,7 +19,7 @@ from cpic_planner.etc.rates import aperture_rates
 from cpic_planner.jobs.folder import RunFolder
 from cpic_planner.jobs.job import Finished, Job, Runner, RunSettings, run
 from cpic_planner.models import BandConfirmation, ConfirmResult
-from cpic_planner.queries.confirm import MAX_FRAMES, ConfirmConfig
+from cpic_planner.queries.confirm import MAX_FRAMES, ConfirmQuestion
 from cpic_planner.queries.images import audited
 from cpic_planner.queries.shared import DEFAULT_TIME_S
 from cpic_planner.targets import Targets
@@ -44,7 +44,7 @@ class _Work:
     refused: list[BandConfirmation]
 
 
-def confirm_job(config: ConfirmConfig) -> Job[ConfirmResult]:
+def confirm_job(config: ConfirmQuestion) -> Job[ConfirmResult]:
     """Return the job that simulates a scene and measures it blind."""
     from cpic_planner.report.write import products_of, write_confirm_report
 
@@ -71,13 +71,13 @@ def confirm_job(config: ConfirmConfig) -> Job[ConfirmResult]:
 
 
 def confirm_scene(
-    config: ConfirmConfig, out: str | Path | None = None, **how: Unpack[RunSettings]
+    config: ConfirmQuestion, out: str | Path | None = None, **how: Unpack[RunSettings]
 ) -> Finished[ConfirmResult]:
     """Confirm a scene.
 
     Parameters
     ----------
-    config : ConfirmConfig
+    config : ConfirmQuestion
     out : str or Path, optional
         Output folder of ``confirm.json``, ``measurements.csv``, ``report.html``, panels and ``run.json``; nothing is
         written without.
@@ -92,12 +92,12 @@ def confirm_scene(
     return run(confirm_job(config), out, **how)
 
 
-def prepared_tasks(config: ConfirmConfig) -> list[ConfirmTask]:
+def prepared_tasks(config: ConfirmQuestion) -> list[ConfirmTask]:
     """Work of a confirmation, one task a band; bands without an image to make are left out."""
     return _work(config).tasks
 
 
-def _result(config: ConfirmConfig, work: _Work, digest: str, bodies: Sequence[Mapping[str, Any]]) -> ConfirmResult:
+def _result(config: ConfirmQuestion, work: _Work, digest: str, bodies: Sequence[Mapping[str, Any]]) -> ConfirmResult:
     order = {name: i for i, name in enumerate(work.model.bands)}
     seen = [BandConfirmation.model_validate(item) for body in bodies for item in body["confirmations"]]
     bands = sorted([*seen, *work.refused], key=lambda item: order[item.band])
@@ -153,7 +153,7 @@ def scene_target(scene: Scene) -> Targets:
     )
 
 
-def _work(config: ConfirmConfig) -> _Work:
+def _work(config: ConfirmQuestion) -> _Work:
     refuse_infrared(config.instrument, config.bands)
     model = build_model(config.instrument, config.bands, config.strategy)
     target, tasks, refused = scene_target(config.scene), [], []
@@ -188,7 +188,9 @@ def _work(config: ConfirmConfig) -> _Work:
     return _Work(model, tasks, refused)
 
 
-def _frames(config: ConfirmConfig, model: EtcModel, target: Targets, band: str, planets: list[Source]) -> Frames | None:
+def _frames(
+    config: ConfirmQuestion, model: EtcModel, target: Targets, band: str, planets: list[Source]
+) -> Frames | None:
     """Frames that are given, or the best ones; None where the time holds none."""
     if config.exposure_s is not None and config.n_frames is not None and config.em_gain is not None:
         return Frames(config.exposure_s, config.n_frames, config.em_gain)

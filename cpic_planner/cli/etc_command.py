@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from cpic_planner.cli.options import JsonOption, refuse_together
+from cpic_planner.cli.options import JsonOption, check_plot, refuse_together, write_plot
 from cpic_planner.cli.output import console, note, print_json, progress
 
 if TYPE_CHECKING:
@@ -87,10 +87,7 @@ def etc(
 
     refuse_together({"--budget": budget, "--json": as_json}, "JSON holds every budget")
     refuse_together({"--explain": explain, "--json": as_json}, "JSON holds all gains")
-    if plot is not None:
-        from cpic_planner.report.etc_figures import check_figure_name
-
-        check_figure_name(plot)
+    check_plot(plot)
     table = open_catalogue(question.catalog)
     for remark in table.notes:
         note(remark)
@@ -164,12 +161,11 @@ def _draw(
 ) -> None:
     from cpic_planner.report.console_etc import best_row
     from cpic_planner.report.etc_curves import etc_curves
-    from cpic_planner.report.etc_figures import etc_figure, write_figure
+    from cpic_planner.report.etc_figures import etc_figure
 
     best, allowed = best_row(result), question.wall_s
     if best is not None and best.time_s is not None and (question.asks_time or question.n_frames is not None):
         allowed = best.time_s
     settings: dict[str, Any] = {name: getattr(question, name) for name in ("snr", "sigma", "exposure_s", "em_gain")}
     curves = etc_curves(model, star, answers, time_s=allowed, best_band=result.best_band, **settings)
-    write_figure(etc_figure(result, curves), plot)
-    note(f"wrote {plot}")
+    write_plot(plot, etc_figure(result, curves))

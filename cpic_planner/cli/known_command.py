@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cpic_planner.cli.options import JsonOption, check_file
+from cpic_planner.cli.options import JsonOption, check_file, check_plot, write_plot
 from cpic_planner.cli.output import console, note, print_json
 
 if TYPE_CHECKING:
@@ -72,10 +72,7 @@ def known(
         if star is None and value is not None:
             raise InputError(name, str(value), allowed="only with a STAR")
     check_file(scene, (".yaml", ".yml"), "--scene")
-    if plot is not None:
-        from cpic_planner.report.etc_figures import check_figure_name
-
-        check_figure_name(plot)
+    check_plot(plot)
     table = open_catalogue(question.catalog)
     model = build_model(question.instrument, question.bands)
     choice = KnownChoice.at(
@@ -107,11 +104,9 @@ def known(
     span = None if star is None else DEFAULT_YEARS if question.years is None else question.years
     result = known_answer(model, targets, choice, years=span, catalogue=table.provenance, bands=question.bands)
     if plot is not None:
-        from cpic_planner.report.etc_figures import write_figure
         from cpic_planner.report.known_figure import known_figure
 
-        write_figure(known_figure(result), plot)
-        note(f"wrote {plot}")
+        write_plot(plot, known_figure(result))
     if scene is not None:
         _write_scene(scene, str(targets.name[0]), choice, table)
     if as_json:

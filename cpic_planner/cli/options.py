@@ -13,6 +13,8 @@ from cpic_planner.cli.output import note
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from matplotlib.figure import Figure
+
     from cpic_planner.overrides import SimulatorOverrides
 
 JsonOption: TypeAlias = Annotated[bool, typer.Option("--json", help="Machine-readable result on stdout.")]
@@ -70,6 +72,30 @@ def refuse_together(options: dict[str, object], why: str) -> None:
     given = [name for name, value in options.items() if value is not None and value is not False]
     if len(given) > 1:
         raise InputError(given[0], f"given with {given[1]}", allowed="one of the two", hint=why)
+
+
+def check_plot(plot: Path | None) -> None:
+    """Refuse the file of a figure before any work, where it cannot be written."""
+    if plot is not None:
+        from cpic_planner.report.etc_figures import check_figure_name
+
+        check_figure_name(plot)
+
+
+def write_plot(plot: Path, figure: Figure, remark: str = "") -> None:
+    """Write a figure and say so.
+
+    Parameters
+    ----------
+    plot : Path
+    figure : Figure
+    remark : str
+        What is said of it beside its name.
+    """
+    from cpic_planner.report.etc_figures import write_figure
+
+    write_figure(figure, plot)
+    note(f"wrote {plot}{remark}")
 
 
 def check_file(path: Path | None, endings: Sequence[str], option: str) -> None:

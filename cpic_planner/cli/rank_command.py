@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from cpic_planner.cli.options import JsonOption, check_file, refuse_together, write_out
+from cpic_planner.cli.options import JsonOption, check_file, check_plot, refuse_together, write_out, write_plot
 from cpic_planner.cli.output import console, note, print_json
 
 if TYPE_CHECKING:
@@ -81,10 +81,7 @@ def rank(
         known = question.known_planets
         refuse_together({name: value, "--known-planets": known}, "it is about a hypothetical population")
     check_file(out, (".csv", ".ecsv"), "--out")
-    if plot is not None:
-        from cpic_planner.report.etc_figures import check_figure_name
-
-        check_figure_name(plot)
+    check_plot(plot)
     ready = prepared(question)
     for remark in ready.notes:
         note(remark)
@@ -150,10 +147,8 @@ def _write(result: RankResult, out: Path | None, plot: Path | None, limit: int) 
 
         write_out(out, lambda: (ranking_csv if out.suffix == ".csv" else ranking_ecsv)(result), len(result.targets))
     if plot is not None:
-        from cpic_planner.report.etc_figures import write_figure
         from cpic_planner.report.rank_figure import MOST_STARS, rank_figure
 
-        write_figure(rank_figure(result, limit), plot)
         shown = min(limit, len(result.targets))
         few = f" with the first {MOST_STARS} stars only: names of {shown} could not be read" * (shown > MOST_STARS)
-        note(f"wrote {plot}{few}")
+        write_plot(plot, rank_figure(result, limit), few)

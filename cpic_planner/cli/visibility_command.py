@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cpic_planner.cli.options import JsonOption, check_file, write_out
+from cpic_planner.cli.options import JsonOption, check_file, check_plot, write_out, write_plot
 from cpic_planner.cli.output import console, note, print_json
 
 if TYPE_CHECKING:
@@ -48,21 +48,16 @@ def visibility(
     from cpic_planner.api.surveys import visibility_of
 
     check_file(out, (".csv",), "--out")
-    if plot is not None:
-        from cpic_planner.report.etc_figures import check_figure_name
-
-        check_figure_name(plot)
+    check_plot(plot)
     result = visibility_of(question, note)
     if out is not None:
         from cpic_planner.report.tables import visibility_csv
 
         write_out(out, lambda: visibility_csv(result), len(result.targets) * len(result.mjd))
     if plot is not None:
-        from cpic_planner.report.etc_figures import write_figure
         from cpic_planner.report.visibility_figure import visibility_figure
 
-        write_figure(visibility_figure(result), plot)
-        note(f"wrote {plot}")
+        write_plot(plot, visibility_figure(result))
     if as_json:
         print_json(result)
         return

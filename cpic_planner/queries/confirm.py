@@ -105,6 +105,3 @@ class ConfirmQuestion(ImageQuestion, RunQuestion):
             raise InputError("force", "given", allowed=f"together with {called('out')}")
         audited(self.dial, self.audit)
         return self
-
-
-ConfirmConfig = ConfirmQuestion

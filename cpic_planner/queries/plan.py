@@ -23,6 +23,3 @@ class PlanQuestion(ImageQuestion, RankedQuestion, RunQuestion):
 
     top: int = asked(5, "How many targets to confirm with images.", ge=1, le=1000)
     out: Path = asked(Path("cpic-plan"), "Output folder; an interrupted run continues there.", physics=False)
-
-
-PlanConfig = PlanQuestion

@@ -19,7 +19,7 @@ from pathlib import Path
 from cpic_planner.etc.model import build_model
 from cpic_planner.jobs.folder import open_run_folder
 from cpic_planner.models import PlanResult, RankResult, SensitivityResult
-from cpic_planner.plan import PlanConfig, make_plan, prepare_plan
+from cpic_planner.plan import PlanQuestion, make_plan, prepare_plan
 from cpic_planner.report.contrast_figure import contrast_diagram
 from cpic_planner.report.drawing import Picture
 from cpic_planner.report.names import pretty_name
@@ -142,7 +142,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--workers", type=int, default=2)
     options = parser.parse_args()
-    config = PlanConfig(instrument=load_instrument(), top=TOP)
+    config = PlanQuestion(instrument=load_instrument(), top=TOP)
     model = build_model(config.instrument)
     with tempfile.TemporaryDirectory() as scratch:
         out = Path(scratch) / "plan"

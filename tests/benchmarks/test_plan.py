@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cpic_planner.etc.model import build_model
-from cpic_planner.plan import PlanConfig, make_plan
+from cpic_planner.plan import PlanQuestion, make_plan
 from cpic_planner.ranking import rank_targets
 from cpic_planner.report.contrast_figure import contrast_diagram
 from cpic_planner.report.panel_figure import PanelSheet
@@ -31,7 +31,7 @@ def stars(tmp_path_factory):
 
 
 def test_a_plan_of_one_target(timed, stars, tmp_path):
-    config = PlanConfig(instrument=INSTRUMENT, top=1, bands=("F662",), time_s=7200.0, n_planets=2000)
+    config = PlanQuestion(instrument=INSTRUMENT, top=1, bands=("F662",), time_s=7200.0, n_planets=2000)
     finished = timed(
         "plan: one target, one band, standard",
         lambda: make_plan(config, tmp_path / "plan", catalog=stars, force=True),

@@ -16,7 +16,7 @@ from catalogs.errors import InputError
 from cpic_planner.cli.main import main
 from cpic_planner.jobs.job import estimate
 from cpic_planner.known_completeness import counted_planets
-from cpic_planner.plan import PlanConfig, make_plan, plan_job
+from cpic_planner.plan import PlanQuestion, make_plan, plan_job
 from cpic_planner.population_config import load_population
 from simulator.config import load_instrument
 from simulator.config.base import validate
@@ -65,7 +65,7 @@ def test_known_planets_stand_instead_of_a_population(tmp_path):
     asked = {"instrument": load_instrument(), "top": 3, "bands": ("F520",), "time_s": 400.0, "n_planets": 50}
 
     def ranked(**known):
-        config = PlanConfig(**asked, **known)
+        config = PlanQuestion(**asked, **known)
         return int(estimate(plan_job(config, stars))["n_targets"]), config
 
     counts = {
@@ -78,7 +78,7 @@ def test_known_planets_stand_instead_of_a_population(tmp_path):
     both = {"known_planets": "snapshot", "population": load_population()}
     for known, words in (({"date_utc": "2027-01-01"}, "only with known_planets"), (both, "given with known_planets")):
         with pytest.raises(InputError, match=words):
-            validate(PlanConfig, asked | known, where="plan")
+            validate(PlanQuestion, asked | known, where="plan")
 
 
 def test_products_are_all_there_and_stdout_is_the_plan(finished):
@@ -143,7 +143,7 @@ def test_seed_changes_the_measurement_but_not_the_prediction(finished, stars, tm
     plan = json.loads(finished[1])
     before = {target["name"]: target for target in plan["targets"]}
     settings = {"bands": ("F520", "F662"), "time_s": 400.0, "realisations": 2, "n_planets": 500}
-    config = PlanConfig(instrument=load_instrument(), top=1, seed=plan["seed"] + 1, **settings)
+    config = PlanQuestion(instrument=load_instrument(), top=1, seed=plan["seed"] + 1, **settings)
     (other,) = make_plan(config, tmp_path / "other", catalog=stars).result.targets
     compared = [
         (band, again)
@@ -157,13 +157,13 @@ def test_seed_changes_the_measurement_but_not_the_prediction(finished, stars, tm
 
 
 def test_dry_run_estimates_without_working(stars):
-    config = PlanConfig(instrument=load_instrument(), top=3)
+    config = PlanQuestion(instrument=load_instrument(), top=3)
     cost = estimate(plan_job(config, stars))
     assert 3 <= cost["n_tasks"] <= 12
     assert cost["wall_s"] > 0
 
 
 def test_unknown_band_is_refused(tmp_path):
-    config = PlanConfig(instrument=load_instrument(), bands=("F1",))
+    config = PlanQuestion(instrument=load_instrument(), bands=("F1",))
     with pytest.raises(InputError, match="F1"):
         make_plan(config, tmp_path / "x")

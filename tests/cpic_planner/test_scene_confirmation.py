@@ -14,7 +14,7 @@ from cpic_planner.etc.place import stand
 from cpic_planner.etc.planet import ReferencePlanet, reference_distance_au
 from cpic_planner.jobs.engine import run_tasks
 from cpic_planner.models import BandConfirmation, ConfirmResult
-from cpic_planner.scene_confirmation import ConfirmConfig, confirm_job, confirm_scene, prepared_tasks, scene_target
+from cpic_planner.scene_confirmation import ConfirmQuestion, confirm_job, confirm_scene, prepared_tasks, scene_target
 from cpic_planner.targets import find_target
 from cpic_planner.validation.confirm import confirm_task
 from cpic_planner.validation.task import Frames, expected_of, target_scene
@@ -39,7 +39,7 @@ def planet(name, separation, pa, contrast_scale=1.0):
 
 
 def config(scene, **changes):
-    return ConfirmConfig(
+    return ConfirmQuestion(
         instrument=load_instrument(), scene=load_scene(scene), **(FRAMES | {"bands": ("F520",)} | changes)
     )
 
@@ -253,7 +253,7 @@ TIERS = ("quick", "standard", "reference")
 
 
 def tier_task(tier):
-    config = ConfirmConfig(
+    config = ConfirmQuestion(
         instrument=load_instrument(),
         scene=load_scene(FAINT),
         bands=("F850",),

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cpic_planner.etc.model import build_model
-from cpic_planner.scene_confirmation import ConfirmConfig, _work
+from cpic_planner.scene_confirmation import ConfirmQuestion, _work
 from cpic_planner.validation.confirm import _false
 from cpic_planner.validation.measure import MATCH_LAMBDA_D, forced_photometry, measure, positions_of, subjects_of
 from cpic_planner.validation.realise import visits_of
@@ -33,7 +33,7 @@ SCENE = {
 
 @functools.cache
 def prepared():
-    config = ConfirmConfig(
+    config = ConfirmQuestion(
         instrument=load_instrument(),
         scene=load_scene(SCENE),
         bands=("F520",),
