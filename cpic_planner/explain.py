@@ -11,7 +11,6 @@ from catalogs.errors import InputError
 from cpic_planner.completeness import completeness
 from cpic_planner.etc.budget import binding_limits, largest_term, remedies
 from cpic_planner.etc.cases import FrameWish, band_cases, planets_of
-from cpic_planner.etc.detection import verdict_of
 from cpic_planner.etc.frames import FrameChoice
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.etc.place import check_range
@@ -19,7 +18,7 @@ from cpic_planner.etc.planet import ReferencePlanet
 from cpic_planner.models import BandStanding, Explanation, RankedTarget
 from cpic_planner.optimiser import Best, best_in_band
 from cpic_planner.population import Planets, PopulationChoice
-from cpic_planner.ranking import finite, judge, limits_of, rank_targets
+from cpic_planner.ranking import judge, limits_of, rank_targets, setting_fields
 from cpic_planner.registry.scores import DEFAULT_SCORE, SCORES, ScoreName
 from cpic_planner.sensitivity import ASSUMPTIONS, N_TOP, Setting, in_order, in_turn, near_top
 from cpic_planner.targets import Targets
@@ -110,7 +109,7 @@ def _standing(
     counted = completeness(
         model, star, band, planets, exposure_s=best.exposure_s, n_frames=best.n_frames, em_gain=best.em_gain
     )
-    status, reason = judge(best, model)[0]
+    standing = judge(best, model)[0]
     cases = band_cases(model, star, band, planets_of(float(best.separation_arcsec[0]), planet), FrameWish())
     choice = _choice(model, best)
     noise = cases.noise(choice)
@@ -120,19 +119,8 @@ def _standing(
         best,
         counted,
         at=0,
-        status=status.value,
-        reason=reason.value,
-        verdict=verdict_of(status, detected=True),
-        verdict_mode="known_place",
-        detection_probability=finite(best.chance_blind[0]),
-        detection_probability_known_place=finite(best.chance_known_place[0]),
-        limited_by=limits_of([(status, reason)], best)[0],
-        detection_margin=float(best.margin[0]),
+        **setting_fields(best, 0, standing, limits_of([standing], best)[0]),
         floor_margin=min(float(best.floor_margin[0]), 1e300),
-        time_s=float(best.time_s[0]) if possible else None,
-        exposure_s=float(best.exposure_s[0]) if possible else None,
-        n_frames=int(best.n_frames[0]) if possible else None,
-        em_gain=float(best.em_gain[0]) if possible else None,
         exposure_limited_by=binding.exposure if possible else "",
         gain_limited_by=binding.gain if possible else "",
         gain_caps=binding.caps if possible else {},

@@ -6,6 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -292,8 +293,7 @@ def _row(
     companion_blooms: bool,
 ) -> RankedTarget:
     best, quickest = found.best, found.quickest
-    possible = best.n_frames[i] >= 1
-    exposure, frames = float(best.exposure_s[i]), int(best.n_frames[i])
+    setting = setting_fields(best, i, standing, limited_by)
     distance = float(reference_distance_au(targets.select([i]), best.separation_arcsec[i : i + 1], planet)[0, 0])
     luminosity = finite(targets.luminosity_lsun[i])
     flags = [*targets.flags[i], *model.strategy.reference_library.flags]
@@ -313,14 +313,6 @@ def _row(
         rank=rank,
         score=float(found.score[i]),
         hip=int(targets.hip[i]) if targets.hip[i] else None,
-        detection_margin=float(best.margin[i]),
-        status=standing[0].value,
-        reason=standing[1].value,
-        verdict=verdict_of(standing[0], detected=True),
-        verdict_mode="known_place",
-        detection_probability=finite(best.chance_blind[i]),
-        detection_probability_known_place=finite(best.chance_known_place[i]),
-        limited_by=limited_by,
         detection_time_s=float(quickest.time_s[i]) if quickest is not None and quickest.n_frames[i] >= 1 else None,
         completeness=share,
         completeness_error=float(counted.standard_error[i]),
@@ -328,15 +320,39 @@ def _row(
         completeness_time_s=time_s if time_s > 0 else None,
         completeness_per_hour=share / time_s * 3600.0 if time_s > 0 else 0.0,
         expected_detections=None if counted.expected_detections is None else float(counted.expected_detections[i]),
-        exposure_s=exposure if possible else None,
-        n_frames=frames if possible else None,
-        em_gain=float(best.em_gain[i]) if possible else None,
-        integration_s=frames * exposure if possible else None,
-        time_s=float(best.time_s[i]) if possible else None,
+        integration_s=setting["n_frames"] * setting["exposure_s"] if setting["n_frames"] else None,
         ref_planet_distance_au=distance,
         ref_planet_insolation_au=None if luminosity is None or luminosity <= 0 else distance / math.sqrt(luminosity),
         flags=flags,
+        **setting,
     )
+
+
+def setting_fields(best: Best, i: int, standing: tuple[Status, Reason], limited_by: LimitText) -> dict[str, Any]:
+    """Return what rows say of a star's best setting: its frames, and whether it detects the reference planet.
+
+    Parameters
+    ----------
+    best : Best
+    i : int
+        Number of the star.
+    standing : tuple
+        Its status and reason, of `judge`.
+    limited_by : str
+        What limits it, of `limits_of`.
+    """
+    possible = best.n_frames[i] >= 1
+    return {
+        "status": standing[0].value,
+        "reason": standing[1].value,
+        "verdict": verdict_of(standing[0], detected=True),
+        "verdict_mode": "known_place",
+        "detection_probability": finite(best.chance_blind[i]),
+        "detection_probability_known_place": finite(best.chance_known_place[i]),
+        "detection_margin": float(best.margin[i]),
+        "limited_by": limited_by,
+        "n_frames": int(best.n_frames[i]) if possible else None,
+    } | {name: float(getattr(best, name)[i]) if possible else None for name in ("exposure_s", "em_gain", "time_s")}
 
 
 def finite(value: float) -> float | None:
