@@ -1,5 +1,7 @@
 """Modules stay few, short and formatted; who may import whom is in ``pyproject.toml`` (``make lint``)."""
 
+import pkgutil
+import re
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -23,3 +25,16 @@ def test_one_concept_a_module():
 
 def test_the_formatter_formats():
     assert sum(text.count("# fmt: skip") for text in sources().values()) <= MOST_SKIPS
+
+
+def test_the_page_on_architecture_names_what_exists():
+    page = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8")
+    names = set(re.findall(r"`((?:catalogs|simulator|cpic_planner)(?:[./]\w+)+(?:\.py)?)/?`", page))
+    assert len(names) > 15
+    for name in names:
+        if "/" in name:
+            assert (ROOT / name).exists(), name
+        else:
+            pkgutil.resolve_name(name)
+    assert (ROOT / "docs" / "architecture.svg").exists()
+    assert len(page.splitlines()) <= 70
