@@ -19,6 +19,8 @@ _NAMES = {
 }
 _HOME = {name: module for module, names in _NAMES.items() for name in names}
 
+__all__ = sorted(_HOME)  # noqa: PLE0605
+
 
 def __getattr__(name: str) -> Any:
     if name not in _HOME:

@@ -76,7 +76,7 @@ def test_images_agree_with_the_closed_form(name, band, place, strategy, planet):
 
 def test_a_wrong_closed_form_is_found_out(answer, tau_ceti):
     """A planet of three times the light: flux and SNR of images say so."""
-    wrong = dataclasses.replace(answer, contrast=answer.contrast / 3.0)
+    wrong = answer.model_copy(update={"contrast": answer.contrast / 3.0})
     (found,) = check(model_of("F520"), tau_ceti, [wrong], ReferencePlanet(), realisations=8)
     images = found.fidelity.images
     assert images.light_ratio == pytest.approx(3.0, rel=0.01)
@@ -145,7 +145,7 @@ def test_frame_by_frame_with_every_effect(tau_ceti):
 
 
 def test_more_frames_than_can_be_drawn_one_by_one(answer, tau_ceti):
-    many = dataclasses.replace(answer, n_frames=4001)
+    many = answer.model_copy(update={"n_frames": 4001})
     record = check(model_of("F520"), tau_ceti, [many], dial="reference")[0].fidelity
     assert (record.status, record.reason, record.images) == ("invalid", "too_many_frames", None)
 
@@ -164,7 +164,7 @@ def test_what_images_refuse_is_typed(tau_ceti, answer, monkeypatch):
     assert (record.status, record.reason) == ("invalid", "not_measured_in_images")
     assert "photon counting" in record.message
     # A frame that overfills the hole: only a contradictory answer asks for one.
-    full = dataclasses.replace(answer, exposure_s=1e6, n_frames=1)
+    full = answer.model_copy(update={"exposure_s": 1e6, "n_frames": 1})
     record = check(model_of("F520"), tau_ceti, [full])[0].fidelity
     assert record.status == "saturated"
     assert "fidelity reference" in record.message

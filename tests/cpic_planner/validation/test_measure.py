@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cpic_planner.etc.model import build_model
 from cpic_planner.scene_confirmation import ConfirmQuestion, _work
 from cpic_planner.validation.confirm import _false
 from cpic_planner.validation.measure import MATCH_LAMBDA_D, forced_photometry, measure, positions_of, subjects_of
@@ -44,7 +43,7 @@ def prepared():
         realisations=1,
         audit=False,
     )
-    (task,) = _work(config, build_model(config.instrument, config.bands)).tasks
+    (task,) = _work(config).tasks
     visits = visits_of(task)
     return visits, subjects_of(visits)
 
