@@ -246,7 +246,18 @@ def _significance(
 
 
 def inside_zone(zone: HoleZone, x_arcsec: FloatArray, y_arcsec: FloatArray, margin_arcsec: float) -> NDArray[np.bool_]:
-    """Which points lie in the zone, at least ``margin`` from its edges."""
+    """Which points lie in the zone, at least ``margin`` from its edges.
+
+    Parameters
+    ----------
+    zone : HoleZone
+    x_arcsec : ndarray
+        Offset from the star on the detector along x, arcsec.
+    y_arcsec : ndarray
+        Offset from the star on the detector along y, arcsec.
+    margin_arcsec : float
+        Distance kept from the edges, arcsec.
+    """
     inside = np.ones(x_arcsec.shape, bool)
     for offset, parts in zip((y_arcsec, x_arcsec), zone.intervals(), strict=True):
         inside &= np.any(

@@ -60,7 +60,14 @@ def told(config: ImageQuestion, digest: str, measured: Sequence[BandConfirmation
 
 
 def refuse_infrared(instrument: Instrument, bands: Sequence[str] | None) -> None:
-    """Refuse unknown bands, and those of the near-infrared camera, whose images are not measured."""
+    """Refuse unknown bands, and those of the near-infrared camera, whose images are not measured.
+
+    Parameters
+    ----------
+    instrument : Instrument
+    bands : sequence of str or None
+        Names of bands of the instrument.
+    """
     visible = instrument.visible_bands()
     for band in bands or ():
         instrument.band(band)
@@ -79,6 +86,12 @@ def plan_tasks(
     """Return work to do, and the bands that need none because the answer is already a refusal, by their keys.
 
     Where the dial has audits, the band of each target that promises most gets one: a realisation frame by frame.
+
+    Parameters
+    ----------
+    model : EtcModel
+    stars : sequence of Targets
+    rows : sequence of RankedTarget
     """
     tasks: list[ConfirmTask] = []
     refused: dict[str, BandConfirmation] = {}
@@ -135,6 +148,16 @@ def confirm_stars(
     """Confirm single stars without an output folder; see `cpic_planner.confirm_targets`.
 
     ``settings`` are those of `cpic_planner.validation.task.prepare_task`.
+
+    Parameters
+    ----------
+    model : EtcModel
+    stars : sequence of Targets
+    time_s : float
+        Wall time, s, overheads and reference frames included.
+    planet : ReferencePlanet
+    workers : int, optional
+        Local worker processes; the result does not depend on it.
     """
     refuse_counting(model.strategy)
     refuse_infrared(model.instrument, model.bands)
@@ -150,7 +173,17 @@ def confirmed_target(
     refused: Mapping[str, BandConfirmation],
     bodies: Mapping[str, Mapping[str, Any]],
 ) -> ConfirmedTarget:
-    """Return one target's bands in order, and the best of them, from refusals and bodies by the keys of tasks."""
+    """Return one target's bands in order, and the best of them, from refusals and bodies by the keys of tasks.
+
+    Parameters
+    ----------
+    model : EtcModel
+    row : RankedTarget
+    refused : mapping of str to BandConfirmation
+        Bands that need no images, by star and band.
+    bodies : mapping of str to mapping
+        Results of the images, by star and band.
+    """
     keys = [f"{row.name} {band}" for band in model.bands]
     bands = [
         BandConfirmation.model_validate(bodies[key]["confirmations"][0]) if key in bodies else refused[key]

@@ -274,7 +274,15 @@ def read_law(value: Any) -> Law:
 
 
 def chosen_entry(share: FloatArray, weights: tuple[float, ...]) -> NDArray[np.int64]:
-    """Entry of a list that each share of the population falls on, entries weighed."""
+    """Entry of a list that each share of the population falls on, entries weighed.
+
+    Parameters
+    ----------
+    share : ndarray
+        Uniform numbers in [0, 1), turned into values by the law.
+    weights : tuple of float
+        Weight of each entry, relative to the others.
+    """
     ends = np.cumsum(weights) / math.fsum(weights)
     last = int(np.flatnonzero(weights)[-1])
     return np.minimum(np.searchsorted(ends, share, side="right"), last)

@@ -105,7 +105,17 @@ def known_answer(
 
 
 def planets_contrast(model: EtcModel, target: Targets, band: str, planets: Planets, albedo: AlbedoSpec) -> FloatArray:
-    """Contrast of planets of one star in a band, where they are; one value for each."""
+    """Contrast of planets of one star in a band, where they are; one value for each.
+
+    Parameters
+    ----------
+    model : EtcModel
+    target : Targets
+    band : str
+        Name of a band of the instrument, such as ``F520``.
+    planets : Planets
+    albedo : AlbedoSpec
+    """
     result: FloatArray = reflected_contrast(
         model, target.select([0]), band, albedo, planets.radius_rjup, planets.distance_au[None], planets.phase_deg
     )[0]

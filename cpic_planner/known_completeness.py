@@ -46,7 +46,13 @@ KNOWN_ONLY = "those with known planets only"
 
 
 def known_rows(table: KnownPlanetTable, targets: Targets) -> list[tuple[int, ...]]:
-    """Rows of the counted planets of each star, by any of its names; empty where it has none."""
+    """Rows of the counted planets of each star, by any of its names; empty where it has none.
+
+    Parameters
+    ----------
+    table : KnownPlanetTable
+    targets : Targets
+    """
     return [table.rows_of(str(name)) for name in targets.name]
 
 

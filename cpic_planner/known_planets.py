@@ -75,13 +75,31 @@ class Ephemeris:
     draws_arcsec: FloatArray
 
     def share_between(self, low_arcsec: float, high_arcsec: float) -> FloatArray:
-        """Share of the draws whose separation lies between two edges, for each date."""
+        """Share of the draws whose separation lies between two edges, for each date.
+
+        Parameters
+        ----------
+        low_arcsec : float
+            Lower edge, arcsec.
+        high_arcsec : float
+            Upper edge, arcsec.
+        """
         inside = (self.draws_arcsec >= low_arcsec) & (self.draws_arcsec <= high_arcsec)
         return np.asarray(inside.mean(axis=0))
 
 
 def known_uniforms(table: KnownPlanetTable, rows: Sequence[int], n_draws: int, seed: int) -> FloatArray:
     """Uniform numbers for `draw_known`, a stream for each planet and quantity: other planets change none of them.
+
+    Parameters
+    ----------
+    table : KnownPlanetTable
+    rows : sequence of int
+        Rows of the table.
+    n_draws : int
+        Draws of each planet.
+    seed : int
+        Seed of all random streams.
 
     Returns
     -------
@@ -183,7 +201,16 @@ def _star_masses(given: ArrayLike | None, index: NDArray[np.int64]) -> FloatArra
 
 
 def places_at(draws: KnownDraws, row: int, mjd: ArrayLike) -> OrbitPlaces:
-    """Places of one planet's draws at some dates, arrays of shape ``(n_draws, n_dates)``."""
+    """Places of one planet's draws at some dates, arrays of shape ``(n_draws, n_dates)``.
+
+    Parameters
+    ----------
+    draws : KnownDraws
+    row : int
+        Position of the planet among the draws.
+    mjd : array_like
+        Dates, Modified Julian Date (UTC).
+    """
     days = check_finite("mjd", mjd, "d").reshape(1, -1) - draws.epoch_mjd
     one = OrbitingPlanets(
         radius_rjup=draws.radius_rjup[row][:, None], **{name: getattr(draws, name)[row][:, None] for name in ORBIT}
@@ -192,7 +219,15 @@ def places_at(draws: KnownDraws, row: int, mjd: ArrayLike) -> OrbitPlaces:
 
 
 def planets_of(draws: KnownDraws, row: int, albedo: AlbedoSpec) -> Planets:
-    """Draws of one planet at their epoch, as a population of which there is one planet for a star."""
+    """Draws of one planet at their epoch, as a population of which there is one planet for a star.
+
+    Parameters
+    ----------
+    draws : KnownDraws
+    row : int
+        Position of the planet among the draws.
+    albedo : AlbedoSpec
+    """
     places = places_at(draws, row, [draws.epoch_mjd])
     n = draws.radius_rjup.shape[1]
     return Planets(

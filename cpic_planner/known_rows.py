@@ -78,7 +78,23 @@ class DrawnRows:
         high: float = np.inf,
         fill: FloatArray | None = None,
     ) -> FloatArray:
-        """Normal about a column with its error, cut; above a thousandth of the value where no ``low`` is given."""
+        """Normal about a column with its error, cut; above a thousandth of the value where no ``low`` is given.
+
+        Parameters
+        ----------
+        name : str
+            Column of the value.
+        error_name : str
+            Column of its error.
+        quantity : str
+            Name of the uniform numbers to use.
+        low : float, optional
+            Lower physical limit.
+        high : float, optional
+            Upper physical limit.
+        fill : ndarray, optional
+            Values where the table has none.
+        """
         value = self.column(name)
         if fill is not None:
             value = np.where(np.isfinite(value), value, fill[:, None])
@@ -87,7 +103,17 @@ class DrawnRows:
         return truncated_normal(self.share(quantity), value, error, least, np.full(value.shape, high))
 
     def angle(self, name: str, error_name: str, quantity: str) -> FloatArray:
-        """Normal about an angle, uniform where it is unknown; degrees."""
+        """Normal about an angle, uniform where it is unknown; degrees.
+
+        Parameters
+        ----------
+        name : str
+            Column of the angle, degrees.
+        error_name : str
+            Column of its error, degrees.
+        quantity : str
+            Name of the uniform numbers to use.
+        """
         known = self.normal(name, error_name, quantity, low=-np.inf)
         return np.where(np.isfinite(known), known, 360.0 * self.share(quantity)) % 360.0
 
@@ -117,7 +143,15 @@ class DrawnRows:
         return tilt, np.where(alone, np.minimum(minimum / sine, np.maximum(STAR_MJUP, minimum)), true)
 
     def axis_and_period(self, star_msun: FloatArray, mass_mjup: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Semi-major axis and period; what is missing follows from Kepler's third law."""
+        """Semi-major axis and period; what is missing follows from Kepler's third law.
+
+        Parameters
+        ----------
+        star_msun : ndarray
+            Mass of the star, solar masses, shape (n, n_draws).
+        mass_mjup : ndarray
+            Mass of the planet, Jupiter masses, shape (n, n_draws).
+        """
         axis = self.normal("semi_major_axis_au", "semi_major_axis_err_au", "semi_major_axis")
         period = self.normal("period_days", "period_err_days", "period")
         total = star_msun + _MJUP_IN_MSUN * np.nan_to_num(mass_mjup, nan=0.0)
@@ -138,7 +172,19 @@ class DrawnRows:
     def mean_anomaly(
         self, epoch_mjd: float, period_days: FloatArray, eccentricity: FloatArray, omega_star_deg: FloatArray
     ) -> FloatArray:
-        """Mean anomaly at the epoch, degrees."""
+        """Mean anomaly at the epoch, degrees.
+
+        Parameters
+        ----------
+        epoch_mjd : float
+            Date of the anomaly, MJD.
+        period_days : ndarray
+            Period, days, shape (n, n_draws).
+        eccentricity : ndarray
+            0 to 0.99, shape (n, n_draws).
+        omega_star_deg : ndarray
+            Argument of pericentre of the star's orbit, degrees, shape (n, n_draws).
+        """
         passage = self.normal("periastron_jd", "periastron_err_days", "epoch")
         conjunction = self.normal("conjunction_jd", "conjunction_err_days", "epoch")
         meets = np.isfinite(self.column("conjunction_err_days") + self.column("conjunction_jd"))
@@ -164,7 +210,21 @@ class DrawnRows:
 def truncated_normal(
     share: FloatArray, mean: FloatArray, sd: FloatArray, low: FloatArray, high: FloatArray
 ) -> FloatArray:
-    """Quantiles of normal laws cut at both ends; the mean where ``sd`` is 0; arrays broadcast."""
+    """Quantiles of normal laws cut at both ends; the mean where ``sd`` is 0; arrays broadcast.
+
+    Parameters
+    ----------
+    share : ndarray
+        Uniform numbers in [0, 1), turned into values by the law.
+    mean : ndarray
+        Mean before the limits.
+    sd : ndarray
+        Standard deviation before the limits, 0 for an exact value.
+    low : ndarray
+        Lower limit.
+    high : ndarray
+        Upper limit.
+    """
     from scipy.special import ndtr, ndtri
 
     width = np.where(sd > 0.0, sd, 1.0)

@@ -49,7 +49,14 @@ class _Prepared:
 
 
 def prepare_plan(config: PlanQuestion, catalog: CatalogSource) -> _Prepared:
-    """Return the ranking and the work that is left to do, without any image."""
+    """Return the ranking and the work that is left to do, without any image.
+
+    Parameters
+    ----------
+    config : PlanQuestion
+    catalog : CatalogSource
+        Star table: ``snapshot``, ``latest``, ``simbad_2012``, or a file.
+    """
     refuse_infrared(config.instrument, config.bands)
     model = build_model(config.instrument, config.bands, config.strategy)
     catalogue = as_catalogue(catalog)

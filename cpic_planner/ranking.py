@@ -68,7 +68,13 @@ def planet_record(planet: ReferencePlanet) -> ReferencePlanetRecord:
 
 
 def drawn_planets(choice: PopulationChoice | KnownChoice, targets: Targets) -> Planets | KnownSample:
-    """Return the planets that completeness counts: of a population, the same at every star, or each star's own."""
+    """Return the planets that completeness counts: of a population, the same at every star, or each star's own.
+
+    Parameters
+    ----------
+    choice : PopulationChoice or KnownChoice
+    targets : Targets
+    """
     return choice.draw(targets) if isinstance(choice, KnownChoice) else choice.draw()
 
 
@@ -82,7 +88,20 @@ def rank_hash(
     population: PopulationChoice | KnownChoice | None = None,
     score: ScoreName = DEFAULT_SCORE,
 ) -> str:
-    """Hash of everything that decides a ranking."""
+    """Hash of everything that decides a ranking.
+
+    Parameters
+    ----------
+    model : EtcModel
+    targets : Targets
+    time_s : float
+        Wall time, s, overheads and reference frames included.
+    planet : ReferencePlanet
+    bands : sequence of str, optional
+        Names of bands of the instrument.
+    population : PopulationChoice, KnownChoice, optional
+    score : ScoreName, optional
+    """
     return content_hash(
         {
             "kind": "rank",
@@ -104,6 +123,11 @@ def judge(best: Best, model: EtcModel) -> list[tuple[Status, Reason]]:
 
     A detection is a significance that half of the visits show at a known place (`Best.needed_margin`). The reason
     ``speckle_floor`` says that no length of visit reaches it, not that the drift decides: `limits_of` says that.
+
+    Parameters
+    ----------
+    best : Best
+    model : EtcModel
     """
     return [_verdict(best, i, model.camera(str(best.band[i]))) for i in range(len(best.margin))]
 
@@ -203,7 +227,13 @@ def _counted(
 
 
 def order_of(found: Ranked, targets: Targets) -> list[int]:
-    """Stars from best to worst: by score, ties by the reference planet's margin, then by name."""
+    """Stars from best to worst: by score, ties by the reference planet's margin, then by name.
+
+    Parameters
+    ----------
+    found : Ranked
+    targets : Targets
+    """
     return sorted(range(len(targets)), key=lambda i: (-found.score[i], -found.best.margin[i], str(targets.name[i])))
 
 

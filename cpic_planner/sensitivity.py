@@ -121,7 +121,18 @@ def in_turn(assumptions: Sequence[Assumption]) -> Iterator[Assumption]:
 
 
 def in_order(setting: Setting, targets: Targets, *, time_s: float, bands: Sequence[str], score: ScoreName) -> Order:
-    """Rank stars under one setting."""
+    """Rank stars under one setting.
+
+    Parameters
+    ----------
+    setting : Setting
+    targets : Targets
+    time_s : float
+        Wall time, s, overheads and reference frames included.
+    bands : sequence of str
+        Names of bands of the instrument.
+    score : ScoreName
+    """
     found = ranked(
         setting.model,
         targets,
@@ -142,6 +153,15 @@ def near_top(rank: NDArray[np.int64], margin: FloatArray, top: int) -> NDArray[n
     """Stars that may come among the first ``top``, or be detected, under another assumption: the others stay far down.
 
     They are the first ``POOL * top`` by nominal rank and by margin of the reference planet.
+
+    Parameters
+    ----------
+    rank : ndarray of int
+        Rank of each star.
+    margin : ndarray
+        Detection margin of each star.
+    top : int
+        Ranks that count.
     """
     by_margin = np.empty(len(rank), np.int64)
     by_margin[np.argsort(-margin, kind="stable")] = np.arange(1, len(rank) + 1)

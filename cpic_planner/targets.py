@@ -102,6 +102,12 @@ def targets_from_table(table: StarTable, *, companions: Literal["on", "off"] = "
     """Targets of a star table.
 
     A companion without its own temperature shares the star's (flagged ``companion_colour_assumed``).
+
+    Parameters
+    ----------
+    table : StarTable
+    companions : {"on", "off"}, optional
+        ``on``: light of known stellar companions counts; ``off``: it is left out.
     """
     if companions not in ("on", "off"):
         raise InputError("companions", companions, allowed="on, off")
@@ -173,6 +179,19 @@ def rank_sample(
     By default every FGK star of the snapshot with parallax >= 25 mas and V <= 7, of any luminosity class;
     stars with companions are flagged, never dropped, unless ``singles_only``. A table of one's own counts whole
     unless ``v_mag_max`` is given.
+
+    Parameters
+    ----------
+    catalog : CatalogSource, optional
+        Star table: ``snapshot``, ``latest``, ``simbad_2012``, or a file.
+    v_mag_max : float, optional
+        Faintest V magnitude that is kept.
+    dwarfs_only : bool, optional
+        Whether only dwarfs are kept.
+    singles_only : bool, optional
+        Whether only stars without a close companion are kept.
+    companions : {"on", "off"}, optional
+        ``on``: light of known stellar companions counts; ``off``: it is left out.
     """
     table = _sample(as_catalogue(catalog), v_mag_max, dwarfs_only=dwarfs_only, singles_only=singles_only)
     return targets_from_table(table, companions=companions)
@@ -200,7 +219,18 @@ def _sample(
 
 
 def sample_text(catalogue: Catalogue, v_mag_max: float | None, dwarfs_only: bool, singles_only: bool) -> str:
-    """Which rows of the catalogue a ranking returns, in words."""
+    """Which rows of the catalogue a ranking returns, in words.
+
+    Parameters
+    ----------
+    catalogue : Catalogue
+    v_mag_max : float or None
+        Faintest V magnitude that is kept.
+    dwarfs_only : bool
+        Whether only dwarfs are kept.
+    singles_only : bool
+        Whether only stars without a close companion are kept.
+    """
     limit = catalogue.ranked_v_mag if v_mag_max is None else v_mag_max
     joint = " and" if " with " in catalogue.sample else " with"
     bright = "" if limit is None else f"{joint} V <= {limit:g}"
@@ -213,6 +243,15 @@ def find_target(
     name: str, *, companions: Literal["on", "off"] = "on", catalog: CatalogSource = "snapshot"
 ) -> tuple[Targets, str]:
     """One star of a catalogue by any name people use, and a note when the name was ambiguous.
+
+    Parameters
+    ----------
+    name : str
+        Any name of the star.
+    companions : {"on", "off"}, optional
+        ``on``: light of known stellar companions counts; ``off``: it is left out.
+    catalog : CatalogSource, optional
+        Star table: ``snapshot``, ``latest``, ``simbad_2012``, or a file.
 
     Raises
     ------

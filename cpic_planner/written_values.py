@@ -134,7 +134,15 @@ def read_value(key: str, text: str, unit: str = "") -> Written:
 
 
 def with_unit(text: str, unit: str) -> str:
-    """Return a value followed by its unit, if it has one."""
+    """Return a value followed by its unit, if it has one.
+
+    Parameters
+    ----------
+    text : str
+        What was written.
+    unit : str
+        Unit of the value, in words; empty without one.
+    """
     return f"{text} {unit}" if unit else text
 
 

@@ -25,7 +25,14 @@ FIXED_DATE = (1980, 1, 1, 0, 0, 0)  # the oldest date a zip file can hold
 
 
 def write_npz(path: str | Path, arrays: Mapping[str, Any]) -> None:
-    """Write arrays, sorted by name, deflated, under fixed dates."""
+    """Write arrays, sorted by name, deflated, under fixed dates.
+
+    Parameters
+    ----------
+    path : str or Path
+    arrays : mapping
+        Arrays by name.
+    """
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive:
         for name in sorted(arrays):

@@ -97,7 +97,17 @@ def _on_samples(samples_nm: np.ndarray, x: np.ndarray, weight: np.ndarray) -> np
 
 
 def band_integral(band: Band, wavelength_nm: np.ndarray, photlam: np.ndarray) -> float:
-    """Return the integral of photlam x band over wavelength in A: detected electrons, e-/s/cm2."""
+    """Return the integral of photlam x band over wavelength in A: detected electrons, e-/s/cm2.
+
+    Parameters
+    ----------
+    band : Band
+        Name of a band of the instrument, such as ``F520``.
+    wavelength_nm : ndarray
+        Wavelength, nm, above 0.
+    photlam : ndarray
+        Photon flux density, photons/s/cm2/Angstrom, at the samples.
+    """
     return float(band_projection(band, wavelength_nm) @ photlam)
 
 
@@ -112,6 +122,13 @@ def v_photon_rate(wavelength_nm: np.ndarray, photlam: np.ndarray) -> float:
     """Return the V-weighted photon rate of a spectrum, ph/s/cm2.
 
     Divided by `vega_v_photon_rate` it is 10^(-0.4 V).
+
+    Parameters
+    ----------
+    wavelength_nm : ndarray
+        Wavelength, nm, above 0.
+    photlam : ndarray
+        Photon flux density, photons/s/cm2/Angstrom, at the samples.
 
     Raises
     ------
@@ -130,7 +147,17 @@ def vega_v_photon_rate() -> float:
 
 
 def check_covers(what: str, wavelength_nm: np.ndarray, band: Band) -> None:
-    """Refuse a table that does not reach over the whole band."""
+    """Refuse a table that does not reach over the whole band.
+
+    Parameters
+    ----------
+    what : str
+        Name that a refusal gives.
+    wavelength_nm : ndarray
+        Wavelength, nm, above 0.
+    band : Band
+        Name of a band of the instrument, such as ``F520``.
+    """
     low, high = band.support_nm
     if wavelength_nm[0] > low or wavelength_nm[-1] < high:
         span = f"{wavelength_nm[0]:g}-{wavelength_nm[-1]:g}"
@@ -138,7 +165,17 @@ def check_covers(what: str, wavelength_nm: np.ndarray, band: Band) -> None:
 
 
 def check_table(what: str, wavelength_nm: ArrayLike, values: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-    """Return two float64 columns; refuse unequal shapes, unsorted wavelengths, bad values."""
+    """Return two float64 columns; refuse unequal shapes, unsorted wavelengths, bad values.
+
+    Parameters
+    ----------
+    what : str
+        Name that a refusal gives.
+    wavelength_nm : array_like
+        Wavelength, nm, above 0.
+    values : array_like
+        Values at the samples, shape (n,).
+    """
     wavelength, column = np.asarray(wavelength_nm, dtype=np.float64), np.asarray(values, dtype=np.float64)
     if wavelength.ndim != 1 or wavelength.shape != column.shape or wavelength.size < 2:
         raise InputError(what, f"shapes {wavelength.shape}, {column.shape}", allowed="two equal columns of >= 2 rows")
@@ -150,7 +187,17 @@ def check_table(what: str, wavelength_nm: ArrayLike, values: ArrayLike) -> tuple
 
 
 def check_positive(name: str, value: float, unit: str) -> float:
-    """Return a float; refuse what is not finite and above 0."""
+    """Return a float; refuse what is not finite and above 0.
+
+    Parameters
+    ----------
+    name : str
+        Name that a refusal gives.
+    value : float
+        Number(s).
+    unit : str
+        Unit of the value, in words; empty without one.
+    """
     if not (np.isfinite(value) and value > 0.0):
         raise InputError(name, value, unit=unit, allowed="above 0")
     return float(value)

@@ -57,7 +57,15 @@ def get_arrays(key: str) -> dict[str, np.ndarray] | None:
 
 
 def put_arrays(key: str, arrays: Mapping[str, np.ndarray]) -> None:
-    """Store arrays whole; an unwritable cache folder is a warning, not a failure."""
+    """Store arrays whole; an unwritable cache folder is a warning, not a failure.
+
+    Parameters
+    ----------
+    key : str
+        Content key of the entry.
+    arrays : mapping of str to ndarray
+        Arrays by name.
+    """
     buffer = io.BytesIO()
     np.savez(buffer, **dict(arrays))  # type: ignore[arg-type]
     payload = buffer.getvalue()
@@ -73,6 +81,13 @@ def compute_once(key: str, compute: Callable[[], Mapping[str, np.ndarray]]) -> d
     """Cached arrays of ``key``, computed by one process while others of this machine wait for it.
 
     The lock belongs to the operating system, so a killed process leaves nobody waiting.
+
+    Parameters
+    ----------
+    key : str
+        Content key of the entry.
+    compute : callable
+        Makes the arrays where there are none yet.
     """
     found = get_arrays(key)
     if found is not None:

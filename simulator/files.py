@@ -76,6 +76,12 @@ def _link_or_rename(temporary: Path, path: Path) -> None:
 def write_bytes(path: str | Path, data: bytes) -> Path:
     """Write ``data`` as a `whole_file`.
 
+    Parameters
+    ----------
+    path : str or Path
+    data : bytes
+        Content of the file.
+
     Raises
     ------
     OSError
@@ -87,7 +93,14 @@ def write_bytes(path: str | Path, data: bytes) -> Path:
 
 
 def write_text(path: str | Path, text: str) -> Path:
-    """`write_bytes` of UTF-8 text."""
+    """`write_bytes` of UTF-8 text.
+
+    Parameters
+    ----------
+    path : str or Path
+    text : str
+        Content of the file.
+    """
     return write_bytes(path, text.encode())
 
 
@@ -97,7 +110,14 @@ def dump_json(tree: Any) -> str:
 
 
 def write_json(path: str | Path, tree: Any) -> Path:
-    """`write_text` of `dump_json`."""
+    """`write_text` of `dump_json`.
+
+    Parameters
+    ----------
+    path : str or Path
+    tree : object
+        Plain data.
+    """
     return write_text(path, dump_json(tree))
 
 
@@ -116,6 +136,12 @@ def exclusive_lock(path: str | Path, *, wait: bool = True) -> Iterator[IO[str]]:
 
     The kernel drops the lock when the holder dies, however it dies, so there are no stale locks to judge. Whatever the
     holder writes, it writes into this file: a link, or a file that has a second name elsewhere, is not locked.
+
+    Parameters
+    ----------
+    path : str or Path
+    wait : bool, optional
+        Whether to wait for another process that holds the lock.
 
     Yields
     ------

@@ -87,12 +87,32 @@ class Outcome(Generic[T]):
 
     @classmethod
     def ok(cls, value: T, *, unit: str = "", flags: tuple[str, ...] = ()) -> Outcome[T]:
-        """Answer with a value."""
+        """Answer with a value.
+
+        Parameters
+        ----------
+        value : T
+            The answer.
+        unit : str, optional
+            Unit of the value, in words; empty without one.
+        flags : tuple of str, optional
+            Remarks on the value.
+        """
         return cls(value, unit=unit, flags=flags)
 
     @classmethod
     def refuse(cls, status: Status, reason: Reason, message: str, *, unit: str = "") -> Outcome[T]:
-        """Answer without a value."""
+        """Answer without a value.
+
+        Parameters
+        ----------
+        status : Status
+        reason : Reason
+        message : str
+            One sentence for people.
+        unit : str, optional
+            Unit of the value, in words; empty without one.
+        """
         return cls(None, status=status, reason=reason, message=message, unit=unit)
 
     def unwrap(self) -> T:

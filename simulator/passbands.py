@@ -143,7 +143,17 @@ class Passbands:
         return result
 
     def grid_flags(self, teff_k: ArrayLike, log_g: ArrayLike, metallicity: ArrayLike) -> GridFlags:
-        """Return which parameters lie outside the stellar grid and are clamped; ``.any`` joins the three."""
+        """Return which parameters lie outside the stellar grid and are clamped; ``.any`` joins the three.
+
+        Parameters
+        ----------
+        teff_k : array_like
+            Effective temperature, K.
+        log_g : array_like
+            Logarithm of the surface gravity in cm/s^2.
+        metallicity : array_like
+            Metallicity [M/H], dex.
+        """
         return self.grid.flags(teff_k, log_g, metallicity)
 
     @numeric_context()

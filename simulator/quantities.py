@@ -27,6 +27,15 @@ _ASTROPY_UNITS = {"R_Jup": "jupiterRad", "au": "AU", "L_sun": "solLum"}
 def in_unit(name: str, value: Any, unit: str) -> Any:
     """Return a value that carries a unit (`astropy.units`) as plain numbers in the unit named; others unchanged.
 
+    Parameters
+    ----------
+    name : str
+        Name that a refusal gives.
+    value : object
+        Number(s), with or without a unit.
+    unit : str
+        Unit of the value, in words; empty without one.
+
     Raises
     ------
     InputError
@@ -43,6 +52,15 @@ def in_unit(name: str, value: Any, unit: str) -> Any:
 
 def real_array(name: str, value: ArrayLike, unit: str = "") -> np.ndarray:
     """Return numbers, plain or with a unit, as a float64 array; masked ones are nan.
+
+    Parameters
+    ----------
+    name : str
+        Name that a refusal gives.
+    value : array_like
+        Number(s).
+    unit : str, optional
+        Unit of the value, in words; empty without one.
 
     Raises
     ------
@@ -64,7 +82,17 @@ def real_array(name: str, value: ArrayLike, unit: str = "") -> np.ndarray:
 
 
 def check_finite(name: str, value: ArrayLike, unit: str = "") -> np.ndarray:
-    """Return `real_array`; refuse values that are not finite."""
+    """Return `real_array`; refuse values that are not finite.
+
+    Parameters
+    ----------
+    name : str
+        Name that a refusal gives.
+    value : array_like
+        Number(s), with or without a unit.
+    unit : str, optional
+        Unit of the value, in words; empty without one.
+    """
     array = real_array(name, value, unit)
     if not np.all(np.isfinite(array)):
         raise InputError(name, float(array[~np.isfinite(array)].flat[0]), unit=unit, allowed="finite numbers")
@@ -72,7 +100,17 @@ def check_finite(name: str, value: ArrayLike, unit: str = "") -> np.ndarray:
 
 
 def check_number(name: str, value: Any, unit: str = "") -> float:
-    """Return one number, plain or with a unit; refuse what is not finite."""
+    """Return one number, plain or with a unit; refuse what is not finite.
+
+    Parameters
+    ----------
+    name : str
+        Name that a refusal gives.
+    value : object
+        One number, with or without a unit.
+    unit : str, optional
+        Unit of the value, in words; empty without one.
+    """
     array = real_array(name, value, unit)
     if array.ndim or not np.isfinite(array):
         raise InputError(name, array.tolist(), unit=unit, allowed="a finite number")
@@ -81,6 +119,17 @@ def check_number(name: str, value: Any, unit: str = "") -> float:
 
 def check_whole(name: str, value: Any, low: int, high: int) -> int:
     """Return a whole number, of any type of number but truth values, that lies in a range.
+
+    Parameters
+    ----------
+    name : str
+        Name that a refusal gives.
+    value : object
+        One whole number.
+    low : int
+        Least value allowed.
+    high : int
+        Largest value allowed.
 
     Raises
     ------
@@ -98,6 +147,19 @@ def check_whole(name: str, value: Any, low: int, high: int) -> int:
 
 def check_pair(name: str, value: Any, limit: float, unit: str = "", *, why: str = "") -> tuple[float, float]:
     """Return two finite numbers, x and y, each at most ``limit`` either way; ``why`` says where the limit comes from.
+
+    Parameters
+    ----------
+    name : str
+        Name that a refusal gives.
+    value : object
+        Two numbers.
+    limit : float
+        Largest absolute value.
+    unit : str, optional
+        Unit of the value, in words; empty without one.
+    why : str, optional
+        Reason that a refusal gives.
 
     Raises
     ------

@@ -84,7 +84,13 @@ def closed_forms(question: EtcQuestion, model: EtcModel, star: Targets) -> list[
 
 
 def places_of(question: EtcQuestion, star: Targets) -> Sequence[float] | None:
-    """Return the separations that are asked for in arcsec, of a star at its distance; None for the best ones."""
+    """Return the separations that are asked for in arcsec, of a star at its distance; None for the best ones.
+
+    Parameters
+    ----------
+    question : EtcQuestion
+    star : Targets
+    """
     if question.semi_major_axis_au is None:
         return question.separation_arcsec
     axis = check_range("semi_major_axis_au", question.semi_major_axis_au, 1e-3, 1e5, "au")
@@ -93,7 +99,15 @@ def places_of(question: EtcQuestion, star: Targets) -> Sequence[float] | None:
 
 
 def wall_s(question: EtcQuestion, model: EtcModel, band: str) -> float:
-    """Return the wall time in a band: the given one, or that of the frames."""
+    """Return the wall time in a band: the given one, or that of the frames.
+
+    Parameters
+    ----------
+    question : EtcQuestion
+    model : EtcModel
+    band : str
+        Name of a band of the instrument, such as ``F520``.
+    """
     if question.n_frames is None or question.exposure_s is None:
         return question.wall_s
     # A hair more, lest rounding lose a frame.
@@ -129,6 +143,14 @@ def best_places(question: EtcQuestion, model: EtcModel, star: Targets, band: str
 
     Where the level is out of reach it is the separation that comes nearest to it. Frames need not be whole in this
     search, which is on the grid of the ranking.
+
+    Parameters
+    ----------
+    question : EtcQuestion
+    model : EtcModel
+    star : Targets
+    band : str
+        Name of a band of the instrument, such as ``F520``.
     """
     grid = separation_grid(model, band)
     wish = FrameWish(question.exposure_s, question.em_gain)

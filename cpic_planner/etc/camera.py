@@ -76,7 +76,14 @@ class FrameCamera(Wells):
 
     @classmethod
     def of(cls, instrument: Instrument, band: str) -> FrameCamera:
-        """Camera of a band; effects that are switched off count nothing."""
+        """Camera of a band; effects that are switched off count nothing.
+
+        Parameters
+        ----------
+        instrument : Instrument
+        band : str
+            Name of a band of the instrument, such as ``F520``.
+        """
         channel = instrument.channel_of(band)
         detector, terms = channel.detector, added_variance(channel.detector)
         read, rounding, cic, dark = (terms.pop(name, FrameTerm()) for name in ("read_noise", "rounding", "cic", "dark"))

@@ -18,7 +18,14 @@ __all__ = ["check_range", "diagonal", "diagonal_pa_deg", "hole_notes", "locate",
 
 
 def diagonal(zone: HoleZone, separation_arcsec: Any) -> tuple[Any, Any]:
-    """Detector offsets x and y of a point on the diagonal of one dark quadrant: the upper right one if it is dark."""
+    """Detector offsets x and y of a point on the diagonal of one dark quadrant: the upper right one if it is dark.
+
+    Parameters
+    ----------
+    zone : HoleZone
+    separation_arcsec : object
+        Projected separation from the star, arcsec, above 0.
+    """
     offset = np.asarray(separation_arcsec, float) / math.sqrt(2.0)
     sign_x, sign_y = zone.diagonal
     return sign_x * offset, sign_y * offset
@@ -31,7 +38,14 @@ def diagonal_pa_deg(zone: HoleZone, parity: int) -> float:
 
 
 def usable_range_arcsec(instrument: Instrument, band: str) -> tuple[float, float]:
-    """Diagonal separations between which the whole photometric aperture lies in the controlled zone of a band."""
+    """Diagonal separations between which the whole photometric aperture lies in the controlled zone of a band.
+
+    Parameters
+    ----------
+    instrument : Instrument
+    band : str
+        Name of a band of the instrument, such as ``F520``.
+    """
     radius = instrument.aperture_radius_arcsec(band)
     inner = (instrument.hole_inner_arcsec(band) + radius) * math.sqrt(2.0)
     outer = (instrument.hole_outer_arcsec(band) - radius) * math.sqrt(2.0)
@@ -39,12 +53,28 @@ def usable_range_arcsec(instrument: Instrument, band: str) -> tuple[float, float
 
 
 def hole_notes(model: EtcModel, band: str) -> tuple[str, ...]:
-    """Flag of a band whose dark hole is not as dark as asked."""
+    """Flag of a band whose dark hole is not as dark as asked.
+
+    Parameters
+    ----------
+    model : EtcModel
+    band : str
+        Name of a band of the instrument, such as ``F520``.
+    """
     return ("hole_not_reached",) if model.metrics[band].hole_state == "not_reached" else ()
 
 
 def locate(model: EtcModel, band: str, separation_arcsec: float) -> tuple[Status, Reason, str]:
-    """Whether the aperture of a planet on the diagonal lies in the controlled zone of a band, at both rolls."""
+    """Whether the aperture of a planet on the diagonal lies in the controlled zone of a band, at both rolls.
+
+    Parameters
+    ----------
+    model : EtcModel
+    band : str
+        Name of a band of the instrument, such as ``F520``.
+    separation_arcsec : float
+        Projected separation from the star, arcsec, above 0.
+    """
     instrument, rolls = model.instrument, model.strategy.rolls_deg
     inner, outer = usable_range_arcsec(instrument, band)
     where = "diagonal"
@@ -75,7 +105,16 @@ def locate(model: EtcModel, band: str, separation_arcsec: float) -> tuple[Status
 
 
 def stand(model: EtcModel, band: str, separation_arcsec: Any) -> tuple[Any, Any]:
-    """Detector offsets of a planet: on the diagonal, or half the roll beside it for a library of two rolls."""
+    """Detector offsets of a planet: on the diagonal, or half the roll beside it for a library of two rolls.
+
+    Parameters
+    ----------
+    model : EtcModel
+    band : str
+        Name of a band of the instrument, such as ``F520``.
+    separation_arcsec : object
+        Projected separation from the star, arcsec, above 0.
+    """
     x, y = diagonal(model.metrics[band].zone, separation_arcsec)
     rolls = model.strategy.rolls_deg
     if len(rolls) == 1:

@@ -37,7 +37,18 @@ def reference_distance_au(targets: Targets, separation_arcsec: FloatArray, plane
 def reference_notes(
     model: EtcModel, target: Targets, band: str, separation_arcsec: float, planet: ReferencePlanet
 ) -> tuple[str, ...]:
-    """What was clamped or extrapolated in the reference planet of one star, as flags."""
+    """What was clamped or extrapolated in the reference planet of one star, as flags.
+
+    Parameters
+    ----------
+    model : EtcModel
+    target : Targets
+    band : str
+        Name of a band of the instrument, such as ``F520``.
+    separation_arcsec : float
+        Projected separation from the star, arcsec, above 0.
+    planet : ReferencePlanet
+    """
     distance = float(reference_distance_au(target, np.array([separation_arcsec]), planet)[0, 0])
     notes = albedo_notes(planet.albedo, distance / float(np.sqrt(target.luminosity_lsun[0])))
     beyond = model.passbands.albedo_flags(albedo_source(planet.albedo))[model.passbands.index(band)]
@@ -47,7 +58,18 @@ def reference_notes(
 def reference_contrast(
     model: EtcModel, targets: Targets, band: str, separation_arcsec: FloatArray, planet: ReferencePlanet
 ) -> FloatArray:
-    """Contrast of the reference planet in one band, ``(n_star, n_separation)``; as `reference_distance_au`."""
+    """Contrast of the reference planet in one band, ``(n_star, n_separation)``; as `reference_distance_au`.
+
+    Parameters
+    ----------
+    model : EtcModel
+    targets : Targets
+    band : str
+        Name of a band of the instrument, such as ``F520``.
+    separation_arcsec : ndarray
+        Projected separation from the star, arcsec, above 0.
+    planet : ReferencePlanet
+    """
     distance = reference_distance_au(targets, separation_arcsec, planet)
     return reflected_contrast(model, targets, band, planet.albedo, planet.radius_rjup, distance, planet.phase_deg)
 

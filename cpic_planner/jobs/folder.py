@@ -75,7 +75,15 @@ class RunFolder:
             return None
 
     def save_part(self, key: str, body: dict[str, Any]) -> dict[str, Any]:
-        """Store a finished piece of work whole; returns it as it will be read back."""
+        """Store a finished piece of work whole; returns it as it will be read back.
+
+        Parameters
+        ----------
+        key : str
+            Name of the finished piece.
+        body : mapping
+            Plain data of a finished piece.
+        """
         text = dump_json(body)
         self._save(key, ".json", text.encode())
         return dict(json.loads(text))
@@ -115,7 +123,15 @@ class RunFolder:
         return head["key"], content
 
     def write(self, name: str, text: str) -> Path:
-        """Write one product of the run whole."""
+        """Write one product of the run whole.
+
+        Parameters
+        ----------
+        name : str
+            Name of the file in the folder.
+        text : str
+            Content of the file.
+        """
         return self.write_bytes(name, text.encode())
 
     def write_bytes(self, name: str, content: bytes) -> Path:
@@ -130,7 +146,19 @@ class RunFolder:
         return self.adopt(whole, name, size_bytes=len(content), sha256=hashlib.sha256(content).hexdigest())
 
     def adopt(self, whole: Path, name: str, *, size_bytes: int, sha256: str) -> Path:
-        """Make a whole file in `temporary` a product of the run; errors are those of `write_bytes`."""
+        """Make a whole file in `temporary` a product of the run; errors are those of `write_bytes`.
+
+        Parameters
+        ----------
+        whole : Path
+            File that is moved in.
+        name : str
+            Name of the file in the folder.
+        size_bytes : int
+            Its size, bytes.
+        sha256 : str
+            Hash of its content.
+        """
         return self._files.install(whole, name, size_bytes=size_bytes, sha256=sha256)
 
     def _part_name(self, key: str, suffix: str) -> str:

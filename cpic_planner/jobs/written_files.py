@@ -158,6 +158,17 @@ class WrittenFiles:
 
         One of ours that stands there is replaced; one that was changed since we wrote it is set aside.
 
+        Parameters
+        ----------
+        temporary : Path
+            File that is renamed.
+        name : str
+            Name of the file in the folder.
+        size_bytes : int
+            Its size, bytes.
+        sha256 : str
+            Hash of its content.
+
         Raises
         ------
         InputError

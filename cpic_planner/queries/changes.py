@@ -180,6 +180,11 @@ class Alteration:
 def alterations(nominal: Instrument, changes: Iterable[Change]) -> tuple[Alteration, ...]:
     """Return every number and word of an instrument that some changes alter, by key.
 
+    Parameters
+    ----------
+    nominal : Instrument
+    changes : iterable of Change
+
     Raises
     ------
     InputError
@@ -217,7 +222,13 @@ def tree_of(
 
 
 def changed(nominal: Instrument, changes: Iterable[Change]) -> Instrument:
-    """Return the instrument after some changes; the same object without any."""
+    """Return the instrument after some changes; the same object without any.
+
+    Parameters
+    ----------
+    nominal : Instrument
+    changes : iterable of Change
+    """
     tree = tree_of(alterations(nominal, changes))
     return nominal.changed(tree) if tree else nominal
 

@@ -71,7 +71,15 @@ def albedo_figure(
 
 
 def albedo_picture(fit: AlbedoFit, model: AlbedoModel, *, title: str = "", **known: Any) -> Picture:
-    """Return the same as a picture of a report; ``known`` are ``truth`` and ``spectrum``."""
+    """Return the same as a picture of a report; ``known`` are ``truth`` and ``spectrum``.
+
+    Parameters
+    ----------
+    fit : AlbedoFit
+    model : AlbedoModel
+    title : str, optional
+        Text above the figure.
+    """
     figure = albedo_figure(fit, model, title=title, **known)
     mh, fsed = fit.interval("log10_mh"), fit.interval("log10_fsed")
     ranges = (

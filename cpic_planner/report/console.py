@@ -26,7 +26,13 @@ MEASURED = (
 
 
 def print_plan(plan: PlanResult, console: Console) -> None:
-    """Print the confirmed targets of a plan, band by band, their verdicts, and how the ETC stands."""
+    """Print the confirmed targets of a plan, band by band, their verdicts, and how the ETC stands.
+
+    Parameters
+    ----------
+    plan : PlanResult
+    console : Console
+    """
     rows = [
         (
             short_name(target.name) if number == 0 else "",
@@ -84,7 +90,14 @@ def print_comparison(result: PlanResult | ConfirmResult, console: Console, *, me
 
 
 def print_modelled(bands: Sequence[BandConfirmation], console: Console) -> None:
-    """Print how the images were drawn, what that is predicted to cost, and where a tier is not good enough."""
+    """Print how the images were drawn, what that is predicted to cost, and where a tier is not good enough.
+
+    Parameters
+    ----------
+    bands : sequence of BandConfirmation
+        What was measured in each band.
+    console : Console
+    """
     for text in dict.fromkeys(f"{band.band}: {band.message}" for band in bands if band.status == "invalid"):
         print_plain(console, text)
     made = modelled_sentence(bands)

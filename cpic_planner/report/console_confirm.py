@@ -27,7 +27,13 @@ _SHOWN = 5
 
 
 def print_confirm(result: ConfirmResult, console: Console) -> None:
-    """Print measurements, blind candidates, positions and albedo fits of a scene, and how the ETC stands."""
+    """Print measurements, blind candidates, positions and albedo fits of a scene, and how the ETC stands.
+
+    Parameters
+    ----------
+    result : ConfirmResult
+    console : Console
+    """
     several = len({item.planet for item in result.bands}) > 1
     cells = row_cells(
         BandConfirmation,

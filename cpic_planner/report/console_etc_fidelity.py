@@ -18,7 +18,13 @@ _DRAWS = {"sums": "sums of frames", "frames": "every frame, every effect"}
 
 
 def print_fidelity(result: EtcResult, console: Console) -> None:
-    """Print what images say of the answers, and the stated error of those that need none; nothing for ``quick``."""
+    """Print what images say of the answers, and the stated error of those that need none; nothing for ``quick``.
+
+    Parameters
+    ----------
+    result : EtcResult
+    console : Console
+    """
     record = result.fidelity
     if record is None or record.fidelity == "quick":
         return

@@ -74,7 +74,13 @@ def _score(name: str) -> Cells:
 
 
 def print_sensitivity(result: SensitivityResult, console: Console) -> None:
-    """Print how the ranking depends on what is assumed."""
+    """Print how the ranking depends on what is assumed.
+
+    Parameters
+    ----------
+    result : SensitivityResult
+    console : Console
+    """
     cells = row_cells(
         SensitivityRow,
         "n_ok kendall_tau_b n_compared/1 kept/2 best/3 largest_fall/4 text",
@@ -94,7 +100,13 @@ def print_sensitivity(result: SensitivityResult, console: Console) -> None:
 
 
 def print_explanation(told: Explanation, console: Console) -> None:
-    """Print why a star stands where it stands."""
+    """Print why a star stands where it stands.
+
+    Parameters
+    ----------
+    told : Explanation
+    console : Console
+    """
     star = told.star
     head = f"{full_name(star.name, star.hip)}: rank {star.rank} of {count_text(told.n_ranked)}"
     print_plain(console, f"{head} by {SCORES[told.score_name].title}", bold=True)

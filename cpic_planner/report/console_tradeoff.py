@@ -13,7 +13,13 @@ if TYPE_CHECKING:
 
 
 def print_tradeoff(result: TradeoffResult, console: Console) -> None:
-    """Print one table a scene: every way with its time, memory and errors."""
+    """Print one table a scene: every way with its time, memory and errors.
+
+    Parameters
+    ----------
+    result : TradeoffResult
+    console : Console
+    """
 
     def way(row: TradeoffRow) -> str:
         title = row.title if row.machine == result.machine.key else f"{row.title} (another machine)"

@@ -23,7 +23,13 @@ _BLOCKED = {"sun": "Sun", "moon": "Moon", "panel": "panels", "limb": "limb"}
 
 
 def print_visibility(result: VisibilityResult, console: Console) -> None:
-    """Print seasons, what blocks the rest, and what an orbit gives."""
+    """Print seasons, what blocks the rest, and what an orbit gives.
+
+    Parameters
+    ----------
+    result : VisibilityResult
+    console : Console
+    """
     several = len(result.targets) > 1
     if several:
         years = result.mjd[-1] - result.mjd[0] > _YEAR_DAYS

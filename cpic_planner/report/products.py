@@ -112,7 +112,13 @@ def print_planned(plan: SimulationEstimate, console: Console, *, limit: int = 40
 
 
 def print_check(result: CheckResult, console: Console) -> None:
-    """Print what a check found, file by file."""
+    """Print what a check found, file by file.
+
+    Parameters
+    ----------
+    result : CheckResult
+    console : Console
+    """
     cells = row_cells(
         FindingRecord, "hdu keyword severity message", hdu=lambda item: "" if item.hdu is None else str(item.hdu)
     )

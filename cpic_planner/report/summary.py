@@ -67,7 +67,13 @@ def limits_text(counts: Mapping[str, int]) -> str:
 
 
 def summary_sentences(plan: PlanResult, rank: RankResult) -> list[str]:
-    """Return the summary of the plan, one sentence an item."""
+    """Return the summary of the plan, one sentence an item.
+
+    Parameters
+    ----------
+    plan : PlanResult
+    rank : RankResult
+    """
     sentences = [
         f"{count_text(plan.n_ranked)} stars were ranked by {_score_words(rank)}, in at most "
         f"{duration_text(plan.time_s)} of wall time per target and band.",

@@ -126,7 +126,12 @@ def _star_columns() -> list[doc.Column[SurveyTarget]]:
 
 
 def strategy_blocks(item: StrategyOutcome, reference: StrategyOutcome) -> Iterator[doc.Block]:
-    """Yield what there is to say of one strategy: how it differs from the reference, and its stars."""
+    """Yield what there is to say of one strategy: how it differs from the reference, and its stars.
+
+    Parameters
+    ----------
+    item, reference : StrategyOutcome
+    """
     if item.description:
         yield doc.Paragraph(f"{item.description}.")
     if item.name != reference.name:

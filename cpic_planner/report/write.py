@@ -41,6 +41,12 @@ def limit_curves(plan: PlanResult, model: EtcModel, targets: Targets | None = No
     """Contrast limit against separation for the first confirmed targets, each in its ranked band and time.
 
     `targets` are the ranked stars; without them the stars are those of the snapshot.
+
+    Parameters
+    ----------
+    plan : PlanResult
+    model : EtcModel
+    targets : Targets, optional
     """
     curves = []
     for target in plan.targets[:MAX_LIMITS]:

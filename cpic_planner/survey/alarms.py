@@ -28,7 +28,15 @@ _POLE_RA_DEG, _POLE_DEC_DEG, _NODE_DEG = 192.85948, 27.12825, 32.93192
 
 
 def galactic_deg(ra_deg: ArrayLike, dec_deg: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Galactic longitude (0 to 360) and latitude of ICRS places, degrees."""
+    """Galactic longitude (0 to 360) and latitude of ICRS places, degrees.
+
+    Parameters
+    ----------
+    ra_deg : array_like
+        ICRS right ascension, degrees.
+    dec_deg : array_like
+        ICRS declination, degrees.
+    """
     ra, dec = np.deg2rad(np.asarray(ra_deg, float) - _POLE_RA_DEG), np.deg2rad(np.asarray(dec_deg, float))
     pole = np.deg2rad(_POLE_DEC_DEG)
     sine = np.sin(dec) * np.sin(pole) + np.cos(dec) * np.cos(pole) * np.cos(ra)
@@ -119,6 +127,12 @@ def noise_alarms(model: EtcModel, band: str) -> float:
 
     The thresholds keep the false-alarm probability of ``sigma`` in every resolution element, an area of
     ``(lambda/D)^2`` of the dark hole (`cpic_planner.validation.search`); images hold it (``reports/blind_validator``).
+
+    Parameters
+    ----------
+    model : EtcModel
+    band : str
+        Name of a band of the instrument, such as ``F520``.
     """
     from scipy.special import ndtr
 

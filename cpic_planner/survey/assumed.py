@@ -37,6 +37,13 @@ def assumed_model(instrument: Instrument, strategy: SurveyStrategy, bands: Seque
     is brighter than the instrument's is that of a less steady mirror, band by band (`mirror_noise_nm`); a darker one
     has less of the same light (`with_contrast`).
 
+    Parameters
+    ----------
+    instrument : Instrument
+    strategy : SurveyStrategy
+    bands : sequence of str
+        Names of bands of the instrument.
+
     Raises
     ------
     InputError
@@ -68,7 +75,15 @@ def _changes(assumed: Assumptions, bands: Sequence[str]) -> list[Change]:
 
 
 def imaged_model(model: EtcModel, strategy: SurveyStrategy, band: str) -> EtcModel | None:
-    """An assumed model whose instrument makes images of the same light; None where no instrument does."""
+    """An assumed model whose instrument makes images of the same light; None where no instrument does.
+
+    Parameters
+    ----------
+    model : EtcModel
+    strategy : SurveyStrategy
+    band : str
+        Name of a band of the instrument, such as ``F520``.
+    """
     contrast = strategy.assumptions.contrast
     if contrast is None:
         return model

@@ -83,6 +83,15 @@ class Calendar:
 
         Slews and settling come before; then as many orbits as the wall time needs, each counting for the whole frames
         that fit its longest window.
+
+        Parameters
+        ----------
+        model : EtcModel
+        star : int
+            Position of the star.
+        setting : Setting
+        settlings : int, optional
+            Settlings of the telescope in one visit.
         """
         cost = np.full(self.n_slots, np.inf)
         if not setting.possible:
@@ -99,7 +108,18 @@ class Calendar:
     def roll_deg(
         self, revisits: Revisits, star: int, slots: NDArray[np.int64], ordinals: NDArray[np.int64]
     ) -> FloatArray:
-        """Roll of visits, given their numbers among those of their star."""
+        """Roll of visits, given their numbers among those of their star.
+
+        Parameters
+        ----------
+        revisits : Revisits
+        star : int
+            Position of the star.
+        slots : ndarray of int
+            Slots of the visits, shape (k,).
+        ordinals : ndarray of int
+            Number of each visit among those of the star, shape (k,).
+        """
         base = self.sun_pa_deg[star, slots] if revisits.roll == "sun" else np.zeros(len(slots))
         sign = np.where(np.asarray(ordinals) % 2 == 1, 1.0, -1.0)
         return np.asarray(base + sign * revisits.roll_dither_deg)
@@ -109,6 +129,13 @@ def make_calendar(
     universe: UniverseConfig, instrument: Instrument, seen: VisibilityConfig, targets: Targets
 ) -> Calendar:
     """Visibility of stars over the slots of a survey, sampled six times a slot.
+
+    Parameters
+    ----------
+    universe : UniverseConfig
+    instrument : Instrument
+    seen : VisibilityConfig
+    targets : Targets
 
     Raises
     ------

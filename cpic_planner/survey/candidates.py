@@ -124,7 +124,18 @@ def albedos_of(population: PopulationConfig | None) -> tuple[AlbedoSpec, ...]:
 
 
 def settings_of(model: EtcModel, targets: Targets, band: str, visit: VisitRule, time_s: float) -> list[Setting]:
-    """Frames of each star in one band: the best ones for the reference planet within a wall time, or those given."""
+    """Frames of each star in one band: the best ones for the reference planet within a wall time, or those given.
+
+    Parameters
+    ----------
+    model : EtcModel
+    targets : Targets
+    band : str
+        Name of a band of the instrument, such as ``F520``.
+    visit : VisitRule
+    time_s : float
+        Wall time, s, overheads and reference frames included.
+    """
     planet = ReferencePlanet()
     best = best_in_band(model, targets, band, time_s, planet)
     columns = [best.exposure_s, best.n_frames, best.em_gain, best.time_s]

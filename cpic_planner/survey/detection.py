@@ -159,14 +159,30 @@ def _at_two_rolls(
 
 
 def reach_au(model: EtcModel, distance_pc: float) -> tuple[float, float]:
-    """Projected distances at which any band of a model can show a planet of a star: corners of its dark hole."""
+    """Projected distances at which any band of a model can show a planet of a star: corners of its dark hole.
+
+    Parameters
+    ----------
+    model : EtcModel
+    distance_pc : float
+        Distance, pc, above 0.
+    """
     inner = min(metrics.hole_inner_arcsec for metrics in model.metrics.values()) * math.sqrt(2.0)
     outer = max(metrics.owa_arcsec for metrics in model.metrics.values())
     return inner * distance_pc, outer * distance_pc
 
 
 def tail_share(model: EtcModel, setting: Setting, separation_arcsec: FloatArray, noise: StackNoise) -> FloatArray:
-    """Share of the noise, as rms, that is light of the wavefront's errors: its tails are exponential."""
+    """Share of the noise, as rms, that is light of the wavefront's errors: its tails are exponential.
+
+    Parameters
+    ----------
+    model : EtcModel
+    setting : Setting
+    separation_arcsec : ndarray
+        Projected separation from the star, arcsec, above 0.
+    noise : StackNoise
+    """
     visit_s = setting.n_frames * (setting.exposure_s + model.camera(setting.band).readout_s)
     return detection.tail_share(model, setting.band, separation_arcsec, visit_s, noise)
 
@@ -223,5 +239,12 @@ def _at_place(rule: DetectionRule, known: ArrayLike) -> NDArray[np.bool_]:
 
 
 def rolled(star: Targets, roll_deg: float) -> Targets:
-    """The star as a rolled detector sees it: its companion stands elsewhere."""
+    """The star as a rolled detector sees it: its companion stands elsewhere.
+
+    Parameters
+    ----------
+    star : Targets
+    roll_deg : float
+        Roll of the telescope, degrees; turns the sky on the detector.
+    """
     return replace(star, companion_pa_deg=(star.companion_pa_deg - roll_deg) % 360.0)

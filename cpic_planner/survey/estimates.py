@@ -60,6 +60,13 @@ def mean_interval(values: ArrayLike, level: float = LEVEL) -> Estimate:
 def difference_interval(values: ArrayLike, level: float = LEVEL) -> Estimate:
     """As `mean_interval`, of differences: values of the other sign are possible where none was met.
 
+    Parameters
+    ----------
+    values : array_like
+        Differences, one for each universe, shape (n,).
+    level : float, optional
+        Probability that the interval holds the true value, 0 to 1.
+
     Notes
     -----
     Two strategies that find one or two planets each that the other misses often show differences of one sign alone,
@@ -123,14 +130,30 @@ def _likelihood_ratio(apart: FloatArray, counts: FloatArray) -> float:
 
 
 def spread(values: ArrayLike, level: float = LEVEL) -> tuple[float, float]:
-    """Quantiles between which that part of the universes lies: what one survey may turn out to be."""
+    """Quantiles between which that part of the universes lies: what one survey may turn out to be.
+
+    Parameters
+    ----------
+    values : array_like
+        One value for each universe, shape (n,).
+    level : float, optional
+        Part of the universes that lies between them, 0 to 1.
+    """
     x = np.asarray(values, float)
     low, high = np.quantile(x, [0.5 - 0.5 * level, 0.5 + 0.5 * level], method="inverted_cdf")
     return float(low), float(high)
 
 
 def convergence(values: ArrayLike, points: int = 12) -> list[Estimate]:
-    """Estimates from the first few universes to all of them, at numbers evenly spaced in logarithm."""
+    """Estimates from the first few universes to all of them, at numbers evenly spaced in logarithm.
+
+    Parameters
+    ----------
+    values : array_like
+        One value for each universe, shape (n,).
+    points : int, optional
+        Number of estimates.
+    """
     x = np.asarray(values, float)
     sizes = np.unique(np.geomspace(min(10, x.size), x.size, points).round().astype(int))
     return [mean_interval(x[:size]) for size in sizes if size >= 2]

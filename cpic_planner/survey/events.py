@@ -86,7 +86,17 @@ class Events:
         self._parts: list[dict[str, Any]] = []
 
     def alarms(self, go: NDArray[np.bool_], noise: NDArray[np.int64], background: NDArray[np.int64]) -> None:
-        """Count the false alarms of a visit where it was made."""
+        """Count the false alarms of a visit where it was made.
+
+        Parameters
+        ----------
+        go : ndarray of bool
+            Universes in which the visit is made, shape (n,).
+        noise : ndarray of int
+            False alarms by noise, shape (n,).
+        background : ndarray of int
+            False alarms by background stars, shape (n,).
+        """
         self.noise_alarms[go] += noise[go]
         self.background_alarms[go] += background[go]
 
@@ -99,7 +109,21 @@ class Events:
         day: float,
         used_h: FloatArray,
     ) -> None:
-        """Note the planets that a visit adds."""
+        """Note the planets that a visit adds.
+
+        Parameters
+        ----------
+        bodies : Bodies
+        new : ndarray of bool
+            Which planets the visit adds.
+        visit : PlannedVisit
+        seen : mapping of str to ndarray
+            What the visit shows of each planet, by name.
+        day : float
+            Day of the visit after the epoch.
+        used_h : ndarray
+            Hours used so far in each universe.
+        """
         count = int(new.sum())
         part: dict[str, Any] = {
             "universe": bodies.universe[new],

@@ -30,7 +30,14 @@ class Problem:
     slot_h: FloatArray
 
     def near(self, star: Candidate, slot: int) -> NDArray[np.bool_]:
-        """Slots too near to one for another visit of the same star, itself among them."""
+        """Slots too near to one for another visit of the same star, itself among them.
+
+        Parameters
+        ----------
+        star : Candidate
+        slot : int
+            Slot of the visit.
+        """
         near = np.abs(star.day - star.day[slot]) < self.strategy.revisits.min_gap_days - _ROUNDING
         near[slot] = True
         return np.asarray(near)
@@ -93,7 +100,16 @@ class Room:
         return cls(problem.strategy.time_budget_h, problem.strategy.slot_share * problem.slot_h)
 
     def take(self, star: int, visit: Visit, cost_h: float) -> None:
-        """Book a visit."""
+        """Book a visit.
+
+        Parameters
+        ----------
+        star : int
+            Position of the star.
+        visit : Visit
+        cost_h : float
+            Cost of the visit, h.
+        """
         self.budget_h -= cost_h
         self.slots_h[visit[1]] -= cost_h
         self.visits.setdefault(star, []).append(visit)
@@ -273,7 +289,13 @@ def _next_visit(problem: Problem, state: StarValue, room: Room, made: Sequence[V
 def in_order(
     stars: Sequence[Candidate], booked: Sequence[tuple[int, Visit, float]], spare: Sequence[tuple[int, Visit, float]]
 ) -> tuple[PlannedVisit, ...]:
-    """Visits in the order of the calendar: by slot, those within the budget first, then as booked."""
+    """Visits in the order of the calendar: by slot, those within the budget first, then as booked.
+
+    Parameters
+    ----------
+    stars : sequence of Candidate
+    booked, spare : sequence of tuple
+    """
     every = [(*item, False) for item in booked] + [(*item, True) for item in spare]
     order = sorted(range(len(every)), key=lambda k: (every[k][1][1], every[k][3], k))
     numbers: dict[int, int] = {}

@@ -84,6 +84,13 @@ class Bodies(OrbitingPlanets):
         """Planets whose projected distance can lie between two at all: of the others no date shows any.
 
         It is at most ``a (1 + e)``, and at least ``a (1 - e) |cos i|``.
+
+        Parameters
+        ----------
+        inner_au : float
+            Smallest projected distance, au.
+        outer_au : float
+            Largest projected distance, au.
         """
         farthest = self.semi_major_axis_au * (1.0 + self.eccentricity)
         nearest = self.semi_major_axis_au * (1.0 - self.eccentricity) * np.abs(np.cos(np.deg2rad(self.inclination_deg)))
@@ -128,6 +135,13 @@ def chance(seed: int, *path: str | int, shape: tuple[int, ...]) -> FloatArray:
     """Uniform numbers of a named stage, the last axis over universes.
 
     The first rows of a larger shape are those of a smaller one, and so are the first universes of a larger block.
+
+    Parameters
+    ----------
+    seed : int
+        Seed of all random streams.
+    shape : tuple of int
+        Shape of the result; the last axis is over universes.
     """
     *rows, n = shape
     return stream(seed, "survey", *path).random((*rows, -(-n // BLOCK) * BLOCK))[..., :n]
@@ -138,6 +152,11 @@ def at_known_place(bodies: Bodies, table: KnownPlanetTable | None) -> NDArray[np
 
     Radial velocities alone leave the position angle open, and so do errors of more than a few degrees
     (`catalogs.known_planet_table.PLACE_DEG`): such planets are searched for as unknown ones are.
+
+    Parameters
+    ----------
+    bodies : Bodies
+    table : KnownPlanetTable or None
     """
     placed = np.zeros(len(bodies), bool)
     if table is not None:

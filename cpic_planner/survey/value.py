@@ -39,14 +39,29 @@ class StarValue:
 
     @classmethod
     def none(cls, star: Candidate, needed: int) -> StarValue:
-        """Before any visit."""
+        """Before any visit.
+
+        Parameters
+        ----------
+        star : Candidate
+        needed : int
+            Detections that a planet needs.
+        """
         counts = np.zeros((needed, len(star.weight)))
         counts[0] = 1.0
         return cls(star, needed, counts, 0.0, 0.0)
 
     @classmethod
     def of(cls, star: Candidate, needed: int, visits: Iterable[Visit]) -> StarValue:
-        """After a set of visits."""
+        """After a set of visits.
+
+        Parameters
+        ----------
+        star : Candidate
+        needed : int
+            Detections that a planet needs.
+        visits : iterable of Visit
+        """
         state = cls.none(star, needed)
         for visit in visits:
             state = state.after(visit)

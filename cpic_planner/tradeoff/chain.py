@@ -106,7 +106,13 @@ def _infrared(observation: Observation) -> Drawn:
 
 
 def both_visits(case: FixedScene, setup: Setup) -> tuple[Observation, Observation]:
-    """Science and reference visit, the light of field stars made anew: work that is timed begins without it."""
+    """Science and reference visit, the light of field stars made anew: work that is timed begins without it.
+
+    Parameters
+    ----------
+    case : FixedScene
+    setup : Setup
+    """
     forget_starlight()
     return visit(case, setup), visit(case, setup, role="reference")
 

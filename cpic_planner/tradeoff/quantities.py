@@ -57,7 +57,13 @@ def expected_flux_e(case: FixedScene, setup: Setup, shown: Observation, bare_e_s
 
 
 def light_without(case: FixedScene, setup: Setup) -> FloatArray:
-    """Electrons per second of everything but the central star and the planets."""
+    """Electrons per second of everything but the central star and the planets.
+
+    Parameters
+    ----------
+    case : FixedScene
+    setup : Setup
+    """
     return visit(case, setup, planets=False, n_frames=1, epochs=1).light.static_e_s
 
 
@@ -79,6 +85,11 @@ def white_of_frames(places: Places, drawn: Sequence[Drawn]) -> FloatArray:
 
     Frames that lose a pixel count for less: a pixel that was seen in the fraction ``c`` of the frames has ``1 / c``
     times the variance in their filled mean.
+
+    Parameters
+    ----------
+    places : Places
+    drawn : sequence of Drawn
     """
     weights, found = places.weights, []
     for part in drawn:
@@ -95,7 +106,16 @@ def white_of_frames(places: Places, drawn: Sequence[Drawn]) -> FloatArray:
 
 
 def white_of_sums(case: FixedScene, setup: Setup, places: Places, n_draws: int) -> FloatArray:
-    """The same from sums of frames, one value a draw: draws less what they are expected to be."""
+    """The same from sums of frames, one value a draw: draws less what they are expected to be.
+
+    Parameters
+    ----------
+    case : FixedScene
+    setup : Setup
+    places : Places
+    n_draws : int
+        Draws of each planet.
+    """
     seen = visit(case, setup)
     stacks = hole_stacks(seen, epochs=1)
     dark_e = pedestal_e(seen.instrument.detector, case.exposure_s)

@@ -95,7 +95,13 @@ def reference_setup(case: FixedScene) -> Setup:
 
 
 def choice_of(case: FixedScene, dial: Dial) -> Choice:
-    """What the effect ledger decides where the planet's flux and SNR are asked for, as a confirmation does."""
+    """What the effect ledger decides where the planet's flux and SNR are asked for, as a confirmation does.
+
+    Parameters
+    ----------
+    case : FixedScene
+    dial : Dial
+    """
     predicted = forecast(
         case.scene,
         case.instrument,
@@ -112,7 +118,13 @@ def choice_of(case: FixedScene, dial: Dial) -> Choice:
 
 
 def chosen_by(case: FixedScene, choice: Choice) -> Setup:
-    """The setup of a choice of the effect ledger."""
+    """The setup of a choice of the effect ledger.
+
+    Parameters
+    ----------
+    case : FixedScene
+    choice : Choice
+    """
     return Setup(
         choice.draw,
         "hole" if choice.draw == "sums" else choice.region,

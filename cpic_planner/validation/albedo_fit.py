@@ -101,7 +101,17 @@ class AlbedoFit:
         return _level(self.posterior, _cells(self.log10_mh_grid, self.log10_fsed_grid), probability)
 
     def contains(self, log10_mh: float, log10_fsed: float, probability: float = LEVELS[0]) -> bool:
-        """Whether a planet lies in the smallest region of this probability; f_sed above 6 counts as 6."""
+        """Whether a planet lies in the smallest region of this probability; f_sed above 6 counts as 6.
+
+        Parameters
+        ----------
+        log10_mh : float
+            Logarithm of the metallicity relative to the Sun's.
+        log10_fsed : float
+            Logarithm of the sedimentation efficiency of the clouds.
+        probability : float, optional
+            Probability, 0 to 1.
+        """
         mh, fsed = float(log10_mh), min(float(log10_fsed), LOG10_FSED_MAX)
         axes = self.log10_mh_grid, self.log10_fsed_grid
         if not all(axis[0] <= value <= axis[-1] for axis, value in zip(axes, (mh, fsed), strict=True)):
@@ -110,7 +120,15 @@ class AlbedoFit:
         return bool(np.interp(mh, axes[0], along) >= self.level(probability))
 
     def interval(self, name: Literal["log10_mh", "log10_fsed"], probability: float = LEVELS[0]) -> tuple[float, float]:
-        """Central interval of one parameter, the other integrated over."""
+        """Central interval of one parameter, the other integrated over.
+
+        Parameters
+        ----------
+        name : {"log10_mh", "log10_fsed"}
+            Name of the parameter.
+        probability : float, optional
+            Probability, 0 to 1.
+        """
         if name not in ("log10_mh", "log10_fsed"):
             raise InputError("name", name, allowed="log10_mh, log10_fsed")
         if not 0.0 < probability < 1.0:

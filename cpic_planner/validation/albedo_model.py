@@ -67,6 +67,13 @@ class AlbedoModel:
     def contrast(self, log10_mh: npt.ArrayLike, log10_fsed: npt.ArrayLike) -> FloatArray:
         """Contrast in every band, shape (..., band); parameters broadcast.
 
+        Parameters
+        ----------
+        log10_mh : array_like
+            Logarithm of the metallicity relative to the Sun's.
+        log10_fsed : array_like
+            Logarithm of the sedimentation efficiency of the clouds.
+
         Raises
         ------
         InputError
@@ -79,7 +86,15 @@ class AlbedoModel:
         return np.asarray(self.full_contrast * albedo * phase[..., None])
 
     def contrast_grid(self, log10_mh: npt.ArrayLike, log10_fsed: npt.ArrayLike) -> FloatArray:
-        """Contrast on the grid of two axes, shapes (i,) and (j,): shape (i, j, band); as `contrast`, but fast."""
+        """Contrast on the grid of two axes, shapes (i,) and (j,): shape (i, j, band); as `contrast`, but fast.
+
+        Parameters
+        ----------
+        log10_mh : array_like
+            Logarithm of the metallicity relative to the Sun's.
+        log10_fsed : array_like
+            Logarithm of the sedimentation efficiency of the clouds.
+        """
         metal = self._shares(self.log10_mh, "log10_mh", log10_mh)
         cloud = self._shares(self.log10_fsed, "log10_fsed", log10_fsed)
         albedo = np.tensordot(metal, np.tensordot(cloud, self.albedo, axes=(1, 1)), axes=(1, 1))

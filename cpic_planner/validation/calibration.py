@@ -56,12 +56,28 @@ class Calibration:
 
 
 def optimism(ratio: float, error: float) -> tuple[float, float]:
-    """Predicted over recovered from recovered over predicted, with its error."""
+    """Predicted over recovered from recovered over predicted, with its error.
+
+    Parameters
+    ----------
+    ratio : float
+        Predicted over recovered SNR.
+    error : float
+        Its standard error.
+    """
     return 1.0 / ratio, error / ratio**2
 
 
 def standing(ratio: float, error: float) -> str:
-    """``optimistic``, ``pessimistic`` or ``agrees``, from recovered over predicted SNR and its standard error."""
+    """``optimistic``, ``pessimistic`` or ``agrees``, from recovered over predicted SNR and its standard error.
+
+    Parameters
+    ----------
+    ratio : float
+        Predicted over recovered SNR.
+    error : float
+        Its standard error.
+    """
     if abs(ratio - 1.0) <= 2.0 * error:
         return "agrees"
     return "optimistic" if ratio < 1.0 else "pessimistic"

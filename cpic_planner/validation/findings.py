@@ -74,7 +74,14 @@ def search_record(
 
 
 def position_records(scene: Scene, bands: Sequence[BandConfirmation]) -> list[PositionRecord]:
-    """Positions of planets, mean of the bands that show them, weighted by their errors along and across."""
+    """Positions of planets, mean of the bands that show them, weighted by their errors along and across.
+
+    Parameters
+    ----------
+    scene : Scene
+    bands : sequence of BandConfirmation
+        What was measured in each band.
+    """
     records = []
     for planet in scene.planets:
         seen = [band for band in bands if band.planet == planet.name and band.found_separation_arcsec is not None]
@@ -124,7 +131,15 @@ class FittedAlbedo:
 
 
 def albedo_fits(scene: Scene, instrument: Instrument, bands: Sequence[BandConfirmation]) -> list[FittedAlbedo]:
-    """Fits of metallicity and clouds to the mean contrasts, with the errors of one observation a band."""
+    """Fits of metallicity and clouds to the mean contrasts, with the errors of one observation a band.
+
+    Parameters
+    ----------
+    scene : Scene
+    instrument : Instrument
+    bands : sequence of BandConfirmation
+        What was measured in each band.
+    """
     passbands = Passbands.from_instrument(instrument)
     found = []
     lights = [row.light for row in spectrum_generator(scene) if isinstance(row.light, LitPlanet)]

@@ -58,7 +58,15 @@ class FrameLevel:
     wave: FloatArray
 
     def of(self, image_adu: FloatArray, usable: BoolArray) -> FloatArray | None:
-        """Level of a frame, (y, x), bias taken off before; None where too few pixels are usable."""
+        """Level of a frame, (y, x), bias taken off before; None where too few pixels are usable.
+
+        Parameters
+        ----------
+        image_adu : ndarray
+            Frame, ADU, (y, x).
+        usable : ndarray of bool
+            Pixels that count, (y, x).
+        """
         seen = image_adu.reshape(-1)[self.pixels] - self.mean_adu
         kept = usable.reshape(-1)[self.pixels]
         if np.count_nonzero(kept) < _LEAST_PIXELS:

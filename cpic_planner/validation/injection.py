@@ -119,7 +119,18 @@ def inject(
 
 
 def recovered(found: BlindSearch, x_arcsec: float, y_arcsec: float, lambda_d_arcsec: float) -> Candidate | None:
-    """Most significant candidate within lambda/D of a place, detected or not."""
+    """Most significant candidate within lambda/D of a place, detected or not.
+
+    Parameters
+    ----------
+    found : BlindSearch
+    x_arcsec : float
+        Offset from the star on the detector along x, arcsec.
+    y_arcsec : float
+        Offset from the star on the detector along y, arcsec.
+    lambda_d_arcsec : float
+        lambda/D at band centre, arcsec.
+    """
     reach = _MATCH_LAMBDA_D * lambda_d_arcsec
     near = [one for one in found.candidates if math.hypot(one.x_arcsec - x_arcsec, one.y_arcsec - y_arcsec) <= reach]
     return max(near, key=lambda one: one.significance, default=None)
@@ -181,7 +192,18 @@ def completeness_map(
 def draw_place(
     stack: ReducedStack, separation_arcsec: float, pixel_scale_arcsec: float, rng: np.random.Generator
 ) -> tuple[float, float]:
-    """Random place in the hole at a separation, x and y in arcsec on the detector."""
+    """Random place in the hole at a separation, x and y in arcsec on the detector.
+
+    Parameters
+    ----------
+    stack : ReducedStack
+    separation_arcsec : float
+        Projected separation from the star, arcsec, above 0.
+    pixel_scale_arcsec : float
+        Side of a pixel, arcsec.
+    rng : numpy.random.Generator
+        Source of random numbers; a seed gives the same draws.
+    """
     y, x = (np.asarray(part, float) - len(stack.region) // 2 for part in np.nonzero(stack.region))
     radius = separation_arcsec / pixel_scale_arcsec
     ring = np.flatnonzero(np.abs(np.hypot(x, y) - radius) <= _RING_PIXELS)

@@ -217,7 +217,14 @@ def _measurable(region: BoolArray, subject: Subject) -> bool:
 
 
 def forced_photometry(realised: Realised, subject: Subject, geometry: BandGeometry) -> Photometry:
-    """Flux of a planet at its place, over the fraction that the subtraction leaves; of two rolls the mean."""
+    """Flux of a planet at its place, over the fraction that the subtraction leaves; of two rolls the mean.
+
+    Parameters
+    ----------
+    realised : Realised
+    subject : Subject
+    geometry : BandGeometry
+    """
     pixel, middle = geometry.pixel_scale_arcsec, geometry.stamp_pixels // 2
     radius = geometry.aperture_radius_arcsec / pixel
     stack = realised.reduced
@@ -257,7 +264,15 @@ def _match(blind: BlindSearch, subject: Subject, geometry: BandGeometry) -> Cand
 
 
 def positions_of(visits: Visits, realised: Realised, blind: BlindSearch, subject: Subject) -> Astrometry | None:
-    """Fitted position of a planet that the search found; None where it did not."""
+    """Fitted position of a planet that the search found; None where it did not.
+
+    Parameters
+    ----------
+    visits : Visits
+    realised : Realised
+    blind : BlindSearch
+    subject : Subject
+    """
     match = _match(blind, subject, visits.geometry)
     if match is None or not match.detected:
         return None

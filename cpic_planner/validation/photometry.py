@@ -101,7 +101,19 @@ class Photometry:
     def contrast(
         self, core: float, star_rate_e_s: float, time_s: float, *, star_rate_error_e_s: float = 0.0
     ) -> Contrast:
-        """Contrast of this source; see the function `contrast`."""
+        """Contrast of this source; see the function `contrast`.
+
+        Parameters
+        ----------
+        core : float
+            Energy of a unit source in its aperture.
+        star_rate_e_s : float
+            Rate of the unmasked star, e-/s.
+        time_s : float
+            Wall time, s, overheads and reference frames included.
+        star_rate_error_e_s : float, optional
+            Its standard error, e-/s.
+        """
         return contrast(
             self.raw_flux,
             self.throughput,

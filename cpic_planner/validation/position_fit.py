@@ -138,6 +138,17 @@ class PositionFitter:
     ) -> PositionFitter:
         """Prepare an image; lengths in lambda/D, sources to exclude as (x, y) in arcsec.
 
+        Parameters
+        ----------
+        stack : ReducedStack
+        psf : Psf or ExternalPsf
+        window_lambda_d : float
+            Half width of the window, lambda/D.
+        annulus_lambda_d : float
+            Half width of the annulus, lambda/D.
+        exclude : sequence of tuple of float
+            Pixels that are left out.
+
         Raises
         ------
         InputError
@@ -324,7 +335,13 @@ class PositionFitter:
         return np.einsum("pkl,pl->pk", turn, theta), white, turn @ (inverse @ forms @ inverse) @ back
 
     def covariance(self, fit: PositionFit, speckles: SpeckleScatter) -> FloatArray:
-        """Covariance of flux, flux x shift in x and in y: white noise, the planet's photons and speckles."""
+        """Covariance of flux, flux x shift in x and in y: white noise, the planet's photons and speckles.
+
+        Parameters
+        ----------
+        fit : PositionFit
+        speckles : SpeckleScatter
+        """
         estimator = fit.inverse @ (fit.design * self.weights[fit.window])
         factor2 = float(excess_noise_factor2(self.stack.em_gain, self.stack.stages))
         own = np.zeros(fit.window.sum()) if self.quiet else factor2 * np.maximum(fit.flux * fit.planet[fit.window], 0.0)

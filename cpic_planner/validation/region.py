@@ -14,7 +14,15 @@ BoolArray = npt.NDArray[np.bool_]
 
 
 def checked_frames(key: str, value: npt.ArrayLike) -> FloatArray:
-    """Image or images as float64; refused by name if they are no numbers of that shape."""
+    """Image or images as float64; refused by name if they are no numbers of that shape.
+
+    Parameters
+    ----------
+    key : str
+        Name that a refusal gives.
+    value : array_like
+        Images, shape (n, y, x).
+    """
     images = np.asarray(value)
     if images.dtype.kind not in "iufb" or images.ndim not in (2, 3) or images.size == 0:
         raise InputError(key, f"{images.dtype} array of shape {images.shape}", allowed="numbers, (y, x) or (n, y, x)")
@@ -22,7 +30,17 @@ def checked_frames(key: str, value: npt.ArrayLike) -> FloatArray:
 
 
 def checked_region(key: str, value: npt.ArrayLike | None, shape: tuple[int, ...]) -> BoolArray:
-    """Pixels (y, x) that take part: a copy; all without any."""
+    """Pixels (y, x) that take part: a copy; all without any.
+
+    Parameters
+    ----------
+    key : str
+        Name that a refusal gives.
+    value : array_like or None
+        Pixels that are meant, (y, x).
+    shape : tuple of int
+        Shape (y, x) of the images.
+    """
     if value is None:
         return np.ones(shape, dtype=np.bool_)
     region = np.asarray(value)
@@ -36,7 +54,17 @@ def checked_region(key: str, value: npt.ArrayLike | None, shape: tuple[int, ...]
 
 
 def region_rows(key: str, images: FloatArray, region: BoolArray) -> FloatArray:
-    """Region pixels of each image as one row, a copy; refused by name if not finite."""
+    """Region pixels of each image as one row, a copy; refused by name if not finite.
+
+    Parameters
+    ----------
+    key : str
+        Name that a refusal gives.
+    images : ndarray
+        Images, shape (n, y, x).
+    region : ndarray of bool
+        Pixels that are meant, (y, x).
+    """
     stack = images.reshape(-1, *images.shape[-2:])
     # Flat indices: several times faster than a mask over two axes.
     rows = stack.reshape(len(stack), -1).take(np.flatnonzero(region), axis=1)
@@ -48,7 +76,17 @@ def region_rows(key: str, images: FloatArray, region: BoolArray) -> FloatArray:
 
 
 def as_images(rows: FloatArray, region: BoolArray, shape: tuple[int, ...]) -> FloatArray:
-    """Rows as images of the given shape, 0 outside the region; may share the memory of the rows."""
+    """Rows as images of the given shape, 0 outside the region; may share the memory of the rows.
+
+    Parameters
+    ----------
+    rows : ndarray
+        Values of the region's pixels, one image a row, shape (n, k).
+    region : ndarray of bool
+        Pixels that are meant, (y, x).
+    shape : tuple of int
+        Shape (y, x) of the images.
+    """
     if region.all():
         return rows.reshape(shape)
     images = np.zeros((len(rows), region.size))

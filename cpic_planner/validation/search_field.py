@@ -120,13 +120,29 @@ class SearchField:
         return image
 
     def near(self, x_pixel: float, y_pixel: float) -> BoolArray:
-        """Positions within 1.22 lambda/D."""
+        """Positions within 1.22 lambda/D.
+
+        Parameters
+        ----------
+        x_pixel : float
+            Column of the place, pixels.
+        y_pixel : float
+            Row of the place, pixels.
+        """
         return np.asarray(
             (self._x - x_pixel) ** 2 + (self._y - y_pixel) ** 2 <= (_EXCLUDED_LAMBDA_D * self._lambda_d) ** 2
         )
 
     def exclude(self, x_pixel: float, y_pixel: float) -> None:
-        """Take a source out of noise and search."""
+        """Take a source out of noise and search.
+
+        Parameters
+        ----------
+        x_pixel : float
+            Column of the place, pixels.
+        y_pixel : float
+            Row of the place, pixels.
+        """
         disc = self.near(x_pixel, y_pixel)
         self.free &= ~disc
         self._hidden |= disc
@@ -240,7 +256,13 @@ class SearchField:
         )
 
     def rejudged(self, peak: Peak, state: FilteredState) -> Peak:
-        """The same source in the noise that is known once all sources are out."""
+        """The same source in the noise that is known once all sources are out.
+
+        Parameters
+        ----------
+        peak : Peak
+        state : FilteredState
+        """
         place = int(self._index[round(peak.y_pixel), round(peak.x_pixel)])
         fit = state.fit
         laplace, dof = (float(part[place]) for part in (self.laplace(fit.logs, fit.variance), self.dof(fit)))

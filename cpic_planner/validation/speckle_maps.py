@@ -74,6 +74,11 @@ def filter_kernel(psf: Psf | ExternalPsf, name: FilterName = "matched") -> Float
 
     ``matched`` is the image of a unit source, cut to a disc of 1.5 lambda/D. ``aperture`` is the photometric aperture,
     for comparison: its sharp edge leaves more peaks of noise than the thresholds of a smooth field foresee.
+
+    Parameters
+    ----------
+    psf : Psf or ExternalPsf
+    name : FilterName, optional
     """
     if name not in get_args(FilterName):
         raise InputError("kernel", name, allowed=", ".join(get_args(FilterName)))
@@ -90,7 +95,15 @@ def filter_kernel(psf: Psf | ExternalPsf, name: FilterName = "matched") -> Float
 
 
 def matched_sum(image: FloatArray, kernel: FloatArray) -> FloatArray:
-    """Sum of image times kernel around every pixel; nothing beyond the edge. Shape (..., y, x)."""
+    """Sum of image times kernel around every pixel; nothing beyond the edge. Shape (..., y, x).
+
+    Parameters
+    ----------
+    image : ndarray
+        Image, (y, x).
+    kernel : ndarray
+        Weights, (y, x), odd sides.
+    """
     from scipy.ndimage import correlate
 
     flat = image.reshape(-1, *image.shape[-2:])

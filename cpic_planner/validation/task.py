@@ -128,6 +128,19 @@ def target_scene(
     """Scene of one star with its reference planet; see `star_scene`.
 
     The default position angle is that of the example of Zhu et al. 2025, on a diagonal of the hole.
+
+    Parameters
+    ----------
+    target : Targets
+    planet : ReferencePlanet
+    separation_arcsec : float
+        Projected separation from the star, arcsec, above 0.
+    distance_au : float
+        True distance between star and planet, au, above 0.
+    pa_deg : float, optional
+        Position angle of the planet, degrees east of north.
+    exozodi_zodis : float, optional
+        Dust around the star, in units of the solar system's.
     """
     body = Planet(
         name="reference planet",
@@ -146,6 +159,16 @@ def star_scene(target: Targets, planets: tuple[Planet, ...], *, name: str = "", 
 
     ``name`` is that of the scene, the star's by default; ``exozodi_zodis`` adds a face-on disc of dust
     (`simulator.signal.light`).
+
+    Parameters
+    ----------
+    target : Targets
+    planets : tuple of Planet
+        Planets of the scene.
+    name : str, optional
+        Name of the scene.
+    exozodi_zodis : float, optional
+        Dust around the star, in units of the solar system's.
     """
     star = SceneStar(
         name=str(target.name[0]),
@@ -256,7 +279,29 @@ def prepare_task(
     audit: bool = False,
     overrides: SimulatorOverrides | None = None,
 ) -> ConfirmTask | BandConfirmation:
-    """Predict one band's reference planet where that band sees it best: a final refusal, or work to do."""
+    """Predict one band's reference planet where that band sees it best: a final refusal, or work to do.
+
+    Parameters
+    ----------
+    model : EtcModel
+    target : Targets
+    band : str
+        Name of a band of the instrument, such as ``F520``.
+    time_s : float
+        Wall time, s, overheads and reference frames included.
+    planet : ReferencePlanet
+    seed : int
+        Seed of all random streams.
+    fidelity : str, optional
+        ``quick``, ``standard`` or ``reference``.
+    tolerance : float, optional
+        Largest error of planet flux and SNR that is accepted, 0 to 0.5.
+    realisations : int, optional
+        Draws of drift and noise.
+    audit : bool, optional
+        Whether one more realisation runs frame by frame.
+    overrides : SimulatorOverrides, optional
+    """
     best = best_in_band(model, target, band, time_s, planet)
     separation = float(best.separation_arcsec[0])
     parity = model.instrument.detector.parity

@@ -154,7 +154,16 @@ def _asked(task: ConfirmTask, number: int) -> dict[str, Any]:
 
 
 def cut_off(task: ConfirmTask, modelling: Modelling, number: int, story: FrameStory) -> BandConfirmation:
-    """Answer where limits left nothing of a planet's aperture, or of the background around it."""
+    """Answer where limits left nothing of a planet's aperture, or of the background around it.
+
+    Parameters
+    ----------
+    task : ConfirmTask
+    modelling : Modelling
+    number : int
+        Realisations.
+    story : FrameStory
+    """
     return BandConfirmation(
         **_asked(task, number),
         status="saturated",

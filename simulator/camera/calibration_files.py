@@ -49,6 +49,12 @@ FLAT_MEAN_RANGE = (0.5, 2.0)
 def file_print(kind: str, path: str) -> tuple[int, ...]:
     """Size, time and number of a file on disk: what changes when it is written anew.
 
+    Parameters
+    ----------
+    kind : str
+        Kind of the map.
+    path : str
+
     Raises
     ------
     InputError

@@ -91,6 +91,10 @@ class CalibrationSet:
     def window(self, rows: slice, columns: slice) -> CalibrationSet:
         """The set of a window, without copying.
 
+        Parameters
+        ----------
+        rows, columns : slice
+
         Raises
         ------
         InputError

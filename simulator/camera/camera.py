@@ -157,13 +157,27 @@ def begun(exposure: Exposure, seed: int, path: Sequence[PathPart], past: Sequenc
 
 
 def run(effects: Sequence[Effect], work: Work, exposure: Exposure) -> None:
-    """Draw effects on a frame in their order, each from the stream of its switch."""
+    """Draw effects on a frame in their order, each from the stream of its switch.
+
+    Parameters
+    ----------
+    effects : sequence of Effect
+    work : Work
+    exposure : Exposure
+    """
     for effect in effects:
         effect.draw(work, exposure, work.stream(effect.switch))
 
 
 def scaled(exposure: Exposure, n_frames: int) -> Exposure:
-    """Return an exposure whose means are those of the sum of frames."""
+    """Return an exposure whose means are those of the sum of frames.
+
+    Parameters
+    ----------
+    exposure : Exposure
+    n_frames : int
+        Number of frames.
+    """
     detector = exposure.detector
     brighter = {"cic_e": n_frames * detector.cic_e, "register_cic_e": n_frames * detector.register_cic_e}
     return dataclasses.replace(

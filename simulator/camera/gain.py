@@ -54,6 +54,13 @@ def gain_variance(gain: npt.ArrayLike, stages: int = 604) -> FloatArray:
     """Variance of the output per electron at the input, ``g (g - 1) (1 - p) / (1 + p)``, in electrons^2.
 
     Parameters and errors as `stage_probability`. ``n`` electrons at the input give ``n`` times as much.
+
+    Parameters
+    ----------
+    gain : array_like
+        Gain of the multiplication register, at least 1.
+    stages : int, optional
+        Stages of the multiplication register.
     """
     g = _checked_gain(gain, stages)
     p = _probability(g, stages)
@@ -65,12 +72,27 @@ def excess_noise_factor2(gain: npt.ArrayLike, stages: int = 604) -> FloatArray:
 
     ``F^2 = Var(out) / (g^2 Var(in)) = 1 + (1 - 1/g) (1 - p) / (1 + p)``: 1 at gain 1, near 2 at high gain.
     Parameters and errors as `stage_probability`.
+
+    Parameters
+    ----------
+    gain : array_like
+        Gain of the multiplication register, at least 1.
+    stages : int, optional
+        Stages of the multiplication register.
     """
     return noise_factor2(_checked_gain(gain, stages), stages)
 
 
 def noise_factor2(gain: FloatArray, stages: int) -> FloatArray:
-    """`excess_noise_factor2` without checks."""
+    """`excess_noise_factor2` without checks.
+
+    Parameters
+    ----------
+    gain : ndarray
+        Gain of the multiplication register, at least 1.
+    stages : int
+        Stages of the multiplication register.
+    """
     p = _probability(gain, stages)
     return 1.0 + (gain - 1.0) / gain * (1.0 - p) / (1.0 + p)
 
@@ -157,7 +179,15 @@ def amplify(charge: FloatArray, gain: float, stages: int, rng: np.random.Generat
 
 
 def added_shape(gain: float, probability: float) -> float:
-    """Shape of the negative binomial law with mean and variance of the electrons that the register adds to one."""
+    """Shape of the negative binomial law with mean and variance of the electrons that the register adds to one.
+
+    Parameters
+    ----------
+    gain : float
+        Gain of the multiplication register, at least 1.
+    probability : float
+        Chance that an electron frees another one in a stage, 0 to 1.
+    """
     # (g (1-p)/(1+p) - 1) (1+p) = (g - 1) - p (g + 1), free of cancellation as g -> 1.
     return (gain - 1.0) * (1.0 + probability) / ((gain - 1.0) - probability * (gain + 1.0))
 

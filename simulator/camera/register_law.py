@@ -51,7 +51,16 @@ class RegisterTable:
 
 
 def generating_function(z: npt.NDArray[np.complex128], probability: float, stages: int) -> npt.NDArray[np.complex128]:
-    """Mean of ``z`` to the power of the output of one electron, for ``|z|`` at most 1."""
+    """Mean of ``z`` to the power of the output of one electron, for ``|z|`` at most 1.
+
+    Parameters
+    ----------
+    z : npt.NDArray[np.complex128]
+    probability : float
+        Chance that an electron frees another one in a stage, 0 to 1.
+    stages : int
+        Stages of the multiplication register.
+    """
     value = z.copy()
     for _ in range(stages):
         value *= 1.0 - probability + probability * value
@@ -69,6 +78,13 @@ def output_cumulants(probability: float, stages: int) -> tuple[float, float, flo
 
     The cumulant function of a stage is ``h(t) = t + log(1 - p + p e^t)``; that of the register is its iteration, whose
     derivatives at 0 follow by the chain rule (Faa di Bruno) stage by stage.
+
+    Parameters
+    ----------
+    probability : float
+        Chance that an electron frees another one in a stage, 0 to 1.
+    stages : int
+        Stages of the multiplication register.
     """
     p, q = probability, 1.0 - probability
     h1, h2, h3 = 1.0 + p, p * q, p * q * (q - p)
@@ -91,7 +107,17 @@ def output_cumulants(probability: float, stages: int) -> tuple[float, float, flo
 
 @functools.lru_cache(maxsize=16)
 def register_table(gain: float, probability: float, stages: int) -> RegisterTable:
-    """Tables for one register, kept for the last 16 registers; 604 stages take 4 ms at gain 1.01 and 0.3 s at 1e4."""
+    """Tables for one register, kept for the last 16 registers; 604 stages take 4 ms at gain 1.01 and 0.3 s at 1e4.
+
+    Parameters
+    ----------
+    gain : float
+        Gain of the multiplication register, at least 1.
+    probability : float
+        Chance that an electron frees another one in a stage, 0 to 1.
+    stages : int
+        Stages of the multiplication register.
+    """
     sizes = [_entries(n, gain) for n in range(1, MAX_DIRECT + 1)]
     n_direct = max(int(np.searchsorted(np.cumsum(sizes), MAX_ENTRIES, side="right")), 1)
     size = 1 << (sizes[n_direct - 1] + n_direct).bit_length()

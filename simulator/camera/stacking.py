@@ -31,6 +31,11 @@ MAX_FRAMES = 1_000_000
 def stackable(camera: VisibleCamera, exposure: Exposure) -> Outcome[float]:
     """Whether frames of an exposure add up to one draw.
 
+    Parameters
+    ----------
+    camera : VisibleCamera
+    exposure : Exposure
+
     Returns
     -------
     Outcome of float

@@ -54,7 +54,15 @@ def content_hash(tree: Any) -> str:
 
 
 def deep_merge(base: Mapping[str, Any], override: Mapping[str, Any]) -> dict[str, Any]:
-    """Copy of ``base`` with ``override`` laid over it; mappings merge, anything else replaces."""
+    """Copy of ``base`` with ``override`` laid over it; mappings merge, anything else replaces.
+
+    Parameters
+    ----------
+    base : mapping
+        Tree below.
+    override : mapping
+        Tree on top.
+    """
     merged = dict(base)
     for key, value in override.items():
         old = merged.get(key)
@@ -67,6 +75,14 @@ def deep_merge(base: Mapping[str, Any], override: Mapping[str, Any]) -> dict[str
 
 def flipped(switches: M, *, off: Iterable[str] = (), on: Iterable[str] = ()) -> M:
     """Copy of a model of yes-or-no switches with some turned off, then some on; ``("all",)`` means every one.
+
+    Parameters
+    ----------
+    switches : M
+    off : iterable of str, optional
+        Switches to turn off.
+    on : iterable of str, optional
+        Switches to turn on afterwards.
 
     Raises
     ------
@@ -85,6 +101,14 @@ def flipped(switches: M, *, off: Iterable[str] = (), on: Iterable[str] = ()) -> 
 
 def validate(model: type[M], tree: Any, *, where: str = "") -> M:
     """Validate ``tree`` as ``model``.
+
+    Parameters
+    ----------
+    model : type
+    tree : object
+        Plain data.
+    where : str, optional
+        What keys of a refusal begin with.
 
     Raises
     ------

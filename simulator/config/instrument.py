@@ -311,7 +311,16 @@ def _within(tree: Any, key: str) -> bool:
 
 
 def paths_beside(tree: Any, folder: Path, key: str = "") -> Any:
-    """Names of maps and curves that exist beside the instrument's file, made whole."""
+    """Names of maps and curves that exist beside the instrument's file, made whole.
+
+    Parameters
+    ----------
+    tree : object
+        Plain data of a configuration.
+    folder : Path
+    key : str, optional
+        Name that a refusal gives.
+    """
     if isinstance(tree, dict):
         inherits = key in _FILE_KEYS
         return {name: paths_beside(item, folder, key if inherits else name) for name, item in tree.items()}

@@ -62,18 +62,40 @@ def _spelled(given: Any, known: tuple[str, ...], aliases: Mapping[str, str]) -> 
 
 
 def nearest(word: Any, known: Iterable[str]) -> str:
-    """Return ``did you mean ...?`` with the nearest known words, empty if none is near."""
+    """Return ``did you mean ...?`` with the nearest known words, empty if none is near.
+
+    Parameters
+    ----------
+    word : object
+        What was written.
+    known : iterable of str
+        Words that are known.
+    """
     close = difflib.get_close_matches(str(word), list(known), n=3, cutoff=0.6)
     return f"did you mean {' or '.join(close)}?" if close else ""
 
 
 def required(key: str, allowed: str) -> InputError:
-    """Return the refusal of a mapping that lacks a key."""
+    """Return the refusal of a mapping that lacks a key.
+
+    Parameters
+    ----------
+    key : str
+        Name that a refusal gives.
+    allowed : str
+        Values that are allowed, in words.
+    """
     return InputError(key, "missing", allowed=allowed)
 
 
 def at(path: str, error: InputError) -> InputError:
-    """Return the same refusal with its key under a dotted path."""
+    """Return the same refusal with its key under a dotted path.
+
+    Parameters
+    ----------
+    path : str
+    error : InputError
+    """
     return InputError(f"{path}.{error.key}", error.value, unit=error.unit, allowed=error.allowed, hint=error.hint)
 
 
@@ -83,5 +105,13 @@ def _plain(value: Any) -> Any:
 
 
 def to_unit(key: str, value: Any) -> Any:
-    """Return a value that carries a unit (`astropy.units`) as a plain number in that of the key; others unchanged."""
+    """Return a value that carries a unit (`astropy.units`) as a plain number in that of the key; others unchanged.
+
+    Parameters
+    ----------
+    key : str
+        Name that a refusal gives.
+    value : object
+        Number, with or without a unit.
+    """
     return _plain(in_unit(key, value, unit_of(key)))

@@ -74,6 +74,17 @@ class SpectrumTable(FrozenModel):
 def check_columns(x_name: str, x: Sequence[float], y_name: str, y: Sequence[float]) -> None:
     """Refuse columns of unequal or no length, wavelengths that do not increase from above 0, negative values.
 
+    Parameters
+    ----------
+    x_name : str
+        Name of the wavelengths.
+    x : sequence of float
+        Wavelengths, nm.
+    y_name : str
+        Name of the values.
+    y : sequence of float
+        Values at the wavelengths.
+
     Raises
     ------
     InputError

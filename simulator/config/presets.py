@@ -19,17 +19,44 @@ def _folder(kind: str, package: str) -> Path:
 
 
 def preset_names(kind: str, *, package: str = "simulator") -> tuple[str, ...]:
-    """Names of the presets of one kind (``instrument``, ``scene``, ``plan``) that ship with a package."""
+    """Names of the presets of one kind (``instrument``, ``scene``, ``plan``) that ship with a package.
+
+    Parameters
+    ----------
+    kind : str
+        Kind of the preset or of the record.
+    package : str, optional
+        Package that ships the presets.
+    """
     return tuple(sorted(path.stem for path in _folder(kind, package).glob("*.yaml")))
 
 
 def preset_path(kind: str, name: str, *, package: str = "simulator") -> Path | None:
-    """Path of a preset, ``None`` if there is none of that name."""
+    """Path of a preset, ``None`` if there is none of that name.
+
+    Parameters
+    ----------
+    kind : str
+        Kind of the preset or of the record.
+    name : str
+        Name of the preset.
+    package : str, optional
+        Package that ships the presets.
+    """
     return _folder(kind, package) / f"{name}.yaml" if name in preset_names(kind, package=package) else None
 
 
 def preset_or_file(kind: str, source: str | Path, *, package: str = "simulator") -> Path:
     """Path of a preset, or of a file that exists.
+
+    Parameters
+    ----------
+    kind : str
+        Kind of the preset or of the record.
+    source : str or Path
+        Name of a preset, or a file.
+    package : str, optional
+        Package that ships the presets.
 
     Raises
     ------

@@ -174,7 +174,14 @@ def _named(body: Any, name: Any) -> Any:
 
 
 def paths_beside(tree: Any, folder: Path) -> Any:
-    """Paths of spectra and albedos that exist beside the scene's file, made whole."""
+    """Paths of spectra and albedos that exist beside the scene's file, made whole.
+
+    Parameters
+    ----------
+    tree : object
+        Plain data of a configuration.
+    folder : Path
+    """
     if isinstance(tree, list):
         return [paths_beside(item, folder) for item in tree]
     if not isinstance(tree, dict):

@@ -63,7 +63,17 @@ def meaningful_keys(kind: Any) -> tuple[str, ...]:
 
 
 def of_no_use(key: str, value: Any, kind: str) -> InputError:
-    """Return the refusal of a key that a kind of sequence has no use for."""
+    """Return the refusal of a key that a kind of sequence has no use for.
+
+    Parameters
+    ----------
+    key : str
+        Name that a refusal gives.
+    value : object
+        What was given.
+    kind : str
+        Kind of the sequence.
+    """
     kinds = [name for name in SEQUENCE_KINDS if key in meaningful_keys(name)]
     return InputError(key, value, allowed=f"for {', '.join(kinds)}, not for {kind}")
 

@@ -234,10 +234,28 @@ class Effect:
         """Do to a mean image, in place, what the effect does on average."""
 
     def draw(self, work: Work, exposure: Exposure, rng: np.random.Generator) -> None:
-        """Do to one frame, in place, what the effect does at random."""
+        """Do to one frame, in place, what the effect does at random.
+
+        Parameters
+        ----------
+        work : Work
+        exposure : Exposure
+        rng : numpy.random.Generator
+            Source of random numbers; a seed gives the same draws.
+        """
 
     def draw_sum(self, work: Work, exposure: Exposure, n_frames: int, rng: np.random.Generator) -> None:
-        """Do the same to the sum of frames, whose means ``exposure`` holds: frame by frame if it adds to each."""
+        """Do the same to the sum of frames, whose means ``exposure`` holds: frame by frame if it adds to each.
+
+        Parameters
+        ----------
+        work : Work
+        exposure : Exposure
+        n_frames : int
+            Number of frames.
+        rng : numpy.random.Generator
+            Source of random numbers; a seed gives the same draws.
+        """
         for _ in range(n_frames if self.in_sums == "added" else 1):
             self.draw(work, exposure, rng)
 

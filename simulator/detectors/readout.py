@@ -45,13 +45,31 @@ class ReadNoise(Effect):
     colour = "#444444"
 
     def draw(self, work: Work, exposure: Exposure, rng: np.random.Generator) -> None:
-        """Add the noise."""
+        """Add the noise.
+
+        Parameters
+        ----------
+        work : Work
+        exposure : Exposure
+        rng : numpy.random.Generator
+            Source of random numbers; a seed gives the same draws.
+        """
         noise = self.rms_adu(exposure.detector)
         if noise > 0:
             load_kernels(KERNELS).add_normal(work.image.reshape(-1), noise, rng)
 
     def draw_sum(self, work: Work, exposure: Exposure, n_frames: int, rng: np.random.Generator) -> None:
-        """Add the noise of all frames and of the rounding of each."""
+        """Add the noise of all frames and of the rounding of each.
+
+        Parameters
+        ----------
+        work : Work
+        exposure : Exposure
+        n_frames : int
+            Number of frames.
+        rng : numpy.random.Generator
+            Source of random numbers; a seed gives the same draws.
+        """
         rms = math.sqrt(n_frames * (self.rms_adu(exposure.detector) ** 2 + 1.0 / 12.0))
         work.image += rms * rng.standard_normal(work.image.shape)
 
@@ -101,11 +119,29 @@ class Stripes(_Bias):
             image += exposure.stripe_adu
 
     def draw(self, work: Work, exposure: Exposure, rng: np.random.Generator) -> None:
-        """Add the stripes."""
+        """Add the stripes.
+
+        Parameters
+        ----------
+        work : Work
+        exposure : Exposure
+        rng : numpy.random.Generator
+            Source of random numbers; a seed gives the same draws.
+        """
         self.expect(work.image, exposure)
 
     def draw_sum(self, work: Work, exposure: Exposure, n_frames: int, rng: np.random.Generator) -> None:
-        """Leave sums without the fixed bias."""
+        """Leave sums without the fixed bias.
+
+        Parameters
+        ----------
+        work : Work
+        exposure : Exposure
+        n_frames : int
+            Number of frames.
+        rng : numpy.random.Generator
+            Source of random numbers; a seed gives the same draws.
+        """
 
     def row(self, setting: Setting) -> tuple[str, str]:
         """Return how it is modelled, and why it does not exist; empty if it does."""
@@ -132,11 +168,29 @@ class Interference(_Bias):
     frame_s = 2e-4
 
     def draw(self, work: Work, exposure: Exposure, rng: np.random.Generator) -> None:
-        """Add one wave."""
+        """Add one wave.
+
+        Parameters
+        ----------
+        work : Work
+        exposure : Exposure
+        rng : numpy.random.Generator
+            Source of random numbers; a seed gives the same draws.
+        """
         self.add_wave(work.image, exposure, np.exp(2j * np.pi * rng.random()))
 
     def draw_sum(self, work: Work, exposure: Exposure, n_frames: int, rng: np.random.Generator) -> None:
-        """Add the wave that the phases of all frames leave."""
+        """Add the wave that the phases of all frames leave.
+
+        Parameters
+        ----------
+        work : Work
+        exposure : Exposure
+        n_frames : int
+            Number of frames.
+        rng : numpy.random.Generator
+            Source of random numbers; a seed gives the same draws.
+        """
         self.add_wave(work.image, exposure, np.exp(2j * np.pi * rng.random(n_frames)).sum())
 
     def add_wave(self, image: FloatArray, exposure: Exposure, phasor: complex) -> None:
@@ -174,11 +228,29 @@ class BiasDrift(_Bias):
     frame_s = 1e-4
 
     def draw(self, work: Work, exposure: Exposure, rng: np.random.Generator) -> None:
-        """Add one offset."""
+        """Add one offset.
+
+        Parameters
+        ----------
+        work : Work
+        exposure : Exposure
+        rng : numpy.random.Generator
+            Source of random numbers; a seed gives the same draws.
+        """
         self.draw_sum(work, exposure, 1, rng)
 
     def draw_sum(self, work: Work, exposure: Exposure, n_frames: int, rng: np.random.Generator) -> None:
-        """Add the offsets of all frames."""
+        """Add the offsets of all frames.
+
+        Parameters
+        ----------
+        work : Work
+        exposure : Exposure
+        n_frames : int
+            Number of frames.
+        rng : numpy.random.Generator
+            Source of random numbers; a seed gives the same draws.
+        """
         work.image += math.sqrt(n_frames) * exposure.detector.bias_structure.drift_adu * rng.standard_normal()
 
     def variance_adu2(self, detector: Any) -> float:

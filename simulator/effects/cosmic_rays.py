@@ -79,6 +79,12 @@ class CosmicRays:
 def track_model(config: CosmicRayConfig, pixel_um: float) -> TrackModel:
     """Return the model of tracks that a configuration names, on pixels of a given size.
 
+    Parameters
+    ----------
+    config : CosmicRayConfig
+    pixel_um : float
+        Pitch of the pixels, um.
+
     Raises
     ------
     InputError

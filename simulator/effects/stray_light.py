@@ -90,7 +90,14 @@ def _cut(whole: FloatArray, first_pixel: tuple[int, int], window: tuple[int, int
 
 
 def effect_files(instrument: Instrument, band: str) -> list[str]:
-    """Names of the files that cosmic rays, earthshine and stray light of a band read, for headers."""
+    """Names of the files that cosmic rays, earthshine and stray light of a band read, for headers.
+
+    Parameters
+    ----------
+    instrument : Instrument
+    band : str
+        Name of a band of the instrument, such as ``F520``.
+    """
     template = instrument.cosmic_rays.template.template_file if instrument.cosmic_rays.model == "template" else None
     paths = [template, *(light.map_of(band) for light in extra_lights(instrument).values())]
     return [Path(path).name for path in paths if path is not None]

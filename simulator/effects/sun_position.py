@@ -25,7 +25,15 @@ def sun_longitude_deg(when: datetime) -> float:
 
 
 def ecliptic_deg(ra_deg: float, dec_deg: float) -> tuple[float, float]:
-    """Ecliptic longitude (0 to 360) and latitude, equinox J2000, of an ICRS position, degrees."""
+    """Ecliptic longitude (0 to 360) and latitude, equinox J2000, of an ICRS position, degrees.
+
+    Parameters
+    ----------
+    ra_deg : float
+        ICRS right ascension, degrees.
+    dec_deg : float
+        ICRS declination, degrees.
+    """
     ra, dec, tilt = math.radians(ra_deg), math.radians(dec_deg), math.radians(_OBLIQUITY_DEG)
     x = math.cos(dec) * math.cos(ra)
     y = math.cos(tilt) * math.cos(dec) * math.sin(ra) + math.sin(tilt) * math.sin(dec)

@@ -78,7 +78,14 @@ class TemplateModel:
         return Tracks(extent, extent, sigma, self.set.radius_um[kind] / self.pixel_um, kind)
 
     def charges(self, tracks: Tracks, rng: np.random.Generator) -> IntArray:
-        """Charge of every track."""
+        """Charge of every track.
+
+        Parameters
+        ----------
+        tracks : Tracks
+        rng : numpy.random.Generator
+            Source of random numbers; a seed gives the same draws.
+        """
         return whole_electrons(paper_charges(tracks.kind.size, self.charge_law, rng))
 
     def point_counts(self, tracks: Tracks) -> IntArray:
@@ -86,7 +93,14 @@ class TemplateModel:
         return np.diff(self.set.start)[tracks.kind]
 
     def points(self, tracks: Tracks, rng: np.random.Generator) -> Points:
-        """Samples of every template; nothing is random in them."""
+        """Samples of every template; nothing is random in them.
+
+        Parameters
+        ----------
+        tracks : Tracks
+        rng : numpy.random.Generator
+            Source of random numbers; a seed gives the same draws.
+        """
         count = self.point_counts(tracks)
         start = np.concatenate([[0], np.cumsum(count)])
         owner = np.repeat(np.arange(count.size), count)
@@ -199,14 +213,26 @@ def _generated(config: TemplateTracks, physical: PhysicalTracks) -> tuple[Physic
 
 
 def generated_projection_um(config: TemplateTracks, physical: PhysicalTracks) -> float:
-    """Mean length, projected on the detector, of the tracks that `generated_templates` draws."""
+    """Mean length, projected on the detector, of the tracks that `generated_templates` draws.
+
+    Parameters
+    ----------
+    config : TemplateTracks
+    physical : PhysicalTracks
+    """
     _, tracks, _ = _generated(config, physical)
     return float(tracks.projected_um.mean())
 
 
 @functools.lru_cache(maxsize=8)
 def generated_templates(config: TemplateTracks, physical: PhysicalTracks) -> TemplateSet:
-    """Make the set that stands in for a file: tracks of the physical model, sampled finely; always the same."""
+    """Make the set that stands in for a file: tracks of the physical model, sampled finely; always the same.
+
+    Parameters
+    ----------
+    config : TemplateTracks
+    physical : PhysicalTracks
+    """
     from simulator.effects.raster import Canvas
 
     model, tracks, rng = _generated(config, physical)

@@ -67,13 +67,27 @@ class TrackModel(Protocol):
         """Draw the shapes of ``n`` tracks."""
 
     def charges(self, tracks: Tracks, rng: np.random.Generator) -> IntArray:
-        """Draw the charge of every track, whole electrons above 0."""
+        """Draw the charge of every track, whole electrons above 0.
+
+        Parameters
+        ----------
+        tracks : Tracks
+        rng : numpy.random.Generator
+            Source of random numbers; a seed gives the same draws.
+        """
 
     def point_counts(self, tracks: Tracks) -> IntArray:
         """Points that every track needs."""
 
     def points(self, tracks: Tracks, rng: np.random.Generator) -> Points:
-        """Draw the points of every track."""
+        """Draw the points of every track.
+
+        Parameters
+        ----------
+        tracks : Tracks
+        rng : numpy.random.Generator
+            Source of random numbers; a seed gives the same draws.
+        """
 
 
 def whole_electrons(charge_e: FloatArray) -> IntArray:
@@ -131,7 +145,14 @@ class PhysicalModel:
         return Tracks(length, projected, sigma, 0.5 * projected / self.pixel_um, np.zeros(n, dtype=np.int64))
 
     def charges(self, tracks: Tracks, rng: np.random.Generator) -> IntArray:
-        """Charge of every chord."""
+        """Charge of every chord.
+
+        Parameters
+        ----------
+        tracks : Tracks
+        rng : numpy.random.Generator
+            Source of random numbers; a seed gives the same draws.
+        """
         return whole_electrons(tracks.length_um * self._loss_e_um(tracks.length_um.size, rng))
 
     def _loss_e_um(self, n: int, rng: np.random.Generator) -> FloatArray:
@@ -144,7 +165,14 @@ class PhysicalModel:
         return _line_counts(tracks, self.pixel_um)
 
     def points(self, tracks: Tracks, rng: np.random.Generator) -> Points:
-        """Points along every track, each with its own energy loss."""
+        """Points along every track, each with its own energy loss.
+
+        Parameters
+        ----------
+        tracks : Tracks
+        rng : numpy.random.Generator
+            Source of random numbers; a seed gives the same draws.
+        """
         start, _, _, along = _line(tracks, self.pixel_um)
         loss = self._loss_e_um(along.size, rng) / self.config.mean_loss_e_um
         return Points(start, along, np.zeros(along.size), np.maximum(loss, _LEAST_WEIGHT))
@@ -174,7 +202,14 @@ class PaperModel:
         return Tracks(length, projected, sigma, 0.5 * projected / self.pixel_um, np.zeros(n, dtype=np.int64))
 
     def charges(self, tracks: Tracks, rng: np.random.Generator) -> IntArray:
-        """Charge of every streak, whatever its length."""
+        """Charge of every streak, whatever its length.
+
+        Parameters
+        ----------
+        tracks : Tracks
+        rng : numpy.random.Generator
+            Source of random numbers; a seed gives the same draws.
+        """
         return whole_electrons(paper_charges(tracks.length_um.size, self.config, rng))
 
     def point_counts(self, tracks: Tracks) -> IntArray:
@@ -182,7 +217,14 @@ class PaperModel:
         return _line_counts(tracks, self.pixel_um)
 
     def points(self, tracks: Tracks, rng: np.random.Generator) -> Points:
-        """Points along every streak, their weight varied by waves of random phase and never negative."""
+        """Points along every streak, their weight varied by waves of random phase and never negative.
+
+        Parameters
+        ----------
+        tracks : Tracks
+        rng : numpy.random.Generator
+            Source of random numbers; a seed gives the same draws.
+        """
         config = self.config
         start, owner, fraction, along = _line(tracks, self.pixel_um)
         weight = np.ones(along.size)

@@ -44,7 +44,17 @@ class Aberrations:
     def pupil(
         self, transmission: FloatArray, wavelength_m: float, *, opd_nm: FloatArray | float = 0.0
     ) -> NDArray[np.complex128]:
-        """Field behind pupil and aberrations, with a further path difference (mirror, drift) on top."""
+        """Field behind pupil and aberrations, with a further path difference (mirror, drift) on top.
+
+        Parameters
+        ----------
+        transmission : ndarray
+            Amplitude transmission of the pupil, shape (samples, samples).
+        wavelength_m : float
+            Wavelength, m.
+        opd_nm : ndarray or float, optional
+            Optical path difference over the pupil, nm, shape (samples, samples).
+        """
         phase = 2 * np.pi / (wavelength_m * 1e9) * (self.opd_nm + opd_nm)
         field: NDArray[np.complex128] = (transmission * self.amplitude) * np.exp(1j * phase)
         return field

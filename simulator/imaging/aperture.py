@@ -80,7 +80,17 @@ def _triangle_cumulative(t: FloatArray) -> FloatArray:
 
 
 def photon_weights(y_pixels: FloatArray, x_pixels: FloatArray, radius_pixels: float) -> FloatArray:
-    """Phase-averaged weight of a photon at (y, x) from the aperture centre: disc convolved with the triangle."""
+    """Phase-averaged weight of a photon at (y, x) from the aperture centre: disc convolved with the triangle.
+
+    Parameters
+    ----------
+    y_pixels : ndarray
+        Row offsets from the centre, pixels.
+    x_pixels : ndarray
+        Column offsets from the centre, pixels.
+    radius_pixels : float
+        Radius of the aperture, pixels.
+    """
     t = (np.arange(STRIPS) + 0.5) / STRIPS * 2 - 1
     chord = np.sqrt(np.clip(radius_pixels**2 - (x_pixels[:, None] - t) ** 2, 0.0, None))
     spread = _triangle_cumulative(y_pixels[:, None, None] + chord) - _triangle_cumulative(

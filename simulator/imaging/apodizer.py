@@ -163,6 +163,13 @@ def disc_coverage(samples: int) -> FloatArray:
 def upsample(transmission: FloatArray, samples: int) -> FloatArray:
     """Repeat each step so that the map has ``samples`` samples a side: exact, since steps are constant.
 
+    Parameters
+    ----------
+    transmission : ndarray
+        Map of steps, shape (n, n).
+    samples : int
+        Samples of the pupil grid a side.
+
     Raises
     ------
     InputError

@@ -129,7 +129,14 @@ def build_imager(
 
 
 def static_wavefront(instrument: Instrument, band: str) -> Aberrations | None:
-    """Aberrations with the mirror as it stands in one band; None if both are flat."""
+    """Aberrations with the mirror as it stands in one band; None if both are flat.
+
+    Parameters
+    ----------
+    instrument : Instrument
+    band : str
+        Name of a band of the instrument, such as ``F520``.
+    """
     aberrations, control = aberrations_of(instrument), instrument.dark_hole.control
     if control == "off":
         return aberrations
@@ -152,6 +159,12 @@ def static_wavefront(instrument: Instrument, band: str) -> Aberrations | None:
 
 def dark_hole_of(instrument: Instrument, band: str) -> HoleResult:
     """Dark hole of one band: shipped, cached or dug now; see `simulator.imaging.hole_store.hole_state`.
+
+    Parameters
+    ----------
+    instrument : Instrument
+    band : str
+        Name of a band of the instrument, such as ``F520``.
 
     Raises
     ------
@@ -187,7 +200,14 @@ def hole_state_of(instrument: Instrument, band: str, mean_contrast: float) -> Ho
 
 
 def dig(instrument: Instrument, band: str) -> tuple[HoleResult, str]:
-    """Search for the hole of one band whatever is stored, and the key to store it under."""
+    """Search for the hole of one band whatever is stored, and the key to store it under.
+
+    Parameters
+    ----------
+    instrument : Instrument
+    band : str
+        Name of a band of the instrument, such as ``F520``.
+    """
     bench = _bench(instrument, band)
     return search(instrument, *bench), hole_key(instrument, bench[0])
 

@@ -181,7 +181,16 @@ class Conjugation:
         self._x = [imager.transform(x, wavelength) for wavelength in self.wavelengths_m]
 
     def pupil(self, commands_nm: FloatArray, index: int, aberrations: Aberrations | None = None) -> ComplexArray:
-        """Pupil field at one wavelength."""
+        """Pupil field at one wavelength.
+
+        Parameters
+        ----------
+        commands_nm : ndarray
+            Commands of the mirror's actuators, nm of surface, shape (a, a).
+        index : int
+            Number of the wavelength.
+        aberrations : Aberrations, optional
+        """
         opd_nm = 2.0 * (self._functions @ commands_nm @ self._functions.T)
         static = self.aberrations if aberrations is None else aberrations
         return static.pupil(self.transmission, float(self.wavelengths_m[index]), opd_nm=opd_nm)
@@ -218,7 +227,16 @@ class Conjugation:
         return basis
 
     def jacobian(self, commands_nm: FloatArray, index: int, aberrations: Aberrations | None = None) -> ComplexArray:
-        """Derivative of ``fields[index]`` by each command, per nm, shape (n_y * n_x, a * a)."""
+        """Derivative of ``fields[index]`` by each command, per nm, shape (n_y * n_x, a * a).
+
+        Parameters
+        ----------
+        commands_nm : ndarray
+            Commands of the mirror's actuators, nm of surface, shape (a, a).
+        index : int
+            Number of the wavelength.
+        aberrations : Aberrations, optional
+        """
         actuators, samples = self.mirror.n_actuators, len(self.transmission)
         scale = self._factors[index] * 4j * np.pi / (self.wavelengths_m[index] * 1e9)
         left, right = (

@@ -124,6 +124,11 @@ def default_settings(mode: HoleMode, method: HoleMethod = "relinearised") -> Con
     The goals end a search where more depth would cost more Strehl ratio than it is worth: in ``4q`` at the floor of the
     apodizer (F520 converges above it), in ``2q`` at about half the asked contrast. The single Jacobian is damped as in
     a control loop that cannot try out each step.
+
+    Parameters
+    ----------
+    mode : HoleMode
+    method : HoleMethod, optional
     """
     if method == "single_jacobian":
         return ControlSettings(method=method, max_iterations=10, strong_every=0, exponents=(-1.0, -2.0, -3.0))

@@ -113,12 +113,28 @@ class DeformableMirror:
         return np.asarray(self.coupling ** (distance**2), dtype=np.float64)
 
     def surface_nm(self, commands_nm: FloatArray, samples: int) -> FloatArray:
-        """Surface of commands ``[y, x]`` on a pupil grid, shape (samples, samples)."""
+        """Surface of commands ``[y, x]`` on a pupil grid, shape (samples, samples).
+
+        Parameters
+        ----------
+        commands_nm : ndarray
+            Commands of the mirror's actuators, nm of surface, shape (a, a).
+        samples : int
+            Samples of the pupil grid a side.
+        """
         functions = self.influence(samples)
         return np.asarray(functions @ self._checked(commands_nm) @ functions.T)
 
     def opd_nm(self, commands_nm: FloatArray, samples: int) -> FloatArray:
-        """Optical path difference on reflection: twice the surface."""
+        """Optical path difference on reflection: twice the surface.
+
+        Parameters
+        ----------
+        commands_nm : ndarray
+            Commands of the mirror's actuators, nm of surface, shape (a, a).
+        samples : int
+            Samples of the pupil grid a side.
+        """
         return 2.0 * self.surface_nm(commands_nm, samples)
 
     def within_stroke(self, commands_nm: FloatArray) -> bool:

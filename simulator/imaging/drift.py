@@ -61,7 +61,15 @@ class ScreenModel:
     planes: FloatArray
 
     def draw(self, rng: np.random.Generator, rms_nm: float) -> FloatArray:
-        """One screen: optical path difference in nm, shape (n, n), expected rms ``rms_nm`` over the disc."""
+        """One screen: optical path difference in nm, shape (n, n), expected rms ``rms_nm`` over the disc.
+
+        Parameters
+        ----------
+        rng : numpy.random.Generator
+            Source of random numbers; a seed gives the same draws.
+        rms_nm : float
+            Root mean square over the disc, nm.
+        """
         real, imaginary = rng.standard_normal((2, *self.amplitude.shape))
         scale = rms_nm * self.amplitude
         screen = self._series(scale * real, scale * imaginary)
@@ -98,7 +106,15 @@ def _opposite(values: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 @functools.lru_cache(maxsize=8)
 def screen_model(samples: int, psd_slope: float) -> ScreenModel:
-    """Screens with power spectrum ``f^-psd_slope`` on ``samples`` x ``samples`` pupil samples."""
+    """Screens with power spectrum ``f^-psd_slope`` on ``samples`` x ``samples`` pupil samples.
+
+    Parameters
+    ----------
+    samples : int
+        Samples of the pupil grid a side.
+    psd_slope : float
+        Exponent of the power spectrum of the screens, ``f^-slope``.
+    """
     position = (np.arange(samples) + 0.5) / samples - 0.5
     f_y = STEP_CYCLES * np.arange(LAST_INDEX + 1)
     f_x = STEP_CYCLES * np.arange(-LAST_INDEX, LAST_INDEX + 1)
@@ -204,6 +220,22 @@ def visit_frames(
     *,
     star_arcsec: tuple[float, float] = (0.0, 0.0),
 ) -> FloatArray:
-    """`iter_visit_frames` stacked, shape (n_frames, stamp, stamp)."""
+    """`iter_visit_frames` stacked, shape (n_frames, stamp, stamp).
+
+    Parameters
+    ----------
+    optics : Imager, Psf or FocalGrid
+    drift : Drift
+    n_frames : int
+        Number of frames.
+    cadence_s : float
+        Time from the begin of a frame to that of the next, s.
+    rng_visit : numpy.random.Generator
+        Source of the visit's offset.
+    rng_walk : numpy.random.Generator
+        Source of the walk.
+    star_arcsec : tuple of float, optional
+        Offset (x, y) of the star from the mask's centre, arcsec.
+    """
     frames = iter_visit_frames(optics, drift, n_frames, cadence_s, rng_visit, rng_walk, star_arcsec=star_arcsec)
     return np.stack(list(frames))

@@ -52,6 +52,18 @@ def measure_floor(
 
     The standard error of the whole-hole floor is about 2 % at 512 visits. The first-order phase is good to 1 % of
     the floor up to 2 nm and to some 10 % at 10 nm.
+
+    Parameters
+    ----------
+    imager : Imager
+    psd_slope : float
+        Exponent of the power spectrum of the screens, ``f^-slope``.
+    n_visits : int, optional
+        Number of visits.
+    visit_nm : tuple of float, optional
+        Root mean square of the wavefront offset between visits, nm.
+    seed : int, optional
+        Seed of all random streams.
     """
     zone, pixel, radius = imager.zone, imager.pixel_scale_arcsec, imager.aperture_radius_arcsec
     first, last = int(np.floor(zone.inner_arcsec / pixel)), int(np.ceil(zone.outer_arcsec / pixel))
@@ -98,7 +110,19 @@ def measure_floor(
 def visit_responses(
     imager: Imager, y: PixelAxis, x: PixelAxis, psd_slope: float, n_visits: int, seed: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Pixel images I0, L_k and Q_k at unit rms (1 nm): shapes (1, y, x), (n_visits, y, x) and (n_visits, y, x)."""
+    """Pixel images I0, L_k and Q_k at unit rms (1 nm): shapes (1, y, x), (n_visits, y, x) and (n_visits, y, x).
+
+    Parameters
+    ----------
+    imager : Imager
+    y, x : PixelAxis
+    psd_slope : float
+        Exponent of the power spectrum of the screens, ``f^-slope``.
+    n_visits : int
+        Number of visits.
+    seed : int
+        Seed of all random streams.
+    """
     screens = screen_model(len(imager.transmission), psd_slope)
     rng = stream(seed, "rdi_floor")
     grid = imager.focal_grid(y, x)

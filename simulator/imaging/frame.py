@@ -85,7 +85,15 @@ class Window:
 
 
 def window_of(psf: AnyPsf, instrument: Instrument, *, full: bool) -> Window:
-    """The whole detector, or the stamp of the PSF."""
+    """The whole detector, or the stamp of the PSF.
+
+    Parameters
+    ----------
+    psf : AnyPsf
+    instrument : Instrument
+    full : bool
+        Whether the whole detector is meant.
+    """
     detector = instrument.detector_of(psf.band) if psf.band else instrument.detector
     side = psf.on_axis.shape[0]
     shape = (detector.n_rows, detector.n_columns) if full else (side, side)
@@ -100,6 +108,11 @@ def sky_transmission(psf: AnyPsf, window: Window) -> FloatArray:
     """Open fraction of every pixel behind the cross.
 
     There is no Lyot stop, so a uniform sky passes the focal-plane mask by geometry alone.
+
+    Parameters
+    ----------
+    psf : AnyPsf
+    window : Window
     """
     rows, columns = (
         pixel_axis(centres, psf.pixel_scale_arcsec, 1, _half_width(psf)).open_fraction
@@ -118,6 +131,13 @@ def full_star_map(psf: AnyPsf, window: Window, star_arcsec: tuple[float, float] 
 
     Kept in the disk cache: it takes a second and changes with the instrument only. The wings of a PSF from a file end
     with its stamp.
+
+    Parameters
+    ----------
+    psf : AnyPsf
+    window : Window
+    star_arcsec : tuple of float, optional
+        Offset (x, y) of the star from the mask's centre, arcsec.
     """
     if isinstance(psf, ExternalPsf):
         return np.zeros(window.shape)
@@ -146,6 +166,15 @@ def star_column_light(
     """Light of the masked unit star in some rows of a window, summed over each column; none for a PSF from a file.
 
     The light of `full_star_map`, kept in the disk cache as well.
+
+    Parameters
+    ----------
+    psf : AnyPsf
+    window : Window
+    rows : ndarray of bool
+        Rows that are meant, shape (y,).
+    star_arcsec : tuple of float, optional
+        Offset (x, y) of the star from the mask's centre, arcsec.
     """
     if isinstance(psf, ExternalPsf):
         return np.zeros(window.columns.size)

@@ -17,7 +17,14 @@ FloatArray = NDArray[np.float64]
 
 
 def zone_of(instrument: Instrument, band: str) -> HoleZone:
-    """The controlled zone of a band."""
+    """The controlled zone of a band.
+
+    Parameters
+    ----------
+    instrument : Instrument
+    band : str
+        Name of a band of the instrument, such as ``F520``.
+    """
     hole = instrument.dark_hole
     return HoleZone(instrument.hole_inner_arcsec(band), instrument.hole_outer_arcsec(band), hole.mode, hole.side)
 
@@ -51,6 +58,16 @@ class BandGeometry:
     ) -> BandGeometry:
         """Geometry of a band of an instrument, perhaps with another mask.
 
+        Parameters
+        ----------
+        instrument : Instrument
+        band : str
+            Name of a band of the instrument, such as ``F520``.
+        stamp_pixels : int
+            Pixels of the stamp a side.
+        mask_half_width_arcsec : float, optional
+            Half width of the mask's arms, arcsec; that of the instrument by default.
+
         Raises
         ------
         InputError
@@ -78,7 +95,15 @@ class BandGeometry:
         return float(np.pi) * (self.aperture_radius_arcsec / self.pixel_scale_arcsec) ** 2
 
     def annulus(self, separation_arcsec: float, half_width_lambda_d: float) -> NDArray[np.bool_]:
-        """Pixels of the hole whose separation is within ``half_width_lambda_d`` of the given one."""
+        """Pixels of the hole whose separation is within ``half_width_lambda_d`` of the given one.
+
+        Parameters
+        ----------
+        separation_arcsec : float
+            Projected separation from the star, arcsec, above 0.
+        half_width_lambda_d : float
+            Half width of the annulus, in lambda/D of the band.
+        """
         offset = centred_offsets(self.stamp_pixels) * self.pixel_scale_arcsec
         distance = np.abs(np.hypot(offset[:, None], offset) - separation_arcsec)
         return self.hole & (distance <= half_width_lambda_d * self.lambda_d_arcsec)

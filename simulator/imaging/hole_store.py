@@ -95,7 +95,15 @@ def hole_key(instrument: Instrument, solver: Imager) -> str:
 
 
 def shipped_hole(key: str, band: str) -> Path:
-    """File of the state with a content key; it exists for the bands of the instrument presets."""
+    """File of the state with a content key; it exists for the bands of the instrument presets.
+
+    Parameters
+    ----------
+    key : str
+        Content key, 16 hex digits.
+    band : str
+        Name of a band of the instrument, such as ``F520``.
+    """
     return Path(str(files("simulator.imaging") / "data" / f"hole_{band}_{key}.npz"))
 
 
@@ -106,6 +114,15 @@ def hole_state(
 
     A search of a shipped instrument takes 1 to 14 s of one processor (``reports/imaging_speed``), one nearer to the
     star some minutes; it is announced. A hole that was not reached is an `UnreachedHole`, with one warning.
+
+    Parameters
+    ----------
+    instrument : Instrument
+    band : str
+        Name of a band of the instrument, such as ``F520``.
+    solver : Imager
+    aberrations : Aberrations
+    mirror : DeformableMirror
     """
     key = hole_key(instrument, solver)
     path = shipped_hole(key, band) if band.isalnum() else None
@@ -126,7 +143,15 @@ def _warn(key: str, reason: str) -> None:
 
 
 def search(instrument: Instrument, solver: Imager, aberrations: Aberrations, mirror: DeformableMirror) -> HoleResult:
-    """Dig the hole of one band now."""
+    """Dig the hole of one band now.
+
+    Parameters
+    ----------
+    instrument : Instrument
+    solver : Imager
+    aberrations : Aberrations
+    mirror : DeformableMirror
+    """
     zone = solver.zone
     announce(
         f"digging the dark hole of {instrument.name} in {solver.band} ({zone.mode}), once: seconds on a free "
@@ -150,7 +175,14 @@ def to_arrays(state: HoleResult) -> dict[str, NDArray[Any]]:
 
 
 def from_arrays(arrays: dict[str, NDArray[Any]], solver: Imager) -> HoleResult:
-    """Inverse of `to_arrays`."""
+    """Inverse of `to_arrays`.
+
+    Parameters
+    ----------
+    arrays : mapping of str to ndarray
+        Arrays by name.
+    solver : Imager
+    """
     commands = np.array(arrays["commands_nm"], dtype=np.float64)
     commands.flags.writeable = False
     search = Search(

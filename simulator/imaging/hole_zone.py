@@ -85,7 +85,17 @@ class HoleZone:
         return ((left, right), one) if self.side in ("right", "left") else (one, (left, right))
 
     def covers(self, y_arcsec: FloatArray, x_arcsec: FloatArray, widen_arcsec: float = 0.0) -> NDArray[np.bool_]:
-        """Which points of a grid lie in the zone, its intervals widened at both ends (narrowed if negative)."""
+        """Which points of a grid lie in the zone, its intervals widened at both ends (narrowed if negative).
+
+        Parameters
+        ----------
+        y_arcsec : ndarray
+            Offset from the star on the detector along y, arcsec.
+        x_arcsec : ndarray
+            Offset from the star on the detector along x, arcsec.
+        widen_arcsec : float, optional
+            Widening at both ends, arcsec; negative to narrow.
+        """
         rows, columns = (
             np.any([(axis >= low - widen_arcsec) & (axis <= high + widen_arcsec) for low, high in parts], axis=0)
             for axis, parts in zip((y_arcsec, x_arcsec), self.intervals(), strict=True)
@@ -99,7 +109,15 @@ class HoleZone:
         return (1 if x[-1][0] > 0 else -1), (1 if y[-1][0] > 0 else -1)
 
     def control_axes(self, step_arcsec: float, margin_arcsec: float) -> tuple[FloatArray, FloatArray]:
-        """Points at most ``step`` apart that include the edges, widened by ``margin`` on every side."""
+        """Points at most ``step`` apart that include the edges, widened by ``margin`` on every side.
+
+        Parameters
+        ----------
+        step_arcsec : float
+            Largest distance between neighbouring points, arcsec.
+        margin_arcsec : float
+            Distance kept from the edges, arcsec.
+        """
         low, high = max(self.inner_arcsec - margin_arcsec, 0.0), self.outer_arcsec + margin_arcsec
         points = np.linspace(low, high, math.ceil((high - low) / step_arcsec) + 1)
         return self.axes(np.asarray(points, dtype=np.float64))

@@ -53,7 +53,17 @@ N_KEPT_GRIDS = 24
 
 
 def centred_axis(n_pixels: int, pixel_arcsec: float, centre: float | None = None) -> FloatArray:
-    """Pixel centres in arcsec from the star, which sits on pixel ``centre`` (``n_pixels // 2`` if None)."""
+    """Pixel centres in arcsec from the star, which sits on pixel ``centre`` (``n_pixels // 2`` if None).
+
+    Parameters
+    ----------
+    n_pixels : int
+        Pixels a side.
+    pixel_arcsec : float
+        Side of a pixel, arcsec.
+    centre : float, optional
+        Pixel of the star; ``n_pixels // 2`` by default.
+    """
     star = n_pixels // 2 if centre is None else centre
     return np.asarray((np.arange(n_pixels) - star) * pixel_arcsec, dtype=np.float64)
 

@@ -94,7 +94,17 @@ def placed(kernel: FloatArray, y_pixels: float, x_pixels: float) -> FloatArray:
 
 
 def open_pixels(n_pixels: int, pixel_arcsec: float, half_width_arcsec: float) -> FloatArray:
-    """Open part of every pixel of a star-centred stamp behind the cross ``|x| < w or |y| < w``, shape (n, n)."""
+    """Open part of every pixel of a star-centred stamp behind the cross ``|x| < w or |y| < w``, shape (n, n).
+
+    Parameters
+    ----------
+    n_pixels : int
+        Pixels a side.
+    pixel_arcsec : float
+        Side of a pixel, arcsec.
+    half_width_arcsec : float
+        Half width of the mask's arms, arcsec.
+    """
     centre, width = centred_offsets(n_pixels), half_width_arcsec / pixel_arcsec
     part = 1.0 - np.clip(np.minimum(centre + 0.5, width) - np.maximum(centre - 0.5, -width), 0.0, 1.0)
     return np.outer(part, part)

@@ -163,6 +163,16 @@ def real_map(
 def header_number(key: str, path: str | Path, header: Mapping[str, Any], card: str) -> float | None:
     """Return a number of a header, None where there is no such card.
 
+    Parameters
+    ----------
+    key : str
+        Name that a refusal gives.
+    path : str or Path
+    header : mapping
+        Keywords and values of one unit.
+    card : str
+        Keyword.
+
     Raises
     ------
     InputError
@@ -183,6 +193,14 @@ def pixel_scale(key: str, path: str | Path, header: Mapping[str, Any]) -> float 
 
     ``PIXSCALE`` or ``PIXELSCL`` in arcsec; else the ``CD`` matrix or ``CDELT1/2`` in the unit of ``CUNIT`` (degrees if
     absent). All that are present must agree to 1e-3, and pixels must be square.
+
+    Parameters
+    ----------
+    key : str
+        Name that a refusal gives.
+    path : str or Path
+    header : mapping
+        Keywords and values of one unit.
 
     Raises
     ------

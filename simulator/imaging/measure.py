@@ -31,7 +31,16 @@ WING_STEP_ARCSEC = 0.15
 
 
 def stamp_figures(imager: Imager, on_axis: FloatArray, off_axis: FloatArray) -> dict[str, object]:
-    """Figures that follow from the two stamps and the core of the PSF: milliseconds."""
+    """Figures that follow from the two stamps and the core of the PSF: milliseconds.
+
+    Parameters
+    ----------
+    imager : Imager
+    on_axis : ndarray
+        Star behind the mask, (y, x).
+    off_axis : ndarray
+        Unmasked source, (y, x).
+    """
     pixel, radius = imager.pixel_scale_arcsec, imager.aperture_radius_arcsec
     table, half, continuous = _core_table(imager)
     figures = figures_of_stamps(on_axis, off_axis, table, half, pixel, radius, imager.mask_half_width_arcsec)

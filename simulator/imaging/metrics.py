@@ -203,12 +203,27 @@ class PsfMetrics(StampMetrics):
 
         Outside the hole it is still the truth (0 behind the cross, the open value elsewhere); beyond
         `field_radius_arcsec` it is 0.
+
+        Parameters
+        ----------
+        x_arcsec : array_like
+            Offset from the star on the detector along x, arcsec.
+        y_arcsec : array_like
+            Offset from the star on the detector along y, arcsec.
         """
         x, y = np.broadcast_arrays(np.asarray(x_arcsec, dtype=np.float64), np.asarray(y_arcsec, dtype=np.float64))
         return np.where(np.hypot(x, y) <= self.field_radius_arcsec, super().core_throughput(x, y), 0.0)
 
     def halo_aperture(self, x_arcsec: ArrayLike, y_arcsec: ArrayLike) -> FloatArray:
-        """Starlight in the aperture at (x, y), bilinear in the logarithm; wings x aperture area beyond the stamp."""
+        """Starlight in the aperture at (x, y), bilinear in the logarithm; wings x aperture area beyond the stamp.
+
+        Parameters
+        ----------
+        x_arcsec : array_like
+            Offset from the star on the detector along x, arcsec.
+        y_arcsec : array_like
+            Offset from the star on the detector along y, arcsec.
+        """
         x, y = np.broadcast_arrays(np.asarray(x_arcsec, dtype=np.float64), np.asarray(y_arcsec, dtype=np.float64))
         n = len(self.halo_map)
         column, row = (part / self.pixel_scale_arcsec + n // 2 for part in (x, y))

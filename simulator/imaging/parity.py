@@ -222,7 +222,14 @@ def add_intensity(
 
 
 def field_of(parts: RealArray, y: HalfWaves, x: HalfWaves) -> ComplexArray:
-    """Field at all nodes, shape (n_y, n_x)."""
+    """Field at all nodes, shape (n_y, n_x).
+
+    Parameters
+    ----------
+    parts : ndarray
+        Even and odd parts of the field.
+    y, x : HalfWaves
+    """
     shape = (1 + y.mirrored, 1 + x.mirrored, len(y.cosine), len(x.cosine))
     values = np.empty(shape, dtype=np.result_type(parts.dtype, np.complex64))
     for place, field in _sides(parts, y, x):
@@ -258,7 +265,14 @@ def _sums_and_steps(parts: list[RealArray]) -> list[RealArray]:
 
 
 def unfolded(values: NDArray[Any], y: HalfWaves, x: HalfWaves) -> NDArray[Any]:
-    """Values at the nodes held of all sides, shape (s_y, s_x, k_y, k_x), at all nodes in their order."""
+    """Values at the nodes held of all sides, shape (s_y, s_x, k_y, k_x), at all nodes in their order.
+
+    Parameters
+    ----------
+    values : ndarray
+        Values of all sides, shape (s_y, s_x, k_y, k_x).
+    y, x : HalfWaves
+    """
     answer = np.empty((y.n_nodes, x.n_nodes), dtype=values.dtype)
     for side_y, (to_y, from_y) in enumerate(_places(y)):
         for side_x, (to_x, from_x) in enumerate(_places(x)):

@@ -56,6 +56,15 @@ class PixelAxis:
 def box_gauss_rule(n_nodes: int, width: float, sigma: float) -> tuple[FloatArray, FloatArray]:
     """Gauss rule for a box of ``width`` convolved with a normal density of standard deviation ``sigma``.
 
+    Parameters
+    ----------
+    n_nodes : int
+        Nodes of the quadrature.
+    width : float
+        Width of the box.
+    sigma : float
+        Standard deviation of the normal density; 0 for none.
+
     Returns
     -------
     nodes, weights : ndarray, shape (n_nodes,)

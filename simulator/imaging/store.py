@@ -40,7 +40,14 @@ DIGITS = {"core_table": 18, "raw_contrast": 18, "column_profile": 18, "wing_prof
 
 
 def metrics_key(instrument: Instrument, band: str) -> str:
-    """Content key of a band's metrics, 16 hex digits."""
+    """Content key of a band's metrics, 16 hex digits.
+
+    Parameters
+    ----------
+    instrument : Instrument
+    band : str
+        Name of a band of the instrument, such as ``F520``.
+    """
     configuration = instrument.band(band)
     mask = configured_apodizer(instrument)
     edges: Any = [configuration.center_nm, configuration.width_nm]
@@ -76,13 +83,27 @@ def metrics_key(instrument: Instrument, band: str) -> str:
 
 
 def shipped_metrics(key: str, band: str) -> Path:
-    """File of the metrics with a content key; it exists for the bands of the instrument presets."""
+    """File of the metrics with a content key; it exists for the bands of the instrument presets.
+
+    Parameters
+    ----------
+    key : str
+        Content key, 16 hex digits.
+    band : str
+        Name of a band of the instrument, such as ``F520``.
+    """
     return Path(str(files("simulator.imaging") / "data" / f"metrics_{band}_{key}.npz"))
 
 
 @numeric_context()
 def psf_metrics(instrument: Instrument, band: str) -> PsfMetrics:
     """Metrics of a band at the standard knobs: from the shipped file, the cache, or a new measurement.
+
+    Parameters
+    ----------
+    instrument : Instrument
+    band : str
+        Name of a band of the instrument, such as ``F520``.
 
     Raises
     ------
@@ -97,7 +118,14 @@ def psf_metrics(instrument: Instrument, band: str) -> PsfMetrics:
 
 
 def measure(instrument: Instrument, band: str) -> dict[str, NDArray[Any]]:
-    """Arrays of the metrics of a band, measured anew, with the state of its dark hole."""
+    """Arrays of the metrics of a band, measured anew, with the state of its dark hole.
+
+    Parameters
+    ----------
+    instrument : Instrument
+    band : str
+        Name of a band of the instrument, such as ``F520``.
+    """
     from simulator.imaging.build import build_imager, hole_state_of
     from simulator.imaging.measure import measure_metrics
 

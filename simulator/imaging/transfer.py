@@ -87,10 +87,23 @@ class Transfer(Protocol):
         """Displacement per axis beyond which it passes no light."""
 
     def axis(self, low_arcsec: float, high_arcsec: float) -> FrequencyAxis:
-        """Harmonics that serve the displacements from low to high."""
+        """Harmonics that serve the displacements from low to high.
+
+        Parameters
+        ----------
+        low_arcsec : float
+            Lower edge, arcsec.
+        high_arcsec : float
+            Upper edge, arcsec.
+        """
 
     def values(self, y: FrequencyAxis, x: FrequencyAxis) -> ComplexArray:
-        """Transfer function on the harmonics, phases relative to the centres."""
+        """Transfer function on the harmonics, phases relative to the centres.
+
+        Parameters
+        ----------
+        y, x : FrequencyAxis
+        """
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,6 +135,13 @@ class TransferFunction:
 
     def axis(self, low_arcsec: float, high_arcsec: float) -> FrequencyAxis:
         """Harmonics that serve the displacements from low to high, as few as the window's flanks allow.
+
+        Parameters
+        ----------
+        low_arcsec : float
+            Lower edge, arcsec.
+        high_arcsec : float
+            Upper edge, arcsec.
 
         Raises
         ------
@@ -235,6 +255,13 @@ class KernelTransfer:
 
     def axis(self, low_arcsec: float, high_arcsec: float) -> FrequencyAxis:
         """Harmonics whose samples are the pixels of the kernel, padded until nothing folds.
+
+        Parameters
+        ----------
+        low_arcsec : float
+            Lower edge, arcsec.
+        high_arcsec : float
+            Upper edge, arcsec.
 
         Raises
         ------

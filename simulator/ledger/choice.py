@@ -77,6 +77,12 @@ def budget_of(quantity: Quantity, tolerance: float) -> float:
     is lower by ``1 - sqrt(1 - A)``, and a ratio to it higher by ``1 / sqrt(1 - A) - 1``, both more than ``A / 2``. With
     the sum of sizes ``A / 2 <= T - T^2 / 2`` the first stays within T, with ``A / 2 <= T (1 + T / 2) / (1 + T)^2`` the
     second.
+
+    Parameters
+    ----------
+    quantity : Quantity
+    tolerance : float
+        Largest error of planet flux and SNR that is accepted, 0 to 0.5.
     """
     if quantity == "planet_flux":
         return tolerance

@@ -61,7 +61,13 @@ class Chosen:
 
 
 def choice_rows(forecast: Forecast, chosen: Chosen) -> tuple[EffectRow, ...]:
-    """Rows of what the configuration contains, of the sources one by one, and of the settings."""
+    """Rows of what the configuration contains, of the sources one by one, and of the settings.
+
+    Parameters
+    ----------
+    forecast : Forecast
+    chosen : Chosen
+    """
     rows = []
     for row in forecast.rows:
         sizes = forecast.sizes.get(row.key)

@@ -80,7 +80,17 @@ def profile_of(header: Mapping[str, Any]) -> Profile:
 
 
 def check_spellings(report: Report, header: Mapping[str, Any], hdu: int, profile: Profile) -> None:
-    """Warn of keywords that stand under another spelling only than those of the profile."""
+    """Warn of keywords that stand under another spelling only than those of the profile.
+
+    Parameters
+    ----------
+    report : Report
+    header : mapping
+        Keywords and values of one unit.
+    hdu : int
+        Number of the unit in the file; the primary one is 0.
+    profile : Profile
+    """
     for missing, found in _misspelled(header, hdu, profile):
         report.warning(f"is missing, {found} stands for it", missing, hdu)
 
@@ -97,7 +107,18 @@ def _misspelled(header: Mapping[str, Any], hdu: int, profile: Profile) -> list[t
 
 
 def check_settings(report: Report, header: Mapping[str, Any], first: Mapping[str, Any], hdu: int) -> None:
-    """Check that the numbers of a camera in one image are possible, and those of the first image."""
+    """Check that the numbers of a camera in one image are possible, and those of the first image.
+
+    Parameters
+    ----------
+    report : Report
+    header : mapping
+        Keywords and values of one unit.
+    first : mapping
+        Keywords and values of the first image.
+    hdu : int
+        Number of the unit in the file; the primary one is 0.
+    """
     table = load_keywords()
     for key, (least, included) in _LEAST.items():
         value = table.value(header, key)
@@ -113,7 +134,17 @@ def check_settings(report: Report, header: Mapping[str, Any], first: Mapping[str
 
 
 def check_primary(report: Report, header: Mapping[str, Any], name: ProductName | None, n_images: int) -> None:
-    """Check what the primary header says of the file: name, number, kind, number of images."""
+    """Check what the primary header says of the file: name, number, kind, number of images.
+
+    Parameters
+    ----------
+    report : Report
+    header : mapping
+        Keywords and values of one unit.
+    name : ProductName or None
+    n_images : int
+        Images in the file.
+    """
     table = load_keywords()
     for key, expected in (("TELESCOP", "CSST"), ("INSTRUME", "CPIC"), ("TIMESYS", "UTC")):
         value = table.value(header, key)
@@ -138,7 +169,15 @@ def check_primary(report: Report, header: Mapping[str, Any], name: ProductName |
 
 
 def check_times(report: Report, header: Mapping[str, Any], name: ProductName | None) -> None:
-    """Check that times in the primary header, exposure, readout and the stamps of the name agree."""
+    """Check that times in the primary header, exposure, readout and the stamps of the name agree.
+
+    Parameters
+    ----------
+    report : Report
+    header : mapping
+        Keywords and values of one unit.
+    name : ProductName or None
+    """
     table = load_keywords()
     get = {
         key: table.value(header, key)
@@ -170,7 +209,18 @@ def check_times(report: Report, header: Mapping[str, Any], name: ProductName | N
 
 
 def check_world(report: Report, header: Mapping[str, Any], primary: Mapping[str, Any], hdu: int) -> None:
-    """Check that the world coordinates are a sky of square pixels of the stated scale, place and position angle."""
+    """Check that the world coordinates are a sky of square pixels of the stated scale, place and position angle.
+
+    Parameters
+    ----------
+    report : Report
+    header : mapping
+        Keywords and values of one unit.
+    primary : mapping
+        Keywords and values of the primary header.
+    hdu : int
+        Number of the unit in the file; the primary one is 0.
+    """
     table = load_keywords()
     cd = [table.value(header, key) for key in ("CD1_1", "CD1_2", "CD2_1", "CD2_2")]
     if not all(is_real(value) for value in cd):

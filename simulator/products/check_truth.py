@@ -18,7 +18,13 @@ _MAPS = ("EXPECTED_ADU", "EXPECTED_E")
 
 
 def check_truth(path: Path, facts: FileFacts) -> list[Finding]:
-    """Check one truth file against what a check learned of its Level-0 file."""
+    """Check one truth file against what a check learned of its Level-0 file.
+
+    Parameters
+    ----------
+    path : Path
+    facts : FileFacts
+    """
     report = Report(path)
     with open_units(report, raw=True) as units:
         if units is not None:

@@ -49,9 +49,29 @@ class Report:
     findings: list[Finding] = field(default_factory=list)
 
     def error(self, message: str, keyword: str = "", hdu: int | None = None) -> None:
-        """Note a breach of the specification."""
+        """Note a breach of the specification.
+
+        Parameters
+        ----------
+        message : str
+            One sentence for people.
+        keyword : str, optional
+            Keyword at fault; empty for the file.
+        hdu : int, optional
+            Number of the unit in the file; the primary one is 0.
+        """
         self.findings.append(Finding(self.path, hdu, keyword, message))
 
     def warning(self, message: str, keyword: str = "", hdu: int | None = None) -> None:
-        """Note something unusual."""
+        """Note something unusual.
+
+        Parameters
+        ----------
+        message : str
+            One sentence for people.
+        keyword : str, optional
+            Keyword that it is about; empty for the file.
+        hdu : int, optional
+            Number of the unit in the file; the primary one is 0.
+        """
         self.findings.append(Finding(self.path, hdu, keyword, message, "warning"))

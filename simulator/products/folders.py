@@ -16,6 +16,15 @@ def temporary_folders(folders: Iterable[Path], *, whole: Path, done: Path) -> It
     """Remove on failure what was not there before: the folders where they are empty, and ``whole`` with its files.
 
     Where there is a file ``done``, somebody else was faster, and ``whole`` is theirs.
+
+    Parameters
+    ----------
+    folders : iterable of Path
+        Folders that may be made.
+    whole : Path
+        Folder that is written as a whole.
+    done : Path
+        File that is there when it is done.
     """
     made = {place for folder in folders for place in (folder, *folder.parents) if not place.exists()}
     new = not whole.exists()

@@ -40,6 +40,13 @@ def sequence_values(
     Keywords that the sequence supplies replace those that follow from its configuration, but not names, times and
     counts, which are the writer's. Supplied keywords that the table does not know go to the images.
 
+    Parameters
+    ----------
+    sequence : FrameSequence
+    name : ProductName
+    times : SequenceTimes
+    sky : Ephemeris
+
     Raises
     ------
     InputError
@@ -148,7 +155,17 @@ def _where(sequence: FrameSequence, sky: Ephemeris) -> dict[str, Any]:
 
 
 def frame_values(shared: Mapping[str, Value], index: int, times: SequenceTimes, frame: Frame) -> dict[str, Value]:
-    """Values of one image: those that all share, and its own times and counts."""
+    """Values of one image: those that all share, and its own times and counts.
+
+    Parameters
+    ----------
+    shared : mapping of str to Value
+        Header values that all images of the file share.
+    index : int
+        Number of the frame, from 0.
+    times : SequenceTimes
+    frame : Frame
+    """
     return {
         **shared,
         "FRAMEID": index + 1,

@@ -115,14 +115,30 @@ class KeywordTable:
         return self._canonical.get(name, name)
 
     def find(self, header: Mapping[str, Any], name: str) -> tuple[str, Any] | None:
-        """Spelling and value of a keyword in a header under any of its spellings; None if it is missing."""
+        """Spelling and value of a keyword in a header under any of its spellings; None if it is missing.
+
+        Parameters
+        ----------
+        header : mapping
+            Keywords and values of one unit.
+        name : str
+            Name of the keyword in the table.
+        """
         for spelling in (name, *self.keywords[name].aliases):
             if spelling in header:
                 return spelling, header[spelling]
         return None
 
     def value(self, header: Mapping[str, Any], name: str) -> Any:
-        """Value of a keyword under any of its spellings, None if it is missing."""
+        """Value of a keyword under any of its spellings, None if it is missing.
+
+        Parameters
+        ----------
+        header : mapping
+            Keywords and values of one unit.
+        name : str
+            Name of the keyword in the table.
+        """
         found = self.find(header, name)
         return None if found is None else found[1]
 
@@ -173,6 +189,14 @@ def escaped(text: str) -> str:
 
 def checked_value(table: KeywordTable, name: str, value: Any) -> Value:
     """Return a header value in the type of its keyword; text is `escaped`.
+
+    Parameters
+    ----------
+    table : KeywordTable
+    name : str
+        Keyword.
+    value : object
+        What is to be written.
 
     Raises
     ------

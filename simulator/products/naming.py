@@ -78,7 +78,15 @@ class ProductName:
 
     @classmethod
     def parse(cls, name: str, day: int = 0) -> ProductName | None:
-        """Take a file name apart; None if it is not that of a Level-0 file."""
+        """Take a file name apart; None if it is not that of a Level-0 file.
+
+        Parameters
+        ----------
+        name : str
+            Name of a file.
+        day : int, optional
+            Day of the folder, MJD.
+        """
         found = _NAME.fullmatch(name)
         if found is None:
             return None
@@ -113,6 +121,13 @@ def product_name(sequence: FrameSequence, times: SequenceTimes, obsid: str | int
 
 def checked_obsid(obsid: Any, prefix: str) -> str:
     """Return the number of an observation as eleven digits.
+
+    Parameters
+    ----------
+    obsid : object
+        What was given.
+    prefix : str
+        Digits that it begins with.
 
     Raises
     ------

@@ -44,6 +44,16 @@ def write_params(
     ``configuration.json`` holds instrument and scene as `simulator.load_instrument` and `simulator.load_scene` read
     them, the settings of the sequence, and the effect ledger. The logs have one row for the begin of every exposure and
     one for the end of the last; all that they say is modelled.
+
+    Parameters
+    ----------
+    folder : Path
+    sequence : FrameSequence
+    name : ProductName
+    times : SequenceTimes
+    sky : Ephemeris
+    primary : mapping of str to Value
+        Keywords and values of the primary header.
     """
     folder.mkdir(parents=True, exist_ok=True)
     write_text(folder / CONFIGURATION_FILE, dump_json(_configuration(sequence, name, times, primary)))

@@ -27,6 +27,12 @@ def open_units(report: Report, *, raw: bool = False) -> Iterator[Any]:
 
     What astropy warns of, while opening and while in use, becomes a finding. ``raw`` shows compressed images as the
     tables that hold them.
+
+    Parameters
+    ----------
+    report : Report
+    raw : bool, optional
+        Whether compressed images show as tables.
     """
     from astropy.io import fits
 
@@ -83,7 +89,16 @@ def _first_line(error: Exception) -> str:
 
 
 def plain_header(report: Report, units: Any, number: int) -> dict[str, Any]:
-    """Header of one unit as keywords and values; cards that are no cards, and those that stand twice, are findings."""
+    """Header of one unit as keywords and values; cards that are no cards, and those that stand twice, are findings.
+
+    Parameters
+    ----------
+    report : Report
+    units : object
+        Units of the open file.
+    number : int
+        Number of the unit; the primary one is 0.
+    """
     from astropy.io import fits
 
     values: dict[str, Any] = {}
@@ -100,7 +115,18 @@ def plain_header(report: Report, units: Any, number: int) -> dict[str, Any]:
 
 
 def check_sums(report: Report, units: Any, number: int, header: Mapping[str, Any]) -> None:
-    """Check ``CHECKSUM`` and ``DATASUM`` of one unit against the bytes in the file."""
+    """Check ``CHECKSUM`` and ``DATASUM`` of one unit against the bytes in the file.
+
+    Parameters
+    ----------
+    report : Report
+    units : object
+        Units of the open file.
+    number : int
+        Number of the unit; the primary one is 0.
+    header : mapping
+        Keywords and values of one unit.
+    """
     place = units[number].fileinfo()
     missing = [key for key in ("CHECKSUM", "DATASUM") if key not in header]
     for key in missing:

@@ -111,7 +111,15 @@ def mjd_of(utc: str) -> float:
 
 
 def elapsed_s(begin_mjd: float, end_mjd: float) -> float:
-    """Seconds between two Modified Julian Dates of UTC, leap seconds counted."""
+    """Seconds between two Modified Julian Dates of UTC, leap seconds counted.
+
+    Parameters
+    ----------
+    begin_mjd : float
+        Begin, MJD (UTC).
+    end_mjd : float
+        End, MJD (UTC).
+    """
     from astropy.time import Time
 
     with offline_time():

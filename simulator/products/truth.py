@@ -89,6 +89,14 @@ class TruthWriter:
     def begin(self, name: ProductName, primary: Mapping[str, Value], shared: Mapping[str, Value]) -> None:
         """Write what belongs to the whole sequence.
 
+        Parameters
+        ----------
+        name : ProductName
+        primary : mapping of str to Value
+            Keywords and values of the primary header.
+        shared : mapping of str to Value
+            Header values that all images of the file share.
+
         Raises
         ------
         InputError
@@ -151,7 +159,14 @@ class TruthWriter:
         }
 
     def add(self, frame: Frame, datasum: str) -> None:
-        """Write the mask of the next frame and keep its row."""
+        """Write the mask of the next frame and keep its row.
+
+        Parameters
+        ----------
+        frame : Frame
+        datasum : str
+            Checksum of the frame's image, as text.
+        """
         number = len(self._rows)
         append_compressed(self.file, frame.mask, "MASK", number + 1)
         self._rows.append(

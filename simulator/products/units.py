@@ -37,6 +37,13 @@ def header_cards(values: Mapping[str, Value], table: KeywordTable, profile: Prof
     """Cards of values under the names of the table.
 
     Those of the table come first, in its order and in the spellings of the profile; others behind them.
+
+    Parameters
+    ----------
+    values : mapping of str to Value
+        Values by the table's names.
+    table : KeywordTable
+    profile : Profile
     """
     cards: list[Card] = []
     for keyword in table:
@@ -46,7 +53,13 @@ def header_cards(values: Mapping[str, Value], table: KeywordTable, profile: Prof
 
 
 def append_primary(file: IO[bytes], cards: Iterable[Card]) -> None:
-    """Write a primary unit without data."""
+    """Write a primary unit without data.
+
+    Parameters
+    ----------
+    file : IO[bytes]
+    cards : iterable of Card
+    """
     structure: list[Card] = [
         ("SIMPLE", True, "conforms to FITS standard"),
         ("BITPIX", 8, "array data type"),
@@ -84,7 +97,18 @@ def append_image(file: IO[bytes], data: NDArray[Any], cards: Iterable[Card], nam
 
 
 def append_compressed(file: IO[bytes], data: NDArray[np.uint8], name: str, version: int) -> str:
-    """Write an image of bytes, compressed without loss as one tile (FITS standard 4.0, section 10.1, GZIP_1)."""
+    """Write an image of bytes, compressed without loss as one tile (FITS standard 4.0, section 10.1, GZIP_1).
+
+    Parameters
+    ----------
+    file : IO[bytes]
+    data : ndarray of uint8
+        Image of bytes, (y, x).
+    name : str
+        Name of the extension.
+    version : int
+        Its version.
+    """
     rows, columns = data.shape
     packed = gzip.compress(np.ascontiguousarray(data).data, 1, mtime=0)
     cards: list[Card] = [
@@ -116,7 +140,18 @@ def append_compressed(file: IO[bytes], data: NDArray[np.uint8], name: str, versi
 
 
 def append_table(file: IO[bytes], columns: Mapping[str, Any], units: Mapping[str, str], name: str) -> str:
-    """Write a table extension of equally long columns; a column without an entry in ``units`` has none."""
+    """Write a table extension of equally long columns; a column without an entry in ``units`` has none.
+
+    Parameters
+    ----------
+    file : IO[bytes]
+    columns : mapping
+        Columns by name, of one length.
+    units : mapping of str to str
+        Unit by column.
+    name : str
+        Name of the extension.
+    """
     from astropy.io import fits
     from astropy.table import Table
 

@@ -127,6 +127,14 @@ def write_level0(
 def refuse_taken(root: Path, name: ProductName, *, overwrite: bool) -> None:
     """Refuse a file that exists, and a number that another observation of the tree has.
 
+    Parameters
+    ----------
+    root : Path
+        Top of the tree of products.
+    name : ProductName
+    overwrite : bool
+        Whether a file that exists is replaced.
+
     Raises
     ------
     InputError

@@ -104,7 +104,14 @@ def albedo_flags(wavelength_nm: ArrayLike, *, model: str | Path = "parametric") 
 
 
 def albedo_notes(spec: AlbedoSpec, insolation_au: float | None = None) -> tuple[str, ...]:
-    """Return what was clamped: ``fsed_clamped`` (above 6), ``insolation_clamped`` (outside the models' distances)."""
+    """Return what was clamped: ``fsed_clamped`` (above 6), ``insolation_clamped`` (outside the models' distances).
+
+    Parameters
+    ----------
+    spec : AlbedoSpec
+    insolation_au : float, optional
+        Distance from the Sun where a planet is lit as strongly, au.
+    """
     if not isinstance(spec, ParametricAlbedo | GridAlbedo):
         return ()
     notes = ["fsed_clamped"] if spec.log10_fsed is not None and spec.log10_fsed > LOG10_FSED_MAX else []

@@ -128,6 +128,13 @@ class ExtendedRate(NamedTuple):
 def extended_rates(scene: Scene, instrument: Instrument, band: str) -> tuple[ExtendedRate, ...]:
     """Rates of the extended sources of a scene in one band: ``contrast`` times that of the central star.
 
+    Parameters
+    ----------
+    scene : Scene
+    instrument : Instrument
+    band : str
+        Name of a band of the instrument, such as ``F520``.
+
     Raises
     ------
     InputError

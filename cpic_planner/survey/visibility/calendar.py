@@ -107,7 +107,15 @@ class Visibility:
         return [(int(begin), int(end)) for begin, end in zip(begins, ends, strict=True)]
 
     def windows(self, target: int, *, through: Iterable[str] = ()) -> list[tuple[str, str]]:
-        """Begin and end in UTC of every time without a break in which the target can be seen; see `runs`."""
+        """Begin and end in UTC of every time without a break in which the target can be seen; see `runs`.
+
+        Parameters
+        ----------
+        target : int
+            Position of the star.
+        through : iterable of str, optional
+            Last day that counts.
+        """
         runs = self.runs(target, through=through)
         edges = [self.mjd[step] - 0.5 * self.step_days for run in runs for step in (run[0], run[1] - 1)]
         edges[1::2] = [edge + self.step_days for edge in edges[1::2]]
@@ -117,6 +125,12 @@ class Visibility:
 
 def slew_s(angle_deg: ArrayLike, config: VisibilityConfig) -> FloatArray:
     """Time of a slew by an angle until the telescope has settled; thermal settling of the dark hole is not in it.
+
+    Parameters
+    ----------
+    angle_deg : array_like
+        Angle between the two directions, degrees.
+    config : VisibilityConfig
 
     Examples
     --------
