@@ -246,9 +246,9 @@ def test_overflow_is_that_of_a_normal_law_of_the_square_root(factor2):
     expected = np.where(z > 12.0, 0.0, np.where(z > 0.5, near, 1.0 + around))
     np.testing.assert_allclose(overflow(mean, well, factor2), expected, rtol=1e-12)
     assert overflow(1.0, 1.5625, 1.0) == 2.0  # half a sigma below
-    assert overflow(1.0, 49.0, 1.0) == pytest.approx(norm.pdf(12.0) * 13.0 / 12.0, rel=1e-12)
+    assert overflow(1.0, 49.0, 1.0) == pytest.approx(norm.pdf(12.0) * 13.0 / 12.0, rel=1e-12, abs=0.0)
     z = 2.0 * (1.5 - np.sqrt(0.25))
-    assert overflow(0.25, 2.25, 1.0) == pytest.approx(norm.pdf(z) * (1.0 + 1.0 / z), rel=1e-12)
+    assert overflow(0.25, 2.25, 1.0) == pytest.approx(norm.pdf(z) * (1.0 + 1.0 / z), rel=1e-12, abs=0.0)
 
 
 @pytest.mark.parametrize("mean", [20.0, 300.0])
