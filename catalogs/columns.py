@@ -45,7 +45,7 @@ class Column:
 
     @property
     def allowed(self) -> str:
-        """What a cell may hold, in words."""
+        """Return what a cell may hold, in words."""
         if self.kind == "float":
             return f"a number, {self.range}"
         return {"bool": "yes or no, true or false, 1 or 0", "int": f"a Hipparcos number, {self.range}"}.get(

@@ -164,7 +164,7 @@ def best_places(question: EtcQuestion, model: EtcModel, star: Targets, band: str
 
 
 def _cost(question: EtcQuestion, model: EtcModel, cases: BandCases) -> FloatArray:
-    """What to make small, one number a separation; places outside the field cost ``inf``."""
+    """Return what to make small, one number a separation; places outside the field cost ``inf``."""
     objective: Objective = "significance" if question.snr is None else "snr"
     wanted = question.snr or question.sigma
     level = np.full(len(cases.planets), wanted) if wanted else cases.threshold

@@ -18,7 +18,7 @@ from cpic_planner.targets import Targets, as_catalogue, find_target, rank_sample
 
 @dataclass(frozen=True)
 class Prepared:
-    """What a ranking is made of: model, stars, and what they are ranked by; remarks for the person who asked."""
+    """The model, the stars and the order that a ranking is made of, with remarks for the person who asked."""
 
     model: EtcModel
     targets: Targets

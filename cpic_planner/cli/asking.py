@@ -197,5 +197,5 @@ def _at(tree: Any, path: Sequence[str]) -> Any:
 
 
 def _has(tree: Mapping[str, Any], path: Sequence[str], field: str, wanted: str) -> bool:
-    """Whether a field beside a path, or above it, has a value."""
+    """Return whether a field beside a path, or above it, has a value."""
     return any(_at(tree, (*path[:depth], field)) == wanted for depth in range(len(path)))

@@ -46,15 +46,7 @@ class PhotonNoise(Effect):
     frame_s = 4e-4
 
     def draw(self, work: Work, exposure: Exposure, rng: np.random.Generator) -> None:
-        """Draw the counts; with the switch off, collect the mean.
-
-        Parameters
-        ----------
-        work : Work
-        exposure : Exposure
-        rng : numpy.random.Generator
-            Source of random numbers; a seed gives the same draws.
-        """
+        """Draw the counts; with the switch off, collect the mean."""
         if self.on(exposure.detector):
             kernels = load_kernels(KERNELS)
             kernels.draw_poisson(
@@ -92,15 +84,7 @@ class CosmicRayHits(Effect):
     frame_s = 6e-4
 
     def draw(self, work: Work, exposure: Exposure, rng: np.random.Generator) -> None:
-        """Add the tracks of one exposure.
-
-        Parameters
-        ----------
-        work : Work
-        exposure : Exposure
-        rng : numpy.random.Generator
-            Source of random numbers; a seed gives the same draws.
-        """
+        """Add the tracks of one exposure."""
         if exposure.tracks is None:
             return
         part = exposure.place.rows, exposure.place.columns
@@ -154,15 +138,7 @@ class PixelNonlinearity(Effect):
             image -= np.where(image < full_well, b / (1.0 + b * held) ** 3 * held, 0.0)
 
     def draw(self, work: Work, exposure: Exposure, rng: np.random.Generator) -> None:
-        """Apply the curve to the counts.
-
-        Parameters
-        ----------
-        work : Work
-        exposure : Exposure
-        rng : numpy.random.Generator
-            Source of random numbers; a seed gives the same draws.
-        """
+        """Apply the curve to the counts."""
         b = pixel_curve(exposure.detector)
         if b == 0.0:
             return
@@ -205,32 +181,14 @@ class Blooming(Effect):
         self._spill(image, np.zeros(image.shape, dtype=np.bool_), exposure)
 
     def draw(self, work: Work, exposure: Exposure, rng: np.random.Generator) -> None:
-        """Spill the counts.
-
-        Parameters
-        ----------
-        work : Work
-        exposure : Exposure
-        rng : numpy.random.Generator
-            Source of random numbers; a seed gives the same draws.
-        """
+        """Spill the counts."""
         bottom, top = self._spill(work.image, work.saturated, exposure)
         work.book("drained_bottom", -bottom)
         work.book("drained_top", -top)
         work.counts["n_saturated_pixels"] = int(np.count_nonzero(work.saturated)) if work.image.size else 0
 
     def draw_sum(self, work: Work, exposure: Exposure, n_frames: int, rng: np.random.Generator) -> None:
-        """Leave sums of frames as they are: no frame among them reaches the limit.
-
-        Parameters
-        ----------
-        work : Work
-        exposure : Exposure
-        n_frames : int
-            Number of frames.
-        rng : numpy.random.Generator
-            Source of random numbers; a seed gives the same draws.
-        """
+        """Leave sums of frames as they are: no frame among them reaches the limit."""
 
     @staticmethod
     def _spill(image: FloatArray, spilled: np.ndarray, exposure: Exposure) -> tuple[float, float]:

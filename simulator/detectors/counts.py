@@ -22,14 +22,6 @@ def counted(mean_e: FloatArray, detector: Any, rng: np.random.Generator) -> Floa
 
 
 def made_whole(work: Work, exposure: Exposure, rng: np.random.Generator) -> None:
-    """Round mean charge to whole electrons, the mean kept: only they can be moved.
-
-    Parameters
-    ----------
-    work : Work
-    exposure : Exposure
-    rng : numpy.random.Generator
-        Source of random numbers; a seed gives the same draws.
-    """
+    """Round mean charge to whole electrons, the mean kept: only they can be moved."""
     if not exposure.detector.switches.photon_noise:
         load_kernels(KERNELS).round_stochastic(work.image.reshape(-1), pixel_keys(rng))

@@ -150,15 +150,7 @@ class InfraredHits(CosmicRayHits):
     """Charge that particles leave in the pixels, with its time of arrival where a ramp follows it."""
 
     def draw(self, work: Work, exposure: Exposure, rng: np.random.Generator) -> None:
-        """Draw the tracks of one exposure; the reads after a hit see its charge.
-
-        Parameters
-        ----------
-        work : Work
-        exposure : Exposure
-        rng : numpy.random.Generator
-            Source of random numbers; a seed gives the same draws.
-        """
+        """Draw the tracks of one exposure; the reads after a hit see its charge."""
         if exposure.tracks is None:
             return
         found = exposure.tracks(work.image.shape, rng=rng)
@@ -191,15 +183,7 @@ class Persistence(Effect):
     number = "persistence.fraction"
 
     def draw(self, work: Work, exposure: Exposure, rng: np.random.Generator) -> None:
-        """Add the counts.
-
-        Parameters
-        ----------
-        work : Work
-        exposure : Exposure
-        rng : numpy.random.Generator
-            Source of random numbers; a seed gives the same draws.
-        """
+        """Add the counts."""
         if not len(work.past):
             return
         numbers = exposure.detector.persistence
@@ -228,15 +212,7 @@ class PixelCurve(Effect):
         image[...] = well_signal(image, detector.full_well_e, loss)
 
     def draw(self, work: Work, exposure: Exposure, rng: np.random.Generator) -> None:
-        """Bend a read.
-
-        Parameters
-        ----------
-        work : Work
-        exposure : Exposure
-        rng : numpy.random.Generator
-            Source of random numbers; a seed gives the same draws.
-        """
+        """Bend a read."""
         self.expect(work.image, exposure)
 
 
@@ -268,15 +244,7 @@ class InterpixelCapacitance(Effect):
         image[...] = coupled
 
     def draw(self, work: Work, exposure: Exposure, rng: np.random.Generator) -> None:
-        """Couple a read.
-
-        Parameters
-        ----------
-        work : Work
-        exposure : Exposure
-        rng : numpy.random.Generator
-            Source of random numbers; a seed gives the same draws.
-        """
+        """Couple a read."""
         self.expect(work.image, exposure)
 
 

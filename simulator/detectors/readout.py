@@ -45,31 +45,13 @@ class ReadNoise(Effect):
     colour = "#444444"
 
     def draw(self, work: Work, exposure: Exposure, rng: np.random.Generator) -> None:
-        """Add the noise.
-
-        Parameters
-        ----------
-        work : Work
-        exposure : Exposure
-        rng : numpy.random.Generator
-            Source of random numbers; a seed gives the same draws.
-        """
+        """Add the noise."""
         noise = self.rms_adu(exposure.detector)
         if noise > 0:
             load_kernels(KERNELS).add_normal(work.image.reshape(-1), noise, rng)
 
     def draw_sum(self, work: Work, exposure: Exposure, n_frames: int, rng: np.random.Generator) -> None:
-        """Add the noise of all frames and of the rounding of each.
-
-        Parameters
-        ----------
-        work : Work
-        exposure : Exposure
-        n_frames : int
-            Number of frames.
-        rng : numpy.random.Generator
-            Source of random numbers; a seed gives the same draws.
-        """
+        """Add the noise of all frames and of the rounding of each."""
         rms = math.sqrt(n_frames * (self.rms_adu(exposure.detector) ** 2 + 1.0 / 12.0))
         work.image += rms * rng.standard_normal(work.image.shape)
 
@@ -119,29 +101,11 @@ class Stripes(_Bias):
             image += exposure.stripe_adu
 
     def draw(self, work: Work, exposure: Exposure, rng: np.random.Generator) -> None:
-        """Add the stripes.
-
-        Parameters
-        ----------
-        work : Work
-        exposure : Exposure
-        rng : numpy.random.Generator
-            Source of random numbers; a seed gives the same draws.
-        """
+        """Add the stripes."""
         self.expect(work.image, exposure)
 
     def draw_sum(self, work: Work, exposure: Exposure, n_frames: int, rng: np.random.Generator) -> None:
-        """Leave sums without the fixed bias.
-
-        Parameters
-        ----------
-        work : Work
-        exposure : Exposure
-        n_frames : int
-            Number of frames.
-        rng : numpy.random.Generator
-            Source of random numbers; a seed gives the same draws.
-        """
+        """Leave sums without the fixed bias."""
 
     def row(self, setting: Setting) -> tuple[str, str]:
         """Return how it is modelled, and why it does not exist; empty if it does."""
@@ -168,29 +132,11 @@ class Interference(_Bias):
     frame_s = 2e-4
 
     def draw(self, work: Work, exposure: Exposure, rng: np.random.Generator) -> None:
-        """Add one wave.
-
-        Parameters
-        ----------
-        work : Work
-        exposure : Exposure
-        rng : numpy.random.Generator
-            Source of random numbers; a seed gives the same draws.
-        """
+        """Add one wave."""
         self.add_wave(work.image, exposure, np.exp(2j * np.pi * rng.random()))
 
     def draw_sum(self, work: Work, exposure: Exposure, n_frames: int, rng: np.random.Generator) -> None:
-        """Add the wave that the phases of all frames leave.
-
-        Parameters
-        ----------
-        work : Work
-        exposure : Exposure
-        n_frames : int
-            Number of frames.
-        rng : numpy.random.Generator
-            Source of random numbers; a seed gives the same draws.
-        """
+        """Add the wave that the phases of all frames leave."""
         self.add_wave(work.image, exposure, np.exp(2j * np.pi * rng.random(n_frames)).sum())
 
     def add_wave(self, image: FloatArray, exposure: Exposure, phasor: complex) -> None:
@@ -228,29 +174,11 @@ class BiasDrift(_Bias):
     frame_s = 1e-4
 
     def draw(self, work: Work, exposure: Exposure, rng: np.random.Generator) -> None:
-        """Add one offset.
-
-        Parameters
-        ----------
-        work : Work
-        exposure : Exposure
-        rng : numpy.random.Generator
-            Source of random numbers; a seed gives the same draws.
-        """
+        """Add one offset."""
         self.draw_sum(work, exposure, 1, rng)
 
     def draw_sum(self, work: Work, exposure: Exposure, n_frames: int, rng: np.random.Generator) -> None:
-        """Add the offsets of all frames.
-
-        Parameters
-        ----------
-        work : Work
-        exposure : Exposure
-        n_frames : int
-            Number of frames.
-        rng : numpy.random.Generator
-            Source of random numbers; a seed gives the same draws.
-        """
+        """Add the offsets of all frames."""
         work.image += math.sqrt(n_frames) * exposure.detector.bias_structure.drift_adu * rng.standard_normal()
 
     def variance_adu2(self, detector: Any) -> float:

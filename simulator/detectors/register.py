@@ -38,15 +38,7 @@ class Register(Effect):
         image *= exposure.em_gain
 
     def draw(self, work: Work, exposure: Exposure, rng: np.random.Generator) -> None:
-        """Multiply at random.
-
-        Parameters
-        ----------
-        work : Work
-        exposure : Exposure
-        rng : numpy.random.Generator
-            Source of random numbers; a seed gives the same draws.
-        """
+        """Multiply at random."""
         work.charge["register_in"] = float(work.image.sum())
         if self.on(exposure.detector):
             amplify(work.image.reshape(-1), exposure.em_gain, exposure.detector.register_stages, rng)
@@ -100,15 +92,7 @@ class RegisterClockCharge(Effect):
         image += self.mean_output_e(exposure.detector, exposure.em_gain)
 
     def draw(self, work: Work, exposure: Exposure, rng: np.random.Generator) -> None:
-        """Add single electrons, each through the rest of the register.
-
-        Parameters
-        ----------
-        work : Work
-        exposure : Exposure
-        rng : numpy.random.Generator
-            Source of random numbers; a seed gives the same draws.
-        """
+        """Add single electrons, each through the rest of the register."""
         detector = exposure.detector
         stages = detector.register_stages
         p = float(stage_probability(exposure.em_gain, stages))
@@ -151,32 +135,14 @@ class RegisterFullWell(Effect):
         self._trail(image, np.zeros(image.shape, dtype=np.bool_), exposure)
 
     def draw(self, work: Work, exposure: Exposure, rng: np.random.Generator) -> None:
-        """Trail the counts.
-
-        Parameters
-        ----------
-        work : Work
-        exposure : Exposure
-        rng : numpy.random.Generator
-            Source of random numbers; a seed gives the same draws.
-        """
+        """Trail the counts."""
         trailed = np.zeros(work.image.shape, dtype=np.bool_)
         work.book("drained_row_ends", -self._trail(work.image, trailed, exposure))
         work.counts["n_register_saturated"] = int(np.count_nonzero(trailed))
         work.saturated |= trailed
 
     def draw_sum(self, work: Work, exposure: Exposure, n_frames: int, rng: np.random.Generator) -> None:
-        """Leave sums of frames as they are: no frame among them reaches the limit.
-
-        Parameters
-        ----------
-        work : Work
-        exposure : Exposure
-        n_frames : int
-            Number of frames.
-        rng : numpy.random.Generator
-            Source of random numbers; a seed gives the same draws.
-        """
+        """Leave sums of frames as they are: no frame among them reaches the limit."""
 
     @staticmethod
     def _trail(image: FloatArray, trailed: np.ndarray, exposure: Exposure) -> float:
@@ -213,15 +179,7 @@ class OutputNonlinearity(Effect):
             image[...] = compressed(image, numbers.register_loss, numbers.register_loss_at_e)
 
     def draw(self, work: Work, exposure: Exposure, rng: np.random.Generator) -> None:
-        """Apply the curve to the output, in electrons: no charge is lost.
-
-        Parameters
-        ----------
-        work : Work
-        exposure : Exposure
-        rng : numpy.random.Generator
-            Source of random numbers; a seed gives the same draws.
-        """
+        """Apply the curve to the output, in electrons: no charge is lost."""
         b = output_curve(exposure.detector)
         if b > 0:
             load_kernels(LIMIT_KERNELS).compress(work.image.reshape(-1), b)

@@ -201,15 +201,7 @@ class ClockCharge(Effect):
         image[:, columns] += exposure.detector.cic_e if exposure.cic_e is None else exposure.cic_e[:, columns]
 
     def draw(self, work: Work, exposure: Exposure, rng: np.random.Generator) -> None:
-        """Add the counts.
-
-        Parameters
-        ----------
-        work : Work
-        exposure : Exposure
-        rng : numpy.random.Generator
-            Source of random numbers; a seed gives the same draws.
-        """
+        """Add the counts."""
         pixels = work.image[:, exposure.place.columns]
         if exposure.cic_e is None:
             total, cumulated = exposure.detector.cic_e * pixels.size, None
