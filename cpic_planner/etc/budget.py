@@ -118,7 +118,7 @@ def largest_term(noise: StackNoise, index: tuple[int, ...]) -> str:
     index : tuple of int
         The case.
     """
-    values = {name: float(np.broadcast_to(term, noise.snr.shape)[index]) for name, term in noise.terms.items()}
+    values = {name: float(term[index]) for name, term in noise.terms.items()}
     name = max(values, key=lambda key: values[key])
     return name if values[name] > 0 else ""
 

@@ -60,7 +60,6 @@ class BandCases:
     y_arcsec: FloatArray
     contrast: FloatArray
     threshold: FloatArray
-    core: FloatArray
     rates: ApertureRates
     wish: FrameWish
 
@@ -141,7 +140,7 @@ class BandCases:
             "band": self.band,
             "separation_arcsec": float(self.planets.separation_arcsec[planet]),
             "threshold": threshold if inside and np.isfinite(threshold) else None,
-            "core_throughput": float(self.core[planet]) if inside else None,
+            "core_throughput": float(self.rates.core[0, planet]) if inside else None,
             "flags": tuple(notes),
         }
 
@@ -225,7 +224,6 @@ def band_cases(model: EtcModel, targets: Targets, band: str, planets: Planets, w
         y_arcsec=y,
         contrast=contrast,
         threshold=threshold_array(metrics.resolution_elements(place), model.strategy.sigma),
-        core=metrics.core_throughput(x, y),
         rates=rates,
         wish=wish,
     )

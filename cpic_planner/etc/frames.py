@@ -306,7 +306,9 @@ def smooth_in_visit(problem: FrameProblem, visit_s: FloatArray) -> FloatArray:
         return np.where(np.isfinite(cost) & (visit > 0), cost / visit + problem.residual(visit), np.inf)
 
 
-def smooth_least_visit_s(problem: FrameProblem, level: FloatArray | float) -> FloatArray:
+def smooth_least_visit_s(
+    problem: FrameProblem, level: FloatArray | float, cost: FloatArray | None = None
+) -> FloatArray:
     """Return the shortest visit that reaches an SNR if frames need not be whole; ``inf`` where none does.
 
     Parameters
@@ -314,9 +316,11 @@ def smooth_least_visit_s(problem: FrameProblem, level: FloatArray | float) -> Fl
     problem : FrameProblem
     level : ndarray or float
         SNR to reach.
+    cost : ndarray, optional
+        Least ``G`` of the problem, where it is known (`best_exposure_s`).
     """
     aim = 1.0 / np.broadcast_to(np.asarray(level, float), problem.signal_e_s.shape) ** 2
-    return _smooth_visit_s(problem, best_exposure_s(problem)[1], aim)
+    return _smooth_visit_s(problem, best_exposure_s(problem)[1] if cost is None else cost, aim)
 
 
 def _smooth_visit_s(problem: FrameProblem, cost: FloatArray, aim: FloatArray) -> FloatArray:

@@ -46,8 +46,8 @@ class StackNoise:
 
     @functools.cached_property
     def terms(self) -> dict[str, FloatArray]:
-        """Parts of the variance by origin, e-^2."""
-        return self._terms()
+        """Parts of the variance by origin, e-^2, each in the shape of the SNR."""
+        return {name: np.broadcast_to(part, self.snr.shape) for name, part in self._terms().items()}
 
 
 def light_factor2(camera: FrameCamera, em_gain: ArrayLike) -> FloatArray:
@@ -81,20 +81,43 @@ def white_terms(rates: ApertureRates, camera: FrameCamera, reference_ratio: floa
         Of a sum over the area of the aperture, before the weights of its pixels and what the subtraction leaves of a
         planet. ``reference`` is everything that the reference frames add, scaled to the science frames.
     """
-    area, scale = rates.aperture_pixels, rates.reference_scale
-    terms = {name: FrameTerm(rate_e_s=getattr(rates, f"{name}_e_s")) for name in _LIGHT} | {
-        "smear": FrameTerm(charge_e=rates.smear_e),
+    light = {name: FrameTerm(rate_e_s=getattr(rates, f"{name}_e_s")) for name in _LIGHT}
+    smear = {"smear": FrameTerm(charge_e=rates.smear_e)}
+    reference = {"reference": _reference_term(rates, camera, reference_ratio)}
+    return light | smear | _electronic_terms(rates, camera) | reference
+
+
+def white_term(rates: ApertureRates, camera: FrameCamera, reference_ratio: float) -> FrameTerm:
+    """Return the sum of `white_terms`.
+
+    Parameters
+    ----------
+    rates, camera, reference_ratio
+        As of `white_terms`.
+    """
+    light = FrameTerm(rates.background_e_s, rates.smear_e)
+    reference = _reference_term(rates, camera, reference_ratio)
+    return FrameTerm.total((*_electronic_terms(rates, camera).values(), light, reference))
+
+
+def _electronic_terms(rates: ApertureRates, camera: FrameCamera) -> dict[str, FrameTerm]:
+    """What the camera adds to a science frame besides the noise of light and dark charge."""
+    area = rates.aperture_pixels
+    return {
         "cic": FrameTerm(charge_e=area * camera.cic_e),
         "read_noise": FrameTerm(output_e2=area * camera.read_noise_e**2),
         "rounding": FrameTerm(output_e2=area * camera.rounding_e**2),
-    }
-    terms |= {name: FrameTerm(*(area * part for part in added)) for name, added in camera.added}
-    terms["reference"] = FrameTerm(
-        rate_e_s=(rates.reference_light_e_s + scale * area * camera.rate_e_s) / reference_ratio,
-        charge_e=(rates.reference_smear_e + scale * area * camera.charge_e) / reference_ratio,
-        output_e2=scale * area * camera.read_variance_e2 / reference_ratio,
+    } | {name: FrameTerm(*(area * part for part in added)) for name, added in camera.added}
+
+
+def _reference_term(rates: ApertureRates, camera: FrameCamera, reference_ratio: float) -> FrameTerm:
+    """Everything that the reference frames of a science frame add."""
+    pixels = rates.reference_scale * rates.aperture_pixels
+    return FrameTerm(
+        (rates.reference_light_e_s + pixels * camera.rate_e_s) / reference_ratio,
+        (rates.reference_smear_e + pixels * camera.charge_e) / reference_ratio,
+        pixels * camera.read_variance_e2 / reference_ratio,
     )
-    return terms
 
 
 def frame_problem(
@@ -126,7 +149,7 @@ def frame_problem(
     with_planet = objective == "snr"
     level = 1.0 + 1.0 / rates.background_apertures if with_planet else 1.0
     share = level * rates.noise_fraction * _throughput_loss(rates)
-    white = FrameTerm.total(white_terms(rates, camera, strategy.reference_ratio).values())
+    white = white_term(rates, camera, strategy.reference_ratio)
     own = own_noise(rates, camera) if with_planet else 0.0
     z0, z1, z2 = _residual(rates, level)
     arrays = _broadcast(
@@ -147,7 +170,7 @@ def frame_problem(
         pixels = rates.noise_fraction * _throughput_loss(rates) * rates.aperture_pixels
         law = _law(camera, camera.em_gain_max if em_gain is None else em_gain, strategy)
         parts = _broadcast(
-            arrays["alpha_e_s"].shape,
+            arrays["alpha_e_s"],
             planet_e_s=rates.planet_e_s / rates.aperture_pixels,
             quiet_e_s=rates.background_e_s / rates.aperture_pixels + camera.rate_e_s,
             reference_e_s=_reference_pixel(rates.reference_light_e_s, rates) + camera.rate_e_s,
@@ -207,8 +230,7 @@ def stack_noise(
         white = np.asarray(sum(counts.values()))
     else:
         factor2, share = light_factor2(camera, gain), stack * rates.noise_fraction
-        origins = white_terms(rates, camera, strategy.reference_ratio)
-        white = share * FrameTerm.total(origins.values()).variance_e2(exposure, factor2, gain)
+        white = share * white_term(rates, camera, strategy.reference_ratio).variance_e2(exposure, factor2, gain)
         planet = stack * factor2 * rates.source_noise_fraction * rates.planet_e_s * exposure
     integrated = (frames * exposure) ** 2 * rates.variance_factor
     wings = integrated * rates.wings_e2_s2
@@ -220,6 +242,7 @@ def stack_noise(
         if strategy.mode == "photon_counting":
             parts = counts
         else:
+            origins = white_terms(rates, camera, strategy.reference_ratio)
             parts = {name: share * term.variance_e2(exposure, factor2, gain) for name, term in origins.items()}
         return parts | {"companion_wings": wings, "background_mean": mean, "speckle": speckle, "planet": planet}
 
@@ -235,10 +258,9 @@ def _throughput_loss(rates: ApertureRates) -> float:
     return rates.variance_factor / rates.rdi_throughput**2
 
 
-def _broadcast(shape: tuple[int, ...] = (), /, **values: Any) -> dict[str, Any]:
-    """Named arrays of one shape, that of all of them and of the given one."""
-    whole = np.broadcast_shapes(shape, *map(np.shape, values.values()))
-    return {name: np.broadcast_to(np.asarray(value, float), whole) for name, value in values.items()}
+def _broadcast(*others: FloatArray, **values: Any) -> dict[str, Any]:
+    """Named arrays of one shape, that of all of them and of the others."""
+    return dict(zip(values, np.broadcast_arrays(*values.values(), *others), strict=False))
 
 
 def _residual(rates: ApertureRates, level: FloatArray | float) -> list[FloatArray]:

@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cpic_planner.etc.camera import FrameCamera
-from cpic_planner.etc.noise import light_factor2, white_terms
+from cpic_planner.etc.noise import light_factor2, white_term
 from cpic_planner.etc.rates import ApertureRates
 from simulator.camera.gain import GAIN_LIMIT
 from simulator.quantities import checked_array, checked_scalar
-from simulator.signal.variance import FrameTerm, clean_fraction
+from simulator.signal.variance import clean_fraction
 
 FloatArray = NDArray[np.float64]
 
@@ -79,7 +79,7 @@ def snr_paper(
     gain = checked_array("em_gain", em_gain, low=1.0, high=GAIN_LIMIT)
     kept = frames * clean_fraction(rates.loss_per_s, exposure)
     own = rates.rdi_throughput * rates.planet_e_s * exposure * kept
-    frame = FrameTerm.total(white_terms(rates, camera, ratio).values())
+    frame = white_term(rates, camera, ratio)
     white = kept * frame.variance_e2(exposure, light_factor2(camera, gain), gain) / area
     together = rates.residual.variance(frames * (exposure + camera.readout_s)) / area**2
     pixel_variance = white + (kept * exposure) ** 2 * together / SPECKLE_COHERENCE

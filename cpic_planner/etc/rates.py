@@ -13,6 +13,7 @@ from cpic_planner.targets import Targets
 from simulator.config import Instrument
 from simulator.effects.sky import sky_rate_e_s_arcsec2
 from simulator.effects.stray_light import stray_light_map
+from simulator.imaging.metrics import PsfMetrics
 from simulator.signal.light import annulus_apertures, aperture_exozodi, companion_column, lit_rows, sky_pixel_e_s
 from simulator.signal.speckles import SpeckleLaw, speckle_law
 from simulator.signal.variance import aperture_noise_pixels
@@ -31,6 +32,8 @@ class ApertureRates:
     planet_e_s, halo_e_s, companion_e_s, sky_e_s, exozodi_e_s, dark_e_s : ndarray
         Detected electrons per second in the aperture: planet, residual star light behind the coronagraph, wings of
         bound companions, sky, dust around the star, dark current.
+    core : ndarray
+        Part of a planet's light that its aperture gets (`simulator.imaging.metrics.PsfMetrics.core_throughput`).
     speckle : SpeckleLaw
         Spatial variance of aperture sums of the star light that RDI leaves, (e-/s)^2, against the length of the visit;
         it does not average down.
@@ -76,6 +79,7 @@ class ApertureRates:
     sky_e_s: FloatArray
     exozodi_e_s: FloatArray
     dark_e_s: FloatArray
+    core: FloatArray
     speckle: SpeckleLaw
     wings_e2_s2: FloatArray
     peak_hole_e_s: FloatArray
@@ -151,20 +155,22 @@ def aperture_rates(
     companion = _companions(model, targets, band, x, y)
     halo = star * metrics.halo_aperture(x, y)
     exozodi = star * aperture_exozodi(metrics, instrument.sky.exozodi_zodis, x, y)
-    dark = np.full((1,) * dims, model.camera(band).dark_e_s * metrics.aperture_pixels)
+    area, core = metrics.aperture_pixels, metrics.core_throughput(x, y)
+    dark = np.full((1,) * dims, model.camera(band).dark_e_s * area)
     law = speckle_law(metrics, instrument.drift, separation, strategy.annulus_lambda_d, strategy.reference_ratio)
     reference = model.library_noise(band, star)
     smear = _smear(model, band, x, star, companion.column_e_s, sky)
     brightest, peak_planet = star * reference.peak, planet_total * metrics.peak_off_axis
-    peak_companion = companion.aperture_e_s / metrics.aperture_pixels
+    peak_companion = companion.aperture_e_s / area
     noise_pixels = float(aperture_noise_pixels(metrics.aperture_radius_arcsec / metrics.pixel_scale_arcsec))
     return ApertureRates(
-        planet_e_s=planet_total * metrics.core_throughput(x, y),
+        planet_e_s=planet_total * core,
         halo_e_s=halo,
         companion_e_s=companion.aperture_e_s,
         sky_e_s=sky,
         exozodi_e_s=exozodi,
         dark_e_s=dark,
+        core=core,
         speckle=law.scaled(star**2 * reference.speckle),
         wings_e2_s2=companion.left_e2_s2,
         peak_hole_e_s=brightest * metrics.peak_on_axis_hole + peak_planet + peak_companion,
@@ -172,8 +178,8 @@ def aperture_rates(
         peak_frame_e_s=brightest * metrics.peak_on_axis_frame,
         peak_columns_e_s=brightest * metrics.peak_on_axis_columns,
         tail_e_s=brightest * metrics.register_tail,
-        aperture_pixels=metrics.aperture_pixels,
-        noise_fraction=noise_pixels / metrics.aperture_pixels,
+        aperture_pixels=area,
+        noise_fraction=noise_pixels / area,
         source_noise_fraction=metrics.source_noise_fraction,
         background_apertures=annulus_apertures(metrics, strategy.annulus_lambda_d, separation),
         rdi_throughput=1.0 - strategy.n_modes / float(np.count_nonzero(metrics.hole)),
@@ -217,15 +223,16 @@ def aperture_sky_e_s(model: EtcModel, targets: Targets, band: str) -> FloatArray
             for ra, dec in zip(targets.ra_deg, targets.dec_deg, strict=True)
         ]
     sky = sky_pixel_e_s(metrics, [level.rate_e_s_arcsec2 for level in levels])
-    return np.asarray((sky + _stray_e_s_pixel(instrument, band, metrics.hole)) * metrics.aperture_pixels)
+    return np.asarray((sky + _stray_e_s_pixel(instrument, band, metrics)) * metrics.aperture_pixels)
 
 
-def _stray_e_s_pixel(instrument: Instrument, band: str, hole: NDArray[np.bool_]) -> float:
+def _stray_e_s_pixel(instrument: Instrument, band: str, metrics: PsfMetrics) -> float:
     """Mean stray light on the pixels of the hole that lie on the detector."""
     detector = instrument.detector_of(band)
     stray = stray_light_map(instrument, band, (detector.n_rows, detector.n_columns))
     if stray is None:
         return 0.0
+    hole = metrics.hole
     rows, columns = np.nonzero(hole)
     row = rows - hole.shape[0] // 2 + detector.star_row
     column = columns - hole.shape[1] // 2 + detector.star_column

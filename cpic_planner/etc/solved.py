@@ -122,7 +122,7 @@ def answers_of(
             "gain_limited_by": binding.gain,
             "gain_caps": binding.caps,
             "budget": {"signal_e": float(noise.signal_e[i, j])}
-            | {f"{name}_e2": float(np.broadcast_to(term, noise.snr.shape)[i, j]) for name, term in noise.terms.items()},
+            | {f"{name}_e2": float(term[i, j]) for name, term in noise.terms.items()},
             "dominant": largest_term(noise, (i, j)),
             "remedies": {name: float(factor[i, j]) for name, factor in helps.items()},
         }
@@ -151,13 +151,14 @@ class _Most:
         parts[4:] = np.inf
         if lost.any():
             part = problem.at(lost)
-            parts[0, lost], parts[1, lost] = part.longest_s(), best_exposure_s(part)[1]
+            cost = best_exposure_s(part)[1]
+            parts[0, lost], parts[1, lost] = part.longest_s(), cost
             if level is not None:
                 wanted = np.where(np.isfinite(level), level, 1.0)[lost]
-                parts[2, lost] = smooth_least_visit_s(part, wanted)
+                parts[2, lost] = smooth_least_visit_s(part, wanted, cost)
                 best = best_in_visit(part, np.full(wanted.shape, _LONGEST_S))
                 parts[3, lost] = np.where(best.n_frames >= 1, best.inverse_snr2**-0.5, 0.0)
-                parts[4, lost] = smooth_least_visit_s(without_speckles(part), wanted)
+                parts[4, lost] = smooth_least_visit_s(without_speckles(part), wanted, cost)
                 own = np.broadcast_to(own_noise(cases.rates, problem.camera), lost.shape)[lost]
                 parts[5, lost] = smooth_least_visit_s(without_background(part, own), wanted)
         return cls(*parts)
@@ -189,8 +190,10 @@ class _Detection:
             part, level = problem.at(lost), wanted[lost]
             visit = choice.visit_s[lost] if time_s is None else np.full(level.shape, float(model.visit_s(time_s)))
             own = np.broadcast_to(own_noise(cases.rates, problem.camera), lost.shape)[lost]
-            calm[lost] = reached(without_speckles(part), visit, level)
-            dark[lost] = reached(without_background(part, own), visit, level)
+            changed = without_speckles(part), without_background(part, own)
+            # Counting is a background, too: only without it are both problems of one kind.
+            together = [FrameProblem.stacked(changed)] if part.counting is None else changed
+            calm[lost], dark[lost] = np.reshape([reached(one, visit, level) for one in together], (2, -1))
         return cls(detected, chances, calm, dark, float(model.visit_s(LONGEST_TIME_S)))
 
     def fields(self, status: Status, reason: Reason, most: _Most, index: tuple[int, int]) -> dict[str, Any]:

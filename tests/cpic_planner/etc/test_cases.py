@@ -81,4 +81,4 @@ def test_light_of_planets_is_counted_once():
     star = MODEL.passbands.star_rate_e_s(
         STARS.v_mag, STARS.teff_k, STARS.log_g, STARS.metallicity, MODEL.instrument.telescope.area_cm2
     )[:, column]
-    np.testing.assert_allclose(found.rates.planet_e_s, star[:, None] * 1e-8 * found.core, rtol=1e-12)
+    np.testing.assert_allclose(found.rates.planet_e_s, star[:, None] * 1e-8 * found.rates.core, rtol=1e-12)
