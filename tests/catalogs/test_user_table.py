@@ -3,8 +3,6 @@
 import csv
 import io
 import math
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -359,16 +357,6 @@ def test_provenance_has_name_and_content_but_no_folder(tmp_path):
     assert "mine.csv" in one.provenance
     assert str(tmp_path) not in one.provenance
     assert one.ranked_v_mag is None
-
-
-def test_csv_needs_no_heavy_library(tmp_path):
-    (tmp_path / "mine.csv").write_text(SIMPLE)
-    code = (
-        "import sys; from catalogs.catalogue import open_catalogue; open_catalogue(sys.argv[1]);"
-        "heavy = {'pandas', 'astropy', 'astroquery', 'scipy.stats', 'requests'} & set(sys.modules);"
-        "assert not heavy, heavy"
-    )
-    subprocess.run([sys.executable, "-c", code, str(tmp_path / "mine.csv")], check=True)
 
 
 ROW = st.fixed_dictionaries(

@@ -1,8 +1,6 @@
 """Band rates: against direct integration of spectra, against the reference Sun, and their speed."""
 
 import dataclasses
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -286,19 +284,6 @@ def test_a_whole_catalogue_in_one_call(passbands: Passbands) -> None:
     rates = passbands.star_rate_e_s(*stars, AREA_CM2)
     assert rates.shape == (n, 8)
     assert np.all(rates > 0.0)
-
-
-def test_no_heavy_module_is_loaded() -> None:
-    code = (
-        "import sys; import simulator.target; from simulator.passbands import Passbands;"
-        "from simulator.target import planet_contrast, stellar_spectrum;"
-        "p = Passbands.from_bands(); p.star_rate_e_s(1.0, 5800.0, 4.4, 0.0, 1.0);"
-        "p.band_albedo('jupiter', 5800.0, 4.4, 0.0); stellar_spectrum(1.0, 'K1V');"
-        "heavy = {'pandas', 'synphot', 'hcipy', 'matplotlib', 'scipy', 'astropy', 'numba', 'dask'};"
-        "bad = heavy & set(sys.modules);"
-        "sys.exit(f'loaded: {bad}' if bad else 0)"
-    )
-    subprocess.run([sys.executable, "-c", code], check=True, cwd=ROOT)
 
 
 def test_nodes_of_a_narrow_curve_have_its_width() -> None:

@@ -1,7 +1,5 @@
 import json
 import re
-import subprocess
-import sys
 from shlex import split
 
 import pytest
@@ -404,13 +402,3 @@ def test_the_dial_refuses_in_one_line(capsys, options, words):
     assert err.count("\n") == 1
     for word in words:
         assert word in err
-
-
-def test_closed_forms_load_nothing_of_the_images():
-    code = (
-        "import sys\nfrom cpic_planner.cli.main import main\n"
-        "assert main(['etc', 'tau Cet', '--tolerance', '0.5', '--json']) == 0\n"
-        "heavy = {'numba', 'cpic_planner.validation', 'cpic_planner.etc_images', 'simulator.observation'}\n"
-        "sys.exit(bool(heavy & set(sys.modules)))"
-    )
-    assert subprocess.run([sys.executable, "-c", code], capture_output=True, check=False).returncode == 0

@@ -135,18 +135,6 @@ def test_ticks_of_a_colour_bar(ticks, labels, power):
     assert tick_labels(ticks) == (labels, power)
 
 
-def test_pyplot_is_not_used(rank):
-    import subprocess
-    import sys
-
-    code = (
-        "import sys\nfrom cpic_planner.report.drawing import new_figure, save, style\n"
-        "with style():\n    f = new_figure(2); f.add_subplot().plot([1, 2]); save(f, 'svg', alt='', caption='')\n"
-        "assert 'matplotlib.pyplot' not in sys.modules"
-    )
-    subprocess.run([sys.executable, "-W", "error", "-c", code], check=True)
-
-
 def test_figures_of_an_empty_ranking_and_plan(rank, plan):
     empty = rank.model_copy(update={"targets": [], "counts": {}})
     for picture in (

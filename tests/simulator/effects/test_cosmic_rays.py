@@ -1,7 +1,5 @@
 """Cosmic rays of an exposure: counts, places, bookkeeping, refusals, extremes."""
 
-import subprocess
-import sys
 import tracemalloc
 
 import numpy as np
@@ -199,12 +197,3 @@ def test_long_exposures_do_not_pile_up_memory(cosmic):
 def test_a_seed_is_no_generator(cosmic):
     with pytest.raises(InputError, match="rng = int"):
         draw(cosmic("physical"), 5)
-
-
-def test_import_does_not_load_the_compiler():
-    code = (
-        "import sys, simulator.effects\n"
-        "heavy = {'numba', 'astropy', 'scipy.stats', 'scipy.special', 'pandas'} & set(sys.modules)\n"
-        "assert not heavy, heavy"
-    )
-    subprocess.run([sys.executable, "-c", code], check=True)

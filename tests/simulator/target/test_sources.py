@@ -1,8 +1,5 @@
 """Tables of sources: positions as pictures, spectra against synphot, rates against the spectra."""
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -341,20 +338,6 @@ def test_the_whole_catalogue_at_once():
     columns = (stars[name].to_numpy()[:200] for name in ("v_mag", "teff_k", "log_g", "metallicity"))
     expected = passbands.star_rate_e_s(*columns, INSTRUMENT.telescope.area_cm2)[:, 0]
     np.testing.assert_allclose(host, expected, rtol=1e-12)
-
-
-def test_positions_and_rates_need_no_heavy_library():
-    code = """
-import sys
-from simulator import load_instrument, load_scene, spectrum_generator
-from simulator.target.sources import scene_sources
-table = spectrum_generator("paper_background")
-table.x_arcsec, [row.photlam for row in table], table.flags
-scene_sources(load_scene("paper_background"), load_instrument(), "F520")
-heavy = [m for m in ("synphot", "astropy", "pandas", "scipy", "hcipy", "matplotlib") if m in sys.modules]
-assert heavy == [], heavy
-"""
-    subprocess.run([sys.executable, "-c", code], check=True)
 
 
 def test_measured_albedo_is_the_shipped_table():
