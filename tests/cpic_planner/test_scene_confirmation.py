@@ -280,6 +280,7 @@ def test_every_tier_is_the_same_for_any_number_of_workers(tiers):
         assert dump_json(again[number]) == dump_json(tiers[tier])
 
 
+@pytest.mark.long
 def test_the_reference_beside_standard(tiers):
     """Whole frames with every effect, and sums of frames: the same planet within its noise."""
     whole, sums = (

@@ -121,7 +121,7 @@ def test_identity_at_gain_one_and_zero_stays_zero() -> None:
     kind=st.sampled_from([np.int64, np.uint64]),
     stages=st.sampled_from([14, 15, 16, 604, 5000]),
 )
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=15, deadline=None)
 def test_any_shape_and_size(shape: tuple[int, ...], gain: float, top: int, kind: type, stages: int) -> None:
     charge = np.asarray(stream(3, "in").integers(0, top, shape, endpoint=True)).astype(kind)
     before = charge.copy()

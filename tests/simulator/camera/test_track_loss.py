@@ -54,10 +54,8 @@ def test_rate_is_that_of_sticks_thrown_on_a_disc():
     ("model", "band"),
     [
         ("physical", "F520"),
-        ("physical", "F850"),
         ("physical", "F1265"),
         ("paper", "F520"),
-        ("paper", "F850"),
         ("template", "F662"),
     ],
 )

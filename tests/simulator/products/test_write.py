@@ -301,8 +301,8 @@ def test_out_dir_that_is_a_file_is_refused(sequence, tmp_path):
         write_level0(sequence(), tmp_path / "file")
 
 
-def test_a_thousand_frames_stream(sequence, tmp_path):
-    count, told, alive, most = 1000, [], weakref.WeakSet(), []
+def test_many_frames_stream(sequence, tmp_path):
+    count, told, alive, most = 200, [], weakref.WeakSet(), []
 
     class Counted(type(sequence())):
         def frame(self, index):
