@@ -79,6 +79,19 @@ def _own_data_folder(tmp_path_factory):
         os.environ["CPIC_DATA_DIR"] = before
 
 
+@pytest.fixture(scope="session")
+def refused():
+    """Call a function that refuses what it is given: by `InputError`, in one line that matches ("" for any)."""
+    from catalogs.errors import InputError
+
+    def check(match, function, /, *arguments, **named):
+        with pytest.raises(InputError, match=match or None) as caught:
+            function(*arguments, **named)
+        assert "\n" not in str(caught.value)
+
+    return check
+
+
 @pytest.fixture
 def data_folder(tmp_path, monkeypatch):
     """An empty data folder for one test."""

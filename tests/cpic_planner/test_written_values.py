@@ -62,9 +62,8 @@ def test_factors(text):
 
 
 @pytest.mark.parametrize("text", ["x-1", "x.nan", "x0,7", "x2nm"])
-def test_factors_that_are_none(text):
-    with pytest.raises(InputError, match="a factor on the present value"):
-        read_value("key", text, "nm")
+def test_factors_that_are_none(refused, text):
+    refused("a factor on the present value", read_value, "key", text, "nm")
 
 
 @pytest.mark.parametrize(

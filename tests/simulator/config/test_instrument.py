@@ -4,7 +4,6 @@ import pickle
 import pytest
 from pydantic import ValidationError
 
-from catalogs.errors import InputError
 from simulator.config import content_hash, load_instrument
 from simulator.config.base import canonical_json
 from simulator.config.mission import checked_utc
@@ -124,12 +123,11 @@ def test_the_optics_of_table_1_are_the_shipped_ones():
         assert metrics_key(load_instrument("paper_table1"), band) == metrics_key(load_instrument(), band)
 
 
-def test_inner_edge_by_band_replaces_the_one_in_lambda_d():
+def test_inner_edge_by_band_replaces_the_one_in_lambda_d(refused):
     instrument = load_instrument({"coronagraph": {"inner_arcsec": {"F662": 0.25}}})
     assert instrument.hole_inner_arcsec("F662") * math.sqrt(2) == pytest.approx(0.25)
     assert instrument.hole_inner_arcsec("F720") == load_instrument().hole_inner_arcsec("F720")
-    with pytest.raises(InputError, match=r"outer_half_side_arcsec.*hole of F662"):
-        load_instrument({"coronagraph": {"inner_arcsec": {"F662": 0.95}}})
+    refused(r"outer_half_side_arcsec.*hole of F662", load_instrument, {"coronagraph": {"inner_arcsec": {"F662": 0.95}}})
 
 
 @pytest.mark.parametrize("band", ["F940", "F1265", "F1425", "F1542"])
@@ -216,7 +214,7 @@ def test_times_are_read_in_the_usual_spellings(given, meant):
     assert checked_utc("start_utc", given) == meant
 
 
-def test_leap_seconds_are_those_of_astropy():
+def test_leap_seconds_are_those_of_astropy(refused):
     from astropy.time import Time
 
     for year in range(1972, 2024):
@@ -227,5 +225,4 @@ def test_leap_seconds_are_those_of_astropy():
             if round(seconds) == 86401:
                 assert checked_utc("start_utc", text) == text
             else:
-                with pytest.raises(InputError, match="start_utc"):
-                    checked_utc("start_utc", text)
+                refused("start_utc", checked_utc, "start_utc", text)

@@ -101,10 +101,9 @@ def test_brightness_of_extra_light_is_added():
 
 
 @pytest.mark.parametrize("missing", ["ra_deg", "dec_deg", "start_utc"])
-def test_zodiacal_light_needs_place_and_date(missing):
+def test_zodiacal_light_needs_place_and_date(refused, missing):
     given = {"ra_deg": 10.0, "dec_deg": 10.0, "start_utc": DATE} | {missing: None}
-    with pytest.raises(InputError, match=f"{missing} = missing"):
-        sky_rate_e_s_arcsec2(ZODIACAL, "F520", **given)
+    refused(f"{missing} = missing", sky_rate_e_s_arcsec2, ZODIACAL, "F520", **given)
 
 
 @pytest.mark.parametrize(("key", "value"), [("ra_deg", 400.0), ("dec_deg", float("nan")), ("start_utc", "someday")])
@@ -113,6 +112,5 @@ def test_bad_places_are_refused(key, value):
         sky_rate_e_s_arcsec2(ZODIACAL, "F520", **({"ra_deg": 10.0, "dec_deg": 10.0, "start_utc": DATE} | {key: value}))
 
 
-def test_unknown_bands_are_refused():
-    with pytest.raises(InputError, match="band = F999"):
-        sky_rate_e_s_arcsec2(ZODIACAL, "F999", **icrs_at(90, 0))
+def test_unknown_bands_are_refused(refused):
+    refused("band = F999", sky_rate_e_s_arcsec2, ZODIACAL, "F999", **icrs_at(90, 0))
