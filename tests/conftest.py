@@ -81,13 +81,14 @@ def _own_data_folder(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def refused():
-    """Call a function that refuses what it is given: by `InputError`, in one line that matches ("" for any)."""
+    """Call a function that refuses what it is given: by `InputError`, in one line that matches; returns that line."""
     from catalogs.errors import InputError
 
     def check(match, function, /, *arguments, **named):
         with pytest.raises(InputError, match=match or None) as caught:
             function(*arguments, **named)
         assert "\n" not in str(caught.value)
+        return str(caught.value)
 
     return check
 

@@ -257,10 +257,9 @@ def test_changes_are_a_table():
         ([3], ("simulator_overrides = 3", "KEY=VALUE")),
     ],
 )
-def test_refusals_name_key_value_and_what_is_allowed(source, words):
-    with pytest.raises(InputError) as refusal:
-        SimulatorOverrides.of(source, NOMINAL).instrument(NOMINAL)
-    text = str(refusal.value)
+def test_refusals_name_key_value_and_what_is_allowed(refused, source, words):
+    message = refused("", SimulatorOverrides.of(source, NOMINAL).instrument, NOMINAL)
+    text = message
     assert "\n" not in text
     for word in words:
         assert word in text

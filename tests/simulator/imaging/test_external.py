@@ -210,10 +210,8 @@ def test_what_was_assumed_is_flagged(tmp_path):
         ({"band": np.asarray(3)}, "psf band"),
     ],
 )
-def test_bad_kernels_are_refused_by_name(tmp_path, change, words):
-    with pytest.raises(InputError, match=words) as refusal:
-        load_psf(stored(tmp_path / "a.npz", **change))
-    assert "\n" not in str(refusal.value)
+def test_bad_kernels_are_refused_by_name(refused, tmp_path, change, words):
+    refused(words, load_psf, stored(tmp_path / "a.npz", **change))
 
 
 def test_unusable_fits_files_are_refused(refused, tmp_path):
