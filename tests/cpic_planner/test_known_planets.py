@@ -10,14 +10,7 @@ from hypothesis import strategies as st
 from scipy.stats import beta, kstest, truncnorm, uniform
 
 from catalogs.known_planets import load_known_planets
-from cpic_planner.known_planets import (
-    QUANTITIES,
-    draw_known,
-    ephemeris,
-    known_uniforms,
-    places_at,
-    planets_of,
-)
+from cpic_planner.known_planets import QUANTITIES, draw_known, ephemeris, known_uniforms, places_at, planets_of
 from cpic_planner.mass_radius import STAR_MJUP
 from simulator.config.albedo import albedo_spec
 
@@ -81,10 +74,7 @@ def test_places_against_high_precision(table_of, e, omega):
         assert math.cos(math.radians(found.phase_deg[0, k])) == pytest.approx(away / r, abs=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("omega_star", "phase"),
-    [(90.0, 180.0), (270.0, 0.0), (0.0, 90.0), (180.0, 90.0)],
-)
+@pytest.mark.parametrize(("omega_star", "phase"), [(90.0, 180.0), (270.0, 0.0), (0.0, 90.0), (180.0, 90.0)])
 def test_periastron_in_front_for_omega_of_the_star_of_ninety(table_of, omega_star, phase):
     """Inferior conjunction is where the true anomaly is 90 deg - omega_star: at periastron if that is 90 deg."""
     drawn = exact(table_of, omega=omega_star, tilt=90.0)

@@ -221,14 +221,7 @@ def test_equal_bands_share_one_object() -> None:
 def test_from_instrument_uses_its_numbers() -> None:
     from types import SimpleNamespace
 
-    entry = {
-        "camera": "VIS",
-        "center_nm": 600.0,
-        "width_nm": 30.0,
-        "t_opt": 0.3,
-        "qe": 0.8,
-        "transmission_file": None,
-    }
+    entry = {"camera": "VIS", "center_nm": 600.0, "width_nm": 30.0, "t_opt": 0.3, "qe": 0.8, "transmission_file": None}
     instrument = SimpleNamespace(bands={"F600": SimpleNamespace(**entry)})
     passbands = Passbands.from_instrument(instrument)
     assert passbands.bands == (Band("F600", "VIS", 600.0, 30.0, 0.3, 0.8),)

@@ -15,18 +15,7 @@ def test_same_path_same_numbers_in_another_process():
 
 
 def test_paths_that_look_alike_are_different():
-    paths = [
-        ("a", "bc"),
-        ("ab", "c"),
-        ("abc",),
-        ("a", "b", "c"),
-        (1,),
-        ("1",),
-        (1, 1),
-        (11,),
-        ("a|s1:b",),
-        ("a", "b"),
-    ]
+    paths = [("a", "bc"), ("ab", "c"), ("abc",), ("a", "b", "c"), (1,), ("1",), (1, 1), (11,), ("a|s1:b",), ("a", "b")]
     assert len({stream_key(0, *path) for path in paths}) == len(paths)
     assert stream_key(0, "a") != stream_key(1, "a")
 

@@ -121,7 +121,7 @@ def test_bad_input_is_one_clear_line_with_status_2(refuses, arguments, words):
 
 def test_frames_and_exposure_set_the_time(call):
     status, out, _ = call(
-        *split("etc 'tau Cet' --exposure-s 17 --frames 30 --em-gain 20 --band F520 --separation-arcsec 0.5 --json"),
+        *split("etc 'tau Cet' --exposure-s 17 --frames 30 --em-gain 20 --band F520 --separation-arcsec 0.5 --json")
     )
     assert status == 0
     (answer,) = json.loads(out)["answers"]

@@ -135,10 +135,7 @@ def test_out_of_reach_the_place_is_where_most_is_reached(model, star):
 
 
 def test_frames_set_the_time_in_every_band(call):
-    rows = answers(
-        call,
-        *split("'tau Cet' --exposure-s 17 --frames 30 --separation-arcsec 0.6 --reference-ratio 2"),
-    )
+    rows = answers(call, *split("'tau Cet' --exposure-s 17 --frames 30 --separation-arcsec 0.6 --reference-ratio 2"))
     model = build_model(load_instrument())
     for row in rows:
         assert (row["exposure_s"], row["n_frames"]) == (17.0, 30)
@@ -188,11 +185,7 @@ def test_strategies_reach_the_calculator(call, star):
         (["--separation-arcsec", "-0.5"], ["--separation-arcsec", "-0.5"]),
         (["--separation-arcsec", "0.5", "--semi-major-axis-au", "2"], ["--separation-arcsec", "--semi-major-axis-au"]),
         (
-            [
-                *split(
-                    "--separation-arcsec 0.5 --separation-arcsec 0.6 --contrast 1e-9 --contrast 1e-9 --contrast 1e-9"
-                ),
-            ],
+            [*split("--separation-arcsec 0.5 --separation-arcsec 0.6 --contrast 1e-9 --contrast 1e-9 --contrast 1e-9")],
             ["--contrast", "3 times", "2 times"],
         ),
         (["--library", "reference_star"], ["--reference-v-mag", "missing"]),

@@ -8,13 +8,7 @@ import pytest
 from cpic_planner.etc.model import build_model
 from cpic_planner.etc.noise import stack_noise
 from cpic_planner.etc.rates import aperture_rates
-from cpic_planner.survey.assumed import (
-    assumed_model,
-    imaged_model,
-    mirror_noise_nm,
-    raw_contrast_median,
-    with_contrast,
-)
+from cpic_planner.survey.assumed import assumed_model, imaged_model, mirror_noise_nm, raw_contrast_median, with_contrast
 from cpic_planner.survey.strategy import SurveyStrategy
 from cpic_planner.targets import find_target
 from cpic_planner.validation.confirm import confirm_task

@@ -40,14 +40,7 @@ def coverage(draw, truth, repeats=1000, seed=0, of=interval_of):
 
 # Differences of paired yields: what both find cancels, what one alone finds is sparse. At 1000 repeats the share of a
 # true 90 % has a standard error of 0.9 %.
-@pytest.mark.parametrize(
-    ("n", "first", "second"),
-    [
-        (1000, 0.05, 0.02),
-        (300, 0.03, 0.03),
-        (100, 0.15, 0.05),
-    ],
-)
+@pytest.mark.parametrize(("n", "first", "second"), [(1000, 0.05, 0.02), (300, 0.03, 0.03), (100, 0.15, 0.05)])
 def test_paired_differences_of_sparse_counts(n, first, second):
     share = coverage(lambda rng: rng.poisson(first, n) - rng.poisson(second, n), first - second, of=difference_of)
     assert 0.87 <= share <= 0.93, share

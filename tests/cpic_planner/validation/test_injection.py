@@ -101,10 +101,7 @@ def test_roc_of_a_middling_planet(psf, maps, unit):
 
 @pytest.mark.parametrize(
     ("change", "key"),
-    [
-        ({"contrasts": [1e-8, 1e-9]}, "contrasts"),
-        ({"separations_arcsec": [0.01]}, "separations_arcsec"),
-    ],
+    [({"contrasts": [1e-8, 1e-9]}, "contrasts"), ({"separations_arcsec": [0.01]}, "separations_arcsec")],
 )
 def test_bad_grids_are_named(refused, psf, maps, change, key):
     settings = {"star_rate_e_s": STAR_E_S, "separations_arcsec": [0.6], "contrasts": [1e-8]} | change

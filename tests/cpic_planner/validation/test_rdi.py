@@ -338,11 +338,7 @@ def test_planet_through_subtraction_and_photometry(centering: str) -> None:
     for _ in range(trials):
         noise = rng.normal(0, 10, (2 * frames, side, side))
         cut = rdi_subtract(
-            field + flux * planet + noise[:frames],
-            field + noise[frames:],
-            3,
-            region=hole,
-            centering=centering,
+            field + flux * planet + noise[:frames], field + noise[frames:], 3, region=hole, centering=centering
         )
         through = cut.throughput(planet, weights, background=away)
         image = cut.residuals.sum(axis=0)

@@ -30,8 +30,7 @@ def test_broadcasts(bare_detector) -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "named"),
-    [((-1.0, 0.0, 2.0), "photon_e"), ((1.0, np.nan, 2.0), "cic_e"), ((1.0, 0.0, 0.5), "gain")],
+    ("arguments", "named"), [((-1.0, 0.0, 2.0), "photon_e"), ((1.0, np.nan, 2.0), "cic_e"), ((1.0, 0.0, 0.5), "gain")]
 )
 def test_refusals(refused, arguments: tuple[float, float, float], named: str, bare_detector) -> None:
     refused(named, pixel_variance_e2, *arguments, bare_detector)

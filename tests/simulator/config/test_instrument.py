@@ -33,12 +33,7 @@ def test_geometry_of_the_default_instrument():
     assert instrument.telescope.area_cm2 == pytest.approx(31415.93, abs=0.01)
     assert instrument.lambda_d_arcsec("F520") == pytest.approx(0.0536, abs=5e-5)
     inner = {band: instrument.hole_inner_arcsec(band) * math.sqrt(2) for band in instrument.visible_bands()}
-    assert {k: round(v, 3) for k, v in inner.items()} == {
-        "F520": 0.231,
-        "F662": 0.294,
-        "F720": 0.319,
-        "F850": 0.377,
-    }
+    assert {k: round(v, 3) for k, v in inner.items()} == {"F520": 0.231, "F662": 0.294, "F720": 0.319, "F850": 0.377}
     assert instrument.visible_bands() == ("F520", "F662", "F720", "F850")
 
 

@@ -17,12 +17,7 @@ from simulator.imaging.kernel import placed
 from simulator.imaging.measure import stamp_figures
 from simulator.imaging.psf import single_band_psf
 
-INSTRUMENT = load_instrument(
-    {
-        "wavefront": {"opd_rms_nm": 0, "amplitude_rms": 0},
-        "dark_hole": {"control": "off"},
-    }
-)
+INSTRUMENT = load_instrument({"wavefront": {"opd_rms_nm": 0, "amplitude_rms": 0}, "dark_hole": {"control": "off"}})
 PIXEL = INSTRUMENT.pixel_scale_arcsec("F662")
 
 

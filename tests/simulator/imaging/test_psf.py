@@ -74,13 +74,7 @@ def test_apodizer_alone_is_darker_than_its_design(flat):
 
 
 @pytest.mark.parametrize(
-    ("band", "mean", "p95"),
-    [
-        ("F520", 1e-8, 3e-8),
-        ("F662", 1e-9, 3e-9),
-        ("F720", 1e-9, 3e-9),
-        ("F850", 1e-9, 3e-9),
-    ],
+    ("band", "mean", "p95"), [("F520", 1e-8, 3e-8), ("F662", 1e-9, 3e-9), ("F720", 1e-9, 3e-9), ("F850", 1e-9, 3e-9)]
 )
 def test_hole_of_the_default_instrument(psfs, band, mean, p95):
     psf = psfs[band]

@@ -378,10 +378,7 @@ def test_damaged_truth_is_found(tree, good):
         damaged = bytearray(data)
         damaged[info["datLoc"] + 11] ^= 1
         truth.write_bytes(bytes(damaged))
-        assert {(f.path, f.hdu, f.keyword) for f in found(good)} == {
-            (truth, hdu, "CHECKSUM"),
-            (truth, hdu, "DATASUM"),
-        }
+        assert {(f.path, f.hdu, f.keyword) for f in found(good)} == {(truth, hdu, "CHECKSUM"), (truth, hdu, "DATASUM")}
     truth.write_bytes(data[:-2880])
     assert any("truncated" in f.message or "FRAMES" in f.message for f in found(good))
 

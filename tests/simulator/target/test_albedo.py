@@ -6,13 +6,7 @@ import pytest
 from simulator.config.albedo import albedo_spec
 from simulator.passbands import Passbands
 from simulator.target import albedo_flags, planet_albedo
-from simulator.target.albedo import (
-    albedo_notes,
-    albedo_source,
-    albedo_table,
-    needs_insolation,
-    phase_value,
-)
+from simulator.target.albedo import albedo_notes, albedo_source, albedo_table, needs_insolation, phase_value
 from simulator.target.parametric import parametric_family
 from simulator.target.phase import lambert_phase
 
