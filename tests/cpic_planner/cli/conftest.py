@@ -19,6 +19,18 @@ def call(capsys, request):
 
 
 @pytest.fixture
+def done(call):
+    """Run it to a good end; returns output and errors."""
+
+    def run(*arguments):
+        status, out, err = call(*arguments)
+        assert status == 0, err
+        return out, err
+
+    return run
+
+
+@pytest.fixture
 def refuses(call):
     """A command is refused with status 2 in one line of errors that holds some words; nothing else is written."""
 

@@ -12,11 +12,10 @@ def product(tmp_path):
     return write_level0(calibrate("BIAS", n_frames=2, camera="NIR"), tmp_path / "tree")
 
 
-def test_a_clean_tree(call, product, tmp_path):
+def test_a_clean_tree(call, done, product, tmp_path):
     status, out, err = call(tmp_path / "tree")
     assert (status, out, err) == (0, "1 Level-0 file checked: nothing wrong\n", "")
-    status, out, _ = call(product, tmp_path / "tree", "--json")
-    assert status == 0
+    out, _ = done(product, tmp_path / "tree", "--json")
     result = json.loads(out)
     assert (result["n_files"], result["n_errors"], result["n_warnings"], result["findings"]) == (1, 0, 0, [])
 
@@ -38,10 +37,9 @@ def test_a_flipped_bit_is_status_1_and_named(call, product):
     }
 
 
-def test_warnings_count_only_when_strict(call, product, tmp_path):
+def test_warnings_count_only_when_strict(call, done, product, tmp_path):
     (tmp_path / "tree" / "CAL" / product.parent.name / "notes.txt").write_text("mine")
-    status, out, _ = call(tmp_path / "tree")
-    assert status == 0
+    out, _ = done(tmp_path / "tree")
     assert "notes.txt" in out
     assert "0 errors, 1 warning" in out
     assert call(tmp_path / "tree", "--strict")[0] == 1

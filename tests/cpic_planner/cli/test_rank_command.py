@@ -23,9 +23,8 @@ def few(tmp_path_factory):
     return str(path)
 
 
-def ranking(call, few, *options):
-    status, out, err = call("--catalog", few, "--planets", "800", *options, "--json")
-    assert status == 0, err
+def ranking(done, few, *options):
+    out, _ = done("--catalog", few, "--planets", "800", *options, "--json")
     return RankResult.model_validate_json(out)
 
 
@@ -39,86 +38,79 @@ SCORES = {
 
 
 @pytest.mark.parametrize("score", SCORES)
-def test_scores(call, few, score):
-    result = ranking(call, few, "--score", score)
+def test_scores(done, few, score):
+    result = ranking(done, few, "--score", score)
     assert result.score_name == score
     values = [row.score for row in result.targets]
     assert values == sorted(values, reverse=True)
     assert values == pytest.approx([SCORES[score](row) for row in result.targets])
-    status, out, _ = call("--catalog", few, "--planets", "100", "--score", score)
-    assert status == 0
+    out, _ = done("--catalog", few, "--planets", "100", "--score", score)
     assert f"by {score.replace('_', ' ')}" in out
 
 
-def test_populations_planets_and_seeds(call, few, tmp_path):
-    default = ranking(call, few)
+def test_populations_planets_and_seeds(done, few, tmp_path):
+    default = ranking(done, few)
     assert (default.population.name, default.population.n_planets, default.population.seed) == ("giants", 800, 1)
-    other = ranking(call, few, "--seed", "2")
+    other = ranking(done, few, "--seed", "2")
     assert other.population.seed == 2
     assert [row.completeness for row in other.targets] != [row.completeness for row in default.targets]
     for name in population_names():
-        assert ranking(call, few, "--population", name).population.name == name
+        assert ranking(done, few, "--population", name).population.name == name
     own = tmp_path / "near.yaml"
     own.write_text("semi_major_axis_au: {law: fixed, value: 2.0}\n")
-    assert ranking(call, few, "--population", str(own)).population.name == "near"
+    assert ranking(done, few, "--population", str(own)).population.name == "near"
 
 
-def test_strategies_reach_the_ranking(call, few):
-    plain = {row.name: row.significance for row in ranking(call, few, "--band", "F662").targets}
-    ideal = ranking(call, few, "--band", "F662", "--library", "idealised")
+def test_strategies_reach_the_ranking(done, few):
+    plain = {row.name: row.significance for row in ranking(done, few, "--band", "F662").targets}
+    ideal = ranking(done, few, "--band", "F662", "--library", "idealised")
     assert ideal.reference_library == "idealised"
     assert all(row.significance > plain[row.name] for row in ideal.targets)
-    dusty = ranking(call, few, "--band", "F662", "--exozodi", "100")
+    dusty = ranking(done, few, "--band", "F662", "--exozodi", "100")
     assert all(row.significance < plain[row.name] for row in dusty.targets)
-    counted = ranking(call, few, "--band", "F662", "--mode", "photon_counting")
+    counted = ranking(done, few, "--band", "F662", "--mode", "photon_counting")
     assert {row.name: row.significance for row in counted.targets} != plain
 
 
-def test_explanation_of_a_star(call, few):
-    status, out, _ = call("--catalog", few, "--planets", "200", "--explain", "middle star", "--json")
-    assert status == 0
+def test_explanation_of_a_star(done, few):
+    out, _ = done("--catalog", few, "--planets", "200", "--explain", "middle star", "--json")
     told = Explanation.model_validate_json(out)
     assert told.star.name == "middle star"
     assert told.n_ranked == 4
     assert told.better.rank == told.star.rank - 1
-    status, out, _ = call("--catalog", few, "--planets", "200", "--explain", "Middle Star")
-    assert status == 0
+    out, _ = done("--catalog", few, "--planets", "200", "--explain", "Middle Star")
     assert f"middle star: rank {told.star.rank} of 4 by completeness per hour" in out
     for words in ("Between its neighbours", "band by band", "EM gain up to", "Rank under other assumptions"):
         assert words in out
 
 
-def test_sensitivity(call, few):
-    status, out, _ = call("--catalog", few, "--planets", "200", "--sensitivity", "--json")
-    assert status == 0
+def test_sensitivity(done, few):
+    out, _ = done("--catalog", few, "--planets", "200", "--sensitivity", "--json")
     found = SensitivityResult.model_validate_json(out)
     assert found.top == 4
-    status, out, _ = call("--catalog", few, "--planets", "200", "--sensitivity")
-    assert status == 0
+    out, _ = done("--catalog", few, "--planets", "200", "--sensitivity")
     assert "tau" in out
     for row in found.rows:
         assert row.text.split("(")[0].strip()[:40] in " ".join(out.split())
 
 
 @pytest.mark.parametrize(("limit", "drawn"), [("2", 2), ("4", 3)])
-def test_a_figure_shows_as_many_stars_as_the_table_or_says_why_not(call, few, tmp_path, monkeypatch, limit, drawn):
+def test_a_figure_shows_as_many_stars_as_the_table_or_says_why_not(done, few, tmp_path, monkeypatch, limit, drawn):
     from cpic_planner.report import etc_figures, rank_figure
 
     figures = []
     monkeypatch.setattr(rank_figure, "MOST_STARS", 3)
     monkeypatch.setattr(etc_figures, "write_figure", lambda figure, path: figures.append(figure))
     path = tmp_path / "first.png"
-    status, out, err = call("--catalog", few, "--planets", "100", "--plot", str(path), "--limit", limit)
-    assert status == 0
+    out, err = done("--catalog", few, "--planets", "100", "--plot", str(path), "--limit", limit)
     assert f"first {limit} of 4 stars" in out
     assert figures[0].get_suptitle().startswith(f"first {drawn} of 4 stars")
     assert ("with the first 3 stars only" in err) == (drawn < int(limit))
 
 
-def test_figures(call, few, tmp_path):
+def test_figures(done, few, tmp_path):
     path = tmp_path / "bars.pdf"
-    status, _, err = call("--catalog", few, "--planets", "100", "--plot", str(path))
-    assert status == 0
+    _, err = done("--catalog", few, "--planets", "100", "--plot", str(path))
     assert path.read_bytes().startswith(b"%PDF")
     assert f"wrote {path}" in err
 

@@ -42,11 +42,10 @@ def test_a_scene_on_a_grid(call, here):
     assert rows[0]["start_utc"] == "2029-02-03T04:05:00"
 
 
-def test_a_table_of_stars_prints_a_row_each_and_continues(call, here):
+def test_a_table_of_stars_prints_a_row_each_and_continues(call, done, here):
     (here / "stars.csv").write_text("name,distance_pc,v_mag,sp_type\nA [b] star,10,5.0,G2V\nB star,3,4.0,K1V\n")
     asked = ("stars.csv", "--band", "F520", "--fidelity", "quick", "--instrument", "small.yaml", "--out", "o")
-    status, out, err = call(*asked)
-    assert status == 0
+    out, err = done(*asked)
     for word in ("stars: 2 sequences", "40000000002", "A [b] star", "1 × 10", "o/SCI/61771/CSST_CPIC_VIS_SCI_"):
         assert word in out
     assert "earlier run" not in err
@@ -55,21 +54,17 @@ def test_a_table_of_stars_prints_a_row_each_and_continues(call, here):
     assert "reused 2 finished sequences" in err
 
 
-def test_calibration_frames_without_a_scene(call, here):
-    status, out, _ = call(
-        "--kind", "DARK", "--camera", "NIR", "--frames", "2", "--exposure-s", "3", "--no-truth", "--json"
-    )
-    assert status == 0
+def test_calibration_frames_without_a_scene(done, here):
+    out, _ = done("--kind", "DARK", "--camera", "NIR", "--frames", "2", "--exposure-s", "3", "--no-truth", "--json")
     (row,) = json.loads(out)["sequences"]
     assert (row["kind"], row["camera"], row["band"], row["truth"]) == ("DARK", "NIR", "", None)
     assert "/CSST_CPIC_NIR_DARK_" in row["file"]
 
 
-def test_a_simulation_with_changes(call, here):
+def test_a_simulation_with_changes(done, here):
     tree = {"name": "x", "sequences": [{"kind": "BIAS", "frames": 50}, {"kind": "FLAT", "frames": 50, "level_e": 100}]}
     (here / "x.yaml").write_text(json.dumps(tree))
-    status, out, _ = call("x.yaml", "--frames", "1", "--instrument", "small.yaml", "--off", "all", "--json")
-    assert status == 0
+    out, _ = done("x.yaml", "--frames", "1", "--instrument", "small.yaml", "--off", "all", "--json")
     rows = json.loads(out)["sequences"]
     assert [(row["kind"], row["band"], row["n_frames"]) for row in rows] == [
         ("BIAS", "", 1),
@@ -82,12 +77,11 @@ def test_a_simulation_with_changes(call, here):
     assert [(row["adu_min"], row["adu_max"]) for row in rows] == [(200, 200)] + [(200, 202)] * 4
 
 
-def test_dry_run_says_what_would_be_made_and_makes_nothing(call, here):
-    status, out, _ = call("paper_alpha_cen_b", "--dry-run")
-    assert status == 0
+def test_dry_run_says_what_would_be_made_and_makes_nothing(done, here):
+    out, _ = done("paper_alpha_cen_b", "--dry-run")
     for word in ("40000000008", "SCI reference", "30 × 100", "2028-01-01T00:09:03", "240 frames", "disk"):
         assert word in out
-    status, out, _ = call("paper_alpha_cen_b", "--dry-run", "--json", "--workers", "2")
+    out, _ = done("paper_alpha_cen_b", "--dry-run", "--json", "--workers", "2")
     cost = json.loads(out)
     assert (cost["n_sequences"], cost["n_frames"]) == (8, 240)
     assert 500 < cost["disk_mb"] < 1000
@@ -98,9 +92,8 @@ def test_dry_run_says_what_would_be_made_and_makes_nothing(call, here):
     assert sorted(path.name for path in here.iterdir()) == ["small.yaml"]
 
 
-def test_presets_are_listed(call, here):
-    status, out, _ = call("--list-presets")
-    assert status == 0
+def test_presets_are_listed(call, done, here):
+    out, _ = done("--list-presets")
     for word in ("paper_alpha_cen_b", "calibration_set", "paper_example", "star_field"):
         assert word in out
     assert set(json.loads(call("--list-presets", "--json")[1])) == {"simulations", "scenes"}
@@ -153,12 +146,10 @@ def test_another_configuration_needs_force(call, here):
     assert call(*bias, "--seed", "2", "--force")[0] == 0
 
 
-def test_a_tolerance_says_what_it_leaves_out(call, here):
+def test_a_tolerance_says_what_it_leaves_out(call, done, here):
     asked = ("paper_example", "--band", "F520", "--instrument", "small.yaml", "--tolerance", "0.05", "--frames", "3")
-    status, planned, _ = call(*asked, "--dry-run")
-    assert status == 0
-    status, out, _ = call(*asked)
-    assert status == 0
+    planned, _ = done(*asked, "--dry-run")
+    out, _ = done(*asked)
     story = out[out.index("Left out of") : out.index("wavefront at")]
     assert story in planned
     for word in ("alpha Cen B F520", "predicted size", "Predicted error: planet flux", "asked: at most", "5.0 %"):
@@ -176,10 +167,9 @@ def test_a_tolerance_says_what_it_leaves_out(call, here):
     assert "--force" in err
 
 
-def test_without_a_tolerance_nothing_is_said(call, here):
+def test_without_a_tolerance_nothing_is_said(call, done, here):
     asked = ("paper_example", "--band", "F520", "--instrument", "small.yaml", "--fidelity", "quick")
-    status, out, _ = call(*asked)
-    assert status == 0
+    out, _ = done(*asked)
     assert "Left out" not in out
     (row,) = json.loads(call(*asked, "--json")[1])["sequences"]
     assert row["modelled"] is None

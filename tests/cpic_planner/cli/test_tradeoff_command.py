@@ -58,10 +58,9 @@ def unmeasured(monkeypatch):
     return asked
 
 
-def test_files_table_and_json(call, tmp_path, unmeasured):
+def test_files_table_and_json(call, done, tmp_path, unmeasured):
     out = tmp_path / "t"
-    status, text, err = call("--scene", "faint", "--quick-look", "--out", str(out), "--json")
-    assert status == 0
+    text, err = done("--scene", "faint", "--quick-look", "--out", str(out), "--json")
     result = TradeoffResult.model_validate(json.loads(text))
     assert result.quick_look
     assert (out / "results.json").read_text() == text
@@ -69,8 +68,7 @@ def test_files_table_and_json(call, tmp_path, unmeasured):
     assert "written to" in err
     assert ("faint", "no_flat") not in unmeasured
     unmeasured.clear()
-    status, text, _ = call("--scene", "faint", "--quick-look", "--only", "etc", "--out", str(out))
-    assert status == 0
+    text, _ = done("--scene", "faint", "--quick-look", "--only", "etc", "--out", str(out))
     assert unmeasured == [("faint", "etc")]
     assert "Faint planet (faint, F662)" in text
     assert "reference" in text
@@ -78,11 +76,10 @@ def test_files_table_and_json(call, tmp_path, unmeasured):
     assert call("--only", "etc", "--out", str(out))[0] == 2  # a look and a record do not mix
 
 
-def test_a_list(call):
-    status, text, _ = call("--list", "--scene", "binary", "--json")
-    assert status == 0
+def test_a_list(call, done):
+    text, _ = done("--list", "--scene", "binary", "--json")
     assert json.loads(text)["binary"]["points"]["etc"] == "closed form, one call"
-    status, text, _ = call("--list")
+    text, _ = done("--list")
     assert all(f"{case.name}: {case.title}" in text for case in SCENES.values())
 
 
