@@ -1,5 +1,6 @@
 """Settings of the whole suite, and the TAP service that several parts of it ask."""
 
+import gc
 import importlib.util
 import logging
 import os
@@ -18,6 +19,19 @@ settings.load_profile("suite")
 # The matrices here are small: BLAS threads only get in each other's way, and sums should have one order.
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # every process that a test starts would compile the package anew
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection():
+    """The tests and what they import stay to the end: a tenth of the time would go into looking for garbage there."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.enable()
+        gc.freeze()
+        gc.set_threshold(50_000, 20, 20)
 
 
 @pytest.fixture(autouse=True, scope="session")
@@ -63,6 +77,20 @@ def _own_data_folder(tmp_path_factory):
         del os.environ["CPIC_DATA_DIR"]
     else:
         os.environ["CPIC_DATA_DIR"] = before
+
+
+@pytest.fixture(scope="session")
+def refused():
+    """Call a function that refuses what it is given: by `InputError`, in one line that matches; returns that line."""
+    from catalogs.errors import InputError
+
+    def check(match, function, /, *arguments, **named):
+        with pytest.raises(InputError, match=match or None) as caught:
+            function(*arguments, **named)
+        assert "\n" not in str(caught.value)
+        return str(caught.value)
+
+    return check
 
 
 @pytest.fixture

@@ -143,11 +143,7 @@ JOBS: dict[str, Job] = {
     "cold `cpic rank`": Job("python", (Quote(README, rf"`cpic rank` {_NUMBER} s"),), LOOSE),
     **{
         f"stamps of four bands: {tier}": Job(
-            "dgemm",
-            (
-                row(IMAGES, f"four bands, 137 px, `{tier}`"),
-                Quote(README, rf"(?m)^\| `{tier}` \| {_NUMBER} \|"),
-            ),
+            "dgemm", (row(IMAGES, f"four bands, 137 px, `{tier}`"), Quote(README, rf"(?m)^\| `{tier}` \| {_NUMBER} \|"))
         )
         for tier in _TIERS
     },

@@ -65,11 +65,7 @@ def test_ranking(timed):
 
 
 @pytest.mark.parametrize(
-    ("job", "words"),
-    [
-        ("cold `cpic etc`", ["etc", "tau Cet", "--time-s", "7200"]),
-        ("cold `cpic rank`", ["rank"]),
-    ],
+    ("job", "words"), [("cold `cpic etc`", ["etc", "tau Cet", "--time-s", "7200"]), ("cold `cpic rank`", ["rank"])]
 )
 def test_cold_command(timed, job, words):
     command = [sys.executable, "-m", "cpic_planner.cli.main", *words, "--json"]

@@ -6,7 +6,6 @@ import re
 import numpy as np
 import pytest
 
-from catalogs.errors import InputError
 from catalogs.known_planet_columns import COLUMNS, FLAGS, GIVEN_FLAGS, INPUT_ONLY, STATUSES
 from catalogs.known_planets import load_known_planets, planets_updated, star_key
 from catalogs.stars import load_stars
@@ -74,7 +73,7 @@ def test_periods_and_axes_obey_keplers_third_law(shipped):
     assert (np.abs(known - 1.0) < 0.05).mean() > 0.85
 
 
-def test_a_planet_by_any_name_of_its_star(shipped):
+def test_a_planet_by_any_name_of_its_star(refused, shipped):
     row = shipped.row_of("eps Eri b")
     for name in ("epsilon Eridani b", "HD 22049 b", "HIP 16537 b"):
         assert shipped.row_of(name) == row
@@ -84,8 +83,7 @@ def test_a_planet_by_any_name_of_its_star(shipped):
     assert shipped.text("star")[shipped.row_of("16 Cyg B b")] == "16 Cyg B"
     assert shipped.rows_of("16 Cyg A") == ()
     for name in ("eps Eri z", "tau Ceti", "b", ""):
-        with pytest.raises(InputError, match="planet"):
-            shipped.row_of(name)
+        refused("planet", shipped.row_of, name)
 
 
 def test_assumed_inclinations_are_not_measurements(shipped):
@@ -106,7 +104,7 @@ def test_an_orbit_is_one_publication_s(shipped):
     assert shipped.number("msini_mjup")[row] == 4.66
 
 
-def test_tables_are_immutable_and_travel(shipped):
+def test_tables_are_immutable_and_travel(refused, shipped):
     with pytest.raises(ValueError, match="read-only"):
         shipped.columns["period_days"][0] = 1.0
     there = pickle.loads(pickle.dumps(shipped))
@@ -114,10 +112,8 @@ def test_tables_are_immutable_and_travel(shipped):
     few = shipped.select([3, 1])
     assert few.text("planet") == [shipped.text("planet")[i] for i in (3, 1)]
     assert len(shipped.select(shipped.number("period_days") > 1000.0)) > 30
-    with pytest.raises(InputError, match="column"):
-        shipped.number("star")
-    with pytest.raises(InputError, match="column"):
-        shipped.text("period_days")
+    refused("column", shipped.number, "star")
+    refused("column", shipped.text, "period_days")
 
 
 def test_every_column_and_flag_is_described():

@@ -2,7 +2,6 @@
 
 import pytest
 
-from catalogs.errors import InputError
 from catalogs.names import resolve_star
 from catalogs.stars import load_stars
 
@@ -74,13 +73,12 @@ def test_hip_number_gives_a_star_of_that_number() -> None:
         assert stars.row(resolve_star(f"HIP {hip}").index)["hip"] == hip
 
 
-def test_a_selection_has_its_own_rows() -> None:
+def test_a_selection_has_its_own_rows(refused) -> None:
     stars = load_stars()
     part = stars.select(stars.column("luminosity_class") == "V")
     match = resolve_star("tau Cet", part)
     assert part.row(match.index)["name"] == "tau Cet"
-    with pytest.raises(InputError, match="not selected"):
-        resolve_star("Arcturus", part)
+    refused("not selected", resolve_star, "Arcturus", part)
 
 
 def own_table(tmp_path, *names, magnitudes=None):
@@ -138,21 +136,18 @@ def test_a_system_in_a_users_table_gives_its_brightest_star_and_a_note(tmp_path)
         ("HIP 7", "nothing similar"),
     ],
 )
-def test_what_a_users_table_has_not_is_refused_with_the_nearest(tmp_path, asked, words):
+def test_what_a_users_table_has_not_is_refused_with_the_nearest(refused, tmp_path, asked, words):
     table = own_table(tmp_path, "my star", "61 Cyg B")
-    with pytest.raises(InputError) as refusal:
-        resolve_star(asked, table)
-    assert words in str(refusal.value)
-    assert "\n" not in str(refusal.value)
+    message = refused("", resolve_star, asked, table)
+    assert words in message
 
 
-def test_component_letters_are_not_ignored_in_a_users_table(tmp_path):
+def test_component_letters_are_not_ignored_in_a_users_table(refused, tmp_path):
     table = own_table(tmp_path, "alf Cen B")
-    with pytest.raises(InputError, match="alf Cen A is in the embedded catalogue"):
-        resolve_star("alf Cen A", table)
+    refused("alf Cen A is in the embedded catalogue", resolve_star, "alf Cen A", table)
 
 
-def test_exact_names_go_before_brighter_rows_and_letters_of_designations_count(tmp_path):
+def test_exact_names_go_before_brighter_rows_and_letters_of_designations_count(refused, tmp_path):
     from catalogs.catalogue import open_catalogue
 
     text = "name,hip,bayer,dist,V,SpT\nHIP 8102,,,10,5,G2V\ntau Cet,8102,,10,3,G8V\nx B,,alf Cen,10,4,K1V\n"
@@ -161,8 +156,7 @@ def test_exact_names_go_before_brighter_rows_and_letters_of_designations_count(t
     assert resolve_star("HIP 8102", table).index == 0
     assert resolve_star("alf Cen B", table).name == "x B"
     assert resolve_star("alf Cen", table).name == "x B"
-    with pytest.raises(InputError, match="alf Cen A is in the embedded catalogue"):
-        resolve_star("alf Cen A", table)
+    refused("alf Cen A is in the embedded catalogue", resolve_star, "alf Cen A", table)
 
 
 def test_resolution_in_a_large_table_of_ones_own(tmp_path):

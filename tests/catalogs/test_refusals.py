@@ -81,10 +81,9 @@ def test_bytes_that_are_no_table_are_refused(tables, content, word):
 TEXT = st.text(st.characters(codec="utf-8", categories=["L", "N"]), min_size=1, max_size=12)
 
 
-def test_columns_of_arrays_are_refused(tmp_path):
+def test_columns_of_arrays_are_refused(refused, tmp_path):
     Table({"name": ["a"], "dist": [[1.0, 2.0]], "V": [5.0], "SpT": ["G2V"]}).write(tmp_path / "t.fits")
-    with pytest.raises(InputError, match=r"t\.fits column dist = 2-dimensional"):
-        open_catalogue(tmp_path / "t.fits")
+    refused(r"t\.fits column dist = 2-dimensional", open_catalogue, tmp_path / "t.fits")
 
 
 @settings(max_examples=200, deadline=None)

@@ -2,8 +2,6 @@
 
 import csv
 import pickle
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +12,6 @@ from astropy.time import Time
 
 import catalogs
 from catalogs.coordinates import separation_arcsec
-from catalogs.errors import InputError
 from catalogs.stars import StarTable, load_stars
 
 DATA = Path(catalogs.__file__).parent / "data"
@@ -258,7 +255,7 @@ def test_units_and_descriptions(stars: StarTable) -> None:
         assert all(stars.units[name] == unit for name in stars.columns if name.endswith(suffix)), suffix
 
 
-def test_table_operations(stars: StarTable) -> None:
+def test_table_operations(refused, stars: StarTable) -> None:
     few = stars.select([3, 1])
     assert len(few) == 2
     assert few.row(0)["name"] == stars.row(3)["name"]
@@ -267,27 +264,13 @@ def test_table_operations(stars: StarTable) -> None:
     assert load_stars() is stars
     with pytest.raises(ValueError, match="read-only"):
         stars.column("v_mag")[0] = 0.0
-    with pytest.raises(InputError, match="column"):
-        stars.column("nonsense")
-    with pytest.raises(InputError, match="mask"):
-        stars.select([True, False])
-    with pytest.raises(InputError, match="mask"):
-        stars.select([len(stars)])
-    with pytest.raises(InputError, match="mask"):
-        stars.select([0.5])
-    with pytest.raises(InputError, match="row"):
-        stars.row(len(stars))
+    refused("column", stars.column, "nonsense")
+    refused("mask", stars.select, [True, False])
+    refused("mask", stars.select, [len(stars)])
+    refused("mask", stars.select, [0.5])
+    refused("row", stars.row, len(stars))
 
 
 def test_table_goes_to_worker_processes(stars: StarTable) -> None:
     back = pickle.loads(pickle.dumps(stars.select([0, 1])))
     assert back.row(1) == stars.row(1)
-
-
-def test_loading_is_light() -> None:
-    code = (
-        "import sys; from catalogs.names import resolve_star; from catalogs.stars import load_stars; load_stars();"
-        "resolve_star('tau Cet'); heavy = {'pandas', 'astropy', 'scipy', 'yaml', 'pydantic'} & set(sys.modules);"
-        "assert not heavy, heavy"
-    )
-    subprocess.run([sys.executable, "-c", code], check=True, cwd=DATA.parent.parent)

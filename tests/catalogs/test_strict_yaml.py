@@ -1,8 +1,5 @@
 import math
 
-import pytest
-
-from catalogs.errors import InputError
 from catalogs.strict_yaml import Provenance, load_yaml, parse_yaml, split_sourced
 
 
@@ -13,13 +10,11 @@ def test_inf_and_nan_are_numbers_for_the_model_to_refuse():
     assert math.isnan(tree["c"])
 
 
-def test_missing_file_and_wrong_encoding_are_named(tmp_path):
-    with pytest.raises(InputError, match="nothing.yaml"):
-        load_yaml(tmp_path / "nothing.yaml")
+def test_missing_file_and_wrong_encoding_are_named(refused, tmp_path):
+    refused("nothing.yaml", load_yaml, tmp_path / "nothing.yaml")
     bad = tmp_path / "latin.yaml"
     bad.write_bytes(b"name: \xe9toile")
-    with pytest.raises(InputError, match="UTF-8"):
-        load_yaml(bad)
+    refused("UTF-8", load_yaml, bad)
 
 
 def test_values_and_their_standing_are_separated():

@@ -3,8 +3,6 @@
 import csv
 import io
 import math
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -15,7 +13,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from catalogs.catalogue import data_credits, open_catalogue
-from catalogs.errors import InputError
 from catalogs.spectral_types import stellar_parameters
 from catalogs.star_flags import ADDED_FLAGS, FLAGS
 from catalogs.stars import load_stars
@@ -231,11 +228,10 @@ def test_without_class_the_gravity_follows_from_mass_and_radius(tmp_path):
     assert made[2]["spectral_class"] == ""
 
 
-def test_a_temperature_serves_where_the_type_is_beyond_the_tables(tmp_path):
+def test_a_temperature_serves_where_the_type_is_beyond_the_tables(refused, tmp_path):
     (row,) = rows(opened(tmp_path, "name,dist,V,SpT,Teff\nred,10,9,M8V,2600\n"))
     assert (row["teff_k"], row["log_g_src"]) == (2600.0, "derived:mass and radius")
-    with pytest.raises(InputError, match=r"mine.csv row 1 \(red\) column sp_type = M8V.*teff_k"):
-        opened(tmp_path, "name,dist,V,SpT\nred,10,9,M8V\n")
+    refused(r"mine.csv row 1 \(red\) column sp_type = M8V.*teff_k", opened, tmp_path, "name,dist,V,SpT\nred,10,9,M8V\n")
 
 
 def test_a_luminosity_that_cannot_be_right_is_flagged(tmp_path):
@@ -359,16 +355,6 @@ def test_provenance_has_name_and_content_but_no_folder(tmp_path):
     assert "mine.csv" in one.provenance
     assert str(tmp_path) not in one.provenance
     assert one.ranked_v_mag is None
-
-
-def test_csv_needs_no_heavy_library(tmp_path):
-    (tmp_path / "mine.csv").write_text(SIMPLE)
-    code = (
-        "import sys; from catalogs.catalogue import open_catalogue; open_catalogue(sys.argv[1]);"
-        "heavy = {'pandas', 'astropy', 'astroquery', 'scipy.stats', 'requests'} & set(sys.modules);"
-        "assert not heavy, heavy"
-    )
-    subprocess.run([sys.executable, "-c", code, str(tmp_path / "mine.csv")], check=True)
 
 
 ROW = st.fixed_dictionaries(

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from catalogs.errors import InputError
 from cpic_planner.etc.model import Strategy, build_model
 from cpic_planner.etc.place import locate, usable_range_arcsec
 from cpic_planner.etc.questions import exposure_time, signal_to_noise
@@ -114,10 +113,9 @@ def test_other_strategies_have_answers(strategy):
     assert np.all(best.margin > 0)
 
 
-def test_goals_are_one_and_in_range():
+def test_goals_are_one_and_in_range(refused):
     for goal in ({}, {"time_s": 1.0, "snr": 5.0}, {"snr": 5.0, "detect": True}):
-        with pytest.raises(InputError, match="one of time_s, snr, detect"):
-            optimise(MODEL, STARS, **goal)
+        refused("one of time_s, snr, detect", optimise, MODEL, STARS, **goal)
     for goal in (
         {"time_s": 0.0},
         {"time_s": np.nan},
@@ -126,14 +124,12 @@ def test_goals_are_one_and_in_range():
         {"snr": 5.0, "bands": ["F999"]},
         {"snr": 5.0, "separation_arcsec": np.nan},
     ):
-        with pytest.raises(InputError):
-            optimise(MODEL, STARS, **goal)
+        refused("", optimise, MODEL, STARS, **goal)
 
 
-def test_rolled_planets_stay_in_the_zone_and_no_place_is_refused():
+def test_rolled_planets_stay_in_the_zone_and_no_place_is_refused(refused):
     roll = build_model(load_instrument(), ["F520"], Strategy(library="roll"))
     assert all(locate(roll, "F520", float(place))[0] == "ok" for place in separation_grid(roll, "F520"))
     assert len(separation_grid(roll, "F520")) < len(separation_grid(MODEL, "F520"))
     for strategy in (Strategy(library="roll", roll_deg=2.0), Strategy(annulus_lambda_d=0.01)):
-        with pytest.raises(InputError, match="band = F520"):
-            optimise(build_model(load_instrument(), ["F520"], strategy), STARS, time_s=3600.0)
+        refused("band = F520", optimise, build_model(load_instrument(), ["F520"], strategy), STARS, time_s=3600.0)

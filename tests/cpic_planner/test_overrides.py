@@ -66,7 +66,7 @@ def test_every_short_name_is_of_a_key_of_the_instrument(name):
         assert doubled.altered == 2.0 * doubled.nominal
 
 
-def test_drift_is_the_offset_of_a_visit_and_the_walk_in_the_same_ratio():
+def test_drift_is_the_offset_of_a_visit_and_the_walk_in_the_same_ratio(refused):
     nominal = NOMINAL.drift
     assert (nominal.visit_nm, nominal.walk_nm_per_sqrt_hour) == (0.05, 0.05)
     for text in ("drift=x2", "drift=0.1nm", "drift=100 pm", "drift=1e-4um"):
@@ -79,8 +79,7 @@ def test_drift_is_the_offset_of_a_visit_and_the_walk_in_the_same_ratio():
     assert SimulatorOverrides.of(one.as_mapping()) == one
     assert SimulatorOverrides.of({"drift": 0.1 * u.nm}) == one
     steady = NOMINAL.changed({"drift": {"visit_nm": 0.0}})
-    with pytest.raises(InputError, match=r"simulator_overrides.drift = 0.1 nm: .*drift.visit_nm is 0"):
-        one.instrument(steady)
+    refused(r"simulator_overrides.drift = 0.1 nm: .*drift.visit_nm is 0", one.instrument, steady)
     with pytest.raises(InputError, match="drift.visit_nm = 0.2: .*once"):
         SimulatorOverrides.of(["drift=x2", "drift.visit_nm=0.2"]).instrument(NOMINAL)
 
@@ -258,21 +257,17 @@ def test_changes_are_a_table():
         ([3], ("simulator_overrides = 3", "KEY=VALUE")),
     ],
 )
-def test_refusals_name_key_value_and_what_is_allowed(source, words):
-    with pytest.raises(InputError) as refusal:
-        SimulatorOverrides.of(source, NOMINAL).instrument(NOMINAL)
-    text = str(refusal.value)
-    assert "\n" not in text
+def test_refusals_name_key_value_and_what_is_allowed(refused, source, words):
+    text = refused("", lambda: SimulatorOverrides.of(source, NOMINAL).instrument(NOMINAL))
     for word in words:
         assert word in text
 
 
 @pytest.mark.parametrize("text", ["- throughput\n", "kind: scene\n", "read_noise: 1\nread_noise: 2\n"])
-def test_files_that_hold_no_overrides_are_refused(tmp_path, text):
+def test_files_that_hold_no_overrides_are_refused(refused, tmp_path, text):
     path = tmp_path / "mine.yaml"
     path.write_text(text)
-    with pytest.raises(InputError):
-        SimulatorOverrides.of(path)
+    refused("", SimulatorOverrides.of, path)
 
 
 def test_models_are_as_strict_as_the_text():

@@ -217,10 +217,9 @@ def test_started_again_it_keeps_what_is_finished_and_gives_the_same_bytes(finish
     assert (run["resumed_parts"], run["computed_parts"]) == (1, 0)
 
 
-def test_another_configuration_needs_force(finished, tmp_path):
+def test_another_configuration_needs_force(refused, finished, tmp_path):
     settings = FEW_FRAMES | {"audit": False, "realisations": 1}
-    with pytest.raises(InputError, match="--force"):
-        cpic_planner.confirm_scene("paper_example", bands=["F520"], out=finished, **settings)
+    refused("--force", cpic_planner.confirm_scene, "paper_example", bands=["F520"], out=finished, **settings)
     assert (finished / "panels-F520.png").exists()
     star = {"name": "alone", "cstar": {"v_mag": 4.0, "teff_k": 5500, "distance_pc": 4.0}}
     cpic_planner.confirm_scene("paper_example", bands=["F662"], out=tmp_path / "o", **settings)
@@ -280,6 +279,7 @@ def test_every_tier_is_the_same_for_any_number_of_workers(tiers):
         assert dump_json(again[number]) == dump_json(tiers[tier])
 
 
+@pytest.mark.long
 def test_the_reference_beside_standard(tiers):
     """Whole frames with every effect, and sums of frames: the same planet within its noise."""
     whole, sums = (

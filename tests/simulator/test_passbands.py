@@ -1,15 +1,12 @@
 """Band rates: against direct integration of spectra, against the reference Sun, and their speed."""
 
 import dataclasses
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from catalogs.bands import Band, load_bands
-from catalogs.errors import InputError
 from catalogs.spectra import PLANETS, Albedo, Curve, Spectrum, load_albedo, load_reference_spectrum
 from simulator.band_integrals import gauss_rule, v_photon_rate, vega_v_photon_rate
 from simulator.passbands import Passbands
@@ -224,14 +221,7 @@ def test_equal_bands_share_one_object() -> None:
 def test_from_instrument_uses_its_numbers() -> None:
     from types import SimpleNamespace
 
-    entry = {
-        "camera": "VIS",
-        "center_nm": 600.0,
-        "width_nm": 30.0,
-        "t_opt": 0.3,
-        "qe": 0.8,
-        "transmission_file": None,
-    }
+    entry = {"camera": "VIS", "center_nm": 600.0, "width_nm": 30.0, "t_opt": 0.3, "qe": 0.8, "transmission_file": None}
     instrument = SimpleNamespace(bands={"F600": SimpleNamespace(**entry)})
     passbands = Passbands.from_instrument(instrument)
     assert passbands.bands == (Band("F600", "VIS", 600.0, 30.0, 0.3, 0.8),)
@@ -274,9 +264,8 @@ def test_from_instrument_reads_a_transmission_file(tmp_path) -> None:
         lambda p: Passbands.from_bands([Band("K", "NIR", 2200.0, 100.0, 0.2, 0.8)]),
     ],
 )
-def test_bad_input_is_refused(passbands: Passbands, call) -> None:
-    with pytest.raises(InputError):
-        call(passbands)
+def test_bad_input_is_refused(refused, passbands: Passbands, call) -> None:
+    refused("", call, passbands)
 
 
 def test_a_whole_catalogue_in_one_call(passbands: Passbands) -> None:
@@ -286,19 +275,6 @@ def test_a_whole_catalogue_in_one_call(passbands: Passbands) -> None:
     rates = passbands.star_rate_e_s(*stars, AREA_CM2)
     assert rates.shape == (n, 8)
     assert np.all(rates > 0.0)
-
-
-def test_no_heavy_module_is_loaded() -> None:
-    code = (
-        "import sys; import simulator.target; from simulator.passbands import Passbands;"
-        "from simulator.target import planet_contrast, stellar_spectrum;"
-        "p = Passbands.from_bands(); p.star_rate_e_s(1.0, 5800.0, 4.4, 0.0, 1.0);"
-        "p.band_albedo('jupiter', 5800.0, 4.4, 0.0); stellar_spectrum(1.0, 'K1V');"
-        "heavy = {'pandas', 'synphot', 'hcipy', 'matplotlib', 'scipy', 'astropy', 'numba', 'dask'};"
-        "bad = heavy & set(sys.modules);"
-        "sys.exit(f'loaded: {bad}' if bad else 0)"
-    )
-    subprocess.run([sys.executable, "-c", code], check=True, cwd=ROOT)
 
 
 def test_nodes_of_a_narrow_curve_have_its_width() -> None:

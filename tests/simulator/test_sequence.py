@@ -26,7 +26,7 @@ def test_a_stack_is_the_sum_of_the_frames_in_mean():
     assert stack[hole].var() == pytest.approx(frames[hole].var(), rel=6 * np.sqrt(2 / hole.sum()))
 
 
-def test_a_stack_of_what_saturates_or_of_infrared_frames_is_refused():
+def test_a_stack_of_what_saturates_or_of_infrared_frames_is_refused(refused):
     bright = observe(
         SCENE | {"cstar": {"v_mag": 0.0, "teff_k": 5800}},
         band="F662",
@@ -35,19 +35,16 @@ def test_a_stack_of_what_saturates_or_of_infrared_frames_is_refused():
         window="hole",
         switches=STILL,
     )
-    with pytest.raises(InputError, match="one draw"):
-        bright.stack()
-    with pytest.raises(InputError, match="visible"):
-        observe(SCENE, band="F940", exposure_s=1.0, window="hole").stack()
+    refused("one draw", bright.stack)
+    refused("visible", observe(SCENE, band="F940", exposure_s=1.0, window="hole").stack)
 
 
-def test_light_of_epochs_is_shared_out_over_the_frames():
+def test_light_of_epochs_is_shared_out_over_the_frames(refused):
     seen = observe(SCENE, band="F662", exposure_s=1.0, n_frames=30, window="hole")
     maps = [seen.rate_map(i) for i in range(30)]
     assert sum(not np.array_equal(a, b) for a, b in itertools.pairwise(maps)) == 11
     assert np.mean(maps, axis=0) == pytest.approx(seen.mean_rate_map, rel=0.2)
-    with pytest.raises(InputError, match="frame"):
-        seen.frame(30)
+    refused("frame", seen.frame, 30)
 
 
 def test_infrared_frames_have_their_own_detector():
@@ -143,11 +140,10 @@ def test_persistence_leaves_the_other_numbers_and_costs_nothing_when_off():
 
 
 @pytest.mark.parametrize("index", [1.5, -1, 2, "1", True, None, float("nan"), [0]])
-def test_frames_that_are_not_there_are_refused_by_name(index):
+def test_frames_that_are_not_there_are_refused_by_name(refused, index):
     seen = observe(SCENE, band="F662", exposure_s=1.0, n_frames=2, window="hole")
     for method in (seen.frame, seen.rate_map):
-        with pytest.raises(InputError, match="frame = .*an integer from 0 to 1$"):
-            method(index)
+        refused("frame = .*an integer from 0 to 1$", method, index)
     np.testing.assert_array_equal(seen.frame(np.int64(1)).adu, seen.frame(1).adu)
 
 

@@ -64,7 +64,7 @@ def test_small_design_obeys_its_bounds_and_symmetry():
     assert mask_figures(mask)["energy"] > 0.2
 
 
-def test_design_keeps_to_the_part_that_a_mirror_covers():
+def test_design_keeps_to_the_part_that_a_mirror_covers(refused):
     mask = design_step_mask(
         n_steps=24,
         inner_lambda_d=4.5,
@@ -78,8 +78,7 @@ def test_design_keeps_to_the_part_that_a_mirror_covers():
     assert mask[3].any()
     grid = np.linspace(4.5 / np.sqrt(2), 7, 60)
     assert contrast(mask, grid, grid).max() < 3e-5
-    with pytest.raises(InputError, match="open_side_diameters"):
-        design_step_mask(open_side_diameters=1.2)
+    refused("open_side_diameters", design_step_mask, open_side_diameters=1.2)
 
 
 @pytest.mark.parametrize(("goal", "inner", "energy", "peak"), [(1e-8, 3.39, 0.178, 0.054), (1e-9, 3.70, 0.140, 0.039)])
@@ -105,15 +104,13 @@ def test_no_separable_mask_goes_inside_the_limit_of_dolph():
     assert design_separable_mask(n_steps=256, inner_lambda_d=limit + 0.03, contrast=1e-8).any()
 
 
-def test_impossible_and_bad_requests_are_refused():
+def test_impossible_and_bad_requests_are_refused(refused):
     with pytest.raises(InputError, match="no step mask"):
         design_step_mask(
             n_steps=16, inner_lambda_d=1.6, contrast=1e-9, outer_half_side_lambda_d=5, leak_extent_lambda_d=7
         )
-    with pytest.raises(InputError, match="n_steps"):
-        design_step_mask(n_steps=63)
-    with pytest.raises(InputError, match="inner_lambda_d"):
-        design_step_mask(inner_lambda_d=40)
+    refused("n_steps", design_step_mask, n_steps=63)
+    refused("inner_lambda_d", design_step_mask, inner_lambda_d=40)
 
 
 @pytest.mark.long
@@ -130,19 +127,18 @@ def test_command_repeats_the_shipped_mask(tmp_path, capsys, monkeypatch, record_
     assert again["peak"] == pytest.approx(shipped, rel=1e-6)
 
 
-def test_command_takes_every_requirement(tmp_path, capsys):
+def test_command_takes_every_requirement(refused, tmp_path, capsys):
     small = ["--n-steps", "24", "--inner-lambda-d", "4.5", "--contrast", "1e-5", "--outer-half-side-lambda-d", "7"]
     assert main(["--out", str(tmp_path / "a.npz"), *small, "--outer-leak", "1e-3"]) == 0
     assert main(["--out", str(tmp_path / "b.npz"), *small, "--separable"]) == 0
     energies = [mask_figures(load_apodizer(tmp_path / f"{name}.npz"))["energy"] for name in "ab"]
     assert energies[0] > energies[1]  # the inscribed square wastes a third of the aperture
     assert capsys.readouterr().out.count("energy") == 2
-    with pytest.raises(InputError, match="outer_leak"):
-        main(["--out", str(tmp_path / "c.npz"), "--separable", "--outer-leak", "1e-4"])
+    refused("outer_leak", main, ["--out", str(tmp_path / "c.npz"), "--separable", "--outer-leak", "1e-4"])
 
 
 @pytest.mark.parametrize("words", [["--n-steps", "7"], ["--contrast", "2"], ["--inner-lambda-d", "-1"]])
-def test_nonsense_on_the_command_line_is_one_line(tmp_path, words):
+def test_nonsense_on_the_command_line_is_one_line(refused, tmp_path, words):
     done = subprocess.run(
         [sys.executable, "-m", "tools.design_mask", "--out", str(tmp_path / "m.npz"), *words],
         capture_output=True,
@@ -152,5 +148,4 @@ def test_nonsense_on_the_command_line_is_one_line(tmp_path, words):
     assert done.returncode == 2
     assert len(done.stderr.strip().splitlines()) == 1
     assert list(tmp_path.iterdir()) == []
-    with pytest.raises(InputError, match="out"):
-        main(["--out", str(tmp_path / "none" / "m.npz")])
+    refused("out", main, ["--out", str(tmp_path / "none" / "m.npz")])

@@ -44,12 +44,6 @@ third,4.4,G0V,5950,4.4,0.0,8.7,1.1,88.6,20.3
 ROUGH = ["--band", "F520", "--planets", "50"]
 
 
-def call(capsys, *arguments):
-    status = main(list(arguments))
-    captured = capsys.readouterr()
-    return status, captured.out, captured.err
-
-
 @pytest.fixture(scope="module")
 def ranked():
     """What `cpic rank --json` prints."""
@@ -70,25 +64,25 @@ def test_rank_json_holds_one_row_per_star(ranked):
         assert (row["status"] == "ok") == (row["detection_margin"] >= 1)
 
 
-def test_rank_writes_tables(capsys, tmp_path):
-    assert call(capsys, "rank", *ROUGH, "--limit", "1", "--out", str(tmp_path / "r.csv"))[0] == 0
+def test_rank_writes_tables(call, tmp_path):
+    assert call("rank", *ROUGH, "--limit", "1", "--out", str(tmp_path / "r.csv"))[0] == 0
     assert (tmp_path / "r.csv").read_text().count("\n") == 1078
-    status, _, err = call(capsys, "rank", *ROUGH, "--out", str(tmp_path / "r.txt"))
+    status, _, err = call("rank", *ROUGH, "--out", str(tmp_path / "r.txt"))
     assert status == 2
     assert ".csv or .ecsv" in err
 
 
 @pytest.mark.parametrize("name", ["HIP 71681", "alf Cen B", "alpha Cen B", "HD 128621"])
-def test_etc_resolves_names(capsys, name):
-    status, out, _ = call(capsys, "etc", name, "--json")
+def test_etc_resolves_names(call, name):
+    status, out, _ = call("etc", name, "--json")
     result = json.loads(out)
     assert status == 0
     assert result["hip"] == 71681
     assert set(result) >= ETC_KEYS
 
 
-def test_unreachable_is_an_answer_and_bad_input_is_not(capsys):
-    status, out, _ = call(capsys, "etc", "tau Cet", "--snr", "1e5", "--separation-arcsec", "0.5", "--json")
+def test_unreachable_is_an_answer_and_bad_input_is_not(call):
+    status, out, _ = call("etc", "tau Cet", "--snr", "1e5", "--separation-arcsec", "0.5", "--json")
     assert status == 0
     answers = json.loads(out)["answers"]
     assert {answer["status"] for answer in answers} == {"unreachable"}
@@ -109,7 +103,7 @@ def test_unreachable_is_an_answer_and_bad_input_is_not(capsys):
         (["etc", "tau Cet", "--albedo", "cheese"], ["cheese", "jupiter"]),
         (["etc", "tau Cet", "--albedo", "-1"], ["value", "0 to 1.5"]),
         (["etc", "tau Cet", "--phase-deg", "180"], ["--phase-deg", "180"]),
-        (["etc"], ["target"]),
+        (["etc"], ["TARGET"]),
         (["etc", "tau Cet", "--snrr", "5"], ["--snrr"]),
         (["plan", "--top", "0"], ["--top"]),
         (["plan", "--instrument", "missing.yaml"], ["missing.yaml", "cpic_default"]),
@@ -121,19 +115,13 @@ def test_unreachable_is_an_answer_and_bad_input_is_not(capsys):
         (["fly"], ["fly"]),
     ],
 )
-def test_bad_input_is_one_clear_line_with_status_2(capsys, arguments, words):
-    status, out, err = call(capsys, *arguments)
-    assert status == 2
-    assert out == ""
-    assert err.count("\n") == 1
-    for word in words:
-        assert word.lower() in err.lower()
+def test_bad_input_is_one_clear_line_with_status_2(refuses, arguments, words):
+    refuses(arguments, words)
 
 
-def test_frames_and_exposure_set_the_time(capsys):
+def test_frames_and_exposure_set_the_time(call):
     status, out, _ = call(
-        capsys,
-        *split("etc 'tau Cet' --exposure-s 17 --frames 30 --em-gain 20 --band F520 --separation-arcsec 0.5 --json"),
+        *split("etc 'tau Cet' --exposure-s 17 --frames 30 --em-gain 20 --band F520 --separation-arcsec 0.5 --json")
     )
     assert status == 0
     (answer,) = json.loads(out)["answers"]
@@ -142,40 +130,34 @@ def test_frames_and_exposure_set_the_time(capsys):
     assert answer["time_s"] == pytest.approx(2 * 30 * 18.1)
 
 
-def test_positions_outside_the_hole_are_said_so(capsys):
-    _, out, _ = call(capsys, "etc", "tau Cet", "--separation-arcsec", "0.1", "--json")
+def test_positions_outside_the_hole_are_said_so(call):
+    _, out, _ = call("etc", "tau Cet", "--separation-arcsec", "0.1", "--json")
     assert {a["reason"] for a in json.loads(out)["answers"]} == {"inside_inner_edge"}
-    _, out, _ = call(capsys, "etc", "tau Cet", "--separation-arcsec", "1.1", "--json")
+    _, out, _ = call("etc", "tau Cet", "--separation-arcsec", "1.1", "--json")
     assert {a["reason"] for a in json.loads(out)["answers"]} == {"outside_outer_edge"}
 
 
-def test_semi_major_axis_places_the_planet(capsys):
-    _, out, _ = call(
-        capsys, "etc", "tau Cet", "--semi-major-axis-au", "2", "--phase-deg", "60", "--band", "F520", "--json"
-    )
+def test_semi_major_axis_places_the_planet(call):
+    _, out, _ = call("etc", "tau Cet", "--semi-major-axis-au", "2", "--phase-deg", "60", "--band", "F520", "--json")
     (answer,) = json.loads(out)["answers"]
     assert answer["separation_arcsec"] == pytest.approx(2 * 3**0.5 / 2 / json.loads(out)["distance_pc"])
 
 
-def test_without_a_separation_the_answer_is_the_best_one(capsys):
-    _, out, _ = call(capsys, "etc", "eps Eri", "--snr", "8", "--band", "F520", "--json")
+def test_without_a_separation_the_answer_is_the_best_one(call):
+    _, out, _ = call("etc", "eps Eri", "--snr", "8", "--band", "F520", "--json")
     (free,) = json.loads(out)["answers"]
     assert free["status"] == "ok"
     assert free["snr"] == pytest.approx(8, rel=1e-3)
     for place in ("0.36", "0.45", "0.6"):
-        _, out, _ = call(
-            capsys, "etc", "eps Eri", "--snr", "8", "--band", "F520", "--separation-arcsec", place, "--json"
-        )
+        _, out, _ = call("etc", "eps Eri", "--snr", "8", "--band", "F520", "--separation-arcsec", place, "--json")
         (there,) = json.loads(out)["answers"]
         assert there["value"] is None or there["value"] >= free["value"] * 0.9
 
 
-def test_more_time_is_never_worse(capsys):
+def test_more_time_is_never_worse(call):
     snr = []
     for time_s in ("600", "6000", "36000", "1e7"):
-        _, out, _ = call(
-            capsys, "etc", "tau Cet", "--time-s", time_s, "--band", "F520", "--separation-arcsec", "0.5", "--json"
-        )
+        _, out, _ = call("etc", "tau Cet", "--time-s", time_s, "--band", "F520", "--separation-arcsec", "0.5", "--json")
         (answer,) = json.loads(out)["answers"]
         snr.append(answer["snr"])
         assert answer["time_s"] <= float(time_s) * (1 + 1e-12)
@@ -185,8 +167,8 @@ def test_more_time_is_never_worse(capsys):
 @pytest.mark.parametrize(
     "extra", [["--phase-deg", "60"], ["--albedo", "saturn"], ["--planet-radius-rjup", "2"], ["--contrast-limit"]]
 )
-def test_options_without_meaning_are_refused(capsys, extra):
-    status, _, err = call(capsys, "etc", "tau Cet", "--contrast", "1e-9", *extra)
+def test_options_without_meaning_are_refused(call, extra):
+    status, _, err = call("etc", "tau Cet", "--contrast", "1e-9", *extra)
     assert status == 2
     assert "--contrast" in err
 
@@ -225,7 +207,7 @@ def test_interrupted_plan_says_how_to_go_on(tmp_path):
     assert len([line for line in err.splitlines() if " so far" not in line]) <= 3
 
 
-def test_every_command_helps_with_examples(capsys):
+def test_every_command_helps_with_examples(call):
     for command in (
         ["rank"],
         ["etc"],
@@ -239,12 +221,12 @@ def test_every_command_helps_with_examples(capsys):
         ["cache", "info"],
         ["cache", "clear"],
     ):
-        status, out, _ = call(capsys, *command, "--help")
+        status, out, _ = call(*command, "--help")
         assert status == 0
         assert "xample" in out, command
 
 
-def test_tables_print(capsys):
+def test_tables_print(call):
     for arguments in (
         ["rank", *ROUGH, "--limit", "3"],
         ["etc", "tau Cet", "--snr", "5"],
@@ -253,7 +235,7 @@ def test_tables_print(capsys):
         ["cache", "info"],
         ["--version"],
     ):
-        status, out, _ = call(capsys, *arguments)
+        status, out, _ = call(*arguments)
         assert status == 0
         assert out.strip()
 

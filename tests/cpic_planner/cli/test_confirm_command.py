@@ -2,8 +2,6 @@ import json
 
 import pytest
 
-from cpic_planner.cli.main import main
-
 PLANET = "{name: b, radius_rjup: 1, phase_deg: 90, separation_arcsec: 0.5, pa_deg: 315, albedo: jupiter}"
 SCENE = f"""name: my scene
 cstar: {{v_mag: 4.0, teff_k: 5500, distance_pc: 4.0}}
@@ -11,10 +9,7 @@ planets: [{PLANET}]
 """
 
 
-def call(capsys, *arguments):
-    status = main(["confirm", *arguments])
-    captured = capsys.readouterr()
-    return status, captured.out, captured.err
+COMMAND = "confirm"
 
 
 @pytest.mark.parametrize(
@@ -40,41 +35,31 @@ def call(capsys, *arguments):
         (["paper_example", "--fidelity", "reference", "--audit"], ["--audit", "every realisation frame by frame"]),
     ],
 )
-def test_bad_input_is_one_clear_line_with_status_2(capsys, arguments, words):
-    status, out, err = call(capsys, *arguments)
-    assert status == 2
-    assert out == ""
-    assert err.count("\n") == 1
-    for word in words:
-        assert word in err, err
+def test_bad_input_is_one_clear_line_with_status_2(refuses, arguments, words):
+    refuses(arguments, words)
 
 
-def test_dry_run_counts_realisations_and_audited_frames(capsys, tmp_path):
+def test_dry_run_counts_realisations_and_audited_frames(done, tmp_path):
     (tmp_path / "scene.yaml").write_text(SCENE)
     options = ["--exposure-s", "5", "--frames", "7", "--em-gain", "100", "--realisations", "20"]
-    status, out, _ = call(capsys, str(tmp_path / "scene.yaml"), *options, "--band", "F520", "--dry-run", "--json")
-    assert status == 0
+    out, _ = done(str(tmp_path / "scene.yaml"), *options, "--band", "F520", "--dry-run", "--json")
     cost = json.loads(out)
     assert (cost["n_tasks"], cost["n_realisations"], cost["n_frames"]) == (1, 20, 14)
-    status, out, _ = call(capsys, str(tmp_path / "scene.yaml"), *options, "--band", "F520", "--dry-run", "--no-audit")
+    out, _ = done(str(tmp_path / "scene.yaml"), *options, "--band", "F520", "--dry-run", "--no-audit")
     assert "1 band of my scene, 20 realisations, 0 frames drawn one by one" in out
 
 
-def test_a_planet_outside_the_hole_needs_no_image(capsys, tmp_path):
+def test_a_planet_outside_the_hole_needs_no_image(done, tmp_path):
     (tmp_path / "scene.yaml").write_text(SCENE.replace("0.5, pa_deg: 315", "0.3, pa_deg: 0"))
     options = ["--exposure-s", "5", "--frames", "2", "--em-gain", "100", "--realisations", "1", "--no-audit"]
-    status, out, _ = call(
-        capsys, str(tmp_path / "scene.yaml"), *options, "--band", "F520", "--fidelity", "quick", "--json"
-    )
-    assert status == 0
+    out, _ = done(str(tmp_path / "scene.yaml"), *options, "--band", "F520", "--fidelity", "quick", "--json")
     (band,) = json.loads(out)["bands"]
     assert (band["status"], band["reason"]) == ("outside_field", "inside_inner_edge")
     assert "leaves the dark hole" in band["message"]
 
 
-def test_help_shows_examples_and_what_overrides_are(capsys):
-    status, out, _ = call(capsys, "--help")
-    assert status == 0
+def test_help_shows_examples_and_what_overrides_are(done):
+    out, _ = done("--help")
     assert "cpic confirm paper_example" in out
     assert "--simulator-overrides" in out
     assert "--photon-counting" not in out

@@ -9,11 +9,7 @@ from cpic_planner.cli.main import main
 from cpic_planner.models import Explanation, RankResult, SensitivityResult
 from cpic_planner.population_config import population_names
 
-
-def call(capsys, *arguments):
-    status = main(["rank", *arguments])
-    captured = capsys.readouterr()
-    return status, captured.out, captured.err
+COMMAND = "rank"
 
 
 @pytest.fixture(scope="module")
@@ -27,9 +23,8 @@ def few(tmp_path_factory):
     return str(path)
 
 
-def ranking(capsys, few, *options):
-    status, out, err = call(capsys, "--catalog", few, "--planets", "800", *options, "--json")
-    assert status == 0, err
+def ranking(done, few, *options):
+    out, _ = done("--catalog", few, "--planets", "800", *options, "--json")
     return RankResult.model_validate_json(out)
 
 
@@ -43,86 +38,79 @@ SCORES = {
 
 
 @pytest.mark.parametrize("score", SCORES)
-def test_scores(capsys, few, score):
-    result = ranking(capsys, few, "--score", score)
+def test_scores(done, few, score):
+    result = ranking(done, few, "--score", score)
     assert result.score_name == score
     values = [row.score for row in result.targets]
     assert values == sorted(values, reverse=True)
     assert values == pytest.approx([SCORES[score](row) for row in result.targets])
-    status, out, _ = call(capsys, "--catalog", few, "--planets", "100", "--score", score)
-    assert status == 0
+    out, _ = done("--catalog", few, "--planets", "100", "--score", score)
     assert f"by {score.replace('_', ' ')}" in out
 
 
-def test_populations_planets_and_seeds(capsys, few, tmp_path):
-    default = ranking(capsys, few)
+def test_populations_planets_and_seeds(done, few, tmp_path):
+    default = ranking(done, few)
     assert (default.population.name, default.population.n_planets, default.population.seed) == ("giants", 800, 1)
-    other = ranking(capsys, few, "--seed", "2")
+    other = ranking(done, few, "--seed", "2")
     assert other.population.seed == 2
     assert [row.completeness for row in other.targets] != [row.completeness for row in default.targets]
     for name in population_names():
-        assert ranking(capsys, few, "--population", name).population.name == name
+        assert ranking(done, few, "--population", name).population.name == name
     own = tmp_path / "near.yaml"
     own.write_text("semi_major_axis_au: {law: fixed, value: 2.0}\n")
-    assert ranking(capsys, few, "--population", str(own)).population.name == "near"
+    assert ranking(done, few, "--population", str(own)).population.name == "near"
 
 
-def test_strategies_reach_the_ranking(capsys, few):
-    plain = {row.name: row.significance for row in ranking(capsys, few, "--band", "F662").targets}
-    ideal = ranking(capsys, few, "--band", "F662", "--library", "idealised")
+def test_strategies_reach_the_ranking(done, few):
+    plain = {row.name: row.significance for row in ranking(done, few, "--band", "F662").targets}
+    ideal = ranking(done, few, "--band", "F662", "--library", "idealised")
     assert ideal.reference_library == "idealised"
     assert all(row.significance > plain[row.name] for row in ideal.targets)
-    dusty = ranking(capsys, few, "--band", "F662", "--exozodi", "100")
+    dusty = ranking(done, few, "--band", "F662", "--exozodi", "100")
     assert all(row.significance < plain[row.name] for row in dusty.targets)
-    counted = ranking(capsys, few, "--band", "F662", "--mode", "photon_counting")
+    counted = ranking(done, few, "--band", "F662", "--mode", "photon_counting")
     assert {row.name: row.significance for row in counted.targets} != plain
 
 
-def test_explanation_of_a_star(capsys, few):
-    status, out, _ = call(capsys, "--catalog", few, "--planets", "200", "--explain", "middle star", "--json")
-    assert status == 0
+def test_explanation_of_a_star(done, few):
+    out, _ = done("--catalog", few, "--planets", "200", "--explain", "middle star", "--json")
     told = Explanation.model_validate_json(out)
     assert told.star.name == "middle star"
     assert told.n_ranked == 4
     assert told.better.rank == told.star.rank - 1
-    status, out, _ = call(capsys, "--catalog", few, "--planets", "200", "--explain", "Middle Star")
-    assert status == 0
+    out, _ = done("--catalog", few, "--planets", "200", "--explain", "Middle Star")
     assert f"middle star: rank {told.star.rank} of 4 by completeness per hour" in out
     for words in ("Between its neighbours", "band by band", "EM gain up to", "Rank under other assumptions"):
         assert words in out
 
 
-def test_sensitivity(capsys, few):
-    status, out, _ = call(capsys, "--catalog", few, "--planets", "200", "--sensitivity", "--json")
-    assert status == 0
+def test_sensitivity(done, few):
+    out, _ = done("--catalog", few, "--planets", "200", "--sensitivity", "--json")
     found = SensitivityResult.model_validate_json(out)
     assert found.top == 4
-    status, out, _ = call(capsys, "--catalog", few, "--planets", "200", "--sensitivity")
-    assert status == 0
+    out, _ = done("--catalog", few, "--planets", "200", "--sensitivity")
     assert "tau" in out
     for row in found.rows:
         assert row.text.split("(")[0].strip()[:40] in " ".join(out.split())
 
 
 @pytest.mark.parametrize(("limit", "drawn"), [("2", 2), ("4", 3)])
-def test_a_figure_shows_as_many_stars_as_the_table_or_says_why_not(capsys, few, tmp_path, monkeypatch, limit, drawn):
+def test_a_figure_shows_as_many_stars_as_the_table_or_says_why_not(done, few, tmp_path, monkeypatch, limit, drawn):
     from cpic_planner.report import etc_figures, rank_figure
 
     figures = []
     monkeypatch.setattr(rank_figure, "MOST_STARS", 3)
     monkeypatch.setattr(etc_figures, "write_figure", lambda figure, path: figures.append(figure))
     path = tmp_path / "first.png"
-    status, out, err = call(capsys, "--catalog", few, "--planets", "100", "--plot", str(path), "--limit", limit)
-    assert status == 0
+    out, err = done("--catalog", few, "--planets", "100", "--plot", str(path), "--limit", limit)
     assert f"first {limit} of 4 stars" in out
     assert figures[0].get_suptitle().startswith(f"first {drawn} of 4 stars")
     assert ("with the first 3 stars only" in err) == (drawn < int(limit))
 
 
-def test_figures(capsys, few, tmp_path):
+def test_figures(done, few, tmp_path):
     path = tmp_path / "bars.pdf"
-    status, _, err = call(capsys, "--catalog", few, "--planets", "100", "--plot", str(path))
-    assert status == 0
+    _, err = done("--catalog", few, "--planets", "100", "--plot", str(path))
     assert path.read_bytes().startswith(b"%PDF")
     assert f"wrote {path}" in err
 
@@ -147,13 +135,8 @@ def test_figures(capsys, few, tmp_path):
         (["--reference-ratio", "-1"], ["--reference-ratio", "above 0"]),
     ],
 )
-def test_contradictions_and_bad_input_are_one_line(capsys, few, options, words):
-    status, out, err = call(capsys, "--catalog", few, *options)
-    assert status == 2, err
-    assert out == ""
-    assert err.count("\n") == 1
-    for word in words:
-        assert word in err
+def test_contradictions_and_bad_input_are_one_line(refuses, few, options, words):
+    refuses(["--catalog", few, *options], words)
 
 
 def test_examples_of_the_help_are_accepted(capsys, few, tmp_path, monkeypatch):
@@ -166,26 +149,25 @@ def test_examples_of_the_help_are_accepted(capsys, few, tmp_path, monkeypatch):
     for example in examples:
         words = shlex.split(example)
         # The whole catalogue takes seconds each time; tau Cet is one of its stars, and few have no known planets.
-        quick = [] if {"--catalog", "--explain", "--known-planets"} & set(words) else ["--catalog", few]
+        quick = [] if {"--catalog", "--known-planets"} & set(words) else ["--catalog", few]
         if "--explain" in words:
             words[words.index("--explain") + 1] = "near star"
-            quick = ["--catalog", few]
-        assert main([*words, *quick]) == 0, example
+        assert main([*words, *quick, "--planets", "100"]) == 0, example
     capsys.readouterr()
     assert (tmp_path / "ranking.csv").exists()
     assert (tmp_path / "ranking.png").exists()
 
 
-def test_the_table_holds_the_columns_of_completeness(capsys, few, tmp_path):
+def test_the_table_holds_the_columns_of_completeness(call, few, tmp_path):
     path = tmp_path / "r.csv"
-    assert call(capsys, "--catalog", few, "--planets", "100", "--out", str(path))[0] == 0
+    assert call("--catalog", few, "--planets", "100", "--out", str(path))[0] == 0
     head = path.read_text().splitlines()[0].split(",")
     for name in ("score", "completeness", "completeness_per_hour", "expected_detections", "detection_time_s"):
         assert name in head
 
 
-def test_json_is_one_object_of_targets(capsys, few):
-    out = call(capsys, "--catalog", few, "--planets", "100", "--json")[1]
+def test_json_is_one_object_of_targets(call, few):
+    out = call("--catalog", few, "--planets", "100", "--json")[1]
     tree = json.loads(out)
     assert tree["schema_version"] == 1
     assert len(tree["targets"]) == 4

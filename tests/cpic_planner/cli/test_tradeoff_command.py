@@ -2,17 +2,12 @@ import json
 
 import pytest
 
-from cpic_planner.cli.main import main
 from cpic_planner.models import TradeoffResult
 from cpic_planner.tradeoff import run
 from cpic_planner.tradeoff.scenes import SCENES
 from cpic_planner.version import __version__
 
-
-def call(capsys, *arguments):
-    status = main(["tradeoff", *arguments])
-    captured = capsys.readouterr()
-    return status, captured.out, captured.err
+COMMAND = "tradeoff"
 
 
 def rows_for(case, points, machine):
@@ -63,10 +58,9 @@ def unmeasured(monkeypatch):
     return asked
 
 
-def test_files_table_and_json(capsys, tmp_path, unmeasured):
+def test_files_table_and_json(call, done, tmp_path, unmeasured):
     out = tmp_path / "t"
-    status, text, err = call(capsys, "--scene", "faint", "--quick-look", "--out", str(out), "--json")
-    assert status == 0
+    text, err = done("--scene", "faint", "--quick-look", "--out", str(out), "--json")
     result = TradeoffResult.model_validate(json.loads(text))
     assert result.quick_look
     assert (out / "results.json").read_text() == text
@@ -74,20 +68,18 @@ def test_files_table_and_json(capsys, tmp_path, unmeasured):
     assert "written to" in err
     assert ("faint", "no_flat") not in unmeasured
     unmeasured.clear()
-    status, text, _ = call(capsys, "--scene", "faint", "--quick-look", "--only", "etc", "--out", str(out))
-    assert status == 0
+    text, _ = done("--scene", "faint", "--quick-look", "--only", "etc", "--out", str(out))
     assert unmeasured == [("faint", "etc")]
     assert "Faint planet (faint, F662)" in text
     assert "reference" in text
     assert len(json.loads((out / "results.json").read_text())["rows"]) == len(result.rows)
-    assert call(capsys, "--only", "etc", "--out", str(out))[0] == 2  # a look and a record do not mix
+    assert call("--only", "etc", "--out", str(out))[0] == 2  # a look and a record do not mix
 
 
-def test_a_list(capsys):
-    status, text, _ = call(capsys, "--list", "--scene", "binary", "--json")
-    assert status == 0
+def test_a_list(call, done):
+    text, _ = done("--list", "--scene", "binary", "--json")
     assert json.loads(text)["binary"]["points"]["etc"] == "closed form, one call"
-    status, text, _ = call(capsys, "--list")
+    text, _ = done("--list")
     assert all(f"{case.name}: {case.title}" in text for case in SCENES.values())
 
 
@@ -100,17 +92,14 @@ def test_a_list(capsys):
         (["--workers", "3"], "--workers"),
     ],
 )
-def test_refusals(capsys, tmp_path, monkeypatch, arguments, words):
+def test_refusals(refuses, tmp_path, monkeypatch, arguments, words):
     monkeypatch.chdir(tmp_path)
-    status, text, err = call(capsys, *arguments)
-    assert (status, text) == (2, "")
-    assert words in err
-    assert err.count("\n") == 1
+    refuses(arguments, [words])
 
 
-def test_a_foreign_folder_is_left_alone(capsys, tmp_path):
+def test_a_foreign_folder_is_left_alone(call, tmp_path):
     (tmp_path / "letter.txt").write_text("dear")
-    status, _, err = call(capsys, "--scene", "faint", "--out", str(tmp_path))
+    status, _, err = call("--scene", "faint", "--out", str(tmp_path))
     assert status == 2
     assert "an empty folder or one of an earlier run" in err
     assert [path.name for path in tmp_path.iterdir()] == ["letter.txt"]

@@ -4,7 +4,6 @@ from shlex import split
 
 import pytest
 
-from cpic_planner.cli.main import main
 from cpic_planner.models import WhatIfResult
 from cpic_planner.survey.strategy_file import load_strategies
 
@@ -29,16 +28,12 @@ def mine(tmp_path):
     return str(path)
 
 
-def call(capsys, *arguments):
-    status = main(["whatif", *arguments])
-    captured = capsys.readouterr()
-    return status, captured.out, captured.err
+COMMAND = "whatif"
 
 
-def test_a_comparison_in_words_and_files(capsys, mine, tmp_path):
+def test_a_comparison_in_words_and_files(call, done, mine, tmp_path):
     out_dir = tmp_path / "out"
-    status, out, err = call(capsys, mine, "--out", str(out_dir), "--images", "0", "--workers", "1")
-    assert status == 0, err
+    out, err = done(mine, "--out", str(out_dir), "--images", "0", "--workers", "1")
     for words in ("once", "twice", "report.html"):
         assert words in out
     assert {path.name for path in out_dir.iterdir()} >= {
@@ -55,24 +50,22 @@ def test_a_comparison_in_words_and_files(capsys, mine, tmp_path):
     run = json.loads((out_dir / "run.json").read_text())
     assert (run["computed_parts"], run["resumed_parts"]) == (2, 0)
     # The same again is there already.
-    status, out, err = call(capsys, mine, "--out", str(out_dir), "--images", "0", "--workers", "1", "--json")
-    assert status == 0
+    out, err = done(mine, "--out", str(out_dir), "--images", "0", "--workers", "1", "--json")
     assert WhatIfResult.model_validate_json(out) == result
     assert "reused 2 finished pieces" in err
-    status, _, err = call(capsys, mine, "--out", str(out_dir), "--images", "0", "--universes", "21", "--workers", "1")
+    status, _, err = call(mine, "--out", str(out_dir), "--images", "0", "--universes", "21", "--workers", "1")
     assert status == 2
     assert "--force" in err
 
 
-def test_options_reach_the_answer(capsys, mine, tmp_path):
+def test_options_reach_the_answer(done, mine, tmp_path):
     arguments = (
         *split(
             "--strategy twice --vary max_visits=1,2 --universes 12 --seed 9 --start 2030-01-01 --days 40 "
             "--images 0 --workers 1"
         ),
     )
-    status, out, err = call(capsys, mine, *arguments, "--out", str(tmp_path / "o"), "--json")
-    assert status == 0, err
+    out, _ = done(mine, *arguments, "--out", str(tmp_path / "o"), "--json")
     result = WhatIfResult.model_validate_json(out)
     assert [item.name for item in result.strategies] == ["twice max_visits=1", "twice max_visits=2"]
     assert result.n_universes == 12
@@ -82,7 +75,7 @@ def test_options_reach_the_answer(capsys, mine, tmp_path):
     assert all(text.startswith("2030") for text in result.slot_utc)
 
 
-def test_known_planets_are_those_of_the_option(capsys, tmp_path):
+def test_known_planets_are_those_of_the_option(done, tmp_path):
     """A planet of one's own is found; the option stands instead of what the strategies name."""
     table = tmp_path / "planets.csv"
     table.write_text("star,planet,a,e,mass,inclination,radius,star_mass\neps Eri,eps Eri q,1.5,0,1,10,1.3,0.83\n")
@@ -90,8 +83,7 @@ def test_known_planets_are_those_of_the_option(capsys, tmp_path):
     path.write_text(SMALL.replace("universes: 20", "universes: 20, known_planets: nothing.csv"))
     made = {}
     for source in ("off", f"none+{table}", str(table)):
-        status, out, err = call(
-            capsys,
+        out, err = done(
             str(path),
             "--known-planets",
             source,
@@ -100,7 +92,6 @@ def test_known_planets_are_those_of_the_option(capsys, tmp_path):
             "--force",
             "--json",
         )
-        assert status == 0, err
         made[source] = WhatIfResult.model_validate_json(out)
         assert ("planets.csv: 0 of the 176 planets below are changed; 1 is new" in err) == (source == str(table))
     used = {source: result.known_planets for source, result in made.items()}
@@ -115,9 +106,8 @@ def test_known_planets_are_those_of_the_option(capsys, tmp_path):
     assert found[f"none+{table}"] > 0.1
 
 
-def test_what_is_varied_is_told_before_it_runs(capsys, mine):
-    status, out, err = call(capsys, mine, "--vary", "drift=0.1nm,x3", "--dry-run")
-    assert status == 0
+def test_what_is_varied_is_told_before_it_runs(done, mine):
+    out, err = done(mine, "--vary", "drift=0.1nm,x3", "--dry-run")
     assert err.splitlines() == [
         "cpic: varied: drift 0.1 nm: 0.1 nm visit offset, 0.1 nm/sqrt(h) walk, x2 of the instrument's",
         "cpic: varied: drift x3: 0.15 nm visit offset, 0.15 nm/sqrt(h) walk, x3 of the instrument's",
@@ -125,12 +115,11 @@ def test_what_is_varied_is_told_before_it_runs(capsys, mine):
     assert out.startswith("4 strategies")
 
 
-def test_what_it_would_cost(capsys, mine, tmp_path):
-    status, out, _ = call(capsys, mine, "--dry-run", "--out", str(tmp_path / "none"))
-    assert status == 0
+def test_what_it_would_cost(done, mine, tmp_path):
+    out, _ = done(mine, "--dry-run", "--out", str(tmp_path / "none"))
     assert "2 strategies, 20 universes" in out
     assert not (tmp_path / "none").exists()
-    status, out, _ = call(capsys, mine, "--dry-run", "--json", "--universes", "500")
+    out, _ = done(mine, "--dry-run", "--json", "--universes", "500")
     assert json.loads(out)["n_universes"] == 500
 
 
@@ -153,10 +142,10 @@ FAULTS = {
 
 
 @pytest.mark.parametrize("words", FAULTS)
-def test_bad_input_is_one_clear_line(capsys, mine, tmp_path, words):
+def test_bad_input_is_one_clear_line(call, mine, tmp_path, words):
     out_dir = tmp_path / "none"
     status, out, err = call(
-        capsys, mine, *FAULTS[words], "--out", str(out_dir), "--images" if words != "--images" else "--seed", "0"
+        mine, *FAULTS[words], "--out", str(out_dir), "--images" if words != "--images" else "--seed", "0"
     )
     assert status == 2
     assert out == ""
@@ -165,16 +154,15 @@ def test_bad_input_is_one_clear_line(capsys, mine, tmp_path, words):
     assert not (out_dir / "whatif.json").exists()
 
 
-def test_a_preset_or_file_that_does_not_exist(capsys):
+def test_a_preset_or_file_that_does_not_exist(call):
     for source in ("nothing", "nothing.yaml"):
-        status, _, err = call(capsys, source)
+        status, _, err = call(source)
         assert status == 2
         assert "survey_default" in err
 
 
-def test_the_file_of_the_help_is_a_file(capsys, tmp_path):
-    status, out, _ = call(capsys, "--help")
-    assert status == 0
+def test_the_file_of_the_help_is_a_file(done, tmp_path):
+    out, _ = done("--help")
     path = tmp_path / "help.yaml"
     path.write_text(textwrap.dedent(out[out.index("    kind: strategies") : out.index("  --vary takes")]))
     config = load_strategies(path)

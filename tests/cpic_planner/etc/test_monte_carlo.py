@@ -147,12 +147,7 @@ def said_with(oracles, case, camera=None, **changes):
     rates = replace(oracles.regimes.rates_of(stack, places, case.light), **changes)
     camera = camera or oracles.regimes.camera_of(case.readout)
     return stack_noise(
-        rates,
-        stack.exposure_s,
-        stack.n_frames,
-        stack.em_gain,
-        camera,
-        Strategy(reference_ratio=stack.reference_ratio),
+        rates, stack.exposure_s, stack.n_frames, stack.em_gain, camera, Strategy(reference_ratio=stack.reference_ratio)
     )
 
 

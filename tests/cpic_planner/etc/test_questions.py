@@ -136,14 +136,12 @@ def test_given_frames_are_used_and_the_rest_follows():
     assert own.snr == pytest.approx(free.snr, rel=1e-9)
 
 
-def test_exposures_out_of_range():
+def test_exposures_out_of_range(refused):
     beyond = exposure_time(MODEL, star(7.0), snr=2.0, contrast=1e-7, exposure_s=400.0, **PLACE)[0]
     assert "exposure_beyond_max" in beyond.flags
     assert beyond.exposure_s == 400.0
-    with pytest.raises(InputError, match="exposure_s = 0.009 s"):
-        exposure_time(MODEL, TAU_CET, snr=2.0, exposure_s=0.009, **PLACE)
-    with pytest.raises(InputError, match="em_gain = 1001"):
-        exposure_time(MODEL, TAU_CET, snr=2.0, em_gain=1001, **PLACE)
+    refused("exposure_s = 0.009 s", exposure_time, MODEL, TAU_CET, snr=2.0, exposure_s=0.009, **PLACE)
+    refused("em_gain = 1001", exposure_time, MODEL, TAU_CET, snr=2.0, em_gain=1001, **PLACE)
     saturated = exposure_time(MODEL, star(0.0), snr=2.0, exposure_s=200.0, **PLACE)[0]
     assert (saturated.status, saturated.reason) == ("saturated", "pixel_full_well")
     for gain in (1, 1000.0):
@@ -224,8 +222,9 @@ ODD_STARS = {
 }
 
 
-@pytest.mark.parametrize("setup", SETUPS)
-@pytest.mark.parametrize("name", ODD_STARS)
+@pytest.mark.parametrize(
+    ("setup", "name"), [*((name, "by hand") for name in SETUPS), ("default", "pair"), ("counting", "pair alone")]
+)
 def test_every_star_has_an_answer(setup, name):
     model, target = SETUPS[setup], ODD_STARS[name]
     given = {"separation_arcsec": [0.0, 1e-6, 0.3, 0.42, 0.95, 1.1, 120.0], "bands": ["F520"]}
@@ -253,23 +252,18 @@ def test_every_star_has_an_answer(setup, name):
         for value in (-1, math.nan, math.inf, -math.inf, 1e308, True, np.True_, "1", [[0.5]])
     ],
 )
-def test_what_is_no_number_in_range_is_refused_in_one_line(key, value):
+def test_what_is_no_number_in_range_is_refused_in_one_line(refused, key, value):
     given = {"time_s": 3600.0, "separation_arcsec": 0.5, "bands": ["F520"]} | {key: value}
-    with pytest.raises(InputError) as error:
-        signal_to_noise(MODEL, TAU_CET, **given)
-    assert "\n" not in str(error.value)
-    assert str(error.value).startswith(key)
+    message = refused("", signal_to_noise, MODEL, TAU_CET, **given)
+    assert message.startswith(key)
 
 
 @pytest.mark.parametrize("value", [0, -1, 1e-7, 1.1e6, math.nan, math.inf, True, None])
-def test_levels_out_of_range_are_refused(value):
+def test_levels_out_of_range_are_refused(refused, value):
     for key in ("snr", "sigma"):
-        with pytest.raises(InputError):
-            exposure_time(MODEL, TAU_CET, **{key: value}, **PLACE)
-    with pytest.raises(InputError):
-        contrast_limit(MODEL, TAU_CET, time_s=100.0, snr=5.0, sigma=5.0, **PLACE)
-    with pytest.raises(InputError, match="one of snr, sigma, detect"):
-        exposure_time(MODEL, TAU_CET, snr=5.0, detect=True, **PLACE)
+        refused("", exposure_time, MODEL, TAU_CET, **{key: value}, **PLACE)
+    refused("", contrast_limit, MODEL, TAU_CET, time_s=100.0, snr=5.0, sigma=5.0, **PLACE)
+    refused("one of snr, sigma, detect", exposure_time, MODEL, TAU_CET, snr=5.0, detect=True, **PLACE)
 
 
 def test_numpy_numbers_are_numbers():
@@ -348,15 +342,12 @@ def test_order_of_answers():
     assert alone.value == pytest.approx(same.value, rel=1e-12)
 
 
-def test_unlike_lengths_and_nobody_are_refused():
+def test_unlike_lengths_and_nobody_are_refused(refused):
     with pytest.raises(InputError, match="separation_arcsec"):
         signal_to_noise(MODEL, TAU_CET, time_s=100.0, separation_arcsec=[0.5, 0.6], contrast=[1e-9] * 3)
-    with pytest.raises(InputError, match="separation_arcsec"):
-        signal_to_noise(MODEL, TAU_CET, time_s=100.0, separation_arcsec=[])
-    with pytest.raises(InputError, match="target"):
-        signal_to_noise(MODEL, TAU_CET.select([]), time_s=100.0, separation_arcsec=0.5)
-    with pytest.raises(InputError, match="band = F999"):
-        signal_to_noise(MODEL, TAU_CET, time_s=100.0, separation_arcsec=0.5, bands=["F999"])
+    refused("separation_arcsec", signal_to_noise, MODEL, TAU_CET, time_s=100.0, separation_arcsec=[])
+    refused("target", signal_to_noise, MODEL, TAU_CET.select([]), time_s=100.0, separation_arcsec=0.5)
+    refused("band = F999", signal_to_noise, MODEL, TAU_CET, time_s=100.0, separation_arcsec=0.5, bands=["F999"])
 
 
 @settings(max_examples=15)

@@ -138,11 +138,7 @@ def test_no_gain_has_less_noise(stages, gain_max):
 
 
 @given(
-    st.integers(16, 604),
-    st.floats(1.0 + 1e-9, 1e4),
-    st.floats(0.0, 1.0),
-    st.floats(1e-12, 1e12),
-    st.floats(1e-6, 1e12),
+    st.integers(16, 604), st.floats(1.0 + 1e-9, 1e4), st.floats(0.0, 1.0), st.floats(1e-12, 1e12), st.floats(1e-6, 1e12)
 )
 def test_any_register(stages, gain_max, share, light, read):
     cap = gain_max**share

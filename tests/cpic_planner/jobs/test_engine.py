@@ -10,7 +10,6 @@ import dask
 import distributed  # noqa: F401, its settings are there before one is changed for a test
 import pytest
 
-from catalogs.errors import InputError
 from cpic_planner.jobs.engine import ClusterError, run_tasks
 from simulator.rng import stream
 
@@ -31,11 +30,10 @@ def test_same_results_for_any_number_of_workers():
     assert together == {n - 1: divmod(17, n) for n in range(1, 7)}
 
 
-def test_errors_of_tasks_come_back_as_they_are():
+def test_errors_of_tasks_come_back_as_they_are(refused):
     from simulator.config import load_instrument
 
-    with pytest.raises(InputError, match="no_such_preset"):
-        list(run_tasks(load_instrument, [("no_such_preset",)] * 2, workers=2))
+    refused("no_such_preset", list, run_tasks(load_instrument, [("no_such_preset",)] * 2, workers=2))
 
 
 def test_common_arguments_come_first_wherever_a_task_runs():
@@ -126,9 +124,8 @@ def test_workers_that_never_start_end_the_run(monkeypatch, tmp_path):
 
 
 @pytest.mark.parametrize("workers", [0, -1, 1.5, True, 1000])
-def test_worker_count_is_checked(workers):
-    with pytest.raises(InputError, match="--workers"):
-        list(run_tasks(draw, ARGUMENTS, workers=workers))
+def test_worker_count_is_checked(refused, workers):
+    refused("--workers", list, run_tasks(draw, ARGUMENTS, workers=workers))
 
 
 @pytest.mark.parametrize(
@@ -148,21 +145,19 @@ def test_worker_count_is_checked(workers):
         "tcp://[::1:8786",
     ],
 )
-def test_what_is_no_address_is_refused_before_dask_is_loaded(address, monkeypatch):
+def test_what_is_no_address_is_refused_before_dask_is_loaded(refused, address, monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     for module in ("cluster", "local_cluster"):
         monkeypatch.delitem(sys.modules, f"cpic_planner.jobs.{module}", raising=False)
-    with pytest.raises(InputError, match=r"--scheduler.*tcp://host:port"):
-        list(run_tasks(divmod, [(1, 1)], scheduler=address))
+    refused(r"--scheduler.*tcp://host:port", list, run_tasks(divmod, [(1, 1)], scheduler=address))
 
 
-def test_dead_scheduler_is_named(monkeypatch):
+def test_dead_scheduler_is_named(refused, monkeypatch):
     monkeypatch.setattr("cpic_planner.jobs.cluster._ANSWER_S", 0.3)
     with socket.socket() as nobody:
         nobody.bind(("127.0.0.1", 0))
         address = f"tcp://127.0.0.1:{nobody.getsockname()[1]}"
-        with pytest.raises(InputError, match="--scheduler.*a live Dask scheduler"):
-            list(run_tasks(divmod, [(1, 1)], scheduler=address))
+        refused("--scheduler.*a live Dask scheduler", list, run_tasks(divmod, [(1, 1)], scheduler=address))
 
 
 def children_of(pid):

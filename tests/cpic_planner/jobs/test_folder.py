@@ -18,10 +18,7 @@ def test_finished_parts_are_reused_and_foreign_configurations_refused(tmp_path):
     with open_run_folder(out, kind="plan", config_hash="aaaa") as folder:
         assert folder.resumed
         assert folder.part("x F520") == {"value": 0.1}
-    with (
-        pytest.raises(InputError, match="configuration aaaa"),
-        open_run_folder(out, kind="plan", config_hash="bbbb"),
-    ):
+    with pytest.raises(InputError, match="configuration aaaa"), open_run_folder(out, kind="plan", config_hash="bbbb"):
         pass
     with open_run_folder(out, kind="plan", config_hash="bbbb", force=True) as folder:
         assert not folder.resumed
@@ -70,10 +67,7 @@ def test_live_folder_is_refused_and_free_again_after_kill(tmp_path):
 
 def test_somebody_elses_folder_is_left_alone(tmp_path):
     (tmp_path / "thesis.tex").write_text("precious")
-    with (
-        pytest.raises(InputError, match="thesis.tex"),
-        open_run_folder(tmp_path, kind="plan", config_hash="h"),
-    ):
+    with pytest.raises(InputError, match="thesis.tex"), open_run_folder(tmp_path, kind="plan", config_hash="h"):
         pass
     assert sorted(p.name for p in tmp_path.iterdir()) == ["thesis.tex"]
     with open_run_folder(tmp_path, kind="plan", config_hash="h", force=True):

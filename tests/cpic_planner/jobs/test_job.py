@@ -138,21 +138,19 @@ def test_a_folder_has_one_run_at_a_time(tmp_path):
     assert len(refusals) == N
 
 
-def test_another_configuration_needs_force_and_leaves_what_it_did_not_write(tmp_path):
+def test_another_configuration_needs_force_and_leaves_what_it_did_not_write(refused, tmp_path):
     out = tmp_path / "o"
     run(squares(N), out)
     (out / "notes.txt").write_text("precious")
-    with pytest.raises(InputError, match="--force"):
-        run(squares(2), out)
+    refused("--force", run, squares(2), out)
     assert run(squares(2), out, force=True).result.total == 1
     assert sorted(path.name[:8] for path in (out / "parts").iterdir()) == ["square_0", "square_1"]
     assert (out / "notes.txt").read_text() == "precious"
 
 
-def test_a_product_does_not_take_the_place_of_a_foreign_file(tmp_path):
+def test_a_product_does_not_take_the_place_of_a_foreign_file(refused, tmp_path):
     (tmp_path / "squares.csv").write_text("mine")
-    with pytest.raises(InputError, match=r"squares\.csv"):
-        run(squares(N), tmp_path, force=True)
+    refused(r"squares\.csv", run, squares(N), tmp_path, force=True)
     assert [path.name for path in tmp_path.iterdir()] == ["squares.csv"]
 
 

@@ -47,7 +47,7 @@ def told(*arguments):
     return seen[0] if seen else None
 
 
-def test_a_field_is_an_option_a_keyword_a_key_and_in_schema_and_hash(tmp_path, capsys):
+def test_a_field_is_an_option_a_keyword_a_key_and_in_schema_and_hash(refused, tmp_path, capsys):
     plain, tilted = told("--top", "2"), told("--top", "2", "--tilt-deg", "2")
     assert (plain.tilt_deg, tilted.tilt_deg) == (0.5, 2.0)
     told("--help")
@@ -67,10 +67,8 @@ def test_a_field_is_an_option_a_keyword_a_key_and_in_schema_and_hash(tmp_path, c
     assert inspect.signature(warm).parameters["tilt_deg"].default == 0.5
     assert warm(top=2, tilt_deg=2) == tilted
     assert "tilt_deg : float, optional\n    Tilt of the mirror (0 to 3 deg)." in warm.__doc__
-    with pytest.raises(InputError, match=r"^tilt_deg = 9 deg: .*0 to 3"):
-        warm(tilt_deg=9)
-    with pytest.raises(InputError, match=r"^--tilt-deg = 9.0 deg: .*0 to 3"):
-        told("--tilt-deg", "9")
+    refused(r"^tilt_deg = 9 deg: .*0 to 3", warm, tilt_deg=9)
+    refused(r"^--tilt-deg = 9.0 deg: .*0 to 3", told, "--tilt-deg", "9")
 
     schema = Warmer.model_json_schema()["properties"]["tilt_deg"]
     assert (schema["minimum"], schema["maximum"], schema["default"]) == (0, 3, 0.5)
@@ -157,18 +155,16 @@ def test_options_of_a_question_have_names_of_their_own(name):
 
 
 @pytest.mark.parametrize("name", MODELS)
-def test_schemas_of_questions_hold_every_field(name, capsys):
+def test_schemas_of_questions_hold_every_field(refused, name, capsys):
     assert main(["schema", f"{name}-question"]) == 0
     schema = json.loads(capsys.readouterr().out)
     assert set(schema["properties"]) == set(MODELS[name].model_fields)
-    with pytest.raises(InputError, match="etc-question"):
-        question_schema("nothing-question")
+    refused("etc-question", question_schema, "nothing-question")
 
 
-def test_refusals_name_what_the_reader_wrote():
+def test_refusals_name_what_the_reader_wrote(refused):
     tree = {"target": "tau Cet", "snr": 5.0, "time_s": 60.0}
-    with pytest.raises(InputError, match=r"^snr = given with time_s: .*one of the two"):
-        EtcQuestion.of(tree)
+    refused(r"^snr = given with time_s: .*one of the two", EtcQuestion.of, tree)
     with (
         pytest.raises(InputError, match=r"^--snr = given with --time-s: .*one of the two"),
         called_by_option(EtcQuestion),
@@ -202,11 +198,9 @@ def test_images_are_hashed_by_what_they_do():
     assert ImageQuestion.of({"strategy": Strategy(n_modes=2)}) == ImageQuestion.of({"strategy": {"n_modes": 2}})
 
 
-def test_images_refuse_what_they_cannot_measure():
-    with pytest.raises(InputError, match="not yet measured in images"):
-        ImageQuestion.of({"strategy": {"mode": "photon_counting"}})
-    with pytest.raises(InputError, match=r"tolerance.*fidelity.*one of the two"):
-        ImageQuestion.of({"tolerance": 0.0, "fidelity": "quick"})
+def test_images_refuse_what_they_cannot_measure(refused):
+    refused("not yet measured in images", ImageQuestion.of, {"strategy": {"mode": "photon_counting"}})
+    refused(r"tolerance.*fidelity.*one of the two", ImageQuestion.of, {"tolerance": 0.0, "fidelity": "quick"})
     with pytest.raises(InputError, match=r"audit.*every realisation frame by frame"):
         ConfirmQuestion.of({"scene": "paper_example", "fidelity": "reference", "audit": True})
 

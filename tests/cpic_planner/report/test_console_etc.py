@@ -33,10 +33,7 @@ def test_an_snr_below_the_threshold_is_not_a_detection(capsys, tmp_path, star):
 
 def test_an_snr_of_a_tenth_has_no_mark_and_no_law(capsys, monkeypatch):
     """A faint planet; a near-infrared band would have to measure its optics first."""
-    text = told(
-        capsys,
-        *split("etc 'tau Cet' --band F850 --time-s 36000 --contrast 1e-10 --separation-arcsec 0.65"),
-    )
+    text = told(capsys, *split("etc 'tau Cet' --band F850 --time-s 36000 --contrast 1e-10 --separation-arcsec 0.65"))
     assert "✓" not in text
     assert "· measured, not detected" in text
     assert "limited: F850 by photons (too faint even if the wavefront did not drift" in text

@@ -2,7 +2,6 @@
 
 import pytest
 
-from catalogs.errors import InputError
 from cpic_planner.registry import Registry
 from cpic_planner.report import document as doc
 from cpic_planner.report.confirm_sections import CONFIRM_SECTIONS
@@ -53,14 +52,13 @@ def test_a_section_is_one_entry(kind, plan, rank, confirmation, compared, read):
     assert render() == before
 
 
-def test_a_section_follows_one_that_there_is():
+def test_a_section_follows_one_that_there_is(refused):
     page = Registry("section")
     doc.section_of(page, "b", "B")(toy)
     doc.section_of(page, "a", "A", after="b")(toy)
     doc.section_of(page, "c", "C", after="b")(toy)
     assert list(page) == ["b", "c", "a"]
-    with pytest.raises(InputError, match="^section = x"):
-        doc.section_of(page, "d", "D", after="x")(toy)
+    refused("^section = x", doc.section_of(page, "d", "D", after="x"), toy)
 
 
 def test_texts_are_text(read):

@@ -89,8 +89,9 @@ def test_a_picture_does_not_depend_on_those_before_it_on_the_same_sheet(panels):
     assert len({first, second, third}) == 3
 
 
-@pytest.mark.parametrize("outer_arcsec", [0.21, 0.45, 0.707, 1.4, 12.0])
-@pytest.mark.parametrize("factor", [1e-9, 1.0, 3e7])
+@pytest.mark.parametrize(
+    ("outer_arcsec", "factor"), [(0.21, 1e-9), (0.21, 3e7), (0.45, 1.0), (0.707, 1.0), (12.0, 1e-9), (12.0, 3e7)]
+)
 def test_words_of_the_panels_stay_inside_and_apart(panels, outer_arcsec, factor):
     one = next(iter(panels.values()))
     # a pixel scale of its own, so that the hole holds the same pixels
@@ -133,18 +134,6 @@ def test_words_of_the_panels_stay_inside_and_apart(panels, outer_arcsec, factor)
 )
 def test_ticks_of_a_colour_bar(ticks, labels, power):
     assert tick_labels(ticks) == (labels, power)
-
-
-def test_pyplot_is_not_used(rank):
-    import subprocess
-    import sys
-
-    code = (
-        "import sys\nfrom cpic_planner.report.drawing import new_figure, save, style\n"
-        "with style():\n    f = new_figure(2); f.add_subplot().plot([1, 2]); save(f, 'svg', alt='', caption='')\n"
-        "assert 'matplotlib.pyplot' not in sys.modules"
-    )
-    subprocess.run([sys.executable, "-W", "error", "-c", code], check=True)
 
 
 def test_figures_of_an_empty_ranking_and_plan(rank, plan):

@@ -5,13 +5,7 @@ import pytest
 
 from cpic_planner.models import RankedTarget
 from cpic_planner.models.columns import columns_of
-from cpic_planner.report.tables import (
-    MEASUREMENT_COLUMNS,
-    measurements_csv,
-    ranking_csv,
-    ranking_ecsv,
-    targets_csv,
-)
+from cpic_planner.report.tables import MEASUREMENT_COLUMNS, measurements_csv, ranking_csv, ranking_ecsv, targets_csv
 
 
 def lines(text):

@@ -41,13 +41,12 @@ def test_a_leap_second_is_a_second():
     assert found[1].start_utc.startswith("2016-12-31T23:59:60.0")
 
 
-def test_numbers_that_are_given():
+def test_numbers_that_are_given(refused):
     found = planned({"kind": "BIAS", "obsid": "40000000100", "em_gain": [1, 2]}, {"kind": "BIAS"})
     assert [item.obsid for item in found] == ["40000000100", "40000000101", "40000000003"]
     with pytest.raises(InputError, match=r"simulation\.sequences\.1\.obsid = 40000000001.*sequences\.0"):
         planned({"kind": "BIAS"}, {"kind": "BIAS", "obsid": 40000000001})
-    with pytest.raises(InputError, match="begin with 4"):
-        planned({"kind": "BIAS", "obsid": 50000000001})
+    refused("begin with 4", planned, {"kind": "BIAS", "obsid": 50000000001})
 
 
 def test_prefix_of_the_instrument():
@@ -130,10 +129,9 @@ def test_settings_of_calibrations_reach_them(small):
     assert flat.mean_rate_map.max() == pytest.approx(250)
 
 
-def test_light_that_cannot_be_computed_is_refused_before_any_frame(tmp_path):
+def test_light_that_cannot_be_computed_is_refused_before_any_frame(refused, tmp_path):
     (tmp_path / "short.txt").write_text("wavelength_nm photlam\n600 1\n700 2\n")
     scene = {"name": "s", "cstar": {"v_mag": 5, "spectrum": str(tmp_path / "short.txt")}}
     found = planned({"scene": scene, "band": "F850"})
-    with pytest.raises(InputError, match="of s in F850"):
-        check_light(found)
+    refused("of s in F850", check_light, found)
     check_light(tuple(replace(item, entry=item.entry.model_copy(update={"scene": None})) for item in found))

@@ -5,17 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from catalogs.errors import InputError
 from cpic_planner.etc.model import build_model
 from cpic_planner.etc.noise import stack_noise
 from cpic_planner.etc.rates import aperture_rates
-from cpic_planner.survey.assumed import (
-    assumed_model,
-    imaged_model,
-    mirror_noise_nm,
-    raw_contrast_median,
-    with_contrast,
-)
+from cpic_planner.survey.assumed import assumed_model, imaged_model, mirror_noise_nm, raw_contrast_median, with_contrast
 from cpic_planner.survey.strategy import SurveyStrategy
 from cpic_planner.targets import find_target
 from cpic_planner.validation.confirm import confirm_task
@@ -123,7 +116,7 @@ def test_the_floor_of_random_fields(metrics):
 
 def test_more_light_is_more_noise_and_less_is_less(instrument):
     noise = []
-    for contrast in (0.0, 1e-10, 8e-10, BRIGHT):
+    for contrast in (0.0, 1e-10, BRIGHT):
         model = assuming(instrument, contrast=contrast)
         stack = stack_noise(rates(model), 20.0, 100.0, 300.0, model.camera("F520"))
         assert np.isfinite(stack.significance).all()
@@ -205,8 +198,6 @@ def test_drift_and_throughput_and_dust(instrument):
     assert float(dusty.exozodi_e_s.squeeze()) > 0.0
 
 
-def test_impossible_assumptions_are_refused_with_their_key(instrument):
-    with pytest.raises(InputError, match=r"bands.F520.t_opt = 1.9.*at most 1"):
-        assuming(instrument, throughput=10.0)
-    with pytest.raises(InputError, match="band = F999"):
-        assumed_model(instrument, SurveyStrategy(name="x"), ("F999",))
+def test_impossible_assumptions_are_refused_with_their_key(refused, instrument):
+    refused(r"bands.F520.t_opt = 1.9.*at most 1", assuming, instrument, throughput=10.0)
+    refused("band = F999", assumed_model, instrument, SurveyStrategy(name="x"), ("F999",))

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import cpic_planner.survey.whatif as module
-from catalogs.errors import InputError
 from cpic_planner.models import WhatIfResult
 from cpic_planner.survey.observed import read_log
 from cpic_planner.survey.prepare import prepare
@@ -106,12 +105,11 @@ def test_what_is_lost_is_done_again(run, small, tmp_path):
     assert digests(folder) == digests(run[0])
 
 
-def test_another_configuration_does_not_mix(run, small, tmp_path, no_report):
+def test_another_configuration_does_not_mix(refused, run, small, tmp_path, no_report):
     folder = tmp_path / "other"
     shutil.copytree(run[0], folder)
     other = varied(small(universe={"universes": 30}), ["max_visits=1,3"])
-    with pytest.raises(InputError, match="--force"):
-        run_whatif(other, folder)
+    refused("--force", run_whatif, other, folder)
     assert digests(folder) == digests(run[0])
     result = run_whatif(other, folder, force=True).result
     assert result.n_universes == 30

@@ -3,7 +3,6 @@ import io
 
 import pytest
 
-from catalogs.errors import InputError
 from cpic_planner.tradeoff.figure import LOOKS, SMALLEST, pareto_figure
 from cpic_planner.tradeoff.scenes import SCENES
 from cpic_planner.tradeoff.tables import COLUMNS, report_text, tier_table
@@ -136,8 +135,7 @@ def test_the_figure_has_its_labels(result):
     assert drawn[2e-3, 0.02] == "*"
 
 
-def test_foreign_files_are_refused(tmp_path):
+def test_foreign_files_are_refused(refused, tmp_path):
     assert read_result(tmp_path) is None
     (tmp_path / "results.json").write_text('{"kind": "plan"}')
-    with pytest.raises(InputError, match="something else"):
-        read_result(tmp_path)
+    refused("something else", read_result, tmp_path)

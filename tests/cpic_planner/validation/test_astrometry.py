@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from catalogs.errors import InputError
 from cpic_planner.validation.astrometry import Astrometry, band_average, fit_position
 from cpic_planner.validation.position_fit import PositionFitter
 from cpic_planner.validation.rdi import rdi_subtract
@@ -251,13 +250,12 @@ def test_what_is_no_planet_says_so(field: Field) -> None:
     assert empty.flux_e == 0.0
 
 
-def test_edge_of_the_hole(field: Field) -> None:
+def test_edge_of_the_hole(refused, field: Field) -> None:
     x = field.ends[0] + 1.2
     found = field.fit(field.stack(1e4 * field.planet(x, 25.0)), x + 0.3, 25.0)
     assert "edge" in found.flags
     assert found.x_arcsec / field.scale == pytest.approx(x, abs=2e-3)
-    with pytest.raises(InputError, match="half of the planet"):
-        field.fit(field.stack(field.planet(x, 25.0)), field.ends[0] - 3.0, 25.0)
+    refused("half of the planet", field.fit, field.stack(field.planet(x, 25.0)), field.ends[0] - 3.0, 25.0)
 
 
 @pytest.mark.parametrize(
@@ -269,22 +267,19 @@ def test_edge_of_the_hole(field: Field) -> None:
         ({"roll_deg": math.nan}, "roll_deg"),
     ],
 )
-def test_refusals(field: Field, settings: dict[str, float], key: str) -> None:
-    with pytest.raises(InputError, match=key):
-        field.fit(field.stack(field.planet(25.0, 25.0)), 25.0, 25.0, **settings)
+def test_refusals(refused, field: Field, settings: dict[str, float], key: str) -> None:
+    refused(key, field.fit, field.stack(field.planet(25.0, 25.0)), 25.0, 25.0, **settings)
 
 
-def test_places_off_the_image_are_refused(field: Field) -> None:
+def test_places_off_the_image_are_refused(refused, field: Field) -> None:
     for place in (math.nan, 1e3):
-        with pytest.raises(InputError, match="x_arcsec"):
-            field.fit(field.stack(field.planet(25.0, 25.0)), place, 25.0)
+        refused("x_arcsec", field.fit, field.stack(field.planet(25.0, 25.0)), place, 25.0)
 
 
-def test_a_variance_of_zero_among_others_is_refused(field: Field) -> None:
+def test_a_variance_of_zero_among_others_is_refused(refused, field: Field) -> None:
     variance = np.ones(field.hole.shape)
     variance[SIDE // 2 + 25, SIDE // 2 + 25] = 0.0
-    with pytest.raises(InputError, match="white_variance_e2"):
-        field.fit(field.stack(field.planet(25.0, 25.0), variance), 25.0, 25.0)
+    refused("white_variance_e2", field.fit, field.stack(field.planet(25.0, 25.0), variance), 25.0, 25.0)
 
 
 @pytest.mark.parametrize("psf", ["F520"], indirect=True)
@@ -315,14 +310,12 @@ def test_mean_of_bands(field: Field) -> None:
     assert mean.pa_deg == pytest.approx(math.degrees(math.atan2(-x, y)) % 360, abs=1.0)
 
 
-def test_mean_of_one_is_itself(field: Field) -> None:
+def test_mean_of_one_is_itself(refused, field: Field) -> None:
     light, variance = field.noise(np.random.default_rng(9), 10.0, 0.0)
     one = field.fit(field.stack(light + 1e6 * field.planet(25.0, 24.0), variance), 25.0, 24.0)
     mean = band_average([one])
     assert (mean.separation_arcsec, mean.pa_deg) == pytest.approx((one.separation_arcsec, one.pa_deg))
     assert mean.pa_error_deg == pytest.approx(one.pa_error_deg)
     assert mean.p_value is None
-    with pytest.raises(InputError, match="positions"):
-        band_average([])
-    with pytest.raises(InputError, match="without errors"):
-        band_average([replace(one, sky=replace(one.sky, covariance_arcsec2=np.zeros((2, 2))))])
+    refused("positions", band_average, [])
+    refused("without errors", band_average, [replace(one, sky=replace(one.sky, covariance_arcsec2=np.zeros((2, 2))))])

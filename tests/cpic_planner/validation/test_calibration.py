@@ -4,14 +4,7 @@ import numpy as np
 import pytest
 
 from cpic_planner.models import BandConfirmation
-from cpic_planner.validation.calibration import (
-    PREDICTION_ERROR,
-    calibrate,
-    mean_snr,
-    optimism,
-    snr_scatter,
-    standing,
-)
+from cpic_planner.validation.calibration import PREDICTION_ERROR, calibrate, mean_snr, optimism, snr_scatter, standing
 
 
 def band(predicted, recovered, error):

@@ -6,7 +6,6 @@ import math
 import numpy as np
 import pytest
 
-from catalogs.errors import InputError
 from cpic_planner.etc.model import Strategy, build_model
 from cpic_planner.etc.place import stand
 from cpic_planner.validation.libraries import LibraryPlan, halo_scale, library_plan, scale_library
@@ -65,17 +64,15 @@ def test_what_the_references_show(
     assert (made.science["roll_deg"], made.reference["roll_deg"]) == (-turned, turned)
 
 
-def test_number_of_frames_and_middle_of_the_rolls() -> None:
+def test_number_of_frames_and_middle_of_the_rolls(refused) -> None:
     few = library_plan(Strategy(reference_ratio=0.1), SCENE, 1)
     assert few.reference["n_frames"] == 1
     assert library_plan(Strategy(reference_ratio=0.3), SCENE, 5).reference["n_frames"] == 2
     turned = library_plan(STRATEGIES["roll"], SCENE, 3, roll_deg=100.0)
     assert (turned.science["roll_deg"], turned.reference["roll_deg"]) == (80.0, 120.0)
     for wrong in (0, 2.5, True):
-        with pytest.raises(InputError, match="n_frames"):
-            library_plan(Strategy(), SCENE, wrong)
-    with pytest.raises(InputError, match="roll_deg"):
-        library_plan(Strategy(), SCENE, 1, roll_deg=math.nan)
+        refused("n_frames", library_plan, Strategy(), SCENE, wrong)
+    refused("roll_deg", library_plan, Strategy(), SCENE, 1, roll_deg=math.nan)
 
 
 def test_the_reference_star_stands_in_the_same_sky_with_dust_like_the_stars_own() -> None:
@@ -196,7 +193,7 @@ def halo() -> np.ndarray:
     return 0.3 * light / light.mean()
 
 
-def test_scaled_frames_have_the_noise_that_the_etc_takes() -> None:
+def test_scaled_frames_have_the_noise_that_the_etc_takes(refused) -> None:
     """Star light of variance 1 / rho, everything else 1 / rho^2, for a reference star of rho times the light."""
     rho, star, dark = 4.0, 50.0, 20.0
     frames = frames_of(np.full((100, 100), rho * star), 20, 1, pedestal=dark)
@@ -205,10 +202,8 @@ def test_scaled_frames_have_the_noise_that_the_etc_takes() -> None:
     assert scaled.var() == pytest.approx(star / rho + dark / rho**2, rel=0.02)
     assert np.array_equal(scale_library(frames, 1.0, pedestal_e=dark), frames)
     for wrong in (0.0, -1.0, math.nan):
-        with pytest.raises(InputError, match="scale"):
-            scale_library(frames, wrong)
-    with pytest.raises(InputError, match="reference_e"):
-        scale_library(frames[0, 0], 1.0)
+        refused("scale", scale_library, frames, wrong)
+    refused("reference_e", scale_library, frames[0, 0], 1.0)
 
 
 def test_the_scale_of_the_halo_is_unbiased_and_its_error_right() -> None:
@@ -240,17 +235,13 @@ def test_what_a_planet_does_to_the_scale() -> None:
     assert halo_scale(science, reference, region=planet == 0).value == pytest.approx(1.0, rel=1e-12)
 
 
-def test_refusals_of_the_halo() -> None:
+def test_refusals_of_the_halo(refused) -> None:
     light = frames_of(100.0 * halo(), 3, 1)
-    with pytest.raises(InputError, match="two frames"):
-        halo_scale(light, light[:1])
-    with pytest.raises(InputError, match="two frames"):
-        halo_scale(light, light[:, 1:])
+    refused("two frames", halo_scale, light, light[:1])
+    refused("two frames", halo_scale, light, light[:, 1:])
     flat = np.ones((3, 60, 60))
     noise = np.random.default_rng(2).normal(size=(2, 4, 60, 60))
     for pair in ((flat, flat), (noise[0], noise[1]), (light, np.zeros_like(light))):
-        with pytest.raises(InputError, match="no halo above the noise"):
-            halo_scale(*pair)
+        refused("no halo above the noise", halo_scale, *pair)
     light[1, 2, 3] = np.inf
-    with pytest.raises(InputError, match=r"science_e\[frame=1, y=2, x=3\]"):
-        halo_scale(light, flat)
+    refused(r"science_e\[frame=1, y=2, x=3\]", halo_scale, light, flat)

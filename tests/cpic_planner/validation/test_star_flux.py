@@ -91,9 +91,8 @@ def test_saturated_series_is_refused() -> None:
     assert "of 3 frames" in star.message
 
 
-def test_refusals() -> None:
-    with pytest.raises(InputError, match="visible camera"):
-        observe_off_mask(SCENE, "F940")
+def test_refusals(refused) -> None:
+    refused("visible camera", observe_off_mask, SCENE, "F940")
     hidden = observe(
         SCENE,
         band="F520",
@@ -104,12 +103,9 @@ def test_refusals() -> None:
         role="calibration",
         star_offset_arcsec=(0.5, 0.0),
     )
-    with pytest.raises(InputError, match="star_offset_arcsec"):
-        star_flux_off_mask(hidden)
-    with pytest.raises(InputError, match="calibration star"):
-        field_star_ratio(SCENE, "F520", "nobody")
-    with pytest.raises(InputError, match="magnitude_error"):
-        field_star_ratio(SCENE, "F520", "calibration star", magnitude_error=-0.1)
+    refused("star_offset_arcsec", star_flux_off_mask, hidden)
+    refused("calibration star", field_star_ratio, SCENE, "F520", "nobody")
+    refused("magnitude_error", field_star_ratio, SCENE, "F520", "calibration star", magnitude_error=-0.1)
 
 
 def test_ratio_of_one_spectral_type_is_that_of_magnitudes() -> None:
@@ -208,7 +204,7 @@ def test_contrast_end_to_end() -> None:
     assert abs(np.mean(values) - 1.0) < 0.02
 
 
-def test_field_star_adds_the_error_of_its_magnitude() -> None:
+def test_field_star_adds_the_error_of_its_magnitude(refused) -> None:
     flux = Photometry(1000.0, 20.0, 50.0, 80.0, 900.0, 10.0, 50, 0.1, 0.0, 17.0, 800, 0.9, 30.0, 30.0)
     star = star_flux_of_field_star(flux, 0.1, 100.0, 1e6, ratio_relative_error=0.03)
     assert star.rate_e_s == pytest.approx(1000.0 / 0.1 / 100.0 * 1e6)
@@ -216,5 +212,4 @@ def test_field_star_adds_the_error_of_its_magnitude() -> None:
     for wrong in ({"core": 0.0}, {"time_s": -1.0}, {"rate_ratio": math.inf}, {"ratio_relative_error": -1.0}):
         with pytest.raises(InputError, match=next(iter(wrong))):
             star_flux_of_field_star(**({"measured": flux, "core": 0.1, "time_s": 100.0, "rate_ratio": 1e6} | wrong))
-    with pytest.raises(InputError, match=r"measured\.flux"):
-        star_flux_of_field_star(dataclasses.replace(flux, flux=-5.0), 0.1, 100.0, 1e6)
+    refused(r"measured\.flux", star_flux_of_field_star, dataclasses.replace(flux, flux=-5.0), 0.1, 100.0, 1e6)

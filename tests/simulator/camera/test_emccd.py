@@ -5,7 +5,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from catalogs.errors import InputError
 from simulator.camera import excess_noise_factor2, expected_adu_map, expose_frame, to_electrons
 
 PATH = ("target", "science", "F520", 0, 3)
@@ -15,7 +14,7 @@ def _noisy(rate: float, exposure: float, gain: float, det, *, side: int = 400, t
     return expose_frame(np.full((side, side), rate), exposure, gain, det, seed=9, path=(tag,))
 
 
-@pytest.mark.parametrize("gain", [1.0, 1.1, 2.0, 20.0, 300.0, 1000.0])
+@pytest.mark.parametrize("gain", [1.0, 1.1, 20.0, 1000.0])
 def test_mean_frame_is_the_expected_map(gain: float, bare_detector) -> None:
     rng = np.random.default_rng(0)
     rates = rng.uniform(0, 2, (12, 9))
@@ -151,25 +150,23 @@ def test_expected_map_never_falls(bare_detector, rate, more, exposure, gain, fac
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, -1.0, -1e-8])
-def test_bad_rates_are_refused_with_their_pixel(bad: float, bare_detector) -> None:
+def test_bad_rates_are_refused_with_their_pixel(refused, bad: float, bare_detector) -> None:
     rates = np.ones((4, 5))
     rates[2, 3] = bad
     for call in (
         lambda: expected_adu_map(rates, 1.0, 1.0, bare_detector),
         lambda: expose_frame(rates, 1.0, 1.0, bare_detector, seed=1, path=PATH),
     ):
-        with pytest.raises(InputError, match=r"rate_\w+\[y=2, x=3\]"):
-            call()
+        refused(r"rate_\w+\[y=2, x=3\]", call)
 
 
-def test_rounding_error_negatives_are_zero_and_counted(bare_detector) -> None:
+def test_rounding_error_negatives_are_zero_and_counted(refused, bare_detector) -> None:
     rates = np.ones((4, 5))
     rates[2, 3] = rates[0, 0] = -9e-10
     frame = expose_frame(rates, 1.0, 1.0, bare_detector, seed=1, path=PATH)
     assert frame.n_negative_rates == 2
     assert rates[0, 0] < 0
-    with pytest.raises(InputError):
-        expose_frame(np.full((2, 2), -1e-30), 1.0, 1.0, bare_detector, seed=1, path=PATH)
+    refused("", expose_frame, np.full((2, 2), -1e-30), 1.0, 1.0, bare_detector, seed=1, path=PATH)
 
 
 @pytest.mark.parametrize(
@@ -189,16 +186,14 @@ def test_rounding_error_negatives_are_zero_and_counted(bare_detector) -> None:
         ({"seed": -1}, "seed"),
     ],
 )
-def test_refusals(values: dict[str, object], named: str, bare_detector) -> None:
+def test_refusals(refused, values: dict[str, object], named: str, bare_detector) -> None:
     arguments = {"rate_map_e_s": np.ones((3, 3)), "exposure_s": 1.0, "em_gain": 1.0, "seed": 1, "path": PATH}
-    with pytest.raises(InputError, match=named):
-        expose_frame(**{**arguments, **values}, detector=bare_detector)
+    refused(named, expose_frame, **{**arguments, **values}, detector=bare_detector)
 
 
-def test_to_electrons_inverts_the_expected_map(bare_detector) -> None:
+def test_to_electrons_inverts_the_expected_map(refused, bare_detector) -> None:
     rates = np.linspace(0, 10, 20).reshape(4, 5)
     adu = expected_adu_map(rates, 30.0, 20.0, bare_detector)
     expected = (rates + bare_detector.dark_rate_e_s) * 30 + bare_detector.cic_e
     assert to_electrons(adu, bare_detector, 20.0) == pytest.approx(expected, rel=1e-12)
-    with pytest.raises(InputError, match="em_gain"):
-        to_electrons(adu, bare_detector, 0.0)
+    refused("em_gain", to_electrons, adu, bare_detector, 0.0)

@@ -6,7 +6,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from catalogs.errors import InputError
 from simulator.camera import excess_noise_factor2, gain_variance, multiply, stage_probability
 from simulator.camera.gain import added_shape, pixel_keys
 from simulator.camera.register_law import output_cumulants, register_table
@@ -47,18 +46,15 @@ def test_closed_forms_broadcast() -> None:
 
 
 @pytest.mark.parametrize("gain", [0, -1, 0.5, float("nan"), float("inf"), 1.0001e4, "20", None, True, 1j])
-def test_gains_out_of_range_are_refused_by_name(gain: object) -> None:
+def test_gains_out_of_range_are_refused_by_name(refused, gain: object) -> None:
     for call in (stage_probability, gain_variance, excess_noise_factor2):
-        with pytest.raises(InputError, match="gain"):
-            call(gain)
-    with pytest.raises(InputError, match="gain"):
-        multiply([1], gain, rng=stream(1, "x"))
+        refused("gain", call, gain)
+    refused("gain", multiply, [1], gain, rng=stream(1, "x"))
 
 
-def test_more_gain_than_doubling_at_every_stage_is_refused() -> None:
+def test_more_gain_than_doubling_at_every_stage_is_refused(refused) -> None:
     assert float(stage_probability(8.0, 3)) == pytest.approx(1.0)
-    with pytest.raises(InputError, match="gain"):
-        stage_probability(8.1, 3)
+    refused("gain", stage_probability, 8.1, 3)
 
 
 @pytest.mark.parametrize(
@@ -80,9 +76,8 @@ def test_more_gain_than_doubling_at_every_stage_is_refused() -> None:
         (np.array([], dtype=str), "electrons"),
     ],
 )
-def test_impossible_charge_is_refused_with_its_pixel(electrons: object, named: str) -> None:
-    with pytest.raises(InputError, match=named):
-        multiply(electrons, 20.0, rng=stream(1, "x"))
+def test_impossible_charge_is_refused_with_its_pixel(refused, electrons: object, named: str) -> None:
+    refused(named, multiply, electrons, 20.0, rng=stream(1, "x"))
 
 
 @pytest.mark.parametrize("shape", [(0,), (3, 0)])
@@ -101,9 +96,8 @@ def test_two_keys_of_64_random_bits() -> None:
     assert np.abs(bits.mean(axis=0) - 0.5).max() < 4.5 * 0.5 / np.sqrt(draws)
 
 
-def test_a_seed_is_not_a_generator() -> None:
-    with pytest.raises(InputError, match="rng"):
-        multiply([1], 20.0, rng=7)
+def test_a_seed_is_not_a_generator(refused) -> None:
+    refused("rng", multiply, [1], 20.0, rng=7)
 
 
 def test_identity_at_gain_one_and_zero_stays_zero() -> None:
@@ -121,7 +115,7 @@ def test_identity_at_gain_one_and_zero_stays_zero() -> None:
     kind=st.sampled_from([np.int64, np.uint64]),
     stages=st.sampled_from([14, 15, 16, 604, 5000]),
 )
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=15, deadline=None)
 def test_any_shape_and_size(shape: tuple[int, ...], gain: float, top: int, kind: type, stages: int) -> None:
     charge = np.asarray(stream(3, "in").integers(0, top, shape, endpoint=True)).astype(kind)
     before = charge.copy()

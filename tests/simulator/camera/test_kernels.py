@@ -38,14 +38,7 @@ def test_poisson_counts_at_the_largest_means(mean):
 
 @pytest.mark.parametrize(
     ("n", "transfers", "inefficiency"),
-    [
-        (1, 1000, 1e-5),
-        (3, 1500, 1e-3),
-        (40, 2000, 1e-5),
-        (700, 2000, 1e-5),
-        (1500, 2000, 1e-5),
-        (80_000, 2000, 1e-5),
-    ],
+    [(1, 1000, 1e-5), (3, 1500, 1e-3), (40, 2000, 1e-5), (700, 2000, 1e-5), (1500, 2000, 1e-5), (80_000, 2000, 1e-5)],
 )
 def test_losses_of_transfer_are_binomial(n, transfers, inefficiency):
     """First losses by their exact law, charge further back by its mean: the oracle is the number of losses."""

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from catalogs.errors import InputError
 from simulator.camera.track_loss import aperture_loss_per_s, mean_projection_um
 from simulator.config import load_instrument
 from simulator.effects import cosmic_ray_rate, draw_cosmic_rays
@@ -51,15 +50,7 @@ def test_rate_is_that_of_sticks_thrown_on_a_disc():
 
 
 @pytest.mark.parametrize(
-    ("model", "band"),
-    [
-        ("physical", "F520"),
-        ("physical", "F850"),
-        ("physical", "F1265"),
-        ("paper", "F520"),
-        ("paper", "F850"),
-        ("template", "F662"),
-    ],
+    ("model", "band"), [("physical", "F520"), ("physical", "F1265"), ("paper", "F520"), ("template", "F662")]
 )
 def test_clean_fraction_is_that_of_drawn_exposures(model, band):
     """Dense enough particles that half of the frames are lost; nothing depends on their number but the rate."""
@@ -175,13 +166,9 @@ def test_one_sample_is_a_point(tmp_path):
     assert line == pytest.approx(1e-8 * (math.pi * (10.25 * 13 + 5) ** 2 + 2 * 130 * (10.25 * 13 + 5)))
 
 
-def test_bad_input_is_refused():
+def test_bad_input_is_refused(refused):
     instrument = load_instrument()
-    with pytest.raises(InputError, match="band"):
-        aperture_loss_per_s(instrument, "F999")
-    with pytest.raises(InputError, match="aperture_radius_pixel"):
-        aperture_loss_per_s(instrument, "F520", aperture_radius_pixel=0.0)
-    with pytest.raises(InputError, match="when"):
-        aperture_loss_per_s(instrument, "F520", start_utc="yesterday")
-    with pytest.raises(InputError, match="max_length_um"):
-        mean_projection_um(14.0, 14.0)
+    refused("band", aperture_loss_per_s, instrument, "F999")
+    refused("aperture_radius_pixel", aperture_loss_per_s, instrument, "F520", aperture_radius_pixel=0.0)
+    refused("when", aperture_loss_per_s, instrument, "F520", start_utc="yesterday")
+    refused("max_length_um", mean_projection_um, 14.0, 14.0)

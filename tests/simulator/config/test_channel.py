@@ -24,6 +24,5 @@ def test_switches_of_the_other_camera_are_refused_by_name(camera, name, other):
 
 
 @pytest.mark.parametrize("switches", [["smear"], {"smear": 1}])
-def test_what_is_no_mapping_to_truth_values_is_refused(switches):
-    with pytest.raises(InputError, match="switches"):
-        load_instrument().switched(switches, camera="VIS")
+def test_what_is_no_mapping_to_truth_values_is_refused(refused, switches):
+    refused("switches", load_instrument().switched, switches, camera="VIS")

@@ -4,7 +4,6 @@ import pickle
 import pytest
 from pydantic import ValidationError
 
-from catalogs.errors import InputError
 from simulator.config import content_hash, load_instrument
 from simulator.config.base import canonical_json
 from simulator.config.mission import checked_utc
@@ -34,12 +33,7 @@ def test_geometry_of_the_default_instrument():
     assert instrument.telescope.area_cm2 == pytest.approx(31415.93, abs=0.01)
     assert instrument.lambda_d_arcsec("F520") == pytest.approx(0.0536, abs=5e-5)
     inner = {band: instrument.hole_inner_arcsec(band) * math.sqrt(2) for band in instrument.visible_bands()}
-    assert {k: round(v, 3) for k, v in inner.items()} == {
-        "F520": 0.231,
-        "F662": 0.294,
-        "F720": 0.319,
-        "F850": 0.377,
-    }
+    assert {k: round(v, 3) for k, v in inner.items()} == {"F520": 0.231, "F662": 0.294, "F720": 0.319, "F850": 0.377}
     assert instrument.visible_bands() == ("F520", "F662", "F720", "F850")
 
 
@@ -124,12 +118,11 @@ def test_the_optics_of_table_1_are_the_shipped_ones():
         assert metrics_key(load_instrument("paper_table1"), band) == metrics_key(load_instrument(), band)
 
 
-def test_inner_edge_by_band_replaces_the_one_in_lambda_d():
+def test_inner_edge_by_band_replaces_the_one_in_lambda_d(refused):
     instrument = load_instrument({"coronagraph": {"inner_arcsec": {"F662": 0.25}}})
     assert instrument.hole_inner_arcsec("F662") * math.sqrt(2) == pytest.approx(0.25)
     assert instrument.hole_inner_arcsec("F720") == load_instrument().hole_inner_arcsec("F720")
-    with pytest.raises(InputError, match=r"outer_half_side_arcsec.*hole of F662"):
-        load_instrument({"coronagraph": {"inner_arcsec": {"F662": 0.95}}})
+    refused(r"outer_half_side_arcsec.*hole of F662", load_instrument, {"coronagraph": {"inner_arcsec": {"F662": 0.95}}})
 
 
 @pytest.mark.parametrize("band", ["F940", "F1265", "F1425", "F1542"])
@@ -216,7 +209,7 @@ def test_times_are_read_in_the_usual_spellings(given, meant):
     assert checked_utc("start_utc", given) == meant
 
 
-def test_leap_seconds_are_those_of_astropy():
+def test_leap_seconds_are_those_of_astropy(refused):
     from astropy.time import Time
 
     for year in range(1972, 2024):
@@ -227,5 +220,4 @@ def test_leap_seconds_are_those_of_astropy():
             if round(seconds) == 86401:
                 assert checked_utc("start_utc", text) == text
             else:
-                with pytest.raises(InputError, match="start_utc"):
-                    checked_utc("start_utc", text)
+                refused("start_utc", checked_utc, "start_utc", text)

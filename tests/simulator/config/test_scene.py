@@ -260,30 +260,26 @@ def test_alpha_cen_a_stands_where_the_catalogue_has_it():
 
 
 @pytest.mark.parametrize(("companion", "words"), [("no", "companion"), (0, "companion")])
-def test_whether_a_star_is_a_companion_is_true_or_false(companion, words):
+def test_whether_a_star_is_a_companion_is_true_or_false(refused, companion, words):
     near = STAR | {"name": "near", "separation_arcsec": 3, "pa_deg": 20, "companion": companion}
-    with pytest.raises(InputError, match=words):
-        load_scene(scene(stars=[near]))
+    refused(words, load_scene, scene(stars=[near]))
 
 
-def test_the_central_star_is_no_companion_of_itself():
-    with pytest.raises(InputError, match=r"cstar\.companion"):
-        load_scene({"name": "s", "cstar": STAR | {"companion": False}})
+def test_the_central_star_is_no_companion_of_itself(refused):
+    refused(r"cstar\.companion", load_scene, {"name": "s", "cstar": STAR | {"companion": False}})
 
 
-def test_a_folder_is_no_scene(tmp_path):
-    with pytest.raises(InputError, match="a YAML file or a preset"):
-        load_scene(tmp_path)
+def test_a_folder_is_no_scene(refused, tmp_path):
+    refused("a YAML file or a preset", load_scene, tmp_path)
 
 
-def test_capitals_of_keys_do_not_matter():
+def test_capitals_of_keys_do_not_matter(refused):
     cstar = {"Magnitude": 1.35, "SpType": "K1V", "Distance": 1.35, "RA": "14:39:35.06", "Dec": "-60:50:15.1"}
     planet = {"Radius": 1, "Phase_Angle": 90, "RA": "14:39:35.00", "DEC": "-60:50:14.6", "coe_metal": 1, "coe_cloud": 1}
     plain = {key.lower(): value for key, value in planet.items()}
     one = load_scene({"name": "a", "cstar": cstar, "stars": {}, "planet": planet})
     assert one == load_scene({"name": "a", "cstar": PAPER_STAR, "planet": plain})
-    with pytest.raises(InputError, match="given with"):
-        load_scene({"name": "a", "cstar": cstar | {"ra": 1.0}})
+    refused("given with", load_scene, {"name": "a", "cstar": cstar | {"ra": 1.0}})
 
 
 def test_an_albedo_file_beside_the_scene_is_found(tmp_path):
@@ -332,6 +328,5 @@ def test_equal_seeds_give_equal_fields_and_others_do_not():
     assert star_field(20, seed=3) != star_field(20, seed=4)
 
 
-def test_a_bad_centre_is_refused():
-    with pytest.raises(InputError, match="v_mag"):
-        star_field(3, centre={"teff_k": 5000})
+def test_a_bad_centre_is_refused(refused):
+    refused("v_mag", star_field, 3, centre={"teff_k": 5000})

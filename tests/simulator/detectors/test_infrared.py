@@ -5,7 +5,6 @@ import pytest
 from scipy.integrate import quad
 from scipy.ndimage import convolve
 
-from catalogs.errors import InputError
 from simulator.detectors.infrared import (
     ExponentialPersistence,
     InterpixelKernel,
@@ -53,9 +52,8 @@ def test_persistence_adds_up_and_starts_at_its_peak() -> None:
         (lambda: neighbour_kernel(0.3), "interpixel_coupling"),
     ],
 )
-def test_refusals(call, key) -> None:
-    with pytest.raises(InputError, match=key):
-        call()
+def test_refusals(refused, call, key) -> None:
+    refused(key, call)
 
 
 def test_kernel_against_scipy() -> None:
@@ -109,9 +107,8 @@ def test_hits_become_a_map() -> None:
         (([1], [1e13]), "electrons"),
     ],
 )
-def test_hits_that_are_refused(hits, words) -> None:
-    with pytest.raises(InputError, match=words):
-        checked_hits(hits, (3, 4))
+def test_hits_that_are_refused(refused, hits, words) -> None:
+    refused(words, checked_hits, hits, (3, 4))
 
 
 def test_pixels_that_touch_are_one_track() -> None:

@@ -74,7 +74,6 @@ def test_other_units_are_refused_with_the_one_found_and_those_accepted(text, uni
     assert refused.value.value == text
 
 
-def test_a_missing_unit():
-    with pytest.raises(InputError, match="map BUNIT = missing.*electron/s"):
-        unit_factor("map", "a.fits", {}, "electron/s")
+def test_a_missing_unit(refused):
+    refused("map BUNIT = missing.*electron/s", unit_factor, "map", "a.fits", {}, "electron/s")
     assert unit_factor("map", "a.fits", {}, "", required=False) == 1.0

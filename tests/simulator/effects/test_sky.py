@@ -1,8 +1,5 @@
 """Sky rates: the uniform sky of before, zodiacal light end to end."""
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 from astropy import constants, units
@@ -104,10 +101,9 @@ def test_brightness_of_extra_light_is_added():
 
 
 @pytest.mark.parametrize("missing", ["ra_deg", "dec_deg", "start_utc"])
-def test_zodiacal_light_needs_place_and_date(missing):
+def test_zodiacal_light_needs_place_and_date(refused, missing):
     given = {"ra_deg": 10.0, "dec_deg": 10.0, "start_utc": DATE} | {missing: None}
-    with pytest.raises(InputError, match=f"{missing} = missing"):
-        sky_rate_e_s_arcsec2(ZODIACAL, "F520", **given)
+    refused(f"{missing} = missing", sky_rate_e_s_arcsec2, ZODIACAL, "F520", **given)
 
 
 @pytest.mark.parametrize(("key", "value"), [("ra_deg", 400.0), ("dec_deg", float("nan")), ("start_utc", "someday")])
@@ -116,16 +112,5 @@ def test_bad_places_are_refused(key, value):
         sky_rate_e_s_arcsec2(ZODIACAL, "F520", **({"ra_deg": 10.0, "dec_deg": 10.0, "start_utc": DATE} | {key: value}))
 
 
-def test_unknown_bands_are_refused():
-    with pytest.raises(InputError, match="band = F999"):
-        sky_rate_e_s_arcsec2(ZODIACAL, "F999", **icrs_at(90, 0))
-
-
-def test_zodiacal_light_loads_nothing_heavy():
-    code = (
-        "import sys\nfrom simulator import load_instrument\nfrom simulator.effects import sky_rate_e_s_arcsec2\n"
-        "instrument = load_instrument({'sky': {'model': 'zodiacal'}})\n"
-        "sky_rate_e_s_arcsec2(instrument, 'F520', ra_deg=1.0, dec_deg=2.0, start_utc='2028-01-01')\n"
-        "assert not {'astropy', 'numba', 'scipy.stats', 'pandas', 'synphot'} & set(sys.modules)\n"
-    )
-    subprocess.run([sys.executable, "-c", code], check=True)
+def test_unknown_bands_are_refused(refused):
+    refused("band = F999", sky_rate_e_s_arcsec2, ZODIACAL, "F999", **icrs_at(90, 0))

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from astropy.io import fits
 
-from catalogs.errors import InputError
 from simulator.effects import draw_cosmic_rays
 from simulator.effects.templates import TemplateModel, generated_templates, read_templates
 
@@ -75,20 +74,18 @@ def test_a_changed_file_is_read_again(tmp_path):
         (BAR, {"pixel_um": [1.0, 2.0]}, "one finite number"),
     ],
 )
-def test_bad_sets_are_refused(tmp_path, templates, more, words):
-    with pytest.raises(InputError, match=f"template_file.*{words}"):
-        read_templates(write_npz(tmp_path / "a.npz", templates, **more))
+def test_bad_sets_are_refused(refused, tmp_path, templates, more, words):
+    refused(f"template_file.*{words}", read_templates, write_npz(tmp_path / "a.npz", templates, **more))
 
 
-def test_files_of_another_kind_are_refused(tmp_path):
+def test_files_of_another_kind_are_refused(refused, tmp_path):
     (tmp_path / "text.fits").write_text("no templates")
     np.savez(tmp_path / "other.npz", tracks=BAR, pixel_um=6.5)
     np.savez(tmp_path / "pickled.npz", templates=np.array([{"a": 1}], dtype=object), pixel_um=6.5)
     np.savez(tmp_path / "unscaled.npz", templates=BAR)
     unscaled = write_fits(tmp_path / "unscaled.fits", BAR, card=None)
     for name in ("missing.npz", "text.fits", "other.npz", "pickled.npz", "unscaled.npz", unscaled):
-        with pytest.raises(InputError, match="template_file"):
-            read_templates(str(tmp_path / name))
+        refused("template_file", read_templates, str(tmp_path / name))
 
 
 def test_file_reaches_the_image(tmp_path, cosmic, rng):

@@ -3,7 +3,6 @@ import dataclasses
 import numpy as np
 import pytest
 
-from catalogs.errors import InputError
 from catalogs.spectra import load_reference_spectrum
 from simulator.config import load_instrument
 from simulator.imaging import hole_store
@@ -63,14 +62,13 @@ def test_bare_optics_have_apodizer_and_jitter_only():
     assert (bare.zone, bare.jitter_arcsec) == (built.zone, built.jitter_arcsec)
 
 
-def test_mirror_off_leaves_the_aberrations():
+def test_mirror_off_leaves_the_aberrations(refused):
     off = load_instrument(OFF)
     np.testing.assert_array_equal(static_wavefront(off, "F662").opd_nm, aberrations_of(off).opd_nm)
     psf = single_band_psf("F662", fidelity=SMALL, instrument=off)
     assert psf.flags == ()
     assert 1e-5 < hole_contrast(psf) < 1e-4
-    with pytest.raises(InputError, match=r"dark_hole.control = off"):
-        dark_hole_of(off, "F662")
+    refused(r"dark_hole.control = off", dark_hole_of, off, "F662")
 
 
 def test_perfect_optics_need_no_mirror():
@@ -104,7 +102,7 @@ def test_single_jacobian_is_thirty_times_brighter():
 
 
 @pytest.mark.parametrize("kind", ["npz", "fits"])
-def test_a_saved_surface_gives_the_same_psf(tmp_path, kind):
+def test_a_saved_surface_gives_the_same_psf(refused, tmp_path, kind):
     plain = load_instrument({"mirror": {"bits": None}})
     surface = DeformableMirror().surface_nm(dark_hole_of(plain, "F662").commands_nm, 128)
     path = tmp_path / f"mirror.{kind}"
@@ -119,13 +117,11 @@ def test_a_saved_surface_gives_the_same_psf(tmp_path, kind):
     assert np.abs(ours.on_axis - theirs.on_axis).max() < 1e-14 * ours.off_axis.max()
     assert np.abs(ours.off_axis - theirs.off_axis).max() < 1e-14 * ours.off_axis.max()
     assert theirs.flags == ()
-    with pytest.raises(InputError, match=r"dark_hole.surface_files = F720"):
-        build_imager(loaded, "F720")
-    with pytest.raises(InputError, match=r"dark_hole.control = surface"):
-        dark_hole_of(loaded, "F662")
+    refused(r"dark_hole.surface_files = F720", build_imager, loaded, "F720")
+    refused(r"dark_hole.control = surface", dark_hole_of, loaded, "F662")
 
 
-def test_surfaces_on_another_grid(tmp_path):
+def test_surfaces_on_another_grid(refused, tmp_path):
     path = tmp_path / "coarse.npz"
     surface = np.random.default_rng(1).normal(0, 5, (64, 64))
     np.savez(path, surface_nm=surface)
@@ -134,8 +130,7 @@ def test_surfaces_on_another_grid(tmp_path):
     static = static_wavefront(instrument, "F662")
     np.testing.assert_allclose(static.opd_nm, 2 * np.kron(surface, np.ones((2, 2))))
     np.savez(path, surface_nm=np.zeros((1021, 1021)))
-    with pytest.raises(InputError, match="1021 samples"):
-        build_imager(instrument, "F662")
+    refused("1021 samples", build_imager, instrument, "F662")
 
 
 def test_noise_of_the_electronics_changes_the_psf_and_not_the_hole(monkeypatch):
@@ -236,21 +231,19 @@ def test_pupil_grid_is_the_next_common_multiple(asked, given):
     assert len(flat.transmission) == 64 * -(-asked // 64)
 
 
-def test_grids_that_do_not_fit_are_refused(tmp_path):
+def test_grids_that_do_not_fit_are_refused(refused, tmp_path):
     path = tmp_path / "odd.npz"
     np.savez(path, transmission=np.ones((134, 134)))
     other = load_instrument(OFF | {"coronagraph": {"apodizer": str(path)}})
-    with pytest.raises(InputError, match=r"wavefront.samples = 128.*2048 samples with the 134 steps"):
-        build_imager(other, "F662")
+    refused(r"wavefront.samples = 128.*2048 samples with the 134 steps", build_imager, other, "F662")
     fits = load_instrument(OFF | {"coronagraph": {"apodizer": str(path), "apodizer_samples": 128}})
     assert build_imager(fits, "F662").transmission.shape == (128, 128)
 
 
 @pytest.mark.parametrize(("words", "arguments"), [("band = F999", ("F999",)), ("fidelity", ("F662", "best"))])
 @pytest.mark.parametrize("build", [build_imager, bare_imager])
-def test_unknown_names_are_refused(build, words, arguments):
-    with pytest.raises(InputError, match=words):
-        build(INSTRUMENT, *arguments)
+def test_unknown_names_are_refused(refused, build, words, arguments):
+    refused(words, build, INSTRUMENT, *arguments)
 
 
 def test_a_finer_surface_makes_the_pupil_grid_finer(tmp_path):

@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 
-from catalogs.errors import InputError
 from simulator.config import load_instrument
 from simulator.config.optics import Drift
 from simulator.imaging.build import build_imager
@@ -136,7 +135,7 @@ def wavefronts(monkeypatch):
     return drawn
 
 
-@pytest.mark.parametrize("cadence_s", [30.0, 900.0, 7200.0])
+@pytest.mark.parametrize("cadence_s", [30.0, 7200.0])
 def test_the_wavefront_walks_with_the_square_root_of_time(wavefronts, cadence_s):
     """Brownian motion: <W(s) W(t)> = visit^2 + walk^2 min(s, t), in absolute nm^2, with t in hours."""
     visit, walk, n_visits = 0.3, 0.8, 300
@@ -156,11 +155,9 @@ def test_the_walk_has_slope_one_half_over_four_decades_of_time(wavefronts):
     np.testing.assert_allclose(slope, 0.5, atol=1e-9)  # the same draws at every cadence
 
 
-def test_iteration_is_lazy_and_checked():
+def test_iteration_is_lazy_and_checked(refused):
     imager = build_imager(INSTRUMENT, "F662", Knobs(pupil_samples=64, wavelength_nodes=1, pixel_nodes=1))
     frames = iter_visit_frames(imager, drift(0.05, 0.05), 10**9, 60.0, *rngs(6))
     assert next(frames).shape == (137, 137)
-    with pytest.raises(InputError, match="n_frames"):
-        iter_visit_frames(imager, drift(), 0, 60.0, *rngs(7))
-    with pytest.raises(InputError, match="cadence_s"):
-        iter_visit_frames(imager, drift(), 1, 0.0, *rngs(8))
+    refused("n_frames", iter_visit_frames, imager, drift(), 0, 60.0, *rngs(7))
+    refused("cadence_s", iter_visit_frames, imager, drift(), 1, 0.0, *rngs(8))

@@ -17,12 +17,7 @@ from simulator.imaging.kernel import placed
 from simulator.imaging.measure import stamp_figures
 from simulator.imaging.psf import single_band_psf
 
-INSTRUMENT = load_instrument(
-    {
-        "wavefront": {"opd_rms_nm": 0, "amplitude_rms": 0},
-        "dark_hole": {"control": "off"},
-    }
-)
+INSTRUMENT = load_instrument({"wavefront": {"opd_rms_nm": 0, "amplitude_rms": 0}, "dark_hole": {"control": "off"}})
 PIXEL = INSTRUMENT.pixel_scale_arcsec("F662")
 
 
@@ -135,40 +130,35 @@ def test_fits_of_others(tmp_path):
     np.testing.assert_array_equal(again.on_axis, gaussian() * 1e-3)
 
 
-def test_a_band_is_needed_for_metrics_only(tmp_path):
+def test_a_band_is_needed_for_metrics_only(refused, tmp_path):
     psf = load_psf(stored(tmp_path / "a.npz", band=None))
     assert psf.band == ""
     assert psf.at(0.25, 0.25).sum() > 0.2
     with pytest.raises(InputError, match="band = missing.*F662"):
         _ = psf.metrics
     assert load_psf(tmp_path / "a.npz", band="F662").metrics.core_open > 0.2
-    with pytest.raises(InputError, match="band = F720.*F662, as the file says"):
-        load_psf(stored(tmp_path / "b.npz"), band="F720")
-    with pytest.raises(InputError, match="band = F999"):
-        load_psf(stored(tmp_path / "b.npz", band=np.asarray("F999")))
+    refused("band = F720.*F662, as the file says", load_psf, stored(tmp_path / "b.npz"), band="F720")
+    refused("band = F999", load_psf, stored(tmp_path / "b.npz", band=np.asarray("F999")))
 
 
-def test_the_near_infrared_has_pixels_of_its_own(tmp_path):
+def test_the_near_infrared_has_pixels_of_its_own(refused, tmp_path):
     band = next(name for name, item in INSTRUMENT.bands.items() if item.camera == "NIR")
     pixel = INSTRUMENT.pixel_scale_arcsec(band)
     path = stored(tmp_path / "a.npz", band=np.asarray(band), pixel_scale_arcsec=pixel)
     assert load_psf(path, instrument=INSTRUMENT).pixel_scale_arcsec == pixel
-    with pytest.raises(InputError, match="detector's pixel"):
-        load_psf(stored(tmp_path / "b.npz", pixel_scale_arcsec=pixel))
+    refused("detector's pixel", load_psf, stored(tmp_path / "b.npz", pixel_scale_arcsec=pixel))
 
 
-def test_scaling_to_a_stated_energy_is_flagged(tmp_path):
+def test_scaling_to_a_stated_energy_is_flagged(refused, tmp_path):
     peaked = gaussian() / gaussian().max()
     path = stored(tmp_path / "a.npz", off_axis=peaked, on_axis=0.01 * peaked)
-    with pytest.raises(InputError, match="sums to .*normalised to its peak, give energy"):
-        load_psf(path)
+    refused("sums to .*normalised to its peak, give energy", load_psf, path)
     psf = load_psf(path, energy=0.25)
     assert psf.off_axis.sum() == pytest.approx(0.25, rel=1e-14)
     assert psf.on_axis.sum() == pytest.approx(0.0025, rel=1e-14)
     assert "energy_scaled" in psf.flags
     for energy in (0.0, 1.1, -1.0, float("nan")):
-        with pytest.raises(InputError, match="energy = "):
-            load_psf(path, energy=energy)
+        refused("energy = ", load_psf, path, energy=energy)
 
 
 def test_what_was_assumed_is_flagged(tmp_path):
@@ -215,56 +205,46 @@ def test_what_was_assumed_is_flagged(tmp_path):
         ({"band": np.asarray(3)}, "psf band"),
     ],
 )
-def test_bad_kernels_are_refused_by_name(tmp_path, change, words):
-    with pytest.raises(InputError, match=words) as refusal:
-        load_psf(stored(tmp_path / "a.npz", **change))
-    assert "\n" not in str(refusal.value)
+def test_bad_kernels_are_refused_by_name(refused, tmp_path, change, words):
+    refused(words, load_psf, stored(tmp_path / "a.npz", **change))
 
 
-def test_unusable_fits_files_are_refused(tmp_path):
+def test_unusable_fits_files_are_refused(refused, tmp_path):
     two = [fits.PrimaryHDU(), fits.ImageHDU(gaussian()), fits.ImageHDU(gaussian())]
     fits.HDUList(two).writeto(tmp_path / "two.fits")
-    with pytest.raises(InputError, match="image OFF_AXIS, or a single image"):
-        load_psf(tmp_path / "two.fits")
+    refused("image OFF_AXIS, or a single image", load_psf, tmp_path / "two.fits")
     fits.HDUList([fits.PrimaryHDU(), fits.ImageHDU(gaussian(), name="ON_AXIS")]).writeto(tmp_path / "on.fits")
-    with pytest.raises(InputError, match="image OFF_AXIS"):
-        load_psf(tmp_path / "on.fits")
+    refused("image OFF_AXIS", load_psf, tmp_path / "on.fits")
     fits.writeto(tmp_path / "bare.fits", gaussian())
-    with pytest.raises(InputError, match="pixel_scale_arcsec = missing"):
-        load_psf(tmp_path / "bare.fits")
+    refused("pixel_scale_arcsec = missing", load_psf, tmp_path / "bare.fits")
     save_psf(model(), tmp_path / "whole.fits")
     data = bytearray((tmp_path / "whole.fits").read_bytes())
     data[9000] ^= 1
     (tmp_path / "bad.fits").write_bytes(data)
-    with pytest.raises(InputError, match="checksums"):
-        load_psf(tmp_path / "bad.fits")
+    refused("checksums", load_psf, tmp_path / "bad.fits")
 
 
-def test_pickles_are_not_opened(tmp_path):
+def test_pickles_are_not_opened(refused, tmp_path):
     np.savez(tmp_path / "evil.npz", off_axis=np.array([{"a": 1}], dtype=object), pixel_scale_arcsec=PIXEL)
-    with pytest.raises(InputError, match="plain arrays"):
-        load_psf(tmp_path / "evil.npz")
+    refused("plain arrays", load_psf, tmp_path / "evil.npz")
 
 
-def test_positions_are_finite_and_far_sources_leave_nothing(tmp_path):
+def test_positions_are_finite_and_far_sources_leave_nothing(refused, tmp_path):
     psf = load_psf(stored(tmp_path / "a.npz"))
     for bad in ((float("nan"), 0.0), (0.0, float("inf"))):
-        with pytest.raises(InputError, match="x_arcsec, y_arcsec"):
-            psf.at(*bad)
+        refused("x_arcsec, y_arcsec", psf.at, *bad)
     assert not psf.at(8.0, 0.5).any()
     np.testing.assert_array_equal(psf.at(0.0, 20 * PIXEL)[30:], (placed(psf.off_axis, 20, 0) * psf._open)[30:])
 
 
-def test_saving_is_whole_or_not_at_all(tmp_path):
+def test_saving_is_whole_or_not_at_all(refused, tmp_path):
     good = types.SimpleNamespace(band="F662", on_axis=gaussian(), off_axis=gaussian(), pixel_scale_arcsec=PIXEL)
     save_psf(good, tmp_path / "a.npz")
     assert set(read_npz(tmp_path / "a.npz")) == {"band", "on_axis", "off_axis", "pixel_scale_arcsec"}
-    with pytest.raises(InputError, match="ends in .npz or .fits"):
-        save_psf(good, tmp_path / "a.txt")
+    refused("ends in .npz or .fits", save_psf, good, tmp_path / "a.txt")
     bad = types.SimpleNamespace(**vars(good) | {"off_axis": gaussian() * np.nan})
     for name in ("a.npz", "b.fits"):
-        with pytest.raises(InputError, match="finite"):
-            save_psf(bad, tmp_path / name)
+        refused("finite", save_psf, bad, tmp_path / name)
     with pytest.raises(OSError, match="no_such_folder"):
         save_psf(good, tmp_path / "no_such_folder" / "a.fits")
     assert [path.name for path in tmp_path.iterdir()] == ["a.npz"]

@@ -1,12 +1,9 @@
 import dataclasses
-import subprocess
-import sys
 
 import numpy as np
 import pytest
 from photutils.aperture import CircularAperture, aperture_photometry
 
-from catalogs.errors import InputError
 from simulator.config import load_instrument
 from simulator.imaging.aberrations import draw_aberrations
 from simulator.imaging.build import bare_imager, build_imager, dark_hole_of
@@ -231,7 +228,7 @@ def test_wings_hold_the_energy_outside_the_core(metrics):
         assert 0.1 < m.wing(m.field_radius_arcsec + 0.01) / m.wing_profile[-60:].mean() < 10
 
 
-def test_floor_rises_with_drift(metrics):
+def test_floor_rises_with_drift(refused, metrics):
     for m in metrics.values():
         grid = np.geomspace(1e-4, 50, 200)
         floor = m.rdi_floor(grid)
@@ -242,26 +239,13 @@ def test_floor_rises_with_drift(metrics):
         # Drift is steep: worse near the inner corner than on average.
         assert m.rdi_floor(0.05, separation_arcsec=0.3) > m.rdi_floor(0.05) > m.rdi_floor(0.05, separation_arcsec=0.9)
         assert m.rdi_floor(0.03, walk_nm_per_sqrt_hour=0.04, visit_hours=3.0) == pytest.approx(m.rdi_floor(0.05))
-    with pytest.raises(InputError, match="visit_nm"):
-        m.rdi_floor(-1.0)
-    with pytest.raises(InputError, match="n_modes"):
-        m.rdi_floor(0.1, -1)
+    refused("visit_nm", m.rdi_floor, -1.0)
+    refused("n_modes", m.rdi_floor, 0.1, -1)
 
 
-def test_arrays_there_and_back(metrics):
+def test_arrays_there_and_back(refused, metrics):
     m = metrics["F720"]
     again = PsfMetrics.from_arrays(m.to_arrays())
     for name, array in m.to_arrays().items():
         np.testing.assert_array_equal(array, again.to_arrays()[name])
-    with pytest.raises(InputError, match="raw_contrast"):
-        PsfMetrics.from_arrays({k: v for k, v in m.to_arrays().items() if k != "raw_contrast"})
-
-
-def test_loading_needs_no_optics_library():
-    code = (
-        "import sys; from simulator.config import load_instrument; from simulator.imaging.store import psf_metrics\n"
-        "psf_metrics(load_instrument(), 'F662').core_throughput(0.3, 0.3)\n"
-        "heavy = {'hcipy', 'scipy', 'astropy', 'pandas', 'synphot', 'matplotlib', 'numba'} & set(sys.modules)\n"
-        "assert not heavy, heavy"
-    )
-    subprocess.run([sys.executable, "-c", code], check=True)
+    refused("raw_contrast", PsfMetrics.from_arrays, {k: v for k, v in m.to_arrays().items() if k != "raw_contrast"})

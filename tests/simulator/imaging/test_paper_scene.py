@@ -4,7 +4,6 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from catalogs.errors import InputError
 from simulator.config import load_instrument
 from simulator.imaging.build import bare_imager
 from simulator.imaging.imager import centred_axis
@@ -108,9 +107,7 @@ def test_light_is_conserved_and_places_beyond_the_kernel_are_left_out():
     assert not rectangle.any()
 
 
-def test_what_it_cannot_do_is_refused_by_name():
+def test_what_it_cannot_do_is_refused_by_name(refused):
     one = PointSources([0.0], [0.0], [1.0])
-    with pytest.raises(InputError, match="y_centres_arcsec"):
-        paper_scene_image(IMAGER, AXIS * 2, AXIS, one)
-    with pytest.raises(InputError, match="kernel_half_pixels"):
-        paper_scene_image(IMAGER, AXIS, AXIS, one, kernel_half_pixels=0)
+    refused("y_centres_arcsec", paper_scene_image, IMAGER, AXIS * 2, AXIS, one)
+    refused("kernel_half_pixels", paper_scene_image, IMAGER, AXIS, AXIS, one, kernel_half_pixels=0)

@@ -8,15 +8,7 @@ from simulator.config import load_instrument
 from simulator.imaging import imager as imager_module
 from simulator.imaging.build import build_imager
 from simulator.imaging.drift import screen_model
-from simulator.imaging.parity import (
-    add_intensity,
-    field_of,
-    half_waves,
-    parts_of,
-    quadrants_of,
-    unfolded,
-    unit_phases,
-)
+from simulator.imaging.parity import add_intensity, field_of, half_waves, parts_of, quadrants_of, unfolded, unit_phases
 from simulator.knobs import Knobs
 
 INSTRUMENT = load_instrument()

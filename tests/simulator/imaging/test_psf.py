@@ -74,13 +74,7 @@ def test_apodizer_alone_is_darker_than_its_design(flat):
 
 
 @pytest.mark.parametrize(
-    ("band", "mean", "p95"),
-    [
-        ("F520", 1e-8, 3e-8),
-        ("F662", 1e-9, 3e-9),
-        ("F720", 1e-9, 3e-9),
-        ("F850", 1e-9, 3e-9),
-    ],
+    ("band", "mean", "p95"), [("F520", 1e-8, 3e-8), ("F662", 1e-9, 3e-9), ("F720", 1e-9, 3e-9), ("F850", 1e-9, 3e-9)]
 )
 def test_hole_of_the_default_instrument(psfs, band, mean, p95):
     psf = psfs[band]
@@ -191,9 +185,8 @@ def test_far_companion_leaves_wings_of_the_order_of_the_profile(psfs):
 
 
 @pytest.mark.parametrize("place", [(np.nan, 0.0), (0.0, np.inf), (-np.inf, np.nan)])
-def test_places_that_are_not_numbers_are_refused(psfs, place):
-    with pytest.raises(InputError, match="x_arcsec, y_arcsec"):
-        psfs["F662"].at(*place)
+def test_places_that_are_not_numbers_are_refused(refused, psfs, place):
+    refused("x_arcsec, y_arcsec", psfs["F662"].at, *place)
 
 
 def test_places_out_of_the_field_leave_next_to_nothing(psfs):
@@ -328,9 +321,8 @@ def test_odd_stamps_are_cut_from_one_image(psfs, n_pixels):
         ("spectral_type", {"spectrum": "Q9"}),
     ],
 )
-def test_bad_requests_are_named(words, arguments):
-    with pytest.raises(InputError, match=words):
-        single_band_psf(**({"band": "F662", "instrument": INSTRUMENT} | arguments))
+def test_bad_requests_are_named(refused, words, arguments):
+    refused(words, single_band_psf, **{"band": "F662", "instrument": INSTRUMENT} | arguments)
 
 
 @pytest.mark.parametrize(
@@ -352,11 +344,10 @@ def test_settings_out_of_range_are_refused_by_name(key, value):
         Knobs(**{key: value})
 
 
-def test_metrics_of_a_stamp_that_cuts_the_hole_are_refused():
+def test_metrics_of_a_stamp_that_cuts_the_hole_are_refused(refused):
     psf = single_band_psf("F662", fidelity=Knobs(stamp_pixels=33))
     assert psf.on_axis.shape == (33, 33)
-    with pytest.raises(InputError, match="stamp_pixels = 33 px"):
-        psf.metrics.halo_aperture(0.4, 0.4)
+    refused("stamp_pixels = 33 px", lambda: psf.metrics.halo_aperture(0.4, 0.4))
 
 
 def test_electronics_that_spoil_a_hole_are_flagged():

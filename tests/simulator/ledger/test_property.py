@@ -7,9 +7,9 @@ from simulator import observe
 from simulator.ledger import error_of
 
 
-@pytest.mark.parametrize("number", range(1001, 1013))
+@pytest.mark.parametrize("number", range(1001, 1007))
 def test_shortcut_stays_within_its_tolerance(number, report):
-    """A dozen; the report has hundreds."""
+    """Half a dozen; the report has hundreds."""
     case = report.scenes.random_case(number)
     whole, short, true = report.truth.measure(case)
     for name in case.quantity:

@@ -9,7 +9,6 @@ import pytest
 import yaml
 from astropy.io import fits
 
-from catalogs.errors import InputError
 from simulator import load_instrument
 from simulator.products import check_level0, write_level0
 
@@ -47,9 +46,8 @@ def test_whole_frames_have_no_finding_at_all(sequence, tmp_path):
     assert check_level0(tmp_path) == []
 
 
-def test_a_path_that_is_not_there_is_refused(tmp_path):
-    with pytest.raises(InputError, match="path = .*nothing"):
-        check_level0(tmp_path / "nothing")
+def test_a_path_that_is_not_there_is_refused(refused, tmp_path):
+    refused("path = .*nothing", check_level0, tmp_path / "nothing")
 
 
 def test_a_finding_prints_file_unit_and_keyword(good):
@@ -380,10 +378,7 @@ def test_damaged_truth_is_found(tree, good):
         damaged = bytearray(data)
         damaged[info["datLoc"] + 11] ^= 1
         truth.write_bytes(bytes(damaged))
-        assert {(f.path, f.hdu, f.keyword) for f in found(good)} == {
-            (truth, hdu, "CHECKSUM"),
-            (truth, hdu, "DATASUM"),
-        }
+        assert {(f.path, f.hdu, f.keyword) for f in found(good)} == {(truth, hdu, "CHECKSUM"), (truth, hdu, "DATASUM")}
     truth.write_bytes(data[:-2880])
     assert any("truncated" in f.message or "FRAMES" in f.message for f in found(good))
 

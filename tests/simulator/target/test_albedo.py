@@ -3,17 +3,10 @@
 import numpy as np
 import pytest
 
-from catalogs.errors import InputError
 from simulator.config.albedo import albedo_spec
 from simulator.passbands import Passbands
 from simulator.target import albedo_flags, planet_albedo
-from simulator.target.albedo import (
-    albedo_notes,
-    albedo_source,
-    albedo_table,
-    needs_insolation,
-    phase_value,
-)
+from simulator.target.albedo import albedo_notes, albedo_source, albedo_table, needs_insolation, phase_value
 from simulator.target.parametric import parametric_family
 from simulator.target.phase import lambert_phase
 
@@ -47,9 +40,8 @@ def test_undocumented_wavelengths_are_flagged() -> None:
 
 @pytest.mark.parametrize("model", ["jupiter", "parametric"])
 @pytest.mark.parametrize("wavelength", [299.0, 1760.0, np.nan, [500.0, 2000.0]])
-def test_no_silent_extrapolation(wavelength, model) -> None:
-    with pytest.raises(InputError, match="wavelength_nm"):
-        planet_albedo(wavelength, model=model)
+def test_no_silent_extrapolation(refused, wavelength, model) -> None:
+    refused("wavelength_nm", planet_albedo, wavelength, model=model)
 
 
 def test_clamps_are_said() -> None:
@@ -60,13 +52,12 @@ def test_clamps_are_said() -> None:
     assert albedo_notes(albedo_spec("jupiter")) == ()
 
 
-def test_insolation_is_asked_for_only_where_it_matters() -> None:
+def test_insolation_is_asked_for_only_where_it_matters(refused) -> None:
     star = albedo_spec({"mh": 3, "fsed": 3})
     assert needs_insolation(star)
     assert not needs_insolation(albedo_spec({"mh": 3, "fsed": 3, "insolation_au": 2}))
     assert not needs_insolation(albedo_spec(0.3))
-    with pytest.raises(InputError, match="insolation_au"):
-        albedo_table(star)
+    refused("insolation_au", albedo_table, star)
 
 
 def test_phase_functions() -> None:
@@ -78,7 +69,7 @@ def test_phase_functions() -> None:
     assert 0.23 < phase_value(own, 90.0) < 0.27
 
 
-def test_user_tables_constants_and_files(tmp_path) -> None:
+def test_user_tables_constants_and_files(refused, tmp_path) -> None:
     table = albedo_spec({"wavelength_nm": [400, 900], "albedo": [0.2, 0.7]})
     path = tmp_path / "mine.csv"
     path.write_text("wavelength_nm,albedo\n400,0.2\n900,0.7\n")
@@ -88,11 +79,10 @@ def test_user_tables_constants_and_files(tmp_path) -> None:
     assert planet_albedo(650.0, model=str(path)) == pytest.approx(0.45)
     bands = Passbands.from_bands()
     np.testing.assert_allclose(bands.band_albedo(albedo_source(albedo_spec(0.3)), 5800, 4.4, 0), 0.3, rtol=1e-12)
-    with pytest.raises(InputError, match="increasing"):
-        albedo_table(albedo_spec({"wavelength_nm": [900, 400], "albedo": [0.2, 0.7]}))
+    refused("increasing", albedo_spec, {"wavelength_nm": [900, 400], "albedo": [0.2, 0.7]})
 
 
-def test_band_albedo_of_a_family_is_that_of_its_members() -> None:
+def test_band_albedo_of_a_family_is_that_of_its_members(refused) -> None:
     """Interpolated band integrals equal band integrals of the interpolated spectrum, for stars x distances."""
     bands, family = Passbands.from_bands(), parametric_family(0.8, 0.3)
     teff = np.array([[4000.0], [5300.0], [7000.0]])
@@ -103,11 +93,10 @@ def test_band_albedo_of_a_family_is_that_of_its_members() -> None:
         for j, place in enumerate(distance):
             direct = bands.band_albedo(family.at(place), temperature, 4.4, -0.2)
             np.testing.assert_allclose(table[i, j], direct, rtol=1e-12)
-    with pytest.raises(InputError, match="insolation_au"):
-        bands.band_albedo(family, 5800.0, 4.4, 0.0)
+    refused("insolation_au", bands.band_albedo, family, 5800.0, 4.4, 0.0)
 
 
-def test_one_band_needs_no_more_than_its_own_wavelengths() -> None:
+def test_one_band_needs_no_more_than_its_own_wavelengths(refused) -> None:
     bands = Passbands.from_bands()
     narrow = albedo_source(albedo_spec({"wavelength_nm": [600, 720], "albedo": [0.2, 0.7]}))
     teff = np.array([[4000.0], [6000.0]])
@@ -115,7 +104,5 @@ def test_one_band_needs_no_more_than_its_own_wavelengths() -> None:
     assert alone.shape == (2, 1)
     wide = albedo_source(albedo_spec({"wavelength_nm": [300, 600, 720, 1754], "albedo": [0, 0.2, 0.7, 0]}))
     np.testing.assert_allclose(alone, bands.band_albedo(wide, teff, 4.4, 0.0)[..., bands.index("F662")], rtol=1e-12)
-    with pytest.raises(InputError, match="F940|F520"):
-        bands.band_albedo(narrow, teff, 4.4, 0.0)
-    with pytest.raises(InputError, match="band"):
-        bands.band_albedo(narrow, teff, 4.4, 0.0, only="F999")
+    refused("F940|F520", bands.band_albedo, narrow, teff, 4.4, 0.0)
+    refused("band", bands.band_albedo, narrow, teff, 4.4, 0.0, only="F999")

@@ -128,10 +128,9 @@ def test_large_fsed_is_that_of_the_last_node(grid):
         (1.0, float("-inf"), "cloud-free"),
     ],
 )
-def test_refuses_what_is_outside(grid, log10_mh, log10_fsed, says):
-    with pytest.raises(InputError, match=r"log10_") as caught:
-        grid.family(log10_mh, log10_fsed)
-    assert says in str(caught.value)
+def test_refuses_what_is_outside(refused, grid, log10_mh, log10_fsed, says):
+    message = refused(r"log10_", grid.family, log10_mh, log10_fsed)
+    assert says in message
 
 
 def mean(truth):
@@ -183,15 +182,13 @@ def test_phase_curve_is_one_at_full_phase_and_falls(grid):
 
 
 @pytest.mark.parametrize("phase", [-1.0, 180.5, float("nan")])
-def test_refuses_other_phases(grid, phase):
-    with pytest.raises(InputError, match="phase_deg"):
-        grid.phase_curve(phase, log10_mh=0.0, log10_fsed=0.0, insolation_au=1.0)
+def test_refuses_other_phases(refused, grid, phase):
+    refused("phase_deg", grid.phase_curve, phase, log10_mh=0.0, log10_fsed=0.0, insolation_au=1.0)
 
 
 @pytest.mark.parametrize("distance", [0.0, -1.0, float("nan"), float("inf")])
-def test_refuses_other_distances(grid, distance):
-    with pytest.raises(InputError, match="insolation_au"):
-        grid.phase_curve(10.0, log10_mh=0.0, log10_fsed=0.0, insolation_au=distance)
+def test_refuses_other_distances(refused, grid, distance):
+    refused("insolation_au", grid.phase_curve, 10.0, log10_mh=0.0, log10_fsed=0.0, insolation_au=distance)
 
 
 def holed(tmp_path, layout, holes):
@@ -208,21 +205,18 @@ def holed(tmp_path, layout, holes):
 
 
 @pytest.mark.parametrize("layout", ["database", "npz"])
-def test_a_missing_model_matters_only_where_it_is_needed(tmp_path, layout):
+def test_a_missing_model_matters_only_where_it_is_needed(refused, tmp_path, layout):
     grid = load_albedo_grid(holed(tmp_path, layout, [(1, 2, 3, 0), (0, 1, 1, 3), (2, 3, 0, 0)]))
     needed = "log10_mh 0.5, f_sed 1, 2 au, phase 0 deg"
     for log10_mh, log10_fsed in ((0.5, 0.0), (0.3, 0.0), (0.5, 0.4)):
-        with pytest.raises(InputError, match=needed):
-            grid.family(log10_mh, log10_fsed)
-    with pytest.raises(InputError, match="log10_mh 1.7, cloud-free, 5 au, phase 0 deg"):
-        grid.family(1.9, None)
+        refused(needed, grid.family, log10_mh, log10_fsed)
+    refused("log10_mh 1.7, cloud-free, 5 au, phase 0 deg", grid.family, 1.9, None)
     for log10_mh, log10_fsed in ((0.0, 0.0), (0.5, -1.0), (1.9, 0.3)):
         assert np.all(np.isfinite(grid.family(log10_mh, log10_fsed).albedo))
     # Between 0.85 and 2 au at f_sed 0.01: phase 90 is gone, 150 and its neighbours are not.
     thin = {"log10_mh": 0.0, "log10_fsed": -2.0}
     for phase in (90.0, 100.0, 125.0, [10.0, 170.0]):
-        with pytest.raises(InputError, match="log10_mh 0, f_sed 0.01, 0.85 au, phase 90 deg"):
-            grid.phase_curve(phase, insolation_au=1.0, **thin)
+        refused("log10_mh 0, f_sed 0.01, 0.85 au, phase 90 deg", grid.phase_curve, phase, insolation_au=1.0, **thin)
     assert 0.0 < grid.phase_curve(155.0, insolation_au=1.0, **thin) < 0.2
     assert 0.0 < grid.phase_curve(60.0, insolation_au=1.0, **thin) < 1.0
     assert 0.0 < grid.phase_curve(100.0, insolation_au=3.0, **thin) < 1.0
@@ -265,7 +259,7 @@ def test_layouts_agree_where_axes_run_in_any_order(files, tmp_path):
 
 
 @pytest.mark.parametrize(("value", "good"), [(-1e-4, True), (-0.02, False), (2.5, False)])
-def test_rounding_below_zero_is_lifted_and_nonsense_refused(tmp_path, value, good):
+def test_rounding_below_zero_is_lifted_and_nonsense_refused(refused, tmp_path, value, good):
     truth = TRUTH.copy()
     truth[0, 0, 0, 0, 7] = value
     for path in (write_database(tmp_path / "a.db", truth), write_npz(tmp_path / "a.npz", truth)):
@@ -273,8 +267,7 @@ def test_rounding_below_zero_is_lifted_and_nonsense_refused(tmp_path, value, goo
         if good:
             assert grid.family(0.0, None).albedo[0, 7] == 0.0
         else:
-            with pytest.raises(InputError, match=r"cloud-free, 0.5 au.*GEOMALB"):
-                grid.family(0.0, None)
+            refused(r"cloud-free, 0.5 au.*GEOMALB", grid.family, 0.0, None)
 
 
 def test_documented_to_its_end_where_that_comes_first(tmp_path):
@@ -311,7 +304,7 @@ def test_travels_between_processes(grid):
     np.testing.assert_array_equal(copy.family(0.3, 0.2).albedo, grid.family(0.3, 0.2).albedo)
 
 
-def test_grid_of_few_models(tmp_path):
+def test_grid_of_few_models(refused, tmp_path):
     path = write_npz(
         tmp_path / "few.npz", TRUTH[1:2, :, 3:4, :1], metallicities=METAL[1:2], clouds=CLOUD[3:4], betas=PHASE[:1]
     )
@@ -319,17 +312,14 @@ def test_grid_of_few_models(tmp_path):
     np.testing.assert_array_equal(grid.family(0.5, 0.0).albedo, TRUTH[1, :, 3, 0])
     assert grid.phase_curve(0.0, log10_mh=0.5, log10_fsed=0.0, insolation_au=1.0) == 1.0
     for log10_mh, log10_fsed, phase in ((0.6, 0.0, 0.0), (0.5, None, 0.0), (0.5, -0.1, 0.0), (0.5, 0.0, 1.0)):
-        with pytest.raises(InputError):
-            grid.phase_curve(phase, log10_mh=log10_mh, log10_fsed=log10_fsed, insolation_au=1.0)
+        refused("", grid.phase_curve, phase, log10_mh=log10_mh, log10_fsed=log10_fsed, insolation_au=1.0)
     clear = write_npz(tmp_path / "clear.npz", TRUTH[:, :, :1], clouds=CLOUD[:1])
-    with pytest.raises(InputError, match="no cloudy models"):
-        load_albedo_grid(clear).family(0.5, 0.0)
+    refused("no cloudy models", load_albedo_grid(clear).family, 0.5, 0.0)
 
 
-def test_dark_models_have_no_phase_curve(tmp_path):
+def test_dark_models_have_no_phase_curve(refused, tmp_path):
     grid = load_albedo_grid(write_npz(tmp_path / "dark.npz", 0.0 * TRUTH))
-    with pytest.raises(InputError, match="full phase"):
-        grid.phase_curve(10.0, log10_mh=0.0, log10_fsed=0.0, insolation_au=1.0)
+    refused("full phase", grid.phase_curve, 10.0, log10_mh=0.0, log10_fsed=0.0, insolation_au=1.0)
 
 
 @pytest.mark.parametrize(
@@ -346,18 +336,16 @@ def test_dark_models_have_no_phase_curve(tmp_path):
         ({"metallicities": np.array(["a", "b", "c", "d"])}, "could not convert"),
     ],
 )
-def test_refuses_another_npz(tmp_path, change, says):
+def test_refuses_another_npz(refused, tmp_path, change, says):
     path = write_npz(tmp_path / "a.npz", **change) if "allphotdata" not in change else tmp_path / "a.npz"
     if "allphotdata" in change:
         arrays = {"metallicities": METAL, "dists": DISTANCE, "clouds": CLOUD, "betas": PHASE, "wavelns": WAVE_UM}
         np.savez(path, **arrays, **change)
-    with pytest.raises(InputError, match=says):
-        load_albedo_grid(path)
+    refused(says, load_albedo_grid, path)
 
 
-def test_refuses_nanometres_for_micrometres(tmp_path):
-    with pytest.raises(InputError, match="300 to 1100 um"):
-        load_albedo_grid(write_npz(tmp_path / "a.npz", wavelns=1e3 * WAVE_UM)).family(0.0, 0.0)
+def test_refuses_nanometres_for_micrometres(refused, tmp_path):
+    refused("300 to 1100 um", load_albedo_grid(write_npz(tmp_path / "a.npz", wavelns=1e3 * WAVE_UM)).family, 0.0, 0.0)
 
 
 @pytest.mark.parametrize(
@@ -388,18 +376,17 @@ def test_refuses_nanometres_for_micrometres(tmp_path):
         ),
     ],
 )
-def test_refuses_another_database(tmp_path, statements, says):
+def test_refuses_another_database(refused, tmp_path, statements, says):
     path = tmp_path / "other.db"
     with closing(sqlite3.connect(path)) as database:
         for statement in statements:
             database.execute(statement)
         database.commit()
-    with pytest.raises(InputError) as caught:
-        load_albedo_grid(path)
-    assert says in str(caught.value)
+    message = refused("", load_albedo_grid, path)
+    assert says in message
 
 
-def test_names_of_tables_are_no_commands(tmp_path):
+def test_names_of_tables_are_no_commands(refused, tmp_path):
     path = tmp_path / "evil.db"
     evil = "g25_t150_m0.0_d1.0_f1]; DROP TABLE [header]; --_phang000"
     with closing(sqlite3.connect(path)) as database:
@@ -410,28 +397,23 @@ def test_names_of_tables_are_no_commands(tmp_path):
         database.execute('CREATE TABLE "g25_t150_m0.0_d1.0_f1_phang000" (WAVELN, ALBEDO)')
         database.commit()
     grid = load_albedo_grid(path)
-    with pytest.raises(InputError, match="log10_mh 0, f_sed 1, 2 au"):
-        grid.family(0.0, 0.0)
+    refused("log10_mh 0, f_sed 1, 2 au", grid.family, 0.0, 0.0)
     assert list(grid.models.tables.values()) == ["g25_t150_m0.0_d1.0_f1_phang000"]
-    with pytest.raises(InputError, match="no such column"):
-        grid.models.spectra(list(grid.models.tables))
+    refused("no such column", grid.models.spectra, list(grid.models.tables))
 
 
 @pytest.mark.parametrize(
     "content", [b"", b"500 0.5\n600 0.4\n", b"PK\x03\x04 no", b"SQLite format 3\x00 but no more", bytes(range(256)) * 9]
 )
-def test_refuses_garbage(tmp_path, content):
+def test_refuses_garbage(refused, tmp_path, content):
     path = tmp_path / "garbage.db"
     path.write_bytes(content)
-    with pytest.raises(InputError, match="albedo grid") as caught:
-        load_albedo_grid(path)
-    assert "\n" not in str(caught.value)
+    refused("albedo grid", load_albedo_grid, path)
 
 
-def test_refuses_what_is_no_file(tmp_path):
+def test_refuses_what_is_no_file(refused, tmp_path):
     for path in (tmp_path / "absent.db", tmp_path, "a\0b"):
-        with pytest.raises(InputError, match="albedo grid"):
-            load_albedo_grid(path)
+        refused("albedo grid", load_albedo_grid, path)
 
 
 @pytest.mark.parametrize("layout", ["database", "npz"])

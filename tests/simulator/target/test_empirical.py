@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from catalogs.bands import Band
-from catalogs.errors import InputError
 from catalogs.spectra import load_pickles, load_reference_spectrum
 from simulator.band_integrals import band_integral
 from simulator.target import stellar_spectrum
@@ -46,9 +45,8 @@ def test_between_templates_it_is_their_mean() -> None:
     assert flags == ("template_interpolated",)
 
 
-def test_a_temperature_is_no_type() -> None:
-    with pytest.raises(InputError, match="spectral_type = missing"):
-        stellar_spectrum(3.0, teff_k=5772.0, model="pickles")
+def test_a_temperature_is_no_type(refused) -> None:
+    refused("spectral_type = missing", stellar_spectrum, 3.0, teff_k=5772.0, model="pickles")
     star = stellar_spectrum(3.0, "G2V", teff_k=5772.0, log_g=4.4, metallicity=0.1, model="pickles")
     assert star.flags == ("teff_k_unused", "log_g_unused", "metallicity_unused")
     assert (star.teff_k, star.model) == (5770.0, "pickles")

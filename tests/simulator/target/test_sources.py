@@ -1,14 +1,10 @@
 """Tables of sources: positions as pictures, spectra against synphot, rates against the spectra."""
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from catalogs.errors import InputError
 from catalogs.spectra import HC_ERG_ANGSTROM, load_albedo
 from simulator import load_instrument, load_scene, planet_contrast, scenes_from_table, spectrum_generator
 from simulator.band_integrals import band_integral
@@ -343,20 +339,6 @@ def test_the_whole_catalogue_at_once():
     np.testing.assert_allclose(host, expected, rtol=1e-12)
 
 
-def test_positions_and_rates_need_no_heavy_library():
-    code = """
-import sys
-from simulator import load_instrument, load_scene, spectrum_generator
-from simulator.target.sources import scene_sources
-table = spectrum_generator("paper_background")
-table.x_arcsec, [row.photlam for row in table], table.flags
-scene_sources(load_scene("paper_background"), load_instrument(), "F520")
-heavy = [m for m in ("synphot", "astropy", "pandas", "scipy", "hcipy", "matplotlib") if m in sys.modules]
-assert heavy == [], heavy
-"""
-    subprocess.run([sys.executable, "-c", code], check=True)
-
-
 def test_measured_albedo_is_the_shipped_table():
     row = spectrum_generator(scene(PLANET))["b"]
     at = np.searchsorted(row.wavelength_nm, 890.0)
@@ -365,7 +347,7 @@ def test_measured_albedo_is_the_shipped_table():
     assert row.contrast[at] == pytest.approx(expected, rel=1e-4)
 
 
-def test_extended_light_is_a_share_of_the_stars():
+def test_extended_light_is_a_share_of_the_stars(refused):
     disc = {"inner_arcsec": 0.3, "outer_arcsec": 0.6}
     scene = load_scene(
         {
@@ -382,5 +364,4 @@ def test_extended_light_is_a_share_of_the_stars():
         assert [item.rate_e_s for item in found] == pytest.approx([1e-5 * star, 1e-6 * star], rel=1e-13)
         assert [item.contrast for item in found] == pytest.approx([1e-5, 1e-6])
     assert extended_rates(load_scene("paper_example"), instrument, "F662") == ()
-    with pytest.raises(InputError, match="band"):
-        extended_rates(scene, instrument, "F999")
+    refused("band", extended_rates, scene, instrument, "F999")

@@ -96,9 +96,10 @@ def test_nodes_of_an_axis_need_no_neighbour_there(tree: Path, oracle, teff: floa
 
 
 @pytest.mark.parametrize(("teff", "metal", "log_g"), [EMPTY, (5240.0, 0.19, 4.01), (5001.0, 0.1, 4.49)])
-def test_empty_cells_are_refused_with_their_parameters(tree: Path, teff: float, metal: float, log_g: float) -> None:
-    with pytest.raises(InputError, match=r"Teff 5250 K, log g 4, \[M/H\] 0.2.*ckp02/ckp02_5250.fits\[g40\]"):
-        tree_photlam(tree, teff, log_g, metal)
+def test_empty_cells_are_refused_with_their_parameters(
+    refused, tree: Path, teff: float, metal: float, log_g: float
+) -> None:
+    refused(r"Teff 5250 K, log g 4, \[M/H\] 0.2.*ckp02/ckp02_5250.fits\[g40\]", tree_photlam, tree, teff, log_g, metal)
 
 
 @pytest.mark.parametrize(
@@ -140,22 +141,20 @@ def test_a_ragged_grid_takes_the_nodes_that_each_temperature_has(tmp_path: Path)
     np.testing.assert_allclose(found, 0.5 * (low + high), rtol=1e-12)
 
 
-def test_a_tree_is_found_by_folder_file_root_or_name(root: Path, tree: Path, monkeypatch) -> None:
+def test_a_tree_is_found_by_folder_file_root_or_name(refused, root: Path, tree: Path, monkeypatch) -> None:
     expected = tree / "catalog.fits"
     for path in (tree, str(tree), expected, root, root / "ck04models", f"{root}/ck04models"):
         assert find_tree(path) == expected
     monkeypatch.setenv("PYSYN_CDBS", str(root))
     assert find_tree("ck04models") == expected
     monkeypatch.delenv("PYSYN_CDBS")
-    with pytest.raises(InputError, match="PYSYN_CDBS"):
-        find_tree("ck04models")
+    refused("PYSYN_CDBS", find_tree, "ck04models")
 
 
-def test_several_trees_must_be_named(tmp_path: Path) -> None:
+def test_several_trees_must_be_named(refused, tmp_path: Path) -> None:
     for name in ("ck04models", "phoenix"):
         write_tree(tmp_path / "grid" / name)
-    with pytest.raises(InputError, match="ck04models, phoenix"):
-        find_tree(tmp_path)
+    refused("ck04models, phoenix", find_tree, tmp_path)
     assert find_tree(tmp_path / "phoenix").parent.name == "phoenix"
 
 
@@ -193,16 +192,14 @@ def test_a_changed_tree_is_read_again(tmp_path: Path) -> None:
     np.testing.assert_allclose(tree_photlam(tmp_path, 5000.0, 4.5, 0.0)[1], 2.0 * first, rtol=1e-6)
 
 
-def test_only_the_columns_needed_are_read(tmp_path: Path) -> None:
+def test_only_the_columns_needed_are_read(refused, tmp_path: Path) -> None:
     write_tree(tmp_path)
     for file in tmp_path.rglob("ck*_5250.fits"):
         file.write_bytes(b"not a table")
     assert tree_photlam(tmp_path, 4900.0, 4.5, 0.0)[1].any()
-    with pytest.raises(InputError, match="WAVELENGTH and g45"):
-        tree_photlam(tmp_path, 5100.0, 4.5, 0.0)
+    refused("WAVELENGTH and g45", tree_photlam, tmp_path, 5100.0, 4.5, 0.0)
     next(tmp_path.rglob("ckp00_5250.fits")).unlink()
-    with pytest.raises(InputError, match="No such file"):
-        tree_photlam(tmp_path, 5100.0, 4.5, 0.0)
+    refused("No such file", tree_photlam, tmp_path, 5100.0, 4.5, 0.0)
 
 
 @pytest.mark.parametrize(
@@ -214,23 +211,21 @@ def test_only_the_columns_needed_are_read(tmp_path: Path) -> None:
         ("5000,0,nan", "a.fits[g45]"),
     ],
 )
-def test_a_bad_catalogue_is_refused(tmp_path: Path, index: str, name: str) -> None:
+def test_a_bad_catalogue_is_refused(refused, tmp_path: Path, index: str, name: str) -> None:
     from astropy.io import fits
 
     columns = [fits.Column("INDEX", "20A", array=[index]), fits.Column("FILENAME", "20A", array=[name])]
     fits.BinTableHDU.from_columns(columns).writeto(tmp_path / "catalog.fits")
-    with pytest.raises(InputError, match=r"file.fits\[column\]"):
-        tree_photlam(tmp_path, 5000.0, 4.5, 0.0)
+    refused(r"file.fits\[column\]", tree_photlam, tmp_path, 5000.0, 4.5, 0.0)
 
 
-def test_what_is_not_a_tree_is_refused(tmp_path: Path) -> None:
+def test_what_is_not_a_tree_is_refused(refused, tmp_path: Path) -> None:
     for path in (tmp_path, tmp_path / "nowhere"):
         with pytest.raises(InputError) as caught:
             tree_photlam(path, 5000.0, 4.5, 0.0)
         assert caught.value.key == "model"
     (tmp_path / "catalog.fits").write_text("not fits")
-    with pytest.raises(InputError, match="INDEX and FILENAME"):
-        tree_photlam(tmp_path, 5000.0, 4.5, 0.0)
+    refused("INDEX and FILENAME", tree_photlam, tmp_path, 5000.0, 4.5, 0.0)
 
 
 def test_it_agrees_with_stsynphot(root: Path, tree: Path) -> None:

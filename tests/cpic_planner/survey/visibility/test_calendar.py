@@ -310,7 +310,7 @@ def test_windows_follow_from_a_walk_over_the_steps():
             assert seen.windows(0, through=through) == edges
 
 
-def test_a_slew_turns_and_settles():
+def test_a_slew_turns_and_settles(refused):
     rng = np.random.default_rng(9)
     for rate, settle in 10 ** rng.uniform((-3, -2), (2, 5), (40, 2)):
         config = load_visibility({"slew_deg_s": rate, "settle_s": settle})
@@ -318,8 +318,7 @@ def test_a_slew_turns_and_settles():
         assert slew_s(angle, config) == pytest.approx([settle + a / rate for a in angle], rel=1e-12)
         assert slew_s(0.0, config) == 0.0
     for angle in (-1e-9, 180.0 + 1e-9, [1.0, 181.0], [np.nan, 1.0]):
-        with pytest.raises(InputError, match="allowed: 0 to 180"):
-            slew_s(angle, CONFIG)
+        refused("allowed: 0 to 180", slew_s, angle, CONFIG)
 
 
 def test_steps_at_the_ends_of_their_range():
@@ -331,11 +330,10 @@ def test_steps_at_the_ends_of_their_range():
             visibility([1.0], [2.0], CONFIG, ORBIT, start_utc="2028-01-01", n_days=1, step_days=step_days)
 
 
-def test_limit_of_targets_times_steps():
+def test_limit_of_targets_times_steps(refused):
     # As late as this a request that is small enough ends beyond the last year: which refusal comes tells the two apart.
     late = {"start_utc": "2100-12-01", "config": CONFIG, "orbit": ORBIT}
-    with pytest.raises(InputError, match="an end before 2101"):
-        visibility(np.zeros(20_000), np.zeros(20_000), n_days=1000, **late)
+    refused("an end before 2101", visibility, np.zeros(20_000), np.zeros(20_000), n_days=1000, **late)
     with pytest.raises(InputError, match="targets x steps up to 2e\\+07, not 21 x 952381"):
         visibility(np.zeros(21), np.zeros(21), n_days=953, step_days=953 / 952381, **late)
 
@@ -452,8 +450,7 @@ def test_the_whole_catalogue_fits_in_little_memory():
         ({"ra_deg": np.zeros(1000), "dec_deg": np.zeros(1000), "n_days": 36525}, "n_days = 36525 d: not accepted"),
     ],
 )
-def test_refusals(changes, text):
+def test_refusals(refused, changes, text):
     asked = {"ra_deg": [1.0], "dec_deg": [2.0], "start_utc": "2028-01-01", "n_days": 10} | changes
-    with pytest.raises(InputError) as caught:
-        visibility(asked.pop("ra_deg"), asked.pop("dec_deg"), CONFIG, ORBIT, **asked)
-    assert str(caught.value).startswith(text)
+    message = refused("", visibility, asked.pop("ra_deg"), asked.pop("dec_deg"), CONFIG, ORBIT, **asked)
+    assert message.startswith(text)

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from catalogs.errors import InputError
 from cpic_planner.models import VisibilityResult
 from cpic_planner.survey.visibility import BLOCKS, load_visibility, visibility
 from cpic_planner.survey.visibility.result import visibility_result
@@ -86,7 +85,6 @@ def test_a_star_that_is_never_seen(stars):
     assert target.blocked_days["sun"] == 366
 
 
-def test_a_star_without_coordinates_is_refused_by_name(stars):
+def test_a_star_without_coordinates_is_refused_by_name(refused, stars):
     bare = replace(stars, ra_deg=np.array([1.0, np.nan, 2.0]))
-    with pytest.raises(InputError, match=r"ra_deg, dec_deg = missing deg: .* has none of rho1 Cnc"):
-        visibility_result(bare, CONFIG, ORBIT, **YEAR)
+    refused(r"ra_deg, dec_deg = missing deg: .* has none of rho1 Cnc", visibility_result, bare, CONFIG, ORBIT, **YEAR)
