@@ -131,13 +131,7 @@ def test_one_content_however_it_is_written(tmp_path):
 
 def test_survives_json_and_mappings():
     one = SimulatorOverrides.of(
-        [
-            "throughput=x0.7",
-            "cosmic_rays.model=paper",
-            "detector.switches.dark=off",
-            "companions=off",
-            "mirror.bits=null",
-        ]
+        "throughput=x0.7 cosmic_rays.model=paper detector.switches.dark=off companions=off mirror.bits=null".split()
     )
     assert SimulatorOverrides.model_validate_json(one.model_dump_json()) == one
     assert SimulatorOverrides.of(one.as_mapping()) == one

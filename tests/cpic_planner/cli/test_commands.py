@@ -14,23 +14,12 @@ import pytest
 from cpic_planner.cli.main import main
 
 ETC_KEYS = {"target", "hip", "answers", "schema_version", "best_band"}
-RANK_KEYS = {
-    "name",
-    "hip",
-    "v_mag",
-    "sp_type",
-    "distance_pc",
-    "separation_arcsec",
-    "contrast",
-    "band",
-    "snr",
-    "significance",
-    "score",
-    "completeness",
-    "completeness_per_hour",
-    "status",
-    "reason",
-}
+RANK_KEYS = set(
+    """
+    name hip v_mag sp_type distance_pc separation_arcsec contrast band snr significance score completeness
+    completeness_per_hour status reason
+""".split()
+)
 
 # Nearby stars whose plan is one of sums of frames, which takes a tenth of the time of frames.
 STARS = """name,v_mag,sp_type,teff_k,log_g,metallicity,distance_pc,luminosity_lsun,ra_deg,dec_deg

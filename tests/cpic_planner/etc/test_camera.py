@@ -21,16 +21,11 @@ def hybrid(**changes):
 
 def test_the_visible_camera_is_the_detector():
     camera, detector = visible()
-    for name in (
-        "full_well_e",
-        "register_full_well_e",
-        "em_gain_max",
-        "register_stages",
-        "cic_e",
-        "readout_s",
-        "read_noise_e",
-        "exposure_min_s",
-        "exposure_max_s",
+    for name in tuple(
+        """
+        full_well_e register_full_well_e em_gain_max register_stages cic_e readout_s read_noise_e exposure_min_s
+        exposure_max_s
+    """.split()
     ):
         assert getattr(camera, name) == getattr(detector, name), name
     assert camera.dark_e_s == detector.dark_rate_e_s == pytest.approx(5e-4, rel=0.05)

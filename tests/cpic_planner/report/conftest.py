@@ -114,6 +114,17 @@ def read() -> Callable[[str], HTMLParser]:
     return _loaded("page_reader").read
 
 
+@pytest.fixture(scope="module")
+def reader(page: str, read: Callable[[str], HTMLParser]) -> HTMLParser:
+    """The ``page`` of the file, read."""
+    return read(page)
+
+
+@pytest.fixture(scope="module")
+def words(reader: HTMLParser) -> str:
+    return reader.words
+
+
 @pytest.fixture
 def drawn(monkeypatch) -> Callable[..., tuple[Figure, Picture]]:
     """Run a function that draws; returns the matplotlib figure and its picture."""

@@ -14,16 +14,6 @@ def page(confirmation):
     return render_confirm(confirmation, figures, {"F520": picture})
 
 
-@pytest.fixture(scope="module")
-def reader(page, read):
-    return read(page)
-
-
-@pytest.fixture(scope="module")
-def words(reader):
-    return reader.words
-
-
 def test_nothing_is_loaded_from_outside_and_names_are_text(page, reader, words):
     reader.check_alone()
     assert HOSTILE not in page

@@ -20,16 +20,6 @@ def page(plan, rank, panels, limits, holes, sensitivity):
     return plan_html(plan, rank, panels=panels, limits=limits, holes=holes, sensitivity=sensitivity)
 
 
-@pytest.fixture(scope="module")
-def reader(page, read):
-    return read(page)
-
-
-@pytest.fixture(scope="module")
-def words(reader):
-    return reader.words
-
-
 def test_nothing_is_loaded_from_outside(reader, page):
     reader.check_alone()
     assert "url(" not in page

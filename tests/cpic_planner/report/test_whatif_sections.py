@@ -15,16 +15,6 @@ def page(compared):
     return render_whatif(compared(), PICTURES)
 
 
-@pytest.fixture(scope="module")
-def reader(page, read):
-    return read(page)
-
-
-@pytest.fixture(scope="module")
-def words(reader):
-    return reader.words
-
-
 def test_nothing_is_loaded_from_outside_and_names_are_text(page, reader, words):
     reader.check_alone()
     assert HOSTILE not in page

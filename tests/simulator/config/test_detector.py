@@ -29,14 +29,11 @@ def test_parts_of_the_default_frame(detector) -> None:
 
 @pytest.mark.parametrize("borders", [(8, 16, 16, 16, 2, 6, 18), (0, 0, 0, 0, 0, 0, 0), (3, 0, 1, 0, 5, 0, 2)])
 def test_parts_cover_the_frame_once(changed, borders) -> None:
-    names = (
-        "prescan_columns",
-        "dark_columns_left",
-        "dark_columns_right",
-        "overscan_columns",
-        "dark_rows_bottom",
-        "dark_rows_top",
-        "overscan_rows",
+    names = tuple(
+        """
+        prescan_columns dark_columns_left dark_columns_right overscan_columns dark_rows_bottom dark_rows_top
+        overscan_rows
+    """.split()
     )
     det: Detector = changed(layout=dict(zip(names, borders, strict=True)))
     covered = np.zeros((det.n_rows, det.n_columns), dtype=int)
