@@ -1,7 +1,5 @@
 """The observing bands: centre, width, optical transmission and quantum efficiency, each with its source."""
 
-from __future__ import annotations
-
 import copy
 import functools
 import re
@@ -12,10 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from catalogs.errors import InputError
 from catalogs.spectra import Curve
-from catalogs.strict_yaml import Provenance, load_yaml, split_sourced
-from catalogs.user_files import read_text
+from cpic_core import InputError, Provenance, load_yaml, read_text, split_sourced
 
 #: The two cameras.
 CAMERAS = ("VIS", "NIR")

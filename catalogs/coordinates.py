@@ -3,16 +3,12 @@
 Pure numpy; angles in degrees, ICRS throughout. Proper motion in right ascension includes the factor cos(dec).
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from catalogs.errors import InputError
-
-FloatArray = NDArray[np.float64]
+from cpic_core import FloatArray, InputError
 
 #: km/s of one au per Julian year (IAU 2012 au, 365.25 d).
 _KM_S_PER_AU_YR = 149597870.7 / (365.25 * 86400.0)
@@ -73,16 +69,7 @@ def propagate(
     InputError
         If a value is not finite, a parallax is not positive or a declination is outside [-90, 90].
     """
-    names = (
-        "ra_deg",
-        "dec_deg",
-        "pm_ra_mas_yr",
-        "pm_dec_mas_yr",
-        "parallax_mas",
-        "rv_km_s",
-        "epoch_yr",
-        "to_epoch_yr",
-    )
+    names = ("ra_deg", "dec_deg", "pm_ra_mas_yr", "pm_dec_mas_yr", "parallax_mas", "rv_km_s", "epoch_yr", "to_epoch_yr")
     given = (ra_deg, dec_deg, pm_ra_mas_yr, pm_dec_mas_yr, parallax_mas, rv_km_s, epoch_yr, to_epoch_yr)
     values = [_finite(name, value) for name, value in zip(names, given, strict=True)]
     ra, dec, pm_ra, pm_dec, parallax, rv, start, end = np.broadcast_arrays(*values)

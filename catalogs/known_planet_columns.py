@@ -3,15 +3,13 @@
 The shipped tables and a user's own have the same columns. Names of the NASA Exoplanet Archive are accepted as headings.
 """
 
-from __future__ import annotations
-
 import html
 import math
 import re
 from collections.abc import Mapping
 
-from catalogs.columns import Column, Columns
-from catalogs.errors import InputError
+from catalogs.table_cells import Column, Columns
+from cpic_core import InputError
 
 _JD = (2.4e6, 2.5e6)
 _ANGLE_DEG = (-360.0, 720.0)

@@ -10,10 +10,10 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from catalogs.errors import InputError
 from catalogs.known_planet_columns import COLUMNS, COUNTED, INPUT_ONLY
 from catalogs.names import snapshot_aliases
 from catalogs.nomenclature import designation_key
+from cpic_core import InputError
 
 TABLE_COLUMNS = tuple(name for name in COLUMNS if name not in INPUT_ONLY)
 TEXTS = tuple(name for name in TABLE_COLUMNS if COLUMNS[name].kind == "text")

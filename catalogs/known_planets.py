@@ -10,8 +10,6 @@ are never mixed; what it does not say about the planet's status stays. A row wit
 status alone.
 """
 
-from __future__ import annotations
-
 import csv
 import functools
 import hashlib
@@ -22,7 +20,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.errors import InputError
 from catalogs.known_planet_columns import (
     COLUMNS,
     FLAGS,
@@ -33,11 +30,18 @@ from catalogs.known_planet_columns import (
     reference_text,
     settle,
 )
-from catalogs.known_planet_table import NUMBERS, TABLE_COLUMNS, TEXTS, planet_key, table_of
-from catalogs.known_planet_table import KnownPlanetTable as KnownPlanetTable
-from catalogs.known_planet_table import star_key as star_key
+from catalogs.known_planet_table import (
+    NUMBERS,
+    TABLE_COLUMNS,
+    TEXTS,
+    KnownPlanetTable as KnownPlanetTable,
+    planet_key,
+    star_key as star_key,
+    table_of,
+)
 from catalogs.table_cells import Row, Rows, read_rows
 from catalogs.table_files import RawTable, parse_table, read_bytes
+from cpic_core import InputError
 
 DATA_FILE = "known_planets.csv"
 UPDATES_FILE = "known_planets_updates.csv"
@@ -52,10 +56,7 @@ _DIGITS = 12
 _SHOWN = 6
 _LABEL = "the table of known planets"
 _NAMED = (("star",), ("planet",))
-_REQUIRED = (
-    ("period_days", "semi_major_axis_au"),
-    ("mass_mjup", "msini_mjup", "radius_rjup", "best_mass_mjup"),
-)
+_REQUIRED = (("period_days", "semi_major_axis_au"), ("mass_mjup", "msini_mjup", "radius_rjup", "best_mass_mjup"))
 
 
 def load_known_planets(source: str | Path = "snapshot") -> KnownPlanetTable:

@@ -8,8 +8,6 @@ A name of a whole system (``61 Cyg``, ``alpha Cen``) gives its brightest catalog
 that is not in the catalogue is refused with the reason.
 """
 
-from __future__ import annotations
-
 import csv
 import difflib
 import functools
@@ -18,9 +16,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from catalogs.errors import InputError
 from catalogs.nomenclature import GREEK, designation_key, split_component
 from catalogs.stars import StarTable, load_stars
+from cpic_core import InputError
 
 _DATA = Path(__file__).resolve().parent / "data"
 _ALLOWED = "HIP, HD, HR or GJ number, Bayer or Flamsteed designation, proper name or SIMBAD identifier"
@@ -106,10 +104,7 @@ def resolve_star(name: str, table: StarTable | None = None) -> StarMatch:
     rows = [i for i, text in enumerate(stars.column("name").tolist()) if text == star]
     if not rows:
         raise InputError(
-            "star",
-            name,
-            allowed="a star of this selection",
-            hint=f"{star} is in the catalogue, but not selected",
+            "star", name, allowed="a star of this selection", hint=f"{star} is in the catalogue, but not selected"
         )
     return StarMatch(rows[0], star, alias, note)
 

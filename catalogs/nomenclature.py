@@ -6,8 +6,6 @@ would be different stars. Greek letters take SIMBAD's three-letter forms (``alf`
 the IAU abbreviations.
 """
 
-from __future__ import annotations
-
 import re
 import unicodedata
 

@@ -4,8 +4,6 @@ Refreshed tables stand beside the snapshot, not in its place: in ``$CPIC_DATA_DI
 (platformdirs), one dated ECSV file each. Nothing is written here: whoever does writes the whole text at once.
 """
 
-from __future__ import annotations
-
 import io
 import json
 import os
@@ -18,13 +16,13 @@ from typing import Any
 
 import numpy as np
 
-from catalogs.errors import InputError
-from catalogs.info import STAR_CREDITS, snapshot_vintage
+from catalogs.catalogue import STAR_CREDITS, snapshot_vintage
 from catalogs.simbad import Cuts, TapService, ask, queries, service_url
 from catalogs.simbad_answer import read_measurements, read_stars
 from catalogs.simbad_rows import Assembled, assemble
 from catalogs.star_columns import COLUMNS
 from catalogs.stars import StarTable, load_stars, star_table
+from cpic_core import InputError
 
 FORMAT_KEY = "cpic_star_table"
 _FORMAT_VERSION = 1

@@ -8,8 +8,6 @@ An answer counts only if it is whole: a marker of overflow, as many rows as were
 status of error or anything that is no VOTable is a :class:`RefreshError`. Failures on the way are tried again.
 """
 
-from __future__ import annotations
-
 import math
 import os
 import time
@@ -18,7 +16,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from catalogs.errors import InputError
+from cpic_core import InputError
 
 URL_VARIABLE = "CPIC_SIMBAD_URL"
 """Environment variable with the address of the TAP service to ask, where none is given."""

@@ -9,8 +9,6 @@ luminosities scaled to the new distance and only while V is the same. Everything
 filled the snapshot (:mod:`catalogs.stellar_physics`).
 """
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Collection, Mapping
@@ -23,10 +21,9 @@ from numpy.typing import NDArray
 from catalogs.coordinates import position_angle, separation_arcsec, tangent_offset
 from catalogs.nomenclature import designation_key
 from catalogs.simbad import Cuts, RefreshError
-from catalogs.simbad_answer import Answer, Measurements
-from catalogs.simbad_names import Names, blends, match_snapshot, own_names, row_name
+from catalogs.simbad_answer import Answer, Measurements, Names, blends, match_snapshot, own_names, row_name
 from catalogs.spectral_types import PARAMETERS_SOURCE, stellar_parameters
-from catalogs.star_flags import parallax_flags, type_flags
+from catalogs.star_columns import parallax_flags, type_flags
 from catalogs.star_systems import CLOSE_COMPANION_ARCSEC, Adopted, Member, adopt_parallaxes, group_systems
 from catalogs.stars import StarTable, star_table
 from catalogs.stellar_physics import (
@@ -257,10 +254,7 @@ def _snapshot_medians(snapshot: StarTable) -> Medians:
 
 
 def _fill(
-    row: Row,
-    measured: Mapping[str, tuple[float, str]],
-    known: Mapping[str, object] | None,
-    medians: Medians,
+    row: Row, measured: Mapping[str, tuple[float, str]], known: Mapping[str, object] | None, medians: Medians
 ) -> set[str]:
     """Fill temperature, gravity, metallicity, luminosity, radius and mass; return the flags."""
     flags: set[str] = set()

@@ -3,17 +3,14 @@
 All arrays are read-only; each file is read once per process. Only numpy is needed.
 """
 
-from __future__ import annotations
-
 import functools
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from catalogs.errors import InputError
-from catalogs.stellar_grid import HC_ERG_ANGSTROM as HC_ERG_ANGSTROM
-from catalogs.stellar_grid import StellarGrid
+from catalogs.stellar_grid import HC_ERG_ANGSTROM as HC_ERG_ANGSTROM, StellarGrid
+from cpic_core import InputError
 
 #: Planets with a measured albedo.
 PLANETS = ("jupiter", "saturn", "uranus", "neptune")
@@ -178,9 +175,7 @@ def load_albedo(planet: str) -> Albedo:
         raise InputError("planet", planet, allowed=", ".join(PLANETS))
     arrays = _arrays("albedo.npz")
     return Albedo(
-        arrays["wavelength_nm"],
-        _read_only(arrays[planet].astype(np.float64)),
-        float(arrays["documented_to_nm"]),
+        arrays["wavelength_nm"], _read_only(arrays[planet].astype(np.float64)), float(arrays["documented_to_nm"])
     )
 
 

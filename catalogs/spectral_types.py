@@ -1,7 +1,5 @@
 """Spectral type -> effective temperature and surface gravity, by published mean sequences."""
 
-from __future__ import annotations
-
 import functools
 import re
 import unicodedata
@@ -11,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from catalogs.errors import InputError
-from catalogs.strict_yaml import load_yaml, split_sourced
+from cpic_core import InputError, load_yaml, split_sourced
 
 PARAMETERS_SOURCE = "derived:spectral type (Pecaut & Mamajek 2013; Cox 2000)"
 _FILE = Path(__file__).resolve().parent / "data" / "spectral_types.yaml"

@@ -4,8 +4,6 @@ Rows close on the sky with consistent parallax and proper motion are one system,
 of the member with the best parallax over error: the components' own values can differ by more than their distance does.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from typing import NamedTuple

@@ -30,9 +30,9 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from catalogs.errors import InputError
 from catalogs.nomenclature import designation_key
 from catalogs.star_columns import COLUMNS
+from cpic_core import InputError
 
 _DATA = Path(__file__).resolve().parent / "data"
 _UPDATES = _DATA / "companion_updates.csv"

@@ -4,8 +4,6 @@ Because the law is linear in flux, any band integral of the interpolated spectru
 integrals of the nodes: a table of integrals, made once, serves a whole catalogue.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -13,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from catalogs.errors import InputError
+from cpic_core import InputError
 
 #: Planck constant times speed of light (exact SI values), erg A.
 HC_ERG_ANGSTROM = 6.62607015e-27 * 2.99792458e18

@@ -10,8 +10,6 @@ The shipped table is built with them, a refreshed one and a user's own table are
 - log g = 4.438 + log M - 2 log R (solar units), R from L and Teff with Teff,sun = 5772 K.
 """
 
-from __future__ import annotations
-
 import functools
 import math
 import re
@@ -22,8 +20,8 @@ from statistics import median
 import numpy as np
 
 from catalogs.coordinates import ecliptic
-from catalogs.errors import InputError
 from catalogs.spectral_types import parse_spectral_type
+from cpic_core import InputError
 
 GIANT_MASS_MSUN = 1.5
 """Mass given to every giant, solar masses (assumed)."""

@@ -4,8 +4,6 @@ A file is read once, as bytes; what it is, its content says before its name does
 an address is refused before it is parsed: reading a table opens nothing but that table.
 """
 
-from __future__ import annotations
-
 import csv
 import hashlib
 import io
@@ -17,8 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from catalogs.errors import InputError
-from catalogs.user_files import read_file
+from cpic_core import InputError, read_file
 
 _MAX_BYTES = 1_000_000_000
 _FORMATS = "CSV, ECSV, VOTable or FITS"

@@ -7,8 +7,6 @@ size, and what failed is kept in words.
 Imported by :mod:`catalogs.simbad` when a query is sent, never before.
 """
 
-from __future__ import annotations
-
 import http.client
 import io
 import time

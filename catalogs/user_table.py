@@ -5,19 +5,15 @@ may be missing and is then filled as in the shipped table, with ``*_src`` column
 people use (:mod:`catalogs.star_columns`), units those of an ECSV or VOTable, or written in the heading: ``plx [mas]``.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from dataclasses import dataclass
 
-from catalogs.errors import InputError
 from catalogs.names import snapshot_aliases
 from catalogs.nomenclature import designation_key, split_component
 from catalogs.spectra import load_stellar_grid
 from catalogs.spectral_types import PARAMETERS_SOURCE, stellar_parameters
-from catalogs.star_columns import QUANTITIES
-from catalogs.star_flags import parallax_flags, type_flags
+from catalogs.star_columns import QUANTITIES, parallax_flags, type_flags
 from catalogs.star_systems import CLOSE_COMPANION_ARCSEC
 from catalogs.stars import StarTable, load_stars, star_table
 from catalogs.stellar_physics import (
@@ -34,6 +30,7 @@ from catalogs.stellar_physics import (
 )
 from catalogs.table_cells import Row, read_rows
 from catalogs.table_files import RawTable
+from cpic_core import InputError
 
 _ONE_OF = (("name",), ("v_mag",), ("distance_pc", "parallax_mas"), ("sp_type", "teff_k"))
 _MANY = 12

@@ -12,30 +12,16 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.catalogue import Catalogue, open_catalogue
-from catalogs.errors import InputError
-from catalogs.names import resolve_star
-from catalogs.stars import StarTable
-from simulator.config.scene_table import ASSUMED_PA_DEG
+from catalogs import Catalogue, StarTable, open_catalogue, resolve_star
+from cpic_core import FloatArray, InputError
+from simulator.config import ASSUMED_PA_DEG
 
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = [
-    "CatalogSource",
-    "Targets",
-    "as_catalogue",
-    "find_target",
-    "load_targets",
-    "rank_sample",
-    "sample_text",
-    "targets_from_table",
-]
 
 _LOG = logging.getLogger(__name__)
 CatalogSource = Catalogue | str | Path
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,5 @@
 """Version of the distribution that owns ``catalogs``, ``simulator`` and ``cpic_planner``."""
 
-__all__ = ["DISTRIBUTION", "PACKAGES", "__version__"]
-
 __version__ = "0.1.0"
 DISTRIBUTION = "cpic-planner"
 PACKAGES = ("catalogs", "simulator", "cpic_planner")

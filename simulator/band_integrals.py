@@ -2,31 +2,17 @@
 
 The product of photon flux, filter curve and albedo is at most cubic between neighbouring samples, so two
 Gauss points per segment integrate it exactly.
-"""
 
-from __future__ import annotations
+Sampling of a product of two sampled functions, so that it may again be taken as linear between its samples.
+"""
 
 import functools
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from catalogs.bands import Band
-from catalogs.errors import InputError
-from catalogs.spectra import load_johnson_v, load_reference_spectrum
-
-__all__ = [
-    "band_integral",
-    "band_projection",
-    "band_quadrature",
-    "check_covers",
-    "check_positive",
-    "check_table",
-    "gauss_rule",
-    "v_photon_rate",
-    "v_projection",
-    "vega_v_photon_rate",
-]
+from catalogs import Band, load_johnson_v, load_reference_spectrum
+from cpic_core import InputError
 
 _ANGSTROM_PER_NM = 10.0
 _GAUSS = 1.0 / np.sqrt(3.0)
@@ -233,3 +219,41 @@ def gauss_rule(points: np.ndarray, masses: np.ndarray, n: int) -> tuple[np.ndarr
             off_diagonal[k] = np.sqrt(beta)
     nodes, vectors = np.linalg.eigh(np.diag(diagonal) + np.diag(off_diagonal, 1) + np.diag(off_diagonal, -1))
     return middle + scale * nodes, vectors[0] ** 2
+
+
+_TOLERANCE = 1.5e-6
+"""Largest error of the straight line between two samples, relative to the mean of the product there."""
+
+
+def product_samples(
+    x1: np.ndarray, y1: np.ndarray, x2: np.ndarray, y2: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Sample the product of two functions that are linear between their samples.
+
+    Between two neighbours of the union of both samplings the product is a parabola. Each such segment is divided until
+    a straight line is within 1.5e-6 of it, so that integrals, which see two thirds of that, are right to 1e-6.
+
+    Parameters
+    ----------
+    x1, y1, x2, y2 : ndarray
+        Increasing positions and values, none negative.
+
+    Returns
+    -------
+    x, first, second : ndarray, shape (n,)
+        Positions within the common range, and both functions there.
+    """
+    low, high = max(x1[0], x2[0]), min(x1[-1], x2[-1])
+    union = np.union1d(x1, x2)
+    union = np.unique(np.concatenate([[low, high], union[(union > low) & (union < high)]]))
+    product = np.interp(union, x1, y1) * np.interp(union, x2, y2)
+    middle = 0.5 * (union[1:] + union[:-1])
+    there = np.interp(middle, x1, y1) * np.interp(middle, x2, y2)
+    ends = 0.5 * (product[1:] + product[:-1])
+    bend, mean = np.abs(there - ends), (ends + 2.0 * there) / 3.0
+    # Both factors are nowhere negative, so a mean of 0 means no bend; the bend is never above 1.5 times the mean.
+    relative = np.divide(bend, mean, out=np.zeros_like(bend), where=mean > 0.0)
+    pieces = np.maximum(np.ceil(np.sqrt(relative / _TOLERANCE)), 1.0).astype(np.int64)
+    position = np.arange(pieces.sum()) - np.repeat(np.cumsum(pieces) - pieces, pieces)
+    x = np.append(np.repeat(union[:-1], pieces) + position * np.repeat(np.diff(union) / pieces, pieces), high)
+    return x, np.interp(x, x1, y1), np.interp(x, x2, y2)

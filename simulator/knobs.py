@@ -1,27 +1,20 @@
-"""Fidelity knobs: every setting that trades speed for accuracy, in one frozen object."""
+"""Fidelity knobs: every setting that trades speed for accuracy, in one frozen object.
+
+Albedos that depend on how strongly the star shines on the planet.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Annotated, Literal, cast, get_args
 
 import numpy as np
+from numpy.typing import ArrayLike
 from pydantic import Field
 
-from catalogs.errors import InputError
-from simulator.config.base import FrozenModel
-from simulator.quantities import check_number
-
-__all__ = [
-    "FIDELITIES",
-    "QUANTITIES",
-    "TOLERANCES",
-    "Dial",
-    "Fidelity",
-    "Knobs",
-    "Quantity",
-    "dial_of",
-    "resolve_knobs",
-]
+from catalogs import Albedo, bracket
+from cpic_core import InputError, check_number, real_array
+from simulator.config import FrozenModel
 
 Fidelity = Literal["quick", "standard", "reference"]
 Quantity = Literal["planet_flux", "snr", "pixel_map"]
@@ -143,3 +136,57 @@ def dial_of(fidelity: str | None = None, tolerance: float | None = None) -> Dial
     if tolerance == 0:
         return Dial(fidelity="reference", tolerance=TOLERANCES["reference"], knobs=FIDELITIES["reference"])
     return Dial(fidelity="custom", tolerance=dict.fromkeys(QUANTITIES, float(tolerance)), knobs=None)
+
+
+@dataclass(frozen=True, eq=False)
+class AlbedoFamily:
+    """Albedos of one kind of planet at several insolations, linear in albedo over ln(insolation distance).
+
+    Linear in albedo, so that band integrals of the nodes, made once, serve any number of planets.
+
+    Attributes
+    ----------
+    insolation_au : ndarray, shape (k,)
+        Increasing distances from the Sun of equal insolation; beyond the ends the end itself holds (`outside`).
+    wavelength_nm : ndarray, shape (n,)
+    albedo : ndarray, shape (k, n)
+    documented_to_nm : float
+        Beyond this wavelength the albedo is extrapolated.
+    """
+
+    insolation_au: np.ndarray
+    wavelength_nm: np.ndarray
+    albedo: np.ndarray
+    documented_to_nm: float
+
+    def corners(self, insolation_au: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+        """Return the two neighbouring nodes of each distance and their weights, both of shape (..., 2).
+
+        Raises
+        ------
+        InputError
+            If a distance is not a finite number above 0.
+        """
+        return bracket(np.log(self.insolation_au), np.log(_positive(insolation_au)))
+
+    def outside(self, insolation_au: ArrayLike) -> np.ndarray:
+        """Return True where a distance lies beyond the nodes and the albedo of the end is used."""
+        distance = _positive(insolation_au)
+        result: np.ndarray = (distance < self.insolation_au[0]) | (distance > self.insolation_au[-1])
+        return result
+
+    def at(self, insolation_au: float) -> Albedo:
+        """Return the albedo at one insolation distance."""
+        nodes, weights = self.corners(float(insolation_au))
+        albedo = weights @ self.albedo[nodes]
+        albedo.setflags(write=False)
+        return Albedo(self.wavelength_nm, albedo, self.documented_to_nm)
+
+
+def _positive(insolation_au: ArrayLike) -> np.ndarray:
+    distance = real_array("insolation_au", insolation_au, "au")
+    good = (distance > 0.0) & np.isfinite(distance)
+    if not np.all(good):
+        bad = float(distance[~good].flat[0])
+        raise InputError("insolation_au", bad, unit="au", allowed="a finite distance above 0")
+    return distance

@@ -18,11 +18,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from catalogs.bands import Band, band_from_file, load_bands
-from catalogs.errors import InputError
-from catalogs.spectra import Albedo, Spectrum, load_albedo, load_reference_spectrum, load_stellar_grid
-from catalogs.stellar_grid import GridFlags, StellarGrid
-from simulator.albedo_family import AlbedoFamily
+from catalogs import (
+    Albedo,
+    Band,
+    GridFlags,
+    Spectrum,
+    StellarGrid,
+    band_from_file,
+    load_albedo,
+    load_bands,
+    load_reference_spectrum,
+    load_stellar_grid,
+)
+from cpic_core import InputError, check_finite, check_number, numeric_context
 from simulator.band_integrals import (
     band_integral,
     band_projection,
@@ -34,13 +42,11 @@ from simulator.band_integrals import (
     v_projection,
     vega_v_photon_rate,
 )
-from simulator.numeric import numeric_context
-from simulator.quantities import check_finite, check_number
+from simulator.knobs import AlbedoFamily
 
 if TYPE_CHECKING:
-    from simulator.config.instrument import BandConfig, Instrument
+    from simulator.config import BandConfig, Instrument
 
-__all__ = ["Passbands"]
 
 _MAGNITUDES = (-30.0, 60.0)
 _MOST_CM2 = 1e12

@@ -46,7 +46,7 @@ def _no_lines_of_progress():
 def _own_levels():
     """Commands set the level of messages for their process; the next test begins with the default again."""
     yield
-    for package in ("catalogs", "simulator", "cpic_planner"):
+    for package in ("cpic_core", "catalogs", "simulator", "cpic_planner"):
         logging.getLogger(package).setLevel(logging.NOTSET)
 
 
@@ -82,7 +82,7 @@ def _own_data_folder(tmp_path_factory):
 @pytest.fixture(scope="session")
 def refused():
     """Call a function that refuses what it is given: by `InputError`, in one line that matches; returns that line."""
-    from catalogs.errors import InputError
+    from cpic_core import InputError
 
     def check(match, function, /, *arguments, **named):
         with pytest.raises(InputError, match=match or None) as caught:

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 import yaml
 
-from catalogs.errors import InputError
+from cpic_core import InputError
 
 
 @dataclass(frozen=True)

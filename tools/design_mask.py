@@ -9,8 +9,6 @@ Run ``python -m tools.design_mask --out FILE`` to repeat the design of the shipp
 ``lpx25``, for one-sided holes, with ``--inner-lambda-d 2.5 --contrast 1e-6 --open-side-diameters 0.875``.
 """
 
-from __future__ import annotations
-
 import argparse
 import math
 import sys
@@ -22,10 +20,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.errors import InputError
-from simulator.arrays import write_npz
+from cpic_core import FloatArray, InputError, write_npz
 
-FloatArray = NDArray[np.float64]
 DECIMALS = 9  # transmissions are rounded to this many decimals; the contrast changes by less than 1e-16
 
 

@@ -3,8 +3,6 @@
 The files lie in ``simulator/imaging/data``; :mod:`simulator.imaging.store` says when one is valid.
 """
 
-from __future__ import annotations
-
 import argparse
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -14,12 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from simulator.arrays import write_npz
-from simulator.config import Instrument, load_instrument
-from simulator.config.presets import preset_names
+from cpic_core import write_npz
+from simulator.config import Instrument, load_instrument, preset_names
+from simulator.imaging import metrics_key
 from simulator.imaging.build import dig
-from simulator.imaging.hole_store import shipped_hole, to_arrays
-from simulator.imaging.store import DIGITS, measure, metrics_key, shipped_metrics
+from simulator.imaging.store import DIGITS, measure, shipped_hole, shipped_metrics, to_arrays
 
 
 def _packed(arrays: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:

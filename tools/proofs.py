@@ -9,8 +9,6 @@ Only proofs whose evidence is missing, older than the code or not of success are
 runs nothing and fails if there are any.
 """
 
-from __future__ import annotations
-
 import argparse
 import ast
 import hashlib
@@ -27,7 +25,7 @@ from xml.etree import ElementTree
 
 ROOT = Path(__file__).resolve().parents[1]
 TESTS, EVIDENCE = "tests", Path("reports") / "long_proofs"
-PACKAGES = ("catalogs", "simulator", "cpic_planner", "tools")
+PACKAGES = ("cpic_core", "catalogs", "simulator", "cpic_planner", "tools")
 _SCHEMA_VERSION = 1
 _GOOD = "passed"
 
@@ -63,7 +61,7 @@ def proved(path: Path, root: Path) -> list[Path]:
     names = _named(tree)
     if names is None:
         mirror = ".".join([*path.relative_to(tests).parts[:-1], path.stem.removeprefix("test_")])
-        names = [name for name in (mirror, *_imported(tree)) if (file := _file_of(name, root)) and file.is_file()]
+        names = [name for name in (mirror, *_imported(tree, root)) if (file := _file_of(name, root)) and file.is_file()]
         files = [_file_of(name, root) for name in names]
     else:
         files = [file for name in names for file in _files_of(name, root, path)]
@@ -78,13 +76,24 @@ def _named(tree: ast.Module) -> list[str] | None:
     return None
 
 
-def _imported(tree: ast.Module) -> Iterator[str]:
+def _imported(tree: ast.Module, root: Path) -> Iterator[str]:
+    """Yield the modules that a file imports, those behind the names of a room too."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and node.module:
             yield node.module
-            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+            homes = _homes(node.module, root)
+            yield from (homes.get(alias.name, f"{node.module}.{alias.name}") for alias in node.names)
+
+
+def _homes(package: str, root: Path) -> dict[str, str]:
+    """Return the modules of the names that the stub of a package lists."""
+    stub = root.joinpath(*package.split("."), "__init__.pyi")
+    if not stub.is_file():
+        return {}
+    imports = (node for node in _tree(stub).body if isinstance(node, ast.ImportFrom))
+    return {alias.name: str(node.module) for node in imports for alias in node.names}
 
 
 def _file_of(name: str, root: Path) -> Path | None:

@@ -6,8 +6,6 @@ changed words in ``README.md`` brings them into the template with ``--adopt``: l
 are, figures that stand in them included, so that ``--check`` holds again; put the names back where they belong.
 """
 
-from __future__ import annotations
-
 import argparse
 import csv
 import difflib

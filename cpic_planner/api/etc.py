@@ -8,28 +8,29 @@ from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from catalogs.errors import InputError
-from cpic_planner.api.inputs import model_of, stars_named
-from cpic_planner.api.keywords import takes
-from cpic_planner.etc import questions
-from cpic_planner.etc.answer import EtcAnswer
-from cpic_planner.etc.cases import BandCases, FrameWish, band_cases, planets_of
-from cpic_planner.etc.frames import smooth_in_visit, smooth_least_visit_s
-from cpic_planner.etc.model import EtcModel
-from cpic_planner.etc.noise import Objective
-from cpic_planner.etc.place import check_range
-from cpic_planner.optimiser import separation_grid
-from cpic_planner.queries.etc import EtcQuestion, OptimiseQuestion
-from cpic_planner.queries.planet import ReferencePlanet
-from cpic_planner.queries.shared import DEFAULT_TIME_S
+from cpic_core import FloatArray, InputError
+from cpic_planner.api.keywords import model_of, stars_named, takes
+from cpic_planner.etc import (
+    BandCases,
+    EtcModel,
+    FrameWish,
+    Objective,
+    band_cases,
+    check_range,
+    planets_of,
+    questions,
+    smooth_in_visit,
+    smooth_least_visit_s,
+)
+from cpic_planner.queries import DEFAULT_TIME_S, EtcQuestion, OptimiseQuestion, ReferencePlanet
+from cpic_planner.ranking import separation_grid
+from cpic_planner.results import EtcAnswer
 from cpic_planner.targets import Targets
 
 if TYPE_CHECKING:
     import pandas as pd
 
-FloatArray = NDArray[np.float64]
 _ENDLESS_S = 1e12
 _TRIAL_CONTRAST = 1e-8
 
@@ -200,9 +201,9 @@ def checked(
         One star each, as many answers for each as for the others.
     answers : sequence of EtcAnswer
     advance : callable
-        As of `cpic_planner.etc_check.checked_answers`.
+        As of `cpic_planner.confirm.etc_check.checked_answers`.
     """
-    from cpic_planner.etc_check import checked_answers
+    from cpic_planner.confirm import checked_answers
 
     each = len(answers) // len(stars)
     around = [star for star in stars for _ in range(each)]
@@ -233,10 +234,7 @@ def _answered(question: EtcQuestion) -> list[EtcAnswer]:
 
 
 @takes(
-    EtcQuestion,
-    first=("target",),
-    needs=("time_s",),
-    without=("snr", "sigma", "detect", "contrast_limit", "n_frames"),
+    EtcQuestion, first=("target",), needs=("time_s",), without=("snr", "sigma", "detect", "contrast_limit", "n_frames")
 )
 def signal_to_noise(question: EtcQuestion) -> list[EtcAnswer]:
     """SNR of a planet in a given wall time.
@@ -315,8 +313,8 @@ def optimise(question: OptimiseQuestion) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        One row per target; columns of `cpic_planner.optimiser.Best`, units in their names, and ``verdict`` of the
-        planet at its known place (``detected``, ``measured_not_detected``, ``unreachable``); with ``time_s`` also
+        One row per target; columns of `cpic_planner.ranking.optimiser.Best`, units in their names, and ``verdict`` of
+        the planet at its known place (``detected``, ``measured_not_detected``, ``unreachable``); with ``time_s`` also
         ``limited_by`` (`cpic_planner.etc.limiting`).
 
     Raises
@@ -326,10 +324,9 @@ def optimise(question: OptimiseQuestion) -> pd.DataFrame:
     """
     import pandas as pd
 
-    from cpic_planner.etc.detection import verdict_of
-    from cpic_planner.optimiser import optimise as best_of
-    from cpic_planner.ranking import judge, limits_of
-    from simulator.outcome import Status
+    from cpic_core import Status
+    from cpic_planner.etc import verdict_of
+    from cpic_planner.ranking import judge, limits_of, optimise as best_of
 
     time_s = question.time_s
     if time_s is None and question.snr is None and not question.detect:

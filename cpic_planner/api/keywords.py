@@ -1,6 +1,7 @@
-"""Functions whose keywords are the fields of a question."""
+"""Names of stars and settings of the instrument, turned into targets and models.
 
-from __future__ import annotations
+Functions whose keywords are the fields of a question.
+"""
 
 import functools
 import inspect
@@ -10,10 +11,32 @@ from typing import Any, Literal, TypeVar, get_args, get_origin
 
 from pydantic.fields import FieldInfo
 
-from cpic_planner.queries.base import Question
-from cpic_planner.queries.fields import asked_of, kind_of, spelled
-from simulator.config.base import limits_of, unit_of
-from simulator.numeric import numeric_context
+from cpic_core import numeric_context
+from cpic_planner.etc import EtcModel, build_model
+from cpic_planner.queries import Question, Strategy, asked_of, default_instrument, kind_of, spelled
+from cpic_planner.queries.shared import OnOff
+from cpic_planner.targets import CatalogSource, Targets, as_catalogue, find_target
+from simulator.config import limits_of, unit_of
+
+
+def model_of(question: Any) -> EtcModel:
+    """Return the model of the instrument, the bands and the strategy of a question; that of the shipped one is kept."""
+    if question.instrument is default_instrument():
+        return _default_model(question.bands, question.strategy)
+    return build_model(question.instrument, question.bands, question.strategy)
+
+
+@functools.lru_cache(maxsize=16)
+def _default_model(bands: tuple[str, ...] | None, strategy: Strategy | None) -> EtcModel:
+    """Model of the shipped instrument, which no file of the user's can change."""
+    return build_model(default_instrument(), bands, strategy)
+
+
+def stars_named(names: Sequence[str], companions: OnOff, catalog: CatalogSource) -> list[Targets]:
+    """Return each named star as a target of its own."""
+    table = as_catalogue(catalog)
+    return [find_target(name, companions=companions, catalog=table)[0] for name in names]
+
 
 R = TypeVar("R")
 Q = TypeVar("Q", bound=Question)

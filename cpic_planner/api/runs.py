@@ -1,14 +1,139 @@
-"""Plans, confirmations and simulated products, by star names and plain numbers."""
+"""Rankings by plain numbers: the order of the stars, how it depends on assumptions, and why a star stands where.
 
-from __future__ import annotations
+Plans, confirmations and simulated products, by star names and plain numbers.
 
-from cpic_planner.api.inputs import model_of, stars_named
-from cpic_planner.api.keywords import takes
-from cpic_planner.models import ConfirmedTarget, ConfirmResult, PlanResult, SimulationResult
-from cpic_planner.queries.confirm import ConfirmQuestion
-from cpic_planner.queries.images import StarImagesQuestion
-from cpic_planner.queries.plan import PlanQuestion
-from cpic_planner.queries.simulate import SimulateQuestion
+Visibility and survey what-ifs, by star names and plain numbers.
+"""
+
+import contextlib
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from catalogs import Catalogue
+from cpic_planner.api.keywords import model_of, stars_named, takes
+from cpic_planner.etc import EtcModel
+from cpic_planner.queries import (
+    ConfirmQuestion,
+    PlanQuestion,
+    RankQuestion,
+    SimulateQuestion,
+    StarImagesQuestion,
+    VisibilityQuestion,
+    WhatIfQuestion,
+    asked,
+)
+from cpic_planner.ranking import KNOWN_ONLY, KnownChoice, counted_planets
+from cpic_planner.results import (
+    ConfirmedTarget,
+    ConfirmResult,
+    Explanation,
+    PlanResult,
+    RankResult,
+    SensitivityResult,
+    SimulationResult,
+    VisibilityResult,
+    WhatIfResult,
+)
+from cpic_planner.targets import Targets, as_catalogue, find_target, rank_sample, sample_text
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """The model, the stars and the order that a ranking is made of, with remarks for the person who asked."""
+
+    model: EtcModel
+    targets: Targets
+    catalogue: Catalogue
+    sample: str
+    asked: dict[str, Any]
+    notes: tuple[str, ...]
+
+
+def prepared(question: RankQuestion) -> Prepared:
+    """Return the stars of a ranking and how they are ranked.
+
+    Raises
+    ------
+    InputError
+        For tables that cannot be read, unknown bands, or no star that is left.
+    """
+    table = as_catalogue(question.catalog)
+    targets = rank_sample(
+        catalog=table,
+        v_mag_max=question.v_mag_max,
+        dwarfs_only=question.dwarfs_only,
+        singles_only=question.singles_only,
+        companions=question.companions,
+    )
+    sample = sample_text(table, question.v_mag_max, question.dwarfs_only, question.singles_only)
+    counted, notes = counted_planets(question), table.notes
+    if isinstance(counted, KnownChoice):
+        targets, sample = counted.stars(targets), f"{sample}; {KNOWN_ONLY}"
+        notes = (*notes, *counted.table.notes)
+    asked_for = {"time_s": question.time_s, "planet": question.planet, "population": counted, "score": question.score}
+    return Prepared(model_of(question), targets, table, sample, asked_for, tuple(notes))
+
+
+@takes(RankQuestion)
+def rank_targets(question: RankQuestion) -> RankResult:
+    """Rank the catalogue by closed forms; see `cpic_planner.ranking.rank_targets` and `cpic_planner.load_targets`.
+
+    Returns
+    -------
+    RankResult
+        One row per star, best first.
+
+    Raises
+    ------
+    InputError
+        For bad input, naming key, value, unit and range.
+    """
+    from cpic_planner.ranking import rank_targets as rank
+
+    ready = prepared(question)
+    return rank(ready.model, ready.targets, sample=ready.sample, catalogue=ready.catalogue.provenance, **ready.asked)
+
+
+@takes(RankQuestion)
+def rank_sensitivity(question: RankQuestion) -> SensitivityResult:
+    """Say how the ranking changes under other assumptions; see `cpic_planner.ranking.sensitivity`.
+
+    Returns
+    -------
+    SensitivityResult
+    """
+    from cpic_planner.ranking.sensitivity import sensitivity
+
+    ready = prepared(question)
+    return sensitivity(ready.model, ready.targets, **ready.asked)
+
+
+class ExplainQuestion(RankQuestion):
+    """Why one star stands where it stands."""
+
+    target: str = asked(..., "Star name.", argument=True)
+
+
+@takes(ExplainQuestion, first=("target",))
+def explain_rank(question: ExplainQuestion) -> Explanation:
+    """Say why one star stands where it stands in the ranking.
+
+    Returns
+    -------
+    Explanation
+
+    Raises
+    ------
+    InputError
+        For an unknown star, or one that the cuts leave out.
+    """
+    from cpic_planner.ranking import explain_star
+
+    ready = prepared(question)
+    name = str(find_target(question.target, catalog=ready.catalogue)[0].name[0])
+    return explain_star(ready.model, ready.targets, name, **ready.asked)
 
 
 @takes(PlanQuestion, first=("out",), needs=("out",))
@@ -24,7 +149,7 @@ def make_plan(question: PlanQuestion) -> PlanResult:
     InputError
         For bad input, or if ``out`` is in use or holds another configuration.
     """
-    from cpic_planner.plan import make_plan as run
+    from cpic_planner.confirm import make_plan as run
 
     return run(question, question.out, catalog=question.catalog, **question.how).result
 
@@ -43,7 +168,7 @@ def confirm_targets(question: StarImagesQuestion) -> list[ConfirmedTarget]:
     InputError
         For an unknown star or band, or a value out of range.
     """
-    from cpic_planner.confirmed import confirm_stars
+    from cpic_planner.confirm import confirm_stars
 
     return confirm_stars(
         model_of(question),
@@ -68,7 +193,7 @@ def confirm_scene(question: ConfirmQuestion) -> ConfirmResult:
     InputError
         For bad input, or if ``out`` is in use or holds another configuration.
     """
-    from cpic_planner.scene_confirmation import confirm_scene as run
+    from cpic_planner.confirm import confirm_scene as run
 
     return run(question, question.out, **question.how).result
 
@@ -87,10 +212,100 @@ def simulate_products(question: SimulateQuestion) -> SimulationResult:
     InputError
         For bad input, or if ``out`` is in use or holds another configuration.
     """
-    from cpic_planner.simulation.inputs import simulation_from
-    from cpic_planner.simulation.run import simulate
+    from cpic_planner.simulation import simulate, simulation_from
 
     simulation, _ = simulation_from(
         question.what, settings=question.settings, changes=question.changes, instrument=question.instrument
     )
     return simulate(simulation, question.out, truth=question.truth, **question.how).result
+
+
+def visibility_of(question: VisibilityQuestion, tell: Callable[[str], None] = lambda text: None) -> VisibilityResult:
+    """Return when stars can be seen, each star once.
+
+    Parameters
+    ----------
+    question : VisibilityQuestion
+    tell : callable
+        Gets remarks on what was read.
+
+    Raises
+    ------
+    InputError
+        For an unknown star, one without coordinates, or a time out of range.
+    """
+    from cpic_planner.survey.visibility import load_visibility
+    from cpic_planner.survey.visibility.result import visibility_result
+
+    config, mission, table = (
+        load_visibility(question.limits),
+        question.instrument.mission,
+        as_catalogue(question.catalog),
+    )
+    stars: dict[str, Targets] = {}
+    found = [find_target(name, catalog=table) for name in question.target]
+    for remark in (*table.notes, *(remark for _, remark in found if remark)):
+        tell(remark)
+    for star, _ in found:
+        stars.setdefault(str(star.name[0]), star)
+    return visibility_result(
+        Targets.joined(list(stars.values())),
+        config,
+        mission.orbit,
+        start_utc=question.start_utc or mission.start_utc,
+        n_days=question.n_days,
+        step_days=question.step_days,
+        catalogue=table.provenance,
+    )
+
+
+@takes(VisibilityQuestion, first=("target",))
+def star_visibility(question: VisibilityQuestion) -> VisibilityResult:
+    """Say when stars can be seen from the orbit, for how long, and at which roll.
+
+    One orbit in the middle of each step stands for it.
+
+    Returns
+    -------
+    VisibilityResult
+
+    Raises
+    ------
+    InputError
+        For an unknown star, one without coordinates, or a time out of range.
+    """
+    return visibility_of(question)
+
+
+@takes(WhatIfQuestion, first=("strategies",), without=("strategy",), defaults={"out": None, "images": 0, "workers": 1})
+def compare_strategies(question: WhatIfQuestion) -> WhatIfResult:
+    """Compare survey strategies over the same synthetic universes.
+
+    Without ``out`` nothing is kept. Values of ``vary`` carry a unit or an x, see `cpic_planner.survey.sweeps.varied`.
+
+    Returns
+    -------
+    WhatIfResult
+
+    Raises
+    ------
+    InputError
+        For bad input, naming key, value and range.
+
+    Examples
+    --------
+    >>> import cpic_planner as cp
+    >>> result = cp.compare_strategies(
+    ...     {"strategies": [{"name": "once", "targets": {"names": ["eps Eri"]}, "visit": {"bands": ["F520"]}}]},
+    ...     universes=20, duration_days=365.0)
+    >>> result.strategies[0].schedule.visits
+    1
+    """
+    from cpic_planner.survey import load_strategies, run_whatif, varied, with_universe
+
+    config = with_universe(load_strategies(question.strategies), question.shared())
+    config = varied(config, question.vary) if question.vary else config
+    with contextlib.ExitStack() as stack:
+        folder = question.out or stack.enter_context(tempfile.TemporaryDirectory())
+        pages = question.out is not None
+        return run_whatif(config, folder, n_images=question.images, pages=pages, **question.how).result

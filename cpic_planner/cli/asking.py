@@ -1,7 +1,5 @@
 """Commands whose options are the fields of a question; built when a command is called, not when help lists it."""
 
-from __future__ import annotations
-
 import inspect
 import pkgutil
 from collections.abc import Callable, Mapping, Sequence
@@ -12,8 +10,8 @@ from typing import Annotated, Any, Literal, cast, get_args, get_origin
 import typer
 from typer.core import TyperCommand
 
-from catalogs.errors import InputError
-from cpic_planner.cli.output import note
+from cpic_core import InputError
+from cpic_planner.cli.options import note
 
 RENAMED = {"--photon-counting": ("--mode", "photon_counting")}
 """Former options, and what each is now."""
@@ -81,8 +79,7 @@ def _present(args: Sequence[str], params: Sequence[Any]) -> list[str]:
 
 def _asking(run: Callable[..., None], model: Any) -> Callable[..., None]:
     """The function with an option for every field of the question in the place of its first parameter."""
-    from cpic_planner.queries.base import called_by_option, option_names
-    from cpic_planner.queries.fields import options_of, spelled
+    from cpic_planner.queries import called_by_option, option_names, options_of, spelled
 
     options, names = tuple(options_of(model)), option_names(model)
     own = list(inspect.signature(run, locals={model.__name__: model}, eval_str=True).parameters.values())[1:]
@@ -131,8 +128,7 @@ def _annotation(option: Any, text: str) -> Any:
         return Annotated[kind if option.required else kind | None, shown]
     flag = f"{option.flag}/--no-{option.flag[2:]}" if option.switchable else option.flag
     return Annotated[
-        kind | None,
-        typer.Option(flag, help=text, metavar=own.metavar or None, hidden=own.hidden, show_default=False),
+        kind | None, typer.Option(flag, help=text, metavar=own.metavar or None, hidden=own.hidden, show_default=False)
     ]
 
 
@@ -156,8 +152,8 @@ def answers(
     InputError
         For an option that has no meaning with the others.
     """
-    from cpic_planner.queries.dotted import put
-    from simulator.config.base import deep_merge, validate
+    from cpic_planner.queries import put
+    from simulator.config import deep_merge, validate
 
     tree: dict[str, Any] = {}
     parts: dict[tuple[str, ...], dict[str, Any]] = {}

@@ -7,16 +7,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from cpic_planner.cli.options import JsonOption, check_plot, refuse_together, write_plot
-from cpic_planner.cli.output import console, note, print_json, progress
+from cpic_planner.cli.options import JsonOption, check_plot, console, note, print_json, refuse_together, write_plot
+from cpic_planner.cli.progress import progress
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from cpic_planner.etc.answer import EtcAnswer
-    from cpic_planner.etc.model import EtcModel
-    from cpic_planner.models import EtcResult
-    from cpic_planner.queries.etc import EtcQuestion
+    from cpic_planner.etc import EtcModel
+    from cpic_planner.queries import EtcQuestion
+    from cpic_planner.results import EtcAnswer, EtcResult
     from cpic_planner.targets import Targets
 
 HELP = """Ask the exposure-time calculator about one star: time for a level, SNR for a time, or the contrast limit.
@@ -79,10 +78,9 @@ def etc(
     as_json: JsonOption = False,
 ) -> None:
     """Answer and print."""
-    from catalogs.catalogue import open_catalogue
-    from cpic_planner.api.etc import at_distance, closed_forms
-    from cpic_planner.api.inputs import model_of
-    from cpic_planner.etc.result import etc_result
+    from catalogs import open_catalogue
+    from cpic_planner.api import at_distance, closed_forms, model_of
+    from cpic_planner.etc import etc_result
     from cpic_planner.targets import find_target
 
     refuse_together({"--budget": budget, "--json": as_json}, "JSON holds every budget")
@@ -114,8 +112,7 @@ def etc(
     if as_json:
         print_json(result)
         return
-    from cpic_planner.report.console_etc import print_etc
-    from cpic_planner.report.console_etc_fidelity import print_fidelity
+    from cpic_planner.report import print_etc, print_fidelity
 
     placed = question.separation_arcsec is not None or question.semi_major_axis_au is not None
     print_etc(result, console(), asked=in_words(question), placed=placed, every_budget=budget, explain=explain)
@@ -124,7 +121,7 @@ def etc(
 
 def in_words(question: EtcQuestion) -> str:
     """Return what is asked, in words."""
-    from cpic_planner.report.numbers import duration_text
+    from cpic_planner.report import duration_text
 
     level = "a detection"
     if question.snr is not None or question.sigma is not None:
@@ -143,8 +140,8 @@ def _checked(
     """The answers about one star, checked in images where the dial asks for it, with a bar of progress."""
     if question.dial.fidelity == "quick":
         return answers
-    from cpic_planner.api.etc import checked
-    from cpic_planner.etc_check import needs_images
+    from cpic_planner.api import checked
+    from cpic_planner.confirm import needs_images
 
     total = 100 * sum(needs_images(answer, question.dial) for answer in answers)
     with progress("images, per cent", total=total, enabled=total > 0) as advance:
@@ -152,16 +149,9 @@ def _checked(
 
 
 def _draw(
-    question: EtcQuestion,
-    model: EtcModel,
-    star: Targets,
-    answers: Sequence[EtcAnswer],
-    result: EtcResult,
-    plot: Path,
+    question: EtcQuestion, model: EtcModel, star: Targets, answers: Sequence[EtcAnswer], result: EtcResult, plot: Path
 ) -> None:
-    from cpic_planner.report.console_etc import best_row
-    from cpic_planner.report.etc_curves import etc_curves
-    from cpic_planner.report.etc_figures import etc_figure
+    from cpic_planner.report import best_row, etc_curves, etc_figure
 
     best, allowed = best_row(result), question.wall_s
     if best is not None and best.time_s is not None and (question.asks_time or question.n_frames is not None):

@@ -1,4 +1,7 @@
-"""``cpic known``."""
+"""``cpic known``.
+
+``cpic visibility``.
+"""
 
 from __future__ import annotations
 
@@ -7,13 +10,22 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cpic_planner.cli.options import JsonOption, check_file, check_plot, write_plot
-from cpic_planner.cli.output import console, note, print_json
+from cpic_planner.cli.options import (
+    JsonOption,
+    check_file,
+    check_plot,
+    console,
+    note,
+    print_json,
+    write_out,
+    write_plot,
+)
 
 if TYPE_CHECKING:
-    from catalogs.catalogue import Catalogue
-    from cpic_planner.known_completeness import KnownChoice
-    from cpic_planner.queries.known import KnownQuestion
+    from catalogs import Catalogue
+    from cpic_planner.queries import KnownQuestion, VisibilityQuestion
+    from cpic_planner.ranking import KnownChoice
+
 
 HELP = """Say where the known planets are at a date, how bright, and when the dark hole covers them.
 
@@ -59,12 +71,12 @@ def known(
     as_json: JsonOption = False,
 ) -> None:
     """Find out and print."""
-    from catalogs.catalogue import open_catalogue
-    from catalogs.errors import InputError
-    from cpic_planner.etc.model import build_model
-    from cpic_planner.known_answer import known_answer
-    from cpic_planner.known_completeness import KnownChoice
-    from cpic_planner.queries.known import DEFAULT_YEARS
+    from catalogs import open_catalogue
+    from cpic_core import InputError
+    from cpic_planner.etc import build_model
+    from cpic_planner.queries import DEFAULT_YEARS
+    from cpic_planner.ranking import KnownChoice
+    from cpic_planner.ranking.known_answer import known_answer
     from cpic_planner.targets import find_target, rank_sample
 
     star = question.star
@@ -104,7 +116,7 @@ def known(
     span = None if star is None else DEFAULT_YEARS if question.years is None else question.years
     result = known_answer(model, targets, choice, years=span, catalogue=table.provenance, bands=question.bands)
     if plot is not None:
-        from cpic_planner.report.known_figure import known_figure
+        from cpic_planner.report import known_figure
 
         write_plot(plot, known_figure(result))
     if scene is not None:
@@ -112,18 +124,71 @@ def known(
     if as_json:
         print_json(result)
         return
-    from cpic_planner.report.console_known import print_known
+    from cpic_planner.report import print_known
 
     print_known(result, console(), limit=limit)
 
 
 def _write_scene(path: Path, star: str, choice: KnownChoice, table: Catalogue) -> None:
     """Write the first draw of a star's planets as a scene file."""
-    from cpic_planner.known_scene import known_scene
-    from simulator.files import dump_json, write_text
+    from cpic_core import dump_json, write_text
+    from cpic_planner.ranking import known_scene
 
     about = f"# {star} with its known planets on {choice.date_utc}, one draw with seed {choice.seed}."
     source = f"# Orbits: {choice.table.provenance}. Node, and what else is unknown, is as likely as any other."
     body = dump_json(known_scene(star, choice, catalog=table))  # JSON is YAML
     write_text(path, f"{about}\n{source}\n{body}")
     note(f"wrote {path}")
+
+
+VISIBILITY_HELP = """Say when stars can be seen from the orbit of the telescope, and for how long per orbit.
+
+Counts the angles from Sun and Moon, the dark and the sunlit limb of the Earth, the solar panels (which also limit the
+roll) and, as a fraction of all time, the South Atlantic Anomaly. All limits can be changed: --visibility takes a YAML
+file with what differs from the preset, for example moon_deg: 40. The orbit is that of the instrument (mission.orbit), a
+model whose node is assumed: seasons hold, but which weeks have the longest windows depends on it.
+
+Examples:
+
+  cpic visibility "tau Cet"
+
+  cpic visibility "alpha Cen B" --start 2029-06-01 --days 730 --plot visibility.png
+
+  cpic visibility "tau Cet" "eps Eri" "61 Cyg A" "eps Ind" --plot calendar.png
+
+  cpic visibility "tau Cet" --visibility my_limits.yaml --out days.csv
+
+  cpic visibility "tau Cet" --step-days 0.25 --days 30 --json
+
+  cpic visibility "my star" --catalog my_stars.csv"""
+
+
+def visibility(
+    question: VisibilityQuestion,
+    plot: Annotated[
+        Path | None,
+        typer.Option("--plot", help="Draw FILE.png, .pdf or .svg: the days of one star, a calendar of several."),
+    ] = None,
+    out: Annotated[Path | None, typer.Option("--out", help="Also write every step of every star to FILE.csv.")] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Find out and print."""
+    from cpic_planner.api import visibility_of
+
+    check_file(out, (".csv",), "--out")
+    check_plot(plot)
+    result = visibility_of(question, note)
+    if out is not None:
+        from cpic_planner.report import visibility_csv
+
+        write_out(out, lambda: visibility_csv(result), len(result.targets) * len(result.mjd))
+    if plot is not None:
+        from cpic_planner.report import visibility_figure
+
+        write_plot(plot, visibility_figure(result))
+    if as_json:
+        print_json(result)
+        return
+    from cpic_planner.report import print_visibility
+
+    print_visibility(result, console())

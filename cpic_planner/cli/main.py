@@ -4,8 +4,6 @@ Exit status: 0 success (an unreachable target is an answer), 2 bad input with on
 130 interrupted.
 """
 
-from __future__ import annotations
-
 import logging
 import os
 import sys
@@ -13,29 +11,20 @@ from typing import Annotated
 
 import typer
 
-from catalogs.errors import InputError
+from cpic_core import InputError, numeric_context
 from cpic_planner.cli import (
-    cache_command,
     catalog_command,
-    check_command,
-    confirm_command,
     etc_command,
+    image_commands,
     known_command,
-    plan_command,
     rank_command,
-    schema_command,
-    simulate_command,
-    tradeoff_command,
-    visibility_command,
-    whatif_command,
+    study_commands,
+    upkeep_command,
 )
 from cpic_planner.cli.asking import late
-from cpic_planner.cli.output import error_line, version_text
+from cpic_planner.cli.options import error_line, version_text
 from cpic_planner.cli.progress import watch
-from cpic_planner.queries import QUESTIONS
-from simulator.numeric import numeric_context
-
-__all__ = ["app", "main"]
+from cpic_planner.schemas import QUESTIONS
 
 app = typer.Typer(
     name="cpic",
@@ -58,8 +47,7 @@ def _version(wanted: bool) -> None:
 def root(
     context: typer.Context,
     version: Annotated[
-        bool,
-        typer.Option("--version", callback=_version, is_eager=True, help="Show version, data vintage and owner."),
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show version, data vintage and owner.")
     ] = False,
     verbose: Annotated[int, typer.Option("-v", "--verbose", count=True, help="More messages (twice: debug).")] = 0,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Errors only, no progress.")] = False,
@@ -67,29 +55,29 @@ def root(
     """Set the level of messages for every command."""
     level = logging.ERROR if quiet else (logging.WARNING, logging.INFO, logging.DEBUG)[min(verbose, 2)]
     logging.basicConfig(level=logging.WARNING, format="%(levelname)s: %(message)s", stream=sys.stderr)
-    for package in ("catalogs", "simulator", "cpic_planner"):
+    for package in ("cpic_core", "catalogs", "simulator", "cpic_planner"):
         logging.getLogger(package).setLevel(level)
     if not quiet:
         context.with_resource(watch(context.invoked_subcommand or "working"))
 
 
 for _run, _help in (
-    (plan_command.plan, plan_command.HELP),
+    (image_commands.plan, image_commands.PLAN_HELP),
     (rank_command.rank, rank_command.HELP),
     (etc_command.etc, etc_command.HELP),
     (known_command.known, known_command.HELP),
-    (confirm_command.confirm, confirm_command.HELP),
-    (simulate_command.simulate, simulate_command.HELP),
-    (visibility_command.visibility, visibility_command.HELP),
-    (whatif_command.whatif, whatif_command.HELP),
-    (tradeoff_command.tradeoff, tradeoff_command.HELP),
+    (image_commands.confirm, image_commands.CONFIRM_HELP),
+    (image_commands.simulate, image_commands.SIMULATE_HELP),
+    (known_command.visibility, known_command.VISIBILITY_HELP),
+    (study_commands.whatif, study_commands.WHATIF_HELP),
+    (study_commands.tradeoff, study_commands.TRADEOFF_HELP),
 ):
     # The options of a question are those of its model, which is imported when the command is called.
     app.command(_run.__name__, help=_help, cls=late(_run, QUESTIONS[_run.__name__]))(lambda: None)
-app.command("check", help=check_command.HELP)(check_command.check)
+app.command("check", help=upkeep_command.HELP)(upkeep_command.check)
 app.add_typer(catalog_command.app, name="catalog")
-app.add_typer(cache_command.app, name="cache")
-app.command("schema", help=schema_command.HELP)(schema_command.schema)
+app.add_typer(upkeep_command.app, name="cache")
+app.command("schema", help=upkeep_command.SCHEMA_HELP)(upkeep_command.schema)
 
 
 def main(arguments: list[str] | None = None) -> int:

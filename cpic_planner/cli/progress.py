@@ -15,12 +15,11 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
-from simulator.work import LOGGER, Advance, untold
+from cpic_core import LOGGER, Advance, untold
 
 if TYPE_CHECKING:
     from rich.progress import Progress as RichProgress
 
-__all__ = ["Bar", "Lines", "Reporter", "Work", "is_quiet", "progress", "rest", "watch"]
 
 SHOW_AFTER_S = 2.0
 LINE_EVERY_S = 10.0

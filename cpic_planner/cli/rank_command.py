@@ -7,13 +7,22 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from cpic_planner.cli.options import JsonOption, check_file, check_plot, refuse_together, write_out, write_plot
-from cpic_planner.cli.output import console, note, print_json
+from cpic_planner.cli.options import (
+    JsonOption,
+    check_file,
+    check_plot,
+    console,
+    note,
+    print_json,
+    refuse_together,
+    write_out,
+    write_plot,
+)
 
 if TYPE_CHECKING:
-    from cpic_planner.etc.model import EtcModel
-    from cpic_planner.models import RankResult
-    from cpic_planner.queries.rank import RankQuestion
+    from cpic_planner.etc import EtcModel
+    from cpic_planner.queries import RankQuestion
+    from cpic_planner.results import RankResult
     from cpic_planner.targets import Targets
 
 HELP = """Rank the whole catalogue (analytic, a few seconds; --explain and --sensitivity rank it several times).
@@ -70,7 +79,7 @@ def rank(
     as_json: JsonOption = False,
 ) -> None:
     """Rank and print."""
-    from cpic_planner.api.ranking import prepared
+    from cpic_planner.api import prepared
     from cpic_planner.ranking import rank_targets
     from cpic_planner.targets import find_target
 
@@ -101,15 +110,15 @@ def rank(
     if as_json:
         print_json(result)
         return
-    from cpic_planner.report.console_rank import print_rank
+    from cpic_planner.report import print_rank
 
     print_rank(result, console(), limit=limit)
 
 
 def _explain(model: EtcModel, targets: Targets, name: str, given: str, asked: dict[str, Any], as_json: bool) -> None:
     """Print why a star stands where it stands."""
-    from catalogs.errors import InputError
-    from cpic_planner.explain import explain_star
+    from cpic_core import InputError
+    from cpic_planner.ranking import explain_star
 
     if name not in set(targets.name.tolist()):
         raise InputError(
@@ -122,20 +131,20 @@ def _explain(model: EtcModel, targets: Targets, name: str, given: str, asked: di
     if as_json:
         print_json(told)
         return
-    from cpic_planner.report.console_rank import print_explanation
+    from cpic_planner.report import print_explanation
 
     print_explanation(told, console())
 
 
 def _sensitivity(model: EtcModel, targets: Targets, asked: dict[str, Any], as_json: bool) -> None:
     """Print how the order depends on assumptions."""
-    from cpic_planner.sensitivity import sensitivity
+    from cpic_planner.ranking.sensitivity import sensitivity
 
     found = sensitivity(model, targets, **asked)
     if as_json:
         print_json(found)
         return
-    from cpic_planner.report.console_rank import print_sensitivity
+    from cpic_planner.report import print_sensitivity
 
     print_sensitivity(found, console())
 
@@ -143,11 +152,11 @@ def _sensitivity(model: EtcModel, targets: Targets, asked: dict[str, Any], as_js
 def _write(result: RankResult, out: Path | None, plot: Path | None, limit: int) -> None:
     """Write the table and the figure that were asked for."""
     if out is not None:
-        from cpic_planner.report.tables import ranking_csv, ranking_ecsv
+        from cpic_planner.report import ranking_csv, ranking_ecsv
 
         write_out(out, lambda: (ranking_csv if out.suffix == ".csv" else ranking_ecsv)(result), len(result.targets))
     if plot is not None:
-        from cpic_planner.report.rank_figure import MOST_STARS, rank_figure
+        from cpic_planner.report import MOST_STARS, rank_figure
 
         shown = min(limit, len(result.targets))
         few = f" with the first {MOST_STARS} stars only: names of {shown} could not be read" * (shown > MOST_STARS)

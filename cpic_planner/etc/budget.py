@@ -10,24 +10,20 @@ time. Exposure, gain and number of frames are the best ones under each change, a
 question leaves them open. A question for a time that has no answer gets 1e9 s, the longest time that can be given.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cpic_core import FloatArray, Reason, Status
 from cpic_planner.etc.camera import FrameCamera
 from cpic_planner.etc.cases import BandCases
 from cpic_planner.etc.frames import FrameChoice, FrameProblem, best_in_visit
 from cpic_planner.etc.noise import StackNoise
 from cpic_planner.etc.rates import ApertureRates
-from cpic_planner.models.base import LimitText
-from simulator.outcome import Reason, Status
-from simulator.signal.saturation import gain_caps, largest_gain, longest_exposure_s
-from simulator.signal.speckles import speckle_law
+from cpic_planner.results import LimitText
+from simulator.signal import gain_caps, largest_gain, longest_exposure_s, speckle_law
 
-FloatArray = NDArray[np.float64]
 _EDGE = 1e-6
 EXPOSURE_MAX, EXPOSURE_MIN, EM_GAIN_MAX = "exposure_max", "exposure_min", "em_gain_max"
 

@@ -7,9 +7,8 @@ import math
 from dataclasses import dataclass
 
 from simulator.config import Instrument
-from simulator.detectors.chains import added_variance
-from simulator.signal.saturation import Wells
-from simulator.signal.variance import FrameTerm
+from simulator.detectors import FrameTerm, added_variance
+from simulator.signal import Wells
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,29 +1,31 @@
-"""Targets x planets of one band, ready for a question."""
+"""Targets x planets of one band, ready for a question.
 
-from __future__ import annotations
+From answers to the result that leaves the program.
+"""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.errors import InputError
+from cpic_core import FloatArray, InputError, Reason, Status
 from cpic_planner.etc.camera import FrameCamera
+from cpic_planner.etc.detection import default_law, threshold_array
+from cpic_planner.etc.fidelity import etc_dial, etc_fidelity
 from cpic_planner.etc.frames import FrameChoice, FrameProblem
-from cpic_planner.etc.model import EtcModel
+from cpic_planner.etc.model import EtcModel, check_range, hole_notes, locate, stand, usable_range_arcsec
 from cpic_planner.etc.noise import Objective, StackNoise, frame_problem, stack_noise
-from cpic_planner.etc.place import check_range, hole_notes, locate, stand, usable_range_arcsec
-from cpic_planner.etc.planet import ReferencePlanet, reference_contrast, reference_notes
+from cpic_planner.etc.planet import reference_contrast, reference_notes
 from cpic_planner.etc.rates import ApertureRates, aperture_rates
-from cpic_planner.etc.significance import threshold_array
+from cpic_planner.queries import ReferencePlanet
+from cpic_planner.results import EtcAnswer, EtcResult, ReferencePlanetRecord
 from cpic_planner.targets import Targets
-from simulator.outcome import Reason, Status
+from cpic_planner.version import __version__
+from simulator.config import content_hash
+from simulator.knobs import Dial
 
-__all__ = ["BandCases", "FrameWish", "Planets", "band_cases", "planets_of"]
-
-FloatArray = NDArray[np.float64]
 _FAINTEST, _ORDINARY = 1e-30, 1e-9
 
 
@@ -240,3 +242,59 @@ def _contrasts(model: EtcModel, targets: Targets, band: str, planets: Planets) -
         if own.any():
             contrast[:, own] = reference_contrast(model, targets, band, planets.separation_arcsec[own], body)
     return contrast
+
+
+def best_band(answers: Sequence[EtcAnswer]) -> str | None:
+    """Band of the best answer: least time, highest significance over threshold, or faintest limit."""
+    good = [answer for answer in answers if answer.value is not None]
+    if not good:
+        return None
+    if good[0].question in ("exposure_time", "contrast_limit"):
+        return min(good, key=lambda answer: answer.value or np.inf).band
+    return max(good, key=lambda answer: (answer.significance or 0.0) / (answer.threshold or np.inf)).band
+
+
+def etc_result(
+    model: EtcModel,
+    target: Targets,
+    answers: Sequence[EtcAnswer],
+    *,
+    note: str,
+    planet: ReferencePlanet | None,
+    asked: Mapping[str, Any],
+    catalogue: str,
+    dial: Dial | None = None,
+    seed: int | None = None,
+) -> EtcResult:
+    """Collect answers about one star of a catalogue, which is named by its provenance.
+
+    ``dial`` and ``seed`` are those of the check in images, closed forms alone without.
+    """
+    record = None
+    if planet is not None:
+        record = ReferencePlanetRecord(
+            radius_rjup=planet.radius_rjup, phase_deg=planet.phase_deg, albedo=planet.albedo.label
+        )
+    return EtcResult(
+        config_hash=content_hash(
+            {
+                "kind": "etc",
+                "version": __version__,
+                "model": model.content(),
+                "detection": default_law().model_dump(mode="json"),
+                "target": target.content(),
+                "planet": None if planet is None else planet.content(),
+                "asked": asked,
+            }
+        ),
+        target=str(target.name[0]),
+        hip=int(target.hip[0]) if target.hip[0] else None,
+        v_mag=float(target.v_mag[0]),
+        distance_pc=float(target.distance_pc[0]),
+        catalogue=catalogue,
+        note=note,
+        reference_planet=record,
+        best_band=best_band(answers),
+        answers=list(answers),
+        fidelity=etc_fidelity(answers, dial or etc_dial(), seed=seed),
+    )

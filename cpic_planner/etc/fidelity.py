@@ -3,14 +3,11 @@
 The dial of the exposure-time calculator asks for it, and its records say it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from cpic_planner.etc.answer import EtcAnswer
-from cpic_planner.models import AnswerFidelity, EtcFidelity
+from cpic_planner.results import AnswerFidelity, EtcAnswer, EtcFidelity
 from simulator.knobs import Dial, Quantity, dial_of
 
 
@@ -100,7 +97,7 @@ which speckles are 40 to 83 % of the variance, lie within 5.1 % in SNR (-4.9 % a
 
 WINGS_ERROR = 0.5
 """What is left of a companion's wings over their rms in the closed forms: 90 % of 60 places of a companion in each band
-lie within a factor of 2 (`simulator.signal.wings`)."""
+lie within a factor of 2 (`simulator.signal.light`)."""
 
 
 def speckle_error(band: str, separation_arcsec: float) -> float | None:

@@ -9,22 +9,18 @@ grows with the visit. So the best exposure is the one of least ``G``, whatever t
 to ``v / (t + readout)`` then follow exactly. Time for an SNR and SNR for a time are inverses of each other.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cpic_core import FloatArray
 from cpic_planner.etc.camera import FrameCamera
 from cpic_planner.etc.photon_counting import CountingLight
 from cpic_planner.etc.searches import CaseArrays, best_gain, first_root, lowest
-from simulator.camera.gain import noise_factor2
-from simulator.signal.saturation import largest_gain, longest_exposure_s
-from simulator.signal.variance import frame_variance_e2, frames_per_clean
+from simulator.detectors import frame_variance_e2, frames_per_clean, noise_factor2
+from simulator.signal import largest_gain, longest_exposure_s
 
-FloatArray = NDArray[np.float64]
 _NEIGHBOURS = np.array([-1.0, 0.0, 1.0, 2.0])
 _MAX_FRAMES = 1e15
 _ROUNDING = 1e-12

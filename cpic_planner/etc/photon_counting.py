@@ -5,8 +5,6 @@ too little and every photon after the first in a pixel (Basden, Haniff & Mackay 
 Proc. SPIE 11443). Here the probability of a count is that of the exact law of the register, not of an exponential.
 """
 
-from __future__ import annotations
-
 import functools
 import math
 from dataclasses import dataclass
@@ -14,13 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from catalogs.errors import InputError
+from cpic_core import FloatArray, InputError, checked_array, checked_scalar
 from cpic_planner.etc.searches import CaseArrays
-from simulator.camera.gain import GAIN_LIMIT, stage_probability
-from simulator.camera.register_law import generating_function
-from simulator.quantities import checked_array, checked_scalar
-
-FloatArray = NDArray[np.float64]
+from simulator.detectors import GAIN_LIMIT, generating_function, stage_probability
 
 MAX_MEAN_E = 8.0
 """Mean electrons per pixel and frame up to which counts are inverted; one pixel in 3000 is then still dark."""

@@ -1,21 +1,16 @@
 """Light that planets reflect towards the observer, and the stated planet that a ranked star's numbers refer to."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from cpic_core import FloatArray, IntArray
 from cpic_planner.etc.model import EtcModel
-from cpic_planner.queries.planet import ReferencePlanet as ReferencePlanet
+from cpic_planner.queries import ReferencePlanet
 from cpic_planner.targets import Targets
-from simulator.config.albedo import AlbedoSpec
-from simulator.target.albedo import albedo_notes, albedo_source, needs_insolation, phase_value
-from simulator.target.contrast import contrast_at
-from simulator.target.phase import sin_phase
-
-FloatArray = NDArray[np.float64]
+from simulator.config import AlbedoSpec
+from simulator.target import albedo_notes, albedo_source, contrast_at, needs_insolation, phase_value, sin_phase
 
 
 def reference_distance_au(targets: Targets, separation_arcsec: FloatArray, planet: ReferencePlanet) -> FloatArray:
@@ -72,9 +67,6 @@ def reference_contrast(
     """
     distance = reference_distance_au(targets, separation_arcsec, planet)
     return reflected_contrast(model, targets, band, planet.albedo, planet.radius_rjup, distance, planet.phase_deg)
-
-
-IntArray = NDArray[np.int64]
 
 
 def insolation_distance_au(targets: Targets, distance_au: FloatArray) -> FloatArray:

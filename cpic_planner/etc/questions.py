@@ -1,29 +1,22 @@
 """The three questions of an exposure-time calculator, answered by type, for targets x bands x planets at once."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from catalogs.errors import InputError
-from cpic_planner.etc.answer import EtcAnswer
+from cpic_core import FloatArray, InputError
 from cpic_planner.etc.cases import BandCases, FrameWish, Planets, band_cases, planets_of
 from cpic_planner.etc.frames import FrameChoice, FrameProblem, best_in_visit, least_time, solve_together
-from cpic_planner.etc.model import EtcModel
+from cpic_planner.etc.model import EtcModel, check_range
 from cpic_planner.etc.noise import Objective
-from cpic_planner.etc.place import check_range
-from cpic_planner.etc.planet import ReferencePlanet
 from cpic_planner.etc.solved import answers_of
+from cpic_planner.queries import ReferencePlanet
+from cpic_planner.results import EtcAnswer
 from cpic_planner.targets import Targets
 
-__all__ = ["contrast_limit", "exposure_time", "signal_to_noise"]
-
-FloatArray = NDArray[np.float64]
 _LIMIT_STEPS = 60
 _CLOSE = 1e-14
 _START = 1e-9

@@ -1,26 +1,30 @@
 """Mean count rates in the photometric aperture, per target, position and planet."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cpic_core import FloatArray
 from cpic_planner.etc.model import EtcModel
 from cpic_planner.targets import Targets
 from simulator.config import Instrument
-from simulator.effects.sky import sky_rate_e_s_arcsec2
-from simulator.effects.stray_light import stray_light_map
-from simulator.imaging.metrics import PsfMetrics
-from simulator.signal.light import annulus_apertures, aperture_exozodi, companion_column, lit_rows, sky_pixel_e_s
-from simulator.signal.speckles import SpeckleLaw, speckle_law
-from simulator.signal.variance import aperture_noise_pixels
-from simulator.signal.wings import aperture_wing, wings_variance
-from simulator.target.positions import sky_to_detector
-
-FloatArray = NDArray[np.float64]
+from simulator.detectors import aperture_noise_pixels
+from simulator.effects import sky_rate_e_s_arcsec2, stray_light_map
+from simulator.imaging import PsfMetrics
+from simulator.signal import (
+    SpeckleLaw,
+    annulus_apertures,
+    aperture_exozodi,
+    aperture_wing,
+    companion_column,
+    lit_rows,
+    sky_pixel_e_s,
+    speckle_law,
+    wings_variance,
+)
+from simulator.target import sky_to_detector
 
 
 @dataclass(frozen=True)
@@ -112,12 +116,7 @@ class ApertureRates:
 
 
 def aperture_rates(
-    model: EtcModel,
-    targets: Targets,
-    band: str,
-    x_arcsec: ArrayLike,
-    y_arcsec: ArrayLike,
-    contrast: ArrayLike,
+    model: EtcModel, targets: Targets, band: str, x_arcsec: ArrayLike, y_arcsec: ArrayLike, contrast: ArrayLike
 ) -> ApertureRates:
     """Return the rates for every target at the given positions.
 

@@ -16,10 +16,9 @@ from typing import Any, Protocol, Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from simulator.camera.gain import noise_factor2
-from simulator.signal.variance import frame_variance_e2
+from cpic_core import FloatArray
+from simulator.detectors import frame_variance_e2, noise_factor2
 
-FloatArray = NDArray[np.float64]
 _COARSE, _FINE, _ROUNDS = 24, 17, 6
 _NUDGE = 1e-7
 _MAX_STEPS = 200

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cpic_planner.etc.answer import EtcAnswer, Question
+from cpic_core import FloatArray, Reason, Status
 from cpic_planner.etc.budget import (
     LONGEST_TIME_S,
     binding_limits,
@@ -23,21 +23,11 @@ from cpic_planner.etc.budget import (
 from cpic_planner.etc.cases import BandCases
 from cpic_planner.etc.detection import Chances, needed_margin, verdict_of, visit_chances
 from cpic_planner.etc.fidelity import speckle_error_extrapolated
-from cpic_planner.etc.frames import (
-    FrameChoice,
-    FrameProblem,
-    best_exposure_s,
-    best_in_visit,
-    smooth_least_visit_s,
-)
-from cpic_planner.etc.noise import StackNoise, own_noise
-from cpic_planner.etc.paper import snr_paper
-from simulator.outcome import Reason, Status
-from simulator.signal.saturation import frame_limit
+from cpic_planner.etc.frames import FrameChoice, FrameProblem, best_exposure_s, best_in_visit, smooth_least_visit_s
+from cpic_planner.etc.noise import StackNoise, own_noise, snr_paper
+from cpic_planner.results import EtcAnswer, Question
+from simulator.signal import frame_limit
 
-__all__ = ["answers_of"]
-
-FloatArray = NDArray[np.float64]
 _LONGEST_S = 1e12
 _ROUNDING = 1e-9
 _UNIT: dict[Question, str] = {"exposure_time": "s", "signal_to_noise": "", "contrast_limit": "contrast"}

@@ -9,8 +9,6 @@ finished. A result is handed over when it has arrived here and never asked for a
 Only a few tasks a worker are in flight, so that the scheduler never holds the arguments of a long run.
 """
 
-from __future__ import annotations
-
 import contextlib
 import logging
 import time
@@ -25,9 +23,8 @@ from distributed import Client
 from distributed.protocol.pickle import dumps, loads
 from distributed.scheduler import KilledWorker, NoValidWorkerError, NoWorkerError
 
-from catalogs.errors import InputError
+from cpic_core import InputError, numeric_context
 from cpic_planner.jobs.engine import ClusterError
-from simulator.numeric import numeric_context
 
 _LOG = logging.getLogger(__name__)
 _ANSWER_S = 20.0  # for a scheduler that should be there

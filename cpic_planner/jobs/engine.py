@@ -5,14 +5,11 @@ handed to the caller as they finish, for checkpoints and progress; the caller or
 workers or the scheduler die is told in `cpic_planner.jobs.cluster`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, TypeVar
 from urllib.parse import urlsplit
 
-from catalogs.errors import InputError
-from simulator.numeric import numeric_context
+from cpic_core import InputError, numeric_context
 
 T = TypeVar("T")
 _PROTOCOLS = ("tcp", "tls", "ws", "wss")

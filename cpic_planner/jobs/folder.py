@@ -13,8 +13,6 @@ forced, and then what its list names is removed (`cpic_planner.jobs.written_file
 is taken over. A part that fails its checksum is done again. Files that no list names are never touched.
 """
 
-from __future__ import annotations
-
 import contextlib
 import hashlib
 import json
@@ -26,10 +24,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from catalogs.errors import InputError
-from catalogs.user_files import read_file
+from cpic_core import InputError, LockHeld, dump_json, exclusive_lock, read_file, write_bytes
 from cpic_planner.jobs.written_files import LIST_NAME, DamagedListError, WrittenFiles, has_list, set_aside
-from simulator.files import LockHeld, dump_json, exclusive_lock, write_bytes
 
 _LOG = logging.getLogger(__name__)
 _MAX_PART_BYTES = 4_000_000_000

@@ -26,14 +26,12 @@ from typing import Any, Generic, Protocol, TypedDict, TypeVar
 
 from pydantic import BaseModel
 
-from catalogs.errors import InputError
+from cpic_core import Advance, InputError, dump_json, untold
 from cpic_planner.jobs.engine import in_this_process, run_tasks
 from cpic_planner.jobs.folder import RunFolder, open_run_folder
-from cpic_planner.models import RunRecord
+from cpic_planner.results import RunRecord
 from cpic_planner.version import __version__
 from simulator.config import content_hash
-from simulator.files import dump_json
-from simulator.work import Advance, untold
 
 R = TypeVar("R", bound=BaseModel)
 RECORD = "run.json"

@@ -13,8 +13,8 @@ from collections.abc import Iterator
 import dask
 from distributed import LocalCluster
 
+from cpic_core import THREAD_VARIABLES
 from cpic_planner.jobs.engine import ClusterError
-from simulator.numeric import THREAD_VARIABLES
 
 _LOG = logging.getLogger(__name__)
 _REGISTER_S = 120  # for a worker to find the scheduler

@@ -27,10 +27,8 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from typing import Any, Literal
 
-from catalogs.errors import InputError
-from catalogs.user_files import digest_of, read_file
+from cpic_core import InputError, digest_of, read_file, write_text
 from cpic_planner.version import DISTRIBUTION
-from simulator.files import write_text
 
 _LOG = logging.getLogger(__name__)
 LIST_NAME = "cpic-run.jsonl"

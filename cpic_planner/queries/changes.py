@@ -18,12 +18,10 @@ from typing import Any, Literal, TypeAlias, cast
 
 from pydantic import StrictBool, StrictFloat, StrictInt, StrictStr, model_validator
 
-from catalogs.errors import InputError
-from cpic_planner.queries.dotted import advice, children, matching, put, sections
-from cpic_planner.written_values import read_value, two_spellings, with_unit
-from simulator.config import FrozenModel, Instrument, canonical_json
-from simulator.config.base import unit_of
-from simulator.config.optics import Drift
+from cpic_core import InputError
+from cpic_planner.queries.base import advice, children, matching, put, sections
+from cpic_planner.queries.written_values import read_value, two_spellings, with_unit
+from simulator.config import Drift, FrozenModel, Instrument, canonical_json, unit_of
 
 ALIASES = {
     "throughput": "bands.*.t_opt",
@@ -302,10 +300,7 @@ def _altered(change: Change, key: str, nominal: Any, instrument: Instrument) -> 
         if not _is_number(nominal):
             shown = "not set" if nominal is None else str(nominal).lower()
             raise InputError(
-                change.key,
-                change.value_text,
-                allowed="a value: only numbers take a factor",
-                hint=f"{key} is {shown}",
+                change.key, change.value_text, allowed="a value: only numbers take a factor", hint=f"{key} is {shown}"
             )
         return nominal * cast(float, change.value)
     if isinstance(nominal, bool) and change.value in ("on", "off"):

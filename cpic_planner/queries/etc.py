@@ -7,22 +7,22 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import BeforeValidator, model_validator
 
-from catalogs.errors import InputError
+from cpic_core import InputError
 from cpic_planner.queries.base import called
 from cpic_planner.queries.fields import asked
-from cpic_planner.queries.planet import ReferencePlanet
 from cpic_planner.queries.shared import (
     DEFAULT_TIME_S,
     MAX_REALISATIONS,
     Fidelity,
     InstrumentQuestion,
+    ReferencePlanet,
     Seed,
     StarsQuestion,
+    Strategy,
     Texts,
     several,
 )
-from cpic_planner.queries.strategy import Strategy
-from simulator.config.base import validate
+from simulator.config import validate
 from simulator.knobs import Dial, dial_of
 
 Numbers = Annotated[tuple[float, ...], BeforeValidator(several)]
@@ -61,9 +61,7 @@ class EtcQuestion(InstrumentQuestion, StarsQuestion):
     )
     detect: bool = asked(False, "Level: a detection, by the small-sample threshold at that separation.")
     time_s: float | None = asked(
-        None,
-        "Wall time of one visit, readouts and reference frames included.",
-        default_words=f"{DEFAULT_TIME_S:g}",
+        None, "Wall time of one visit, readouts and reference frames included.", default_words=f"{DEFAULT_TIME_S:g}"
     )
     contrast_limit: bool = asked(False, "Ask for the faintest contrast that reaches the level in {time_s}.")
     separation_arcsec: Numbers | None = asked(
@@ -98,8 +96,7 @@ class EtcQuestion(InstrumentQuestion, StarsQuestion):
     distance_pc: float | None = asked(None, "Distance, instead of the catalogue's.")
     fidelity: Fidelity | None = asked(None, "Closed forms alone, or checked in images.", default_words="quick")
     tolerance: float | None = asked(
-        None,
-        "Instead of {fidelity}: images only where the stated error of planet flux or SNR exceeds this, 0 to 0.5.",
+        None, "Instead of {fidelity}: images only where the stated error of planet flux or SNR exceeds this, 0 to 0.5."
     )
     realisations: int | None = asked(
         None,
@@ -141,9 +138,7 @@ class EtcQuestion(InstrumentQuestion, StarsQuestion):
         places, ratios = len(self.separation_arcsec or ()), len(self.contrast or ())
         if min(places, ratios) > 1 and places != ratios:
             raise InputError(
-                "contrast",
-                f"{ratios} times",
-                allowed=f"once, or {places} times as {called('separation_arcsec')}",
+                "contrast", f"{ratios} times", allowed=f"once, or {places} times as {called('separation_arcsec')}"
             )
 
     def _check_images(self) -> None:
@@ -190,9 +185,7 @@ class OptimiseQuestion(InstrumentQuestion, StarsQuestion):
 
     target: Texts = asked(..., "Star names.", accepts="str or sequence of str")
     time_s: float | None = asked(
-        None,
-        "Wall time: the clearest detection within it.",
-        default_words="36000 if no goal is given",
+        None, "Wall time: the clearest detection within it.", default_words="36000 if no goal is given"
     )
     snr: float | None = asked(None, "Photometric SNR to reach in the least time.")
     detect: bool = asked(False, "A detection to reach in the least time.")

@@ -15,7 +15,7 @@ from pydantic import Field
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
-from simulator.config.base import FrozenModel, limits_of, unit_of
+from simulator.config import FrozenModel, limits_of, unit_of
 
 if TYPE_CHECKING:
     from cpic_planner.queries.base import Parts

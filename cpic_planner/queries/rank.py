@@ -6,20 +6,20 @@ from typing import ClassVar
 
 from pydantic import model_validator
 
-from catalogs.errors import InputError
-from cpic_planner.population_config import PopulationConfig, load_population
+from cpic_core import InputError
+from cpic_planner.planets import PopulationConfig, load_population
 from cpic_planner.queries.base import called
 from cpic_planner.queries.fields import asked
-from cpic_planner.queries.planet import ReferencePlanet
 from cpic_planner.queries.shared import (
     DEFAULT_TIME_S,
     CutsQuestion,
     InstrumentQuestion,
     KnownPlanetsQuestion,
+    ReferencePlanet,
     Seed,
+    Strategy,
 )
-from cpic_planner.queries.strategy import Strategy
-from cpic_planner.registry.scores import DEFAULT_SCORE, ScoreName
+from cpic_planner.registry import DEFAULT_SCORE, ScoreName
 
 N_PLANETS = 4000
 """Planets that a ranking draws."""
@@ -69,10 +69,7 @@ class RankedQuestion(InstrumentQuestion, CutsQuestion, CountedPlanetsQuestion):
     """What a ranking of stars is asked."""
 
     time_s: float = asked(
-        DEFAULT_TIME_S,
-        "Wall time per target and band, readouts and reference frames included.",
-        ge=1e-3,
-        le=1e9,
+        DEFAULT_TIME_S, "Wall time per target and band, readouts and reference frames included.", ge=1e-3, le=1e9
     )
     seed: Seed = asked(1, "Seed of every random number.")
     score: ScoreName = asked(DEFAULT_SCORE, "What the ranking is by.")

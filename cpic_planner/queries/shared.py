@@ -1,21 +1,210 @@
-"""Fields that several questions share: the instrument and its bands, the stars, runs."""
+"""The stated planet that a star's numbers refer to, as configuration.
+
+How an observation is made and reduced, as configuration: one name of each setting for commands, YAML and Python.
+
+Fields that several questions share: the instrument and its bands, the stars, runs.
+"""
 
 from __future__ import annotations
 
 import functools
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator, Field, model_validator
 
-from cpic_planner.jobs.engine import check_address
-from cpic_planner.queries.base import Parts, Question
+from cpic_core import InputError, digest_of
+from cpic_planner.jobs import check_address
+from cpic_planner.queries.base import Parts, Question, called
 from cpic_planner.queries.changes import Change, changed
 from cpic_planner.queries.fields import asked
-from simulator.config import Instrument, load_instrument
-from simulator.config.mission import Utc
+from cpic_planner.registry import DEFAULT_LIBRARY, LIBRARIES, Library, LibraryName
+from simulator.config import (
+    AlbedoSpec,
+    AlbedoValue,
+    FrozenModel,
+    Instrument,
+    MeasuredAlbedo,
+    Utc,
+    albedo_spec,
+    load_instrument,
+    names_file,
+)
 
 if TYPE_CHECKING:
-    from cpic_planner.jobs.job import RunSettings
+    from cpic_planner.jobs import RunSettings
+
+
+class AlbedoParts(Parts):
+    """Options of an albedo; parameters without a name mean the parametric model, with a file a grid of models."""
+
+    albedo: str | None = asked(
+        None,
+        "jupiter, saturn, uranus, neptune, parametric, a number, or a file with wavelength and geometric albedo.",
+        default_words="jupiter, or parametric where its parameters are given",
+    )
+    log10_mh: float | None = asked(None, "Parametric albedo: log10 of metallicity over solar, 0 to 2.")
+    log10_fsed: float | None = asked(None, "Parametric albedo: log10 of the clouds' sedimentation efficiency, -2 to 2.")
+    insolation_au: float | None = asked(
+        None, "Parametric albedo: distance from the Sun of equal insolation.", default_words="r / sqrt(L) of the star"
+    )
+    phase_function: Literal["lambert", "grid"] | None = asked(
+        None, "Parametric albedo: Lambert's, or that of the model grid.", default_words="lambert"
+    )
+
+    def made(self, base: Any) -> AlbedoSpec:
+        """Return the albedo that the options name."""
+        parameters = self.model_dump(exclude={"albedo"}, exclude_none=True)
+        name = self.albedo
+        if name is None:
+            return albedo_spec({"model": "parametric"} | parameters)
+        if names_file(name):
+            if not Path(name).is_file():
+                raise InputError("albedo", name, allowed="an existing file")
+            return albedo_spec({"model": "grid" if parameters else "table", "file": name} | parameters)
+        if name == "parametric":
+            return albedo_spec({"model": "parametric"} | parameters)
+        if parameters:
+            raise InputError(
+                next(iter(parameters)),
+                f"given with {called('albedo')} {name}",
+                allowed="one of the two",
+                hint=f"parameters are those of {called('albedo')} parametric or of a grid of models",
+            )
+        try:
+            number = float(name)
+        except ValueError:
+            return albedo_spec(name)
+        return albedo_spec(number)
+
+
+class ReferencePlanet(FrozenModel):
+    """1 R_J at phase 90 deg on a hole diagonal, with the measured albedo of Jupiter.
+
+    At phase 90 deg the true distance equals the projected one; at other phases it is ``rho / sin(phase)``. An albedo
+    that follows the insolation takes it as ``r / sqrt(L)``.
+    """
+
+    radius_rjup: float = asked(1.0, "Planet radius in R_J = 71 492 km.", gt=0, le=10, option="--planet-radius-rjup")
+    phase_deg: float = asked(90.0, "Phase angle.", gt=0, lt=180)
+    albedo: AlbedoValue = asked(MeasuredAlbedo(model="jupiter"), "What the planet reflects.", parts=AlbedoParts)
+
+    def content(self) -> dict[str, Any]:
+        """Everything that decides its light, for content hashes: a file counts by what is in it."""
+        tree = self.model_dump(mode="json")
+        file = getattr(self.albedo, "file", None)
+        if file is not None:
+            tree["albedo"]["file"] = digest_of(file)
+        return tree
+
+
+_OF_STAR = ("library", "reference_star")
+_OF_ROLL = ("library", "roll")
+_COUNTED = ("mode", "photon_counting")
+
+
+class ReferenceStar(FrozenModel):
+    """Star of a reference library."""
+
+    v_mag: float = asked(
+        ...,
+        "V magnitude of the star of {library} reference_star.",
+        ge=-30,
+        le=40,
+        option="--reference-v-mag",
+        only_with=_OF_STAR,
+    )
+    teff_k: float = asked(
+        5772.0, "Temperature of that star.", ge=1000, le=100_000, option="--reference-teff-k", only_with=_OF_STAR
+    )
+    log_g: float = asked(
+        4.4, "log10 of its surface gravity in cm/s2.", ge=-1, le=7, option="--reference-log-g", only_with=_OF_STAR
+    )
+    metallicity: float = asked(
+        0.0,
+        "log10 of its metallicity over the Sun's.",
+        ge=-5,
+        le=1,
+        option="--reference-metallicity",
+        only_with=_OF_STAR,
+    )
+
+
+class Reduction(FrozenModel):
+    """How images are reduced: what a simulated observation can honour of a `Strategy`."""
+
+    n_modes: int = asked(1, "Modes of the reference library that the subtraction projects out.", ge=0, le=1000)
+    reference_ratio: float = asked(
+        1.0, "Reference frames per science frame; their time and noise are counted.", gt=0, le=1000
+    )
+    sigma: float = asked(
+        5.0,
+        "Level of a detection whose false-alarm probability the small-sample threshold keeps (its key is "
+        "strategy.sigma; cpic etc --sigma asks for a plain significance, which is another number).",
+        gt=0,
+        le=20,
+        option="--threshold-sigma",
+    )
+    annulus_lambda_d: float = asked(
+        1.5,
+        "Half width of the annulus around the planet's separation whose apertures measure background and scatter: the "
+        "speckle residual changes too much across the hole for one value.",
+        gt=0,
+        le=20,
+    )
+    library: LibraryName = asked(DEFAULT_LIBRARY, "Where the reference frames of the subtraction come from.")
+    reference_star: ReferenceStar | None = asked(None, "Star of the library of that name.")
+    roll_deg: float = asked(30.0, "Angle between the two rolls of {library} roll.", gt=0, le=180, only_with=_OF_ROLL)
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Reduction:
+        self.reference_library.check(self, f"{called('library')} {self.library}")
+        return self
+
+    @property
+    def reference_library(self) -> Library:
+        """What the package knows of the library."""
+        return LIBRARIES[self.library]
+
+    @property
+    def rolls_deg(self) -> tuple[float, ...]:
+        """Rolls at which frames show the planet, relative to that of the observation; one or two."""
+        return self.reference_library.rolls_deg(self)
+
+
+class Strategy(Reduction):
+    """How an observation is made and reduced.
+
+    Attributes
+    ----------
+    n_modes : int
+        Modes of the reference library that RDI projects out.
+    reference_ratio : float
+        Reference frames per science frame (M/N); their time and noise are counted.
+    sigma : float
+        Detection level whose false-alarm probability a small-sample threshold keeps.
+    annulus_lambda_d : float
+        Half width of the annulus around the planet's separation whose apertures measure background and scatter:
+        the speckle residual changes too much across the hole for one value.
+    library : str
+        Name of the reference library, see `cpic_planner.registry.libraries`.
+    reference_star : ReferenceStar, optional
+        For the library of that name.
+    roll_deg : float
+        Angle between the two rolls of the library of that name.
+    mode : {"analogue", "photon_counting"}
+        Whether charge is measured or photons are counted.
+    counting_sigma : float
+        Threshold of photon counting over the read noise.
+    """
+
+    mode: Literal["analogue", "photon_counting"] = asked(
+        "analogue", "Measure charge, or count photons (visible camera)."
+    )
+    counting_sigma: float = asked(
+        5.0, "Threshold of {mode} photon_counting over the read noise.", gt=0, le=20, only_with=_COUNTED
+    )
+
 
 DEFAULT_TIME_S = 36000.0
 MAX_REALISATIONS = 100_000
@@ -152,9 +341,7 @@ class RunQuestion(Question):
         None, "Dask scheduler to use instead, tcp://host:port.", physics=False, read=check_address
     )
     force: bool = asked(
-        False,
-        "Remove what a run of another configuration wrote into {out}, and nothing else.",
-        physics=False,
+        False, "Remove what a run of another configuration wrote into {out}, and nothing else.", physics=False
     )
 
     @property

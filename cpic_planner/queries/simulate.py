@@ -1,17 +1,15 @@
 """The question of ``cpic simulate``: Level-0 data of which scenes and sequences."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import BeforeValidator
 
-from catalogs.errors import InputError
+from cpic_core import InputError
 from cpic_planner.queries.base import Parts
 from cpic_planner.queries.fields import asked
 from cpic_planner.queries.shared import Fidelity, RunQuestion, several
-from simulator.config.simulation import SequenceConfig, SequenceKind
+from simulator.config import SequenceConfig, SequenceKind
 
 _CHANGES = ("frames", "seed", "fidelity", "tolerance", "switches", "start_utc")
 
@@ -78,10 +76,7 @@ class SimulateQuestion(RunQuestion):
     )
     kind: SequenceKind | None = asked(None, "Type of the sequence; BIAS to LASER need no scene.", default_words="SCI")
     band: Names | None = asked(
-        None,
-        "Band, e.g. F662; repeat, or F520,F662, for several.",
-        metavar="BAND",
-        default_words="all visible bands",
+        None, "Band, e.g. F662; repeat, or F520,F662, for several.", metavar="BAND", default_words="all visible bands"
     )
     exposure_s: Numbers | None = asked(
         None,

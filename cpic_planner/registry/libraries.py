@@ -4,25 +4,19 @@ An entry says what its frames show, in the exposure-time calculator and in the i
 words for it. `Library` itself is the library of the same star without its planet; the others differ from it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Annotated, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-from catalogs.errors import InputError
-from cpic_planner.registry import Registry
+from cpic_core import FloatArray, InputError, Registry
 from simulator.config import Scene, SceneStar
-
-FloatArray = NDArray[np.float64]
 
 
 class StarSettings(Protocol):
-    """What a library reads of another star (`cpic_planner.queries.strategy.ReferenceStar`)."""
+    """What a library reads of another star (`cpic_planner.queries.shared.ReferenceStar`)."""
 
     @property
     def v_mag(self) -> float:
@@ -42,7 +36,7 @@ class StarSettings(Protocol):
 
 
 class LibrarySettings(Protocol):
-    """What a library reads of the strategy that names it (`cpic_planner.queries.strategy.Strategy`)."""
+    """What a library reads of the strategy that names it (`cpic_planner.queries.shared.Strategy`)."""
 
     @property
     def reference_ratio(self) -> float:

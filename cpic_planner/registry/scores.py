@@ -1,17 +1,12 @@
 """What a ranking can be by: one entry a score."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cpic_planner.registry import Registry
-
-FloatArray = NDArray[np.float64]
+from cpic_core import FloatArray, Registry
 
 
 @dataclass(frozen=True)
@@ -19,7 +14,7 @@ class StarNumbers:
     """What a score is made of; arrays of ``n`` stars, or of ``b`` bands and ``n`` stars.
 
     Those of the stars alone are of the reference planet in its best band, and have the names of
-    `cpic_planner.optimiser.Best`.
+    `cpic_planner.ranking.optimiser.Best`.
 
     Attributes
     ----------

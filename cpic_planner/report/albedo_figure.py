@@ -7,17 +7,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from catalogs.errors import InputError
+from cpic_core import FloatArray, InputError
 from cpic_planner.report.drawing import Picture, band_style, literal, new_figure, save, style
 from cpic_planner.report.numbers import decimals, significant
-from cpic_planner.validation.albedo_fit import AlbedoFit
-from cpic_planner.validation.albedo_model import AlbedoModel
+from cpic_planner.validation import AlbedoFit, AlbedoModel
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-FloatArray = npt.NDArray[np.float64]
 
 _REGION, _INNER, _OUTER = "#0072B2", "#5B9FD0", "#C4DDEF"
 _TRUTH, _BEST, _SPECTRUM = "#D55E00", "#000000", "#7A7A7A"

@@ -1,18 +1,45 @@
-"""Cells of tables for people: made from the columns of rows, for terminals and for pages alike."""
+"""Cells of tables for people: made from the columns of rows, for terminals and for pages alike.
+
+Tables on a terminal: columns that give way where it is narrow, and what its encoding can show.
+
+Results as files: the ranking, every measurement of images, targets of survey strategies, visibility.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from cpic_planner.models.columns import Column, column_of, columns_of
 from cpic_planner.report.numbers import MISSING, contrast_text, formatted, significant
 from cpic_planner.report.words import LIMITED_BY, STATUS_SYMBOLS, VERDICTS, status_text
+from cpic_planner.results import (
+    AuditRecord,
+    BandConfirmation,
+    Column,
+    ConfirmResult,
+    PlanResult,
+    RankedTarget,
+    RankResult,
+    SurveyTarget,
+    VisibilityResult,
+    WhatIfResult,
+    column_of,
+    columns_of,
+    csv_text,
+    ecsv_text,
+    names_of,
+    values_of,
+)
+from simulator.knobs import Quantity
 
 if TYPE_CHECKING:
-    from cpic_planner.models import BandConfirmation, BandStanding, EtcAnswer, RankedTarget, SearchRecord
-    from cpic_planner.models.base import Result
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    from cpic_planner.results import BandStanding, EtcAnswer, Result, SearchRecord
+
 
 _SOON = 9
 _NEUTRAL = "·"
@@ -146,3 +173,194 @@ _SHARED = {
     "frames": Cells("frames × s", frames_text, label="frames × exposure", unit="s"),
     "status": Cells("status", verdict_cell, right=False, label="status"),
 }
+
+
+_STYLE = {"ok": "green", "unreachable": "yellow", "saturated": "red", "outside_field": "magenta", "invalid": "red"}
+_GAP = 2
+_LAST_COLUMN = 18
+
+
+def print_table(
+    console: Console,
+    title: str,
+    cells: Sequence[Cells],
+    rows: Iterable[Any],
+    *,
+    last_width: int = _LAST_COLUMN,
+    explained: bool = False,
+) -> None:
+    """Print a table of the columns that fit; the last one (status) always stays and may wrap.
+
+    Parameters
+    ----------
+    console : Console
+    title : str
+    cells : sequence of Cells
+    rows : iterable
+        What `Cells.text` takes.
+    last_width : int
+        Width beyond which the last column wraps.
+    explained : bool
+        Explain the symbols of the rows' statuses below the table.
+    """
+    entries = list(rows)
+    console.print(_drawn(console, title, cells, [[cell.text(row) for cell in cells] for row in entries], last_width))
+    if explained:
+        explain_symbols(console, [row.status for row in entries if row.status != "ok"])
+
+
+def _drawn(console: Console, title: str, columns: Sequence[Cells], rows: list[list[str]], last_width: int) -> Table:
+    from rich import box
+    from rich.cells import cell_len
+    from rich.table import Table
+    from rich.text import Text
+
+    widths = [max([cell_len(c.header), *(cell_len(row[i]) for row in rows)]) + _GAP for i, c in enumerate(columns)]
+    widths[-1] = min(widths[-1], last_width + _GAP)
+    shown = list(range(len(columns)))
+    for i in sorted(shown, key=lambda i: -columns[i].gives_way):
+        if sum(widths[j] for j in shown) > console.width and columns[i].gives_way > 0:
+            shown.remove(i)
+    table = Table(
+        title=Text(_fitting(console, title), style="bold"),
+        title_justify="left",
+        box=box.SIMPLE_HEAD,
+        padding=(0, _GAP - 1, 0, 0),
+        pad_edge=False,
+        show_edge=False,
+    )
+    for i in shown:
+        last = i == len(columns) - 1
+        table.add_column(
+            Text(_fitting(console, columns[i].header)),
+            justify="right" if columns[i].right else "left",
+            no_wrap=not last,
+            overflow="fold" if last else "ellipsis",
+            vertical="top",
+        )
+    for row in rows:
+        table.add_row(*(_cell(console, row[i]) for i in shown))
+    return table
+
+
+def _fitting(console: Console, text: str) -> str:
+    """What the terminal's encoding can show; anything else becomes a question mark instead of an error."""
+    return text.encode(console.encoding, "replace").decode(console.encoding)
+
+
+def _cell(console: Console, text: str) -> Text:
+    """Text without markup (names may hold brackets), coloured when it starts with a status symbol."""
+    from rich.text import Text
+
+    for status, symbol in STATUS_SYMBOLS.items():
+        if text.startswith(symbol):
+            return Text(_fitting(console, text), style=_STYLE[status])
+    return Text(_fitting(console, text))
+
+
+def print_note(console: Console, text: str) -> None:
+    """Print a line below a table."""
+    from rich.text import Text
+
+    console.print(Text(_fitting(console, text), style="dim"))
+
+
+def print_plain(console: Console, text: str, *, bold: bool = False) -> None:
+    """Print a line of text."""
+    from rich.text import Text
+
+    console.print(Text(_fitting(console, text), style="bold" if bold else ""))
+
+
+def explain_symbols(console: Console, statuses: list[str]) -> None:
+    """Explain the symbols of a table."""
+    used = [status for status in STATUS_SYMBOLS if status in statuses]
+    if used and used != ["ok"]:
+        print_note(console, "   ".join(f"{STATUS_SYMBOLS[status]} {status_text(status)}" for status in used))
+
+
+FLAG_SEPARATOR = "|"
+_MODEL_COLUMNS = ("fidelity", "region", "epochs")
+_KNOB_COLUMNS = ("pupil_samples", "wavelength_nodes", "pixel_nodes", "precision")
+_ERROR_COLUMNS: tuple[Quantity, ...] = ("planet_flux", "snr")
+MEASUREMENT_COLUMNS: tuple[str, ...] = (
+    "target",
+    "hip",
+    "chosen",
+    *(name for name in names_of(BandConfirmation) if name != "image"),
+    *_MODEL_COLUMNS,
+    *_KNOB_COLUMNS,
+    *(f"predicted_error_{name}" for name in _ERROR_COLUMNS),
+    *names_of(AuditRecord, before="audit_"),
+)
+"""Columns, in order: those of `BandConfirmation`, of its `ModellingRecord`, and, with ``audit_`` before their names, of
+`AuditRecord`."""
+
+
+def ranking_csv(rank: RankResult) -> str:
+    """Return the ranking as CSV: one line a target, header with units in the names, empty cells for null.
+
+    Numbers keep full precision (shortest text that reads back to the same double); flags are joined with ``|``.
+    """
+    return csv_text(names_of(RankedTarget), map(values_of, rank.targets), joined=FLAG_SEPARATOR)
+
+
+def ranking_ecsv(rank: RankResult) -> str:
+    """Return the ranking as ECSV 1.0: units and descriptions of every column, and what the ranking is, in the header.
+
+    Reads back with ``astropy.table.Table.read(..., format="ascii.ecsv")``; missing numbers are masked.
+    """
+    meta = {
+        "schema_version": rank.schema_version,
+        "config_hash": rank.config_hash,
+        "catalogue": rank.catalogue,
+        "sample": rank.sample,
+        "wall_time_s": rank.time_s,
+        "sigma": rank.sigma,
+        "reference_library": rank.reference_library,
+        "reference_planet": rank.reference_planet.model_dump(mode="json"),
+        "population": rank.population.model_dump(mode="json"),
+        "score_name": rank.score_name,
+        "flag_separator": FLAG_SEPARATOR,
+    }
+    return ecsv_text(RankedTarget, rank.targets, meta, joined=FLAG_SEPARATOR)
+
+
+def measurements_csv(result: PlanResult | ConfirmResult) -> str:
+    """Return one line for each planet and band; units stand in the names, missing numbers are empty."""
+    if isinstance(result, ConfirmResult):
+        rows = [_measured(band) | {"target": result.scene} for band in result.bands]
+    else:
+        rows = [
+            _measured(band) | {"target": target.name, "hip": target.hip, "chosen": band.band == target.chosen_band}
+            for target in result.targets
+            for band in target.bands
+        ]
+    return csv_text(MEASUREMENT_COLUMNS, rows)
+
+
+def _measured(band: BandConfirmation) -> dict[str, Any]:
+    cells = values_of(band)
+    if (made := band.modelled) is not None:
+        cells |= {name: getattr(made, name) for name in _MODEL_COLUMNS}
+        cells |= {name: getattr(made.knobs, name) for name in _KNOB_COLUMNS}
+        cells |= {f"predicted_error_{name}": made.predicted_error.get(name) for name in _ERROR_COLUMNS}
+    return cells | ({} if band.audit is None else values_of(band.audit, before="audit_"))
+
+
+def targets_csv(result: WhatIfResult) -> str:
+    """Return one line for each strategy and star; units stand in the names, lists are joined with semicolons."""
+    rows = ({"strategy": item.name} | values_of(target) for item in result.strategies for target in item.targets)
+    return csv_text(("strategy", *names_of(SurveyTarget)), rows)
+
+
+def visibility_csv(result: VisibilityResult) -> str:
+    """Return visibility as CSV: one line a target and step."""
+    days = ("blocked_by", "visible_s", "window_s", "roll_half_range_deg", "sun_deg", "moon_deg")
+    names = ("name", "mjd", *days)
+    rows = (
+        dict(zip(names, (target.name, *step), strict=True))
+        for target in result.targets
+        for step in zip(result.mjd, *(getattr(target.days, name) for name in days), strict=True)
+    )
+    return csv_text(names, rows)

@@ -1,24 +1,14 @@
 """The report of a confirmed scene: its sections, each an entry of `CONFIRM_SECTIONS`."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from cpic_planner.models import (
-    AlbedoRecord,
-    BandConfirmation,
-    CandidateRecord,
-    ConfirmResult,
-    PositionRecord,
-    SearchRecord,
-)
-from cpic_planner.registry import Registry
-from cpic_planner.registry.libraries import LIBRARIES
+from cpic_core import Registry
+from cpic_planner.registry import LIBRARIES
 from cpic_planner.report import document as doc
 from cpic_planner.report.cells import frames_text
 from cpic_planner.report.drawing import Picture
-from cpic_planner.report.image_blocks import (
+from cpic_planner.report.image_figures import (
     MEASURED_NOTE,
     audit_blocks,
     instrument_fact,
@@ -30,6 +20,14 @@ from cpic_planner.report.image_blocks import (
 from cpic_planner.report.numbers import MISSING, count_text, decimals, significant
 from cpic_planner.report.summary import calibration_sentence, confirm_sentences, overrides_sentence
 from cpic_planner.report.words import ALBEDO_STATUS, method_credits, terms
+from cpic_planner.results import (
+    AlbedoRecord,
+    BandConfirmation,
+    CandidateRecord,
+    ConfirmResult,
+    PositionRecord,
+    SearchRecord,
+)
 
 CONFIRM_FIGURES = {
     "spectrum": "Recovered contrasts on the spectrum of the scene",

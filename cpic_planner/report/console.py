@@ -1,23 +1,65 @@
-"""The plan on the terminal."""
+"""The plan on the terminal.
+
+A confirmed scene on the terminal.
+
+Tables of simulated sequences and of what a check of products found.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from operator import itemgetter
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from cpic_planner.models import BandConfirmation, ConfirmResult, PlanResult
-from cpic_planner.registry.libraries import LIBRARIES
-from cpic_planner.report.cells import Cells, row_cells, status_cell
-from cpic_planner.report.modelled import dial_text, modelled_sentence
-from cpic_planner.report.names import pretty_name, short_name
-from cpic_planner.report.numbers import MISSING, count_text
-from cpic_planner.report.summary import calibration_sentence, overrides_sentence
-from cpic_planner.report.terminal import explain_symbols, print_note, print_plain, print_table
-from cpic_planner.report.words import STATUS_SYMBOLS, plus_minus
+from cpic_planner.registry import LIBRARIES
+from cpic_planner.report.cells import (
+    Cells,
+    explain_symbols,
+    print_note,
+    print_plain,
+    print_table,
+    row_cells,
+    status_cell,
+)
+from cpic_planner.report.numbers import (
+    MISSING,
+    count_text,
+    decimals,
+    duration_text,
+    pretty_name,
+    short_name,
+    shortened,
+    significant,
+    size_text,
+)
+from cpic_planner.report.summary import (
+    calibration_sentence,
+    dial_text,
+    modelled_groups,
+    modelled_sentence,
+    overrides_sentence,
+)
+from cpic_planner.report.words import ALBEDO_STATUS, STATUS_SYMBOLS, plus_minus
+from cpic_planner.results import (
+    AlbedoRecord,
+    BandConfirmation,
+    CandidateRecord,
+    CheckResult,
+    ConfirmResult,
+    FindingRecord,
+    PlannedSequenceRow,
+    PlanResult,
+    PositionRecord,
+    SearchRecord,
+    SimulatedSequence,
+    SimulationEstimate,
+    SimulationResult,
+)
 
 if TYPE_CHECKING:
     from rich.console import Console
+
 
 MEASURED = (
     "separation_arcsec/3 frames/4 em_gain/6 time_s/5 predicted_snr/1 recovered_snr/1 etc_ratio n_detected{more} outcome"
@@ -113,3 +155,207 @@ def outcome_cell(item: BandConfirmation) -> str:
         return f"{STATUS_SYMBOLS['ok']} confirmed"
     at_place = 2 * (item.n_significant or 0) >= (item.realisations or 1)
     return f"{STATUS_SYMBOLS['unreachable']} {'seen at its place' if at_place else 'not found'}"
+
+
+_SHOWN = 5
+
+
+def print_confirm(result: ConfirmResult, console: Console) -> None:
+    """Print measurements, blind candidates, positions and albedo fits of a scene, and how the ETC stands.
+
+    Parameters
+    ----------
+    result : ConfirmResult
+    console : Console
+    """
+    several = len({item.planet for item in result.bands}) > 1
+    cells = row_cells(
+        BandConfirmation,
+        ("planet " if several else "") + "band " + MEASURED.format(more=" true_contrast/7 recovered_contrast/2"),
+        n_detected=found_cell,
+        recovered_contrast=_recovered,
+        outcome=Cells("outcome", outcome_cell, right=False),
+    )
+    rows = sorted(result.bands, key=lambda item: item.planet) if several else result.bands
+    count = result.realisations
+    title = f"{result.scene}: confirmed by simulated images, {count} realisation{'s' * (count != 1)} a band"
+    if not rows:
+        print_plain(console, f"{result.scene}: no planet, {LIBRARIES[result.reference_library].searched}", bold=True)
+    else:
+        print_table(console, title, cells, rows, explained=True)
+    for item in result.bands:
+        if item.audit is not None:
+            print_plain(
+                console,
+                f"{item.planet}, {item.band}, frame by frame with every effect: SNR "
+                f"{significant(item.audit.recovered_snr)} ({significant(item.audit.predicted_snr)} predicted), "
+                f"contrast off by {decimals(item.audit.deviation_sigma, 1)} of its errors, "
+                f"{'found' if item.audit.detected else 'not found'}",
+            )
+    if result.searches:
+        _print_searches(result.searches, console)
+    for position in result.positions:
+        print_plain(console, position_text(position))
+    for albedo in result.albedos:
+        print_plain(console, albedo_text(albedo))
+    print_comparison(result, console, measured=bool(rows))
+    print_modelled(result.bands, console)
+    print_note(console, f"Seed {result.seed}, {dial_text(result)}, configuration {result.config_hash}.")
+
+
+def _recovered(item: BandConfirmation) -> str:
+    if item.recovered_contrast is None or item.contrast_error is None:
+        return MISSING
+    return f"{item.recovered_contrast:.2e} ± {item.contrast_error:.0e}"
+
+
+def _print_searches(searches: list[SearchRecord], console: Console) -> None:
+    rows: list[tuple[SearchRecord, CandidateRecord | None]] = []
+    for search in searches:
+        named = sorted(search.candidates, key=lambda item: -item.snr)
+        shown = [item for number, item in enumerate(named) if item.detected or item.planet or number == 0][:_SHOWN]
+        rows += [(search, item) for item in shown] or [(search, None)]
+    cells = [
+        *row_cells(SearchRecord, "band frames/2 em_gain/2", of=lambda row: row[0]),
+        *row_cells(CandidateRecord, "separation_arcsec pa_deg snr threshold/1", of=lambda row: row[1]),
+        Cells("is", lambda row: _kind(row[1]), right=False),
+    ]
+    elsewhere = sum(search.false_detections for search in searches)
+    total = sum(search.realisations for search in searches)
+    print_table(console, "What the blind search names, first realisation", cells, rows, last_width=30)
+    word = "detection that is" if elsewhere == 1 else "detections that are"
+    print_note(console, f"{elsewhere} {word} no planet of the scene, in {total} searches.")
+
+
+def _kind(item: CandidateRecord | None) -> str:
+    if item is None:
+        return "nothing"
+    return item.planet or ("no planet of the scene" if item.detected else "below the threshold")
+
+
+def position_text(position: PositionRecord) -> str:
+    """Return a measured position beside the true one."""
+    return (
+        f"{position.planet}: {position.separation_arcsec:.4f} ± {position.separation_error_arcsec:.4f}″ at PA "
+        f"{position.pa_deg:.2f} ± {position.pa_error_deg:.2f}° ({', '.join(position.bands)}); true "
+        f"{position.true_separation_arcsec:.4f}″, {position.true_pa_deg:.2f}°"
+    )
+
+
+def albedo_text(albedo: AlbedoRecord) -> str:
+    """Return what contrasts say of metallicity and clouds."""
+    mh, fsed = albedo.log10_mh_interval, albedo.log10_fsed_interval
+    return (
+        f"{albedo.planet}: log10 M/H {decimals(mh[0], 2)} to {decimals(mh[1], 2)}, log10 f_sed {decimals(fsed[0], 2)} "
+        f"to {decimals(fsed[1], 2)} (68 %), correlation {decimals(albedo.correlation, 2)}, from "
+        f"{', '.join(albedo.bands)}: {ALBEDO_STATUS[albedo.status]}"
+    )
+
+
+_FEW = 3
+
+
+_SEQUENCE = "obsid kind target/2 band frames"
+_OWN: dict[str, Any] = {
+    "kind": lambda item: f"{item.kind} {item.role}" if item.role == "reference" else item.kind,
+    "target": lambda item: shortened(item.target),
+    "frames": Cells("frames × s", lambda item: f"{item.n_frames} × {item.exposure_s:g}"),
+}
+
+
+def print_simulation(result: SimulationResult, out: Path, console: Console, *, limit: int = 40) -> None:
+    """Print what the frames of each sequence hold, and where its files are."""
+    cells = row_cells(
+        SimulatedSequence,
+        f"{_SEQUENCE} em_gain adu saturated_pixels cosmic_rays/1 size_bytes",
+        adu=Cells("ADU", lambda item: f"{item.adu_min}–{item.adu_max}"),
+        **_OWN,
+    )
+    print_table(console, _title(result.name, len(result.sequences)), cells, result.sequences[:limit])
+    if len(result.sequences) > limit:
+        print_note(console, f"... and {len(result.sequences) - limit} more: see {out / 'simulation.json'}")
+    print_note(
+        console, "Sat. px: most pixels of one frame that a limit cut off. Cosmics: particles in all frames together."
+    )
+    _print_left_out(result.sequences, console)
+    for line in _places(result.sequences, out):
+        console.print(line, markup=False, soft_wrap=True)
+
+
+def _print_left_out(sequences: Sequence[PlannedSequenceRow], console: Console) -> None:
+    """Print what tolerances leave out, one table for each distinct content, with the largest sizes."""
+    for group in modelled_groups(
+        [(f"{shortened(item.target)} {item.band}", item.modelled) for item in sequences if item.modelled is not None]
+    ):
+        gone = [row for row in group.rows if row.effect.decision == "skipped" and row.effect.size]
+        cells = [
+            Cells("left out", lambda row: row.effect.effect, right=False),
+            Cells("predicted size", lambda row: row.size),
+            Cells("", lambda row: row.where, right=False),
+        ]
+        print_plain(console, f"Left out of {_shortened(group.members)} for the tolerance:", bold=True)
+        print_table(console, "", cells, gone, last_width=console.width)
+        print_note(console, f"Predicted error: {group.errors}.")
+        # All of a frame is kept here: what is said of its region does not apply.
+        print_note(console, f"Optics: {group.knobs.split('; ', 1)[1]}.")
+
+
+def _shortened(members: str) -> str:
+    names = members.split(", ")
+    more = f" and {len(names) - _FEW} more" if len(names) > _FEW else ""
+    return f"{', '.join(names[:_FEW])}{more}"
+
+
+def _title(name: str, count: int) -> str:
+    return f"{name}: {count_text(count)} sequence{'s' * (count != 1)}"
+
+
+def _places(sequences: Sequence[SimulatedSequence], out: Path) -> list[str]:
+    """Files where there are few, folders where there are many."""
+    if len(sequences) <= _FEW:
+        return [str(out / item.file) for item in sequences]
+    folders = dict.fromkeys(str((out / item.file).parent) for item in sequences)
+    listed = list(folders)[:_FEW]
+    more = f" and {len(folders) - _FEW} more" if len(folders) > _FEW else ""
+    return [f"files in {', '.join(listed)}{more}"]
+
+
+def print_planned(plan: SimulationEstimate, console: Console, *, limit: int = 40) -> None:
+    """Print the sequences of a simulation that has not been run, and what it would plan."""
+    cells = row_cells(
+        PlannedSequenceRow, f"{_SEQUENCE} em_gain/1 start_utc/3", start_utc=lambda item: item.start_utc[:19], **_OWN
+    )
+    print_table(console, _title(plan.name, plan.n_sequences), cells, plan.sequences[:limit], last_width=19)
+    if plan.n_sequences > limit:
+        print_note(console, f"... and {plan.n_sequences - limit} more")
+    _print_left_out(plan.sequences, console)
+    console.print(
+        f"{count_text(plan.n_frames)} frames, about {duration_text(plan.wall_s)} with {plan.workers} worker(s), "
+        f"{significant(plan.memory_mb)} MB memory a worker, {size_text(1e6 * plan.disk_mb)} disk",
+        markup=False,
+        soft_wrap=True,
+    )
+
+
+def print_check(result: CheckResult, console: Console) -> None:
+    """Print what a check found, file by file.
+
+    Parameters
+    ----------
+    result : CheckResult
+    console : Console
+    """
+    cells = row_cells(
+        FindingRecord, "hdu keyword severity message", hdu=lambda item: "" if item.hdu is None else str(item.hdu)
+    )
+    for path in dict.fromkeys(item.path for item in result.findings):
+        console.print(path, markup=False, soft_wrap=True)
+        print_table(
+            console, "", cells, [item for item in result.findings if item.path == path], last_width=console.width
+        )
+    count = f"{count_text(result.n_files)} Level-0 file{'s' * (result.n_files != 1)} checked"
+    errors, warnings = (
+        f"{number} {word}{'s' * (number != 1)}"
+        for number, word in ((result.n_errors, "error"), (result.n_warnings, "warning"))
+    )
+    console.print(f"{count}: {f'{errors}, {warnings}' if result.findings else 'nothing wrong'}", markup=False)

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from cpic_planner.models import RankedTarget, RankResult
 from cpic_planner.report.drawing import (
     BAND_STYLE,
     STATUS_STYLE,
@@ -20,9 +19,9 @@ from cpic_planner.report.drawing import (
     save,
     style,
 )
-from cpic_planner.report.names import pretty_name
-from cpic_planner.report.numbers import duration_text
+from cpic_planner.report.numbers import duration_text, pretty_name
 from cpic_planner.report.words import status_text
+from cpic_planner.results import RankedTarget, RankResult
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist

@@ -11,11 +11,11 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Generic, Literal, TypeAlias, TypeVar, Union
 
-from cpic_planner.models.base import Result
-from cpic_planner.registry import Registry
+from cpic_core import Registry
 from cpic_planner.report.cells import Cells, row_cells
 from cpic_planner.report.drawing import Picture
 from cpic_planner.report.words import STATUS_SYMBOLS
+from cpic_planner.results import Result
 
 D = TypeVar("D")
 T = TypeVar("T")

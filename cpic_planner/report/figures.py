@@ -1,22 +1,260 @@
-"""All figures of the reports, each drawn by a module of its own."""
+"""Figures with one row a strategy: yields, differences, time, and what is detected.
+
+All figures of the reports, each drawn by a module of its own.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
 
-from cpic_planner.models import PlanResult, RankResult
-from cpic_planner.models.surveyed import WhatIfResult
+import numpy as np
+
 from cpic_planner.report.contrast_figure import HoleEdges, LimitCurve, contrast_diagram
-from cpic_planner.report.drawing import Picture
+from cpic_planner.report.drawing import Picture, new_figure, save, style
+from cpic_planner.report.image_figures import snr_figure
+from cpic_planner.report.numbers import significant
 from cpic_planner.report.panel_figure import PanelSheet
 from cpic_planner.report.panels import Panels
-from cpic_planner.report.rank_figure import margin_figure
-from cpic_planner.report.sky_map import sky_map
-from cpic_planner.report.snr_figure import snr_figure
+from cpic_planner.report.sky_figures import margin_figure, sky_map
 from cpic_planner.report.whatif_curves import convergence_figure, curves_figure, sweep_figure
-from cpic_planner.report.whatif_maps import calendar_figure, stars_figure
-from cpic_planner.report.whatif_rows import detections_figure, differences_figure, time_figure, yields_figure
+from cpic_planner.report.whatif_maps import (
+    FEW,
+    calendar_figure,
+    left_out,
+    looks_of,
+    plain_log_axis,
+    row_label,
+    shown_rows,
+    stars_figure,
+)
+from cpic_planner.results import DifferenceRecord, EstimateRecord, PlanResult, RankResult, WhatIfResult
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+_PARTS: tuple[tuple[str, str, str, str], ...] = (
+    ("exposing_h", "exposing", "#0072B2", ""),
+    ("occulted_h", "target out of sight", "#8C8C8C", "//"),
+    ("settling_h", "slewing, settling", "#E69F00", ""),
+    ("follow_up_h", "follow-up", "#009E73", "\\\\"),
+    ("unused_h", "unused budget", "#EFEFEF", ""),
+)
+_DIFFERENCES: tuple[Literal["planets", "new_planets"], ...] = ("planets", "new_planets")
+_UNUSED_REACH = 1.35
+_DETECTED: tuple[tuple[str, str, float, bool], ...] = (
+    ("snr", "SNR", 1.0, True),
+    ("margin", "significance / threshold", 1.0, True),
+    ("contrast", "contrast (10⁻⁹)", 1e9, True),
+    ("separation_arcsec", "separation (arcsec)", 1.0, False),
+)
+
+
+def yields_figure(result: WhatIfResult) -> Picture:
+    """Draw the mean yield with its interval, and the range of single surveys, of every strategy.
+
+    Parameters
+    ----------
+    result : WhatIfResult
+    """
+    rows = shown_rows(result.strategies)
+    looks = looks_of(result.strategies)
+    with style():
+        figure, (left, right) = _rowed(result, rows, 2)
+        for axes, quantity, title in (
+            (left, "planets", "planets found, new and known"),
+            (right, "new_planets", "new planets found"),
+        ):
+            for place, i in enumerate(rows):
+                found: EstimateRecord = getattr(result.strategies[i], quantity)
+                axes.plot(
+                    [found.survey_low, found.survey_high], [place, place], color=looks[i][0], lw=1.2, marker="|", ms=6
+                )
+                _mean(axes, place, found.mean, found.low, found.high, looks[i])
+            axes.set_xlabel(title)
+            axes.set_xlim(left=-0.02 * axes.get_xlim()[1])
+        best = max(result.strategies, key=lambda item: item.planets.mean)
+        return save(
+            figure,
+            "svg",
+            alt=f"Planets found by {len(rows)} strategies; most by {best.name}, {significant(best.planets.mean)} a "
+            "survey.",
+            caption="Marker and thick line: mean over universes with its 90 % interval, how well the mean is known. "
+            "Thin line: 5 to 95 % of single surveys, what chance will make of one real survey."
+            + left_out(result.strategies),
+        )
+
+
+def differences_figure(result: WhatIfResult) -> Picture | None:
+    """Draw paired differences with the first strategy; none where there is only one.
+
+    Parameters
+    ----------
+    result : WhatIfResult
+    """
+    if len(result.strategies) < 2:
+        return None
+    reference = result.strategies[0].name
+    places = {result.strategies[i].name: i for i in shown_rows(result.strategies) if i > 0}
+    looks = looks_of(result.strategies)
+    found = {(item.first, item.quantity): item for item in result.differences if item.second == reference}
+    rows = list(places.values())
+    with style():
+        figure, panels = _rowed(result, rows, 2)
+        for axes, quantity in zip(panels, _DIFFERENCES, strict=True):
+            for place, (name, i) in enumerate(places.items()):
+                item = found.get((name, quantity))
+                if item is not None:
+                    sure = _sure(item)
+                    look = looks[i] if sure else ("#8C8C8C", looks[i][1])
+                    _mean(axes, place, item.mean, item.low, item.high, look, open_marker=not sure)
+            axes.axvline(0.0, color="#111111", lw=1.1, ls="--", zorder=1)
+            axes.set_xlabel(f"{quantity.replace('_', ' ')}, difference a survey")
+        better = [name for name in places if (item := found.get((name, "planets"))) is not None and item.low > 0]
+        return save(
+            figure,
+            "svg",
+            alt=f"Differences with {reference} in planets found; surely more: {', '.join(better[:FEW]) or 'none'}"
+            f"{f' and {len(better) - FEW} others' if len(better) > FEW else ''}.",
+            caption=f"Planets found more (right) or fewer (left) than by {reference} in the same universes, mean with "
+            "its 90 % interval. Open and grey: the interval holds zero, so the difference may be chance."
+            + left_out(result.strategies),
+        )
+
+
+def _sure(item: DifferenceRecord) -> bool:
+    return item.low > 0.0 or item.high < 0.0
+
+
+def time_figure(result: WhatIfResult) -> Picture:
+    """Draw where the telescope time goes.
+
+    Parameters
+    ----------
+    result : WhatIfResult
+    """
+    rows = shown_rows(result.strategies)
+    uses = [result.strategies[i].time_use for i in rows]
+    used = np.array([sum(getattr(use, name) for name, *_ in _PARTS[:-1]) for use in uses])
+    unused = np.array([use.unused_h for use in uses])
+    end = min(float((used + unused).max()), _UNUSED_REACH * float(used.max())) or float((used + unused).max()) or 1.0
+    with style():
+        figure, (axes,) = _rowed(result, rows, 1)
+        left = np.zeros(len(rows))
+        for name, label, colour, hatch in _PARTS:
+            widths = np.array([getattr(use, name) for use in uses])
+            axes.barh(
+                range(len(rows)),
+                widths,
+                left=left,
+                color=colour,
+                hatch=hatch,
+                edgecolor="white",
+                lw=0.4,
+                height=0.66,
+                label=label,
+            )
+            left += widths
+        axes.set_xlim(0.0, end)
+        for place in range(len(rows)):
+            if unused[place] > 0 and used[place] < 0.88 * end:
+                axes.annotate(
+                    f"{significant(unused[place])} h unused",
+                    (used[place], place),
+                    (4, 0),
+                    textcoords="offset points",
+                    va="center",
+                    fontsize=8,
+                    color="#333333",
+                )
+        axes.set_xlabel("telescope time a survey (h)")
+        figure.legend(loc="outside upper center", ncols=5, fontsize=9, handlelength=1.6, columnspacing=1.4)
+        cut = bool((used + unused).max() > end)
+        told = [f"{result.strategies[i].name} {significant(hours)} h" for i, hours in zip(rows, used, strict=True)]
+        return save(
+            figure,
+            "svg",
+            alt=f"Stacked bars of telescope time by what it is used for; in all {', '.join(told[:FEW])}.",
+            caption="Where the telescope time goes, mean over universes. Exposing: science and reference frames with "
+            "readouts. Target out of sight: behind the Earth, in the South Atlantic Anomaly, or too little of an orbit "
+            "left for a frame."
+            + (" Unused budget runs on beyond the axis." if cut else "")
+            + left_out(result.strategies),
+        )
+
+
+def detections_figure(result: WhatIfResult) -> Picture | None:
+    """Draw what the detected planets are like; none where nothing is detected.
+
+    Parameters
+    ----------
+    result : WhatIfResult
+    """
+    rows = [i for i in shown_rows(result.strategies) if result.strategies[i].quantiles]
+    if not rows:
+        return None
+    looks = looks_of(result.strategies)
+    with style():
+        figure, panels = _rowed(result, rows, len(_DETECTED))
+        for axes, (name, title, scale, log) in zip(panels, _DETECTED, strict=True):
+            for place, i in enumerate(rows):
+                levels = result.strategies[i].quantiles.get(name)
+                if levels is not None:
+                    _box(axes, place, [scale * level for level in levels], looks[i][0])
+            if log:
+                plain_log_axis(axes)
+            axes.set_xlabel(title)
+        empty = len(result.strategies) - len([item for item in result.strategies if item.quantiles])
+        return save(
+            figure,
+            "svg",
+            alt="Ranges of SNR, margin, contrast and separation of the detections of each strategy.",
+            caption="Detections of all universes. Box: the middle half, with the median; line: 5 to 95 %. Contrast is "
+            "the planet-to-star ratio in the band; significance / threshold is how clearly it stands out."
+            + (f" Strategies without any detection, not shown: {empty}." if empty else "")
+            + left_out(result.strategies),
+        )
+
+
+def _box(axes: Axes, place: int, levels: Sequence[float], colour: str) -> None:
+    lowest, low, middle, high, highest = levels
+    axes.plot([lowest, highest], [place, place], color=colour, lw=1.2, solid_capstyle="butt")
+    axes.barh(place, high - low, left=low, height=0.46, color=colour, alpha=0.35, edgecolor=colour, lw=1.0)
+    axes.plot([middle, middle], [place - 0.23, place + 0.23], color="#111111", lw=1.6, solid_capstyle="butt")
+
+
+def _mean(
+    axes: Axes, place: int, mean: float, low: float, high: float, look: tuple[str, str], *, open_marker: bool = False
+) -> None:
+    axes.plot([low, high], [place, place], color=look[0], lw=8.0, solid_capstyle="butt", alpha=0.45)
+    axes.plot(
+        [mean],
+        [place],
+        marker=look[1],
+        ms=5.5,
+        color=look[0],
+        ls="none",
+        markerfacecolor="white" if open_marker else look[0],
+        markeredgecolor=look[0],
+    )
+
+
+def _rowed(result: WhatIfResult, rows: Sequence[int], columns: int) -> tuple[Figure, list[Axes]]:
+    """Panels that share their rows, first strategy at the top."""
+    each = 0.42 if len(rows) <= 12 else 0.24
+    figure = new_figure(1.5 + each * max(len(rows), 2))
+    panels = list(figure.subplots(1, columns, sharey=True, squeeze=False)[0])
+    for axes in panels:
+        axes.grid(visible=True, axis="x")
+        axes.tick_params(axis="y", length=0)
+    panels[0].set_yticks(
+        range(len(rows)), [row_label(result.strategies[i].name) for i in rows], fontsize=9.5 if len(rows) <= 12 else 8
+    )
+    panels[0].set_ylim(len(rows) - 0.4, -0.6)
+    return figure, panels
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cpic_core import FloatArray
 from cpic_planner.report.drawing import (
     RESIDUAL_COLOURS,
     STACK_COLOURS,
@@ -18,8 +18,7 @@ from cpic_planner.report.drawing import (
     save,
     style,
 )
-from cpic_planner.report.names import pretty_name
-from cpic_planner.report.numbers import decimals, power_of_ten
+from cpic_planner.report.numbers import decimals, power_of_ten, pretty_name
 from cpic_planner.report.panels import Panels, compass
 
 if TYPE_CHECKING:
@@ -27,7 +26,6 @@ if TYPE_CHECKING:
     from matplotlib.colors import Colormap, Normalize
     from matplotlib.figure import Figure
 
-FloatArray = NDArray[np.float64]
 _VIEW_MARGIN = 1.06
 
 PANEL_NOTE = (

@@ -1,18 +1,15 @@
 """The three images of one band of one confirmed target or scene, with what is marked on them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.errors import InputError
-from simulator.imaging.hole_zone import HoleMode, HoleSide, HoleZone
-from simulator.target.positions import sky_to_detector
+from cpic_core import FloatArray, InputError
+from simulator.imaging import HoleMode, HoleSide, HoleZone
+from simulator.target import sky_to_detector
 
-FloatArray = NDArray[np.float64]
 _IMAGES = ("science", "reference", "residual")
 
 

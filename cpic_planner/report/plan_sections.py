@@ -1,29 +1,16 @@
 """The prioritisation report of a plan: its sections, each an entry of `PLAN_SECTIONS`."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
-from catalogs.catalogue import data_credits
-from cpic_planner.models import (
-    BandConfirmation,
-    ConfirmedTarget,
-    PlanResult,
-    RankedTarget,
-    RankResult,
-    SensitivityResult,
-    SensitivityRow,
-)
-from cpic_planner.registry import Registry
-from cpic_planner.registry.libraries import LIBRARIES
-from cpic_planner.registry.scores import SCORES
-from cpic_planner.report import document as doc
-from cpic_planner.report import summary, words
+from catalogs import data_credits
+from cpic_core import Registry
+from cpic_planner.registry import LIBRARIES, SCORES
+from cpic_planner.report import document as doc, summary, words
 from cpic_planner.report.cells import Cells, frames_text
 from cpic_planner.report.drawing import Picture
 from cpic_planner.report.figures import PLAN_FIGURES
-from cpic_planner.report.image_blocks import (
+from cpic_planner.report.image_figures import (
     MEASURED_NOTE,
     audit_blocks,
     instrument_fact,
@@ -33,17 +20,27 @@ from cpic_planner.report.image_blocks import (
     outcome,
     picture_blocks,
 )
-from cpic_planner.report.names import full_name, pretty_name
 from cpic_planner.report.numbers import (
     MISSING,
     contrast_text,
     count_text,
     decimals,
     duration_text,
+    full_name,
+    pretty_name,
     share_text,
     significant,
 )
 from cpic_planner.report.words import method_credits, terms
+from cpic_planner.results import (
+    BandConfirmation,
+    ConfirmedTarget,
+    PlanResult,
+    RankedTarget,
+    RankResult,
+    SensitivityResult,
+    SensitivityRow,
+)
 
 
 @dataclass(frozen=True)

@@ -6,17 +6,14 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
+from cpic_core import FloatArray
 from cpic_planner.report.drawing import BAND_STYLE, STACK_COLOURS, Picture, literal, new_figure, save, style
-from cpic_planner.validation.contrast_curve import ContrastCurve
-from cpic_planner.validation.injection import CompletenessMap
-from cpic_planner.validation.roc import RocCurve
+from cpic_planner.validation import CompletenessMap, ContrastCurve, RocCurve
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-FloatArray = npt.NDArray[np.float64]
 _LINES = ("-", "--", "-.", ":")
 _MARKED_SIGMA = (3.0, 4.0, 5.0)
 

@@ -1,15 +1,12 @@
 """Tables of the report of a comparison of survey strategies: differences, images, stars, sources of the settings."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
-from cpic_planner.models.surveyed import DifferenceRecord, ImageSample, SettingSource, StrategyOutcome, SurveyTarget
 from cpic_planner.report import document as doc
-from cpic_planner.report.names import pretty_name
-from cpic_planner.report.numbers import MISSING, count_text, decimals, significant
+from cpic_planner.report.numbers import MISSING, count_text, decimals, pretty_name, significant
 from cpic_planner.report.whatif_words import changed_settings, interval_text, planets_text, setting_text
+from cpic_planner.results import DifferenceRecord, ImageSample, SettingSource, StrategyOutcome, SurveyTarget
 
 
 @dataclass(frozen=True)

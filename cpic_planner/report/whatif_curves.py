@@ -6,12 +6,11 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cpic_planner.models.surveyed import CurvePoint, StrategyOutcome, WhatIfResult
+from cpic_core import FloatArray
 from cpic_planner.report.drawing import BAND_STYLE, Picture, literal, new_figure, save, style
 from cpic_planner.report.numbers import significant
-from cpic_planner.report.whatif_looks import (
+from cpic_planner.report.whatif_maps import (
     FEW,
     Sweep,
     left_out,
@@ -21,13 +20,13 @@ from cpic_planner.report.whatif_looks import (
     shown_rows,
     sweep_of,
 )
+from cpic_planner.results import CurvePoint, StrategyOutcome, WhatIfResult
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-FloatArray = NDArray[np.float64]
 _What = Literal["curve", "convergence"]
 _BAND_ALPHA = 0.18
 _MOST_VALUES = 16

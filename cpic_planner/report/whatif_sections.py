@@ -1,23 +1,17 @@
 """The report of a comparison of survey strategies: its sections, each an entry of `WHATIF_SECTIONS`."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
-from catalogs.catalogue import data_credits
-from catalogs.info import PLANET_CREDITS
-from catalogs.known_planets import split_source
-from cpic_planner.models.surveyed import RankChange, StrategyOutcome, WhatIfResult
-from cpic_planner.registry import Registry
+from catalogs import PLANET_CREDITS, data_credits, split_source
+from cpic_core import Registry
 from cpic_planner.report import document as doc
 from cpic_planner.report.drawing import Picture
 from cpic_planner.report.figures import WHATIF_FIGURES
-from cpic_planner.report.names import pretty_name
-from cpic_planner.report.numbers import MISSING, count_text, decimals, share_text, significant
+from cpic_planner.report.numbers import MISSING, count_text, decimals, pretty_name, share_text, significant
 from cpic_planner.report.whatif_blocks import difference_table, image_table, pairs_of, source_table, strategy_blocks
-from cpic_planner.report.whatif_looks import shown_rows
+from cpic_planner.report.whatif_maps import shown_rows
 from cpic_planner.report.whatif_words import (
     extent_text,
     hanging_text,
@@ -28,6 +22,7 @@ from cpic_planner.report.whatif_words import (
     universe_facts,
 )
 from cpic_planner.report.words import method_credits, reading, terms, whatif_terms
+from cpic_planner.results import RankChange, StrategyOutcome, WhatIfResult
 
 _OPEN_CHANGES = 5
 """Strategies whose changes of rank are shown without a click."""

@@ -1,16 +1,14 @@
 """What a comparison of survey strategies says, and the settings of strategies, in words."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any, Literal
 
-from cpic_planner.models.surveyed import AssumedInstrument, DifferenceRecord, StrategyOutcome, WhatIfResult
-from cpic_planner.registry.libraries import LIBRARIES
+from cpic_planner.queries import with_unit
+from cpic_planner.registry import LIBRARIES
 from cpic_planner.report.numbers import contrast_text, count_text, decimals, duration_text, percent_text, significant
-from cpic_planner.written_values import with_unit
-from simulator.config.base import unit_of
+from cpic_planner.results import AssumedInstrument, DifferenceRecord, StrategyOutcome, WhatIfResult
+from simulator.config import unit_of
 
 _SPENT = 0.95
 """Share of the budget above which it is what limits the yield."""

@@ -1,20 +1,17 @@
 """What codes mean, in words: statuses, reasons, flags, terms of the noise, limits, remedies; and the glossary."""
 
-from __future__ import annotations
-
 import functools
 import json
 from collections.abc import Mapping
 from importlib import resources
 from typing import Any
 
-from catalogs.star_flags import ADDED_FLAGS
-from catalogs.strict_yaml import parse_yaml
-from cpic_planner.overrides import SimulatorOverrides
-from cpic_planner.registry.libraries import LIBRARIES
-from cpic_planner.registry.scores import SCORES
+from catalogs import ADDED_FLAGS
+from cpic_core import parse_yaml
+from cpic_planner.queries import SimulatorOverrides
+from cpic_planner.registry import LIBRARIES, SCORES
 from cpic_planner.report.numbers import MISSING, decimals, significant
-from simulator.detectors.chains import noise_terms
+from simulator.detectors import noise_terms
 
 #: Symbol of each status, so that badges do not rely on colour.
 STATUS_SYMBOLS: dict[str, str] = {"ok": "✓", "unreachable": "○", "saturated": "▲", "outside_field": "□", "invalid": "✕"}

@@ -1,30 +1,124 @@
-"""Write the products of plans, confirmed scenes and comparisons of strategies into their folders."""
+"""Reports as HTML: each one file that needs nothing else.
 
-from __future__ import annotations
+Write the products of plans, confirmed scenes and comparisons of strategies into their folders.
+"""
 
 import base64
-from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
-from cpic_planner.etc.model import EtcModel
-from cpic_planner.etc.questions import contrast_limit
-from cpic_planner.jobs.folder import RunFolder
-from cpic_planner.models import ConfirmResult, PlanResult, RankResult, SensitivityResult, WhatIfResult
+from cpic_planner.etc import EtcModel, contrast_limit
+from cpic_planner.jobs import RunFolder
+from cpic_planner.report.cells import measurements_csv, ranking_csv, ranking_ecsv, targets_csv
+from cpic_planner.report.confirm_sections import ConfirmReport, confirm_document
 from cpic_planner.report.contrast_figure import HoleEdges, LimitCurve
-from cpic_planner.report.names import pretty_name
+from cpic_planner.report.document import Document
+from cpic_planner.report.drawing import Picture
+from cpic_planner.report.numbers import pretty_name
 from cpic_planner.report.panels import Mark, Panels
-from cpic_planner.report.tables import measurements_csv, ranking_csv, ranking_ecsv, targets_csv
+from cpic_planner.report.plan_sections import PlanReport, plan_document
+from cpic_planner.report.whatif_sections import WhatIfReport, whatif_document
+from cpic_planner.results import ConfirmResult, PlanResult, RankResult, SensitivityResult, WhatIfResult
 from cpic_planner.targets import Targets, find_target
-from cpic_planner.validation.confirm import decode_arrays
-from cpic_planner.validation.findings import FittedAlbedo, albedo_fits
-from simulator.config import Scene
-from simulator.config.albedo import ParametricAlbedo
-from simulator.target.sources import scene_sources
+from cpic_planner.validation import FittedAlbedo, albedo_fits, decode_arrays
+from simulator.config import ParametricAlbedo, Scene
+from simulator.target import scene_sources
 
-if TYPE_CHECKING:
-    from cpic_planner.report.drawing import Picture
+
+def plan_html(
+    plan: PlanResult,
+    rank: RankResult,
+    *,
+    panels: Mapping[str, Panels],
+    limits: Sequence[LimitCurve] = (),
+    holes: Sequence[HoleEdges] = (),
+    sensitivity: SensitivityResult | None = None,
+    top_rows: int = 50,
+) -> str:
+    """Draw the figures of a plan and render its report.
+
+    Parameters
+    ----------
+    plan : PlanResult
+    rank : RankResult
+    panels : mapping of str to Panels
+        Images by ``BandConfirmation.image``; bands without are shown without.
+    limits : sequence of LimitCurve
+        Contrast limits for the diagram.
+    holes : sequence of HoleEdges
+        Corners of each band's dark hole on the diagonal.
+    sensitivity : SensitivityResult, optional
+        How the ranking depends on assumptions; shown on the first page.
+    top_rows : int
+        Rows of the ranking to print.
+
+    Returns
+    -------
+    str
+        The whole file; the same bytes for the same input.
+    """
+    from cpic_planner.report.figures import panel_pictures, plan_figures
+
+    figures = plan_figures(plan, rank, limits=limits, holes=holes)
+    return render_plan(plan, rank, figures, panel_pictures(plan, panels), sensitivity=sensitivity, top_rows=top_rows)
+
+
+def render_plan(
+    plan: PlanResult,
+    rank: RankResult,
+    figures: Mapping[str, Picture],
+    images: Mapping[str, Picture],
+    *,
+    sensitivity: SensitivityResult | None = None,
+    top_rows: int = 50,
+) -> str:
+    """Return the report of a plan from finished pictures.
+
+    Parameters
+    ----------
+    plan, rank, figures, images, sensitivity, top_rows
+        As `cpic_planner.report.plan_sections.PlanReport`.
+    """
+    return page_html(plan_document(PlanReport(plan, rank, figures, images, sensitivity, top_rows)))
+
+
+def render_confirm(result: ConfirmResult, figures: Mapping[str, Picture], images: Mapping[str, Picture]) -> str:
+    """Return the report of a confirmed scene from finished pictures.
+
+    Parameters
+    ----------
+    result, figures, images
+        As `cpic_planner.report.confirm_sections.ConfirmReport`.
+    """
+    return page_html(confirm_document(ConfirmReport(result, figures, images)))
+
+
+def render_whatif(result: WhatIfResult, figures: Mapping[str, Picture]) -> str:
+    """Return the report of a comparison of survey strategies from finished pictures.
+
+    Parameters
+    ----------
+    result, figures
+        As `cpic_planner.report.whatif_sections.WhatIfReport`.
+    """
+    return page_html(whatif_document(WhatIfReport(result, figures)))
+
+
+def page_html(document: Document) -> str:
+    """Return a document as one HTML file with inline style and data-URI images: no script, nothing fetched."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(
+        loader=PackageLoader("cpic_planner.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template("page.html.j2").render(document=document)
+
 
 PRODUCTS = ("ranking.csv", "ranking.ecsv", "measurements.csv", "report.html")
 """Names of the files of a report of a plan."""
@@ -144,8 +238,6 @@ def write_report(
 
     `targets` are the ranked stars, `sensitivity` how their order depends on assumptions.
     """
-    from cpic_planner.report.html import plan_html
-
     folder.write("ranking.csv", ranking_csv(rank))
     folder.write("ranking.ecsv", ranking_ecsv(rank))
     folder.write("measurements.csv", measurements_csv(plan))
@@ -174,11 +266,10 @@ def write_confirm_report(
     scene : Scene
         What the images show.
     bodies : mapping
-        What `cpic_planner.scene_confirmation.confirm_scene` returned beside the result, by band.
+        What `cpic_planner.confirm.scene.confirm_scene` returned beside the result, by band.
     """
-    from cpic_planner.report.html import render_confirm
+    from cpic_planner.report.image_figures import snr_figure, spectrum_figure
     from cpic_planner.report.panel_figure import PanelSheet
-    from cpic_planner.report.snr_figure import snr_figure, spectrum_figure
 
     folder.write("measurements.csv", measurements_csv(result))
     sheet = PanelSheet()
@@ -216,7 +307,6 @@ def write_whatif(folder: RunFolder, result: WhatIfResult) -> None:
     result : WhatIfResult
     """
     from cpic_planner.report.figures import whatif_figures
-    from cpic_planner.report.html import render_whatif
 
     folder.write("targets.csv", targets_csv(result))
     folder.write("report.html", render_whatif(result, whatif_figures(result)))

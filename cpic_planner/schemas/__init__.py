@@ -1,47 +1,81 @@
-"""JSON Schemas of the results, generated from the models and shipped beside this file.
+"""JSON Schemas of questions and results, made from their models; those of results are shipped beside this file.
 
-``python -m cpic_planner.schemas`` rewrites them; a test keeps them equal to the models.
+``python -m tools.schemas`` rewrites the shipped files; a test keeps them equal to the models.
 """
 
-from __future__ import annotations
-
+import pkgutil
 from pathlib import Path
 
-from catalogs.errors import InputError
-
-__all__ = ["generated", "schema_text", "write_all"]
+from cpic_core import InputError
 
 FOLDER = Path(__file__).resolve().parent
+_WHERE = {
+    "queries.etc": {"etc": "EtcQuestion"},
+    "queries.rank": {"rank": "RankQuestion"},
+    "queries.runs": {"plan": "PlanQuestion", "whatif": "WhatIfQuestion", "tradeoff": "TradeoffQuestion"},
+    "queries.images": {"confirm": "ConfirmQuestion"},
+    "queries.simulate": {"simulate": "SimulateQuestion"},
+    "queries.known": {"visibility": "VisibilityQuestion", "known": "KnownQuestion"},
+}
+QUESTIONS = {
+    name: f"cpic_planner.{module}:{model}" for module, models in _WHERE.items() for name, model in models.items()
+}
+"""Where the question of each command is."""
+RESULTS = {
+    name: f"cpic_planner.results:{model}"
+    for name, model in (
+        ("rank", "RankResult"),
+        ("sensitivity", "SensitivityResult"),
+        ("explanation", "Explanation"),
+        ("etc", "EtcResult"),
+        ("plan", "PlanResult"),
+        ("confirm", "ConfirmResult"),
+        ("run", "RunRecord"),
+        ("simulation", "SimulationResult"),
+        ("check", "CheckResult"),
+        ("tradeoff", "TradeoffResult"),
+        ("known", "KnownResult"),
+        ("visibility", "VisibilityResult"),
+        ("whatif", "WhatIfResult"),
+    )
+}
+"""Where the model of each result is."""
 
 
 def generated(name: str) -> str:
-    """Schema of one result as its model defines it."""
-    from cpic_planner.models import SCHEMAS
-    from simulator.files import dump_json
+    """Return the JSON Schema of a result, or of the question of a command, as its model defines it.
 
-    if name not in SCHEMAS:
-        raise InputError("schema", name, allowed=", ".join(SCHEMAS))
-    schema = SCHEMAS[name].model_json_schema()
-    return dump_json({"$schema": "https://json-schema.org/draft/2020-12/schema"} | schema)
-
-
-def schema_text(name: str) -> str:
-    """Shipped schema of one result.
+    Parameters
+    ----------
+    name : str
+        Name of a result, or a command and ``-question``.
 
     Raises
     ------
     InputError
-        If there is no result of that name.
+        If there is none of that name.
+    """
+    from cpic_core import dump_json
+
+    models = RESULTS | {f"{command}-question": model for command, model in QUESTIONS.items()}
+    if name not in models:
+        raise InputError("schema", name, allowed=", ".join(models))
+    schema = pkgutil.resolve_name(models[name]).model_json_schema()
+    return dump_json({"$schema": "https://json-schema.org/draft/2020-12/schema"} | schema)
+
+
+def schema_text(name: str) -> str:
+    """Return the JSON Schema of a result as shipped, or of a question.
+
+    Parameters
+    ----------
+    name : str
+        Name of a result, or a command and ``-question``.
+
+    Raises
+    ------
+    InputError
+        If there is none of that name.
     """
     path = FOLDER / f"{name}.schema.json"
-    if not name.isalpha() or not path.exists():
-        raise InputError("schema", name, allowed=", ".join(sorted(p.name.split(".")[0] for p in FOLDER.glob("*.json"))))
-    return path.read_text(encoding="utf-8")
-
-
-def write_all() -> list[Path]:
-    """Rewrite every shipped schema."""
-    from cpic_planner.models import SCHEMAS
-    from simulator.files import write_text
-
-    return [write_text(FOLDER / f"{name}.schema.json", generated(name)) for name in SCHEMAS]
+    return path.read_text(encoding="utf-8") if name in RESULTS and path.exists() else generated(name)

@@ -1,29 +1,20 @@
 """Run a simulation: every sequence a task, every finished one kept, the rest done when it is started again."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Unpack, cast
 
-from catalogs.errors import InputError
-from catalogs.user_files import digest_of
-from cpic_planner.jobs.folder import RunFolder
-from cpic_planner.jobs.job import Finished, Job, Runner, RunSettings, Task, run
-from cpic_planner.models import SimulatedSequence, SimulationResult
-from cpic_planner.simulation.cost import disk_bytes, sequences_cost
-from cpic_planner.simulation.modelled import modelled
+from cpic_core import InputError, digest_of
+from cpic_planner.jobs import Finished, Job, RunFolder, Runner, RunSettings, Task, run
+from cpic_planner.results import SimulatedSequence, SimulationResult
+from cpic_planner.simulation.inputs import disk_bytes, modelled, sequences_cost
 from cpic_planner.simulation.sequences import PlannedSequence, check_light, located, plan_sequences
 from cpic_planner.version import __version__
-from simulator.camera.frame import Frame
-from simulator.config import FrozenModel, content_hash
-from simulator.config.simulation import SimulationConfig
-from simulator.products import FrameSequence, write_level0
-from simulator.products.naming import ProductName
-from simulator.products.params import PARAMS_FILES
-from simulator.products.write import refuse_taken
+from simulator.camera import Frame
+from simulator.config import FrozenModel, SimulationConfig, content_hash
+from simulator.products import PARAMS_FILES, FrameSequence, ProductName, refuse_taken, write_level0
 
 RESULT_VERSION = 1
 """Raised when the same configuration gives other frames, so that old folders are not continued."""
@@ -72,7 +63,7 @@ def simulate(
     Parameters
     ----------
     simulation : SimulationConfig
-        See `simulator.config.simulation_file.load_simulation`.
+        See `simulator.config.scene_files.load_simulation`.
     out : str or Path
         Root of the tree of products; continued when it holds part of the same simulation.
     truth : bool

@@ -1,19 +1,13 @@
 """The sequences of a simulation, one by one: numbers, times, file names, and what makes their frames."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 from typing import Any, cast
 
-from catalogs.errors import InputError
-from simulator.config import FrozenModel
-from simulator.config.keys import at
-from simulator.config.simulation import SKY_KINDS, SequenceConfig, SimulationConfig, meaningful_keys
-from simulator.products.naming import OBSID_DIGITS, ProductName, checked_obsid, product_name
-from simulator.products.sequence import FrameSequence
-from simulator.products.times import sequence_times
+from cpic_core import InputError
+from simulator.config import SKY_KINDS, FrozenModel, SequenceConfig, SimulationConfig, at, meaningful_keys
+from simulator.products import OBSID_DIGITS, FrameSequence, ProductName, checked_obsid, product_name, sequence_times
 
 
 @dataclass(frozen=True)
@@ -112,7 +106,7 @@ class PlannedSequence:
             "switches": entry.switches_for(self.camera),
         }
         if entry.scene is not None:
-            from simulator.observation import observe
+            from simulator.observing import observe
 
             return observe(
                 entry.scene,
@@ -127,7 +121,7 @@ class PlannedSequence:
                 scene_model=entry.scene_model,
                 **shared,
             )
-        from simulator.calibration import calibrate
+        from simulator.observing import calibrate
 
         return calibrate(
             cast(Any, entry.kind),
@@ -245,7 +239,7 @@ def check_light(planned: tuple[PlannedSequence, ...]) -> None:
     InputError
         Naming the sequence and the source.
     """
-    from simulator.target.sources import extended_rates, scene_sources
+    from simulator.target import extended_rates, scene_sources
 
     seen: set[tuple[int, int, str]] = set()
     for item in planned:

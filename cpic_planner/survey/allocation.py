@@ -11,15 +11,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cpic_planner.survey.schedule import PlannedVisit, Problem, Room, Schedule, greedy, in_order
-from cpic_planner.survey.value import StarValue, Visit
+from cpic_core import FloatArray, IntArray
+from cpic_planner.survey.schedule import PlannedVisit, Problem, Room, Schedule, StarValue, Visit, greedy, in_order
 
-__all__ = ["make_schedule"]
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 _ROUNDS = 12
 _NODES = 500
 _MANY, _SLOW = 200, 0.25
@@ -58,11 +53,9 @@ def make_schedule(problem: Problem) -> Schedule:
     first (known planets) are allocated before the others, and the others get what is left: the bound, which knows no
     such order, may then be farther away.
 
-    Notes
-    -----
-    With ``U`` of `cpic_planner.survey.value.StarValue`, which has diminishing returns, every set of visits T of a star
-    is worth at most ``U(A) + sum over T of the gains of single visits after A``, for any set A (Nemhauser & Wolsey
-    1981). Cuts are added where the last solution was promised more than it is worth.
+    Notes ----- With ``U`` of `cpic_planner.survey.schedule.StarValue`, which has diminishing returns, every set of
+    visits T of a star is worth at most ``U(A) + sum over T of the gains of single visits after A``, for any set A
+    (Nemhauser & Wolsey 1981). Cuts are added where the last solution was promised more than it is worth.
     """
     room, booked = greedy(problem)
     cuts_at = _by_star(problem, [(star, visit) for star, visit, _ in booked])

@@ -1,7 +1,5 @@
 """The model of a strategy: the instrument with what the strategy assumes of it."""
 
-from __future__ import annotations
-
 import functools
 import math
 from collections.abc import Sequence
@@ -11,20 +9,14 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from cpic_planner.etc.model import EtcModel, Strategy, build_model
-from cpic_planner.queries.changes import Change, changed
+from cpic_core import announce, compute_once
+from cpic_planner.etc import EtcModel, build_model
+from cpic_planner.queries import Change, Strategy, changed
 from cpic_planner.survey.strategy import Assumptions, SurveyStrategy
-from simulator.cache import compute_once
 from simulator.config import Instrument, content_hash
-from simulator.imaging.build import build_imager
-from simulator.imaging.imager import centred_axis
-from simulator.imaging.metrics import PsfMetrics
-from simulator.imaging.store import metrics_key, psf_metrics
+from simulator.imaging import PsfMetrics, build_imager, centred_axis, metrics_key, psf_metrics
 from simulator.passbands import Passbands
-from simulator.signal.speckles import floor_law
-from simulator.work import announce
-
-__all__ = ["assumed_model", "imaged_model", "mirror_noise_nm", "raw_contrast_median", "with_contrast"]
+from simulator.signal import floor_law
 
 _LEAST = 1e-30  # a floor of 0 has no law
 _FIRST_NM, _MOST_NM, _RTOL, _ROUNDING = 0.01, 100.0, 1e-7, 1e-9

@@ -9,19 +9,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cpic_planner.etc.model import EtcModel
+from cpic_core import FloatArray
+from cpic_planner.etc import EtcModel
 from cpic_planner.survey.detection import Setting
 from cpic_planner.survey.strategy import Revisits
 from cpic_planner.survey.strategy_file import UniverseConfig
 from cpic_planner.survey.visibility import VisibilityConfig, slew_s, visibility
 from cpic_planner.targets import Targets
 from simulator.config import Instrument
-from simulator.products.ephemeris import body_km
-from simulator.products.times import mjd_of, offline_time
+from simulator.products import body_km, mjd_of, offline_time
 
-__all__ = ["Calendar", "make_calendar", "sun_position_angle_deg"]
-
-FloatArray = NDArray[np.float64]
 _SAMPLES = 6
 _MEAN_SLEW_DEG = 60.0
 _HOUR_S = 3600.0

@@ -1,38 +1,26 @@
 """Stars that a strategy may visit: their frames, the cost of a visit in every slot, and the chance of each draw."""
 
-from __future__ import annotations
-
 import functools
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.errors import InputError
-from catalogs.known_planets import KnownPlanetTable, star_key
-from cpic_planner.completeness import completeness
-from cpic_planner.etc.frames import best_in_visit
-from cpic_planner.etc.model import EtcModel
-from cpic_planner.etc.noise import frame_problem
-from cpic_planner.etc.place import stand
-from cpic_planner.etc.planet import ReferencePlanet
-from cpic_planner.etc.rates import aperture_rates
-from cpic_planner.optimiser import Best, best_in_band, optimise
-from cpic_planner.orbits import OrbitPlaces
-from cpic_planner.population import draw_population
-from cpic_planner.population_config import PopulationConfig
+from catalogs import KnownPlanetTable, star_key
+from cpic_core import FloatArray, InputError
+from cpic_planner.etc import EtcModel, aperture_rates, best_in_visit, frame_problem, stand
+from cpic_planner.planets import OrbitPlaces, PopulationConfig, draw_population
+from cpic_planner.queries import ReferencePlanet
+from cpic_planner.ranking import Best, best_in_band, optimise
+from cpic_planner.ranking.completeness import completeness
 from cpic_planner.survey.calendar import Calendar, sun_position_angle_deg
 from cpic_planner.survey.detection import Setting, detection_chance, see
 from cpic_planner.survey.observed import ObservationLog, ObservedVisit, missed
 from cpic_planner.survey.strategy import SurveyStrategy, VisitRule
 from cpic_planner.survey.universe import NEW, Bodies, at_known_place, draw_bodies, occurrence, star_mass_msun
 from cpic_planner.targets import Targets
-from simulator.config import content_hash
-from simulator.config.albedo import AlbedoSpec, MeasuredAlbedo
+from simulator.config import AlbedoSpec, MeasuredAlbedo, content_hash
 
-__all__ = ["Candidate", "PlanningSky", "Screened", "albedos_of", "candidates", "screen", "settings_of"]
-
-FloatArray = NDArray[np.float64]
 N_SCREEN = 2000
 N_DRAWS, N_KNOWN = 2000, 500
 """Planets of each star, and draws of each known one, with which a schedule is made; its yield is that of others."""

@@ -9,14 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cpic_core import BoolArray, FloatArray
 from cpic_planner.survey.schedule import PlannedVisit
 from cpic_planner.survey.universe import NEW, Bodies
 
 if TYPE_CHECKING:
     from cpic_planner.survey.play import StarPlayed, Survey
 
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 ROUNDING_H = 1e-9
 _OF_BODY = ("radius_rjup", "semi_major_axis_au", "eccentricity", "inclination_deg")
 _OF_VISIT = (

@@ -1,7 +1,5 @@
 """A sample of a strategy's detections at image level: are they found there as often as their law says."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -9,18 +7,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.errors import InputError
-from cpic_planner.models.surveyed import ImageSample
+from cpic_core import InputError
+from cpic_planner.queries import MAX_FRAMES
+from cpic_planner.results import ImageSample
 from cpic_planner.survey.assumed import imaged_model
 from cpic_planner.survey.candidates import albedos_of
 from cpic_planner.survey.detection import rolled
 from cpic_planner.survey.play import Survey
 from cpic_planner.survey.universe import NEW, chance
-from cpic_planner.validation.confirm import confirm_task
-from cpic_planner.validation.task import MAX_FRAMES, ConfirmTask, Frames, expected_of, star_scene, task_of
-from cpic_planner.validation.verdict import refusals_of
+from cpic_planner.validation import ConfirmTask, Frames, confirm_task, expected_of, refusals_of, star_scene, task_of
 from simulator.config import Planet
-from simulator.target.positions import sky_to_detector
+from simulator.target import sky_to_detector
 
 REALISATIONS = 4
 _LEVEL = 0.90

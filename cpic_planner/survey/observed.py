@@ -1,7 +1,5 @@
 """What a survey has done already: an observation log, and what it leaves of the planets that may be there."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -11,23 +9,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.columns import Column, Columns
-from catalogs.errors import InputError
-from catalogs.known_planets import star_key
-from catalogs.table_cells import read_rows
-from catalogs.table_files import parse_table, read_bytes
-from cpic_planner.etc.model import EtcModel
+from catalogs import Column, Columns, parse_table, read_bytes, read_rows, star_key
+from cpic_core import FloatArray, InputError
+from cpic_planner.etc import EtcModel
 from cpic_planner.survey.detection import Setting, detection_chance, see
 from cpic_planner.survey.strategy import DetectionRule
 from cpic_planner.survey.universe import NEW, Bodies
 from cpic_planner.targets import Targets
-from simulator.config.albedo import AlbedoSpec
-from simulator.config.mission import checked_utc
-from simulator.products.times import mjd_of
-
-__all__ = ["COLUMNS", "ObservationLog", "ObservedVisit", "missed", "read_log", "resampled"]
-
-FloatArray = NDArray[np.float64]
+from simulator.config import AlbedoSpec, checked_utc
+from simulator.products import mjd_of
 
 COLUMNS = Columns(
     (

@@ -1,14 +1,13 @@
 """From tables of universes to what strategies yield, how they differ, and which stars changed their rank."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cpic_planner.models.surveyed import (
+from cpic_core import FloatArray
+from cpic_planner.results import (
     AssumedInstrument,
     CurvePoint,
     DifferenceRecord,
@@ -25,9 +24,6 @@ from cpic_planner.survey.estimates import convergence, difference_interval, mean
 from cpic_planner.survey.play import Survey
 from cpic_planner.survey.schedule import PlannedVisit
 
-__all__ = ["differences", "outcome", "rank_changes"]
-
-FloatArray = NDArray[np.float64]
 Columns = Mapping[str, NDArray[Any]]
 _CURVE_POINTS = 41
 _QUANTITIES = ("snr", "contrast", "separation_arcsec", "margin", "day")

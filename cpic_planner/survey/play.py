@@ -1,15 +1,14 @@
 """A survey played through in synthetic universes: what is visited, what is found, what it costs."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.known_planets import KnownPlanetTable
-from cpic_planner.etc.model import EtcModel
+from catalogs import KnownPlanetTable
+from cpic_core import BoolArray, FloatArray
+from cpic_planner.etc import EtcModel
 from cpic_planner.survey.calendar import Calendar, sun_position_angle_deg
 from cpic_planner.survey.candidates import albedos_of
 from cpic_planner.survey.detection import Seen, Setting, detection_chance, reach_au, see
@@ -27,9 +26,6 @@ from cpic_planner.survey.universe import (
     uniform_draws,
 )
 from cpic_planner.targets import Targets
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)

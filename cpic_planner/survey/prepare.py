@@ -1,21 +1,17 @@
 """From strategies to surveys that can be played: stars, calendar, frames, schedule."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from catalogs.catalogue import Catalogue
-from catalogs.errors import InputError
-from catalogs.known_planets import KnownPlanetTable, load_known_planets
-from cpic_planner.etc.model import EtcModel
-from cpic_planner.survey.alarms import background_alarms, noise_alarms
+from catalogs import Catalogue, KnownPlanetTable, load_known_planets
+from cpic_core import Advance, InputError, untold
+from cpic_planner.etc import EtcModel
 from cpic_planner.survey.allocation import make_schedule
 from cpic_planner.survey.assumed import assumed_model
 from cpic_planner.survey.calendar import Calendar, make_calendar
 from cpic_planner.survey.candidates import Candidate, PlanningSky, Screened, candidates, screen, settings_of
-from cpic_planner.survey.detection import reach_au
+from cpic_planner.survey.detection import background_alarms, noise_alarms, reach_au
 from cpic_planner.survey.observed import ObservationLog, read_log
 from cpic_planner.survey.play import Survey
 from cpic_planner.survey.schedule import Problem
@@ -24,7 +20,6 @@ from cpic_planner.survey.strategy_file import StrategiesConfig, UniverseConfig
 from cpic_planner.survey.visibility import VisibilityConfig, load_visibility
 from cpic_planner.targets import Targets, as_catalogue, find_target, rank_sample
 from simulator.config import Instrument, load_instrument
-from simulator.work import Advance, untold
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,8 +5,6 @@ A part is what one task found, rows for several tables in one file that is there
 bytes, whoever made them and however often the run was broken off.
 """
 
-from __future__ import annotations
-
 import io
 import json
 import logging
@@ -19,11 +17,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from catalogs.errors import InputError
-from catalogs.user_files import read_file
-from cpic_planner.jobs.folder import DamagedPartError, RunFolder
-from cpic_planner.models.columns import Column
-from cpic_planner.models.table import arrow_schema
+from cpic_core import InputError, read_file
+from cpic_planner.jobs import DamagedPartError, RunFolder
+from cpic_planner.results import Column, arrow_schema
 
 _LOG = logging.getLogger(__name__)
 SCHEMA_VERSION = 1

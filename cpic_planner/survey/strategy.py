@@ -6,27 +6,12 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
 
-from catalogs.errors import InputError
-from catalogs.strict_yaml import Provenance
-from cpic_planner.etc.detection import DetectionLaw
-from cpic_planner.etc.model import Strategy as Reduction
-from cpic_planner.models.surveyed import VariedSetting
-from cpic_planner.population_config import PopulationConfig, load_population
-from cpic_planner.written_values import read_value
-from simulator.config import FrozenModel
-from simulator.config.light import Real
-
-__all__ = [
-    "Assumptions",
-    "DetectionRule",
-    "FollowUp",
-    "Revisits",
-    "SchedulerRule",
-    "StopRule",
-    "SurveyStrategy",
-    "TargetCuts",
-    "VisitRule",
-]
+from cpic_core import InputError, Provenance
+from cpic_planner.etc import DetectionLaw
+from cpic_planner.planets import PopulationConfig, load_population
+from cpic_planner.queries import Strategy as Reduction, read_value
+from cpic_planner.results import VariedSetting
+from simulator.config import FrozenModel, Real
 
 
 def _listed(value: Any) -> Any:

@@ -9,26 +9,12 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, PrivateAttr, model_validator
 
-from catalogs.errors import InputError
-from catalogs.known_planets import split_source
-from catalogs.strict_yaml import Provenance, load_yaml, split_sourced
-from cpic_planner.models.surveyed import SettingSource
+from catalogs import split_source
+from cpic_core import InputError, Provenance, load_yaml, split_sourced
+from cpic_planner.results import SettingSource
 from cpic_planner.survey.strategy import SurveyStrategy
-from simulator.config import FrozenModel
-from simulator.config.base import deep_merge, validate
-from simulator.config.light import Real
-from simulator.config.mission import Utc
-from simulator.config.presets import preset_path, preset_tree
+from simulator.config import FrozenModel, Real, Utc, deep_merge, preset_path, preset_tree, validate
 from simulator.config.scene import paths_beside
-
-__all__ = [
-    "FILES",
-    "StrategiesConfig",
-    "UniverseConfig",
-    "load_strategies",
-    "sources_of",
-    "with_universe",
-]
 
 PACKAGE = "cpic_planner"
 MAX_STRATEGIES = 200

@@ -1,24 +1,17 @@
 """Strategies with values of keys that are varied: ``--vary drift=0.1nm,x2``."""
 
-from __future__ import annotations
-
 import itertools
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from catalogs.errors import InputError
-from cpic_planner.models.surveyed import VariedSetting
-from cpic_planner.queries.dotted import get, keys_of, put, scaled
+from cpic_core import InputError
+from cpic_planner.queries import Written, get, keys_of, put, read_value, scaled, two_spellings, with_unit
+from cpic_planner.results import VariedSetting
 from cpic_planner.survey.strategy import SurveyStrategy
 from cpic_planner.survey.strategy_file import MAX_STRATEGIES, StrategiesConfig
-from cpic_planner.written_values import Written, read_value, two_spellings, with_unit
-from simulator.config import Instrument, load_instrument
-from simulator.config.base import unit_of, validate
-from simulator.config.keys import nearest
-
-__all__ = ["SHORT_NAMES", "told", "varied"]
+from simulator.config import Instrument, load_instrument, nearest, unit_of, validate
 
 SHORT_NAMES = {
     "contrast": "assumptions.contrast",

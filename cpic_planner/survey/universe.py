@@ -8,31 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from catalogs.errors import InputError
-from catalogs.known_planets import KnownPlanetTable
-from cpic_planner.distributions import chosen_entry
-from cpic_planner.known_planets import QUANTITIES as KNOWN_QUANTITIES
-from cpic_planner.known_planets import draw_known
-from cpic_planner.orbits import OrbitingPlanets, OrbitPlaces
-from cpic_planner.population_config import QUANTITIES, PopulationConfig
+from catalogs import KnownPlanetTable
+from cpic_core import FloatArray, InputError, IntArray, stream
+from cpic_planner.planets import OrbitingPlanets, OrbitPlaces, PopulationConfig, chosen_entry, draw_known
+from cpic_planner.planets.known_rows import QUANTITIES as KNOWN_QUANTITIES
+from cpic_planner.planets.population_config import QUANTITIES
 from cpic_planner.targets import Targets
-from simulator.rng import stream
 
-__all__ = [
-    "BLOCK",
-    "NEW",
-    "Bodies",
-    "at_known_place",
-    "chance",
-    "draw_bodies",
-    "occurrence",
-    "poisson_quantile",
-    "star_mass_msun",
-    "uniform_draws",
-]
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 BLOCK = 100
 """Universes that are drawn together; results do not depend on the number of workers, but streams are named by block."""
 NEW = -1

@@ -1,7 +1,5 @@
 """``cpic whatif``: strategies compared over the same synthetic universes."""
 
-from __future__ import annotations
-
 import functools
 import itertools
 from collections.abc import Mapping, Sequence
@@ -11,23 +9,21 @@ from typing import Any, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
-from cpic_planner.jobs.folder import RunFolder
-from cpic_planner.jobs.job import Cost, Finished, Job, Runner, RunSettings, Task, run
-from cpic_planner.models.surveyed import ImageSample, StrategyOutcome, WhatIfResult
-from cpic_planner.report.whatif_words import best_by_value, hanging_text
-from cpic_planner.report.write import WHATIF_PRODUCTS, write_whatif
+from cpic_core import Advance, announce, untold
+from cpic_planner.jobs import Cost, Finished, Job, RunFolder, Runner, RunSettings, Task, run
+from cpic_planner.report import WHATIF_PRODUCTS, best_by_value, hanging_text, write_whatif
+from cpic_planner.results import ImageSample, StrategyOutcome, WhatIfResult
+from cpic_planner.survey.estimates import TABLES, rows_of
 from cpic_planner.survey.image_check import SampledDetection, image_sample, image_task, sampled_detections
 from cpic_planner.survey.outcome import differences, outcome, rank_changes
 from cpic_planner.survey.play import Survey, play
 from cpic_planner.survey.prepare import Prepared, prepare
 from cpic_planner.survey.store import ResultStore, table_files
 from cpic_planner.survey.strategy_file import FILES, StrategiesConfig, sources_of
-from cpic_planner.survey.tables import TABLES, rows_of
 from cpic_planner.survey.universe import BLOCK
 from cpic_planner.survey.visibility import load_visibility
 from cpic_planner.version import __version__
 from simulator.config import content_hash
-from simulator.work import Advance, announce, untold
 
 _START_S, _PREPARE_S, _OPTICS_S, _PLAY_S, _IMAGE_S = 6.0, 1.8, 5.0, 0.0015, 2.2
 RESULT_VERSION = 2
@@ -132,12 +128,7 @@ def whatif_job(
 
 
 def run_whatif(
-    config: StrategiesConfig,
-    out: str | Path,
-    *,
-    n_images: int = 0,
-    pages: bool = True,
-    **how: Unpack[RunSettings],
+    config: StrategiesConfig, out: str | Path, *, n_images: int = 0, pages: bool = True, **how: Unpack[RunSettings]
 ) -> Finished[WhatIfResult]:
     """Compare strategies.
 

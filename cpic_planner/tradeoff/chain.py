@@ -1,4 +1,9 @@
-"""The work that is timed: both visits of an observation, drawn, calibrated, and the planet's aperture measured."""
+"""Where the noise is measured: apertures of the hole beside the planet's, and what is expected of them.
+
+The closed-form answer: what the exposure-time calculator says of a fixed scene.
+
+The work that is timed: both visits of an observation, drawn, calibrated, and the planet's aperture measured.
+"""
 
 from __future__ import annotations
 
@@ -7,19 +12,125 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.errors import InputError
-from cpic_planner.tradeoff.scenes import FixedScene
-from cpic_planner.tradeoff.setup import Setup, visit
-from cpic_planner.validation.frames import calibrated_frames
-from cpic_planner.validation.realise import cleaned
-from cpic_planner.validation.rejection import filled
-from simulator.camera.frame import MaskBit
-from simulator.hole_stack import hole_stacks
-from simulator.imaging.aperture import overlap_weights
-from simulator.imaging.frame import forget_starlight
-from simulator.observation import Observation
+from cpic_core import BoolArray, FloatArray, InputError
+from cpic_planner.confirm import scene_target
+from cpic_planner.etc import EtcModel, StackNoise, aperture_rates, build_model, stack_noise
+from cpic_planner.queries import Strategy
+from cpic_planner.targets import Targets
+from cpic_planner.tradeoff.setup import FixedScene, Setup, visit
+from cpic_planner.validation import calibrated_frames, cleaned, filled
+from simulator.camera import FrameNoise, MaskBit
+from simulator.imaging import aperture_sums, centred_axis, forget_starlight, overlap_weights, psf_metrics
+from simulator.knobs import FIDELITIES
+from simulator.observing import Observation, hole_stacks
+from simulator.target import scene_sources
 
-FloatArray = NDArray[np.float64]
+ANNULUS_LAMBDA_D = 2.0
+"""Half width of the annulus whose apertures measure the speckles."""
+_AWAY_RADII = 2.5
+
+
+@dataclass(frozen=True, eq=False)
+class Places:
+    """Apertures on the stamp around the mask; made by `Places.of`.
+
+    Attributes
+    ----------
+    white : ndarray of bool, shape (n, n)
+        Centres of apertures wholly inside the hole, none of which touches the planet.
+    near : ndarray of bool, shape (n, n)
+        Those of them near the planet's separation.
+    annulus : ndarray of bool, shape (n, n)
+        Pixels of the hole near that separation.
+    weights : ndarray
+        Of the pixels of an aperture.
+    level : ndarray, shape (n, n)
+        Expected white variance of the planet's aperture, without its own light, over that of the aperture on each
+        pixel: halo and companions differ from place to place.
+    star_e_s, source_noise_fraction : float
+        Light of the star on the clear disc, and `PsfMetrics.source_noise_fraction`.
+    """
+
+    white: BoolArray
+    near: BoolArray
+    annulus: BoolArray
+    weights: FloatArray
+    level: FloatArray
+    star_e_s: float
+    source_noise_fraction: float
+
+    @classmethod
+    def of(cls, case: FixedScene) -> Places:
+        """Those of a scene: the same for every way, so that ways can be compared."""
+        metrics = psf_metrics(case.instrument, case.band)
+        alone = case.scene.model_copy(update={"stars": (), "extended": ()})
+        star, planet, *_ = scene_sources(alone, case.instrument, case.band)
+        pixel, radius = metrics.pixel_scale_arcsec, metrics.aperture_radius_arcsec
+        offset = centred_axis(len(metrics.raw_contrast), pixel)
+        separation = np.hypot(planet.x_arcsec, planet.y_arcsec)
+        distance = np.abs(np.hypot(offset[:, None], offset) - separation)
+        around = distance <= ANNULUS_LAMBDA_D * metrics.lambda_d_arcsec
+        away = np.hypot(offset[:, None] - planet.y_arcsec, offset - planet.x_arcsec) > _AWAY_RADII * radius
+        white = metrics.zone.covers(offset, offset, -radius) & away
+        weights = overlap_weights(radius / pixel)
+        at = int(np.abs(offset - planet.y_arcsec).argmin()), int(np.abs(offset - planet.x_arcsec).argmin())
+        return cls(
+            white=white,
+            near=white & around,
+            annulus=metrics.zone.covers(offset, offset) & around,
+            weights=weights,
+            level=_level(case, weights, at),
+            star_e_s=star.rate_e_s,
+            source_noise_fraction=metrics.source_noise_fraction,
+        )
+
+
+def _level(case: FixedScene, weights: FloatArray, at: tuple[int, int]) -> FloatArray:
+    """Closed-form variance at the planet over that at each place, from the expected light at quick knobs."""
+    seen = visit(
+        case, Setup("frames", "hole", FIDELITIES["quick"], 1, scene_model=case.scene_model), planets=False, n_frames=1
+    )
+    noise = FrameNoise.of(seen.instrument.detector_of(case.band), case.em_gain, case.exposure_s)
+    sums = aperture_sums(noise.charge_variance_e2(seen.expected_e + noise.clock_e), weights**2)
+    return np.where(sums > 0, sums[at] / np.where(sums > 0, sums, 1.0), 1.0)
+
+
+_NOT_PLACE = ("background_mean",)
+
+
+@dataclass(frozen=True)
+class ClosedForm:
+    """A fixed scene as the calculator sees it: a star, its planet's contrast and place, and the frames."""
+
+    model: EtcModel
+    target: Targets
+    case: FixedScene
+    x_arcsec: float
+    y_arcsec: float
+    contrast: float
+
+    def noise(self, n_cases: int = 1) -> StackNoise:
+        """One question, or as many at once, of planets that differ."""
+        case, place = self.case, np.ones((1, n_cases))
+        contrast = self.contrast * np.linspace(1.0, 2.0, n_cases)[None]
+        rates = aperture_rates(
+            self.model, self.target, case.band, self.x_arcsec * place, self.y_arcsec * place, contrast
+        )
+        return stack_noise(rates, case.exposure_s, case.n_frames, case.em_gain, self.model.camera(case.band))
+
+    def answer(self) -> dict[str, float]:
+        """Flux and variance of the visit, e- and e-^2, as the images are measured: no error of the mean background."""
+        said = self.noise()
+        terms = {name: float(np.ravel(part)[0]) for name, part in said.terms.items() if name not in _NOT_PLACE}
+        speckle = terms.pop("speckle")
+        return {"flux_e": float(np.ravel(said.signal_e)[0]), "white_e2": sum(terms.values()), "speckle_e2": speckle}
+
+
+def closed_form(case: FixedScene) -> ClosedForm:
+    """Prepare the calculator for a fixed scene."""
+    model = build_model(case.instrument, [case.band], Strategy(n_modes=0, annulus_lambda_d=ANNULUS_LAMBDA_D))
+    planet = next(item for item in scene_sources(case.scene, case.instrument, case.band) if item.kind == "planet")
+    return ClosedForm(model, scene_target(case.scene), case, planet.x_arcsec, planet.y_arcsec, planet.contrast or 0.0)
 
 
 class NotApplicable(Exception):

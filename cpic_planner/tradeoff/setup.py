@@ -1,19 +1,162 @@
-"""What one way to an answer models, and the observations that follow from it."""
+"""The machine on which something was timed.
+
+The fixed scenes on which speed and accuracy are measured: one for each place where shortcuts can fail.
+
+What one way to an answer models, and the observations that follow from it.
+"""
 
 from __future__ import annotations
 
 import dataclasses
+import functools
+import math
+import os
+import platform
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from importlib import metadata
+from pathlib import Path
 from typing import Any, Literal
 
-from cpic_planner.tradeoff.scenes import PLANET, FixedScene
-from cpic_planner.validation.task import images_of
-from simulator.config import Instrument, Scene
-from simulator.imaging.frame import SceneModel
+from cpic_core import InputError, load_yaml
+from cpic_planner.results import MachineRecord
+from cpic_planner.validation import images_of
+from simulator.config import Instrument, Planet, Scene, content_hash, load_instrument, load_scene, validate
+from simulator.imaging import SceneModel
 from simulator.knobs import FIDELITIES, Dial, Knobs
 from simulator.ledger import Choice, choose, forecast
-from simulator.observation import Observation, Role, observe
+from simulator.observing import Observation, Role, observe
+
+
+def this_machine() -> MachineRecord:
+    """Processor, memory and software of this machine; nothing that names it."""
+    import numpy as np
+    from threadpoolctl import threadpool_info
+
+    np.ones((2, 2)) @ np.ones((2, 2))
+    libraries = sorted(
+        {f"{item['internal_api']} {item['version']}" for item in threadpool_info() if item["user_api"] == "blas"}
+    )
+    tree = {
+        "processor": _processor(),
+        "cores": _cores(),
+        "memory_gb": _memory_gb(),
+        "system": f"{platform.system()} {platform.machine()}",
+        "python": platform.python_version(),
+        "numpy": metadata.version("numpy"),
+        "scipy": metadata.version("scipy"),
+        "numba": metadata.version("numba"),
+        "blas": ", ".join(libraries) or "unknown",
+        "blas_threads": 1,
+    }
+    return MachineRecord(key=content_hash(tree), **tree)
+
+
+def _processor() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        lines = []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.processor() or platform.machine()
+
+
+def _cores() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _memory_gb() -> float:
+    try:
+        return round(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1e9, 1)
+    except (ValueError, OSError, AttributeError):
+        return 0.0
+
+
+PLANET = "planet"
+_LIST = Path(__file__).resolve().parents[1] / "presets" / "tradeoff" / "scenes.yaml"
+_ALBEDO, _RADIUS_AU = 0.5, 71492.0 / 149597870.7
+
+
+@dataclass(frozen=True)
+class FixedScene:
+    """A scene with the frames that it is observed in.
+
+    Attributes
+    ----------
+    name, title, why : str
+        Short name, heading, and why it is in the list.
+    band : str
+    exposure_s, n_frames, em_gain
+        Of the science visit; the reference visit has as many frames.
+    tree : dict
+        The scene, as `simulator.load_scene` reads it, or ``preset`` with what differs.
+    scene_model : {"exact", "paper"}
+        How the scene is asked to be made.
+    detector : dict
+        What differs from the default instrument's detector of the band.
+    """
+
+    name: str
+    title: str
+    why: str
+    band: str
+    exposure_s: float
+    n_frames: int
+    em_gain: float
+    tree: Mapping[str, Any]
+    scene_model: SceneModel = "exact"
+    detector: Mapping[str, Any] = field(default_factory=dict)
+
+    @functools.cached_property
+    def scene(self) -> Scene:
+        """Star, planet and whatever else there is."""
+        tree = dict(self.tree)
+        if "preset" not in tree:
+            return load_scene(tree)
+        shown = load_scene(tree["preset"])
+        planets = tuple(validate(Planet, body, where="planet") for body in tree["planets"])
+        star = shown.cstar.model_copy(update={"v_mag": tree["v_mag"]})
+        return shown.model_copy(update={"planets": planets, "cstar": star})
+
+    @functools.cached_property
+    def instrument(self) -> Instrument:
+        """The default instrument, its detector as configured here."""
+        instrument = load_instrument()
+        if not self.detector:
+            return instrument
+        own = dict(self.detector)
+        visible = instrument.band(self.band).camera == "VIS"
+        return instrument.changed({"detector": own} if visible else {"near_infrared": {"detector": own}})
+
+
+def _read(name: str, entry: dict[str, Any]) -> FixedScene:
+    """Return a scene of the list, its planet as a body that has the contrast it is given."""
+    body = entry.pop("planet")
+    planet = {
+        "name": PLANET,
+        "radius_rjup": 1.0,
+        "phase_deg": 90.0,
+        "albedo": _ALBEDO,
+        "distance_au": _RADIUS_AU * math.sqrt(_ALBEDO / (math.pi * body.pop("contrast"))),
+    }
+    return FixedScene(name=name, **entry | {"tree": entry["tree"] | {"planets": [planet | body]}})
+
+
+SCENES = {name: _read(name, entry) for name, entry in load_yaml(_LIST).items()}
+
+
+def fixed_scene(name: str) -> FixedScene:
+    """One of the scenes by name.
+
+    Raises
+    ------
+    InputError
+        If there is none of that name.
+    """
+    if name not in SCENES:
+        raise InputError("--scene", name, allowed=", ".join(SCENES))
+    return SCENES[name]
+
 
 SEED = 1
 REFERENCE_EPOCHS = 1000

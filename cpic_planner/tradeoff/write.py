@@ -1,16 +1,324 @@
-"""The files of a tradeoff, and reading the result back."""
+"""CSV and text of the measurements.
+
+Error against time, a panel for each scene.
+
+The files of a tradeoff, and reading the result back.
+"""
 
 from __future__ import annotations
 
+import io
 import json
+import math
+from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from pydantic import ValidationError
 
-from catalogs.errors import InputError
-from catalogs.user_files import read_text
-from cpic_planner.models.tradeoff import TradeoffResult
-from cpic_planner.tradeoff.tables import csv_text, report_text
+from cpic_core import InputError, read_text
+from cpic_planner.report import new_figure, place_labels, style
+from cpic_planner.results import MachineRecord, TradeoffResult, TradeoffRow, csv_text as table_text, names_of
+from cpic_planner.tradeoff.setup import SCENES
+from simulator.knobs import Quantity
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+_COUNTED = [name for name in names_of(TradeoffRow) if name != "variance_e2"]
+COLUMNS = (
+    *_COUNTED[: _COUNTED.index("n_frames")],
+    "predicted_flux_error",
+    "predicted_snr_error",
+    *_COUNTED[_COUNTED.index("n_frames") :],
+)
+"""Columns of the CSV file: those of `TradeoffRow`, and what the ledger predicts for flux and SNR."""
+_TIERS = ("etc", "quick", "standard", "reference")
+_HEADINGS = {
+    "closed_form": "Closed forms",
+    "images": "Images made in a stated way",
+    "tier": "Named tiers",
+    "tolerance": "Tolerances",
+    "knob": "The reference with one knob changed",
+    "effect": "The reference without one effect",
+}
+
+
+def csv_text(result: TradeoffResult) -> str:
+    """Return one line for each row, six digits; empty where there is no number."""
+    errors: dict[str, Quantity] = {"predicted_flux_error": "planet_flux", "predicted_snr_error": "snr"}
+    rows = (dict(row) | {name: row.predicted_error.get(of) for name, of in errors.items()} for row in result.rows)
+    return table_text(COLUMNS, rows, digits=6)
+
+
+def _table(head: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
+    rows = [list(head), ["---"] * len(head), *map(list, lines)]
+    return "\n".join(f"| {' | '.join(row)} |" for row in rows)
+
+
+def _seconds(value: float | None) -> str:
+    if value is None:
+        return ""
+    for unit, size in (("s", 1.0), ("ms", 1e-3), ("us", 1e-6)):
+        if value >= size:
+            return f"{value / size:.3g} {unit}"
+    return f"{value / 1e-9:.3g} ns"
+
+
+def _error(value: float | None, uncertainty: float | None) -> str:
+    if value is None:
+        return ""
+    if value == 0.0 and not uncertainty:
+        return "0"
+    if abs(value) < (uncertainty or 0.0):
+        return f"< {100 * (uncertainty or 0.0):.2g} %"
+    spread = f" ± {100 * uncertainty:.2g}" if uncertainty and uncertainty > 1e-6 else ""
+    return f"{100 * value:+.2g}{spread} %"
+
+
+def _memory(value: float | None) -> str:
+    return "" if value is None else f"{value:.0f}"
+
+
+def tier_table(result: TradeoffResult) -> str:
+    """One line per tier: range of times and memory over the scenes, and the worst errors."""
+    lines = []
+    for name in _TIERS:
+        rows = [row for row in result.rows if row.point == name]
+        good = [row for row in rows if row.status == "ok"]
+        if not good:
+            continue
+        times = sorted(row.wall_s or 0.0 for row in good)
+        lines.append(
+            [
+                "closed form" if name == "etc" else f"`{name}`",
+                f"{_seconds(times[0])} to {_seconds(times[-1])}",
+                f"{max(row.peak_memory_mb or 0.0 for row in good):.0f}",
+                _worst(good, "flux"),
+                _worst(good, "snr"),
+                f"{len(good)} of {len(rows)}",
+            ]
+        )
+    head = [
+        "tier",
+        "wall clock of an observation",
+        "memory (MB)",
+        "largest error of the planet's flux",
+        "largest error of SNR",
+        "scenes",
+    ]
+    return _table(head, lines)
+
+
+def _worst(rows: Sequence[TradeoffRow], quantity: str) -> str:
+    def size(row: TradeoffRow) -> float:
+        return float(abs(getattr(row, f"{quantity}_error") or 0.0))
+
+    worst = max(rows, key=size)
+    text = _error(getattr(worst, f"{quantity}_error"), getattr(worst, f"{quantity}_uncertainty"))
+    return text if not size(worst) else f"{text} ({worst.scene})"
+
+
+def _machine_text(machine: MachineRecord) -> str:
+    return (
+        f"{machine.processor}, {machine.cores} cores, {machine.memory_gb:g} GB, {machine.system}; Python "
+        f"{machine.python}, NumPy {machine.numpy}, SciPy {machine.scipy}, Numba {machine.numba}, {machine.blas} on "
+        f"{machine.blas_threads} thread"
+    )
+
+
+def _scene_text(result: TradeoffResult, scene: str) -> str:
+    about = next(item for item in result.scenes if item.name == scene)
+    parts = [
+        f"## {about.title} (`{scene}`)\n\n{about.why[0].upper()}{about.why[1:]}.\n{about.band}, {about.n_frames} "
+        f"frames of {about.exposure_s:g} s and as many of a reference visit, gain {about.em_gain:g}."
+    ]
+    own = [row for row in result.rows if row.scene == scene]
+    for group, heading in _HEADINGS.items():
+        rows = [row for row in own if row.group == group]
+        if rows:
+            lines = [_line(row, result.machine.key) for row in rows]
+            head = ["", "wall clock", "processor", "first answer", "memory (MB)", "error of flux", "error of SNR"]
+            parts.append(f"### {heading}\n\n{_table(head, lines)}")
+    return "\n\n".join(parts)
+
+
+def _scenes_text(result: TradeoffResult) -> str:
+    """Name the scenes of a result, which may be some of the fixed ones."""
+    names = [scene.name for scene in result.scenes]
+    return "all scenes" if len(names) == len(SCENES) else ", ".join(f"`{name}`" for name in names)
+
+
+def _line(row: TradeoffRow, machine: str) -> list[str]:
+    mark = "" if row.machine == machine else " (another machine)"
+    if row.status != "ok":
+        return [f"{row.title}{mark}", f"{row.status}: {row.reason.replace('_', ' ')}", "", "", "", row.message, ""]
+    return [
+        f"{row.title}{mark}",
+        _seconds(row.wall_s),
+        _seconds(row.cpu_s),
+        _seconds(row.cold_s),
+        _memory(row.peak_memory_mb),
+        _error(row.flux_error, row.flux_uncertainty),
+        _error(row.snr_error, row.snr_uncertainty),
+    ]
+
+
+def report_text(result: TradeoffResult, *, head: str = "") -> str:
+    """The report.
+
+    Parameters
+    ----------
+    result : TradeoffResult
+    head : str
+        What stands between the title and the tables.
+    """
+    scenes = "\n\n".join(_scene_text(result, item.name) for item in result.scenes)
+    faster = "\n".join(f"- {scene}: {ratio:.0f} times" for scene, ratio in result.speed_ups.items())
+    others = "".join(f"\nRows marked so: {_machine_text(item)}.\n" for item in result.other_machines)
+    glance = "\n**Few frames and samples: for a look, not for a record.**\n" if result.quick_look else ""
+    return f"""# Speed against accuracy
+{glance}{head}
+{_machine_text(result.machine)}.
+{others}
+## Tiers over {_scenes_text(result)}
+
+{tier_table(result)}
+
+Wall clock of the reference over one call of the closed forms:
+
+{faster}
+
+![error against time](pareto.png)
+
+*Every way on every scene: error against wall clock. Triangles are upper limits: the error is below what the
+measurement can tell.*
+
+## How it is measured
+
+Each way makes science and reference visit, calibrates them, and sums the planet's aperture; the closed forms give the
+same numbers without images. Every row of the first four groups is a process of its own: the first answer counts from
+its start, the other times are the best of some more calls. Rows that change one thing share a process and are called
+once; one that leaves the light as it is counts the time of the reference's light. Memory is the peak resident set,
+interpreter and libraries included.
+
+The flux is that of the expected images, with the planet minus without it: no noise, so that its error has no other
+limit than rounding. The SNR is that flux over the noise of the aperture in both visits: the scatter from frame to frame
+over all apertures of the hole, each scaled to the planet's place by the light that is expected there, particles and
+lost pixels taken out as `cpic confirm` does; the planet's own noise in closed form; and what subtraction of the
+reference visit leaves of the star near the planet's separation, from images without noise of the same random
+wavefronts. Ways with the random numbers of the reference are compared frame by frame, so that
+differences are known far better than the noise itself; windows, sums and closed forms carry the scatter of both. No
+planet stands on a bad pixel; the infrared camera has no reduction yet, so that its flat counts.
+
+{scenes}
+"""
+
+
+# Okabe-Ito colours, and a symbol each.
+LOOKS: dict[str, tuple[str, str, str]] = {
+    "closed_form": ("#D55E00", "*", "closed forms"),
+    "images": ("#56B4E9", "s", "images, stated way"),
+    "tier": ("#000000", "o", "named tiers"),
+    "tolerance": ("#009E73", "D", "tolerances"),
+    "knob": ("#CC79A7", "+", "one knob changed"),
+    "effect": ("#999999", "x", "one effect left out"),
+}
+SMALLEST = 1e-6
+"""Errors below are drawn here, as upper limits."""
+_LABELS = {"reference": "reference", "standard": "standard", "quick": "quick", "etc": "closed form"}
+DPI = 130
+
+
+def pareto_png(result: TradeoffResult) -> bytes:
+    """The figure as a file."""
+    buffer = io.BytesIO()
+    with style():
+        pareto_figure(result).savefig(buffer, format="png", dpi=DPI, metadata={"Software": None})
+    return buffer.getvalue()
+
+
+def pareto_figure(result: TradeoffResult) -> Figure:
+    """Draw the larger of the errors of flux and SNR against wall clock."""
+    scenes = list(result.scenes)
+    columns = 2 if len(scenes) > 1 else 1
+    lines = math.ceil((len(scenes) + (columns == 2 and len(scenes) % 2 == 0)) / columns) if scenes else 1
+    figure = new_figure(3.0 * lines + 0.9)
+    panels = figure.subplots(lines, columns, squeeze=False, sharex=True).ravel()
+    ok = [row for row in result.rows if row.status == "ok" and row.wall_s and row.snr_error is not None]
+    for panel, scene in zip(panels, scenes, strict=False):
+        _panel(panel, [row for row in ok if row.scene == scene.name])
+        panel.set_title(scene.title)
+    for panel in panels[len(scenes) :]:
+        panel.set_axis_off()
+    for panel in panels[: len(scenes)][-columns:]:
+        panel.tick_params(labelbottom=True)  # the lowest of each column
+    figure.supxlabel("wall clock of one observation (s)", fontsize=10.5)
+    figure.supylabel("relative error (larger of flux and SNR)", fontsize=10.5)
+    handles, labels = _legend()
+    figure.legend(handles, labels, loc="outside upper center", ncols=4)
+    for panel, scene in zip(panels, scenes, strict=False):
+        named = [row for row in ok if row.scene == scene.name and row.point in _LABELS]
+        place_labels(
+            panel,
+            [row.wall_s or 0.0 for row in named],
+            [_size(row)[0] for row in named],
+            [_LABELS[row.point] for row in named],
+            fontsize=8.5,
+        )
+    return figure
+
+
+def _size(row: TradeoffRow) -> tuple[float, bool]:
+    """Error to draw, and whether it is only a limit."""
+    sizes = []
+    for quantity in ("flux", "snr"):
+        value, limit = abs(getattr(row, f"{quantity}_error") or 0.0), getattr(row, f"{quantity}_uncertainty") or 0.0
+        sizes.append((value, False) if value > limit else (limit, True))
+    value, limit = max(sizes)
+    return (value, limit) if value > SMALLEST else (SMALLEST, True)
+
+
+def _panel(axes: Axes, rows: Sequence[TradeoffRow]) -> None:
+    top = max([0.1, *(_size(row)[0] for row in rows)])
+    axes.set(xscale="log", yscale="log", ylim=(0.5 * SMALLEST, 3.0 * top))
+    axes.grid(visible=True)
+    for level in (0.01, 0.03, 0.05):
+        axes.axhline(level, color="#BBBBBB", lw=0.8, ls=":", zorder=1)
+    for group, (colour, marker, _) in LOOKS.items():
+        for row in rows:
+            if row.group != group:
+                continue
+            value, limit = _size(row)
+            thin = marker in "+x"
+            axes.plot(
+                row.wall_s or 0.0,
+                value,
+                marker="v" if limit else marker,
+                color=colour,
+                ls="none",
+                zorder=3,
+                ms=9 if marker == "*" else 6,
+                mew=1.3 if thin and not limit else 0.8,
+                mfc="none" if limit or thin else colour,
+                mec=colour,
+            )
+
+
+def _legend() -> tuple[list[Artist], list[str]]:
+    from matplotlib.lines import Line2D
+
+    handles: list[Artist] = [
+        Line2D([], [], color=colour, marker=marker, ls="none", ms=7, mfc="none" if marker in "+x" else colour)
+        for colour, marker, _ in LOOKS.values()
+    ]
+    handles.append(Line2D([], [], color="#444444", marker="v", ls="none", ms=7, mfc="none"))
+    handles.append(Line2D([], [], color="#BBBBBB", ls=":"))
+    return handles, [*(text for _, _, text in LOOKS.values()), "upper limit", "1, 3 and 5 %"]
+
 
 _MAX_BYTES = 100_000_000
 RESULT = "results.json"
@@ -20,8 +328,6 @@ FILES = ("results.csv", "report.md", "pareto.png")
 
 def products_of(result: TradeoffResult, *, head: str = "") -> dict[str, bytes]:
     """Return the files beside the result by their names; ``head`` stands between title and tables of the report."""
-    from cpic_planner.tradeoff.figure import pareto_png
-
     contents = csv_text(result).encode(), report_text(result, head=head).encode(), pareto_png(result)
     return dict(zip(FILES, contents, strict=True))
 

@@ -1,25 +1,17 @@
 """Metallicity and clouds of a planet from its measured band contrasts, with what they leave open."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
-from catalogs.errors import InputError
+from cpic_core import BoolArray, FloatArray, InputError, numeric_context
 from cpic_planner.validation.albedo_model import AlbedoModel
 from cpic_planner.validation.photometry import Contrast
-from simulator.config.albedo import LOG10_FSED_MAX
-from simulator.numeric import numeric_context
+from simulator.config import LOG10_FSED_MAX
 
-__all__ = ["AlbedoFit", "Constraint", "fit_albedo"]
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 Constraint = Literal["constrained", "not_constrained", "degenerate"]
 
 N_PARAMETERS = 2

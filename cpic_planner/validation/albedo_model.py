@@ -1,7 +1,5 @@
 """Band contrasts of a planet as metallicity and clouds make them: what a fit compares measured contrasts with."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -9,21 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from catalogs.bands import Band
-from catalogs.errors import InputError
-from catalogs.spectra import Spectrum
-from catalogs.stellar_grid import bracket
+from catalogs import Band, Spectrum, bracket
+from cpic_core import FloatArray, InputError, numeric_context
 from simulator.band_integrals import band_quadrature, check_covers, check_table
-from simulator.config.albedo import LOG10_FSED_MAX, ParametricAlbedo
-from simulator.numeric import numeric_context
-from simulator.target.albedo import phase_value
-from simulator.target.contrast import contrast_at
-from simulator.target.parametric import load_parametric_grid, parametric_family
-from simulator.target.planet_light import LitPlanet
-
-__all__ = ["AlbedoModel", "albedo_model", "planet_albedo_model"]
-
-FloatArray = npt.NDArray[np.float64]
+from simulator.config import LOG10_FSED_MAX, ParametricAlbedo
+from simulator.target import LitPlanet, contrast_at, load_parametric_grid, parametric_family, phase_value
 
 
 @dataclass(frozen=True, eq=False)

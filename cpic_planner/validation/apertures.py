@@ -1,20 +1,96 @@
-"""Exact circular apertures, and the scatter of their sums over a region."""
+"""Images as rows of the pixels that take part in a reduction, and back.
 
-from __future__ import annotations
+Exact circular apertures, and the scatter of their sums over a region.
+"""
 
 import math
 
 import numpy as np
 import numpy.typing as npt
 
-from catalogs.errors import InputError
-from simulator.lazy import load_quietly
-from simulator.quantities import check_number
+from cpic_core import BoolArray, FloatArray, InputError, check_number, load_quietly
 
-__all__ = ["MIN_BACKGROUND_APERTURES", "aperture_sum", "aperture_weights", "sample_scatter"]
 
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
+def checked_frames(key: str, value: npt.ArrayLike) -> FloatArray:
+    """Image or images as float64; refused by name if they are no numbers of that shape.
+
+    Parameters
+    ----------
+    key : str
+        Name that a refusal gives.
+    value : array_like
+        Images, shape (n, y, x).
+    """
+    images = np.asarray(value)
+    if images.dtype.kind not in "iufb" or images.ndim not in (2, 3) or images.size == 0:
+        raise InputError(key, f"{images.dtype} array of shape {images.shape}", allowed="numbers, (y, x) or (n, y, x)")
+    return images.astype(np.float64, copy=False)
+
+
+def checked_region(key: str, value: npt.ArrayLike | None, shape: tuple[int, ...]) -> BoolArray:
+    """Pixels (y, x) that take part: a copy; all without any.
+
+    Parameters
+    ----------
+    key : str
+        Name that a refusal gives.
+    value : array_like or None
+        Pixels that are meant, (y, x).
+    shape : tuple of int
+        Shape (y, x) of the images.
+    """
+    if value is None:
+        return np.ones(shape, dtype=np.bool_)
+    region = np.asarray(value)
+    if region.dtype != np.bool_ or region.shape != tuple(shape) or not region.any():
+        raise InputError(
+            key,
+            f"{region.dtype} array of shape {region.shape}",
+            allowed=f"booleans of shape {tuple(shape)}, some of them true",
+        )
+    return region.copy()
+
+
+def region_rows(key: str, images: FloatArray, region: BoolArray) -> FloatArray:
+    """Region pixels of each image as one row, a copy; refused by name if not finite.
+
+    Parameters
+    ----------
+    key : str
+        Name that a refusal gives.
+    images : ndarray
+        Images, shape (n, y, x).
+    region : ndarray of bool
+        Pixels that are meant, (y, x).
+    """
+    stack = images.reshape(-1, *images.shape[-2:])
+    # Flat indices: several times faster than a mask over two axes.
+    rows = stack.reshape(len(stack), -1).take(np.flatnonzero(region), axis=1)
+    if not np.isfinite(np.vdot(rows, rows)) and not (finite := np.isfinite(rows)).all():
+        frame, pixel = np.unravel_index(int(np.argmin(finite)), rows.shape)
+        y, x = np.argwhere(region)[pixel]
+        raise InputError(f"{key}[frame={frame}, y={y}, x={x}]", float(rows[frame, pixel]), allowed="finite numbers")
+    return rows
+
+
+def as_images(rows: FloatArray, region: BoolArray, shape: tuple[int, ...]) -> FloatArray:
+    """Rows as images of the given shape, 0 outside the region; may share the memory of the rows.
+
+    Parameters
+    ----------
+    rows : ndarray
+        Values of the region's pixels, one image a row, shape (n, k).
+    region : ndarray of bool
+        Pixels that are meant, (y, x).
+    shape : tuple of int
+        Shape (y, x) of the images.
+    """
+    if region.all():
+        return rows.reshape(shape)
+    images = np.zeros((len(rows), region.size))
+    images[:, np.flatnonzero(region)] = rows
+    return images.reshape(shape)
+
 
 MIN_BACKGROUND_APERTURES = 3
 
@@ -85,11 +161,7 @@ def aperture_sum(
 
 
 def sample_scatter(
-    image: npt.ArrayLike,
-    region: npt.ArrayLike,
-    radius_pixel: float,
-    *,
-    phase_pixel: tuple[float, float] = (0.0, 0.0),
+    image: npt.ArrayLike, region: npt.ArrayLike, radius_pixel: float, *, phase_pixel: tuple[float, float] = (0.0, 0.0)
 ) -> tuple[float, int]:
     """Standard deviation of aperture sums inside a region, and how many independent apertures it holds.
 
@@ -151,6 +223,7 @@ def sample_scatter(
 
 
 def checked_image(image: npt.ArrayLike) -> FloatArray:
+    """Return an image as floats; refuse what is no plane of real numbers."""
     data = np.asarray(image)
     if data.dtype.kind not in "iuf" or data.ndim != 2 or data.size == 0:
         raise InputError("image", f"{data.dtype} array of shape {data.shape}", unit="e-", allowed="one image (y, x)")
@@ -163,6 +236,7 @@ def checked_image(image: npt.ArrayLike) -> FloatArray:
 
 
 def check_region(region: npt.NDArray[np.generic], shape: tuple[int, ...]) -> None:
+    """Refuse a region that is no mask of a shape, or empty."""
     if region.dtype != np.bool_ or region.shape != shape or not region.any():
         raise InputError(
             "background_region",
@@ -182,5 +256,6 @@ def _check_inside(shape: tuple[int, ...], x: FloatArray, y: FloatArray, radius: 
 
 
 def require(key: str, value: float, good: bool, unit: str, allowed: str) -> None:
+    """Refuse a value that is not good, naming key, value, unit and what is allowed."""
     if not good:
         raise InputError(key, value, unit=unit, allowed=allowed)

@@ -5,26 +5,17 @@ over-subtraction moves nothing. Errors hold white noise, the planet's own photon
 size and shape of a planet, hence the same fit is made at many other places, and its scatter there says what they do.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from catalogs.errors import InputError
+from cpic_core import FloatArray, InputError, numeric_context
 from cpic_planner.validation.position_fit import PositionFitter
 from cpic_planner.validation.reduced import ReducedStack
-from simulator.imaging.external import ExternalPsf
-from simulator.imaging.psf import Psf
-from simulator.numeric import numeric_context
-from simulator.target.positions import detector_to_sky, sky_to_detector
-
-__all__ = ["Astrometry", "SkyPosition", "band_average", "fit_position"]
-
-FloatArray = npt.NDArray[np.float64]
+from simulator.imaging import ExternalPsf, Psf
+from simulator.target import detector_to_sky, sky_to_detector
 
 # Below, the fit is not linear in the noise: errors are only indicative.
 LINEAR_SNR = 5.0

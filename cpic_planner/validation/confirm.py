@@ -1,7 +1,5 @@
 """Confirm a prediction: simulate science and reference visits, subtract, search blind, measure, compare."""
 
-from __future__ import annotations
-
 import base64
 import io
 import math
@@ -11,26 +9,16 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from cpic_planner.models import AuditRecord, SearchRecord
+from cpic_core import Status, announce
+from cpic_planner.results import AuditRecord, SearchRecord
 from cpic_planner.validation.detection import BlindSearch
 from cpic_planner.validation.findings import search_record
-from cpic_planner.validation.measure import (
-    MATCH_LAMBDA_D,
-    Measurement,
-    Subject,
-    measure,
-    positions_of,
-    subjects_of,
-)
+from cpic_planner.validation.measure import MATCH_LAMBDA_D, Measurement, Subject, measure, positions_of, subjects_of
 from cpic_planner.validation.modelling import Modelling, modelling_of
 from cpic_planner.validation.realise import FrameStory, Realised, Visits, realised_frames, visits_of
 from cpic_planner.validation.star_flux import StarFlux, observe_off_mask, star_flux_off_mask
 from cpic_planner.validation.task import ConfirmTask
 from cpic_planner.validation.verdict import audit_of, confirmation_of, cut_off
-from simulator.outcome import Status
-from simulator.work import announce
-
-__all__ = ["confirm_task", "decode_arrays", "encode_arrays"]
 
 AUDIT_REALISATION = 1_000_000
 """Number of the realisation that runs frame by frame: far from those of the sums."""

@@ -1,28 +1,20 @@
 """The blind detector: sources in a residual, found without knowing where they are."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from catalogs.errors import InputError
+from cpic_core import FloatArray, InputError, Outcome, Reason, Status
 from cpic_planner.validation.apertures import checked_image
 from cpic_planner.validation.noise_law import snr_at
 from cpic_planner.validation.reduced import ReducedStack
 from cpic_planner.validation.search import MAX_SIGMA, SearchedRegion, false_alarms, search_threshold
 from cpic_planner.validation.search_field import REPORTED_SIGMA, Peak, SearchField
 from cpic_planner.validation.speckle_maps import SpeckleMaps
-from simulator.imaging.external import ExternalPsf
-from simulator.imaging.psf import Psf
-from simulator.outcome import Outcome, Reason, Status
+from simulator.imaging import ExternalPsf, Psf
 
-__all__ = ["BlindSearch", "Candidate", "search"]
-
-FloatArray = npt.NDArray[np.float64]
 _CLEANED_SIGMA = 5.0  # sources that are taken out before others are looked for
 _MAX_CLEANED = 10
 _LEAST_SAMPLES = 3.0

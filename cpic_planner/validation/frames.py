@@ -17,25 +17,28 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from catalogs.errors import InputError
-from cpic_planner.validation.clean_law import limit_of_mean
-from cpic_planner.validation.frame_level import FrameLevel, frame_level
-from simulator.camera.calibration_set import CalibrationSet, bias_level_adu, load_calibration_set
-from simulator.camera.frame import MaskBit
-from simulator.camera.noise import FrameNoise, pixel_variance_e2
-from simulator.config.detector import Detector
-from simulator.detectors.collection import output_curve, pixel_curve
-from simulator.detectors.effect import Exposure, Place
-from simulator.detectors.register import RegisterClockCharge
-from simulator.detectors.transfer import ParallelTransfer, SerialTransfer
-from simulator.numeric import numeric_context
-from simulator.observation import Observation
-from simulator.sequence import MAX_STACK_BYTES
-
-__all__ = ["MOST_LOST", "CalibratedFrames", "calibrated_frames", "transferred"]
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
+from cpic_core import BoolArray, FloatArray, InputError, numeric_context
+from cpic_planner.validation.noise_law import limit_of_mean
+from cpic_planner.validation.reduced import FrameLevel, frame_level
+from simulator.camera import (
+    CalibrationSet,
+    FrameNoise,
+    MaskBit,
+    bias_level_adu,
+    load_calibration_set,
+    pixel_variance_e2,
+)
+from simulator.config import Detector
+from simulator.detectors import (
+    Exposure,
+    ParallelTransfer,
+    Place,
+    RegisterClockCharge,
+    SerialTransfer,
+    output_curve,
+    pixel_curve,
+)
+from simulator.observing import MAX_STACK_BYTES, Observation
 
 # A tail of this chance that is cut off lowers a mean by less than 1e-3 of the noise of a frame. The curves of the
 # non-linearity take up to 3 % and a flat its per cent on the way to a limit.
@@ -110,7 +113,7 @@ def calibrated_frames(
         Of the visible camera, whole frames or the window around the hole.
     level_pixels : array_like of bool, optional
         Pixels without light from which level and pick-up of each frame are measured; by default those behind the
-        upright bar of the cross mask (`cpic_planner.validation.frame_level`).
+        upright bar of the cross mask (`cpic_planner.validation.reduced`).
     keep_hot : bool
         Whether pixels of more than 100 times the median dark current count as usable.
     cropped : bool

@@ -1,7 +1,5 @@
 """Injection and recovery: how often the blind detector finds planets of known place and contrast."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Sequence
@@ -10,18 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from catalogs.errors import InputError
+from cpic_core import FloatArray, InputError, stream
 from cpic_planner.validation.detection import BlindSearch, Candidate, search
 from cpic_planner.validation.reduced import ReducedStack
 from cpic_planner.validation.speckle_maps import SpeckleMaps
-from simulator.camera.gain import excess_noise_factor2
-from simulator.imaging.external import ExternalPsf
-from simulator.imaging.psf import Psf
-from simulator.rng import stream
+from simulator.detectors import excess_noise_factor2
+from simulator.imaging import ExternalPsf, Psf
 
-__all__ = ["CompletenessMap", "completeness_map", "inject", "recovered"]
-
-FloatArray = npt.NDArray[np.float64]
 _MATCH_LAMBDA_D = 1.0
 _RING_PIXELS = 0.7
 

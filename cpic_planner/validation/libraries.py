@@ -1,7 +1,5 @@
 """Reference libraries by name: what their frames show, and how those of another star are scaled."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import TypedDict
@@ -9,22 +7,18 @@ from typing import TypedDict
 import numpy as np
 import numpy.typing as npt
 
-from catalogs.errors import InputError
-from cpic_planner.etc.model import Strategy
-from cpic_planner.validation.region import checked_frames, checked_region, region_rows
+from cpic_core import FloatArray, InputError, check_finite, check_number, check_whole, numeric_context
+from cpic_planner.queries import Strategy
+from cpic_planner.validation.apertures import checked_frames, checked_region, region_rows
 from simulator.config import Scene
-from simulator.numeric import numeric_context
-from simulator.observation import Role
-from simulator.quantities import check_finite, check_number, check_whole
-from simulator.sequence import MAX_FRAMES
+from simulator.observing import MAX_FRAMES, Role
 
-FloatArray = npt.NDArray[np.float64]
 BLOCK_PIXELS = 8
 """Side of the squares whose sums count as independent in the error of `halo_scale`: about two speckles."""
 
 
 class VisitSettings(TypedDict):
-    """Arguments of `simulator.observation.observe` that tell one visit from the other."""
+    """Arguments of `simulator.observing.observation.observe` that tell one visit from the other."""
 
     role: Role
     roll_deg: float
@@ -42,8 +36,8 @@ class LibraryPlan:
     science_scene, reference_scene : Scene
         What the frames of each visit show.
     science, reference : dict
-        ``role``, ``roll_deg`` and ``n_frames`` of each visit, for `simulator.observation.observe`. Visits of different
-        role have wavefront offsets, walks and noise of their own.
+        ``role``, ``roll_deg`` and ``n_frames`` of each visit, for `simulator.observing.observation.observe`. Visits of
+        different role have wavefront offsets, walks and noise of their own.
     shows_planet : bool
         Whether the planet is in the reference frames too: then both visits are science, each the other's reference
         (`cpic_planner.validation.roll`).

@@ -1,14 +1,12 @@
 """Measurement of one realisation: the blind search decides, forced photometry gives the flux."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from cpic_core import BoolArray, FloatArray
 from cpic_planner.validation.apertures import aperture_weights
 from cpic_planner.validation.astrometry import Astrometry, fit_position
 from cpic_planner.validation.detection import BlindSearch, Candidate, search
@@ -17,13 +15,9 @@ from cpic_planner.validation.realise import Realised, Visits
 from cpic_planner.validation.roll import roll_photometry
 from cpic_planner.validation.speckle_maps import speckle_maps
 from cpic_planner.validation.star_flux import StarFlux
-from simulator.imaging.geometry import BandGeometry
-from simulator.target.sources import scene_sources
+from simulator.imaging import BandGeometry
+from simulator.target import scene_sources
 
-__all__ = ["MATCH_LAMBDA_D", "Measurement", "Subject", "forced_photometry", "measure", "positions_of", "subjects_of"]
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 LEAST_COVERED = 0.9
 """Share of an aperture that must be left by limits and rejection."""
 MATCH_LAMBDA_D = 0.5

@@ -2,17 +2,27 @@
 
 Gaussian noise and speckles follow the law, with a scale that is estimated; the fit finds the level of the white noise
 and the strength of the speckles.
+
+What a pixel without a cosmic ray can show: upper limits from the exact law of the camera.
+
+One pixel of one frame holds a Poisson number of electrons of mean ``lambda``, multiplied by the register and read with
+Gaussian noise. In electrons at the register input its cumulant function is exactly
+``lambda m(s) + sigma^2 s^2 / 2``, where ``1 + m(s)`` is the mean of ``exp(s output / gain)`` of one electron: the
+generating function of the register (`simulator.detectors.gain`) at real arguments. Markov's inequality
+``P(X > T) <= exp(lambda m(s) + sigma^2 s^2 / 2 - s T)`` (Chernoff 1952) then bounds the tail for every ``s``, at any
+gain and level: no normal law and no exponential one is assumed.
 """
 
-from __future__ import annotations
-
+import functools
 import math
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from cpic_core import FloatArray
+from simulator.detectors import generating_function, stage_probability
+
 _LEAST_SHARE, _MOST_SHARE = 1e-3, 0.98
 # Range of the logarithm of the squared scale: beyond it the chi-square of 3 degrees of freedom holds 1e-4 of its mass.
 _LOG_SCALE2 = np.linspace(-7.0, 2.5, 191)[:, None]
@@ -136,7 +146,6 @@ def _known_scale(level: FloatArray, share: FloatArray) -> FloatArray:
     return result
 
 
-BoolArray = npt.NDArray[np.bool_]
 # What is believed before the residual is seen, as standard deviations of natural logarithms: white noise is computed
 # from known numbers, the drift of a visit from an assumed one (A).
 PRIOR_WHITE, PRIOR_DRIFT = 0.25, 1.0
@@ -250,3 +259,113 @@ def smooth_white(measured: FloatArray, patterns: FloatArray) -> FloatArray:
     used = patterns[scales > 0] / scales[scales > 0][:, None]
     weights, *_ = np.linalg.lstsq(used.T, measured, rcond=None)
     return np.asarray(np.maximum(weights @ used, 0.25 * math.fabs(float(np.median(measured)))))
+
+
+# Slopes s of the bound in 1/e-: any set is valid, a dense one is sharp. Noise of 1e4 e- needs 5e-4.
+_SLOPES = np.geomspace(1e-5, 30.0, 1500)
+_LARGEST_GROWTH = 1e9
+_DEPTHS = np.geomspace(1e-6, 1e4, 3000)
+_PLACES = 256
+
+
+@functools.lru_cache(maxsize=16)
+def _growth(em_gain: float, stages: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Slopes ``s``, ``m(s)`` at them, and ``-m(-u)`` at the depths ``u``."""
+    p = float(stage_probability(em_gain, stages))
+
+    def m(s: FloatArray) -> FloatArray:
+        with np.errstate(over="ignore", invalid="ignore"):
+            value = generating_function(np.exp(s / em_gain).astype(np.complex128), p, stages).real - 1.0
+        return np.asarray(value)
+
+    up = m(_SLOPES)
+    fine = np.isfinite(up) & (up < _LARGEST_GROWTH)
+    # Beyond the first overflow the product of infinities is no number.
+    last = int(np.argmin(fine)) if not fine.all() else fine.size
+    return _SLOPES[:last], up[:last], -m(-_DEPTHS)
+
+
+def limit_of_mean(
+    mean_e: npt.ArrayLike, *, em_gain: float, stages: int, sigma_e: float, false_alarm: float
+) -> FloatArray:
+    """Level that a pixel of known mean exceeds with at most a given chance.
+
+    Parameters
+    ----------
+    mean_e : array_like
+        Mean electrons of the pixel in a frame, dark current and clock-induced charge included, at least 0.
+    em_gain : float
+        Gain of the register.
+    stages : int
+        Its stages.
+    sigma_e : float
+        Gaussian noise referred to the register input.
+    false_alarm : float
+        Largest chance, above 0 and below 1.
+
+    Returns
+    -------
+    ndarray
+        ``min over s of (mean m(s) + sigma^2 s^2 / 2 - log(false_alarm)) / s``.
+    """
+    slopes, growth, _ = _growth(float(em_gain), int(stages))
+    mean = np.asarray(mean_e, dtype=np.float64)
+    offset = (0.5 * (sigma_e * slopes) ** 2 - math.log(false_alarm)) / slopes
+    return _lowest_line(mean, growth / slopes, offset)
+
+
+def limit_beside_others(
+    total_e: npt.ArrayLike,
+    n_frames: int,
+    *,
+    em_gain: float,
+    stages: int,
+    sigma_e: float,
+    false_alarm: float,
+    drift: float = 0.0,
+) -> FloatArray:
+    """Level that one of several frames of a pixel exceeds with at most a given chance, whatever the pixel's mean.
+
+    Parameters
+    ----------
+    total_e : array_like
+        Sum of the pixel over all ``n_frames`` frames, the one to be tested included.
+    n_frames : int
+        Number of frames, at least 2.
+    em_gain, stages, sigma_e, false_alarm
+        As `limit_of_mean`.
+    drift : float
+        The mean of the tested frame may exceed that of the others by this fraction.
+
+    Returns
+    -------
+    ndarray
+        Limits on a single frame.
+
+    Notes
+    -----
+    With ``R`` the sum of the other ``n - 1`` frames, ``E exp(s X - u R) = exp(lambda [(1 + drift) m(s) + (n - 1)
+    m(-u)] + sigma^2 (s^2 + (n - 1) u^2) / 2)``. Where ``u`` makes the bracket 0 (or negative) the unknown mean is gone
+    and ``s X - u R > sigma^2 (s^2 + (n - 1) u^2) / 2 - log(false_alarm)`` happens with at most that chance. Written for
+    the total, each ``s`` is a line in it; the lowest is taken. (That choice looks at the total, which costs less than
+    what the inequality gives away: exact tails stay below ``false_alarm``.)
+    """
+    slopes, growth, depth = _growth(float(em_gain), int(stages))
+    others = n_frames - 1
+    needed = growth * (1.0 + drift) / others
+    index = np.searchsorted(depth, needed)
+    possible = index < depth.size
+    s, u = slopes[possible], _DEPTHS[index[possible]]
+    constant = 0.5 * sigma_e**2 * (s**2 + others * u**2) - math.log(false_alarm)
+    return _lowest_line(np.asarray(total_e, dtype=np.float64), u / (s + u), constant / (s + u))
+
+
+def _lowest_line(x: FloatArray, slope: FloatArray, offset: FloatArray) -> FloatArray:
+    """Minimum over lines ``slope x + offset``, to second order: each x takes the best line of a place near it."""
+    if x.size == 0:
+        return np.zeros(x.shape)
+    places = np.unique(np.quantile(x, np.linspace(0.0, 1.0, min(_PLACES, x.size))))
+    best = np.argmin(np.multiply.outer(places, slope) + offset, axis=1)
+    middle = 0.5 * (places[1:] + places[:-1])
+    chosen = best[np.searchsorted(middle, x)]
+    return np.asarray(slope[chosen] * x + offset[chosen])

@@ -3,8 +3,6 @@
 Positions are given, never fitted: a free centroid would raise the flux by about ``1 / SNR^2``.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,27 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from catalogs.errors import InputError
-from cpic_planner.validation.apertures import (
-    aperture_weights,
-    check_region,
-    checked_image,
-    require,
-    sample_scatter,
-)
-from simulator.camera.gain import excess_noise_factor2
-from simulator.numeric import numeric_context
-from simulator.quantities import check_number
-
-__all__ = [
-    "Contrast",
-    "Photometry",
-    "aperture_photometry",
-    "contrast",
-]
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
+from cpic_core import BoolArray, InputError, check_number, numeric_context
+from cpic_planner.validation.apertures import aperture_weights, check_region, checked_image, require, sample_scatter
+from simulator.detectors import excess_noise_factor2
 
 # Known sources are kept this many aperture radii away from the background region.
 EXCLUSION_RADII = 1.5

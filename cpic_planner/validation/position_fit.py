@@ -13,16 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from catalogs.errors import InputError
+from cpic_core import BoolArray, FloatArray, InputError
 from cpic_planner.validation.reduced import ReducedStack
-from simulator.camera.gain import excess_noise_factor2
-from simulator.imaging.external import ExternalPsf
-from simulator.imaging.psf import Psf
-
-__all__ = ["EXCLUSION_RADII", "PositionFit", "PositionFitter", "SpeckleScatter"]
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
+from simulator.detectors import excess_noise_factor2
+from simulator.imaging import ExternalPsf, Psf
 
 MAX_ITERATIONS = 25
 STILL_PIXELS = 1e-3

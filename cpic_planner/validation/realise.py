@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import Any, cast
 
 import numpy as np
-import numpy.typing as npt
 
-from cpic_planner.etc.model import Strategy
+from cpic_core import BoolArray, FloatArray, Outcome
+from cpic_planner.queries import Strategy
 from cpic_planner.validation.frames import MOST_LOST, CalibratedFrames, calibrated_frames
 from cpic_planner.validation.libraries import LibraryPlan, library_plan
 from cpic_planner.validation.modelling import Modelling, modelling_of
@@ -17,18 +17,9 @@ from cpic_planner.validation.reduced import ReducedStack, pedestal_e, reduce_sta
 from cpic_planner.validation.rejection import filled, reject_cosmic_rays
 from cpic_planner.validation.roll import RollResult, roll_subtract
 from cpic_planner.validation.task import ConfirmTask
-from simulator.config import Instrument, Scene
-from simulator.config.base import validate
-from simulator.hole_stack import HoleStacks, hole_stackable, hole_stacks
-from simulator.imaging.geometry import BandGeometry
-from simulator.imaging.psf import Psf
-from simulator.observation import Observation, observe
-from simulator.outcome import Outcome
-
-__all__ = ["FrameStory", "Realised", "Visits", "realised_frames", "visits_of"]
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
+from simulator.config import Instrument, Scene, validate
+from simulator.imaging import BandGeometry, Psf
+from simulator.observing import HoleStacks, Observation, hole_stackable, hole_stacks, observe
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,10 +2,8 @@
 
 A pixel is compared with itself in the other frames of its sequence (science and reference each on their own). At high
 gain and low flux its law has an exponential tail, so that no number of sigma fits all levels: the limit comes from the
-exact law (`cpic_planner.validation.clean_law`) and holds at every gain and level.
+exact law (`cpic_planner.validation.noise_law`) and holds at every gain and level.
 """
-
-from __future__ import annotations
 
 import math
 from dataclasses import dataclass
@@ -13,15 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from catalogs.errors import InputError
+from cpic_core import BoolArray, FloatArray, InputError, numeric_context
 from cpic_planner.validation.apertures import require
-from cpic_planner.validation.clean_law import limit_beside_others
-from simulator.numeric import numeric_context
-
-__all__ = ["Combined", "Rejection", "combine", "filled", "reject_cosmic_rays"]
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
+from cpic_planner.validation.noise_law import limit_beside_others
 
 FALSE_ALARM = 1e-6
 MOST_E = 1e100

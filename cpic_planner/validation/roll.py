@@ -8,15 +8,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
-from catalogs.errors import InputError
-from cpic_planner.validation.apertures import aperture_weights
+from cpic_core import FloatArray, InputError, numeric_context
+from cpic_planner.validation.apertures import aperture_weights, as_images, checked_frames, checked_region, region_rows
 from cpic_planner.validation.photometry import EXCLUSION_RADII, Photometry, aperture_photometry, ratio
 from cpic_planner.validation.rdi import Centering, RdiResult, rdi_subtract
-from cpic_planner.validation.region import as_images, checked_frames, checked_region, region_rows
-from simulator.numeric import numeric_context
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,19 +1,13 @@
 """Thresholds of a blind search: how many false alarms a searched region holds above a level."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from catalogs.errors import InputError
-from simulator.outcome import Outcome, Reason, Status
+from cpic_core import BoolArray, InputError, Outcome, Reason, Status
 
-__all__ = ["MAX_SIGMA", "MIN_SIGMA", "SearchedRegion", "false_alarms", "search_threshold", "searched_region"]
-
-BoolArray = npt.NDArray[np.bool_]
 MIN_ELEMENTS = 3.0
 MIN_SIGMA, MAX_SIGMA = 2.0, 20.0
 """Below 2 sigma excursions run together: their number is no longer that of their Euler characteristic."""
@@ -113,7 +107,7 @@ def false_alarms(
     (2 pi)`` and ``rho_2 = u exp(-u^2/2) / (2 pi)^(3/2)`` hold for known noise. Noise that is estimated once for the
     whole field scales ``u`` by ``s`` with ``dof s^2`` a chi-square: with ``E[s^m exp(-u^2 s^2/2)] = (2/dof)^(m/2)
     G((dof+m)/2) / G(dof/2) (1 + u^2/dof)^(-(dof+m)/2)`` the mean over ``s`` is closed; ``rho_0`` becomes the tail of
-    Student's t, as in `cpic_planner.etc.significance.detection_threshold`.
+    Student's t, as in `cpic_planner.etc.detection.detection_threshold`.
     """
     from scipy.special import ndtr, stdtr
 
@@ -154,12 +148,7 @@ def _mean_scale(dof: float) -> float:
 
 
 def search_threshold(
-    region: SearchedRegion,
-    roughness: float,
-    *,
-    sigma: float = 5.0,
-    dof: float = math.inf,
-    per_search: bool = False,
+    region: SearchedRegion, roughness: float, *, sigma: float = 5.0, dof: float = math.inf, per_search: bool = False
 ) -> Outcome[float]:
     """Level that noise alone reaches as rarely as asked anywhere in a searched region.
 
@@ -172,7 +161,7 @@ def search_threshold(
         Gaussian significance that states the false-alarm probability, 2 to 20.
     per_search : bool
         Whether this probability is that of one false alarm in the whole search. By default it is that of one in each
-        resolution element of the region, as with `cpic_planner.etc.significance.detection_threshold`: a search of n
+        resolution element of the region, as with `cpic_planner.etc.detection.detection_threshold`: a search of n
         elements then expects n times that many.
 
     Returns

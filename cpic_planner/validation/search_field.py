@@ -1,26 +1,18 @@
 """Matched-filtered residual of a search, its noise, and its peaks; sources that were found are taken out one by one."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from cpic_core import BoolArray, FloatArray, load_quietly
 from cpic_planner.validation.noise_law import NoiseFit, NoiseTerms, equivalent_sigma, fit_noise, smooth_white
 from cpic_planner.validation.reduced import ReducedStack
 from cpic_planner.validation.search import searched_region
 from cpic_planner.validation.speckle_maps import SpeckleMaps, matched_sum
-from simulator.imaging.external import ExternalPsf
-from simulator.imaging.psf import Psf
-from simulator.lazy import load_quietly
+from simulator.imaging import ExternalPsf, Psf
 
-__all__ = ["REPORTED_SIGMA", "FilteredState", "Peak", "SearchField"]
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 REPORTED_SIGMA = 2.5
 _MARGIN = 0.3  # by which a source lifts the noise that it is counted in
 _EXCLUDED_LAMBDA_D = 1.22  # radius around a source whose pixels do not tell the noise

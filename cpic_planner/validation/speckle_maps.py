@@ -1,33 +1,19 @@
 """Where residual speckles are strong and how heavy their tails are: maps of the optics, per unit of star light."""
 
-from __future__ import annotations
-
 import functools
 import hashlib
 from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
-import numpy.typing as npt
 
-from catalogs.errors import InputError
+from cpic_core import BoolArray, FloatArray, InputError, announce, compute_once
 from cpic_planner.validation.apertures import aperture_weights
-from simulator.cache import compute_once
-from simulator.config import content_hash
-from simulator.config.optics import Drift
-from simulator.imaging.external import ExternalPsf
-from simulator.imaging.floor import visit_responses
-from simulator.imaging.imager import centred_axis
-from simulator.imaging.psf import Psf
-from simulator.imaging.store import metrics_key
-from simulator.work import announce
-
-__all__ = ["FilterName", "SpeckleMaps", "filter_kernel", "matched_sum", "speckle_maps"]
+from simulator.config import Drift, content_hash
+from simulator.imaging import ExternalPsf, Psf, centred_axis, metrics_key, visit_responses
 
 FilterName = Literal["matched", "aperture"]
 
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 N_VISITS = 256
 SCHEMA = 1  # raised when the same key would give other maps
 _SEED = 20250207  # other screens than those of any observation

@@ -4,8 +4,6 @@ Either short exposures of the star moved off the mask, or a star of known magnit
 measured like the planet.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,30 +13,16 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from catalogs.errors import InputError
+from cpic_core import FloatArray, InputError, Outcome, Reason, Status
 from cpic_planner.validation.apertures import aperture_weights, require
 from cpic_planner.validation.frames import MOST_LOST, calibrated_frames, transferred
 from cpic_planner.validation.photometry import Photometry
 from cpic_planner.validation.rejection import combine, reject_cosmic_rays
-from simulator.camera.saturation import pixel_saturated
-from simulator.config import Instrument, Scene, load_instrument, load_scene
-from simulator.config.detector import Detector
-from simulator.imaging.frame import AnyPsf
-from simulator.imaging.psf import single_band_psf
-from simulator.observation import Observation, observe
-from simulator.outcome import Outcome, Reason, Status
-from simulator.target.sources import scene_sources
-
-__all__ = [
-    "StarFlux",
-    "field_star_ratio",
-    "observe_off_mask",
-    "off_mask_exposure_s",
-    "star_flux_of_field_star",
-    "star_flux_off_mask",
-]
-
-FloatArray = npt.NDArray[np.float64]
+from simulator.config import Detector, Instrument, Scene, load_instrument, load_scene
+from simulator.imaging import AnyPsf, single_band_psf
+from simulator.observing import Observation, observe
+from simulator.signal import pixel_saturated
+from simulator.target import scene_sources
 
 # Along a diagonal the mask takes nothing from the aperture beyond 0.35 arcsec in any band (reports/star_shift); along
 # an axis the star stays behind an arm of the cross.

@@ -1,7 +1,5 @@
 """What is to be confirmed: a scene, its frames, and what was predicted of them, as plain data for any process."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -9,37 +7,30 @@ from typing import Any
 
 import numpy as np
 
-from cpic_planner.etc.detection import needed_margin, verdict_of, visit_chances
-from cpic_planner.etc.model import EtcModel, build_model
-from cpic_planner.etc.noise import StackNoise, stack_noise
-from cpic_planner.etc.place import diagonal_pa_deg, stand
-from cpic_planner.etc.planet import ReferencePlanet, reference_distance_au
-from cpic_planner.etc.rates import aperture_rates
-from cpic_planner.etc.significance import threshold_array
-from cpic_planner.models import BandConfirmation
-from cpic_planner.optimiser import best_in_band
-from cpic_planner.overrides import SimulatorOverrides
-from cpic_planner.queries.confirm import MAX_FRAMES
-from cpic_planner.ranking import no_frame
+from cpic_core import Reason, Status
+from cpic_planner.etc import (
+    EtcModel,
+    StackNoise,
+    aperture_rates,
+    build_model,
+    diagonal_pa_deg,
+    needed_margin,
+    reference_distance_au,
+    stack_noise,
+    stand,
+    threshold_array,
+    verdict_of,
+    visit_chances,
+)
+from cpic_planner.queries import MAX_FRAMES, ReferencePlanet, SimulatorOverrides
+from cpic_planner.ranking import best_in_band, no_frame
+from cpic_planner.results import BandConfirmation
 from cpic_planner.targets import Targets
-from simulator.config import Instrument, Planet, Scene, SceneStar
-from simulator.config.scene_table import companion_of
+from simulator.config import Instrument, Planet, Scene, SceneStar, companion_of
 from simulator.knobs import Dial, dial_of
-from simulator.ledger.sums import NOT_IN_SUMS
-from simulator.outcome import Reason, Status
-from simulator.signal.light import exozodi_disc
-from simulator.target.positions import detector_to_sky
-
-__all__ = [
-    "MAX_FRAMES",
-    "ConfirmTask",
-    "Frames",
-    "expected_of",
-    "images_of",
-    "prepare_task",
-    "star_scene",
-    "target_scene",
-]
+from simulator.ledger import NOT_IN_SUMS
+from simulator.signal import exozodi_disc
+from simulator.target import detector_to_sky
 
 _REFUSALS = {
     Status.SATURATED: "every frame saturates",

@@ -1,16 +1,15 @@
 """From realisations to an answer: what was recovered, whether the planet is confirmed, and how the ETC stands."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from cpic_planner.models import AuditRecord, BandConfirmation
+from cpic_core import Reason
+from cpic_planner.results import AuditRecord, BandConfirmation
 from cpic_planner.validation.astrometry import Astrometry
-from cpic_planner.validation.calibration import (
+from cpic_planner.validation.findings import (
     MIN_JACKKNIFE,
     MIN_SNR,
     PREDICTION_ERROR,
@@ -24,9 +23,6 @@ from cpic_planner.validation.modelling import Modelling, modelling_of
 from cpic_planner.validation.realise import FrameStory
 from cpic_planner.validation.star_flux import StarFlux
 from cpic_planner.validation.task import ConfirmTask
-from simulator.outcome import Reason
-
-__all__ = ["audit_of", "confirmation_of", "cut_off", "refusals_of", "seen_at_place", "target_verdict"]
 
 _ADVICE = {
     "quick": "take --fidelity standard, or a --tolerance",

@@ -7,13 +7,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
-from cpic_planner.etc.model import EtcModel, build_model
-from cpic_planner.etc.planet import ReferencePlanet
+from cpic_planner.etc import EtcModel, build_model
 from cpic_planner.jobs.engine import run_tasks
-from cpic_planner.overrides import SimulatorOverrides
+from cpic_planner.queries import ReferencePlanet, SimulatorOverrides
 from cpic_planner.targets import find_target
-from cpic_planner.validation.realise import Visits, visits_of
-from cpic_planner.validation.task import ConfirmTask, prepare_task
+from cpic_planner.validation import ConfirmTask, Visits, prepare_task, visits_of
 from simulator.config import load_instrument
 
 TIME_S = 36000.0

@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 from cases import FIVE_STARS, in_blocks, nominal, task_for
 
-from cpic_planner.validation.calibration import mean_snr
-from cpic_planner.validation.measure import forced_photometry, subjects_of
-from cpic_planner.validation.realise import realised_frames, visits_of
+from cpic_planner.validation import mean_snr, realised_frames, subjects_of, visits_of
+from cpic_planner.validation.measure import forced_photometry
 
 SEEDS, BLOCK = 400, 50
 FULL_RUNS, FULL_CASES = 20, (("eps Eri", "F520"), ("tau Cet", "F520"), ("alf Cen A", "F520"))

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from cpic_planner.report.drawing import BAND_STYLE, new_figure
-from cpic_planner.report.names import pretty_name
+from cpic_planner.report import new_figure
+from cpic_planner.report.drawing import BAND_STYLE
+from cpic_planner.report.numbers import pretty_name
 
 __all__ = ["chain_figure", "loop_figure", "null_figure", "png", "pull_figure"]
 

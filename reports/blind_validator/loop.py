@@ -7,15 +7,13 @@ from typing import Any
 import numpy as np
 from cases import FIVE_STARS, TIME_S, in_blocks, nominal, task_for
 
-from cpic_planner.etc.model import build_model
-from cpic_planner.etc.place import stand
-from cpic_planner.models import BandConfirmation
-from cpic_planner.overrides import SimulatorOverrides
+from cpic_planner.etc import build_model, stand
+from cpic_planner.queries import SimulatorOverrides
 from cpic_planner.ranking import rank_targets
+from cpic_planner.results import BandConfirmation
 from cpic_planner.targets import find_target, rank_sample
-from cpic_planner.validation.calibration import PREDICTION_ERROR, calibrate, optimism
-from cpic_planner.validation.confirm import confirm_task
-from cpic_planner.validation.task import Frames, expected_of
+from cpic_planner.validation import PREDICTION_ERROR, Frames, calibrate, confirm_task, expected_of
+from cpic_planner.validation.findings import optimism
 
 UNALTERED_STARS, UNALTERED_REALISATIONS = 20, 24
 ALTERED = ("throughput=x0.7", "read_noise=x1.5", "visit_drift=x3", "companions=on")

@@ -26,10 +26,10 @@ from nulls import BLOCK, LEVELS, SCENES, SEQUENCES, null_block
 from pulls import BAND_STARS, PER_PLACE, SNR, pull_block
 from scipy.stats import norm, poisson
 
-from cpic_planner.report.drawing import style
-from cpic_planner.report.names import pretty_name
-from cpic_planner.validation.calibration import calibrate
-from simulator.files import write_bytes, write_text
+from cpic_core import write_bytes, write_text
+from cpic_planner.report import style
+from cpic_planner.report.numbers import pretty_name
+from cpic_planner.validation import calibrate
 
 HERE = Path(__file__).resolve().parent
 PLACES = 110  # x PER_PLACE draws a band
@@ -362,7 +362,7 @@ def report(found: dict[str, Any]) -> str:
     rows = {part: found[part]["rows"] for part in PARTS}
     pulls, pull_rows = pull_table(rows["pulls"])
     nulls, null_rows = null_table(rows["nulls"])
-    from cpic_planner.models import BandConfirmation
+    from cpic_planner.results import BandConfirmation
 
     bands = [
         BandConfirmation.model_validate({k: v for k, v in row.items() if k != "star"}) for row in rows["unaltered"]

@@ -8,11 +8,9 @@ from typing import Any
 import numpy as np
 from cases import star_alone
 
-from cpic_planner.validation.apertures import aperture_weights
-from cpic_planner.validation.astrometry import fit_position
-from cpic_planner.validation.measure import Subject, forced_photometry
-from cpic_planner.validation.realise import Visits
-from simulator.camera.gain import excess_noise_factor2
+from cpic_planner.validation import Subject, Visits, aperture_weights, fit_position
+from cpic_planner.validation.measure import forced_photometry
+from simulator.detectors import excess_noise_factor2
 
 BAND_STARS = {"F520": "alf Cen A", "F662": "alf Cen A", "F720": "tau Cet", "F850": "tau Cet"}
 SNR = 30.0

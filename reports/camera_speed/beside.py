@@ -18,8 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from simulator import Observation, load_instrument
-from simulator.camera import VisibleCamera, excess_noise_factor2, multiply
-from simulator.camera.calibration_set import load_calibration_set
+from simulator.camera import VisibleCamera, load_calibration_set
+from simulator.detectors import excess_noise_factor2
+from simulator.detectors.gain import multiply
 from simulator.effects import cosmic_ray_rate
 
 HERE = Path(__file__).resolve().parent

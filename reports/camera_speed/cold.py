@@ -8,8 +8,8 @@ import time
 import numpy as np
 
 from simulator import load_instrument
-from simulator.camera import VisibleCamera, multiply
-from simulator.camera.infrared import InfraredCamera
+from simulator.camera import InfraredCamera, VisibleCamera
+from simulator.detectors.gain import multiply
 
 LEVELS_E = (0.0, 2.0, 50.0, 5e3, 3e5)
 

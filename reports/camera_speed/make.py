@@ -46,11 +46,11 @@ from beside import (
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from cpic_core import write_text
 from simulator import Observation, observe
 from simulator.camera import VisibleCamera, stack_electrons
-from simulator.detectors.effect import Exposure
+from simulator.detectors import Exposure
 from simulator.effects import draw_cosmic_rays
-from simulator.files import write_text
 from simulator.products import write_level0
 
 HERE = Path(__file__).resolve().parent
@@ -181,7 +181,7 @@ def added(camera: VisibleCamera, exposure: Exposure, index: int) -> FloatArray:
 
 def cold() -> tuple[float, float, int, int]:
     """Seconds of a fresh process with an empty cache of compiled code and with a full one; kernels made, and all."""
-    from simulator.camera import kernels
+    from simulator.detectors import kernels
     from simulator.effects import deposit
 
     with tempfile.TemporaryDirectory() as folder:

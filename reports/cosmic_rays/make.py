@@ -24,14 +24,15 @@ from numpy.typing import NDArray
 from scipy import integrate, stats
 from threadpoolctl import threadpool_limits
 
-from cpic_planner.report.drawing import STACK_COLOURS, new_figure, save, style
+from cpic_core import stream, write_bytes, write_text
+from cpic_planner.report import new_figure, style
+from cpic_planner.report.drawing import STACK_COLOURS, save
 from simulator import load_instrument
-from simulator.calibration import Calibration, calibrate
 from simulator.camera import Frame
 from simulator.config import Instrument
 from simulator.effects import CosmicRays, draw_cosmic_rays
-from simulator.files import write_bytes, write_text
-from simulator.rng import stream
+from simulator.observing import calibrate
+from simulator.observing.calibration import Calibration
 
 HERE = Path(__file__).resolve().parent
 EXPOSURE_S, GAINS, MODELS = 3000.0, (1.0, 300.0), ("paper", "physical")

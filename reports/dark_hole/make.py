@@ -22,14 +22,15 @@ from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from cpic_planner.report.drawing import BAND_STYLE, save, style
+from cpic_core import write_bytes, write_text
+from cpic_planner.report import style
+from cpic_planner.report.drawing import BAND_STYLE, save
 from simulator.config import Instrument, load_instrument
-from simulator.files import write_bytes, write_text
-from simulator.imaging.aberrations import Aberrations
+from simulator.imaging import HoleZone
 from simulator.imaging.build import aberrations_of, bare_imager, configured_mirror, dark_hole_of, dig
 from simulator.imaging.dark_hole import DarkHole, HoleResult
-from simulator.imaging.hole_zone import HoleZone
 from simulator.imaging.imager import Imager
+from simulator.imaging.pupil import Aberrations
 
 HERE = Path(__file__).resolve().parent
 SHOWN_SEED = 1

@@ -7,7 +7,8 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from cpic_planner.report.drawing import BAND_STYLE, new_figure
+from cpic_planner.report import new_figure
+from cpic_planner.report.drawing import BAND_STYLE
 
 __all__ = ["png", "size_figure"]
 

@@ -21,14 +21,11 @@ from settings import settings_rows, wing_rows
 from threadpoolctl import threadpool_limits
 from truth import alone, pair_of, true_difference
 
-from cpic_planner.report.drawing import style
+from cpic_core import Status, write_bytes, write_text
+from cpic_planner.report import style
 from simulator import observe
-from simulator.files import write_bytes, write_text
-from simulator.hole_stack import hole_stacks
-from simulator.ledger import forecast
-from simulator.ledger.sums import NOT_IN_SUMS
-from simulator.observation import Observation
-from simulator.outcome import Status
+from simulator.ledger import NOT_IN_SUMS, forecast
+from simulator.observing import Observation, hole_stacks
 
 HERE = Path(__file__).resolve().parent
 SCENES, EFFECT_SCENES, SUM_SCENES = 520, 40, 60

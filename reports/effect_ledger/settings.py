@@ -13,19 +13,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter
 
+from cpic_core import stream
 from simulator import load_instrument
 from simulator.config import Instrument
-from simulator.imaging.aperture import aperture_sums, overlap_weights
-from simulator.imaging.build import build_imager
+from simulator.imaging import aperture_sums, build_imager, centred_axis, overlap_weights, psf_metrics
 from simulator.imaging.drift import screen_model
-from simulator.imaging.imager import Imager, centred_axis
-from simulator.imaging.store import psf_metrics
+from simulator.imaging.imager import Imager
 from simulator.knobs import Knobs
 from simulator.ledger.optics_sizes import Optics
 from simulator.ledger.wings import MOST
 from simulator.passbands import Passbands
-from simulator.rng import stream
-from simulator.signal.wings import wing
+from simulator.signal import wing
 
 __all__ = ["BANDS", "settings_rows", "wing_rows"]
 

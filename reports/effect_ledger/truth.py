@@ -18,18 +18,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scenes import RandomCase
 
+from cpic_core import stream
 from simulator import observe
-from simulator.config.effects import CosmicRayConfig
-from simulator.detectors.effect import Exposure
-from simulator.effects.cosmic_ray_rate import cosmic_ray_rate
-from simulator.effects.cosmic_rays import draw_cosmic_rays
+from simulator.config import CosmicRayConfig
+from simulator.detectors import Exposure
+from simulator.effects import cosmic_ray_rate, draw_cosmic_rays
+from simulator.imaging import centred_axis, off_axis_light
 from simulator.imaging.drift import screen_model
-from simulator.imaging.frame import off_axis_light
-from simulator.imaging.imager import centred_axis
 from simulator.knobs import Knobs
-from simulator.observation import Observation
-from simulator.rng import stream
-from simulator.sequence import Light
+from simulator.observing import Observation
+from simulator.observing.sequence import Light
 
 __all__ = ["Difference", "alone", "measure", "pair_of", "true_difference"]
 
@@ -252,7 +250,7 @@ def _paired_light(whole: Observation, short: Observation) -> Light:
     if drift.walk_nm_per_sqrt_hour == 0.0:
         stamps = np.broadcast_to(short.light.star.rate_e_s[:1], whole.light.star.rate_e_s.shape)
     else:
-        from simulator.imaging.drift import visit_frames
+        from simulator.imaging import visit_frames
 
         path, epochs = short.path, whole.light.epochs
         stamps = short.truth.sources[0].rate_e_s * visit_frames(

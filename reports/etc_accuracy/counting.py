@@ -15,9 +15,9 @@ from monte_carlo import Aperture, Readout, Recovered, Stack
 from numpy.typing import NDArray
 from regimes import RADIUS_PIXELS, camera_of, rates_of
 
-from cpic_planner.etc.model import Strategy
-from cpic_planner.etc.noise import StackNoise, stack_noise
-from simulator.camera import multiply
+from cpic_planner.etc import StackNoise, stack_noise
+from cpic_planner.queries import Strategy
+from simulator.detectors.gain import multiply
 
 __all__ = ["EXPOSURE_S", "FRAMES", "Curve", "counted_cases", "predicted_counting", "recover_counts"]
 

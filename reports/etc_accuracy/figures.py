@@ -10,7 +10,8 @@ from limits import Curve
 from matplotlib.figure import Figure
 from regimes import GAINS, REGIMES
 
-from cpic_planner.report.drawing import BAND_STYLE, new_figure
+from cpic_planner.report import new_figure
+from cpic_planner.report.drawing import BAND_STYLE
 
 __all__ = ["limit_figure", "monte_carlo_figure", "png"]
 

@@ -1,8 +1,8 @@
 """What reference subtraction leaves of the star in images without noise: many pairs of visits, propagated in full.
 
-The ETC reads a table made from first-order responses to other random wavefronts (`simulator.imaging.floor`). Here every
-image is a propagation of its own, the residual is summed in circles wholly inside the squares, and the mean of the
-annulus is subtracted, as an observer would do it.
+The ETC reads a table made from first-order responses to other random wavefronts (`simulator.imaging.measure`). Here
+every image is a propagation of its own, the residual is summed in circles wholly inside the squares, and the mean of
+the annulus is subtracted, as an observer would do it.
 """
 
 from __future__ import annotations
@@ -12,13 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from simulator.config import Instrument
-from simulator.config.optics import Drift
-from simulator.imaging.aperture import aperture_sums, overlap_weights
-from simulator.imaging.build import build_imager
-from simulator.imaging.drift import visit_frames
-from simulator.imaging.metrics import PsfMetrics
-from simulator.rng import stream
+from cpic_core import stream
+from simulator.config import Drift, Instrument
+from simulator.imaging import PsfMetrics, aperture_sums, build_imager, overlap_weights, visit_frames
 
 __all__ = ["Residual", "residuals", "scatter"]
 

@@ -10,13 +10,10 @@ import numpy as np
 from floors import Residual, residuals, scatter
 from numpy.typing import NDArray
 
-from cpic_planner.etc.model import EtcModel, build_model
-from cpic_planner.etc.place import diagonal
-from cpic_planner.etc.questions import contrast_limit
+from cpic_planner.etc import EtcModel, build_model, contrast_limit, diagonal
 from cpic_planner.targets import find_target
-from simulator.config import load_instrument
-from simulator.config.optics import Drift
-from simulator.signal.speckles import speckle_law
+from simulator.config import Drift, load_instrument
+from simulator.signal import speckle_law
 
 __all__ = ["LIMIT_BAND", "WALK_FRAMES", "Curve", "FloorRow", "floor_rows", "limit_curves"]
 

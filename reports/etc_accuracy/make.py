@@ -25,13 +25,11 @@ from regimes import GAINS, Case, apertures, cases, predicted
 from speed import SpeedRow, machine, speed_rows
 from threadpoolctl import threadpool_limits
 
-from cpic_planner.etc.cases import FrameWish, band_cases, planets_of
-from cpic_planner.etc.frames import FrameProblem, least_time
-from cpic_planner.etc.model import EtcModel, build_model
-from cpic_planner.report.drawing import style
+from cpic_core import write_bytes, write_text
+from cpic_planner.etc import EtcModel, FrameProblem, FrameWish, band_cases, build_model, least_time, planets_of
+from cpic_planner.report import style
 from cpic_planner.targets import rank_sample
 from simulator.config import load_instrument
-from simulator.files import write_bytes, write_text
 
 HERE = Path(__file__).resolve().parent
 TRIALS = 20_000

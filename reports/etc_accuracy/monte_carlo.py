@@ -17,8 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from simulator.camera import multiply
-from simulator.imaging.aperture import overlap_weights
+from simulator.detectors.gain import multiply
+from simulator.imaging import overlap_weights
 
 __all__ = ["Aperture", "Readout", "Recovered", "Stack", "aperture_on", "frame_sums", "recover", "stack_sums"]
 
@@ -111,11 +111,7 @@ class Aperture:
 
 
 def aperture_on(
-    radius_pixels: float,
-    image: FloatArray | None = None,
-    *,
-    offset_y: float = 0.0,
-    offset_x: float = 0.0,
+    radius_pixels: float, image: FloatArray | None = None, *, offset_y: float = 0.0, offset_x: float = 0.0
 ) -> Aperture:
     """Aperture of that radius about a point beside the centre of a pixel (offsets -0.5 to 0.5).
 
@@ -179,13 +175,7 @@ def _visits(stack: Stack) -> tuple[tuple[float, int, float], ...]:
 
 
 def _difference(
-    stack: Stack,
-    aperture: Aperture,
-    readout: Readout,
-    rng: np.random.Generator,
-    trials: int,
-    copies: int,
-    planet: bool,
+    stack: Stack, aperture: Aperture, readout: Readout, rng: np.random.Generator, trials: int, copies: int, planet: bool
 ) -> FloatArray:
     """Science less scaled reference, summed over as many apertures (``copies``, each with speckles of its own)."""
     weights, counts, light, member = aperture.pooled()

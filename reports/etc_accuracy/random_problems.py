@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cpic_planner.etc.camera import FrameCamera
-from cpic_planner.etc.frames import FrameProblem
+from cpic_planner.etc import FrameCamera, FrameProblem
 
 __all__ = ["random_problem"]
 

@@ -7,10 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from monte_carlo import Aperture, Readout, Stack, aperture_on
 
-from cpic_planner.etc.model import EtcModel
-from cpic_planner.etc.noise import StackNoise, stack_noise
-from cpic_planner.etc.place import diagonal
-from cpic_planner.etc.rates import aperture_rates
+from cpic_planner.etc import EtcModel, StackNoise, aperture_rates, diagonal, stack_noise
 from cpic_planner.targets import find_target
 from simulator import single_band_psf
 

@@ -9,11 +9,9 @@ from typing import Any
 import numpy as np
 from monte_carlo import Aperture, Readout, Stack, aperture_on
 
-from cpic_planner.etc.camera import FrameCamera
-from cpic_planner.etc.model import Strategy
-from cpic_planner.etc.noise import StackNoise, stack_noise
-from cpic_planner.etc.rates import ApertureRates
-from simulator.signal.speckles import SpeckleLaw
+from cpic_planner.etc import ApertureRates, FrameCamera, StackNoise, stack_noise
+from cpic_planner.queries import Strategy
+from simulator.signal import SpeckleLaw
 
 __all__ = [
     "GAINS",

@@ -12,10 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from cpic_planner.etc.cases import FrameWish, band_cases, planets_of
-from cpic_planner.etc.frames import least_time
-from cpic_planner.etc.model import build_model
-from cpic_planner.etc.questions import contrast_limit, exposure_time, signal_to_noise
+from cpic_planner.etc import FrameWish, band_cases, build_model, contrast_limit, least_time, planets_of
+from cpic_planner.etc.questions import exposure_time, signal_to_noise
 from cpic_planner.ranking import rank_targets
 from cpic_planner.targets import find_target, rank_sample
 from simulator.config import load_instrument

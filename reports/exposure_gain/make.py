@@ -26,12 +26,13 @@ from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from cpic_planner.report.drawing import RESIDUAL_COLOURS, STACK_COLOURS, new_figure, save, style
+from cpic_core import write_bytes, write_text
+from cpic_planner.report import new_figure, style
+from cpic_planner.report.drawing import RESIDUAL_COLOURS, STACK_COLOURS, save
 from simulator import Observation, load_instrument, load_scene, observe
 from simulator.camera import Frame, pixel_variance_e2, to_electrons
 from simulator.config import Instrument, SceneStar
-from simulator.files import write_bytes, write_text
-from simulator.imaging.aperture import overlap_weights
+from simulator.imaging import overlap_weights
 
 HERE = Path(__file__).resolve().parent
 BAND, EXPOSURES_S, GAINS = "F520", (30.0, 300.0), (1.0, 20.0)

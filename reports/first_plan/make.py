@@ -16,19 +16,21 @@ import tempfile
 import time
 from pathlib import Path
 
-from cpic_planner.etc.model import build_model
+from cpic_core import write_bytes, write_text
+from cpic_planner.confirm import make_plan
+from cpic_planner.confirm.plan import prepare_plan
+from cpic_planner.etc import build_model
 from cpic_planner.jobs.folder import open_run_folder
-from cpic_planner.models import PlanResult, RankResult, SensitivityResult
-from cpic_planner.plan import PlanQuestion, make_plan, prepare_plan
+from cpic_planner.queries import PlanQuestion
 from cpic_planner.report.contrast_figure import contrast_diagram
 from cpic_planner.report.drawing import Picture
-from cpic_planner.report.names import pretty_name
+from cpic_planner.report.image_figures import snr_figure
+from cpic_planner.report.numbers import pretty_name
 from cpic_planner.report.panel_figure import panel_picture
-from cpic_planner.report.snr_figure import snr_figure
 from cpic_planner.report.words import tau_text
 from cpic_planner.report.write import hole_edges, limit_curves, panels_of
+from cpic_planner.results import PlanResult, RankResult, SensitivityResult
 from simulator.config import load_instrument
-from simulator.files import write_bytes, write_text
 
 HERE = Path(__file__).resolve().parent
 TOP = 5

@@ -21,17 +21,16 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from cpic_core import write_text
 from simulator import Psf, load_instrument, single_band_psf
 from simulator.config import Instrument
-from simulator.files import write_text
-from simulator.imaging.aperture import aperture_sums, overlap_weights
-from simulator.imaging.build import aberrations_of, bare_imager, build_imager, configured_mirror, dig
+from simulator.imaging import aperture_sums, build_imager, centred_axis, overlap_weights, pixel_axis
+from simulator.imaging.build import aberrations_of, bare_imager, configured_mirror, dig
 from simulator.imaging.conjugation import Conjugation
 from simulator.imaging.dark_hole import default_settings
-from simulator.imaging.imager import Imager, centred_axis
+from simulator.imaging.imager import Imager
 from simulator.imaging.paper_scene import CELLS, paper_scene_image
 from simulator.imaging.psf import forget_stamps, wide_on_axis
-from simulator.imaging.quadrature import pixel_axis
 from simulator.imaging.scene_image import PointSources, scene_image
 from simulator.imaging.transfer import band_transfer
 from simulator.knobs import FIDELITIES, Knobs

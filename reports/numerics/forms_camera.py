@@ -10,24 +10,14 @@ import numpy as np
 from mpmath import mp, mpf
 from oracle import ClosedForm
 
-from simulator.camera import (
-    aperture_noise_pixels,
-    em_gain_of,
-    em_voltage_of,
-    excess_noise_factor2,
-    expected_adu_map,
-    gain_cap,
-    gain_variance,
-    pixel_saturated,
-    pixel_variance_e2,
-    stage_probability,
-    to_electrons,
-)
-from simulator.camera.register_law import output_cumulants
+from simulator.camera import em_gain_of, em_voltage_of, expected_adu_map, pixel_variance_e2, to_electrons
 from simulator.config import load_instrument
+from simulator.detectors import aperture_noise_pixels, dark_law_e_s, excess_noise_factor2, stage_probability
 from simulator.detectors.collection import compressed
-from simulator.detectors.pixels import dark_law_e_s
+from simulator.detectors.gain import gain_variance, output_cumulants
 from simulator.detectors.transfer import chances_of_loss
+from simulator.signal import pixel_saturated
+from simulator.signal.saturation import gain_cap
 
 DETECTOR = load_instrument().detector
 IDEAL = DETECTOR.model_copy(
@@ -251,7 +241,7 @@ FORMS = [
         adu,
     ),
     ClosedForm(
-        "simulator.detectors.pixels.dark_law_e_s",
+        "simulator.detectors.chains.dark_law_e_s",
         "120 to 320 K",
         list(itertools.product((120.0, 165.0, 203.0, 293.0, 320.0), (0.0, 1e-6, 150.0, 1e6))),
         dark_law_e_s,
@@ -266,7 +256,7 @@ FORMS = [
     ),
     *(
         ClosedForm(
-            f"simulator.camera.register_law.output_cumulants, {k + 1}",
+            f"simulator.detectors.gain.output_cumulants, {k + 1}",
             "gain 1 + 1e-12 to 1e4, 1 to 604 stages",
             CASCADES,
             lambda p, n, k=k: output_cumulants(p, int(n))[k],

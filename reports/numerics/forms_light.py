@@ -10,19 +10,17 @@ from mpmath import mp, mpf
 from oracle import ClosedForm
 
 import simulator
-from catalogs.bands import load_bands
-from catalogs.spectra import load_albedo, load_zodi_table
+from catalogs import load_albedo, load_bands, load_zodi_table, luminosity_from_v
 from catalogs.stellar_physics import (
     bolometric_correction,
     colour_temperature,
     gravity,
-    luminosity_from_v,
     mass_from_luminosity,
     radius_from_luminosity,
 )
 from simulator.band_integrals import v_photon_rate, vega_v_photon_rate
 from simulator.config import load_scene
-from simulator.effects.zodiacal import colour_factor, zodiacal_radiance
+from simulator.effects.sky import colour_factor, zodiacal_radiance
 from simulator.passbands import Passbands
 from simulator.target import scene_sources, stellar_spectrum
 from simulator.target.contrast import AU_KM, JUPITER_RADIUS_KM
@@ -220,14 +218,14 @@ FORMS = [
         scene_exact,
     ),
     ClosedForm(
-        "simulator.effects.zodiacal.zodiacal_radiance",
+        "simulator.effects.sky.zodiacal_radiance",
         "tabulated directions and between them",
         [(60.0, 0.0), (90.0, 30.0), (-100.0, -33.3), (180.0, 0.0), (135.0, 90.0), (77.7, 1e-9)],
         lambda x, y: zodiacal_radiance(x, y).radiance_500nm_w_m2_sr_um,
         zodi_exact,
     ),
     ClosedForm(
-        "simulator.effects.zodiacal.colour_factor",
+        "simulator.effects.sky.colour_factor",
         "300 to 1750 nm, 90 deg from the Sun",
         [(x,) for x in (300.0, 499.999999, 500.0, 500.000001, 1750.0)],
         lambda x: colour_factor(x, 90.0),

@@ -11,17 +11,15 @@ import numpy as np
 from mpmath import mp, mpf
 from oracle import ClosedForm
 
-from cpic_planner.distributions import read_law
-from cpic_planner.etc.camera import FrameCamera
-from cpic_planner.etc.noise import stack_noise
-from cpic_planner.etc.paper import SPECKLE_COHERENCE, snr_paper
-from cpic_planner.etc.rates import ApertureRates
-from cpic_planner.etc.significance import detection_threshold
-from cpic_planner.orbits import eccentric_anomaly, orbit_places
-from simulator.camera.track_loss import mean_projection_um
+from cpic_planner.etc import ApertureRates, FrameCamera, stack_noise
+from cpic_planner.etc.detection import detection_threshold
+from cpic_planner.etc.noise import SPECKLE_COHERENCE, snr_paper
+from cpic_planner.planets.laws import read_law
+from cpic_planner.planets.orbits import eccentric_anomaly, orbit_places
+from simulator.camera.noise import mean_projection_um
 from simulator.config import load_instrument
-from simulator.signal.speckles import SpeckleLaw
-from simulator.signal.variance import clean_fraction
+from simulator.detectors import clean_fraction
+from simulator.signal import SpeckleLaw
 
 CAMERA = FrameCamera.of(load_instrument(), "F520")
 
@@ -105,7 +103,7 @@ def law(tree: dict[str, float | str], exact: Callable[[mpf], mpf]) -> ClosedForm
     drawn = read_law(tree)
     shown = "".join(f"{key} {value!r}, " for key, value in tree.items() if key != "law")
     return ClosedForm(
-        f"cpic_planner.distributions, {name}",
+        f"cpic_planner.planets.laws, {name}",
         f"{shown}shares 0 to 1 - 1e-16",
         [(s,) for s in SHARES],
         lambda share: drawn.quantile(np.array([share]))[0],
@@ -260,7 +258,7 @@ def chord(depth: mpf, longest: mpf) -> mpf:
 
 FORMS = [
     ClosedForm(
-        "cpic_planner.orbits.eccentric_anomaly",
+        "cpic_planner.planets.orbits.eccentric_anomaly",
         "-2 to 100 rad, eccentricity 0 to 0.999",
         ANOMALIES,
         eccentric_anomaly,
@@ -268,7 +266,7 @@ FORMS = [
     ),
     *(
         ClosedForm(
-            f"cpic_planner.orbits.orbit_places, {name}",
+            f"cpic_planner.planets.orbits.orbit_places, {name}",
             "1e-3 to 1e3 au, eccentricity 0 to 0.999, nearly edge-on too",
             ORBITS,
             *place(name),
@@ -293,14 +291,14 @@ FORMS = [
         student,
     ),
     ClosedForm(
-        "simulator.signal.variance.clean_fraction",
+        "simulator.detectors.variance.clean_fraction",
         "0 to 1 track/s, 1e-6 to 1e6 s",
         list(itertools.product((0.0, 1e-9, 1e-4, 1e-2), (0.0, 1e-6, 1.0, 1e6)))[:15],
         clean_fraction,
         lambda loss, t: mp.exp(-loss * t),
     ),
     ClosedForm(
-        "simulator.camera.track_loss.mean_projection_um",
+        "simulator.camera.noise.mean_projection_um",
         "layers 1 to 1e4 um, chords to 1e-6 of the depth and 1e9 um",
         [(d, d * f) for d in (1.0, 38.0, 1e4) for f in (1.0 + 2e-6, 1.001, 2.0, 1e3, 1e5)],
         mean_projection_um,
@@ -317,7 +315,7 @@ FORMS = [
         "cpic_planner.etc.noise.stack_noise, significance", "as the SNR", STACKS, stacked("significance"), significance
     ),
     ClosedForm(
-        "cpic_planner.etc.paper.snr_paper",
+        "cpic_planner.etc.noise.snr_paper",
         "as the SNR",
         STACKS,
         lambda planet, halo, *frames: snr_paper(rates(planet, halo), *frames, CAMERA),

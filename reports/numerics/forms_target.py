@@ -11,16 +11,17 @@ from mpmath import mp, mpf
 from oracle import ClosedForm
 
 import simulator
-from catalogs.coordinates import separation_arcsec, tangent_offset
-from cpic_planner.etc.planet import ReferencePlanet, reference_distance_au
+from catalogs import separation_arcsec, tangent_offset
+from cpic_planner.etc import reference_distance_au
+from cpic_planner.queries import ReferencePlanet
 from cpic_planner.targets import Targets, find_target
 from simulator.config import load_instrument
-from simulator.effects import cosmic_ray_rate
-from simulator.effects.sun_position import ecliptic_deg, elongation_deg
+from simulator.effects import cosmic_ray_rate, ecliptic_deg
+from simulator.effects.sky import elongation_deg
 from simulator.signal.light import exozodi_fraction_arcsec2
 from simulator.target import contrast_at, detector_to_sky, sky_to_detector
 from simulator.target.contrast import AU_KM, JUPITER_RADIUS_KM
-from simulator.target.thermal import photon_surface, thermal_photlam
+from simulator.target.star_spectrum import photon_surface, thermal_photlam
 
 PHASES = (
     0.0,
@@ -246,14 +247,14 @@ FORMS = [
         lambda s, n: mpf(10) ** (mpf("-0.4") * (mpf(22) - mpf("4.83"))) / 100 * n / s**2,
     ),
     ClosedForm(
-        "simulator.effects.cosmic_ray_rate",
+        "simulator.effects.cosmic_rays",
         "1972 to 2101",
         [(x,) for x in (1972.0, 2000.0, 2019.96, 2024.9, 2028.0, 2101.0)],
         lambda year: cosmic_ray_rate(RAYS, year),
         rays,
     ),
     ClosedForm(
-        "simulator.effects.sun_position.elongation_deg",
+        "simulator.effects.sky.elongation_deg",
         "1e-9 to 180 deg",
         [
             (0.0, 0.0),
@@ -273,21 +274,21 @@ FORMS = [
         sun_distance,
     ),
     ClosedForm(
-        "simulator.effects.sun_position.ecliptic_deg, latitude",
+        "simulator.effects.sky.ecliptic_deg, latitude",
         "poles and equator",
         [(0.0, 0.0), (26.017, -15.937), (270.0, 66.5), (270.0, 90.0), (90.0, 23.4), (180.0, 1e-9)],
         lambda ra, dec: ecliptic_deg(ra, dec)[1],
         latitude,
     ),
     ClosedForm(
-        "simulator.target.thermal.photon_surface",
+        "simulator.target.star_spectrum.photon_surface",
         "100 K to 1e6 K, 300 to 1750 nm",
         list(itertools.product(WAVELENGTHS, TEFFS)),
         lambda x, t: photon_surface(np.array([x]), t)[0],
         surface,
     ),
     ClosedForm(
-        "simulator.target.thermal.thermal_photlam",
+        "simulator.target.star_spectrum.thermal_photlam",
         "0.1 pc to 1 kpc",
         list(itertools.product((520.0, 1750.0), TEFFS, (1.0,), (0.1, 10.0, 1000.0))),
         lambda x, t, r, d: thermal_photlam(np.array([x]), t, r, d)[0],

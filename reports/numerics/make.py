@@ -22,8 +22,8 @@ from refusal import answer
 from refusals import REFUSALS
 from threadpoolctl import threadpool_limits
 
-from cpic_planner.report.drawing import new_figure, style
-from simulator.files import write_bytes, write_text
+from cpic_core import write_bytes, write_text
+from cpic_planner.report import new_figure, style
 
 HERE = Path(__file__).resolve().parent
 FLOOR = 1e-18

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from catalogs.errors import InputError
+from cpic_core import InputError
 
 
 class Refusal(NamedTuple):

@@ -10,25 +10,19 @@ import refusals_camera
 from refusal import Refusal
 
 import simulator
-from catalogs.coordinates import position_angle, propagate, separation_arcsec, tangent_offset
+from catalogs import position_angle, separation_arcsec, tangent_offset
+from catalogs.coordinates import propagate
 from catalogs.stellar_physics import bolometric_correction, gravity, mass_from_luminosity, radius_from_luminosity
-from cpic_planner.distributions import read_law
-from cpic_planner.orbits import eccentric_anomaly, orbit_places
-from cpic_planner.validation import (
-    aperture_sum,
-    aperture_weights,
-    combine,
-    contrast,
-    detection_threshold,
-    filled,
-    scale_library,
-)
-from simulator.camera.track_loss import mean_projection_um
+from cpic_planner.etc.detection import detection_threshold
+from cpic_planner.planets.laws import read_law
+from cpic_planner.planets.orbits import eccentric_anomaly, orbit_places
+from cpic_planner.validation import aperture_sum, aperture_weights, combine, contrast, filled, scale_library
+from simulator.camera.noise import mean_projection_um
+from simulator.detectors import clean_fraction
 from simulator.effects import cosmic_ray_rate
 from simulator.knobs import dial_of
 from simulator.passbands import Passbands
 from simulator.signal.light import exozodi_fraction_arcsec2
-from simulator.signal.variance import clean_fraction
 from simulator.target import contrast_at, detector_to_sky, sky_to_detector
 
 NAN, INF = math.nan, math.inf
@@ -193,26 +187,23 @@ REFUSALS = [
         Refusal("simulator.signal.light.exozodi_fraction_arcsec2", exozodi_fraction_arcsec2, given, says)
         for given, says in (
             ((0.0, 1.0), "separation_arcsec = 0.0 arcsec: not accepted; allowed: above 0"),
-            (
-                (1e-200, 1.0),
-                "separation_arcsec = 1e-200 arcsec: not accepted; allowed: separations",
-            ),
+            ((1e-200, 1.0), "separation_arcsec = 1e-200 arcsec: not accepted; allowed: separations"),
         )
     ),
     Refusal(
-        "simulator.signal.variance.clean_fraction",
+        "simulator.detectors.variance.clean_fraction",
         clean_fraction,
         (-1.0, 1.0),
         "loss_per_s = -1.0 1/s: not accepted; allowed: finite and at least 0",
     ),
     Refusal(
-        "simulator.camera.track_loss.mean_projection_um",
+        "simulator.camera.noise.mean_projection_um",
         mean_projection_um,
         (NAN, 1.0),
         "depth_um = nan um: not accepted; allowed: 1e-06 to 1e+09",
     ),
     *(
-        Refusal("simulator.effects.cosmic_ray_rate", lambda when: cosmic_ray_rate(RAYS, when), (when,), says)
+        Refusal("simulator.effects.cosmic_rays", lambda when: cosmic_ray_rate(RAYS, when), (when,), says)
         for when, says in (
             (NAN, "when = nan yr: not accepted; allowed: a finite number"),
             (1900.0, "when = 1900.0 yr: not accepted; allowed: a year, 1972 to 2100"),
@@ -220,20 +211,20 @@ REFUSALS = [
         )
     ),
     *(
-        Refusal("cpic_planner.orbits.eccentric_anomaly", eccentric_anomaly, given, says)
+        Refusal("cpic_planner.planets.orbits.eccentric_anomaly", eccentric_anomaly, given, says)
         for given, says in (
             ((NAN, 0.1), "mean_anomaly_rad = nan rad: not accepted; allowed: finite numbers"),
             ((0.1, 1.0), "eccentricity = 1.0: not accepted; allowed: 0 to 0.999"),
         )
     ),
     Refusal(
-        "cpic_planner.orbits.orbit_places",
+        "cpic_planner.planets.orbits.orbit_places",
         orbit_places,
         (0.0, 0, 0, 0, 0, 0),
         "semi_major_axis_au = 0.0 au: not accepted; allowed: above 0",
     ),
     Refusal(
-        "cpic_planner.distributions",
+        "cpic_planner.planets.laws",
         read_law,
         ({"law": "uniform", "low": 1.0, "high": 1.0},),
         "low = 1.0: not accepted; allowed: below high = 1",

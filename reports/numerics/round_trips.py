@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from cpic_planner.etc.model import EtcModel, build_model
-from cpic_planner.etc.questions import contrast_limit, exposure_time, signal_to_noise
+from cpic_planner.etc import EtcModel, build_model, contrast_limit
+from cpic_planner.etc.questions import exposure_time, signal_to_noise
 from cpic_planner.targets import Targets, find_target
 from simulator.config import load_instrument
 

@@ -15,7 +15,8 @@ from matplotlib.patheffects import withStroke
 from measure import Case, Measured, Predicted, instrument, science_scene, sky_pixels, true_contrast
 from numpy.typing import NDArray
 
-from cpic_planner.report.drawing import BAND_STYLE, RESIDUAL_COLOURS, STACK_COLOURS, new_figure
+from cpic_planner.report import new_figure
+from cpic_planner.report.drawing import BAND_STYLE, RESIDUAL_COLOURS, STACK_COLOURS
 from cpic_planner.report.panel_figure import robust_sigma, stack_scale
 from simulator import planet_albedo, planet_contrast
 

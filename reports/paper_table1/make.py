@@ -33,10 +33,9 @@ from measure import (
 )
 from threadpoolctl import threadpool_limits
 
-from cpic_planner.report.drawing import style
-from cpic_planner.simulation.inputs import simulation_from
-from cpic_planner.simulation.run import simulate
-from simulator.files import write_bytes, write_text
+from cpic_core import write_bytes, write_text
+from cpic_planner.report import style
+from cpic_planner.simulation import simulate, simulation_from
 from simulator.products import check_level0
 
 HERE = Path(__file__).resolve().parent

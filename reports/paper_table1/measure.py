@@ -13,26 +13,30 @@ from astropy.coordinates import SkyCoord
 from astropy.wcs import WCS
 from numpy.typing import NDArray
 
-from catalogs.spectral_types import stellar_parameters
-from cpic_planner.etc.answer import EtcAnswer
-from cpic_planner.etc.model import EtcModel, build_model
-from cpic_planner.etc.noise import stack_noise
-from cpic_planner.etc.paper import snr_paper
+from catalogs import stellar_parameters
+from cpic_planner.etc import EtcModel, aperture_rates, build_model, stack_noise
+from cpic_planner.etc.noise import snr_paper
 from cpic_planner.etc.questions import signal_to_noise
-from cpic_planner.etc.rates import aperture_rates
 from cpic_planner.report.panels import Panels
+from cpic_planner.results import EtcAnswer
 from cpic_planner.targets import Targets, find_target
-from cpic_planner.validation.apertures import aperture_weights
-from cpic_planner.validation.frames import CalibratedFrames, calibrated_frames
-from cpic_planner.validation.photometry import EXCLUSION_RADII, Contrast, Photometry, aperture_photometry
-from cpic_planner.validation.rdi import rdi_subtract
-from cpic_planner.validation.rejection import filled, reject_cosmic_rays
-from cpic_planner.validation.star_flux import field_star_ratio, star_flux_of_field_star
+from cpic_planner.validation import (
+    CalibratedFrames,
+    Contrast,
+    Photometry,
+    aperture_photometry,
+    aperture_weights,
+    calibrated_frames,
+    filled,
+    rdi_subtract,
+    reject_cosmic_rays,
+    star_flux_of_field_star,
+)
+from cpic_planner.validation.photometry import EXCLUSION_RADII
+from cpic_planner.validation.star_flux import field_star_ratio
 from simulator import Observation, load_instrument, load_scene, observe
-from simulator.config import Instrument, Scene
-from simulator.config.simulation import SequenceConfig
-from simulator.config.simulation_file import load_simulation
-from simulator.target.sources import scene_sources
+from simulator.config import Instrument, Scene, SequenceConfig, load_simulation
+from simulator.target import scene_sources
 
 SIMULATION = "paper_table1"
 Companions = Literal["on", "off"]

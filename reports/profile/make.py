@@ -1,8 +1,8 @@
 """Regenerate this report: ``python reports/profile/make.py`` (about four minutes; needs the project's git history).
 
 Where the time of the main commands goes, stage by stage, how far each stage is from the least that this machine could
-do it in, and what parity (`simulator.imaging.parity`) and kept stamps changed. Both states of the project run side by
-side, each on one thread in a process of its own, so that their ratio holds on a busy machine too.
+do it in, and what parity (`simulator.imaging.pupil_symmetry`) and kept stamps changed. Both states of the project run
+side by side, each on one thread in a process of its own, so that their ratio holds on a busy machine too.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from matplotlib.figure import Figure
 from stages import JOBS, REST
 from threadpoolctl import threadpool_limits
 
-from simulator.files import write_text
+from cpic_core import write_text
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]

@@ -46,14 +46,14 @@ WRITES = ("cpic plan", "cpic simulate")
 
 # Stage: functions of it. Time belongs to the innermost stage.
 STAGES: dict[str, tuple[str, ...]] = {
-    "ranking": ("cpic_planner.ranking:rank_targets",),
+    "ranking": ("cpic_planner.ranking.order:rank_targets",),
     "separation, exposure and gain": (
-        "cpic_planner.optimiser:best_in_band",
-        "cpic_planner.optimiser:optimise",
-        "cpic_planner.optimiser:_least_in_band",
+        "cpic_planner.ranking.optimiser:best_in_band",
+        "cpic_planner.ranking.optimiser:optimise",
+        "cpic_planner.ranking.optimiser:_least_in_band",
     ),
-    "completeness": ("cpic_planner.completeness:completeness",),
-    "sensitivity of the ranking": ("cpic_planner.sensitivity:sensitivity",),
+    "completeness": ("cpic_planner.ranking.completeness:completeness",),
+    "sensitivity of the ranking": ("cpic_planner.ranking.sensitivity:sensitivity",),
     "optical models and stamps": (
         "simulator.imaging.psf:single_band_psf",
         "simulator.imaging.store:psf_metrics",
@@ -63,17 +63,20 @@ STAGES: dict[str, tuple[str, ...]] = {
     "propagation": ("simulator.imaging.imager:FocalGrid.intensity",),
     "drift screens": ("simulator.imaging.drift:ScreenModel.draw", "simulator.imaging.drift:screen_model"),
     "other sources, whole-frame star": (
-        "simulator.observation:off_axis_light",
-        "simulator.observation:full_star_map",
-        "simulator.scene_light:off_axis_light",
-        "simulator.scene_light:full_star_map",
-        "simulator.scene_light:star_column_light",
+        "simulator.observing.observation:off_axis_light",
+        "simulator.observing.observation:full_star_map",
+        "simulator.observing.scene_light:off_axis_light",
+        "simulator.observing.scene_light:full_star_map",
+        "simulator.observing.scene_light:star_column_light",
     ),
     "effect ledger": ("simulator.ledger.prediction:forecast", "simulator.ledger.choice:choose"),
-    "generators of random numbers": ("simulator.rng:stream",),
+    "generators of random numbers": ("cpic_core.random_streams:stream",),
     "camera, frame by frame": ("simulator.camera.visible:VisibleCamera.expose",),
-    "camera, sums of frames": ("simulator.camera.stacking:stack_electrons",),
-    "camera, means": ("simulator.camera.visible:VisibleCamera.prepare", "simulator.hole_stack:hole_stackable"),
+    "camera, sums of frames": ("simulator.camera.visible:stack_electrons",),
+    "camera, means": (
+        "simulator.camera.visible:VisibleCamera.prepare",
+        "simulator.observing.hole_stack:hole_stackable",
+    ),
     "calibration of frames": ("cpic_planner.validation.frames:calibrated_frames",),
     "rejection of particles": ("cpic_planner.validation.rejection:reject_cosmic_rays",),
     "subtraction of the reference": (
@@ -224,12 +227,12 @@ def _loaded() -> None:
     """Import what the jobs need: loading libraries is not a stage of the physics."""
     for name in (
         "cpic_planner.cli.main",
-        "cpic_planner.plan",
+        "cpic_planner.confirm.plan",
         "cpic_planner.report.write",
-        "simulator.observation",
+        "simulator.observing.observation",
         "simulator.products",
-        "cpic_planner.cli.plan_command",
-        "cpic_planner.cli.simulate_command",
+        "cpic_planner.cli.image_commands",
+        "cpic_planner.cli.image_commands",
         "cpic_planner.cli.etc_command",
         "cpic_planner.cli.rank_command",
         "matplotlib.figure",

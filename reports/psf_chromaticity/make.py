@@ -28,14 +28,14 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 from wall import wall_table
 
-from cpic_planner.report.drawing import save, style
+from cpic_core import write_bytes, write_text
+from cpic_planner.report import style
+from cpic_planner.report.drawing import save
 from simulator.config import Instrument, load_instrument
-from simulator.files import write_bytes, write_text
+from simulator.imaging import HoleZone, single_band_psf
 from simulator.imaging.build import aberrations_of, bare_imager, configured_mirror, dark_hole_of
 from simulator.imaging.dark_hole import HoleScore, score_hole
-from simulator.imaging.hole_zone import HoleZone
 from simulator.imaging.measure import stamp_figures, strehl
-from simulator.imaging.psf import single_band_psf
 
 HERE = Path(__file__).resolve().parent
 REST: dict[str, Any] = {"dark_hole": {"control": "off"}}

@@ -20,15 +20,14 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from catalogs.bands import Band
-from catalogs.spectra import load_albedo, load_reference_spectrum
-from cpic_planner.report.drawing import style
+from catalogs import Band, load_albedo, load_reference_spectrum, stellar_parameters
+from cpic_core import write_bytes, write_text
+from cpic_planner.report import style
 from simulator.band_integrals import v_photon_rate, vega_v_photon_rate
 from simulator.config import load_instrument
-from simulator.files import write_bytes, write_text
 from simulator.passbands import Passbands
-from simulator.target import contrast_at, planet_albedo, stellar_parameters, stellar_spectrum
-from simulator.target.parametric import load_parametric_grid, parametric_family, phase_curve
+from simulator.target import contrast_at, load_parametric_grid, parametric_family, planet_albedo, stellar_spectrum
+from simulator.target.parametric import phase_curve
 
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parents[1]))  # the programs of developers are not installed

@@ -10,11 +10,11 @@ import sys
 import time
 from pathlib import Path
 
-from cpic_planner.jobs.job import run
-from cpic_planner.models.tradeoff import TradeoffResult, TradeoffRow
-from cpic_planner.tradeoff.run import chosen, n_rows, tradeoff_job
-from cpic_planner.tradeoff.write import RESULT, products_of, read_result
-from simulator.files import dump_json, write_bytes, write_text
+from cpic_core import dump_json, write_bytes, write_text
+from cpic_planner.jobs import run
+from cpic_planner.results import TradeoffResult, TradeoffRow
+from cpic_planner.tradeoff import RESULT, chosen, n_rows, read_result, tradeoff_job
+from cpic_planner.tradeoff.write import products_of
 
 HERE = Path(__file__).resolve().parent
 ORDERS = 1000.0

@@ -20,13 +20,12 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from cpic_planner.report.drawing import style
-from cpic_planner.validation.task import images_of
+from cpic_core import write_bytes, write_text
+from cpic_planner.report import style
+from cpic_planner.validation import images_of
 from simulator import Observation, load_instrument, observe, single_band_psf
 from simulator.camera import to_electrons
-from simulator.files import write_bytes, write_text
-from simulator.imaging.aperture import overlap_weights
-from simulator.imaging.psf import Psf
+from simulator.imaging import Psf, overlap_weights
 
 HERE = Path(__file__).resolve().parent
 SCENE, BAND, EXPOSURE_S, FRAMES = "paper_example", "F520", 0.01, 50

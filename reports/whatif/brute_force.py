@@ -8,15 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from cpic_planner.etc.model import EtcModel
-from cpic_planner.etc.noise import stack_noise
-from cpic_planner.etc.rates import aperture_rates
-from cpic_planner.etc.significance import threshold_array
+from cpic_planner.etc import EtcModel, aperture_rates, stack_noise, threshold_array
 from cpic_planner.survey.detection import Setting
 from cpic_planner.survey.universe import NEW, Bodies
 from cpic_planner.targets import Targets
-from simulator.config.albedo import MeasuredAlbedo
-from simulator.target.albedo import albedo_source
+from simulator.config import MeasuredAlbedo
+from simulator.target import albedo_source
 
 FloatArray = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -94,12 +91,7 @@ def detected(
             inside = (np.abs(x) >= low) & (np.abs(x) <= high) & (np.abs(y) >= low) & (np.abs(y) <= high)
             rates = aperture_rates(model, star, setting.band, x[inside][None], y[inside][None], contrast[inside][None])
             noise = stack_noise(
-                rates,
-                setting.exposure_s,
-                setting.n_frames,
-                setting.em_gain,
-                model.camera(setting.band),
-                model.strategy,
+                rates, setting.exposure_s, setting.n_frames, setting.em_gain, model.camera(setting.band), model.strategy
             )
             elements = metrics.resolution_elements(np.hypot(x[inside], y[inside]))
             hits[k, inside] = noise.significance[0] >= threshold_array(elements, model.strategy.sigma)

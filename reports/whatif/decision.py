@@ -8,12 +8,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from cpic_planner.models.surveyed import StrategyOutcome, WhatIfResult
 from cpic_planner.report.drawing import Picture
-from cpic_planner.report.names import pretty_name
-from cpic_planner.survey.strategy_file import StrategiesConfig, load_strategies
-from cpic_planner.survey.sweeps import varied
-from cpic_planner.survey.whatif import run_whatif
+from cpic_planner.report.numbers import pretty_name
+from cpic_planner.results import StrategyOutcome, WhatIfResult
+from cpic_planner.survey import StrategiesConfig, load_strategies, run_whatif, varied
 
 BASE = "few_and_deep"
 SWEEPS = {

@@ -13,11 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 import catalogs
-from catalogs.known_planets import load_known_planets
+from catalogs import load_known_planets
+from cpic_planner.survey import StrategiesConfig, load_strategies, run_whatif, with_universe
 from cpic_planner.survey.estimates import difference_interval, mean_interval
 from cpic_planner.survey.store import read_table
-from cpic_planner.survey.strategy_file import StrategiesConfig, load_strategies, with_universe
-from cpic_planner.survey.whatif import run_whatif
 
 PLANET = "eps Eri b"
 QUANTITIES = {"planets": "all planets", "new": "new planets", "planet": "ε Eri b alone"}

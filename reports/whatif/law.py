@@ -9,26 +9,19 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.special import log_ndtr, ndtr
 
-from catalogs.strict_yaml import load_yaml, split_sourced
+from cpic_core import load_yaml, split_sourced, stream
+from cpic_planner.etc import aperture_rates, stack_noise
 from cpic_planner.etc.detection import INWARD
-from cpic_planner.etc.noise import stack_noise
-from cpic_planner.etc.rates import aperture_rates
 from cpic_planner.jobs.engine import run_tasks
+from cpic_planner.survey import load_strategies, varied
 from cpic_planner.survey.assumed import imaged_model
 from cpic_planner.survey.detection import Setting, rolled, tail_share
 from cpic_planner.survey.image_check import image_task
 from cpic_planner.survey.play import Survey
 from cpic_planner.survey.prepare import prepare
-from cpic_planner.survey.strategy_file import load_strategies
-from cpic_planner.survey.sweeps import varied
-from cpic_planner.validation.task import Frames, expected_of, star_scene, task_of
-from cpic_planner.validation.verdict import refusals_of
-from simulator.config import Planet
-from simulator.config.albedo import ConstantAlbedo
-from simulator.config.presets import preset_path
-from simulator.rng import stream
-from simulator.target.contrast import contrast_at
-from simulator.target.positions import detector_to_sky
+from cpic_planner.validation import Frames, expected_of, refusals_of, star_scene, task_of
+from simulator.config import ConstantAlbedo, Planet, preset_path
+from simulator.target import contrast_at, detector_to_sky
 
 NOMINAL, VARIED, REALISATIONS = 400, 240, 8
 MARGINS, ALBEDO = (0.5, 3.0), 0.5
@@ -122,12 +115,7 @@ def _sequence(
     answer = done[0]
     rates = aperture_rates(model, star, setting.band, np.array([[x]]), np.array([[y]]), np.array([[contrast]]))
     noise = stack_noise(
-        rates,
-        frames.exposure_s,
-        frames.n_frames,
-        frames.em_gain,
-        model.camera(setting.band),
-        model.strategy,
+        rates, frames.exposure_s, frames.n_frames, frames.em_gain, model.camera(setting.band), model.strategy
     )
     return {
         "star": str(star.name[0]),

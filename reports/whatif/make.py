@@ -25,8 +25,9 @@ import runs
 import seasons
 import studies
 
+from cpic_core import write_bytes, write_text
+from cpic_core.files import write_json
 from cpic_planner.report.drawing import Picture
-from simulator.files import write_bytes, write_json, write_text
 
 HERE = Path(__file__).resolve().parent
 PARTS: dict[str, Callable[[], Any]] = {

@@ -8,17 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from cpic_planner.etc.model import build_model
+from cpic_planner.etc import build_model
 from cpic_planner.jobs.engine import run_tasks
 from cpic_planner.survey.assumed import assumed_model, imaged_model, mirror_noise_nm, raw_contrast_median, with_contrast
 from cpic_planner.survey.strategy import SurveyStrategy
 from cpic_planner.targets import find_target
-from cpic_planner.validation.confirm import confirm_task
-from cpic_planner.validation.task import Frames, expected_of, star_scene, task_of
+from cpic_planner.validation import Frames, confirm_task, expected_of, star_scene, task_of
 from simulator import load_instrument
-from simulator.config import Planet
-from simulator.config.albedo import ConstantAlbedo
-from simulator.target.positions import sky_to_detector
+from simulator.config import ConstantAlbedo, Planet
+from simulator.target import sky_to_detector
 
 STAR, FRAMES, REALISATIONS = "eps Eri", Frames(25.0, 200, 300.0), 24
 PLACES = tuple((pa_deg, separation) for separation in (0.55, 0.7) for pa_deg in (45.0, 135.0, 225.0, 315.0))
@@ -29,7 +27,7 @@ PLANET_CONTRAST = {1e-8: 1.5e-7, 3e-9: 7e-8}
 
 def images(band: str, contrast: float) -> dict[str, Any]:
     """One band at one contrast: ratios of SNRs over all places."""
-    from simulator.target.contrast import contrast_at
+    from simulator.target import contrast_at
 
     instrument, strategy = load_instrument(), SurveyStrategy(name="x", assumptions={"contrast": contrast})
     model = imaged_model(assumed_model(instrument, strategy, (band,)), strategy, band)

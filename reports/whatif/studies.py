@@ -10,16 +10,15 @@ from typing import Any
 import brute_force
 import numpy as np
 
-from cpic_planner.completeness import completeness
 from cpic_planner.jobs.engine import run_tasks
-from cpic_planner.population import Planets
+from cpic_planner.planets import Planets
+from cpic_planner.ranking.completeness import completeness
+from cpic_planner.survey import StrategiesConfig, load_strategies, varied
 from cpic_planner.survey.candidates import albedos_of
 from cpic_planner.survey.detection import detection_chance, see
 from cpic_planner.survey.estimates import difference_interval
 from cpic_planner.survey.play import Survey, play
 from cpic_planner.survey.prepare import prepare
-from cpic_planner.survey.strategy_file import StrategiesConfig, load_strategies
-from cpic_planner.survey.sweeps import varied
 from cpic_planner.survey.universe import NEW, draw_bodies, star_mass_msun
 from cpic_planner.targets import rank_sample
 

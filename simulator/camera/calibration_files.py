@@ -13,18 +13,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from catalogs.errors import InputError
+from cpic_core import FloatArray, InputError, element_name, write_bytes
 from simulator.camera.frame import MaskBit
-from simulator.config.detector import AnyDetector
-from simulator.effects.map_units import unit_factor
-from simulator.files import write_bytes
-from simulator.imaging.map_files import read_maps
-from simulator.quantities import element_name
+from simulator.config import AnyDetector
+from simulator.effects import unit_factor
+from simulator.imaging import read_maps
 
 if TYPE_CHECKING:
     from simulator.camera.calibration_set import CalibrationSet
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,6 @@
-"""What makes the pixels of a camera differ: response, dark current, clock-induced charge, bias; seeded or from files.
+"""Seeded maps of what makes pixels differ: response, dark current, hot and dead pixels.
+
+What makes the pixels of a camera differ: response, dark current, clock-induced charge, bias; seeded or from files.
 
 Every flaw draws from its own stream of ``flaws.seed``, so that changing one leaves the others as they are.
 """
@@ -6,6 +8,7 @@ Every flaw draws from its own stream of ``flaws.seed``, so that changing one lea
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from types import MappingProxyType
@@ -14,16 +17,72 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from catalogs.errors import InputError
+from cpic_core import BoolArray, FloatArray, InputError, stream
 from simulator.camera.calibration_files import file_print, read_calibration_map
-from simulator.camera.flaws import chosen_places, excess_map, flaw_mask, response_map, scatter_map, warm_from_e_s
 from simulator.camera.frame import MaskBit
-from simulator.config.detector import AnyDetector, Section
-from simulator.detectors.chains import Switches
-from simulator.rng import stream
+from simulator.config import AnyDetector, Section
+from simulator.detectors import Switches
 
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
+# A pixel is warm from 10 and hot from 100 times the median dark current on, and a median below 1e-4 e-/s counts as
+# that. Assumed: the Level-1 data model names the bits but no limits.
+WARM_FACTOR, HOT_FACTOR, LEAST_MEDIAN_E_S = 10.0, 100.0, 1e-4
+LEAST_RESPONSE = 0.01
+
+
+def response_map(shape: tuple[int, int], rms: float, rng: np.random.Generator) -> FloatArray:
+    """Relative response: Gaussian about 1, at least 0.01 before its mean is made exactly 1."""
+    if rms == 0.0:
+        return np.ones(shape)
+    response = rng.standard_normal(shape)
+    response *= rms
+    response += 1.0
+    np.maximum(response, LEAST_RESPONSE, out=response)
+    response /= response.mean()
+    return response
+
+
+def scatter_map(shape: tuple[int, int], rms: float, rng: np.random.Generator) -> FloatArray:
+    """Log-normal factors above 0 of mean 1 and relative standard deviation ``rms``."""
+    if rms == 0.0:
+        return np.ones(shape)
+    variance = math.log1p(rms * rms)
+    factor = rng.standard_normal(shape)
+    factor *= math.sqrt(variance)
+    factor -= 0.5 * variance
+    np.exp(factor, out=factor)
+    return factor
+
+
+def chosen_places(shape: tuple[int, int], fraction: float, rng: np.random.Generator) -> BoolArray:
+    """``fraction`` of the pixels, rounded to a whole number, at random places."""
+    chosen = np.zeros(shape, dtype=np.bool_)
+    number = round(fraction * chosen.size)
+    if number:
+        chosen.reshape(-1)[rng.choice(chosen.size, number, replace=False, shuffle=False)] = True
+    return chosen
+
+
+def excess_map(hot: BoolArray, factor: float, rng: np.random.Generator) -> FloatArray:
+    """What hot pixels have in excess, in units of the mean dark current: exponential of mean ``factor - 1``."""
+    excess = np.zeros(hot.shape)
+    excess[hot] = (factor - 1.0) * rng.standard_exponential(int(np.count_nonzero(hot)))
+    return excess
+
+
+def warm_from_e_s(dark_e_s: FloatArray, pixels: tuple[slice, slice]) -> float:
+    """Dark current from which on a pixel is warm: 10 times the median of ``pixels``."""
+    return WARM_FACTOR * max(float(np.median(dark_e_s[pixels])), LEAST_MEDIAN_E_S)
+
+
+def flaw_mask(bad: BoolArray, dark_e_s: FloatArray, pixels: tuple[slice, slice]) -> npt.NDArray[np.uint8]:
+    """`MaskBit` of the flaws: bad as given; hot or warm by the dark current against the median of ``pixels``."""
+    warm = warm_from_e_s(dark_e_s, pixels)
+    mask = np.where(bad, np.uint8(MaskBit.BAD), np.uint8(MaskBit.GOOD))
+    raised = dark_e_s >= warm
+    hot = dark_e_s >= HOT_FACTOR / WARM_FACTOR * warm
+    mask[hot] |= np.uint8(MaskBit.HOT)
+    mask[raised & ~hot] |= np.uint8(MaskBit.WARM)
+    return mask
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,16 +11,34 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, Self, TypeAlias
 
 from pydantic import Field, model_validator
 
-from catalogs.errors import InputError
+from cpic_core import InputError
 from simulator.config.base import FrozenModel, flipped
-from simulator.detectors.chains import INFRARED, VISIBLE, Chain, Switches, numbers_model, switches_model
-from simulator.detectors.collection import FullWell, Nonlinearity
-from simulator.detectors.infrared import Coupled, InfraredPersistence, LossAtFullWell, ResetElectrons
-from simulator.detectors.pixels import DarkCurrent, InfraredFlaws, PixelFlaws, dark_law_e_s
-from simulator.detectors.readout import BiasStructure, ReadNoiseElectrons
-from simulator.detectors.register import LargestGain, StageCharge, Stages
-from simulator.detectors.transfer import ChargeTransfer, ClockInduced
-from simulator.signal.variance import ramp_factors
+from simulator.detectors import (
+    INFRARED,
+    VISIBLE,
+    BiasStructure,
+    Chain,
+    ChargeTransfer,
+    ClockInduced,
+    Coupled,
+    DarkCurrent,
+    FullWell,
+    InfraredFlaws,
+    InfraredPersistence,
+    LargestGain,
+    LossAtFullWell,
+    Nonlinearity,
+    PixelFlaws,
+    ReadNoiseElectrons,
+    ResetElectrons,
+    StageCharge,
+    Stages,
+    Switches,
+    dark_law_e_s,
+    numbers_model,
+    ramp_factors,
+    switches_model,
+)
 
 # Expected losses of an electron on its whole way. Three are followed; more happen to (n c)^4 / 24, 3e-4 of them here.
 MAX_LOSSES = 0.3
@@ -321,7 +339,7 @@ class InfraredDetector(_AnyDetector, OwnInfrared):
         return self.dark_e_s
 
     def ramp(self, exposure_s: float | None = None) -> tuple[float, float]:
-        """Return `simulator.signal.variance.ramp_factors` of the reads of an exposure, or of all reads."""
+        """Return `simulator.detectors.variance.ramp_factors` of the reads of an exposure, or of all reads."""
         return ramp_factors(self.readout_mode, self.n_reads if exposure_s is None else self.reads_of(exposure_s))
 
     @property

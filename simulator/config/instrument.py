@@ -10,25 +10,24 @@ from typing import Annotated, Any
 
 from pydantic import Field, PrivateAttr, model_validator
 
-from catalogs.bands import band_provenance, load_bands
-from catalogs.errors import InputError
-from catalogs.strict_yaml import Provenance, load_mapping, load_yaml, split_sourced
+from catalogs import band_provenance, load_bands
+from cpic_core import InputError, Provenance, load_mapping, load_yaml, split_sourced
 from simulator.config.base import FrozenModel, deep_merge, validate
-from simulator.config.channel import CameraName, Channel
 from simulator.config.detector import AnyDetector, Detector
-from simulator.config.effects import CosmicRayConfig, SkyConfig
-from simulator.config.mission import MissionConfig
-from simulator.config.optics import Coronagraph, DarkHoleConfig, Drift, MirrorConfig, NearInfrared, WavefrontConfig
 from simulator.config.presets import preset_names, preset_path
-from simulator.detectors.chains import INFRARED, VISIBLE, chain_preset
-
-__all__ = [
-    "BandConfig",
-    "Instrument",
-    "Telescope",
-    "load_instrument",
-    "paths_beside",
-]
+from simulator.config.sky import CosmicRayConfig, SkyConfig
+from simulator.config.telescope import (
+    CameraName,
+    Channel,
+    Coronagraph,
+    DarkHoleConfig,
+    Drift,
+    MirrorConfig,
+    MissionConfig,
+    NearInfrared,
+    WavefrontConfig,
+)
+from simulator.detectors import INFRARED, VISIBLE, chain_preset
 
 _FILE_KEYS = ("apodizer", "transmission_file", "surface_files", "calibration_files", "map_file", "template_file")
 ARCSEC_PER_RAD = 180.0 * 3600.0 / math.pi

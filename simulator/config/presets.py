@@ -1,17 +1,12 @@
 """Presets that ship with the package, by kind and name."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from catalogs.errors import InputError
-from catalogs.strict_yaml import load_mapping
-from simulator.config.keys import nearest
-
-__all__ = ["preset_names", "preset_or_file", "preset_path", "preset_tree", "tree_over_preset"]
+from cpic_core import InputError, load_mapping
+from simulator.config.base import nearest
 
 
 def _folder(kind: str, package: str) -> Path:
@@ -86,7 +81,7 @@ def preset_tree(
         What the presets are, and what the source is expected to say that it is, if it says so.
     source : str, Path or mapping
     keys : iterable of str
-        Keys that such a file has, see `catalogs.strict_yaml.load_mapping`.
+        Keys that such a file has, see `cpic_core.yaml_files.load_mapping`.
     package : str
         Whose presets.
     kinds : tuple of str

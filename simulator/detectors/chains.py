@@ -1,4 +1,6 @@
-"""The effects of both cameras in their order, and what the program derives from them.
+"""Pixels that differ: response, dark current with its structure, hot and dead pixels, bad columns.
+
+The effects of both cameras in their order, and what the program derives from them.
 
 A new effect is one line here, at its place in the chain.
 """
@@ -6,13 +8,16 @@ A new effect is one line here, at its place in the chain.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
-from pydantic import create_model
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field, create_model
 
-from simulator.config.base import FrozenModel
+from cpic_core import checked_array
+from simulator.config import FrozenModel
 from simulator.detectors.collection import Blooming, CosmicRayHits, InfraredPhotonNoise, PhotonNoise, PixelNonlinearity
-from simulator.detectors.effect import Effect
+from simulator.detectors.effect import Effect, Setting, Work, counted, sizes
 from simulator.detectors.infrared import (
     InfraredHits,
     InfraredReadNoise,
@@ -21,11 +26,195 @@ from simulator.detectors.infrared import (
     PixelCurve,
     ResetNoise,
 )
-from simulator.detectors.pixels import BadColumns, BadPixels, Dark, DarkStructure, Flat, InfraredDark
 from simulator.detectors.readout import BiasDrift, Interference, Quantisation, ReadNoise, Stripes
 from simulator.detectors.register import OutputNonlinearity, Register, RegisterClockCharge, RegisterFullWell
 from simulator.detectors.transfer import ClockCharge, ParallelTransfer, SerialTransfer, Smear
-from simulator.signal.variance import FrameTerm
+from simulator.detectors.variance import FrameTerm
+
+if TYPE_CHECKING:
+    from simulator.detectors.effect import Sizes
+    from simulator.ledger import CameraCase
+
+
+Fraction = Annotated[float, Field(ge=0, le=0.5)]
+DarkCurrent = Annotated[float, Field(ge=0, le=1e6)]
+_CORE_MARGIN = 1.4  # for what a Gaussian core lacks
+
+
+class SharedFlaws(FrozenModel):
+    """The seeded calibration set of every camera: scatter of response and dark current, hot and dead pixels.
+
+    ``prnu_rms`` is the relative scatter of the response, ``dsnu_rms`` that of the dark current. Hot pixels have
+    ``hot_factor`` times the dark current on average; dead pixels have no response to light.
+    """
+
+    seed: Annotated[int, Field(ge=0, le=2**63 - 1)]
+    prnu_rms: Annotated[float, Field(ge=0, le=0.3)]
+    dsnu_rms: Annotated[float, Field(ge=0, le=3)]
+    hot_fraction: Fraction
+    hot_factor: Annotated[float, Field(ge=1, le=1e7)]
+    dead_fraction: Fraction
+
+
+class InfraredFlaws(SharedFlaws):
+    """The seeded calibration set of the near-infrared camera: without columns of flaws and clock-induced charge."""
+
+    cic_rms: ClassVar[float] = 0.0
+    bad_columns: ClassVar[int] = 0
+    bad_column_e_s: ClassVar[float] = 0.0
+
+
+class PixelFlaws(SharedFlaws):
+    """The seeded calibration set of the visible camera.
+
+    ``cic_rms`` is the relative scatter of the clock-induced charge. Bad columns have no response to light and collect
+    ``bad_column_e_s`` more than the dark current.
+    """
+
+    seed: Annotated[int, Field(ge=0)]
+    cic_rms: Annotated[float, Field(ge=0, le=3)]
+    bad_columns: Annotated[int, Field(ge=0, le=1000)]
+    bad_column_e_s: Annotated[float, Field(ge=0, le=1e6)]
+
+
+class _Flaw(Effect):
+    """A flaw of pixels, known from the calibration set and taken out by a reduction.
+
+    The cameras apply all flaws at once: `simulator.camera.calibration_set.CalibrationSet.response_of` and ``dark_of``.
+    """
+
+    law = "from the calibration set"
+    in_sums = "left_out"
+    seeded = True
+    set_up_s = 2e-4
+
+    def size(self, case: CameraCase) -> Sizes:
+        """Return the sizes of its changes of the response and of the dark current on the stamp."""
+        if case.reduced:
+            return sizes(0.0)
+        flaw, t = case.flaws[self.switch], case.exposure_s
+        outside = case.light_e[case.sketch.total_e_s.size :]
+        counts = case.n_frames * case.noise.factor2
+        change = flaw.response * (case.sketch.total_e_s * t) + flaw.dark_e_s * t
+        beyond = flaw.most_response * outside + flaw.most_dark_e_s * t
+        parts = [
+            (
+                float((weight * flaw.response[place]).sum()),
+                float((planet.weights**2 * flaw.dark_e_s[planet.place]).sum()),
+            )
+            for (place, weight), planet in zip(case.cores, case.sketch.planets, strict=True)
+        ]
+        flux = _CORE_MARGIN * max((part[0] for part in parts), default=0.0)
+        added = case.snr_added([counts * part[1] * t for part in parts])
+        return sizes(case.mean_change(np.concatenate([change.ravel(), beyond])), flux, flux + added)
+
+
+class Flat(_Flaw):
+    """Scatter of the response from pixel to pixel."""
+
+    switch = "flat"
+    label = "flat field"
+    law = "response of every pixel"
+    needs = "light"
+    number = "flaws.prnu_rms"
+    map_kind = "flat"
+
+
+class Dark(Effect):
+    """Dark current: electrons with Poisson noise that come with time."""
+
+    switch = "dark"
+    label = "dark current"
+    law = "plateau and law of temperature"
+    needs = "exposure"
+    map_kind = "dark"
+    hides = ("dark_structure", "bad_pixels", "bad_columns")
+    set_up_s = 5e-5
+    colour = "#9A8700"
+
+    def added(self, detector: Any, exposure_s: float | None = None) -> FrameTerm:
+        """Return the dark current as a rate."""
+        return FrameTerm(rate_e_s=detector.dark_rate_e_s)
+
+    def size(self, case: CameraCase) -> Sizes:
+        """Return the size of the mean of the dark current, its hot pixels included."""
+        return sizes(case.mean_change(case.noise.dark_e), snr=case.snr_share("dark", "flaws"))
+
+
+class InfraredDark(Dark):
+    """Dark current of the near-infrared camera, with a random stream of its own."""
+
+    law = "constant"
+    stage = "charge"
+    always = True
+
+    def draw(self, work: Work, exposure: Any, rng: np.random.Generator) -> None:
+        """Add the counts."""
+        dark = counted(exposure.dark_e, exposure.detector, rng)
+        work.image += dark
+        work.book("dark", dark.sum())
+
+
+class DarkStructure(_Flaw):
+    """Scatter of the dark current from pixel to pixel."""
+
+    switch = "dark_structure"
+    label = "structure of the dark current"
+    law = "every pixel its own"
+    needs = "exposure"
+    number = "flaws.dsnu_rms"
+    map_kind = "dark"
+
+    def why_not(self, setting: Setting) -> str:
+        """Return why it does not exist; empty if it does."""
+        hidden = self.on(setting.detector) and setting.exposed and not setting.detector.switches.dark
+        return "the dark current is switched off" if hidden else super().why_not(setting)
+
+
+class BadPixels(_Flaw):
+    """Hot and dead pixels."""
+
+    switch = "bad_pixels"
+    label = "hot and dead pixels"
+    set_up_s = 1e-4
+
+
+class BadColumns(_Flaw):
+    """Columns that see no light and collect more than the dark current."""
+
+    switch = "bad_columns"
+    label = "bad columns"
+    number = "flaws.bad_columns"
+    map_kind = "bad_columns"
+    set_up_s = 1e-4
+
+
+def dark_law_e_s(temperature_k: npt.ArrayLike, dark_293k_e_s: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    """Return the thermal dark current of a pixel in inverted mode.
+
+    Parameters
+    ----------
+    temperature_k : array_like
+        Temperature of the detector, 120 to 320 K.
+    dark_293k_e_s : array_like
+        Dark current at 293 K, at least 0 e-/s per pixel; broadcasts.
+
+    Returns
+    -------
+    ndarray
+        ``dark_293k 1.14e6 T^3 exp(-9080 / T)`` in e-/s per pixel (e2v CCD201-20 data sheet; 0.3 % below
+        ``dark_293k_e_s`` at 293 K, within 20 % of the curve of the sheet from 233 K to 293 K). Below 230 K the law is
+        extrapolated.
+
+    Raises
+    ------
+    InputError
+        If an argument is out of range or not finite.
+    """
+    temperature = checked_array("temperature_k", temperature_k, low=120.0, high=320.0, unit="K")
+    level = checked_array("dark_293k_e_s", dark_293k_e_s, low=0.0, unit="e-/s")
+    return np.asarray(level * 1.14e6 * temperature**3 * np.exp(-9080.0 / temperature))
+
 
 Chain = tuple[Effect, ...]
 

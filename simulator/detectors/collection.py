@@ -8,16 +8,24 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 from pydantic import Field
 
-from simulator.camera.gain import pixel_keys
-from simulator.config.base import FrozenModel
-from simulator.detectors.counts import counted, made_whole
-from simulator.detectors.effect import KERNELS, LIMIT_KERNELS, Effect, Exposure, FloatArray, Setting, Work, sizes
-from simulator.lazy import load_kernels
+from cpic_core import FloatArray, load_kernels
+from simulator.config import FrozenModel
+from simulator.detectors.effect import (
+    KERNELS,
+    LIMIT_KERNELS,
+    Effect,
+    Exposure,
+    Setting,
+    Work,
+    counted,
+    made_whole,
+    sizes,
+)
+from simulator.detectors.gain import pixel_keys
 
 if TYPE_CHECKING:
     from simulator.detectors.effect import Sizes
-    from simulator.ledger.case import CameraCase
-    from simulator.ledger.light import PlanetPlace
+    from simulator.ledger import CameraCase, PlanetPlace
 
 COUNTED = ("planet", "halo", "other", "sky", "smear", "dark", "flaws")
 """Origins of the variance of an aperture sum that are counts of electrons with photon noise."""

@@ -3,6 +3,8 @@
 A new effect is a subclass of `Effect` in a file of its own and one line in `simulator.detectors.chains`. From there it
 has its switch and its numbers in the configuration of the camera, is drawn in frames, is part of the expected image,
 adds its variance to the noise of the exposure-time calculator and of the effect ledger, and has its words in both.
+
+Whole electrons: Poisson counts of means, drawn by the kernels.
 """
 
 from __future__ import annotations
@@ -16,19 +18,19 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 import numpy as np
 import numpy.typing as npt
 
-from simulator.config.base import FrozenModel
-from simulator.signal.variance import FrameTerm
+from cpic_core import BoolArray, FloatArray, load_kernels
+from simulator.config import FrozenModel
+from simulator.detectors.gain import pixel_keys
+from simulator.detectors.variance import FrameTerm
 
 if TYPE_CHECKING:
     from simulator.knobs import Quantity
-    from simulator.ledger.case import CameraCase
+    from simulator.ledger import CameraCase
 
     Sizes = dict[Quantity, float]
 
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
-KERNELS = "simulator.camera.kernels"
-LIMIT_KERNELS = "simulator.camera.limit_kernels"
+KERNELS = "simulator.detectors.kernels"
+LIMIT_KERNELS = "simulator.detectors.limit_kernels"
 
 
 @dataclass(frozen=True)
@@ -307,3 +309,19 @@ class Effect:
 def sizes(pixel: float, flux: float = 0.0, snr: float | None = None) -> Sizes:
     """Return sizes by quantity; that on the SNR is that on the flux of the planet if not given."""
     return {"pixel_map": pixel, "planet_flux": flux, "snr": flux if snr is None else snr}
+
+
+def counted(mean_e: FloatArray, detector: Any, rng: np.random.Generator) -> FloatArray:
+    """Return Poisson counts of a mean image; the mean itself where photon noise is switched off."""
+    if not detector.switches.photon_noise:
+        return mean_e
+    counts = np.empty(mean_e.shape)
+    zero = np.exp(-mean_e)
+    load_kernels(KERNELS).draw_poisson(mean_e.reshape(-1), zero.reshape(-1), pixel_keys(rng), counts.reshape(-1))
+    return counts
+
+
+def made_whole(work: Work, exposure: Exposure, rng: np.random.Generator) -> None:
+    """Round mean charge to whole electrons, the mean kept: only they can be moved."""
+    if not exposure.detector.switches.photon_noise:
+        load_kernels(KERNELS).round_stochastic(work.image.reshape(-1), pixel_keys(rng))

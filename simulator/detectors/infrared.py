@@ -4,8 +4,6 @@ The charge is read without destroying it, once, twice or up the ramp: effects of
 every read, in electrons. How to write other laws of persistence and coupling: `LateCharge`, `Coupling`.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,14 +13,12 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
-from catalogs.errors import InputError
-from simulator.config.base import FrozenModel
+from cpic_core import FloatArray, InputError, checked_array, checked_scalar, element_name
+from simulator.config import FrozenModel
 from simulator.detectors.collection import CosmicRayHits
-from simulator.detectors.counts import counted
-from simulator.detectors.effect import Effect, Exposure, FloatArray, Work
+from simulator.detectors.effect import Effect, Exposure, Work, counted
 from simulator.detectors.readout import ReadNoise
-from simulator.quantities import checked_array, checked_scalar, element_name
-from simulator.signal.variance import FrameTerm
+from simulator.detectors.variance import FrameTerm
 
 # Keeps sums over a frame inside 64-bit integers, and charges exact in float64; any full well is far below.
 MAX_MEAN_E = 1e12

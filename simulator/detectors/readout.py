@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 from pydantic import Field
 
-from simulator.config.base import FrozenModel
-from simulator.detectors.effect import KERNELS, Effect, Exposure, FloatArray, Setting, Work, sizes
-from simulator.lazy import load_kernels
-from simulator.signal.variance import FrameTerm
+from cpic_core import FloatArray, load_kernels
+from simulator.config import FrozenModel
+from simulator.detectors.effect import KERNELS, Effect, Exposure, Setting, Work, sizes
+from simulator.detectors.variance import FrameTerm
 
 if TYPE_CHECKING:
     from simulator.detectors.effect import Sizes
-    from simulator.ledger.case import CameraCase
+    from simulator.ledger import CameraCase
 
 ReadNoiseElectrons = Annotated[float, Field(ge=0, le=1e5)]
 

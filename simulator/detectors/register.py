@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 from pydantic import Field
 
-from simulator.camera.gain import amplify, stage_probability
+from cpic_core import FloatArray, load_kernels
 from simulator.detectors.collection import COUNTED, compressed, output_curve
-from simulator.detectors.effect import LIMIT_KERNELS, Effect, Exposure, FloatArray, Work, sizes
-from simulator.lazy import load_kernels
+from simulator.detectors.effect import LIMIT_KERNELS, Effect, Exposure, Work, sizes
+from simulator.detectors.gain import amplify, stage_probability
 
 if TYPE_CHECKING:
     from simulator.detectors.effect import Sizes
-    from simulator.ledger.case import CameraCase
+    from simulator.ledger import CameraCase
 
 Stages = Annotated[int, Field(ge=1, le=10000)]
 LargestGain = Annotated[float, Field(ge=1, le=10000)]

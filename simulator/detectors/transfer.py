@@ -9,17 +9,15 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
-from simulator.camera.gain import pixel_keys
-from simulator.config.base import FrozenModel
-from simulator.detectors.counts import made_whole
-from simulator.detectors.effect import KERNELS, Effect, Exposure, FloatArray, Work, sizes
-from simulator.lazy import load_kernels
-from simulator.signal.variance import FrameTerm
+from cpic_core import FloatArray, load_kernels
+from simulator.config import FrozenModel
+from simulator.detectors.effect import KERNELS, Effect, Exposure, Work, made_whole, sizes
+from simulator.detectors.gain import pixel_keys
+from simulator.detectors.variance import FrameTerm
 
 if TYPE_CHECKING:
     from simulator.detectors.effect import Sizes
-    from simulator.ledger.case import CameraCase
-    from simulator.ledger.light import PlanetPlace
+    from simulator.ledger import CameraCase, PlanetPlace
 
 # 1 / 18! is 2e-16.
 _TERMS = 18

@@ -3,16 +3,11 @@
 Importing this module loads the compiler: do it inside functions. The kernel takes checked input only.
 """
 
-from __future__ import annotations
-
 import math
 
-import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from cpic_core import FloatArray, IntArray
 
 
 @njit(cache=True)

@@ -1,4 +1,6 @@
-"""Tracks from templates: small images of events, from a file or generated, turned and placed at random.
+"""An image of whole electrons that tracks are added to.
+
+Tracks from templates: small images of events, from a file or generated, turned and placed at random.
 
 A file is a FITS image or npz file, never pickle:
 
@@ -7,8 +9,6 @@ A file is a FITS image or npz file, never pickle:
 
 Values are the share of the charge in every sample, on any scale: finite, not negative, not all 0 in any template.
 """
-
-from __future__ import annotations
 
 import functools
 import math
@@ -19,14 +19,72 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.errors import InputError
-from simulator.config.effects import PaperTracks, PhysicalTracks, TemplateTracks
+from cpic_core import FloatArray, InputError, IntArray, load_kernels, stream
+from simulator.config import PaperTracks, PhysicalTracks, TemplateTracks
 from simulator.effects.tracks import REACH_SIGMA, PhysicalModel, Points, Tracks, paper_charges, whole_electrons
-from simulator.imaging.map_files import FileMap, header_number, read_maps
-from simulator.rng import stream
+from simulator.imaging import FileMap, header_number, read_maps
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+
+class Canvas:
+    """Electrons of an array of pixels, whose centres lie at integers; ``image`` has the shape of the array."""
+
+    def __init__(self, shape: tuple[int, int]) -> None:
+        size = shape[0] * shape[1]
+        self.image: IntArray = np.zeros(shape, dtype=np.int64)
+        self._work = np.zeros(size)
+        self._touched = np.empty(size, dtype=np.int64)
+
+    def add(
+        self,
+        tracks: Tracks,
+        points: Points,
+        row: FloatArray,
+        column: FloatArray,
+        azimuth: FloatArray,
+        charge_e: IntArray,
+    ) -> IntArray:
+        """Add placed tracks.
+
+        Parameters
+        ----------
+        tracks, points
+            Shapes, and their points.
+        row, column : ndarray
+            Places of the middles.
+        azimuth : ndarray
+            Direction in radians, from columns towards rows.
+        charge_e : ndarray of int
+            Charge, above 0.
+
+        Returns
+        -------
+        ndarray of int
+            Electrons of each track that fell inside the array; the rest fell outside.
+        """
+        deposit = load_kernels("simulator.effects.deposit").deposit
+        owner = np.repeat(np.arange(row.size), np.diff(points.start))
+        sine, cosine = np.sin(azimuth)[owner], np.cos(azimuth)[owner]
+        left = np.zeros(row.size, dtype=np.int64)
+        if row.size:
+            share = np.empty(2 * int(np.ceil(REACH_SIGMA * tracks.sigma_pixels.max())) + 3)
+            deposit(
+                points.start,
+                row[owner] + points.along * sine + points.across * cosine,
+                column[owner] + points.along * cosine - points.across * sine,
+                points.weight,
+                tracks.sigma_pixels,
+                REACH_SIGMA,
+                charge_e,
+                *self.image.shape,
+                self._work,
+                self.image.reshape(-1),
+                self._touched,
+                share,
+                left,
+            )
+        return left
+
+
 _KEY = "template_file"
 _SIDES = (0.1, 1000.0)  # um
 _BLEND = 0.5  # sigma around a sample, in samples: neighbours blend
@@ -233,8 +291,6 @@ def generated_templates(config: TemplateTracks, physical: PhysicalTracks) -> Tem
     config : TemplateTracks
     physical : PhysicalTracks
     """
-    from simulator.effects.raster import Canvas
-
     model, tracks, rng = _generated(config, physical)
     charge = model.charges(tracks, rng)
     azimuth = 2.0 * np.pi * rng.random(config.generated_tracks)

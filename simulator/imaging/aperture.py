@@ -5,24 +5,14 @@ position of the circle within a pixel, a photon at distance s from its centre th
 ``disc * triangle(s)``: the disc convolved with the autocorrelation of a pixel.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-__all__ = [
-    "aperture_sums",
-    "core_from_table",
-    "cumulative_table",
-    "figures_of_stamps",
-    "overlap_weights",
-    "photon_weights",
-]
+from cpic_core import FloatArray
 
-FloatArray = NDArray[np.float64]
 STRIPS = 256
 
 

@@ -1,40 +1,20 @@
 """The optical model of a band, put together from the configuration."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
-import numpy as np
-from numpy.typing import NDArray
-
-from catalogs.errors import InputError
-from catalogs.spectra import Spectrum, load_reference_spectrum
-from simulator.config.instrument import Instrument
-from simulator.imaging.aberrations import Aberrations, draw_aberrations, flat_aberrations
-from simulator.imaging.apodizer import cell_means, upsample
+from catalogs import Spectrum, load_reference_spectrum
+from cpic_core import FloatArray, InputError, stream
+from simulator.config import Instrument
 from simulator.imaging.dark_hole import DarkHole, HoleResult
 from simulator.imaging.deformable_mirror import DeformableMirror, load_dm_surface
-from simulator.imaging.geometry import zone_of
-from simulator.imaging.hole_store import configured_apodizer, hole_key, hole_state, search
-from simulator.imaging.hole_zone import HoleStatus
+from simulator.imaging.geometry import HoleStatus, zone_of
 from simulator.imaging.imager import Imager
+from simulator.imaging.pupil import Aberrations, cell_means, draw_aberrations, flat_aberrations, upsample
+from simulator.imaging.store import configured_apodizer, hole_key, hole_state, search
 from simulator.knobs import Knobs, resolve_knobs
 from simulator.passbands import Passbands
-from simulator.rng import stream
 
-__all__ = [
-    "aberrations_of",
-    "bare_imager",
-    "build_imager",
-    "configured_mirror",
-    "dark_hole_of",
-    "dig",
-    "hole_state_of",
-    "static_wavefront",
-]
-
-FloatArray = NDArray[np.float64]
 MAX_SAMPLES = 2048
 
 
@@ -158,7 +138,7 @@ def static_wavefront(instrument: Instrument, band: str) -> Aberrations | None:
 
 
 def dark_hole_of(instrument: Instrument, band: str) -> HoleResult:
-    """Dark hole of one band: shipped, cached or dug now; see `simulator.imaging.hole_store.hole_state`.
+    """Dark hole of one band: shipped, cached or dug now; see `simulator.imaging.store.hole_state`.
 
     Parameters
     ----------

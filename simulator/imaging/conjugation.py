@@ -17,25 +17,17 @@ mask by a loop of its own. Left free, a one-sided search pushes the star away fr
 lambda/D, and the hole seems to begin closer to the star than it does.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
-from catalogs.errors import InputError
-from simulator.imaging.aberrations import Aberrations, flat_aberrations
+from cpic_core import ComplexArray, FloatArray, InputError, announce
 from simulator.imaging.deformable_mirror import DeformableMirror
-from simulator.imaging.hole_zone import HoleZone
+from simulator.imaging.geometry import HoleZone
 from simulator.imaging.imager import Imager
-from simulator.work import announce
+from simulator.imaging.pupil import Aberrations, flat_aberrations
 
-__all__ = ["Conjugation", "ControlSettings", "HoleMethod", "Search", "conjugate"]
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 HoleMethod = Literal["relinearised", "single_jacobian"]
 
 

@@ -1,32 +1,19 @@
 """Dark hole of one band: the state of the mirror, how the search went, and how dark it is on an independent grid."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from simulator.config.instrument import ARCSEC_PER_RAD
-from simulator.imaging.aberrations import Aberrations
+from cpic_core import FloatArray
+from simulator.config import ARCSEC_PER_RAD
 from simulator.imaging.conjugation import Conjugation, ControlSettings, HoleMethod, Search, conjugate
 from simulator.imaging.deformable_mirror import DeformableMirror
-from simulator.imaging.hole_zone import HoleMode, HoleSide, HoleZone
+from simulator.imaging.geometry import HoleMode, HoleSide, HoleZone
 from simulator.imaging.imager import Imager
+from simulator.imaging.pupil import Aberrations
 
-__all__ = [
-    "DarkHole",
-    "HoleResult",
-    "HoleScore",
-    "HoleState",
-    "UnreachedHole",
-    "default_settings",
-    "score_hole",
-    "solve_dark_hole",
-]
-
-FloatArray = NDArray[np.float64]
 SCORE_STEP_LAMBDA_D = 0.25
 SCORE_WAVELENGTHS = 8  # an even number shares no node with an odd number of controlled wavelengths
 CHORDS = 16  # of the aperture: exact to rounding for an aperture of about one lambda/D

@@ -8,8 +8,6 @@ controls ``a / (2 x 0.875)`` cycles per diameter instead of ``a / 2``. Light is 
 difference is twice the surface.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,13 +15,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.errors import InputError
+from cpic_core import FloatArray, InputError, numeric_context
 from simulator.imaging.map_files import read_maps, real_map
-from simulator.numeric import numeric_context
 
-__all__ = ["DeformableMirror", "load_dm_surface"]
-
-FloatArray = NDArray[np.float64]
 UNITS_NM = {"nm": 1.0, "um": 1e3, "micron": 1e3, "mm": 1e6, "m": 1e9, "angstrom": 0.1, "pm": 1e-3}
 _LONG_NAMES = {
     "nanometer": 1.0,

@@ -20,18 +20,15 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from catalogs.errors import InputError
-from simulator.config.optics import Drift
+from cpic_core import FloatArray, InputError
+from simulator.config import Drift
 from simulator.imaging.imager import FocalGrid, Imager
 
 if TYPE_CHECKING:
     from simulator.imaging.psf import Psf
 
-__all__ = ["ScreenModel", "iter_visit_frames", "screen_model", "visit_frames"]
 
-FloatArray = NDArray[np.float64]
 STEP_CYCLES = 0.5
 LAST_INDEX = 63  # of frequencies in steps: below 32 cycles per diameter, what 64 samples can hold
 FLAT_BELOW_CYCLES = 1.0

@@ -6,23 +6,17 @@ half a step rms. Parcels of a disc are cells of rings in its own plane, whose li
 image are equal parts of its pixels.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from catalogs.errors import InputError
-from simulator.config.extended import DiscSource, ExtendedSource, ImageSource, RingSource
+from cpic_core import FloatArray, InputError
+from simulator.config import DiscSource, ExtendedSource, ImageSource, RingSource
 from simulator.imaging.map_files import pixel_scale, read_maps, real_map
-from simulator.target.positions import sky_to_detector
+from simulator.target import sky_to_detector
 
-__all__ = ["ExtendedGrid", "render_extended"]
-
-FloatArray = NDArray[np.float64]
 PARCELS_PER_STEP = 3
 MAX_POINTS = 6001
 """Largest number of grid points a side."""

@@ -1,7 +1,5 @@
 """Point-spread functions made by other software, as stamps in npz or FITS files; and ours, written as such files."""
 
-from __future__ import annotations
-
 import functools
 import hashlib
 import math
@@ -13,20 +11,14 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.errors import InputError
-from simulator.config.base import content_hash
-from simulator.config.instrument import Instrument, load_instrument
-from simulator.imaging.external_metrics import stamp_metrics
+from cpic_core import FloatArray, InputError, numeric_context
+from simulator.config import Instrument, content_hash, load_instrument
 from simulator.imaging.geometry import BandGeometry
-from simulator.imaging.kernel import open_pixels, placed
 from simulator.imaging.map_files import real_map
 from simulator.imaging.metrics import StampMetrics
-from simulator.imaging.psf_files import StampFile, read_stamps, write_stamps
-from simulator.numeric import numeric_context
+from simulator.imaging.sampling import open_pixels, placed
+from simulator.imaging.stamps import StampFile, read_stamps, stamp_metrics, write_stamps
 
-__all__ = ["ExternalPsf", "Stamps", "load_psf", "save_psf"]
-
-FloatArray = NDArray[np.float64]
 SIDES = (9, 2201)
 ROUNDING = 1e-6
 NEGATIVE = 1e-9

@@ -5,8 +5,6 @@ exact scene of `simulator.imaging.scene_image`, or, where the shortcut of Zhu et
 kernel on a grid of 4 x 4 cells a pixel (`simulator.imaging.paper_scene`).
 """
 
-from __future__ import annotations
-
 import functools
 import math
 from collections.abc import Sequence
@@ -16,8 +14,7 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.errors import InputError
-from simulator.cache import compute_once
+from cpic_core import FloatArray, InputError, compute_once
 from simulator.config import Instrument, content_hash
 from simulator.imaging.build import build_imager
 from simulator.imaging.extended import render_extended
@@ -25,27 +22,13 @@ from simulator.imaging.external import ExternalPsf
 from simulator.imaging.imager import Imager, centred_axis
 from simulator.imaging.paper_scene import paper_scene_image
 from simulator.imaging.psf import Psf, wide_on_axis
-from simulator.imaging.quadrature import pixel_axis
+from simulator.imaging.sampling import pixel_axis
 from simulator.imaging.scene_image import PointSources, SourceGrid, scene_image
 from simulator.imaging.store import metrics_key
 from simulator.imaging.transfer import KernelTransfer, Transfer, band_transfer
 from simulator.knobs import Knobs
-from simulator.target.sources import ExtendedRate, Source
+from simulator.target import ExtendedRate, Source
 
-__all__ = [
-    "AnyPsf",
-    "SceneModel",
-    "Window",
-    "apodizer_energy",
-    "forget_starlight",
-    "full_star_map",
-    "off_axis_light",
-    "sky_transmission",
-    "star_column_light",
-    "window_of",
-]
-
-FloatArray = NDArray[np.float64]
 AnyPsf: TypeAlias = Psf | ExternalPsf
 SceneModel = Literal["exact", "paper"]
 N_KEPT = 4  # images of field stars, up to 9 MB each

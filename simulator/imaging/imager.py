@@ -6,10 +6,11 @@ envelope the field of a step mask is exact at any n and any distance from the ax
 clear pupil disc carries unit energy.
 
 Static aberrations and the mirror are piecewise constant on their own grid, which the pupil grid repeats, and pointing
-jitter is part of the pixel's response (`simulator.imaging.quadrature`): all settings of the knobs see the same optics.
+jitter is part of the pixel's response (`simulator.imaging.sampling`): all settings of the knobs see the same optics.
 
-The two matrix products of a separable transform are the propagator, taken apart by parity (`simulator.imaging.parity`).
-HCIPy's Fraunhofer propagator is the cross-check (``engine="hcipy"``): a test holds both together to 1e-12 of the peak.
+The two matrix products of a separable transform are the propagator, taken apart by parity
+(`simulator.imaging.pupil_symmetry`). HCIPy's Fraunhofer propagator is the cross-check (``engine="hcipy"``): a test
+holds both together to 1e-12 of the peak.
 """
 
 from __future__ import annotations
@@ -24,11 +25,11 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.errors import InputError
-from simulator.config.instrument import ARCSEC_PER_RAD
-from simulator.imaging.aberrations import Aberrations
-from simulator.imaging.hole_zone import HoleZone
-from simulator.imaging.parity import (
+from cpic_core import FloatArray, InputError, load_quietly
+from simulator.config import ARCSEC_PER_RAD
+from simulator.imaging.geometry import HoleZone
+from simulator.imaging.pupil import Aberrations
+from simulator.imaging.pupil_symmetry import (
     HalfWaves,
     add_intensity,
     field_of,
@@ -38,13 +39,9 @@ from simulator.imaging.parity import (
     unfolded,
     unit_phases,
 )
-from simulator.imaging.quadrature import PixelAxis, integrate_pixels, pixel_axis
+from simulator.imaging.sampling import PixelAxis, integrate_pixels, pixel_axis
 from simulator.knobs import Knobs
-from simulator.lazy import load_quietly
 
-__all__ = ["Engine", "FocalGrid", "Imager", "Optics", "centred_axis"]
-
-FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complexfloating[Any, Any]]
 Engine = Literal["hcipy", "matrix"]
 KEPT_SAMPLES = 2**22  # of pupil fields over all wavelengths that an imager keeps: 64 MB

@@ -1,7 +1,5 @@
 """Maps in files made elsewhere: arrays of npz files, images of FITS files, never pickle, and what must hold of each."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Mapping
 from io import BufferedReader
@@ -11,11 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.errors import InputError
-from catalogs.user_files import open_file
-from simulator.arrays import read_npz
-
-__all__ = ["FileMap", "MapFile", "header_number", "pixel_scale", "read_maps", "real_map"]
+from cpic_core import InputError, open_file, read_npz
 
 MAX_BYTES = 1_000_000_000
 MAX_SIDE = 8192

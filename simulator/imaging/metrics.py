@@ -10,14 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from catalogs.errors import InputError
+from cpic_core import FloatArray, InputError
 from simulator.imaging.aperture import core_from_table, overlap_weights
-from simulator.imaging.geometry import BandGeometry
-from simulator.imaging.hole_zone import HoleMode, HoleSide, HoleStatus, HoleZone
+from simulator.imaging.geometry import BandGeometry, HoleMode, HoleSide, HoleStatus, HoleZone
 
-__all__ = ["PsfMetrics", "StampMetrics"]
-
-FloatArray = NDArray[np.float64]
 TINY = 1e-300  # light behind the mask, for logarithms
 
 

@@ -9,21 +9,15 @@ At 520 nm a source between cells is misplaced by up to 2 mas per axis (up to 5 %
 mask keeps all its light.
 """
 
-from __future__ import annotations
-
 import functools
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from catalogs.errors import InputError
+from cpic_core import FloatArray, InputError
 from simulator.imaging.imager import Imager, Optics
-from simulator.imaging.quadrature import pixel_axis
+from simulator.imaging.sampling import pixel_axis
 from simulator.imaging.scene_image import PointSources, checked_centres
-
-__all__ = ["CELLS", "paper_scene_image"]
-
-FloatArray = NDArray[np.float64]
 
 CELLS = 4  # per pixel and axis (paper, section on imaging)
 CELL_NODES = 2  # Gauss nodes per cell: the kernel is exact to 1e-6, the grid is the only error

@@ -1,7 +1,5 @@
 """Point-spread functions of a band: the star behind the mask, and a source off the axis."""
 
-from __future__ import annotations
-
 import functools
 import math
 from collections.abc import Mapping
@@ -10,26 +8,20 @@ from pathlib import Path
 from typing import Any, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
-from catalogs.errors import InputError
-from catalogs.spectra import Spectrum
-from simulator.config.instrument import Instrument, load_instrument
+from catalogs import Spectrum
+from cpic_core import FloatArray, InputError, numeric_context
+from simulator.config import Instrument, load_instrument
 from simulator.imaging.aperture import aperture_sums, overlap_weights
 from simulator.imaging.build import build_imager, hole_state_of
-from simulator.imaging.geometry import BandGeometry
-from simulator.imaging.hole_zone import HoleStatus
+from simulator.imaging.geometry import BandGeometry, HoleStatus
 from simulator.imaging.imager import Engine, Imager, Optics, centred_axis
 from simulator.imaging.metrics import PsfMetrics
 from simulator.imaging.scene_image import PointSources, scene_image
 from simulator.imaging.transfer import band_transfer
 from simulator.knobs import FIDELITIES, Knobs
-from simulator.numeric import numeric_context
-from simulator.target.star_spectrum import stellar_spectrum
+from simulator.target import stellar_spectrum
 
-__all__ = ["Psf", "PsfError", "forget_stamps", "single_band_psf", "wide_on_axis"]
-
-FloatArray = NDArray[np.float64]
 LARGE_STAMP_PIXELS = 401
 N_KEPT = 12  # of optical models with their stamps, some 3 MB each
 KEPT_PUPIL = 256**2  # most samples of a pupil that is kept

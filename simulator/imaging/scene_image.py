@@ -11,8 +11,6 @@ of its own peak wherever it stands; beside a star 1e10 times brighter on the sam
 own, to be added.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -20,14 +18,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from catalogs.errors import InputError
-from simulator.imaging.quadrature import PixelAxis, pixel_axis
+from cpic_core import ComplexArray, FloatArray, InputError
+from simulator.imaging.sampling import PixelAxis, pixel_axis
 from simulator.imaging.transfer import FrequencyAxis, Transfer
-
-__all__ = ["PointSources", "SourceGrid", "scene_image"]
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 CHUNK = 512  # sources whose phases are held at a time
 SMALLEST_TILE_ARCSEC = 4.0
@@ -351,6 +344,7 @@ def _check_flux(flux: FloatArray) -> None:
 
 
 def checked_centres(name: str, values: ArrayLike) -> FloatArray:
+    """Return centres of pixels along an axis; refuse what does not increase."""
     centres = _vector(name, values)
     if centres.size == 0 or (np.diff(centres) <= 0).any():
         raise InputError(name, f"{centres.size} values", unit="arcsec", allowed="at least one, ascending")

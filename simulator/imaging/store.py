@@ -1,4 +1,9 @@
-"""Where `PsfMetrics` come from: shipped files for every instrument preset, a cache for any other instrument.
+"""Where dark holes come from: shipped states for every instrument preset, a cache for any other instrument.
+
+A state is valid for a content key: apodizer, telescope, band, zone, static wavefront, mirror and control, but not the
+resolution and noise of the mirror's electronics, which act on the finished command.
+
+Where `PsfMetrics` come from: shipped files for every instrument preset, a cache for any other instrument.
 
 A file is valid for the content key in its name: the apodizer's values, telescope, geometry of mask and hole, static
 wavefront, mirror and its control, jitter, pixel scale, band edges and spectral slope of the drift; not detector noise,
@@ -9,11 +14,11 @@ others are rounded, each value by less than 4e-6 of itself (1.3e-4 in the map of
 between this optical model and any real instrument.
 """
 
-from __future__ import annotations
-
+import functools
 import hashlib
-from collections.abc import Mapping
-from dataclasses import fields
+import logging
+from collections.abc import Iterable, Mapping
+from dataclasses import astuple, fields, replace
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -21,17 +26,176 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from simulator.arrays import read_npz
-from simulator.cache import compute_once
+from cpic_core import announce, compute_once, numeric_context, read_npz
 from simulator.config import Instrument, content_hash
 from simulator.imaging.aperture import aperture_sums, overlap_weights
-from simulator.imaging.deformable_mirror import load_dm_surface
-from simulator.imaging.hole_store import SCHEMA as HOLE_SCHEMA
-from simulator.imaging.hole_store import configured_apodizer, rounded
+from simulator.imaging.conjugation import ControlSettings, HoleMethod, Search
+from simulator.imaging.dark_hole import (
+    DarkHole,
+    HoleResult,
+    HoleScore,
+    UnreachedHole,
+    default_settings,
+    solve_dark_hole,
+)
+from simulator.imaging.deformable_mirror import DeformableMirror, load_dm_surface
+from simulator.imaging.imager import Imager
 from simulator.imaging.metrics import PsfMetrics
+from simulator.imaging.pupil import Aberrations, disc_coverage, load_apodizer
 from simulator.knobs import Knobs
-from simulator.numeric import numeric_context
-from simulator.work import announce
+
+_LOG = logging.getLogger(__name__)
+HOLE_SCHEMA = 2  # raise when the search or the meaning of a stored number changes
+METHOD: dict[str, HoleMethod] = {"conjugation": "relinearised", "single_jacobian": "single_jacobian"}
+
+
+def _settings(instrument: Instrument) -> ControlSettings:
+    hole = instrument.dark_hole
+    return replace(
+        default_settings(hole.mode, METHOD[hole.control]), bandwidth=hole.bandwidth, hold_star=hole.hold_star
+    )
+
+
+def configured_apodizer(instrument: Instrument) -> NDArray[np.float64]:
+    """Amplitude transmission of an instrument's apodizer on its own steps, nothing beyond the rim of the clear disc."""
+    coronagraph = instrument.coronagraph
+    mask = load_apodizer(coronagraph.apodizer, kind=coronagraph.apodizer_kind, samples=coronagraph.apodizer_samples)
+    return mask * disc_coverage(len(mask))
+
+
+def rounded(values: Iterable[float]) -> list[float]:
+    """Numbers for a key: 12 digits, so that the last bits of another library's sums do not count."""
+    return [float(f"{value:.12g}") for value in values]
+
+
+def hole_key(instrument: Instrument, solver: Imager) -> str:
+    """Content key of the state of one band, 16 hex digits.
+
+    Parameters
+    ----------
+    instrument : Instrument
+    solver : Imager
+        Bare optical model on the grid of the search.
+    """
+    return content_hash(
+        {
+            "schema": HOLE_SCHEMA,
+            "band": solver.band,
+            "transmission": hashlib.sha256(solver.transmission.astype("<f8").tobytes()).hexdigest(),
+            "wavelengths": rounded([*solver.wavelengths_m, *solver.weights]),
+            "optics": [solver.diameter_m, solver.lambda_d_arcsec, solver.aperture_radius_arcsec, *astuple(solver.zone)],
+            "wavefront": instrument.wavefront.model_dump(mode="json", exclude={"jitter_mas"}),
+            "mirror": instrument.mirror.model_dump(mode="json", exclude={"bits", "noise_nm"}),
+            "settings": astuple(_settings(instrument)),
+        }
+    )
+
+
+def shipped_hole(key: str, band: str) -> Path:
+    """File of the state with a content key; it exists for the bands of the instrument presets.
+
+    Parameters
+    ----------
+    key : str
+        Content key, 16 hex digits.
+    band : str
+        Name of a band of the instrument, such as ``F520``.
+    """
+    return Path(str(files("simulator.imaging") / "data" / f"hole_{band}_{key}.npz"))
+
+
+def hole_state(
+    instrument: Instrument, band: str, solver: Imager, aberrations: Aberrations, mirror: DeformableMirror
+) -> HoleResult:
+    """State of the mirror in one band: from the shipped file, the cache, or a new search.
+
+    A search of a shipped instrument takes 1 to 14 s of one processor (``reports/imaging_speed``), one nearer to the
+    star some minutes; it is announced. A hole that was not reached is an `UnreachedHole`, with one warning.
+
+    Parameters
+    ----------
+    instrument : Instrument
+    band : str
+        Name of a band of the instrument, such as ``F520``.
+    solver : Imager
+    aberrations : Aberrations
+    mirror : DeformableMirror
+    """
+    key = hole_key(instrument, solver)
+    path = shipped_hole(key, band) if band.isalnum() else None
+    if path is not None and path.is_file():
+        arrays = read_npz(path)
+    else:
+        arrays = compute_once(f"hole-{key}", lambda: to_arrays(search(instrument, solver, aberrations, mirror)))
+    state = from_arrays(arrays, solver)
+    if isinstance(state, UnreachedHole):
+        _warn(key, state.reason)
+    return state
+
+
+@functools.cache
+def _warn(key: str, reason: str) -> None:
+    """Say once for each hole that it was not reached: one measurement of the optics asks for it several times."""
+    _LOG.warning("dark hole not reached: %s", reason)
+
+
+def search(instrument: Instrument, solver: Imager, aberrations: Aberrations, mirror: DeformableMirror) -> HoleResult:
+    """Dig the hole of one band now.
+
+    Parameters
+    ----------
+    instrument : Instrument
+    solver : Imager
+    aberrations : Aberrations
+    mirror : DeformableMirror
+    """
+    zone = solver.zone
+    announce(
+        f"digging the dark hole of {instrument.name} in {solver.band} ({zone.mode}), once: seconds on a free "
+        "processor, minutes where the hole is hard to reach"
+    )
+    return solve_dark_hole(solver, aberrations, mirror, mode=zone.mode, side=zone.side, settings=_settings(instrument))
+
+
+def to_arrays(state: HoleResult) -> dict[str, NDArray[Any]]:
+    """Everything that an npz file needs to hold a state."""
+    scores = np.array([astuple(score) for score in (state.before, state.wide, state.own)])
+    return {
+        "commands_nm": state.commands_nm,
+        "scores": scores,
+        "history": np.array(state.search.history),
+        "strong": np.array(state.search.strong, dtype=bool),
+        "ended": np.asarray(state.search.ended),
+        "method": np.asarray(state.method),
+        "limit_contrast": np.asarray(state.limit_contrast),
+    }
+
+
+def from_arrays(arrays: dict[str, NDArray[Any]], solver: Imager) -> HoleResult:
+    """Inverse of `to_arrays`.
+
+    Parameters
+    ----------
+    arrays : mapping of str to ndarray
+        Arrays by name.
+    solver : Imager
+    """
+    commands = np.array(arrays["commands_nm"], dtype=np.float64)
+    commands.flags.writeable = False
+    search = Search(
+        commands,
+        tuple(float(value) for value in arrays["history"]),
+        tuple(bool(value) for value in arrays["strong"]),
+        str(arrays["ended"]),  # type: ignore[arg-type]
+    )
+    names = [field.name for field in fields(HoleScore)]
+    before, wide, own = (
+        HoleScore(**dict(zip(names, (float(value) for value in row), strict=True))) for row in arrays["scores"]
+    )
+    limit = float(arrays["limit_contrast"])
+    kind = DarkHole if wide.mean <= limit else UnreachedHole
+    return kind(solver.band, solver.zone, str(arrays["method"]), commands, search, before, wide, own, limit)  # type: ignore[arg-type]
+
 
 WING_NODES = 12  # wavelengths that far wings need
 SCHEMA = 6  # raise when the meaning of a stored number or the optical model changes

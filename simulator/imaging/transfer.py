@@ -8,8 +8,6 @@ that occur and falls to zero before the period ends. No light folds; what remain
 1980), the shortest practical bell for a given leakage. No kernel is cut off, and nothing rings.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Protocol
@@ -17,15 +15,10 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.errors import InputError
-from simulator.config.instrument import ARCSEC_PER_RAD
+from cpic_core import ComplexArray, FloatArray, InputError
+from simulator.config import ARCSEC_PER_RAD
 from simulator.imaging.imager import Imager
-from simulator.imaging.parity import HalfWaves, add_intensity, mirrored_waves, parts_of, quadrants_of
-
-__all__ = ["FrequencyAxis", "KernelTransfer", "Transfer", "TransferFunction", "band_transfer"]
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from simulator.imaging.pupil_symmetry import HalfWaves, add_intensity, mirrored_waves, parts_of, quadrants_of
 
 BELL = 23.0  # of the Kaiser-Bessel bell: leakage about exp(-BELL)
 # (half width of the bell) x (frequency from which its transform stays below the leakage)
@@ -305,8 +298,8 @@ def _intensity(imager: Imager, y: FrequencyAxis, x: FrequencyAxis) -> FloatArray
     """Band-averaged intensity per steradian on the samples of two axes, each in the order of an FFT.
 
     The samples lie symmetrically about the centre of their axis. With the phases of the centre in the pupil, parity
-    (`simulator.imaging.parity`) takes a quarter of the multiplications; the envelope of a pupil sample, which is not
-    symmetric about the centre, comes last.
+    (`simulator.imaging.pupil_symmetry`) takes a quarter of the multiplications; the envelope of a pupil sample, which
+    is not symmetric about the centre, comes last.
     """
     samples, step = len(imager.transmission), imager.diameter_m / len(imager.transmission)
     dtype = np.empty(0, imager.knobs.field_dtype).real.dtype

@@ -1,8 +1,12 @@
-"""What the sizes of the effects of the camera are worked out for: pixels, planets, their noise, hits by particles."""
+"""What the sizes of the effects of the camera are worked out for: pixels, planets, their noise, hits by particles.
+
+Whether sums of frames may stand for the frames, from closed forms.
+"""
 
 from __future__ import annotations
 
 import functools
+import itertools
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -11,17 +15,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from simulator.camera.calibration_set import load_calibration_set
-from simulator.camera.noise import FrameNoise
-from simulator.config.detector import Detector
-from simulator.config.effects import CosmicRayConfig
-from simulator.effects.cosmic_rays import draw_cosmic_rays
+from cpic_core import FloatArray, Outcome, Reason, Status, stream
+from simulator.camera import FrameNoise, load_calibration_set
+from simulator.config import CosmicRayConfig, Detector
+from simulator.detectors import VISIBLE, in_sums
+from simulator.effects import draw_cosmic_rays
+from simulator.imaging import PsfMetrics
 from simulator.ledger.light import PlanetPlace, Sketch
-from simulator.ledger.spill import Spill
-from simulator.rng import stream
-from simulator.signal.saturation import overflow
+from simulator.ledger.wings import Spill
+from simulator.signal import overflow, pixel_saturated
 
-FloatArray = NDArray[np.float64]
 # Radius of the Gaussian that stands for the core of a planet, lambda/D.
 _CORE_SIGMA = 0.66
 _SPILLED = 1e-6  # of the noise of a pixel, from which on what it passes on counts
@@ -100,7 +103,7 @@ class CameraCase:
     lost_per_s : float
         Rate of tracks that touch an aperture.
     variances : tuple of dict
-        Of every measured planet, by origin (`simulator.ledger.noise.visit_variance_e2`), with the least light of other
+        Of every measured planet, by origin (`simulator.ledger.visit.visit_variance_e2`), with the least light of other
         sources.
     column_peak_e_s : float
         Brightest pixel in the columns of the hole or of a source on the frame.
@@ -348,3 +351,41 @@ def pixel_hits(config: CosmicRayConfig, pixel_um: float) -> PixelHits:
     charge = np.sort(found.electrons.astype(np.float64))
     tracks = max(found.n_events, 1)
     return PixelHits(float(charge.sum()) / tracks, float((charge**2).sum()) / tracks, charge)
+
+
+# What a reduction takes out (flaws, bias, particles) or what moves charge between pixels: sums of frames leave it out.
+NOT_IN_SUMS = in_sums(VISIBLE, "left_out", "moves_charge", "not_additive")
+_SIGMA = 8.0
+
+
+def sums_possible(
+    case: CameraCase, metrics: PsfMetrics, star_e_s: float, *, visible: bool, moved: bool, band: str
+) -> Outcome[float]:
+    """Whether frames add up over the dark hole: no pixel in it reaches a limit, and none overflows into it.
+
+    The image that is made decides it pixel by pixel (`simulator.observing.hole_stack.hole_stackable`); this is the same
+    from the sketch of the light.
+    """
+    if not visible:
+        return Outcome.refuse(Status.INVALID, Reason.NOT_ADDITIVE, f"{band} is read by the infrared camera")
+    if moved:
+        return Outcome.refuse(Status.INVALID, Reason.NOT_ADDITIVE, "the star stands off the mask")
+    detector, t, gain = case.detector, case.exposure_s, case.em_gain
+    light = star_e_s * metrics.peak_on_axis_hole + case.sketch.sky_e_s
+    light += max((source.stamp_peak_e_s for source in case.sketch.sources), default=0.0)
+    inside = pixel_saturated(light * t + case.noise.dark_e + case.noise.clock_e, gain, detector, _SIGMA)
+    if inside.status is not Status.OK:
+        return inside
+    rows, columns = (_runs(np.asarray(metrics.hole.any(axis=axis))) for axis in (1, 0))
+    places = list(itertools.product(rows, columns))
+    if any(case.spill.blooms_into(*place) for place in places):
+        return Outcome.refuse(Status.SATURATED, Reason.PIXEL_FULL_WELL, "bloomed columns may enter the hole")
+    if any(case.spill.trails_into(*place) for place in places):
+        return Outcome.refuse(Status.SATURATED, Reason.REGISTER_FULL_WELL, "tails of the register may enter the hole")
+    return inside
+
+
+def _runs(inside: NDArray[np.bool_]) -> list[slice]:
+    """Intervals of pixels that are inside."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]).astype(int)))
+    return [slice(int(low), int(high)) for low, high in zip(edges[::2], edges[1::2], strict=True)]

@@ -1,16 +1,15 @@
 """What is left out: the cheapest way to model an observation that keeps every quantity within its tolerance."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from simulator.detectors.chains import VISIBLE, rows_of
+from cpic_core import Outcome, Reason, Status
+from simulator.detectors import VISIBLE, rows_of
 from simulator.knobs import FIDELITIES, Dial, Knobs, Quantity
-from simulator.ledger.choice_rows import WORDS, Chosen, choice_rows
-from simulator.ledger.costs import (
+from simulator.ledger.case import NOT_IN_SUMS
+from simulator.ledger.choice_rows import (
     EXTENDED_S,
     FAR_SOURCE_S,
     FRAME_S,
@@ -18,12 +17,13 @@ from simulator.ledger.costs import (
     SET_UP_S,
     SOURCE_S,
     WHOLE_FRAME_S,
+    WORDS,
+    Chosen,
+    choice_rows,
     stamp_s,
 )
+from simulator.ledger.inventory import EffectRow
 from simulator.ledger.prediction import MAX_EPOCHS, Forecast
-from simulator.ledger.rows import EffectRow
-from simulator.ledger.sums import NOT_IN_SUMS
-from simulator.outcome import Outcome, Reason, Status
 
 Sizes = dict[Quantity, float]
 SUM_EPOCHS = 6

@@ -1,20 +1,49 @@
-"""What a configuration contains and what it lacks, row by row, with the reason; no sizes."""
+"""One row of the effect ledger.
 
-from __future__ import annotations
+What a configuration contains and what it lacks, row by row, with the reason; no sizes.
+"""
 
 from collections.abc import Mapping
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from simulator.config import Instrument, Scene
-from simulator.detectors.chains import rows_of
-from simulator.detectors.effect import Effect, Setting
-from simulator.effects.cosmic_ray_rate import cosmic_ray_rate
-from simulator.effects.sky import SOLAR_AVOIDANCE, SkyLevel
-from simulator.effects.stray_light import extra_lights
-from simulator.ledger.rows import EffectRow
+from simulator.detectors import Effect, Setting, rows_of
+from simulator.effects import SOLAR_AVOIDANCE, SkyLevel, cosmic_ray_rate, extra_lights
+
+
+@dataclass(frozen=True)
+class EffectRow:
+    """One effect: kept or skipped, and why.
+
+    Attributes
+    ----------
+    effect : str
+        Name for people.
+    decision : {"kept", "skipped"}
+    reason : str
+    key : str
+        Name for programs: the switch of the camera, or that of the effect; ``star:NAME`` and ``planet:NAME`` for
+        sources.
+    size : float or None
+        Predicted size on the quantity asked for, the largest if several; 0 for what does not exist. None where no size
+        was asked for or can be given.
+    """
+
+    effect: str
+    decision: Literal["kept", "skipped"]
+    reason: str
+    key: str = ""
+    size: float | None = None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain dict for JSON and FITS headers."""
+        return asdict(self)
+
 
 _OPTICS = "apodizer, cross mask, pixel integration"
 _STATIC = "static wavefront error and deformable mirror"

@@ -14,19 +14,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cpic_core import FloatArray
 from simulator.config import Instrument
-from simulator.imaging.aperture import overlap_weights
-from simulator.imaging.imager import centred_axis
-from simulator.imaging.metrics import PsfMetrics
-from simulator.imaging.quadrature import pixel_axis
+from simulator.detectors import aperture_noise_pixels
+from simulator.imaging import PsfMetrics, centred_axis, overlap_weights, pixel_axis
 from simulator.ledger.wings import MOST, MOST_BEYOND, Surroundings, beyond, frame_reach
-from simulator.signal.light import sky_pixel_e_s
-from simulator.signal.speckles import drift_halo
-from simulator.signal.variance import aperture_noise_pixels
-from simulator.signal.wings import spot, wing
-from simulator.target.sources import Source
+from simulator.signal import drift_halo, sky_pixel_e_s, spot, wing
+from simulator.target import Source
 
-FloatArray = NDArray[np.float64]
 # Light in a pixel or an aperture over that of the wing map at least, on it and beyond it (at most: `wings`).
 _LEAST, _LEAST_BEYOND = 0.02, 0.0
 _MOST_SPOTS = 12

@@ -1,18 +1,13 @@
 """The ledger of one observation: which quantities its tolerance holds for, and what it leaves out."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any, get_args
 
-from catalogs.errors import InputError
+from cpic_core import InputError, check_number
 from simulator.config import Instrument, Scene
 from simulator.knobs import MAX_TOLERANCE, Dial, Knobs, Quantity
 from simulator.ledger.choice import Choice, choose
 from simulator.ledger.prediction import forecast
-from simulator.quantities import check_number
-
-__all__ = ["checked_quantities", "checked_tolerance", "observation_choice"]
 
 
 def checked_tolerance(tolerance: Any) -> float:
@@ -68,7 +63,7 @@ def observation_choice(
     scene, instrument, full, **settings
         As `simulator.ledger.forecast`.
     tolerance, quantity
-        As `simulator.observation.observe`.
+        As `simulator.observing.observation.observe`.
     finest : Knobs
         Settings of the optics without a tolerance.
     """

@@ -20,16 +20,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from simulator.config.optics import Drift
-from simulator.imaging.metrics import PsfMetrics
+from cpic_core import FloatArray
+from simulator.config import Drift
+from simulator.imaging import PsfMetrics
 from simulator.knobs import Quantity
 from simulator.ledger.case import CameraCase, largest_speckles
 from simulator.ledger.light import PlanetPlace, SourceLight
-from simulator.signal.speckles import drift_halo
+from simulator.signal import drift_halo
 
-FloatArray = NDArray[np.float64]
 Sizes = dict[Quantity, float]
 _PIXEL_REACH, _WAVE_REACH = 3, 2
 # Sources off the axis in single precision: of their light on a pixel, and of their peak anywhere.

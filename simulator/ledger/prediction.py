@@ -1,28 +1,38 @@
-"""Predicted sizes of everything that an observation may leave out, from closed forms and known tables alone."""
+"""Sizes of the effects of the visible camera: what each of them says of itself.
 
-from __future__ import annotations
+Predicted sizes of everything that an observation may leave out, from closed forms and known tables alone.
+"""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from cpic_core import Outcome
 from simulator.config import Instrument, Scene
-from simulator.imaging.metrics import PsfMetrics
+from simulator.detectors import VISIBLE, rows_of
+from simulator.imaging import PsfMetrics
 from simulator.knobs import QUANTITIES, Knobs, Quantity
-from simulator.ledger.camera_sizes import camera_sizes
-from simulator.ledger.case import CameraCase
-from simulator.ledger.inventory import effect_ledger
+from simulator.ledger.case import CameraCase, sums_possible
+from simulator.ledger.inventory import EffectRow, effect_ledger
 from simulator.ledger.light import Sketch
 from simulator.ledger.optics_sizes import OpticsCase
-from simulator.ledger.rows import EffectRow
-from simulator.ledger.spill import Spill
-from simulator.ledger.sums import sums_possible
 from simulator.ledger.visit import visit_of
-from simulator.outcome import Outcome
-from simulator.signal.light import sky_pixel_e_s
-from simulator.signal.saturation import overflow
-from simulator.target.sources import extended_rates
+from simulator.ledger.wings import Spill
+from simulator.signal import overflow, sky_pixel_e_s
+from simulator.target import extended_rates
+
+
+def camera_sizes(case: CameraCase) -> dict[str, dict[Quantity, float]]:
+    """Return the size of every effect of the camera on every quantity, by the name of its switch.
+
+    Of a change of the mean ``d`` of a pixel the size is ``|d| / sigma``, or that of the variance that goes with it; of
+    a part of the variance half its share; of a change of the aperture sum of a planet its relative size; for the SNR
+    the sum of this and half the share of the variance of the aperture sum.
+    """
+    found = {effect.switch: effect.size(case) for effect in rows_of(VISIBLE)}
+    return {key: size for key, size in found.items() if size is not None}
+
 
 Sizes = dict[Quantity, float]
 MAX_EPOCHS = 12
@@ -48,7 +58,7 @@ class Forecast:
     sources : dict of str to str
         Kind of every source besides the central star, by name.
     sums : Outcome
-        Whether sums of frames can stand for the frames; see `simulator.hole_stack`.
+        Whether sums of frames can stand for the frames; see `simulator.observing.hole_stack`.
     n_frames, max_epochs : int
     full : bool
         Whole frames, or the window around the hole.
@@ -95,7 +105,7 @@ def forecast(
     exposure_s, n_frames, em_gain
         Of the sequence.
     roll_deg, star_offset_arcsec, scene_model, start_utc, switches
-        As `simulator.observation.observe`.
+        As `simulator.observing.observation.observe`.
     planets : sequence of str, optional
         Names of the planets that are measured; all of the scene by default.
     reduced : bool

@@ -1,6 +1,7 @@
-"""An observation as the ledger sees it: its light, its noise and its optics, from known tables alone."""
+"""Noise of a planet's aperture sum over a visit, for the sizes of effects.
 
-from __future__ import annotations
+An observation as the ledger sees it: its light, its noise and its optics, from known tables alone.
+"""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -9,23 +10,81 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from catalogs.errors import InputError
-from simulator.camera.noise import FrameNoise
-from simulator.camera.track_loss import aperture_loss_per_s
-from simulator.config import Instrument, Scene
-from simulator.config.detector import Detector
-from simulator.config.optics import Drift
-from simulator.effects.cosmic_ray_rate import cosmic_ray_rate
-from simulator.effects.sky import SkyLevel, sky_rate_e_s_arcsec2
-from simulator.effects.stray_light import stray_light_parts
-from simulator.imaging.metrics import PsfMetrics
-from simulator.imaging.store import psf_metrics
+from cpic_core import InputError
+from simulator.camera import FrameNoise, aperture_loss_per_s
+from simulator.config import Detector, Drift, Instrument, Scene
+from simulator.detectors import FrameTerm
+from simulator.effects import SkyLevel, cosmic_ray_rate, sky_rate_e_s_arcsec2, stray_light_parts
+from simulator.imaging import PsfMetrics, psf_metrics
 from simulator.ledger.case import CameraCase, pixel_hits, stamp_flaws
 from simulator.ledger.light import PlanetPlace, Sketch, sketch_of
-from simulator.ledger.noise import visit_variance_e2
 from simulator.ledger.optics_sizes import Optics, OpticsCase
 from simulator.passbands import Passbands
-from simulator.target.sources import Source, scene_sources
+from simulator.target import Source, scene_sources
+
+
+def visit_variance_e2(
+    planet: PlanetPlace,
+    sketch: Sketch,
+    noise: FrameNoise,
+    *,
+    source_noise_fraction: float,
+    exposure_s: float,
+    n_frames: int,
+    speckle_e_s: float,
+    line_shift_s: float,
+    flaws_e: float = 0.0,
+) -> dict[str, float]:
+    """Return the variance of the aperture sum of a planet over a visit, by origin, electrons^2.
+
+    Parameters
+    ----------
+    planet : PlanetPlace
+    sketch : Sketch
+        Light around it.
+    noise : FrameNoise
+    source_noise_fraction : float
+        Mean weight of the planet's light in its aperture.
+    exposure_s : float
+        Of one frame.
+    n_frames : int
+    speckle_e_s : float
+        Rms of aperture sums that a reference visit leaves.
+    line_shift_s : float
+        Time that a row of the frame transfer takes, 0 without smear.
+    flaws_e : float
+        What hot pixels and bad columns add to a frame, times the squared weights.
+
+    Notes
+    -----
+    ``N (F^2 w (light t + charge) + n (read^2 + rounding)) + (N t speckle)^2``: w the mean squared weight of the pixels
+    of the aperture, n the sum of squared weights (`simulator.detectors.variance.aperture_noise_pixels`).
+    """
+    pixels = sketch.noise_pixels
+    fraction = pixels / sketch.aperture_pixels
+    bright = float((planet.weights**2).sum()) / max(float(planet.weights.sum()), 1e-300) if planet.weights.size else 1.0
+    counted = {
+        "planet": FrameTerm(rate_e_s=source_noise_fraction * planet.signal_e_s),
+        "halo": FrameTerm(rate_e_s=max(fraction, bright) * planet.halo_e_s),
+        "other": FrameTerm(rate_e_s=fraction * planet.other_e_s),
+        "sky": FrameTerm(rate_e_s=fraction * planet.sky_e_s),
+        "smear": FrameTerm(charge_e=fraction * line_shift_s * planet.column_e_s),
+        "dark": FrameTerm(charge_e=pixels * noise.dark_e),
+        "flaws": FrameTerm(charge_e=flaws_e),
+    }
+    electronic = {
+        "clock": FrameTerm(charge_e=pixels * noise.clock_e),
+        "read": FrameTerm(output_e2=pixels * noise.read_e2),
+        "rounding": FrameTerm(output_e2=pixels * noise.rounding_e2),
+    } | {name: FrameTerm(output_e2=pixels * part) for name, part in noise.added_e2.items()}
+    counts = n_frames * noise.photons
+    # The variances of the frame's noise are those at the register input already.
+    found = {name: counts * term.variance_e2(exposure_s, noise.factor2, 1.0) for name, term in counted.items()}
+    found |= {name: n_frames * term.variance_e2(exposure_s, noise.factor2, 1.0) for name, term in electronic.items()}
+    return {name: float(value) for name, value in found.items()} | {
+        "speckle": (n_frames * exposure_s * speckle_e_s) ** 2
+    }
+
 
 _CM_PER_UM = 1e-4
 # A single place in the hole against the rms of its separation.

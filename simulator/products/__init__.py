@@ -1,8 +1,5 @@
 """Level-0 products: files, truth and parameters of a sequence, and their check."""
 
-from simulator.products.check import check_level0
-from simulator.products.findings import Finding
-from simulator.products.sequence import FrameSequence
-from simulator.products.write import write_level0
+from cpic_core.lazy_names import lazy_names
 
-__all__ = ["Finding", "FrameSequence", "check_level0", "write_level0"]
+__getattr__, __dir__, __all__ = lazy_names(__name__, __file__)

@@ -1,7 +1,5 @@
 """Check one Level-0 file."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -20,14 +18,11 @@ from simulator.products.check_headers import (
     check_world,
     profile_of,
 )
-from simulator.products.findings import Finding, Report
+from simulator.products.ephemeris import elapsed_s
 from simulator.products.keywords import load_keywords
 from simulator.products.naming import ProductName
-from simulator.products.reading import check_sums, is_real, open_units, plain_header
+from simulator.products.reading import Finding, Report, check_sums, is_real, open_units, plain_header
 from simulator.products.sequence import SCIENCE_KINDS
-from simulator.products.times import elapsed_s
-
-__all__ = ["FileFacts", "check_file"]
 
 _SECTION = re.compile(r"\[(\d+):(\d+),(\d+):(\d+)\]", re.ASCII)
 

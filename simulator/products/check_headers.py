@@ -1,30 +1,17 @@
 """Check header values of a Level-0 file against the table of keywords, against each other and against the name."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Mapping
 from typing import Any
 
-from catalogs.errors import InputError
-from simulator.config.mission import checked_utc
-from simulator.products.findings import Report
+from cpic_core import InputError
+from simulator.config import checked_utc
+from simulator.products.ephemeris import elapsed_s, mjd_of, stamp
 from simulator.products.keywords import Profile, load_keywords
 from simulator.products.naming import ProductName
-from simulator.products.reading import is_real
+from simulator.products.reading import Report, is_real
 from simulator.products.sequence import SCIENCE_KINDS
-from simulator.products.times import elapsed_s, mjd_of, stamp
-
-__all__ = [
-    "check_keywords",
-    "check_primary",
-    "check_settings",
-    "check_spellings",
-    "check_times",
-    "check_world",
-    "profile_of",
-]
 
 TIME_TOLERANCE_S = 0.002
 SCALE_TOLERANCE = 1e-3

@@ -1,20 +1,224 @@
-"""Where the telescope is and what it sees: state vectors, angles from Sun, Moon and the limb of the Earth."""
+"""Times of frames: UTC by way of atomic time, so that a leap second is a second like any other.
 
-from __future__ import annotations
+Where the telescope is: a circular orbit about an oblate Earth. A model; it follows no ephemeris.
 
+Where the telescope is and what it sees: state vectors, angles from Sun, Moon and the limb of the Earth.
+"""
+
+import contextlib
+import math
+import re
+import warnings
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike
 
-from simulator.config.mission import OrbitConfig
-from simulator.products.orbit import CircularOrbit, earth_radius_deg
-from simulator.products.times import offline_time
+from cpic_core import FloatArray, load_quietly
+from simulator.config import OrbitConfig, checked_utc
 
-__all__ = ["Ephemeris", "body_km", "ephemeris"]
 
-FloatArray = NDArray[np.float64]
+@dataclass(frozen=True, eq=False)
+class SequenceTimes:
+    """Begin and end of every exposure of a sequence.
+
+    Attributes
+    ----------
+    begin_utc, end_utc : tuple of str
+        ISO 8601 to the microsecond.
+    begin_mjd, end_mjd : ndarray
+        Modified Julian Date, UTC.
+    """
+
+    begin_utc: tuple[str, ...]
+    end_utc: tuple[str, ...]
+    begin_mjd: FloatArray
+    end_mjd: FloatArray
+
+    @property
+    def start_utc(self) -> str:
+        """Begin of the first exposure."""
+        return self.begin_utc[0]
+
+    @property
+    def stop_utc(self) -> str:
+        """End of the last exposure; the readout that follows is not part of it."""
+        return self.end_utc[-1]
+
+    @property
+    def day(self) -> int:
+        """Modified Julian Date of the begin, whole days."""
+        return math.floor(float(self.begin_mjd[0]))
+
+
+@contextlib.contextmanager
+def offline_time() -> Iterator[None]:
+    """Use astropy's clocks and ephemerides without network and without its warnings about the far future.
+
+    Leap seconds that nobody has announced yet cannot be in any table.
+    """
+    from astropy.utils import iers
+
+    with iers.conf.set_temp("auto_download", False), warnings.catch_warnings():
+        warnings.simplefilter("ignore", load_quietly("erfa").ErfaWarning)
+        warnings.filterwarnings("ignore", message="leap-second")
+        warnings.simplefilter("ignore", iers.IERSStaleWarning)
+        yield
+
+
+def sequence_times(start_utc: str, exposure_s: float, readout_s: float, n_frames: int) -> SequenceTimes:
+    """Begin and end of every exposure.
+
+    Parameters
+    ----------
+    start_utc : str
+        Begin of the first exposure.
+    exposure_s, readout_s : float
+        Frame ``i`` begins ``i * (exposure_s + readout_s)`` later.
+    n_frames : int
+        Frames.
+
+    Raises
+    ------
+    InputError
+        If ``start_utc`` is no time, or the last frame ends after the last year that a time may have.
+    """
+    from astropy.time import Time, TimeDelta
+
+    with offline_time():
+        begin = np.arange(n_frames, dtype=np.float64) * (exposure_s + readout_s)
+        first = Time(checked_utc("start_utc", start_utc), format="isot", scale="utc", precision=6)
+
+        def after(seconds: FloatArray) -> Any:
+            return first + TimeDelta(seconds, format="sec", scale="tai")
+
+        begins, ends = after(begin), after(begin + exposure_s)
+        checked_utc("end of the last frame", str(ends[-1].isot))
+        return SequenceTimes(
+            tuple(begins.isot.tolist()), tuple(ends.isot.tolist()), np.asarray(begins.mjd), np.asarray(ends.mjd)
+        )
+
+
+def mjd_of(utc: str) -> float:
+    """Modified Julian Date of a time of UTC."""
+    from astropy.time import Time
+
+    with offline_time():
+        return float(Time(utc, format="isot", scale="utc").mjd)
+
+
+def elapsed_s(begin_mjd: float, end_mjd: float) -> float:
+    """Seconds between two Modified Julian Dates of UTC, leap seconds counted.
+
+    Parameters
+    ----------
+    begin_mjd : float
+        Begin, MJD (UTC).
+    end_mjd : float
+        End, MJD (UTC).
+    """
+    from astropy.time import Time
+
+    with offline_time():
+        begin, end = (Time(mjd, format="mjd", scale="utc") for mjd in (begin_mjd, end_mjd))
+        return float((end - begin).to_value("s"))
+
+
+def stamp(utc: str) -> str:
+    """Fourteen digits ``YYYYMMDDhhmmss`` of an ISO time; the fraction is cut off."""
+    return re.sub(r"\D", "", utc[:19])
+
+
+# WGS 84: equatorial radius (km), gravity (km3/s2) and oblateness of the Earth.
+EARTH_RADIUS_KM = 6378.137
+_GM_KM3_S2 = 398600.4418
+_J2 = 1.08262668e-3
+
+
+@dataclass(frozen=True)
+class CircularOrbit:
+    """A circular orbit whose node drifts.
+
+    Position in the equatorial inertial frame, ``R_z(node) R_x(inclination) (a cos u, a sin u, 0)`` with the angle ``u``
+    from the node at Kepler's rate and the node at the secular rate of the Earth's oblateness,
+    ``-3/2 n J2 (R/a)^2 cos i``.
+    """
+
+    config: OrbitConfig
+
+    @property
+    def radius_km(self) -> float:
+        """Distance from the centre of the Earth."""
+        return EARTH_RADIUS_KM + self.config.altitude_km
+
+    @property
+    def period_s(self) -> float:
+        """Period of revolution."""
+        return 2.0 * math.pi / self._motion_rad_s
+
+    @property
+    def _motion_rad_s(self) -> float:
+        return math.sqrt(_GM_KM3_S2 / self.radius_km**3)
+
+    @property
+    def node_rate_deg_day(self) -> float:
+        """Drift of the node."""
+        return math.degrees(self._node_rate_rad_s) * 86400.0
+
+    @property
+    def _node_rate_rad_s(self) -> float:
+        flattening = _J2 * (EARTH_RADIUS_KM / self.radius_km) ** 2
+        return -1.5 * self._motion_rad_s * flattening * math.cos(math.radians(self.config.inclination_deg))
+
+    def plane(self, elapsed_s: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Axes of the plane of the orbit.
+
+        Parameters
+        ----------
+        elapsed_s : array_like, shape (n,)
+            Seconds since the epoch of the orbit.
+
+        Returns
+        -------
+        towards_node, ahead : ndarray, shape (n, 3)
+            Unit vectors to the ascending node, and a quarter of a revolution ahead of it.
+        """
+        node = math.radians(self.config.node_deg) + self._node_rate_rad_s * np.asarray(elapsed_s, dtype=np.float64)
+        tilt = math.radians(self.config.inclination_deg)
+        towards_node = np.stack([np.cos(node), np.sin(node), np.zeros_like(node)], axis=-1)
+        ahead = np.stack(
+            [-np.sin(node) * math.cos(tilt), np.cos(node) * math.cos(tilt), np.full_like(node, math.sin(tilt))], axis=-1
+        )
+        return towards_node, ahead
+
+    def state(self, elapsed_s: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Position and velocity.
+
+        Parameters
+        ----------
+        elapsed_s : array_like, shape (n,)
+            Seconds since the epoch of the orbit.
+
+        Returns
+        -------
+        position_km, velocity_km_s : ndarray, shape (n, 3)
+        """
+        elapsed = np.asarray(elapsed_s, dtype=np.float64)
+        along = math.radians(self.config.phase_deg) + self._motion_rad_s * elapsed
+        towards_node, ahead = self.plane(elapsed)
+        cosine, sine = np.cos(along)[..., None], np.sin(along)[..., None]
+        position = self.radius_km * (cosine * towards_node + sine * ahead)
+        velocity = self.radius_km * self._motion_rad_s * (cosine * ahead - sine * towards_node)
+        # The drift of the node turns the whole orbit about the axis of the Earth.
+        turn = self._node_rate_rad_s * np.stack([-position[..., 1], position[..., 0], np.zeros_like(along)], axis=-1)
+        return position, velocity + turn
+
+
+def earth_radius_deg(distance_km: ArrayLike) -> FloatArray:
+    """Angular radius of the solid Earth from a distance of its centre."""
+    return np.rad2deg(np.arcsin(EARTH_RADIUS_KM / np.asarray(distance_km, dtype=np.float64)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +285,7 @@ def body_km(body: str, times: Any) -> FloatArray:
     body : str
         ``"sun"`` or ``"moon"``.
     times : astropy.time.Time, shape (n,)
-        Made, like this call, inside of `simulator.products.times.offline_time`.
+        Made, like this call, inside of `simulator.products.ephemeris.offline_time`.
 
     Returns
     -------

@@ -1,7 +1,5 @@
 """The table of header keywords: names and their other spellings, types, units, and who needs them."""
 
-from __future__ import annotations
-
 import functools
 import math
 import re
@@ -12,10 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from catalogs.errors import InputError
-from catalogs.strict_yaml import load_yaml
-
-__all__ = ["KEYWORD_FILE", "Keyword", "KeywordTable", "Profile", "Value", "checked_value", "escaped", "load_keywords"]
+from cpic_core import InputError, load_yaml
 
 Value = str | int | float | bool
 KEYWORD_FILE = Path(__file__).parent / "data" / "keywords.yaml"

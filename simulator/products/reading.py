@@ -1,20 +1,88 @@
-"""Open FITS files for a check: every complaint is a finding, and no byte is taken on trust."""
+"""What a check found wrong.
 
-from __future__ import annotations
+Open FITS files for a check: every complaint is a finding, and no byte is taken on trust.
+"""
 
 import contextlib
 import math
 import warnings
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from io import BufferedReader
-from typing import Any, TypeGuard
+from pathlib import Path
+from typing import Any, Literal, TypeGuard
 
-from catalogs.errors import InputError
-from catalogs.user_files import open_file
-from simulator.products.checksum import ALL_ONES, ones_sum
-from simulator.products.findings import Report
+from cpic_core import InputError, open_file
+from simulator.products.units import ALL_ONES, ones_sum
 
-__all__ = ["check_sums", "is_real", "open_units", "plain_header", "whole_number"]
+Severity = Literal["error", "warning"]
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that is wrong.
+
+    Attributes
+    ----------
+    path : Path
+        The file or folder.
+    hdu : int or None
+        Number of the unit, 0 for the primary one; None for the file as a whole.
+    keyword : str
+        The keyword, empty if the finding is about none.
+    message : str
+        What is wrong, in one sentence.
+    severity : {"error", "warning"}
+        Error: against the specification. Warning: unusual, or missing where the specification leaves it open.
+    """
+
+    path: Path
+    hdu: int | None
+    keyword: str
+    message: str
+    severity: Severity = "error"
+
+    def __str__(self) -> str:
+        unit = "" if self.hdu is None else f"[{self.hdu}]"
+        keyword = f" {self.keyword}:" if self.keyword else ""
+        return f"{self.severity}: {self.path}{unit}:{keyword} {self.message}"
+
+
+@dataclass
+class Report:
+    """Collects findings about one file."""
+
+    path: Path
+    findings: list[Finding] = field(default_factory=list)
+
+    def error(self, message: str, keyword: str = "", hdu: int | None = None) -> None:
+        """Note a breach of the specification.
+
+        Parameters
+        ----------
+        message : str
+            One sentence for people.
+        keyword : str, optional
+            Keyword at fault; empty for the file.
+        hdu : int, optional
+            Number of the unit in the file; the primary one is 0.
+        """
+        self.findings.append(Finding(self.path, hdu, keyword, message))
+
+    def warning(self, message: str, keyword: str = "", hdu: int | None = None) -> None:
+        """Note something unusual.
+
+        Parameters
+        ----------
+        message : str
+            One sentence for people.
+        keyword : str, optional
+            Keyword that it is about; empty for the file.
+        hdu : int, optional
+            Number of the unit in the file; the primary one is 0.
+        """
+        self.findings.append(Finding(self.path, hdu, keyword, message, "warning"))
+
 
 _BLOCK = 2880
 # What astropy raises over files that lie about themselves.

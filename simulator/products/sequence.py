@@ -1,31 +1,18 @@
-"""What a sequence of frames offers to be written as a product."""
+"""What a sequence of frames offers to be written as a product.
 
-from __future__ import annotations
+Places on the sky of what stands at an offset on the detector.
+"""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Literal, Protocol, TypeAlias, get_args
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from catalogs.errors import InputError
-from simulator.camera.frame import Frame
-from simulator.config import Instrument, Scene
-from simulator.config.detector import AnyDetector
-from simulator.config.mission import checked_utc
-from simulator.quantities import check_number
-from simulator.target.sources import Source
-
-__all__ = [
-    "SCIENCE_KINDS",
-    "Camera",
-    "FrameSequence",
-    "Kind",
-    "LedgerRow",
-    "SourceTruth",
-    "camera_of",
-    "check_sequence",
-]
+from cpic_core import FloatArray, InputError, check_number
+from simulator.camera import Frame
+from simulator.config import AnyDetector, Instrument, Scene, checked_utc
+from simulator.target import Source, detector_to_sky
 
 Camera: TypeAlias = Literal["VIS", "NIR"]
 Kind: TypeAlias = Literal["BIAS", "DARK", "FLAT", "BKG", "LASER", "SCI", "DSF", "CALS"]
@@ -186,3 +173,51 @@ def check_sequence(sequence: FrameSequence) -> None:
     checked_utc("start_utc", sequence.start_utc)
     if len(sequence.shape) != 2 or min(sequence.shape) < 1:
         raise InputError("shape", sequence.shape, unit="px", allowed="rows and columns, each at least 1")
+
+
+def star_deg(sequence: FrameSequence) -> tuple[float, float] | None:
+    """Right ascension and declination of the target; None if it has none."""
+    star = None if sequence.scene is None else sequence.scene.cstar
+    if star is None or star.ra_deg is None or star.dec_deg is None:
+        return None
+    return float(star.ra_deg), float(star.dec_deg)
+
+
+def sky_places(
+    sequence: FrameSequence, x_arcsec: ArrayLike, y_arcsec: ArrayLike
+) -> tuple[FloatArray, FloatArray] | None:
+    """Right ascension and declination at offsets from the target on the detector; None if it has no coordinates.
+
+    Parameters
+    ----------
+    sequence : FrameSequence
+    x_arcsec, y_arcsec : array_like
+        Offsets along columns and rows.
+    """
+    from astropy import units as u
+    from astropy.coordinates import offset_by
+
+    star = star_deg(sequence)
+    if star is None:
+        return None
+    separation, angle = detector_to_sky(x_arcsec, y_arcsec, roll_deg=sequence.roll_deg, parity=_parity_of(sequence))
+    ra, dec = offset_by(star[0] * u.deg, star[1] * u.deg, angle * u.deg, separation * u.arcsec)
+    return np.asarray(ra.to_value("deg")) % 360.0, np.asarray(dec.to_value("deg"))
+
+
+def pointing_deg(sequence: FrameSequence) -> tuple[float, float] | None:
+    """Place on the sky of the centre of the mask; None if the target has no coordinates."""
+    offset = [-float(sequence.header.get(key) or 0.0) for key in ("STAROFFX", "STAROFFY")]
+    if not any(offset):
+        return star_deg(sequence)
+    places = sky_places(sequence, *offset)
+    return None if places is None else (float(places[0]), float(places[1]))
+
+
+def _parity_of(sequence: FrameSequence) -> int:
+    """Orientation of the detector: that of the world coordinates where they are given."""
+    names = ("CD1_1", "CD1_2", "CD2_1", "CD2_2")
+    if not all(name in sequence.header for name in names):
+        return sequence.instrument.detector.parity
+    a, b, c, d = (float(sequence.header[name]) for name in names)
+    return 1 if a * d > b * c else -1

@@ -6,12 +6,12 @@ import functools
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from simulator.config.optics import Drift
-from simulator.imaging.metrics import PsfMetrics
+from cpic_core import FloatArray
+from simulator.config import Drift
+from simulator.imaging import PsfMetrics
 
-FloatArray = NDArray[np.float64]
 _N_ANNULUS, _N_TABLE = 25, 500
 _NOTHING = 1e-290
 # Mean light of a wavefront error of 1 nm rms at 662 nm that falls as f^-2.5, relative to the peak, times u^2.5 with u

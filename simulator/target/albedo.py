@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from catalogs.errors import InputError
-from catalogs.spectra import Albedo, load_albedo
-from simulator.albedo_family import AlbedoFamily
-from simulator.config.albedo import (
+from catalogs import Albedo, load_albedo
+from cpic_core import InputError, numeric_context, real_array
+from simulator.config import (
     LOG10_FSED_MAX,
     AlbedoSpec,
     ConstantAlbedo,
@@ -22,23 +21,13 @@ from simulator.config.albedo import (
     TableAlbedo,
     albedo_spec,
 )
-from simulator.numeric import numeric_context
-from simulator.quantities import real_array
+from simulator.knobs import AlbedoFamily
+from simulator.target.contrast import lambert_phase
 from simulator.target.parametric import grid_phase_curve, parametric_family
-from simulator.target.phase import lambert_phase
 
 if TYPE_CHECKING:
     from simulator.target.albedo_grid import AlbedoGrid
 
-__all__ = [
-    "albedo_flags",
-    "albedo_notes",
-    "albedo_source",
-    "albedo_table",
-    "needs_insolation",
-    "phase_value",
-    "planet_albedo",
-]
 
 _DEFAULT = ParametricAlbedo(insolation_au=2.0)
 # A constant has no table of its own; these ends hold every band.

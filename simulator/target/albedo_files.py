@@ -1,7 +1,5 @@
 """Geometric albedos from a user's tables of wavelength and albedo; for grids see `simulator.target.albedo_grid`."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,14 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from catalogs.errors import InputError
-from catalogs.spectra import Albedo
-from catalogs.table_files import TableBytes, parse_table
-from catalogs.user_files import read_file
-from simulator.arrays import NPZ_ERRORS, open_npz
+from catalogs import Albedo, TableBytes, parse_table
+from cpic_core import NPZ_ERRORS, InputError, open_npz, read_file
 from simulator.target.albedo_grid_file import LARGEST_ALBEDO, is_sqlite
-
-__all__ = ["read_albedo"]
 
 _MAX_BYTES = 200_000_000
 _FORMATS = "a text, CSV, ECSV, VOTable, FITS or npz file"

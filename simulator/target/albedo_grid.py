@@ -12,13 +12,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from catalogs.errors import InputError
-from catalogs.stellar_grid import bracket
-from simulator.albedo_family import AlbedoFamily
+from catalogs import bracket
+from cpic_core import InputError
+from simulator.knobs import AlbedoFamily
 from simulator.target.albedo_grid_file import Axes, Model, Models, open_models
-from simulator.target.phase import checked_phase
-
-__all__ = ["AlbedoGrid", "load_albedo_grid"]
+from simulator.target.contrast import checked_phase
 
 # As for the parametric model: absorption beyond is not tied to planets that have been measured.
 _DOCUMENTED_TO_NM = 1050.0

@@ -23,20 +23,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from catalogs.errors import InputError
-from catalogs.user_files import open_file
-from simulator.arrays import NPZ_ERRORS, open_npz
-
-__all__ = [
-    "LARGEST_ALBEDO",
-    "Axes",
-    "Model",
-    "Models",
-    "NpzModels",
-    "SqliteModels",
-    "is_sqlite",
-    "open_models",
-]
+from cpic_core import NPZ_ERRORS, InputError, open_file, open_npz
 
 LARGEST_ALBEDO = 2.0
 """Larger is no planet's geometric albedo (A): 2/3 is a white Lambert sphere's, 1.4 the brightest icy moon's."""

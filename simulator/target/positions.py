@@ -1,14 +1,9 @@
 """Sky offsets and detector offsets: the one place where parity and roll are applied."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 
-from catalogs.errors import InputError
-from simulator.quantities import check_finite, check_number
-
-__all__ = ["detector_to_sky", "sky_to_detector", "wcs_keywords"]
+from cpic_core import InputError, check_finite, check_number
 
 
 def sky_to_detector(

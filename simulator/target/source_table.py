@@ -9,16 +9,14 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias, overload
 
 import numpy as np
 
-from catalogs.errors import InputError
-from simulator.target.lights import LitStar
-from simulator.target.planet_light import LitPlanet
+from cpic_core import InputError
+from simulator.target.lights import LitPlanet, LitStar
 
 if TYPE_CHECKING:
     import pandas as pd
     from astropy.table import QTable
     from synphot import SourceSpectrum
 
-__all__ = ["Kind", "SourceBatch", "SourceTable", "SpectralSource"]
 
 Kind: TypeAlias = Literal["cstar", "planet", "star"]
 _NUMBERS = {

@@ -1,7 +1,5 @@
 """From a scene to a table of point sources: where they stand on the detector and how bright they are."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,20 +7,23 @@ from typing import Any, NamedTuple, TypeAlias, overload
 
 import numpy as np
 
-from catalogs.errors import InputError
-from simulator.config import Instrument, Scene, load_instrument, load_scene
-from simulator.config.extended import ExtendedSource
-from simulator.config.geometry import place
-from simulator.config.keys import at
-from simulator.config.scene_table import StarColumns, is_table, scenes_from_table
-from simulator.numeric import numeric_context
+from cpic_core import InputError, numeric_context
+from simulator.config import (
+    ExtendedSource,
+    Instrument,
+    Scene,
+    StarColumns,
+    at,
+    is_table,
+    load_instrument,
+    load_scene,
+    place,
+    scenes_from_table,
+)
 from simulator.passbands import Passbands
-from simulator.target.lights import ORIGIN, LitStar
-from simulator.target.planet_light import LitPlanet
+from simulator.target.lights import ORIGIN, LitPlanet, LitStar
 from simulator.target.positions import sky_to_detector
 from simulator.target.source_table import Kind, SourceBatch, SourceTable, SpectralSource
-
-__all__ = ["ExtendedRate", "Source", "extended_rates", "scene_sources", "spectrum_generator"]
 
 SceneLike: TypeAlias = Scene | Mapping[str, Any] | str | Path
 

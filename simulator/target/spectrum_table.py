@@ -1,7 +1,5 @@
 """Spectra from two-column files: text with units in its header, ECSV, VOTable, FITS."""
 
-from __future__ import annotations
-
 import io
 import re
 import warnings
@@ -10,13 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from catalogs.errors import InputError
-from catalogs.spectra import HC_ERG_ANGSTROM, Spectrum
-from catalogs.table_files import TableBytes, astropy_table
-from catalogs.user_files import read_file
+from catalogs import HC_ERG_ANGSTROM, Spectrum, TableBytes, astropy_table
+from cpic_core import InputError, read_file
 from simulator.band_integrals import check_table
-
-__all__ = ["photon_flux", "read_spectrum"]
 
 _MAX_BYTES = 200_000_000
 # nm per unit.

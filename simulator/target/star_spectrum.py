@@ -1,4 +1,7 @@
-"""Stellar spectra normalised in Johnson V (Vega)."""
+"""Thermal light of a sphere.
+
+Stellar spectra normalised in Johnson V (Vega).
+"""
 
 from __future__ import annotations
 
@@ -9,18 +12,59 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from catalogs.errors import InputError
-from catalogs.spectra import Spectrum, load_stellar_grid
-from catalogs.spectral_types import stellar_parameters
+from catalogs import Spectrum, load_stellar_grid, stellar_parameters
+from cpic_core import InputError, check_number, numeric_context
 from simulator.band_integrals import check_table, v_photon_rate, vega_v_photon_rate
-from simulator.numeric import numeric_context
-from simulator.quantities import check_number
-from simulator.target.thermal import photon_surface
+from simulator.target.contrast import AU_KM, JUPITER_RADIUS_KM
 
 if TYPE_CHECKING:
     from synphot import SourceSpectrum
 
-__all__ = ["STAR_FLAGS", "STAR_MODELS", "StarModel", "StarSpectrum", "star_photlam", "stellar_spectrum"]
+
+_C_CM_S = 2.99792458e10
+# h c / k, cm K (exact SI values).
+_HC_OVER_K_CM_K = 6.62607015e-34 * 2.99792458e8 / 1.380649e-23 * 100.0
+_CM_PER_NM = 1e-7
+_CM_PER_ANGSTROM = 1e-8
+_AU_PER_PC = 648000.0 / np.pi
+
+
+def photon_surface(wavelength_nm: np.ndarray, teff_k: float) -> np.ndarray:
+    """Return the photon flux of a black surface, ph/s/cm2/A: ``2 pi c / lambda^4 / (exp(h c / lambda k T) - 1)``.
+
+    Planck's law in photons times pi.
+
+    Parameters
+    ----------
+    wavelength_nm : ndarray
+        Wavelengths.
+    teff_k : float
+        Temperature, at least 70 K at 300 nm (below, the exponential overflows).
+    """
+    wavelength_cm = np.asarray(wavelength_nm, dtype=np.float64) * _CM_PER_NM
+    surface = 2.0 * np.pi * _C_CM_S / wavelength_cm**4 / np.expm1(_HC_OVER_K_CM_K / (wavelength_cm * teff_k))
+    return np.asarray(surface * _CM_PER_ANGSTROM)
+
+
+def thermal_photlam(wavelength_nm: np.ndarray, teff_k: float, radius_rjup: float, distance_pc: float) -> np.ndarray:
+    """Return the photon flux density of a black sphere at a distance, ph/s/cm2/A.
+
+    `photon_surface` times ``(R/d)^2``.
+
+    Parameters
+    ----------
+    wavelength_nm : ndarray
+        Wavelengths.
+    teff_k : float
+        Temperature, see `photon_surface`.
+    radius_rjup : float
+        Radius, R_J = 71 492 km.
+    distance_pc : float
+        Distance from us.
+    """
+    size = radius_rjup * JUPITER_RADIUS_KM / (distance_pc * _AU_PER_PC * AU_KM)
+    return np.asarray(photon_surface(wavelength_nm, teff_k) * size * size)
+
 
 StarModel: TypeAlias = str | os.PathLike[str] | Spectrum
 """Name of a model, path of a tree or file, or a spectrum."""
@@ -114,7 +158,7 @@ def stellar_spectrum(
           and Teff. 3500-8000 K, log g 0-5 (from 0.5 above 6000 K, from 1 above 7400 K), [M/H] -2.5 to 0.5.
         - ``"blackbody"``: Planck's law, 100 K to 1e6 K.
         - ``"pickles"``: measured spectra by spectral type (Pickles 1998), A0-M6.
-        - the path of a CK04, Kurucz or PHOENIX tree, see `simulator.target.spectrum_tree.find_tree`.
+        - the path of a CK04, Kurucz or PHOENIX tree, see `simulator.target.stellar_libraries.find_tree`.
         - the path of a file, see `simulator.target.spectrum_table.read_spectrum`, or a `Spectrum`; it must cover
           470-700 nm.
 
@@ -228,7 +272,7 @@ def _blackbody(magnitude: float, star: _Parameters, given: _Parameters) -> StarS
 
 
 def _from_library(magnitude: float, spectral_type: str | None, given: _Parameters) -> StarSpectrum:
-    from simulator.target.empirical import library_photlam
+    from simulator.target.stellar_libraries import library_photlam
 
     if spectral_type is None:
         raise InputError(
@@ -242,7 +286,7 @@ def _from_library(magnitude: float, spectral_type: str | None, given: _Parameter
 
 
 def _from_tree(magnitude: float, star: _Parameters, path: str) -> StarSpectrum:
-    from simulator.target.spectrum_tree import find_tree, tree_photlam
+    from simulator.target.stellar_libraries import find_tree, tree_photlam
 
     if not path:
         raise InputError("model", "empty", allowed=_ALLOWED_MODELS)

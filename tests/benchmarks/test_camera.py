@@ -19,7 +19,7 @@ from astropy.io import fits
 from simulator import load_instrument, observe
 from simulator.camera import VisibleCamera, stack_electrons, to_electrons
 from simulator.effects import draw_cosmic_rays
-from simulator.hole_stack import hole_stacks
+from simulator.observing import hole_stacks
 from simulator.products import write_level0
 
 INSTRUMENT = load_instrument()

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from simulator.config import load_instrument
-from simulator.imaging.build import aberrations_of, bare_imager, build_imager, configured_mirror, dig
+from simulator.imaging import build_imager, centred_axis, single_band_psf
+from simulator.imaging.build import aberrations_of, bare_imager, configured_mirror, dig
 from simulator.imaging.conjugation import Conjugation
 from simulator.imaging.dark_hole import DarkHole, default_settings
-from simulator.imaging.imager import centred_axis
-from simulator.imaging.psf import forget_stamps, single_band_psf, wide_on_axis
+from simulator.imaging.psf import forget_stamps, wide_on_axis
 from simulator.imaging.scene_image import PointSources, scene_image
 from simulator.imaging.transfer import band_transfer
 from simulator.knobs import FIDELITIES

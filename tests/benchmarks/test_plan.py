@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cpic_planner.etc.model import build_model
-from cpic_planner.plan import PlanQuestion, make_plan
+from cpic_planner.confirm import make_plan
+from cpic_planner.etc import build_model
+from cpic_planner.queries import PlanQuestion
 from cpic_planner.ranking import rank_targets
 from cpic_planner.report.contrast_figure import contrast_diagram
 from cpic_planner.report.panel_figure import PanelSheet
 from cpic_planner.report.panels import Panels
-from cpic_planner.report.rank_figure import margin_figure
-from cpic_planner.report.sky_map import sky_map
+from cpic_planner.report.sky_figures import margin_figure, sky_map
 from cpic_planner.targets import rank_sample
 from simulator import load_instrument
 

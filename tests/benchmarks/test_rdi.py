@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_limits
 
-from cpic_planner.validation import rdi_subtract
-from cpic_planner.validation.roll import roll_subtract
+from cpic_planner.validation import rdi_subtract, roll_subtract
 
 SIDE, FRAMES = 137, 30
 _Y, _X = np.indices((SIDE, SIDE)) - SIDE // 2

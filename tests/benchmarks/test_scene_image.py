@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from simulator.config import load_instrument
-from simulator.imaging.build import build_imager
-from simulator.imaging.imager import centred_axis
+from simulator.imaging import build_imager, centred_axis
 from simulator.imaging.paper_scene import paper_scene_image
 from simulator.imaging.scene_image import PointSources, scene_image
 from simulator.imaging.transfer import band_transfer

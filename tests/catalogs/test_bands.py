@@ -5,7 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from catalogs.bands import band_from_file, band_provenance, bands_tree, load_bands
+from catalogs import band_from_file, band_provenance, load_bands
+from catalogs.bands import bands_tree
 from catalogs.spectra import Curve
 
 

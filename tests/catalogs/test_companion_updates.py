@@ -6,9 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from catalogs.catalogue import open_catalogue
-from catalogs.info import catalogue_info, snapshot_vintage
-from catalogs.stars import StarTable, companion_updates, load_stars
+from catalogs import StarTable, catalogue_info, load_stars, open_catalogue, snapshot_vintage
+from catalogs.stars import companion_updates
 
 EPOCH_YR = 2028.5
 # Period (yr), periastron (yr), semi-major axis (arcsec), eccentricity, inclination, node, argument of periastron (deg).

@@ -6,7 +6,8 @@ from astropy import units as u
 from astropy.coordinates import BarycentricMeanEcliptic, Distance, SkyCoord
 from astropy.time import Time
 
-from catalogs.coordinates import ecliptic, position_angle, propagate, separation_arcsec, tangent_offset
+from catalogs import position_angle, separation_arcsec, tangent_offset
+from catalogs.coordinates import ecliptic, propagate
 
 # alf Cen A, 61 Cyg A, tau Cet, eps Ind, Barnard, a star near the pole, and one crossing RA 0.
 STARS = np.array(

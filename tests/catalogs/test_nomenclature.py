@@ -1,10 +1,10 @@
 """Every spelling of a designation has one key."""
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
-from catalogs.nomenclature import CONSTELLATIONS, GREEK, designation_key, split_component
+from catalogs import CONSTELLATIONS, GREEK
+from catalogs.nomenclature import designation_key, split_component
 
 
 @pytest.mark.parametrize(

@@ -1,9 +1,8 @@
 """What the texts of tables mean: spectral types, names of stars, plain values."""
 
-from catalogs.names import resolve_star
-from catalogs.spectral_types import parse_spectral_type, stellar_parameters
+from catalogs import parse_spectral_type, resolve_star, stellar_parameters
 from catalogs.stellar_physics import is_giant, luminosity_class, spectral_letter
-from catalogs.strict_yaml import parse_yaml
+from cpic_core import parse_yaml
 
 
 def position_and_class(text):

@@ -7,11 +7,10 @@ import threading
 
 import pytest
 
-from catalogs.catalogue import open_catalogue
-from catalogs.known_planets import load_known_planets
+from catalogs import load_known_planets, open_catalogue
 from catalogs.table_files import reference_in
+from simulator.target import read_spectrum
 from simulator.target.albedo_files import read_albedo
-from simulator.target.spectrum_table import read_spectrum
 
 FIELDS = "".join(f'<FIELD name="{name}" datatype="double"/>' for name in ("v_mag", "distance_pc"))
 TABLE = '{head}<VOTABLE version="1.3"><RESOURCE><TABLE>{fields}<DATA>{data}</DATA></TABLE></RESOURCE></VOTABLE>'

@@ -8,12 +8,21 @@ import numpy as np
 import pytest
 from astropy.table import Table
 
-from catalogs.catalogue import open_catalogue
-from catalogs.info import snapshot_vintage
-from catalogs.refresh import data_dir, ecsv_text, file_name, parse_refreshed, refresh, stored_tables
-from catalogs.simbad import Cuts, TapService, queries
+from catalogs import (
+    Cuts,
+    TapService,
+    data_dir,
+    ecsv_text,
+    file_name,
+    load_stars,
+    open_catalogue,
+    parse_refreshed,
+    queries,
+    snapshot_vintage,
+    stored_tables,
+)
+from catalogs.refresh import refresh
 from catalogs.star_columns import COLUMNS
-from catalogs.stars import load_stars
 
 
 @pytest.fixture(scope="module")

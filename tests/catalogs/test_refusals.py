@@ -2,17 +2,11 @@
 
 import pytest
 from astropy.table import Table
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
-from catalogs.bands import Band
-from catalogs.catalogue import open_catalogue
+from catalogs import Band, load_known_planets, open_catalogue, parse_spectral_type, resolve_star, stellar_parameters
 from catalogs.coordinates import propagate
-from catalogs.errors import InputError
-from catalogs.known_planets import load_known_planets
-from catalogs.names import resolve_star
-from catalogs.spectral_types import parse_spectral_type, stellar_parameters
-from catalogs.strict_yaml import parse_yaml
+from cpic_core import InputError, parse_yaml
 
 BAND = {"name": "X", "camera": "VIS", "center_nm": 600.0, "width_nm": 10.0, "t_opt": 0.5, "qe": 0.5}
 

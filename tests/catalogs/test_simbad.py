@@ -5,7 +5,8 @@ import time
 
 import pytest
 
-from catalogs.simbad import Cuts, RefreshError, TapService, ask, queries, service_url
+from catalogs import Cuts, RefreshError, TapService, queries, service_url
+from catalogs.simbad import ask
 
 STARS, MEASUREMENTS = queries(Cuts())
 

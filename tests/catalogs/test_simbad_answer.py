@@ -5,8 +5,8 @@ import pytest
 from astropy import units as u
 from astropy.table import MaskedColumn, Table
 
-from catalogs import simbad_answer
-from catalogs.simbad import Cuts, RefreshError, TapService, ask, queries
+from catalogs import Cuts, RefreshError, TapService, queries, simbad_answer
+from catalogs.simbad import ask
 from catalogs.simbad_answer import read_measurements, read_stars
 
 STARS, MEASUREMENTS = queries(Cuts())

@@ -3,14 +3,10 @@
 import numpy as np
 import pytest
 
-from catalogs.names import resolve_star
+from catalogs import ADDED_FLAGS, Cuts, RefreshError, TapService, load_stars, resolve_star
 from catalogs.refresh import refresh
-from catalogs.simbad import Cuts, RefreshError, TapService
-from catalogs.simbad_answer import read_stars
-from catalogs.simbad_names import blends, match_snapshot, own_names, row_name
-from catalogs.star_columns import COLUMNS
-from catalogs.star_flags import ADDED_FLAGS, FLAGS
-from catalogs.stars import load_stars
+from catalogs.simbad_answer import blends, match_snapshot, own_names, read_stars, row_name
+from catalogs.star_columns import COLUMNS, FLAGS
 from catalogs.stellar_physics import bolometric_correction, colour_temperature
 
 
@@ -121,7 +117,8 @@ def test_names_stay_unique():
 
 
 def test_blends_are_found_by_identifier_name_or_double_star_letters(simbad):
-    from catalogs.simbad import ask, queries
+    from catalogs import queries
+    from catalogs.simbad import ask
 
     answer = read_stars(ask(TapService(url=simbad.url), queries(Cuts())[0]))
     listed, alone = blends(answer)
@@ -131,7 +128,8 @@ def test_blends_are_found_by_identifier_name_or_double_star_letters(simbad):
 
 def test_no_two_objects_are_one_star_of_the_snapshot(simbad):
     next(row for row in simbad.tables["ids"] if row["oidref"] == 11)["ids"] += "|HIP 8102"  # a stray identifier
-    from catalogs.simbad import ask, queries
+    from catalogs import queries
+    from catalogs.simbad import ask
 
     answer = read_stars(ask(TapService(url=simbad.url), queries(Cuts())[0]))
     rows = [row for row in match_snapshot(answer, load_stars()) if row >= 0]

@@ -3,11 +3,10 @@
 import itertools
 
 import pytest
-from hypothesis import example, given
-from hypothesis import strategies as st
+from hypothesis import example, given, strategies as st
 
-from catalogs.errors import InputError
-from catalogs.spectral_types import parse_spectral_type, stellar_parameters
+from catalogs import parse_spectral_type, stellar_parameters
+from cpic_core import InputError
 
 
 def test_gravities() -> None:
@@ -38,7 +37,7 @@ def test_any_text_is_read_or_refused(text: str) -> None:
 
 
 def test_every_type_of_the_catalogue_is_read() -> None:
-    from catalogs.stars import load_stars
+    from catalogs import load_stars
 
     types = {str(text) for text in load_stars().column("sp_type")}
     assert len(types) > 300

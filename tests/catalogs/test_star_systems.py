@@ -3,8 +3,7 @@
 import math
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from catalogs.star_systems import Member, adopt_parallaxes, group_systems, is_blend_id
 

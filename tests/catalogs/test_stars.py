@@ -11,8 +11,7 @@ from astropy.coordinates import BarycentricMeanEcliptic, SkyCoord
 from astropy.time import Time
 
 import catalogs
-from catalogs.coordinates import separation_arcsec
-from catalogs.stars import StarTable, load_stars
+from catalogs import StarTable, load_stars, separation_arcsec
 
 DATA = Path(catalogs.__file__).parent / "data"
 

@@ -5,8 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from catalogs.spectra import HC_ERG_ANGSTROM, load_stellar_grid
-from catalogs.stellar_grid import bracket
+from catalogs import HC_ERG_ANGSTROM, bracket, load_stellar_grid
 
 
 def _node(grid, teff: float, log_g: float, metal: float) -> int:

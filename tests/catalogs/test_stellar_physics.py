@@ -4,12 +4,12 @@ import math
 
 import pytest
 
-from catalogs.star_flags import parallax_flags, type_flags
+from catalogs import luminosity_from_v
+from catalogs.star_columns import parallax_flags, type_flags
 from catalogs.stellar_physics import (
     bolometric_correction,
     colour_temperature,
     gravity,
-    luminosity_from_v,
     mass_from_luminosity,
     mass_of,
     nearest_subtype,

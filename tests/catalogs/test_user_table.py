@@ -9,13 +9,10 @@ import pytest
 from astropy import units as u
 from astropy.io.votable import from_table
 from astropy.table import MaskedColumn, Table
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
-from catalogs.catalogue import data_credits, open_catalogue
-from catalogs.spectral_types import stellar_parameters
-from catalogs.star_flags import ADDED_FLAGS, FLAGS
-from catalogs.stars import load_stars
+from catalogs import ADDED_FLAGS, data_credits, load_stars, open_catalogue, stellar_parameters
+from catalogs.star_columns import FLAGS
 from catalogs.stellar_physics import bolometric_correction
 
 SIMPLE = "name,distance_pc,v_mag,sp_type\nfirst,10,5.5,G2V\nsecond,20,6,K1V\n"

@@ -8,9 +8,8 @@ import sys
 
 import pytest
 
-from catalogs.errors import InputError
-from simulator import numeric
-from simulator.numeric import THREAD_VARIABLES
+import cpic_planner.validation
+from cpic_core import THREAD_VARIABLES, InputError, runtime
 
 SCRIPT = """
 import contextlib, hashlib, io
@@ -50,15 +49,14 @@ NEED_NONE = {
         check_level0 lambert_phase load_instrument load_known_planets load_population load_scene load_strategies
         load_targets planet_contrast save_psf scenes_from_table stream
     """.split()
-    ),
-    "cpic_planner.validation": set(
-        """
-        aperture_sum aperture_weights contrast detection_threshold filled library_plan observe_off_mask
-        star_flux_of_field_star star_flux_off_mask threshold_array
-    """.split()
-    ),
+    )
 }
 """Public functions that read files, or compute element by element or by other public functions."""
+
+REDUCTION = """
+    aperture_photometry band_average calibrated_frames combine fit_albedo fit_position planet_albedo_model rdi_subtract
+    reduce_stack reject_cosmic_rays roll_photometry roll_subtract scale_library
+""".split()
 
 
 def public_functions():
@@ -67,6 +65,8 @@ def public_functions():
         names = {name for name in package.__all__ if inspect.isfunction(getattr(package, name))}
         assert left_out < names
         yield from (pytest.param(getattr(package, name), id=name) for name in sorted(names - left_out))
+    for name in REDUCTION:
+        yield pytest.param(getattr(cpic_planner.validation, name), id=name)
 
 
 @pytest.mark.parametrize("function", list(public_functions()))
@@ -77,8 +77,8 @@ def test_public_functions_compute_in_it(function, monkeypatch):
         entered.append(True)
         return one_thread()
 
-    one_thread = numeric._one_thread
-    monkeypatch.setattr(numeric, "_one_thread", recorder)
+    one_thread = runtime._one_thread
+    monkeypatch.setattr(runtime, "_one_thread", recorder)
     with pytest.raises((TypeError, InputError)):
         function(no_such_argument=1)
     assert entered == [True]

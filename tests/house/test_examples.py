@@ -10,7 +10,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 WITH_EXAMPLES = [
     ".".join(path.relative_to(ROOT).with_suffix("").parts)
-    for floor in ("catalogs", "simulator", "cpic_planner")
+    for floor in ("cpic_core", "catalogs", "simulator", "cpic_planner")
     for path in sorted((ROOT / floor).rglob("*.py"))
     if ">>> " in path.read_text(encoding="utf-8")
 ]

@@ -8,7 +8,7 @@ from textwrap import dedent
 import pytest
 
 HEAVY = "pandas synphot hcipy matplotlib photutils sep astropy astroquery pyvo requests scipy.stats numba dask".split()
-IMAGES = "cpic_planner.validation cpic_planner.etc_images simulator.observation"
+IMAGES = "cpic_planner.validation cpic_planner.confirm.etc_images simulator.observing.observation"
 
 # What is run, the strictest first, and what is not loaded by then either.
 CALLS = [
@@ -93,7 +93,7 @@ LAST = [
     (
         # functions are not shadowed by modules of their name
         """
-        import cpic_planner.cli.main, cpic_planner.validation.confirm, cpic_planner.plan
+        import cpic_planner.cli.main, cpic_planner.validation.confirm, cpic_planner.confirm.plan
         for package in (simulator, cpic_planner):
             for name in package.__all__:
                 assert not str(type(getattr(package, name))).count("module"), name

@@ -80,8 +80,13 @@ def test_wheel_holds_what_it_needs_and_nothing_else(wheel):
     assert wheel.stat().st_size <= 10e6
     names = zipfile.ZipFile(wheel).namelist()
     tops = {name.split("/")[0] for name in names}
-    assert {top for top in tops if not top.endswith(".dist-info")} == {"catalogs", "simulator", "cpic_planner"}
-    packages = ("catalogs", "simulator", "cpic_planner")
+    assert {top for top in tops if not top.endswith(".dist-info")} == {
+        "cpic_core",
+        "catalogs",
+        "simulator",
+        "cpic_planner",
+    }
+    packages = ("cpic_core", "catalogs", "simulator", "cpic_planner")
     tracked = subprocess.run(
         ["git", "ls-files", *packages], cwd=ROOT, capture_output=True, text=True, check=True
     ).stdout.split()

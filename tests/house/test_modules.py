@@ -5,13 +5,13 @@ import re
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-MOST_MODULES, MOST_LINES, MOST_SKIPS = 500, 400, 20
+MOST_MODULES, MOST_LINES, MOST_SKIPS = 332, 400, 20
 
 
 def sources():
     return {
         str(path.relative_to(ROOT)): path.read_text(encoding="utf-8")
-        for floor in ("catalogs", "simulator", "cpic_planner")
+        for floor in ("cpic_core", "catalogs", "simulator", "cpic_planner")
         for path in (ROOT / floor).rglob("*.py")
     }
 
@@ -29,7 +29,7 @@ def test_the_formatter_formats():
 
 def test_the_page_on_architecture_names_what_exists():
     page = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8")
-    names = set(re.findall(r"`((?:catalogs|simulator|cpic_planner)(?:[./]\w+)+(?:\.py)?)/?`", page))
+    names = set(re.findall(r"`((?:cpic_core|catalogs|simulator|cpic_planner)(?:[./]\w+)+(?:\.py)?)/?`", page))
     assert len(names) > 15
     for name in names:
         if "/" in name:

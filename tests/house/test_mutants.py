@@ -181,7 +181,7 @@ def test_modules_have_mirrors_and_no_compiled_code(points):
         assert "numba" not in (ROOT / module).read_text(encoding="utf-8")
     kernels = [
         file
-        for folder in ("catalogs", "simulator", "cpic_planner")
+        for folder in ("cpic_core", "catalogs", "simulator", "cpic_planner")
         for file in (ROOT / folder).rglob("*.py")
         if "@njit" in file.read_text(encoding="utf-8")
     ]

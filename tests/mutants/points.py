@@ -31,17 +31,16 @@ MODULES: dict[str, tuple[str, ...]] = {
     "simulator/signal/saturation.py": (),
     "cpic_planner/etc/detection.py": (),
     "simulator/camera/noise.py": (),
-    "simulator/signal/variance.py": (),
-    "simulator/ledger/noise.py": (),
+    "simulator/detectors/variance.py": (),
+    "simulator/ledger/visit.py": (),
     "cpic_planner/validation/photometry.py": (),
     "cpic_planner/validation/detection.py": (),
     "cpic_planner/survey/detection.py": (),
-    "simulator/camera/register_law.py": (),
-    "simulator/camera/gain.py": (),
+    "simulator/detectors/gain.py": (),
     "cpic_planner/survey/visibility/calendar.py": (),
     "cpic_planner/survey/visibility/limb.py": (),
-    "cpic_planner/survey/visibility/panel.py": (),
-    "cpic_planner/completeness.py": (),
+    "cpic_planner/survey/visibility/config.py": (),
+    "cpic_planner/ranking/completeness.py": (),
 }
 
 PARTNER = {

@@ -6,15 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import assume, example, given, settings
-from hypothesis import strategies as st
+from hypothesis import assume, example, given, settings, strategies as st
 
 import simulator
-from catalogs.errors import InputError
-from cpic_planner.etc.model import build_model
-from cpic_planner.etc.questions import contrast_limit, exposure_time, signal_to_noise
+from cpic_core import InputError
+from cpic_planner.etc import build_model, contrast_limit, threshold_array
+from cpic_planner.etc.detection import detection_threshold
+from cpic_planner.etc.questions import exposure_time, signal_to_noise
 from cpic_planner.targets import find_target
-from cpic_planner.validation import contrast, detection_threshold, threshold_array
+from cpic_planner.validation import contrast
 from simulator import camera
 from simulator.knobs import dial_of
 from simulator.passbands import Passbands

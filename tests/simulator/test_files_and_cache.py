@@ -6,8 +6,8 @@ import sys
 import numpy as np
 import pytest
 
-from simulator import cache
-from simulator.files import LockHeld, dump_json, exclusive_lock, whole_file, write_bytes, write_json
+from cpic_core import LockHeld, dump_json, exclusive_lock, files, whole_file, write_bytes
+from cpic_core.files import write_json
 
 
 def test_failed_write_leaves_the_old_file_and_no_litter(tmp_path, monkeypatch):
@@ -66,7 +66,7 @@ def test_json_refuses_nan_and_keeps_doubles(tmp_path):
 def test_lock_is_refused_while_held_and_free_after_the_holder_is_killed(tmp_path):
     path = tmp_path / "lock"
     code = (
-        "import time\nfrom simulator.files import exclusive_lock\n"
+        "import time\nfrom cpic_core.files import exclusive_lock\n"
         f"with exclusive_lock({str(path)!r}) as f:\n"
         "    f.write('held'); f.flush(); print('in', flush=True); time.sleep(60)"
     )
@@ -88,18 +88,18 @@ def cache_folder(tmp_path, monkeypatch):
 
 
 def test_cache_gives_back_what_was_put(cache_folder):
-    assert cache.get_arrays("k") is None
-    cache.put_arrays("k", {"a": np.arange(5.0), "b": np.array([[True]])})
-    found = cache.get_arrays("k")
+    assert files.get_arrays("k") is None
+    files.put_arrays("k", {"a": np.arange(5.0), "b": np.array([[True]])})
+    found = files.get_arrays("k")
     np.testing.assert_array_equal(found["a"], np.arange(5.0))
-    assert cache.cache_info().n_entries == 1
-    assert cache.clear_cache().n_entries == 1
-    assert cache.cache_info().n_entries == 0
+    assert files.cache_info().n_entries == 1
+    assert files.clear_cache().n_entries == 1
+    assert files.cache_info().n_entries == 0
 
 
 @pytest.mark.parametrize("damage", [lambda b: b[:-3], lambda b: b[:40] + b"x" + b[41:], lambda b: b""])
 def test_damaged_entry_is_rebuilt(cache_folder, damage, caplog):
-    cache.put_arrays("k", {"a": np.arange(5.0)})
+    files.put_arrays("k", {"a": np.arange(5.0)})
     entry = next(cache_folder.glob("*.bin"))
     entry.write_bytes(damage(entry.read_bytes()))
     calls = []
@@ -108,8 +108,8 @@ def test_damaged_entry_is_rebuilt(cache_folder, damage, caplog):
         calls.append(1)
         return {"a": np.ones(2)}
 
-    np.testing.assert_array_equal(cache.compute_once("k", compute)["a"], np.ones(2))
-    np.testing.assert_array_equal(cache.compute_once("k", compute)["a"], np.ones(2))
+    np.testing.assert_array_equal(files.compute_once("k", compute)["a"], np.ones(2))
+    np.testing.assert_array_equal(files.compute_once("k", compute)["a"], np.ones(2))
     assert calls == [1]
     assert "damaged" in caplog.text
 
@@ -117,7 +117,7 @@ def test_damaged_entry_is_rebuilt(cache_folder, damage, caplog):
 def test_unwritable_cache_is_a_warning(tmp_path, monkeypatch, caplog):
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("CPIC_CACHE_DIR", str(tmp_path / "file" / "cache"))
-    np.testing.assert_array_equal(cache.compute_once("k", lambda: {"a": np.ones(1)})["a"], np.ones(1))
+    np.testing.assert_array_equal(files.compute_once("k", lambda: {"a": np.ones(1)})["a"], np.ones(1))
     assert "going on without" in caplog.text
 
 
@@ -132,7 +132,7 @@ def _slow_compute(folder, queue):
         queue.put("computed")
         return {"a": np.ones(1)}
 
-    cache.compute_once("shared", compute)
+    files.compute_once("shared", compute)
 
 
 def test_two_processes_compute_once(cache_folder):

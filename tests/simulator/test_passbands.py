@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from catalogs.bands import Band, load_bands
-from catalogs.spectra import PLANETS, Albedo, Curve, Spectrum, load_albedo, load_reference_spectrum
+from catalogs import Albedo, Band, Spectrum, load_albedo, load_bands, load_reference_spectrum
+from catalogs.spectra import PLANETS, Curve
 from simulator.band_integrals import gauss_rule, v_photon_rate, vega_v_photon_rate
 from simulator.passbands import Passbands
 from simulator.target import star_photlam, stellar_spectrum

@@ -2,10 +2,9 @@
 
 import numpy as np
 
+from cpic_core import check_whole
 from simulator import calibrate, observe, stream
-from simulator.albedo_family import AlbedoFamily
-from simulator.knobs import dial_of
-from simulator.quantities import check_whole
+from simulator.knobs import AlbedoFamily, dial_of
 
 SCENE = {"name": "s", "cstar": {"name": "star", "v_mag": 5.0, "teff_k": 5800}}
 FAMILY = AlbedoFamily(np.array([0.5, 4.0]), np.array([400.0, 800.0]), np.array([[0.1, 0.2], [0.5, 0.8]]), 1050.0)

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 import scipy.optimize
 
-from catalogs.errors import InputError
-from simulator.imaging.apodizer import load_apodizer
+from cpic_core import InputError
+from simulator.imaging.pupil import load_apodizer
 from tools.design_mask import design_separable_mask, design_step_mask, main, mask_figures
 
 

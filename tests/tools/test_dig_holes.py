@@ -1,8 +1,8 @@
 """The shipped dark holes and metrics are made by one program."""
 
-from simulator.config import load_instrument
-from simulator.config.presets import preset_names
-from simulator.imaging.store import metrics_key, psf_metrics, shipped_metrics
+from simulator.config import load_instrument, preset_names
+from simulator.imaging import metrics_key, psf_metrics
+from simulator.imaging.store import shipped_metrics
 from tools import dig_holes
 
 EVERY = [(preset, band) for preset in preset_names("instrument") for band in load_instrument(preset).bands]

@@ -85,6 +85,13 @@ def test_what_a_proof_proves(project):
         names(project)
 
 
+def test_names_of_a_room_are_followed_to_their_modules(project):
+    (project / "simulator/__init__.pyi").write_text("from simulator.far import FAR as FAR\n", encoding="utf-8")
+    proof = "tests/simulator/test_law.py"
+    change(project, proof, "from simulator.law", "from simulator import FAR\nfrom simulator.law")
+    assert names(project)[2:] == ["simulator/__init__.py", "simulator/far.py", "simulator/law.py"]
+
+
 def test_evidence_is_kept_and_grows_old_with_the_code(project):
     name = "tests/simulator/test_law.py"
     assert proofs.old(project) == {name: "no evidence"}

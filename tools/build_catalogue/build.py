@@ -18,8 +18,6 @@ same bytes. ``--check`` rebuilds in a temporary folder and compares, exit code 1
 ``--only`` limits the work to the named builders and keeps the provenance of the others' files.
 """
 
-from __future__ import annotations
-
 import argparse
 import importlib
 import json
@@ -32,7 +30,7 @@ from pathlib import Path
 from types import ModuleType
 
 import catalogs
-from catalogs.errors import InputError
+from cpic_core import InputError
 from tools.build_catalogue import builders
 from tools.build_catalogue.sources import ProvenanceEntry, SourceStore, sha256_of
 

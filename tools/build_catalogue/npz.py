@@ -1,7 +1,5 @@
 """Write ``.npz`` files whose bytes depend on the arrays alone."""
 
-from __future__ import annotations
-
 import io
 import zipfile
 from collections.abc import Mapping

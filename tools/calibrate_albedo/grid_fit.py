@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import least_squares
 
-from catalogs.errors import InputError
+from cpic_core import InputError
 from simulator.target.parametric import PARAMETERS, node_albedo, phase_curve
 
 BANDS_NM = {

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
-from catalogs.spectra import PLANETS, load_albedo
-from simulator.target.parametric import BACKSCATTER
-from simulator.target.reflection import layer_albedo, rayleigh_slope
+from catalogs import load_albedo
+from catalogs.spectra import PLANETS
+from simulator.target.parametric import BACKSCATTER, layer_albedo, rayleigh_slope
 
 ANCHORS_PER_KM_AM = {619.2: 0.7366, 702.0: 0.3450, 727.2: 4.5742, 780.0: 0.5618}
 """Published coefficients of Karkoschka 1998 at four wavelengths (nm), 1/(km amagat)."""

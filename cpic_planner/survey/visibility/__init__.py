@@ -1,14 +1,7 @@
 """Visibility: when a star can be seen from the orbit of the telescope, and at which roll."""
 
-from __future__ import annotations
-
 from cpic_planner.survey.visibility.calendar import BLOCKS, Visibility, slew_s, visibility
-from cpic_planner.survey.visibility.config import (
-    VisibilityConfig,
-    VisibilitySource,
-    load_visibility,
-    visibility_names,
-)
+from cpic_planner.survey.visibility.config import VisibilityConfig, VisibilitySource, load_visibility, visibility_names
 
 __all__ = [
     "BLOCKS",

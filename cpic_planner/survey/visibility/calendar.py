@@ -1,7 +1,5 @@
 """When targets can be seen: targets x dates, with what prevents it."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -10,19 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from catalogs.errors import InputError
-from cpic_planner.survey.visibility.config import VisibilityConfig
+from cpic_core import FloatArray, InputError, check_number, check_whole, real_array
+from cpic_planner.survey.visibility.config import VisibilityConfig, roll_half_range_deg
 from cpic_planner.survey.visibility.limb import Geometry, clear_arcs
-from cpic_planner.survey.visibility.panel import roll_half_range_deg
-from simulator.config.mission import LAST_YEAR, OrbitConfig, checked_utc
-from simulator.products.ephemeris import body_km
-from simulator.products.orbit import CircularOrbit, earth_radius_deg
-from simulator.products.times import offline_time
-from simulator.quantities import check_number, check_whole, real_array
-
-__all__ = ["BLOCKS", "Visibility", "slew_s", "visibility"]
-
-FloatArray = NDArray[np.float64]
+from simulator.config import LAST_YEAR, OrbitConfig, checked_utc
+from simulator.products import CircularOrbit, body_km, earth_radius_deg, offline_time
 
 BLOCKS = ("", "sun", "moon", "panel", "limb")
 """What keeps a target from being seen, by number. Of several, Sun, panels, Moon and limb count in this order."""

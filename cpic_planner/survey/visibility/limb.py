@@ -23,9 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["STEP_DEG", "Geometry", "clear_arcs"]
-
-FloatArray = NDArray[np.float64]
+from cpic_core import FloatArray
 
 STEP_DEG = 1.5
 # Pieces of a flank come in multiples of this many, each with a parabola over two steps.

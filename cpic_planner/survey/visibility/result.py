@@ -1,27 +1,16 @@
 """Visibility of stars as a result: seasons, days and times per orbit."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
 
-from catalogs.errors import InputError
-from cpic_planner.models.visible import (
-    PointingRecord,
-    SeasonRecord,
-    VisibilityResult,
-    VisibleDays,
-    VisibleTarget,
-)
+from cpic_core import InputError
+from cpic_planner.results import PointingRecord, SeasonRecord, VisibilityResult, VisibleDays, VisibleTarget
 from cpic_planner.survey.visibility.calendar import BLOCKS, Visibility, utc_of, visibility
 from cpic_planner.survey.visibility.config import VisibilityConfig
 from cpic_planner.targets import Targets
-from simulator.config.base import content_hash
-from simulator.config.mission import OrbitConfig, checked_utc
-from simulator.effects.sun_position import ecliptic_deg
-
-__all__ = ["visibility_result"]
+from simulator.config import OrbitConfig, checked_utc, content_hash
+from simulator.effects import ecliptic_deg
 
 
 def visibility_result(

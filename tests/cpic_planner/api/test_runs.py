@@ -1,6 +1,9 @@
+"""Visibility and surveys by star names: the answers of the commands, refused as clearly."""
+
 import pytest
 
 import cpic_planner
+from cpic_planner import compare_strategies, star_visibility
 
 
 @pytest.mark.parametrize(
@@ -24,3 +27,41 @@ def test_plans_and_scenes_refuse_alike(refused, tmp_path, settings, words):
 def test_targets_take_planets_as_mappings(refused):
     refused("radius", cpic_planner.confirm_targets, "tau Cet", planet={"radius": 1})
     refused("not yet measured in images", cpic_planner.confirm_targets, "tau Cet", strategy={"mode": "photon_counting"})
+
+
+ONE = {"strategies": [{"name": "once", "targets": {"names": ["eps Eri"]}, "visit": {"bands": ["F520"]}}]}
+SHORT = {"universes": 30, "duration_days": 365.0, "known_planets": "off"}
+
+
+def test_visibility_of_several_stars_by_any_name():
+    seen = star_visibility(["eps Eri", "HIP 8102"], start_utc="2028-01-01", n_days=60, limits={"sun_deg": 60})
+    assert [star.name for star in seen.targets] == ["eps Eri", "tau Cet"]
+    assert seen.n_days == 60
+    assert seen.pointing.sun_deg == 60
+
+
+def test_one_visit_of_one_star_and_the_folder_that_keeps_it(tmp_path):
+    result = compare_strategies(ONE, out=tmp_path / "run", **SHORT)
+    assert result.n_universes == 30
+    assert result.strategies[0].schedule.visits == 1
+    assert result == compare_strategies(ONE, **SHORT)
+    assert {"whatif.json", "report.html", "universes.parquet"} <= {path.name for path in (tmp_path / "run").iterdir()}
+
+
+def test_values_that_are_varied():
+    result = compare_strategies(ONE, vary=["drift=x1,0.15nm"], **SHORT)
+    assert [item.name for item in result.strategies] == ["once drift=x1 (0.05 nm)", "once drift=0.15 nm"]
+    assert result.strategies[0].schedule.value > result.strategies[1].schedule.value
+
+
+@pytest.mark.parametrize(
+    ("given", "text"),
+    [
+        ({"slot_days": 0}, "universe.slot_days = 0"),
+        ({"universes": 1}, "universes = 1"),
+        ({"vary": ["foo=1"]}, "--vary = foo"),
+    ],
+)
+def test_what_is_refused(refused, given, text):
+    message = refused("", compare_strategies, ONE, **given)
+    assert message.startswith(text)

@@ -237,9 +237,9 @@ def test_closed_pipe_is_quiet():
 
 
 def test_shipped_schemas_match_the_models_and_describe_the_output(ranked):
-    from cpic_planner.models import SCHEMAS
-    from cpic_planner.schemas import generated, schema_text
+    from cpic_planner.results import RankResult
+    from cpic_planner.schemas import RESULTS, generated, schema_text
 
-    for name in SCHEMAS:
-        assert schema_text(name) == generated(name), "run python -m cpic_planner.schemas"
-    SCHEMAS["rank"].model_validate_json(ranked)
+    for name in RESULTS:
+        assert schema_text(name) == generated(name), "run python -m tools.schemas"
+    RankResult.model_validate_json(ranked)

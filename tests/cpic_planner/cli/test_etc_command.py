@@ -4,12 +4,12 @@ from shlex import split
 
 import pytest
 
-from cpic_planner.api.etc import closed_forms
+from cpic_planner.api import closed_forms
 from cpic_planner.cli.main import main
-from cpic_planner.etc.model import Strategy, build_model
-from cpic_planner.etc.questions import contrast_limit, exposure_time, signal_to_noise
-from cpic_planner.optimiser import optimise, separation_grid
-from cpic_planner.queries.etc import EtcQuestion
+from cpic_planner.etc import build_model, contrast_limit
+from cpic_planner.etc.questions import exposure_time, signal_to_noise
+from cpic_planner.queries import EtcQuestion, Strategy
+from cpic_planner.ranking import optimise, separation_grid
 from cpic_planner.targets import find_target
 from simulator.config import load_instrument
 

@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-from catalogs.errors import InputError
+from cpic_core import InputError
 from cpic_planner import exposure_time, load_dm_surface, load_instrument, load_psf, load_scene
 from cpic_planner.cli.main import main
 from simulator.target.albedo_grid import load_albedo_grid

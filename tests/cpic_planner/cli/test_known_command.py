@@ -8,7 +8,7 @@ import pytest
 
 from cpic_planner.cli.known_command import HELP
 from cpic_planner.cli.main import main
-from cpic_planner.models import KnownResult, RankResult
+from cpic_planner.results import KnownResult, RankResult
 from simulator import load_scene
 
 FEW = ["--draws", "200"]

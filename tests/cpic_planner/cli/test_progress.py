@@ -10,10 +10,10 @@ import time
 
 import pytest
 
-from cpic_planner.cli import output, progress
+from cpic_core import LOGGER, announce
+from cpic_planner.cli import options, progress
 from cpic_planner.cli.main import main
 from cpic_planner.cli.progress import Bar, Lines, Reporter, watch
-from simulator.work import LOGGER, announce
 
 
 class Clock:
@@ -138,15 +138,15 @@ def hasty(monkeypatch):
 
 def slow_rank(monkeypatch):
     """A ranking that takes long enough to be mentioned."""
-    from cpic_planner import ranking
+    from cpic_planner.ranking import order
 
-    real = ranking.ranked
+    real = order.ranked
 
     def wait(*args, **kwargs):
         time.sleep(0.2)
         return real(*args, **kwargs)
 
-    monkeypatch.setattr(ranking, "ranked", wait)
+    monkeypatch.setattr(order, "ranked", wait)
 
 
 @pytest.mark.parametrize("quiet", [False, True])
@@ -168,7 +168,7 @@ def test_verbose_lines_come_at_once_and_not_twice(capsys, monkeypatch):
 
 
 def test_progress_of_its_own_outside_a_command(capsys, hasty):
-    with output.progress("frames", total=2) as advance:
+    with options.progress("frames", total=2) as advance:
         advance("one")
         time.sleep(0.1)
         advance("two")

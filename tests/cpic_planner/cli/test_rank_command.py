@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from cpic_planner.cli.main import main
-from cpic_planner.models import Explanation, RankResult, SensitivityResult
-from cpic_planner.population_config import population_names
+from cpic_planner.planets.population_config import population_names
+from cpic_planner.results import Explanation, RankResult, SensitivityResult
 
 COMMAND = "rank"
 
@@ -96,10 +96,10 @@ def test_sensitivity(done, few):
 
 @pytest.mark.parametrize(("limit", "drawn"), [("2", 2), ("4", 3)])
 def test_a_figure_shows_as_many_stars_as_the_table_or_says_why_not(done, few, tmp_path, monkeypatch, limit, drawn):
-    from cpic_planner.report import etc_figures, rank_figure
+    from cpic_planner.report import etc_figures, sky_figures
 
     figures = []
-    monkeypatch.setattr(rank_figure, "MOST_STARS", 3)
+    monkeypatch.setattr(sky_figures, "MOST_STARS", 3)
     monkeypatch.setattr(etc_figures, "write_figure", lambda figure, path: figures.append(figure))
     path = tmp_path / "first.png"
     out, err = done("--catalog", few, "--planets", "100", "--plot", str(path), "--limit", limit)

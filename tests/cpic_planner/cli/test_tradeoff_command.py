@@ -2,16 +2,16 @@ import json
 
 import pytest
 
-from cpic_planner.models import TradeoffResult
+from cpic_planner.results import TradeoffResult
 from cpic_planner.tradeoff import run
-from cpic_planner.tradeoff.scenes import SCENES
+from cpic_planner.tradeoff.setup import SCENES
 from cpic_planner.version import __version__
 
 COMMAND = "tradeoff"
 
 
 def rows_for(case, points, machine):
-    from cpic_planner.models import TradeoffRow
+    from cpic_planner.results import TradeoffRow
 
     samples = {
         "white_e2": [10.0, 12.0],

@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cpic_planner.etc.camera import FrameCamera
-from cpic_planner.etc.frames import best_in_visit, least_time
+from cpic_planner.etc import FrameCamera, best_in_visit, least_time
 from simulator.config import load_instrument
 
 CAMERA = FrameCamera.of(load_instrument(), "F520")

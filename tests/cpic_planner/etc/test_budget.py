@@ -6,16 +6,23 @@ import math
 import numpy as np
 import pytest
 
-from cpic_planner.etc.budget import limit_of, remedies
-from cpic_planner.etc.cases import FrameWish, band_cases, planets_of
-from cpic_planner.etc.detection import needed_margin
-from cpic_planner.etc.frames import FrameChoice
-from cpic_planner.etc.model import Strategy, build_model
-from cpic_planner.etc.noise import stack_noise
-from cpic_planner.etc.questions import contrast_limit, exposure_time, signal_to_noise
+from cpic_core import Reason, Status
+from cpic_planner.etc import (
+    FrameChoice,
+    FrameWish,
+    band_cases,
+    build_model,
+    contrast_limit,
+    limit_of,
+    needed_margin,
+    planets_of,
+    remedies,
+    stack_noise,
+)
+from cpic_planner.etc.questions import exposure_time, signal_to_noise
+from cpic_planner.queries import Strategy
 from cpic_planner.targets import Targets, find_target, rank_sample
 from simulator.config import load_instrument
-from simulator.outcome import Reason, Status
 
 INSTRUMENT = load_instrument()
 TAU_CET = find_target("tau Cet")[0]

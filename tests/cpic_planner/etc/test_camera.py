@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cpic_planner.etc.camera import FrameCamera
+from cpic_planner.etc import FrameCamera
 from simulator.config import load_instrument
 
 INFRARED = "F1265"

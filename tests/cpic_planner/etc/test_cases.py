@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from cpic_planner.etc.cases import FrameWish, band_cases, planets_of
-from cpic_planner.etc.model import Strategy, build_model
-from cpic_planner.etc.planet import ReferencePlanet
+from cpic_planner.etc import FrameWish, band_cases, build_model, planets_of
+from cpic_planner.queries import ReferencePlanet, Strategy
 from cpic_planner.targets import rank_sample
 from simulator.config import load_instrument
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cpic_planner.etc import build_model, closed_form_fidelity, stand, usable_range_arcsec
 from cpic_planner.etc.fidelity import (
     PLACE_ERROR,
     PLANET_FLUX_ERROR,
@@ -14,22 +15,19 @@ from cpic_planner.etc.fidelity import (
     SPECKLE_SEPARATION_ARCSEC,
     WHITE_SNR_ERROR,
     WINGS_ERROR,
-    closed_form_fidelity,
     etc_dial,
     etc_fidelity,
     speckle_error,
     speckle_error_extrapolated,
     stated_error,
 )
-from cpic_planner.etc.model import build_model
-from cpic_planner.etc.place import stand, usable_range_arcsec
-from cpic_planner.etc.planet import ReferencePlanet
 from cpic_planner.etc.questions import exposure_time, signal_to_noise
-from cpic_planner.optimiser import best_in_band
+from cpic_planner.queries import ReferencePlanet
+from cpic_planner.ranking import best_in_band
 from cpic_planner.targets import find_target
-from cpic_planner.validation.apertures import aperture_weights
+from cpic_planner.validation import aperture_weights
 from simulator.config import load_instrument
-from simulator.imaging.psf import single_band_psf
+from simulator.imaging import single_band_psf
 
 
 @pytest.fixture(scope="module")

@@ -7,20 +7,12 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq, minimize_scalar
 
-from cpic_planner.etc.camera import FrameCamera
-from cpic_planner.etc.frames import (
-    FrameProblem,
-    best_exposure_s,
-    best_in_visit,
-    least_time,
-    smooth_in_visit,
-    smooth_least_visit_s,
-    solve_together,
-)
-from simulator.camera.gain import excess_noise_factor2
+from cpic_core import Reason
+from cpic_planner.etc import FrameCamera, FrameProblem, best_in_visit, least_time, smooth_in_visit, smooth_least_visit_s
+from cpic_planner.etc.frames import best_exposure_s, solve_together
 from simulator.config import load_instrument
-from simulator.outcome import Reason
-from simulator.signal.saturation import frame_limit, longest_exposure_s
+from simulator.detectors import excess_noise_factor2
+from simulator.signal import frame_limit, longest_exposure_s
 
 CAMERA = FrameCamera.of(load_instrument(), "F520")
 ONE = {

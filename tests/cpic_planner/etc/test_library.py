@@ -5,10 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cpic_planner.etc.model import Strategy, build_model
-from cpic_planner.etc.noise import stack_noise
+from cpic_planner.etc import aperture_rates, build_model, stack_noise
 from cpic_planner.etc.questions import signal_to_noise
-from cpic_planner.etc.rates import aperture_rates
+from cpic_planner.queries import Strategy
 from cpic_planner.targets import find_target
 from simulator.config import load_instrument
 

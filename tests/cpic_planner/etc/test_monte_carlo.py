@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cpic_planner.etc import noise as noise_module
-from cpic_planner.etc.model import Strategy, build_model
-from cpic_planner.etc.noise import stack_noise
+from cpic_planner.etc import build_model, noise as noise_module, stack_noise
+from cpic_planner.queries import Strategy
 from simulator.config import load_instrument
 
 GAINS = (1.0, 2.0, 20.0, 300.0, 1000.0)

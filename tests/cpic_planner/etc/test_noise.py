@@ -5,16 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cpic_planner.etc.camera import FrameCamera
-from cpic_planner.etc.model import Strategy, build_model
-from cpic_planner.etc.noise import frame_problem, own_noise, stack_noise
+from cpic_planner.etc import FrameCamera, aperture_rates, build_model, frame_problem, own_noise, stack_noise
 from cpic_planner.etc.photon_counting import counting_law, counting_variance
-from cpic_planner.etc.rates import aperture_rates
+from cpic_planner.queries import Strategy
 from cpic_planner.targets import rank_sample
-from simulator.camera.gain import excess_noise_factor2
 from simulator.config import load_instrument
-from simulator.signal.speckles import SpeckleLaw
-from simulator.signal.variance import FrameTerm
+from simulator.detectors import FrameTerm, excess_noise_factor2
+from simulator.signal import SpeckleLaw
 
 INSTRUMENT = load_instrument({"sky": {"exozodi_zodis": 3.0}})
 STARS = rank_sample(v_mag_max=4.0)

@@ -6,16 +6,13 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from cpic_planner.etc.camera import FrameCamera
-from cpic_planner.etc.noise import stack_noise
-from cpic_planner.etc.paper import SPECKLE_COHERENCE, snr_paper
-from cpic_planner.etc.rates import ApertureRates
-from cpic_planner.validation.photometry import aperture_photometry
+from cpic_planner.etc import ApertureRates, FrameCamera, stack_noise
+from cpic_planner.etc.noise import SPECKLE_COHERENCE, snr_paper
+from cpic_planner.validation import aperture_photometry
 from simulator import load_instrument, observe
-from simulator.camera.gain import excess_noise_factor2
-from simulator.imaging.aperture import aperture_sums, overlap_weights
-from simulator.imaging.store import psf_metrics
-from simulator.signal.speckles import SpeckleLaw
+from simulator.detectors import excess_noise_factor2
+from simulator.imaging import aperture_sums, overlap_weights, psf_metrics
+from simulator.signal import SpeckleLaw
 
 CAMERA = FrameCamera.of(load_instrument(), "F520")
 QUIET = replace(CAMERA, read_noise_e=0.0, rounding_e=0.0, cic_e=0.0)

@@ -15,9 +15,8 @@ from cpic_planner.etc.photon_counting import (
     counting_law,
     counting_variance,
 )
-from simulator.camera import multiply
-from simulator.camera.gain import excess_noise_factor2, stage_probability
-from simulator.camera.register_law import output_pmf
+from simulator.detectors import excess_noise_factor2, stage_probability
+from simulator.detectors.gain import multiply, output_pmf
 
 # Mean electrons, and frames of a stack in which the mean is known to a fourth of itself or better.
 STACKS = ((0.003, 40000), (0.03, 4000), (0.3, 1500), (1.0, 1500))

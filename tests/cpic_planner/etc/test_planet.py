@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from catalogs.stars import load_stars
-from cpic_planner.etc.model import build_model
-from cpic_planner.etc.planet import (
-    ReferencePlanet,
+from catalogs import load_stars
+from cpic_planner.etc import (
+    build_model,
     insolation_distance_au,
     kinds_by_albedo,
     mixture_contrast,
@@ -14,15 +13,15 @@ from cpic_planner.etc.planet import (
     reference_distance_au,
     reference_notes,
     reflected_contrast,
-    reflected_share,
 )
+from cpic_planner.etc.planet import reflected_share
+from cpic_planner.queries import ReferencePlanet
 from cpic_planner.targets import rank_sample, targets_from_table
-from cpic_planner.validation.task import target_scene
+from cpic_planner.validation import target_scene
 from simulator import load_instrument, planet_contrast, spectrum_generator
 from simulator.band_integrals import band_integral
-from simulator.config.albedo import ConstantAlbedo, MeasuredAlbedo, ParametricAlbedo
-from simulator.target import scene_sources
-from simulator.target.albedo import albedo_source
+from simulator.config import ConstantAlbedo, MeasuredAlbedo, ParametricAlbedo
+from simulator.target import albedo_source, scene_sources
 
 SEPARATION = 0.7
 BANDS = ("F520", "F850")

@@ -5,13 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
-from catalogs.errors import InputError
-from cpic_planner.etc.model import Strategy, build_model
-from cpic_planner.etc.planet import ReferencePlanet
-from cpic_planner.etc.questions import contrast_limit, exposure_time, signal_to_noise
+from cpic_core import InputError
+from cpic_planner.etc import build_model, contrast_limit
+from cpic_planner.etc.questions import exposure_time, signal_to_noise
+from cpic_planner.queries import ReferencePlanet, Strategy
 from cpic_planner.targets import find_target, rank_sample
 from simulator.config import load_instrument
 

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from photutils.aperture import CircularAperture
 
-from cpic_planner.etc.model import Strategy, build_model
-from cpic_planner.etc.rates import aperture_rates, companion_saturates
+from cpic_planner.etc import aperture_rates, build_model, companion_saturates
+from cpic_planner.queries import Strategy
 from cpic_planner.targets import find_target
 from simulator import load_instrument, star_photlam
-from simulator.config.optics import Drift
-from simulator.imaging.drift import visit_frames
-from simulator.imaging.psf import single_band_psf, wide_on_axis
+from simulator.config import Drift
+from simulator.imaging import single_band_psf, visit_frames
+from simulator.imaging.psf import wide_on_axis
 
 INSTRUMENT = load_instrument()
 DETECTOR = INSTRUMENT.detector

@@ -4,11 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from cpic_planner.etc.searches import best_gain, first_root, gain_table, lowest
-from simulator.camera.gain import excess_noise_factor2
+from simulator.detectors import excess_noise_factor2
 
 
 @dataclass(frozen=True)

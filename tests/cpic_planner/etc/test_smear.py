@@ -5,12 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cpic_planner.etc.model import Strategy, build_model
-from cpic_planner.etc.noise import stack_noise
-from cpic_planner.etc.rates import aperture_rates
-from cpic_planner.scene_confirmation import scene_target
+from cpic_planner.confirm import scene_target
+from cpic_planner.etc import aperture_rates, build_model, stack_noise
+from cpic_planner.queries import Strategy
 from simulator import load_instrument, load_scene, observe
-from simulator.imaging.aperture import aperture_sums, overlap_weights
+from simulator.imaging import aperture_sums, overlap_weights
 
 DARK_SKY = {"sky": {"brightness_v_mag_arcsec2": 40.0}}
 STILL = {"drift": {"visit_nm": 0.0, "walk_nm_per_sqrt_hour": 0.0}}

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cpic_planner.etc import solved
-from cpic_planner.etc.model import Strategy, build_model
-from cpic_planner.etc.questions import contrast_limit, exposure_time, signal_to_noise
+from cpic_planner.etc import build_model, contrast_limit, solved
+from cpic_planner.etc.questions import exposure_time, signal_to_noise
+from cpic_planner.queries import Strategy
 from cpic_planner.targets import find_target, rank_sample
 from simulator.config import load_instrument
 

@@ -10,8 +10,8 @@ import dask
 import distributed  # noqa: F401, its settings are there before one is changed for a test
 import pytest
 
+from cpic_core import stream
 from cpic_planner.jobs.engine import ClusterError, run_tasks
-from simulator.rng import stream
 
 
 def draw(name, index):

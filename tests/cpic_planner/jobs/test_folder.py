@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from catalogs.errors import InputError
+from cpic_core import InputError
 from cpic_planner.jobs.folder import open_run_folder
 
 

@@ -11,9 +11,10 @@ import numpy
 import pytest
 from pydantic import BaseModel
 
-from catalogs.errors import InputError
-from cpic_planner.jobs.job import Cost, Job, Runner, Task, estimate, host, run, versions
-from cpic_planner.models import RunRecord
+from cpic_core import InputError
+from cpic_planner.jobs import Cost, Job, Runner, Task, estimate, run
+from cpic_planner.jobs.job import host, versions
+from cpic_planner.results import RunRecord
 
 N = 5
 

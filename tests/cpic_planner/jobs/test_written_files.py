@@ -9,7 +9,7 @@ import sys
 
 import pytest
 
-from catalogs.errors import InputError
+from cpic_core import InputError
 from cpic_planner.cli.main import main
 from cpic_planner.jobs.folder import open_run_folder
 from cpic_planner.jobs.written_files import LIST_NAME

@@ -7,19 +7,24 @@ from typing import ClassVar
 import pytest
 
 import cpic_planner
-from catalogs.errors import InputError
+from cpic_core import InputError
 from cpic_planner.api.keywords import takes
 from cpic_planner.cli.asking import command_of
 from cpic_planner.cli.main import main
-from cpic_planner.queries import QUESTIONS, question_schema
-from cpic_planner.queries.base import Question, called_by_option, option_names
-from cpic_planner.queries.confirm import ConfirmQuestion
-from cpic_planner.queries.etc import EtcQuestion
-from cpic_planner.queries.fields import asked, options_of
-from cpic_planner.queries.images import ImageQuestion
-from cpic_planner.queries.plan import PlanQuestion
-from cpic_planner.queries.rank import RankQuestion
-from cpic_planner.queries.strategy import Strategy
+from cpic_planner.queries import (
+    ConfirmQuestion,
+    EtcQuestion,
+    ImageQuestion,
+    PlanQuestion,
+    Question,
+    RankQuestion,
+    Strategy,
+    asked,
+    called_by_option,
+    option_names,
+    options_of,
+)
+from cpic_planner.schemas import QUESTIONS, generated
 from simulator import load_instrument
 
 BY_NAME = {name: __import__(path.split(":")[0], fromlist=["x"]) for name, path in QUESTIONS.items()}
@@ -159,7 +164,7 @@ def test_schemas_of_questions_hold_every_field(refused, name, capsys):
     assert main(["schema", f"{name}-question"]) == 0
     schema = json.loads(capsys.readouterr().out)
     assert set(schema["properties"]) == set(MODELS[name].model_fields)
-    refused("etc-question", question_schema, "nothing-question")
+    refused("etc-question", generated, "nothing-question")
 
 
 def test_refusals_name_what_the_reader_wrote(refused):

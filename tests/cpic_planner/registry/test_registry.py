@@ -12,24 +12,19 @@ import pytest
 from pydantic import BaseModel, TypeAdapter, ValidationError
 from rich.console import Console
 
-from catalogs.errors import InputError
-from cpic_planner.etc.model import Strategy, build_model
-from cpic_planner.etc.noise import stack_noise
-from cpic_planner.etc.planet import ReferencePlanet
+from cpic_core import InputError, Registry
+from cpic_planner.etc import aperture_rates, build_model, stack_noise
 from cpic_planner.etc.questions import signal_to_noise
-from cpic_planner.etc.rates import aperture_rates
-from cpic_planner.explain import explain_star
-from cpic_planner.models import Explanation, RankResult
-from cpic_planner.population import PopulationChoice
-from cpic_planner.ranking import rank_targets
-from cpic_planner.registry import Registry
-from cpic_planner.registry.libraries import LIBRARIES, Library, LibraryNoise
-from cpic_planner.registry.scores import SCORES, Score, ScoreName, StarNumbers
-from cpic_planner.report.console_rank import print_explanation, print_rank
+from cpic_planner.planets import PopulationChoice
+from cpic_planner.queries import ReferencePlanet, Strategy
+from cpic_planner.ranking import explain_star, rank_targets
+from cpic_planner.registry import LIBRARIES, SCORES, Library, LibraryNoise, ScoreName, StarNumbers
+from cpic_planner.registry.scores import Score
+from cpic_planner.report import print_explanation, print_rank
 from cpic_planner.report.words import flag_text
+from cpic_planner.results import Explanation, RankResult
 from cpic_planner.targets import find_target, rank_sample
-from cpic_planner.validation.realise import visits_of
-from cpic_planner.validation.task import prepare_task
+from cpic_planner.validation import prepare_task, visits_of
 from simulator.config import load_instrument
 
 FEW = rank_sample(v_mag_max=2.5)

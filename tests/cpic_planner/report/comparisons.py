@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from cpic_planner.models.surveyed import (
+from cpic_planner.results import (
     CurvePoint,
     DifferenceRecord,
     EstimateRecord,
@@ -20,7 +20,7 @@ from cpic_planner.models.surveyed import (
     VariedSetting,
     WhatIfResult,
 )
-from cpic_planner.survey.strategy_file import load_strategies
+from cpic_planner.survey import load_strategies
 
 
 def _estimate(mean: float) -> EstimateRecord:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from cpic_planner.models import (
+from cpic_planner.results import (
     AlbedoRecord,
     AuditRecord,
     BandConfirmation,

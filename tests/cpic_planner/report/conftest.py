@@ -16,7 +16,10 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from cpic_planner.models import (
+from cpic_planner.report.contrast_figure import HoleEdges, LimitCurve
+from cpic_planner.report.drawing import Picture
+from cpic_planner.report.panels import Panels
+from cpic_planner.results import (
     ConfirmResult,
     EtcResult,
     Explanation,
@@ -24,11 +27,8 @@ from cpic_planner.models import (
     PlanResult,
     RankResult,
     SensitivityResult,
+    WhatIfResult,
 )
-from cpic_planner.models.surveyed import WhatIfResult
-from cpic_planner.report.drawing import Picture
-from cpic_planner.report.figures import HoleEdges, LimitCurve
-from cpic_planner.report.panels import Panels
 
 HOSTILE = "<script>alert('x')</script>"
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cpic_planner.models import EtcAnswer, EtcResult, ReferencePlanetRecord
+from cpic_planner.results import EtcAnswer, EtcResult, ReferencePlanetRecord
 
 
 def answers_about(planet: ReferencePlanetRecord) -> EtcResult:

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from cpic_planner.models import PlanResult
 from cpic_planner.report.panels import Panels
+from cpic_planner.results import PlanResult
 
 PIXEL = 0.016153
 INNER = {"F520": 0.165, "F662": 0.18, "F720": 0.195, "F850": 0.21}

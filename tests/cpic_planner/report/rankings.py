@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 
-from cpic_planner.models import (
+from cpic_planner.results import (
     BandStanding,
     Explanation,
     PopulationRecord,

@@ -4,13 +4,13 @@ import math
 import numpy as np
 import pytest
 
+from cpic_planner.report import write_figure
 from cpic_planner.report.albedo_figure import albedo_figure, albedo_picture
-from cpic_planner.report.etc_figures import write_figure
-from cpic_planner.validation.albedo_fit import fit_albedo
+from cpic_planner.validation import fit_albedo
 from cpic_planner.validation.albedo_model import albedo_model
 from simulator import load_instrument
 from simulator.passbands import Passbands
-from simulator.target.star_spectrum import stellar_spectrum
+from simulator.target import stellar_spectrum
 
 TRUTH = (1.0, -0.5)
 

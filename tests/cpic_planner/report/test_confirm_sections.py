@@ -1,8 +1,8 @@
 import pytest
 
 from cpic_planner.report.drawing import Picture
-from cpic_planner.report.html import render_confirm
-from cpic_planner.report.snr_figure import snr_figure
+from cpic_planner.report.image_figures import snr_figure
+from cpic_planner.report.write import render_confirm
 
 HOSTILE = "<script>alert('x')</script>"
 

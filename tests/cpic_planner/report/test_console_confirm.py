@@ -3,7 +3,8 @@ import io
 import pytest
 from rich.console import Console
 
-from cpic_planner.report.console_confirm import albedo_text, print_confirm
+from cpic_planner.report import print_confirm
+from cpic_planner.report.console import albedo_text
 
 
 def shown(function, *arguments, width=100):

@@ -2,13 +2,13 @@
 
 import pytest
 
-from cpic_planner.registry import Registry
+from cpic_core import Registry
 from cpic_planner.report import document as doc
 from cpic_planner.report.confirm_sections import CONFIRM_SECTIONS
 from cpic_planner.report.drawing import Picture
-from cpic_planner.report.html import page_html, render_confirm, render_plan, render_whatif
 from cpic_planner.report.plan_sections import PLAN_SECTIONS
 from cpic_planner.report.whatif_sections import WHATIF_SECTIONS
+from cpic_planner.report.write import page_html, render_confirm, render_plan, render_whatif
 
 HOSTILE = "<script>alert('x')</script>"
 PAGES = {"plan": PLAN_SECTIONS, "confirm": CONFIRM_SECTIONS, "whatif": WHATIF_SECTIONS}

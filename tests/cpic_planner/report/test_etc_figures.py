@@ -4,12 +4,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cpic_planner.etc.model import build_model
-from cpic_planner.etc.questions import contrast_limit, exposure_time, signal_to_noise
-from cpic_planner.etc.result import etc_result
-from cpic_planner.report.etc_curves import etc_curves
-from cpic_planner.report.etc_figures import check_figure_name, etc_figure, write_figure
-from cpic_planner.report.rank_figure import MOST_STARS, rank_figure
+from cpic_planner.etc import build_model, contrast_limit, etc_result
+from cpic_planner.etc.questions import exposure_time, signal_to_noise
+from cpic_planner.report import MOST_STARS, check_figure_name, etc_curves, etc_figure, rank_figure, write_figure
 from cpic_planner.targets import find_target
 from simulator.config import load_instrument
 

@@ -4,13 +4,12 @@ from dataclasses import replace
 
 import pytest
 
-from cpic_planner.models import PlanResult
-from cpic_planner.registry.libraries import LIBRARIES, Library
-from cpic_planner.registry.scores import SCORES
+from cpic_planner.registry import LIBRARIES, SCORES, Library
 from cpic_planner.report.drawing import Picture
-from cpic_planner.report.html import plan_html, render_plan
 from cpic_planner.report.summary import calibration_sentence, summary_sentences
 from cpic_planner.report.words import dec_text, ra_text
+from cpic_planner.report.write import plan_html, render_plan
+from cpic_planner.results import PlanResult
 
 HOSTILE = "<script>alert('x')</script>"
 

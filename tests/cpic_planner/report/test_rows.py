@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+import pkgutil
 from types import SimpleNamespace
 
 import astropy.units as u
@@ -11,12 +12,28 @@ import pytest
 from astropy.table import Table
 from rich.console import Console
 
-from cpic_planner.models import SCHEMAS, EtcAnswer, RankedTarget, base, known, planned, surveyed
-from cpic_planner.models.base import Result, Row
-from cpic_planner.models.columns import VOCABULARY, column, column_of, columns_of
-from cpic_planner.models.table import arrow_schema, csv_text, data_frame, ecsv_text, names_of, values_of
-from cpic_planner.report.cells import row_cells
-from cpic_planner.report.terminal import print_table
+from cpic_planner.report.cells import print_table, row_cells
+from cpic_planner.results import (
+    EtcAnswer,
+    RankedTarget,
+    Result,
+    Row,
+    arrow_schema,
+    base,
+    column,
+    column_of,
+    columns_of,
+    csv_text,
+    ecsv_text,
+    known,
+    names_of,
+    planned,
+    surveyed,
+    values_of,
+)
+from cpic_planner.results.base import VOCABULARY
+from cpic_planner.results.table import data_frame
+from cpic_planner.schemas import RESULTS
 
 
 class Wider(RankedTarget):
@@ -128,7 +145,7 @@ def test_what_the_vocabulary_says_is_said_once():
 
 
 def test_schemas_state_meaning_and_unit_of_shared_words():
-    for kind in SCHEMAS.values():
+    for kind in map(pkgutil.resolve_name, RESULTS.values()):
         definitions = kind.model_json_schema().get("$defs", {})
         for part in definitions.values():
             sep = part.get("properties", {}).get("separation_arcsec")

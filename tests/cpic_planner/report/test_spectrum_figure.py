@@ -1,8 +1,8 @@
 import base64
 import re
 
-from cpic_planner.models import BandConfirmation
-from cpic_planner.report.snr_figure import spectrum_figure
+from cpic_planner.report.image_figures import spectrum_figure
+from cpic_planner.results import BandConfirmation
 from simulator.config import load_instrument, load_scene
 
 SCENE = {

@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 
 from cpic_planner.report.validation_figures import completeness_figure, contrast_curve_figure, roc_figure
-from cpic_planner.validation.contrast_curve import ContrastCurve
-from cpic_planner.validation.injection import CompletenessMap
-from cpic_planner.validation.roc import RocCurve
+from cpic_planner.validation import CompletenessMap, ContrastCurve, RocCurve
 
 SEPARATION = np.linspace(0.3, 0.9, 7)
 LIMIT = 1e-8 * (0.5 / SEPARATION) ** 2

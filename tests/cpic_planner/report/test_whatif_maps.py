@@ -1,7 +1,20 @@
+""""""
+
 import numpy as np
 import pytest
 
-from cpic_planner.report.whatif_maps import calendar_figure, stars_figure, visited
+from cpic_planner.report.whatif_maps import (
+    FEW,
+    calendar_figure,
+    left_out,
+    looks_of,
+    plain_log_axis,
+    row_label,
+    shown_rows,
+    stars_figure,
+    sweep_of,
+    visited,
+)
 
 JAN_2028 = 21184.0  # days since 1970
 
@@ -84,3 +97,86 @@ def test_no_visits_no_maps(compared):
     result = compared(empty=True)
     assert calendar_figure(result) is None
     assert stars_figure(result) is None
+
+
+SWEPT = [f"{base} contrast={value}" for base in ("a b", "c") for value in ("1e-8", "3e-9", "1e-9")]
+
+
+def test_a_sweep_is_read_from_the_names_with_ascending_values(compared):
+    sweep = sweep_of(compared(SWEPT).strategies)
+    assert (sweep.key, sweep.values, sweep.numbers) == ("contrast", ("1e-9", "3e-9", "1e-8"), (1e-9, 3e-9, 1e-8))
+    assert sweep.lines == {"a b": {"1e-8": 0, "3e-9": 1, "1e-9": 2}, "c": {"1e-8": 3, "3e-9": 4, "1e-9": 5}}
+
+
+def test_of_two_keys_the_one_with_most_values_is_the_axis(compared):
+    names = [
+        f"a drift=x{drift} ({0.05 * drift:g} nm) rule={rule}"
+        for drift in (1, 2)
+        for rule in ("blind", "expected", "known_place")
+    ]
+    sweep = sweep_of(compared(names).strategies)
+    assert (sweep.key, sweep.numbers) == ("rule", None)
+    assert sweep.values == ("blind", "expected", "known_place")
+    assert list(sweep.lines) == ["a drift=x1 (0.05 nm)", "a drift=x2 (0.1 nm)"]
+
+
+def test_numbers_of_a_sweep_have_their_unit(compared):
+    """A factor stands where its value stands, and an axis never mixes units."""
+    sweep = sweep_of(compared(["a drift=x4 (0.2 nm)", "a drift=0.1 nm", "a drift=x1 (0.05 nm)"]).strategies)
+    assert sweep.values == ("x1 (0.05 nm)", "0.1 nm", "x4 (0.2 nm)")
+    assert (sweep.numbers, sweep.unit, sweep.title) == ((0.05, 0.1, 0.2), "nm", "drift (nm)")
+    sweep = sweep_of(compared(["a throughput=x2", "a throughput=x0.5"]).strategies)
+    assert (sweep.numbers, sweep.title) == ((0.5, 2.0), "throughput (x)")
+    sweep = sweep_of(compared(["a time_s=1 h", "a time_s=60 s"]).strategies)
+    assert (sweep.numbers, sweep.title) == (None, "time_s")
+
+
+@pytest.mark.parametrize(
+    "names", [["a", "b"], ["a contrast=1", "b"], ["a contrast=1", "a drift=2"], ["a contrast=1", "b contrast=1"]]
+)
+def test_names_that_vary_nothing_are_no_sweep(compared, names):
+    assert sweep_of(compared(names).strategies) is None
+
+
+def test_few_strategies_differ_in_colour_and_marker(compared):
+    looks = looks_of(compared([f"s{i}" for i in range(FEW)]).strategies)
+    assert len({colour for colour, _ in looks}) == len({marker for _, marker in looks}) == FEW
+
+
+def test_many_look_alike_or_as_their_line_of_a_sweep(compared):
+    assert len(set(looks_of(compared([f"s{i}" for i in range(40)]).strategies))) == 1
+    names = [f"{base} contrast={value}" for base in "ab" for value in range(1, 8)]
+    looks = looks_of(compared(names).strategies)
+    assert len(set(looks)) == 2
+    assert len(set(looks[:7])) == 1
+
+
+def test_rows_are_the_first_and_those_that_find_most(compared):
+    strategies = compared([f"s{i}" for i in range(12)]).strategies  # each finds more than the one before
+    assert shown_rows(strategies, 4) == [0, 9, 10, 11]
+    assert shown_rows(strategies) == list(range(12))
+    assert left_out(strategies) == ""
+    assert left_out(strategies, 4) == " Shown are the first strategy and the 3 of all 12 that find most."
+
+
+def test_labels_are_plain_text_and_keep_both_ends():
+    assert row_label("a $x$") == r"a \$x\$"
+    label = row_label(f"{'x' * 40} contrast=1e-9")
+    assert len(label) <= 34
+    assert label.startswith("xxx")
+    assert label.endswith("contrast=1e-9")
+
+
+@pytest.mark.parametrize(
+    ("limits", "ticks"), [((3.0, 30.0), ["5", "10", "20"]), ((8.0, 1500.0), ["10", "100", "1000"])]
+)
+def test_a_log_axis_has_everyday_numbers(limits, ticks):
+    from matplotlib.figure import Figure
+
+    axes = Figure().subplots()
+    axes.set_xlim(limits)
+    plain_log_axis(axes)
+    axes.set_xlim(limits)
+    axes.figure.canvas.draw()
+    shown = [text.get_text() for text in axes.get_xticklabels() if limits[0] <= text.get_position()[0] <= limits[1]]
+    assert shown == ticks

@@ -1,10 +1,10 @@
 import pytest
 
-from cpic_planner.models.surveyed import ImageSample, PlanetShare, SettingSource
 from cpic_planner.report.drawing import Picture
 from cpic_planner.report.figures import WHATIF_FIGURES
-from cpic_planner.report.html import render_whatif
 from cpic_planner.report.numbers import decimals
+from cpic_planner.report.write import render_whatif
+from cpic_planner.results import ImageSample, PlanetShare, SettingSource
 
 HOSTILE = "<script>alert('x')</script>"
 PICTURES = {key: Picture("data:image/svg+xml;base64,", f"alt {key}", f"caption {key}.") for key in WHATIF_FIGURES}

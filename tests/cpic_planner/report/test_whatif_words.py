@@ -1,17 +1,17 @@
 import pytest
 
-from cpic_planner.models.surveyed import AssumedInstrument, PlanetShare
+from cpic_planner.report import hanging_text
 from cpic_planner.report.whatif_words import (
     between,
     changed_settings,
     extent_text,
-    hanging_text,
     lead_sentences,
     planets_text,
     shared_facts,
     universe_facts,
 )
-from cpic_planner.survey.strategy_file import load_strategies
+from cpic_planner.results import AssumedInstrument, PlanetShare
+from cpic_planner.survey import load_strategies
 
 
 def changed(result, which, **update):

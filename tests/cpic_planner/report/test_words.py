@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from cpic_planner.etc import budget
-from cpic_planner.etc.model import build_model
+from cpic_core import Reason
+from cpic_planner.etc import budget, build_model
 from cpic_planner.etc.questions import signal_to_noise
 from cpic_planner.report.words import (
     FLAGS,
@@ -20,7 +20,6 @@ from cpic_planner.report.words import (
 )
 from cpic_planner.targets import find_target
 from simulator.config import load_instrument
-from simulator.outcome import Reason
 
 
 @pytest.fixture(scope="module")

@@ -1,10 +1,15 @@
+"""What sequences leave out is known before their frames are made, and is what the frames leave out."""
+
 import json
 
 import pytest
 
-from catalogs.errors import InputError
-from cpic_planner.simulation.inputs import simulation_from
-from simulator.config import load_scene
+from cpic_core import InputError
+from cpic_planner.simulation import simulate, simulation_estimate, simulation_from
+from cpic_planner.simulation.inputs import disk_bytes, modelled, sequence_choice
+from cpic_planner.simulation.sequences import plan_sequences
+from simulator.config import SequenceConfig, load_scene, load_simulation, simulation_of
+from simulator.knobs import MAX_TOLERANCE
 
 TABLE = "name,distance_pc,v_mag,sp_type\nA star,10,5.0,G2V\nB star,3,4.0,K1V\n"
 SCENE = {"name": "mine", "cstar": {"v_mag": 5, "teff_k": 5800}}
@@ -91,3 +96,104 @@ def test_settings_of_a_scene_stand_beside_a_simulation():
     found, _ = simulation_from(["calibration_set", SCENE], settings={"band": "F520"}, changes={"fidelity": "quick"})
     assert found.sequences[-1].band == ("F520",)
     assert found.sequences[-1].fidelity == "quick"
+
+
+PLANET = {"radius": 1, "phase_angle": 90, "separation": 0.6, "position_angle": 315, "distance_au": 1.0, "name": "b"}
+
+
+@pytest.fixture
+def scene(star):
+    return star | {"planets": [PLANET]}
+
+
+def planned(scene, instrument, **settings):
+    entry = {"scene": scene, "band": "F662", "frames": 4, "exposure_s": 30, "em_gain": 20} | settings
+    tree = {"name": "x", "instrument": instrument, "sequences": [entry, {"kind": "BIAS"}]}
+    return plan_sequences(load_simulation(tree))
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"tolerance": 0.05},
+        {"tolerance": 0.2, "fidelity": "reference", "roll_deg": 20.0},
+        {"tolerance": 0.1, "fidelity": "quick", "switches": {"cosmic_rays": False}},
+        {"tolerance": 0.1, "star_offset_arcsec": [1.0, -1.0], "scene_model": "paper"},
+        {"tolerance": 0.2, "band": "F940", "em_gain": 1, "start_utc": "2030-05-01T00:00:00"},
+    ],
+)
+def test_the_plan_knows_what_the_frames_leave_out(scene, small, settings):
+    item, bias = planned(scene, small, **settings)
+    told, made = sequence_choice(item), item.build()
+    assert told == made.choice
+    assert made.ledger == told.rows
+    record = modelled(item)
+    assert [row.key for row in record.effects] == [row.key for row in told.rows]
+    assert set(record.tolerance) == set(record.predicted_error)
+    assert all(error <= settings["tolerance"] for error in record.predicted_error.values())
+    assert modelled(bias) is None
+
+
+def test_without_a_tolerance_nothing_is_left_out(scene, small):
+    item, _ = planned(scene, small)
+    assert modelled(item) is None
+    assert item.build().choice is None
+
+
+def test_a_tolerance_makes_it_cheaper_and_is_in_the_estimate(scene, small):
+    def cost(tolerance):
+        entry = {"scene": scene, "band": "F662", "frames": 50, "exposure_s": 1, "tolerance": tolerance}
+        return simulation_estimate(load_simulation({"name": "x", "instrument": small, "sequences": entry}))
+
+    full, less = cost(0.0), cost(0.5)
+    assert less.wall_s < full.wall_s
+    assert full.sequences[0].modelled is None
+    assert less.sequences[0].modelled.tolerance["snr"] == 0.5
+
+
+def test_yaml_defaults_and_changes(refused, scene, small):
+    tree = {
+        "name": "x",
+        "instrument": small,
+        "defaults": {"tolerance": 0.1},
+        "sequences": [{"scene": scene}, {"scene": scene, "tolerance": 0.0}, {"kind": "DARK"}],
+    }
+    simulation = load_simulation(tree)
+    assert [item.tolerance for item in simulation.sequences] == [0.1, 0.0, 0.0]
+    changed = simulation_of("y", simulation.sequences, changes={"tolerance": 0.3})
+    assert [item.tolerance for item in changed.sequences] == [0.3, 0.3, 0.0]
+    refused("not for BIAS", load_simulation, {"name": "x", "sequences": [{"kind": "BIAS", "tolerance": 0.1}]})
+
+
+def test_the_range_is_that_of_the_dial(scene, small):
+    (field,) = (part for part in SequenceConfig.model_fields["tolerance"].metadata if hasattr(part, "le"))
+    assert field.le == MAX_TOLERANCE
+
+
+@pytest.mark.parametrize("truth", [True, False])
+def test_disk_is_that_of_the_files_and_never_less(small, star, tmp_path, truth):
+    tree = {
+        "name": "x",
+        "sequences": [
+            {"kind": "BIAS", "frames": 30},
+            {"scene": star, "band": "F520", "frames": 10, "fidelity": "quick"},
+        ],
+    }
+    simulation = load_simulation(tree, instrument=small)
+    estimates = [disk_bytes(item, truth=truth) for item in plan_sequences(simulation)]
+    for bound, made in zip(estimates, simulate(simulation, tmp_path, truth=truth).result.sequences, strict=True):
+        assert made.size_bytes <= bound <= 1.1 * made.size_bytes
+
+
+def test_cost_grows_with_frames_and_shrinks_with_workers():
+    def cost(frames, workers=1, sequences=1):
+        tree = {"name": "x", "sequences": [{"kind": "BIAS", "frames": frames}] * sequences}
+        return simulation_estimate(load_simulation(tree), workers=workers)
+
+    more, most = cost(55).wall_s - cost(10).wall_s, cost(100).wall_s - cost(55).wall_s
+    assert most == pytest.approx(more)
+    assert more > 0
+    assert cost(100).n_frames == 100
+    assert cost(100, workers=2, sequences=2).wall_s < 0.7 * cost(100, sequences=2).wall_s
+    # one sequence is one task
+    assert cost(100, workers=8).wall_s == pytest.approx(cost(100).wall_s)

@@ -13,8 +13,8 @@ import pytest
 from astropy.io import fits
 
 from cpic_planner.cli.main import main
-from cpic_planner.simulation.run import simulate
-from simulator.config.simulation_file import load_simulation
+from cpic_planner.simulation import simulate
+from simulator.config import load_simulation
 from simulator.products import check_level0
 
 TREE = {

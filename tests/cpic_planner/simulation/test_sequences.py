@@ -3,9 +3,9 @@ from datetime import datetime
 
 import pytest
 
-from catalogs.errors import InputError
+from cpic_core import InputError
 from cpic_planner.simulation.sequences import check_light, plan_sequences
-from simulator.config.simulation_file import load_simulation
+from simulator.config import load_simulation
 from simulator.products import write_level0
 
 

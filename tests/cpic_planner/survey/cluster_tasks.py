@@ -4,10 +4,11 @@ import time
 
 import numpy as np
 
+from cpic_core import stream
 from cpic_planner.jobs.engine import run_tasks
 from cpic_planner.jobs.folder import open_run_folder
-from cpic_planner.survey.store import Column, ResultStore, Table
-from simulator.rng import stream
+from cpic_planner.results import Column
+from cpic_planner.survey.store import ResultStore, Table
 
 N_TASKS = 40
 TABLES = (

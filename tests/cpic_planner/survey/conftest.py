@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cpic_planner.survey import load_strategies
 from cpic_planner.survey.prepare import prepare
-from cpic_planner.survey.strategy_file import load_strategies
-from simulator.config.base import deep_merge
+from simulator.config import deep_merge
 
 STARS = ["alf Cen A", "eps Eri", "tau Cet"]
 TREE = {

@@ -8,9 +8,9 @@ from astropy import units
 from astropy.coordinates import SkyCoord
 from scipy.stats import norm
 
-from cpic_planner.etc.model import Strategy, build_model
-from cpic_planner.survey.alarms import background_alarms, galactic_deg, noise_alarms, star_counts_deg2
-from cpic_planner.survey.detection import Setting
+from cpic_planner.etc import build_model
+from cpic_planner.queries import Strategy
+from cpic_planner.survey.detection import Setting, background_alarms, galactic_deg, noise_alarms, star_counts_deg2
 from cpic_planner.survey.strategy import DetectionRule
 from cpic_planner.targets import find_target
 from simulator import load_instrument

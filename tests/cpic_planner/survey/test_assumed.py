@@ -5,21 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cpic_planner.etc.model import build_model
-from cpic_planner.etc.noise import stack_noise
-from cpic_planner.etc.rates import aperture_rates
+from cpic_planner.etc import aperture_rates, build_model, stack_noise
 from cpic_planner.survey.assumed import assumed_model, imaged_model, mirror_noise_nm, raw_contrast_median, with_contrast
 from cpic_planner.survey.strategy import SurveyStrategy
 from cpic_planner.targets import find_target
-from cpic_planner.validation.confirm import confirm_task
-from cpic_planner.validation.task import Frames, expected_of, star_scene, task_of
+from cpic_planner.validation import Frames, confirm_task, expected_of, star_scene, task_of
 from simulator import load_instrument
-from simulator.config import Planet
-from simulator.config.albedo import ConstantAlbedo
-from simulator.imaging.psf import single_band_psf
-from simulator.signal.speckles import floor_law, speckle_law
-from simulator.target.contrast import contrast_at
-from simulator.target.positions import sky_to_detector
+from simulator.config import ConstantAlbedo, Planet
+from simulator.imaging import single_band_psf
+from simulator.signal import floor_law, speckle_law
+from simulator.target import contrast_at, sky_to_detector
 
 BRIGHT = 1e-8
 

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from catalogs.known_planets import load_known_planets
-from cpic_planner.etc.model import build_model
-from cpic_planner.population import load_population
+from catalogs import load_known_planets
+from cpic_planner.etc import build_model
+from cpic_planner.planets import load_population
 from cpic_planner.survey.calendar import make_calendar
 from cpic_planner.survey.candidates import (
     KNOWN_ALBEDO,
@@ -22,7 +22,7 @@ from cpic_planner.survey.candidates import (
 from cpic_planner.survey.detection import detection_chance, reach_au, see
 from cpic_planner.survey.strategy import VisitRule
 from cpic_planner.survey.universe import NEW
-from cpic_planner.survey.visibility import load_visibility
+from cpic_planner.survey.visibility.config import load_visibility
 from cpic_planner.targets import rank_sample
 from simulator import load_instrument
 

@@ -6,15 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cpic_planner.completeness import completeness
-from cpic_planner.etc.model import Strategy, build_model
-from cpic_planner.etc.noise import stack_noise
+from cpic_planner.etc import aperture_rates, build_model, stack_noise
+from cpic_planner.etc.detection import detection_threshold
 from cpic_planner.etc.questions import signal_to_noise
-from cpic_planner.etc.rates import aperture_rates
-from cpic_planner.etc.significance import detection_threshold
-from cpic_planner.orbits import ORBIT, OrbitPlaces
-from cpic_planner.population import draw_population, load_population
-from cpic_planner.population_config import QUANTITIES
+from cpic_planner.planets import OrbitPlaces, draw_population, load_population
+from cpic_planner.planets.orbits import ORBIT
+from cpic_planner.planets.population_config import QUANTITIES
+from cpic_planner.queries import Strategy
+from cpic_planner.ranking.completeness import completeness
 from cpic_planner.survey.detection import (
     Seen,
     Setting,
@@ -29,8 +28,8 @@ from cpic_planner.survey.strategy import DetectionRule
 from cpic_planner.survey.universe import NEW, Bodies
 from cpic_planner.targets import find_target
 from simulator import load_instrument
-from simulator.config.albedo import MeasuredAlbedo
-from simulator.target.positions import sky_to_detector
+from simulator.config import MeasuredAlbedo
+from simulator.target import sky_to_detector
 
 JUPITER = (MeasuredAlbedo(model="jupiter"),)
 SETTING = Setting("F520", 20.0, 150.0, 300.0, 6500.0)
@@ -110,7 +109,7 @@ def test_one_planet_on_the_diagonal_as_the_etc_has_it(model, name):
 
 
 def _source():
-    from simulator.target.albedo import albedo_source
+    from simulator.target import albedo_source
 
     return albedo_source(JUPITER[0])
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from catalogs.known_planets import load_known_planets
+from catalogs import load_known_planets
 from cpic_planner.survey.store import read_table
 
 UNIVERSES = 30

@@ -9,10 +9,10 @@ import pytest
 from astropy.time import Time
 
 import cpic_planner.survey.candidates as candidates_module
-from catalogs.errors import InputError
-from catalogs.known_planets import load_known_planets, star_key
-from cpic_planner.etc.model import build_model
-from cpic_planner.population import load_population
+from catalogs import load_known_planets, star_key
+from cpic_core import InputError
+from cpic_planner.etc import build_model
+from cpic_planner.planets import load_population
 from cpic_planner.survey.candidates import N_KNOWN, PlanningSky, albedos_of
 from cpic_planner.survey.detection import Setting, detection_chance, reach_au, see
 from cpic_planner.survey.observed import ObservedVisit, missed, read_log, resampled

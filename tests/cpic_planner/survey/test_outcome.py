@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from cpic_planner.survey.estimates import difference_interval, mean_interval, spread
+from cpic_planner.survey.estimates import difference_interval, mean_interval, rows_of, spread
 from cpic_planner.survey.outcome import differences, outcome, rank_changes
 from cpic_planner.survey.play import play
 from cpic_planner.survey.prepare import prepare
-from cpic_planner.survey.tables import rows_of
 
 
 def tables_of(survey, n=150, seed=1):

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 import cpic_planner.survey.play as module
-from cpic_planner.completeness import completeness
-from cpic_planner.orbits import OrbitPlaces
-from cpic_planner.population import Planets, draw_population, load_population
+from cpic_planner.planets import OrbitPlaces, Planets, draw_population, load_population
+from cpic_planner.ranking.completeness import completeness
 from cpic_planner.survey.play import play
 from cpic_planner.survey.prepare import prepare
 from cpic_planner.survey.universe import NEW, draw_bodies, star_mass_msun
@@ -231,7 +230,7 @@ def test_the_survey_ends_with_its_planets(plain, change):
 
 
 def test_reserve_visits_displace_no_planned_one(small, sharp_tree):
-    from simulator.config.base import deep_merge
+    from simulator.config import deep_merge
 
     rules = deep_merge(
         sharp_tree, {"time_budget_h": 45, "stop": {"after_detection": True}, "revisits": {"max_visits": 12}}

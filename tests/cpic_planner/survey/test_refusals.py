@@ -1,10 +1,9 @@
 """What strategies, sweeps and estimates refuse, each in one line."""
 
+from cpic_planner.survey import load_strategies, varied
 from cpic_planner.survey.estimates import mean_interval
 from cpic_planner.survey.strategy import SurveyStrategy
-from cpic_planner.survey.strategy_file import load_strategies
-from cpic_planner.survey.sweeps import varied
-from simulator.config.base import validate
+from simulator.config import validate
 
 ONE = {"strategies": [{"name": "one", "revisits": {"max_visits": 4}}]}
 

@@ -6,13 +6,13 @@ import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
-from catalogs.errors import InputError
-from cpic_planner.jobs.folder import DamagedPartError, open_run_folder
-from cpic_planner.survey.store import Column, ResultStore, Table, read_table
-from simulator.rng import stream
+from cpic_core import InputError, stream
+from cpic_planner.jobs import DamagedPartError
+from cpic_planner.jobs.folder import open_run_folder
+from cpic_planner.results import Column
+from cpic_planner.survey.store import ResultStore, Table, read_table
 
 YIELDS = Table(
     "yields",

@@ -2,9 +2,9 @@
 
 import pytest
 
-from catalogs.errors import InputError
+from cpic_core import InputError
 from cpic_planner.survey.strategy import SurveyStrategy
-from simulator.config.base import validate
+from simulator.config import validate
 
 
 def test_single_values_stand_for_lists():

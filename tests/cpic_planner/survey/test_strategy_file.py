@@ -2,8 +2,8 @@
 
 import pytest
 
-from cpic_planner.survey.strategy_file import UniverseConfig, load_strategies, sources_of, with_universe
-from cpic_planner.survey.sweeps import varied
+from cpic_planner.survey import load_strategies, varied, with_universe
+from cpic_planner.survey.strategy_file import UniverseConfig, sources_of
 
 ONE = {"strategies": [{"name": "one", "revisits": {"max_visits": 4}}]}
 

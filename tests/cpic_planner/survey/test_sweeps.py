@@ -6,11 +6,10 @@ from pathlib import Path
 
 import pytest
 import yaml
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
-from cpic_planner.survey.strategy_file import load_strategies, with_universe
-from cpic_planner.survey.sweeps import SHORT_NAMES, told, varied
+from cpic_planner.survey import load_strategies, told, varied, with_universe
+from cpic_planner.survey.sweeps import SHORT_NAMES
 
 ONE = {"strategies": [{"name": "one", "revisits": {"max_visits": 4}}]}
 

@@ -6,13 +6,12 @@ import math
 import mpmath
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from scipy.integrate import solve_ivp
 
-from catalogs.known_planets import load_known_planets, star_key
-from cpic_planner.orbits import ORBIT, orbit_places
-from cpic_planner.population import load_population
+from catalogs import load_known_planets, star_key
+from cpic_planner.planets import load_population
+from cpic_planner.planets.orbits import ORBIT, orbit_places
 from cpic_planner.survey.universe import (
     BLOCK,
     NEW,

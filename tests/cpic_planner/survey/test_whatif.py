@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 
 import cpic_planner.survey.whatif as module
-from cpic_planner.models import WhatIfResult
+from cpic_planner.results import WhatIfResult
+from cpic_planner.survey import run_whatif, varied
 from cpic_planner.survey.observed import read_log
 from cpic_planner.survey.prepare import prepare
 from cpic_planner.survey.store import read_table
-from cpic_planner.survey.sweeps import varied
-from cpic_planner.survey.whatif import BLOCK, decided_by, run_whatif, whatif_cost
+from cpic_planner.survey.universe import BLOCK
+from cpic_planner.survey.whatif import decided_by, whatif_cost
 from simulator.config import content_hash
 
 PRODUCTS = ("universes.parquet", "detections.parquet", "stars.parquet", "whatif.json", "report.html", "targets.csv")

@@ -1,11 +1,28 @@
+""""""
+
 import dataclasses
 
+import numpy as np
 import pytest
 
-from cpic_planner.tradeoff.points import TOLERANCES_MEASURED, named_points, points_of
-from cpic_planner.tradeoff.run import chosen, n_rows
-from cpic_planner.tradeoff.scenes import SCENES
-from cpic_planner.tradeoff.setup import reference_setup
+from cpic_planner.tradeoff import chosen, n_rows
+from cpic_planner.tradeoff.chain import NotApplicable, Places, aperture_flux_e, closed_form, drawn_frames, worked
+from cpic_planner.tradeoff.points import (
+    TOLERANCES_MEASURED,
+    expected_flux_e,
+    light_without,
+    named_points,
+    own_noise_e2,
+    points_of,
+    speckle_samples,
+    walk_samples,
+    white_of_frames,
+    white_of_sums,
+)
+from cpic_planner.tradeoff.setup import SCENES, Setup, choice_of, chosen_by, reference_setup, visit
+from simulator.detectors import excess_noise_factor2
+from simulator.imaging import overlap_weights
+from simulator.knobs import FIDELITIES, dial_of
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -63,3 +80,131 @@ def test_refusals(refused):
     refused(r"--only = fast: not accepted; allowed: .*etc", chosen, [], ["fast"])
     refused(r"--only = no_other_stars", chosen, ["faint"], ["no_other_stars"])
     refused("a point of faint", named_points, SCENES["faint"], ("fast",))
+
+
+QUICK = FIDELITIES["quick"]
+
+
+@pytest.fixture(scope="module")
+def window():
+    return Setup("frames", "hole", QUICK, 1)
+
+
+@pytest.fixture(scope="module")
+def sums():
+    return Setup("sums", "hole", QUICK, 1)
+
+
+@pytest.fixture(scope="module")
+def places(small_case):
+    return Places.of(small_case)
+
+
+def flux_of(case, setup):
+    return expected_flux_e(case, setup, visit(case, setup), light_without(case, setup))
+
+
+def test_the_flux_is_that_of_the_closed_form(small_case, window, sums):
+    said = closed_form(small_case).answer()["flux_e"]
+    # The closed form averages the core over the phase of the pixels.
+    assert flux_of(small_case, window) == pytest.approx(said, rel=0.02)
+    assert flux_of(small_case, sums) == pytest.approx(said, rel=0.02)
+    # Transfer losses are the one effect of the mean that a reduction leaves.
+    without = window.changed(switches={"parallel_cti": False, "serial_cti": False})
+    assert flux_of(small_case, without) == pytest.approx(flux_of(small_case, sums), rel=1e-5)
+    assert flux_of(small_case, window) < flux_of(small_case, sums)
+
+
+def test_a_left_out_source_and_a_dark_sky_are_not_in_the_light(small_case, window):
+    dark = light_without(small_case, window.changed(sky=False))
+    assert dark.max() < 1e-6 * light_without(small_case, window).max()
+    scene = window.changed(left_out=("planet",)).scene(small_case)
+    assert scene.planets == ()
+
+
+def test_read_noise_alone_gives_its_own_variance(small_case, window, places):
+    switches = small_case.instrument.detector.switches.model_dump()
+    only = {name: name == "read_noise" for name, on in switches.items() if on}
+    setup = window.changed(switches=only)
+    drawn = drawn_frames(visit(small_case, setup, n_frames=12))
+    white = white_of_frames(dataclasses.replace(places, level=np.ones_like(places.level)), (drawn,))
+    metrics = visit(small_case, setup, n_frames=1).psf.metrics
+    weights = overlap_weights(metrics.aperture_radius_arcsec / metrics.pixel_scale_arcsec)
+    detector = small_case.instrument.detector
+    pixel = (detector.read_noise_e**2 + detector.gain_e_adu**2 / 12) / small_case.em_gain**2
+    error = white.std(ddof=1) / np.sqrt(len(white))
+    assert abs(white.mean() - pixel * (weights**2).sum()) < 4 * error
+    assert error < 0.1 * white.mean()
+
+
+def test_lost_frames_cost_noise(small_case, window, places):
+    drawn = drawn_frames(visit(small_case, window, n_frames=12))
+    every = white_of_frames(places, (drawn,)).mean()
+    usable = drawn.usable.copy()
+    usable[::2] = False
+    half = dataclasses.replace(drawn, usable=usable)
+    half = dataclasses.replace(half, electrons=np.where(usable, drawn.electrons, drawn.electrons[1::2].mean(axis=0)))
+    kept = dataclasses.replace(drawn, usable=drawn.usable)
+    assert white_of_frames(places, (half,)).mean() / every == pytest.approx(2.0, rel=0.25)
+    assert white_of_frames(places, (kept,)).mean() == every
+
+
+def test_sums_and_frames_have_the_same_noise(small_case, window, sums, places):
+    case = dataclasses.replace(small_case, n_frames=4)
+    still = {"cosmic_rays": False, "bad_pixels": False, "bad_columns": False}
+    frames = white_of_frames(places, (drawn_frames(visit(case, window.changed(switches=still), n_frames=24)),))
+    stacked = white_of_sums(case, sums, places, 24)
+    spread = [part.std(ddof=1) / np.sqrt(len(part)) for part in (frames, stacked)]
+    assert abs(frames.mean() - stacked.mean()) < 4 * np.hypot(*spread)
+
+
+def test_own_noise_is_that_of_the_planets_light(small_case, window, places):
+    metrics = visit(small_case, window, n_frames=1).psf.metrics
+    factor2 = float(excess_noise_factor2(small_case.em_gain, 604))
+    expected = factor2 * metrics.source_noise_fraction * 50.0
+    assert own_noise_e2(small_case, window, places, 50.0) == pytest.approx(expected)
+    assert own_noise_e2(small_case, window.changed(switches={"em_register": False}), places, 50.0) == pytest.approx(
+        metrics.source_noise_fraction * 50.0
+    )
+    assert own_noise_e2(small_case, window.changed(switches={"photon_noise": False}), places, 50.0) == 0.0
+
+
+def test_speckles_grow_with_the_star_and_vanish_without_drift(small_case, window, places):
+    few = speckle_samples(small_case, window, places, 2)
+    assert (few > 0).all()
+    assert (speckle_samples(small_case, window.changed(drift=False), places, 2) == 0).all()
+    bright = dict(small_case.tree) | {"cstar": dict(small_case.tree["cstar"]) | {"magnitude": 3.0}}
+    brighter_case = dataclasses.replace(small_case, tree=bright)
+    brighter = speckle_samples(brighter_case, window, Places.of(brighter_case), 2)
+    assert brighter == pytest.approx(few * 100.0, rel=1e-6)  # 2.5 mag, squared
+    walk, one = walk_samples(small_case, window.changed(epochs=2), places, 2)
+    assert not np.array_equal(walk, one)
+    assert walk == pytest.approx(one, rel=0.5)
+
+
+def test_the_work_measures_what_is_there(small_case, sums):
+    case = dataclasses.replace(small_case, em_gain=1.0)
+    work = worked(case, sums)
+    assert work.drawn == ()
+    ones = np.ones(work.science.psf.on_axis.shape)
+    assert aperture_flux_e(work.science, ones) == pytest.approx(case.instrument.aperture_pixels(case.band), rel=1e-3)
+    with pytest.raises(NotApplicable, match="reach"):
+        worked(dataclasses.replace(case, em_gain=1000.0, exposure_s=1e5), sums)
+
+
+def test_the_ledger_decides(small_case):
+    choice = choice_of(small_case, dial_of("reference"))
+    setup = chosen_by(small_case, choice)
+    best = reference_setup(small_case)
+    assert (setup.draw, setup.region, setup.knobs) == (best.draw, best.region, best.knobs)
+    assert not setup.switches
+    coarse = chosen_by(small_case, choice_of(small_case, dial_of(None, 0.3)))
+    assert coarse.n_epochs(small_case) <= best.n_epochs(small_case)
+    assert coarse.knobs.wavelength_nodes < best.knobs.wavelength_nodes
+
+
+def test_a_brighter_place_counts_for_what_the_planet_has(places):
+    # The halo falls outwards: the planet's place is darker than the inner edge and brighter than the corners.
+    assert 0.3 < places.level[places.white].min() < 1.0 < places.level[places.white].max() < 3.0
+    assert not (places.near & ~places.white).any()
+    assert (places.near.sum(), places.white.sum()) > (0, places.near.sum())

@@ -3,11 +3,10 @@ import io
 
 import pytest
 
-from cpic_planner.tradeoff.figure import LOOKS, SMALLEST, pareto_figure
-from cpic_planner.tradeoff.scenes import SCENES
-from cpic_planner.tradeoff.tables import COLUMNS, report_text, tier_table
-from cpic_planner.tradeoff.write import FILES, products_of, read_result
-from simulator.files import dump_json
+from cpic_core import dump_json
+from cpic_planner.tradeoff import FILES, read_result
+from cpic_planner.tradeoff.setup import SCENES
+from cpic_planner.tradeoff.write import COLUMNS, LOOKS, SMALLEST, pareto_figure, products_of, report_text, tier_table
 
 
 @pytest.fixture

@@ -4,13 +4,12 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from catalogs.errors import InputError
-from cpic_planner.validation.albedo_fit import AlbedoFit, fit_albedo
-from cpic_planner.validation.albedo_model import AlbedoModel, albedo_model
-from cpic_planner.validation.photometry import Contrast
+from cpic_core import InputError
+from cpic_planner.validation import AlbedoFit, AlbedoModel, Contrast, fit_albedo
+from cpic_planner.validation.albedo_model import albedo_model
 from simulator import load_instrument
 from simulator.passbands import Passbands
-from simulator.target.star_spectrum import stellar_spectrum
+from simulator.target import stellar_spectrum
 
 BANDS = ("F520", "F662", "F720", "F850")
 TOP = math.log10(6.0)

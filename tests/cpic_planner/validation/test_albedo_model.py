@@ -3,13 +3,12 @@ import math
 import numpy as np
 import pytest
 
-from catalogs.errors import InputError
-from cpic_planner.validation.albedo_model import AlbedoModel, albedo_model, planet_albedo_model
+from cpic_core import InputError
+from cpic_planner.validation import AlbedoModel, planet_albedo_model
+from cpic_planner.validation.albedo_model import albedo_model
 from simulator import load_instrument, load_scene, planet_albedo, planet_contrast, spectrum_generator
 from simulator.passbands import Passbands
-from simulator.target.parametric import parametric_family
-from simulator.target.planet_light import LitPlanet
-from simulator.target.star_spectrum import stellar_spectrum
+from simulator.target import LitPlanet, parametric_family, stellar_spectrum
 
 BANDS = ("F520", "F662", "F720", "F850")
 SIZE = {"radius_rjup": 1.2, "distance_au": 1.5, "phase_deg": 70.0}

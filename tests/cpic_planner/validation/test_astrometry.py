@@ -7,15 +7,13 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from cpic_planner.validation.astrometry import Astrometry, band_average, fit_position
+from cpic_planner.validation import Astrometry, ReducedStack, band_average, fit_position, rdi_subtract
 from cpic_planner.validation.position_fit import PositionFitter
-from cpic_planner.validation.rdi import rdi_subtract
-from cpic_planner.validation.reduced import ReducedStack
 from simulator import load_instrument, single_band_psf
-from simulator.camera import excess_noise_factor2
-from simulator.imaging.psf import Psf
+from simulator.detectors import excess_noise_factor2
+from simulator.imaging import Psf
 from simulator.knobs import Knobs
-from simulator.target.positions import sky_to_detector, wcs_keywords
+from simulator.target import sky_to_detector, wcs_keywords
 
 SIDE = 97
 GAIN, STAGES = 300.0, 604

@@ -6,19 +6,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cpic_planner.etc.model import ReferenceStar, Strategy, build_model
-from cpic_planner.etc.planet import ReferencePlanet
-from cpic_planner.models import BandConfirmation
-from cpic_planner.overrides import SimulatorOverrides
+from cpic_core import numeric_context
+from cpic_planner.etc import build_model
+from cpic_planner.queries import ReferencePlanet, SimulatorOverrides, Strategy
+from cpic_planner.queries.shared import ReferenceStar
+from cpic_planner.results import BandConfirmation
 from cpic_planner.targets import find_target
+from cpic_planner.validation import ConfirmTask, confirm_task, decode_arrays, images_of, prepare_task, rdi_subtract
 from cpic_planner.validation.apertures import sample_scatter
-from cpic_planner.validation.confirm import confirm_task, decode_arrays, encode_arrays
-from cpic_planner.validation.rdi import rdi_subtract
-from cpic_planner.validation.task import ConfirmTask, images_of, prepare_task
+from cpic_planner.validation.confirm import encode_arrays
 from simulator import load_instrument, observe
-from simulator.hole_stack import hole_stacks
-from simulator.numeric import numeric_context
-from simulator.signal.speckles import speckle_law
+from simulator.observing import hole_stacks
+from simulator.signal import speckle_law
 
 REALISATIONS = 24
 STILL = {"drift": {"visit_nm": 0, "walk_nm_per_sqrt_hour": 0}}

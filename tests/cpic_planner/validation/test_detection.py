@@ -8,18 +8,16 @@ import pytest
 from scipy.signal import fftconvolve
 from scipy.stats import norm
 
+from cpic_core import Status, stream
+from cpic_planner.validation import RdiResult, ReducedStack
 from cpic_planner.validation.detection import _candidate, search
 from cpic_planner.validation.injection import inject, recovered
-from cpic_planner.validation.rdi import RdiResult
-from cpic_planner.validation.reduced import ReducedStack
 from cpic_planner.validation.search import SearchedRegion
 from cpic_planner.validation.search_field import Peak
 from cpic_planner.validation.speckle_maps import filter_kernel, speckle_maps
 from simulator import single_band_psf
-from simulator.config.optics import Drift
-from simulator.imaging.drift import visit_frames
-from simulator.outcome import Status
-from simulator.rng import stream
+from simulator.config import Drift
+from simulator.imaging import visit_frames
 
 STILL = Drift(visit_nm=0.0, walk_nm_per_sqrt_hour=0.0, psd_slope=2.5)
 MOVING = Drift(visit_nm=0.05, walk_nm_per_sqrt_hour=0.0, psd_slope=2.5)

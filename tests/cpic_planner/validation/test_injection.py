@@ -5,14 +5,13 @@ import math
 import numpy as np
 import pytest
 
-from cpic_planner.validation.injection import CompletenessMap, completeness_map, inject
-from cpic_planner.validation.rdi import RdiResult
-from cpic_planner.validation.reduced import ReducedStack
+from cpic_planner.validation import CompletenessMap, RdiResult, ReducedStack
+from cpic_planner.validation.injection import completeness_map, inject
 from cpic_planner.validation.roc import roc_curve
 from cpic_planner.validation.speckle_maps import filter_kernel, speckle_maps
 from simulator import single_band_psf
-from simulator.camera.gain import excess_noise_factor2
-from simulator.config.optics import Drift
+from simulator.config import Drift
+from simulator.detectors import excess_noise_factor2
 
 SIGMA_E, STAR_E_S, TIME_S = 10.0, 1.0e9, 100.0
 STILL = Drift(visit_nm=0.0, walk_nm_per_sqrt_hour=0.0, psd_slope=2.5)

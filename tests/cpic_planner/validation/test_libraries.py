@@ -6,12 +6,12 @@ import math
 import numpy as np
 import pytest
 
-from cpic_planner.etc.model import Strategy, build_model
-from cpic_planner.etc.place import stand
-from cpic_planner.validation.libraries import LibraryPlan, halo_scale, library_plan, scale_library
-from cpic_planner.validation.roll import roll_photometry, roll_subtract
+from cpic_planner.etc import build_model, stand
+from cpic_planner.queries import Strategy
+from cpic_planner.validation import LibraryPlan, library_plan, roll_photometry, roll_subtract, scale_library
+from cpic_planner.validation.libraries import halo_scale
 from simulator import load_instrument, load_scene, observe
-from simulator.target.positions import sky_to_detector
+from simulator.target import sky_to_detector
 
 SCENE = load_scene(
     {

@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cpic_planner.scene_confirmation import ConfirmQuestion, _work
+from cpic_planner.confirm.scene import _work
+from cpic_planner.queries import ConfirmQuestion
+from cpic_planner.validation import StarFlux, subjects_of, visits_of
 from cpic_planner.validation.confirm import _false
-from cpic_planner.validation.measure import MATCH_LAMBDA_D, forced_photometry, measure, positions_of, subjects_of
-from cpic_planner.validation.realise import visits_of
-from cpic_planner.validation.star_flux import StarFlux
+from cpic_planner.validation.measure import MATCH_LAMBDA_D, forced_photometry, measure, positions_of
 from simulator import load_instrument, load_scene
 
 SCENE = {

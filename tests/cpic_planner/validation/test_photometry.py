@@ -3,11 +3,12 @@ import math
 import numpy as np
 import pytest
 
+from cpic_core import stream
 from cpic_planner.validation import aperture_photometry, aperture_sum, aperture_weights, contrast
 from cpic_planner.validation.apertures import sample_scatter
 from cpic_planner.validation.photometry import ratio as over_noise
-from simulator.camera import excess_noise_factor2, multiply
-from simulator.rng import stream
+from simulator.detectors import excess_noise_factor2
+from simulator.detectors.gain import multiply
 
 SIDE, RADIUS = 97, 2.32
 

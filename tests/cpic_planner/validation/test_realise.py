@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cpic_planner.etc.model import ReferenceStar, Strategy, build_model
-from cpic_planner.etc.planet import ReferencePlanet
+from cpic_planner.etc import build_model
+from cpic_planner.queries import ReferencePlanet, Strategy
+from cpic_planner.queries.shared import ReferenceStar
 from cpic_planner.targets import find_target
-from cpic_planner.validation.realise import realised_frames, visits_of
-from cpic_planner.validation.task import ConfirmTask, prepare_task
+from cpic_planner.validation import ConfirmTask, prepare_task, realised_frames, visits_of
 from simulator import load_instrument
 
 STILL = {"drift": {"visit_nm": 0, "walk_nm_per_sqrt_hour": 0}}

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from cpic_planner.validation.reduced import pedestal_e, reduce_stack
+from cpic_planner.validation import pedestal_e, reduce_stack
 from simulator import load_instrument
-from simulator.camera.gain import excess_noise_factor2
-from simulator.camera.visible import VisibleCamera
+from simulator.camera import VisibleCamera
+from simulator.detectors import excess_noise_factor2
 
 DETECTOR = load_instrument().detector
 SIDE = 41

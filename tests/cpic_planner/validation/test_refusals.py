@@ -2,8 +2,10 @@
 
 import pytest
 
-from catalogs.errors import InputError
-from cpic_planner.validation import contrast, detection_threshold, threshold_array
+from cpic_core import InputError
+from cpic_planner.etc import threshold_array
+from cpic_planner.etc.detection import detection_threshold
+from cpic_planner.validation import contrast
 
 MEASURED = {"flux": 80.0, "throughput": 0.8, "core": 0.25, "star_rate_e_s": 2e7, "time_s": 1000.0}
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.ndimage import correlate
 
-from cpic_planner.validation import aperture_weights
-from cpic_planner.validation.rejection import combine, filled, reject_cosmic_rays
+from cpic_planner.validation import aperture_weights, combine, filled, reject_cosmic_rays
 from simulator import load_instrument
-from simulator.camera import excess_noise_factor2, multiply
-from simulator.effects.cosmic_rays import draw_cosmic_rays
+from simulator.detectors import excess_noise_factor2
+from simulator.detectors.gain import multiply
+from simulator.effects import draw_cosmic_rays
 
 RADIUS, READ_NOISE_E, SIDE = 2.32, 110.0, 128
 

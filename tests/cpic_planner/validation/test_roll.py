@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from catalogs.errors import InputError
-from cpic_planner.validation import aperture_weights
-from cpic_planner.validation.roll import RollResult, roll_photometry, roll_subtract
+from cpic_core import InputError
+from cpic_planner.validation import RollResult, aperture_weights, roll_photometry, roll_subtract
 
 SIDE, RADIUS, CENTRE = 40, 2.3, 20
 _Y, _X = np.indices((SIDE, SIDE)) - CENTRE

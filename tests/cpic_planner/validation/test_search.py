@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 from mpmath import mp, mpf
 from scipy.ndimage import gaussian_filter, maximum_filter
-from scipy.stats import norm
-from scipy.stats import t as student
+from scipy.stats import norm, t as student
 
-from cpic_planner.etc.significance import detection_threshold
+from cpic_core import Reason, Status
+from cpic_planner.etc.detection import detection_threshold
 from cpic_planner.validation.search import SearchedRegion, false_alarms, search_threshold, searched_region
-from simulator.outcome import Reason, Status
 
 SQUARE = searched_region(np.ones((40, 40), bool), 3.3)
 WIDTH = 1.5  # of the Gaussian filter: the gradient of the filtered field has the variance 1 / (2 width^2)

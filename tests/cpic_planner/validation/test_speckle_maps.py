@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
+from cpic_core import stream
 from cpic_planner.validation.speckle_maps import filter_kernel, matched_sum, speckle_maps
 from simulator import single_band_psf
-from simulator.config.optics import Drift
-from simulator.imaging.drift import visit_frames
+from simulator.config import Drift
+from simulator.imaging import visit_frames
 from simulator.knobs import Knobs
-from simulator.rng import stream
 
 DRIFT = Drift(visit_nm=0.2, walk_nm_per_sqrt_hour=0.0, psd_slope=2.5)
 

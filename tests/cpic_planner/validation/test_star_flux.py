@@ -6,20 +6,22 @@ import math
 import numpy as np
 import pytest
 
-from catalogs.errors import InputError
-from cpic_planner.validation import aperture_photometry, aperture_weights, rdi_subtract
-from cpic_planner.validation.frames import calibrated_frames, transferred
-from cpic_planner.validation.photometry import Photometry
-from cpic_planner.validation.rejection import filled, reject_cosmic_rays
-from cpic_planner.validation.star_flux import (
-    field_star_ratio,
+from cpic_core import InputError, Reason, Status
+from cpic_planner.validation import (
+    Photometry,
+    aperture_photometry,
+    aperture_weights,
+    calibrated_frames,
+    filled,
     observe_off_mask,
-    off_mask_exposure_s,
+    rdi_subtract,
+    reject_cosmic_rays,
     star_flux_of_field_star,
     star_flux_off_mask,
 )
+from cpic_planner.validation.frames import transferred
+from cpic_planner.validation.star_flux import field_star_ratio, off_mask_exposure_s
 from simulator import Observation, load_instrument, load_scene, observe
-from simulator.outcome import Reason, Status
 
 SCENE = "paper_science"
 

@@ -5,27 +5,17 @@ import math
 import numpy as np
 import pytest
 
-from cpic_planner.etc.model import ReferenceStar, Strategy, build_model
-from cpic_planner.etc.place import stand
-from cpic_planner.etc.planet import ReferencePlanet, reference_distance_au
-from cpic_planner.models import BandConfirmation
-from cpic_planner.optimiser import best_in_band
-from cpic_planner.overrides import SimulatorOverrides
+from cpic_planner.etc import build_model, reference_distance_au, stand
+from cpic_planner.queries import MAX_FRAMES, ReferencePlanet, SimulatorOverrides, Strategy
+from cpic_planner.queries.shared import ReferenceStar
+from cpic_planner.ranking import best_in_band
+from cpic_planner.results import BandConfirmation
 from cpic_planner.targets import find_target
-from cpic_planner.validation.task import (
-    MAX_FRAMES,
-    ConfirmTask,
-    Frames,
-    expected_of,
-    images_of,
-    prepare_task,
-    target_scene,
-)
+from cpic_planner.validation import ConfirmTask, Frames, expected_of, images_of, prepare_task, target_scene
 from simulator import load_instrument
-from simulator.config import Instrument, Scene
-from simulator.config.base import validate
-from simulator.signal.light import exozodi_disc
-from simulator.target.sources import scene_sources
+from simulator.config import Instrument, Scene, validate
+from simulator.signal import exozodi_disc
+from simulator.target import scene_sources
 
 PLANET = ReferencePlanet()
 ASKED = {"time_s": 7200.0, "planet": PLANET, "seed": 1, "fidelity": "quick"}

@@ -5,16 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cpic_planner.models import BandConfirmation
-from cpic_planner.validation.measure import Measurement
-from cpic_planner.validation.modelling import Modelling
-from cpic_planner.validation.realise import FrameStory
-from cpic_planner.validation.star_flux import StarFlux
-from cpic_planner.validation.task import ConfirmTask
-from cpic_planner.validation.verdict import audit_of, confirmation_of, cut_off, target_verdict
+from cpic_core import Outcome
+from cpic_planner.results import BandConfirmation
+from cpic_planner.validation import ConfirmTask, FrameStory, Measurement, Modelling, StarFlux, target_verdict
+from cpic_planner.validation.verdict import audit_of, confirmation_of, cut_off
 from simulator.knobs import FIDELITIES, dial_of
 from simulator.ledger import EffectRow
-from simulator.outcome import Outcome
 
 EXPECTED = {
     "contrast": 1e-8,

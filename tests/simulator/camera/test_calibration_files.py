@@ -6,12 +6,9 @@ import numpy as np
 import pytest
 from astropy.io import fits
 
-from catalogs.errors import InputError
-from simulator.camera.calibration_files import write_calibration_set
-from simulator.camera.calibration_set import bias_level_adu, load_calibration_set
-from simulator.camera.frame import MaskBit
-from simulator.config import load_instrument
-from simulator.config.detector import Detector
+from cpic_core import InputError
+from simulator.camera import MaskBit, bias_level_adu, load_calibration_set, write_calibration_set
+from simulator.config import Detector, load_instrument
 
 UNITS = {"flat": None, "dark": "electron/s", "cic": "electron", "bad_columns": None, "bias": "adu"}
 LEVELS = {"flat": 1.0, "dark": 0.5, "cic": 0.03, "bad_columns": 0.0, "bias": 300.0}

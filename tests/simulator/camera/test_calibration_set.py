@@ -3,8 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from simulator.camera.calibration_set import load_calibration_set
-from simulator.camera.frame import MaskBit
+from simulator.camera import MaskBit, load_calibration_set
 
 
 @pytest.fixture(scope="module")

@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from simulator.camera.flaws import chosen_places, excess_map, flaw_mask, response_map, scatter_map
-from simulator.camera.frame import MaskBit
+from simulator.camera import MaskBit
+from simulator.camera.calibration_set import chosen_places, excess_map, flaw_mask, response_map, scatter_map
 
 SHAPE = (500, 400)
 N = SHAPE[0] * SHAPE[1]

@@ -8,11 +8,15 @@ import numpy as np
 import pytest
 
 from simulator import load_instrument
-from simulator.camera import excess_noise_factor2, expose_frame, pixel_variance_e2, to_electrons
-from simulator.camera import noise as noise_module
-from simulator.camera.infrared import InfraredCamera
-from simulator.camera.noise import FrameNoise
-from simulator.signal.variance import FrameTerm
+from simulator.camera import (
+    FrameNoise,
+    InfraredCamera,
+    expose_frame,
+    noise as noise_module,
+    pixel_variance_e2,
+    to_electrons,
+)
+from simulator.detectors import FrameTerm, excess_noise_factor2
 
 
 def test_terms_by_hand(bare) -> None:

@@ -1,7 +1,8 @@
 """What the register refuses, each in one line that names the setting."""
 
-from simulator.camera import em_gain_of, em_voltage_of, multiply
-from simulator.rng import stream
+from cpic_core import stream
+from simulator.camera import em_gain_of, em_voltage_of
+from simulator.detectors.gain import multiply
 
 READERS = {
     "stages": lambda stages: multiply([1], 2.0, rng=stream(1, "x"), stages=stages),

@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from simulator.camera.track_loss import aperture_loss_per_s, mean_projection_um
+from simulator.camera import aperture_loss_per_s
+from simulator.camera.noise import mean_projection_um
 from simulator.config import load_instrument
-from simulator.effects import cosmic_ray_rate, draw_cosmic_rays
-from simulator.effects.templates import generated_projection_um, generated_templates
+from simulator.detectors import clean_fraction
+from simulator.effects import cosmic_ray_rate, draw_cosmic_rays, generated_projection_um
+from simulator.effects.templates import generated_templates
 from simulator.effects.tracks import PaperModel, PhysicalModel
-from simulator.imaging.aperture import overlap_weights
-from simulator.signal.variance import clean_fraction
+from simulator.imaging import overlap_weights
 
 EXPOSURES = 2500
 PHASES = 25

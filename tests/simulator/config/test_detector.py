@@ -5,9 +5,8 @@ import pickle
 import numpy as np
 import pytest
 
-from simulator.config import load_instrument
-from simulator.config.detector import Detector
-from simulator.products.headers import fits_section
+from simulator.config import Detector, load_instrument
+from simulator.products.truth import fits_section
 
 
 def test_parts_of_the_default_frame(detector) -> None:

@@ -4,10 +4,8 @@ import pickle
 import pytest
 from pydantic import ValidationError
 
-from simulator.config import content_hash, load_instrument
-from simulator.config.base import canonical_json
-from simulator.config.mission import checked_utc
-from simulator.config.optics import DarkHoleConfig, MirrorConfig, WavefrontConfig
+from simulator.config import canonical_json, checked_utc, content_hash, load_instrument
+from simulator.config.telescope import DarkHoleConfig, MirrorConfig, WavefrontConfig
 
 
 def test_default_states_source_and_confidence_of_every_number():
@@ -74,8 +72,8 @@ def test_hash_depends_on_content_only():
 def test_files_beside_the_instruments_file_are_found(tmp_path, monkeypatch):
     import numpy as np
 
-    from simulator.arrays import write_npz
-    from simulator.imaging.apodizer import load_apodizer
+    from cpic_core import write_npz
+    from simulator.imaging.pupil import load_apodizer
 
     folder = tmp_path / "mine"
     folder.mkdir()
@@ -112,7 +110,7 @@ def test_the_instrument_of_table_1_states_its_numbers():
 
 
 def test_the_optics_of_table_1_are_the_shipped_ones():
-    from simulator.imaging.store import metrics_key
+    from simulator.imaging import metrics_key
 
     for band in load_instrument().visible_bands():
         assert metrics_key(load_instrument("paper_table1"), band) == metrics_key(load_instrument(), band)

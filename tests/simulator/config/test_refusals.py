@@ -1,12 +1,16 @@
 """What the readers of the configuration refuse, each in one line that names key, value and what is allowed."""
 
-from simulator.config import load_instrument, load_scene
-from simulator.config.albedo import albedo_spec
-from simulator.config.angles import declination_deg, right_ascension_deg
-from simulator.config.base import validate
-from simulator.config.mission import checked_utc
-from simulator.config.simulation import SequenceConfig
-from simulator.config.simulation_file import load_simulation
+from simulator.config import (
+    SequenceConfig,
+    albedo_spec,
+    checked_utc,
+    declination_deg,
+    load_instrument,
+    load_scene,
+    load_simulation,
+    right_ascension_deg,
+    validate,
+)
 
 SCENE = {"name": "s", "cstar": {"name": "star", "v_mag": 1.35, "teff_k": 5230}}
 PLANET = {

@@ -7,9 +7,8 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 from pydantic import Field
 
-from simulator.config.base import FrozenModel
-from simulator.detectors.effect import Effect, Exposure, Work
-from simulator.signal.variance import FrameTerm
+from simulator.config import FrozenModel
+from simulator.detectors import Effect, Exposure, FrameTerm, Work
 
 
 class PatternNumbers(FrozenModel):

@@ -5,15 +5,8 @@ import pytest
 from scipy.integrate import quad
 from scipy.ndimage import convolve
 
-from simulator.detectors.infrared import (
-    ExponentialPersistence,
-    InterpixelKernel,
-    PastExposure,
-    checked_hits,
-    hit_times,
-    neighbour_kernel,
-    tracks_of,
-)
+from simulator.detectors import PastExposure, checked_hits, tracks_of
+from simulator.detectors.infrared import ExponentialPersistence, InterpixelKernel, hit_times, neighbour_kernel
 
 
 def test_persistence_against_an_integral() -> None:

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from simulator.effects import draw_cosmic_rays
+from cpic_core import stream
+from simulator.config import load_instrument
+from simulator.effects import cosmic_ray_rate, draw_cosmic_rays
 from simulator.effects.cosmic_rays import track_model
-from simulator.rng import stream
 
 SHAPE = (1032, 1056)
 PIXEL_UM = 13.0
@@ -195,3 +196,33 @@ def test_long_exposures_do_not_pile_up_memory(cosmic):
 
 def test_a_seed_is_no_generator(refused, cosmic):
     refused("rng = int", draw, cosmic("physical"), 5)
+
+
+CONFIG = load_instrument().cosmic_rays
+
+
+def test_cycle_at_its_turning_points():
+    assert cosmic_ray_rate(CONFIG, 2019.96) == 1.0
+    assert cosmic_ray_rate(CONFIG, 2019.96 + 5.5) == pytest.approx(0.7, rel=1e-12)
+    assert cosmic_ray_rate(CONFIG, 2019.96 + 2.75) == pytest.approx(0.85, rel=1e-12)
+    assert cosmic_ray_rate(CONFIG, 2030.96) == pytest.approx(1.0, rel=1e-12)
+
+
+def test_rate_is_highest_at_solar_minimum_and_bounded():
+    rates = [cosmic_ray_rate(CONFIG, 1972.0 + 0.1 * i) for i in range(1290)]
+    assert 0.7 <= min(rates) < 0.7001
+    assert 0.9999 < max(rates) <= 1.0
+
+
+def test_dates_and_years_agree():
+    assert cosmic_ray_rate(CONFIG, "2027-07-02T12:00:00") == pytest.approx(cosmic_ray_rate(CONFIG, 2027.5), rel=1e-12)
+
+
+def test_orbit_and_depth_scale_it():
+    other = CONFIG.model_copy(update={"orbit_factor": 1.3, "cycle_depth": 1.0, "peak_rate_per_s_cm2": 2.0})
+    assert cosmic_ray_rate(other, 2019.96) == pytest.approx(2.6, rel=1e-12)
+    assert cosmic_ray_rate(other, 2025.46) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_bad_dates_are_refused(refused):
+    refused("when", cosmic_ray_rate, CONFIG, "soon")

@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from scipy.special import erf
 
-from simulator.effects.raster import Canvas
+from simulator.effects.templates import Canvas
 from simulator.effects.tracks import Points, Tracks
 
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from simulator.config import load_instrument
 from simulator.effects import draw_cosmic_rays
-from simulator.effects.dates import decimal_year, parse_utc
+from simulator.effects.sky import decimal_year, parse_utc
 
 RAYS = {"shape": (1024, 1024), "pixel_um": 13.0, "exposure_s": 300.0, "rate_per_s_cm2": 1.0}
 

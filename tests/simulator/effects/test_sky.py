@@ -1,15 +1,33 @@
-"""Sky rates: the uniform sky of before, zodiacal light end to end."""
+"""Sky rates: the uniform sky of before, zodiacal light end to end.
+
+The closed forms against astropy.
+
+Zodiacal light against the published numbers of Leinert et al. 1998.
+"""
+
+from datetime import UTC, datetime
 
 import numpy as np
 import pytest
 from astropy import constants, units
-from astropy.coordinates import GeocentricMeanEcliptic, SkyCoord, get_sun
+from astropy.coordinates import BarycentricMeanEcliptic, GeocentricMeanEcliptic, SkyCoord, get_sun
 from astropy.time import Time
 
-from catalogs.errors import InputError
-from catalogs.spectra import load_reference_spectrum
+from catalogs import HC_ERG_ANGSTROM, load_reference_spectrum, load_zodi_table
+from cpic_core import InputError
+from simulator.band_integrals import v_photon_rate, vega_v_photon_rate
 from simulator.config import load_instrument
-from simulator.effects import sky_rate_e_s_arcsec2
+from simulator.effects import ecliptic_deg, sky_rate_e_s_arcsec2
+from simulator.effects.sky import (
+    colour_factor,
+    days_since_j2000,
+    decimal_year,
+    elongation_deg,
+    parse_utc,
+    sun_longitude_deg,
+    zodiacal_photlam_arcsec2,
+    zodiacal_radiance,
+)
 from simulator.passbands import Passbands
 
 DATE = "2028-03-03T06:00:00"
@@ -114,3 +132,161 @@ def test_bad_places_are_refused(key, value):
 
 def test_unknown_bands_are_refused(refused):
     refused("band = F999", sky_rate_e_s_arcsec2, ZODIACAL, "F999", **icrs_at(90, 0))
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("2028-01-01", datetime(2028, 1, 1, tzinfo=UTC)),
+        ("2028-01-01T12:30:00", datetime(2028, 1, 1, 12, 30, tzinfo=UTC)),
+        ("2028-01-01T12:30:00Z", datetime(2028, 1, 1, 12, 30, tzinfo=UTC)),
+        (" 2028-01-01T08:00:00+08:00 ", datetime(2028, 1, 1, tzinfo=UTC)),
+        ("2016-12-31T23:59:60", datetime(2017, 1, 1, tzinfo=UTC)),
+        ("2016-12-31T23:59:60.123456789Z", datetime(2017, 1, 1, 0, 0, 0, 123456, tzinfo=UTC)),
+        ("2100-06-01", datetime(2100, 6, 1, tzinfo=UTC)),
+    ],
+)
+def test_dates_are_utc(text, expected):
+    assert parse_utc("start_utc", text) == expected
+
+
+def test_decimal_years():
+    assert decimal_year("when", "2028-07-02") == pytest.approx(2028.5, abs=1e-3)  # a leap year
+    assert decimal_year("when", "2027-07-02T12:00:00") == pytest.approx(2027.5, abs=1e-9)
+    assert decimal_year("when", 2019.96) == 2019.96
+    assert decimal_year("when", 2100) == decimal_year("when", "2100-01-01") == 2100.0
+    assert decimal_year("when", "2016-12-31T23:59:60") == 2017.0
+
+
+@pytest.mark.parametrize("text", ["1972-01-01", "2016-12-31T23:59:60", "2100-12-31T23:59:59"])
+def test_every_begin_of_an_observation_has_a_place_of_the_sun_and_a_rate(text):
+    """One range for begins of observations, sky and cosmic rays."""
+    from simulator import load_instrument
+    from simulator.config import checked_utc
+    from simulator.effects import cosmic_ray_rate
+
+    assert checked_utc("start_utc", text).startswith(text[:10])
+    assert 0 < cosmic_ray_rate(load_instrument().cosmic_rays, text) <= 1
+    assert abs(days_since_j2000(parse_utc("start_utc", text))) < 40000
+
+
+def test_days_since_j2000():
+    assert days_since_j2000(parse_utc("x", "2000-01-01T12:00:00")) == 0.0
+    assert days_since_j2000(parse_utc("x", "2099-12-31T12:00:00")) == 36524.0
+
+
+@pytest.mark.parametrize("year", [1972, 1976, 2000, 2028, 2061, 2099])
+def test_sun_is_within_an_arcminute(year):
+    for month in range(1, 13):
+        text = f"{year}-{month:02d}-{2 * month:02d}T0{month % 8}:30:00"
+        when = Time(text, scale="tdb")  # a minute from UTC: 0.05 arcmin
+        there = get_sun(when).transform_to(GeocentricMeanEcliptic(equinox="J2000", obstime=when))
+        off = (sun_longitude_deg(parse_utc("when", text)) - there.lon.deg + 180.0) % 360.0 - 180.0
+        assert abs(off) < 1.0 / 60.0
+        assert abs(there.lat.deg) < 0.02  # the plane of J2000 stands in for that of date
+
+
+def test_ecliptic_coordinates(rng):
+    ra, dec = 360.0 * rng.random(200), np.rad2deg(np.arcsin(2 * rng.random(200) - 1))
+    there = SkyCoord(ra, dec, unit="deg").transform_to(BarycentricMeanEcliptic(equinox="J2000"))
+    ours = np.array([ecliptic_deg(*place) for place in zip(ra, dec, strict=True)])
+    assert np.abs((ours[:, 0] - there.lon.deg + 180) % 360 - 180).max() < 1e-3 / np.cos(np.deg2rad(there.lat.deg)).min()
+    assert np.abs(ours[:, 1] - there.lat.deg).max() < 1e-4
+
+
+def test_ecliptic_landmarks():
+    assert ecliptic_deg(0.0, 0.0) == (0.0, 0.0)
+    assert ecliptic_deg(90.0, 23.4392911)[1] == pytest.approx(0.0, abs=1e-9)
+    assert ecliptic_deg(270.0, 66.5607089)[1] == pytest.approx(90.0, abs=1e-6)
+    assert ecliptic_deg(0.0, -90.0)[1] == pytest.approx(-66.5607089)
+
+
+def test_elongation():
+    assert elongation_deg(0.0, 0.0) == 0.0
+    assert elongation_deg(180.0, 0.0) == pytest.approx(180.0)
+    assert elongation_deg(77.0, 90.0) == pytest.approx(90.0)
+    assert elongation_deg(-60.0, 0.0) == pytest.approx(60.0)
+
+
+S10_W_M2_SR_UM = 1.28e-8  # table 2: a tenth-magnitude solar star per square degree, at 500 nm
+ARCSEC2_PER_SR = (180 * 3600 / np.pi) ** 2
+
+
+@pytest.mark.parametrize(
+    ("longitude", "latitude", "s10"),
+    # Table 16, in tenth-magnitude stars per square degree: pole, quadrature, gegenschein, 60 and 45 degrees.
+    [
+        (0, 90, 60),
+        (123, -90, 60),
+        (90, 0, 202),
+        (-90, 0, 202),
+        (180, 0, 180),
+        (540, 0, 180),
+        (60, 0, 395),
+        (45, 0, 710),
+    ],
+)
+def test_anchors(longitude, latitude, s10):
+    found = zodiacal_radiance(longitude, latitude)
+    assert found.radiance_500nm_w_m2_sr_um == pytest.approx(s10 * S10_W_M2_SR_UM, rel=0.01)
+    assert not found.solar_avoidance
+
+
+def test_table_is_returned_at_its_own_places():
+    table = load_zodi_table()
+    for i, longitude in enumerate(table.helioecliptic_longitude_deg):
+        for j, latitude in enumerate(table.ecliptic_latitude_deg):
+            expected = table.radiance_500nm_w_m2_sr_um[i, j]
+            for sign in (1, -1):
+                found = zodiacal_radiance(sign * longitude + 360.0, -sign * latitude)
+                assert found.solar_avoidance == np.isnan(expected)
+                if np.isfinite(expected):
+                    assert found.radiance_500nm_w_m2_sr_um == pytest.approx(expected, rel=1e-12)
+
+
+def test_between_cells_the_logarithm_is_linear():
+    low, high = (zodiacal_radiance(x, 0.0).radiance_500nm_w_m2_sr_um for x in (15.0, 20.0))
+    assert zodiacal_radiance(17.5, 0.0).radiance_500nm_w_m2_sr_um == pytest.approx(np.sqrt(low * high), rel=1e-12)
+
+
+def test_all_over_the_sky_it_is_finite_and_falls_away_from_the_sun(rng):
+    for longitude, latitude in zip(720 * rng.random(500) - 360, 180 * rng.random(500) - 90, strict=True):
+        assert 60e-8 < zodiacal_radiance(longitude, latitude).radiance_500nm_w_m2_sr_um <= 11500e-8
+    along = [zodiacal_radiance(x, 0.0).radiance_500nm_w_m2_sr_um for x in np.linspace(0, 135, 200)]
+    assert np.all(np.diff(along) <= 1e-20)
+
+
+def test_around_the_sun_a_lower_limit_is_flagged():
+    for longitude, latitude in ((0, 0), (14.9, 0), (-5, 9), (0, 14.9), (10, 9.9)):
+        found = zodiacal_radiance(longitude, latitude)
+        assert found.solar_avoidance
+        assert found.radiance_500nm_w_m2_sr_um >= 3140e-8
+    assert not zodiacal_radiance(15.0, 0.0).solar_avoidance
+    assert not zodiacal_radiance(0.0, 15.0).solar_avoidance
+
+
+def test_colour_factor():
+    # Leinert et al. 1998, eq. 22.
+    for elongation, below, above in ((30, 1.2, 0.8), (10, 1.2, 0.8), (90, 0.9, 0.6), (150, 0.9, 0.6), (60, 1.05, 0.7)):
+        assert colour_factor(500.0, elongation) == 1.0
+        assert colour_factor(400.0, elongation) == pytest.approx(1 + below * np.log10(0.8))
+        assert colour_factor(1000.0, elongation) == pytest.approx(1 + above * np.log10(2.0))
+
+
+@pytest.mark.parametrize("wavelength_um", [0.5, 0.7, 0.9, 1.0, 1.2])
+def test_spectrum_agrees_with_the_published_one(wavelength_um):
+    # Table 19, at 90 degrees from the Sun in the ecliptic, is another source than the colour factor; two digits.
+    table = load_zodi_table()
+    spectrum = zodiacal_photlam_arcsec2(259e-8, 90.0)
+    chosen = np.abs(spectrum.wavelength_nm / (1000 * wavelength_um) - 1) < 0.03
+    erg = (spectrum.photlam * HC_ERG_ANGSTROM / (10 * spectrum.wavelength_nm))[chosen].mean()
+    radiance = erg * 10.0 * ARCSEC2_PER_SR  # erg/s/cm2/A/arcsec2 to W/m2/um/sr
+    expected = table.spectrum_radiance_w_m2_sr_um[np.isclose(table.spectrum_wavelength_um, wavelength_um)][0]
+    assert radiance == pytest.approx(expected, rel=0.08)
+
+
+def test_brightness_of_the_pole_in_v():
+    # 60 tenth-magnitude stars a square degree: 10 - 2.5 log(60 / 3600^2) = 23.34 mag/arcsec2 of solar colour.
+    spectrum = zodiacal_photlam_arcsec2(77e-8, 90.0)
+    v = -2.5 * np.log10(v_photon_rate(spectrum.wavelength_nm, spectrum.photlam) / vega_v_photon_rate())
+    assert v == pytest.approx(10 - 2.5 * np.log10(60 / 3600**2), abs=0.08)

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 from photutils.aperture import CircularAperture, aperture_photometry
 
-from simulator.imaging.aperture import aperture_sums, core_from_table, cumulative_table, overlap_weights, photon_weights
+from simulator.imaging import aperture_sums, overlap_weights
+from simulator.imaging.aperture import core_from_table, cumulative_table, photon_weights
 
 
 @pytest.mark.parametrize(("radius", "y", "x"), [(2.32, 0, 0), (3.8, 0.31, -0.47), (0.4, 0.5, 0.5), (1.0, -0.2, 0.1)])

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from simulator.config import load_instrument
-from simulator.imaging.aberrations import draw_aberrations, flat_aberrations
+from simulator.imaging import HoleZone
 from simulator.imaging.build import bare_imager
 from simulator.imaging.conjugation import Conjugation, ControlSettings, _step, conjugate
 from simulator.imaging.deformable_mirror import DeformableMirror
-from simulator.imaging.hole_zone import HoleZone
+from simulator.imaging.pupil import draw_aberrations, flat_aberrations
 
 FLAT = {"wavefront": {"opd_rms_nm": 0, "amplitude_rms": 0, "jitter_mas": 0}, "dark_hole": {"control": "off"}}
 IMAGER = bare_imager(load_instrument(FLAT), "F662")  # 64 samples: the steps of the apodizer

@@ -3,14 +3,13 @@ import dataclasses
 import numpy as np
 import pytest
 
-from simulator.config import load_instrument
-from simulator.config.instrument import ARCSEC_PER_RAD
-from simulator.imaging.aberrations import draw_aberrations, flat_aberrations
+from simulator.config import ARCSEC_PER_RAD, load_instrument
+from simulator.imaging import HoleZone
 from simulator.imaging.build import bare_imager, dark_hole_of
 from simulator.imaging.conjugation import ControlSettings
 from simulator.imaging.dark_hole import DarkHole, UnreachedHole, default_settings, score_hole, solve_dark_hole
 from simulator.imaging.deformable_mirror import DeformableMirror
-from simulator.imaging.hole_zone import HoleZone
+from simulator.imaging.pupil import draw_aberrations, flat_aberrations
 from simulator.knobs import Knobs
 
 INSTRUMENT = load_instrument()

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from astropy.io import fits
 
-from simulator.arrays import write_npz
+from cpic_core import write_npz
 from simulator.imaging.deformable_mirror import DeformableMirror, load_dm_surface
 
 

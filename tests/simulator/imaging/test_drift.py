@@ -1,12 +1,9 @@
 import numpy as np
 import pytest
 
-from simulator.config import load_instrument
-from simulator.config.optics import Drift
-from simulator.imaging.build import build_imager
-from simulator.imaging.drift import iter_visit_frames, screen_model, visit_frames
-from simulator.imaging.imager import FocalGrid
-from simulator.imaging.psf import single_band_psf
+from simulator.config import Drift, load_instrument
+from simulator.imaging import FocalGrid, build_imager, single_band_psf, visit_frames
+from simulator.imaging.drift import iter_visit_frames, screen_model
 from simulator.knobs import Knobs
 
 INSTRUMENT = load_instrument()

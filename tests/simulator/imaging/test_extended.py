@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from astropy.io import fits
 
-from simulator.arrays import write_npz
-from simulator.config.extended import extended_source
+from cpic_core import write_npz
+from simulator.config.sky import extended_source
 from simulator.imaging.extended import render_extended
-from simulator.target.positions import sky_to_detector
+from simulator.target import sky_to_detector
 
 STEP = 0.008
 INNER, OUTER = 0.3, 0.6

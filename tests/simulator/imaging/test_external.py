@@ -8,14 +8,13 @@ import pytest
 from astropy.io import fits
 from scipy.special import erf
 
-from catalogs.errors import InputError
-from simulator.arrays import read_npz, write_npz
+from cpic_core import InputError, read_npz, write_npz
 from simulator.config import load_instrument
-from simulator.imaging.aperture import core_from_table, overlap_weights
-from simulator.imaging.external import ExternalPsf, load_psf, save_psf
-from simulator.imaging.kernel import placed
+from simulator.imaging import ExternalPsf, overlap_weights, single_band_psf
+from simulator.imaging.aperture import core_from_table
+from simulator.imaging.external import load_psf, save_psf
 from simulator.imaging.measure import stamp_figures
-from simulator.imaging.psf import single_band_psf
+from simulator.imaging.sampling import placed
 
 INSTRUMENT = load_instrument({"wavefront": {"opd_rms_nm": 0, "amplitude_rms": 0}, "dark_hole": {"control": "off"}})
 PIXEL = INSTRUMENT.pixel_scale_arcsec("F662")

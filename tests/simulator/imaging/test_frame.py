@@ -3,17 +3,23 @@
 import numpy as np
 import pytest
 
-from catalogs.errors import InputError
+from cpic_core import InputError
 from simulator.config import load_instrument, load_scene
-from simulator.imaging import frame
-from simulator.imaging.build import build_imager
+from simulator.imaging import (
+    build_imager,
+    forget_starlight,
+    frame,
+    full_star_map,
+    off_axis_light,
+    single_band_psf,
+    sky_transmission,
+    window_of,
+)
 from simulator.imaging.external import load_psf, save_psf
-from simulator.imaging.frame import forget_starlight, full_star_map, off_axis_light, sky_transmission, window_of
-from simulator.imaging.psf import single_band_psf
 from simulator.imaging.scene_image import PointSources, scene_image
 from simulator.imaging.transfer import band_transfer
 from simulator.knobs import Knobs
-from simulator.target.sources import Source, extended_rates
+from simulator.target import Source, extended_rates
 
 SMALL = load_instrument({"detector": {"n_rows": 211, "n_columns": 190, "star_row": 90, "star_column": 100}})
 STAR = {"name": "s", "v_mag": 5.0, "teff_k": 5800}

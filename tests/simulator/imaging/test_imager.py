@@ -4,12 +4,10 @@ import numpy as np
 import pytest
 from scipy.special import j1
 
-from simulator.config import load_instrument
-from simulator.config.instrument import ARCSEC_PER_RAD
-from simulator.imaging.aberrations import draw_aberrations
-from simulator.imaging.build import build_imager
+from simulator.config import ARCSEC_PER_RAD, load_instrument
+from simulator.imaging import build_imager, centred_axis
 from simulator.imaging.drift import screen_model
-from simulator.imaging.imager import centred_axis
+from simulator.imaging.pupil import draw_aberrations
 from simulator.knobs import Knobs
 
 INSTRUMENT = load_instrument()

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from astropy.io import fits
 
-from simulator.arrays import write_npz
-from simulator.imaging.map_files import header_number, pixel_scale, read_maps, real_map
+from cpic_core import write_npz
+from simulator.imaging import header_number, read_maps, real_map
+from simulator.imaging.map_files import pixel_scale
 
 RAMP = np.arange(64.0).reshape(8, 8)
 
@@ -161,8 +162,8 @@ def test_numbers_of_headers(refused):
 
 
 def test_a_file_short_of_its_last_byte_is_refused(refused, tmp_path):
+    from simulator.imaging import single_band_psf
     from simulator.imaging.external import load_psf, save_psf
-    from simulator.imaging.psf import single_band_psf
 
     path = save_psf(single_band_psf("F662"), tmp_path / "psf.fits")
     path.write_bytes(path.read_bytes()[:-1])

@@ -5,13 +5,10 @@ import pytest
 from photutils.aperture import CircularAperture, aperture_photometry
 
 from simulator.config import load_instrument
-from simulator.imaging.aberrations import draw_aberrations
-from simulator.imaging.build import bare_imager, build_imager, dark_hole_of
-from simulator.imaging.hole_zone import HoleZone
+from simulator.imaging import HoleZone, PsfMetrics, build_imager, psf_metrics, single_band_psf
+from simulator.imaging.build import bare_imager, dark_hole_of
 from simulator.imaging.measure import _wings, stamp_figures
-from simulator.imaging.metrics import PsfMetrics
-from simulator.imaging.psf import single_band_psf
-from simulator.imaging.store import psf_metrics
+from simulator.imaging.pupil import draw_aberrations
 from simulator.knobs import Knobs
 
 INSTRUMENT = load_instrument()

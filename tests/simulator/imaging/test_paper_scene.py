@@ -5,10 +5,9 @@ import numpy as np
 import pytest
 
 from simulator.config import load_instrument
+from simulator.imaging import centred_axis, pixel_axis
 from simulator.imaging.build import bare_imager
-from simulator.imaging.imager import centred_axis
 from simulator.imaging.paper_scene import paper_scene_image
-from simulator.imaging.quadrature import pixel_axis
 from simulator.imaging.scene_image import PointSources, scene_image
 from simulator.imaging.transfer import band_transfer
 from simulator.knobs import Knobs

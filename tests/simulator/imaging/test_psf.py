@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 from photutils.aperture import CircularAperture, aperture_photometry
 
-from catalogs.errors import InputError
+from cpic_core import InputError
 from simulator.config import load_instrument
+from simulator.imaging import single_band_psf
 from simulator.imaging.build import dark_hole_of
 from simulator.imaging.measure import stamp_figures
-from simulator.imaging.psf import forget_stamps, single_band_psf, wide_on_axis
+from simulator.imaging.psf import forget_stamps, wide_on_axis
 from simulator.knobs import Knobs
 
 INSTRUMENT = load_instrument()

@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from simulator.imaging.aberrations import draw_aberrations
+from simulator.imaging import HoleZone, read_maps
 from simulator.imaging.conjugation import ControlSettings
 from simulator.imaging.deformable_mirror import DeformableMirror
-from simulator.imaging.hole_zone import HoleZone
-from simulator.imaging.map_files import pixel_scale, read_maps
+from simulator.imaging.map_files import pixel_scale
+from simulator.imaging.pupil import draw_aberrations
 from simulator.imaging.scene_image import PointSources, scene_image
 from simulator.imaging.transfer import KernelTransfer
 

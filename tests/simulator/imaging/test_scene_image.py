@@ -3,12 +3,11 @@ import dataclasses
 import numpy as np
 import pytest
 
-from catalogs.errors import InputError
+from cpic_core import InputError
 from simulator.config import load_instrument
-from simulator.imaging.aberrations import draw_aberrations
-from simulator.imaging.build import bare_imager, build_imager
-from simulator.imaging.imager import centred_axis
-from simulator.imaging.quadrature import pixel_axis
+from simulator.imaging import build_imager, centred_axis, pixel_axis
+from simulator.imaging.build import bare_imager
+from simulator.imaging.pupil import draw_aberrations
 from simulator.imaging.scene_image import PointSources, SourceGrid, scene_image
 from simulator.imaging.transfer import KernelTransfer, TransferFunction, band_transfer
 from simulator.knobs import Knobs

@@ -1,17 +1,27 @@
+""""""
+
+import dataclasses
+import logging
+
 import numpy as np
 import pytest
 
-from simulator.config import load_instrument
-from simulator.config.presets import preset_names
-from simulator.imaging import hole_store, measure, store
-from simulator.imaging.build import bare_imager, build_imager, dark_hole_of, hole_state_of
-from simulator.imaging.floor import measure_floor
-from simulator.imaging.geometry import BandGeometry
-from simulator.imaging.hole_store import hole_key, shipped_hole
-from simulator.imaging.measure import stamp_figures
-from simulator.imaging.metrics import PsfMetrics
-from simulator.imaging.psf import single_band_psf
-from simulator.imaging.store import metrics_key, psf_metrics, shipped_metrics
+from simulator.config import load_instrument, preset_names
+from simulator.imaging import (
+    BandGeometry,
+    PsfMetrics,
+    build_imager,
+    measure,
+    metrics_key,
+    psf_metrics,
+    single_band_psf,
+    store,
+)
+from simulator.imaging.build import bare_imager, dark_hole_of, hole_state_of
+from simulator.imaging.conjugation import Search
+from simulator.imaging.dark_hole import DarkHole, HoleScore, UnreachedHole
+from simulator.imaging.measure import measure_floor, stamp_figures
+from simulator.imaging.store import configured_apodizer, from_arrays, hole_key, shipped_hole, shipped_metrics, to_arrays
 from simulator.knobs import Knobs
 
 INSTRUMENT = load_instrument()
@@ -29,7 +39,7 @@ def test_every_band_of_every_preset_is_shipped(tmp_path, monkeypatch, preset, ba
 
     monkeypatch.setenv("CPIC_CACHE_DIR", str(tmp_path))
     monkeypatch.setattr(store, "measure", refuse)
-    monkeypatch.setattr(hole_store, "search", refuse)
+    monkeypatch.setattr(store, "search", refuse)
     instrument = load_instrument(preset)
     metrics, hole = psf_metrics(instrument, band), dark_hole_of(instrument, band)
     assert metrics.band == hole.band == band
@@ -155,3 +165,185 @@ def test_other_instrument_end_to_end(tmp_path, monkeypatch):
     assert metrics.iwa_arcsec < psf_metrics(INSTRUMENT, "F850").iwa_arcsec
     assert metrics.strehl == pytest.approx(1.0, rel=1e-9)
     assert metrics.raw_contrast[metrics.hole].mean() < 6e-10
+
+
+PRESETS = ("cpic_default", "cpic_2q", "cpic_single_jacobian")
+BANDS = ("F520", "F662", "F720", "F850")
+MODE_LIMIT = {"cpic_default": 2e-9, "cpic_2q": 8e-9, "cpic_single_jacobian": 5e-8}
+
+
+@pytest.fixture
+def no_search(monkeypatch):
+    def refuse(*_, **__):
+        raise AssertionError("searched anew")
+
+    monkeypatch.setattr(store, "search", refuse)
+
+
+def solver(instrument, band="F662"):
+    from simulator.imaging.build import bare_imager
+
+    return bare_imager(instrument, band, Knobs(wavelength_nodes=5))
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+@pytest.mark.parametrize("band", BANDS)
+def test_shipped_states_load_without_a_search(no_search, preset, band):
+    instrument = load_instrument(preset)
+    state = dark_hole_of(instrument, band)
+    assert type(state) is DarkHole
+    assert (state.band, state.zone.mode) == (band, instrument.dark_hole.mode)
+    assert state.limit_contrast == MODE_LIMIT[preset]
+    assert state.wide.mean <= state.limit_contrast
+    assert not state.commands_nm.flags.writeable
+    assert np.abs(state.commands_nm).max() <= instrument.mirror.stroke_nm / 2
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+@pytest.mark.parametrize("band", BANDS)
+def test_search_went_down_but_for_strong_steps(preset, band):
+    history, strong = (
+        getattr(dark_hole_of(load_instrument(preset), band).search, name) for name in ("history", "strong")
+    )
+    assert len(history) == 1 + len(strong)
+    for before, after, was_strong in zip(history[:-1], history[1:], strong, strict=True):
+        assert was_strong or after < before
+
+
+@pytest.mark.parametrize(("band", "ratio"), [("F520", 5e3), ("F662", 5e4), ("F720", 5e4), ("F850", 5e4)])
+def test_the_default_mirror_darkens_by_the_stated_ratio(band, ratio):
+    state = dark_hole_of(load_instrument(), band)
+    assert state.before.mean / state.wide.mean >= ratio
+    assert state.before.mean / state.own.mean >= ratio
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+@pytest.mark.parametrize("band", BANDS)
+def test_the_state_belongs_to_the_grid_that_builds_the_psf(preset, band):
+    """Light of the built optics over the zone, finer grids included, against the score of the search."""
+    exact = load_instrument({"base": preset, "mirror": {"bits": None}, "wavefront": {"jitter_mas": 0}})
+    own = dark_hole_of(exact, band).own
+
+    def mean(instrument, **knobs):
+        imager = build_imager(instrument, band, Knobs(**knobs))
+        y, x = imager.zone.score_axes(0.25 * imager.lambda_d_arcsec)
+        peak = imager.intensity(np.zeros(1), np.zeros(1))[0, 0]
+        return imager.intensity(y, x).mean() / peak
+
+    same = mean(exact, wavelength_nodes=5)
+    assert same == pytest.approx(own.mean, rel=1e-9)
+    assert mean(exact, wavelength_nodes=5, pupil_samples=256) == pytest.approx(same, rel=1e-12)
+    assert mean(exact) == pytest.approx(own.mean, rel=2e-3)  # one wavelength fewer
+    assert mean(load_instrument(preset)) == pytest.approx(own.mean, rel=0.06)  # a converter of 16 bits
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"telescope": {"diameter_m": 2.1}},
+        {"coronagraph": {"inner_lambda_d": 4.5}},
+        {"coronagraph": {"outer_half_side_arcsec": 0.65}},
+        {"coronagraph": {"inner_arcsec": {"F662": 0.3}}},
+        {"coronagraph": {"apodizer": "lpx25"}},
+        {"bands": {"F662": {"center_nm": 660}}},
+        {"bands": {"F662": {"width_nm": 60}}},
+        {"wavefront": {"seed": 2}},
+        {"wavefront": {"opd_rms_nm": 21}},
+        {"wavefront": {"amplitude_rms": 0.002}},
+        {"wavefront": {"psd_slope": 2.6}},
+        {"wavefront": {"samples": 256}},
+        {"mirror": {"n_actuators": 34}},
+        {"mirror": {"span_diameters": 0.9}},
+        {"mirror": {"coupling": 0.2}},
+        {"mirror": {"stroke_nm": 900}},
+        {"mirror": {"dead": [[3, 4]]}},
+        {"dark_hole": {"mode": "2q"}},
+        {"dark_hole": {"bandwidth": 0.05}},
+        {"dark_hole": {"control": "single_jacobian"}},
+    ],
+)
+def test_key_sees_what_the_search_sees(change):
+    default, other = load_instrument(), load_instrument(change)
+    assert hole_key(other, solver(other)) != hole_key(default, solver(default))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"mirror": {"bits": None}},
+        {"mirror": {"bits": 12, "noise_nm": 0.1}},
+        {"wavefront": {"jitter_mas": 10}},
+        {"drift": {"visit_nm": 1.0, "psd_slope": 3}},
+        {"detector": {"read_noise_e": 10}},
+        {"overhead_s": 5},
+        {"coronagraph": {"mask_half_width_arcsec": 0.12}},
+        {"bands": {"F720": {"width_nm": 30}}},
+        {"name": "mine"},
+        {"near_infrared": {"pixel_scale_arcsec": 0.03}},
+        {"bands": {"F662": {"t_opt": 0.3, "qe": 0.5}}},
+    ],
+)
+def test_key_ignores_what_the_search_does_not_see(no_search, change):
+    default, other = load_instrument(), load_instrument(change)
+    assert hole_key(other, solver(other)) == hole_key(default, solver(default))
+    np.testing.assert_array_equal(dark_hole_of(other, "F662").commands_nm, dark_hole_of(default, "F662").commands_nm)
+
+
+def test_side_is_part_of_the_key_where_it_matters():
+    keys = [
+        hole_key(item, solver(item))
+        for item in (
+            load_instrument({"base": "cpic_2q", "dark_hole": {"side": side}}) for side in ("right", "left", "top")
+        )
+    ]
+    assert len(set(keys)) == 3
+
+
+def test_arrays_there_and_back():
+    instrument = load_instrument()
+    state = dark_hole_of(instrument, "F720")
+    again = from_arrays(to_arrays(state), solver(instrument, "F720"))
+    assert type(again) is type(state)
+    np.testing.assert_array_equal(again.commands_nm, state.commands_nm)
+    for name in ("band", "zone", "method", "before", "wide", "own", "limit_contrast"):
+        assert getattr(again, name) == getattr(state, name)
+    for name in ("history", "strong", "ended"):
+        assert getattr(again.search, name) == getattr(state.search, name)
+    brighter = to_arrays(state) | {"limit_contrast": np.asarray(1e-11)}
+    assert type(from_arrays(brighter, solver(instrument, "F720"))) is UnreachedHole
+
+
+def test_any_other_hole_is_searched_once_and_kept(tmp_path, monkeypatch, caplog):
+    monkeypatch.setenv("CPIC_CACHE_DIR", str(tmp_path))
+    calls = []
+
+    def search(instrument, imager, aberrations, mirror):
+        calls.append(imager.band)
+        commands = np.full((32, 32), 1.5)
+        score = HoleScore(3e-9, 1e-9, 4e-9, 5e-9, 0.9, 0.13)
+        found = Search(commands, (1e-5, 3e-9), (False,), "iterations")
+        return UnreachedHole(imager.band, imager.zone, "relinearised", commands, found, score, score, score, 2e-9)
+
+    monkeypatch.setattr(store, "search", search)
+    other = load_instrument({"wavefront": {"seed": 77}})
+    with caplog.at_level(logging.WARNING):
+        first, second = dark_hole_of(other, "F850"), dark_hole_of(other, "F850")
+    assert calls == ["F850"]
+    assert type(first) is type(second) is UnreachedHole
+    np.testing.assert_array_equal(second.commands_nm, np.full((32, 32), 1.5))
+    assert [record.getMessage() for record in caplog.records] == [
+        "dark hole not reached: F850 4q: mean contrast 3e-09 after 1 iterations (iterations), asked 2e-09"
+    ]
+
+
+def test_configured_apodizer_is_the_map_as_it_is_named(tmp_path):
+    instrument = load_instrument()
+    steps = configured_apodizer(instrument)
+    assert steps.shape == (64, 64)
+    path = tmp_path / "lab.npz"
+    np.savez(path, intensity=np.repeat(np.repeat(steps**2, 2, 0), 2, 1))
+    lab = load_instrument(
+        {"coronagraph": {"apodizer": str(path), "apodizer_kind": "intensity", "apodizer_samples": 64}}
+    )
+    np.testing.assert_allclose(configured_apodizer(lab), steps, atol=1e-12)
+    assert dataclasses.is_dataclass(build_imager(load_instrument({"dark_hole": {"control": "off"}}), "F662"))

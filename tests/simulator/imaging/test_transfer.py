@@ -3,10 +3,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from simulator.config import load_instrument
-from simulator.config.instrument import ARCSEC_PER_RAD
-from simulator.imaging.aberrations import draw_aberrations
+from simulator.config import ARCSEC_PER_RAD, load_instrument
 from simulator.imaging.build import bare_imager
+from simulator.imaging.pupil import draw_aberrations
 from simulator.imaging.transfer import BELL, KernelTransfer, _bell_integral, _intensity, _odd_fast_length, band_transfer
 from simulator.knobs import Knobs
 

@@ -3,8 +3,7 @@
 import math
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from simulator import load_instrument
 from simulator.knobs import FIDELITIES, QUANTITIES, Knobs, dial_of
@@ -70,7 +69,7 @@ def test_tolerance_nought_leaves_nothing_out_that_exists(said):
 
 
 def test_a_larger_tolerance_never_costs_more(said):
-    from simulator.ledger.costs import stamp_s
+    from simulator.ledger.choice_rows import stamp_s
 
     costs = []
     for tolerance in (0.003, 0.01, 0.03, 0.1, 0.3):

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from simulator import load_instrument, observe
-from simulator.imaging.store import psf_metrics
+from simulator.imaging import psf_metrics
 from simulator.ledger.light import sketch_of
-from simulator.target.sources import scene_sources
+from simulator.target import scene_sources
 
 
 def sketch(scene, instrument, band, **more):

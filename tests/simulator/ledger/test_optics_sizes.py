@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import uniform_filter
 
-from simulator.imaging.aperture import aperture_sums, overlap_weights
-from simulator.imaging.psf import single_band_psf
-from simulator.imaging.store import psf_metrics
+from simulator.imaging import aperture_sums, overlap_weights, psf_metrics, single_band_psf
 from simulator.knobs import Knobs
 from simulator.ledger.optics_sizes import Optics, gauss_remainder, precision_error_e_s
 

@@ -5,13 +5,14 @@ import math
 import numpy as np
 import pytest
 
+from cpic_core import stream
 from simulator import load_instrument, observe
-from simulator.camera.track_loss import aperture_loss_per_s
-from simulator.detectors.chains import VISIBLE, switched
-from simulator.effects.cosmic_rays import draw_cosmic_rays
+from simulator.camera import aperture_loss_per_s
+from simulator.detectors import VISIBLE
+from simulator.detectors.chains import switched
+from simulator.effects import draw_cosmic_rays
 from simulator.ledger import forecast
 from simulator.ledger.case import pixel_hits
-from simulator.rng import stream
 
 SETTINGS = {"band": "F662", "exposure_s": 2.0, "n_frames": 4, "em_gain": 20.0}
 # Nothing overflows in the scene, and the clocks of the register make nothing by default.

@@ -9,12 +9,11 @@ import numpy as np
 import pytest
 
 from simulator import load_instrument, load_scene
-from simulator.camera.frame import Frame, MaskBit
+from simulator.camera import Frame, MaskBit
 from simulator.config import Instrument, Scene
 from simulator.ledger import EffectRow
 from simulator.products import write_level0
-from simulator.target.positions import wcs_keywords
-from simulator.target.sources import Source, scene_sources
+from simulator.target import Source, scene_sources, wcs_keywords
 
 INSTRUMENT = load_instrument()
 SCENE = load_scene("paper_example")

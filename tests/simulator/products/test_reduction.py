@@ -5,7 +5,8 @@ import pytest
 from astropy.io import fits
 
 from simulator import calibrate, load_instrument, observe, write_level0
-from simulator.camera import MaskBit, excess_noise_factor2
+from simulator.camera import MaskBit
+from simulator.detectors import excess_noise_factor2
 
 SCENE = {"name": "field star", "cstar": {"v_mag": 3.5, "teff_k": 5800, "ra": 10.0, "dec": 20.0}}
 # What a minimal reduction has no step for.

@@ -11,9 +11,9 @@ import yaml
 from astropy.io import fits
 from astropy.wcs import WCS
 
-from catalogs.errors import InputError
+from cpic_core import InputError
 from simulator import load_instrument, load_scene
-from simulator.camera.frame import Frame
+from simulator.camera import Frame
 from simulator.products import check_level0, write_level0
 from simulator.products.keywords import KEYWORD_FILE, load_keywords
 

@@ -43,9 +43,9 @@ def test_a_write_that_fails_leaves_no_folder(sequence, tmp_path):
 
 
 def test_parameters_that_cannot_be_written_leave_nothing(sequence, tmp_path, monkeypatch):
-    from simulator.products import params
+    from simulator.products import write
 
-    real, calls = params.write_text, []
+    real, calls = write.write_text, []
 
     def full_disk(path, text):
         calls.append(path)
@@ -53,7 +53,7 @@ def test_parameters_that_cannot_be_written_leave_nothing(sequence, tmp_path, mon
             raise OSError("no space left")
         return real(path, text)
 
-    monkeypatch.setattr(params, "write_text", full_disk)
+    monkeypatch.setattr(write, "write_text", full_disk)
     with pytest.raises(OSError, match="no space"):
         write_level0(sequence(), tmp_path)
     assert below(tmp_path) == []

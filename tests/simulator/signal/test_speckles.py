@@ -3,13 +3,12 @@
 import numpy as np
 import pytest
 
-from cpic_planner.etc.model import build_model
+from cpic_core import stream
+from cpic_planner.etc import build_model
 from simulator.config import load_instrument
+from simulator.imaging import psf_metrics, single_band_psf
 from simulator.imaging.drift import screen_model
-from simulator.imaging.psf import single_band_psf
-from simulator.imaging.store import psf_metrics
-from simulator.rng import stream
-from simulator.signal.speckles import SpeckleLaw, drift_halo, error_light_share, floor_law, speckle_law
+from simulator.signal import SpeckleLaw, drift_halo, error_light_share, floor_law, speckle_law
 
 MODEL = build_model(load_instrument())
 DRIFT = MODEL.instrument.drift

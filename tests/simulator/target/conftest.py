@@ -2,7 +2,7 @@
 
 import pytest
 
-from catalogs.spectra import load_johnson_v, load_reference_spectrum
+from catalogs import load_johnson_v, load_reference_spectrum
 
 
 @pytest.fixture(scope="session")

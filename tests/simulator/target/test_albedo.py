@@ -3,12 +3,19 @@
 import numpy as np
 import pytest
 
-from simulator.config.albedo import albedo_spec
+from simulator.config import albedo_spec
 from simulator.passbands import Passbands
-from simulator.target import albedo_flags, planet_albedo
-from simulator.target.albedo import albedo_notes, albedo_source, albedo_table, needs_insolation, phase_value
-from simulator.target.parametric import parametric_family
-from simulator.target.phase import lambert_phase
+from simulator.target import (
+    albedo_flags,
+    albedo_notes,
+    albedo_source,
+    lambert_phase,
+    needs_insolation,
+    parametric_family,
+    phase_value,
+    planet_albedo,
+)
+from simulator.target.albedo import albedo_table
 
 WAVELENGTH_NM = np.array([520, 550, 662, 720, 850, 890, 940, 1265, 1425, 1542], dtype=float)
 TABLE = {

@@ -7,10 +7,9 @@ import astropy.units as u
 import numpy as np
 import pytest
 from astropy.table import Table
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
+from hypothesis import HealthCheck, given, settings, strategies as st
 
-from catalogs.errors import InputError
+from cpic_core import InputError
 from simulator.target.albedo_files import read_albedo
 
 NM = np.array([400.0, 550.0, 660.0, 1000.0])

@@ -7,11 +7,10 @@ from contextlib import closing
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from scipy.interpolate import PchipInterpolator, RegularGridInterpolator
 
-from catalogs.errors import InputError
+from cpic_core import InputError
 from simulator.target.albedo_grid import load_albedo_grid
 
 METAL = np.array([0.0, 0.5, 1.7, 2.0])

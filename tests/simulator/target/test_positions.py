@@ -2,11 +2,9 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
-from simulator.target import detector_to_sky, sky_to_detector
-from simulator.target.positions import wcs_keywords
+from simulator.target import detector_to_sky, sky_to_detector, wcs_keywords
 
 
 @pytest.mark.parametrize(

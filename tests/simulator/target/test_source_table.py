@@ -5,9 +5,9 @@ import pickle
 import numpy as np
 import pytest
 
-from catalogs.errors import InputError
+from cpic_core import InputError
 from simulator import load_instrument, load_scene, spectrum_generator
-from simulator.target.sources import scene_sources
+from simulator.target import scene_sources
 
 STAR = {"v_mag": 1.35, "spectral_type": "K1V", "distance_pc": 1.35}
 PLANET = {"name": "b", "radius_rjup": 1, "phase_deg": 90, "separation_arcsec": 0.65, "pa_deg": 315}

@@ -2,14 +2,13 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
-from catalogs.spectra import HC_ERG_ANGSTROM, load_albedo
+from catalogs import HC_ERG_ANGSTROM, load_albedo
 from simulator import load_instrument, load_scene, planet_contrast, scenes_from_table, spectrum_generator
 from simulator.band_integrals import band_integral
 from simulator.passbands import Passbands
-from simulator.target.sources import extended_rates, scene_sources
+from simulator.target import extended_rates, scene_sources
 
 STAR = {"v_mag": 1.35, "spectral_type": "K1V", "distance_pc": 1.35}
 PLANET = {"name": "b", "radius_rjup": 1, "phase_deg": 90, "separation_arcsec": 0.65, "pa_deg": 315}
@@ -285,8 +284,8 @@ def test_flags_of_the_star_and_of_an_unknown_distance():
 
 
 def test_the_phase_function_asked_for_is_used():
-    from simulator.config.albedo import ParametricAlbedo
-    from simulator.target.albedo import phase_value
+    from simulator.config import ParametricAlbedo
+    from simulator.target import phase_value
 
     bodies = [
         parametric(name=name, pa_deg=pa, insolation_au=2, phase_deg=120, phase_function=name)

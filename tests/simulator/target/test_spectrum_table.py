@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from catalogs.errors import InputError
-from catalogs.spectra import Spectrum
+from catalogs import Spectrum
+from cpic_core import InputError
 from simulator.target import read_spectrum, stellar_spectrum
 
 NM = np.linspace(350.0, 1000.0, 66)

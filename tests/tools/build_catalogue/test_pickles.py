@@ -5,7 +5,7 @@ import io
 import numpy as np
 import pytest
 
-from catalogs.spectral_types import parse_spectral_type
+from catalogs import parse_spectral_type
 from tools.build_catalogue.builders import pickles
 
 

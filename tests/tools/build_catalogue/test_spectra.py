@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from catalogs.errors import InputError
+from cpic_core import InputError
 from tools.build_catalogue.builders import spectra
 
 NAMES = list(spectra._BANDS)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from simulator.target.parametric import load_parametric_grid
+from simulator.target import load_parametric_grid
 from tools.calibrate_albedo.methane import ANCHORS_PER_KM_AM, invert_methane
 
 

@@ -3,12 +3,10 @@
 Key forms come from :func:`catalogs.nomenclature.designation_key`, the same function that reads the user's query.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Sequence
 
-from catalogs.coordinates import separation_arcsec
+from catalogs import separation_arcsec
 from catalogs.nomenclature import designation_key, split_component
 from tools.build_catalogue.builders._star_identity import Identity
 from tools.build_catalogue.builders._star_select import MIN_PARALLAX_MAS, Removed, in_base_cut

@@ -6,14 +6,12 @@ Two Hipparcos entries give a measured relative position at 1991.25; other entrie
 an arcsecond. ExoCat-1 lists neither position angle nor epoch. Orbital motion is not modelled.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from catalogs.coordinates import position_angle, separation_arcsec, tangent_offset
+from catalogs import position_angle, separation_arcsec, tangent_offset
 from catalogs.star_systems import is_blend_id
 from tools.build_catalogue.builders._star_identity import Identity
 from tools.build_catalogue.builders._star_select import Removed

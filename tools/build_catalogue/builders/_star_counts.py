@@ -1,7 +1,5 @@
 """``stars_counts.csv``: how many stars each cut leaves, from the source to the catalogue."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Sequence
 

@@ -1,12 +1,11 @@
 """Names of the catalogue rows: which identifiers belong to which row, component letters, the name to show."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from catalogs.nomenclature import CONSTELLATIONS, GREEK, designation_key, split_component
+from catalogs import CONSTELLATIONS, GREEK
+from catalogs.nomenclature import designation_key, split_component
 from tools.build_catalogue.builders._star_select import Row
 from tools.build_catalogue.builders._star_sources import CrossName, ExoCatStar
 

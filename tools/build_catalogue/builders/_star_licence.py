@@ -1,7 +1,5 @@
 """Licence notice of the SIMBAD-derived tables."""
 
-from __future__ import annotations
-
 SHORT_LICENCE = "ODbL-1.0 (database derived from SIMBAD; see STARS_LICENCE.md)"
 
 LICENCE_TEXT = """\

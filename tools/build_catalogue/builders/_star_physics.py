@@ -4,13 +4,12 @@ The relations are those of :mod:`catalogs.stellar_physics`, each checked against
 (figures in the provenance notes).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
 
-from catalogs.star_flags import parallax_flags, type_flags
+from catalogs import luminosity_from_v
+from catalogs.star_columns import parallax_flags, type_flags
 from catalogs.stellar_physics import (
     GRAVITY_SOURCE,
     LUMINOSITY_SOURCE,
@@ -20,7 +19,6 @@ from catalogs.stellar_physics import (
     gravity,
     is_giant,
     luminosity_class,
-    luminosity_from_v,
     mass_of,
     nearest_subtype,
     radius_from_luminosity,
@@ -113,10 +111,7 @@ def _luminosity_radius_mass(person: Identity) -> None:
         luminosity, src = luminosity_from_v(row.star.v_mag, distance, teff), LUMINOSITY_SOURCE
     radius = radius_from_luminosity(luminosity, teff)
     values["luminosity_lsun"], values["luminosity_lsun_src"] = luminosity, src
-    values["radius_rsun"], values["radius_rsun_src"] = (
-        radius,
-        RADIUS_SOURCE,
-    )
+    values["radius_rsun"], values["radius_rsun_src"] = (radius, RADIUS_SOURCE)
 
     mass = exocat.number("st_mass") if exocat and trusted else float("nan")
     mass_src = "derived:ExoCat-1"

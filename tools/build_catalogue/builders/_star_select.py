@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from catalogs.coordinates import separation_arcsec
+from catalogs import separation_arcsec
 from catalogs.star_systems import CLOSE_ARCSEC, Member, adopt_parallaxes, group_systems, is_blend_id
 from tools.build_catalogue.builders._star_sources import Hipparcos2, SimbadStar
 

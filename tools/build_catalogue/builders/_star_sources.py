@@ -1,7 +1,5 @@
 """Pinned star sources and their readers; every reader returns plain dicts or columns, units in the names."""
 
-from __future__ import annotations
-
 import gzip
 import io
 import json
@@ -13,10 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.nomenclature import GREEK
+from catalogs import GREEK
+from cpic_core import FloatArray
 from tools.build_catalogue.sources import SourceFile, SourcePackage, SourceStore
-
-FloatArray = NDArray[np.float64]
 
 _VOTABLE = "{http://www.ivoa.net/xml/VOTable/v1.3}"
 

@@ -1,12 +1,10 @@
 """Build ``albedo.npz``: measured geometric albedos of the four giant planets."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
 
-from catalogs.errors import InputError
+from cpic_core import InputError
 from tools.build_catalogue.npz import write_npz
 from tools.build_catalogue.sources import ProvenanceEntry, SourceFile, SourcePackage, SourceStore
 

@@ -8,8 +8,6 @@ is flagged. Masses, limits and assumed inclinations are read as `catalogs.known_
 the width of the published interval; the archive's 0 for an error means that none is given.
 """
 
-from __future__ import annotations
-
 import csv
 import io
 import math
@@ -17,10 +15,10 @@ import xml.etree.ElementTree as ElementTree
 from dataclasses import replace
 from pathlib import Path
 
-from catalogs.errors import InputError
 from catalogs.known_planet_columns import COLUMNS, INPUT_ONLY, STANDING, flags_of, reference_text, settle
 from catalogs.known_planets import DATA_FILE
 from catalogs.nomenclature import designation_key
+from cpic_core import InputError
 from tools.build_catalogue.builders import _star_sources as src
 from tools.build_catalogue.builders._star_aliases import alias_rows
 from tools.build_catalogue.builders._star_identity import Identity

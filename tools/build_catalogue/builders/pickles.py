@@ -4,8 +4,6 @@ Types A0 to M6 of solar metallicity in classes V, IV, III, II and I; the library
 are left out. Every file is the library's own spectrum (5 A steps), not a substitute: its header names the template.
 """
 
-from __future__ import annotations
-
 import io
 import warnings
 from dataclasses import replace
@@ -13,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from catalogs.errors import InputError
-from catalogs.spectral_types import parse_spectral_type
+from catalogs import parse_spectral_type
+from cpic_core import InputError
 from tools.build_catalogue.builders import references
 from tools.build_catalogue.npz import write_npz
 from tools.build_catalogue.sources import ProvenanceEntry, SourceFile, SourceStore

@@ -1,7 +1,5 @@
 """Build ``reference_spectra.npz``: Sun and Vega (CALSPEC) and the Johnson V transmission."""
 
-from __future__ import annotations
-
 import io
 import warnings
 from pathlib import Path

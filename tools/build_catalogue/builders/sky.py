@@ -1,13 +1,11 @@
 """Build ``zodiacal_light.npz``: tables 17 and 19 of Leinert et al. 1998."""
 
-from __future__ import annotations
-
 import ast
 from pathlib import Path
 
 import numpy as np
 
-from catalogs.errors import InputError
+from cpic_core import InputError
 from tools.build_catalogue.npz import write_npz
 from tools.build_catalogue.sources import ProvenanceEntry, SourceFile, SourcePackage, SourceStore
 

@@ -12,15 +12,13 @@ mean colours of dwarfs (Pecaut & Mamajek 2013) have more light at 400-450 nm tha
 the ACES nor the CK04 grid: its lines are those of BT-NextGen.
 """
 
-from __future__ import annotations
-
 import io
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from catalogs.errors import InputError
+from cpic_core import InputError
 from tools.build_catalogue.builders import references
 from tools.build_catalogue.npz import write_npz
 from tools.build_catalogue.sources import ProvenanceEntry, SourceFile, SourcePackage, SourceStore

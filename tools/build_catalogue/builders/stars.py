@@ -6,8 +6,6 @@ parallax is below 25 mas. Ranking uses all rows with V <= 7; companions are flag
 "nearly 700" is what remains of the raw cut for dwarfs without a close companion; ``stars_counts.csv`` shows the steps.
 """
 
-from __future__ import annotations
-
 import csv
 import io
 import json
@@ -17,10 +15,9 @@ from pathlib import Path
 
 import numpy as np
 
-from catalogs.columns import Column
+from catalogs import Column
 from catalogs.coordinates import ecliptic
-from catalogs.star_columns import COLUMNS
-from catalogs.star_flags import FLAGS
+from catalogs.star_columns import COLUMNS, FLAGS
 from tools.build_catalogue.builders import _star_sources as src
 from tools.build_catalogue.builders._star_aliases import alias_rows, known_star_rows
 from tools.build_catalogue.builders._star_companions import fill_companions

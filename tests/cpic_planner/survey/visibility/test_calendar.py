@@ -13,9 +13,9 @@ from astropy.coordinates import GCRS, BarycentricMeanEcliptic, SkyCoord, get_bod
 from astropy.time import Time
 from astropy.utils import iers
 
-from catalogs.errors import InputError
-from cpic_planner.survey.visibility import BLOCKS, Visibility, load_visibility, slew_s, visibility
-from cpic_planner.survey.visibility.calendar import _geometry
+from cpic_core import InputError
+from cpic_planner.survey.visibility.calendar import BLOCKS, Visibility, _geometry, slew_s, visibility
+from cpic_planner.survey.visibility.config import load_visibility
 from cpic_planner.targets import rank_sample
 from simulator import load_instrument
 

@@ -5,12 +5,11 @@ import tracemalloc
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from cpic_planner.survey.visibility.limb import Geometry, _flank, clear_arcs
 from simulator import load_instrument
-from simulator.products.orbit import CircularOrbit, earth_radius_deg
+from simulator.products import CircularOrbit, earth_radius_deg
 
 ORBIT = CircularOrbit(load_instrument().mission.orbit)
 RADIUS_DEG = float(earth_radius_deg(ORBIT.radius_km))

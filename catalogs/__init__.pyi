@@ -1,0 +1,67 @@
+from catalogs.bands import (
+    Band as Band,
+    band_from_file as band_from_file,
+    band_provenance as band_provenance,
+    load_bands as load_bands,
+)
+from catalogs.catalogue import (
+    NAMED_TABLES as NAMED_TABLES,
+    PLANET_CREDITS as PLANET_CREDITS,
+    Catalogue as Catalogue,
+    catalogue_info as catalogue_info,
+    data_credits as data_credits,
+    open_catalogue as open_catalogue,
+    snapshot_vintage as snapshot_vintage,
+)
+from catalogs.coordinates import (
+    position_angle as position_angle,
+    separation_arcsec as separation_arcsec,
+    tangent_offset as tangent_offset,
+)
+from catalogs.known_planet_table import KnownPlanetTable as KnownPlanetTable, star_key as star_key
+from catalogs.known_planets import load_known_planets as load_known_planets, split_source as split_source
+from catalogs.names import StarMatch as StarMatch, resolve_star as resolve_star
+from catalogs.nomenclature import CONSTELLATIONS as CONSTELLATIONS, GREEK as GREEK
+from catalogs.refresh import (
+    Refreshed as Refreshed,
+    data_dir as data_dir,
+    ecsv_text as ecsv_text,
+    file_name as file_name,
+    parse_refreshed as parse_refreshed,
+    stored_tables as stored_tables,
+)
+from catalogs.simbad import (
+    Cuts as Cuts,
+    RefreshError as RefreshError,
+    TapService as TapService,
+    queries as queries,
+    service_url as service_url,
+)
+from catalogs.spectra import (
+    Albedo as Albedo,
+    SpectralLibrary as SpectralLibrary,
+    Spectrum as Spectrum,
+    load_albedo as load_albedo,
+    load_johnson_v as load_johnson_v,
+    load_pickles as load_pickles,
+    load_reference_spectrum as load_reference_spectrum,
+    load_stellar_grid as load_stellar_grid,
+    load_zodi_table as load_zodi_table,
+)
+from catalogs.spectral_types import parse_spectral_type as parse_spectral_type, stellar_parameters as stellar_parameters
+from catalogs.star_columns import ADDED_FLAGS as ADDED_FLAGS, QUANTITIES as QUANTITIES
+from catalogs.stars import StarTable as StarTable, load_stars as load_stars
+from catalogs.stellar_grid import (
+    HC_ERG_ANGSTROM as HC_ERG_ANGSTROM,
+    GridFlags as GridFlags,
+    StellarGrid as StellarGrid,
+    bracket as bracket,
+)
+from catalogs.stellar_physics import luminosity_from_v as luminosity_from_v
+from catalogs.table_cells import Column as Column, Columns as Columns, read_rows as read_rows
+from catalogs.table_files import (
+    TableBytes as TableBytes,
+    astropy_table as astropy_table,
+    parse_table as parse_table,
+    read_bytes as read_bytes,
+)

@@ -1,0 +1,59 @@
+from cpic_core.arrays import (
+    BoolArray as BoolArray,
+    ComplexArray as ComplexArray,
+    FloatArray as FloatArray,
+    IntArray as IntArray,
+)
+from cpic_core.errors import InputError as InputError
+from cpic_core.files import (
+    NPZ_ERRORS as NPZ_ERRORS,
+    LockHeld as LockHeld,
+    cache_info as cache_info,
+    clear_cache as clear_cache,
+    compute_once as compute_once,
+    dump_json as dump_json,
+    exclusive_lock as exclusive_lock,
+    open_npz as open_npz,
+    read_npz as read_npz,
+    whole_file as whole_file,
+    write_bytes as write_bytes,
+    write_npz as write_npz,
+    write_text as write_text,
+)
+from cpic_core.outcome import Outcome as Outcome, Reason as Reason, Status as Status
+from cpic_core.quantities import (
+    check_finite as check_finite,
+    check_number as check_number,
+    check_pair as check_pair,
+    check_whole as check_whole,
+    checked_array as checked_array,
+    checked_scalar as checked_scalar,
+    element_name as element_name,
+    in_unit as in_unit,
+    real_array as real_array,
+)
+from cpic_core.random_streams import PathPart as PathPart, stream as stream
+from cpic_core.registry import Registry as Registry
+from cpic_core.runtime import (
+    LOGGER as LOGGER,
+    THREAD_VARIABLES as THREAD_VARIABLES,
+    Advance as Advance,
+    announce as announce,
+    load_kernels as load_kernels,
+    load_quietly as load_quietly,
+    numeric_context as numeric_context,
+    untold as untold,
+)
+from cpic_core.user_files import (
+    digest_of as digest_of,
+    open_file as open_file,
+    read_file as read_file,
+    read_text as read_text,
+)
+from cpic_core.yaml_files import (
+    Provenance as Provenance,
+    load_mapping as load_mapping,
+    load_yaml as load_yaml,
+    parse_yaml as parse_yaml,
+    split_sourced as split_sourced,
+)

@@ -1,0 +1,33 @@
+"""Names of a package that load on first use; its stub ``__init__.pyi`` is the only list of them."""
+
+import ast
+import importlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+
+def lazy_names(package: str, file: str) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
+    """Return what a package needs to offer the names that its stub imports, each loaded when it is first asked for.
+
+    Parameters
+    ----------
+    package : str
+        Name of the package, its ``__name__``.
+    file : str
+        Path of its ``__init__.py``; the stub lies beside it.
+
+    Returns
+    -------
+    tuple
+        ``__getattr__``, ``__dir__`` and ``__all__`` of the package (PEP 562).
+    """
+    stub = ast.parse(Path(file).with_suffix(".pyi").read_text(encoding="utf-8"))
+    home = {alias.name: node.module for node in stub.body if isinstance(node, ast.ImportFrom) for alias in node.names}
+
+    def load(name: str) -> Any:
+        if name not in home:
+            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+        return getattr(importlib.import_module(str(home[name])), name)
+
+    return load, lambda: sorted(home), sorted(home)

@@ -1,0 +1,204 @@
+"""Numbers from outside: with or without a unit of `astropy.units`, in one place."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cpic_core.errors import InputError
+
+_ASTROPY_UNITS = {"R_Jup": "jupiterRad", "au": "AU", "L_sun": "solLum"}
+
+
+def in_unit(name: str, value: Any, unit: str) -> Any:
+    """Return a value that carries a unit (`astropy.units`) as plain numbers in the unit named; others unchanged.
+
+    Parameters
+    ----------
+    name : str
+        Name that a refusal gives.
+    value : object
+        Number(s), with or without a unit.
+    unit : str
+        Unit of the value, in words; empty without one.
+
+    Raises
+    ------
+    InputError
+        If the units do not convert.
+    """
+    if not hasattr(value, "to_value"):
+        return value
+    try:
+        return value.to_value(_ASTROPY_UNITS.get(unit, unit))
+    except (TypeError, ValueError):  # astropy's unit errors are both
+        allowed = f"a quantity that converts to {unit or 'a number'}"
+        raise InputError(name, str(value), unit=unit, allowed=allowed) from None
+
+
+def real_array(name: str, value: ArrayLike, unit: str = "") -> np.ndarray:
+    """Return numbers, plain or with a unit, as a float64 array; masked ones are nan.
+
+    Parameters
+    ----------
+    name : str
+        Name that a refusal gives.
+    value : array_like
+        Number(s).
+    unit : str, optional
+        Unit of the value, in words; empty without one.
+
+    Raises
+    ------
+    InputError
+        If they are not real numbers (text, truth values, complex) or carry a unit that does not convert.
+    """
+    plain = in_unit(name, value, unit)
+    try:
+        found = np.asarray(plain)
+        # numpy would read text and truth values as numbers.
+        array = found.astype(np.float64) if found.dtype.kind in "fiuO" else None
+    except (TypeError, ValueError):
+        array = None
+    if array is None:
+        raise InputError(name, value, unit=unit, allowed="real numbers")
+    if np.ma.isMaskedArray(plain):
+        array[np.ma.getmaskarray(plain)] = np.nan
+    return array
+
+
+def check_finite(name: str, value: ArrayLike, unit: str = "") -> np.ndarray:
+    """Return `real_array`; refuse values that are not finite.
+
+    Parameters
+    ----------
+    name : str
+        Name that a refusal gives.
+    value : array_like
+        Number(s), with or without a unit.
+    unit : str, optional
+        Unit of the value, in words; empty without one.
+    """
+    array = real_array(name, value, unit)
+    if not np.all(np.isfinite(array)):
+        raise InputError(name, float(array[~np.isfinite(array)].flat[0]), unit=unit, allowed="finite numbers")
+    return array
+
+
+def check_number(name: str, value: Any, unit: str = "") -> float:
+    """Return one number, plain or with a unit; refuse what is not finite.
+
+    Parameters
+    ----------
+    name : str
+        Name that a refusal gives.
+    value : object
+        One number, with or without a unit.
+    unit : str, optional
+        Unit of the value, in words; empty without one.
+    """
+    array = real_array(name, value, unit)
+    if array.ndim or not np.isfinite(array):
+        raise InputError(name, array.tolist(), unit=unit, allowed="a finite number")
+    return float(array)
+
+
+def check_whole(name: str, value: Any, low: int, high: int) -> int:
+    """Return a whole number, of any type of number but truth values, that lies in a range.
+
+    Parameters
+    ----------
+    name : str
+        Name that a refusal gives.
+    value : object
+        One whole number.
+    low : int
+        Least value allowed.
+    high : int
+        Largest value allowed.
+
+    Raises
+    ------
+    InputError
+        If it is none.
+    """
+    try:
+        number = check_number(name, value)
+    except InputError:
+        number = float("nan")
+    if not (low <= number <= high and number.is_integer()):
+        raise InputError(name, value, allowed=f"an integer from {low} to {high}")
+    return int(number)
+
+
+def check_pair(name: str, value: Any, limit: float, unit: str = "", *, why: str = "") -> tuple[float, float]:
+    """Return two finite numbers, x and y, each at most ``limit`` either way; ``why`` says where the limit comes from.
+
+    Parameters
+    ----------
+    name : str
+        Name that a refusal gives.
+    value : object
+        Two numbers.
+    limit : float
+        Largest absolute value.
+    unit : str, optional
+        Unit of the value, in words; empty without one.
+    why : str, optional
+        Reason that a refusal gives.
+
+    Raises
+    ------
+    InputError
+        If they are none.
+    """
+    allowed = f"x and y, each at most {limit:g}{why and f', {why}'}"
+    try:
+        values = real_array(name, value, unit)
+    except InputError:
+        values = np.empty(0)
+    if values.shape != (2,) or not np.isfinite(values).all() or np.abs(values).max() > limit:
+        raise InputError(name, value, unit=unit, allowed=allowed)
+    return float(values[0]), float(values[1])
+
+
+def element_name(key: str, bad: NDArray[np.bool_]) -> tuple[str, tuple[int, ...]]:
+    """Name and index of the first ``True`` of ``bad``: ``("rate_map_e_s[y=3, x=7]", (3, 7))`` for images."""
+    index = tuple(int(i) for i in np.unravel_index(int(np.argmax(bad)), bad.shape))
+    if not index:
+        return key, index
+    labels = [f"y={index[0]}", f"x={index[1]}"] if len(index) == 2 else [str(i) for i in index]
+    return f"{key}[{', '.join(labels)}]", index
+
+
+def checked_array(
+    key: str, value: ArrayLike, *, low: float, high: float = np.inf, unit: str = "", allowed: str = ""
+) -> NDArray[np.float64]:
+    """``value`` as float64, every element finite and within ``[low, high]``.
+
+    Raises
+    ------
+    InputError
+        Naming the first element that is not a finite number in range.
+    """
+    allowed = allowed or (f"{low:g} to {high:g}" if np.isfinite(high) else f"finite and at least {low:g}")
+    try:
+        array = np.asarray(value)
+        if array.dtype.kind not in "iuf":
+            raise TypeError
+        array = array.astype(np.float64)
+    except (TypeError, ValueError):
+        raise InputError(key, value, unit=unit, allowed=f"numbers, {allowed}") from None
+    bad = ~((array >= low) & (array <= high) & np.isfinite(array))
+    if bad.any():
+        name, index = element_name(key, bad)
+        raise InputError(name, float(array[index]), unit=unit, allowed=allowed)
+    return array
+
+
+def checked_scalar(key: str, value: ArrayLike, *, low: float, high: float, unit: str = "") -> float:
+    """One finite number within ``[low, high]``, refused by name otherwise."""
+    array = checked_array(key, value, low=low, high=high, unit=unit)
+    if array.ndim:
+        raise InputError(key, value, unit=unit, allowed="one number")
+    return float(array)

@@ -1,0 +1,228 @@
+"""Strict, safe YAML: no duplicate keys, no aliases, numbers as people write them.
+
+PyYAML follows YAML 1.1, where ``1e-8`` is a string, ``on`` is a boolean and ``12:30`` is 750. This
+loader resolves plain scalars by the YAML 1.2 core schema instead (https://yaml.org/spec/1.2.2/#103-core-schema).
+"""
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from cpic_core.errors import InputError
+from cpic_core.user_files import read_text
+
+MAX_BYTES = 4_000_000
+KINDS = (
+    "instrument",
+    "scene",
+    "simulation",
+    "strategies",
+    "strategy",
+    "population",
+    "visibility",
+    "simulator_overrides",
+    "question",
+)
+"""Kinds by which our files name themselves."""
+_KIND_LINE = re.compile(rf"^kind:[ \t]*(?:{'|'.join(KINDS)})[ \t]*(?:#.*)?$", re.MULTILINE)
+_QUOTED = re.compile(r"\s*('[^']*'|\"[^\"]*\")")
+_NO_EVIDENCE = ("kind", "name", "description", "base")  # keys that any file may have
+_SOURCED_KEYS = {"value", "unit", "source", "confidence", "range", "note"}
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """Where a number comes from.
+
+    ``confidence`` is ``"P"`` (published and read), ``"I"`` (inferred from published numbers) or ``"A"`` (assumed).
+    """
+
+    source: str
+    confidence: str
+    unit: str = ""
+    range: tuple[float, float] | None = None
+    note: str = ""
+
+
+class _StrictLoader(yaml.SafeLoader):
+    """SafeLoader with the YAML 1.2 core scalars; aliases and duplicate keys are errors."""
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        if self.check_event(yaml.AliasEvent):
+            event: Any = self.peek_event()  # type: ignore[no-untyped-call]
+            raise yaml.constructor.ConstructorError(
+                None, None, "aliases (*name) are not accepted: write the value out", event.start_mark
+            )
+        return super().compose_node(parent, index)
+
+    def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:
+        seen: set[Any] = set()
+        for key_node, _ in node.value:
+            key = self.construct_object(key_node, deep=True)
+            if not isinstance(key, str | int | float | bool):
+                raise yaml.constructor.ConstructorError(None, None, "a key must be a plain word", key_node.start_mark)
+            if key in seen:
+                raise yaml.constructor.ConstructorError(None, None, f"duplicate key {key!r}", key_node.start_mark)
+            seen.add(key)
+        return super().construct_mapping(node, deep=deep)
+
+
+_StrictLoader.yaml_implicit_resolvers = {}
+for _tag, _pattern, _first in (
+    ("bool", r"^(?:true|True|TRUE|false|False|FALSE)$", "tTfF"),
+    ("null", r"^(?:~|null|Null|NULL|)$", ["~", "n", "N", ""]),
+    ("int", r"^[-+]?[0-9]+$", "-+0123456789"),
+    (
+        "float",
+        r"^(?:[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?|[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN))$",
+        "-+.0123456789",
+    ),
+):
+    _StrictLoader.add_implicit_resolver(f"tag:yaml.org,2002:{_tag}", re.compile(_pattern), list(_first))
+
+
+def _construct_int(loader: _StrictLoader, node: Any) -> int:
+    return int(loader.construct_scalar(node))
+
+
+def _construct_float(loader: _StrictLoader, node: Any) -> float:
+    text = str(loader.construct_scalar(node)).lower().replace(".inf", "inf").replace(".nan", "nan")
+    return float(text)
+
+
+_StrictLoader.add_constructor("tag:yaml.org,2002:int", _construct_int)
+_StrictLoader.add_constructor("tag:yaml.org,2002:float", _construct_float)
+
+
+def parse_yaml(text: str, *, where: str = "YAML text", quoting: bool = True) -> Any:
+    """Parse one YAML document.
+
+    Parameters
+    ----------
+    text : str
+        The document.
+    where : str
+        Name shown in error messages (a file name).
+    quoting : bool
+        Whether messages may quote the document.
+
+    Returns
+    -------
+    object
+        Nested dict, list, str, int, float, bool and None.
+
+    Raises
+    ------
+    InputError
+        On duplicate keys, aliases, tags outside the safe set or malformed text, with line and column.
+    """
+    try:
+        return yaml.load(text, Loader=_StrictLoader)  # noqa: S506 - _StrictLoader derives from SafeLoader
+    except RecursionError:
+        raise InputError(where, "nested too deeply", allowed="one well-formed YAML document") from None
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        place = f" line {mark.line + 1} column {mark.column + 1}" if mark else ""
+        problem = getattr(error, "problem", None) or str(error).splitlines()[0]
+        problem = problem if quoting else _QUOTED.sub("", problem)
+        raise InputError(f"{where}{place}", problem, allowed="one well-formed YAML document") from None
+
+
+def load_yaml(path: str | Path) -> Any:
+    """Read one YAML file strictly; see `parse_yaml`.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, no regular file, larger than 4 MB, not UTF-8, or not strict YAML. The message quotes a
+        file only if that says in a line of its own that it is of one of our kinds.
+    """
+    text = read_text(path, key="file", allowed="a readable YAML file", max_bytes=MAX_BYTES)
+    return parse_yaml(text, where=Path(path).name, quoting=_KIND_LINE.search(text) is not None)
+
+
+def load_mapping(path: str | Path, kind: str, keys: Iterable[str]) -> dict[str, Any]:
+    """Read one YAML file that holds a mapping of ours.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    kind : str
+        What it is read as.
+    keys : iterable of str
+        Keys that such a file has; one of them makes it ours if it does not say its kind.
+
+    Returns
+    -------
+    dict
+        With its ``kind``, which may be another of ours, if it has one.
+
+    Raises
+    ------
+    InputError
+        As `load_yaml`, or if the file is not of one of our kinds; the message then quotes nothing of it.
+    """
+    tree = load_yaml(path)
+    if isinstance(tree, dict):
+        said = tree.get("kind")
+        known = {_reduced(key) for key in keys} - set(_NO_EVIDENCE)
+        if said in KINDS if "kind" in tree else not known.isdisjoint(_reduced(str(key)) for key in tree):
+            return tree
+    raise InputError(kind, str(path), allowed=f"a YAML mapping of kind {kind}", hint=f"its first line: kind: {kind}")
+
+
+def _reduced(key: str) -> str:
+    return key.split(".")[0].strip().lower().replace("-", "_").replace(" ", "_")
+
+
+def split_sourced(tree: Any, path: str = "") -> tuple[Any, dict[str, Provenance]]:
+    """Separate values from their provenance.
+
+    A leaf may be written plainly (``width_nm: 50``) or with its standing
+    (``width_nm: {value: 50, unit: nm, source: "...", confidence: A}``).
+
+    Parameters
+    ----------
+    tree : object
+        Parsed YAML.
+    path : str
+        Dotted path of ``tree`` itself.
+
+    Returns
+    -------
+    values : object
+        The same tree with plain leaves.
+    provenance : dict of str to Provenance
+        Dotted path of each sourced leaf to its provenance.
+    """
+    if isinstance(tree, dict):
+        if "value" in tree and set(tree) <= _SOURCED_KEYS:
+            limits = tree.get("range")
+            return tree["value"], {
+                path: Provenance(
+                    source=str(tree.get("source", "")),
+                    confidence=str(tree.get("confidence", "A")),
+                    unit=str(tree.get("unit", "")),
+                    range=(float(limits[0]), float(limits[1])) if limits else None,
+                    note=str(tree.get("note", "")),
+                )
+            }
+        values: dict[Any, Any] = {}
+        found: dict[str, Provenance] = {}
+        for key, item in tree.items():
+            values[key], inner = split_sourced(item, f"{path}.{key}" if path else str(key))
+            found.update(inner)
+        return values, found
+    if isinstance(tree, list):
+        items, found = [], {}
+        for number, item in enumerate(tree):
+            value, inner = split_sourced(item, f"{path}[{number}]")
+            items.append(value)
+            found.update(inner)
+        return items, found
+    return tree, {}

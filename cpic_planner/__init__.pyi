@@ -1,0 +1,57 @@
+from catalogs.known_planets import load_known_planets as load_known_planets
+from cpic_core.errors import InputError as InputError
+from cpic_planner.api.etc import (
+    contrast_limit as contrast_limit,
+    exposure_time as exposure_time,
+    optimise as optimise,
+    signal_to_noise as signal_to_noise,
+)
+from cpic_planner.api.runs import (
+    compare_strategies as compare_strategies,
+    confirm_scene as confirm_scene,
+    confirm_targets as confirm_targets,
+    explain_rank as explain_rank,
+    make_plan as make_plan,
+    rank_sensitivity as rank_sensitivity,
+    rank_targets as rank_targets,
+    simulate_products as simulate_products,
+    star_visibility as star_visibility,
+)
+from cpic_planner.planets.population_config import load_population as load_population
+from cpic_planner.queries.shared import ReferencePlanet as ReferencePlanet, Strategy as Strategy
+from cpic_planner.survey.strategy_file import load_strategies as load_strategies
+from cpic_planner.targets import load_targets as load_targets
+from cpic_planner.version import __version__ as __version__
+from simulator import (
+    Calibration as Calibration,
+    ExternalPsf as ExternalPsf,
+    Instrument as Instrument,
+    Knobs as Knobs,
+    NotOk as NotOk,
+    Observation as Observation,
+    Outcome as Outcome,
+    Passbands as Passbands,
+    Planet as Planet,
+    Psf as Psf,
+    Reason as Reason,
+    Scene as Scene,
+    SceneStar as SceneStar,
+    Status as Status,
+    calibrate as calibrate,
+    check_level0 as check_level0,
+    lambert_phase as lambert_phase,
+    load_dm_surface as load_dm_surface,
+    load_instrument as load_instrument,
+    load_psf as load_psf,
+    load_scene as load_scene,
+    observe as observe,
+    planet_albedo as planet_albedo,
+    planet_contrast as planet_contrast,
+    save_psf as save_psf,
+    scenes_from_table as scenes_from_table,
+    single_band_psf as single_band_psf,
+    spectrum_generator as spectrum_generator,
+    star_photlam as star_photlam,
+    stream as stream,
+    write_level0 as write_level0,
+)

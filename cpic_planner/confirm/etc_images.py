@@ -1,0 +1,293 @@
+"""One answer of the exposure-time calculator, observed in simulated images with its own frames."""
+
+import dataclasses
+import itertools
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from cpic_core import InputError, Outcome, Reason, Status
+from cpic_planner.etc import EtcModel, aperture_rates, diagonal_pa_deg, reference_distance_au, stand
+from cpic_planner.queries import MAX_FRAMES, ReferencePlanet
+from cpic_planner.results import EtcAnswer, ImageCheck
+from cpic_planner.targets import Targets
+from cpic_planner.validation import (
+    ConfirmTask,
+    Frames,
+    FrameStory,
+    Measurement,
+    Modelling,
+    Realised,
+    StarFlux,
+    Subject,
+    Visits,
+    expected_of,
+    mean_snr,
+    modelling_of,
+    realised_frames,
+    snr_scatter,
+    subjects_of,
+    target_scene,
+    task_of,
+    visits_of,
+)
+from cpic_planner.validation.measure import measure
+from simulator.config import Planet, Scene, albedo_spec
+from simulator.knobs import Dial
+from simulator.observing import observe
+from simulator.target import contrast_at
+
+AIM = 0.05
+"""Relative error to which the SNR of images is known by default."""
+FEWEST, MOST, MOST_FOR_TOLERANCE = 8, 400, 2000
+"""Realisations as sums of frames: a jackknife needs eight, and four hundred take a minute; a tolerance may ask for
+more."""
+FEWEST_BY_FRAMES, MOST_FRAMES = 2, 2000
+"""Realisations frame by frame, and frames of all of them together unless more are asked for."""
+# Of a tolerance, knobs and skipped effects have this share, and chance what is left in quadrature.
+_SHARE_OF_KNOBS = 0.5
+_SHARE_OF_CHANCE = math.sqrt(1.0 - _SHARE_OF_KNOBS**2)
+_GREY, _PHASE_DEG = 0.5, 90.0
+
+Progress = Callable[[float], None]
+
+
+def check_in_images(
+    model: EtcModel,
+    star: Targets,
+    answer: EtcAnswer,
+    planet: ReferencePlanet | None,
+    dial: Dial,
+    *,
+    seed: int = 1,
+    realisations: int | None = None,
+    stated_snr_error: float = 0.0,
+    progress: Progress = lambda done: None,
+) -> Outcome[ImageCheck]:
+    """Observe the planet of an answer in simulated images, with the frames of the answer, and measure it.
+
+    Parameters
+    ----------
+    model : EtcModel
+        That gave the answer.
+    star : Targets
+        One star.
+    answer : EtcAnswer
+        With frames and a contrast.
+    planet : ReferencePlanet or None
+        What reflects the light; None for a grey planet of the answer's contrast.
+    dial : Dial
+        ``reference`` draws every frame with every effect of the camera, ``standard`` and a tolerance sums of frames.
+    seed : int
+        Of the images.
+    realisations : int, optional
+        As many as `AIM` asks for by default, 8 to 400 (frame by frame at least 2, of 2000 frames); with a tolerance as
+        many as that asks for.
+    stated_snr_error : float
+        Of the closed form, for the verdict.
+    progress : callable
+        Told the finished share, 0 to 1.
+
+    Returns
+    -------
+    Outcome of ImageCheck
+        ``invalid`` or ``saturated`` with reason and sentence where images cannot check the answer.
+    """
+    refused = _not_measured(model, answer)
+    if refused:
+        return Outcome.refuse(Status.INVALID, Reason.NOT_MEASURED, refused)
+    try:
+        task = _task(model, star, answer, planet, dial, seed)
+        modelling = modelling_of(task)
+        done, visits, subject = _measured(task, modelling, dial, realisations, progress)
+    except _Refused as refusal:
+        return Outcome.refuse(refusal.status, refusal.reason, str(refusal))
+    except InputError as error:
+        return Outcome.refuse(Status.INVALID, Reason.NOT_MEASURED, f"images refuse it: {error}")
+    found = _compared(task, modelling, done, stated_snr_error)
+    light = _light_ratio(model, star, answer, visits, subject)
+    return Outcome.ok(ImageCheck(**found, light_ratio=light))
+
+
+class _Refused(Exception):
+    """Images do not check the answer."""
+
+    def __init__(self, status: Status, reason: Reason, message: str) -> None:
+        super().__init__(message)
+        self.status, self.reason = status, reason
+
+
+def _not_measured(model: EtcModel, answer: EtcAnswer) -> str:
+    """Why images of this answer are not measured; empty if they are."""
+    if model.instrument.band(answer.band).camera != "VIS":
+        return f"images of the near-infrared camera ({answer.band}) are simulated, not yet measured"
+    if model.strategy.mode != "analogue":
+        return "photon counting is predicted, not yet measured in images"
+    return ""
+
+
+def _task(
+    model: EtcModel, star: Targets, answer: EtcAnswer, planet: ReferencePlanet | None, dial: Dial, seed: int
+) -> ConfirmTask:
+    assert answer.exposure_s is not None
+    assert answer.n_frames is not None
+    assert answer.em_gain is not None
+    assert answer.contrast is not None
+    frames = Frames(answer.exposure_s, answer.n_frames, answer.em_gain)
+    place = stand(model, answer.band, answer.separation_arcsec)
+    expected = expected_of(model, star, answer.band, place, answer.contrast, frames)
+    chosen: dict[str, Any] = {"fidelity": dial.fidelity}
+    if dial.fidelity == "custom":
+        chosen = {"tolerance": _SHARE_OF_KNOBS * max(dial.tolerance.values())}
+    scene = _scene(model, star, answer.band, answer.separation_arcsec, answer.contrast, planet)
+    return task_of(
+        model, scene, answer.band, frames, [expected], seed=seed, realisations=1, audit=False, overrides=None, **chosen
+    )
+
+
+def _scene(
+    model: EtcModel, star: Targets, band: str, separation: float, contrast: float, planet: ReferencePlanet | None
+) -> Scene:
+    """The star with its planet on the diagonal; a grey one stands as far from it as gives it the contrast."""
+    body = planet or ReferencePlanet(phase_deg=_PHASE_DEG, albedo=albedo_spec(_GREY))
+    distance = float(reference_distance_au(star, np.array([separation]), body)[0, 0])
+    pa_deg = diagonal_pa_deg(model.metrics[band].zone, model.instrument.detector.parity)
+    zodis = model.instrument.sky.exozodi_zodis
+    scene = target_scene(star, body, separation, distance, pa_deg, exozodi_zodis=zodis)
+    if planet is not None:
+        return scene
+    there = float(contrast_at(body.radius_rjup, distance, body.phase_deg, _GREY))
+    grey = scene.planets[0].model_copy(update={"distance_au": distance * math.sqrt(there / contrast)})
+    # Its true distance then contradicts the star's: nothing else depends on that.
+    nowhere = scene.cstar.model_copy(update={"distance_pc": None})
+    return scene.model_copy(update={"cstar": nowhere, "planets": (Planet.model_validate(grey.model_dump()),)})
+
+
+@dataclass(frozen=True)
+class _Drawn:
+    """One realisation."""
+
+    visits: Visits
+    realised: Realised
+    story: FrameStory | None
+
+
+def _drawn(task: ConfirmTask, modelling: Modelling) -> Iterator[_Drawn]:
+    """Realisations without end, one in memory at a time."""
+    if modelling.outcome.value is None:
+        raise _Refused(modelling.outcome.status, modelling.outcome.reason, modelling.outcome.message)
+    if modelling.dial.fidelity == "reference":
+        if task.n_frames > MAX_FRAMES:
+            text = f"{task.n_frames} frames one by one, at most {MAX_FRAMES}: give less time or longer exposures"
+            raise _Refused(Status.INVALID, Reason.TOO_MANY_FRAMES, text)
+        for number in itertools.count():
+            visits = visits_of(task, realisation=number, modelling=modelling)
+            yield _Drawn(visits, *realised_frames(visits))
+    visits = visits_of(task, modelling=dataclasses.replace(modelling, draw="sums"))
+    if visits.stackable.value is None:
+        text = f"no sums of frames: {visits.stackable.message}; fidelity reference draws every frame"
+        raise _Refused(visits.stackable.status, visits.stackable.reason, text)
+    if modelling.draw != "sums":
+        text = "sums of frames are not accurate enough for this scene; fidelity reference draws every frame"
+        raise _Refused(Status.INVALID, Reason.TOLERANCE_NOT_MET, text)
+    for number in itertools.count():
+        yield _Drawn(visits, visits.draw(number), None)
+
+
+def _measured(
+    task: ConfirmTask, modelling: Modelling, dial: Dial, realisations: int | None, progress: Progress
+) -> tuple[list[Measurement], Visits, Subject]:
+    """Measurements of as many realisations as it takes, with the last visits."""
+    found: list[Measurement] = []
+    total = realisations
+    for drawn in _drawn(task, modelling):
+        if not found:
+            subject = subjects_of(drawn.visits)[0]
+        rate = drawn.visits.science.truth.sources[0].rate_e_s
+        star = StarFlux(rate, 0.0, "off_mask", rate, 1.0, 1.0)
+        (one,), _ = measure(drawn.visits, drawn.realised, [subject], star)
+        if one is None or (drawn.story is not None and drawn.story.lost_in):
+            where = "pixels of the dark hole" if one else "the aperture or what is around it"
+            raise _Refused(Status.SATURATED, Reason.PIXEL_FULL_WELL, f"limits cut off {where}")
+        found.append(one)
+        if total is None:
+            total = _wanted(task, dial, one.n_apertures)
+        progress(min(len(found) / total, 1.0))
+        if len(found) >= total:
+            break
+    return found, drawn.visits, subject
+
+
+def _wanted(task: ConfirmTask, dial: Dial, n_apertures: int) -> int:
+    """Realisations that tell the SNR as well as is asked for."""
+    aim = AIM if dial.fidelity != "custom" else _SHARE_OF_CHANCE * max(dial.tolerance.values())
+    expected = task.predictions[0]
+    snr = expected["snr"]
+    wanted = math.ceil((snr_scatter(snr, expected["significance"], n_apertures) / (snr * aim)) ** 2)
+    if dial.fidelity == "reference":
+        whole = math.floor(MOST_FRAMES / (task.n_frames * (1.0 + task.strategy["reference_ratio"])))
+        return int(max(FEWEST_BY_FRAMES, min(wanted, whole)))
+    if dial.fidelity == "custom" and wanted > MOST_FOR_TOLERANCE:
+        text = (
+            f"it takes {wanted} realisations to know the SNR of images that well, at most {MOST_FOR_TOLERANCE}: "
+            "give a larger tolerance, or fidelity standard"
+        )
+        raise _Refused(Status.INVALID, Reason.TOLERANCE_NOT_MET, text)
+    return int(max(wanted, FEWEST) if dial.fidelity == "custom" else min(max(wanted, FEWEST), MOST))
+
+
+def _light_ratio(model: EtcModel, star: Targets, answer: EtcAnswer, visits: Visits, subject: Subject) -> float:
+    """Planet's light in its aperture: that of images without noise over that of the closed form."""
+    scene = visits.plan.science_scene
+    maps = [
+        observe(
+            one,
+            band=answer.band,
+            exposure_s=visits.task.exposure_s,
+            instrument=visits.instrument,
+            window="hole",
+            fidelity=visits.modelling.knobs,
+            roll_deg=visits.plan.science["roll_deg"],
+        ).light.static_e_s
+        for one in (scene, scene.without_planets())
+    ]
+    x, y = (np.asarray(part, float).reshape(1, 1) for part in stand(model, answer.band, answer.separation_arcsec))
+    rates = aperture_rates(model, star, answer.band, x, y, np.full((1, 1), answer.contrast))
+    return float(np.sum((maps[0] - maps[1]) * subject.apertures[0]) / rates.planet_e_s.flat[0])
+
+
+def _compared(
+    task: ConfirmTask, modelling: Modelling, done: list[Measurement], stated_snr_error: float
+) -> dict[str, Any]:
+    """What the realisations say together, beside the closed form."""
+    expected = task.predictions[0]
+    suffix = "_full" if modelling.draw == "frames" else ""  # sums have no hits of particles
+    contrast = np.array([one.contrast for one in done])
+    error = np.array([one.contrast_error for one in done])
+    sigma = np.array([one.contrast_sigma for one in done])
+    predicted, significance = expected["snr" + suffix], expected["significance" + suffix]
+    snr, snr_error = mean_snr(contrast, error, significance=significance, n_apertures=done[0].n_apertures)
+    # What few realisations scatter by is itself uncertain: errors are at least those expected.
+    expected_error = snr_scatter(predicted, significance, done[0].n_apertures) / math.sqrt(len(done))
+    snr_error = max(snr_error, expected_error)
+    spread = float(max(contrast.std(ddof=min(len(done) - 1, 1)), np.sqrt((error**2).mean())))
+    ratio, ratio_error = snr / predicted, snr_error / predicted
+    return {
+        "draw": modelling.draw,
+        "realisations": len(done),
+        "flux_ratio": float(contrast.mean() / expected["contrast"]),
+        "flux_ratio_error": spread / math.sqrt(len(done)) / expected["contrast"],
+        "predicted_snr": predicted,
+        "snr": snr,
+        "snr_error": snr_error,
+        "snr_ratio": ratio,
+        "snr_ratio_error": ratio_error,
+        "predicted_significance": significance,
+        "significance": float(contrast.mean() / np.sqrt((sigma**2).mean())),
+        "agrees": bool(abs(ratio - 1.0) <= stated_snr_error + 2.0 * ratio_error),
+        "n_found": sum(one.found for one in done),
+        "modelled": modelling.record(),
+    }

@@ -1,0 +1,248 @@
+"""``cpic confirm``: one scene, observed and measured in some bands, beside what the ETC expects of it."""
+
+import functools
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Unpack
+
+import numpy as np
+
+from cpic_core import Reason, Status
+from cpic_planner.confirm.plan import RESULT_VERSION, image_tasks, images_cost, refuse_infrared, told
+from cpic_planner.etc import EtcModel, aperture_rates, best_in_visit, build_model, frame_problem
+from cpic_planner.jobs import Finished, Job, RunFolder, Runner, RunSettings, run
+from cpic_planner.queries import DEFAULT_TIME_S, MAX_FRAMES, ConfirmQuestion, audited
+from cpic_planner.results import BandConfirmation, ConfirmResult
+from cpic_planner.targets import Targets
+from cpic_planner.validation import (
+    ConfirmTask,
+    Frames,
+    albedo_fits,
+    albedo_records,
+    confirm_task,
+    expected_of,
+    position_records,
+    refusals_of,
+    task_of,
+)
+from simulator.config import Scene
+from simulator.imaging import PsfMetrics
+from simulator.target import LitStar, Source, detector_to_sky, scene_sources
+
+
+@dataclass(frozen=True)
+class _Work:
+    """Prediction, tasks of the bands, and what needs no images."""
+
+    model: EtcModel
+    tasks: list[ConfirmTask]
+    refused: list[BandConfirmation]
+
+
+def confirm_job(config: ConfirmQuestion) -> Job[ConfirmResult]:
+    """Return the job that simulates a scene and measures it blind."""
+    from cpic_planner.report import products_of, write_confirm_report
+
+    prepared = functools.cache(lambda: _work(config))
+
+    def work(runner: Runner) -> ConfirmResult:
+        bodies = runner.finish(confirm_task, image_tasks(prepared().tasks))
+        return _result(config, prepared(), runner.digest, list(bodies.values()))
+
+    def write(folder: RunFolder, result: ConfirmResult, bodies: Mapping[str, Any]) -> None:
+        images = {task.band: bodies[task.key] for task in prepared().tasks}
+        shown = config.simulator_overrides.scene(config.scene)
+        write_confirm_report(folder, result, prepared().model, shown, images)
+
+    return Job(
+        kind="confirm",
+        results=RESULT_VERSION,
+        decides=lambda: {"config": config.hashed() | {"audit": audited(config.dial, config.audit)}},
+        work=work,
+        write=write,
+        products=products_of(config.bands or config.instrument.visible_bands()),
+        cost=lambda: images_cost(prepared().tasks),
+    )
+
+
+def confirm_scene(
+    config: ConfirmQuestion, out: str | Path | None = None, **how: Unpack[RunSettings]
+) -> Finished[ConfirmResult]:
+    """Confirm a scene.
+
+    Parameters
+    ----------
+    config : ConfirmQuestion
+    out : str or Path, optional
+        Output folder of ``confirm.json``, ``measurements.csv``, ``report.html``, panels and ``run.json``; nothing is
+        written without.
+    **how
+        As of `cpic_planner.jobs.job.run`.
+
+    Raises
+    ------
+    InputError
+        For bands of the near-infrared camera, anything out of range, or a folder that cannot be used.
+    """
+    return run(confirm_job(config), out, **how)
+
+
+def prepared_tasks(config: ConfirmQuestion) -> list[ConfirmTask]:
+    """Work of a confirmation, one task a band; bands without an image to make are left out."""
+    return _work(config).tasks
+
+
+def _result(config: ConfirmQuestion, work: _Work, digest: str, bodies: Sequence[Mapping[str, Any]]) -> ConfirmResult:
+    order = {name: i for i, name in enumerate(work.model.bands)}
+    seen = [BandConfirmation.model_validate(item) for body in bodies for item in body["confirmations"]]
+    bands = sorted([*seen, *work.refused], key=lambda item: order[item.band])
+    return ConfirmResult(
+        **told(config, digest, seen),
+        scene=config.scene.name,
+        bands=bands,
+        searches=[body["search"] for body in bodies if body["search"] is not None],
+        positions=position_records(config.scene, bands),
+        albedos=albedo_records(albedo_fits(config.scene, config.instrument, bands)),
+    )
+
+
+def scene_target(scene: Scene) -> Targets:
+    """The central star of a scene as a target, its nearest companion included.
+
+    Notes
+    -----
+    Parameters that a spectral type implies are those of the images; a star whose spectrum is a file or a table is
+    taken as a model of its effective temperature (the Sun's where none is given), of its V magnitude.
+    """
+    star = LitStar(scene.cstar, "scene.cstar")
+    parameters = star.spectrum
+    near = sorted(
+        (other for other in scene.stars if other.companion and other.separation_arcsec is not None),
+        key=lambda other: other.separation_arcsec or 0.0,
+    )
+    missing = np.array([math.nan])
+
+    def number(value: float | None, default: float = math.nan) -> Any:
+        return missing if value is None and math.isnan(default) else np.array([default if value is None else value])
+
+    companion = near[0] if near else None
+    teff = number(parameters.teff_k, 5772.0)
+    return Targets(
+        name=np.array([scene.name]),
+        hip=np.array([0]),
+        sp_type=np.array([scene.cstar.spectral_type or ""]),
+        ra_deg=number(scene.cstar.ra_deg),
+        dec_deg=number(scene.cstar.dec_deg),
+        distance_pc=number(scene.cstar.distance_pc),
+        v_mag=np.array([scene.cstar.v_mag]),
+        teff_k=teff,
+        log_g=number(parameters.log_g, 4.4),
+        metallicity=number(parameters.metallicity, 0.0),
+        luminosity_lsun=number(scene.cstar.luminosity_lsun),
+        companion_separation_arcsec=number(companion.separation_arcsec if companion else None),
+        companion_pa_deg=number(companion.pa_deg if companion else None),
+        companion_v_mag=number(companion.v_mag if companion else None),
+        companion_teff_k=number(companion.teff_k, float(teff[0])) if companion else missing,
+        flags=((),),
+        companions=scene.companions,
+    )
+
+
+def _work(config: ConfirmQuestion) -> _Work:
+    refuse_infrared(config.instrument, config.bands)
+    model = build_model(config.instrument, config.bands, config.strategy)
+    target, tasks, refused = scene_target(config.scene), [], []
+    for band in model.bands:
+        every = scene_sources(config.scene, config.instrument, band)
+        planets = [source for source in every if source.kind == "planet"]
+        inside = [_inside(model.metrics[band], planet) for planet in planets]
+        refused += [_outside(model, band, planet) for planet, there in zip(planets, inside, strict=True) if not there]
+        shown = [planet for planet, there in zip(planets, inside, strict=True) if there]
+        frames = _frames(config, model, target, band, shown)
+        if frames is None:
+            refused += [_no_frame(model, band, planet) for planet in shown]
+            continue
+        predictions = [
+            expected_of(model, target, band, (planet.x_arcsec, planet.y_arcsec), planet.contrast or 0.0, frames)
+            for planet in shown
+        ]
+        task = task_of(
+            model,
+            config.scene,
+            band,
+            frames,
+            predictions,
+            audit=audited(config.dial, config.audit),
+            planets=[planet.name for planet in shown],
+            **config.image_settings,
+        )
+        answers = refusals_of(task)
+        refused += answers
+        if not answers:
+            tasks.append(task)
+    return _Work(model, tasks, refused)
+
+
+def _frames(
+    config: ConfirmQuestion, model: EtcModel, target: Targets, band: str, planets: list[Source]
+) -> Frames | None:
+    """Frames that are given, or the best ones; None where the time holds none."""
+    if config.exposure_s is not None and config.n_frames is not None and config.em_gain is not None:
+        return Frames(config.exposure_s, config.n_frames, config.em_gain)
+    metrics, strategy = model.metrics[band], model.strategy
+    sign_x, sign_y = metrics.zone.diagonal
+    middle = 0.5 * (metrics.hole_inner_arcsec + metrics.hole_outer_arcsec)
+    place = (planets[0].x_arcsec, planets[0].y_arcsec) if planets else (sign_x * middle, sign_y * middle)
+    contrast = (planets[0].contrast or 0.0) if planets else 1e-8
+    camera = model.camera(band)
+    if config.exposure_s is not None:
+        camera = replace(camera, exposure_min_s=config.exposure_s, exposure_max_s=config.exposure_s)
+    x, y = (np.full((1, 1), part) for part in place)
+    rates = aperture_rates(model, target, band, x, y, np.full((1, 1), max(contrast, 1e-30)))
+    problem = frame_problem(rates, camera, strategy, objective="significance", em_gain=config.em_gain)
+    visit = model.visit_s(DEFAULT_TIME_S if config.time_s is None else config.time_s)
+    if config.n_frames is not None and config.exposure_s is not None:
+        visit = np.asarray(config.n_frames * (config.exposure_s + camera.readout_s))
+    choice = best_in_visit(problem, visit, whole=config.n_frames is not None)
+    n_frames = int(choice.n_frames.flat[0])
+    if n_frames < 1:
+        return None
+    return Frames(float(choice.exposure_s.flat[0]), min(n_frames, MAX_FRAMES), float(choice.em_gain.flat[0]))
+
+
+def _inside(metrics: PsfMetrics, planet: Source) -> bool:
+    """Whether the aperture lies in the dark hole."""
+    y, x = np.array([planet.y_arcsec]), np.array([planet.x_arcsec])
+    return bool(metrics.zone.covers(y, x, -metrics.aperture_radius_arcsec)[0, 0])
+
+
+def _outside(model: EtcModel, band: str, planet: Source) -> BandConfirmation:
+    metrics, near, far = model.metrics[band], *sorted((abs(planet.x_arcsec), abs(planet.y_arcsec)))
+    radius = metrics.aperture_radius_arcsec
+    inner = near - radius < metrics.hole_inner_arcsec and far + radius <= metrics.hole_outer_arcsec
+    reason = Reason.INSIDE_INNER_EDGE if inner else Reason.OUTSIDE_OUTER_EDGE
+    return _refusal(model, band, planet, Status.OUTSIDE_FIELD, reason, f"its aperture leaves the dark hole of {band}")
+
+
+def _no_frame(model: EtcModel, band: str, planet: Source) -> BandConfirmation:
+    message = "no frame is possible: the time is too short, or every frame saturates"
+    return _refusal(model, band, planet, Status.UNREACHABLE, Reason.NO_TIME, message)
+
+
+def _refusal(
+    model: EtcModel, band: str, planet: Source, status: Status, reason: Reason, message: str
+) -> BandConfirmation:
+    separation, pa_deg = detector_to_sky(planet.x_arcsec, planet.y_arcsec, parity=model.instrument.detector.parity)
+    return BandConfirmation(
+        band=band,
+        planet=planet.name,
+        status=status.value,
+        reason=reason.value,
+        message=message,
+        separation_arcsec=float(separation),
+        pa_deg=float(pa_deg),
+        true_contrast=planet.contrast,
+        verdict="not observed",
+    )

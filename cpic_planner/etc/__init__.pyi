@@ -1,0 +1,67 @@
+from cpic_planner.etc.budget import (
+    binding_limits as binding_limits,
+    largest_term as largest_term,
+    limit_of as limit_of,
+    reached as reached,
+    remedies as remedies,
+    without_background as without_background,
+    without_speckles as without_speckles,
+)
+from cpic_planner.etc.camera import FrameCamera as FrameCamera
+from cpic_planner.etc.cases import (
+    BandCases as BandCases,
+    FrameWish as FrameWish,
+    band_cases as band_cases,
+    etc_result as etc_result,
+    planets_of as planets_of,
+)
+from cpic_planner.etc.detection import (
+    DetectionLaw as DetectionLaw,
+    default_law as default_law,
+    needed_margin as needed_margin,
+    threshold_array as threshold_array,
+    verdict_of as verdict_of,
+    visit_chances as visit_chances,
+)
+from cpic_planner.etc.fidelity import closed_form_fidelity as closed_form_fidelity
+from cpic_planner.etc.frames import (
+    FrameChoice as FrameChoice,
+    FrameProblem as FrameProblem,
+    best_in_visit as best_in_visit,
+    least_time as least_time,
+    smooth_in_visit as smooth_in_visit,
+    smooth_least_visit_s as smooth_least_visit_s,
+)
+from cpic_planner.etc.model import (
+    EtcModel as EtcModel,
+    build_model as build_model,
+    check_range as check_range,
+    diagonal as diagonal,
+    diagonal_pa_deg as diagonal_pa_deg,
+    hole_notes as hole_notes,
+    locate as locate,
+    stand as stand,
+    usable_range_arcsec as usable_range_arcsec,
+)
+from cpic_planner.etc.noise import (
+    Objective as Objective,
+    StackNoise as StackNoise,
+    frame_problem as frame_problem,
+    own_noise as own_noise,
+    stack_noise as stack_noise,
+)
+from cpic_planner.etc.planet import (
+    insolation_distance_au as insolation_distance_au,
+    kinds_by_albedo as kinds_by_albedo,
+    mixture_contrast as mixture_contrast,
+    reference_contrast as reference_contrast,
+    reference_distance_au as reference_distance_au,
+    reference_notes as reference_notes,
+    reflected_contrast as reflected_contrast,
+)
+from cpic_planner.etc.questions import contrast_limit as contrast_limit
+from cpic_planner.etc.rates import (
+    ApertureRates as ApertureRates,
+    aperture_rates as aperture_rates,
+    companion_saturates as companion_saturates,
+)

@@ -1,0 +1,12 @@
+from cpic_planner.jobs.engine import check_address as check_address
+from cpic_planner.jobs.folder import DamagedPartError as DamagedPartError, RunFolder as RunFolder
+from cpic_planner.jobs.job import (
+    Cost as Cost,
+    Finished as Finished,
+    Job as Job,
+    Runner as Runner,
+    RunSettings as RunSettings,
+    Task as Task,
+    estimate as estimate,
+    run as run,
+)

@@ -1,0 +1,141 @@
+"""Seeded draws of a population of planets."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cpic_core import FloatArray, InputError, check_whole, stream
+from cpic_planner.planets.laws import chosen_entry
+from cpic_planner.planets.orbits import ORBIT, OrbitingPlanets, orbit_places
+from cpic_planner.planets.population_config import QUANTITIES, PopulationConfig, load_population
+from cpic_planner.queries import MAX_PLANETS, N_PLANETS
+from cpic_planner.results import PopulationRecord
+from simulator.config import AlbedoSpec
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Planets(OrbitingPlanets):
+    """Drawn planets, arrays of one length.
+
+    Attributes
+    ----------
+    population : str
+        Name of the population.
+    kind : ndarray of int
+        Number of the planet's kind, into ``kind_names`` and ``albedos``.
+    east_au, north_au, distance_au, phase_deg : ndarray
+        Offset from the star on the sky, true distance, and phase angle, before `scale`.
+    kind_names : tuple of str
+    albedos : tuple of AlbedoSpec
+    semi_major_axis_scale : str
+    planets_per_star : float or None
+    """
+
+    population: str
+    kind: NDArray[np.int64]
+    east_au: FloatArray
+    north_au: FloatArray
+    distance_au: FloatArray
+    phase_deg: FloatArray
+    kind_names: tuple[str, ...]
+    albedos: tuple[AlbedoSpec, ...]
+    semi_major_axis_scale: Literal["none", "insolation"]
+    planets_per_star: float | None
+
+    def __len__(self) -> int:
+        return len(self.radius_rjup)
+
+    def scale(self, luminosity_lsun: FloatArray) -> FloatArray:
+        """Factor of all lengths of the orbits around stars of these luminosities, 1 unless they follow insolation.
+
+        Raises
+        ------
+        InputError
+            If orbits follow insolation and a luminosity is unknown.
+        """
+        luminosity = np.asarray(luminosity_lsun, float)
+        if self.semi_major_axis_scale == "none":
+            return np.ones(luminosity.shape)
+        good = np.isfinite(luminosity) & (luminosity > 0.0)
+        if not good.all():
+            raise InputError(
+                "luminosity_lsun",
+                float(luminosity[~good].flat[0]),
+                unit="L_sun",
+                allowed="above 0: the population's orbits follow insolation",
+            )
+        result: FloatArray = np.sqrt(luminosity)
+        return result
+
+
+def draw_population(config: PopulationConfig, n_planets: int, seed: int) -> Planets:
+    """Draw planets.
+
+    Every quantity has a random stream of its own, one number a planet, that its law turns into a value: changing one
+    law leaves the other quantities alone, and the first planets of a larger draw are those of a smaller one.
+
+    Parameters
+    ----------
+    config : PopulationConfig
+    n_planets : int
+        1 to 1e6.
+    seed : int
+
+    Returns
+    -------
+    Planets
+
+    Raises
+    ------
+    InputError
+        If a number is out of range.
+    """
+    n = check_whole("n_planets", n_planets, 1, MAX_PLANETS)
+    mixture = config.mixture
+
+    def shares(quantity: str) -> FloatArray:
+        return stream(seed, "population", quantity).random(n)
+
+    kind = chosen_entry(shares("kind"), tuple(item.weight for item in mixture))
+    drawn = config.quantiles(kind, [shares(quantity) for quantity in QUANTITIES])
+    places = orbit_places(*(drawn[name] for name in ORBIT))
+    return Planets(
+        population=config.name,
+        kind=kind,
+        **drawn,
+        **vars(places),
+        kind_names=tuple(item.name for item in mixture),
+        albedos=tuple(item.albedo for item in mixture if item.albedo is not None),
+        semi_major_axis_scale=config.semi_major_axis_scale,
+        planets_per_star=config.planets_per_star,
+    )
+
+
+@dataclass(frozen=True)
+class PopulationChoice:
+    """A population, how many planets are drawn of it, and the seed."""
+
+    config: PopulationConfig
+    n_planets: int = N_PLANETS
+    seed: int = 1
+
+    @classmethod
+    def default(cls) -> PopulationChoice:
+        """The shipped population of giant planets."""
+        return cls(load_population())
+
+    def draw(self) -> Planets:
+        """The planets, the same at every star."""
+        return draw_population(self.config, self.n_planets, self.seed)
+
+    def record(self) -> PopulationRecord:
+        """As written into results."""
+        return PopulationRecord.of(self, self.config)
+
+    def content(self) -> dict[str, object]:
+        """For content hashes."""
+        return {"config": self.config.content(), "n_planets": self.n_planets, "seed": self.seed}

@@ -1,0 +1,56 @@
+from cpic_planner.queries.base import (
+    Question as Question,
+    called_by_option as called_by_option,
+    get as get,
+    keys_of as keys_of,
+    option_names as option_names,
+    put as put,
+    scaled as scaled,
+)
+from cpic_planner.queries.changes import Change as Change, changed as changed
+from cpic_planner.queries.etc import EtcQuestion as EtcQuestion, OptimiseQuestion as OptimiseQuestion
+from cpic_planner.queries.fields import (
+    asked as asked,
+    asked_of as asked_of,
+    kind_of as kind_of,
+    options_of as options_of,
+    spelled as spelled,
+)
+from cpic_planner.queries.images import (
+    MAX_FRAMES as MAX_FRAMES,
+    ConfirmQuestion as ConfirmQuestion,
+    ImageQuestion as ImageQuestion,
+    StarImagesQuestion as StarImagesQuestion,
+    audited as audited,
+    refuse_counting as refuse_counting,
+)
+from cpic_planner.queries.known import (
+    DEFAULT_YEARS as DEFAULT_YEARS,
+    KnownQuestion as KnownQuestion,
+    VisibilityQuestion as VisibilityQuestion,
+)
+from cpic_planner.queries.overrides import SimulatorOverrides as SimulatorOverrides
+from cpic_planner.queries.rank import (
+    MAX_PLANETS as MAX_PLANETS,
+    N_PLANETS as N_PLANETS,
+    RankedQuestion as RankedQuestion,
+    RankQuestion as RankQuestion,
+)
+from cpic_planner.queries.runs import (
+    PlanQuestion as PlanQuestion,
+    TradeoffQuestion as TradeoffQuestion,
+    WhatIfQuestion as WhatIfQuestion,
+)
+from cpic_planner.queries.shared import (
+    DEFAULT_TIME_S as DEFAULT_TIME_S,
+    ReferencePlanet as ReferencePlanet,
+    Strategy as Strategy,
+    default_instrument as default_instrument,
+)
+from cpic_planner.queries.simulate import SimulateQuestion as SimulateQuestion
+from cpic_planner.queries.written_values import (
+    Written as Written,
+    read_value as read_value,
+    two_spellings as two_spellings,
+    with_unit as with_unit,
+)

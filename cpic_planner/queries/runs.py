@@ -1,0 +1,114 @@
+"""The question of ``cpic plan``: which of the best targets do simulated images confirm.
+
+The question of ``cpic whatif``: which survey strategy finds most.
+
+The question of ``cpic tradeoff``: speed against accuracy on this machine.
+"""
+
+from pathlib import Path
+from typing import Any, ClassVar, Literal
+
+from cpic_planner.queries.base import Question
+from cpic_planner.queries.fields import asked
+from cpic_planner.queries.images import ImageQuestion
+from cpic_planner.queries.rank import RankedQuestion
+from cpic_planner.queries.shared import RunQuestion, Texts
+
+
+class PlanQuestion(ImageQuestion, RankedQuestion, RunQuestion):
+    """Everything that decides a plan, but for the star table.
+
+    ``v_mag_max`` None: 7, or all of a table of one's own. ``known_planets``
+    (`catalogs.known_planets.load_known_planets`) stands instead of ``population``, with ``n_planets`` draws of each at
+    ``date_utc``, the start of the mission by default.
+    """
+
+    KIND: ClassVar[str] = "plan"
+
+    top: int = asked(5, "How many targets to confirm with images.", ge=1, le=1000)
+    out: Path = asked(Path("cpic-plan"), "Output folder; an interrupted run continues there.", physics=False)
+
+
+UNIVERSE = (
+    "universes",
+    "seed",
+    "start_utc",
+    "duration_days",
+    "slot_days",
+    "observed",
+    "background",
+    "visibility",
+    "catalog",
+    "instrument",
+    "known_planets",
+)
+"""Fields that stand instead of those of `cpic_planner.survey.strategy_file.UniverseConfig`, which checks them."""
+
+
+class WhatIfQuestion(RunQuestion):
+    """Compare survey strategies over the same synthetic universes.
+
+    What is not given of the universe is as the strategies' file says.
+    """
+
+    KIND: ClassVar[str] = "whatif"
+
+    strategies: Any = asked(
+        "survey_default",
+        "Preset (survey_default) or YAML file.",
+        argument=True,
+        command=str,
+        accepts="mapping, str or Path, optional",
+    )
+    strategy: Texts = asked((), "Only this strategy of them; repeat for several.")
+    vary: Texts = asked(
+        (), "KEY=VALUE,VALUE...: every strategy with each value, as drift=0.1nm,x3; repeat for several keys."
+    )
+    universes: int | None = asked(None, "Synthetic universes.", ge=2, le=10_000_000, default_words="1000")
+    seed: int | None = asked(None, "Seed of every random number.", ge=0, lt=2**63, default_words="1")
+    start_utc: str | None = asked(None, "Begin of the survey, UTC.", option="--start")
+    duration_days: float | None = asked(None, "Length of the survey in days.", option="--days")
+    slot_days: float | None = asked(None, "Step of the calendar in days.")
+    observed: str | None = asked(None, "Observation log (CSV): plan what is left of the survey.", read=str)
+    background: Literal["off", "on"] | None = asked(
+        None, "Let background stars make false alarms.", default_words="off"
+    )
+    visibility: str | None = asked(None, "Limits of pointing: preset, or YAML file.", read=str)
+    catalog: str | None = asked(None, "Star table: snapshot, latest, simbad_2012, or a file.", read=str)
+    instrument: str | None = asked(None, "Preset name or YAML file.", read=str)
+    known_planets: str | None = asked(
+        None,
+        "Table of known planets as of cpic rank: snapshot, archive_2019, a file, none+FILE; counted beside the "
+        "population; off leaves them out.",
+        read=str,
+    )
+    images: int = asked(6, "Detections of each strategy that are simulated as images.", ge=0)
+    workers: int = asked(
+        2, "Local worker processes; results do not depend on their number.", ge=1, le=256, physics=False
+    )
+    out: Path | None = asked(
+        None,
+        "Output folder; an interrupted run continues there.",
+        default_words="cpic-whatif; none in Python, where nothing is kept without",
+        physics=False,
+        accepts="str or Path, optional",
+    )
+
+    def shared(self) -> dict[str, Any]:
+        """Return what is given of the universe that all strategies share."""
+        return {name: getattr(self, name) for name in UNIVERSE if getattr(self, name) is not None}
+
+
+class TradeoffQuestion(Question):
+    """Measure speed against accuracy: time, memory and error of every tier, tolerance and knob."""
+
+    KIND: ClassVar[str] = "tradeoff"
+
+    scenes: Texts = asked((), "Fixed scene; repeat for several.", option="--scene", default_words="all")
+    only: Texts = asked((), "Way to measure again; the other rows in {out} are kept. Repeat for several.")
+    quick_look: bool = asked(False, "Two frames and few samples: a minute a scene, for a look.")
+    workers: int = asked(1, "2: knobs and effects of a scene are measured at once.", ge=1, le=2, physics=False)
+    force: bool = asked(
+        False, "Remove what a run of another configuration wrote into {out}, and nothing else.", physics=False
+    )
+    out: Path = asked(Path("out/tradeoff"), "Folder of the results.", physics=False)

@@ -1,0 +1,21 @@
+from cpic_planner.ranking.completeness import inside_zone as inside_zone
+from cpic_planner.ranking.explain import explain_star as explain_star
+from cpic_planner.ranking.known_answer import known_scene as known_scene
+from cpic_planner.ranking.known_completeness import (
+    KNOWN_ONLY as KNOWN_ONLY,
+    KnownChoice as KnownChoice,
+    counted_planets as counted_planets,
+)
+from cpic_planner.ranking.optimiser import (
+    Best as Best,
+    best_in_band as best_in_band,
+    optimise as optimise,
+    separation_grid as separation_grid,
+)
+from cpic_planner.ranking.order import (
+    judge as judge,
+    limits_of as limits_of,
+    no_frame as no_frame,
+    planet_record as planet_record,
+    rank_targets as rank_targets,
+)

@@ -1,0 +1,324 @@
+"""How many planets of a population one observation of each star detects."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cpic_core import FloatArray, InputError, IntArray, check_finite, real_array
+from cpic_planner.etc import (
+    ApertureRates,
+    EtcModel,
+    aperture_rates,
+    frame_problem,
+    hole_notes,
+    insolation_distance_au,
+    kinds_by_albedo,
+    mixture_contrast,
+    stack_noise,
+    threshold_array,
+)
+from cpic_planner.planets import Planets
+from cpic_planner.targets import Targets
+from simulator.imaging import HoleZone
+from simulator.target import albedo_notes, albedo_source, needs_insolation, sky_to_detector
+
+# Arrays of one step stay below 10 MB each: numbers of star-planet pairs to place, and to observe.
+_PLACED = 1_000_000
+_OBSERVED = 50_000
+_PLANETS = 20_000
+
+
+@dataclass(frozen=True, eq=False)
+class BandCompleteness:
+    """Fractions of a population in one band, arrays over the stars.
+
+    Attributes
+    ----------
+    band : str
+    n_planets : int
+        Planets drawn, the same for every star.
+    completeness : ndarray
+        Fraction detected by the one observation.
+    standard_error : ndarray
+        Binomial, of the number of planets drawn; 0 where none or all are detected, and then below 3 / n with 95 %.
+    in_zone : ndarray
+        Fraction that stands in the dark quadrants.
+    observable : ndarray
+        Fraction whose whole aperture lies there: no observation detects more.
+    expected_detections : ndarray or None
+        Completeness times the population's planets per star, if it has an occurrence rate.
+    flags : tuple of str
+        What was clamped or extrapolated for some planet, and a dark hole that is not as dark as asked.
+    """
+
+    band: str
+    n_planets: int
+    completeness: FloatArray
+    standard_error: FloatArray
+    in_zone: FloatArray
+    observable: FloatArray
+    expected_detections: FloatArray | None
+    flags: tuple[str, ...]
+
+
+def completeness(
+    model: EtcModel,
+    targets: Targets,
+    band: str,
+    planets: Planets,
+    *,
+    exposure_s: ArrayLike,
+    n_frames: ArrayLike,
+    em_gain: ArrayLike,
+) -> BandCompleteness:
+    """Fraction of a population that one observation of each star detects.
+
+    Parameters
+    ----------
+    model : EtcModel
+    targets : Targets
+        ``n`` stars.
+    band : str
+    planets : Planets
+        The same planets at every star: stars are then told apart by what they are, not by the luck of the draw.
+    exposure_s, n_frames, em_gain : array_like
+        Setting of each star, one number or shape ``(n,)``. No frames detect nothing, and their other numbers do not
+        matter. Where photons are counted all stars have one gain.
+
+    Returns
+    -------
+    BandCompleteness
+
+    Raises
+    ------
+    InputError
+        If the band is unknown, a setting is out of range, or a luminosity that is needed is unknown.
+
+    Notes
+    -----
+    A planet is detected if its whole photometric aperture lies in the dark zone at roll 0 and its significance reaches
+    the small-sample threshold of its separation, which is undefined below three resolution elements. Core throughput,
+    halo and contrast are its own. The setting is not changed for it: one bright enough to saturate counts as detected.
+    """
+    if band not in model.metrics:
+        raise InputError("band", band, allowed=", ".join(model.bands))
+    n_stars = len(targets)
+    settings = _settings(model, n_stars, exposure_s, n_frames, em_gain)
+    found = np.zeros((3, n_stars), np.int64)
+    insolation = [np.inf, -np.inf]
+    for part in _slices(len(planets), _PLANETS):
+        some = _Placed.of(model, planets, part)
+        for rows in _slices(n_stars, _PLACED // len(some.x_au)):
+            _count(model, targets, band, some, rows, settings, found, insolation)
+    n = len(planets)
+    detected, in_zone, observable = found / n
+    occurrence = planets.planets_per_star
+    return BandCompleteness(
+        band=band,
+        n_planets=n,
+        completeness=detected,
+        standard_error=np.sqrt(detected * (1.0 - detected) / n),
+        in_zone=in_zone,
+        observable=observable,
+        expected_detections=None if occurrence is None else occurrence * detected,
+        flags=_notes(model, band, planets, insolation) + hole_notes(model, band),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Placed:
+    """Some planets with their offsets on the detector, in au."""
+
+    planets: Planets
+    x_au: FloatArray
+    y_au: FloatArray
+    radius_rjup: FloatArray
+    distance_au: FloatArray
+    phase_deg: FloatArray
+    kind: IntArray
+
+    @classmethod
+    def of(cls, model: EtcModel, planets: Planets, part: slice) -> _Placed:
+        """Planets of a slice; a map from sky to detector is linear in the offset, whatever its unit."""
+        east, north = planets.east_au[part], planets.north_au[part]
+        x, y = sky_to_detector(
+            np.hypot(east, north), np.rad2deg(np.arctan2(east, north)), parity=model.instrument.detector.parity
+        )
+        return cls(
+            planets,
+            x,
+            y,
+            planets.radius_rjup[part],
+            planets.distance_au[part],
+            planets.phase_deg[part],
+            planets.kind[part],
+        )
+
+
+def _count(
+    model: EtcModel,
+    targets: Targets,
+    band: str,
+    some: _Placed,
+    rows: slice,
+    settings: tuple[FloatArray, ...],
+    found: IntArray,
+    insolation: list[float],
+) -> None:
+    """Add to ``found`` the numbers of planets detected, in the zone, and observable, around some of the stars."""
+    zone, radius = model.metrics[band].zone, model.metrics[band].aperture_radius_arcsec
+    scale = some.planets.scale(targets.luminosity_lsun[rows])
+    arcsec_au = (scale / targets.distance_pc[rows])[:, None]
+    x, y = arcsec_au * some.x_au, arcsec_au * some.y_au
+    found[1, rows] += np.count_nonzero(inside_zone(zone, x, y, 0.0), axis=1)
+    usable = inside_zone(zone, x, y, radius)
+    numbers = np.count_nonzero(usable, axis=1)
+    found[2, rows] += numbers
+    observed = np.flatnonzero((numbers > 0) & (settings[1][rows] > 0.0))
+    # Stars with about as many planets in the zone go together: little of a rectangle of pairs is then idle.
+    observed = observed[np.argsort(numbers[observed], kind="stable")]
+    for block in _blocks(numbers[observed]):
+        stars = observed[block]
+        most = int(numbers[stars].max())
+        pick = np.argsort(~usable[stars], axis=1, kind="stable")[:, :most]
+        here = (stars[:, None], pick)
+        chosen = targets.select(stars + rows.start)
+        contrast = _contrast(model, chosen, band, some, pick, scale[stars], usable[here], insolation)
+        setting = [value[rows][stars][:, None] for value in settings]
+        detected = _detected(model, chosen, band, x[here], y[here], contrast, setting) & usable[here]
+        found[0, rows.start + stars] += np.count_nonzero(detected, axis=1)
+
+
+def _contrast(
+    model: EtcModel,
+    targets: Targets,
+    band: str,
+    some: _Placed,
+    pick: IntArray,
+    scale: FloatArray,
+    usable: NDArray[np.bool_],
+    insolation: list[float],
+) -> FloatArray:
+    """Contrast of the picked planets of each star, shape ``(n, k)``; the range of their insolation is noted."""
+    distance, kind, albedos = some.distance_au[pick] * scale[:, None], some.kind[pick], some.planets.albedos
+    follows = np.array([needs_insolation(spec) for spec in albedos])[kind] & usable
+    if follows.any():
+        seen = insolation_distance_au(targets, distance)[follows]
+        insolation[:] = min(insolation[0], float(seen.min())), max(insolation[1], float(seen.max()))
+    return mixture_contrast(model, targets, band, albedos, kind, some.radius_rjup[pick], distance, some.phase_deg[pick])
+
+
+def _detected(
+    model: EtcModel,
+    targets: Targets,
+    band: str,
+    x_arcsec: FloatArray,
+    y_arcsec: FloatArray,
+    contrast: FloatArray,
+    setting: list[FloatArray],
+) -> NDArray[np.bool_]:
+    """Whether planets reach the threshold of their separation."""
+    rates = aperture_rates(model, targets, band, x_arcsec, y_arcsec, contrast)
+    significance = _significance(model, rates, band, *setting)
+    # The threshold lies above sigma for any number of elements, and it is what takes longest here.
+    sigma = model.strategy.sigma
+    hopeful = significance >= sigma
+    elements = model.metrics[band].resolution_elements(np.hypot(x_arcsec[hopeful], y_arcsec[hopeful]))
+    hopeful[hopeful] = significance[hopeful] >= threshold_array(elements, sigma)
+    return hopeful
+
+
+def _significance(
+    model: EtcModel, rates: ApertureRates, band: str, exposure_s: FloatArray, n_frames: FloatArray, em_gain: FloatArray
+) -> FloatArray:
+    """Signal over noise without the planet's own, of charge measured or photons counted."""
+    strategy, camera = model.strategy, model.camera(band)
+    if strategy.mode == "analogue":
+        return stack_noise(rates, exposure_s, n_frames, em_gain, camera, strategy).significance
+    problem = frame_problem(rates, camera, strategy, objective="significance", em_gain=float(em_gain.flat[0]))
+    with np.errstate(divide="ignore"):
+        return np.asarray(1.0 / np.sqrt(problem.inverse_snr2(exposure_s, n_frames)))
+
+
+def inside_zone(zone: HoleZone, x_arcsec: FloatArray, y_arcsec: FloatArray, margin_arcsec: float) -> NDArray[np.bool_]:
+    """Which points lie in the zone, at least ``margin`` from its edges.
+
+    Parameters
+    ----------
+    zone : HoleZone
+    x_arcsec : ndarray
+        Offset from the star on the detector along x, arcsec.
+    y_arcsec : ndarray
+        Offset from the star on the detector along y, arcsec.
+    margin_arcsec : float
+        Distance kept from the edges, arcsec.
+    """
+    inside = np.ones(x_arcsec.shape, bool)
+    for offset, parts in zip((y_arcsec, x_arcsec), zone.intervals(), strict=True):
+        inside &= np.any(
+            [(offset >= low + margin_arcsec) & (offset <= high - margin_arcsec) for low, high in parts], axis=0
+        )
+    return inside
+
+
+def _notes(model: EtcModel, band: str, planets: Planets, insolation: list[float]) -> tuple[str, ...]:
+    """What was clamped or extrapolated in the planets' albedos."""
+    notes: list[str] = []
+    for spec, _ in kinds_by_albedo(planets.albedos):
+        if not needs_insolation(spec):
+            notes += albedo_notes(spec)
+        elif insolation[0] <= insolation[1]:
+            notes += [note for end in insolation for note in albedo_notes(spec, end)]
+        if model.passbands.albedo_flags(albedo_source(spec))[model.passbands.index(band)]:
+            notes.append("extrapolated")
+    return tuple(dict.fromkeys(notes))
+
+
+def _settings(
+    model: EtcModel, n_stars: int, exposure_s: ArrayLike, n_frames: ArrayLike, em_gain: ArrayLike
+) -> tuple[FloatArray, ...]:
+    """Exposure, frames and gain of every star, checked; 1 s and gain 1 where there are no frames."""
+    frames = _one_each("n_frames", n_frames, n_stars)
+    bad = frames[~(np.isfinite(frames) & (frames >= 0.0))]
+    if bad.size:
+        raise InputError("n_frames", float(bad[0]), allowed="finite numbers, at least 0")
+    taken = frames > 0.0
+    given = [
+        np.where(taken, _one_each(name, value, n_stars), 1.0)
+        for name, value in (("exposure_s", exposure_s), ("em_gain", em_gain))
+    ]
+    exposure, gain = check_finite("exposure_s", given[0], "s"), check_finite("em_gain", given[1])
+    if np.any(exposure <= 0.0):
+        raise InputError("exposure_s", float(exposure.min()), unit="s", allowed="above 0")
+    if np.any(gain < 1.0):
+        raise InputError("em_gain", float(gain.min()), allowed="at least 1")
+    if model.strategy.mode == "photon_counting" and np.unique(gain[taken]).size > 1:
+        raise InputError("em_gain", gain.tolist(), allowed="one gain for all stars where photons are counted")
+    return exposure, frames, gain
+
+
+def _one_each(name: str, value: ArrayLike, n_stars: int) -> FloatArray:
+    given = real_array(name, value)
+    if given.shape not in ((), (1,), (n_stars,)):
+        raise InputError(name, given.shape, allowed=f"one number, or one for each of {n_stars} stars")
+    return np.broadcast_to(given, (n_stars,))
+
+
+def _slices(length: int, step: int) -> Iterator[slice]:
+    """Slices of at most ``step`` that cover a length."""
+    for start in range(0, length, step):
+        yield slice(start, min(start + step, length))
+
+
+def _blocks(numbers: IntArray) -> Iterator[slice]:
+    """Slices of ascending numbers, each a rectangle of at most `_OBSERVED` pairs (one row may have more)."""
+    end = len(numbers)
+    while end > 0:
+        rows = max(1, _OBSERVED // int(numbers[end - 1]))
+        start = max(0, end - rows)
+        yield slice(start, end)
+        end = start

@@ -1,0 +1,182 @@
+"""Why a star stands where it stands in the ranking."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from cpic_core import InputError
+from cpic_planner.etc import (
+    EtcModel,
+    FrameChoice,
+    FrameWish,
+    band_cases,
+    binding_limits,
+    check_range,
+    largest_term,
+    planets_of,
+    remedies,
+)
+from cpic_planner.planets import Planets, PopulationChoice
+from cpic_planner.queries import ReferencePlanet
+from cpic_planner.ranking.completeness import completeness
+from cpic_planner.ranking.optimiser import Best, best_in_band
+from cpic_planner.ranking.order import judge, limits_of, rank_targets, setting_fields
+from cpic_planner.ranking.sensitivity import ASSUMPTIONS, N_TOP, Setting, in_order, in_turn, near_top
+from cpic_planner.registry import DEFAULT_SCORE, SCORES, ScoreName
+from cpic_planner.results import BandStanding, Explanation, RankedTarget
+from cpic_planner.targets import Targets
+from simulator.config import content_hash
+
+
+def explain_star(
+    model: EtcModel,
+    targets: Targets,
+    name: str,
+    *,
+    time_s: float,
+    planet: ReferencePlanet | None = None,
+    bands: Sequence[str] | None = None,
+    population: PopulationChoice | None = None,
+    score: ScoreName = DEFAULT_SCORE,
+    other_assumptions: bool = True,
+) -> Explanation:
+    """Explain the rank of one star.
+
+    Parameters
+    ----------
+    model, targets, time_s, planet, bands, population, score
+        As `cpic_planner.ranking.order.rank_targets`.
+    name : str
+        Its name in ``targets``.
+    other_assumptions : bool
+        Rank the sample under other assumptions too (`cpic_planner.ranking.sensitivity`), which takes about a second
+        each.
+
+    Returns
+    -------
+    Explanation
+
+    Raises
+    ------
+    InputError
+        If no target has that name.
+    """
+    known = {str(star): i for i, star in enumerate(targets.name)}
+    if name not in known:
+        raise InputError("star", name, allowed="a star of the sample that is ranked")
+    index = known[name]
+    body, choice = planet or ReferencePlanet(), population or PopulationChoice.default()
+    names, time_s = model.named(bands), check_range("time_s", time_s, 1e-3, 1e9, "s")
+    rank = rank_targets(model, targets, time_s=time_s, planet=body, bands=names, population=choice, score=score)
+    place = next(i for i, row in enumerate(rank.targets) if row.name == name)
+    star, rows = targets.select([index]), rank.targets
+    planets = choice.draw()
+    standings = [_standing(model, star, band, time_s, body, planets) for band in names]
+    ranks: dict[str, int] = {}
+    if other_assumptions:
+        ranks = _other_ranks(Setting(model, body, choice), targets, rows, name, time_s=time_s, bands=names, score=score)
+    return Explanation(
+        config_hash=content_hash({"kind": "explanation", "rank": rank.config_hash, "star": name}),
+        n_ranked=len(rows),
+        score_name=score,
+        star=rows[place],
+        better=rows[place - 1] if place else None,
+        worse=rows[place + 1] if place + 1 < len(rows) else None,
+        bands=standings,
+        ranks=ranks,
+        sentences=_sentences(rows[place], standings, ranks, len(rows), score),
+    )
+
+
+def _other_ranks(
+    setting: Setting, targets: Targets, rows: Sequence[RankedTarget], name: str, **asked: Any
+) -> dict[str, int]:
+    """Rank of a star under every other assumption; one near the top is ranked among those near it only."""
+    nominal = {row.name: row for row in rows}
+    if nominal[name].rank <= N_TOP:
+        rank, margin = (
+            np.array([getattr(nominal[str(star)], key) for star in targets.name])
+            for key in ("rank", "detection_margin")
+        )
+        targets = targets.select(near_top(rank, margin, N_TOP))
+    index = [str(star) for star in targets.name].index(name)
+    return {
+        item.key: int(in_order(item.change(setting), targets, **asked).rank[index]) for item in in_turn(ASSUMPTIONS)
+    }
+
+
+def _standing(
+    model: EtcModel, star: Targets, band: str, time_s: float, planet: ReferencePlanet, planets: Planets
+) -> BandStanding:
+    """One band of one star."""
+    best = best_in_band(model, star, band, time_s, planet)
+    counted = completeness(
+        model, star, band, planets, exposure_s=best.exposure_s, n_frames=best.n_frames, em_gain=best.em_gain
+    )
+    standing = judge(best, model)[0]
+    cases = band_cases(model, star, band, planets_of(float(best.separation_arcsec[0]), planet), FrameWish())
+    choice = _choice(model, best)
+    noise = cases.noise(choice)
+    possible = best.n_frames[0] >= 1
+    binding = binding_limits(cases.problem("significance"), cases.rates, choice, (0, 0))
+    return BandStanding.of(
+        best,
+        counted,
+        at=0,
+        **setting_fields(best, 0, standing, limits_of([standing], best)[0]),
+        floor_margin=min(float(best.floor_margin[0]), 1e300),
+        exposure_limited_by=binding.exposure if possible else "",
+        gain_limited_by=binding.gain if possible else "",
+        gain_caps=binding.caps if possible else {},
+        dominant=largest_term(noise, (0, 0)) if possible else "",
+        budget={key: float(np.broadcast_to(term, (1, 1))[0, 0]) for key, term in noise.terms.items()}
+        if possible
+        else {},
+        remedies={key: float(term[0, 0]) for key, term in remedies(cases, choice, noise).items()} if possible else {},
+    )
+
+
+def _choice(model: EtcModel, best: Best) -> FrameChoice:
+    """The frames of a best setting, as the solver gives them."""
+    exposure, frames, gain = (column[:, None] for column in (best.exposure_s, best.n_frames, best.em_gain))
+    visit = frames * (exposure + model.camera(str(best.band[0])).readout_s)
+    with np.errstate(divide="ignore"):
+        return FrameChoice(exposure, frames, gain, visit, 1.0 / best.significance[:, None] ** 2)
+
+
+def _sentences(
+    star: RankedTarget, bands: Sequence[BandStanding], ranks: dict[str, int], n_ranked: int, score: ScoreName
+) -> list[str]:
+    """The explanation in words: score, geometry, noise, and how firm the rank is."""
+    chosen = next(item for item in bands if item.band == star.band)
+    geometry = next(item for item in bands if item.band == star.completeness_band)
+    words = [f"Rank {star.rank} of {n_ranked} by {SCORES[score].title}: {star.score:.3g}."]
+    words.append(
+        f"At {star.distance_pc:.2f} pc, {geometry.in_zone:.1%} of the population lie in the dark quadrants of "
+        f"{geometry.band}, {geometry.observable:.1%} with their whole aperture, and {star.completeness:.1%} are "
+        "detected by one observation."
+    )
+    verdict = {
+        "ok": "is detected",
+        "speckle_floor": "is not detected by any length of visit",
+        "insufficient_time": "is not detected in this time",
+    }.get(star.reason or star.status, "cannot be observed")
+    words.append(
+        f"The reference planet at {star.separation_arcsec:.3f} arcsec has a contrast of {star.contrast:.2g} in "
+        f"{star.band} and {verdict}: significance {star.significance:.2f}, threshold {star.threshold:.2f}."
+    )
+    if chosen.dominant:
+        total = sum(chosen.budget.values())
+        share = chosen.budget[chosen.dominant] / total if total > 0 else 0.0
+        words.append(
+            f"The largest term of the noise is {chosen.dominant.replace('_', ' ')}, {share:.0%} of the variance."
+        )
+        best = max(chosen.remedies, key=lambda key: chosen.remedies[key])
+        words.append(
+            f"What helps most: {best.replace('_', ' ')} would multiply the SNR by {chosen.remedies[best]:.2f}."
+        )
+    if ranks:
+        low, high = min(ranks.values()), max(ranks.values())
+        words.append(f"Under the other assumptions it stands between rank {low} and rank {high}.")
+    return words

@@ -1,0 +1,271 @@
+"""A star with its known planets as a scene: one draw of what their published orbits allow, at a date.
+
+Where the known planets of some stars are at a date, how bright, and when the dark hole covers them.
+"""
+
+import math
+from collections.abc import Sequence
+from datetime import datetime, timedelta
+from typing import Any
+
+import numpy as np
+
+from catalogs import resolve_star, snapshot_vintage
+from cpic_core import FloatArray, InputError, check_whole
+from cpic_planner.etc import EtcModel, check_range, reflected_contrast
+from cpic_planner.planets import (
+    Ephemeris,
+    Planets,
+    draw_known,
+    ephemeris,
+    known_uniforms,
+    places_at,
+    planets_of,
+    quantiles,
+)
+from cpic_planner.ranking.known_completeness import KnownChoice
+from cpic_planner.results import KnownBand, KnownHole, KnownPlanetRow, KnownResult, KnownTrack, KnownWindow, Quantiles
+from cpic_planner.targets import CatalogSource, Targets, as_catalogue
+from cpic_planner.version import __version__
+from simulator.config import MAX_SEPARATION_ARCSEC, AlbedoSpec, content_hash, scenes_from_table
+
+
+def known_scene(
+    star: str, choice: KnownChoice, *, draw: int = 0, catalog: CatalogSource = "snapshot"
+) -> dict[str, Any]:
+    """Return a scene for `simulator.load_scene`, `cpic simulate` and `cpic confirm`.
+
+    Parameters
+    ----------
+    star : str
+        Any name of a star with known planets.
+    choice : KnownChoice
+        Table, date, seed and albedo.
+    draw : int
+        Which draw, below ``choice.n_draws``: the planets are those that a ranking of the same choice counts.
+    catalog : Catalogue, str or Path
+        Star table.
+
+    Returns
+    -------
+    dict
+        Keys of a scene file: ``cstar``, ``planets``, and a companion where one is known. Planets farther than 120
+        arcsec are left out.
+
+    Raises
+    ------
+    InputError
+        If the star is unknown or has no known planets.
+    """
+    number = check_whole("draw", draw, 0, choice.n_draws - 1)
+    stars = as_catalogue(catalog).table
+    match = resolve_star(star, stars)
+    rows = choice.table.rows_of(match.name)
+    if not rows:
+        raise InputError("star", star, allowed="a star with known planets", hint=choice.table.provenance)
+    uniforms = known_uniforms(choice.table, rows, choice.n_draws, choice.seed)[:, number : number + 1]
+    drawn = draw_known(choice.table, rows, uniforms, epoch_mjd=choice.mjd)
+    distance_pc = float(np.asarray(stars.column("distance_pc"), float)[match.index])
+    scene = scenes_from_table(stars.select([match.index]))[0].model_dump(mode="json", exclude_none=True)
+    planets = []
+    for k, row in enumerate(rows):
+        place = places_at(drawn, k, [choice.mjd])
+        east, north = float(place.east_au[0, 0]), float(place.north_au[0, 0])
+        separation_arcsec = float(np.hypot(east, north)) / distance_pc
+        if separation_arcsec > MAX_SEPARATION_ARCSEC:
+            continue
+        planet = {
+            "name": choice.table.text("planet")[row],
+            "radius_rjup": min(float(drawn.radius_rjup[k, 0]), 10.0),
+            "distance_au": float(place.distance_au[0, 0]),
+            "phase_deg": float(place.phase_deg[0, 0]),
+            "separation_arcsec": separation_arcsec,
+            "pa_deg": float(np.rad2deg(np.arctan2(east, north)) % 360.0),
+            "albedo": choice.albedo.model_dump(mode="json", exclude_none=True),
+        }
+        planets.append(planet)
+    return scene | {"planets": planets}
+
+
+DAYS_PER_YEAR = 365.25
+_STEPS = 400
+_PER_PERIOD = 24
+_MOST_STEPS = 2000
+_LIKELY = 0.5
+_MJD_ZERO = datetime(1858, 11, 17)
+
+
+def known_answer(
+    model: EtcModel,
+    targets: Targets,
+    choice: KnownChoice,
+    *,
+    years: float | None = None,
+    catalogue: str | None = None,
+    bands: Sequence[str] | None = None,
+) -> KnownResult:
+    """Known planets of some stars, in the order of the stars and of the table; those that are not counted as well.
+
+    Parameters
+    ----------
+    model : EtcModel
+    targets : Targets
+    choice : KnownChoice
+        Table, date, draws and albedo.
+    years : float, optional
+        Also the separations over so long, and the days on which the dark hole covers them; 0.01 to 100. Candidates
+        and refuted planets have neither.
+    catalogue : str, optional
+        Which table the stars are from; the snapshot by default.
+    bands : sequence of str, optional
+        All of the model by default.
+
+    Returns
+    -------
+    KnownResult
+
+    Raises
+    ------
+    InputError
+        If a number is out of range, or no star has a known planet.
+    """
+    names = model.named(bands)
+    span = None if years is None else check_range("years", years, 0.01, 100.0, "yr")
+    listed = [choice.table.listed_rows_of(str(name)) for name in targets.name]
+    stars = targets.select([i for i, mine in enumerate(listed) if mine])
+    if not len(stars):
+        raise InputError("known planets", choice.table.provenance, allowed="planets of stars of the sample")
+    rows = [_row(model, targets.select([i]), choice, row, names, span) for i, mine in enumerate(listed) for row in mine]
+    zones = {band: model.metrics[band].zone for band in names}
+    return KnownResult(
+        config_hash=content_hash(
+            {
+                "kind": "known",
+                "version": __version__,
+                "model": model.content(),
+                "bands": list(names),
+                "choice": choice.content(),
+                "years": span,
+                "targets": stars.content(),
+            }
+        ),
+        catalogue=snapshot_vintage() if catalogue is None else catalogue,
+        planets_table=choice.table.provenance,
+        date_utc=choice.date_utc,
+        mjd=choice.mjd,
+        years=span,
+        n_draws=choice.n_draws,
+        seed=choice.seed,
+        albedo=choice.albedo.label,
+        holes=[
+            KnownHole(band=band, inner_arcsec=zone.inner_corner_arcsec, outer_arcsec=zone.outer_corner_arcsec)
+            for band, zone in zones.items()
+        ],
+        planets=rows,
+    )
+
+
+def planets_contrast(model: EtcModel, target: Targets, band: str, planets: Planets, albedo: AlbedoSpec) -> FloatArray:
+    """Contrast of planets of one star in a band, where they are; one value for each.
+
+    Parameters
+    ----------
+    model : EtcModel
+    target : Targets
+    band : str
+        Name of a band of the instrument, such as ``F520``.
+    planets : Planets
+    albedo : AlbedoSpec
+    """
+    result: FloatArray = reflected_contrast(
+        model, target.select([0]), band, albedo, planets.radius_rjup, planets.distance_au[None], planets.phase_deg
+    )[0]
+    return result
+
+
+def _row(
+    model: EtcModel, star: Targets, choice: KnownChoice, row: int, bands: Sequence[str], years: float | None
+) -> KnownPlanetRow:
+    table, distance_pc = choice.table, float(star.distance_pc[0])
+    years = years if table.counted[row] else None
+    drawn = draw_known(table, [row], known_uniforms(table, [row], choice.n_draws, choice.seed), epoch_mjd=choice.mjd)
+    planets = planets_of(drawn, 0, choice.albedo)
+    days, period = [0.0], float(np.median(drawn.period_days[0]))
+    if years is not None:
+        days = _days(years * DAYS_PER_YEAR, period)
+    where = ephemeris(
+        table, row, choice.mjd + np.asarray(days), n_draws=choice.n_draws, seed=choice.seed, distance_pc=distance_pc
+    )
+    looks = []
+    windows: list[KnownWindow] = []
+    for band in bands:
+        zone = model.metrics[band].zone
+        share = where.share_between(zone.inner_corner_arcsec, zone.outer_corner_arcsec)
+        contrast = planets_contrast(model, star, band, planets, choice.albedo)
+        looks.append(KnownBand(band=band, contrast=_quantiles(contrast), hole_share=float(share[0])))
+        if years is not None:
+            windows += _windows(band, where.mjd, share)
+    mass = drawn.mass_mjup[0]
+    return KnownPlanetRow(
+        planet=table.text("planet")[row],
+        star=str(star.name[0]),
+        hip=int(star.hip[0]) or None,
+        v_mag=float(star.v_mag[0]),
+        distance_pc=distance_pc,
+        discovery_method=table.text("discovery_method")[row],
+        **{name: table.text(name)[row] for name in ("status", "reference", "status_reference", "updated", "note")},
+        flags=list(table.flags(row)),
+        period_days=_quantiles(drawn.period_days[0]),
+        semi_major_axis_au=_quantiles(drawn.semi_major_axis_au[0]),
+        eccentricity=_quantiles(drawn.eccentricity[0]),
+        mass_mjup=_quantiles(mass) if np.isfinite(mass).all() else None,
+        radius_rjup=_quantiles(drawn.radius_rjup[0]),
+        separation_arcsec=_three(where.separation_arcsec[:, 0]),
+        distance_au=_three(where.distance_au[:, 0]),
+        phase_deg=_three(where.phase_deg[:, 0]),
+        pa_deg=None if where.pa_deg is None else _three(where.pa_deg[:, 0]),
+        bands=looks,
+        windows=windows,
+        track=None if years is None else _track(where),
+    )
+
+
+def _days(length: float, period: float) -> list[float]:
+    """Days from the date on: many in a period, but not without end."""
+    step = max(min(length / _STEPS, period / _PER_PERIOD), length / _MOST_STEPS)
+    result: list[float] = np.linspace(0.0, length, math.ceil(length / step) + 1).tolist()
+    return result
+
+
+def _windows(band: str, mjd: FloatArray, share: FloatArray) -> list[KnownWindow]:
+    """Runs of dates on which the share is at least a half."""
+    likely = np.concatenate([[False], share >= _LIKELY, [False]])
+    starts, ends = np.flatnonzero(likely[1:] & ~likely[:-1]), np.flatnonzero(~likely[1:] & likely[:-1]) - 1
+    found = []
+    for start, end in zip(starts, ends, strict=True):
+        best = int(start + np.argmax(share[start : end + 1]))
+        first, last, peak = (_day(mjd[i]) for i in (start, end, best))
+        found.append(
+            KnownWindow(band=band, start_utc=first, end_utc=last, best_utc=peak, best_share=float(share[best]))
+        )
+    return found
+
+
+def _day(mjd: float) -> str:
+    return (_MJD_ZERO + timedelta(days=float(mjd))).date().isoformat()
+
+
+def _track(where: Ephemeris) -> KnownTrack:
+    low, median, high = (values.tolist() for values in where.separation_arcsec)
+    return KnownTrack(
+        mjd=where.mjd.tolist(), separation_low_arcsec=low, separation_median_arcsec=median, separation_high_arcsec=high
+    )
+
+
+def _quantiles(draws: FloatArray) -> Quantiles:
+    return _three(quantiles(draws))
+
+
+def _three(values: FloatArray) -> Quantiles:
+    low, median, high = (float(value) for value in values)
+    return Quantiles(low=low, median=median, high=high)

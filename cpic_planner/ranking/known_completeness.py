@@ -1,0 +1,237 @@
+"""How likely one observation of each star detects its known planets: completeness star by star."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from catalogs import KnownPlanetTable, load_known_planets
+from cpic_core import InputError, check_finite, check_whole
+from cpic_planner.etc import EtcModel
+from cpic_planner.planets import Planets, PopulationChoice, draw_known, known_uniforms, planets_of
+from cpic_planner.queries import RankedQuestion, ReferencePlanet
+from cpic_planner.ranking.completeness import BandCompleteness, completeness
+from cpic_planner.results import KNOWN_PLANETS, PopulationRecord
+from cpic_planner.targets import Targets
+from simulator.config import AlbedoSpec, Instrument, checked_utc
+from simulator.products import mjd_of
+
+MAX_DRAWS = 100_000
+N_DRAWS = 4000
+KNOWN_ONLY = "those with known planets only"
+"""What a sample is called whose stars all have known planets."""
+
+
+def known_rows(table: KnownPlanetTable, targets: Targets) -> list[tuple[int, ...]]:
+    """Rows of the counted planets of each star, by any of its names; empty where it has none.
+
+    Parameters
+    ----------
+    table : KnownPlanetTable
+    targets : Targets
+    """
+    return [table.rows_of(str(name)) for name in targets.name]
+
+
+@dataclass(frozen=True, eq=False)
+class KnownSample:
+    """Draws of the known planets of ``n`` stars at one date: for each star, its planets with their draws."""
+
+    planets: tuple[tuple[Planets, ...], ...]
+    n_draws: int
+
+
+@dataclass(frozen=True, eq=False)
+class KnownChoice:
+    """A table of known planets, a date, and how often each planet is drawn.
+
+    Attributes
+    ----------
+    table : KnownPlanetTable
+    date_utc : str
+        As written into results.
+    mjd : float
+        The same date.
+    albedo : AlbedoSpec
+        What the planets reflect.
+    n_draws, seed : int
+    """
+
+    table: KnownPlanetTable
+    date_utc: str
+    mjd: float
+    albedo: AlbedoSpec
+    n_draws: int = N_DRAWS
+    seed: int = 1
+
+    @classmethod
+    def at(
+        cls,
+        source: str | Path,
+        date: str | None,
+        albedo: AlbedoSpec,
+        instrument: Instrument,
+        *,
+        n_draws: int,
+        seed: int,
+    ) -> KnownChoice:
+        """Return the choice of a table and a date as people write them.
+
+        Parameters
+        ----------
+        source : str or Path
+            As `catalogs.known_planets.load_known_planets` reads it.
+        date : str or None
+            UTC; None for the start of the instrument's mission.
+        albedo : AlbedoSpec
+        instrument : Instrument
+        n_draws, seed : int
+
+        Raises
+        ------
+        InputError
+            For a table that cannot be used, or a text that is no date.
+        """
+        utc = checked_utc("--date", instrument.mission.start_utc if date is None else date)
+        return cls(load_known_planets(source), utc, mjd_of(utc), albedo, n_draws, seed)
+
+    def stars(self, targets: Targets) -> Targets:
+        """Targets that have known planets which are counted.
+
+        Raises
+        ------
+        InputError
+            If none has.
+        """
+        chosen = [i for i, rows in enumerate(known_rows(self.table, targets)) if rows]
+        if not chosen:
+            raise InputError("known planets", self.table.provenance, allowed="planets of stars of the sample")
+        return targets.select(chosen)
+
+    def draw(self, targets: Targets) -> KnownSample:
+        """Draws of the planets of each star.
+
+        Raises
+        ------
+        InputError
+            If a number is out of range.
+        """
+        n = check_whole("n_draws", self.n_draws, 1, MAX_DRAWS)
+        mjd = float(check_finite("mjd", self.mjd, "d"))
+        made = []
+        for rows in known_rows(self.table, targets):
+            uniforms = known_uniforms(self.table, rows, n, self.seed)
+            drawn = draw_known(self.table, rows, uniforms, epoch_mjd=mjd)
+            made.append(tuple(planets_of(drawn, k, self.albedo) for k in range(len(rows))))
+        return KnownSample(tuple(made), n)
+
+    def record(self) -> PopulationRecord:
+        """As written into results, where the population of a ranking is."""
+        return PopulationRecord(
+            name=KNOWN_PLANETS,
+            description=f"{self.table.provenance}, on {self.date_utc}",
+            n_planets=self.n_draws,
+            seed=self.seed,
+            planets_per_star=None,
+        )
+
+    def content(self) -> dict[str, Any]:
+        """For content hashes."""
+        cells = repr([(name, column.tolist()) for name, column in self.table.columns.items()])
+        digest = hashlib.sha256(cells.encode()).hexdigest()
+        return {
+            "table": digest,
+            "mjd": self.mjd,
+            "n_draws": self.n_draws,
+            "seed": self.seed,
+            "albedo": ReferencePlanet(albedo=self.albedo).content()["albedo"],
+        }
+
+
+def counted_planets(question: RankedQuestion) -> PopulationChoice | KnownChoice:
+    """Return the population, or the known planets, that the completeness of a ranking refers to.
+
+    Raises
+    ------
+    InputError
+        If there is no such table of known planets, or it cannot be used.
+    """
+    if question.known_planets is None:
+        return PopulationChoice(question.population, question.n_planets, question.seed)
+    return KnownChoice.at(
+        question.known_planets,
+        question.date_utc,
+        question.planet.albedo,
+        question.instrument,
+        n_draws=check_whole("n_planets", question.n_planets, 1, MAX_DRAWS),
+        seed=question.seed,
+    )
+
+
+def known_completeness(
+    model: EtcModel,
+    targets: Targets,
+    band: str,
+    known: KnownSample,
+    *,
+    exposure_s: ArrayLike,
+    n_frames: ArrayLike,
+    em_gain: ArrayLike,
+) -> BandCompleteness:
+    """Probability that one observation of each star detects at least one of its known planets.
+
+    Parameters
+    ----------
+    model, targets, band, exposure_s, n_frames, em_gain
+        As of `cpic_planner.ranking.completeness.completeness`.
+    known : KnownSample
+        Of the same stars.
+
+    Returns
+    -------
+    BandCompleteness
+        ``completeness``, ``in_zone`` and ``observable`` are probabilities of at least one planet, those of a star's
+        planets taken as independent; ``expected_detections`` is their sum.
+    """
+    settings = [np.broadcast_to(np.asarray(value, float), (len(targets),)) for value in (exposure_s, n_frames, em_gain)]
+    missed, expected = np.ones((3, len(targets))), np.zeros(len(targets))
+    variance = np.zeros(len(targets))
+    flags: dict[str, None] = {}
+    for i, bodies in enumerate(known.planets):
+        star = targets.select([i])
+        shares = []
+        for body in bodies:
+            one = completeness(
+                model, star, band, body, exposure_s=settings[0][i], n_frames=settings[1][i], em_gain=settings[2][i]
+            )
+            missed[:, i] *= 1.0 - np.array([one.completeness[0], one.in_zone[0], one.observable[0]])
+            shares.append(float(one.completeness[0]))
+            flags |= dict.fromkeys(one.flags)
+        expected[i] = sum(shares)
+        variance[i] = _variance(shares, known.n_draws)
+    seen, in_zone, observable = 1.0 - missed
+    return BandCompleteness(
+        band=band,
+        n_planets=known.n_draws,
+        completeness=seen,
+        standard_error=np.sqrt(variance),
+        in_zone=in_zone,
+        observable=observable,
+        expected_detections=expected,
+        flags=tuple(flags),
+    )
+
+
+def _variance(shares: Sequence[float], n_draws: int) -> float:
+    """Variance of ``1 - prod(1 - p)`` where each p is a share of ``n`` draws."""
+    total = 0.0
+    for k, share in enumerate(shares):
+        others = np.prod([1.0 - other for j, other in enumerate(shares) if j != k])
+        total += share * (1.0 - share) / n_draws * float(others) ** 2
+    return total

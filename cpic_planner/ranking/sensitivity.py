@@ -1,0 +1,287 @@
+"""How the ranking depends on what nobody knows yet: the same stars ranked under other assumptions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cpic_core import FloatArray, announce
+from cpic_planner.etc import EtcModel, check_range
+from cpic_planner.planets import PopulationChoice
+from cpic_planner.queries import Change, ReferencePlanet, changed
+from cpic_planner.ranking.known_completeness import KnownChoice
+from cpic_planner.ranking.order import drawn_planets, order_of, rank_hash, ranked
+from cpic_planner.registry import DEFAULT_SCORE, ScoreName
+from cpic_planner.results import SensitivityResult, SensitivityRow
+from cpic_planner.targets import Targets
+from simulator.config import ParametricAlbedo, content_hash
+from simulator.passbands import Passbands
+
+N_TOP = 50
+POOL = 6
+DECIDING_TAU = 0.5
+"""Kendall's tau below which an assumption is said to decide the ranking: more than one pair in four is turned round."""
+DECIDING_SHARE = 0.25
+"""Share of the stars with a detected reference planet that an assumption must add or take away to be said to decide."""
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What a ranking is made with."""
+
+    model: EtcModel
+    planet: ReferencePlanet
+    population: PopulationChoice | KnownChoice
+
+
+@dataclass(frozen=True)
+class Order:
+    """Stars under one assumption: rank (1 for the first), score, margin of the reference planet, and its detection."""
+
+    rank: NDArray[np.int64]
+    score: FloatArray
+    margin: FloatArray
+    detected: NDArray[np.bool_]
+
+    def select(self, stars: NDArray[np.bool_]) -> Order:
+        """Some of the stars, with the ranks that they have among all."""
+        return Order(self.rank[stars], self.score[stars], self.margin[stars], self.detected[stars])
+
+
+@dataclass(frozen=True)
+class Assumption:
+    """Another assumption: its key, what it says, and how it changes a setting."""
+
+    key: str
+    text: str
+    change: Callable[[Setting], Setting]
+
+
+def _with(one: Change) -> Callable[[Setting], Setting]:
+    """An assumption that changes numbers of the instrument, but not its optics: only rates of light and drift.
+
+    A ``*`` in the key stands for the bands of the ranking.
+    """
+
+    def change(setting: Setting) -> Setting:
+        model = setting.model
+        keys = {one.key.replace("*", band): None for band in model.bands}
+        instrument = changed(model.instrument, (one.model_copy(update={"key": key}) for key in keys))
+        other = EtcModel(instrument, Passbands.from_instrument(instrument), model.metrics, model.strategy)
+        return replace(setting, model=other)
+
+    return change
+
+
+def _at_two_au(setting: Setting) -> Setting:
+    """All planets, reference and population, with the albedo of the models' slice at 2 au from the Sun."""
+    albedo = ParametricAlbedo(insolation_au=2.0)
+    planet = setting.planet.model_copy(update={"albedo": albedo})
+    if isinstance(setting.population, KnownChoice):
+        return replace(setting, planet=planet, population=replace(setting.population, albedo=albedo))
+    config = setting.population.config
+    kinds = tuple(kind.model_copy(update={"albedo": albedo}) for kind in config.kinds)
+    population = replace(setting.population, config=config.model_copy(update={"albedo": albedo, "kinds": kinds}))
+    return replace(setting, planet=planet, population=population)
+
+
+ASSUMPTIONS: tuple[Assumption, ...] = (
+    Assumption("drift_x2", "wavefront drift twice as large", _with(Change.scaling("drift", 2.0))),
+    Assumption("drift_x0.5", "wavefront drift half as large", _with(Change.scaling("drift", 0.5))),
+    Assumption("drift_x0.1", "wavefront drift a tenth as large", _with(Change.scaling("drift", 0.1))),
+    Assumption("albedo_2au", "albedo of cloudy giants at 2 au from the Sun, whatever the insolation", _at_two_au),
+    Assumption("t_opt_0.46", "optical throughput 0.46 in every band", _with(Change(key="bands.*.t_opt", value=0.46))),
+    Assumption(
+        "width_+50%",
+        "bands half as wide again, with the optics of the nominal width",
+        _with(Change.scaling("bands.*.width_nm", 1.5)),
+    ),
+    Assumption(
+        "width_-50%",
+        "bands half as wide, with the optics of the nominal width",
+        _with(Change.scaling("bands.*.width_nm", 0.5)),
+    ),
+)
+
+
+def in_turn(assumptions: Sequence[Assumption]) -> Iterator[Assumption]:
+    """Yield assumptions, each announced before the work under it begins."""
+    for done, assumption in enumerate(assumptions, 1):
+        announce(f"ranking under other assumptions, {done} of {len(assumptions)}: {assumption.text}")
+        yield assumption
+
+
+def in_order(setting: Setting, targets: Targets, *, time_s: float, bands: Sequence[str], score: ScoreName) -> Order:
+    """Rank stars under one setting.
+
+    Parameters
+    ----------
+    setting : Setting
+    targets : Targets
+    time_s : float
+        Wall time, s, overheads and reference frames included.
+    bands : sequence of str
+        Names of bands of the instrument.
+    score : ScoreName
+    """
+    found = ranked(
+        setting.model,
+        targets,
+        time_s=time_s,
+        planet=setting.planet,
+        bands=bands,
+        planets=drawn_planets(setting.population, targets),
+        score=score,
+        with_times=False,
+    )
+    rank = np.empty(len(targets), np.int64)
+    rank[order_of(found, targets)] = np.arange(1, len(targets) + 1)
+    margin = found.best.margin
+    return Order(rank, found.score, margin, (margin >= found.best.needed_margin) & (found.best.n_frames >= 1))
+
+
+def near_top(rank: NDArray[np.int64], margin: FloatArray, top: int) -> NDArray[np.bool_]:
+    """Stars that may come among the first ``top``, or be detected, under another assumption: the others stay far down.
+
+    They are the first ``POOL * top`` by nominal rank and by margin of the reference planet.
+
+    Parameters
+    ----------
+    rank : ndarray of int
+        Rank of each star.
+    margin : ndarray
+        Detection margin of each star.
+    top : int
+        Ranks that count.
+    """
+    by_margin = np.empty(len(rank), np.int64)
+    by_margin[np.argsort(-margin, kind="stable")] = np.arange(1, len(rank) + 1)
+    return np.minimum(rank, by_margin) <= POOL * top
+
+
+def sensitivity(
+    model: EtcModel,
+    targets: Targets,
+    *,
+    time_s: float,
+    planet: ReferencePlanet | None = None,
+    bands: Sequence[str] | None = None,
+    population: PopulationChoice | KnownChoice | None = None,
+    score: ScoreName = DEFAULT_SCORE,
+    top: int = N_TOP,
+    assumptions: Sequence[Assumption] = ASSUMPTIONS,
+) -> SensitivityResult:
+    """Rank the sample again under other assumptions and compare.
+
+    Parameters
+    ----------
+    model, targets, time_s, planet, bands, population, score
+        As `cpic_planner.ranking.order.rank_targets`.
+    top : int
+        Stars of the nominal ranking that are compared (all, if there are fewer); those that may come near them are
+        ranked again (`near_top`).
+    assumptions : sequence of Assumption
+        One at a time; `ASSUMPTIONS` by default.
+
+    Returns
+    -------
+    SensitivityResult
+        For each assumption the number of stars whose reference planet is detected, and Kendall's tau-b of the scores
+        of the stars that are among the first ``top`` and have a score above zero, nominally or under the assumption:
+        1 where no pair changes its order, 0 where as many do as do not. Stars of equal score have no order, so that
+        the rule which lists them (by margin, then by name) does not count.
+    """
+    names, time_s = model.named(bands), check_range("time_s", time_s, 1e-3, 1e9, "s")
+    check_range("top", top, 1, math.inf, "stars")
+    setting = Setting(model, planet or ReferencePlanet(), population or PopulationChoice.default())
+    digest = rank_hash(
+        model, targets, time_s=time_s, planet=setting.planet, bands=bands, population=setting.population, score=score
+    )
+    nominal = in_order(setting, targets, time_s=time_s, bands=names, score=score)
+    n_ranked, n_ok, n_top = len(targets), int(np.count_nonzero(nominal.detected)), min(top, len(targets))
+    pool = near_top(nominal.rank, nominal.margin, top)
+    targets, nominal = targets.select(pool), nominal.select(pool)
+    rows = []
+    for assumption in in_turn(assumptions):
+        other = in_order(assumption.change(setting), targets, time_s=time_s, bands=names, score=score)
+        rows.append(_compared(assumption, nominal, other, targets.name, n_top))
+    decides = [row.assumption for row in rows if _decides(row, n_ok)]
+    return SensitivityResult(
+        config_hash=content_hash(
+            {"kind": "sensitivity", "rank": digest, "top": top, "assumptions": [item.key for item in assumptions]}
+        ),
+        top=n_top,
+        score_name=score,
+        n_ranked=n_ranked,
+        n_ok=n_ok,
+        rows=rows,
+        deciding_tau=DECIDING_TAU,
+        deciding_share=DECIDING_SHARE,
+        decides=decides,
+        statement=_statement(rows, decides, n_ok, n_ranked),
+    )
+
+
+def _compared(
+    assumption: Assumption, nominal: Order, other: Order, names: NDArray[np.str_], n_top: int
+) -> SensitivityRow:
+    """What becomes of the nominal first stars under another assumption."""
+    first = np.flatnonzero(nominal.rank <= n_top)
+    scored = (np.minimum(nominal.rank, other.rank) <= n_top) & ((nominal.score > 0) | (other.score > 0))
+    falls = other.rank[first] - nominal.rank[first]
+    worst = int(np.argmax(falls))
+    return SensitivityRow(
+        assumption=assumption.key,
+        text=assumption.text,
+        n_ok=int(np.count_nonzero(other.detected)),
+        kendall_tau_b=_tau_b(nominal.score[scored], other.score[scored]),
+        n_compared=int(np.count_nonzero(scored)),
+        kendall_tau=_tau_b(nominal.rank[first], other.rank[first]),
+        kept=int(np.count_nonzero(other.rank[first] <= n_top)),
+        largest_fall=str(names[first[worst]]) if falls[worst] > 0 else "",
+        largest_fall_ranks=max(int(falls[worst]), 0),
+        best=str(names[int(np.argmin(other.rank))]),
+    )
+
+
+def _tau_b(x: NDArray[Any], y: NDArray[Any]) -> float | None:
+    """Kendall's tau-b (Kendall 1945): pairs that are tied in both have no weight, those tied in one lower it."""
+    i, j = np.triu_indices(len(x), 1)
+    a, b = np.sign(x[i] - x[j]), np.sign(y[i] - y[j])
+    ordered = math.sqrt(np.count_nonzero(a)) * math.sqrt(np.count_nonzero(b))
+    return float(np.sum(a * b)) / ordered if ordered else None
+
+
+def _decides(row: SensitivityRow, n_ok: int) -> bool:
+    """Whether an assumption decides the ranking: by the number of detected stars, or by their order."""
+    by_number = abs(row.n_ok - n_ok) >= DECIDING_SHARE * max(n_ok, 1)
+    return by_number or (row.kendall_tau_b is not None and row.kendall_tau_b < DECIDING_TAU)
+
+
+def _statement(rows: Sequence[SensitivityRow], decides: Sequence[str], n_ok: int, n_ranked: int) -> str:
+    """Say how many stars stay detected, how firm their order is, and which assumption decides."""
+    others = ", ".join(f"{row.n_ok} ({row.text})" for row in rows if row.n_ok != n_ok)
+    change = f"Other assumptions change this number to {others}." if others else "No assumption changes this number."
+    words = [f"The reference planet is detected around {n_ok} of {n_ranked} stars.", change]
+    known = [(row.kendall_tau_b, row) for row in rows if row.kendall_tau_b is not None]
+    if known:
+        tau, least = min(known, key=lambda item: item[0])
+        words.append(
+            f"The order of the stars that have a score changes most for {least.text}: Kendall's tau is "
+            f"{tau:.2f} over {least.n_compared} stars."
+        )
+    else:
+        words.append("Too few stars have a score to compare their order.")
+    limits = f"the number of detected stars by {100 * DECIDING_SHARE:g} % or more, or brings tau below {DECIDING_TAU:g}"
+    listed = "; ".join(row.text for row in rows if row.assumption in decides)
+    words.append(
+        f"The ranking is decided by {listed}: each changes {limits}."
+        if decides
+        else f"No assumption decides the ranking: none changes {limits}."
+    )
+    return " ".join(words)

@@ -1,0 +1,44 @@
+from cpic_planner.report.cells import (
+    ranking_csv as ranking_csv,
+    ranking_ecsv as ranking_ecsv,
+    visibility_csv as visibility_csv,
+)
+from cpic_planner.report.console import (
+    print_check as print_check,
+    print_confirm as print_confirm,
+    print_plan as print_plan,
+    print_planned as print_planned,
+    print_simulation as print_simulation,
+)
+from cpic_planner.report.console_etc import (
+    best_row as best_row,
+    print_etc as print_etc,
+    print_fidelity as print_fidelity,
+)
+from cpic_planner.report.console_known import print_known as print_known, print_visibility as print_visibility
+from cpic_planner.report.console_runs import (
+    print_explanation as print_explanation,
+    print_rank as print_rank,
+    print_sensitivity as print_sensitivity,
+    print_tradeoff as print_tradeoff,
+    print_whatif as print_whatif,
+)
+from cpic_planner.report.drawing import new_figure as new_figure, place_labels as place_labels, style as style
+from cpic_planner.report.etc_figures import (
+    check_figure_name as check_figure_name,
+    etc_curves as etc_curves,
+    etc_figure as etc_figure,
+    write_figure as write_figure,
+)
+from cpic_planner.report.numbers import duration_text as duration_text
+from cpic_planner.report.sky_figures import MOST_STARS as MOST_STARS, rank_figure as rank_figure
+from cpic_planner.report.visibility_figures import known_figure as known_figure, visibility_figure as visibility_figure
+from cpic_planner.report.whatif_words import best_by_value as best_by_value, hanging_text as hanging_text
+from cpic_planner.report.write import (
+    PRODUCTS as PRODUCTS,
+    WHATIF_PRODUCTS as WHATIF_PRODUCTS,
+    products_of as products_of,
+    write_confirm_report as write_confirm_report,
+    write_report as write_report,
+    write_whatif as write_whatif,
+)

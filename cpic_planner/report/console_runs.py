@@ -1,0 +1,344 @@
+"""The ranking on the terminal: table, sensitivity, and why one star stands where it stands.
+
+A comparison of survey strategies on the terminal.
+
+Speed against accuracy on the terminal.
+"""
+
+from __future__ import annotations
+
+from operator import itemgetter
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from cpic_planner.registry import LIBRARIES, SCORES
+from cpic_planner.report.cells import Cells, print_note, print_plain, print_table, row_cells
+from cpic_planner.report.numbers import MISSING, count_text, decimals, duration_text, full_name, short_name, significant
+from cpic_planner.report.summary import limits_text, population_text
+from cpic_planner.report.whatif_maps import shown_rows
+from cpic_planner.report.whatif_words import extent_text, interval_text, lead_sentences, planets_text
+from cpic_planner.report.words import cap_sentence, limit_text, remedy_text, score_number, tau_text, term_text
+from cpic_planner.results import (
+    BandStanding,
+    DifferenceRecord,
+    Explanation,
+    RankedTarget,
+    RankResult,
+    SensitivityResult,
+    SensitivityRow,
+    StrategyOutcome,
+    SurveyTarget,
+    TradeoffResult,
+    TradeoffRow,
+    WhatIfResult,
+)
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+
+_SMALLEST_GAIN = 1.005
+
+
+def print_rank(rank: RankResult, console: Console, limit: int = 20) -> None:
+    """Print the first ``limit`` rows of a ranking, and what its numbers refer to."""
+    shown = rank.targets[:limit]
+    title = f"Ranking: first {len(shown)} of {count_text(len(rank.targets))} stars, by {SCORES[rank.score_name].title}"
+    own = "" if SCORES[rank.score_name].column else "score "  # a column shows it already
+    cells = row_cells(
+        RankedTarget,
+        f"rank name v_mag/3 distance_pc/2 {own}completeness completeness_band/7 band/1 separation_arcsec/4 contrast/5 "
+        "frames/9 em_gain/10 time_s/8 snr/2 detection_margin detection_probability status",
+        score=_score(rank.score_name),
+    )
+    print_table(console, title, cells, shown, explained=True)
+    planet = rank.reference_planet
+    if rank.counts_limited_by:
+        limits = limits_text(rank.counts_limited_by)
+        print_note(console, f"Reference planets in {duration_text(rank.time_s)}: {limits}.")
+    print_note(console, f"Score: {SCORES[rank.score_name].meaning}.{_zeros(rank)}")
+    print_note(console, f"Population (compl %): {population_text(rank.population)}.")
+    print_note(
+        console,
+        f"Reference planet (other columns): {planet.radius_rjup:g} R_J, phase {planet.phase_deg:g} deg, "
+        f"{planet.albedo} albedo, {planet.position}; wall time up to {duration_text(rank.time_s)} per target and band.",
+    )
+    print_note(
+        console,
+        f"Margin = significance / threshold; threshold keeps the false-alarm probability of {rank.sigma:g} sigma. "
+        "Detected: at least half of the visits show the planet if its place is known; blind %: probability that a "
+        "search finds it that does not know the place. "
+        f"Reference frames: {LIBRARIES[rank.reference_library].meaning}.",
+    )
+    print_note(console, f"Stars: {rank.sample}. {rank.catalogue}")
+
+
+def _zeros(rank: RankResult) -> str:
+    """A sentence about stars of score 0, which the score does not order; empty if there are none."""
+    above = sum(row.score > 0.0 for row in rank.targets)
+    if not SCORES[rank.score_name].from_zero or above == len(rank.targets):
+        return ""
+    stars = "1 star has a score" if above == 1 else f"{count_text(above)} stars have a score"
+    return f" {stars} above zero; the others follow by the margin of the reference planet, not by the score."
+
+
+def _score(name: str) -> Cells:
+    return Cells(SCORES[name].label, lambda row: score_number(row.score, name))
+
+
+def print_sensitivity(result: SensitivityResult, console: Console) -> None:
+    """Print how the ranking depends on what is assumed.
+
+    Parameters
+    ----------
+    result : SensitivityResult
+    console : Console
+    """
+    cells = row_cells(
+        SensitivityRow,
+        "n_ok kendall_tau_b n_compared/1 kept/2 best/3 largest_fall/4 text",
+        kept=lambda row: f"{row.kept}/{result.top}",
+        largest_fall=lambda row: (
+            f"{short_name(row.largest_fall)} −{row.largest_fall_ranks}" if row.largest_fall_ranks > 0 else MISSING
+        ),
+    )
+    title = f"What the first {result.top} stars by {SCORES[result.score_name].title} become under other assumptions"
+    print_table(console, title, cells, result.rows, last_width=44)
+    print_plain(console, result.statement)
+    print_note(
+        console,
+        f"detected: stars whose reference planet is detected ({result.n_ok} nominally); tau: {tau_text(result.top)}; "
+        f"of: their number; kept: how many of the nominal first {result.top} stay there; biggest fall: in ranks.",
+    )
+
+
+def print_explanation(told: Explanation, console: Console) -> None:
+    """Print why a star stands where it stands.
+
+    Parameters
+    ----------
+    told : Explanation
+    console : Console
+    """
+    star = told.star
+    head = f"{full_name(star.name, star.hip)}: rank {star.rank} of {count_text(told.n_ranked)}"
+    print_plain(console, f"{head} by {SCORES[told.score_name].title}", bold=True)
+    for sentence in told.sentences:
+        print_plain(console, sentence)
+    console.print()
+    _neighbours(told, console)
+    console.print()
+    _bands(told, console)
+    _details(told, console)
+    if told.ranks:
+        ranks = ", ".join(f"{count_text(rank)} ({name.replace('_', ' ')})" for name, rank in told.ranks.items())
+        print_note(console, f"Rank under other assumptions: {ranks}.")
+
+
+def _neighbours(told: Explanation, console: Console) -> None:
+    cells = row_cells(
+        RankedTarget,
+        "rank name score completeness/1 completeness_band/5 v_mag/3 distance_pc/4 detection_margin/2 status",
+        score=_score(told.score_name),
+    )
+    rows = [row for row in (told.better, told.star, told.worse) if row is not None]
+    print_table(console, "Between its neighbours", cells, rows)
+
+
+def _bands(told: Explanation, console: Console) -> None:
+    cells = row_cells(
+        BandStanding,
+        "band completeness in_zone/3 observable/4 separation_arcsec/4 contrast/2 contrast_limit/2 time_s/7 snr/6 "
+        "detection_margin floor_margin/1 dominant/5 status",
+        dominant=lambda band: term_text(band.dominant),
+    )
+    print_table(console, "Its reference planet and its population, band by band", cells, told.bands, explained=True)
+    print_note(
+        console,
+        "compl %, in zone %, whole %: shares of the population that are detected, that lie in the dark quadrants, and "
+        "whose whole aperture lies there, as a detection needs; limit: faintest contrast detected there; at most: "
+        "margin that no length of visit can pass.",
+    )
+
+
+def _details(told: Explanation, console: Console) -> None:
+    """What binds and what would help in the star's best band."""
+    band = next((item for item in told.bands if item.band == told.star.band), None)
+    if band is None or band.exposure_s is None:
+        return
+    for name, limit in (("exposure", band.exposure_limited_by), ("EM gain", band.gain_limited_by)):
+        if limit:
+            print_note(console, f"{band.band}: the {name} is held by {limit_text(limit)}.")
+    for name, gain in band.gain_caps.items():
+        print_note(console, f"{band.band}, frames of {significant(band.exposure_s)} s: {cap_sentence(name, gain)}.")
+    helps = sorted(band.remedies.items(), key=lambda item: -item[1])
+    good = [f"×{factor:.2f} {remedy_text(name)}" for name, factor in helps if factor >= _SMALLEST_GAIN]
+    if good:
+        print_note(console, f"{band.band}: what would raise the SNR: {'; '.join(good)}.")
+
+
+_LAST_COLUMN = 24
+_MOST_STRATEGIES = 20
+_MOST_STARS = 10
+
+
+def print_whatif(result: WhatIfResult, console: Console, report: Path | None = None) -> None:
+    """Print the summary, the strategies, their differences with the first one, and where the report is.
+
+    Parameters
+    ----------
+    result : WhatIfResult
+    console : Console
+    report : Path, optional
+        The written report.
+    """
+    for i, text in enumerate(lead_sentences(result)):
+        print_plain(console, text, bold=i == 0)
+    print_plain(console, f"Compared: {extent_text(result)}.")
+    console.print()
+    rows = shown_rows(result.strategies, _MOST_STRATEGIES)
+    shown = [result.strategies[i] for i in rows]
+    universes = f"{count_text(result.n_universes)} universes"
+    title = f"{result.name or 'strategies'}: mean of {universes} and its 90 % interval"
+    print_table(console, title, _STRATEGIES, shown, last_width=_LAST_COLUMN)
+    if len(shown) < len(result.strategies):
+        print_note(console, f"The first and the {len(shown) - 1} of {len(result.strategies)} that find most.")
+    print_note(
+        console,
+        "survey: 5 to 95 % of single surveys; any: share that finds a planet; visits: made, mean; bound: how far the "
+        "calendar is below what no calendar can pass; alarms: false ones, mean.",
+    )
+    if len(shown) > 1:
+        console.print()
+        _print_differences(result, {item.name for item in shown}, console)
+    _print_images(shown, console)
+    print_note(console, f"Seed {result.universe['seed']}, configuration {result.config_hash}.")
+    if report is not None:
+        print_plain(console, f"report: {report}")
+
+
+_STRATEGIES = row_cells(
+    StrategyOutcome,
+    "planets interval/2 survey/5 new/1 any_planet/4 hours visits/6 bound/7 alarms/8 name",
+    planets=lambda item: decimals(item.planets.mean, 2),
+    interval=Cells("interval", lambda item: interval_text(item.planets.low, item.planets.high)),
+    survey=Cells("survey", lambda item: f"{item.planets.survey_low:.3g} to {item.planets.survey_high:.3g}"),
+    new=Cells("new", lambda item: decimals(item.new_planets.mean, 2)),
+    hours=lambda item: decimals(item.hours.mean, 0),
+    visits=Cells("visits", lambda item: decimals(sum(target.visits for target in item.targets), 1)),
+    bound=Cells("bound %", lambda item: decimals(100.0 * item.schedule.distance, 1)),
+    alarms=Cells("alarms", lambda item: planets_text(item.noise_alarms.mean + item.background_alarms.mean)),
+)
+
+
+def _print_differences(result: WhatIfResult, names: set[str], console: Console) -> None:
+    """Paired differences with the first strategy."""
+    reference = result.strategies[0].name
+    by = {(item.first, item.quantity): item for item in result.differences if item.second == reference}
+    found = [(item.name, by.get((item.name, "planets"))) for item in result.strategies[1:] if item.name in names]
+    rows = [(name, item) for name, item in found if item is not None]
+
+    def mean(name: str, quantity: Any, places: int) -> str:
+        item = by.get((name, quantity))
+        return MISSING if item is None else _signed(item.mean, places)
+
+    cells = [
+        Cells("planets", lambda row: _signed(row[1].mean, 2)),
+        Cells("interval", lambda row: interval_text(row[1].low, row[1].high), gives_way=2),
+        Cells("new", lambda row: mean(row[0], "new_planets", 2), gives_way=3),
+        Cells("hours", lambda row: mean(row[0], "hours", 0), gives_way=1),
+        Cells("verdict", lambda row: _likely(row[1]), right=False, gives_way=4),
+        Cells("strategy", itemgetter(0), right=False),
+    ]
+    title = f"Difference with {reference} in the same universes"
+    print_table(console, title, cells, rows, last_width=_LAST_COLUMN)
+
+
+def _likely(item: DifferenceRecord) -> str:
+    return "more" if item.low > 0 else "fewer" if item.high < 0 else "may be chance"
+
+
+def _signed(value: float, places: int) -> str:
+    return f"{'+' if value > 0 else ''}{decimals(value, places)}"
+
+
+def _print_images(strategies: list[StrategyOutcome], console: Console) -> None:
+    for item in strategies:
+        sample = item.images
+        if sample is None:
+            continue
+        if sample.images == 0:
+            print_plain(
+                console, f"{item.name}: no detection was simulated as images: {sample.note or 'none asked for'}"
+            )
+            continue
+        remark = f"; {sample.note}" if sample.note else ""
+        ends = "" if sample.low is None or sample.high is None else f" ({interval_text(sample.low, sample.high)})"
+        print_plain(
+            console,
+            f"{item.name}: of {sample.detections} detections simulated as images {sample.found} are found, "
+            f"{decimals(sample.expected, 1)} expected; correction {decimals(sample.correction, 2)}{ends}{remark}",
+        )
+
+
+def print_visits(result: WhatIfResult, console: Console, limit: int = _MOST_STARS) -> None:
+    """Print the first stars of the strategy that finds most.
+
+    Parameters
+    ----------
+    result : WhatIfResult
+    console : Console
+    limit : int
+        How many stars.
+    """
+    best = max(result.strategies, key=lambda item: item.planets.mean)
+    rows = best.targets[:limit]
+    if not rows:
+        print_plain(console, f"{best.name} visits no star.")
+        return
+    title = f"{best.name}: first {len(rows)} of {count_text(len(best.targets))} stars by planets per hour"
+    print_table(console, title, _VISITS, rows)
+    print_note(console, "Visits and hours made, and planets found, are means of a survey; wall: of one visit.")
+
+
+_VISITS = row_cells(
+    SurveyTarget,
+    "rank name planets planets_per_100h visits visit_time_s/3 hours/1 first_utc/2 bands",
+    planets=Cells("planets", lambda star: planets_text(star.new_planets + star.known_seen)),
+    hours=Cells("hours", lambda star: decimals(star.search_h + star.follow_up_h, 0)),
+    first_utc=lambda star: star.first_utc or MISSING,
+)
+
+
+def print_tradeoff(result: TradeoffResult, console: Console) -> None:
+    """Print one table a scene: every way with its time, memory and errors.
+
+    Parameters
+    ----------
+    result : TradeoffResult
+    console : Console
+    """
+
+    def way(row: TradeoffRow) -> str:
+        title = row.title if row.machine == result.machine.key else f"{row.title} (another machine)"
+        return title if row.status == "ok" else f"{title}: {row.status}, {row.reason.replace('_', ' ')}"
+
+    cells = row_cells(
+        TradeoffRow,
+        "title wall_s cpu_s peak_memory_mb/2 flux_error/1 snr_error",
+        flux_error=lambda row: _error(row.flux_error, None),
+        snr_error=lambda row: _error(row.snr_error, row.snr_uncertainty),
+        title=Cells("way", way, right=False),
+    )
+    for scene in result.scenes:
+        rows = [row for row in result.rows if row.scene == scene.name]
+        title = f"{scene.title} ({scene.name}, {scene.band})"
+        print_table(console, title, cells, rows)
+    for name, ratio in result.speed_ups.items():
+        print_plain(console, f"{name}: one call of the closed forms is {ratio:.0f} times faster than the reference")
+
+
+def _error(value: float | None, uncertainty: float | None) -> str:
+    if value is None:
+        return ""
+    return f"{100 * value:+.2g} %" if not uncertainty else f"{100 * value:+.2g} ± {100 * uncertainty:.1g} %"

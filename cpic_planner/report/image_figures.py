@@ -1,0 +1,374 @@
+"""What images recover: SNR against the predicted one, and contrasts on the spectrum that went in.
+
+What the reports of a plan and of a confirmed scene show of images: measurements, pictures, how they were made.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from operator import itemgetter
+
+import numpy as np
+
+from cpic_planner.report import document as doc
+from cpic_planner.report.cells import Cells
+from cpic_planner.report.drawing import BAND_STYLE, Picture, band_style, literal, new_figure, save, style
+from cpic_planner.report.numbers import MISSING, contrast_text, count_text, decimals, percent_text
+from cpic_planner.report.panel_figure import PANEL_NOTE
+from cpic_planner.report.summary import ModelledRow, dial_text, error_text, modelled_groups
+from cpic_planner.report.words import DRAWN_AS, STAR_FLUX, plus_minus, reason_text, status_text
+from cpic_planner.results import AuditRecord, BandConfirmation, ConfirmResult, ModellingRecord, PlanResult
+from cpic_planner.validation import PREDICTION_ERROR
+from simulator.config import Instrument, Scene
+from simulator.target import LitPlanet, spectrum_generator
+
+_LOG_SPAN = 15.0
+_MARGIN_NM = 40.0
+_SHIFT_NM = 4.0
+_CONTRAST_SPAN = 5.0
+
+
+def snr_figure(result: PlanResult | ConfirmResult) -> Picture:
+    """Draw recovered against predicted SNR of every band that was measured, with the mean ratio and its error."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    items = measurements_of(result)
+    looks = band_style([item.band for item in items])
+    pairs: dict[str, list[tuple[float, float, float]]] = {band: [] for band in looks}
+    for item in items:
+        if item.predicted_snr is not None and item.recovered_snr is not None:
+            pairs[item.band].append((item.predicted_snr, item.recovered_snr, item.recovered_snr_error or 0.0))
+    everything = [pair for group in pairs.values() for pair in group]
+    with style():
+        figure = new_figure(4.9)
+        axes = figure.add_subplot()
+        axes.grid(visible=True)
+        axes.set(xlabel="predicted SNR (analytic model)", ylabel="recovered SNR (simulated images)")
+        top = 1.12 * max([max(p, r + e) for p, r, e in everything], default=10.0)
+        low_predicted = min([p for p, _, _ in everything], default=1.0)
+        line = np.linspace(0.0, top, 200)
+        if everything and top / low_predicted > _LOG_SPAN and min(r - e for _, r, e in everything) > 0:
+            axes.set(xscale="log", yscale="log")
+            floor = 0.6 * min(min(p, r - e) for p, r, e in everything)
+            line = np.geomspace(floor, top, 200)
+            axes.set(xlim=(floor, top), ylim=(floor, top))
+            for axis in (axes.xaxis, axes.yaxis):  # plain numbers, few enough not to touch
+                axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+                axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+                axis.set_minor_formatter(NullFormatter())
+        else:
+            axes.set(xlim=(0.0, top), ylim=(min([0.0] + [r - 1.3 * e for _, r, e in everything]), top))
+        axes.plot(line, line, color="#444444", lw=1.2, zorder=2, label="recovered = predicted")
+        ratio, error = result.calibration.get("ratio"), result.calibration.get("error")
+        if ratio is not None and error is not None:
+            axes.fill_between(
+                line, (ratio - error) * line, (ratio + error) * line, color="#B03060", alpha=0.18, lw=0.0, zorder=1
+            )
+            axes.plot(
+                line,
+                ratio * line,
+                color="#B03060",
+                lw=1.2,
+                ls="--",
+                zorder=2,
+                label=f"recovered / predicted\n{ratio:.2f} ± {error:.2f}",
+            )
+        for band in looks:
+            if not pairs[band]:
+                continue
+            predicted, recovered, errors = np.array(pairs[band]).T
+            colour, marker = looks[band]
+            axes.errorbar(
+                predicted,
+                recovered,
+                yerr=errors,
+                fmt=marker,
+                color=colour,
+                ms=7,
+                mec="white",
+                mew=0.6,
+                lw=1.2,
+                capsize=2.5,
+                zorder=4,
+                label=f"{band} ({len(predicted)})",
+            )
+        if not everything:
+            axes.text(0.5, 0.5, "no band was measured", transform=axes.transAxes, ha="center")
+        figure.legend(loc="outside right upper", alignment="left")
+        return save(
+            figure,
+            "svg",
+            alt=f"Recovered against predicted SNR of {len(everything)} measurements, with the line of equality.",
+            caption=f"Each symbol is one planet in one band: the mean of up to {result.realisations} realisations, "
+            "each with a drift of the wavefront and a noise of its own, with the error of that mean. The dashed line "
+            "is the mean ratio of all, the band around it its error, which holds the accuracy of a prediction at one "
+            f"place ({100 * PREDICTION_ERROR:g} %) too.",
+        )
+
+
+def measurements_of(result: PlanResult | ConfirmResult) -> list[BandConfirmation]:
+    """Every band of every target or planet, measured or not."""
+    if isinstance(result, ConfirmResult):
+        return list(result.bands)
+    return [band for target in result.targets for band in target.bands]
+
+
+def spectrum_figure(scene: Scene, instrument: Instrument, bands: Sequence[BandConfirmation]) -> Picture | None:
+    """Draw what was measured of every planet on its contrast as a function of wavelength.
+
+    Parameters
+    ----------
+    scene : Scene
+    instrument : Instrument
+        Its bands place the points.
+    bands : sequence of BandConfirmation
+        Those without a measurement are passed over.
+
+    Returns
+    -------
+    Picture or None
+        None where nothing was measured.
+    """
+    seen = [item for item in bands if item.recovered_contrast is not None]
+    lights = {row.name: row.light for row in spectrum_generator(scene) if isinstance(row.light, LitPlanet)}
+    names = [planet.name for planet in scene.planets if any(item.planet == planet.name for item in seen)]
+    if not names:
+        return None
+    edges = [instrument.bands[item.band] for item in seen]
+    low = min(band.center_nm - 0.5 * band.width_nm for band in edges) - _MARGIN_NM
+    high = max(band.center_nm + 0.5 * band.width_nm for band in edges) + _MARGIN_NM
+    with style():
+        figure = new_figure(4.2)
+        axes = figure.add_subplot()
+        axes.grid(visible=True)
+        axes.set(xlabel="wavelength (nm)", ylabel="contrast (planet over star)", xlim=(low, high))
+        heights: list[float] = []
+        for number, name in enumerate(names):
+            light, (colour, marker) = lights[name], BAND_STYLE[number % len(BAND_STYLE)]
+            inside = (light.wavelength_nm >= low) & (light.wavelength_nm <= high)
+            axes.plot(
+                light.wavelength_nm[inside],
+                light.contrast[inside],
+                color=colour,
+                lw=1.0,
+                alpha=0.55,
+                label=literal(f"{name}: input"),
+            )
+            own = [item for item in seen if item.planet == name]
+            centre = np.array([instrument.bands[item.band].center_nm for item in own])
+            half = np.array([0.5 * instrument.bands[item.band].width_nm for item in own])
+            true, value, error, mean = (
+                np.array([getattr(item, key) or 0.0 for item in own])
+                for key in ("true_contrast", "recovered_contrast", "contrast_error", "contrast_mean_error")
+            )
+            axes.hlines(
+                true,
+                centre - half,
+                centre + half,
+                color="#222222",
+                lw=2.0,
+                zorder=3,
+                label="input in the band" if number == 0 else "",
+            )
+            place = centre + _SHIFT_NM * (number - 0.5 * (len(names) - 1))
+            axes.errorbar(place, value, yerr=error, fmt="none", ecolor=colour, elinewidth=1.1, capsize=4.0, zorder=4)
+            axes.errorbar(
+                place,
+                value,
+                yerr=mean,
+                fmt=marker,
+                color=colour,
+                ms=7,
+                mec="white",
+                mew=0.6,
+                elinewidth=3.2,
+                zorder=5,
+                label=literal(f"{name}: recovered"),
+            )
+            heights += [*(value + error), *(value - error), *true]
+        if min(heights) > 0 and max(heights) > _CONTRAST_SPAN * min(heights):
+            axes.set_yscale("log")
+        figure.legend(loc="outside right upper", alignment="left")
+        return save(
+            figure,
+            "svg",
+            alt=f"Recovered contrasts of {', '.join(names)} in {len(seen)} measurements, on the spectrum of the scene.",
+            caption="Points: mean contrast over the realisations, the thick bar its error, the thin bar that of one "
+            "observation. Curve: the contrast of the scene; black dashes: its mean over each band, weighted with the "
+            "star's detected light, which is what a measurement should give.",
+        )
+
+
+MEASURED_NOTE = "measurements as a table: `measurements.csv`. Times, host and package versions of the run: `run.json`."
+"""Which files have the measurements and the story of a run."""
+
+
+def instrument_fact(result: PlanResult | ConfirmResult) -> doc.Inline:
+    """Return which instrument images and predictions are of, and how the images are made."""
+    more = f", {dial_text(result)}. Every default value has its source and confidence in the instrument preset."
+    return [doc.code(result.instrument), more]
+
+
+def outcome(band: BandConfirmation) -> doc.Mark:
+    """Return the badge of what became of a planet in the images of a band."""
+    if band.status != "ok":
+        return doc.badge(band.status, status_text(band.status))
+    return doc.badge("ok", "detected") if band.detected else doc.badge("unreachable", "not detected")
+
+
+def _of(count: int | None, n: int | None) -> str:
+    return MISSING if count is None else f"{count} of {n}"
+
+
+def _contrast_error(band: BandConfirmation) -> doc.Inline:
+    if band.contrast_error is None:
+        return MISSING
+    return doc.lines(f"± {contrast_text(band.contrast_error, 2)}", f"± {contrast_text(band.contrast_mean_error, 2)}")
+
+
+def _found_at(band: BandConfirmation) -> doc.Inline:
+    if band.found_separation_arcsec is None:
+        return MISSING
+    return doc.lines(
+        f"{decimals(band.found_separation_arcsec, 4)} ± {decimals(band.found_separation_error_arcsec, 4)}″",
+        f"PA {decimals(band.found_pa_deg, 2)} ± {decimals(band.found_pa_error_deg, 2)}°",
+    )
+
+
+def _star_flux(band: BandConfirmation) -> str:
+    error = "" if band.star_flux_error is None else f" ({percent_text(band.star_flux_error)})"
+    return STAR_FLUX.get(band.star_flux, band.star_flux) + error if band.star_flux else MISSING
+
+
+def _verdict(band: BandConfirmation) -> str:
+    why = band.message or reason_text(band.reason)
+    return plus_minus(band.verdict) + (f": {why}" if why else "")
+
+
+def _quantities() -> list[doc.Column[BandConfirmation]]:
+    """Rows of the table of measurements, one a quantity."""
+    return doc.row_columns(
+        BandConfirmation,
+        "outcome separation_arcsec pa_deg frames em_gain integration_s time_s realisations predicted_error "
+        "predicted_snr recovered_snr etc_ratio predicted_significance recovered_significance threshold n_detected "
+        "search_snr search_threshold n_significant false_detections found true_contrast recovered_contrast "
+        "contrast_error star_flux rdi_throughput rdi_modes_used core_throughput n_background_apertures "
+        "saturated_in_hole saturated_outside verdict",
+        outcome=Cells("", outcome, label="outcome"),
+        realisations=lambda band: doc.lines(
+            count_text(band.realisations), doc.small(DRAWN_AS[band.drawn_as] if band.drawn_as else "")
+        ),
+        predicted_error=Cells(
+            "",
+            lambda band: error_text(band.modelled.predicted_error) if band.modelled else MISSING,
+            label="predicted error of the images",
+            unit="beside the reference",
+        ),
+        n_detected=lambda band: _of(band.n_detected, band.realisations),
+        n_significant=lambda band: _of(band.n_significant, band.realisations),
+        found=Cells("", _found_at, label="found at", unit="first realisation that finds it"),
+        contrast_error=Cells("", _contrast_error, label="its error", unit="one observation; mean"),
+        star_flux=_star_flux,
+        verdict=_verdict,
+    )
+
+
+def measure_table(name: str, bands: Sequence[BandConfirmation], caption: str, chosen: str | None = None) -> doc.Table:
+    """Return what was predicted and measured, a row a quantity and a column a band.
+
+    Parameters
+    ----------
+    name : str
+        Target or planet.
+    bands : sequence of BandConfirmation
+    caption : str
+        What the table is of.
+    chosen : str, optional
+        Band whose column is shaded.
+    """
+
+    def column(band: BandConfirmation) -> doc.Column[doc.Column[BandConfirmation]]:
+        picked = band.band == chosen
+        heading: doc.Inline = [band.band, " ", doc.small("(chosen)")] if picked else band.band
+        return doc.Column(heading, lambda quantity: quantity.value(band), look="pick" if picked else "")
+
+    def named(quantity: doc.Column[BandConfirmation]) -> doc.Inline:
+        return [quantity.heading, " ", doc.small(f"({quantity.unit})")] if quantity.unit else quantity.heading
+
+    first: doc.Column[doc.Column[BandConfirmation]] = doc.Column("Quantity", named, look="row left")
+    text = f"{caption} Recovered numbers are those of one observation, averaged over the realisations."
+    return doc.table(f"Bands of {name}", text, [first, *map(column, bands)], _quantities(), look="bands")
+
+
+def _audited() -> list[doc.Column[tuple[BandConfirmation, AuditRecord]]]:
+    return doc.row_columns(
+        AuditRecord,
+        "band:row n_frames predicted_snr recovered_snr true_contrast contrast deviation_sigma detected "
+        "false_detections hits rejected_fraction saturated_in_hole saturated_outside",
+        of=itemgetter(1),
+        band=Cells("", lambda case: case[0].band, right=False, label="band"),
+        true_contrast=Cells("", lambda case: contrast_text(case[0].true_contrast), label="true contrast"),
+        detected=lambda case: doc.badge("ok", "found") if case[1].detected else doc.badge("unreachable", "not found"),
+    )
+
+
+def audit_blocks(name: str, bands: Iterable[BandConfirmation]) -> Iterator[doc.Block]:
+    """Yield the table of the realisations that were run frame by frame, if there are any."""
+    audited = [(band, band.audit) for band in bands if band.audit is not None]
+    if audited:
+        caption = (
+            "Audited: one more realisation, run frame by frame with every effect of the camera, calibrated and cleaned "
+            "of particles. Deviation: measured less true contrast, in units of its error."
+        )
+        yield doc.table(f"Frame by frame, {name}", caption, _audited(), audited)
+
+
+def picture_blocks(images: Mapping[str, Picture], keys: Iterable[str], name: str) -> Iterator[doc.Block]:
+    """Yield image panels, those that there are of some keys, and before them how to read them."""
+    shown = [images[key] for key in keys if key in images]
+    if shown:
+        yield doc.Paragraph(PANEL_NOTE, "note")
+    yield from (doc.Figure(picture, before=name) for picture in shown)
+
+
+_EFFECTS: tuple[doc.Column[ModelledRow], ...] = (
+    doc.Column("Effect", lambda row: row.effect.effect, look="row left"),
+    doc.Column("Predicted size", lambda row: row.size or MISSING, "largest of flux and SNR"),
+    doc.Column("Largest in", lambda row: row.where, look="left"),
+    doc.Column(
+        "Modelled",
+        lambda row: doc.badge("ok" if row.effect.decision == "kept" else "unreachable", row.word),
+        look="left",
+    ),
+    doc.Column("How, or why not", lambda row: row.effect.reason, look="left wide"),
+)
+
+
+def modelled_blocks(named: Sequence[tuple[str, ModellingRecord]]) -> Iterator[doc.Block]:
+    """Yield one table for every distinct way in which images were made; see `modelled_groups`."""
+    groups = modelled_groups(named)
+    for group in groups:
+        caption: doc.Inline = [
+            doc.strong(group.title),
+            f": {group.members}. {group.knobs[:1].upper()}{group.knobs[1:]}. Predicted error beside the reference: "
+            f"{group.errors}.",
+        ]
+        yield doc.table(f"Modelled: {group.members}", caption, _EFFECTS, group.rows)
+    if not groups:
+        yield doc.Paragraph("No image was made.")
+        return
+    yield doc.Paragraph(
+        "Sizes are closed-form predictions of the relative change of what is measured if the effect is left out or "
+        "done more coarsely, after the reduction; a dash where none can be given. What is left out is left out because "
+        "the sum of such sizes stays within what was asked for, or because it is not there.",
+        "note",
+    )
+
+
+def not_modelled_blocks(items: Sequence[str]) -> Iterator[doc.Block]:
+    """Yield what neither images drawn as sums nor predictions hold."""
+    yield doc.Items(items) if items else doc.Paragraph("Nothing is listed.")
+    yield doc.Paragraph(
+        "Realisations that are drawn as sums of frames leave these out, and so does the prediction. The audited ones, "
+        "frame by frame, hold whatever the camera of the instrument has switched on. An effect that is missing from "
+        "both sides does not show in their comparison.",
+        "note",
+    )

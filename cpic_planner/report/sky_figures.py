@@ -1,0 +1,316 @@
+"""A ranking as figures: its first stars as bars, and how the whole sample fares.
+
+Where the ranked stars are on the sky.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cpic_planner.registry import SCORES
+from cpic_planner.report.drawing import (
+    SCREEN_DPI,
+    STATUS_STYLE,
+    Picture,
+    band_style,
+    literal,
+    new_figure,
+    place_labels,
+    save,
+    style,
+)
+from cpic_planner.report.numbers import duration_text, pretty_name
+from cpic_planner.report.words import LIMITED_BY, reason_text, status_text
+from cpic_planner.results import RankedTarget, RankResult
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+N_STARS = 20
+MOST_STARS = 100
+"""Stars whose names can still be read in one figure, which is then 27 inches high."""
+_N_BINS = 28
+_LOWEST_DECADES = 4.0
+
+
+def rank_figure(rank: RankResult, n_stars: int = N_STARS) -> Figure:
+    """Draw completeness, and margin of the reference planet, of the first stars.
+
+    Parameters
+    ----------
+    rank : RankResult
+    n_stars : int
+        How many stars have bars, at most `MOST_STARS`; the title says how many they are.
+    """
+    rows = rank.targets[: min(n_stars, MOST_STARS)]
+    with style():
+        figure = new_figure(max(3.2, 1.4 + 0.26 * len(rows)))
+        left, right = figure.subplots(1, 2, width_ratios=(1.4, 1.0))
+        looks = band_style(sorted({row.completeness_band for row in rows}))
+        _completeness(left, rows, looks)
+        _margins(right, rows)
+        title = f"first {len(rows)} of {len(rank.targets)} stars by {SCORES[rank.score_name].title}"
+        under = f"population {rank.population.name}, up to {duration_text(rank.time_s)} per star and band"
+        figure.suptitle(literal(f"{title}; {under}"), fontsize=11)
+        figure.draw_without_rendering()
+    return figure
+
+
+def _completeness(axes: Axes, rows: list[RankedTarget], looks: dict[str, tuple[str, str]]) -> None:
+    from matplotlib.patches import Patch
+
+    values = [100.0 * row.completeness for row in rows]
+    errors = [100.0 * row.completeness_error for row in rows]
+    colours = [looks[row.completeness_band][0] for row in rows]
+    axes.barh(range(len(rows)), values, xerr=errors, color=colours, height=0.7, error_kw={"lw": 0.9, "capsize": 1.5})
+    axes.set_yticks(range(len(rows)), [literal(f"{row.rank}  {pretty_name(row.name)}") for row in rows])
+    axes.invert_yaxis()
+    axes.grid(visible=True, axis="x")
+    axes.set(xlabel="completeness (%)", ylim=(len(rows) - 0.4, -0.6))
+    bands = [band for band in looks if band in {row.completeness_band for row in rows}]
+    axes.legend(
+        handles=[Patch(color=looks[band][0], label=band) for band in bands],
+        loc="lower right",
+        fontsize=8.5,
+        frameon=True,
+        edgecolor="none",
+        framealpha=0.9,
+    )
+
+
+def _margins(axes: Axes, rows: list[RankedTarget]) -> None:
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    seen = [(i, row) for i, row in enumerate(rows) if row.detection_margin > 0]
+    for status, (colour, marker) in STATUS_STYLE.items():
+        own = [(i, row.detection_margin) for i, row in seen if row.status == status]
+        if own:
+            axes.plot(
+                [margin for _, margin in own],
+                [i for i, _ in own],
+                marker=marker,
+                ms=6,
+                ls="none",
+                color=colour,
+                label=status_text(status),
+            )
+    axes.axvline(1.0, color="#111111", lw=1.2, ls="--", zorder=1)
+    if seen:
+        axes.set_xscale("log")
+        margins = [row.detection_margin for _, row in seen]
+        axes.set_xlim(min(0.5, 0.7 * min(margins)), max(2.0, 1.4 * max(margins)))
+        axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 3.0)))
+        axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axes.xaxis.set_minor_formatter(NullFormatter())
+    if seen:
+        axes.legend(loc="lower right", fontsize=8.5, frameon=True, edgecolor="none", framealpha=0.9)
+    axes.set_yticks(range(len(rows)), [""] * len(rows))
+    axes.set(xlabel="margin (1: reference planet detected)", ylim=(len(rows) - 0.4, -0.6))
+    axes.grid(visible=True)
+
+
+def margin_figure(rank: RankResult) -> Picture:
+    """Draw a histogram of detection margins by status, and how many stars end in each outcome."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
+
+    rows = rank.targets
+    with style():
+        figure = new_figure(3.5)
+        left, right = figure.subplots(1, 2, width_ratios=(1.55, 1.0))
+        positive = np.array([row.detection_margin for row in rows if row.detection_margin > 0])
+        if positive.size:
+            high = np.log10(positive.max() * 1.05)
+            low = max(np.log10(positive.min() * 0.95), high - _LOWEST_DECADES)
+            low, high = min(low, -0.05), max(high, 0.05)
+            step = (high - low) / _N_BINS  # bins start at 1, so that no bin mixes detections with the rest
+            edges = 10.0 ** (step * np.arange(np.floor(low / step), np.ceil(high / step) + 1))
+            groups = [
+                (
+                    s,
+                    [
+                        max(row.detection_margin, edges[0])
+                        for row in rows
+                        if row.status == s and row.detection_margin > 0
+                    ],
+                )
+                for s in STATUS_STYLE
+            ]
+            groups = [(s, margins) for s, margins in groups if margins]
+            left.hist(
+                [margins for _, margins in groups],
+                bins=edges.tolist(),
+                stacked=True,
+                rwidth=0.92,
+                color=[STATUS_STYLE[s][0] for s, _ in groups],
+                label=[f"{status_text(s)} ({len(margins)})" for s, margins in groups],
+            )
+            left.set_xscale("log")
+            left.xaxis.set_major_locator(LogLocator(subs=(1.0, 3.0)))
+            left.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+            left.xaxis.set_minor_formatter(NullFormatter())
+        left.yaxis.set_major_locator(MaxNLocator(6, integer=True))
+        left.axvline(1.0, color="#111111", lw=1.2, ls="--", label="margin 1: detection")
+        left.set(xlabel="detection margin (significance / threshold)", ylabel="stars per bin")
+        left.grid(visible=True, axis="y")
+        figure.legend(*left.get_legend_handles_labels(), loc="outside lower left", ncols=2, columnspacing=1.4)
+        _outcomes(right, rank)
+        without = len(rows) - positive.size
+        left_out = f"; stars without a possible frame are left out ({without})" if without else ""
+        return save(
+            figure,
+            "svg",
+            alt=f"Histogram of the detection margins of {positive.size} stars, and bars that count stars by outcome.",
+            caption="Left: predicted detection margin of the reference planet around every ranked star, in the star's "
+            f"best band and separation{left_out}. Right: stars by outcome.",
+        )
+
+
+def _outcomes(axes: Axes, rank: RankResult) -> None:
+    """Horizontal bars, most frequent on top."""
+    found = {row.limited_by or row.reason or "none": row.status for row in rank.targets}
+    items = sorted((rank.counts_limited_by or rank.counts).items(), key=lambda item: (item[1], item[0]))
+    status_of = found | {"ok": "ok"}
+    names = [LIMITED_BY[key][0] if key in LIMITED_BY else _wrapped(reason_text(key) or "detected") for key, _ in items]
+    counts = [count for _, count in items]
+    colours = [STATUS_STYLE.get(status_of.get(key, "unreachable"), STATUS_STYLE["unreachable"])[0] for key, _ in items]
+    bars = axes.barh(range(len(items)), counts, color=colours, height=0.6)
+    axes.bar_label(bars, labels=[str(count) for count in counts], padding=3)
+    axes.set_yticks(range(len(items)), names)
+    axes.set_xlim(0, 1.3 * max(counts, default=1))
+    axes.set_xlabel("stars")
+
+
+def _wrapped(text: str) -> str:
+    import textwrap
+
+    return "\n".join(textwrap.wrap(text, 24))
+
+
+RING_AREA = 70.0
+OBLIQUITY_DEG = 23.4392911
+"""Mean obliquity of the ecliptic at J2000.0 (IAU 1976), drawn line only."""
+
+
+def map_longitude(ra_deg: ArrayLike) -> NDArray[np.float64]:
+    """Return the map longitude (rad) of right ascensions: 12 h at the left and right edge, increasing to the left."""
+    return -np.deg2rad((np.asarray(ra_deg, float) + 180.0) % 360.0 - 180.0)
+
+
+def marker_area(v_mag: ArrayLike) -> NDArray[np.float64]:
+    """Return the marker area (square points): brighter stars are larger."""
+    return np.clip(8.0 * 10.0 ** (0.15 * (7.0 - np.asarray(v_mag, float))), 7.0, 110.0)
+
+
+def _places(rows: Sequence[RankedTarget]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Map longitudes and latitudes (rad) of stars that have a position."""
+    latitude = np.deg2rad(np.array([row.dec_deg for row in rows], np.float64))
+    return map_longitude(np.array([row.ra_deg for row in rows], np.float64)), latitude
+
+
+def _radius_px(v_mag: float, ringed: bool) -> float:
+    """Radius of a star's marker on the screen."""
+    area = float(marker_area(v_mag)) + (RING_AREA if ringed else 0.0)
+    return float(np.sqrt(area / np.pi)) * SCREEN_DPI / 72.0
+
+
+def sky_axes(figure: Figure) -> Axes:
+    """Add an empty map of the whole sky in equatorial coordinates (Mollweide), with the ecliptic."""
+    from matplotlib.patheffects import withStroke
+
+    axes = figure.add_subplot(projection="mollweide")
+    axes.grid(visible=True)
+    axes.set_xticks(map_longitude(np.array([150.0, 120, 90, 60, 30, 0, 330, 300, 270, 240, 210])))
+    axes.set_xticklabels(
+        [f"{hour} h" for hour in (10, 8, 6, 4, 2, 0, 22, 20, 18, 16, 14)], color="#666666", fontsize=8.5
+    )
+    for hour_label in axes.get_xticklabels():
+        hour_label.set_path_effects([withStroke(linewidth=2.0, foreground="white")])
+        hour_label.set_zorder(6)
+    axes.set_yticks(np.deg2rad([-60, -30, 0, 30, 60]))
+    axes.set_yticklabels(["−60°", "−30°", "0°", "+30°", "+60°"])
+    axes.set_xlabel("right ascension (ICRS, increasing to the left)")
+    axes.set_ylabel("declination (ICRS)")
+    ra = np.linspace(-180.0, 180.0, 361)
+    ecliptic = np.arctan(np.tan(np.deg2rad(OBLIQUITY_DEG)) * np.sin(np.deg2rad(ra)))
+    axes.plot(-np.deg2rad(ra), ecliptic, color="#B58900", lw=1.1, ls="--", zorder=1, label="ecliptic")
+    return axes
+
+
+def sky_map(rank: RankResult, *, confirmed: tuple[str, ...] = (), labelled: int = 12) -> Picture:
+    """Draw all ranked stars in equatorial coordinates (Mollweide).
+
+    Parameters
+    ----------
+    rank : RankResult
+    confirmed : tuple of str
+        SIMBAD identifiers of targets that were simulated: ringed, and labelled first.
+    labelled : int
+        How many of the highest-ranked stars to label.
+    """
+    rows = [row for row in rank.targets if row.ra_deg is not None and row.dec_deg is not None]
+    hidden = len(rank.targets) - len(rows)
+    with style():
+        figure = new_figure(5.3)
+        axes = sky_axes(figure)
+        for status in reversed(STATUS_STYLE):
+            chosen = [row for row in rows if row.status == status]
+            if not chosen:
+                continue
+            colour, marker = STATUS_STYLE[status]
+            label = f"{status_text(status)} ({len(chosen)})"
+            # One call per half magnitude: markers of one size share one definition, which keeps the file small.
+            for step in sorted({round(2.0 * row.v_mag) for row in chosen}, key=lambda step: abs(step - 8)):
+                group = [row for row in chosen if round(2.0 * row.v_mag) == step]
+                axes.scatter(
+                    *_places(group),
+                    s=float(marker_area(step / 2.0)),
+                    c=colour,
+                    marker=marker,
+                    alpha=0.5 if status == "unreachable" else 0.85,
+                    linewidths=0 if marker != "x" else 1,
+                    zorder=2 if status == "unreachable" else 4,
+                    label=label,
+                )
+                label = "_nolegend_"
+        ringed = [row for row in rows if row.name in confirmed]
+        if ringed:
+            axes.scatter(
+                *_places(ringed),
+                s=marker_area([row.v_mag for row in ringed]) + RING_AREA,
+                facecolors="none",
+                edgecolors="#111111",
+                linewidths=1.2,
+                zorder=5,
+                label=f"simulated as images ({len(ringed)})",
+            )
+        handles, texts = axes.get_legend_handles_labels()
+        for v_mag in (1, 4, 7):
+            handles.append(axes.scatter([], [], s=marker_area(v_mag), c="#555555", linewidths=0))
+            texts.append(f"V = {v_mag}")
+        figure.legend(handles, texts, loc="outside lower center", ncols=4, handletextpad=0.4, columnspacing=1.6)
+        chosen = ringed + [row for row in rows[:labelled] if row.name not in confirmed]
+        longitude, latitude = _places(chosen)
+        place_labels(
+            axes,
+            longitude.tolist(),
+            latitude.tolist(),
+            [literal(pretty_name(row.name)) for row in chosen],
+            fontsize=9,
+            avoid=axes.get_xticklabels(),
+            reach_px=[_radius_px(row.v_mag, row.name in confirmed) for row in chosen],
+        )
+        best = ", ".join(pretty_name(row.name) for row in rows[:5]) or "none"
+        return save(
+            figure,
+            "svg",
+            alt=f"Map of the whole sky with {len(rows)} ranked stars, coloured by status; highest ranked: {best}.",
+            caption="Ranked stars on the sky. Marker area grows with brightness (V); colour and shape give the status "
+            "of the reference planet; rings mark targets whose images were simulated."
+            + (f" Stars without a listed position, not shown: {hidden}." if hidden else ""),
+        )

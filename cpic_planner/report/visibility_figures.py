@@ -1,0 +1,269 @@
+"""Separation of known planets against time, with the dark holes of the bands.
+
+When stars can be seen: the year of one star, or a calendar of several.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cpic_core import FloatArray
+from cpic_planner.report.drawing import BAND_STYLE, literal, new_figure, style
+from cpic_planner.report.numbers import full_name, pretty_name
+from cpic_planner.report.summary import day_text
+from cpic_planner.report.words import BLOCK_WORDS
+from cpic_planner.results import KnownPlanetRow, KnownResult, VisibilityResult, VisibleDays, VisibleTarget
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from matplotlib.patches import Patch
+
+
+_UNIX_MJD = 40587.0
+_LINES = ("-", "--", ":", "-.")
+
+
+def known_figure(result: KnownResult) -> Figure:
+    """Draw the tracks of the planets of one star.
+
+    Parameters
+    ----------
+    result : KnownResult
+        With tracks.
+    """
+    from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
+
+    rows = [row for row in result.planets if row.track is not None]
+    with style():
+        ticks = AutoDateLocator()
+        figure = new_figure(4.6)
+        axes = figure.subplots()
+        _holes(axes, result)
+        for number, row in enumerate(rows):
+            _track(axes, row, number)
+        axes.axvline(_days([result.mjd])[0], color="#444444", lw=0.9, ls=":")
+        top = max([max(row.track.separation_high_arcsec) for row in rows if row.track is not None], default=1.0)
+        highest = max(1.12 * top, 1.25 * max(hole.inner_arcsec for hole in result.holes))
+        axes.set(ylim=(0.0, highest), ylabel="projected separation (arcsec)", xlim=_ends(rows))
+        axes.xaxis.set_major_locator(ticks)
+        axes.xaxis.set_major_formatter(ConciseDateFormatter(ticks))
+        axes.grid(visible=True)
+        axes.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), fontsize=9)
+        stars = ", ".join(dict.fromkeys(pretty_name(row.star) for row in rows))
+        figure.suptitle(literal(f"known planets of {stars}: median and 68 % of {result.n_draws} draws"), fontsize=11)
+        figure.draw_without_rendering()
+    return figure
+
+
+def _holes(axes: Axes, result: KnownResult) -> None:
+    """Shade where the bands' dark holes lie; bands of one geometry share a shade."""
+    edges: dict[tuple[float, float], list[str]] = {}
+    for hole in result.holes:
+        edges.setdefault((hole.inner_arcsec, hole.outer_arcsec), []).append(hole.band)
+    for number, ((inner, outer), bands) in enumerate(edges.items()):
+        axes.axhspan(inner, outer, color="#8C8C8C", alpha=0.10, lw=0)
+        for edge in (inner, outer):
+            axes.axhline(edge, color="#8C8C8C", lw=0.7, ls=_LINES[number % len(_LINES)])
+        axes.axhline(
+            inner,
+            color="#8C8C8C",
+            lw=0.7,
+            ls=_LINES[number % len(_LINES)],
+            label=f"dark hole {', '.join(bands)}: {inner:.2f} to {outer:.2f}″",
+        )
+
+
+def _track(axes: Axes, row: KnownPlanetRow, number: int) -> None:
+    track = row.track
+    assert track is not None
+    colour = BAND_STYLE[number % len(BAND_STYLE)][0]
+    days = _days(track.mjd)
+    axes.fill_between(days, track.separation_low_arcsec, track.separation_high_arcsec, color=colour, alpha=0.25, lw=0)
+    unknown = ", phase unknown" if "phase_unknown" in row.flags else ""
+    doubted = "" if row.status == "confirmed" else f", {row.status}"
+    label = literal(f"{row.planet.rpartition(' ')[2]}{doubted}{unknown}")
+    axes.plot(days, track.separation_median_arcsec, color=colour, lw=1.6, label=label)
+
+
+def _ends(rows: list[KnownPlanetRow]) -> tuple[float, float]:
+    dates = [day for row in rows if row.track is not None for day in (row.track.mjd[0], row.track.mjd[-1])]
+    low, high = _days([min(dates), max(dates)])
+    return float(low), float(high)
+
+
+def _days(mjd: list[float]) -> np.ndarray:
+    """Days since 1970, as the date axis counts."""
+    return np.asarray(mjd, float) - _UNIX_MJD
+
+
+# Light tints of Okabe-Ito colours and hatches: told apart with any colour vision, and in grey by the hatch.
+_BLOCK_STYLE: dict[str, tuple[str, str]] = {
+    "sun": ("#F6C48E", "////"),
+    "moon": ("#C9C9C9", "...."),
+    "panel": ("#E3BCD2", "\\\\\\\\"),
+    "limb": ("#7A7A7A", "xxxx"),
+}
+_VISIBLE, _WINDOW, _SUN, _MOON = "#0072B2", "#111111", "#D55E00", "#666666"
+_MINUTES = "Blues"
+_BELOW: dict[str, Any] = {"loc": "upper center", "fontsize": 9}
+# Day 0 of matplotlib's dates is 1970-01-01.
+_MJD_OF_DATES = 40587.0
+
+
+def visibility_figure(result: VisibilityResult) -> Figure:
+    """Draw minutes per orbit and angles of one star against the date, or minutes of several stars as a calendar.
+
+    Parameters
+    ----------
+    result : VisibilityResult
+    """
+    with style():
+        figure = _year(result) if len(result.targets) == 1 else _calendar(result)
+        figure.draw_without_rendering()
+    return figure
+
+
+def _edges(result: VisibilityResult) -> FloatArray:
+    """Begin of every step and end of the last, dates of matplotlib."""
+    middle = np.asarray(result.mjd) - _MJD_OF_DATES
+    return np.concatenate([middle, middle[-1:] + result.step_days]) - 0.5 * result.step_days
+
+
+def _year(result: VisibilityResult) -> Figure:
+    target = result.targets[0]
+    edges = _edges(result)
+    figure = new_figure(6.6)
+    top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(1.25, 1.0))
+    blocks = _shade((top, bottom), edges, target.days)
+    _times(top, edges, target, result.period_s, blocks)
+    _angles(bottom, edges, result)
+    _dates(bottom, edges)
+    name = full_name(target.name, target.hip)
+    where = f"ecliptic latitude {target.ecliptic_latitude_deg:.1f}°".replace("-", "−")
+    figure.suptitle(
+        literal(
+            f"{name}, {where}: seen on {target.observable_days:g} of {result.n_days} days from "
+            f"{day_text(result.start_utc)}"
+        ),
+        fontsize=11,
+    )
+    return figure
+
+
+def _shade(axes: tuple[Axes, Axes], edges: FloatArray, days: VisibleDays) -> list[Patch]:
+    """Shade what blocks; one handle a cause."""
+    from matplotlib.patches import Patch
+
+    handles: list[Patch] = []
+    causes = np.array(days.blocked_by)
+    for cause, (colour, hatch) in _BLOCK_STYLE.items():
+        runs = _runs(causes == cause)
+        for begin, end in runs:
+            for one in axes:
+                one.axvspan(
+                    edges[begin], edges[end], facecolor=colour, edgecolor="white", hatch=hatch, lw=0.0, zorder=0.5
+                )
+        if runs:
+            handles.append(Patch(facecolor=colour, edgecolor="white", hatch=hatch, lw=0.0, label=BLOCK_WORDS[cause]))
+    return handles
+
+
+def _runs(chosen: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """First step and first step behind of every run."""
+    change = np.flatnonzero(np.diff(np.concatenate([[0], chosen.astype(int), [0]])))
+    return [(int(begin), int(end)) for begin, end in zip(change[::2], change[1::2], strict=True)]
+
+
+def _steps(axes: Axes, edges: FloatArray, values: list[float], seen: NDArray[np.bool_], **look: Any) -> Any:
+    """A line of steps where something is seen."""
+    shown = np.where(seen, values, np.nan)
+    return axes.stairs(shown / 60.0, edges, baseline=None, **look)
+
+
+def _times(axes: Axes, edges: FloatArray, target: VisibleTarget, period_s: float, blocks: list[Patch]) -> None:
+    seen = np.array(target.days.blocked_by) == ""
+    axes.stairs(np.where(seen, target.days.visible_s, 0.0) / 60.0, edges, fill=True, color=_VISIBLE, alpha=0.55, lw=0.0)
+    line = _steps(axes, edges, target.days.visible_s, seen, color=_VISIBLE, lw=1.4, label="usable, less the anomaly")
+    window = _steps(
+        axes, edges, target.days.window_s, seen, color=_WINDOW, lw=1.1, ls=(0, (3, 1.5)), label="longest window"
+    )
+    whole = axes.axhline(period_s / 60.0, color="#8C8C8C", lw=1.0, ls=":", label="one orbit")
+    axes.set(ylim=(0.0, 1.06 * period_s / 60.0), ylabel="minutes per orbit")
+    axes.grid(visible=True, axis="y")
+    axes.legend(handles=[line, window, whole, *blocks], ncols=3, bbox_to_anchor=(0.5, -0.02), **_BELOW)
+
+
+def _angles(axes: Axes, edges: FloatArray, result: VisibilityResult) -> None:
+    days, limits = result.targets[0].days, result.pointing
+    middle = 0.5 * (edges[1:] + edges[:-1])
+    (sun,) = axes.plot(middle, days.sun_deg, color=_SUN, lw=1.8, label="from the Sun")
+    (moon,) = axes.plot(middle, days.moon_deg, color=_MOON, lw=1.0, label="from the Moon")
+    turn = limits.panel_turn_deg if limits.panel == "one_axis" else 0.0
+    reach = turn + limits.panel_deg
+    lines = [("Sun limit", limits.sun_deg, _SUN, "--"), ("Moon limit", limits.moon_deg, _MOON, "--")]
+    if 90.0 - reach > limits.sun_deg:
+        lines.append(("panels from", 90.0 - reach, _SUN, ":"))
+    if reach < 90.0:
+        lines.append(("panels to", 90.0 + reach, _SUN, ":"))
+    handles = [
+        axes.axhline(value, color=colour, lw=1.1, ls=dashes, label=f"{label} {value:g}°")
+        for label, value, colour, dashes in lines
+    ]
+    axes.set(ylim=(0.0, 180.0), ylabel="angle (deg)", yticks=range(0, 181, 30))
+    axes.grid(visible=True, axis="y")
+    axes.legend(handles=[sun, moon, *handles], ncols=6, columnspacing=1.2, bbox_to_anchor=(0.5, -0.19), **_BELOW)
+
+
+def _dates(axes: Axes, edges: FloatArray) -> None:
+    from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
+
+    axes.set_xlim(edges[0], edges[-1])
+    locator = AutoDateLocator(minticks=4, maxticks=13)
+    axes.xaxis.set_major_locator(locator)
+    axes.xaxis.set_major_formatter(ConciseDateFormatter(locator))
+
+
+def _calendar(result: VisibilityResult) -> Figure:
+    import matplotlib as mpl
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+    from matplotlib.patches import Patch
+
+    n = len(result.targets)
+    edges = _edges(result)
+    minutes = np.array([target.days.visible_s for target in result.targets]) / 60.0
+    causes = np.array([target.days.blocked_by for target in result.targets])
+    seen = minutes[causes == ""]
+    low = 5.0 * np.floor(seen.min() / 5.0) if seen.size else 0.0
+    high = max(5.0 * np.ceil(seen.max() / 5.0), low + 5.0) if seen.size else 1.0
+    # The lightest blues are left out: they would look like nothing.
+    colours = mpl.colors.ListedColormap(mpl.colormaps[_MINUTES](np.linspace(0.25, 1.0, 256)))
+    scale = Normalize(low, high)
+    figure = new_figure(min(12.0, 2.1 + 0.3 * n))
+    axes = figure.subplots()
+    axes.imshow(
+        colours(scale(minutes)), aspect="auto", interpolation="nearest", extent=(edges[0], edges[-1], n - 0.5, -0.5)
+    )
+    used: list[Patch] = []
+    for cause, (colour, hatch) in _BLOCK_STYLE.items():
+        look: dict[str, Any] = {"facecolor": colour, "edgecolor": "white", "hatch": hatch, "lw": 0.0}
+        for row in range(n):
+            bars = [(edges[begin], edges[end] - edges[begin]) for begin, end in _runs(causes[row] == cause)]
+            axes.broken_barh(bars, (row - 0.5, 1.0), **look)
+        if (causes == cause).any():
+            used.append(Patch(**look, label=BLOCK_WORDS[cause]))
+    axes.set_yticks(range(n), [literal(pretty_name(target.name)) for target in result.targets])
+    for row in range(1, n):
+        axes.axhline(row - 0.5, color="white", lw=1.6)
+    axes.tick_params(axis="y", length=0)
+    axes.set_ylim(n - 0.5, -0.5)
+    _dates(axes, edges)
+    figure.colorbar(ScalarMappable(scale, colours), ax=axes, label="minutes per orbit", pad=0.015, aspect=max(8, 3 * n))
+    if used:
+        figure.legend(handles=used, loc="outside lower center", ncols=len(used), fontsize=9)
+    figure.suptitle(f"{n} stars, {result.n_days} days from {day_text(result.start_utc)}", fontsize=11)
+    return figure

@@ -1,0 +1,190 @@
+"""What images contain and what they leave out, with the error that this is predicted to cost.
+
+What stands behind answers of the exposure-time calculator: stated errors, and checks in images.
+
+Results of the exposure-time calculator.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+from pydantic import Field, PrivateAttr
+
+from cpic_core import Reason, Status
+from cpic_planner.results.base import DetectionMode, LimitText, Result, Row, StatusText, VerdictText, column
+from cpic_planner.results.ranked import ReferencePlanetRecord
+from simulator.knobs import Knobs, Quantity
+
+
+class EffectRecord(Result):
+    """One row of the effect ledger."""
+
+    key: str = Field(default="", description="code of the effect")
+    effect: str
+    decision: Literal["kept", "skipped"]
+    reason: str
+    size: float | None = Field(
+        default=None,
+        description="predicted relative size on the measured quantities, the largest of them; null: no bound",
+    )
+
+
+class ModellingRecord(Result):
+    """How the images of one band were made."""
+
+    fidelity: Literal["quick", "standard", "reference", "custom"] = Field(description="custom: by a tolerance")
+    tolerance: dict[Quantity, float] = Field(description="largest relative error of each quantity that is asked for")
+    predicted_error: dict[Quantity, float | None] = Field(
+        description="relative error that knobs and skipped effects are predicted to cost, beside the reference; null: "
+        "no bound"
+    )
+    draw: Literal["sums", "frames"] = Field(description="sums of frames over the dark hole, or every frame")
+    region: Literal["hole", "full"] = Field(description="pixels that are simulated: around the hole, or whole frames")
+    epochs: int = Field(description="epochs of a visit at which the walk of the wavefront is sampled")
+    knobs: Knobs
+    effects: list[EffectRecord] = Field(description="the effect ledger, in the order of the simulation")
+
+
+class ImageCheck(Row):
+    """One answer, observed in simulated images with its own frames; ratios are images over closed form."""
+
+    draw: Literal["sums", "frames"] = Field(description="sums of frames over the dark hole, or every frame")
+    realisations: int = column("draws of drift and noise, each reduced and measured by itself", short="runs")
+    light_ratio: float = column("planet's light in its aperture, in images without noise", short="light", format=".4f")
+    flux_ratio: float = column(
+        "mean measured flux of the planet, after the reduction", short="flux / true", format=".3f ± .3f"
+    )
+    flux_ratio_error: float = Field(description="1 sigma")
+    predicted_snr: float = column(
+        "closed form, of what the images hold: sums have no hits of particles", short="SNR", format=".3g"
+    )
+    snr: float = column(
+        "mean measured flux over the quadratic mean of its measured errors", short="of images", format=".3g ± .2g"
+    )
+    snr_error: float = Field(description="1 sigma")
+    snr_ratio: float = column("SNR over predicted_snr", short="images / SNR", format=".2f ± .2f")
+    snr_ratio_error: float = Field(
+        description="1 sigma, of the images alone; at least what is expected of so many draws"
+    )
+    predicted_significance: float = Field(description="closed form, of noise without the planet's own")
+    significance: float
+    agrees: bool = Field(
+        description="whether the SNR of images is within two of its errors and the stated one of the closed form"
+    )
+    n_found: int = column("realisations in which a blind search finds the planet", short="found")
+    modelled: ModellingRecord
+
+
+class AnswerFidelity(Result):
+    """How firm one answer is."""
+
+    answer: int = Field(description="place in `answers`, from 0")
+    fidelity: Literal["quick", "standard", "reference"] = Field(
+        description="quick: closed forms; standard: checked in sums of frames; reference: checked frame by frame"
+    )
+    status: StatusText = Field(description="ok, or why images do not check it, or the tolerance is not met")
+    reason: str
+    message: str
+    predicted_error: dict[Quantity, float | None] | None = Field(
+        description="relative error of what answers: of the closed forms, or of the images where they check them, "
+        "their chance included; null where none is known"
+    )
+    closed_form_error: dict[Quantity, float] | None = Field(
+        description="largest relative error of the closed forms beside images; null where that is not measured"
+    )
+    images: ImageCheck | None
+
+
+class EtcFidelity(Result):
+    """How firm the answers are; answers without frames are passed over."""
+
+    fidelity: Literal["quick", "standard", "reference", "custom"] = Field(description="custom: by a tolerance")
+    tolerance: float | None = Field(description="largest relative error that was asked for; null for a named tier")
+    seed: int | None = Field(description="of the images; null for closed forms alone")
+    answers: list[AnswerFidelity]
+
+
+Question = Literal["exposure_time", "signal_to_noise", "contrast_limit"]
+
+
+class EtcAnswer(Row):
+    """One answer of the exposure-time calculator for one target, band and planet.
+
+    ``value`` (in ``unit``) is null unless ``status`` is ``ok``; the other numbers describe the chosen setting and are
+    null where there is none. SNR by Eqs. 3 and 4 of Zhu et al. 2025 is that of `cpic_planner.etc.noise`, the
+    probabilities are those of `cpic_planner.etc.detection`, ``limited_by`` is that of `cpic_planner.etc.limiting`.
+    """
+
+    target: str
+    band: str
+    question: Question
+    value: float | None = column(label="answer")
+    unit: str
+    status: Status = column("ok: there is a number; verdict says whether the planet is detected")
+    reason: Reason
+    message: str
+    separation_arcsec: float
+    contrast: float | None
+    exposure_s: float | None = None
+    n_frames: int | None = None
+    em_gain: float | None = None
+    integration_s: float | None = None
+    time_s: float | None = None
+    snr: float | None = None
+    significance: float | None = None
+    threshold: float | None = None
+    snr_paper: float | None = column("SNR by Eqs. 3 and 4 of Zhu et al. 2025, for comparison", default=None)
+    level: float | None = column("SNR or significance that the answer reaches or refers to", default=None)
+    core_throughput: float | None = None
+    exposure_limited_by: str = ""
+    gain_limited_by: str = ""
+    gain_caps: dict[str, float] = column(default={})
+    budget: dict[str, float] = column("signal in electrons and terms of its variance in electrons^2", default={})
+    dominant: str = ""
+    remedies: dict[str, float] = column(default={})
+    flags: tuple[str, ...] = ()
+    verdict: VerdictText | None = column(
+        "of the planet: detected (half of the visits show it at its known place), measured_not_detected, unreachable "
+        "(every status but ok); null for a contrast limit, which is about no planet, and in older results",
+        default=None,
+    )
+    verdict_mode: DetectionMode | None = None
+    detection_probability: float | None = None
+    detection_probability_known_place: float | None = None
+    limited_by: LimitText | None = None
+    _fidelity: AnswerFidelity | None = PrivateAttr(default=None)
+
+    @property
+    def fidelity(self) -> AnswerFidelity | None:
+        """Stated error and check in images, where a fidelity or a tolerance was asked for."""
+        return self._fidelity
+
+    def checked(self, fidelity: AnswerFidelity) -> EtcAnswer:
+        """Return the same answer with its stated error and its check in images."""
+        answer = self.model_copy()
+        answer._fidelity = fidelity
+        return answer
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return a plain dict for JSON; ``fidelity`` is in it where it was asked for."""
+        tree = self.model_dump(mode="json")
+        return tree if self.fidelity is None else tree | {"fidelity": self.fidelity.model_dump(mode="json")}
+
+
+class EtcResult(Result):
+    """Answers of the exposure-time calculator for one target."""
+
+    schema_version: Literal[1] = 1
+    kind: Literal["etc"] = "etc"
+    config_hash: str
+    target: str
+    hip: int | None
+    v_mag: float
+    distance_pc: float
+    catalogue: str
+    note: str
+    reference_planet: ReferencePlanetRecord | None
+    best_band: str | None
+    answers: list[EtcAnswer]
+    fidelity: EtcFidelity | None = Field(default=None, description="how firm the answers are; null in older results")

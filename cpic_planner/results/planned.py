@@ -1,0 +1,300 @@
+"""Results of a plan, and the story of its run.
+
+Result of confirming one scene.
+"""
+
+from typing import Any, Literal
+
+from pydantic import Field
+
+from cpic_planner.results.answers import ModellingRecord
+from cpic_planner.results.base import Result, Row, StatusText, VerdictText, column
+from cpic_planner.results.ranked import RankedTarget, ReferencePlanetRecord
+from simulator.knobs import Quantity
+
+
+class AuditRecord(Row):
+    """One realisation run frame by frame with every effect of the camera, calibrated, particles taken out."""
+
+    n_frames: int = Field(description="science frames; reference frames are as many times the strategy's ratio")
+    predicted_snr: float = column("frames that particles void are counted", label="predicted SNR")
+    recovered_snr: float = column(label="measured SNR")
+    recovered_significance: float
+    contrast: float = column(label="measured contrast", format=".2e ± .1e")
+    contrast_error: float = column("1 sigma")
+    deviation_sigma: float = column("measured less true contrast over its error", label="deviation in σ", format=".1f")
+    detected: bool = column("the blind search finds the planet at its place", label="blind search")
+    false_detections: int = column("what the search finds elsewhere", label="detections elsewhere", format="d")
+    hits: int = column(
+        "pixel-frames of particles that were found, science and reference", label="hits of particles", format="d"
+    )
+    rejected_fraction: float = column(
+        "share of the pixel-frames of the hole that were left out", label="left out of the hole", format="%"
+    )
+    saturated_in_hole: int = column(label="saturated in the hole", format="d")
+    saturated_outside: float = column("mean per frame", label="saturated around it, per frame", format=".0f")
+
+
+class BandConfirmation(Row):
+    """One band of one target: prediction beside the measurement in simulated images.
+
+    Recovered numbers are those of one observation, averaged over the realisations: mean contrast over the quadratic
+    mean of its error is the SNR, as variances are unbiased where ratios are not.
+    """
+
+    band: str
+    planet: str = Field(default="reference planet", description="name of the planet")
+    status: StatusText
+    reason: str
+    message: str
+    separation_arcsec: float
+    pa_deg: float = column(label="position angle", format=".1f")
+    exposure_s: float | None = None
+    n_frames: int | None = None
+    em_gain: float | None = None
+    integration_s: float | None = None
+    time_s: float | None = None
+    realisations: int | None = Field(default=None, description="independent draws of drift and noise")
+    drawn_as: Literal["sums", "frames"] | None = Field(
+        default=None, description="sums of frames over the hole, or every frame, where sums cannot stand for them"
+    )
+    predicted_snr: float | None = column(label="predicted SNR", short="SNR pred", format=".3g", default=None)
+    predicted_significance: float | None = None
+    recovered_snr: float | None = column(
+        label="recovered SNR ± error of the mean", short="SNR rec", format=".3g ± .2g", default=None
+    )
+    recovered_snr_error: float | None = Field(default=None, description="1 sigma of this mean")
+    recovered_significance: float | None = None
+    threshold: float | None = Field(default=None, description="small-sample threshold for significance")
+    predicted_verdict: VerdictText | None = Field(
+        default=None,
+        description="what the calculator expects of these frames at the planet's known place: detected or "
+        "measured_not_detected; detected and verdict are what the images say; null without frames",
+    )
+    predicted_detection_probability: float | None = None
+    predicted_detection_probability_known_place: float | None = None
+    etc_ratio: float | None = column(
+        "predicted over recovered SNR: above 1 is optimistic",
+        label="predicted / recovered SNR",
+        short="pred/rec",
+        format=".2f ± .2f",
+        default=None,
+    )
+    etc_ratio_error: float | None = Field(
+        default=None, description="1 sigma, with the accuracy of the prediction itself"
+    )
+    true_contrast: float | None = column(short="contrast true", format=".2e", default=None)
+    recovered_contrast: float | None = column(short="recovered", format=".2e", default=None)
+    contrast_error: float | None = Field(
+        default=None, description="1 sigma of one observation, from aperture-sized samples in the hole"
+    )
+    contrast_mean_error: float | None = Field(default=None, description="1 sigma of recovered_contrast")
+    star_flux: Literal["off_mask", "field_star", "known"] | None = column(
+        "what contrasts refer to: a series off the mask, a field star, or the scene's own rate",
+        label="the star's light, from",
+        default=None,
+    )
+    star_flux_error: float | None = Field(default=None, description="relative, common to all realisations")
+    rdi_throughput: float | None = column(label="RDI throughput", format="%", default=None)
+    rdi_modes_used: int | None = column(label="RDI modes", default=None)
+    core_throughput: float | None = column(format="%", default=None)
+    n_background_apertures: int | None = column(label="background apertures", default=None)
+    saturated_in_hole: int | None = column(
+        "pixels of the hole that a limit cut off, in all frames",
+        label="saturated in the hole, all frames",
+        format="d",
+        default=None,
+    )
+    saturated_outside: float | None = column(
+        "pixels around the hole that a limit cut off, mean per frame; they do not reach the hole",
+        label="saturated around it, per frame",
+        format=".0f",
+        default=None,
+    )
+    n_detected: int | None = column(
+        "realisations in which the blind search finds the planet",
+        label="found by the blind search",
+        short="found",
+        default=None,
+    )
+    search_snr: float | None = column(
+        "matched-filter SNR there, mean of the realisations in which the search has a peak",
+        label="SNR of the search",
+        default=None,
+    )
+    search_threshold: float | None = column(
+        "SNR that the search asks for there: heavy tails of the speckles and all positions are in it",
+        label="threshold of the search",
+        default=None,
+    )
+    n_significant: int | None = column(
+        "realisations whose significance at the known place reaches the threshold",
+        label="significant at the known place",
+        default=None,
+    )
+    false_detections: int | None = column(
+        "what it finds elsewhere, all realisations", label="detections elsewhere, all realisations", default=None
+    )
+    detected: bool | None = Field(default=None, description="found in at least half of the realisations")
+    found_separation_arcsec: float | None = Field(default=None, description="fitted, first realisation that shows it")
+    found_separation_error_arcsec: float | None = None
+    found_pa_deg: float | None = None
+    found_pa_error_deg: float | None = None
+    verdict: str = Field(default="", description="in words")
+    audit: AuditRecord | None = None
+    modelled: ModellingRecord | None = Field(default=None, description="null where no image was asked for")
+    image: str | None = Field(default=None, description="key of the stored panels")
+
+
+class ConfirmedTarget(Result):
+    """One target that was simulated and measured."""
+
+    name: str
+    hip: int | None
+    ranked: RankedTarget
+    planet_distance_au: float
+    chosen_band: str | None = Field(
+        description="of the bands in which the blind search finds the planet, that of highest predicted margin; "
+        "without any, of those that show it at its known place; null if none does"
+    )
+    verdict: str = Field(default="", description="of all bands, in words")
+    etc_ratio: float | None = Field(default=None, description="predicted over recovered SNR, mean of the bands")
+    etc_ratio_error: float | None = None
+    bands: list[BandConfirmation]
+
+
+class ImagedResult(Result):
+    """What a plan and a confirmed scene say of their images: reproducible from configuration and seed."""
+
+    schema_version: Literal[1] = 1
+    kind: str
+    version: str
+    config_hash: str
+    seed: int
+    fidelity: str = Field(description="quick, standard, reference; custom where a tolerance was given")
+    tolerance: dict[Quantity, float] = Field(
+        default_factory=dict, description="largest relative error that may be traded for speed"
+    )
+    instrument: str
+    sigma: float
+    reference_library: str
+    rdi_modes: int
+    realisations: int = Field(default=1, description="draws of drift and noise of every target and band")
+    simulator_overrides: dict[str, Any] = Field(
+        default_factory=dict, description="what is altered in the images alone; predictions keep the nominal instrument"
+    )
+    calibration: dict[str, float | int | None] = Field(
+        description="mean of recovered / predicted SNR over confirmed bands, its standard error, number of bands"
+    )
+    calibration_text: str = Field(
+        default="", description="the same in words: whether the ETC is optimistic, by how much"
+    )
+    not_modelled: list[str] = Field(
+        description="effects that neither the prediction nor the images contain, but for an audited realisation"
+    )
+
+
+class PlanResult(ImagedResult):
+    """The plan: reproducible from configuration and seed."""
+
+    kind: Literal["plan"] = "plan"
+    time_s: float
+    companions: Literal["on", "off"] = Field(default="on", description="whether the light of known companions counts")
+    reference_planet: ReferencePlanetRecord
+    catalogue: str
+    sample: str
+    n_ranked: int
+    counts: dict[str, int]
+    counts_limited_by: dict[str, int] = Field(
+        default_factory=dict, description="ranked stars by limited_by; empty in older results"
+    )
+    targets: list[ConfirmedTarget]
+
+
+class RunRecord(Result):
+    """The story of one run: clocks, host, versions; not reproducible and kept apart from the plan."""
+
+    schema_version: Literal[1] = 1
+    kind: Literal["run"] = "run"
+    command: list[str]
+    config_hash: str
+    started_utc: str
+    finished_utc: str
+    wall_s: float
+    workers: int
+    scheduler: str | None
+    resumed_parts: int
+    computed_parts: int
+    host: dict[str, Any]
+    versions: dict[str, str]
+
+
+class CandidateRecord(Row):
+    """One place that a blind search names."""
+
+    x_arcsec: float = Field(description="offset on the detector, right")
+    y_arcsec: float = Field(description="offset on the detector, up")
+    separation_arcsec: float
+    pa_deg: float = column("position angle on the sky", short="PA °", format=".1f")
+    snr: float = column("of the matched filter")
+    threshold: float = column("SNR that the search asks for", short="threshold")
+    detected: bool
+    planet: str = Field(description="planet of the scene that stands there; empty for none")
+
+
+class SearchRecord(Row):
+    """The blind search of the first realisation in one band."""
+
+    band: str
+    exposure_s: float
+    n_frames: int
+    em_gain: float
+    realisations: int
+    false_detections: int = Field(description="detections that are no planet of the scene, all realisations")
+    resolution_elements: float = Field(description="searched area over (lambda/D)^2")
+    sigma: float = Field(description="false-alarm probability per element is that of so many sigma in a normal law")
+    candidates: list[CandidateRecord]
+
+
+class PositionRecord(Row):
+    """Position of a planet, mean of the bands that show it, first realisation of each."""
+
+    planet: str
+    bands: list[str]
+    separation_arcsec: float
+    separation_error_arcsec: float
+    pa_deg: float
+    pa_error_deg: float
+    true_separation_arcsec: float
+    true_pa_deg: float
+
+
+class AlbedoRecord(Row):
+    """What band contrasts say of metallicity and clouds: mean contrasts, errors of one observation a band."""
+
+    planet: str
+    bands: list[str]
+    status: Literal["constrained", "not_constrained", "degenerate"]
+    log10_mh: float = Field(description="best fit")
+    log10_fsed: float = Field(description="best fit")
+    mean: list[float] = Field(description="of the posterior: log10_mh, log10_fsed")
+    covariance: list[list[float]]
+    correlation: float
+    log10_mh_interval: list[float] = Field(description="68 %")
+    log10_fsed_interval: list[float] = Field(description="68 %")
+    chi2: float
+    degrees_of_freedom: int
+    p_value: float | None
+    open_edges: list[str] = Field(description="ends of the allowed ranges that the 95 % region reaches")
+    flags: list[str]
+
+
+class ConfirmResult(ImagedResult):
+    """A scene, observed and measured: reproducible from configuration and seed."""
+
+    kind: Literal["confirm"] = "confirm"
+    scene: str
+    bands: list[BandConfirmation] = Field(description="one a band and planet")
+    searches: list[SearchRecord]
+    positions: list[PositionRecord]
+    albedos: list[AlbedoRecord]

@@ -1,0 +1,212 @@
+"""Results of the ranking: rows, sensitivity, and the explanation of one star."""
+
+from typing import Literal
+
+from pydantic import Field
+
+from cpic_planner.registry import ScoreName
+from cpic_planner.results.base import DetectionMode, LimitText, Result, Row, StatusText, VerdictText, column
+
+KNOWN_PLANETS = "known planets"
+"""Name of the population where completeness refers to the stars' own planets."""
+
+
+class ReferencePlanetRecord(Result):
+    """The planet that ranked numbers refer to."""
+
+    radius_rjup: float = Field(description="radius in Jupiter equatorial radii (71 492 km)")
+    phase_deg: float = Field(description="star-planet-observer phase angle")
+    albedo: str = Field(description="what reflects the light: a measured planet, or a model and its parameters")
+    position: str = Field(default="on the diagonal of a quadrant", description="where in the dark hole")
+
+
+class PopulationRecord(Result):
+    """The population that completeness refers to."""
+
+    name: str
+    description: str
+    n_planets: int = Field(description="planets drawn, the same at every star")
+    seed: int
+    planets_per_star: float | None = Field(description="occurrence, if the population states it")
+
+
+class RankedTarget(Row):
+    """One star of the ranking. Numbers refer to the stated reference planet in the best band and separation."""
+
+    rank: int = column("1 is best: highest score", label="#")
+    score: float = column(
+        "what the ranking is by, see score_name; more is better; stars of equal score, such as all those of score 0, "
+        "follow each other by detection_margin, then name"
+    )
+    name: str = column("name of the star in the catalogue", label="star", format="star")
+    hip: int | None
+    v_mag: float
+    sp_type: str = column("spectral type as catalogued", label="type")
+    distance_pc: float
+    ra_deg: float | None = column("ICRS right ascension at the catalogue epoch, deg; null if not listed")
+    dec_deg: float | None = column("ICRS declination at the catalogue epoch, deg; null if not listed")
+    separation_arcsec: float = column("projected separation of the reference planet, arcsec")
+    contrast: float
+    band: str = column("best band")
+    snr: float = column("predicted photometric SNR of the stack; 0 where no frame is possible")
+    significance: float
+    threshold: float = column("small-sample detection threshold for significance, 5 sigma-equivalent")
+    detection_margin: float
+    status: StatusText = column("ok when the reference planet is detected in the given time")
+    reason: str = column("why not, empty when ok; speckle_floor: no length of visit is enough; limited_by says why")
+    verdict: VerdictText | None = column(
+        "of the reference planet in the given time: detected with status ok, else unreachable; null in older results",
+        default=None,
+    )
+    verdict_mode: DetectionMode | None = None
+    detection_probability: float | None = None
+    detection_probability_known_place: float | None = None
+    limited_by: LimitText | None = None
+    contrast_limit: float | None
+    deepest_limit: float | None = column("the same at the separation where it is faintest", format=".2e")
+    deepest_separation_arcsec: float = column("that separation, arcsec", format=".3f")
+    detection_time_s: float | None = column(
+        "least wall time that detects the reference planet, in any band and at any separation; null: none",
+        format="time",
+    )
+    completeness: float = column(
+        "fraction of the population that one observation detects in the best band, each planet looked for at its "
+        "known place: its significance reaches the threshold there"
+    )
+    completeness_error: float = column("its binomial standard error", format="%")
+    completeness_band: str = column("band of that observation", label="in")
+    completeness_time_s: float | None = column("its wall time, s", format="time")
+    completeness_per_hour: float = column("completeness over that time in hours")
+    expected_detections: float | None = column("completeness times planets per star of the population")
+    exposure_s: float | None
+    n_frames: int | None = column("science frames; as many reference frames are taken")
+    em_gain: float | None
+    integration_s: float | None
+    time_s: float | None
+    ref_planet_distance_au: float = column("true star-planet distance, au")
+    ref_planet_insolation_au: float | None = column("distance from the Sun of equal insolation, r / sqrt(L), au")
+    luminosity_lsun: float | None = column("bolometric luminosity, solar units")
+    companion_separation_arcsec: float | None = column("nearest known companion, arcsec")
+    flags: list[str] = column("caveats, see the documentation of flags")
+
+
+class RankResult(Result):
+    """The analytic ranking of the whole sample."""
+
+    schema_version: Literal[1] = 1
+    kind: Literal["rank"] = "rank"
+    config_hash: str
+    catalogue: str
+    sample: str = Field(description="which rows of the catalogue are returned")
+    time_s: float = Field(description="wall time per target and band, s")
+    sigma: float = Field(description="detection level whose false-alarm probability the thresholds keep")
+    reference_library: str = Field(description="reference library of the subtraction")
+    reference_planet: ReferencePlanetRecord
+    population: PopulationRecord
+    score_name: ScoreName = Field(description="what the ranking is by")
+    counts: dict[str, int] = Field(description="stars by status or reason")
+    counts_limited_by: dict[str, int] = Field(
+        default_factory=dict, description="stars by limited_by; empty in older results"
+    )
+    targets: list[RankedTarget]
+
+
+class SensitivityRow(Row):
+    """The ranking under one other assumption."""
+
+    assumption: str = column("key of the assumption")
+    text: str = column("what is assumed instead", label="assumption")
+    n_ok: int = column("stars whose reference planet is detected", label="detected")
+    kendall_tau_b: float | None = column(
+        "Kendall's tau-b of the nominal scores and those under the assumption, over the compared stars; ties count as "
+        "no order; null where no order can be compared",
+        label="tau",
+        format=".2f",
+    )
+    n_compared: int = column(
+        "stars among the first, nominally or under the assumption, that have a score above zero in either",
+        label="stars compared",
+        short="of",
+    )
+    kendall_tau: float | None = column(
+        "Kendall's tau of the ranks of the nominal first stars, those without a score included, whose ranks are by "
+        "margin and name; null for one star",
+        format=".2f",
+    )
+    kept: int = column("stars of the nominal top that are in the top under this assumption too")
+    largest_fall: str = column(
+        "star of the nominal top that loses most ranks; empty if none", label="biggest fall", format="star"
+    )
+    largest_fall_ranks: int
+    best: str = column("first star under this assumption", label="first star", short="first", format="star")
+
+
+class SensitivityResult(Result):
+    """How the ranking depends on what is assumed."""
+
+    schema_version: Literal[1] = 1
+    kind: Literal["sensitivity"] = "sensitivity"
+    config_hash: str
+    top: int = Field(description="stars of the nominal ranking that are compared")
+    score_name: ScoreName
+    n_ranked: int = Field(description="stars of the ranking")
+    n_ok: int = Field(description="stars whose reference planet is detected, nominally")
+    rows: list[SensitivityRow]
+    deciding_tau: float = Field(description="an assumption with a kendall_tau_b below this decides the ranking")
+    deciding_share: float = Field(
+        description="so does one that changes n_ok by this share of the nominal number (of 1 if that is 0) or more"
+    )
+    decides: list[str] = Field(description="assumptions that decide the ranking")
+    statement: str = Field(description="the same in words")
+
+
+class BandStanding(Row):
+    """One band of a star's explanation."""
+
+    band: str
+    status: StatusText
+    reason: str
+    verdict: VerdictText | None = column("as of the ranked star, in this band alone", default=None)
+    verdict_mode: DetectionMode | None = None
+    detection_probability: float | None = None
+    detection_probability_known_place: float | None = None
+    limited_by: LimitText | None = None
+    separation_arcsec: float
+    contrast: float
+    contrast_limit: float | None
+    snr: float
+    significance: float
+    threshold: float
+    detection_margin: float
+    floor_margin: float = column(
+        "margin that no length of visit can pass", label="margin at most", short="at most", format=".3g"
+    )
+    completeness: float = column("fraction of the population that one observation in this band detects")
+    in_zone: float = column("fraction of the population in the dark quadrants", short="in zone %", format="%")
+    observable: float = column("fraction whose whole aperture lies there", short="whole %", format="%")
+    time_s: float | None
+    exposure_s: float | None
+    n_frames: int | None
+    em_gain: float | None
+    exposure_limited_by: str
+    gain_limited_by: str
+    gain_caps: dict[str, float]
+    dominant: str = column("largest term of the noise")
+    budget: dict[str, float] = column("terms of the variance, electrons^2")
+    remedies: dict[str, float]
+
+
+class Explanation(Result):
+    """Why a star stands where it stands."""
+
+    schema_version: Literal[1] = 1
+    kind: Literal["explanation"] = "explanation"
+    config_hash: str
+    n_ranked: int
+    score_name: ScoreName
+    star: RankedTarget
+    better: RankedTarget | None = Field(description="star one rank higher")
+    worse: RankedTarget | None = Field(description="star one rank lower")
+    bands: list[BandStanding]
+    ranks: dict[str, int] = Field(description="rank of the star under other assumptions")
+    sentences: list[str] = Field(description="the explanation in words")

@@ -1,0 +1,184 @@
+"""Results of simulations and of checks of their products.
+
+Result of measuring speed against accuracy.
+"""
+
+from typing import Any, Literal
+
+from pydantic import Field
+
+from cpic_planner.results.answers import ModellingRecord
+from cpic_planner.results.base import Result, Row, StatusText, column
+from simulator.knobs import Quantity
+
+
+class PlannedSequenceRow(Row):
+    """One sequence of a simulation: what it is, and its file."""
+
+    obsid: str = column("number of the observation, eleven digits", label="OBSID")
+    kind: str = Field(description="SCI, DSF, CALS, BIAS, DARK, FLAT, BKG or LASER")
+    target: str = column("name of the scene, or the kind where there is none")
+    role: str = Field(description="science, reference or calibration; empty where there is no scene")
+    camera: Literal["VIS", "NIR"]
+    band: str = Field(description="empty for BIAS and DARK")
+    exposure_s: float = Field(description="exposure of a frame, s")
+    n_frames: int
+    em_gain: float = column(short="gain", format="g")
+    start_utc: str = column("begin of the first exposure", short="begins (UTC)")
+    file: str = Field(description="Level-0 file below the folder of the run")
+    modelled: ModellingRecord | None = Field(
+        default=None, description="what its tolerance leaves out, and the predicted error; null without a tolerance"
+    )
+
+
+class SimulatedSequence(PlannedSequenceRow):
+    """One sequence of a simulation with what its frames hold."""
+
+    settings: dict[str, Any] = Field(description="what decides the frames; scene and instrument by their hash")
+    truth: str | None = Field(description="truth of the file; null if none was asked for")
+    params: str = Field(description="folder of configuration, keyword table and logs")
+    adu_min: int = Field(description="smallest pixel value of all frames")
+    adu_max: int = Field(description="largest pixel value of all frames")
+    saturated_pixels: int = column("most pixels of one frame that a limit cut off", short="sat. px", format="d")
+    clipped_pixels: int = Field(description="most pixels of one frame that left the range of the converter")
+    cosmic_rays: int = column("particles that crossed the detector, all frames together", short="cosmics", format="d")
+    size_bytes: int = column("Level-0 file, truth and parameters together", label="size", format="bytes")
+    sha256: str = Field(description="of the Level-0 file")
+
+
+class SimulationEstimate(Result):
+    """What a simulation would make, and its expected cost."""
+
+    schema_version: Literal[1] = 1
+    kind: Literal["estimate"] = "estimate"
+    name: str
+    n_sequences: int
+    n_frames: int
+    workers: int
+    wall_s: float = Field(description="wall time, with one core of about 2.5 GHz for each worker")
+    memory_mb: float = Field(description="memory of a worker")
+    disk_mb: float
+    sequences: list[PlannedSequenceRow]
+
+
+class SimulationResult(Result):
+    """The products of a simulation: reproducible from configuration and seeds."""
+
+    schema_version: Literal[1] = 1
+    kind: Literal["simulation"] = "simulation"
+    version: str
+    config_hash: str
+    name: str
+    description: str
+    n_frames: int
+    size_bytes: int
+    sequences: list[SimulatedSequence]
+
+
+class FindingRecord(Row):
+    """One thing that is wrong with a product."""
+
+    path: str
+    hdu: int | None = column("number of the unit, 0 for the primary one; null for the file as a whole", label="HDU")
+    keyword: str = Field(description="empty if the finding is about none")
+    message: str = column(label="finding")
+    severity: Literal["error", "warning"] = Field(
+        description="error: against the specification; warning: unusual, or missing where that is left open"
+    )
+
+
+class CheckResult(Result):
+    """What a check of Level-0 products found."""
+
+    schema_version: Literal[1] = 1
+    kind: Literal["check"] = "check"
+    paths: list[str] = Field(description="what was checked")
+    n_files: int = Field(description="Level-0 files among it")
+    n_errors: int
+    n_warnings: int
+    findings: list[FindingRecord]
+
+
+class MachineRecord(Result):
+    """Where it was timed."""
+
+    key: str = Field(description="hash of the description: equal machines, equal keys")
+    processor: str
+    cores: int = Field(description="cores that the program may use")
+    memory_gb: float
+    system: str
+    python: str
+    numpy: str
+    scipy: str
+    numba: str
+    blas: str
+    blas_threads: int
+
+
+class TradeoffScene(Result):
+    """A fixed scene and the frames that it is observed in."""
+
+    name: str
+    title: str
+    why: str
+    band: str
+    exposure_s: float
+    n_frames: int = Field(description="of the science visit, and as many of the reference visit")
+    em_gain: float
+    scene_model: Literal["exact", "paper"]
+
+
+class TradeoffRow(Row):
+    """One way to an answer on one scene: time, memory, and error against the reference of that scene."""
+
+    scene: str
+    point: str
+    group: Literal["closed_form", "images", "tier", "tolerance", "knob", "effect"]
+    title: str
+    status: StatusText = Field(description="invalid: the way does not apply to this scene, as reason and message say")
+    reason: str = ""
+    message: str = ""
+    wall_s: float | None = column(
+        "least wall clock of a warm call, for one case", short="wall s", format=".3g", default=None
+    )
+    cpu_s: float | None = column("processor time of that call", short="CPU s", format=".3g", default=None)
+    cold_s: float | None = Field(
+        default=None, description="from the start of a new process to its first answer; null where none was started"
+    )
+    peak_memory_mb: float | None = column(
+        "peak resident set during the warm calls", short="MB", format=".0f", default=None
+    )
+    repeats: int = Field(default=0, description="calls that were timed")
+    flux_e: float | None = Field(default=None, description="expected electrons of the planet in its aperture, visit")
+    variance_e2: float | None = Field(default=None, description="of that sum, science and reference visit together")
+    snr: float | None = None
+    flux_error: float | None = column("relative to the reference; free of noise", short="flux", default=None)
+    flux_uncertainty: float | None = None
+    snr_error: float | None = column("relative to the reference", short="SNR", default=None)
+    snr_uncertainty: float | None = Field(default=None, description="one standard error of that")
+    predicted_error: dict[Quantity, float] = Field(default_factory=dict, description="what the effect ledger says")
+    settings: dict[str, Any] = Field(default_factory=dict, description="what is modelled")
+    samples: dict[str, list[float]] = Field(
+        default_factory=dict,
+        description="what the noise was measured from: white_e2 (one value a frame), more_white_e2, speckle_e2_s2, "
+        "walk_e2_s2, one_epoch_e2_s2 (one a pair of visits), own_e2, whole_e2, fixed_speckle_e2",
+    )
+    n_frames: int = 0
+    machine: str = Field(description="key of the machine")
+    version: str
+
+
+class TradeoffResult(Result):
+    """Speed against accuracy on fixed scenes."""
+
+    schema_version: Literal[1] = 1
+    kind: Literal["tradeoff"] = "tradeoff"
+    version: str
+    quick_look: bool = Field(description="few frames: for a look, not for a record")
+    machine: MachineRecord = Field(description="of the latest rows")
+    other_machines: list[MachineRecord] = Field(default_factory=list, description="of rows that were kept")
+    scenes: list[TradeoffScene]
+    rows: list[TradeoffRow]
+    speed_ups: dict[str, float] = Field(
+        default_factory=dict, description="wall clock of the reference over that of one closed-form call, by scene"
+    )

@@ -1,0 +1,219 @@
+"""Results of survey what-ifs."""
+
+from typing import Any, Literal
+
+from pydantic import Field
+
+from cpic_planner.results.base import Result, Row, column
+
+
+class EstimateRecord(Result):
+    """Mean over universes."""
+
+    mean: float
+    error: float = Field(description="standard error of the mean, of the number of universes")
+    low: float = Field(description="lower end of the 90 % interval of the mean")
+    high: float = Field(description="upper end of it")
+    survey_low: float = Field(description="5 % of the surveys find fewer")
+    survey_high: float = Field(description="5 % of the surveys find more")
+
+
+class CurvePoint(Result):
+    """One point of a curve with its band."""
+
+    x: float = Field(description="telescope time used in hours, or number of universes")
+    mean: float
+    low: float
+    high: float
+
+
+class TimeUse(Result):
+    """Where the telescope time goes, means over universes, in hours."""
+
+    exposing_h: float = Field(description="search: science and reference frames with readouts")
+    occulted_h: float = Field(description="search: behind the Earth, in the South Atlantic Anomaly, windows not filled")
+    settling_h: float = Field(description="search: slews and settling")
+    follow_up_h: float
+    unused_h: float = Field(description="of the budget")
+
+
+class ScheduleRecord(Result):
+    """The calendar that was planned, before chance had its say."""
+
+    method: str
+    visits: int = Field(description="planned within the budget")
+    reserve_visits: int = Field(description="planned for time that stop rules free")
+    hours: float = Field(description="telescope time of the visits within the budget")
+    value: float = Field(description="what they are worth on the planets of planning")
+    bound: float = Field(description="what no schedule can pass")
+    distance: float = Field(description="1 - value / bound")
+
+
+class SurveyTarget(Row):
+    """One star of a strategy."""
+
+    name: str = column("name of the star in the catalogue", label="star", format="star")
+    rank: int = column("by planets found per hour", label="#")
+    v_mag: float
+    distance_pc: float
+    ra_deg: float
+    dec_deg: float
+    known_planets: list[str] = Field(description="names in the table of known planets")
+    bands: list[str] = column("of its planned visits")
+    visit_time_s: float = column(
+        "wall time of a visit, mean of those planned", label="wall time", short="wall", format="time"
+    )
+    visit_h: float = column("telescope time of a visit, mean of those planned", label="telescope", format=".1f")
+    planned_visits: int
+    slots: list[int] = Field(description="of the planned visits, those of the reserve included")
+    first_utc: str = column("middle of the days of the first planned visit", label="first visit", short="first")
+    visits: float = column("made, mean over universes", label="visits made", short="visits", format=".1f")
+    search_h: float = column(label="search", format=".1f")
+    follow_up_h: float = column(label="follow-up", format=".1f")
+    new_planets: float = column("found, mean over universes")
+    known_seen: float = column(label="known planets")
+    planets_per_100h: float = column(
+        "planets found in 100 hours of telescope time", label="planets per 100 h", short="per 100 h", format=".2g"
+    )
+
+
+class ImageSample(Result):
+    """Detections of a strategy that were simulated as images and measured blind."""
+
+    detections: int = Field(description="sampled")
+    images: int = Field(description="simulated sequences")
+    expected: float = Field(description="of them detected by the law of the strategy")
+    found: int = Field(description="detected in the images, by the same rule")
+    correction: float | None = Field(description="found over expected")
+    low: float | None = Field(description="lower end of its 90 % interval")
+    high: float | None
+    note: str = ""
+
+
+class VariedSetting(Result):
+    """A value that ``--vary`` gave a strategy."""
+
+    name: str = Field(description="as it was asked for: drift, budget_h ...")
+    key: str = Field(description="dotted key of the strategy")
+    text: str = Field(description="the value with its unit or its x: 0.1 nm, x2 (0.1 nm)")
+    value: Any = Field(description="number in the unit, or a word; of a factor what it makes of the present value")
+    unit: str = Field(description="empty: the quantity has none, or it is a factor")
+    meaning: str = Field(description="in words, where the text does not say it all")
+
+    @property
+    def label(self) -> str:
+        """The setting as names of strategies have it: ``drift=0.1 nm``."""
+        return f"{self.name}={self.text}"
+
+
+class PlanetShare(Result):
+    """The known planet that makes up most of a yield."""
+
+    name: str = Field(description="in the table of known planets")
+    share: float = Field(description="of all planets found over the universes")
+    planets: float = Field(description="how often it is found, mean over universes")
+
+
+class AssumedInstrument(Result):
+    """Numbers of the instrument that a strategy was run with, its assumptions included."""
+
+    visit_drift_nm: float = Field(description="offset of the wavefront of a visit, rms")
+    walk_nm_per_sqrt_hour: float = Field(description="walk of the wavefront within a visit, rms")
+    exozodi_zodis: float
+    throughput: dict[str, float] = Field(description="of the optics, by band of the search")
+
+
+class StrategyOutcome(Row):
+    """What one strategy yields."""
+
+    name: str = column(label="strategy")
+    description: str
+    varied: list[VariedSetting] = Field(default_factory=list, description="values of --vary; empty: none")
+    instrument: AssumedInstrument | None = None
+    leading_planet: PlanetShare | None = Field(default=None, description="null: no known planet is found")
+    settings: dict[str, Any] = Field(description="the strategy as it was run")
+    schedule: ScheduleRecord
+    planets: EstimateRecord = Field(description="planets found, new and known")
+    new_planets: EstimateRecord
+    known_planets: EstimateRecord
+    stars_with_planet: EstimateRecord
+    characterised_planets: EstimateRecord
+    noise_alarms: EstimateRecord
+    background_alarms: EstimateRecord
+    hours: EstimateRecord = Field(description="telescope time used")
+    any_planet: float = column("share of the universes in which it finds any planet", short="any %", format="%")
+    any_new_planet: float
+    time_use: TimeUse
+    curve: list[CurvePoint] = Field(description="planets found against telescope time used")
+    convergence: list[CurvePoint] = Field(description="mean of planets found against number of universes")
+    quantiles: dict[str, list[float]] = Field(description="5, 25, 50, 75, 95 % of detections by quantity; empty: none")
+    targets: list[SurveyTarget]
+    images: ImageSample | None = Field(default=None, description="null where no images were asked for")
+
+    @property
+    def base(self) -> str:
+        """Name without the values that were varied."""
+        return self.name.removesuffix(f" {self.variation}") if self.varied else self.name
+
+    @property
+    def variation(self) -> str:
+        """The values that were varied: ``drift=0.1 nm rule=blind``."""
+        return " ".join(item.label for item in self.varied)
+
+
+class DifferenceRecord(Row):
+    """Paired difference of two strategies: the same universes, the same noise where they make the same visit."""
+
+    first: str
+    second: str
+    quantity: Literal["planets", "new_planets", "characterised_planets", "hours"]
+    mean: float = Field(description="first minus second")
+    error: float
+    low: float = Field(description="lower end of the 90 % interval of the mean")
+    high: float
+    correlation: float | None = Field(description="of the two over universes; null where one never varies")
+    verdict: str
+
+
+class RankChange(Row):
+    """A star that one strategy ranks elsewhere than the first one."""
+
+    strategy: str
+    star: str
+    first_rank: int | None = Field(description="null: not among its targets")
+    rank: int | None
+    why: str
+
+
+class SettingSource(Result):
+    """Where a number of the strategies' file or of its preset comes from."""
+
+    key: str = Field(description="dotted key of a strategy; universe.KEY of what all share")
+    value: Any
+    unit: str
+    source: str
+    confidence: str = Field(description="P: published, I: inferred from published or measured numbers, A: assumed")
+    strategies: list[str] = Field(description="those that have this value")
+
+
+class WhatIfResult(Result):
+    """Comparison of survey strategies: reproducible from configuration and seed."""
+
+    schema_version: Literal[1] = 1
+    kind: Literal["whatif"] = "whatif"
+    version: str
+    config_hash: str
+    name: str
+    description: str
+    universe: dict[str, Any] = Field(description="what all strategies share")
+    catalogue: str
+    known_planets: str = Field(description="table of known planets; empty: left out")
+    observed: str = Field(description="observation log that was taken into account; empty: none")
+    n_universes: int
+    slot_utc: list[str] = Field(description="begin of every slot of the calendar")
+    strategies: list[StrategyOutcome]
+    differences: list[DifferenceRecord]
+    rank_changes: list[RankChange]
+    statement: str = Field(description="the outcome in words")
+    sources: list[SettingSource] = Field(default_factory=list, description="empty: no setting states one")
+    not_modelled: list[str]

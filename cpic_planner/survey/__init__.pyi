@@ -1,0 +1,8 @@
+from cpic_planner.survey.prepare import known_table as known_table
+from cpic_planner.survey.strategy_file import (
+    StrategiesConfig as StrategiesConfig,
+    load_strategies as load_strategies,
+    with_universe as with_universe,
+)
+from cpic_planner.survey.sweeps import told as told, varied as varied
+from cpic_planner.survey.whatif import run_whatif as run_whatif, whatif_job as whatif_job

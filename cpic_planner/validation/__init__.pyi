@@ -1,0 +1,89 @@
+from cpic_planner.etc.detection import detection_threshold as detection_threshold, threshold_array as threshold_array
+from cpic_planner.validation.albedo_fit import AlbedoFit as AlbedoFit, fit_albedo as fit_albedo
+from cpic_planner.validation.albedo_model import AlbedoModel as AlbedoModel, planet_albedo_model as planet_albedo_model
+from cpic_planner.validation.apertures import aperture_sum as aperture_sum, aperture_weights as aperture_weights
+from cpic_planner.validation.astrometry import (
+    Astrometry as Astrometry,
+    SkyPosition as SkyPosition,
+    band_average as band_average,
+    fit_position as fit_position,
+)
+from cpic_planner.validation.confirm import confirm_task as confirm_task, decode_arrays as decode_arrays
+from cpic_planner.validation.detection import BlindSearch as BlindSearch, Candidate as Candidate
+from cpic_planner.validation.findings import (
+    PREDICTION_ERROR as PREDICTION_ERROR,
+    FittedAlbedo as FittedAlbedo,
+    albedo_fits as albedo_fits,
+    albedo_records as albedo_records,
+    calibrate as calibrate,
+    mean_snr as mean_snr,
+    position_records as position_records,
+    snr_scatter as snr_scatter,
+)
+from cpic_planner.validation.frames import CalibratedFrames as CalibratedFrames, calibrated_frames as calibrated_frames
+from cpic_planner.validation.injection import CompletenessMap as CompletenessMap
+from cpic_planner.validation.libraries import (
+    LibraryPlan as LibraryPlan,
+    library_plan as library_plan,
+    scale_library as scale_library,
+)
+from cpic_planner.validation.measure import Measurement as Measurement, Subject as Subject, subjects_of as subjects_of
+from cpic_planner.validation.modelling import (
+    Modelling as Modelling,
+    modelling_of as modelling_of,
+    modelling_record as modelling_record,
+    task_cost as task_cost,
+)
+from cpic_planner.validation.photometry import (
+    Contrast as Contrast,
+    Photometry as Photometry,
+    aperture_photometry as aperture_photometry,
+    contrast as contrast,
+)
+from cpic_planner.validation.rdi import RdiResult as RdiResult, rdi_subtract as rdi_subtract
+from cpic_planner.validation.realise import (
+    FrameStory as FrameStory,
+    Realised as Realised,
+    Visits as Visits,
+    cleaned as cleaned,
+    realised_frames as realised_frames,
+    visits_of as visits_of,
+)
+from cpic_planner.validation.reduced import (
+    ReducedStack as ReducedStack,
+    pedestal_e as pedestal_e,
+    reduce_stack as reduce_stack,
+)
+from cpic_planner.validation.rejection import (
+    combine as combine,
+    filled as filled,
+    reject_cosmic_rays as reject_cosmic_rays,
+)
+from cpic_planner.validation.roc import ContrastCurve as ContrastCurve, RocCurve as RocCurve
+from cpic_planner.validation.roll import (
+    RollResult as RollResult,
+    roll_photometry as roll_photometry,
+    roll_subtract as roll_subtract,
+)
+from cpic_planner.validation.speckle_maps import SpeckleMaps as SpeckleMaps
+from cpic_planner.validation.star_flux import (
+    StarFlux as StarFlux,
+    observe_off_mask as observe_off_mask,
+    star_flux_of_field_star as star_flux_of_field_star,
+    star_flux_off_mask as star_flux_off_mask,
+)
+from cpic_planner.validation.task import (
+    ConfirmTask as ConfirmTask,
+    Frames as Frames,
+    expected_of as expected_of,
+    images_of as images_of,
+    prepare_task as prepare_task,
+    star_scene as star_scene,
+    target_scene as target_scene,
+    task_of as task_of,
+)
+from cpic_planner.validation.verdict import (
+    refusals_of as refusals_of,
+    seen_at_place as seen_at_place,
+    target_verdict as target_verdict,
+)

@@ -1,0 +1,332 @@
+"""Cosmic rays and sky as configuration.
+
+Light that is no point: discs, rings and images of scattered starlight, as configuration.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeAlias, cast
+
+from pydantic import BeforeValidator, Field, model_validator
+
+from cpic_core import InputError
+from simulator.config.base import FrozenModel, canonical_keys, nearest, required, validate
+from simulator.config.light import Real
+
+Depth = Annotated[float, Field(ge=1, le=2000)]
+Width = Annotated[float, Field(ge=0.1, le=100)]
+Length = Annotated[float, Field(ge=10, le=100_000)]
+Brightness = Annotated[float, Field(ge=0, le=40)]
+LOSS_WIDTHS = 10  # the lower end of the truncated Landau law lies at most so many widths below its mean
+
+
+class PhysicalTracks(FrozenModel):
+    """Straight tracks of fast charged particles through a silicon layer.
+
+    Isotropic particles cross a layer of ``depth_um``; chords longer than ``max_length_um`` are left out. A chord L
+    leaves ``mean_loss_e_um`` L on average, with Landau fluctuations of width ``loss_width_e_um`` L cut off at
+    ``loss_cut`` (Landau's lambda). ``diffusion_um`` is the Gaussian sigma of the collected charge.
+    """
+
+    depth_um: Depth
+    max_length_um: Length
+    mean_loss_e_um: Annotated[float, Field(gt=0, le=1e5)]
+    loss_width_e_um: Annotated[float, Field(ge=0, le=1e4)]
+    loss_cut: Annotated[float, Field(ge=1, le=200)]
+    diffusion_um: Width
+
+    @model_validator(mode="after")
+    def _loses(self) -> PhysicalTracks:
+        _check_lengths(self.depth_um, self.max_length_um)
+        if self.mean_loss_e_um < LOSS_WIDTHS * self.loss_width_e_um:
+            raise InputError(
+                "loss_width_e_um",
+                self.loss_width_e_um,
+                unit="e-/um",
+                allowed=f"at most mean_loss_e_um / {LOSS_WIDTHS} = {self.mean_loss_e_um / LOSS_WIDTHS:g}",
+            )
+        return self
+
+
+class PaperTracks(FrozenModel):
+    """Streaks as Zhu et al. 2025 describe them.
+
+    Chords of a layer of ``depth_um``. Charge does not depend on length: exponential up to ``tail_start`` e-foldings, a
+    power law of index ``tail_index`` beyond, mean ``mean_charge_e``. The Gaussian sigma across is ``width_um`` with a
+    relative scatter ``width_rms``; along the streak the charge varies by ``texture_rms`` in ``texture_waves`` Fourier
+    components.
+    """
+
+    depth_um: Depth
+    max_length_um: Length
+    mean_charge_e: Annotated[float, Field(ge=1, le=1e7)]
+    tail_start: Annotated[float, Field(gt=0, le=30)]
+    tail_index: Annotated[float, Field(ge=2.5, le=100)]
+    width_um: Width
+    width_rms: Annotated[float, Field(ge=0, le=1)]
+    texture_rms: Annotated[float, Field(ge=0, le=1)]
+    texture_waves: Annotated[int, Field(ge=1, le=64)]
+
+    @model_validator(mode="after")
+    def _long(self) -> PaperTracks:
+        _check_lengths(self.depth_um, self.max_length_um)
+        return self
+
+
+class TemplateTracks(FrozenModel):
+    """Tracks taken from a set of small images, turned and placed at random, scaled to a charge of the law of ``paper``.
+
+    ``template_file`` is a FITS cube or npz file (`simulator.effects.templates`). Without one, ``generated_tracks``
+    tracks of the physical model, sampled at ``sample_um``, are made from ``generated_seed``.
+    """
+
+    template_file: str | None
+    generated_tracks: Annotated[int, Field(ge=1, le=5000)]
+    generated_seed: Annotated[int, Field(ge=0)]
+    sample_um: Annotated[float, Field(ge=0.5, le=100)]
+
+
+class CosmicRayConfig(FrozenModel):
+    """Cosmic rays: how many, and what they leave.
+
+    The rate falls from ``peak_rate_per_s_cm2`` at solar minimum by the fraction ``cycle_depth`` at maximum;
+    ``orbit_factor`` scales it to the orbit.
+    """
+
+    model: Literal["physical", "paper", "template"]
+    peak_rate_per_s_cm2: Annotated[float, Field(ge=0, le=1e6)]
+    cycle_depth: Annotated[float, Field(ge=0, le=1)]
+    cycle_minimum_year: Annotated[float, Field(ge=1700, le=2300)]
+    cycle_years: Annotated[float, Field(ge=1, le=100)]
+    orbit_factor: Annotated[float, Field(ge=0, le=1000)]
+    physical: PhysicalTracks
+    paper: PaperTracks
+    template: TemplateTracks
+
+
+class ExtraLight(FrozenModel):
+    """Light besides the sky: at most one of three.
+
+    ``brightness_v_mag_arcsec2`` is a surface brightness of solar colour in front of the telescope; ``rate_e_s`` a
+    uniform rate per pixel on the detector; ``map_file`` a FITS map of that rate over the whole frame (BUNIT
+    electron/s), one for all bands or one by band.
+    """
+
+    brightness_v_mag_arcsec2: Brightness | None = None
+    rate_e_s: Annotated[float, Field(ge=0, le=1e9)] | None = None
+    map_file: str | dict[str, str] | None = None
+
+    @model_validator(mode="after")
+    def _one(self) -> ExtraLight:
+        given = [name for name, value in self if value is not None]
+        if len(given) > 1:
+            raise InputError(given[1], f"given with {given[0]}", allowed="one of the two")
+        return self
+
+    def map_of(self, band: str) -> str | None:
+        """Name of the map of a band, None if none is set.
+
+        Raises
+        ------
+        InputError
+            If there are maps by band and none for this one.
+        """
+        if not isinstance(self.map_file, dict):
+            return self.map_file
+        if band not in self.map_file:
+            raise InputError(
+                "map_file",
+                f"no map of {band}",
+                allowed=f"a map of each band, or of {band} at least",
+                hint=f"there are maps of {', '.join(self.map_file) or 'no band'}",
+            )
+        return self.map_file[band]
+
+
+class SkyConfig(FrozenModel):
+    """Light of the sky: ``uniform`` of solar colour, or ``zodiacal`` by place and date; and what stray light adds.
+
+    ``exozodi_zodis`` is the dust assumed around every target, in units of the solar system's, in a disc seen face-on:
+    22 mag/arcsec2 in V at 1 au of a solar twin, in proportion to the star's V light and ``r^-2``. Predictions count it
+    and confirmations show it; a scene of one's own has the discs that it names.
+    """
+
+    model: Literal["uniform", "zodiacal"]
+    brightness_v_mag_arcsec2: Brightness
+    exozodi_zodis: Annotated[float, Field(ge=0, le=1e5)]
+    earthshine: ExtraLight
+    stray_light: ExtraLight
+
+
+def _check_lengths(depth_um: float, max_length_um: float) -> None:
+    if max_length_um <= depth_um:
+        raise InputError("max_length_um", max_length_um, unit="um", allowed=f"above depth_um = {depth_um:g}")
+
+
+MAX_RADIUS_ARCSEC = 20.0
+"""Largest disc; the detector reaches 12 arcsec into its corners."""
+
+Radius = Annotated[Real, Field(ge=0, le=MAX_RADIUS_ARCSEC)]
+Angle = Annotated[Real, Field(ge=-360, le=360)]
+Inclination = Annotated[Real, Field(ge=0, le=90)]
+
+_ALIASES = {
+    "inclination": "inclination_deg",
+    "incl_deg": "inclination_deg",
+    "position_angle": "pa_deg",
+    "position_angle_deg": "pa_deg",
+    "pangle": "pa_deg",
+    "pa": "pa_deg",
+    "inner": "inner_arcsec",
+    "outer": "outer_arcsec",
+    "radius": "radius_arcsec",
+    "fwhm": "fwhm_arcsec",
+    "magnitude": "v_mag",
+    "magnitude_v": "v_mag",
+    "pixel_scale": "pixel_scale_arcsec",
+    "pixscale": "pixel_scale_arcsec",
+    "image": "file",
+    "centre_separation_arcsec": "center_separation_arcsec",
+    "center_separation": "center_separation_arcsec",
+    "centre_separation": "center_separation_arcsec",
+    "centre_pa_deg": "center_pa_deg",
+    "center_pa": "center_pa_deg",
+    "centre_pa": "center_pa_deg",
+    "centre_pixel": "center_pixel",
+}
+_HINTS = {
+    "separation": "center_separation_arcsec, with center_pa_deg, moves the centre away from the star",
+    "separation_arcsec": "center_separation_arcsec, with center_pa_deg, moves the centre away from the star",
+    "spectrum": "scattered light is grey: it has the star's spectrum",
+    "albedo": "scattered light is grey: contrast is its total over the star's",
+}
+_KIND_WORDS = {"disk": "disc", "exozodi": "disc"}
+
+
+class _Scattered(FrozenModel):
+    """What every extended source has.
+
+    The light is that of the star, scattered without colour: in every band the source sends ``contrast`` times the
+    detected rate of the central star, all of it together, before mask and aperture. Instead of ``contrast`` its total
+    may be given as ``v_mag`` (Johnson V). ``pa_deg`` and ``center_pa_deg`` are degrees east of north.
+    """
+
+    name: str = ""
+    contrast: Annotated[Real, Field(gt=0, le=1)] | None = None
+    v_mag: Annotated[Real, Field(ge=-30, le=60)] | None = None
+    pa_deg: Angle = 0.0
+    center_separation_arcsec: Radius = 0.0
+    center_pa_deg: Angle = 0.0
+
+    @model_validator(mode="after")
+    def _one_brightness(self) -> _Scattered:
+        if self.contrast is None and self.v_mag is None:
+            raise required("contrast", "total light over the star's, above 0, at most 1, or v_mag")
+        if self.contrast is not None and self.v_mag is not None:
+            raise InputError("contrast", "given with v_mag", allowed="one of the two")
+        return self
+
+    def contrast_to(self, star_v_mag: float) -> float:
+        """Total light over that of a star of the given V magnitude, in every band."""
+        if self.contrast is not None:
+            return self.contrast
+        assert self.v_mag is not None
+        return float(10.0 ** (-0.4 * (self.v_mag - star_v_mag)))
+
+
+class DiscSource(_Scattered):
+    """A thin disc (exozodiacal dust, debris): surface brightness ``r^slope`` between two radii, else 0.
+
+    ``r`` is the distance from the centre in the plane of the disc, which is inclined by ``inclination_deg`` (0 face-on,
+    90 edge-on) about the major axis at ``pa_deg``.
+    """
+
+    kind: Literal["disc"] = "disc"
+    inner_arcsec: Radius
+    outer_arcsec: Annotated[Real, Field(gt=0, le=MAX_RADIUS_ARCSEC)]
+    slope: Annotated[Real, Field(ge=-10, le=10)] = 0.0
+    inclination_deg: Inclination = 0.0
+
+    @model_validator(mode="after")
+    def _ordered(self) -> DiscSource:
+        if self.inner_arcsec >= self.outer_arcsec:
+            raise InputError(
+                "inner_arcsec", self.inner_arcsec, unit="arcsec", allowed=f"below outer_arcsec = {self.outer_arcsec:g}"
+            )
+        if self.inner_arcsec == 0 and self.slope <= -2:
+            raise InputError("slope", self.slope, allowed="above -2 where inner_arcsec is 0: the light must be finite")
+        return self
+
+
+class RingSource(_Scattered):
+    """A thin ring: surface brightness a Gaussian of ``fwhm_arcsec`` about ``radius_arcsec``, in the plane of the ring.
+
+    Inclination and position angle are as for a disc.
+    """
+
+    kind: Literal["ring"] = "ring"
+    radius_arcsec: Annotated[Real, Field(gt=0, le=MAX_RADIUS_ARCSEC)]
+    fwhm_arcsec: Annotated[Real, Field(gt=0, le=MAX_RADIUS_ARCSEC)]
+    inclination_deg: Inclination = 0.0
+
+
+class ImageSource(_Scattered):
+    """An image in a FITS or npz file; its pixels are squares of even brightness.
+
+    Without ``pa_deg`` north is up (+row) and east to the left (-column); ``pa_deg`` turns it so that up is at that
+    position angle. The pixel is ``pixel_scale_arcsec``, or the header's ``PIXSCALE`` or ``CDELT``. The middle of the
+    image, or ``center_pixel`` (column, row, from 0), is where the star stands, or at the ``center_...`` offset.
+    Other orientation cards are not read.
+    """
+
+    kind: Literal["image"] = "image"
+    file: str
+    pixel_scale_arcsec: Annotated[Real, Field(gt=0, le=10)] | None = None
+    center_pixel: tuple[Real, Real] | None = None
+
+    @model_validator(mode="after")
+    def _there(self) -> ImageSource:
+        if not Path(self.file).is_file():
+            raise InputError("file", self.file, allowed="an existing FITS or npz file")
+        return self
+
+
+ExtendedSource: TypeAlias = DiscSource | RingSource | ImageSource
+_BY_KIND: dict[str, type[_Scattered]] = {"disc": DiscSource, "ring": RingSource, "image": ImageSource}
+_KEYS = tuple(dict.fromkeys(key for model in _BY_KIND.values() for key in model.model_fields))
+
+
+def extended_source(value: Any) -> ExtendedSource:
+    """Read an extended source as people write it.
+
+    Parameters
+    ----------
+    value : ExtendedSource or mapping
+        A mapping with ``kind`` (``disc``, ``ring`` or ``image``), which may be left out where the other keys decide: a
+        ``file`` makes an image, a ``fwhm_arcsec`` a ring, anything else a disc. Numbers may carry units
+        (`astropy.units`).
+
+    Raises
+    ------
+    InputError
+        Naming the key, its value and what is allowed.
+    """
+    if isinstance(value, DiscSource | RingSource | ImageSource):
+        return value
+    if not isinstance(value, Mapping):
+        raise InputError("extended", value, allowed="a mapping: disc, ring or image")
+    tree = canonical_keys(value, _KEYS, _ALIASES, hints=_HINTS)
+    kind = tree.get("kind") or ("image" if "file" in tree else "ring" if "fwhm_arcsec" in tree else "disc")
+    word = kind.lower() if isinstance(kind, str) else kind
+    name = _KIND_WORDS.get(word, word) if isinstance(word, str) else word
+    if name not in _BY_KIND:
+        raise InputError("kind", kind, allowed=", ".join(_BY_KIND), hint=nearest(kind, _BY_KIND))
+    if isinstance(tree.get("file"), Path):
+        tree["file"] = str(tree["file"])
+    return cast("ExtendedSource", validate(_BY_KIND[name], tree | {"kind": name}))
+
+
+ExtendedValue: TypeAlias = Annotated[ExtendedSource, BeforeValidator(extended_source)]
+"""Field type of a model: reads whatever `extended_source` reads."""

@@ -1,0 +1,23 @@
+from simulator.effects.cosmic_rays import (
+    CosmicRays as CosmicRays,
+    cosmic_ray_rate as cosmic_ray_rate,
+    draw_cosmic_rays as draw_cosmic_rays,
+)
+from simulator.effects.sky import (
+    SOLAR_AVOIDANCE as SOLAR_AVOIDANCE,
+    SkyLevel as SkyLevel,
+    ecliptic_deg as ecliptic_deg,
+    sky_rate_e_s_arcsec2 as sky_rate_e_s_arcsec2,
+)
+from simulator.effects.stray_light import (
+    effect_files as effect_files,
+    extra_lights as extra_lights,
+    stray_light_map as stray_light_map,
+    stray_light_parts as stray_light_parts,
+    unit_factor as unit_factor,
+)
+from simulator.effects.templates import (
+    TemplateSet as TemplateSet,
+    generated_projection_um as generated_projection_um,
+    read_templates as read_templates,
+)

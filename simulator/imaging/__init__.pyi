@@ -1,0 +1,34 @@
+from simulator.imaging.aperture import aperture_sums as aperture_sums, overlap_weights as overlap_weights
+from simulator.imaging.build import build_imager as build_imager
+from simulator.imaging.drift import visit_frames as visit_frames
+from simulator.imaging.external import ExternalPsf as ExternalPsf
+from simulator.imaging.frame import (
+    AnyPsf as AnyPsf,
+    SceneModel as SceneModel,
+    Window as Window,
+    apodizer_energy as apodizer_energy,
+    forget_starlight as forget_starlight,
+    full_star_map as full_star_map,
+    off_axis_light as off_axis_light,
+    sky_transmission as sky_transmission,
+    star_column_light as star_column_light,
+    window_of as window_of,
+)
+from simulator.imaging.geometry import (
+    BandGeometry as BandGeometry,
+    HoleMode as HoleMode,
+    HoleSide as HoleSide,
+    HoleZone as HoleZone,
+)
+from simulator.imaging.imager import FocalGrid as FocalGrid, centred_axis as centred_axis
+from simulator.imaging.map_files import (
+    FileMap as FileMap,
+    header_number as header_number,
+    read_maps as read_maps,
+    real_map as real_map,
+)
+from simulator.imaging.measure import visit_responses as visit_responses
+from simulator.imaging.metrics import PsfMetrics as PsfMetrics
+from simulator.imaging.psf import Psf as Psf, PsfError as PsfError, single_band_psf as single_band_psf
+from simulator.imaging.sampling import pixel_axis as pixel_axis
+from simulator.imaging.store import metrics_key as metrics_key, psf_metrics as psf_metrics

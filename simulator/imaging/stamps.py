@@ -1,0 +1,208 @@
+"""Stamps of point-spread functions in npz and FITS files: names, cards, and how they are written.
+
+Figures of merit of a point-spread function of which only the stamps are known.
+"""
+
+import io
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cpic_core import FloatArray, InputError, write_bytes, write_npz
+from simulator.config import Instrument
+from simulator.imaging.aperture import cumulative_table, figures_of_stamps, photon_weights
+from simulator.imaging.geometry import zone_of
+from simulator.imaging.map_files import SCALE_TOLERANCE, MapFile, header_number, pixel_scale, read_maps
+from simulator.imaging.metrics import StampMetrics
+from simulator.imaging.sampling import unpixelled
+
+_CARDS = {"mask_half_width_arcsec": "MASKHW", "apodizer_energy": "APODENER"}
+_BAND_CARDS = ("BAND", "FILTER")
+FITS_SUFFIXES = (".fits", ".fit", ".fts")
+
+
+@dataclass(frozen=True, eq=False)
+class StampFile:
+    """What a file says, unchecked; None where it says nothing."""
+
+    off_axis: NDArray[Any]
+    on_axis: NDArray[Any] | None = None
+    pixel_scale_arcsec: float | None = None
+    band: str | None = None
+    mask_half_width_arcsec: float | None = None
+    apodizer_energy: float | None = None
+
+
+def read_stamps(path: str | Path) -> StampFile:
+    """Read stamps and what goes with them; see `simulator.imaging.external.load_psf` for the layout.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, has no off-axis image, or holds something else under a known name.
+    """
+    file = read_maps("psf", path)
+    return _from_fits(path, file) if file.is_fits else _from_npz(path, file)
+
+
+def write_stamps(stamps: StampFile, path: Path) -> Path:
+    """Write stamps to ``.npz`` or ``.fits``, whole or not at all; the same bytes for the same content.
+
+    Parameters
+    ----------
+    stamps : StampFile
+    path : Path
+
+    Raises
+    ------
+    InputError
+        For another suffix.
+    OSError
+        If the file cannot be written.
+    """
+    known = {name: value for name, value in vars(stamps).items() if value is not None}
+    if path.suffix.lower() == ".npz":
+        write_npz(path, known)
+        return path
+    if path.suffix.lower() not in FITS_SUFFIXES:
+        raise InputError("psf", str(path), allowed="a name that ends in .npz or .fits")
+    return write_bytes(path, _fits_bytes(known))
+
+
+def _fits_bytes(known: dict[str, Any]) -> bytes:
+    from astropy.io import fits
+
+    primary = fits.PrimaryHDU()
+    if "pixel_scale_arcsec" in known:
+        primary.header["PIXSCALE"] = (known["pixel_scale_arcsec"], "arcsec per pixel")
+    if "band" in known:
+        primary.header["BAND"] = known["band"]
+    for name, card in _CARDS.items():
+        if name in known:
+            primary.header[card] = (known[name], name)
+    hdus = fits.HDUList([primary])
+    for name in ("off_axis", "on_axis"):
+        if name in known:
+            hdus.append(fits.ImageHDU(known[name], name=name.upper()))
+            hdus[-1].header["BUNIT"] = ("", "fraction of the energy on the clear disc")
+    for hdu in hdus:
+        hdu.add_checksum(when="of this unit")  # the default comment is the time of day
+    buffer = io.BytesIO()
+    hdus.writeto(buffer)
+    return buffer.getvalue()
+
+
+def _from_npz(path: str | Path, file: MapFile) -> StampFile:
+    off_axis, on_axis, band = (file.named(name) for name in ("off_axis", "on_axis", "band"))
+    if off_axis is None:
+        raise InputError(
+            "psf",
+            str(path),
+            allowed="an npz file with an array named off_axis",
+            hint=f"it has {', '.join(item.name for item in file.maps)}",
+        )
+    numbers: dict[str, float] = {}
+    for name in ("pixel_scale_arcsec", *_CARDS):
+        item = file.named(name)
+        if item is None:
+            continue
+        if item.data.size != 1 or item.data.dtype.kind not in "fiu" or not np.isfinite(item.data).all():
+            raise InputError(f"psf {name}", str(item.data.tolist())[:40], allowed="one finite number", hint=str(path))
+        numbers[name] = float(item.data.reshape(()))
+    word: Any = None
+    if band is not None:
+        if band.data.size != 1 or band.data.dtype.kind not in "US":
+            raise InputError("psf band", str(band.data.tolist())[:40], allowed="one name", hint=str(path))
+        word = band.data.reshape(()).item()
+        word = word.decode("ascii", "replace") if isinstance(word, bytes) else word
+    return StampFile(off_axis.data, None if on_axis is None else on_axis.data, band=word or None, **numbers)
+
+
+def _from_fits(path: str | Path, file: MapFile) -> StampFile:
+    off_axis, on_axis = file.named("OFF_AXIS"), file.named("ON_AXIS")
+    if off_axis is None and on_axis is None and len(file.maps) == 1:
+        off_axis = file.maps[0]
+    if off_axis is None:
+        raise InputError(
+            "psf",
+            str(path),
+            allowed="a FITS file with an image OFF_AXIS, or a single image",
+            hint=f"its images are {[item.name for item in file.maps]}",
+        )
+    scales = [
+        scale
+        for item in (off_axis, on_axis)
+        if item is not None
+        if (scale := pixel_scale("psf", path, item.header)) is not None
+    ]
+    if scales and abs(scales[-1] / scales[0] - 1) > SCALE_TOLERANCE:
+        raise InputError("psf pixel_scale_arcsec", scales[-1], unit="arcsec", allowed=f"that of OFF_AXIS, {scales[0]}")
+    numbers = {name: header_number("psf", path, off_axis.header, card) for name, card in _CARDS.items()}
+    named = [str(off_axis.header[card]).strip() for card in _BAND_CARDS if card in off_axis.header]
+    return StampFile(
+        off_axis.data,
+        None if on_axis is None else on_axis.data,
+        scales[0] if scales else None,
+        next(iter(named), None),
+        **numbers,
+    )
+
+
+CELLS_PER_PIXEL = 10
+
+
+def stamp_metrics(
+    on_axis: FloatArray,
+    off_axis: FloatArray,
+    instrument: Instrument,
+    band: str,
+    *,
+    mask_half_width_arcsec: float,
+    apodizer_energy: float,
+) -> StampMetrics:
+    """Measure the figures on the stamps; aperture and hole are those of the instrument's band.
+
+    Parameters
+    ----------
+    on_axis, off_axis : ndarray, shape (n, n), n odd
+        Fraction of the energy on the clear disc in each pixel.
+    instrument : Instrument
+    band : str
+    mask_half_width_arcsec : float
+        Half width of the bars of the cross.
+    apodizer_energy : float
+        Energy behind the apodizer.
+
+    Raises
+    ------
+    InputError
+        If the instrument has no such band.
+    """
+    pixel, radius = instrument.pixel_scale_arcsec(band), instrument.aperture_radius_arcsec(band)
+    zone = zone_of(instrument, band)
+    cells = 2 * math.ceil((radius / pixel + 1) * CELLS_PER_PIXEL)
+    offset = (np.arange(cells) - cells / 2 + 0.5) / CELLS_PER_PIXEL  # pixels
+    light = unpixelled(off_axis, offset) / CELLS_PER_PIXEL**2
+    table = cumulative_table(light * photon_weights(offset, offset, radius / pixel))
+    half = cells / 2 / CELLS_PER_PIXEL * pixel
+    return StampMetrics(
+        band=band,
+        lambda_d_arcsec=instrument.lambda_d_arcsec(band),
+        pixel_scale_arcsec=pixel,
+        aperture_radius_arcsec=radius,
+        mask_half_width_arcsec=mask_half_width_arcsec,
+        hole_inner_arcsec=zone.inner_arcsec,
+        hole_outer_arcsec=zone.outer_arcsec,
+        hole_mode=zone.mode,
+        hole_side=zone.side,
+        strehl=None,
+        apodizer_energy=apodizer_energy,
+        column_light=on_axis.sum(axis=0),
+        **figures_of_stamps(
+            on_axis, off_axis, table, half, pixel, radius, mask_half_width_arcsec, diagonal=zone.diagonal
+        ),
+    )

@@ -1,0 +1,22 @@
+from simulator.ledger.case import NOT_IN_SUMS as NOT_IN_SUMS, CameraCase as CameraCase
+from simulator.ledger.choice import (
+    SUM_EPOCHS as SUM_EPOCHS,
+    Choice as Choice,
+    budget_of as budget_of,
+    choose as choose,
+    error_of as error_of,
+)
+from simulator.ledger.inventory import (
+    EffectRow as EffectRow,
+    camera_ledger as camera_ledger,
+    effect_ledger as effect_ledger,
+    not_modelled as not_modelled,
+    sky_ledger as sky_ledger,
+)
+from simulator.ledger.light import PlanetPlace as PlanetPlace
+from simulator.ledger.observed import (
+    checked_quantities as checked_quantities,
+    checked_tolerance as checked_tolerance,
+    observation_choice as observation_choice,
+)
+from simulator.ledger.prediction import MAX_EPOCHS as MAX_EPOCHS, Forecast as Forecast, forecast as forecast

@@ -1,0 +1,392 @@
+"""The only composer: scene + instrument + settings -> frames, with expectation, truth and ledger."""
+
+import math
+from collections.abc import Mapping, Sequence as Several
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+from cpic_core import FloatArray, InputError, PathPart, check_number, check_pair, check_whole, numeric_context, stream
+from simulator.config import Instrument, Scene, checked_utc, load_instrument, load_scene
+from simulator.effects import sky_rate_e_s_arcsec2
+from simulator.imaging import (
+    AnyPsf,
+    ExternalPsf,
+    PsfError,
+    SceneModel,
+    Window,
+    psf_metrics,
+    single_band_psf,
+    visit_frames,
+    window_of,
+)
+from simulator.knobs import Knobs, Quantity, resolve_knobs
+from simulator.ledger import (
+    MAX_EPOCHS,
+    Choice,
+    EffectRow,
+    checked_quantities,
+    checked_tolerance,
+    effect_ledger,
+    observation_choice,
+)
+from simulator.observing.scene_light import static_light
+from simulator.observing.sequence import MAX_FRAMES, MAX_REALISATION, Light, Sequence, Stamps, checked_exposure
+from simulator.target import Source, extended_rates, scene_sources, wcs_keywords
+
+WindowName = Literal["full", "hole"]
+Role = Literal["science", "reference", "calibration"]
+SkyKind = Literal["SCI", "DSF", "CALS"]
+MAX_OFFSET_ARCSEC = 8.0
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What is really there: sources with pixel positions (column, row) in the frame."""
+
+    sources: tuple[Source, ...]
+    x_pixel: tuple[float, ...]
+    y_pixel: tuple[float, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Observation(Sequence):
+    """Frames of a scene, made one at a time; made by `observe`.
+
+    Attributes
+    ----------
+    window : {"full", "hole"}
+        Whole detector, or the square stamp around the star that holds the dark hole.
+    expected : ndarray
+        Mean ADU of a frame, averaged over the drift of the visit.
+    truth : Truth
+    ledger : tuple of EffectRow
+    tolerance : float
+        Error that was traded for speed.
+    choice : Choice or None
+        What was left out for it, and the predicted error; None without a tolerance.
+    header : dict
+    """
+
+    scene: Scene = field(kw_only=True)
+    role: Role = field(kw_only=True)
+    window: WindowName = field(kw_only=True)
+    roll_deg: float = field(kw_only=True)
+    star_offset_arcsec: tuple[float, float] = field(kw_only=True)
+    scene_model: SceneModel = field(kw_only=True)
+    psf: AnyPsf = field(kw_only=True)
+    area: Window = field(kw_only=True)
+    truth: Truth = field(kw_only=True)
+    ledger: tuple[EffectRow, ...] = field(kw_only=True)
+    tolerance: float = field(default=0.0, kw_only=True)
+    choice: Choice | None = field(default=None, kw_only=True)
+
+    @property
+    def estimated_error(self) -> PsfError | None:
+        """Numerical error of the point-spread functions; None for those of a file. Takes half a second once."""
+        return None if isinstance(self.psf, ExternalPsf) else self.psf.estimated_error
+
+    @property
+    def header(self) -> dict[str, Any]:
+        """Keywords of the sequence."""
+        return self.camera_keywords | self.keywords
+
+    @property
+    def calibration_files(self) -> list[str]:
+        """Names of the files that optics, sky, particles and camera were read from."""
+        own = [self.psf.file] if isinstance(self.psf, ExternalPsf) and self.psf.file else []
+        return [*super().calibration_files, *own]
+
+
+@numeric_context()
+def observe(
+    scene: Scene | Mapping[str, Any] | str | Path,
+    *,
+    band: str,
+    exposure_s: float,
+    n_frames: int = 1,
+    em_gain: float = 1.0,
+    seed: int = 1,
+    fidelity: str | Knobs = "standard",
+    tolerance: float = 0.0,
+    quantity: Quantity | Several[Quantity] | None = None,
+    roll_deg: float = 0.0,
+    instrument: Instrument | Mapping[str, Any] | str | None = None,
+    role: Role = "science",
+    realisation: int = 0,
+    window: WindowName = "full",
+    star_offset_arcsec: tuple[float, float] = (0.0, 0.0),
+    scene_model: SceneModel = "exact",
+    psf: ExternalPsf | None = None,
+    kind: SkyKind = "SCI",
+    start_utc: str | None = None,
+    switches: Mapping[str, bool] | None = None,
+    max_epochs: int = MAX_EPOCHS,
+) -> Observation:
+    """Set up a simulated sequence; frames are drawn when they are asked for.
+
+    Parameters
+    ----------
+    scene : Scene, mapping, str or Path
+        The scene, or what `simulator.load_scene` reads: ``"paper_example"``, ``"my_scene.yaml"``.
+    band : str
+        Band of either camera.
+    exposure_s : float
+        Exposure of a frame, 1e-6 to 1e6 s.
+    n_frames : int
+        Frames of the sequence, 1 to 1e6.
+    em_gain : float
+        Actual EM gain, 1 to the detector's maximum; 1 in the near infrared.
+    seed : int
+        Seed of every random number.
+    fidelity : str or Knobs
+        Accuracy of the optics.
+    tolerance : float
+        Error against the same observation with 0 that may be traded for speed, 0 to 0.5. At 0 everything that exists is
+        modelled; above, the effect ledger leaves out what is predicted to change less, and lowers the settings of the
+        optics from those of ``fidelity``; see the notes.
+    quantity : str or sequence of str, optional
+        What the tolerance holds for: ``planet_flux``, ``snr``, ``pixel_map``; all three where the scene has planets and
+        the pixel map where not, by default.
+    roll_deg : float
+        Turns sky and sources on the detector, never mask, hole or speckles.
+    instrument : Instrument, mapping or str, optional
+        What `simulator.load_instrument` reads; the default instrument otherwise.
+    role : {"science", "reference", "calibration"}
+        Names the visit: each has its own wavefront offset and its own noise.
+    realisation : int
+        Number of the noise realisation, 0 to 2**31 - 1; see the notes.
+    window : {"full", "hole"}
+        Whole detector, or the stamp around the centre of the mask.
+    star_offset_arcsec : tuple of float
+        Place of the central star relative to the centre of the mask on the detector, x and y: off the mask for
+        calibration, at most 8 arcsec either way. The whole sky moves with it.
+    scene_model : {"exact", "paper"}
+        ``exact``: every source at its place behind the mask. ``paper``: the shortcut of Zhu et al. 2025, in which
+        sources other than the star go to the nearest of 4 x 4 cells of a pixel and no mask hides them.
+    psf : ExternalPsf, optional
+        Point-spread functions from a file (`simulator.load_psf`) instead of the model's; they do not drift.
+    kind : {"SCI", "DSF", "CALS"}
+        Science, dense star field, or calibration star.
+    start_utc : str, optional
+        Beginning of the first frame, as ``2028-01-01T00:00:00``; that of the instrument's mission otherwise. Zodiacal
+        light and the rate of cosmic rays depend on it.
+    switches : mapping of str to bool, optional
+        Effects of the camera to switch on or off, by name; the instrument's otherwise.
+    max_epochs : int
+        Most epochs of a visit at which the random walk of the wavefront is sampled, 1 to 1000; frames between two
+        epochs share one.
+
+    Returns
+    -------
+    Observation
+
+    Raises
+    ------
+    InputError
+        For anything out of range.
+
+    Notes
+    -----
+    Random numbers depend on ``seed``, the name of the scene, ``kind``, ``role``, ``band``, ``realisation``, the number
+    of the frame and the effect, and on nothing else. Sequences that differ only in exposure, gain, roll, switches or
+    the like therefore draw common random numbers: their difference shows the setting and not the noise. Give each its
+    own ``realisation`` (or ``seed``) where their noise has to be independent.
+
+    A tolerance leaves frames frames and the window as it is. What is left out stands in ``ledger`` with its predicted
+    size (`simulator.ledger`), and in ``choice``; the truth names every source of the scene.
+    """
+    scene = load_scene(scene)
+    instrument = instrument if isinstance(instrument, Instrument) else load_instrument(instrument)
+    channel, exposure = instrument.channel_of(band), checked_exposure(exposure_s)
+    channel.check_gain(em_gain)
+    checked_tolerance(tolerance)
+    check_number("roll_deg", roll_deg, "deg")
+    for name, value, allowed in (
+        ("role", role, Role),
+        ("window", window, WindowName),
+        ("scene_model", scene_model, SceneModel),
+        ("kind", kind, SkyKind),
+    ):
+        if value not in get_args(allowed):
+            raise InputError(name, value, allowed=", ".join(get_args(allowed)))
+    frames = check_whole("n_frames", n_frames, 1, MAX_FRAMES)
+    number = check_whole("realisation", realisation, 0, MAX_REALISATION)
+    star = check_pair("star_offset_arcsec", star_offset_arcsec, MAX_OFFSET_ARCSEC, "arcsec")
+    start = checked_utc("start_utc", instrument.mission.start_utc if start_utc is None else start_utc)
+    if psf is not None:
+        _check_psf(psf, band, instrument, tolerance)
+    if quantity is not None:
+        checked_quantities(quantity, planets=bool(scene.planets))
+    epochs, knobs = check_whole("max_epochs", max_epochs, 1, 1000), resolve_knobs(fidelity)
+    choice = None
+    if tolerance > 0:
+        choice = observation_choice(
+            scene,
+            instrument,
+            tolerance=tolerance,
+            quantity=quantity,
+            finest=knobs,
+            full=window == "full",
+            band=band,
+            exposure_s=exposure,
+            n_frames=frames,
+            em_gain=float(em_gain),
+            roll_deg=roll_deg,
+            star_offset_arcsec=star,
+            scene_model=scene_model,
+            start_utc=start,
+            switches=switches,
+            max_epochs=epochs,
+        )
+        switches = {**(switches or {}), **choice.switches}
+        epochs, knobs = min(epochs, choice.epochs), choice.knobs
+    left_out = () if choice is None else choice.left_out
+    switched = instrument.switched(switches, camera=channel.name)
+    optics = psf or single_band_psf(band, fidelity=knobs, instrument=instrument)
+    sources = scene_sources(scene, instrument, band, roll_deg=roll_deg)
+    area = window_of(optics, instrument, full=window == "full")
+    path = (scene.name, kind, role, band, number)
+    detector = channel.detector
+    corner = (detector.star_row - area.centre[0], detector.star_column - area.centre[1])
+    stamps = _star_stamps(optics, instrument, exposure, detector.readout_s, frames, star, seed, path, epochs)
+    sky = sky_rate_e_s_arcsec2(
+        instrument, band, ra_deg=scene.cstar.ra_deg, dec_deg=scene.cstar.dec_deg, start_utc=start
+    )
+    still = static_light(
+        optics,
+        switched,
+        band,
+        area,
+        [sources[0], *(source for source in sources[1:] if source.name not in left_out)],
+        [item for item in extended_rates(scene, instrument, band) if item.source.name not in left_out],
+        full=window == "full",
+        sky_e_s_arcsec2=0.0 if choice is not None and not choice.sky else sky.rate_e_s_arcsec2,
+        roll_deg=roll_deg,
+        star_arcsec=star,
+        model=scene_model,
+    )
+    pixel = optics.pixel_scale_arcsec
+    truth = Truth(
+        sources,
+        tuple(area.centre[1] + (source.x_arcsec + star[0]) / pixel for source in sources),
+        tuple(area.centre[0] + (source.y_arcsec + star[1]) / pixel for source in sources),
+    )
+    rows, columns, part = area.stamp(stamps.shape[1])
+    return Observation(
+        kind=kind,
+        name=scene.name,
+        instrument=switched,
+        camera=channel.name,
+        band=band,
+        exposure_s=exposure,
+        n_frames=frames,
+        em_gain=float(em_gain),
+        seed=seed,
+        path=path,
+        start_utc=start,
+        light=Light(still.static_e_s, Stamps(sources[0].rate_e_s * stamps, rows, columns, part), still.beyond_e_s),
+        first_pixel=None if window == "full" else corner,
+        keywords=_keywords(scene, instrument, band, optics, truth, role, roll_deg, star, scene_model)
+        | {"TOLERANC": float(tolerance)},
+        scene=scene,
+        role=role,
+        realisation=number,
+        window=window,
+        roll_deg=roll_deg,
+        star_offset_arcsec=star,
+        scene_model=scene_model,
+        psf=optics,
+        area=area,
+        truth=truth,
+        ledger=choice.rows
+        if choice is not None
+        else effect_ledger(
+            scene,
+            switched,
+            band=band,
+            scene_model=scene_model,
+            hole_state=optics.hole_state,
+            sky=sky,
+            stray=still.stray_e_s,
+            start_utc=start,
+        ),
+        tolerance=float(tolerance),
+        choice=choice,
+    )
+
+
+def _keywords(
+    scene: Scene,
+    instrument: Instrument,
+    band: str,
+    optics: AnyPsf,
+    truth: Truth,
+    role: str,
+    roll_deg: float,
+    star: tuple[float, float],
+    scene_model: str,
+) -> dict[str, Any]:
+    """Keywords of pointing, optics and world coordinates."""
+    values: dict[str, Any] = {
+        "OBJECT": scene.name,
+        "ROLE": role,
+        "ROLL": roll_deg,
+        "STAROFFX": star[0],
+        "STAROFFY": star[1],
+        "HOLEMODE": instrument.dark_hole.mode,
+        "HOLE": optics.hole_state,
+        "HOLEIN": instrument.hole_inner_arcsec(band) * math.sqrt(2.0),
+        # That of the standard settings: the core table of others takes longer than their images.
+        "IWA": (optics.metrics if isinstance(optics, ExternalPsf) else psf_metrics(instrument, band)).iwa_arcsec,
+        "FIDELITY": "external" if isinstance(optics, ExternalPsf) else optics.knobs.tier,
+        "SCENEMOD": scene_model,
+    }
+    if isinstance(optics, ExternalPsf):
+        values["PSFHASH"] = optics.content_hash
+        if optics.file:
+            values["PSFFILE"] = optics.file
+    return values | wcs_keywords(
+        optics.pixel_scale_arcsec,
+        (truth.x_pixel[0], truth.y_pixel[0]),
+        (scene.cstar.ra_deg, scene.cstar.dec_deg),
+        roll_deg=roll_deg,
+        parity=instrument.detector.parity,
+    )
+
+
+def _star_stamps(
+    optics: AnyPsf,
+    instrument: Instrument,
+    exposure_s: float,
+    readout_s: float,
+    n_frames: int,
+    star_arcsec: tuple[float, float],
+    seed: int,
+    path: tuple[PathPart, ...],
+    max_epochs: int,
+) -> FloatArray:
+    """Stamps of the unit star at every epoch of the visit."""
+    if isinstance(optics, ExternalPsf):
+        return (optics.at(*star_arcsec) if any(star_arcsec) else optics.on_axis)[None]
+    epochs = min(n_frames, max_epochs)
+    return visit_frames(
+        optics.imager,
+        instrument.drift,
+        epochs,
+        (exposure_s + readout_s) * n_frames / epochs,
+        stream(seed, *path, "visit"),
+        stream(seed, *path, "walk"),
+        star_arcsec=star_arcsec,
+    )
+
+
+def _check_psf(psf: ExternalPsf, band: str, instrument: Instrument, tolerance: float) -> None:
+    if not isinstance(psf, ExternalPsf):
+        raise InputError("psf", psf, allowed="what load_psf returns")
+    if psf.band not in ("", band):
+        raise InputError("psf", psf.band, allowed=f"a PSF of {band}")
+    if psf.instrument.content_hash != instrument.content_hash:
+        raise InputError("psf", psf.instrument.name, allowed=f"a PSF of {instrument.name}: load_psf(..., instrument=)")
+    if tolerance > 0:
+        raise InputError("tolerance", tolerance, allowed="0 with a PSF from a file", hint="sizes are of the own optics")

@@ -1,0 +1,127 @@
+"""Light of a scene that stays the same during a sequence: on the pixels of a window, and in its columns beyond it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cpic_core import FloatArray
+from simulator.config import Instrument
+from simulator.effects import stray_light_parts
+from simulator.imaging import (
+    AnyPsf,
+    SceneModel,
+    Window,
+    apodizer_energy,
+    centred_axis,
+    full_star_map,
+    off_axis_light,
+    sky_transmission,
+    star_column_light,
+)
+from simulator.target import ExtendedRate, Source
+
+
+@dataclass(frozen=True, eq=False)
+class StaticLight:
+    """Light that does not change, electrons per second; made by `static_light`.
+
+    Attributes
+    ----------
+    static_e_s : ndarray
+        On the pixels of the window: everything but the stamp of the star; on a whole frame with its far wings.
+    beyond_e_s : ndarray, shape (columns,), or None
+        In all active rows beyond the window, summed over each of its columns: what a transfer without a shutter smears
+        into it. None for whole frames and where nothing smears. Far wings of planets are left out: they are below
+        those of the star by their contrast.
+    stray_e_s : dict of str to ndarray
+        Of ``static_e_s``, the parts that are given on the detector, by origin.
+    """
+
+    static_e_s: FloatArray
+    beyond_e_s: FloatArray | None
+    stray_e_s: dict[str, FloatArray]
+
+
+def static_light(
+    psf: AnyPsf,
+    instrument: Instrument,
+    band: str,
+    area: Window,
+    sources: Sequence[Source],
+    extended: Sequence[ExtendedRate],
+    *,
+    full: bool,
+    sky_e_s_arcsec2: float,
+    roll_deg: float,
+    star_arcsec: tuple[float, float],
+    model: SceneModel,
+) -> StaticLight:
+    """Everything on a window but the stamp of the star, and what smears into a window from beyond it.
+
+    Parameters
+    ----------
+    psf : Psf or ExternalPsf
+    instrument : Instrument
+        With its switches.
+    band : str
+    area : Window
+    sources : sequence of Source
+        The central star first.
+    extended : sequence of ExtendedRate
+    full : bool
+        Whether the window is the whole frame.
+    sky_e_s_arcsec2 : float
+        Sky in front of the telescope.
+    roll_deg, star_arcsec, model
+        As `simulator.imaging.frame.off_axis_light`.
+    """
+    detector = instrument.detector_of(band)
+    seen, inside, beyond = area, slice(None), None
+    if not full and _smears(instrument, band):
+        seen, inside, beyond = _columns_of(instrument, band, area)
+    stray = stray_light_parts(
+        instrument,
+        band,
+        (detector.n_rows, detector.n_columns),
+        first_pixel=(detector.star_row - seen.centre[0], detector.star_column - seen.centre[1]),
+        window=seen.shape,
+    )
+    sky = sky_e_s_arcsec2 * psf.pixel_scale_arcsec**2 * apodizer_energy(psf)
+    whole = np.asarray(sky * sky_transmission(psf, seen) + sum(stray.values()))
+    bright = bool(extended) or any(source.kind == "star" for source in sources[1:])
+    others = off_axis_light(
+        psf, seen if bright else area, sources[1:], extended, roll_deg=roll_deg, star_arcsec=star_arcsec, model=model
+    )
+    if bright or full:
+        whole += others
+    else:
+        whole[inside] += others
+    if full:
+        whole += sources[0].rate_e_s * full_star_map(psf, area, star_arcsec)
+    columns = None
+    if beyond is not None:
+        columns = whole[beyond].sum(axis=0)
+        columns += sources[0].rate_e_s * star_column_light(psf, seen, beyond, star_arcsec)
+    return StaticLight(whole[inside].copy(), columns, {name: part[inside] for name, part in stray.items()})
+
+
+def _smears(instrument: Instrument, band: str) -> bool:
+    return instrument.detector_of(band).line_shift_s > 0
+
+
+def _columns_of(instrument: Instrument, band: str, area: Window) -> tuple[Window, slice, NDArray[np.bool_]]:
+    """The columns of a window over all active rows, where the window lies in them, and the active rows beyond it."""
+    detector = instrument.detector_of(band)
+    active = detector.sections["active"][0]
+    low = detector.star_row - area.centre[0]
+    first, stop = min(low, active.start), max(low + area.rows.size, active.stop)
+    pixel = instrument.pixel_scale_arcsec(band)
+    centre = detector.star_row - first
+    tall = Window(centred_axis(stop - first, pixel, centre), area.columns, (centre, area.centre[1]))
+    inside = slice(low - first, low - first + area.rows.size)
+    row = np.arange(first, stop)
+    beyond = (row >= active.start) & (row < active.stop)
+    beyond[inside] = False
+    return tall, inside, beyond

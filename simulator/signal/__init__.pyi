@@ -1,0 +1,28 @@
+from simulator.signal.light import (
+    annulus_apertures as annulus_apertures,
+    aperture_exozodi as aperture_exozodi,
+    aperture_wing as aperture_wing,
+    companion_column as companion_column,
+    exozodi_disc as exozodi_disc,
+    lit_rows as lit_rows,
+    sky_pixel_e_s as sky_pixel_e_s,
+    spot as spot,
+    wing as wing,
+    wings_variance as wings_variance,
+)
+from simulator.signal.saturation import (
+    Wells as Wells,
+    frame_limit as frame_limit,
+    gain_caps as gain_caps,
+    largest_gain as largest_gain,
+    longest_exposure_s as longest_exposure_s,
+    overflow as overflow,
+    pixel_saturated as pixel_saturated,
+)
+from simulator.signal.speckles import (
+    SpeckleLaw as SpeckleLaw,
+    drift_halo as drift_halo,
+    error_light_share as error_light_share,
+    floor_law as floor_law,
+    speckle_law as speckle_law,
+)

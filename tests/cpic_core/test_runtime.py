@@ -1,0 +1,109 @@
+"""One numeric context: a BLAS thread, whatever the machine, the environment and the order of imports say."""
+
+import json
+import os
+import subprocess
+import sys
+import threading
+import warnings
+
+import numpy as np
+import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
+
+from cpic_core import THREAD_VARIABLES, numeric_context
+
+LATE = """
+import json, sys
+import numpy
+from threadpoolctl import threadpool_info
+from cpic_core.runtime import numeric_context
+threads = lambda: [library["num_threads"] for library in threadpool_info()]
+before = threads()
+with numeric_context():
+    import scipy.linalg
+    within = threads()
+print(json.dumps([before, within, threads()]))
+"""
+
+
+def blas_threads():
+    return {library["num_threads"] for library in threadpool_info() if library["user_api"] == "blas"}
+
+
+def environment():
+    return {name: os.environ.get(name) for name in THREAD_VARIABLES}
+
+
+@pytest.fixture
+def two_threads(monkeypatch):
+    """Two BLAS threads and an environment that asks for them, if the machine has two processors."""
+    monkeypatch.setenv("OMP_NUM_THREADS", "2")
+    monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
+    with threadpool_limits(2):
+        yield blas_threads()
+
+
+def test_one_thread_inside_and_the_old_number_after(two_threads):
+    before = environment()
+    with numeric_context():
+        assert blas_threads() == {1}
+        assert set(environment().values()) == {"1"}
+        with numeric_context():
+            assert blas_threads() == {1}
+        assert blas_threads() == {1}
+    assert blas_threads() == two_threads
+    assert environment() == before
+
+
+def test_it_ends_with_an_error_too(two_threads):
+    @numeric_context()
+    def fails():
+        assert blas_threads() == {1}
+        raise KeyError
+
+    for _ in range(2):
+        with pytest.raises(KeyError):
+            fails()
+        assert blas_threads() == two_threads
+
+
+def test_another_thread_that_leaves_does_not_end_it(two_threads):
+    entered, leave = threading.Event(), threading.Event()
+
+    def other():
+        with numeric_context():
+            entered.set()
+            leave.wait(10.0)
+
+    thread = threading.Thread(target=other)
+    with numeric_context():
+        thread.start()
+        assert entered.wait(10.0)
+        leave.set()
+        thread.join()
+        assert blas_threads() == {1}
+        assert os.environ["OMP_NUM_THREADS"] == "1"
+    assert blas_threads() == two_threads
+
+
+def test_libraries_that_are_loaded_inside_have_one_thread_there_and_as_many_as_the_others_after():
+    clean = {name: value for name, value in os.environ.items() if name not in THREAD_VARIABLES}
+    done = subprocess.run([sys.executable, "-c", LATE], env=clean, capture_output=True, text=True, check=True)
+    before, within, after = json.loads(done.stdout)
+    assert set(within) == {1}
+    assert len(within) > len(before)  # scipy did bring its own
+    assert set(after) == set(before)
+
+
+def test_settings_of_the_caller_for_floating_point_errors_do_not_matter():
+    @numeric_context()
+    def tiny():
+        return np.array([1e-300]) * 1e-300
+
+    with np.errstate(all="raise"):
+        assert tiny() == 0.0
+    with np.errstate(all="ignore"), numeric_context(), warnings.catch_warnings(record=True) as seen:
+        warnings.simplefilter("always")
+        np.array([1.0]) / 0.0
+        assert len(seen) == 1

@@ -1,0 +1,317 @@
+"""Scenes of any kind: several planets, none, a calibrator, planets out of reach."""
+
+import functools
+import json
+
+import numpy as np
+import pytest
+
+import cpic_planner
+from cpic_core import InputError, dump_json
+from cpic_planner.cli.main import main
+from cpic_planner.confirm import confirm_job, confirm_scene, scene_target
+from cpic_planner.confirm.scene import prepared_tasks
+from cpic_planner.etc import build_model, reference_distance_au, stand
+from cpic_planner.jobs.engine import run_tasks
+from cpic_planner.queries import ConfirmQuestion, ReferencePlanet, Strategy
+from cpic_planner.results import BandConfirmation, ConfirmResult
+from cpic_planner.targets import find_target
+from cpic_planner.validation import Frames, confirm_task, expected_of, target_scene
+from simulator import load_instrument, load_scene
+from simulator.passbands import Passbands
+from simulator.target import scene_sources
+
+FRAMES = {"exposure_s": 4.0, "n_frames": 40, "em_gain": 300.0, "realisations": 3, "audit": False}
+STAR = {"v_mag": 1.35, "spectral_type": "K1V", "distance_pc": 1.35}
+
+
+def planet(name, separation, pa, contrast_scale=1.0):
+    return {
+        "name": name,
+        "radius_rjup": contrast_scale,
+        "phase_deg": 90,
+        "separation_arcsec": separation,
+        "pa_deg": pa,
+        "albedo": "jupiter",
+    }
+
+
+def config(scene, **changes):
+    return ConfirmQuestion(
+        instrument=load_instrument(), scene=load_scene(scene), **(FRAMES | {"bands": ("F520",)} | changes)
+    )
+
+
+@functools.cache
+def system():
+    """Two planets in the hole and one behind the cross, beside a calibration star."""
+    scene = {
+        "name": "system",
+        "cstar": STAR,
+        "planets": [planet("b", 0.5, 315), planet("c", 0.6, 135), planet("d", 0.5, 0)],
+        "stars": [
+            {
+                "name": "calibrator",
+                "v_mag": 14.5,
+                "spectral_type": "K1V",
+                "separation_arcsec": 0.7,
+                "pa_deg": 225,
+                "companion": False,
+            }
+        ],
+    }
+    return confirm_scene(config(scene)).result
+
+
+def test_every_planet_has_its_answer():
+    answers = {band.planet: band for band in system().bands}
+    assert set(answers) == {"b", "c", "d"}
+    for name in ("b", "c"):
+        found = answers[name]
+        assert found.status == "ok"
+        assert abs(found.recovered_contrast - found.true_contrast) < 4.5 * max(
+            found.contrast_mean_error, found.contrast_error / np.sqrt(3)
+        )
+        assert found.n_significant == 3
+    assert (answers["d"].status, answers["d"].reason) == ("outside_field", "inside_inner_edge")
+    assert answers["d"].verdict == "not observed"
+
+
+def test_the_blind_search_names_what_it_finds():
+    (search,) = system().searches
+    named = {candidate.planet for candidate in search.candidates if candidate.detected}
+    assert {"b", "c"} <= named
+    by_name = {candidate.planet: candidate for candidate in search.candidates}
+    assert by_name["b"].separation_arcsec == pytest.approx(0.5, abs=0.02)
+    assert by_name["b"].pa_deg == pytest.approx(315.0, abs=3.0)
+    assert by_name["c"].pa_deg == pytest.approx(135.0, abs=3.0)
+    for record in system().positions:
+        assert abs(record.separation_arcsec - record.true_separation_arcsec) < 5 * record.separation_error_arcsec
+        assert abs(record.pa_deg - record.true_pa_deg) < 5 * record.pa_error_deg
+
+
+def test_a_scene_without_planets_is_searched():
+    done = confirm_scene(config({"name": "alone", "cstar": STAR}))
+    result = done.result
+    assert result.bands == result.positions == result.albedos == []
+    assert result.calibration["n_bands"] == 0
+    assert result.searches[0].resolution_elements > 100
+    assert not any(candidate.detected for candidate in result.searches[0].candidates)
+    assert list(done.bodies) == ["alone F520"]
+
+
+def test_frames_may_be_left_to_the_calculator():
+    scene = {"name": "left", "cstar": STAR, "planets": [planet("b", 0.6, 315)]}
+    free = config(scene, exposure_s=None, n_frames=None, em_gain=None, time_s=1200.0, realisations=1)
+    (band,) = confirm_scene(free).result.bands
+    assert 0.5 * 1200 < band.time_s <= 1200.0 * (1 + 1e-9)
+    gain_only = config(scene, em_gain=None, realisations=1)
+    (chosen,) = confirm_scene(gain_only).result.bands
+    assert (chosen.exposure_s, chosen.n_frames) == (4.0, 40)
+    model = build_model(free.instrument, ["F520"])
+    place = scene_sources(free.scene, free.instrument, "F520")[1]
+    target = scene_target(free.scene)
+    at = [
+        expected_of(model, target, "F520", (place.x_arcsec, place.y_arcsec), place.contrast, Frames(4.0, 40, gain))
+        for gain in (0.7 * chosen.em_gain, chosen.em_gain)
+    ]
+    # Here the register's full well binds: less gain is worse, and more would spill into the hole.
+    assert at[1]["significance"] > at[0]["significance"]
+    star = scene_sources(free.scene, free.instrument, "F520")[0].rate_e_s
+    tail = model.metrics["F520"].register_tail * star * 4.0 * chosen.em_gain
+    assert tail == pytest.approx(free.instrument.detector.register_full_well_e, rel=0.15)
+    late = config(scene, exposure_s=None, n_frames=None, em_gain=None, time_s=1.0)
+    (refused,) = confirm_scene(late).result.bands
+    assert refused.status == "unreachable"
+
+
+@pytest.mark.parametrize(
+    ("changes", "key"),
+    [
+        ({"time_s": 100.0}, "n_frames"),
+        ({"exposure_s": None}, "exposure_s"),
+        ({"n_frames": None}, "n_frames"),
+        ({"strategy": Strategy(mode="photon_counting")}, "photon"),
+        ({"bands": ("F1265",)}, "near-infrared"),
+        ({"bands": ("F999",)}, "F999"),
+    ],
+)
+def test_what_makes_no_sense_is_refused(changes, key):
+    with pytest.raises((InputError, ValueError), match=key):
+        confirm_scene(config({"name": "s", "cstar": STAR}, **changes))
+
+
+def test_a_star_of_the_catalogue_is_the_same_target_through_its_scene():
+    target, _ = find_target("eps Eri")
+    body = ReferencePlanet()
+    distance = float(reference_distance_au(target, np.array([0.6]), body)[0, 0])
+    scene = target_scene(target, body, 0.6, distance)
+    back = scene_target(scene)
+    for name in ("v_mag", "teff_k", "log_g", "metallicity", "distance_pc", "luminosity_lsun", "ra_deg", "dec_deg"):
+        assert getattr(back, name)[0] == pytest.approx(getattr(target, name)[0]), name
+    model = build_model(load_instrument(), ["F520"])
+    frames = Frames(20.0, 100, 400.0)
+    ours, theirs = (
+        expected_of(model, star, "F520", stand(model, "F520", 0.6), 1e-8, frames) for star in (back, target)
+    )
+    assert ours == pytest.approx(theirs)
+
+
+@pytest.mark.parametrize("star", [{"v_mag": 5.0, "spectral_type": "F8V"}, {"v_mag": 5.0, "teff_k": 4000.0}])
+def test_the_calculator_knows_the_light_of_a_scene(star):
+    scene = load_scene({"name": "s", "cstar": star})
+    instrument = load_instrument()
+    target, passbands = scene_target(scene), Passbands.from_instrument(instrument)
+    rates = passbands.star_rate_e_s(
+        target.v_mag, target.teff_k, target.log_g, target.metallicity, instrument.telescope.area_cm2
+    )[0]
+    for band in instrument.visible_bands():
+        light = scene_sources(scene, instrument, band)[0].rate_e_s
+        assert rates[passbands.names.index(band)] == pytest.approx(light, rel=0.01)
+
+
+def test_the_hash_is_that_of_what_decides():
+    scene = {"name": "s", "cstar": STAR}
+    assert confirm_job(config(scene)).digest == confirm_job(config(scene)).digest
+    assert confirm_job(config(scene)).digest != confirm_job(config(scene, seed=2)).digest
+    altered = config(
+        scene, simulator_overrides={"entries": [{"key": "detector.read_noise_e", "action": "scale", "value": 2}]}
+    )
+    assert confirm_job(config(scene)).digest != confirm_job(altered).digest
+
+
+# In a folder: whole, resumable, and the same from the command line and from Python.
+
+FEW_FRAMES = {"exposure_s": 3.0, "n_frames": 6, "em_gain": 300.0, "realisations": 2}
+OPTIONS = ["--exposure-s", "3", "--frames", "6", "--em-gain", "300", "--realisations", "2"]
+PRODUCTS = ("confirm.json", "measurements.csv", "panels-F520.png", "report.html", "run.json")
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    out = tmp_path_factory.mktemp("confirm") / "scene"
+    assert main(["-q", "confirm", "paper_example", "--band", "F520", *OPTIONS, "--out", str(out)]) == 0
+    return out
+
+
+def test_products_are_whole(finished):
+    for name in PRODUCTS:
+        assert (finished / name).stat().st_size > 100, name
+    assert not list(finished.glob("*.tmp*"))
+    result = ConfirmResult.model_validate_json((finished / "confirm.json").read_text())
+    (band,) = result.bands
+    assert (band.status, band.n_frames, band.exposure_s, band.em_gain) == ("ok", 6, 3.0, 300.0)
+    assert abs(band.recovered_contrast - band.true_contrast) < 5 * band.contrast_error
+    assert band.audit is not None
+    assert "Images" in (finished / "report.html").read_text()
+
+
+def test_started_again_it_keeps_what_is_finished_and_gives_the_same_bytes(finished):
+    before = {name: (finished / name).read_bytes() for name in PRODUCTS[:-1]}
+    result = cpic_planner.confirm_scene("paper_example", bands="F520", out=finished, **FEW_FRAMES)
+    assert {name: (finished / name).read_bytes() for name in PRODUCTS[:-1]} == before
+    assert json.loads(before["confirm.json"]) == result.model_dump(mode="json")
+    run = json.loads((finished / "run.json").read_text())
+    assert (run["resumed_parts"], run["computed_parts"]) == (1, 0)
+
+
+def test_another_configuration_needs_force(refused, finished, tmp_path):
+    settings = FEW_FRAMES | {"audit": False, "realisations": 1}
+    refused("--force", cpic_planner.confirm_scene, "paper_example", bands=["F520"], out=finished, **settings)
+    assert (finished / "panels-F520.png").exists()
+    star = {"name": "alone", "cstar": {"v_mag": 4.0, "teff_k": 5500, "distance_pc": 4.0}}
+    cpic_planner.confirm_scene("paper_example", bands=["F662"], out=tmp_path / "o", **settings)
+    alone = cpic_planner.confirm_scene(star, bands=["F520"], out=tmp_path / "o", force=True, **settings)
+    assert [path.name for path in (tmp_path / "o").glob("panels-*")] == ["panels-F520.png"]
+    # without a planet the blind search is all there is
+    assert alone.bands == []
+    assert alone.searches[0].realisations == 1
+    assert alone.searches[0].n_frames == 6
+
+
+def test_overrides_alter_the_images_alone(finished):
+    nominal = ConfirmResult.model_validate_json((finished / "confirm.json").read_text()).bands[0]
+    settings = FEW_FRAMES | {"audit": False, "simulator_overrides": {"throughput": "x0.3"}}
+    result = cpic_planner.confirm_scene("paper_example", bands=["F520"], strategy={"library": "idealised"}, **settings)
+    assert result.simulator_overrides == {"bands.*.t_opt": "x0.3"}
+    assert result.reference_library == "idealised"
+    assert result.bands[0].recovered_snr < 0.8 * result.bands[0].predicted_snr
+    assert result.bands[0].predicted_snr >= nominal.predicted_snr
+
+
+FAINT = {
+    "name": "faint",
+    "cstar": {"v_mag": 5.5, "teff_k": 5500, "distance_pc": 4.0},
+    "planets": [
+        {"name": "b", "radius_rjup": 1, "phase_deg": 90, "separation_arcsec": 0.6, "pa_deg": 315, "albedo": "jupiter"}
+    ],
+}
+TIERS = ("quick", "standard", "reference")
+
+
+def tier_task(tier):
+    config = ConfirmQuestion(
+        instrument=load_instrument(),
+        scene=load_scene(FAINT),
+        bands=("F850",),
+        exposure_s=60.0,
+        n_frames=2,
+        em_gain=300.0,
+        realisations=1,
+        fidelity=tier,
+    )
+    (expected,) = [task for task in prepared_tasks(config) if task.band == "F850"]
+    return expected.to_dict()
+
+
+@pytest.fixture(scope="module")
+def tiers():
+    """One scene at every tier, in this process."""
+    return {TIERS[i]: body for i, body in run_tasks(confirm_task, [(tier_task(tier),) for tier in TIERS])}
+
+
+@pytest.mark.long
+def test_every_tier_is_the_same_for_any_number_of_workers(tiers):
+    again = dict(run_tasks(confirm_task, [(tier_task(tier),) for tier in TIERS], workers=2))
+    for number, tier in enumerate(TIERS):
+        assert dump_json(again[number]) == dump_json(tiers[tier])
+
+
+@pytest.mark.long
+def test_the_reference_beside_standard(tiers):
+    """Whole frames with every effect, and sums of frames: the same planet within its noise."""
+    whole, sums = (
+        BandConfirmation.model_validate(tiers[tier]["confirmations"][0]) for tier in ("reference", "standard")
+    )
+    assert (whole.drawn_as, whole.modelled.region, whole.realisations) == ("frames", "full", 1)
+    assert whole.modelled.predicted_error == {"planet_flux": 0.0, "snr": 0.0}
+    assert whole.audit is None
+    assert (sums.drawn_as, sums.modelled.region, sums.audit.n_frames) == ("sums", "hole", 2)
+    error = whole.contrast_error
+    assert abs(whole.recovered_contrast - whole.true_contrast) < 4 * error
+    assert abs(sums.recovered_contrast - whole.recovered_contrast) < 4 * 1.5 * error
+    assert error == pytest.approx(sums.contrast_error, rel=0.35)  # a dozen apertures each
+    assert whole.core_throughput == pytest.approx(sums.core_throughput, rel=0.01)
+    assert whole.predicted_snr == sums.predicted_snr
+
+
+def test_another_tier_is_another_configuration(finished):
+    for dial in ({"fidelity": "quick"}, {"tolerance": 0.1}, {"fidelity": "reference"}):
+        with pytest.raises(InputError, match="--force"):
+            cpic_planner.confirm_scene("paper_example", bands=["F520"], out=finished, **(FEW_FRAMES | dial))
+
+
+def test_a_tier_that_is_too_coarse_is_no_error(capsys, tmp_path):
+    scene = tmp_path / "bright.yaml"
+    scene.write_text("""name: bright
+cstar: {v_mag: 0.4, teff_k: 6500, distance_pc: 3.5}
+planets: [{name: b, radius_rjup: 1, phase_deg: 90, separation_arcsec: 0.9, pa_deg: 315, albedo: jupiter}]
+""")
+    options = ["--band", "F520", "--exposure-s", "1.7", "--frames", "400", "--em-gain", "300", "--fidelity", "quick"]
+    assert main(["confirm", str(scene), *options, "--out", str(tmp_path / "o")]) == 0
+    result = ConfirmResult.model_validate_json((tmp_path / "o" / "confirm.json").read_text())
+    (band,) = result.bands
+    assert (band.status, band.reason) == ("invalid", "tier_too_coarse")
+    assert "--fidelity standard" in band.message
+    assert "--fidelity standard" in " ".join(capsys.readouterr().out.split())
+    assert "--fidelity standard" in (tmp_path / "o" / "report.html").read_text()

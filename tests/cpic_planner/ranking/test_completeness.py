@@ -1,0 +1,430 @@
+"""Completeness against a loop over single planets, against geometry, and at its limits."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+import cpic_planner.ranking.completeness as module
+from catalogs import load_stars
+from cpic_core import InputError
+from cpic_planner.etc import aperture_rates, build_model, frame_problem, stack_noise, threshold_array
+from cpic_planner.planets import draw_population, load_population
+from cpic_planner.queries import Strategy
+from cpic_planner.ranking import inside_zone
+from cpic_planner.ranking.completeness import completeness
+from cpic_planner.targets import targets_from_table
+from simulator import load_instrument
+from simulator.imaging import HoleZone
+from simulator.target import albedo_source, lambert_phase
+
+BANDS = ("F520", "F850")
+AU_KM, RJUP_KM = 149597870.7, 71492.0
+IDEAL = Strategy(library="idealised")
+EVERYTHING = {"exposure_s": 100.0, "n_frames": 1e14, "em_gain": 20.0}
+FACE_ON = {"base": "jupiters", "inclination_deg": 0}
+
+
+@pytest.fixture(scope="module")
+def model():
+    return build_model(load_instrument(), bands=BANDS)
+
+
+@pytest.fixture(scope="module")
+def everyone():
+    return targets_from_table(load_stars())
+
+
+@pytest.fixture(scope="module")
+def stars(everyone):
+    """Nearby stars, with and without companions, and some others."""
+    near = np.argsort(everyone.distance_pc)[:5].tolist()
+    return everyone.select([*near, 100, 400, 800])
+
+
+def planets(source=None, n=300, seed=1):
+    return draw_population(load_population(source), n, seed)
+
+
+def with_strategy(model, **changes):
+    return dataclasses.replace(model, strategy=Strategy(**changes))
+
+
+def one_by_one(model, targets, band, drawn, exposure_s, n_frames, em_gain):
+    """Numbers detected, in the zone and observable: every planet of every star through the ETC for itself."""
+    instrument, metrics, strategy = model.instrument, model.metrics[band], model.strategy
+    low, high = instrument.hole_inner_arcsec(band), instrument.hole_outer_arcsec(band)
+    radius = instrument.aperture_radius_arcsec(band)
+    right = {"right": (1,), "left": (-1,)}.get(metrics.hole_side, (-1, 1)) if metrics.hole_mode == "2q" else (-1, 1)
+    top = {"top": (1,), "bottom": (-1,)}.get(metrics.hole_side, (-1, 1)) if metrics.hole_mode == "2q" else (-1, 1)
+    camera, found = model.camera(band), np.zeros((3, len(targets)), int)
+    for i in range(len(targets)):
+        target = targets.select([i])
+        luminosity = float(target.luminosity_lsun[0])
+        grow = math.sqrt(luminosity) if drawn.semi_major_axis_scale == "insolation" else 1.0
+        for k in range(len(drawn)):
+            per_au = grow / float(target.distance_pc[0])
+            x = instrument.detector.parity * float(drawn.east_au[k]) * per_au
+            y = float(drawn.north_au[k]) * per_au
+            dark = math.copysign(1, x) in right and math.copysign(1, y) in top
+            if not (dark and low <= abs(x) <= high and low <= abs(y) <= high):
+                continue
+            found[1, i] += 1
+            if not (low + radius <= min(abs(x), abs(y)) and max(abs(x), abs(y)) <= high - radius):
+                continue
+            found[2, i] += 1
+            if n_frames[i] == 0:
+                continue
+            distance = float(drawn.distance_au[k]) * grow
+            spec = drawn.albedos[drawn.kind[k]]
+            albedo = model.passbands.band_albedo(
+                albedo_source(spec),
+                target.teff_k,
+                target.log_g,
+                target.metallicity,
+                insolation_au=distance / math.sqrt(luminosity),
+                only=band,
+            )[0]
+            size = float(drawn.radius_rjup[k]) * RJUP_KM / (distance * AU_KM)
+            contrast = albedo * size * size * lambert_phase(float(drawn.phase_deg[k]))
+            rates = aperture_rates(model, target, band, np.array([x]), np.array([y]), np.array([contrast]))
+            setting = [np.array([value[i]]) for value in (exposure_s, n_frames, em_gain)]
+            if strategy.mode == "analogue":
+                significance = stack_noise(rates, *setting, camera, strategy).significance[0]
+            else:
+                problem = frame_problem(rates, camera, strategy, objective="significance", em_gain=em_gain[i])
+                significance = problem.inverse_snr2(setting[0], setting[1])[0] ** -0.5
+            elements = metrics.resolution_elements(math.hypot(x, y))
+            found[0, i] += significance >= threshold_array(elements, strategy.sigma)
+    return found
+
+
+CASES = [
+    (None, {}, {}),
+    ({"albedo": "parametric"}, {"library": "idealised"}, {}),
+    ("solar_system", {"library": "idealised", "reference_ratio": 2.0}, {}),
+    (
+        {"semi_major_axis_scale": "insolation", "albedo": {"model": "parametric", "log10_mh": 1.0}},
+        {"library": "idealised"},
+        {"hole_mode": "2q", "hole_side": "left"},
+    ),
+    ({"radius_rjup": 1}, {"mode": "photon_counting", "library": "idealised"}, {"hole_mode": "2q", "hole_side": "top"}),
+]
+
+
+@pytest.mark.parametrize(("source", "strategy", "hole"), CASES)
+def test_equals_a_loop_over_single_planets(model, stars, source, strategy, hole):
+    drawn = planets(source, n=400, seed=4)
+    model = with_strategy(model, **strategy)
+    model = dataclasses.replace(
+        model, metrics={band: dataclasses.replace(item, **hole) for band, item in model.metrics.items()}
+    )
+    counting = model.strategy.mode == "photon_counting"
+    n = len(stars)
+    frames = np.array([0, 3e3, 40, 2e5, 6e2, 7e5, 1e8, 1e9])
+    exposure = np.linspace(0.2, 1.0, n) if counting else np.linspace(5.0, 60.0, n)
+    gain = np.full(n, 1000.0) if counting else np.linspace(1.0, 300.0, n)
+    detected = 0
+    for band in BANDS:
+        found = completeness(model, stars, band, drawn, exposure_s=exposure, n_frames=frames, em_gain=gain)
+        expected = one_by_one(model, stars, band, drawn, exposure, frames, gain)
+        for value, count in zip((found.completeness, found.in_zone, found.observable), expected, strict=True):
+            np.testing.assert_array_equal(value, count / len(drawn))
+        detected += int(expected[0].sum())
+        assert expected[2].sum() > 10
+        assert np.any(expected[0] < expected[2])
+    assert detected > 3
+
+
+def test_chunks_change_nothing(model, everyone, monkeypatch):
+    targets, drawn = everyone.select(np.argsort(everyone.distance_pc)[:40]), planets({"albedo": "parametric"}, n=777)
+    model = dataclasses.replace(model, strategy=IDEAL)
+    setting = {"exposure_s": 30.0, "n_frames": np.arange(40.0) * 500, "em_gain": 20.0}
+    whole = completeness(model, targets, "F520", drawn, **setting)
+    for name, size in (("_PLACED", 1500), ("_OBSERVED", 20), ("_PLANETS", 100)):
+        monkeypatch.setattr(module, name, size)
+    placed, observed, zone, threshold = [], [], module.inside_zone, module._detected
+
+    def seen_zone(zone_, x, y, margin):
+        placed.append(x.size)
+        return zone(zone_, x, y, margin)
+
+    def seen_threshold(model, chosen, band, x, *others):
+        observed.append(x.shape)
+        return threshold(model, chosen, band, x, *others)
+
+    monkeypatch.setattr(module, "inside_zone", seen_zone)
+    monkeypatch.setattr(module, "_detected", seen_threshold)
+    parts = completeness(model, targets, "F520", drawn, **setting)
+    # Pairs at work at once: never more than asked, unless one star alone has more, and not much fewer.
+    assert max(placed) == 1500
+    assert len(placed) < 3 * 2 * 777 * 40 / 1500
+    assert all(rows == 1 or rows * most <= 20 for rows, most in observed)
+    assert max(rows for rows, _ in observed) > 1
+    assert max(most for _, most in observed) > 20
+    for item in dataclasses.fields(whole):
+        np.testing.assert_array_equal(getattr(parts, item.name), getattr(whole, item.name))
+    assert 0 < whole.completeness.sum() < whole.observable.sum()
+
+
+@pytest.mark.parametrize("hole", [{}, {"hole_mode": "2q", "hole_side": "right"}])
+@pytest.mark.parametrize("separation", [0.25, 0.4, 0.65, 0.8, 0.95])
+def test_share_of_the_circle_in_the_quadrants(model, everyone, hole, separation):
+    metrics = dataclasses.replace(model.metrics["F520"], **hole)
+    model = dataclasses.replace(model, metrics={"F520": metrics})
+    star = everyone.select([0])
+    drawn = planets(FACE_ON | {"semi_major_axis_au": separation * float(star.distance_pc[0])}, n=20000)
+    found = completeness(model, star, "F520", drawn, exposure_s=1.0, n_frames=0, em_gain=1.0)
+    expected = float(metrics.azimuth_fraction(separation))
+    assert abs(found.in_zone[0] - expected) <= 4 * math.sqrt(expected * (1 - expected) / 20000)
+
+
+@pytest.mark.parametrize("lambda_d", [None, 0.3])
+def test_noise_free_giants_are_detected_wherever_statistics_are_defined(model, stars, lambda_d):
+    model = dataclasses.replace(model, strategy=IDEAL)
+    if lambda_d is not None:  # coarse enough that part of the zone has fewer than three resolution elements
+        coarse = {band: dataclasses.replace(item, lambda_d_arcsec=lambda_d) for band, item in model.metrics.items()}
+        model = dataclasses.replace(model, metrics=coarse)
+    drawn = planets(FACE_ON | {"radius_rjup": 10, "albedo": 1.5}, n=2000)
+    for band in BANDS:
+        metrics = model.metrics[band]
+        x, y = (part / stars.distance_pc[:, None] for part in (drawn.east_au, drawn.north_au))
+        near, far = np.minimum(abs(x), abs(y)), np.maximum(abs(x), abs(y))
+        low = metrics.hole_inner_arcsec + metrics.aperture_radius_arcsec
+        high = metrics.hole_outer_arcsec - metrics.aperture_radius_arcsec
+        there = (near >= low) & (far <= high)
+        defined = there & (metrics.resolution_elements(np.hypot(x, y)) >= 3)
+        found = completeness(model, stars, band, drawn, **EVERYTHING)
+        np.testing.assert_array_equal(found.observable, there.mean(axis=1))
+        np.testing.assert_array_equal(found.completeness, defined.mean(axis=1))
+        assert 0 < found.completeness.max() < 1
+        assert np.any(found.completeness < found.observable) == (lambda_d is not None)
+
+
+def test_side_of_the_hole_and_parity(model, everyone):
+    """A planet in the north-east is on the left with the default parity, on the right with the other."""
+    star = everyone.select([0])
+    there = FACE_ON | {"node_deg": 45, "mean_anomaly_deg": 0, "semi_major_axis_au": 0.65 * float(star.distance_pc[0])}
+    drawn = planets(there, n=3)
+    assert np.all((drawn.east_au > 0) & (drawn.north_au > 0))
+    seen = {}
+    for parity in (-1, 1):
+        instrument = load_instrument({"detector": {"parity": parity}})
+        for side in ("right", "left", "top", "bottom"):
+            metrics = dataclasses.replace(model.metrics["F520"], hole_mode="2q", hole_side=side)
+            other = dataclasses.replace(model, instrument=instrument, metrics={"F520": metrics})
+            found = completeness(other, star, "F520", drawn, exposure_s=1.0, n_frames=0, em_gain=1.0)
+            seen[parity, side] = float(found.observable[0])
+    assert [seen[-1, side] for side in ("right", "left", "top", "bottom")] == [0, 1, 1, 0]
+    assert [seen[1, side] for side in ("right", "left", "top", "bottom")] == [1, 0, 1, 0]
+
+
+def test_edges_keep_the_whole_aperture_inside(model, everyone):
+    star, band = everyone.select([0]), "F520"
+    distance, instrument = float(star.distance_pc[0]), model.instrument
+    radius = instrument.aperture_radius_arcsec(band)
+    low, high = instrument.hole_inner_arcsec(band), instrument.hole_outer_arcsec(band)
+    for half_side, zone, whole in [
+        (low - 1e-6, 0, 0),
+        (low + 1e-6, 1, 0),
+        (low + radius - 1e-6, 1, 0),
+        (low + radius + 1e-6, 1, 1),
+        (high - radius - 1e-6, 1, 1),
+        (high - radius + 1e-6, 1, 0),
+        (high - 1e-6, 1, 0),
+        (high + 1e-6, 0, 0),
+    ]:
+        there = {"node_deg": 45, "mean_anomaly_deg": 0, "semi_major_axis_au": half_side * math.sqrt(2) * distance}
+        found = completeness(model, star, band, planets(FACE_ON | there, n=1), exposure_s=1, n_frames=0, em_gain=1)
+        assert (found.in_zone[0], found.observable[0]) == (zone, whole), half_side
+
+
+@pytest.mark.parametrize(("mode", "side"), [("4q", "right"), *(("2q", s) for s in ("right", "left", "top", "bottom"))])
+def test_the_zone_holds_its_edges(mode, side):
+    # Edges that are exact in binary, and points on them, on either side of them and on the axes.
+    zone = HoleZone(0.25, 2.0, mode, side)
+    axis = np.unique(
+        [
+            sign * edge * (1 + off)
+            for sign in (-1, 1)
+            for edge in (0, 0.25, 0.375, 0.5, 1.875, 2)
+            for off in (-1e-9, 0, 1e-9)
+        ]
+    )
+    x, y = np.meshgrid(axis, axis)
+    dark = {"right": x > 0, "left": x < 0, "top": y > 0, "bottom": y < 0}[side] | (mode == "4q")
+    for margin in (0.0, 0.125):
+        near, far = np.minimum(abs(x), abs(y)), np.maximum(abs(x), abs(y))
+        expected = dark & (near >= 0.25 + margin) & (far <= 2.0 - margin)
+        np.testing.assert_array_equal(inside_zone(zone, x, y, margin), expected)
+        assert 0 < expected.sum() < expected.size
+
+
+def placed_by_hand(offsets_au, distances_au, albedo):
+    """Draw planets and move them to x and y of equal offset, in the quadrant that the default parity calls left top."""
+    n, drawn = len(offsets_au), planets({"radius_rjup": 10, "albedo": albedo}, n=len(offsets_au))
+    there = np.array(offsets_au, float)
+    return dataclasses.replace(
+        drawn, east_au=there, north_au=there, distance_au=np.array(distances_au, float), phase_deg=np.full(n, 30.0)
+    )
+
+
+@pytest.mark.parametrize("mode", ["analogue", "photon_counting"])
+def test_one_planet_in_one_frame(model, everyone, mode):
+    """A large warm giant at a sunlike neighbour: one short frame shows it, half of one too, none does not."""
+    model = with_strategy(model, mode=mode, library="idealised")
+    sunlike = int(np.flatnonzero(everyone.name == "tau Cet")[0])
+    stars = dataclasses.replace(everyone.select([sunlike] * 3), distance_pc=np.full(3, 5.0))
+    drawn = placed_by_hand([2.0], [2.0], 0.5)
+    for rows, frames in (([0], 1.0), ([0, 1, 2], 1.0), ([0, 1, 2], 0.5), ([0, 1, 2], 0.0)):
+        found = completeness(
+            model, stars.select(rows), "F520", drawn, exposure_s=[0.5], n_frames=frames, em_gain=[1000.0]
+        )
+        assert found.observable.tolist() == [1.0] * len(rows)
+        assert found.completeness.tolist() == [float(frames > 0)] * len(rows)
+
+
+def test_only_planets_that_are_observed_are_noted(model, everyone):
+    # The models of the albedo reach from insolations of 0.5 to beyond 5 au, not to 20 au; F520 is dark to 0.7 arcsec.
+    pair = dataclasses.replace(
+        everyone.select([0, 0]), distance_pc=np.array([5.0, 3.2]), luminosity_lsun=np.array([1.0, 0.04])
+    )
+    drawn = placed_by_hand([2.0, 3.0], [1.0, 4.0], {"log10_mh": 0.5})
+    setting = {"exposure_s": 20.0, "em_gain": 20.0}
+    found = completeness(model, pair, "F520", drawn, n_frames=100, **setting)
+    # The second star sees the first planet only: that the other would be too cold there is nobody's concern.
+    assert found.observable.tolist() == [1.0, 0.5]
+    assert found.flags == ()
+    cold = placed_by_hand([2.0], [20.0], {"log10_mh": 0.5})
+    assert completeness(model, pair.select([0]), "F520", cold, n_frames=100, **setting).flags == ("insolation_clamped",)
+    assert completeness(model, pair.select([0]), "F520", cold, n_frames=0, **setting).flags == ()
+
+
+def test_stars_too_far_and_no_frames_detect_nothing(model, stars):
+    far = dataclasses.replace(stars, distance_pc=np.full(len(stars), 1e4))
+    model = dataclasses.replace(model, strategy=IDEAL)
+    drawn = planets({"planets_per_star": 0.5})
+    for targets, frames in ((far, 1e9), (stars, 0.0)):
+        found = completeness(model, targets, "F520", drawn, exposure_s=100.0, n_frames=frames, em_gain=20.0)
+        assert not found.completeness.any()
+        assert not found.standard_error.any()
+        assert not found.expected_detections.any()
+    assert completeness(model, stars, "F520", drawn, exposure_s=np.nan, n_frames=0, em_gain=0).observable.any()
+
+
+def test_more_frames_and_more_exposure_never_detect_fewer(model, stars):
+    model = dataclasses.replace(model, strategy=IDEAL)
+    drawn = planets(n=1000)
+    before = np.zeros(len(stars))
+    for frames in (1, 10, 100, 1000, 1e5, 1e7):
+        found = completeness(model, stars, "F520", drawn, exposure_s=20.0, n_frames=frames, em_gain=20.0).completeness
+        assert np.all(found >= before)
+        before = found
+    assert before.max() > 0.1
+    before = np.zeros(len(stars))
+    for exposure in (0.1, 1.0, 10.0, 60.0):
+        found = completeness(model, stars, "F520", drawn, exposure_s=exposure, n_frames=1e3, em_gain=20.0).completeness
+        assert np.all(found >= before)
+        before = found
+    assert before.max() > 0.01
+
+
+def test_larger_planets_are_never_harder(model, stars):
+    model = dataclasses.replace(model, strategy=IDEAL)
+    before = np.zeros(len(stars))
+    for radius in (0.1, 0.3, 0.6, 1.0, 2.0):
+        drawn = planets({"radius_rjup": radius}, n=1000)
+        found = completeness(model, stars, "F520", drawn, exposure_s=20.0, n_frames=2000, em_gain=20.0).completeness
+        assert np.all(found >= before)
+        before = found
+    assert before.max() > 0.1
+
+
+def test_seeds_scatter_by_the_standard_error(model, stars):
+    model = dataclasses.replace(model, strategy=IDEAL)
+    results = [
+        completeness(model, stars, "F520", planets(n=1000, seed=seed), exposure_s=20.0, n_frames=1e5, em_gain=20.0)
+        for seed in range(24)
+    ]
+    values = np.stack([found.completeness for found in results])
+    truth = values.mean(axis=0)
+    error = np.sqrt(truth * (1 - truth) / 1000)
+    busy = truth > 0.005
+    assert busy.sum() >= 4
+    assert np.ptp(values, axis=0)[busy].min() > 0
+    chi2 = (((values - truth) / np.where(error > 0, error, 1)) ** 2).sum(axis=0)[busy]
+    assert np.all(np.abs(chi2 - 23) < 4.5 * math.sqrt(46))
+    one = results[0]
+    np.testing.assert_allclose(
+        one.standard_error, np.sqrt(one.completeness * (1 - one.completeness) / 1000), rtol=1e-12
+    )
+    again = completeness(model, stars, "F520", planets(n=1000, seed=0), exposure_s=20.0, n_frames=1e5, em_gain=20.0)
+    np.testing.assert_array_equal(again.completeness, one.completeness)
+
+
+def test_stars_share_their_planets(model, stars):
+    """Equal stars have equal completeness, to the last planet, whoever else is asked about."""
+    model = dataclasses.replace(model, strategy=IDEAL)
+    drawn, setting = planets(n=400), {"exposure_s": 20.0, "n_frames": 5e3, "em_gain": 20.0}
+    twice = completeness(model, stars.select([0, 1, 0]), "F520", drawn, **setting)
+    alone = completeness(model, stars.select([0]), "F520", drawn, **setting)
+    assert twice.completeness[0] == twice.completeness[2] == alone.completeness[0] > 0
+
+
+def test_expected_detections_and_flags(model, stars):
+    model = dataclasses.replace(model, strategy=IDEAL)
+    setting = {"exposure_s": 20.0, "n_frames": 5e3, "em_gain": 20.0}
+    found = completeness(model, stars, "F520", planets("giants"), **setting)
+    rate = load_population("giants").planets_per_star
+    np.testing.assert_array_equal(found.expected_detections, rate * found.completeness)
+    assert (found.band, found.n_planets, found.flags) == ("F520", 300, ())
+    found = completeness(model, stars, "F520", planets({"albedo": {"log10_fsed": 2.0}}), **setting)
+    assert found.expected_detections is None
+    assert found.flags == ("fsed_clamped", "insolation_clamped")
+    at_two = planets(
+        {"semi_major_axis_au": 2, "eccentricity": 0, "semi_major_axis_scale": "insolation", "albedo": {"log10_mh": 0.5}}
+    )
+    assert completeness(model, stars, "F520", at_two, **setting).flags == ()
+    dark = dataclasses.replace(
+        model, metrics={"F520": dataclasses.replace(model.metrics["F520"], hole_state="not_reached")}
+    )
+    assert completeness(dark, stars, "F520", planets(n=5), **setting).flags == ("hole_not_reached",)
+
+
+def test_thresholds_lie_above_sigma():
+    elements = np.array([3.0, 3.5, 5.0, 20.0, 100.0, 1e4])
+    for sigma in (0.5, 3.0, 5.0, 20.0):
+        assert np.all(threshold_array(elements, sigma) > sigma)
+
+
+@pytest.mark.parametrize(
+    ("changes", "text"),
+    [
+        ({"band": "F9"}, "band = F9: not accepted; allowed: F520, F850"),
+        ({"n_frames": -1}, "n_frames = -1.0: not accepted; allowed: finite numbers, at least 0"),
+        (
+            {"n_frames": [0, 0.5, 1, -2, -3, 4, 5, 6]},
+            "n_frames = -2.0: not accepted; allowed: finite numbers, at least 0",
+        ),
+        ({"n_frames": np.nan}, "n_frames = nan: not accepted; allowed: finite numbers, at least 0"),
+        ({"n_frames": [1, 2, 3]}, "n_frames = (3,): not accepted; allowed: one number, or one for each of 8 stars"),
+        ({"exposure_s": 0}, "exposure_s = 0.0 s: not accepted; allowed: above 0"),
+        ({"exposure_s": np.inf}, "exposure_s = inf s: not accepted; allowed: finite numbers"),
+        ({"em_gain": 0.5}, "em_gain = 0.5: not accepted; allowed: at least 1"),
+    ],
+)
+def test_refusals(refused, model, stars, changes, text):
+    given = {"band": "F520", "exposure_s": 1.0, "n_frames": 10, "em_gain": 1.0} | changes
+    message = refused("", completeness, model, stars, given.pop("band"), planets(n=3), **given)
+    assert message == text
+
+
+def test_counted_photons_have_one_gain(model, stars):
+    model = with_strategy(model, mode="photon_counting")
+    for gains in (np.linspace(100.0, 300.0, len(stars)), [100.0] * (len(stars) - 1) + [300.0]):
+        with pytest.raises(InputError, match="one gain for all stars where photons are counted"):
+            completeness(model, stars, "F520", planets(n=3), exposure_s=1.0, n_frames=10, em_gain=gains)
+    # That of a star without frames is no gain.
+    frames = [10] * (len(stars) - 1) + [0]
+    assert completeness(model, stars, "F520", planets(n=3), exposure_s=1.0, n_frames=frames, em_gain=gains).flags == ()

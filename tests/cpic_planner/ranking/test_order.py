@@ -1,0 +1,240 @@
+"""The ranking against a few lines of arithmetic of its own."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.stats import norm, t as student
+
+from cpic_core import Reason
+from cpic_planner import load_targets
+from cpic_planner.etc import build_model, contrast_limit
+from cpic_planner.etc.questions import exposure_time, signal_to_noise
+from cpic_planner.planets import PopulationChoice, draw_population
+from cpic_planner.queries import Strategy
+from cpic_planner.ranking import judge, optimise, rank_targets
+from cpic_planner.targets import find_target, rank_sample
+from simulator.config import load_instrument
+
+MODEL = build_model(load_instrument())
+FEW = rank_sample(v_mag_max=3.0)
+SMALL = PopulationChoice(PopulationChoice.default().config, n_planets=200)
+AU_KM, RJ_KM = 149597870.7, 71492.0
+
+
+@pytest.fixture(scope="module")
+def ranking():
+    return rank_targets(MODEL, rank_sample(), time_s=36000.0)
+
+
+def test_reference_planet_follows_from_distance_and_separation(ranking):
+    for row in ranking.targets[::50]:
+        distance_au = row.distance_pc * row.separation_arcsec
+        assert row.ref_planet_distance_au == pytest.approx(distance_au, rel=1e-12)
+        geometric = (RJ_KM / (distance_au * AU_KM)) ** 2 / np.pi
+        assert 0.2 < row.contrast / geometric < 0.56  # Jupiter's albedo over the visible bands
+        assert row.ref_planet_insolation_au == pytest.approx(distance_au / row.luminosity_lsun**0.5, rel=1e-12)
+
+
+def test_order_status_and_reason_agree(ranking):
+    scores = [(row.score, row.detection_margin) for row in ranking.targets]
+    assert scores == sorted(scores, reverse=True)
+    assert [row.rank for row in ranking.targets] == list(range(1, len(scores) + 1))
+    for row in ranking.targets:
+        assert row.detection_margin == pytest.approx(row.significance / row.threshold, rel=1e-12)
+        assert (row.status == "ok") == (row.detection_margin >= 1) == (row.reason == "")
+        assert row.time_s <= 36000 * (1 + 1e-12)
+        assert row.time_s == pytest.approx(2 * row.n_frames * (row.exposure_s + 1.1), rel=1e-12)
+        assert row.completeness_per_hour == pytest.approx(3600 * row.completeness / row.completeness_time_s, rel=1e-12)
+        assert row.score == row.completeness_per_hour
+    reasons = [row.reason or "ok" for row in ranking.targets]
+    assert ranking.counts == {name: reasons.count(name) for name in set(reasons)}
+
+
+def test_an_independent_estimate_finds_the_same_detections(ranking):
+    """Distance, square quadrants, threshold x noise, written out from scratch for F520; best of many visits."""
+    table, metrics = load_targets(), MODEL.metrics["F520"]
+    star = 7.08e8 * 10 ** (-0.4 * (table["v_mag"].to_numpy() - 1.33))  # e-/s on the clear disc, scaled from alpha Cen B
+    exposure = np.clip(8e4 / (star * 1.25e-7), 1, 300)
+    gain = np.minimum(1000, 7.3e5 / (star * 5.8e-8 * exposure))
+    margin = np.zeros(len(table))
+    for place in np.linspace(0.37, 0.94, 58):
+        n, core = (
+            float(metrics.resolution_elements(place)),
+            float(metrics.core_throughput(place / 2**0.5, place / 2**0.5)),
+        )
+        if n < 3:
+            continue
+        threshold = student.isf(norm.sf(5), n - 2) * (1 + 1 / (n - 1)) ** 0.5
+        signal = star * core * 0.515 * (RJ_KM / (table["distance_pc"].to_numpy() * place * AU_KM)) ** 2 / np.pi
+        around = np.clip(place + 0.08 * np.linspace(-1, 1, 9), 0.36, 0.95)
+        for hours in np.geomspace(0.05, 5, 15):
+            floor = metrics.rdi_floor(0.05, walk_nm_per_sqrt_hour=0.05, visit_hours=hours, separation_arcsec=around)
+            white = (
+                2 * 1.98 * (star * 8.9e-11 + 17 * (5e-4 + 0.02 / exposure) + 0.01)
+                + 2 * 17 * (110 / gain) ** 2 / exposure
+            )
+            noise = np.sqrt(white / (3600 * hours * exposure / (exposure + 1.1)) + (star**2 * (floor**2).mean()))
+            margin = np.maximum(margin, signal / noise / threshold)
+    found = set(table["name"][margin >= 1])
+    said = {row.name for row in ranking.targets if row.status == "ok"}
+    assert len(said) >= 5
+    assert abs(len(found) - len(said)) <= 0.10 * len(said)
+    assert found == said
+    assert all(row.reason for row in ranking.targets if row.name not in said)
+
+
+def test_whether_time_would_help_is_told():
+    """Short visits: what a longer one detects lacks time; what none detects is below the residual."""
+    short = rank_targets(MODEL, rank_sample(v_mag_max=4.0), time_s=60.0, population=SMALL)
+    for row in short.targets:
+        if row.reason == "insufficient_time":
+            assert row.detection_time_s is not None
+            assert row.detection_time_s > 60.0
+        if row.reason == "speckle_floor":
+            assert row.detection_time_s is None
+    assert {row.reason for row in short.targets} == {"", "insufficient_time", "speckle_floor"}
+    none = rank_targets(MODEL, FEW, time_s=1.0, population=SMALL)
+    assert {row.reason for row in none.targets} == {"time_below_overheads"}
+    assert all(row.time_s is None and row.detection_margin == 0.0 for row in none.targets)
+    blind = build_model(load_instrument({"detector": {"exposure_min_s": 250.0}}))
+    verdicts = judge(optimise(blind, FEW, time_s=36000.0), blind)
+    assert Reason.PIXEL_FULL_WELL in {reason for _, reason in verdicts}
+
+
+def test_ranked_numbers_are_those_of_the_etc(ranking):
+    for row in ranking.targets[:5]:
+        star, _ = find_target(row.name)
+        fixed = {"exposure_s": row.exposure_s, "em_gain": row.em_gain, "bands": [row.band], "exact": True}
+        answer = signal_to_noise(MODEL, star, time_s=row.time_s, separation_arcsec=row.separation_arcsec, **fixed)[0]
+        assert answer.n_frames == row.n_frames
+        assert answer.snr == pytest.approx(row.snr, rel=1e-9)
+        assert answer.significance == pytest.approx(row.significance, rel=1e-9)
+        assert answer.threshold == pytest.approx(row.threshold, rel=1e-9)
+        assert answer.contrast == pytest.approx(row.contrast, rel=1e-9)
+
+
+def test_every_detected_planet_is_found_again_by_its_time(ranking):
+    found = [row for row in ranking.targets if row.status == "ok"]
+    for row in found:
+        star, _ = find_target(row.name)
+        answer = exposure_time(MODEL, star, detect=True, separation_arcsec=row.separation_arcsec, bands=[row.band])[0]
+        assert answer.value <= row.time_s * (1 + 1e-9)
+        # The quickest place and band are no slower than those of the clearest detection.
+        assert row.detection_time_s <= answer.value * (1 + 1e-9)
+
+
+def test_contrast_limit_is_where_the_planet_is_just_detected():
+    star, _ = find_target("tau Cet")
+    limit = contrast_limit(MODEL, star, time_s=7200.0, separation_arcsec=0.5, bands=["F520"])[0]
+    fixed = {"exposure_s": limit.exposure_s, "em_gain": limit.em_gain, "exact": True, "contrast": limit.value}
+    back = signal_to_noise(MODEL, star, time_s=limit.time_s, separation_arcsec=0.5, bands=["F520"], **fixed)[0]
+    assert back.significance == pytest.approx(back.threshold, rel=1e-9)
+
+
+def test_fewer_stars_with_more_drift_and_all_with_none():
+    targets = rank_sample(v_mag_max=4)
+    counts = []
+    for factor in (2.0, 1.0, 0.0):
+        drift = {"visit_nm": 0.05 * factor, "walk_nm_per_sqrt_hour": 0.05 * factor}
+        model = build_model(load_instrument({"drift": drift}))
+        counts.append(int(np.sum(optimise(model, targets, time_s=36000.0).margin >= 1)))
+    assert counts[0] < counts[1] < counts[2]
+
+
+def test_companion_light_counts_only_when_on():
+    on, off = (find_target("70 Oph A", companions=state)[0] for state in ("on", "off"))
+    pair = [signal_to_noise(MODEL, star, time_s=7200.0, separation_arcsec=0.5, bands=["F520"])[0] for star in (on, off)]
+    assert pair[0].budget["companion_e2"] > 0 == pair[1].budget["companion_e2"]
+    assert "companion_light_on" in pair[0].flags
+    assert "companion_light_off" in pair[1].flags
+
+
+@pytest.mark.parametrize("score", ["completeness", "detection_margin", "detection_time", "contrast_limit"])
+def test_other_scores(score):
+    found = rank_targets(MODEL, FEW, time_s=7200.0, population=SMALL, score=score)
+    for row in found.targets:
+        expected = {
+            "completeness": row.completeness,
+            "detection_margin": row.detection_margin,
+            "detection_time": 3600.0 / row.detection_time_s if row.detection_time_s else 0.0,
+            "contrast_limit": -math.log10(row.deepest_limit),
+        }[score]
+        assert row.score == pytest.approx(expected, rel=1e-12)
+    scores = [row.score for row in found.targets]
+    assert scores == sorted(scores, reverse=True)
+    assert found.score_name == score
+
+
+def test_completeness_is_a_share_of_the_planets_drawn(ranking):
+    assert ranking.population.n_planets == len(draw_population(PopulationChoice.default().config, 4000, 1).radius_rjup)
+    for row in ranking.targets[:40]:
+        assert (row.completeness * 4000) == pytest.approx(round(row.completeness * 4000), abs=1e-6)
+        error = (row.completeness * (1 - row.completeness) / 4000) ** 0.5
+        assert row.completeness_error == pytest.approx(error, rel=0.01)
+
+
+def test_one_band_by_name_is_that_band():
+    one, listed = (
+        rank_targets(MODEL, FEW, time_s=7200.0, bands=bands, population=SMALL) for bands in ("F662", ["F662"])
+    )
+    assert one == listed
+    assert {row.band for row in one.targets} == {"F662"}
+
+
+@pytest.mark.parametrize("value", [-1.0, 0.0, math.nan, math.inf, 1e10, True, "3600", None])
+def test_times_out_of_range_are_refused(refused, value):
+    refused("^time_s = ", rank_targets, MODEL, FEW, time_s=value, population=SMALL)
+
+
+def test_what_cannot_be_ranked_is_refused(refused):
+    refused("^targets = 0", rank_targets, MODEL, FEW.select([]), time_s=3600.0, population=SMALL)
+    refused("^score = best", rank_targets, MODEL, FEW, time_s=3600.0, population=SMALL, score="best")
+    refused("^band = F999", rank_targets, MODEL, FEW, time_s=3600.0, population=SMALL, bands=["F999"])
+
+
+def test_numpy_times_give_the_same_ranking():
+    plain, other = (rank_targets(MODEL, FEW, time_s=t, population=SMALL) for t in (3600.0, np.int64(3600)))
+    assert plain == other
+
+
+def test_every_idealised_row_says_so():
+    model = build_model(load_instrument(), None, Strategy(library="idealised"))
+    assert all("idealised" in row.flags for row in rank_targets(model, FEW, time_s=3600.0, population=SMALL).targets)
+
+
+def test_the_catalogue_by_what_limits_it(ranking):
+    """A wavefront without drift would detect 20 more reference planets, and 1050 not even then."""
+    assert ranking.counts_limited_by == {"none": 7, "speckles": 20, "photons": 1050}
+    told = [row.limited_by for row in ranking.targets]
+    assert ranking.counts_limited_by == {name: told.count(name) for name in set(told)}
+    for row in ranking.targets:
+        assert row.verdict == ("detected" if row.status == "ok" else "unreachable")
+        assert (row.verdict == "detected") == (row.limited_by == "none")
+        assert (row.verdict == "detected") == (row.detection_probability_known_place >= 0.5)
+        assert row.verdict_mode == "known_place"
+
+
+def test_a_blind_search_finds_less_than_the_verdict_says(ranking):
+    """The images of epsilon Indi and 61 Cygni A: found blind in 2 and 1 of 24, though detected at their place."""
+    rows = {row.name: row for row in ranking.targets}
+    for name, found in (("eps Ind", 2), ("61 Cyg A", 1)):
+        assert rows[name].verdict == "detected"
+        expected = rows[name].detection_probability
+        assert abs(found / 24 - expected) < 3 * math.sqrt(expected * (1 - expected) / 24)
+        assert expected < 0.25 < rows[name].detection_probability_known_place
+
+
+@pytest.mark.parametrize("changes", [{}, {"bands": ["F662", "F720"]}])
+def test_speckles_limit_what_an_instrument_without_drift_detects(changes):
+    """Ranked anew with an instrument that does not drift; the stars hold all three kinds."""
+    names = ["tau Cet", "omi2 Eri", "bet Hyi", "70 Oph A", "gam Lep", "mu Her", "10 Tau", "HD 191408", "alf Aur"]
+    stars = rank_sample()
+    stars = stars.select(np.isin(stars.name, names))
+    still = build_model(load_instrument().changed({"drift": {"visit_nm": 0.0, "walk_nm_per_sqrt_hour": 0.0}}))
+    asked = {"time_s": 36000.0, **changes}
+    free = optimise(still, stars, **asked)
+    told = {row.name: row.limited_by for row in rank_targets(MODEL, stars, population=SMALL, **asked).targets}
+    for name, clear in zip(stars.name, free.margin >= free.needed_margin, strict=True):
+        assert (told[str(name)] in ("none", "speckles")) == clear, name
+    assert {"speckles", "photons"} <= set(told.values())

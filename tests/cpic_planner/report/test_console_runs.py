@@ -1,0 +1,89 @@
+import io
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from cpic_planner.report import print_whatif
+from cpic_planner.report.console_runs import print_visits
+from cpic_planner.results import ImageSample
+
+
+def shown(function, *arguments, width=120):
+    stream = io.StringIO()
+    function(arguments[0], Console(file=stream, width=width, highlight=False), *arguments[1:])
+    return stream.getvalue()
+
+
+@pytest.mark.parametrize("width", [40, 60, 110, 200])
+@pytest.mark.parametrize("function", [print_whatif, print_visits])
+def test_it_fits_any_width(compared, function, width):
+    names = ["single_visit contrast=1e-8", "a", "b"]
+    assert max(len(line) for line in shown(function, compared(names), width=width).splitlines()) <= width
+
+
+def test_summary_strategies_differences_and_report(compared):
+    text = " ".join(shown(print_whatif, compared(["one", "two"]), Path("out/report.html"), width=200).split())
+    for words in (
+        "two finds most planets In the same universes two finds 0.30 planets more than one",
+        "a survey: mean of 200 universes and its 90 % interval",
+        "0.51 0.46 to 0.57 0 to 1.02 0.15 40.0 100 8.1 10.0 0.004 one",
+        "Difference with one in the same universes",
+        "+0.30 0.19 to 0.42 +0.09 +50 more two",
+        "Seed 1, configuration 0123456789abcdef. report: out/report.html",
+    ):
+        assert words in text, words
+
+
+def test_one_strategy_is_compared_with_none(compared):
+    text = shown(print_whatif, compared(["one"]))
+    assert "Difference" not in text
+    assert "report:" not in text
+
+
+def test_chance_and_fewer_are_told_apart(compared):
+    result = compared(["one", "two", "three"], empty=True)
+    worse = [
+        item.model_copy(update={"mean": -0.4, "low": -0.5, "high": -0.3}) if item.first == "three" else item
+        for item in result.differences
+    ]
+    lines = shown(print_whatif, result.model_copy(update={"differences": worse})).splitlines()
+    assert any("may be chance" in line and line.endswith("two") for line in map(str.rstrip, lines))
+    assert any("fewer" in line and "−0.40" in line and line.rstrip().endswith("three") for line in lines)
+
+
+def test_many_strategies_are_cut(compared):
+    text = shown(print_whatif, compared([f"s{i}" for i in range(30)]))
+    assert "The first and the 19 of 30 that find most." in text
+    assert " s10\n" not in text.replace(" \n", "\n")
+
+
+def test_images_tell_their_correction(compared):
+    result = compared(["one"])
+    sample = ImageSample(detections=40, images=120, expected=31.5, found=28, correction=0.889, low=0.75, high=1.02)
+    item = result.strategies[0].model_copy(update={"images": sample})
+    text = shown(print_whatif, result.model_copy(update={"strategies": [item]}), width=200)
+    assert "of 40 detections simulated as images 28 are found, 31.5 expected; correction 0.89 (0.75 to 1.02)" in text
+    none = sample.model_copy(
+        update={
+            "detections": 0,
+            "images": 0,
+            "expected": 0.0,
+            "found": 0,
+            "correction": None,
+            "low": None,
+            "high": None,
+            "note": "no detections",
+        }
+    )
+    item = result.strategies[0].model_copy(update={"images": none})
+    text = shown(print_whatif, result.model_copy(update={"strategies": [item]}), width=200)
+    assert "one: no detection was simulated as images: no detections" in text
+
+
+def test_stars_are_those_of_the_strategy_that_finds_most(compared):
+    text = " ".join(shown(print_visits, compared(["one", "two"])).split())
+    assert "two: first 3 of 3 stars by planets per hour" in text
+    assert "1 ε Eri 0.600 1.0 2.7 2.00 h 18 2028-03-01 F520, F662" in text
+    assert "one visits no star." in shown(print_visits, compared(["one"], empty=True))
+    assert "first 1 of 3" in shown(print_visits, compared(["one"]), 1)

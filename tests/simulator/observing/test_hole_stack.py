@@ -1,0 +1,185 @@
+"""Sums of frames over the hole against the frames themselves."""
+
+import numpy as np
+import pytest
+
+from cpic_core import Reason, Status
+from simulator import load_instrument, observe
+from simulator.camera import to_electrons
+from simulator.detectors import excess_noise_factor2
+from simulator.ledger import SUM_EPOCHS
+from simulator.observing import hole_stackable, hole_stacks
+
+STILL = {"drift": {"visit_nm": 0.0, "walk_nm_per_sqrt_hour": 0.0}}
+MOVING = tuple(
+    """
+    parallel_cti serial_cti smear cosmic_rays nonlinearity flat dark_structure bad_pixels bad_columns stripes
+    interference bias_drift
+""".split()
+)
+
+
+def scene(v_mag=3.0):
+    return {"name": "s", "cstar": {"name": "s", "v_mag": v_mag, "teff_k": 5800}}
+
+
+def sequence(changes=None, **settings):
+    instrument = load_instrument(changes or {}).switched(dict.fromkeys(MOVING, False))
+    given = {
+        "band": "F520",
+        "exposure_s": 10.0,
+        "n_frames": 20,
+        "em_gain": 100.0,
+        "window": "hole",
+        "fidelity": "quick",
+        "max_epochs": 1,
+    } | settings
+    return observe(given.pop("scene", scene()), instrument=instrument, **given)
+
+
+def test_mean_and_variance_are_those_of_the_frames():
+    observation = sequence(STILL, fidelity="standard")
+    stacks = hole_stacks(observation)
+    hole = stacks.region
+    draws = np.array([stacks.draw(number).sum(axis=0)[hole] for number in range(120)])
+    detector = observation.instrument.detector
+    charge = observation.mean_rate_map[hole] * 10.0 + detector.dark_e_s * 10.0 + detector.cic_e
+    mean = 20 * charge
+    factor2 = float(excess_noise_factor2(100.0, detector.register_stages))
+    variance = 20 * (factor2 * charge + (detector.read_noise_e**2 + detector.gain_e_adu**2 / 12) / 100.0**2)
+    pixels = draws.size
+    pull = (draws - mean) / np.sqrt(variance)
+    assert abs(pull.mean()) < 4 / np.sqrt(pixels)
+    # A charge of some electrons is skewed: the fourth moment of its pull is above 3.
+    assert np.mean(pull**2) == pytest.approx(1.0, abs=4 * np.sqrt((np.mean(pull**4) - 1) / pixels))
+
+
+def test_sums_scatter_as_sums_of_frames_do():
+    """Aperture-sized sums with drift, from both chains: same mean, same variance."""
+    found, hole = {}, sequence().psf.metrics.hole
+    for chain in ("sums", "frames"):
+        values = []
+        for number in range(24):
+            observation = sequence(n_frames=6, realisation=number, max_epochs=3)
+            if chain == "sums":
+                image = hole_stacks(observation, epochs=3).draw(1000 + number).sum(axis=0)
+            else:
+                frames = np.array([observation.frame(index).adu for index in range(6)])
+                image = to_electrons(frames, observation.instrument.detector, 100.0).sum(axis=0)
+            values.append(image[hole].reshape(-1, 33).sum(axis=1))
+        found[chain] = np.array(values)
+    sums, frames = found["sums"], found["frames"]
+    error = np.hypot(sums.std(axis=0), frames.std(axis=0)) / np.sqrt(24)
+    assert np.sqrt(np.mean(((sums - frames).mean(axis=0) / error) ** 2)) == pytest.approx(1.0, abs=0.35)
+    ratio = sums.var(axis=0, ddof=1).mean() / frames.var(axis=0, ddof=1).mean()
+    assert ratio == pytest.approx(1.0, abs=0.25)
+
+
+def test_a_visit_has_the_same_offset_as_its_frames():
+    still = {"drift": {"visit_nm": 0.2, "walk_nm_per_sqrt_hour": 0.0}}
+    observation = sequence(still, realisation=3, fidelity="standard")
+    rates = hole_stacks(observation).mean_rates(3)
+    hole = observation.psf.metrics.hole
+    assert rates.shape == (SUM_EPOCHS, *hole.shape)
+    for epoch in rates:
+        np.testing.assert_allclose(epoch[hole], observation.mean_rate_map[hole], rtol=1e-12)
+        assert not epoch[~hole].any()
+    other = hole_stacks(observation).mean_rates(4)
+    assert np.abs(other[0][hole] / rates[0][hole] - 1).max() > 1e-3
+
+
+def test_a_walk_is_sampled_evenly_and_grows():
+    walk = {"drift": {"visit_nm": 0.0, "walk_nm_per_sqrt_hour": 0.02}}
+    stacks = hole_stacks(sequence(walk, n_frames=360, fidelity="standard"))
+    nominal = hole_stacks(sequence(STILL, n_frames=360, fidelity="standard")).mean_rates()[0]
+    hole = stacks.region
+    change = np.array([(stacks.mean_rates(number) - nominal)[:, hole].std(axis=1) for number in range(30)])
+    mean_square = (change**2).mean(axis=0)
+    # Half a step after the start, then in equal steps: 1, 3, 5 ... in the variance.
+    np.testing.assert_allclose(mean_square / mean_square.mean(), np.arange(1, 12, 2) / 6, rtol=0.6)
+    assert np.all(np.diff(mean_square) > 0)
+
+
+def test_realisations_differ_and_repeat():
+    stacks = hole_stacks(sequence())
+    again = hole_stacks(sequence())
+    np.testing.assert_array_equal(stacks.draw(2), again.draw(2))
+    assert np.any(stacks.draw(2) != stacks.draw(3))
+    reference = hole_stacks(sequence(role="reference"))
+    assert np.any(stacks.draw(2) != reference.draw(2))
+
+
+def test_frames_are_shared_among_epochs():
+    assert hole_stacks(sequence(n_frames=20)).frames.tolist() == [4, 3, 3, 4, 3, 3]
+    assert hole_stacks(sequence(n_frames=2)).frames.tolist() == [1, 1]
+    assert hole_stacks(sequence(n_frames=20), epochs=1).frames.tolist() == [20]
+
+
+def test_light_may_be_added():
+    stacks = hole_stacks(sequence(STILL))
+    extra = np.where(stacks.region, 5.0, 0.0)
+    lit = stacks.with_light(extra)
+    np.testing.assert_allclose(
+        lit.mean_rates() - stacks.mean_rates(), np.broadcast_to(extra, lit.mean_rates().shape), atol=1e-9
+    )
+    difference = lit.draw(1).sum(axis=0) - stacks.draw(1).sum(axis=0)
+    assert difference[stacks.region].mean() == pytest.approx(5.0 * 200.0, rel=0.01)
+
+
+def test_one_sided_holes():
+    instrument = load_instrument("cpic_2q").switched(dict.fromkeys(MOVING, False))
+    observation = observe(
+        scene(),
+        band="F520",
+        exposure_s=1.0,
+        n_frames=4,
+        em_gain=100.0,
+        window="hole",
+        fidelity="quick",
+        instrument=instrument,
+        max_epochs=1,
+    )
+    stacks = hole_stacks(observation)
+    drawn = stacks.draw().sum(axis=0)
+    assert np.count_nonzero(drawn[stacks.region]) > 0.9 * stacks.region.sum()
+    assert not drawn[~stacks.region].any()
+
+
+@pytest.mark.parametrize(
+    ("settings", "reason"),
+    [
+        ({"exposure_s": 300.0, "scene": scene(-1.0), "em_gain": 1.0}, Reason.PIXEL_FULL_WELL),
+        ({"exposure_s": 30.0, "scene": scene(0.0), "em_gain": 1000.0}, Reason.REGISTER_FULL_WELL),
+    ],
+)
+def test_overflow_that_enters_the_hole_is_refused(refused, settings, reason):
+    observation = sequence(**settings)
+    answer = hole_stackable(observation)
+    assert answer.status is Status.SATURATED
+    assert answer.reason in (reason, Reason.ADC_RANGE)
+    refused("exposure_s", hole_stacks, observation)
+
+
+def test_the_star_may_overflow_beside_the_hole():
+    """Frames of the optimiser fill the columns beside the hole: their pixels overflow, nothing arrives in the hole."""
+    observation = sequence(scene=scene(0.37), exposure_s=1.7, em_gain=298.0)
+    exposure_e = observation.mean_rate_map * 1.7
+    assert exposure_e.max() * 298.0 > observation.instrument.detector.register_full_well_e
+    assert hole_stackable(observation).status is Status.OK
+
+
+@pytest.mark.parametrize("switch", ["parallel_cti", "serial_cti", "cosmic_rays", "nonlinearity"])
+def test_effects_that_are_no_sum_are_refused(switch):
+    instrument = load_instrument().switched(dict.fromkeys(MOVING, False) | {switch: True})
+    observation = observe(
+        scene(), band="F520", exposure_s=1.0, em_gain=10.0, window="hole", fidelity="quick", instrument=instrument
+    )
+    answer = hole_stackable(observation)
+    assert answer.status is Status.INVALID
+    assert switch in answer.message
+
+
+def test_only_the_hole_behind_the_mask(refused):
+    for changes in ({"window": "full"}, {"star_offset_arcsec": (0.3, 0.3)}):
+        refused("window", hole_stacks, sequence(**changes))
+    assert hole_stackable(sequence(band="F1265", em_gain=1.0)).status is Status.INVALID
