@@ -84,8 +84,7 @@ class _Flaw(Effect):
     """
 
     law = "from the calibration set"
-    in_sums = "left_out"
-    seeded = True
+    in_sums, seeded = "left_out", True
     set_up_s = 2e-4
 
     def size(self, case: CameraCase) -> Sizes:
@@ -112,25 +111,17 @@ class _Flaw(Effect):
 class Flat(_Flaw):
     """Scatter of the response from pixel to pixel."""
 
-    switch = "flat"
-    label = "flat field"
-    law = "response of every pixel"
-    needs = "light"
-    number = "flaws.prnu_rms"
-    map_kind = "flat"
+    switch, label, law = "flat", "flat field", "response of every pixel"
+    needs, number, map_kind = "light", "flaws.prnu_rms", "flat"
 
 
 class Dark(Effect):
     """Dark current: electrons with Poisson noise that come with time."""
 
-    switch = "dark"
-    label = "dark current"
-    law = "plateau and law of temperature"
-    needs = "exposure"
-    map_kind = "dark"
+    switch, label, law = "dark", "dark current", "plateau and law of temperature"
+    needs, map_kind = "exposure", "dark"
+    set_up_s, colour = 5e-5, "#9A8700"
     hides = ("dark_structure", "bad_pixels", "bad_columns")
-    set_up_s = 5e-5
-    colour = "#9A8700"
 
     def added(self, detector: Any, exposure_s: float | None = None) -> FrameTerm:
         """Return the dark current as a rate."""
@@ -145,8 +136,7 @@ class InfraredDark(Dark):
     """Dark current of the near-infrared camera, with a random stream of its own."""
 
     law = "constant"
-    stage = "charge"
-    always = True
+    stage, always = "charge", True
 
     def draw(self, work: Work, exposure: Any, rng: np.random.Generator) -> None:
         """Add the counts."""
@@ -158,12 +148,8 @@ class InfraredDark(Dark):
 class DarkStructure(_Flaw):
     """Scatter of the dark current from pixel to pixel."""
 
-    switch = "dark_structure"
-    label = "structure of the dark current"
-    law = "every pixel its own"
-    needs = "exposure"
-    number = "flaws.dsnu_rms"
-    map_kind = "dark"
+    switch, label, law = "dark_structure", "structure of the dark current", "every pixel its own"
+    needs, number, map_kind = "exposure", "flaws.dsnu_rms", "dark"
 
     def why_not(self, setting: Setting) -> str:
         """Return why it does not exist; empty if it does."""
@@ -174,18 +160,15 @@ class DarkStructure(_Flaw):
 class BadPixels(_Flaw):
     """Hot and dead pixels."""
 
-    switch = "bad_pixels"
-    label = "hot and dead pixels"
+    switch, label = "bad_pixels", "hot and dead pixels"
     set_up_s = 1e-4
 
 
 class BadColumns(_Flaw):
     """Columns that see no light and collect more than the dark current."""
 
-    switch = "bad_columns"
-    label = "bad columns"
-    number = "flaws.bad_columns"
-    map_kind = "bad_columns"
+    switch, label = "bad_columns", "bad columns"
+    number, map_kind = "flaws.bad_columns", "bad_columns"
     set_up_s = 1e-4
 
 

@@ -44,12 +44,8 @@ class Nonlinearity(FrozenModel):
 class PhotonNoise(Effect):
     """Poisson counts of the collected electrons."""
 
-    switch = "photon_noise"
-    label = "photon noise"
-    law = "Poisson"
-    stage = "charge"
-    in_sums = "per_electron"
-    always = True
+    switch, label, law = "photon_noise", "photon noise", "Poisson"
+    stage, in_sums, always = "charge", "per_electron", True
     needs = "exposure"
     frame_s = 4e-4
 
@@ -83,12 +79,9 @@ class InfraredPhotonNoise(PhotonNoise):
 class CosmicRayHits(Effect):
     """Charge that particles leave in the pixels."""
 
-    switch = "cosmic_rays"
-    label = "cosmic rays"
-    law = "tracks at the rate of the date"
-    stage = "charge"
+    switch, label, law = "cosmic_rays", "cosmic rays", "tracks at the rate of the date"
+    stage, in_sums = "charge", "not_additive"
     needs = "exposure"
-    in_sums = "not_additive"
     frame_s = 6e-4
 
     def draw(self, work: Work, exposure: Exposure, rng: np.random.Generator) -> None:
@@ -130,11 +123,8 @@ class PixelNonlinearity(Effect):
     follows the curve.
     """
 
-    switch = "nonlinearity"
-    label = "non-linearity"
-    law = "pixels and output of the register"
-    stage = "charge"
-    in_sums = "not_additive"
+    switch, label, law = "nonlinearity", "non-linearity", "pixels and output of the register"
+    stage, in_sums = "charge", "not_additive"
     frame_s = 1e-4
 
     def expect(self, image: FloatArray, exposure: Exposure) -> None:
@@ -177,11 +167,8 @@ class PixelNonlinearity(Effect):
 class Blooming(Effect):
     """Pixel full well: the excess spills along the column, half each way; column ends drain what arrives there."""
 
-    switch = "blooming"
-    label = "pixel full well"
-    law = "the excess blooms along the column"
-    stage = "charge"
-    in_sums = "per_electron"
+    switch, label, law = "blooming", "pixel full well", "the excess blooms along the column"
+    stage, in_sums = "charge", "per_electron"
     frame_s = 5e-5
 
     def expect(self, image: FloatArray, exposure: Exposure) -> None:

@@ -171,12 +171,9 @@ class Persistence(Effect):
 
     late: LateCharge | None = None
 
-    switch = "persistence"
-    label = "persistence"
-    law = "mean charge of the earlier frames of the sequence"
+    switch, label, law = "persistence", "persistence", "mean charge of the earlier frames of the sequence"
     stage = "charge"
-    needs = "exposure"
-    number = "persistence.fraction"
+    needs, number = "exposure", "persistence.fraction"
 
     def draw(self, work: Work, exposure: Exposure, rng: np.random.Generator) -> None:
         """Add the counts."""
@@ -195,11 +192,8 @@ class Persistence(Effect):
 class PixelCurve(Effect):
     """Signal of a pixel against its charge, and its full well; without the switch a straight line to the full well."""
 
-    switch = "nonlinearity"
-    label = "non-linearity"
-    law = "one curve for all pixels"
-    stage = "voltage"
-    always = True
+    switch, label, law = "nonlinearity", "non-linearity", "one curve for all pixels"
+    stage, always = "voltage", True
 
     def expect(self, image: FloatArray, exposure: Exposure) -> None:
         """Bend the mean of a read."""
@@ -224,9 +218,7 @@ class InterpixelCapacitance(Effect):
 
     coupling: Coupling | None = None
 
-    switch = "interpixel_capacitance"
-    label = "inter-pixel capacitance"
-    law = "coupling to four neighbours"
+    switch, label, law = "interpixel_capacitance", "inter-pixel capacitance", "coupling to four neighbours"
     stage = "voltage"
     number = "interpixel_coupling"
 
@@ -247,9 +239,7 @@ class InterpixelCapacitance(Effect):
 class ResetNoise(Effect):
     """Noise of the reset: one level per pixel that all reads of a frame share."""
 
-    switch = "reset_noise"
-    label = "reset noise"
-    law = "one level per pixel and reset"
+    switch, label, law = "reset_noise", "reset noise", "one level per pixel and reset"
     stage = "voltage"
     number = "reset_noise_e"
     term = "read_noise"

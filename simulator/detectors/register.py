@@ -25,12 +25,8 @@ StageCharge = Annotated[float, Field(ge=0, le=1)]
 class Register(Effect):
     """Random multiplication; without it (switch off) charge is multiplied by the gain exactly."""
 
-    switch = "em_register"
-    label = "noise of the EM register"
-    law = "law of the stage-by-stage cascade"
-    stage = "charge"
-    in_sums = "per_electron"
-    always = True
+    switch, label, law = "em_register", "noise of the EM register", "law of the stage-by-stage cascade"
+    stage, in_sums, always = "charge", "per_electron", True
     frame_s = 4e-4
 
     def expect(self, image: FloatArray, exposure: Exposure) -> None:
@@ -63,11 +59,9 @@ class RegisterClockCharge(Effect):
     ``register_cic_e`` is the mean number made per pixel in one stage.
     """
 
-    switch = "register_clock_charge"
-    label = "clock-induced charge of the register"
+    switch, label = "register_clock_charge", "clock-induced charge of the register"
     law = "electrons made between the stages"
-    stage = "charge"
-    in_sums = "per_electron"
+    stage, in_sums = "charge", "per_electron"
     number = "register_cic_e"
     frame_s = 2e-4
 
@@ -123,11 +117,8 @@ class RegisterClockCharge(Effect):
 class RegisterFullWell(Effect):
     """Full well of the register: the excess trails into the pixels read next and drains at the end of the row."""
 
-    switch = "register_full_well"
-    label = "register full well"
-    law = "the excess trails along the row"
-    stage = "charge"
-    in_sums = "per_electron"
+    switch, label, law = "register_full_well", "register full well", "the excess trails along the row"
+    stage, in_sums = "charge", "per_electron"
     frame_s = 1e-4
 
     def expect(self, image: FloatArray, exposure: Exposure) -> None:
@@ -169,8 +160,7 @@ class OutputNonlinearity(Effect):
     """
 
     switch = "nonlinearity"
-    stage = "charge"
-    in_sums = "not_additive"
+    stage, in_sums = "charge", "not_additive"
 
     def expect(self, image: FloatArray, exposure: Exposure) -> None:
         """Apply the curve to the mean."""

@@ -48,11 +48,8 @@ class ChargeTransfer(FrozenModel):
 class Smear(Effect):
     """Frame-transfer smear: lines pass under the light of their column on the way in and on the way out."""
 
-    switch = "smear"
-    label = "frame-transfer smear"
-    law = "light during the line shifts, no shutter"
-    needs = "light"
-    number = "transfer.line_shift_s"
+    switch, label, law = "smear", "frame-transfer smear", "light during the line shifts, no shutter"
+    needs, number = "light", "transfer.line_shift_s"
     set_up_s = 5e-5
 
     @staticmethod
@@ -90,8 +87,7 @@ class _Transfer(Effect):
     """Charge left behind in transfers: the fraction ``n c`` of a pixel's charge arrives with the pixel behind it."""
 
     law = "charge left behind, electron by electron"
-    stage = "charge"
-    in_sums = "moves_charge"
+    stage, in_sums = "charge", "moves_charge"
     frame_s = 2e-4
     axis: ClassVar[int]
     elements: ClassVar[str]
@@ -153,11 +149,9 @@ class _Transfer(Effect):
 class ParallelTransfer(_Transfer):
     """Charge left behind in the transfers along the columns, through the store to the register."""
 
-    switch = "parallel_cti"
-    label = "parallel transfer losses"
+    switch, label = "parallel_cti", "parallel transfer losses"
     number = "transfer.parallel_cti"
-    axis = 0
-    elements = "store_rows"
+    axis, elements = 0, "store_rows"
 
     def _moved(self, image: FloatArray, exposure: Exposure) -> FloatArray:
         return image[:, exposure.place.columns]
@@ -166,11 +160,9 @@ class ParallelTransfer(_Transfer):
 class SerialTransfer(_Transfer):
     """Charge left behind in the transfers along the rows, through line and multiplication register."""
 
-    switch = "serial_cti"
-    label = "serial transfer losses"
+    switch, label = "serial_cti", "serial transfer losses"
     number = "transfer.serial_cti"
-    axis = 1
-    elements = "serial_elements"
+    axis, elements = 1, "serial_elements"
 
     def _moved(self, image: FloatArray, exposure: Exposure) -> FloatArray:
         return image.T
@@ -182,16 +174,10 @@ class ClockCharge(Effect):
     Thrown as events at random pixels, which is the same law as a count in every pixel and cheap where few occur.
     """
 
-    switch = "clock_charge"
-    label = "clock-induced charge"
-    law = "Poisson, once a frame"
-    stage = "charge"
-    in_sums = "per_electron"
-    number = "cic_e"
-    map_kind = "cic"
-    frame_s = 2e-4
-    term = "cic"
-    colour = "#D55E00"
+    switch, label, law = "clock_charge", "clock-induced charge", "Poisson, once a frame"
+    stage, in_sums = "charge", "per_electron"
+    number, map_kind = "cic_e", "cic"
+    frame_s, term, colour = 2e-4, "cic", "#D55E00"
 
     def expect(self, image: FloatArray, exposure: Exposure) -> None:
         """Add the mean."""
