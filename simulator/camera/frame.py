@@ -10,7 +10,7 @@ from enum import IntFlag
 import numpy as np
 import numpy.typing as npt
 
-from cpic_core import FloatArray, InputError, element_name
+from cpic_core import BoolArray, FloatArray, InputError, element_name
 
 NEGATIVE_TOLERANCE = 1e-9
 # More light than this counts as this: that of any exposure and any sum of it stays finite.
@@ -99,7 +99,7 @@ class Frame:
     n_negative_rates: int = 0
 
     @property
-    def lost(self) -> npt.NDArray[np.bool_]:
+    def lost(self) -> BoolArray:
         """Pixels whose number says nothing about their light: a limit cut them off."""
-        result: npt.NDArray[np.bool_] = (self.mask & MaskBit.SATURATED) != 0
+        result: BoolArray = (self.mask & MaskBit.SATURATED) != 0
         return result

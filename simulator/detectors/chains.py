@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field, create_model
 
-from cpic_core import checked_array
+from cpic_core import FloatArray, checked_array
 from simulator.config import FrozenModel
 from simulator.detectors.collection import Blooming, CosmicRayHits, InfraredPhotonNoise, PhotonNoise, PixelNonlinearity
 from simulator.detectors.effect import Effect, Setting, Work, counted, sizes
@@ -172,7 +172,7 @@ class BadColumns(_Flaw):
     set_up_s = 1e-4
 
 
-def dark_law_e_s(temperature_k: npt.ArrayLike, dark_293k_e_s: npt.ArrayLike) -> npt.NDArray[np.float64]:
+def dark_law_e_s(temperature_k: npt.ArrayLike, dark_293k_e_s: npt.ArrayLike) -> FloatArray:
     """Return the thermal dark current of a pixel in inverted mode.
 
     Parameters

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from cpic_core import FloatArray, InputError, checked_array, element_name, load_kernels
+from cpic_core import ComplexArray, FloatArray, InputError, IntArray, checked_array, element_name, load_kernels
 
 # Exponent of the probability left out at the upper end of a table, exp(-36) = 2e-16: half a step of a uniform number.
 _TAIL = 36.0
@@ -47,19 +47,19 @@ class RegisterTable:
     """
 
     cdf: FloatArray
-    start: npt.NDArray[np.int64]
+    start: IntArray
     guide: npt.NDArray[np.int32]
-    guide_start: npt.NDArray[np.int64]
-    guide_size: npt.NDArray[np.int64]
+    guide_start: IntArray
+    guide_size: IntArray
     n_direct: int
 
 
-def generating_function(z: npt.NDArray[np.complex128], probability: float, stages: int) -> npt.NDArray[np.complex128]:
+def generating_function(z: ComplexArray, probability: float, stages: int) -> ComplexArray:
     """Mean of ``z`` to the power of the output of one electron, for ``|z|`` at most 1.
 
     Parameters
     ----------
-    z : npt.NDArray[np.complex128]
+    z : ComplexArray
     probability : float
         Chance that an electron frees another one in a stage, 0 to 1.
     stages : int
@@ -149,7 +149,7 @@ def register_table(gain: float, probability: float, stages: int) -> RegisterTabl
     )
 
 
-def _starts(parts: list[npt.NDArray[np.float64]] | list[npt.NDArray[np.int32]]) -> npt.NDArray[np.int64]:
+def _starts(parts: list[FloatArray] | list[npt.NDArray[np.int32]]) -> IntArray:
     return np.cumsum([0, 0, *(part.size for part in parts[:-1])], dtype=np.int64)
 
 
@@ -158,7 +158,7 @@ def _entries(electrons: int, gain: float) -> int:
     return int(gain * (electrons + math.sqrt(2.0 * electrons * _TAIL) + _TAIL)) + 32
 
 
-def _transform(probability: float, stages: int, size: int) -> npt.NDArray[np.complex128]:
+def _transform(probability: float, stages: int, size: int) -> ComplexArray:
     return generating_function(np.exp(-2j * np.pi * np.fft.rfftfreq(size)), probability, stages)
 
 
@@ -242,9 +242,7 @@ def noise_factor2(gain: FloatArray, stages: int) -> FloatArray:
     return 1.0 + (gain - 1.0) / gain * (1.0 - p) / (1.0 + p)
 
 
-def multiply(
-    electrons: npt.ArrayLike, gain: float, *, rng: np.random.Generator, stages: int = 604
-) -> npt.NDArray[np.int64]:
+def multiply(electrons: npt.ArrayLike, gain: float, *, rng: np.random.Generator, stages: int = 604) -> IntArray:
     """Electrons after the multiplication register.
 
     Parameters
@@ -342,7 +340,7 @@ def pixel_keys(rng: np.random.Generator) -> npt.NDArray[np.uint64]:
     return rng.integers(0, 2**64, size=2, dtype=np.uint64)
 
 
-def _probability(g: npt.NDArray[np.float64] | np.float64, stages: int) -> FloatArray:
+def _probability(g: FloatArray | np.float64, stages: int) -> FloatArray:
     return np.expm1(np.log1p(g - 1.0) / stages)
 
 
@@ -353,7 +351,7 @@ def _checked_gain(gain: npt.ArrayLike, stages: int) -> FloatArray:
     return checked_array("gain", gain, low=1.0, high=limit)
 
 
-def _checked_electrons(electrons: npt.ArrayLike) -> npt.NDArray[np.int64]:
+def _checked_electrons(electrons: npt.ArrayLike) -> IntArray:
     """Copy as int64, refused by name and pixel unless whole numbers of an integer type from 0 to 1e12."""
     allowed = f"whole electrons (integers), 0 to {MAX_ELECTRONS:.0e}"
     try:

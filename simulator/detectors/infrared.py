@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
-from cpic_core import FloatArray, InputError, checked_array, checked_scalar, element_name
+from cpic_core import BoolArray, FloatArray, InputError, checked_array, checked_scalar, element_name
 from simulator.config import FrozenModel
 from simulator.detectors.collection import CosmicRayHits
 from simulator.detectors.effect import Effect, Exposure, Work, counted
@@ -335,7 +335,7 @@ def checked_hits(cosmic_rays: Hits, shape: tuple[int, ...]) -> FloatArray:
     return np.bincount(pixels, weights=electrons, minlength=size).reshape(shape).astype(np.float64)
 
 
-def tracks_of(hit: npt.NDArray[np.bool_]) -> tuple[npt.NDArray[np.int32], int]:
+def tracks_of(hit: BoolArray) -> tuple[npt.NDArray[np.int32], int]:
     """Return the number of the track in every pixel (0 elsewhere) and of tracks in all: pixels that touch are one."""
     from scipy.ndimage import label
 
@@ -343,7 +343,7 @@ def tracks_of(hit: npt.NDArray[np.bool_]) -> tuple[npt.NDArray[np.int32], int]:
     return tracks, int(number)
 
 
-def hit_times(hit: npt.NDArray[np.bool_], rng: np.random.Generator) -> FloatArray:
+def hit_times(hit: BoolArray, rng: np.random.Generator) -> FloatArray:
     """Return the time of arrival in every hit pixel as a fraction of the exposure; pixels of a track share theirs."""
     tracks, number = tracks_of(hit)
     return np.concatenate([[0.0], rng.random(number)])[tracks]

@@ -6,10 +6,9 @@ import math
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import Field
 
-from cpic_core import FloatArray, load_kernels
+from cpic_core import FloatArray, IntArray, load_kernels
 from simulator.config import FrozenModel
 from simulator.detectors.effect import KERNELS, Effect, Exposure, Work, made_whole, sizes
 from simulator.detectors.gain import pixel_keys
@@ -215,7 +214,7 @@ class ClockCharge(Effect):
         return sizes(case.mean_change(case.noise.clock_e), snr=case.snr_share("clock"))
 
 
-def chances_of_loss(transfers: npt.NDArray[np.int64], inefficiency: float) -> Chances:
+def chances_of_loss(transfers: IntArray, inefficiency: float) -> Chances:
     """Return the chances that an electron is left behind at least once, then a second and a third time given that.
 
     The number of losses in ``transfers`` transfers is binomial. Those beyond the third count as the third: their share

@@ -18,10 +18,10 @@ from datetime import UTC, datetime, timedelta
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from catalogs import HC_ERG_ANGSTROM, Spectrum, load_reference_spectrum, load_zodi_table
-from cpic_core import FloatArray, InputError, check_number
+from cpic_core import BoolArray, FloatArray, InputError, check_number
 from simulator.config import FIRST_YEAR, LAST_YEAR, Instrument, checked_utc, declination_deg, right_ascension_deg
 from simulator.effects.stray_light import extra_lights
 from simulator.passbands import Passbands
@@ -175,7 +175,7 @@ def zodiacal_radiance(longitude_from_sun_deg: float, latitude_deg: float) -> Zod
 
 
 @functools.cache
-def _filled() -> tuple[FloatArray, NDArray[np.bool_]]:
+def _filled() -> tuple[FloatArray, BoolArray]:
     """Logarithm of the table, its empty cells filled with the next one away from the Sun; and which were empty."""
     radiance = load_zodi_table().radiance_500nm_w_m2_sr_um
     empty = np.isnan(radiance)

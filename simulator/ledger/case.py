@@ -13,9 +13,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cpic_core import FloatArray, Outcome, Reason, Status, stream
+from cpic_core import BoolArray, FloatArray, Outcome, Reason, Status, stream
 from simulator.camera import FrameNoise, load_calibration_set
 from simulator.config import CosmicRayConfig, Detector
 from simulator.detectors import VISIBLE, in_sums
@@ -320,7 +319,7 @@ class PixelHits(NamedTuple):
 
     mean_e: float
     square_e2: float
-    charge_e: NDArray[np.float64]
+    charge_e: FloatArray
 
     def share_above(self, level_e: float) -> float:
         """Share of the squared charge in pixels of more than a level."""
@@ -385,7 +384,7 @@ def sums_possible(
     return inside
 
 
-def _runs(inside: NDArray[np.bool_]) -> list[slice]:
+def _runs(inside: BoolArray) -> list[slice]:
     """Intervals of pixels that are inside."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]).astype(int)))
     return [slice(int(low), int(high)) for low, high in zip(edges[::2], edges[1::2], strict=True)]

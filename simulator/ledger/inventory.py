@@ -8,9 +8,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
+from cpic_core import FloatArray
 from simulator.config import Instrument, Scene
 from simulator.detectors import Effect, Setting, rows_of
 from simulator.effects import SOLAR_AVOIDANCE, SkyLevel, cosmic_ray_rate, extra_lights
@@ -112,7 +110,7 @@ def sky_ledger(
     *,
     band: str = "",
     sky: SkyLevel | None = None,
-    stray: Mapping[str, NDArray[np.float64]] | None = None,
+    stray: Mapping[str, FloatArray] | None = None,
 ) -> tuple[EffectRow, ...]:
     """Ledger of the sky, earthshine and stray light.
 
@@ -171,7 +169,7 @@ def effect_ledger(
     scene_model: str = "exact",
     hole_state: str = "reached",
     sky: SkyLevel | None = None,
-    stray: Mapping[str, NDArray[np.float64]] | None = None,
+    stray: Mapping[str, FloatArray] | None = None,
     start_utc: str | None = None,
 ) -> tuple[EffectRow, ...]:
     """Ledger of one observation.

@@ -12,9 +12,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cpic_core import FloatArray
+from cpic_core import BoolArray, FloatArray
 from simulator.config import Instrument
 from simulator.detectors import aperture_noise_pixels
 from simulator.imaging import PsfMetrics, centred_axis, overlap_weights, pixel_axis
@@ -350,7 +349,7 @@ def _other_lights(
     return peaks, inside, total, most
 
 
-def _off_map(metrics: PsfMetrics, x: FloatArray | float, y: FloatArray | float, half: float) -> NDArray[np.bool_]:
+def _off_map(metrics: PsfMetrics, x: FloatArray | float, y: FloatArray | float, half: float) -> BoolArray:
     """Whether a source is so far from the stamp that the wing map does not reach it."""
     reach = len(metrics.wing_map) // 2 * metrics.wing_map_step_arcsec
     return np.asarray(np.maximum(np.abs(x), np.abs(y)) - half > reach)

@@ -16,9 +16,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cpic_core import FloatArray
+from cpic_core import BoolArray, FloatArray
 from simulator.config import Instrument
 from simulator.imaging import PsfMetrics, centred_axis
 from simulator.signal import wing
@@ -103,7 +102,7 @@ class Spill:
         top = float(self._charge_e[rows, columns].max(initial=0.0))
         return top + _SIGMA * math.sqrt(factor2 * top) > well_e
 
-    def _blooming_columns(self, rows: slice) -> NDArray[np.bool_]:
+    def _blooming_columns(self, rows: slice) -> BoolArray:
         """Columns of the stamp along which charge arrives at some rows."""
         charge, found = self._charge_e.T, np.zeros(len(self._charge_e), dtype=np.bool_)
         # Half of the excess goes up, first; the other half down, where the first may have taken its room.
@@ -124,9 +123,7 @@ class Spill:
         return self._known[axis, sign]
 
 
-def _arrives(
-    parts: Sequence[tuple[FloatArray, float]], well_e: float, factor2: float, share: float = 1.0
-) -> NDArray[np.bool_]:
+def _arrives(parts: Sequence[tuple[FloatArray, float]], well_e: float, factor2: float, share: float = 1.0) -> BoolArray:
     """Whether any run of each line, nearest pixel first, holds more than its wells; shape (lines,).
 
     ``share`` of what is above the well of a pixel goes this way.

@@ -4,9 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cpic_core import FloatArray
+from cpic_core import BoolArray, FloatArray
 from simulator.config import Instrument
 from simulator.effects import stray_light_parts
 from simulator.imaging import (
@@ -111,7 +110,7 @@ def _smears(instrument: Instrument, band: str) -> bool:
     return instrument.detector_of(band).line_shift_s > 0
 
 
-def _columns_of(instrument: Instrument, band: str, area: Window) -> tuple[Window, slice, NDArray[np.bool_]]:
+def _columns_of(instrument: Instrument, band: str, area: Window) -> tuple[Window, slice, BoolArray]:
     """The columns of a window over all active rows, where the window lies in them, and the active rows beyond it."""
     detector = instrument.detector_of(band)
     active = detector.sections["active"][0]

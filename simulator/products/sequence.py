@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Literal, Protocol, TypeAlias, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cpic_core import FloatArray, InputError, check_number
 from simulator.camera import Frame
@@ -137,11 +137,11 @@ class FrameSequence(Protocol):
         """What is modelled and what is left out."""
 
     @property
-    def expected(self) -> NDArray[np.float64]:
+    def expected(self) -> FloatArray:
         """Mean ADU of a frame without noise, averaged over the sequence."""
 
     @property
-    def expected_e(self) -> NDArray[np.float64]:
+    def expected_e(self) -> FloatArray:
         """Mean electrons of a frame before the camera."""
 
     def iter_full_frames(self) -> Iterator[Frame]:

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from numpy.typing import ArrayLike
 
-from cpic_core import FloatArray, InputError, Outcome, Reason, Status, checked_array
+from cpic_core import BoolArray, FloatArray, InputError, Outcome, Reason, Status, checked_array
 from simulator.config import Detector
 
 _LIMITS = np.array([Reason.PIXEL_FULL_WELL.value, Reason.REGISTER_FULL_WELL.value, Reason.ADC_RANGE.value])
@@ -40,7 +40,7 @@ class GainCap:
 
     gain: FloatArray
     limit: npt.NDArray[np.str_]
-    feasible: npt.NDArray[np.bool_]
+    feasible: BoolArray
 
     def outcome(self, index: tuple[int, ...] | int = ()) -> Outcome[float]:
         """Typed answer of one element."""
