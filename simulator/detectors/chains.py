@@ -2,7 +2,7 @@
 
 The effects of both cameras in their order, and what the program derives from them.
 
-A new effect is one line here, at its place in the chain.
+A new effect is one entry here, at its place in the chain.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from pydantic import Field, create_model
 from cpic_core import FloatArray, checked_array
 from simulator.config import FrozenModel
 from simulator.detectors.collection import Blooming, CosmicRayHits, InfraredPhotonNoise, PhotonNoise, PixelNonlinearity
-from simulator.detectors.effect import Effect, Setting, Work, counted, sizes
+from simulator.detectors.effect import Effect, Setting, Sizes, Work, counted, sizes
 from simulator.detectors.infrared import (
     InfraredHits,
     InfraredReadNoise,
@@ -32,7 +32,6 @@ from simulator.detectors.transfer import ClockCharge, ParallelTransfer, SerialTr
 from simulator.detectors.variance import FrameTerm
 
 if TYPE_CHECKING:
-    from simulator.detectors.effect import Sizes
     from simulator.ledger import CameraCase
 
 
@@ -96,15 +95,10 @@ class _Flaw(Effect):
         counts = case.n_frames * case.noise.factor2
         change = flaw.response * (case.sketch.total_e_s * t) + flaw.dark_e_s * t
         beyond = flaw.most_response * outside + flaw.most_dark_e_s * t
-        parts = [
-            (
-                float((weight * flaw.response[place]).sum()),
-                float((planet.weights**2 * flaw.dark_e_s[planet.place]).sum()),
-            )
-            for (place, weight), planet in zip(case.cores, case.sketch.planets, strict=True)
-        ]
-        flux = _CORE_MARGIN * max((part[0] for part in parts), default=0.0)
-        added = case.snr_added([counts * part[1] * t for part in parts])
+        lost = [float((weight * flaw.response[place]).sum()) for place, weight in case.cores]
+        dark_e_s = [float((planet.weights**2 * flaw.dark_e_s[planet.place]).sum()) for planet in case.sketch.planets]
+        flux = _CORE_MARGIN * max(lost, default=0.0)
+        added = case.snr_added([counts * rate_e_s * t for rate_e_s in dark_e_s])
         return sizes(case.mean_change(np.concatenate([change.ravel(), beyond])), flux, flux + added)
 
 
@@ -202,42 +196,14 @@ def dark_law_e_s(temperature_k: npt.ArrayLike, dark_293k_e_s: npt.ArrayLike) -> 
 Chain = tuple[Effect, ...]
 
 VISIBLE: Chain = (
-    PhotonNoise(),
-    Flat(),
-    Dark(),
-    DarkStructure(),
-    BadPixels(),
-    BadColumns(),
-    Smear(),
-    CosmicRayHits(),
-    PixelNonlinearity(),
-    Blooming(),
-    ParallelTransfer(),
-    ClockCharge(),
-    SerialTransfer(),
-    Register(),
-    RegisterClockCharge(),
-    RegisterFullWell(),
-    OutputNonlinearity(),
-    ReadNoise(),
-    Stripes(),
-    Interference(),
-    BiasDrift(),
-    Quantisation(),
+    *(PhotonNoise(), Flat(), Dark(), DarkStructure(), BadPixels(), BadColumns(), Smear(), CosmicRayHits()),
+    *(PixelNonlinearity(), Blooming(), ParallelTransfer(), ClockCharge(), SerialTransfer()),
+    *(Register(), RegisterClockCharge(), RegisterFullWell(), OutputNonlinearity()),
+    *(ReadNoise(), Stripes(), Interference(), BiasDrift(), Quantisation()),
 )
 INFRARED: Chain = (
-    InfraredPhotonNoise(),
-    Flat(),
-    InfraredDark(),
-    DarkStructure(),
-    BadPixels(),
-    InfraredHits(),
-    Persistence(),
-    PixelCurve(),
-    InterpixelCapacitance(),
-    ResetNoise(),
-    InfraredReadNoise(),
-    Quantisation(),
+    *(InfraredPhotonNoise(), Flat(), InfraredDark(), DarkStructure(), BadPixels(), InfraredHits(), Persistence()),
+    *(PixelCurve(), InterpixelCapacitance(), ResetNoise(), InfraredReadNoise(), Quantisation()),
 )
 
 

@@ -10,11 +10,10 @@ from pydantic import Field
 
 from cpic_core import FloatArray, load_kernels
 from simulator.config import FrozenModel
-from simulator.detectors.effect import KERNELS, Effect, Exposure, Setting, Work, sizes
+from simulator.detectors.effect import KERNELS, Effect, Exposure, Setting, Sizes, Work, sizes
 from simulator.detectors.variance import FrameTerm
 
 if TYPE_CHECKING:
-    from simulator.detectors.effect import Sizes
     from simulator.ledger import CameraCase
 
 ReadNoiseElectrons = Annotated[float, Field(ge=0, le=1e5)]
@@ -146,8 +145,7 @@ class Interference(_Bias):
         row += np.angle(phasor)
         # sin(a + b) of a row's and a column's angle
         wave = np.stack([np.sin(row), np.cos(row)], axis=1) @ np.stack([np.cos(column), np.sin(column)])
-        wave *= structure.interference_adu * abs(phasor)
-        image += wave
+        image += wave * (structure.interference_adu * abs(phasor))
 
     def variance_adu2(self, detector: Any) -> float:
         """Return the variance of a sine of random phase."""

@@ -10,11 +10,10 @@ from pydantic import Field
 
 from cpic_core import FloatArray, load_kernels
 from simulator.detectors.collection import COUNTED, compressed, output_curve
-from simulator.detectors.effect import LIMIT_KERNELS, Effect, Exposure, Work, sizes
+from simulator.detectors.effect import LIMIT_KERNELS, Effect, Exposure, Sizes, Work, sizes
 from simulator.detectors.gain import amplify, stage_probability
 
 if TYPE_CHECKING:
-    from simulator.detectors.effect import Sizes
     from simulator.ledger import CameraCase
 
 Stages = Annotated[int, Field(ge=1, le=10000)]
@@ -44,13 +43,9 @@ class Register(Effect):
 
     def size(self, case: CameraCase) -> Sizes:
         """Return the share of the variance that the register adds."""
-        noise = case.noise
-        counted = (case.light_e + noise.dark_e) * noise.photons
-        excess = noise.factor2 - 1.0
-        return sizes(
-            case.variance_change(excess * (counted + noise.clock_e)),
-            snr=case.snr_share(*COUNTED, "clock", factor=excess / noise.factor2),
-        )
+        noise, excess = case.noise, case.noise.factor2 - 1.0
+        snr = case.snr_share(*COUNTED, "clock", factor=excess / noise.factor2)
+        return sizes(case.variance_change(excess * (case.counted_e + noise.clock_e)), snr=snr)
 
 
 class RegisterClockCharge(Effect):
@@ -93,17 +88,14 @@ class RegisterClockCharge(Effect):
         events = int(rng.poisson(detector.register_cic_e * stages * work.image.size))
         places = rng.integers(0, max(work.image.size, 1), size=events)
         left = rng.integers(0, stages, size=events)
-        charge = np.ones(events, dtype=np.int64)
         # Stage by stage, all electrons that still have that many stages before them: exact.
         order = np.argsort(-left, kind="stable")
-        counts = np.searchsorted(-left[order], -np.arange(stages, 0, -1), side="right")
-        grown = charge[order]
-        for count in counts:
+        grown = np.ones(events, dtype=np.int64)
+        for count in np.searchsorted(-left[order], -np.arange(stages, 0, -1), side="right"):
             if count:
                 grown[:count] += rng.binomial(grown[:count], p)
-        charge[order] = grown
-        np.add.at(work.image.reshape(-1), places, charge)
-        work.book("register_clock_charge", float(charge.sum()))
+        np.add.at(work.image.reshape(-1), places[order], grown)
+        work.book("register_clock_charge", float(grown.sum()))
 
     def size(self, case: CameraCase) -> Sizes:
         """Return the size of its mean and of twice that as variance."""
@@ -137,18 +129,16 @@ class RegisterFullWell(Effect):
 
     @staticmethod
     def _trail(image: FloatArray, trailed: np.ndarray, exposure: Exposure) -> float:
-        kernels = load_kernels(LIMIT_KERNELS)
-        return float(kernels.serial_spill(image, float(math.floor(exposure.detector.register_full_well_e)), trailed))
+        well = float(math.floor(exposure.detector.register_full_well_e))
+        return float(load_kernels(LIMIT_KERNELS).serial_spill(image, well, trailed))
 
     def size(self, case: CameraCase) -> Sizes:
         """Return the size of what overflows, and whether it may reach a planet."""
         detector, noise = case.detector, case.noise
         well = detector.register_full_well_e / case.em_gain
         held = np.minimum(case.most_e + noise.dark_e, detector.full_well_e if detector.switches.blooming else np.inf)
-        hits = case.hits_per_s * case.exposure_s * case.hits.square_e2
-        struck = case.variance_change(noise.factor2 * hits, inside=False)
         pixel = float(np.max(case.overflow(held + noise.clock_e, well, noise.factor2), initial=0.0))
-        pixel += struck * case.hits.share_above(well)
+        pixel += case.struck() * case.hits.share_above(well)
         reached = case.over_planets(lambda planet: case.spilled_on(planet, well, noise.factor2, case.spill.trails_into))
         return sizes(pixel, reached)
 

@@ -10,12 +10,11 @@ from pydantic import Field
 
 from cpic_core import FloatArray, IntArray, load_kernels
 from simulator.config import FrozenModel
-from simulator.detectors.effect import KERNELS, Effect, Exposure, Work, made_whole, sizes
+from simulator.detectors.effect import KERNELS, Effect, Exposure, Sizes, Work, rounded, sizes
 from simulator.detectors.gain import pixel_keys
 from simulator.detectors.variance import FrameTerm
 
 if TYPE_CHECKING:
-    from simulator.detectors.effect import Sizes
     from simulator.ledger import CameraCase, PlanetPlace
 
 # 1 / 18! is 2e-16.
@@ -112,7 +111,7 @@ class _Transfer(Effect):
     def draw(self, work: Work, exposure: Exposure, rng: np.random.Generator) -> None:
         """Shift the counts."""
         if self._loss(exposure.detector) > 0:
-            made_whole(work, exposure, rng)
+            rounded(work, exposure, rng)
             moved = self._moved(work.image, exposure)
             pixels = moved if self.axis == 0 else moved.T
             chances = self.chances(work.image, exposure)
@@ -140,9 +139,8 @@ class _Transfer(Effect):
         beside = [0.0 if case.reduced else counts * float(hot_e[planet.place].sum()) for planet in case.sketch.planets]
         # Charge of steep halos moves too: a tenth of what moves, measured; and that of hot pixels beside an aperture.
         snr = flux + 0.1 * share * case.snr_share("halo", "other", factor=2.0) + share * case.snr_added(beside)
-        hits = case.hits_per_s * case.exposure_s * case.hits.square_e2
-        struck = share * case.variance_change(noise.factor2 * hits, inside=False)
-        return sizes(case.mean_change(np.concatenate([share * step.ravel(), edge * outside])) + struck, flux, snr)
+        moved = case.mean_change(np.concatenate([share * step.ravel(), edge * outside]))
+        return sizes(moved + share * case.struck(), flux, snr)
 
 
 class ParallelTransfer(_Transfer):
@@ -180,30 +178,29 @@ class ClockCharge(Effect):
 
     def expect(self, image: FloatArray, exposure: Exposure) -> None:
         """Add the mean."""
-        columns = exposure.place.columns
-        image[:, columns] += exposure.detector.cic_e if exposure.cic_e is None else exposure.cic_e[:, columns]
+        image[:, exposure.place.columns] += self._mean_e(exposure)
 
     def draw(self, work: Work, exposure: Exposure, rng: np.random.Generator) -> None:
         """Add the counts."""
-        pixels = work.image[:, exposure.place.columns]
-        if exposure.cic_e is None:
-            total, cumulated = exposure.detector.cic_e * pixels.size, None
-        else:
-            cumulated = np.cumsum(exposure.cic_e[:, exposure.place.columns], dtype=np.float64)
-            total = float(cumulated[-1])
+        pixels, mean = work.image[:, exposure.place.columns], self._mean_e(exposure)
+        cumulated = np.cumsum(mean, dtype=np.float64)
+        total = mean * pixels.size if exposure.cic_e is None else float(cumulated[-1])
         if total > 0.5 * pixels.size:
-            mean = exposure.detector.cic_e if exposure.cic_e is None else exposure.cic_e[:, exposure.place.columns]
             counts = rng.poisson(mean, pixels.shape).astype(np.float64)
             pixels += counts
             work.book("clock_charge", float(counts.sum()))
             return
         events = int(rng.poisson(total))
-        if cumulated is None:
+        if exposure.cic_e is None:
             places = rng.integers(0, max(pixels.size, 1), size=events)
         else:
             places = np.searchsorted(cumulated, rng.random(events) * total, side="right")
         np.add.at(pixels, np.divmod(places, pixels.shape[1]), 1.0)
         work.book("clock_charge", events)
+
+    @staticmethod
+    def _mean_e(exposure: Exposure) -> Any:
+        return exposure.detector.cic_e if exposure.cic_e is None else exposure.cic_e[:, exposure.place.columns]
 
     def added(self, detector: Any, exposure_s: float | None = None) -> FrameTerm:
         """Return the electrons of one frame."""

@@ -141,6 +141,16 @@ class CameraCase:
         """The same of every level of the sketch, the stamp first."""
         return np.concatenate([self.charge_e.ravel(), self.sketch.outside_e_s * self.exposure_s])
 
+    @property
+    def counted_e(self) -> FloatArray:
+        """Of light and dark current, the electrons that are drawn as counts."""
+        return (self.light_e + self.noise.dark_e) * self.noise.photons
+
+    def struck(self) -> float:
+        """Size of the charge of particles on the variance of a pixel."""
+        hits = self.hits_per_s * self.exposure_s * self.hits.square_e2
+        return self.variance_change(self.noise.factor2 * hits, inside=False)
+
     @functools.cached_property
     def most_e(self) -> FloatArray:
         """The same with the light of other sources and of speckles at most."""

@@ -19,10 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cpic_core import (
-    BoolArray,
+
     FloatArray,
     InputError,
-    IntArray,
+
     Outcome,
     PathPart,
     Reason,
@@ -59,14 +59,14 @@ class HoleStacks:
 
     observation: Observation
     static_e_s: FloatArray
-    region: BoolArray
+    region: NDArray[np.bool_]
     epochs: int
     _grid: FocalGrid | None
     _rows: NDArray[np.intp]
     _columns: NDArray[np.intp]
 
     @property
-    def frames(self) -> IntArray:
+    def frames(self) -> NDArray[np.int64]:
         """Number of frames in each draw, shape (epochs,)."""
         edges = [-(-epoch * self.observation.n_frames // self.epochs) for epoch in range(self.epochs + 1)]
         return np.diff(edges)
@@ -235,7 +235,7 @@ def _prepared(observation: Observation, camera: VisibleCamera, rates: FloatArray
     )
 
 
-def _tail_enters(mean_e: FloatArray, region: BoolArray, exposure: Exposure) -> bool:
+def _tail_enters(mean_e: FloatArray, region: NDArray[np.bool_], exposure: Exposure) -> bool:
     """Whether a run of pixels that is read before the hole holds more than the register passes on, noise included."""
     detector, gain = exposure.detector, exposure.em_gain
     factor2 = float(excess_noise_factor2(gain, detector.register_stages))
