@@ -96,9 +96,8 @@ class FrameNoise:
 
     def variance_e2(self, light_e: npt.ArrayLike) -> FloatArray:
         """Return the variance of pixels that light leaves so many electrons in."""
-        return self.charge_variance_e2(
-            (np.asarray(light_e, dtype=np.float64) + self.dark_e) * self.photons + self.clock_e + self.rest_e
-        )
+        counted_e = (np.asarray(light_e, dtype=np.float64) + self.dark_e) * self.photons
+        return self.charge_variance_e2(counted_e + self.clock_e + self.rest_e)
 
     def charge_variance_e2(self, charge_e: npt.ArrayLike) -> FloatArray:
         """Return the variance of pixels that hold so many electrons on average, with dark and clock-induced ones."""

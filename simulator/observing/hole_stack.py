@@ -18,18 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cpic_core import (
-
-    FloatArray,
-    InputError,
-
-    Outcome,
-    PathPart,
-    Reason,
-    Status,
-    check_whole,
-    stream,
-)
+from cpic_core import FloatArray, InputError, Outcome, PathPart, Reason, Status, check_whole, stream
 from simulator.camera import VisibleCamera, stack_electrons, stackable
 from simulator.detectors import Blooming, Exposure, excess_noise_factor2
 from simulator.imaging import ExternalPsf, FocalGrid, centred_axis, visit_frames

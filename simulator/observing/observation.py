@@ -32,21 +32,13 @@ from simulator.ledger import (
 )
 from simulator.observing.scene_light import static_light
 from simulator.observing.sequence import MAX_FRAMES, MAX_REALISATION, Light, Sequence, Stamps, checked_exposure
-from simulator.target import Source, extended_rates, scene_sources, wcs_keywords
+from simulator.products import Truth
+from simulator.target import extended_rates, scene_sources, wcs_keywords
 
 WindowName = Literal["full", "hole"]
 Role = Literal["science", "reference", "calibration"]
 SkyKind = Literal["SCI", "DSF", "CALS"]
 MAX_OFFSET_ARCSEC = 8.0
-
-
-@dataclass(frozen=True)
-class Truth:
-    """What is really there: sources with pixel positions (column, row) in the frame."""
-
-    sources: tuple[Source, ...]
-    x_pixel: tuple[float, ...]
-    y_pixel: tuple[float, ...]
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,15 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cpic_core import FloatArray, InputError, PathPart, check_number, check_whole, numeric_context
-from simulator.camera import (
-    Frame,
-    InfraredCamera,
-    VisibleCamera,
-    bias_level_adu,
-    earlier_frames,
-    em_voltage_of,
-    stack_electrons,
-)
+from simulator.camera import Frame, InfraredCamera, VisibleCamera, camera_keywords, earlier_frames, stack_electrons
 from simulator.config import CameraName, Channel, Detector, Instrument, Section
 from simulator.detectors import Exposure, PastExposure
 from simulator.effects import cosmic_ray_rate, effect_files
@@ -156,30 +148,16 @@ class Sequence:
     @property
     def camera_keywords(self) -> dict[str, Any]:
         """Header keywords of camera and sequence."""
-        detector = self.channel.detector
-        keywords: dict[str, Any] = {
-            "TELESCOP": "CSST",
-            "INSTRUME": "CPIC",
-            "CAMERA": self.camera,
-            "OBSTYPE": self.kind,
+        what = {"TELESCOP": "CSST", "INSTRUME": "CPIC", "CAMERA": self.camera, "OBSTYPE": self.kind}
+        how = {"FILTER": self.band, "EXPTIME": self.exposure_s, "NFRAME": self.n_frames, "EMGAIN": self.em_gain}
+        run = {
             "OBJECT": self.name,
-            "FILTER": self.band,
-            "EXPTIME": self.exposure_s,
-            "NFRAME": self.n_frames,
-            "EMGAIN": self.em_gain,
-            "GAIN": detector.gain_e_adu,
-            "RDNOISE": detector.read_noise_e,
-            "BIASLEV": bias_level_adu(detector),
-            "FULLWELL": detector.full_well_e,
-            "PIXSCALE": self.pixel_scale_arcsec,
             "SEED": self.seed,
             "REALISAT": self.realisation,
             "CONFHASH": self.instrument.content_hash,
         }
-        if isinstance(detector, Detector):
-            keywords["CCDTEMP"] = detector.temperature_k
-            keywords["EMVOLT"] = float(em_voltage_of(self.em_gain, detector.temperature_k).voltage_v)
-        return keywords
+        own = camera_keywords(self.channel.detector, self.em_gain)
+        return what | how | own | {"PIXSCALE": self.pixel_scale_arcsec} | run
 
     @property
     def pixel_scale_arcsec(self) -> float:
