@@ -91,12 +91,12 @@ class _Flaw(Effect):
         if case.reduced:
             return sizes(0.0)
         flaw, t = case.flaws[self.switch], case.exposure_s
-        outside = case.light_e[case.sketch.total_e_s.size :]
+        outside = case.light_e[case.light.total_e_s.size :]
         counts = case.n_frames * case.noise.factor2
-        change = flaw.response * (case.sketch.total_e_s * t) + flaw.dark_e_s * t
+        change = flaw.response * (case.light.total_e_s * t) + flaw.dark_e_s * t
         beyond = flaw.most_response * outside + flaw.most_dark_e_s * t
         lost = [float((weight * flaw.response[place]).sum()) for place, weight in case.cores]
-        dark_e_s = [float((planet.weights**2 * flaw.dark_e_s[planet.place]).sum()) for planet in case.sketch.planets]
+        dark_e_s = [float((planet.weights**2 * flaw.dark_e_s[planet.place]).sum()) for planet in case.light.planets]
         flux = _CORE_MARGIN * max(lost, default=0.0)
         added = case.snr_added([counts * rate_e_s * t for rate_e_s in dark_e_s])
         return sizes(case.mean_change(np.concatenate([change.ravel(), beyond])), flux, flux + added)

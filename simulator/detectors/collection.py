@@ -138,7 +138,7 @@ class PixelNonlinearity(Effect):
         spread = 2.0 * b * noise.factor2 * charge**2 / case.sigma_e**2
 
         def slope(planet: PlanetPlace) -> float:
-            behind = max(case.behind_e_s(planet), float(case.sketch.star_e_s[planet.place].max(initial=0.0)))
+            behind = max(case.behind_e_s(planet), float(case.light.star_e_s[planet.place].max(initial=0.0)))
             return b * t * (2.0 * behind + planet.peak_e_s)
 
         pixel = float(np.max(lost / case.sigma_e + spread, initial=0.0)) + 2.0 * case.struck() * b * case.hits.typical_e

@@ -101,7 +101,7 @@ class RegisterClockCharge(Effect):
         """Return the size of its mean and of twice that as variance."""
         made = self.mean_output_e(case.detector, case.em_gain) / case.em_gain
         spread = 2.0 * made
-        variance = [case.n_frames * case.sketch.noise_pixels * spread] * len(case.variances)
+        variance = [case.n_frames * case.light.noise_pixels * spread] * len(case.variances)
         pixel = max(case.mean_change(made), case.variance_change(spread, inside=False))
         return sizes(pixel, snr=case.snr_added(variance))
 

@@ -78,7 +78,7 @@ class Smear(Effect):
         own = line_s / case.exposure_s * 2.0 * case.radius_pixels
         own *= 0.0 if case.reduced else 1.0 + case.over_planets(lambda planet: planet.hidden)
         snr = own + _SMEAR_MARGIN * case.snr_share("smear")
-        return sizes(case.mean_change(line_s * case.sketch.column_e_s), own, snr)
+        return sizes(case.mean_change(line_s * case.light.column_e_s), own, snr)
 
 
 class _Transfer(Effect):
@@ -136,7 +136,7 @@ class _Transfer(Effect):
         flux = case.over_planets(of_planet)
         hot_e = (case.flaws["bad_pixels"].dark_e_s + case.flaws["bad_columns"].dark_e_s) * case.exposure_s
         counts = case.n_frames * noise.factor2 * noise.photons
-        beside = [0.0 if case.reduced else counts * float(hot_e[planet.place].sum()) for planet in case.sketch.planets]
+        beside = [0.0 if case.reduced else counts * float(hot_e[planet.place].sum()) for planet in case.light.planets]
         # Charge of steep halos moves too: a tenth of what moves, measured; and that of hot pixels beside an aperture.
         snr = flux + 0.1 * share * case.snr_share("halo", "other", factor=2.0) + share * case.snr_added(beside)
         moved = case.mean_change(np.concatenate([share * step.ravel(), edge * outside]))

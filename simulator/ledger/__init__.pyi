@@ -19,4 +19,5 @@ from simulator.ledger.observed import (
     checked_tolerance as checked_tolerance,
     observation_choice as observation_choice,
 )
-from simulator.ledger.prediction import MAX_EPOCHS as MAX_EPOCHS, Forecast as Forecast, forecast as forecast
+from simulator.ledger.prediction import Forecast as Forecast, forecast as forecast
+from simulator.ledger.visit import MAX_EPOCHS as MAX_EPOCHS
