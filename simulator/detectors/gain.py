@@ -13,7 +13,7 @@ give the same excess noise factor, written ``2 (g - 1) g^(-(N+1)/N) + 1/g``).
 
 import functools
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -27,8 +27,7 @@ MAX_DIRECT = 64
 _GUIDE_SHARE = 4
 
 
-@dataclass(frozen=True, eq=False)
-class RegisterTable:
+class RegisterTable(NamedTuple):
     """Distribution functions of the output for 1 to ``n_direct`` electrons, one after the other.
 
     Attributes
@@ -95,13 +94,8 @@ def output_cumulants(probability: float, stages: int) -> tuple[float, float, flo
     h4, h5 = p * q * (1.0 - 6.0 * p * q), p * q * (q - p) * (1.0 - 12.0 * p * q)
     k1, k2, k3, k4, k5 = 1.0, 0.0, 0.0, 0.0, 0.0
     for _ in range(stages):
-        k5 = (
-            h1**5 * k5
-            + 10 * h1**3 * h2 * k4
-            + (10 * h1**2 * h3 + 15 * h1 * h2**2) * k3
-            + (5 * h1 * h4 + 10 * h2 * h3) * k2
-            + h5 * k1
-        )
+        third, second = 10 * h1**2 * h3 + 15 * h1 * h2**2, 5 * h1 * h4 + 10 * h2 * h3
+        k5 = h1**5 * k5 + 10 * h1**3 * h2 * k4 + third * k3 + second * k2 + h5 * k1
         k4 = h1**4 * k4 + 6 * h1**2 * h2 * k3 + (4 * h1 * h3 + 3 * h2**2) * k2 + h4 * k1
         k3 = h1**3 * k3 + 3 * h1 * h2 * k2 + h3 * k1
         k2 = h1**2 * k2 + h2 * k1
@@ -139,14 +133,9 @@ def register_table(gain: float, probability: float, stages: int) -> RegisterTabl
         steps = 1 << math.ceil(math.log2(function.size / _GUIDE_SHARE))
         functions.append(function)
         guides.append(np.searchsorted(function, np.arange(steps) / steps, side="right").astype(np.int32))
-    return RegisterTable(
-        cdf=np.concatenate(functions),
-        start=_starts(functions),
-        guide=np.concatenate(guides),
-        guide_start=_starts(guides),
-        guide_size=np.array([0, *(guide.size for guide in guides)], dtype=np.int64),
-        n_direct=n_direct,
-    )
+    guide_size = np.array([0, *(guide.size for guide in guides)], dtype=np.int64)
+    laws, hints = (np.concatenate(functions), _starts(functions)), (np.concatenate(guides), _starts(guides))
+    return RegisterTable(*laws, *hints, guide_size=guide_size, n_direct=n_direct)
 
 
 def _starts(parts: list[FloatArray] | list[npt.NDArray[np.int32]]) -> IntArray:
@@ -305,20 +294,8 @@ def amplify(charge: FloatArray, gain: float, stages: int, rng: np.random.Generat
         charge[filled] = counts
         return
     table = register_table(gain, p, stages)
-    kernels.multiply_charge(
-        charge,
-        gain,
-        np.array(output_cumulants(p, stages)),
-        added_shape(gain, p),
-        pixel_keys(rng),
-        table.cdf,
-        table.start,
-        table.guide,
-        table.guide_start,
-        table.guide_size,
-        table.n_direct,
-        float(max(_MAX_LOOKUPS * table.n_direct, _EXACT_TO)),
-    )
+    cumulants, n_exact = np.array(output_cumulants(p, stages)), float(max(_MAX_LOOKUPS * table.n_direct, _EXACT_TO))
+    kernels.multiply_charge(charge, gain, cumulants, added_shape(gain, p), pixel_keys(rng), *table, n_exact)
 
 
 def added_shape(gain: float, probability: float) -> float:

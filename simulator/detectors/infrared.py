@@ -316,22 +316,15 @@ def checked_hits(cosmic_rays: Hits, shape: tuple[int, ...]) -> FloatArray:
     if pixels.dtype.kind not in "iu" and pixels.size:
         raise InputError("cosmic_rays pixels", f"array of {pixels.dtype}", allowed="integer indices of the flat array")
     if pixels.ndim != 1 or pixels.shape != electrons.shape:
-        raise InputError(
-            "cosmic_rays",
-            f"shapes {pixels.shape} and {electrons.shape}",
-            allowed="two lists of one length: indices and electrons",
-        )
+        given = f"shapes {pixels.shape} and {electrons.shape}"
+        raise InputError("cosmic_rays", given, allowed="two lists of one length: indices and electrons")
     pixels = pixels.astype(np.int64)
     outside = (pixels < 0) | (pixels >= size)
     if outside.any():
         raise InputError("cosmic_rays pixels", int(pixels[outside][0]), allowed=f"0 to {size - 1}")
-    if (electrons != np.rint(electrons)).any():
-        raise InputError(
-            "cosmic_rays electrons",
-            float(electrons[electrons != np.rint(electrons)][0]),
-            unit="e-",
-            allowed="whole electrons",
-        )
+    broken = electrons[electrons != np.rint(electrons)]
+    if broken.size:
+        raise InputError("cosmic_rays electrons", float(broken[0]), unit="e-", allowed="whole electrons")
     return np.bincount(pixels, weights=electrons, minlength=size).reshape(shape).astype(np.float64)
 
 

@@ -162,13 +162,8 @@ def zodiacal_radiance(longitude_from_sun_deg: float, latitude_deg: float) -> Zod
     table = load_zodi_table()
     longitude = abs((longitude_from_sun_deg + 180.0) % 360.0 - 180.0)
     logarithm, empty = _filled()
-    rows, columns = (
-        _weights(axis, place)
-        for axis, place in (
-            (table.helioecliptic_longitude_deg, longitude),
-            (table.ecliptic_latitude_deg, abs(latitude_deg)),
-        )
-    )
+    rows = _weights(table.helioecliptic_longitude_deg, longitude)
+    columns = _weights(table.ecliptic_latitude_deg, abs(latitude_deg))
     value = sum(wr * wc * logarithm[i, j] for i, wr in rows for j, wc in columns)
     avoided = any(wr * wc > 0.0 and empty[i, j] for i, wr in rows for j, wc in columns)
     return ZodiacalRadiance(float(np.exp(value)), avoided)
@@ -308,11 +303,7 @@ def _place(ra_deg: Any, dec_deg: Any, start_utc: Any) -> tuple[float, float]:
     """Ecliptic longitude from the Sun and latitude of a target at a date, degrees."""
     for name, value in (("ra_deg", ra_deg), ("dec_deg", dec_deg), ("start_utc", start_utc)):
         if value is None:
-            raise InputError(
-                name,
-                "missing",
-                allowed="place and date of the target, which sky.model: zodiacal needs",
-                hint="sky.model: uniform needs none",
-            )
+            allowed = "place and date of the target, which sky.model: zodiacal needs"
+            raise InputError(name, "missing", allowed=allowed, hint="sky.model: uniform needs none")
     longitude, latitude = ecliptic_deg(right_ascension_deg(ra_deg), declination_deg(dec_deg))
     return longitude - sun_longitude_deg(parse_utc("start_utc", start_utc)), latitude
