@@ -16,14 +16,7 @@ from pydantic import Field, create_model
 
 from cpic_core import checked_array
 from simulator.config import FrozenModel
-from simulator.detectors.collection import (
-    Blooming,
-    CosmicRayHits,
-    InfraredPhotonNoise,
-    PhotonNoise,
-    PixelNonlinearity,
-    ReadoutGlow,
-)
+from simulator.detectors.collection import Blooming, CosmicRayHits, InfraredPhotonNoise, PhotonNoise, PixelNonlinearity
 from simulator.detectors.effect import Effect, Setting, Work, counted, sizes
 from simulator.detectors.infrared import (
     InfraredHits,
@@ -238,7 +231,6 @@ VISIBLE: Chain = (
     Blooming(),
     ParallelTransfer(),
     ClockCharge(),
-    ReadoutGlow(),
     SerialTransfer(),
     Register(),
     RegisterClockCharge(),

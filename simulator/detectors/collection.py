@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from pydantic import Field
@@ -22,7 +22,6 @@ from simulator.detectors.effect import (
     sizes,
 )
 from simulator.detectors.gain import pixel_keys
-from simulator.detectors.variance import FrameTerm
 
 if TYPE_CHECKING:
     from simulator.detectors.effect import Sizes
@@ -121,48 +120,6 @@ class CosmicRayHits(Effect):
         charge = case.hits_per_s * t * case.hits.mean_e
         pixel = case.variance_change(case.noise.factor2 * hits, inside=False) + case.mean_change(charge)
         return sizes(0.0 if case.reduced else pixel, snr=1.0 - math.exp(-0.5 * case.lost_per_s * t))
-
-
-class GlowNumbers(FrozenModel):
-    """Mean charge that the glow of the read-out leaves in every pixel of a frame, electrons."""
-
-    charge_e: Annotated[float, Field(ge=0, le=1e5)]
-
-
-class ReadoutGlow(Effect):
-    """Light of the output amplifier during read-out, seen by every pixel: Poisson, once a frame."""
-
-    switch = "readout_glow"
-    label = "glow of the read-out"
-    law = "Poisson, once a frame"
-    stage = "charge"
-    in_sums = "per_electron"
-    settings = GlowNumbers
-    preset: ClassVar = {
-        "readout_glow": {"charge_e": {"value": 0, "unit": "e-", "source": "none is known", "confidence": "A"}},
-        "switches": {"readout_glow": True},
-    }
-    number = "readout_glow.charge_e"
-    frame_s = 2e-4
-
-    def expect(self, image: FloatArray, exposure: Exposure) -> None:
-        """Add the mean."""
-        image += exposure.detector.readout_glow.charge_e
-
-    def draw(self, work: Work, exposure: Exposure, rng: np.random.Generator) -> None:
-        """Add the counts."""
-        charge = rng.poisson(exposure.detector.readout_glow.charge_e, work.image.shape)
-        work.image += charge
-        work.book(self.switch, charge.sum())
-
-    def added(self, detector: Any, exposure_s: float | None = None) -> FrameTerm:
-        """Return the electrons of one frame."""
-        return FrameTerm(charge_e=detector.readout_glow.charge_e)
-
-    def size(self, case: CameraCase) -> Sizes:
-        """Return the size of the mean."""
-        charge_e = case.detector.readout_glow.charge_e
-        return sizes(case.mean_change(charge_e), snr=case.snr_share(self.budget_term))
 
 
 class PixelNonlinearity(Effect):
