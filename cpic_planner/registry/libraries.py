@@ -220,14 +220,13 @@ class OtherStar(Library):
             source.model_copy(update={"contrast": source.contrast_to(own.v_mag), "v_mag": None})
             for source in scene.extended
         )
-        star = self._star(settings, own)
-        looks = {key: getattr(star, key) for key in ("v_mag", "teff_k", "log_g", "metallicity")}
-        other = SceneStar(name=name, ra_deg=own.ra_deg, dec_deg=own.dec_deg, **looks)
-        return Scene(name=name, cstar=other, extended=dust)
+        return Scene(name=name, cstar=self._star(settings, own, name), extended=dust)
 
-    def _star(self, settings: LibrarySettings, science: SceneStar) -> StarSettings:
-        """Return the reference star of a science star."""
-        return _star_of(settings)
+    def _star(self, settings: LibrarySettings, science: SceneStar, name: str) -> SceneStar:
+        """Return the reference star of a science star, at the same place."""
+        star = _star_of(settings)
+        looks = {key: getattr(star, key) for key in ("v_mag", "teff_k", "log_g", "metallicity")}
+        return SceneStar(name=name, ra_deg=science.ra_deg, dec_deg=science.dec_deg, **looks)
 
 
 class BrighterTwin(OtherStar):
@@ -235,7 +234,7 @@ class BrighterTwin(OtherStar):
 
     name = "brighter_twin"
     meaning = "a star of the same type, two magnitudes brighter"
-    caveats: Mapping[str, str] = MappingProxyType({})
+    caveats = MappingProxyType({})
     _BRIGHTER_MAG = 2.0
 
     def check(self, settings: LibrarySettings, choice: str) -> None:
@@ -247,8 +246,8 @@ class BrighterTwin(OtherStar):
         """Return the noise scaled by the ratio of rates, the same in every band; see `Library.noise`."""
         return self._scaled(np.full(np.shape(star_e_s), 10.0 ** (0.4 * self._BRIGHTER_MAG)))
 
-    def _star(self, settings: LibrarySettings, science: SceneStar) -> StarSettings:
-        return science.model_copy(update={"v_mag": science.v_mag - self._BRIGHTER_MAG})
+    def _star(self, settings: LibrarySettings, science: SceneStar, name: str) -> SceneStar:
+        return science.model_copy(update={"name": name, "v_mag": science.v_mag - self._BRIGHTER_MAG})
 
 
 def _star_of(settings: LibrarySettings) -> StarSettings:

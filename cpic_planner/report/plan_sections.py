@@ -195,7 +195,7 @@ def _request(report: PlanReport) -> Iterator[doc.Block]:
         "catalogue epoch, without proper motion."
     )
     yield doc.table("Observing request", caption, _REQUEST, rows)
-    total_s = sum(best.time_s for _, best in rows)
+    total_s = sum(best.time_s or 0.0 for _, best in rows)
     yield doc.Paragraph(f"Sum of the wall times: {duration_text(total_s)}.", "note")
 
 
