@@ -1,6 +1,6 @@
 """What an effect of a detector is: all that the program knows about it stands in one class.
 
-A new effect is a subclass of `Effect` in a file of its own and one line in `simulator.detectors.chains`. From there it
+A new effect is a subclass of `Effect` in a file of its own and one entry in `simulator.detectors.chains`. From there it
 has its switch and its numbers in the configuration of the camera, is drawn in frames, is part of the expected image,
 adds its variance to the noise of the exposure-time calculator and of the effect ledger, and has its words in both.
 

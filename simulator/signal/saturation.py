@@ -224,11 +224,7 @@ def overflow(mean_e: FloatArray | float, well_e: float, factor2: float) -> Float
 
 
 def longest_exposure_s(
-    column_peak_e_s: ArrayLike,
-    hole_peak_e_s: ArrayLike,
-    register_tail_e_s: ArrayLike,
-    camera: Wells,
-    em_gain: float = 1.0,
+    column_peak_e_s: ArrayLike, hole_peak_e_s: ArrayLike, register_e_s: ArrayLike, camera: Wells, em_gain: float = 1.0
 ) -> FloatArray:
     """Return the exposure at which a hard limit is met at a gain.
 
@@ -239,7 +235,7 @@ def longest_exposure_s(
         because blooming charge runs along the column into the hole.
     hole_peak_e_s : array_like
         Hottest pixel inside the hole, e-/s: it must fit the register and the converter as well.
-    register_tail_e_s : array_like
+    register_e_s : array_like
         Light beside the hole that must fit the register, lest charge trails into the hole.
     camera : Wells
     em_gain : float
@@ -249,7 +245,7 @@ def longest_exposure_s(
     ndarray
         Seconds, without regard to ``exposure_max_s``; ``inf`` for dark pixels.
     """
-    hole, tail = np.asarray(hole_peak_e_s, float), np.asarray(register_tail_e_s, float)
+    hole, tail = np.asarray(hole_peak_e_s, float), np.asarray(register_e_s, float)
     column = np.maximum(np.asarray(column_peak_e_s, float), hole) if camera.blooms else hole
     well = largest_mean_e(camera.full_well_e, 1.0)
     output = largest_mean_e(camera.output_well_e / em_gain, 2.0)
@@ -261,14 +257,12 @@ def longest_exposure_s(
     return np.minimum(np.minimum(limits[0], limits[1]), limits[2])
 
 
-def largest_gain(
-    hole_peak_e_s: ArrayLike, register_tail_e_s: ArrayLike, exposure_s: ArrayLike, camera: Wells
-) -> FloatArray:
+def largest_gain(hole_peak_e_s: ArrayLike, register_e_s: ArrayLike, exposure_s: ArrayLike, camera: Wells) -> FloatArray:
     """Return the largest EM gain that keeps the hole clean: its pixels unsaturated, no register tail running into it.
 
     Parameters
     ----------
-    hole_peak_e_s, register_tail_e_s, camera
+    hole_peak_e_s, register_e_s, camera
         As of `longest_exposure_s`; the pixel's own well is its business.
     exposure_s : array_like
         Of a frame.
@@ -280,7 +274,7 @@ def largest_gain(
     """
     exposure = np.asarray(exposure_s, float)
     own = crest_e(np.asarray(hole_peak_e_s, float) * exposure, 2.0)
-    beside = crest_e(np.asarray(register_tail_e_s, float) * exposure, 2.0) if camera.blooms else np.zeros_like(own)
+    beside = crest_e(np.asarray(register_e_s, float) * exposure, 2.0) if camera.blooms else np.zeros_like(own)
     with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
         inside = np.where(own > 0, camera.output_well_e / own, np.inf)
         trail = np.where(beside > 0, camera.register_full_well_e / beside, np.inf)
@@ -289,13 +283,13 @@ def largest_gain(
 
 
 def gain_caps(
-    hole_peak_e_s: float, register_tail_e_s: float, frame_peak_e_s: float, exposure_s: float, camera: Wells
+    hole_peak_e_s: float, register_e_s: float, frame_peak_e_s: float, exposure_s: float, camera: Wells
 ) -> dict[str, float]:
     """Return the largest gains of one exposure by what they spare; 0 where not even gain 1 does.
 
     Parameters
     ----------
-    hole_peak_e_s, register_tail_e_s, camera
+    hole_peak_e_s, register_e_s, camera
         As of `longest_exposure_s`.
     frame_peak_e_s : float
         Hottest pixel of the central star anywhere, e-/s.
@@ -310,7 +304,7 @@ def gain_caps(
     """
     wells = {
         "hole": (hole_peak_e_s, camera.output_well_e),
-        "register_tail": (register_tail_e_s if camera.blooms else 0.0, camera.register_full_well_e),
+        "register_tail": (register_e_s if camera.blooms else 0.0, camera.register_full_well_e),
         "frame": (frame_peak_e_s, camera.output_well_e),
     }
     caps = {}
@@ -323,25 +317,20 @@ def gain_caps(
 
 
 def frame_limit(
-    column_peak_e_s: float,
-    hole_peak_e_s: float,
-    register_tail_e_s: float,
-    exposure_s: float,
-    em_gain: float,
-    camera: Wells,
+    column_peak_e_s: float, hole_peak_e_s: float, register_e_s: float, exposure_s: float, em_gain: float, camera: Wells
 ) -> Reason:
     """Return the limit that a frame breaks furthest, `Reason.NONE` if none.
 
     Parameters
     ----------
-    column_peak_e_s, hole_peak_e_s, register_tail_e_s, em_gain, camera
+    column_peak_e_s, hole_peak_e_s, register_e_s, em_gain, camera
         As of `longest_exposure_s`.
     exposure_s : float
         Of the frame.
     """
     column = max(column_peak_e_s, hole_peak_e_s) if camera.blooms else hole_peak_e_s
     output = em_gain * float(crest_e(hole_peak_e_s * exposure_s, 2.0))
-    tail = em_gain * float(crest_e(register_tail_e_s * exposure_s, 2.0)) if camera.blooms else 0.0
+    tail = em_gain * float(crest_e(register_e_s * exposure_s, 2.0)) if camera.blooms else 0.0
     well = float(crest_e(column * exposure_s, 1.0))
     fills = {
         Reason.PIXEL_FULL_WELL: well / camera.full_well_e,
