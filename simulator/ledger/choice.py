@@ -1,18 +1,22 @@
-"""What is left out: the cheapest way to model an observation that keeps every quantity within its tolerance."""
+"""What is left out: the cheapest way to model an observation that keeps every quantity within its tolerance.
+
+Which quantities a tolerance holds for.
+"""
 
 import math
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
-from cpic_core import Outcome, Reason, Status
+from cpic_core import InputError, Outcome, Reason, Status, check_number
+from simulator.config import Instrument, Scene
 from simulator.detectors import VISIBLE, Sizes, rows_of
-from simulator.knobs import Dial, Knobs, Quantity
+from simulator.knobs import MAX_TOLERANCE, Dial, Knobs, Quantity
 from simulator.ledger import choice_rows as costs
 from simulator.ledger.case import NOT_IN_SUMS
 from simulator.ledger.choice_rows import SETTINGS, Chosen, choice_rows, stamp_s
 from simulator.ledger.inventory import EffectRow
-from simulator.ledger.prediction import Forecast
+from simulator.ledger.prediction import Forecast, forecast
 from simulator.ledger.visit import MAX_EPOCHS
 
 SUM_EPOCHS = 6
@@ -256,3 +260,66 @@ class _Chooser(Chosen):
         region: Literal["full", "hole"] = "full" if self.full else "hole"
         what = (choice_rows(self), self.knobs, switches, left_out, "sky" not in self.skipped, self.epochs)
         return Choice(*what, self.draw, region, errors, outcome)
+
+
+def checked_tolerance(tolerance: Any) -> float:
+    """A tolerance from 0 to 0.5.
+
+    Raises
+    ------
+    InputError
+        If it is none.
+    """
+    value = check_number("tolerance", tolerance)
+    if not 0.0 <= value <= MAX_TOLERANCE:
+        raise InputError("tolerance", tolerance, allowed=f"0 to {MAX_TOLERANCE:g}")
+    return value
+
+
+def checked_quantities(quantity: Quantity | Sequence[Quantity] | None, *, planets: bool) -> tuple[Quantity, ...]:
+    """Quantities that a tolerance holds for; by default the pixel map, and with planets all three.
+
+    Raises
+    ------
+    InputError
+        For a name that is no quantity, or that of a planet where there is none.
+    """
+    known: tuple[Quantity, ...] = get_args(Quantity)
+    possible = known if planets else tuple(name for name in known if name == "pixel_map")
+    if quantity is None:
+        return possible
+    names = (quantity,) if isinstance(quantity, str) else tuple(quantity)
+    for name in names:
+        if name not in possible:
+            hint = "" if planets or name not in known else "the scene has no planet"
+            raise InputError("quantity", name, allowed=", ".join(possible), hint=hint)
+    if not names:
+        raise InputError("quantity", quantity, allowed=f"at least one of {', '.join(possible)}")
+    return tuple(name for name in known if name in names)
+
+
+def observation_choice(
+    scene: Scene,
+    instrument: Instrument,
+    *,
+    tolerance: float,
+    quantity: Quantity | Sequence[Quantity] | None,
+    finest: Knobs,
+    full: bool,
+    **settings: Any,
+) -> Choice:
+    """What an observation leaves out; drawn frame by frame, on the window that was asked for.
+
+    Parameters
+    ----------
+    scene, instrument, full, **settings
+        As `simulator.ledger.forecast`.
+    tolerance, quantity
+        As `simulator.observing.observation.observe`.
+    finest : Knobs
+        Settings of the optics without a tolerance.
+    """
+    asked = checked_quantities(quantity, planets=bool(scene.planets))
+    dial = Dial(fidelity="custom", tolerance=dict.fromkeys(asked, tolerance), knobs=None)
+    predicted = forecast(scene, instrument, full=full, **settings)
+    return choose(predicted, dial, fixed=("summed_frames", "hole_region"), finest=finest)
