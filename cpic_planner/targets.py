@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalogs import Catalogue, StarTable, open_catalogue, resolve_star
-from cpic_core import FloatArray, InputError
+from cpic_core import FloatArray, InputError, IntArray
 from simulator.config import ASSUMED_PA_DEG
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ class Targets:
     """Columns of ``n`` stars as arrays; missing companions are NaN."""
 
     name: NDArray[np.str_]
-    hip: NDArray[np.int64]
+    hip: IntArray
     sp_type: NDArray[np.str_]
     ra_deg: FloatArray
     dec_deg: FloatArray

@@ -4,10 +4,10 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from catalogs import KnownPlanetTable
-from cpic_core import FloatArray, InputError, check_finite, stream
+from cpic_core import FloatArray, InputError, IntArray, check_finite, stream
 from cpic_planner.planets.known_rows import QUANTITIES, DrawnRows
 from cpic_planner.planets.orbits import ORBIT, OrbitingPlanets, OrbitPlaces
 from cpic_planner.planets.population import Planets
@@ -177,7 +177,7 @@ def draw_known(
     )
 
 
-def _star_masses(given: ArrayLike | None, index: NDArray[np.int64]) -> FloatArray:
+def _star_masses(given: ArrayLike | None, index: IntArray) -> FloatArray:
     if given is None:
         return np.full(len(index), np.nan)
     return np.broadcast_to(np.asarray(given, float), (len(index),))

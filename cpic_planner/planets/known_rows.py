@@ -6,10 +6,10 @@ What the columns of a table of known planets leave open: each quantity as a func
 import functools
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from catalogs import KnownPlanetTable
-from cpic_core import FloatArray, InputError, check_finite
+from cpic_core import BoolArray, FloatArray, InputError, IntArray, check_finite
 from cpic_planner.planets.laws import Isotropic, Law
 from cpic_planner.planets.population_config import load_population
 
@@ -103,7 +103,7 @@ def _usual_eccentricity() -> Law:
 class DrawnRows:
     """Columns of some rows with the uniform numbers of their draws."""
 
-    def __init__(self, table: KnownPlanetTable, index: NDArray[np.int64], uniforms: FloatArray) -> None:
+    def __init__(self, table: KnownPlanetTable, index: IntArray, uniforms: FloatArray) -> None:
         self.table, self.index, self.uniforms = table, index, uniforms
         self.flags = [table.flags(int(row)) for row in index]
 
@@ -115,7 +115,7 @@ class DrawnRows:
         """Uniform numbers of a quantity, shape ``(n_rows, n_draws)``, as of all that follows."""
         return self.uniforms[:, :, QUANTITIES.index(quantity)]
 
-    def flagged(self, flag: str) -> NDArray[np.bool_]:
+    def flagged(self, flag: str) -> BoolArray:
         """Which rows have a flag, shape ``(n_rows, 1)``."""
         return np.array([flag in flags for flags in self.flags], bool)[:, None]
 

@@ -7,10 +7,9 @@ from collections.abc import Mapping
 from typing import Annotated, Any, Literal, TypeAlias, cast
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from cpic_core import FloatArray, InputError
+from cpic_core import FloatArray, InputError, IntArray
 from simulator.config import FrozenModel, Real, nearest, validate
 
 
@@ -267,7 +266,7 @@ def read_law(value: Any) -> Law:
     return validate(_BY_NAME[name], given)
 
 
-def chosen_entry(share: FloatArray, weights: tuple[float, ...]) -> NDArray[np.int64]:
+def chosen_entry(share: FloatArray, weights: tuple[float, ...]) -> IntArray:
     """Entry of a list that each share of the population falls on, entries weighed.
 
     Parameters

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cpic_core import FloatArray, InputError, check_whole, stream
+from cpic_core import FloatArray, InputError, IntArray, check_whole, stream
 from cpic_planner.planets.laws import chosen_entry
 from cpic_planner.planets.orbits import ORBIT, OrbitingPlanets, orbit_places
 from cpic_planner.planets.population_config import QUANTITIES, PopulationConfig, load_population
@@ -36,7 +35,7 @@ class Planets(OrbitingPlanets):
     """
 
     population: str
-    kind: NDArray[np.int64]
+    kind: IntArray
     east_au: FloatArray
     north_au: FloatArray
     distance_au: FloatArray

@@ -7,10 +7,9 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BeforeValidator, Field, PrivateAttr, ValidationInfo, model_validator
 
-from cpic_core import FloatArray, InputError, Provenance, split_sourced
+from cpic_core import FloatArray, InputError, IntArray, Provenance, split_sourced
 from cpic_planner.planets.laws import Law, read_law
 from cpic_planner.planets.orbits import ECCENTRICITY_MAX
 from cpic_planner.queries import ReferencePlanet
@@ -175,7 +174,7 @@ mean_anomaly_deg : Law
             for kind in self.kinds
         )
 
-    def quantiles(self, kind: NDArray[np.int64], shares: Sequence[FloatArray]) -> dict[str, FloatArray]:
+    def quantiles(self, kind: IntArray, shares: Sequence[FloatArray]) -> dict[str, FloatArray]:
         """Return what each planet is, from its kind and uniform numbers.
 
         Parameters

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from cpic_core import FloatArray, InputError, IntArray, check_finite, real_array
+from cpic_core import BoolArray, FloatArray, InputError, IntArray, check_finite, real_array
 from cpic_planner.etc import (
     ApertureRates,
     EtcModel,
@@ -200,7 +200,7 @@ def _contrast(
     some: _Placed,
     pick: IntArray,
     scale: FloatArray,
-    usable: NDArray[np.bool_],
+    usable: BoolArray,
     insolation: list[float],
 ) -> FloatArray:
     """Contrast of the picked planets of each star, shape ``(n, k)``; the range of their insolation is noted."""
@@ -220,7 +220,7 @@ def _detected(
     y_arcsec: FloatArray,
     contrast: FloatArray,
     setting: list[FloatArray],
-) -> NDArray[np.bool_]:
+) -> BoolArray:
     """Whether planets reach the threshold of their separation."""
     rates = aperture_rates(model, targets, band, x_arcsec, y_arcsec, contrast)
     significance = _significance(model, rates, band, *setting)
@@ -244,7 +244,7 @@ def _significance(
         return np.asarray(1.0 / np.sqrt(problem.inverse_snr2(exposure_s, n_frames)))
 
 
-def inside_zone(zone: HoleZone, x_arcsec: FloatArray, y_arcsec: FloatArray, margin_arcsec: float) -> NDArray[np.bool_]:
+def inside_zone(zone: HoleZone, x_arcsec: FloatArray, y_arcsec: FloatArray, margin_arcsec: float) -> BoolArray:
     """Which points lie in the zone, at least ``margin`` from its edges.
 
     Parameters

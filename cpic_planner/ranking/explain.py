@@ -20,8 +20,8 @@ from cpic_planner.etc import (
 from cpic_planner.planets import Planets, PopulationChoice
 from cpic_planner.queries import ReferencePlanet
 from cpic_planner.ranking.completeness import completeness
-from cpic_planner.ranking.optimiser import Best, best_in_band
-from cpic_planner.ranking.order import judge, limits_of, rank_targets, setting_fields
+from cpic_planner.ranking.optimiser import OptimalSetting, best_in_band
+from cpic_planner.ranking.order import detection_statuses, limits_of, rank_targets, setting_fields
 from cpic_planner.ranking.sensitivity import ASSUMPTIONS, N_TOP, Setting, in_order, in_turn, near_top
 from cpic_planner.registry import DEFAULT_SCORE, SCORES, ScoreName
 from cpic_planner.results import BandStanding, Explanation, RankedTarget
@@ -114,7 +114,7 @@ def _standing(
     counted = completeness(
         model, star, band, planets, exposure_s=best.exposure_s, n_frames=best.n_frames, em_gain=best.em_gain
     )
-    standing = judge(best, model)[0]
+    standing = detection_statuses(best, model)[0]
     cases = band_cases(model, star, band, planets_of(float(best.separation_arcsec[0]), planet), FrameWish())
     choice = _choice(model, best)
     noise = cases.noise(choice)
@@ -137,7 +137,7 @@ def _standing(
     )
 
 
-def _choice(model: EtcModel, best: Best) -> FrameChoice:
+def _choice(model: EtcModel, best: OptimalSetting) -> FrameChoice:
     """The frames of a best setting, as the solver gives them."""
     exposure, frames, gain = (column[:, None] for column in (best.exposure_s, best.n_frames, best.em_gain))
     visit = frames * (exposure + model.camera(str(best.band[0])).readout_s)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cpic_core import FloatArray, InputError, Reason, Status
+from cpic_core import BoolArray, FloatArray, InputError, Reason, Status
 from cpic_planner.etc import (
     ApertureRates,
     EtcModel,
@@ -50,7 +50,7 @@ MIN_BACKGROUND_APERTURES = 25.0
 
 
 @dataclass(frozen=True)
-class Best:
+class OptimalSetting:
     """Best setting of each target; arrays of ``n`` stars.
 
     ``margin`` is significance over the detection threshold at the chosen separation; at ``needed_margin`` half of the
@@ -79,8 +79,8 @@ class Best:
     needed_margin: FloatArray
     chance_blind: FloatArray
     chance_known_place: FloatArray
-    without_speckles: NDArray[np.bool_]
-    without_background: NDArray[np.bool_]
+    without_speckles: BoolArray
+    without_background: BoolArray
     contrast_limit: FloatArray
     deepest_limit: FloatArray
     deepest_separation_arcsec: FloatArray
@@ -89,7 +89,7 @@ class Best:
     peak_hole_e_s: FloatArray
     tail_e_s: FloatArray
     core_throughput: FloatArray
-    extrapolated: NDArray[np.bool_]
+    extrapolated: BoolArray
     outside: NDArray[np.str_]
 
 
@@ -129,7 +129,7 @@ def optimise(
     separation_arcsec: float | None = None,
     planet: ReferencePlanet | None = None,
     bands: Sequence[str] | None = None,
-) -> Best:
+) -> OptimalSetting:
     """Best band, separation and frame settings of each target.
 
     Parameters
@@ -151,7 +151,7 @@ def optimise(
 
     Returns
     -------
-    Best
+    OptimalSetting
 
     Raises
     ------
@@ -190,7 +190,7 @@ def best_in_band(
     time_s: float,
     planet: ReferencePlanet,
     separation_arcsec: float | None = None,
-) -> Best:
+) -> OptimalSetting:
     """Best separation, length of visit and settings of each target in one band within a time; see `optimise`."""
     visit = model.visit_s(time_s)
 
@@ -206,7 +206,7 @@ def _least_in_band(
     snr: float | None,
     planet: ReferencePlanet,
     separation_arcsec: float | None = None,
-) -> Best:
+) -> OptimalSetting:
     """Least time of each target in one band, for an SNR or a detection."""
     objective: Objective = "significance" if snr is None else "snr"
 
@@ -299,7 +299,7 @@ class _Search:
         bound[doubtful] = np.minimum(bound[doubtful], 1.0 / least)
         return bound
 
-    def _would_detect(self, possible: NDArray[np.bool_], visit_s: FloatArray, change: _Change) -> NDArray[np.bool_]:
+    def _would_detect(self, possible: BoolArray, visit_s: FloatArray, change: _Change) -> BoolArray:
         """Stars of those possible whose planet a change makes detected, at the separation that is best under it."""
         camera, needed = self.model.camera(self.band), needed_margin(self.model, self.band)
 
@@ -314,7 +314,7 @@ class _Search:
             found[possible] = reached(changed(places), visit_s, needed * places.threshold)[:, 0]
         return found
 
-    def best(self, chosen: _Places, choice: FrameChoice, visit_s: FloatArray | None = None) -> Best:
+    def best(self, chosen: _Places, choice: FrameChoice, visit_s: FloatArray | None = None) -> OptimalSetting:
         """Everything about the chosen separations and frames; what limits them only in a given visit."""
         model, band, n = self.model, self.band, len(self.targets)
         strategy, camera = model.strategy, model.camera(band)
@@ -357,7 +357,7 @@ class _Search:
         chances = visit_chances(model, band, chosen.separation_arcsec, choice.visit_s, noise, margin)
         beyond = model.passbands.albedo_flags(albedo_source(self.planet.albedo))[model.passbands.index(band)]
 
-        return Best(
+        return OptimalSetting(
             band=np.full(n, band),
             separation_arcsec=column(chosen.separation_arcsec),
             contrast=column(chosen.contrast),
@@ -388,7 +388,7 @@ class _Search:
         )
 
 
-def best_of(found: Sequence[Best], *, by_time: bool = False) -> Best:
+def best_of(found: Sequence[OptimalSetting], *, by_time: bool = False) -> OptimalSetting:
     """Row by row the one of largest margin (or of least time), the first of equals; extrapolated ones come last.
 
     Whether a change would make the planet detected is said of any of them.
@@ -402,5 +402,7 @@ def best_of(found: Sequence[Best], *, by_time: bool = False) -> Best:
     rows = np.arange(cost.shape[1])
     pick = np.lexsort((np.broadcast_to(np.arange(len(found))[:, None], cost.shape), cost, last), axis=0)[0]
     changed = {name: np.any([getattr(item, name) for item in found], axis=0) for name in _CHANGES}
-    others = (name for name in Best.__dataclass_fields__ if name not in _CHANGES)
-    return Best(**changed, **{name: np.stack([getattr(item, name) for item in found])[pick, rows] for name in others})
+    others = (name for name in OptimalSetting.__dataclass_fields__ if name not in _CHANGES)
+    return OptimalSetting(
+        **changed, **{name: np.stack([getattr(item, name) for item in found])[pick, rows] for name in others}
+    )

@@ -7,10 +7,9 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from catalogs import snapshot_vintage
-from cpic_core import FloatArray, InputError, Reason, Status, announce
+from cpic_core import FloatArray, InputError, IntArray, Reason, Status, announce
 from cpic_planner.etc import (
     EtcModel,
     FrameCamera,
@@ -27,7 +26,7 @@ from cpic_planner.planets import Planets, PopulationChoice
 from cpic_planner.queries import ReferencePlanet
 from cpic_planner.ranking.completeness import BandCompleteness, completeness
 from cpic_planner.ranking.known_completeness import KnownChoice, KnownSample, known_completeness
-from cpic_planner.ranking.optimiser import Best, best_in_band, best_of, optimise
+from cpic_planner.ranking.optimiser import OptimalSetting, best_in_band, best_of, optimise
 from cpic_planner.registry import DEFAULT_SCORE, SCORES, ScoreName, StarNumbers
 from cpic_planner.results import LimitText, RankedTarget, RankResult, ReferencePlanetRecord
 from cpic_planner.targets import Targets
@@ -45,11 +44,11 @@ class Ranked:
     largest per hour (or largest, where that is the score).
     """
 
-    best: Best
-    by_band: tuple[Best, ...]
-    quickest: Best | None
+    best: OptimalSetting
+    by_band: tuple[OptimalSetting, ...]
+    quickest: OptimalSetting | None
     counted: tuple[BandCompleteness, ...]
-    picked: NDArray[np.int64]
+    picked: IntArray
     score: FloatArray
 
     def chosen(self, name: str) -> FloatArray:
@@ -118,25 +117,25 @@ def rank_hash(
     )
 
 
-def judge(best: Best, model: EtcModel) -> list[tuple[Status, Reason]]:
+def detection_statuses(best: OptimalSetting, model: EtcModel) -> list[tuple[Status, Reason]]:
     """Whether the reference planet is detected in the given time, and if not, why.
 
-    A detection is a significance that half of the visits show at a known place (`Best.needed_margin`). The reason
-    ``speckle_floor`` says that no length of visit reaches it, not that the drift decides: `limits_of` says that.
+    A detection is a significance that half of the visits show at a known place (`OptimalSetting.needed_margin`). The
+    reason ``speckle_floor`` says that no length of visit reaches it, not that the drift decides: `limits_of` says that.
 
     Parameters
     ----------
-    best : Best
+    best : OptimalSetting
     model : EtcModel
     """
     return [_verdict(best, i, model.camera(str(best.band[i]))) for i in range(len(best.margin))]
 
 
-def _verdict(best: Best, i: int, camera: FrameCamera) -> tuple[Status, Reason]:
+def _verdict(best: OptimalSetting, i: int, camera: FrameCamera) -> tuple[Status, Reason]:
     if best.outside[i]:
         return Status.OUTSIDE_FIELD, Reason(str(best.outside[i]))
     if best.n_frames[i] < 1:
-        return no_frame(best, i, camera)
+        return no_frame_status(best, i, camera)
     if best.margin[i] >= best.needed_margin[i]:
         return Status.OK, Reason.NONE
     if best.floor_margin[i] <= best.needed_margin[i]:
@@ -144,14 +143,14 @@ def _verdict(best: Best, i: int, camera: FrameCamera) -> tuple[Status, Reason]:
     return Status.UNREACHABLE, Reason.INSUFFICIENT_TIME
 
 
-def limits_of(standings: Sequence[tuple[Status, Reason]], best: Best) -> list[LimitText]:
+def limits_of(standings: Sequence[tuple[Status, Reason]], best: OptimalSetting) -> list[LimitText]:
     """Return what limits the detection of each star's reference planet in the given time.
 
     Parameters
     ----------
     standings : sequence
-        Status and reason of each star, of `judge`.
-    best : Best
+        Status and reason of each star, of `detection_statuses`.
+    best : OptimalSetting
         The same stars, in their best band.
     """
     return [
@@ -165,7 +164,7 @@ def limits_of(standings: Sequence[tuple[Status, Reason]], best: Best) -> list[Li
     ]
 
 
-def no_frame(best: Best, i: int, camera: FrameCamera) -> tuple[Status, Reason]:
+def no_frame_status(best: OptimalSetting, i: int, camera: FrameCamera) -> tuple[Status, Reason]:
     """Why not even one frame is possible: the shortest one saturates, or the time is too short for it."""
     peaks = (float(best.peak_columns_e_s[i]), float(best.peak_hole_e_s[i]), float(best.tail_e_s[i]))
     limit = frame_limit(*peaks, camera.exposure_min_s, 1.0, camera)
@@ -199,7 +198,10 @@ def ranked(
 
 
 def _numbers(
-    best: Best, by_band: Sequence[Best], quickest: Best | None, counted: Sequence[BandCompleteness]
+    best: OptimalSetting,
+    by_band: Sequence[OptimalSetting],
+    quickest: OptimalSetting | None,
+    counted: Sequence[BandCompleteness],
 ) -> StarNumbers:
     """What scores are made of; completeness is -1 where albedos are extrapolated, if they are known in another band."""
     shares, times = np.stack([part.completeness for part in counted]), np.stack([item.time_s for item in by_band])
@@ -217,7 +219,7 @@ def _numbers(
 
 
 def _counted(
-    model: EtcModel, targets: Targets, band: str, planets: Planets | KnownSample, setting: Best
+    model: EtcModel, targets: Targets, band: str, planets: Planets | KnownSample, setting: OptimalSetting
 ) -> BandCompleteness:
     """Completeness of the observation of each star: of planets that all may have, or of those that it has."""
     taken = {"exposure_s": setting.exposure_s, "n_frames": setting.n_frames, "em_gain": setting.em_gain}
@@ -226,7 +228,7 @@ def _counted(
     return completeness(model, targets, band, planets, **taken)
 
 
-def order_of(found: Ranked, targets: Targets) -> list[int]:
+def ranked_order(found: Ranked, targets: Targets) -> list[int]:
     """Stars from best to worst: by score, ties by the reference planet's margin, then by name.
 
     Parameters
@@ -287,12 +289,12 @@ def rank_targets(
     announce(f"ranking {len(targets)} stars")
     planets = drawn_planets(choice, targets)
     found = ranked(model, targets, time_s=time_s, planet=body, bands=names, planets=planets, score=score)
-    standings = judge(found.best, model)
+    standings = detection_statuses(found.best, model)
     limits = limits_of(standings, found.best)
     blooming = {band: companion_saturates(model, targets, band, found.best.exposure_s) for band in model.bands}
     rows = [
         _row(model, targets, found, i, rank, standings[i], limits[i], body, bool(blooming[str(found.best.band[i])][i]))
-        for rank, i in enumerate(order_of(found, targets), start=1)
+        for rank, i in enumerate(ranked_order(found, targets), start=1)
     ]
     counts = Counter("ok" if row.status == "ok" else row.reason for row in rows)
     return RankResult(
@@ -358,16 +360,18 @@ def _row(
     )
 
 
-def setting_fields(best: Best, i: int, standing: tuple[Status, Reason], limited_by: LimitText) -> dict[str, Any]:
+def setting_fields(
+    best: OptimalSetting, i: int, standing: tuple[Status, Reason], limited_by: LimitText
+) -> dict[str, Any]:
     """Return what rows say of a star's best setting: its frames, and whether it detects the reference planet.
 
     Parameters
     ----------
-    best : Best
+    best : OptimalSetting
     i : int
         Number of the star.
     standing : tuple
-        Its status and reason, of `judge`.
+        Its status and reason, of `detection_statuses`.
     limited_by : str
         What limits it, of `limits_of`.
     """

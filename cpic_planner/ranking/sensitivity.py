@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cpic_core import FloatArray, announce
+from cpic_core import BoolArray, FloatArray, IntArray, announce
 from cpic_planner.etc import EtcModel, check_range
 from cpic_planner.planets import PopulationChoice
 from cpic_planner.queries import Change, ReferencePlanet, changed
 from cpic_planner.ranking.known_completeness import KnownChoice
-from cpic_planner.ranking.order import drawn_planets, order_of, rank_hash, ranked
+from cpic_planner.ranking.order import drawn_planets, rank_hash, ranked, ranked_order
 from cpic_planner.registry import DEFAULT_SCORE, ScoreName
 from cpic_planner.results import SensitivityResult, SensitivityRow
 from cpic_planner.targets import Targets
@@ -43,12 +43,12 @@ class Setting:
 class Order:
     """Stars under one assumption: rank (1 for the first), score, margin of the reference planet, and its detection."""
 
-    rank: NDArray[np.int64]
+    rank: IntArray
     score: FloatArray
     margin: FloatArray
-    detected: NDArray[np.bool_]
+    detected: BoolArray
 
-    def select(self, stars: NDArray[np.bool_]) -> Order:
+    def select(self, stars: BoolArray) -> Order:
         """Some of the stars, with the ranks that they have among all."""
         return Order(self.rank[stars], self.score[stars], self.margin[stars], self.detected[stars])
 
@@ -140,12 +140,12 @@ def in_order(setting: Setting, targets: Targets, *, time_s: float, bands: Sequen
         with_times=False,
     )
     rank = np.empty(len(targets), np.int64)
-    rank[order_of(found, targets)] = np.arange(1, len(targets) + 1)
+    rank[ranked_order(found, targets)] = np.arange(1, len(targets) + 1)
     margin = found.best.margin
     return Order(rank, found.score, margin, (margin >= found.best.needed_margin) & (found.best.n_frames >= 1))
 
 
-def near_top(rank: NDArray[np.int64], margin: FloatArray, top: int) -> NDArray[np.bool_]:
+def near_top(rank: IntArray, margin: FloatArray, top: int) -> BoolArray:
     """Stars that may come among the first ``top``, or be detected, under another assumption: the others stay far down.
 
     They are the first ``POOL * top`` by nominal rank and by margin of the reference planet.

@@ -7,9 +7,8 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cpic_core import FloatArray
+from cpic_core import FloatArray, IntArray
 from cpic_planner.etc import EtcModel
 from cpic_planner.survey.detection import Setting
 from cpic_planner.survey.strategy import Revisits
@@ -63,7 +62,7 @@ class Calendar:
         """Slots."""
         return len(self.slot_h)
 
-    def select(self, rows: NDArray[np.int64]) -> Calendar:
+    def select(self, rows: IntArray) -> Calendar:
         """The calendar of some of the stars."""
         names = ("fraction", "allowed_h", "window_s", "day", "sun_pa_deg")
         own = {name: getattr(self, name)[rows] for name in names}
@@ -102,9 +101,7 @@ class Calendar:
         cost[good] = elapsed[good]
         return cost
 
-    def roll_deg(
-        self, revisits: Revisits, star: int, slots: NDArray[np.int64], ordinals: NDArray[np.int64]
-    ) -> FloatArray:
+    def roll_deg(self, revisits: Revisits, star: int, slots: IntArray, ordinals: IntArray) -> FloatArray:
         """Roll of visits, given their numbers among those of their star.
 
         Parameters

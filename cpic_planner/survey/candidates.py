@@ -7,17 +7,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalogs import KnownPlanetTable, star_key
-from cpic_core import FloatArray, InputError
+from cpic_core import BoolArray, FloatArray, InputError, IntArray
 from cpic_planner.etc import EtcModel, aperture_rates, best_in_visit, frame_problem, stand
 from cpic_planner.planets import OrbitPlaces, PopulationConfig, draw_population
 from cpic_planner.queries import ReferencePlanet
-from cpic_planner.ranking import Best, best_in_band, optimise
+from cpic_planner.ranking import OptimalSetting, best_in_band, optimise
 from cpic_planner.ranking.completeness import completeness
 from cpic_planner.survey.calendar import Calendar, sun_position_angle_deg
-from cpic_planner.survey.detection import Setting, detection_chance, see
+from cpic_planner.survey.detection import Setting, detection_chance, expected_signals
 from cpic_planner.survey.observed import ObservationLog, ObservedVisit, missed
 from cpic_planner.survey.strategy import SurveyStrategy, VisitRule
-from cpic_planner.survey.universe import NEW, Bodies, at_known_place, draw_bodies, occurrence, star_mass_msun
+from cpic_planner.survey.universe import (
+    NEW,
+    PlanetSample,
+    at_known_place,
+    draw_planet_sample,
+    occurrence,
+    star_mass_msun,
+)
 from cpic_planner.targets import Targets
 from simulator.config import AlbedoSpec, MeasuredAlbedo, content_hash
 
@@ -69,7 +76,7 @@ class Candidate:
         return float(density.max(initial=0.0))
 
 
-def _wanted(strategy: SurveyStrategy, targets: Targets, with_known: NDArray[np.bool_]) -> NDArray[np.int64]:
+def _wanted(strategy: SurveyStrategy, targets: Targets, with_known: BoolArray) -> IntArray:
     """Rows that the cuts leave.
 
     Raises
@@ -145,7 +152,7 @@ def settings_of(model: EtcModel, targets: Targets, band: str, visit: VisitRule, 
 
 
 def _fixed(
-    model: EtcModel, targets: Targets, band: str, visit: VisitRule, best: Best, time_s: FloatArray
+    model: EtcModel, targets: Targets, band: str, visit: VisitRule, best: OptimalSetting, time_s: FloatArray
 ) -> list[FloatArray]:
     """Frames of a given exposure or gain in the same wall time."""
     camera = model.camera(band)
@@ -170,7 +177,7 @@ class PlanningSky:
 
     def __init__(self, seed: int, reach_arcsec: tuple[float, float]) -> None:
         self._seed, self._reach = seed, reach_arcsec
-        self._kept: dict[str, tuple[Bodies, OrbitPlaces]] = {}
+        self._kept: dict[str, tuple[PlanetSample, OrbitPlaces]] = {}
 
     def of(
         self,
@@ -180,7 +187,7 @@ class PlanningSky:
         rows: tuple[int, ...],
         epoch_mjd: float,
         days: FloatArray,
-    ) -> tuple[Bodies, OrbitPlaces]:
+    ) -> tuple[PlanetSample, OrbitPlaces]:
         """Planets of one star, `N_DRAWS` new ones and `N_KNOWN` draws of each known one, and their places by day."""
         name = str(star.name[0])
         key = content_hash(
@@ -194,7 +201,7 @@ class PlanningSky:
         )
         if key not in self._kept:
             draw = functools.partial(
-                draw_bodies,
+                draw_planet_sample,
                 name,
                 float(star_mass_msun(star)[0]),
                 float(star.luminosity_lsun[0]),
@@ -209,12 +216,12 @@ class PlanningSky:
                 parts.append(replace(body, kind=np.full(len(body), behind)))
             if population is not None:
                 parts.append(draw(population, n=N_DRAWS, one_each=True))
-            bodies = Bodies.joined(parts)
+            planets = PlanetSample.joined(parts)
             distance = float(star.distance_pc[0])
-            bodies = bodies.select(bodies.within(*(edge * distance for edge in self._reach)))
+            planets = planets.select(planets.within(*(edge * distance for edge in self._reach)))
             if len(self._kept) >= _MOST_KEPT:
                 self._kept.clear()
-            self._kept[key] = (bodies, bodies.places(days))
+            self._kept[key] = (planets, planets.places(days))
         return self._kept[key]
 
 
@@ -228,11 +235,11 @@ class Screened:
 
     targets: Targets
     settings: tuple[tuple[Setting, ...], ...]
-    promising: NDArray[np.bool_]
+    promising: BoolArray
     known_rows: tuple[tuple[int, ...], ...]
 
     @property
-    def rows(self) -> NDArray[np.int64]:
+    def rows(self) -> IntArray:
         """Stars that can show a planet of the population, or have a known one."""
         return np.flatnonzero(self.promising | np.array([bool(rows) for rows in self.known_rows], bool))
 
@@ -315,22 +322,22 @@ def candidates(
             continue
         population = strategy.population if screened.promising[i] else None
         star = targets.select([i])
-        bodies, places = sky.of(star, population, known, rows, calendar.start_mjd, calendar.day[place])
-        new = bodies.known == NEW
+        planets, places = sky.of(star, population, known, rows, calendar.start_mjd, calendar.day[place])
+        new = planets.known == NEW
         rate = 0.0 if strategy.population is None else occurrence(strategy.population) * strategy.value_new
         weight = np.where(new, rate / N_DRAWS, strategy.value_known / N_KNOWN)
         if done:
-            weight = weight * _left(strategy, model, star, bodies, population, done, calendar, known)
-        chance = np.zeros((len(options), calendar.n_slots, len(bodies)), np.float32)
+            weight = weight * _left(strategy, model, star, planets, population, done, calendar, known)
+        chance = np.zeros((len(options), calendar.n_slots, len(planets)), np.float32)
         for o, option in enumerate(options):
             slots = np.flatnonzero(np.isfinite(cost[o]))
             if slots.size == 0:
                 continue
             roll = calendar.roll_deg(strategy.revisits, place, slots, np.zeros(slots.size, np.int64))
             there = OrbitPlaces(*(getattr(places, name)[slots] for name in OrbitPlaces.__dataclass_fields__))
-            seen = see(model, star, option, bodies, albedos_of(population), there, roll)
+            seen = expected_signals(model, star, option, planets, albedos_of(population), there, roll)
             chance[o, slots] = detection_chance(
-                seen, strategy.detection, at_known_place(bodies, known), calibration=strategy.detection.calibration
+                seen, strategy.detection, at_known_place(planets, known), calibration=strategy.detection.calibration
             )
         counts = (chance > 0.0).any(axis=(0, 1)) & (weight > 0.0)
         if counts.any():  # the others are never seen
@@ -347,7 +354,7 @@ def _left(
     strategy: SurveyStrategy,
     model: EtcModel,
     star: Targets,
-    bodies: Bodies,
+    planets: PlanetSample,
     population: PopulationConfig | None,
     done: tuple[ObservedVisit, ...],
     calendar: Calendar,
@@ -358,17 +365,17 @@ def _left(
     left = missed(
         model,
         star,
-        bodies,
+        planets,
         albedos_of(population),
         done,
         strategy.detection,
         epoch_mjd=calendar.start_mjd,
         sun_pa_deg=sun,
-        placed=at_known_place(bodies, known),
+        placed=at_known_place(planets, known),
     )
-    for row in np.unique(bodies.known[bodies.known != NEW]):
-        mine = bodies.known == row
-        # Draws that no date shows are not among the bodies, and no visit rules them out.
+    for row in np.unique(planets.known[planets.known != NEW]):
+        mine = planets.known == row
+        # Draws that no date shows are not among the planets, and no visit rules them out.
         mean = 1.0 - (1.0 - left[mine]).sum() / N_KNOWN
         left[mine] = left[mine] / mean if mean > 0.0 else 1.0
     return left

@@ -7,9 +7,9 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from cpic_core import FloatArray
+from cpic_core import BoolArray, FloatArray
 from cpic_planner.etc import (
     EtcModel,
     StackNoise,
@@ -22,7 +22,7 @@ from cpic_planner.etc import (
 from cpic_planner.planets import OrbitPlaces
 from cpic_planner.ranking import inside_zone
 from cpic_planner.survey.strategy import DetectionRule
-from cpic_planner.survey.universe import Bodies
+from cpic_planner.survey.universe import PlanetSample
 from cpic_planner.targets import Targets
 from simulator.config import AlbedoSpec
 from simulator.imaging import PsfMetrics
@@ -49,7 +49,7 @@ class Setting:
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
+class ExpectedSignals:
     """What visits expect of planets; arrays of one shape.
 
     ``margin`` is significance over the small-sample threshold, 0 where the aperture leaves the dark quadrants or no
@@ -69,15 +69,15 @@ class Seen:
     phase_deg: FloatArray
 
 
-def see(
+def expected_signals(
     model: EtcModel,
     star: Targets,
     setting: Setting,
-    bodies: Bodies,
+    planets: PlanetSample,
     albedos: tuple[AlbedoSpec, ...],
     places: OrbitPlaces,
     roll_deg: ArrayLike,
-) -> Seen:
+) -> ExpectedSignals:
     """What visits at some dates expect of every planet.
 
     Parameters
@@ -86,10 +86,10 @@ def see(
     star : Targets
         One star.
     setting : Setting
-    bodies : Bodies
+    planets : PlanetSample
         ``n`` planets.
     albedos : tuple of AlbedoSpec
-        By ``bodies.kind``.
+        By ``planets.kind``.
     places : OrbitPlaces
         Where they stand at each visit, shape ``(d, n)``.
     roll_deg : array_like, shape (d,)
@@ -97,7 +97,7 @@ def see(
 
     Returns
     -------
-    Seen
+    ExpectedSignals
         Shape ``(d, n)``.
 
     Notes
@@ -124,8 +124,8 @@ def see(
             star,
             band,
             albedos,
-            bodies.kind[planet][None],
-            bodies.radius_rjup[planet][None],
+            planets.kind[planet][None],
+            planets.radius_rjup[planet][None],
             places.distance_au[usable][None],
             places.phase_deg[usable][None],
         )[0]
@@ -144,12 +144,14 @@ def see(
             tails[put] = tail_share(model, setting, separation[put][None], noise)[0]
             inward[put] = metrics.lambda_d_arcsec / separation[put]
             snr[put] = noise.snr[0]
-    return Seen(margin, tails, inward, snr, contrast, separation, pa_deg, places.distance_au, places.phase_deg)
+    return ExpectedSignals(
+        margin, tails, inward, snr, contrast, separation, pa_deg, places.distance_au, places.phase_deg
+    )
 
 
 def _at_two_rolls(
     model: EtcModel, metrics: PsfMetrics, separation_arcsec: FloatArray, pa_deg: FloatArray
-) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
+) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Places at the first of two rolls, and whether planets can be told from themselves at the second."""
     half, parity = model.strategy.rolls_deg[-1], model.instrument.detector.parity
     first, second = (sky_to_detector(separation_arcsec, pa_deg + turn, parity=parity) for turn in (-half, half))
@@ -198,7 +200,7 @@ def half_margin(rule: DetectionRule, known: ArrayLike, tails: ArrayLike, inward:
     known : array_like of bool
         Planets whose place is known.
     tails, inward : array_like
-        As of `Seen`.
+        As of `ExpectedSignals`.
     """
     if rule.rule == "expected":
         return np.ones(np.broadcast_shapes(np.shape(known), np.shape(tails)))
@@ -206,13 +208,13 @@ def half_margin(rule: DetectionRule, known: ArrayLike, tails: ArrayLike, inward:
 
 
 def detection_chance(
-    seen: Seen, rule: DetectionRule, known: NDArray[np.bool_], shift: ArrayLike = 0.0, calibration: ArrayLike = 1.0
+    seen: ExpectedSignals, rule: DetectionRule, known: BoolArray, shift: ArrayLike = 0.0, calibration: ArrayLike = 1.0
 ) -> FloatArray:
     """Probability that a visit detects planets.
 
     Parameters
     ----------
-    seen : Seen
+    seen : ExpectedSignals
         What it expects of them.
     rule : DetectionRule
     known : ndarray of bool
@@ -234,7 +236,7 @@ def detection_chance(
     )
 
 
-def _at_place(rule: DetectionRule, known: ArrayLike) -> NDArray[np.bool_]:
+def _at_place(rule: DetectionRule, known: ArrayLike) -> BoolArray:
     """Planets that are looked for at a known place under a rule."""
     return np.asarray(known, bool) | (rule.rule == "known_place")
 

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cpic_core import FloatArray, InputError
 from cpic_planner.results import Row, column, columns_of
-from cpic_planner.survey.events import Played
+from cpic_planner.survey.events import SurveyTables
 from cpic_planner.survey.store import Table
 
 LEVEL = 0.90
@@ -228,15 +228,15 @@ TABLES = (
 )
 
 
-def rows_of(played: Played, strategy: str, first_universe: int) -> dict[str, Mapping[str, NDArray[Any]]]:
+def rows_of(tables: SurveyTables, strategy: str, first_universe: int) -> dict[str, Mapping[str, NDArray[Any]]]:
     """Columns of all tables of one block, universes by their number in the survey."""
-    n = len(played.universes["visits"])
+    n = len(tables.universes["visits"])
     found: dict[str, Mapping[str, NDArray[Any]]] = {
-        "universes": dict(played.universes) | {"universe": first_universe + np.arange(n)},
-        "detections": dict(played.detections) | {"universe": first_universe + played.detections["universe"]},
-        "stars": dict(played.stars),
+        "universes": dict(tables.universes) | {"universe": first_universe + np.arange(n)},
+        "detections": dict(tables.detections) | {"universe": first_universe + tables.detections["universe"]},
+        "stars": dict(tables.stars),
     }
-    lengths = {"universes": n, "detections": len(played.detections["universe"]), "stars": len(played.stars["star"])}
+    lengths = {"universes": n, "detections": len(tables.detections["universe"]), "stars": len(tables.stars["star"])}
     return {
         name: dict(columns) | {"strategy": np.full(lengths[name], strategy, object)} for name, columns in found.items()
     }

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cpic_core import BoolArray, FloatArray
+from cpic_core import BoolArray, FloatArray, IntArray
 from cpic_planner.survey.schedule import PlannedVisit
-from cpic_planner.survey.universe import NEW, Bodies
+from cpic_planner.survey.universe import NEW, PlanetSample
 
 if TYPE_CHECKING:
-    from cpic_planner.survey.play import StarPlayed, Survey
+    from cpic_planner.survey.simulate import StarHistory, Survey
 
 ROUNDING_H = 1e-9
 _OF_BODY = ("radius_rjup", "semi_major_axis_au", "eccentricity", "inclination_deg")
@@ -40,7 +40,7 @@ class Clock:
     promised: FloatArray
     search: FloatArray
     follow: FloatArray
-    visits: NDArray[np.int64]
+    visits: IntArray
 
     @classmethod
     def of(cls, n: int, budget_h: float, promised_h: float) -> Clock:
@@ -68,7 +68,7 @@ class Clock:
 
 
 @dataclass(frozen=True, eq=False)
-class Played:
+class SurveyTables:
     """What happened in ``n`` universes; ``universes``, ``detections`` and ``stars`` are columns of tables."""
 
     universes: dict[str, NDArray[Any]]
@@ -84,7 +84,7 @@ class Events:
         self.background_alarms = np.zeros(n, np.int64)
         self._parts: list[dict[str, Any]] = []
 
-    def alarms(self, go: NDArray[np.bool_], noise: NDArray[np.int64], background: NDArray[np.int64]) -> None:
+    def alarms(self, go: BoolArray, noise: IntArray, background: IntArray) -> None:
         """Count the false alarms of a visit where it was made.
 
         Parameters
@@ -101,8 +101,8 @@ class Events:
 
     def detections(
         self,
-        bodies: Bodies,
-        new: NDArray[np.bool_],
+        planets: PlanetSample,
+        new: BoolArray,
         visit: PlannedVisit,
         seen: Mapping[str, FloatArray],
         day: float,
@@ -112,7 +112,7 @@ class Events:
 
         Parameters
         ----------
-        bodies : Bodies
+        planets : PlanetSample
         new : ndarray of bool
             Which planets the visit adds.
         visit : PlannedVisit
@@ -125,17 +125,17 @@ class Events:
         """
         count = int(new.sum())
         part: dict[str, Any] = {
-            "universe": bodies.universe[new],
-            "planet": bodies.number[new],
-            "known_row": bodies.known[new],
-            "kind": bodies.kind[new],
+            "universe": planets.universe[new],
+            "planet": planets.number[new],
+            "known_row": planets.known[new],
+            "kind": planets.kind[new],
             "star": np.full(count, visit.star),
             "option": np.full(count, visit.option),
             "ordinal": np.full(count, visit.ordinal),
             "day": np.full(count, day),
-            "used_h": used_h[bodies.universe[new]],
+            "used_h": used_h[planets.universe[new]],
         }
-        part |= {name: getattr(bodies, name)[new] for name in _OF_BODY}
+        part |= {name: getattr(planets, name)[new] for name in _OF_BODY}
         part |= {name: seen[name][new] for name in _OF_VISIT}
         self._parts.append(part)
 
@@ -164,13 +164,13 @@ class Events:
         joined["band"] = np.array([survey.options[i][o].band for i, o in zip(star, option, strict=True)], object)
         return joined
 
-    def outcome(self, survey: Survey, stars: Mapping[int, StarPlayed], clock: Clock, block: int) -> Played:
+    def outcome(self, survey: Survey, stars: Mapping[int, StarHistory], clock: Clock, block: int) -> SurveyTables:
         """Return the columns of the three tables.
 
         Parameters
         ----------
         survey : Survey
-        stars : mapping of int to StarPlayed
+        stars : mapping of int to StarHistory
             By position among the candidates.
         clock : Clock
         block : int
@@ -182,7 +182,7 @@ class Events:
         of_star = np.zeros((2, len(rows)), np.int64)
         for row, i in enumerate(rows):
             star = stars[i]
-            universe, fresh = star.bodies.universe, star.bodies.known == NEW
+            universe, fresh = star.planets.universe, star.planets.known == NEW
             kinds = zip((new, known), of_star, (star.found & fresh, star.found & ~fresh), strict=True)
             for count, total, found in kinds:
                 np.add.at(count, universe[found], 1)
@@ -213,4 +213,4 @@ class Events:
             "new_planets": of_star[0],
             "known_planets": of_star[1],
         }
-        return Played(universes, self.columns(survey), per_star)
+        return SurveyTables(universes, self.columns(survey), per_star)

@@ -13,7 +13,7 @@ from cpic_planner.results import ImageSample
 from cpic_planner.survey.assumed import imaged_model
 from cpic_planner.survey.candidates import albedos_of
 from cpic_planner.survey.detection import rolled
-from cpic_planner.survey.play import Survey
+from cpic_planner.survey.simulate import Survey
 from cpic_planner.survey.universe import NEW, chance
 from cpic_planner.validation import ConfirmTask, Frames, confirm_task, expected_of, refusals_of, star_scene, task_of
 from simulator.config import Planet

@@ -21,8 +21,8 @@ from cpic_planner.results import (
     TimeUse,
 )
 from cpic_planner.survey.estimates import convergence, difference_interval, mean_interval, spread
-from cpic_planner.survey.play import Survey
 from cpic_planner.survey.schedule import PlannedVisit
+from cpic_planner.survey.simulate import Survey
 
 Columns = Mapping[str, NDArray[Any]]
 _CURVE_POINTS = 41

@@ -1,4 +1,4 @@
-"""From strategies to surveys that can be played: stars, calendar, frames, schedule."""
+"""From strategies to surveys that can be simulated: stars, calendar, frames, schedule."""
 
 from dataclasses import dataclass, replace
 
@@ -13,8 +13,8 @@ from cpic_planner.survey.calendar import Calendar, make_calendar
 from cpic_planner.survey.candidates import Candidate, PlanningSky, Screened, candidates, screen, settings_of
 from cpic_planner.survey.detection import background_alarms, noise_alarms, reach_au
 from cpic_planner.survey.observed import ObservationLog, read_log
-from cpic_planner.survey.play import Survey
 from cpic_planner.survey.schedule import Problem
+from cpic_planner.survey.simulate import Survey
 from cpic_planner.survey.strategy import SurveyStrategy, VisitRule
 from cpic_planner.survey.strategy_file import StrategiesConfig, UniverseConfig
 from cpic_planner.survey.visibility import VisibilityConfig, load_visibility

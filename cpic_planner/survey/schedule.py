@@ -9,9 +9,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cpic_core import FloatArray
+from cpic_core import BoolArray, FloatArray
 from cpic_planner.survey.candidates import Candidate
 from cpic_planner.survey.strategy import SurveyStrategy
 
@@ -102,7 +101,7 @@ class Problem:
     stars: tuple[Candidate, ...]
     slot_h: FloatArray
 
-    def near(self, star: Candidate, slot: int) -> NDArray[np.bool_]:
+    def near(self, star: Candidate, slot: int) -> BoolArray:
         """Slots too near to one for another visit of the same star, itself among them.
 
         Parameters
@@ -187,7 +186,7 @@ class Room:
         self.slots_h[visit[1]] -= cost_h
         self.visits.setdefault(star, []).append(visit)
 
-    def holds(self, cost_h: FloatArray) -> NDArray[np.bool_]:
+    def holds(self, cost_h: FloatArray) -> BoolArray:
         """Which costs ``(..., b)`` still fit."""
         edge = _ROUNDING
         return np.asarray((cost_h <= self.slots_h + edge) & (cost_h <= self.budget_h + edge))

@@ -97,7 +97,7 @@ def varied(config: StrategiesConfig, sweeps: Sequence[str]) -> StrategiesConfig:
     return config.model_copy(update={"strategies": tuple(made)})
 
 
-def told(config: StrategiesConfig) -> list[str]:
+def variation_lines(config: StrategiesConfig) -> list[str]:
     """Return what is varied, one value a line, with what each means: ``drift x2: 0.1 nm visit offset, ...``."""
     found = {
         item.label: f"{item.name} {item.text.split(' (')[0] if item.meaning else item.text}"

@@ -16,8 +16,8 @@ from cpic_planner.results import ImageSample, StrategyOutcome, WhatIfResult
 from cpic_planner.survey.estimates import TABLES, rows_of
 from cpic_planner.survey.image_check import SampledDetection, image_sample, image_task, sampled_detections
 from cpic_planner.survey.outcome import differences, outcome, rank_changes
-from cpic_planner.survey.play import Survey, play
 from cpic_planner.survey.prepare import Prepared, prepare
+from cpic_planner.survey.simulate import Survey, simulate_survey
 from cpic_planner.survey.store import ResultStore, table_files
 from cpic_planner.survey.strategy_file import FILES, StrategiesConfig, sources_of
 from cpic_planner.survey.universe import BLOCK
@@ -80,10 +80,12 @@ def whatif_cost(config: StrategiesConfig, n_images: int = 0) -> Cost:
     )
 
 
-def play_block(surveys: tuple[Survey, ...], which: int, block: int, n: int, seed: int) -> dict[str, Mapping[str, Any]]:
+def simulate_block(
+    surveys: tuple[Survey, ...], which: int, block: int, n: int, seed: int
+) -> dict[str, Mapping[str, Any]]:
     """One task: rows of one strategy in one block of universes."""
     survey = surveys[which]
-    return rows_of(play(survey, block=block, n=n, seed=seed), survey.strategy.name, block * BLOCK)
+    return rows_of(simulate_survey(survey, block=block, n=n, seed=seed), survey.strategy.name, block * BLOCK)
 
 
 def whatif_job(
@@ -105,7 +107,7 @@ def whatif_job(
 
     def work(runner: Runner) -> WhatIfResult:
         ready, store = prepared(), ResultStore(runner.folder, TABLES)
-        blocks = runner.finish(play_block, _blocks(ready), common=(ready.surveys,), store=store)
+        blocks = runner.finish(simulate_block, _blocks(ready), common=(ready.surveys,), store=store)
         store.merge(list(blocks))
         tables = {table.name: store.read(table.name) for table in TABLES}
         images = _images(ready, tables["detections"], runner, n_images)

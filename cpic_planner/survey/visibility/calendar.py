@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cpic_core import FloatArray, InputError, check_number, check_whole, real_array
+from cpic_core import BoolArray, FloatArray, InputError, check_number, check_whole, real_array
 from cpic_planner.survey.visibility.config import VisibilityConfig, roll_half_range_deg
 from cpic_planner.survey.visibility.limb import Geometry, clear_arcs
 from simulator.config import LAST_YEAR, OrbitConfig, checked_utc
@@ -51,7 +51,7 @@ class Visibility:
     mjd: FloatArray
     step_days: float
     period_s: float
-    allowed: NDArray[np.bool_]
+    allowed: BoolArray
     visible_fraction: FloatArray
     window_s: FloatArray
     sun_deg: FloatArray
@@ -65,9 +65,9 @@ class Visibility:
         return self.visible_fraction * self.period_s
 
     @property
-    def observable(self) -> NDArray[np.bool_]:
+    def observable(self) -> BoolArray:
         """Whether anything of the orbit can be used, shape (n, d)."""
-        result: NDArray[np.bool_] = self.blocked_by == 0
+        result: BoolArray = self.blocked_by == 0
         return result
 
     def days(self, target: int) -> dict[str, float]:
@@ -276,7 +276,7 @@ def _angles_deg(cosine: FloatArray) -> FloatArray:
 
 
 def _geometry(
-    targets: FloatArray, sun: FloatArray, cosine_sun: FloatArray, plane: tuple[Any, Any], allowed: NDArray[np.bool_]
+    targets: FloatArray, sun: FloatArray, cosine_sun: FloatArray, plane: tuple[Any, Any], allowed: BoolArray
 ) -> Geometry:
     """Targets and Suns in the planes of the orbits, for the allowed pairs of target and date."""
     along = [(targets @ axis.T)[allowed] for axis in plane]

@@ -19,7 +19,7 @@ from cpic_planner.survey.candidates import (
     screen,
     settings_of,
 )
-from cpic_planner.survey.detection import detection_chance, reach_au, see
+from cpic_planner.survey.detection import detection_chance, expected_signals, reach_au
 from cpic_planner.survey.strategy import VisitRule
 from cpic_planner.survey.universe import NEW
 from cpic_planner.survey.visibility.config import load_visibility
@@ -83,7 +83,7 @@ def test_chances_are_those_of_single_visits(three, small, model, known):
     star = screened.targets.select([item.index])
     bodies, _ = sky.of(star, rules.population, known, item.known_rows, calendar.start_mjd, calendar.day[place])
     slot = int(np.flatnonzero(np.isfinite(item.cost_h[0]))[2])
-    seen = see(
+    seen = expected_signals(
         model,
         star,
         item.options[0],

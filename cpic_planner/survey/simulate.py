@@ -1,26 +1,25 @@
-"""A survey played through in synthetic universes: what is visited, what is found, what it costs."""
+"""A survey simulated in synthetic universes: what is visited, what is found, what it costs."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from catalogs import KnownPlanetTable
-from cpic_core import BoolArray, FloatArray
+from cpic_core import BoolArray, FloatArray, IntArray
 from cpic_planner.etc import EtcModel
 from cpic_planner.survey.calendar import Calendar, sun_position_angle_deg
 from cpic_planner.survey.candidates import albedos_of
-from cpic_planner.survey.detection import Seen, Setting, detection_chance, reach_au, see
-from cpic_planner.survey.events import ROUNDING_H, Clock, Events, Played
+from cpic_planner.survey.detection import ExpectedSignals, Setting, detection_chance, expected_signals, reach_au
+from cpic_planner.survey.events import ROUNDING_H, Clock, Events, SurveyTables
 from cpic_planner.survey.observed import ObservationLog, missed, resampled
 from cpic_planner.survey.schedule import PlannedVisit, Schedule
 from cpic_planner.survey.strategy import DetectionRule, SurveyStrategy
 from cpic_planner.survey.universe import (
-    Bodies,
+    PlanetSample,
     at_known_place,
     chance,
-    draw_bodies,
+    draw_planet_sample,
     poisson_quantile,
     star_mass_msun,
     uniform_draws,
@@ -30,7 +29,7 @@ from cpic_planner.targets import Targets
 
 @dataclass(frozen=True, eq=False)
 class Survey:
-    """A strategy ready to be played.
+    """A strategy ready to be simulated.
 
     Attributes
     ----------
@@ -69,27 +68,27 @@ class Survey:
 
 
 @dataclass(eq=False)
-class StarPlayed:
+class StarHistory:
     """One star in all universes of a block."""
 
-    bodies: Bodies
+    planets: PlanetSample
     hits: dict[int, BoolArray]
     seen: dict[int, dict[str, FloatArray]]
-    alarms: dict[int, tuple[NDArray[np.int64], NDArray[np.int64]]]
-    counts: NDArray[np.int64]
+    alarms: dict[int, tuple[IntArray, IntArray]]
+    counts: IntArray
     found: BoolArray
     shown: BoolArray
-    tried: NDArray[np.int64]
+    tried: IntArray
     stopped: BoolArray
-    empty: NDArray[np.int64]
+    empty: IntArray
     left_h: float
     visits: int = 0
     hours: float = 0.0
     follow_h: float = 0.0
 
 
-def play(survey: Survey, *, block: int, n: int, seed: int) -> Played:
-    """Play a survey in ``n`` universes.
+def simulate_survey(survey: Survey, *, block: int, n: int, seed: int) -> SurveyTables:
+    """Simulate a survey in ``n`` universes.
 
     Parameters
     ----------
@@ -102,7 +101,7 @@ def play(survey: Survey, *, block: int, n: int, seed: int) -> Played:
 
     Returns
     -------
-    Played
+    SurveyTables
 
     Notes
     -----
@@ -138,7 +137,7 @@ def _systematic(rule: DetectionRule, block: int, n: int, seed: int) -> tuple[Flo
     return np.maximum(rule.calibration + rule.calibration_error * drawn[0], 0.0), drawn[1]
 
 
-def _stars(survey: Survey, block: int, n: int, seed: int) -> dict[int, StarPlayed]:
+def _stars(survey: Survey, block: int, n: int, seed: int) -> dict[int, StarHistory]:
     """Planets of all visited stars, and what every visit would detect of them."""
     by_star: dict[int, list[tuple[int, PlannedVisit]]] = {}
     for k, visit in enumerate(survey.schedule.visits):
@@ -160,9 +159,9 @@ def _star(
     block: int,
     n: int,
     seed: int,
-) -> StarPlayed:
+) -> StarHistory:
     strategy, target, name = survey.strategy, survey.targets.select([i]), str(survey.targets.name[i])
-    bodies = draw_bodies(
+    planets = draw_planet_sample(
         name,
         mass,
         float(target.luminosity_lsun[0]),
@@ -180,45 +179,45 @@ def _star(
         left = missed(
             survey.model,
             target,
-            bodies,
+            planets,
             albedos_of(strategy.population),
             done,
             strategy.detection,
             epoch_mjd=survey.calendar.start_mjd,
             sun_pa_deg=sun,
-            placed=at_known_place(bodies, survey.known),
+            placed=at_known_place(planets, survey.known),
         )
-        bodies = resampled(bodies, left, uniform_draws(bodies, seed, name, block, "log", n))
-    bodies = bodies.select(bodies.within(*reach_au(survey.model, float(target.distance_pc[0]))))
+        planets = resampled(planets, left, uniform_draws(planets, seed, name, block, "log", n))
+    planets = planets.select(planets.within(*reach_au(survey.model, float(target.distance_pc[0]))))
     hits: dict[int, BoolArray] = {}
     seen: dict[int, dict[str, FloatArray]] = {}
-    alarms: dict[int, tuple[NDArray[np.int64], NDArray[np.int64]]] = {}
-    placed = at_known_place(bodies, survey.known)
+    alarms: dict[int, tuple[IntArray, IntArray]] = {}
+    placed = at_known_place(planets, survey.known)
     for option in sorted({visit.option for _, visit in visits}):
         own = [(k, visit) for k, visit in visits if visit.option == option]
         slots = np.array([visit.slot for _, visit in own])
         ordinals = np.array([visit.ordinal for _, visit in own])
         found, odds, roll = _visited(
-            survey, i, survey.options[i][option], bodies, (slots, ordinals), placed, systematic
+            survey, i, survey.options[i][option], planets, (slots, ordinals), placed, systematic
         )
         for row, (k, visit) in enumerate(own):
-            hits[k] = uniform_draws(bodies, seed, name, block, visit.ordinal, n) < odds[row]
+            hits[k] = uniform_draws(planets, seed, name, block, visit.ordinal, n) < odds[row]
             seen[k] = {key: getattr(found, key)[row] for key in found.__dataclass_fields__}
-            seen[k] |= {"chance": odds[row], "roll_deg": np.full(len(bodies), roll[row])}
+            seen[k] |= {"chance": odds[row], "roll_deg": np.full(len(planets), roll[row])}
             drawn = chance(seed, "alarm", name, block, visit.ordinal, shape=(2, n))
             alarms[k] = (
                 poisson_quantile(survey.noise_alarms[i][option], drawn[0]),
                 poisson_quantile(survey.background_alarms[i][option], drawn[1]),
             )
     bands = len(strategy.follow_up.bands)
-    return StarPlayed(
-        bodies=bodies,
+    return StarHistory(
+        planets=planets,
         hits=hits,
         seen=seen,
         alarms=alarms,
-        counts=np.zeros(len(bodies), np.int64),
-        found=np.zeros(len(bodies), bool),
-        shown=np.zeros((bands, len(bodies)), bool),
+        counts=np.zeros(len(planets), np.int64),
+        found=np.zeros(len(planets), bool),
+        shown=np.zeros((bands, len(planets)), bool),
         tried=np.zeros((bands, n), np.int64),
         stopped=np.zeros(n, bool),
         empty=np.zeros(n, np.int64),
@@ -230,11 +229,11 @@ def _visited(
     survey: Survey,
     i: int,
     setting: Setting,
-    bodies: Bodies,
-    when: tuple[NDArray[np.int64], NDArray[np.int64]],
+    planets: PlanetSample,
+    when: tuple[IntArray, IntArray],
     placed: BoolArray,
     systematic: tuple[FloatArray, FloatArray],
-) -> tuple[Seen, FloatArray, FloatArray]:
+) -> tuple[ExpectedSignals, FloatArray, FloatArray]:
     """Return what visits of a star show of planets, the odds that each detects each, and the rolls.
 
     ``when`` holds slots and ordinals of the visits, ``placed`` says which planets are searched at a known place,
@@ -242,21 +241,21 @@ def _visited(
     """
     strategy, (calibration, shift) = survey.strategy, systematic
     roll = survey.calendar.roll_deg(strategy.revisits, i, *when)
-    found = see(
+    found = expected_signals(
         survey.model,
         survey.targets.select([i]),
         setting,
-        bodies,
+        planets,
         albedos_of(strategy.population),
-        bodies.places(survey.calendar.day[i, when[0]]),
+        planets.places(survey.calendar.day[i, when[0]]),
         roll,
     )
-    odds = detection_chance(found, strategy.detection, placed, shift[bodies.universe], calibration[bodies.universe])
+    odds = detection_chance(found, strategy.detection, placed, shift[planets.universe], calibration[planets.universe])
     return found, odds, roll
 
 
 def _search(
-    survey: Survey, star: StarPlayed, k: int, visit: PlannedVisit, clock: Clock, log: Events, total: NDArray[np.int64]
+    survey: Survey, star: StarHistory, k: int, visit: PlannedVisit, clock: Clock, log: Events, total: IntArray
 ) -> None:
     """One planned visit in all universes."""
     strategy, cost = survey.strategy, visit.cost_h
@@ -273,21 +272,21 @@ def _search(
     clock.spend(go, cost, clock.search)
     star.visits += int(go.sum())
     star.hours += cost * float(go.sum())
-    there = go[star.bodies.universe]
+    there = go[star.planets.universe]
     hit = star.hits[k] & there
     star.counts[hit] += 1
     new = hit & (star.counts >= strategy.detection.visits_needed) & ~star.found
     star.found |= new
     if new.any():
-        log.detections(star.bodies, new, visit, star.seen[k], survey.calendar.day[visit.star, visit.slot], clock.used)
-        np.add.at(total, star.bodies.universe[new], 1)
+        log.detections(star.planets, new, visit, star.seen[k], survey.calendar.day[visit.star, visit.slot], clock.used)
+        np.add.at(total, star.planets.universe[new], 1)
     log.alarms(go, *star.alarms[k])
     caught = np.zeros(len(go), bool)
-    caught[star.bodies.universe[hit]] = True
+    caught[star.planets.universe[hit]] = True
     star.empty[go & ~caught] += 1
     ends = np.zeros(len(go), bool)
     if stop.after_detection:
-        ends[star.bodies.universe[new]] = True
+        ends[star.planets.universe[new]] = True
     if stop.after_empty is not None:
         ends |= (star.empty >= stop.after_empty) & ~_any(star, len(go))
     ends &= ~star.stopped
@@ -295,14 +294,14 @@ def _search(
     star.stopped |= ends
 
 
-def _any(star: StarPlayed, n: int) -> BoolArray:
+def _any(star: StarHistory, n: int) -> BoolArray:
     """Universes in which the star has shown a planet in any visit."""
     shown = np.zeros(n, bool)
-    shown[star.bodies.universe[star.counts > 0]] = True
+    shown[star.planets.universe[star.counts > 0]] = True
     return shown
 
 
-def _follow(survey: Survey, i: int, star: StarPlayed, b: int, clock: Clock, block: int, seed: int) -> None:
+def _follow(survey: Survey, i: int, star: StarHistory, b: int, clock: Clock, block: int, seed: int) -> None:
     """Follow-up of one star in one slot: every band that a found planet still lacks."""
     strategy, n = survey.strategy, len(clock.left)
     for f, setting in enumerate(survey.follow[i]):
@@ -311,16 +310,16 @@ def _follow(survey: Survey, i: int, star: StarPlayed, b: int, clock: Clock, bloc
             continue
         lacking = star.found & ~star.shown[f]
         need = np.zeros(n, bool)
-        need[star.bodies.universe[lacking]] = True
+        need[star.planets.universe[lacking]] = True
         go = need & (star.tried[f] < strategy.follow_up.attempts) & clock.affords(cost)
         if not go.any():
             continue
         clock.spend(go, cost, clock.follow)
         star.follow_h += cost * float(go.sum())
         star.tried[f, go] += 1
-        at_place = np.ones(len(star.bodies), bool)
+        at_place = np.ones(len(star.planets), bool)
         systematic = _systematic(strategy.detection, block, n, seed)
         slot = np.array([b])
-        _, odds, _ = _visited(survey, i, setting, star.bodies, (slot, slot), at_place, systematic)
-        luck = uniform_draws(star.bodies, seed, str(survey.targets.name[i]), block, f"follow {setting.band} {b}", n)
-        star.shown[f] |= lacking & go[star.bodies.universe] & (luck < odds[0])
+        _, odds, _ = _visited(survey, i, setting, star.planets, (slot, slot), at_place, systematic)
+        luck = uniform_draws(star.planets, seed, str(survey.targets.name[i]), block, f"follow {setting.band} {b}", n)
+        star.shown[f] |= lacking & go[star.planets.universe] & (luck < odds[0])
