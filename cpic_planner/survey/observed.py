@@ -11,6 +11,7 @@ import numpy as np
 from catalogs import Column, Columns, parse_table, read_bytes, read_rows, star_key
 from cpic_core import BoolArray, FloatArray, InputError
 from cpic_planner.etc import EtcModel
+from cpic_planner.survey.calendar import sun_position_angle_deg
 from cpic_planner.survey.detection import Setting, detection_chance, expected_signals
 from cpic_planner.survey.strategy import DetectionRule
 from cpic_planner.survey.universe import NEW, PlanetSample
@@ -18,6 +19,7 @@ from cpic_planner.targets import Targets
 from simulator.config import AlbedoSpec, checked_utc
 from simulator.products import mjd_of
 
+_ROLL = "position angle of the detector's +y axis; without it that of the panels on that day"
 COLUMNS = Columns(
     (
         Column("star", "any name of a star of the catalogue", aliases="target object name"),
@@ -27,15 +29,7 @@ COLUMNS = Columns(
         Column("n_frames", "science frames", "float", "", "frames nframes", 1.0, 1e9),
         Column("em_gain", "EM gain", "float", "", "gain emgain", 1.0, 1e4),
         Column("telescope_h", "telescope time that it took", "float", "h", "hours telescopehours", 0.0, 1e5),
-        Column(
-            "roll_deg",
-            "position angle of the detector's +y axis; without it that of the panels on that day",
-            "float",
-            "deg",
-            "roll",
-            -360.0,
-            360.0,
-        ),
+        Column("roll_deg", _ROLL, "float", "deg", "roll", -360.0, 360.0),
         Column("planets", "planets that it showed; without it none", "float", "", "detections found", 0.0, 1000.0),
     )
 )
@@ -109,24 +103,15 @@ def _visit(row: dict[str, Any], where: str) -> ObservedVisit:
     for name in ("n_frames", "planets"):
         if not float(row.get(name) or 0).is_integer():
             raise InputError(f"{where} column {name}", row[name], allowed="a whole number")
-    setting = Setting(
-        str(row["band"]),
-        row["exposure_s"],
-        row["n_frames"],
-        row["em_gain"],
-        time_s=2.0 * row["exposure_s"] * row["n_frames"],
+    exposure_s, n_frames = row["exposure_s"], row["n_frames"]
+    time_s = 2.0 * exposure_s * n_frames
+    setting = Setting(str(row["band"]), exposure_s, n_frames, row["em_gain"], time_s)
+    hours, roll = (
+        other if row.get(name) is None else row[name]
+        for name, other in (("telescope_h", time_s / 3600.0), ("roll_deg", math.nan))
     )
-    hours = row.get("telescope_h")
-    roll = row.get("roll_deg")
-    return ObservedVisit(
-        star=str(row["star"]),
-        mjd=mjd_of(utc),
-        setting=setting,
-        telescope_h=setting.time_s / 3600.0 if hours is None else hours,
-        roll_deg=math.nan if roll is None else roll,
-        planets=int(row.get("planets") or 0),
-        where=where,
-    )
+    planets = int(row.get("planets") or 0)
+    return ObservedVisit(str(row["star"]), mjd_of(utc), setting, hours, roll, planets, where)
 
 
 def missed(
@@ -138,7 +123,7 @@ def missed(
     rule: DetectionRule,
     *,
     epoch_mjd: float,
-    sun_pa_deg: FloatArray,
+    sun_pa_deg: FloatArray | None = None,
     placed: BoolArray | None = None,
 ) -> FloatArray:
     """Probability that none of some visits showed each planet.
@@ -152,8 +137,8 @@ def missed(
     rule : DetectionRule
     epoch_mjd : float
         Of the planets.
-    sun_pa_deg : ndarray, shape (v,)
-        Position angle of the Sun at each visit, the roll where the log has none.
+    sun_pa_deg : ndarray, shape (v,), optional
+        Position angle of the Sun at each visit, the roll where the log has none; by default that of its date.
     placed : ndarray of bool, optional
         Planets that a visit knows where to look for; none by default.
 
@@ -165,6 +150,8 @@ def missed(
     """
     at_place = np.zeros(len(planets), bool) if placed is None else placed
     left = np.ones(len(planets))
+    if sun_pa_deg is None:
+        sun_pa_deg = sun_position_angle_deg(star, np.array([[visit.mjd for visit in visits]]))[0]
     for visit, sun in zip(visits, sun_pa_deg, strict=True):
         if visit.planets and rule.visits_needed > 1:
             continue

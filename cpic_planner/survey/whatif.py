@@ -13,7 +13,7 @@ from cpic_core import Advance, announce, untold
 from cpic_planner.jobs import Cost, Finished, Job, RunFolder, Runner, RunSettings, Task, run
 from cpic_planner.report import WHATIF_PRODUCTS, best_by_value, hanging_text, write_whatif
 from cpic_planner.results import ImageSample, StrategyOutcome, WhatIfResult
-from cpic_planner.survey.estimates import TABLES, rows_of
+from cpic_planner.survey.events import TABLES, rows_of
 from cpic_planner.survey.image_check import SampledDetection, image_sample, image_task, sampled_detections
 from cpic_planner.survey.outcome import differences, outcome, rank_changes
 from cpic_planner.survey.prepare import Prepared, prepare

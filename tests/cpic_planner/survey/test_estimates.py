@@ -12,7 +12,8 @@ from hypothesis import assume, given, strategies as st
 from scipy.stats import norm, t as student
 
 from cpic_planner.jobs.folder import open_run_folder
-from cpic_planner.survey.estimates import TABLES, convergence, difference_interval, mean_interval, rows_of, spread
+from cpic_planner.survey.estimates import convergence, difference_interval, mean_interval, spread
+from cpic_planner.survey.events import TABLES, rows_of
 from cpic_planner.survey.simulate import simulate_survey
 from cpic_planner.survey.store import ResultStore, read_table
 

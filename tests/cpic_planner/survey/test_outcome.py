@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from cpic_planner.survey.estimates import difference_interval, mean_interval, rows_of, spread
+from cpic_planner.survey.estimates import difference_interval, mean_interval, spread
+from cpic_planner.survey.events import rows_of
 from cpic_planner.survey.outcome import differences, outcome, rank_changes
 from cpic_planner.survey.prepare import prepare
 from cpic_planner.survey.simulate import simulate_survey
