@@ -47,6 +47,11 @@ class Setting:
         """Whether there is a frame."""
         return self.n_frames >= 1
 
+    @property
+    def frames(self) -> tuple[float, float, float]:
+        """Exposure, number of frames and gain, as the noise of a stack takes them."""
+        return self.exposure_s, self.n_frames, self.em_gain
+
 
 @dataclass(frozen=True, eq=False)
 class ExpectedSignals:
@@ -119,16 +124,9 @@ def expected_signals(
         x, y, usable = _at_two_rolls(model, metrics, separation, pa_deg - roll)
     if setting.possible and usable.any():
         visit, planet = np.nonzero(usable)
-        light = mixture_contrast(
-            model,
-            star,
-            band,
-            albedos,
-            planets.kind[planet][None],
-            planets.radius_rjup[planet][None],
-            places.distance_au[usable][None],
-            places.phase_deg[usable][None],
-        )[0]
+        kind, radius = planets.kind[planet][None], planets.radius_rjup[planet][None]
+        distance, phase = places.distance_au[usable][None], places.phase_deg[usable][None]
+        light = mixture_contrast(model, star, band, albedos, kind, radius, distance, phase)[0]
         contrast[usable] = light
         # Only a companion's wings care for the roll, with two of them that of the places x and y.
         wings = np.isfinite(star.companion_v_mag[0]) and star.companions == "on"
@@ -137,8 +135,7 @@ def expected_signals(
             here = turns == angle
             put = (visit[here], planet[here])
             rates = aperture_rates(model, rolled(star, angle), band, x[put][None], y[put][None], light[here][None])
-            frames = setting.exposure_s, setting.n_frames, setting.em_gain
-            noise = stack_noise(rates, *frames, model.camera(band), model.strategy)
+            noise = stack_noise(rates, *setting.frames, model.camera(band), model.strategy)
             elements = metrics.resolution_elements(separation[put])
             margin[put] = noise.significance[0] / threshold_array(elements, model.strategy.sigma)
             tails[put] = tail_share(model, setting, separation[put][None], noise)[0]
@@ -231,9 +228,8 @@ def detection_chance(
     """
     if rule.rule == "expected":
         return np.where(seen.margin >= 1.0, 1.0, 0.0)
-    return detection.detection_probability(
-        rule, seen.margin, _at_place(rule, known), seen.tails, seen.inward, shift=shift, calibration=calibration
-    )
+    expected = seen.margin, _at_place(rule, known), seen.tails, seen.inward
+    return detection.detection_probability(rule, *expected, shift=shift, calibration=calibration)
 
 
 def _at_place(rule: DetectionRule, known: ArrayLike) -> BoolArray:
@@ -308,9 +304,8 @@ def star_counts_deg2(v_mag: ArrayLike, longitude_deg: ArrayLike, latitude_deg: A
     from_halo = limit - 17.5
     halo = 1050.0 * 10.0 ** (0.087 * from_halo) / (1.0 + 10.0 ** (-0.180 * from_halo)) ** 2.5
     to_centre = np.cos(b) * cosine
-    return np.asarray(
-        disc / projection ** (3.0 - 5.0 * gamma) + halo / np.maximum(1.0 - to_centre, 0.02) ** (1.45 - 0.20 * to_centre)
-    )
+    spheroid = halo / np.maximum(1.0 - to_centre, 0.02) ** (1.45 - 0.20 * to_centre)
+    return np.asarray(disc / projection ** (3.0 - 5.0 * gamma) + spheroid)
 
 
 def background_alarms(model: EtcModel, star: Targets, setting: Setting, rule: DetectionRule) -> float:
@@ -340,16 +335,11 @@ def background_alarms(model: EtcModel, star: Targets, setting: Setting, rule: De
     if not x.size:
         return 0.0
     rates = aperture_rates(model, star, band, x[None], y[None], np.full((1, x.size), _PROBE))
-    frames = setting.exposure_s, setting.n_frames, setting.em_gain
-    noise = stack_noise(rates, *frames, model.camera(band), model.strategy)
+    noise = stack_noise(rates, *setting.frames, model.camera(band), model.strategy)
     separation = np.hypot(x, y)
     threshold = threshold_array(metrics.resolution_elements(separation), model.strategy.sigma)
-    middle = half_margin(
-        rule,
-        np.zeros(x.size, bool),
-        tail_share(model, setting, separation[None], noise)[0],
-        metrics.lambda_d_arcsec / separation,
-    )
+    tails, inward = tail_share(model, setting, separation[None], noise)[0], metrics.lambda_d_arcsec / separation
+    middle = half_margin(rule, np.zeros(x.size, bool), tails, inward)
     with np.errstate(divide="ignore"):
         faintest = middle * _PROBE * threshold / noise.significance[0]
     good = np.isfinite(faintest) & (faintest > 0.0)
