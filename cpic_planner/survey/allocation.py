@@ -269,9 +269,7 @@ class _Programme:
         cost, most, kinds = np.repeat([[0.0, 1.0, float(whole)], [-1.0, np.inf, 0.0]], [n, stars], axis=0).T
         options = {"mip_rel_gap": 0.2 * self.problem.strategy.scheduler.gap, "node_limit": _NODES} if whole else {}
         with _remarks_aside():
-            found = milp(
-                cost, constraints=constraints, bounds=Bounds(0.0, most), integrality=kinds, options=options
-            )
+            found = milp(cost, constraints=constraints, bounds=Bounds(0.0, most), integrality=kinds, options=options)
         if found.x is None:  # no whole allocation within the nodes: none is promised
             return np.zeros(n), np.zeros(stars), np.inf
         bound = found.mip_dual_bound if whole else found.fun

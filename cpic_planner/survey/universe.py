@@ -20,6 +20,7 @@ BLOCK = 100
 NEW = -1
 """Row in the table of known planets of a planet that nobody knows."""
 _YEAR_DAYS = 365.25
+_VALUES = (*QUANTITIES, "period_days")
 _MOST = 10_000
 
 
@@ -56,11 +57,8 @@ class PlanetSample(OrbitingPlanets):
     @classmethod
     def joined(cls, parts: Sequence[PlanetSample]) -> PlanetSample:
         """Planets of several, one after the other."""
-        if len(parts) == 1:
-            return parts[0]
-        return cls(
-            **{name: np.concatenate([getattr(part, name) for part in parts]) for name in cls.__dataclass_fields__}
-        )
+        names = cls.__dataclass_fields__
+        return cls(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
 
     def within(self, inner_au: float, outer_au: float) -> BoolArray:
         """Planets whose projected distance can lie between two at all: of the others no date shows any.
@@ -104,12 +102,8 @@ def occurrence(population: PopulationConfig) -> float:
         If it states none: a yield is then not defined.
     """
     if population.planets_per_star is None:
-        raise InputError(
-            "population.planets_per_star",
-            "missing",
-            allowed="planets per star, above 0",
-            hint=f"{population.name} states no occurrence rate, and a yield needs one",
-        )
+        hint = f"{population.name} states no occurrence rate, and a yield needs one"
+        raise InputError("population.planets_per_star", "missing", allowed="planets per star, above 0", hint=hint)
     return population.planets_per_star
 
 
@@ -188,68 +182,34 @@ def draw_planet_sample(
     one_each : bool
         Exactly one new planet in every universe, whatever the occurrence rate.
     """
-    parts = []
+    path, parts = (star, stage, block), [_sample({}, np.zeros(0, np.int64), 0, NEW, 0)]
     behind = 0 if population is None else len(population.mixture)
     if known is not None and len(known_rows):
-        parts.append(_known((star, stage, block), mass_msun, known, known_rows, epoch_mjd, n, seed, behind))
+        names, quantities = known.text("planet"), len(KNOWN_QUANTITIES)
+        uniforms = [chance(seed, "known", *path, names[row], shape=(quantities, n)).T for row in known_rows]
+        rows = [int(row) for row in known_rows]
+        drawn = draw_known(known, rows, np.stack(uniforms), epoch_mjd=epoch_mjd, star_mass_msun=mass_msun)
+        for number, row in enumerate(rows):
+            values = {name: np.asarray(getattr(drawn, name)[number], float) for name in _VALUES}
+            parts.append(_sample(values, np.arange(n), number, row, behind))
     if population is not None:
-        path = (star, stage, block)
         numbers = np.ones(n, np.int64)
         if not one_each:
             numbers = poisson_quantile(occurrence(population), chance(seed, "number", *path, shape=(n,)))
-        parts.append(_new(path, mass_msun, luminosity_lsun, population, numbers, seed, len(known_rows)))
-    return PlanetSample.joined(parts or [_bodies({}, np.zeros(0, np.int64), 0, NEW, 0)])
+        for j in range(int(numbers.max(initial=0))):
+            mine = np.flatnonzero(numbers > j)
+            shares = chance(seed, "planet", *path, j, shape=(1 + len(QUANTITIES), n))[:, mine]
+            kind = chosen_entry(shares[0], tuple(item.weight for item in population.mixture))
+            values = population.quantiles(kind, list(shares[1:]))
+            if population.semi_major_axis_scale == "insolation":
+                values["semi_major_axis_au"] = values["semi_major_axis_au"] * np.sqrt(luminosity_lsun)
+            values["period_days"] = _YEAR_DAYS * np.sqrt(values["semi_major_axis_au"] ** 3 / mass_msun)
+            parts.append(_sample(values, mine, len(known_rows) + j, NEW, kind))
+    return PlanetSample.joined(parts)
 
 
-def _known(
-    path: tuple[str | int, ...],
-    mass: float,
-    table: KnownPlanetTable,
-    rows: Sequence[int],
-    epoch_mjd: float,
-    n: int,
-    seed: int,
-    kind: int,
-) -> PlanetSample:
-    planets = table.text("planet")
-    uniforms = np.stack(
-        [chance(seed, "known", *path, planets[row], shape=(len(KNOWN_QUANTITIES), n)).T for row in rows]
-    )
-    drawn = draw_known(table, [int(row) for row in rows], uniforms, epoch_mjd=epoch_mjd, star_mass_msun=mass)
-    number = np.repeat(np.arange(len(rows)), n)
-    return PlanetSample(
-        universe=np.tile(np.arange(n), len(rows)),
-        number=number,
-        known=np.asarray(rows, np.int64)[number],
-        kind=np.full(number.size, kind),
-        **{name: np.asarray(getattr(drawn, name), float).ravel() for name in (*QUANTITIES, "period_days")},
-    )
-
-
-def _new(
-    path: tuple[str | int, ...],
-    mass: float,
-    luminosity: float,
-    population: PopulationConfig,
-    numbers: IntArray,
-    seed: int,
-    first: int,
-) -> PlanetSample:
-    parts, mixture, n = [], population.mixture, len(numbers)
-    for j in range(int(numbers.max(initial=0))):
-        mine = np.flatnonzero(numbers > j)
-        shares = chance(seed, "planet", *path, j, shape=(1 + len(QUANTITIES), n))[:, mine]
-        kind = chosen_entry(shares[0], tuple(item.weight for item in mixture))
-        drawn = population.quantiles(kind, list(shares[1:]))
-        if population.semi_major_axis_scale == "insolation":
-            drawn["semi_major_axis_au"] = drawn["semi_major_axis_au"] * np.sqrt(luminosity)
-        drawn["period_days"] = _YEAR_DAYS * np.sqrt(drawn["semi_major_axis_au"] ** 3 / mass)
-        parts.append(_bodies(drawn, mine, first + j, NEW, kind))
-    return PlanetSample.joined(parts or [_bodies({}, np.zeros(0, np.int64), 0, NEW, 0)])
-
-
-def _bodies(
-    drawn: dict[str, FloatArray], universe: IntArray, number: int, known: int, kind: IntArray | int
+def _sample(
+    values: dict[str, FloatArray], universe: IntArray, number: int, known: int, kind: IntArray | int
 ) -> PlanetSample:
     empty = np.zeros(universe.size)
     return PlanetSample(
@@ -257,7 +217,7 @@ def _bodies(
         number=np.full(universe.size, number),
         known=np.full(universe.size, known),
         kind=np.broadcast_to(np.asarray(kind, np.int64), universe.shape),
-        **{name: drawn.get(name, empty) for name in (*QUANTITIES, "period_days")},
+        **{name: values.get(name, empty) for name in _VALUES},
     )
 
 
