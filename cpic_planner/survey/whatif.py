@@ -21,8 +21,7 @@ from cpic_planner.survey.simulate import Survey, simulate_survey
 from cpic_planner.survey.store import ResultStore, table_files
 from cpic_planner.survey.strategy_file import FILES, StrategiesConfig, sources_of
 from cpic_planner.survey.universe import BLOCK
-from cpic_planner.survey.visibility import load_visibility
-from cpic_planner.survey.visibility.calendar import utc_of
+from cpic_planner.survey.visibility import load_visibility, utc_of
 from cpic_planner.version import __version__
 from simulator.config import content_hash
 
