@@ -61,14 +61,9 @@ class Planets(OrbitingPlanets):
             return np.ones(luminosity.shape)
         good = np.isfinite(luminosity) & (luminosity > 0.0)
         if not good.all():
-            raise InputError(
-                "luminosity_lsun",
-                float(luminosity[~good].flat[0]),
-                unit="L_sun",
-                allowed="above 0: the population's orbits follow insolation",
-            )
-        result: FloatArray = np.sqrt(luminosity)
-        return result
+            first, allowed = float(luminosity[~good].flat[0]), "above 0: the population's orbits follow insolation"
+            raise InputError("luminosity_lsun", first, unit="L_sun", allowed=allowed)
+        return np.asarray(np.sqrt(luminosity))
 
 
 def draw_population(config: PopulationConfig, n_planets: int, seed: int) -> Planets:
