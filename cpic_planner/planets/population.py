@@ -91,11 +91,9 @@ def draw_population(config: PopulationConfig, n_planets: int, seed: int) -> Plan
     n = check_whole("n_planets", n_planets, 1, MAX_PLANETS)
     mixture = config.mixture
 
-    def shares(quantity: str) -> FloatArray:
-        return stream(seed, "population", quantity).random(n)
-
-    kind = chosen_entry(shares("kind"), tuple(item.weight for item in mixture))
-    drawn = config.quantiles(kind, [shares(quantity) for quantity in QUANTITIES])
+    shares = {name: stream(seed, "population", name).random(n) for name in ("kind", *QUANTITIES)}
+    kind = chosen_entry(shares["kind"], tuple(item.weight for item in mixture))
+    drawn = config.quantiles(kind, [shares[quantity] for quantity in QUANTITIES])
     places = orbit_places(*(drawn[name] for name in ORBIT))
     return Planets(
         population=config.name,
